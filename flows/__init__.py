@@ -1,0 +1,1 @@
+"""What runs, in order: Prefect flows over the stages of `humanmm.tasks`."""

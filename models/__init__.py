@@ -1,0 +1,1 @@
+"""The science: arrays in, arrays out. Knows nothing of Prefect, zarr or paths."""

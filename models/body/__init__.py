@@ -1,0 +1,1 @@
+"""The 24-joint body: forward kinematics, skinning, landmarks."""

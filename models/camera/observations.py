@@ -1,0 +1,67 @@
+"""Point tracks, intrinsics and camera trajectories, as they travel between stages."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+SOURCES = ("static", "tracked", "rotation_only", "given", "fallback")
+"""Index = code in motion.zarr's cameras/source."""
+
+CameraSource = Literal["static", "tracked", "rotation_only", "given", "fallback"]
+
+
+@dataclass(frozen=True)
+class PointTracks:
+    """Tracked image points of one shot [start, end), as a flat list of M observations sorted by frame."""
+
+    start: int
+    end: int
+    track: np.ndarray
+    """(M,) int32, number of the point."""
+    frame: np.ndarray
+    """(M,) int32, index into the video."""
+    xy: np.ndarray
+    """(M,2) float32, source pixels, centres at .5."""
+    confidence: np.ndarray
+    """(M,) float32, 0..1 (from the forward-backward error)."""
+
+
+@dataclass(frozen=True)
+class Intrinsics:
+    """One pinhole camera for all shots; principal point at the centre of the picture."""
+
+    focal_px: float
+    width: int
+    height: int
+    source: Literal["given", "metadata", "estimated", "default"]
+    relative_uncertainty: float
+    """One sigma of the focal length, as a share of it."""
+
+    @property
+    def K(self) -> np.ndarray:
+        """(3,3) float64."""
+        return np.array([[self.focal_px, 0, self.width / 2], [0, self.focal_px, self.height / 2], [0, 0, 1.0]])
+
+
+@dataclass(frozen=True)
+class ShotCamera:
+    """Camera of one shot [start, end) in the frame of its own first camera ("shot" frame: x right, y down, z forward)."""
+
+    start: int
+    end: int
+    R_shot_cam: np.ndarray
+    """(F,3,3) float64, camera to shot; the first is the identity."""
+    t_shot_cam: np.ndarray
+    """(F,3) float64, camera centre in the shot frame; metres if `metric`, else up to one scale; zero if static or rotation only."""
+    K: np.ndarray
+    """(3,3) float64, shared intrinsics or refined for this shot."""
+    source: CameraSource
+    metric: bool
+    points_shot: np.ndarray
+    """(P,3) float64, triangulated background points in the shot frame (same unit as t_shot_cam); empty if none."""
+    reprojection_px: float
+    """Median reprojection error of the background points, pixels; nan if there are none."""
+    cross_check_deg: float
+    """Rotation disagreement with pycolmap's independent answer, degrees; nan where it could not be had."""
+    warnings: tuple[str, ...] = ()

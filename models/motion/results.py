@@ -1,0 +1,111 @@
+"""Human motion as it travels between stages: per shot in camera axes, then in one world.
+
+World: z up, metres, floor at z = 0. Camera: x right, y down, z forward. Names R_a_b map b to a.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class PersonShotMotion:
+    """One person in one shot, in the camera axes of each frame. N frames without holes between first and last."""
+
+    person: int
+    frame: np.ndarray
+    """(N,) int32."""
+    observed: np.ndarray
+    """(N,) bool; false where filled in."""
+    R_cam_root: np.ndarray
+    """(N,3,3) float64, pelvis (body) axes to camera axes: Γ."""
+    body_pose: np.ndarray
+    """(N,23,3) float64, axis-angle, SMPL order: θ."""
+    betas: np.ndarray
+    """(10,) float64: β."""
+    pelvis_cam: np.ndarray
+    """(N,3) float64, pelvis joint in camera axes, metres: τ."""
+    residual_px: np.ndarray
+    """(N,) float32, robust mean reprojection error of the visible keypoints."""
+    confidence: np.ndarray
+    """(N,) float32, 0..1."""
+
+
+@dataclass(frozen=True)
+class ShotMotion:
+    """All people of one shot."""
+
+    start: int
+    end: int
+    people: tuple[PersonShotMotion, ...]
+
+
+@dataclass(frozen=True)
+class CutAlignment:
+    """How two neighbouring shots were joined."""
+
+    cut_frame: int
+    method: Literal["bundle", "eight-point", "none"]
+    """`none`: the shots share no person, see `linked`."""
+    R_before_after: np.ndarray
+    """(3,3) float64: camera axes of the first frame after the cut to those of the last frame before it."""
+    residual_px: float
+    """Robust reprojection residual of the winning hypothesis, pixels."""
+    uncertainty_deg: float
+    """Expected rotation error, degrees, from the spread of hypotheses and windows."""
+    gap_s: float
+    """Time between the last and the first observation used."""
+    linked: bool
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class PersonMotion:
+    """One person over the whole video, in the world. N frames without holes between first and last."""
+
+    person: int
+    frame: np.ndarray
+    """(N,) int32."""
+    observed: np.ndarray
+    """(N,) bool."""
+    R_world_root: np.ndarray
+    """(N,3,3) float64."""
+    body_pose: np.ndarray
+    """(N,23,3) float64, axis-angle."""
+    betas: np.ndarray
+    """(10,) float64."""
+    pelvis_world: np.ndarray
+    """(N,3) float64, pelvis joint, metres."""
+    contacts: np.ndarray
+    """(N,4) float32, probability: left ankle, left toe base, right ankle, right toe base."""
+    confidence: np.ndarray
+    """(N,) float32."""
+
+
+@dataclass(frozen=True)
+class WorldMotion:
+    """The whole video in one world: cameras and people."""
+
+    R_world_cam: np.ndarray
+    """(F,3,3) float64."""
+    t_world_cam: np.ndarray
+    """(F,3) float64, metres."""
+    K: np.ndarray
+    """(F,3,3) float64."""
+    camera_source: np.ndarray
+    """(F,) uint8, index into camera.observations.SOURCES."""
+    people: tuple[PersonMotion, ...]
+    cuts: tuple[CutAlignment, ...]
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Delivery:
+    """What `deliver` leaves beside its files (overlay.mp4, top.png): the people as exported, joints included."""
+
+    files: tuple[str, ...]
+    joints_world: tuple[np.ndarray, ...]
+    """Per person (N,24,3) float32, metres."""
+
+

@@ -1,0 +1,1 @@
+"""Person detector, 2D/3D pose, masks and the tracker."""

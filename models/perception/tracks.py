@@ -1,0 +1,43 @@
+"""One person's observations over one scene, frame by frame."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+MASK_SIDE = 128
+"""Masks are MASK_SIDE × MASK_SIDE pictures of the person's crop, packed to bits along the last axis."""
+
+
+@dataclass(frozen=True)
+class PersonTrack:
+    """Observations of one person; N frames, strictly increasing, holes allowed (frames where the person is not seen).
+
+    Pixels have their centres at (0.5, 0.5) and belong to the upright source picture.
+    """
+
+    frame: np.ndarray
+    """(N,) int32, index into the video."""
+    keypoints2d: np.ndarray
+    """(N,33,3) float32: x, y in source pixels, visibility 0..1; order as in `landmarks.NAMES`."""
+    landmarks3d: np.ndarray
+    """(N,33,3) float32: metres about the mid-hip, as the network gives them but turned back by the crop's in-plane angle:
+    orthographic about the crop's centre, axes parallel to the viewing ray's (x right, y down, z away)."""
+    bbox: np.ndarray
+    """(N,4) float32: xyxy, source pixels, of the visible body."""
+    confidence: np.ndarray
+    """(N,) float32, 0..1."""
+    mask_bits: np.ndarray
+    """(N,128,16) uint8: silhouette in the crop, np.unpackbits(axis=-1)."""
+    mask_affine: np.ndarray
+    """(N,2,3) float32: mask pixel coordinates (centres at .5) to source pixels."""
+    color_histogram: np.ndarray
+    """(B,) float32, sums to 1: clothing colours over the track."""
+
+
+@dataclass(frozen=True)
+class ScenePeople:
+    """All person tracks of one scene [start, end)."""
+
+    start: int
+    end: int
+    tracks: tuple[PersonTrack, ...]

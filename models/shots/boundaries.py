@@ -1,0 +1,79 @@
+"""Where one shot ends and the next begins, and who is who across the cut."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Transition:
+    """Change of shot at [start, end): a hard cut has start == end == first frame of the new shot."""
+
+    type: Literal["cut", "dissolve", "fade"]
+    start: int
+    end: int
+    evidence: str
+    """Which part of the detector found it: scene, bbox or keypoints."""
+
+    @property
+    def cut_frame(self) -> int:
+        """First frame of the new shot: (start + end) // 2."""
+        return (self.start + self.end) // 2
+
+
+@dataclass(frozen=True)
+class Scenes:
+    """Colour-based boundaries of a video of num_frames; scene k runs [starts[k], starts[k+1])."""
+
+    num_frames: int
+    transitions: tuple[Transition, ...]
+
+    @property
+    def spans(self) -> tuple[tuple[int, int], ...]:
+        starts = [0, *(t.cut_frame for t in self.transitions)]
+        return tuple(zip(starts, [*starts[1:], self.num_frames], strict=True))
+
+
+@dataclass(frozen=True)
+class Appearance:
+    """One person in one shot: which track of the scene, and where its left and right labels are exchanged."""
+
+    person: int
+    track: int
+    """Index into ScenePeople.tracks of the scene that holds the shot."""
+    swapped: tuple[tuple[int, int], ...]
+    """Frame spans [start, end) in which the detector's left and right labels must be exchanged."""
+
+
+@dataclass(frozen=True)
+class Shot:
+    """Frames [start, end) seen by one camera without interruption."""
+
+    index: int
+    start: int
+    end: int
+    scene: int
+    transition: Transition | None
+    """How this shot began; None for the first."""
+    people: tuple[Appearance, ...]
+
+
+@dataclass(frozen=True)
+class Person:
+    """One human being of the video; number 0 is the main subject (largest summed visible area)."""
+
+    person: int
+    betas: np.ndarray
+    """(10,) float32 shape of body24, from bone proportions over all shots."""
+    area: float
+    """Summed visible area, pixels × frames."""
+
+
+@dataclass(frozen=True)
+class ShotList:
+    """Final shots and the people in them."""
+
+    num_frames: int
+    shots: tuple[Shot, ...]
+    people: tuple[Person, ...]

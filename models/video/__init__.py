@@ -1,0 +1,1 @@
+"""Container facts and streaming frames of a video (PyAV)."""

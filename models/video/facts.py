@@ -1,0 +1,33 @@
+"""What is known of a video before any frame is looked at."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class VideoFacts:
+    """Container facts and exact frame times. Width and height belong to the upright picture (rotation applied)."""
+
+    width: int
+    height: int
+    time_s: np.ndarray
+    """(F,) float64, presentation time of each decodable frame, first frame's own time kept, strictly increasing."""
+    keyframe: np.ndarray
+    """(F,) bool, true where decoding can start."""
+    rotation_deg: int
+    """Clockwise rotation that makes the stored picture upright: 0, 90, 180, 270."""
+    codec: str
+    container: str
+    warnings: tuple[str, ...] = ()
+    """One sentence each, e.g. for a truncated file."""
+
+    @property
+    def num_frames(self) -> int:
+        return len(self.time_s)
+
+    @property
+    def fps(self) -> float:
+        """(F − 1) / (last time − first time), Hz; 0 for a single frame."""
+        span = float(self.time_s[-1] - self.time_s[0]) if self.num_frames > 1 else 0.0
+        return (self.num_frames - 1) / span if span > 0 else 0.0

@@ -1,0 +1,1 @@
+"""Shipped weight files: manifest, sha256, licences."""

@@ -1,0 +1,110 @@
+"""The whole configuration: one tree of frozen pydantic models, a section a stage.
+
+Every field has bounds, a unit and one sentence; that sentence is the command line's help, the dashboard's form and the
+docs. A section's values are part of the store key of the stages that name it (see `humanmm.tasks.pipeline`).
+"""
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+
+class Section(BaseModel):
+    """Base of all sections: frozen, unknown keys are errors."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+
+
+class DecodeConfig(Section):
+    """Reading the container."""
+
+    max_side_px: Annotated[int, Field(ge=64, le=16384)] = 8192
+    """Largest picture side accepted, in pixels; a header that claims more is refused."""
+
+
+class ScenesConfig(Section):
+    """Colour-based cuts and gradual transitions (paper section 3.1, part 1)."""
+
+
+class PeopleConfig(Section):
+    """Person detection, 2D/3D pose, masks, tracking."""
+
+    max_people: Annotated[int, Field(ge=1, le=32)] = 6
+    """Largest number of people tracked at the same time."""
+
+
+class ShotsConfig(Section):
+    """Cuts from boxes and keypoints (paper section 3.1, parts 2 and 3) and identities across cuts."""
+
+    person: Annotated[int, Field(ge=0)] | None = None
+    """Keep only this person (0 is the main subject); all people when not given."""
+
+
+class PointsConfig(Section):
+    """Long point tracks on the background."""
+
+
+class IntrinsicsConfig(Section):
+    """One focal length for all shots (the paper's assumption)."""
+
+    focal_px: Annotated[float, Field(gt=0)] | None = None
+    """Focal length in pixels of the source resolution; given values are never re-estimated."""
+
+    fov_deg: Annotated[float, Field(gt=1, lt=179)] | None = None
+    """Horizontal field of view in degrees, used when focal_px is not given."""
+
+
+class CameraConfig(Section):
+    """Camera motion inside a shot (paper section 3.2)."""
+
+    static: bool = False
+    """Declare every shot's camera static instead of testing for it."""
+
+
+class HmrConfig(Section):
+    """Fit of the body to one shot's keypoints and landmarks."""
+
+
+class AlignConfig(Section):
+    """Joining shots into one world (paper section 3.3.1)."""
+
+    method: Literal["bundle", "eight-point"] = "bundle"
+    """How the relative camera rotation at a cut is found: `bundle` (windowed bundle adjustment over the body's motion) or `eight-point` (the paper's essential matrix)."""
+
+
+class RefineConfig(Section):
+    """One motion over all shots: smoothing, contacts, foot locking, filled gaps."""
+
+
+class DeliverConfig(Section):
+    """Pictures and files of the run folder."""
+
+    overlay_max_side_px: Annotated[int, Field(ge=160, le=4096)] = 1280
+    """Largest side of overlay.mp4, in pixels."""
+
+
+class RunConfig(Section):
+    """How stages are run; no field here changes a result."""
+
+    threads: Annotated[int, Field(ge=1, le=256)] = 2
+    """Stages of one video that run at the same time."""
+
+    max_retries: Annotated[int, Field(ge=0, le=10)] = 2
+    """How often a stage is tried again after an infrastructure fault (I/O, lost worker); bad input is never retried."""
+
+
+class Config(Section):
+    """Everything that can be set for one run."""
+
+    decode: DecodeConfig = DecodeConfig()
+    scenes: ScenesConfig = ScenesConfig()
+    people: PeopleConfig = PeopleConfig()
+    shots: ShotsConfig = ShotsConfig()
+    points: PointsConfig = PointsConfig()
+    intrinsics: IntrinsicsConfig = IntrinsicsConfig()
+    camera: CameraConfig = CameraConfig()
+    hmr: HmrConfig = HmrConfig()
+    align: AlignConfig = AlignConfig()
+    refine: RefineConfig = RefineConfig()
+    deliver: DeliverConfig = DeliverConfig()
+    run: RunConfig = RunConfig()

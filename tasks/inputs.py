@@ -1,0 +1,39 @@
+"""What a stage's function is given: its unit, its settings, the artifacts it reads and the video's bytes."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import BinaryIO, Protocol, TypeVar
+
+from humanmm.config import Config
+from humanmm.models.shots.boundaries import Shot
+
+T = TypeVar("T")
+
+
+class StageInputs(Protocol):
+    """The world as one stage × unit sees it; nothing else may influence the result."""
+
+    config: Config
+    """Only the sections that the stage names in `pipeline.STAGES` may be read (others raise)."""
+    span: tuple[int, int]
+    """Frames [start, end) of this unit: the whole video, the scene or the shot."""
+    shot: Shot | None
+    """The shot, for a stage per shot."""
+    blob_dir: Path
+    """A folder whose files become part of the artifact (pictures, video)."""
+
+    def read(self, stage: str, output: type[T]) -> T:
+        """The artifact of a stage for this unit (same unit or the coarser one that holds it)."""
+        ...
+
+    def read_all(self, stage: str, output: type[T]) -> Sequence[T | None]:
+        """The artifacts of a finer stage, in order; None where that unit failed."""
+        ...
+
+    def open_video(self) -> BinaryIO:
+        """The video's bytes, read-only, seekable; the caller closes it."""
+        ...
+
+    def progress(self, done: int, total: int) -> None:
+        """Say how far the stage is; costs nothing when nobody listens."""
+        ...

@@ -1,0 +1,59 @@
+"""The stages of one video, in order: what each reads, which settings it uses, and what it leaves.
+
+This table is data only: importing it loads no science, so that `status`, `--dry-run` and an unchanged rerun are quick.
+A stage's function is `humanmm.tasks.<name>:<name>(inputs: StageInputs) -> output`.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+Unit = Literal["video", "scene", "shot"]
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One stage: `output` names the frozen dataclass that its function returns."""
+
+    name: str
+    per: Unit
+    inputs: tuple[str, ...]
+    """Stages whose artifacts it reads; a stage per shot reads the artifact of the scene or video that holds its shot, and of
+    its own shot from another stage per shot; a stage per video reads all shots of a stage per shot."""
+    settings: tuple[str, ...]
+    """Sections of the configuration that are part of its key."""
+    output: str
+    schema_version: int = 1
+    reads_video: bool = False
+
+
+STAGES: tuple[Stage, ...] = (
+    Stage("decode", "video", (), ("decode",), "humanmm.models.video.facts:VideoFacts", reads_video=True),
+    Stage("scenes", "video", ("decode",), ("scenes",), "humanmm.models.shots.boundaries:Scenes", reads_video=True),
+    Stage("people", "scene", ("decode", "scenes"), ("people",), "humanmm.models.perception.tracks:ScenePeople", reads_video=True),
+    Stage("shots", "video", ("decode", "scenes", "people"), ("shots",), "humanmm.models.shots.boundaries:ShotList"),
+    Stage("points", "shot", ("decode", "shots"), ("points",), "humanmm.models.camera.observations:PointTracks", reads_video=True),
+    Stage(
+        "intrinsics", "video", ("decode", "people", "shots", "points"), ("intrinsics",),
+        "humanmm.models.camera.observations:Intrinsics",
+    ),
+    Stage(
+        "camera", "shot", ("decode", "people", "shots", "points", "intrinsics"), ("camera",),
+        "humanmm.models.camera.observations:ShotCamera",
+    ),
+    Stage(
+        "hmr", "shot", ("decode", "people", "shots", "intrinsics", "camera"), ("hmr",),
+        "humanmm.models.motion.results:ShotMotion",
+    ),
+    Stage(
+        "align", "video", ("decode", "people", "shots", "intrinsics", "camera", "hmr"), ("align",),
+        "humanmm.models.motion.results:WorldMotion",
+    ),
+    Stage(
+        "refine", "video", ("decode", "people", "shots", "camera", "align"), ("refine",),
+        "humanmm.models.motion.results:WorldMotion",
+    ),
+    Stage(
+        "deliver", "video", ("decode", "people", "shots", "refine"), ("deliver",),
+        "humanmm.models.motion.results:Delivery", reads_video=True,
+    ),
+)
