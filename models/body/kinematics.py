@@ -1,0 +1,76 @@
+"""Forward kinematics and linear blend skinning, batched over frames.
+
+p_j = p_parent + R_parent (rest_j − rest_parent),  R_j = R_parent exp(θ_j); the root has rotation R_root and position
+`pelvis`. Rotations map a joint's axes to the frame that R_root and pelvis are given in (world or camera).
+"""
+
+import numpy as np
+from jaxtyping import Float
+
+from humanmm.models.body.body24 import NUM_JOINTS, PARENTS, Body
+from humanmm.models.body.rotations import rotation_from_vector
+
+Array = np.ndarray
+
+
+def local_rotations(
+    R_root: Float[Array, "frames 3 3"], body_pose: Float[Array, "frames 23 3"]
+) -> Float[Array, "frames 24 3 3"]:
+    """Every joint's rotation relative to its parent; the root's is R_root."""
+    return np.concatenate([np.asarray(R_root, np.float64)[:, None], rotation_from_vector(body_pose)], axis=1)
+
+
+def compose(
+    rest_joints: Float[Array, "24 3"], R_local: Float[Array, "frames 24 3 3"], pelvis: Float[Array, "frames 3"]
+) -> tuple[Float[Array, "frames 24 3"], Float[Array, "frames 24 3 3"]]:
+    """Joint positions and joint rotations from local rotations."""
+    R = np.empty_like(R_local)
+    joints = np.empty((len(R_local), NUM_JOINTS, 3))
+    R[:, 0], joints[:, 0] = R_local[:, 0], pelvis
+    for j in range(1, NUM_JOINTS):
+        parent = PARENTS[j]
+        R[:, j] = R[:, parent] @ R_local[:, j]
+        joints[:, j] = joints[:, parent] + R[:, parent] @ (rest_joints[j] - rest_joints[parent])
+    return joints, R
+
+
+def forward_kinematics(
+    rest_joints: Float[Array, "24 3"],
+    R_root: Float[Array, "frames 3 3"],
+    body_pose: Float[Array, "frames 23 3"],
+    pelvis: Float[Array, "frames 3"],
+) -> tuple[Float[Array, "frames 24 3"], Float[Array, "frames 24 3 3"]]:
+    """Joint positions (metres) and joint rotations from the pose parameters of `models.motion.results`.
+
+    `rest_joints` is `body.rest_joints(betas)`; only differences of it are used, so `pelvis` is the pelvis joint itself.
+    """
+    return compose(rest_joints, local_rotations(R_root, body_pose), pelvis)
+
+
+def skinning_transforms(
+    rest_joints: Float[Array, "24 3"], joints: Float[Array, "frames 24 3"], R: Float[Array, "frames 24 3 3"]
+) -> Float[Array, "frames 24 3 4"]:
+    """[R | t] of each joint that takes a rest-pose point to the posed body: x = R x_rest + t."""
+    t = joints - np.einsum("njab,jb->nja", R, rest_joints)
+    return np.concatenate([R, t[..., None]], axis=-1)
+
+
+def skin(
+    body: Body,
+    rest_vertices: Float[Array, "V 3"],
+    transforms: Float[Array, "frames 24 3 4"],
+    *,
+    vertices: np.ndarray | None = None,
+) -> Float[Array, "frames V 3"]:
+    """Posed skin, float32: linear blend skinning of all vertices, or of those whose indices are given.
+
+    A frame of the whole mesh takes 160 kB: ask for few frames at a time.
+    """
+    chosen = slice(None) if vertices is None else vertices
+    rest = rest_vertices[chosen].astype(np.float32)
+    weights = np.zeros((len(rest), NUM_JOINTS), np.float32)
+    np.add.at(weights, (np.arange(len(rest))[:, None], body.skin_joint[chosen]), body.skin_weight[chosen])
+    flat = transforms.astype(np.float32).reshape(len(transforms), NUM_JOINTS, 12)
+    blended = (weights @ flat).reshape(len(transforms), len(rest), 3, 4)
+    turned: np.ndarray = np.einsum("nvab,vb->nva", blended[..., :3], rest)
+    return turned + blended[..., 3]

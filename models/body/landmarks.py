@@ -1,0 +1,88 @@
+"""Where the 33 BlazePose landmarks sit on body24: each rides on one joint with a fixed offset in that joint's axes.
+
+A landmark of the face, hands or feet is a place on the skin: the mean of the mesh vertices nearest to a point of the
+template named here by its anatomy, so that it moves with the shape. Shoulders, elbows, wrists, hips, knees and ankles
+are body24's own joints.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from humanmm.models.body.body24 import JOINT_NAMES, Body, load_body
+
+Array = np.ndarray
+
+NUM_LANDMARKS = 33
+
+MIRROR = (0, 4, 5, 6, 1, 2, 3, 8, 7, 10, 9, *(k + 1 if k % 2 else k - 1 for k in range(11, 33)))
+"""For each landmark the one of the other side: x[..., MIRROR, :] exchanges left and right."""
+
+_JOINTS = {
+    11: "L_Shoulder", 12: "R_Shoulder", 13: "L_Elbow", 14: "R_Elbow", 15: "L_Wrist", 16: "R_Wrist",
+    23: "L_Hip", 24: "R_Hip", 25: "L_Knee", 26: "R_Knee", 27: "L_Ankle", 28: "R_Ankle",
+}  # fmt: skip
+
+_SKIN = {
+    0: ("Head", (0.0, 0.661, 0.157), 6),  # nose: its tip
+    1: ("Head", (0.018, 0.697, 0.124), 8),  # left eye: inner corner,
+    2: ("Head", (0.031, 0.700, 0.131), 8),  # middle,
+    3: ("Head", (0.046, 0.697, 0.113), 8),  # outer corner
+    7: ("Head", (0.078, 0.680, 0.040), 8),  # left ear: tragus
+    9: ("Head", (0.025, 0.628, 0.134), 8),  # left corner of the mouth
+    17: ("L_Wrist", (0.792, 0.440, -0.026), 16),  # left little finger: knuckle at its base
+    19: ("L_Wrist", (0.802, 0.455, 0.040), 16),  # left index finger: knuckle at its base
+    21: ("L_Wrist", (0.775, 0.445, 0.085), 16),  # left thumb: its middle knuckle
+    29: ("L_Ankle", (0.155, -0.915, -0.070), 8),  # left heel: back of the sole
+    31: ("L_Foot", (0.145, -0.930, 0.178), 8),  # left foot index: tips of first and second toe
+}
+"""Landmark -> joint it rides on, place on the template (metres), number of nearest vertices averaged.
+
+Middle and left side; the right side is the mirror picture (x → −x).
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class LandmarkModel:
+    """Landmark = joint position + R_joint @ offset; the offset is linear in the shape."""
+
+    joint: Int[Array, " 33"]
+    offset_template: Float[Array, "33 3"]
+    offset_shapedirs: Float[Array, "B 33 3"]
+
+    def offsets(self, betas: Float[Array, " B"]) -> Float[Array, "33 3"]:
+        """Offsets of one shape in the axes of the joints, metres."""
+        return self.offset_template + np.tensordot(np.asarray(betas, np.float64), self.offset_shapedirs, axes=1)
+
+    def place(
+        self, betas: Float[Array, " B"], joints: Float[Array, "frames 24 3"], R: Float[Array, "frames 24 3 3"]
+    ) -> Float[Array, "frames 33 3"]:
+        """Landmark positions of a posed body, in the frame of `joints` and `R` (see `kinematics`)."""
+        turned: np.ndarray = np.einsum("nkab,kb->nka", R[:, self.joint], self.offsets(betas))
+        return joints[:, self.joint] + turned
+
+
+@lru_cache(maxsize=1)
+def load_landmarks() -> LandmarkModel:
+    """The landmarks of the shipped body."""
+    return landmark_model(load_body())
+
+
+def landmark_model(body: Body) -> LandmarkModel:
+    """Landmarks of a body: skin points from its mesh, the others at its joints."""
+    joint = np.zeros(NUM_LANDMARKS, np.int64)
+    template = np.zeros((NUM_LANDMARKS, 3))
+    shapedirs = np.zeros((body.num_betas, NUM_LANDMARKS, 3))
+    for landmark, name in _JOINTS.items():
+        joint[landmark] = JOINT_NAMES.index(name)
+    for left, (name, place, count) in _SKIN.items():
+        for landmark, sign in {left: 1.0, MIRROR[left]: 1.0 if MIRROR[left] == left else -1.0}.items():
+            side_name = name if landmark == left else name.replace("L_", "R_")
+            j = joint[landmark] = JOINT_NAMES.index(side_name)
+            distance = np.linalg.norm(body.v_template - np.array(place) * (sign, 1, 1), axis=1)
+            nearest = np.argsort(distance, kind="stable")[:count]
+            template[landmark] = body.v_template[nearest].mean(0) - body.J_template[j]
+            shapedirs[:, landmark] = body.shapedirs[:, nearest].mean(1) - body.J_shapedirs[:, j]
+    return LandmarkModel(joint, template, shapedirs)
