@@ -72,5 +72,4 @@ def skin(
     np.add.at(weights, (np.arange(len(rest))[:, None], body.skin_joint[chosen]), body.skin_weight[chosen])
     flat = transforms.astype(np.float32).reshape(len(transforms), NUM_JOINTS, 12)
     blended = (weights @ flat).reshape(len(transforms), len(rest), 3, 4)
-    turned: np.ndarray = np.einsum("nvab,vb->nva", blended[..., :3], rest)
-    return turned + blended[..., 3]
+    return np.asarray(np.einsum("nvab,vb->nva", blended[..., :3], rest) + blended[..., 3])

@@ -60,8 +60,7 @@ class LandmarkModel:
         self, betas: Float[Array, " B"], joints: Float[Array, "frames 24 3"], R: Float[Array, "frames 24 3 3"]
     ) -> Float[Array, "frames 33 3"]:
         """Landmark positions of a posed body, in the frame of `joints` and `R` (see `kinematics`)."""
-        turned: np.ndarray = np.einsum("nkab,kb->nka", R[:, self.joint], self.offsets(betas))
-        return joints[:, self.joint] + turned
+        return np.asarray(joints[:, self.joint] + np.einsum("nkab,kb->nka", R[:, self.joint], self.offsets(betas)))
 
 
 @lru_cache(maxsize=1)

@@ -28,8 +28,7 @@ def rotation_from_vector(vector: ArrayLike) -> Float[Array, "*batch 3 3"]:
     sine = np.where(small, 1 - squared / 6, np.sin(safe) / safe)  # sin θ / θ
     cosine = np.where(small, 0.5 - squared / 24, (1 - np.cos(safe)) / (safe * safe))  # (1 − cos θ) / θ²
     K = skew(w)
-    R: np.ndarray = np.eye(3) + sine * K + cosine * (w[..., :, None] * w[..., None, :] - squared * np.eye(3))
-    return R
+    return np.asarray(np.eye(3) + sine * K + cosine * (w[..., :, None] * w[..., None, :] - squared * np.eye(3)))
 
 
 def vector_from_rotation(R: Float[Array, "*batch 3 3"]) -> Float[Array, "*batch 3"]:
