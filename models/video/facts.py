@@ -1,4 +1,4 @@
-"""What is known of a video before any frame is looked at."""
+"""What is known of a video once every frame has been found to decode."""
 
 from dataclasses import dataclass
 
@@ -21,6 +21,10 @@ class VideoFacts:
     container: str
     warnings: tuple[str, ...] = ()
     """One sentence each, e.g. for a truncated file."""
+    mirrored: bool = False
+    """The stored picture is also flipped left to right, before the rotation."""
+    counted: bool = False
+    """Time stamps do not name the pictures (AVI with B-frames): frames are found by counting from the first."""
 
     @property
     def num_frames(self) -> int:

@@ -1,0 +1,115 @@
+"""The picture size that a container's header claims, read from its bytes before any decoder is touched.
+
+A decoder takes the size from the coded pictures and silently corrects the header; a header that claims a picture of
+16,384 × 16,384 pixels is either a lie or a video that no machine here can decode, and both are refused. Only the few
+bytes on the way to the claim are read; anything unexpected means "no claim found", never an error.
+"""
+
+import struct
+from collections.abc import Iterator
+from typing import BinaryIO
+
+_MP4_FOLDERS = (b"moov", b"trak", b"mdia", b"minf", b"stbl")
+_EBML_SEGMENT, _EBML_TRACKS, _EBML_ENTRY, _EBML_VIDEO = 0x18538067, 0x1654AE6B, 0xAE, 0xE0
+_EBML_WIDTH, _EBML_HEIGHT = 0xB0, 0xBA
+_MAX_BOXES = 10_000
+"""No sane header has more; a crafted one must not keep us busy."""
+
+
+def claimed_sides_px(stream: BinaryIO) -> tuple[int, ...]:
+    """Every picture side that the header of an mp4, mov, mkv, webm or avi file claims; empty if none is found.
+
+    The stream's position is left at the start.
+    """
+    stream.seek(0, 2)
+    size = stream.tell()
+    stream.seek(0)
+    magic = stream.read(12)
+    try:
+        if magic[:4] == b"\x1aE\xdf\xa3":
+            return tuple(_matroska_sides(stream, size))
+        if magic[:4] == b"RIFF" and magic[8:12] == b"AVI ":
+            return _avi_sides(stream)
+        if magic[4:8] in (b"ftyp", b"moov", b"mdat", b"free", b"skip", b"wide"):
+            return tuple(_mp4_sides(stream, 0, size, [_MAX_BOXES]))
+        return ()
+    except (struct.error, IndexError, OverflowError):
+        return ()
+    finally:
+        stream.seek(0)
+
+
+def _mp4_sides(stream: BinaryIO, begin: int, end: int, budget: list[int]) -> Iterator[int]:
+    """Sides in `tkhd` (track) and in the visual sample entries of `stsd` between two file positions."""
+    while begin + 8 <= end and budget[0] > 0:
+        budget[0] -= 1
+        stream.seek(begin)
+        length, kind = struct.unpack(">I4s", stream.read(8))
+        body = begin + 8
+        if length == 1:
+            (length,) = struct.unpack(">Q", stream.read(8))
+            body += 8
+        box_end = end if length == 0 else min(begin + length, end)
+        if box_end <= body - 8:
+            return
+        if kind in _MP4_FOLDERS:
+            yield from _mp4_sides(stream, body, box_end, budget)
+        elif kind == b"tkhd":
+            stream.seek(box_end - 8)
+            yield from (side >> 16 for side in struct.unpack(">II", stream.read(8)))
+        elif kind == b"stsd":
+            # version and flags, count, then the first entry: size, format, 6 reserved, reference, 16 reserved, sides
+            stream.seek(body + 8)
+            entry = stream.read(36)
+            if len(entry) == 36 and not any(entry[8:14]) and not any(entry[16:20]):
+                yield from struct.unpack(">HH", entry[32:36])
+        begin = box_end
+
+
+def _matroska_sides(stream: BinaryIO, size: int) -> Iterator[int]:
+    """PixelWidth and PixelHeight of every track."""
+    for segment, segment_end in _ebml(stream, 0, size, _EBML_SEGMENT):
+        for tracks, tracks_end in _ebml(stream, segment, segment_end, _EBML_TRACKS):
+            for entry, entry_end in _ebml(stream, tracks, tracks_end, _EBML_ENTRY):
+                for video, video_end in _ebml(stream, entry, entry_end, _EBML_VIDEO):
+                    for wanted in (_EBML_WIDTH, _EBML_HEIGHT):
+                        for at, to in _ebml(stream, video, video_end, wanted):
+                            stream.seek(at)
+                            yield int.from_bytes(stream.read(min(to - at, 8)), "big")
+            return
+
+
+def _ebml(stream: BinaryIO, begin: int, end: int, wanted: int) -> Iterator[tuple[int, int]]:
+    """Begin and end of the content of every element with an id, among the siblings between two positions."""
+    for _ in range(_MAX_BOXES):
+        if begin >= end:
+            return
+        stream.seek(begin)
+        head = stream.read(12)
+        id_length = 9 - head[0].bit_length()
+        element = int.from_bytes(head[:id_length], "big")
+        size_length = 9 - head[id_length].bit_length()
+        if id_length > 4 or size_length > 8:
+            return
+        length = int.from_bytes(head[id_length : id_length + size_length], "big") & ((1 << 7 * size_length) - 1)
+        content = begin + id_length + size_length
+        unknown_length = length == (1 << 7 * size_length) - 1
+        content_end = end if unknown_length else min(content + length, end)
+        if element == wanted:
+            yield content, content_end
+        begin = content_end
+
+
+def _avi_sides(stream: BinaryIO) -> tuple[int, ...]:
+    """Width and height of the main AVI header, and of the first video stream's bitmap header."""
+    stream.seek(0)
+    head = stream.read(4096)
+    sides: list[int] = []
+    main = head.find(b"avih")
+    if main >= 0:
+        sides += struct.unpack("<II", head[main + 40 : main + 48])
+    video = head.find(b"vids")
+    bitmap = head.find(b"strf", video) if video >= 0 else -1
+    if bitmap >= 0:
+        sides += (abs(side) for side in struct.unpack("<ii", head[bitmap + 12 : bitmap + 20]))
+    return tuple(sides)

@@ -1,0 +1,108 @@
+"""Opening a video: an already open binary stream in, PyAV's container and its one video stream out.
+
+Only demuxers that read the bytes they are given are allowed: a playlist or a concat script named .mp4 would otherwise
+make the library open other files.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import BinaryIO
+
+import av
+from av.container import InputContainer
+from av.packet import Packet
+from av.stream import Disposition
+from av.video.frame import VideoFrame
+from av.video.stream import VideoStream
+
+from humanmm.errors import VideoError
+from humanmm.models.video.claims import claimed_sides_px
+
+DEMUXERS = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpegts,flv"
+"""Containers of pictures; no playlists, no text, no image sequences, no devices."""
+
+_DECODER_THREADS = 4
+"""Fixed, not the number of cores: how a decoder recovers from damage depends on it, and facts must fit every reader."""
+
+_SUPPORTED = "mp4, mov, mkv, webm or avi"
+
+
+@contextmanager
+def open_video(stream: BinaryIO, *, max_side_px: int = 16384) -> Iterator[tuple[InputContainer, VideoStream]]:
+    """The container and its video stream, ready to decode from the start; `stream` itself stays open.
+
+    Raises VideoError when this is no video, or when it claims a picture side above max_side_px.
+    """
+    refuse_absurd_size(max(claimed_sides_px(stream), default=0), max_side_px)
+    limit = str(max_side_px * max_side_px)
+    stream.seek(0)
+    try:
+        container = av.open(stream, mode="r", options={"format_whitelist": DEMUXERS}, metadata_errors="replace")
+    except av.error.EOFError as error:
+        raise VideoError(f"the file is empty or ends inside its header; give a complete {_SUPPORTED} file") from error
+    except (av.error.InvalidDataError, av.error.ArgumentError) as error:
+        stream.seek(0, 2)
+        what = "the file is empty" if stream.tell() == 0 else "this is not a video, or its header is missing"
+        raise VideoError(f"{what}: no {_SUPPORTED} data was recognised; give such a file") from error
+    except av.error.FFmpegError as error:
+        raise VideoError(f"the video cannot be opened ({error.strerror}); give a {_SUPPORTED} file") from error
+    with container:
+        videos = [s for s in container.streams.video if not s.disposition & Disposition.attached_pic]
+        if not videos:
+            raise VideoError("the file holds no moving pictures (sound or a cover picture only); give a video")
+        video = videos[0]
+        if video.codec_context is None:
+            raise VideoError("the video's codec is unknown here; convert it to H.264, H.265, VP9, AV1 or MPEG-4")
+        refuse_absurd_size(max(video.codec_context.width, video.codec_context.height), max_side_px)
+        video.thread_type = "AUTO"
+        video.codec_context.thread_count = _DECODER_THREADS
+        video.codec_context.options = {"max_pixels": limit}
+        yield container, video
+
+
+def refuse_absurd_size(side_px: int, max_side_px: int) -> None:
+    """Raise VideoError for a claimed picture side above the limit."""
+    if side_px > max_side_px:
+        raise VideoError(
+            f"the header claims a picture side of {side_px} px, more than decode.max_side_px = {max_side_px}; "
+            "scale the video down, or raise that setting"
+        )
+
+
+@dataclass
+class PacketLog:
+    """What the packets said while their pictures were decoded."""
+
+    keyframe_pts: set[int] = field(default_factory=set)
+    dts: list[int] = field(default_factory=list)
+    broken: int = 0
+    """Packets that the decoder rejected."""
+    ended_early: bool = False
+    """The container's bytes stopped making sense before its end."""
+
+
+def decoded(container: InputContainer, video: VideoStream, log: PacketLog) -> Iterator[VideoFrame]:
+    """Every picture that decodes from here on, in presentation order; damage is logged and stepped over."""
+    packets = container.demux(video)
+    while True:
+        try:
+            packet: Packet[VideoStream] = next(packets)
+        except StopIteration:
+            return
+        except av.error.FFmpegError:
+            log.ended_early = True
+            packet = None  # type: ignore[assignment]
+        if packet is not None and packet.size:
+            if packet.is_keyframe and packet.pts is not None:
+                log.keyframe_pts.add(packet.pts)
+            if packet.dts is not None:
+                log.dts.append(packet.dts)
+        try:
+            yield from video.decode(packet)
+        except av.error.EOFError:
+            return
+        except (av.error.InvalidDataError, av.error.PatchWelcomeError, av.error.BugError):
+            log.broken += 1
+        if packet is None:
+            return

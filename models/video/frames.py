@@ -1,0 +1,166 @@
+"""Frames on demand: decoded again whenever a stage needs them, never stored.
+
+`frames(stream, facts, start, stop)` delivers exactly the announced frames of [start, stop), upright, one at a time.
+It enters at the last keyframe before `start`; should the decoder not deliver the frame from there (a container that
+seeks past it, references lost at an open group of pictures) it enters one keyframe earlier, at worst at the beginning.
+"""
+
+from collections.abc import Generator, Iterator
+from contextlib import closing
+from dataclasses import dataclass
+from typing import BinaryIO, Literal
+
+import cv2
+import numpy as np
+from av.video.frame import VideoFrame
+from av.video.reformatter import ColorRange, Interpolation, VideoReformatter
+from av.video.stream import VideoStream
+
+from humanmm.errors import VideoError
+from humanmm.models.video.container import PacketLog, decoded, open_video
+from humanmm.models.video.facts import VideoFacts
+
+Pixels = Literal["rgb", "bgr", "gray"]
+_FORMATS = {"rgb": "rgb24", "bgr": "bgr24", "gray": "gray"}
+
+_ROTATIONS = {90: cv2.ROTATE_90_CLOCKWISE, 180: cv2.ROTATE_180, 270: cv2.ROTATE_90_COUNTERCLOCKWISE}
+
+_LUMA_TO_GRAY = np.clip(np.round((np.arange(256) - 16) * (255 / 219)), 0, 255).astype(np.uint8)
+"""Limited-range luma (16 black, 235 white) to 0..255."""
+_LUMA_FORMATS = ("yuv420p", "yuv422p", "yuv444p", "nv12", "gray")
+_FULL_RANGE_FORMATS = ("yuvj420p", "yuvj422p", "yuvj444p")
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One upright picture of the video."""
+
+    index: int
+    time_s: float
+    image: np.ndarray
+    """(H,W,3) uint8 for rgb and bgr, (H,W) uint8 for gray; valid as long as it is referenced; do not write into it."""
+
+
+def scaled_size(facts: VideoFacts, max_side_px: int | None) -> tuple[int, int]:
+    """Width and height of the pictures that `frames` delivers for this max_side_px: never enlarged, aspect kept."""
+    largest = max(facts.width, facts.height)
+    if max_side_px is None or largest <= max_side_px:
+        return facts.width, facts.height
+    scale = max_side_px / largest
+    return max(1, round(facts.width * scale)), max(1, round(facts.height * scale))
+
+
+def frames(
+    stream: BinaryIO,
+    facts: VideoFacts,
+    start: int = 0,
+    stop: int | None = None,
+    *,
+    pixels: Pixels = "rgb",
+    max_side_px: int | None = None,
+) -> Iterator[Frame]:
+    """Frames [start, stop) of the video in presentation order, one at a time, at most max_side_px wide and high.
+
+    A position x in a scaled picture is x · facts.width / scaled width in the source (pixel centres at .5 in both).
+    """
+    stop = facts.num_frames if stop is None else stop
+    if not 0 <= start <= stop <= facts.num_frames:
+        raise ValueError(f"frames [{start}, {stop}) of a video of {facts.num_frames}")
+    picture_of = _Picture(facts, pixels, max_side_px)
+    index, entry = start, start
+    while index < stop:
+        entry = int(np.flatnonzero(facts.keyframe[: entry + 1])[-1])
+        with closing(_from_keyframe(stream, facts, entry)) as pictures:
+            for position, picture in pictures:
+                if position > index:
+                    break
+                if position == index:
+                    yield Frame(index, float(facts.time_s[index]), picture_of(picture))
+                    index += 1
+                    if index == stop:
+                        return
+        if entry == 0:
+            raise VideoError(
+                f"frame {index} was decoded when the video was first read, but not now; "
+                "if the file was changed meanwhile, run again"
+            )
+        entry -= 1
+
+
+def _from_keyframe(stream: BinaryIO, facts: VideoFacts, entry: int) -> Generator[tuple[int, VideoFrame], None, None]:
+    """Index and picture of the announced frames from keyframe `entry` on; `entry` 0 is the beginning of the file."""
+    with open_video(stream) as (container, video):
+        if facts.counted:
+            yield from enumerate(decoded(container, video, PacketLog()))
+            return
+        index_of = {p: i for i, p in enumerate(_pts(facts, video))}
+        if entry > 0:
+            container.seek(_pts(facts, video)[entry], stream=video)
+        last = -1
+        for picture in decoded(container, video, PacketLog()):
+            index = index_of.get(picture.pts if picture.pts is not None else -1, -1)
+            if index > last:
+                last = index
+                yield index, picture
+
+
+def _pts(facts: VideoFacts, video: VideoStream) -> list[int]:
+    """Time stamps of the announced frames in the stream's own unit (float64 seconds hold them exactly)."""
+    if video.time_base is None:
+        raise VideoError("the video stream has lost its time base; if the file was changed meanwhile, run again")
+    ticks_per_s = float(1 / video.time_base)
+    return [int(t) for t in np.rint(facts.time_s * ticks_per_s).astype(np.int64)]
+
+
+class _Picture:
+    """Turns decoded pictures into upright arrays of one size and pixel format."""
+
+    def __init__(self, facts: VideoFacts, pixels: Pixels, max_side_px: int | None) -> None:
+        width, height = scaled_size(facts, max_side_px)
+        if facts.rotation_deg in (90, 270):
+            width, height = height, width
+        self._size = width, height
+        self._pixels = pixels
+        self._rotation = _ROTATIONS.get(facts.rotation_deg)
+        self._mirrored = facts.mirrored
+        self._reformatter = VideoReformatter()
+
+    def __call__(self, picture: VideoFrame) -> np.ndarray:
+        same_size = (picture.width, picture.height) == self._size
+        if self._pixels == "gray" and same_size and picture.format.name in _LUMA_FORMATS + _FULL_RANGE_FORMATS:
+            image = _luma(picture)
+        else:
+            image = self._reformat(picture)
+        if self._mirrored:
+            image = cv2.flip(image, 1)
+        if self._rotation is not None:
+            image = cv2.rotate(image, self._rotation)
+        return image
+
+    def _reformat(self, picture: VideoFrame) -> np.ndarray:
+        width, height = self._size
+        shrinks = width < picture.width or height < picture.height
+        out = self._reformatter.reformat(
+            picture,
+            width=width,
+            height=height,
+            format=_FORMATS[self._pixels],
+            interpolation=Interpolation.AREA if shrinks else Interpolation.BICUBIC,
+        )
+        channels = 1 if self._pixels == "gray" else 3
+        rows = _first_plane(out, width * channels)
+        return rows if channels == 1 else rows.reshape(height, width, channels)
+
+
+def _luma(picture: VideoFrame) -> np.ndarray:
+    """The luma plane as gray values 0..255, without a conversion of colours."""
+    rows = _first_plane(picture, picture.width)
+    full_range = picture.format.name in (*_FULL_RANGE_FORMATS, "gray") or picture.color_range == ColorRange.JPEG
+    return rows if full_range else np.asarray(cv2.LUT(rows, _LUMA_TO_GRAY))
+
+
+def _first_plane(picture: VideoFrame, row_bytes: int) -> np.ndarray:
+    """The first plane as (H, row_bytes) uint8, sharing the picture's memory, without the padding at the ends of rows."""
+    plane = picture.planes[0]
+    flat: np.ndarray = np.frombuffer(plane, np.uint8)  # type: ignore[call-overload]
+    return flat.reshape(-1, plane.line_size)[: picture.height, :row_bytes]

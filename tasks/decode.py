@@ -1,0 +1,11 @@
+"""Stage `decode`: container facts and exact frame times; frames themselves are never stored."""
+
+from humanmm.models.video.facts import VideoFacts
+from humanmm.models.video.reading import read_facts
+from humanmm.tasks.inputs import StageInputs
+
+
+def decode(inputs: StageInputs) -> VideoFacts:
+    """Facts of the video."""
+    with inputs.open_video() as stream:
+        return read_facts(stream, max_side_px=inputs.config.decode.max_side_px)
