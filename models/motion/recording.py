@@ -1,0 +1,276 @@
+"""The finished recording: everything that motion.zarr holds, as one validated value.
+
+`assemble` is the only place where the world motion, the detector's observations and the shot list meet; the writer of
+the run folder, the exporters and the pictures all start from its result.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy.spatial.transform import Rotation
+
+from humanmm.models.motion.results import PersonMotion, WorldMotion
+from humanmm.models.perception.tracks import PersonTrack, ScenePeople
+from humanmm.models.shots.boundaries import Shot, ShotList
+from humanmm.models.video.facts import VideoFacts
+
+JOINT_NAMES = (
+    "pelvis", "left_hip", "right_hip", "spine1", "left_knee", "right_knee", "spine2", "left_ankle", "right_ankle",
+    "spine3", "left_foot", "right_foot", "neck", "left_collar", "right_collar", "head", "left_shoulder",
+    "right_shoulder", "left_elbow", "right_elbow", "left_wrist", "right_wrist", "left_hand", "right_hand",
+)  # fmt: skip
+"""SMPL's 24 joints, in SMPL's order."""
+
+PARENTS = (-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21)
+"""Parent of each joint; the root's is negative."""
+
+KEYPOINT_NAMES = (
+    "nose", "left_eye_inner", "left_eye", "left_eye_outer", "right_eye_inner", "right_eye", "right_eye_outer",
+    "left_ear", "right_ear", "mouth_left", "mouth_right", "left_shoulder", "right_shoulder", "left_elbow",
+    "right_elbow", "left_wrist", "right_wrist", "left_pinky", "right_pinky", "left_index", "right_index", "left_thumb",
+    "right_thumb", "left_hip", "right_hip", "left_knee", "right_knee", "left_ankle", "right_ankle", "left_heel",
+    "right_heel", "left_foot_index", "right_foot_index",
+)  # fmt: skip
+"""BlazePose's 33 points, in its order."""
+
+CONTACT_JOINTS = (7, 10, 8, 11)
+"""Joints of the four contact probabilities: left ankle, left toe base, right ankle, right toe base."""
+
+NEAR_M = 0.05
+"""Points closer than this to the camera plane are not projected."""
+
+
+@dataclass(frozen=True)
+class RecordedPerson:
+    """One person, N frames without holes. Meanings, units, axes as in the arrays `people/<nn>/…` of motion.zarr."""
+
+    person: int
+    frame: np.ndarray
+    """(N,) int32."""
+    observed: np.ndarray
+    """(N,) bool."""
+    root_orient: np.ndarray
+    """(N,3) float32, axis-angle, body to world, continuous in time."""
+    body_pose: np.ndarray
+    """(N,23,3) float32, axis-angle."""
+    betas: np.ndarray
+    """(10,) float32."""
+    transl: np.ndarray
+    """(N,3) float32, pelvis − J0(betas), metres."""
+    joints: np.ndarray
+    """(N,24,3) float32, world, metres."""
+    contacts: np.ndarray
+    """(N,4) float32, probabilities of `CONTACT_JOINTS`."""
+    keypoints2d: np.ndarray
+    """(N,33,3) float32, source pixels and confidence; zero where the detector saw nothing."""
+    bbox: np.ndarray
+    """(N,4) float32, xyxy, source pixels: the detector's, else that of the projected joints, else zero."""
+    confidence: np.ndarray
+    """(N,) float32, 0..1."""
+
+    def __post_init__(self) -> None:
+        num_frames = len(self.frame)
+        shapes = {
+            "frame": (num_frames,), "observed": (num_frames,), "root_orient": (num_frames, 3),
+            "body_pose": (num_frames, 23, 3), "betas": (10,), "transl": (num_frames, 3), "joints": (num_frames, 24, 3),
+            "contacts": (num_frames, 4), "bbox": (num_frames, 4), "confidence": (num_frames,),
+        }  # fmt: skip
+        for name, shape in shapes.items():
+            found = getattr(self, name).shape
+            if found != shape:
+                raise ValueError(f"person {self.person}: {name} has shape {found}, expected {shape}")
+        if num_frames and not np.array_equal(self.frame, np.arange(self.frame[0], self.frame[0] + num_frames)):
+            raise ValueError(f"person {self.person}: frames must rise by one without holes")
+
+    @property
+    def pelvis(self) -> np.ndarray:
+        """(N,3) pelvis joint in the world, metres."""
+        return self.joints[:, 0]
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One video's people and cameras in one world: z up, metres, floor at z = 0. F frames."""
+
+    width: int
+    height: int
+    time_s: np.ndarray
+    """(F,) float64."""
+    shot_index: np.ndarray
+    """(F,) int32."""
+    cut_frames: tuple[int, ...]
+    R_world_cam: np.ndarray
+    """(F,3,3) float32."""
+    t_world_cam: np.ndarray
+    """(F,3) float32, metres."""
+    K: np.ndarray
+    """(F,3,3) float32, source pixels with centres at .5."""
+    camera_source: np.ndarray
+    """(F,) uint8, index into camera.observations.SOURCES."""
+    people: tuple[RecordedPerson, ...]
+    body_model: str = "body24"
+    keypoint_names: tuple[str, ...] = KEYPOINT_NAMES
+
+    def __post_init__(self) -> None:
+        num_frames = len(self.time_s)
+        shapes = {
+            "shot_index": (num_frames,), "R_world_cam": (num_frames, 3, 3), "t_world_cam": (num_frames, 3),
+            "K": (num_frames, 3, 3), "camera_source": (num_frames,),
+        }  # fmt: skip
+        for name, shape in shapes.items():
+            if getattr(self, name).shape != shape:
+                raise ValueError(f"{name} has shape {getattr(self, name).shape}, expected {shape}")
+
+    @property
+    def num_frames(self) -> int:
+        return len(self.time_s)
+
+    @property
+    def fps(self) -> float:
+        """(F − 1) / (last time − first time), Hz; 0 for a single frame."""
+        span = float(self.time_s[-1] - self.time_s[0]) if self.num_frames > 1 else 0.0
+        return (self.num_frames - 1) / span if span > 0 else 0.0
+
+
+def assemble(
+    facts: VideoFacts,
+    shot_list: ShotList,
+    scenes: Sequence[ScenePeople | None],
+    motion: WorldMotion,
+    *,
+    rest_pelvis: Mapping[int, Float[np.ndarray, "3"]],
+    joints_world: Mapping[int, Float[np.ndarray, "frames 24 3"]],
+) -> Recording:
+    """The recording of one video. By person number: `rest_pelvis` is J0(betas), `joints_world` forward kinematics."""
+    in_transition = transition_frames(shot_list)
+    people = []
+    for person in sorted(motion.people, key=lambda p: p.person):
+        keypoints2d, bbox, seen = _observations(person, shot_list, scenes)
+        joints = np.asarray(joints_world[person.person], np.float32)
+        projected = _projected_boxes(joints, motion, person.frame)
+        people.append(
+            RecordedPerson(
+                person=person.person,
+                frame=person.frame.astype(np.int32),
+                observed=person.observed & ~in_transition[person.frame],
+                root_orient=continuous_rotvec(person.R_world_root).astype(np.float32),
+                body_pose=person.body_pose.astype(np.float32),
+                betas=person.betas.astype(np.float32),
+                transl=(person.pelvis_world - rest_pelvis[person.person]).astype(np.float32),
+                joints=joints,
+                contacts=person.contacts.astype(np.float32),
+                keypoints2d=keypoints2d,
+                bbox=np.where(seen[:, None], bbox, projected),
+                confidence=person.confidence.astype(np.float32),
+            )
+        )
+    return Recording(
+        width=facts.width,
+        height=facts.height,
+        time_s=facts.time_s.astype(np.float64),
+        shot_index=shot_of_each_frame(shot_list),
+        cut_frames=tuple(shot.start for shot in shot_list.shots[1:]),
+        R_world_cam=motion.R_world_cam.astype(np.float32),
+        t_world_cam=motion.t_world_cam.astype(np.float32),
+        K=motion.K.astype(np.float32),
+        camera_source=motion.camera_source.astype(np.uint8),
+        people=tuple(people),
+    )
+
+
+def shot_of_each_frame(shot_list: ShotList) -> np.ndarray:
+    """(F,) int32, 0-based shot of each frame."""
+    shot_index = np.zeros(shot_list.num_frames, np.int32)
+    for shot in shot_list.shots:
+        shot_index[shot.start : shot.end] = shot.index
+    return shot_index
+
+
+def transition_frames(shot_list: ShotList) -> np.ndarray:
+    """(F,) bool, true inside gradual transitions [start, end), where two pictures mix and nobody counts as observed."""
+    inside = np.zeros(shot_list.num_frames, bool)
+    for shot in shot_list.shots:
+        if shot.transition is not None:
+            inside[shot.transition.start : shot.transition.end] = True
+    return inside
+
+
+def continuous_rotvec(R: Float[np.ndarray, "frames 3 3"]) -> Float[np.ndarray, "frames 3"]:
+    """Axis-angle of a rotation over time without jumps at half a turn: angles run from 0 to 2π, quaternions agree."""
+    if len(R) == 0:
+        return np.zeros((0, 3))
+    quat_xyzw = Rotation.from_matrix(R).as_quat()
+    quat_xyzw[0] *= 1.0 if quat_xyzw[0, 3] >= 0 else -1.0
+    same_side = np.einsum("ij,ij->i", quat_xyzw[1:], quat_xyzw[:-1]) >= 0
+    quat_xyzw[1:] *= np.cumprod(np.where(same_side, 1.0, -1.0))[:, None]
+    sine = np.linalg.norm(quat_xyzw[:, :3], axis=1)
+    angle = 2 * np.arctan2(sine, quat_xyzw[:, 3])
+    scale = np.where(sine > 1e-9, angle / np.maximum(sine, 1e-9), 2.0)  # limit of θ / sin(θ/2) at 0
+    return np.asarray(quat_xyzw[:, :3] * scale[:, None])
+
+
+def exchange_sides(keypoints: np.ndarray) -> np.ndarray:
+    """Keypoints (…,33,C) with the labels left and right exchanged."""
+    return np.asarray(keypoints[..., list(_MIRRORED), :])
+
+
+def _mirrored_order() -> tuple[int, ...]:
+    def other(name: str) -> str:
+        if "left" in name:
+            return name.replace("left", "right")
+        return name.replace("right", "left")
+
+    return tuple(KEYPOINT_NAMES.index(other(name)) for name in KEYPOINT_NAMES)
+
+
+_MIRRORED = _mirrored_order()
+
+
+def _observations(
+    person: PersonMotion, shot_list: ShotList, scenes: Sequence[ScenePeople | None]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What the detector saw of a person: keypoints (N,33,3) with sides put right, boxes (N,4), seen (N,) bool."""
+    num_frames = len(person.frame)
+    keypoints2d = np.zeros((num_frames, len(KEYPOINT_NAMES), 3), np.float32)
+    bbox = np.zeros((num_frames, 4), np.float32)
+    seen = np.zeros(num_frames, bool)
+    first = int(person.frame[0]) if num_frames else 0
+    for shot in shot_list.shots:
+        track = _track_of(person.person, shot, scenes)
+        if track is None:
+            continue
+        rows = track.frame - first
+        inside = (track.frame >= shot.start) & (track.frame < shot.end) & (rows >= 0) & (rows < num_frames)
+        swapped = np.zeros(len(track.frame), bool)
+        for appearance in shot.people:
+            if appearance.person == person.person:
+                for start, end in appearance.swapped:
+                    swapped |= (track.frame >= start) & (track.frame < end)
+        points = np.where(swapped[:, None, None], exchange_sides(track.keypoints2d), track.keypoints2d)
+        keypoints2d[rows[inside]] = points[inside]
+        bbox[rows[inside]] = track.bbox[inside]
+        seen[rows[inside]] = True
+    return keypoints2d, bbox, seen
+
+
+def _track_of(person: int, shot: Shot, scenes: Sequence[ScenePeople | None]) -> PersonTrack | None:
+    scene = scenes[shot.scene]
+    if scene is None:
+        return None
+    for appearance in shot.people:
+        if appearance.person == person:
+            return scene.tracks[appearance.track]
+    return None
+
+
+def _projected_boxes(joints: np.ndarray, motion: WorldMotion, frame: np.ndarray) -> np.ndarray:
+    """(N,4) float32 boxes about the projected joints; zero where a joint is behind the camera."""
+    R_cam_world = np.swapaxes(motion.R_world_cam[frame], -1, -2)
+    in_camera = np.einsum("nij,nkj->nki", R_cam_world, joints - motion.t_world_cam[frame][:, None])
+    depth = np.maximum(in_camera[..., 2:], NEAR_M)
+    pixels = np.einsum("nij,nkj->nki", motion.K[frame], in_camera / depth)[..., :2]
+    boxes = np.concatenate([pixels.min(1), pixels.max(1)], axis=-1)
+    in_front = in_camera[..., 2].min(1) > NEAR_M
+    return np.where(in_front[:, None], boxes, 0.0).astype(np.float32)

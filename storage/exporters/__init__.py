@@ -1,0 +1,50 @@
+"""One module a format; each writes one finished recording for other people's tools.
+
+An exporter is a function (recording, path) that writes one file; `FORMATS` says which exist, and whether they write a
+file for each person or one for all.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from humanmm.errors import InputError
+from humanmm.models.motion.recording import RecordedPerson, Recording
+from humanmm.storage.exporters.amass import write_amass
+from humanmm.storage.exporters.joints_csv import write_csv
+from humanmm.storage.exporters.trc import write_trc
+from humanmm.storage.files import replace_file
+
+
+@dataclass(frozen=True)
+class Format:
+    """How one format is written: one file a person, named person_<nn><suffix>."""
+
+    suffix: str
+    write: Callable[[Recording, RecordedPerson, Path], None]
+    description: str
+
+
+FORMATS: dict[str, Format] = {
+    "amass": Format(".npz", write_amass, "SMPL-X parameters as in AMASS, z up (Blender add-on, GMR)"),
+    "csv": Format(".csv", write_csv, "world joints, one row a frame and joint"),
+    "trc": Format(".trc", write_trc, "joints as markers for OpenSim and Pose2Sim, y up, metres"),
+}
+
+
+def export(recording: Recording, folder: Path, format_name: str, *, force: bool = False) -> tuple[Path, ...]:
+    """Write every person of a recording into `folder`; the paths written. Existing files need `force`."""
+    if format_name not in FORMATS:
+        raise InputError(f"there is no format {format_name!r}; choose one of {', '.join(FORMATS)}")
+    chosen = FORMATS[format_name]
+    paths = {person.person: folder / f"person_{person.person:02d}{chosen.suffix}" for person in recording.people}
+    existing = [str(path) for path in paths.values() if path.exists()]
+    if existing and not force:
+        raise InputError(f"{existing[0]} exists already; give --force to replace it")
+    for person in recording.people:
+        _write_one(chosen, recording, person, paths[person.person])
+    return tuple(paths.values())
+
+
+def _write_one(chosen: Format, recording: Recording, person: RecordedPerson, path: Path) -> None:
+    replace_file(path, lambda fresh: chosen.write(recording, person, fresh))
