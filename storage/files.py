@@ -47,8 +47,8 @@ def copy_file(source: Path, target: Path) -> None:
 
 
 def sweep(folder: Path) -> None:
-    """Remove what writers that were killed left behind in a folder."""
-    for leftover in folder.glob(f"{_WRITING}*"):
+    """Remove what writers that were killed left behind in a folder and below it."""
+    for leftover in folder.rglob(f"{_WRITING}*"):
         if not _is_running(int(leftover.name.removeprefix(_WRITING).split("-")[0])):
             shutil.rmtree(leftover) if leftover.is_dir() else leftover.unlink(missing_ok=True)
 

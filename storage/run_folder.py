@@ -1,4 +1,4 @@
-"""The run folder's motion.zarr: written and read exactly as the public contract says (schema "humanmm.motion/1").
+"""The run folder, and its motion.zarr exactly as the public contract says (schema "humanmm.motion/1").
 
 A zarr v3 group with crc32c on every array. It is written beside its final place and renamed into it, so that a reader
 sees the old recording or the new one, never a half-written one.
@@ -12,10 +12,13 @@ import zarr
 from zarr.codecs import BytesCodec, Crc32cCodec, ZstdCodec
 
 from humanmm.errors import InputError
-from humanmm.models.motion.recording import JOINT_NAMES, PARENTS, RecordedPerson, Recording
-from humanmm.storage.files import replace_folder
+from humanmm.models.body.body24 import JOINT_NAMES, PARENTS
+from humanmm.models.motion.recording import Delivery, RecordedPerson, Recording
+from humanmm.storage.exporters import export
+from humanmm.storage.files import copy_file, replace_folder, sweep
 
 SCHEMA = "humanmm.motion/1"
+MOTION = "motion.zarr"
 WORLD = "z-up, metres, first person's first pelvis above the origin, floor at z=0"
 
 _PERSON_ARRAYS: dict[str, str] = {
@@ -31,6 +34,22 @@ _VIDEO_ARRAYS: dict[str, tuple[str, str]] = {
     "cameras/K": ("K", "float32"),
     "cameras/source": ("camera_source", "uint8"),
 }
+
+
+def write_run_folder(run_dir: Path, delivery: Delivery, blob_dir: Path) -> None:
+    """Everything in a run folder but run.json, run.log and timeline.png, which the flow writes.
+
+    `blob_dir` holds the delivery's pictures. Each file appears only when complete; AMASS files of people who are no
+    longer in the recording go away.
+    """
+    sweep(run_dir)
+    for name in delivery.files:
+        copy_file(blob_dir / name, run_dir / "view" / name)
+    export_dir = run_dir / "export"
+    written = export(delivery.recording, export_dir, "amass", force=True)
+    for stale in set(export_dir.glob("person_[0-9][0-9].npz")) - set(written):
+        stale.unlink()
+    write_motion(run_dir / MOTION, delivery.recording)
 
 
 def write_motion(path: Path, recording: Recording) -> None:
@@ -112,4 +131,3 @@ def _get(group: zarr.Group, key: str) -> np.ndarray:
     if not isinstance(array, zarr.Array):
         raise ValueError(f"{key} is not an array")
     return np.asarray(array[...])
-

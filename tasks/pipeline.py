@@ -54,6 +54,6 @@ STAGES: tuple[Stage, ...] = (
     ),
     Stage(
         "deliver", "video", ("decode", "people", "shots", "refine"), ("deliver",),
-        "humanmm.models.motion.results:Delivery", reads_video=True,
+        "humanmm.models.motion.recording:Delivery", reads_video=True,
     ),
 )

@@ -16,16 +16,6 @@ from humanmm.models.perception.tracks import PersonTrack, ScenePeople
 from humanmm.models.shots.boundaries import Shot, ShotList
 from humanmm.models.video.facts import VideoFacts
 
-JOINT_NAMES = (
-    "pelvis", "left_hip", "right_hip", "spine1", "left_knee", "right_knee", "spine2", "left_ankle", "right_ankle",
-    "spine3", "left_foot", "right_foot", "neck", "left_collar", "right_collar", "head", "left_shoulder",
-    "right_shoulder", "left_elbow", "right_elbow", "left_wrist", "right_wrist", "left_hand", "right_hand",
-)  # fmt: skip
-"""SMPL's 24 joints, in SMPL's order."""
-
-PARENTS = (-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21)
-"""Parent of each joint; the root's is negative."""
-
 KEYPOINT_NAMES = (
     "nose", "left_eye_inner", "left_eye", "left_eye_outer", "right_eye_inner", "right_eye", "right_eye_outer",
     "left_ear", "right_ear", "mouth_left", "mouth_right", "left_shoulder", "right_shoulder", "left_elbow",
@@ -132,6 +122,14 @@ class Recording:
         """(F − 1) / (last time − first time), Hz; 0 for a single frame."""
         span = float(self.time_s[-1] - self.time_s[0]) if self.num_frames > 1 else 0.0
         return (self.num_frames - 1) / span if span > 0 else 0.0
+
+
+@dataclass(frozen=True)
+class Delivery:
+    """What the stage `deliver` leaves: the recording, and the names of its pictures among the artifact's files."""
+
+    recording: Recording
+    files: tuple[str, ...]
 
 
 def assemble(

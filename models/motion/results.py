@@ -98,14 +98,3 @@ class WorldMotion:
     people: tuple[PersonMotion, ...]
     cuts: tuple[CutAlignment, ...]
     warnings: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class Delivery:
-    """What `deliver` leaves beside its files (overlay.mp4, top.png): the people as exported, joints included."""
-
-    files: tuple[str, ...]
-    joints_world: tuple[np.ndarray, ...]
-    """Per person (N,24,3) float32, metres."""
-
-

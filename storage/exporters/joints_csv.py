@@ -3,7 +3,8 @@
 import csv
 from pathlib import Path
 
-from humanmm.models.motion.recording import JOINT_NAMES, RecordedPerson, Recording
+from humanmm.models.body.body24 import JOINT_NAMES
+from humanmm.models.motion.recording import RecordedPerson, Recording
 
 COLUMNS = ("frame", "time_s", "shot", "observed", "joint", "x_m", "y_m", "z_m")
 

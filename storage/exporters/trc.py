@@ -5,10 +5,8 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.models.motion.recording import JOINT_NAMES, RecordedPerson, Recording
-
-R_yup_zup = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
-"""Our world (z up) to OpenSim's (y up): x stays, z becomes y, y becomes −z."""
+from humanmm.models.body.body24 import JOINT_NAMES
+from humanmm.models.motion.recording import RecordedPerson, Recording
 
 
 def write_trc(recording: Recording, person: RecordedPerson, path: Path) -> None:
@@ -33,5 +31,6 @@ def write_trc(recording: Recording, person: RecordedPerson, path: Path) -> None:
 
 
 def to_yup(points: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 3"]:
-    """World points in OpenSim's axes."""
-    return np.einsum("ij,...j->...i", R_yup_zup, np.asarray(points, np.float64))
+    """World points (z up) in OpenSim's axes (y up): x stays, z becomes y, y becomes −z."""
+    x, y, z = np.moveaxis(np.asarray(points, np.float64), -1, 0)
+    return np.stack([x, z, -y], axis=-1)

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from recordings import small_recording
 
 from humanmm.errors import InputError
-from humanmm.models.motion.recording import JOINT_NAMES
+from humanmm.models.body.body24 import JOINT_NAMES
+from humanmm.models.motion.recording import Recording
 from humanmm.storage.exporters import FORMATS, export
 from humanmm.storage.exporters.amass import SMPLX_REST_PELVIS
 
@@ -20,8 +20,7 @@ AMASS = {
 }  # fmt: skip
 
 
-def test_amass_has_the_keys_shapes_and_types_that_readers_expect(tmp_path: Path) -> None:
-    recording = small_recording()
+def test_amass_has_the_keys_shapes_and_types_that_readers_expect(tmp_path: Path, recording: Recording) -> None:
     path = export(recording, tmp_path, "amass")[0]
     with np.load(path, allow_pickle=False) as file:
         arrays = dict(file)
@@ -33,16 +32,14 @@ def test_amass_has_the_keys_shapes_and_types_that_readers_expect(tmp_path: Path)
     assert not arrays["betas"].any()
 
 
-def test_amass_readers_place_the_pelvis_where_ours_is(tmp_path: Path) -> None:
-    recording = small_recording()
+def test_amass_readers_place_the_pelvis_where_ours_is(tmp_path: Path, recording: Recording) -> None:
     with np.load(export(recording, tmp_path, "amass")[1]) as file:
         np.testing.assert_allclose(file["trans"] + SMPLX_REST_PELVIS, recording.people[1].joints[:, 0], atol=1e-6)
         np.testing.assert_array_equal(file["poses"][:, :3], file["root_orient"])
         np.testing.assert_array_equal(file["poses"][:, 3:66], file["pose_body"])
 
 
-def test_csv_holds_every_joint_of_every_frame(tmp_path: Path) -> None:
-    recording = small_recording()
+def test_csv_holds_every_joint_of_every_frame(tmp_path: Path, recording: Recording) -> None:
     with export(recording, tmp_path, "csv")[1].open(newline="") as file:
         rows = list(csv.DictReader(file))
     person = recording.people[1]
@@ -51,8 +48,7 @@ def test_csv_holds_every_joint_of_every_frame(tmp_path: Path) -> None:
     assert [int(row["frame"]) for row in rows[::24]] == person.frame.tolist()
 
 
-def test_trc_is_y_up_with_the_markers_of_the_joints(tmp_path: Path) -> None:
-    recording = small_recording()
+def test_trc_is_y_up_with_the_markers_of_the_joints(tmp_path: Path, recording: Recording) -> None:
     lines = export(recording, tmp_path, "trc")[0].read_text().splitlines()
     assert lines[0].split("\t")[3] == "person_00.trc"
     assert lines[2].split("\t")[2:5] == ["12", "24", "m"]
@@ -65,14 +61,13 @@ def test_trc_is_y_up_with_the_markers_of_the_joints(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", FORMATS)
-def test_an_export_is_not_overwritten_unasked(tmp_path: Path, name: str) -> None:
-    recording = small_recording()
+def test_an_export_is_not_overwritten_unasked(tmp_path: Path, name: str, recording: Recording) -> None:
     export(recording, tmp_path, name)
     with pytest.raises(InputError, match="--force"):
         export(recording, tmp_path, name)
     assert len(export(recording, tmp_path, name, force=True)) == 2
 
 
-def test_an_unknown_format_names_those_that_exist(tmp_path: Path) -> None:
+def test_an_unknown_format_names_those_that_exist(tmp_path: Path, recording: Recording) -> None:
     with pytest.raises(InputError, match="amass"):
-        export(small_recording(), tmp_path, "fbx")
+        export(recording, tmp_path, "fbx")

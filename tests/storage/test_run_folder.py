@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import zarr
-from recordings import small_recording
 
 from humanmm.errors import InputError
+from humanmm.models.motion.recording import Delivery, Recording
 from humanmm.storage.files import replace_folder, sweep
-from humanmm.storage.run_folder import read_motion, write_motion
+from humanmm.storage.run_folder import read_motion, write_motion, write_run_folder
 
 F, N, K = 12, 12, 33
 CONTRACT = {
@@ -26,17 +26,22 @@ CONTRACT = {
 }  # fmt: skip
 
 
-def test_every_array_of_the_contract_is_there_with_its_shape_dtype_and_checksum(tmp_path: Path) -> None:
-    write_motion(tmp_path / "motion.zarr", small_recording(people=1))
+def test_every_array_of_the_contract_is_there_with_its_shape_dtype_and_checksum(
+    tmp_path: Path, recording: Recording
+) -> None:
+    write_motion(tmp_path / "motion.zarr", recording)
     group = zarr.open_group(tmp_path / "motion.zarr", mode="r")
     found = {key: array for key, array in group.members(max_depth=None) if isinstance(array, zarr.Array)}
-    assert {key: (array.shape, str(array.dtype)) for key, array in found.items()} == CONTRACT
+    first = {key: (array.shape, str(array.dtype)) for key, array in found.items() if not key.startswith("people/01")}
+    assert first == CONTRACT
+    assert {key for key in found if key.startswith("people/01")} == {
+        key.replace("/00/", "/01/") for key in CONTRACT if key.startswith("people/00")
+    }
     for key, array in found.items():
         assert any(type(codec).__name__ == "Crc32cCodec" for codec in array.metadata.codecs), key
 
 
-def test_every_attribute_of_the_contract_is_there(tmp_path: Path) -> None:
-    recording = small_recording()
+def test_every_attribute_of_the_contract_is_there(tmp_path: Path, recording: Recording) -> None:
     write_motion(tmp_path / "motion.zarr", recording)
     attributes = dict(zarr.open_group(tmp_path / "motion.zarr", mode="r").attrs)
     assert attributes["schema"] == "humanmm.motion/1"
@@ -49,8 +54,7 @@ def test_every_attribute_of_the_contract_is_there(tmp_path: Path) -> None:
     assert attributes["cut_frames"] == [6]
 
 
-def test_reading_gives_back_what_was_written(tmp_path: Path) -> None:
-    recording = small_recording()
+def test_reading_gives_back_what_was_written(tmp_path: Path, recording: Recording) -> None:
     write_motion(tmp_path / "motion.zarr", recording)
     again = read_motion(tmp_path / "motion.zarr")
     for field in dataclasses.fields(recording):
@@ -61,8 +65,8 @@ def test_reading_gives_back_what_was_written(tmp_path: Path) -> None:
             np.testing.assert_array_equal(getattr(other, field.name), getattr(person, field.name))
 
 
-def test_a_flipped_byte_is_an_error_not_another_motion(tmp_path: Path) -> None:
-    write_motion(tmp_path / "motion.zarr", small_recording())
+def test_a_flipped_byte_is_an_error_not_another_motion(tmp_path: Path, recording: Recording) -> None:
+    write_motion(tmp_path / "motion.zarr", recording)
     (chunk,) = [p for p in (tmp_path / "motion.zarr/people/00/joints/c").rglob("*") if p.is_file()]
     damaged = bytearray(chunk.read_bytes())
     damaged[len(damaged) // 2] ^= 1
@@ -71,15 +75,15 @@ def test_a_flipped_byte_is_an_error_not_another_motion(tmp_path: Path) -> None:
         read_motion(tmp_path / "motion.zarr")
 
 
-def test_a_folder_of_another_schema_is_refused(tmp_path: Path) -> None:
-    write_motion(tmp_path / "motion.zarr", small_recording())
+def test_a_folder_of_another_schema_is_refused(tmp_path: Path, recording: Recording) -> None:
+    write_motion(tmp_path / "motion.zarr", recording)
     zarr.open_group(tmp_path / "motion.zarr", mode="r+").attrs["schema"] = "humanmm.motion/9"
-    with pytest.raises(InputError, match="humanmm.motion/9"):
+    with pytest.raises(InputError, match=r"humanmm\.motion/9"):
         read_motion(tmp_path / "motion.zarr")
 
 
-def test_a_writer_that_fails_leaves_the_old_recording(tmp_path: Path) -> None:
-    write_motion(tmp_path / "motion.zarr", small_recording())
+def test_a_writer_that_fails_leaves_the_old_recording(tmp_path: Path, recording: Recording) -> None:
+    write_motion(tmp_path / "motion.zarr", recording)
 
     def fail(folder: Path) -> None:
         (folder / "half").write_text("half")
@@ -89,6 +93,23 @@ def test_a_writer_that_fails_leaves_the_old_recording(tmp_path: Path) -> None:
         replace_folder(tmp_path / "motion.zarr", fail)
     assert read_motion(tmp_path / "motion.zarr").num_frames == 12
     assert [p.name for p in tmp_path.iterdir()] == ["motion.zarr"]
+
+
+def test_the_run_folder_holds_motion_exports_and_pictures_and_nothing_of_people_who_are_gone(
+    tmp_path: Path, recording: Recording
+) -> None:
+    blobs = tmp_path / "blobs"
+    blobs.mkdir()
+    (blobs / "top.png").write_bytes(b"picture")
+    run_dir = tmp_path / "run"
+    write_run_folder(run_dir, Delivery(recording, ("top.png",)), blobs)
+    alone = dataclasses.replace(recording, people=recording.people[:1])
+    write_run_folder(run_dir, Delivery(alone, ("top.png",)), blobs)
+    assert sorted(str(p.relative_to(run_dir)) for p in run_dir.glob("*/*") if p.parent.name != "motion.zarr") == [
+        "export/person_00.npz",
+        "view/top.png",
+    ]
+    assert len(read_motion(run_dir / "motion.zarr").people) == 1
 
 
 def test_what_a_killed_writer_left_is_swept_and_a_running_one_is_spared(tmp_path: Path) -> None:

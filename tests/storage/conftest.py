@@ -1,12 +1,15 @@
-"""A small recording for tests of writers: one person walking a curve past two cameras, every field filled."""
+"""A small recording for tests of writers: two people and a cut, every field filled with numbers of its own."""
 
 import numpy as np
+import pytest
 
 from humanmm.models.motion.recording import RecordedPerson, Recording
 
 
-def small_recording(num_frames: int = 12, *, people: int = 2) -> Recording:
-    """F frames at a variable rate, a cut in the middle; person 1 enters two frames late."""
+@pytest.fixture
+def recording() -> Recording:
+    """12 frames at a variable rate, a cut in the middle; person 1 enters two frames late."""
+    num_frames = 12
     rng = np.random.default_rng(7)
     cut = num_frames // 2
 
@@ -41,5 +44,5 @@ def small_recording(num_frames: int = 12, *, people: int = 2) -> Recording:
         t_world_cam=np.zeros((num_frames, 3), np.float32),
         K=np.tile(np.array([[500, 0, 320], [0, 500, 180], [0, 0, 1]], np.float32), (num_frames, 1, 1)),
         camera_source=np.full(num_frames, 4, np.uint8),
-        people=tuple(person(number) for number in range(people)),
+        people=tuple(person(number) for number in range(2)),
     )
