@@ -40,7 +40,8 @@ def claimed_sides_px(stream: BinaryIO) -> tuple[int, ...]:
 
 
 def _mp4_sides(stream: BinaryIO, begin: int, end: int, budget: list[int]) -> Iterator[int]:
-    """Sides in `tkhd` (track) and in the visual sample entries of `stsd` between two file positions."""
+    """Sides in `tkhd` (track) and in the first sample entry of a visual track's `stsd` between two file positions."""
+    visual = False
     while begin + 8 <= end and budget[0] > 0:
         budget[0] -= 1
         stream.seek(begin)
@@ -53,16 +54,18 @@ def _mp4_sides(stream: BinaryIO, begin: int, end: int, budget: list[int]) -> Ite
         if box_end <= body - 8:
             return
         if kind in _MP4_FOLDERS:
-            yield from _mp4_sides(stream, body, box_end, budget)
+            if kind != b"minf" or visual:
+                yield from _mp4_sides(stream, body, box_end, budget)
+        elif kind == b"hdlr":
+            stream.seek(body + 8)
+            visual = stream.read(4) == b"vide"
         elif kind == b"tkhd":
             stream.seek(box_end - 8)
             yield from (side >> 16 for side in struct.unpack(">II", stream.read(8)))
         elif kind == b"stsd":
             # version and flags, count, then the first entry: size, format, 6 reserved, reference, 16 reserved, sides
-            stream.seek(body + 8)
-            entry = stream.read(36)
-            if len(entry) == 36 and not any(entry[8:14]) and not any(entry[16:20]):
-                yield from struct.unpack(">HH", entry[32:36])
+            stream.seek(body + 8 + 32)
+            yield from struct.unpack(">HH", stream.read(4))
         begin = box_end
 
 

@@ -160,7 +160,7 @@ def _luma(picture: VideoFrame) -> np.ndarray:
 
 
 def _first_plane(picture: VideoFrame, row_bytes: int) -> np.ndarray:
-    """The first plane as (H, row_bytes) uint8, sharing the picture's memory, without the padding at the ends of rows."""
+    """The first plane as (H, row_bytes) uint8, sharing the picture's memory, without the padding of rows."""
     plane = picture.planes[0]
     flat: np.ndarray = np.frombuffer(plane, np.uint8)  # type: ignore[call-overload]
     return flat.reshape(-1, plane.line_size)[: picture.height, :row_bytes]

@@ -9,7 +9,6 @@ import struct
 from typing import BinaryIO
 
 import numpy as np
-from av.sidedata.sidedata import Type as SideDataType
 from av.video.frame import PictureType, VideoFrame
 from av.video.stream import VideoStream
 
@@ -120,7 +119,7 @@ def _orientation(picture: VideoFrame) -> tuple[int, bool]:
 
     The display matrix [a b; c d] sends stored (x, y) to shown (a x + c y, b x + d y), y down, 16.16 fixed point.
     """
-    data = picture.side_data.get(SideDataType.DISPLAYMATRIX)
+    data = next((d for d in picture.side_data if d.type.name == "DISPLAYMATRIX"), None)
     if data is None:
         return 0, False
     a, b, _, c, d, *_ = struct.unpack("=9i", bytes(data)[:36])

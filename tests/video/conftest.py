@@ -43,7 +43,7 @@ def encode(
     full_range: bool = False,
     container_options: dict[str, str] | None = None,
 ) -> io.BytesIO:
-    """An encoded clip of numbered pictures; `times` are presentation times in time_base units (by default 40 ms steps)."""
+    """A clip of numbered pictures; `times` are presentation times in time_base units (40 ms steps by default)."""
     try:
         av.codec.Codec(codec, "w")
     except av.codec.codec.UnknownCodecError:
