@@ -1,1 +1,1 @@
-"""Shipped weight files: manifest, sha256, licences."""
+"""Weight files shipped with the package, each held to the sha256 of its manifest."""

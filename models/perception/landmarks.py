@@ -1,0 +1,55 @@
+"""The 33 body landmarks of the pose network: names, pairs, bones and per-landmark tolerance."""
+
+import numpy as np
+
+NAMES: tuple[str, ...] = (
+    "nose",
+    "left_eye_inner", "left_eye", "left_eye_outer", "right_eye_inner", "right_eye", "right_eye_outer",
+    "left_ear", "right_ear", "mouth_left", "mouth_right",
+    "left_shoulder", "right_shoulder", "left_elbow", "right_elbow", "left_wrist", "right_wrist",
+    "left_pinky", "right_pinky", "left_index", "right_index", "left_thumb", "right_thumb",
+    "left_hip", "right_hip", "left_knee", "right_knee", "left_ankle", "right_ankle",
+    "left_heel", "right_heel", "left_foot_index", "right_foot_index",
+)  # fmt: skip
+
+NUM_LANDMARKS = len(NAMES)
+INDEX: dict[str, int] = {name: i for i, name in enumerate(NAMES)}
+
+
+def _counterpart(name: str) -> str:
+    if "left" in name:
+        return name.replace("left", "right")
+    return name.replace("right", "left")
+
+
+SWAP = np.array([INDEX[_counterpart(name)] for name in NAMES])
+"""SWAP[k] is landmark k's counterpart on the other side: `keypoints[SWAP]` exchanges left and right."""
+
+SHOULDERS = (INDEX["left_shoulder"], INDEX["right_shoulder"])
+HIPS = (INDEX["left_hip"], INDEX["right_hip"])
+TORSO = (*SHOULDERS, *HIPS)
+KNEES = (INDEX["left_knee"], INDEX["right_knee"])
+ANKLES = (INDEX["left_ankle"], INDEX["right_ankle"])
+
+LIMBS = tuple(
+    INDEX[f"{side}_{joint}"]
+    for joint in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
+    for side in ("left", "right")
+)
+"""The 12 landmarks that carry the body's pose: shoulders, elbows, wrists, hips, knees, ankles."""
+
+BONES: tuple[tuple[int, int], ...] = tuple(
+    (INDEX[a], INDEX[b])
+    for a, b in (
+        ("nose", "left_eye"), ("left_eye", "left_ear"), ("nose", "right_eye"), ("right_eye", "right_ear"),
+        ("left_shoulder", "right_shoulder"), ("left_hip", "right_hip"),
+        ("left_shoulder", "left_elbow"), ("left_elbow", "left_wrist"), ("left_wrist", "left_index"),
+        ("right_shoulder", "right_elbow"), ("right_elbow", "right_wrist"), ("right_wrist", "right_index"),
+        ("left_shoulder", "left_hip"), ("right_shoulder", "right_hip"),
+        ("left_hip", "left_knee"), ("left_knee", "left_ankle"), ("left_ankle", "left_heel"),
+        ("left_heel", "left_foot_index"),
+        ("right_hip", "right_knee"), ("right_knee", "right_ankle"), ("right_ankle", "right_heel"),
+        ("right_heel", "right_foot_index"),
+    )
+)  # fmt: skip
+"""Pairs of landmarks to draw a line between."""

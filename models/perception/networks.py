@@ -1,0 +1,186 @@
+"""The two BlazePose networks on LiteRT: where people are, and 33 landmarks with a mask for one person's crop.
+
+Inputs are RGB pictures, outputs are decoded to source pixels (centres at (0.5, 0.5)). Interpreters are built once per
+process and lent to one caller at a time, so that stages of one video may run in several threads.
+"""
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import lru_cache
+from threading import Lock
+from typing import Any
+
+import cv2
+import numpy as np
+from ai_edge_litert.interpreter import Interpreter
+from jaxtyping import Float, UInt8
+
+from humanmm.models.perception import landmarks
+from humanmm.models.perception.regions import Region, body_region, crop, transform
+from humanmm.models.perception.tracks import MASK_SIDE
+from humanmm.models.weights.shipped import read_weights
+
+DETECTOR_SIDE = 224
+LANDMARK_SIDE = 256
+_VALUES_PER_LANDMARK = 5
+_AUXILIARY = slice(33, 35)
+"""Landmarks 33 and 34 are no body parts: hip centre and a point on the circle that holds the body."""
+
+
+@dataclass(frozen=True)
+class Detection:
+    """A person seen by the detector."""
+
+    score: float
+    region: Region
+    """Where to look for the landmarks."""
+    box: Float[np.ndarray, "4"]
+    """xyxy of the head and shoulders, source pixels."""
+
+
+@dataclass(frozen=True)
+class Landmarks:
+    """What the landmark network says about one crop."""
+
+    keypoints: Float[np.ndarray, "33 3"]
+    """x, y in source pixels, visibility 0..1."""
+    landmarks3d: Float[np.ndarray, "33 3"]
+    """Metres about the mid-hip, axes of the picture: x right, y down, z away."""
+    presence: float
+    """Probability that the crop holds a person."""
+    mask: UInt8[np.ndarray, "mask mask"]
+    """Probability × 255 of each mask pixel being the person; the crop's region, MASK_SIDE pixels a side."""
+    region: Region
+    """The crop."""
+    next_region: Region
+    """Where the network says that the body is: the crop for the next frame."""
+
+
+class InterpreterPool:
+    """Interpreters of one model; results do not depend on the number of threads."""
+
+    def __init__(self, model: bytes, threads: int) -> None:
+        self._model, self._threads = model, threads
+        self._idle: list[Interpreter] = []
+        self._lock = Lock()
+
+    @contextmanager
+    def lend(self) -> Iterator[Interpreter]:
+        """An interpreter for the caller alone; a new one is built when all are lent."""
+        with self._lock:
+            interpreter = self._idle.pop() if self._idle else None
+        if interpreter is None:
+            interpreter = Interpreter(model_content=self._model, num_threads=self._threads)
+            interpreter.allocate_tensors()
+        try:
+            yield interpreter
+        finally:
+            with self._lock:
+                self._idle.append(interpreter)
+
+
+@lru_cache(maxsize=4)
+def _pool(name: str) -> InterpreterPool:
+    return InterpreterPool(read_weights(name), threads=min(2, len(os.sched_getaffinity(0))))
+
+
+def _run(name: str, tensor: Float[np.ndarray, "1 side side 3"]) -> dict[str, np.ndarray]:
+    """All outputs of one inference, by tensor name."""
+    with _pool(name).lend() as interpreter:
+        interpreter.set_tensor(interpreter.get_input_details()[0]["index"], tensor)
+        interpreter.invoke()
+        outputs: list[dict[str, Any]] = interpreter.get_output_details()
+        return {output["name"]: interpreter.get_tensor(output["index"]) for output in outputs}
+
+
+def _sigmoid(x: np.ndarray) -> np.ndarray:
+    result: np.ndarray = 1 / (1 + np.exp(-np.clip(x, -80, 80)))
+    return result
+
+
+@lru_cache(maxsize=1)
+def _anchors() -> Float[np.ndarray, "2254 2"]:
+    """Centres of the detector's anchors in input pixels: two at 28², two at 14², six at 7² (three layers of two)."""
+    centres = []
+    for cells, repeat in ((28, 2), (14, 2), (7, 6)):
+        axis = (np.arange(cells) + 0.5) * (DETECTOR_SIDE / cells)
+        y, x = np.meshgrid(axis, axis, indexing="ij")
+        centres.append(np.repeat(np.stack([x, y], axis=-1).reshape(-1, 2), repeat, axis=0))
+    return np.concatenate(centres)
+
+
+def detect(image: UInt8[np.ndarray, "height width 3"], within: Region, *, threshold: float = 0.5) -> list[Detection]:
+    """People in an upright square region of the picture, best first, one detection a person."""
+    picture = crop(image, within, DETECTOR_SIDE)
+    outputs = _run("pose_detection.tflite", picture[None].astype(np.float32) / 127.5 - 1)
+    scores = _sigmoid(outputs["Identity_1"][0, :, 0])
+    chosen = np.flatnonzero(scores >= threshold)
+    if not len(chosen):
+        return []
+    raw = outputs["Identity"][0, chosen]
+    anchors = _anchors()[chosen]
+    boxes = np.concatenate([raw[:, :2] + anchors - raw[:, 2:4] / 2, raw[:, :2] + anchors + raw[:, 2:4] / 2], axis=1)
+    points = raw[:, 4:8].reshape(-1, 2, 2) + anchors[:, None]
+    to_source = within.to_source(DETECTOR_SIDE)
+    found = []
+    for members in _overlapping_groups(boxes, scores[chosen]):
+        # The networks were trained for the weighted mean of overlapping detections, not for the best one alone.
+        weights = scores[chosen][members] / scores[chosen][members].sum()
+        hip, rim = transform(to_source, np.tensordot(weights, points[members], axes=1))
+        corners = transform(to_source, (weights @ boxes[members]).reshape(2, 2))
+        found.append(Detection(float(scores[chosen][members].max()), body_region(hip, rim), corners.reshape(4)))
+    return found
+
+
+def _overlapping_groups(boxes: np.ndarray, scores: np.ndarray, overlap: float = 0.3) -> list[np.ndarray]:
+    """Indices of boxes that belong together: each best box with all that overlap it (weighted suppression)."""
+    rest, groups = np.argsort(-scores, kind="stable"), []
+    while len(rest):
+        same = box_overlaps(boxes[rest[:1]], boxes[rest])[0] > overlap
+        same[0] = True
+        groups.append(rest[same])
+        rest = rest[~same]
+    return groups
+
+
+def box_overlaps(a: Float[np.ndarray, "a 4"], b: Float[np.ndarray, "b 4"]) -> Float[np.ndarray, "a b"]:
+    """Intersection over union of every pair of xyxy boxes."""
+    low, high = np.maximum(a[:, None, :2], b[None, :, :2]), np.minimum(a[:, None, 2:], b[None, :, 2:])
+    shared = np.clip(high - low, 0, None).prod(axis=-1)
+    area_a, area_b = (a[:, 2:] - a[:, :2]).prod(axis=-1), (b[:, 2:] - b[:, :2]).prod(axis=-1)
+    union = area_a[:, None] + area_b[None] - shared
+    return np.divide(shared, union, out=np.zeros_like(shared), where=union > 0)
+
+
+def locate(image: UInt8[np.ndarray, "height width 3"], region: Region, *, mirrored: bool = False) -> Landmarks:
+    """Landmarks and mask of the person that fills a region; `mirrored` shows the network the crop's mirror image.
+
+    The answer for a mirrored crop is given in the unmirrored picture, with left and right named as seen there.
+    """
+    picture = crop(image, region, LANDMARK_SIDE)
+    if mirrored:
+        picture = np.ascontiguousarray(picture[:, ::-1])
+    outputs = _run("pose_landmark_full.tflite", picture[None].astype(np.float32) / 255)
+    raw = outputs["Identity"].reshape(-1, _VALUES_PER_LANDMARK)
+    world = outputs["Identity_4"].reshape(-1, 3)[: landmarks.NUM_LANDMARKS].astype(np.float64)
+    logits = outputs["Identity_2"][0, :, :, 0]
+    points, visibility = raw[:35, :2].astype(np.float64), _sigmoid(raw[: landmarks.NUM_LANDMARKS, 3])
+    if mirrored:
+        points = np.column_stack([LANDMARK_SIDE - points[:, 0], points[:, 1]])
+        points[: landmarks.NUM_LANDMARKS] = points[landmarks.SWAP]
+        world = (world * [-1, 1, 1])[landmarks.SWAP]
+        visibility, logits = visibility[landmarks.SWAP], logits[:, ::-1]
+    in_source = transform(region.to_source(LANDMARK_SIDE), points)
+    c, s = np.cos(region.angle), np.sin(region.angle)
+    turned = np.column_stack([c * world[:, 0] - s * world[:, 1], s * world[:, 0] + c * world[:, 1], world[:, 2]])
+    mask = cv2.resize(np.ascontiguousarray(logits), (MASK_SIDE, MASK_SIDE), interpolation=cv2.INTER_AREA)
+    return Landmarks(
+        keypoints=np.column_stack([in_source[: landmarks.NUM_LANDMARKS], visibility]),
+        landmarks3d=turned,
+        presence=float(outputs["Identity_1"].item()),
+        mask=(255 * _sigmoid(mask)).astype(np.uint8),
+        region=region,
+        next_region=body_region(*in_source[_AUXILIARY]),
+    )

@@ -1,0 +1,86 @@
+"""Square, turned regions of a picture: what the networks look at, and the maps between their pixels and the picture's.
+
+All coordinates have pixel centres at (0.5, 0.5); OpenCV's warp has them at integers, so half a pixel moves on each side.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from jaxtyping import Float, UInt8
+
+BODY_MARGIN = 1.25
+"""Side of a person's region over the diameter of the circle about the hips that holds the body: the networks' training."""
+
+
+@dataclass(frozen=True)
+class Region:
+    """A square of `side` pixels about (x, y), its upward axis turned by `angle` radians clockwise as seen on the picture."""
+
+    x: float
+    y: float
+    side: float
+    angle: float = 0.0
+
+    def to_source(self, size: int) -> Float[np.ndarray, "2 3"]:
+        """Affine map from pixels of a crop of size × size to the picture's."""
+        scale = self.side / size
+        c, s = np.cos(self.angle) * scale, np.sin(self.angle) * scale
+        linear = np.array([[c, -s], [s, c]])
+        offset = np.array([self.x, self.y]) - linear @ np.array([size / 2, size / 2])
+        return np.column_stack([linear, offset])
+
+    def scaled(self, factor: float) -> "Region":
+        """The region with its side multiplied by factor."""
+        return Region(self.x, self.y, self.side * factor, self.angle)
+
+    def moved(self, dx: float, dy: float) -> "Region":
+        """The region shifted by (dx, dy) pixels."""
+        return Region(self.x + dx, self.y + dy, self.side, self.angle)
+
+    def outlier_of(self, other: "Region", *, shift: float, ratio: float) -> bool:
+        """True where this region lies more than shift sides away from other, or differs in size by more than ratio."""
+        distance = float(np.hypot(self.x - other.x, self.y - other.y))
+        relative = self.side / other.side
+        return distance > shift * other.side or not 1 / ratio < relative < ratio
+
+
+def body_region(hip: np.ndarray, rim: np.ndarray) -> Region:
+    """Region of a person from the hip centre and the point above the head on the circle that holds the body."""
+    dx, dy = float(rim[0] - hip[0]), float(rim[1] - hip[1])
+    return Region(float(hip[0]), float(hip[1]), 2 * float(np.hypot(dx, dy)) * BODY_MARGIN, float(np.arctan2(dx, -dy)))
+
+
+def whole(image: UInt8[np.ndarray, "height width 3"]) -> Region:
+    """The smallest upright square that holds the picture."""
+    height, width = image.shape[:2]
+    return Region(width / 2, height / 2, float(max(height, width)))
+
+
+def transform(affine: Float[np.ndarray, "2 3"], points: Float[np.ndarray, "... 2"]) -> Float[np.ndarray, "... 2"]:
+    """Points through an affine map."""
+    moved: np.ndarray = points @ affine[:, :2].T + affine[:, 2]
+    return moved
+
+
+def invert(affine: Float[np.ndarray, "2 3"]) -> Float[np.ndarray, "2 3"]:
+    """The inverse affine map."""
+    linear = np.linalg.inv(affine[:, :2])
+    return np.column_stack([linear, -linear @ affine[:, 2]])
+
+
+def warp(image: np.ndarray, target_to_source: Float[np.ndarray, "2 3"], size: tuple[int, int], *, border: int = 0,
+         nearest: bool = False) -> np.ndarray:  # fmt: skip
+    """Picture of size (width, height) whose pixel p shows the source at target_to_source(p); `border` outside."""
+    matrix = target_to_source.copy()
+    matrix[:, 2] += matrix[:, :2] @ np.array([0.5, 0.5]) - 0.5
+    flags = (cv2.INTER_NEAREST if nearest else cv2.INTER_LINEAR) | cv2.WARP_INVERSE_MAP
+    warped: np.ndarray = cv2.warpAffine(
+        image, matrix, size, flags=flags, borderMode=cv2.BORDER_CONSTANT, borderValue=(border, border, border)
+    )
+    return warped
+
+
+def crop(image: UInt8[np.ndarray, "height width 3"], region: Region, size: int) -> UInt8[np.ndarray, "size size 3"]:
+    """The region as a size × size picture, black outside the frame."""
+    return warp(image, region.to_source(size), (size, size))

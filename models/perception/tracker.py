@@ -1,0 +1,195 @@
+"""Following everybody through one scene: each frame's crop comes from the last frame's landmarks, a search finds the rest.
+
+Frames come once, in order; the last few are kept, so that a person found late is followed back to where he appeared.
+"""
+
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import UInt8
+
+from humanmm.models.perception.networks import locate
+from humanmm.models.perception.observation import Observation, clothing_histogram, observe
+from humanmm.models.perception.regions import Region
+from humanmm.models.perception.search import QUICK, THOROUGH, Effort, find_people, paint_out, same_person
+from humanmm.models.perception.tracks import PersonTrack, ScenePeople
+
+Image = UInt8[np.ndarray, "height width 3"]
+
+QUICK_PERIOD_S, THOROUGH_PERIOD_S = 0.33, 1.5
+HISTOGRAM_PERIOD_S = 0.2
+MIN_TRACK_S = 0.25
+
+
+@dataclass
+class Trail:
+    """A track while it grows: packed observations only."""
+
+    last: Observation
+    last_frame: int
+    velocity: tuple[float, float] = (0.0, 0.0)
+    rows: dict[int, tuple[np.ndarray, ...]] = field(default_factory=dict)
+    colours: np.ndarray | None = None
+    colour_frame: int = -(1 << 30)
+    active: bool = True
+
+    def predicted(self) -> Region:
+        return self.last.next_region.moved(*self.velocity)
+
+    def add(self, frame: int, seen: Observation) -> None:
+        """Take an observation in; frames may come in either direction."""
+        steps = frame - self.last_frame
+        if steps:
+            side = seen.next_region.side
+            step = np.array([seen.next_region.x - self.last.next_region.x, seen.next_region.y - self.last.next_region.y])
+            step = np.clip(step / abs(steps), -0.1 * side, 0.1 * side)
+            self.velocity = (float(step[0]), float(step[1]))
+        self.last, self.last_frame = seen, frame
+        self.rows[frame] = (
+            seen.keypoints.astype(np.float32),
+            seen.landmarks3d.astype(np.float32),
+            seen.bbox.astype(np.float32),
+            np.float32(seen.confidence),
+            np.packbits(seen.mask, axis=-1),
+            seen.mask_to_source.astype(np.float32),
+        )
+
+    def finished(self) -> PersonTrack:
+        frames = sorted(self.rows)
+        columns = [np.stack(column) for column in zip(*(self.rows[f] for f in frames), strict=True)]
+        colours = self.colours if self.colours is not None else np.zeros(0)
+        return PersonTrack(
+            np.array(frames, np.int32), *columns, color_histogram=(colours / max(colours.sum(), 1e-9)).astype(np.float32)
+        )
+
+
+class SceneTracker:
+    """State of one scene; `step` takes its frames in order, `finish` gives the tracks."""
+
+    def __init__(self, *, fps: float, max_people: int) -> None:
+        self._fps = fps if fps > 0 else 30.0
+        self._max_people = max_people
+        self._trails: list[Trail] = []
+        self._recent: deque[tuple[int, Image]] = deque(maxlen=round(np.clip(QUICK_PERIOD_S * self._fps, 3, 20)) + 1)
+        self._next_quick = self._next_thorough = -1
+
+    def step(self, frame: int, image: Image) -> None:
+        """Look at one frame."""
+        self._recent.append((frame, image))
+        active = [trail for trail in self._trails if trail.active]
+        seen, lost = self._follow(frame, image, active)
+        if frame >= self._next_thorough:
+            self._search(frame, image, seen, THOROUGH)
+            self._next_thorough = frame + max(1, round(THOROUGH_PERIOD_S * self._fps))
+            self._next_quick = frame + max(1, round(QUICK_PERIOD_S * self._fps))
+        elif frame >= self._next_quick or lost:
+            self._search(frame, image, seen, QUICK)
+            self._next_quick = frame + max(1, round(QUICK_PERIOD_S * self._fps))
+
+    def finish(self, start: int, end: int) -> ScenePeople:
+        """All tracks of the scene [start, end)."""
+        shortest = min(MIN_TRACK_S * self._fps, 0.5 * (end - start))
+        tracks = [trail.finished() for trail in self._trails if len(trail.rows) >= shortest]
+        tracks.sort(key=lambda t: -float(((t.bbox[:, 2:] - t.bbox[:, :2]).prod(axis=1)).sum()))
+        return ScenePeople(start, end, tuple(tracks))
+
+    def _follow(self, frame: int, image: Image, active: list[Trail]) -> tuple[list[Observation], bool]:
+        seen: list[Observation] = []
+        lost = False
+        for trail in active:
+            observation = _look(image, trail)
+            if observation is not None and any(same_person(observation, other) for other in seen):
+                canvas = image.copy()
+                for other in seen:
+                    paint_out(canvas, other)
+                observation = _look(canvas, trail)
+                if observation is not None and any(same_person(observation, other) for other in seen):
+                    observation = None
+            if observation is None:
+                trail.active, lost = False, True
+                continue
+            trail.add(frame, observation)
+            self._colour(trail, frame, image, observation)
+            seen.append(observation)
+        return seen, lost
+
+    def _search(self, frame: int, image: Image, seen: list[Observation], effort: Effort) -> None:
+        limit = self._max_people - len(seen)
+        if limit <= 0:
+            return
+        for person in find_people(image, seen, effort, limit=limit):
+            trail = self._resumed(frame, person)
+            if trail is None:
+                trail = Trail(person, frame)
+                trail.add(frame, person)
+                self._trails.append(trail)
+                self._follow_back(frame, trail)
+                trail.last, trail.last_frame = person, frame
+            else:
+                trail.velocity = (0.0, 0.0)
+                trail.add(frame, person)
+            self._colour(trail, frame, image, person)
+
+    def _resumed(self, frame: int, person: Observation) -> Trail | None:
+        """The lost trail that this person continues: near in time, place and size."""
+        best, best_distance = None, 0.5
+        for trail in self._trails:
+            gap = (frame - trail.last_frame) / self._fps
+            if trail.active or not 0 < gap < 1.0:
+                continue
+            side = trail.last.next_region.side
+            there = person.next_region
+            distance = np.hypot(there.x - trail.last.next_region.x, there.y - trail.last.next_region.y) / side
+            if distance < best_distance and 0.6 < there.side / side < 1.6:
+                best, best_distance = trail, distance
+        if best is not None:
+            best.active = True
+        return best
+
+    def _follow_back(self, frame: int, trail: Trail) -> None:
+        for earlier, image in reversed(self._recent):
+            if earlier >= frame:
+                continue
+            observation = _look(image, trail)
+            if observation is None or any(
+                other is not trail and earlier in other.rows and _covers(other.rows[earlier][2], observation.bbox)
+                for other in self._trails
+            ):
+                break
+            trail.add(earlier, observation)
+        trail.velocity = (-trail.velocity[0], -trail.velocity[1])
+
+    def _colour(self, trail: Trail, frame: int, image: Image, seen: Observation) -> None:
+        if frame - trail.colour_frame < HISTOGRAM_PERIOD_S * self._fps:
+            return
+        colours = clothing_histogram(image, seen) * seen.confidence
+        trail.colours = colours if trail.colours is None else trail.colours + colours
+        trail.colour_frame = frame
+
+
+def _covers(a: np.ndarray, b: np.ndarray) -> bool:
+    from humanmm.models.perception.networks import box_overlaps
+
+    return bool(box_overlaps(a[None], b[None])[0, 0] > 0.6)
+
+
+def _look(image: Image, trail: Trail) -> Observation | None:
+    """The trail's person in a neighbouring frame; a crop that jumped or changed size is looked at again."""
+    region = trail.predicted()
+    frame_size = (image.shape[1], image.shape[0])
+    answer = locate(image, region)
+    if answer.next_region.outlier_of(region, shift=0.12, ratio=1.3):
+        answer = locate(image, answer.next_region)
+        if answer.next_region.outlier_of(region, shift=0.35, ratio=1.6):
+            return None
+    return observe(answer, frame_size)
+
+
+def track_people(frames: Iterable[tuple[int, Image]], *, start: int, end: int, fps: float, max_people: int) -> ScenePeople:
+    """Everybody in the frames [start, end) of one scene."""
+    tracker = SceneTracker(fps=fps, max_people=max_people)
+    for frame, image in frames:
+        tracker.step(frame, image)
+    return tracker.finish(start, end)
