@@ -9,10 +9,12 @@ from jaxtyping import UInt8
 
 from humanmm.models.perception.networks import detect, locate
 from humanmm.models.perception.observation import Observation, observe, similarity
-from humanmm.models.perception.regions import Region, transform, whole
+from humanmm.models.perception.regions import Region, transform, warp, whole
 
 SETTLE_ROUNDS = 3
 DUPLICATE_SIMILARITY = 0.5
+MAX_COVERED = 0.5
+"""A painted-out silhouette still looks like a person: whoever lies mostly on paint is nobody new."""
 _PAINT = (127, 127, 127)
 
 
@@ -32,44 +34,41 @@ def find_people(
     image: UInt8[np.ndarray, "height width 3"], known: list[Observation], effort: Effort, *, limit: int
 ) -> list[Observation]:
     """People in the frame who are not among the known, at most `limit` of them."""
-    found: list[Observation] = []
-    canvas = image
-    if known:
-        canvas = image.copy()
+    search = _Search(image, known)
+    for within in [whole(image), *(tiles(image) if effort.tiles else [])]:
+        while len(search.found) < limit:
+            regions = [detection.region for detection in detect(search.canvas, within)]
+            if not any([search.take(region) for region in regions[: limit - len(search.found)]]):
+                break
+    if effort.tiles:
+        for region in _upright_boxes(search.canvas):
+            if len(search.found) < limit:
+                search.take(region)
+    return search.found
+
+
+class _Search:
+    """One frame's search: who was found, and the frame with everybody found painted out."""
+
+    def __init__(self, image: UInt8[np.ndarray, "height width 3"], known: list[Observation]) -> None:
+        self._known = known
+        self.found: list[Observation] = []
+        self.canvas = image.copy()
+        self._painted = np.zeros(image.shape[:2], np.uint8)
         for person in known:
-            paint_out(canvas, person)
-    candidates = [whole(image)]
-    if effort.tiles:
-        candidates += tiles(image)
-    for place, within in enumerate(candidates):
-        for _ in range(limit + 1):
-            if len(found) >= limit:
-                return found
-            fresh = [
-                person
-                for detection in detect(canvas, within)
-                if (person := settle(canvas, detection.region)) is not None
-                and not any(same_person(person, other) for other in [*known, *found])
-            ]
-            fresh = _without_duplicates(fresh)[: limit - len(found)]
-            if not fresh:
-                break
-            found += fresh
-            if canvas is image:
-                canvas = image.copy()
-            for person in fresh:
-                paint_out(canvas, person)
-    if effort.tiles:
-        for region in _upright_boxes(canvas):
-            if len(found) >= limit:
-                break
-            person = settle(canvas, region)
-            if person is not None and not any(same_person(person, other) for other in [*known, *found]):
-                found.append(person)
-                if canvas is image:
-                    canvas = image.copy()
-                paint_out(canvas, person)
-    return found
+            paint_out(self.canvas, person, self._painted)
+
+    def take(self, region: Region) -> bool:
+        """Look at a region; True when it holds somebody new, who is then painted out."""
+        person = settle(self.canvas, region)
+        if person is None or any(same_person(person, other) for other in [*self._known, *self.found]):
+            return False
+        covered = warp(self._painted, person.mask_to_source, (person.mask.shape[1], person.mask.shape[0]), nearest=True)
+        if (covered * person.mask).sum() > MAX_COVERED * max(int(person.mask.sum()), 1):
+            return False
+        self.found.append(person)
+        paint_out(self.canvas, person, self._painted)
+        return True
 
 
 def settle(image: UInt8[np.ndarray, "height width 3"], region: Region) -> Observation | None:
@@ -90,16 +89,10 @@ def same_person(a: Observation, b: Observation) -> bool:
     return similarity(a.keypoints, b.keypoints, min(a.region.side, b.region.side)) > DUPLICATE_SIMILARITY
 
 
-def _without_duplicates(people: list[Observation]) -> list[Observation]:
-    kept: list[Observation] = []
-    for person in sorted(people, key=lambda p: -p.confidence):
-        if not any(same_person(person, other) for other in kept):
-            kept.append(person)
-    return kept
-
-
-def paint_out(canvas: UInt8[np.ndarray, "height width 3"], person: Observation) -> None:
-    """Cover the person's mask with grey, in place, so that the networks see who else is there."""
+def paint_out(
+    canvas: UInt8[np.ndarray, "height width 3"], person: Observation, painted: UInt8[np.ndarray, "height width"] | None = None
+) -> None:
+    """Cover the person's mask with grey, in place, so that the networks see who else is there; note 1 in `painted`."""
     region, size = person.region, person.mask.shape[0]
     grown = cv2.dilate(person.mask, np.ones((5, 5), np.uint8))
     low = np.floor([region.x - 0.75 * region.side, region.y - 0.75 * region.side]).astype(int)
@@ -111,6 +104,8 @@ def paint_out(canvas: UInt8[np.ndarray, "height width 3"], person: Observation) 
     matrix[:, 2] += matrix[:, :2] @ np.array([0.5, 0.5]) - 0.5 - low
     covered = cv2.warpAffine(grown, matrix, (int(high[0] - low[0]), int(high[1] - low[1])), flags=cv2.INTER_NEAREST)
     canvas[low[1] : high[1], low[0] : high[0]][covered > 0] = _PAINT
+    if painted is not None:
+        painted[low[1] : high[1], low[0] : high[0]][covered > 0] = 1
 
 
 def tiles(image: UInt8[np.ndarray, "height width 3"]) -> list[Region]:

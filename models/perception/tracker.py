@@ -5,12 +5,12 @@ Frames come once, in order; the last few are kept, so that a person found late i
 
 from collections import deque
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import UInt8
 
-from humanmm.models.perception.networks import locate
+from humanmm.models.perception.networks import box_overlaps, locate
 from humanmm.models.perception.observation import Observation, clothing_histogram, observe
 from humanmm.models.perception.regions import Region
 from humanmm.models.perception.search import QUICK, THOROUGH, Effort, find_people, paint_out, same_person
@@ -170,8 +170,6 @@ class SceneTracker:
 
 
 def _covers(a: np.ndarray, b: np.ndarray) -> bool:
-    from humanmm.models.perception.networks import box_overlaps
-
     return bool(box_overlaps(a[None], b[None])[0, 0] > 0.6)
 
 
@@ -187,9 +185,31 @@ def _look(image: Image, trail: Trail) -> Observation | None:
     return observe(answer, frame_size)
 
 
-def track_people(frames: Iterable[tuple[int, Image]], *, start: int, end: int, fps: float, max_people: int) -> ScenePeople:
-    """Everybody in the frames [start, end) of one scene."""
+def track_people(
+    frames: Iterable[tuple[int, Image]], *, start: int, end: int, fps: float, size: tuple[int, int], max_people: int
+) -> ScenePeople:
+    """Everybody in the frames [start, end) of one scene.
+
+    Pictures may be smaller than the source (`size` is its width and height): results are in source pixels.
+    """
     tracker = SceneTracker(fps=fps, max_people=max_people)
+    scale = np.ones(2)
     for frame, image in frames:
+        scale = np.array(size) / (image.shape[1], image.shape[0])
         tracker.step(frame, image)
-    return tracker.finish(start, end)
+    return _in_source_pixels(tracker.finish(start, end), scale)
+
+
+def _in_source_pixels(people: ScenePeople, scale: np.ndarray) -> ScenePeople:
+    if (scale == 1).all():
+        return people
+    tracks = tuple(
+        replace(
+            track,
+            keypoints2d=(track.keypoints2d * [*scale, 1]).astype(np.float32),
+            bbox=(track.bbox * [*scale, *scale]).astype(np.float32),
+            mask_affine=(track.mask_affine * scale[:, None]).astype(np.float32),
+        )
+        for track in people.tracks
+    )
+    return replace(people, tracks=tracks)

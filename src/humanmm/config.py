@@ -32,6 +32,9 @@ class PeopleConfig(Section):
     max_people: Annotated[int, Field(ge=1, le=32)] = 6
     """Largest number of people tracked at the same time."""
 
+    max_side_px: Annotated[int, Field(ge=320, le=8192)] = 1920
+    """Largest side of the picture that the detector works on; larger videos are looked at reduced, in pixels."""
+
 
 class ShotsConfig(Section):
     """Cuts from boxes and keypoints (paper section 3.1, parts 2 and 3) and identities across cuts."""

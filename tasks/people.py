@@ -1,0 +1,28 @@
+"""Everybody in one scene: keypoints, 3D landmarks, masks and tracks."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from humanmm.models.perception.tracker import track_people
+from humanmm.models.perception.tracks import ScenePeople
+from humanmm.models.video.facts import VideoFacts
+from humanmm.models.video.frames import frames
+from humanmm.tasks.inputs import StageInputs
+
+
+def people(inputs: StageInputs) -> ScenePeople:
+    """The tracks of all people in the scene's frames."""
+    facts = inputs.read("decode", VideoFacts)
+    settings = inputs.config.people
+    start, end = inputs.span
+
+    def pictures() -> Iterator[tuple[int, np.ndarray]]:
+        for frame in frames(stream, facts, start, end, max_side_px=settings.max_side_px):
+            yield frame.index, frame.image
+            inputs.progress(frame.index + 1 - start, end - start)
+
+    with inputs.open_video() as stream:
+        return track_people(
+            pictures(), start=start, end=end, fps=facts.fps, size=(facts.width, facts.height), max_people=settings.max_people
+        )
