@@ -24,5 +24,10 @@ def people(inputs: StageInputs) -> ScenePeople:
 
     with inputs.open_video() as stream:
         return track_people(
-            pictures(), start=start, end=end, fps=facts.fps, size=(facts.width, facts.height), max_people=settings.max_people
+            pictures(),
+            start=start,
+            end=end,
+            fps=facts.fps,
+            size=(facts.width, facts.height),
+            max_people=settings.max_people,
         )

@@ -151,7 +151,8 @@ def box_overlaps(a: Float[np.ndarray, "a 4"], b: Float[np.ndarray, "b 4"]) -> Fl
     shared = np.clip(high - low, 0, None).prod(axis=-1)
     area_a, area_b = (a[:, 2:] - a[:, :2]).prod(axis=-1), (b[:, 2:] - b[:, :2]).prod(axis=-1)
     union = area_a[:, None] + area_b[None] - shared
-    return np.divide(shared, union, out=np.zeros_like(shared), where=union > 0)
+    overlap: np.ndarray = shared / np.maximum(union, 1e-9)
+    return overlap
 
 
 def locate(image: UInt8[np.ndarray, "height width 3"], region: Region, *, mirrored: bool = False) -> Landmarks:

@@ -19,7 +19,7 @@ _MASK_ON = 128
 
 HUE_BINS, SATURATION_BINS, GREY_BINS = 12, 3, 4
 HISTOGRAM_BINS = 2 * (HUE_BINS * SATURATION_BINS + GREY_BINS)
-"""Colours of the upper and of the lower body: hue × saturation where there is colour, brightness where there is none."""
+"""Colours of the upper and of the lower body: hue × saturation, or brightness where there is no colour."""
 
 
 @dataclass(frozen=True)
@@ -48,8 +48,8 @@ class Observation:
 def observe(answer: Landmarks, frame_size: tuple[int, int]) -> Observation | None:
     """The observation in a network's answer, or None where the crop holds no usable person.
 
-    Presence alone is no gate: a loudspeaker scores 0.95, and a face that fills the frame gives a confident body that is not
-    there. A usable person shows most of the torso inside the frame, and the landmarks lie on the mask.
+    Presence alone is no gate: a loudspeaker scores 0.95, and a face that fills the frame gives a confident body that
+    is not there. A usable person shows most of the torso inside the frame, and the landmarks lie on the mask.
     """
     confidence = _confidence(answer, frame_size)
     if confidence < MIN_CONFIDENCE:
@@ -58,15 +58,13 @@ def observe(answer: Landmarks, frame_size: tuple[int, int]) -> Observation | Non
     bbox = _visible_box(answer.keypoints, mask, answer.region, frame_size)
     if bbox is None:
         return None
-    return Observation(
-        answer.keypoints, answer.landmarks3d, bbox, confidence, mask, answer.region, answer.next_region
-    )
+    return Observation(answer.keypoints, answer.landmarks3d, bbox, confidence, mask, answer.region, answer.next_region)
 
 
 def inside(points: Float[np.ndarray, "n 2"], frame_size: tuple[int, int], margin: float = 0.0) -> np.ndarray:
     """Which points lie in the frame (width, height), or at most `margin` pixels outside."""
-    result: np.ndarray = ((points >= -margin) & (points <= np.array(frame_size) + margin)).all(axis=-1)
-    return result
+    within: np.ndarray = (points >= -margin) & (points <= np.array(frame_size) + margin)
+    return np.asarray(within.all(axis=-1))
 
 
 def on_mask(keypoints: Float[np.ndarray, "n 3"], mask: np.ndarray, region: Region, reach: int = 5) -> np.ndarray:
@@ -120,7 +118,7 @@ def _visible_box(
 
 
 def similarity(a: Float[np.ndarray, "33 3"], b: Float[np.ndarray, "33 3"], side: float) -> float:
-    """Object keypoint similarity of two poses over the 12 limb landmarks, 1 for equal; `side` is the person's region."""
+    """Object keypoint similarity of two poses over the 12 limb landmarks, 1 for equal; side: the region's."""
     limbs = list(landmarks.LIMBS)
     weight = np.minimum(a[limbs, 2], b[limbs, 2]) + 1e-3
     squared = ((a[limbs, :2] - b[limbs, :2]) ** 2).sum(axis=1)

@@ -1,6 +1,7 @@
-"""Square, turned regions of a picture: what the networks look at, and the maps between their pixels and the picture's.
+"""Square, turned regions of a picture: what the networks look at, and the maps from their pixels to the picture's.
 
-All coordinates have pixel centres at (0.5, 0.5); OpenCV's warp has them at integers, so half a pixel moves on each side.
+All coordinates have pixel centres at (0.5, 0.5); OpenCV's warp has them at integers, so half a pixel moves on each
+side.
 """
 
 from dataclasses import dataclass
@@ -10,12 +11,12 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 BODY_MARGIN = 1.25
-"""Side of a person's region over the diameter of the circle about the hips that holds the body: the networks' training."""
+"""Side of a person's region over the diameter of the circle about the hips that holds the body, as in training."""
 
 
 @dataclass(frozen=True)
 class Region:
-    """A square of `side` pixels about (x, y), its upward axis turned by `angle` radians clockwise as seen on the picture."""
+    """A square of `side` pixels about (x, y), its upward axis turned clockwise by `angle` radians on the picture."""
 
     x: float
     y: float

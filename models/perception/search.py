@@ -90,7 +90,9 @@ def same_person(a: Observation, b: Observation) -> bool:
 
 
 def paint_out(
-    canvas: UInt8[np.ndarray, "height width 3"], person: Observation, painted: UInt8[np.ndarray, "height width"] | None = None
+    canvas: UInt8[np.ndarray, "height width 3"],
+    person: Observation,
+    painted: UInt8[np.ndarray, "height width"] | None = None,
 ) -> None:
     """Cover the person's mask with grey, in place, so that the networks see who else is there; note 1 in `painted`."""
     region, size = person.region, person.mask.shape[0]

@@ -1,4 +1,4 @@
-"""Following everybody through one scene: each frame's crop comes from the last frame's landmarks, a search finds the rest.
+"""Following everybody through one scene: a frame's crop comes from the last frame's landmarks, a search finds the rest.
 
 Frames come once, in order; the last few are kept, so that a person found late is followed back to where he appeared.
 """
@@ -43,15 +43,15 @@ class Trail:
         steps = frame - self.last_frame
         if steps:
             side = seen.next_region.side
-            step = np.array([seen.next_region.x - self.last.next_region.x, seen.next_region.y - self.last.next_region.y])
-            step = np.clip(step / abs(steps), -0.1 * side, 0.1 * side)
+            before, now = self.last.next_region, seen.next_region
+            step = np.clip(np.array([now.x - before.x, now.y - before.y]) / abs(steps), -0.1 * side, 0.1 * side)
             self.velocity = (float(step[0]), float(step[1]))
         self.last, self.last_frame = seen, frame
         self.rows[frame] = (
             seen.keypoints.astype(np.float32),
             seen.landmarks3d.astype(np.float32),
             seen.bbox.astype(np.float32),
-            np.float32(seen.confidence),
+            np.array(seen.confidence, np.float32),
             np.packbits(seen.mask, axis=-1),
             seen.mask_to_source.astype(np.float32),
         )
@@ -61,7 +61,14 @@ class Trail:
         columns = [np.stack(column) for column in zip(*(self.rows[f] for f in frames), strict=True)]
         colours = self.colours if self.colours is not None else np.zeros(0)
         return PersonTrack(
-            np.array(frames, np.int32), *columns, color_histogram=(colours / max(colours.sum(), 1e-9)).astype(np.float32)
+            frame=np.array(frames, np.int32),
+            keypoints2d=columns[0],
+            landmarks3d=columns[1],
+            bbox=columns[2],
+            confidence=columns[3],
+            mask_bits=columns[4],
+            mask_affine=columns[5],
+            color_histogram=(colours / max(colours.sum(), 1e-9)).astype(np.float32),
         )
 
 

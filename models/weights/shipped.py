@@ -39,7 +39,8 @@ def manifest() -> Mapping[str, WeightFile]:
         entries = json.loads((folder() / MANIFEST).read_text(encoding="utf-8"))["files"]
         return {entry["name"]: WeightFile(**entry) for entry in entries}
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise WeightsError(f"the list of weight files ({MANIFEST}) cannot be read: {error}; reinstall humanmm") from error
+        message = f"the list of weight files ({MANIFEST}) cannot be read: {error}; reinstall humanmm"
+        raise WeightsError(message) from error
 
 
 def read_weights(name: str) -> bytes:
