@@ -1,1 +1,1 @@
-"""Metrics of the paper and of the field, as pure functions."""
+"""Figures of merit of a recovered motion against its truth, as the field defines them: arrays in, numbers out."""

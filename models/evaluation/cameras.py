@@ -1,0 +1,113 @@
+"""Errors of the recovered cameras: absolute trajectory, steps inside shots, rotation across cuts, drift, focal length."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from humanmm.models.evaluation.alignment import fit_similarity, rotation_angle_deg
+from humanmm.models.evaluation.take import CameraTake, UndefinedFigureError
+
+SAME_PLACE_M = 1e-6
+"""Camera centres closer together than this are one place, to which no similarity can be fitted."""
+
+
+def known(cameras: CameraTake) -> Bool[np.ndarray, "frames"]:
+    """(F,) true where rotation and centre are finite."""
+    return np.asarray(np.isfinite(cameras.R_world_cam).all(axis=(1, 2)) & np.isfinite(cameras.t_world_cam).all(axis=1))
+
+
+def absolute_trajectory_error_m(
+    predicted: Float[np.ndarray, "frames 3"], truth: Float[np.ndarray, "frames 3"]
+) -> float:
+    """ATE: root mean square distance of the camera centres, metres, after one similarity over the whole video."""
+    if len(truth) < 2 or np.ptp(truth, axis=0).max() < SAME_PLACE_M:
+        raise UndefinedFigureError("the true camera never leaves its place, so no similarity can be fitted")
+    aligned = fit_similarity(predicted, truth).apply(predicted)
+    return float(np.sqrt(((aligned - truth) ** 2).sum(axis=-1).mean()))
+
+
+def relative_pose_errors(
+    predicted: CameraTake,
+    truth: CameraTake,
+    *,
+    shots: Sequence[tuple[int, int]],
+    usable: Bool[np.ndarray, "frames"],
+) -> tuple[float, float]:
+    """RPE over 1-frame steps inside shots: (degrees, metres), rmse of each shot, mean over shots. No alignment, no scale."""
+    rotation_deg, translation_m = [], []
+    for start, end in shots:
+        steps = np.flatnonzero(usable[start : end - 1] & usable[start + 1 : end]) + start
+        if len(steps) == 0:
+            continue
+        R_predicted, t_predicted = _steps(predicted, steps)
+        R_truth, t_truth = _steps(truth, steps)
+        R_truth_T = np.swapaxes(R_truth, -1, -2)
+        angles = rotation_angle_deg(R_truth_T @ R_predicted)
+        offsets = (R_truth_T @ (t_predicted - t_truth)[..., None])[..., 0]
+        rotation_deg.append(np.sqrt((angles**2).mean()))
+        translation_m.append(np.sqrt((offsets**2).sum(axis=-1).mean()))
+    if not rotation_deg:
+        raise UndefinedFigureError("no shot has two consecutive frames with a known camera on both sides")
+    return float(np.mean(rotation_deg)), float(np.mean(translation_m))
+
+
+def cut_rotation_errors_deg(
+    predicted: CameraTake,
+    truth: CameraTake,
+    *,
+    cut_frames: Sequence[int],
+    usable: Bool[np.ndarray, "frames"],
+) -> list[float | None]:
+    """Error of the relative camera rotation across each of the truth's cuts, degrees; None where a side is not known."""
+    errors: list[float | None] = []
+    for cut in cut_frames:
+        if not (0 < cut < len(usable) and usable[cut - 1] and usable[cut]):
+            errors.append(None)
+            continue
+        turn_predicted = predicted.R_world_cam[cut - 1].T @ predicted.R_world_cam[cut]
+        turn_truth = truth.R_world_cam[cut - 1].T @ truth.R_world_cam[cut]
+        errors.append(float(rotation_angle_deg(turn_truth.T @ turn_predicted)))
+    return errors
+
+
+def shot_drift_deg(
+    predicted: CameraTake,
+    truth: CameraTake,
+    *,
+    shots: Sequence[tuple[int, int]],
+    usable: Bool[np.ndarray, "frames"],
+) -> float:
+    """Worst error, degrees, of a camera's rotation against its own shot's first frame."""
+    worst = []
+    for start, end in shots:
+        frames = np.flatnonzero(usable[start:end]) + start
+        if len(frames) == 0:
+            continue
+        turn_predicted = predicted.R_world_cam[frames[0]].T @ predicted.R_world_cam[frames]
+        turn_truth = truth.R_world_cam[frames[0]].T @ truth.R_world_cam[frames]
+        worst.append(rotation_angle_deg(np.swapaxes(turn_truth, -1, -2) @ turn_predicted).max())
+    if not worst:
+        raise UndefinedFigureError("no frame has a known camera on both sides")
+    return float(max(worst))
+
+
+def focal_error_pct(
+    K_predicted: Float[np.ndarray, "frames 3 3"], K_truth: Float[np.ndarray, "frames 3 3"]
+) -> float:
+    """Mean absolute error of the focal length (mean of fx and fy), percent of the true one."""
+    focal_predicted = 0.5 * (K_predicted[:, 0, 0] + K_predicted[:, 1, 1])
+    focal_truth = 0.5 * (K_truth[:, 0, 0] + K_truth[:, 1, 1])
+    usable = np.isfinite(focal_predicted) & np.isfinite(focal_truth) & (focal_truth > 0)
+    if not usable.any():
+        raise UndefinedFigureError("no frame has a known focal length on both sides")
+    return 100.0 * float(np.abs(focal_predicted[usable] / focal_truth[usable] - 1.0).mean())
+
+
+def _steps(
+    cameras: CameraTake, frames: np.ndarray
+) -> tuple[Float[np.ndarray, "steps 3 3"], Float[np.ndarray, "steps 3"]]:
+    """Pose of each next camera in the axes of this one: inverse(T_world_cam[i]) T_world_cam[i + 1]."""
+    R_cam_world = np.swapaxes(cameras.R_world_cam[frames], -1, -2)
+    way = cameras.t_world_cam[frames + 1] - cameras.t_world_cam[frames]
+    return R_cam_world @ cameras.R_world_cam[frames + 1], (R_cam_world @ way[..., None])[..., 0]

@@ -1,0 +1,317 @@
+"""All figures of a predicted take against a true one, gathered into one report.
+
+Errors are over the frames that both have; people are matched by their boxes; a figure is the mean over the truth's people.
+"""
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, fields
+from typing import TypeVar
+
+import numpy as np
+
+from humanmm.models.evaluation import cameras, contacts, orientation, pose, smoothness, trajectory
+from humanmm.models.evaluation.cuts import score_cuts
+from humanmm.models.evaluation.pairs import Pair, known_rows, make_pair
+from humanmm.models.evaluation.people import match_people
+from humanmm.models.evaluation.report import Report
+from humanmm.models.evaluation.skeleton import FOOT_NAMES, indices, pick, shared_names
+from humanmm.models.evaluation.take import CameraTake, PersonTake, Take, UndefinedFigureError
+from humanmm.models.evaluation.vertices import pve_mm
+
+T = TypeVar("T")
+
+FPS_TOLERANCE = 0.01
+"""Frame rates that differ by more than this share belong to different videos."""
+
+
+@dataclass(frozen=True)
+class PersonFigures:
+    """The figures of one of the truth's people; names as in Report."""
+
+    coverage: float | None = None
+    pa_mpjpe_mm: float | None = None
+    mpjpe_mm: float | None = None
+    mpjpe_cam_mm: float | None = None
+    pve_mm: float | None = None
+    wa_mpjpe100_mm: float | None = None
+    w_mpjpe100_mm: float | None = None
+    rte_pct: float | None = None
+    rte_m: float | None = None
+    roe_deg: float | None = None
+    roe_yaw_deg: float | None = None
+    accel_ms2: float | None = None
+    jitter: float | None = None
+    jitter_gt: float | None = None
+    foot_sliding_mm: float | None = None
+    foot_sliding_gt_mm: float | None = None
+    cut_jump_m: float | None = None
+    cut_jump_deg: float | None = None
+
+
+@dataclass(frozen=True)
+class CameraFigures:
+    """The figures of the cameras; names as in Report."""
+
+    cam_ate_m: float | None = None
+    cam_rpe_rot_deg: float | None = None
+    cam_rpe_trans_m: float | None = None
+    cam_cut_rot_deg: list[float | None] | None = None
+    cam_shot_drift_deg: float | None = None
+    focal_err_pct: float | None = None
+
+
+class Problems:
+    """Collects what could not be had, one sentence each."""
+
+    def __init__(self) -> None:
+        self.sentences: list[str] = []
+
+    def note(self, sentence: str) -> None:
+        """Add a sentence, once."""
+        if sentence not in self.sentences:
+            self.sentences.append(sentence)
+
+    def figure(self, names: str, compute: Callable[[], T]) -> T | None:
+        """What `compute` returns, or None with the reason noted."""
+        try:
+            return compute()
+        except UndefinedFigureError as reason:
+            self.note(f"{names}: {reason}.")
+            return None
+
+
+def evaluate(prediction: Take, truth: Take) -> Report:
+    """Every figure of the prediction against the truth."""
+    problems = Problems()
+    for take, side in ((truth, "truth"), (prediction, "prediction")):
+        for note in take.notes:
+            problems.note(f"{side}: {note}")
+    if prediction.num_frames != truth.num_frames:
+        problems.note(
+            f"The prediction has {prediction.num_frames} frames and the truth {truth.num_frames}; frames are compared by number."
+        )
+    if abs(prediction.fps / truth.fps - 1.0) > FPS_TOLERANCE:
+        problems.note(f"The prediction runs at {prediction.fps:.3f} fps and the truth at {truth.fps:.3f}; the truth's is used.")
+    cuts = score_cuts(prediction.cut_frames, truth.transitions)
+    return Report(
+        cut_precision=cuts.precision,
+        cut_recall=cuts.recall,
+        cut_f1=cuts.f1,
+        **asdict(_mean(_people(prediction, truth, problems))),
+        **asdict(_cameras(prediction, truth, problems)),
+        problems=tuple(problems.sentences),
+    )
+
+
+def _people(prediction: Take, truth: Take, problems: Problems) -> list[PersonFigures]:
+    if not truth.people:
+        problems.note("The truth has no people, so every figure of a person is missing.")
+        return []
+    match = match_people(prediction.people, truth.people)
+    if not match and len(truth.people) == len(prediction.people) == 1 and _lacks_boxes(prediction, truth):
+        problems.note("One side has no boxes; its only person is taken for the other's only person.")
+        match = {0: 0}
+    figures = []
+    for index, person in enumerate(truth.people):
+        label = f"person {person.person:02d}"
+        if index not in match:
+            problems.note(f"No predicted person overlaps the truth's {label}: coverage 0, its errors are missing from the means.")
+            figures.append(PersonFigures(coverage=0.0))
+            continue
+        matched = prediction.people[match[index]]
+        suffix = f" of {label}" if len(truth.people) > 1 else ""
+        pair = problems.figure(
+            f"every error{suffix}",
+            lambda one=matched, other=person: make_pair(one, other, predicted_take=prediction, truth_take=truth),
+        )
+        covered = problems.figure(
+            f"coverage{suffix}",
+            lambda one=matched, other=person: _coverage(one, other, prediction=prediction, truth=truth),
+        )
+        if pair is None:
+            figures.append(PersonFigures(coverage=covered))
+            continue
+        missing = len(person.frame) - len(pair.frame)
+        if missing:
+            problems.note(f"{missing} of {len(person.frame)} frames of the truth's {label} are in no error: one side lacks joints there.")
+        figures.append(_person(pair, covered, suffix, prediction=prediction, truth=truth, problems=problems))
+    return figures
+
+
+def _lacks_boxes(prediction: Take, truth: Take) -> bool:
+    return any(take.people[0].bbox_xyxy is None for take in (prediction, truth))
+
+
+def _coverage(predicted: PersonTake, person: PersonTake, *, prediction: Take, truth: Take) -> float:
+    """Predicted ∧ truth-observed frames / truth-observed frames."""
+    names = shared_names(prediction.joint_names, truth.joint_names)
+    if names is None:
+        raise UndefinedFigureError("truth and prediction share no skeleton")
+    has_prediction = predicted.frame[known_rows(predicted, prediction.joint_names, names)]
+    wanted = person.frame[person.observed]
+    if len(wanted) == 0:
+        raise UndefinedFigureError("the truth observes the person in no frame")
+    return float(np.isin(wanted, has_prediction).mean())
+
+
+def _person(
+    pair: Pair, coverage: float | None, suffix: str, *, prediction: Take, truth: Take, problems: Problems
+) -> PersonFigures:
+    def figure(names: str, compute: Callable[[], T]) -> T | None:
+        return problems.figure(names + suffix, compute)
+
+    relative_predicted, relative_truth = pair.about_hips
+    turned = pose.turned_by_one_yaw(relative_predicted, relative_truth)
+    root_predicted, root_truth = pair.roots
+    R_predicted, R_truth = pair.orientations
+    sliding = figure("foot_sliding_mm, foot_sliding_gt_mm", lambda: _sliding(pair, prediction=prediction, truth=truth))
+    jump = figure("cut_jump_m, cut_jump_deg", lambda: _jumps(pair, truth.cut_frames, problems))
+    return PersonFigures(
+        coverage=coverage,
+        pa_mpjpe_mm=pose.pa_mpjpe_mm(pair.joints_predicted, pair.joints_truth),
+        mpjpe_mm=pose.point_error_mm(turned, relative_truth),
+        mpjpe_cam_mm=figure("mpjpe_cam_mm", lambda: _in_camera(pair, *_camera_rotations(pair, prediction, truth))),
+        pve_mm=figure("pve_mm", lambda: _vertices(pair, prediction=prediction, truth=truth)),
+        wa_mpjpe100_mm=trajectory.chunked_mpjpe_mm(pair.joints_predicted, pair.joints_truth, align_frames=None),
+        w_mpjpe100_mm=trajectory.chunked_mpjpe_mm(pair.joints_predicted, pair.joints_truth, align_frames=2),
+        rte_pct=figure("rte_pct", lambda: trajectory.root_trajectory_error_pct(root_predicted, root_truth)),
+        rte_m=trajectory.root_trajectory_error_m(root_predicted, root_truth),
+        roe_deg=orientation.root_orientation_error_deg(R_predicted, R_truth),
+        roe_yaw_deg=orientation.heading_error_deg(R_predicted, R_truth),
+        accel_ms2=figure(
+            "accel_ms2",
+            lambda: smoothness.acceleration_error_ms2(turned, relative_truth, frame=pair.frame, fps=truth.fps),
+        ),
+        jitter=figure("jitter", lambda: smoothness.jitter_10ms3(pair.joints_predicted, frame=pair.frame, fps=truth.fps)),
+        jitter_gt=figure("jitter_gt", lambda: smoothness.jitter_10ms3(pair.joints_truth, frame=pair.frame, fps=truth.fps)),
+        foot_sliding_mm=sliding[0] if sliding else None,
+        foot_sliding_gt_mm=sliding[1] if sliding else None,
+        cut_jump_m=jump[0] if jump else None,
+        cut_jump_deg=jump[1] if jump else None,
+    )
+
+
+def _camera_rotations(pair: Pair, prediction: Take, truth: Take) -> tuple[np.ndarray, np.ndarray]:
+    """R_world_cam of the pair's frames on both sides; raises where one is not known."""
+    both = []
+    for take, side in ((prediction, "prediction"), (truth, "truth")):
+        if take.cameras is None:
+            raise UndefinedFigureError(f"the {side} has no cameras")
+        R = take.cameras.R_world_cam[pair.frame]
+        unknown = int((~np.isfinite(R).all(axis=(1, 2))).sum())
+        if unknown:
+            raise UndefinedFigureError(f"the {side}'s camera is not known in {unknown} common frames")
+        both.append(R)
+    return both[0], both[1]
+
+
+def _in_camera(pair: Pair, R_predicted: np.ndarray, R_truth: np.ndarray) -> float:
+    relative_predicted, relative_truth = pair.about_hips
+    return pose.point_error_mm(
+        pose.in_camera_axes(relative_predicted, R_predicted), pose.in_camera_axes(relative_truth, R_truth)
+    )
+
+
+def _vertices(pair: Pair, *, prediction: Take, truth: Take) -> float:
+    R_predicted, R_truth = _camera_rotations(pair, prediction, truth)
+    return pve_mm(
+        pair.predicted.body,
+        pair.truth.body,
+        predicted_rows=pair.rows_predicted,
+        truth_rows=pair.rows_truth,
+        R_world_cam_predicted=R_predicted,
+        R_world_cam_truth=R_truth,
+    )
+
+
+def _sliding(pair: Pair, *, prediction: Take, truth: Take) -> tuple[float, float]:
+    """Foot sliding of the prediction and of the truth, mm per frame, over the feet that both skeletons have."""
+    shared = [
+        column
+        for column, name in enumerate(FOOT_NAMES)
+        if indices(prediction.joint_names, (name,)) is not None and indices(truth.joint_names, (name,)) is not None
+    ]
+    names = tuple(FOOT_NAMES[column] for column in shared)
+    if not names:
+        raise UndefinedFigureError("the skeletons share no foot joint")
+    feet_predicted = pick(pair.predicted.joints[pair.rows_predicted], prediction.joint_names, names)
+    feet_truth = pick(pair.truth.joints[pair.rows_truth], truth.joint_names, names)
+    if pair.truth.contacts is not None:
+        standing = contacts.standing_steps(pair.truth.contacts[pair.rows_truth][:, shared], pair.frame)
+    else:
+        standing = contacts.slow_steps(feet_truth, pair.frame, fps=truth.fps)
+    standing &= np.isfinite(feet_predicted[1:] - feet_predicted[:-1]).all(axis=-1)
+    return contacts.foot_sliding_mm(feet_predicted, standing), contacts.foot_sliding_mm(feet_truth, standing)
+
+
+def _jumps(pair: Pair, cut_frames: tuple[int, ...], problems: Problems) -> tuple[float, float]:
+    """Worst jump of the root over the truth's cuts: (metres, degrees)."""
+    if not cut_frames:
+        raise UndefinedFigureError("the truth has no cut")
+    root_predicted, root_truth = pair.roots
+    R_predicted, R_truth = pair.orientations
+    metres, degrees = [], []
+    for cut in cut_frames:
+        rows = pair.rows_across(cut)
+        if rows is None:
+            problems.note(f"cut_jump_m, cut_jump_deg: a frame beside the cut at {cut} is missing, so that cut is left out.")
+            continue
+        metres.append(
+            trajectory.cut_jump_m(
+                root_predicted=root_predicted[rows],
+                root_truth=root_truth[rows],
+                R_predicted=R_predicted[rows[0]],
+                R_truth=R_truth[rows[0]],
+            )
+        )
+        degrees.append(trajectory.cut_jump_deg(R_predicted[rows], R_truth[rows]))
+    if not metres:
+        raise UndefinedFigureError("no cut has both its neighbouring frames in truth and prediction")
+    return max(metres), max(degrees)
+
+
+def _cameras(prediction: Take, truth: Take, problems: Problems) -> CameraFigures:
+    sides = (prediction.cameras, truth.cameras)
+    if sides[0] is None or sides[1] is None:
+        side = "prediction" if sides[0] is None else "truth"
+        problems.note(f"{', '.join(field.name for field in fields(CameraFigures))}: the {side} has no cameras.")
+        return CameraFigures()
+    common = min(prediction.num_frames, truth.num_frames)
+    predicted, true = (_first(side, common) for side in sides if side is not None)
+    usable = cameras.known(predicted) & cameras.known(true)
+    if not usable.all():
+        problems.note(f"The camera is not known on both sides in {int((~usable).sum())} of {common} frames, which are left out.")
+    shots = [(start, min(end, common)) for start, end in truth.shots if start < common]
+    steps = problems.figure(
+        "cam_rpe_rot_deg, cam_rpe_trans_m",
+        lambda: cameras.relative_pose_errors(predicted, true, shots=shots, usable=usable),
+    )
+    at_cuts = cameras.cut_rotation_errors_deg(predicted, true, cut_frames=truth.cut_frames, usable=usable)
+    if None in at_cuts:
+        problems.note("cam_cut_rot_deg: the camera is not known on both sides of every cut; those are null.")
+    return CameraFigures(
+        cam_ate_m=problems.figure(
+            "cam_ate_m",
+            lambda: cameras.absolute_trajectory_error_m(predicted.t_world_cam[usable], true.t_world_cam[usable]),
+        ),
+        cam_rpe_rot_deg=steps[0] if steps else None,
+        cam_rpe_trans_m=steps[1] if steps else None,
+        cam_cut_rot_deg=at_cuts,
+        cam_shot_drift_deg=problems.figure(
+            "cam_shot_drift_deg", lambda: cameras.shot_drift_deg(predicted, true, shots=shots, usable=usable)
+        ),
+        focal_err_pct=problems.figure("focal_err_pct", lambda: cameras.focal_error_pct(predicted.K, true.K)),
+    )
+
+
+def _first(camera: CameraTake, num_frames: int) -> CameraTake:
+    return CameraTake(camera.R_world_cam[:num_frames], camera.t_world_cam[:num_frames], camera.K[:num_frames])
+
+
+def _mean(people: list[PersonFigures]) -> PersonFigures:
+    """Mean over the people who have the figure; None where none has it."""
+    means = {}
+    for field in fields(PersonFigures):
+        values = [value for person in people if (value := getattr(person, field.name)) is not None]
+        means[field.name] = float(np.mean(values)) if values else None
+    return PersonFigures(**means)

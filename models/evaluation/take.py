@@ -1,0 +1,78 @@
+"""What an evaluation compares: a motion with its cameras and cuts, whoever made it.
+
+World: z up, metres. Camera: x right, y down, z forward. Names R_a_b map b to a.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+
+class UndefinedFigureError(ValueError):
+    """A figure cannot be had from these takes; the message says why, in a clause."""
+
+
+@dataclass(frozen=True)
+class BodyParameters:
+    """One person's body model parameters over N frames."""
+
+    model: str
+    root_orient: Float[np.ndarray, "frames 3"]
+    """Axis-angle, body to world."""
+    body_pose: Float[np.ndarray, "frames 23 3"]
+    betas: Float[np.ndarray, "10"]
+    transl: Float[np.ndarray, "frames 3"]
+
+
+@dataclass(frozen=True)
+class PersonTake:
+    """One person; N frames, strictly increasing. Joints are NaN where they are not known."""
+
+    person: int
+    frame: Int[np.ndarray, "frames"]
+    observed: Bool[np.ndarray, "frames"]
+    joints: Float[np.ndarray, "frames joints 3"]
+    """World, metres, named by Take.joint_names."""
+    R_world_root: Float[np.ndarray, "frames 3 3"] | None = None
+    """Pelvis (body) axes to world; None: to be had from hips and shoulders."""
+    contacts: Float[np.ndarray, "frames 4"] | None = None
+    """Probability: left ankle, left toe base, right ankle, right toe base."""
+    bbox_xyxy: Float[np.ndarray, "frames 4"] | None = None
+    """Source pixels."""
+    body: BodyParameters | None = None
+
+
+@dataclass(frozen=True)
+class CameraTake:
+    """The camera of every frame of the video; NaN where it is not known."""
+
+    R_world_cam: Float[np.ndarray, "frames 3 3"]
+    t_world_cam: Float[np.ndarray, "frames 3"]
+    K: Float[np.ndarray, "frames 3 3"]
+
+
+@dataclass(frozen=True)
+class Take:
+    """One video's people, cameras and cuts: a truth or a prediction."""
+
+    num_frames: int
+    fps: float
+    joint_names: tuple[str, ...]
+    people: tuple[PersonTake, ...]
+    transitions: tuple[tuple[int, int], ...]
+    """[start, end) of every change of shot, in order; a hard cut has start == end == first frame of the new shot."""
+    cameras: CameraTake | None = None
+    notes: tuple[str, ...] = ()
+    """Sentences about what was left out on reading."""
+
+    @property
+    def cut_frames(self) -> tuple[int, ...]:
+        """First frame of each new shot."""
+        return tuple((start + end) // 2 for start, end in self.transitions)
+
+    @property
+    def shots(self) -> tuple[tuple[int, int], ...]:
+        """[start, end) of every shot."""
+        starts = [0, *self.cut_frames]
+        return tuple(zip(starts, [*starts[1:], self.num_frames], strict=True))
