@@ -8,5 +8,5 @@ from humanmm.storage.truth import read_take
 
 
 def evaluate_run(run_dir: Path, truth: Path) -> Report:
-    """Every figure of OUTPUTS' `eval --json`. Both may be a run folder or an npz; raises TruthError, with one sentence."""
+    """Every figure of `eval --json`. Both may be a run folder or an npz; raises TruthError, with one sentence."""
     return evaluate(read_take(run_dir), read_take(truth))

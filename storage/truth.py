@@ -10,6 +10,7 @@ import zipfile
 import zlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import zarr
@@ -98,7 +99,7 @@ class _ZarrArrays(Mapping[str, np.ndarray]):
         self._attributes = dict(self._group.attrs)
         people = self._group.get("people")
         prefixes = [f"people/{name}" for name in sorted(people.group_keys())] if isinstance(people, zarr.Group) else []
-        self._arrays = [*_keys(self._group, ""), *_keys(self._group, "cameras"), *(k for p in prefixes for k in _keys(self._group, p))]
+        self._arrays = [key for prefix in ("", "cameras", *prefixes) for key in _keys(self._group, prefix)]
 
     def __getitem__(self, key: str) -> np.ndarray:
         if key in self._attributes:
@@ -122,7 +123,7 @@ def _keys(group: zarr.Group, prefix: str) -> list[str]:
     return [f"{prefix}/{key}".lstrip("/") for key in child.array_keys()] if isinstance(child, zarr.Group) else []
 
 
-def _check_size(key: str, shape: tuple[int, ...], dtype: np.dtype) -> None:  # type: ignore[type-arg]
+def _check_size(key: str, shape: tuple[int, ...], dtype: np.dtype[Any]) -> None:
     if dtype.hasobject:
         raise TruthError(f"{key} holds Python objects; expected plain numbers or names (no pickles)")
     size = math.prod(shape) * dtype.itemsize
@@ -162,11 +163,12 @@ def _contract_take(arrays: Arrays, *, transitions: tuple[tuple[int, int], ...] |
     spans = tuple((cut, cut) for cut in cut_frames)
     if transitions is not None:
         if tuple((start + end) // 2 for start, end in transitions) != cut_frames:
-            raise TruthError(f"run.json's transitions {transitions} do not agree with motion.zarr's cut_frames {cut_frames}")
+            raise TruthError(f"run.json's transitions {transitions} disagree with motion.zarr's cuts {cut_frames}")
         spans = transitions
     joint_names = tuple(str(name) for name in arrays["joint_names"]) if "joint_names" in arrays else SMPL_NAMES
     cameras = _contract_cameras(arrays, num_frames)
-    numbers = sorted({int(key.split("/")[1]) for key in arrays if key.startswith("people/") and key.endswith("/joints")})
+    keys = [key.split("/") for key in arrays]
+    numbers = sorted(int(key[1]) for key in keys if len(key) == 3 and key[0] == "people" and key[2] == "joints")
     model = str(arrays["body_model"]) if "body_model" in arrays else ""
     people = tuple(
         _contract_person(arrays, number, num_frames=num_frames, joint_names=joint_names, model=model, cameras=cameras)
@@ -211,6 +213,9 @@ def _contract_person(
     bbox = optional("bbox", (n, 4))
     if bbox is None and cameras is not None:
         bbox = projected_boxes(joints, frame, cameras)
+    body = None
+    if all(part is not None for part in parts):
+        body = BodyParameters(model, *(part for part in parts if part is not None))
     return PersonTake(
         person=number,
         frame=frame,
@@ -219,7 +224,7 @@ def _contract_person(
         R_world_root=None if root_orient is None else rotation_from_vector(root_orient),
         contacts=optional("contacts", (n, 4)),
         bbox_xyxy=bbox,
-        body=BodyParameters(model, *(part for part in parts if part is not None)) if all(p is not None for p in parts) else None,
+        body=body,
     )
 
 
@@ -257,7 +262,8 @@ def _need(arrays: Arrays, key: str) -> np.ndarray:
 def _shaped(arrays: Arrays, key: str, shape: tuple[int | None, ...]) -> np.ndarray:
     """The array as float64, its shape checked; None in `shape` stands for any length up to the frame limit."""
     array = _need(arrays, key)
-    fits = len(array.shape) == len(shape) and all(want in (None, have) for have, want in zip(array.shape, shape, strict=True))
+    fits = len(array.shape) == len(shape)
+    fits = fits and all(want in (None, have) for have, want in zip(array.shape, shape, strict=True))
     if not fits or len(array) > MAX_FRAMES:
         wanted = "×".join("N" if side is None else str(side) for side in shape)
         raise TruthError(f"{key} has shape {'×'.join(map(str, array.shape))}; expected {wanted}")

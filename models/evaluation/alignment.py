@@ -17,7 +17,7 @@ class Similarity:
     def apply(self, points: Float[np.ndarray, "*batch points 3"]) -> Float[np.ndarray, "*batch points 3"]:
         """The points in the target's axes, place and size."""
         rotated = points @ np.swapaxes(self.R_target_source, -1, -2)
-        return np.asarray(self.scale)[..., None, None] * rotated + self.translation[..., None, :]
+        return np.asarray(self.scale[..., None, None] * rotated + self.translation[..., None, :])
 
 
 def fit_similarity(
@@ -47,9 +47,7 @@ def fit_similarity(
     return Similarity(scale, R, translation)
 
 
-def fit_yaw(
-    source: Float[np.ndarray, "*points 3"], target: Float[np.ndarray, "*points 3"]
-) -> Float[np.ndarray, "3 3"]:
+def fit_yaw(source: Float[np.ndarray, "*points 3"], target: Float[np.ndarray, "*points 3"]) -> Float[np.ndarray, "3 3"]:
     """(3,3) the rotation about the world's z axis that carries source onto target with least squared error."""
     sine = (source[..., 0] * target[..., 1] - source[..., 1] * target[..., 0]).sum()
     cosine = (source[..., 0] * target[..., 0] + source[..., 1] * target[..., 1]).sum()

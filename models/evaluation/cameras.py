@@ -1,4 +1,4 @@
-"""Errors of the recovered cameras: absolute trajectory, steps inside shots, rotation across cuts, drift, focal length."""
+"""Errors of the recovered cameras: whole trajectory, steps inside shots, rotation across cuts, drift, focal length."""
 
 from collections.abc import Sequence
 
@@ -34,7 +34,7 @@ def relative_pose_errors(
     shots: Sequence[tuple[int, int]],
     usable: Bool[np.ndarray, "frames"],
 ) -> tuple[float, float]:
-    """RPE over 1-frame steps inside shots: (degrees, metres), rmse of each shot, mean over shots. No alignment, no scale."""
+    """RPE over 1-frame steps inside shots, (degrees, metres): rmse of each shot, mean over shots; no scale fitted."""
     rotation_deg, translation_m = [], []
     for start, end in shots:
         steps = np.flatnonzero(usable[start : end - 1] & usable[start + 1 : end]) + start
@@ -59,7 +59,7 @@ def cut_rotation_errors_deg(
     cut_frames: Sequence[int],
     usable: Bool[np.ndarray, "frames"],
 ) -> list[float | None]:
-    """Error of the relative camera rotation across each of the truth's cuts, degrees; None where a side is not known."""
+    """Error of the relative camera rotation across each of the truth's cuts, degrees; None where it is not known."""
     errors: list[float | None] = []
     for cut in cut_frames:
         if not (0 < cut < len(usable) and usable[cut - 1] and usable[cut]):
@@ -92,9 +92,7 @@ def shot_drift_deg(
     return float(max(worst))
 
 
-def focal_error_pct(
-    K_predicted: Float[np.ndarray, "frames 3 3"], K_truth: Float[np.ndarray, "frames 3 3"]
-) -> float:
+def focal_error_pct(K_predicted: Float[np.ndarray, "frames 3 3"], K_truth: Float[np.ndarray, "frames 3 3"]) -> float:
     """Mean absolute error of the focal length (mean of fx and fy), percent of the true one."""
     focal_predicted = 0.5 * (K_predicted[:, 0, 0] + K_predicted[:, 1, 1])
     focal_truth = 0.5 * (K_truth[:, 0, 0] + K_truth[:, 1, 1])

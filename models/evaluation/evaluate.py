@@ -1,10 +1,12 @@
 """All figures of a predicted take against a true one, gathered into one report.
 
-Errors are over the frames that both have; people are matched by their boxes; a figure is the mean over the truth's people.
+Errors are over the frames that both have; people are matched by their boxes; a figure is the mean over the truth's
+people.
 """
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, fields
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -88,10 +90,11 @@ def evaluate(prediction: Take, truth: Take) -> Report:
             problems.note(f"{side}: {note}")
     if prediction.num_frames != truth.num_frames:
         problems.note(
-            f"The prediction has {prediction.num_frames} frames and the truth {truth.num_frames}; frames are compared by number."
+            f"The prediction has {prediction.num_frames} frames and the truth {truth.num_frames}; "
+            "frames are compared by number."
         )
     if abs(prediction.fps / truth.fps - 1.0) > FPS_TOLERANCE:
-        problems.note(f"The prediction runs at {prediction.fps:.3f} fps and the truth at {truth.fps:.3f}; the truth's is used.")
+        problems.note(f"The prediction runs at {prediction.fps:.3f} fps, the truth at {truth.fps:.3f}, which is used.")
     cuts = score_cuts(prediction.cut_frames, truth.transitions)
     return Report(
         cut_precision=cuts.precision,
@@ -115,25 +118,27 @@ def _people(prediction: Take, truth: Take, problems: Problems) -> list[PersonFig
     for index, person in enumerate(truth.people):
         label = f"person {person.person:02d}"
         if index not in match:
-            problems.note(f"No predicted person overlaps the truth's {label}: coverage 0, its errors are missing from the means.")
+            problems.note(
+                f"No predicted person overlaps the truth's {label}: coverage 0, and no part in the mean errors."
+            )
             figures.append(PersonFigures(coverage=0.0))
             continue
         matched = prediction.people[match[index]]
         suffix = f" of {label}" if len(truth.people) > 1 else ""
         pair = problems.figure(
-            f"every error{suffix}",
-            lambda one=matched, other=person: make_pair(one, other, predicted_take=prediction, truth_take=truth),
+            f"every error{suffix}", partial(make_pair, matched, person, predicted_take=prediction, truth_take=truth)
         )
         covered = problems.figure(
-            f"coverage{suffix}",
-            lambda one=matched, other=person: _coverage(one, other, prediction=prediction, truth=truth),
+            f"coverage{suffix}", partial(_coverage, matched, person, prediction=prediction, truth=truth)
         )
         if pair is None:
             figures.append(PersonFigures(coverage=covered))
             continue
         missing = len(person.frame) - len(pair.frame)
         if missing:
-            problems.note(f"{missing} of {len(person.frame)} frames of the truth's {label} are in no error: one side lacks joints there.")
+            problems.note(
+                f"{missing} of {len(person.frame)} frames of the truth's {label} are in no error: a side lacks joints."
+            )
         figures.append(_person(pair, covered, suffix, prediction=prediction, truth=truth, problems=problems))
     return figures
 
@@ -160,6 +165,7 @@ def _person(
     def figure(names: str, compute: Callable[[], T]) -> T | None:
         return problems.figure(names + suffix, compute)
 
+    frame, fps = pair.frame, truth.fps
     relative_predicted, relative_truth = pair.about_hips
     turned = pose.turned_by_one_yaw(relative_predicted, relative_truth)
     root_predicted, root_truth = pair.roots
@@ -180,10 +186,10 @@ def _person(
         roe_yaw_deg=orientation.heading_error_deg(R_predicted, R_truth),
         accel_ms2=figure(
             "accel_ms2",
-            lambda: smoothness.acceleration_error_ms2(turned, relative_truth, frame=pair.frame, fps=truth.fps),
+            lambda: smoothness.acceleration_error_ms2(turned, relative_truth, frame=frame, fps=fps),
         ),
-        jitter=figure("jitter", lambda: smoothness.jitter_10ms3(pair.joints_predicted, frame=pair.frame, fps=truth.fps)),
-        jitter_gt=figure("jitter_gt", lambda: smoothness.jitter_10ms3(pair.joints_truth, frame=pair.frame, fps=truth.fps)),
+        jitter=figure("jitter", lambda: smoothness.jitter_10ms3(pair.joints_predicted, frame=frame, fps=fps)),
+        jitter_gt=figure("jitter_gt", lambda: smoothness.jitter_10ms3(pair.joints_truth, frame=frame, fps=fps)),
         foot_sliding_mm=sliding[0] if sliding else None,
         foot_sliding_gt_mm=sliding[1] if sliding else None,
         cut_jump_m=jump[0] if jump else None,
@@ -254,7 +260,7 @@ def _jumps(pair: Pair, cut_frames: tuple[int, ...], problems: Problems) -> tuple
     for cut in cut_frames:
         rows = pair.rows_across(cut)
         if rows is None:
-            problems.note(f"cut_jump_m, cut_jump_deg: a frame beside the cut at {cut} is missing, so that cut is left out.")
+            problems.note(f"cut_jump_m, cut_jump_deg: the cut at {cut} is left out: a frame beside it is missing.")
             continue
         metres.append(
             trajectory.cut_jump_m(
@@ -280,7 +286,9 @@ def _cameras(prediction: Take, truth: Take, problems: Problems) -> CameraFigures
     predicted, true = (_first(side, common) for side in sides if side is not None)
     usable = cameras.known(predicted) & cameras.known(true)
     if not usable.all():
-        problems.note(f"The camera is not known on both sides in {int((~usable).sum())} of {common} frames, which are left out.")
+        problems.note(
+            f"{int((~usable).sum())} of {common} frames are in no camera error: one side's camera is not known."
+        )
     shots = [(start, min(end, common)) for start, end in truth.shots if start < common]
     steps = problems.figure(
         "cam_rpe_rot_deg, cam_rpe_trans_m",

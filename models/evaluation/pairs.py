@@ -36,8 +36,8 @@ class Pair:
     def roots(self) -> tuple[Float[np.ndarray, "frames 3"], Float[np.ndarray, "frames 3"]]:
         """Pelvis of both sides, or the mid-hip in a partial skeleton: (predicted, truth)."""
         if is_full(self.joint_names):
-            names = self.joint_names
-            return pick(self.joints_predicted, names, ("Pelvis",))[:, 0], pick(self.joints_truth, names, ("Pelvis",))[:, 0]
+            pelvis = self.joint_names.index("Pelvis")
+            return self.joints_predicted[:, pelvis], self.joints_truth[:, pelvis]
         return mid_hip(self.joints_predicted, self.joint_names), mid_hip(self.joints_truth, self.joint_names)
 
     @property

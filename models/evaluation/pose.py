@@ -24,11 +24,11 @@ def in_camera_axes(
     relative: Float[np.ndarray, "frames joints 3"], R_world_cam: Float[np.ndarray, "frames 3 3"]
 ) -> Float[np.ndarray, "frames joints 3"]:
     """World vectors in the axes of each frame's camera: R_world_camᵀ v."""
-    return relative @ R_world_cam
+    return np.asarray(relative @ R_world_cam)
 
 
 def turned_by_one_yaw(
     predicted: Float[np.ndarray, "frames joints 3"], truth: Float[np.ndarray, "frames joints 3"]
 ) -> Float[np.ndarray, "frames joints 3"]:
     """Root-relative predicted joints after the one yaw of the whole video that brings them closest to the truth."""
-    return predicted @ fit_yaw(predicted, truth).T
+    return np.asarray(predicted @ fit_yaw(predicted, truth).T)

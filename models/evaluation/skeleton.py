@@ -5,11 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-SMPL_NAMES = (
-    "Pelvis", "L_Hip", "R_Hip", "Spine1", "L_Knee", "R_Knee", "Spine2", "L_Ankle", "R_Ankle", "Spine3", "L_Foot", "R_Foot",
-    "Neck", "L_Collar", "R_Collar", "Head", "L_Shoulder", "R_Shoulder", "L_Elbow", "R_Elbow", "L_Wrist", "R_Wrist",
-    "L_Hand", "R_Hand",
-)  # fmt: skip
+from humanmm.models.body.body24 import JOINT_NAMES
+
+SMPL_NAMES = JOINT_NAMES
 
 LIMB_NAMES = (
     "L_Shoulder", "R_Shoulder", "L_Elbow", "R_Elbow", "L_Wrist", "R_Wrist",

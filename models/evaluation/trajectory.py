@@ -35,9 +35,7 @@ def chunked_mpjpe_mm(
     return METRES_TO_MM * float(np.concatenate(errors).mean())
 
 
-def root_trajectory_error_m(
-    predicted: Float[np.ndarray, "frames 3"], truth: Float[np.ndarray, "frames 3"]
-) -> float:
+def root_trajectory_error_m(predicted: Float[np.ndarray, "frames 3"], truth: Float[np.ndarray, "frames 3"]) -> float:
     """Mean distance of the roots, metres, after one rigid motion (scale kept) over the whole sequence."""
     aligned = fit_similarity(predicted, truth, with_scale=False).apply(predicted)
     return float(np.linalg.norm(aligned - truth, axis=-1).mean())
@@ -48,9 +46,7 @@ def path_length_m(root: Float[np.ndarray, "frames 3"]) -> float:
     return float(np.linalg.norm(np.diff(root, axis=0), axis=-1).sum())
 
 
-def root_trajectory_error_pct(
-    predicted: Float[np.ndarray, "frames 3"], truth: Float[np.ndarray, "frames 3"]
-) -> float:
+def root_trajectory_error_pct(predicted: Float[np.ndarray, "frames 3"], truth: Float[np.ndarray, "frames 3"]) -> float:
     """RTE: the root trajectory error as a share of the truth's path length, percent."""
     length = path_length_m(truth)
     if length < SHORTEST_PATH_M:
@@ -65,7 +61,7 @@ def cut_jump_m(
     R_predicted: Float[np.ndarray, "3 3"],
     R_truth: Float[np.ndarray, "3 3"],
 ) -> float:
-    """|R_predᵀ Δp_pred − R_truthᵀ Δp_truth| over the step across a cut, metres; R of the frame before it, body to world."""
+    """|R_predᵀ Δp_pred − R_truthᵀ Δp_truth| over the step across a cut, metres; R of the frame before it."""
     step_predicted = R_predicted.T @ (root_predicted[1] - root_predicted[0])
     step_truth = R_truth.T @ (root_truth[1] - root_truth[0])
     return float(np.linalg.norm(step_predicted - step_truth))

@@ -30,7 +30,7 @@ def pve_mm(
     if predicted is None or truth is None:
         raise UndefinedFigureError(f"the {'prediction' if predicted is None else 'truth'} has no body parameters")
     if (predicted.model, truth.model) != ("body24", "body24"):
-        raise UndefinedFigureError(f"the prediction's body is {predicted.model} and the truth's is {truth.model}, not both body24")
+        raise UndefinedFigureError(f"the prediction's body is {predicted.model}, the truth's {truth.model}, not body24")
     body, total = load_body(), 0.0
     for start in range(0, len(truth_rows), CHUNK_FRAMES):
         chunk = slice(start, start + CHUNK_FRAMES)
@@ -45,10 +45,12 @@ def pve_mm(
     return METRES_TO_MM * total / len(truth_rows)
 
 
-def _skin_about_hips(body: Body, parameters: BodyParameters, rows: np.ndarray) -> Float[np.ndarray, "frames vertices 3"]:
+def _skin_about_hips(
+    body: Body, parameters: BodyParameters, rows: np.ndarray
+) -> Float[np.ndarray, "frames vertices 3"]:
     betas = np.asarray(parameters.betas, np.float64)
     rest_joints = body.rest_joints(betas)
     R_root = rotation_from_vector(parameters.root_orient[rows])
     joints, R = forward_kinematics(rest_joints, R_root, parameters.body_pose[rows], np.zeros((len(rows), 3)))
     vertices = skin(body, body.rest_vertices(betas), skinning_transforms(rest_joints, joints, R))
-    return vertices.astype(np.float64) - mid_hip(joints, JOINT_NAMES)[:, None]
+    return np.asarray(vertices - mid_hip(joints, JOINT_NAMES)[:, None])
