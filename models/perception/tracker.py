@@ -31,8 +31,7 @@ class Trail:
     last_frame: int
     velocity: tuple[float, float] = (0.0, 0.0)
     rows: dict[int, tuple[np.ndarray, ...]] = field(default_factory=dict)
-    colours: np.ndarray | None = None
-    colour_frame: int = -(1 << 30)
+    colours: dict[int, np.ndarray] = field(default_factory=dict)
     active: bool = True
 
     def predicted(self) -> Region:
@@ -59,7 +58,7 @@ class Trail:
     def finished(self) -> PersonTrack:
         frames = sorted(self.rows)
         columns = [np.stack(column) for column in zip(*(self.rows[f] for f in frames), strict=True)]
-        colours = self.colours if self.colours is not None else np.zeros(0)
+        sampled = sorted(self.colours)
         return PersonTrack(
             frame=np.array(frames, np.int32),
             keypoints2d=columns[0],
@@ -68,7 +67,8 @@ class Trail:
             confidence=columns[3],
             mask_bits=columns[4],
             mask_affine=columns[5],
-            color_histogram=(colours / max(colours.sum(), 1e-9)).astype(np.float32),
+            color_frame=np.array(sampled, np.int32),
+            color_histogram=np.stack([self.colours[f] for f in sampled]),
         )
 
 
@@ -169,11 +169,8 @@ class SceneTracker:
         trail.velocity = (-trail.velocity[0], -trail.velocity[1])
 
     def _colour(self, trail: Trail, frame: int, image: Image, seen: Observation) -> None:
-        if frame - trail.colour_frame < HISTOGRAM_PERIOD_S * self._fps:
-            return
-        colours = clothing_histogram(image, seen) * seen.confidence
-        trail.colours = colours if trail.colours is None else trail.colours + colours
-        trail.colour_frame = frame
+        if not trail.colours or frame - max(trail.colours) >= HISTOGRAM_PERIOD_S * self._fps:
+            trail.colours[frame] = clothing_histogram(image, seen).astype(np.float32)
 
 
 def _covers(a: np.ndarray, b: np.ndarray) -> bool:

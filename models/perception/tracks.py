@@ -30,8 +30,10 @@ class PersonTrack:
     """(N,128,16) uint8: silhouette in the crop, np.unpackbits(axis=-1)."""
     mask_affine: np.ndarray
     """(N,2,3) float32: mask pixel coordinates (centres at .5) to source pixels."""
+    color_frame: np.ndarray
+    """(S,) int32: frames at which the clothing colours were taken, a few a second."""
     color_histogram: np.ndarray
-    """(B,) float32, sums to 1: clothing colours over the track."""
+    """(S,B) float32: clothing colours, upper and lower body; rows sum to about 1."""
 
 
 @dataclass(frozen=True)
