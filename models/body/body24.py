@@ -4,16 +4,15 @@ Axes of the rest pose: y up, facing +z, +x the body's left, pelvis at the origin
 Joints, parents and rotations are in SMPL's order and convention; the shape basis is body24's own.
 """
 
-import hashlib
 import io
 from dataclasses import dataclass
 from functools import lru_cache
-from importlib import resources
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from humanmm.errors import WeightsError
+from humanmm.models.weights.shipped import read_weights
 
 Array = np.ndarray
 
@@ -27,8 +26,6 @@ JOINT_NAMES = (
 NUM_JOINTS = 24
 
 PARENTS = (-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21)
-
-_SHA256 = "bd7459b099580d944c9199326c3fc917d0940b28c04707cccfeedccd74ce39ad"
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,11 +61,7 @@ class Body:
 @lru_cache(maxsize=1)
 def load_body() -> Body:
     """The shipped body24, checked against its sha256; its arrays are read-only."""
-    data = resources.files("humanmm.models.weights").joinpath("body24.npz").read_bytes()
-    digest = hashlib.sha256(data).hexdigest()
-    if digest != _SHA256:
-        raise WeightsError(f"body24.npz has sha256 {digest}, expected {_SHA256}; reinstall humanmm")
-    with np.load(io.BytesIO(data)) as file:
+    with np.load(io.BytesIO(read_weights("body24.npz"))) as file:
         weight = file["wval"].astype(np.float32)
         body = Body(
             parents=tuple(int(p) if p >= 0 else -1 for p in file["parents"]),

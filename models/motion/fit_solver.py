@@ -32,7 +32,7 @@ class SolverSettings:
     first_damping: float = 1e-3
     window: int = 120
     """Frames that a window settles."""
-    lookahead: int = 16
+    lookahead: int = 24
     """Frames past those, solved along and thrown away, so that what is settled knows what comes."""
 
 

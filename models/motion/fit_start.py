@@ -103,10 +103,9 @@ def start_position(
     A[..., 0, 0] = A[..., 1, 1] = 1
     A[..., 2] = -rays
     b = rays * points[..., 2:] - points[..., :2]
-    A, b = A.reshape(n, 2 * k, 3), b.reshape(n, 2 * k, 1)
-    w = np.repeat(weight, 2, axis=1)[..., None]
-    normal = np.swapaxes(A * w, -1, -2) @ A + 1e-9 * np.eye(3)
-    return np.asarray(np.linalg.solve(normal, np.swapaxes(A * w, -1, -2) @ b)[..., 0])
+    rows, right = A.reshape(n, 2 * k, 3), b.reshape(n, 2 * k, 1)
+    weighted = np.swapaxes(rows * np.repeat(weight, 2, axis=1)[..., None], -1, -2)
+    return np.asarray(np.linalg.solve(weighted @ rows + 1e-9 * np.eye(3), weighted @ right)[..., 0])
 
 
 def bridged(motion: Motion, known: Bool[Array, " N"], time_s: Float[Array, " N"]) -> Motion:

@@ -1,8 +1,8 @@
 """What a fit moves and what its terms look at: one person's motion in a reference frame, and cameras that see it.
 
 The reference frame is the term writer's choice: the shot's own axes when one shot is fitted, the world when all are.
-A step δ has 63 numbers a frame: root rotation (3), pelvis (3), and one rotation (3) for each of 19 body joints. Rotations
-are updated on the right, R ← R exp(δ), so that a step is an angular displacement in the joint's own axes. Toes and
+A step δ has 63 numbers a frame: root rotation (3), pelvis (3), and one rotation (3) for each of 19 body joints.
+Rotations are updated on the right, R ← R exp(δ), so that a step is an angular displacement in the joint's own axes. Toes and
 hands (joints 10, 11, 22, 23) stay as they are: no landmark moves with them alone.
 """
 
@@ -96,7 +96,7 @@ class Motion:
         """Tracked points in the reference frame, metres."""
         joints, R = self.posed
         k = self.skeleton.point_joint
-        return joints[:, k] + (R[:, k] @ self.skeleton.point_offset[..., None])[..., 0]
+        return np.asarray(joints[:, k] + (R[:, k] @ self.skeleton.point_offset[..., None])[..., 0])
 
     @cached_property
     def point_jacobian(self) -> Float[Array, "N K 3 63"]:
@@ -130,4 +130,4 @@ class CameraPath:
 
     def to_camera(self, points_ref: Float[Array, "N K 3"]) -> Float[Array, "N K 3"]:
         """Points of each frame in the axes of its camera."""
-        return points_ref @ np.swapaxes(self.R_cam_ref, -1, -2) + self.t_cam_ref[:, None]
+        return np.asarray(points_ref @ np.swapaxes(self.R_cam_ref, -1, -2) + self.t_cam_ref[:, None])

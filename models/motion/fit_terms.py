@@ -122,7 +122,7 @@ class Reprojection:
 
 @dataclass(frozen=True, eq=False)
 class RelativePoints:
-    """Points known in 3D up to a translation of each frame: A (p − p̄ − (q − q̄)), the means weighted as the points are."""
+    """Points known in 3D up to a translation of each frame: A (p − p̄ − (q − q̄)), means weighted as the points are."""
 
     targets: Float[Array, "N K 3"]
     """q, metres, in the axes of the reference frame."""
@@ -180,7 +180,7 @@ def _inverse_right_jacobian(v: Float[Array, "*batch 3"]) -> Float[Array, "*batch
 
 @dataclass(frozen=True, eq=False)
 class PosePrior:
-    """A Gaussian over the body pose (rotation vectors of the free joints) and soft walls at the ends of their ranges."""
+    """A Gaussian over the rotation vectors of the free joints, and soft walls at the ends of their ranges."""
 
     mean: Float[Array, " 57"]
     precision: Float[Array, "57 57"]

@@ -5,23 +5,19 @@ accelerations. `estimate` makes it from motion-capture packs (scripts/build_pose
 file says from which.
 """
 
-import hashlib
 import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from importlib import resources
 
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.errors import WeightsError
 from humanmm.models.body.rotations import rotation_from_vector, vector_from_rotation
 from humanmm.models.motion.fit_state import BODY, FREE_JOINTS, NUM_PARAMETERS, PELVIS, ROOT
+from humanmm.models.weights.shipped import read_weights
 
 Array = np.ndarray
-
-_SHA256 = "36652ea6133a670b1b24b68a9ef16be4c51f622a9d84c88bea6ffd121aee87a4"
 
 _MIRROR_JOINT = (0, 2, 1, 3, 5, 4, 6, 8, 7, 9, 11, 10, 12, 14, 13, 15, 17, 16, 19, 18, 21, 20, 23, 22)
 
@@ -52,7 +48,7 @@ def mirrored(poses: Float[Array, "frames 24 3"]) -> Float[Array, "frames 24 3"]:
 def estimate(
     clips: Sequence[tuple[Float[Array, "frames 24 3"], Float[Array, "frames 3"]]], fps: float
 ) -> PoseStatistics:
-    """Statistics of clips of (local rotation vectors with the root first, pelvis positions), and of their mirror images."""
+    """Statistics of clips (local rotation vectors, root first; pelvis positions) and of their mirror images."""
     free = list(FREE_JOINTS)
     vectors, accelerations = [], []
     for poses, pelvis in clips:
@@ -83,9 +79,5 @@ def estimate(
 @lru_cache(maxsize=1)
 def load_pose_statistics() -> PoseStatistics:
     """The shipped statistics, checked against their sha256."""
-    data = resources.files("humanmm.models.weights").joinpath("pose_prior.npz").read_bytes()
-    digest = hashlib.sha256(data).hexdigest()
-    if digest != _SHA256:
-        raise WeightsError(f"pose_prior.npz has sha256 {digest}, expected {_SHA256}; reinstall humanmm")
-    with np.load(io.BytesIO(data)) as file:
+    with np.load(io.BytesIO(read_weights("pose_prior.npz"))) as file:
         return PoseStatistics(**{name: file[name].astype(np.float64) for name in PoseStatistics.__dataclass_fields__})

@@ -67,6 +67,12 @@ class CameraConfig(Section):
 class HmrConfig(Section):
     """Fit of the body to one shot's keypoints and landmarks."""
 
+    pose_prior: Annotated[float, Field(ge=0, le=10)] = 0.3
+    """Weight of motion-capture statistics of poses against what one frame shows; 0 trusts the frame alone."""
+
+    smoothness: Annotated[float, Field(gt=0, le=100)] = 1.0
+    """Accelerations to expect, as a multiple of everyday and sports motion capture; larger values smooth less."""
+
 
 class AlignConfig(Section):
     """Joining shots into one world (paper section 3.3.1)."""

@@ -1,0 +1,266 @@
+"""θ, β, Γ, τ of one person in one shot (paper section 3.3): body24 fitted to 2D keypoints and 3D landmarks at once.
+
+The whole shot is one problem: reprojection of the visible keypoints, the network's 3D landmarks (turned by the viewing
+ray, for they are orthographic about the crop's centre), how people hold and move their joints, and one shape for the
+whole video. Bone lengths give the metric depth. It starts from closed-form inverse kinematics (`fit_start`) and is
+solved in the shot's own axes, so that a turning camera does not count as motion of the person.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from humanmm.models.body.body24 import load_body
+from humanmm.models.body.landmarks import MIRROR, NUM_LANDMARKS, load_landmarks
+from humanmm.models.body.rotations import swing, vector_from_rotation
+from humanmm.models.camera.observations import ShotCamera
+from humanmm.models.motion.fit_solver import SolverSettings, solve_windows
+from humanmm.models.motion.fit_start import bridged, start_pose, start_position
+from humanmm.models.motion.fit_state import CameraPath, Motion, Skeleton
+from humanmm.models.motion.fit_terms import (
+    PosePrior,
+    RelativePoints,
+    Reprojection,
+    Smoothness,
+    Term,
+    frame_weights,
+)
+from humanmm.models.motion.pose_prior import load_pose_statistics
+from humanmm.models.motion.results import PersonShotMotion, ShotMotion
+from humanmm.models.perception.tracks import MASK_SIDE, PersonTrack, ScenePeople
+from humanmm.models.shots.boundaries import Person, Shot
+
+Array = np.ndarray
+
+_LENGTHS = ((11, 13), (13, 15), (12, 14), (14, 16), (23, 25), (25, 27), (24, 26), (26, 28), (11, 12))
+"""Landmark pairs that compare the network's scale with the body's."""
+
+
+@dataclass(frozen=True)
+class NoiseModel:
+    """Expected errors of the evidence; everything in the fit is measured in these units."""
+
+    keypoint_m: float = 0.03
+    """2D keypoints, metres at the person's depth, per axis."""
+    landmark_lateral_m: float = 0.06
+    """3D landmarks across the viewing ray, metres."""
+    landmark_depth_m: float = 0.10
+    """3D landmarks along the viewing ray, metres."""
+    prior: float = 0.3
+    """Weight of the pose prior against one frame's evidence."""
+    prior_unseen: float = 0.01
+    """The same in frames without any evidence, where the neighbours should decide."""
+    wall_rad: float = 0.1
+    """Softness of the ends of joint ranges."""
+    smoothness: float = 1.0
+    """Expected accelerations, in units of the motion-capture statistic."""
+
+
+def fit_shot(
+    scene: ScenePeople,
+    shot: Shot,
+    people: tuple[Person, ...],
+    time_s: Float[Array, " F"],
+    camera: ShotCamera,
+    *,
+    noise: NoiseModel | None = None,
+) -> ShotMotion:
+    """Everybody in one shot; people whose track has no frame in the shot are left out."""
+    betas = {person.person: person.betas for person in people}
+    motions = []
+    for appearance in shot.people:
+        track = scene.tracks[appearance.track]
+        evidence = gather(track, (shot.start, shot.end), appearance.swapped, time_s, camera.K)
+        if evidence is not None:
+            path = camera_path(camera, evidence.frame)
+            motions.append(fit_person(appearance.person, evidence, betas[appearance.person], path, noise=noise))
+    return ShotMotion(shot.start, shot.end, tuple(motions))
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """One person's observations on every frame of a run, dense: weight zero where nothing was seen. N frames."""
+
+    frame: Array
+    time_s: Float[Array, " N"]
+    seen: Array
+    keypoints: Float[Array, "N 33 2"]
+    visibility: Float[Array, "N 33"]
+    landmarks_cam: Float[Array, "N 33 3"]
+    """Metres, camera axes (turned by the viewing ray), as large as the network says."""
+    ray: Float[Array, "N 3"]
+    """Unit viewing ray of the crop's centre."""
+
+
+def gather(
+    track: PersonTrack,
+    span: tuple[int, int],
+    swapped: tuple[tuple[int, int], ...],
+    time_s: Float[Array, " F"],
+    K: Float[Array, "3 3"],
+) -> Evidence | None:
+    """A track's observations in a shot from first to last, with left and right put right; None if there are none.
+
+    `time_s` holds all frames of the video.
+    """
+    inside = (track.frame >= span[0]) & (track.frame < span[1])
+    if not inside.any():
+        return None
+    index = track.frame[inside]
+    keypoints, landmarks = track.keypoints2d[inside].astype(np.float64), track.landmarks3d[inside].astype(np.float64)
+    exchange = np.zeros(len(index), bool)
+    for first, last in swapped:
+        exchange |= (index >= first) & (index < last)
+    mirror = list(MIRROR)
+    keypoints[exchange] = keypoints[exchange][:, mirror]
+    landmarks[exchange] = landmarks[exchange][:, mirror]
+
+    centre = track.mask_affine[inside] @ np.array([MASK_SIDE / 2, MASK_SIDE / 2, 1.0])
+    ray = np.concatenate([centre, np.ones((len(centre), 1))], axis=1) @ np.linalg.inv(K).T
+    ray /= np.linalg.norm(ray, axis=1, keepdims=True)
+    R_cam_ray = swing(np.broadcast_to([0.0, 0.0, 1.0], ray.shape), ray)
+
+    frame = np.arange(index[0], index[-1] + 1)
+    rows = index - index[0]
+    n = len(frame)
+    dense = Evidence(
+        frame=frame.astype(np.int32),
+        time_s=time_s[frame],
+        seen=np.zeros(n, bool),
+        keypoints=np.zeros((n, NUM_LANDMARKS, 2)),
+        visibility=np.zeros((n, NUM_LANDMARKS)),
+        landmarks_cam=np.zeros((n, NUM_LANDMARKS, 3)),
+        ray=np.broadcast_to([0.0, 0.0, 1.0], (n, 3)).copy(),
+    )
+    dense.seen[rows] = True
+    dense.keypoints[rows] = keypoints[..., :2]
+    dense.visibility[rows] = np.clip(keypoints[..., 2], 0, 1)
+    dense.landmarks_cam[rows] = landmarks @ np.swapaxes(R_cam_ray, -1, -2)
+    dense.ray[rows] = ray
+    return dense
+
+
+def camera_path(camera: ShotCamera, frame: Array) -> CameraPath:
+    """The shot's camera seen from its own axes; only its rotation where the translation has no scale."""
+    rows = frame - camera.start
+    R_cam_shot = np.swapaxes(camera.R_shot_cam[rows], -1, -2)
+    t_shot_cam = camera.t_shot_cam[rows] if camera.metric else np.zeros((len(rows), 3))
+    t_cam_shot = -(R_cam_shot @ t_shot_cam[..., None])[..., 0]
+    return CameraPath(R_cam_shot, t_cam_shot, np.broadcast_to(camera.K, (len(rows), 3, 3)))
+
+
+def fit_person(
+    person: int,
+    evidence: Evidence,
+    betas: Float[Array, " 10"],
+    camera: CameraPath,
+    *,
+    noise: NoiseModel | None = None,
+    settings: SolverSettings | None = None,
+) -> PersonShotMotion:
+    """θ, Γ and τ of every frame, in the axes of its camera."""
+    noise = noise or NoiseModel()
+    body, model = load_body(), load_landmarks()
+    skeleton = Skeleton(body.rest_joints(betas), model.joint, model.offsets(betas))
+    landmarks = evidence.landmarks_cam * _scale(skeleton, evidence)
+    motion = _start(skeleton, evidence, landmarks, camera)
+    terms = _Terms(evidence, landmarks, camera, _depths(motion, camera), noise)
+    motion = solve_windows(motion, terms, settings)
+    return _result(person, evidence, betas, camera, motion, terms)
+
+
+def _scale(skeleton: Skeleton, evidence: Evidence) -> float:
+    """How much larger the body is than the network's landmarks say (median over bones and frames)."""
+    a, b = np.array(_LENGTHS).T
+    rest = skeleton.rest_joints[skeleton.point_joint] + skeleton.point_offset
+    ours = np.linalg.norm(rest[a] - rest[b], axis=-1)
+    theirs = evidence.landmarks_cam[evidence.seen]
+    return float(np.median(ours / np.maximum(np.linalg.norm(theirs[:, a] - theirs[:, b], axis=-1), 1e-3)))
+
+
+def _start(skeleton: Skeleton, evidence: Evidence, landmarks: Array, camera: CameraPath) -> Motion:
+    """Inverse kinematics of the seen frames, placed on their rays; the others between them."""
+    R_ref_cam = np.swapaxes(camera.R_cam_ref, -1, -2)
+    R_root, R_body = start_pose(skeleton, landmarks @ camera.R_cam_ref)
+    posed = Motion(skeleton, R_root, np.zeros((len(R_root), 3)), R_body).points @ np.swapaxes(camera.R_cam_ref, -1, -2)
+    homogeneous = np.concatenate([evidence.keypoints, np.ones((*evidence.visibility.shape, 1))], axis=-1)
+    rays = (homogeneous @ np.swapaxes(np.linalg.inv(camera.K), -1, -2))[..., :2]
+    pelvis_cam = start_position(posed, rays, evidence.visibility**2 + 1e-3)
+    pelvis_ref = (R_ref_cam @ (pelvis_cam - camera.t_cam_ref)[..., None])[..., 0]
+    known = evidence.seen & (pelvis_cam[:, 2] > 0.3)
+    if not known.any():
+        known = evidence.seen
+    return bridged(Motion(skeleton, R_root, pelvis_ref, R_body), known, evidence.time_s)
+
+
+def _depths(motion: Motion, camera: CameraPath) -> Float[Array, " N"]:
+    """Depth of the pelvis in each camera, metres."""
+    return np.asarray(np.maximum(camera.to_camera(motion.pelvis_ref[:, None])[:, 0, 2], 0.3))
+
+
+@dataclass(frozen=True, eq=False)
+class _Terms:
+    """Builds the terms of a window of frames."""
+
+    evidence: Evidence
+    landmarks: Float[Array, "N 33 3"]
+    camera: CameraPath
+    depth: Float[Array, " N"]
+    noise: NoiseModel
+
+    def reprojection(self, frames: slice) -> Reprojection:
+        e, camera = self.evidence, self.camera.frames(frames)
+        sigma_px = self.noise.keypoint_m * camera.K[:, 0, 0] / self.depth[frames]
+        weight = e.visibility[frames] * frame_weights(e.time_s)[frames][:, None]
+        return Reprojection(
+            camera, e.keypoints[frames], np.broadcast_to(sigma_px[:, None], weight.shape), weight * _KEYPOINT_WEIGHT
+        )
+
+    def relative(self, frames: slice) -> RelativePoints:
+        e, camera = self.evidence, self.camera.frames(frames)
+        across, along = 1 / self.noise.landmark_lateral_m, 1 / self.noise.landmark_depth_m
+        ray = e.ray[frames]
+        whiten = across * np.eye(3) + (along - across) * ray[:, :, None] * ray[:, None, :]
+        weight = e.visibility[frames] * frame_weights(e.time_s)[frames][:, None]
+        targets = self.landmarks[frames] @ camera.R_cam_ref
+        return RelativePoints(targets, whiten @ camera.R_cam_ref, weight * _LANDMARK_WEIGHT)
+
+    def __call__(self, frames: slice) -> list[Term]:
+        e, noise, statistics = self.evidence, self.noise, load_pose_statistics()
+        time = frame_weights(e.time_s)[frames]
+        prior = PosePrior(
+            mean=statistics.mean,
+            precision=np.linalg.inv(statistics.covariance),
+            lower=statistics.lower,
+            upper=statistics.upper,
+            wall=1 / noise.wall_rad**2,
+            weight=time * np.where(e.seen[frames], noise.prior, noise.prior_unseen),
+        )
+        smooth = Smoothness(e.time_s[frames], statistics.acceleration * noise.smoothness)
+        return [self.reprojection(frames), self.relative(frames), prior, smooth]
+
+
+_KEYPOINT_WEIGHT = np.ones(NUM_LANDMARKS)
+_LANDMARK_WEIGHT = np.ones(NUM_LANDMARKS)
+
+
+def _result(
+    person: int, evidence: Evidence, betas: Array, camera: CameraPath, motion: Motion, terms: _Terms
+) -> PersonShotMotion:
+    distances = terms.reprojection(slice(None)).distances_px(motion)
+    distances = np.where(evidence.visibility > 0.5, distances, np.nan)
+    residual = np.full(len(distances), np.nan)
+    enough = np.isfinite(distances).sum(axis=1) > 0
+    residual[enough] = np.nanmedian(distances[enough], axis=1)
+    return PersonShotMotion(
+        person=person,
+        frame=evidence.frame,
+        observed=evidence.seen,
+        R_cam_root=camera.R_cam_ref @ motion.R_ref_root,
+        body_pose=vector_from_rotation(motion.R_body),
+        betas=np.asarray(betas, np.float64),
+        pelvis_cam=camera.to_camera(motion.pelvis_ref[:, None])[:, 0],
+        residual_px=residual.astype(np.float32),
+        confidence=evidence.visibility.mean(axis=1).astype(np.float32),
+    )

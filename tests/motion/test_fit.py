@@ -1,0 +1,141 @@
+"""The fit's parts: derivatives, the banded solver, windows."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from humanmm.models.body.body24 import load_body
+from humanmm.models.body.landmarks import load_landmarks
+from humanmm.models.body.rotations import rotation_from_vector
+from humanmm.models.motion.fit_solver import SolverSettings, minimise, solve_windows
+from humanmm.models.motion.fit_state import NUM_PARAMETERS, CameraPath, Motion, Skeleton
+from humanmm.models.motion.fit_terms import (
+    NormalEquations,
+    PosePrior,
+    RelativePoints,
+    Reprojection,
+    Smoothness,
+    Term,
+    frame_weights,
+)
+
+N = 5
+K = np.array([[1000.0, 0, 500], [0, 1000, 300], [0, 0, 1]])
+
+
+def skeleton() -> Skeleton:
+    body, model = load_body(), load_landmarks()
+    return Skeleton(body.rest_joints(np.zeros(10)), model.joint, model.offsets(np.zeros(10)))
+
+
+def slow_motion(num_frames: int, seed: int = 0) -> Motion:
+    """Near neighbours in time, as `Smoothness` expects; in front of the camera."""
+    rng = np.random.default_rng(seed)
+    drift = np.arange(num_frames)[:, None]
+    root = rotation_from_vector(rng.normal(size=3) + drift * rng.normal(size=3) * 0.01)
+    pose = rng.normal(size=(23, 3)) * 0.3 + drift[..., None] * rng.normal(size=(23, 3)) * 0.01
+    return Motion(skeleton(), root, rng.normal(size=3) * 0.2 + [0, 0, 5] + drift * 0.02, rotation_from_vector(pose))
+
+
+def every_term(motion: Motion) -> dict[str, Term]:
+    rng = np.random.default_rng(1)
+    n = motion.num_frames
+    camera = CameraPath(
+        Rotation.from_rotvec(rng.normal(size=(n, 3)) * 0.1).as_matrix(),
+        rng.normal(size=(n, 3)) * 0.1,
+        np.broadcast_to(K, (n, 3, 3)),
+    )
+    root = rng.normal(size=(57, 57))
+    walls = np.full(57, 0.2)
+    return {
+        "reprojection": Reprojection(
+            camera, rng.normal(size=(n, 33, 2)) * 100 + 500, np.full((n, 33), 20.0), rng.uniform(size=(n, 33))
+        ),
+        "relative": RelativePoints(rng.normal(size=(n, 33, 3)), rng.normal(size=(n, 3, 3)), rng.uniform(size=(n, 33))),
+        "prior": PosePrior(rng.normal(size=57) * 0.1, root @ root.T, -walls, walls, 50.0, rng.uniform(size=n)),
+        "smoothness": Smoothness(np.cumsum(rng.uniform(0.02, 0.05, n)), np.full(63, 5.0)),
+    }
+
+
+def test_points_move_as_their_jacobian_says() -> None:
+    motion, h = slow_motion(2), 1e-6
+    numeric = np.empty_like(motion.point_jacobian)
+    for k in range(NUM_PARAMETERS):
+        step = np.zeros((2, NUM_PARAMETERS))
+        step[:, k] = h
+        numeric[..., k] = (motion.moved(step).points - motion.moved(-step).points) / (2 * h)
+    np.testing.assert_allclose(motion.point_jacobian, numeric, atol=1e-7)
+
+
+@pytest.mark.parametrize("name", ["reprojection", "relative", "prior", "smoothness"])
+def test_a_term_s_gradient_is_the_slope_of_its_cost(name: str) -> None:
+    motion = slow_motion(N)
+    term = every_term(motion)[name]
+    equations = NormalEquations.zeros(N)
+    term.add(motion, equations)
+    numeric, h = np.empty((N, NUM_PARAMETERS)), 1e-6
+    for frame in range(N):
+        for k in range(NUM_PARAMETERS):
+            step = np.zeros((N, NUM_PARAMETERS))
+            step[frame, k] = h
+            numeric[frame, k] = (term.cost(motion.moved(step)) - term.cost(motion.moved(-step))) / (2 * h)
+    # Smoothness takes small turns as commuting: exact to the size of one frame's turn (here some 1 %).
+    tolerance = 3e-2 if name == "smoothness" else 1e-5
+    np.testing.assert_allclose(equations.gradient, numeric, atol=tolerance * np.abs(numeric).max())
+
+
+def test_the_minimum_is_one_where_every_gradient_vanishes() -> None:
+    motion = slow_motion(8)
+    terms = list(every_term(motion).values())[1:]
+    held = np.zeros(8, bool)
+    settings = SolverSettings(max_iterations=200, relative_decrease=1e-12)
+    before, after = NormalEquations.zeros(8), NormalEquations.zeros(8)
+    solved = minimise(motion, terms, held=held, settings=settings)
+    for term in terms:
+        term.add(motion, before)
+        term.add(solved, after)
+    assert np.abs(after.gradient).max() < 0.02 * np.abs(before.gradient).max()
+
+
+def test_held_frames_do_not_move() -> None:
+    motion = slow_motion(6)
+    held = np.array([True, True, False, False, False, False])
+    solved = minimise(motion, list(every_term(motion).values()), held=held, settings=SolverSettings())
+    np.testing.assert_array_equal(solved.R_body[:2], motion.R_body[:2])
+    np.testing.assert_array_equal(solved.pelvis_ref[:2], motion.pelvis_ref[:2])
+    assert np.abs(solved.pelvis_ref[2:] - motion.pelvis_ref[2:]).max() > 1e-4
+
+
+def test_windows_give_what_one_solve_of_everything_gives() -> None:
+    truth, num_frames = slow_motion(60), 60
+    time_s = np.arange(num_frames) / 30
+    targets = truth.points + np.random.default_rng(2).normal(size=truth.points.shape) * 0.02
+    whiten = np.broadcast_to(np.eye(3) / 0.02, (num_frames, 3, 3))
+
+    def terms_of(frames: slice) -> Sequence[Term]:
+        points = targets[frames]
+        weight = np.ones(points.shape[:2])
+        camera = CameraPath(
+            np.broadcast_to(np.eye(3), (len(points), 3, 3)),
+            np.zeros((len(points), 3)),
+            np.broadcast_to(K, (len(points), 3, 3)),
+        )
+        pixels = points[..., :2] / points[..., 2:] * 1000 + [500, 300]
+        return [
+            RelativePoints(points, whiten[frames], weight),
+            Reprojection(camera, pixels, np.full(weight.shape, 4.0), weight),
+            Smoothness(time_s[frames], np.full(63, 10.0)),
+        ]
+
+    exact = {"max_iterations": 15, "relative_decrease": 1e-7}
+    whole = solve_windows(truth, terms_of, SolverSettings(**exact, window=1000))
+    parts = solve_windows(truth, terms_of, SolverSettings(**exact, window=20, lookahead=20))
+    # What a window cannot see lies 20 frames ahead: less than a tenth remains of noise of 20 mm.
+    assert np.abs(whole.points - parts.points).max() < 2e-3
+
+
+def test_frames_weigh_by_the_time_they_stand_for() -> None:
+    np.testing.assert_allclose(frame_weights(np.arange(10) / 60), 0.5)
+    np.testing.assert_allclose(frame_weights(np.array([0.0, 1 / 30, 3 / 30])), [1, 1.5, 2])
