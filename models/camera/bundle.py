@@ -1,0 +1,319 @@
+"""Bundle adjustment of one shot: Levenberg-Marquardt with the points eliminated (Schur complement), robust weights.
+
+Section 3.2 of the paper uses LEAP-VO's windowed bundle adjustment; this is the same idea with all three coordinates of a point
+free. A point is X = anchor + direction / ρ with a unit direction and inverse depth ρ; in homogeneous form, camera i sees
+
+    q = R_shot_camᵀ (direction + ρ (anchor − t_shot_cam)),     x = f q_xy / q_z
+
+which stays smooth at ρ = 0: points at infinity, and with ρ and t held at zero, a camera that only rotates.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy.sparse import bsr_matrix
+
+from humanmm.models.camera import rotations
+
+MIN_DEPTH = 1e-3
+"""q_z of a unit direction below which a point counts as behind the camera."""
+
+
+@dataclass(frozen=True)
+class Views:
+    """Camera poses of K images (shot frame) with one focal length; `log_zoom` multiplies it per image by its exponential."""
+
+    R_shot_cam: Float[np.ndarray, "k 3 3"]
+    t_shot_cam: Float[np.ndarray, "k 3"]
+    log_zoom: Float[np.ndarray, " k"]
+    focal_px: float
+
+    @property
+    def focals_px(self) -> Float[np.ndarray, " k"]:
+        return self.focal_px * np.exp(self.log_zoom)
+
+
+@dataclass(frozen=True)
+class Points:
+    """P points of the background in inverse-depth form."""
+
+    direction: Float[np.ndarray, "p 3"]
+    rho: Float[np.ndarray, " p"]
+    anchor: Float[np.ndarray, "p 3"]
+
+    def positions(self) -> Float[np.ndarray, "p 3"]:
+        """Points in the shot frame; meaningful where rho is clearly positive."""
+        return self.anchor + self.direction / self.rho[:, None]
+
+
+@dataclass(frozen=True)
+class Observations:
+    """M sightings: image and point numbers, pixels relative to the principal point."""
+
+    image: Int[np.ndarray, " m"]
+    point: Int[np.ndarray, " m"]
+    xy: Float[np.ndarray, "m 2"]
+
+    def select(self, keep: np.ndarray) -> "Observations":
+        return Observations(self.image[keep], self.point[keep], self.xy[keep])
+
+
+@dataclass(frozen=True)
+class Freedom:
+    """What an adjustment may change beside rotations and point directions."""
+
+    translation: bool
+    """Camera centres and inverse depths."""
+    zoom: bool = False
+    """One focal length per image."""
+    focal: bool = False
+    """The common focal length."""
+
+
+@dataclass(frozen=True)
+class Adjusted:
+    """Outcome of an adjustment."""
+
+    views: Views
+    points: Points
+    residual_px: Float[np.ndarray, " m"]
+    """Reprojection error per observation; inf behind the camera."""
+    cost: float
+    """Sum of the robust loss, in units of the noise."""
+    noise_px: float
+    log_focal_sigma: float
+    """One sigma of ln(focal) from the Gauss-Newton matrix, with the residuals' own scale; nan unless the focal was free."""
+
+
+def project(
+    views: Views, points: Points, observations: Observations
+) -> tuple[Float[np.ndarray, "m 3"], Float[np.ndarray, "m 2"]]:
+    """Homogeneous camera coordinates q and pixels (relative to the principal point) of every observation."""
+    i, p = observations.image, observations.point
+    offset = points.anchor[p] - views.t_shot_cam[i]
+    ray = points.direction[p] + points.rho[p, None] * offset
+    q = np.einsum("mji,mj->mi", views.R_shot_cam[i], ray)
+    z = np.where(q[:, 2] > MIN_DEPTH, q[:, 2], np.inf)
+    return q, views.focals_px[i, None] * q[:, :2] / z[:, None]
+
+
+def residuals(views: Views, points: Points, observations: Observations) -> Float[np.ndarray, " m"]:
+    """Reprojection error of every observation, pixels; inf behind the camera."""
+    q, xy = project(views, points, observations)
+    return np.where(q[:, 2] > MIN_DEPTH, np.linalg.norm(xy - observations.xy, axis=1), np.inf)
+
+
+def noise_of(residual_px: Float[np.ndarray, " m"], floor_px: float) -> float:
+    """Robust standard deviation (one axis) of two-dimensional residuals: the median of a Rayleigh variable is 1.1774 σ."""
+    finite = residual_px[np.isfinite(residual_px)]
+    return max(float(np.median(finite)) / 1.1774, floor_px) if len(finite) else floor_px
+
+
+def robust_loss(residual_px: Float[np.ndarray, " m"], noise_px: float) -> Float[np.ndarray, " m"]:
+    """Cauchy loss with its scale at two sigma; a constant for points behind the camera."""
+    scaled = np.minimum(residual_px, 1e4) / (2.0 * noise_px)
+    return np.asarray(4.0 * np.log1p(scaled**2))
+
+
+def adjust(
+    views: Views,
+    points: Points,
+    observations: Observations,
+    *,
+    fixed: Bool[np.ndarray, " k"],
+    freedom: Freedom,
+    iterations: int = 10,
+    noise_floor_px: float = 0.2,
+    tolerance: float = 1e-4,
+) -> Adjusted:
+    """Views and points with the least robust reprojection error; images in `fixed` keep their pose and zoom.
+
+    The noise scale follows the residuals, so that the loss is robust at the start and sharp at the end. The gauge is left to
+    the damping: fix at least one image.
+    """
+    residual = residuals(views, points, observations)
+    noise = noise_of(residual, noise_floor_px)
+    cost = float(robust_loss(residual, noise).sum())
+    damping = 1e-4
+    system = _System(views, points, observations, fixed, freedom, noise)
+    for _ in range(iterations):
+        new_views, new_points = system.step(views, points, damping)
+        new_residual = residuals(new_views, new_points, observations)
+        new_cost = float(robust_loss(new_residual, noise).sum())
+        if not new_cost < cost:
+            damping *= 10.0
+            if damping > 1e4:
+                break
+            continue
+        gain = (cost - new_cost) / max(cost, 1e-12)
+        views, points, residual = new_views, new_points, new_residual
+        damping = max(damping / 10.0, 1e-8)
+        noise = noise_of(residual, noise_floor_px)
+        cost = float(robust_loss(residual, noise).sum())
+        if gain < tolerance:
+            break
+        system = _System(views, points, observations, fixed, freedom, noise)
+    sigma = _System(views, points, observations, fixed, freedom, noise).log_focal_sigma() if freedom.focal else float("nan")
+    return Adjusted(views, points, residual, cost, noise, sigma)
+
+
+class _System:
+    """The normal equations at one point of the parameter space."""
+
+    def __init__(
+        self, views: Views, points: Points, observations: Observations, fixed: np.ndarray, freedom: Freedom, noise_px: float
+    ) -> None:
+        self.freedom, self.fixed = freedom, fixed
+        self.num_images, self.num_points = len(fixed), len(points.rho)
+        image, point = observations.image, observations.point
+        q, xy = project(views, points, observations)
+        front = q[:, 2] > MIN_DEPTH
+        error = np.where(front[:, None], observations.xy - xy, 0.0)
+        squared = (error**2).sum(1) / (2.0 * noise_px) ** 2
+        weight = np.where(front, 1.0 / (1.0 + squared), 0.0) / noise_px**2
+        self.tangent = _tangents(points.direction)
+        J_image, J_point, J_focal = self._jacobians(views, points, observations, q, front)
+
+        weighted_image = J_image * weight[:, None, None]
+        weighted_point = J_point * weight[:, None, None]
+        width, depth = J_image.shape[2], J_point.shape[2]
+        self.width = width
+        by_image = np.einsum("mri,mrj->mij", weighted_image, J_image)
+        self.U = _sum_by(image, by_image, self.num_images)
+        self.g_image = _sum_by(image, np.einsum("mri,mr->mi", weighted_image, error), self.num_images)
+        self.V = _sum_by(point, np.einsum("mri,mrj->mij", weighted_point, J_point), self.num_points)
+        self.g_point = _sum_by(point, np.einsum("mri,mr->mi", weighted_point, error), self.num_points)
+        coupling = np.einsum("mri,mrj->mij", weighted_image, J_point)
+        order = np.argsort(image, kind="stable")
+        indptr = np.searchsorted(image[order], np.arange(self.num_images + 1))
+        self.W = bsr_matrix(
+            (coupling[order], point[order], indptr), shape=(self.num_images * width, self.num_points * depth)
+        )
+        self.order, self.indptr, self.column = order, indptr, point[order]
+        if freedom.focal:
+            self.focal_curvature = float((weight[:, None] * J_focal**2).sum())
+            self.g_focal = float((weight[:, None] * J_focal * error).sum())
+            self.focal_image = _sum_by(image, np.einsum("mri,mr->mi", weighted_image, J_focal), self.num_images)
+            self.focal_point = _sum_by(point, np.einsum("mri,mr->mi", weighted_point, J_focal), self.num_points)
+
+    def _jacobians(
+        self, views: Views, points: Points, observations: Observations, q: np.ndarray, front: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """d pixel / d (rotation, centre, zoom) (M,2,·), d pixel / d (direction, ρ) (M,2,·), d pixel / d ln f (M,2)."""
+        image, point = observations.image, observations.point
+        focal = views.focals_px[image]
+        z = np.where(front, q[:, 2], 1.0)
+        planar = q[:, :2] / z[:, None]
+        to_pixel = np.zeros((len(q), 2, 3))
+        to_pixel[:, 0, 0] = to_pixel[:, 1, 1] = focal / z
+        to_pixel[:, :, 2] = -(focal / z)[:, None] * planar
+        R_cam_shot = np.swapaxes(views.R_shot_cam[image], 1, 2)
+        by_rotation = to_pixel @ rotations.skew(q)
+        from_shot = to_pixel @ R_cam_shot
+        J_focal = focal[:, None] * planar
+        columns_image = [by_rotation]
+        columns_point = [from_shot @ self.tangent[point]]
+        if self.freedom.translation:
+            rho = points.rho[point][:, None, None]
+            columns_image.append(-rho * from_shot)
+            offset = points.anchor[point] - views.t_shot_cam[image]
+            columns_point.append(from_shot @ offset[:, :, None])
+        if self.freedom.zoom:
+            columns_image.append(J_focal[:, :, None])
+        return np.concatenate(columns_image, 2), np.concatenate(columns_point, 2), J_focal
+
+    def _reduced(self, damping: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Reduced camera matrix and right side (focal last), and the inverted point blocks."""
+        V = self.V.copy()
+        diagonal = np.einsum("pii->pi", V)
+        diagonal += damping * diagonal + 1e-9 * max(float(diagonal.max(initial=0.0)), 1.0)
+        V_inverse = np.linalg.inv(V)
+        Y = bsr_matrix((self.W.data @ V_inverse[self.column], self.column, self.indptr), shape=self.W.shape)
+        S = -np.asarray((Y @ self.W.T).todense())
+        size, width = self.num_images * self.width, self.width
+        U = self.U.copy()
+        diagonal = np.einsum("kii->ki", U)
+        diagonal += damping * diagonal + 1e-9
+        blocks = S.reshape(self.num_images, width, self.num_images, width)
+        index = np.arange(self.num_images)
+        blocks[index, :, index, :] += U
+        right = self.g_image.reshape(-1) - Y @ self.g_point.reshape(-1)
+        if not self.freedom.focal:
+            return S, right, V_inverse
+        full = np.zeros((size + 1, size + 1))
+        full[:size, :size] = S
+        side = self.focal_image.reshape(-1) - Y @ self.focal_point.reshape(-1)
+        full[:size, size] = full[size, :size] = side
+        eliminated = np.einsum("pi,pij,pj->", self.focal_point, V_inverse, self.focal_point)
+        full[size, size] = self.focal_curvature * (1 + damping) - eliminated
+        reduced_focal = self.g_focal - np.einsum("pi,pij,pj->", self.focal_point, V_inverse, self.g_point)
+        return full, np.append(right, reduced_focal), V_inverse
+
+    def _free(self) -> np.ndarray:
+        free = np.repeat(~self.fixed, self.width)
+        return np.append(free, True) if self.freedom.focal else free
+
+    def step(self, views: Views, points: Points, damping: float) -> tuple[Views, Points]:
+        S, right, V_inverse = self._reduced(damping)
+        free = self._free()
+        delta = np.zeros(len(right))
+        inner = S[np.ix_(free, free)]
+        scale = 1.0 / np.sqrt(np.maximum(np.diag(inner), 1e-12))
+        try:
+            solution = np.linalg.solve(inner * np.outer(scale, scale) + 1e-12 * np.eye(len(inner)), scale * right[free])
+            delta[free] = scale * solution
+        except np.linalg.LinAlgError:
+            return views, points
+        size = self.num_images * self.width
+        by_image, by_focal = delta[:size].reshape(self.num_images, self.width), delta[size:]
+        g_point = self.g_point - (self.W.T @ delta[:size]).reshape(self.num_points, -1)
+        if self.freedom.focal:
+            g_point = g_point - by_focal[0] * self.focal_point
+        by_point = np.einsum("pij,pj->pi", V_inverse, g_point)
+        return self._moved_views(views, by_image, by_focal), self._moved_points(points, by_point)
+
+    def _moved_views(self, views: Views, delta: np.ndarray, by_focal: np.ndarray) -> Views:
+        R = views.R_shot_cam @ rotations.exp(np.clip(delta[:, :3], -0.5, 0.5))
+        moved = replace(views, R_shot_cam=R)
+        if self.freedom.translation:
+            moved = replace(moved, t_shot_cam=views.t_shot_cam + delta[:, 3:6])
+        if self.freedom.zoom:
+            moved = replace(moved, log_zoom=views.log_zoom + np.clip(delta[:, -1], -0.5, 0.5))
+        if self.freedom.focal:
+            moved = replace(moved, focal_px=views.focal_px * float(np.exp(np.clip(by_focal[0], -0.3, 0.3))))
+        return moved
+
+    def _moved_points(self, points: Points, delta: np.ndarray) -> Points:
+        direction = points.direction + np.einsum("pij,pj->pi", self.tangent, delta[:, :2])
+        length = np.linalg.norm(direction, axis=1)
+        rho = points.rho + delta[:, 2] if self.freedom.translation else points.rho
+        return Points(direction / length[:, None], rho / length, points.anchor)
+
+    def log_focal_sigma(self) -> float:
+        """Square root of the focal's diagonal entry of the inverse reduced matrix."""
+        S, _, _ = self._reduced(1e-9)
+        free = self._free()
+        inner = S[np.ix_(free, free)]
+        unit = np.zeros(len(inner))
+        unit[-1] = 1.0
+        scale = 1.0 / np.sqrt(np.maximum(np.diag(inner), 1e-12))
+        column = scale * np.linalg.lstsq(inner * np.outer(scale, scale), scale * unit, rcond=1e-12)[0]
+        return float(np.sqrt(max(column[-1], 0.0)))
+
+
+def _tangents(direction: Float[np.ndarray, "p 3"]) -> Float[np.ndarray, "p 3 2"]:
+    """Two unit vectors perpendicular to each direction."""
+    helper = np.where(np.abs(direction[:, :1]) < 0.7, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
+    first = np.cross(direction, helper)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    return np.stack([first, np.cross(direction, first)], 2)
+
+
+def _sum_by(group: np.ndarray, values: np.ndarray, num_groups: int) -> np.ndarray:
+    """Sum of the rows of each group."""
+    flat = values.reshape(len(values), -1)
+    total = np.zeros((num_groups, flat.shape[1]))
+    for column in range(flat.shape[1]):
+        total[:, column] = np.bincount(group, flat[:, column], minlength=num_groups)
+    return total.reshape(num_groups, *values.shape[1:])

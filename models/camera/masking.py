@@ -1,0 +1,95 @@
+"""The background: point tracks without what lies on people (paper section 3.2: visibility 0 inside the person mask).
+
+A tracked point feels everything under its window, so a mask is widened by half that window before points are tested. Where a
+person is missed for some frames but tracked on both sides, the neighbours' masks are carried over the hole.
+"""
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float
+
+from humanmm.models.camera.observations import PointTracks
+from humanmm.models.perception.tracks import MASK_SIDE, PersonTrack
+
+HELD_FRAMES = 5
+"""Frames for which a mask is held before a person's first and after the last observation."""
+MASK_ERROR_SHARE = 0.015
+"""Expected error of a silhouette, as a share of the crop's side."""
+MAX_MASKED_SHARE = 0.4
+"""A track with a larger share of its observations on people is taken for a point of a person."""
+
+
+def background_points(points: PointTracks, people: Sequence[PersonTrack], *, window_px: float) -> PointTracks:
+    """The observations that lie on nobody; a track interrupted by a person goes on under a new number.
+
+    `window_px` is the side of the tracker's window in source pixels. A track that spends much of its life on people is
+    dropped whole: its other observations are most likely a silhouette's edge.
+    """
+    masked = np.zeros(len(points.frame), bool)
+    frames, first = np.unique(points.frame, return_index=True)
+    for person in people:
+        if not len(person.frame):
+            continue
+        for frame, begin, stop in zip(frames, first, [*first[1:], len(points.frame)], strict=True):
+            masked[begin:stop] |= _on_person(person, int(frame), points.xy[begin:stop], window_px)
+    return _without(points, masked)
+
+
+def _on_person(
+    person: PersonTrack, frame: int, xy: Float[np.ndarray, "n 2"], window_px: float
+) -> Bool[np.ndarray, " n"]:
+    after = int(np.searchsorted(person.frame, frame))
+    if after < len(person.frame) and person.frame[after] == frame:
+        return _inside(person.mask_bits[after], person.mask_affine[after], person.bbox[after], xy, window_px)
+    before = after - 1
+    if 0 <= before and after < len(person.frame):
+        share = (frame - person.frame[before]) / (person.frame[after] - person.frame[before])
+        affine = (1 - share) * person.mask_affine[before] + share * person.mask_affine[after]
+        bbox = (1 - share) * person.bbox[before] + share * person.bbox[after]
+        bits = person.mask_bits[before] | person.mask_bits[after]
+        return _inside(bits, affine, bbox, xy, window_px)
+    end = min(max(after, 0), len(person.frame) - 1)
+    if abs(int(person.frame[end]) - frame) > HELD_FRAMES:
+        return np.zeros(len(xy), bool)
+    return _inside(person.mask_bits[end], person.mask_affine[end], person.bbox[end], xy, window_px)
+
+
+def _inside(
+    bits: np.ndarray, affine: np.ndarray, bbox_xyxy: np.ndarray, xy: np.ndarray, window_px: float
+) -> Bool[np.ndarray, " n"]:
+    """Which points lie in the widened mask; the whole box stands in for a mask that is empty."""
+    linear = affine[:, :2].astype(float)
+    px_per_mask_px = float(np.sqrt(abs(np.linalg.det(linear))))
+    if not bits.any() or px_per_mask_px < 1e-6:
+        margin = window_px / 2
+        low, high = bbox_xyxy[:2] - margin, bbox_xyxy[2:] + margin
+        return np.asarray(((xy >= low) & (xy <= high)).all(1))
+    radius = window_px / 2 / px_per_mask_px + MASK_ERROR_SHARE * MASK_SIDE
+    side = 2 * round(radius) + 1
+    mask = np.unpackbits(bits, axis=-1)
+    padding = round(radius)
+    mask = cv2.copyMakeBorder(mask, padding, padding, padding, padding, cv2.BORDER_CONSTANT, value=0)
+    mask = cv2.dilate(mask, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side)))
+    cell = np.floor(np.linalg.solve(linear, (xy - affine[:, 2]).T).T).astype(int) + padding
+    within = ((cell >= 0) & (cell < MASK_SIDE + 2 * padding)).all(1)
+    cell = np.where(within[:, None], cell, 0)
+    return np.asarray(within & (mask[cell[:, 1], cell[:, 0]] > 0))
+
+
+def _without(points: PointTracks, masked: Bool[np.ndarray, " m"]) -> PointTracks:
+    """Drop masked observations, split the tracks they interrupt, drop tracks that are mostly masked."""
+    if not masked.any():
+        return points
+    order = np.lexsort((points.frame, points.track))
+    track, hidden = points.track[order], masked[order]
+    begins = np.concatenate([[True], (track[1:] != track[:-1]) | (hidden[1:] != hidden[:-1])])
+    piece = np.empty(len(track), np.int32)
+    piece[order] = np.cumsum(begins) - 1
+    length = np.bincount(points.track)
+    share = np.bincount(points.track, masked, minlength=len(length)) / np.maximum(length, 1)
+    keep = ~masked & (share[points.track] <= MAX_MASKED_SHARE)
+    return PointTracks(
+        points.start, points.end, piece[keep], points.frame[keep], points.xy[keep], points.confidence[keep]
+    )
