@@ -1,7 +1,8 @@
 """Bundle adjustment of one shot: Levenberg-Marquardt with the points eliminated (Schur complement), robust weights.
 
-Section 3.2 of the paper uses LEAP-VO's windowed bundle adjustment; this is the same idea with all three coordinates of a point
-free. A point is X = anchor + direction / ρ with a unit direction and inverse depth ρ; in homogeneous form, camera i sees
+Section 3.2 of the paper uses LEAP-VO's windowed bundle adjustment; this is the same idea with all three coordinates
+of a point free. A point is X = anchor + direction / ρ with a unit direction and inverse depth ρ; in homogeneous form,
+camera i sees
 
     q = R_shot_camᵀ (direction + ρ (anchor − t_shot_cam)),     x = f q_xy / q_z
 
@@ -22,7 +23,8 @@ MIN_DEPTH = 1e-3
 
 @dataclass(frozen=True)
 class Views:
-    """Camera poses of K images (shot frame) with one focal length; `log_zoom` multiplies it per image by its exponential."""
+    """Camera poses of K images (shot frame) with one focal length; `log_zoom` multiplies it per image by its
+    exponential."""
 
     R_shot_cam: Float[np.ndarray, "k 3 3"]
     t_shot_cam: Float[np.ndarray, "k 3"]
@@ -31,7 +33,7 @@ class Views:
 
     @property
     def focals_px(self) -> Float[np.ndarray, " k"]:
-        return self.focal_px * np.exp(self.log_zoom)
+        return np.asarray(self.focal_px * np.exp(self.log_zoom))
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,7 @@ class Points:
 
     def positions(self) -> Float[np.ndarray, "p 3"]:
         """Points in the shot frame; meaningful where rho is clearly positive."""
-        return self.anchor + self.direction / self.rho[:, None]
+        return np.asarray(self.anchor + self.direction / self.rho[:, None])
 
 
 @dataclass(frozen=True)
@@ -83,7 +85,8 @@ class Adjusted:
     """Sum of the robust loss, in units of the noise."""
     noise_px: float
     log_focal_sigma: float
-    """One sigma of ln(focal) from the Gauss-Newton matrix, with the residuals' own scale; nan unless the focal was free."""
+    """One sigma of ln(focal) from the Gauss-Newton matrix, with the residuals' own scale; nan unless the focal was
+    free."""
 
 
 def project(
@@ -105,7 +108,8 @@ def residuals(views: Views, points: Points, observations: Observations) -> Float
 
 
 def noise_of(residual_px: Float[np.ndarray, " m"], floor_px: float) -> float:
-    """Robust standard deviation (one axis) of two-dimensional residuals: the median of a Rayleigh variable is 1.1774 σ."""
+    """Robust standard deviation (one axis) of two-dimensional residuals: the median of a Rayleigh variable is 1.1774
+    σ."""
     finite = residual_px[np.isfinite(residual_px)]
     return max(float(np.median(finite)) / 1.1774, floor_px) if len(finite) else floor_px
 
@@ -129,8 +133,8 @@ def adjust(
 ) -> Adjusted:
     """Views and points with the least robust reprojection error; images in `fixed` keep their pose and zoom.
 
-    The noise scale follows the residuals, so that the loss is robust at the start and sharp at the end. The gauge is left to
-    the damping: fix at least one image.
+    The noise scale follows the residuals, so that the loss is robust at the start and sharp at the end. The gauge is
+    left to the damping: fix at least one image.
     """
     residual = residuals(views, points, observations)
     noise = noise_of(residual, noise_floor_px)
@@ -154,7 +158,9 @@ def adjust(
         if gain < tolerance:
             break
         system = _System(views, points, observations, fixed, freedom, noise)
-    sigma = _System(views, points, observations, fixed, freedom, noise).log_focal_sigma() if freedom.focal else float("nan")
+    sigma = float("nan")
+    if freedom.focal:
+        sigma = _System(views, points, observations, fixed, freedom, noise).log_focal_sigma()
     return Adjusted(views, points, residual, cost, noise, sigma)
 
 
@@ -162,7 +168,8 @@ class _System:
     """The normal equations at one point of the parameter space."""
 
     def __init__(
-        self, views: Views, points: Points, observations: Observations, fixed: np.ndarray, freedom: Freedom, noise_px: float
+        self, views: Views, points: Points, observations: Observations, fixed: np.ndarray, freedom: Freedom,
+        noise_px: float,
     ) -> None:
         self.freedom, self.fixed = freedom, fixed
         self.num_images, self.num_points = len(fixed), len(points.rho)

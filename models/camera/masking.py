@@ -1,10 +1,11 @@
 """The background: point tracks without what lies on people (paper section 3.2: visibility 0 inside the person mask).
 
-A tracked point feels everything under its window, so a mask is widened by half that window before points are tested. Where a
-person is missed for some frames but tracked on both sides, the neighbours' masks are carried over the hole.
+A tracked point feels everything under its window, so a mask is widened by half that window before points are tested.
+Where a person is missed for some frames but tracked on both sides, the neighbours' masks are carried over the hole.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -21,11 +22,11 @@ MAX_MASKED_SHARE = 0.4
 """A track with a larger share of its observations on people is taken for a point of a person."""
 
 
-def background_points(points: PointTracks, people: Sequence[PersonTrack], *, window_px: float) -> PointTracks:
+def background_points(points: PointTracks, people: Sequence[PersonTrack]) -> PointTracks:
     """The observations that lie on nobody; a track interrupted by a person goes on under a new number.
 
-    `window_px` is the side of the tracker's window in source pixels. A track that spends much of its life on people is
-    dropped whole: its other observations are most likely a silhouette's edge.
+    A track that spends much of its life on people is dropped whole: its other observations are most likely a
+    silhouette's edge.
     """
     masked = np.zeros(len(points.frame), bool)
     frames, first = np.unique(points.frame, return_index=True)
@@ -33,7 +34,7 @@ def background_points(points: PointTracks, people: Sequence[PersonTrack], *, win
         if not len(person.frame):
             continue
         for frame, begin, stop in zip(frames, first, [*first[1:], len(points.frame)], strict=True):
-            masked[begin:stop] |= _on_person(person, int(frame), points.xy[begin:stop], window_px)
+            masked[begin:stop] |= _on_person(person, int(frame), points.xy[begin:stop], points.window_px)
     return _without(points, masked)
 
 
@@ -44,7 +45,7 @@ def _on_person(
     if after < len(person.frame) and person.frame[after] == frame:
         return _inside(person.mask_bits[after], person.mask_affine[after], person.bbox[after], xy, window_px)
     before = after - 1
-    if 0 <= before and after < len(person.frame):
+    if before >= 0 and after < len(person.frame):
         share = (frame - person.frame[before]) / (person.frame[after] - person.frame[before])
         affine = (1 - share) * person.mask_affine[before] + share * person.mask_affine[after]
         bbox = (1 - share) * person.bbox[before] + share * person.bbox[after]
@@ -68,12 +69,12 @@ def _inside(
         return np.asarray(((xy >= low) & (xy <= high)).all(1))
     radius = window_px / 2 / px_per_mask_px + MASK_ERROR_SHARE * MASK_SIDE
     side = 2 * round(radius) + 1
-    mask = np.unpackbits(bits, axis=-1)
+    mask: np.ndarray = np.unpackbits(bits, axis=-1)
     padding = round(radius)
-    mask = cv2.copyMakeBorder(mask, padding, padding, padding, padding, cv2.BORDER_CONSTANT, value=0)
-    mask = cv2.dilate(mask, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side)))
+    mask = np.pad(mask, padding)
+    mask = np.asarray(cv2.dilate(mask, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))))
     cell = np.floor(np.linalg.solve(linear, (xy - affine[:, 2]).T).T).astype(int) + padding
-    within = ((cell >= 0) & (cell < MASK_SIDE + 2 * padding)).all(1)
+    within = np.asarray(((cell >= 0) & (cell < MASK_SIDE + 2 * padding)).all(1))
     cell = np.where(within[:, None], cell, 0)
     return np.asarray(within & (mask[cell[:, 1], cell[:, 0]] > 0))
 
@@ -90,6 +91,6 @@ def _without(points: PointTracks, masked: Bool[np.ndarray, " m"]) -> PointTracks
     length = np.bincount(points.track)
     share = np.bincount(points.track, masked, minlength=len(length)) / np.maximum(length, 1)
     keep = ~masked & (share[points.track] <= MAX_MASKED_SHARE)
-    return PointTracks(
-        points.start, points.end, piece[keep], points.frame[keep], points.xy[keep], points.confidence[keep]
+    return replace(
+        points, track=piece[keep], frame=points.frame[keep], xy=points.xy[keep], confidence=points.confidence[keep]
     )

@@ -13,7 +13,11 @@ CameraSource = Literal["static", "tracked", "rotation_only", "given", "fallback"
 
 @dataclass(frozen=True)
 class PointTracks:
-    """Tracked image points of one shot [start, end), as a flat list of M observations sorted by frame."""
+    """Tracked image points of one shot [start, end), as a flat list of M observations sorted by frame.
+
+    Frames in which the picture stood still since the last recorded one carry no observations; the first and the last
+    do.
+    """
 
     start: int
     end: int
@@ -25,6 +29,8 @@ class PointTracks:
     """(M,2) float32, source pixels, centres at .5."""
     confidence: np.ndarray
     """(M,) float32, 0..1 (from the forward-backward error)."""
+    window_px: float
+    """Side of the tracker's window in source pixels: what a point feels of its surroundings."""
 
 
 @dataclass(frozen=True)
@@ -39,21 +45,23 @@ class Intrinsics:
     """One sigma of the focal length, as a share of it."""
 
     @property
-    def K(self) -> np.ndarray:
+    def K(self) -> np.ndarray:  # noqa: N802 (the letter everybody knows it by)
         """(3,3) float64."""
         return np.array([[self.focal_px, 0, self.width / 2], [0, self.focal_px, self.height / 2], [0, 0, 1.0]])
 
 
 @dataclass(frozen=True)
 class ShotCamera:
-    """Camera of one shot [start, end) in the frame of its own first camera ("shot" frame: x right, y down, z forward)."""
+    """Camera of one shot [start, end) in the frame of its own first camera ("shot" frame: x right, y down, z
+    forward)."""
 
     start: int
     end: int
     R_shot_cam: np.ndarray
     """(F,3,3) float64, camera to shot; the first is the identity."""
     t_shot_cam: np.ndarray
-    """(F,3) float64, camera centre in the shot frame; metres if `metric`, else up to one scale; zero if static or rotation only."""
+    """(F,3) float64, camera centre in the shot frame; metres if `metric`, else up to one scale; zero if static or
+    rotation only."""
     K: np.ndarray
     """(3,3) float64, shared intrinsics or refined for this shot."""
     source: CameraSource

@@ -1,7 +1,8 @@
-"""Long point tracks: pyramidal Lucas-Kanade forward and backward, re-seeded on a grid so that the picture stays covered.
+"""Long point tracks: pyramidal Lucas-Kanade forward and backward, re-seeded on a grid so that the picture stays
+covered.
 
-Where LEAP-VO (the paper's section 3.2) uses a learned tracker, this is the classical one: it needs no weights and costs a few
-milliseconds a frame. It knows nothing of people; `masking` removes what lies on them.
+Where LEAP-VO (the paper's section 3.2) uses a learned tracker, this is the classical one: it needs no weights and
+costs a few milliseconds a frame. It knows nothing of people; `masking` removes what lies on them.
 """
 
 from collections.abc import Iterable
@@ -9,20 +10,25 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Bool, UInt8
 
 from humanmm.models.camera.observations import PointTracks
 
-FLOW_REACH = dict(winSize=(15, 15), maxLevel=3, criteria=(cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 20, 0.01))
-BACKWARD_LEVELS = 2
+WINDOW = 15
+"""Side of the window that is matched, pixels."""
+FORWARD_LEVELS, BACKWARD_LEVELS = 3, 2
+"""Pyramid levels of the two searches; the way back starts where the way there ended."""
+STOP = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 20, 0.01)
 MAX_BACKWARD_ERROR_PX = 1.0
 """Forward-backward error, in pixels of the tracking picture, beyond which a point is lost."""
 CONFIDENCE_SCALE_PX = 0.5
 CONTRAST = 40.0
-"""Standard deviation, in grey levels, that every picture is brought to, so that exposure changes and flicker do not move points."""
+"""Standard deviation, in grey levels, that every picture is brought to, so that exposure changes and flicker do not
+move points."""
 MAX_GAIN = 4.0
 MIN_CORNER_STRENGTH = 2e-4
-"""Smaller eigenvalue of the structure tensor (OpenCV's scale, grey levels / 255 squared) below which a place has no corner."""
+"""Smaller eigenvalue of the structure tensor (OpenCV's scale, grey levels / 255 squared) below which a place has no
+corner."""
 MAX_POINTS_PER_CELL = 2
 BORDER_PX = 4.0
 
@@ -31,7 +37,7 @@ BORDER_PX = 4.0
 class TrackerSettings:
     """How densely points are kept; lengths in pixels of the tracking picture."""
 
-    num_points: int = 256
+    num_points: int = 200
     still_px: float = 0.25
     """A frame whose points moved less than this since the last recorded frame is not recorded."""
     max_unrecorded: int = 12
@@ -45,9 +51,9 @@ def track_points(
 ) -> PointTracks:
     """Points tracked through the grey pictures of one shot, in source pixels with centres at .5.
 
-    `pictures` may be smaller than the source (width, height); they are consumed one by one. The first and the last frame
-    are always recorded; a frame in between is left out while the picture stands still (`still_px`), which is what makes
-    long static shots cheap to keep.
+    `pictures` may be smaller than the source (width, height); they are consumed one by one. The first and the last
+    frame are always recorded; a frame in between is left out while the picture stands still (`still_px`), which is
+    what makes long static shots cheap to keep.
     """
     tracker: _Tracker | None = None
     num_frames = 0
@@ -57,7 +63,7 @@ def track_points(
         num_frames += 1
     end = start + num_frames
     if tracker is None:
-        return PointTracks(start, end, *_empty_columns())
+        return PointTracks(start, end, *_empty_columns(), window_px=float(WINDOW))
     tracker.record(last=True)
     return tracker.result(start, end, source_size)
 
@@ -72,7 +78,7 @@ def even_exposure(picture: UInt8[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w"]
     detail = grey - cv2.blur(grey, (31, 31))
     deviation = float(detail.std())
     gain = min(CONTRAST / max(deviation, 1e-6), MAX_GAIN)
-    return cv2.convertScaleAbs(np.clip(detail * gain + 128.0, 0.0, 255.0))
+    return np.asarray(np.clip(detail * gain + 128.5, 0.0, 255.0), np.uint8)
 
 
 class _Tracker:
@@ -83,7 +89,7 @@ class _Tracker:
         self.width, self.height = width, height
         self.cell_px = max(8, round((width * height / settings.num_points) ** 0.5))
         self.columns, self.rows = -(-width // self.cell_px), -(-height // self.cell_px)
-        self.picture: np.ndarray | None = None
+        self.picture = np.zeros((height, width), np.uint8)
         self.xy = np.zeros((0, 2), np.float32)
         self.track = np.zeros(0, np.int32)
         self.confidence = np.zeros(0, np.float32)
@@ -96,7 +102,7 @@ class _Tracker:
     def advance(self, picture: np.ndarray, frame: int) -> None:
         """Carry the points on to the next frame, look for new ones where they are missing, record if anything moved."""
         picture = even_exposure(picture)
-        if self.picture is not None and len(self.xy):
+        if len(self.xy):
             self._follow(picture)
         self.picture, self.frame = picture, frame
         due = frame - self.seeded_frame >= self.settings.reseed_interval and len(self.xy) < 0.9 * self.seeded_count
@@ -105,14 +111,11 @@ class _Tracker:
         self.record()
 
     def _follow(self, picture: np.ndarray) -> None:
-        there, found, _ = cv2.calcOpticalFlowPyrLK(self.picture, picture, self.xy[:, None], None, **FLOW_REACH)
-        back, found_back, _ = cv2.calcOpticalFlowPyrLK(
-            picture, self.picture, there, None, **{**FLOW_REACH, "maxLevel": BACKWARD_LEVELS}
-        )
-        there, back = there[:, 0], back[:, 0]
+        there, found = _flow(self.picture, picture, self.xy, FORWARD_LEVELS)
+        back, found_back = _flow(picture, self.picture, there, BACKWARD_LEVELS)
         error = np.linalg.norm(back - self.xy, axis=1)
         inside = (there > BORDER_PX).all(1) & (there < (self.width - 1 - BORDER_PX, self.height - 1 - BORDER_PX)).all(1)
-        alive = (found[:, 0] > 0) & (found_back[:, 0] > 0) & (error < MAX_BACKWARD_ERROR_PX) & inside
+        alive = found & found_back & (error < MAX_BACKWARD_ERROR_PX) & inside
         self.xy = there[alive]
         self.confidence = np.exp(-np.square(error[alive] / CONFIDENCE_SCALE_PX)).astype(np.float32)
         self.track, self.recorded_xy = self.track[alive], self.recorded_xy[alive]
@@ -142,7 +145,8 @@ class _Tracker:
         y = (chosen // self.columns) * self.cell_px + best[chosen] // self.cell_px
         new = np.stack([x, y], 1).astype(np.float32)
         self.xy = np.concatenate([self.xy, new])
-        self.track = np.concatenate([self.track, np.arange(self.next_track, self.next_track + len(new), dtype=np.int32)])
+        numbers = np.arange(self.next_track, self.next_track + len(new), dtype=np.int32)
+        self.track = np.concatenate([self.track, numbers])
         self.confidence = np.concatenate([self.confidence, np.ones(len(new), np.float32)])
         self.recorded_xy = np.concatenate([self.recorded_xy, np.full_like(new, np.nan)])
         self.next_track += len(new)
@@ -169,7 +173,17 @@ class _Tracker:
     def result(self, start: int, end: int, source_size: tuple[int, int]) -> PointTracks:
         track, frame, xy, confidence = (np.concatenate(column) for column in zip(*self.kept, strict=True))
         scale = np.array([source_size[0] / self.width, source_size[1] / self.height], np.float32)
-        return PointTracks(start, end, track, frame, (xy + 0.5) * scale, confidence)
+        window_px = float(WINDOW * scale.max())
+        return PointTracks(start, end, track, frame, (xy + 0.5) * scale, confidence, window_px)
+
+
+def _flow(before: np.ndarray, after: np.ndarray, xy: np.ndarray, levels: int) -> tuple[np.ndarray, np.ndarray]:
+    """Where the points of one picture are in the other, and whether they were found."""
+    guess = np.empty_like(xy[:, None])
+    there, found, _ = cv2.calcOpticalFlowPyrLK(
+        before, after, xy[:, None], guess, winSize=(WINDOW, WINDOW), maxLevel=levels, criteria=STOP
+    )
+    return np.asarray(there)[:, 0], np.asarray(found)[:, 0] > 0
 
 
 def _oldest_per_cell(cell: np.ndarray, most: int) -> Bool[np.ndarray, "points"]:

@@ -1,4 +1,5 @@
-"""Poses of images against known points: Gauss-Newton on many images at once, each on its own (no image sees another)."""
+"""Poses of images against known points: Gauss-Newton on many images at once, each on its own (no image sees
+another)."""
 
 from dataclasses import replace
 
@@ -27,6 +28,8 @@ def resect(
     width = 3 + 3 * freedom.translation + freedom.zoom
     image = observations.image
     num_images = len(views.log_zoom)
+    if not len(image):
+        return views, np.zeros(0), np.zeros(num_images, bool)
     counts = np.bincount(image, minlength=num_images)
     enough = counts >= 2 * width
     used = np.flatnonzero(counts)

@@ -37,7 +37,8 @@ def nearest(M: Float[np.ndarray, "*batch 3 3"]) -> Float[np.ndarray, "*batch 3 3
 def interpolate(
     at: Float[np.ndarray, " n"], known_at: Float[np.ndarray, " k"], R: Float[np.ndarray, "k 3 3"]
 ) -> Float[np.ndarray, "n 3 3"]:
-    """Spherical interpolation between the two known rotations around each place; ends are held. `known_at` increases."""
+    """Spherical interpolation between the two known rotations around each place; ends are held. `known_at`
+    increases."""
     if len(known_at) == 1:
         return np.repeat(R, len(at), axis=0)
     after = np.clip(np.searchsorted(known_at, at, side="right"), 1, len(known_at) - 1)

@@ -44,7 +44,9 @@ class TrackedShot:
         part = slice(self.begins[image], self.begins[image + 1])
         return self.sightings.point[part], self.sightings.xy[part]
 
-    def shared(self, a: int, b: int) -> tuple[Int[np.ndarray, " n"], Float[np.ndarray, "n 2"], Float[np.ndarray, "n 2"]]:
+    def shared(
+        self, a: int, b: int
+    ) -> tuple[Int[np.ndarray, " n"], Float[np.ndarray, "n 2"], Float[np.ndarray, "n 2"]]:
         """Points seen in both images, with their pixels in each."""
         point_a, xy_a = self.seen(a)
         point_b, xy_b = self.seen(b)

@@ -46,6 +46,12 @@ class ShotsConfig(Section):
 class PointsConfig(Section):
     """Long point tracks on the background."""
 
+    max_side_px: Annotated[int, Field(ge=160, le=4096)] = 640
+    """Longest side, in pixels, of the grey pictures in which points are tracked."""
+
+    num_points: Annotated[int, Field(ge=32, le=4096)] = 200
+    """Cells of the grid over the picture that are each kept supplied with a point."""
+
 
 class IntrinsicsConfig(Section):
     """One focal length for all shots (the paper's assumption)."""

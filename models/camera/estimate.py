@@ -1,0 +1,163 @@
+"""Camera of one shot: standing, turning or moving, in this order (paper section 3.2, with the simple answers first).
+
+A tripod and a pan are told apart from a moving camera because odometry on them is ill-posed: it would invent a
+translation out of noise. Whatever had to be assumed for want of evidence is said in the result's warnings, with
+`source="fallback"`.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from humanmm.models.camera import rotations
+from humanmm.models.camera.bundle import Freedom, Observations, Points, Views, residuals
+from humanmm.models.camera.crosscheck import MAX_DISAGREEMENT_DEG, disagreement_deg
+from humanmm.models.camera.masking import background_points
+from humanmm.models.camera.observations import CameraSource, Intrinsics, PointTracks, ShotCamera
+from humanmm.models.camera.odometry import MIN_POINTS, Track, all_images, moving, rotating
+from humanmm.models.camera.standing import test_standing
+from humanmm.models.camera.tracked import TrackedShot, arrange, choose_keyframes
+from humanmm.models.camera.two_view import starting_pair
+from humanmm.models.perception.tracks import PersonTrack
+
+EXACT_SHARE = 0.0003
+"""A turning camera that fits within this share of the diagonal (one sigma) needs no other explanation."""
+POOR_SHARE = 0.004
+"""A fit worse than this share of the diagonal is no measurement any more."""
+MOVING_GAIN = 0.6
+"""A moving camera must bring the residuals below this share of the turning camera's: it has one more unknown per
+point."""
+ZOOM_GAIN = 0.75
+"""The same for a zooming camera against one that does not zoom."""
+MIN_ZOOM = 0.03
+"""Changes of focal length below this share are not called a zoom."""
+MAX_ERROR_SHARE = 0.002
+"""Error of a sighting, as a share of the diagonal, that a two-view pose tolerates."""
+
+
+@dataclass(frozen=True)
+class _Answer:
+    source: CameraSource
+    track: Track
+    views: Views
+    """Of every recorded image."""
+    residual_px: Float[np.ndarray, " m"]
+    warnings: tuple[str, ...]
+
+
+def estimate_camera(
+    points: PointTracks, people: Sequence[PersonTrack], intrinsics: Intrinsics, *, static: bool = False
+) -> ShotCamera:
+    """Camera of every frame of the shot that `points` were tracked in, people left out; `static` is the user's word."""
+    num_frames = points.end - points.start
+    if static:
+        return _resting(points, intrinsics, "given")
+    background = background_points(points, people)
+    shot = arrange(background, intrinsics.width, intrinsics.height)
+    seen = np.diff(shot.begins)
+    if num_frames == 1:
+        return _resting(points, intrinsics, "static")
+    enough = shot.num_images >= 2 and float(np.quantile(seen, 0.1)) >= MIN_POINTS
+    if not enough and (shot.num_images < 2 or float(np.median(seen)) < MIN_POINTS):
+        found = int(np.median(seen)) if len(seen) else 0
+        said = f"only {found} background points a frame (at least {MIN_POINTS} needed): the camera is taken as standing"
+        return _resting(points, intrinsics, "fallback", said)
+    warnings = () if enough else ("in some frames almost no background is in view: the camera is interpolated there",)
+    standing = test_standing(shot)
+    if standing.static:
+        return replace(_resting(points, intrinsics, "static"), warnings=warnings)
+    answer = _turning_or_moving(shot, intrinsics.focal_px)
+    return _result(points, shot, intrinsics, replace(answer, warnings=warnings + answer.warnings))
+
+
+def _resting(points: PointTracks, intrinsics: Intrinsics, source: CameraSource, *warnings: str) -> ShotCamera:
+    num_frames = points.end - points.start
+    return ShotCamera(
+        points.start, points.end, np.tile(np.eye(3), (num_frames, 1, 1)), np.zeros((num_frames, 3)), intrinsics.K,
+        source, metric=True, points_shot=np.zeros((0, 3)), reprojection_px=float("nan"), cross_check_deg=float("nan"),
+        warnings=warnings,
+    )  # fmt: skip
+
+
+def _turning_or_moving(shot: TrackedShot, focal_px: float) -> _Answer:
+    """The simplest camera that explains the background: turning, turning and zooming, or moving."""
+    keyframes = choose_keyframes(shot)
+    turning_only = Freedom(translation=False)
+    turning = rotating(shot, keyframes, focal_px, freedom=turning_only)
+    exact = EXACT_SHARE * shot.diagonal_px
+    if turning.adjusted.noise_px < exact:
+        return _answer(shot, turning, turning_only, "rotation_only")
+    zooming_too = Freedom(translation=False, zoom=True)
+    zooming = rotating(shot, keyframes, focal_px, freedom=zooming_too)
+    zoom_range = float(np.ptp(zooming.views.log_zoom))
+    zooms = zoom_range > MIN_ZOOM and _error_px(zooming) < ZOOM_GAIN * _error_px(turning)
+    turned, freedom = (zooming, zooming_too) if zooms else (turning, turning_only)
+    moved = _moving(shot, keyframes, turning)
+    if moved is not None and _error_px(moved) < MOVING_GAIN * _error_px(turned):
+        return _answer(shot, moved, Freedom(translation=True), "tracked")
+    answer = _answer(shot, turned, freedom, "rotation_only")
+    if zooms:
+        percent = 100 * (np.exp(zoom_range) - 1)
+        said = f"the focal length changes by {percent:.0f} % within the shot: K holds for its first frame"
+        answer = replace(answer, warnings=(*answer.warnings, said))
+    return answer
+
+
+def _moving(shot: TrackedShot, keyframes: np.ndarray, guide: Track) -> Track | None:
+    pair = starting_pair(shot, keyframes, guide.views.focal_px)
+    if pair is None:
+        return None
+    return moving(shot, keyframes, guide, pair, max_error_px=MAX_ERROR_SHARE * shot.diagonal_px)
+
+
+def _error_px(track: Track) -> float:
+    """Median reprojection error over all keyframe sightings of points seen twice, whichever of them the map was
+    fitted to."""
+    sightings = track.all_sightings
+    return float(np.median(residuals(track.views, track.points, sightings)))
+
+
+def _answer(shot: TrackedShot, track: Track, freedom: Freedom, source: CameraSource) -> _Answer:
+    views, residual = all_images(shot, track, freedom=freedom)
+    warnings: tuple[str, ...] = ()
+    error = float(np.median(residual)) if len(residual) else float("inf")
+    if error > POOR_SHARE * shot.diagonal_px:
+        source = "fallback"
+        warnings = (f"the background fits no camera well (median error {error:.1f} px): rotation is a rough estimate",)
+    return _Answer(source, track, views, residual, warnings)
+
+
+def _result(points: PointTracks, shot: TrackedShot, intrinsics: Intrinsics, answer: _Answer) -> ShotCamera:
+    moves = answer.source == "tracked"
+    at, known_at = np.arange(points.start, points.end, dtype=float), shot.frame.astype(float)
+    R_shot_cam = rotations.interpolate(at, known_at, answer.views.R_shot_cam)
+    R_first = R_shot_cam[0].T
+    t_shot_cam = np.zeros((len(at), 3))
+    if moves:
+        t_shot_cam = np.stack([np.interp(at, known_at, answer.views.t_shot_cam[:, axis]) for axis in range(3)], 1)
+        t_shot_cam = (t_shot_cam - t_shot_cam[0]) @ R_first.T
+    warnings = answer.warnings
+    check = disagreement_deg(shot, answer.track, translating=moves)
+    if check > MAX_DISAGREEMENT_DEG:
+        warnings = (*warnings, f"pycolmap's two-view rotations differ by {check:.1f} degrees from the adjusted ones")
+    return ShotCamera(
+        points.start, points.end, R_first @ R_shot_cam, t_shot_cam, intrinsics.K, answer.source, metric=not moves,
+        points_shot=_structure(answer.track) if moves else np.zeros((0, 3)),
+        reprojection_px=float(np.median(answer.residual_px)), cross_check_deg=check, warnings=warnings,
+    )  # fmt: skip
+
+
+def _structure(track: Track) -> Float[np.ndarray, "p 3"]:
+    """Points of the map whose distance is known from parallax of at least a degree."""
+    observations: Observations = track.observations
+    used = np.unique(observations.point[track.known[observations.point]])
+    used = used[track.points.rho[used] > 0]
+    baseline = np.zeros(len(track.known))
+    ray = track.points.anchor[observations.point] - track.views.t_shot_cam[observations.image]
+    across = np.linalg.norm(np.cross(track.points.direction[observations.point], ray), axis=1)
+    np.maximum.at(baseline, observations.point, across)
+    sure = baseline[used] * track.points.rho[used] > np.radians(1.0)
+    chosen = used[sure]
+    return Points(track.points.direction[chosen], track.points.rho[chosen], track.points.anchor[chosen]).positions()

@@ -1,0 +1,304 @@
+"""Visual odometry over the keyframes of a shot (paper section 3.2): windowed bundle adjustment as the shot goes on,
+then all.
+
+Two runs share it. `rotating` lets the camera only rotate (points at infinity). `moving` starts from a two-view pose,
+then takes one keyframe after the other: pose against the known points, new points, adjustment of the last few
+keyframes.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from humanmm.models.camera import rotations
+from humanmm.models.camera.bundle import Adjusted, Freedom, Observations, Points, Views, adjust
+from humanmm.models.camera.resection import resect
+from humanmm.models.camera.tracked import TrackedShot
+from humanmm.models.camera.two_view import Pair, rays, relative_pose, turned_to
+
+WINDOW = 15
+"""Keyframes in an adjustment while the odometry runs (LEAP-VO: 15)."""
+WINDOW_STEP = 5
+"""Keyframes taken between two adjustments."""
+MAX_GLOBAL_KEYFRAMES = 100
+"""Longer shots keep the windowed result: the last adjustment over all keyframes would grow with the cube of their
+number."""
+OUTLIER_SIGMA = 4.0
+"""Sightings further off than this many sigma after an adjustment are dropped (LEAP-VO drops above 5 px)."""
+MIN_POINTS = 12
+"""Fewer background points in a keyframe than this cannot carry a pose."""
+
+
+@dataclass(frozen=True)
+class Track:
+    """A camera track over keyframes with the map it was made with."""
+
+    keyframes: Int[np.ndarray, " k"]
+    views: Views
+    points: Points
+    known: Bool[np.ndarray, " p"]
+    """Points that are part of the map."""
+    adjusted: Adjusted
+    observations: Observations
+    """What the last adjustment used, image numbers into `keyframes`."""
+    all_sightings: Observations
+    """All keyframe sightings of points seen from two keyframes, outliers included."""
+
+
+def empty_points(num_points: int) -> Points:
+    """Points not placed yet."""
+    forward = np.tile([0.0, 0.0, 1.0], (num_points, 1))
+    return Points(forward, np.zeros(num_points), np.zeros((num_points, 3)))
+
+
+def rotating(shot: TrackedShot, keyframes: Int[np.ndarray, " k"], focal_px: float, *, freedom: Freedom) -> Track:
+    """The track of a camera that only rotates (and zooms, if `freedom` says so)."""
+    num_keyframes = len(keyframes)
+    views = _resting(num_keyframes, focal_px)
+    points = empty_points(shot.num_points)
+    known = np.zeros(shot.num_points, bool)
+    observations = shot.of_images(keyframes)
+    begins = np.searchsorted(observations.image, np.arange(num_keyframes + 1))
+    for k in range(num_keyframes):
+        part = slice(begins[k], begins[k + 1])
+        point, xy = observations.point[part], observations.xy[part]
+        ray = rays(xy, views.focals_px[k])
+        old = known[point]
+        if k > 0:
+            views.R_shot_cam[k] = turned_to(points.direction[point[old]], ray[old], views.R_shot_cam[k - 1])
+            if freedom.zoom:
+                views.log_zoom[k] = views.log_zoom[k - 1]
+        points.direction[point[~old]] = rays(xy[~old], views.focals_px[k]) @ views.R_shot_cam[k].T
+        known[point] = True
+        if k + 1 < num_keyframes and k >= WINDOW_STEP and k % WINDOW_STEP == 0:
+            views, points = _adjust_window(views, points, observations, begins, k + 1, freedom)
+    final = _adjust_all(views, points, observations, num_keyframes, freedom)
+    return Track(keyframes, final.views, final.points, known, final, observations, _seen_twice(observations))
+
+
+def _seen_twice(observations: Observations) -> Observations:
+    return observations.select(np.bincount(observations.point)[observations.point] >= 2)
+
+
+def moving(
+    shot: TrackedShot, keyframes: Int[np.ndarray, " k"], guide: Track, pair: Pair, *, max_error_px: float
+) -> Track | None:
+    """The track of a camera that moves; `guide` is the rotating camera's, which predicts turns. None if no start is
+    found."""
+    run = _MovingRun(shot, keyframes, guide)
+    if not run.start(pair, max_error_px):
+        return None
+    for k in range(pair.second + 1, len(keyframes)):
+        run.take(k, k - 1)
+    for k in range(pair.first - 1, -1, -1):
+        run.take(k, k + 1)
+    return run.finish()
+
+
+class _MovingRun:
+    """The state of the odometry of a moving camera: views of the keyframes, points, and which of both are known."""
+
+    def __init__(self, shot: TrackedShot, keyframes: np.ndarray, guide: Track) -> None:
+        self.keyframes, self.guide = keyframes, guide
+        self.freedom = Freedom(translation=True)
+        self.observations = shot.of_images(keyframes)
+        self.begins = np.searchsorted(self.observations.image, np.arange(len(keyframes) + 1))
+        self.views = _resting(len(keyframes), guide.views.focal_px)
+        self.points = empty_points(shot.num_points)
+        self.host = np.full(shot.num_points, -1)
+        """Keyframe in which a point was first placed."""
+        self.known = np.zeros(shot.num_points, bool)
+        """Points seen from two placed keyframes."""
+        self.placed = np.zeros(len(keyframes), bool)
+
+    def seen(self, k: int) -> tuple[np.ndarray, np.ndarray]:
+        part = slice(self.begins[k], self.begins[k + 1])
+        return self.observations.point[part], self.observations.xy[part]
+
+    def start(self, pair: Pair, max_error_px: float) -> bool:
+        """Place the two keyframes of the pair and all between them; False if no two-view pose is found."""
+        point_a, xy_a = self.seen(pair.first)
+        point_b, xy_b = self.seen(pair.second)
+        _, in_a, in_b = np.intersect1d(point_a, point_b, assume_unique=True, return_indices=True)
+        pose = relative_pose(xy_a[in_a], xy_b[in_b], self.views.focal_px, max_error_px=max_error_px)
+        if pose is None:
+            return False
+        self.views.R_shot_cam[pair.second], self.views.t_shot_cam[pair.second] = pose
+        self._see(pair.first)
+        self._see(pair.second)
+        self._adjust(np.array([pair.first, pair.second]), num_fixed=1)
+        for k in range(pair.first + 1, pair.second):
+            share = (k - pair.first) / (pair.second - pair.first)
+            R = self.guide.views.R_shot_cam
+            self.views.R_shot_cam[k] = self.views.R_shot_cam[k - 1] @ R[k - 1].T @ R[k]
+            self.views.t_shot_cam[k] = share * self.views.t_shot_cam[pair.second]
+            self._resect(k)
+            self._see(k)
+        self._adjust(np.arange(pair.first, pair.second + 1), num_fixed=1)
+        return True
+
+    def take(self, k: int, neighbour: int) -> None:
+        """Place keyframe k, next to a placed one: predicted turn and damped velocity, pose, new points, window
+        adjusted."""
+        R = self.guide.views.R_shot_cam
+        self.views.R_shot_cam[k] = self.views.R_shot_cam[neighbour] @ R[neighbour].T @ R[k]
+        before = 2 * neighbour - k
+        velocity = 0.0
+        if 0 <= before < len(self.placed) and self.placed[before]:
+            velocity = 0.5 * (self.views.t_shot_cam[neighbour] - self.views.t_shot_cam[before])
+        self.views.t_shot_cam[k] = self.views.t_shot_cam[neighbour] + velocity
+        self._resect(k)
+        self._see(k)
+        if self.placed.sum() % WINDOW_STEP == 0:
+            placed = np.flatnonzero(self.placed)
+            window = placed[-WINDOW:] if k > neighbour else placed[:WINDOW][::-1]
+            self._adjust(window, num_fixed=1 if len(window) < WINDOW else WINDOW // 3)
+
+    def _resect(self, k: int) -> None:
+        point, xy = self.seen(k)
+        use = self.known[point]
+        one = _views_of(self.views, np.array([k]))
+        sightings = Observations(np.zeros(int(use.sum()), int), point[use], xy[use])
+        refined, _, enough = resect(one, self.points, sightings, freedom=self.freedom, iterations=8)
+        if enough[0]:
+            self.views.R_shot_cam[k], self.views.t_shot_cam[k] = refined.R_shot_cam[0], refined.t_shot_cam[0]
+
+    def _see(self, k: int) -> None:
+        """Note the points of a placed keyframe: new ones get a direction, those seen the second time a distance."""
+        point, xy = self.seen(k)
+        self.placed[k] = True
+        direction = rays(xy, self.views.focal_px) @ self.views.R_shot_cam[k].T
+        new = self.host[point] < 0
+        around = point[self.known[point]]
+        usual = float(np.median(self.points.rho[around])) if len(around) else 1.0
+        self.host[point[new]] = k
+        self.points.direction[point[new]] = direction[new]
+        self.points.anchor[point[new]] = self.views.t_shot_cam[k]
+        self.points.rho[point[new]] = usual
+        second = ~new & ~self.known[point]
+        again = point[second]
+        rho, sure = _inverse_depth(
+            self.points.direction[again], self.points.anchor[again], self.views, k, xy[second]
+        )
+        usual = float(np.median(rho[sure])) if not len(around) and sure.any() else usual
+        self.points.rho[again] = np.where(sure, np.clip(rho, 0.0, 20.0 * usual), usual)
+        self.known[again] = True
+
+    def _adjust(self, images: np.ndarray, *, num_fixed: int) -> None:
+        """Adjust some placed keyframes, oldest first, of which the first `num_fixed` stay."""
+        parts = [np.arange(self.begins[k], self.begins[k + 1]) for k in images]
+        index = np.concatenate(parts)
+        number = np.repeat(np.arange(len(images)), [len(part) for part in parts])
+        keep = self.known[self.observations.point[index]]
+        used, point = np.unique(self.observations.point[index[keep]], return_inverse=True)
+        local = Observations(number[keep], point, self.observations.xy[index[keep]])
+        fixed = np.arange(len(images)) < num_fixed
+        window = _views_of(self.views, images)
+        result = adjust(window, _take(self.points, used), local, fixed=fixed, freedom=self.freedom, iterations=6)
+        self.views.R_shot_cam[images] = result.views.R_shot_cam
+        self.views.t_shot_cam[images] = result.views.t_shot_cam
+        self.points = _put(self.points, used, result.points)
+
+    def finish(self) -> Track:
+        """Adjust everything, twice if that leaves outliers, and make the first keyframe the frame of the shot."""
+        sightings = self.observations.select(self.known[self.observations.point])
+        result = _adjust_all(self.views, self.points, sightings, len(self.keyframes), self.freedom)
+        good = result.residual_px < OUTLIER_SIGMA * result.noise_px
+        sightings = sightings.select(good)
+        result = _adjust_all(result.views, result.points, sightings, len(self.keyframes), self.freedom)
+        result = _from_first_view(result)
+        known = self.known & (np.bincount(sightings.point, minlength=len(self.known)) >= 2)
+        everything = _seen_twice(self.observations)
+        return Track(self.keyframes, result.views, result.points, known, result, sightings, everything)
+
+
+def _inverse_depth(
+    direction: np.ndarray, anchor: np.ndarray, views: Views, k: int, xy: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Least-squares ρ of points with known direction from their sighting in view k, and where it means something.
+
+    From x q_z = q_xy with q = a + ρ b, a = Rᵀ direction, b = Rᵀ (anchor − t): two linear equations in ρ.
+    """
+    R_cam_shot = views.R_shot_cam[k].T
+    a, b = direction @ R_cam_shot.T, (anchor - views.t_shot_cam[k]) @ R_cam_shot.T
+    x = xy / views.focals_px[k]
+    slope = x * b[:, 2:] - b[:, :2]
+    offset = a[:, :2] - x * a[:, 2:]
+    strength = (slope**2).sum(1)
+    rho = (slope * offset).sum(1) / np.maximum(strength, 1e-12)
+    parallax = views.focals_px[k] * np.sqrt(strength) * np.abs(rho)
+    return rho, (rho > 0) & (parallax > 2.0)
+
+
+def _from_first_view(result: Adjusted) -> Adjusted:
+    """The same solution in the axes of its first view."""
+    R, t = result.views.R_shot_cam[0], result.views.t_shot_cam[0]
+    views = replace(
+        result.views, R_shot_cam=R.T @ result.views.R_shot_cam, t_shot_cam=(result.views.t_shot_cam - t) @ R
+    )
+    points = Points(result.points.direction @ R, result.points.rho, (result.points.anchor - t) @ R)
+    return replace(result, views=views, points=points)
+
+
+def _resting(num_images: int, focal_px: float) -> Views:
+    return Views(np.tile(np.eye(3), (num_images, 1, 1)), np.zeros((num_images, 3)), np.zeros(num_images), focal_px)
+
+
+def _adjust_window(
+    views: Views, points: Points, observations: Observations, begins: np.ndarray, stop: int, freedom: Freedom
+) -> tuple[Views, Points]:
+    """Adjust the keyframes [stop − WINDOW, stop); those before the window's last third of overlap stay fixed."""
+    first = max(0, stop - WINDOW)
+    part = slice(begins[first], begins[stop])
+    used, point = np.unique(observations.point[part], return_inverse=True)
+    local = Observations(observations.image[part] - first, point, observations.xy[part])
+    fixed = np.zeros(stop - first, bool)
+    fixed[: 1 if first == 0 else WINDOW // 3] = True
+    window = _views_of(views, np.arange(first, stop))
+    freedom = replace(freedom, focal=False)
+    result = adjust(window, _take(points, used), local, fixed=fixed, freedom=freedom, iterations=5)
+    views.R_shot_cam[first:stop] = result.views.R_shot_cam
+    views.t_shot_cam[first:stop] = result.views.t_shot_cam
+    views.log_zoom[first:stop] = result.views.log_zoom
+    return views, _put(points, used, result.points)
+
+
+def _views_of(views: Views, images: np.ndarray) -> Views:
+    return Views(views.R_shot_cam[images], views.t_shot_cam[images], views.log_zoom[images], views.focal_px)
+
+
+def _take(points: Points, index: np.ndarray) -> Points:
+    return Points(points.direction[index], points.rho[index], points.anchor[index])
+
+
+def _put(points: Points, index: np.ndarray, values: Points) -> Points:
+    points.direction[index], points.rho[index], points.anchor[index] = values.direction, values.rho, values.anchor
+    return points
+
+
+def _adjust_all(
+    views: Views, points: Points, observations: Observations, num_keyframes: int, freedom: Freedom
+) -> Adjusted:
+    """The last adjustment: all keyframes together; in a long shot, the points alone."""
+    fixed = np.zeros(num_keyframes, bool)
+    fixed[0] = True
+    if num_keyframes > MAX_GLOBAL_KEYFRAMES:
+        fixed[:] = True
+    return adjust(views, points, observations, fixed=fixed, freedom=freedom, iterations=10)
+
+
+def all_images(shot: TrackedShot, track: Track, *, freedom: Freedom) -> tuple[Views, Float[np.ndarray, " m"]]:
+    """Views of every recorded image from the keyframes' map, and the reprojection error of every sighting used."""
+    at = np.arange(shot.num_images, dtype=float)
+    known_at = track.keyframes.astype(float)
+    views = Views(
+        rotations.interpolate(at, known_at, track.views.R_shot_cam),
+        np.stack([np.interp(at, known_at, track.views.t_shot_cam[:, axis]) for axis in range(3)], 1),
+        np.interp(at, known_at, track.views.log_zoom),
+        track.views.focal_px,
+    )
+    keep = track.known[shot.sightings.point]
+    keep[shot.begins[0] : shot.begins[1]] = False  # the first image is the frame of the shot
+    views, residual, _ = resect(views, track.points, shot.sightings.select(keep), freedom=freedom)
+    return views, residual

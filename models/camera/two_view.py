@@ -1,0 +1,90 @@
+"""Pose of a second view from points seen in both, and the pair of keyframes to start from."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pycolmap
+from jaxtyping import Float, Int
+
+from humanmm.models.camera import rotations
+from humanmm.models.camera.tracked import TrackedShot
+
+MIN_SHARED = 30
+"""Points that two keyframes must share to start the odometry."""
+ENOUGH_PARALLAX_SHARE = 0.01
+"""Parallax (image motion left after the best rotation), as a share of the diagonal, with which a two-view pose is
+safe."""
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two keyframes (positions in the list of keyframes) and the median parallax between them."""
+
+    first: int
+    second: int
+    parallax_px: float
+
+
+def rays(xy: Float[np.ndarray, "n 2"], focal_px: float) -> Float[np.ndarray, "n 3"]:
+    """Unit directions of centred pixels in camera axes."""
+    direction = np.concatenate([xy / focal_px, np.ones((len(xy), 1))], 1)
+    return np.asarray(direction / np.linalg.norm(direction, axis=1, keepdims=True))
+
+
+def turned_to(
+    direction: Float[np.ndarray, "n 3"], ray: Float[np.ndarray, "n 3"], R_start: Float[np.ndarray, "3 3"]
+) -> Float[np.ndarray, "3 3"]:
+    """R with direction ≈ R ray, by reweighted Kabsch; outliers fade out from the second round on."""
+    if len(ray) < 2:
+        return R_start
+    weight = np.ones(len(ray))
+    R = R_start
+    for _ in range(5):
+        R = rotations.nearest((direction * weight[:, None]).T @ ray)
+        error = np.linalg.norm(direction - ray @ R.T, axis=1)
+        scale = max(float(np.median(error)) / 1.1774, 1e-4)
+        weight = 1.0 / (1.0 + (error / (2 * scale)) ** 2)
+    return R
+
+
+def parallax_px(xy_a: Float[np.ndarray, "n 2"], xy_b: Float[np.ndarray, "n 2"], focal_px: float) -> float:
+    """Median angle, in pixels, that is left between two views after the best rotation."""
+    ray_a, ray_b = rays(xy_a, focal_px), rays(xy_b, focal_px)
+    R_a_b = turned_to(ray_a, ray_b, np.eye(3))
+    return focal_px * float(np.median(np.linalg.norm(ray_a - ray_b @ R_a_b.T, axis=1)))
+
+
+def starting_pair(shot: TrackedShot, keyframes: Int[np.ndarray, " k"], focal_px: float) -> Pair | None:
+    """The first pair of keyframes with safe parallax, else the one with most; None if no two share enough points."""
+    enough = ENOUGH_PARALLAX_SHARE * shot.diagonal_px
+    best: Pair | None = None
+    for first in range(len(keyframes) - 1):
+        for second in range(first + 1, len(keyframes)):
+            _, xy_a, xy_b = shot.shared(int(keyframes[first]), int(keyframes[second]))
+            if len(xy_a) < MIN_SHARED:
+                break
+            parallax = parallax_px(xy_a, xy_b, focal_px)
+            if best is None or parallax > best.parallax_px:
+                best = Pair(first, second, parallax)
+            if parallax > enough:
+                return best
+    return best
+
+
+def relative_pose(
+    xy_a: Float[np.ndarray, "n 2"], xy_b: Float[np.ndarray, "n 2"], focal_px: float, *, max_error_px: float
+) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, " 3"]] | None:
+    """R_a_b and the unit position of b in a's axes, by pycolmap's five-point RANSAC; None if it finds none."""
+    pycolmap.set_random_seed(0)
+    camera = pycolmap.Camera(model="SIMPLE_PINHOLE", width=2, height=2, params=[focal_px, 0.0, 0.0])
+    options = pycolmap.RANSACOptions(random_seed=0, max_error=max_error_px, min_num_trials=100, max_num_trials=2000)
+    found = pycolmap.estimate_essential_matrix(xy_a, xy_b, camera, camera, options)
+    if found is None:
+        return None
+    b_from_a = found["cam2_from_cam1"]
+    R_b_a = np.asarray(b_from_a.rotation.matrix())
+    t = np.asarray(b_from_a.translation)
+    length = float(np.linalg.norm(t))
+    if length < 1e-9:
+        return None
+    return R_b_a.T, -R_b_a.T @ t / length

@@ -1,0 +1,27 @@
+"""Stage `points`: long point tracks of one shot."""
+
+import cv2
+
+from humanmm.models.camera.observations import PointTracks
+from humanmm.models.camera.points import TrackerSettings, track_points
+from humanmm.models.video.facts import VideoFacts
+from humanmm.models.video.frames import frames
+from humanmm.tasks.inputs import StageInputs
+
+
+def points(inputs: StageInputs) -> PointTracks:
+    """Points tracked through the shot's grey pictures, wherever they lie."""
+    facts = inputs.read("decode", VideoFacts)
+    start, stop = inputs.span
+    settings = inputs.config.points
+    cv2.setNumThreads(1)
+    with inputs.open_video() as stream:
+        pictures = (
+            frame.image for frame in frames(stream, facts, start, stop, pixels="gray", max_side_px=settings.max_side_px)
+        )
+        return track_points(
+            pictures,
+            start=start,
+            source_size=(facts.width, facts.height),
+            settings=TrackerSettings(num_points=settings.num_points),
+        )

@@ -1,0 +1,80 @@
+"""Known cameras are found again, and no motion is invented where there is none."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from humanmm.models.camera import rotations
+from humanmm.models.camera.estimate import estimate_camera
+from humanmm.models.camera.observations import ShotCamera
+
+
+def rotation_errors_deg(camera: ShotCamera, R_true: np.ndarray) -> np.ndarray:
+    return np.degrees(rotations.angle(np.swapaxes(R_true, 1, 2) @ camera.R_shot_cam))
+
+
+def position_error(camera: ShotCamera, t_true: np.ndarray) -> float:
+    """Largest distance after the best scale (same first camera), in units of the path's extent."""
+    estimate = camera.t_shot_cam
+    scale = (estimate * t_true).sum() / (estimate**2).sum()
+    return float(np.linalg.norm(scale * estimate - t_true, axis=1).max() / np.linalg.norm(t_true, axis=1).max())
+
+
+def test_a_standing_camera_is_exactly_standing(scene_of: Callable[..., Any]) -> None:
+    camera = estimate_camera(scene_of("static").points, (), scene_of("static").intrinsics)
+    assert camera.source == "static" and camera.metric
+    assert (camera.R_shot_cam == np.eye(3)).all() and (camera.t_shot_cam == 0).all()
+
+
+def test_a_pan_is_in_the_rotation_alone(scene_of: Callable[..., Any]) -> None:
+    scene = scene_of("pan")
+    camera = estimate_camera(scene.points, (), scene.intrinsics)
+    assert camera.source == "rotation_only"
+    assert (camera.t_shot_cam == 0).all()
+    assert rotation_errors_deg(camera, scene.R_shot_cam).max() < 0.1
+    assert camera.cross_check_deg < 0.3
+
+
+@pytest.mark.parametrize("kind", ["dolly", "orbit", "forward", "hand-held"])
+def test_a_moving_camera_is_followed(scene_of: Callable[..., Any], kind: str) -> None:
+    scene = scene_of(kind)
+    camera = estimate_camera(scene.points, (), scene.intrinsics)
+    assert camera.source == "tracked" and not camera.metric
+    assert rotation_errors_deg(camera, scene.R_shot_cam).max() < 0.3  # 0.3 px of noise is 0.02 degrees a point
+    assert position_error(camera, scene.t_shot_cam) < 0.05
+    assert len(camera.points_shot) > 50
+
+
+def test_the_same_points_give_the_same_camera(scene_of: Callable[..., Any]) -> None:
+    scene = scene_of("dolly", num_frames=30)
+    first, second = (estimate_camera(scene.points, (), scene.intrinsics) for _ in range(2))
+    assert (first.R_shot_cam == second.R_shot_cam).all() and (first.t_shot_cam == second.t_shot_cam).all()
+
+
+def test_without_background_the_camera_is_a_declared_fallback(scene_of: Callable[..., Any]) -> None:
+    scene = scene_of("pan")
+    few = scene.points.track < 6
+    points = replace(
+        scene.points, track=scene.points.track[few], frame=scene.points.frame[few], xy=scene.points.xy[few],
+        confidence=scene.points.confidence[few],
+    )  # fmt: skip
+    camera = estimate_camera(points, (), scene.intrinsics)
+    assert camera.source == "fallback"
+    assert "background points" in camera.warnings[0]
+
+
+@pytest.mark.parametrize("num_frames", [1, 2, 3, 5])
+def test_a_shot_of_a_few_frames_works(scene_of: Callable[..., Any], num_frames: int) -> None:
+    scene = scene_of("pan", num_frames=num_frames)
+    camera = estimate_camera(scene.points, (), scene.intrinsics)
+    assert camera.R_shot_cam.shape == (num_frames, 3, 3)
+    assert rotation_errors_deg(camera, scene.R_shot_cam).max() < 0.5
+
+
+def test_the_users_word_settles_it(scene_of: Callable[..., Any]) -> None:
+    scene = scene_of("pan")
+    camera = estimate_camera(scene.points, (), scene.intrinsics, static=True)
+    assert camera.source == "given" and (camera.R_shot_cam == np.eye(3)).all()
