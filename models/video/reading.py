@@ -6,9 +6,11 @@ processor time a frame at 720p, and cannot change which frames come out.
 """
 
 import struct
+from collections.abc import Iterator
 from typing import BinaryIO
 
 import numpy as np
+from av.sidedata.sidedata import SideData
 from av.video.frame import PictureType, VideoFrame
 from av.video.stream import VideoStream
 
@@ -119,12 +121,17 @@ def _orientation(picture: VideoFrame) -> tuple[int, bool]:
 
     The display matrix [a b; c d] sends stored (x, y) to shown (a x + c y, b x + d y), y down, 16.16 fixed point.
     """
-    data = next((d for d in picture.side_data if d.type.name == "DISPLAYMATRIX"), None)
-    if data is None:
+    matrix = next((bytes(data) for data in _side_data(picture) if data.type.name == "DISPLAYMATRIX"), b"")
+    if len(matrix) < 36:
         return 0, False
-    a, b, _, c, d, *_ = struct.unpack("=9i", bytes(data)[:36])
+    a, b, _, c, d, *_ = struct.unpack("=9i", matrix[:36])
     mirrored = a * d - b * c < 0
     if mirrored:
         a, b = -a, -b
     angle_deg = np.degrees(np.arctan2(b, a))
     return int(round(angle_deg / 90) * 90) % 360, mirrored
+
+
+def _side_data(picture: VideoFrame) -> Iterator[SideData]:
+    """The blocks of side data (the container is also a mapping, and typed as one)."""
+    return iter(picture.side_data)  # type: ignore[arg-type]

@@ -1,0 +1,110 @@
+"""A sliding window of small pictures of the video, and what neighbouring frames have to do with each other.
+
+The detectors of cuts, dissolves and fades look at pictures `SIDE_PX` wide through this window; memory does not grow
+with the video but for a few numbers a frame.
+"""
+
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+
+from humanmm.models.shots.similarity import Landmarks, Motion, MotionMeter, PlaceRecogniser, color_histogram
+
+SIDE_PX = 192
+"""Largest side of the pictures that are looked at."""
+THUMB = (32, 18)
+"""Width and height of the thumbnails in which blends are looked for."""
+_BGR_TO_LUMA = np.array([0.114, 0.587, 0.299], np.float32)
+_FROZEN = 0.3
+"""A mean change (of 255) below which a frame repeats the one before it."""
+
+
+@dataclass
+class Footage:
+    """Small pictures of frames [first, end) and scalars of all frames so far; index = frame of the video."""
+
+    first: int = 0
+    gray: list[np.ndarray] = field(default_factory=list)
+    """(h,w) uint8 each, of frames [first, end)."""
+    thumbs: list[np.ndarray] = field(default_factory=list)
+    """(THUMB_H · THUMB_W · 3,) float32 each, of frames [first, end)."""
+    change: list[float] = field(default_factory=list)
+    """Mean change of hue, saturation and value against the frame before (PySceneDetect's content value), from 0 on."""
+    color_change: list[float] = field(default_factory=list)
+    """Share of the colour histogram that differs from the frame before, 0..1."""
+    contrast: list[float] = field(default_factory=list)
+    """Standard deviation of the luma of the thumbnail, grey levels."""
+    _last: tuple[np.ndarray, np.ndarray] | None = None
+    _motion: dict[tuple[int, int], Motion] = field(default_factory=dict)
+    _landmarks: dict[int, Landmarks] = field(default_factory=dict)
+    _meter: MotionMeter = field(default_factory=MotionMeter)
+    _places: PlaceRecogniser = field(default_factory=PlaceRecogniser)
+
+    @property
+    def end(self) -> int:
+        return len(self.change)
+
+    def append(self, bgr: np.ndarray) -> None:
+        """Add the next frame, (h,w,3) uint8 of SIDE_PX."""
+        hsv = cv2.cvtColor(bgr, cv2.COLOR_BGR2HSV)
+        histogram = color_histogram(bgr)
+        if self._last is None:
+            self.change.append(0.0)
+            self.color_change.append(0.0)
+        else:
+            self.change.append(float(np.mean(cv2.mean(cv2.absdiff(hsv, self._last[0]))[:3])))
+            self.color_change.append(float(0.5 * np.abs(histogram - self._last[1]).sum()))
+        self._last = hsv, histogram
+        thumb = cv2.resize(bgr, THUMB, interpolation=cv2.INTER_AREA)
+        self.gray.append(cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY))
+        self.thumbs.append(thumb.astype(np.float32).ravel())
+        self.contrast.append(float(cv2.cvtColor(thumb, cv2.COLOR_BGR2GRAY).std()))
+
+    def forget_before(self, frame: int) -> None:
+        """Drop the pictures of frames before this one."""
+        drop = max(0, min(frame - self.first, len(self.gray)))
+        del self.gray[:drop], self.thumbs[:drop]
+        self.first += drop
+        self._motion = {pair: motion for pair, motion in self._motion.items() if pair[0] >= self.first}
+        self._landmarks = {t: landmarks for t, landmarks in self._landmarks.items() if t >= self.first}
+
+    def luma(self, frame: int) -> np.ndarray:
+        """(THUMB_H · THUMB_W,) float32 grey levels of a thumbnail."""
+        return self.thumbs[frame - self.first].reshape(-1, 3) @ _BGR_TO_LUMA
+
+    def frozen(self, frame: int) -> bool:
+        """Whether a frame repeats the one before it."""
+        return self.change[frame] < _FROZEN
+
+    def motion(self, before: int, after: int) -> Motion:
+        """Motion from one frame to another, the better of both directions; computed once."""
+        if (before, after) not in self._motion:
+            a, b = self.gray[before - self.first], self.gray[after - self.first]
+            forth = self._meter(a, b)
+            poor = forth.match < 0.5
+            self._motion[before, after] = max(forth, self._meter(b, a), key=lambda m: m.match) if poor else forth
+        return self._motion[before, after]
+
+    def displacement(self, before: int, after: int) -> float | None:
+        """Mean shift of the picture as a share of its width if both frames show one place, else None."""
+        shape = self.gray[0].shape
+        return self._places.displacement(self._features(before), self._features(after), (shape[0], shape[1]))
+
+    def _features(self, frame: int) -> Landmarks:
+        if frame not in self._landmarks:
+            self._landmarks[frame] = self._places.landmarks(self.gray[frame - self.first])
+        return self._landmarks[frame]
+
+    def flow_level(self, frame: int, reach: int) -> float:
+        """How fast the picture usually moves around a frame: upper quartile of the flow a frame, share of the width.
+
+        Repeated frames and the largest changes of the window (cuts themselves) do not count.
+        """
+        around = range(max(self.first + 1, frame - reach), min(self.end, frame + reach + 1))
+        moving = [t for t in around if t != frame and not self.frozen(t)]
+        if not moving:
+            return 0.0
+        quick = np.quantile([self.change[t] for t in moving], 0.9)
+        flows = [self.motion(t - 1, t).flow for t in moving if self.change[t] <= quick]
+        return float(np.quantile(flows, 0.75))

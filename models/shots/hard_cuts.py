@@ -1,0 +1,141 @@
+"""Hard cuts from colour (paper section 3.1, part 1): proposed by PySceneDetect's rules, verified by what moves.
+
+A proposal is a frame whose colours differ enough from the frame before. It is a cut when the change is neither motion
+(shake, whip pan, somebody passing the lens), nor light (flash, exposure), nor damage:
+
+1. *New place*: the pictures do not match once their motion is undone, and the change stands out from those around it in
+   its size or in its colours. Under a violently moving camera that is not enough while the colours stay alike: then no
+   frame shortly before may show the place of one shortly after, as near to it as the camera could have come meanwhile.
+2. *Jump*: it is the same place, or motion does explain it, but so far in one frame as the camera never moves otherwise.
+
+A flash only adds light, and the view behind it is the view before it.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from humanmm.models.shots.footage import Footage
+
+MATCHED = 0.35
+"""Pictures that correlate better than this once motion is undone show the same things; across cuts: < 0.2 (measured)."""
+_STANDS_OUT = 2.0
+"""A change so many times larger than the quieter of those around it stands out; those of a whip pan vary by 1.5."""
+_NEW_COLORS = 0.35
+"""Share of the colour histogram that must change at once where the size of the change says nothing (shaking)."""
+_OTHER_COLORS = 0.6
+"""Share that no movement of the camera inside one place changes from one frame to the next."""
+_VIOLENT = 0.005
+"""Usual movement a frame, as a share of the width, from which on a camera may carry its picture away."""
+_JUMP_STANDS_OUT = 3.0
+"""A jump inside one place is so many times larger than the changes next to it: PySceneDetect's adaptive threshold;"""
+_JUMP = 0.025
+"""it moves the picture by at least this share of its width,"""
+_JUMP_TIMES = 5.0
+"""and this many times farther than the camera moves in a usual frame around."""
+_FLASH_FRAMES = 8
+"""Longest flash in frames."""
+_LIGHT_STEP = 8.0
+"""Grey levels by which a part of the picture must darken to count as darker."""
+_LIGHT_SHARE = 0.05
+"""Share of the picture that may change against the light."""
+_STEPS = (0, 2, 5, 12, 25, 40)
+"""Distances in frames from the proposal at which places before and after are compared."""
+REACH = 48
+"""Frames that are looked at on either side of a proposal."""
+
+
+def hard_cuts(footage: Footage, proposals: list[int], start: int) -> Iterator[int]:
+    """Those of the proposed frames that begin a new shot; `start` is the last shot change before them.
+
+    The pictures of REACH frames on both sides must be in the window (as far as the video has them).
+    """
+    for i, frame in enumerate(proposals):
+        following = proposals[i + 1] if i + 1 < len(proposals) else footage.end
+        if _is_cut(footage, frame, max(start, frame - REACH), min(following, frame + REACH, footage.end)):
+            start = frame
+            yield frame
+
+
+def _is_cut(footage: Footage, frame: int, start: int, end: int) -> bool:
+    """Whether a new shot begins at `frame`, judged by [start, frame) and [frame, end)."""
+    motion = footage.motion(frame - 1, frame)
+    displacement = footage.displacement(frame - 1, frame)
+    if motion.match < MATCHED and displacement is None:
+        return _is_new_place(footage, frame, start, end)
+    jump = motion.flow if displacement is None else displacement
+    if jump < _JUMP or _jump_outstanding(footage, frame) < _JUMP_STANDS_OUT:
+        return False
+    usual = footage.flow_level(frame, REACH // 2) * (1 + _frozen_before(footage, frame))
+    return jump >= _JUMP_TIMES * usual and not _is_flash(footage, frame)
+
+
+def _is_new_place(footage: Footage, frame: int, start: int, end: int) -> bool:
+    around = _neighbours(footage, frame, 2)
+    quiet = sorted(footage.change[t] for t in around)[:2]
+    stands_out = footage.change[frame] >= _STANDS_OUT * max(1.0, sum(quiet) / max(1, len(quiet)))
+    usual_colors = min((footage.color_change[t] for t in around), default=0.0)
+    new_colors = footage.color_change[frame] >= max(_NEW_COLORS, _STANDS_OUT * usual_colors)
+    if not (stands_out or new_colors) or _is_flash(footage, frame):
+        return False
+    usual = footage.flow_level(frame, REACH // 2)
+    if usual < _VIOLENT or footage.color_change[frame] >= _OTHER_COLORS:
+        return True
+    return not _bridged(footage, frame, start, end, usual)
+
+
+def _bridged(footage: Footage, frame: int, start: int, end: int, usual: float) -> bool:
+    """Whether some frame before shows the place of some frame after, moved no farther than the camera usually moves."""
+    for before in (frame - 1 - step for step in _STEPS if frame - 1 - step >= start):
+        for after in (frame + step for step in _STEPS if frame + step < end):
+            displacement = footage.displacement(before, after)
+            if displacement is not None and displacement < _JUMP + usual * (after - before):
+                return True
+    return False
+
+
+def _is_flash(footage: Footage, frame: int) -> bool:
+    """Whether the change at `frame` is part of a flash (or a blink): light is added (taken), then the view is back."""
+    for before in range(frame - 1, max(footage.first, frame - 1 - _FLASH_FRAMES) - 1, -1):
+        for after in range(max(frame, before + 2), min(footage.end, before + 2 + _FLASH_FRAMES)):
+            lit = range(before + 1, after)
+            if not (_one_sided(footage, before, lit, 1) or _one_sided(footage, before, lit, -1)):
+                break  # a longer stretch holds the same frames
+            if _same_view(footage, before, after):
+                return True
+    return False
+
+
+def _one_sided(footage: Footage, before: int, lit: range, sign: int) -> bool:
+    """Whether hardly any part of the frames is darker (sign 1) or brighter (-1) than before, and the whole is not."""
+    for frame in lit:
+        change = sign * (footage.luma(frame) - footage.luma(before))
+        if change.mean() < _LIGHT_STEP / 2 or np.mean(change < -_LIGHT_STEP) > _LIGHT_SHARE:
+            return False
+    return True
+
+
+def _same_view(footage: Footage, before: int, after: int) -> bool:
+    """Whether two frames show the same things, light and motion between them apart."""
+    motion = footage.motion(before, after)
+    return motion.match >= MATCHED and motion.flow < _JUMP + 0.01 * (after - before)
+
+
+def _neighbours(footage: Footage, frame: int, count: int) -> list[int]:
+    """The nearest frames on each side, `count` each, that do not repeat their predecessor."""
+    before = [t for t in range(frame - 1, max(footage.first, frame - REACH), -1) if not footage.frozen(t)][:count]
+    after = [t for t in range(frame + 1, min(footage.end, frame + REACH)) if not footage.frozen(t)][:count]
+    return before + after
+
+
+def _jump_outstanding(footage: Footage, frame: int) -> float:
+    """The change at a frame over the larger of those next to it: a jump is calm on both sides, a whip pan on one."""
+    return footage.change[frame] / max([1.0, *(footage.change[t] for t in _neighbours(footage, frame, 1))])
+
+
+def _frozen_before(footage: Footage, frame: int) -> int:
+    """How many repeated frames stand right before this one: so long had the camera time to move on unseen."""
+    count = 0
+    while frame - 1 - count > footage.first and footage.frozen(frame - 1 - count):
+        count += 1
+    return count
