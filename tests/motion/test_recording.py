@@ -25,7 +25,7 @@ def test_somebody_who_turns_ten_times_has_no_jump_in_the_rotation_vector() -> No
     upright = Rotation.from_euler("x", 90, degrees=True)
     R = (Rotation.from_euler("z", np.linspace(0, 20 * np.pi, 2000)[:, None]) * upright).as_matrix()
     steps = np.linalg.norm(np.diff(continuous_rotvec(R), axis=0), axis=1)
-    assert steps.max() < 0.11  # 1.8° a frame are 0.031 rad, stretched by θ/2 / sin(θ/2) = 3.3 at the largest angle, 270°
+    assert steps.max() < 0.11  # 1.8° a frame are 0.031 rad, stretched by θ/2 / sin(θ/2) = 3.3 at 270°
 
 
 def test_no_rotation_is_the_zero_vector() -> None:

@@ -1,0 +1,40 @@
+"""Colours of people and shots, the same in every picture. RGB, 0..255."""
+
+import numpy as np
+from jaxtyping import UInt8
+
+RGB = tuple[int, int, int]
+
+PEOPLE: tuple[RGB, ...] = (
+    (74, 144, 255), (255, 140, 66), (64, 200, 145), (190, 120, 255), (245, 200, 66), (255, 105, 140),
+)  # fmt: skip
+SHOTS: tuple[RGB, ...] = ((92, 124, 168), (168, 128, 84), (104, 150, 116), (148, 110, 158), (160, 96, 100))
+CONTACT: RGB = (70, 235, 120)
+CUT: RGB = (255, 84, 84)
+NOT_OBSERVED: RGB = (150, 150, 155)
+WHITE: RGB = (245, 246, 248)
+INK: RGB = (18, 20, 24)
+
+
+def person_color(person: int) -> RGB:
+    """Colour of a person, by number."""
+    return PEOPLE[person % len(PEOPLE)]
+
+
+def shot_color(shot: int) -> RGB:
+    """Colour of a shot, by number: neighbours differ."""
+    return SHOTS[shot % len(SHOTS)]
+
+
+def unit(color: RGB) -> tuple[float, float, float]:
+    """The colour as 0..1, for matplotlib."""
+    return color[0] / 255, color[1] / 255, color[2] / 255
+
+
+def shading_ramp(color: RGB) -> UInt8[np.ndarray, "256 3"]:
+    """Colours of a surface from dark to lit: through the colour itself, the brightest fifth runs towards white."""
+    light = np.linspace(0, 1, 256)[:, None]
+    base = np.array(color, np.float64)
+    lit = base * np.minimum(0.16 + 1.0 * light, 1.0)
+    highlight = np.clip((light - 0.78) / 0.22, 0, 1) * 0.55
+    return np.round(lit + (255 - lit) * highlight).astype(np.uint8)

@@ -1,0 +1,106 @@
+"""The surface that is drawn: body24 with 2,000 of its triangles, posed frame by frame in camera axes.
+
+`weights/body24_drawn.npz` names the kept vertices (made by `decimate` from the body without tongue and eyeballs). Normals
+come from the full mesh at rest and are turned by the skinning, so that the small mesh shades like the big one.
+"""
+
+import hashlib
+import io
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib import resources
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from humanmm.errors import WeightsError
+from humanmm.models.body.body24 import NUM_JOINTS, Body, load_body
+from humanmm.models.body.kinematics import forward_kinematics, skinning_transforms
+from humanmm.models.body.rotations import rotation_from_vector
+from humanmm.models.motion.recording import RecordedPerson
+
+_SHA256 = "2013b319bc0abda24cdbaaba79f72313cc94f2cf3fed429fe13f4c36201ab6ad"
+_WINDOW = 128
+"""Frames whose joint transforms are computed at a time (0.15 MB)."""
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnMesh:
+    """Which of body24's vertices are drawn, and the triangles between them."""
+
+    vertices: Int[np.ndarray, " v"]
+    """Indices into body24's vertices."""
+    faces: Int[np.ndarray, "f 3"]
+    """Indices into `vertices`, counter-clockwise seen from outside."""
+
+
+@lru_cache(maxsize=1)
+def load_drawn_mesh() -> DrawnMesh:
+    """The shipped small mesh, checked against its sha256."""
+    data = resources.files("humanmm.models.weights").joinpath("body24_drawn.npz").read_bytes()
+    digest = hashlib.sha256(data).hexdigest()
+    if digest != _SHA256:
+        raise WeightsError(f"body24_drawn.npz has sha256 {digest}, expected {_SHA256}; reinstall humanmm")
+    with np.load(io.BytesIO(data)) as file:
+        return DrawnMesh(file["vertices"].astype(np.int64), file["faces"].astype(np.int64))
+
+
+class PosedSurface:
+    """One recorded person's drawn surface over time."""
+
+    def __init__(self, person: RecordedPerson) -> None:
+        body, mesh = load_body(), load_drawn_mesh()
+        rest = body.rest_vertices(person.betas)
+        self.faces = mesh.faces
+        self._person = person
+        self._rest_joints = body.rest_joints(person.betas)
+        self._rest = rest[mesh.vertices].astype(np.float32)
+        self._normals = _vertex_normals(body, rest)[mesh.vertices]
+        self._weights = _dense_weights(body, mesh)
+        self._window = (0, np.zeros((0, NUM_JOINTS, 12), np.float32))
+
+    def in_camera(
+        self, row: int, R_world_cam: Float[np.ndarray, "3 3"], t_world_cam: Float[np.ndarray, "3"]
+    ) -> tuple[Float[np.ndarray, "v 3"], Float[np.ndarray, "v 3"]]:
+        """Vertices (metres) and unit normals of one row of the person, in camera axes, float32."""
+        transforms = (self._weights @ self._transforms(row)).reshape(-1, 3, 4)
+        turn = R_world_cam.astype(np.float32)
+        world = np.einsum("vab,vb->va", transforms[..., :3], self._rest) + transforms[..., 3]
+        normals = np.einsum("vab,vb->va", transforms[..., :3], self._normals) @ turn
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True) + 1e-9
+        return (world - t_world_cam.astype(np.float32)) @ turn, normals
+
+    def _transforms(self, row: int) -> np.ndarray:
+        start, window = self._window
+        if not start <= row < start + len(window):
+            start = row - row % _WINDOW
+            window = self._compute(slice(start, start + _WINDOW))
+            self._window = (start, window)
+        return window[row - start]
+
+    def _compute(self, rows: slice) -> np.ndarray:
+        person = self._person
+        joints, R = forward_kinematics(
+            self._rest_joints,
+            rotation_from_vector(person.root_orient[rows].astype(np.float64)),
+            person.body_pose[rows].astype(np.float64),
+            person.pelvis[rows].astype(np.float64),
+        )
+        transforms = skinning_transforms(self._rest_joints, joints, R)
+        return transforms.astype(np.float32).reshape(len(transforms), NUM_JOINTS, 12)
+
+
+def _dense_weights(body: Body, mesh: DrawnMesh) -> np.ndarray:
+    weights = np.zeros((len(mesh.vertices), NUM_JOINTS), np.float32)
+    rows = np.arange(len(mesh.vertices))[:, None]
+    np.add.at(weights, (rows, body.skin_joint[mesh.vertices]), body.skin_weight[mesh.vertices])
+    return weights
+
+
+def _vertex_normals(body: Body, vertices: np.ndarray) -> np.ndarray:
+    corners = vertices[body.faces]
+    face_normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = np.zeros_like(vertices)
+    for corner in range(3):
+        np.add.at(normals, body.faces[:, corner], face_normals)
+    return np.asarray(normals / (np.linalg.norm(normals, axis=1, keepdims=True) + 1e-12), np.float32)
