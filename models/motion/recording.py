@@ -12,18 +12,10 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from humanmm.models.motion.results import PersonMotion, WorldMotion
+from humanmm.models.perception import landmarks
 from humanmm.models.perception.tracks import PersonTrack, ScenePeople
 from humanmm.models.shots.boundaries import Shot, ShotList
 from humanmm.models.video.facts import VideoFacts
-
-KEYPOINT_NAMES = (
-    "nose", "left_eye_inner", "left_eye", "left_eye_outer", "right_eye_inner", "right_eye", "right_eye_outer",
-    "left_ear", "right_ear", "mouth_left", "mouth_right", "left_shoulder", "right_shoulder", "left_elbow",
-    "right_elbow", "left_wrist", "right_wrist", "left_pinky", "right_pinky", "left_index", "right_index", "left_thumb",
-    "right_thumb", "left_hip", "right_hip", "left_knee", "right_knee", "left_ankle", "right_ankle", "left_heel",
-    "right_heel", "left_foot_index", "right_foot_index",
-)  # fmt: skip
-"""BlazePose's 33 points, in its order."""
 
 CONTACT_JOINTS = (7, 10, 8, 11)
 """Joints of the four contact probabilities: left ankle, left toe base, right ankle, right toe base."""
@@ -101,7 +93,7 @@ class Recording:
     """(F,) uint8, index into camera.observations.SOURCES."""
     people: tuple[RecordedPerson, ...]
     body_model: str = "body24"
-    keypoint_names: tuple[str, ...] = KEYPOINT_NAMES
+    keypoint_names: tuple[str, ...] = landmarks.NAMES
 
     def __post_init__(self) -> None:
         num_frames = len(self.time_s)
@@ -209,29 +201,12 @@ def continuous_rotvec(R: Float[np.ndarray, "frames 3 3"]) -> Float[np.ndarray, "
     return np.asarray(quat_xyzw[:, :3] * scale[:, None])
 
 
-def exchange_sides(keypoints: np.ndarray) -> np.ndarray:
-    """Keypoints (…,33,C) with the labels left and right exchanged."""
-    return np.asarray(keypoints[..., list(_MIRRORED), :])
-
-
-def _mirrored_order() -> tuple[int, ...]:
-    def other(name: str) -> str:
-        if "left" in name:
-            return name.replace("left", "right")
-        return name.replace("right", "left")
-
-    return tuple(KEYPOINT_NAMES.index(other(name)) for name in KEYPOINT_NAMES)
-
-
-_MIRRORED = _mirrored_order()
-
-
 def _observations(
     person: PersonMotion, shot_list: ShotList, scenes: Sequence[ScenePeople | None]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """What the detector saw of a person: keypoints (N,33,3) with sides put right, boxes (N,4), seen (N,) bool."""
     num_frames = len(person.frame)
-    keypoints2d = np.zeros((num_frames, len(KEYPOINT_NAMES), 3), np.float32)
+    keypoints2d = np.zeros((num_frames, len(landmarks.NAMES), 3), np.float32)
     bbox = np.zeros((num_frames, 4), np.float32)
     seen = np.zeros(num_frames, bool)
     first = int(person.frame[0]) if num_frames else 0
@@ -246,7 +221,7 @@ def _observations(
             if appearance.person == person.person:
                 for start, end in appearance.swapped:
                     swapped |= (track.frame >= start) & (track.frame < end)
-        points = np.where(swapped[:, None, None], exchange_sides(track.keypoints2d), track.keypoints2d)
+        points = np.where(swapped[:, None, None], track.keypoints2d[:, landmarks.SWAP], track.keypoints2d)
         keypoints2d[rows[inside]] = points[inside]
         bbox[rows[inside]] = track.bbox[inside]
         seen[rows[inside]] = True

@@ -1,1 +1,1 @@
-"""Pictures of a finished recording: the body drawn over the video, the top view, the timeline. Arrays in, pictures out."""
+"""Pictures of a finished recording: the body over the video, the top view, the timeline. Arrays in, pictures out."""

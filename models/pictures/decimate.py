@@ -1,7 +1,7 @@
-"""A mesh with fewer triangles whose vertices are some of the old ones: quadric edge collapse (Garland and Heckbert 1997).
+"""A mesh with fewer triangles on some of the old vertices: quadric edge collapse (Garland and Heckbert 1997).
 
-Collapsing an edge onto one of its ends, never to a new point, lets the small mesh keep the big one's shape directions and
-skinning weights. It made `weights/body24_drawn.npz` once; nothing calls it at run time.
+Collapsing an edge onto one of its ends, never to a new point, lets the small mesh keep the big one's shape directions
+and skinning weights. It made `weights/body24_drawn.npz` once; nothing calls it at run time.
 """
 
 import heapq
@@ -18,25 +18,22 @@ def decimate(
     faces: Int[np.ndarray, "F 3"],
     num_faces: int,
     *,
-    importance: Float[np.ndarray, " V"],
     attributes: Float[np.ndarray, "V A"],
     attribute_weight: float,
 ) -> tuple[Int[np.ndarray, " v"], Int[np.ndarray, "f 3"]]:
     """Indices of the kept vertices, and the triangles between them (indices into the kept ones).
 
-    The mesh must be closed and two-manifold. Larger `importance` keeps more detail; a difference of `attributes`
-    (skinning weights) across an edge costs like a displacement of attribute_weight × difference.
+    The mesh must be closed and two-manifold. A difference of `attributes` (skinning weights) across an edge costs like
+    a displacement of attribute_weight × difference.
     """
-    collapse = _Collapse(vertices.astype(np.float64), faces.astype(np.int64), importance, attributes, attribute_weight)
+    collapse = _Collapse(vertices.astype(np.float64), faces.astype(np.int64), attributes, attribute_weight)
     while collapse.num_faces > num_faces and collapse.step():
         pass
     return collapse.result()
 
 
 class _Collapse:
-    def __init__(
-        self, vertices: np.ndarray, faces: np.ndarray, importance: np.ndarray, attributes: np.ndarray, weight: float
-    ) -> None:
+    def __init__(self, vertices: np.ndarray, faces: np.ndarray, attributes: np.ndarray, weight: float) -> None:
         self.vertices = vertices
         self.attributes = attributes * weight
         self.faces = {index: list(map(int, face)) for index, face in enumerate(faces)}
@@ -44,12 +41,11 @@ class _Collapse:
         for index, face in self.faces.items():
             for vertex in face:
                 self.faces_of[vertex].add(index)
-        self.quadrics = _vertex_quadrics(vertices, faces) * importance[:, None, None]
+        self.quadrics = _vertex_quadrics(vertices, faces)
         self.area = np.zeros(len(vertices))
         corners = vertices[faces]
         doubled = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
         np.add.at(self.area, faces, doubled[:, None] / 6)
-        self.area *= importance
         self.stamp = np.zeros(len(vertices), np.int64)
         self.heap: list[tuple[float, int, int, int, int]] = []
         for a, b in {tuple(sorted((int(f[i]), int(f[i - 1])))) for f in faces for i in range(3)}:
@@ -120,7 +116,7 @@ def _normal(corners: np.ndarray) -> np.ndarray:
 
 
 def _vertex_quadrics(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """(V,4,4) sum over a vertex's triangles of area/3 · p pᵀ, with p the triangle's plane: xᵀQx is squared distance × area."""
+    """(V,4,4) sum of area/3 · p pᵀ over a vertex's triangles with planes p: xᵀQx is squared distance × area."""
     corners = vertices[faces]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     doubled_area = np.linalg.norm(normal, axis=1)

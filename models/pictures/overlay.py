@@ -14,6 +14,7 @@ from humanmm.models.pictures import palette
 from humanmm.models.pictures.lettering import Lettering
 from humanmm.models.pictures.raster import NEAR_M, Region, project, rasterise
 from humanmm.models.pictures.surface import PosedSurface
+from humanmm.models.shots.boundaries import ShotList
 
 OPACITY = 0.9
 OPACITY_NOT_OBSERVED = 0.5
@@ -31,6 +32,12 @@ class Mark:
     name: str
     start: int
     end: int
+
+
+def marks_of(shot_list: ShotList) -> tuple[Mark, ...]:
+    """The changes of shot of a video."""
+    transitions = [shot.transition for shot in shot_list.shots if shot.transition is not None]
+    return tuple(Mark(t.type, t.start, t.end) for t in transitions)
 
 
 class Overlay:

@@ -1,8 +1,8 @@
 """A small software rasteriser: lit triangles in camera axes to a picture, in a few milliseconds.
 
 Painter's algorithm on triangle numbers: triangles are filled with their own number from far to near (OpenCV does the
-filling), then every pixel looks up its triangle's shade, which is linear over the triangle (Gouraud). People who overlap
-in the picture are sorted together, so that an arm in front of somebody else hides exactly what is behind it.
+filling), then every pixel looks up its triangle's shade, which is linear over the triangle (Gouraud). People who
+overlap in the picture are sorted together, so that an arm in front of somebody else hides exactly what is behind it.
 """
 
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ _STEEPEST_SHADE = 0.12
 """Largest change of shade a pixel, against slivers whose gradient is meaningless."""
 
 _KEY_LIGHT = np.array([-0.45, -0.65, -0.62], np.float32)
-"""Direction from the surface to the light, camera axes (x right, y down, z forward): from above left, behind the camera."""
+"""Direction from the surface to the light, camera axes (x right, y down): above left, behind the camera."""
 _FILL_LIGHT = np.array([0.75, 0.1, -0.65], np.float32)
 
 
@@ -177,9 +177,13 @@ def _fill(members: list[tuple[int, Triangles]], box: Box, scale: float) -> Regio
     surface = owner.astype(np.int16).take(number)
     if scale != 1.0:
         size = (x1 - x0, y1 - y0)
-        light = cv2.resize(light, size, interpolation=cv2.INTER_LINEAR)
-        coverage = cv2.resize(coverage, size, interpolation=cv2.INTER_LINEAR)
-        surface = cv2.resize(surface, size, interpolation=cv2.INTER_NEAREST)
+        return Region(
+            x0,
+            y0,
+            np.asarray(cv2.resize(surface, size, interpolation=cv2.INTER_NEAREST)),
+            np.asarray(cv2.resize(light, size, interpolation=cv2.INTER_LINEAR)),
+            np.asarray(cv2.resize(coverage, size, interpolation=cv2.INTER_LINEAR)),
+        )
     return Region(x0, y0, surface, light, coverage)
 
 

@@ -1,25 +1,25 @@
 """The surface that is drawn: body24 with 2,000 of its triangles, posed frame by frame in camera axes.
 
-`weights/body24_drawn.npz` names the kept vertices (made by `decimate` from the body without tongue and eyeballs). Normals
-come from the full mesh at rest and are turned by the skinning, so that the small mesh shades like the big one.
+`weights/body24_drawn.npz` names the kept vertices (`make_drawn_mesh`: the body without tongue and eyeballs, decimated).
+Normals come from the full mesh at rest and are turned by the skinning, so that the small mesh shades like the big one.
 """
 
-import hashlib
 import io
 from dataclasses import dataclass
 from functools import lru_cache
-from importlib import resources
 
 import numpy as np
 from jaxtyping import Float, Int
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
-from humanmm.errors import WeightsError
 from humanmm.models.body.body24 import NUM_JOINTS, Body, load_body
 from humanmm.models.body.kinematics import forward_kinematics, skinning_transforms
 from humanmm.models.body.rotations import rotation_from_vector
 from humanmm.models.motion.recording import RecordedPerson
+from humanmm.models.pictures.decimate import decimate
+from humanmm.models.weights.shipped import read_weights
 
-_SHA256 = "2013b319bc0abda24cdbaaba79f72313cc94f2cf3fed429fe13f4c36201ab6ad"
 _WINDOW = 128
 """Frames whose joint transforms are computed at a time (0.15 MB)."""
 
@@ -36,13 +36,27 @@ class DrawnMesh:
 
 @lru_cache(maxsize=1)
 def load_drawn_mesh() -> DrawnMesh:
-    """The shipped small mesh, checked against its sha256."""
-    data = resources.files("humanmm.models.weights").joinpath("body24_drawn.npz").read_bytes()
-    digest = hashlib.sha256(data).hexdigest()
-    if digest != _SHA256:
-        raise WeightsError(f"body24_drawn.npz has sha256 {digest}, expected {_SHA256}; reinstall humanmm")
-    with np.load(io.BytesIO(data)) as file:
+    """The shipped small mesh."""
+    with np.load(io.BytesIO(read_weights("body24_drawn.npz"))) as file:
         return DrawnMesh(file["vertices"].astype(np.int64), file["faces"].astype(np.int64))
+
+
+def make_drawn_mesh(body: Body, num_faces: int = 2000) -> DrawnMesh:
+    """The small mesh computed anew (seconds): the body's largest connected part, decimated."""
+    num_vertices = len(body.v_template)
+    edges = np.concatenate([body.faces[:, [0, 1]], body.faces[:, [1, 2]]])
+    graph = coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(num_vertices, num_vertices))
+    _, part = connected_components(graph, directed=False)
+    skin = part == np.bincount(part).argmax()
+    weights = _dense_weights(body, np.arange(num_vertices)).astype(np.float64)
+    vertices, faces = decimate(
+        body.v_template,
+        body.faces[skin[body.faces[:, 0]]],
+        num_faces,
+        attributes=weights,
+        attribute_weight=0.02,  # a joint's whole influence counts like 2 cm
+    )
+    return DrawnMesh(vertices, faces)
 
 
 class PosedSurface:
@@ -56,7 +70,7 @@ class PosedSurface:
         self._rest_joints = body.rest_joints(person.betas)
         self._rest = rest[mesh.vertices].astype(np.float32)
         self._normals = _vertex_normals(body, rest)[mesh.vertices]
-        self._weights = _dense_weights(body, mesh)
+        self._weights = _dense_weights(body, mesh.vertices)
         self._window = (0, np.zeros((0, NUM_JOINTS, 12), np.float32))
 
     def in_camera(
@@ -76,7 +90,8 @@ class PosedSurface:
             start = row - row % _WINDOW
             window = self._compute(slice(start, start + _WINDOW))
             self._window = (start, window)
-        return window[row - start]
+        transforms: np.ndarray = window[row - start]
+        return transforms
 
     def _compute(self, rows: slice) -> np.ndarray:
         person = self._person
@@ -90,10 +105,9 @@ class PosedSurface:
         return transforms.astype(np.float32).reshape(len(transforms), NUM_JOINTS, 12)
 
 
-def _dense_weights(body: Body, mesh: DrawnMesh) -> np.ndarray:
-    weights = np.zeros((len(mesh.vertices), NUM_JOINTS), np.float32)
-    rows = np.arange(len(mesh.vertices))[:, None]
-    np.add.at(weights, (rows, body.skin_joint[mesh.vertices]), body.skin_weight[mesh.vertices])
+def _dense_weights(body: Body, vertices: np.ndarray) -> np.ndarray:
+    weights = np.zeros((len(vertices), NUM_JOINTS), np.float32)
+    np.add.at(weights, (np.arange(len(vertices))[:, None], body.skin_joint[vertices]), body.skin_weight[vertices])
     return weights
 
 

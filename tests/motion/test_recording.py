@@ -6,14 +6,15 @@ from scipy.spatial.transform import Rotation
 
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.kinematics import forward_kinematics
-from humanmm.models.motion.recording import KEYPOINT_NAMES, Recording, assemble, continuous_rotvec
+from humanmm.models.motion.recording import Recording, assemble, continuous_rotvec
 from humanmm.models.motion.results import PersonMotion, WorldMotion
+from humanmm.models.perception.landmarks import INDEX
 from humanmm.models.perception.tracks import PersonTrack, ScenePeople
 from humanmm.models.shots.boundaries import Appearance, Person, Shot, ShotList, Transition
 from humanmm.models.video.facts import VideoFacts
 
 F = 20
-LEFT_KNEE, RIGHT_KNEE = KEYPOINT_NAMES.index("left_knee"), KEYPOINT_NAMES.index("right_knee")
+LEFT_KNEE, RIGHT_KNEE = INDEX["left_knee"], INDEX["right_knee"]
 
 
 def test_continuous_rotation_vectors_are_the_same_rotations() -> None:
@@ -78,7 +79,8 @@ def _track(frame: np.ndarray) -> PersonTrack:
     n = len(frame)
     return PersonTrack(
         frame, keypoints2d, np.zeros((n, 33, 3), np.float32), np.tile(np.float32([10, 20, 30, 40]), (n, 1)),
-        np.ones(n, np.float32), np.zeros((n, 128, 16), np.uint8), np.zeros((n, 2, 3), np.float32), np.ones(8) / 8,
+        np.ones(n, np.float32), np.zeros((n, 128, 16), np.uint8), np.zeros((n, 2, 3), np.float32), frame[:1],
+        np.ones((1, 8), np.float32) / 8,
     )  # fmt: skip
 
 
