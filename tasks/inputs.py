@@ -18,12 +18,16 @@ class StageInputs(Protocol):
     span: tuple[int, int]
     """Frames [start, end) of this unit: the whole video, the scene or the shot."""
     shot: Shot | None
-    """The shot, for a stage per shot."""
+    """The shot, for a stage per shot: as if it were the only one of the video (`index` and `scene` are 0)."""
     blob_dir: Path
     """A folder whose files become part of the artifact (pictures, video)."""
 
     def read(self, stage: str, output: type[T]) -> T:
-        """The artifact of a stage for this unit (same unit or the coarser one that holds it)."""
+        """The artifact of a stage for this unit (same unit or the coarser one that holds it).
+
+        A stage per shot that reads `shots` sees its own shot alone, as number 0, and the people in it, their `area` 0: what
+        it cannot see need not be computed again when it changes. A stage per scene has its scene in `span`.
+        """
         ...
 
     def read_all(self, stage: str, output: type[T]) -> Sequence[T | None]:

@@ -24,13 +24,22 @@ class Stage:
     output: str
     schema_version: int = 1
     reads_video: bool = False
+    defines: Literal["scene", "shot"] | None = None
+    """The unit whose spans its artifact lists. A stage per that unit depends on its own span in the list, not on the others."""
+    module: str = ""
+    """Where its function is; `humanmm.tasks.<name>` unless given."""
+
+    @property
+    def function(self) -> tuple[str, str]:
+        """Module and name of its function."""
+        return self.module or f"humanmm.tasks.{self.name}", self.name
 
 
 STAGES: tuple[Stage, ...] = (
     Stage("decode", "video", (), ("decode",), "humanmm.models.video.facts:VideoFacts", reads_video=True),
-    Stage("scenes", "video", ("decode",), ("scenes",), "humanmm.models.shots.boundaries:Scenes", reads_video=True),
+    Stage("scenes", "video", ("decode",), ("scenes",), "humanmm.models.shots.boundaries:Scenes", reads_video=True, defines="scene"),
     Stage("people", "scene", ("decode", "scenes"), ("people",), "humanmm.models.perception.tracks:ScenePeople", reads_video=True),
-    Stage("shots", "video", ("decode", "scenes", "people"), ("shots",), "humanmm.models.shots.boundaries:ShotList"),
+    Stage("shots", "video", ("decode", "scenes", "people"), ("shots",), "humanmm.models.shots.boundaries:ShotList", defines="shot"),
     Stage("points", "shot", ("decode", "shots"), ("points",), "humanmm.models.camera.observations:PointTracks", reads_video=True),
     Stage(
         "intrinsics", "video", ("decode", "people", "shots", "points"), ("intrinsics",),

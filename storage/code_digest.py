@@ -1,0 +1,167 @@
+"""What code a stage's result depends on, found without importing any of it.
+
+Starting at the stage's module, its imports are followed through the package by reading the syntax trees. A module's
+digest leaves out comments, docstrings and line numbers, so that a reworded text recomputes nothing. Left out altogether:
+config and errors (their values stand in the key), storage, and the machinery that runs stages. Weight files count when a
+visited module names them; numerical libraries count by version when a visited module imports them.
+"""
+
+import ast
+import functools
+import hashlib
+import importlib.metadata
+import importlib.util
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+PACKAGE = "humanmm"
+_NOT_SCIENCE = ("config", "errors", "cli", "storage", "flows", "tasks.engine", "tasks.inputs", "tasks.pipeline", "tasks.plan")
+
+_DISTRIBUTIONS = {
+    "numpy": ("numpy",),
+    "scipy": ("scipy",),
+    "torch": ("torch",),
+    "cv2": ("opencv-python-headless", "opencv-python"),
+    "av": ("av",),
+    "pycolmap": ("pycolmap",),
+    "scenedetect": ("scenedetect-headless", "scenedetect"),
+    "ai_edge_litert": ("ai-edge-litert",),
+    "roma": ("roma",),
+    "matplotlib": ("matplotlib",),
+    "transformers": ("transformers",),
+}
+"""Import name → distributions that may provide it, of the libraries whose version can change a number."""
+
+
+@dataclass(frozen=True)
+class CodeDigest:
+    """All code of one stage: module → digest, weight file → sha256, library → version."""
+
+    modules: dict[str, str]
+    weights: dict[str, str]
+    libraries: dict[str, str]
+
+
+def code_digest(module: str, *, weights_dir: Path | None = None) -> CodeDigest:
+    """Digest of a stage's module and of everything of ours that it imports, directly or not."""
+    weights_dir = weights_dir or _folder_of(PACKAGE) / "models" / "weights"
+    roots = {PACKAGE, module.split(".")[0]}
+    waiting, modules, weights, libraries = [module], {}, {}, {"python": "{}.{}".format(*sys.version_info)}
+    while waiting:
+        name = waiting.pop()
+        path = _source_of(name)
+        if name in modules or path is None or _is_left_out(name):
+            continue
+        facts = _module_facts(path, path.stat().st_mtime_ns, path.stat().st_size, name)
+        modules[name] = facts.digest
+        for imported in facts.imports:
+            root = imported.split(".")[0]
+            if root in roots:
+                waiting += _with_parents(imported)
+            elif root in _DISTRIBUTIONS:
+                libraries[root] = _version(root)
+        for text in facts.strings:
+            if (weights_dir / text).is_file():
+                weights[text] = _file_sha256(weights_dir / text)
+    return CodeDigest(dict(sorted(modules.items())), dict(sorted(weights.items())), dict(sorted(libraries.items())))
+
+
+@dataclass(frozen=True)
+class _ModuleFacts:
+    digest: str
+    imports: frozenset[str]
+    strings: frozenset[str]
+    """String constants that could name a weight file."""
+
+
+@functools.lru_cache(maxsize=1024)
+def _module_facts(path: Path, mtime_ns: int, size: int, name: str) -> _ModuleFacts:
+    tree = _without_texts(ast.parse(path.read_bytes(), filename=str(path)))
+    package = name if path.name == "__init__.py" else name.rpartition(".")[0]
+    imports: set[str] = set()
+    strings: set[str] = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            imports.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = _absolute(node, package)
+            imports.add(base)
+            imports.update(f"{base}.{alias.name}" for alias in node.names)
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and _may_name_a_file(node.value):
+            strings.add(node.value)
+    digest = hashlib.sha256(ast.dump(tree, annotate_fields=False).encode()).hexdigest()
+    return _ModuleFacts(digest, frozenset(imports), frozenset(strings))
+
+
+class _StripTexts(ast.NodeTransformer):
+    """Removes docstrings and the strings that describe attributes: expressions that are nothing but a text."""
+
+    def visit_Expr(self, node: ast.Expr) -> ast.AST | None:  # noqa: N802 (the visitor's own naming)
+        if isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
+            return None
+        return node
+
+
+def _without_texts(tree: ast.Module) -> ast.AST:
+    return _StripTexts().visit(tree)  # type: ignore[no-any-return]
+
+
+def _may_name_a_file(text: str) -> bool:
+    return 0 < len(text) < 100 and "." in text and "/" not in text and "\0" not in text and not text.startswith(".")
+
+
+def _absolute(node: ast.ImportFrom, package: str) -> str:
+    if node.level == 0:
+        return node.module or ""
+    base = package.split(".")[: len(package.split(".")) - node.level + 1]
+    return ".".join([*base, *([node.module] if node.module else [])])
+
+
+def _with_parents(name: str) -> list[str]:
+    parts = name.split(".")
+    return [".".join(parts[: i + 1]) for i in range(1, len(parts))]
+
+
+def _is_left_out(name: str) -> bool:
+    inner = name.partition(".")[2] if name.startswith(f"{PACKAGE}.") else ""
+    return any(inner == left_out or inner.startswith(f"{left_out}.") for left_out in _NOT_SCIENCE)
+
+
+def _source_of(name: str) -> Path | None:
+    """The file of a module; None for a name that is no module, such as a function imported from one."""
+    root, *rest = name.split(".")
+    base = _folder_of(root).joinpath(*rest)
+    if (base / "__init__.py").is_file():
+        return base / "__init__.py"
+    path = base.with_name(f"{base.name}.py")
+    return path if rest and path.is_file() else None
+
+
+@functools.cache
+def _folder_of(root: str) -> Path:
+    spec = importlib.util.find_spec(root)
+    if spec is None or not spec.submodule_search_locations:
+        raise ModuleNotFoundError(f"no package named {root!r}")
+    return Path(next(iter(spec.submodule_search_locations)))
+
+
+@functools.cache
+def _version(root: str) -> str:
+    for distribution in _DISTRIBUTIONS[root]:
+        try:
+            return importlib.metadata.version(distribution)
+        except importlib.metadata.PackageNotFoundError:
+            continue
+    return "not installed"
+
+
+def _file_sha256(path: Path) -> str:
+    status = path.stat()
+    return _file_sha256_of(path, status.st_mtime_ns, status.st_size)
+
+
+@functools.lru_cache(maxsize=64)
+def _file_sha256_of(path: Path, mtime_ns: int, size: int) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

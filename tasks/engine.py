@@ -1,0 +1,350 @@
+"""Computes one stage × unit of one video, or finds it in the store.
+
+Prefect is not needed here: `humanmm.flows.recover` wraps `VideoRun.do` into tasks, `humanmm.tasks.plan` asks the same
+object what would happen.
+"""
+
+import importlib
+import logging
+import threading
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, BinaryIO, Literal, TypeVar, cast
+
+from humanmm import __version__
+from humanmm.config import Config
+from humanmm.errors import HumanMMError, InputError, MissingInputError, StageError, StoreError, WeightsError
+from humanmm.models.shots.boundaries import Scenes, Shot, ShotList
+from humanmm.storage.artifact import Manifest
+from humanmm.storage.code_digest import code_digest
+from humanmm.storage.codec import encode
+from humanmm.storage.recipe import Recipe
+from humanmm.storage.store import Store, is_infrastructure_fault
+from humanmm.storage.video_identity import VideoIdentity
+from humanmm.tasks.pipeline import STAGES, Stage
+from humanmm.tasks.selection import Selection
+from humanmm.tasks.work import Work, needs_of, only_its_shot, works_of
+
+log = logging.getLogger(__name__)
+T = TypeVar("T")
+Progress = Callable[[Work, int, int], None]
+
+
+@dataclass
+class Outcome:
+    """What became of one stage × unit in this run."""
+
+    work: Work
+    state: Literal["cached", "computed", "failed", "skipped"] = "failed"
+    manifest: Manifest | None = None
+    reason: str = ""
+    """Why it was computed, why it failed, or what it was skipped for."""
+    seconds: float = 0.0
+    """Spent on it in this run, all attempts together."""
+    faults: list[str] = field(default_factory=list)
+    """What went wrong in each attempt that failed."""
+    attempts: int = 0
+    error: Exception | None = None
+    changed: bool = True
+    """Whether the output differs from what was there before this run."""
+
+
+class VideoRun:
+    """One video, one configuration, one store: what every stage's key is made of, and what has become of each."""
+
+    def __init__(
+        self,
+        video: VideoIdentity,
+        config: Config,
+        store: Store,
+        *,
+        selection: Selection | None = None,
+        stages: tuple[Stage, ...] | None = None,
+        progress: Progress | None = None,
+    ) -> None:
+        self.video = video
+        self.config = config
+        self.store = store
+        self.selection = selection or Selection()
+        self.stages = stages if stages is not None else STAGES
+        self.outcomes: dict[tuple[str, int], Outcome] = {}
+        self._by_name = {stage.name: stage for stage in self.stages}
+        self._progress = progress
+        self._slots = threading.BoundedSemaphore(config.run.threads)
+        self._definitions: dict[str, Any] = {}
+        self._works: dict[tuple[str, int, int], tuple[Work, ...] | None] = {}
+
+    # ---- what there is to do
+
+    def stage(self, name: str) -> Stage:
+        return self._by_name[name]
+
+    def works(self, stage: Stage) -> tuple[Work, ...] | None:
+        """Units of a stage; None while the artifact that defines them is missing."""
+        scenes = self._defined("scene", Scenes) if stage.per == "scene" else None
+        shots = self._defined("shot", ShotList) if stage.per == "shot" else None
+        at = (stage.name, id(scenes), id(shots))  # the definitions live as long as the run
+        if at not in self._works:
+            works = works_of(stage, scenes, shots)
+            if shots is not None and works is not None:
+                self.selection.check_shot(len(works))
+            self._works[at] = works
+        return self._works[at]
+
+    def manifest(self, stage: str, index: int = 0) -> Manifest | None:
+        """Manifest of one unit's artifact, if this run has it."""
+        outcome = self.outcomes.get((stage, index))
+        return outcome.manifest if outcome else None
+
+    def needs_from(self, work: Work, source: Stage) -> list[Work]:
+        """The units of an input stage that a piece of work reads."""
+        units = self.works(source) or ()
+        return [units[i] for i in needs_of(work, source.name, source.per, units)]
+
+    def upstream(self, stage: Stage) -> set[str]:
+        """Names of all stages that a stage depends on, directly or not."""
+        names = set(stage.inputs)
+        return names.union(*(self.upstream(self.stage(name)) for name in stage.inputs))
+
+    # ---- one stage × unit
+
+    def recipe(self, work: Work) -> Recipe:
+        """Everything that decides the result; MissingInputError names an artifact that is not there yet."""
+        stage = work.stage
+        code = code_digest(stage.function[0])
+        return Recipe(
+            stage=stage.name,
+            schema_version=stage.schema_version,
+            unit=work.parameters,
+            modules=code.modules,
+            weights=code.weights,
+            libraries=code.libraries,
+            settings={name: getattr(self.config, name).model_dump(mode="json") for name in stage.settings},
+            inputs=self._input_digests(work),
+        )
+
+    def look_up(self, work: Work) -> Manifest | None:
+        """The artifact, if the store has it whole and it may be used; its unit then counts as done."""
+        if self.selection.forces(work.stage, work.index, self.stages):
+            return None
+        manifest = self.store.find(work.stage.name, self.recipe(work).key)
+        if manifest is not None:
+            self.outcomes[work.stage.name, work.index] = Outcome(work, "cached", manifest, changed=False)
+            if not self.store.read_only:
+                self.store.remember(self.video.sha256, work.record, manifest)
+        return manifest
+
+    def why(self, work: Work) -> str:
+        """Why the store cannot answer: what changed since this unit was last computed."""
+        forced = self.selection.forces(work.stage, work.index, self.stages)
+        if forced:
+            return f"forced by {forced}"
+        recipe = self.recipe(work)
+        damage = self.store.damage(work.stage.name, recipe.key)
+        if damage:
+            return f"damaged artifact: {damage}"
+        last = self.store.last_recipe(self.video.sha256, work.stage.name, work.record)
+        if last is None:
+            return "no artifact yet"
+        return "; ".join(recipe.changes_since(last)) or "its artifact is gone from the store"
+
+    def do(self, work: Work) -> Outcome:
+        """Find or compute one stage × unit. Raises what the stage raises, after noting it in `outcomes`."""
+        at = (work.stage.name, work.index)
+        outcome = self.outcomes.setdefault(at, Outcome(work))
+        if outcome.manifest is not None:
+            return outcome
+        blocked = self._blocked_by(work)
+        if blocked is not None:
+            outcome.state, outcome.reason = "skipped", f"{blocked.work.label} failed: {blocked.reason}"
+            return outcome
+        if self.look_up(work) is not None:
+            return self.outcomes[at]
+        started = time.monotonic()
+        outcome.attempts += 1
+        try:
+            with self._slots:
+                started = time.monotonic()
+                self._compute(work, outcome)
+        except Exception as error:  # noted, then raised: this is the edge of the stages
+            told = _as_ours(error, work)
+            outcome.state, outcome.error, outcome.reason = "failed", told, _in_words(told)
+            outcome.faults.append(outcome.reason)
+            if told is error:
+                raise
+            raise told from error
+        finally:
+            outcome.seconds += time.monotonic() - started
+        log.info("%s: %.1f s (%s)", work.label, outcome.seconds, outcome.reason)
+        return outcome
+
+    def _compute(self, work: Work, outcome: Outcome) -> None:
+        stage, recipe = work.stage, self.recipe(work)
+        forced = self.selection.forces(stage, work.index, self.stages)
+        with self.store.lock(stage.name, recipe.key):
+            found = None if forced else self.store.find(stage.name, recipe.key)
+            if found is not None:  # another process computed it while we waited for the lock
+                outcome.state, outcome.manifest, outcome.changed = "cached", found, False
+                outcome.reason = "computed by another process"
+                return
+            outcome.reason = self.why(work)
+            before = self.store.last_digest(self.video.sha256, stage.name, work.record)
+            with self.store.new_folder() as folder:
+                inputs = UnitInputs(self, work, folder / "files")
+                began = time.monotonic()
+                result = _function(stage)(inputs)
+                outcome.manifest = self.store.commit(
+                    folder, result, _output(stage), recipe,
+                    unit=work.unit, seconds=time.monotonic() - began, version=__version__,
+                )  # fmt: skip
+        outcome.state, outcome.error = "computed", None
+        outcome.changed = outcome.manifest.digest != before
+        self.store.remember(self.video.sha256, work.record, outcome.manifest)
+
+    # ---- inputs
+
+    def read(self, work: Work, output: type[T]) -> T:
+        """The decoded artifact of one stage × unit of this run."""
+        manifest = self.manifest(work.stage.name, work.index)
+        if manifest is None:
+            raise MissingInputError(f"the artifact of {work.label} is not in the store")
+        return self.store.read(manifest.ref, output)
+
+    def _input_digests(self, work: Work) -> dict[str, str]:
+        digests = {"video": self.video.sha256} if work.stage.reads_video else {}
+        for name in work.stage.inputs:
+            source = self.stage(name)
+            if source.defines == work.stage.per:
+                if source.defines == "shot":
+                    digests["shot"] = self._shot_digest(work)
+                continue  # a scene is its frames, which stand in `unit`
+            for need in self.needs_from(work, source):
+                label = need.label if work.stage.per == "video" else name
+                digests[label] = self._digest(need)
+        return digests
+
+    def _digest(self, need: Work) -> str:
+        outcome = self.outcomes.get((need.stage.name, need.index))
+        if outcome is None:
+            raise MissingInputError(f"the artifact of {need.label} is not in the store")
+        return outcome.manifest.digest if outcome.manifest else "failed"
+
+    def _shot_digest(self, work: Work) -> str:
+        shots = self._defined("shot", ShotList)
+        if shots is None:
+            raise MissingInputError("the list of shots is not in the store")
+        return encode(only_its_shot(shots, work), ShotList).digest()
+
+    def _defined(self, unit: str, output: type[T]) -> T | None:
+        """The artifact that lists all units of a kind, decoded once."""
+        for stage in self.stages:
+            if stage.defines == unit:
+                manifest = self.manifest(stage.name)
+                if manifest is None:
+                    return None
+                if manifest.digest not in self._definitions:
+                    self._definitions[manifest.digest] = self.store.read(manifest.ref, output)
+                return cast(T, self._definitions[manifest.digest])
+        return None
+
+    def _blocked_by(self, work: Work) -> Outcome | None:
+        """The failed input that makes this work impossible: any for a shot or scene, all units of one stage for the video."""
+        for name in work.stage.inputs:
+            source = self.stage(name)
+            wanted = [self.outcomes.get((name, need.index)) for need in self.needs_from(work, source)]
+            lost = [outcome for outcome in wanted if outcome is not None and outcome.manifest is None]
+            if lost and (work.stage.per != "video" or len(lost) == len(wanted)):
+                return lost[0]
+        return None
+
+
+class UnitInputs:
+    """What a stage's function is given (see `humanmm.tasks.inputs.StageInputs`)."""
+
+    def __init__(self, run: VideoRun, work: Work, blob_dir: Path) -> None:
+        self._run = run
+        self._work = work
+        self.blob_dir = blob_dir
+        self.shot: Shot | None = work.shot
+        self.config = cast(Config, _NamedSettings(run.config, work.stage))
+        self.span = work.span if work.stage.per != "video" else (0, self._num_frames())
+
+    def read(self, stage: str, output: type[T]) -> T:
+        source = self._source(stage)
+        if source.defines == "scene" and self._work.stage.per == "scene":
+            raise StageError(f"{self._work.stage.name} has its scene in `span`; the other scenes are none of its business")
+        if source.per != "video" and self._work.stage.per == "video":
+            raise StageError(f"{self._work.stage.name} reads {stage}, which is per {source.per}: use read_all")
+        value = self._run.read(self._run.needs_from(self._work, source)[0], output)
+        if source.defines == "shot" and self._work.stage.per == "shot":
+            return cast(T, only_its_shot(cast(ShotList, value), self._work))
+        return value
+
+    def read_all(self, stage: str, output: type[T]) -> Sequence[T | None]:
+        source = self._source(stage)
+        needed = self._run.needs_from(self._work, source)
+        return [self._run.read(w, output) if self._run.manifest(stage, w.index) is not None else None for w in needed]
+
+    def open_video(self) -> BinaryIO:
+        if not self._work.stage.reads_video:
+            raise StageError(f"{self._work.stage.name} opens the video without saying so in pipeline.STAGES (reads_video)")
+        return self._run.video.open()
+
+    def progress(self, done: int, total: int) -> None:
+        if self._run._progress is not None:
+            self._run._progress(self._work, done, total)
+
+    def _source(self, stage: str) -> Stage:
+        if stage not in self._work.stage.inputs:
+            raise StageError(f"{self._work.stage.name} reads {stage} without naming it in pipeline.STAGES")
+        return self._run.stage(stage)
+
+    def _num_frames(self) -> int:
+        for scenes in (self._run._defined("scene", Scenes), self._run._defined("shot", ShotList)):
+            if scenes is not None:
+                return scenes.num_frames
+        return 0
+
+
+class _NamedSettings:
+    """The configuration, restricted to the sections that are part of a stage's key."""
+
+    def __init__(self, config: Config, stage: Stage) -> None:
+        self._sections = {name: getattr(config, name) for name in stage.settings}
+        self._stage = stage.name
+
+    def __getattr__(self, name: str) -> Any:
+        try:
+            return self._sections[name]
+        except KeyError:
+            raise StageError(f"{self._stage} uses the settings {name!r} without naming them in pipeline.STAGES") from None
+
+
+def ends_run(error: BaseException) -> bool:
+    """True for errors that no other shot can escape: the user's input, the weight files."""
+    return isinstance(error, InputError | WeightsError)
+
+
+def _function(stage: Stage) -> Callable[[UnitInputs], Any]:
+    module, name = stage.function
+    return cast(Callable[[UnitInputs], Any], getattr(importlib.import_module(module), name))
+
+
+def _output(stage: Stage) -> type:
+    module, _, name = stage.output.partition(":")
+    return cast(type, getattr(importlib.import_module(module), name))
+
+
+def _as_ours(error: Exception, work: Work) -> Exception:
+    """Infrastructure faults and our own errors as they are; anything else is a defect of the stage, told as such."""
+    if isinstance(error, HumanMMError):
+        return error
+    if is_infrastructure_fault(error):
+        return StoreError(f"{work.label}: {error}")
+    return StageError(f"{work.label} failed unexpectedly: {type(error).__name__}: {error} (-v shows where)")
+
+
+def _in_words(error: Exception) -> str:
+    return " ".join(str(error).split()) or type(error).__name__
