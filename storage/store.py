@@ -74,7 +74,7 @@ class Store:
             manifest = read_manifest(folder)
             check_files(folder, manifest)
         except (DamageError, ValueError, TypeError, KeyError) as error:
-            self._set_aside(stage, key, str(error))
+            self.set_aside(stage, key, str(error))
             return None
         if not self.read_only:
             with contextlib.suppress(OSError):
@@ -95,7 +95,7 @@ class Store:
             return decode(read_encoded(self.root / ref.uri), output)
         except (OSError, ValueError, KeyError, TypeError) as error:
             self._checked.pop((ref.stage, ref.key), None)
-            self._set_aside(ref.stage, ref.key, str(error))
+            self.set_aside(ref.stage, ref.key, str(error))
             raise StoreError(f"the artifact of {ref.stage} ({ref.unit}) is damaged: {error}; run again") from error
 
     def files_of(self, ref: Ref) -> Path:
@@ -118,6 +118,21 @@ class Store:
                 log.info("%s is being computed by another process; waiting for it", stage)
                 fcntl.flock(descriptor, fcntl.LOCK_EX)
             yield
+        finally:
+            os.close(descriptor)
+
+    @contextlib.contextmanager
+    def try_lock(self, stage: str, key: str) -> Iterator[bool]:
+        """As `lock`, but says False at once when somebody holds it."""
+        path = self.root / "locks" / f"{stage}-{key}"
+        with self._writing("lock"):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            yield True
+        except BlockingIOError:
+            yield False
         finally:
             os.close(descriptor)
 
@@ -186,6 +201,17 @@ class Store:
         except (OSError, ValueError, KeyError, TypeError):
             return None
 
+    def remember_run(self, video: str, state: str, *, run_dir: Path | None, reason: str = "") -> None:
+        """Note how the last run on a video ended, for `humanmm status`."""
+        entry = {
+            "video": video,
+            "state": state,
+            "run_dir": os.fspath(run_dir.absolute()) if run_dir else None,
+            "reason": reason,
+            "finished": time.strftime("%Y-%m-%dT%H:%M:%S%z"),
+        }
+        self.write_text(self.root / "latest" / video[:32] / "run.json", json.dumps(entry))
+
     def write_text(self, path: Path, text: str) -> None:
         """Replace a small file at once; nothing happens in a read-only store."""
         if self.read_only:
@@ -224,7 +250,8 @@ class Store:
         folder = self.root / name
         return sorted(folder.iterdir()) if folder.is_dir() else []
 
-    def _set_aside(self, stage: str, key: str, reason: str) -> None:
+    def set_aside(self, stage: str, key: str, reason: str) -> None:
+        """Move a damaged artifact out of the way and note why; a read-only store only notes."""
         self._damage[stage, key] = reason
         if self.read_only:
             return

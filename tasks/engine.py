@@ -62,7 +62,6 @@ class VideoRun:
         *,
         selection: Selection | None = None,
         stages: tuple[Stage, ...] | None = None,
-        progress: Progress | None = None,
     ) -> None:
         self.video = video
         self.config = config
@@ -71,10 +70,21 @@ class VideoRun:
         self.stages = stages if stages is not None else STAGES
         self.outcomes: dict[tuple[str, int], Outcome] = {}
         self._by_name = {stage.name: stage for stage in self.stages}
-        self._progress = progress
+        self._progress: Progress | None = None
+        self.log_text: Callable[[], str] = str
         self._slots = threading.BoundedSemaphore(config.run.threads)
         self._definitions: dict[str, Any] = {}
         self._works: dict[tuple[str, int, int], tuple[Work, ...] | None] = {}
+
+    def watch(self, progress: Progress, *, log_text: Callable[[], str]) -> None:
+        """Have progress reported, and name where this run's log can be had."""
+        self._progress = progress
+        self.log_text = log_text
+
+    def report(self, work: Work, done: int, total: int) -> None:
+        """Pass a stage's progress on to whoever watches."""
+        if self._progress is not None:
+            self._progress(work, done, total)
 
     # ---- what there is to do
 
@@ -92,6 +102,13 @@ class VideoRun:
                 self.selection.check_shot(len(works))
             self._works[at] = works
         return self._works[at]
+
+    def work(self, stage: str, index: int = 0) -> Work:
+        """One unit of a stage whose units are known."""
+        works = self.works(self.stage(stage))
+        if works is None:
+            raise MissingInputError(f"the units of {stage} are not known yet")
+        return works[index]
 
     def manifest(self, stage: str, index: int = 0) -> Manifest | None:
         """Manifest of one unit's artifact, if this run has it."""
@@ -293,8 +310,7 @@ class UnitInputs:
         return self._run.video.open()
 
     def progress(self, done: int, total: int) -> None:
-        if self._run._progress is not None:
-            self._run._progress(self._work, done, total)
+        self._run.report(self._work, done, total)
 
     def _source(self, stage: str) -> Stage:
         if stage not in self._work.stage.inputs:

@@ -1,0 +1,223 @@
+"""A Prefect server of our own on loopback, started when first needed and shared by all runs until nobody needs it.
+
+Starting a server for every run costs about ten seconds, asking a running one next to nothing. So one runs in the
+background: started on demand, found through a small file, leaving by itself when no run has held it for a while. Runs hold
+a shared flock while they use it, which the kernel frees when a run is killed.
+
+Nothing here imports Prefect: its settings come from environment variables that must be set before.
+"""
+
+import contextlib
+import fcntl
+import http.client
+import importlib.metadata
+import json
+import logging
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from humanmm.storage.store import cache_folder
+
+log = logging.getLogger(__name__)
+
+IDLE_S = 900.0
+"""The server leaves after this many seconds without a run; $HUMANMM_SERVER_IDLE_S sets another value."""
+START_LIMIT_S = 90.0
+"""A first start creates the database, which takes up to 25 s on a busy machine."""
+HOST = "127.0.0.1"
+
+
+@dataclass(frozen=True)
+class ServerFiles:
+    """Everything the server leaves on disk, in one folder per Prefect version (each has its own database schema)."""
+
+    home: Path
+
+    @property
+    def state(self) -> Path:
+        """Address and process of the running server."""
+        return self.home / "server.json"
+
+    @property
+    def users(self) -> Path:
+        """Held shared by every run; the server leaves only when it can have it alone."""
+        return self.home / "users.lock"
+
+    @property
+    def starting(self) -> Path:
+        """Held by the one run that starts the server."""
+        return self.home / "starting.lock"
+
+    @property
+    def log(self) -> Path:
+        return self.home / "server.log"
+
+
+def server_files() -> ServerFiles:
+    """Where our server lives: the cache folder, or a private temporary folder where that cannot be written."""
+    name = f"prefect-{importlib.metadata.version('prefect')}"
+    for base in (cache_folder(), Path(tempfile.gettempdir()) / f"humanmm-{os.getuid()}"):
+        with contextlib.suppress(OSError):
+            (base / name).mkdir(parents=True, exist_ok=True, mode=0o700)
+            if os.access(base / name, os.W_OK):
+                return ServerFiles(base / name)
+    raise OSError("neither the cache folder nor the temporary folder can be written")
+
+
+@contextlib.contextmanager
+def prefect_server() -> Iterator[str]:
+    """Environment for Prefect and an address to talk to, held for the duration of a run.
+
+    $PREFECT_API_URL, if set, names the user's own server and is left alone. Must be entered before `import prefect`.
+    """
+    _quiet_environment()
+    own = os.environ.get("PREFECT_API_URL")
+    if own:
+        yield own
+        return
+    files = server_files()
+    _private_environment(files)
+    with files.users.open("a+") as users:
+        fcntl.flock(users, fcntl.LOCK_SH)
+        url = _running(files) or _start(files)
+        if url:
+            os.environ["PREFECT_API_URL"] = url
+        else:
+            log.warning("no Prefect server could be started (see %s); this run brings its own, which is slower", files.log)
+            os.environ["PREFECT_SERVER_ALLOW_EPHEMERAL_MODE"] = "true"
+        try:
+            yield url or "ephemeral"
+        finally:
+            os.utime(users.fileno())
+            os.environ.pop("PREFECT_API_URL", None)
+
+
+def _quiet_environment() -> None:
+    """No telemetry; console logs are ours; loopback never goes through a proxy."""
+    os.environ["DO_NOT_TRACK"] = "1"
+    os.environ["PREFECT_SERVER_ANALYTICS_ENABLED"] = "false"
+    os.environ.setdefault("PREFECT_LOGGING_HANDLERS_CONSOLE_LEVEL", "CRITICAL")
+    for name in ("NO_PROXY", "no_proxy"):
+        os.environ[name] = ",".join(filter(None, [os.environ.get(name), HOST, "localhost"]))
+
+
+def _private_environment(files: ServerFiles) -> None:
+    for name in ("PREFECT_PROFILE", "PREFECT_API_KEY", "PREFECT_API_DATABASE_CONNECTION_URL"):
+        os.environ.pop(name, None)
+    os.environ["PREFECT_HOME"] = str(files.home)
+    os.environ["PREFECT_PROFILES_PATH"] = str(files.home / "profiles.toml")
+
+
+def _running(files: ServerFiles) -> str | None:
+    """Address of the server if it answers."""
+    try:
+        state = json.loads(files.state.read_text())
+        url, port = str(state["url"]), int(state["port"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    return url if _is_healthy(port) else None
+
+
+def _is_healthy(port: int) -> bool:
+    connection = http.client.HTTPConnection(HOST, port, timeout=5)
+    try:
+        connection.request("GET", "/api/health")
+        response = connection.getresponse()
+        return response.status == 200 and response.read().strip() == b"true"
+    except (OSError, http.client.HTTPException):
+        return False
+    finally:
+        connection.close()
+
+
+def _start(files: ServerFiles) -> str | None:
+    """Start the server unless another run is doing so; wait until it answers."""
+    with files.starting.open("a+") as starting:
+        fcntl.flock(starting, fcntl.LOCK_EX)
+        url = _running(files)
+        if url:
+            return url
+        log.info("starting the local Prefect server")
+        files.state.unlink(missing_ok=True)
+        with files.log.open("ab") as output:
+            # through a shell that leaves at once: the server is nobody's child and outlives this run
+            command = [sys.executable, "-m", "humanmm.flows.local_server", str(files.home)]
+            subprocess.run(
+                ["/bin/sh", "-c", '"$@" &', "sh", *command],
+                stdin=subprocess.DEVNULL, stdout=output, stderr=output, start_new_session=True, check=True, cwd="/",
+            )  # fmt: skip
+        deadline = time.monotonic() + START_LIMIT_S
+        while time.monotonic() < deadline:
+            url = _running(files)
+            if url:
+                return url
+            time.sleep(0.1)
+    return None
+
+
+def serve(files: ServerFiles) -> None:
+    """Run the server until nobody has used it for a while."""
+    import socket
+    import threading
+
+    idle_s = float(os.environ.get("HUMANMM_SERVER_IDLE_S", IDLE_S))
+    listener = socket.create_server((HOST, 0))
+    port = listener.getsockname()[1]
+    _quiet_environment()
+    _private_environment(files)
+    os.environ.update(
+        {
+            "PREFECT_API_URL": f"http://{HOST}:{port}/api",
+            "PREFECT_SERVER_API_HOST": HOST,
+            "PREFECT_SERVER_API_PORT": str(port),
+            "PREFECT_SERVER_UI_STATIC_DIRECTORY": str(files.home / "ui"),
+            "PREFECT_SERVER_SERVICES_TASK_RUN_RECORDER_BATCH_SIZE": "100",
+            "PREFECT_SERVER_SERVICES_TASK_RUN_RECORDER_READ_BATCH_SIZE": "100",
+            "PREFECT_LOGGING_SERVER_LEVEL": "WARNING",
+        }
+    )
+    import uvicorn
+    from prefect.server.api.server import create_app
+
+    server = uvicorn.Server(uvicorn.Config(create_app(), log_level="warning", timeout_graceful_shutdown=5))
+    state = {"url": f"http://{HOST}:{port}/api", "port": port, "pid": os.getpid(), "started": time.time()}
+    fresh = files.state.with_suffix(f".{os.getpid()}")
+    fresh.write_text(json.dumps(state))
+    fresh.replace(files.state)
+    watcher = threading.Thread(target=_leave_when_idle, args=(server, files, port, idle_s), daemon=True)
+    watcher.start()
+    server.run(sockets=[listener])
+
+
+def _leave_when_idle(server: object, files: ServerFiles, port: int, idle_s: float) -> None:
+    """Stop the server once nobody holds `users` and nobody has for `idle_s`, or once its folder is gone."""
+    started = time.time()
+    while True:
+        time.sleep(min(15.0, max(0.2, idle_s / 4)))
+        try:
+            users = files.users.open("a+")
+        except OSError:
+            break
+        try:
+            fcntl.flock(users, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            users.close()
+            continue
+        last_use = max(started, os.fstat(users.fileno()).st_mtime)
+        if time.time() - last_use > idle_s:
+            with contextlib.suppress(OSError, ValueError, KeyError):
+                if json.loads(files.state.read_text())["port"] == port:
+                    files.state.unlink()
+            break  # `users` stays locked until this process ends, so that no run can meet a server that is leaving
+        users.close()
+    server.should_exit = True  # type: ignore[attr-defined]
+
+
+if __name__ == "__main__":
+    serve(ServerFiles(Path(sys.argv[1])))

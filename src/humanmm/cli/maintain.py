@@ -1,0 +1,153 @@
+"""`humanmm verify`, `gc`, `store du`, `doctor`: care of the store and of the installation."""
+
+import argparse
+import json
+import os
+import shutil
+import sys
+from pathlib import Path
+from typing import Any
+
+from humanmm.storage.store import Store, default_store
+from humanmm.tasks import pipeline
+
+
+def add_verify(verbs: Any, common: argparse.ArgumentParser) -> None:
+    """Declare `verify [--deep]`."""
+    parser = verbs.add_parser("verify", parents=[common], allow_abbrev=False, help="check every artifact of the store")
+    parser.add_argument("--deep", action="store_true", help="also decode every result and compare its content digest")
+    _add_store(parser)
+    parser.set_defaults(run=verify)
+
+
+def add_gc(verbs: Any, common: argparse.ArgumentParser) -> None:
+    """Declare `gc`."""
+    parser = verbs.add_parser(
+        "gc", parents=[common], allow_abbrev=False, help="list what the store no longer needs; --yes removes it"
+    )
+    parser.add_argument("--unused-days", type=float, default=30.0, metavar="DAYS", help="artifacts unused so long may go (default: 30)")
+    parser.add_argument("--yes", action="store_true", help="remove what is listed")
+    _add_store(parser)
+    parser.set_defaults(run=gc)
+
+
+def add_store(verbs: Any, common: argparse.ArgumentParser) -> None:
+    """Declare `store du`."""
+    parser = verbs.add_parser("store", help="sizes of the store")
+    inner = parser.add_subparsers(required=True, metavar="du")
+    du_parser = inner.add_parser("du", parents=[common], allow_abbrev=False, help="artifacts and bytes per stage")
+    _add_store(du_parser)
+    du_parser.set_defaults(run=du)
+
+
+def add_doctor(verbs: Any, common: argparse.ArgumentParser) -> None:
+    """Declare `doctor`."""
+    parser = verbs.add_parser("doctor", parents=[common], allow_abbrev=False, help="check this installation")
+    parser.add_argument("--json", action="store_true", help="one json object")
+    _add_store(parser)
+    parser.set_defaults(run=doctor)
+
+
+VERBS = (add_verify, add_gc, add_store, add_doctor)
+
+
+def verify(options: argparse.Namespace) -> int:
+    """Status 1 if anything was damaged; what was is set aside and computed again by the next run."""
+    from humanmm.storage import maintenance
+
+    store = Store(options.store or default_store())
+    outputs = {stage.name: stage.output for stage in pipeline.STAGES}
+    sound, damaged = 0, 0
+    for finding in maintenance.verify(store, outputs=outputs, deep=options.deep):
+        if finding.problem:
+            damaged += 1
+            sys.stdout.write(f"damaged: {finding.uri}: {finding.problem}\n")
+        else:
+            sound += 1
+    sys.stdout.write(f"{sound} artifacts are sound, {damaged} damaged" + (" (set aside)\n" if damaged else "\n"))
+    return 1 if damaged else 0
+
+
+def gc(options: argparse.Namespace) -> int:
+    """List, then remove if told to."""
+    from humanmm.storage import maintenance
+
+    store = Store(options.store or default_store())
+    items = maintenance.removable(store, unused_days=options.unused_days)
+    for item in items:
+        sys.stdout.write(f"{_bytes(item.num_bytes):>9}  {item.path.relative_to(store.root)}  ({item.reason})\n")
+    total = sum(item.num_bytes for item in items)
+    if not options.yes:
+        sys.stdout.write(f"{_bytes(total)} in {len(items)} items could go; nothing was removed (--yes removes them)\n")
+        return 0
+    sys.stdout.write(f"{_bytes(maintenance.remove(store, items))} freed\n")
+    return 0
+
+
+def du(options: argparse.Namespace) -> int:
+    """Artifacts and bytes per stage."""
+    from humanmm.storage import maintenance
+
+    store = Store(options.store or default_store(), read_only=True)
+    totals = maintenance.usage(store)
+    names = [stage.name for stage in pipeline.STAGES]
+    for name in sorted(totals, key=lambda n: (names.index(n) if n in names else len(names), n)):
+        count, size = totals[name]
+        sys.stdout.write(f"{name:<14} {count:>7}  {_bytes(size):>9}\n")
+    total = sum(size for _, size in totals.values())
+    sys.stdout.write(f"{'total':<14} {sum(c for c, _ in totals.values()):>7}  {_bytes(total):>9}  {store.root}\n")
+    return 0
+
+
+def doctor(options: argparse.Namespace) -> int:
+    """Everything a run needs, checked one by one; status 1 if something is missing."""
+    checks = _checks(options.store or default_store())
+    if options.json:
+        tree = {"ok": all(ok for _, ok, _ in checks), "checks": [{"name": n, "ok": o, "found": f} for n, o, f in checks]}
+        sys.stdout.write(json.dumps(tree, indent=1) + "\n")
+    else:
+        for name, ok, found in checks:
+            sys.stdout.write(f"{'ok ' if ok else 'BAD'}  {name:<24} {found}\n")
+    return 0 if all(ok for _, ok, _ in checks) else 1
+
+
+def _checks(store: Path) -> list[tuple[str, bool, str]]:
+    import importlib.metadata
+    import platform
+
+    from humanmm.errors import WeightsError
+    from humanmm.models.weights.shipped import manifest, read_weights
+
+    checks = [("python", sys.version_info >= (3, 11), platform.python_version())]
+    for name in ("torch", "prefect", "zarr", "numpy", "scipy", "pycolmap", "av", "ai-edge-litert", "scenedetect-headless"):
+        try:
+            checks.append((name, True, importlib.metadata.version(name)))
+        except importlib.metadata.PackageNotFoundError:
+            checks.append((name, False, "not installed"))
+    try:
+        for name in manifest():
+            read_weights(name)
+        checks.append(("weight files", True, f"{len(manifest())} files match their sha256"))
+    except WeightsError as error:
+        checks.append(("weight files", False, str(error)))
+    existing = store.expanduser().absolute()
+    while not existing.exists():
+        existing = existing.parent
+    writable = os.access(existing, os.W_OK)
+    free = shutil.disk_usage(existing).free
+    checks.append(("store", writable, f"{store}: {'writable' if writable else 'not writable'}"))
+    checks.append(("free disk space", free > 1 << 30, _bytes(free)))
+    checks.append(("processors", True, str(len(os.sched_getaffinity(0)))))
+    return checks
+
+
+def _add_store(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--store", type=Path, metavar="DIR", help="artifact store (default: $HUMANMM_STORE, ~/.cache/humanmm/store)")
+
+
+def _bytes(count: float) -> str:
+    for unit in ("B", "kB", "MB"):
+        if count < 1000:
+            return f"{count:.0f} {unit}"
+        count /= 1000
+    return f"{count:.1f} GB"

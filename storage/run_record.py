@@ -1,0 +1,170 @@
+"""run.json: what happened in one run, as the public contract describes it (schema "humanmm.run/1")."""
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from humanmm.errors import InputError
+from humanmm.models.motion.results import WorldMotion
+from humanmm.models.shots.boundaries import ShotList, Transition
+from humanmm.models.video.facts import VideoFacts
+from humanmm.storage.codec import Json
+from humanmm.storage.files import replace_file
+
+SCHEMA = "humanmm.run/1"
+FILE = "run.json"
+
+
+@dataclass(frozen=True)
+class StageRecord:
+    """What became of one stage × unit."""
+
+    stage: str
+    unit: str
+    """`video`, `scene 2` or `shot 3`."""
+    shot: int | None
+    state: str
+    """cached, computed, failed or skipped."""
+    reason: str
+    """Why it was computed, or why it failed; empty if cached."""
+    seconds: float
+    """Spent on it in this run."""
+    computed_seconds: float | None
+    """What computing its artifact took, in this run or an earlier one."""
+    attempts: int
+    faults: tuple[str, ...]
+    """What went wrong in each attempt that failed."""
+    key: str | None
+    digest: str | None
+    warnings: tuple[str, ...]
+
+
+def run_record(
+    *,
+    state: str,
+    video: Path,
+    sha256: str,
+    store: Path,
+    config: Mapping[str, Any],
+    facts: VideoFacts,
+    shots: ShotList,
+    motion: WorldMotion | None,
+    stages: Sequence[StageRecord],
+    started: str,
+    seconds: float,
+    versions: Mapping[str, str],
+) -> dict[str, Any]:
+    """The tree of run.json."""
+    return {
+        "schema": SCHEMA,
+        "state": state,
+        "started": started,
+        "seconds": round(seconds, 3),
+        "video": {
+            "path": os.fspath(video),
+            "sha256": sha256,
+            "fps": facts.fps,
+            "width": facts.width,
+            "height": facts.height,
+            "num_frames": facts.num_frames,
+        },
+        "store": os.fspath(store),
+        "config": dict(config),
+        "shots": _shots(shots, motion, stages),
+        "people": _people(shots, motion),
+        "warnings": [_sentence(record, warning) for record in stages for warning in record.warnings],
+        "fallbacks": _fallbacks(shots, motion),
+        "failures": [
+            {"stage": r.stage, "unit": r.unit, "shot": r.shot, "reason": r.reason}
+            for r in stages
+            if r.state in ("failed", "skipped")
+        ],
+        "stages": [_stage(record) for record in stages],
+        "versions": dict(versions),
+    }
+
+
+def write_run_record(run_dir: Path, record: Mapping[str, Any]) -> None:
+    """Write run.json, visible only when complete."""
+    text = json.dumps(record, indent=1, ensure_ascii=False) + "\n"
+    replace_file(run_dir / FILE, lambda fresh: _write(fresh, text))
+
+
+def read_run_record(run_dir: Path) -> dict[str, Any]:
+    """The tree of run.json; InputError if the folder is no run folder."""
+    path = run_dir / FILE
+    try:
+        record = json.loads(path.read_text())
+    except OSError as error:
+        raise InputError(f"{run_dir} is no run folder: {FILE} cannot be read ({error.strerror})") from None
+    except ValueError:
+        raise InputError(f"{path} is not json; `humanmm recover` writes it anew") from None
+    if not isinstance(record, dict) or record.get("schema") != SCHEMA:
+        raise InputError(f"{path} has another schema than {SCHEMA!r}; `humanmm recover` writes it anew")
+    return record
+
+
+def _write(path: Path, text: str) -> None:
+    path.write_text(text, encoding="utf-8", errors="surrogateescape")
+
+
+def _shots(shots: ShotList, motion: WorldMotion | None, stages: Sequence[StageRecord]) -> list[dict[str, Any]]:
+    linked = {cut.cut_frame: cut.linked for cut in motion.cuts} if motion else {}
+    failed = {record.shot for record in stages if record.state in ("failed", "skipped")}
+    return [
+        {
+            "start": shot.start,
+            "end": shot.end,
+            "transition": _transition(shot.transition),
+            "linked": linked.get(shot.start, True),
+            "people": [appearance.person for appearance in shot.people],
+            "failed": shot.index in failed,
+        }
+        for shot in shots.shots
+    ]
+
+
+def _transition(transition: Transition | None) -> dict[str, Json] | None:
+    if transition is None:
+        return None
+    return {"type": transition.type, "start": transition.start, "end": transition.end, "evidence": transition.evidence}
+
+
+def _people(shots: ShotList, motion: WorldMotion | None) -> list[dict[str, Any]]:
+    moved = {person.person: person for person in motion.people} if motion else {}
+    people = []
+    for person in shots.people:
+        entry: dict[str, Any] = {
+            "person": person.person,
+            "shots": [shot.index for shot in shots.shots if person.person in {a.person for a in shot.people}],
+        }
+        recovered = moved.get(person.person)
+        if recovered is not None and len(recovered.frame):
+            entry["start"], entry["end"] = int(recovered.frame[0]), int(recovered.frame[-1]) + 1
+            entry["observed_frames"] = int(recovered.observed.sum())
+        people.append(entry)
+    return people
+
+
+def _fallbacks(shots: ShotList, motion: WorldMotion | None) -> list[str]:
+    """Shots whose camera could not be found (source 4)."""
+    if motion is None:
+        return []
+    return [
+        f"shot {shot.index}: the camera is a fallback (source 4)"
+        for shot in shots.shots
+        if (motion.camera_source[shot.start : shot.end] == 4).any()
+    ]
+
+
+def _sentence(record: StageRecord, warning: str) -> str:
+    return f"{record.stage}: {warning}" if record.unit == "video" else f"{record.stage}, {record.unit}: {warning}"
+
+
+def _stage(record: StageRecord) -> dict[str, Any]:
+    tree = {**record.__dict__, "faults": list(record.faults), "warnings": list(record.warnings)}
+    tree["seconds"] = round(record.seconds, 3)
+    return tree
