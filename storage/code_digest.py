@@ -97,7 +97,7 @@ def _module_facts(path: Path, mtime_ns: int, size: int, name: str) -> _ModuleFac
 class _StripTexts(ast.NodeTransformer):
     """Removes docstrings and the strings that describe attributes: expressions that are nothing but a text."""
 
-    def visit_Expr(self, node: ast.Expr) -> ast.AST | None:  # noqa: N802 (the visitor's own naming)
+    def visit_Expr(self, node: ast.Expr) -> ast.AST | None:
         if isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
             return None
         return node

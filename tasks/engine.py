@@ -23,7 +23,8 @@ from humanmm.storage.codec import encode
 from humanmm.storage.recipe import Recipe
 from humanmm.storage.store import Store, is_infrastructure_fault
 from humanmm.storage.video_identity import VideoIdentity
-from humanmm.tasks.pipeline import STAGES, Stage
+from humanmm.tasks import pipeline
+from humanmm.tasks.pipeline import Stage
 from humanmm.tasks.selection import Selection
 from humanmm.tasks.work import Work, needs_of, only_its_shot, works_of
 
@@ -67,7 +68,7 @@ class VideoRun:
         self.config = config
         self.store = store
         self.selection = selection or Selection()
-        self.stages = stages if stages is not None else STAGES
+        self.stages = stages if stages is not None else pipeline.STAGES
         self.outcomes: dict[tuple[str, int], Outcome] = {}
         self._by_name = {stage.name: stage for stage in self.stages}
         self._progress: Progress | None = None

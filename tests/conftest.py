@@ -1,0 +1,104 @@
+"""A pipeline that costs nothing (`toyline`), on a store and a video of its own, for tests of everything around the stages."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from humanmm.config import Config
+from humanmm.storage import code_digest
+from humanmm.storage.store import Store
+from humanmm.storage.video_identity import identify
+from humanmm.tasks import pipeline
+from humanmm.tasks.engine import VideoRun
+from humanmm.tasks.selection import Selection
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+@dataclass
+class Toy:
+    """A folder with a copy of the toy's code, a video, a store, and a log of what was executed."""
+
+    folder: Path
+    video: Path
+    store: Path
+    log: Path
+
+    def executed(self) -> list[str]:
+        """What was executed since the last call, sorted; a shot or scene is named by its first frame."""
+        lines = self.log.read_text().split() if self.log.exists() else []
+        self.log.unlink(missing_ok=True)
+        return sorted(lines)
+
+    def edit(self, module: str, old: str, new: str) -> None:
+        """Change the toy's code."""
+        path = self.folder / "toyline" / f"{module}.py"
+        text = path.read_text()
+        assert old in text
+        path.write_text(text.replace(old, new))
+        for name in [name for name in sys.modules if name.startswith("toyline.") and name != "toyline.table"]:
+            del sys.modules[name]
+
+    def open(self, *, selection: Selection | None = None, read_only: bool = False, **settings: Any) -> VideoRun:
+        """A run on the toy's store; settings as `camera={"static": True}`."""
+        store = Store(self.store, read_only=read_only)
+        config = Config.model_validate(settings)
+        return VideoRun(identify(self.video, store), config, store, selection=selection)
+
+    def run(self, *, selection: Selection | None = None, expect_failure: bool = False, **settings: Any) -> VideoRun:
+        """Every stage in order, one after the other, without Prefect; failures of units are noted in the run."""
+        run = self.open(selection=selection, **settings)
+        for stage in run.stages:
+            for work in run.works(stage) or ():
+                try:
+                    run.do(work)
+                except Exception as error:
+                    if not expect_failure:
+                        raise
+                    assert run.outcomes[stage.name, work.index].error is error
+        return run
+
+    def command(self, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
+        """The command line in a process of its own."""
+        return subprocess.run(
+            self.command_line(*arguments), env=self.environment(**environment), cwd=self.folder,
+            capture_output=True, text=True, timeout=200, check=False,
+        )  # fmt: skip
+
+    def command_line(self, *arguments: str) -> list[str]:
+        return [sys.executable, "-m", "toyline", *arguments]
+
+    def environment(self, **more: str) -> dict[str, str]:
+        path = os.pathsep.join([str(self.folder), str(ROOT / "src")])
+        own = {"PYTHONPATH": path, "TOY_LOG": str(self.log), "HUMANMM_STORE": str(self.store)}
+        return {**os.environ, **own, **more}
+
+
+@pytest.fixture
+def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Toy]:
+    """A fresh toy: three shots [0, 20), [20, 40), [40, 60) in two scenes [0, 20), [20, 60)."""
+    shutil.copytree(Path(__file__).parent / "toyline", tmp_path / "toyline", ignore=shutil.ignore_patterns("__pycache__"))
+    video = tmp_path / "film.mp4"
+    video.write_text(json.dumps({"num_frames": 60, "cuts": [20, 40]}))
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setenv("TOY_LOG", str(tmp_path / "executed"))
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    _forget()
+    monkeypatch.setattr(pipeline, "STAGES", import_module("toyline.table").STAGES)
+    yield Toy(tmp_path, video, tmp_path / "store", tmp_path / "executed")
+    _forget()
+
+
+def _forget() -> None:
+    for name in [name for name in sys.modules if name.split(".")[0] == "toyline"]:
+        del sys.modules[name]
+    code_digest._folder_of.cache_clear()

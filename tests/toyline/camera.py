@@ -1,0 +1,22 @@
+"""A camera that stands still."""
+
+import numpy as np
+
+from humanmm.models.camera.observations import Intrinsics, PointTracks, ShotCamera
+from humanmm.models.perception.tracks import ScenePeople
+from humanmm.tasks.inputs import StageInputs
+from toyline.behaviour import act, filled
+
+
+def camera(inputs: StageInputs) -> ShotCamera:
+    act("camera", inputs)
+    start, end = inputs.span
+    n = end - start
+    assert len(inputs.read("points", PointTracks).frame) == n
+    inputs.read("people", ScenePeople)
+    K = inputs.read("intrinsics", Intrinsics).K
+    moves = np.zeros((n, 3)) if inputs.config.camera.static else np.cumsum(np.ones((n, 3)), 0)
+    return filled(
+        ShotCamera, n, start=start, end=end, t_shot_cam=moves, K=K, source="static",
+        cross_check_deg=float("nan"), warnings=("it does not move",),
+    )  # fmt: skip

@@ -1,0 +1,10 @@
+"""Changes nothing."""
+
+from humanmm.models.motion.results import WorldMotion
+from humanmm.tasks.inputs import StageInputs
+from toyline.behaviour import act
+
+
+def refine(inputs: StageInputs) -> WorldMotion:
+    act("refine", inputs)
+    return inputs.read("align", WorldMotion)

@@ -1,0 +1,26 @@
+"""All cuts, or those that TOY_CUTS tells."""
+
+import os
+
+import numpy as np
+
+from humanmm.models.perception.tracks import ScenePeople
+from humanmm.models.shots.boundaries import Appearance, Person, Scenes, Shot, ShotList, Transition
+from humanmm.tasks.inputs import StageInputs
+from toyline.behaviour import act
+
+
+def shots(inputs: StageInputs) -> ShotList:
+    act("shots", inputs)
+    found = inputs.read("scenes", Scenes)
+    scenes = inputs.read_all("people", ScenePeople)
+    cuts = sorted({t.cut_frame for t in found.transitions} | {int(c) for c in os.environ.get("TOY_CUTS", "40").split(",")})
+    starts, ends = [0, *cuts], [*cuts, found.num_frames]
+    listed = []
+    for index, (start, end) in enumerate(zip(starts, ends, strict=True)):
+        scene = next(i for i, span in enumerate(found.spans) if span[0] <= start < span[1])
+        seen = () if scenes[scene] is None else (Appearance(0, 0, ()),)
+        how = Transition("cut", start, start, "scene") if index else None
+        listed.append(Shot(index, start, end, scene, how, seen))
+    area = float(sum(scene.end - scene.start for scene in scenes if scene is not None))
+    return ShotList(found.num_frames, tuple(listed), (Person(0, np.zeros(10, np.float32), area),))
