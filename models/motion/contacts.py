@@ -1,0 +1,109 @@
+"""When a foot stands: from its speed and its height above whatever carried the body a moment ago.
+
+Four places: left ankle, left toe base, right ankle, right toe base. Speeds are taken over a fixed time, not over
+frames, and the part along the viewing ray, where a single camera is nearly blind, counts less. Heights are compared with
+the lowest sole within half a second instead of with the floor alone: somebody on a wall or a stair stands as well, and in
+a jump both feet are above the ground that they left.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy.ndimage import minimum_filter1d
+
+Array = np.ndarray
+
+CONTACT_JOINTS = (7, 10, 8, 11)
+"""Left ankle, left toe base, right ankle, right toe base."""
+
+
+@dataclass(frozen=True)
+class ContactModel:
+    """Where a standing foot becomes a moving one."""
+
+    speed_ms: float = 0.45
+    """Speed at which both are equally likely, m/s: what a foot at rest seems to move at comes close to half of it."""
+    speed_softness_ms: float = 0.10
+    height_m: float = 0.09
+    """The same for the height of the sole above the support, metres."""
+    height_softness_m: float = 0.02
+    baseline_s: float = 0.08
+    """Time over which speeds are taken."""
+    support_window_s: float = 0.5
+    """How far back and forth the support is looked for."""
+    along_ray: float = 0.4
+    """Weight of the part of the velocity along the viewing ray."""
+    begin: float = 0.6
+    """A contact begins only where the probability reaches this, and lasts while it is above one half."""
+    shortest_s: float = 0.1
+    """Shorter contacts, and shorter interruptions of one, are noise."""
+
+
+def contact_probabilities(
+    feet: Float[Array, "N 4 3"],
+    sole_height: Float[Array, " 4"],
+    *,
+    time_s: Float[Array, " N"],
+    ray: Float[Array, "N 3"],
+    observed: Bool[Array, " N"],
+    model: ContactModel | None = None,
+) -> Float[Array, "N 4"]:
+    """Probability that each place of `feet` (world, metres) stands still on something.
+
+    `sole_height`: height of each place above the ground when the foot is flat on it. `ray`: unit viewing ray. Above one
+    half exactly in the intervals that hysteresis and shortest duration leave; 0 where nobody was seen.
+    """
+    model = model or ContactModel()
+    velocity = velocities(feet, time_s, model.baseline_s)
+    along = np.sum(velocity * ray[:, None], axis=-1, keepdims=True) * ray[:, None]
+    speed = np.linalg.norm(velocity - (1 - model.along_ray) * along, axis=-1)
+    height = feet[..., 2] - sole_height
+    clear = height - support_height(height.min(axis=1), time_s, model.support_window_s)[:, None]
+    probability = _logistic((model.speed_ms - speed) / model.speed_softness_ms)
+    probability *= _logistic((model.height_m - clear) / model.height_softness_m)
+    probability[~observed] = 0.0
+    return np.stack([_settled(p, time_s, model) for p in probability.T], axis=1)
+
+
+def velocities(points: Float[Array, "N K 3"], time_s: Float[Array, " N"], baseline_s: float) -> Float[Array, "N K 3"]:
+    """Central differences over about `baseline_s` (one frame to either side at least), metres per second."""
+    n = len(time_s)
+    if n < 2:
+        return np.zeros_like(points)
+    frame_s = (time_s[-1] - time_s[0]) / (n - 1)
+    reach = max(1, round(baseline_s / 2 / frame_s))
+    later, earlier = np.minimum(np.arange(n) + reach, n - 1), np.maximum(np.arange(n) - reach, 0)
+    return np.asarray((points[later] - points[earlier]) / (time_s[later] - time_s[earlier])[:, None, None])
+
+
+def support_height(lowest: Float[Array, " N"], time_s: Float[Array, " N"], window_s: float) -> Float[Array, " N"]:
+    """Height of the lowest sole within the window around each frame."""
+    n = len(time_s)
+    frame_s = (time_s[-1] - time_s[0]) / max(n - 1, 1)
+    reach = max(1, round(window_s / frame_s)) if frame_s > 0 else 1
+    return np.asarray(minimum_filter1d(lowest, 2 * min(reach, n) + 1, mode="nearest"))
+
+
+def intervals(holds: Bool[Array, " N"]) -> list[tuple[int, int]]:
+    """[start, end) of every run of true."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], holds, [False]]).astype(np.int8)))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
+def _settled(probability: Float[Array, " N"], time_s: Float[Array, " N"], model: ContactModel) -> Float[Array, " N"]:
+    """The probability, moved to the other side of one half where hysteresis or the shortest duration say so."""
+    holds = probability >= 0.5
+    duration = np.gradient(time_s) if len(time_s) > 1 else np.zeros(len(time_s))
+    for start, end in intervals(~holds):  # short interruptions of a contact
+        inside = start > 0 and end < len(holds)
+        if inside and duration[start:end].sum() < model.shortest_s / 2 and probability[start:end].max() > 0.1:
+            holds[start:end] = True
+    for start, end in intervals(holds):
+        if duration[start:end].sum() < model.shortest_s or probability[start:end].max() < model.begin:
+            holds[start:end] = False
+    return np.where(holds, np.maximum(probability, 0.501), np.minimum(probability, 0.499))
+
+
+def _logistic(x: Array) -> Array:
+    return np.asarray(1 / (1 + np.exp(-np.clip(x, -60, 60))))

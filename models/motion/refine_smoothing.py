@@ -1,0 +1,113 @@
+"""Smoothing over real time with a sharp, zero-phase band limit, and filling of gaps, in one banded linear solve.
+
+Minimises Σ w_t Δt_t |x_t − y_t|² + λ₃ ∫ |x‴|² dt + λ₁ ∫_gaps |x′|² dt. With λ₃ = (2π f)⁻⁶ the first two terms are a
+low-pass filter of response 1 / (1 + (ω/2πf)⁶) whatever the frame rate; where there is no evidence (w = 0) they carry the
+motion on with least jerk, and the third draws it towards the straight way within a quarter of a second, so that a long
+gap is crossed without a swing.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy.linalg import solveh_banded
+from scipy.spatial.transform import Rotation
+
+from humanmm.models.body.rotations import quaternion_from_rotation
+
+Array = np.ndarray
+
+ORDER = 3
+"""The derivative that is kept small: jerk."""
+
+CARRY_ON_S = 0.25
+"""How long a motion keeps its velocity in a gap."""
+
+REFERENCE_DT = 1 / 30
+"""Frames weigh as the time that they stand for, in units of this."""
+
+
+@dataclass(frozen=True, eq=False)
+class Roughness:
+    """The quadratic form of jerk (and speed in gaps) of N samples: a symmetric matrix with ORDER upper diagonals."""
+
+    diagonals: Float[Array, "4 N"]
+    """diagonals[k, i] stands at (i, i + k)."""
+
+    @classmethod
+    def of(cls, time_s: Float[Array, " N"], known: Bool[Array, " N"], *, cutoff_hz: float) -> "Roughness":
+        """The form whose weight makes it a low-pass filter of this cut-off for evidence of weight 1 per 1/30 s."""
+        strength = (2 * np.pi * cutoff_hz) ** (-2 * ORDER) / REFERENCE_DT
+        rough = _accumulate(time_s, ORDER, np.full(max(len(time_s) - ORDER, 0), strength))
+        in_gap = ~(known[1:] & known[:-1])
+        rough += _accumulate(time_s, 1, np.where(in_gap, strength / CARRY_ON_S ** (2 * (ORDER - 1)), 0.0))
+        return cls(rough)
+
+
+def _accumulate(time_s: Float[Array, " N"], order: int, strength: Float[Array, " M"]) -> Float[Array, "4 N"]:
+    """Σ strength · span · |divided difference|² of one order, as upper diagonals."""
+    n = len(time_s)
+    diagonals = np.zeros((ORDER + 1, n))
+    if n <= order:
+        return diagonals
+    stencil = np.ones((n - order, 1))
+    for level in range(1, order + 1):  # derivatives as divided differences, exact for uneven steps
+        wider = np.zeros((n - order, level + 1))
+        windows = np.lib.stride_tricks.sliding_window_view(time_s, order + 1)
+        wider[:, :-1] -= stencil
+        wider[:, 1:] += stencil
+        stencil = wider * level / (windows[:, level] - windows[:, 0])[:, None]
+    span = (time_s[order:] - time_s[:-order]) / order
+    for a in range(order + 1):
+        for b in range(a, order + 1):
+            diagonals[b - a, a : a + n - order] += strength * span * stencil[:, a] * stencil[:, b]
+    return diagonals
+
+
+def frame_weights(time_s: Float[Array, " N"]) -> Float[Array, " N"]:
+    """Time that each frame stands for, in units of 1/30 s."""
+    if len(time_s) < 2:
+        return np.ones(len(time_s))
+    steps = np.diff(time_s)
+    return np.concatenate([steps[:1], (steps[1:] + steps[:-1]) / 2, steps[-1:]]) / REFERENCE_DT
+
+
+def solve_banded(upper: Float[Array, "bands N"], right: Float[Array, "N C"]) -> Float[Array, "N C"]:
+    """Solution of a symmetric positive definite system whose diagonals[k, i] stand at (i, i + k)."""
+    bands, n = upper.shape
+    packed = np.zeros_like(upper)
+    for k in range(bands):  # scipy keeps (i, j) at [bands − 1 + i − j, j]
+        packed[bands - 1 - k, k:] = upper[k, : max(n - k, 0)]
+    return np.asarray(solveh_banded(packed, right))
+
+
+def smooth(
+    values: Float[Array, "N C"], weight: Float[Array, " N"], time_s: Float[Array, " N"], *, cutoff_hz: float
+) -> Float[Array, "N C"]:
+    """The smooth path nearest to the values; frames of weight 0 are filled in. All weights 0: the values as they are."""
+    if not (weight > 0).any():
+        return values.copy()
+    data = weight * frame_weights(time_s)
+    upper = Roughness.of(time_s, weight > 0, cutoff_hz=cutoff_hz).diagonals
+    upper[0] += data + 1e-12 * data.max()
+    return solve_banded(upper, data[:, None] * np.where((weight > 0)[:, None], values, 0.0))
+
+
+def smooth_rotations(
+    R: Float[Array, "N J 3 3"], weight: Float[Array, " N"], time_s: Float[Array, " N"], *, cutoff_hz: float
+) -> Float[Array, "N J 3 3"]:
+    """The same for rotations, by way of unit quaternions of continuous sign.
+
+    Within the reach of the filter (a tenth of a second) a joint turns little, so that smoothing the four numbers and
+    putting them back to length 1 is smoothing on the sphere; across a gap it is the spherical way, to first order.
+    """
+    n, joints = R.shape[:2]
+    quaternions = quaternion_from_rotation(R)
+    known = np.flatnonzero(weight > 0)
+    along = quaternions[known]
+    flips = np.sign(np.sum(along[1:] * along[:-1], axis=-1))
+    flips[flips == 0] = 1.0
+    along[1:] *= np.cumprod(flips, axis=0)[..., None]
+    quaternions[known] = along
+    smoothed = smooth(quaternions.reshape(n, -1), weight, time_s, cutoff_hz=cutoff_hz).reshape(n * joints, 4)
+    return Rotation.from_quat(smoothed, scalar_first=True).as_matrix().reshape(n, joints, 3, 3)
