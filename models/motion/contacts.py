@@ -1,9 +1,9 @@
 """When a foot stands: from its speed and its height above whatever carried the body a moment ago.
 
 Four places: left ankle, left toe base, right ankle, right toe base. Speeds are taken over a fixed time, not over
-frames, and the part along the viewing ray, where a single camera is nearly blind, counts less. Heights are compared with
-the lowest sole within half a second instead of with the floor alone: somebody on a wall or a stair stands as well, and in
-a jump both feet are above the ground that they left.
+frames, and the part along the viewing ray, where a single camera is nearly blind, counts less. Heights are compared
+with the lowest sole within half a second instead of with the floor alone: somebody on a wall or a stair stands as
+well, and in a jump both feet are above the ground that they left.
 """
 
 from dataclasses import dataclass
@@ -63,7 +63,7 @@ def contact_probabilities(
     probability = _logistic((model.speed_ms - speed) / model.speed_softness_ms)
     probability *= _logistic((model.height_m - clear) / model.height_softness_m)
     probability[~observed] = 0.0
-    return np.stack([_settled(p, time_s, model) for p in probability.T], axis=1)
+    return np.asarray(np.stack([_settled(p, time_s, model) for p in probability.T], axis=1))
 
 
 def velocities(points: Float[Array, "N K 3"], time_s: Float[Array, " N"], baseline_s: float) -> Float[Array, "N K 3"]:

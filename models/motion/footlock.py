@@ -1,9 +1,9 @@
 """Feet that stand stay where they stand: one anchor per contact, approached and left without a pop.
 
-A contact holds the ankle, the toe base or both. Each place gets the anchor that its own path suggests; the ankle's way to
-it is a correction that is exact inside the contact and fades out on both sides. A planted toe base with a lifting heel
-holds the foot through the ankle: the foot turns about its ball. Hip and knee then follow by two-bone inverse kinematics
-about the knee's own axis, and the foot keeps its attitude in the world.
+A contact holds the ankle, the toe base or both. Each place gets the anchor that its own path suggests; the ankle's way
+to it is a correction that is exact inside the contact and fades out on both sides. A planted toe base with a lifting
+heel holds the foot through the ankle: the foot turns about its ball. Hip and knee then follow by two-bone inverse
+kinematics about the knee's own axis, and the foot keeps its attitude in the world.
 """
 
 from dataclasses import dataclass
@@ -99,7 +99,7 @@ def _phases(holds: Bool[Array, "N 2"]) -> list[tuple[int, int, bool]]:
 
 def _anchor(path: Float[Array, "M 3"], sole_height: float, settings: LockSettings) -> Float[Array, " 3"]:
     """The place that a contact holds: the middle of its path, on the floor if that is near."""
-    anchor = np.median(path, axis=0)
+    anchor = np.asarray(np.median(path, axis=0))
     if abs(anchor[2] - sole_height) < settings.floor_reach_m:
         anchor[2] = sole_height
     return anchor
@@ -108,14 +108,14 @@ def _anchor(path: Float[Array, "M 3"], sole_height: float, settings: LockSetting
 def _flat_feet(leg: Leg, holds: Bool[Array, "N 2"], time_s: Array, settings: LockSettings) -> Float[Array, "N 3 3"]:
     """The feet's rotations, held still while both ankle and toe base stand."""
     turn, certain = np.zeros((len(holds), 3)), np.zeros(len(holds), bool)
-    for start, end in intervals(holds.all(axis=1)):
+    for start, end in intervals(np.asarray(holds.all(axis=1))):
         middle = leg.R_ankle[(start + end) // 2]
         spread = vector_from_rotation(middle.T @ leg.R_ankle[start:end])
         mean = middle @ rotation_from_vector(np.median(spread, axis=0))
         to_mean = vector_from_rotation(np.swapaxes(leg.R_ankle[start:end], -1, -2) @ mean)
         if np.linalg.norm(to_mean, axis=-1).max() < 0.6:  # a foot that turns more than 35° does not stand flat
             turn[start:end], certain[start:end] = to_mean, True
-    return leg.R_ankle @ rotation_from_vector(_faded(turn, certain, time_s, settings.fade_s))
+    return np.asarray(leg.R_ankle @ rotation_from_vector(_faded(turn, certain, time_s, settings.fade_s)))
 
 
 def _faded(

@@ -6,7 +6,7 @@ inverse kinematics, and the floor is put under them. Cameras keep their rotation
 the origin alone.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -40,16 +40,20 @@ class RefineSettings:
     """What can be set, and what can be left out (for ablations)."""
 
     cutoff_hz: float = 8.0
-    seams: bool = True
+    close_seams: bool = True
     trajectory: bool = True
     foot_lock: bool = True
-    contacts: ContactModel = ContactModel()
-    noise: TrajectoryNoise = TrajectoryNoise()
-    lock: LockSettings = LockSettings()
+    contacts: ContactModel = field(default_factory=ContactModel)
+    noise: TrajectoryNoise = field(default_factory=TrajectoryNoise)
+    lock: LockSettings = field(default_factory=LockSettings)
 
 
 def refine_world(
-    world: WorldMotion, *, time_s: Float[Array, " F"], cut_frames: tuple[int, ...], settings: RefineSettings | None = None
+    world: WorldMotion,
+    *,
+    time_s: Float[Array, " F"],
+    cut_frames: tuple[int, ...],
+    settings: RefineSettings | None = None,
 ) -> WorldMotion:
     """All people refined; floor at z = 0, first person's first pelvis above the origin."""
     settings = settings or RefineSettings()
@@ -76,7 +80,7 @@ def refine_person(
     rest_joints = body.rest_joints(person.betas)
     sole = sole_heights(body, person.betas)
     R = _local_rotations(person)
-    if settings.seams:
+    if settings.close_seams:
         R = close_seams(R, frame=person.frame, observed=observed, time_s=time, cut_frames=cut_frames)
     weight = np.where(observed, np.clip(person.confidence, 0.05, 1.0), 0.0)
     R = smooth_rotations(R, weight, time, cutoff_hz=settings.cutoff_hz)

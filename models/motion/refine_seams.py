@@ -44,7 +44,10 @@ def close_seams(
         start = _carried(R, after, time_s, middle)
         jump = vector_from_rotation(np.swapaxes(end, -1, -2) @ start)  # in the joint's own axes at the cut
         # A fade never reaches past the middle of a shot, so that two cuts' corrections do not meet.
-        for rows, sign in ((_same_side(before, cut, cut_frames, frame), 0.5), (_same_side(after, cut, cut_frames, frame), -0.5)):
+        for rows, sign in (
+            (_same_side(before, cut, cut_frames, frame), 0.5),
+            (_same_side(after, cut, cut_frames, frame), -0.5),
+        ):
             reach = min(FADE_S, abs(time_s[rows[-1]] - time_s[rows[0]]) / 2 + 1e-9)
             share = _fade(np.abs(time_s[rows] - middle) / reach)
             closed[rows] = closed[rows] @ rotation_from_vector(sign * share[:, None, None] * jump)

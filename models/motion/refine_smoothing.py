@@ -1,11 +1,12 @@
 """Smoothing over real time with a sharp, zero-phase band limit, and filling of gaps, in one banded linear solve.
 
 Minimises Σ w_t Δt_t |x_t − y_t|² + λ₃ ∫ |x‴|² dt + λ₁ ∫_gaps |x′|² dt. With λ₃ = (2π f)⁻⁶ the first two terms are a
-low-pass filter of response 1 / (1 + (ω/2πf)⁶) whatever the frame rate; where there is no evidence (w = 0) they carry the
-motion on with least jerk, and the third draws it towards the straight way within a quarter of a second, so that a long
-gap is crossed without a swing.
+low-pass filter of response 1 / (1 + (ω/2πf)⁶) whatever the frame rate; where there is no evidence (w = 0) they carry
+the motion on with least jerk, and the third draws it towards the straight way within a quarter of a second, so that a
+long gap is crossed without a swing.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,7 +38,10 @@ class Roughness:
     @classmethod
     def of(cls, time_s: Float[Array, " N"], known: Bool[Array, " N"], *, cutoff_hz: float) -> "Roughness":
         """The form whose weight makes it a low-pass filter of this cut-off for evidence of weight 1 per 1/30 s."""
-        strength = (2 * np.pi * cutoff_hz) ** (-2 * ORDER) / REFERENCE_DT
+        step = float(np.median(np.diff(time_s))) if len(time_s) > 1 else REFERENCE_DT
+        # A difference quotient is smaller than the derivative: this is its gain at the cut-off.
+        gain = 2 / step * np.sin(np.pi * min(cutoff_hz * step, 0.5))
+        strength = gain ** (-2 * ORDER) / REFERENCE_DT
         rough = _accumulate(time_s, ORDER, np.full(max(len(time_s) - ORDER, 0), strength))
         in_gap = ~(known[1:] & known[:-1])
         rough += _accumulate(time_s, 1, np.where(in_gap, strength / CARRY_ON_S ** (2 * (ORDER - 1)), 0.0))
@@ -50,13 +54,9 @@ def _accumulate(time_s: Float[Array, " N"], order: int, strength: Float[Array, "
     diagonals = np.zeros((ORDER + 1, n))
     if n <= order:
         return diagonals
-    stencil = np.ones((n - order, 1))
-    for level in range(1, order + 1):  # derivatives as divided differences, exact for uneven steps
-        wider = np.zeros((n - order, level + 1))
-        windows = np.lib.stride_tricks.sliding_window_view(time_s, order + 1)
-        wider[:, :-1] -= stencil
-        wider[:, 1:] += stencil
-        stencil = wider * level / (windows[:, level] - windows[:, 0])[:, None]
+    windows = np.lib.stride_tricks.sliding_window_view(time_s, order + 1)
+    gaps = windows[:, :, None] - windows[:, None, :] + np.eye(order + 1)
+    stencil = math.factorial(order) / np.prod(gaps, axis=-1)  # a derivative as divided difference, for uneven steps too
     span = (time_s[order:] - time_s[:-order]) / order
     for a in range(order + 1):
         for b in range(a, order + 1):
@@ -84,7 +84,7 @@ def solve_banded(upper: Float[Array, "bands N"], right: Float[Array, "N C"]) -> 
 def smooth(
     values: Float[Array, "N C"], weight: Float[Array, " N"], time_s: Float[Array, " N"], *, cutoff_hz: float
 ) -> Float[Array, "N C"]:
-    """The smooth path nearest to the values; frames of weight 0 are filled in. All weights 0: the values as they are."""
+    """The smooth path nearest to the values; frames of weight 0 are filled in. No weight: the values as they are."""
     if not (weight > 0).any():
         return values.copy()
     data = weight * frame_weights(time_s)

@@ -90,6 +90,18 @@ class AlignConfig(Section):
 class RefineConfig(Section):
     """One motion over all shots: smoothing, contacts, foot locking, filled gaps."""
 
+    cutoff_hz: Annotated[float, Field(ge=1, le=60)] = 8.0
+    """Band limit of the joints' rotations, in Hz; quicker motion is taken for noise."""
+
+    close_seams: bool = True
+    """Share out the change of posture at a cut between both shots."""
+
+    trajectory: bool = True
+    """Solve the way through the world again with the feet that stand."""
+
+    foot_lock: bool = True
+    """Hold standing feet in place by inverse kinematics."""
+
 
 class DeliverConfig(Section):
     """Pictures and files of the run folder."""

@@ -1,0 +1,24 @@
+"""Stage `refine`: one motion over all shots."""
+
+from humanmm.models.motion.refine import RefineSettings, refine_world
+from humanmm.models.motion.results import WorldMotion
+from humanmm.models.shots.boundaries import ShotList
+from humanmm.models.video.facts import VideoFacts
+from humanmm.tasks.inputs import StageInputs
+
+
+def refine(inputs: StageInputs) -> WorldMotion:
+    """The people of `align`, smoothed, with contacts, planted feet and filled gaps."""
+    config = inputs.config.refine
+    shots = inputs.read("shots", ShotList).shots
+    return refine_world(
+        inputs.read("align", WorldMotion),
+        time_s=inputs.read("decode", VideoFacts).time_s,
+        cut_frames=tuple(shot.start for shot in shots[1:]),
+        settings=RefineSettings(
+            cutoff_hz=config.cutoff_hz,
+            close_seams=config.close_seams,
+            trajectory=config.trajectory,
+            foot_lock=config.foot_lock,
+        ),
+    )
