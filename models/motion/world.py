@@ -1,0 +1,454 @@
+"""One world from many shots: rotations through the cuts, gravity from the upright, places from `world_solve`.
+
+Shots that share people hang together (paper section 3.3.1); a shot that shares nobody with any other keeps gravity
+and floor and gets an origin of its own. World axes: z up, floor at z = 0, +y the first camera's horizontal heading,
+the first person's first pelvis above the origin.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from humanmm.models.body.body24 import load_body
+from humanmm.models.body.kinematics import forward_kinematics
+from humanmm.models.body.landmarks import load_landmarks
+from humanmm.models.body.rotations import rotation_from_vector, vector_from_rotation
+from humanmm.models.camera.observations import SOURCES, Intrinsics, ShotCamera
+from humanmm.models.motion import world_gravity
+from humanmm.models.motion.cuts import CutCameras, CutPerson, SideTrack, align_cut
+from humanmm.models.motion.flips import exchange
+from humanmm.models.motion.results import CutAlignment, PersonMotion, PersonShotMotion, ShotMotion, WorldMotion
+from humanmm.models.motion.world_solve import Join, ShotRig, Solution, Strand, solve
+from humanmm.models.perception.tracks import ScenePeople
+from humanmm.models.shots.boundaries import ShotList
+
+Array = np.ndarray
+
+SOLES = (29, 31, 30, 32)
+"""Landmarks of the feet: left heel, left toes, right heel, right toes."""
+SIDE_S = 0.5
+"""So much of a track on each side is handed to the alignment of a cut."""
+MIN_JOIN_SIGMA_DEG = 4.0
+
+
+@dataclass(frozen=True)
+class Footage:
+    """Everything `align` reads, one entry a shot where it is a list; None where that shot failed."""
+
+    shots: ShotList
+    scenes: Sequence[ScenePeople | None]
+    cameras: Sequence[ShotCamera | None]
+    motions: Sequence[ShotMotion | None]
+    time_s: Float[Array, "F"]
+    intrinsics: Intrinsics
+
+
+@dataclass(frozen=True)
+class _Link:
+    """Shot `later` hangs on shot `earlier`."""
+
+    earlier: int
+    later: int
+    cut: CutAlignment
+
+
+def assemble(footage: Footage, *, method: Literal["bundle", "eight-point"] = "bundle") -> WorldMotion:
+    """People and cameras of the whole video in one world."""
+    links = [_link(footage, later, method) for later in range(1, len(footage.shots.shots)) if _usable(footage, later)]
+    groups = _groups(footage, links)
+    F = len(footage.time_s)
+    world = _Canvas(
+        R=np.tile(np.eye(3), (F, 1, 1)),
+        t=np.zeros((F, 3)),
+        K=np.tile(footage.intrinsics.K, (F, 1, 1)),
+        source=np.full(F, SOURCES.index("fallback"), np.uint8),
+        people={},
+    )
+    warnings: list[str] = []
+    for group in groups:
+        warnings += _place_group(footage, group, [link for link in links if link.later in group], world)
+    _fill_cameras(footage, world)
+    warnings += [warning for link in links for warning in link.cut.warnings]
+    if len(groups) > 1:
+        names = ", ".join(str(group[0]) for group in groups[1:])
+        warnings.append(f"shots from {names} on share nobody with the shots before: each has an origin of its own")
+    return WorldMotion(
+        R_world_cam=world.R,
+        t_world_cam=world.t,
+        K=world.K,
+        camera_source=world.source,
+        people=tuple(_joined(person, parts, footage) for person, parts in sorted(world.people.items())),
+        cuts=tuple(_reported(footage, links, world)),
+        warnings=tuple(warnings),
+    )
+
+
+@dataclass(frozen=True)
+class _Part:
+    """One person in one shot, in the world."""
+
+    motion: PersonShotMotion
+    R_world_root: Float[Array, "n 3 3"]
+    pelvis_world: Float[Array, "n 3"]
+    contacts: Float[Array, "n 4"]
+
+
+@dataclass(frozen=True)
+class _Canvas:
+    """The world as it fills up, frame by frame."""
+
+    R: Array
+    t: Array
+    K: Array
+    source: Array
+    people: dict[int, list[_Part]]
+
+
+def _usable(footage: Footage, shot: int) -> bool:
+    return footage.cameras[shot] is not None and footage.motions[shot] is not None
+
+
+def _motion_of(footage: Footage, shot: int) -> dict[int, PersonShotMotion]:
+    motion = footage.motions[shot]
+    return {person.person: person for person in motion.people} if motion is not None else {}
+
+
+def _link(footage: Footage, later: int, method: Literal["bundle", "eight-point"]) -> _Link:
+    """How a shot hangs on the latest earlier one in which one of its people is seen."""
+    here = _motion_of(footage, later)
+    earlier = next(
+        (k for k in range(later - 1, -1, -1) if _usable(footage, k) and here.keys() & _motion_of(footage, k).keys()),
+        later - 1,
+    )
+    before, after = footage.cameras[earlier], footage.cameras[later]
+    shared = sorted(here.keys() & _motion_of(footage, earlier).keys())
+    people = []
+    for person in shared:
+        first = _side(footage, earlier, person, last=True)
+        second = _side(footage, later, person, last=False)
+        if first is not None and second is not None:
+            people.append(CutPerson(first, second))
+    shot = footage.shots.shots[later]
+    reference = after or before
+    assert reference is not None
+    cameras = CutCameras(
+        K_before=(before or reference).K,
+        K_after=(after or reference).K,
+        moving=any(camera is not None and camera.source == "tracked" for camera in (before, after)),
+    )
+    middle = 0.5 * float(footage.time_s[max(shot.start - 1, 0)] + footage.time_s[shot.start])
+    if people:
+        middle = 0.5 * (max(p.before.time_s[-1] for p in people) + min(p.after.time_s[0] for p in people))
+    return _Link(earlier, later, align_cut(people, cameras, cut_frame=shot.start, cut_time_s=middle, method=method))
+
+
+def _side(footage: Footage, shot_index: int, person: int, *, last: bool) -> SideTrack | None:
+    """The observations of one person in the half second of a shot that faces the cut."""
+    shot = footage.shots.shots[shot_index]
+    scene, camera = footage.scenes[shot.scene], footage.cameras[shot_index]
+    appearance = next((a for a in shot.people if a.person == person), None)
+    if scene is None or camera is None or appearance is None:
+        return None
+    track = scene.tracks[appearance.track]
+    clear = [(track.frame >= shot.start) & (track.frame < shot.end)]
+    clear += [~((track.frame >= a) & (track.frame < b)) for a, b in _transitions(footage)]
+    rows = np.flatnonzero(np.all(clear, axis=0))
+    if not len(rows):
+        return None
+    time_s = footage.time_s[track.frame[rows]]
+    near = (time_s >= time_s[-1] - SIDE_S) if last else (time_s <= time_s[0] + SIDE_S)
+    rows = rows[near]
+    frame = track.frame[rows]
+    swapped = np.zeros(len(rows), dtype=bool)
+    for first, stop in appearance.swapped:
+        swapped |= (frame >= first) & (frame < stop)
+    R_at_cut = camera.R_shot_cam[-1 if last else 0]
+    motion = _motion_of(footage, shot_index).get(person)
+    R_cam_root = None
+    if motion is not None and frame[0] >= motion.frame[0] and frame[-1] <= motion.frame[-1]:
+        R_cam_root = motion.R_cam_root[frame - motion.frame[0]]
+    return SideTrack(
+        time_s=footage.time_s[frame],
+        keypoints2d=exchange(track.keypoints2d[rows], swapped),
+        landmarks3d=exchange(track.landmarks3d[rows], swapped),
+        R_cam_root=R_cam_root,
+        R_cut_cam=R_at_cut.T @ camera.R_shot_cam[frame - camera.start],
+    )
+
+
+def _transitions(footage: Footage) -> list[tuple[int, int]]:
+    """Frames [start, end) of gradual transitions: two pictures at once, nothing there is an observation."""
+    return [
+        (shot.transition.start, shot.transition.end)
+        for shot in footage.shots.shots
+        if shot.transition is not None and shot.transition.end > shot.transition.start
+    ]
+
+
+def _groups(footage: Footage, links: Sequence[_Link]) -> list[list[int]]:
+    """Shots that hang together, in order."""
+    group_of: dict[int, int] = {}
+    groups: list[list[int]] = []
+    partner = {link.later: link.earlier for link in links if link.cut.linked}
+    for shot in range(len(footage.shots.shots)):
+        if not _usable(footage, shot):
+            continue
+        if shot in partner:
+            group_of[shot] = group_of[partner[shot]]
+            groups[group_of[shot]].append(shot)
+        else:
+            group_of[shot] = len(groups)
+            groups.append([shot])
+    return groups
+
+
+def _place_group(footage: Footage, group: Sequence[int], links: Sequence[_Link], world: _Canvas) -> list[str]:
+    """Turn, level and place the shots of one group, and write them into the world; returns warnings."""
+    R_first_shot = _chained(footage, group, links)
+    R_world_shot = {k: R for k, R in zip(group, _levelled(footage, group, R_first_shot), strict=True)}
+    strands, owners = [], []
+    for index, shot in enumerate(group):
+        for motion in _motion_of(footage, shot).values():
+            strands.append(_strand(footage, index, shot, motion, R_world_shot[shot]))
+            owners.append((shot, motion))
+    rigs = [_rig(footage, shot, R_world_shot[shot]) for shot in group]
+    position = {shot: index for index, shot in enumerate(group)}
+    joins = [
+        Join(position[link.earlier], position[link.later], max(link.cut.uncertainty_deg, MIN_JOIN_SIGMA_DEG))
+        for link in links
+        if link.cut.linked and link.later in position and link.earlier in position
+    ]
+    solution = solve(strands, rigs, joins)
+    solution = _at_origin(solution, strands, R_world_shot[group[0]])
+    for index, shot in enumerate(group):
+        camera = footage.cameras[shot]
+        assert camera is not None
+        R_world = solution.turn[index] @ R_world_shot[shot]
+        frames = slice(camera.start, camera.end)
+        world.R[frames] = R_world @ camera.R_shot_cam
+        world.t[frames] = solution.origin[index] + solution.scale[index] * camera.t_shot_cam @ R_world.T
+        world.K[frames] = camera.K
+        world.source[frames] = SOURCES.index(camera.source)
+    for (shot, motion), pelvis, contacts in zip(owners, solution.pelvis, solution.contacts, strict=True):
+        R_root = world.R[motion.frame] @ motion.R_cam_root
+        world.people.setdefault(motion.person, []).append(_Part(motion, R_root, pelvis, contacts))
+    return [
+        f"shot {shot}: the scale of the camera's path comes from the people's feet"
+        for shot, rig in zip(group, rigs, strict=True)
+        if not rig.scale_known and _motion_of(footage, shot)
+    ]
+
+
+def _chained(footage: Footage, group: Sequence[int], links: Sequence[_Link]) -> list[Float[Array, "3 3"]]:
+    """Each shot's axes to those of the group's first shot, through the cuts."""
+    R: dict[int, Array] = {group[0]: np.eye(3)}
+    for link in links:
+        before, after = footage.cameras[link.earlier], footage.cameras[link.later]
+        if link.cut.linked and before is not None and after is not None:
+            at_cut = R[link.earlier] @ before.R_shot_cam[-1] @ link.cut.R_before_after
+            R[link.later] = at_cut @ after.R_shot_cam[0].T
+    return [R[shot] for shot in group]
+
+
+def _levelled(
+    footage: Footage, group: Sequence[int], R_first_shot: Sequence[Float[Array, "3 3"]]
+) -> list[Float[Array, "3 3"]]:
+    """Each shot's axes to world axes: gravity from the evidence of all shots, +y where the first camera looks."""
+    up, up_sigma, level, level_sigma = [], [], [], []
+    for shot, R in zip(group, R_first_shot, strict=True):
+        camera = footage.cameras[shot]
+        assert camera is not None
+        for axis, sigma in _standing(footage, shot):
+            up.append(R @ axis)
+            up_sigma.append(sigma)
+        level.append(R @ _mean_x(camera))
+        level_sigma.append(world_gravity.ROLL_SIGMA_DEG)
+        turned_about = world_gravity.pan_axis(camera.R_shot_cam)
+        if turned_about is not None:
+            # The axis is vertical: any direction across it is level.
+            for across in np.linalg.svd(turned_about[None])[2][1:]:
+                level.append(R @ across)
+                level_sigma.append(2 * world_gravity.PAN_SIGMA_DEG)
+        # The picture's own vertical: hardly informed, but never upside down.
+        up.append(R @ camera.R_shot_cam[0] @ np.array([0.0, -1.0, 0.0]))
+        up_sigma.append(25.0)
+    z = world_gravity.up_direction(
+        world_gravity.UprightEvidence(np.array(up), np.array(up_sigma), np.array(level), np.array(level_sigma))
+    )
+    first = footage.cameras[group[0]]
+    assert first is not None
+    y = _heading(first.R_shot_cam[0], z)
+    R_world_first = np.stack([np.cross(y, z), y, z])
+    return [R_world_first @ R for R in R_first_shot]
+
+
+def _heading(R_cam: Float[Array, "3 3"], z: Float[Array, "3"]) -> Float[Array, "3"]:
+    """Horizontal direction in which a camera looks; where it looks straight down, the top of its picture."""
+    ahead = R_cam[:, 2] - z * (z @ R_cam[:, 2])
+    if np.linalg.norm(ahead) < 0.05:
+        ahead = -R_cam[:, 1] + z * (z @ R_cam[:, 1])
+    return np.asarray(ahead / np.linalg.norm(ahead))
+
+
+def _mean_x(camera: ShotCamera) -> Float[Array, "3"]:
+    """Mean x axis of a shot's camera, shot axes."""
+    x = camera.R_shot_cam[..., 0].mean(axis=0)
+    return np.asarray(x / max(float(np.linalg.norm(x)), 1e-9))
+
+
+def _standing(footage: Footage, shot: int) -> list[tuple[Float[Array, "3"], float]]:
+    """Mean standing axis of each person of a shot, shot axes, with its sigma in degrees."""
+    camera = footage.cameras[shot]
+    assert camera is not None
+    found = []
+    for motion in _motion_of(footage, shot).values():
+        seen = motion.observed
+        if not seen.any():
+            continue
+        R_shot_cam = camera.R_shot_cam[motion.frame - camera.start]
+        joints, _ = _posed(motion, R_shot_cam)
+        axis, weight = world_gravity.standing_axis(joints[seen])
+        found.append(world_gravity.mean_axis(axis, weight))
+    return found
+
+
+def _posed(
+    motion: PersonShotMotion, R_axes_cam: Float[Array, "n 3 3"]
+) -> tuple[Float[Array, "n 24 3"], Float[Array, "n 4 3"]]:
+    """Joints and sole points about the pelvis, in axes turned by R_axes_cam."""
+    rest = load_body().rest_joints(motion.betas)
+    pelvis = np.zeros((len(motion.frame), 3))
+    joints, R = forward_kinematics(rest, R_axes_cam @ motion.R_cam_root, motion.body_pose, pelvis)
+    soles = load_landmarks().place(motion.betas, joints, R)[:, list(SOLES)]
+    return joints, soles
+
+
+def _strand(
+    footage: Footage, index: int, shot: int, motion: PersonShotMotion, R_world_shot: Float[Array, "3 3"]
+) -> Strand:
+    camera = footage.cameras[shot]
+    assert camera is not None
+    R_world_cam = R_world_shot @ camera.R_shot_cam[motion.frame - camera.start]
+    _, soles = _posed(motion, R_world_cam)
+    hidden = ~motion.observed
+    for first, stop in _transitions(footage):
+        hidden |= (motion.frame >= first) & (motion.frame < stop)
+    return Strand(
+        person=motion.person,
+        shot=index,
+        frame=motion.frame,
+        time_s=footage.time_s[motion.frame],
+        offset=np.einsum("nab,nb->na", R_world_cam, motion.pelvis_cam),
+        feet=soles,
+        weight=np.where(hidden, 0.0, motion.confidence.astype(np.float64)),
+    )
+
+
+def _rig(footage: Footage, shot: int, R_world_shot: Float[Array, "3 3"]) -> ShotRig:
+    camera = footage.cameras[shot]
+    assert camera is not None
+    standing = _standing(footage, shot)
+    return ShotRig(
+        path=camera.t_shot_cam @ R_world_shot.T,
+        start=camera.start,
+        scale=1.0,
+        scale_known=camera.metric or not np.any(camera.t_shot_cam),
+        level=R_world_shot @ _mean_x(camera),
+        standing=np.array([R_world_shot @ axis for axis, _ in standing]).reshape(-1, 3),
+        standing_sigma_deg=np.array([sigma for _, sigma in standing]),
+    )
+
+
+def _at_origin(solution: Solution, strands: Sequence[Strand], R_world_first: Float[Array, "3 3"]) -> Solution:
+    """The same world with the first camera's heading along +y and the first person's first pelvis above the origin."""
+    ahead = solution.turn[0] @ R_world_first[:, 2]
+    yaw = float(np.arctan2(ahead[0], ahead[1])) if np.hypot(ahead[0], ahead[1]) > 0.05 else 0.0
+    R = rotation_from_vector(np.array([0.0, 0.0, yaw]))
+    shift = np.zeros(3)
+    if strands:
+        first = min(range(len(strands)), key=lambda k: (strands[k].person, int(strands[k].frame[0])))
+        shift[:2] = (R @ solution.pelvis[first][0])[:2]
+    elif len(solution.origin):
+        shift[:2] = (R @ solution.origin[0])[:2]
+    return replace(
+        solution,
+        pelvis=tuple(pelvis @ R.T - shift for pelvis in solution.pelvis),
+        turn=R @ solution.turn,
+        origin=solution.origin @ R.T - shift,
+    )
+
+
+def _fill_cameras(footage: Footage, world: _Canvas) -> None:
+    """Frames of failed shots get the nearest known camera; they keep the code of a fallback."""
+    known = np.zeros(len(world.R), dtype=bool)
+    for index, shot in enumerate(footage.shots.shots):
+        if _usable(footage, index):
+            known[shot.start : shot.end] = True
+    frames = np.flatnonzero(known)
+    if not len(frames):
+        return
+    for frame in np.flatnonzero(~known):
+        nearest = frames[np.argmin(np.abs(frames - frame))]
+        world.R[frame], world.t[frame], world.K[frame] = world.R[nearest], world.t[nearest], world.K[nearest]
+
+
+def _reported(footage: Footage, links: Sequence[_Link], world: _Canvas) -> list[CutAlignment]:
+    """The cuts with the relative rotation that the finished world has."""
+    found = {link.later: link.cut for link in links}
+    cuts = []
+    for index, shot in enumerate(footage.shots.shots[1:], start=1):
+        failed = CutAlignment(shot.start, "none", np.eye(3), float("nan"), 180.0, float("nan"), False)
+        turn = world.R[shot.start - 1].T @ world.R[shot.start]
+        cuts.append(replace(found.get(index, failed), R_before_after=turn))
+    return cuts
+
+
+def _joined(person: int, parts: Sequence[_Part], footage: Footage) -> PersonMotion:
+    """One person's shots as one motion without holes; what lies between is interpolated and not observed."""
+    parts = sorted(parts, key=lambda part: int(part.motion.frame[0]))
+    known = np.concatenate([part.motion.frame for part in parts])
+    frame = np.arange(known[0], known[-1] + 1, dtype=np.int32)
+    row, share = _between(known, frame)
+    R = np.concatenate([part.R_world_root for part in parts])
+    pose = rotation_from_vector(np.concatenate([part.motion.body_pose for part in parts]))
+    pelvis = np.concatenate([part.pelvis_world for part in parts])
+    exact = share == 0
+    observed = np.concatenate([part.motion.observed for part in parts])[row] & exact
+    for first, stop in _transitions(footage):
+        observed &= ~((frame >= first) & (frame < stop))
+    contacts = np.concatenate([part.contacts for part in parts])[row] * exact[:, None]
+    confidence = np.concatenate([part.motion.confidence for part in parts])[row] * exact
+    return PersonMotion(
+        person=person,
+        frame=frame,
+        observed=observed,
+        R_world_root=_turned(R, row, share),
+        body_pose=vector_from_rotation(_turned(pose, row, share)),
+        betas=parts[0].motion.betas,
+        pelvis_world=pelvis[row] + share[:, None] * (pelvis[np.minimum(row + 1, len(pelvis) - 1)] - pelvis[row]),
+        contacts=contacts.astype(np.float32),
+        confidence=confidence.astype(np.float32),
+    )
+
+
+def _between(known: Int[Array, "m"], frame: Int[Array, "n"]) -> tuple[Int[Array, "n"], Float[Array, "n"]]:
+    """For each frame the last known row at or before it, and how far it lies towards the next one (0..1)."""
+    row = np.searchsorted(known, frame, side="right") - 1
+    following = np.minimum(row + 1, len(known) - 1)
+    span = np.maximum(known[following] - known[row], 1)
+    return row, np.where(following > row, (frame - known[row]) / span, 0.0)
+
+
+def _turned(R: Float[Array, "m *j 3 3"], row: Int[Array, "n"], share: Float[Array, "n"]) -> Float[Array, "n *j 3 3"]:
+    """Rotations interpolated along the shortest arc; exact where share is 0."""
+    out = R[row]
+    open_ = np.flatnonzero(share > 0)
+    if len(open_):
+        first, second = R[row[open_]], R[np.minimum(row[open_] + 1, len(R) - 1)]
+        turn = vector_from_rotation(np.swapaxes(first, -1, -2) @ second)
+        part = share[open_].reshape(-1, *([1] * (turn.ndim - 1)))
+        out[open_] = first @ rotation_from_vector(part * turn)
+    return np.asarray(out)

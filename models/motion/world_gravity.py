@@ -1,0 +1,112 @@
+"""Which way is up: from people who stand and cameras that are held level, robust to those who bend and to tilted
+cameras.
+
+Everything comes in one set of axes in which only gravity is unknown (all shots already turned into each other). A
+body's long axis counts by how upright its posture is (straight legs and trunk in one line), whatever its lean: a
+person who bends or lies has no say. A camera's x axis is usually level; a turning camera usually turns about the
+vertical.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+Array = np.ndarray
+
+HIPS, KNEES, ANKLES, NECK = (1, 2), (4, 5), (7, 8), 12
+"""Joints of body24 (SMPL's order)."""
+
+BODY_SIGMA_DEG = 8.0
+"""Error of one person's mean long axis in one shot: lean of the gait and error of the pose estimator."""
+ROLL_SIGMA_DEG = 5.0
+PAN_SIGMA_DEG = 6.0
+MIN_PAN_DEG = 8.0
+"""A camera that turned less than this says nothing by its axis of rotation."""
+
+
+@dataclass(frozen=True)
+class UprightEvidence:
+    """Directions that should be vertical (sign known), and lines that should be level."""
+
+    up: Float[Array, "n 3"]
+    up_sigma_deg: Float[Array, "n"]
+    level: Float[Array, "m 3"]
+    level_sigma_deg: Float[Array, "m"]
+
+
+def standing_axis(joints: Float[Array, "frames 24 3"]) -> tuple[Float[Array, "frames 3"], Float[Array, "frames"]]:
+    """Each frame's axis from the feet to the neck, and how much it says about gravity (0..1)."""
+    hips, ankles = joints[:, HIPS].mean(axis=1), joints[:, ANKLES].mean(axis=1)
+    knees, neck = joints[:, KNEES].mean(axis=1), joints[:, NECK]
+    axis = _unit(neck - ankles)
+    trunk, leg = _unit(neck - hips), _unit(hips - ankles)
+    aligned = np.sum(trunk * leg, axis=1)
+    straight = np.linalg.norm(hips - ankles, axis=1) / np.maximum(
+        np.linalg.norm(hips - knees, axis=1) + np.linalg.norm(knees - ankles, axis=1), 1e-6
+    )
+    weight = np.clip((aligned - 0.7) / 0.25, 0, 1) * np.clip((straight - 0.7) / 0.25, 0, 1)
+    return axis, weight
+
+
+def mean_axis(axis: Float[Array, "frames 3"], weight: Float[Array, "frames"]) -> tuple[Float[Array, "3"], float]:
+    """Robust mean of one person's standing axes in one shot, and its sigma in degrees (large if hardly standing)."""
+    centre = _unit((axis * (weight[:, None] + 1e-3)).sum(axis=0))
+    for _ in range(10):
+        off = np.linalg.norm(axis - centre, axis=1)
+        robust = weight / (1 + (off / np.deg2rad(12.0)) ** 2)
+        centre = _unit((axis * (robust[:, None] + 1e-4)).sum(axis=0))
+    seconds = float(weight.mean())
+    return centre, BODY_SIGMA_DEG / np.sqrt(max(seconds, 0.02))
+
+
+def pan_axis(R_shot_cam: Float[Array, "frames 3 3"]) -> Float[Array, "3"] | None:
+    """Axis about which a camera turned over a shot, up or down unknown; None if it hardly turned."""
+    turn = R_shot_cam @ R_shot_cam[0].T
+    skewed = np.stack(
+        [turn[:, 2, 1] - turn[:, 1, 2], turn[:, 0, 2] - turn[:, 2, 0], turn[:, 1, 0] - turn[:, 0, 1]], axis=1
+    )
+    size = np.linalg.norm(skewed, axis=1)
+    widest = int(size.argmax())
+    if size[widest] < 2 * np.sin(np.deg2rad(MIN_PAN_DEG)):
+        return None
+    return np.asarray(skewed[widest] / size[widest])
+
+
+def up_direction(evidence: UprightEvidence) -> Float[Array, "3"]:
+    """Unit vector opposite to gravity: robust Gauss-Newton over directions, from several starts."""
+    if not len(evidence.up):
+        raise ValueError("no direction is known to point up")
+    best, best_cost = evidence.up[0], np.inf
+    for start in evidence.up:
+        up, cost = _refine(_unit(start), evidence)
+        if cost < best_cost:
+            best, best_cost = up, cost
+    return best
+
+
+def _refine(up: Float[Array, "3"], evidence: UprightEvidence) -> tuple[Float[Array, "3"], float]:
+    cost = np.inf
+    for _ in range(20):
+        tangent = np.linalg.svd(up[None])[2][1:]
+        toward = evidence.up - up
+        r_up = (toward @ tangent.T) / np.deg2rad(evidence.up_sigma_deg)[:, None]
+        r_level = (evidence.level @ up) / np.deg2rad(evidence.level_sigma_deg)
+        # Behind the equator the tangent plane lies: count the true angle.
+        length = np.rad2deg(np.arccos(np.clip(evidence.up @ up, -1, 1))) / evidence.up_sigma_deg
+        w_up, w_level = 1 / (1 + length**2 / 4), 1 / (1 + r_level**2 / 4)
+        cost = float(np.log1p(length**2 / 4).sum() + np.log1p(r_level**2 / 4).sum())
+        A = (w_up / np.deg2rad(evidence.up_sigma_deg) ** 2).sum() * np.eye(2) + 1e-9 * np.eye(2)
+        b = (w_up[:, None] * r_up / np.deg2rad(evidence.up_sigma_deg)[:, None]).sum(axis=0)
+        J = (evidence.level @ tangent.T) / np.deg2rad(evidence.level_sigma_deg)[:, None]
+        A = A + np.einsum("m,ma,mb->ab", w_level, J, J)
+        b = b - np.einsum("m,ma,m->a", w_level, J, r_level)
+        step = np.linalg.solve(A, b) @ tangent
+        up = _unit(up + step)
+        if np.linalg.norm(step) < 1e-6:
+            break
+    return up, cost
+
+
+def _unit(v: Float[Array, "*n 3"]) -> Float[Array, "*n 3"]:
+    return np.asarray(v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-12))
