@@ -115,6 +115,12 @@ class Recording:
         span = float(self.time_s[-1] - self.time_s[0]) if self.num_frames > 1 else 0.0
         return (self.num_frames - 1) / span if span > 0 else 0.0
 
+    @property
+    def cast(self) -> str:
+        """How many people and shots, in words."""
+        people, shots = len(self.people), len(self.cut_frames) + 1
+        return f"{people} {'person' if people == 1 else 'people'}, {shots} shot{'s' if shots > 1 else ''}"
+
 
 @dataclass(frozen=True)
 class Delivery:

@@ -37,15 +37,13 @@ def top_view(recording: Recording) -> UInt8[np.ndarray, "H W 3"]:
 
 
 def _title(recording: Recording) -> str:
-    people, shots = len(recording.people), len(recording.cut_frames) + 1
-    who = f"{people} {'person' if people == 1 else 'people'}"
     seconds = float(recording.time_s[-1] - recording.time_s[0])
-    return f"From above   {who}, {shots} shot{'s' * (shots > 1)}, {seconds:.1f} s"
+    return f"From above   {recording.cast}, {seconds:.1f} s"
 
 
 def _frame_axes(axes: Axes, recording: Recording) -> float:
     """Set square limits that hold all paths and cameras; returns the side in metres."""
-    points = [person.pelvis[:, :2] for person in recording.people] + [recording.t_world_cam[:, :2]]
+    points = [p.pelvis[:, :2] for p in recording.people if len(p.frame)] + [recording.t_world_cam[:, :2]]
     low = np.min([p.min(0) for p in points], axis=0)
     high = np.max([p.max(0) for p in points], axis=0)
     side = max(float((high - low).max()), 1.0) * 1.2
