@@ -17,6 +17,8 @@ from scipy.sparse import bsr_matrix
 
 from humanmm.models.camera import rotations
 
+MIN_GAIN = 1e-4
+"""Relative decrease of the cost below which an adjustment ends."""
 MIN_DEPTH = 1e-3
 """q_z of a unit direction below which a point counts as behind the camera."""
 
@@ -69,8 +71,6 @@ class Freedom:
     """Camera centres and inverse depths."""
     zoom: bool = False
     """One focal length per image."""
-    focal: bool = False
-    """The common focal length."""
 
 
 @dataclass(frozen=True)
@@ -84,9 +84,6 @@ class Adjusted:
     cost: float
     """Sum of the robust loss, in units of the noise."""
     noise_px: float
-    log_focal_sigma: float
-    """One sigma of ln(focal) from the Gauss-Newton matrix, with the residuals' own scale; nan unless the focal was
-    free."""
 
 
 def project(
@@ -129,7 +126,6 @@ def adjust(
     freedom: Freedom,
     iterations: int = 10,
     noise_floor_px: float = 0.2,
-    tolerance: float = 1e-4,
 ) -> Adjusted:
     """Views and points with the least robust reprojection error; images in `fixed` keep their pose and zoom.
 
@@ -152,16 +148,26 @@ def adjust(
             continue
         gain = (cost - new_cost) / max(cost, 1e-12)
         views, points, residual = new_views, new_points, new_residual
-        damping = max(damping / 10.0, 1e-8)
+        damping = max(damping / 10.0, 1e-10)
         noise = noise_of(residual, noise_floor_px)
         cost = float(robust_loss(residual, noise).sum())
-        if gain < tolerance:
+        if gain < MIN_GAIN:
             break
         system = _System(views, points, observations, fixed, freedom, noise)
-    sigma = float("nan")
-    if freedom.focal:
-        sigma = _System(views, points, observations, fixed, freedom, noise).log_focal_sigma()
-    return Adjusted(views, points, residual, cost, noise, sigma)
+    return Adjusted(views, points, residual, cost, noise)
+
+
+def focal_step(
+    solution: Adjusted, observations: Observations, *, fixed: Bool[np.ndarray, " k"], freedom: Freedom
+) -> tuple[float, float]:
+    """Newton step of ln(focal) at an adjusted solution with everything else following, and its one sigma.
+
+    The focal length hides in a nearly flat, curved valley of all parameters together, in which Levenberg-Marquardt creeps.
+    Eliminating the rest (variable projection) leaves a scalar problem that is close to quadratic; the caller takes the step,
+    carries the solution over (`with_focal`) and adjusts again.
+    """
+    system = _System(solution.views, solution.points, observations, fixed, freedom, solution.noise_px, focal=True)
+    return system.focal_step()
 
 
 class _System:
@@ -169,9 +175,9 @@ class _System:
 
     def __init__(
         self, views: Views, points: Points, observations: Observations, fixed: np.ndarray, freedom: Freedom,
-        noise_px: float,
+        noise_px: float, focal: bool = False,
     ) -> None:
-        self.freedom, self.fixed = freedom, fixed
+        self.freedom, self.fixed, self.t_shot_cam = freedom, fixed, views.t_shot_cam
         self.num_images, self.num_points = len(fixed), len(points.rho)
         image, point = observations.image, observations.point
         q, xy = project(views, points, observations)
@@ -198,7 +204,7 @@ class _System:
             (coupling[order], point[order], indptr), shape=(self.num_images * width, self.num_points * depth)
         )
         self.order, self.indptr, self.column = order, indptr, point[order]
-        if freedom.focal:
+        if focal:
             self.focal_curvature = float((weight[:, None] * J_focal**2).sum())
             self.g_focal = float((weight[:, None] * J_focal * error).sum())
             self.focal_image = _sum_by(image, np.einsum("mri,mr->mi", weighted_image, J_focal), self.num_images)
@@ -230,8 +236,8 @@ class _System:
             columns_image.append(J_focal[:, :, None])
         return np.concatenate(columns_image, 2), np.concatenate(columns_point, 2), J_focal
 
-    def _reduced(self, damping: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Reduced camera matrix and right side (focal last), and the inverted point blocks."""
+    def _reduced(self, damping: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, bsr_matrix]:
+        """Reduced camera matrix and right side, the inverted point blocks, and W V⁻¹."""
         V = self.V.copy()
         diagonal = np.einsum("pii->pi", V)
         diagonal += damping * diagonal + 1e-9 * max(float(diagonal.max(initial=0.0)), 1.0)
@@ -246,49 +252,34 @@ class _System:
         index = np.arange(self.num_images)
         blocks[index, :, index, :] += U
         right = self.g_image.reshape(-1) - Y @ self.g_point.reshape(-1)
-        if not self.freedom.focal:
-            return S, right, V_inverse
-        full = np.zeros((size + 1, size + 1))
-        full[:size, :size] = S
-        side = self.focal_image.reshape(-1) - Y @ self.focal_point.reshape(-1)
-        full[:size, size] = full[size, :size] = side
-        eliminated = np.einsum("pi,pij,pj->", self.focal_point, V_inverse, self.focal_point)
-        full[size, size] = self.focal_curvature * (1 + damping) - eliminated
-        reduced_focal = self.g_focal - np.einsum("pi,pij,pj->", self.focal_point, V_inverse, self.g_point)
-        return full, np.append(right, reduced_focal), V_inverse
+        return S, right, V_inverse, Y
 
     def _free(self) -> np.ndarray:
+        """Which parameters may move; with a single fixed image, one coordinate of the farthest one holds the scale."""
         free = np.repeat(~self.fixed, self.width)
-        return np.append(free, True) if self.freedom.focal else free
+        if self.freedom.translation and self.fixed.sum() == 1 and len(self.fixed) > 1:
+            offset = np.abs(self.t_shot_cam - self.t_shot_cam[self.fixed])
+            image, axis = np.unravel_index(np.argmax(offset), offset.shape)
+            free[image * self.width + 3 + axis] = False
+        return free
 
     def step(self, views: Views, points: Points, damping: float) -> tuple[Views, Points]:
-        S, right, V_inverse = self._reduced(damping)
+        """Views and points after one damped Gauss-Newton step."""
+        S, right, V_inverse, _ = self._reduced(damping)
         free = self._free()
         delta = np.zeros(len(right))
-        inner = S[np.ix_(free, free)]
-        scale = 1.0 / np.sqrt(np.maximum(np.diag(inner), 1e-12))
-        try:
-            solution = np.linalg.solve(inner * np.outer(scale, scale) + 1e-12 * np.eye(len(inner)), scale * right[free])
-            delta[free] = scale * solution
-        except np.linalg.LinAlgError:
-            return views, points
-        size = self.num_images * self.width
-        by_image, by_focal = delta[:size].reshape(self.num_images, self.width), delta[size:]
-        g_point = self.g_point - (self.W.T @ delta[:size]).reshape(self.num_points, -1)
-        if self.freedom.focal:
-            g_point = g_point - by_focal[0] * self.focal_point
+        delta[free] = _solve(S[np.ix_(free, free)], right[free])
+        g_point = self.g_point - (self.W.T @ delta).reshape(self.num_points, -1)
         by_point = np.einsum("pij,pj->pi", V_inverse, g_point)
-        return self._moved_views(views, by_image, by_focal), self._moved_points(points, by_point)
+        return self._moved_views(views, delta.reshape(self.num_images, self.width)), self._moved_points(points, by_point)
 
-    def _moved_views(self, views: Views, delta: np.ndarray, by_focal: np.ndarray) -> Views:
+    def _moved_views(self, views: Views, delta: np.ndarray) -> Views:
         R = views.R_shot_cam @ rotations.exp(np.clip(delta[:, :3], -0.5, 0.5))
         moved = replace(views, R_shot_cam=R)
         if self.freedom.translation:
             moved = replace(moved, t_shot_cam=views.t_shot_cam + delta[:, 3:6])
         if self.freedom.zoom:
             moved = replace(moved, log_zoom=views.log_zoom + np.clip(delta[:, -1], -0.5, 0.5))
-        if self.freedom.focal:
-            moved = replace(moved, focal_px=views.focal_px * float(np.exp(np.clip(by_focal[0], -0.3, 0.3))))
         return moved
 
     def _moved_points(self, points: Points, delta: np.ndarray) -> Points:
@@ -297,16 +288,27 @@ class _System:
         rho = points.rho + delta[:, 2] if self.freedom.translation else points.rho
         return Points(direction / length[:, None], rho / length, points.anchor)
 
-    def log_focal_sigma(self) -> float:
-        """Square root of the focal's diagonal entry of the inverse reduced matrix."""
-        S, _, _ = self._reduced(1e-9)
+    def focal_step(self) -> tuple[float, float]:
+        """Undamped step of ln(focal) and its sigma, after views and points are eliminated."""
+        S, right, V_inverse, Y = self._reduced(0.0)
         free = self._free()
+        side = (self.focal_image.reshape(-1) - Y @ self.focal_point.reshape(-1))[free]
+        curvature = self.focal_curvature - np.einsum("pi,pij,pj->", self.focal_point, V_inverse, self.focal_point)
+        gradient = self.g_focal - np.einsum("pi,pij,pj->", self.focal_point, V_inverse, self.g_point)
         inner = S[np.ix_(free, free)]
-        unit = np.zeros(len(inner))
-        unit[-1] = 1.0
-        scale = 1.0 / np.sqrt(np.maximum(np.diag(inner), 1e-12))
-        column = scale * np.linalg.lstsq(inner * np.outer(scale, scale), scale * unit, rcond=1e-12)[0]
-        return float(np.sqrt(max(column[-1], 0.0)))
+        followed = _solve(inner, np.stack([side, right[free]], 1))
+        curvature -= float(side @ followed[:, 0])
+        gradient -= float(side @ followed[:, 1])
+        curvature = max(curvature, 1e-9)
+        return float(gradient / curvature), float(1.0 / np.sqrt(curvature))
+
+
+def _solve(S: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Solution of a symmetric system after scaling its diagonal to one."""
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(S), 1e-12))
+    scaled = S * np.outer(scale, scale) + 1e-12 * np.eye(len(S))
+    right = (scale * right.T).T
+    return np.asarray((scale * np.linalg.solve(scaled, right).T).T)
 
 
 def _tangents(direction: Float[np.ndarray, "p 3"]) -> Float[np.ndarray, "p 3 2"]:

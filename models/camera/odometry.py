@@ -256,7 +256,6 @@ def _adjust_window(
     fixed = np.zeros(stop - first, bool)
     fixed[: 1 if first == 0 else WINDOW // 3] = True
     window = _views_of(views, np.arange(first, stop))
-    freedom = replace(freedom, focal=False)
     result = adjust(window, _take(points, used), local, fixed=fixed, freedom=freedom, iterations=5)
     views.R_shot_cam[first:stop] = result.views.R_shot_cam
     views.t_shot_cam[first:stop] = result.views.t_shot_cam

@@ -46,3 +46,8 @@ def interpolate(
     share = np.clip((at - known_at[before]) / (known_at[after] - known_at[before]), 0.0, 1.0)
     step = Rotation.from_matrix(np.swapaxes(R[before], -1, -2) @ R[after]).as_rotvec()
     return np.asarray(R[before] @ exp(share[:, None] * step))
+
+
+def log(R: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "n 3"]:
+    """Axis-angle vectors of rotation matrices, radians."""
+    return np.asarray(Rotation.from_matrix(R).as_rotvec())

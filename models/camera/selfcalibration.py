@@ -1,0 +1,93 @@
+"""Focal length of one shot from its own background points: a turning camera shows it by how the picture bends at its edges,
+a moving one by which focal length lets all points be rigid.
+
+Each shot is explained as in `estimate`, but with the focal length following; the Gauss-Newton matrix says how well the points
+determine it. A shot that does not determine it says so by a large sigma: nothing is guessed here.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool
+
+from humanmm.models.camera import rotations
+from humanmm.models.camera.bundle import Adjusted, Freedom, Observations, Points, Views, adjust, focal_step
+from humanmm.models.camera.odometry import Track
+
+MAX_STEP = 0.4
+"""Largest change of ln(focal) taken at once."""
+MAX_STEPS = 8
+CONVERGED = 0.003
+
+
+@dataclass(frozen=True)
+class FocalTrack:
+    """A camera track with its own focal length."""
+
+    track: Track
+    log_focal_sigma: float
+    """One sigma of ln(focal), correlation of the errors along a point's track allowed for."""
+
+
+def with_own_focal(track: Track, freedom: Freedom) -> FocalTrack:
+    """The track with the focal length that fits its points best: Newton steps on the focal, all else adjusted after each."""
+    fixed = np.zeros(len(track.keyframes), bool)
+    fixed[0] = True
+    solution, observations = track.adjusted, track.observations
+    sigma = float("inf")
+    reach = MAX_STEP
+    for _ in range(MAX_STEPS):
+        step, sigma = focal_step(solution, observations, fixed=fixed, freedom=freedom)
+        step = float(np.clip(step, -reach, reach))
+        tried = _adjusted_at(solution, observations, step, fixed, freedom)
+        if tried.noise_px > 1.02 * solution.noise_px and abs(step) > CONVERGED:
+            reach = abs(step) / 3
+            continue
+        solution = tried
+        if abs(step) < CONVERGED:
+            break
+    refined = replace(track, views=solution.views, points=solution.points, adjusted=solution)
+    return FocalTrack(refined, sigma * _correlation(observations))
+
+
+def _correlation(observations: Observations) -> float:
+    """Factor on sigma: a tracker's error stays with the point, so a track counts as one observation, not as many."""
+    lengths = np.bincount(observations.point)
+    lengths = lengths[lengths > 0]
+    return float(np.sqrt(lengths.mean())) if len(lengths) else 1.0
+
+
+def _adjusted_at(
+    solution: Adjusted, observations: Observations, log_step: float, fixed: Bool[np.ndarray, " k"], freedom: Freedom
+) -> Adjusted:
+    views, points = with_focal(solution.views, solution.points, observations, float(np.exp(log_step)))
+    return adjust(views, points, observations, fixed=fixed, freedom=freedom, iterations=6)
+
+
+def with_focal(views: Views, points: Points, observations: Observations, factor: float) -> tuple[Views, Points]:
+    """Views and points carried over to a focal length `factor` times as long, so that they project nearly as before.
+
+    Turns across the optical axis and steps across it shrink by the factor; directions are read anew off each point's first
+    sighting.
+    """
+    across = np.array([1 / factor, 1 / factor, 1.0])
+    R_old, t_old = views.R_shot_cam, views.t_shot_cam
+    R_new, t_new = R_old.copy(), t_old.copy()
+    turns = rotations.log(np.swapaxes(R_old[:-1], 1, 2) @ R_old[1:])
+    steps = np.einsum("kji,kj->ki", R_old[:-1], np.diff(t_old, axis=0))
+    for k in range(1, len(R_old)):
+        R_new[k] = R_new[k - 1] @ rotations.exp((turns[k - 1] * across)[None])[0]
+        t_new[k] = t_new[k - 1] + R_new[k - 1] @ (steps[k - 1] * across)
+    moved = replace(views, R_shot_cam=R_new, t_shot_cam=t_new, focal_px=views.focal_px * factor)
+
+    point, first = np.unique(observations.point, return_index=True)
+    image = observations.image[first]
+    ray_old = np.einsum("pji,pj->pi", R_old[image], points.direction[point] + points.rho[point, None] * (points.anchor[point] - t_old[image]))
+    distance = np.linalg.norm(ray_old, axis=1)
+    ray = np.concatenate([observations.xy[first] / moved.focals_px[image, None], np.ones((len(point), 1))], 1)
+    ray /= np.linalg.norm(ray, axis=1, keepdims=True)
+    direction, rho, anchor = points.direction.copy(), points.rho.copy(), points.anchor.copy()
+    direction[point] = np.einsum("pij,pj->pi", R_new[image], ray)
+    anchor[point] = t_new[image]
+    rho[point] = points.rho[point] / distance
+    return moved, Points(direction, rho, anchor)
