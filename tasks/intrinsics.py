@@ -1,14 +1,26 @@
 """Stage `intrinsics`: one focal length for all shots."""
 
-from humanmm.models.camera.intrinsics import default_intrinsics, given_intrinsics
-from humanmm.models.camera.observations import Intrinsics
+from humanmm.models.camera.intrinsics import ShotPoints, estimate_intrinsics, given_intrinsics
+from humanmm.models.camera.observations import Intrinsics, PointTracks
+from humanmm.models.perception.tracks import ScenePeople
+from humanmm.models.shots.boundaries import ShotList
 from humanmm.models.video.facts import VideoFacts
 from humanmm.tasks.inputs import StageInputs
 
 
 def intrinsics(inputs: StageInputs) -> Intrinsics:
-    """The user's focal length, or the default."""
+    """The user's focal length, or what the background tells, or the default."""
     facts = inputs.read("decode", VideoFacts)
     settings = inputs.config.intrinsics
     given = given_intrinsics(facts.width, facts.height, focal_px=settings.focal_px, fov_deg=settings.fov_deg)
-    return given or default_intrinsics(facts.width, facts.height)
+    if given is not None:
+        return given
+    shots = inputs.read("shots", ShotList).shots
+    scenes = inputs.read_all("people", ScenePeople)
+    tracks = inputs.read_all("points", PointTracks)
+    usable = [
+        ShotPoints(points, scene.tracks)
+        for shot, points in zip(shots, tracks, strict=True)
+        if points is not None and (scene := scenes[shot.scene]) is not None
+    ]
+    return estimate_intrinsics(usable, facts.width, facts.height)

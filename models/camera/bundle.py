@@ -162,9 +162,9 @@ def focal_step(
 ) -> tuple[float, float]:
     """Newton step of ln(focal) at an adjusted solution with everything else following, and its one sigma.
 
-    The focal length hides in a nearly flat, curved valley of all parameters together, in which Levenberg-Marquardt creeps.
-    Eliminating the rest (variable projection) leaves a scalar problem that is close to quadratic; the caller takes the step,
-    carries the solution over (`with_focal`) and adjusts again.
+    The focal length hides in a nearly flat, curved valley of all parameters together, in which Levenberg-Marquardt
+    creeps. Eliminating the rest (variable projection) leaves a scalar problem that is close to quadratic; the caller
+    takes the step, carries the solution over (`with_focal`) and adjusts again.
     """
     system = _System(solution.views, solution.points, observations, fixed, freedom, solution.noise_px, focal=True)
     return system.focal_step()
@@ -174,8 +174,14 @@ class _System:
     """The normal equations at one point of the parameter space."""
 
     def __init__(
-        self, views: Views, points: Points, observations: Observations, fixed: np.ndarray, freedom: Freedom,
-        noise_px: float, focal: bool = False,
+        self,
+        views: Views,
+        points: Points,
+        observations: Observations,
+        fixed: np.ndarray,
+        freedom: Freedom,
+        noise_px: float,
+        focal: bool = False,
     ) -> None:
         self.freedom, self.fixed, self.t_shot_cam = freedom, fixed, views.t_shot_cam
         self.num_images, self.num_points = len(fixed), len(points.rho)
@@ -244,7 +250,7 @@ class _System:
         V_inverse = np.linalg.inv(V)
         Y = bsr_matrix((self.W.data @ V_inverse[self.column], self.column, self.indptr), shape=self.W.shape)
         S = -np.asarray((Y @ self.W.T).todense())
-        size, width = self.num_images * self.width, self.width
+        width = self.width
         U = self.U.copy()
         diagonal = np.einsum("kii->ki", U)
         diagonal += damping * diagonal + 1e-9
@@ -271,7 +277,8 @@ class _System:
         delta[free] = _solve(S[np.ix_(free, free)], right[free])
         g_point = self.g_point - (self.W.T @ delta).reshape(self.num_points, -1)
         by_point = np.einsum("pij,pj->pi", V_inverse, g_point)
-        return self._moved_views(views, delta.reshape(self.num_images, self.width)), self._moved_points(points, by_point)
+        by_image = delta.reshape(self.num_images, self.width)
+        return self._moved_views(views, by_image), self._moved_points(points, by_point)
 
     def _moved_views(self, views: Views, delta: np.ndarray) -> Views:
         R = views.R_shot_cam @ rotations.exp(np.clip(delta[:, :3], -0.5, 0.5))

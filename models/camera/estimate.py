@@ -12,29 +12,29 @@ import numpy as np
 from jaxtyping import Float
 
 from humanmm.models.camera import rotations
-from humanmm.models.camera.bundle import Freedom, Observations, Points, Views, residuals
+from humanmm.models.camera.bundle import Freedom, Observations, Points, Views
 from humanmm.models.camera.crosscheck import MAX_DISAGREEMENT_DEG, disagreement_deg
 from humanmm.models.camera.masking import background_points
 from humanmm.models.camera.observations import CameraSource, Intrinsics, PointTracks, ShotCamera
-from humanmm.models.camera.odometry import MIN_POINTS, Track, all_images, moving, rotating
+from humanmm.models.camera.odometry import (
+    EXACT_SHARE,
+    MIN_POINTS,
+    MOVING_GAIN,
+    Track,
+    all_images,
+    moving,
+    rotating,
+)
 from humanmm.models.camera.standing import test_standing
 from humanmm.models.camera.tracked import TrackedShot, arrange, choose_keyframes
-from humanmm.models.camera.two_view import starting_pair
 from humanmm.models.perception.tracks import PersonTrack
 
-EXACT_SHARE = 0.0003
-"""A turning camera that fits within this share of the diagonal (one sigma) needs no other explanation."""
 POOR_SHARE = 0.004
 """A fit worse than this share of the diagonal is no measurement any more."""
-MOVING_GAIN = 0.6
-"""A moving camera must bring the residuals below this share of the turning camera's: it has one more unknown per
-point."""
 ZOOM_GAIN = 0.75
 """The same for a zooming camera against one that does not zoom."""
 MIN_ZOOM = 0.03
 """Changes of focal length below this share are not called a zoom."""
-MAX_ERROR_SHARE = 0.002
-"""Error of a sighting, as a share of the diagonal, that a two-view pose tolerates."""
 
 
 @dataclass(frozen=True)
@@ -92,10 +92,10 @@ def _turning_or_moving(shot: TrackedShot, focal_px: float) -> _Answer:
     zooming_too = Freedom(translation=False, zoom=True)
     zooming = rotating(shot, keyframes, focal_px, freedom=zooming_too)
     zoom_range = float(np.ptp(zooming.views.log_zoom))
-    zooms = zoom_range > MIN_ZOOM and _error_px(zooming) < ZOOM_GAIN * _error_px(turning)
+    zooms = zoom_range > MIN_ZOOM and zooming.error_px < ZOOM_GAIN * turning.error_px
     turned, freedom = (zooming, zooming_too) if zooms else (turning, turning_only)
-    moved = _moving(shot, keyframes, turning)
-    if moved is not None and _error_px(moved) < MOVING_GAIN * _error_px(turned):
+    moved = moving(shot, turning)
+    if moved is not None and moved.error_px < MOVING_GAIN * turned.error_px:
         return _answer(shot, moved, Freedom(translation=True), "tracked")
     answer = _answer(shot, turned, freedom, "rotation_only")
     if zooms:
@@ -103,20 +103,6 @@ def _turning_or_moving(shot: TrackedShot, focal_px: float) -> _Answer:
         said = f"the focal length changes by {percent:.0f} % within the shot: K holds for its first frame"
         answer = replace(answer, warnings=(*answer.warnings, said))
     return answer
-
-
-def _moving(shot: TrackedShot, keyframes: np.ndarray, guide: Track) -> Track | None:
-    pair = starting_pair(shot, keyframes, guide.views.focal_px)
-    if pair is None:
-        return None
-    return moving(shot, keyframes, guide, pair, max_error_px=MAX_ERROR_SHARE * shot.diagonal_px)
-
-
-def _error_px(track: Track) -> float:
-    """Median reprojection error over all keyframe sightings of points seen twice, whichever of them the map was
-    fitted to."""
-    sightings = track.all_sightings
-    return float(np.median(residuals(track.views, track.points, sightings)))
 
 
 def _answer(shot: TrackedShot, track: Track, freedom: Freedom, source: CameraSource) -> _Answer:

@@ -12,10 +12,10 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from humanmm.models.camera import rotations
-from humanmm.models.camera.bundle import Adjusted, Freedom, Observations, Points, Views, adjust
+from humanmm.models.camera.bundle import Adjusted, Freedom, Observations, Points, Views, adjust, residuals
 from humanmm.models.camera.resection import resect
 from humanmm.models.camera.tracked import TrackedShot
-from humanmm.models.camera.two_view import Pair, rays, relative_pose, turned_to
+from humanmm.models.camera.two_view import Pair, rays, relative_pose, starting_pair, turned_to
 
 WINDOW = 15
 """Keyframes in an adjustment while the odometry runs (LEAP-VO: 15)."""
@@ -24,6 +24,13 @@ WINDOW_STEP = 5
 MAX_GLOBAL_KEYFRAMES = 100
 """Longer shots keep the windowed result: the last adjustment over all keyframes would grow with the cube of their
 number."""
+EXACT_SHARE = 0.0003
+"""A turning camera that fits within this share of the diagonal (one sigma) needs no other explanation."""
+MOVING_GAIN = 0.6
+"""A moving camera must bring the residuals below this share of the turning camera's: it has one more unknown per
+point."""
+MAX_ERROR_SHARE = 0.002
+"""Error of a sighting, as a share of the diagonal, that the two-view pose at the start tolerates."""
 OUTLIER_SIGMA = 4.0
 """Sightings further off than this many sigma after an adjustment are dropped (LEAP-VO drops above 5 px)."""
 MIN_POINTS = 12
@@ -44,6 +51,11 @@ class Track:
     """What the last adjustment used, image numbers into `keyframes`."""
     all_sightings: Observations
     """All keyframe sightings of points seen from two keyframes, outliers included."""
+
+    @property
+    def error_px(self) -> float:
+        """Median reprojection error over `all_sightings`, whichever of them the map was fitted to."""
+        return float(np.median(residuals(self.views, self.points, self.all_sightings)))
 
 
 def empty_points(num_points: int) -> Points:
@@ -81,13 +93,15 @@ def _seen_twice(observations: Observations) -> Observations:
     return observations.select(np.bincount(observations.point)[observations.point] >= 2)
 
 
-def moving(
-    shot: TrackedShot, keyframes: Int[np.ndarray, " k"], guide: Track, pair: Pair, *, max_error_px: float
-) -> Track | None:
-    """The track of a camera that moves; `guide` is the rotating camera's, which predicts turns. None if no start is
-    found."""
+def moving(shot: TrackedShot, guide: Track) -> Track | None:
+    """The track of a camera that moves, over the keyframes of `guide`, the turning camera's, which predicts its turns.
+
+    None if no two keyframes see enough in common to start from.
+    """
+    keyframes = guide.keyframes
+    pair = starting_pair(shot, keyframes, guide.views.focal_px)
     run = _MovingRun(shot, keyframes, guide)
-    if not run.start(pair, max_error_px):
+    if pair is None or not run.start(pair, MAX_ERROR_SHARE * shot.diagonal_px):
         return None
     for k in range(pair.second + 1, len(keyframes)):
         run.take(k, k - 1)

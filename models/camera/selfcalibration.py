@@ -1,8 +1,8 @@
-"""Focal length of one shot from its own background points: a turning camera shows it by how the picture bends at its edges,
-a moving one by which focal length lets all points be rigid.
+"""Focal length of one shot from its own background points: a turning camera shows it by how the picture bends at its
+edges, a moving one by which focal length lets all points be rigid.
 
-Each shot is explained as in `estimate`, but with the focal length following; the Gauss-Newton matrix says how well the points
-determine it. A shot that does not determine it says so by a large sigma: nothing is guessed here.
+Each shot is explained as in `estimate`, but with the focal length following; the Gauss-Newton matrix says how well
+the points determine it. A shot that does not determine it says so by a large sigma: nothing is guessed here.
 """
 
 from dataclasses import dataclass, replace
@@ -12,12 +12,22 @@ from jaxtyping import Bool
 
 from humanmm.models.camera import rotations
 from humanmm.models.camera.bundle import Adjusted, Freedom, Observations, Points, Views, adjust, focal_step
-from humanmm.models.camera.odometry import Track
+from humanmm.models.camera.observations import CameraSource
+from humanmm.models.camera.odometry import EXACT_SHARE, MIN_POINTS, MOVING_GAIN, Track, moving, rotating
+from humanmm.models.camera.standing import test_standing
+from humanmm.models.camera.tracked import TrackedShot, choose_keyframes
 
 MAX_STEP = 0.4
 """Largest change of ln(focal) taken at once."""
 MAX_STEPS = 8
 CONVERGED = 0.003
+MAX_KEYFRAMES = 24
+"""Keyframes of a shot that are used: more would cost time and add little."""
+HINT_SHARE = 0.0015
+"""A turning camera that fits within this share of the diagonal gives a good first focal length for a moving one."""
+MAX_STARTS = 2
+SAME_FOCAL = 0.05
+"""A moving camera is followed anew if its focal length came out further from the first guess than this."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +40,8 @@ class FocalTrack:
 
 
 def with_own_focal(track: Track, freedom: Freedom) -> FocalTrack:
-    """The track with the focal length that fits its points best: Newton steps on the focal, all else adjusted after each."""
+    """The track with the focal length that fits its points best: Newton steps on the focal, all else adjusted after
+    each."""
     fixed = np.zeros(len(track.keyframes), bool)
     fixed[0] = True
     solution, observations = track.adjusted, track.observations
@@ -50,6 +61,52 @@ def with_own_focal(track: Track, freedom: Freedom) -> FocalTrack:
     return FocalTrack(refined, sigma * _correlation(observations))
 
 
+@dataclass(frozen=True)
+class FocalEvidence:
+    """What one shot says about the focal length."""
+
+    focal_px: float
+    log_sigma: float
+    source: CameraSource
+
+
+def focal_evidence(shot: TrackedShot, start_px: float) -> FocalEvidence | None:
+    """Focal length of a shot whose camera turns or moves, from a first guess; None where it stands or shows too
+    little."""
+    if shot.num_images < 3 or float(np.median(np.diff(shot.begins))) < MIN_POINTS or test_standing(shot).static:
+        return None
+    keyframes = choose_keyframes(shot)[:MAX_KEYFRAMES]
+    turning_freedom, moving_freedom = Freedom(translation=False), Freedom(translation=True)
+    turning = with_own_focal(rotating(shot, keyframes, start_px, freedom=turning_freedom), turning_freedom)
+    noise = turning.track.adjusted.noise_px
+    if noise < EXACT_SHARE * shot.diagonal_px:
+        return _evidence(turning, "rotation_only")
+    hint = noise < HINT_SHARE * shot.diagonal_px
+    focal_px = turning.track.views.focal_px if hint else start_px
+    found: FocalEvidence | None = None
+    for _ in range(MAX_STARTS):
+        guide = rotating(shot, keyframes, focal_px, freedom=turning_freedom)
+        moved = moving(shot, guide)
+        if moved is None:
+            break
+        followed = with_own_focal(moved, moving_freedom)
+        if not followed.track.error_px < MOVING_GAIN * turning.track.error_px:
+            break
+        found = _evidence(followed, "tracked")
+        if abs(np.log(found.focal_px / focal_px)) < SAME_FOCAL:
+            break
+        focal_px = found.focal_px
+    if found is None and hint:
+        misfit = noise / (EXACT_SHARE * shot.diagonal_px)
+        evidence = _evidence(turning, "rotation_only")
+        found = replace(evidence, log_sigma=evidence.log_sigma * misfit)
+    return found
+
+
+def _evidence(followed: FocalTrack, source: CameraSource) -> FocalEvidence:
+    return FocalEvidence(followed.track.views.focal_px, followed.log_focal_sigma, source)
+
+
 def _correlation(observations: Observations) -> float:
     """Factor on sigma: a tracker's error stays with the point, so a track counts as one observation, not as many."""
     lengths = np.bincount(observations.point)
@@ -67,8 +124,8 @@ def _adjusted_at(
 def with_focal(views: Views, points: Points, observations: Observations, factor: float) -> tuple[Views, Points]:
     """Views and points carried over to a focal length `factor` times as long, so that they project nearly as before.
 
-    Turns across the optical axis and steps across it shrink by the factor; directions are read anew off each point's first
-    sighting.
+    Turns across the optical axis and steps across it shrink by the factor; directions are read anew off each point's
+    first sighting.
     """
     across = np.array([1 / factor, 1 / factor, 1.0])
     R_old, t_old = views.R_shot_cam, views.t_shot_cam
@@ -82,8 +139,9 @@ def with_focal(views: Views, points: Points, observations: Observations, factor:
 
     point, first = np.unique(observations.point, return_index=True)
     image = observations.image[first]
-    ray_old = np.einsum("pji,pj->pi", R_old[image], points.direction[point] + points.rho[point, None] * (points.anchor[point] - t_old[image]))
-    distance = np.linalg.norm(ray_old, axis=1)
+    distance = np.linalg.norm(
+        points.direction[point] + points.rho[point, None] * (points.anchor[point] - t_old[image]), axis=1
+    )
     ray = np.concatenate([observations.xy[first] / moved.focals_px[image, None], np.ones((len(point), 1))], 1)
     ray /= np.linalg.norm(ray, axis=1, keepdims=True)
     direction, rho, anchor = points.direction.copy(), points.rho.copy(), points.anchor.copy()

@@ -33,6 +33,8 @@ def path(kind: str, num_frames: int) -> tuple[np.ndarray, np.ndarray]:
     if kind == "dolly":
         turn = Rotation.from_euler("y", -8.0 * time[:, None], degrees=True).as_matrix()
         return turn, np.stack([1.5 * time, 0 * time, 0.5 * time], 1)
+    if kind == "sideways":
+        return np.tile(np.eye(3), (num_frames, 1, 1)), np.stack([2.0 * time, 0 * time, 0 * time], 1)
     if kind == "orbit":
         angle = np.radians(40.0) * time
         centre = np.stack([-6 * np.sin(angle), 0 * time, 6 - 6 * np.cos(angle)], 1)
