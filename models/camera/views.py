@@ -1,8 +1,8 @@
 """Pictures of the same place in different shots: features of a few key views and the relative pose between two views.
 
 The paper joins shots by the human body alone (section 3.3.1). Where two shots also show the same background, it gives
-their relative camera rotation far more exactly, and a recurring camera gives it without error. SIFT (Lowe 2004) with the
-Hellinger kernel (Arandjelović and Zisserman 2012), mutual nearest neighbours with the ratio test, then pycolmap's
+their relative camera rotation far more exactly, and a recurring camera gives it without error. SIFT (Lowe 2004) with
+the Hellinger kernel (Arandjelović and Zisserman 2012), mutual nearest neighbours with the ratio test, then pycolmap's
 two-view geometry, which also handles planes and pure rotations.
 
 Pixels have their centres at (0.5, 0.5).
