@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float, UInt8
 
 MAX_FEATURES = 2500
 MAX_SIDE_PX = 1280
-"""Larger pictures are reduced before features are taken: detail beyond this does not repeat between cameras."""
+"""Reduce larger pictures before features are taken: detail beyond this does not repeat between cameras."""
 RATIO = 0.8
 """Lowe's ratio test."""
 MIN_MATCHES = 12
@@ -55,17 +55,24 @@ class ViewLink:
 
 
 def describe_view(frame: int, gray: UInt8[np.ndarray, "height width"]) -> ViewFeatures:
-    """SIFT features of a grey picture, at most MAX_FEATURES."""
-    height, width = gray.shape
-    scale = min(1.0, MAX_SIDE_PX / max(height, width))
-    small = gray if scale == 1.0 else cv2.resize(gray, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    """SIFT features of a grey picture of at most MAX_SIDE_PX, in its own pixels; no more than MAX_FEATURES."""
     # A contrast threshold of half the default keeps features on the plain walls that film sets are made of.
-    keypoints, descriptors = cv2.SIFT.create(MAX_FEATURES, contrastThreshold=0.02).detectAndCompute(small, None)
+    keypoints, descriptors = cv2.SIFT.create(MAX_FEATURES, contrastThreshold=0.02).detectAndCompute(gray, None)
     if descriptors is None:
         return ViewFeatures(frame, np.zeros((0, 2), np.float32), np.zeros((0, 128), np.uint8))
     order = np.argsort([-k.response for k in keypoints], kind="stable")[:MAX_FEATURES]
-    xy = (np.array([keypoints[i].pt for i in order], np.float32) + 0.5) / np.float32(scale)
+    xy = np.array([keypoints[i].pt for i in order], np.float32) + 0.5
     return ViewFeatures(frame, xy, descriptors[order].astype(np.uint8))
+
+
+def in_source_pixels(view: ViewFeatures, scale: float) -> ViewFeatures:
+    """The view with its places multiplied by `scale`, for a picture that was reduced before."""
+    return ViewFeatures(view.frame, view.xy * np.float32(scale), view.descriptors)
+
+
+def key_frames(start: int, end: int) -> tuple[int, ...]:
+    """The frames of a shot [start, end) that stand for it: first, middle, last."""
+    return tuple(sorted({start, (start + end) // 2, end - 1}))
 
 
 def drop_features(view: ViewFeatures, hidden: Bool[np.ndarray, "features"]) -> ViewFeatures:

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from humanmm.models.camera.views import describe_view, drop_features, link_views, match_features
+from humanmm.models.camera.views import describe_view, drop_features, key_frames, link_views, match_features
 
 K = np.array([[700.0, 0, 320], [0, 700.0, 240], [0, 0, 1]])
 
@@ -66,3 +66,7 @@ def test_hidden_features_take_no_part() -> None:
     kept = drop_features(view, hidden)
     index_a, _ = match_features(kept, view)
     assert len(kept.xy) == (~hidden).sum() and (kept.xy[index_a, 0] >= 320).all()
+
+
+def test_a_shot_of_one_frame_has_one_key_frame() -> None:
+    assert key_frames(7, 8) == (7,) and key_frames(0, 100) == (0, 50, 99)
