@@ -18,7 +18,7 @@ import numpy as np
 from humanmm.models.shots.footage import Footage
 
 MATCHED = 0.35
-"""Pictures that correlate better than this once motion is undone show the same things; across cuts: < 0.2 (measured)."""
+"""Pictures that correlate better than this once motion is undone show the same things; across cuts < 0.2 (measured)."""
 _STANDS_OUT = 2.0
 """A change so many times larger than the quieter of those around it stands out; those of a whip pan vary by 1.5."""
 _NEW_COLORS = 0.35

@@ -1,0 +1,21 @@
+"""Stage `shots`: cuts that people show, who is who across the cuts, and where left and right are exchanged."""
+
+from humanmm.models.camera.intrinsics import default_intrinsics
+from humanmm.models.perception.tracks import ScenePeople
+from humanmm.models.shots.assemble import assemble_shots
+from humanmm.models.shots.boundaries import Scenes, ShotList
+from humanmm.models.video.facts import VideoFacts
+from humanmm.tasks.inputs import StageInputs
+
+
+def shots(inputs: StageInputs) -> ShotList:
+    """Final shots and the people in them. The focal length is not known yet; the default is near enough here."""
+    facts = inputs.read("decode", VideoFacts)
+    return assemble_shots(
+        inputs.read("scenes", Scenes),
+        inputs.read_all("people", ScenePeople),
+        time_s=facts.time_s,
+        fps=facts.fps,
+        K=default_intrinsics(facts.width, facts.height).K,
+        only_person=inputs.config.shots.person,
+    )
