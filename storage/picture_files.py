@@ -40,7 +40,7 @@ def write_video(
     with av.open(str(path), "w", format="mp4", options={"movflags": "+faststart"}) as container:
         stream = container.add_stream("libx264", rate=Fraction(max(fps, 1.0)).limit_denominator(1001))
         stream.width, stream.height, stream.pix_fmt = even_width, even_height, "yuv420p"
-        stream.options = _FAST | {"crf": str(quality)}
+        stream.options = {**_FAST, "crf": str(quality)}
         codec = stream.codec_context
         codec.time_base = TIME_BASE
         codec.thread_count = _THREADS

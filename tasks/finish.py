@@ -9,7 +9,7 @@ import time
 from collections.abc import Mapping
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from humanmm import __version__
 from humanmm.errors import HumanMMError, StageError, StoreError
@@ -22,6 +22,9 @@ from humanmm.storage.run_record import StageRecord, read_run_record, run_record,
 from humanmm.storage.store import explain_os_error
 from humanmm.tasks.engine import Outcome, VideoRun, ends_run
 from humanmm.tasks.work import Work
+
+if TYPE_CHECKING:  # importing it loads scipy, which an unchanged rerun does not need
+    from humanmm.models.motion.recording import Recording
 
 log = logging.getLogger(__name__)
 RUN_LOG = "run.log"
@@ -58,14 +61,17 @@ def has_result(run: VideoRun) -> bool:
 def write_results(run: VideoRun, run_dir: Path, *, started: float, log_text: str = "") -> str:
     """Bring the run folder up to date; returns the state of the video, `done` or `partial`."""
     state = "partial" if any(outcome.manifest is None for outcome in run.outcomes.values()) else "done"
+    from humanmm.tasks.pictures import write_timeline
+
     try:
         run_dir.mkdir(parents=True, exist_ok=True)
-        files = _write_folder(run, run_dir)
+        recording = _write_folder(run, run_dir)
         if log_text:
             _append_log(run_dir / RUN_LOG, log_text)
         record = _record(run, state, started)
+        write_timeline(run_dir, recording, record)
         record["fingerprint"] = fingerprint(run)
-        record["files"] = files
+        record["files"] = _sizes(run_dir)
         write_run_record(run_dir, record)
     except OSError as error:
         raise StoreError(explain_os_error(error, f"cannot write the run folder {run_dir}")) from error
@@ -105,8 +111,8 @@ def _writer_digest() -> str:
     return total.hexdigest()
 
 
-def _write_folder(run: VideoRun, run_dir: Path) -> dict[str, int]:
-    """The delivery's files; returns path → size of everything the folder holds of it."""
+def _write_folder(run: VideoRun, run_dir: Path) -> "Recording":
+    """Write the delivery's files; returns the recording that they hold."""
     from humanmm.models.motion.recording import Delivery
     from humanmm.storage.run_folder import write_run_folder
 
@@ -114,7 +120,13 @@ def _write_folder(run: VideoRun, run_dir: Path) -> dict[str, int]:
     manifest = run.manifest(last.name)
     assert manifest is not None
     output: type[Delivery] = getattr(import_module(last.output.partition(":")[0]), last.output.partition(":")[2])
-    write_run_folder(run_dir, run.store.read(manifest.ref, output), run.store.files_of(manifest.ref))
+    delivery = run.store.read(manifest.ref, output)
+    write_run_folder(run_dir, delivery, run.store.files_of(manifest.ref))
+    return delivery.recording
+
+
+def _sizes(run_dir: Path) -> dict[str, int]:
+    """Path → size of everything the folder holds of the delivery."""
     parts = [path for name in ("motion.zarr", "export", "view") for path in (run_dir / name).rglob("*")]
     return {str(path.relative_to(run_dir)): path.stat().st_size for path in sorted(parts) if path.is_file()}
 

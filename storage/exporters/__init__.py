@@ -4,6 +4,7 @@ An exporter is a function (recording, path) that writes one file; `FORMATS` says
 file for each person or one for all.
 """
 
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,18 +33,33 @@ FORMATS: dict[str, Format] = {
 }
 
 
+ALWAYS_WRITTEN = "amass"
+"""Every run folder holds it from the start: asking for it again is no attempt to overwrite anything."""
+
+
 def export(recording: Recording, folder: Path, format_name: str, *, force: bool = False) -> tuple[Path, ...]:
     """Write every person of a recording into `folder`; the paths written. Existing files need `force`."""
     if format_name not in FORMATS:
         raise InputError(f"there is no format {format_name!r}; choose one of {', '.join(FORMATS)}")
     chosen = FORMATS[format_name]
     paths = {person.person: folder / f"person_{person.person:02d}{chosen.suffix}" for person in recording.people}
-    existing = [str(path) for path in paths.values() if path.exists()]
+    existing = [path for path in paths.values() if path.exists()]
     if existing and not force:
+        if format_name == ALWAYS_WRITTEN and all(_is_current(chosen, recording, p, paths) for p in recording.people):
+            return tuple(paths.values())
         raise InputError(f"{existing[0]} exists already; give --force to replace it")
     for person in recording.people:
         _write_one(chosen, recording, person, paths[person.person])
     return tuple(paths.values())
+
+
+def _is_current(chosen: Format, recording: Recording, person: RecordedPerson, paths: dict[int, Path]) -> bool:
+    """Whether the person's file exists and is what would be written."""
+    path = paths[person.person]
+    with tempfile.TemporaryDirectory() as folder:
+        fresh = Path(folder) / path.name
+        chosen.write(recording, person, fresh)
+        return path.exists() and path.read_bytes() == fresh.read_bytes()
 
 
 def _write_one(chosen: Format, recording: Recording, person: RecordedPerson, path: Path) -> None:

@@ -10,7 +10,7 @@ from humanmm.models.pictures import palette
 from humanmm.models.pictures.overlay import Mark
 from humanmm.models.pictures.timeline import StageTime, timeline
 from humanmm.models.pictures.top_view import top_view
-from humanmm.tasks.timeline import stage_times
+from humanmm.tasks.pictures import stage_times
 
 STAGES = [StageTime("decode", 0.4, 1, 1, 0), StageTime("people", 3.0, 2, 0, 0)]
 

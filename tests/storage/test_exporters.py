@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from humanmm.cli.results import FORMATS as OFFERED
 from humanmm.errors import InputError
 from humanmm.models.body.body24 import JOINT_NAMES
 from humanmm.models.motion.recording import Recording
@@ -60,7 +61,21 @@ def test_trc_is_y_up_with_the_markers_of_the_joints(tmp_path: Path, recording: R
     np.testing.assert_allclose(np.stack([xyz[..., 0], -xyz[..., 2], xyz[..., 1]], -1), expected, atol=1e-5)
 
 
-@pytest.mark.parametrize("name", FORMATS)
+def test_asking_for_the_amass_files_that_a_run_folder_holds_already_is_fine_unless_they_were_changed(
+    tmp_path: Path, recording: Recording
+) -> None:
+    first = export(recording, tmp_path, "amass")
+    assert export(recording, tmp_path, "amass") == first
+    first[1].write_bytes(b"somebody's own work")
+    with pytest.raises(InputError, match="--force"):
+        export(recording, tmp_path, "amass")
+
+
+def test_the_command_line_offers_the_formats_that_exist() -> None:
+    assert tuple(FORMATS) == OFFERED
+
+
+@pytest.mark.parametrize("name", [name for name in FORMATS if name != "amass"])
 def test_an_export_is_not_overwritten_unasked(tmp_path: Path, name: str, recording: Recording) -> None:
     export(recording, tmp_path, name)
     with pytest.raises(InputError, match="--force"):

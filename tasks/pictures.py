@@ -1,0 +1,110 @@
+"""The pictures of a run folder: drawn by stage `deliver`, at the end of every run, and again by `humanmm view`."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from humanmm.config import DeliverConfig
+from humanmm.errors import InputError
+from humanmm.models.motion.recording import Recording
+from humanmm.models.pictures.overlay import Mark, Overlay
+from humanmm.models.pictures.timeline import StageTime, timeline
+from humanmm.models.pictures.top_view import top_view
+from humanmm.models.video.facts import VideoFacts
+from humanmm.models.video.frames import frames, scaled_size
+from humanmm.models.video.reading import read_facts
+from humanmm.storage.files import replace_file
+from humanmm.storage.picture_files import write_png, write_video
+from humanmm.storage.run_folder import MOTION, read_motion
+from humanmm.storage.run_record import read_run_record
+
+OVERLAY, TOP_VIEW, TIMELINE = "overlay.mp4", "top.png", "timeline.png"
+
+
+def write_overlay(
+    path: Path,
+    stream: BinaryIO,
+    facts: VideoFacts,
+    recording: Recording,
+    marks: Sequence[Mark],
+    *,
+    settings: DeliverConfig,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> None:
+    """Decode the video once more, draw the people on every frame, and encode it; one frame in memory at a time."""
+    width, height = scaled_size(facts, settings.overlay_max_side_px)
+    overlay = Overlay(recording, tuple(marks), width, height)
+
+    def drawn() -> Iterator[tuple[float, np.ndarray]]:
+        for frame in frames(stream, facts, max_side_px=settings.overlay_max_side_px):
+            image = frame.image.copy()
+            overlay.draw(image, frame.index)
+            progress(frame.index + 1, facts.num_frames)
+            yield frame.time_s, image
+
+    write_video(path, drawn(), width=width, height=height, fps=facts.fps, quality=settings.overlay_quality)
+
+
+def write_timeline(run_dir: Path, recording: Recording, record: Mapping[str, Any]) -> None:
+    """Draw view/timeline.png; `record` is the tree of run.json. It shows what this run took, so it is never cached."""
+    failures = [f"{f['stage']}, {f['unit']}: {f['reason']}" for f in record["failures"]]
+    image = timeline(recording, marks_in(record), stage_times(record), [*failures, *record["warnings"]])
+    replace_file(run_dir / "view" / TIMELINE, lambda fresh: write_png(fresh, image))
+
+
+def draw_again(run_dir: Path, *, force: bool) -> tuple[Path, ...]:
+    """Draw those pictures of a finished run that are missing (all of them with `force`); paths of all pictures."""
+    record = read_run_record(run_dir)
+    recording = read_motion(run_dir / MOTION)
+    view = run_dir / "view"
+
+    def is_wanted(name: str) -> bool:
+        return force or not (view / name).exists()
+
+    if is_wanted(OVERLAY):
+        _draw_overlay_again(view / OVERLAY, recording, record)
+    if is_wanted(TOP_VIEW):
+        replace_file(view / TOP_VIEW, lambda fresh: write_png(fresh, top_view(recording)))
+    if is_wanted(TIMELINE):
+        write_timeline(run_dir, recording, record)
+    return tuple(view / name for name in (OVERLAY, TOP_VIEW, TIMELINE))
+
+
+def marks_in(record: Mapping[str, Any]) -> tuple[Mark, ...]:
+    """The changes of shot that run.json names."""
+    transitions = [shot["transition"] for shot in record["shots"] if shot["transition"] is not None]
+    return tuple(Mark(t["type"], int(t["start"]), int(t["end"])) for t in transitions)
+
+
+def stage_times(record: Mapping[str, Any]) -> list[StageTime]:
+    """Seconds and states of run.json's stages, the units of a stage added up, in their order."""
+    rows: dict[str, list[Mapping[str, Any]]] = {}
+    for entry in record["stages"]:
+        rows.setdefault(entry["stage"], []).append(entry)
+    return [
+        StageTime(
+            stage=stage,
+            seconds=sum(float(unit["seconds"]) for unit in units),
+            units=len(units),
+            cached_units=sum(unit["state"] == "cached" for unit in units),
+            failed_units=sum(unit["state"] == "failed" for unit in units),
+        )
+        for stage, units in rows.items()
+    ]
+
+
+def _draw_overlay_again(path: Path, recording: Recording, record: Mapping[str, Any]) -> None:
+    video = Path(record["video"]["path"])
+    settings = DeliverConfig.model_validate(record["config"]["deliver"])
+    try:
+        stream = video.open("rb")
+    except OSError as error:
+        raise InputError(f"the overlay needs the video {video}, which cannot be read ({error.strerror})") from None
+    with stream:
+        facts = read_facts(stream)
+        if not np.array_equal(facts.time_s, recording.time_s):
+            raise InputError(f"{video} is not the video of this run any more; recover it again")
+        marks = marks_in(record)
+        replace_file(path, lambda fresh: write_overlay(fresh, stream, facts, recording, marks, settings=settings))
