@@ -15,6 +15,7 @@ people usually move, calmly before and after, and not back again within `_RETURN
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -68,7 +69,7 @@ def cuts_in_scene(scene: ScenePeople, *, fps: float) -> list[Transition]:
     tracks = [_Sightings(track) for track in scene.tracks]
     frames = sorted({int(f) for track in scene.tracks for f in track.frame})
     cuts: list[Transition] = []
-    for before, after in zip(frames[:-1], frames[1:], strict=True):
+    for before, after in pairwise(frames):
         if after - before > max(1.0, _GAP_S * fps):
             continue
         evidence = _evidence(tracks, before, after, fps)
