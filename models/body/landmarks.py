@@ -43,6 +43,18 @@ _SKIN = {
 Middle and left side; the right side is the mirror picture (x → −x).
 """
 
+_DETECTOR_SHIFT_MM = {
+    0: (0, 9, -20), 1: (-4, 3, -8), 2: (-6, -1, -18), 3: (-11, 3, -6), 7: (-24, 4, 19), 9: (-8, 8, -18),
+    11: (-15, 0, 12), 13: (3, 6, 12), 15: (18, 0, 9), 17: (-12, 9, 22), 19: (-8, 2, -21), 21: (-5, 5, -53),
+    23: (-16, -31, 17), 25: (8, -12, -13), 27: (2, 28, 7), 29: (-8, 15, 21), 31: (21, 7, -39),
+}  # fmt: skip
+"""Where BlazePose puts a landmark, less where anatomy does, in the joint's axes: hips lower and further in than the
+joint centres, ankles higher, thumbs and toes shorter.
+
+Measured on renderings of body24 (130 random shapes, clothes, views and training takes of motion capture; robust least
+squares of the 2D residuals, left and right averaged).
+"""
+
 
 @dataclass(frozen=True, eq=False)
 class LandmarkModel:
@@ -84,4 +96,7 @@ def landmark_model(body: Body) -> LandmarkModel:
             nearest = np.argsort(distance, kind="stable")[:count]
             template[landmark] = body.v_template[nearest].mean(0) - body.J_template[j]
             shapedirs[:, landmark] = body.shapedirs[:, nearest].mean(1) - body.J_shapedirs[:, j]
+    for left, shift_mm in _DETECTOR_SHIFT_MM.items():
+        for landmark, sign in {left: 1, MIRROR[left]: 1 if MIRROR[left] == left else -1}.items():
+            template[landmark] += np.array(shift_mm) * (sign, 1, 1) / 1000
     return LandmarkModel(joint, template, shapedirs)

@@ -2,8 +2,8 @@
 
 The reference frame is the term writer's choice: the shot's own axes when one shot is fitted, the world when all are.
 A step δ has 63 numbers a frame: root rotation (3), pelvis (3), and one rotation (3) for each of 19 body joints.
-Rotations are updated on the right, R ← R exp(δ), so that a step is an angular displacement in the joint's own axes. Toes and
-hands (joints 10, 11, 22, 23) stay as they are: no landmark moves with them alone.
+Rotations are updated on the right, R ← R exp(δ), so that a step is an angular displacement in the joint's own axes.
+Toes and hands (joints 10, 11, 22, 23) stay as they are: no landmark moves with them alone.
 """
 
 from dataclasses import dataclass

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from humanmm.models.body.rotations import skew, vector_from_rotation
 from humanmm.models.motion.fit_state import BODY, FREE_JOINTS, NUM_PARAMETERS, PELVIS, ROOT, CameraPath, Motion
@@ -112,7 +112,7 @@ class Reprojection:
         D[..., 0, 2] = -K[..., 0, 0] * x - K[..., 0, 1] * y
         D[..., 1, 1], D[..., 1, 2] = K[..., 1, 1], -K[..., 1, 1] * y
         D = D / (z * self.sigma_px)[..., None, None] @ self.camera.R_cam_ref[:, None]
-        _add_point_residual(motion.point_jacobian, D, residual, weight * trust, equations)
+        _add_residual(D @ motion.point_jacobian, residual, weight * trust, equations)
 
     def distances_px(self, motion: Motion) -> Float[Array, "N K"]:
         """Reprojection errors in pixels, nan where the point has no weight."""
@@ -121,51 +121,74 @@ class Reprojection:
 
 
 @dataclass(frozen=True, eq=False)
-class RelativePoints:
-    """Points known in 3D up to a translation of each frame: A (p − p̄ − (q − q̄)), means weighted as the points are."""
+class Bones:
+    """Vectors between points known in 3D, all of a frame turned by one unknown small rotation φ.
 
-    targets: Float[Array, "N K 3"]
-    """q, metres, in the axes of the reference frame."""
-    whiten: Float[Array, "N 3 3"]
-    """A: reference axes to residuals in sigmas (for one, less trust along the viewing ray)."""
-    weight: Float[Array, "N K"]
+    r_b = A_b ((p_to − p_from) − exp(φ) v_b), φ ~ N(0, diag(turn²)) in the axes of `R_ref_view`. A network that lifts a
+    picture to 3D is wrong about the tilt of the whole body before it is wrong about one bone against the others; φ
+    takes that part, and is eliminated frame by frame.
+    """
+
+    start: Int[Array, " B"]
+    end: Int[Array, " B"]
+    vectors: Float[Array, "N B 3"]
+    """v, metres, in the axes of the reference frame."""
+    R_ref_view: Float[Array, "N 3 3"]
+    """Axes in which errors are stated: across (x, y) and along (z) the viewing ray."""
+    sigma: Float[Array, "B 3"]
+    """Expected errors in view axes, metres."""
+    turn: Float[Array, " 3"]
+    """Expected size of φ about the view axes, radians."""
+    weight: Float[Array, "N B"]
+    time_weight: Float[Array, " N"]
     robust_scale: float = 3.0
 
-    def _centred(self, values: Array) -> Array:
-        """Values (N, K, …) less their weighted mean over the points."""
-        share = self.weight / np.maximum(self.weight.sum(-1, keepdims=True), 1e-9)
-        flat = values.reshape(*self.weight.shape, -1)
-        return np.asarray((flat - share[:, None] @ flat).reshape(values.shape))
-
-    def _residual(self, motion: Motion) -> Array:
-        gap = self._centred(motion.points - self.targets)
-        return np.asarray(gap @ np.swapaxes(self.whiten, -1, -2))
+    def _residual(self, motion: Motion) -> tuple[Array, Array, Array, Array]:
+        """Residuals, robust costs and weights at the best φ, and what φ itself costs: (N,B,3), (N,B), (N,B), (N,)."""
+        view = np.swapaxes(self.R_ref_view, -1, -2)[:, None]
+        points = motion.points
+        gap = (view @ (points[:, self.end] - points[:, self.start] - self.vectors)[..., None])[..., 0]
+        # exp(φ) v ≈ v − [v]× φ, so the residual grows by A [v]× φ.
+        turning = skew((view @ self.vectors[..., None])[..., 0]) / self.sigma[..., None]
+        base = gap / self.sigma
+        phi = np.zeros((len(base), 3))
+        trust = np.ones_like(self.weight)
+        for _ in range(3):
+            w = (self.weight * trust)[..., None, None]
+            S = np.sum(np.swapaxes(turning, -1, -2) @ (w * turning), axis=1)
+            S += self.time_weight[:, None, None] * np.diag(1 / self.turn**2)
+            s = np.sum(np.swapaxes(turning, -1, -2) @ (w * base[..., None]), axis=1)
+            phi = -np.linalg.solve(S, s)[..., 0]
+            residual = base + (turning @ phi[:, None, :, None])[..., 0]
+            loss, trust = cauchy(np.sum(residual**2, axis=-1), self.robust_scale)
+        turned = 0.5 * self.time_weight * np.sum((phi / self.turn) ** 2, axis=-1)
+        return residual, loss, trust, turned
 
     def cost(self, motion: Motion) -> float:
-        loss, _ = cauchy(np.sum(self._residual(motion) ** 2, axis=-1), self.robust_scale)
-        return float(np.sum(self.weight * loss))
+        _, loss, _, turned = self._residual(motion)
+        return float(np.sum(self.weight * loss) + np.sum(turned))
 
     def add(self, motion: Motion, equations: NormalEquations) -> None:
-        residual = self._residual(motion)
-        _, trust = cauchy(np.sum(residual**2, axis=-1), self.robust_scale)
-        D = np.broadcast_to(self.whiten[:, None], (*self.weight.shape, 3, 3))
-        _add_point_residual(self._centred(motion.point_jacobian), D, residual, self.weight * trust, equations)
+        residual, _, trust, _ = self._residual(motion)
+        D = np.swapaxes(self.R_ref_view, -1, -2)[:, None] / self.sigma[..., None]
+        point_jacobian = motion.point_jacobian
+        J = D @ (point_jacobian[:, self.end] - point_jacobian[:, self.start])
+        _add_residual(J, residual, self.weight * trust, equations)
 
 
-def _add_point_residual(
-    point_jacobian: Float[Array, "N K 3 63"],
-    D: Float[Array, "N K R 3"],
+def _add_residual(
+    J: Float[Array, "N K R 63"],
     residual: Float[Array, "N K R"],
     weight: Float[Array, "N K"],
     equations: NormalEquations,
 ) -> None:
-    """Add Σ_k w_k |r_k|² / 2, where r_k moves with its point as D_k."""
-    J = (np.sqrt(weight)[..., None, None] * D) @ point_jacobian
-    J = J.reshape(len(J), -1, NUM_PARAMETERS)
-    r = (np.sqrt(weight)[..., None] * residual).reshape(len(J), -1, 1)
-    transposed = np.swapaxes(J, -1, -2)
-    equations.own += transposed @ J
-    equations.gradient += (transposed @ r)[..., 0]
+    """Add Σ_k w_k |r_k|² / 2."""
+    root = np.sqrt(weight)[..., None]
+    rows = (root[..., None] * J).reshape(len(J), -1, NUM_PARAMETERS)
+    right = (root * residual).reshape(len(J), -1, 1)
+    transposed = np.swapaxes(rows, -1, -2)
+    equations.own += transposed @ rows
+    equations.gradient += (transposed @ right)[..., 0]
 
 
 def _inverse_right_jacobian(v: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3 3"]:

@@ -19,8 +19,8 @@ from humanmm.models.motion.fit_solver import SolverSettings, solve_windows
 from humanmm.models.motion.fit_start import bridged, start_pose, start_position
 from humanmm.models.motion.fit_state import CameraPath, Motion, Skeleton
 from humanmm.models.motion.fit_terms import (
+    Bones,
     PosePrior,
-    RelativePoints,
     Reprojection,
     Smoothness,
     Term,
@@ -33,21 +33,49 @@ from humanmm.models.shots.boundaries import Person, Shot
 
 Array = np.ndarray
 
-_LENGTHS = ((11, 13), (13, 15), (12, 14), (14, 16), (23, 25), (25, 27), (24, 26), (26, 28), (11, 12))
-"""Landmark pairs that compare the network's scale with the body's."""
+_KEYPOINT_SIGMA_M = np.array(
+    [0.02] * 11  # face
+    + [0.027, 0.027, 0.028, 0.028, 0.02, 0.02]  # shoulders, elbows, wrists
+    + [0.025] * 6  # knuckles
+    + [0.024, 0.024, 0.029, 0.029, 0.022, 0.022, 0.029, 0.029, 0.036, 0.036]  # hips, knees, ankles, heels, toes
+)
+"""Expected error of fully visible keypoints, metres at the person's depth, per axis (measured: `body.landmarks`)."""
+
+_HIDDEN = 2.2
+"""How much larger that error is for keypoints of visibility 0.5 or less (measured in the same way)."""
+
+
+@dataclass(frozen=True)
+class _Bone:
+    start: int
+    end: int
+    across_m: float
+    """Expected error of the network's 3D vector across the viewing ray, after scaling to the body's bone length."""
+    along_m: float
+    """The same along the ray."""
+
+
+_BONES = (
+    _Bone(12, 11, 0.05, 0.06), _Bone(24, 23, 0.05, 0.04), _Bone(23, 11, 0.06, 0.05), _Bone(24, 12, 0.06, 0.05),
+    _Bone(11, 13, 0.045, 0.09), _Bone(12, 14, 0.045, 0.09), _Bone(13, 15, 0.045, 0.09), _Bone(14, 16, 0.045, 0.09),
+    _Bone(15, 17, 0.03, 0.06), _Bone(16, 18, 0.03, 0.06), _Bone(15, 19, 0.03, 0.06), _Bone(16, 20, 0.03, 0.06),
+    _Bone(23, 25, 0.06, 0.09), _Bone(24, 26, 0.06, 0.09), _Bone(25, 27, 0.06, 0.09), _Bone(26, 28, 0.06, 0.09),
+    _Bone(29, 31, 0.09, 0.14), _Bone(30, 32, 0.09, 0.14), _Bone(8, 7, 0.03, 0.04), _Bone(7, 0, 0.03, 0.04),
+    _Bone(8, 0, 0.03, 0.04),
+)  # fmt: skip
+"""Vectors taken from the network's 3D landmarks. Errors of neighbouring bones are nearly independent, those of joints
+are not: an arm's error is carried on to its hand."""
 
 
 @dataclass(frozen=True)
 class NoiseModel:
     """Expected errors of the evidence; everything in the fit is measured in these units."""
 
-    keypoint_m: float = 0.03
-    """2D keypoints, metres at the person's depth, per axis."""
-    landmark_lateral_m: float = 0.06
-    """3D landmarks across the viewing ray, metres."""
-    landmark_depth_m: float = 0.10
-    """3D landmarks along the viewing ray, metres."""
-    prior: float = 0.3
+    turn_rad: tuple[float, float, float] = (0.14, 0.17, 0.05)
+    """Tilt of all 3D landmarks together, about the view's x, y and z axes (measured: 8, 10 and 3 degrees)."""
+    bones: float = 1.0
+    """Trust in the network's 3D landmarks, against what was measured."""
+    prior: float = 1.0
     """Weight of the pose prior against one frame's evidence."""
     prior_unseen: float = 0.01
     """The same in frames without any evidence, where the neighbours should decide."""
@@ -163,26 +191,26 @@ def fit_person(
     noise = noise or NoiseModel()
     body, model = load_body(), load_landmarks()
     skeleton = Skeleton(body.rest_joints(betas), model.joint, model.offsets(betas))
-    landmarks = evidence.landmarks_cam * _scale(skeleton, evidence)
-    motion = _start(skeleton, evidence, landmarks, camera)
-    terms = _Terms(evidence, landmarks, camera, _depths(motion, camera), noise)
+    motion = _start(skeleton, evidence, camera)
+    terms = _Terms(evidence, _bone_vectors(skeleton, evidence), camera, _depths(motion, camera), noise)
     motion = solve_windows(motion, terms, settings)
     return _result(person, evidence, betas, camera, motion, terms)
 
 
-def _scale(skeleton: Skeleton, evidence: Evidence) -> float:
-    """How much larger the body is than the network's landmarks say (median over bones and frames)."""
-    a, b = np.array(_LENGTHS).T
+def _bone_vectors(skeleton: Skeleton, evidence: Evidence) -> Float[Array, "N B 3"]:
+    """The network's bones in camera axes, each brought to the body's own length (by its median over the shot)."""
+    start, end = np.array([(bone.start, bone.end) for bone in _BONES]).T
     rest = skeleton.rest_joints[skeleton.point_joint] + skeleton.point_offset
-    ours = np.linalg.norm(rest[a] - rest[b], axis=-1)
-    theirs = evidence.landmarks_cam[evidence.seen]
-    return float(np.median(ours / np.maximum(np.linalg.norm(theirs[:, a] - theirs[:, b], axis=-1), 1e-3)))
+    ours = np.linalg.norm(rest[end] - rest[start], axis=-1)
+    vectors = evidence.landmarks_cam[:, end] - evidence.landmarks_cam[:, start]
+    theirs = np.median(np.linalg.norm(vectors[evidence.seen], axis=-1), axis=0)
+    return np.asarray(vectors * (ours / np.maximum(theirs, 1e-3))[:, None])
 
 
-def _start(skeleton: Skeleton, evidence: Evidence, landmarks: Array, camera: CameraPath) -> Motion:
+def _start(skeleton: Skeleton, evidence: Evidence, camera: CameraPath) -> Motion:
     """Inverse kinematics of the seen frames, placed on their rays; the others between them."""
     R_ref_cam = np.swapaxes(camera.R_cam_ref, -1, -2)
-    R_root, R_body = start_pose(skeleton, landmarks @ camera.R_cam_ref)
+    R_root, R_body = start_pose(skeleton, evidence.landmarks_cam @ camera.R_cam_ref)
     posed = Motion(skeleton, R_root, np.zeros((len(R_root), 3)), R_body).points @ np.swapaxes(camera.R_cam_ref, -1, -2)
     homogeneous = np.concatenate([evidence.keypoints, np.ones((*evidence.visibility.shape, 1))], axis=-1)
     rays = (homogeneous @ np.swapaxes(np.linalg.inv(camera.K), -1, -2))[..., :2]
@@ -204,27 +232,32 @@ class _Terms:
     """Builds the terms of a window of frames."""
 
     evidence: Evidence
-    landmarks: Float[Array, "N 33 3"]
+    bones: Float[Array, "N B 3"]
     camera: CameraPath
     depth: Float[Array, " N"]
     noise: NoiseModel
 
     def reprojection(self, frames: slice) -> Reprojection:
         e, camera = self.evidence, self.camera.frames(frames)
-        sigma_px = self.noise.keypoint_m * camera.K[:, 0, 0] / self.depth[frames]
-        weight = e.visibility[frames] * frame_weights(e.time_s)[frames][:, None]
-        return Reprojection(
-            camera, e.keypoints[frames], np.broadcast_to(sigma_px[:, None], weight.shape), weight * _KEYPOINT_WEIGHT
-        )
+        px_per_m = camera.K[:, 0, 0] / self.depth[frames]
+        weight = _trust(e.visibility[frames]) * frame_weights(e.time_s)[frames][:, None]
+        return Reprojection(camera, e.keypoints[frames], px_per_m[:, None] * _KEYPOINT_SIGMA_M, weight)
 
-    def relative(self, frames: slice) -> RelativePoints:
+    def lifted(self, frames: slice) -> Bones:
         e, camera = self.evidence, self.camera.frames(frames)
-        across, along = 1 / self.noise.landmark_lateral_m, 1 / self.noise.landmark_depth_m
-        ray = e.ray[frames]
-        whiten = across * np.eye(3) + (along - across) * ray[:, :, None] * ray[:, None, :]
-        weight = e.visibility[frames] * frame_weights(e.time_s)[frames][:, None]
-        targets = self.landmarks[frames] @ camera.R_cam_ref
-        return RelativePoints(targets, whiten @ camera.R_cam_ref, weight * _LANDMARK_WEIGHT)
+        start, end = np.array([(bone.start, bone.end) for bone in _BONES]).T
+        R_cam_view = swing(np.broadcast_to([0.0, 0.0, 1.0], e.ray[frames].shape), e.ray[frames])
+        trust, time = _trust(e.visibility[frames]), frame_weights(e.time_s)[frames]
+        return Bones(
+            start=start,
+            end=end,
+            vectors=self.bones[frames] @ camera.R_cam_ref,
+            R_ref_view=np.swapaxes(camera.R_cam_ref, -1, -2) @ R_cam_view,
+            sigma=np.array([(bone.across_m, bone.across_m, bone.along_m) for bone in _BONES]) / self.noise.bones,
+            turn=np.array(self.noise.turn_rad),
+            weight=np.minimum(trust[:, start], trust[:, end]) * time[:, None],
+            time_weight=time,
+        )
 
     def __call__(self, frames: slice) -> list[Term]:
         e, noise, statistics = self.evidence, self.noise, load_pose_statistics()
@@ -238,11 +271,13 @@ class _Terms:
             weight=time * np.where(e.seen[frames], noise.prior, noise.prior_unseen),
         )
         smooth = Smoothness(e.time_s[frames], statistics.acceleration * noise.smoothness)
-        return [self.reprojection(frames), self.relative(frames), prior, smooth]
+        return [self.reprojection(frames), self.lifted(frames), prior, smooth]
 
 
-_KEYPOINT_WEIGHT = np.ones(NUM_LANDMARKS)
-_LANDMARK_WEIGHT = np.ones(NUM_LANDMARKS)
+def _trust(visibility: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
+    """Weight of a keypoint: its variance grows as visibility falls to one half; below 0.2 it fades out."""
+    spread = 1 + (_HIDDEN - 1) * np.minimum(2 * (1 - visibility), 1)
+    return np.asarray(np.minimum(visibility / 0.2, 1) / spread**2)
 
 
 def _result(

@@ -73,7 +73,7 @@ class CameraConfig(Section):
 class HmrConfig(Section):
     """Fit of the body to one shot's keypoints and landmarks."""
 
-    pose_prior: Annotated[float, Field(ge=0, le=10)] = 0.3
+    pose_prior: Annotated[float, Field(ge=0, le=10)] = 1.0
     """Weight of motion-capture statistics of poses against what one frame shows; 0 trusts the frame alone."""
 
     smoothness: Annotated[float, Field(gt=0, le=100)] = 1.0

