@@ -1,6 +1,6 @@
 """Stage `shots`: cuts that people show, who is who across the cuts, and where left and right are exchanged."""
 
-from humanmm.models.camera.intrinsics import default_intrinsics
+from humanmm.models.camera.intrinsics import estimate_intrinsics
 from humanmm.models.perception.tracks import ScenePeople
 from humanmm.models.shots.assemble import assemble_shots
 from humanmm.models.shots.boundaries import Scenes, ShotList
@@ -16,6 +16,6 @@ def shots(inputs: StageInputs) -> ShotList:
         inputs.read_all("people", ScenePeople),
         time_s=facts.time_s,
         fps=facts.fps,
-        K=default_intrinsics(facts.width, facts.height).K,
+        K=estimate_intrinsics([], facts.width, facts.height).K,
         only_person=inputs.config.shots.person,
     )
