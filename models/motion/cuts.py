@@ -158,16 +158,21 @@ def _prepare(person: CutPerson, cameras: CutCameras, cut_time_s: float) -> cut_b
     return cut_bundle.PersonAtCut(before, after, lengths)
 
 
-def _window(time_s: Float[Array, "n"], last: bool) -> Int[Array, "m"]:
-    """At most MAX_FRAMES frames within WINDOW_S of the end that faces the cut, that end included."""
-    distance = (time_s[-1] - time_s) if last else (time_s - time_s[0])
-    near = np.flatnonzero(distance <= WINDOW_S + 1e-9)
+def _window(track: SideTrack, last: bool) -> Int[Array, "m"]:
+    """At most MAX_FRAMES frames within WINDOW_S of the end that faces the cut, without those that fit no neighbour."""
+    time_s = track.time_s
+    near = np.flatnonzero(((time_s[-1] - time_s) if last else (time_s - time_s[0])) <= WINDOW_S + 1e-9)
+    if len(near) > 3:
+        # Right at a cut the pose network starts afresh and may mix up a frame or two.
+        points = track.landmarks3d[near][:, list(POINTS)].astype(np.float64)
+        off = np.linalg.norm(points - np.median(points, axis=0), axis=-1).mean(axis=1)
+        near = near[off <= 3.0 * np.median(off) + 0.02]
     chosen = np.unique(np.round(np.linspace(0, len(near) - 1, min(MAX_FRAMES, len(near)))).astype(np.int64))
     return np.asarray(near[chosen])
 
 
 def _side(track: SideTrack, K: Float[Array, "3 3"], cut_time_s: float, last: bool) -> cut_bundle.SideView:
-    frames = _window(track.time_s, last)
+    frames = _window(track, last)
     keypoints = track.keypoints2d[frames].astype(np.float64)
     picked = list(POINTS)
     rays = np.ones((len(frames), len(POINTS), 3))

@@ -37,6 +37,10 @@ CAP = 9.0
 MAX_LINK_S = 0.5
 """Frames further apart than this say nothing about each other's labels."""
 
+NEIGHBOUR_S = 0.14
+SETTLE_SHARE = 0.9
+"""A frame changes its state if that brings it closer to its neighbours' median by this factor."""
+
 FORWARD_RIGHT_M = 0.10
 """Feet and knees of a rightly labelled body lie this far forward of heels and legs (means over real and rendered
 people); with exchanged labels the network draws them near 0."""
@@ -49,6 +53,7 @@ CUT_GAP_S = 0.1
 """A gap this long between two shots halves what the cut says."""
 CUT_LINK_S = 1.0
 """Longer gaps between shots carry no pose across."""
+HELD = 50.0
 KEEP_PRIOR = 1.0
 """Energy of half a second exchanged: the network is right more often than not."""
 
@@ -77,17 +82,18 @@ def swapped_frames(sightings: Sequence[Sighting], K: Float[Array, "3 3"]) -> lis
     seen = [sighting for sighting in sightings if len(sighting.frame)]
     if not seen:
         return [np.zeros(0, dtype=bool) for _ in sightings]
-    relative = [_within_shot(sighting) for sighting in seen]
+    relative = [_settled(sighting, _within_shot(sighting)) for sighting in seen]
     links: list[Array] = []
     for k, (sighting, state) in enumerate(zip(seen, relative, strict=True)):
-        links.append(_continuity(sighting))
+        links.append(_continuity(sighting) + _held_at_cuts(sighting, state, first=k == 0, last=k + 1 == len(seen)))
         if k + 1 < len(seen):
             same, turned = _across_cut(sighting, state, seen[k + 1], relative[k + 1], K)
             agreed = state[-1] == relative[k + 1][0]
             links.append(np.array([[same, turned] if agreed else [turned, same]]))
     unary = np.concatenate([_frame_evidence(sighting) for sighting in seen])
     whole = two_state_chain(unary, np.concatenate(links))
-    parts = iter(np.split(whole, np.cumsum([len(sighting.frame) for sighting in seen])[:-1]))
+    states = np.split(whole, np.cumsum([len(sighting.frame) for sighting in seen])[:-1])
+    parts = iter([_settled(sighting, state) for sighting, state in zip(seen, states, strict=True)])
     return [next(parts) if len(sighting.frame) else np.zeros(0, dtype=bool) for sighting in sightings]
 
 
@@ -121,13 +127,53 @@ def _within_shot(sighting: Sighting) -> Bool[Array, "n"]:
     return two_state_chain(_frame_evidence(sighting), _continuity(sighting))
 
 
+def _settled(sighting: Sighting, state: Bool[Array, "n"]) -> Bool[Array, "n"]:
+    """The states with single frames put right by the median of their neighbours.
+
+    A picture in which the network mixes both sides looks wrong next to either neighbour, so the chain may pass it in
+    the wrong state; against the median of its surroundings it shows where it belongs.
+    """
+    for _ in range(2):
+        flat, _ = _normalised(exchange(sighting.keypoints2d, state))
+        solid = exchange(sighting.landmarks3d, state).astype(np.float64)
+        new = state.copy()
+        for k, now in enumerate(sighting.time_s):
+            first, last = np.searchsorted(sighting.time_s, [now - NEIGHBOUR_S - 1e-9, now + NEIGHBOUR_S + 1e-9])
+            others = np.r_[first:k, k + 1 : last]
+            if len(others) < 4:
+                continue
+            usual = (np.median(flat[others], axis=0), np.median(solid[others], axis=0))
+            kept, exchanged = (
+                _distance(flat[k, labels], usual[0]) / KEYPOINT_SIGMA
+                + _distance(solid[k, labels], usual[1]) / LANDMARK_SIGMA_M
+                for labels in (np.arange(33), _MIRROR)
+            )
+            new[k] ^= exchanged < SETTLE_SHARE * kept
+        if (new == state).all():
+            break
+        state = new
+    return state
+
+
+def _distance(a: Float[Array, "33 c"], b: Float[Array, "33 c"]) -> float:
+    """Weighted mean distance of the limbs' points: no cap, a mixed-up frame is far from everything."""
+    return float(np.average(np.linalg.norm(a - b, axis=-1)[LIMBS], weights=_WEIGHT))
+
+
+def _normalised(keypoints2d: Float[Array, "n 33 3"]) -> tuple[Float[Array, "n 33 2"], Float[Array, "n"]]:
+    """Image points about the torso in body heights, and the height in pixels."""
+    image = keypoints2d[..., :2].astype(np.float64)
+    image = image - image[:, [11, 12, 23, 24]].mean(axis=1, keepdims=True)
+    height = np.maximum(np.maximum(np.ptp(image[..., 1], axis=1), np.ptp(image[..., 0], axis=1)), 1e-6)
+    return image / height[:, None, None], height
+
+
 def _continuity(sighting: Sighting) -> Float[Array, "n-1 2"]:
     """Energy of each neighbouring pair of frames with the same and with different labels."""
     step = np.diff(sighting.time_s)[:, None]
-    image = sighting.keypoints2d[..., :2].astype(np.float64)
-    image = image - image[:, [11, 12, 23, 24]].mean(axis=1, keepdims=True)
-    height = np.maximum(np.ptp(image[..., 1], axis=1), np.ptp(image[..., 0], axis=1))
-    height = np.maximum(np.minimum(height[1:], height[:-1]), 1e-6)[:, None]
+    image, height = _normalised(sighting.keypoints2d)
+    image = image * height[:, None, None]
+    height = np.minimum(height[1:], height[:-1])[:, None]
     landmarks = sighting.landmarks3d.astype(np.float64)
     energies = []
     for labels in (np.arange(33), _MIRROR):
@@ -162,6 +208,21 @@ def forwardness(landmarks3d: Float[Array, "n 33 3"]) -> Float[Array, "n"]:
     toes = 0.5 * (x[:, 31] - x[:, 29] + x[:, 32] - x[:, 30])
     knees = 0.5 * (x[:, 25] + x[:, 26]) - 0.25 * (x[:, 23] + x[:, 24] + x[:, 27] + x[:, 28])
     return np.asarray(0.5 * ((toes + knees) * forward).sum(axis=1))
+
+
+def _held_at_cuts(sighting: Sighting, state: Bool[Array, "n"], *, first: bool, last: bool) -> Float[Array, "n-1 2"]:
+    """Energy that keeps frames next to a cut in their states relative to one another: the cut judges them together."""
+    held = np.zeros((max(len(state) - 1, 0), 2))
+    time_s = sighting.time_s
+    near = np.zeros(len(held), dtype=bool)
+    if not first:
+        near |= time_s[1:] <= time_s[0] + cuts.WINDOW_S
+    if not last:
+        near |= time_s[:-1] >= time_s[-1] - cuts.WINDOW_S
+    changed = state[1:] != state[:-1]
+    held[near & changed, 0] = HELD
+    held[near & ~changed, 1] = HELD
+    return held
 
 
 def _across_cut(
