@@ -25,7 +25,7 @@ from humanmm.models.perception.tracks import PersonTrack
 
 DEFAULT_FOCAL_PER_DIAGONAL = math.sqrt(28.0 * 50.0) / math.hypot(36.0, 24.0)
 DEFAULT_RELATIVE_SIGMA = 0.4
-MODEL_RELATIVE_SIGMA = 0.01
+MODEL_RELATIVE_SIGMA = 0.03
 """What a pinhole with its principal point in the middle is worth on a real lens; no estimate claims to be better."""
 TAIL_DEGREES = 3.0
 """Degrees of freedom of Student's t for the evidence of a shot."""

@@ -15,7 +15,7 @@ from humanmm.models.camera import rotations
 from humanmm.models.camera.bundle import Adjusted, Freedom, Observations, Points, Views, adjust, residuals
 from humanmm.models.camera.resection import resect
 from humanmm.models.camera.tracked import TrackedShot
-from humanmm.models.camera.two_view import Pair, rays, relative_pose, starting_pair, turned_to
+from humanmm.models.camera.two_view import Pair, rays, relative_pose, starting_pairs, turned_to
 
 WINDOW = 15
 """Keyframes in an adjustment while the odometry runs (LEAP-VO: 15)."""
@@ -31,6 +31,8 @@ MOVING_GAIN = 0.6
 point."""
 MAX_ERROR_SHARE = 0.002
 """Error of a sighting, as a share of the diagonal, that the two-view pose at the start tolerates."""
+LASTING, MIN_LASTING = 4, 100
+"""Keyframes that see a point that counts in comparing models, and sightings of such points needed."""
 OUTLIER_SIGMA = 4.0
 """Sightings further off than this many sigma after an adjustment are dropped (LEAP-VO drops above 5 px)."""
 MIN_POINTS = 12
@@ -54,8 +56,13 @@ class Track:
 
     @property
     def error_px(self) -> float:
-        """Median reprojection error over `all_sightings`, whichever of them the map was fitted to."""
-        return float(np.median(residuals(self.views, self.points, self.all_sightings)))
+        """Median reprojection error over all lasting points (if there are any), whether the map was fitted to them or not.
+
+        A point seen twice fits any moving camera; only one seen more often can tell models apart.
+        """
+        residual_px = residuals(self.views, self.points, self.all_sightings)
+        lasting = np.bincount(self.all_sightings.point)[self.all_sightings.point] >= LASTING
+        return float(np.median(residual_px[lasting] if lasting.sum() >= MIN_LASTING else residual_px))
 
 
 def empty_points(num_points: int) -> Points:
@@ -93,21 +100,27 @@ def _seen_twice(observations: Observations) -> Observations:
     return observations.select(np.bincount(observations.point)[observations.point] >= 2)
 
 
-def moving(shot: TrackedShot, guide: Track) -> Track | None:
+def moving(shot: TrackedShot, guide: Track, *, max_starts: int = 3) -> Track | None:
     """The track of a camera that moves, over the keyframes of `guide`, the turning camera's, which predicts its turns.
 
-    None if no two keyframes see enough in common to start from.
+    A two-view pose from noisy points may be the wrong one of several that look alike; while the result does not fit as
+    points normally do, up to `max_starts` pairs are tried, and the best fit wins. None if no pair gives a start.
     """
-    keyframes = guide.keyframes
-    pair = starting_pair(shot, keyframes, guide.views.focal_px)
-    run = _MovingRun(shot, keyframes, guide)
-    if pair is None or not run.start(pair, MAX_ERROR_SHARE * shot.diagonal_px):
-        return None
-    for k in range(pair.second + 1, len(keyframes)):
-        run.take(k, k - 1)
-    for k in range(pair.first - 1, -1, -1):
-        run.take(k, k + 1)
-    return run.finish()
+    best: Track | None = None
+    for pair in starting_pairs(shot, guide.keyframes, guide.views.focal_px)[:max_starts]:
+        run = _MovingRun(shot, guide.keyframes, guide)
+        if not run.start(pair, MAX_ERROR_SHARE * shot.diagonal_px):
+            continue
+        for k in range(pair.second + 1, len(guide.keyframes)):
+            run.take(k, k - 1)
+        for k in range(pair.first - 1, -1, -1):
+            run.take(k, k + 1)
+        track = run.finish()
+        if best is None or track.error_px < best.error_px:
+            best = track
+        if best.error_px < EXACT_SHARE * shot.diagonal_px:
+            break
+    return best
 
 
 class _MovingRun:

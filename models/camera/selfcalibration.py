@@ -25,7 +25,7 @@ MAX_KEYFRAMES = 24
 """Keyframes of a shot that are used: more would cost time and add little."""
 HINT_SHARE = 0.0015
 """A turning camera that fits within this share of the diagonal gives a good first focal length for a moving one."""
-MAX_STARTS = 2
+MAX_ROUNDS = 2
 SAME_FOCAL = 0.05
 """A moving camera is followed anew if its focal length came out further from the first guess than this."""
 
@@ -84,9 +84,9 @@ def focal_evidence(shot: TrackedShot, start_px: float) -> FocalEvidence | None:
     hint = noise < HINT_SHARE * shot.diagonal_px
     focal_px = turning.track.views.focal_px if hint else start_px
     found: FocalEvidence | None = None
-    for _ in range(MAX_STARTS):
+    for _ in range(MAX_ROUNDS):
         guide = rotating(shot, keyframes, focal_px, freedom=turning_freedom)
-        moved = moving(shot, guide)
+        moved = moving(shot, guide, max_starts=1)
         if moved is None:
             break
         followed = with_own_focal(moved, moving_freedom)

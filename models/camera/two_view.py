@@ -9,6 +9,7 @@ from jaxtyping import Float, Int
 from humanmm.models.camera import rotations
 from humanmm.models.camera.tracked import TrackedShot
 
+NUM_PLACES = 5
 MIN_SHARED = 30
 """Points that two keyframes must share to start the odometry."""
 ENOUGH_PARALLAX_SHARE = 0.01
@@ -54,21 +55,28 @@ def parallax_px(xy_a: Float[np.ndarray, "n 2"], xy_b: Float[np.ndarray, "n 2"], 
     return focal_px * float(np.median(np.linalg.norm(ray_a - ray_b @ R_a_b.T, axis=1)))
 
 
-def starting_pair(shot: TrackedShot, keyframes: Int[np.ndarray, " k"], focal_px: float) -> Pair | None:
-    """The first pair of keyframes with safe parallax, else the one with most; None if no two share enough points."""
+def starting_pairs(shot: TrackedShot, keyframes: Int[np.ndarray, " k"], focal_px: float) -> list[Pair]:
+    """Pairs of keyframes to start from, at several places of the shot, the one with most parallax for its points first.
+
+    At each place the second keyframe is the nearest one with safe parallax, or the one with most.
+    """
     enough = ENOUGH_PARALLAX_SHARE * shot.diagonal_px
-    best: Pair | None = None
-    for first in range(len(keyframes) - 1):
-        for second in range(first + 1, len(keyframes)):
+    found: list[tuple[float, Pair]] = []
+    for first in np.unique(np.linspace(0, len(keyframes) - 2, NUM_PLACES).astype(int)):
+        best: tuple[float, Pair] | None = None
+        for second in range(int(first) + 1, len(keyframes)):
             _, xy_a, xy_b = shot.shared(int(keyframes[first]), int(keyframes[second]))
             if len(xy_a) < MIN_SHARED:
                 break
             parallax = parallax_px(xy_a, xy_b, focal_px)
-            if best is None or parallax > best.parallax_px:
-                best = Pair(first, second, parallax)
+            strength = min(parallax, enough) * float(np.sqrt(len(xy_a)))
+            if best is None or strength > best[0]:
+                best = strength, Pair(int(first), second, parallax)
             if parallax > enough:
-                return best
-    return best
+                break
+        if best is not None:
+            found.append(best)
+    return [pair for _, pair in sorted(found, key=lambda one: -one[0])]
 
 
 def relative_pose(
