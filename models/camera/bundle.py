@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.sparse import bsr_matrix
+from scipy.sparse import bsr_matrix, csr_matrix
 
 from humanmm.models.camera import rotations
 
@@ -136,7 +136,8 @@ def adjust(
     noise = noise_of(residual, noise_floor_px)
     cost = float(robust_loss(residual, noise).sum())
     damping = 1e-4
-    system = _System(views, points, observations, fixed, freedom, noise)
+    layout = _Layout(observations, len(fixed), len(points.rho))
+    system = _System(views, points, observations, layout, fixed, freedom, noise)
     for _ in range(iterations):
         new_views, new_points = system.step(views, points, damping)
         new_residual = residuals(new_views, new_points, observations)
@@ -153,7 +154,7 @@ def adjust(
         cost = float(robust_loss(residual, noise).sum())
         if gain < MIN_GAIN:
             break
-        system = _System(views, points, observations, fixed, freedom, noise)
+        system = _System(views, points, observations, layout, fixed, freedom, noise)
     return Adjusted(views, points, residual, cost, noise)
 
 
@@ -166,8 +167,29 @@ def focal_step(
     creeps. Eliminating the rest (variable projection) leaves a scalar problem that is close to quadratic; the caller
     takes the step, carries the solution over (`with_focal`) and adjusts again.
     """
-    system = _System(solution.views, solution.points, observations, fixed, freedom, solution.noise_px, focal=True)
-    return system.focal_step()
+    layout = _Layout(observations, len(fixed), len(solution.points.rho))
+    noise = solution.noise_px
+    return _System(
+        solution.views, solution.points, observations, layout, fixed, freedom, noise, focal=True
+    ).focal_step()
+
+
+class _Layout:
+    """Who sees what, arranged once for all iterations."""
+
+    def __init__(self, observations: Observations, num_images: int, num_points: int) -> None:
+        count = np.arange(len(observations.image))
+        ones = np.ones(len(count))
+        self.by_image = csr_matrix((ones, (observations.image, count)), shape=(num_images, len(count)))
+        self.by_point = csr_matrix((ones, (observations.point, count)), shape=(num_points, len(count)))
+        self.order = np.argsort(observations.image, kind="stable")
+        self.indptr = np.searchsorted(observations.image[self.order], np.arange(num_images + 1))
+        self.column = observations.point[self.order]
+
+
+def _sum_by(gather: csr_matrix, values: np.ndarray) -> np.ndarray:
+    """Sums of the rows of `values` that belong together."""
+    return np.asarray(gather @ values.reshape(len(values), -1)).reshape(gather.shape[0], *values.shape[1:])
 
 
 class _System:
@@ -178,6 +200,7 @@ class _System:
         views: Views,
         points: Points,
         observations: Observations,
+        layout: _Layout,
         fixed: np.ndarray,
         freedom: Freedom,
         noise_px: float,
@@ -185,7 +208,6 @@ class _System:
     ) -> None:
         self.freedom, self.fixed, self.t_shot_cam = freedom, fixed, views.t_shot_cam
         self.num_images, self.num_points = len(fixed), len(points.rho)
-        image, point = observations.image, observations.point
         q, xy = project(views, points, observations)
         front = q[:, 2] > MIN_DEPTH
         error = np.where(front[:, None], observations.xy - xy, 0.0)
@@ -194,53 +216,40 @@ class _System:
         self.tangent = _tangents(points.direction)
         J_image, J_point, J_focal = self._jacobians(views, points, observations, q, front)
 
-        weighted_image = J_image * weight[:, None, None]
-        weighted_point = J_point * weight[:, None, None]
+        weighted_image = np.swapaxes(J_image, 1, 2) * weight[:, None, None]
+        weighted_point = np.swapaxes(J_point, 1, 2) * weight[:, None, None]
         width, depth = J_image.shape[2], J_point.shape[2]
         self.width = width
-        by_image = np.einsum("mri,mrj->mij", weighted_image, J_image)
-        self.U = _sum_by(image, by_image, self.num_images)
-        self.g_image = _sum_by(image, np.einsum("mri,mr->mi", weighted_image, error), self.num_images)
-        self.V = _sum_by(point, np.einsum("mri,mrj->mij", weighted_point, J_point), self.num_points)
-        self.g_point = _sum_by(point, np.einsum("mri,mr->mi", weighted_point, error), self.num_points)
-        coupling = np.einsum("mri,mrj->mij", weighted_image, J_point)
-        order = np.argsort(image, kind="stable")
-        indptr = np.searchsorted(image[order], np.arange(self.num_images + 1))
+        by_image = weighted_image @ J_image
+        self.U = _sum_by(layout.by_image, by_image)
+        self.g_image = _sum_by(layout.by_image, np.einsum("mir,mr->mi", weighted_image, error))
+        self.V = _sum_by(layout.by_point, weighted_point @ J_point)
+        self.g_point = _sum_by(layout.by_point, np.einsum("mir,mr->mi", weighted_point, error))
+        coupling = weighted_image @ J_point
+        self.layout = layout
         self.W = bsr_matrix(
-            (coupling[order], point[order], indptr), shape=(self.num_images * width, self.num_points * depth)
+            (coupling[layout.order], layout.column, layout.indptr),
+            shape=(self.num_images * width, self.num_points * depth),
         )
-        self.order, self.indptr, self.column = order, indptr, point[order]
         if focal:
             self.focal_curvature = float((weight[:, None] * J_focal**2).sum())
             self.g_focal = float((weight[:, None] * J_focal * error).sum())
-            self.focal_image = _sum_by(image, np.einsum("mri,mr->mi", weighted_image, J_focal), self.num_images)
-            self.focal_point = _sum_by(point, np.einsum("mri,mr->mi", weighted_point, J_focal), self.num_points)
+            self.focal_image = _sum_by(layout.by_image, np.einsum("mir,mr->mi", weighted_image, J_focal))
+            self.focal_point = _sum_by(layout.by_point, np.einsum("mir,mr->mi", weighted_point, J_focal))
 
     def _jacobians(
         self, views: Views, points: Points, observations: Observations, q: np.ndarray, front: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """d pixel / d (rotation, centre, zoom) (M,2,·), d pixel / d (direction, ρ) (M,2,·), d pixel / d ln f (M,2)."""
         image, point = observations.image, observations.point
-        focal = views.focals_px[image]
-        z = np.where(front, q[:, 2], 1.0)
-        planar = q[:, :2] / z[:, None]
-        to_pixel = np.zeros((len(q), 2, 3))
-        to_pixel[:, 0, 0] = to_pixel[:, 1, 1] = focal / z
-        to_pixel[:, :, 2] = -(focal / z)[:, None] * planar
-        R_cam_shot = np.swapaxes(views.R_shot_cam[image], 1, 2)
-        by_rotation = to_pixel @ rotations.skew(q)
-        from_shot = to_pixel @ R_cam_shot
-        J_focal = focal[:, None] * planar
-        columns_image = [by_rotation]
-        columns_point = [from_shot @ self.tangent[point]]
+        J_image, from_shot = image_jacobian(views, points.rho, observations, q, front, self.freedom)
+        J_point = np.empty((len(q), 2, 3 if self.freedom.translation else 2))
+        J_point[:, :, :2] = from_shot @ self.tangent[point]
         if self.freedom.translation:
-            rho = points.rho[point][:, None, None]
-            columns_image.append(-rho * from_shot)
             offset = points.anchor[point] - views.t_shot_cam[image]
-            columns_point.append(from_shot @ offset[:, :, None])
-        if self.freedom.zoom:
-            columns_image.append(J_focal[:, :, None])
-        return np.concatenate(columns_image, 2), np.concatenate(columns_point, 2), J_focal
+            J_point[:, :, 2] = np.einsum("mri,mi->mr", from_shot, offset)
+        planar = q[:, :2] / np.where(front, q[:, 2], 1.0)[:, None]
+        return J_image, J_point, views.focals_px[image, None] * planar
 
     def _reduced(self, damping: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, bsr_matrix]:
         """Reduced camera matrix and right side, the inverted point blocks, and W V⁻¹."""
@@ -248,7 +257,8 @@ class _System:
         diagonal = np.einsum("pii->pi", V)
         diagonal += damping * diagonal + 1e-9 * max(float(diagonal.max(initial=0.0)), 1.0)
         V_inverse = np.linalg.inv(V)
-        Y = bsr_matrix((self.W.data @ V_inverse[self.column], self.column, self.indptr), shape=self.W.shape)
+        column = self.layout.column
+        Y = bsr_matrix((self.W.data @ V_inverse[column], column, self.layout.indptr), shape=self.W.shape)
         S = -np.asarray((Y @ self.W.T).todense())
         width = self.width
         U = self.U.copy()
@@ -318,18 +328,45 @@ def _solve(S: np.ndarray, right: np.ndarray) -> np.ndarray:
     return np.asarray((scale * np.linalg.solve(scaled, right).T).T)
 
 
+def image_jacobian(
+    views: Views,
+    rho: Float[np.ndarray, " p"],
+    observations: Observations,
+    q: Float[np.ndarray, "m 3"],
+    front: Bool[np.ndarray, " m"],
+    freedom: Freedom,
+) -> tuple[Float[np.ndarray, "m 2 c"], Float[np.ndarray, "m 2 3"]]:
+    """d pixel / d (rotation, centre, zoom) of each sighting's image, and d pixel / d q turned into the shot frame.
+
+    Rotations are perturbed on the right, R exp([δ]×), so that dq/dδ = [q]×; written out with x = q_x/q_z, y = q_y/q_z.
+    """
+    image = observations.image
+    focal = views.focals_px[image]
+    z = np.where(front, q[:, 2], 1.0)
+    x, y = q[:, 0] / z, q[:, 1] / z
+    J = np.empty((len(q), 2, 3 + 3 * freedom.translation + freedom.zoom))
+    J[:, 0, 0], J[:, 0, 1], J[:, 0, 2] = x * y, -(x * x + 1.0), y
+    J[:, 1, 0], J[:, 1, 1], J[:, 1, 2] = y * y + 1.0, -x * y, -x
+    J[:, :, :3] *= focal[:, None, None]
+    axes = np.swapaxes(views.R_shot_cam[image], 1, 2)
+    from_shot = np.empty((len(q), 2, 3))
+    from_shot[:, 0] = axes[:, 0] - x[:, None] * axes[:, 2]
+    from_shot[:, 1] = axes[:, 1] - y[:, None] * axes[:, 2]
+    from_shot *= (focal / z)[:, None, None]
+    if freedom.translation:
+        J[:, :, 3:6] = -rho[observations.point][:, None, None] * from_shot
+    if freedom.zoom:
+        J[:, 0, -1], J[:, 1, -1] = focal * x, focal * y
+    return J, from_shot
+
+
 def _tangents(direction: Float[np.ndarray, "p 3"]) -> Float[np.ndarray, "p 3 2"]:
-    """Two unit vectors perpendicular to each direction."""
-    helper = np.where(np.abs(direction[:, :1]) < 0.7, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
-    first = np.cross(direction, helper)
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    return np.stack([first, np.cross(direction, first)], 2)
-
-
-def _sum_by(group: np.ndarray, values: np.ndarray, num_groups: int) -> np.ndarray:
-    """Sum of the rows of each group."""
-    flat = values.reshape(len(values), -1)
-    total = np.zeros((num_groups, flat.shape[1]))
-    for column in range(flat.shape[1]):
-        total[:, column] = np.bincount(group, flat[:, column], minlength=num_groups)
-    return total.reshape(num_groups, *values.shape[1:])
+    """Two unit vectors perpendicular to each direction (Duff et al. 2017, branch by the sign of z)."""
+    x, y, z = direction.T
+    sign = np.where(z >= 0, 1.0, -1.0)
+    a = -1.0 / (sign + z)
+    b = x * y * a
+    tangent = np.empty((len(direction), 3, 2))
+    tangent[:, 0, 0], tangent[:, 1, 0], tangent[:, 2, 0] = 1.0 + sign * x * x * a, sign * b, -sign * x
+    tangent[:, 0, 1], tangent[:, 1, 1], tangent[:, 2, 1] = b, sign + y * y * a, -y
+    return tangent

@@ -56,7 +56,8 @@ class Track:
 
     @property
     def error_px(self) -> float:
-        """Median reprojection error over all lasting points (if there are any), whether the map was fitted to them or not.
+        """Median reprojection error over all lasting points (if there are any), whether the map was fitted to them or
+        not.
 
         A point seen twice fits any moving camera; only one seen more often can tell models apart.
         """

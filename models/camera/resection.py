@@ -13,6 +13,7 @@ from humanmm.models.camera.bundle import (
     Observations,
     Points,
     Views,
+    image_jacobian,
     noise_of,
     project,
 )
@@ -44,7 +45,7 @@ def resect(
             break
         noise = _noise_per_image(residual, used, starts, num_images)[image]
         weight = np.where(front, 1.0 / (1.0 + (np.minimum(residual, 1e4) / (2 * noise)) ** 2), 0.0)
-        J = _jacobian(views, points, observations, q, front, freedom)
+        J, _ = image_jacobian(views, points.rho, observations, q, front, freedom)
         H = np.zeros((num_images, width, width))
         g = np.zeros((num_images, width))
         weighted = J * weight[:, None, None]
@@ -66,25 +67,6 @@ def _noise_per_image(residual: np.ndarray, used: np.ndarray, starts: np.ndarray,
     for index, begin, end in zip(used, starts, ends, strict=True):
         noise[index] = noise_of(residual[begin:end], 0.2)
     return noise
-
-
-def _jacobian(
-    views: Views, points: Points, observations: Observations, q: np.ndarray, front: np.ndarray, freedom: Freedom
-) -> np.ndarray:
-    image = observations.image
-    focal = views.focals_px[image]
-    z = np.where(front, q[:, 2], 1.0)
-    planar = q[:, :2] / z[:, None]
-    to_pixel = np.zeros((len(q), 2, 3))
-    to_pixel[:, 0, 0] = to_pixel[:, 1, 1] = focal / z
-    to_pixel[:, :, 2] = -(focal / z)[:, None] * planar
-    columns = [to_pixel @ rotations.skew(q)]
-    if freedom.translation:
-        from_shot = to_pixel @ np.swapaxes(views.R_shot_cam[image], 1, 2)
-        columns.append(-points.rho[observations.point][:, None, None] * from_shot)
-    if freedom.zoom:
-        columns.append((focal[:, None] * planar)[:, :, None])
-    return np.concatenate(columns, 2)
 
 
 def _moved(views: Views, delta: np.ndarray, freedom: Freedom) -> Views:
