@@ -22,12 +22,12 @@ CONTACT_JOINTS = (7, 10, 8, 11)
 class ContactModel:
     """Where a standing foot becomes a moving one."""
 
-    speed_ms: float = 0.45
-    """Speed at which both are equally likely, m/s: what a foot at rest seems to move at comes close to half of it."""
+    speed_ms: float = 0.6
+    """Speed at which both are equally likely, m/s: an estimated foot that stands moves at up to half of it."""
     speed_softness_ms: float = 0.10
-    height_m: float = 0.09
+    height_m: float = 0.12
     """The same for the height of the sole above the support, metres."""
-    height_softness_m: float = 0.02
+    height_softness_m: float = 0.03
     baseline_s: float = 0.08
     """Time over which speeds are taken."""
     support_window_s: float = 0.5
@@ -102,7 +102,7 @@ def _settled(probability: Float[Array, " N"], time_s: Float[Array, " N"], model:
     for start, end in intervals(holds):
         if duration[start:end].sum() < model.shortest_s or probability[start:end].max() < model.begin:
             holds[start:end] = False
-    return np.where(holds, np.maximum(probability, 0.501), np.minimum(probability, 0.499))
+    return np.asarray(np.where(holds, np.maximum(probability, 0.501), np.minimum(probability, 0.499)))
 
 
 def _logistic(x: Array) -> Array:

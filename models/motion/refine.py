@@ -6,6 +6,7 @@ inverse kinematics, and the floor is put under them. Cameras keep their rotation
 the origin alone.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -26,11 +27,14 @@ Array = np.ndarray
 CHUNK_FRAMES = 512
 """Frames whose whole kinematics are in memory at the same time."""
 
-FLOOR_QUANTILE = 0.3
-"""Share of the standing time that may be below the floor: people also stand on things, never under the ground."""
-
 FLOOR_NEAR_M = 0.10
-"""Contacts this near to the floor found so far decide where it really is."""
+"""Standing soles this near to the floor found so far say where it really is; others stand on something."""
+
+FEWEST_STANDING = 10
+"""Fewer places and frames than this say nothing about the floor."""
+
+TRAJECTORY_ROUNDS = 2
+"""How often the way and the feet that stand are found from one another."""
 
 _LEG_JOINTS = tuple(joint for leg in LEGS for joint in leg)
 
@@ -57,67 +61,131 @@ def refine_world(
 ) -> WorldMotion:
     """All people refined; floor at z = 0, first person's first pelvis above the origin."""
     settings = settings or RefineSettings()
-    people = [
-        refine_person(person, world.t_world_cam, time_s=time_s, cut_frames=cut_frames, settings=settings)
+    drafts = {
+        person.person: draft(
+            person, world.t_world_cam[person.frame], time_s[person.frame], cut_frames=cut_frames, settings=settings
+        )
         for person in world.people
-    ]
-    return at_origin(replace(world, people=tuple(people)))
+        if person.observed.any()
+    }
+    rise = floor_height(list(drafts.values()))
+    people = tuple(
+        finish(drafts[person.person].raised(-rise), settings=settings) if person.person in drafts else person
+        for person in world.people
+    )
+    return at_origin(replace(world, people=people, t_world_cam=world.t_world_cam - [0.0, 0.0, rise]))
 
 
-def refine_person(
+@dataclass(frozen=True, eq=False)
+class Draft:
+    """One person on the way: smooth poses without gaps, the pelvis as it was seen and as it is now, feet that stand."""
+
+    person: PersonMotion
+    time_s: Float[Array, " N"]
+    camera_centre: Float[Array, "N 3"]
+    sole_height: Float[Array, " 4"]
+    R_local: Float[Array, "N 24 3 3"]
+    legs: "LegJoints"
+    seen_pelvis: Float[Array, "N 3"]
+    pelvis: Float[Array, "N 3"]
+    contacts: Float[Array, "N 4"]
+
+    @property
+    def soles(self) -> Float[Array, "N 4"]:
+        """Heights of the soles above z = 0."""
+        return np.asarray(self.legs.positions[:, _FEET, 2] + self.pelvis[:, None, 2] - self.sole_height)
+
+    def raised(self, by: float) -> "Draft":
+        """The same in a world whose floor is lower by so much."""
+        up = np.array([0.0, 0.0, by])
+        return replace(
+            self,
+            camera_centre=self.camera_centre + up,
+            seen_pelvis=self.seen_pelvis + up,
+            pelvis=self.pelvis + up,
+        )
+
+    def with_contacts(self, model: ContactModel) -> "Draft":
+        """Contacts found on the way as it is now."""
+        way = self.pelvis - self.camera_centre
+        found = contact_probabilities(
+            self.legs.positions[:, _FEET] + self.pelvis[:, None],
+            self.sole_height,
+            time_s=self.time_s,
+            ray=way / np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), 1e-6),
+            observed=self.person.observed,
+            model=model,
+        )
+        return replace(self, contacts=found)
+
+    def with_trajectory(self, noise: TrajectoryNoise) -> "Draft":
+        """The pelvis' way solved with the feet that stand."""
+        solved = solve_trajectory(
+            self.seen_pelvis,
+            self.legs.positions[:, _FEET],
+            self.contacts,
+            self.sole_height,
+            camera_centre=self.camera_centre,
+            observed=self.person.observed,
+            time_s=self.time_s,
+            noise=noise,
+        )
+        return replace(self, pelvis=solved)
+
+
+def draft(
     person: PersonMotion,
-    t_world_cam: Float[Array, "F 3"],
+    camera_centre: Float[Array, "N 3"],
+    time_s: Float[Array, " N"],
     *,
-    time_s: Float[Array, " F"],
     cut_frames: tuple[int, ...],
     settings: RefineSettings,
-) -> PersonMotion:
-    """One person's motion, with contacts."""
-    time, observed = time_s[person.frame], person.observed
-    if not observed.any():
-        return person
+) -> Draft:
+    """Seams closed, rotations smoothed, gaps filled, feet that stand found once."""
     body = load_body()
-    rest_joints = body.rest_joints(person.betas)
-    sole = sole_heights(body, person.betas)
-    R = _local_rotations(person)
+    R = np.concatenate([person.R_world_root[:, None], rotation_from_vector(person.body_pose)], axis=1)
     if settings.close_seams:
-        R = close_seams(R, frame=person.frame, observed=observed, time_s=time, cut_frames=cut_frames)
-    weight = np.where(observed, np.clip(person.confidence, 0.05, 1.0), 0.0)
-    R = smooth_rotations(R, weight, time, cutoff_hz=settings.cutoff_hz)
-    pelvis = smooth(person.pelvis_world, weight, time, cutoff_hz=settings.cutoff_hz)
-    legs = leg_joints(rest_joints, R)
-    feet = legs.positions[:, _FEET]
-    centre = t_world_cam[person.frame]
-    contacts = np.zeros((len(time), 4))
-    for _ in range(2 if settings.trajectory else 1):
-        ray = (pelvis - centre) / np.maximum(np.linalg.norm(pelvis - centre, axis=-1, keepdims=True), 1e-6)
-        contacts = contact_probabilities(
-            feet + pelvis[:, None], sole, time_s=time, ray=ray, observed=observed, model=settings.contacts
-        )
-        if settings.trajectory:
-            pelvis = solve_trajectory(
-                person.pelvis_world,
-                feet,
-                contacts,
-                sole,
-                camera_centre=centre,
-                observed=observed,
-                time_s=time,
-                noise=settings.noise,
-            )
-    if settings.foot_lock:
-        R = lock_feet(R, legs, pelvis, contacts, sole, time_s=time, settings=settings.lock)
+        R = close_seams(R, frame=person.frame, observed=person.observed, time_s=time_s, cut_frames=cut_frames)
+    weight = np.where(person.observed, np.clip(person.confidence, 0.05, 1.0), 0.0)
+    R = smooth_rotations(R, weight, time_s, cutoff_hz=settings.cutoff_hz)
+    return Draft(
+        person=person,
+        time_s=time_s,
+        camera_centre=camera_centre,
+        sole_height=sole_heights(body, person.betas),
+        R_local=R,
+        legs=leg_joints(body.rest_joints(person.betas), R),
+        seen_pelvis=person.pelvis_world,
+        pelvis=smooth(person.pelvis_world, weight, time_s, cutoff_hz=settings.cutoff_hz),
+        contacts=np.zeros((len(time_s), 4)),
+    ).with_contacts(settings.contacts)
+
+
+def finish(one: Draft, *, settings: RefineSettings) -> PersonMotion:
+    """The way through the world solved, contacts found on it, feet locked."""
+    if settings.trajectory:
+        for _ in range(TRAJECTORY_ROUNDS):
+            one = one.with_trajectory(settings.noise).with_contacts(settings.contacts)
+    R = lock_feet(one, settings.lock) if settings.foot_lock else one.R_local
     return replace(
-        person,
+        one.person,
         R_world_root=R[:, 0],
         body_pose=vector_from_rotation(R[:, 1:]),
-        pelvis_world=pelvis,
-        contacts=contacts.astype(np.float32),
+        pelvis_world=one.pelvis,
+        contacts=one.contacts.astype(np.float32),
     )
 
 
-def _local_rotations(person: PersonMotion) -> Float[Array, "N 24 3 3"]:
-    return np.concatenate([person.R_world_root[:, None], rotation_from_vector(person.body_pose)], axis=1)
+def floor_height(drafts: Sequence[Draft]) -> float:
+    """Height of the floor under the standing feet, metres: the median of the soles that stand near z = 0."""
+    soles = np.concatenate([one.soles[one.contacts >= 0.5] for one in drafts] or [np.zeros(0)])
+    floor = 0.0
+    for _ in range(2):
+        near = soles[np.abs(soles - floor) < FLOOR_NEAR_M]
+        if len(near) < FEWEST_STANDING:
+            return floor
+        floor = float(np.median(near))
+    return floor
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,22 +223,15 @@ def sole_heights(body: Body, betas: Float[Array, " 10"]) -> Float[Array, " 4"]:
     return np.asarray(body.rest_joints(betas)[list(CONTACT_JOINTS), 1] - ground)
 
 
-def lock_feet(
-    R_local: Float[Array, "N 24 3 3"],
-    legs: LegJoints,
-    pelvis: Float[Array, "N 3"],
-    contacts: Float[Array, "N 4"],
-    sole_height: Float[Array, " 4"],
-    *,
-    time_s: Float[Array, " N"],
-    settings: LockSettings,
-) -> Float[Array, "N 24 3 3"]:
+def lock_feet(one: Draft, settings: LockSettings) -> Float[Array, "N 24 3 3"]:
     """Local rotations with planted feet."""
-    locked = R_local.copy()
+    locked = one.R_local.copy()
     for side, (hip, knee, ankle, _) in enumerate(LEGS):
-        leg = legs.leg(side, pelvis, R_local[:, 0])
+        leg = one.legs.leg(side, one.pelvis, one.R_local[:, 0])
         places = slice(2 * side, 2 * side + 2)
-        target, R_foot = ankle_targets(leg, contacts[:, places], sole_height[places], time_s=time_s, settings=settings)
+        target, R_foot = ankle_targets(
+            leg, one.contacts[:, places], one.sole_height[places], time_s=one.time_s, settings=settings
+        )
         locked[:, hip], locked[:, knee], locked[:, ankle] = bend_leg(leg, target, R_foot, settings=settings)
     return locked
 

@@ -26,11 +26,11 @@ class TrajectoryNoise:
     lasting_frames: float = 10.0
     foot_speed_ms: float = 0.12
     """Speed that a planted foot seems to have by the pose alone, m/s."""
-    floor_m: float = 0.03
+    floor_m: float = 0.06
     """Height of a planted sole above the floor."""
     robust: float = 2.0
     """Residual, in sigmas, beyond which a contact loses its say."""
-    cutoff_hz: float = 6.0
+    cutoff_hz: float = 5.0
     """Band limit of the pelvis across the viewing ray."""
 
 
