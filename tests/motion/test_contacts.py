@@ -39,7 +39,7 @@ def test_walking_feet_stand_when_they_stand_at_every_frame_rate(fps: float) -> N
 
 def test_a_stair_carries_as_well_as_the_floor() -> None:
     time, feet, _ = steps(30.0)
-    np.testing.assert_array_equal(found(time, feet + [0.0, 0.0, 2.0]), found(time, feet))
+    np.testing.assert_array_equal(found(time, feet + np.array([0.0, 0.0, 2.0])), found(time, feet))
 
 
 def test_nobody_stands_in_the_air() -> None:

@@ -88,7 +88,9 @@ def test_a_sole_near_the_floor_is_put_on_it_and_one_on_a_step_is_not() -> None:
     near = sliding_leg()
     shift = np.array([0.0, 0.0, SOLE[0] + 0.02 - np.median(near.ankle[:, 2])])
     near = replace(near, **{name: getattr(near, name) + shift for name in ("hip", "knee", "ankle", "toe")})
-    on_step = replace(near, **{name: getattr(near, name) + [0, 0, 0.3] for name in ("hip", "knee", "ankle", "toe")})
+    on_step = replace(
+        near, **{name: getattr(near, name) + np.array([0, 0, 0.3]) for name in ("hip", "knee", "ankle", "toe")}
+    )
     assert np.median(locked(near, np.ones((N, 2))).ankle[:, 2]) == pytest.approx(SOLE[0], abs=1e-6)
     assert np.median(locked(on_step, np.ones((N, 2))).ankle[:, 2]) == pytest.approx(SOLE[0] + 0.32, abs=0.01)
 
@@ -117,7 +119,7 @@ def test_a_contact_that_is_far_off_is_not_believed() -> None:
 
 def test_bones_keep_their_lengths_and_knees_their_side() -> None:
     leg = sliding_leg()
-    target = leg.ankle + [0.05, 0.1, 0.1]
+    target = leg.ankle + np.array([0.05, 0.1, 0.1])
     after = posed(leg, target, leg.R_ankle)
     np.testing.assert_allclose(after.ankle, target, atol=1e-6)
     np.testing.assert_allclose(np.linalg.norm(after.knee - after.hip, axis=1), 0.42, atol=1e-9)
@@ -129,7 +131,7 @@ def test_bones_keep_their_lengths_and_knees_their_side() -> None:
 
 def test_a_place_out_of_reach_stretches_the_leg_no_further_than_it_is_long() -> None:
     leg = sliding_leg()
-    after = posed(leg, leg.ankle - [0.0, 0.0, 0.3], leg.R_ankle)
+    after = posed(leg, leg.ankle - np.array([0.0, 0.0, 0.3]), leg.R_ankle)
     reach = np.linalg.norm(after.ankle - after.hip, axis=1)
     assert reach.max() <= LockSettings().longest_reach * 0.82 + 1e-9
 
@@ -139,5 +141,5 @@ def test_a_straight_leg_moves_its_knee_steadily() -> None:
     rng = np.random.default_rng(0)
     leg = make_leg(np.stack([0 * TIME, 0 * TIME, np.full(N, 0.89)], axis=1), np.full(N, 0.004))
     leg = replace(leg, knee=leg.knee + 0.0005 * rng.normal(size=(N, 3)))
-    after = posed(leg, leg.ankle + [0.0, 0.0, 0.03], leg.R_ankle)
+    after = posed(leg, leg.ankle + np.array([0.0, 0.0, 0.03]), leg.R_ankle)
     assert np.linalg.norm(np.diff(after.knee, axis=0), axis=1).max() < 0.02
