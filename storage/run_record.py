@@ -30,6 +30,8 @@ class StageRecord:
     """cached, computed, failed or skipped."""
     reason: str
     """Why it was computed, or why it failed; empty if cached."""
+    began: float | None
+    """When it began, seconds since 1970; None if cached."""
     seconds: float
     """Spent on it in this run."""
     computed_seconds: float | None
@@ -167,4 +169,5 @@ def _sentence(record: StageRecord, warning: str) -> str:
 def _stage(record: StageRecord) -> dict[str, Any]:
     tree = {**record.__dict__, "faults": list(record.faults), "warnings": list(record.warnings)}
     tree["seconds"] = round(record.seconds, 3)
+    tree["began"] = None if record.began is None else round(record.began, 3)
     return tree

@@ -42,6 +42,8 @@ class Outcome:
     manifest: Manifest | None = None
     reason: str = ""
     """Why it was computed, why it failed, or what it was skipped for."""
+    began: float | None = None
+    """When its first attempt began, seconds since 1970; None if nothing was computed."""
     seconds: float = 0.0
     """Spent on it in this run, all attempts together."""
     faults: list[str] = field(default_factory=list)
@@ -185,6 +187,7 @@ class VideoRun:
         try:
             with self._slots:
                 started = time.monotonic()
+                outcome.began = outcome.began or time.time()
                 self._compute(work, outcome)
         except Exception as error:  # noted, then raised: this is the edge of the stages
             told = _as_ours(error, work)

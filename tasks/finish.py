@@ -160,6 +160,7 @@ def stage_record(outcome: Outcome) -> StageRecord:
         shot=work.index if work.stage.per == "shot" else None,
         state=outcome.state,
         reason=outcome.reason,
+        began=outcome.began,
         seconds=outcome.seconds,
         computed_seconds=manifest.seconds if manifest else None,
         attempts=outcome.attempts,

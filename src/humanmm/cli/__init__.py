@@ -10,11 +10,11 @@ import sys
 from collections.abc import Sequence
 
 from humanmm import __version__
-from humanmm.cli import inspect, maintain, recover, results
+from humanmm.cli import bench, inspect, maintain, recover, results
 from humanmm.cli.settings import UsageError
 from humanmm.errors import HumanMMError
 
-_VERBS = (recover.add_recover, inspect.add_status, inspect.add_explain, *results.VERBS, *maintain.VERBS)
+_VERBS = (recover.add_recover, inspect.add_status, inspect.add_explain, *results.VERBS, bench.add_bench, *maintain.VERBS)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
