@@ -145,7 +145,7 @@ def _recover(video: Path, folder: Path, config: Config) -> dict[str, Any]:
     with prefect_server():
         from humanmm.flows.recover import recover
 
-        state = recover(video, out=folder / "run", config=config, store=folder / "store", return_state=True)
+        state: Any = recover(video, out=folder / "run", config=config, store=folder / "store", return_state=True)
     if not state.is_completed():
         raise StageError(f"{video.name} was not recovered whole, so its speed says nothing: {state.message}")
     return read_run_record(folder / "run")
