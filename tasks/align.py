@@ -1,6 +1,8 @@
 """Stage `align`: all shots in one world."""
 
-from humanmm.models.camera.observations import Intrinsics, ShotCamera
+from humanmm.models.camera.links import without_people
+from humanmm.models.camera.observations import Intrinsics, PointTracks, ShotCamera
+from humanmm.models.camera.views import ViewFeatures
 from humanmm.models.motion.results import ShotMotion, WorldMotion
 from humanmm.models.motion.world import Footage, assemble
 from humanmm.models.perception.tracks import ScenePeople
@@ -11,12 +13,23 @@ from humanmm.tasks.inputs import StageInputs
 
 def align(inputs: StageInputs) -> WorldMotion:
     """People and cameras of every shot, turned, levelled and placed in one world."""
+    shots = inputs.read("shots", ShotList)
+    scenes = inputs.read_all("people", ScenePeople)
+    points = inputs.read_all("points", PointTracks)
     footage = Footage(
-        shots=inputs.read("shots", ShotList),
-        scenes=inputs.read_all("people", ScenePeople),
+        shots=shots,
+        scenes=scenes,
         cameras=inputs.read_all("camera", ShotCamera),
         motions=inputs.read_all("hmr", ShotMotion),
         time_s=inputs.read("decode", VideoFacts).time_s,
         intrinsics=inputs.read("intrinsics", Intrinsics),
+        views=[_background(tracks, scenes[shot.scene]) for shot, tracks in zip(shots.shots, points, strict=True)],
     )
     return assemble(footage, method=inputs.config.align.method)
+
+
+def _background(points: PointTracks | None, scene: ScenePeople | None) -> list[ViewFeatures]:
+    """A shot's key views with the features on people left out; nothing where the shot failed."""
+    if points is None or scene is None:
+        return []
+    return [without_people(view, scene.tracks) for view in points.views]

@@ -54,7 +54,7 @@ STAGES: tuple[Stage, ...] = (
         "humanmm.models.motion.results:ShotMotion",
     ),
     Stage(
-        "align", "video", ("decode", "people", "shots", "intrinsics", "camera", "hmr"), ("align",),
+        "align", "video", ("decode", "people", "shots", "points", "intrinsics", "camera", "hmr"), ("align",),
         "humanmm.models.motion.results:WorldMotion",
     ),
     Stage(

@@ -55,8 +55,8 @@ GAP_WARNING_S = 0.2
 """Beyond it the motion across the cut is a guess."""
 TOO_LONG_S = 2.0
 """Beyond it nothing is carried across the cut: velocities and accelerations say nothing any more."""
-SPREAD_TO_ERROR = 1.0
-"""Expected rotation error per degree of spread between the answers of single persons, windows and starts."""
+BIAS_DEG = 8.0
+"""Rotation error that nothing at the cut betrays: the pose network's bias of one posture seen from two sides."""
 
 
 @dataclass(frozen=True)
@@ -267,7 +267,7 @@ def _spread(
         angle_deg(other.R_before_after, best.R_before_after) * float(np.exp(-(other.cost - best.cost)))
         for other in results[1:]
     ]
-    return SPREAD_TO_ERROR * float(np.sqrt(np.mean(np.square(distances))))
+    return float(np.hypot(BIAS_DEG, np.sqrt(np.mean(np.square(distances)))))
 
 
 def _eight_point(

@@ -16,12 +16,15 @@ from humanmm.models.body.body24 import load_body
 from humanmm.models.body.kinematics import forward_kinematics
 from humanmm.models.body.landmarks import load_landmarks
 from humanmm.models.body.rotations import rotation_from_vector, vector_from_rotation
+from humanmm.models.camera.links import ShotLink, link_shots
 from humanmm.models.camera.observations import SOURCES, Intrinsics, ShotCamera
+from humanmm.models.camera.views import ViewFeatures
 from humanmm.models.motion import world_gravity
 from humanmm.models.motion.cuts import CutCameras, CutPerson, SideTrack, align_cut
 from humanmm.models.motion.flips import exchange
 from humanmm.models.motion.results import CutAlignment, PersonMotion, PersonShotMotion, ShotMotion, WorldMotion
-from humanmm.models.motion.world_solve import Join, ShotRig, Solution, Strand, solve
+from humanmm.models.motion.shot_rotations import Edge, ShotRotations, average_rotations
+from humanmm.models.motion.world_solve import Join, SamePlace, ShotRig, Solution, Strand, solve
 from humanmm.models.perception.tracks import ScenePeople
 from humanmm.models.shots.boundaries import ShotList
 
@@ -44,6 +47,8 @@ class Footage:
     motions: Sequence[ShotMotion | None]
     time_s: Float[Array, "F"]
     intrinsics: Intrinsics
+    views: Sequence[Sequence[ViewFeatures]]
+    """Key views of every shot, people left out; empty where there are none."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +63,11 @@ class _Link:
 def assemble(footage: Footage, *, method: Literal["bundle", "eight-point"] = "bundle") -> WorldMotion:
     """People and cameras of the whole video in one world."""
     links = [_link(footage, later, method) for later in range(1, len(footage.shots.shots)) if _usable(footage, later)]
-    groups = _groups(footage, links)
+    places = _places(footage)
+    rotations = average_rotations(
+        len(footage.shots.shots), [_people_edge(footage, link) for link in links if link.cut.linked], places.edges
+    )
+    groups = _groups(footage, rotations)
     F = len(footage.time_s)
     world = _Canvas(
         R=np.tile(np.eye(3), (F, 1, 1)),
@@ -69,19 +78,19 @@ def assemble(footage: Footage, *, method: Literal["bundle", "eight-point"] = "bu
     )
     warnings: list[str] = []
     for group in groups:
-        warnings += _place_group(footage, group, [link for link in links if link.later in group], world)
+        warnings += _place_group(footage, group, rotations, places, world)
     _fill_cameras(footage, world)
     warnings += [warning for link in links for warning in link.cut.warnings]
     if len(groups) > 1:
         names = ", ".join(str(group[0]) for group in groups[1:])
-        warnings.append(f"shots from {names} on share nobody with the shots before: each has an origin of its own")
+        warnings.append(f"shots {names} share nobody with the shots before: from each on the world has a new origin")
     return WorldMotion(
         R_world_cam=world.R,
         t_world_cam=world.t,
         K=world.K,
         camera_source=world.source,
         people=tuple(_joined(person, parts, footage) for person, parts in sorted(world.people.items())),
-        cuts=tuple(_reported(footage, links, world)),
+        cuts=tuple(_reported(footage, links, rotations, world)),
         warnings=tuple(warnings),
     )
 
@@ -132,11 +141,9 @@ def _link(footage: Footage, later: int, method: Literal["bundle", "eight-point"]
         if first is not None and second is not None:
             people.append(CutPerson(first, second))
     shot = footage.shots.shots[later]
-    reference = after or before
-    assert reference is not None
     cameras = CutCameras(
-        K_before=(before or reference).K,
-        K_after=(after or reference).K,
+        K_before=before.K if before is not None else footage.intrinsics.K,
+        K_after=after.K if after is not None else footage.intrinsics.K,
         moving=any(camera is not None and camera.source == "tracked" for camera in (before, after)),
     )
     middle = 0.5 * float(footage.time_s[max(shot.start - 1, 0)] + footage.time_s[shot.start])
@@ -188,26 +195,64 @@ def _transitions(footage: Footage) -> list[tuple[int, int]]:
     ]
 
 
-def _groups(footage: Footage, links: Sequence[_Link]) -> list[list[int]]:
-    """Shots that hang together, in order."""
-    group_of: dict[int, int] = {}
-    groups: list[list[int]] = []
-    partner = {link.later: link.earlier for link in links if link.cut.linked}
-    for shot in range(len(footage.shots.shots)):
-        if not _usable(footage, shot):
-            continue
-        if shot in partner:
-            group_of[shot] = group_of[partner[shot]]
-            groups[group_of[shot]].append(shot)
-        else:
-            group_of[shot] = len(groups)
-            groups.append([shot])
-    return groups
+@dataclass(frozen=True)
+class _Places:
+    """What the background says of the shots: rotations, and which frames one standing camera took."""
+
+    edges: tuple[Edge, ...]
+    same: tuple[ShotLink, ...]
 
 
-def _place_group(footage: Footage, group: Sequence[int], links: Sequence[_Link], world: _Canvas) -> list[str]:
-    """Turn, level and place the shots of one group, and write them into the world; returns warnings."""
-    R_first_shot = _chained(footage, group, links)
+def _places(footage: Footage) -> _Places:
+    usable = [views if _usable(footage, k) else () for k, views in enumerate(footage.views)]
+    intrinsics = footage.intrinsics
+    links = link_shots(usable, K=intrinsics.K, focal_uncertainty=intrinsics.relative_uncertainty)
+    edges = []
+    for link in links:
+        R_a, R_b = (
+            _camera(footage, shot).R_shot_cam[frame - footage.shots.shots[shot].start]
+            for shot, frame in ((link.shot_a, link.view.frame_a), (link.shot_b, link.view.frame_b))
+        )
+        edges.append(
+            Edge(
+                link.shot_a,
+                link.shot_b,
+                R_a @ link.view.R_a_b @ R_b.T,
+                link.sigma_deg,
+                num_inliers=link.view.num_inliers,
+                same_camera=link.view.same_camera,
+            )
+        )
+    return _Places(tuple(edges), tuple(link for link in links if link.view.same_camera))
+
+
+def _people_edge(footage: Footage, link: _Link) -> Edge:
+    before, after = _camera(footage, link.earlier), _camera(footage, link.later)
+    R = before.R_shot_cam[-1] @ link.cut.R_before_after @ after.R_shot_cam[0].T
+    return Edge(link.earlier, link.later, R, max(link.cut.uncertainty_deg, MIN_JOIN_SIGMA_DEG))
+
+
+def _camera(footage: Footage, shot: int) -> ShotCamera:
+    camera = footage.cameras[shot]
+    if camera is None:
+        raise ValueError(f"shot {shot} has no camera")
+    return camera
+
+
+def _groups(footage: Footage, rotations: ShotRotations) -> list[list[int]]:
+    """Usable shots that hang together, in order."""
+    groups: dict[int, list[int]] = {}
+    for shot, group in enumerate(rotations.group):
+        if _usable(footage, shot):
+            groups.setdefault(group, []).append(shot)
+    return list(groups.values())
+
+
+def _place_group(
+    footage: Footage, group: Sequence[int], rotations: ShotRotations, places: _Places, world: _Canvas
+) -> list[str]:
+    """Level and place the shots of one group, and write them into the world; returns warnings."""
+    R_first_shot = [rotations.R_group_shot[group[0]].T @ rotations.R_group_shot[shot] for shot in group]
     R_world_shot = {k: R for k, R in zip(group, _levelled(footage, group, R_first_shot), strict=True)}
     strands, owners = [], []
     for index, shot in enumerate(group):
@@ -217,22 +262,26 @@ def _place_group(footage: Footage, group: Sequence[int], links: Sequence[_Link],
     rigs = [_rig(footage, shot, R_world_shot[shot]) for shot in group]
     position = {shot: index for index, shot in enumerate(group)}
     joins = [
-        Join(position[link.earlier], position[link.later], max(link.cut.uncertainty_deg, MIN_JOIN_SIGMA_DEG))
-        for link in links
-        if link.cut.linked and link.later in position and link.earlier in position
+        Join(position[edge.a], position[edge.b], edge.sigma_deg)
+        for edge in rotations.believed
+        if edge.a in position and edge.b in position
     ]
-    solution = solve(strands, rigs, joins)
+    same = [
+        SamePlace(position[link.shot_a], link.view.frame_a, position[link.shot_b], link.view.frame_b)
+        for link in places.same
+        if link.shot_a in position and link.shot_b in position
+    ]
+    solution = solve(strands, rigs, joins, same)
     solution = _at_origin(solution, strands, R_world_shot[group[0]])
     for index, shot in enumerate(group):
-        camera = footage.cameras[shot]
-        assert camera is not None
+        camera = _camera(footage, shot)
         R_world = solution.turn[index] @ R_world_shot[shot]
         frames = slice(camera.start, camera.end)
         world.R[frames] = R_world @ camera.R_shot_cam
         world.t[frames] = solution.origin[index] + solution.scale[index] * camera.t_shot_cam @ R_world.T
         world.K[frames] = camera.K
         world.source[frames] = SOURCES.index(camera.source)
-    for (shot, motion), pelvis, contacts in zip(owners, solution.pelvis, solution.contacts, strict=True):
+    for (_, motion), pelvis, contacts in zip(owners, solution.pelvis, solution.contacts, strict=True):
         R_root = world.R[motion.frame] @ motion.R_cam_root
         world.people.setdefault(motion.person, []).append(_Part(motion, R_root, pelvis, contacts))
     return [
@@ -242,25 +291,13 @@ def _place_group(footage: Footage, group: Sequence[int], links: Sequence[_Link],
     ]
 
 
-def _chained(footage: Footage, group: Sequence[int], links: Sequence[_Link]) -> list[Float[Array, "3 3"]]:
-    """Each shot's axes to those of the group's first shot, through the cuts."""
-    R: dict[int, Array] = {group[0]: np.eye(3)}
-    for link in links:
-        before, after = footage.cameras[link.earlier], footage.cameras[link.later]
-        if link.cut.linked and before is not None and after is not None:
-            at_cut = R[link.earlier] @ before.R_shot_cam[-1] @ link.cut.R_before_after
-            R[link.later] = at_cut @ after.R_shot_cam[0].T
-    return [R[shot] for shot in group]
-
-
 def _levelled(
     footage: Footage, group: Sequence[int], R_first_shot: Sequence[Float[Array, "3 3"]]
 ) -> list[Float[Array, "3 3"]]:
     """Each shot's axes to world axes: gravity from the evidence of all shots, +y where the first camera looks."""
     up, up_sigma, level, level_sigma = [], [], [], []
     for shot, R in zip(group, R_first_shot, strict=True):
-        camera = footage.cameras[shot]
-        assert camera is not None
+        camera = _camera(footage, shot)
         for axis, sigma in _standing(footage, shot):
             up.append(R @ axis)
             up_sigma.append(sigma)
@@ -278,8 +315,7 @@ def _levelled(
     z = world_gravity.up_direction(
         world_gravity.UprightEvidence(np.array(up), np.array(up_sigma), np.array(level), np.array(level_sigma))
     )
-    first = footage.cameras[group[0]]
-    assert first is not None
+    first = _camera(footage, group[0])
     y = _heading(first.R_shot_cam[0], z)
     R_world_first = np.stack([np.cross(y, z), y, z])
     return [R_world_first @ R for R in R_first_shot]
@@ -301,8 +337,7 @@ def _mean_x(camera: ShotCamera) -> Float[Array, "3"]:
 
 def _standing(footage: Footage, shot: int) -> list[tuple[Float[Array, "3"], float]]:
     """Mean standing axis of each person of a shot, shot axes, with its sigma in degrees."""
-    camera = footage.cameras[shot]
-    assert camera is not None
+    camera = _camera(footage, shot)
     found = []
     for motion in _motion_of(footage, shot).values():
         seen = motion.observed
@@ -329,8 +364,7 @@ def _posed(
 def _strand(
     footage: Footage, index: int, shot: int, motion: PersonShotMotion, R_world_shot: Float[Array, "3 3"]
 ) -> Strand:
-    camera = footage.cameras[shot]
-    assert camera is not None
+    camera = _camera(footage, shot)
     R_world_cam = R_world_shot @ camera.R_shot_cam[motion.frame - camera.start]
     _, soles = _posed(motion, R_world_cam)
     hidden = ~motion.observed
@@ -348,8 +382,7 @@ def _strand(
 
 
 def _rig(footage: Footage, shot: int, R_world_shot: Float[Array, "3 3"]) -> ShotRig:
-    camera = footage.cameras[shot]
-    assert camera is not None
+    camera = _camera(footage, shot)
     standing = _standing(footage, shot)
     return ShotRig(
         path=camera.t_shot_cam @ R_world_shot.T,
@@ -395,14 +428,25 @@ def _fill_cameras(footage: Footage, world: _Canvas) -> None:
         world.R[frame], world.t[frame], world.K[frame] = world.R[nearest], world.t[nearest], world.K[nearest]
 
 
-def _reported(footage: Footage, links: Sequence[_Link], world: _Canvas) -> list[CutAlignment]:
+def _reported(footage: Footage, links: Sequence[_Link], rotations: ShotRotations, world: _Canvas) -> list[CutAlignment]:
     """The cuts with the relative rotation that the finished world has."""
     found = {link.later: link.cut for link in links}
     cuts = []
     for index, shot in enumerate(footage.shots.shots[1:], start=1):
         failed = CutAlignment(shot.start, "none", np.eye(3), float("nan"), 180.0, float("nan"), False)
-        turn = world.R[shot.start - 1].T @ world.R[shot.start]
-        cuts.append(replace(found.get(index, failed), R_before_after=turn))
+        cut = found.get(index, failed)
+        background = [
+            edge for edge in rotations.believed if edge.num_inliers and {edge.a, edge.b} == {index - 1, index}
+        ]
+        cuts.append(
+            replace(
+                cut,
+                R_before_after=world.R[shot.start - 1].T @ world.R[shot.start],
+                uncertainty_deg=min([cut.uncertainty_deg, *(edge.sigma_deg for edge in background)]),
+                linked=_usable(footage, index) and rotations.group[index] != index,
+                background_inliers=max([0, *(edge.num_inliers for edge in background)]),
+            )
+        )
     return cuts
 
 

@@ -82,7 +82,7 @@ def up_direction(evidence: UprightEvidence) -> Float[Array, "3"]:
         up, cost = _refine(_unit(start), evidence)
         if cost < best_cost:
             best, best_cost = up, cost
-    return best
+    return np.asarray(best)
 
 
 def _refine(up: Float[Array, "3"], evidence: UprightEvidence) -> tuple[Float[Array, "3"], float]:

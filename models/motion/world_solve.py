@@ -70,6 +70,16 @@ class Join:
 
 
 @dataclass(frozen=True)
+class SamePlace:
+    """Two frames of different shots taken by one standing camera."""
+
+    shot_a: int
+    frame_a: int
+    shot_b: int
+    frame_b: int
+
+
+@dataclass(frozen=True)
 class SolveSettings:
     """Sigmas of what ties the world together."""
 
@@ -112,6 +122,7 @@ def solve(
     strands: Sequence[Strand],
     rigs: Sequence[ShotRig],
     joins: Sequence[Join],
+    same: Sequence[SamePlace] = (),
     settings: SolveSettings | None = None,
 ) -> Solution:
     """Positions of people and cameras, the scale of each camera's path and small corrections of each shot's
@@ -124,7 +135,7 @@ def solve(
     for iteration in range(options.iterations):
         if iteration == _FLOOR_FROM:
             state = _put_on_floor(strands, state, options)
-        state = _step(strands, rigs, joins, state, options, iteration)
+        state = _step(strands, rigs, joins, same, state, options, iteration)
     contacts = tuple(_hold(strand, state, k, options)[1] for k, strand in enumerate(strands))
     return Solution(tuple(state.pelvis), contacts, state.turn, state.origin, state.scale)
 
@@ -178,6 +189,7 @@ def _step(
     strands: Sequence[Strand],
     rigs: Sequence[ShotRig],
     joins: Sequence[Join],
+    same: Sequence[SamePlace],
     state: _State,
     options: SolveSettings,
     iteration: int,
@@ -199,6 +211,7 @@ def _step(
         time_s = np.concatenate([strands[k].time_s for k in own])
         _inertia(rows, np.concatenate([state.pelvis[k] for k in own]), time_s, unknown, options)
     _levels(rows, rigs, joins, state, cameras, options)
+    _same_places(rows, rigs, same, state, cameras)
 
     damping = np.full(rows.num_unknowns, 1e-6)
     block = damping[cameras:].reshape(len(rigs), CAMERA_UNKNOWNS)
@@ -381,6 +394,23 @@ def _levels(
         a, b = (np.array([cameras + CAMERA_UNKNOWNS * k + 3]) for k in (join.shot_a, join.shot_b))
         difference = vector_from_rotation(state.turn[join.shot_b]) - vector_from_rotation(state.turn[join.shot_a])
         rows.add(w * difference[None], (b, w * np.eye(3)[None]), (a, -w * np.eye(3)[None]))
+
+
+def _same_places(rows: _Rows, rigs: Sequence[ShotRig], same: Sequence[SamePlace], state: _State, cameras: int) -> None:
+    """A standing camera that returns stands where it stood."""
+    w = 1 / _SAME_PLACE_M
+    for place in same:
+        difference, blocks = np.zeros(3), []
+        for shot, frame, sign in ((place.shot_a, place.frame_a, 1.0), (place.shot_b, place.frame_b, -1.0)):
+            arm = state.scale[shot] * rigs[shot].path[frame - rigs[shot].start] @ state.turn[shot].T
+            difference = difference + sign * (state.origin[shot] + arm)
+            first = np.array([cameras + CAMERA_UNKNOWNS * shot])
+            blocks.append((first, sign * w * np.eye(3)[None]))
+            blocks.append((first + 3, -sign * w * skew(arm)[None]))
+        rows.add(w * difference[None], *blocks)
+
+
+_SAME_PLACE_M = 0.02
 
 
 def _put_on_floor(strands: Sequence[Strand], state: _State, options: SolveSettings) -> _State:
