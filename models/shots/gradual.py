@@ -16,14 +16,20 @@ _MIN_LENGTH = 3
 """A blend of fewer frames is a hard cut."""
 _MIN_DIFFERENCE = 8.0
 """Root-mean-square difference in grey levels that two ends must have."""
-_MAX_RESIDUAL = 0.35
+_MAX_RESIDUAL = 0.45
 """Largest part of the ends' difference that a blend may leave unexplained (motion in either scene meanwhile)."""
-_MAX_RAMP_ERROR = 0.08
-"""Root-mean-square deviation of the blend weight from a straight ramp."""
+_MAX_RAMP_ERROR = 0.12
+"""Root-mean-square deviation of the blend weight from a straight ramp; motion bends it."""
+_FAIR_STEP = 0.5
+"""Each frame of a dissolve takes at least this part of an even step from one scene to the other."""
 _UNIFORM = 4.0
 """Contrast (grey levels) below which a picture is uniform: a black or white frame after coding."""
 _RAMP_RANGE = (0.15, 0.85)
 """Share of the full contrast between which a fade's ramp is fitted; coding noise bends its ends."""
+_DIM = 0.35
+"""Two blends that meet in a picture of less than this share of the contrast around them are one fade."""
+_MEETING = 2
+"""Frames that may lie between two blends that belong together."""
 _FADE_S = 2.0
 """Longest fade-out or fade-in, seconds."""
 DISSOLVE_S = 2.0
@@ -89,37 +95,42 @@ def _blends(thumbs: np.ndarray, length: int) -> list[tuple[float, int, int]]:
 
 
 def _ramp(thumbs: np.ndarray, first: int, last: int, longest: int) -> Span | None:
-    """Frames of the dissolve in the window (indices into thumbs), or None if the blend weight is no straight ramp."""
-    pad = max(3, (last - first) // 2)
-    low, high = max(0, first - pad), min(len(thumbs) - 1, last + pad)
-    for _ in range(3):  # the ends become the references of the next round
+    """Frames of the dissolve about the window first..last (indices into thumbs), or None if there is no ramp.
+
+    The pictures just outside the window stand for the two scenes; walking outwards from the middle, the dissolve lasts
+    as long as every frame takes a fair step from the one scene to the other. The frames found are the next window.
+    """
+    for _ in range(4):
         difference = thumbs[last] - thumbs[first]
-        energy = float(difference @ difference)
-        weight = (thumbs[low : high + 1] - thumbs[first]) @ difference / max(energy, 1e-6)
-        inside = np.flatnonzero((weight > 0.12) & (weight < 0.88)) + low
-        inside = inside[(inside >= first) & (inside <= last)]
-        if len(inside) < 2:
-            return None
-        slope, offset = np.polyfit(inside, weight[inside - low], 1)
-        if slope <= 0:
-            return None
-        begin, finish = -offset / slope, (1 - offset) / slope
-        # the ramp passes 0 at the last untouched frame and 1 at the first finished one
-        start, stop = round(begin) + 1, round(finish)
-        if (start - 1, stop) == (first, last):
+        energy = max(float(difference @ difference), 1e-6)
+        low, high = max(0, first - longest // 2), min(len(thumbs) - 1, last + longest // 2)
+        weight = (thumbs[low : high + 1] - thumbs[first]) @ difference / energy
+        steps = _median_of_three(np.diff(weight))  # steps[i] leads from frame low + i to low + i + 1
+        fair = _FAIR_STEP / max(_MIN_LENGTH, last - first)
+        middle = (first + last) // 2 - low
+        start, stop = middle, middle
+        while start > 0 and steps[start - 1] > fair:
+            start -= 1
+        while stop < len(steps) and steps[stop] > fair:
+            stop += 1
+        found = low + start, low + stop
+        if found[1] - found[0] < 2 or found == (first, last):
             break
-        first, last = max(low, start - 1), min(high, stop)
-        if last - first < 2:
-            return None
-    length = stop - start
-    frame = np.arange(start, stop)
-    if not _MIN_LENGTH <= length <= longest or start < 1 or stop > high or frame[0] < low:
+        first, last = found
+    length = last - first - 1
+    if not _MIN_LENGTH <= length <= longest:
         return None
-    ideal = (frame - begin) / (finish - begin)
-    error = float(np.sqrt(np.mean((weight[frame - low] - ideal) ** 2)))
-    left = thumbs[frame] - thumbs[first] - weight[frame - low, None] * difference
-    residual = float(np.sqrt((left**2).sum(axis=1) / max(energy, 1e-6)).mean())
-    return Span(start, stop) if error < _MAX_RAMP_ERROR and residual < _MAX_RESIDUAL else None
+    frame = np.arange(first + 1, last)
+    weight = (thumbs[frame] - thumbs[first]) @ difference / energy
+    error = float(np.sqrt(np.mean((weight - (frame - first) / (last - first)) ** 2)))
+    left = thumbs[frame] - thumbs[first] - weight[:, None] * difference
+    residual = float(np.sqrt((left**2).sum(axis=1) / energy).mean())
+    return Span(first + 1, last) if error < _MAX_RAMP_ERROR and residual < _MAX_RESIDUAL else None
+
+
+def _median_of_three(values: np.ndarray) -> np.ndarray:
+    padded = np.pad(values, 1, mode="edge")
+    return np.asarray(np.median(np.stack([padded[:-2], padded[1:-1], padded[2:]]), axis=0))
 
 
 def uniform_runs(contrast: Sequence[float]) -> list[Span]:
@@ -137,6 +148,24 @@ def fade_around(contrast: Sequence[float], run: Span, fps: float) -> Span:
     backward = values[max(0, run.start - reach) : run.start][::-1]
     forward = values[run.end : run.end + reach]
     return Span(run.start - _ramp_length(backward), run.end + _ramp_length(forward))
+
+
+def meeting_blends(contrast: Sequence[float], blends: Sequence[Span]) -> tuple[list[Span], list[Span]]:
+    """Dissolves, and fades through a picture that is dim but not uniform: blends that meet are one transition."""
+    joined: list[Span] = []
+    dim: list[Span] = []
+    for blend in sorted(blends, key=lambda s: s.start):
+        if not joined or blend.start - joined[-1].end > _MEETING:
+            joined.append(blend)
+            continue
+        first = joined.pop()
+        whole = Span(first.start, max(first.end, blend.end))
+        around = min(contrast[whole.start - 1], contrast[min(whole.end, len(contrast) - 1)])
+        if min(contrast[whole.start : whole.end]) < _DIM * around:
+            dim.append(whole)
+        else:
+            joined.append(whole)
+    return joined, dim
 
 
 def _ramp_length(contrast: np.ndarray) -> int:

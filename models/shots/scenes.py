@@ -13,13 +13,15 @@ from scenedetect.detectors import AdaptiveDetector, ContentDetector
 
 from humanmm.models.shots.boundaries import Scenes, Transition
 from humanmm.models.shots.footage import Footage
-from humanmm.models.shots.gradual import DISSOLVE_S, Span, dissolves, fade_around, uniform_runs
+from humanmm.models.shots.gradual import DISSOLVE_S, Span, dissolves, fade_around, meeting_blends, uniform_runs
 from humanmm.models.shots.hard_cuts import REACH, hard_cuts
 
 _CONTENT_THRESHOLD = 20.0
 """PySceneDetect's default is 27; proposals are verified, so that a lower one costs only time."""
 _ADAPTIVE_MIN_CONTENT = 6.0
 """PySceneDetect's default is 15, which misses cuts between dark pictures."""
+_NOMINAL_FPS = 25.0
+"""PySceneDetect counts time; its rules are used here in frames, so that any rate, also a variable one, will do."""
 _BLOCK = 256
 """Frames that are decided at once."""
 _FLICKER_S = 0.25
@@ -44,7 +46,7 @@ class SceneDetector:
 
     def add(self, bgr: np.ndarray) -> None:
         """The next frame, (h,w,3) uint8, largest side `footage.SIDE_PX`."""
-        now = FrameTimecode(self._footage.end, self._fps)
+        now = FrameTimecode(self._footage.end, _NOMINAL_FPS)
         found = self._adaptive.process_frame(now, bgr) + self._content.process_frame(now, bgr)
         self._proposals += (timecode.frame_num for timecode in found)
         self._footage.append(bgr)
@@ -57,7 +59,8 @@ class SceneDetector:
             self._decide(self._footage.end)
         contrast = self._footage.contrast
         fades = [fade_around(contrast, run, self._fps) for run in uniform_runs(contrast) if run not in self._flickers]
-        return Scenes(self._footage.end, _without_overlap(self._cuts, self._dissolves, _joined(fades)))
+        blends, dim = meeting_blends(contrast, self._dissolves)
+        return Scenes(self._footage.end, _without_overlap(self._cuts, blends, _joined([*fades, *dim])))
 
     def _decide(self, until: int) -> None:
         """Settle everything in [decided, until); needs the pictures of `margin` frames on both sides."""

@@ -144,7 +144,7 @@ def test_a_limit_below_the_pictures_own_size_refuses_every_container(clip: Clip)
     for container, codec in (("mp4", "libx264"), ("mov", "mpeg4"), ("matroska", "libx264"), ("avi", "mpeg4")):
         file = clip(container, codec, num_frames=5)
         assert max(claimed_sides_px(file)) == 128
-        with pytest.raises(VideoError, match="128 px, more than decode.max_side_px = 100"):
+        with pytest.raises(VideoError, match=r"128 px, more than decode\.max_side_px = 100"):
             read_facts(file, max_side_px=100)
 
 
