@@ -41,6 +41,8 @@ _RETURN_S = 0.25
 """A jump that is undone within this time is a slip of the detector."""
 _VISIBLE = 0.5
 """Visibility from which on a landmark is compared."""
+_MIN_CONFIDENCE = 0.3
+"""Less trusted sightings are not looked at."""
 _MIN_LANDMARKS = 8
 """Landmarks that must be visible in both frames."""
 _STILL = 0.02
@@ -67,7 +69,7 @@ def split_scenes(scenes: Scenes, people: Sequence[ScenePeople | None], *, fps: f
 def cuts_in_scene(scene: ScenePeople, *, fps: float) -> list[Transition]:
     """Cuts inside one scene, in order."""
     tracks = [_Sightings(track) for track in scene.tracks]
-    frames = sorted({int(f) for track in scene.tracks for f in track.frame})
+    frames = sorted({frame for track in tracks for frame in track.row})
     cuts: list[Transition] = []
     for before, after in pairwise(frames):
         if after - before > max(1.0, _GAP_S * fps):
@@ -81,8 +83,9 @@ def cuts_in_scene(scene: ScenePeople, *, fps: float) -> list[Transition]:
 
 def _evidence(tracks: Sequence["_Sightings"], before: int, after: int, fps: float) -> str | None:
     """Which comparison, box or keypoints, says that a cut lies between two frames; None if there is no cut."""
-    leaving = [t for t in tracks if before in t.row]
-    arriving = [t for t in tracks if after in t.row]
+    # who is lost for a while, or found again, says nothing: only who goes on, ends or begins here
+    leaving = [t for t in tracks if before in t.row and (after in t.row or t.last == before)]
+    arriving = [t for t in tracks if after in t.row and (before in t.row or t.first == after)]
     steps = [step(a, before, b, after) for a in leaving for b in arriving]
     if any(s is None for s in steps):
         return None
@@ -101,23 +104,27 @@ def _evidence(tracks: Sequence["_Sightings"], before: int, after: int, fps: floa
         return None
     if jump < _TIMES_USUAL * max([_STILL, *(u for u in usual if u is not None)]) * (after - before):
         return None
-    if _returns(leaving, before, tracks, after, round(_RETURN_S * fps)):
+    if _returns(tracks, before, after, round(_RETURN_S * fps)):
         return None
     return "bbox" if boxes_jump else "keypoints"
 
 
-def _returns(
-    leaving: Sequence["_Sightings"], before: int, tracks: Sequence["_Sightings"], after: int, reach: int
-) -> bool:
-    """Whether somebody is soon back at the place and pose that they had before."""
-    for old in leaving:
-        for frame in range(after, after + reach + 1):
-            for new in tracks:
-                if frame in new.row:
-                    back = step(old, before, new, frame)
-                    if back is not None and back.keypoint_iou > _KEYPOINT_IOU and back.box_iou > _BOX_IOU:
-                        return True
-    return False
+def _returns(tracks: Sequence["_Sightings"], before: int, after: int, reach: int) -> bool:
+    """Whether somebody is soon back where they were, or comes back from a jump shortly before."""
+    there = [(before, later) for later in range(after, after + reach + 1)]
+    back = [(earlier, after) for earlier in range(before - reach, before)]
+    return any(
+        _carries_on(step(old, first, new, second))
+        for first, second in there + back
+        for old in tracks
+        if first in old.row
+        for new in tracks
+        if second in new.row
+    )
+
+
+def _carries_on(change: Step | None) -> bool:
+    return change is not None and change.keypoint_iou > _KEYPOINT_IOU and change.box_iou > _BOX_IOU
 
 
 def step(a: "_Sightings", frame_a: int, b: "_Sightings", frame_b: int) -> Step | None:
@@ -167,14 +174,15 @@ def square_iou(a: np.ndarray, b: np.ndarray, side: float) -> np.ndarray:
 
 
 class _Sightings:
-    """A track, looked up by frame."""
+    """The trustworthy part of a track, looked up by frame."""
 
     def __init__(self, track: PersonTrack) -> None:
-        self.row = {int(frame): i for i, frame in enumerate(track.frame)}
+        self.row = {int(f): i for i, f in enumerate(track.frame) if track.confidence[i] >= _MIN_CONFIDENCE}
+        self.first, self.last = min(self.row, default=-1), max(self.row, default=-1)
         self.keypoints = track.keypoints2d.astype(np.float64)
         self.boxes = track.bbox.astype(np.float64)
         self.size = np.sqrt(np.maximum((self.boxes[:, 2:] - self.boxes[:, :2]).prod(axis=1), 1.0))
-        self._frames = np.asarray(track.frame)
+        self._frames = np.array(sorted(self.row), dtype=np.int64)
 
     def usual_movement(self, frame: int, reach: int) -> float | None:
         """Upper quartile of the movement a frame within `reach` frames before (negative) or after a frame.
