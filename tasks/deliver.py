@@ -1,8 +1,7 @@
 """Stage `deliver`: the recording as it is handed out, the overlay video and the top view."""
 
 from humanmm.models.body.body24 import load_body
-from humanmm.models.body.kinematics import forward_kinematics
-from humanmm.models.motion.recording import Delivery, Recording, assemble
+from humanmm.models.motion.recording import Delivery, Recording, assemble, world_joints
 from humanmm.models.motion.results import WorldMotion
 from humanmm.models.perception.tracks import ScenePeople
 from humanmm.models.pictures.overlay import marks_of
@@ -35,11 +34,9 @@ def deliver(inputs: StageInputs) -> Delivery:
 
 def _recording(inputs: StageInputs, facts: VideoFacts, shot_list: ShotList) -> Recording:
     motion = inputs.read("refine", WorldMotion)
-    body = load_body()
-    pelvis, joints = {}, {}
-    for person in motion.people:
-        rest = body.rest_joints(person.betas)
-        pelvis[person.person] = rest[0]
-        joints[person.person], _ = forward_kinematics(rest, person.R_world_root, person.body_pose, person.pelvis_world)
     scenes = inputs.read_all("people", ScenePeople)
+    body = load_body()
+    rest = {person.person: body.rest_joints(person.betas) for person in motion.people}
+    joints = {person.person: world_joints(person, rest[person.person]) for person in motion.people}
+    pelvis = {number: joints_at_rest[0] for number, joints_at_rest in rest.items()}
     return assemble(facts, shot_list, scenes, motion, rest_pelvis=pelvis, joints_world=joints)

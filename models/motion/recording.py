@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
+from humanmm.models.body.kinematics import forward_kinematics
 from humanmm.models.motion.results import PersonMotion, WorldMotion
 from humanmm.models.perception import landmarks
 from humanmm.models.perception.tracks import PersonTrack, ScenePeople
@@ -174,6 +175,19 @@ def assemble(
         camera_source=motion.camera_source.astype(np.uint8),
         people=tuple(people),
     )
+
+
+def world_joints(
+    person: PersonMotion, rest_joints: Float[np.ndarray, "24 3"], *, window: int = 1024
+) -> Float[np.ndarray, "frames 24 3"]:
+    """Joints of a person in the world, metres, float32; a window of frames at a time, to keep long videos small."""
+    joints = np.empty((len(person.frame), *rest_joints.shape), np.float32)
+    for start in range(0, len(joints), window):
+        rows = slice(start, start + window)
+        joints[rows], _ = forward_kinematics(
+            rest_joints, person.R_world_root[rows], person.body_pose[rows], person.pelvis_world[rows]
+        )
+    return joints
 
 
 def shot_of_each_frame(shot_list: ShotList) -> np.ndarray:

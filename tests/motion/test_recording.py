@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.kinematics import forward_kinematics
-from humanmm.models.motion.recording import Recording, assemble, continuous_rotvec
+from humanmm.models.motion.recording import Recording, assemble, continuous_rotvec, world_joints
 from humanmm.models.motion.results import PersonMotion, WorldMotion
 from humanmm.models.perception.landmarks import INDEX
 from humanmm.models.perception.tracks import PersonTrack, ScenePeople
@@ -42,7 +42,6 @@ def assembled() -> Recording:
     R = Rotation.from_euler("zx", [[0.1 * i, 1.5] for i in range(F)]).as_matrix()
     pose = rng.normal(size=(F, 23, 3)) * 0.2
     pelvis = np.stack([np.linspace(0, 1, F), np.zeros(F), np.ones(F)], axis=1)
-    joints, _ = forward_kinematics(body.rest_joints(betas), R, pose, pelvis)
     motion = WorldMotion(
         R_world_cam=np.tile(np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]), (F, 1, 1)),
         t_world_cam=np.tile([0.0, -4.0, 1.0], (F, 1)),
@@ -69,7 +68,8 @@ def assembled() -> Recording:
     scenes = [ScenePeople(0, 10, (tracks[0],)), ScenePeople(10, F, (tracks[1],))]
     facts = VideoFacts(640, 360, np.arange(F) / 25, np.ones(F, bool), 0, "h264", "mp4")
     rest = {0: body.rest_joints(betas)[0]}
-    return assemble(facts, shots, scenes, motion, rest_pelvis=rest, joints_world={0: joints})
+    joints = {0: world_joints(motion.people[0], body.rest_joints(betas), window=7)}
+    return assemble(facts, shots, scenes, motion, rest_pelvis=rest, joints_world=joints)
 
 
 def _track(frame: np.ndarray) -> PersonTrack:
