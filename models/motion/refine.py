@@ -1,4 +1,4 @@
-"""One motion over all shots (paper section 3.3.3): seams closed, gaps filled, smooth, feet on one floor.
+"""One motion over all shots (paper section 3.4): seams closed, gaps filled, smooth, feet on one floor.
 
 In order: the poses of neighbouring shots are made one at the cut; rotations are smoothed and gaps filled in; feet that
 stand are found; the pelvis' way is solved again with them; then they are found once more on the better way, held by
