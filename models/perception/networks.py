@@ -36,7 +36,7 @@ class Detection:
     score: float
     region: Region
     """Where to look for the landmarks."""
-    box: Float[np.ndarray, "4"]
+    box: Float[np.ndarray, " 4"]
     """xyxy of the head and shoulders, source pixels."""
 
 

@@ -1,6 +1,5 @@
 """Finding everybody in one frame: the detector, the detector again with the found painted out, tiles, and HOG boxes."""
 
-from dataclasses import dataclass
 from functools import lru_cache
 
 import cv2
@@ -13,34 +12,31 @@ from humanmm.models.perception.regions import Region, transform, warp, whole
 
 SETTLE_ROUNDS = 3
 DUPLICATE_SIMILARITY = 0.5
-MAX_COVERED = 0.5
-"""A painted-out silhouette still looks like a person: whoever lies mostly on paint is nobody new."""
+MAX_COVERED = 0.4
+"""A painted-out silhouette still looks like a person: whoever lies largely on paint is nobody new."""
 _PAINT = (127, 127, 127)
 
 
-@dataclass(frozen=True)
-class Effort:
-    """How hard a search looks."""
-
-    tiles: bool
-    """Also look at enlarged parts of the frame: people smaller than about a quarter of its height."""
-
-
-QUICK = Effort(tiles=False)
-THOROUGH = Effort(tiles=True)
-
-
 def find_people(
-    image: UInt8[np.ndarray, "height width 3"], known: list[Observation], effort: Effort, *, limit: int
+    image: UInt8[np.ndarray, "height width 3"],
+    known: list[Observation],
+    places: list[Region],
+    *,
+    upright: bool,
+    limit: int,
 ) -> list[Observation]:
-    """People in the frame who are not among the known, at most `limit` of them."""
+    """People in the frame who are not among the known, at most `limit` of them.
+
+    The detector mostly returns one person a picture and misses people below a quarter of its height: it looks again
+    with the found painted out, and at enlarged `places`; `upright` adds a search for standing people by another method.
+    """
     search = _Search(image, known)
-    for within in [whole(image), *(tiles(image) if effort.tiles else [])]:
+    for within in [whole(image), *places]:
         while len(search.found) < limit:
             regions = [detection.region for detection in detect(search.canvas, within)]
             if not any([search.take(region) for region in regions[: limit - len(search.found)]]):
                 break
-    if effort.tiles:
+    if upright:
         for region in _upright_boxes(search.canvas):
             if len(search.found) < limit:
                 search.take(region)
@@ -52,6 +48,7 @@ class _Search:
 
     def __init__(self, image: UInt8[np.ndarray, "height width 3"], known: list[Observation]) -> None:
         self._known = known
+        self._image = image
         self.found: list[Observation] = []
         self.canvas = image.copy()
         self._painted = np.zeros(image.shape[:2], np.uint8)
@@ -63,12 +60,22 @@ class _Search:
         person = settle(self.canvas, region)
         if person is None or any(same_person(person, other) for other in [*self._known, *self.found]):
             return False
-        covered = warp(self._painted, person.mask_to_source, (person.mask.shape[1], person.mask.shape[0]), nearest=True)
-        if (covered * person.mask).sum() > MAX_COVERED * max(int(person.mask.sum()), 1):
-            return False
+        if self.found or self._known:
+            # A body put together from what the paint left over falls apart when it is looked at without the paint.
+            bare = observe(locate(self._image, person.region), (self._image.shape[1], self._image.shape[0]))
+            if bare is None or any(same_person(bare, other) for other in [*self._known, *self.found]):
+                return False
+            if max(self._covered(person), self._covered(bare)) > MAX_COVERED:
+                return False
         self.found.append(person)
         paint_out(self.canvas, person, self._painted)
         return True
+
+    def _covered(self, person: Observation) -> float:
+        """Share of the person's mask that lies on paint."""
+        size = (person.mask.shape[1], person.mask.shape[0])
+        paint = warp(self._painted, person.mask_to_source, size, nearest=True)
+        return float((paint * person.mask).sum() / max(int(person.mask.sum()), 1))
 
 
 def settle(image: UInt8[np.ndarray, "height width 3"], region: Region) -> Observation | None:

@@ -5,188 +5,226 @@ Frames come once, in order; the last few are kept, so that a person found late i
 
 from collections import deque
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import UInt8
 
-from humanmm.models.perception.networks import box_overlaps, locate
-from humanmm.models.perception.observation import Observation, clothing_histogram, observe
+from humanmm.models.perception.clothing import clothing_histogram, colour_distance
+from humanmm.models.perception.linking import joined, untangled
+from humanmm.models.perception.networks import Landmarks, box_overlaps, detect, locate
+from humanmm.models.perception.observation import Observation, averaged, observe, similarity
 from humanmm.models.perception.regions import Region
-from humanmm.models.perception.search import QUICK, THOROUGH, Effort, find_people, paint_out, same_person
+from humanmm.models.perception.search import find_people, paint_out, same_person, settle, tiles
+from humanmm.models.perception.sides import side_vote
 from humanmm.models.perception.tracks import PersonTrack, ScenePeople
+from humanmm.models.perception.trail import Trail
 
 Image = UInt8[np.ndarray, "height width 3"]
 
-QUICK_PERIOD_S, THOROUGH_PERIOD_S = 0.33, 1.5
-HISTOGRAM_PERIOD_S = 0.2
-MIN_TRACK_S = 0.25
-
-
-@dataclass
-class Trail:
-    """A track while it grows: packed observations only."""
-
-    last: Observation
-    last_frame: int
-    velocity: tuple[float, float] = (0.0, 0.0)
-    rows: dict[int, tuple[np.ndarray, ...]] = field(default_factory=dict)
-    colours: dict[int, np.ndarray] = field(default_factory=dict)
-    active: bool = True
-
-    def predicted(self) -> Region:
-        return self.last.next_region.moved(*self.velocity)
-
-    def add(self, frame: int, seen: Observation) -> None:
-        """Take an observation in; frames may come in either direction."""
-        steps = frame - self.last_frame
-        if steps:
-            side = seen.next_region.side
-            before, now = self.last.next_region, seen.next_region
-            step = np.clip(np.array([now.x - before.x, now.y - before.y]) / abs(steps), -0.1 * side, 0.1 * side)
-            self.velocity = (float(step[0]), float(step[1]))
-        self.last, self.last_frame = seen, frame
-        self.rows[frame] = (
-            seen.keypoints.astype(np.float32),
-            seen.landmarks3d.astype(np.float32),
-            seen.bbox.astype(np.float32),
-            np.array(seen.confidence, np.float32),
-            np.packbits(seen.mask, axis=-1),
-            seen.mask_to_source.astype(np.float32),
-        )
-
-    def finished(self) -> PersonTrack:
-        frames = sorted(self.rows)
-        columns = [np.stack(column) for column in zip(*(self.rows[f] for f in frames), strict=True)]
-        sampled = sorted(self.colours)
-        return PersonTrack(
-            frame=np.array(frames, np.int32),
-            keypoints2d=columns[0],
-            landmarks3d=columns[1],
-            bbox=columns[2],
-            confidence=columns[3],
-            mask_bits=columns[4],
-            mask_affine=columns[5],
-            color_frame=np.array(sampled, np.int32),
-            color_histogram=np.stack([self.colours[f] for f in sampled]),
-        )
+SEARCH_PERIOD_S = 0.33
+TILE_ROUNDS = 3
+"""After the first frame, every search looks at the whole frame and at one in three of the enlarged tiles, in turn."""
+KEPT_S, MAX_KEPT_FRAMES = 0.7, 20
+"""How far back a person found late is followed."""
+COLOUR_PERIOD_S = 0.2
+PATIENCE_S = 0.7
+"""How long a person who is not seen is looked for where he would be."""
+LOCAL_SEARCH_S = 0.1
+CAREFUL_FRAMES = 5
+"""At both ends of a scene every crop is looked at twice: joining shots rests on these frames."""
+SIDE_LOOK_S = 0.1
+LEANING_RAD, LYING_RAD = 0.17, 1.05
+"""A crop turned by an angle between these gets a second, upright look now and then, to tell left from right."""
+OTHER_COLOURS = 0.65
+"""Hellinger distance at which whoever is found in a lost person's place is somebody else."""
+MISSING_HANDICAP = 0.3
+"""Against taking a person from a trail that has just seen him."""
+TENURE_BONUS = 0.3
+"""For a trail that has followed the person for a second or more."""
+MIN_TRACK_S, MIN_TRACK_CONFIDENCE = 0.25, 0.45
 
 
 class SceneTracker:
     """State of one scene; `step` takes its frames in order, `finish` gives the tracks."""
 
-    def __init__(self, *, fps: float, max_people: int) -> None:
+    def __init__(self, *, start: int, end: int, fps: float, max_people: int) -> None:
+        self._start, self._end = start, end
         self._fps = fps if fps > 0 else 30.0
         self._max_people = max_people
         self._trails: list[Trail] = []
-        self._recent: deque[tuple[int, Image]] = deque(maxlen=round(np.clip(QUICK_PERIOD_S * self._fps, 3, 20)) + 1)
-        self._next_quick = self._next_thorough = -1
+        self._recent: deque[tuple[int, Image]] = deque(maxlen=self._frames(KEPT_S, least=3, most=MAX_KEPT_FRAMES) + 1)
+        self._searches = 0
+
+    def _frames(self, seconds: float, *, least: int = 1, most: int = 1 << 30) -> int:
+        return int(np.clip(round(seconds * self._fps), least, most))
 
     def step(self, frame: int, image: Image) -> None:
         """Look at one frame."""
         self._recent.append((frame, image))
-        active = [trail for trail in self._trails if trail.active]
-        seen, lost = self._follow(frame, image, active)
-        if frame >= self._next_thorough:
-            self._search(frame, image, seen, THOROUGH)
-            self._next_thorough = frame + max(1, round(THOROUGH_PERIOD_S * self._fps))
-            self._next_quick = frame + max(1, round(QUICK_PERIOD_S * self._fps))
-        elif frame >= self._next_quick or lost:
-            self._search(frame, image, seen, QUICK)
-            self._next_quick = frame + max(1, round(QUICK_PERIOD_S * self._fps))
+        seen = self._follow(frame, image)
+        if (frame - self._start) % self._frames(SEARCH_PERIOD_S) == 0:
+            self._search(frame, image, seen)
 
-    def finish(self, start: int, end: int) -> ScenePeople:
-        """All tracks of the scene [start, end)."""
-        shortest = min(MIN_TRACK_S * self._fps, 0.5 * (end - start))
-        tracks = [trail.finished() for trail in self._trails if len(trail.rows) >= shortest]
-        tracks.sort(key=lambda t: -float(((t.bbox[:, 2:] - t.bbox[:, :2]).prod(axis=1)).sum()))
-        return ScenePeople(start, end, tuple(tracks))
+    def finish(self) -> ScenePeople:
+        """All tracks of the scene, largest first."""
+        shortest = min(MIN_TRACK_S * self._fps, 0.5 * (self._end - self._start))
+        people = joined(untangled(self._trails), self._fps)
+        tracks = [trail.finished(self._fps) for trail in people if len(trail.rows) >= shortest]
+        tracks = [track for track in tracks if track.confidence.mean() >= MIN_TRACK_CONFIDENCE]
+        tracks.sort(key=lambda t: -float((t.bbox[:, 2:] - t.bbox[:, :2]).prod(axis=1).sum()))
+        return ScenePeople(self._start, self._end, tuple(tracks))
 
-    def _follow(self, frame: int, image: Image, active: list[Trail]) -> tuple[list[Observation], bool]:
-        seen: list[Observation] = []
-        lost = False
-        for trail in active:
-            observation = _look(image, trail)
-            if observation is not None and any(same_person(observation, other) for other in seen):
-                canvas = image.copy()
-                for other in seen:
-                    paint_out(canvas, other)
-                observation = _look(canvas, trail)
-                if observation is not None and any(same_person(observation, other) for other in seen):
-                    observation = None
-            if observation is None:
-                trail.active, lost = False, True
+    def _follow(self, frame: int, image: Image) -> list[Observation]:
+        """Look for everybody known, nearest first (lowest in the picture): the others may be hidden behind them."""
+        seen: dict[int, Observation] = {}
+        order = [k for k, trail in enumerate(self._trails) if trail.active]
+        order.sort(key=lambda k: -self._trails[k].last.bbox[3])
+        for k in order:
+            trail = self._trails[k]
+            found = self._look_behind(frame, image, trail, list(seen.values()))
+            rival = next((r for r in seen if found is not None and same_person(found[0], seen[r])), None)
+            if rival is not None and found is not None:
+                if self._claim(image, trail, found[0]) <= self._claim(image, self._trails[rival], found[0]):
+                    found = None
+                else:
+                    del seen[rival]
+                    self._forget(rival, frame)
+            if found is None:
+                trail.missing += 1
+                trail.active = trail.missing <= PATIENCE_S * self._fps
                 continue
-            trail.add(frame, observation)
-            self._colour(trail, frame, image, observation)
-            seen.append(observation)
-        return seen, lost
+            trail.add(frame, *found)
+            self._note_colours(trail, frame, image)
+            seen[k] = found[0]
+        return list(seen.values())
 
-    def _search(self, frame: int, image: Image, seen: list[Observation], effort: Effort) -> None:
+    def _forget(self, number: int, frame: int) -> None:
+        """Take back a frame's observation from a trail that lost it to a better claim."""
+        trail = self._trails[number]
+        trail.rows.pop(frame, None)
+        trail.colours.pop(frame, None)
+        trail.missing += 1
+
+    def _look_behind(
+        self, frame: int, image: Image, trail: Trail, nearer: list[Observation]
+    ) -> tuple[Observation, float] | None:
+        """The trail's person and a vote on his sides; people nearer than him are painted out where they overlap."""
+        region = trail.predicted()
+        half = 0.35 * region.side
+        box = np.array([region.x - half, region.y - half, region.x + half, region.y + half])
+        hiding = [other for other in nearer if box_overlaps(box[None], other.bbox[None])[0, 0] > 0.1]
+        canvas = image
+        if hiding:
+            canvas = image.copy()
+            for other in hiding:
+                paint_out(canvas, other)
+        if not trail.missing:
+            return self._look(frame, canvas, trail, region) or (
+                self._look(frame, image, trail, region) if hiding else None
+            )
+        found = self._look(frame, canvas, trail, region)
+        if found is None and trail.missing % self._frames(LOCAL_SEARCH_S) == 0:
+            for detection in detect(canvas, Region(region.x, region.y, 1.8 * region.side)):
+                person = settle(canvas, detection.region)
+                if person is not None and not person.region.outlier_of(region, shift=0.6, ratio=1.6):
+                    found = person, 0.0
+                    break
+        colours = trail.mean_colours()
+        if found is None or colours is None:
+            return found
+        clothes = colour_distance(clothing_histogram(image, found[0]), colours)
+        return found if clothes <= OTHER_COLOURS else None
+
+    def _look(self, frame: int, image: Image, trail: Trail, region: Region) -> tuple[Observation, float] | None:
+        """The person in a region and a vote on his sides; a crop that jumped or changed size is looked at again."""
+        answer = locate(image, region)
+        if answer.next_region.outlier_of(region, shift=0.12, ratio=1.3):
+            answer = locate(image, answer.next_region)
+            if answer.next_region.outlier_of(region, shift=0.35, ratio=1.6):
+                return None
+        careful = frame - self._start < CAREFUL_FRAMES or self._end - frame <= CAREFUL_FRAMES
+        if careful:
+            answer = _second_look(image, answer)
+        seen = observe(answer, (image.shape[1], image.shape[0]))
+        if seen is None:
+            return None
+        vote = 0.0
+        if LEANING_RAD < abs(seen.region.angle) < LYING_RAD and (careful or frame % self._frames(SIDE_LOOK_S) == 0):
+            upright = locate(image, replace(seen.region, angle=0.0))
+            vote = side_vote(seen.keypoints, upright.keypoints, seen.region.side)
+        return seen, vote
+
+    def _claim(self, image: Image, trail: Trail, seen: Observation) -> float:
+        """How well an observation continues a trail, by place, pose and clothes."""
+        place = similarity(trail.predicted_keypoints(), seen.keypoints, seen.region.side)
+        colours = trail.mean_colours()
+        clothes = colour_distance(clothing_histogram(image, seen), colours) if colours is not None else 0.5
+        tenure = min(1.0, len(trail.rows) / self._fps)
+        return place - clothes + TENURE_BONUS * tenure - (MISSING_HANDICAP if trail.missing else 0.0)
+
+    def _search(self, frame: int, image: Image, seen: list[Observation]) -> None:
         limit = self._max_people - len(seen)
         if limit <= 0:
             return
-        for person in find_people(image, seen, effort, limit=limit):
-            trail = self._resumed(frame, person)
+        everywhere = tiles(image)
+        first = self._searches == 0
+        places = everywhere if first else everywhere[self._searches % TILE_ROUNDS :: TILE_ROUNDS]
+        self._searches += 1
+        for person in find_people(image, seen, places, upright=first, limit=limit):
+            trail = self._resumed(frame, image, person)
             if trail is None:
                 trail = Trail(person, frame)
-                trail.add(frame, person)
                 self._trails.append(trail)
-                self._follow_back(frame, trail)
-                trail.last, trail.last_frame = person, frame
-            else:
-                trail.velocity = (0.0, 0.0)
-                trail.add(frame, person)
-            self._colour(trail, frame, image, person)
+            trail.velocity = (0.0, 0.0)
+            trail.add(frame, person)
+            self._note_colours(trail, frame, image)
+            self._follow_back(frame, trail)
 
-    def _resumed(self, frame: int, person: Observation) -> Trail | None:
-        """The lost trail that this person continues: near in time, place and size."""
-        best, best_distance = None, 0.5
+    def _resumed(self, frame: int, image: Image, person: Observation) -> Trail | None:
+        """The lost trail that this person continues: near in time, place, size and clothes."""
+        best, least = None, 1.0
         for trail in self._trails:
             gap = (frame - trail.last_frame) / self._fps
-            if trail.active or not 0 < gap < 1.0:
+            if frame in trail.rows or not 0 < gap < 1.0:
                 continue
-            side = trail.last.next_region.side
-            there = person.next_region
-            distance = np.hypot(there.x - trail.last.next_region.x, there.y - trail.last.next_region.y) / side
-            if distance < best_distance and 0.6 < there.side / side < 1.6:
-                best, best_distance = trail, distance
-        if best is not None:
-            best.active = True
+            here, there = trail.last.next_region, person.next_region
+            distance = float(np.hypot(there.x - here.x, there.y - here.y)) / here.side
+            colours = trail.mean_colours()
+            clothes = 0.0 if colours is None else colour_distance(clothing_histogram(image, person), colours)
+            if clothes < OTHER_COLOURS and 0.6 < there.side / here.side < 1.6 and distance + clothes < least:
+                best, least = trail, distance + clothes
         return best
 
     def _follow_back(self, frame: int, trail: Trail) -> None:
+        """Fill the frames before a find, as far as they are kept and the person can be seen in them."""
+        found = trail.last
         for earlier, image in reversed(self._recent):
             if earlier >= frame:
                 continue
-            observation = _look(image, trail)
-            if observation is None or any(
-                other is not trail and earlier in other.rows and _covers(other.rows[earlier][2], observation.bbox)
-                for other in self._trails
+            if earlier in trail.rows:
+                break
+            others = [t.rows[earlier] for t in self._trails if t is not trail and earlier in t.rows]
+            looked = self._look(earlier, image, trail, trail.predicted())
+            if looked is None or any(
+                similarity(row.keypoints, looked[0].keypoints, min(row.side, looked[0].region.side)) > 0.5
+                for row in others
             ):
                 break
-            trail.add(earlier, observation)
-        trail.velocity = (-trail.velocity[0], -trail.velocity[1])
+            trail.add(earlier, *looked)
+        backwards = trail.velocity
+        trail.last, trail.last_frame, trail.velocity = found, frame, (-backwards[0], -backwards[1])
 
-    def _colour(self, trail: Trail, frame: int, image: Image, seen: Observation) -> None:
-        if not trail.colours or frame - max(trail.colours) >= HISTOGRAM_PERIOD_S * self._fps:
-            trail.colours[frame] = clothing_histogram(image, seen).astype(np.float32)
-
-
-def _covers(a: np.ndarray, b: np.ndarray) -> bool:
-    return bool(box_overlaps(a[None], b[None])[0, 0] > 0.6)
+    def _note_colours(self, trail: Trail, frame: int, image: Image) -> None:
+        if not trail.colours or frame - max(trail.colours) >= COLOUR_PERIOD_S * self._fps:
+            trail.colours[frame] = clothing_histogram(image, trail.last).astype(np.float32)
 
 
-def _look(image: Image, trail: Trail) -> Observation | None:
-    """The trail's person in a neighbouring frame; a crop that jumped or changed size is looked at again."""
-    region = trail.predicted()
-    frame_size = (image.shape[1], image.shape[0])
-    answer = locate(image, region)
-    if answer.next_region.outlier_of(region, shift=0.12, ratio=1.3):
-        answer = locate(image, answer.next_region)
-        if answer.next_region.outlier_of(region, shift=0.35, ratio=1.6):
-            return None
-    return observe(answer, frame_size)
+def _second_look(image: Image, answer: Landmarks) -> Landmarks:
+    """The mean of an answer and of the mirrored crop's, where the two agree on left and right."""
+    other = locate(image, answer.region, mirrored=True)
+    agree = side_vote(answer.keypoints, other.keypoints, answer.region.side) > -0.5
+    return averaged(answer, other) if agree and other.presence > 0.5 else answer
 
 
 def track_people(
@@ -196,24 +234,24 @@ def track_people(
 
     Pictures may be smaller than the source (`size` is its width and height): results are in source pixels.
     """
-    tracker = SceneTracker(fps=fps, max_people=max_people)
+    tracker = SceneTracker(start=start, end=end, fps=fps, max_people=max_people)
     scale = np.ones(2)
     for frame, image in frames:
         scale = np.array(size) / (image.shape[1], image.shape[0])
         tracker.step(frame, image)
-    return _in_source_pixels(tracker.finish(start, end), scale)
+    return _in_source_pixels(tracker.finish(), scale)
 
 
 def _in_source_pixels(people: ScenePeople, scale: np.ndarray) -> ScenePeople:
     if (scale == 1).all():
         return people
-    tracks = tuple(
-        replace(
+
+    def scaled(track: PersonTrack) -> PersonTrack:
+        return replace(
             track,
             keypoints2d=(track.keypoints2d * [*scale, 1]).astype(np.float32),
             bbox=(track.bbox * [*scale, *scale]).astype(np.float32),
             mask_affine=(track.mask_affine * scale[:, None]).astype(np.float32),
         )
-        for track in people.tracks
-    )
-    return replace(people, tracks=tracks)
+
+    return replace(people, tracks=tuple(scaled(track) for track in people.tracks))

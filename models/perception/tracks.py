@@ -25,7 +25,10 @@ class PersonTrack:
     bbox: np.ndarray
     """(N,4) float32: xyxy, source pixels, of the visible body."""
     confidence: np.ndarray
-    """(N,) float32, 0..1."""
+    """(N,) float32, 0..1: torso and legs seen, limbs on the mask, limbs moving steadily."""
+    side_votes: np.ndarray
+    """(N,) float32: log-odds that left and right are named rightly, from second looks at an upright crop; 0 in frames
+    without one. Labels are consistent along the track already (`perception.sides`), and agree with the votes' sum."""
     mask_bits: np.ndarray
     """(N,128,16) uint8: silhouette in the crop, np.unpackbits(axis=-1)."""
     mask_affine: np.ndarray

@@ -16,6 +16,7 @@ from scipy.optimize import linear_sum_assignment
 
 from humanmm.models.body.body24 import JOINT_NAMES, Body, load_body
 from humanmm.models.perception import landmarks
+from humanmm.models.perception.clothing import colour_distance, mean_colours
 from humanmm.models.perception.tracks import PersonTrack, ScenePeople
 from humanmm.models.shots.boundaries import Appearance, Person
 
@@ -60,7 +61,7 @@ class Sighting:
     first: Float[np.ndarray, "33 3"] | None
     """3D pose at the shot's first frame; None when not seen there."""
     last: Float[np.ndarray, "33 3"] | None
-    colours: Float[np.ndarray, "bins"]
+    colours: Float[np.ndarray, " bins"]
     area: float
     num_frames: int
     confidence: float
@@ -115,12 +116,11 @@ def sighting(index: int, shot: ShotSpan, number: int, track: PersonTrack) -> Sig
     )
 
 
-def _colours(track: PersonTrack, shot: ShotSpan) -> Float[np.ndarray, "bins"]:
+def _colours(track: PersonTrack, shot: ShotSpan) -> Float[np.ndarray, " bins"]:
     """Mean clothing colours inside the shot; of the whole track when none were taken there."""
     inside = (track.color_frame >= shot.start) & (track.color_frame < shot.end)
     chosen = track.color_histogram[inside] if inside.any() else track.color_histogram
-    mean = chosen.astype(np.float64).sum(axis=0)
-    return np.asarray(mean / max(float(mean.sum()), 1e-9))
+    return mean_colours(chosen)
 
 
 def pose_at(track: PersonTrack, rows: np.ndarray, frame: int) -> Float[np.ndarray, "33 3"] | None:
@@ -158,11 +158,6 @@ def same_person_odds(person: Sequence[Sighting], new: Sighting) -> float:
     return odds
 
 
-def colour_distance(a: Float[np.ndarray, "bins"], b: Float[np.ndarray, "bins"]) -> float:
-    """Hellinger distance of two histograms that sum to 1: 0 equal, 1 nothing in common."""
-    return float(np.sqrt(max(0.0, 1 - np.sqrt(a * b).sum())))
-
-
 def pose_residual_m(a: Float[np.ndarray, "33 3"], b: Float[np.ndarray, "33 3"]) -> float:
     """Root mean square distance of the limbs after the best rotation, left and right exchanged or not."""
     limbs = list(landmarks.LIMBS)
@@ -196,7 +191,7 @@ def bone_lengths(poses: Float[np.ndarray, "frames 33 3"]) -> Float[np.ndarray, "
     return _lengths(point)
 
 
-def shape_from_bones(bones: Float[np.ndarray, "frames 7"], body: Body) -> Float[np.ndarray, "betas"]:
+def shape_from_bones(bones: Float[np.ndarray, "frames 7"], body: Body) -> Float[np.ndarray, " betas"]:
     """Shape whose bone lengths are likeliest: ridge regression of log lengths, prior N(0, 1) on every component."""
     wanted = np.log(np.median(bones, axis=0) / _body_bones(body, np.zeros(body.num_betas)))
     step = 0.5
@@ -210,7 +205,7 @@ def shape_from_bones(bones: Float[np.ndarray, "frames 7"], body: Body) -> Float[
     return np.asarray(np.linalg.solve(normal, jacobian.T @ wanted / BONE_NOISE**2), np.float32)
 
 
-def _body_bones(body: Body, betas: Float[np.ndarray, "betas"]) -> Float[np.ndarray, "7"]:
+def _body_bones(body: Body, betas: Float[np.ndarray, " betas"]) -> Float[np.ndarray, " 7"]:
     joints = body.rest_joints(betas)
 
     def point(side: str, name: str) -> np.ndarray:
