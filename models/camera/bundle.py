@@ -137,8 +137,9 @@ def adjust(
     cost = float(robust_loss(residual, noise).sum())
     damping = 1e-4
     layout = _Layout(observations, len(fixed), len(points.rho))
-    system = _System(views, points, observations, layout, fixed, freedom, noise)
+    system: _System | None = None
     for _ in range(iterations):
+        system = system or _System(views, points, observations, layout, fixed, freedom, noise)
         new_views, new_points = system.step(views, points, damping)
         new_residual = residuals(new_views, new_points, observations)
         new_cost = float(robust_loss(new_residual, noise).sum())
@@ -154,7 +155,7 @@ def adjust(
         cost = float(robust_loss(residual, noise).sum())
         if gain < MIN_GAIN:
             break
-        system = _System(views, points, observations, layout, fixed, freedom, noise)
+        system = None
     return Adjusted(views, points, residual, cost, noise)
 
 

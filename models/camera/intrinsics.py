@@ -12,7 +12,7 @@ own, or one that was misread, does not drag the rest away.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -29,6 +29,8 @@ MODEL_RELATIVE_SIGMA = 0.03
 """What a pinhole with its principal point in the middle is worth on a real lens; no estimate claims to be better."""
 TAIL_DEGREES = 3.0
 """Degrees of freedom of Student's t for the evidence of a shot."""
+MAX_FRAMES = 600
+"""Recorded frames of a shot that are looked at."""
 MAX_SHOTS = 4
 """Shots that are asked, those with most points over most frames first."""
 ENOUGH_RELATIVE_SIGMA = 0.02
@@ -64,7 +66,7 @@ def estimate_intrinsics(shots: Sequence[ShotPoints], width: int, height: int) ->
     evidence: list[FocalEvidence] = []
     result = combine(evidence, default, width, height)
     for shot in sorted(shots, key=lambda shot: -len(shot.points.frame))[:MAX_SHOTS]:
-        background = arrange(background_points(shot.points, shot.people), width, height)
+        background = arrange(background_points(_beginning(shot.points), shot.people), width, height)
         found = focal_evidence(background, result.focal_px)
         if found is not None:
             evidence.append(found)
@@ -72,6 +74,18 @@ def estimate_intrinsics(shots: Sequence[ShotPoints], width: int, height: int) ->
         if result.relative_uncertainty < ENOUGH_RELATIVE_SIGMA:
             break
     return result
+
+
+def _beginning(points: PointTracks) -> PointTracks:
+    """The first recorded frames of a long shot."""
+    frames = np.unique(points.frame)
+    if len(frames) <= MAX_FRAMES:
+        return points
+    last = int(np.searchsorted(points.frame, frames[MAX_FRAMES]))
+    return replace(
+        points, track=points.track[:last], frame=points.frame[:last], xy=points.xy[:last],
+        confidence=points.confidence[:last],
+    )  # fmt: skip
 
 
 def combine(evidence: Sequence[FocalEvidence], default_px: float, width: int, height: int) -> Intrinsics:

@@ -35,6 +35,7 @@ LASTING, MIN_LASTING = 4, 100
 """Keyframes that see a point that counts in comparing models, and sightings of such points needed."""
 OUTLIER_SIGMA = 4.0
 """Sightings further off than this many sigma after an adjustment are dropped (LEAP-VO drops above 5 px)."""
+IMAGES_AT_ONCE = 200
 MIN_POINTS = 12
 """Fewer background points in a keyframe than this cannot carry a pose."""
 
@@ -307,16 +308,18 @@ def _put(points: Points, index: np.ndarray, values: Points) -> Points:
 def _adjust_all(
     views: Views, points: Points, observations: Observations, num_keyframes: int, freedom: Freedom
 ) -> Adjusted:
-    """The last adjustment: all keyframes together; in a long shot, the points alone."""
+    """The last adjustment, over all keyframes; a long shot keeps what its windows gave."""
     fixed = np.zeros(num_keyframes, bool)
     fixed[0] = True
-    if num_keyframes > MAX_GLOBAL_KEYFRAMES:
-        fixed[:] = True
-    return adjust(views, points, observations, fixed=fixed, freedom=freedom, iterations=10)
+    iterations = 10 if num_keyframes <= MAX_GLOBAL_KEYFRAMES else 0
+    return adjust(views, points, observations, fixed=fixed, freedom=freedom, iterations=iterations)
 
 
 def all_images(shot: TrackedShot, track: Track, *, freedom: Freedom) -> tuple[Views, Float[np.ndarray, " m"]]:
-    """Views of every recorded image from the keyframes' map, and the reprojection error of every sighting used."""
+    """Views of every recorded image from the keyframes' map, and the reprojection error of every sighting used.
+
+    The first image stays as it is: it is the frame of the shot.
+    """
     at = np.arange(shot.num_images, dtype=float)
     known_at = track.keyframes.astype(float)
     views = Views(
@@ -325,7 +328,13 @@ def all_images(shot: TrackedShot, track: Track, *, freedom: Freedom) -> tuple[Vi
         np.interp(at, known_at, track.views.log_zoom),
         track.views.focal_px,
     )
-    keep = track.known[shot.sightings.point]
-    keep[shot.begins[0] : shot.begins[1]] = False  # the first image is the frame of the shot
-    views, residual, _ = resect(views, track.points, shot.sightings.select(keep), freedom=freedom)
-    return views, residual
+    residuals_px = []
+    for first in range(0, shot.num_images, IMAGES_AT_ONCE):
+        images = np.arange(first, min(first + IMAGES_AT_ONCE, shot.num_images))
+        sightings = shot.of_images(images)
+        sightings = sightings.select(track.known[sightings.point] & ((sightings.image > 0) | (first > 0)))
+        part, residual_px, _ = resect(_views_of(views, images), track.points, sightings, freedom=freedom)
+        views.R_shot_cam[images], views.t_shot_cam[images] = part.R_shot_cam, part.t_shot_cam
+        views.log_zoom[images] = part.log_zoom
+        residuals_px.append(residual_px)
+    return views, np.concatenate(residuals_px)

@@ -42,7 +42,7 @@ class TrackedShot:
     def seen(self, image: int) -> tuple[Int[np.ndarray, " n"], Float[np.ndarray, "n 2"]]:
         """Points (ascending) and centred pixels of one image."""
         part = slice(self.begins[image], self.begins[image + 1])
-        return self.sightings.point[part], self.sightings.xy[part]
+        return self.sightings.point[part], self.sightings.xy[part].astype(float)
 
     def shared(
         self, a: int, b: int
@@ -58,7 +58,8 @@ class TrackedShot:
         parts = [np.arange(self.begins[i], self.begins[i + 1]) for i in images]
         index = np.concatenate(parts) if parts else np.zeros(0, int)
         number = np.repeat(np.arange(len(images)), [len(part) for part in parts])
-        return Observations(number, self.sightings.point[index], self.sightings.xy[index])
+        point, xy = self.sightings.point[index], self.sightings.xy[index]
+        return Observations(number, point.astype(int), xy.astype(float))
 
 
 def arrange(points: PointTracks, width: int, height: int) -> TrackedShot:
@@ -68,13 +69,14 @@ def arrange(points: PointTracks, width: int, height: int) -> TrackedShot:
     track, frame, xy = points.track[keep], points.frame[keep], points.xy[keep]
     order = np.lexsort((track, frame))
     frames, begins = np.unique(frame[order], return_index=True)
-    _, point = np.unique(track[order], return_inverse=True)
-    image = np.repeat(np.arange(len(frames)), np.diff([*begins, len(order)]))
-    centred = xy[order].astype(float) - (width / 2, height / 2)
+    numbers = np.cumsum(np.bincount(track) > 0) - 1 if len(track) else np.zeros(0, int)
+    point = numbers[track[order]].astype(np.int32)
+    image = np.repeat(np.arange(len(frames), dtype=np.int32), np.diff([*begins, len(order)]))
+    centred = xy[order] - np.array([width / 2, height / 2], np.float32)
     num_points = int(point.max()) + 1 if len(point) else 0
     return TrackedShot(
         points.start, points.end, width, height, frames.astype(int), np.append(begins, len(order)).astype(int),
-        Observations(image, point.astype(int), centred), num_points,
+        Observations(image, point, centred), num_points,
     )  # fmt: skip
 
 
