@@ -31,8 +31,6 @@ from humanmm.models.perception.tracks import PersonTrack
 
 POOR_SHARE = 0.004
 """A fit worse than this share of the diagonal is no measurement any more."""
-CLEARLY_MOVING_GAIN = 0.25
-"""Below this share no zoom need be looked for."""
 ZOOM_GAIN = 0.75
 """The same for a zooming camera against one that does not zoom."""
 MIN_ZOOM = 0.03
@@ -91,16 +89,14 @@ def _turning_or_moving(shot: TrackedShot, focal_px: float) -> _Answer:
     exact = EXACT_SHARE * shot.diagonal_px
     if turning.adjusted.noise_px < exact:
         return _answer(shot, turning, turning_only, "rotation_only")
-    moved, moving_freedom = moving(shot, turning), Freedom(translation=True)
-    if moved is not None and moved.error_px < CLEARLY_MOVING_GAIN * turning.error_px:
-        return _answer(shot, moved, moving_freedom, "tracked")
     zooming_too = Freedom(translation=False, zoom=True)
-    zooming = rotating(shot, keyframes, focal_px, freedom=zooming_too)
+    zooming = rotating(shot, keyframes, focal_px, freedom=zooming_too)  # a zoom looks much like a step forward
     zoom_range = float(np.ptp(zooming.views.log_zoom))
     zooms = zoom_range > MIN_ZOOM and zooming.error_px < ZOOM_GAIN * turning.error_px
     turned, freedom = (zooming, zooming_too) if zooms else (turning, turning_only)
+    moved = moving(shot, turning)
     if moved is not None and moved.error_px < MOVING_GAIN * turned.error_px:
-        return _answer(shot, moved, moving_freedom, "tracked")
+        return _answer(shot, moved, Freedom(translation=True), "tracked")
     answer = _answer(shot, turned, freedom, "rotation_only")
     if zooms:
         percent = 100 * (np.exp(zoom_range) - 1)

@@ -74,11 +74,10 @@ def _empty_columns() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
 
 def even_exposure(picture: UInt8[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w"]:
     """The picture without its slow brightness changes and with a fixed contrast."""
-    grey = picture.astype(np.float32)
-    detail = grey - cv2.blur(grey, (31, 31))
-    deviation = float(detail.std())
+    brightness = cv2.blur(picture, (31, 31))
+    deviation = cv2.norm(picture, brightness, cv2.NORM_L2) / picture.size**0.5
     gain = min(CONTRAST / max(deviation, 1e-6), MAX_GAIN)
-    return np.asarray(np.clip(detail * gain + 128.5, 0.0, 255.0), np.uint8)
+    return np.asarray(cv2.addWeighted(picture, gain, brightness, -gain, 128.0), np.uint8)
 
 
 class _Tracker:

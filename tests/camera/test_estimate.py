@@ -74,6 +74,17 @@ def test_a_shot_of_a_few_frames_works(scene_of: Callable[..., Any], num_frames: 
     assert rotation_errors_deg(camera, scene.R_shot_cam).max() < 0.5
 
 
+def test_a_zoom_is_reported_and_not_taken_for_motion(scene_of: Callable[..., Any]) -> None:
+    scene = scene_of("pan")
+    factor = np.linspace(1.0, 1.3, 60)[scene.points.frame][:, None]
+    middle = np.array([scene.intrinsics.width, scene.intrinsics.height]) / 2
+    xy = (middle + factor * (scene.points.xy - middle)).astype(np.float32)
+    camera = estimate_camera(replace(scene.points, xy=xy), (), scene.intrinsics)
+    assert camera.source == "rotation_only"
+    assert "focal length changes by 30 %" in camera.warnings[0]
+    assert rotation_errors_deg(camera, scene.R_shot_cam).max() < 1.0
+
+
 def test_the_users_word_settles_it(scene_of: Callable[..., Any]) -> None:
     scene = scene_of("pan")
     camera = estimate_camera(scene.points, (), scene.intrinsics, static=True)

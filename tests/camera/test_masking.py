@@ -1,0 +1,60 @@
+"""What lies on people is left out, and only that."""
+
+import numpy as np
+
+from humanmm.models.camera.masking import background_points
+from humanmm.models.camera.observations import PointTracks
+from humanmm.models.perception.tracks import PersonTrack
+
+
+def person(frames: list[int], left: float) -> PersonTrack:
+    """A person of 100 × 200 px whose crop of 256 × 256 px starts at (left, 100); the silhouette is a box in its
+    middle."""
+    mask = np.zeros((128, 128), np.uint8)
+    mask[14:114, 39:89] = 1
+    count = len(frames)
+    return PersonTrack(
+        np.array(frames, np.int32), np.zeros((count, 33, 3), np.float32), np.zeros((count, 33, 3), np.float32),
+        np.tile(np.array([left + 78, 128, left + 178, 328], np.float32), (count, 1)), np.ones(count, np.float32),
+        np.tile(np.packbits(mask, axis=-1), (count, 1, 1)),
+        np.tile(np.array([[2, 0, left], [0, 2, 100]], np.float32), (count, 1, 1)),
+        np.zeros(0, np.int32), np.zeros((0, 8), np.float32),
+    )  # fmt: skip
+
+
+def points_at(xy: list[tuple[float, float]], num_frames: int) -> PointTracks:
+    frame = np.repeat(np.arange(num_frames, dtype=np.int32), len(xy))
+    track = np.tile(np.arange(len(xy), dtype=np.int32), num_frames)
+    places = np.tile(np.array(xy, np.float32), (num_frames, 1))
+    return PointTracks(0, num_frames, track, frame, places, np.ones(len(frame), np.float32), window_px=16.0)
+
+
+def test_points_on_the_silhouette_and_within_half_a_window_go() -> None:
+    inside, edge, outside = (300.0, 200.0), (272.0, 200.0), (250.0, 200.0)  # the silhouette begins at x = 278
+    kept = background_points(points_at([inside, edge, outside], 10), [person(list(range(10)), 200.0)])
+    assert len(kept.frame) == 10
+    assert (kept.xy == outside).all()
+
+
+def test_a_hole_in_a_persons_track_is_bridged() -> None:
+    kept = background_points(points_at([(300.0, 200.0)], 20), [person([0, 1, 2, 18, 19], 200.0)])
+    assert len(kept.frame) == 0
+
+
+def test_a_person_seen_elsewhere_in_time_hides_nothing() -> None:
+    points = points_at([(300.0, 200.0)], 20)
+    kept = background_points(points, [person(list(range(100, 110)), 200.0)])
+    assert len(kept.frame) == len(points.frame)
+
+
+def test_a_track_goes_on_under_a_new_number_after_a_person_passed() -> None:
+    kept = background_points(points_at([(300.0, 200.0)], 60), [person(list(range(25, 31)), 200.0)])
+    before, after = kept.track[kept.frame < 20], kept.track[kept.frame > 40]
+    assert len(np.unique(before)) == len(np.unique(after)) == 1
+    assert before[0] != after[0]
+
+
+def test_an_empty_mask_stands_for_the_whole_box() -> None:
+    someone = person(list(range(5)), 200.0)
+    someone.mask_bits[:] = 0
+    assert len(background_points(points_at([(280.0, 140.0)], 5), [someone]).frame) == 0
