@@ -1,6 +1,6 @@
 """One person's observations over one scene, frame by frame."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -26,9 +26,6 @@ class PersonTrack:
     """(N,4) float32: xyxy, source pixels, of the visible body."""
     confidence: np.ndarray
     """(N,) float32, 0..1: torso and legs seen, limbs on the mask, limbs moving steadily."""
-    side_votes: np.ndarray
-    """(N,) float32: log-odds that left and right are named rightly, from second looks at an upright crop; 0 in frames
-    without one. Labels are consistent along the track already (`perception.sides`), and agree with the votes' sum."""
     mask_bits: np.ndarray
     """(N,128,16) uint8: silhouette in the crop, np.unpackbits(axis=-1)."""
     mask_affine: np.ndarray
@@ -37,6 +34,9 @@ class PersonTrack:
     """(S,) int32: frames at which the clothing colours were taken, a few a second."""
     color_histogram: np.ndarray
     """(S,B) float32: clothing colours, upper and lower body; rows sum to about 1."""
+    side_votes: np.ndarray = field(default_factory=lambda: np.zeros(0, np.float32))
+    """(N,) float32: log-odds that left and right are named rightly, from second looks at an upright crop; 0 in frames
+    without one, empty where nobody looked. Labels are already consistent along the track (`perception.sides`)."""
 
 
 @dataclass(frozen=True)

@@ -51,7 +51,7 @@ def test_limbs_lie_where_an_independent_detector_sees_them_with_left_and_right_a
         for side in ("left", "right"):
             ours = track.keypoints2d[:, landmarks.INDEX[f"{side}_{joint.lower()}"], :2]
             theirs = openpose[track.frame, names.index(f"{side[0].upper()}{joint}"), :2] + 0.5
-            # 25 px are 4 % of the man's height: joint definitions differ by that much, left and right by 40 px and more.
+            # 25 px are 4 % of the man's height: joint definitions differ by that much, left and right by 40 px.
             assert np.median(np.linalg.norm(ours - theirs, axis=1)) < 25, (side, joint)
 
 
