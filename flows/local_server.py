@@ -1,8 +1,8 @@
 """A Prefect server of our own on loopback, started when first needed and shared by all runs until nobody needs it.
 
 Starting a server for every run costs about ten seconds, asking a running one next to nothing. So one runs in the
-background: started on demand, found through a small file, leaving by itself when no run has held it for a while. Runs hold
-a shared flock while they use it, which the kernel frees when a run is killed.
+background: started on demand, found through a small file, leaving by itself when no run has held it for a while. Runs
+hold a shared flock while they use it, which the kernel frees when a run is killed.
 
 Nothing here imports Prefect: its settings come from environment variables that must be set before.
 """
@@ -89,7 +89,7 @@ def prefect_server() -> Iterator[str]:
         if url:
             os.environ["PREFECT_API_URL"] = url
         else:
-            log.warning("no Prefect server could be started (see %s); this run brings its own, which is slower", files.log)
+            log.warning("no Prefect server could be started (see %s); this run brings its own: slower", files.log)
             os.environ["PREFECT_SERVER_ALLOW_EPHEMERAL_MODE"] = "true"
         try:
             yield url or "ephemeral"

@@ -99,12 +99,14 @@ class Stages:
         """Wait for everything; write the run folder; the flow's final state."""
         for future in self._futures.values():
             future.wait()
+        video, store = self.run.video, self.run.store
         error = fatal_error(self.run)
         if error is not None:
+            store.remember_run(video.sha256, "failed", run_dir=None, reason=str(error))
             raise error
         if not has_result(self.run):  # `--only` left the result as it was
             return Completed(message="nothing that depends on it has changed")
-        run_dir = out or default_run_dir(self.run.video.path)
+        run_dir = out or default_run_dir(video.path)
         state = write_results(self.run, run_dir, started=begun, log_text=self.run.log_text())
         if state == "partial":
             lost = "; ".join(f"{outcome.work.label}: {outcome.reason}" for outcome in failures(self.run))
@@ -144,14 +146,13 @@ def stage_task(run: VideoRun, stage: str, index: int) -> Any:
 
 def _task_of(run: VideoRun, work: Work) -> Task[..., Any]:
     retries = run.config.run.max_retries
-    return task(
-        stage_task,
-        name=work.stage.name,
+    named: Task[..., Any] = task(name=work.stage.name)(stage_task)
+    return named.with_options(
         task_run_name=work.label,
         cache_policy=NO_CACHE,
         persist_result=False,
         retries=retries,
-        retry_delay_seconds=[0.5 * 4**attempt for attempt in range(retries)] or None,
+        retry_delay_seconds=[0.5 * 4**attempt for attempt in range(retries)],
         retry_condition_fn=_is_worth_retrying,
     )
 

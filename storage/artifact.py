@@ -6,7 +6,7 @@
     manifest.json   recipe, content digest, and size and sha256 of every file above
     COMMIT          sha256 of manifest.json; an artifact without it does not exist
 
-The manifest is what finds damage: zarr leaves out chunks equal to the fill value, so a missing chunk alone proves nothing.
+The manifest is what finds damage: zarr leaves out chunks equal to the fill value, so a missing one proves nothing.
 """
 
 import hashlib
@@ -79,7 +79,7 @@ def write_artifact(
         _write_arrays(folder / "arrays.zarr", encoded.arrays)
     if (folder / "files").is_dir() and not any((folder / "files").iterdir()):
         (folder / "files").rmdir()
-    files = {path: (os.path.getsize(folder / path), _sha256(folder / path)) for path in _files_in(folder)}
+    files = {path: ((folder / path).stat().st_size, _sha256(folder / path)) for path in _files_in(folder)}
     digest = encoded.digest({path: sha for path, (_, sha) in files.items() if path.startswith("files/")})
     manifest = Manifest(
         recipe, unit, digest, files, round(seconds, 3), created, version, tuple(warnings_in(encoded.tree))
@@ -109,7 +109,7 @@ def check_files(folder: Path, manifest: Manifest) -> None:
     """Read every byte and compare with the manifest; DamageError names the file and what is wrong with it."""
     for path, (size, sha) in manifest.files.items():
         try:
-            found = os.path.getsize(folder / path)
+            found = (folder / path).stat().st_size
             if found != size:
                 raise DamageError(f"{path} has {found} bytes, expected {size}")
             if _sha256(folder / path) != sha:

@@ -1,9 +1,10 @@
 """What code a stage's result depends on, found without importing any of it.
 
 Starting at the stage's module, its imports are followed through the package by reading the syntax trees. A module's
-digest leaves out comments, docstrings and line numbers, so that a reworded text recomputes nothing. Left out altogether:
-config and errors (their values stand in the key), storage, and the machinery that runs stages. Weight files count when a
-visited module names them; numerical libraries count by version when a visited module imports them.
+digest leaves out comments, docstrings and line numbers, so that a reworded text recomputes nothing. Left out
+altogether: config and errors (their values stand in the key), storage (what writes pictures excepted), and the
+machinery that runs stages. Weight files count when a visited module names them; numerical libraries count by version
+when a visited module imports them.
 """
 
 import ast
@@ -16,7 +17,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 PACKAGE = "humanmm"
-_NOT_SCIENCE = ("config", "errors", "cli", "storage", "flows", "tasks.engine", "tasks.inputs", "tasks.pipeline", "tasks.plan")
+_NOT_SCIENCE = ("config", "errors", "cli", "storage", "flows", "tasks.engine", "tasks.inputs", "tasks.pipeline")
+_SCIENCE_ANYWAY = ("storage.picture_files",)
+"""Writes files that are part of an artifact."""
 
 _DISTRIBUTIONS = {
     "numpy": ("numpy",),
@@ -109,7 +112,8 @@ def _without_texts(tree: ast.Module) -> ast.AST:
 
 def _may_name_a_file(text: str) -> bool:
     plain = 0 < len(text) < 100 and not set("/\0\n") & set(text)
-    return plain and Path(text).suffix not in ("", ".json", ".md", ".py", ".txt")  # manifest and licences change no number
+    no_weights = ("", ".json", ".md", ".py", ".txt")  # manifest and licences change no number
+    return plain and Path(text).suffix not in no_weights
 
 
 def _absolute(node: ast.ImportFrom, package: str) -> str:
@@ -126,7 +130,7 @@ def _with_parents(name: str) -> list[str]:
 
 def _is_left_out(name: str) -> bool:
     inner = name.partition(".")[2] if name.startswith(f"{PACKAGE}.") else ""
-    return any(inner == left_out or inner.startswith(f"{left_out}.") for left_out in _NOT_SCIENCE)
+    return inner not in _SCIENCE_ANYWAY and any(inner == left_out or inner.startswith(f"{left_out}.") for left_out in _NOT_SCIENCE)
 
 
 def _source_of(name: str) -> Path | None:

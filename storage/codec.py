@@ -1,8 +1,8 @@
 """Result dataclasses ⇄ a json tree and named arrays, led by type hints alone.
 
-Knows numpy arrays, bool, int, float, str, None, Literal, tuples, Optional and nested (frozen) dataclasses; anything else is
-an error on writing. No pickles. `Encoded.digest` is the content digest of the store: equal values have equal digests,
-whatever compression or chunking the files have.
+Knows numpy arrays, bool, int, float, str, None, Literal, tuples, Optional and nested (frozen) dataclasses; anything
+else is an error on writing. No pickles. `Encoded.digest` is the content digest of the store: equal values have equal
+digests, whatever compression or chunking the files have.
 """
 
 import dataclasses
@@ -11,7 +11,7 @@ import hashlib
 import json
 import math
 import types
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
@@ -42,7 +42,7 @@ class Encoded:
 
 
 def encode(value: object, hint: Any) -> Encoded:
-    """Take a value apart. `hint` is its declared type; a value that does not fit it is an error that names the field."""
+    """Take a value apart. `hint` is its declared type; a value that does not fit is an error that names the field."""
     arrays: dict[str, np.ndarray] = {}
     return Encoded(_encode(value, hint, "", arrays), arrays)
 
@@ -133,9 +133,9 @@ def _is_array(hint: Any) -> bool:
 
 
 @functools.cache
-def _fields(cls: Any) -> tuple[tuple[str, Any], ...]:
-    hints = get_type_hints(cls)
-    return tuple((field.name, hints[field.name]) for field in dataclasses.fields(cls) if field.init)
+def _fields(cls: Hashable) -> tuple[tuple[str, Any], ...]:
+    hints = get_type_hints(cast(type, cls))
+    return tuple((field.name, hints[field.name]) for field in dataclasses.fields(cast(Any, cls)) if field.init)
 
 
 def _item_types(hint: Any, length: int, where: str) -> tuple[Any, ...]:

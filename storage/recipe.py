@@ -1,7 +1,7 @@
 """Everything that decides one stage's result on one unit, and the store key made of it.
 
-Two recipes with the same key give the same result. A recipe is kept beside its artifact, so that a recompute can say which
-part of it changed.
+Two recipes with the same key give the same result. A recipe is kept beside its artifact, so that a recompute can say
+which part of it changed.
 """
 
 import hashlib

@@ -90,7 +90,7 @@ class Store:
         """The decoded result. StoreError if it is gone or damaged."""
         if self.find(ref.stage, ref.key) is None:
             reason = self.damage(ref.stage, ref.key) or "it is gone"
-            raise StoreError(f"the artifact of {ref.stage} ({ref.unit}) cannot be read: {reason}; run again to recompute it")
+            raise StoreError(f"the artifact of {ref.stage} ({ref.unit}) cannot be read: {reason}; run again")
         try:
             return decode(read_encoded(self.root / ref.uri), output)
         except (OSError, ValueError, KeyError, TypeError) as error:
@@ -106,7 +106,7 @@ class Store:
 
     @contextlib.contextmanager
     def lock(self, stage: str, key: str) -> Iterator[None]:
-        """Hold the only right to write one key, over all processes of this host. Freed by the kernel if we are killed."""
+        """Hold the only right to write one key, over all processes of this host; freed by the kernel if we are killed."""
         path = self.root / "locks" / f"{stage}-{key}"
         with self._writing("lock"):
             path.parent.mkdir(parents=True, exist_ok=True)

@@ -5,8 +5,9 @@ import json
 import os
 import stat
 from dataclasses import dataclass
+from io import BufferedReader
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, cast
 
 from humanmm.errors import VideoError
 from humanmm.storage.store import Store
@@ -45,7 +46,7 @@ def identify(path: Path, store: Store) -> VideoIdentity:
             known = {}
         if all(known.get(name) == value for name, value in facts.items()):
             return VideoIdentity(path, str(known["sha256"]), **facts)
-        digest = hashlib.file_digest(file, "sha256").hexdigest()
+        digest = hashlib.file_digest(cast(BufferedReader, file), "sha256").hexdigest()
     store.write_text(record, json.dumps({**facts, "sha256": digest}))
     return VideoIdentity(path, digest, **facts)
 

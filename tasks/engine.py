@@ -77,6 +77,7 @@ class VideoRun:
         self.log_text: Callable[[], str] = str
         self._slots = threading.BoundedSemaphore(config.run.threads)
         self._definitions: dict[str, Any] = {}
+        self._doom: Outcome | None = None
         self._works: dict[tuple[str, int, int], tuple[Work, ...] | None] = {}
 
     def watch(self, progress: Progress, *, log_text: Callable[[], str]) -> None:
@@ -193,6 +194,8 @@ class VideoRun:
             told = _as_ours(error, work)
             outcome.state, outcome.error, outcome.reason = "failed", told, _in_words(told)
             outcome.faults.append(outcome.reason)
+            if ends_run(told):
+                self._doom = outcome
             if told is error:
                 raise
             raise told from error
@@ -271,7 +274,9 @@ class VideoRun:
         return None
 
     def _blocked_by(self, work: Work) -> Outcome | None:
-        """The failed input that makes this work impossible: any for a shot or scene, all units of one stage for the video."""
+        """The failure that makes this work pointless: bad input anywhere, a failed input, all units for the video."""
+        if self._doom is not None:
+            return self._doom
         for name in work.stage.inputs:
             source = self.stage(name)
             wanted = [self.outcomes.get((name, need.index)) for need in self.needs_from(work, source)]
@@ -295,7 +300,7 @@ class UnitInputs:
     def read(self, stage: str, output: type[T]) -> T:
         source = self._source(stage)
         if source.defines == "scene" and self._work.stage.per == "scene":
-            raise StageError(f"{self._work.stage.name} has its scene in `span`; the other scenes are none of its business")
+            raise StageError(f"{self._work.stage.name} has its scene in `span`; the other scenes are not its business")
         if source.per != "video" and self._work.stage.per == "video":
             raise StageError(f"{self._work.stage.name} reads {stage}, which is per {source.per}: use read_all")
         value = self._run.read(self._run.needs_from(self._work, source)[0], output)
@@ -310,7 +315,7 @@ class UnitInputs:
 
     def open_video(self) -> BinaryIO:
         if not self._work.stage.reads_video:
-            raise StageError(f"{self._work.stage.name} opens the video without saying so in pipeline.STAGES (reads_video)")
+            raise StageError(f"{self._work.stage.name} opens the video without `reads_video` in pipeline.STAGES")
         return self._run.video.open()
 
     def progress(self, done: int, total: int) -> None:
@@ -339,7 +344,8 @@ class _NamedSettings:
         try:
             return self._sections[name]
         except KeyError:
-            raise StageError(f"{self._stage} uses the settings {name!r} without naming them in pipeline.STAGES") from None
+            message = f"{self._stage} uses the settings {name!r} without naming them in pipeline.STAGES"
+            raise StageError(message) from None
 
 
 def ends_run(error: BaseException) -> bool:

@@ -75,6 +75,8 @@ def write_results(run: VideoRun, run_dir: Path, *, started: float, log_text: str
         write_run_record(run_dir, record)
     except OSError as error:
         raise StoreError(explain_os_error(error, f"cannot write the run folder {run_dir}")) from error
+    reasons = "; ".join(f"{outcome.work.label}: {outcome.reason}" for outcome in failures(run))
+    run.store.remember_run(run.video.sha256, state, run_dir=run_dir, reason=reasons)
     log.info("%s: %s", run_dir, state)
     return state
 
@@ -85,7 +87,7 @@ def is_up_to_date(run: VideoRun, run_dir: Path) -> bool:
         record = read_run_record(run_dir)
         if record.get("state") != "done" or record.get("fingerprint") != fingerprint(run):
             return False
-        return all(os.path.getsize(run_dir / path) == size for path, size in record["files"].items())
+        return all((run_dir / path).stat().st_size == size for path, size in record["files"].items())
     except (HumanMMError, OSError, KeyError, AttributeError):
         return False
 

@@ -25,8 +25,8 @@ class StageInputs(Protocol):
     def read(self, stage: str, output: type[T]) -> T:
         """The artifact of a stage for this unit (same unit or the coarser one that holds it).
 
-        A stage per shot that reads `shots` sees its own shot alone, as number 0, and the people in it, their `area` 0: what
-        it cannot see need not be computed again when it changes. A stage per scene has its scene in `span`.
+        A stage per shot that reads `shots` sees its own shot alone, as number 0, and the people in it, their `area` 0:
+        what it cannot see need not be computed again when it changes. A stage per scene has its scene in `span`.
         """
         ...
 

@@ -17,15 +17,15 @@ class Stage:
     name: str
     per: Unit
     inputs: tuple[str, ...]
-    """Stages whose artifacts it reads; a stage per shot reads the artifact of the scene or video that holds its shot, and of
-    its own shot from another stage per shot; a stage per video reads all shots of a stage per shot."""
+    """Stages whose artifacts it reads; a stage per shot reads the artifact of the scene or video that holds its shot,
+    and of its own shot from another stage per shot; a stage per video reads all shots of a stage per shot."""
     settings: tuple[str, ...]
     """Sections of the configuration that are part of its key."""
     output: str
     schema_version: int = 1
     reads_video: bool = False
     defines: Literal["scene", "shot"] | None = None
-    """The unit whose spans its artifact lists. A stage per that unit depends on its own span in the list, not on the others."""
+    """The unit whose spans its artifact lists. A stage per that unit depends on its own span, not on the others."""
     module: str = ""
     """Where its function is; `humanmm.tasks.<name>` unless given."""
 
@@ -37,10 +37,22 @@ class Stage:
 
 STAGES: tuple[Stage, ...] = (
     Stage("decode", "video", (), ("decode",), "humanmm.models.video.facts:VideoFacts", reads_video=True),
-    Stage("scenes", "video", ("decode",), ("scenes",), "humanmm.models.shots.boundaries:Scenes", reads_video=True, defines="scene"),
-    Stage("people", "scene", ("decode", "scenes"), ("people",), "humanmm.models.perception.tracks:ScenePeople", reads_video=True),
-    Stage("shots", "video", ("decode", "scenes", "people"), ("shots",), "humanmm.models.shots.boundaries:ShotList", defines="shot"),
-    Stage("points", "shot", ("decode", "shots"), ("points",), "humanmm.models.camera.observations:PointTracks", reads_video=True),
+    Stage(
+        "scenes", "video", ("decode",), ("scenes",),
+        "humanmm.models.shots.boundaries:Scenes", reads_video=True, defines="scene",
+    ),
+    Stage(
+        "people", "scene", ("decode", "scenes"), ("people",),
+        "humanmm.models.perception.tracks:ScenePeople", reads_video=True,
+    ),
+    Stage(
+        "shots", "video", ("decode", "scenes", "people"), ("shots",),
+        "humanmm.models.shots.boundaries:ShotList", defines="shot",
+    ),
+    Stage(
+        "points", "shot", ("decode", "shots"), ("points",),
+        "humanmm.models.camera.observations:PointTracks", reads_video=True,
+    ),
     Stage(
         "intrinsics", "video", ("decode", "people", "shots", "points"), ("intrinsics",),
         "humanmm.models.camera.observations:Intrinsics",

@@ -16,7 +16,7 @@ class Selection(BaseModel):
     start: str | None = None
     """Compute this stage and everything after it again."""
     only: str | None = None
-    """Compute this stage again, then what depends on it if its output changed; everything before it must be in the store."""
+    """Compute this stage again, then what depends on it if its output changed; all before it must be in the store."""
     shot: int | None = None
     """Restrict `start` and `only` to one shot in stages that are per shot; 0-based."""
 

@@ -72,7 +72,7 @@ def needs_of(work: Work, name: str, per: Unit, units: Sequence[Work]) -> Iterato
 
 
 def only_its_shot(shots: ShotList, work: Work) -> ShotList:
-    """The shot list as a stage per shot sees it: its own shot, number 0, and the people in it without their video-wide area."""
+    """The shot list as a stage per shot sees it: its shot as number 0, its people without their video-wide area."""
     assert work.shot is not None
     present = {appearance.person for appearance in work.shot.people}
     people = tuple(replace(person, area=0.0) for person in shots.people if person.person in present)

@@ -1,4 +1,4 @@
-"""A pipeline that costs nothing (`toyline`), on a store and a video of its own, for tests of everything around the stages."""
+"""A pipeline that costs nothing (`toyline`), on a store and a video of its own, for tests of what is around stages."""
 
 import json
 import os
@@ -86,7 +86,8 @@ class Toy:
 @pytest.fixture
 def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Toy]:
     """A fresh toy: three shots [0, 20), [20, 40), [40, 60) in two scenes [0, 20), [20, 60)."""
-    shutil.copytree(Path(__file__).parent / "toyline", tmp_path / "toyline", ignore=shutil.ignore_patterns("__pycache__"))
+    source = Path(__file__).parent / "toyline"
+    shutil.copytree(source, tmp_path / "toyline", ignore=shutil.ignore_patterns("__pycache__"))
     video = tmp_path / "film.mp4"
     video.write_text(json.dumps({"num_frames": 60, "cuts": [20, 40]}))
     monkeypatch.syspath_prepend(str(tmp_path))

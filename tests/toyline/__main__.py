@@ -1,4 +1,4 @@
-"""The command `humanmm` with the toy's stages, for tests that need a process of its own: `python -m toyline recover …`."""
+"""The command `humanmm` with the toy's stages, for tests that need a process of its own."""
 
 import sys
 

@@ -34,7 +34,7 @@ def act(stage: str, inputs: StageInputs) -> None:
 
 
 def filled(cls: type[T], n: int, **given: object) -> T:
-    """A result whose other fields are blank, arrays zeros of n, so that the toy keeps up with new fields of the real classes."""
+    """A result whose other fields are blank, arrays zeros of n: the toy keeps up with new fields of real classes."""
     missing = [f for f in fields(cls) if f.default is MISSING and f.name not in given]  # type: ignore[arg-type]
     blank = {float: 0.0, int: 0, bool: False, str: "", np.ndarray: np.zeros(n, np.float32)}
     return cls(**given, **{f.name: blank.get(f.type, ()) for f in missing})  # type: ignore[arg-type]

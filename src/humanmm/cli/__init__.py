@@ -1,4 +1,4 @@
-"""The command line. Exit status: 0 done, 1 our error, 2 usage, 3 partial. The last line on standard output is the result.
+"""The command line. Exit status: 0 done, 1 our error, 2 usage, 3 partial. The last line on stdout is the result.
 
 Nothing heavy is imported before it is needed: an unchanged rerun is answered by the store in a second.
 """
@@ -10,38 +10,36 @@ import sys
 from collections.abc import Sequence
 
 from humanmm import __version__
-from humanmm.cli import bench, inspect, maintain, recover, results
-from humanmm.cli.settings import UsageError
 from humanmm.errors import HumanMMError
-
-_VERBS = (recover.add_recover, inspect.add_status, inspect.add_explain, *results.VERBS, bench.add_bench, *maintain.VERBS)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns its exit status."""
-    os.environ.setdefault("OMP_NUM_THREADS", "1")  # many small tensors: one thread each, stages run side by side
+    for library in ("OMP", "OPENBLAS", "MKL"):  # small tensors, stages side by side: one thread each; before numpy
+        os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+    from humanmm.cli.settings import UsageError
+
     options = _parser().parse_args(arguments)
     _set_up_log(verbose=options.verbose)
     try:
         return int(options.run(options))
     except UsageError as error:
-        return _tell(error, 2)
+        return _tell(error, 2, verbose=options.verbose)
     except HumanMMError as error:
-        if options.verbose:
-            logging.getLogger(__name__).error("", exc_info=error)
-        return _tell(error, 1)
+        return _tell(error, 1, verbose=options.verbose)
     except BrokenPipeError:  # the reader of our output has left
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
-    except KeyboardInterrupt:
-        return _tell("interrupted; what was computed stays in the store", 130)
+    except KeyboardInterrupt as error:
+        return _tell(error, 130, verbose=options.verbose, words="interrupted; what was computed stays in the store")
     except Exception as error:
-        if options.verbose:
-            logging.getLogger(__name__).error("", exc_info=error)
-        return _tell(f"unexpected {type(error).__name__}: {error} (-v shows where)", 1)
+        words = f"unexpected {type(error).__name__}: {error} (-v shows where)"
+        return _tell(error, 1, verbose=options.verbose, words=words)
 
 
 def _parser() -> argparse.ArgumentParser:
+    from humanmm.cli import bench, inspect, maintain, recover, results
+
     parser = argparse.ArgumentParser(
         prog="humanmm",
         description="One continuous human motion in one metric world, with the cameras, from a video with cuts.",
@@ -51,14 +49,14 @@ def _parser() -> argparse.ArgumentParser:
     verbs = parser.add_subparsers(required=True, metavar="VERB", title="verbs")
     common = argparse.ArgumentParser(add_help=False)
     common.add_argument("-v", "--verbose", action="store_true", help="tell every step, and where an error came from")
-    for add in _VERBS:
+    for add in (*recover.VERBS, *results.VERBS, *inspect.VERBS, bench.add_bench, *maintain.VERBS):
         add(verbs, common)
     return parser
 
 
 def _set_up_log(*, verbose: bool) -> None:
     handler = logging.StreamHandler(sys.stderr)
-    handler.setFormatter(logging.Formatter("%(levelname)s %(name)s: %(message)s" if verbose else "humanmm: %(message)s"))
+    handler.setFormatter(logging.Formatter("%(levelname)s %(name)s: %(message)s" if verbose else "%(message)s"))
     handler.setLevel(logging.DEBUG if verbose else logging.WARNING)
     logger = logging.getLogger("humanmm")
     logger.handlers = [handler]
@@ -66,8 +64,10 @@ def _set_up_log(*, verbose: bool) -> None:
     logger.propagate = False
 
 
-def _tell(error: object, status: int) -> int:
-    """One or two plain lines on standard error, whatever characters the message has."""
-    text = " ".join(str(error).split())
+def _tell(error: BaseException, status: int, *, verbose: bool, words: str = "") -> int:
+    """One plain line on standard error, whatever characters the message has; the traceback before it with -v."""
+    if verbose:
+        logging.getLogger(__name__).error("where it happened", exc_info=error)
+    text = " ".join((words or str(error)).split())
     sys.stderr.write(f"humanmm: {text.encode('utf-8', 'backslashreplace').decode()}\n")
     return status

@@ -32,7 +32,7 @@ def add_status(verbs: Any, common: argparse.ArgumentParser) -> None:
 def add_explain(verbs: Any, common: argparse.ArgumentParser) -> None:
     """Declare `explain RUN_DIR STAGE`."""
     parser = verbs.add_parser(
-        "explain", parents=[common], allow_abbrev=False, help="what one stage's result was made of, and why it would run"
+        "explain", parents=[common], allow_abbrev=False, help="what a stage's result was made of, and why it would run"
     )
     parser.add_argument("run_dir", type=Path, metavar="RUN_DIR")
     parser.add_argument("stage", choices=[stage.name for stage in pipeline.STAGES], metavar="STAGE")
@@ -40,6 +40,9 @@ def add_explain(verbs: Any, common: argparse.ArgumentParser) -> None:
     parser.add_argument("--store", type=Path, metavar="DIR")
     parser.add_argument("--json", action="store_true", help="one json object")
     parser.set_defaults(run=explain)
+
+
+VERBS = (add_status, add_explain)
 
 
 def status(options: argparse.Namespace) -> int:
@@ -60,13 +63,14 @@ def status(options: argparse.Namespace) -> int:
             "stages": [entry.to_json() for entry in plan],
         }
         return _print_json(tree)
-    lines = [f"{options.run_dir}: {record['state']}, {record['video']['num_frames']} frames, {len(record['shots'])} shots"]
-    lines += [f"  failed: {failure['stage']} ({failure['unit']}): {failure['reason']}" for failure in record["failures"]]
+    frames, shots = record["video"]["num_frames"], len(record["shots"])
+    lines = [f"{options.run_dir}: {record['state']}, {frames} frames, {shots} shots"]
+    lines += [f"  failed: {f['stage']} ({f['unit']}): {f['reason']}" for f in record["failures"]]
     lines += [f"  warning: {warning}" for warning in record["warnings"]]
     if stale:
         lines += [f"  {entry.stage} ({entry.unit}): {entry.sentence}" for entry in stale]
     else:
-        lines.append("  up to date" if fresh else "  every result is in the store; `humanmm recover` rewrites the folder")
+        lines.append("  up to date" if fresh else "  the store has every result; `humanmm recover` rewrites the folder")
     return _print(lines)
 
 
@@ -86,8 +90,9 @@ def explain(options: argparse.Namespace) -> int:
 
 
 def _explained(record: Mapping[str, Any], run: VideoRun, entry: Forecast) -> dict[str, Any]:
-    then = next((s for s in record["stages"] if (s["stage"], s["unit"]) == (entry.stage, entry.unit)), None)
-    found = next((o for o in run.outcomes.values() if (o.work.stage.name, o.work.unit) == (entry.stage, entry.unit)), None)
+    place = (entry.stage, entry.unit)
+    then = next((s for s in record["stages"] if (s["stage"], s["unit"]) == place), None)
+    found = next((o for o in run.outcomes.values() if (o.work.stage.name, o.work.unit) == place), None)
     manifest = found.manifest if found else None
     return {
         **entry.to_json(),

@@ -25,7 +25,7 @@ def add_gc(verbs: Any, common: argparse.ArgumentParser) -> None:
     parser = verbs.add_parser(
         "gc", parents=[common], allow_abbrev=False, help="list what the store no longer needs; --yes removes it"
     )
-    parser.add_argument("--unused-days", type=float, default=30.0, metavar="DAYS", help="artifacts unused so long may go (default: 30)")
+    parser.add_argument("--unused-days", type=float, default=30.0, metavar="DAYS", help="unused so long may go (default: 30)")
     parser.add_argument("--yes", action="store_true", help="remove what is listed")
     _add_store(parser)
     parser.set_defaults(run=gc)
@@ -103,12 +103,18 @@ def doctor(options: argparse.Namespace) -> int:
     """Everything a run needs, checked one by one; status 1 if something is missing."""
     checks = _checks(options.store or default_store())
     if options.json:
-        tree = {"ok": all(ok for _, ok, _ in checks), "checks": [{"name": n, "ok": o, "found": f} for n, o, f in checks]}
-        sys.stdout.write(json.dumps(tree, indent=1) + "\n")
+        listed = [{"name": name, "ok": ok, "found": found} for name, ok, found in checks]
+        sys.stdout.write(json.dumps({"ok": all(ok for _, ok, _ in checks), "checks": listed}, indent=1) + "\n")
     else:
         for name, ok, found in checks:
             sys.stdout.write(f"{'ok ' if ok else 'BAD'}  {name:<24} {found}\n")
     return 0 if all(ok for _, ok, _ in checks) else 1
+
+
+_LIBRARIES = (
+    "torch", "prefect", "zarr", "numpy", "scipy", "pycolmap", "opencv-python-headless", "av", "ai-edge-litert",
+    "scenedetect-headless",
+)  # fmt: skip
 
 
 def _checks(store: Path) -> list[tuple[str, bool, str]]:
@@ -119,7 +125,7 @@ def _checks(store: Path) -> list[tuple[str, bool, str]]:
     from humanmm.models.weights.shipped import manifest, read_weights
 
     checks = [("python", sys.version_info >= (3, 11), platform.python_version())]
-    for name in ("torch", "prefect", "zarr", "numpy", "scipy", "pycolmap", "av", "ai-edge-litert", "scenedetect-headless"):
+    for name in _LIBRARIES:
         try:
             checks.append((name, True, importlib.metadata.version(name)))
         except importlib.metadata.PackageNotFoundError:
@@ -142,7 +148,8 @@ def _checks(store: Path) -> list[tuple[str, bool, str]]:
 
 
 def _add_store(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--store", type=Path, metavar="DIR", help="artifact store (default: $HUMANMM_STORE, ~/.cache/humanmm/store)")
+    place = "artifact store (default: $HUMANMM_STORE, ~/.cache/humanmm/store)"
+    parser.add_argument("--store", type=Path, metavar="DIR", help=place)
 
 
 def _bytes(count: float) -> str:

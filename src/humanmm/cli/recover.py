@@ -8,7 +8,7 @@ import os
 import sys
 import time
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
 from humanmm.cli.progress import Display
 from humanmm.cli.settings import UsageError, add_settings, load_config
@@ -20,6 +20,9 @@ from humanmm.tasks import finish, pipeline
 from humanmm.tasks.engine import VideoRun
 from humanmm.tasks.plan import Forecast, check_upstream, forecast, is_complete
 from humanmm.tasks.selection import Selection
+
+if TYPE_CHECKING:
+    from prefect.client.schemas.objects import State
 
 log = logging.getLogger(__name__)
 PARTIAL = 3
@@ -34,19 +37,23 @@ def add_recover(verbs: Any, common: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument("video", type=Path)
     parser.add_argument("--out", type=Path, metavar="RUN_DIR", help="run folder (default: runs/<name of the video>)")
-    parser.add_argument("--store", type=Path, metavar="DIR", help="artifact store (default: $HUMANMM_STORE, ~/.cache/humanmm/store)")
-    parser.add_argument("--person", type=_person, metavar="N|all", help="keep one person, 0 is the main one (default: all)")
+    place = "artifact store (default: $HUMANMM_STORE, ~/.cache/humanmm/store)"
+    parser.add_argument("--store", type=Path, metavar="DIR", help=place)
+    parser.add_argument("--person", type=_person, metavar="N|all", help="keep one person, 0 the main one (default: all)")
     focal = parser.add_mutually_exclusive_group()
     focal.add_argument("--focal-px", type=float, metavar="F", help="focal length in pixels of the source picture")
     focal.add_argument("--fov-deg", type=float, metavar="D", help="horizontal field of view in degrees")
     parser.add_argument("--dry-run", action="store_true", help="list what would run and why; write nothing")
     parser.add_argument("--json", action="store_true", help="with --dry-run: one json object")
     parser.add_argument("--force", action="store_true", help="compute every stage again")
-    parser.add_argument("--from", dest="start", choices=names, metavar="STAGE", help="compute STAGE and all after it again")
-    parser.add_argument("--only", choices=names, metavar="STAGE", help="compute STAGE again, then what its change affects")
+    parser.add_argument("--from", dest="start", choices=names, metavar="STAGE", help="compute STAGE and all after again")
+    parser.add_argument("--only", choices=names, metavar="STAGE", help="compute STAGE, then what its change affects")
     parser.add_argument("--shot", type=int, metavar="N", help="restrict --from or --only to one shot, 0-based")
     add_settings(parser)
     parser.set_defaults(run=run)
+
+
+VERBS = (add_recover,)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -99,9 +106,8 @@ def _run_flow(video: Path, run_dir: Path, config: Config, store: Path, selection
 
         token = flow_module.opened.set(watch)
         try:
-            state = flow_module.recover(
-                video, out=run_dir, config=config, store=store, selection=selection, return_state=True
-            )
+            asked = {"out": run_dir, "config": config, "store": store, "selection": selection}
+            state = cast("State[Any]", flow_module.recover(video, **asked, return_state=True))  # type: ignore[call-overload]
         finally:
             flow_module.opened.reset(token)
     if state.name == "Partial":
@@ -110,7 +116,8 @@ def _run_flow(video: Path, run_dir: Path, config: Config, store: Path, selection
         return _result(run_dir, PARTIAL)
     if not state.is_completed():
         error = state.result(raise_on_failure=False)
-        raise error if isinstance(error, BaseException) else StoreError(f"the flow ended as {state.name}: {state.message}")
+        told = StoreError(f"the flow ended as {state.name}: {state.message}")
+        raise error if isinstance(error, BaseException) else told
     return _result(run_dir if run_dir.exists() else store, 0)
 
 

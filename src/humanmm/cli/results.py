@@ -1,6 +1,7 @@
-"""`humanmm export` and `humanmm view`: files and pictures from a finished run folder."""
+"""`humanmm eval`, `export` and `view`: figures, files and pictures from a finished run folder."""
 
 import argparse
+import json
 import sys
 from collections.abc import Iterable
 from pathlib import Path
@@ -8,6 +9,17 @@ from typing import Any
 
 FORMATS = ("amass", "csv", "trc")
 """What `storage.exporters.FORMATS` holds, named here so that --help loads no science (a test compares them)."""
+
+
+def add_eval(verbs: Any, common: argparse.ArgumentParser) -> None:
+    """Declare `eval RUN_DIR TRUTH`."""
+    parser = verbs.add_parser(
+        "eval", parents=[common], allow_abbrev=False, help="all metrics of one run against its truth"
+    )
+    parser.add_argument("run_dir", type=Path, metavar="RUN_DIR")
+    parser.add_argument("truth", type=Path, metavar="TRUTH", help="a run folder or an .npz truth")
+    parser.add_argument("--json", action="store_true", help="one flat json object")
+    parser.set_defaults(run=evaluate)
 
 
 def add_export(verbs: Any, common: argparse.ArgumentParser) -> None:
@@ -31,7 +43,23 @@ def add_view(verbs: Any, common: argparse.ArgumentParser) -> None:
     parser.set_defaults(run=view)
 
 
-VERBS = (add_export, add_view)
+VERBS = (add_eval, add_export, add_view)
+
+
+def evaluate(options: argparse.Namespace) -> int:
+    """Print every figure, as a table or as json."""
+    from humanmm.models.evaluation.evaluate import evaluate as figures_of
+    from humanmm.models.evaluation.report import report_table
+    from humanmm.storage.truth import read_take
+
+    report = figures_of(read_take(options.run_dir), read_take(options.truth))
+    if options.json:
+        sys.stdout.write(json.dumps(report.to_json(), allow_nan=False) + "\n")
+        return 0
+    from rich.console import Console
+
+    Console(soft_wrap=True).print(report_table(report, title=f"{options.run_dir} against {options.truth}"))
+    return 0
 
 
 def export(options: argparse.Namespace) -> int:

@@ -19,7 +19,7 @@ class UsageError(InputError):
 
 def add_settings(parser: argparse.ArgumentParser) -> None:
     """Add `--config` and one flag per field; the field's sentence is its help."""
-    parser.add_argument("--config", type=Path, metavar="FILE.toml", help="settings from a file, e.g. [camera] static = true")
+    parser.add_argument("--config", type=Path, metavar="FILE.toml", help="settings, e.g. [camera] static = true")
     for section, info in Config.model_fields.items():
         model = info.annotation
         assert isinstance(model, type) and issubclass(model, BaseModel)
