@@ -28,7 +28,7 @@ log = logging.getLogger(__name__)
 
 IDLE_S = 900.0
 """The server leaves after this many seconds without a run; $HUMANMM_SERVER_IDLE_S sets another value."""
-START_LIMIT_S = 90.0
+START_LIMIT_S = 180.0
 """A first start creates the database, which takes up to 25 s on a busy machine."""
 HOST = "127.0.0.1"
 

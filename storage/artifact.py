@@ -1,7 +1,7 @@
 """One artifact: a folder with a json tree, a zarr v3 group, files, a manifest, and a commit marker.
 
-    result.json     everything but the arrays
-    arrays.zarr/    the arrays, zstd, crc32c on every chunk; absent when there are none
+    result.json     everything but the large arrays
+    arrays.zarr/    the large arrays, zstd, crc32c on every chunk; absent when there are none
     files/          what the stage wrote itself (pictures, video); absent when there is nothing
     manifest.json   recipe, content digest, and size and sha256 of every file above
     COMMIT          sha256 of manifest.json; an artifact without it does not exist
@@ -9,6 +9,7 @@
 The manifest is what finds damage: zarr leaves out chunks equal to the fill value, so a missing one proves nothing.
 """
 
+import base64
 import hashlib
 import json
 import os
@@ -25,6 +26,8 @@ from humanmm.storage.refs import Ref
 
 SCHEMA = "humanmm.artifact/1"
 CHUNK_BYTES = 8 << 20
+INLINE_BYTES = 512
+"""Arrays up to this size stand in result.json: two files and a folder less to write, sync and check for each."""
 
 
 class DamageError(Exception):
@@ -74,9 +77,12 @@ def write_artifact(
     folder: Path, encoded: Encoded, recipe: Recipe, *, unit: str, seconds: float, created: str, version: str
 ) -> Manifest:
     """Complete an artifact in `folder`, whose files/ the stage has filled already, down to the disk."""
-    (folder / "result.json").write_text(json.dumps(encoded.tree, allow_nan=False))
-    if encoded.arrays:
-        _write_arrays(folder / "arrays.zarr", encoded.arrays)
+    small = {path: array for path, array in encoded.arrays.items() if array.nbytes <= INLINE_BYTES}
+    large = {path: array for path, array in encoded.arrays.items() if path not in small}
+    tree = {"result": encoded.tree, "arrays": {path: _inline(array) for path, array in small.items()}}
+    (folder / "result.json").write_text(json.dumps(tree, allow_nan=False))
+    if large:
+        _write_arrays(folder / "arrays.zarr", large)
     if (folder / "files").is_dir() and not any((folder / "files").iterdir()):
         (folder / "files").rmdir()
     files = {path: ((folder / path).stat().st_size, _sha256(folder / path)) for path in _files_in(folder)}
@@ -124,7 +130,18 @@ def check_files(folder: Path, manifest: Manifest) -> None:
 def read_encoded(folder: Path) -> Encoded:
     """The json tree and all arrays. Chunks are checked against their crc32c by zarr."""
     tree = json.loads((folder / "result.json").read_bytes())
-    return Encoded(tree, _read_arrays(folder / "arrays.zarr"))
+    small = {path: _from_inline(array) for path, array in tree["arrays"].items()}
+    return Encoded(tree["result"], small | _read_arrays(folder / "arrays.zarr"))
+
+
+def _inline(array: np.ndarray) -> dict[str, Any]:
+    data = base64.b64encode(np.ascontiguousarray(array).tobytes()).decode()
+    return {"dtype": array.dtype.str, "shape": list(array.shape), "base64": data}
+
+
+def _from_inline(entry: Mapping[str, Any]) -> np.ndarray:
+    values = np.frombuffer(base64.b64decode(entry["base64"]), np.dtype(entry["dtype"]))
+    return values.reshape(entry["shape"]).copy()
 
 
 def _write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
@@ -139,6 +156,7 @@ def _write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
             name,
             data=np.ascontiguousarray(array).reshape(array.shape),
             chunks=chunks,
+            chunk_key_encoding={"name": "default", "separator": "."},  # no folder per dimension
             serializer=BytesCodec(endian="little" if array.dtype.itemsize > 1 else None),
             compressors=[ZstdCodec(level=1), Crc32cCodec()],
         )

@@ -49,6 +49,8 @@ class CodeDigest:
 def code_digest(module: str, *, weights_dir: Path | None = None) -> CodeDigest:
     """Digest of a stage's module and of everything of ours that it imports, directly or not."""
     weights_dir = weights_dir or _folder_of(PACKAGE) / "models" / "weights"
+    if _source_of(module) is None:
+        raise ModuleNotFoundError(f"there is no module {module}")
     roots = {PACKAGE, module.split(".")[0]}
     waiting, modules, weights, libraries = [module], {}, {}, {"python": "{}.{}".format(*sys.version_info)}
     while waiting:
@@ -56,7 +58,7 @@ def code_digest(module: str, *, weights_dir: Path | None = None) -> CodeDigest:
         path = _source_of(name)
         if name in modules or path is None or _is_left_out(name):
             continue
-        facts = _module_facts(path, path.stat().st_mtime_ns, path.stat().st_size, name)
+        facts = _module_facts(path.read_bytes(), name if path.name == "__init__.py" else name.rpartition(".")[0])
         modules[name] = facts.digest
         for imported in facts.imports:
             root = imported.split(".")[0]
@@ -79,9 +81,8 @@ class _ModuleFacts:
 
 
 @functools.lru_cache(maxsize=1024)
-def _module_facts(path: Path, mtime_ns: int, size: int, name: str) -> _ModuleFacts:
-    tree = _without_texts(ast.parse(path.read_bytes(), filename=str(path)))
-    package = name if path.name == "__init__.py" else name.rpartition(".")[0]
+def _module_facts(source: bytes, package: str) -> _ModuleFacts:
+    tree = _without_texts(ast.parse(source))
     imports: set[str] = set()
     strings: set[str] = set()
     for node in ast.walk(tree):
@@ -130,7 +131,9 @@ def _with_parents(name: str) -> list[str]:
 
 def _is_left_out(name: str) -> bool:
     inner = name.partition(".")[2] if name.startswith(f"{PACKAGE}.") else ""
-    return inner not in _SCIENCE_ANYWAY and any(inner == left_out or inner.startswith(f"{left_out}.") for left_out in _NOT_SCIENCE)
+    if inner in _SCIENCE_ANYWAY:
+        return False
+    return any(inner == left_out or inner.startswith(f"{left_out}.") for left_out in _NOT_SCIENCE)
 
 
 def _source_of(name: str) -> Path | None:
@@ -143,7 +146,6 @@ def _source_of(name: str) -> Path | None:
     return path if rest and path.is_file() else None
 
 
-@functools.cache
 def _folder_of(root: str) -> Path:
     spec = importlib.util.find_spec(root)
     if spec is None or not spec.submodule_search_locations:
@@ -162,11 +164,5 @@ def _version(root: str) -> str:
 
 
 def _file_sha256(path: Path) -> str:
-    status = path.stat()
-    return _file_sha256_of(path, status.st_mtime_ns, status.st_size)
-
-
-@functools.lru_cache(maxsize=64)
-def _file_sha256_of(path: Path, mtime_ns: int, size: int) -> str:
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

@@ -80,7 +80,8 @@ def _encode(value: Any, hint: Any, path: str, arrays: dict[str, np.ndarray]) -> 
     if dataclasses.is_dataclass(hint):
         if type(value) is not hint:
             raise TypeError(f"{where} must be {_name(hint)}, is {type(value).__name__}")
-        return {name: _encode(getattr(value, name), kind, _join(path, name), arrays) for name, kind in _fields(hint)}
+        parts = _fields(cast(Any, hint))
+        return {name: _encode(getattr(value, name), kind, _join(path, name), arrays) for name, kind in parts}
     origin = get_origin(hint)
     if origin is tuple:
         if not isinstance(value, tuple):
@@ -115,7 +116,7 @@ def _decode(tree: Any, hint: Any, arrays: Mapping[str, np.ndarray]) -> Any:
     if _is_array(hint):
         return arrays[tree]
     if dataclasses.is_dataclass(hint):
-        fields = {name: _decode(tree[name], kind, arrays) for name, kind in _fields(hint)}
+        fields = {name: _decode(tree[name], kind, arrays) for name, kind in _fields(cast(Any, hint))}
         return cast(Any, hint)(**fields)
     origin = get_origin(hint)
     if origin is tuple:

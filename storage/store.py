@@ -106,7 +106,7 @@ class Store:
 
     @contextlib.contextmanager
     def lock(self, stage: str, key: str) -> Iterator[None]:
-        """Hold the only right to write one key, over all processes of this host; freed by the kernel if we are killed."""
+        """Hold the only right to write one key, over all processes of this host; a killed holder frees it."""
         path = self.root / "locks" / f"{stage}-{key}"
         with self._writing("lock"):
             path.parent.mkdir(parents=True, exist_ok=True)

@@ -18,7 +18,7 @@ from humanmm.config import Config
 from humanmm.errors import HumanMMError, InputError, MissingInputError, StageError, StoreError, WeightsError
 from humanmm.models.shots.boundaries import Scenes, Shot, ShotList
 from humanmm.storage.artifact import Manifest
-from humanmm.storage.code_digest import code_digest
+from humanmm.storage.code_digest import CodeDigest, code_digest
 from humanmm.storage.codec import encode
 from humanmm.storage.recipe import Recipe
 from humanmm.storage.store import Store, is_infrastructure_fault
@@ -77,6 +77,7 @@ class VideoRun:
         self.log_text: Callable[[], str] = str
         self._slots = threading.BoundedSemaphore(config.run.threads)
         self._definitions: dict[str, Any] = {}
+        self._code: dict[str, CodeDigest] = {}
         self._doom: Outcome | None = None
         self._works: dict[tuple[str, int, int], tuple[Work, ...] | None] = {}
 
@@ -134,7 +135,9 @@ class VideoRun:
     def recipe(self, work: Work) -> Recipe:
         """Everything that decides the result; MissingInputError names an artifact that is not there yet."""
         stage = work.stage
-        code = code_digest(stage.function[0])
+        if stage.name not in self._code:
+            self._code[stage.name] = code_digest(stage.function[0])
+        code = self._code[stage.name]
         return Recipe(
             stage=stage.name,
             schema_version=stage.schema_version,

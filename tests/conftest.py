@@ -3,6 +3,7 @@
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -14,7 +15,7 @@ from typing import Any
 import pytest
 
 from humanmm.config import Config
-from humanmm.storage import code_digest
+from humanmm.storage import artifact
 from humanmm.storage.store import Store
 from humanmm.storage.video_identity import identify
 from humanmm.tasks import pipeline
@@ -32,6 +33,7 @@ class Toy:
     video: Path
     store: Path
     log: Path
+    capture: pytest.CaptureFixture[str]
 
     def executed(self) -> list[str]:
         """What was executed since the last call, sorted; a shot or scene is named by its first frame."""
@@ -74,6 +76,22 @@ class Toy:
             capture_output=True, text=True, timeout=200, check=False,
         )  # fmt: skip
 
+    def main(self, *arguments: str, **environment: str) -> tuple[int, str, str]:
+        """The command line in this process: exit status, standard output, standard error."""
+        import humanmm.cli
+
+        with pytest.MonkeyPatch.context() as patched:
+            patched.chdir(self.folder)
+            for name, value in {"HUMANMM_STORE": str(self.store), **environment}.items():
+                patched.setenv(name, value)
+            self.capture.readouterr()
+            try:
+                status = humanmm.cli.main(arguments)
+            except SystemExit as left:
+                status = int(left.code or 0)
+        captured = self.capture.readouterr()
+        return status, captured.out, captured.err
+
     def command_line(self, *arguments: str) -> list[str]:
         return [sys.executable, "-m", "toyline", *arguments]
 
@@ -83,8 +101,23 @@ class Toy:
         return {**os.environ, **own, **more}
 
 
+@pytest.fixture(scope="session")
+def server_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A cache folder whose Prefect server all tests share; the server leaves by itself soon after the last one."""
+    folder = tmp_path_factory.mktemp("cache")
+    before = {name: os.environ.get(name) for name in ("HUMANMM_CACHE", "HUMANMM_SERVER_IDLE_S")}
+    os.environ.update({"HUMANMM_CACHE": str(folder), "HUMANMM_SERVER_IDLE_S": "60"})
+    yield folder
+    for name, value in before.items():
+        os.environ.pop(name)
+        if value is not None:
+            os.environ[name] = value
+    for state in folder.glob("*/server.json"):
+        os.kill(json.loads(state.read_text())["pid"], signal.SIGTERM)
+
+
 @pytest.fixture
-def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Toy]:
+def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Iterator[Toy]:
     """A fresh toy: three shots [0, 20), [20, 40), [40, 60) in two scenes [0, 20), [20, 60)."""
     source = Path(__file__).parent / "toyline"
     shutil.copytree(source, tmp_path / "toyline", ignore=shutil.ignore_patterns("__pycache__"))
@@ -93,13 +126,13 @@ def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Toy]:
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.setenv("TOY_LOG", str(tmp_path / "executed"))
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    monkeypatch.setattr(artifact, "_sync", lambda folder: None)  # no test pulls the plug, and a busy disk is slow
     _forget()
     monkeypatch.setattr(pipeline, "STAGES", import_module("toyline.table").STAGES)
-    yield Toy(tmp_path, video, tmp_path / "store", tmp_path / "executed")
+    yield Toy(tmp_path, video, tmp_path / "store", tmp_path / "executed", capfd)
     _forget()
 
 
 def _forget() -> None:
     for name in [name for name in sys.modules if name.split(".")[0] == "toyline"]:
         del sys.modules[name]
-    code_digest._folder_of.cache_clear()

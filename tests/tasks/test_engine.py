@@ -1,6 +1,21 @@
-"""What is computed again after which change, and what it says about it."""
+"""What is computed again after which change, and what is said about it."""
 
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
 from typing import Any
+
+import pytest
+
+from humanmm.errors import InputError, StageError
+from humanmm.models.shots.boundaries import ShotList
+from humanmm.models.video.facts import VideoFacts
+from humanmm.storage import code_digest
+from humanmm.tasks.selection import Selection
 
 EVERYTHING = [
     "align", "camera:0", "camera:20", "camera:40", "decode", "deliver", "hmr:0", "hmr:20", "hmr:40", "intrinsics",
@@ -8,9 +23,211 @@ EVERYTHING = [
 ]  # fmt: skip
 
 
+def _reasons(run: Any, stage: str) -> set[str]:
+    return {outcome.reason for (name, _), outcome in run.outcomes.items() if name == stage}
+
+
 def test_a_cold_store_computes_everything_once_and_a_warm_one_nothing(toy: Any) -> None:
-    toy.run()
+    run = toy.run()
     assert toy.executed() == EVERYTHING
+    assert _reasons(run, "camera") == {"no artifact yet"}
     run = toy.run()
     assert toy.executed() == []
     assert {outcome.state for outcome in run.outcomes.values()} == {"cached"}
+
+
+def test_one_setting_reruns_only_what_depends_on_it_and_says_so(toy: Any) -> None:
+    toy.run()
+    toy.executed()
+    run = toy.run(camera={"static": True})
+    assert toy.executed() == [
+        "align", "camera:0", "camera:20", "camera:40", "deliver", "hmr:0", "hmr:20", "hmr:40", "refine",
+    ]  # fmt: skip
+    assert _reasons(run, "camera") == {"setting changed: camera.static False → True"}
+    assert _reasons(run, "hmr") == {"input changed: camera"}
+    toy.run()
+    assert toy.executed() == []  # the first results are still there
+
+
+def test_an_equal_output_cuts_off_what_comes_after(toy: Any) -> None:
+    toy.run()
+    toy.executed()
+    toy.edit("points", "n = end - start", "n = 0 + end - start")
+    run = toy.run()
+    assert toy.executed() == ["points:0", "points:20", "points:40"]
+    assert _reasons(run, "points") == {"code changed: toyline.points"}
+    assert not any(outcome.changed for outcome in run.outcomes.values())
+
+
+def test_a_changed_helper_reruns_the_stages_that_import_it(toy: Any) -> None:
+    toy.run()
+    toy.executed()
+    toy.edit("science", "return 1.0", "return 2.0")
+    run = toy.run()
+    assert "people:0" in toy.executed()
+    assert _reasons(run, "people") == {"code changed: toyline.science"}
+
+
+def test_a_reworded_docstring_or_comment_reruns_nothing(toy: Any) -> None:
+    toy.run()
+    toy.executed()
+    toy.edit("science", '"""A number that shows in results."""', '"""Quite another text."""')
+    toy.edit("science", "# a comment", "# another comment")
+    toy.run()
+    assert toy.executed() == []
+
+
+def test_a_changed_weight_file_reruns_its_stage(toy: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    weights = toy.folder / "weights"
+    weights.mkdir()
+    (weights / "net.tflite").write_bytes(b"one")
+    digest = code_digest.code_digest
+    monkeypatch.setattr("humanmm.tasks.engine.code_digest", lambda module: digest(module, weights_dir=weights))
+    toy.edit("science", "def factor", 'NET = "net.tflite"\n\n\ndef factor')
+    toy.run()
+    toy.executed()
+    (weights / "net.tflite").write_bytes(b"two")
+    run = toy.run()
+    assert toy.executed() == ["hmr:0", "hmr:20", "hmr:40", "people:0", "people:20"]
+    assert _reasons(run, "people") == {"weight file changed: net.tflite"}
+
+
+def test_another_cut_leaves_the_other_shots_alone(toy: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    toy.run()
+    toy.executed()
+    monkeypatch.setenv("TOY_CUTS", "41,50")
+    toy.run(selection=Selection(force=True))
+    toy.executed()
+    monkeypatch.setenv("TOY_CUTS", "41,51")
+    toy.run(selection=Selection(only="shots"))
+    assert toy.executed() == [
+        "align", "camera:41", "camera:51", "deliver", "hmr:41", "hmr:51", "intrinsics", "points:41", "points:51",
+        "refine", "shots",
+    ]  # fmt: skip
+
+
+def test_a_shot_sees_itself_alone(toy: Any) -> None:
+    run = toy.run()
+    shots = run.read(run.work("shots"), ShotList)
+    assert [shot.index for shot in shots.shots] == [0, 1, 2]
+    work = run.work("points", 2)
+    assert work.shot is not None and (work.shot.index, work.shot.scene) == (0, 0)
+    assert (work.shot.start, work.shot.end, work.scene) == (40, 60, 1)
+
+
+def test_the_same_content_at_another_path_is_found(toy: Any) -> None:
+    toy.run()
+    toy.executed()
+    other = toy.folder / "another name.mkv"
+    shutil.copy(toy.video, other)
+    toy.video = other
+    toy.run()
+    assert toy.executed() == []
+
+
+def test_a_moved_store_is_found(toy: Any) -> None:
+    toy.run()
+    toy.executed()
+    shutil.move(toy.store, toy.folder / "moved")
+    toy.store = toy.folder / "moved"
+    toy.run()
+    assert toy.executed() == []
+
+
+@pytest.mark.parametrize("harm", ["flip", "truncate", "delete", "remove all"])
+def test_a_damaged_artifact_is_computed_again_with_the_reason(toy: Any, harm: str) -> None:
+    run = toy.run()
+    toy.executed()
+    folder = toy.store / run.manifest("people", 1).ref.uri
+    victim = next(path for path in folder.rglob("c.0*"))
+    content = bytearray(victim.read_bytes())
+    content[-1] ^= 1
+    if harm == "flip":
+        victim.write_bytes(bytes(content))
+    elif harm == "truncate":
+        victim.write_bytes(bytes(content[:5]))
+    elif harm == "delete":
+        victim.unlink()
+    else:
+        shutil.rmtree(folder)
+    run = toy.run()
+    assert toy.executed() == ["people:20"]
+    (reason,) = _reasons(run, "people") - {""}
+    expected = "gone from the store" if harm == "remove all" else "damaged artifact: arrays.zarr/"
+    assert expected in reason
+
+
+def _alone(toy: Any, *arguments: str) -> subprocess.Popen[str]:
+    command = [sys.executable, "-m", "toyline.alone", str(toy.video), str(toy.store), *arguments]
+    return subprocess.Popen(command, env=toy.environment(), stdout=subprocess.PIPE, text=True)
+
+
+def test_killed_while_writing_nothing_half_is_seen_and_the_rest_is_reused(toy: Any) -> None:
+    process = _alone(toy, "people")
+    assert process.stdout is not None
+    assert process.stdout.readline() == "writing\n"
+    assert list(toy.store.glob("tmp/*/manifest.json")), "the artifact was all but finished"
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    assert not list(toy.store.glob("artifacts/people/*/*"))
+    assert toy.executed() == ["decode", "people:0", "scenes"]
+    began = time.monotonic()
+    toy.run()
+    assert time.monotonic() - began < 20, "the lock of a dead process must not be waited for"
+    assert toy.executed() == [name for name in EVERYTHING if name not in ("decode", "scenes")]
+
+
+def test_two_processes_on_a_cold_store_compute_everything_once(toy: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TOY_SLEEP", "decode=1;people=0.3;camera=0.1")
+    processes = [_alone(toy), _alone(toy)]
+    assert [process.wait(timeout=100) for process in processes] == [0, 0]
+    assert toy.executed() == EVERYTHING
+
+
+def test_a_failed_shot_leaves_the_others_and_is_tried_again(toy: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TOY_FAIL", "camera:20=stage")
+    run = toy.run(expect_failure=True)
+    assert run.outcomes["camera", 1].state == "failed"
+    assert run.outcomes["hmr", 1].state == "skipped"
+    assert run.outcomes["hmr", 2].state == run.outcomes["deliver", 0].state == "computed"
+    monkeypatch.delenv("TOY_FAIL")
+    toy.executed()
+    toy.run()
+    assert toy.executed() == ["align", "camera:20", "deliver", "hmr:20", "refine"]
+
+
+def test_bad_input_ends_the_run_and_a_defect_is_told_as_one(toy: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TOY_FAIL", "points:0=input")
+    run = toy.run(expect_failure=True)
+    assert {run.outcomes[stage, 0].state for stage in ("camera", "align", "deliver")} == {"skipped"}
+    assert isinstance(run.outcomes["points", 0].error, InputError)
+    monkeypatch.setenv("TOY_FAIL", "points:0=bug")
+    run = toy.run(expect_failure=True)
+    assert isinstance(run.outcomes["points", 0].error, StageError)
+    assert "ZeroDivisionError: a defect" in run.outcomes["points", 0].reason
+
+
+@pytest.mark.parametrize(
+    ("body", "told"),
+    [
+        ('inputs.read("camera", ShotList)', "reads camera without naming it"),
+        ('inputs.read("people", ShotList)', "use read_all"),
+        ("inputs.config.camera", "uses the settings 'camera' without naming them"),
+        ("inputs.open_video()", "without `reads_video`"),
+        ("return 3", "must be ShotList, is int"),
+    ],
+)
+def test_a_stage_gets_only_what_its_key_is_made_of(toy: Any, body: str, told: str) -> None:
+    toy.edit("shots", 'act("shots", inputs)', body)
+    run = toy.run(expect_failure=True)
+    assert told in run.outcomes["shots", 0].reason
+
+
+def test_a_video_that_changes_is_another_video(toy: Any) -> None:
+    toy.run()
+    toy.executed()
+    toy.video.write_text(json.dumps({"num_frames": 61, "cuts": [20, 40]}))
+    os.utime(toy.video, ns=(1, 1))
+    run = toy.run()
+    assert "decode" in toy.executed()
+    assert run.read(run.work("decode"), VideoFacts).num_frames == 61

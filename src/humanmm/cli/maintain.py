@@ -25,7 +25,7 @@ def add_gc(verbs: Any, common: argparse.ArgumentParser) -> None:
     parser = verbs.add_parser(
         "gc", parents=[common], allow_abbrev=False, help="list what the store no longer needs; --yes removes it"
     )
-    parser.add_argument("--unused-days", type=float, default=30.0, metavar="DAYS", help="unused so long may go (default: 30)")
+    parser.add_argument("--unused-days", type=float, default=30.0, metavar="DAYS", help="(default: 30)")
     parser.add_argument("--yes", action="store_true", help="remove what is listed")
     _add_store(parser)
     parser.set_defaults(run=gc)

@@ -39,14 +39,14 @@ def add_recover(verbs: Any, common: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, metavar="RUN_DIR", help="run folder (default: runs/<name of the video>)")
     place = "artifact store (default: $HUMANMM_STORE, ~/.cache/humanmm/store)"
     parser.add_argument("--store", type=Path, metavar="DIR", help=place)
-    parser.add_argument("--person", type=_person, metavar="N|all", help="keep one person, 0 the main one (default: all)")
+    parser.add_argument("--person", type=_person, metavar="N|all", help="one person, 0 the main one (default: all)")
     focal = parser.add_mutually_exclusive_group()
     focal.add_argument("--focal-px", type=float, metavar="F", help="focal length in pixels of the source picture")
     focal.add_argument("--fov-deg", type=float, metavar="D", help="horizontal field of view in degrees")
     parser.add_argument("--dry-run", action="store_true", help="list what would run and why; write nothing")
     parser.add_argument("--json", action="store_true", help="with --dry-run: one json object")
     parser.add_argument("--force", action="store_true", help="compute every stage again")
-    parser.add_argument("--from", dest="start", choices=names, metavar="STAGE", help="compute STAGE and all after again")
+    parser.add_argument("--from", dest="start", choices=names, metavar="STAGE", help="compute STAGE and all after it")
     parser.add_argument("--only", choices=names, metavar="STAGE", help="compute STAGE, then what its change affects")
     parser.add_argument("--shot", type=int, metavar="N", help="restrict --from or --only to one shot, 0-based")
     add_settings(parser)
@@ -107,7 +107,7 @@ def _run_flow(video: Path, run_dir: Path, config: Config, store: Path, selection
         token = flow_module.opened.set(watch)
         try:
             asked = {"out": run_dir, "config": config, "store": store, "selection": selection}
-            state = cast("State[Any]", flow_module.recover(video, **asked, return_state=True))  # type: ignore[call-overload]
+            state = cast("State[Any]", flow_module.recover(video, **asked, return_state=True))
         finally:
             flow_module.opened.reset(token)
     if state.name == "Partial":

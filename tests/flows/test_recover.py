@@ -1,0 +1,173 @@
+"""The flow as Prefect sees it and as the user of the command line sees it, with toy stages."""
+
+import json
+import os
+import signal
+import sqlite3
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytestmark = pytest.mark.usefixtures("server_cache")
+
+
+def _database(cache: Path) -> list[tuple[str, str, str]]:
+    """Task name, state type and state name of every task run of the newest flow run."""
+    (file,) = cache.glob("prefect-*/prefect.db")
+    with sqlite3.connect(file) as connection:
+        (flow,) = connection.execute("select id from flow_run order by created desc limit 1").fetchone()
+        rows = connection.execute("select name, state_type, state_name from task_run where flow_run_id = ?", (flow,))
+        return sorted(rows.fetchall())
+
+
+def _settled(cache: Path, expected: int) -> list[tuple[str, str, str]]:
+    """Prefect's server writes task runs down a little later."""
+    for _ in range(100):
+        rows = _database(cache)
+        if len(rows) == expected and not {"PENDING", "RUNNING"} & {state for _, state, _ in rows}:
+            break
+        time.sleep(0.1)
+    return rows
+
+
+def test_a_run_writes_its_folder_and_prefect_shows_every_unit_by_name(toy: Any, server_cache: Path) -> None:
+    done = toy.command("recover", "film.mp4", "--out", "out dir")
+    assert (done.returncode, done.stdout) == (0, "out dir\n"), done.stderr
+    rows = _settled(server_cache, 18)
+    assert [name for name, _, _ in rows][1:4] == ["camera · shot 0", "camera · shot 1", "camera · shot 2"]
+    assert {state for _, state, _ in rows} == {"COMPLETED"}
+    record = json.loads((toy.folder / "out dir" / "run.json").read_text())
+    assert (record["schema"], record["state"]) == ("humanmm.run/1", "done")
+    assert record["video"]["num_frames"] == 60 and len(record["video"]["sha256"]) == 64
+    assert [(shot["start"], shot["end"]) for shot in record["shots"]] == [(0, 20), (20, 40), (40, 60)]
+    assert record["shots"][0]["transition"] is None and record["shots"][1]["transition"]["type"] == "cut"
+    assert {stage["state"] for stage in record["stages"]} == {"computed"} and len(record["stages"]) == 18
+    assert "decode: a toy" in record["warnings"] and "camera, shot 1: it does not move" in record["warnings"]
+    assert record["config"]["camera"] == {"static": False} | record["config"]["camera"]
+    assert {"numpy", "python", "humanmm"} <= set(record["versions"])
+    assert "align" in (toy.folder / "out dir" / "run.log").read_text()
+
+    again = toy.main("recover", "film.mp4", "--out", "out dir")
+    assert again[:2] == (0, "out dir\n")
+    assert "up to date" in again[2]
+    assert _database(server_cache) == rows, "no flow starts when the store has everything"
+
+    changed = toy.main("recover", "film.mp4", "--out", "out dir", "--hmr.smoothness", "2")
+    assert changed[0] == 0, changed[2]
+    names = {name: state for name, _, state in _settled(server_cache, 18)}
+    assert names["camera · shot 1"] == "Cached" and names["hmr · shot 1"] == "Completed"
+
+
+def test_a_failed_shot_makes_the_video_partial(toy: Any, server_cache: Path) -> None:
+    done = toy.main("recover", "film.mp4", TOY_FAIL="camera:20=stage")
+    assert done[:2] == (3, "runs/film\n")
+    assert done[2] == "humanmm: camera · shot 1 failed: camera:20 cannot be done\n"
+    record = json.loads((toy.folder / "runs/film/run.json").read_text())
+    assert record["state"] == "partial"
+    assert [shot["failed"] for shot in record["shots"]] == [False, True, False]
+    assert record["failures"][0] == {
+        "stage": "camera", "unit": "shot 1", "shot": 1, "reason": "camera:20 cannot be done",
+    }  # fmt: skip
+    (failed,) = [s for s in record["stages"] if s["stage"] == "camera" and s["shot"] == 1]
+    assert (failed["state"], failed["attempts"]) == ("failed", 1), "a stage that cannot do it is not asked twice"
+    states = {name: state for name, _, state in _settled(server_cache, 18)}
+    assert (states["camera · shot 1"], states["hmr · shot 1"]) == ("Failed", "Skipped")
+    with sqlite3.connect(next(server_cache.glob("prefect-*/prefect.db"))) as connection:
+        last = connection.execute("select state_type, state_name from flow_run order by created desc limit 1")
+        assert last.fetchone() == ("FAILED", "Partial")
+
+    status = toy.main("status", "runs/film", "--json")
+    assert json.loads(status[1])["state"] == "partial"
+    healed = toy.main("recover", "film.mp4")
+    assert healed[0] == 0
+    assert json.loads((toy.folder / "runs/film/run.json").read_text())["failures"] == []
+
+
+def test_infrastructure_faults_are_tried_again_and_the_attempts_noted(toy: Any) -> None:
+    done = toy.main("recover", "film.mp4", TOY_FAIL="camera:20=disk:2")
+    assert done[0] == 0, done[2]
+    record = json.loads((toy.folder / "runs/film/run.json").read_text())
+    (unit,) = [s for s in record["stages"] if s["stage"] == "camera" and s["shot"] == 1]
+    assert (unit["state"], unit["attempts"], len(unit["faults"])) == ("computed", 3, 2)
+    assert "Input/output error" in unit["faults"][0]
+    assert toy.executed().count("camera:20") == 3
+
+
+def test_an_error_of_a_stage_for_the_whole_video_ends_the_run_and_leaves_no_folder(toy: Any) -> None:
+    done = toy.main("recover", "film.mp4", TOY_FAIL="align=stage")
+    assert done[:2] == (1, "")
+    assert done[2] == "humanmm: align cannot be done\n"
+    assert not (toy.folder / "runs").exists()
+    toy.executed()
+    assert toy.main("recover", "film.mp4")[0] == 0
+    assert toy.executed() == ["align", "deliver", "refine"], "everything computed before stays in the store"
+
+
+def test_bad_input_in_one_shot_is_no_partial_result(toy: Any) -> None:
+    done = toy.main("recover", "film.mp4", TOY_FAIL="people:20=input")
+    assert done[0::2] == (1, "humanmm: people:20 does not like its input\n")
+    assert not (toy.folder / "runs").exists()
+
+
+def test_only_one_stage_runs_and_what_its_change_affects(toy: Any) -> None:
+    toy.run()
+    assert toy.main("recover", "film.mp4")[0] == 0
+    toy.executed()
+    done = toy.main("recover", "film.mp4", "--only", "camera", "--shot", "1")
+    assert done[:2] == (0, "runs/film\n"), done[2]
+    assert toy.executed() == ["camera:20"], "its output did not change, so nothing after it runs"
+    done = toy.main("recover", "film.mp4", "--only", "shots", TOY_CUTS="30")
+    assert done[0] == 0, done[2]
+    executed = toy.executed()
+    assert {"shots", "camera:30", "deliver"} <= set(executed) and "people:0" not in executed
+    missing = toy.main("recover", "film.mp4", "--only", "hmr", "--camera.static", "true")
+    assert missing[0] == 1
+    assert missing[2].startswith("humanmm: --only hmr needs the artifact of camera (shot 0)")
+
+
+def test_no_socket_but_loopback_from_start_to_end_and_the_server_leaves_by_itself(toy: Any) -> None:
+    audit = toy.folder / "sockets"
+    (toy.folder / "sitecustomize.py").write_text(
+        "import os, sys\n"
+        "def hook(event, arguments):\n"
+        "    if event in ('socket.connect', 'socket.bind', 'socket.getaddrinfo', 'socket.sendto'):\n"
+        "        with open(os.environ['TOY_AUDIT'], 'a') as file:\n"
+        "            print(os.getpid(), event, arguments[1:] if event[-4:] != 'info' else arguments, file=file)\n"
+        "sys.addaudithook(hook)\n"
+    )
+    cache = toy.folder / "cache"
+    settings = {"TOY_AUDIT": str(audit), "HUMANMM_CACHE": str(cache), "HUMANMM_SERVER_IDLE_S": "1"}
+    done = toy.command("recover", "film.mp4", **settings, HTTP_PROXY="http://192.0.2.1:1", ALL_PROXY="http://192.0.2.1:1")
+    assert done.returncode == 0, done.stderr
+    seen = audit.read_text().splitlines()
+    assert any("socket.connect" in line for line in seen) and any("socket.bind" in line for line in seen)
+    assert len({line.split()[0] for line in seen}) >= 2, "both the run and the server were listened to"
+    own = ("127.0.0.1", "'localhost'", "AF_UNIX")
+    assert [line for line in seen if not any(name in line for name in own)] == []
+    server = int(next(line for line in seen if "socket.bind" in line and "127.0.0.1" in line).split()[0])
+    for _ in range(300):
+        if not Path(f"/proc/{server}").exists():
+            break
+        time.sleep(0.1)
+    else:
+        os.kill(server, signal.SIGKILL)
+        raise AssertionError("the server did not leave when nobody needed it")
+    assert not list(cache.glob("prefect-*/server.json"))
+
+
+def test_the_flow_loads_as_a_prefect_entry_point(toy: Any) -> None:
+    script = (
+        "from prefect.flows import load_flow_from_entrypoint\n"
+        "flow = load_flow_from_entrypoint('humanmm.flows.recover:recover')\n"
+        "schema = flow.parameters.model_dump()\n"
+        "print(flow.name, sorted(schema['properties']))\n"
+    )
+    import subprocess
+    import sys
+
+    done = subprocess.run(
+        [sys.executable, "-c", script], env=toy.environment(), capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "recover ['config', 'out', 'selection', 'store', 'video']"

@@ -1,0 +1,201 @@
+"""The store keeps its word: whole artifacts or none, damage found, the disk's faults told."""
+
+import errno
+import os
+import shutil
+import subprocess
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from humanmm.errors import StoreError
+from humanmm.storage import maintenance
+from humanmm.storage.artifact import Manifest
+from humanmm.storage.recipe import Recipe
+from humanmm.storage.store import Store
+
+
+@dataclass(frozen=True)
+class Result:
+    values: np.ndarray
+    note: str
+
+
+RESULT = Result(np.arange(1000.0), "fine")
+RECIPE = Recipe("toy", 1, {"start": 0}, {"a.b": "1"}, {}, {"python": "3.11"}, {"toy": {"x": 1}}, {"decode": "2"})
+
+
+def _put(store: Store, result: Result = RESULT, recipe: Recipe = RECIPE) -> Manifest:
+    with store.lock(recipe.stage, recipe.key), store.new_folder() as folder:
+        (folder / "files" / "picture.png").write_bytes(b"picture")
+        return store.commit(folder, result, Result, recipe, unit="video", seconds=1.0, version="0")
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Store:
+    return Store(tmp_path / "store")
+
+
+def _fresh(store: Store) -> Store:
+    """The same store as another process sees it."""
+    return Store(store.root)
+
+
+def test_what_was_written_is_found_and_read(store: Store) -> None:
+    ref = _put(store).ref
+    assert _fresh(store).find("toy", RECIPE.key) is not None
+    np.testing.assert_array_equal(_fresh(store).read(ref, Result).values, RESULT.values)
+    assert (store.files_of(ref) / "picture.png").read_bytes() == b"picture"
+    assert len(ref.model_dump_json()) < 260
+    assert str(store.root) not in ref.model_dump_json()
+
+
+def test_a_store_moved_to_another_place_still_answers(store: Store, tmp_path: Path) -> None:
+    ref = _put(store).ref
+    moved = tmp_path / "elsewhere" / "deep"
+    shutil.copytree(store.root, moved)
+    shutil.rmtree(store.root)
+    assert Store(moved).find("toy", RECIPE.key) is not None
+    assert Store(moved).read(ref, Result).note == "fine"
+
+
+def _files(store: Store) -> list[Path]:
+    folder = store.root / _put(store).ref.uri
+    return sorted(path for path in folder.rglob("*") if path.is_file())
+
+
+@pytest.mark.parametrize("number", range(6))
+@pytest.mark.parametrize("harm", ["flip", "truncate", "delete"])
+def test_a_damaged_file_is_found_and_the_artifact_set_aside(store: Store, number: int, harm: str) -> None:
+    files = _files(store)
+    assert len(files) == 7
+    path = files[number]
+    content = bytearray(path.read_bytes())
+    if harm == "delete":
+        path.unlink()
+    else:
+        content[len(content) // 2] ^= 1
+        path.write_bytes(bytes(content) if harm == "flip" else bytes(content[: len(content) // 2]))
+    again = _fresh(store)
+    assert again.find("toy", RECIPE.key) is None
+    assert path.name in str(again.damage("toy", RECIPE.key)) or path.name in ("COMMIT", "manifest.json")
+    assert not path.parent.exists() or RECIPE.key not in str(path.parent)
+    assert list((store.root / "damaged").iterdir())
+    _put(again)
+    assert _fresh(store).find("toy", RECIPE.key) is not None
+
+
+def test_a_file_too_many_is_damage(store: Store) -> None:
+    folder = store.root / _put(store).ref.uri
+    (folder / "arrays.zarr" / "values" / "c.1").write_bytes(b"a chunk from nowhere")
+    assert _fresh(store).find("toy", RECIPE.key) is None
+
+
+def test_a_read_only_store_tells_damage_and_touches_nothing(store: Store) -> None:
+    folder = store.root / _put(store).ref.uri
+    (folder / "result.json").write_text("{}")
+    before = sorted(store.root.rglob("*"))
+    reader = Store(store.root, read_only=True)
+    assert reader.find("toy", RECIPE.key) is None
+    assert "result.json" in str(reader.damage("toy", RECIPE.key))
+    assert sorted(store.root.rglob("*")) == before
+
+
+def test_an_equal_result_leaves_the_artifact_and_another_one_replaces_it(store: Store) -> None:
+    first = _put(store)
+    assert _put(store).created == first.created
+    assert _put(store, Result(np.zeros(3), "new")).digest != first.digest
+    assert _fresh(store).read(first.ref, Result).note == "new"
+
+
+@pytest.mark.parametrize("fault", [errno.ENOSPC, errno.EIO, errno.EDQUOT])
+def test_a_fault_of_the_disk_is_one_clear_error_and_leaves_nothing(
+    store: Store, monkeypatch: pytest.MonkeyPatch, fault: int
+) -> None:
+    def full(descriptor: int) -> None:
+        raise OSError(fault, os.strerror(fault))
+
+    with monkeypatch.context() as patched, pytest.raises(StoreError, match=r"cannot write the artifact of toy"):
+        patched.setattr(os, "fsync", full)
+        _put(store)
+    assert not list(store.root.glob("tmp/*"))
+    assert not list(store.root.glob("artifacts/*/*/*"))
+    _put(store)
+    assert _fresh(store).find("toy", RECIPE.key) is not None
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """A file system of 256 kB."""
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    mounted = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=256k", "tmpfs", str(folder)], capture_output=True, check=False
+    )
+    if mounted.returncode != 0:
+        pytest.skip("a small file system can only be mounted with the right to do so")
+    yield folder
+    subprocess.run(["umount", str(folder)], check=True)
+
+
+def test_a_disk_that_is_really_full_is_told_and_leaves_nothing(small_disk: Path) -> None:
+    store = Store(small_disk / "store")
+    _put(store)
+    noise = np.random.default_rng(0).normal(size=100_000)
+    with pytest.raises(StoreError, match="the disk is full; free some space"):
+        _put(store, Result(noise, "large"), Recipe("toy", 1, {}, {}, {}, {}, {}, {}))
+    assert not list(store.root.glob("tmp/*"))
+    assert _fresh(store).find("toy", RECIPE.key) is not None
+
+
+def test_a_killed_writer_is_swept_and_a_living_one_is_not(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("humanmm.storage.store.TMP_GRACE_S", -1.0)
+    dead = store.root / "tmp" / "dead"
+    dead.mkdir(parents=True)
+    with store.new_folder() as alive:
+        assert store.sweep() == 1
+        assert alive.is_dir() and not dead.exists()
+
+
+def test_verify_finds_every_damage_and_deep_also_a_wrong_digest(store: Store) -> None:
+    folder = store.root / _put(store).ref.uri
+    outputs = {"toy": f"{__name__}:Result"}
+    assert [f.problem for f in maintenance.verify(store, outputs={}, deep=False)] == [""]
+    (folder / "files" / "picture.png").write_bytes(b"pictura")
+    assert ["picture.png" in f.problem for f in maintenance.verify(store, outputs=outputs, deep=False)] == [True]
+    assert list(maintenance.verify(store, outputs={}, deep=False)) == []
+
+
+def test_gc_lists_first_and_removes_only_what_is_unused(store: Store) -> None:
+    kept, old = _put(store), _put(store, recipe=Recipe("toy", 2, {}, {}, {}, {}, {}, {}))
+    marker = store.root / old.ref.uri / "COMMIT"
+    os.utime(marker, (0, 0))
+    items = maintenance.removable(store, unused_days=30)
+    assert [item.path.name for item in items] == [old.ref.key]
+    assert maintenance.remove(store, items) > 0
+    assert _fresh(store).find("toy", kept.ref.key) is not None
+    assert _fresh(store).find("toy", old.ref.key) is None
+
+
+def test_gc_leaves_an_artifact_that_is_being_written(store: Store) -> None:
+    old = _put(store)
+    os.utime(store.root / old.ref.uri / "COMMIT", (0, 0))
+    items = maintenance.removable(store, unused_days=30)
+    with store.lock("toy", old.ref.key):
+        assert maintenance.remove(_fresh(store), items) == 0
+
+
+def test_a_recipe_tells_what_changed() -> None:
+    other = Recipe("toy", 1, {"start": 5}, {"a.b": "2"}, {}, {"python": "3.12"}, {"toy": {"x": 2}}, {"decode": "3"})
+    assert other.key != RECIPE.key
+    assert other.changes_since(RECIPE) == [
+        "code changed: a.b",
+        "version changed: python 3.11 → 3.12",
+        "setting changed: toy.x 1 → 2",
+        "unit changed: start 0 → 5",
+        "input changed: decode",
+    ]
+    assert Recipe.from_json(RECIPE.to_json()) == RECIPE
