@@ -36,10 +36,11 @@ def write_overlay(
     """Decode the video once more, draw the people on every frame, and encode it; one frame in memory at a time."""
     width, height = scaled_size(facts, settings.overlay_max_side_px)
     overlay = Overlay(recording, tuple(marks), width, height)
+    image = np.empty((height, width, 3), np.uint8)
 
     def drawn() -> Iterator[tuple[float, np.ndarray]]:
         for frame in frames(stream, facts, max_side_px=settings.overlay_max_side_px):
-            image = frame.image.copy()
+            np.copyto(image, frame.image)
             overlay.draw(image, frame.index)
             progress(frame.index + 1, facts.num_frames)
             yield frame.time_s, image

@@ -109,7 +109,7 @@ class DeliverConfig(Section):
     overlay_max_side_px: Annotated[int, Field(ge=160, le=4096)] = 1280
     """Largest side of overlay.mp4, in pixels."""
 
-    overlay_quality: Annotated[int, Field(ge=10, le=40)] = 21
+    overlay_quality: Annotated[int, Field(ge=10, le=40)] = 22
     """Constant rate factor of overlay.mp4: smaller is better and larger in bytes."""
 
 
