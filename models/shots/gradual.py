@@ -9,15 +9,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from humanmm.models.shots.footage import Footage
+from humanmm.models.shots.footage import THUMB, Footage
 from humanmm.models.shots.hard_cuts import MATCHED
 
 _MIN_LENGTH = 3
 """A blend of fewer frames is a hard cut."""
 _MIN_DIFFERENCE = 8.0
 """Root-mean-square difference in grey levels that two ends must have."""
-_MAX_RESIDUAL = 0.45
+_MAX_RESIDUAL = 0.4
 """Largest part of the ends' difference that a blend may leave unexplained (motion in either scene meanwhile)."""
+_WORST_RESIDUAL = 0.5
+"""The same for each quarter of a window that may hold a dissolve. In the middle of a pan it is 0.87."""
 _MAX_RAMP_ERROR = 0.12
 """Root-mean-square deviation of the blend weight from a straight ramp; motion bends it."""
 _FAIR_STEP = 0.5
@@ -47,10 +49,11 @@ class Span:
 def dissolves(footage: Footage, begin: int, end: int, longest: int) -> list[Span]:
     """Dissolves whose middle lies in [begin, end), at most `longest` frames long, in order and without overlap."""
     thumbs = np.stack(footage.thumbs)
+    coarse = _halved(thumbs)
     candidates: list[tuple[float, int, int]] = []
     length = _MIN_LENGTH + 1
     while length <= 1.3 * longest + 2:
-        candidates += _blends(thumbs, length)
+        candidates += _blends(coarse, length)
         length = max(length + 1, round(length * 1.25))
     found: list[Span] = []
     for _, first, last in sorted(candidates):
@@ -89,7 +92,7 @@ def _blends(thumbs: np.ndarray, length: int) -> list[tuple[float, int, int]]:
     # a hard cut in the window gives weights 0, 0, 1: some change must happen in each half
     gradual = (weights[1] - weights[0] > 0.1) & (weights[2] - weights[1] > 0.1)
     strong = energy > _MIN_DIFFERENCE**2 * thumbs.shape[1]
-    good = np.flatnonzero(rising & gradual & strong & (worst < _MAX_RESIDUAL))
+    good = np.flatnonzero(rising & gradual & strong & (worst < _WORST_RESIDUAL))
     # of equally good windows the longest covers the whole ramp: prefer a large difference between the ends
     return [(float(worst[t] - np.sqrt(energy[t] / thumbs.shape[1]) / 100), int(t), int(t) + length) for t in good]
 
@@ -126,6 +129,13 @@ def _ramp(thumbs: np.ndarray, first: int, last: int, longest: int) -> Span | Non
     left = thumbs[frame] - thumbs[first] - weight[:, None] * difference
     residual = float(np.sqrt((left**2).sum(axis=1) / energy).mean())
     return Span(first + 1, last) if error < _MAX_RAMP_ERROR and residual < _MAX_RESIDUAL else None
+
+
+def _halved(thumbs: np.ndarray) -> np.ndarray:
+    """The thumbnails at half the width and height: enough to see where a blend may be."""
+    width, height = THUMB
+    quads = thumbs.reshape(len(thumbs), height // 2, 2, width // 2, 2, 3)
+    return np.asarray(quads.mean(axis=(2, 4)).reshape(len(thumbs), -1))
 
 
 def _median_of_three(values: np.ndarray) -> np.ndarray:
