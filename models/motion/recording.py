@@ -146,7 +146,7 @@ def assemble(
     for person in sorted(motion.people, key=lambda p: p.person):
         keypoints2d, bbox, seen = _observations(person, shot_list, scenes)
         joints = np.asarray(joints_world[person.person], np.float32)
-        projected = _projected_boxes(joints, motion, person.frame)
+        bbox[~seen] = _projected_boxes(joints[~seen], motion, person.frame[~seen])
         people.append(
             RecordedPerson(
                 person=person.person,
@@ -159,7 +159,7 @@ def assemble(
                 joints=joints,
                 contacts=person.contacts.astype(np.float32),
                 keypoints2d=keypoints2d,
-                bbox=np.where(seen[:, None], bbox, projected),
+                bbox=bbox,
                 confidence=person.confidence.astype(np.float32),
             )
         )
@@ -241,8 +241,9 @@ def _observations(
             if appearance.person == person.person:
                 for start, end in appearance.swapped:
                     swapped |= (track.frame >= start) & (track.frame < end)
-        points = np.where(swapped[:, None, None], track.keypoints2d[:, landmarks.SWAP], track.keypoints2d)
-        keypoints2d[rows[inside]] = points[inside]
+        keypoints2d[rows[inside]] = track.keypoints2d[inside]
+        exchanged = inside & swapped
+        keypoints2d[rows[exchanged]] = track.keypoints2d[exchanged][:, landmarks.SWAP]
         bbox[rows[inside]] = track.bbox[inside]
         seen[rows[inside]] = True
     return keypoints2d, bbox, seen

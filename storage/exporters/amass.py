@@ -19,7 +19,7 @@ def write_amass(recording: Recording, person: RecordedPerson, path: Path) -> Non
     num_frames = len(person.frame)
     root_orient = person.root_orient.astype(np.float64)
     pose_body = person.body_pose[:, :BODY_JOINTS].reshape(num_frames, -1).astype(np.float64)
-    pose_jaw, pose_eye, pose_hand = (np.zeros((num_frames, width)) for width in (3, 6, 90))
+    pose_jaw, pose_eye, pose_hand = (np.broadcast_to(0.0, (num_frames, width)) for width in (3, 6, 90))
     np.savez(
         path,
         allow_pickle=False,
