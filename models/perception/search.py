@@ -117,18 +117,27 @@ def paint_out(
         painted[low[1] : high[1], low[0] : high[0]][covered > 0] = 1
 
 
-def tiles(image: UInt8[np.ndarray, "height width 3"]) -> list[Region]:
-    """Overlapping squares that enlarge parts of the frame: sides of the shorter side, and of its half."""
+def places_to_look(image: UInt8[np.ndarray, "height width 3"], turn: int, *, thorough: bool) -> list[Region]:
+    """Tiles for one search: all of them, or one large and one small in turn."""
+    large, small = tiles(image)
+    if thorough:
+        return [*large, *small]
+    return [places[turn % len(places)] for places in (large, small) if places]
+
+
+def tiles(image: UInt8[np.ndarray, "height width 3"]) -> tuple[list[Region], list[Region]]:
+    """Overlapping squares that enlarge parts of the frame: large ones of the frame's shorter side, and of its half."""
     height, width = image.shape[:2]
-    short, found = min(height, width), []
-    for side in (float(short), short / 2):
+    short = min(height, width)
+    both: tuple[list[Region], list[Region]] = ([], [])
+    for side, found in zip((float(short), short / 2), both, strict=True):
         if side < 96:
             continue
         columns, rows = (int(np.ceil((extent - side) / (0.7 * side))) + 1 for extent in (width, height))
         for y in np.linspace(side / 2, height - side / 2, rows) if rows > 1 else [height / 2]:
             for x in np.linspace(side / 2, width - side / 2, columns) if columns > 1 else [width / 2]:
                 found.append(Region(float(x), float(y), side))
-    return found
+    return both
 
 
 @lru_cache(maxsize=1)

@@ -15,7 +15,7 @@ from humanmm.models.perception.linking import joined, untangled
 from humanmm.models.perception.networks import Landmarks, box_overlaps, detect, locate
 from humanmm.models.perception.observation import Observation, averaged, observe, similarity
 from humanmm.models.perception.regions import Region
-from humanmm.models.perception.search import find_people, paint_out, same_person, settle, tiles
+from humanmm.models.perception.search import find_people, paint_out, places_to_look, same_person, settle
 from humanmm.models.perception.sides import side_vote
 from humanmm.models.perception.tracks import PersonTrack, ScenePeople
 from humanmm.models.perception.trail import Trail
@@ -23,8 +23,8 @@ from humanmm.models.perception.trail import Trail
 Image = UInt8[np.ndarray, "height width 3"]
 
 SEARCH_PERIOD_S = 0.33
-TILE_ROUNDS = 3
-"""After the first frame, every search looks at the whole frame and at one in three of the enlarged tiles, in turn."""
+THOROUGH_PERIOD_S = 1.0
+"""While nobody is seen, the whole frame is searched tile by tile this often; else a few tiles at a time."""
 KEPT_S, MAX_KEPT_FRAMES = 0.7, 20
 """How far back a person found late is followed."""
 COLOUR_PERIOD_S = 0.2
@@ -42,7 +42,7 @@ MISSING_HANDICAP = 0.3
 """Against taking a person from a trail that has just seen him."""
 TENURE_BONUS = 0.3
 """For a trail that has followed the person for a second or more."""
-MIN_TRACK_S, MIN_TRACK_CONFIDENCE = 0.25, 0.45
+MIN_TRACK_S, MIN_TRACK_CONFIDENCE = 0.25, 0.5
 
 
 class SceneTracker:
@@ -167,9 +167,9 @@ class SceneTracker:
         limit = self._max_people - len(seen)
         if limit <= 0:
             return
-        everywhere = tiles(image)
         first = self._searches == 0
-        places = everywhere if first else everywhere[self._searches % TILE_ROUNDS :: TILE_ROUNDS]
+        thorough = first or (not seen and self._searches % round(THOROUGH_PERIOD_S / SEARCH_PERIOD_S) == 0)
+        places = places_to_look(image, self._searches, thorough=thorough)
         self._searches += 1
         for person in find_people(image, seen, places, upright=first, limit=limit):
             trail = self._resumed(frame, image, person)
