@@ -1,7 +1,8 @@
 """Stage `refine`: one motion over all shots."""
 
-from humanmm.models.motion.refine import RefineSettings, refine_world
+from humanmm.models.motion.refine import Observations, RefineSettings, refine_world
 from humanmm.models.motion.results import WorldMotion
+from humanmm.models.perception.tracks import ScenePeople
 from humanmm.models.shots.boundaries import ShotList
 from humanmm.models.video.facts import VideoFacts
 from humanmm.tasks.inputs import StageInputs
@@ -10,15 +11,16 @@ from humanmm.tasks.inputs import StageInputs
 def refine(inputs: StageInputs) -> WorldMotion:
     """The people of `align`, smoothed, with contacts, planted feet and filled gaps."""
     config = inputs.config.refine
-    shots = inputs.read("shots", ShotList).shots
+    shots = inputs.read("shots", ShotList)
     return refine_world(
         inputs.read("align", WorldMotion),
+        Observations(shots, inputs.read_all("people", ScenePeople)),
         time_s=inputs.read("decode", VideoFacts).time_s,
-        cut_frames=tuple(shot.start for shot in shots[1:]),
+        cut_frames=tuple(shot.start for shot in shots.shots[1:]),
         settings=RefineSettings(
             cutoff_hz=config.cutoff_hz,
             close_seams=config.close_seams,
-            trajectory=config.trajectory,
+            refit=config.refit,
             foot_lock=config.foot_lock,
         ),
     )

@@ -28,7 +28,7 @@ class LockSettings:
     """Time in which a correction fades out before and after a contact."""
     farthest_m: float = 0.12
     """A contact that would move the ankle further than this is not believed."""
-    floor_reach_m: float = 0.06
+    floor_reach_m: float = 0.03
     """A sole within this height of the floor stands on the floor; a higher one on something else."""
     longest_reach: float = 0.999
     """Largest distance from hip to ankle, as a share of the leg's length: a straight leg has no axis."""

@@ -192,12 +192,12 @@ def fit_person(
     body, model = load_body(), load_landmarks()
     skeleton = Skeleton(body.rest_joints(betas), model.joint, model.offsets(betas))
     motion = _start(skeleton, evidence, camera)
-    terms = _Terms(evidence, _bone_vectors(skeleton, evidence), camera, _depths(motion, camera), noise)
+    terms = EvidenceTerms(evidence, bone_vectors(skeleton, evidence), camera, pelvis_depths(motion, camera), noise)
     motion = solve_windows(motion, terms, settings)
     return _result(person, evidence, betas, camera, motion, terms)
 
 
-def _bone_vectors(skeleton: Skeleton, evidence: Evidence) -> Float[Array, "N B 3"]:
+def bone_vectors(skeleton: Skeleton, evidence: Evidence) -> Float[Array, "N B 3"]:
     """The network's bones in camera axes, each brought to the body's own length (by its median over the shot)."""
     start, end = np.array([(bone.start, bone.end) for bone in _BONES]).T
     rest = skeleton.rest_joints[skeleton.point_joint] + skeleton.point_offset
@@ -222,13 +222,13 @@ def _start(skeleton: Skeleton, evidence: Evidence, camera: CameraPath) -> Motion
     return bridged(Motion(skeleton, R_root, pelvis_ref, R_body), known, evidence.time_s)
 
 
-def _depths(motion: Motion, camera: CameraPath) -> Float[Array, " N"]:
+def pelvis_depths(motion: Motion, camera: CameraPath) -> Float[Array, " N"]:
     """Depth of the pelvis in each camera, metres."""
     return np.asarray(np.maximum(camera.to_camera(motion.pelvis_ref[:, None])[:, 0, 2], 0.3))
 
 
 @dataclass(frozen=True, eq=False)
-class _Terms:
+class EvidenceTerms:
     """Builds the terms of a window of frames."""
 
     evidence: Evidence
@@ -281,7 +281,7 @@ def _trust(visibility: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
 
 
 def _result(
-    person: int, evidence: Evidence, betas: Array, camera: CameraPath, motion: Motion, terms: _Terms
+    person: int, evidence: Evidence, betas: Array, camera: CameraPath, motion: Motion, terms: EvidenceTerms
 ) -> PersonShotMotion:
     distances = terms.reprojection(slice(None)).distances_px(motion)
     distances = np.where(evidence.visibility > 0.5, distances, np.nan)

@@ -1,9 +1,9 @@
 """One motion over all shots (paper section 3.4): seams closed, gaps filled, smooth, feet on one floor.
 
 In order: the poses of neighbouring shots are made one at the cut; rotations are smoothed and gaps filled in; feet that
-stand are found; the pelvis' way is solved again with them; then they are found once more on the better way, held by
-inverse kinematics, and the floor is put under them. Cameras keep their rotations; their centres move with the floor and
-the origin alone.
+stand are found, and the floor is put under them; the body is fitted once more to the evidence of all shots together,
+with those feet held; then they are found again and locked by inverse kinematics. Cameras keep their rotations; their
+centres move with the floor and the origin alone.
 """
 
 from collections.abc import Sequence
@@ -16,11 +16,14 @@ from humanmm.models.body.body24 import Body, load_body
 from humanmm.models.body.kinematics import compose
 from humanmm.models.body.rotations import rotation_from_vector, vector_from_rotation
 from humanmm.models.motion.contacts import CONTACT_JOINTS, ContactModel, contact_probabilities
+from humanmm.models.motion.fit_state import CameraPath, Motion
 from humanmm.models.motion.footlock import LEGS, Leg, LockSettings, ankle_targets, bend_leg
+from humanmm.models.motion.refine_fit import ClipEvidence, believed, fit_world, gather_clip, person_skeleton
 from humanmm.models.motion.refine_seams import close_seams
 from humanmm.models.motion.refine_smoothing import smooth, smooth_rotations
-from humanmm.models.motion.refine_trajectory import TrajectoryNoise, solve_trajectory
 from humanmm.models.motion.results import PersonMotion, WorldMotion
+from humanmm.models.perception.tracks import ScenePeople
+from humanmm.models.shots.boundaries import ShotList
 
 Array = np.ndarray
 
@@ -30,11 +33,11 @@ CHUNK_FRAMES = 512
 FLOOR_NEAR_M = 0.10
 """Standing soles this near to the floor found so far say where it really is; others stand on something."""
 
+FILL_HZ = 12.0
+"""Band limit of what fills a gap after the fit: it meets the frames beside it almost exactly."""
+
 FEWEST_STANDING = 10
 """Fewer places and frames than this say nothing about the floor."""
-
-TRAJECTORY_ROUNDS = 2
-"""How often the way and the feet that stand are found from one another."""
 
 _LEG_JOINTS = tuple(joint for leg in LEGS for joint in leg)
 
@@ -45,48 +48,73 @@ class RefineSettings:
 
     cutoff_hz: float = 8.0
     close_seams: bool = True
-    trajectory: bool = True
+    refit: bool = True
     foot_lock: bool = True
     contacts: ContactModel = field(default_factory=ContactModel)
-    noise: TrajectoryNoise = field(default_factory=TrajectoryNoise)
     lock: LockSettings = field(default_factory=LockSettings)
+
+
+@dataclass(frozen=True)
+class Observations:
+    """What was seen, for the fit over the whole clip."""
+
+    shots: ShotList
+    scenes: Sequence[ScenePeople | None]
+    """One a scene; None where it failed."""
 
 
 def refine_world(
     world: WorldMotion,
+    observations: Observations | None,
     *,
     time_s: Float[Array, " F"],
     cut_frames: tuple[int, ...],
     settings: RefineSettings | None = None,
 ) -> WorldMotion:
-    """All people refined; floor at z = 0, first person's first pelvis above the origin."""
+    """All people refined; floor at z = 0, first person's first pelvis above the origin.
+
+    Without observations the motion is not fitted again.
+    """
     settings = settings or RefineSettings()
     drafts = {
-        person.person: draft(
-            person, world.t_world_cam[person.frame], time_s[person.frame], cut_frames=cut_frames, settings=settings
-        )
+        person.person: draft(person, world, time_s[person.frame], cut_frames=cut_frames, settings=settings)
         for person in world.people
         if person.observed.any()
     }
     rise = floor_height(list(drafts.values()))
-    people = tuple(
-        finish(drafts[person.person].raised(-rise), settings=settings) if person.person in drafts else person
-        for person in world.people
-    )
-    return at_origin(replace(world, people=people, t_world_cam=world.t_world_cam - [0.0, 0.0, rise]))
+    people = []
+    for person in world.people:
+        if person.person not in drafts:
+            people.append(person)
+            continue
+        one = drafts[person.person].raised(-rise)
+        if observations is not None and settings.refit:
+            clip = gather_clip(
+                person.person,
+                person.frame,
+                person.betas,
+                shots=observations.shots,
+                scenes=observations.scenes,
+                time_s=time_s,
+                K=world.K,
+            )
+            one = one if clip is None else one.fitted(clip).with_contacts(settings.contacts)
+        people.append(finish(one, settings=settings))
+    return at_origin(replace(world, people=tuple(people), t_world_cam=world.t_world_cam - [0.0, 0.0, rise]))
 
 
 @dataclass(frozen=True, eq=False)
 class Draft:
-    """One person on the way: smooth poses without gaps, the pelvis as it was seen and as it is now, feet that stand."""
+    """One person on the way: smooth poses without gaps, and feet that stand."""
 
     person: PersonMotion
     time_s: Float[Array, " N"]
     camera_centre: Float[Array, "N 3"]
+    R_world_cam: Float[Array, "N 3 3"]
+    K: Float[Array, "N 3 3"]
     sole_height: Float[Array, " 4"]
     R_local: Float[Array, "N 24 3 3"]
     legs: "LegJoints"
-    seen_pelvis: Float[Array, "N 3"]
     pelvis: Float[Array, "N 3"]
     contacts: Float[Array, "N 4"]
 
@@ -101,7 +129,6 @@ class Draft:
         return replace(
             self,
             camera_centre=self.camera_centre + up,
-            seen_pelvis=self.seen_pelvis + up,
             pelvis=self.pelvis + up,
         )
 
@@ -118,24 +145,24 @@ class Draft:
         )
         return replace(self, contacts=found)
 
-    def with_trajectory(self, noise: TrajectoryNoise) -> "Draft":
-        """The pelvis' way solved with the feet that stand."""
-        solved = solve_trajectory(
-            self.seen_pelvis,
-            self.legs.positions[:, _FEET],
-            self.contacts,
-            self.sole_height,
-            camera_centre=self.camera_centre,
-            observed=self.person.observed,
-            time_s=self.time_s,
-            noise=noise,
-        )
-        return replace(self, pelvis=solved)
+    def fitted(self, clip: ClipEvidence) -> "Draft":
+        """Fitted once more to the evidence of all shots; frames without any are filled in again."""
+        R_cam_world = np.swapaxes(self.R_world_cam, -1, -2)
+        camera = CameraPath(R_cam_world, -(R_cam_world @ self.camera_centre[..., None])[..., 0], self.K)
+        skeleton = person_skeleton(self.person.betas)
+        start = Motion(skeleton, self.R_local[:, 0], self.pelvis, self.R_local[:, 1:])
+        motion = fit_world(start, believed(clip, self.person.observed), camera, self.contacts)
+        R = np.concatenate([motion.R_ref_root[:, None], motion.R_body], axis=1)
+        pelvis, seen = motion.pelvis_ref, self.person.observed
+        if not seen.all():
+            R = np.where(seen[:, None, None, None], R, smooth_rotations(R, seen * 1.0, self.time_s, cutoff_hz=FILL_HZ))
+            pelvis = np.where(seen[:, None], pelvis, smooth(pelvis, seen * 1.0, self.time_s, cutoff_hz=FILL_HZ))
+        return replace(self, R_local=R, pelvis=pelvis, legs=leg_joints(skeleton.rest_joints, R))
 
 
 def draft(
     person: PersonMotion,
-    camera_centre: Float[Array, "N 3"],
+    world: WorldMotion,
     time_s: Float[Array, " N"],
     *,
     cut_frames: tuple[int, ...],
@@ -151,21 +178,19 @@ def draft(
     return Draft(
         person=person,
         time_s=time_s,
-        camera_centre=camera_centre,
+        camera_centre=world.t_world_cam[person.frame],
+        R_world_cam=world.R_world_cam[person.frame],
+        K=world.K[person.frame],
         sole_height=sole_heights(body, person.betas),
         R_local=R,
         legs=leg_joints(body.rest_joints(person.betas), R),
-        seen_pelvis=person.pelvis_world,
         pelvis=smooth(person.pelvis_world, weight, time_s, cutoff_hz=settings.cutoff_hz),
         contacts=np.zeros((len(time_s), 4)),
     ).with_contacts(settings.contacts)
 
 
 def finish(one: Draft, *, settings: RefineSettings) -> PersonMotion:
-    """The way through the world solved, contacts found on it, feet locked."""
-    if settings.trajectory:
-        for _ in range(TRAJECTORY_ROUNDS):
-            one = one.with_trajectory(settings.noise).with_contacts(settings.contacts)
+    """Feet locked."""
     R = lock_feet(one, settings.lock) if settings.foot_lock else one.R_local
     return replace(
         one.person,

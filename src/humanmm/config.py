@@ -96,8 +96,8 @@ class RefineConfig(Section):
     close_seams: bool = True
     """Share out the change of posture at a cut between both shots."""
 
-    trajectory: bool = True
-    """Solve the way through the world again with the feet that stand."""
+    refit: bool = True
+    """Fit the body once more to the evidence of all shots together, with standing feet held."""
 
     foot_lock: bool = True
     """Hold standing feet in place by inverse kinematics."""

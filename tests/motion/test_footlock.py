@@ -88,9 +88,8 @@ def test_a_sole_near_the_floor_is_put_on_it_and_one_on_a_step_is_not() -> None:
     near = sliding_leg()
     shift = np.array([0.0, 0.0, SOLE[0] + 0.02 - np.median(near.ankle[:, 2])])
     near = replace(near, **{name: getattr(near, name) + shift for name in ("hip", "knee", "ankle", "toe")})
-    on_step = replace(
-        near, **{name: getattr(near, name) + np.array([0, 0, 0.3]) for name in ("hip", "knee", "ankle", "toe")}
-    )
+    lift = np.array([0.0, 0.0, 0.3])
+    on_step = replace(near, **{name: getattr(near, name) + lift for name in ("hip", "knee", "ankle", "toe")})
     assert np.median(locked(near, np.ones((N, 2))).ankle[:, 2]) == pytest.approx(SOLE[0], abs=1e-6)
     assert np.median(locked(on_step, np.ones((N, 2))).ankle[:, 2]) == pytest.approx(SOLE[0] + 0.32, abs=0.01)
 

@@ -1,0 +1,171 @@
+"""One more fit of the body, over the whole clip in the world: all shots' evidence, and feet that do not move.
+
+`hmr` fits each shot by itself and `align` places the shots. Here one person's keypoints and 3D landmarks of all shots
+are seen by cameras that now stand in one world, motion runs on through the cuts, and a planted foot is in the same
+place in every frame: what one view cannot tell (how far away, how the body is tilted) the leg and the neighbouring shot
+tell.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from humanmm.models.body.body24 import load_body
+from humanmm.models.body.landmarks import NUM_LANDMARKS, load_landmarks
+from humanmm.models.motion.contacts import CONTACT_JOINTS
+from humanmm.models.motion.fit_solver import SolverSettings, solve_windows
+from humanmm.models.motion.fit_state import NUM_PARAMETERS, CameraPath, Motion, Skeleton
+from humanmm.models.motion.fit_terms import REFERENCE_HZ, NormalEquations, Term, cauchy
+from humanmm.models.motion.hmr import Evidence, EvidenceTerms, NoiseModel, bone_vectors, gather, pelvis_depths
+from humanmm.models.perception.tracks import ScenePeople
+from humanmm.models.shots.boundaries import ShotList
+
+Array = np.ndarray
+
+PLANTED_SPEED_MS = 0.1
+"""Speed that an estimated foot keeps while it stands, m/s: about what motion capture skates."""
+
+SETTINGS = SolverSettings(max_iterations=6, first_damping=1e-6)
+"""The start is a fit already: a few steps settle it. Damping is measured by the diagonal, which planted feet make large;
+more of it would hold back the slow drift of the whole body that they are to correct."""
+
+
+@dataclass(frozen=True, eq=False)
+class ClipEvidence:
+    """One person's observations over all shots, dense from first to last frame."""
+
+    evidence: Evidence
+    bones: Float[Array, "N B 3"]
+    """The network's bones in camera axes, brought to the body's length shot by shot."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlantedFeet:
+    """Places that stand keep their place from frame to frame: (p_(t+1) − p_t) / (σ Δt), robust for each place."""
+
+    feet: Skeleton
+    time_s: Float[Array, " N"]
+    contacts: Float[Array, "N 4"]
+    """Probabilities; below one half they do not count."""
+    speed_ms: float = PLANTED_SPEED_MS
+    robust_scale: float = 2.0
+    """Speed, in sigmas, beyond which a contact is not believed."""
+
+    @cached_property
+    def _span(self) -> Float[Array, " M"]:
+        return np.diff(self.time_s)
+
+    @cached_property
+    def _weight(self) -> Float[Array, "M 4"]:
+        stands = self.contacts * (self.contacts >= 0.5)
+        return np.asarray(stands[1:] * stands[:-1] * (self._span * REFERENCE_HZ)[:, None])
+
+    def _feet(self, motion: Motion) -> Motion:
+        return Motion(self.feet, motion.R_ref_root, motion.pelvis_ref, motion.R_body)
+
+    def _residual(self, feet: Motion) -> Float[Array, "M 4 3"]:
+        return np.asarray(np.diff(feet.points, axis=0) / (self.speed_ms * self._span)[:, None, None])
+
+    def cost(self, motion: Motion) -> float:
+        """Half the robust sum of squares."""
+        loss, _ = cauchy(np.sum(self._residual(self._feet(motion)) ** 2, axis=-1), self.robust_scale)
+        return float(np.sum(self._weight * loss))
+
+    def add(self, motion: Motion, equations: NormalEquations) -> None:
+        """Add gradient and curvature: the only term whose blocks between neighbouring frames are full."""
+        if len(self.time_s) < 2:
+            return
+        feet = self._feet(motion)
+        residual = self._residual(feet)
+        _, trust = cauchy(np.sum(residual**2, axis=-1), self.robust_scale)
+        root = np.sqrt(self._weight * trust)
+        J = feet.point_jacobian
+        scale = (root / (self.speed_ms * self._span)[:, None])[..., None, None]
+        now = (J[:-1] * scale).reshape(len(root), -1, NUM_PARAMETERS)
+        later = (J[1:] * scale).reshape(len(root), -1, NUM_PARAMETERS)
+        right = (root[..., None] * residual).reshape(len(root), -1, 1)
+        now_T, later_T = np.swapaxes(now, -1, -2), np.swapaxes(later, -1, -2)
+        equations.own[:-1] += now_T @ now
+        equations.own[1:] += later_T @ later
+        equations.next_one[:-1] -= now_T @ later
+        equations.gradient[:-1] -= (now_T @ right)[..., 0]
+        equations.gradient[1:] += (later_T @ right)[..., 0]
+
+
+def person_skeleton(betas: Float[Array, " 10"]) -> Skeleton:
+    """The person's rest joints with the 33 landmarks on them."""
+    model = load_landmarks()
+    return Skeleton(load_body().rest_joints(betas), model.joint, model.offsets(betas))
+
+
+def gather_clip(
+    person: int,
+    frame: Array,
+    betas: Float[Array, " 10"],
+    *,
+    shots: ShotList,
+    scenes: Sequence[ScenePeople | None],
+    time_s: Float[Array, " F"],
+    K: Float[Array, "F 3 3"],
+) -> ClipEvidence | None:
+    """A person's observations in every shot, left and right put right; None if there are none."""
+    n = len(frame)
+    whole = Evidence(
+        frame=frame,
+        time_s=time_s[frame],
+        seen=np.zeros(n, bool),
+        keypoints=np.zeros((n, NUM_LANDMARKS, 2)),
+        visibility=np.zeros((n, NUM_LANDMARKS)),
+        landmarks_cam=np.zeros((n, NUM_LANDMARKS, 3)),
+        ray=np.tile([0.0, 0.0, 1.0], (n, 1)),
+    )
+    skeleton = person_skeleton(betas)
+    bones: Array | None = None
+    for shot in shots.shots:
+        scene = scenes[shot.scene]
+        for appearance in shot.people:
+            if scene is None or appearance.person != person:
+                continue
+            track = scene.tracks[appearance.track]
+            part = gather(track, (shot.start, shot.end), appearance.swapped, time_s, K[shot.start])
+            if part is None:
+                continue
+            inside = (part.frame >= frame[0]) & (part.frame <= frame[-1])
+            rows = part.frame[inside] - frame[0]
+            for field in fields(Evidence):
+                if field.name not in ("frame", "time_s"):
+                    getattr(whole, field.name)[rows] = getattr(part, field.name)[inside]
+            vectors = bone_vectors(skeleton, part)
+            bones = np.zeros((n, *vectors.shape[1:])) if bones is None else bones
+            bones[rows] = vectors[inside]
+    return None if bones is None else ClipEvidence(whole, bones)
+
+
+def believed(clip: ClipEvidence, observed: Bool[Array, " N"]) -> ClipEvidence:
+    """The evidence without the frames that an earlier stage did not believe."""
+    e = clip.evidence
+    masked = replace(e, seen=e.seen & observed, visibility=np.where(observed[:, None], e.visibility, 0.0))
+    return replace(clip, evidence=masked)
+
+
+def fit_world(
+    start: Motion,
+    clip: ClipEvidence,
+    camera: CameraPath,
+    contacts: Float[Array, "N 4"],
+    *,
+    noise: NoiseModel | None = None,
+    settings: SolverSettings = SETTINGS,
+) -> Motion:
+    """The motion in the world that agrees best with all shots' evidence and with the feet that stand."""
+    of_evidence = EvidenceTerms(clip.evidence, clip.bones, camera, pelvis_depths(start, camera), noise or NoiseModel())
+    feet = Skeleton(start.skeleton.rest_joints, np.array(CONTACT_JOINTS), np.zeros((len(CONTACT_JOINTS), 3)))
+
+    def terms(frames: slice) -> list[Term]:
+        planted = PlantedFeet(feet, clip.evidence.time_s[frames], contacts[frames])
+        return [*of_evidence(frames), planted]
+
+    return solve_windows(start, terms, settings)
