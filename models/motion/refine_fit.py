@@ -29,7 +29,7 @@ PLANTED_SPEED_MS = 0.1
 """Speed that an estimated foot keeps while it stands, m/s: about what motion capture skates."""
 
 SETTINGS = SolverSettings(max_iterations=6, first_damping=1e-6)
-"""The start is a fit already: a few steps settle it. Damping is measured by the diagonal, which planted feet make large;
+"""The start is a fit already: a few steps settle it. Damping goes by the diagonal, which planted feet make large:
 more of it would hold back the slow drift of the whole body that they are to correct."""
 
 
