@@ -1,6 +1,7 @@
 """Stage `intrinsics`: one focal length for all shots."""
 
 from humanmm.models.camera.intrinsics import ShotPoints, estimate_intrinsics, given_intrinsics
+from humanmm.models.camera.masking import without_transitions
 from humanmm.models.camera.observations import Intrinsics, PointTracks
 from humanmm.models.perception.tracks import ScenePeople
 from humanmm.models.shots.boundaries import ShotList
@@ -16,10 +17,11 @@ def intrinsics(inputs: StageInputs) -> Intrinsics:
     if given is not None:
         return given
     shots = inputs.read("shots", ShotList).shots
+    transitions = [shot.transition for shot in shots]
     scenes = inputs.read_all("people", ScenePeople)
     tracks = inputs.read_all("points", PointTracks)
     usable = [
-        ShotPoints(points, scene.tracks)
+        ShotPoints(without_transitions(points, transitions), scene.tracks)
         for shot, points in zip(shots, tracks, strict=True)
         if points is not None and (scene := scenes[shot.scene]) is not None
     ]

@@ -7,6 +7,7 @@ translation out of noise. Whatever had to be assumed for want of evidence is sai
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
@@ -107,12 +108,23 @@ def _turning_or_moving(shot: TrackedShot, focal_px: float) -> _Answer:
 
 def _answer(shot: TrackedShot, track: Track, freedom: Freedom, source: CameraSource) -> _Answer:
     views, residual = all_images(shot, track, freedom=freedom)
+    breaks = _breaks(shot, track)
     warnings: tuple[str, ...] = ()
+    if breaks:
+        said = ", ".join(str(frame) for frame in breaks[:5]) + (", …" if len(breaks) > 5 else "")
+        warnings = (f"hardly any point survives frame {said}: the camera's motion there is assumed to go on as before",)
     error = float(np.median(residual)) if len(residual) else float("inf")
     if error > POOR_SHARE * shot.diagonal_px:
         source = "fallback"
-        warnings = (f"the background fits no camera well (median error {error:.1f} px): rotation is a rough estimate",)
+        said = f"the background fits no camera well (median error {error:.1f} px): rotation is a rough estimate"
+        warnings = (*warnings, said)
     return _Answer(source, track, views, residual, warnings)
+
+
+def _breaks(shot: TrackedShot, track: Track) -> list[int]:
+    """Frames of keyframes that share too few points with the keyframe before to carry a pose across."""
+    pairs = pairwise(int(image) for image in track.keyframes)
+    return [int(shot.frame[b]) for a, b in pairs if len(shot.shared(a, b)[0]) < MIN_POINTS]
 
 
 def _result(points: PointTracks, shot: TrackedShot, intrinsics: Intrinsics, answer: _Answer) -> ShotCamera:

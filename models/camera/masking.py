@@ -13,6 +13,7 @@ from jaxtyping import Bool, Float
 
 from humanmm.models.camera.observations import PointTracks
 from humanmm.models.perception.tracks import MASK_SIDE, PersonTrack
+from humanmm.models.shots.boundaries import Transition
 
 HELD_FRAMES = 5
 """Frames for which a mask is held before a person's first and after the last observation."""
@@ -35,7 +36,17 @@ def background_points(points: PointTracks, people: Sequence[PersonTrack]) -> Poi
             continue
         for frame, begin, stop in zip(frames, first, [*first[1:], len(points.frame)], strict=True):
             masked[begin:stop] |= _on_person(person, int(frame), points.xy[begin:stop], points.window_px)
-    return _without(points, masked)
+    return _without(points, masked, mostly=MAX_MASKED_SHARE)
+
+
+def without_transitions(points: PointTracks, transitions: Sequence[Transition | None]) -> PointTracks:
+    """The observations outside gradual transitions, whose frames show two places at once; all if nothing would be
+    left."""
+    blended = np.zeros(len(points.frame), bool)
+    for transition in transitions:
+        if transition is not None:
+            blended |= (points.frame >= transition.start) & (points.frame < transition.end)
+    return points if blended.all() else _without(points, blended, mostly=1.0)
 
 
 def _on_person(
@@ -79,8 +90,9 @@ def _inside(
     return np.asarray(within & (mask[cell[:, 1], cell[:, 0]] > 0))
 
 
-def _without(points: PointTracks, masked: Bool[np.ndarray, " m"]) -> PointTracks:
-    """Drop masked observations, split the tracks they interrupt, drop tracks that are mostly masked."""
+def _without(points: PointTracks, masked: Bool[np.ndarray, " m"], *, mostly: float) -> PointTracks:
+    """Drop masked observations, split the tracks they interrupt, drop tracks masked for more than the share
+    `mostly`."""
     if not masked.any():
         return points
     order = np.lexsort((points.frame, points.track))
@@ -90,7 +102,7 @@ def _without(points: PointTracks, masked: Bool[np.ndarray, " m"]) -> PointTracks
     piece[order] = np.cumsum(begins) - 1
     length = np.bincount(points.track)
     share = np.bincount(points.track, masked, minlength=len(length)) / np.maximum(length, 1)
-    keep = ~masked & (share[points.track] <= MAX_MASKED_SHARE)
+    keep = ~masked & (share[points.track] <= mostly)
     return replace(
         points, track=piece[keep], frame=points.frame[keep], xy=points.xy[keep], confidence=points.confidence[keep]
     )

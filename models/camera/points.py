@@ -29,6 +29,9 @@ MAX_GAIN = 4.0
 MIN_CORNER_STRENGTH = 2e-4
 """Smaller eigenvalue of the structure tensor (OpenCV's scale, grey levels / 255 squared) below which a place has no
 corner."""
+SUDDEN_LOSS, MAX_SKIPPED = 0.25, 2
+"""If fewer than this share of the points survive a frame it is passed over, as long as no more than so many follow each
+other: a flash or a damaged frame would otherwise end every track."""
 MAX_POINTS_PER_CELL = 2
 BORDER_PX = 4.0
 
@@ -52,8 +55,8 @@ def track_points(
     """Points tracked through the grey pictures of one shot, in source pixels with centres at .5.
 
     `pictures` may be smaller than the source (width, height); they are consumed one by one. The first and the last
-    frame are always recorded; a frame in between is left out while the picture stands still (`still_px`), which is
-    what makes long static shots cheap to keep.
+    usable frame are always recorded; a frame in between is left out while the picture stands still (`still_px`),
+    which is what makes long static shots cheap to keep.
     """
     tracker: _Tracker | None = None
     num_frames = 0
@@ -93,7 +96,7 @@ class _Tracker:
         self.track = np.zeros(0, np.int32)
         self.confidence = np.zeros(0, np.float32)
         self.recorded_xy = np.zeros((0, 2), np.float32)
-        self.next_track = 0
+        self.next_track = self.skipped = 0
         self.frame = self.recorded_frame = self.seeded_frame = -1
         self.seeded_count = 0
         self.kept: list[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]] = []
@@ -101,23 +104,29 @@ class _Tracker:
     def advance(self, picture: np.ndarray, frame: int) -> None:
         """Carry the points on to the next frame, look for new ones where they are missing, record if anything moved."""
         picture = even_exposure(picture)
-        if len(self.xy):
-            self._follow(picture)
+        if len(self.xy) and not self._follow(picture):
+            return
         self.picture, self.frame = picture, frame
         due = frame - self.seeded_frame >= self.settings.reseed_interval and len(self.xy) < 0.9 * self.seeded_count
         if self.seeded_frame < 0 or due or len(self.xy) < 0.7 * self.seeded_count or frame - self.seeded_frame >= 60:
             self._seed()
         self.record()
 
-    def _follow(self, picture: np.ndarray) -> None:
+    def _follow(self, picture: np.ndarray) -> bool:
+        """Move the points on; False if nearly all are lost at once and the next frame may bring them back (a flash)."""
         there, found = _flow(self.picture, picture, self.xy, FORWARD_LEVELS)
         back, found_back = _flow(picture, self.picture, there, BACKWARD_LEVELS)
         error = np.linalg.norm(back - self.xy, axis=1)
         inside = (there > BORDER_PX).all(1) & (there < (self.width - 1 - BORDER_PX, self.height - 1 - BORDER_PX)).all(1)
         alive = found & found_back & (error < MAX_BACKWARD_ERROR_PX) & inside
+        if alive.sum() < SUDDEN_LOSS * len(alive) and self.skipped < MAX_SKIPPED:
+            self.skipped += 1
+            return False
+        self.skipped = 0
         self.xy = there[alive]
         self.confidence = np.exp(-np.square(error[alive] / CONFIDENCE_SCALE_PX)).astype(np.float32)
         self.track, self.recorded_xy = self.track[alive], self.recorded_xy[alive]
+        return True
 
     def _cell(self, xy: np.ndarray) -> np.ndarray:
         column_row = (xy / self.cell_px).astype(int)

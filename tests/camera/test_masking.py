@@ -1,10 +1,13 @@
 """What lies on people is left out, and only that."""
 
+from dataclasses import fields
+
 import numpy as np
 
-from humanmm.models.camera.masking import background_points
+from humanmm.models.camera.masking import background_points, without_transitions
 from humanmm.models.camera.observations import PointTracks
 from humanmm.models.perception.tracks import PersonTrack
+from humanmm.models.shots.boundaries import Transition
 
 
 def person(frames: list[int], left: float) -> PersonTrack:
@@ -13,13 +16,14 @@ def person(frames: list[int], left: float) -> PersonTrack:
     mask = np.zeros((128, 128), np.uint8)
     mask[14:114, 39:89] = 1
     count = len(frames)
-    return PersonTrack(
-        np.array(frames, np.int32), np.zeros((count, 33, 3), np.float32), np.zeros((count, 33, 3), np.float32),
-        np.tile(np.array([left + 78, 128, left + 178, 328], np.float32), (count, 1)), np.ones(count, np.float32),
-        np.tile(np.packbits(mask, axis=-1), (count, 1, 1)),
-        np.tile(np.array([[2, 0, left], [0, 2, 100]], np.float32), (count, 1, 1)),
-        np.zeros(0, np.int32), np.zeros((0, 8), np.float32),
-    )  # fmt: skip
+    unused = {field.name: np.zeros((count, 0), np.float32) for field in fields(PersonTrack)}
+    used: dict[str, np.ndarray] = {
+        "frame": np.array(frames, np.int32),
+        "bbox": np.tile(np.array([left + 78, 128, left + 178, 328], np.float32), (count, 1)),
+        "mask_bits": np.tile(np.packbits(mask, axis=-1), (count, 1, 1)),
+        "mask_affine": np.tile(np.array([[2, 0, left], [0, 2, 100]], np.float32), (count, 1, 1)),
+    }
+    return PersonTrack(**{**unused, **used})
 
 
 def points_at(xy: list[tuple[float, float]], num_frames: int) -> PointTracks:
@@ -58,3 +62,10 @@ def test_an_empty_mask_stands_for_the_whole_box() -> None:
     someone = person(list(range(5)), 200.0)
     someone.mask_bits[:] = 0
     assert len(background_points(points_at([(280.0, 140.0)], 5), [someone]).frame) == 0
+
+
+def test_frames_of_a_dissolve_carry_no_points() -> None:
+    points = points_at([(300.0, 200.0), (500.0, 100.0)], 20)
+    dissolve, cut = Transition("dissolve", 15, 25, "scene"), Transition("cut", 0, 0, "scene")
+    kept = without_transitions(points, [None, dissolve, cut])
+    assert kept.frame.max() == 14 and kept.frame.min() == 0

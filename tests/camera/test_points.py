@@ -56,3 +56,11 @@ def test_no_pictures_and_a_blank_picture_give_no_points() -> None:
         points = track_points(pictures, start=7, source_size=(WIDTH, HEIGHT), settings=TrackerSettings())
         assert (points.start, points.end) == (7, 7 + len(pictures))
         assert len(points.track) == 0
+
+
+def test_a_flash_does_not_end_the_tracks() -> None:
+    pictures = [window(texture(), 0.5 * k, 0.0) for k in range(12)]
+    pictures[6] = np.full_like(pictures[6], 250)
+    points = track_points(pictures, start=0, source_size=(WIDTH, HEIGHT), settings=TrackerSettings())
+    first, last = points.track[points.frame == 0], points.track[points.frame == 11]
+    assert len(np.intersect1d(first, last)) > 0.7 * len(first)

@@ -1,6 +1,7 @@
 """Cameras of the rendered clips, from their pixels, against the exact truth. Needs $HUMANMM_DATA (data/render_dev)."""
 
 import os
+from dataclasses import fields
 from itertools import pairwise
 from pathlib import Path
 
@@ -35,13 +36,14 @@ def people_of(folder: Path, clip: str) -> list[PersonTrack]:
             small = np.stack([cv2.resize(one, (128, 128), interpolation=cv2.INTER_AREA) > 0 for one in full])
             count, height, width = full.shape
             affine = np.array([[width / 128, 0, 0], [0, height / 128, 0]], np.float32)
-            box = np.array([[0, 0, width, height]], np.float32)
-            track = PersonTrack(
-                np.arange(count, dtype=np.int32), np.zeros((count, 33, 3)), np.zeros((count, 33, 3)),
-                np.tile(box, (count, 1)), np.ones(count), np.packbits(small, axis=-1), np.tile(affine, (count, 1, 1)),
-                np.zeros(0, np.int32), np.zeros((0, 8), np.float32),
-            )  # fmt: skip
-            tracks.append(track)
+            unused = {field.name: np.zeros((count, 0), np.float32) for field in fields(PersonTrack)}
+            used = {
+                "frame": np.arange(count, dtype=np.int32),
+                "bbox": np.tile(np.array([[0, 0, width, height]], np.float32), (count, 1)),
+                "mask_bits": np.packbits(small, axis=-1),
+                "mask_affine": np.tile(affine, (count, 1, 1)),
+            }
+            tracks.append(PersonTrack(**{**unused, **used}))
     return tracks
 
 
