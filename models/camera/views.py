@@ -25,6 +25,9 @@ MIN_INLIERS = 15
 """Below this, wrong poses are as frequent as right ones (docs/method.md, "Background links")."""
 MAX_ERROR_SHARE = 2.0 / 1280
 """Largest reprojection error of an inlier, as a share of the picture's longer side (2 px at 1280)."""
+MAX_TRIALS = 1000
+"""Samples of the robust estimator: enough where a third of the matches is right, and fewer make no link to be
+trusted."""
 SAME_CAMERA_SHARE = 1.0 / 640
 """Features that moved less than this share of the longer side count as unmoved: one standing camera."""
 
@@ -119,6 +122,7 @@ def link_views(a: ViewFeatures, b: ViewFeatures, K: Float[np.ndarray, "3 3"]) ->
     options.min_num_inliers = MIN_INLIERS
     options.ransac.max_error = MAX_ERROR_SHARE * longer_side
     options.ransac.random_seed = 0
+    options.ransac.max_num_trials = MAX_TRIALS
     pairs = np.repeat(np.arange(len(xy_a), dtype=np.uint32)[:, None], 2, axis=1)
     geometry = pycolmap.estimate_calibrated_two_view_geometry(camera, xy_a, camera, xy_b, pairs, options)
     b_from_a = geometry.cam2_from_cam1

@@ -383,15 +383,11 @@ def _strand(
 
 def _rig(footage: Footage, shot: int, R_world_shot: Float[Array, "3 3"]) -> ShotRig:
     camera = _camera(footage, shot)
-    standing = _standing(footage, shot)
     return ShotRig(
         path=camera.t_shot_cam @ R_world_shot.T,
         start=camera.start,
         scale=1.0,
         scale_known=camera.metric or not np.any(camera.t_shot_cam),
-        level=R_world_shot @ _mean_x(camera),
-        standing=np.array([R_world_shot @ axis for axis, _ in standing]).reshape(-1, 3),
-        standing_sigma_deg=np.array([sigma for _, sigma in standing]),
     )
 
 

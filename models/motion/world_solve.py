@@ -6,8 +6,7 @@ depth, and the path of a moving camera up to its scale. What ties them together:
 - the person stands where the picture shows: tightly across the line of sight, loosely along it;
 - a foot that stands still stands still, and one that bears the body is on the floor, z = 0;
 - bodies have inertia, also across a cut: that joins the shots;
-- people stand upright and cameras are held level: that levels each shot;
-- neighbouring shots are turned to each other as the cut says.
+- every shot is about as level as its people and its camera say, and turned to the others as the cuts say.
 
 Unknown are the pelvis of every person in every frame, and for each shot the camera's place, a small rotation and the
 scale of its path. All of it is linear but for the small rotations and the robust weights: a few Gauss-Newton steps.
@@ -53,11 +52,6 @@ class ShotRig:
     scale: float
     """Metres per unit of `path`."""
     scale_known: bool
-    level: Float[Array, "3"]
-    """Mean x axis of the camera, world axes."""
-    standing: Float[Array, "s 3"]
-    """Mean standing axis of each person, world axes."""
-    standing_sigma_deg: Float[Array, "s"]
 
 
 @dataclass(frozen=True)
@@ -81,21 +75,23 @@ class SamePlace:
 
 @dataclass(frozen=True)
 class SolveSettings:
-    """Sigmas of what ties the world together."""
+    """Sigmas of what ties the world together, as measured on fits to rendered people."""
 
-    across_m: float = 0.03
+    across_m: float = 0.02
     """Error of the pelvis across the line of sight."""
-    depth_share: float = 0.05
-    """Error of the pelvis along the line of sight, share of the distance."""
+    depth_share: float = 0.02
+    """Error of the pelvis along the line of sight that changes within a shot, share of the distance."""
     correlation_s: float = 0.4
     """Errors of observations change this slowly."""
-    still_ms: float = 0.12
+    still_ms: float = 0.3
     """Speed of a foot that stands still, with the noise of the fitted leg."""
     moving_ms: float = 0.5
     """A foot this fast certainly moves."""
-    floor_m: float = 0.03
+    floor_m: float = 0.1
+    """Height of a sole point that bears the body; the four points of a body err together."""
     acceleration_ms2: float = 6.0
-    roll_deg: float = 5.0
+    level_deg: float = 4.0
+    """Error of a shot's vertical before the solve."""
     iterations: int = 12
 
 
@@ -210,7 +206,7 @@ def _step(
         unknown = np.concatenate([firsts[k] + 3 * np.arange(counts[k]) for k in own])
         time_s = np.concatenate([strands[k].time_s for k in own])
         _inertia(rows, np.concatenate([state.pelvis[k] for k in own]), time_s, unknown, options)
-    _levels(rows, rigs, joins, state, cameras, options)
+    _levels(rows, joins, state, cameras, options)
     _same_places(rows, rigs, same, state, cameras)
 
     damping = np.full(rows.num_unknowns, 1e-6)
@@ -218,7 +214,7 @@ def _step(
     block[0, :2] = 1e6  # the first camera stays where it is, but for its height
     if iteration < _FLOOR_FROM:
         block[0, 2] = 1e6
-    block[0, 5] = 1e8  # and looks where it looks
+    block[:, 5] = 1e8  # headings are the cuts' business: feet and inertia level a shot but do not turn it
     if iteration < _TURN_FROM:
         block[:, 3:6] = 1e8
     known = np.array([rig.scale_known or not np.any(rig.path) for rig in rigs])
@@ -287,7 +283,7 @@ def _hold(
     if len(feet) > 1:
         in_frame[:-1] = still
         in_frame[1:] = np.maximum(in_frame[1:], still)
-    on_floor = in_frame / (1 + (feet[..., 2] / (3 * options.floor_m)) ** 2) ** 2
+    on_floor = in_frame / (1 + (feet[..., 2] / options.floor_m) ** 2) ** 2
     return still, on_floor
 
 
@@ -374,21 +370,12 @@ _ACCELERATION_S = 0.3
 """A push lasts about so long: over longer times velocity changes like a random walk."""
 
 
-def _levels(
-    rows: _Rows, rigs: Sequence[ShotRig], joins: Sequence[Join], state: _State, cameras: int, options: SolveSettings
-) -> None:
-    """People upright, cameras level, neighbouring shots turned to each other as their cut says."""
-    for k, rig in enumerate(rigs):
+def _levels(rows: _Rows, joins: Sequence[Join], state: _State, cameras: int, options: SolveSettings) -> None:
+    """Every shot stays about as level as it came, neighbouring shots turned to each other as their link says."""
+    for k in range(len(state.turn)):
         first = np.array([cameras + CAMERA_UNKNOWNS * k + 3])
-        for axis, sigma_deg in zip(rig.standing, rig.standing_sigma_deg, strict=True):
-            turned = state.turn[k] @ axis
-            w = 1 / np.deg2rad(sigma_deg)
-            w /= np.sqrt(1 + (np.linalg.norm(turned[:2]) * w / 2) ** 2)
-            rows.add(w * turned[None, :2], (first, -w * skew(turned)[None, :2]))
-        turned = state.turn[k] @ rig.level
-        w = 1 / np.deg2rad(options.roll_deg)
-        w /= np.sqrt(1 + (turned[2] * w / 2) ** 2)
-        rows.add(w * turned[None, 2:], (first, -w * skew(turned)[None, 2:]))
+        w = 1 / np.deg2rad(options.level_deg)
+        rows.add(w * vector_from_rotation(state.turn[k])[None], (first, w * np.eye(3)[None]))
     for join in joins:
         w = 1 / np.deg2rad(join.sigma_deg)
         a, b = (np.array([cameras + CAMERA_UNKNOWNS * k + 3]) for k in (join.shot_a, join.shot_b))
