@@ -65,17 +65,18 @@ class _Search:
             bare = observe(locate(self._image, person.region), (self._image.shape[1], self._image.shape[0]))
             if bare is None or any(same_person(bare, other) for other in [*self._known, *self.found]):
                 return False
-            if max(self._covered(person), self._covered(bare)) > MAX_COVERED:
+            if max(covered_share(self._painted, person), covered_share(self._painted, bare)) > MAX_COVERED:
                 return False
         self.found.append(person)
         paint_out(self.canvas, person, self._painted)
         return True
 
-    def _covered(self, person: Observation) -> float:
-        """Share of the person's mask that lies on paint."""
-        size = (person.mask.shape[1], person.mask.shape[0])
-        paint = warp(self._painted, person.mask_to_source, size, nearest=True)
-        return float((paint * person.mask).sum() / max(int(person.mask.sum()), 1))
+
+def covered_share(painted: UInt8[np.ndarray, "height width"], person: Observation) -> float:
+    """Share of the person's mask that lies on paint."""
+    size = (person.mask.shape[1], person.mask.shape[0])
+    paint = warp(painted, person.mask_to_source, size, nearest=True)
+    return float((paint * person.mask).sum() / max(int(person.mask.sum()), 1))
 
 
 def settle(image: UInt8[np.ndarray, "height width 3"], region: Region) -> Observation | None:

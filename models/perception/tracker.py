@@ -15,7 +15,15 @@ from humanmm.models.perception.linking import joined, untangled
 from humanmm.models.perception.networks import Landmarks, box_overlaps, detect, locate
 from humanmm.models.perception.observation import Observation, averaged, observe, similarity
 from humanmm.models.perception.regions import Region
-from humanmm.models.perception.search import find_people, paint_out, places_to_look, same_person, settle
+from humanmm.models.perception.search import (
+    MAX_COVERED,
+    covered_share,
+    find_people,
+    paint_out,
+    places_to_look,
+    same_person,
+    settle,
+)
 from humanmm.models.perception.sides import side_vote
 from humanmm.models.perception.tracks import PersonTrack, ScenePeople
 from humanmm.models.perception.trail import Trail
@@ -24,7 +32,8 @@ Image = UInt8[np.ndarray, "height width 3"]
 
 SEARCH_PERIOD_S = 0.33
 THOROUGH_PERIOD_S = 1.0
-"""While nobody is seen, the whole frame is searched tile by tile this often; else a few tiles at a time."""
+"""While nobody is seen, or somebody was lost, all tiles of the frame are searched this often; else a few at a time."""
+LOST_S = 3.0
 KEPT_S, MAX_KEPT_FRAMES = 0.7, 20
 """How far back a person found late is followed."""
 COLOUR_PERIOD_S = 0.2
@@ -36,7 +45,7 @@ CAREFUL_FRAMES = 5
 SIDE_LOOK_S = 0.1
 LEANING_RAD, LYING_RAD = 0.17, 1.05
 """A crop turned by an angle between these gets a second, upright look now and then, to tell left from right."""
-OTHER_COLOURS = 0.65
+OTHER_COLOURS = 0.6
 """Hellinger distance at which whoever is found in a lost person's place is somebody else."""
 MISSING_HANDICAP = 0.3
 """Against taking a person from a trail that has just seen him."""
@@ -114,16 +123,16 @@ class SceneTracker:
         half = 0.35 * region.side
         box = np.array([region.x - half, region.y - half, region.x + half, region.y + half])
         hiding = [other for other in nearer if box_overlaps(box[None], other.bbox[None])[0, 0] > 0.1]
-        canvas = image
+        canvas, painted = image, np.zeros(image.shape[:2] if hiding else (1, 1), np.uint8)
         if hiding:
             canvas = image.copy()
             for other in hiding:
-                paint_out(canvas, other)
-        if not trail.missing:
-            return self._look(frame, canvas, trail, region) or (
-                self._look(frame, image, trail, region) if hiding else None
-            )
+                paint_out(canvas, other, painted)
         found = self._look(frame, canvas, trail, region)
+        if hiding and found is not None and covered_share(painted, found[0]) > MAX_COVERED:
+            found = None
+        if not trail.missing:
+            return found or (self._look(frame, image, trail, region) if hiding else None)
         if found is None and trail.missing % self._frames(LOCAL_SEARCH_S) == 0:
             for detection in detect(canvas, Region(region.x, region.y, 1.8 * region.side)):
                 person = settle(canvas, detection.region)
@@ -168,7 +177,9 @@ class SceneTracker:
         if limit <= 0:
             return
         first = self._searches == 0
-        thorough = first or (not seen and self._searches % round(THOROUGH_PERIOD_S / SEARCH_PERIOD_S) == 0)
+        lost = any(0 < frame - trail.last_frame < LOST_S * self._fps for trail in self._trails)
+        due = self._searches % round(THOROUGH_PERIOD_S / SEARCH_PERIOD_S) == 0
+        thorough = first or (due and (lost or not seen))
         places = places_to_look(image, self._searches, thorough=thorough)
         self._searches += 1
         for person in find_people(image, seen, places, upright=first, limit=limit):
