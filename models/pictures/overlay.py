@@ -1,6 +1,7 @@
 """The body on the video: a solid, lit surface for each person, floor contacts, and where we are in the shots.
 
-Frames in which a person was not observed are hatched and pale. `Overlay.draw` changes one picture in place.
+Frames in which a person was not observed are hatched and pale; in shots that never show a person, that person is not
+drawn at all (the shot may be of another place). `Overlay.draw` changes one picture in place.
 """
 
 from dataclasses import dataclass
@@ -49,6 +50,7 @@ class Overlay:
         self._size = width, height
         scale = np.array([width / recording.width, height / recording.height, 1.0])
         self._K = recording.K * scale[:, None]
+        self._seen_in_shot = [set(recording.shot_index[p.frame[p.observed]].tolist()) for p in recording.people]
         self._surfaces = [PosedSurface(person) for person in recording.people]
         self._ramps = [palette.shading_ramp(palette.person_color(p.person))[:, None] for p in recording.people]
         self._pale_ramp = palette.shading_ramp(palette.NOT_OBSERVED)[:, None]
@@ -60,8 +62,9 @@ class Overlay:
 
     def draw(self, image: UInt8[np.ndarray, "H W 3"], frame: int) -> None:
         """Draw everything that belongs to one frame of the video into an RGB picture."""
-        rows = [frame - int(p.frame[0]) if len(p.frame) else -1 for p in self._recording.people]
-        present = [i for i, p in enumerate(self._recording.people) if 0 <= rows[i] < len(p.frame)]
+        people, shot = self._recording.people, int(self._recording.shot_index[frame])
+        rows = [frame - int(p.frame[0]) if len(p.frame) else -1 for p in people]
+        present = [i for i, p in enumerate(people) if 0 <= rows[i] < len(p.frame) and shot in self._seen_in_shot[i]]
         for index in present:
             self._draw_contacts(image, frame, self._recording.people[index], rows[index])
         self._draw_people(image, frame, present, rows)

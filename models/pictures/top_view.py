@@ -68,6 +68,7 @@ def _draw_person(axes: Axes, recording: Recording, person: RecordedPerson, side:
     axes.plot(*np.where(person.observed[:, None], path, np.nan)[thin].T, color=color, linewidth=2.4, zorder=4)
     axes.plot(*hidden[thin].T, color=color, linewidth=1.4, linestyle=(0, (1.2, 1.6)), zorder=4)
     rows = _rows_every(recording.time_s[person.frame], _TICK_SPACING_S)
+    rows = rows[person.observed[rows]]
     heading = Rotation.from_rotvec(person.root_orient[rows]).as_matrix()[:, :2, 2]  # the body faces its own +z
     length = np.linalg.norm(heading, axis=1, keepdims=True)
     tips = path[rows] + heading / np.maximum(length, 1e-6) * side * _TICK_LENGTH_SHARE
@@ -81,7 +82,7 @@ def _draw_person(axes: Axes, recording: Recording, person: RecordedPerson, side:
     axes.plot(*path[-1], "s", markersize=8, color=color, zorder=6)
     for cut in recording.cut_frames:
         row = cut - int(person.frame[0])
-        if 0 < row < len(path):
+        if 0 < row < len(path) and person.observed[row - 1 : row + 1].any():
             axes.plot(*path[row], "X", markersize=8, color=hex_color(palette.CUT), markeredgecolor="white", zorder=7)
 
 

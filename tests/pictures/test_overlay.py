@@ -102,6 +102,18 @@ def test_an_unobserved_person_looks_different_and_leaves_more_of_the_video(stand
     assert saturation[1] < 0.3 * saturation[0]
 
 
+def test_a_shot_that_never_shows_a_person_shows_no_ghost_of_that_person(standing: Recording) -> None:
+    person = dataclasses.replace(standing.people[0], observed=np.arange(40) < 20)
+    overlay = Overlay(dataclasses.replace(standing, people=(person,)), (), 640, 480)
+    pictures = []
+    for frame in (19, 20):
+        picture = np.full((480, 640, 3), 40, np.uint8)
+        overlay.draw(picture, frame)
+        pictures.append(picture[100:440, 200:440])
+    assert (pictures[0] != 40).any()
+    assert (pictures[1] == 40).all()
+
+
 def test_contacts_are_discs_on_the_floor(standing: Recording) -> None:
     lifted = dataclasses.replace(standing.people[0], contacts=np.zeros((40, 4), np.float32))
     pictures = []
