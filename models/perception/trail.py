@@ -18,6 +18,8 @@ UNSTEADY_SHARE = 0.07
 """Second difference of the limbs, as a share of the region's side at 30 fps, at which a track is hardly a person's:
 people measured 0.005 to 0.035, bodies seen in furniture, pictures and hands 0.03 to 0.11."""
 _STEADY_FRAMES = 7
+STEADINESS_UNKNOWN = 0.8
+"""Of a track without three frames in a row."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,12 +133,12 @@ def steadiness(
     """1 where the limbs move smoothly about a frame, towards 0 where they jump: a body that is not there jumps."""
     count = len(frames)
     if count < 3:
-        return np.full(count, 0.5)
+        return np.full(count, STEADINESS_UNKNOWN)
     limbs = keypoints[:, list(landmarks.LIMBS), :2]
     bend = np.linalg.norm(limbs[2:] - 2 * limbs[1:-1] + limbs[:-2], axis=-1) / side[1:-1, None]
     consecutive = frames[2:] - frames[:-2] == 2
     if not consecutive.any():
-        return np.full(count, 0.5)
+        return np.full(count, STEADINESS_UNKNOWN)
     everywhere = np.interp(frames, frames[1:-1][consecutive], np.median(bend, axis=1)[consecutive])
     padded = np.pad(everywhere, _STEADY_FRAMES // 2, mode="edge")
     local = np.median(np.lib.stride_tricks.sliding_window_view(padded, _STEADY_FRAMES), axis=1)
