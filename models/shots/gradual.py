@@ -21,6 +21,8 @@ _WORST_RESIDUAL = 0.5
 """The same for each quarter of a window that may hold a dissolve. In the middle of a pan it is 0.87."""
 _MAX_RAMP_ERROR = 0.12
 """Root-mean-square deviation of the blend weight from a straight ramp; motion bends it."""
+_MAX_LEAP = 0.4
+"""No single frame of a dissolve goes farther than this share of the way: that would be a hard cut."""
 _UNRELATED = 0.22
 """The ends of a dissolve correlate less once motion is undone: 0.04 to 0.15 (measured), ends of a quick pan 0.3."""
 _FAIR_STEP = 0.5
@@ -129,7 +131,9 @@ def _ramp(thumbs: np.ndarray, first: int, last: int, longest: int) -> Span | Non
     error = float(np.sqrt(np.mean((weight - (frame - first) / (last - first)) ** 2)))
     left = thumbs[frame] - thumbs[first] - weight[:, None] * difference
     residual = float(np.sqrt((left**2).sum(axis=1) / energy).mean())
-    return Span(first + 1, last) if error < _MAX_RAMP_ERROR and residual < _MAX_RESIDUAL else None
+    leap = float(np.diff(np.r_[0.0, weight, 1.0]).max())
+    ramp = error < _MAX_RAMP_ERROR and residual < _MAX_RESIDUAL and leap < _MAX_LEAP
+    return Span(first + 1, last) if ramp else None
 
 
 def _halved(thumbs: np.ndarray) -> np.ndarray:
