@@ -25,6 +25,7 @@ from humanmm.models.camera.odometry import (
     all_images,
     moving,
     rotating,
+    zooms_in,
 )
 from humanmm.models.camera.standing import test_standing
 from humanmm.models.camera.tracked import TrackedShot, arrange, choose_keyframes
@@ -32,10 +33,6 @@ from humanmm.models.perception.tracks import PersonTrack
 
 POOR_SHARE = 0.004
 """A fit worse than this share of the diagonal is no measurement any more."""
-ZOOM_GAIN = 0.75
-"""The same for a zooming camera against one that does not zoom."""
-MIN_ZOOM = 0.03
-"""Changes of focal length below this share are not called a zoom."""
 
 
 @dataclass(frozen=True)
@@ -92,15 +89,14 @@ def _turning_or_moving(shot: TrackedShot, focal_px: float) -> _Answer:
         return _answer(shot, turning, turning_only, "rotation_only")
     zooming_too = Freedom(translation=False, zoom=True)
     zooming = rotating(shot, keyframes, focal_px, freedom=zooming_too)  # a zoom looks much like a step forward
-    zoom_range = float(np.ptp(zooming.views.log_zoom))
-    zooms = zoom_range > MIN_ZOOM and zooming.error_px < ZOOM_GAIN * turning.error_px
+    zooms = zooms_in(zooming, turning)
     turned, freedom = (zooming, zooming_too) if zooms else (turning, turning_only)
     moved = moving(shot, turning)
     if moved is not None and moved.error_px < MOVING_GAIN * turned.error_px:
         return _answer(shot, moved, Freedom(translation=True), "tracked")
     answer = _answer(shot, turned, freedom, "rotation_only")
     if zooms:
-        percent = 100 * (np.exp(zoom_range) - 1)
+        percent = 100 * (np.exp(np.ptp(zooming.views.log_zoom)) - 1)
         said = f"the focal length changes by {percent:.0f} % within the shot: K holds for its first frame"
         answer = replace(answer, warnings=(*answer.warnings, said))
     return answer

@@ -29,6 +29,10 @@ EXACT_SHARE = 0.0003
 MOVING_GAIN = 0.6
 """A moving camera must bring the residuals below this share of the turning camera's: it has one more unknown per
 point."""
+ZOOM_GAIN = 0.75
+"""The same for a zooming camera against one that does not zoom."""
+MIN_ZOOM = 0.03
+"""Changes of focal length below this share are not called a zoom."""
 MAX_ERROR_SHARE = 0.002
 """Error of a sighting, as a share of the diagonal, that the two-view pose at the start tolerates."""
 LASTING, MIN_LASTING = 4, 100
@@ -268,6 +272,11 @@ def _from_first_view(result: Adjusted) -> Adjusted:
     )
     points = Points(result.points.direction @ R, result.points.rho, (result.points.anchor - t) @ R)
     return replace(result, views=views, points=points)
+
+
+def zooms_in(zooming: Track, turning: Track) -> bool:
+    """Whether a change of focal length explains the shot clearly better than turning alone."""
+    return float(np.ptp(zooming.views.log_zoom)) > MIN_ZOOM and zooming.error_px < ZOOM_GAIN * turning.error_px
 
 
 def _resting(num_images: int, focal_px: float) -> Views:

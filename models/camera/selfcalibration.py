@@ -13,7 +13,15 @@ from jaxtyping import Bool
 from humanmm.models.camera import rotations
 from humanmm.models.camera.bundle import Adjusted, Freedom, Observations, Points, Views, adjust, focal_step
 from humanmm.models.camera.observations import CameraSource
-from humanmm.models.camera.odometry import EXACT_SHARE, MIN_POINTS, MOVING_GAIN, Track, moving, rotating
+from humanmm.models.camera.odometry import (
+    EXACT_SHARE,
+    MIN_POINTS,
+    MOVING_GAIN,
+    Track,
+    moving,
+    rotating,
+    zooms_in,
+)
 from humanmm.models.camera.standing import test_standing
 from humanmm.models.camera.tracked import TrackedShot, choose_keyframes
 
@@ -71,18 +79,24 @@ class FocalEvidence:
 
 
 def focal_evidence(shot: TrackedShot, start_px: float) -> FocalEvidence | None:
-    """Focal length of a shot whose camera turns or moves, from a first guess; None where it stands or shows too
-    little."""
+    """Focal length of a shot whose camera turns or moves, from a first guess; None where it stands or shows too little.
+
+    Of a shot that zooms it is the first frame's, as uncertain as the zoom is large.
+    """
     if shot.num_images < 3 or float(np.median(np.diff(shot.begins))) < MIN_POINTS or test_standing(shot).static:
         return None
     keyframes = choose_keyframes(shot)[:MAX_KEYFRAMES]
     turning_freedom, moving_freedom = Freedom(translation=False), Freedom(translation=True)
+    zooming_freedom = Freedom(translation=False, zoom=True)
     turning = with_own_focal(rotating(shot, keyframes, start_px, freedom=turning_freedom), turning_freedom)
     noise = turning.track.adjusted.noise_px
     if noise < EXACT_SHARE * shot.diagonal_px:
         return _evidence(turning, "rotation_only")
     hint = noise < HINT_SHARE * shot.diagonal_px
     focal_px = turning.track.views.focal_px if hint else start_px
+    zooming = rotating(shot, keyframes, focal_px, freedom=zooming_freedom)
+    zooms = zooms_in(zooming, turning.track)
+    turned_error_px = zooming.error_px if zooms else turning.track.error_px
     found: FocalEvidence | None = None
     for _ in range(MAX_ROUNDS):
         guide = rotating(shot, keyframes, focal_px, freedom=turning_freedom)
@@ -90,13 +104,16 @@ def focal_evidence(shot: TrackedShot, start_px: float) -> FocalEvidence | None:
         if moved is None:
             break
         followed = with_own_focal(moved, moving_freedom)
-        if not followed.track.error_px < MOVING_GAIN * turning.track.error_px:
+        if not followed.track.error_px < MOVING_GAIN * turned_error_px:
             break
         found = _evidence(followed, "tracked")
         if abs(np.log(found.focal_px / focal_px)) < SAME_FOCAL:
             break
         focal_px = found.focal_px
-    if found is None and hint:
+    if found is None and zooms:
+        evidence = _evidence(with_own_focal(zooming, zooming_freedom), "rotation_only")
+        found = replace(evidence, log_sigma=float(np.hypot(evidence.log_sigma, np.ptp(zooming.views.log_zoom))))
+    elif found is None and hint:
         misfit = noise / (EXACT_SHARE * shot.diagonal_px)
         evidence = _evidence(turning, "rotation_only")
         found = replace(evidence, log_sigma=evidence.log_sigma * misfit)

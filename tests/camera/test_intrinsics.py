@@ -2,8 +2,10 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from humanmm.models.camera.intrinsics import ShotPoints, default_focal_px, estimate_intrinsics, given_intrinsics
@@ -37,3 +39,13 @@ def test_shots_agree_on_one_focal_length(scene_of: Callable[..., Any]) -> None:
     shots = [scene_of(kind, seed=seed) for seed, kind in enumerate(["static", "hand-held", "pan"])]
     found = estimate_intrinsics([ShotPoints(shot.points, ()) for shot in shots], 960, 540)
     assert found.focal_px == pytest.approx(shots[0].intrinsics.focal_px, rel=0.03)
+
+
+def test_a_zoom_makes_the_focal_length_uncertain_not_wrong(scene_of: Callable[..., Any]) -> None:
+    scene = scene_of("pan")
+    factor = np.linspace(1.0, 1.2, 60)[scene.points.frame][:, None]
+    middle = np.array([scene.intrinsics.width, scene.intrinsics.height]) / 2
+    points = replace(scene.points, xy=(middle + factor * (scene.points.xy - middle)).astype(np.float32))
+    found = estimate_intrinsics([ShotPoints(points, ())], scene.intrinsics.width, scene.intrinsics.height)
+    assert 0.1 < found.relative_uncertainty < 0.3
+    assert found.focal_px == pytest.approx(scene.intrinsics.focal_px, rel=0.15)
