@@ -58,6 +58,10 @@ class Landmarks:
     """Where the network says that the body is: the crop for the next frame."""
 
 
+_BUILDING = Lock()
+"""One interpreter is built at a time in the process: standard error is turned away meanwhile."""
+
+
 class InterpreterPool:
     """Interpreters of one model; results do not depend on the number of threads."""
 
@@ -72,13 +76,32 @@ class InterpreterPool:
         with self._lock:
             interpreter = self._idle.pop() if self._idle else None
         if interpreter is None:
-            interpreter = Interpreter(model_content=self._model, num_threads=self._threads)
-            interpreter.allocate_tensors()
+            with _BUILDING, _without_greeting():
+                interpreter = Interpreter(model_content=self._model, num_threads=self._threads)
+                interpreter.allocate_tensors()
         try:
             yield interpreter
         finally:
             with self._lock:
                 self._idle.append(interpreter)
+
+
+@contextmanager
+def _without_greeting() -> Iterator[None]:
+    """Keep the runtime's own line about its delegate, for which it has no switch, off standard error."""
+    try:
+        kept = os.dup(2)
+    except OSError:  # standard error is closed
+        yield
+        return
+    silent = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(silent, 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(silent)
 
 
 @lru_cache(maxsize=4)

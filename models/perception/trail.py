@@ -1,5 +1,6 @@
 """A track while it grows, and what is made of it at the end of the scene."""
 
+import zlib
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -10,7 +11,7 @@ from humanmm.models.perception.clothing import mean_colours
 from humanmm.models.perception.observation import Observation
 from humanmm.models.perception.regions import Region
 from humanmm.models.perception.sides import exchanged_sides
-from humanmm.models.perception.tracks import PersonTrack
+from humanmm.models.perception.tracks import MASK_SIDE, PersonTrack
 
 MAX_STEP_SHARE = 0.1
 """Largest motion of the region that is carried on to the next frame, as a share of its side."""
@@ -24,13 +25,14 @@ STEADINESS_UNKNOWN = 0.8
 
 @dataclass(frozen=True, eq=False)
 class Row:
-    """One packed observation, about 3 KB."""
+    """One packed observation, less than 2 KB."""
 
     keypoints: Float[np.ndarray, "33 3"]
     landmarks3d: Float[np.ndarray, "33 3"]
     bbox: Float[np.ndarray, " 4"]
     confidence: float
-    mask_bits: np.ndarray
+    mask_bits: bytes
+    """Deflated."""
     mask_affine: Float[np.ndarray, "2 3"]
     side: float
     vote: float
@@ -80,7 +82,7 @@ class Trail:
             seen.landmarks3d.astype(np.float32),
             seen.bbox.astype(np.float32),
             seen.confidence,
-            np.packbits(seen.mask, axis=-1),
+            zlib.compress(np.packbits(seen.mask, axis=-1).tobytes(), 1),
             seen.mask_to_source.astype(np.float32),
             seen.region.side,
             vote,
@@ -117,11 +119,15 @@ class Trail:
             bbox=np.stack([row.bbox for row in rows]),
             confidence=confidence.astype(np.float32),
             side_votes=np.where(exchanged, -votes, votes).astype(np.float32),
-            mask_bits=np.stack([row.mask_bits for row in rows]),
+            mask_bits=np.stack([_inflated(row.mask_bits) for row in rows]),
             mask_affine=np.stack([row.mask_affine for row in rows]),
             color_frame=np.array(sampled, np.int32),
             color_histogram=np.stack([self.colours[f] for f in sampled]).astype(np.float32),
         )
+
+
+def _inflated(bits: bytes) -> np.ndarray:
+    return np.frombuffer(zlib.decompress(bits), np.uint8).reshape(MASK_SIDE, MASK_SIDE // 8)
 
 
 def steadiness(

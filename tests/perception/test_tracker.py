@@ -1,7 +1,9 @@
 """Finding and following people in real pixels (the shipped clip) and in none."""
 
 import itertools
+import os
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from pathlib import Path
 
@@ -10,10 +12,11 @@ import numpy as np
 import pytest
 
 from humanmm.models.perception import landmarks
-from humanmm.models.perception.networks import detect, locate
+from humanmm.models.perception.networks import InterpreterPool, detect, locate
 from humanmm.models.perception.regions import whole
 from humanmm.models.perception.tracker import track_people
 from humanmm.models.perception.tracks import ScenePeople
+from humanmm.models.weights.shipped import read_weights
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "pose2sim_multishot"
 CLIP = EXAMPLES / "pose2sim_A_01-02-01.mp4"
@@ -104,3 +107,20 @@ def test_the_mirror_image_of_a_crop_gives_the_same_person_with_the_sides_named_a
     limbs = list(landmarks.LIMBS)
     distance = np.linalg.norm(plain.keypoints[limbs, :2] - mirrored.keypoints[limbs, :2], axis=1)
     assert np.median(distance) < 0.03 * region.side
+
+
+def test_interpreters_may_be_built_in_two_threads_and_give_equal_answers_and_leave_standard_error_alone() -> None:
+    pool = InterpreterPool(read_weights("pose_detection.tflite"), threads=1)
+    tensor = np.random.default_rng(0).random((1, 224, 224, 3), np.float32)
+
+    def scores(_: int) -> np.ndarray:
+        with pool.lend() as interpreter:
+            interpreter.set_tensor(interpreter.get_input_details()[0]["index"], tensor)
+            interpreter.invoke()
+            return np.asarray(interpreter.get_tensor(interpreter.get_output_details()[0]["index"]))
+
+    before = os.fstat(2)
+    with ThreadPoolExecutor(2) as threads:
+        one, two = threads.map(scores, range(2))
+    np.testing.assert_array_equal(one, two)
+    assert (os.fstat(2).st_ino, os.fstat(2).st_dev) == (before.st_ino, before.st_dev)
