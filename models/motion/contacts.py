@@ -14,6 +14,9 @@ from scipy.ndimage import minimum_filter1d
 
 Array = np.ndarray
 
+STILL_M = 0.008
+"""What may be left of the movement of a standing foot, to either side, metres."""
+
 CONTACT_JOINTS = (7, 10, 8, 11)
 """Left ankle, left toe base, right ankle, right toe base."""
 
@@ -83,6 +86,23 @@ def support_height(lowest: Float[Array, " N"], time_s: Float[Array, " N"], windo
     frame_s = (time_s[-1] - time_s[0]) / max(n - 1, 1)
     reach = max(1, round(window_s / frame_s)) if frame_s > 0 else 1
     return np.asarray(minimum_filter1d(lowest, 2 * min(reach, n) + 1, mode="nearest"))
+
+
+def confirmed(
+    contacts: Float[Array, "N 4"], feet: Float[Array, "N 4 3"], *, reach_m: float = STILL_M
+) -> Float[Array, "N 4"]:
+    """The probabilities, below one half where a place has left the middle of its contact after all.
+
+    A foot that turns on the spot or that the leg cannot hold is not said to stand: while a contact lasts, nothing moves
+    by more than twice `reach_m`.
+    """
+    out = contacts.copy()
+    for place in range(contacts.shape[1]):
+        for start, end in intervals(contacts[:, place] >= 0.5):
+            path = feet[start:end, place]
+            left = np.linalg.norm(path - np.median(path, axis=0), axis=-1) > reach_m
+            out[start:end, place][left] = np.minimum(out[start:end, place][left], 0.499)
+    return out
 
 
 def intervals(holds: Bool[Array, " N"]) -> list[tuple[int, int]]:

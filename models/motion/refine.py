@@ -15,7 +15,7 @@ from jaxtyping import Float
 from humanmm.models.body.body24 import Body, load_body
 from humanmm.models.body.kinematics import compose
 from humanmm.models.body.rotations import rotation_from_vector, vector_from_rotation
-from humanmm.models.motion.contacts import CONTACT_JOINTS, ContactModel, contact_probabilities
+from humanmm.models.motion.contacts import CONTACT_JOINTS, ContactModel, confirmed, contact_probabilities
 from humanmm.models.motion.fit_state import CameraPath, Motion
 from humanmm.models.motion.footlock import LEGS, Leg, LockSettings, ankle_targets, bend_leg
 from humanmm.models.motion.refine_fit import ClipEvidence, believed, fit_world, gather_clip, person_skeleton
@@ -190,8 +190,12 @@ def draft(
 
 
 def finish(one: Draft, *, settings: RefineSettings) -> PersonMotion:
-    """Feet locked."""
-    R = lock_feet(one, settings.lock) if settings.foot_lock else one.R_local
+    """Feet locked; contacts of feet that really stand."""
+    R = one.R_local
+    if settings.foot_lock:
+        R = lock_feet(one, settings.lock)
+        legs = leg_joints(load_body().rest_joints(one.person.betas), R)
+        one = replace(one, contacts=confirmed(one.contacts, legs.positions[:, _FEET] + one.pelvis[:, None]))
     return replace(
         one.person,
         R_world_root=R[:, 0],

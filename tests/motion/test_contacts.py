@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from humanmm.models.motion.contacts import ContactModel, contact_probabilities, intervals, velocities
+from humanmm.models.motion.contacts import ContactModel, confirmed, contact_probabilities, intervals, velocities
 
 SOLE = np.array([0.08, 0.03, 0.08, 0.03])
 FORWARD = np.array([0.0, 1.0, 0.0])
@@ -89,6 +89,15 @@ def test_a_contact_lasts_and_is_not_interrupted_by_one_frame() -> None:
         assert all(end - start >= 6 for start, end in intervals(column))
         assert len(intervals(column)) <= 7
     assert np.mean(contacts == truth) > 0.85
+
+
+def test_a_place_that_leaves_its_contact_is_not_said_to_stand() -> None:
+    feet = np.zeros((40, 4, 3))
+    feet[30:, 1, 0] = 0.05
+    contacts = confirmed(np.full((40, 4), 0.9), feet)
+    assert (contacts[:30] == 0.9).all()
+    assert (contacts[30:, 1] < 0.5).all()
+    assert (contacts[30:, [0, 2, 3]] == 0.9).all()
 
 
 def test_velocities_are_those_of_a_steady_walk_at_uneven_times() -> None:
