@@ -1,0 +1,112 @@
+"""`status`, `explain`, `verify`, `gc`, `store du`, `doctor`, `eval`: what they say of a run and of a store."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+TRUTH = Path(__file__).resolve().parents[2] / "examples/pose2sim_multishot/pose2sim_A_01-02-01_gt.npz"
+
+
+@pytest.fixture
+def finished(toy: Any) -> Any:
+    """A toy with a run folder."""
+    toy.run()
+    assert toy.main("recover", "film.mp4")[0] == 0
+    return toy
+
+
+def test_status_of_an_unchanged_run_is_up_to_date(finished: Any) -> None:
+    status, out, _ = finished.main("status", "runs/film")
+    assert status == 0
+    assert out.splitlines()[0] == "runs/film: done, 60 frames, 3 shots"
+    assert out.splitlines()[-1] == "  up to date"
+
+
+def test_status_tells_what_is_stale_and_why(finished: Any) -> None:
+    finished.edit("camera", "np.cumsum", "2 * np.cumsum")
+    status, out, _ = finished.main("status", "runs/film", "--json")
+    tree = json.loads(out)
+    assert (status, tree["state"], tree["up_to_date"]) == (0, "done", False)
+    stale = {entry["stage"]: entry["reason"] for entry in tree["stages"] if entry["state"] != "cached"}
+    assert stale["camera"] == "code changed: toyline.camera"
+    assert stale["align"] in ("camera", "hmr")
+
+
+def test_status_works_when_the_video_is_gone(finished: Any) -> None:
+    finished.video.unlink()
+    assert json.loads(finished.main("status", "runs/film", "--json")[1])["stages"][0]["state"] == "cached"
+
+
+def test_status_without_a_folder_lists_the_videos_of_the_store(finished: Any) -> None:
+    tree = json.loads(finished.main("status", "--json")[1])
+    assert [video["state"] for video in tree["videos"]] == ["done"]
+    assert tree["videos"][0]["run_dir"] == str(finished.folder / "runs/film")
+
+
+def test_a_folder_that_is_no_run_is_told(toy: Any) -> None:
+    status, out, told = toy.main("status", ".")
+    assert (status, out) == (1, "") and "is no run folder" in told
+    (toy.folder / "run.json").write_text("{}")
+    assert "another schema" in toy.main("explain", ".", "camera")[2]
+
+
+def test_explain_names_everything_a_result_was_made_of(finished: Any) -> None:
+    status, out, _ = finished.main("explain", "runs/film", "camera", "--shot", "1", "--json")
+    (unit,) = json.loads(out)["units"]
+    assert status == 0
+    assert (unit["state"], unit["shot"], unit["in_this_run"]["state"]) == ("cached", 1, "cached")
+    assert unit["recipe"]["unit"] == {"start": 20, "end": 40}
+    assert {"decode", "people", "shot", "points", "intrinsics"} <= set(unit["recipe"]["inputs"])
+    assert (finished.store / unit["artifact"]).is_dir()
+    text = finished.main("explain", "runs/film", "camera", "--shot", "1")[1]
+    assert text.startswith("camera (shot 1): cached\n") and "settings: camera = " in text
+
+
+def test_explain_refuses_a_shot_that_makes_no_sense(finished: Any) -> None:
+    assert finished.main("explain", "runs/film", "align", "--shot", "1")[0] == 2
+    status, _, told = finished.main("explain", "runs/film", "camera", "--shot", "7")
+    assert status == 1 and "the video has 3 shots" in told
+
+
+def test_verify_ends_with_status_1_and_the_next_run_repairs(finished: Any) -> None:
+    assert finished.main("verify", "--deep")[:2] == (0, "18 artifacts are sound, 0 damaged\n")
+    victim = next(finished.store.glob("artifacts/camera/*/*/result.json"))
+    victim.write_text(victim.read_text().replace("camera", "camerb") + " ")
+    status, out, _ = finished.main("verify")
+    assert status == 1
+    assert "result.json has" in out and "1 damaged (set aside)" in out
+    finished.executed()
+    finished.run()
+    assert len(finished.executed()) == 1
+
+
+def test_gc_removes_nothing_before_it_is_told_to(finished: Any) -> None:
+    status, out, _ = finished.main("gc", "--unused-days", "0")
+    assert status == 0 and "18 items could go; nothing was removed" in out
+    assert len(list(finished.store.glob("artifacts/*/*/*"))) == 18
+    assert "freed" in finished.main("gc", "--unused-days", "0", "--yes")[1]
+    assert not list(finished.store.glob("artifacts/*/*/*"))
+
+
+def test_du_counts_every_stage(finished: Any) -> None:
+    lines = finished.main("store", "du")[1].splitlines()
+    assert [line.split()[:2] for line in lines[:3]] == [["decode", "1"], ["scenes", "1"], ["people", "2"]]
+    assert lines[-1].split()[:2] == ["total", "18"]
+
+
+def test_doctor_finds_this_installation_sound(toy: Any) -> None:
+    status, out, _ = toy.main("doctor", "--json")
+    tree = json.loads(out)
+    assert status == 0 and tree["ok"] is True
+    assert {"python", "torch", "weight files", "store"} <= {check["name"] for check in tree["checks"]}
+
+
+def test_eval_prints_one_flat_object(finished: Any) -> None:
+    status, out, _ = finished.main("eval", "runs/film", "runs/film", "--json")
+    tree = json.loads(out)
+    assert status == 0
+    assert tree["cut_f1"] == 1.0 and isinstance(tree["problems"], list)
+    status, out, told = finished.main("eval", "runs/film", "film.mp4", "--json")
+    assert (status, out) == (1, "") and "film.mp4" in told

@@ -1,0 +1,233 @@
+"""What `humanmm recover` says, where it writes, and with which status it ends."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def _told(answer: tuple[int, str, str], status: int) -> str:
+    """The one plain line on standard error of a command that ended with this status and printed nothing else."""
+    assert answer[0] == status, answer
+    assert answer[1] == ""
+    lines = answer[2].splitlines()
+    assert len(lines) == 1 and lines[0].startswith("humanmm: "), lines
+    return lines[0]
+
+
+def _left(toy: Any) -> set[str]:
+    return {path.name for path in toy.folder.iterdir()} - {"toyline", "film.mp4", "store"}
+
+
+@pytest.mark.parametrize(
+    ("name", "make", "told"),
+    [
+        ("missing.mp4", lambda path: None, "no such video: "),
+        ("folder.mp4", lambda path: path.mkdir(), "is a folder, not a video"),
+        ("empty.mp4", lambda path: path.touch(), "is empty"),
+    ],
+)
+def test_what_is_no_video_is_told_in_one_line_and_nothing_is_left(toy: Any, name: str, make: Any, told: str) -> None:
+    make(toy.folder / name)
+    assert told in _told(toy.main("recover", name, "--out", "out"), 1)
+    assert _left(toy) <= {name}
+
+
+def test_text_renamed_to_mp4_is_told_by_the_real_decoder_and_nothing_is_left(
+    tmp_path: Path, server_cache: Path
+) -> None:
+    video = tmp_path / "notes.mp4"
+    video.write_text("these are notes\n" * 100)
+    done = subprocess.run(
+        [sys.executable, "-m", "humanmm.cli", "recover", str(video), "--out", "out", "--store", "store"],
+        cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(ROOT / "src")}, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr.count("\n") == 1 and "Traceback" not in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("[people]\nmax_peeple = 3\n", "unknown setting people.max_peeple; did you mean max_people?"),
+        ("[peopel]\nmax_people = 3\n", "unknown setting peopel; did you mean people?"),
+        ("[people]\nmax_people = 0\n", "setting people.max_people: input should be greater than or equal to 1, not 0"),
+        ("[camera]\nstatic = 'perhaps'\n", "setting camera.static: input should be a valid boolean"),
+        ("[camera\n", "is not TOML"),
+        ("camera = 3\n", "setting camera: "),
+    ],
+)
+def test_a_bad_settings_file_is_told_in_one_line(toy: Any, text: str, told: str) -> None:
+    (toy.folder / "settings.toml").write_text(text)
+    line = _told(toy.main("recover", "film.mp4", "--config", "settings.toml"), 1)
+    assert told in line and "settings.toml" in line
+    assert _left(toy) == {"settings.toml"}
+
+
+def test_a_settings_file_that_is_not_there_is_told(toy: Any) -> None:
+    line = _told(toy.main("recover", "film.mp4", "--config", "none.toml"), 1)
+    assert "cannot read the settings file none.toml" in line
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["--people.max_people", "0"],
+        ["--people.max-people", "many"],
+        ["--focal-px", "-3"],
+        ["--only", "hmr", "--from", "camera"],
+        ["--shot", "1"],
+        ["--json"],
+    ],
+)
+def test_a_bad_flag_is_a_usage_error_in_one_line(toy: Any, arguments: list[str]) -> None:
+    _told(toy.main("recover", "film.mp4", *arguments), 2)
+    assert not toy.store.exists() or not list(toy.store.glob("artifacts"))
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["--people.max_peeple", "3"],
+        ["--max-people", "3"],
+        ["--only", "nothing"],
+        ["--person", "first"],
+        ["--focal-px", "3", "--fov-deg", "4"],
+        ["--dry"],
+    ],
+)
+def test_an_unknown_flag_is_a_usage_error(toy: Any, arguments: list[str]) -> None:
+    status, out, told = toy.main("recover", "film.mp4", *arguments)
+    assert (status, out) == (2, "")
+    assert "Traceback" not in told
+
+
+def test_flags_win_over_the_file_and_the_file_over_defaults(toy: Any) -> None:
+    (toy.folder / "settings.toml").write_text("[camera]\nstatic = true\n[people]\nmax_people = 5\n")
+    toy.run(camera={"static": True}, people={"max_people": 4}, shots={"person": 0}, intrinsics={"focal_px": 900.0})
+    status, out, _ = toy.main(
+        "recover", "film.mp4", "--config", "settings.toml", "--people.max-people", "4", "--person", "0", "--focal-px",
+        "900", "--dry-run", "--json",
+    )  # fmt: skip
+    assert status == 0
+    assert {entry["state"] for entry in json.loads(out)["stages"]} == {"cached"}
+
+
+def test_a_dry_run_lists_every_unit_and_writes_nothing(toy: Any) -> None:
+    toy.run()
+    before = sorted(toy.folder.rglob("*"))
+    status, out, told = toy.main("recover", "film.mp4", "--dry-run", "--camera.static", "true")
+    assert (status, told) == (0, "")
+    lines = {f"{line.split()[0]}|{line[11:24].strip()}": line for line in out.splitlines()}
+    assert len(lines) == 18
+    assert lines["camera|shot 1"].endswith("will run: setting changed: camera.static False → True")
+    assert lines["hmr|shot 1"].endswith("depends on camera's result")
+    assert lines["points|shot 2"].endswith("cached")
+    assert sorted(toy.folder.rglob("*")) == before
+
+
+@pytest.mark.parametrize(
+    ("name", "stem"),
+    [
+        (" two  spaces.mp4", "_two__spaces"),
+        ("'single' \"double\".mp4", "_single___double_"),
+        ("new\nline.mp4", "new_line"),
+        ("..mp4", "video"),
+        ("ünï 映画.mp4", "ünï_映画"),
+        ("-dash;$(touch x)`.mp4", "-dash___touch_x__"),
+        ("..\\..\\up.mkv", "_.._up"),
+        ("x" * 200 + ".mp4", "x" * 120),
+    ],
+)
+def test_hostile_file_names_work_and_the_last_line_is_the_folder(toy: Any, name: str, stem: str) -> None:
+    toy.run()
+    toy.video.rename(toy.folder / name)
+    status, out, _ = toy.main("recover", f"./{name}")
+    assert (status, out) == (0, f"runs/{stem}\n")
+    record = json.loads((toy.folder / out.strip() / "run.json").read_text())
+    assert record["video"]["path"] == str(toy.folder / name)
+    assert toy.main("recover", f"./{name}")[2].endswith("were in the store\n")
+
+
+def test_a_name_that_is_no_text_works(toy: Any) -> None:
+    toy.run()
+    name = os.fsdecode(b"\xff\xfe.mp4")
+    toy.video.rename(toy.folder / name)
+    command = toy.command_line("recover", name, "--out", "out")
+    done = subprocess.run(command, cwd=toy.folder, env=toy.environment(), capture_output=True, check=False)
+    assert (done.returncode, done.stdout) == (0, b"out\n"), done.stderr
+
+
+def test_a_finished_video_is_answered_without_loading_anything_heavy(toy: Any) -> None:
+    toy.run()
+    assert toy.main("recover", "film.mp4")[0] == 0
+    script = (
+        "import sys\n"
+        "from humanmm.cli import main\n"
+        "from humanmm.tasks import pipeline\n"
+        "from toyline.table import STAGES\n"
+        "pipeline.STAGES = STAGES\n"
+        "assert main(['recover', 'film.mp4']) == 0\n"
+        "heavy = {'prefect', 'torch', 'cv2', 'av', 'scipy', 'zarr', 'pycolmap', 'matplotlib', 'ai_edge_litert'}\n"
+        "assert not heavy & set(sys.modules), heavy & set(sys.modules)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=toy.folder, env=toy.environment(),
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == "runs/film\n"
+
+
+def test_a_run_folder_that_lost_something_is_written_again_from_the_store(toy: Any) -> None:
+    toy.run()
+    toy.main("recover", "film.mp4")
+    (toy.folder / "runs/film/view/overlay.mp4").unlink()
+    (toy.folder / "runs/film/motion.zarr/time_s/zarr.json").unlink()
+    toy.executed()
+    status, _, told = toy.main("recover", "film.mp4")
+    assert status == 0 and "written from the store" in told
+    assert (toy.folder / "runs/film/view/overlay.mp4").exists()
+    assert (toy.folder / "runs/film/motion.zarr/time_s/zarr.json").exists()
+    assert toy.executed() == []
+
+
+def test_an_output_folder_that_cannot_be_made_is_told_before_anything_runs(toy: Any) -> None:
+    (toy.folder / "file").write_text("mine")
+    assert "is a file" in _told(toy.main("recover", "film.mp4", "--out", "file/run"), 1)
+    assert toy.executed() == []
+    assert (toy.folder / "file").read_text() == "mine"
+
+
+def test_a_folder_without_the_right_to_write_is_told_before_anything_runs(toy: Any) -> None:
+    if os.geteuid() == 0:
+        pytest.skip("root may write everywhere")
+    locked = toy.folder / "locked"
+    locked.mkdir(mode=0o500)
+    assert "not writable" in _told(toy.main("recover", "film.mp4", "--out", "locked/run"), 1)
+    assert "permission denied" in _told(toy.main("recover", "film.mp4", "--store", "locked/store"), 1)
+    assert toy.executed() == []
+
+
+def test_a_store_that_cannot_be_made_is_told(toy: Any) -> None:
+    (toy.folder / "file").write_text("mine")
+    assert "a part of the path is a file" in _told(toy.main("recover", "film.mp4", "--store", "file/store"), 1)
+    assert "keeps its store on a local disk" in _told(toy.main("recover", "film.mp4", "--store", "s3://bucket/x"), 1)
+
+
+def test_help_names_every_setting_with_its_sentence_and_no_verb_that_is_missing(toy: Any) -> None:
+    status, out, _ = toy.main("recover", "--help")
+    assert status == 0
+    assert "--camera.static" in out and "--people.max_people" in out and "--deliver.overlay_max_side_px" in out
+    status, out, _ = toy.main("--help")
+    for verb in ("recover", "status", "explain", "verify", "gc", "store", "doctor", "eval"):
+        assert verb in out
+    for later in ("serve", "batch", "train", "camera VIDEO"):
+        assert later not in out
