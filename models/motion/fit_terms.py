@@ -203,10 +203,15 @@ def _inverse_right_jacobian(v: Float[Array, "*batch 3"]) -> Float[Array, "*batch
 
 @dataclass(frozen=True, eq=False)
 class PosePrior:
-    """A Gaussian over the rotation vectors of the free joints, and soft walls at the ends of their ranges."""
+    """A mixture of Gaussians over the rotation vectors of the free joints, and soft walls at the ends of their ranges.
 
-    mean: Float[Array, " 57"]
-    precision: Float[Array, "57 57"]
+    The likeliest Gaussian alone counts in each frame (the maximum stands for the sum).
+    """
+
+    means: Float[Array, "C 57"]
+    precisions: Float[Array, "C 57 57"]
+    log_peaks: Float[Array, " C"]
+    """Logarithm of each Gaussian's weighted density at its mean, up to one constant."""
     lower: Float[Array, " 57"]
     upper: Float[Array, " 57"]
     wall: float
@@ -219,18 +224,26 @@ class PosePrior:
     def _beyond(self, x: Array) -> Array:
         return np.asarray(np.maximum(x - self.upper, 0) + np.minimum(x - self.lower, 0))
 
+    def _likeliest(self, x: Float[Array, "N 57"]) -> tuple[Array, Array]:
+        """Each frame's Gaussian and what it costs."""
+        gap = x - self.means[:, None]
+        costs = 0.5 * np.sum((gap @ self.precisions) * gap, axis=-1) - self.log_peaks[:, None]
+        chosen = np.argmin(costs, axis=0)
+        return chosen, costs[chosen, np.arange(len(x))] + np.max(self.log_peaks)
+
     def cost(self, motion: Motion) -> float:
         x = self._vectors(motion).reshape(motion.num_frames, -1)
-        gap = x - self.mean
-        squared = np.sum((gap @ self.precision) * gap, axis=-1) + self.wall * np.sum(self._beyond(x) ** 2, axis=-1)
-        return 0.5 * float(np.sum(self.weight * squared))
+        _, costs = self._likeliest(x)
+        return float(np.sum(self.weight * (costs + 0.5 * self.wall * np.sum(self._beyond(x) ** 2, axis=-1))))
 
     def add(self, motion: Motion, equations: NormalEquations) -> None:
         vectors = self._vectors(motion)
         x = vectors.reshape(motion.num_frames, -1)
         beyond = self._beyond(x)
-        slope = (x - self.mean) @ self.precision + self.wall * beyond
-        curvature = self.precision + (self.wall * (beyond != 0))[:, :, None] * np.eye(x.shape[1])
+        chosen, _ = self._likeliest(x)
+        precision = self.precisions[chosen]
+        slope = (precision @ (x - self.means[chosen])[..., None])[..., 0] + self.wall * beyond
+        curvature = precision + (self.wall * (beyond != 0))[:, :, None] * np.eye(x.shape[1])
         L = _inverse_right_jacobian(vectors)  # block-diagonal chain rule from rotation vectors to steps
         n, joints = vectors.shape[:2]
         blocks = curvature.reshape(n, joints, 3, joints, 3).transpose(0, 1, 3, 2, 4)

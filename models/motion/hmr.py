@@ -263,8 +263,9 @@ class EvidenceTerms:
         e, noise, statistics = self.evidence, self.noise, load_pose_statistics()
         time = frame_weights(e.time_s)[frames]
         prior = PosePrior(
-            mean=statistics.mean,
-            precision=np.linalg.inv(statistics.covariance),
+            means=statistics.means,
+            precisions=statistics.precisions,
+            log_peaks=statistics.log_peaks,
             lower=statistics.lower,
             upper=statistics.upper,
             wall=1 / noise.wall_rad**2,

