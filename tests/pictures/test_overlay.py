@@ -156,3 +156,11 @@ def test_drawing_one_person_on_720p_takes_less_than_12_ms_of_processor_time(stan
     for frame in range(30):
         overlay.draw(picture, frame)
     assert (time.thread_time() - start) / 30 < 0.012  # 3 to 4 ms on a quiet core; a busy machine doubles it
+
+
+@pytest.mark.parametrize("size", [(32, 24), (24, 320), (2001, 31)])
+def test_pictures_of_any_size_and_shape_can_be_drawn_on(standing: Recording, size: tuple[int, int]) -> None:
+    width, height = size
+    picture = np.zeros((height, width, 3), np.uint8)
+    Overlay(standing, (Mark("cut", 20, 20), Mark("fade", 30, 36)), width, height).draw(picture, 20)
+    assert picture.any()

@@ -1,0 +1,83 @@
+"""`humanmm export`, `view` and `bench` as a user types them."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from humanmm.cli import main
+from humanmm.models.motion.recording import RecordedPerson, Recording
+from humanmm.storage.run_folder import write_motion
+
+
+@pytest.fixture
+def run_dir(tmp_path: Path) -> Path:
+    """A run folder that holds a motion and nothing else."""
+    n = 3
+    person = RecordedPerson(
+        person=0,
+        frame=np.arange(n, dtype=np.int32),
+        observed=np.ones(n, bool),
+        root_orient=np.zeros((n, 3), np.float32),
+        body_pose=np.zeros((n, 23, 3), np.float32),
+        betas=np.zeros(10, np.float32),
+        transl=np.zeros((n, 3), np.float32),
+        joints=np.zeros((n, 24, 3), np.float32),
+        contacts=np.zeros((n, 4), np.float32),
+        keypoints2d=np.zeros((n, 33, 3), np.float32),
+        bbox=np.zeros((n, 4), np.float32),
+        confidence=np.ones(n, np.float32),
+    )
+    recording = Recording(
+        width=64,
+        height=48,
+        time_s=np.arange(n) / 30,
+        shot_index=np.zeros(n, np.int32),
+        cut_frames=(),
+        R_world_cam=np.tile(np.eye(3, dtype=np.float32), (n, 1, 1)),
+        t_world_cam=np.zeros((n, 3), np.float32),
+        K=np.tile(np.eye(3, dtype=np.float32), (n, 1, 1)),
+        camera_source=np.zeros(n, np.uint8),
+        people=(person,),
+    )
+    write_motion(tmp_path / "run" / "motion.zarr", recording)
+    return tmp_path / "run"
+
+
+def test_export_says_where_the_file_is(run_dir: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["export", str(run_dir), "--format", "csv"]) == 0
+    path = run_dir / "export" / "person_00.csv"
+    assert capsys.readouterr().out.splitlines()[-1] == str(path)
+    assert path.is_file()
+
+
+def test_export_refuses_to_overwrite_in_one_plain_line(run_dir: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    main(["export", str(run_dir), "--format", "trc"])
+    capsys.readouterr()
+    assert main(["export", str(run_dir), "--format", "trc"]) == 1
+    assert len(capsys.readouterr().err.splitlines()) == 1
+    assert main(["export", str(run_dir), "--format", "trc", "--force"]) == 0
+
+
+def test_a_format_that_does_not_exist_is_a_usage_error(run_dir: Path) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        main(["export", str(run_dir), "--format", "fbx"])
+    assert stopped.value.code == 2
+
+
+@pytest.mark.parametrize("verb", [["view"], ["export", "--format", "amass"]])
+def test_a_folder_that_is_no_run_is_told_in_one_line(
+    tmp_path: Path, verb: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([*verb, str(tmp_path)]) == 1
+    assert str(tmp_path) in capsys.readouterr().err
+
+
+def test_bench_refuses_a_video_that_is_not_there_and_a_report_that_is(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    missing = tmp_path / "missing.mp4"
+    assert main(["bench", "speed", "--data", str(missing)]) == 1
+    (tmp_path / "results.json").write_text("{}")
+    assert main(["bench", "speed", "--data", str(missing), "--report", str(tmp_path)]) == 1
+    assert "--force" in capsys.readouterr().err.splitlines()[-1]
