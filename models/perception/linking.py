@@ -18,8 +18,9 @@ SHORT_GAP_S = 1.5
 REACH_SIDES, REACH_SIDES_PER_S = 0.3, 1.5
 """How far a person gets unseen, in sides of his region (about 1.6 body heights): at once, and by running."""
 SIZE_SPREAD = 0.3
-RETURN_ODDS = -1.5
-"""Log-odds that somebody who appears long after another left is the same, before the clothes are compared."""
+RETURN_ODDS, RETURN_ODDS_PER_S = -1.5, -0.5
+"""Log-odds that somebody who appears some time after another left is the same, before the clothes are compared: people
+who come in one after the other often dress alike, and one wrong join is worse than a new number."""
 
 
 def untangled(trails: Sequence[Trail]) -> list[Trail]:
@@ -77,7 +78,7 @@ def continuation_odds(a: Trail, b: Trail, fps: float) -> float:
     odds = float(np.clip((SAME_COLOURS - distance) / COLOUR_SPREAD, -COLOUR_LIMIT, COLOUR_LIMIT))
     gap = (start - end) / fps
     if gap > SHORT_GAP_S:
-        return odds + RETURN_ODDS
+        return odds + RETURN_ODDS + RETURN_ODDS_PER_S * (gap - SHORT_GAP_S)
     before, after = a.rows[end], b.rows[start]
     middle_before, middle_after = before.mask_affine @ [64, 64, 1], after.mask_affine @ [64, 64, 1]
     travelled = float(np.linalg.norm(middle_after - middle_before)) / before.side

@@ -1,0 +1,51 @@
+"""Trails put right at the end of a scene."""
+
+import numpy as np
+
+from humanmm.models.perception.clothing import HISTOGRAM_BINS
+from humanmm.models.perception.linking import joined, untangled
+from humanmm.models.perception.observation import Observation
+from humanmm.models.perception.regions import Region
+from humanmm.models.perception.trail import Trail
+
+RED, BLUE = np.eye(HISTOGRAM_BINS)[3], np.eye(HISTOGRAM_BINS)[17]
+
+
+def seen_at(x: float) -> Observation:
+    region = Region(x, 200.0, 200.0)
+    keypoints = np.tile([x, 200.0, 1.0], (33, 1))
+    box = np.array([x - 40, 120, x + 40, 280])
+    return Observation(keypoints, np.zeros((33, 3)), box, 0.9, np.zeros((128, 128), np.uint8), region, region)
+
+
+def trail(frames: range, x: float, colours: np.ndarray) -> Trail:
+    result = Trail(seen_at(x), frames[0])
+    for frame in frames:
+        result.add(frame, seen_at(x))
+        if frame % 5 == 0:
+            result.colours[frame] = colours
+    return result
+
+
+def spans(trails: list[Trail]) -> list[tuple[int, int]]:
+    return sorted((min(t.rows), max(t.rows)) for t in trails)
+
+
+def test_a_person_lost_for_a_moment_goes_on_as_one_track() -> None:
+    assert spans(joined([trail(range(0, 30), 300, RED), trail(range(40, 70), 330, RED)], 30.0)) == [(0, 69)]
+
+
+def test_people_in_other_clothes_or_at_the_same_time_are_not_joined() -> None:
+    assert len(joined([trail(range(0, 30), 300, RED), trail(range(60, 90), 900, BLUE)], 30.0)) == 2
+    assert len(joined([trail(range(0, 30), 300, RED), trail(range(20, 60), 300, RED)], 30.0)) == 2
+
+
+def test_whoever_enters_long_after_another_left_is_a_new_person() -> None:
+    assert len(joined([trail(range(0, 30), 300, RED), trail(range(400, 430), 300, RED)], 30.0)) == 2
+
+
+def test_a_trail_that_moved_on_to_somebody_else_is_cut_where_the_clothes_change() -> None:
+    mixed = trail(range(0, 60), 300, RED)
+    for frame in range(30, 60, 5):
+        mixed.colours[frame] = BLUE
+    assert spans(untangled([mixed])) == [(0, 29), (30, 59)]
