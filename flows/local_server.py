@@ -85,7 +85,7 @@ def prefect_server() -> Iterator[str]:
     _private_environment(files)
     with files.users.open("a+") as users:
         fcntl.flock(users, fcntl.LOCK_SH)
-        url = _running(files) or _start(files)
+        url = running_server(files) or _start(files)
         if url:
             os.environ["PREFECT_API_URL"] = url
         else:
@@ -114,7 +114,7 @@ def _private_environment(files: ServerFiles) -> None:
     os.environ["PREFECT_PROFILES_PATH"] = str(files.home / "profiles.toml")
 
 
-def _running(files: ServerFiles) -> str | None:
+def running_server(files: ServerFiles) -> str | None:
     """Address of the server if it answers."""
     try:
         state = json.loads(files.state.read_text())
@@ -140,7 +140,7 @@ def _start(files: ServerFiles) -> str | None:
     """Start the server unless another run is doing so; wait until it answers."""
     with files.starting.open("a+") as starting:
         fcntl.flock(starting, fcntl.LOCK_EX)
-        url = _running(files)
+        url = running_server(files)
         if url:
             return url
         log.info("starting the local Prefect server")
@@ -154,7 +154,7 @@ def _start(files: ServerFiles) -> str | None:
             )  # fmt: skip
         deadline = time.monotonic() + START_LIMIT_S
         while time.monotonic() < deadline:
-            url = _running(files)
+            url = running_server(files)
             if url:
                 return url
             time.sleep(0.1)

@@ -144,7 +144,16 @@ def _checks(store: Path) -> list[tuple[str, bool, str]]:
     checks.append(("store", writable, f"{store}: {'writable' if writable else 'not writable'}"))
     checks.append(("free disk space", free > 1 << 30, _bytes(free)))
     checks.append(("processors", True, str(len(os.sched_getaffinity(0)))))
+    checks.append(("dashboard", True, _dashboard()))
     return checks
+
+
+def _dashboard() -> str:
+    from humanmm.flows.local_server import running_server, server_files
+
+    own = os.environ.get("PREFECT_API_URL")
+    url = own or running_server(server_files())
+    return url.removesuffix("/api") if url else "no server is running; `humanmm recover` starts one when it needs it"
 
 
 def _add_store(parser: argparse.ArgumentParser) -> None:
