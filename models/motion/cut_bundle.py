@@ -14,7 +14,7 @@ panning camera is already undone; what is left of its translation is one constan
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from humanmm.models.body.rotations import rotation_from_vector, skew, vector_from_rotation
 
@@ -380,8 +380,3 @@ def _minimise(
         if gain < 1e-4 * cost:
             break
     return states, camera, cost
-
-
-def seen(person: PersonAtCut) -> Bool[Array, "J"]:
-    """Points with an image measurement on both sides."""
-    return np.asarray((person.before.weight.max(axis=0) > 0.2) & (person.after.weight.max(axis=0) > 0.2))
