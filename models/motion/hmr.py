@@ -284,8 +284,11 @@ def _trust(visibility: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
 def _result(
     person: int, evidence: Evidence, betas: Array, camera: CameraPath, motion: Motion, terms: EvidenceTerms
 ) -> PersonShotMotion:
-    distances = terms.reprojection(slice(None)).distances_px(motion)
-    distances = np.where(evidence.visibility > 0.5, distances, np.nan)
+    reprojection = terms.reprojection(slice(None))
+    all_distances = reprojection.distances_px(motion)
+    # Confidence: how much of what was visible the fit explains (a keypoint three sigmas off counts half).
+    explained = 1 / (1 + (np.nan_to_num(all_distances, nan=np.inf) / (3 * reprojection.sigma_px)) ** 2)
+    distances = np.where(evidence.visibility > 0.5, all_distances, np.nan)
     residual = np.full(len(distances), np.nan)
     enough = np.isfinite(distances).sum(axis=1) > 0
     residual[enough] = np.nanmedian(distances[enough], axis=1)
@@ -298,5 +301,5 @@ def _result(
         betas=np.asarray(betas, np.float64),
         pelvis_cam=camera.to_camera(motion.pelvis_ref[:, None])[:, 0],
         residual_px=residual.astype(np.float32),
-        confidence=evidence.visibility.mean(axis=1).astype(np.float32),
+        confidence=(evidence.visibility * explained).mean(axis=1).astype(np.float32),
     )
