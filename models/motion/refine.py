@@ -6,7 +6,7 @@ with those feet held; then they are found again and locked by inverse kinematics
 centres move with the floor and the origin alone.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -160,6 +160,13 @@ class Draft:
         return replace(self, R_local=R, pelvis=pelvis, legs=leg_joints(skeleton.rest_joints, R))
 
 
+def by_chunks(function: Callable[[Array], Array], values: Array) -> Array:
+    """The function of every frame, a chunk of frames at a time: what it needs meanwhile stays small."""
+    return np.concatenate(
+        [function(values[start : start + CHUNK_FRAMES]) for start in range(0, len(values), CHUNK_FRAMES)]
+    )
+
+
 def draft(
     person: PersonMotion,
     world: WorldMotion,
@@ -170,7 +177,7 @@ def draft(
 ) -> Draft:
     """Seams closed, rotations smoothed, gaps filled, feet that stand found once."""
     body = load_body()
-    R = np.concatenate([person.R_world_root[:, None], rotation_from_vector(person.body_pose)], axis=1)
+    R = np.concatenate([person.R_world_root[:, None], by_chunks(rotation_from_vector, person.body_pose)], axis=1)
     if settings.close_seams:
         R = close_seams(R, frame=person.frame, observed=person.observed, time_s=time_s, cut_frames=cut_frames)
     weight = np.where(person.observed, np.clip(person.confidence, 0.05, 1.0), 0.0)
@@ -199,7 +206,7 @@ def finish(one: Draft, *, settings: RefineSettings) -> PersonMotion:
     return replace(
         one.person,
         R_world_root=R[:, 0],
-        body_pose=vector_from_rotation(R[:, 1:]),
+        body_pose=by_chunks(vector_from_rotation, R[:, 1:]),
         pelvis_world=one.pelvis,
         contacts=one.contacts.astype(np.float32),
     )

@@ -101,13 +101,14 @@ def smooth_rotations(
     Within the reach of the filter (a tenth of a second) a joint turns little, so that smoothing the four numbers and
     putting them back to length 1 is smoothing on the sphere; across a gap it is the spherical way, to first order.
     """
-    n, joints = R.shape[:2]
-    quaternions = quaternion_from_rotation(R)
+    smoothed = np.empty(R.shape)
     known = np.flatnonzero(weight > 0)
-    along = quaternions[known]
-    flips = np.sign(np.sum(along[1:] * along[:-1], axis=-1))
-    flips[flips == 0] = 1.0
-    along[1:] *= np.cumprod(flips, axis=0)[..., None]
-    quaternions[known] = along
-    smoothed = smooth(quaternions.reshape(n, -1), weight, time_s, cutoff_hz=cutoff_hz).reshape(n * joints, 4)
-    return Rotation.from_quat(smoothed, scalar_first=True).as_matrix().reshape(n, joints, 3, 3)
+    for joint in range(R.shape[1]):  # one at a time: the numbers between are many times as large as the result
+        quaternions = quaternion_from_rotation(R[:, joint])
+        along = quaternions[known]
+        flips = np.where(np.sum(along[1:] * along[:-1], axis=-1) < 0, -1.0, 1.0)
+        along[1:] *= np.cumprod(flips)[:, None]
+        quaternions[known] = along
+        path = smooth(quaternions, weight, time_s, cutoff_hz=cutoff_hz)
+        smoothed[:, joint] = Rotation.from_quat(path, scalar_first=True).as_matrix()
+    return smoothed
