@@ -27,7 +27,7 @@ from humanmm.models.camera.odometry import (
     rotating,
     zooms_in,
 )
-from humanmm.models.camera.standing import test_standing
+from humanmm.models.camera.standing import judge_standing
 from humanmm.models.camera.tracked import TrackedShot, arrange, choose_keyframes
 from humanmm.models.perception.tracks import PersonTrack
 
@@ -63,7 +63,7 @@ def estimate_camera(
         said = f"only {found} background points a frame (at least {MIN_POINTS} needed): the camera is taken as standing"
         return _resting(points, intrinsics, "fallback", said)
     warnings = () if enough else ("in some frames almost no background is in view: the camera is interpolated there",)
-    standing = test_standing(shot)
+    standing = judge_standing(shot)
     if standing.static:
         return replace(_resting(points, intrinsics, "static"), warnings=warnings)
     answer = _turning_or_moving(shot, intrinsics.focal_px)

@@ -22,7 +22,7 @@ from humanmm.models.camera.odometry import (
     rotating,
     zooms_in,
 )
-from humanmm.models.camera.standing import test_standing
+from humanmm.models.camera.standing import judge_standing
 from humanmm.models.camera.tracked import TrackedShot, choose_keyframes
 
 MAX_STEP = 0.4
@@ -83,7 +83,7 @@ def focal_evidence(shot: TrackedShot, start_px: float) -> FocalEvidence | None:
 
     Of a shot that zooms it is the first frame's, as uncertain as the zoom is large.
     """
-    if shot.num_images < 3 or float(np.median(np.diff(shot.begins))) < MIN_POINTS or test_standing(shot).static:
+    if shot.num_images < 3 or float(np.median(np.diff(shot.begins))) < MIN_POINTS or judge_standing(shot).static:
         return None
     keyframes = choose_keyframes(shot)[:MAX_KEYFRAMES]
     turning_freedom, moving_freedom = Freedom(translation=False), Freedom(translation=True)

@@ -32,7 +32,7 @@ class Standing:
     """Largest motion of the picture found (at the corners of the picture, creep included)."""
 
 
-def test_standing(shot: TrackedShot) -> Standing:
+def judge_standing(shot: TrackedShot) -> Standing:
     """Whether the background stays where it is from the first to the last recorded frame.
 
     The shot is cut into windows; in each, every image is compared with the window's first one. Creep too slow for a

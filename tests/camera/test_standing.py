@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from humanmm.models.camera.standing import test_standing as standing_of
+from humanmm.models.camera.standing import judge_standing as standing_of
 from humanmm.models.camera.tracked import arrange
 
 
