@@ -95,31 +95,30 @@ HUBER = 1.5
 
 
 class _Problem:
-    """Residuals and Jacobian; the state is a flat vector per person plus the camera."""
+    """Residuals and Jacobians. Unknowns of a person (motion of each point, two corrections) meet only in the
+    camera's nine, so that each person has a Jacobian of its own: own unknowns first, then the camera's."""
 
     def __init__(self, people: list[PersonAtCut], body: BodyPoints, settings: BundleSettings) -> None:
         self.people, self.body, self.settings = people, body, settings
         self.num_points = people[0].before.rays.shape[1]
         self.per_person = 9 * self.num_points + 6
-        self.num_unknowns = self.per_person * len(people) + 9
+        self.num_unknowns = self.per_person + CAMERA_UNKNOWNS
         self.bone_a = np.array([a for a, _ in body.bones])
         self.bone_b = np.array([b for _, b in body.bones])
 
     def linearise(
-        self, states: list["_PersonState"], camera: "_CameraState"
+        self, person: PersonAtCut, state: "_PersonState", camera: "_CameraState"
     ) -> tuple[Float[Array, "m"], Float[Array, "m unknowns"]]:
-        """Whitened residuals (robust weights folded in) and their Jacobian."""
+        """One person's whitened residuals (robust weights folded in) and their Jacobian."""
         residuals, jacobians = [], []
-        for index, (person, state) in enumerate(zip(self.people, states, strict=True)):
-            for side, view in enumerate((person.before, person.after)):
-                r, J = self._side(view, side, state, camera, index)
-                residuals += r
-                jacobians += J
-            r_bone, J_bone = self._bones(person, state, index)
-            residuals.append(r_bone)
-            jacobians.append(J_bone)
-        r_prior, J_prior = self._priors(states, camera)
-        return np.concatenate([*residuals, r_prior]), np.concatenate([*jacobians, J_prior])
+        for side, view in enumerate((person.before, person.after)):
+            r, J = self._side(view, side, state, camera)
+            residuals += r
+            jacobians += J
+        for r_one, J_one in (self._bones(person, state), self._prior(state)):
+            residuals.append(r_one)
+            jacobians.append(J_one)
+        return np.concatenate(residuals), np.concatenate(jacobians)
 
     def cost(self, states: list["_PersonState"], camera: "_CameraState") -> float:
         """½ Σ ρ(residual²), with Huber on the image points."""
@@ -131,8 +130,8 @@ class _Problem:
                 huber = np.where(size <= HUBER, size**2, 2 * HUBER * size - HUBER**2)
                 total += float(huber.sum() + (point**2).sum())
             total += float((self._bone_residuals(person, state) ** 2).sum())
-        r_prior, _ = self._priors(states, camera)
-        return 0.5 * (total + float((r_prior**2).sum()))
+            total += float((self._prior(state)[0] ** 2).sum())
+        return 0.5 * (total + float((camera.velocity**2).sum()) / self.settings.camera_velocity_ms**2)
 
     def image_residual(self, states: list["_PersonState"], camera: "_CameraState") -> float:
         """Weighted median length of the image residuals, in sigmas of one frame."""
@@ -178,7 +177,7 @@ class _Problem:
         return image, (relative @ state.correction[side].T - view.points) * point_scale
 
     def _side(
-        self, view: SideView, side: int, state: "_PersonState", camera: "_CameraState", index: int
+        self, view: SideView, side: int, state: "_PersonState", camera: "_CameraState"
     ) -> tuple[list[Array], list[Array]]:
         n, num = view.weight.shape
         Y, turned = self._camera_points(view, side, state, camera)
@@ -196,20 +195,20 @@ class _Problem:
 
         J_image = np.zeros((n, num, 2, self.num_unknowns))
         J_point = np.zeros((n, num, 3, self.num_unknowns))
-        first, shared = index * self.per_person, self.per_person * len(self.people)
+        shared = self.per_person
         C = state.correction[side]
         d_image = projection @ to_camera
         d_point = np.broadcast_to(C @ to_camera, (n, num, 3, 3)) * point_scale[..., None]
         block = np.einsum("njac,nk->njakc", d_image, basis).reshape(n, num, 2, 9)
         block3 = np.einsum("njac,nk->njakc", d_point, basis).reshape(n, num, 3, 9)
         for j in range(num):
-            J_image[:, j, :, first + 9 * j : first + 9 * j + 9] = block[:, j]
-            J_point[:, j, :, first + 9 * j : first + 9 * j + 9] = block3[:, j]
+            J_image[:, j, :, 9 * j : 9 * j + 9] = block[:, j]
+            J_point[:, j, :, 9 * j : 9 * j + 9] = block3[:, j]
         for hip in self.body.hips:
-            J_point[..., first + 9 * hip : first + 9 * hip + 9] -= 0.5 * block3
+            J_point[..., 9 * hip : 9 * hip + 9] -= 0.5 * block3
         a, b = self.body.hips
         relative = turned - 0.5 * (turned[:, a : a + 1] + turned[:, b : b + 1])
-        turn = slice(first + 9 * num + 3 * side, first + 9 * num + 3 * side + 3)
+        turn = slice(9 * num + 3 * side, 9 * num + 3 * side + 3)
         J_point[..., turn] = -skew(relative @ C.T) * point_scale[..., None]
         if side == 1:
             J_image[..., shared : shared + 3] = projection @ skew(turned)
@@ -230,7 +229,7 @@ class _Problem:
         return np.asarray((length - person.bone_lengths) / self.settings.bone_m)
 
     def _bones(
-        self, person: PersonAtCut, state: "_PersonState", index: int
+        self, person: PersonAtCut, state: "_PersonState"
     ) -> tuple[Float[Array, "m"], Float[Array, "m unknowns"]]:
         times = self._bone_times(person)
         X = self._moving(state, times)
@@ -240,36 +239,62 @@ class _Problem:
         basis = np.stack([np.ones(3), times, 0.5 * times**2], axis=-1)
         block = np.einsum("tbc,tk->tbkc", direction, basis).reshape(3, -1, 9)
         J = np.zeros((3, len(self.bone_a), self.num_unknowns))
-        first = index * self.per_person
         for bone, (a, b) in enumerate(self.body.bones):
-            J[:, bone, first + 9 * a : first + 9 * a + 9] = block[:, bone]
-            J[:, bone, first + 9 * b : first + 9 * b + 9] = -block[:, bone]
+            J[:, bone, 9 * a : 9 * a + 9] = block[:, bone]
+            J[:, bone, 9 * b : 9 * b + 9] = -block[:, bone]
         return self._bone_residuals(person, state).ravel(), J.reshape(-1, self.num_unknowns)
 
-    def _priors(
-        self, states: list["_PersonState"], camera: "_CameraState"
-    ) -> tuple[Float[Array, "m"], Float[Array, "m unknowns"]]:
-        s = self.settings
-        weight = np.zeros(self.num_unknowns)
-        value = np.zeros(self.num_unknowns)
-        sigma = np.deg2rad(s.orientation_deg) / np.sqrt(3)
-        for index, state in enumerate(states):
-            first = index * self.per_person
-            motion_weight = np.zeros((self.num_points, 3, 3))
-            motion_weight[:, 1], motion_weight[:, 2] = 1 / s.velocity_ms, 1 / s.acceleration_ms2
-            stop = first + 9 * self.num_points
-            weight[first:stop] = motion_weight.ravel()
-            value[first:stop] = state.motion.ravel()
-            weight[stop : stop + 6] = 1 / sigma
-            value[stop : stop + 6] = np.concatenate(
-                [vector_from_rotation(state.correction[0]), vector_from_rotation(state.correction[1])]
-            )
-        weight[-3:] = 1 / s.camera_velocity_ms
-        value[-3:] = camera.velocity
-        used = np.flatnonzero(weight)
+    def _prior(self, state: "_PersonState") -> tuple[Float[Array, "m"], Float[Array, "m unknowns"]]:
+        """Moderate velocities, accelerations and corrections."""
+        settings = self.settings
+        weight = np.zeros((self.num_points, 3, 3))
+        weight[:, 1], weight[:, 2] = 1 / settings.velocity_ms, 1 / settings.acceleration_ms2
+        turn = np.full(6, np.sqrt(3) / np.deg2rad(settings.orientation_deg))
+        weights = np.concatenate([weight.ravel(), turn])
+        values = np.concatenate([state.motion.ravel(), vector_from_rotation(state.correction).ravel()])
+        used = np.flatnonzero(weights)
         J = np.zeros((len(used), self.num_unknowns))
-        J[np.arange(len(used)), used] = weight[used]
-        return weight[used] * value[used], J
+        J[np.arange(len(used)), used] = weights[used]
+        return weights[used] * values[used], J
+
+    def normal(
+        self, states: list["_PersonState"], camera: "_CameraState"
+    ) -> list[tuple[Float[Array, "unknowns"], Float[Array, "unknowns unknowns"]]]:
+        """Gradient and Gauss-Newton Hessian of each person; the camera's prior is added to the first."""
+        parts = []
+        for person, state in zip(self.people, states, strict=True):
+            residuals, J = self.linearise(person, state, camera)
+            parts.append((J.T @ residuals, J.T @ J))
+        weight = 1 / self.settings.camera_velocity_ms**2
+        gradient, hessian = parts[0]
+        gradient[-3:] += weight * camera.velocity
+        hessian[-3:, -3:] += weight * np.eye(3)
+        return parts
+
+
+CAMERA_UNKNOWNS = 9
+"""Rotation, shift and velocity of the camera after the cut."""
+
+
+def _damped_step(
+    parts: list[tuple[Float[Array, "unknowns"], Float[Array, "unknowns unknowns"]]], damping: float
+) -> tuple[list[Float[Array, "own"]], Float[Array, "9"]]:
+    """Levenberg-Marquardt step of every person and of the camera; people are eliminated one by one (Schur
+    complement)."""
+    n = CAMERA_UNKNOWNS
+    reduced = np.sum([hessian[-n:, -n:] for _, hessian in parts], axis=0)
+    reduced += damping * np.diag(np.diagonal(reduced) + 1e-6)
+    right = np.sum([gradient[-n:] for gradient, _ in parts], axis=0)
+    solved = []
+    for gradient, hessian in parts:
+        own, mixed = hessian[:-n, :-n], hessian[:-n, -n:]
+        own = own + damping * np.diag(np.diagonal(own) + 1e-6)
+        answer = np.linalg.solve(own, np.concatenate([mixed, gradient[:-n, None]], axis=1))
+        reduced = reduced - mixed.T @ answer[:, :n]
+        right = right - mixed.T @ answer[:, n]
+        solved.append(answer)
+    camera = -np.linalg.solve(reduced, right)
+    return [-(answer[:, n] + answer[:, :n] @ camera) for answer in solved], camera
 
 
 @dataclass(frozen=True)
@@ -359,15 +384,12 @@ def _minimise(
     """Levenberg-Marquardt from one start."""
     damping, cost = 1e-3, problem.cost(states, camera)
     for _ in range(max_iterations):
-        residuals, J = problem.linearise(states, camera)
-        gradient, hessian = J.T @ residuals, J.T @ J
+        parts = problem.normal(states, camera)
         improved = False
         for _ in range(6):
-            damped = hessian + np.diag(damping * (np.diagonal(hessian) + 1e-6))
-            step = -np.linalg.solve(damped, gradient)
-            per = problem.per_person
-            new_states = [state.moved(step[i * per : (i + 1) * per]) for i, state in enumerate(states)]
-            new_camera = camera.moved(step[-9:])
+            steps, camera_step = _damped_step(parts, damping)
+            new_states = [state.moved(step) for state, step in zip(states, steps, strict=True)]
+            new_camera = camera.moved(camera_step)
             new_cost = problem.cost(new_states, new_camera)
             if new_cost < cost:
                 improved = True

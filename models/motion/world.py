@@ -285,9 +285,9 @@ def _place_group(
         R_root = world.R[motion.frame] @ motion.R_cam_root
         world.people.setdefault(motion.person, []).append(_Part(motion, R_root, pelvis, contacts))
     return [
-        f"shot {shot}: the scale of the camera's path comes from the people's feet"
+        f"shot {shot}: nobody's feet tell the scale of the camera's path; its unit is taken for a metre"
         for shot, rig in zip(group, rigs, strict=True)
-        if not rig.scale_known and _motion_of(footage, shot)
+        if not rig.scale_known and not _motion_of(footage, shot)
     ]
 
 

@@ -111,7 +111,7 @@ def test_the_analytic_jacobian_is_that_of_the_residuals() -> None:
     problem = cut_bundle._Problem([item], cuts._BODY, cut_bundle.BundleSettings())
     state, shift = cut_bundle._start(item, truth)
     view = cut_bundle._CameraState(truth, shift, np.zeros(3))
-    _, J = problem.linearise([state], view)
+    _, J = problem.linearise(item, state, view)
     rng = np.random.default_rng(0)
     direction = rng.normal(size=problem.num_unknowns)
     h = 1e-6
