@@ -255,6 +255,44 @@ class PosePrior:
 
 
 @dataclass(frozen=True, eq=False)
+class Anchor:
+    """Frames that stay near a reference motion: in a long hole, smoothness alone flies off with the last velocity."""
+
+    reference: Motion
+    sigma: Float[Array, " 63"]
+    """Leash of each parameter: radians, metres for the pelvis."""
+    weight: Float[Array, " N"]
+
+    def _residual(self, motion: Motion) -> tuple[Array, Array]:
+        """Displacements (N, 63), and rotation vectors (N, 20, 3) of the turned joints."""
+        free = np.array(FREE_JOINTS) - 1
+        now, then = (
+            np.concatenate([m.R_ref_root[:, None], m.R_body[:, free]], axis=1) for m in (motion, self.reference)
+        )
+        turn = vector_from_rotation(np.swapaxes(then, -1, -2) @ now)
+        gap = np.empty((motion.num_frames, NUM_PARAMETERS))
+        gap[:, ROOT], gap[:, BODY] = turn[:, 0], turn[:, 1:].reshape(len(gap), -1)
+        gap[:, PELVIS] = motion.pelvis_ref - self.reference.pelvis_ref
+        return gap / self.sigma, turn
+
+    def cost(self, motion: Motion) -> float:
+        residual, _ = self._residual(motion)
+        return 0.5 * float(np.sum(self.weight[:, None] * residual**2))
+
+    def add(self, motion: Motion, equations: NormalEquations) -> None:
+        residual, turn = self._residual(motion)
+        J = np.zeros((motion.num_frames, NUM_PARAMETERS, NUM_PARAMETERS))
+        J[:, PELVIS, PELVIS] = np.eye(3)
+        blocks = _inverse_right_jacobian(turn)
+        for k, first in enumerate((0, *range(BODY.start, NUM_PARAMETERS, 3))):
+            J[:, first : first + 3, first : first + 3] = blocks[:, k]
+        J = J / self.sigma[:, None]
+        transposed = np.swapaxes(J, -1, -2) * self.weight[:, None, None]
+        equations.own += transposed @ J
+        equations.gradient += (transposed @ residual[..., None])[..., 0]
+
+
+@dataclass(frozen=True, eq=False)
 class Smoothness:
     """Accelerations, linear and angular, in units of what people do: (v_t − v_(t−1)) / Δt / σ.
 

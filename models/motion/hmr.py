@@ -17,8 +17,9 @@ from humanmm.models.body.rotations import swing, vector_from_rotation
 from humanmm.models.camera.observations import ShotCamera
 from humanmm.models.motion.fit_solver import SolverSettings, solve_windows
 from humanmm.models.motion.fit_start import bridged, start_pose, start_position
-from humanmm.models.motion.fit_state import CameraPath, Motion, Skeleton
+from humanmm.models.motion.fit_state import NUM_PARAMETERS, PELVIS, CameraPath, Motion, Skeleton
 from humanmm.models.motion.fit_terms import (
+    Anchor,
     Bones,
     PosePrior,
     Reprojection,
@@ -79,6 +80,10 @@ class NoiseModel:
     """Weight of the pose prior against one frame's evidence."""
     prior_unseen: float = 0.01
     """The same in frames without any evidence, where the neighbours should decide."""
+    leash_m: float = 0.3
+    """How far the pelvis of an unseen frame may leave the straight line across the hole, metres."""
+    leash_rad: float = 0.5
+    """The same for rotations."""
     wall_rad: float = 0.1
     """Softness of the ends of joint ranges."""
     smoothness: float = 1.0
@@ -192,7 +197,8 @@ def fit_person(
     body, model = load_body(), load_landmarks()
     skeleton = Skeleton(body.rest_joints(betas), model.joint, model.offsets(betas))
     motion = _start(skeleton, evidence, camera)
-    terms = EvidenceTerms(evidence, bone_vectors(skeleton, evidence), camera, pelvis_depths(motion, camera), noise)
+    depths = pelvis_depths(motion, camera)
+    terms = EvidenceTerms(evidence, bone_vectors(skeleton, evidence), camera, depths, noise, bridge=motion)
     motion = solve_windows(motion, terms, settings)
     return _result(person, evidence, betas, camera, motion, terms)
 
@@ -236,6 +242,8 @@ class EvidenceTerms:
     camera: CameraPath
     depth: Float[Array, " N"]
     noise: NoiseModel
+    bridge: Motion | None = None
+    """What unseen frames stay near, if anything."""
 
     def reprojection(self, frames: slice) -> Reprojection:
         e, camera = self.evidence, self.camera.frames(frames)
@@ -272,7 +280,12 @@ class EvidenceTerms:
             weight=time * np.where(e.seen[frames], noise.prior, noise.prior_unseen),
         )
         smooth = Smoothness(e.time_s[frames], statistics.acceleration * noise.smoothness)
-        return [self.reprojection(frames), self.lifted(frames), prior, smooth]
+        terms: list[Term] = [self.reprojection(frames), self.lifted(frames), prior, smooth]
+        if self.bridge is not None and not e.seen[frames].all():
+            leash = np.full(NUM_PARAMETERS, noise.leash_rad)
+            leash[PELVIS] = noise.leash_m
+            terms.append(Anchor(self.bridge.frames(frames), leash, np.where(e.seen[frames], 0.0, time)))
+        return terms
 
 
 def _trust(visibility: Float[Array, "*batch"]) -> Float[Array, "*batch"]:

@@ -12,6 +12,7 @@ from humanmm.models.body.rotations import rotation_from_vector
 from humanmm.models.motion.fit_solver import SolverSettings, minimise, solve_windows
 from humanmm.models.motion.fit_state import NUM_PARAMETERS, CameraPath, Motion, Skeleton
 from humanmm.models.motion.fit_terms import (
+    Anchor,
     Bones,
     NormalEquations,
     PosePrior,
@@ -67,6 +68,7 @@ def every_term(motion: Motion) -> dict[str, Term]:
         "prior": PosePrior(
             rng.normal(size=(2, 57)) * 0.1, precisions, np.array([0.0, 0.5]), -walls, walls, 50.0, rng.uniform(size=n)
         ),
+        "anchor": Anchor(slow_motion(n, seed=5), rng.uniform(0.5, 1, 63), rng.uniform(size=n)),
         "smoothness": Smoothness(np.cumsum(rng.uniform(0.02, 0.05, n)), np.full(63, 5.0)),
     }
 
@@ -81,7 +83,7 @@ def test_points_move_as_their_jacobian_says() -> None:
     np.testing.assert_allclose(motion.point_jacobian, numeric, atol=1e-7)
 
 
-@pytest.mark.parametrize("name", ["reprojection", "bones", "prior", "smoothness"])
+@pytest.mark.parametrize("name", ["reprojection", "bones", "prior", "anchor", "smoothness"])
 def test_a_term_s_gradient_is_the_slope_of_its_cost(name: str) -> None:
     motion = slow_motion(N)
     term = every_term(motion)[name]

@@ -1,5 +1,7 @@
 """One person in one shot: what comes back when the evidence was made from a known motion."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,7 +10,8 @@ from humanmm.models.body.kinematics import forward_kinematics
 from humanmm.models.body.landmarks import MIRROR, load_landmarks
 from humanmm.models.body.rotations import rotation_from_vector, swing
 from humanmm.models.camera.observations import ShotCamera
-from humanmm.models.motion.hmr import fit_shot, gather
+from humanmm.models.motion.fit_state import CameraPath
+from humanmm.models.motion.hmr import fit_person, fit_shot, gather
 from humanmm.models.motion.pose_prior import load_pose_statistics, mirrored
 from humanmm.models.motion.results import PersonShotMotion
 from humanmm.models.perception.tracks import PersonTrack, ScenePeople
@@ -106,6 +109,19 @@ def test_a_hole_in_the_track_is_bridged_and_says_so() -> None:
     np.testing.assert_array_equal(motion.observed, np.isin(np.arange(F), frames))
     assert (motion.confidence[15:24] == 0).all()
     assert scene.error_m(motion)[15:24].mean() < 0.06
+
+
+def test_nobody_flies_off_in_a_long_hole() -> None:
+    scene = Scene()
+    long = replace(scene.track(np.arange(F)), frame=np.r_[np.arange(12), np.arange(12, F) + 400].astype(np.int32))
+    times = np.arange(F + 400) / 30
+    evidence = gather(long, (0, F + 400), (), times, K)
+    assert evidence is not None
+    n = len(evidence.frame)
+    path = CameraPath(*(np.broadcast_to(x, (n, *x.shape)) for x in (np.eye(3), np.zeros(3), K)))
+    motion = fit_person(0, evidence, BETAS, path)
+    ends = scene.pelvis[[0, F - 1]]
+    assert (motion.pelvis_cam > ends.min(axis=0) - 0.5).all() and (motion.pelvis_cam < ends.max(axis=0) + 0.5).all()
 
 
 def test_legs_out_of_view_leave_the_upper_body_right_and_the_legs_human() -> None:
