@@ -80,6 +80,7 @@ class VideoRun:
         self._slots = threading.BoundedSemaphore(config.run.threads)
         self._definitions: dict[str, Any] = {}
         self._code: dict[str, CodeDigest] = {}
+        self._code_lock = threading.Lock()
         self._doom: Outcome | None = None
         self._works: dict[tuple[str, int, int], tuple[Work, ...] | None] = {}
 
@@ -137,9 +138,10 @@ class VideoRun:
     def recipe(self, work: Work) -> Recipe:
         """Everything that decides the result; MissingInputError names an artifact that is not there yet."""
         stage = work.stage
-        if stage.name not in self._code:
-            self._code[stage.name] = code_digest(stage.function[0])
-        code = self._code[stage.name]
+        with self._code_lock:  # CPython 3.11 fails now and then when two threads parse at once (gh-106905)
+            if stage.name not in self._code:
+                self._code[stage.name] = code_digest(stage.function[0])
+            code = self._code[stage.name]
         return Recipe(
             stage=stage.name,
             schema_version=stage.schema_version,
@@ -182,15 +184,15 @@ class VideoRun:
         outcome = self.outcomes.setdefault(at, Outcome(work))
         if outcome.manifest is not None:
             return outcome
-        blocked = self._blocked_by(work)
-        if blocked is not None:
-            outcome.state, outcome.reason = "skipped", f"{blocked.work.label} failed: {blocked.reason}"
-            return outcome
-        if self.look_up(work) is not None:
-            return self.outcomes[at]
         started = time.monotonic()
-        outcome.attempts += 1
         try:
+            blocked = self._blocked_by(work)
+            if blocked is not None:
+                outcome.state, outcome.reason = "skipped", f"{blocked.work.label} failed: {blocked.reason}"
+                return outcome
+            if self.look_up(work) is not None:
+                return self.outcomes[at]
+            outcome.attempts += 1
             with self._slots:
                 started = time.monotonic()
                 outcome.began = outcome.began or time.time()
