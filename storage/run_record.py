@@ -77,7 +77,7 @@ def run_record(
         "config": dict(config),
         "shots": _shots(shots, motion, stages),
         "people": _people(shots, motion),
-        "warnings": [_sentence(record, warning) for record in stages for warning in record.warnings],
+        "warnings": _warnings(stages),
         "fallbacks": _fallbacks(shots, motion),
         "failures": [
             {"stage": r.stage, "unit": r.unit, "shot": r.shot, "reason": r.reason}
@@ -160,6 +160,15 @@ def _fallbacks(shots: ShotList, motion: WorldMotion | None) -> list[str]:
         for shot in shots.shots
         if (motion.camera_source[shot.start : shot.end] == 4).any()
     ]
+
+
+def _warnings(stages: Sequence[StageRecord]) -> list[str]:
+    """Each warning once, by the first stage that gave it: a result passed on carries its warnings along."""
+    first: dict[tuple[str, str], str] = {}
+    for record in stages:
+        for warning in record.warnings:
+            first.setdefault((record.unit, warning), _sentence(record, warning))
+    return list(first.values())
 
 
 def _sentence(record: StageRecord, warning: str) -> str:

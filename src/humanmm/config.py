@@ -84,7 +84,8 @@ class AlignConfig(Section):
     """Joining shots into one world (paper section 3.3.1)."""
 
     method: Literal["bundle", "eight-point"] = "bundle"
-    """How the relative camera rotation at a cut is found: `bundle` (windowed bundle adjustment over the body's motion) or `eight-point` (the paper's essential matrix)."""
+    """How the camera's turn at a cut is found: `bundle` (adjusting the body's motion through the cut, and places that
+    two shots share) or `eight-point` (the paper's essential matrix)."""
 
 
 class RefineConfig(Section):
