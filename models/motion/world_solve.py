@@ -147,38 +147,49 @@ class _State:
     scale: Array
 
 
+_PARTS = 24
+"""So many terms are kept apart before they are summed: summing each at once takes time, all at the end memory."""
+
+
 class _Rows:
-    """Whitened residuals and their derivatives, gathered as a sparse matrix."""
+    """Normal equations of whitened residuals, gathered from sparse groups of rows."""
 
     def __init__(self, num_unknowns: int) -> None:
-        self.num_unknowns, self.count = num_unknowns, 0
-        self._row: list[Array] = []
-        self._column: list[Array] = []
-        self._value: list[Array] = []
-        self._residual: list[Array] = []
+        self.num_unknowns = num_unknowns
+        self._parts: list[sparse.coo_matrix] = []
+        self._gradient = np.zeros(num_unknowns)
 
     def add(self, residual: Float[Array, "n m"], *blocks: tuple[Int[Array, "n"], Float[Array, "n m b"]]) -> None:
         """n groups of m residuals; each block gives the first unknown of every group and the derivatives by b of
         them."""
         n, m = residual.shape
-        rows = self.count + np.arange(n * m).reshape(n, m)
+        rows = np.arange(n * m).reshape(n, m)
+        row, column, value = [], [], []
         for first, derivative in blocks:
-            width = derivative.shape[2]
-            self._row.append(np.broadcast_to(rows[:, :, None], (n, m, width)).ravel())
-            columns = first[:, None, None] + np.arange(width)
-            self._column.append(np.broadcast_to(columns, (n, m, width)).ravel())
-            self._value.append(np.broadcast_to(derivative, (n, m, width)).ravel())
-        self._residual.append(residual.ravel())
-        self.count += n * m
+            shape = (n, m, derivative.shape[2])
+            row.append(np.broadcast_to(rows[:, :, None], shape).ravel())
+            column.append(np.broadcast_to(first[:, None, None] + np.arange(shape[2]), shape).ravel())
+            value.append(np.broadcast_to(derivative, shape).ravel())
+        J = sparse.csr_matrix(
+            (np.concatenate(value), (np.concatenate(row), np.concatenate(column))), shape=(n * m, self.num_unknowns)
+        )
+        self._parts.append((J.T @ J).tocoo())
+        if len(self._parts) > _PARTS:
+            self._parts = [self._summed(self._parts).tocoo()]
+        self._gradient += J.T @ residual.ravel()
+
+    def _summed(self, parts: Sequence[sparse.coo_matrix]) -> sparse.csc_matrix:
+        row, column, value = (
+            np.concatenate([getattr(part, name) for part in parts]) for name in ("row", "col", "data")
+        )
+        return sparse.csc_matrix((value, (row, column)), shape=(self.num_unknowns, self.num_unknowns))
 
     def step(self, damping: Float[Array, "unknowns"]) -> Float[Array, "unknowns"]:
         """Gauss-Newton step, damped by a diagonal."""
-        J = sparse.csr_matrix(
-            (np.concatenate(self._value), (np.concatenate(self._row), np.concatenate(self._column))),
-            shape=(self.count, self.num_unknowns),
-        )
-        normal = (J.T @ J + sparse.diags(damping)).tocsc()
-        return np.asarray(-splu(normal).solve(J.T @ np.concatenate(self._residual)))
+        normal = self._summed([*self._parts, sparse.diags(damping).tocoo()])
+        # The ordering for symmetric matrices keeps the factor as sparse as the chain of frames is.
+        factor = splu(normal, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+        return np.asarray(-factor.solve(self._gradient))
 
 
 def _step(
@@ -424,6 +435,10 @@ def _put_on_floor(strands: Sequence[Strand], state: _State, options: SolveSettin
     )
 
 
+_SCALE_SAMPLES = 500
+"""Pairs of frames of a person that are enough to tell a scale."""
+
+
 def start_scale(rig: ShotRig, shot: int, strands: Sequence[Strand]) -> float:
     """Metres per unit of a moving camera's path under which somebody's slower foot stands still most of the time.
 
@@ -434,6 +449,7 @@ def start_scale(rig: ShotRig, shot: int, strands: Sequence[Strand]) -> float:
     velocity_path = np.diff(rig.path, axis=0)
     for strand in strands:
         own = np.flatnonzero(np.diff(strand.frame) == 1)
+        own = own[:: max(1, len(own) // _SCALE_SAMPLES)]
         if strand.shot != shot or len(own) < 2:
             continue
         step = np.diff(strand.time_s)[own, None]
