@@ -54,7 +54,7 @@ def _read(path: Path) -> Take:
         raise TruthError("does not exist; expected a run folder or an .npz truth")
     if not zipfile.is_zipfile(path):
         raise TruthError("not an .npz file; expected a run folder or an .npz truth")
-    arrays = _NpzArrays(path)
+    arrays = NpzArrays(path)
     if "joints3d" in arrays and "R_world2cam" in arrays:
         return _pose2sim_take(arrays)
     if "num_frames" in arrays and "cut_frames" in arrays:
@@ -65,7 +65,7 @@ def _read(path: Path) -> Take:
     )
 
 
-class _NpzArrays(Mapping[str, np.ndarray]):
+class NpzArrays(Mapping[str, np.ndarray]):
     """The arrays of an npz by name, each read when asked for, after its header was looked at."""
 
     def __init__(self, path: Path) -> None:

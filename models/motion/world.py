@@ -5,7 +5,7 @@ and floor and gets an origin of its own. World axes: z up, floor at z = 0, +y th
 the first person's first pelvis above the origin.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -60,9 +60,19 @@ class _Link:
     cut: CutAlignment
 
 
-def assemble(footage: Footage, *, method: Literal["bundle", "eight-point"] = "bundle") -> WorldMotion:
-    """People and cameras of the whole video in one world."""
+def assemble(
+    footage: Footage,
+    *,
+    method: Literal["bundle", "eight-point"] = "bundle",
+    known_turns: Mapping[int, Float[Array, "3 3"]] | None = None,
+) -> WorldMotion:
+    """People and cameras of the whole video in one world.
+
+    `known_turns`: by first frame of a shot, camera axes of that frame to those of the frame before, where they are
+    known from elsewhere; neighbouring shots that share people are joined by them.
+    """
     links = [_link(footage, later, method) for later in range(1, len(footage.shots.shots)) if _usable(footage, later)]
+    links = [_told(link, known_turns or {}) for link in links]
     places = _places(footage)
     rotations = average_rotations(
         len(footage.shots.shots), [_people_edge(footage, link) for link in links if link.cut.linked], places.edges
@@ -150,6 +160,14 @@ def _link(footage: Footage, later: int, method: Literal["bundle", "eight-point"]
     if people:
         middle = 0.5 * (max(p.before.time_s[-1] for p in people) + min(p.after.time_s[0] for p in people))
     return _Link(earlier, later, align_cut(people, cameras, cut_frame=shot.start, cut_time_s=middle, method=method))
+
+
+def _told(link: _Link, known_turns: Mapping[int, Float[Array, "3 3"]]) -> _Link:
+    """The link with a turn that is known."""
+    R = known_turns.get(link.cut.cut_frame)
+    if R is None or not link.cut.linked or link.earlier != link.later - 1:
+        return link
+    return replace(link, cut=replace(link.cut, R_before_after=R, uncertainty_deg=0.0))
 
 
 def _side(footage: Footage, shot_index: int, person: int, *, last: bool) -> SideTrack | None:

@@ -1,0 +1,251 @@
+"""The methods that are compared: the pipeline's own stages in memory, with one of them left out, replaced or told.
+
+The same pure functions run as in `humanmm.tasks`, in the same order; only what comes from pixels is given. Methods
+share the stages that they have in common.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from humanmm.config import Config
+from humanmm.errors import HumanMMError
+from humanmm.models.benchmark.multishot import BenchVideo
+from humanmm.models.camera.estimate import estimate_camera
+from humanmm.models.camera.intrinsics import ShotPoints, estimate_intrinsics, given_intrinsics
+from humanmm.models.camera.observations import Intrinsics, PointTracks, ShotCamera
+from humanmm.models.motion.hmr import NoiseModel, fit_shot
+from humanmm.models.motion.refine import Observations, RefineSettings, refine_world
+from humanmm.models.motion.results import PersonMotion, ShotMotion, WorldMotion
+from humanmm.models.motion.world import Footage, assemble
+from humanmm.models.shots.assemble import assemble_shots
+from humanmm.models.shots.boundaries import Shot, ShotList
+
+Array = np.ndarray
+
+Method = Literal[
+    "humanmm",
+    "concat",
+    "humanmm with eight-point",
+    "humanmm without flip decision",
+    "humanmm without refine",
+    "oracle camera rotation",
+]
+METHODS: tuple[Method, ...] = (
+    "humanmm",
+    "concat",
+    "humanmm with eight-point",
+    "humanmm without flip decision",
+    "humanmm without refine",
+    "oracle camera rotation",
+)
+"""`oracle camera rotation`: the true turn of the camera at every cut, the rest as it is."""
+
+
+@dataclass(frozen=True)
+class MethodMotion:
+    """What one method made of one video."""
+
+    method: str
+    motion: WorldMotion | None
+    """None where it failed."""
+    shots: ShotList | None
+    reason: str = ""
+    """Why it failed."""
+
+
+@dataclass(frozen=True)
+class VideoMotions:
+    """What all methods made of one video."""
+
+    motions: tuple[MethodMotion, ...]
+
+
+@dataclass(frozen=True)
+class Beginning:
+    """All stages up to the motion of each shot."""
+
+    shots: ShotList
+    intrinsics: Intrinsics
+    cameras: tuple[ShotCamera, ...]
+    motions: tuple[ShotMotion, ...]
+
+
+def run_methods(video: BenchVideo, config: Config, methods: Sequence[Method] = METHODS) -> VideoMotions:
+    """Every method on one video. What humanmm refuses in plain words counts as a failure; anything else is raised."""
+    try:
+        start = begin(video, config)
+    except HumanMMError as error:
+        return VideoMotions(tuple(MethodMotion(method, None, None, str(error)) for method in methods))
+    done: dict[str, MethodMotion] = {}
+    for method in methods:
+        same = "humanmm" if method == "humanmm without flip decision" and not _exchanged(start.shots) else method
+        done[method] = replace(done[same], method=method) if same in done else _attempt(method, video, config, start)
+    return VideoMotions(tuple(done.values()))
+
+
+def _attempt(method: Method, video: BenchVideo, config: Config, start: Beginning) -> MethodMotion:
+    try:
+        if method == "humanmm without flip decision":
+            start = without_flip_decision(video, config, start)
+        return MethodMotion(method, _recovered(method, video, config, start), start.shots)
+    except HumanMMError as error:
+        return MethodMotion(method, None, None, str(error))
+
+
+def _recovered(method: Method, video: BenchVideo, config: Config, start: Beginning) -> WorldMotion:
+    footage = footage_of(video, start)
+    if method == "concat":
+        return concatenated(footage)
+    if method == "oracle camera rotation":
+        world = assemble(footage, method=config.align.method, known_turns=true_turns(video, start.shots))
+    else:
+        how = "eight-point" if method == "humanmm with eight-point" else config.align.method
+        world = assemble(footage, method=how)
+    if method == "humanmm without refine":
+        return world
+    settings = config.refine
+    return refine_world(
+        world,
+        Observations(start.shots, video.people),
+        time_s=video.facts.time_s,
+        cut_frames=tuple(shot.start for shot in start.shots.shots[1:]),
+        settings=RefineSettings(
+            cutoff_hz=settings.cutoff_hz,
+            close_seams=settings.close_seams,
+            refit=settings.refit,
+            foot_lock=settings.foot_lock,
+        ),
+    )
+
+
+def begin(video: BenchVideo, config: Config) -> Beginning:
+    """Shots, focal length, cameras and per-shot motion, as the stages of these names compute them."""
+    facts = video.facts
+    rough = estimate_intrinsics([], facts.width, facts.height)
+    shots = assemble_shots(
+        video.scenes, video.people, time_s=facts.time_s, fps=facts.fps, K=rough.K, only_person=config.shots.person
+    )
+    tracks = [video.points_of(shot.scene, shot.start, shot.end) for shot in shots.shots]
+    intrinsics = _focal_length(video, config, shots, tracks)
+    static = config.camera.static or video.static_cameras
+    cameras = tuple(
+        estimate_camera(points, video.people[shot.scene].tracks, intrinsics, static=static)
+        for shot, points in zip(shots.shots, tracks, strict=True)
+    )
+    motions = tuple(_fit(video, config, shots, shot, camera) for shot, camera in zip(shots.shots, cameras, strict=True))
+    return Beginning(shots, intrinsics, cameras, motions)
+
+
+def without_flip_decision(video: BenchVideo, config: Config, start: Beginning) -> Beginning:
+    """The same with left and right as the detector named them; only what differs is fitted again."""
+    shots = replace(start.shots, shots=tuple(_as_labelled(shot) for shot in start.shots.shots))
+    motions = tuple(
+        motion if new == old else _fit(video, config, shots, new, camera)
+        for new, old, camera, motion in zip(shots.shots, start.shots.shots, start.cameras, start.motions, strict=True)
+    )
+    return replace(start, shots=shots, motions=motions)
+
+
+def _fit(video: BenchVideo, config: Config, shots: ShotList, shot: Shot, camera: ShotCamera) -> ShotMotion:
+    noise = NoiseModel(prior=config.hmr.pose_prior, smoothness=config.hmr.smoothness)
+    return fit_shot(video.people[shot.scene], shot, shots.people, video.facts.time_s, camera, noise=noise)
+
+
+def _exchanged(shots: ShotList) -> bool:
+    return any(appearance.swapped for shot in shots.shots for appearance in shot.people)
+
+
+def _focal_length(video: BenchVideo, config: Config, shots: ShotList, tracks: Sequence[PointTracks]) -> Intrinsics:
+    facts, settings = video.facts, config.intrinsics
+    given = given_intrinsics(facts.width, facts.height, focal_px=settings.focal_px, fov_deg=settings.fov_deg)
+    if given is not None:
+        return given
+    usable = [
+        ShotPoints(points, video.people[shot.scene].tracks) for shot, points in zip(shots.shots, tracks, strict=True)
+    ]
+    return estimate_intrinsics(usable, facts.width, facts.height)
+
+
+def _as_labelled(shot: Shot) -> Shot:
+    return replace(shot, people=tuple(replace(appearance, swapped=()) for appearance in shot.people))
+
+
+def footage_of(video: BenchVideo, start: Beginning) -> Footage:
+    """What the stage `align` reads. No background features: shots are joined by people alone, as in the paper."""
+    return Footage(
+        shots=start.shots,
+        scenes=video.people,
+        cameras=start.cameras,
+        motions=start.motions,
+        time_s=video.facts.time_s,
+        intrinsics=start.intrinsics,
+        views=[()] * len(start.shots.shots),
+    )
+
+
+def true_turns(video: BenchVideo, shots: ShotList) -> Mapping[int, Float[Array, "3 3"]]:
+    """By first frame of a shot: true camera axes of that frame to those of the frame before."""
+    cameras = video.truth.cameras
+    if cameras is None:
+        return {}
+    R = cameras.R_world_cam
+    return {shot.start: R[shot.start - 1].T @ R[shot.start] for shot in shots.shots[1:]}
+
+
+def concatenated(footage: Footage) -> WorldMotion:
+    """The paper's baseline: each shot in its own gravity world, headed by that shot's first camera; these worlds are
+    taken for one without any rotation, and the root is shifted so that it goes on where the shot before ended."""
+    alone = assemble(_strangers(footage))
+    num_people = max((person.person for person in footage.shots.people), default=0) + 1
+    parts: dict[int, list[PersonMotion]] = {}
+    for motion in sorted(alone.people, key=lambda motion: int(motion.frame[0])):
+        parts.setdefault(motion.person % num_people, []).append(motion)
+    t_world_cam = alone.t_world_cam.copy()
+    people = []
+    for number, motions in sorted(parts.items()):
+        joined = motions[0]
+        for motion in motions[1:]:
+            shift = joined.pelvis_world[-1] - motion.pelvis_world[0]
+            if number == 0:
+                shot = next(s for s in footage.shots.shots if s.start <= motion.frame[0] < s.end)
+                t_world_cam[shot.start : shot.end] += shift
+            joined = _appended(joined, replace(motion, pelvis_world=motion.pelvis_world + shift))
+        people.append(replace(joined, person=number))
+    return replace(alone, people=tuple(people), t_world_cam=t_world_cam)
+
+
+def _strangers(footage: Footage) -> Footage:
+    """The same footage, with nobody known to be in more than one shot: every shot then gets a world of its own."""
+    num_people = max((person.person for person in footage.shots.people), default=0) + 1
+    shots, motions = [], []
+    for index, (shot, motion) in enumerate(zip(footage.shots.shots, footage.motions, strict=True)):
+        first = index * num_people
+        shots.append(replace(shot, people=tuple(replace(a, person=first + a.person) for a in shot.people)))
+        people = motion.people if motion is not None else ()
+        renamed = tuple(replace(person, person=first + person.person) for person in people)
+        motions.append(replace(motion, people=renamed) if motion is not None else None)
+    return replace(footage, shots=replace(footage.shots, shots=tuple(shots)), motions=motions)
+
+
+def _appended(first: PersonMotion, second: PersonMotion) -> PersonMotion:
+    """One motion after the other; frames between them keep the last posture and are not observed."""
+    gap = int(second.frame[0] - first.frame[-1]) - 1
+
+    def held(before: Array, after: Array) -> Array:
+        return np.concatenate([before, np.repeat(before[-1:], gap, axis=0), after])
+
+    return PersonMotion(
+        person=first.person,
+        frame=np.arange(first.frame[0], second.frame[-1] + 1, dtype=np.int32),
+        observed=np.concatenate([first.observed, np.zeros(gap, bool), second.observed]),
+        R_world_root=held(first.R_world_root, second.R_world_root),
+        body_pose=held(first.body_pose, second.body_pose),
+        betas=first.betas,
+        pelvis_world=held(first.pelvis_world, second.pelvis_world),
+        contacts=held(first.contacts, second.contacts),
+        confidence=held(first.confidence, second.confidence),
+    )
