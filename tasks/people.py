@@ -6,8 +6,9 @@ import numpy as np
 
 from humanmm.models.perception.tracker import track_people
 from humanmm.models.perception.tracks import ScenePeople
+from humanmm.models.video.ahead import ahead
 from humanmm.models.video.facts import VideoFacts
-from humanmm.models.video.frames import frames
+from humanmm.models.video.frames import Frame, frames
 from humanmm.tasks.inputs import StageInputs
 
 
@@ -17,14 +18,17 @@ def people(inputs: StageInputs) -> ScenePeople:
     settings = inputs.config.people
     start, end = inputs.span
 
-    def pictures() -> Iterator[tuple[int, np.ndarray]]:
-        for frame in frames(stream, facts, start, end, max_side_px=settings.max_side_px):
+    def pictures(decoded: Iterator[Frame]) -> Iterator[tuple[int, np.ndarray]]:
+        for frame in decoded:
             yield frame.index, frame.image
             inputs.progress(frame.index + 1 - start, end - start)
 
-    with inputs.open_video() as stream:
+    with (
+        inputs.open_video() as stream,
+        ahead(frames(stream, facts, start, end, max_side_px=settings.max_side_px)) as decoded,
+    ):
         return track_people(
-            pictures(),
+            pictures(decoded),
             start=start,
             end=end,
             fps=facts.fps,

@@ -12,8 +12,9 @@ from humanmm.models.motion.recording import Recording
 from humanmm.models.pictures.overlay import Mark, Overlay
 from humanmm.models.pictures.timeline import StageTime, timeline
 from humanmm.models.pictures.top_view import top_view
+from humanmm.models.video.ahead import ahead
 from humanmm.models.video.facts import VideoFacts
-from humanmm.models.video.frames import frames, scaled_size
+from humanmm.models.video.frames import Frame, frames, scaled_size
 from humanmm.models.video.reading import read_facts
 from humanmm.storage.files import replace_file
 from humanmm.storage.picture_files import write_png, write_video
@@ -21,6 +22,8 @@ from humanmm.storage.run_folder import MOTION, read_motion
 from humanmm.storage.run_record import read_run_record
 
 OVERLAY, TOP_VIEW, TIMELINE = "overlay.mp4", "top.png", "timeline.png"
+_AHEAD = 2
+"""Pictures that wait for being drawn, and for being encoded."""
 
 
 def write_overlay(
@@ -33,19 +36,24 @@ def write_overlay(
     settings: DeliverConfig,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> None:
-    """Decode the video once more, draw the people on every frame, and encode it; one frame in memory at a time."""
+    """Decode the video once more, draw the people on every frame, and encode it: three threads, a few pictures."""
     width, height = scaled_size(facts, settings.overlay_max_side_px)
     overlay = Overlay(recording, tuple(marks), width, height)
-    image = np.empty((height, width, 3), np.uint8)
+    canvases = np.empty((_AHEAD, height, width, 3), np.uint8)
 
-    def drawn() -> Iterator[tuple[float, np.ndarray]]:
-        for frame in frames(stream, facts, max_side_px=settings.overlay_max_side_px):
+    def drawn(decoded: Iterator[Frame]) -> Iterator[tuple[float, np.ndarray]]:
+        for frame in decoded:
+            image = canvases[frame.index % _AHEAD]
             np.copyto(image, frame.image)
             overlay.draw(image, frame.index)
             progress(frame.index + 1, facts.num_frames)
             yield frame.time_s, image
 
-    write_video(path, drawn(), width=width, height=height, fps=facts.fps, quality=settings.overlay_quality)
+    with (
+        ahead(frames(stream, facts, max_side_px=settings.overlay_max_side_px), _AHEAD) as decoded,
+        ahead(drawn(decoded), _AHEAD) as pictures,
+    ):
+        write_video(path, pictures, width=width, height=height, fps=facts.fps, quality=settings.overlay_quality)
 
 
 def write_timeline(run_dir: Path, recording: Recording, record: Mapping[str, Any]) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 from humanmm.models.camera.observations import PointTracks
 from humanmm.models.camera.points import TrackerSettings, track_points
 from humanmm.models.camera.views import MAX_SIDE_PX, ViewFeatures, describe_view, in_source_pixels, key_frames
+from humanmm.models.video.ahead import ahead
 from humanmm.models.video.facts import VideoFacts
 from humanmm.models.video.frames import frames, scaled_size
 from humanmm.tasks.inputs import StageInputs
@@ -31,9 +32,9 @@ def points(inputs: StageInputs) -> PointTracks:
                 views.append(in_source_pixels(view, facts.width / frame.image.shape[1]))
             yield cv2.resize(frame.image, tracking_size, interpolation=cv2.INTER_AREA)
 
-    with inputs.open_video() as stream:
+    with inputs.open_video() as stream, ahead(pictures()) as small:
         tracks = track_points(
-            pictures(),
+            small,
             start=start,
             source_size=(facts.width, facts.height),
             settings=TrackerSettings(num_points=settings.num_points),

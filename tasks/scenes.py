@@ -3,6 +3,7 @@
 from humanmm.models.shots.boundaries import Scenes
 from humanmm.models.shots.footage import SIDE_PX
 from humanmm.models.shots.scenes import SceneDetector
+from humanmm.models.video.ahead import ahead
 from humanmm.models.video.facts import VideoFacts
 from humanmm.models.video.frames import frames
 from humanmm.tasks.inputs import StageInputs
@@ -12,8 +13,11 @@ def scenes(inputs: StageInputs) -> Scenes:
     """Scenes of the whole video, from pictures of SIDE_PX."""
     facts = inputs.read("decode", VideoFacts)
     detector = SceneDetector(facts.fps)
-    with inputs.open_video() as stream:
-        for frame in frames(stream, facts, pixels="bgr", max_side_px=SIDE_PX):
+    with (
+        inputs.open_video() as stream,
+        ahead(frames(stream, facts, pixels="bgr", max_side_px=SIDE_PX)) as decoded,
+    ):
+        for frame in decoded:
             detector.add(frame.image)
             inputs.progress(frame.index + 1, facts.num_frames)
     return detector.finish()
