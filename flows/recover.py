@@ -22,9 +22,10 @@ from prefect.task_runners import ThreadPoolTaskRunner
 from humanmm.config import Config
 from humanmm.storage.store import Store, default_store, is_infrastructure_fault
 from humanmm.storage.video_identity import identify
-from humanmm.tasks.engine import Outcome, VideoRun, use_one_thread_per_stage
+from humanmm.tasks.engine import Outcome, VideoRun
 from humanmm.tasks.finish import default_run_dir, failures, fatal_error, has_result, write_results
 from humanmm.tasks.pipeline import Stage
+from humanmm.tasks.process import prepare_process
 from humanmm.tasks.selection import Selection
 from humanmm.tasks.work import Work
 
@@ -164,7 +165,7 @@ def _is_worth_retrying(task: Task[..., Any], task_run: TaskRun, state: State[Any
 
 
 def _open(video: Path, config: Config, store: Path | None, selection: Selection) -> VideoRun:
-    use_one_thread_per_stage()
+    prepare_process()
     place = Store(store or default_store())
     place.sweep()
     run = VideoRun(identify(video, place), config, place, selection=selection)

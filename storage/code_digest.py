@@ -17,7 +17,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 PACKAGE = "humanmm"
-_NOT_SCIENCE = ("config", "errors", "cli", "storage", "flows", "tasks.engine", "tasks.inputs", "tasks.pipeline")
+_NOT_SCIENCE = (
+    "config", "errors", "cli", "storage", "flows", "tasks.engine", "tasks.inputs", "tasks.pipeline", "tasks.process",
+)  # fmt: skip
 _SCIENCE_ANYWAY = ("storage.picture_files",)
 """Writes files that are part of an artifact."""
 

@@ -6,8 +6,6 @@ object what would happen.
 
 import importlib
 import logging
-import os
-import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -353,14 +351,6 @@ class _NamedSettings:
         except KeyError:
             message = f"{self._stage} uses the settings {name!r} without naming them in pipeline.STAGES"
             raise StageError(message) from None
-
-
-def use_one_thread_per_stage() -> None:
-    """Small tensors gain nothing from threads, and stages run side by side; also makes sums come out the same."""
-    for library in ("OMP", "OPENBLAS", "MKL"):
-        os.environ.setdefault(f"{library}_NUM_THREADS", "1")
-    if "torch" in sys.modules:
-        sys.modules["torch"].set_num_threads(1)
 
 
 def ends_run(error: BaseException) -> bool:

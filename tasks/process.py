@@ -1,0 +1,35 @@
+"""Settings of the process in which stages run; none changes a result."""
+
+import ctypes
+import functools
+import logging
+import os
+import sys
+
+log = logging.getLogger(__name__)
+
+_M_MMAP_THRESHOLD = -3
+"""glibc's name for: the size from which a block of memory is mapped by itself and given back when freed."""
+_PICTURE_BYTES = 1 << 20
+
+
+def prepare_process() -> None:
+    """Make this process fit for stages; call it before each of them, it costs nothing twice.
+
+    Small tensors gain nothing from threads, stages run side by side, and sums come out the same. Pictures are given
+    back to the system when freed: glibc otherwise learns to keep blocks of their size in its heap, where small results
+    that outlive them take bites out of the holes, and memory grows with the video (1.2 GB instead of 0.35 GB for 200
+    pictures of 1768 × 994).
+    """
+    for library in ("OMP", "OPENBLAS", "MKL"):
+        os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+    _map_pictures()
+    if "torch" in sys.modules:
+        sys.modules["torch"].set_num_threads(1)
+
+
+@functools.cache
+def _map_pictures() -> None:
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
+    if mallopt is None or mallopt(_M_MMAP_THRESHOLD, _PICTURE_BYTES) != 1:
+        log.debug("no mallopt here: memory may grow with the video")
