@@ -5,57 +5,42 @@ import functools
 import html
 import io
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-
+from humanmm.models.benchmark.rows import Metric, Row
+from humanmm.models.benchmark.tables import Chart
+from humanmm.storage.bench_charts import as_svg, legend
 from humanmm.storage.files import replace_file
 
-_RESAMPLES = 2000
 
+def write_report(
+    folder: Path,
+    table: str,
+    created_by: str,
+    rows: Sequence[Row],
+    *,
+    markdown: str | None = None,
+    charts: Sequence[Chart] = (),
+) -> None:
+    """Write the four files. `created_by` is the command, without paths.
 
-@dataclass(frozen=True)
-class Metric:
-    """One figure over the samples of a row."""
-
-    mean: float
-    median: float
-    ci95: tuple[float, float]
-    """Bootstrap interval of the mean."""
-
-
-@dataclass(frozen=True)
-class Row:
-    """One method on one split."""
-
-    method: str
-    split: str
-    n: int
-    failed: int
-    metrics: Mapping[str, Metric]
-
-
-def summarise(samples: Sequence[float]) -> Metric:
-    """Mean, median, and the bootstrap's 95 % interval of the mean (fixed seed; one sample is its own interval)."""
-    values = np.asarray(samples, np.float64)
-    drawn = np.random.default_rng(0).integers(0, len(values), (_RESAMPLES, len(values)))
-    low, high = np.percentile(values[drawn].mean(axis=1), [2.5, 97.5])
-    return Metric(float(values.mean()), float(np.median(values)), (float(low), float(high)))
-
-
-def write_report(folder: Path, table: str, created_by: str, rows: Sequence[Row]) -> None:
-    """Write the four files. `created_by` is the command, without paths."""
-    tree = {"table": table, "created_by": created_by, "rows": [_row_tree(row) for row in rows]}
+    `markdown` stands in README.md instead of the plain table, `charts` in index.html instead of a bar for each figure.
+    """
     texts = {
-        "results.json": json.dumps(tree, indent=1, ensure_ascii=False) + "\n",
+        "results.json": as_json(table, created_by, rows),
         "results.csv": _as_csv(rows),
-        "README.md": f"# {table}\n\nMade by `{created_by}`.\n\n{as_markdown(rows)}",
-        "index.html": _as_html(table, created_by, rows),
+        "README.md": f"# {table}\n\nMade by `{created_by}`.\n\n{markdown or as_markdown(rows)}",
+        "index.html": _as_html(table, created_by, rows, charts),
     }
     for name, text in texts.items():
         replace_file(folder / name, functools.partial(_write, text))
+
+
+def as_json(table: str, created_by: str, rows: Sequence[Row]) -> str:
+    """The text of results.json."""
+    tree = {"table": table, "created_by": created_by, "rows": [_row_tree(row) for row in rows]}
+    return json.dumps(tree, indent=1, ensure_ascii=False) + "\n"
 
 
 def as_markdown(rows: Sequence[Row]) -> str:
@@ -89,14 +74,18 @@ def _as_csv(rows: Sequence[Row]) -> str:
     return text.getvalue()
 
 
-def _as_html(table: str, created_by: str, rows: Sequence[Row]) -> str:
-    """Bars of every figure, drawn as SVG in the page itself."""
+def _as_html(table: str, created_by: str, rows: Sequence[Row], charts: Sequence[Chart]) -> str:
+    """The charts, or bars of every figure, drawn as SVG in the page itself."""
     parts = [
         f'<!doctype html><meta charset="utf-8"><title>{html.escape(table)}</title>',
         "<style>body{font:14px/1.5 system-ui,sans-serif;margin:2rem auto;max-width:60rem;color:#23262b}"
         "code{background:#f2f4f6;padding:.1em .3em}h2{font-size:1rem;margin:1.4rem 0 .2rem}</style>",
         f"<h1>{html.escape(table)}</h1><p>Made by <code>{html.escape(created_by)}</code>.</p>",
     ]
+    if charts:
+        parts.append(legend(tuple(name for name, _ in charts[0].series)))
+        parts += [f"<h2>{html.escape(chart.title)}</h2>{as_svg(chart)}" for chart in charts]
+        return "\n".join(parts) + "\n"
     for key in _keys(rows):
         shown = [row for row in rows if key in row.metrics]
         longest = max(abs(row.metrics[key].mean) for row in shown) or 1.0

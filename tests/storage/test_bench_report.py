@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from humanmm.storage.bench_report import Row, summarise, write_report
+from humanmm.models.benchmark.rows import Row, summarise
+from humanmm.storage.bench_report import write_report
 
 ROWS = [
     Row("humanmm", "3 shots", 4, 1, {"wa_mpjpe100_mm": summarise([80.0, 90, 100, 130]), "roe_deg": summarise([12.5])}),

@@ -1,48 +1,145 @@
 """`humanmm bench NAME`: one table of the benchmark, on the terminal and as files."""
 
 import argparse
+import json
 import sys
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from humanmm.cli.settings import UsageError, add_settings, load_config
 from humanmm.errors import InputError
 
-TABLES = ("speed",)
+if TYPE_CHECKING:
+    from humanmm.config import Config
+    from humanmm.models.benchmark.rows import Row
+
+TABLES = ("ms-mocap", "speed")
+SIZES = ("tiny", "standard", "ms20")
 
 
 def add_bench(verbs: Any, common: argparse.ArgumentParser) -> None:
     """Declare `bench NAME`."""
     parser = verbs.add_parser(
-        "bench", parents=[common], allow_abbrev=False, help="measure: speed (milliseconds a frame of every stage)"
+        "bench",
+        parents=[common],
+        allow_abbrev=False,
+        help="measure: ms-mocap (motion from multi-shot videos made of motion capture), "
+        "speed (milliseconds a frame of every stage)",
     )
     parser.add_argument("table", choices=TABLES, metavar="NAME", help=", ".join(TABLES))
-    parser.add_argument("--data", type=Path, required=True, metavar="VIDEO", help="the video to recover")
-    parser.add_argument("--runs", type=int, default=1, metavar="N", help="how often to measure (default: 1)")
-    parser.add_argument("--report", type=Path, metavar="DIR", help="also write results.json, results.csv, README.md")
+    parser.add_argument(
+        "--data", type=Path, required=True, metavar="PATH", help="ms-mocap: a pack (.npz); speed: the video to recover"
+    )
+    parser.add_argument(
+        "--size", choices=SIZES, metavar="SIZE",
+        help="ms-mocap: tiny, standard (60 videos each with 2, 3 and 4 transitions; default), ms20 (20 takes, each "
+        "with 2, 3 and 4)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--check", type=Path, metavar="FILE", help="a results.json; exit 1 if a figure is worse than it"
+    )
+    parser.add_argument("--runs", type=int, metavar="N", help="speed: how often to measure (default: 1)")
+    parser.add_argument(
+        "--report", type=Path, metavar="DIR", help="also write results.json, results.csv, README.md, index.html"
+    )
+    parser.add_argument("--store", type=Path, metavar="DIR", help="where motions and figures are kept")
     parser.add_argument("--force", action="store_true", help="replace a report that exists")
     add_settings(parser)
     parser.set_defaults(run=bench)
 
 
 def bench(options: argparse.Namespace) -> int:
-    """Measure, print the table, write the report."""
-    if options.runs < 1:
-        raise UsageError(f"--runs {options.runs}: at least one run is needed")
+    """Measure, print the table, write the report, compare."""
+    config = load_config(options, {})
+    if options.table == "speed":
+        return _speed(options, config)
+    if options.runs is not None:
+        raise UsageError("--runs is for the table speed")
+    return _motion(options, config)
+
+
+def _speed(options: argparse.Namespace, config: "Config") -> int:
+    runs_wanted = 1 if options.runs is None else options.runs
+    if runs_wanted < 1:
+        raise UsageError(f"--runs {runs_wanted}: at least one run is needed")
+    if options.size is not None:
+        raise UsageError("--size is for tables of motion; speed measures one video")
     if options.report is not None and (options.report / "results.json").exists() and not options.force:
         raise InputError(f"{options.report / 'results.json'} exists already; give --force to replace it")
     if not options.data.is_file():
         raise InputError(f"{options.data} is not a file; give a video")
-    config = load_config(options, {})
+    stored = _stored(options.check)
 
     from humanmm.flows.benchmark import measure_speed
-    from humanmm.storage.bench_report import Row, as_markdown, summarise, write_report
+    from humanmm.models.benchmark.rows import Row, summarise
+    from humanmm.storage.bench_report import as_markdown, write_report
 
-    runs = [measure_speed(options.data, config).metrics() for _ in range(options.runs)]
+    runs = [measure_speed(options.data, config).metrics() for _ in range(runs_wanted)]
     metrics = {key: summarise([run[key] for run in runs]) for key in runs[0]}
-    row = Row("humanmm", options.data.stem, len(runs), 0, metrics)
-    sys.stdout.write(as_markdown([row]))
+    rows = [Row("humanmm", options.data.stem, len(runs), 0, metrics)]
+    sys.stdout.write(as_markdown(rows))
     if options.report is not None:
-        write_report(options.report, "speed", f"humanmm bench speed --runs {options.runs}", [row])
+        write_report(options.report, "speed", f"humanmm bench speed --runs {runs_wanted}", rows)
         sys.stdout.write(f"{options.report / 'results.json'}\n")
-    return 0
+    return _compare(rows, stored, "speed")
+
+
+def _motion(options: argparse.Namespace, config: "Config") -> int:
+    if not options.data.exists():
+        raise InputError(f"{options.data} does not exist")
+    stored = _stored(options.check)
+
+    from humanmm.flows.motion_benchmark import figures_of, mocap_set
+    from humanmm.models.benchmark.rows import rows_of
+    from humanmm.models.benchmark.tables import as_markdown, charts_of
+    from humanmm.storage.bench_report import as_json, write_report
+    from humanmm.storage.store import Store, default_store
+
+    size = options.size or "standard"
+    jobs, facts = mocap_set(options.data, size)
+    sys.stdout.write(f"{options.table}, {size}: {facts.sentence()}\n\n")
+    rows = rows_of(figures_of(jobs, config, Store(options.store or default_store())))
+    paper = "ms-Motion(20)" if size == "ms20" else "ms-AIST"
+    table = as_markdown(rows, paper=paper)
+    sys.stdout.write(table)
+    command = " ".join(["humanmm", "bench", options.table, "--size", size, *_settings(options)])
+    if options.report is not None:
+        results = options.report / "results.json"
+        same = results.exists() and results.read_text(encoding="utf-8") == as_json(options.table, command, rows)
+        if results.exists() and not same and not options.force:
+            raise InputError(f"{results} exists already with other figures; give --force to replace it")
+        text = f"{facts.sentence()}.\n\n{table}"
+        write_report(options.report, options.table, command, rows, markdown=text, charts=charts_of(rows))
+        sys.stdout.write(f"{results}\n")
+    return _compare(rows, stored, options.table)
+
+
+def _settings(options: argparse.Namespace) -> list[str]:
+    """The settings given as flags; a settings file is named as such, without its path."""
+    given = {name: value for name, value in vars(options).items() if "." in name and value is not None}
+    flags = [word for name, value in sorted(given.items()) for word in (f"--{name}", str(value))]
+    return [*(["--config", options.config.name] if options.config else []), *flags]
+
+
+def _stored(path: Path | None) -> dict[str, Any] | None:
+    if path is None:
+        return None
+    try:
+        tree = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path} cannot be read as a results.json: {error}") from None
+    if not isinstance(tree, dict):
+        raise InputError(f"{path} is not a results.json: it holds no object")
+    return tree
+
+
+def _compare(rows: "Sequence[Row]", stored: dict[str, Any] | None, table: str) -> int:
+    if stored is None:
+        return 0
+    from humanmm.models.benchmark.regression import regressions
+
+    worse = regressions(rows, stored, table=table)
+    for sentence in worse:
+        sys.stderr.write(f"humanmm: worse: {sentence}\n")
+    return 1 if worse else 0
