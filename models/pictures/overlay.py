@@ -20,6 +20,10 @@ from humanmm.models.shots.boundaries import ShotList
 OPACITY = 0.9
 OPACITY_NOT_OBSERVED = 0.5
 CONTACT_PROBABILITY = 0.5
+_TOE_BASE = {7: 10, 10: 10, 8: 11, 11: 11}
+"""The toe base of the foot that a joint belongs to; ankles rise over a foot that still stands."""
+_SOLE_M = 0.03
+"""Height of body24's toe base above the sole."""
 _CONTACT_RADIUS_M = 0.11
 _CIRCLE = np.stack([np.cos(a := np.linspace(0, 2 * np.pi, 25)[:-1]), np.sin(a), np.zeros_like(a)], axis=1)
 _FLASH_S = 0.3
@@ -88,11 +92,12 @@ class Overlay:
                 _blend(image, region, self._ramps[index] if observed else self._pale_ramp, observed, only)
 
     def _draw_contacts(self, image: np.ndarray, frame: int, person: RecordedPerson, row: int) -> None:
-        """A disc on the floor under every foot joint that touches it."""
+        """A disc under every foot joint that stands: on the floor, or on the wall or stair that carries the foot."""
         for joint, probability in zip(CONTACT_JOINTS, person.contacts[row], strict=True):
             if probability < CONTACT_PROBABILITY or not person.observed[row]:
                 continue
-            center = person.joints[row, joint] * np.array([1, 1, 0])
+            center = person.joints[row, joint].copy()
+            center[2] = max(0.0, person.joints[row, _TOE_BASE[joint], 2] - _SOLE_M)
             ring = self._project(frame, center + _CIRCLE * _CONTACT_RADIUS_M)
             if ring is not None:
                 points = np.rint((ring - 0.5) * 16).astype(np.int32)
