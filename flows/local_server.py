@@ -14,6 +14,7 @@ import importlib.metadata
 import json
 import logging
 import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -53,6 +54,11 @@ class ServerFiles:
     def starting(self) -> Path:
         """Held by the one run that starts the server."""
         return self.home / "starting.lock"
+
+    @property
+    def port(self) -> Path:
+        """The port of the last server: the next one takes it again, so that the dashboard keeps its address."""
+        return self.home / "port"
 
     @property
     def log(self) -> Path:
@@ -136,6 +142,31 @@ def _is_healthy(port: int) -> bool:
         connection.close()
 
 
+def ensure_server(files: ServerFiles) -> str | None:
+    """Address of our server, started again if it has died; of the user's own server, if that is what is used."""
+    used = os.environ.get("PREFECT_API_URL", "")
+    ours = _last_port(files)
+    if used and used != f"http://{HOST}:{ours}/api":
+        return used
+    return running_server(files) or _start(files)
+
+
+def stop_unused_server(files: ServerFiles) -> bool:
+    """End our server now if no run holds it; says whether it was ended."""
+    with files.users.open("a+") as users, contextlib.suppress(OSError, ValueError, KeyError):
+        fcntl.flock(users, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        pid = int(json.loads(files.state.read_text())["pid"])
+        if running_server(files) is None:
+            return False
+        files.state.unlink()
+        os.kill(pid, signal.SIGTERM)
+        deadline = time.monotonic() + 20
+        while time.monotonic() < deadline and Path(f"/proc/{pid}").exists():
+            time.sleep(0.05)
+        return True
+    return False
+
+
 def _start(files: ServerFiles) -> str | None:
     """Start the server unless another run is doing so; wait until it answers."""
     with files.starting.open("a+") as starting:
@@ -161,14 +192,25 @@ def _start(files: ServerFiles) -> str | None:
     return None
 
 
+def _last_port(files: ServerFiles) -> int:
+    try:
+        return int(files.port.read_text())
+    except (OSError, ValueError):
+        return 0
+
+
 def serve(files: ServerFiles) -> None:
     """Run the server until nobody has used it for a while."""
     import socket
     import threading
 
     idle_s = float(os.environ.get("HUMANMM_SERVER_IDLE_S", IDLE_S))
-    listener = socket.create_server((HOST, 0))
+    try:
+        listener = socket.create_server((HOST, _last_port(files)))
+    except OSError:  # somebody else has it now
+        listener = socket.create_server((HOST, 0))
     port = listener.getsockname()[1]
+    files.port.write_text(str(port))
     _quiet_environment()
     _private_environment(files)
     os.environ.update(

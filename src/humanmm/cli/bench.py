@@ -49,6 +49,9 @@ def add_bench(verbs: Any, common: argparse.ArgumentParser) -> None:
     parser.set_defaults(run=bench)
 
 
+VERBS = (add_bench,)
+
+
 def bench(options: argparse.Namespace) -> int:
     """Measure, print the table, write the report, compare."""
     config = load_config(options, {})

@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from humanmm.cli.settings import UsageError, validate
+from humanmm.cli.settings import UsageError
+from humanmm.config_reading import validate
 from humanmm.errors import InputError, VideoError
 from humanmm.storage.run_record import read_run_record
 from humanmm.storage.store import Store, default_store

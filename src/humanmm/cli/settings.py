@@ -1,15 +1,14 @@
 """The configuration on the command line: a TOML file and a flag `--STAGE.FIELD` for every field of the tree."""
 
 import argparse
-import difflib
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel
 
 from humanmm.config import Config
+from humanmm.config_reading import read_toml, validate, value_of, with_values
 from humanmm.errors import ConfigError, InputError
 
 
@@ -40,61 +39,8 @@ def load_config(arguments: argparse.Namespace, shorthands: Mapping[str, Any] | N
     if arguments.config is not None:
         tree = read_toml(arguments.config)
         validate(tree, origin=str(arguments.config))
-    flags = {name: _value(text) for name, text in vars(arguments).items() if "." in name and text is not None}
-    for name, value in {**flags, **(shorthands or {})}.items():
-        section, _, field = name.partition(".")
-        tree = {**tree, section: {**tree.get(section, {}), field: value}}
+    flags = {name: value_of(text) for name, text in vars(arguments).items() if "." in name and text is not None}
     try:
-        return validate(tree)
+        return validate(with_values(tree, {**flags, **(shorthands or {})}))
     except ConfigError as error:
         raise UsageError(str(error)) from None
-
-
-def read_toml(path: Path) -> dict[str, Any]:
-    """The tree of a TOML file; ConfigError if it cannot be read."""
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ConfigError(f"cannot read the settings file {path}: {error.strerror}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path} is not TOML: {error}") from None
-
-
-def validate(tree: Mapping[str, Any], *, origin: str = "") -> Config:
-    """The configuration of a tree; ConfigError tells the first thing that is wrong with it, in one sentence."""
-    try:
-        return Config.model_validate(tree)
-    except ValidationError as error:
-        raise ConfigError(f"{origin}: {_first(error)}" if origin else _first(error)) from None
-
-
-def _first(error: ValidationError) -> str:
-    first = error.errors()[0]
-    place = ".".join(str(part) for part in first["loc"])
-    if first["type"] == "extra_forbidden":
-        known = _names_beside(first["loc"])
-        close = difflib.get_close_matches(str(first["loc"][-1]), known, n=1)
-        hint = f"did you mean {close[0]}?" if close else f"known: {', '.join(known) or 'none'}"
-        return f"unknown setting {place}; {hint}"
-    message = first["msg"][:1].lower() + first["msg"][1:]
-    return f"setting {place}: {message}, not {first['input']!r}"
-
-
-def _names_beside(place: tuple[int | str, ...]) -> list[str]:
-    if len(place) < 2:
-        return list(Config.model_fields)
-    info = Config.model_fields.get(str(place[0]))
-    model = info.annotation if info else None
-    return list(model.model_fields) if isinstance(model, type) and issubclass(model, BaseModel) else []
-
-
-def _value(text: str) -> Any:
-    """A flag's text; `none` clears a value, lists are written as in TOML, pydantic reads the rest."""
-    if text.lower() == "none":
-        return None
-    if text.startswith("["):
-        try:
-            return tomllib.loads(f"value = {text}")["value"]
-        except tomllib.TOMLDecodeError:
-            return text
-    return text

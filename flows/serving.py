@@ -1,0 +1,296 @@
+"""`humanmm serve`: the local Prefect server, our deployments, and a worker that runs each video in its own process.
+
+One per user (a lock says so). Every few seconds it looks after what dies without saying so: a server that is gone is
+started again at its old address, a worker likewise, and flow runs whose process is lost end as `Crashed`, so that
+nothing stays `Running` for ever.
+"""
+
+import asyncio
+import contextlib
+import fcntl
+import logging
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, cast
+
+from humanmm.errors import InputError, StoreError
+from humanmm.flows.local_server import (
+    ServerFiles,
+    ensure_server,
+    prefect_server,
+    server_files,
+    stop_unused_server,
+)
+
+log = logging.getLogger(__name__)
+
+LOOK_EVERY_S = 5.0
+LOST_AFTER_S = 30.0
+"""A flow run that is running in Prefect's eyes for longer than this without a process is lost."""
+START_LIMIT_S = 240.0
+READY = "serving"
+"""A file that is there while `humanmm serve` takes flow runs."""
+STOP_LIMIT_S = 20.0
+"""How long the worker and its videos may take to stop before they are killed."""
+
+
+def is_serving(files: ServerFiles) -> bool:
+    """Whether a `humanmm serve` of this user is up, ready or about to be."""
+    with (files.home / "serving.lock").open("a+") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return True
+        return False
+
+
+def bring_up(*, limit: int | None, idle_s: float) -> None:
+    """Have a `humanmm serve` in the background, started if there is none, and wait until it takes flow runs."""
+    files = server_files()
+    deadline = time.monotonic() + START_LIMIT_S
+    started = False
+    while not (is_serving(files) and (files.home / READY).exists()):
+        if not started and not is_serving(files):
+            started = True
+            log.info("starting humanmm serve in the background")
+            command = [sys.executable, "-m", "humanmm.flows.serving", str(limit or default_limit()), str(idle_s)]
+            with (files.home / "serve.log").open("ab") as output:
+                # through a shell that leaves at once: it is nobody's child and outlives this command
+                subprocess.run(
+                    ["/bin/sh", "-c", '"$@" &', "sh", *command],
+                    stdin=subprocess.DEVNULL, stdout=output, stderr=output, start_new_session=True, check=True,
+                )  # fmt: skip
+            time.sleep(0.5)
+        if time.monotonic() > deadline:
+            raise StoreError(f"humanmm serve could not be started; {files.home / 'serve.log'} says why")
+        time.sleep(0.1)
+
+
+def default_limit() -> int:
+    """Videos at the same time: each may run two stages at once."""
+    return max(1, len(os.sched_getaffinity(0)) // 2)
+
+
+def serve(*, limit: int, idle_s: float | None = None, on_ready: Any = None) -> None:
+    """Serve until SIGINT or SIGTERM, or until there was nothing to do for `idle_s` seconds.
+
+    `on_ready` is called with the dashboard's address when flow runs can be scheduled.
+    """
+    files = server_files()
+    leave = threading.Event()
+    with _only_one(files), _signals(leave):
+        with prefect_server() as url:
+            if url == "ephemeral":
+                raise StoreError(f"no Prefect server could be started; {files.log} says why")
+            asyncio.run(_deploy(limit, Path.cwd()))
+            worker = Worker(files, limit)
+            try:
+                worker.start()
+                (files.home / READY).write_text(url)
+                if on_ready is not None:
+                    on_ready(url.removesuffix("/api"))
+                _look_after(files, worker, leave, idle_s)
+            finally:
+                (files.home / READY).unlink(missing_ok=True)
+                worker.stop()
+                with contextlib.suppress(Exception):  # the server may be the one that is gone
+                    asyncio.run(crash_lost_runs(0.0))
+        stop_unused_server(files)
+
+
+class Worker:
+    """Prefect's process worker in a process of its own."""
+
+    def __init__(self, files: ServerFiles, limit: int) -> None:
+        self._log, self._limit = files.home / "worker.log", limit
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def start(self) -> None:
+        from humanmm.flows.batch import POOL
+
+        command = [
+            sys.executable, "-m", "prefect", "worker", "start", "--type", "process", "--pool", POOL,
+            "--limit", str(self._limit), "--name", f"{os.uname().nodename}-{os.getpid()}",
+        ]  # fmt: skip
+        with self._log.open("ab") as output:
+            self._process = subprocess.Popen(
+                command, stdin=subprocess.DEVNULL, stdout=output, stderr=output, start_new_session=True,
+                env={**os.environ, "PREFECT_WORKER_QUERY_SECONDS": "2"},
+            )  # fmt: skip
+
+    def keep_up(self) -> None:
+        """Start it again if it has died."""
+        if self._process is not None and self._process.poll() is not None:
+            log.warning("the worker has ended (%s); it is started again", self._process.returncode)
+            self.start()
+
+    def stop(self) -> None:
+        """End the worker and the videos that it runs."""
+        if self._process is None:
+            return
+        children = _descendants(self._process.pid)
+        self._process.send_signal(signal.SIGTERM)
+        for child in children:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(child, signal.SIGTERM)
+        deadline = time.monotonic() + STOP_LIMIT_S
+        while time.monotonic() < deadline and (self._process.poll() is None or any(map(_is_alive, children))):
+            time.sleep(0.1)
+        for pid in [self._process.pid, *children]:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+        self._process.wait()
+
+
+async def _deploy(limit: int, folder: Path) -> None:
+    """The work pool with a queue per priority, and the three deployments. Done again, nothing changes."""
+    from prefect import get_client
+    from prefect.client.schemas.actions import WorkPoolCreate, WorkPoolUpdate
+    from prefect.exceptions import ObjectAlreadyExists
+    from prefect.types.entrypoint import EntrypointType
+    from prefect.workers.process import ProcessWorker
+
+    from humanmm.flows.batch import POOL, recover_batch, recover_video
+    from humanmm.flows.maintain import maintain
+
+    async with get_client() as client:
+        template = ProcessWorker.get_default_base_job_template()
+        with contextlib.suppress(ObjectAlreadyExists):
+            await client.create_work_pool(WorkPoolCreate(name=POOL, type="process", base_job_template=template))
+        await client.update_work_pool(POOL, WorkPoolUpdate(concurrency_limit=limit, base_job_template=template))
+        for queue, priority in (("high", 1), ("default", 2), ("low", 3)):
+            with contextlib.suppress(ObjectAlreadyExists):
+                await client.create_work_queue(name=queue, work_pool_name=POOL, priority=priority)
+        for queue, priority in (("high", 1), ("default", 2), ("low", 3)):
+            found = await client.read_work_queue_by_name(queue, work_pool_name=POOL)
+            if found.priority != priority:
+                await client.update_work_queue(found.id, priority=priority)
+        for target in (recover_video, recover_batch, maintain):
+            deployment: Any = await cast(Any, target).ato_deployment(
+                name=target.name,
+                work_pool_name=POOL,
+                entrypoint_type=EntrypointType.MODULE_PATH,
+                job_variables={
+                    "command": f"{sys.executable} -m prefect.engine",
+                    "working_dir": str(folder),
+                    "stream_output": True,
+                },
+            )
+            await deployment.aapply() if hasattr(deployment, "aapply") else await deployment.apply()
+
+
+def _look_after(files: ServerFiles, worker: Worker, leave: threading.Event, idle_s: float | None) -> None:
+    last_busy = time.monotonic()
+    while not leave.wait(LOOK_EVERY_S):
+        if not os.environ.get("PREFECT_API_URL") or not ensure_server(files):
+            log.warning("the Prefect server is gone and cannot be started; %s says why", files.log)
+            continue
+        worker.keep_up()
+        try:
+            waiting = asyncio.run(crash_lost_runs(LOST_AFTER_S))
+        except Exception as error:  # the server may be busy or restarting: the next look will tell
+            log.info("the Prefect server did not answer: %s", error)
+            continue
+        if waiting:
+            last_busy = time.monotonic()
+        elif idle_s is not None and time.monotonic() - last_busy > idle_s:
+            return
+
+
+async def crash_lost_runs(after_s: float) -> int:
+    """End flow runs of our deployments that nobody computes any more; returns how many wait or run."""
+    import datetime
+
+    from prefect import get_client
+    from prefect.client.schemas.filters import (
+        FlowRunFilter,
+        FlowRunFilterState,
+        FlowRunFilterStateType,
+        WorkPoolFilter,
+        WorkPoolFilterName,
+    )
+    from prefect.client.schemas.objects import State, StateType
+    from prefect.states import Completed, Crashed, Failed
+
+    from humanmm.flows.batch import POOL
+    from humanmm.storage.batch_ledger import BatchLedger
+    from humanmm.storage.store import Store
+
+    alive = [StateType.SCHEDULED, StateType.PENDING, StateType.RUNNING, StateType.CANCELLING]
+    async with get_client() as client:
+        runs = await client.read_flow_runs(
+            flow_run_filter=FlowRunFilter(state=FlowRunFilterState(type=FlowRunFilterStateType(any_=alive))),
+            work_pool_filter=WorkPoolFilter(name=WorkPoolFilterName(any_=[POOL])),
+        )
+        for run in runs:
+            given = run.parameters
+            state = run.state
+            if state is None or state.type is StateType.SCHEDULED or not given.get("batch") or not given.get("store"):
+                continue
+            since = datetime.datetime.now(datetime.UTC) - state.timestamp
+            ledger = BatchLedger(Store(Path(given["store"])))
+            row = ledger.row(given["batch"], given["video"])
+            if since.total_seconds() < after_s or (row is not None and ledger.is_held(row)):
+                continue
+            ledger.find_lost(given["batch"])
+            row = ledger.row(given["batch"], given["video"])
+            ended: State[Any]
+            if row is not None and row.attempt == given.get("attempt", 1) and row.state == "done":
+                ended = Completed(message=row.run_dir)
+            elif row is not None and row.attempt == given.get("attempt", 1) and row.state == "partial":
+                ended = Failed(name="Partial", message=row.reason)
+            else:
+                ended = Crashed(message=row.reason if row is not None else "its process was lost")
+            await client.set_flow_run_state(run.id, ended, force=True)
+    return len(runs)
+
+
+@contextlib.contextmanager
+def _only_one(files: ServerFiles) -> Iterator[None]:
+    with (files.home / "serving.lock").open("a+") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise InputError("humanmm serve is up already; one is enough, `humanmm doctor` tells its address") from None
+        (files.home / READY).unlink(missing_ok=True)  # left by one that was killed
+        yield
+
+
+@contextlib.contextmanager
+def _signals(leave: threading.Event) -> Iterator[None]:
+    before = {number: signal.signal(number, lambda *_: leave.set()) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _descendants(pid: int) -> list[int]:
+    """Process ids below a process."""
+    children: dict[int, list[int]] = {}
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError, ValueError, IndexError):
+            parent = int(stat.read_text().rpartition(")")[2].split()[1])
+            children.setdefault(parent, []).append(int(stat.parent.name))
+    found = list(children.get(pid, []))
+    for child in found:  # grows while it is walked
+        found += children.get(child, [])
+    return found
+
+
+def _is_alive(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+if __name__ == "__main__":
+    serve(limit=int(sys.argv[1]), idle_s=float(sys.argv[2]))

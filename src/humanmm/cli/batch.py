@@ -1,0 +1,276 @@
+"""`humanmm batch`: many videos, submitted once, watched, tried again, cancelled, reported."""
+
+import argparse
+import contextlib
+import json
+import os
+import signal
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from humanmm.cli.recover import check_writable
+from humanmm.cli.settings import UsageError, add_settings, load_config
+from humanmm.storage.batch_ledger import BatchLedger, VideoRow, counts
+from humanmm.storage.store import Store, default_store
+from humanmm.tasks import pipeline
+
+PARTIAL = 3
+IDLE_S = 120.0
+"""A `humanmm serve` that a batch brought up leaves after so many seconds without work."""
+POLL_S = 1.0
+LOOK_AFTER_S = 10.0
+CANCEL_LIMIT_S = 10.0
+
+
+def add_batch(verbs: Any, common: argparse.ArgumentParser) -> None:
+    """Declare `batch submit|status|retry-failed|cancel|report`."""
+    parser = verbs.add_parser("batch", help="many videos: submit, status, retry-failed, cancel, report")
+    inner = parser.add_subparsers(required=True, metavar="submit|status|retry-failed|cancel|report")
+
+    submitting = inner.add_parser(
+        "submit", parents=[common], allow_abbrev=False, help="schedule every video that is not finished"
+    )
+    submitting.add_argument("source", type=Path, metavar="FOLDER|MANIFEST", help="a folder, a .csv or a .jsonl file")
+    submitting.add_argument("--name", help="name of the batch (default: made of the source)")
+    submitting.add_argument("--out", type=Path, default=Path("runs"), metavar="DIR", help="run folders (default: runs)")
+    submitting.add_argument("--glob", metavar="PATTERN", help="of a folder, only such names, e.g. 'cam1_*.mp4'")
+    submitting.add_argument("--priority", choices=("high", "normal", "low"), help="of videos that name none")
+    submitting.add_argument("--tag", action="append", default=[], metavar="TAG", help="a tag on every flow run")
+    _add_waiting(submitting)
+    _add_store(submitting)
+    add_settings(submitting)
+    submitting.set_defaults(run=submit)
+
+    watching = inner.add_parser("status", parents=[common], allow_abbrev=False, help="how far a batch is")
+    _add_batch(watching)
+    watching.add_argument("--json", action="store_true", help="one json object")
+    watching.set_defaults(run=status)
+
+    retrying = inner.add_parser(
+        "retry-failed", parents=[common], allow_abbrev=False, help="schedule what failed, is partial or was cancelled"
+    )
+    _add_batch(retrying)
+    names = [stage.name for stage in pipeline.STAGES]
+    retrying.add_argument("--stage", choices=names, metavar="STAGE", help="only videos that failed in STAGE")
+    _add_waiting(retrying)
+    retrying.set_defaults(run=retry_failed)
+
+    cancelling = inner.add_parser("cancel", parents=[common], allow_abbrev=False, help="stop what waits or runs")
+    _add_batch(cancelling)
+    cancelling.set_defaults(run=cancel)
+
+    reporting = inner.add_parser("report", parents=[common], allow_abbrev=False, help="a table: HTML and CSV")
+    _add_batch(reporting)
+    reporting.add_argument("--out", type=Path, metavar="DIR", help="where to (default: batch-<name>)")
+    reporting.add_argument("--force", action="store_true", help="replace a report that exists")
+    reporting.set_defaults(run=report)
+
+
+VERBS = (add_batch,)
+
+
+def submit(options: argparse.Namespace) -> int:
+    """Write the batch down, schedule what is not finished; with --wait, see it through."""
+    from humanmm.storage.batch_manifest import read_batch
+    from humanmm.tasks import batch as batches
+
+    _check_limit(options)
+    config = load_config(options)
+    check_writable(options.out)
+    entries = [
+        replace(
+            entry,
+            priority=entry.priority or options.priority or "normal",
+            tags=tuple(dict.fromkeys((*entry.tags, *options.tag))),
+        )
+        for entry in read_batch(options.source, pattern=options.glob)
+    ]
+    ledger = _ledger(options)
+    name = options.name or batches.batch_name(options.source)
+    submission = batches.submit(ledger, name, options.source, entries, config, options.out)
+    told = f"{len(submission.to_schedule)} to do, {submission.finished} finished"
+    if submission.failed:
+        told += f", {submission.failed} failed or cancelled before (`humanmm batch retry-failed` tries them again)"
+    _say(f"batch {name}: {told}")
+    return _see_through(ledger, name, submission.to_schedule, options)
+
+
+def status(options: argparse.Namespace) -> int:
+    """Counts, speed and the newest failures; or everything as json."""
+    ledger, name = _open(options)
+    ledger.find_lost(name)
+    rows = ledger.rows(name)
+    if options.json:
+        tree = {"batch": name, "counts": counts(rows), "videos": [row.to_json() for row in rows]}
+        sys.stdout.write(json.dumps(tree, indent=1) + "\n")
+        return 0
+    _print([f"batch {name}: {len(rows)} videos, {_counted(rows)}", *_speed(rows)])
+    at_work = [row for row in rows if row.state == "running"]
+    _print([f"  running: {row.video} ({row.stage or 'starting'})" for row in at_work])
+    bad = sorted((row for row in rows if row.state in ("failed", "partial")), key=lambda row: -row.changed)
+    _print([f"  {row.state}: {row.video} ({row.stage or 'no stage'}): {row.reason}" for row in bad[:10]])
+    if len(bad) > 10:
+        _print([f"  and {len(bad) - 10} more"])
+    return 0
+
+
+def retry_failed(options: argparse.Namespace) -> int:
+    """A new attempt at what did not end well; what the store has is not computed again."""
+    from humanmm.tasks import batch as batches
+
+    _check_limit(options)
+    ledger, name = _open(options)
+    ledger.find_lost(name)
+    rows = batches.retry(ledger, name, stage=options.stage)
+    _say(f"batch {name}: {len(rows)} videos are tried again")
+    return _see_through(ledger, name, rows, options)
+
+
+def cancel(options: argparse.Namespace) -> int:
+    """Cancel what waits, stop what runs."""
+    ledger, name = _open(options)
+    ledger.find_lost(name)
+    cancelled = [
+        row
+        for row in ledger.rows(name, "scheduled", "running")
+        if ledger.change(row, only_from=("scheduled", "running"), state="cancelled", reason="humanmm batch cancel")
+    ]
+    running = [row for row in cancelled if row.state == "running" and row.pid]
+    for number in (signal.SIGTERM, signal.SIGKILL):
+        for row in running:
+            if ledger.is_held(row):
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(row.pid or 0, number)
+        deadline = time.monotonic() + CANCEL_LIMIT_S
+        while time.monotonic() < deadline and any(ledger.is_held(row) for row in running):
+            time.sleep(0.1)
+    from humanmm.flows.local_server import prefect_server, running_server, server_files
+
+    if cancelled and (os.environ.get("PREFECT_API_URL") or running_server(server_files())):
+        with prefect_server():
+            from humanmm.flows.batch import cancel as cancel_flow_runs
+
+            cancel_flow_runs(ledger, [ledger.row(name, row.video) or row for row in cancelled])
+    _say(f"batch {name}: {len(cancelled)} videos cancelled, {len(running)} of them were running")
+    return 0
+
+
+def report(options: argparse.Namespace) -> int:
+    """Write report.html and report.csv."""
+    from humanmm.errors import InputError
+    from humanmm.storage.batch_report import write_report
+
+    ledger, name = _open(options)
+    ledger.find_lost(name)
+    folder = options.out or Path(f"batch-{name}")
+    if (folder / "report.html").exists() and not options.force:
+        raise InputError(f"{folder / 'report.html'} exists already; give --force to replace it")
+    for path in write_report(folder, name, ledger.rows(name)):
+        sys.stdout.write(f"{path}\n")
+    return 0
+
+
+# ---- seeing a batch through
+
+
+def _see_through(ledger: BatchLedger, name: str, rows: Sequence[VideoRow], options: argparse.Namespace) -> int:
+    if rows:
+        _schedule(ledger, rows, options.limit)
+    if options.wait:
+        _wait(ledger, name, options.limit)
+    sys.stdout.write(f"{name}\n")
+    if not options.wait:
+        return 0
+    ended = ledger.rows(name)
+    _say(f"batch {name}: {_counted(ended)}")
+    for row in ended:
+        if row.state != "done":
+            _say(f"{row.video}: {row.state}: {row.reason}")
+    return 0 if all(row.state == "done" for row in ended) else PARTIAL
+
+
+def _schedule(ledger: BatchLedger, rows: Sequence[VideoRow], limit: int | None) -> None:
+    from humanmm.flows.local_server import prefect_server
+    from humanmm.flows.serving import bring_up
+
+    bring_up(limit=limit, idle_s=IDLE_S)
+    with prefect_server():
+        from humanmm.flows.batch import schedule
+
+        schedule(ledger, rows)
+
+
+def _wait(ledger: BatchLedger, name: str, limit: int | None) -> None:
+    """Until every video has ended. Should `humanmm serve` be gone, it is started again, and what it lost scheduled."""
+    from humanmm.flows.local_server import server_files
+    from humanmm.flows.serving import is_serving
+
+    looked = time.monotonic()
+    while ledger.find_lost(name) or (waiting := ledger.rows(name, "scheduled", "running")):
+        time.sleep(POLL_S)
+        if time.monotonic() - looked > LOOK_AFTER_S:
+            looked = time.monotonic()
+            if not is_serving(server_files()):
+                _schedule(ledger, [row for row in waiting if row.state == "scheduled"], limit)
+
+
+def _speed(rows: Sequence[VideoRow]) -> list[str]:
+    """Videos an hour, from the last ten that ended, and the time left at that speed."""
+    waiting = sum(row.state in ("scheduled", "running") for row in rows)
+    ended = sorted((row for row in rows if row.seconds and row.state in ("done", "partial")), key=lambda r: r.changed)
+    recent = ended[-10:]
+    if not recent:
+        return []
+    mean_s = sum(row.seconds or 0.0 for row in recent) / len(recent)
+    line = f"  {mean_s:.1f} s a video"
+    running = sum(row.state == "running" for row in rows)
+    if waiting and running:
+        line += f", {3600 * running / mean_s:.0f} videos an hour, about {waiting * mean_s / running / 60:.0f} min left"
+    return [line]
+
+
+def _counted(rows: Sequence[VideoRow]) -> str:
+    return ", ".join(f"{number} {state}" for state, number in counts(rows).items()) or "nothing in it"
+
+
+def _open(options: argparse.Namespace) -> tuple[BatchLedger, str]:
+    ledger = _ledger(options)
+    return ledger, ledger.check(options.batch) if options.batch else ledger.newest()
+
+
+def _ledger(options: argparse.Namespace) -> BatchLedger:
+    return BatchLedger(Store(options.store or default_store()))
+
+
+def _check_limit(options: argparse.Namespace) -> None:
+    if options.limit is not None and options.limit < 1:
+        raise UsageError(f"--limit {options.limit}: at least one video at a time is needed")
+
+
+def _add_batch(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("batch", nargs="?", metavar="NAME", help="name of the batch (default: the newest)")
+    _add_store(parser)
+
+
+def _add_store(parser: argparse.ArgumentParser) -> None:
+    place = "artifact store (default: $HUMANMM_STORE, ~/.cache/humanmm/store)"
+    parser.add_argument("--store", type=Path, metavar="DIR", help=place)
+
+
+def _add_waiting(parser: argparse.ArgumentParser) -> None:
+    ended = "return when every video has ended; status 3 unless all are done"
+    parser.add_argument("--wait", action="store_true", help=ended)
+    help_text = "videos at the same time, if `humanmm serve` is not up yet (default: half the processors)"
+    parser.add_argument("--limit", type=int, metavar="N", help=help_text)
+
+
+def _print(lines: Sequence[str]) -> None:
+    sys.stdout.write("".join(f"{line}\n" for line in lines))
+
+
+def _say(text: str) -> None:
+    sys.stderr.write(f"humanmm: {' '.join(text.split())}\n")

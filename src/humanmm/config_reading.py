@@ -1,0 +1,71 @@
+"""Settings from what people write: TOML files, flags, manifest columns; what is wrong is told in one sentence."""
+
+import difflib
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+
+from humanmm.config import Config
+from humanmm.errors import ConfigError
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """The tree of a TOML file; ConfigError if it cannot be read."""
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigError(f"cannot read the settings file {path}: {error.strerror}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path} is not TOML: {error}") from None
+
+
+def validate(tree: Mapping[str, Any], *, origin: str = "") -> Config:
+    """The configuration of a tree; ConfigError tells the first thing that is wrong with it, in one sentence."""
+    try:
+        return Config.model_validate(tree)
+    except ValidationError as error:
+        raise ConfigError(f"{origin}: {_first(error)}" if origin else _first(error)) from None
+
+
+def with_values(tree: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
+    """A tree with single values replaced, each named `section.field`."""
+    changed = dict(tree)
+    for name, value in values.items():
+        section, _, field = name.partition(".")
+        changed[section] = {**changed.get(section, {}), field: value}
+    return changed
+
+
+def value_of(text: str) -> Any:
+    """A flag's text; `none` clears a value, lists are written as in TOML, pydantic reads the rest."""
+    if text.lower() == "none":
+        return None
+    if text.startswith("["):
+        try:
+            return tomllib.loads(f"value = {text}")["value"]
+        except tomllib.TOMLDecodeError:
+            return text
+    return text
+
+
+def _first(error: ValidationError) -> str:
+    first = error.errors()[0]
+    place = ".".join(str(part) for part in first["loc"])
+    if first["type"] == "extra_forbidden":
+        known = _names_beside(first["loc"])
+        close = difflib.get_close_matches(str(first["loc"][-1]), known, n=1)
+        hint = f"did you mean {close[0]}?" if close else f"known: {', '.join(known) or 'none'}"
+        return f"unknown setting {place}; {hint}"
+    message = first["msg"][:1].lower() + first["msg"][1:]
+    return f"setting {place}: {message}, not {first['input']!r}"
+
+
+def _names_beside(place: tuple[int | str, ...]) -> list[str]:
+    if len(place) < 2:
+        return list(Config.model_fields)
+    info = Config.model_fields.get(str(place[0]))
+    model = info.annotation if info else None
+    return list(model.model_fields) if isinstance(model, type) and issubclass(model, BaseModel) else []

@@ -1,0 +1,142 @@
+"""The videos of a batch: what lies in a folder, or what a CSV or JSON-lines file lists.
+
+    video,priority,tags,out,camera.static          {"video": "a/*.mp4", "priority": "high", "tags": ["gym"],
+    clips/one.mp4,high,gym;night,,true              "out": "one", "settings": {"camera": {"static": true}}}
+
+`video` may be a pattern. Relative paths count from the manifest's own folder; `out` from the batch's output folder.
+"""
+
+import csv
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from humanmm.config_reading import value_of, with_values
+from humanmm.errors import InputError
+
+SUFFIXES = frozenset(
+    {
+        ".mp4", ".m4v", ".mov", ".mkv", ".webm", ".avi", ".mpg", ".mpeg", ".ts", ".mts", ".m2ts", ".3gp", ".wmv",
+        ".flv", ".ogv",
+    }
+)  # fmt: skip
+PRIORITIES = ("high", "normal", "low")
+_COLUMNS = ("video", "priority", "tags", "out")
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One video of a batch as it was asked for."""
+
+    video: Path
+    """Absolute."""
+    priority: str = ""
+    """high, normal or low; empty if it names none."""
+    tags: tuple[str, ...] = ()
+    out: str | None = None
+    """Run folder, relative to the batch's output folder."""
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    """A tree of settings that differ from the batch's."""
+    origin: str = ""
+    """Where it was asked for, for error messages."""
+
+
+def read_batch(source: Path, *, pattern: str | None = None) -> list[Entry]:
+    """Every video of a folder (at any depth) or of a manifest, each once, in order. InputError names what is wrong."""
+    if source.is_dir():
+        found = sorted(path for path in source.absolute().rglob(pattern or "*") if path.is_file() and _is_video(path))
+        entries = [Entry(path, origin=str(source)) for path in found]
+        hint = f"{source} holds no video" + (f" named {pattern}" if pattern else "")
+    else:
+        if pattern is not None:
+            raise InputError("--glob goes with a folder; a manifest has its patterns in `video`")
+        entries = [entry for asked in _read_manifest(source) for entry in _expanded(asked, source)]
+        hint = f"{source} lists no video"
+    if not entries:
+        raise InputError(f"{hint}; videos end in {', '.join(sorted(SUFFIXES))}")
+    by_path: dict[Path, Entry] = {}
+    for entry in entries:
+        by_path.setdefault(entry.video, entry)  # the first mention counts
+    return list(by_path.values())
+
+
+def _is_video(path: Path) -> bool:
+    return path.suffix.lower() in SUFFIXES and not path.name.startswith(".")
+
+
+def _read_manifest(source: Path) -> Iterator[Entry]:
+    try:
+        text = source.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise InputError(f"cannot read {source}: {error.strerror}; give a folder, a .csv or a .jsonl file") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{source} is not UTF-8 text; give a folder, a .csv or a .jsonl file") from None
+    if source.suffix.lower() == ".csv":
+        yield from _read_csv(text, source)
+    elif source.suffix.lower() in (".jsonl", ".ndjson"):
+        yield from _read_json_lines(text, source)
+    else:
+        raise InputError(f"{source} is neither a folder nor a .csv or .jsonl manifest")
+
+
+def _read_csv(text: str, source: Path) -> Iterator[Entry]:
+    reader = csv.DictReader(text.splitlines(), strict=True)
+    try:
+        for row in reader:
+            origin = f"{source}, line {reader.line_num}"
+            if None in row or None in row.values():
+                raise InputError(f"{origin}: it has not as many columns as the first line")
+            columns = {name.strip(): value.strip() for name, value in row.items()}
+            unknown = [name for name in columns if name not in _COLUMNS and "." not in name]
+            if unknown:
+                raise InputError(f"{origin}: unknown column {unknown[0]!r}; known: {', '.join(_COLUMNS)}, STAGE.FIELD")
+            values = {name: value_of(value) for name, value in columns.items() if "." in name and value}
+            tags = tuple(filter(None, (tag.strip() for tag in columns.get("tags", "").split(";"))))
+            yield _entry(columns, tags, with_values({}, values), origin)
+    except csv.Error as error:
+        raise InputError(f"{source}, line {reader.line_num}: {error}") from None
+
+
+def _read_json_lines(text: str, source: Path) -> Iterator[Entry]:
+    for number, line in enumerate(text.splitlines(), start=1):
+        if not line.strip():
+            continue
+        origin = f"{source}, line {number}"
+        try:
+            tree = json.loads(line)
+        except ValueError as error:
+            raise InputError(f"{origin}: {error}") from None
+        if not isinstance(tree, dict):
+            raise InputError(f"{origin}: a line is one object with `video`")
+        unknown = set(tree) - {*_COLUMNS, "settings"}
+        if unknown:
+            raise InputError(f"{origin}: unknown key {min(unknown)!r}; known: {', '.join(_COLUMNS)}, settings")
+        tags, settings = tree.get("tags", []), tree.get("settings", {})
+        if not isinstance(tags, list) or not isinstance(settings, dict):
+            raise InputError(f"{origin}: `tags` is a list and `settings` an object")
+        yield _entry(tree, tuple(str(tag) for tag in tags), settings, origin)
+
+
+def _entry(columns: Mapping[str, Any], tags: tuple[str, ...], settings: Mapping[str, Any], origin: str) -> Entry:
+    video, priority = columns.get("video") or "", columns.get("priority") or ""
+    if not isinstance(video, str) or not video:
+        raise InputError(f"{origin}: `video` is missing")
+    if priority and priority not in PRIORITIES:
+        raise InputError(f"{origin}: priority {priority!r} is none of {', '.join(PRIORITIES)}")
+    return Entry(Path(video), priority, tags, columns.get("out") or None, settings, origin)
+
+
+def _expanded(asked: Entry, source: Path) -> Iterator[Entry]:
+    """An entry per file that its pattern names; a file that is not there stays, and fails with its reason."""
+    folder = source.absolute().parent
+    path = folder / asked.video.expanduser()
+    found = [path]
+    if not path.exists() and any(c in str(asked.video) for c in "*?["):
+        anchor = Path(path.anchor)
+        found = sorted(match for match in anchor.glob(str(path.relative_to(anchor))) if match.is_file())
+        if asked.out is not None and len(found) > 1:
+            raise InputError(f"{asked.origin}: `out` names one run folder, {asked.video} {len(found)} videos")
+    for match in found:
+        yield Entry(match, asked.priority, asked.tags, asked.out, asked.settings, asked.origin)

@@ -1,0 +1,269 @@
+"""Many videos: what of a batch is to be done, and the account of one video while it runs. Needs no Prefect.
+
+What a batch asks for is compared with the ledger and the store before anything is scheduled: a video is finished if
+the same file was finished with the same code, weights, libraries and settings and its run folder is still there.
+"""
+
+import contextlib
+import hashlib
+import json
+import logging
+import os
+import threading
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from humanmm.config import Config
+from humanmm.config_reading import validate
+from humanmm.errors import InputError, VideoError
+from humanmm.storage.batch_ledger import BatchLedger, VideoRow, facts_of, has_run_record
+from humanmm.storage.batch_manifest import Entry
+from humanmm.storage.code_digest import code_digest
+from humanmm.storage.codec import canonical_json
+from humanmm.storage.store import Store
+from humanmm.storage.video_identity import identify
+from humanmm.tasks import finish, pipeline
+from humanmm.tasks.engine import VideoRun
+from humanmm.tasks.plan import forecast, is_complete
+
+log = logging.getLogger(__name__)
+LOOK_EVERY_S = 1.0
+
+
+@dataclass(frozen=True)
+class Submission:
+    """What a batch asks for, seen against what is there already."""
+
+    name: str
+    to_schedule: tuple[VideoRow, ...]
+    """Written down as scheduled; whoever runs flows is told now."""
+    finished: int
+    """Videos that need nothing."""
+    failed: int
+    """Videos that failed before, in the same way as they would now: `retry-failed` runs them again."""
+
+
+def batch_name(source: Path) -> str:
+    """Name of a batch that was given none: of its folder or manifest, and a few digits of where that lies."""
+    path = source.absolute()
+    return f"{finish.default_run_dir(path).name}-{hashlib.sha256(os.fsencode(path)).hexdigest()[:8]}"
+
+
+def submit(
+    ledger: BatchLedger, name: str, source: Path, entries: Sequence[Entry], config: Config, out: Path
+) -> Submission:
+    """Write a batch down. What is written already and asks for the same stays as it is, whatever its state."""
+    known = {row.video: row for row in ledger.rows(name)}
+    asked = _rows(name, entries, config, out.absolute(), ledger.store, known)
+    finished = ledger.finished()
+    written: list[VideoRow] = []
+    rows: list[VideoRow] = []
+    for row in asked:
+        before = known.get(row.video)
+        if before is not None and before.same_work(row) and not (before.state == "done" and _is_gone(row)):
+            rows.append(before)
+            continue
+        attempt = before.attempt + 1 if before else 1
+        if before is not None and before.state == "running" and ledger.is_held(before):
+            raise InputError(f"{row.video} is running with other settings; wait for it or `humanmm batch cancel` first")
+        state = "done" if _is_finished(row, finished, ledger.store) else "scheduled"
+        rows.append(replace(row, attempt=attempt, state=state))
+        written.append(rows[-1])
+    if written:
+        ledger.put(name, str(source.absolute()), written)
+    states = [row.state for row in rows]
+    return Submission(
+        name=name,
+        to_schedule=tuple(row for row in rows if row.state == "scheduled"),
+        finished=states.count("done"),
+        failed=sum(states.count(state) for state in ("failed", "partial", "cancelled")),
+    )
+
+
+def retry(ledger: BatchLedger, name: str, *, stage: str | None = None) -> list[VideoRow]:
+    """Schedule again what failed, is partial or was cancelled; with `stage`, only what failed there."""
+    again = []
+    for row in ledger.rows(name, "failed", "partial", "cancelled"):
+        if stage is None or (row.stage or "").split(" · ")[0] == stage:
+            fresh = replace(row, attempt=row.attempt + 1, state="scheduled", stage=None, reason="", seconds=None)
+            again.append(replace(fresh, flow_run=None, pid=None))
+    if again:
+        ledger.put(name, "", again)
+    return again
+
+
+def recipe_of_code() -> str:
+    """Digest of the code, weights and libraries of all stages and of what writes run folders."""
+    codes = [code_digest(stage.function[0]) for stage in pipeline.STAGES]
+    stages = [[stage.name, stage.schema_version] for stage in pipeline.STAGES]
+    facts = [stages, [[dict(code.modules), dict(code.weights), dict(code.libraries)] for code in codes]]
+    return hashlib.sha256(canonical_json([repr(fact) for fact in facts]).encode()).hexdigest()
+
+
+# ---- one video of a batch
+
+
+class Account:
+    """Keeps the ledger's row of one running video up to date."""
+
+    def __init__(self, ledger: BatchLedger, row: VideoRow) -> None:
+        self.ledger, self.row = ledger, row
+        self.run: VideoRun | None = None
+        """Set by the flow when the video is open."""
+        self._left = threading.Event()
+        self._stage: str | None = None
+
+    def end(self, state: str, reason: str) -> None:
+        """Note how it ended, unless somebody has cancelled it meanwhile."""
+        stage = self._failed_stage() if state in ("failed", "partial") else None
+        self.ledger.change(self.row, only_from=("running",), state=state, reason=reason, stage=stage)
+
+    @contextlib.contextmanager
+    def kept(self, flow_run: str | None) -> Iterator[bool]:
+        """Hold the video and tell where it is while the body runs; False if it is not to be run any more."""
+        with self.ledger.hold(self.row) as held:
+            begun = time.time()
+            values: dict[str, Any] = {"state": "running", "flow_run": flow_run, "pid": os.getpid(), "reason": ""}
+            # the dashboard's own Retry runs a failed attempt again
+            ready = held and self.ledger.change(
+                self.row, only_from=("scheduled", "running", "failed", "partial", "done"), **values
+            )
+            if not ready:
+                yield False
+                return
+            reporter = threading.Thread(target=self._report, args=(begun,), daemon=True)
+            reporter.start()
+            try:
+                yield True
+            finally:
+                self._left.set()
+                reporter.join()
+                self.ledger.change(self.row, seconds=round(time.time() - begun, 3))
+
+    def _report(self, begun: float) -> None:
+        while not self._left.wait(LOOK_EVERY_S):
+            stage = self._current_stage()
+            if stage != self._stage:
+                self._stage = stage
+                seconds = round(time.time() - begun, 3)
+                self.ledger.change(self.row, only_from=("running",), stage=stage, seconds=seconds)
+
+    def _current_stage(self) -> str | None:
+        outcomes = list(self.run.outcomes.values()) if self.run else []
+        at_work = [o.work.label for o in outcomes if o.began and o.manifest is None and o.error is None]
+        return at_work[0] if at_work else self._stage
+
+    def _failed_stage(self) -> str | None:
+        failed = finish.failures(self.run) if self.run else []
+        return failed[0].work.label if failed else self._stage
+
+
+# ---- what a batch asks for
+
+
+def _rows(
+    name: str, entries: Sequence[Entry], config: Config, out: Path, store: Store, known: Mapping[str, VideoRow]
+) -> list[VideoRow]:
+    code = recipe_of_code()
+    resolved: dict[str, tuple[str, str]] = {}  # overrides → configuration as json, recipe
+    base = config.model_dump(mode="json")
+    folders = _RunFolders(out, store, known)
+    rows = []
+    for position, entry in enumerate(entries):
+        video = _as_text(entry.video)
+        overrides = json.dumps(entry.settings, sort_keys=True)
+        if overrides not in resolved:
+            tree = {k: {**v, **entry.settings.get(k, {})} for k, v in base.items()} if entry.settings else base
+            unknown = {k: v for k, v in entry.settings.items() if k not in tree}
+            settings = validate({**tree, **unknown}, origin=entry.origin).model_dump(mode="json")
+            kept = {section: values for section, values in settings.items() if section != "run"}
+            recipe = hashlib.sha256(f"{code}{canonical_json(kept)}".encode()).hexdigest()
+            resolved[overrides] = json.dumps(settings), recipe
+        settings_json, recipe = resolved[overrides]
+        rows.append(
+            VideoRow(
+                batch=name, video=video, position=position, run_dir=folders.folder(entry), config=settings_json,
+                priority=entry.priority or "normal", tags=json.dumps(entry.tags), facts=facts_of(entry.video),
+                recipe=recipe,
+            )
+        )  # fmt: skip
+    return rows
+
+
+class _RunFolders:
+    """A run folder per video: its stem; with eight digits of its content if another video has that stem."""
+
+    def __init__(self, out: Path, store: Store, known: Mapping[str, VideoRow]) -> None:
+        self._out, self._store = out, store
+        self._known = {video: row.run_dir for video, row in known.items() if Path(row.run_dir).parent == out}
+        self._taken = set(self._known.values())
+
+    def folder(self, entry: Entry) -> str:
+        video = str(entry.video)
+        if entry.out is not None:
+            path = os.path.normpath(self._out / entry.out)
+            if path in self._taken and self._known.get(video) != path:
+                raise InputError(f"{entry.origin}: the run folder {path} is another video's")
+        elif video in self._known:
+            return self._known[video]
+        else:
+            plain = str(self._out / finish.default_run_dir(entry.video).name)
+            path = self._free(plain, entry.video) if plain in self._taken else plain
+        self._taken.add(path)
+        return path
+
+    def _free(self, plain: str, video: Path) -> str:
+        try:
+            digest = identify(video, self._store).sha256
+        except VideoError:  # it will fail with its reason, and write no folder
+            digest = hashlib.sha256(os.fsencode(video)).hexdigest()
+        path, count = f"{plain}-{digest[:8]}", 1
+        while path in self._taken:  # the same video twice under one name
+            count += 1
+            path = f"{plain}-{digest[:8]}-{count}"
+        return path
+
+
+def _is_gone(row: VideoRow) -> bool:
+    return not has_run_record(row.run_dir)
+
+
+def _is_finished(row: VideoRow, finished: Mapping[tuple[str, str, str], str], store: Store) -> bool:
+    """True if nothing has to be computed; a run folder that is missing is then written from the store."""
+    if not row.facts:
+        return False
+    if finished.get((row.video, row.facts, row.recipe)) == row.run_dir and not _is_gone(row):
+        return True
+    sha256 = _known_content(row, store)
+    if sha256 is None or not (store.root / "latest" / sha256[:32] / "run.json").exists():
+        return False
+    began = time.time()
+    run = VideoRun(identify(Path(row.video), store), Config.model_validate_json(row.config), store)
+    if not is_complete(forecast(run)):
+        return False
+    run_dir = Path(row.run_dir)
+    if not finish.is_up_to_date(run, run_dir):
+        finish.write_results(run, run_dir, started=began, log_text="written from the store alone\n")
+    return True
+
+
+def _known_content(row: VideoRow, store: Store) -> str | None:
+    """Content hash of a video that was hashed before; new videos are hashed by the process that computes them."""
+    record = store.root / "videos" / f"{hashlib.sha256(os.fsencode(row.video)).hexdigest()}.json"
+    try:
+        known = json.loads(record.read_text())
+        same = [known["size"], known["mtime_ns"], known["inode"]] == json.loads(row.facts)
+        return str(known["sha256"]) if same else None
+    except (OSError, ValueError, KeyError):
+        return None
+
+
+def _as_text(video: Path) -> str:
+    try:
+        str(video).encode()
+    except UnicodeEncodeError:
+        raise InputError(f"the name {str(video)!a} is no text; rename the file to use it in a batch") from None
+    return str(video)

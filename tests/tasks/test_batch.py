@@ -1,0 +1,219 @@
+"""What of a batch is scheduled, what is finished already, and where each video's run folder goes."""
+
+import hashlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from humanmm.config import Config
+from humanmm.errors import ConfigError, InputError
+from humanmm.storage.batch_ledger import BatchLedger, VideoRow, counts
+from humanmm.storage.batch_manifest import read_batch
+from humanmm.storage.batch_report import write_report
+from humanmm.storage.store import Store
+from humanmm.tasks import batch as batches
+
+
+@pytest.fixture
+def ledger(toy: Any) -> BatchLedger:
+    return BatchLedger(Store(toy.store))
+
+
+def _submit(toy: Any, ledger: BatchLedger, source: Path, **settings: Any) -> batches.Submission:
+    config = Config.model_validate(settings)
+    return batches.submit(ledger, "test", source, read_batch(source), config, toy.folder / "runs")
+
+
+def _films(toy: Any, *names: str) -> Path:
+    for number, name in enumerate(names):
+        path = Path(toy.folder / "films" / name)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps({"num_frames": 60 + number, "cuts": [20, 40]}))
+    return Path(toy.folder / "films")
+
+
+def _end(ledger: BatchLedger, row: VideoRow, state: str, reason: str = "", stage: str | None = None) -> None:
+    assert ledger.change(row, state=state, reason=reason, stage=stage, seconds=2.0)
+    if state in ("done", "partial"):
+        Path(row.run_dir).mkdir(parents=True)
+        Path(row.run_dir, "run.json").write_text("{}")
+
+
+def test_the_same_batch_twice_schedules_nothing_new(toy: Any, ledger: BatchLedger) -> None:
+    films = _films(toy, "a.mp4", "b.mp4", "c.mp4")
+    first = _submit(toy, ledger, films)
+    assert [(Path(row.video).name, row.attempt) for row in first.to_schedule] == [
+        ("a.mp4", 1), ("b.mp4", 1), ("c.mp4", 1),
+    ]  # fmt: skip
+    _end(ledger, first.to_schedule[0], "done")
+    _end(ledger, first.to_schedule[1], "failed", "no people")
+    again = _submit(toy, ledger, films)
+    assert [(Path(row.video).name, row.attempt) for row in again.to_schedule] == [("c.mp4", 1)]
+    assert (again.finished, again.failed) == (1, 1)
+
+
+def test_a_new_video_a_changed_one_and_changed_settings_are_scheduled(toy: Any, ledger: BatchLedger) -> None:
+    films = _films(toy, "a.mp4", "b.mp4")
+    for row in _submit(toy, ledger, films).to_schedule:
+        _end(ledger, row, "done")
+    (films / "new.mp4").write_text("{}")
+    (films / "b.mp4").write_text('{"num_frames": 70, "cuts": []}')
+    asked = _submit(toy, ledger, films).to_schedule
+    assert [(Path(row.video).name, row.attempt) for row in asked] == [("b.mp4", 2), ("new.mp4", 1)]
+    assert len(_submit(toy, ledger, films, camera={"static": True}).to_schedule) == 3
+    for row in ledger.rows("test"):
+        ledger.change(row, state="done")
+        Path(row.run_dir).mkdir(exist_ok=True)
+        Path(row.run_dir, "run.json").touch()
+    assert _submit(toy, ledger, films, camera={"static": True}, run={"threads": 1}).finished == 3, "same result"
+
+
+def test_a_video_that_recover_finished_is_not_scheduled_and_its_folder_is_written(
+    toy: Any, ledger: BatchLedger
+) -> None:
+    toy.run()
+    films = toy.folder / "films"
+    films.mkdir()
+    toy.video.rename(films / "film.mp4")
+    assert toy.main("recover", "films/film.mp4", "--out", "elsewhere")[0] == 0
+    submission = _submit(toy, ledger, films)
+    assert (submission.to_schedule, submission.finished) == ((), 1)
+    assert json.loads((toy.folder / "runs/film/run.json").read_text())["state"] == "done"
+
+
+def test_a_finished_video_whose_folder_is_gone_is_looked_up_in_the_store_again(toy: Any, ledger: BatchLedger) -> None:
+    films = _films(toy, "a.mp4")
+    (row,) = _submit(toy, ledger, films).to_schedule
+    _end(ledger, row, "done")
+    Path(row.run_dir, "run.json").unlink()
+    (again,) = _submit(toy, ledger, films).to_schedule
+    assert again.attempt == 2
+
+
+def test_videos_of_one_name_get_folders_by_their_content(toy: Any, ledger: BatchLedger) -> None:
+    films = _films(toy, "x/take.mp4", "y/take.mp4", "y/take.mov")
+    rows = {Path(row.video): Path(row.run_dir).name for row in _submit(toy, ledger, films).to_schedule}
+    digest = {path: hashlib.sha256(path.read_bytes()).hexdigest()[:8] for path in rows}
+    assert sorted(rows.values()) == sorted(
+        ["take", f"take-{digest[films / 'y/take.mov']}", f"take-{digest[films / 'y/take.mp4']}"]
+    )
+    again = {Path(row.video): Path(row.run_dir).name for row in _submit(toy, ledger, films).to_schedule}
+    assert again == rows
+
+
+def test_copies_of_one_video_under_one_name_still_get_a_folder_each(toy: Any, ledger: BatchLedger) -> None:
+    films = _films(toy, "x/take.mp4", "y/take.mp4", "z/take.mp4")
+    for folder in ("y", "z"):
+        (films / folder / "take.mp4").write_bytes((films / "x/take.mp4").read_bytes())
+    assert len({row.run_dir for row in _submit(toy, ledger, films).to_schedule}) == 3
+
+
+def test_settings_of_one_video_reach_it_alone_and_a_bad_one_is_told(toy: Any, ledger: BatchLedger) -> None:
+    films = _films(toy, "a.mp4", "b.mp4")
+    (films / "m.csv").write_text("video,camera.static,shots.person\na.mp4,true,\nb.mp4,,1\n")
+    first, second = _submit(toy, ledger, films / "m.csv", shots={"person": 0}).to_schedule
+    assert json.loads(first.config)["camera"]["static"] is True and json.loads(first.config)["shots"]["person"] == 0
+    assert json.loads(second.config)["camera"]["static"] is False and json.loads(second.config)["shots"]["person"] == 1
+    (films / "m.csv").write_text("video,camera.statik\na.mp4,true\n")
+    with pytest.raises(ConfigError, match=r"line 2: unknown setting camera.statik; did you mean static\?"):
+        _submit(toy, ledger, films / "m.csv")
+    (films / "m.csv").write_text("video,out\na.mp4,same\nb.mp4,same\n")
+    with pytest.raises(InputError, match="is another video's"):
+        batches.submit(ledger, "other", films, read_batch(films / "m.csv"), Config(), toy.folder / "runs")
+
+
+def test_only_what_failed_in_a_stage_is_tried_again(toy: Any, ledger: BatchLedger) -> None:
+    a, b, c, d = _submit(toy, ledger, _films(toy, "a.mp4", "b.mp4", "c.mp4", "d.mp4")).to_schedule
+    _end(ledger, a, "partial", "no points", "camera · shot 1")
+    _end(ledger, b, "failed", "no people", "people · scene 0")
+    _end(ledger, c, "done")
+    assert [row.video for row in batches.retry(ledger, "test", stage="camera")] == [a.video]
+    assert [(row.video, row.attempt) for row in batches.retry(ledger, "test")] == [(b.video, 2)]
+    assert counts(ledger.rows("test")) == {"scheduled": 3, "done": 1}
+    assert not ledger.change(a, state="done"), "its first attempt has nothing to say any more"
+    assert ledger.row("test", d.video) == ledger.rows("test")[3]
+
+
+def test_a_running_video_whose_process_was_killed_is_found_lost(toy: Any, ledger: BatchLedger) -> None:
+    (row,) = _submit(toy, ledger, _films(toy, "a.mp4")).to_schedule
+    script = (
+        "import sys, time\n"
+        "from pathlib import Path\n"
+        "from humanmm.storage.batch_ledger import BatchLedger\n"
+        "from humanmm.storage.store import Store\n"
+        "from humanmm.tasks.batch import Account\n"
+        "ledger = BatchLedger(Store(Path(sys.argv[1])))\n"
+        "with Account(ledger, ledger.rows('test')[0]).kept('run') as ready:\n"
+        "    print(ready, flush=True)\n"
+        "    time.sleep(60)\n"
+    )
+    worker = subprocess.Popen(
+        [sys.executable, "-c", script, str(toy.store)], env=toy.environment(), stdout=subprocess.PIPE, text=True
+    )
+    assert worker.stdout is not None and worker.stdout.readline() == "True\n"
+    assert ledger.find_lost("test") == []
+    running = ledger.rows("test")[0]
+    assert (running.state, running.pid, running.flow_run) == ("running", worker.pid, "run")
+    with batches.Account(ledger, running).kept("other") as ready:
+        assert not ready, "one video is never computed twice at the same time"
+    os.kill(worker.pid, signal.SIGKILL)
+    worker.wait()
+    worker.stdout.close()
+    began = time.monotonic()
+    assert [lost.video for lost in ledger.find_lost("test")] == [row.video]
+    assert time.monotonic() - began < 1
+    assert "its process was lost" in ledger.rows("test")[0].reason
+
+
+def test_a_cancelled_video_does_not_start_and_stays_cancelled(toy: Any, ledger: BatchLedger) -> None:
+    a, b = _submit(toy, ledger, _films(toy, "a.mp4", "b.mp4")).to_schedule
+    ledger.change(a, state="cancelled")
+    with batches.Account(ledger, a).kept(None) as ready:
+        assert not ready
+    account = batches.Account(ledger, b)
+    with account.kept(None) as ready:
+        assert ready
+        ledger.change(b, state="cancelled")
+        account.end("failed", "it was stopped")
+    assert counts(ledger.rows("test")) == {"cancelled": 2}
+
+
+def test_ten_thousand_finished_videos_are_known_within_twenty_seconds(toy: Any, ledger: BatchLedger) -> None:
+    films = toy.folder / "films"
+    films.mkdir()
+    for number in range(10_000):
+        (films / f"{number:05d}.mp4").write_text("x")
+    rows = _submit(toy, ledger, films).to_schedule
+    for row in rows:
+        Path(row.run_dir).mkdir(parents=True)
+        Path(row.run_dir, "run.json").touch()
+    ledger.put("test", "", [replace(row, state="done") for row in rows])
+    began = time.process_time()
+    assert _submit(toy, ledger, films).finished == 10_000
+    assert time.process_time() - began < 20
+    renamed = batches.submit(ledger, "other", films, read_batch(films), Config(), toy.folder / "runs")
+    assert (renamed.finished, renamed.to_schedule) == (10_000, ())
+
+
+def test_the_report_has_a_row_a_video_with_links_and_survives_strange_names(toy: Any, ledger: BatchLedger) -> None:
+    films = _films(toy, "a <b>.mp4", "c.mp4")
+    toy.run()
+    rows = _submit(toy, ledger, films).to_schedule
+    assert toy.main("recover", "film.mp4", "--out", rows[0].run_dir)[0] == 0
+    ledger.change(rows[0], state="done", seconds=1.25)
+    ledger.change(rows[1], state="failed", reason="it has <no> people", stage="people · scene 0")
+    page, table = write_report(toy.folder / "report", "test", ledger.rows("test"))
+    text = page.read_text()
+    assert "a &lt;b&gt;.mp4" in text and "it has &lt;no&gt; people" in text
+    assert 'href="../runs/a__b_/view/overlay.mp4"' in text
+    first, second = table.read_text().splitlines()[1:]
+    assert ",done," in first and ",60,3,1,1.25," in first
+    assert second.split(",")[1:4] == ["failed", "people · scene 0", "it has <no> people"]
