@@ -1,10 +1,11 @@
-"""`humanmm bench ms-mocap`: how well motion is recovered, by every method, on videos that are made on the spot.
+"""`humanmm bench ms-mocap | ms-render | ms-real`: how well motion is recovered, by every method, video by video.
 
 Each video's motions and figures are artifacts of the store. The key of the motions names the code and settings that
 make them, the key of the figures also the code of the metrics: a change of a metric reads the motions again, a repeat
 reads figures only.
 """
 
+import functools
 import hashlib
 import logging
 import multiprocessing
@@ -19,17 +20,24 @@ import numpy as np
 
 from humanmm import __version__
 from humanmm.config import Config
-from humanmm.errors import InputError, StoreError
+from humanmm.errors import HumanMMError, InputError, StoreError
 from humanmm.models.benchmark.methods import METHODS, MethodMotion, VideoMotions, run_methods
 from humanmm.models.benchmark.mocap import MocapTake
-from humanmm.models.benchmark.multishot import LONGEST_FRAMES, BenchVideo, VideoPlan, build_video, plan_videos
-from humanmm.models.benchmark.scoring import VideoFigures, score
+from humanmm.models.benchmark.multishot import (
+    LONGEST_FRAMES,
+    BenchVideo,
+    VideoPlan,
+    build_video,
+    plan_videos,
+    split_name,
+)
+from humanmm.models.benchmark.scoring import MethodFigures, VideoFigures, score
 from humanmm.models.benchmark.statistics import SetStatistics, statistics_of
 from humanmm.storage.code_digest import CodeDigest, code_digest
 from humanmm.storage.mocap_pack import read_pack
 from humanmm.storage.recipe import Recipe
 from humanmm.storage.store import Store
-from humanmm.tasks.engine import use_one_thread_per_stage
+from humanmm.tasks.process import prepare_process
 
 log = logging.getLogger(__name__)
 T = TypeVar("T")
@@ -43,6 +51,7 @@ SIZES = {
 """Videos for each number of transitions, these numbers, and the longest video in frames."""
 SETTINGS = ("shots", "intrinsics", "camera", "hmr", "align", "refine")
 """Sections of the configuration that change a motion here."""
+MOTION_CODE, FIGURE_CODE = "humanmm.models.benchmark.methods", "humanmm.models.benchmark.scoring"
 FEW = 3
 """So many videos are computed in this process: starting others would take longer."""
 
@@ -66,7 +75,19 @@ class Job(Protocol):
         """Digests of the data that it is made of."""
         ...
 
-    def build(self) -> BenchVideo: ...
+    @property
+    def stages(self) -> tuple[str, ...]:
+        """Modules whose code makes the video, besides the methods' own."""
+        ...
+
+    @property
+    def settings(self) -> tuple[str, ...]:
+        """Sections of the configuration that change its motions."""
+        ...
+
+    def build(self, config: Config, store: Store) -> BenchVideo:
+        """The video itself; HumanMMError where it cannot be had, which counts as a failure of all methods."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -82,7 +103,7 @@ class MocapJob:
 
     @property
     def split(self) -> str:
-        return f"{self.plan.num_transitions} transitions"
+        return split_name(self.plan.num_transitions)
 
     @property
     def parameters(self) -> dict[str, Any]:
@@ -96,8 +117,16 @@ class MocapJob:
             total.update(np.ascontiguousarray(array).tobytes())
         return {"take": total.hexdigest()}
 
-    def build(self) -> BenchVideo:
-        """The video itself."""
+    @property
+    def stages(self) -> tuple[str, ...]:
+        return ()
+
+    @property
+    def settings(self) -> tuple[str, ...]:
+        return SETTINGS
+
+    def build(self, config: Config, store: Store) -> BenchVideo:
+        """Made on the spot."""
         return build_video(self.take, self.plan)
 
 
@@ -117,9 +146,8 @@ def mocap_set(pack: Path, size: str) -> tuple[list[MocapJob], SetStatistics]:
 
 def figures_of(jobs: Sequence[Job], config: Config, store: Store) -> list[VideoFigures]:
     """Every method's figures on every video: from the store, or computed now by `run.threads` processes."""
-    use_one_thread_per_stage()
-    codes = (code_digest("humanmm.models.benchmark.methods"), code_digest("humanmm.models.benchmark.scoring"))
-    recipes = [_recipes(job, config, codes) for job in jobs]
+    prepare_process()
+    recipes = [_recipes(job, config, (_code(MOTION_CODE, *job.stages), _code(FIGURE_CODE))) for job in jobs]
     done: dict[int, VideoFigures] = {}
     for index, (_, of_figures) in enumerate(recipes):
         manifest = store.find(of_figures.stage, of_figures.key)
@@ -144,7 +172,7 @@ def _computed(
             yield index, compute(jobs[index], recipes[index], config, store.root)
         return
     fresh = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(config.run.threads, mp_context=fresh, initializer=use_one_thread_per_stage) as pool:
+    with ProcessPoolExecutor(config.run.threads, mp_context=fresh, initializer=prepare_process) as pool:
         futures = {pool.submit(compute, jobs[index], recipes[index], config, store.root): index for index in missing}
         try:
             for future in as_completed(futures):
@@ -158,7 +186,11 @@ def compute(job: Job, recipes: tuple[Recipe, Recipe], config: Config, store_root
     """One video's figures; its motions are taken from the store where it has them. Runs in a process of its own."""
     store = Store(store_root)
     of_motions, of_figures = recipes
-    video = job.build()
+    try:
+        video = job.build(config, store)
+    except HumanMMError as error:
+        failed = tuple(MethodFigures(method, (), (), str(error)) for method in METHODS)
+        return VideoFigures(job.name, job.split, failed)
 
     def motions() -> VideoMotions:
         try:
@@ -192,7 +224,7 @@ def _kept(store: Store, recipe: Recipe, unit: str, output: type[T], make: Any) -
 
 def _recipes(job: Job, config: Config, codes: tuple[CodeDigest, CodeDigest]) -> tuple[Recipe, Recipe]:
     of_motions, of_metrics = codes
-    settings: Mapping[str, Any] = {name: getattr(config, name).model_dump(mode="json") for name in SETTINGS}
+    settings: Mapping[str, Any] = {name: getattr(config, name).model_dump(mode="json") for name in job.settings}
     motions = Recipe(
         stage="bench-motions",
         schema_version=1,
@@ -214,6 +246,17 @@ def _recipes(job: Job, config: Config, codes: tuple[CodeDigest, CodeDigest]) -> 
         inputs={"motions": motions.key},
     )
     return motions, figures
+
+
+@functools.cache
+def _code(*modules: str) -> CodeDigest:
+    """The code of several modules together."""
+    parts = [code_digest(module) for module in modules]
+    return CodeDigest(
+        modules={name: digest for part in parts for name, digest in part.modules.items()},
+        weights={name: digest for part in parts for name, digest in part.weights.items()},
+        libraries={name: version for part in parts for name, version in part.libraries.items()},
+    )
 
 
 def _plain(value: Any) -> Any:

@@ -16,6 +16,8 @@ from humanmm.errors import HumanMMError
 from humanmm.models.benchmark.multishot import BenchVideo
 from humanmm.models.camera.estimate import estimate_camera
 from humanmm.models.camera.intrinsics import ShotPoints, estimate_intrinsics, given_intrinsics
+from humanmm.models.camera.links import without_people
+from humanmm.models.camera.masking import without_transitions
 from humanmm.models.camera.observations import Intrinsics, PointTracks, ShotCamera
 from humanmm.models.motion.hmr import NoiseModel, fit_shot
 from humanmm.models.motion.refine import Observations, RefineSettings, refine_world
@@ -129,7 +131,8 @@ def begin(video: BenchVideo, config: Config) -> Beginning:
     shots = assemble_shots(
         video.scenes, video.people, time_s=facts.time_s, fps=facts.fps, K=rough.K, only_person=config.shots.person
     )
-    tracks = [video.points_of(shot.scene, shot.start, shot.end) for shot in shots.shots]
+    transitions = [shot.transition for shot in shots.shots]
+    tracks = [without_transitions(video.points_of(shot.start, shot.end), transitions) for shot in shots.shots]
     intrinsics = _focal_length(video, config, shots, tracks)
     static = config.camera.static or video.static_cameras
     cameras = tuple(
@@ -175,7 +178,12 @@ def _as_labelled(shot: Shot) -> Shot:
 
 
 def footage_of(video: BenchVideo, start: Beginning) -> Footage:
-    """What the stage `align` reads. No background features: shots are joined by people alone, as in the paper."""
+    """What the stage `align` reads. Where there are no pictures there are no key views either: shots are then joined by
+    people alone, as in the paper."""
+    views = [
+        [without_people(view, video.people[shot.scene].tracks) for view in video.points_of(shot.start, shot.end).views]
+        for shot in start.shots.shots
+    ]
     return Footage(
         shots=start.shots,
         scenes=video.people,
@@ -183,7 +191,7 @@ def footage_of(video: BenchVideo, start: Beginning) -> Footage:
         motions=start.motions,
         time_s=video.facts.time_s,
         intrinsics=start.intrinsics,
-        views=[()] * len(start.shots.shots),
+        views=views,
     )
 
 

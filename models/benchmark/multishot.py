@@ -57,14 +57,14 @@ class BenchVideo:
     people: tuple[ScenePeople, ...]
     """One a scene."""
     points: tuple[PointTracks, ...]
-    """One a scene; empty tracks where nothing is known of the background."""
+    """Of spans none of which is shorter than a shot; empty tracks where nothing is known of the background."""
     truth: Take
     static_cameras: bool = False
     """The user knows that all cameras stand."""
 
-    def points_of(self, scene: int, start: int, end: int) -> PointTracks:
-        """Point tracks of a shot inside a scene."""
-        return within(self.points[scene], start, end)
+    def points_of(self, start: int, end: int) -> PointTracks:
+        """Point tracks of a shot [start, end)."""
+        return within(next(p for p in self.points if p.start <= start and end <= p.end), start, end)
 
 
 def plan_videos(
@@ -131,13 +131,18 @@ def build_video(take: MocapTake, plan: VideoPlan) -> BenchVideo:
         points.append(track(room, camera, ring.K, boxes, (start, end), take.fps, of_points))
     return BenchVideo(
         name=plan.name,
-        split=f"{plan.num_transitions} transitions",
+        split=split_name(plan.num_transitions),
         facts=facts_of(take.num_frames, take.fps, (WIDTH, HEIGHT)),
         scenes=hard_cuts(take.num_frames, cuts),
         people=tuple(people),
         points=tuple(points),
         truth=_truth(actor, cameras, ring, cuts, take.fps),
     )
+
+
+def split_name(num_transitions: int) -> str:
+    """How the part of a set with so many transitions is called."""
+    return f"{num_transitions} transition{'' if num_transitions == 1 else 's'}"
 
 
 def cut_times(num_frames: int, num_cuts: int, fps: float, rng: np.random.Generator) -> tuple[int, ...]:

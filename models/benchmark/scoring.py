@@ -116,6 +116,7 @@ def take_of(video: BenchVideo, done: MethodMotion) -> Take:
         )
         for person in recording.people
     )
-    cuts = recording.cut_frames
+    spans = [shot.transition for shot in shots.shots]
+    transitions = tuple((span.start, span.end) for span in spans if span is not None)
     cameras = CameraTake(motion.R_world_cam, motion.t_world_cam, motion.K)
-    return Take(len(video.facts.time_s), video.truth.fps, JOINT_NAMES, people, tuple((c, c) for c in cuts), cameras)
+    return Take(len(video.facts.time_s), video.truth.fps, JOINT_NAMES, people, transitions, cameras)

@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from humanmm.config import Config
     from humanmm.models.benchmark.rows import Row
 
-TABLES = ("ms-mocap", "speed")
+TABLES = ("ms-mocap", "ms-render", "ms-real", "speed")
+CLIPS = ("ms-render", "ms-real")
 SIZES = ("tiny", "standard", "ms20")
 
 
@@ -24,12 +25,16 @@ def add_bench(verbs: Any, common: argparse.ArgumentParser) -> None:
         "bench",
         parents=[common],
         allow_abbrev=False,
-        help="measure: ms-mocap (motion from multi-shot videos made of motion capture), "
-        "speed (milliseconds a frame of every stage)",
+        help="measure: ms-mocap (motion from multi-shot videos made of motion capture), ms-render and ms-real (from "
+        "clips with truths), speed (milliseconds a frame of every stage)",
     )
     parser.add_argument("table", choices=TABLES, metavar="NAME", help=", ".join(TABLES))
     parser.add_argument(
-        "--data", type=Path, required=True, metavar="PATH", help="ms-mocap: a pack (.npz); speed: the video to recover"
+        "--data",
+        type=Path,
+        required=True,
+        metavar="PATH",
+        help="ms-mocap: a pack (.npz); ms-render, ms-real: a folder of <name>.mp4 beside <name>_gt.npz; speed: a video",
     )
     parser.add_argument(
         "--size", choices=SIZES, metavar="SIZE",
@@ -67,7 +72,7 @@ def _speed(options: argparse.Namespace, config: "Config") -> int:
     if runs_wanted < 1:
         raise UsageError(f"--runs {runs_wanted}: at least one run is needed")
     if options.size is not None:
-        raise UsageError("--size is for tables of motion; speed measures one video")
+        raise UsageError("--size is for ms-mocap; speed measures one video")
     if options.report is not None and (options.report / "results.json").exists() and not options.force:
         raise InputError(f"{options.report / 'results.json'} exists already; give --force to replace it")
     if not options.data.is_file():
@@ -93,20 +98,28 @@ def _motion(options: argparse.Namespace, config: "Config") -> int:
         raise InputError(f"{options.data} does not exist")
     stored = _stored(options.check)
 
-    from humanmm.flows.motion_benchmark import figures_of, mocap_set
+    from humanmm.flows.clip_benchmark import clip_set
+    from humanmm.flows.motion_benchmark import Job, figures_of, mocap_set
     from humanmm.models.benchmark.rows import rows_of
     from humanmm.models.benchmark.tables import as_markdown, charts_of
     from humanmm.storage.bench_report import as_json, write_report
     from humanmm.storage.store import Store, default_store
 
-    size = options.size or "standard"
-    jobs, facts = mocap_set(options.data, size)
-    sys.stdout.write(f"{options.table}, {size}: {facts.sentence()}\n\n")
-    rows = rows_of(figures_of(jobs, config, Store(options.store or default_store())))
-    paper = "ms-Motion(20)" if size == "ms20" else "ms-AIST"
-    table = as_markdown(rows, paper=paper)
+    store = Store(options.store or default_store())
+    jobs: Sequence[Job]
+    if options.table in CLIPS:
+        if options.size is not None:
+            raise UsageError("--size is for ms-mocap; a folder of clips has the size that it has")
+        jobs, facts = clip_set(options.data, store)
+        size = []
+    else:
+        jobs, facts = mocap_set(options.data, options.size or "standard")
+        size = ["--size", options.size or "standard"]
+    sys.stdout.write(f"{' '.join([options.table, *size[1:]])}: {facts.sentence()}\n\n")
+    rows = rows_of(figures_of(jobs, config, store))
+    table = as_markdown(rows, paper="ms-Motion(20)" if options.size == "ms20" else "ms-AIST")
     sys.stdout.write(table)
-    command = " ".join(["humanmm", "bench", options.table, "--size", size, *_settings(options)])
+    command = " ".join(["humanmm", "bench", options.table, *size, *_settings(options)])
     if options.report is not None:
         results = options.report / "results.json"
         same = results.exists() and results.read_text(encoding="utf-8") == as_json(options.table, command, rows)
