@@ -62,8 +62,8 @@ def recover(
     stage("decode")  # container facts, exact frame times
     stage("scenes")  # section 3.1: colour-based cuts and gradual transitions
     stage("people")  # per scene: boxes, 2D keypoints, 3D landmarks, masks, tracks
+    stage("points")  # per scene: long tracks on whatever there is, beside `people`
     stage("shots")  # section 3.1: cuts from boxes and keypoints; who is who across cuts
-    stage("points")  # per shot: long tracks on the background
     stage("intrinsics")  # one focal length for all shots
     stage("camera")  # per shot, section 3.2: masked visual odometry
     stage("hmr")  # per shot: θ, β, Γ, τ in camera axes

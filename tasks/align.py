@@ -2,11 +2,12 @@
 
 from humanmm.models.camera.links import without_people
 from humanmm.models.camera.observations import Intrinsics, PointTracks, ShotCamera
+from humanmm.models.camera.parts import within
 from humanmm.models.camera.views import ViewFeatures
 from humanmm.models.motion.results import ShotMotion, WorldMotion
 from humanmm.models.motion.world import Footage, assemble
 from humanmm.models.perception.tracks import ScenePeople
-from humanmm.models.shots.boundaries import ShotList
+from humanmm.models.shots.boundaries import Shot, ShotList
 from humanmm.models.video.facts import VideoFacts
 from humanmm.tasks.inputs import StageInputs
 
@@ -23,13 +24,13 @@ def align(inputs: StageInputs) -> WorldMotion:
         motions=inputs.read_all("hmr", ShotMotion),
         time_s=inputs.read("decode", VideoFacts).time_s,
         intrinsics=inputs.read("intrinsics", Intrinsics),
-        views=[_background(tracks, scenes[shot.scene]) for shot, tracks in zip(shots.shots, points, strict=True)],
+        views=[_background(shot, points[shot.scene], scenes[shot.scene]) for shot in shots.shots],
     )
     return assemble(footage, method=inputs.config.align.method)
 
 
-def _background(points: PointTracks | None, scene: ScenePeople | None) -> list[ViewFeatures]:
-    """A shot's key views with the features on people left out; nothing where the shot failed."""
+def _background(shot: Shot, points: PointTracks | None, scene: ScenePeople | None) -> list[ViewFeatures]:
+    """A shot's key views with the features on people left out; nothing where its scene failed."""
     if points is None or scene is None:
         return []
-    return [without_people(view, scene.tracks) for view in points.views]
+    return [without_people(view, scene.tracks) for view in within(points, shot.start, shot.end).views]

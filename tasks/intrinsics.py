@@ -3,6 +3,7 @@
 from humanmm.models.camera.intrinsics import ShotPoints, estimate_intrinsics, given_intrinsics
 from humanmm.models.camera.masking import without_transitions
 from humanmm.models.camera.observations import Intrinsics, PointTracks
+from humanmm.models.camera.parts import within
 from humanmm.models.perception.tracks import ScenePeople
 from humanmm.models.shots.boundaries import ShotList
 from humanmm.models.video.facts import VideoFacts
@@ -21,8 +22,8 @@ def intrinsics(inputs: StageInputs) -> Intrinsics:
     scenes = inputs.read_all("people", ScenePeople)
     tracks = inputs.read_all("points", PointTracks)
     usable = [
-        ShotPoints(without_transitions(points, transitions), scene.tracks)
-        for shot, points in zip(shots, tracks, strict=True)
-        if points is not None and (scene := scenes[shot.scene]) is not None
+        ShotPoints(without_transitions(within(points, shot.start, shot.end), transitions), scene.tracks)
+        for shot in shots
+        if (points := tracks[shot.scene]) is not None and (scene := scenes[shot.scene]) is not None
     ]
     return estimate_intrinsics(usable, facts.width, facts.height)

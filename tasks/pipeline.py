@@ -46,23 +46,23 @@ STAGES: tuple[Stage, ...] = (
         "humanmm.models.perception.tracks:ScenePeople", reads_video=True,
     ),
     Stage(
-        "shots", "video", ("decode", "scenes", "people"), ("shots",),
-        "humanmm.models.shots.boundaries:ShotList", defines="shot",
+        "points", "scene", ("decode", "scenes"), ("points",),
+        "humanmm.models.camera.observations:PointTracks", reads_video=True,
     ),
     Stage(
-        "points", "shot", ("decode", "shots"), ("points",),
-        "humanmm.models.camera.observations:PointTracks", reads_video=True,
+        "shots", "video", ("decode", "scenes", "people"), ("shots",),
+        "humanmm.models.shots.boundaries:ShotList", defines="shot",
     ),
     Stage(
         "intrinsics", "video", ("decode", "people", "shots", "points"), ("intrinsics",),
         "humanmm.models.camera.observations:Intrinsics",
     ),
     Stage(
-        "camera", "shot", ("decode", "people", "shots", "points", "intrinsics"), ("camera",),
+        "camera", "shot", ("people", "shots", "points", "intrinsics"), ("camera",),
         "humanmm.models.camera.observations:ShotCamera",
     ),
     Stage(
-        "hmr", "shot", ("decode", "people", "shots", "intrinsics", "camera"), ("hmr",),
+        "hmr", "shot", ("decode", "people", "shots", "camera"), ("hmr",),
         "humanmm.models.motion.results:ShotMotion",
     ),
     Stage(
@@ -70,7 +70,7 @@ STAGES: tuple[Stage, ...] = (
         "humanmm.models.motion.results:WorldMotion",
     ),
     Stage(
-        "refine", "video", ("decode", "people", "shots", "camera", "align"), ("refine",),
+        "refine", "video", ("decode", "people", "shots", "align"), ("refine",),
         "humanmm.models.motion.results:WorldMotion",
     ),
     Stage(

@@ -1,4 +1,4 @@
-"""Stage `points`: long point tracks of one shot, and the features of its key frames."""
+"""Stage `points`: long point tracks of one scene, and the features of its key frames."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -16,12 +16,12 @@ from humanmm.tasks.inputs import StageInputs
 
 
 def points(inputs: StageInputs) -> PointTracks:
-    """Points tracked through the shot's grey pictures, wherever they lie."""
+    """Points tracked through the scene's grey pictures, wherever they lie."""
     facts = inputs.read("decode", VideoFacts)
     start, stop = inputs.span
     settings = inputs.config.points
     views: list[ViewFeatures] = []
-    view_frames = key_frames(start, stop)
+    view_frames = key_frames(start, stop, float(facts.time_s[stop - 1] - facts.time_s[start]))
     tracking_size = scaled_size(facts, settings.max_side_px)
     cv2.setNumThreads(1)
 

@@ -15,7 +15,7 @@ CameraSource = Literal["static", "tracked", "rotation_only", "given", "fallback"
 
 @dataclass(frozen=True)
 class PointTracks:
-    """Tracked image points of one shot [start, end), as a flat list of M observations sorted by frame.
+    """Tracked image points of one scene or shot [start, end), as a flat list of M observations sorted by frame.
 
     Frames in which the picture stood still since the last recorded one carry no observations; the first and the last
     do.
@@ -34,7 +34,7 @@ class PointTracks:
     window_px: float
     """Side of the tracker's window in source pixels: what a point feels of its surroundings."""
     views: tuple[ViewFeatures, ...] = ()
-    """Features of a few key frames, by which other shots of the same place are recognised."""
+    """Features of a few key frames, in order, by which other shots of the same place are recognised."""
 
 
 @dataclass(frozen=True)

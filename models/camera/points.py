@@ -29,9 +29,10 @@ MAX_GAIN = 4.0
 MIN_CORNER_STRENGTH = 2e-4
 """Smaller eigenvalue of the structure tensor (OpenCV's scale, grey levels / 255 squared) below which a place has no
 corner."""
-SUDDEN_LOSS, MAX_SKIPPED = 0.25, 2
-"""If fewer than this share of the points survive a frame it is passed over, as long as no more than so many follow each
-other: a flash or a damaged frame would otherwise end every track."""
+SUDDEN_LOSS, MAX_PASSED = 0.25, 2
+"""If fewer than this share of the points survive a frame it is passed over: a flash or a damaged frame would otherwise
+end every track. If the next ones are no better, so many at most, it was a change that stays (a cut that colours do not
+show, a violent shake): tracking goes on from the first of them, with what survives there."""
 MAX_POINTS_PER_CELL = 2
 BORDER_PX = 4.0
 
@@ -52,7 +53,7 @@ class TrackerSettings:
 def track_points(
     pictures: Iterable[UInt8[np.ndarray, "h w"]], *, start: int, source_size: tuple[int, int], settings: TrackerSettings
 ) -> PointTracks:
-    """Points tracked through the grey pictures of one shot, in source pixels with centres at .5.
+    """Points tracked through the grey pictures of one scene, in source pixels with centres at .5.
 
     `pictures` may be smaller than the source (width, height); they are consumed one by one. The first and the last
     usable frame are always recorded; a frame in between is left out while the picture stands still (`still_px`),
@@ -67,7 +68,7 @@ def track_points(
     end = start + num_frames
     if tracker is None:
         return PointTracks(start, end, *_empty_columns(), window_px=float(WINDOW))
-    tracker.record(last=True)
+    tracker.record(always=True)
     return tracker.result(start, end, source_size)
 
 
@@ -84,7 +85,7 @@ def even_exposure(picture: UInt8[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w"]
 
 
 class _Tracker:
-    """The living points of one shot."""
+    """The living points of one scene."""
 
     def __init__(self, width: int, height: int, settings: TrackerSettings) -> None:
         self.settings = settings
@@ -96,33 +97,49 @@ class _Tracker:
         self.track = np.zeros(0, np.int32)
         self.confidence = np.zeros(0, np.float32)
         self.recorded_xy = np.zeros((0, 2), np.float32)
-        self.next_track = self.skipped = 0
+        self.next_track = 0
         self.frame = self.recorded_frame = self.seeded_frame = -1
         self.seeded_count = 0
+        self.passed: list[tuple[np.ndarray, int]] = []
         self.kept: list[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]] = []
 
     def advance(self, picture: np.ndarray, frame: int) -> None:
         """Carry the points on to the next frame, look for new ones where they are missing, record if anything moved."""
-        picture = even_exposure(picture)
-        if len(self.xy) and not self._follow(picture):
+        self._advance(even_exposure(picture), frame)
+
+    def _advance(self, picture: np.ndarray, frame: int) -> None:
+        if self._follow(picture):
+            self.passed = []
+            self._arrive(picture, frame)
             return
+        self.passed.append((picture, frame))
+        if len(self.passed) > MAX_PASSED:
+            self.record(always=True)
+            (picture, frame), *rest = self.passed
+            self.passed = []
+            self._follow(picture, at_any_loss=True)
+            self._arrive(picture, frame, always=True)
+            for picture, frame in rest:
+                self._advance(picture, frame)
+
+    def _arrive(self, picture: np.ndarray, frame: int, *, always: bool = False) -> None:
         self.picture, self.frame = picture, frame
         due = frame - self.seeded_frame >= self.settings.reseed_interval and len(self.xy) < 0.9 * self.seeded_count
         if self.seeded_frame < 0 or due or len(self.xy) < 0.7 * self.seeded_count or frame - self.seeded_frame >= 60:
             self._seed()
-        self.record()
+        self.record(always=always)
 
-    def _follow(self, picture: np.ndarray) -> bool:
+    def _follow(self, picture: np.ndarray, *, at_any_loss: bool = False) -> bool:
         """Move the points on; False if nearly all are lost at once and the next frame may bring them back (a flash)."""
+        if not len(self.xy):
+            return True
         there, found = _flow(self.picture, picture, self.xy, FORWARD_LEVELS)
         back, found_back = _flow(picture, self.picture, there, BACKWARD_LEVELS)
         error = np.linalg.norm(back - self.xy, axis=1)
         inside = (there > BORDER_PX).all(1) & (there < (self.width - 1 - BORDER_PX, self.height - 1 - BORDER_PX)).all(1)
         alive = found & found_back & (error < MAX_BACKWARD_ERROR_PX) & inside
-        if alive.sum() < SUDDEN_LOSS * len(alive) and self.skipped < MAX_SKIPPED:
-            self.skipped += 1
+        if alive.sum() < SUDDEN_LOSS * len(alive) and not at_any_loss:
             return False
-        self.skipped = 0
         self.xy = there[alive]
         self.confidence = np.exp(-np.square(error[alive] / CONFIDENCE_SCALE_PX)).astype(np.float32)
         self.track, self.recorded_xy = self.track[alive], self.recorded_xy[alive]
@@ -164,7 +181,7 @@ class _Tracker:
         self.xy, self.track = self.xy[keep], self.track[keep]
         self.confidence, self.recorded_xy = self.confidence[keep], self.recorded_xy[keep]
 
-    def record(self, *, last: bool = False) -> None:
+    def record(self, *, always: bool = False) -> None:
         """Keep this frame's points, unless the picture stood still since the last kept frame."""
         if self.recorded_frame == self.frame:
             return
@@ -172,7 +189,7 @@ class _Tracker:
         moved = moved[np.isfinite(moved)]
         waiting = self.frame - self.recorded_frame if self.recorded_frame >= 0 else self.settings.max_unrecorded
         still = len(moved) > 0 and np.quantile(moved, 0.6) < self.settings.still_px
-        if still and waiting < self.settings.max_unrecorded and not last:
+        if still and waiting < self.settings.max_unrecorded and not always:
             return
         frame = np.full(len(self.xy), self.frame, np.int32)
         self.kept.append((self.track, frame, self.xy, self.confidence))

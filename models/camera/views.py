@@ -15,6 +15,8 @@ import numpy as np
 import pycolmap
 from jaxtyping import Bool, Float, UInt8
 
+VIEW_PERIOD_S, MAX_VIEWS = 2.0, 9
+"""Key views of a scene: about one in this time, at most so many."""
 MAX_FEATURES = 2500
 MAX_SIDE_PX = 1280
 """Reduce larger pictures before features are taken: detail beyond this does not repeat between cameras."""
@@ -73,9 +75,11 @@ def in_source_pixels(view: ViewFeatures, scale: float) -> ViewFeatures:
     return ViewFeatures(view.frame, view.xy * np.float32(scale), view.descriptors)
 
 
-def key_frames(start: int, end: int) -> tuple[int, ...]:
-    """The frames of a shot [start, end) that stand for it: first, middle, last."""
-    return tuple(sorted({start, (start + end) // 2, end - 1}))
+def key_frames(start: int, end: int, duration_s: float) -> tuple[int, ...]:
+    """The frames of a scene [start, end) that stand for it, and for the shots that may yet be found in it: first,
+    last, and evenly between them one every VIEW_PERIOD_S, at least one and at most MAX_VIEWS in all."""
+    count = min(max(3, 1 + round(duration_s / VIEW_PERIOD_S)), MAX_VIEWS)
+    return tuple(sorted({int(frame) for frame in np.linspace(start, end - 1, count).round()}))
 
 
 def drop_features(view: ViewFeatures, hidden: Bool[np.ndarray, "features"]) -> ViewFeatures:

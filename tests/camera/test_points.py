@@ -2,7 +2,11 @@
 
 import cv2
 import numpy as np
+import pytest
 
+from humanmm.models.camera.estimate import estimate_camera
+from humanmm.models.camera.observations import Intrinsics
+from humanmm.models.camera.parts import within
 from humanmm.models.camera.points import TrackerSettings, track_points
 
 WIDTH, HEIGHT = 480, 270
@@ -64,3 +68,41 @@ def test_a_flash_does_not_end_the_tracks() -> None:
     points = track_points(pictures, start=0, source_size=(WIDTH, HEIGHT), settings=TrackerSettings())
     first, last = points.track[points.frame == 0], points.track[points.frame == 11]
     assert len(np.intersect1d(first, last)) > 0.7 * len(first)
+
+
+def test_a_change_that_stays_is_recorded_on_both_sides() -> None:
+    pictures = [window(texture(k >= 10), 0.01 * k, 0.0) for k in range(20)]
+    points = track_points(pictures, start=100, source_size=(WIDTH, HEIGHT), settings=TrackerSettings())
+    assert {100, 109, 110, 119} <= set(points.frame.tolist())
+    before, after = points.track[points.frame == 109], points.track[points.frame == 110]
+    assert len(np.intersect1d(before, after)) < 0.25 * len(before)
+    assert len(np.intersect1d(after, points.track[points.frame == 119])) > 0.7 * len(after)
+
+
+@pytest.mark.parametrize("focal_px", [600.0])
+def test_a_cut_inside_a_tracked_scene_leaves_a_good_camera_on_both_sides(focal_px: float) -> None:
+    turn = np.radians(0.3) * np.r_[np.arange(25), np.zeros(15)]  # a pan, then a standing camera elsewhere
+    wide = cv2.resize(texture(2), None, fx=2, fy=2)
+    pictures = [_turned(texture(3) if k >= 25 else wide, angle, focal_px) for k, angle in enumerate(turn)]
+    scene = track_points(pictures, start=0, source_size=(WIDTH, HEIGHT), settings=TrackerSettings())
+    intrinsics = Intrinsics(focal_px, WIDTH, HEIGHT, "given", 0.0)
+    pan = estimate_camera(within(scene, 0, 25), [], intrinsics)
+    rest = estimate_camera(within(scene, 25, 40), [], intrinsics)
+    assert (pan.source, rest.source) == ("rotation_only", "static")
+    assert (len(pan.R_shot_cam), len(rest.R_shot_cam)) == (25, 15)
+    assert not pan.warnings and not rest.warnings
+    found = [np.arctan2(R[0, 2], R[2, 2]) for R in pan.R_shot_cam]
+    np.testing.assert_allclose(found, turn[:25], atol=np.radians(0.05))  # a third of a pixel
+
+
+def _turned(place: np.ndarray, angle: float, focal_px: float) -> np.ndarray:
+    """What a camera sees that is turned to the right by this angle, of a place far away."""
+    c, s = np.cos(angle), np.sin(angle)
+    K = np.array([[focal_px, 0, WIDTH / 2], [0, focal_px, HEIGHT / 2], [0, 0, 1]])
+    R = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
+    from_picture = np.linalg.inv(K @ R.T @ np.linalg.inv(K))
+    half = np.array([[1, 0, -0.5], [0, 1, -0.5], [0, 0, 1]])
+    to_place = np.array([[1, 0, 80], [0, 1, 80], [0, 0, 1]]) @ half @ from_picture @ np.linalg.inv(half)
+    return np.asarray(
+        cv2.warpPerspective(place, to_place, (WIDTH, HEIGHT), flags=cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP)
+    )

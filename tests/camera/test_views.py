@@ -69,4 +69,5 @@ def test_hidden_features_take_no_part() -> None:
 
 
 def test_a_shot_of_one_frame_has_one_key_frame() -> None:
-    assert key_frames(7, 8) == (7,) and key_frames(0, 100) == (0, 50, 99)
+    assert key_frames(7, 8, 0.0) == (7,) and key_frames(0, 100, 4.0) == (0, 50, 99)
+    assert key_frames(0, 101, 8.0) == (0, 25, 50, 75, 100) and len(key_frames(0, 20_000, 600.0)) == 9

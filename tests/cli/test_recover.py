@@ -126,10 +126,10 @@ def test_a_dry_run_lists_every_unit_and_writes_nothing(toy: Any) -> None:
     status, out, told = toy.main("recover", "film.mp4", "--dry-run", "--camera.static", "true")
     assert (status, told) == (0, "")
     lines = {f"{line.split()[0]}|{line[11:24].strip()}": line for line in out.splitlines()}
-    assert len(lines) == 18
+    assert len(lines) == 17
     assert lines["camera|shot 1"].endswith("will run: setting changed: camera.static False → True")
     assert lines["hmr|shot 1"].endswith("depends on camera's result")
-    assert lines["points|shot 2"].endswith("cached")
+    assert lines["points|scene 1"].endswith("cached")
     assert sorted(toy.folder.rglob("*")) == before
 
 

@@ -35,7 +35,7 @@ def _settled(cache: Path, expected: int) -> list[tuple[str, str, str]]:
 def test_a_run_writes_its_folder_and_prefect_shows_every_unit_by_name(toy: Any, server_cache: Path) -> None:
     done = toy.command("recover", "film.mp4", "--out", "out dir")
     assert (done.returncode, done.stdout) == (0, "out dir\n"), done.stderr
-    rows = _settled(server_cache, 18)
+    rows = _settled(server_cache, 17)
     assert [name for name, _, _ in rows][1:4] == ["camera · shot 0", "camera · shot 1", "camera · shot 2"]
     assert {state for _, state, _ in rows} == {"COMPLETED"}
     record = json.loads((toy.folder / "out dir" / "run.json").read_text())
@@ -43,7 +43,7 @@ def test_a_run_writes_its_folder_and_prefect_shows_every_unit_by_name(toy: Any, 
     assert record["video"]["num_frames"] == 60 and len(record["video"]["sha256"]) == 64
     assert [(shot["start"], shot["end"]) for shot in record["shots"]] == [(0, 20), (20, 40), (40, 60)]
     assert record["shots"][0]["transition"] is None and record["shots"][1]["transition"]["type"] == "cut"
-    assert {stage["state"] for stage in record["stages"]} == {"computed"} and len(record["stages"]) == 18
+    assert {stage["state"] for stage in record["stages"]} == {"computed"} and len(record["stages"]) == 17
     assert "decode: a toy" in record["warnings"] and "camera, shot 1: it does not move" in record["warnings"]
     assert record["config"]["camera"] == {"static": False} | record["config"]["camera"]
     assert {"numpy", "python", "humanmm"} <= set(record["versions"])
@@ -56,7 +56,7 @@ def test_a_run_writes_its_folder_and_prefect_shows_every_unit_by_name(toy: Any, 
 
     changed = toy.main("recover", "film.mp4", "--out", "out dir", "--hmr.smoothness", "2")
     assert changed[0] == 0, changed[2]
-    names = {name: state for name, _, state in _settled(server_cache, 18)}
+    names = {name: state for name, _, state in _settled(server_cache, 17)}
     assert names["camera · shot 1"] == "Cached" and names["hmr · shot 1"] == "Completed"
 
 
@@ -72,7 +72,7 @@ def test_a_failed_shot_makes_the_video_partial(toy: Any, server_cache: Path) -> 
     }  # fmt: skip
     (failed,) = [s for s in record["stages"] if s["stage"] == "camera" and s["shot"] == 1]
     assert (failed["state"], failed["attempts"]) == ("failed", 1), "a stage that cannot do it is not asked twice"
-    states = {name: state for name, _, state in _settled(server_cache, 18)}
+    states = {name: state for name, _, state in _settled(server_cache, 17)}
     assert (states["camera · shot 1"], states["hmr · shot 1"]) == ("Failed", "Skipped")
     with sqlite3.connect(next(server_cache.glob("prefect-*/prefect.db"))) as connection:
         last = connection.execute("select state_type, state_name from flow_run order by created desc limit 1")

@@ -4,6 +4,7 @@ import numpy as np
 
 from humanmm.models.camera.observations import Intrinsics, PointTracks, ShotCamera
 from humanmm.models.perception.tracks import ScenePeople
+from humanmm.models.shots.boundaries import ShotList
 from humanmm.tasks.inputs import StageInputs
 from toyline.behaviour import act, filled
 
@@ -12,7 +13,9 @@ def camera(inputs: StageInputs) -> ShotCamera:
     act("camera", inputs)
     start, end = inputs.span
     n = end - start
-    assert len(inputs.read("points", PointTracks).frame) == n
+    assert inputs.shot is not None
+    assert len(inputs.read("shots", ShotList).shots) == 1
+    assert len(inputs.read("points", PointTracks).frame) >= n
     inputs.read("people", ScenePeople)
     K = inputs.read("intrinsics", Intrinsics).K
     moves = np.zeros((n, 3)) if inputs.config.camera.static else np.cumsum(np.ones((n, 3)), 0)
