@@ -15,7 +15,16 @@ from typing import Any, BinaryIO, Literal, TypeVar, cast
 
 from humanmm import __version__
 from humanmm.config import Config
-from humanmm.errors import HumanMMError, InputError, MissingInputError, StageError, StoreError, WeightsError
+from humanmm.errors import (
+    HumanMMError,
+    InputError,
+    MissingInputError,
+    NoUsablePersonError,
+    StageError,
+    StoreError,
+    VideoError,
+    WeightsError,
+)
 from humanmm.models.shots.boundaries import Scenes, Shot, ShotList
 from humanmm.storage.artifact import Manifest
 from humanmm.storage.code_digest import CodeDigest, code_digest
@@ -196,7 +205,7 @@ class VideoRun:
                 outcome.began = outcome.began or time.time()
                 self._compute(work, outcome)
         except Exception as error:  # noted, then raised: this is the edge of the stages
-            told = _as_ours(error, work)
+            told = self._told(error, work)
             outcome.state, outcome.error, outcome.reason = "failed", told, _in_words(told)
             outcome.faults.append(outcome.reason)
             if ends_run(told):
@@ -231,6 +240,11 @@ class VideoRun:
         outcome.state, outcome.error = "computed", None
         outcome.changed = outcome.manifest.digest != before
         self.store.remember(self.video.sha256, work.record, outcome.manifest)
+
+    def _told(self, error: Exception, work: Work) -> HumanMMError:
+        """The error in our own words; one about the video says which video, for a stage does not know its name."""
+        told = _as_ours(error, work)
+        return type(told)(f"{self.video.path}: {told}") if isinstance(told, VideoError | NoUsablePersonError) else told
 
     # ---- inputs
 
@@ -368,7 +382,7 @@ def _output(stage: Stage) -> type:
     return cast(type, getattr(importlib.import_module(module), name))
 
 
-def _as_ours(error: Exception, work: Work) -> Exception:
+def _as_ours(error: Exception, work: Work) -> HumanMMError:
     """Infrastructure faults and our own errors as they are; anything else is a defect of the stage, told as such."""
     if isinstance(error, HumanMMError):
         return error

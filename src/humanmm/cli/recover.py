@@ -14,6 +14,7 @@ from humanmm.cli.progress import Display
 from humanmm.cli.settings import UsageError, add_settings, load_config
 from humanmm.config import Config
 from humanmm.errors import InputError, StoreError
+from humanmm.storage.run_record import read_run_record
 from humanmm.storage.store import Store, default_store
 from humanmm.storage.video_identity import identify
 from humanmm.tasks import finish, pipeline
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 PARTIAL = 3
+SHOWN_WARNINGS = 3
 
 
 def add_recover(verbs: Any, common: argparse.ArgumentParser) -> None:
@@ -118,7 +120,19 @@ def _run_flow(video: Path, run_dir: Path, config: Config, store: Path, selection
         error = state.result(raise_on_failure=False)
         told = StoreError(f"the flow ended as {state.name}: {state.message}")
         raise error if isinstance(error, BaseException) else told
+    for sentence in _warnings(run_dir):
+        _say(sentence)
     return _result(run_dir if run_dir.exists() else store, 0)
+
+
+def _warnings(run_dir: Path) -> list[str]:
+    """The first warnings of a finished run, and how many more there are."""
+    if not run_dir.exists():
+        return []
+    warnings: list[str] = read_run_record(run_dir)["warnings"]
+    more = len(warnings) - SHOWN_WARNINGS
+    rest = [f"and {more} more warnings, see {run_dir / 'run.json'}"] if more > 0 else []
+    return [f"warning: {warning}" for warning in warnings[:SHOWN_WARNINGS]] + rest
 
 
 def check_writable(run_dir: Path) -> None:
