@@ -21,7 +21,7 @@ import numpy as np
 from humanmm import __version__
 from humanmm.config import Config
 from humanmm.errors import HumanMMError, InputError, StoreError
-from humanmm.models.benchmark.methods import METHODS, MethodMotion, VideoMotions, run_methods
+from humanmm.models.benchmark.methods import METHODS, VideoMotions, run_methods
 from humanmm.models.benchmark.mocap import MocapTake
 from humanmm.models.benchmark.multishot import (
     LONGEST_FRAMES,
@@ -192,15 +192,7 @@ def compute(job: Job, recipes: tuple[Recipe, Recipe], config: Config, store_root
         failed = tuple(MethodFigures(method, (), (), str(error)) for method in METHODS)
         return VideoFigures(job.name, job.split, failed)
 
-    def motions() -> VideoMotions:
-        try:
-            return run_methods(video, config)
-        except Exception as error:  # the edge of the stages: a crash is a failure of this video, and is counted
-            log.warning("%s: unexpected %s: %s", job.name, type(error).__name__, error)
-            reason = f"unexpected {type(error).__name__}: {error}"
-            return VideoMotions(tuple(MethodMotion(method, None, None, reason) for method in METHODS))
-
-    found = _kept(store, of_motions, job.name, VideoMotions, motions)
+    found = _kept(store, of_motions, job.name, VideoMotions, lambda: run_methods(video, config))
     return _kept(store, of_figures, job.name, VideoFigures, lambda: score(video, found))
 
 

@@ -4,6 +4,7 @@ The same pure functions run as in `humanmm.tasks`, in the same order; only what 
 share the stages that they have in common.
 """
 
+import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -77,51 +78,84 @@ class Beginning:
 
 
 def run_methods(video: BenchVideo, config: Config, methods: Sequence[Method] = METHODS) -> VideoMotions:
-    """Every method on one video. What humanmm refuses in plain words counts as a failure; anything else is raised."""
+    """Every method on one video. An error, expected or not, is a failure of the methods that it hits."""
     try:
         start = begin(video, config)
-    except HumanMMError as error:
-        return VideoMotions(tuple(MethodMotion(method, None, None, str(error)) for method in methods))
-    done: dict[str, MethodMotion] = {}
-    for method in methods:
-        same = "humanmm" if method == "humanmm without flip decision" and not _exchanged(start.shots) else method
-        done[method] = replace(done[same], method=method) if same in done else _attempt(method, video, config, start)
-    return VideoMotions(tuple(done.values()))
+    except Exception as error:  # the edge of the stages, as in the flow
+        return VideoMotions(tuple(MethodMotion(method, None, None, _in_words(error)) for method in methods))
+    work = _Work(video, config, start)
+    return VideoMotions(tuple(_attempt(method, work) for method in methods))
 
 
-def _attempt(method: Method, video: BenchVideo, config: Config, start: Beginning) -> MethodMotion:
+class _Work:
+    """What the methods share of one video; each part is computed when first asked for."""
+
+    def __init__(self, video: BenchVideo, config: Config, start: Beginning) -> None:
+        self.video = video
+        self.config = config
+        self.start = start
+
+    @functools.cached_property
+    def as_labelled(self) -> Beginning:
+        """The beginning without the flip decision."""
+        return without_flip_decision(self.video, self.config, self.start)
+
+    @functools.cached_property
+    def world(self) -> WorldMotion:
+        """What `align` makes of it."""
+        return assemble(footage_of(self.video, self.start), method=self.config.align.method)
+
+    @functools.cached_property
+    def refined(self) -> WorldMotion:
+        """What `refine` makes of that: the pipeline's own result."""
+        return self.refine(self.start, self.world)
+
+    def refine(self, start: Beginning, world: WorldMotion) -> WorldMotion:
+        """The stage `refine` with the user's settings."""
+        settings = self.config.refine
+        return refine_world(
+            world,
+            Observations(start.shots, self.video.people),
+            time_s=self.video.facts.time_s,
+            cut_frames=tuple(shot.start for shot in start.shots.shots[1:]),
+            settings=RefineSettings(
+                cutoff_hz=settings.cutoff_hz,
+                close_seams=settings.close_seams,
+                refit=settings.refit,
+                foot_lock=settings.foot_lock,
+            ),
+        )
+
+
+def _attempt(method: Method, work: _Work) -> MethodMotion:
     try:
-        if method == "humanmm without flip decision":
-            start = without_flip_decision(video, config, start)
-        return MethodMotion(method, _recovered(method, video, config, start), start.shots)
-    except HumanMMError as error:
-        return MethodMotion(method, None, None, str(error))
+        labelled = method == "humanmm without flip decision"
+        return MethodMotion(method, _recovered(method, work), (work.as_labelled if labelled else work.start).shots)
+    except Exception as error:  # one method's crash must not take the others with it
+        return MethodMotion(method, None, None, _in_words(error))
 
 
-def _recovered(method: Method, video: BenchVideo, config: Config, start: Beginning) -> WorldMotion:
-    footage = footage_of(video, start)
+def _in_words(error: Exception) -> str:
+    return str(error) if isinstance(error, HumanMMError) else f"unexpected {type(error).__name__}: {error}"
+
+
+def _recovered(method: Method, work: _Work) -> WorldMotion:
+    footage = footage_of(work.video, work.start)
+    if method == "humanmm":
+        return work.refined
+    if method == "humanmm without refine":
+        return work.world
     if method == "concat":
         return concatenated(footage)
+    if method == "humanmm with eight-point":
+        return work.refine(work.start, assemble(footage, method="eight-point"))
+    how = work.config.align.method
     if method == "oracle camera rotation":
-        world = assemble(footage, method=config.align.method, known_turns=true_turns(video, start.shots))
-    else:
-        how = "eight-point" if method == "humanmm with eight-point" else config.align.method
-        world = assemble(footage, method=how)
-    if method == "humanmm without refine":
-        return world
-    settings = config.refine
-    return refine_world(
-        world,
-        Observations(start.shots, video.people),
-        time_s=video.facts.time_s,
-        cut_frames=tuple(shot.start for shot in start.shots.shots[1:]),
-        settings=RefineSettings(
-            cutoff_hz=settings.cutoff_hz,
-            close_seams=settings.close_seams,
-            refit=settings.refit,
-            foot_lock=settings.foot_lock,
-        ),
-    )
+        turns = true_turns(work.video, work.start.shots)
+        return work.refine(work.start, assemble(footage, method=how, known_turns=turns))
+    if not _exchanged(work.start.shots):
+        return work.refined
+    return work.refine(work.as_labelled, assemble(footage_of(work.video, work.as_labelled), method=how))
 
 
 def begin(video: BenchVideo, config: Config) -> Beginning:
