@@ -114,13 +114,11 @@ class Worker:
     def start(self) -> None:
         from humanmm.flows.batch import POOL
 
-        command = [
-            sys.executable, "-m", "prefect", "worker", "start", "--type", "process", "--pool", POOL,
-            "--limit", str(self._limit), "--name", f"{os.uname().nodename}-{os.getpid()}",
-        ]  # fmt: skip
+        name = f"{os.uname().nodename}-{os.getpid()}"
+        command = [sys.executable, "-m", "humanmm.flows.worker", POOL, str(self._limit), name]
         with self._log.open("ab") as output:
             self._process = subprocess.Popen(
-                command, stdin=subprocess.DEVNULL, stdout=output, stderr=output, start_new_session=True,
+                command, stdin=subprocess.PIPE, stdout=output, stderr=output, start_new_session=True,
                 env={**os.environ, "PREFECT_WORKER_QUERY_SECONDS": "2"},
             )  # fmt: skip
 
@@ -128,6 +126,7 @@ class Worker:
         """Start it again if it has died."""
         if self._process is not None and self._process.poll() is not None:
             log.warning("the worker has ended (%s); it is started again", self._process.returncode)
+            self._close()
             self.start()
 
     def stop(self) -> None:
@@ -146,6 +145,11 @@ class Worker:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGKILL)
         self._process.wait()
+        self._close()
+
+    def _close(self) -> None:
+        if self._process is not None and self._process.stdin is not None:
+            self._process.stdin.close()
 
 
 async def _deploy(limit: int, folder: Path) -> None:
