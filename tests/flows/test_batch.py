@@ -94,6 +94,31 @@ def _states(farm: Any) -> dict[str, str]:
     return {Path(video["video"]).stem: video["state"] for video in _status(farm)["videos"]}
 
 
+def _press_retry(cache: Path, name: str) -> str:
+    """Do what the dashboard's Retry button does; tells how often the flow run ran then, and how it ended."""
+    script = (
+        "import asyncio, sqlite3, sys\n"
+        "from prefect import get_client\n"
+        "from prefect.states import AwaitingRetry\n"
+        "async def main():\n"
+        "    async with get_client() as client:\n"
+        "        (run,) = [run.id for run in await client.read_flow_runs() if run.name == sys.argv[1]]\n"
+        "        await client.set_flow_run_state(run, AwaitingRetry(), force=True)\n"
+        "        while True:\n"
+        "            found = await client.read_flow_run(run)\n"
+        "            if found.run_count > 1 and found.state.is_final():\n"
+        "                break\n"
+        "            await asyncio.sleep(0.5)\n"
+        "        print(found.run_count, found.state.name)\n"
+        "asyncio.run(main())\n"
+    )
+    url = json.loads(next(cache.glob("prefect-*/server.json")).read_text())["url"]
+    environment = {**os.environ, "PREFECT_API_URL": url, "PREFECT_HOME": str(cache / "client")}
+    command = [sys.executable, "-c", script, name]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120, check=True)
+    return done.stdout.strip()
+
+
 def test_a_batch_runs_to_its_end_and_a_second_time_nothing_is_scheduled(farm: Any, cache: Path) -> None:
     done = farm.command(
         "batch", "submit", "films", "--wait", "--name", "toys", "--tag", "gym", TOY_FAIL="camera:40=stage"
@@ -115,6 +140,9 @@ def test_a_batch_runs_to_its_end_and_a_second_time_nothing_is_scheduled(farm: An
     assert _flow_runs(cache) == runs
 
     farm.executed()
+    assert _press_retry(cache, "1.mp4") == "2 Partial"
+    assert farm.executed() == ["camera:40"], "the dashboard's Retry runs what failed, and nothing else"
+
     # `humanmm serve` still has the environment in which camera fails: have a new one
     _end(_pids("humanmm.flows.serving", cache), signal.SIGTERM)
     assert _pids("humanmm.flows.", cache) == [], "it takes its server and worker along"
