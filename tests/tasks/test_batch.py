@@ -186,10 +186,10 @@ def test_a_cancelled_video_does_not_start_and_stays_cancelled(toy: Any, ledger: 
     assert counts(ledger.rows("test")) == {"cancelled": 2}
 
 
-def test_ten_thousand_finished_videos_are_known_within_twenty_seconds(toy: Any, ledger: BatchLedger) -> None:
+def test_two_thousand_finished_videos_are_known_within_four_seconds(toy: Any, ledger: BatchLedger) -> None:
     films = toy.folder / "films"
     films.mkdir()
-    for number in range(10_000):
+    for number in range(2_000):
         (films / f"{number:05d}.mp4").write_text("x")
     rows = _submit(toy, ledger, films).to_schedule
     for row in rows:
@@ -197,10 +197,10 @@ def test_ten_thousand_finished_videos_are_known_within_twenty_seconds(toy: Any, 
         Path(row.run_dir, "run.json").touch()
     ledger.put("test", "", [replace(row, state="done") for row in rows])
     began = time.process_time()
-    assert _submit(toy, ledger, films).finished == 10_000
-    assert time.process_time() - began < 20
+    assert _submit(toy, ledger, films).finished == 2_000
+    assert time.process_time() - began < 4  # 10,000 within 20 s
     renamed = batches.submit(ledger, "other", films, read_batch(films), Config(), toy.folder / "runs")
-    assert (renamed.finished, renamed.to_schedule) == (10_000, ())
+    assert (renamed.finished, renamed.to_schedule) == (2_000, ())
 
 
 def test_the_report_has_a_row_a_video_with_links_and_survives_strange_names(toy: Any, ledger: BatchLedger) -> None:
