@@ -100,6 +100,7 @@ class Stages:
         """Wait for everything; write the run folder; the flow's final state."""
         for future in self._futures.values():
             future.wait()
+        self.run.imports.end()
         video, store = self.run.video, self.run.store
         error = fatal_error(self.run)
         if error is not None:

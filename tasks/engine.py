@@ -33,6 +33,7 @@ from humanmm.storage.recipe import Recipe
 from humanmm.storage.store import Store, is_infrastructure_fault
 from humanmm.storage.video_identity import VideoIdentity
 from humanmm.tasks import pipeline
+from humanmm.tasks.imports import Imports
 from humanmm.tasks.pipeline import Stage
 from humanmm.tasks.selection import Selection
 from humanmm.tasks.work import Work, needs_of, only_its_shot, works_of
@@ -89,6 +90,7 @@ class VideoRun:
         self._code: dict[str, CodeDigest] = {}
         self._code_lock = threading.Lock()
         self._doom: Outcome | None = None
+        self.imports = Imports(self.stages)
         self._works: dict[tuple[str, int, int], tuple[Work, ...] | None] = {}
 
     def watch(self, progress: Progress, *, log_text: Callable[[], str]) -> None:
@@ -232,7 +234,9 @@ class VideoRun:
             with self.store.new_folder() as folder:
                 inputs = UnitInputs(self, work, folder / "files")
                 began = time.monotonic()
-                result = _function(stage)(inputs)
+                function = self.imports.function(stage)
+                self.imports.begin(after=stage)
+                result = function(inputs)
                 outcome.manifest = self.store.commit(
                     folder, result, _output(stage), recipe,
                     unit=work.unit, seconds=time.monotonic() - began, version=__version__,
@@ -370,11 +374,6 @@ class _NamedSettings:
 def ends_run(error: BaseException) -> bool:
     """True for errors that no other shot can escape: the user's input, the weight files."""
     return isinstance(error, InputError | WeightsError)
-
-
-def _function(stage: Stage) -> Callable[[UnitInputs], Any]:
-    module, name = stage.function
-    return cast(Callable[[UnitInputs], Any], getattr(importlib.import_module(module), name))
 
 
 def _output(stage: Stage) -> type:

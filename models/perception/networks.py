@@ -10,7 +10,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 from threading import Lock
-from typing import Any
 
 import cv2
 import numpy as np
@@ -69,6 +68,8 @@ class InterpreterPool:
         self._model, self._threads = model, threads
         self._idle: list[Interpreter] = []
         self._lock = Lock()
+        self.index_of: dict[str, int] = {}
+        """Number of every input and output by its name; known once an interpreter was lent."""
 
     @contextmanager
     def lend(self) -> Iterator[Interpreter]:
@@ -79,6 +80,8 @@ class InterpreterPool:
             with _BUILDING, _without_greeting():
                 interpreter = Interpreter(model_content=self._model, num_threads=self._threads)
                 interpreter.allocate_tensors()
+            tensors = [*interpreter.get_input_details(), *interpreter.get_output_details()]
+            self.index_of = {tensor["name"]: tensor["index"] for tensor in tensors}
         try:
             yield interpreter
         finally:
@@ -109,13 +112,13 @@ def _pool(name: str) -> InterpreterPool:
     return InterpreterPool(read_weights(name), threads=min(2, len(os.sched_getaffinity(0))))
 
 
-def _run(name: str, tensor: Float[np.ndarray, "1 side side 3"]) -> dict[str, np.ndarray]:
-    """All outputs of one inference, by tensor name."""
-    with _pool(name).lend() as interpreter:
-        interpreter.set_tensor(interpreter.get_input_details()[0]["index"], tensor)
+def _run(name: str, tensor: Float[np.ndarray, "1 side side 3"], *wanted: str) -> list[np.ndarray]:
+    """The wanted outputs of one inference, by tensor name (the landmark network also has a large heatmap)."""
+    pool = _pool(name)
+    with pool.lend() as interpreter:
+        interpreter.set_tensor(pool.index_of["input_1"], tensor)
         interpreter.invoke()
-        outputs: list[dict[str, Any]] = interpreter.get_output_details()
-        return {output["name"]: interpreter.get_tensor(output["index"]) for output in outputs}
+        return [interpreter.get_tensor(pool.index_of[output]) for output in wanted]
 
 
 def _sigmoid(x: np.ndarray) -> np.ndarray:
@@ -137,12 +140,13 @@ def _anchors() -> Float[np.ndarray, "2254 2"]:
 def detect(image: UInt8[np.ndarray, "height width 3"], within: Region, *, threshold: float = 0.5) -> list[Detection]:
     """People in an upright square region of the picture, best first, one detection a person."""
     picture = crop(image, within, DETECTOR_SIDE)
-    outputs = _run("pose_detection.tflite", picture[None].astype(np.float32) / 127.5 - 1)
-    scores = _sigmoid(outputs["Identity_1"][0, :, 0])
+    tensor = picture[None].astype(np.float32) / 127.5 - 1
+    boxes_and_points, logits = _run("pose_detection.tflite", tensor, "Identity", "Identity_1")
+    scores = _sigmoid(logits[0, :, 0])
     chosen = np.flatnonzero(scores >= threshold)
     if not len(chosen):
         return []
-    raw = outputs["Identity"][0, chosen]
+    raw = boxes_and_points[0, chosen]
     anchors = _anchors()[chosen]
     boxes = np.concatenate([raw[:, :2] + anchors - raw[:, 2:4] / 2, raw[:, :2] + anchors + raw[:, 2:4] / 2], axis=1)
     points = raw[:, 4:8].reshape(-1, 2, 2) + anchors[:, None]
@@ -186,10 +190,13 @@ def locate(image: UInt8[np.ndarray, "height width 3"], region: Region, *, mirror
     picture = crop(image, region, LANDMARK_SIDE)
     if mirrored:
         picture = np.ascontiguousarray(picture[:, ::-1])
-    outputs = _run("pose_landmark_full.tflite", picture[None].astype(np.float32) / 255)
-    raw = outputs["Identity"].reshape(-1, _VALUES_PER_LANDMARK)
-    world = outputs["Identity_4"].reshape(-1, 3)[: landmarks.NUM_LANDMARKS].astype(np.float64)
-    logits = outputs["Identity_2"][0, :, :, 0]
+    image_points, presence, mask_logits, world_points = _run(
+        "pose_landmark_full.tflite", picture[None].astype(np.float32) / 255,
+        "Identity", "Identity_1", "Identity_2", "Identity_4",
+    )  # fmt: skip
+    raw = image_points.reshape(-1, _VALUES_PER_LANDMARK)
+    world = world_points.reshape(-1, 3)[: landmarks.NUM_LANDMARKS].astype(np.float64)
+    logits = mask_logits[0, :, :, 0]
     points, visibility = raw[:35, :2].astype(np.float64), _sigmoid(raw[: landmarks.NUM_LANDMARKS, 3])
     if mirrored:
         points = np.column_stack([LANDMARK_SIDE - points[:, 0], points[:, 1]])
@@ -203,7 +210,7 @@ def locate(image: UInt8[np.ndarray, "height width 3"], region: Region, *, mirror
     return Landmarks(
         keypoints=np.column_stack([in_source[: landmarks.NUM_LANDMARKS], visibility]),
         landmarks3d=turned,
-        presence=float(outputs["Identity_1"].item()),
+        presence=float(presence.item()),
         mask=(255 * _sigmoid(mask)).astype(np.uint8),
         region=region,
         next_region=body_region(*in_source[_AUXILIARY]),
