@@ -10,7 +10,7 @@ import numpy as np
 from humanmm.errors import InputError, TruthError
 from humanmm.models.benchmark.mocap import MocapTake, leg_length
 from humanmm.models.body.body24 import NUM_JOINTS, PARENTS
-from humanmm.models.body.rotations import rotation_from_vector
+from humanmm.models.rotations import rotation_from_vector
 from humanmm.storage.truth import R_ZUP_YUP, NpzArrays
 
 FPS = 30.0

@@ -17,10 +17,10 @@ import zarr
 from zarr.errors import BaseZarrError
 
 from humanmm.errors import TruthError
-from humanmm.models.body.rotations import rotation_from_vector
 from humanmm.models.evaluation.people import projected_boxes
 from humanmm.models.evaluation.skeleton import LIMB_NAMES, SMPL_NAMES, pick
 from humanmm.models.evaluation.take import BodyParameters, CameraTake, PersonTake, Take
+from humanmm.models.rotations import rotation_from_vector
 
 MAX_ARRAY_BYTES = 2**30
 """One array of an hour of video at 60 fps stays below this."""

@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float
 from scipy.signal import lfilter
 
 from humanmm.models.body.landmarks import MIRROR, NUM_LANDMARKS
-from humanmm.models.body.rotations import rotation_from_vector, swing
+from humanmm.models.rotations import rotation_from_vector, swing
 
 Array = np.ndarray
 

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.ndimage import gaussian_filter1d
 
-from humanmm.models.body.rotations import rotation_from_vector
+from humanmm.models.rotations import rotation_from_vector
 
 Array = np.ndarray
 

@@ -7,11 +7,11 @@ import numpy as np
 from humanmm.models.benchmark.methods import MethodMotion, VideoMotions
 from humanmm.models.benchmark.multishot import BenchVideo
 from humanmm.models.body.body24 import JOINT_NAMES, load_body
-from humanmm.models.body.rotations import vector_from_rotation
 from humanmm.models.evaluation.evaluate import evaluate
 from humanmm.models.evaluation.report import Report
 from humanmm.models.evaluation.take import CameraTake, PersonTake, Take
 from humanmm.models.motion.recording import assemble, world_joints
+from humanmm.models.rotations import vector_from_rotation
 
 FIGURES = tuple(field.name for field in fields(Report) if field.name not in ("problems", "cam_cut_rot_deg"))
 """Figures of a video that are single numbers."""

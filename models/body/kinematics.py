@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from humanmm.models.body.body24 import NUM_JOINTS, PARENTS, Body
-from humanmm.models.body.rotations import rotation_from_vector
+from humanmm.models.rotations import rotation_from_vector
 
 Array = np.ndarray
 

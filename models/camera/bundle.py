@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.sparse import bsr_matrix, csr_matrix
 
-from humanmm.models.camera import rotations
+from humanmm.models import rotations
 
 MIN_GAIN = 1e-4
 """Relative decrease of the cost below which an adjustment ends."""
@@ -292,7 +292,7 @@ class _System:
         return self._moved_views(views, by_image), self._moved_points(points, by_point)
 
     def _moved_views(self, views: Views, delta: np.ndarray) -> Views:
-        R = views.R_shot_cam @ rotations.exp(np.clip(delta[:, :3], -0.5, 0.5))
+        R = views.R_shot_cam @ rotations.rotation_from_vector(np.clip(delta[:, :3], -0.5, 0.5))
         moved = replace(views, R_shot_cam=R)
         if self.freedom.translation:
             moved = replace(moved, t_shot_cam=views.t_shot_cam + delta[:, 3:6])

@@ -6,7 +6,7 @@ import numpy as np
 import pycolmap
 from jaxtyping import Float
 
-from humanmm.models.camera import rotations
+from humanmm.models import rotations
 from humanmm.models.camera.bundle import Views
 from humanmm.models.camera.odometry import Track
 from humanmm.models.camera.tracked import TrackedShot
@@ -34,7 +34,7 @@ def disagreement_deg(shot: TrackedShot, track: Track, *, translating: bool) -> f
             theirs = _turn_from_homography(xy_a, xy_b, track.views, a, b, tolerance)
         if theirs is not None:
             ours = track.views.R_shot_cam[a].T @ track.views.R_shot_cam[b]
-            angles.append(float(np.degrees(rotations.angle(ours.T @ theirs))))
+            angles.append(float(np.degrees(rotations.rotation_angle(ours.T @ theirs))))
     return float(np.median(angles)) if angles else float("nan")
 
 
@@ -59,4 +59,4 @@ def _turn_from_homography(
     K_b = np.diag([views.focals_px[b], views.focals_px[b], 1.0])
     R_b_a = np.linalg.inv(K_b) @ found["H"] @ K_a
     R_b_a = R_b_a / np.cbrt(np.linalg.det(R_b_a))
-    return rotations.nearest(R_b_a).T
+    return rotations.nearest_rotation(R_b_a).T

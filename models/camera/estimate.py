@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.models.camera import rotations
+from humanmm.models import rotations
 from humanmm.models.camera.bundle import Freedom, Observations, Points, Views
 from humanmm.models.camera.crosscheck import MAX_DISAGREEMENT_DEG, disagreement_deg
 from humanmm.models.camera.masking import background_points
@@ -126,7 +126,7 @@ def _breaks(shot: TrackedShot, track: Track) -> list[int]:
 def _result(points: PointTracks, shot: TrackedShot, intrinsics: Intrinsics, answer: _Answer) -> ShotCamera:
     moves = answer.source == "tracked"
     at, known_at = np.arange(points.start, points.end, dtype=float), shot.frame.astype(float)
-    R_shot_cam = rotations.interpolate(at, known_at, answer.views.R_shot_cam)
+    R_shot_cam = rotations.interpolate_rotations(at, known_at, answer.views.R_shot_cam)
     R_first = R_shot_cam[0].T
     t_shot_cam = np.zeros((len(at), 3))
     if moves:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from humanmm.models.camera import rotations
+from humanmm.models import rotations
 from humanmm.models.camera.bundle import Adjusted, Freedom, Observations, Points, Views, adjust, residuals
 from humanmm.models.camera.resection import resect
 from humanmm.models.camera.tracked import TrackedShot
@@ -332,7 +332,7 @@ def all_images(shot: TrackedShot, track: Track, *, freedom: Freedom) -> tuple[Vi
     at = np.arange(shot.num_images, dtype=float)
     known_at = track.keyframes.astype(float)
     views = Views(
-        rotations.interpolate(at, known_at, track.views.R_shot_cam),
+        rotations.interpolate_rotations(at, known_at, track.views.R_shot_cam),
         np.stack([np.interp(at, known_at, track.views.t_shot_cam[:, axis]) for axis in range(3)], 1),
         np.interp(at, known_at, track.views.log_zoom),
         track.views.focal_px,

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Bool, Float
 
-from humanmm.models.camera import rotations
+from humanmm.models import rotations
 from humanmm.models.camera.bundle import (
     MIN_DEPTH,
     Freedom,
@@ -70,7 +70,7 @@ def _noise_per_image(residual: np.ndarray, used: np.ndarray, starts: np.ndarray,
 
 
 def _moved(views: Views, delta: np.ndarray, freedom: Freedom) -> Views:
-    moved = replace(views, R_shot_cam=views.R_shot_cam @ rotations.exp(delta[:, :3]))
+    moved = replace(views, R_shot_cam=views.R_shot_cam @ rotations.rotation_from_vector(delta[:, :3]))
     if freedom.translation:
         moved = replace(moved, t_shot_cam=views.t_shot_cam + delta[:, 3:6])
     if freedom.zoom:

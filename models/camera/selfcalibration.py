@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool
 
-from humanmm.models.camera import rotations
+from humanmm.models import rotations
 from humanmm.models.camera.bundle import Adjusted, Freedom, Observations, Points, Views, adjust, focal_step
 from humanmm.models.camera.observations import CameraSource
 from humanmm.models.camera.odometry import (
@@ -147,10 +147,10 @@ def with_focal(views: Views, points: Points, observations: Observations, factor:
     across = np.array([1 / factor, 1 / factor, 1.0])
     R_old, t_old = views.R_shot_cam, views.t_shot_cam
     R_new, t_new = R_old.copy(), t_old.copy()
-    turns = rotations.log(np.swapaxes(R_old[:-1], 1, 2) @ R_old[1:])
+    turns = rotations.vector_from_rotation(np.swapaxes(R_old[:-1], 1, 2) @ R_old[1:])
     steps = np.einsum("kji,kj->ki", R_old[:-1], np.diff(t_old, axis=0))
     for k in range(1, len(R_old)):
-        R_new[k] = R_new[k - 1] @ rotations.exp((turns[k - 1] * across)[None])[0]
+        R_new[k] = R_new[k - 1] @ rotations.rotation_from_vector((turns[k - 1] * across)[None])[0]
         t_new[k] = t_new[k - 1] + R_new[k - 1] @ (steps[k - 1] * across)
     moved = replace(views, R_shot_cam=R_new, t_shot_cam=t_new, focal_px=views.focal_px * factor)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pycolmap
 from jaxtyping import Float, Int
 
-from humanmm.models.camera import rotations
+from humanmm.models import rotations
 from humanmm.models.camera.tracked import TrackedShot
 
 NUM_PLACES = 5
@@ -41,7 +41,7 @@ def turned_to(
     weight = np.ones(len(ray))
     R = R_start
     for _ in range(5):
-        R = rotations.nearest((direction * weight[:, None]).T @ ray)
+        R = rotations.nearest_rotation((direction * weight[:, None]).T @ ray)
         error = np.linalg.norm(direction - ray @ R.T, axis=1)
         scale = max(float(np.median(error)) / 1.1774, 1e-4)
         weight = 1.0 / (1.0 + (error / (2 * scale)) ** 2)

@@ -5,10 +5,10 @@ from jaxtyping import Float
 
 from humanmm.models.body.body24 import JOINT_NAMES, Body, load_body
 from humanmm.models.body.kinematics import forward_kinematics, skin, skinning_transforms
-from humanmm.models.body.rotations import rotation_from_vector
 from humanmm.models.evaluation.pose import METRES_TO_MM, in_camera_axes
 from humanmm.models.evaluation.skeleton import mid_hip
 from humanmm.models.evaluation.take import BodyParameters, UndefinedFigureError
+from humanmm.models.rotations import rotation_from_vector
 
 CHUNK_FRAMES = 32
 """Frames whose skin (13,718 vertices) is in memory at the same time."""

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.models.body.rotations import rotation_from_vector, skew, vector_from_rotation
+from humanmm.models.rotations import rotation_from_vector, skew, vector_from_rotation
 
 Array = np.ndarray
 

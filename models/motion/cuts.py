@@ -15,9 +15,9 @@ import cv2
 import numpy as np
 from jaxtyping import Float, Int
 
-from humanmm.models.body.rotations import kabsch, nearest_rotation, rotation_from_vector, swing, vector_from_rotation
 from humanmm.models.motion import cut_bundle, epipolar
 from humanmm.models.motion.results import CutAlignment
+from humanmm.models.rotations import kabsch, nearest_rotation, rotation_from_vector, swing, vector_from_rotation
 
 Array = np.ndarray
 

@@ -9,8 +9,8 @@ from jaxtyping import Bool, Float
 from scipy.spatial.transform import Rotation, Slerp
 
 from humanmm.models.body.body24 import JOINT_NAMES, PARENTS
-from humanmm.models.body.rotations import kabsch, nearest_rotation, rotation_from_vector, swing, vector_from_rotation
 from humanmm.models.motion.fit_state import Motion, Skeleton
+from humanmm.models.rotations import kabsch, nearest_rotation, rotation_from_vector, swing, vector_from_rotation
 
 Array = np.ndarray
 

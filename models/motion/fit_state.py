@@ -14,7 +14,7 @@ from jaxtyping import Float, Int
 
 from humanmm.models.body.body24 import NUM_JOINTS, PARENTS
 from humanmm.models.body.kinematics import compose
-from humanmm.models.body.rotations import rotation_from_vector
+from humanmm.models.rotations import rotation_from_vector
 
 Array = np.ndarray
 

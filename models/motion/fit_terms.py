@@ -13,8 +13,8 @@ from typing import Protocol
 import numpy as np
 from jaxtyping import Float, Int
 
-from humanmm.models.body.rotations import skew, vector_from_rotation
 from humanmm.models.motion.fit_state import BODY, FREE_JOINTS, NUM_PARAMETERS, PELVIS, ROOT, CameraPath, Motion
+from humanmm.models.rotations import skew, vector_from_rotation
 
 Array = np.ndarray
 

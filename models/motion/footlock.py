@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
-from humanmm.models.body.rotations import rotation_from_vector, swing, vector_from_rotation
 from humanmm.models.motion.contacts import intervals
+from humanmm.models.rotations import rotation_from_vector, swing, vector_from_rotation
 
 Array = np.ndarray
 

@@ -13,7 +13,6 @@ from jaxtyping import Float
 
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.landmarks import MIRROR, NUM_LANDMARKS, load_landmarks
-from humanmm.models.body.rotations import swing, vector_from_rotation
 from humanmm.models.camera.observations import ShotCamera
 from humanmm.models.motion.fit_solver import SolverSettings, solve_windows
 from humanmm.models.motion.fit_start import bridged, start_pose, start_position
@@ -30,6 +29,7 @@ from humanmm.models.motion.fit_terms import (
 from humanmm.models.motion.pose_prior import load_pose_statistics
 from humanmm.models.motion.results import PersonShotMotion, ShotMotion
 from humanmm.models.perception.tracks import MASK_SIDE, PersonTrack, ScenePeople
+from humanmm.models.rotations import swing, vector_from_rotation
 from humanmm.models.shots.boundaries import Person, Shot
 
 Array = np.ndarray

@@ -14,8 +14,8 @@ from functools import cached_property, lru_cache
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.models.body.rotations import rotation_from_vector, vector_from_rotation
 from humanmm.models.motion.fit_state import BODY, FREE_JOINTS, NUM_PARAMETERS, PELVIS, ROOT
+from humanmm.models.rotations import rotation_from_vector, vector_from_rotation
 from humanmm.models.weights.shipped import read_weights
 
 Array = np.ndarray

@@ -14,7 +14,6 @@ from jaxtyping import Float
 
 from humanmm.models.body.body24 import Body, load_body
 from humanmm.models.body.kinematics import compose
-from humanmm.models.body.rotations import rotation_from_vector, vector_from_rotation
 from humanmm.models.motion.contacts import CONTACT_JOINTS, ContactModel, confirmed, contact_probabilities
 from humanmm.models.motion.fit_state import CameraPath, Motion
 from humanmm.models.motion.footlock import LEGS, Leg, LockSettings, ankle_targets, bend_leg
@@ -23,6 +22,7 @@ from humanmm.models.motion.refine_seams import close_seams
 from humanmm.models.motion.refine_smoothing import smooth, smooth_rotations
 from humanmm.models.motion.results import PersonMotion, WorldMotion
 from humanmm.models.perception.tracks import ScenePeople
+from humanmm.models.rotations import rotation_from_vector, vector_from_rotation
 from humanmm.models.shots.boundaries import ShotList
 
 Array = np.ndarray

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from humanmm.models.body.rotations import rotation_from_vector, vector_from_rotation
+from humanmm.models.rotations import rotation_from_vector, vector_from_rotation
 
 Array = np.ndarray
 

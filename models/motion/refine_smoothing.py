@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float
 from scipy.linalg import solveh_banded
 from scipy.spatial.transform import Rotation
 
-from humanmm.models.body.rotations import quaternion_from_rotation
+from humanmm.models.rotations import quaternion_from_rotation
 
 Array = np.ndarray
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.models.body.rotations import rotation_from_vector, vector_from_rotation
+from humanmm.models.rotations import rotation_from_vector, vector_from_rotation
 
 CERTAIN_INLIERS = 60
 """Background edges with so many inliers are believed against the people (who may be left-right swapped)."""

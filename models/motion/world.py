@@ -15,7 +15,6 @@ from jaxtyping import Float, Int
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.kinematics import forward_kinematics
 from humanmm.models.body.landmarks import load_landmarks
-from humanmm.models.body.rotations import rotation_from_vector, vector_from_rotation
 from humanmm.models.camera.links import ShotLink, link_shots
 from humanmm.models.camera.observations import SOURCES, Intrinsics, ShotCamera
 from humanmm.models.camera.views import ViewFeatures
@@ -26,6 +25,7 @@ from humanmm.models.motion.results import CutAlignment, PersonMotion, PersonShot
 from humanmm.models.motion.shot_rotations import Edge, ShotRotations, average_rotations
 from humanmm.models.motion.world_solve import Join, SamePlace, ShotRig, Solution, Strand, solve
 from humanmm.models.perception.tracks import ScenePeople
+from humanmm.models.rotations import rotation_from_vector, vector_from_rotation
 from humanmm.models.shots.boundaries import ShotList
 
 Array = np.ndarray

@@ -21,7 +21,7 @@ from jaxtyping import Float, Int
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from humanmm.models.body.rotations import rotation_from_vector, skew, vector_from_rotation
+from humanmm.models.rotations import rotation_from_vector, skew, vector_from_rotation
 
 Array = np.ndarray
 

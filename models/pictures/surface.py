@@ -15,9 +15,9 @@ from scipy.sparse.csgraph import connected_components
 
 from humanmm.models.body.body24 import NUM_JOINTS, Body, load_body
 from humanmm.models.body.kinematics import forward_kinematics, skinning_transforms
-from humanmm.models.body.rotations import rotation_from_vector
 from humanmm.models.motion.recording import RecordedPerson
 from humanmm.models.pictures.decimate import decimate
+from humanmm.models.rotations import rotation_from_vector
 from humanmm.models.weights.shipped import read_weights
 
 _WINDOW = 128

@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 from humanmm.models.body.body24 import JOINT_NAMES, PARENTS, load_body
 from humanmm.models.body.kinematics import forward_kinematics, skin, skinning_transforms
 from humanmm.models.body.landmarks import MIRROR, load_landmarks
-from humanmm.models.body.rotations import rotation_from_vector
+from humanmm.models.rotations import rotation_from_vector
 
 RNG = np.random.default_rng(0)
 BETAS = RNG.normal(size=10)

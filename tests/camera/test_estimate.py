@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from humanmm.models.camera import rotations
+from humanmm.models import rotations
 from humanmm.models.camera.estimate import estimate_camera
 from humanmm.models.camera.observations import ShotCamera
 
 
 def rotation_errors_deg(camera: ShotCamera, R_true: np.ndarray) -> np.ndarray:
-    return np.degrees(rotations.angle(np.swapaxes(R_true, 1, 2) @ camera.R_shot_cam))
+    return np.degrees(rotations.rotation_angle(np.swapaxes(R_true, 1, 2) @ camera.R_shot_cam))
 
 
 def position_error(camera: ShotCamera, t_true: np.ndarray) -> float:

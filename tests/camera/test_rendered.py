@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from humanmm.models.camera import rotations
+from humanmm.models import rotations
 from humanmm.models.camera.estimate import estimate_camera
 from humanmm.models.camera.intrinsics import ShotPoints, estimate_intrinsics
 from humanmm.models.camera.points import TrackerSettings, track_points
@@ -69,5 +69,5 @@ def test_the_camera_drifts_less_than_a_degree_with_the_focal_length_unknown(clip
         camera = estimate_camera(shot.points, people, intrinsics)
         assert camera.source == expected
         truth_R = R_world_cam[camera.start].T @ R_world_cam[camera.start : camera.end]
-        drift = np.degrees(rotations.angle(np.swapaxes(truth_R, 1, 2) @ camera.R_shot_cam))
+        drift = np.degrees(rotations.rotation_angle(np.swapaxes(truth_R, 1, 2) @ camera.R_shot_cam))
         assert drift.max() < 1.0

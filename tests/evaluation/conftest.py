@@ -5,11 +5,11 @@ import pytest
 
 from humanmm.models.body.body24 import JOINT_NAMES, load_body
 from humanmm.models.body.kinematics import forward_kinematics
-from humanmm.models.body.rotations import rotation_from_vector, vector_from_rotation
 from humanmm.models.evaluation.alignment import yaw_rotation
 from humanmm.models.evaluation.orientation import R_WORLD_UPRIGHT
 from humanmm.models.evaluation.people import projected_boxes
 from humanmm.models.evaluation.take import BodyParameters, CameraTake, PersonTake, Take
+from humanmm.models.rotations import rotation_from_vector, vector_from_rotation
 
 NUM_FRAMES = 130
 CUT = 60

@@ -4,8 +4,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from humanmm.models.body.rotations import rotation_from_vector
 from humanmm.models.evaluation.alignment import fit_similarity, fit_yaw, rotation_angle_deg, yaw_rotation
+from humanmm.models.rotations import rotation_from_vector
 
 POINTS = np.random.default_rng(1).normal(size=(24, 3))
 vectors = st.tuples(*[st.floats(-3.0, 3.0)] * 3).map(np.array)

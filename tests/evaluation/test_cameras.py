@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from evo.core import metrics, trajectory
 
-from humanmm.models.body.rotations import rotation_from_vector
 from humanmm.models.evaluation import cameras
 from humanmm.models.evaluation.alignment import yaw_rotation
 from humanmm.models.evaluation.take import CameraTake, Take, UndefinedFigureError
+from humanmm.models.rotations import rotation_from_vector
 
 
 @pytest.fixture

@@ -5,10 +5,10 @@ import pytest
 
 from humanmm.models.body.body24 import JOINT_NAMES, load_body
 from humanmm.models.body.kinematics import forward_kinematics
-from humanmm.models.body.rotations import rotation_from_vector
 from humanmm.models.evaluation import orientation
 from humanmm.models.evaluation.alignment import rotation_angle_deg, yaw_rotation
 from humanmm.models.evaluation.take import Take
+from humanmm.models.rotations import rotation_from_vector
 
 
 @pytest.fixture

@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.kinematics import forward_kinematics
 from humanmm.models.body.landmarks import MIRROR, load_landmarks
-from humanmm.models.body.rotations import rotation_from_vector
 from humanmm.models.motion import cut_bundle, cuts, epipolar, flips
+from humanmm.models.rotations import rotation_from_vector
 
 FPS = 30.0
 K = np.array([[900.0, 0, 480], [0, 900, 270], [0, 0, 1]])

@@ -8,7 +8,6 @@ from scipy.spatial.transform import Rotation
 
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.landmarks import load_landmarks
-from humanmm.models.body.rotations import rotation_from_vector
 from humanmm.models.motion.fit_solver import SolverSettings, minimise, solve_windows
 from humanmm.models.motion.fit_state import NUM_PARAMETERS, CameraPath, Motion, Skeleton
 from humanmm.models.motion.fit_terms import (
@@ -21,6 +20,7 @@ from humanmm.models.motion.fit_terms import (
     Term,
     frame_weights,
 )
+from humanmm.models.rotations import rotation_from_vector
 
 N = 5
 K = np.array([[1000.0, 0, 500], [0, 1000, 300], [0, 0, 1]])

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from humanmm.models.body.rotations import rotation_from_vector
 from humanmm.models.motion.footlock import Leg, LockSettings, ankle_targets, bend_leg
+from humanmm.models.rotations import rotation_from_vector
 
 SOLE = np.array([0.08, 0.03])
 N = 60

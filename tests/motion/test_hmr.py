@@ -8,13 +8,13 @@ import pytest
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.kinematics import forward_kinematics
 from humanmm.models.body.landmarks import MIRROR, load_landmarks
-from humanmm.models.body.rotations import rotation_from_vector, swing
 from humanmm.models.camera.observations import ShotCamera
 from humanmm.models.motion.fit_state import CameraPath
 from humanmm.models.motion.hmr import fit_person, fit_shot, gather
 from humanmm.models.motion.pose_prior import load_pose_statistics, mirrored
 from humanmm.models.motion.results import PersonShotMotion
 from humanmm.models.perception.tracks import PersonTrack, ScenePeople
+from humanmm.models.rotations import rotation_from_vector, swing
 from humanmm.models.shots.boundaries import Appearance, Person, Shot
 
 F = 40

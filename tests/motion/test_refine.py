@@ -8,12 +8,12 @@ import pytest
 from humanmm.models.body.body24 import JOINT_NAMES, load_body
 from humanmm.models.body.kinematics import forward_kinematics
 from humanmm.models.body.landmarks import load_landmarks
-from humanmm.models.body.rotations import rotation_from_vector
 from humanmm.models.evaluation.alignment import rotation_angle_deg
 from humanmm.models.motion.contacts import CONTACT_JOINTS
 from humanmm.models.motion.refine import Observations, RefineSettings, refine_world, sole_heights
 from humanmm.models.motion.results import PersonMotion, WorldMotion
 from humanmm.models.perception.tracks import MASK_SIDE, PersonTrack, ScenePeople
+from humanmm.models.rotations import rotation_from_vector
 from humanmm.models.shots.boundaries import Appearance, Person, Shot, ShotList
 
 N = 120

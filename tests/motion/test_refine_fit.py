@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from humanmm.models.body.body24 import load_body
-from humanmm.models.body.rotations import rotation_from_vector
 from humanmm.models.motion.contacts import CONTACT_JOINTS
 from humanmm.models.motion.fit_state import NUM_PARAMETERS, Motion, Skeleton
 from humanmm.models.motion.fit_terms import NormalEquations
 from humanmm.models.motion.refine_fit import PlantedFeet
+from humanmm.models.rotations import rotation_from_vector
 
 N = 5
 TIME = np.array([0.0, 0.03, 0.07, 0.1, 0.14])

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from humanmm.models.body.rotations import rotation_from_vector, vector_from_rotation
 from humanmm.models.motion.refine_smoothing import smooth, smooth_rotations
+from humanmm.models.rotations import rotation_from_vector, vector_from_rotation
 
 
 def sine(hz: float, fps: float, seconds: float = 4.0) -> tuple[np.ndarray, np.ndarray]:

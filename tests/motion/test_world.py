@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from humanmm.models.body.rotations import rotation_from_vector
 from humanmm.models.motion import world_gravity
 from humanmm.models.motion.world import _at_origin, _between, _turned
 from humanmm.models.motion.world_solve import Join, SamePlace, ShotRig, Solution, Strand, solve, start_scale
+from humanmm.models.rotations import rotation_from_vector
 
 FPS = 30.0
 

@@ -8,12 +8,12 @@ import pytest
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.kinematics import forward_kinematics
 from humanmm.models.body.landmarks import load_landmarks
-from humanmm.models.body.rotations import rotation_from_vector, vector_from_rotation
 from humanmm.models.camera.observations import Intrinsics, ShotCamera
 from humanmm.models.motion.cuts import viewing_axes
 from humanmm.models.motion.results import PersonShotMotion, ShotMotion, WorldMotion
 from humanmm.models.motion.world import Footage, assemble
 from humanmm.models.perception.tracks import PersonTrack, ScenePeople
+from humanmm.models.rotations import rotation_from_vector, vector_from_rotation
 from humanmm.models.shots.boundaries import Appearance, Person, Shot, ShotList, Transition
 
 FPS, LENGTH = 30.0, 20

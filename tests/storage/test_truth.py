@@ -10,9 +10,9 @@ import pytest
 
 from humanmm.errors import TruthError
 from humanmm.flows.evaluate import evaluate_run
-from humanmm.models.body.rotations import rotation_from_vector
 from humanmm.models.evaluation.take import Take
 from humanmm.models.motion.recording import Recording
+from humanmm.models.rotations import rotation_from_vector
 from humanmm.storage.run_folder import write_motion
 from humanmm.storage.truth import read_take
 

@@ -1,4 +1,4 @@
-"""Rotations in numpy, batched over leading axes: exponential map, logarithm, skew matrices, Kabsch.
+"""Rotations in numpy, batched over leading axes: exponential map, logarithm, angle, interpolation, skew, Kabsch.
 
 Rotation vectors are axis times angle, radians. Everything is float64.
 """
@@ -92,3 +92,27 @@ def swing(source: Float[Array, "*batch 3"], target: Float[Array, "*batch 3"]) ->
     axis = np.where(sine[..., None] > 1e-9, axis, fallback)
     axis = axis / np.maximum(np.linalg.norm(axis, axis=-1, keepdims=True), 1e-12)
     return rotation_from_vector(axis * np.arctan2(sine, cosine)[..., None])
+
+
+def rotation_angle(R: Float[Array, "*batch 3 3"]) -> Float[Array, "*batch"]:
+    """Rotation angle in radians, accurate near zero."""
+    sine = 0.5 * np.linalg.norm(
+        np.stack([R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]], -1), axis=-1
+    )
+    return np.asarray(np.arctan2(sine, 0.5 * (np.trace(R, axis1=-2, axis2=-1) - 1.0)))
+
+
+def interpolate_rotations(
+    at: Float[Array, " n"], known_at: Float[Array, " k"], R: Float[Array, "k 3 3"]
+) -> Float[Array, "n 3 3"]:
+    """Spherical interpolation between the two known rotations around each place; ends are held.
+
+    `known_at` increases.
+    """
+    if len(known_at) == 1:
+        return np.repeat(R, len(at), axis=0)
+    after = np.clip(np.searchsorted(known_at, at, side="right"), 1, len(known_at) - 1)
+    before = after - 1
+    share = np.clip((at - known_at[before]) / (known_at[after] - known_at[before]), 0.0, 1.0)
+    step = vector_from_rotation(np.swapaxes(R[before], -1, -2) @ R[after])
+    return np.asarray(R[before] @ rotation_from_vector(share[:, None] * step))

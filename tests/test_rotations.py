@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from humanmm.models.body.rotations import (
+from humanmm.models.rotations import (
     kabsch,
     nearest_rotation,
     quaternion_from_rotation,
