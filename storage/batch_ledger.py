@@ -19,7 +19,6 @@ from humanmm.errors import InputError, StoreError
 from humanmm.storage.store import Store
 
 STATES = ("scheduled", "running", "done", "partial", "failed", "cancelled")
-ENDED = ("done", "partial", "failed", "cancelled")
 FILE = "batches.sqlite"
 HOLD_LIMIT_S = 2.0
 

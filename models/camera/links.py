@@ -13,6 +13,7 @@ from jaxtyping import Float
 
 from humanmm.models.camera.views import MIN_MATCHES, ViewFeatures, ViewLink, drop_features, link_views, match_features
 from humanmm.models.perception.tracks import PersonTrack
+from humanmm.models.rotations import rotation_angle
 
 COMPARE_ALL = 8
 """Up to so many shots, any two are compared in full."""
@@ -64,7 +65,7 @@ def sigma_deg(view: ViewLink, focal_uncertainty: float) -> float:
     """
     if view.same_camera:
         return 0.1
-    angle = np.degrees(np.arccos(np.clip((np.trace(view.R_a_b) - 1) / 2, -1, 1)))
+    angle = np.degrees(rotation_angle(view.R_a_b))
     return float(np.sqrt(1.0 + (angle * focal_uncertainty) ** 2 + (400.0 / view.num_inliers) ** 2))
 
 

@@ -52,8 +52,6 @@ class ViewLink:
     frame_b: int
     R_a_b: Float[np.ndarray, "3 3"]
     """Camera axes at frame_b to those at frame_a."""
-    direction_a_b: Float[np.ndarray, "3"]
-    """Unit vector from camera a to camera b, in a's axes; zero where the two share one place."""
     num_inliers: int
     same_camera: bool
     """One standing camera: neither moved nor turned between the two views."""
@@ -112,7 +110,7 @@ def link_views(a: ViewFeatures, b: ViewFeatures, K: Float[np.ndarray, "3 3"]) ->
     moved = np.linalg.norm(xy_a - xy_b, axis=1)
     still = moved < SAME_CAMERA_SHARE * longer_side
     if still.sum() >= 2 * MIN_INLIERS and still.mean() > 0.6:
-        return ViewLink(a.frame, b.frame, np.eye(3), np.zeros(3), int(still.sum()), same_camera=True)
+        return ViewLink(a.frame, b.frame, np.eye(3), int(still.sum()), same_camera=True)
 
     camera = pycolmap.Camera(
         model="PINHOLE",
@@ -134,10 +132,7 @@ def link_views(a: ViewFeatures, b: ViewFeatures, K: Float[np.ndarray, "3 3"]) ->
     if b_from_a is None or num_inliers < MIN_INLIERS:
         return None
     R_b_a: np.ndarray = b_from_a.rotation.matrix()
-    centre_b_in_a = -R_b_a.T @ b_from_a.translation
-    length = float(np.linalg.norm(centre_b_in_a))
-    direction = centre_b_in_a / length if length > 0 else np.zeros(3)
-    return ViewLink(a.frame, b.frame, R_b_a.T, direction, num_inliers, same_camera=False)
+    return ViewLink(a.frame, b.frame, R_b_a.T, num_inliers, same_camera=False)
 
 
 def _hellinger(descriptors: UInt8[np.ndarray, "features 128"]) -> Float[np.ndarray, "features 128"]:

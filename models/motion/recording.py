@@ -16,7 +16,7 @@ from humanmm.models.motion.results import PersonMotion, WorldMotion
 from humanmm.models.perception import landmarks
 from humanmm.models.perception.tracks import PersonTrack, ScenePeople
 from humanmm.models.shots.boundaries import Shot, ShotList
-from humanmm.models.video.facts import VideoFacts
+from humanmm.models.video.facts import VideoFacts, mean_rate_hz
 
 CONTACT_JOINTS = (7, 10, 8, 11)
 """Joints of the four contact probabilities: left ankle, left toe base, right ankle, right toe base."""
@@ -112,9 +112,8 @@ class Recording:
 
     @property
     def fps(self) -> float:
-        """(F − 1) / (last time − first time), Hz; 0 for a single frame."""
-        span = float(self.time_s[-1] - self.time_s[0]) if self.num_frames > 1 else 0.0
-        return (self.num_frames - 1) / span if span > 0 else 0.0
+        """Mean frame rate, Hz; 0 for a single frame."""
+        return mean_rate_hz(self.time_s)
 
     @property
     def cast(self) -> str:

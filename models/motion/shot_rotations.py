@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.models.rotations import rotation_from_vector, vector_from_rotation
+from humanmm.models.rotations import rotation_angle, rotation_from_vector, vector_from_rotation
 
 CERTAIN_INLIERS = 60
 """Background edges with so many inliers are believed against the people (who may be left-right swapped)."""
@@ -69,7 +69,8 @@ def _is_credible(edge: Edge, num_shots: int, believed: Sequence[Edge]) -> bool:
     if group[edge.a] != group[edge.b]:
         return False  # nobody vouches for it
     gate = GATE_SIGMAS * np.sqrt(edge.sigma_deg**2 + abs(variance[edge.a] - variance[edge.b]))
-    return _angle_deg(R[edge.a].T @ R[edge.b] @ edge.R_a_b.T) < float(np.clip(gate, MIN_GATE_DEG, MAX_GATE_DEG))
+    apart_deg = float(np.degrees(rotation_angle(R[edge.a].T @ R[edge.b] @ edge.R_a_b.T)))
+    return apart_deg < float(np.clip(gate, MIN_GATE_DEG, MAX_GATE_DEG))
 
 
 def _spread(num_shots: int, edges: Sequence[Edge]) -> tuple[Float[np.ndarray, "shots 3 3"], tuple[int, ...]]:
@@ -128,7 +129,3 @@ def _step(
         H_free = H[free][:, :, free].reshape(n, n) + 1e-9 * np.eye(n)
         step[free] = -np.linalg.solve(H_free, g[free].ravel()).reshape(-1, 3)
     return step
-
-
-def _angle_deg(R: Float[np.ndarray, "3 3"]) -> float:
-    return float(np.degrees(np.arccos(np.clip((np.trace(R) - 1) / 2, -1, 1))))

@@ -37,19 +37,3 @@ LIMBS = tuple(
     for side in ("left", "right")
 )
 """The 12 landmarks that carry the body's pose: shoulders, elbows, wrists, hips, knees, ankles."""
-
-BONES: tuple[tuple[int, int], ...] = tuple(
-    (INDEX[a], INDEX[b])
-    for a, b in (
-        ("nose", "left_eye"), ("left_eye", "left_ear"), ("nose", "right_eye"), ("right_eye", "right_ear"),
-        ("left_shoulder", "right_shoulder"), ("left_hip", "right_hip"),
-        ("left_shoulder", "left_elbow"), ("left_elbow", "left_wrist"), ("left_wrist", "left_index"),
-        ("right_shoulder", "right_elbow"), ("right_elbow", "right_wrist"), ("right_wrist", "right_index"),
-        ("left_shoulder", "left_hip"), ("right_shoulder", "right_hip"),
-        ("left_hip", "left_knee"), ("left_knee", "left_ankle"), ("left_ankle", "left_heel"),
-        ("left_heel", "left_foot_index"),
-        ("right_hip", "right_knee"), ("right_knee", "right_ankle"), ("right_ankle", "right_heel"),
-        ("right_heel", "right_foot_index"),
-    )
-)  # fmt: skip
-"""Pairs of landmarks to draw a line between."""

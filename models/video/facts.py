@@ -32,6 +32,11 @@ class VideoFacts:
 
     @property
     def fps(self) -> float:
-        """(F − 1) / (last time − first time), Hz; 0 for a single frame."""
-        span = float(self.time_s[-1] - self.time_s[0]) if self.num_frames > 1 else 0.0
-        return (self.num_frames - 1) / span if span > 0 else 0.0
+        """Mean frame rate, Hz; 0 for a single frame."""
+        return mean_rate_hz(self.time_s)
+
+
+def mean_rate_hz(time_s: np.ndarray) -> float:
+    """(F − 1) / (last time − first time) of F frame times, Hz; 0 for a single frame."""
+    span = float(time_s[-1] - time_s[0]) if len(time_s) > 1 else 0.0
+    return (len(time_s) - 1) / span if span > 0 else 0.0
