@@ -38,7 +38,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    from humanmm.cli import batch, bench, inspect, maintain, recover, results, serve
+    from humanmm.cli import batch, bench, dataset, inspect, maintain, recover, results, serve
 
     parser = argparse.ArgumentParser(
         prog="humanmm",
@@ -49,7 +49,7 @@ def _parser() -> argparse.ArgumentParser:
     verbs = parser.add_subparsers(required=True, metavar="VERB", title="verbs")
     common = argparse.ArgumentParser(add_help=False)
     common.add_argument("-v", "--verbose", action="store_true", help="tell every step, and where an error came from")
-    groups = (recover, batch, serve, results, inspect, bench, maintain)
+    groups = (recover, batch, serve, results, inspect, bench, dataset, maintain)
     for add in (add for group in groups for add in group.VERBS):
         add(verbs, common)
     return parser
