@@ -144,17 +144,19 @@ def mocap_set(pack: Path, size: str) -> tuple[list[MocapJob], SetStatistics]:
     return jobs, facts
 
 
-def figures_of(jobs: Sequence[Job], config: Config, store: Store) -> list[VideoFigures]:
+def figures_of(
+    jobs: Sequence[Job], config: Config, store: Store, methods: tuple[str, ...] = METHODS
+) -> list[VideoFigures]:
     """Every method's figures on every video: from the store, or computed now by `run.threads` processes."""
     prepare_process()
-    recipes = [_recipes(job, config, (_code(MOTION_CODE, *job.stages), _code(FIGURE_CODE))) for job in jobs]
+    recipes = [_recipes(job, config, _codes(job), methods) for job in jobs]
     done: dict[int, VideoFigures] = {}
     for index, (_, of_figures) in enumerate(recipes):
         manifest = store.find(of_figures.stage, of_figures.key)
         if manifest is not None:
             done[index] = store.read(manifest.ref, VideoFigures)
     missing = [index for index in range(len(jobs)) if index not in done]
-    for index, figures in _computed(missing, jobs, recipes, config, store):
+    for index, figures in _computed(missing, jobs, recipes, config, store, methods):
         done[index] = figures
         log.info("%s: %d of %d videos", jobs[index].name, len(done), len(jobs))
     return [done[index] for index in range(len(jobs))]
@@ -166,14 +168,17 @@ def _computed(
     recipes: Sequence[tuple[Recipe, Recipe]],
     config: Config,
     store: Store,
+    methods: tuple[str, ...],
 ) -> Iterator[tuple[int, VideoFigures]]:
     if len(missing) <= FEW or config.run.threads == 1:
         for index in missing:
-            yield index, compute(jobs[index], recipes[index], config, store.root)
+            yield index, compute(jobs[index], recipes[index], config, store.root, methods)
         return
     fresh = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(config.run.threads, mp_context=fresh, initializer=prepare_process) as pool:
-        futures = {pool.submit(compute, jobs[index], recipes[index], config, store.root): index for index in missing}
+        futures = {
+            pool.submit(compute, jobs[index], recipes[index], config, store.root, methods): index for index in missing
+        }
         try:
             for future in as_completed(futures):
                 yield futures[future], future.result()
@@ -182,17 +187,19 @@ def _computed(
             raise
 
 
-def compute(job: Job, recipes: tuple[Recipe, Recipe], config: Config, store_root: Path) -> VideoFigures:
+def compute(
+    job: Job, recipes: tuple[Recipe, Recipe], config: Config, store_root: Path, methods: tuple[str, ...]
+) -> VideoFigures:
     """One video's figures; its motions are taken from the store where it has them. Runs in a process of its own."""
     store = Store(store_root)
     of_motions, of_figures = recipes
     try:
         video = job.build(config, store)
     except HumanMMError as error:
-        failed = tuple(MethodFigures(method, (), (), str(error)) for method in METHODS)
+        failed = tuple(MethodFigures(method, (), (), str(error)) for method in methods)
         return VideoFigures(job.name, job.split, failed)
 
-    found = _kept(store, of_motions, job.name, VideoMotions, lambda: run_methods(video, config))
+    found = _kept(store, of_motions, job.name, VideoMotions, lambda: run_methods(video, config, methods))
     return _kept(store, of_figures, job.name, VideoFigures, lambda: score(video, found))
 
 
@@ -214,13 +221,20 @@ def _kept(store: Store, recipe: Recipe, unit: str, output: type[T], make: Any) -
         return result
 
 
-def _recipes(job: Job, config: Config, codes: tuple[CodeDigest, CodeDigest]) -> tuple[Recipe, Recipe]:
+def _codes(job: Job) -> tuple[CodeDigest, CodeDigest]:
+    """Code of a video's motions, and of its figures."""
+    return _code(MOTION_CODE, *job.stages), _code(FIGURE_CODE)
+
+
+def _recipes(
+    job: Job, config: Config, codes: tuple[CodeDigest, CodeDigest], methods: tuple[str, ...]
+) -> tuple[Recipe, Recipe]:
     of_motions, of_metrics = codes
     settings: Mapping[str, Any] = {name: getattr(config, name).model_dump(mode="json") for name in job.settings}
     motions = Recipe(
         stage="bench-motions",
         schema_version=1,
-        unit=job.parameters,
+        unit={**job.parameters, "methods": list(methods)},
         modules=of_motions.modules,
         weights=of_motions.weights,
         libraries=of_motions.libraries,

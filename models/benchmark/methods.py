@@ -7,7 +7,6 @@ share the stages that they have in common.
 import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -29,15 +28,7 @@ from humanmm.models.shots.boundaries import Shot, ShotList
 
 Array = np.ndarray
 
-Method = Literal[
-    "humanmm",
-    "concat",
-    "humanmm with eight-point",
-    "humanmm without flip decision",
-    "humanmm without refine",
-    "oracle camera rotation",
-]
-METHODS: tuple[Method, ...] = (
+METHODS = (
     "humanmm",
     "concat",
     "humanmm with eight-point",
@@ -46,6 +37,26 @@ METHODS: tuple[Method, ...] = (
     "oracle camera rotation",
 )
 """`oracle camera rotation`: the true turn of the camera at every cut, the rest as it is."""
+ABLATIONS = (
+    "humanmm",
+    "humanmm with eight-point",
+    "humanmm without orientation alignment",
+    "humanmm without flip decision",
+    "humanmm without background links",
+    "humanmm without pose prior",
+    "humanmm without closed seams",
+    "humanmm without refit",
+    "humanmm without foot lock",
+    "humanmm without refine",
+    "concat",
+)
+"""Every module off in turn. Without orientation alignment the worlds of the baseline are refined as ours are; without
+background links shots are joined by people alone."""
+_PARTS_OF_REFINE = {
+    "humanmm without closed seams": "close_seams",
+    "humanmm without refit": "refit",
+    "humanmm without foot lock": "foot_lock",
+}
 
 
 @dataclass(frozen=True)
@@ -77,7 +88,7 @@ class Beginning:
     motions: tuple[ShotMotion, ...]
 
 
-def run_methods(video: BenchVideo, config: Config, methods: Sequence[Method] = METHODS) -> VideoMotions:
+def run_methods(video: BenchVideo, config: Config, methods: Sequence[str] = METHODS) -> VideoMotions:
     """Every method on one video. An error, expected or not, is a failure of the methods that it hits."""
     try:
         start = begin(video, config)
@@ -101,6 +112,12 @@ class _Work:
         return without_flip_decision(self.video, self.config, self.start)
 
     @functools.cached_property
+    def without_prior(self) -> Beginning:
+        """The beginning with every pose as likely as any other."""
+        hmr = self.config.hmr.model_copy(update={"pose_prior": 0.0})
+        return fitted_again(self.video, self.config.model_copy(update={"hmr": hmr}), self.start)
+
+    @functools.cached_property
     def world(self) -> WorldMotion:
         """What `align` makes of it."""
         return assemble(footage_of(self.video, self.start), method=self.config.align.method)
@@ -110,9 +127,11 @@ class _Work:
         """What `refine` makes of that: the pipeline's own result."""
         return self.refine(self.start, self.world)
 
-    def refine(self, start: Beginning, world: WorldMotion) -> WorldMotion:
-        """The stage `refine` with the user's settings."""
+    def refine(self, start: Beginning, world: WorldMotion, *, without: str | None = None) -> WorldMotion:
+        """The stage `refine` with the user's settings, `without` one of its parts."""
         settings = self.config.refine
+        if without is not None:
+            settings = settings.model_copy(update={without: False})
         return refine_world(
             world,
             Observations(start.shots, self.video.people),
@@ -127,7 +146,7 @@ class _Work:
         )
 
 
-def _attempt(method: Method, work: _Work) -> MethodMotion:
+def _attempt(method: str, work: _Work) -> MethodMotion:
     try:
         labelled = method == "humanmm without flip decision"
         return MethodMotion(method, _recovered(method, work), (work.as_labelled if labelled else work.start).shots)
@@ -139,23 +158,36 @@ def _in_words(error: Exception) -> str:
     return str(error) if isinstance(error, HumanMMError) else f"unexpected {type(error).__name__}: {error}"
 
 
-def _recovered(method: Method, work: _Work) -> WorldMotion:
+def _recovered(method: str, work: _Work) -> WorldMotion:
+    how = work.config.align.method
     footage = footage_of(work.video, work.start)
     if method == "humanmm":
         return work.refined
     if method == "humanmm without refine":
         return work.world
+    if method in _PARTS_OF_REFINE:
+        return work.refine(work.start, work.world, without=_PARTS_OF_REFINE[method])
     if method == "concat":
         return concatenated(footage)
+    if method == "humanmm without orientation alignment":
+        return work.refine(work.start, concatenated(footage))
     if method == "humanmm with eight-point":
         return work.refine(work.start, assemble(footage, method="eight-point"))
-    how = work.config.align.method
+    if method == "humanmm without background links":
+        if not any(footage.views):
+            return work.refined
+        return work.refine(work.start, assemble(replace(footage, views=[[] for _ in footage.views]), method=how))
+    if method == "humanmm without pose prior":
+        start = work.without_prior
+        return work.refine(start, assemble(footage_of(work.video, start), method=how))
+    if method == "humanmm without flip decision":
+        if not _exchanged(work.start.shots):
+            return work.refined
+        return work.refine(work.as_labelled, assemble(footage_of(work.video, work.as_labelled), method=how))
     if method == "oracle camera rotation":
         turns = true_turns(work.video, work.start.shots)
         return work.refine(work.start, assemble(footage, method=how, known_turns=turns))
-    if not _exchanged(work.start.shots):
-        return work.refined
-    return work.refine(work.as_labelled, assemble(footage_of(work.video, work.as_labelled), method=how))
+    raise ValueError(f"no method is called {method!r}")
 
 
 def begin(video: BenchVideo, config: Config) -> Beginning:
@@ -185,6 +217,12 @@ def without_flip_decision(video: BenchVideo, config: Config, start: Beginning) -
         for new, old, camera, motion in zip(shots.shots, start.shots.shots, start.cameras, start.motions, strict=True)
     )
     return replace(start, shots=shots, motions=motions)
+
+
+def fitted_again(video: BenchVideo, config: Config, start: Beginning) -> Beginning:
+    """The same shots, every body fitted with other settings."""
+    pairs = zip(start.shots.shots, start.cameras, strict=True)
+    return replace(start, motions=tuple(_fit(video, config, start.shots, shot, camera) for shot, camera in pairs))
 
 
 def _fit(video: BenchVideo, config: Config, shots: ShotList, shot: Shot, camera: ShotCamera) -> ShotMotion:

@@ -3,37 +3,26 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Literal
 
+from humanmm.models.benchmark.paper import paper_row
 from humanmm.models.benchmark.rows import ANGLES_DEG, Metric, Row, angle_key
 
 MAIN = (
     "pa_mpjpe_mm", "wa_mpjpe100_mm", "w_mpjpe100_mm", "mpjpe_mm", "rte_pct", "rte_m", "roe_deg", "roe_yaw_deg",
     "accel_ms2", "jitter", "jitter_gt", "foot_sliding_mm", "foot_sliding_gt_mm", "cam_cut_rot_deg", "cam_ate_m",
-    "coverage", "cut_f1",
+    "pve_mm", "coverage", "cut_f1",
 )  # fmt: skip
 """What the Markdown table shows, in this order; results.json has everything."""
+OF_ABLATION = (
+    "pa_mpjpe_mm", "mpjpe_mm", "wa_mpjpe100_mm", "w_mpjpe100_mm", "pve_mm", "accel_ms2", "rte_pct", "rte_m", "roe_deg",
+    "foot_sliding_mm", "jitter", "cut_jump_m", "cut_jump_deg", "cam_cut_rot_deg",
+)  # fmt: skip
+"""What the table of modules shows: the paper's figures, then the jump at the cuts."""
 CHARTED = (
     ("wa_mpjpe100_mm", "WA-MPJPE, mm"), ("pa_mpjpe_mm", "PA-MPJPE, mm"), ("roe_deg", "ROE, degrees"),
     ("rte_m", "RTE, metres"), ("foot_sliding_mm", "foot sliding, mm a frame"), ("jitter", "jitter, 10 m/s³"),
 )  # fmt: skip
-
-_PAPER_KEYS = ("pa_mpjpe_mm", "wa_mpjpe100_mm", "rte_pct", "roe_deg", "jitter")
-_PAPER = {
-    "ms-Motion(20)": {
-        "2 transitions": (33.96, 109.72, 2.12, 66.58, 33.49),
-        "3 transitions": (40.12, 131.39, 3.94, 68.33, 31.82),
-        "4 transitions": (42.64, 165.23, 4.32, 69.15, 32.22),
-    },
-    "ms-AIST": {
-        "2 transitions": (36.82, 121.35, 2.56, 69.23, 33.27),
-        "3 transitions": (38.52, 141.38, 3.64, 67.71, 35.07),
-        "4 transitions": (39.63, 161.52, 4.55, 70.31, 39.49),
-    },
-}
-"""The paper's own method in its main table and in "ms-Motion (20)". Its foot sliding is of other vertices, in
-centimetres, and is left out; the unit of its RTE is not beyond doubt."""
-_PAPER_CONCAT = dict(zip(_PAPER_KEYS, (106.48, 273.15, 10.86, 91.55, float("nan")), strict=True))
-"""The paper's Baseline (Concat), on EMDB-1 with noise of its own."""
 
 
 @dataclass(frozen=True)
@@ -45,26 +34,39 @@ class Chart:
     series: tuple[tuple[str, tuple[Metric | None, ...]], ...]
 
 
-def as_markdown(rows: Sequence[Row], *, paper: str) -> str:
-    """A table for every split: a line a figure, a column a method, then the paper's; means with their intervals.
+def as_markdown(
+    rows: Sequence[Row], *, paper: str, figures: Sequence[str] = MAIN, lines: Literal["figures", "methods"] = "figures"
+) -> str:
+    """A table for every split: means with their intervals, the paper's numbers beside the methods that have some.
 
-    `paper` names the paper's table to show.
+    `paper` names the paper's table; `lines` says whether a line is a figure or a method.
     """
     parts = []
     for split in dict.fromkeys(row.split for row in rows):
         chosen = [row for row in rows if row.split == split]
-        theirs = dict(zip(_PAPER_KEYS, _PAPER[paper].get(split, ()), strict=False))
-        head = [f"{row.method} (failed {row.failed})" for row in chosen]
-        head += [f"paper, {paper} (other data)", "paper, concat on EMDB-1 (other data)"] if theirs else []
-        lines = [f"## {split}, n = {chosen[0].n}", "", "| | " + " | ".join(head) + " |", "|---|" + "---:|" * len(head)]
-        for key in MAIN:
-            if not any(key in row.metrics for row in chosen):
-                continue
-            cells = [_cell(row.metrics.get(key)) for row in chosen]
-            cells += [_number(theirs.get(key)), _number(_PAPER_CONCAT.get(key))] if theirs else []
-            lines.append(f"| `{key}` | " + " | ".join(cells) + " |")
-        parts.append("\n".join(lines) + "\n")
+        shown = [key for key in figures if any(key in row.metrics for row in chosen)]
+        columns: list[tuple[str, list[str]]] = []
+        for row in chosen:
+            columns.append((f"{row.method} (failed {row.failed})", [_cell(row.metrics.get(key)) for key in shown]))
+            theirs = paper_row(paper, row.method, split)
+            if theirs is not None:
+                columns.append(
+                    (f"paper: {theirs.label} (other data)", [_number(theirs.values.get(key)) for key in shown])
+                )
+        parts.append(f"## {split}, n = {chosen[0].n}\n\n{_grid([f'`{key}`' for key in shown], columns, lines)}")
     return "\n".join(parts)
+
+
+def _grid(
+    figures: Sequence[str], columns: Sequence[tuple[str, list[str]]], lines: Literal["figures", "methods"]
+) -> str:
+    if lines == "methods":
+        head, body = list(figures), [[name, *cells] for name, cells in columns]
+    else:
+        head = [name for name, _ in columns]
+        body = [[figure, *(cells[k] for _, cells in columns)] for k, figure in enumerate(figures)]
+    text = ["| | " + " | ".join(head) + " |", "|---|" + "---:|" * len(head)]
+    return "\n".join([*text, *("| " + " | ".join(line) + " |" for line in body)]) + "\n"
 
 
 def charts_of(rows: Sequence[Row]) -> tuple[Chart, ...]:
@@ -91,4 +93,4 @@ def _cell(metric: Metric | None) -> str:
 
 
 def _number(value: float | None) -> str:
-    return "" if value is None or value != value else f"{value:g}"
+    return "" if value is None else f"{value:g}"

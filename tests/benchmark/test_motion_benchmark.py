@@ -49,8 +49,8 @@ def test_a_change_of_the_metrics_leaves_the_motions_as_they_are(pack: Path) -> N
     jobs, _ = mocap_set(pack, "tiny")
     code = CodeDigest({"a": "1"}, {}, {})
     metrics = replace(code, modules={"a": "1", "b": "1"})
-    before = motion_benchmark._recipes(jobs[0], Config(), (code, code))
-    after = motion_benchmark._recipes(jobs[0], Config(), (code, metrics))
+    before = motion_benchmark._recipes(jobs[0], Config(), (code, code), METHODS)
+    after = motion_benchmark._recipes(jobs[0], Config(), (code, metrics), METHODS)
     assert before[0].key == after[0].key
     assert before[1].key != after[1].key
 
@@ -59,7 +59,7 @@ def test_a_setting_or_another_video_makes_other_motions(pack: Path) -> None:
     jobs, _ = mocap_set(pack, "tiny")
     code = CodeDigest({}, {}, {})
     config = Config.model_validate({"refine": {"cutoff_hz": 5.0}})
-    keys = {motion_benchmark._recipes(job, c, (code, code))[0].key for job in jobs for c in (Config(), config)}
+    keys = {motion_benchmark._recipes(job, c, (code, code), METHODS)[0].key for job in jobs for c in (Config(), config)}
     assert len(keys) == 2 * len(jobs)
 
 

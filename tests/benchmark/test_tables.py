@@ -45,7 +45,7 @@ def test_all_splits_together_are_a_row_and_cuts_are_grouped_by_angle() -> None:
 
 def test_the_papers_numbers_stand_beside_ours_and_are_marked() -> None:
     text = as_markdown(rows_of(VIDEOS), paper="ms-AIST")
-    assert "paper, ms-AIST (other data)" in text
+    assert "paper: HumanMM, ms-AIST (other data)" in text
     assert "| 121.35 |" in text
 
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from humanmm.config import Config
     from humanmm.models.benchmark.rows import Row
 
-TABLES = ("ms-mocap", "ms-render", "ms-real", "speed")
+TABLES = ("ms-mocap", "ms-render", "ms-real", "ablation", "speed")
 CLIPS = ("ms-render", "ms-real")
 SIZES = ("tiny", "standard", "ms20")
 
@@ -34,7 +34,8 @@ def add_bench(verbs: Any, common: argparse.ArgumentParser) -> None:
         type=Path,
         required=True,
         metavar="PATH",
-        help="ms-mocap: a pack (.npz); ms-render, ms-real: a folder of <name>.mp4 beside <name>_gt.npz; speed: a video",
+        help="ms-mocap: a pack (.npz); ms-render, ms-real: a folder of <name>.mp4 beside <name>_gt.npz; ablation: "
+        "either; speed: a video",
     )
     parser.add_argument(
         "--size", choices=SIZES, metavar="SIZE",
@@ -100,14 +101,15 @@ def _motion(options: argparse.Namespace, config: "Config") -> int:
 
     from humanmm.flows.clip_benchmark import clip_set
     from humanmm.flows.motion_benchmark import Job, figures_of, mocap_set
+    from humanmm.models.benchmark.methods import ABLATIONS, METHODS
     from humanmm.models.benchmark.rows import rows_of
-    from humanmm.models.benchmark.tables import as_markdown, charts_of
+    from humanmm.models.benchmark.tables import MAIN, OF_ABLATION, as_markdown, charts_of
     from humanmm.storage.bench_report import as_json, write_report
     from humanmm.storage.store import Store, default_store
 
     store = Store(options.store or default_store())
     jobs: Sequence[Job]
-    if options.table in CLIPS:
+    if options.table in CLIPS or (options.table == "ablation" and options.data.is_dir()):
         if options.size is not None:
             raise UsageError("--size is for ms-mocap; a folder of clips has the size that it has")
         jobs, facts = clip_set(options.data, store)
@@ -116,8 +118,14 @@ def _motion(options: argparse.Namespace, config: "Config") -> int:
         jobs, facts = mocap_set(options.data, options.size or "standard")
         size = ["--size", options.size or "standard"]
     sys.stdout.write(f"{' '.join([options.table, *size[1:]])}: {facts.sentence()}\n\n")
-    rows = rows_of(figures_of(jobs, config, store))
-    table = as_markdown(rows, paper="ms-Motion(20)" if options.size == "ms20" else "ms-AIST")
+    ablation = options.table == "ablation"
+    rows = rows_of(figures_of(jobs, config, store, ABLATIONS if ablation else METHODS))
+    table = as_markdown(
+        rows,
+        paper="ablation" if ablation else "ms-Motion (20)" if options.size == "ms20" else "ms-AIST",
+        figures=OF_ABLATION if ablation else MAIN,
+        lines="methods" if ablation else "figures",
+    )
     sys.stdout.write(table)
     command = " ".join(["humanmm", "bench", options.table, *size, *_settings(options)])
     if options.report is not None:
