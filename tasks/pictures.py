@@ -13,8 +13,9 @@ from humanmm.models.pictures.overlay import Mark, Overlay
 from humanmm.models.pictures.timeline import StageTime, timeline
 from humanmm.models.pictures.top_view import top_view
 from humanmm.models.video.ahead import ahead
+from humanmm.models.video.colors import read_colors
 from humanmm.models.video.facts import VideoFacts
-from humanmm.models.video.frames import Frame, frames, scaled_size
+from humanmm.models.video.frames import Frame, frames, planar_size
 from humanmm.models.video.reading import read_facts
 from humanmm.storage.files import replace_file
 from humanmm.storage.picture_files import write_png, write_video
@@ -37,23 +38,21 @@ def write_overlay(
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> None:
     """Decode the video once more, draw the people on every frame, and encode it: three threads, a few pictures."""
-    width, height = scaled_size(facts, settings.overlay_max_side_px)
-    overlay = Overlay(recording, tuple(marks), width, height)
-    canvases = np.empty((_AHEAD, height, width, 3), np.uint8)
+    width, height = planar_size(facts, settings.overlay_max_side_px)
+    colors = read_colors(stream)
+    overlay = Overlay(recording, tuple(marks), width, height, colors)
 
     def drawn(decoded: Iterator[Frame]) -> Iterator[tuple[float, np.ndarray]]:
         for frame in decoded:
-            image = canvases[frame.index % _AHEAD]
-            np.copyto(image, frame.image)
-            overlay.draw(image, frame.index)
+            overlay.draw(frame.image, frame.index)
             progress(frame.index + 1, facts.num_frames)
-            yield frame.time_s, image
+            yield frame.time_s, frame.image
 
-    with (
-        ahead(frames(stream, facts, max_side_px=settings.overlay_max_side_px), _AHEAD) as decoded,
-        ahead(drawn(decoded), _AHEAD) as pictures,
-    ):
-        write_video(path, pictures, width=width, height=height, fps=facts.fps, quality=settings.overlay_quality)
+    planes = frames(stream, facts, pixels="yuv420p", max_side_px=settings.overlay_max_side_px)
+    with ahead(planes, _AHEAD) as decoded, ahead(drawn(decoded), _AHEAD) as pictures:
+        write_video(
+            path, pictures, width=width, height=height, fps=facts.fps, colors=colors, quality=settings.overlay_quality
+        )
 
 
 def write_timeline(run_dir: Path, recording: Recording, record: Mapping[str, Any]) -> None:

@@ -8,8 +8,6 @@ import numpy as np
 from jaxtyping import UInt8
 from matplotlib.ft2font import FT2Font
 
-from humanmm.models.pictures.palette import RGB
-
 
 class Lettering:
     """Text of one size. Not shared between threads."""
@@ -31,17 +29,6 @@ class Lettering:
         if not text:
             return np.zeros((self.height, 0), np.uint8)
         return np.concatenate([self._glyph(letter)[0] for letter in text], axis=1)
-
-    def write(self, image: UInt8[np.ndarray, "H W 3"], text: str, x: int, y: int, color: RGB) -> None:
-        """Write into the picture with the upper left corner at (x, y); what lies outside is cut off."""
-        mask = self.mask(text)
-        left, top = max(-x, 0), max(-y, 0)
-        mask = mask[top : max(image.shape[0] - y, 0), left : max(image.shape[1] - x, 0)]
-        if mask.size == 0:
-            return
-        part = image[y + top : y + top + mask.shape[0], x + left : x + left + mask.shape[1]]
-        alpha = mask[..., None].astype(np.int32)
-        part[...] = part + (np.array(color, np.int32) - part) * alpha // 255
 
     def _draw_glyph(self, letter: str) -> tuple[np.ndarray, int]:
         self._font.set_text(letter, 0.0)

@@ -6,16 +6,17 @@ drawn at all (the shot may be of another place). `Overlay.draw` changes one pict
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
 
 from humanmm.models.motion.recording import CONTACT_JOINTS, RecordedPerson, Recording
 from humanmm.models.pictures import palette
+from humanmm.models.pictures.canvas import Canvas
 from humanmm.models.pictures.lettering import Lettering
 from humanmm.models.pictures.raster import NEAR_M, Region, project, rasterise
 from humanmm.models.pictures.surface import PosedSurface
 from humanmm.models.shots.boundaries import ShotList
+from humanmm.models.video.colors import BT601, Colors
 
 OPACITY = 0.9
 OPACITY_NOT_OBSERVED = 0.5
@@ -46,9 +47,11 @@ def marks_of(shot_list: ShotList) -> tuple[Mark, ...]:
 
 
 class Overlay:
-    """Draws one recording onto pictures of width × height. One thread at a time."""
+    """Draws one recording onto the pictures of a video, scaled to width × height (even). One thread at a time."""
 
-    def __init__(self, recording: Recording, marks: tuple[Mark, ...], width: int, height: int) -> None:
+    def __init__(
+        self, recording: Recording, marks: tuple[Mark, ...], width: int, height: int, colors: Colors = BT601
+    ) -> None:
         self._recording = recording
         self._marks = marks
         self._size = width, height
@@ -56,27 +59,29 @@ class Overlay:
         self._K = recording.K * scale[:, None]
         self._seen_in_shot = [set(recording.shot_index[p.frame[p.observed]].tolist()) for p in recording.people]
         self._surfaces = [PosedSurface(person) for person in recording.people]
-        self._ramps = [palette.shading_ramp(palette.person_color(p.person))[:, None] for p in recording.people]
-        self._pale_ramp = palette.shading_ramp(palette.NOT_OBSERVED)[:, None]
+        self._colors = colors
+        self._ramps = [self._ramp(palette.person_color(p.person)) for p in recording.people]
+        self._pale_ramp = self._ramp(palette.NOT_OBSERVED)
         unit = max(11, round(min(width, height) / 38))
         self._text = Lettering(unit)
         self._bold = Lettering(unit, bold=True)
         self._pad = max(4, unit // 2)
-        self._bar = _shot_bar(recording, marks, width, max(4, round(height / 90)))
+        self._bar = colors.samples(_shot_bar(recording, marks, width, max(4, round(height / 180) * 2)))
 
-    def draw(self, image: UInt8[np.ndarray, "H W 3"], frame: int) -> None:
-        """Draw everything that belongs to one frame of the video into an RGB picture."""
+    def draw(self, image: UInt8[np.ndarray, "HplusHalf W"], frame: int) -> None:
+        """Draw everything that belongs to one frame of the video into its planes (as `Canvas` takes them)."""
+        canvas = Canvas(image, self._colors)
         people, shot = self._recording.people, int(self._recording.shot_index[frame])
         rows = [frame - int(p.frame[0]) if len(p.frame) else -1 for p in people]
         present = [i for i, p in enumerate(people) if 0 <= rows[i] < len(p.frame) and shot in self._seen_in_shot[i]]
         for index in present:
-            self._draw_contacts(image, frame, self._recording.people[index], rows[index])
-        self._draw_people(image, frame, present, rows)
+            self._draw_contacts(canvas, frame, self._recording.people[index], rows[index])
+        self._draw_people(canvas, frame, present, rows)
         for index in present:
-            self._label(image, frame, self._recording.people[index], rows[index])
-        self._draw_status(image, frame)
+            self._label(canvas, frame, self._recording.people[index], rows[index])
+        self._draw_status(canvas, frame)
 
-    def _draw_people(self, image: np.ndarray, frame: int, present: list[int], rows: list[int]) -> None:
+    def _draw_people(self, canvas: Canvas, frame: int, present: list[int], rows: list[int]) -> None:
         R, t, K = self._recording.R_world_cam[frame], self._recording.t_world_cam[frame], self._K[frame]
         triangles = []
         for index in present:
@@ -89,9 +94,28 @@ class Overlay:
                 index = present[member]
                 observed = bool(self._recording.people[index].observed[rows[index]])
                 only = None if len(present) == 1 else int(member)
-                _blend(image, region, self._ramps[index] if observed else self._pale_ramp, observed, only)
+                weight = self._weight(region, observed, only)
+                ramp = self._ramps[index] if observed else self._pale_ramp
+                canvas.surface(region.x, region.y, region.shade, weight, ramp)
 
-    def _draw_contacts(self, image: np.ndarray, frame: int, person: RecordedPerson, row: int) -> None:
+    def _ramp(self, color: palette.RGB) -> UInt8[np.ndarray, "256 3"]:
+        """Samples of a surface of one colour, from dark to lit."""
+        return self._colors.samples(palette.shading_ramp(color))
+
+    def _weight(self, region: Region, observed: bool, only: int | None) -> Float[np.ndarray, "h w"]:
+        """Opacity 0..1 of a region's surfaces (of one of them): pale and hatched where nobody was observed."""
+        weight = region.coverage.astype(np.float32)
+        weight *= (OPACITY if observed else OPACITY_NOT_OBSERVED) / 255
+        if only is not None:
+            weight *= region.surface == only
+        if not observed:
+            height, width = weight.shape
+            period = max(6, self._size[1] // 60)
+            diagonal = np.arange(region.x, region.x + width) + np.arange(region.y, region.y + height)[:, None]
+            weight *= np.where(diagonal % period < period // 2, 1.0, 0.5).astype(np.float32)
+        return weight
+
+    def _draw_contacts(self, canvas: Canvas, frame: int, person: RecordedPerson, row: int) -> None:
         """A disc under every foot joint that stands: on the floor, or on the wall or stair that carries the foot."""
         for joint, probability in zip(CONTACT_JOINTS, person.contacts[row], strict=True):
             if probability < CONTACT_PROBABILITY or not person.observed[row]:
@@ -100,9 +124,7 @@ class Overlay:
             center[2] = max(0.0, person.joints[row, _TOE_BASE[joint], 2] - _SOLE_M)
             ring = self._project(frame, center + _CIRCLE * _CONTACT_RADIUS_M)
             if ring is not None:
-                points = np.rint((ring - 0.5) * 16).astype(np.int32)
-                cv2.fillConvexPoly(image, points, palette.CONTACT, cv2.LINE_AA, 4)
-                cv2.polylines(image, [points], True, palette.INK, 1, cv2.LINE_AA, 4)
+                canvas.polygon(ring, palette.CONTACT, outline=palette.INK)
 
     def _project(self, frame: int, points_world: Float[np.ndarray, "P 3"]) -> Float[np.ndarray, "P 2"] | None:
         """Pixels of world points, or None when one of them is behind the camera or far outside the picture."""
@@ -113,7 +135,7 @@ class Overlay:
         pixels = in_camera / in_camera[:, 2:] @ self._K[frame].T
         return None if np.abs(pixels).max() > 8 * max(self._size) else np.asarray(pixels[:, :2])
 
-    def _label(self, image: np.ndarray, frame: int, person: RecordedPerson, row: int) -> None:
+    def _label(self, canvas: Canvas, frame: int, person: RecordedPerson, row: int) -> None:
         head = self._project(frame, person.joints[row, 15:16] + np.array([0, 0, 0.32]))
         if head is None:
             return
@@ -122,10 +144,10 @@ class Overlay:
         width = self._bold.width(text) + 2 * self._pad
         x, y = round(head[0, 0] - width / 2), round(head[0, 1] - self._bold.height)
         color = palette.person_color(person.person) if observed else palette.NOT_OBSERVED
-        _panel(image, x, y, width, self._bold.height + self._pad // 2, color, 0.85)
-        self._bold.write(image, text, x + self._pad, y + self._pad // 4, palette.INK)
+        canvas.rectangle(x, y, x + width, y + self._bold.height + self._pad // 2, color, 0.85)
+        canvas.stamp(x + self._pad, y + self._pad // 4, self._bold.mask(text), palette.INK)
 
-    def _draw_status(self, image: np.ndarray, frame: int) -> None:
+    def _draw_status(self, canvas: Canvas, frame: int) -> None:
         recording = self._recording
         shot = int(recording.shot_index[frame])
         num_shots = len(recording.cut_frames) + 1
@@ -133,17 +155,17 @@ class Overlay:
         detail = f"frame {frame}   {recording.time_s[frame] - recording.time_s[0]:.2f} s"
         pad, line = self._pad, self._text.height
         width = max(self._bold.width(title), self._text.width(detail)) + 3 * pad
-        _panel(image, pad, pad, width, 2 * line + pad, palette.INK, 0.6)
-        image[pad : pad + 2 * line + pad, pad : pad + max(3, pad // 2)] = palette.shot_color(shot)
-        self._bold.write(image, title, 2 * pad, pad + pad // 2, palette.WHITE)
-        self._text.write(image, detail, 2 * pad, pad + pad // 2 + line, palette.WHITE)
-        self._draw_mark(image, frame)
-        height = self._bar.shape[0]
-        image[-height:] = self._bar
-        x = min(int((frame + 0.5) / recording.num_frames * image.shape[1]), image.shape[1] - 1)
-        image[-2 * height :, max(x - 1, 0) : x + 2] = palette.WHITE
+        canvas.rectangle(pad, pad, pad + width, 2 * (pad + line), palette.INK, 0.6)
+        canvas.rectangle(pad, pad, pad + max(3, pad // 2), 2 * (pad + line), palette.shot_color(shot))
+        canvas.stamp(2 * pad, pad + pad // 2, self._bold.mask(title), palette.WHITE)
+        canvas.stamp(2 * pad, pad + pad // 2 + line, self._text.mask(detail), palette.WHITE)
+        self._draw_mark(canvas, frame)
+        height = len(self._bar)
+        canvas.paste(canvas.height - height, self._bar)
+        x = min(int((frame + 0.5) / recording.num_frames * canvas.width), canvas.width - 1)
+        canvas.rectangle(x - 1, canvas.height - 2 * height, x + 2, canvas.height, palette.WHITE)
 
-    def _draw_mark(self, image: np.ndarray, frame: int) -> None:
+    def _draw_mark(self, canvas: Canvas, frame: int) -> None:
         """A shining frame and a word while the shot changes, and shortly after a cut."""
         time_s = self._recording.time_s
         for mark in self._marks:
@@ -151,34 +173,11 @@ class Overlay:
             if not (mark.start <= frame < mark.end or (fresh and frame >= mark.start)):
                 continue
             thickness = max(3, self._pad // 2)
-            cv2.rectangle(image, (0, 0), (image.shape[1] - 1, image.shape[0] - 1), palette.CUT, thickness)
-            text = mark.name
-            width = self._bold.width(text) + 2 * self._pad
-            x = image.shape[1] - width - self._pad
-            _panel(image, x, self._pad, width, self._bold.height + self._pad // 2, palette.CUT, 0.9)
-            self._bold.write(image, text, x + self._pad, self._pad + self._pad // 4, palette.INK)
-
-
-def _blend(image: np.ndarray, region: Region, ramp: np.ndarray, observed: bool, only: int | None) -> None:
-    height, width = region.shade.shape
-    part = image[region.y : region.y + height, region.x : region.x + width]
-    weight = region.coverage.astype(np.float32)
-    weight *= (OPACITY if observed else OPACITY_NOT_OBSERVED) / 255
-    if only is not None:
-        weight *= region.surface == only
-    if not observed:
-        period = max(6, image.shape[0] // 60)
-        diagonal = np.arange(region.x, region.x + width) + np.arange(region.y, region.y + height)[:, None]
-        weight *= np.where(diagonal % period < period // 2, 1.0, 0.5).astype(np.float32)
-    color = cv2.applyColorMap(region.shade, ramp)
-    cv2.blendLinear(color, part, weight, 1 - weight, dst=part)
-
-
-def _panel(image: np.ndarray, x: int, y: int, width: int, height: int, color: palette.RGB, opacity: float) -> None:
-    """A tinted rectangle, cut off at the picture's edges."""
-    part = image[max(y, 0) : max(y + height, 0), max(x, 0) : max(x + width, 0)]
-    if part.size:
-        cv2.addWeighted(part, 1 - opacity, np.full_like(part, color), opacity, 0, dst=part)
+            canvas.border(thickness, palette.CUT)
+            width = self._bold.width(mark.name) + 2 * self._pad
+            x, y = canvas.width - width - self._pad, self._pad
+            canvas.rectangle(x, y, x + width, y + self._bold.height + self._pad // 2, palette.CUT, 0.9)
+            canvas.stamp(x + self._pad, y + self._pad // 4, self._bold.mask(mark.name), palette.INK)
 
 
 def _shot_bar(recording: Recording, marks: tuple[Mark, ...], width: int, height: int) -> UInt8[np.ndarray, "h W 3"]:

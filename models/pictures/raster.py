@@ -73,14 +73,18 @@ def project(
     center = np.array([K[0, 2], K[1, 2]], np.float32)
     pixels = vertices[:, :2] / vertices[:, 2:] * focal + center
     np.clip(pixels, -_LARGEST_COORDINATE_PX, _LARGEST_COORDINATE_PX, out=pixels)
-    x, y = pixels[:, 0][faces], pixels[:, 1][faces]
+    x, y = pixels[:, 0].take(faces), pixels[:, 1].take(faces)
     area = (x[:, 1] - x[:, 0]) * (y[:, 2] - y[:, 0]) - (x[:, 2] - x[:, 0]) * (y[:, 1] - y[:, 0])
-    visible = faces[area < 0]  # counter-clockwise from outside is clockwise, negative, once y points down
-    return Triangles(pixels[visible], vertices[:, 2][visible].mean(1), light[visible])
+    clockwise = area < 0  # counter-clockwise from outside, once y points down
+    visible = faces.compress(clockwise, axis=0)
+    return Triangles(pixels.take(visible, axis=0), vertices[:, 2].take(visible).mean(1), light.take(visible))
 
 
 def rasterise(surfaces: list[Triangles], width: int, height: int) -> list[Region]:
-    """The parts of a width × height picture that surfaces cover; surfaces whose boxes overlap share one region."""
+    """The parts of a width × height picture that surfaces cover; surfaces whose boxes overlap share one region.
+
+    Positions and sides of regions are even if the picture's sides are.
+    """
     regions = []
     for members, box in _overlapping(surfaces, width, height):
         x0, y0, x1, y1 = box
@@ -132,7 +136,11 @@ def _overlapping(surfaces: list[Triangles], width: int, height: int) -> list[tup
         if len(surface.depth) == 0:
             continue
         x0, y0, x1, y1 = surface.box
-        box = (max(int(x0) - 2, 0), max(int(y0) - 2, 0), min(int(x1) + 3, width), min(int(y1) + 3, height))
+        low_x, low_y, high_x, high_y = int(x0) - 2, int(y0) - 2, int(x1) + 4, int(y1) + 4
+        box = (
+            max(low_x - low_x % 2, 0), max(low_y - low_y % 2, 0),
+            min(high_x - high_x % 2, width), min(high_y - high_y % 2, height),
+        )  # fmt: skip
         if box[0] >= box[2] or box[1] >= box[3]:
             continue
         members = [index]

@@ -13,6 +13,7 @@ from typing import BinaryIO, Literal
 import cv2
 import numpy as np
 from av.video.frame import VideoFrame
+from av.video.plane import VideoPlane
 from av.video.reformatter import ColorRange, Interpolation, VideoReformatter
 from av.video.stream import VideoStream
 
@@ -20,7 +21,7 @@ from humanmm.errors import VideoError
 from humanmm.models.video.container import PacketLog, decoded, open_video
 from humanmm.models.video.facts import VideoFacts
 
-Pixels = Literal["rgb", "bgr", "gray"]
+Pixels = Literal["rgb", "bgr", "gray", "yuv420p"]
 _FORMATS = {"rgb": "rgb24", "bgr": "bgr24", "gray": "gray"}
 
 _ROTATIONS = {90: cv2.ROTATE_90_CLOCKWISE, 180: cv2.ROTATE_180, 270: cv2.ROTATE_90_COUNTERCLOCKWISE}
@@ -38,7 +39,11 @@ class Frame:
     index: int
     time_s: float
     image: np.ndarray
-    """(H,W,3) uint8 for rgb and bgr, (H,W) uint8 for gray; valid as long as it is referenced; do not write into it."""
+    """(H,W,3) uint8 for rgb and bgr, (H,W) uint8 for gray; valid as long as it is referenced; do not write into it.
+
+    For yuv420p (3H/2,W) uint8, which may be written into: the planes Y, Cb, Cr one after the other (what OpenCV calls
+    I420), limited range, in the video's own matrix; H and W are even.
+    """
 
 
 def scaled_size(facts: VideoFacts, max_side_px: int | None) -> tuple[int, int]:
@@ -48,6 +53,12 @@ def scaled_size(facts: VideoFacts, max_side_px: int | None) -> tuple[int, int]:
         return facts.width, facts.height
     scale = max_side_px / largest
     return max(1, round(facts.width * scale)), max(1, round(facts.height * scale))
+
+
+def planar_size(facts: VideoFacts, max_side_px: int | None) -> tuple[int, int]:
+    """Width and height of yuv420p pictures: as `scaled_size`, the next smaller even numbers."""
+    width, height = scaled_size(facts, max_side_px)
+    return max(2, width // 2 * 2), max(2, height // 2 * 2)
 
 
 def frames(
@@ -116,7 +127,7 @@ class _Picture:
     """Turns decoded pictures into upright arrays of one size and pixel format."""
 
     def __init__(self, facts: VideoFacts, pixels: Pixels, max_side_px: int | None) -> None:
-        width, height = scaled_size(facts, max_side_px)
+        width, height = (planar_size if pixels == "yuv420p" else scaled_size)(facts, max_side_px)
         if facts.rotation_deg in (90, 270):
             width, height = height, width
         self._size = width, height
@@ -126,41 +137,59 @@ class _Picture:
         self._reformatter = VideoReformatter()
 
     def __call__(self, picture: VideoFrame) -> np.ndarray:
+        if self._pixels == "yuv420p":
+            planes = [self._upright(plane) for plane in self._planes(picture)]
+            return np.concatenate([plane.reshape(-1) for plane in planes]).reshape(-1, planes[0].shape[1])
         same_size = (picture.width, picture.height) == self._size
         if self._pixels == "gray" and same_size and picture.format.name in _LUMA_FORMATS + _FULL_RANGE_FORMATS:
             image = _luma(picture)
         else:
             image = self._reformat(picture)
+        return self._upright(image)
+
+    def _upright(self, image: np.ndarray) -> np.ndarray:
         if self._mirrored:
             image = cv2.flip(image, 1)
         if self._rotation is not None:
             image = cv2.rotate(image, self._rotation)
         return image
 
+    def _planes(self, picture: VideoFrame) -> list[np.ndarray]:
+        """Y (H,W), Cb and Cr (H/2,W/2) as they were decoded, or converted if the video is stored differently."""
+        width, height = self._size
+        full_range = picture.format.name in _FULL_RANGE_FORMATS or picture.color_range == ColorRange.JPEG
+        if picture.format.name != "yuv420p" or (picture.width, picture.height) != self._size or full_range:
+            picture = self._converted(picture, "yuv420p", ColorRange.MPEG)
+        sizes = ((width, height), (width // 2, height // 2), (width // 2, height // 2))
+        return [_rows(plane, *size) for plane, size in zip(picture.planes, sizes, strict=True)]
+
     def _reformat(self, picture: VideoFrame) -> np.ndarray:
         width, height = self._size
+        channels = 1 if self._pixels == "gray" else 3
+        rows = _rows(self._converted(picture, _FORMATS[self._pixels]).planes[0], width * channels, height)
+        return rows if channels == 1 else rows.reshape(height, width, channels)
+
+    def _converted(self, picture: VideoFrame, pixel_format: str, color_range: ColorRange | None = None) -> VideoFrame:
+        width, height = self._size
         shrinks = width < picture.width or height < picture.height
-        out = self._reformatter.reformat(
+        return self._reformatter.reformat(
             picture,
             width=width,
             height=height,
-            format=_FORMATS[self._pixels],
+            format=pixel_format,
+            dst_color_range=color_range,
             interpolation=Interpolation.AREA if shrinks else Interpolation.BICUBIC,
         )
-        channels = 1 if self._pixels == "gray" else 3
-        rows = _first_plane(out, width * channels)
-        return rows if channels == 1 else rows.reshape(height, width, channels)
 
 
 def _luma(picture: VideoFrame) -> np.ndarray:
     """The luma plane as gray values 0..255, without a conversion of colours."""
-    rows = _first_plane(picture, picture.width)
+    rows = _rows(picture.planes[0], picture.width, picture.height)
     full_range = picture.format.name in (*_FULL_RANGE_FORMATS, "gray") or picture.color_range == ColorRange.JPEG
     return rows if full_range else np.asarray(cv2.LUT(rows, _LUMA_TO_GRAY))
 
 
-def _first_plane(picture: VideoFrame, row_bytes: int) -> np.ndarray:
-    """The first plane as (H, row_bytes) uint8, sharing the picture's memory, without the padding of rows."""
-    plane = picture.planes[0]
+def _rows(plane: VideoPlane, row_bytes: int, height: int) -> np.ndarray:
+    """A plane as (height, row_bytes) uint8, sharing the picture's memory, without the padding of rows."""
     flat: np.ndarray = np.frombuffer(plane, np.uint8)  # type: ignore[call-overload]
-    return flat.reshape(-1, plane.line_size)[: picture.height, :row_bytes]
+    return flat.reshape(-1, plane.line_size)[:height, :row_bytes]

@@ -4,6 +4,7 @@ import dataclasses
 import time
 from collections.abc import Callable
 
+import cv2
 import numpy as np
 import pytest
 
@@ -13,6 +14,18 @@ from humanmm.models.pictures import palette
 from humanmm.models.pictures.overlay import Mark, Overlay
 from humanmm.models.pictures.raster import project, rasterise
 from humanmm.models.pictures.surface import DrawnMesh, PosedSurface, load_drawn_mesh, make_drawn_mesh
+
+
+def _gray(width: int, height: int, level: int = 0) -> np.ndarray:
+    """Planes of a uniform gray picture."""
+    planes = np.full((height * 3 // 2, width), 128, np.uint8)
+    planes[:height] = round(16 + level * 219 / 255)
+    return planes
+
+
+def _rgb(planes: np.ndarray) -> np.ndarray:
+    return np.asarray(cv2.cvtColor(planes, cv2.COLOR_YUV2RGB_I420))
+
 
 Rendered = Callable[[str], tuple[Recording, list[np.ndarray]]]
 
@@ -82,7 +95,7 @@ def test_a_body_around_the_camera_is_clipped_not_turned_inside_out(standing: Rec
     t = standing.t_world_cam.copy()
     t[:] = person.joints[0, 9] + np.float32([0.25, 0.12, 0])  # just behind the left shoulder
     close = dataclasses.replace(standing, t_world_cam=t)
-    picture = np.zeros((480, 640, 3), np.uint8)
+    picture = _gray(640, 480)
     Overlay(close, (), 640, 480).draw(picture, 0)
     behind = dataclasses.replace(standing, t_world_cam=t + np.float32([0, 3, 0]))
     silhouette = _silhouettes(behind, 0, [PosedSurface(person)])
@@ -90,11 +103,12 @@ def test_a_body_around_the_camera_is_clipped_not_turned_inside_out(standing: Rec
 
 
 def test_an_unobserved_person_looks_different_and_leaves_more_of_the_video(standing: Recording) -> None:
-    background = np.full((480, 640, 3), 40, np.uint8)
+    background = _gray(640, 480, 40)
     overlay = Overlay(standing, (), 640, 480)
     seen, filled = background.copy(), background.copy()
     overlay.draw(seen, 29)
     overlay.draw(filled, 30)
+    seen, filled = _rgb(seen), _rgb(filled)
     where = _silhouettes(standing, 29, [PosedSurface(standing.people[0])]) >= 0
     change = [np.abs(picture.astype(int) - 40)[where].mean() for picture in (seen, filled)]
     assert change[1] < 0.7 * change[0]
@@ -107,20 +121,20 @@ def test_a_shot_that_never_shows_a_person_shows_no_ghost_of_that_person(standing
     overlay = Overlay(dataclasses.replace(standing, people=(person,)), (), 640, 480)
     pictures = []
     for frame in (19, 20):
-        picture = np.full((480, 640, 3), 40, np.uint8)
+        picture = _gray(640, 480, 40)
         overlay.draw(picture, frame)
-        pictures.append(picture[100:440, 200:440])
-    assert (pictures[0] != 40).any()
-    assert (pictures[1] == 40).all()
+        pictures.append(_rgb(picture)[100:440, 200:440].astype(int))
+    assert (np.abs(pictures[0] - 40) > 40).any()
+    assert (np.abs(pictures[1] - 40) <= 1).all()
 
 
 def test_contacts_are_discs_on_the_floor(standing: Recording) -> None:
     lifted = dataclasses.replace(standing.people[0], contacts=np.zeros((40, 4), np.float32))
     pictures = []
     for recording in (standing, dataclasses.replace(standing, people=(lifted,))):
-        picture = np.zeros((480, 640, 3), np.uint8)
+        picture = _gray(640, 480)
         Overlay(recording, (), 640, 480).draw(picture, 5)
-        pictures.append((picture == palette.CONTACT).all(-1))
+        pictures.append((np.abs(_rgb(picture).astype(int) - palette.CONTACT) < 8).all(-1))
     assert pictures[0].sum() > 50
     assert pictures[1].sum() == 0
     rows = np.flatnonzero(pictures[0].any(1))
@@ -131,9 +145,9 @@ def test_a_cut_shines_when_it_comes_and_not_before(standing: Recording) -> None:
     overlay = Overlay(standing, (Mark("cut", 20, 20),), 640, 480)
     corner = []
     for frame in (19, 20, 25, 35):
-        picture = np.zeros((480, 640, 3), np.uint8)
+        picture = _gray(640, 480)
         overlay.draw(picture, frame)
-        corner.append(tuple(picture[240, 1]) == palette.CUT)
+        corner.append(bool((np.abs(_rgb(picture)[240, 1].astype(int) - palette.CUT) < 8).all()))
     assert corner == [False, True, True, False]
 
 
@@ -141,7 +155,7 @@ def test_the_same_picture_comes_out_at_any_order_of_frames(standing: Recording) 
     def draw(order: list[int]) -> np.ndarray:
         overlay = Overlay(standing, (), 640, 480)
         for frame in order:
-            picture = np.zeros((480, 640, 3), np.uint8)
+            picture = _gray(640, 480)
             overlay.draw(picture, frame)
         return picture
 
@@ -150,7 +164,7 @@ def test_the_same_picture_comes_out_at_any_order_of_frames(standing: Recording) 
 
 def test_drawing_one_person_on_720p_takes_less_than_12_ms_of_processor_time(standing: Recording) -> None:
     overlay = Overlay(standing, (), 1280, 720)
-    picture = np.zeros((720, 1280, 3), np.uint8)
+    picture = _gray(1280, 720)
     overlay.draw(picture, 0)
     start = time.thread_time()
     for frame in range(30):
@@ -158,9 +172,9 @@ def test_drawing_one_person_on_720p_takes_less_than_12_ms_of_processor_time(stan
     assert (time.thread_time() - start) / 30 < 0.012  # 3 to 4 ms on a quiet core; a busy machine doubles it
 
 
-@pytest.mark.parametrize("size", [(32, 24), (24, 320), (2001, 31)])
+@pytest.mark.parametrize("size", [(32, 24), (24, 320), (2000, 30)])
 def test_pictures_of_any_size_and_shape_can_be_drawn_on(standing: Recording, size: tuple[int, int]) -> None:
     width, height = size
-    picture = np.zeros((height, width, 3), np.uint8)
+    picture = _gray(width, height)
     Overlay(standing, (Mark("cut", 20, 20), Mark("fade", 30, 36)), width, height).draw(picture, 20)
-    assert picture.any()
+    assert (picture != _gray(width, height)).any()

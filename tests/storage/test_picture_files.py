@@ -6,13 +6,18 @@ import av
 import cv2
 import numpy as np
 
+from humanmm.models.video.colors import BT601, Colors, read_colors
 from humanmm.storage.picture_files import write_png, write_video
+
+
+def _planes(picture: np.ndarray) -> np.ndarray:
+    return np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2YUV_I420))
 
 
 def test_presentation_times_of_a_variable_rate_survive(tmp_path: Path) -> None:
     times = 5.0 + np.cumsum(np.random.default_rng(0).uniform(0.01, 0.08, 25))
-    pictures = ((t, np.full((49, 65, 3), 10 * i, np.uint8)) for i, t in enumerate(times))
-    write_video(tmp_path / "out.mp4", pictures, width=65, height=49, fps=25)
+    pictures = ((t, _planes(np.full((48, 64, 3), 10 * i, np.uint8))) for i, t in enumerate(times))
+    write_video(tmp_path / "out.mp4", pictures, width=64, height=48, fps=25, colors=BT601)
     with av.open(str(tmp_path / "out.mp4")) as container:
         frames = list(container.decode(video=0))
         stream = container.streams.video[0]
@@ -22,16 +27,25 @@ def test_presentation_times_of_a_variable_rate_survive(tmp_path: Path) -> None:
 
 def test_colours_survive_encoding(tmp_path: Path) -> None:
     colors = [(200, 30, 30), (30, 200, 30), (30, 30, 200), (240, 240, 240)]
-    pictures = ((i / 10, np.full((64, 64, 3), color, np.uint8)) for i, color in enumerate(colors))
-    write_video(tmp_path / "out.mp4", pictures, width=64, height=64, fps=10)
+    pictures = ((i / 10, _planes(np.full((64, 64, 3), color, np.uint8))) for i, color in enumerate(colors))
+    write_video(tmp_path / "out.mp4", pictures, width=64, height=64, fps=10, colors=BT601)
     with av.open(str(tmp_path / "out.mp4")) as container:
         decoded = [f.to_ndarray(format="rgb24").mean((0, 1)) for f in container.decode(video=0)]
     np.testing.assert_allclose(decoded, colors, atol=6)
 
 
+def test_a_video_keeps_the_colour_tags_that_it_is_given(tmp_path: Path) -> None:
+    bt709 = Colors(matrix=1, primaries=1, transfer=1)
+    write_video(
+        tmp_path / "out.mp4", [(0.0, np.full((96, 64), 90, np.uint8))], width=64, height=64, fps=10, colors=bt709
+    )
+    with (tmp_path / "out.mp4").open("rb") as stream:
+        assert read_colors(stream) == bt709
+
+
 def test_the_index_stands_before_the_pictures_so_that_playing_can_start_while_loading(tmp_path: Path) -> None:
-    pictures = ((i / 10, np.full((64, 64, 3), 9 * i, np.uint8)) for i in range(5))
-    write_video(tmp_path / "out.mp4", pictures, width=64, height=64, fps=10)
+    pictures = ((i / 10, _planes(np.full((64, 64, 3), 9 * i, np.uint8))) for i in range(5))
+    write_video(tmp_path / "out.mp4", pictures, width=64, height=64, fps=10, colors=BT601)
     data = (tmp_path / "out.mp4").read_bytes()
     assert data.index(b"moov") < data.index(b"mdat")
 
@@ -39,8 +53,8 @@ def test_the_index_stands_before_the_pictures_so_that_playing_can_start_while_lo
 def test_the_same_pictures_give_the_same_bytes(tmp_path: Path) -> None:
     for name in ("a.mp4", "b.mp4"):
         rng = np.random.default_rng(0)
-        pictures = ((i / 30, rng.integers(0, 255, (96, 128, 3), np.uint8)) for i in range(12))
-        write_video(tmp_path / name, pictures, width=128, height=96, fps=30)
+        pictures = ((i / 30, rng.integers(0, 255, (144, 128), np.uint8)) for i in range(12))
+        write_video(tmp_path / name, pictures, width=128, height=96, fps=30, colors=BT601)
     assert (tmp_path / "a.mp4").read_bytes() == (tmp_path / "b.mp4").read_bytes()
 
 

@@ -14,6 +14,7 @@ from humanmm.config import Config
 from humanmm.errors import InputError
 from humanmm.models.motion.results import PersonMotion, WorldMotion
 from humanmm.models.shots.boundaries import Appearance, Person, Shot, ShotList, Transition
+from humanmm.models.video.colors import BT601
 from humanmm.models.video.reading import read_facts
 from humanmm.storage.picture_files import write_video
 from humanmm.storage.run_folder import read_motion, write_run_folder
@@ -22,6 +23,13 @@ from humanmm.tasks.deliver import deliver
 from humanmm.tasks.pictures import draw_again, write_timeline
 
 F = 24
+
+
+def _gray(luma: int) -> np.ndarray:
+    """Planes of a uniform 322 × 180 picture."""
+    planes = np.full((270, 322), 128, np.uint8)
+    planes[:180] = luma
+    return planes
 
 
 @dataclasses.dataclass
@@ -55,8 +63,8 @@ def given(tmp_path: Path) -> Given:
     """A cut at 8, a dissolve over [14, 18); one person; the second scene of the detector has failed."""
     video = tmp_path / "video.mp4"
     times = np.cumsum(np.random.default_rng(0).uniform(0.02, 0.05, F))
-    pictures = ((t, np.full((180, 322, 3), 8 * i, np.uint8)) for i, t in enumerate(times))
-    write_video(video, pictures, width=322, height=180, fps=30)
+    pictures = ((t, _gray(16 + 7 * i)) for i, t in enumerate(times))
+    write_video(video, pictures, width=322, height=180, fps=30, colors=BT601)
     with video.open("rb") as stream:
         facts = read_facts(stream)
     frame = np.arange(F, dtype=np.int32)
@@ -162,7 +170,7 @@ def test_an_overlay_is_not_drawn_on_another_video(
 
 def _other_video(beside: Path) -> bytes:
     other = beside.with_name("other.mp4")
-    write_video(other, ((i / 10, np.zeros((180, 322, 3), np.uint8)) for i in range(5)), width=322, height=180, fps=10)
+    write_video(other, ((i / 10, _gray(16)) for i in range(5)), width=322, height=180, fps=10, colors=BT601)
     return other.read_bytes()
 
 

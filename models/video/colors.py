@@ -1,0 +1,51 @@
+"""What the samples of a video mean as colours, and colours as samples of such a video.
+
+The overlay is drawn on the decoded planes themselves and encoded with the video's own tags: no picture passes through
+RGB, so that its colours are exactly those of the video in every player.
+"""
+
+from dataclasses import dataclass
+from typing import BinaryIO
+
+import numpy as np
+from jaxtyping import UInt8
+
+from humanmm.models.video.container import open_video
+
+_RGB_MATRIX = 0
+_BT601 = (0.299, 0.114)
+_LUMA_SHARES = {1: (0.2126, 0.0722), 9: (0.2627, 0.0593), 10: (0.2627, 0.0593)}
+"""Shares of red and blue in luma by matrix number (ITU-T H.273, table 4); all others are treated as BT.601."""
+
+
+@dataclass(frozen=True)
+class Colors:
+    """A video's colour tags, numbered as in ITU-T H.273; 2 is unspecified. Samples are of limited range."""
+
+    matrix: int = 6
+    primaries: int = 6
+    transfer: int = 6
+
+    def samples(self, rgb: UInt8[np.ndarray, "*any 3"]) -> UInt8[np.ndarray, "*any 3"]:
+        """Y, Cb and Cr of colours: black is 16, white 235, gray has 128 in both others."""
+        share_red, share_blue = _LUMA_SHARES.get(self.matrix, _BT601)
+        red, green, blue = np.moveaxis(np.asarray(rgb, np.float64) / 255, -1, 0)
+        luma = share_red * red + (1 - share_red - share_blue) * green + share_blue * blue
+        planes = [
+            16 + 219 * luma,
+            128 + 112 * (blue - luma) / (1 - share_blue),
+            128 + 112 * (red - luma) / (1 - share_red),
+        ]
+        return np.asarray(np.rint(np.stack(planes, axis=-1)), np.uint8)
+
+
+BT601 = Colors()
+
+
+def read_colors(stream: BinaryIO) -> Colors:
+    """The colour tags of a video; pictures that are stored as RGB are converted by BT.601 and get its tags."""
+    with open_video(stream) as (_, video):
+        codec = video.codec_context
+        if codec is None or codec.colorspace == _RGB_MATRIX:
+            return BT601
+        return Colors(int(codec.colorspace), int(codec.color_primaries), int(codec.color_trc))
