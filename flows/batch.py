@@ -30,6 +30,7 @@ from humanmm.storage.batch_manifest import read_batch
 from humanmm.storage.store import Store, default_store
 from humanmm.tasks import batch as batches
 from humanmm.tasks.engine import VideoRun
+from humanmm.tasks.faults import in_words
 from humanmm.tasks.selection import Selection
 
 log = logging.getLogger(__name__)
@@ -91,9 +92,9 @@ def _accounted(
     try:
         state: State[Any] = recover.fn(video, out, config, store, selection)
     except Exception as error:  # noted, then raised: this is the edge of the flow
-        account.end("failed", _in_words(error))
+        account.end("failed", in_words(error))
         if isinstance(error, HumanMMError):
-            return Failed(message=_in_words(error))
+            return Failed(message=in_words(error))
         raise
     except BaseException:
         account.end("failed", "it was stopped: SIGTERM or an interrupt")
@@ -195,7 +196,3 @@ async def _some_at_a_time(requests: Sequence[Coroutine[Any, Any, T]]) -> None:
             await request
 
     await asyncio.gather(*(gated(request) for request in requests))
-
-
-def _in_words(error: Exception) -> str:
-    return " ".join(str(error).split()) or type(error).__name__

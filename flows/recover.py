@@ -20,9 +20,10 @@ from prefect.states import Completed, Failed
 from prefect.task_runners import ThreadPoolTaskRunner
 
 from humanmm.config import Config
-from humanmm.storage.store import Store, default_store, is_infrastructure_fault
+from humanmm.storage.store import Store, default_store
 from humanmm.storage.video_identity import identify
 from humanmm.tasks.engine import Outcome, VideoRun
+from humanmm.tasks.faults import is_infrastructure_fault
 from humanmm.tasks.finish import default_run_dir, failures, fatal_error, has_result, write_results
 from humanmm.tasks.pipeline import Stage
 from humanmm.tasks.process import prepare_process
@@ -100,7 +101,7 @@ class Stages:
         """Wait for everything; write the run folder; the flow's final state."""
         for future in self._futures.values():
             future.wait()
-        self.run.imports.end()
+        self.run.close()
         video, store = self.run.video, self.run.store
         error = fatal_error(self.run)
         if error is not None:

@@ -292,11 +292,3 @@ def _sync_folder(folder: Path) -> None:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
-
-
-def is_infrastructure_fault(error: BaseException) -> bool:
-    """True for what may pass by itself: the store, the disk, the network. Bad input and failed stages never do."""
-    if isinstance(error, StoreError):
-        return True
-    lasting = (FileNotFoundError, NotADirectoryError, IsADirectoryError, PermissionError)
-    return isinstance(error, OSError) and not isinstance(error, lasting)

@@ -4,43 +4,40 @@ Prefect is not needed here: `humanmm.flows.recover` wraps `VideoRun.do` into tas
 object what would happen.
 """
 
+import contextlib
 import importlib
 import logging
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any, BinaryIO, Literal, TypeVar, cast
+from typing import Any, Literal, TypeVar, cast
 
 from humanmm import __version__
 from humanmm.config import Config
-from humanmm.errors import (
-    HumanMMError,
-    InputError,
-    MissingInputError,
-    NoUsablePersonError,
-    StageError,
-    StoreError,
-    VideoError,
-    WeightsError,
-)
-from humanmm.models.shots.boundaries import Scenes, Shot, ShotList
+from humanmm.errors import HumanMMError, MissingInputError, NoUsablePersonError, ResourceError, VideoError
+from humanmm.models.shots.boundaries import Scenes, ShotList
 from humanmm.storage.artifact import Manifest
 from humanmm.storage.code_digest import CodeDigest, code_digest
 from humanmm.storage.codec import encode
 from humanmm.storage.recipe import Recipe
-from humanmm.storage.store import Store, is_infrastructure_fault
+from humanmm.storage.store import Store
 from humanmm.storage.video_identity import VideoIdentity
 from humanmm.tasks import pipeline
+from humanmm.tasks.budget import Budget, resources_of
+from humanmm.tasks.faults import as_ours, ends_run, in_words, ran_out_of_memory
 from humanmm.tasks.imports import Imports
-from humanmm.tasks.pipeline import Stage
+from humanmm.tasks.isolation import Children, Job, Setting
+from humanmm.tasks.pipeline import Resources, Stage
 from humanmm.tasks.selection import Selection
+from humanmm.tasks.unit_inputs import UnitInputs
 from humanmm.tasks.work import Work, needs_of, only_its_shot, works_of
 
 log = logging.getLogger(__name__)
 T = TypeVar("T")
 Progress = Callable[[Work, int, int], None]
+State = Literal["cached", "computed", "failed", "skipped"]
 
 
 @dataclass
@@ -48,7 +45,7 @@ class Outcome:
     """What became of one stage × unit in this run."""
 
     work: Work
-    state: Literal["cached", "computed", "failed", "skipped"] = "failed"
+    state: State = "failed"
     manifest: Manifest | None = None
     reason: str = ""
     """Why it was computed, why it failed, or what it was skipped for."""
@@ -60,6 +57,8 @@ class Outcome:
     """What went wrong in each attempt that failed."""
     attempts: int = 0
     error: Exception | None = None
+    short_of_memory: bool = False
+    """Whether its last attempt ran out of memory: the next one then runs while no other stage of the video does."""
     changed: bool = True
     """Whether the output differs from what was there before this run."""
 
@@ -85,7 +84,10 @@ class VideoRun:
         self._by_name = {stage.name: stage for stage in self.stages}
         self._progress: Progress | None = None
         self.log_text: Callable[[], str] = str
-        self._slots = threading.BoundedSemaphore(config.run.threads)
+        self._budget = Budget(threads=config.run.threads, memory_mb=config.run.memory_mb)
+        self._children = Children(Setting(video, config, store, self.selection, self.stages))
+        self.gpu: Callable[[], AbstractContextManager[None]] = contextlib.nullcontext
+        """Held while a stage computes that needs an accelerator; whoever knows the others that want it sets it."""
         self._definitions: dict[str, Any] = {}
         self._code: dict[str, CodeDigest] = {}
         self._code_lock = threading.Lock()
@@ -110,8 +112,8 @@ class VideoRun:
 
     def works(self, stage: Stage) -> tuple[Work, ...] | None:
         """Units of a stage; None while the artifact that defines them is missing."""
-        scenes = self._defined("scene", Scenes) if stage.per == "scene" else None
-        shots = self._defined("shot", ShotList) if stage.per == "shot" else None
+        scenes = self.defined("scene", Scenes) if stage.per == "scene" else None
+        shots = self.defined("shot", ShotList) if stage.per == "shot" else None
         at = (stage.name, id(scenes), id(shots))  # the definitions live as long as the run
         if at not in self._works:
             works = works_of(stage, scenes, shots)
@@ -202,14 +204,19 @@ class VideoRun:
             if self.look_up(work) is not None:
                 return self.outcomes[at]
             outcome.attempts += 1
-            with self._slots:
+            needed = resources_of(work.stage, self.config.run)
+            with self._budget.taken(needed, alone=outcome.short_of_memory), self._accelerator(needed):
                 started = time.monotonic()
                 outcome.began = outcome.began or time.time()
-                self._compute(work, outcome)
+                if self.config.run.isolate or needed.limit_s is not None:
+                    self._compute_in_child(work, outcome, needed.limit_s)
+                else:
+                    self._compute(work, outcome)
         except Exception as error:  # noted, then raised: this is the edge of the stages
             told = self._told(error, work)
-            outcome.state, outcome.error, outcome.reason = "failed", told, _in_words(told)
+            outcome.state, outcome.error, outcome.reason = "failed", told, in_words(told)
             outcome.faults.append(outcome.reason)
+            outcome.short_of_memory = ran_out_of_memory(error) or isinstance(error, ResourceError)
             if ends_run(told):
                 self._doom = outcome
             if told is error:
@@ -219,6 +226,35 @@ class VideoRun:
             outcome.seconds += time.monotonic() - started
         log.info("%s: %.1f s (%s)", work.label, outcome.seconds, outcome.reason)
         return outcome
+
+    def close(self) -> None:
+        """End what works for this run beside it."""
+        self.imports.end()
+        self._children.close()
+
+    def know(self, manifests: Mapping[tuple[str, int], Manifest]) -> None:
+        """Take over the artifacts of a run in another process."""
+        for stage in self.stages:  # in order: some define the units of others
+            for at in sorted(at for at in manifests if at[0] == stage.name):
+                self.outcomes[at] = Outcome(self.work(*at), "cached", manifests[at], changed=False)
+
+    def compute_here(self, work: Work) -> Outcome:
+        """Compute one stage × unit in this process, whatever its limits."""
+        outcome = Outcome(work)
+        self._compute(work, outcome)
+        return outcome
+
+    def _accelerator(self, needed: Resources) -> AbstractContextManager[None]:
+        return self.gpu() if needed.gpu else contextlib.nullcontext()
+
+    def _compute_in_child(self, work: Work, outcome: Outcome, limit_s: float | None) -> None:
+        known = {at: done.manifest for at, done in list(self.outcomes.items()) if done.manifest is not None}
+        job = Job(work.stage.name, work.index, known)
+        done = self._children.compute(
+            job, work.label, limit_s=limit_s, progress=lambda now, total: self.report(work, now, total)
+        )
+        outcome.state, outcome.error, outcome.reason = done.state, None, done.reason
+        outcome.manifest, outcome.changed = done.manifest, done.changed
 
     def _compute(self, work: Work, outcome: Outcome) -> None:
         stage, recipe = work.stage, self.recipe(work)
@@ -247,7 +283,7 @@ class VideoRun:
 
     def _told(self, error: Exception, work: Work) -> HumanMMError:
         """The error in our own words; one about the video says which video, for a stage does not know its name."""
-        told = _as_ours(error, work)
+        told = as_ours(error, work.label)
         return type(told)(f"{self.video.path}: {told}") if isinstance(told, VideoError | NoUsablePersonError) else told
 
     # ---- inputs
@@ -279,12 +315,12 @@ class VideoRun:
         return outcome.manifest.digest if outcome.manifest else "failed"
 
     def _shot_digest(self, work: Work) -> str:
-        shots = self._defined("shot", ShotList)
+        shots = self.defined("shot", ShotList)
         if shots is None:
             raise MissingInputError("the list of shots is not in the store")
         return encode(only_its_shot(shots, work), ShotList).digest()
 
-    def _defined(self, unit: str, output: type[T]) -> T | None:
+    def defined(self, unit: str, output: type[T]) -> T | None:
         """The artifact that lists all units of a kind, decoded once."""
         for stage in self.stages:
             if stage.defines == unit:
@@ -309,86 +345,6 @@ class VideoRun:
         return None
 
 
-class UnitInputs:
-    """What a stage's function is given (see `humanmm.tasks.inputs.StageInputs`)."""
-
-    def __init__(self, run: VideoRun, work: Work, blob_dir: Path) -> None:
-        self._run = run
-        self._work = work
-        self.blob_dir = blob_dir
-        self.shot: Shot | None = work.shot
-        self.config = cast(Config, _NamedSettings(run.config, work.stage))
-        self.span = work.span if work.stage.per != "video" else (0, self._num_frames())
-
-    def read(self, stage: str, output: type[T]) -> T:
-        source = self._source(stage)
-        if source.defines == "scene" and self._work.stage.per == "scene":
-            raise StageError(f"{self._work.stage.name} has its scene in `span`; the other scenes are not its business")
-        if source.per != "video" and self._work.stage.per == "video":
-            raise StageError(f"{self._work.stage.name} reads {stage}, which is per {source.per}: use read_all")
-        value = self._run.read(self._run.needs_from(self._work, source)[0], output)
-        if source.defines == "shot" and self._work.stage.per == "shot":
-            return cast(T, only_its_shot(cast(ShotList, value), self._work))
-        return value
-
-    def read_all(self, stage: str, output: type[T]) -> Sequence[T | None]:
-        source = self._source(stage)
-        needed = self._run.needs_from(self._work, source)
-        return [self._run.read(w, output) if self._run.manifest(stage, w.index) is not None else None for w in needed]
-
-    def open_video(self) -> BinaryIO:
-        if not self._work.stage.reads_video:
-            raise StageError(f"{self._work.stage.name} opens the video without `reads_video` in pipeline.STAGES")
-        return self._run.video.open()
-
-    def progress(self, done: int, total: int) -> None:
-        self._run.report(self._work, done, total)
-
-    def _source(self, stage: str) -> Stage:
-        if stage not in self._work.stage.inputs:
-            raise StageError(f"{self._work.stage.name} reads {stage} without naming it in pipeline.STAGES")
-        return self._run.stage(stage)
-
-    def _num_frames(self) -> int:
-        for scenes in (self._run._defined("scene", Scenes), self._run._defined("shot", ShotList)):
-            if scenes is not None:
-                return scenes.num_frames
-        return 0
-
-
-class _NamedSettings:
-    """The configuration, restricted to the sections that are part of a stage's key."""
-
-    def __init__(self, config: Config, stage: Stage) -> None:
-        self._sections = {name: getattr(config, name) for name in stage.settings}
-        self._stage = stage.name
-
-    def __getattr__(self, name: str) -> Any:
-        try:
-            return self._sections[name]
-        except KeyError:
-            message = f"{self._stage} uses the settings {name!r} without naming them in pipeline.STAGES"
-            raise StageError(message) from None
-
-
-def ends_run(error: BaseException) -> bool:
-    """True for errors that no other shot can escape: the user's input, the weight files."""
-    return isinstance(error, InputError | WeightsError)
-
-
 def _output(stage: Stage) -> type:
     module, _, name = stage.output.partition(":")
     return cast(type, getattr(importlib.import_module(module), name))
-
-
-def _as_ours(error: Exception, work: Work) -> HumanMMError:
-    """Infrastructure faults and our own errors as they are; anything else is a defect of the stage, told as such."""
-    if isinstance(error, HumanMMError):
-        return error
-    if is_infrastructure_fault(error):
-        return StoreError(f"{work.label}: {error}")
-    return StageError(f"{work.label} failed unexpectedly: {type(error).__name__}: {error} (-v shows where)")
-
-
-def _in_words(error: Exception) -> str:
-    return " ".join(str(error).split()) or type(error).__name__

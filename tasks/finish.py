@@ -20,7 +20,8 @@ from humanmm.storage.codec import canonical_json
 from humanmm.storage.files import replace_file
 from humanmm.storage.run_record import StageRecord, read_run_record, run_record, write_run_record
 from humanmm.storage.store import explain_os_error
-from humanmm.tasks.engine import Outcome, VideoRun, ends_run
+from humanmm.tasks.engine import Outcome, VideoRun
+from humanmm.tasks.faults import ends_run
 from humanmm.tasks.work import Work
 
 if TYPE_CHECKING:  # importing it loads scipy, which an unchanged rerun does not need

@@ -4,10 +4,29 @@ This table is data only: importing it loads no science, so that `status`, `--dry
 A stage's function is `humanmm.tasks.<name>:<name>(inputs: StageInputs) -> output`.
 """
 
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 Unit = Literal["video", "scene", "shot"]
+
+
+@dataclass(frozen=True)
+class Resources:
+    """What one unit of a stage may use while it computes. None of it is part of a key."""
+
+    threads: int = 1
+    """Processors that it keeps busy."""
+    memory_mb: int = 500
+    """Main memory that it takes at most, beside what every process with its code loaded has."""
+    gpu: bool = False
+    """Whether it needs one of the slots of the limit `gpu`."""
+    limit_s: float | None = None
+    """Seconds after which it is ended."""
+
+    def with_values(self, values: Mapping[str, Any]) -> "Resources":
+        """The same with some figures replaced."""
+        return replace(self, **values)
 
 
 @dataclass(frozen=True)
@@ -28,6 +47,7 @@ class Stage:
     """The unit whose spans its artifact lists. A stage per that unit depends on its own span, not on the others."""
     module: str = ""
     """Where its function is; `humanmm.tasks.<name>` unless given."""
+    resources: Resources = Resources()
 
     @property
     def function(self) -> tuple[str, str]:
@@ -38,43 +58,79 @@ class Stage:
 STAGES: tuple[Stage, ...] = (
     Stage("decode", "video", (), ("decode",), "humanmm.models.video.facts:VideoFacts", reads_video=True),
     Stage(
-        "scenes", "video", ("decode",), ("scenes",),
-        "humanmm.models.shots.boundaries:Scenes", reads_video=True, defines="scene",
+        "scenes",
+        "video",
+        ("decode",),
+        ("scenes",),
+        "humanmm.models.shots.boundaries:Scenes",
+        reads_video=True,
+        defines="scene",
     ),
     Stage(
-        "people", "scene", ("decode", "scenes"), ("people",),
-        "humanmm.models.perception.tracks:ScenePeople", reads_video=True,
+        "people",
+        "scene",
+        ("decode", "scenes"),
+        ("people",),
+        "humanmm.models.perception.tracks:ScenePeople",
+        reads_video=True,
     ),
     Stage(
-        "points", "scene", ("decode", "scenes"), ("points",),
-        "humanmm.models.camera.observations:PointTracks", reads_video=True,
+        "points",
+        "scene",
+        ("decode", "scenes"),
+        ("points",),
+        "humanmm.models.camera.observations:PointTracks",
+        reads_video=True,
     ),
     Stage(
-        "shots", "video", ("decode", "scenes", "people"), ("shots",),
-        "humanmm.models.shots.boundaries:ShotList", defines="shot",
+        "shots",
+        "video",
+        ("decode", "scenes", "people"),
+        ("shots",),
+        "humanmm.models.shots.boundaries:ShotList",
+        defines="shot",
     ),
     Stage(
-        "intrinsics", "video", ("decode", "people", "shots", "points"), ("intrinsics",),
+        "intrinsics",
+        "video",
+        ("decode", "people", "shots", "points"),
+        ("intrinsics",),
         "humanmm.models.camera.observations:Intrinsics",
     ),
     Stage(
-        "camera", "shot", ("people", "shots", "points", "intrinsics"), ("camera",),
+        "camera",
+        "shot",
+        ("people", "shots", "points", "intrinsics"),
+        ("camera",),
         "humanmm.models.camera.observations:ShotCamera",
     ),
     Stage(
-        "hmr", "shot", ("decode", "people", "shots", "camera"), ("hmr",),
+        "hmr",
+        "shot",
+        ("decode", "people", "shots", "camera"),
+        ("hmr",),
         "humanmm.models.motion.results:ShotMotion",
     ),
     Stage(
-        "align", "video", ("decode", "people", "shots", "points", "intrinsics", "camera", "hmr"), ("align",),
+        "align",
+        "video",
+        ("decode", "people", "shots", "points", "intrinsics", "camera", "hmr"),
+        ("align",),
         "humanmm.models.motion.results:WorldMotion",
     ),
     Stage(
-        "refine", "video", ("decode", "people", "shots", "align"), ("refine",),
+        "refine",
+        "video",
+        ("decode", "people", "shots", "align"),
+        ("refine",),
         "humanmm.models.motion.results:WorldMotion",
     ),
     Stage(
-        "deliver", "video", ("decode", "people", "shots", "refine"), ("deliver",),
-        "humanmm.models.motion.recording:Delivery", reads_video=True,
+        "deliver",
+        "video",
+        ("decode", "people", "shots", "refine"),
+        ("deliver",),
+        "humanmm.models.motion.recording:Delivery",
+        reads_video=True,
     ),
 )

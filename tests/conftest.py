@@ -67,7 +67,7 @@ class Toy:
                     if not expect_failure:
                         raise
                     assert run.outcomes[stage.name, work.index].error is error
-        run.imports.end()
+        run.close()
         return run
 
     def command(self, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:

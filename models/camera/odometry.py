@@ -211,9 +211,7 @@ class _MovingRun:
         self.points.rho[point[new]] = usual
         second = ~new & ~self.known[point]
         again = point[second]
-        rho, sure = _inverse_depth(
-            self.points.direction[again], self.points.anchor[again], self.views, k, xy[second]
-        )
+        rho, sure = _inverse_depth(self.points.direction[again], self.points.anchor[again], self.views, k, xy[second])
         usual = float(np.median(rho[sure])) if not len(around) and sure.any() else usual
         self.points.rho[again] = np.where(sure, np.clip(rho, 0.0, 20.0 * usual), usual)
         self.known[again] = True

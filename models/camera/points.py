@@ -219,5 +219,3 @@ def _oldest_per_cell(cell: np.ndarray, most: int) -> Bool[np.ndarray, "points"]:
     keep = np.zeros(len(cell), bool)
     keep[order] = np.arange(len(cell)) - first < most
     return keep
-
-

@@ -62,9 +62,7 @@ def solve_windows(
     return Motion(motion.skeleton, R_root, pelvis, R_body)
 
 
-def minimise(
-    motion: Motion, terms: Sequence[Term], *, held: Bool[Array, " N"], settings: SolverSettings
-) -> Motion:
+def minimise(motion: Motion, terms: Sequence[Term], *, held: Bool[Array, " N"], settings: SolverSettings) -> Motion:
     """Levenberg-Marquardt on one window; frames that are `held` do not move."""
     cost = sum(term.cost(motion) for term in terms)
     damping = settings.first_damping

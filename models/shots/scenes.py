@@ -81,9 +81,7 @@ class SceneDetector:
         """Whether the pictures around a short uniform run show one place."""
         footage = self._footage
         around = [(run.start - 1 - k, run.end + k) for k in (0, 2, 4)]
-        return any(
-            footage.displacement(a, b) is not None for a, b in around if a >= footage.first and b < footage.end
-        )
+        return any(footage.displacement(a, b) is not None for a, b in around if a >= footage.first and b < footage.end)
 
 
 def find_scenes(pictures: Iterable[np.ndarray], fps: float) -> Scenes:

@@ -4,9 +4,10 @@ Every field has bounds, a unit and one sentence; that sentence is the command li
 docs. A section's values are part of the store key of the stages that name it (see `humanmm.tasks.pipeline`).
 """
 
+from collections.abc import Mapping
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 
 class Section(BaseModel):
@@ -114,14 +115,43 @@ class DeliverConfig(Section):
     """Constant rate factor of overlay.mp4: smaller is better and larger in bytes."""
 
 
+class StageLimits(Section):
+    """What one unit of a stage may use; what is not given is as in the table of stages."""
+
+    threads: Annotated[int, Field(ge=1, le=256)] | None = None
+    """Threads of `run.threads` that it counts for."""
+
+    memory_mb: Annotated[int, Field(ge=1)] | None = None
+    """Part of `run.memory_mb` that it counts for, in MB."""
+
+    gpu: bool | None = None
+    """Whether it waits for a slot of Prefect's global concurrency limit `gpu`."""
+
+    limit_s: Annotated[float, Field(gt=0)] | None = None
+    """Seconds after which it is ended, in place of `run.limit_s`."""
+
+
 class RunConfig(Section):
     """How stages are run; no field here changes a result."""
 
     threads: Annotated[int, Field(ge=1, le=256)] = 2
     """Stages of one video that run at the same time."""
 
+    memory_mb: Annotated[int, Field(ge=1)] | None = None
+    """Memory in MB that stages of one video may use together: one more waits while it would not fit (default: any)."""
+
+    limit_s: Annotated[float, Field(gt=0)] | None = None
+    """Seconds that one unit of a stage may take; one that takes longer is ended and fails (default: any)."""
+
+    isolate: bool = False
+    """Compute stages in child processes, as with a time limit: a crash or lack of memory costs one unit, not all."""
+
+    stages: Mapping[str, StageLimits] = {}
+    """Limits of single stages: `[run.stages.camera] limit_s = 60` in a file, `{camera = {limit_s = 60}}` in a flag."""
+
     max_retries: Annotated[int, Field(ge=0, le=10)] = 2
-    """How often a stage is tried again after an infrastructure fault (I/O, lost worker); bad input is never retried."""
+    """How often a stage is tried again after an infrastructure fault (I/O, lost worker, lack of memory); bad input is
+    never tried again."""
 
 
 class Config(Section):
@@ -139,3 +169,10 @@ class Config(Section):
     refine: RefineConfig = RefineConfig()
     deliver: DeliverConfig = DeliverConfig()
     run: RunConfig = RunConfig()
+
+    @model_validator(mode="after")
+    def _known_stages(self) -> "Config":
+        unknown = sorted(set(self.run.stages) - (set(type(self).model_fields) - {"run"}))
+        if unknown:
+            raise ValueError(f"run.stages names {unknown[0]!r}, which is no stage")
+        return self

@@ -40,10 +40,10 @@ def with_values(tree: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str,
 
 
 def value_of(text: str) -> Any:
-    """A flag's text; `none` clears a value, lists are written as in TOML, pydantic reads the rest."""
+    """A flag's text; `none` clears a value, lists and tables are written as in TOML, pydantic reads the rest."""
     if text.lower() == "none":
         return None
-    if text.startswith("["):
+    if text.startswith(("[", "{")):
         try:
             return tomllib.loads(f"value = {text}")["value"]
         except tomllib.TOMLDecodeError:

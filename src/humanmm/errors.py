@@ -7,8 +7,10 @@
     │   ├── NoUsablePersonError   nobody in the video can be recovered
     │   └── TruthError         a truth file lacks what an evaluation needs
     ├── StageError             a stage could not do its work on this input: never retried
-    │   └── MissingInputError  an artifact that the stage reads is not in the store
+    │   ├── MissingInputError  an artifact that the stage reads is not in the store
+    │   └── TimeLimitError     a stage took longer than the user allows
     ├── StoreError             an artifact is damaged, the disk is full, a lock was lost: retried with back-off
+    ├── ResourceError          memory ran out, a process was lost: retried with back-off
     └── WeightsError           a shipped weight file does not match its manifest
 
 A message says what was wrong (with the value), what was expected, and what to do.
@@ -47,8 +49,16 @@ class MissingInputError(StageError):
     """An artifact that the stage reads is not in the store."""
 
 
+class TimeLimitError(StageError):
+    """A stage took longer than the user allows; it would again."""
+
+
 class StoreError(HumanMMError):
     """The artifact store failed: damage, a full disk, a lost lock. Worth another try."""
+
+
+class ResourceError(HumanMMError):
+    """Memory ran out or a process was lost. Worth another try."""
 
 
 class WeightsError(HumanMMError):

@@ -185,7 +185,7 @@ def test_a_batch_survives_the_death_of_the_server_and_can_be_cancelled(farm: Any
     assert farm.command("batch", "cancel").returncode == 0
     states = list(_states(farm).values())
     assert states.count("cancelled") >= 1 and not {"running", "scheduled"} & set(states)
-    assert not _pids("prefect.engine", cache)
+    _until(lambda: not _pids("prefect.engine", cache), 60)  # one may just have begun, and leaves by itself
     _until(lambda: not {"RUNNING", "PENDING", "SCHEDULED", "CANCELLING"} & {s for _, s in _flow_runs(cache)}, 60)
 
 

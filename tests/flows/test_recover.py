@@ -139,7 +139,9 @@ def test_no_socket_but_loopback_from_start_to_end_and_the_server_leaves_by_itsel
     )
     cache = toy.folder / "cache"
     settings = {"TOY_AUDIT": str(audit), "HUMANMM_CACHE": str(cache), "HUMANMM_SERVER_IDLE_S": "1"}
-    done = toy.command("recover", "film.mp4", **settings, HTTP_PROXY="http://192.0.2.1:1", ALL_PROXY="http://192.0.2.1:1")
+    done = toy.command(
+        "recover", "film.mp4", **settings, HTTP_PROXY="http://192.0.2.1:1", ALL_PROXY="http://192.0.2.1:1"
+    )
     assert done.returncode == 0, done.stderr
     seen = audit.read_text().splitlines()
     assert any("socket.connect" in line for line in seen) and any("socket.bind" in line for line in seen)

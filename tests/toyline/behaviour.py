@@ -31,6 +31,8 @@ def act(stage: str, inputs: StageInputs) -> None:
         raise ZeroDivisionError("a defect")
     if kind == "disk" and log.read_text().split().count(name) <= int(times):
         raise OSError(errno.EIO, "Input/output error")
+    if kind == "memory" and log.read_text().split().count(name) <= int(times):
+        raise MemoryError("Unable to allocate 2 GiB")
 
 
 def filled(cls: type[T], n: int, **given: object) -> T:

@@ -1,0 +1,41 @@
+"""The threads and the memory that the stages of one video share."""
+
+import contextlib
+import threading
+from collections.abc import Iterator
+
+from humanmm.config import RunConfig
+from humanmm.tasks.pipeline import Resources, Stage
+
+
+def resources_of(stage: Stage, settings: RunConfig) -> Resources:
+    """What one unit of a stage may use: the table's figures, with the user's where given."""
+    own = settings.stages.get(stage.name)
+    given = own.model_dump(exclude_none=True) if own is not None else {}
+    if settings.limit_s is not None:
+        given.setdefault("limit_s", settings.limit_s)
+    return stage.resources.with_values(given)
+
+
+class Budget:
+    """Lets a stage begin when what it needs is free; one that needs more than there is at all runs alone."""
+
+    def __init__(self, *, threads: int, memory_mb: int | None) -> None:
+        self._all = (threads, memory_mb if memory_mb is not None else 1 << 40)
+        self._free = self._all
+        self._changed = threading.Condition()
+
+    @contextlib.contextmanager
+    def taken(self, needed: Resources, *, alone: bool = False) -> Iterator[None]:
+        """Hold a share while a stage computes; all of it if it is to run `alone`."""
+        most = (needed.threads, needed.memory_mb)
+        share = self._all if alone else (min(most[0], self._all[0]), min(most[1], self._all[1]))
+        with self._changed:
+            self._changed.wait_for(lambda: self._free[0] >= share[0] and self._free[1] >= share[1])
+            self._free = (self._free[0] - share[0], self._free[1] - share[1])
+        try:
+            yield
+        finally:
+            with self._changed:
+                self._free = (self._free[0] + share[0], self._free[1] + share[1])
+                self._changed.notify_all()

@@ -1,0 +1,43 @@
+"""What an error of a stage means: whether another try may help, whether it ends the run, how it is told."""
+
+from humanmm.errors import HumanMMError, InputError, ResourceError, StageError, StoreError, WeightsError
+
+
+def is_infrastructure_fault(error: BaseException) -> bool:
+    """True for what may pass by itself: store, disk, network, memory, a lost process. Bad input and failed stages never
+    do."""
+    if isinstance(error, StoreError | ResourceError):
+        return True
+    lasting = (FileNotFoundError, NotADirectoryError, IsADirectoryError, PermissionError)
+    return isinstance(error, OSError) and not isinstance(error, lasting)
+
+
+def ran_out_of_memory(error: BaseException) -> bool:
+    """True if main memory or an accelerator's was too small for what ran at that time."""
+    kind = type(error)  # torch is not imported for this: its error is known by its name
+    return isinstance(error, MemoryError) or (kind.__name__, kind.__module__.split(".")[0]) == (
+        "OutOfMemoryError",
+        "torch",
+    )
+
+
+def ends_run(error: BaseException) -> bool:
+    """True for errors that no other shot can escape: the user's input, the weight files."""
+    return isinstance(error, InputError | WeightsError)
+
+
+def as_ours(error: Exception, label: str) -> HumanMMError:
+    """Infrastructure faults and our own errors as they are; anything else is a defect of the stage, told as such."""
+    if isinstance(error, HumanMMError):
+        return error
+    if ran_out_of_memory(error):
+        device = "the accelerator's memory" if type(error).__name__ == "OutOfMemoryError" else "memory"
+        return ResourceError(f"{label}: {device} ran out ({in_words(error)}); fewer --run.threads need less")
+    if is_infrastructure_fault(error):
+        return StoreError(f"{label}: {error}")
+    return StageError(f"{label} failed unexpectedly: {type(error).__name__}: {error} (-v shows where)")
+
+
+def in_words(error: BaseException) -> str:
+    """The message in one line; the kind of error if it has none."""
+    return " ".join(str(error).split()) or type(error).__name__

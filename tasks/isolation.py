@@ -1,0 +1,232 @@
+"""Computes stages in child processes: they can be ended for real, and the video outlives their death.
+
+A thread cannot be stopped from outside, so that a time limit on it is a wish. A child is killed, the kernel frees its
+locks and its memory, and what it was writing was never visible. Children are kept for the next unit, so that code and
+weights are loaded once in each; a child whose parent is gone ends by itself.
+"""
+
+import contextlib
+import logging
+import os
+import pickle
+import queue
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+from humanmm.config import Config
+from humanmm.errors import HumanMMError, ResourceError, TimeLimitError
+from humanmm.storage.artifact import Manifest
+from humanmm.storage.store import Store
+from humanmm.storage.video_identity import VideoIdentity
+from humanmm.tasks.faults import as_ours
+from humanmm.tasks.pipeline import Stage
+from humanmm.tasks.selection import Selection
+
+if TYPE_CHECKING:
+    from multiprocessing.connection import Connection
+
+    from humanmm.tasks.engine import VideoRun
+
+log = logging.getLogger(__name__)
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True)
+class Setting:
+    """The video that a child works on."""
+
+    video: VideoIdentity
+    config: Config
+    store: Store
+    selection: Selection
+    stages: tuple[Stage, ...]
+
+
+@dataclass(frozen=True)
+class Job:
+    """One stage × unit, and the artifacts that the run has so far."""
+
+    stage: str
+    index: int
+    known: Mapping[tuple[str, int], Manifest]
+
+
+@dataclass(frozen=True)
+class Done:
+    """What a child made of a job."""
+
+    state: Literal["cached", "computed", "failed", "skipped"]
+    manifest: Manifest
+    reason: str
+    changed: bool
+
+
+class Children:
+    """The child processes of one video, as many as work at the same time."""
+
+    def __init__(self, setting: Setting) -> None:
+        self._setting = setting
+        self._idle: list[_Child] = []
+        self._lock = threading.Lock()
+
+    def compute(self, job: Job, label: str, *, limit_s: float | None, progress: Progress) -> Done:
+        """Have a job done. TimeLimitError if it took too long, ResourceError if the child died, else its own error."""
+        with self._lock:
+            child = self._idle.pop() if self._idle else None
+        child = child or _Child(self._setting)
+        try:
+            done = child.do(job, label, limit_s, progress)
+        except BaseException as error:
+            fit = isinstance(error, HumanMMError) and not isinstance(error, TimeLimitError | ResourceError)
+            self._give_back(child) if fit else child.kill()
+            raise
+        self._give_back(child)
+        return done
+
+    def close(self) -> None:
+        """End all children."""
+        with self._lock:
+            for child in self._idle:
+                child.kill()
+            self._idle.clear()
+
+    def _give_back(self, child: "_Child") -> None:
+        with self._lock:
+            self._idle.append(child)
+
+
+class _Child:
+    """One child process as its parent sees it."""
+
+    def __init__(self, setting: Setting) -> None:
+        from multiprocessing.connection import Connection
+
+        ours, theirs = socket.socketpair()
+        with theirs:
+            self._process = subprocess.Popen(
+                [sys.executable, "-c", f"from humanmm.tasks.isolation import main; main({theirs.fileno()})"],
+                pass_fds=[theirs.fileno()], stdin=subprocess.DEVNULL, start_new_session=True,
+                env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+            )  # fmt: skip
+        self._connection = Connection(ours.detach())
+        self._connection.send(setting)
+
+    def do(self, job: Job, label: str, limit_s: float | None, progress: Progress) -> Done:
+        deadline = None if limit_s is None else time.monotonic() + limit_s
+        try:
+            self._connection.send(job)
+            while True:
+                left = None if deadline is None else max(0.0, deadline - time.monotonic())
+                if not self._connection.poll(left):
+                    raise TimeLimitError(
+                        f"{label} took longer than its limit of {limit_s:g} s and was ended; `run.limit_s` or "
+                        f"`limit_s` under [run.stages.{job.stage}] sets another"
+                    )
+                message = self._connection.recv()
+                if isinstance(message, Done):
+                    return message
+                if isinstance(message, Exception):
+                    raise message
+                if isinstance(message, logging.LogRecord):
+                    logging.getLogger(message.name).handle(message)
+                else:
+                    progress(*message)
+        except (EOFError, OSError) as error:
+            raise ResourceError(f"{label}: its process was lost: {self._how_it_ended()}") from error
+
+    def kill(self) -> None:
+        """End it, and whatever it has started."""
+        self._connection.close()
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(self._process.pid, signal.SIGKILL)
+        self._process.wait()
+
+    def _how_it_ended(self) -> str:
+        try:
+            status = self._process.wait(timeout=5)
+        except subprocess.TimeoutExpired:
+            return "it closed its connection"
+        if status == -signal.SIGKILL:
+            return "it was killed, most often because memory ran out"
+        return f"it ended by signal {-status}" if status < 0 else f"it ended with status {status}"
+
+
+# ---- in the child
+
+
+def main(descriptor: int) -> None:
+    """Do jobs until the parent is gone."""
+    from multiprocessing.connection import Connection
+
+    from humanmm.tasks.engine import VideoRun
+    from humanmm.tasks.process import prepare_process
+
+    prepare_process()
+    connection = Connection(descriptor)
+    sending = threading.Lock()
+
+    def send(message: Any) -> None:
+        with sending, contextlib.suppress(BrokenPipeError):
+            connection.send(message)
+
+    logger = logging.getLogger("humanmm")
+    logger.setLevel(logging.INFO)
+    logger.addHandler(_ToParent(send))
+    setting: Setting = connection.recv()
+    run = VideoRun(setting.video, setting.config, setting.store, selection=setting.selection, stages=setting.stages)
+    run.watch(lambda work, done, total: send((done, total)), log_text=str)
+    jobs: queue.SimpleQueue[Job] = queue.SimpleQueue()
+    threading.Thread(target=_receive, args=(connection, jobs), daemon=True).start()
+    while True:
+        send(_answer(run, jobs.get()))
+
+
+def _receive(connection: "Connection", jobs: "queue.SimpleQueue[Job]") -> None:
+    """Take jobs while the main thread works, so that the end of the parent is seen at once."""
+    while True:
+        try:
+            jobs.put(connection.recv())
+        except (EOFError, OSError):
+            os._exit(0)
+
+
+def _answer(run: "VideoRun", job: Job) -> Done | Exception:
+    label = job.stage
+    try:
+        run.know(job.known)
+        work = run.work(job.stage, job.index)
+        label = work.label
+        outcome = run.compute_here(work)
+        assert outcome.manifest is not None
+        return Done(outcome.state, outcome.manifest, outcome.reason, outcome.changed)
+    except Exception as error:  # told to the parent, which raises it: this is the edge of this process
+        log.debug("where it happened", exc_info=error)
+        told = as_ours(error, label)
+        try:
+            pickle.loads(pickle.dumps(told))
+        except Exception:
+            return as_ours(RuntimeError(str(told)), label)
+        return told
+
+
+class _ToParent(logging.Handler):
+    """Passes log records on, with their text in place of what it is made of."""
+
+    def __init__(self, send: Callable[[Any], None]) -> None:
+        super().__init__()
+        self._send = send
+
+    def emit(self, record: logging.LogRecord) -> None:
+        shown = logging.makeLogRecord(record.__dict__)
+        shown.msg, shown.args = record.getMessage(), ()
+        if record.exc_info:
+            shown.exc_text = logging.Formatter().formatException(record.exc_info)
+            shown.exc_info = None
+        self._send(shown)
