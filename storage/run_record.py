@@ -1,11 +1,12 @@
 """run.json: what happened in one run, as the public contract describes it (schema "humanmm.run/1")."""
 
 import json
+import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from humanmm.errors import InputError
 from humanmm.models.motion.results import WorldMotion
@@ -13,6 +14,9 @@ from humanmm.models.shots.boundaries import ShotList, Transition
 from humanmm.models.video.facts import VideoFacts
 from humanmm.storage.codec import Json
 from humanmm.storage.files import replace_file
+
+if TYPE_CHECKING:  # importing it loads the numerical libraries, which `status` does not need
+    from humanmm.models.camera.observations import ShotCamera
 
 SCHEMA = "humanmm.run/1"
 FILE = "run.json"
@@ -53,6 +57,7 @@ def run_record(
     config: Mapping[str, Any],
     facts: VideoFacts,
     shots: ShotList,
+    cameras: Sequence["ShotCamera | None"],
     motion: WorldMotion | None,
     stages: Sequence[StageRecord],
     started: str,
@@ -75,7 +80,7 @@ def run_record(
         },
         "store": os.fspath(store),
         "config": dict(config),
-        "shots": _shots(shots, motion, stages),
+        "shots": _shots(shots, cameras, motion, stages),
         "people": _people(shots, motion),
         "warnings": _warnings(stages),
         "fallbacks": _fallbacks(shots, motion),
@@ -113,7 +118,9 @@ def _write(path: Path, text: str) -> None:
     path.write_text(text, encoding="utf-8", errors="surrogateescape")
 
 
-def _shots(shots: ShotList, motion: WorldMotion | None, stages: Sequence[StageRecord]) -> list[dict[str, Any]]:
+def _shots(
+    shots: ShotList, cameras: Sequence["ShotCamera | None"], motion: WorldMotion | None, stages: Sequence[StageRecord]
+) -> list[dict[str, Any]]:
     linked = {cut.cut_frame: cut.linked for cut in motion.cuts} if motion else {}
     failed = {record.shot for record in stages if record.state in ("failed", "skipped")}
     return [
@@ -124,9 +131,32 @@ def _shots(shots: ShotList, motion: WorldMotion | None, stages: Sequence[StageRe
             "linked": linked.get(shot.start, True),
             "people": [appearance.person for appearance in shot.people],
             "failed": shot.index in failed,
+            "camera": _camera(camera),
         }
-        for shot in shots.shots
+        for shot, camera in zip(shots.shots, cameras, strict=True)
     ]
+
+
+def _camera(camera: "ShotCamera | None") -> dict[str, Json] | None:
+    """How the camera of a shot was found, and how far another program's answer lies from it; null where it failed."""
+    if camera is None:
+        return None
+    check = camera.cross_check
+    return {
+        "source": camera.source,
+        "focal_px": [_figure(focal) for focal in camera.K[[0, -1], 0, 0]],
+        "reprojection_px": _figure(camera.reprojection_px),
+        "cross_check": {
+            "two_view_deg": _figure(check.two_view_deg),
+            "bundle_deg": _figure(check.bundle_deg),
+            "bundle_travel": _figure(check.bundle_travel),
+        },
+    }
+
+
+def _figure(value: float) -> float | None:
+    """A number that json can hold: nan, there is none, becomes null."""
+    return None if math.isnan(value) else round(float(value), 4)
 
 
 def _transition(transition: Transition | None) -> dict[str, Json] | None:

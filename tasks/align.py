@@ -30,7 +30,9 @@ def align(inputs: StageInputs) -> WorldMotion:
 
 
 def _background(shot: Shot, points: PointTracks | None, scene: ScenePeople | None) -> list[ViewFeatures]:
-    """A shot's key views with the features on people left out; nothing where its scene failed."""
+    """A shot's key views outside transitions, features on people left out; nothing where its scene failed."""
     if points is None or scene is None:
         return []
-    return [without_people(view, scene.tracks) for view in within(points, shot.start, shot.end).views]
+    first, end = shot.clear
+    views = within(points, shot.start, shot.end).views
+    return [without_people(view, scene.tracks) for view in views if first <= view.frame < end]

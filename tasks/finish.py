@@ -135,6 +135,9 @@ def _sizes(run_dir: Path) -> dict[str, int]:
 
 
 def _record(run: VideoRun, state: str, started: float) -> dict[str, Any]:
+    from humanmm.models.camera.observations import ShotCamera
+
+    camera_stage = next(stage for stage in run.stages if stage.output.endswith(":ShotCamera"))
     shot_source = next(stage for stage in run.stages if stage.defines == "shot")
     motion_source = next((stage for stage in reversed(run.stages) if stage.output.endswith(":WorldMotion")), None)
     stages = [stage_record(outcome) for outcome in _in_order(run)]
@@ -146,6 +149,10 @@ def _record(run: VideoRun, state: str, started: float) -> dict[str, Any]:
         config=_settings(run),
         facts=run.read(Work(run.stages[0]), VideoFacts),
         shots=run.read(Work(shot_source), ShotList),
+        cameras=[
+            run.read(work, ShotCamera) if run.manifest(camera_stage.name, work.index) else None
+            for work in run.works(camera_stage) or ()
+        ],
         motion=run.read(Work(motion_source), WorldMotion) if motion_source else None,
         stages=stages,
         started=time.strftime("%Y-%m-%dT%H:%M:%S%z", time.localtime(started)),

@@ -18,11 +18,10 @@ def intrinsics(inputs: StageInputs) -> Intrinsics:
     if given is not None:
         return given
     shots = inputs.read("shots", ShotList).shots
-    transitions = [shot.transition for shot in shots]
     scenes = inputs.read_all("people", ScenePeople)
     tracks = inputs.read_all("points", PointTracks)
     usable = [
-        ShotPoints(without_transitions(within(points, shot.start, shot.end), transitions), scene.tracks)
+        ShotPoints(without_transitions(within(points, shot.start, shot.end), shot.clear), scene.tracks)
         for shot in shots
         if (points := tracks[shot.scene]) is not None and (scene := scenes[shot.scene]) is not None
     ]

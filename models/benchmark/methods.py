@@ -197,8 +197,7 @@ def begin(video: BenchVideo, config: Config) -> Beginning:
     shots = assemble_shots(
         video.scenes, video.people, time_s=facts.time_s, fps=facts.fps, K=rough.K, only_person=config.shots.person
     )
-    transitions = [shot.transition for shot in shots.shots]
-    tracks = [without_transitions(video.points_of(shot.start, shot.end), transitions) for shot in shots.shots]
+    tracks = [without_transitions(video.points_of(shot.start, shot.end), shot.clear) for shot in shots.shots]
     intrinsics = _focal_length(video, config, shots, tracks)
     static = config.camera.static or video.static_cameras
     cameras = tuple(

@@ -14,9 +14,9 @@ from jaxtyping import Float
 
 from humanmm.models import rotations
 from humanmm.models.camera.bundle import Freedom, Observations, Points, Views
-from humanmm.models.camera.crosscheck import MAX_DISAGREEMENT_DEG, disagreement_deg
+from humanmm.models.camera.crosscheck import cross_check, warnings_of
 from humanmm.models.camera.masking import background_points
-from humanmm.models.camera.observations import CameraSource, Intrinsics, PointTracks, ShotCamera
+from humanmm.models.camera.observations import CameraSource, CrossCheck, Intrinsics, PointTracks, ShotCamera
 from humanmm.models.camera.odometry import (
     EXACT_SHARE,
     MIN_POINTS,
@@ -73,9 +73,9 @@ def estimate_camera(
 def _resting(points: PointTracks, intrinsics: Intrinsics, source: CameraSource, *warnings: str) -> ShotCamera:
     num_frames = points.end - points.start
     return ShotCamera(
-        points.start, points.end, np.tile(np.eye(3), (num_frames, 1, 1)), np.zeros((num_frames, 3)), intrinsics.K,
-        source, metric=True, points_shot=np.zeros((0, 3)), reprojection_px=float("nan"), cross_check_deg=float("nan"),
-        warnings=warnings,
+        points.start, points.end, np.tile(np.eye(3), (num_frames, 1, 1)), np.zeros((num_frames, 3)),
+        np.tile(intrinsics.K, (num_frames, 1, 1)), source, metric=True, points_shot=np.zeros((0, 3)),
+        reprojection_px=float("nan"), cross_check=CrossCheck(), warnings=warnings,
     )  # fmt: skip
 
 
@@ -97,7 +97,7 @@ def _turning_or_moving(shot: TrackedShot, focal_px: float) -> _Answer:
     answer = _answer(shot, turned, freedom, "rotation_only")
     if zooms:
         percent = 100 * (np.exp(np.ptp(zooming.views.log_zoom)) - 1)
-        said = f"the focal length changes by {percent:.0f} % within the shot: K holds for its first frame"
+        said = f"the focal length changes by {percent:.0f} % within the shot: the camera zooms"
         answer = replace(answer, warnings=(*answer.warnings, said))
     return answer
 
@@ -132,14 +132,15 @@ def _result(points: PointTracks, shot: TrackedShot, intrinsics: Intrinsics, answ
     if moves:
         t_shot_cam = np.stack([np.interp(at, known_at, answer.views.t_shot_cam[:, axis]) for axis in range(3)], 1)
         t_shot_cam = (t_shot_cam - t_shot_cam[0]) @ R_first.T
-    warnings = answer.warnings
-    check = disagreement_deg(shot, answer.track, translating=moves)
-    if check > MAX_DISAGREEMENT_DEG:
-        warnings = (*warnings, f"pycolmap's two-view rotations differ by {check:.1f} degrees from the adjusted ones")
+    K = np.tile(intrinsics.K, (len(at), 1, 1))
+    log_zoom = np.interp(at, known_at, answer.views.log_zoom)
+    K[:, :2, :2] *= np.exp(log_zoom - log_zoom[0])[:, None, None]
+    check = cross_check(shot, answer.track, translating=moves)
     return ShotCamera(
-        points.start, points.end, R_first @ R_shot_cam, t_shot_cam, intrinsics.K, answer.source, metric=not moves,
+        points.start, points.end, R_first @ R_shot_cam, t_shot_cam, K, answer.source, metric=not moves,
         points_shot=_structure(answer.track) if moves else np.zeros((0, 3)),
-        reprojection_px=float(np.median(answer.residual_px)), cross_check_deg=check, warnings=warnings,
+        reprojection_px=float(np.median(answer.residual_px)), cross_check=check,
+        warnings=answer.warnings + warnings_of(check),
     )  # fmt: skip
 
 

@@ -13,7 +13,6 @@ from jaxtyping import Bool, Float
 
 from humanmm.models.camera.observations import PointTracks
 from humanmm.models.perception.tracks import MASK_SIDE, PersonTrack
-from humanmm.models.shots.boundaries import Transition
 
 HELD_FRAMES = 5
 """Frames for which a mask is held before a person's first and after the last observation."""
@@ -39,13 +38,10 @@ def background_points(points: PointTracks, people: Sequence[PersonTrack]) -> Poi
     return _without(points, masked, mostly=MAX_MASKED_SHARE)
 
 
-def without_transitions(points: PointTracks, transitions: Sequence[Transition | None]) -> PointTracks:
-    """The observations outside gradual transitions, whose frames show two places at once; all if nothing would be
-    left."""
-    blended = np.zeros(len(points.frame), bool)
-    for transition in transitions:
-        if transition is not None:
-            blended |= (points.frame >= transition.start) & (points.frame < transition.end)
+def without_transitions(points: PointTracks, clear: tuple[int, int]) -> PointTracks:
+    """The observations in the clear frames [start, end) of a shot, beside which two places are seen at once; all if
+    nothing would be left."""
+    blended = (points.frame < clear[0]) | (points.frame >= clear[1])
     return points if blended.all() else _without(points, blended, mostly=1.0)
 
 

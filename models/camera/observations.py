@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from jaxtyping import Float
 
 from humanmm.models.camera.views import ViewFeatures
 
@@ -55,6 +56,18 @@ class Intrinsics:
 
 
 @dataclass(frozen=True)
+class CrossCheck:
+    """How far pycolmap's own answers lie from ours, key frames against key frames; nan where it has none."""
+
+    two_view_deg: float = float("nan")
+    """Relative rotations of distant key frames, median."""
+    bundle_deg: float = float("nan")
+    """Rotations after its bundle adjustment, largest."""
+    bundle_travel: float = float("nan")
+    """Camera centres after its bundle adjustment and the best similarity, largest, as a share of their extent."""
+
+
+@dataclass(frozen=True)
 class ShotCamera:
     """Camera of one shot [start, end) in the frame of its own first camera ("shot" frame: x right, y down, z
     forward)."""
@@ -67,13 +80,28 @@ class ShotCamera:
     """(F,3) float64, camera centre in the shot frame; metres if `metric`, else up to one scale; zero if static or
     rotation only."""
     K: np.ndarray
-    """(3,3) float64, shared intrinsics or refined for this shot."""
+    """(F,3,3) float64: the shared intrinsics in every frame; of a camera that zooms, in its first frame."""
     source: CameraSource
     metric: bool
     points_shot: np.ndarray
     """(P,3) float64, triangulated background points in the shot frame (same unit as t_shot_cam); empty if none."""
     reprojection_px: float
     """Median reprojection error of the background points, pixels; nan if there are none."""
-    cross_check_deg: float
-    """Rotation disagreement with pycolmap's independent answer, degrees; nan where it could not be had."""
+    cross_check: CrossCheck = CrossCheck()
     warnings: tuple[str, ...] = ()
+
+    @property
+    def zooms(self) -> bool:
+        """Its focal length changes."""
+        return bool((self.K[1:] != self.K[:-1]).any())
+
+
+def through_lens(
+    xy: Float[np.ndarray, "n *k 2"], K_seen: Float[np.ndarray, "n 3 3"], K: Float[np.ndarray, "3 3"]
+) -> Float[np.ndarray, "n *k 2"]:
+    """Pixels that were seen with `K_seen`, one lens a row, where a camera with the lens `K` sees the same directions.
+
+    Principal points are in the middle and pixels square, as everywhere here.
+    """
+    ratio = (K[0, 0] / K_seen[:, 0, 0]).reshape(-1, *([1] * (xy.ndim - 1)))
+    return np.asarray(K[:2, 2] + ratio * (xy - K[:2, 2]))

@@ -99,12 +99,14 @@ def fit_shot(
     *,
     noise: NoiseModel | None = None,
 ) -> ShotMotion:
-    """Everybody in one shot; people whose track has no frame in the shot are left out."""
+    """Everybody in one shot, where no transition mixes it with another; people who are not seen there are left out."""
     betas = {person.person: person.betas for person in people}
     motions = []
     for appearance in shot.people:
         track = scene.tracks[appearance.track]
-        evidence = gather(track, (shot.start, shot.end), appearance.swapped, time_s, camera.K)
+        first, last = shot.clear
+        K = camera.K[first - camera.start : last - camera.start]
+        evidence = gather(track, shot.clear, appearance.swapped, time_s, K)
         if evidence is not None:
             path = camera_path(camera, evidence.frame)
             motions.append(fit_person(appearance.person, evidence, betas[appearance.person], path, noise=noise))
@@ -131,11 +133,11 @@ def gather(
     span: tuple[int, int],
     swapped: tuple[tuple[int, int], ...],
     time_s: Float[Array, " F"],
-    K: Float[Array, "3 3"],
+    K: Float[Array, "n 3 3"],
 ) -> Evidence | None:
-    """A track's observations in a shot from first to last, with left and right put right; None if there are none.
+    """A track's observations in `span` from first to last, with left and right put right; None if there are none.
 
-    `time_s` holds all frames of the video.
+    `time_s` holds all frames of the video, K those of the span.
     """
     inside = (track.frame >= span[0]) & (track.frame < span[1])
     if not inside.any():
@@ -150,7 +152,8 @@ def gather(
     landmarks[exchange] = landmarks[exchange][:, mirror]
 
     centre = track.mask_affine[inside] @ np.array([MASK_SIDE / 2, MASK_SIDE / 2, 1.0])
-    ray = np.concatenate([centre, np.ones((len(centre), 1))], axis=1) @ np.linalg.inv(K).T
+    homogeneous = np.concatenate([centre, np.ones((len(centre), 1))], axis=1)
+    ray = np.linalg.solve(K[index - span[0]], homogeneous[..., None])[..., 0]
     ray /= np.linalg.norm(ray, axis=1, keepdims=True)
     R_cam_ray = swing(np.broadcast_to([0.0, 0.0, 1.0], ray.shape), ray)
 
@@ -180,7 +183,7 @@ def camera_path(camera: ShotCamera, frame: Array) -> CameraPath:
     R_cam_shot = np.swapaxes(camera.R_shot_cam[rows], -1, -2)
     t_shot_cam = camera.t_shot_cam[rows] if camera.metric else np.zeros((len(rows), 3))
     t_cam_shot = -(R_cam_shot @ t_shot_cam[..., None])[..., 0]
-    return CameraPath(R_cam_shot, t_cam_shot, np.broadcast_to(camera.K, (len(rows), 3, 3)))
+    return CameraPath(R_cam_shot, t_cam_shot, camera.K[rows])
 
 
 def fit_person(

@@ -130,7 +130,7 @@ def gather_clip(
             if scene is None or appearance.person != person:
                 continue
             track = scene.tracks[appearance.track]
-            part = gather(track, (shot.start, shot.end), appearance.swapped, time_s, K[shot.start])
+            part = gather(track, shot.clear, appearance.swapped, time_s, K[slice(*shot.clear)])
             if part is None:
                 continue
             inside = (part.frame >= frame[0]) & (part.frame <= frame[-1])

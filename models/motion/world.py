@@ -16,7 +16,7 @@ from humanmm.models.body.body24 import load_body
 from humanmm.models.body.kinematics import forward_kinematics
 from humanmm.models.body.landmarks import load_landmarks
 from humanmm.models.camera.links import ShotLink, link_shots
-from humanmm.models.camera.observations import SOURCES, Intrinsics, ShotCamera
+from humanmm.models.camera.observations import SOURCES, Intrinsics, ShotCamera, through_lens
 from humanmm.models.camera.views import ViewFeatures
 from humanmm.models.motion import world_gravity
 from humanmm.models.motion.cuts import CutCameras, CutPerson, SideTrack, align_cut
@@ -99,7 +99,7 @@ def assemble(
         t_world_cam=world.t,
         K=world.K,
         camera_source=world.source,
-        people=tuple(_joined(person, parts, footage) for person, parts in sorted(world.people.items())),
+        people=tuple(_joined(person, parts) for person, parts in sorted(world.people.items())),
         cuts=tuple(_reported(footage, links, rotations, world)),
         warnings=tuple(warnings),
     )
@@ -152,8 +152,8 @@ def _link(footage: Footage, later: int, method: Literal["bundle", "eight-point"]
             people.append(CutPerson(first, second))
     shot = footage.shots.shots[later]
     cameras = CutCameras(
-        K_before=before.K if before is not None else footage.intrinsics.K,
-        K_after=after.K if after is not None else footage.intrinsics.K,
+        K_before=before.K[-1] if before is not None else footage.intrinsics.K,
+        K_after=after.K[0] if after is not None else footage.intrinsics.K,
         moving=any(camera is not None and camera.source == "tracked" for camera in (before, after)),
     )
     middle = 0.5 * float(footage.time_s[max(shot.start - 1, 0)] + footage.time_s[shot.start])
@@ -178,9 +178,7 @@ def _side(footage: Footage, shot_index: int, person: int, *, last: bool) -> Side
     if scene is None or camera is None or appearance is None:
         return None
     track = scene.tracks[appearance.track]
-    clear = [(track.frame >= shot.start) & (track.frame < shot.end)]
-    clear += [~((track.frame >= a) & (track.frame < b)) for a, b in _transitions(footage)]
-    rows = np.flatnonzero(np.all(clear, axis=0))
+    rows = np.flatnonzero((track.frame >= shot.clear[0]) & (track.frame < shot.clear[1]))
     if not len(rows):
         return None
     time_s = footage.time_s[track.frame[rows]]
@@ -190,27 +188,21 @@ def _side(footage: Footage, shot_index: int, person: int, *, last: bool) -> Side
     swapped = np.zeros(len(rows), dtype=bool)
     for first, stop in appearance.swapped:
         swapped |= (frame >= first) & (frame < stop)
-    R_at_cut = camera.R_shot_cam[-1 if last else 0]
+    at_cut = -1 if last else 0
+    R_at_cut = camera.R_shot_cam[at_cut]
+    keypoints2d = track.keypoints2d[rows].copy()
+    keypoints2d[..., :2] = through_lens(keypoints2d[..., :2], camera.K[frame - camera.start], camera.K[at_cut])
     motion = _motion_of(footage, shot_index).get(person)
     R_cam_root = None
     if motion is not None and frame[0] >= motion.frame[0] and frame[-1] <= motion.frame[-1]:
         R_cam_root = motion.R_cam_root[frame - motion.frame[0]]
     return SideTrack(
         time_s=footage.time_s[frame],
-        keypoints2d=exchange(track.keypoints2d[rows], swapped),
+        keypoints2d=exchange(keypoints2d, swapped),
         landmarks3d=exchange(track.landmarks3d[rows], swapped),
         R_cam_root=R_cam_root,
         R_cut_cam=R_at_cut.T @ camera.R_shot_cam[frame - camera.start],
     )
-
-
-def _transitions(footage: Footage) -> list[tuple[int, int]]:
-    """Frames [start, end) of gradual transitions: two pictures at once, nothing there is an observation."""
-    return [
-        (shot.transition.start, shot.transition.end)
-        for shot in footage.shots.shots
-        if shot.transition is not None and shot.transition.end > shot.transition.start
-    ]
 
 
 @dataclass(frozen=True)
@@ -222,8 +214,11 @@ class _Places:
 
 
 def _places(footage: Footage) -> _Places:
-    usable = [views if _usable(footage, k) else () for k, views in enumerate(footage.views)]
     intrinsics = footage.intrinsics
+    usable = [
+        [_with_lens(view, _camera(footage, k), intrinsics.K) for view in views] if _usable(footage, k) else []
+        for k, views in enumerate(footage.views)
+    ]
     links = link_shots(usable, K=intrinsics.K, focal_uncertainty=intrinsics.relative_uncertainty)
     edges = []
     for link in links:
@@ -242,6 +237,12 @@ def _places(footage: Footage) -> _Places:
             )
         )
     return _Places(tuple(edges), tuple(link for link in links if link.view.same_camera))
+
+
+def _with_lens(view: ViewFeatures, camera: ShotCamera, K: Float[Array, "3 3"]) -> ViewFeatures:
+    """The view as if its camera had not zoomed."""
+    xy = through_lens(view.xy[None], camera.K[[view.frame - camera.start]], K)[0]
+    return replace(view, xy=xy.astype(np.float32)) if camera.zooms else view
 
 
 def _people_edge(footage: Footage, link: _Link) -> Edge:
@@ -385,9 +386,6 @@ def _strand(
     camera = _camera(footage, shot)
     R_world_cam = R_world_shot @ camera.R_shot_cam[motion.frame - camera.start]
     _, soles = _posed(motion, R_world_cam)
-    hidden = ~motion.observed
-    for first, stop in _transitions(footage):
-        hidden |= (motion.frame >= first) & (motion.frame < stop)
     return Strand(
         person=motion.person,
         shot=index,
@@ -395,7 +393,7 @@ def _strand(
         time_s=footage.time_s[motion.frame],
         offset=np.einsum("nab,nb->na", R_world_cam, motion.pelvis_cam),
         feet=soles,
-        weight=np.where(hidden, 0.0, motion.confidence.astype(np.float64)),
+        weight=np.where(motion.observed, motion.confidence.astype(np.float64), 0.0),
     )
 
 
@@ -464,7 +462,7 @@ def _reported(footage: Footage, links: Sequence[_Link], rotations: ShotRotations
     return cuts
 
 
-def _joined(person: int, parts: Sequence[_Part], footage: Footage) -> PersonMotion:
+def _joined(person: int, parts: Sequence[_Part]) -> PersonMotion:
     """One person's shots as one motion without holes; what lies between is interpolated and not observed."""
     parts = sorted(parts, key=lambda part: int(part.motion.frame[0]))
     known = np.concatenate([part.motion.frame for part in parts])
@@ -475,8 +473,6 @@ def _joined(person: int, parts: Sequence[_Part], footage: Footage) -> PersonMoti
     pelvis = np.concatenate([part.pelvis_world for part in parts])
     exact = share == 0
     observed = np.concatenate([part.motion.observed for part in parts])[row] & exact
-    for first, stop in _transitions(footage):
-        observed &= ~((frame >= first) & (frame < stop))
     contacts = np.concatenate([part.contacts for part in parts])[row] * exact[:, None]
     confidence = np.concatenate([part.motion.confidence for part in parts])[row] * exact
     return PersonMotion(

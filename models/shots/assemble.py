@@ -45,6 +45,7 @@ def assemble_shots(
             scene=span.scene,
             transition=transitions[index - 1] if index else None,
             people=tuple(replace(a, swapped=sides.get((index, a.person), ())) for a in cast.appearances[index]),
+            ending=transitions[index] if index < len(transitions) else None,
         )
         for index, span in enumerate(spans)
     )

@@ -57,6 +57,16 @@ class Shot:
     transition: Transition | None
     """How this shot began; None for the first."""
     people: tuple[Appearance, ...]
+    ending: Transition | None = None
+    """How this shot ends, the next one's `transition`; None for the last."""
+
+    @property
+    def clear(self) -> tuple[int, int]:
+        """Its frames [start, end) outside gradual transitions; inside, two pictures mix, and nothing is an
+        observation. start == end where transitions leave nothing of the shot."""
+        start = self.start if self.transition is None else max(self.start, self.transition.end)
+        end = self.end if self.ending is None else min(self.end, self.ending.start)
+        return start, max(start, end)
 
 
 @dataclass(frozen=True)

@@ -35,7 +35,7 @@ def test_a_pan_is_in_the_rotation_alone(scene_of: Callable[..., Any]) -> None:
     assert camera.source == "rotation_only"
     assert (camera.t_shot_cam == 0).all()
     assert rotation_errors_deg(camera, scene.R_shot_cam).max() < 0.1
-    assert camera.cross_check_deg < 0.3
+    assert camera.cross_check.two_view_deg < 0.3
 
 
 @pytest.mark.parametrize("kind", ["dolly", "orbit", "forward", "hand-held"])

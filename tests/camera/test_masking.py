@@ -7,7 +7,6 @@ import numpy as np
 from humanmm.models.camera.masking import background_points, without_transitions
 from humanmm.models.camera.observations import PointTracks
 from humanmm.models.perception.tracks import PersonTrack
-from humanmm.models.shots.boundaries import Transition
 
 
 def person(frames: list[int], left: float) -> PersonTrack:
@@ -66,6 +65,10 @@ def test_an_empty_mask_stands_for_the_whole_box() -> None:
 
 def test_frames_of_a_dissolve_carry_no_points() -> None:
     points = points_at([(300.0, 200.0), (500.0, 100.0)], 20)
-    dissolve, cut = Transition("dissolve", 15, 25, "scene"), Transition("cut", 0, 0, "scene")
-    kept = without_transitions(points, [None, dissolve, cut])
-    assert kept.frame.max() == 14 and kept.frame.min() == 0
+    kept = without_transitions(points, (2, 15))
+    assert kept.frame.max() == 14 and kept.frame.min() == 2
+
+
+def test_a_shot_that_is_all_dissolve_keeps_its_points() -> None:
+    points = points_at([(300.0, 200.0)], 20)
+    assert without_transitions(points, (9, 9)) is points

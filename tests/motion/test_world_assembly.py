@@ -1,6 +1,6 @@
 """From shots to one world: cuts are joined, failed shots are marked, strangers are kept apart."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -81,8 +81,8 @@ def shot_of(index: int, person: int = 0) -> tuple[Shot, ScenePeople, ShotCamera,
     )
     start, end = int(frames[0]), int(frames[-1]) + 1
     still = ShotCamera(
-        start, end, np.tile(np.eye(3), (LENGTH, 1, 1)), np.zeros((LENGTH, 3)), INTRINSICS.K, "static", True,
-        np.zeros((0, 3)), float("nan"), float("nan"),
+        start, end, np.tile(np.eye(3), (LENGTH, 1, 1)), np.zeros((LENGTH, 3)), np.tile(INTRINSICS.K, (LENGTH, 1, 1)),
+        "static", True, np.zeros((0, 3)), float("nan"),
     )  # fmt: skip
     began = Transition("cut", start, start, "scene") if index else None
     return (
@@ -152,11 +152,21 @@ def test_a_shot_of_somebody_else_keeps_gravity_and_floor_and_says_so() -> None:
     assert np.degrees(np.arccos(np.clip(up @ true, -1, 1))) < 6.0
 
 
-def test_frames_of_a_dissolve_are_not_observed() -> None:
+def within(motion: ShotMotion, clear: tuple[int, int]) -> ShotMotion:
+    """The motion in the clear frames of its shot, as `hmr` gives it."""
+    (person,) = motion.people
+    rows = (person.frame >= clear[0]) & (person.frame < clear[1])
+    kept = {f.name: getattr(person, f.name)[rows] for f in fields(person) if f.name not in ("person", "betas")}
+    return replace(motion, people=(replace(person, **kept),))
+
+
+def test_frames_of_a_dissolve_are_not_observed_on_either_side() -> None:
     whole = footage()
-    second = replace(whole.shots.shots[1], transition=Transition("dissolve", 17, 23, "scene"))
-    shots = replace(whole.shots, shots=(whole.shots.shots[0], second, whole.shots.shots[2]))
-    world = assemble(replace(whole, shots=shots))
+    dissolve = Transition("dissolve", 17, 23, "scene")
+    first, second = replace(whole.shots.shots[0], ending=dissolve), replace(whole.shots.shots[1], transition=dissolve)
+    shots = replace(whole.shots, shots=(first, second, whole.shots.shots[2]))
+    motions = [within(m, shot.clear) for m, shot in zip(whole.motions, shots.shots, strict=True) if m is not None]
+    world = assemble(replace(whole, shots=shots, motions=motions))
     hidden = np.flatnonzero(~world.people[0].observed)
     np.testing.assert_array_equal(hidden, np.arange(17, 23))
     assert world.cuts[0].gap_s > 0.2

@@ -20,6 +20,6 @@ def camera(inputs: StageInputs) -> ShotCamera:
     K = inputs.read("intrinsics", Intrinsics).K
     moves = np.zeros((n, 3)) if inputs.config.camera.static else np.cumsum(np.ones((n, 3)), 0)
     return filled(
-        ShotCamera, n, start=start, end=end, t_shot_cam=moves, K=K, source="static",
-        cross_check_deg=float("nan"), warnings=("it does not move",),
+        ShotCamera, n, start=start, end=end, t_shot_cam=moves, K=np.tile(K, (n, 1, 1)), source="static",
+        warnings=("it does not move",),
     )  # fmt: skip
