@@ -93,7 +93,7 @@ def landmark_model(body: Body) -> LandmarkModel:
             side_name = name if landmark == left else name.replace("L_", "R_")
             j = joint[landmark] = JOINT_NAMES.index(side_name)
             distance = np.linalg.norm(body.v_template - np.array(place) * (sign, 1, 1), axis=1)
-            nearest = np.argsort(distance, kind="stable")[:count]
+            nearest = np.sort(np.argpartition(distance, count)[:count])
             template[landmark] = body.v_template[nearest].mean(0) - body.J_template[j]
             shapedirs[:, landmark] = body.shapedirs[:, nearest].mean(1) - body.J_shapedirs[:, j]
     for left, shift_mm in _DETECTOR_SHIFT_MM.items():

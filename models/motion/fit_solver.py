@@ -9,17 +9,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
-from scipy.linalg import LinAlgError, solveh_banded
+from jaxtyping import Bool
 
-from humanmm.models.motion.fit_state import NUM_PARAMETERS, Motion
-from humanmm.models.motion.fit_terms import NormalEquations, Term
+from humanmm.models.motion.fit_equations import NormalEquations, Term
+from humanmm.models.motion.fit_state import Motion
 
 Array = np.ndarray
-
-_BAND = 2 * NUM_PARAMETERS + 1
-_LOWER = np.tril_indices(NUM_PARAMETERS)
-_ALL = np.indices((NUM_PARAMETERS, NUM_PARAMETERS)).reshape(2, -1)
 
 
 @dataclass(frozen=True)
@@ -66,13 +61,14 @@ def minimise(motion: Motion, terms: Sequence[Term], *, held: Bool[Array, " N"], 
     """Levenberg-Marquardt on one window; frames that are `held` do not move."""
     cost = sum(term.cost(motion) for term in terms)
     damping = settings.first_damping
+    equations = NormalEquations(motion.num_frames)
     for _ in range(settings.max_iterations):
-        equations = NormalEquations.zeros(motion.num_frames)
+        equations.clear()
         for term in terms:
             term.add(motion, equations)
-        _hold(equations, held)
+        equations.hold(held)
         for _attempt in range(8):
-            step = _solve(equations, damping)
+            step = equations.step(damping)
             if step is not None:
                 candidate = motion.moved(step)
                 candidate_cost = sum(term.cost(candidate) for term in terms)
@@ -86,36 +82,3 @@ def minimise(motion: Motion, terms: Sequence[Term], *, held: Bool[Array, " N"], 
         if decrease < settings.relative_decrease * cost:
             break
     return motion
-
-
-def _hold(equations: NormalEquations, held: Bool[Array, " N"]) -> None:
-    """Take held frames out of the unknowns: their step is zero."""
-    if not held.any():
-        return
-    equations.gradient[held] = 0
-    equations.own[held] = np.eye(NUM_PARAMETERS)
-    later_one, later_two = np.zeros_like(held), np.zeros_like(held)
-    later_one[:-1], later_two[:-2] = held[1:], held[2:]
-    equations.next_one[held | later_one] = 0
-    equations.next_two[held | later_two] = 0
-
-
-def _solve(equations: NormalEquations, damping: float) -> Float[Array, "N 63"] | None:
-    """The damped step, or None where rounding has made the equations indefinite."""
-    num_frames = len(equations.gradient)
-    band = np.zeros((_BAND, num_frames, NUM_PARAMETERS))  # band[i − j, j] = H[i, j]
-    row, column = _LOWER
-    band[row - column, :, column] = equations.own[:, row, column].T
-    band[0] *= 1 + damping
-    above, below = _ALL
-    # next_one is a block above the diagonal; its mirror picture below it has row (t + 1, below) and column (t, above).
-    band[NUM_PARAMETERS + below - above, :-1, above] = equations.next_one[:-1, above, below].T
-    band[2 * NUM_PARAMETERS, :-2] = equations.next_two[:-2]
-    try:
-        solution = solveh_banded(
-            band.reshape(_BAND, -1), -equations.gradient.ravel(), overwrite_ab=True, lower=True, check_finite=False
-        )
-    except LinAlgError:
-        return None
-    step = np.asarray(solution).reshape(num_frames, NUM_PARAMETERS)
-    return step if np.isfinite(step).all() else None

@@ -6,11 +6,14 @@ Rotations are updated on the right, R ← R exp(δ), so that a step is an angula
 Toes and hands (joints 10, 11, 22, 23) stay as they are: no landmark moves with them alone.
 """
 
+from collections.abc import Hashable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
+from numpy.typing import DTypeLike
 
 from humanmm.models.body.body24 import NUM_JOINTS, PARENTS
 from humanmm.models.body.kinematics import compose
@@ -38,6 +41,8 @@ def _movers() -> np.ndarray:
 
 _MOVES_JOINT = _movers()
 _TURNING = np.array((0, *FREE_JOINTS))
+_FREE = np.array(FREE_JOINTS) - 1
+"""Free joints among the 23 of the body."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,10 +54,12 @@ class Skeleton:
     point_offset: Float[Array, "K 3"]
 
     @cached_property
-    def _moves_point(self) -> np.ndarray:
-        """(K, 20) bool: a point moves with its own joint too."""
-        own = self.point_joint[:, None] == _TURNING[None]
-        return np.asarray(_MOVES_JOINT[self.point_joint] | own)
+    def moves_point(self) -> Float[Array, "K 63"]:
+        """1 where a number of a step moves a point, else 0; a point moves with its own joint too."""
+        turned = _MOVES_JOINT[self.point_joint] | (self.point_joint[:, None] == _TURNING)
+        moves = np.ones((len(self.point_joint), NUM_PARAMETERS), np.float32)
+        moves[:, BODY] = np.repeat(turned[:, 1:], 3, axis=1)
+        return moves
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,17 +76,24 @@ class Motion:
     def num_frames(self) -> int:
         return len(self.pelvis_ref)
 
+    @cached_property
+    def notes(self) -> dict[Hashable, Any]:
+        """What terms found out about this motion (`fit_equations.once_per_motion`)."""
+        return {}
+
+    @cached_property
+    def turns(self) -> Float[Array, "N 20 3 3"]:
+        """Local rotations of the root and the free joints."""
+        return np.concatenate([self.R_ref_root[:, None], self.R_body[:, _FREE]], axis=1)
+
     def moved(self, step: Float[Array, "N 63"]) -> "Motion":
         """The motion after one step."""
-        R_body = self.R_body.copy()
-        free = np.array(FREE_JOINTS) - 1
-        R_body[:, free] = R_body[:, free] @ rotation_from_vector(step[:, BODY].reshape(len(step), -1, 3))
-        return Motion(
-            self.skeleton,
-            self.R_ref_root @ rotation_from_vector(step[:, ROOT]),
-            self.pelvis_ref + step[:, PELVIS],
-            R_body,
+        turns = self.turns @ rotation_from_vector(
+            np.concatenate([step[:, ROOT], step[:, BODY]], axis=1).reshape(-1, 20, 3)
         )
+        R_body = self.R_body.copy()
+        R_body[:, _FREE] = turns[:, 1:]
+        return Motion(self.skeleton, turns[:, 0], self.pelvis_ref + step[:, PELVIS], R_body)
 
     def frames(self, chosen: slice) -> "Motion":
         """A run of frames."""
@@ -99,21 +113,40 @@ class Motion:
         return np.asarray(joints[:, k] + (R[:, k] @ self.skeleton.point_offset[..., None])[..., 0])
 
     @cached_property
-    def point_jacobian(self) -> Float[Array, "N K 3 63"]:
-        """∂ points / ∂ step: turning joint j by δ in its own axes moves a point p below it by (R_j δ) × (p − p_j)."""
+    def _twists(self) -> Float[Array, "N 6 63"]:
+        """What each number of a step does to the body, as angular velocity and velocity at the pelvis: joint j turning
+        about its axis a gives (a, (p_j − pelvis) × a)."""
         joints, R = self.posed
-        arm = self.points[:, :, None] - joints[:, None, _TURNING]  # (N, K, 20, 3)
-        arm *= self.skeleton._moves_point[None, :, :, None]
         axes = R[:, _TURNING]  # columns: the joint's axes in the reference frame
-        J = np.empty((self.num_frames, arm.shape[1], 3, NUM_PARAMETERS))
-        J[..., PELVIS] = np.eye(3)
-        turns = np.empty((self.num_frames, arm.shape[1], 3, len(_TURNING), 3))
-        for row in range(3):  # (axis × arm)[row], for the three axes of every turning joint at once
+        place = (joints[:, _TURNING] - self.pelvis_ref[:, None])[..., None]
+        twists = np.zeros((self.num_frames, 6, NUM_PARAMETERS))
+        turns = np.empty((self.num_frames, 6, len(_TURNING), 3))
+        for row in range(3):
             a, b = (row + 1) % 3, (row + 2) % 3
-            turns[:, :, row] = axes[:, None, :, a] * arm[..., b, None] - axes[:, None, :, b] * arm[..., a, None]
-        J[..., ROOT] = turns[..., 0, :]
-        J[..., BODY] = turns[..., 1:, :].reshape(*turns.shape[:3], -1)
-        return J
+            turns[:, row] = axes[:, :, row]
+            turns[:, 3 + row] = place[:, :, a] * axes[:, :, b] - place[:, :, b] * axes[:, :, a]
+        twists[..., ROOT] = turns[:, :, 0]
+        twists[..., BODY] = turns[:, :, 1:].reshape(self.num_frames, 6, -1)
+        twists[:, 3:, PELVIS] = np.eye(3)
+        return twists
+
+    def point_rows(
+        self, frames: slice, which: Int[Array, " R"], along: Float[Array, "n R 3"], *, dtype: DTypeLike = np.float64
+    ) -> Float[Array, "n R 63"]:
+        """∂ (along · points[which]) / ∂ step for a run of n frames.
+
+        Turning joint j about its axis a moves a point p below it by a × (p − p_j). The part of p alone and that of j
+        alone are kept apart, so that all rows and columns of a frame are one small matrix product.
+        """
+        arm = self.points[frames][:, which] - self.pelvis_ref[frames, None]
+        wrench = np.empty((*along.shape[:2], 6), dtype)
+        for row in range(3):
+            a, b = (row + 1) % 3, (row + 2) % 3
+            wrench[..., row] = arm[..., a] * along[..., b] - arm[..., b] * along[..., a]
+        wrench[..., 3:] = along
+        rows = wrench @ self._twists[frames].astype(dtype, copy=False)
+        rows *= self.skeleton.moves_point[which]
+        return np.asarray(rows)
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,66 +8,19 @@ A new term (a planted foot, a floor, another camera) is a class with `cost` and 
 """
 
 from dataclasses import dataclass
-from typing import Protocol
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from humanmm.models.motion.fit_state import BODY, FREE_JOINTS, NUM_PARAMETERS, PELVIS, ROOT, CameraPath, Motion
+from humanmm.models.motion.fit_equations import REFERENCE_HZ, NormalEquations, cauchy, once_per_motion, portions
+from humanmm.models.motion.fit_state import BODY, NUM_PARAMETERS, PELVIS, ROOT, CameraPath, Motion
 from humanmm.models.rotations import skew, vector_from_rotation
 
 Array = np.ndarray
 
-REFERENCE_HZ = 30.0
-"""Frame rate at which a frame weighs 1."""
-
 NEAREST_DEPTH = 0.2
 """Points closer to the camera plane than this, in metres, have no usable projection."""
-
-
-@dataclass(eq=False)
-class NormalEquations:
-    """H δ = −g of one window, where frame t meets t, t + 1 and t + 2 only."""
-
-    gradient: Float[Array, "N 63"]
-    own: Float[Array, "N 63 63"]
-    next_one: Float[Array, "N 63 63"]
-    """Block (t, t + 1); the last is unused."""
-    next_two: Float[Array, "N 63"]
-    """Diagonal of block (t, t + 2), which holds nothing else; the last two are unused."""
-
-    @classmethod
-    def zeros(cls, num_frames: int) -> "NormalEquations":
-        """Empty equations."""
-        block = (num_frames, NUM_PARAMETERS, NUM_PARAMETERS)
-        return cls(np.zeros(block[:2]), np.zeros(block), np.zeros(block), np.zeros(block[:2]))
-
-
-class Term(Protocol):
-    """One reason why a motion is more or less likely."""
-
-    def cost(self, motion: Motion) -> float:
-        """Half the robust sum of squares."""
-        ...
-
-    def add(self, motion: Motion, equations: NormalEquations) -> None:
-        """Add gradient and curvature at this motion."""
-        ...
-
-
-def frame_weights(time_s: Float[Array, " N"]) -> Float[Array, " N"]:
-    """Time that each frame stands for, in units of 1/30 s: half the way to both neighbours."""
-    if len(time_s) < 2:
-        return np.ones(len(time_s))
-    steps = np.diff(time_s)
-    span = np.concatenate([steps[:1], (steps[1:] + steps[:-1]) / 2, steps[-1:]])
-    return np.asarray(span * REFERENCE_HZ)
-
-
-def cauchy(squared: Array, scale: float) -> tuple[Array, Array]:
-    """Robust half-cost and weight of squared residuals: c²/2 log(1 + s/c²) and 1 / (1 + s/c²)."""
-    ratio = squared / (scale * scale)
-    return 0.5 * scale * scale * np.log1p(ratio), 1 / (1 + ratio)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,37 +35,43 @@ class Reprojection:
     robust_scale: float = 3.0
     """Residual, in sigmas, beyond which a point loses its say."""
 
+    @once_per_motion
     def _residual(self, motion: Motion) -> tuple[Array, Array, Array]:
+        """Residuals (N, K, 2), weights (N, K), and x/z, y/z, z in the camera (N, K, 3)."""
         p = self.camera.to_camera(motion.points)
         weight = np.where(p[..., 2] > NEAREST_DEPTH, self.weight, 0.0)
-        depth = np.maximum(p[..., 2:], NEAREST_DEPTH)
-        flat = p[..., :2] / depth
+        p[..., 2] = np.maximum(p[..., 2], NEAREST_DEPTH)
+        p[..., :2] /= p[..., 2:]
         K = self.camera.K[:, None]
-        projected = np.stack(
-            [
-                K[..., 0, 0] * flat[..., 0] + K[..., 0, 1] * flat[..., 1] + K[..., 0, 2],
-                K[..., 1, 1] * flat[..., 1] + K[..., 1, 2],
-            ],
-            axis=-1,
-        )
-        return (projected - self.pixels) / self.sigma_px[..., None], weight, np.concatenate([flat, depth], axis=-1)
+        x, y = p[..., 0], p[..., 1]
+        projected = np.stack([K[..., 0, 0] * x + K[..., 0, 1] * y + K[..., 0, 2], K[..., 1, 1] * y + K[..., 1, 2]], -1)
+        return (projected - self.pixels) / self.sigma_px[..., None], weight, p
+
+    @once_per_motion
+    def _loss(self, motion: Motion) -> tuple[Array, Array]:
+        """Robust half-costs and weights."""
+        residual, _, _ = self._residual(motion)
+        return cauchy(np.sum(residual**2, axis=-1), self.robust_scale)
 
     def cost(self, motion: Motion) -> float:
-        residual, weight, _ = self._residual(motion)
-        loss, _ = cauchy(np.sum(residual**2, axis=-1), self.robust_scale)
-        return float(np.sum(weight * loss))
+        return float(np.sum(self._residual(motion)[1] * self._loss(motion)[0]))
 
     def add(self, motion: Motion, equations: NormalEquations) -> None:
-        residual, weight, flat = self._residual(motion)
-        _, trust = cauchy(np.sum(residual**2, axis=-1), self.robust_scale)
+        residual, weight, seen = self._residual(motion)
+        x, y, z = np.moveaxis(seen, -1, 0)
+        root = np.sqrt(weight * self._loss(motion)[1])
         K = self.camera.K[:, None]
-        D = np.zeros((*weight.shape, 2, 3))  # ∂ residual / ∂ p_cam
-        x, y, z = flat[..., 0], flat[..., 1], flat[..., 2]
-        D[..., 0, 0], D[..., 0, 1] = K[..., 0, 0], K[..., 0, 1]
-        D[..., 0, 2] = -K[..., 0, 0] * x - K[..., 0, 1] * y
-        D[..., 1, 1], D[..., 1, 2] = K[..., 1, 1], -K[..., 1, 1] * y
-        D = D / (z * self.sigma_px)[..., None, None] @ self.camera.R_cam_ref[:, None]
-        _add_residual(D @ motion.point_jacobian, residual, weight * trust, equations)
+        along = np.zeros((*weight.shape, 2, 3))  # ∂ residual / ∂ p_cam
+        along[..., 0, 0], along[..., 0, 1] = K[..., 0, 0], K[..., 0, 1]
+        along[..., 0, 2] = -K[..., 0, 0] * x - K[..., 0, 1] * y
+        along[..., 1, 1], along[..., 1, 2] = K[..., 1, 1], -K[..., 1, 1] * y
+        along *= (root / (z * self.sigma_px))[..., None, None]
+        along = along.reshape(len(z), -1, 3) @ self.camera.R_cam_ref
+        right = (root[..., None] * residual).reshape(len(z), -1).astype(np.float32)
+        which = np.repeat(np.arange(weight.shape[1]), 2)
+        for frames in portions(len(z)):
+            rows = motion.point_rows(frames, which, along[frames], dtype=np.float32)
+            equations.add_rows(frames, rows, right[frames])
 
     def distances_px(self, motion: Motion) -> Float[Array, "N K"]:
         """Reprojection errors in pixels, nan where the point has no weight."""
@@ -143,25 +102,30 @@ class Bones:
     time_weight: Float[Array, " N"]
     robust_scale: float = 3.0
 
+    @cached_property
+    def _turning(self) -> tuple[Float[Array, "N 3B 3"], Float[Array, "N B 9"]]:
+        """A [v]×, by which residuals grow with φ (exp(φ) v ≈ v − [v]× φ), and its square for each bone."""
+        turning = skew(self.vectors @ self.R_ref_view) / self.sigma[..., None]
+        squared = np.swapaxes(turning, -1, -2) @ turning
+        return turning.reshape(len(turning), -1, 3), squared.reshape(*turning.shape[:2], 9)
+
+    @once_per_motion
     def _residual(self, motion: Motion) -> tuple[Array, Array, Array, Array]:
         """Residuals, robust costs and weights at the best φ, and what φ itself costs: (N,B,3), (N,B), (N,B), (N,)."""
-        view = np.swapaxes(self.R_ref_view, -1, -2)[:, None]
         points = motion.points
-        gap = (view @ (points[:, self.end] - points[:, self.start] - self.vectors)[..., None])[..., 0]
-        # exp(φ) v ≈ v − [v]× φ, so the residual grows by A [v]× φ.
-        turning = skew((view @ self.vectors[..., None])[..., 0]) / self.sigma[..., None]
+        gap = (points[:, self.end] - points[:, self.start] - self.vectors) @ self.R_ref_view
+        turning, squared = self._turning
         base = gap / self.sigma
-        phi = np.zeros((len(base), 3))
         trust = np.ones_like(self.weight)
+        loose = self.time_weight[:, None, None] * np.diag(1 / self.turn**2)
         for _ in range(3):
-            w = (self.weight * trust)[..., None, None]
-            S = np.sum(np.swapaxes(turning, -1, -2) @ (w * turning), axis=1)
-            S += self.time_weight[:, None, None] * np.diag(1 / self.turn**2)
-            s = np.sum(np.swapaxes(turning, -1, -2) @ (w * base[..., None]), axis=1)
-            phi = -np.linalg.solve(S, s)[..., 0]
-            residual = base + (turning @ phi[:, None, :, None])[..., 0]
+            w = self.weight * trust
+            S = (w[:, None] @ squared).reshape(-1, 3, 3) + loose
+            s = np.swapaxes(turning, -1, -2) @ (w[..., None] * base).reshape(len(w), -1, 1)
+            phi = -np.linalg.solve(S, s)
+            residual = base + (turning @ phi).reshape(base.shape)
             loss, trust = cauchy(np.sum(residual**2, axis=-1), self.robust_scale)
-        turned = 0.5 * self.time_weight * np.sum((phi / self.turn) ** 2, axis=-1)
+        turned = 0.5 * self.time_weight * np.sum((phi[..., 0] / self.turn) ** 2, axis=-1)
         return residual, loss, trust, turned
 
     def cost(self, motion: Motion) -> float:
@@ -170,25 +134,15 @@ class Bones:
 
     def add(self, motion: Motion, equations: NormalEquations) -> None:
         residual, _, trust, _ = self._residual(motion)
-        D = np.swapaxes(self.R_ref_view, -1, -2)[:, None] / self.sigma[..., None]
-        point_jacobian = motion.point_jacobian
-        J = D @ (point_jacobian[:, self.end] - point_jacobian[:, self.start])
-        _add_residual(J, residual, self.weight * trust, equations)
-
-
-def _add_residual(
-    J: Float[Array, "N K R 63"],
-    residual: Float[Array, "N K R"],
-    weight: Float[Array, "N K"],
-    equations: NormalEquations,
-) -> None:
-    """Add Σ_k w_k |r_k|² / 2."""
-    root = np.sqrt(weight)[..., None]
-    rows = (root[..., None] * J).reshape(len(J), -1, NUM_PARAMETERS)
-    right = (root * residual).reshape(len(J), -1, 1)
-    transposed = np.swapaxes(rows, -1, -2)
-    equations.own += transposed @ rows
-    equations.gradient += (transposed @ right)[..., 0]
+        root = np.sqrt(self.weight * trust)[..., None]
+        along = np.swapaxes(self.R_ref_view, -1, -2)[:, None] * (root / self.sigma)[..., None]
+        along = along.reshape(len(root), -1, 3)
+        right = (root * residual).reshape(len(root), -1).astype(np.float32)
+        start, end = np.repeat(self.start, 3), np.repeat(self.end, 3)
+        for frames in portions(len(root)):
+            rows = motion.point_rows(frames, end, along[frames], dtype=np.float32)
+            rows -= motion.point_rows(frames, start, along[frames], dtype=np.float32)
+            equations.add_rows(frames, rows, right[frames])
 
 
 def _inverse_right_jacobian(v: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3 3"]:
@@ -218,40 +172,50 @@ class PosePrior:
     """1 / σ² of the walls, per rad²."""
     weight: Float[Array, " N"]
 
+    @cached_property
+    def _roots(self) -> Float[Array, "C 57 57"]:
+        """U with UᵀU = precision: U (x − mean) are residuals."""
+        return np.swapaxes(np.linalg.cholesky(self.precisions), -1, -2)
+
+    @once_per_motion
     def _vectors(self, motion: Motion) -> Float[Array, "N 19 3"]:
-        return vector_from_rotation(motion.R_body[:, np.array(FREE_JOINTS) - 1])
+        return vector_from_rotation(motion.turns[:, 1:])
 
     def _beyond(self, x: Array) -> Array:
         return np.asarray(np.maximum(x - self.upper, 0) + np.minimum(x - self.lower, 0))
 
-    def _likeliest(self, x: Float[Array, "N 57"]) -> tuple[Array, Array]:
-        """Each frame's Gaussian and what it costs."""
-        gap = x - self.means[:, None]
-        costs = 0.5 * np.sum((gap @ self.precisions) * gap, axis=-1) - self.log_peaks[:, None]
-        chosen = np.argmin(costs, axis=0)
-        return chosen, costs[chosen, np.arange(len(x))] + np.max(self.log_peaks)
+    @once_per_motion
+    def _likeliest(self, motion: Motion) -> tuple[Array, Array, Array]:
+        """Each frame's Gaussian, its residuals (N, 57), and what they cost."""
+        x = self._vectors(motion).reshape(motion.num_frames, -1)
+        residuals = (x - self.means[:, None]) @ np.swapaxes(self._roots, -1, -2)
+        costs = 0.5 * np.einsum("cni,cni->cn", residuals, residuals) - self.log_peaks[:, None]
+        chosen, frames = np.argmin(costs, axis=0), np.arange(len(x))
+        return chosen, residuals[chosen, frames], costs[chosen, frames] + np.max(self.log_peaks)
 
     def cost(self, motion: Motion) -> float:
         x = self._vectors(motion).reshape(motion.num_frames, -1)
-        _, costs = self._likeliest(x)
+        _, _, costs = self._likeliest(motion)
         return float(np.sum(self.weight * (costs + 0.5 * self.wall * np.sum(self._beyond(x) ** 2, axis=-1))))
 
     def add(self, motion: Motion, equations: NormalEquations) -> None:
         vectors = self._vectors(motion)
-        x = vectors.reshape(motion.num_frames, -1)
-        beyond = self._beyond(x)
-        chosen, _ = self._likeliest(x)
-        precision = self.precisions[chosen]
-        slope = (precision @ (x - self.means[chosen])[..., None])[..., 0] + self.wall * beyond
-        curvature = precision + (self.wall * (beyond != 0))[:, :, None] * np.eye(x.shape[1])
-        L = _inverse_right_jacobian(vectors)  # block-diagonal chain rule from rotation vectors to steps
-        n, joints = vectors.shape[:2]
-        blocks = curvature.reshape(n, joints, 3, joints, 3).transpose(0, 1, 3, 2, 4)
-        blocks = np.swapaxes(L, -1, -2)[:, :, None] @ blocks @ L[:, None]
-        H = blocks.transpose(0, 1, 3, 2, 4).reshape(n, 3 * joints, 3 * joints)
-        g = (np.swapaxes(L, -1, -2) @ slope.reshape(n, joints, 3, 1)).reshape(n, -1)
-        equations.own[:, BODY, BODY] += self.weight[:, None, None] * H
-        equations.gradient[:, BODY] += self.weight[:, None] * g
+        chosen, residuals, _ = self._likeliest(motion)
+        chain = _inverse_right_jacobian(vectors)  # from rotation vectors to steps, joint by joint
+        root = np.sqrt(self.weight)
+        right = (root[:, None] * residuals).astype(np.float32)
+        roots = self._roots.astype(np.float32)
+        for frames in portions(len(vectors)):
+            portion = chain[frames]
+            turning = np.zeros((*portion.shape[:3], *portion.shape[1:3]), np.float32)  # block-diagonal
+            np.einsum("njajb->njab", turning)[...] = root[frames, None, None, None] * portion
+            rows = roots[chosen[frames]] @ turning.reshape(len(portion), self.means.shape[1], -1)
+            equations.add_rows(frames, rows, right[frames], BODY)
+        beyond = self._beyond(vectors.reshape(len(vectors), -1)).reshape(vectors.shape)
+        stiff = self.wall * self.weight[:, None, None] * (beyond != 0)
+        transposed = np.swapaxes(chain, -1, -2)
+        equations.turns[:, 2:] += transposed @ (stiff[..., None] * chain)
+        equations.gradient[:, BODY] += (transposed @ (stiff * beyond)[..., None]).reshape(len(vectors), -1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,13 +227,10 @@ class Anchor:
     """Leash of each parameter: radians, metres for the pelvis."""
     weight: Float[Array, " N"]
 
+    @once_per_motion
     def _residual(self, motion: Motion) -> tuple[Array, Array]:
         """Displacements (N, 63), and rotation vectors (N, 20, 3) of the turned joints."""
-        free = np.array(FREE_JOINTS) - 1
-        now, then = (
-            np.concatenate([m.R_ref_root[:, None], m.R_body[:, free]], axis=1) for m in (motion, self.reference)
-        )
-        turn = vector_from_rotation(np.swapaxes(then, -1, -2) @ now)
+        turn = vector_from_rotation(np.swapaxes(self.reference.turns, -1, -2) @ motion.turns)
         gap = np.empty((motion.num_frames, NUM_PARAMETERS))
         gap[:, ROOT], gap[:, BODY] = turn[:, 0], turn[:, 1:].reshape(len(gap), -1)
         gap[:, PELVIS] = motion.pelvis_ref - self.reference.pelvis_ref
@@ -281,15 +242,12 @@ class Anchor:
 
     def add(self, motion: Motion, equations: NormalEquations) -> None:
         residual, turn = self._residual(motion)
-        J = np.zeros((motion.num_frames, NUM_PARAMETERS, NUM_PARAMETERS))
-        J[:, PELVIS, PELVIS] = np.eye(3)
-        blocks = _inverse_right_jacobian(turn)
-        for k, first in enumerate((0, *range(BODY.start, NUM_PARAMETERS, 3))):
-            J[:, first : first + 3, first : first + 3] = blocks[:, k]
-        J = J / self.sigma[:, None]
-        transposed = np.swapaxes(J, -1, -2) * self.weight[:, None, None]
-        equations.own += transposed @ J
-        equations.gradient += (transposed @ residual[..., None])[..., 0]
+        chain = _inverse_right_jacobian(turn)
+        pelvis = np.broadcast_to(np.eye(3), (len(turn), 1, 3, 3))
+        rows = np.concatenate([chain[:, :1], pelvis, chain[:, 1:]], axis=1) / self.sigma.reshape(-1, 3, 1)
+        transposed = np.swapaxes(rows, -1, -2) * self.weight[:, None, None, None]
+        equations.turns += transposed @ rows
+        equations.gradient += (transposed @ residual.reshape(*turn.shape[:1], -1, 3, 1)).reshape(len(turn), -1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -311,10 +269,10 @@ class Smoothness:
         rows = np.stack([1 / before, -1 / before - 1 / after, 1 / after], axis=-1)
         return np.asarray(rows / middle[:, None] * np.sqrt(middle * REFERENCE_HZ)[:, None])
 
+    @once_per_motion
     def _residual(self, motion: Motion) -> Float[Array, "M 63"]:
         dt = np.diff(self.time_s)
-        R = np.concatenate([motion.R_ref_root[:, None], motion.R_body[:, np.array(FREE_JOINTS) - 1]], axis=1)
-        turn = vector_from_rotation(np.swapaxes(R[:-1], -1, -2) @ R[1:]) / dt[:, None, None]
+        turn = vector_from_rotation(np.swapaxes(motion.turns[:-1], -1, -2) @ motion.turns[1:]) / dt[:, None, None]
         velocity = np.empty((len(dt), NUM_PARAMETERS))
         velocity[:, ROOT], velocity[:, BODY] = turn[:, 0], turn[:, 1:].reshape(len(dt), -1)
         velocity[:, PELVIS] = np.diff(motion.pelvis_ref, axis=0) / dt[:, None]
@@ -331,12 +289,12 @@ class Smoothness:
             return
         stencil, residual = self._stencil(), self._residual(motion) / self.sigma
         information = 1 / self.sigma**2
-        along = np.arange(NUM_PARAMETERS)
         for k in range(3):
             rows = slice(k, k + len(stencil))
             equations.gradient[rows] += stencil[:, k, None] * residual
-            equations.own[rows, along, along] += stencil[:, k, None] ** 2 * information
+            equations.diagonal[rows] += stencil[:, k, None] ** 2 * information
         for k in range(2):
             rows = slice(k, k + len(stencil))
-            equations.next_one[rows, along, along] += (stencil[:, k] * stencil[:, k + 1])[:, None] * information
+            later = np.einsum("nii->ni", equations.next_one[rows])
+            later += (stencil[:, k] * stencil[:, k + 1])[:, None] * information
         equations.next_two[: len(stencil)] += (stencil[:, 0] * stencil[:, 2])[:, None] * information

@@ -14,6 +14,7 @@ from jaxtyping import Float
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.landmarks import MIRROR, NUM_LANDMARKS, load_landmarks
 from humanmm.models.camera.observations import ShotCamera
+from humanmm.models.motion.fit_equations import Term, frame_weights
 from humanmm.models.motion.fit_solver import SolverSettings, solve_windows
 from humanmm.models.motion.fit_start import bridged, start_pose, start_position
 from humanmm.models.motion.fit_state import NUM_PARAMETERS, PELVIS, CameraPath, Motion, Skeleton
@@ -23,8 +24,6 @@ from humanmm.models.motion.fit_terms import (
     PosePrior,
     Reprojection,
     Smoothness,
-    Term,
-    frame_weights,
 )
 from humanmm.models.motion.pose_prior import load_pose_statistics
 from humanmm.models.motion.results import PersonShotMotion, ShotMotion

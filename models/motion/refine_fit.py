@@ -16,9 +16,9 @@ from jaxtyping import Bool, Float
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.landmarks import NUM_LANDMARKS, load_landmarks
 from humanmm.models.motion.contacts import CONTACT_JOINTS
+from humanmm.models.motion.fit_equations import REFERENCE_HZ, NormalEquations, Term, cauchy, once_per_motion, portions
 from humanmm.models.motion.fit_solver import SolverSettings, solve_windows
-from humanmm.models.motion.fit_state import NUM_PARAMETERS, CameraPath, Motion, Skeleton
-from humanmm.models.motion.fit_terms import REFERENCE_HZ, NormalEquations, Term, cauchy
+from humanmm.models.motion.fit_state import CameraPath, Motion, Skeleton
 from humanmm.models.motion.hmr import Evidence, EvidenceTerms, NoiseModel, bone_vectors, gather, pelvis_depths
 from humanmm.models.perception.tracks import ScenePeople
 from humanmm.models.shots.boundaries import ShotList
@@ -63,9 +63,11 @@ class PlantedFeet:
         stands = self.contacts * (self.contacts >= 0.5)
         return np.asarray(stands[1:] * stands[:-1] * (self._span * REFERENCE_HZ)[:, None])
 
+    @once_per_motion
     def _feet(self, motion: Motion) -> Motion:
         return Motion(self.feet, motion.R_ref_root, motion.pelvis_ref, motion.R_body)
 
+    @once_per_motion
     def _residual(self, feet: Motion) -> Float[Array, "M 4 3"]:
         return np.asarray(np.diff(feet.points, axis=0) / (self.speed_ms * self._span)[:, None, None])
 
@@ -82,17 +84,22 @@ class PlantedFeet:
         residual = self._residual(feet)
         _, trust = cauchy(np.sum(residual**2, axis=-1), self.robust_scale)
         root = np.sqrt(self._weight * trust)
-        J = feet.point_jacobian
-        scale = (root / (self.speed_ms * self._span)[:, None])[..., None, None]
-        now = (J[:-1] * scale).reshape(len(root), -1, NUM_PARAMETERS)
-        later = (J[1:] * scale).reshape(len(root), -1, NUM_PARAMETERS)
+        scale = np.repeat(root / (self.speed_ms * self._span)[:, None], 3, axis=1)
         right = (root[..., None] * residual).reshape(len(root), -1, 1)
-        now_T, later_T = np.swapaxes(now, -1, -2), np.swapaxes(later, -1, -2)
-        equations.own[:-1] += now_T @ now
-        equations.own[1:] += later_T @ later
-        equations.next_one[:-1] -= now_T @ later
-        equations.gradient[:-1] -= (now_T @ right)[..., 0]
-        equations.gradient[1:] += (later_T @ right)[..., 0]
+        axes, which = np.tile(np.eye(3), (root.shape[1], 1)), np.repeat(np.arange(root.shape[1]), 3)
+        for steps in portions(len(root)):
+            if not root[steps].any():
+                continue
+            first, last = slice(steps.start, steps.stop), slice(steps.start + 1, steps.stop + 1)
+            frames = slice(first.start, last.stop)
+            J = feet.point_rows(frames, which, np.broadcast_to(axes, (last.stop - first.start, *axes.shape)))
+            now, later = (rows * scale[steps, :, None] for rows in (J[:-1], J[1:]))
+            now_T, later_T = np.swapaxes(now, -1, -2), np.swapaxes(later, -1, -2)
+            equations.own[first] += now_T @ now
+            equations.own[last] += later_T @ later
+            equations.next_one[first] -= now_T @ later
+            equations.gradient[first] -= (now_T @ right[steps])[..., 0]
+            equations.gradient[last] += (later_T @ right[steps])[..., 0]
 
 
 def person_skeleton(betas: Float[Array, " 10"]) -> Skeleton:

@@ -5,8 +5,8 @@ import pytest
 
 from humanmm.models.body.body24 import load_body
 from humanmm.models.motion.contacts import CONTACT_JOINTS
+from humanmm.models.motion.fit_equations import NormalEquations
 from humanmm.models.motion.fit_state import NUM_PARAMETERS, Motion, Skeleton
-from humanmm.models.motion.fit_terms import NormalEquations
 from humanmm.models.motion.refine_fit import PlantedFeet
 from humanmm.models.rotations import rotation_from_vector
 
@@ -25,7 +25,7 @@ def motion() -> Motion:
 
 def test_the_gradient_is_that_of_the_cost(motion: Motion) -> None:
     term = PlantedFeet(FEET, TIME, np.random.default_rng(1).uniform(0.4, 1.0, (N, 4)))
-    equations = NormalEquations.zeros(N)
+    equations = NormalEquations(N)
     term.add(motion, equations)
     rng = np.random.default_rng(2)
     for _ in range(5):
@@ -39,7 +39,7 @@ def test_moving_the_whole_body_costs_nothing_and_has_no_curvature(motion: Motion
     shift = np.zeros((N, NUM_PARAMETERS))
     shift[:, 3:6] = [0.3, -0.2, 0.1]
     assert term.cost(motion.moved(shift)) == pytest.approx(term.cost(motion))
-    equations = NormalEquations.zeros(N)
+    equations = NormalEquations(N)
     term.add(motion, equations)
     H = equations.own.copy()
     curvature = np.einsum("na,nab,nb->", shift, H, shift)
