@@ -31,8 +31,9 @@ from humanmm.models.benchmark.multishot import (
     plan_videos,
     split_name,
 )
-from humanmm.models.benchmark.scoring import MethodFigures, VideoFigures, score
+from humanmm.models.benchmark.scoring import MethodFigures, VideoFigures, score, take_of
 from humanmm.models.benchmark.statistics import SetStatistics, statistics_of
+from humanmm.models.benchmark.traces import VideoTraces, trace_video
 from humanmm.storage.code_digest import CodeDigest, code_digest
 from humanmm.storage.mocap_pack import read_pack
 from humanmm.storage.recipe import Recipe
@@ -52,6 +53,7 @@ SIZES = {
 SETTINGS = ("shots", "intrinsics", "camera", "hmr", "align", "refine")
 """Sections of the configuration that change a motion here."""
 MOTION_CODE, FIGURE_CODE = "humanmm.models.benchmark.methods", "humanmm.models.benchmark.scoring"
+TRACE_CODE = "humanmm.models.benchmark.traces"
 FEW = 3
 """So many videos are computed in this process: starting others would take longer."""
 
@@ -144,15 +146,24 @@ def mocap_set(pack: Path, size: str) -> tuple[list[MocapJob], SetStatistics]:
     return jobs, facts
 
 
+@dataclass(frozen=True)
+class VideoRecipes:
+    """Everything that decides what is kept of one video."""
+
+    motions: Recipe
+    figures: Recipe
+    traces: Recipe
+
+
 def figures_of(
     jobs: Sequence[Job], config: Config, store: Store, methods: tuple[str, ...] = METHODS
 ) -> list[VideoFigures]:
     """Every method's figures on every video: from the store, or computed now by `run.threads` processes."""
     prepare_process()
-    recipes = [_recipes(job, config, _codes(job), methods) for job in jobs]
+    recipes = [recipes_of(job, config, methods) for job in jobs]
     done: dict[int, VideoFigures] = {}
-    for index, (_, of_figures) in enumerate(recipes):
-        manifest = store.find(of_figures.stage, of_figures.key)
+    for index, recipe in enumerate(recipes):
+        manifest = store.find(recipe.figures.stage, recipe.figures.key)
         if manifest is not None:
             done[index] = store.read(manifest.ref, VideoFigures)
     missing = [index for index in range(len(jobs)) if index not in done]
@@ -162,10 +173,22 @@ def figures_of(
     return [done[index] for index in range(len(jobs))]
 
 
+def traces_of(
+    jobs: Sequence[Job], config: Config, store: Store, methods: tuple[str, ...] = METHODS
+) -> list[VideoTraces | None]:
+    """What a report draws of every video, kept beside the figures; None for a video that cannot be had."""
+    recipes = [recipes_of(job, config, methods) for job in jobs]
+    kept = [store.find(recipe.traces.stage, recipe.traces.key) for recipe in recipes]
+    missing = [index for index, manifest in enumerate(kept) if manifest is None]
+    for index, _ in _computed(missing, jobs, recipes, config, store, methods):
+        kept[index] = store.find(recipes[index].traces.stage, recipes[index].traces.key)
+    return [None if manifest is None else store.read(manifest.ref, VideoTraces) for manifest in kept]
+
+
 def _computed(
     missing: Sequence[int],
     jobs: Sequence[Job],
-    recipes: Sequence[tuple[Recipe, Recipe]],
+    recipes: Sequence[VideoRecipes],
     config: Config,
     store: Store,
     methods: tuple[str, ...],
@@ -188,19 +211,27 @@ def _computed(
 
 
 def compute(
-    job: Job, recipes: tuple[Recipe, Recipe], config: Config, store_root: Path, methods: tuple[str, ...]
+    job: Job, recipes: VideoRecipes, config: Config, store_root: Path, methods: tuple[str, ...]
 ) -> VideoFigures:
-    """One video's figures; its motions are taken from the store where it has them. Runs in a process of its own."""
+    """One video's figures, its traces beside them; its motions are taken from the store where it has them.
+
+    Runs in a process of its own.
+    """
     store = Store(store_root)
-    of_motions, of_figures = recipes
     try:
         video = job.build(config, store)
     except HumanMMError as error:
         failed = tuple(MethodFigures(method, (), (), str(error)) for method in methods)
         return VideoFigures(job.name, job.split, failed)
 
-    found = _kept(store, of_motions, job.name, VideoMotions, lambda: run_methods(video, config, methods))
-    return _kept(store, of_figures, job.name, VideoFigures, lambda: score(video, found))
+    found = _kept(store, recipes.motions, job.name, VideoMotions, lambda: run_methods(video, config, methods))
+
+    def traces() -> VideoTraces:
+        takes = [(done.method, take_of(video, done) if done.motion else None) for done in found.motions]
+        return trace_video(video.name, video.split, video.truth, takes)
+
+    _kept(store, recipes.traces, job.name, VideoTraces, traces)
+    return _kept(store, recipes.figures, job.name, VideoFigures, lambda: score(video, found))
 
 
 def _kept(store: Store, recipe: Recipe, unit: str, output: type[T], make: Any) -> T:
@@ -221,37 +252,38 @@ def _kept(store: Store, recipe: Recipe, unit: str, output: type[T], make: Any) -
         return result
 
 
-def _codes(job: Job) -> tuple[CodeDigest, CodeDigest]:
-    """Code of a video's motions, and of its figures."""
-    return _code(MOTION_CODE, *job.stages), _code(FIGURE_CODE)
-
-
-def _recipes(
-    job: Job, config: Config, codes: tuple[CodeDigest, CodeDigest], methods: tuple[str, ...]
-) -> tuple[Recipe, Recipe]:
-    of_motions, of_metrics = codes
+def recipes_of(job: Job, config: Config, methods: tuple[str, ...]) -> VideoRecipes:
+    """What decides a video's motions, and what is made of them."""
+    code = _code(MOTION_CODE, *job.stages)
     settings: Mapping[str, Any] = {name: getattr(config, name).model_dump(mode="json") for name in job.settings}
     motions = Recipe(
         stage="bench-motions",
         schema_version=1,
         unit={**job.parameters, "methods": list(methods)},
-        modules=of_motions.modules,
-        weights=of_motions.weights,
-        libraries=of_motions.libraries,
+        modules=code.modules,
+        weights=code.weights,
+        libraries=code.libraries,
         settings=settings,
         inputs=job.inputs,
     )
-    figures = Recipe(
-        stage="bench-figures",
+    return VideoRecipes(
+        motions=motions,
+        figures=_made_of(motions, "bench-figures", _code(FIGURE_CODE), job),
+        traces=_made_of(motions, "bench-traces", _code(FIGURE_CODE, TRACE_CODE), job),
+    )
+
+
+def _made_of(motions: Recipe, stage: str, code: CodeDigest, job: Job) -> Recipe:
+    return Recipe(
+        stage=stage,
         schema_version=1,
         unit={"video": job.name},
-        modules=of_metrics.modules,
-        weights=of_metrics.weights,
-        libraries=of_metrics.libraries,
+        modules=code.modules,
+        weights=code.weights,
+        libraries=code.libraries,
         settings={},
         inputs={"motions": motions.key},
     )
-    return motions, figures
 
 
 @functools.cache

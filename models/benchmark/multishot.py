@@ -19,9 +19,10 @@ from humanmm.models.body.landmarks import load_landmarks
 from humanmm.models.camera.observations import PointTracks
 from humanmm.models.evaluation.people import projected_boxes
 from humanmm.models.evaluation.skeleton import SMPL_NAMES
-from humanmm.models.evaluation.take import CameraTake, PersonTake, Take
+from humanmm.models.evaluation.take import BodyParameters, CameraTake, PersonTake, Take
 from humanmm.models.perception.clothing import HISTOGRAM_BINS
 from humanmm.models.perception.tracks import PersonTrack, ScenePeople
+from humanmm.models.rotations import vector_from_rotation
 from humanmm.models.shots.boundaries import Scenes, Transition
 from humanmm.models.video.facts import VideoFacts
 
@@ -243,5 +244,12 @@ def _truth(actor: Actor, cameras: Sequence[ClipCamera], ring: Ring, cuts: Sequen
         R_world_root=actor.R_world_root,
         contacts=actor.contacts,
         bbox_xyxy=projected_boxes(actor.joints, frame, path),
+        body=BodyParameters(
+            "body24",
+            vector_from_rotation(actor.R_world_root),
+            actor.body_pose,
+            actor.betas,
+            actor.joints[:, 0] - load_body().rest_joints(actor.betas)[0],
+        ),
     )
     return Take(n, fps, SMPL_NAMES, (person,), tuple((cut, cut) for cut in cuts), path)

@@ -9,8 +9,8 @@ from humanmm.models.benchmark.multishot import BenchVideo
 from humanmm.models.body.body24 import JOINT_NAMES, load_body
 from humanmm.models.evaluation.evaluate import evaluate
 from humanmm.models.evaluation.report import Report
-from humanmm.models.evaluation.take import CameraTake, PersonTake, Take
-from humanmm.models.motion.recording import assemble, world_joints
+from humanmm.models.evaluation.take import BodyParameters, CameraTake, PersonTake, Take
+from humanmm.models.motion.recording import Recording, assemble, world_joints
 from humanmm.models.rotations import vector_from_rotation
 
 FIGURES = tuple(field.name for field in fields(Report) if field.name not in ("problems", "cam_cut_rot_deg"))
@@ -89,13 +89,13 @@ def _score(video: BenchVideo, done: MethodMotion) -> MethodFigures:
     return score_take(done.method, take_of(video, done), video.truth)
 
 
-def take_of(video: BenchVideo, done: MethodMotion) -> Take:
-    """The motion as `humanmm eval` would read it from a run folder."""
+def recording_of(video: BenchVideo, done: MethodMotion) -> Recording:
+    """The motion as a run folder would hold it."""
     motion, shots, body = done.motion, done.shots, load_body()
     if motion is None or shots is None:
         raise ValueError(f"{done.method} has no motion")
     rest = {person.person: body.rest_joints(person.betas) for person in motion.people}
-    recording = assemble(
+    return assemble(
         video.facts,
         shots,
         video.people,
@@ -103,6 +103,13 @@ def take_of(video: BenchVideo, done: MethodMotion) -> Take:
         rest_pelvis={number: joints[0] for number, joints in rest.items()},
         joints_world={person.person: world_joints(person, rest[person.person]) for person in motion.people},
     )
+
+
+def take_of(video: BenchVideo, done: MethodMotion) -> Take:
+    """The motion as `humanmm eval` would read it from a run folder."""
+    recording, motion, shots = recording_of(video, done), done.motion, done.shots
+    if motion is None or shots is None:
+        raise ValueError(f"{done.method} has no motion")
     rotations = {person.person: person.R_world_root for person in motion.people}
     people = tuple(
         PersonTake(
@@ -113,6 +120,7 @@ def take_of(video: BenchVideo, done: MethodMotion) -> Take:
             R_world_root=rotations[person.person],
             contacts=person.contacts.astype(np.float64),
             bbox_xyxy=person.bbox.astype(np.float64),
+            body=BodyParameters("body24", person.root_orient, person.body_pose, person.betas, person.transl),
         )
         for person in recording.people
     )

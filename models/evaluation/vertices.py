@@ -3,9 +3,9 @@
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.models.body.body24 import JOINT_NAMES, Body, load_body
-from humanmm.models.body.kinematics import forward_kinematics, skin, skinning_transforms
-from humanmm.models.evaluation.pose import METRES_TO_MM, in_camera_axes
+from humanmm.models.body.body24 import JOINT_NAMES, NUM_JOINTS, Body, load_body
+from humanmm.models.body.kinematics import forward_kinematics, skinning_transforms
+from humanmm.models.evaluation.pose import METRES_TO_MM
 from humanmm.models.evaluation.skeleton import mid_hip
 from humanmm.models.evaluation.take import BodyParameters, UndefinedFigureError
 from humanmm.models.rotations import rotation_from_vector
@@ -31,26 +31,36 @@ def pve_mm(
         raise UndefinedFigureError(f"the {'prediction' if predicted is None else 'truth'} has no body parameters")
     if (predicted.model, truth.model) != ("body24", "body24"):
         raise UndefinedFigureError(f"the prediction's body is {predicted.model}, the truth's {truth.model}, not body24")
-    body, total = load_body(), 0.0
+    sides = ((predicted, predicted_rows, R_world_cam_predicted), (truth, truth_rows, R_world_cam_truth))
+    blends = [_blend(load_body(), parameters) for parameters, _, _ in sides]
+    total = 0.0
     for start in range(0, len(truth_rows), CHUNK_FRAMES):
         chunk = slice(start, start + CHUNK_FRAMES)
-        skins = [
-            in_camera_axes(_skin_about_hips(body, parameters, rows[chunk]), R_world_cam[chunk])
-            for parameters, rows, R_world_cam in (
-                (predicted, predicted_rows, R_world_cam_predicted),
-                (truth, truth_rows, R_world_cam_truth),
-            )
-        ]
-        total += float(np.linalg.norm(skins[0] - skins[1], axis=-1).mean(axis=-1).sum())
+        posed, true = (
+            blend @ _transforms(parameters, rows[chunk], R_world_cam[chunk])  # linear blend skinning
+            for blend, (parameters, rows, R_world_cam) in zip(blends, sides, strict=True)
+        )
+        apart = (posed - true).reshape(len(posed), -1, 3)
+        total += float(np.sqrt((apart**2).sum(axis=-1)).mean(axis=0).sum())
     return METRES_TO_MM * total / len(truth_rows)
 
 
-def _skin_about_hips(
-    body: Body, parameters: BodyParameters, rows: np.ndarray
-) -> Float[np.ndarray, "frames vertices 3"]:
-    betas = np.asarray(parameters.betas, np.float64)
-    rest_joints = body.rest_joints(betas)
+def _blend(body: Body, parameters: BodyParameters) -> Float[np.ndarray, "vertices 96"]:
+    """Each rest vertex (x, y, z, 1) times its share of every joint."""
+    vertices = body.rest_vertices(np.asarray(parameters.betas, np.float64))
+    shares = np.zeros((len(vertices), NUM_JOINTS), np.float32)
+    np.add.at(shares, (np.arange(len(vertices))[:, None], body.skin_joint), body.skin_weight)
+    one = np.concatenate([vertices, np.ones((len(vertices), 1), np.float32)], axis=1)
+    return np.asarray((shares[:, :, None] * one[:, None]).reshape(len(vertices), -1))
+
+
+def _transforms(
+    parameters: BodyParameters, rows: np.ndarray, R_world_cam: Float[np.ndarray, "frames 3 3"]
+) -> Float[np.ndarray, "96 coordinates"]:
+    """Every joint's rest-to-posed transform about the hips in camera axes; coordinates are frames × 3."""
+    rest_joints = load_body().rest_joints(np.asarray(parameters.betas, np.float64))
     R_root = rotation_from_vector(parameters.root_orient[rows])
     joints, R = forward_kinematics(rest_joints, R_root, parameters.body_pose[rows], np.zeros((len(rows), 3)))
-    vertices = skin(body, body.rest_vertices(betas), skinning_transforms(rest_joints, joints, R))
-    return np.asarray(vertices - mid_hip(joints, JOINT_NAMES)[:, None])
+    transforms = skinning_transforms(rest_joints, joints - mid_hip(joints, JOINT_NAMES)[:, None], R)
+    in_camera = np.swapaxes(R_world_cam, -1, -2)[:, None] @ transforms
+    return np.asarray(in_camera.transpose(1, 3, 0, 2).reshape(4 * NUM_JOINTS, -1).astype(np.float32))

@@ -9,8 +9,8 @@ import pytest
 from humanmm.cli import main
 from humanmm.config import Config
 from humanmm.flows import motion_benchmark
-from humanmm.flows.motion_benchmark import mocap_set
-from humanmm.models.benchmark.methods import METHODS
+from humanmm.flows.motion_benchmark import FIGURE_CODE, mocap_set
+from humanmm.models.benchmark.methods import ABLATIONS, METHODS
 from humanmm.storage.code_digest import CodeDigest
 
 
@@ -45,22 +45,31 @@ def test_tiny_is_computed_once_and_then_the_same_to_the_byte(
     assert main([*command, "--report", str(first)]) == 1  # another result is not overwritten
 
 
-def test_a_change_of_the_metrics_leaves_the_motions_as_they_are(pack: Path) -> None:
+def test_a_change_of_the_metrics_leaves_the_motions_as_they_are(pack: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     jobs, _ = mocap_set(pack, "tiny")
-    code = CodeDigest({"a": "1"}, {}, {})
-    metrics = replace(code, modules={"a": "1", "b": "1"})
-    before = motion_benchmark._recipes(jobs[0], Config(), (code, code), METHODS)
-    after = motion_benchmark._recipes(jobs[0], Config(), (code, metrics), METHODS)
-    assert before[0].key == after[0].key
-    assert before[1].key != after[1].key
+    before = motion_benchmark.recipes_of(jobs[0], Config(), METHODS)
+    code = motion_benchmark._code
+
+    def with_another_metric(*modules: str) -> CodeDigest:
+        digest = code(*modules)
+        return replace(digest, modules={**digest.modules, "b": "1"}) if FIGURE_CODE in modules else digest
+
+    monkeypatch.setattr(motion_benchmark, "_code", with_another_metric)
+    after = motion_benchmark.recipes_of(jobs[0], Config(), METHODS)
+    assert before.motions.key == after.motions.key
+    assert before.figures.key != after.figures.key
 
 
-def test_a_setting_or_another_video_makes_other_motions(pack: Path) -> None:
+def test_a_setting_another_video_or_other_methods_make_other_motions(pack: Path) -> None:
     jobs, _ = mocap_set(pack, "tiny")
-    code = CodeDigest({}, {}, {})
     config = Config.model_validate({"refine": {"cutoff_hz": 5.0}})
-    keys = {motion_benchmark._recipes(job, c, (code, code), METHODS)[0].key for job in jobs for c in (Config(), config)}
-    assert len(keys) == 2 * len(jobs)
+    recipes = [
+        motion_benchmark.recipes_of(job, c, methods)
+        for job in jobs
+        for c in (Config(), config)
+        for methods in (METHODS, ABLATIONS)
+    ]
+    assert len({recipe.motions.key for recipe in recipes}) == 4 * len(jobs)
 
 
 def test_a_pack_that_is_none_is_told_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -99,11 +99,12 @@ def _motion(options: argparse.Namespace, config: "Config") -> int:
         raise InputError(f"{options.data} does not exist")
     stored = _stored(options.check)
 
+    from humanmm.flows.bench_page import report_page
     from humanmm.flows.clip_benchmark import clip_set
     from humanmm.flows.motion_benchmark import Job, figures_of, mocap_set
     from humanmm.models.benchmark.methods import ABLATIONS, METHODS
     from humanmm.models.benchmark.rows import rows_of
-    from humanmm.models.benchmark.tables import MAIN, OF_ABLATION, as_markdown, charts_of
+    from humanmm.models.benchmark.tables import MAIN, OF_ABLATION, as_markdown
     from humanmm.storage.bench_report import as_json, write_report
     from humanmm.storage.store import Store, default_store
 
@@ -119,7 +120,9 @@ def _motion(options: argparse.Namespace, config: "Config") -> int:
         size = ["--size", options.size or "standard"]
     sys.stdout.write(f"{' '.join([options.table, *size[1:]])}: {facts.sentence()}\n\n")
     ablation = options.table == "ablation"
-    rows = rows_of(figures_of(jobs, config, store, ABLATIONS if ablation else METHODS))
+    methods = ABLATIONS if ablation else METHODS
+    figures = figures_of(jobs, config, store, methods)
+    rows = rows_of(figures)
     table = as_markdown(
         rows,
         paper="ablation" if ablation else "ms-Motion (20)" if options.size == "ms20" else "ms-AIST",
@@ -133,8 +136,11 @@ def _motion(options: argparse.Namespace, config: "Config") -> int:
         same = results.exists() and results.read_text(encoding="utf-8") == as_json(options.table, command, rows)
         if results.exists() and not same and not options.force:
             raise InputError(f"{results} exists already with other figures; give --force to replace it")
-        text = f"{facts.sentence()}.\n\n{table}"
-        write_report(options.report, options.table, command, rows, markdown=text, charts=charts_of(rows))
+        page = report_page(
+            options.table, command, jobs, figures, config, store, facts=f"{facts.sentence()}.", table=table, rows=rows,
+            methods=methods, folder=options.report,
+        )  # fmt: skip
+        write_report(options.report, options.table, command, rows, page=page)
         sys.stdout.write(f"{results}\n")
     return _compare(rows, stored, options.table)
 

@@ -1,0 +1,158 @@
+"""What a report draws of a video: ways through the world, bodies at a few moments, and the error about each cut."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from humanmm.models.evaluation.alignment import fit_similarity
+from humanmm.models.evaluation.pairs import Pair, make_pair
+from humanmm.models.evaluation.people import match_people
+from humanmm.models.evaluation.pose import METRES_TO_MM
+from humanmm.models.evaluation.skeleton import LIMB_NAMES, mid_hip, pick
+from humanmm.models.evaluation.take import CameraTake, PersonTake, Take, UndefinedFigureError
+
+Array = np.ndarray
+
+MOMENTS = 96
+"""Frames at which the way is kept."""
+BODIES = 8
+"""Of these, moments at which the body is kept."""
+BEFORE_S, AFTER_S, STEP_S = 1.0, 2.0, 0.1
+OFFSETS_S = tuple(round(-BEFORE_S + k * STEP_S, 3) for k in range(round((BEFORE_S + AFTER_S) / STEP_S) + 1))
+"""Times about a cut at which the error is kept; 0 is the first frame of the new shot."""
+FEWEST_FRAMES = 3
+"""Frames before a cut without which nothing can be aligned there."""
+NEAR_M = 0.1
+
+
+@dataclass(frozen=True)
+class VideoTraces:
+    """One video's main person in the truth (row 0) and as each method has it (row 1 + k); NaN where there is none.
+
+    Every method is laid on the truth by one rigid motion over the whole video.
+    """
+
+    video: str
+    split: str
+    methods: tuple[str, ...]
+    frame: Int[Array, "moments"]
+    way: Float[Array, "rows moments 3"]
+    """Mid-hip in the truth's world, metres."""
+    bodies: Float[Array, "rows bodies 12 3"]
+    """Limb joints in the truth's world at every MOMENTS/BODIES-th moment."""
+    pixels: Float[Array, "rows bodies 12 2"]
+    """The same moments as the true camera sees the truth and as each method's own camera sees its own body."""
+    picture: tuple[float, float]
+    """Width and height of the picture, pixels."""
+    cut_error_mm: Float[Array, "methods cuts offsets"]
+    """Mean distance of the limb joints about each true cut, after one rigid motion over the second before it; up to the
+    next cut and from the last one on."""
+
+
+def trace_video(name: str, split: str, truth: Take, predictions: Sequence[tuple[str, Take | None]]) -> VideoTraces:
+    """The traces of all methods; None for one that failed."""
+    person = _main(truth)
+    frame: Array = person.frame[np.unique(np.linspace(0, len(person.frame) - 1, MOMENTS).round().astype(int))]
+    shown = frame[:: max(1, len(frame) // BODIES)][:BODIES]
+    limbs = _limbs(person, truth)
+    rows, bodies, pixels = [_at(limbs, person.frame, frame)], [_at(limbs, person.frame, shown)], []
+    pixels.append(_projected(bodies[0], shown, truth.cameras))
+    errors = np.full((len(predictions), len(truth.cut_frames), len(OFFSETS_S)), np.nan)
+    for k, (_, prediction) in enumerate(predictions):
+        pair = None if prediction is None else _pair(prediction, truth, person)
+        if pair is None or prediction is None:
+            rows.append(np.full_like(rows[0], np.nan))
+            bodies.append(np.full_like(bodies[0], np.nan))
+            pixels.append(np.full_like(pixels[0], np.nan))
+            continue
+        predicted, true = _limbs_of(pair)
+        laid = fit_similarity(predicted.reshape(-1, 3), true.reshape(-1, 3), with_scale=False)
+        aligned = laid.apply(predicted.reshape(-1, 3)).reshape(predicted.shape)
+        rows.append(_at(aligned, pair.frame, frame))
+        bodies.append(_at(aligned, pair.frame, shown))
+        pixels.append(_projected(_at(predicted, pair.frame, shown), shown, prediction.cameras))
+        for c, cut in enumerate(truth.cut_frames):
+            errors[k, c] = _about_cut(pair.frame, predicted, true, cut, truth)
+    hips = [mid_hip(row, LIMB_NAMES) for row in rows]
+    return VideoTraces(
+        video=name,
+        split=split,
+        methods=tuple(method for method, _ in predictions),
+        frame=frame.astype(np.int32),
+        way=np.stack(hips).astype(np.float32),
+        bodies=np.stack(bodies).astype(np.float32),
+        pixels=np.stack(pixels).astype(np.float32),
+        picture=_picture(truth.cameras),
+        cut_error_mm=errors.astype(np.float32),
+    )
+
+
+def _main(truth: Take) -> PersonTake:
+    return max(truth.people, key=lambda person: (int(person.observed.sum()), -person.person))
+
+
+def _limbs(person: PersonTake, take: Take) -> Float[Array, "frames 12 3"]:
+    return pick(person.joints, take.joint_names, LIMB_NAMES)
+
+
+def _pair(prediction: Take, truth: Take, person: PersonTake) -> Pair | None:
+    found = match_people(prediction.people, (person,))
+    if 0 not in found:
+        return None
+    try:
+        return make_pair(prediction.people[found[0]], person, predicted_take=prediction, truth_take=truth)
+    except UndefinedFigureError:
+        return None
+
+
+def _limbs_of(pair: Pair) -> tuple[Float[Array, "frames 12 3"], Float[Array, "frames 12 3"]]:
+    both = (pair.joints_predicted, pair.joints_truth)
+    predicted, true = (pick(joints, pair.joint_names, LIMB_NAMES) for joints in both)
+    return predicted, true
+
+
+def _at(joints: Float[Array, "n 12 3"], known: Int[Array, " n"], wanted: Int[Array, " m"]) -> Float[Array, "m 12 3"]:
+    """The joints of the wanted frames, NaN where a frame is not known."""
+    out = np.full((len(wanted), *joints.shape[1:]), np.nan)
+    _, at, source = np.intersect1d(wanted, known, assume_unique=True, return_indices=True)
+    out[at] = joints[source]
+    return out
+
+
+def _projected(
+    joints: Float[Array, "m 12 3"], frame: Int[Array, " m"], cameras: CameraTake | None
+) -> Float[Array, "m 12 2"]:
+    if cameras is None:
+        return np.full((*joints.shape[:2], 2), np.nan)
+    in_camera = (joints - cameras.t_world_cam[frame, None]) @ cameras.R_world_cam[frame]
+    projected = in_camera @ np.swapaxes(cameras.K[frame], -1, -2)
+    depth = np.where(projected[..., 2:] > NEAR_M, projected[..., 2:], np.nan)
+    return np.asarray(projected[..., :2] / depth)
+
+
+def _picture(cameras: CameraTake | None) -> tuple[float, float]:
+    """Twice the principal point."""
+    if cameras is None or not len(cameras.K):
+        return 0.0, 0.0
+    return 2 * float(cameras.K[0, 0, 2]), 2 * float(cameras.K[0, 1, 2])
+
+
+def _about_cut(
+    frame: Int[Array, " n"], predicted: Float[Array, "n 12 3"], true: Float[Array, "n 12 3"], cut: int, truth: Take
+) -> Float[Array, " offsets"]:
+    """Error, mm, at every offset; NaN where the neighbouring shots do not reach or nobody is known."""
+    out = np.full(len(OFFSETS_S), np.nan)
+    first = max((c for c in truth.cut_frames if c < cut), default=0)
+    stop = min((c for c in truth.cut_frames if c > cut), default=truth.num_frames)
+    base = np.flatnonzero((frame >= max(first, cut - BEFORE_S * truth.fps)) & (frame < cut))
+    if len(base) < FEWEST_FRAMES:
+        return out
+    laid = fit_similarity(predicted[base].reshape(-1, 3), true[base].reshape(-1, 3), with_scale=False)
+    for k, offset in enumerate(OFFSETS_S):
+        wanted = cut + round(offset * truth.fps)
+        row = int(np.searchsorted(frame, wanted))
+        if first <= wanted < stop and row < len(frame) and frame[row] == wanted:
+            out[k] = METRES_TO_MM * np.linalg.norm(laid.apply(predicted[row]) - true[row], axis=-1).mean()
+    return out
