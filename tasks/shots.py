@@ -18,4 +18,5 @@ def shots(inputs: StageInputs) -> ShotList:
         fps=facts.fps,
         K=estimate_intrinsics([], facts.width, facts.height).K,
         only_person=inputs.config.shots.person,
+        parts=inputs.config.shots.parts,
     )

@@ -195,7 +195,13 @@ def begin(video: BenchVideo, config: Config) -> Beginning:
     facts = video.facts
     rough = estimate_intrinsics([], facts.width, facts.height)
     shots = assemble_shots(
-        video.scenes, video.people, time_s=facts.time_s, fps=facts.fps, K=rough.K, only_person=config.shots.person
+        video.scenes,
+        video.people,
+        time_s=facts.time_s,
+        fps=facts.fps,
+        K=rough.K,
+        only_person=config.shots.person,
+        parts=config.shots.parts,
     )
     tracks = [without_transitions(video.points_of(shot.start, shot.end), shot.clear) for shot in shots.shots]
     intrinsics = _focal_length(video, config, shots, tracks)

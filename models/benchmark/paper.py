@@ -157,9 +157,9 @@ _ROWS: Mapping[str, Mapping[tuple[str, str], PaperRow]] = {
     "shots": {
         (method, ""): _row(f"{label}, ms-Motion", _CUTS, values)
         for method, label, values in (
-            ("scenes", "SD", (0.74, 0.72, 0.70)),
-            ("scenes + boxes", "SD + Bbox", (0.88, 0.85, 0.86)),
-            ("scenes + boxes + keypoints", "SD + Bbox + Pose", (0.96, 0.88, 0.92)),
+            ("humanmm without boxes and keypoints", "SD", (0.74, 0.72, 0.70)),
+            ("humanmm without keypoints", "SD + Bbox", (0.88, 0.85, 0.86)),
+            ("humanmm", "SD + Bbox + Pose", (0.96, 0.88, 0.92)),
         )
     },
     "camera": {

@@ -8,7 +8,7 @@ import numpy as np
 
 from humanmm.models.benchmark.scoring import MethodFigures, VideoFigures
 
-_RESAMPLES = 2000
+RESAMPLES = 2000
 
 ANGLES_DEG = (0, 60, 120, 150, 180)
 """Bounds of the groups of cut angles."""
@@ -42,7 +42,7 @@ class Row:
 def summarise(samples: Sequence[float]) -> Metric:
     """Mean, median, and the bootstrap's 95 % interval of the mean (fixed seed; one sample is its own interval)."""
     values = np.asarray(samples, np.float64)
-    drawn = np.random.default_rng(0).integers(0, len(values), (_RESAMPLES, len(values)))
+    drawn = np.random.default_rng(0).integers(0, len(values), (RESAMPLES, len(values)))
     low, high = np.percentile(values[drawn].mean(axis=1), [2.5, 97.5])
     return Metric(float(values.mean()), float(np.median(values)), (float(low), float(high)))
 

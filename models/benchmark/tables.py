@@ -1,6 +1,6 @@
 """How a motion table is shown: a part for every split, the paper's own numbers beside ours, charts for the page."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal
@@ -23,6 +23,7 @@ CHARTED = (
     ("wa_mpjpe100_mm", "WA-MPJPE, mm"), ("pa_mpjpe_mm", "PA-MPJPE, mm"), ("roe_deg", "ROE, degrees"),
     ("rte_m", "RTE, metres"), ("foot_sliding_mm", "foot sliding, mm a frame"), ("jitter", "jitter, 10 m/s³"),
 )  # fmt: skip
+OF_CUTS = (("cut_f1", "F1"), ("cut_precision", "precision"), ("cut_recall", "recall"))
 
 
 @dataclass(frozen=True)
@@ -69,20 +70,31 @@ def _grid(
     return "\n".join([*text, *("| " + " | ".join(line) + " |" for line in body)]) + "\n"
 
 
+def bars_of(rows: Sequence[Row], charted: Sequence[tuple[str, str]]) -> tuple[Chart, ...]:
+    """A chart for each figure and its title: a group for every split, a bar for every method."""
+    splits, methods, at = _sides_of(rows)
+    return tuple(
+        Chart(title, splits, tuple((m, tuple(at.get((m, s), {}).get(key) for s in splits)) for m in methods))
+        for key, title in charted
+    )
+
+
 def charts_of(rows: Sequence[Row]) -> tuple[Chart, ...]:
-    """The main figures per split, and the camera's error per angle of the cut."""
+    """The camera's error per angle of the cut, then the main figures per split."""
+    splits, methods, at = _sides_of(rows)
+    bounds = list(pairwise(ANGLES_DEG))
+    series = tuple((m, tuple(at.get((m, splits[-1]), {}).get(angle_key(*b)) for b in bounds)) for m in methods)
+    title = "Error of the camera's turn at a cut, degrees, by the angle of the cut"
+    return (Chart(title, tuple(f"{low}–{high}°" for low, high in bounds), series), *bars_of(rows, CHARTED))
+
+
+def _sides_of(
+    rows: Sequence[Row],
+) -> tuple[tuple[str, ...], tuple[str, ...], dict[tuple[str, str], Mapping[str, Metric]]]:
+    """Splits, methods, and the figures by method and split."""
     splits = tuple(dict.fromkeys(row.split for row in rows))
     methods = tuple(dict.fromkeys(row.method for row in rows))
-    at = {(row.method, row.split): row.metrics for row in rows}
-    charts = [
-        Chart(title, splits, tuple((m, tuple(at.get((m, s), {}).get(key) for s in splits)) for m in methods))
-        for key, title in CHARTED
-    ]
-    bounds = list(pairwise(ANGLES_DEG))
-    whole = splits[-1]
-    series = tuple((m, tuple(at.get((m, whole), {}).get(angle_key(*b)) for b in bounds)) for m in methods)
-    title = "Error of the camera's turn at a cut, degrees, by the angle of the cut"
-    return (Chart(title, tuple(f"{low}–{high}°" for low, high in bounds), series), *charts)
+    return splits, methods, {(row.method, row.split): row.metrics for row in rows}
 
 
 def _cell(metric: Metric | None) -> str:

@@ -10,7 +10,7 @@ from humanmm.models.motion.flips import Sighting, swapped_spans
 from humanmm.models.perception.tracks import PersonTrack, ScenePeople
 from humanmm.models.shots.boundaries import Appearance, Scenes, Shot, ShotList, Transition
 from humanmm.models.shots.identity import Cast, ShotSpan, identify
-from humanmm.models.shots.people_cuts import split_scenes
+from humanmm.models.shots.people_cuts import Parts, split_scenes
 
 
 def assemble_shots(
@@ -21,12 +21,13 @@ def assemble_shots(
     fps: float,
     K: np.ndarray,
     only_person: int | None = None,
+    parts: Parts = "keypoints",
 ) -> ShotList:
     """Shots of the whole video with everybody in them (or with one person); `people` has None for a failed scene.
 
     K may be rough. Raises NoUsablePersonError when nobody, or not the wanted person, is in the video.
     """
-    transitions = split_scenes(scenes, people, fps=fps)
+    transitions = split_scenes(scenes, people, fps=fps, parts=parts)
     spans = _spans(scenes, transitions)
     cast = identify(spans, people, fps=fps)
     if not cast.people:

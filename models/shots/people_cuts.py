@@ -16,12 +16,16 @@ people usually move, calmly before and after, and not back again within `_RETURN
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Literal
 
 import numpy as np
 
 from humanmm.models.perception.landmarks import HIPS, SHOULDERS, SWAP
 from humanmm.models.perception.tracks import PersonTrack, ScenePeople
 from humanmm.models.shots.boundaries import Scenes, Transition
+
+Parts = Literal["scenes", "boxes", "keypoints"]
+"""How much of the three-part detector is used."""
 
 _BOX_IOU = 0.3
 """Boxes of one person in neighbouring frames overlap by more, even running across the picture (0.4, measured)."""
@@ -59,15 +63,22 @@ class Step:
     """Median movement of the visible landmarks (of the better labelling), share of the body's size."""
 
 
-def split_scenes(scenes: Scenes, people: Sequence[ScenePeople | None], *, fps: float) -> tuple[Transition, ...]:
+def split_scenes(
+    scenes: Scenes, people: Sequence[ScenePeople | None], *, fps: float, parts: Parts = "keypoints"
+) -> tuple[Transition, ...]:
     """All transitions of the video: those of the colours, then those that people show inside the scenes."""
-    found = [cut for scene in people if scene is not None for cut in cuts_in_scene(scene, fps=fps)]
+    if parts == "scenes":
+        return scenes.transitions
+    with_keypoints = parts == "keypoints"
+    inside = [cuts_in_scene(scene, fps=fps, with_keypoints=with_keypoints) for scene in people if scene is not None]
+    found = [cut for cuts in inside for cut in cuts]
     free = [cut for cut in found if not any(t.start <= cut.start <= t.end for t in scenes.transitions)]
     return tuple(sorted([*scenes.transitions, *free], key=lambda t: t.start))
 
 
-def cuts_in_scene(scene: ScenePeople, *, fps: float) -> list[Transition]:
-    """Cuts inside one scene, in order."""
+def cuts_in_scene(scene: ScenePeople, *, fps: float, with_keypoints: bool = True) -> list[Transition]:
+    """Cuts inside one scene, in order. Without keypoints only boxes that jump make a cut; what speaks against a jump
+    (movement that is usual, a jump that is undone) is looked for all the same."""
     tracks = [_Sightings(track) for track in scene.tracks]
     frames = sorted({frame for track in tracks for frame in track.row})
     cuts: list[Transition] = []
@@ -75,7 +86,7 @@ def cuts_in_scene(scene: ScenePeople, *, fps: float) -> list[Transition]:
         if after - before > max(1.0, _GAP_S * fps):
             continue
         evidence = _evidence(tracks, before, after, fps)
-        if evidence is not None:
+        if evidence == "bbox" or (evidence == "keypoints" and with_keypoints):
             # a tracker loses everybody at the cut and finds them again some frames later
             cuts.append(Transition("cut", before + 1, before + 1, evidence))
     return cuts

@@ -40,6 +40,10 @@ class PeopleConfig(Section):
 class ShotsConfig(Section):
     """Cuts from boxes and keypoints (paper section 3.1, parts 2 and 3) and identities across cuts."""
 
+    parts: Literal["scenes", "boxes", "keypoints"] = "keypoints"
+    """How much of the three-part detector looks for cuts: `scenes` (colours alone), `boxes` (and people's boxes) or
+    `keypoints` (and their keypoints)."""
+
     person: Annotated[int, Field(ge=0)] | None = None
     """Keep only this person (0 is the main subject); all people when not given."""
 

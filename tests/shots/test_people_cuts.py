@@ -8,7 +8,7 @@ import pytest
 from humanmm.models.perception.landmarks import SWAP
 from humanmm.models.perception.tracks import PersonTrack, ScenePeople
 from humanmm.models.shots.boundaries import Scenes, Transition
-from humanmm.models.shots.people_cuts import box_iou, cuts_in_scene, split_scenes, square_iou
+from humanmm.models.shots.people_cuts import Parts, box_iou, cuts_in_scene, split_scenes, square_iou
 
 FPS = 30.0
 BODY = np.column_stack(
@@ -125,3 +125,17 @@ def test_overlaps_are_one_for_equals_zero_for_strangers_and_known_in_between() -
     point = np.zeros((1, 2))
     assert square_iou(point, point, 4.0) == pytest.approx(1)
     assert square_iou(point, point + np.array([2, 0]), 4.0) == pytest.approx(1 / 3)
+
+
+def test_parts_of_the_detector_that_are_off_find_nothing() -> None:
+    scenes = Scenes(90, ())
+    elsewhere = walker(0, 30, (100, 200)), walker(30, 60, (500, 230), speed_px=0, seed=1)
+    track = joined(joined(*elsewhere), walker(60, 90, (500, 285), speed_px=0, seed=2))  # first by box, then by pose
+    people = [ScenePeople(0, 90, (track,))]
+
+    def starts(parts: Parts) -> list[int]:
+        return [cut.start for cut in split_scenes(scenes, people, fps=FPS, parts=parts)]
+
+    assert starts("keypoints") == [30, 60]
+    assert starts("boxes") == [30]
+    assert starts("scenes") == []

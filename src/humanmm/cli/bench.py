@@ -3,7 +3,7 @@
 import argparse
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,8 +13,9 @@ from humanmm.errors import InputError
 if TYPE_CHECKING:
     from humanmm.config import Config
     from humanmm.models.benchmark.rows import Row
+    from humanmm.storage.bench_page import Page
 
-TABLES = ("ms-mocap", "ms-render", "ms-real", "ablation", "speed")
+TABLES = ("ms-mocap", "ms-render", "ms-real", "shots", "ablation", "speed")
 CLIPS = ("ms-render", "ms-real")
 SIZES = ("tiny", "standard", "ms20")
 
@@ -26,7 +27,8 @@ def add_bench(verbs: Any, common: argparse.ArgumentParser) -> None:
         parents=[common],
         allow_abbrev=False,
         help="measure: ms-mocap (motion from multi-shot videos made of motion capture), ms-render and ms-real (from "
-        "clips with truths), speed (milliseconds a frame of every stage)",
+        "clips with truths), shots (the detector of cuts), ablation (every module off in turn), speed (milliseconds "
+        "a frame of every stage)",
     )
     parser.add_argument("table", choices=TABLES, metavar="NAME", help=", ".join(TABLES))
     parser.add_argument(
@@ -35,7 +37,7 @@ def add_bench(verbs: Any, common: argparse.ArgumentParser) -> None:
         required=True,
         metavar="PATH",
         help="ms-mocap: a pack (.npz); ms-render, ms-real: a folder of <name>.mp4 beside <name>_gt.npz; ablation: "
-        "either; speed: a video",
+        "either; shots: a folder of videos beside <name>.json or <name>_gt.npz, or BBC Planet Earth; speed: a video",
     )
     parser.add_argument(
         "--size", choices=SIZES, metavar="SIZE",
@@ -65,6 +67,8 @@ def bench(options: argparse.Namespace) -> int:
         return _speed(options, config)
     if options.runs is not None:
         raise UsageError("--runs is for the table speed")
+    if options.table == "shots":
+        return _shots(options, config)
     return _motion(options, config)
 
 
@@ -94,6 +98,28 @@ def _speed(options: argparse.Namespace, config: "Config") -> int:
     return _compare(rows, stored, "speed")
 
 
+def _shots(options: argparse.Namespace, config: "Config") -> int:
+    if options.size is not None:
+        raise UsageError("--size is for ms-mocap; a folder of videos has the size that it has")
+    stored = _stored(options.check)
+
+    from humanmm.flows.shot_benchmark import shot_rows
+    from humanmm.models.benchmark.shot_scores import FIGURES
+    from humanmm.models.benchmark.tables import OF_CUTS, as_markdown, bars_of
+    from humanmm.storage.bench_page import Page
+    from humanmm.storage.store import Store, default_store
+
+    rows, facts = shot_rows(options.data, config, Store(options.store or default_store()))
+    sys.stdout.write(f"shots: {facts.sentence()}\n\n")
+    table = as_markdown(rows, paper="shots", figures=FIGURES, lines="methods")
+    sys.stdout.write(table)
+    command = " ".join(["humanmm", "bench", "shots", *_settings(options)])
+    methods = [row.method for row in rows]
+    page = Page("shots", command, f"{facts.sentence()}.", table, methods=methods, charts=bars_of(rows, OF_CUTS))
+    _report(options, command, rows, lambda: page)
+    return _compare(rows, stored, "shots")
+
+
 def _motion(options: argparse.Namespace, config: "Config") -> int:
     if not options.data.exists():
         raise InputError(f"{options.data} does not exist")
@@ -105,7 +131,6 @@ def _motion(options: argparse.Namespace, config: "Config") -> int:
     from humanmm.models.benchmark.methods import ABLATIONS, METHODS
     from humanmm.models.benchmark.rows import rows_of
     from humanmm.models.benchmark.tables import MAIN, OF_ABLATION, as_markdown
-    from humanmm.storage.bench_report import as_json, write_report
     from humanmm.storage.store import Store, default_store
 
     store = Store(options.store or default_store())
@@ -131,18 +156,29 @@ def _motion(options: argparse.Namespace, config: "Config") -> int:
     )
     sys.stdout.write(table)
     command = " ".join(["humanmm", "bench", options.table, *size, *_settings(options)])
-    if options.report is not None:
-        results = options.report / "results.json"
-        same = results.exists() and results.read_text(encoding="utf-8") == as_json(options.table, command, rows)
-        if results.exists() and not same and not options.force:
-            raise InputError(f"{results} exists already with other figures; give --force to replace it")
-        page = report_page(
-            options.table, command, jobs, figures, config, store, facts=f"{facts.sentence()}.", table=table, rows=rows,
+    facts_line = f"{facts.sentence()}."
+    _report(
+        options, command, rows,
+        lambda: report_page(
+            options.table, command, jobs, figures, config, store, facts=facts_line, table=table, rows=rows,
             methods=methods, folder=options.report,
-        )  # fmt: skip
-        write_report(options.report, options.table, command, rows, page=page)
-        sys.stdout.write(f"{results}\n")
+        ),
+    )  # fmt: skip
     return _compare(rows, stored, options.table)
+
+
+def _report(options: argparse.Namespace, command: str, rows: "Sequence[Row]", page: "Callable[[], Page]") -> None:
+    """Write the report, if one is wanted; another result that is there is not replaced without --force."""
+    if options.report is None:
+        return
+    from humanmm.storage.bench_report import as_json, write_report
+
+    results = options.report / "results.json"
+    same = results.exists() and results.read_text(encoding="utf-8") == as_json(options.table, command, rows)
+    if results.exists() and not same and not options.force:
+        raise InputError(f"{results} exists already with other figures; give --force to replace it")
+    write_report(options.report, options.table, command, rows, page=page())
+    sys.stdout.write(f"{results}\n")
 
 
 def _settings(options: argparse.Namespace) -> list[str]:
