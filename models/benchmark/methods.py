@@ -5,7 +5,7 @@ share the stages that they have in common.
 """
 
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,7 +28,7 @@ from humanmm.models.shots.boundaries import Shot, ShotList
 
 Array = np.ndarray
 
-METHODS = (
+METHODS: tuple[str, ...] = (
     "humanmm",
     "concat",
     "humanmm with eight-point",
@@ -37,7 +37,7 @@ METHODS = (
     "oracle camera rotation",
 )
 """`oracle camera rotation`: the true turn of the camera at every cut, the rest as it is."""
-ABLATIONS = (
+ABLATIONS: tuple[str, ...] = (
     "humanmm",
     "humanmm with eight-point",
     "humanmm without orientation alignment",
@@ -52,6 +52,14 @@ ABLATIONS = (
 )
 """Every module off in turn. Without orientation alignment the worlds of the baseline are refined as ours are; without
 background links shots are joined by people alone."""
+CAMERAS: tuple[str, ...] = (
+    "humanmm",
+    "humanmm without masks",
+    "humanmm with standing cameras",
+    "oracle camera",
+)
+"""Where the camera inside a shot comes from: our odometry on the background; the same on all points, people's too;
+every camera taken for a standing one; the truth."""
 _PARTS_OF_REFINE = {
     "humanmm without closed seams": "close_seams",
     "humanmm without refit": "refit",
@@ -118,6 +126,22 @@ class _Work:
         return fitted_again(self.video, self.config.model_copy(update={"hmr": hmr}), self.start)
 
     @functools.cached_property
+    def without_masks(self) -> Beginning:
+        """The beginning with cameras from all points, people's too."""
+        return self._filmed_by_all_points(static=self.config.camera.static or self.video.static_cameras)
+
+    @functools.cached_property
+    def with_standing_cameras(self) -> Beginning:
+        """The beginning with cameras that stand."""
+        return self._filmed_by_all_points(static=True)
+
+    def _filmed_by_all_points(self, *, static: bool) -> Beginning:
+        start = self.start
+        tracks = points_of_shots(self.video, start.shots)
+        cameras = tuple(estimate_camera(points, (), start.intrinsics, static=static) for points in tracks)
+        return fitted_again(self.video, self.config, replace(start, cameras=cameras))
+
+    @functools.cached_property
     def world(self) -> WorldMotion:
         """What `align` makes of it."""
         return assemble(footage_of(self.video, self.start), method=self.config.align.method)
@@ -158,6 +182,14 @@ def _in_words(error: Exception) -> str:
     return str(error) if isinstance(error, HumanMMError) else f"unexpected {type(error).__name__}: {error}"
 
 
+_OTHER_BEGINNINGS: Mapping[str, Callable[[_Work], Beginning]] = {
+    "humanmm without pose prior": lambda work: work.without_prior,
+    "humanmm without masks": lambda work: work.without_masks,
+    "humanmm with standing cameras": lambda work: work.with_standing_cameras,
+}
+"""Methods that differ before `align`."""
+
+
 def _recovered(method: str, work: _Work) -> WorldMotion:
     how = work.config.align.method
     footage = footage_of(work.video, work.start)
@@ -177,8 +209,8 @@ def _recovered(method: str, work: _Work) -> WorldMotion:
         if not any(footage.views):
             return work.refined
         return work.refine(work.start, assemble(replace(footage, views=[[] for _ in footage.views]), method=how))
-    if method == "humanmm without pose prior":
-        start = work.without_prior
+    if method in _OTHER_BEGINNINGS:
+        start = _OTHER_BEGINNINGS[method](work)
         return work.refine(start, assemble(footage_of(work.video, start), method=how))
     if method == "humanmm without flip decision":
         if not _exchanged(work.start.shots):
@@ -203,7 +235,7 @@ def begin(video: BenchVideo, config: Config) -> Beginning:
         only_person=config.shots.person,
         parts=config.shots.parts,
     )
-    tracks = [without_transitions(video.points_of(shot.start, shot.end), shot.clear) for shot in shots.shots]
+    tracks = points_of_shots(video, shots)
     intrinsics = _focal_length(video, config, shots, tracks)
     static = config.camera.static or video.static_cameras
     cameras = tuple(
@@ -212,6 +244,11 @@ def begin(video: BenchVideo, config: Config) -> Beginning:
     )
     motions = tuple(_fit(video, config, shots, shot, camera) for shot, camera in zip(shots.shots, cameras, strict=True))
     return Beginning(shots, intrinsics, cameras, motions)
+
+
+def points_of_shots(video: BenchVideo, shots: ShotList) -> list[PointTracks]:
+    """Tracked points of every shot outside gradual transitions."""
+    return [without_transitions(video.points_of(shot.start, shot.end), shot.clear) for shot in shots.shots]
 
 
 def without_flip_decision(video: BenchVideo, config: Config, start: Beginning) -> Beginning:

@@ -7,9 +7,10 @@ import numpy as np
 from humanmm.models.benchmark.methods import MethodMotion, VideoMotions
 from humanmm.models.benchmark.multishot import BenchVideo
 from humanmm.models.body.body24 import JOINT_NAMES, load_body
+from humanmm.models.evaluation.cameras import errors_inside_shots_m, known
 from humanmm.models.evaluation.evaluate import evaluate
 from humanmm.models.evaluation.report import Report
-from humanmm.models.evaluation.take import BodyParameters, CameraTake, PersonTake, Take
+from humanmm.models.evaluation.take import BodyParameters, CameraTake, PersonTake, Take, UndefinedFigureError
 from humanmm.models.motion.recording import Recording, assemble, world_joints
 from humanmm.models.rotations import vector_from_rotation
 
@@ -66,12 +67,26 @@ def score_take(method: str, predicted: Take, truth: Take) -> MethodFigures:
     values = [(name, getattr(report, name)) for name in FIGURES]
     figures = [Figure(name, float(value)) for name, value in values if value is not None]
     errors = report.cam_cut_rot_deg or []
-    known = [error for error in errors if error is not None]
-    if known:
-        figures.append(Figure("cam_cut_rot_deg", float(np.mean(known))))
+    found = [error for error in errors if error is not None]
+    if found:
+        figures.append(Figure("cam_cut_rot_deg", float(np.mean(found))))
+    figures += _inside_shots(predicted, truth)
     angles = cut_angles_deg(truth)
     cuts = [CutError(a, e) for a, e in zip(angles, errors, strict=False) if e is not None]
     return MethodFigures(method, tuple(figures), tuple(cuts))
+
+
+def _inside_shots(predicted: Take, truth: Take) -> list[Figure]:
+    """The camera's errors shot by shot, each after a similarity of its own; nothing where no true camera moves."""
+    sides = (predicted.cameras, truth.cameras)
+    if sides[0] is None or sides[1] is None or predicted.num_frames != truth.num_frames:
+        return []
+    usable = known(sides[0]) & known(sides[1])
+    try:
+        ate_m, rpe_m = errors_inside_shots_m(sides[0], sides[1], shots=truth.shots, usable=usable)
+    except UndefinedFigureError:
+        return []
+    return [Figure("cam_shot_ate_m", ate_m), Figure("cam_shot_rpe_trans_m", rpe_m)]
 
 
 def cut_angles_deg(truth: Take) -> list[float]:

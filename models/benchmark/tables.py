@@ -8,17 +8,23 @@ from typing import Literal
 from humanmm.models.benchmark.paper import paper_row
 from humanmm.models.benchmark.rows import ANGLES_DEG, Metric, Row, angle_key
 
-MAIN = (
+MAIN: tuple[str, ...] = (
     "pa_mpjpe_mm", "wa_mpjpe100_mm", "w_mpjpe100_mm", "mpjpe_mm", "rte_pct", "rte_m", "roe_deg", "roe_yaw_deg",
     "accel_ms2", "jitter", "jitter_gt", "foot_sliding_mm", "foot_sliding_gt_mm", "cam_cut_rot_deg", "cam_ate_m",
     "pve_mm", "coverage", "cut_f1",
 )  # fmt: skip
 """What the Markdown table shows, in this order; results.json has everything."""
-OF_ABLATION = (
+OF_ABLATION: tuple[str, ...] = (
     "pa_mpjpe_mm", "mpjpe_mm", "wa_mpjpe100_mm", "w_mpjpe100_mm", "pve_mm", "accel_ms2", "rte_pct", "rte_m", "roe_deg",
     "foot_sliding_mm", "jitter", "cut_jump_m", "cut_jump_deg", "cam_cut_rot_deg",
 )  # fmt: skip
 """What the table of modules shows: the paper's figures, then the jump at the cuts."""
+OF_CAMERAS: tuple[str, ...] = (
+    "cam_shot_ate_m", "cam_shot_rpe_trans_m", "cam_rpe_rot_deg", "cam_ate_m", "cam_rpe_trans_m", "cam_shot_drift_deg",
+    "cam_cut_rot_deg", "focal_err_pct", "wa_mpjpe100_mm", "w_mpjpe100_mm", "rte_pct", "jitter", "foot_sliding_mm",
+)  # fmt: skip
+"""What the table of cameras shows: ATE and RPE inside shots, then of the whole video, then the motion that comes of
+them."""
 CHARTED = (
     ("wa_mpjpe100_mm", "WA-MPJPE, mm"), ("pa_mpjpe_mm", "PA-MPJPE, mm"), ("roe_deg", "ROE, degrees"),
     ("rte_m", "RTE, metres"), ("foot_sliding_mm", "foot sliding, mm a frame"), ("jitter", "jitter, 10 m/s³"),

@@ -27,6 +27,30 @@ def absolute_trajectory_error_m(
     return float(np.sqrt(((aligned - truth) ** 2).sum(axis=-1).mean()))
 
 
+def errors_inside_shots_m(
+    predicted: CameraTake,
+    truth: CameraTake,
+    *,
+    shots: Sequence[tuple[int, int]],
+    usable: Bool[np.ndarray, "frames"],
+) -> tuple[float, float]:
+    """ATE and RPE of the translation (1-frame steps), metres, each shot after a similarity of its own: what papers on
+    odometry give. Mean over the shots whose true camera moves."""
+    ate, rpe = [], []
+    for start, end in shots:
+        rows = np.flatnonzero(usable[start:end]) + start
+        true = truth.t_world_cam[rows]
+        if len(rows) < 3 or np.ptp(true, axis=0).max() < SAME_PLACE_M:
+            continue
+        aligned = fit_similarity(predicted.t_world_cam[rows], true).apply(predicted.t_world_cam[rows])
+        ate.append(np.sqrt(((aligned - true) ** 2).sum(axis=-1).mean()))
+        apart = (np.diff(aligned, axis=0) - np.diff(true, axis=0))[np.diff(rows) == 1]
+        rpe.append(np.sqrt((apart**2).sum(axis=-1).mean()))
+    if not ate:
+        raise UndefinedFigureError("the true camera moves in no shot")
+    return float(np.mean(ate)), float(np.mean(rpe))
+
+
 def relative_pose_errors(
     predicted: CameraTake,
     truth: CameraTake,

@@ -91,3 +91,30 @@ def test_frames_without_a_camera_are_left_out(truth: CameraTake) -> None:
 
 def test_the_focal_error_is_a_share_of_the_true_one(truth: CameraTake, noisy: CameraTake) -> None:
     assert cameras.focal_error_pct(noisy.K, truth.K) == pytest.approx(10.0)
+
+
+def test_inside_a_shot_the_trajectory_is_evos_after_its_similarity(truth: CameraTake, noisy: CameraTake) -> None:
+    n = len(truth.t_world_cam)
+    ate_m, rpe_m = cameras.errors_inside_shots_m(noisy, truth, shots=[(0, n)], usable=np.ones(n, bool))
+    aligned, reference = poses(noisy), poses(truth)
+    aligned.align(reference, correct_scale=True)
+    ape = metrics.APE(metrics.PoseRelation.translation_part)
+    ape.process_data((reference, aligned))
+    assert ate_m == pytest.approx(ape.get_statistic(metrics.StatisticsType.rmse), rel=1e-6)
+    steps = np.diff(aligned.positions_xyz, axis=0) - np.diff(reference.positions_xyz, axis=0)
+    assert rpe_m == pytest.approx(np.sqrt((steps**2).sum(axis=1).mean()), rel=1e-6)
+
+
+def test_every_shot_has_a_similarity_of_its_own_and_standing_ones_do_not_count(truth: CameraTake) -> None:
+    n = len(truth.t_world_cam)
+    half = n // 2
+    t = 2.0 * truth.t_world_cam
+    t[half:] = 0.5 * truth.t_world_cam[half:] + [5.0, 0.0, 0.0]
+    other = dataclasses.replace(truth, t_world_cam=t)
+    usable = np.ones(n, bool)
+    assert cameras.errors_inside_shots_m(other, truth, shots=[(0, half), (half, n)], usable=usable) == pytest.approx(
+        (0.0, 0.0), abs=1e-9
+    )
+    standing = dataclasses.replace(truth, t_world_cam=np.zeros((n, 3)))
+    with pytest.raises(UndefinedFigureError, match="moves in no shot"):
+        cameras.errors_inside_shots_m(other, standing, shots=[(0, n)], usable=usable)

@@ -15,7 +15,16 @@ if TYPE_CHECKING:
     from humanmm.models.benchmark.rows import Row
     from humanmm.storage.bench_page import Page
 
-TABLES = ("ms-mocap", "ms-render", "ms-real", "shots", "ablation", "speed")
+TABLES = {
+    "ms-mocap": "motion from multi-shot videos made of motion capture",
+    "ms-render": "motion from rendered clips with truths",
+    "ms-real": "motion from real clips with truths",
+    "shots": "the detector of cuts, its parts added one by one",
+    "camera": "odometry, and the motion that comes of it",
+    "ablation": "every module off in turn",
+    "speed": "milliseconds a frame of every stage",
+}
+MODULES = ("ablation", "camera")
 CLIPS = ("ms-render", "ms-real")
 SIZES = ("tiny", "standard", "ms20")
 
@@ -26,18 +35,17 @@ def add_bench(verbs: Any, common: argparse.ArgumentParser) -> None:
         "bench",
         parents=[common],
         allow_abbrev=False,
-        help="measure: ms-mocap (motion from multi-shot videos made of motion capture), ms-render and ms-real (from "
-        "clips with truths), shots (the detector of cuts), ablation (every module off in turn), speed (milliseconds "
-        "a frame of every stage)",
+        help="measure: " + "; ".join(f"{name} ({about})" for name, about in TABLES.items()),
     )
-    parser.add_argument("table", choices=TABLES, metavar="NAME", help=", ".join(TABLES))
+    parser.add_argument("table", choices=tuple(TABLES), metavar="NAME", help=", ".join(TABLES))
     parser.add_argument(
         "--data",
         type=Path,
         required=True,
         metavar="PATH",
-        help="ms-mocap: a pack (.npz); ms-render, ms-real: a folder of <name>.mp4 beside <name>_gt.npz; ablation: "
-        "either; shots: a folder of videos beside <name>.json or <name>_gt.npz, or BBC Planet Earth; speed: a video",
+        help="ms-mocap: a pack (.npz); ms-render, ms-real: a folder of <name>.mp4 beside <name>_gt.npz; ablation, "
+        "camera: either; shots: a folder of videos beside <name>.json or <name>_gt.npz, or BBC Planet Earth; speed: "
+        "a video",
     )
     parser.add_argument(
         "--size", choices=SIZES, metavar="SIZE",
@@ -128,14 +136,14 @@ def _motion(options: argparse.Namespace, config: "Config") -> int:
     from humanmm.flows.bench_page import report_page
     from humanmm.flows.clip_benchmark import clip_set
     from humanmm.flows.motion_benchmark import Job, figures_of, mocap_set
-    from humanmm.models.benchmark.methods import ABLATIONS, METHODS
+    from humanmm.models.benchmark.methods import ABLATIONS, CAMERAS, METHODS
     from humanmm.models.benchmark.rows import rows_of
-    from humanmm.models.benchmark.tables import MAIN, OF_ABLATION, as_markdown
+    from humanmm.models.benchmark.tables import MAIN, OF_ABLATION, OF_CAMERAS, as_markdown
     from humanmm.storage.store import Store, default_store
 
     store = Store(options.store or default_store())
     jobs: Sequence[Job]
-    if options.table in CLIPS or (options.table == "ablation" and options.data.is_dir()):
+    if options.table in CLIPS or (options.table in MODULES and options.data.is_dir()):
         if options.size is not None:
             raise UsageError("--size is for ms-mocap; a folder of clips has the size that it has")
         jobs, facts = clip_set(options.data, store)
@@ -144,16 +152,14 @@ def _motion(options: argparse.Namespace, config: "Config") -> int:
         jobs, facts = mocap_set(options.data, options.size or "standard")
         size = ["--size", options.size or "standard"]
     sys.stdout.write(f"{' '.join([options.table, *size[1:]])}: {facts.sentence()}\n\n")
-    ablation = options.table == "ablation"
-    methods = ABLATIONS if ablation else METHODS
+    paper = "ms-Motion (20)" if options.size == "ms20" else "ms-AIST"
+    methods, shown = METHODS, MAIN
+    if options.table in MODULES:
+        paper = options.table
+        methods, shown = (ABLATIONS, OF_ABLATION) if options.table == "ablation" else (CAMERAS, OF_CAMERAS)
     figures = figures_of(jobs, config, store, methods)
     rows = rows_of(figures)
-    table = as_markdown(
-        rows,
-        paper="ablation" if ablation else "ms-Motion (20)" if options.size == "ms20" else "ms-AIST",
-        figures=OF_ABLATION if ablation else MAIN,
-        lines="methods" if ablation else "figures",
-    )
+    table = as_markdown(rows, paper=paper, figures=shown, lines="methods" if options.table in MODULES else "figures")
     sys.stdout.write(table)
     command = " ".join(["humanmm", "bench", options.table, *size, *_settings(options)])
     facts_line = f"{facts.sentence()}."
