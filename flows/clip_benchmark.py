@@ -17,6 +17,7 @@ from humanmm.flows.motion_benchmark import SETTINGS
 from humanmm.models.benchmark.multishot import BenchVideo, split_name
 from humanmm.models.benchmark.statistics import SetStatistics, statistics_of
 from humanmm.models.camera.observations import PointTracks
+from humanmm.models.camera.views import KeyViews
 from humanmm.models.evaluation.take import Take
 from humanmm.models.perception.tracks import ScenePeople
 from humanmm.models.shots.boundaries import Scenes
@@ -25,11 +26,12 @@ from humanmm.storage.store import Store
 from humanmm.storage.truth import read_take
 from humanmm.storage.video_identity import identify
 from humanmm.tasks.engine import VideoRun
+from humanmm.tasks.pipeline import STAGES
 
 log = logging.getLogger(__name__)
 T = TypeVar("T")
 
-OF_PIXELS = ("decode", "scenes", "people", "shots", "points")
+OF_PIXELS = ("decode", "scenes", "people", "shots", "views", "points")
 """Stages whose results the methods start from."""
 
 
@@ -65,7 +67,8 @@ class ClipJob:
 
     @property
     def settings(self) -> tuple[str, ...]:
-        return (*OF_PIXELS, *(section for section in SETTINGS if section not in OF_PIXELS))
+        pixels = [section for stage in STAGES if stage.name in OF_PIXELS for section in stage.settings]
+        return (*pixels, *(section for section in SETTINGS if section not in pixels))
 
     def build(self, config: Config, store: Store) -> BenchVideo:
         """Observations from the clip's pixels; StageError if a stage fails on a part of it."""
@@ -82,6 +85,7 @@ class ClipJob:
             scenes=_results(run, "scenes", Scenes)[0],
             people=tuple(_results(run, "people", ScenePeople)),
             points=tuple(_results(run, "points", PointTracks)),
+            views=tuple(view for views in _results(run, "views", KeyViews)[0].of_shot for view in views),
             truth=read_take(self.truth),
         )
 

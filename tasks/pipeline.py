@@ -80,6 +80,7 @@ STAGES: tuple[Stage, ...] = (
         ("decode", "scenes"),
         ("points",),
         "humanmm.models.camera.observations:PointTracks",
+        schema_version=2,
         reads_video=True,
     ),
     Stage(
@@ -89,6 +90,14 @@ STAGES: tuple[Stage, ...] = (
         ("shots",),
         "humanmm.models.shots.boundaries:ShotList",
         defines="shot",
+    ),
+    Stage(
+        "views",
+        "video",
+        ("decode", "people", "shots"),
+        (),
+        "humanmm.models.camera.views:KeyViews",
+        reads_video=True,
     ),
     Stage(
         "intrinsics",
@@ -114,7 +123,7 @@ STAGES: tuple[Stage, ...] = (
     Stage(
         "align",
         "video",
-        ("decode", "people", "shots", "points", "intrinsics", "camera", "hmr"),
+        ("decode", "people", "shots", "views", "intrinsics", "camera", "hmr"),
         ("align",),
         "humanmm.models.motion.results:WorldMotion",
     ),

@@ -95,9 +95,9 @@ def _recorded(xy: Float[Array, "n p 2"], seen: Array, still_px: float, longest: 
 
 
 def within(points: PointTracks, start: int, end: int) -> PointTracks:
-    """The tracks and key views of a part [start, end) of the clip."""
+    """The tracks of a part [start, end) of the clip."""
     inside = (points.frame >= start) & (points.frame < end)
     return PointTracks(
         start, end, points.track[inside], points.frame[inside], points.xy[inside], points.confidence[inside],
-        points.window_px, tuple(view for view in points.views if start <= view.frame < end),
+        points.window_px,
     )  # fmt: skip

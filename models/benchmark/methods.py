@@ -16,7 +16,6 @@ from humanmm.errors import HumanMMError
 from humanmm.models.benchmark.multishot import BenchVideo
 from humanmm.models.camera.estimate import estimate_camera
 from humanmm.models.camera.intrinsics import ShotPoints, estimate_intrinsics, given_intrinsics
-from humanmm.models.camera.links import without_people
 from humanmm.models.camera.masking import without_transitions
 from humanmm.models.camera.observations import Intrinsics, PointTracks, ShotCamera
 from humanmm.models.motion.hmr import NoiseModel, fit_shot
@@ -294,10 +293,7 @@ def _as_labelled(shot: Shot) -> Shot:
 def footage_of(video: BenchVideo, start: Beginning) -> Footage:
     """What the stage `align` reads. Where there are no pictures there are no key views either: shots are then joined by
     people alone, as in the paper."""
-    views = [
-        [without_people(view, video.people[shot.scene].tracks) for view in video.points_of(shot.start, shot.end).views]
-        for shot in start.shots.shots
-    ]
+    views = [[view for view in video.views if shot.start <= view.frame < shot.end] for shot in start.shots.shots]
     return Footage(
         shots=start.shots,
         scenes=video.people,

@@ -17,6 +17,7 @@ from humanmm.models.benchmark.silhouettes import silhouettes
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.landmarks import load_landmarks
 from humanmm.models.camera.observations import PointTracks
+from humanmm.models.camera.views import ViewFeatures
 from humanmm.models.evaluation.people import projected_boxes
 from humanmm.models.evaluation.skeleton import SMPL_NAMES
 from humanmm.models.evaluation.take import BodyParameters, CameraTake, PersonTake, Take
@@ -60,6 +61,8 @@ class BenchVideo:
     points: tuple[PointTracks, ...]
     """Of spans none of which is shorter than a shot; empty tracks where nothing is known of the background."""
     truth: Take
+    views: tuple[ViewFeatures, ...] = ()
+    """Key views of the shots, people left out; none where there are no pictures."""
     static_cameras: bool = False
     """The user knows that all cameras stand."""
 

@@ -6,8 +6,6 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.models.camera.views import ViewFeatures
-
 SOURCES = ("static", "tracked", "rotation_only", "given", "fallback")
 """Index = code in motion.zarr's cameras/source."""
 
@@ -34,8 +32,6 @@ class PointTracks:
     """(M,) float32, 0..1 (from the forward-backward error)."""
     window_px: float
     """Side of the tracker's window in source pixels: what a point feels of its surroundings."""
-    views: tuple[ViewFeatures, ...] = ()
-    """Features of a few key frames, in order, by which other shots of the same place are recognised."""
 
 
 @dataclass(frozen=True)

@@ -1,23 +1,21 @@
 """A shot's part of what was tracked through its scene, which happens before anybody knows what cuts people show."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Int
 
 from humanmm.models.camera.observations import PointTracks
-from humanmm.models.camera.views import ViewFeatures
 
 
 def within(points: PointTracks, start: int, end: int) -> PointTracks:
-    """The tracks of a scene within one of its shots, [start, end), with the first, the middle and the last key view.
+    """The tracks of a scene within one of its shots, [start, end).
 
     A first or last frame that was not recorded gets the observations of the last recorded one before it: the picture
     stood still since (where it changed at once, the tracker records both sides of the change).
     """
     if (start, end) == (points.start, points.end):
-        return replace(points, views=_three(points.views))
+        return points
     first, last = np.searchsorted(points.frame, [start, end])
     parts = [(np.arange(first, last), points.frame[first:last])]
     if start not in parts[0][1]:
@@ -33,7 +31,6 @@ def within(points: PointTracks, start: int, end: int) -> PointTracks:
         frame=np.concatenate([frame for _, frame in parts]),
         xy=points.xy[index],
         confidence=points.confidence[index],
-        views=_three([view for view in points.views if start <= view.frame < end]),
     )
 
 
@@ -42,8 +39,3 @@ def _held(points: PointTracks, frame: int) -> tuple[Int[np.ndarray, " n"], Int[n
     last = int(np.searchsorted(points.frame, frame))
     first = int(np.searchsorted(points.frame, points.frame[last - 1])) if last else 0
     return np.arange(first, last), np.full(last - first, frame, np.int32)
-
-
-def _three(views: Sequence[ViewFeatures]) -> tuple[ViewFeatures, ...]:
-    chosen = sorted({0, len(views) // 2, len(views) - 1}) if views else []
-    return tuple(views[index] for index in chosen)

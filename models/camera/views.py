@@ -5,7 +5,8 @@ their relative camera rotation far more exactly, and a recurring camera gives it
 the Hellinger kernel (Arandjelović and Zisserman 2012), mutual nearest neighbours with the ratio test, then pycolmap's
 two-view geometry, which also handles planes and pure rotations.
 
-Pixels have their centres at (0.5, 0.5).
+A shot is represented by its first, middle and last frame: neighbouring shots meet in the outer ones, and a camera that
+moves shows most in all three. Pixels have their centres at (0.5, 0.5).
 """
 
 from dataclasses import dataclass
@@ -15,8 +16,8 @@ import numpy as np
 import pycolmap
 from jaxtyping import Bool, Float, UInt8
 
-VIEW_PERIOD_S, MAX_VIEWS = 2.0, 9
-"""Key views of a scene: about one in this time, at most so many."""
+from humanmm.models.shots.boundaries import Shot
+
 MAX_FEATURES = 2500
 MAX_SIDE_PX = 1280
 """Reduce larger pictures before features are taken: detail beyond this does not repeat between cameras."""
@@ -42,6 +43,14 @@ class ViewFeatures:
     xy: Float[np.ndarray, "features 2"]
     """float32, source pixels."""
     descriptors: UInt8[np.ndarray, "features 128"]
+
+
+@dataclass(frozen=True)
+class KeyViews:
+    """What the shots of a video look like without their people."""
+
+    of_shot: tuple[tuple[ViewFeatures, ...], ...]
+    """By shot, in order of time; empty where a shot failed, shows nothing clearly, or is the only one."""
 
 
 @dataclass(frozen=True)
@@ -73,11 +82,10 @@ def in_source_pixels(view: ViewFeatures, scale: float) -> ViewFeatures:
     return ViewFeatures(view.frame, view.xy * np.float32(scale), view.descriptors)
 
 
-def key_frames(start: int, end: int, duration_s: float) -> tuple[int, ...]:
-    """The frames of a scene [start, end) that stand for it, and for the shots that may yet be found in it: first,
-    last, and evenly between them one every VIEW_PERIOD_S, at least one and at most MAX_VIEWS in all."""
-    count = min(max(3, 1 + round(duration_s / VIEW_PERIOD_S)), MAX_VIEWS)
-    return tuple(sorted({int(frame) for frame in np.linspace(start, end - 1, count).round()}))
+def key_frames(shot: Shot) -> tuple[int, ...]:
+    """The first, the middle and the last clear frame of a shot; none where transitions leave nothing of it."""
+    first, end = shot.clear
+    return tuple(sorted({first, (first + end) // 2, end - 1})) if first < end else ()
 
 
 def drop_features(view: ViewFeatures, hidden: Bool[np.ndarray, "features"]) -> ViewFeatures:

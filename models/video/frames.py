@@ -1,13 +1,15 @@
 """Frames on demand: decoded again whenever a stage needs them, never stored.
 
-`frames(stream, facts, start, stop)` delivers exactly the announced frames of [start, stop), upright, one at a time.
-It enters at the last keyframe before `start`; should the decoder not deliver the frame from there (a container that
-seeks past it, references lost at an open group of pictures) it enters one keyframe earlier, at worst at the beginning.
+`frames(stream, facts, start, stop)` delivers exactly the announced frames of [start, stop), upright, one at a time;
+`frames_at` chosen ones, and jumps from keyframe to keyframe over what lies between. Decoding enters at the last
+keyframe before a frame; should the decoder not deliver the frame from there (a container that seeks past it, references
+lost at an open group of pictures) it enters one keyframe earlier, at worst at the beginning.
 """
 
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import BinaryIO, Literal
 
 import cv2
@@ -77,25 +79,49 @@ def frames(
     stop = facts.num_frames if stop is None else stop
     if not 0 <= start <= stop <= facts.num_frames:
         raise ValueError(f"frames [{start}, {stop}) of a video of {facts.num_frames}")
+    return frames_at(stream, facts, range(start, stop), pixels=pixels, max_side_px=max_side_px)
+
+
+def frames_at(
+    stream: BinaryIO,
+    facts: VideoFacts,
+    wanted: Sequence[int],
+    *,
+    pixels: Pixels = "rgb",
+    max_side_px: int | None = None,
+) -> Iterator[Frame]:
+    """The frames with these numbers, which rise, as `frames` delivers them."""
     picture_of = _Picture(facts, pixels, max_side_px)
-    index, entry = start, start
-    while index < stop:
-        entry = int(np.flatnonzero(facts.keyframe[: entry + 1])[-1])
+    entries = np.flatnonzero(facts.keyframe)
+    entry_of = entries[np.searchsorted(entries, wanted, side="right") - 1]
+    # a new pass begins where entering anew spares the decoder frames
+    begins = [k for k in range(len(wanted)) if k == 0 or entry_of[k] > wanted[k - 1] + 1]
+    for begin, end in pairwise([*begins, len(wanted)]):
+        for index, picture in _one_pass(stream, facts, wanted[begin:end], int(entry_of[begin])):
+            yield Frame(index, float(facts.time_s[index]), picture_of(picture))
+
+
+def _one_pass(
+    stream: BinaryIO, facts: VideoFacts, wanted: Sequence[int], entry: int
+) -> Iterator[tuple[int, VideoFrame]]:
+    """Index and picture of the wanted frames, decoded from a keyframe on, or from one before where that fails."""
+    done = 0
+    while True:
         with closing(_from_keyframe(stream, facts, entry)) as pictures:
             for position, picture in pictures:
-                if position > index:
+                if position > wanted[done]:
                     break
-                if position == index:
-                    yield Frame(index, float(facts.time_s[index]), picture_of(picture))
-                    index += 1
-                    if index == stop:
+                if position == wanted[done]:
+                    yield position, picture
+                    done += 1
+                    if done == len(wanted):
                         return
         if entry == 0:
             raise VideoError(
-                f"frame {index} was decoded when the video was first read, but not now; "
+                f"frame {wanted[done]} was decoded when the video was first read, but not now; "
                 "if the file was changed meanwhile, run again"
             )
-        entry -= 1
+        entry = int(np.flatnonzero(facts.keyframe[:entry])[-1])
 
 
 def _from_keyframe(stream: BinaryIO, facts: VideoFacts, entry: int) -> Generator[tuple[int, VideoFrame], None, None]:
@@ -140,9 +166,10 @@ class _Picture:
         if self._pixels == "yuv420p":
             planes = [self._upright(plane) for plane in self._planes(picture)]
             return np.concatenate([plane.reshape(-1) for plane in planes]).reshape(-1, planes[0].shape[1])
-        same_size = (picture.width, picture.height) == self._size
-        if self._pixels == "gray" and same_size and picture.format.name in _LUMA_FORMATS + _FULL_RANGE_FORMATS:
+        if self._pixels == "gray" and picture.format.name in _LUMA_FORMATS + _FULL_RANGE_FORMATS:
             image = _luma(picture)
+            if (picture.width, picture.height) != self._size:
+                image = cv2.resize(image, self._size, interpolation=cv2.INTER_AREA)
         else:
             image = self._reformat(picture)
         return self._upright(image)

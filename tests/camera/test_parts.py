@@ -6,18 +6,15 @@ import pytest
 from humanmm.models.camera.estimate import estimate_camera
 from humanmm.models.camera.observations import Intrinsics, PointTracks
 from humanmm.models.camera.parts import within
-from humanmm.models.camera.views import ViewFeatures
 
 
 def tracks(recorded: list[int], end: int, num_points: int = 60) -> PointTracks:
     """Points that stand still, seen in the recorded frames."""
     places = np.random.default_rng(0).uniform(20, 600, (num_points, 2)).astype(np.float32)
-    view = ViewFeatures(0, np.zeros((0, 2), np.float32), np.zeros((0, 128), np.uint8))
     return PointTracks(
         0, end, np.tile(np.arange(num_points, dtype=np.int32), len(recorded)),
         np.repeat(np.array(recorded, np.int32), num_points), np.tile(places, (len(recorded), 1)),
         np.ones(num_points * len(recorded), np.float32), window_px=15.0,
-        views=tuple(ViewFeatures(frame, view.xy, view.descriptors) for frame in (0, 10, 20, 30, 39)),
     )  # fmt: skip
 
 
@@ -36,13 +33,6 @@ def test_the_parts_of_a_densely_recorded_scene_make_up_the_scene() -> None:
     parts = [within(scene, 0, 17), within(scene, 17, 40)]
     for name in ("track", "frame", "xy", "confidence"):
         np.testing.assert_array_equal(np.concatenate([getattr(part, name) for part in parts]), getattr(scene, name))
-
-
-def test_first_middle_and_last_key_view_of_the_shot_stay() -> None:
-    scene = tracks([0, 39], 40)
-    assert [view.frame for view in within(scene, 0, 40).views] == [0, 20, 39]
-    assert [view.frame for view in within(scene, 5, 25).views] == [10, 20]
-    assert within(scene, 1, 9).views == ()
 
 
 def test_a_scene_without_points_has_parts_without_points() -> None:

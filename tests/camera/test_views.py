@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from humanmm.models.camera.views import describe_view, drop_features, key_frames, link_views, match_features
+from humanmm.models.shots.boundaries import Shot, Transition
 
 K = np.array([[700.0, 0, 320], [0, 700.0, 240], [0, 0, 1]])
 
@@ -68,6 +69,14 @@ def test_hidden_features_take_no_part() -> None:
     assert len(kept.xy) == (~hidden).sum() and (kept.xy[index_a, 0] >= 320).all()
 
 
-def test_a_shot_of_one_frame_has_one_key_frame() -> None:
-    assert key_frames(7, 8, 0.0) == (7,) and key_frames(0, 100, 4.0) == (0, 50, 99)
-    assert key_frames(0, 101, 8.0) == (0, 25, 50, 75, 100) and len(key_frames(0, 20_000, 600.0)) == 9
+def test_first_middle_and_last_clear_frame_stand_for_a_shot() -> None:
+    dissolve, cut = Transition("dissolve", 15, 25, "scene"), Transition("cut", 60, 60, "scene")
+    assert key_frames(Shot(0, 0, 100, 0, None, ())) == (0, 50, 99)
+    assert key_frames(Shot(1, 20, 60, 0, dissolve, (), cut)) == (25, 42, 59)
+    assert key_frames(Shot(0, 0, 20, 0, None, (), dissolve)) == (0, 7, 14)
+    assert key_frames(Shot(1, 7, 8, 0, None, ())) == (7,)
+
+
+def test_a_shot_without_a_clear_frame_has_no_key_frame() -> None:
+    dissolves = [Transition("dissolve", middle - 8, middle + 8, "scene") for middle in (20, 30)]
+    assert key_frames(Shot(1, 20, 30, 0, dissolves[0], (), dissolves[1])) == ()

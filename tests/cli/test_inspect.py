@@ -71,7 +71,7 @@ def test_explain_refuses_a_shot_that_makes_no_sense(finished: Any) -> None:
 
 
 def test_verify_ends_with_status_1_and_the_next_run_repairs(finished: Any) -> None:
-    assert finished.main("verify", "--deep")[:2] == (0, "17 artifacts are sound, 0 damaged\n")
+    assert finished.main("verify", "--deep")[:2] == (0, "18 artifacts are sound, 0 damaged\n")
     victim = next(finished.store.glob("artifacts/camera/*/*/result.json"))
     victim.write_text(victim.read_text().replace("camera", "camerb") + " ")
     status, out, _ = finished.main("verify")
@@ -84,8 +84,8 @@ def test_verify_ends_with_status_1_and_the_next_run_repairs(finished: Any) -> No
 
 def test_gc_removes_nothing_before_it_is_told_to(finished: Any) -> None:
     status, out, _ = finished.main("gc", "--unused-days", "0")
-    assert status == 0 and "17 items could go; nothing was removed" in out
-    assert len(list(finished.store.glob("artifacts/*/*/*"))) == 17
+    assert status == 0 and "18 items could go; nothing was removed" in out
+    assert len(list(finished.store.glob("artifacts/*/*/*"))) == 18
     assert "freed" in finished.main("gc", "--unused-days", "0", "--yes")[1]
     assert not list(finished.store.glob("artifacts/*/*/*"))
 
@@ -93,7 +93,7 @@ def test_gc_removes_nothing_before_it_is_told_to(finished: Any) -> None:
 def test_du_counts_every_stage(finished: Any) -> None:
     lines = finished.main("store", "du")[1].splitlines()
     assert [line.split()[:2] for line in lines[:3]] == [["decode", "1"], ["scenes", "1"], ["people", "2"]]
-    assert lines[-1].split()[:2] == ["total", "17"]
+    assert lines[-1].split()[:2] == ["total", "18"]
 
 
 def test_doctor_finds_this_installation_sound(toy: Any) -> None:

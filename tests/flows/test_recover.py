@@ -43,7 +43,7 @@ def test_a_run_writes_its_folder_and_prefect_shows_every_unit_by_name(toy: Any, 
     assert record["video"]["num_frames"] == 60 and len(record["video"]["sha256"]) == 64
     assert [(shot["start"], shot["end"]) for shot in record["shots"]] == [(0, 20), (20, 40), (40, 60)]
     assert record["shots"][0]["transition"] is None and record["shots"][1]["transition"]["type"] == "cut"
-    assert {stage["state"] for stage in record["stages"]} == {"computed"} and len(record["stages"]) == 17
+    assert {stage["state"] for stage in record["stages"]} == {"computed"} and len(record["stages"]) == 18
     assert "decode: a toy" in record["warnings"] and "camera, shot 1: it does not move" in record["warnings"]
     assert record["config"]["camera"] == {"static": False} | record["config"]["camera"]
     assert {"numpy", "python", "humanmm"} <= set(record["versions"])

@@ -19,7 +19,7 @@ from humanmm.tasks.selection import Selection
 
 EVERYTHING = [
     "align", "camera:0", "camera:20", "camera:40", "decode", "deliver", "hmr:0", "hmr:20", "hmr:40", "intrinsics",
-    "people:0", "people:20", "points:0", "points:20", "refine", "scenes", "shots",
+    "people:0", "people:20", "points:0", "points:20", "refine", "scenes", "shots", "views",
 ]  # fmt: skip
 
 
@@ -102,7 +102,7 @@ def test_another_cut_leaves_the_other_shots_alone(toy: Any, monkeypatch: pytest.
     toy.run(selection=Selection(only="shots"))
     assert toy.executed() == [
         "align", "camera:41", "camera:51", "deliver", "hmr:41", "hmr:51", "intrinsics", "refine",
-        "shots",
+        "shots", "views",
     ]  # fmt: skip
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from humanmm.models.video.colors import Colors
-from humanmm.models.video.frames import frames, planar_size, scaled_size
+from humanmm.models.video.frames import frames, frames_at, planar_size, scaled_size
 from humanmm.models.video.reading import read_facts
 
 
@@ -67,6 +67,17 @@ def test_starting_anywhere_gives_the_pictures_of_a_run_from_the_beginning(
         assert [f.index for f in part] == list(range(start, min(start + 3, 60)))
         for frame in part:
             assert np.array_equal(frame.image, whole[frame.index])
+
+
+@pytest.mark.parametrize("name", CLIPS)
+def test_chosen_frames_are_those_of_a_whole_run(name: str, clip: Clip) -> None:
+    file = clip(**CLIPS[name])
+    facts = read_facts(file)
+    whole = [f.image for f in frames(file, facts, pixels="gray")]
+    for wanted in ([0, 59], [5, 6, 40], [11, 12, 13, 35, 36], [30], []):
+        part = list(frames_at(file, facts, wanted, pixels="gray"))
+        assert [f.index for f in part] == wanted
+        assert all(np.array_equal(f.image, whole[f.index]) for f in part)
 
 
 def test_variable_frame_times_are_exact(clip: Clip) -> None:

@@ -1,0 +1,11 @@
+"""No views: nothing to see."""
+
+from humanmm.models.camera.views import KeyViews
+from humanmm.models.shots.boundaries import ShotList
+from humanmm.tasks.inputs import StageInputs
+from toyline.behaviour import act
+
+
+def views(inputs: StageInputs) -> KeyViews:
+    act("views", inputs)
+    return KeyViews(of_shot=((),) * len(inputs.read("shots", ShotList).shots))
