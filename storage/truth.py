@@ -58,7 +58,7 @@ def _read(path: Path) -> Take:
     if "joints3d" in arrays and "R_world2cam" in arrays:
         return _pose2sim_take(arrays)
     if "num_frames" in arrays and "cut_frames" in arrays:
-        return _contract_take(arrays, transitions=None)
+        return _contract_take(arrays, transitions=_spans(arrays))
     raise TruthError(
         "no truth: expected motion.zarr's array names (num_frames, cut_frames, people/00/joints, …) or Pose2Sim's "
         f"(joints3d, R_world2cam, …), found {', '.join(sorted(arrays)[:6]) or 'nothing'}"
@@ -149,6 +149,13 @@ def _transitions(run_json: Path) -> tuple[tuple[int, int], ...] | None:
     return tuple(spans)
 
 
+def _spans(arrays: Arrays) -> tuple[tuple[int, int], ...] | None:
+    """[start, end) of every change of shot as an npz truth tells them; None where it names cuts alone."""
+    if "transitions" not in arrays:
+        return None
+    return tuple((int(start), int(end)) for start, end in _shaped(arrays, "transitions", (None, 2)))
+
+
 def _contract_take(arrays: Arrays, *, transitions: tuple[tuple[int, int], ...] | None) -> Take:
     """A take from motion.zarr's array names and attributes."""
     num_frames = int(_need(arrays, "num_frames"))
@@ -163,7 +170,7 @@ def _contract_take(arrays: Arrays, *, transitions: tuple[tuple[int, int], ...] |
     spans = tuple((cut, cut) for cut in cut_frames)
     if transitions is not None:
         if tuple((start + end) // 2 for start, end in transitions) != cut_frames:
-            raise TruthError(f"run.json's transitions {transitions} disagree with motion.zarr's cuts {cut_frames}")
+            raise TruthError(f"the transitions {transitions} disagree with the cuts {cut_frames}")
         spans = transitions
     joint_names = tuple(str(name) for name in arrays["joint_names"]) if "joint_names" in arrays else SMPL_NAMES
     cameras = _contract_cameras(arrays, num_frames)

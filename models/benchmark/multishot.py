@@ -125,7 +125,7 @@ def build_video(take: MocapTake, plan: VideoPlan) -> BenchVideo:
         )
         number = _another(number, rng)
         kind = KINDS[int(rng.choice(len(KINDS), p=SHARES))]
-        camera = film(ring, number, kind, actor.joints[start:end, 0], take.fps, rng)
+        camera = film(ring.eyes[number], ring.centre, kind, actor.joints[start:end, 0], take.fps, rng)
         seen = _watch(actor, (start, end), camera, ring, anatomy, take.fps, plan.noise, of_noise)
         person = person_track(seen, start, take.fps, colours, of_looks)
         boxes = np.full((end - start, 4), np.nan)

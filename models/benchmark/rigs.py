@@ -78,11 +78,16 @@ def look_at(eye: Float[Array, "*n 3"], target: Float[Array, "*n 3"]) -> Float[Ar
 
 
 def film(
-    ring: Ring, camera: int, kind: Kind, pelvis: Float[Array, "n 3"], fps: float, rng: np.random.Generator
+    place: Float[Array, "3"],
+    centre: Float[Array, "3"],
+    kind: Kind,
+    pelvis: Float[Array, "n 3"],
+    fps: float,
+    rng: np.random.Generator,
 ) -> ClipCamera:
-    """The path of one of the ring's cameras over a clip in which the person moves along `pelvis`."""
+    """The path of a camera at `place` that looks at `centre`, over a clip in which the person moves along `pelvis`."""
     n = len(pelvis)
-    eye, target = np.tile(ring.eyes[camera], (n, 1)), np.tile(ring.centre, (n, 1))
+    eye, target = np.tile(place, (n, 1)), np.tile(centre, (n, 1))
     away = (np.arange(n) - (n - 1) / 2) / fps
     shake = np.zeros((n, 3))
     if kind == "pan":  # a tripod whose head follows the person, a little late

@@ -48,7 +48,7 @@ def make_drawn_mesh(body: Body, num_faces: int = 2000) -> DrawnMesh:
     graph = coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(num_vertices, num_vertices))
     _, part = connected_components(graph, directed=False)
     skin = part == np.bincount(part).argmax()
-    weights = _dense_weights(body, np.arange(num_vertices)).astype(np.float64)
+    weights = dense_weights(body, np.arange(num_vertices)).astype(np.float64)
     vertices, faces = decimate(
         body.v_template,
         body.faces[skin[body.faces[:, 0]]],
@@ -69,8 +69,8 @@ class PosedSurface:
         self._person = person
         self._rest_joints = body.rest_joints(person.betas)
         self._rest = rest[mesh.vertices].astype(np.float32)
-        self._normals = _vertex_normals(body, rest)[mesh.vertices]
-        self._weights = _dense_weights(body, mesh.vertices)
+        self._normals = vertex_normals(body, rest)[mesh.vertices]
+        self._weights = dense_weights(body, mesh.vertices)
         self._window = (0, np.zeros((0, NUM_JOINTS, 12), np.float32))
 
     def in_camera(
@@ -105,13 +105,15 @@ class PosedSurface:
         return transforms.astype(np.float32).reshape(len(transforms), NUM_JOINTS, 12)
 
 
-def _dense_weights(body: Body, vertices: np.ndarray) -> np.ndarray:
+def dense_weights(body: Body, vertices: np.ndarray) -> np.ndarray:
+    """(n,24) float32 share of each joint in moving the chosen vertices."""
     weights = np.zeros((len(vertices), NUM_JOINTS), np.float32)
     np.add.at(weights, (np.arange(len(vertices))[:, None], body.skin_joint[vertices]), body.skin_weight[vertices])
     return weights
 
 
-def _vertex_normals(body: Body, vertices: np.ndarray) -> np.ndarray:
+def vertex_normals(body: Body, vertices: np.ndarray) -> np.ndarray:
+    """(V,3) float32 unit normals of the whole mesh at these places."""
     corners = vertices[body.faces]
     face_normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals = np.zeros_like(vertices)

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from humanmm.cli.settings import UsageError
+
 
 @dataclass(frozen=True)
 class Builder:
@@ -21,7 +23,39 @@ class Builder:
     """Builds it and returns the path of the result. Heavy imports belong inside."""
 
 
-BUILDERS: tuple[Builder, ...] = ()
+def _declare_ms_render(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="where the clips go")
+    parser.add_argument(
+        "--size", choices=("tiny", "standard"), default="standard", metavar="SIZE",
+        help="tiny (one clip of 2 s) or standard (60 clips of 7 to 12 s; default)",
+    )  # fmt: skip
+    parser.add_argument("--count", type=int, metavar="N", help="so many clips instead")
+    parser.add_argument("--seconds", type=float, nargs=2, metavar=("LOW", "HIGH"), help="clips of this length instead")
+    parser.add_argument("--seed", type=int, metavar="S", help="another seed makes other clips")
+    parser.add_argument(
+        "--mocap", type=Path, nargs="+", metavar="FILE",
+        help="packs of motion capture (default: data/mocap/cmu_test.npz and cmu_val.npz of the repository)",
+    )  # fmt: skip
+    parser.add_argument("--threads", type=int, default=2, metavar="N", help="clips made at a time (default: 2)")
+    parser.add_argument("--force", action="store_true", help="replace what is there")
+
+
+def _build_ms_render(options: argparse.Namespace) -> Path:
+    from humanmm.flows.render_set import SEED, SetPlan, build_set, shipped_packs
+
+    if options.count is not None and options.count < 1:
+        raise UsageError(f"--count {options.count}: at least one clip is needed")
+    packs = tuple(options.mocap) if options.mocap else shipped_packs()
+    seed = SEED if options.seed is None else options.seed
+    plan = SetPlan(packs, options.size, seed, options.count, tuple(options.seconds) if options.seconds else None)
+    return build_set(plan, options.out, threads=options.threads, force=options.force)
+
+
+BUILDERS = (
+    Builder(
+        "ms-render", "rendered people with exact truth; nothing else is needed", _declare_ms_render, _build_ms_render
+    ),
+)
 
 
 def add_dataset(verbs: Any, common: argparse.ArgumentParser) -> None:

@@ -1,0 +1,136 @@
+"""How far the detector's answers lie from the truth, person by person and shot by shot.
+
+The truth is a body with landmarks (rendered clips) or joints alone (real clips, twelve limbs). Lengths in the picture
+are shares of the person's height as a standing person would have it there: stature · focal length / depth.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from humanmm.models.evaluation.skeleton import LIMB_NAMES, pick
+from humanmm.models.evaluation.take import CameraTake, PersonTake, Take
+from humanmm.models.perception import landmarks
+from humanmm.models.perception.tracks import PersonTrack, ScenePeople
+from humanmm.models.rotations import kabsch, swing, vector_from_rotation
+
+Array = np.ndarray
+
+LIMBS = np.array([landmarks.INDEX[name] for name in (
+    "left_shoulder", "right_shoulder", "left_elbow", "right_elbow", "left_wrist", "right_wrist",
+    "left_hip", "right_hip", "left_knee", "right_knee", "left_ankle", "right_ankle",
+)])  # fmt: skip
+SAME_PERSON = 0.10
+"""Median distance, share of the height, within which a detection is this person's (sides exchanged or not)."""
+APART = 0.06
+"""Least distance between left and right, share of the height, for an exchange of sides to be told."""
+LIMBS_PER_STATURE = 0.754
+"""Ankle to shoulder along the bones, over the height of body24's template."""
+LEAST_VISIBLE = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class PersonErrors:
+    """One person of the truth in one shot, n frames in which most of the person can be seen."""
+
+    clip: str
+    found: Bool[Array, " n"]
+    swapped: Bool[Array, " n"]
+    """Left and right exchanged; False where that cannot be told."""
+    tellable: Bool[Array, " n"]
+    """Found, and left and right are apart in the picture."""
+    error: Float[Array, "n 12 2"]
+    """Detected minus true place, sides put right, shares of the height; NaN where not found."""
+    landmark_m: Float[Array, "n 12"]
+    """Distance of 3D landmarks from the truth, both about the mid-hip, along the ray of the hips, sides put right."""
+    landmark_turned_m: Float[Array, "n 12"]
+    """The same after the best rotation."""
+    turn: Float[Array, "n 3"]
+    """Rotation vector from the true posture to the detected, about x, y, z of the viewing ray's axes, radians."""
+    pitch: Float[Array, " n"]
+    """Of the viewing ray above the horizon, radians."""
+    roll: Float[Array, " n"]
+    """Of the camera about its axis, radians; positive where the horizon falls to the right."""
+
+
+def person_errors(take: Take, scenes: Sequence[ScenePeople], clip: str) -> list[PersonErrors]:
+    """Errors of everybody in every shot of the truth; clips without cameras have none."""
+    if take.cameras is None:
+        return []
+    starts = [0, *(round((a + b) / 2) for a, b in take.transitions), take.num_frames]
+    changing = np.zeros(take.num_frames, bool)
+    for start, end in take.transitions:
+        changing[start:end] = True
+    tracks = [track for scene in scenes for track in scene.tracks]
+    found = []
+    for person in take.people:
+        for start, end in zip(starts[:-1], starts[1:], strict=True):
+            rows = (person.frame >= start) & (person.frame < end) & person.observed & ~changing[person.frame]
+            if rows.sum() >= 3:
+                found.append(_errors_in_shot(take, person, np.flatnonzero(rows), tracks, clip))
+    return found
+
+
+def _errors_in_shot(
+    take: Take, person: PersonTake, rows: Int[Array, " n"], tracks: Sequence[PersonTrack], clip: str
+) -> PersonErrors:
+    frame = person.frame[rows]
+    cameras = take.cameras
+    assert cameras is not None
+    joints = pick(person.joints, take.joint_names, LIMB_NAMES)[rows]
+    in_camera, pixels = _seen(joints, cameras, frame)
+    height = _stature(joints) * cameras.K[frame, 1, 1] / in_camera[:, 6:8, 2].mean(axis=1)
+    n = len(rows)
+    error = np.full((n, 12, 2), np.nan)
+    swapped, best = np.zeros(n, bool), np.full(n, SAME_PERSON)
+    solid = np.full((n, 12, 3), np.nan)
+    for track in tracks:
+        _, i, j = np.intersect1d(frame, track.frame, return_indices=True)
+        for exchanged in (False, True):
+            order = LIMBS if not exchanged else landmarks.SWAP[LIMBS]
+            shift = (track.keypoints2d[j][:, order, :2] - pixels[i]) / height[i, None, None]
+            distance = np.median(np.linalg.norm(shift, axis=-1), axis=1)
+            better = distance < best[i]
+            at = i[better]
+            best[at], swapped[at], error[at] = distance[better], exchanged, shift[better]
+            solid[at] = track.landmarks3d[j][better][:, order]
+    seen = np.isfinite(error[:, 0, 0])
+    apart = np.linalg.norm(pixels[:, [0, 6]] - pixels[:, [1, 7]], axis=-1).mean(axis=1) / height > APART
+    ray = in_camera[:, 6:8].mean(axis=1)
+    R_ray_cam = np.swapaxes(swing(np.broadcast_to([0.0, 0.0, 1.0], ray.shape), ray), -1, -2)
+    true = np.einsum("nab,nkb->nka", R_ray_cam, in_camera - ray[:, None])
+    solid = solid - solid[:, 6:8].mean(axis=1, keepdims=True)
+    R = np.tile(np.eye(3), (n, 1, 1))
+    if seen.any():
+        R[seen] = kabsch(true[seen], solid[seen], np.ones((int(seen.sum()), 12)))
+    up = -np.swapaxes(cameras.R_world_cam[frame], -1, -2)[..., 2]  # down, in camera axes: y of a level camera
+    ray_up = np.einsum("nba,nb->na", np.swapaxes(R_ray_cam, -1, -2), up)
+    return PersonErrors(
+        clip=clip,
+        found=seen,
+        swapped=swapped & apart,
+        tellable=seen & apart,
+        error=error,
+        landmark_m=np.linalg.norm(solid - true, axis=-1),
+        landmark_turned_m=np.linalg.norm(solid - np.einsum("nab,nkb->nka", R, true), axis=-1),
+        turn=vector_from_rotation(R),
+        pitch=np.arcsin(np.clip(-ray_up[:, 2], -1, 1)),
+        roll=np.arctan2(ray_up[:, 0], ray_up[:, 1]),
+    )
+
+
+def _seen(
+    joints: Float[Array, "n k 3"], cameras: CameraTake, frame: Int[Array, " n"]
+) -> tuple[Float[Array, "n k 3"], Float[Array, "n k 2"]]:
+    in_camera = np.einsum("nba,nkb->nka", cameras.R_world_cam[frame], joints - cameras.t_world_cam[frame, None])
+    projected = np.einsum("nab,nkb->nka", cameras.K[frame], in_camera)
+    return in_camera, projected[..., :2] / np.maximum(projected[..., 2:], 1e-3)
+
+
+def _stature(joints: Float[Array, "n 12 3"]) -> float:
+    """Height of the person, from the length of legs and trunk."""
+    chain = [(10, 8), (8, 6), (6, 0), (11, 9), (9, 7), (7, 1)]
+    lengths = [np.linalg.norm(joints[:, a] - joints[:, b], axis=-1) for a, b in chain]
+    return float(np.nanmedian(np.sum(lengths, axis=0)) / 2 / LIMBS_PER_STATURE)

@@ -1,0 +1,73 @@
+"""The exact truth of a rendered clip, as arrays with motion.zarr's names."""
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from humanmm.models.body.body24 import JOINT_NAMES, PARENTS, load_body
+from humanmm.models.rendering.direction import Clip, in_view
+from humanmm.models.rotations import vector_from_rotation
+
+Array = np.ndarray
+
+OBSERVED = 0.3
+"""Least share of visible joints with which a person counts as observed."""
+
+
+def truth_arrays(
+    clip: Clip, joint_seen: Bool[Array, "F people 24"], boxes: Float[Array, "people F 4"]
+) -> tuple[dict[str, Array], list[int]]:
+    """The arrays, and which actor is person 00, 01, …: the one with the largest summed box first.
+
+    The world's origin lies under the first pelvis of person 00; pixel centres are at .5.
+    """
+    order = np.argsort(-np.prod(boxes[..., 2:] - boxes[..., :2], axis=-1).sum(axis=1), kind="stable").tolist()
+    origin = clip.actors[order[0]].joints[0, 0] * [1, 1, 0]
+    shot_index = clip.shot_index()
+    shots = [clip.shots[k] for k in shot_index]
+    rows = np.arange(clip.num_frames) - [shot.start for shot in shots]
+    arrays: dict[str, Array] = {
+        "schema": np.array("humanmm.motion/1"),
+        "fps": np.array(clip.fps),
+        "width": np.array(clip.width),
+        "height": np.array(clip.height),
+        "num_frames": np.array(clip.num_frames),
+        "world": np.array("z-up, metres, first person's first pelvis above the origin, floor at z=0"),
+        "body_model": np.array("body24"),
+        "joint_names": np.array(JOINT_NAMES),
+        "parents": np.array(PARENTS),
+        "cut_frames": np.array([change.at for change in clip.changes], np.int32),
+        "transitions": np.array([(change.start, change.end) for change in clip.changes], np.int32).reshape(-1, 2),
+        "shot_kinds": np.array([shot.kind for shot in clip.shots]),
+        "time_s": np.arange(clip.num_frames) / clip.fps,
+        "shot_index": shot_index.astype(np.int32),
+        "cameras/K": np.stack([clip.K(shot, frame) for frame, shot in enumerate(shots)]),
+        "cameras/R_world_cam": np.stack([shot.R_world_cam[row] for shot, row in zip(shots, rows, strict=True)]),
+        "cameras/t_world_cam": np.stack([shot.t_world_cam[row] for shot, row in zip(shots, rows, strict=True)])
+        - origin,
+    }
+    body = load_body()
+    for rank, person in enumerate(order):
+        actor, seen = clip.actors[person], joint_seen[:, person]
+        pixels = np.empty((clip.num_frames, len(JOINT_NAMES), 2))
+        for number, shot in enumerate(clip.shots):
+            frames = np.flatnonzero(shot_index == number)
+            where = slice(frames[0] - shot.start, frames[-1] + 1 - shot.start)
+            pixels[frames], _ = in_view(actor.joints[frames], shot, where, (clip.width, clip.height))
+        visibility = seen.mean(axis=1)
+        joints = actor.joints - origin
+        values = {
+            "frame": np.arange(clip.num_frames, dtype=np.int32),
+            "observed": visibility >= OBSERVED,
+            "root_orient": vector_from_rotation(actor.R_world_root).astype(np.float32),
+            "body_pose": actor.body_pose.astype(np.float32),
+            "betas": actor.betas.astype(np.float32),
+            "transl": (joints[:, 0] - body.rest_joints(actor.betas)[0]).astype(np.float32),
+            "joints": joints.astype(np.float32),
+            "contacts": actor.contacts.astype(np.float32),
+            "keypoints2d": np.concatenate([pixels, seen[..., None]], axis=-1).astype(np.float32),
+            "visibility": visibility.astype(np.float32),
+            "bbox": boxes[person].astype(np.float32),
+            "confidence": visibility.astype(np.float32),
+        }
+        arrays |= {f"people/{rank:02d}/{name}": value for name, value in values.items()}
+    return arrays, order
