@@ -76,7 +76,13 @@ class SetPlan:
         """What the clips are made of, as json: packs, size, seed and the renderer's code."""
         packs = {pack.name: hashlib.sha256(pack.read_bytes()).hexdigest() for pack in self.packs}
         code = hashlib.sha256(json.dumps(code_digest("humanmm.storage.clip_files").modules, sort_keys=True).encode())
-        return {"size": self.size, "seed": self.seed, "seconds": list(self.seconds or ()), "packs": packs, "code": code.hexdigest()}
+        return {
+            "size": self.size,
+            "seed": self.seed,
+            "seconds": list(self.seconds or ()),
+            "packs": packs,
+            "code": code.hexdigest(),
+        }
 
 
 def shipped_packs() -> tuple[Path, ...]:

@@ -10,11 +10,13 @@ import zipfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 from humanmm.models.rendering.direction import Clip
 from humanmm.models.rendering.filming import Frame, film_clip
 from humanmm.models.rendering.truth import truth_arrays
+from humanmm.models.video.colors import BT601
 from humanmm.storage.picture_files import write_video
 
 Array = np.ndarray
@@ -32,10 +34,10 @@ def write_clip(clip: Clip, folder: Path) -> Path:
     def pictures() -> Iterator[tuple[float, Array]]:
         for number, frame in enumerate(film_clip(clip)):
             _keep(frame, masks, seen)
-            yield number / clip.fps, frame.image
+            yield number / clip.fps, cv2.cvtColor(frame.image, cv2.COLOR_RGB2YUV_I420)
 
     video = folder / f"{name}.mp4"
-    write_video(video, pictures(), width=clip.width, height=clip.height, fps=clip.fps, quality=clip.crf)
+    write_video(video, pictures(), width=clip.width, height=clip.height, fps=clip.fps, colors=BT601, quality=clip.crf)
     truth, order = truth_arrays(clip, np.stack(seen), np.stack([_boxes(one, clip.width) for one in masks]))
     silhouettes = {f"people/{rank:02d}/mask": np.stack(masks[person]) for rank, person in enumerate(order)}
     write_arrays(folder / f"{name}_masks.npz", silhouettes)

@@ -41,16 +41,15 @@ def add_bench(verbs: Any, common: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--data",
         type=Path,
-        required=True,
         metavar="PATH",
-        help="ms-mocap: a pack (.npz); ms-render, ms-real: a folder of <name>.mp4 beside <name>_gt.npz; ablation, "
-        "camera: either; shots: a folder of videos beside <name>.json or <name>_gt.npz, or BBC Planet Earth; speed: "
-        "a video",
+        help="ms-mocap: a pack (.npz); ms-render, ms-real: a folder of <name>.mp4 beside <name>_gt.npz (ms-render "
+        "renders its own without one); ablation, camera: either; shots: a folder of videos beside <name>.json or "
+        "<name>_gt.npz, or BBC Planet Earth; speed: a video",
     )
     parser.add_argument(
         "--size", choices=SIZES, metavar="SIZE",
         help="ms-mocap: tiny, standard (60 videos each with 2, 3 and 4 transitions; default), ms20 (20 takes, each "
-        "with 2, 3 and 4)",
+        "with 2, 3 and 4); ms-render without --data: tiny (one clip of 2 s), standard (60 clips)",
     )  # fmt: skip
     parser.add_argument(
         "--check", type=Path, metavar="FILE", help="a results.json; exit 1 if a figure is worse than it"
@@ -71,6 +70,10 @@ VERBS = (add_bench,)
 def bench(options: argparse.Namespace) -> int:
     """Measure, print the table, write the report, compare."""
     config = load_config(options, {})
+    if options.data is None:
+        options.data = _own_data(options, config)
+    elif options.table in CLIPS and options.size is not None:
+        raise UsageError("--size is for sets that are made here; a folder of clips has the size that it has")
     if options.table == "speed":
         return _speed(options, config)
     if options.runs is not None:
@@ -78,6 +81,17 @@ def bench(options: argparse.Namespace) -> int:
     if options.table == "shots":
         return _shots(options, config)
     return _motion(options, config)
+
+
+def _own_data(options: argparse.Namespace, config: "Config") -> Path:
+    """The data of a table that makes its own."""
+    if options.table != "ms-render":
+        raise UsageError(f"{options.table} needs --data PATH")
+    if options.size == "ms20":
+        raise UsageError("ms-render comes in the sizes tiny and standard")
+    from humanmm.flows.render_set import own_set
+
+    return own_set(options.size or "standard", threads=config.run.threads)
 
 
 def _speed(options: argparse.Namespace, config: "Config") -> int:
@@ -144,10 +158,8 @@ def _motion(options: argparse.Namespace, config: "Config") -> int:
     store = Store(options.store or default_store())
     jobs: Sequence[Job]
     if options.table in CLIPS or (options.table in MODULES and options.data.is_dir()):
-        if options.size is not None:
-            raise UsageError("--size is for ms-mocap; a folder of clips has the size that it has")
         jobs, facts = clip_set(options.data, store)
-        size = []
+        size = ["--size", options.size] if options.size else []
     else:
         jobs, facts = mocap_set(options.data, options.size or "standard")
         size = ["--size", options.size or "standard"]
