@@ -6,6 +6,7 @@ are shares of the person's height as a standing person would have it there: stat
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -66,7 +67,7 @@ def person_errors(take: Take, scenes: Sequence[ScenePeople], clip: str) -> list[
     tracks = [track for scene in scenes for track in scene.tracks]
     found = []
     for person in take.people:
-        for start, end in zip(starts[:-1], starts[1:], strict=True):
+        for start, end in pairwise(starts):
             rows = (person.frame >= start) & (person.frame < end) & person.observed & ~changing[person.frame]
             if rows.sum() >= 3:
                 found.append(_errors_in_shot(take, person, np.flatnonzero(rows), tracks, clip))

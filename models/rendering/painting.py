@@ -126,6 +126,8 @@ def paint_person(sample: Sample, view: View, skin: PosedSkin, scenery: Scenery, 
     part = (slice(y0, y1), slice(x0, x1))
     ours = (index > 0) & (inverse_depth > sample.inverse_depth[part])
     rows, columns = np.nonzero(ours)
+    if not len(rows):
+        return
     triangle = index[rows, columns] - 1
     values = np.concatenate([skin.doll_px[chosen], light[faces[chosen]][..., None]], axis=-1).astype(np.float32)
     u, v, lit = _linear(corners, values, triangle, columns, rows)
