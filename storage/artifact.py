@@ -12,8 +12,8 @@ The manifest is what finds damage: zarr leaves out chunks equal to the fill valu
 import base64
 import hashlib
 import json
-import os
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,11 +21,13 @@ from typing import Any
 import numpy as np
 
 from humanmm.storage.codec import Encoded, warnings_in
+from humanmm.storage.files import sync_to_disk
 from humanmm.storage.recipe import Recipe
 from humanmm.storage.refs import Ref
 
 SCHEMA = "humanmm.artifact/1"
 CHUNK_BYTES = 8 << 20
+_SYNC_THREADS = 8
 INLINE_BYTES = 512
 """Arrays up to this size stand in result.json: two files and a folder less to write, sync and check for each."""
 
@@ -181,10 +183,6 @@ def _sha256(path: Path) -> str:
 
 
 def _sync(folder: Path) -> None:
-    """Bring every file and folder to the disk."""
-    for path in [*folder.rglob("*"), folder]:
-        descriptor = os.open(path, os.O_RDONLY)
-        try:
-            os.fsync(descriptor)
-        finally:
-            os.close(descriptor)
+    """Bring every file and folder to the disk. Side by side: the file system writes its journal once for many."""
+    with ThreadPoolExecutor(_SYNC_THREADS) as threads:
+        list(threads.map(sync_to_disk, [*folder.rglob("*"), folder]))

@@ -1,13 +1,12 @@
 """What code a stage's result depends on, found without importing any of it.
 
 Starting at the stage's module, its imports are followed through the package by reading the syntax trees. A module's
-digest leaves out comments, docstrings and line numbers, so that a reworded text recomputes nothing. Left out
-altogether: config and errors (their values stand in the key), storage (what writes pictures excepted), and the
-machinery that runs stages. Weight files count when a visited module names them; numerical libraries count by version
-when a visited module imports them.
+digest (`module_facts`) leaves out comments, docstrings and line numbers, so that a reworded text recomputes nothing.
+Left out altogether: config and errors (their values stand in the key), storage (what writes pictures excepted), and
+the machinery that runs stages. Weight files count when a visited module names them; numerical libraries count by
+version when a visited module imports them.
 """
 
-import ast
 import functools
 import hashlib
 import importlib.metadata
@@ -15,6 +14,8 @@ import importlib.util
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+
+from humanmm.storage.module_facts import known_modules
 
 PACKAGE = "humanmm"
 _NOT_SCIENCE = (
@@ -53,6 +54,7 @@ def code_digest(module: str, *, weights_dir: Path | None = None) -> CodeDigest:
     weights_dir = weights_dir or _folder_of(PACKAGE) / "models" / "weights"
     if _source_of(module) is None:
         raise ModuleNotFoundError(f"there is no module {module}")
+    known = known_modules()
     roots = {PACKAGE, module.split(".")[0]}
     waiting, modules, weights, libraries = [module], {}, {}, {"python": "{}.{}".format(*sys.version_info)}
     while waiting:
@@ -60,7 +62,7 @@ def code_digest(module: str, *, weights_dir: Path | None = None) -> CodeDigest:
         path = _source_of(name)
         if name in modules or path is None or _is_left_out(name):
             continue
-        facts = _module_facts(path.read_bytes(), name if path.name == "__init__.py" else name.rpartition(".")[0])
+        facts = known.facts(path.read_bytes(), name if path.name == "__init__.py" else name.rpartition(".")[0])
         modules[name] = facts.digest
         for imported in facts.imports:
             root = imported.split(".")[0]
@@ -70,60 +72,9 @@ def code_digest(module: str, *, weights_dir: Path | None = None) -> CodeDigest:
                 libraries[root] = _version(root)
         for text in facts.strings:
             if (weights_dir / text).is_file():
-                weights[text] = _file_sha256(weights_dir / text)
+                weights[text] = _file_sha256(weights_dir / text, (weights_dir / text).stat().st_mtime_ns)
+    known.save()
     return CodeDigest(dict(sorted(modules.items())), dict(sorted(weights.items())), dict(sorted(libraries.items())))
-
-
-@dataclass(frozen=True)
-class _ModuleFacts:
-    digest: str
-    imports: frozenset[str]
-    strings: frozenset[str]
-    """String constants that could name a weight file."""
-
-
-@functools.lru_cache(maxsize=1024)
-def _module_facts(source: bytes, package: str) -> _ModuleFacts:
-    tree = _without_texts(ast.parse(source))
-    imports: set[str] = set()
-    strings: set[str] = set()
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Import):
-            imports.update(alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            base = _absolute(node, package)
-            imports.add(base)
-            imports.update(f"{base}.{alias.name}" for alias in node.names)
-        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and _may_name_a_file(node.value):
-            strings.add(node.value)
-    digest = hashlib.sha256(ast.dump(tree, annotate_fields=False).encode()).hexdigest()
-    return _ModuleFacts(digest, frozenset(imports), frozenset(strings))
-
-
-class _StripTexts(ast.NodeTransformer):
-    """Removes docstrings and the strings that describe attributes: expressions that are nothing but a text."""
-
-    def visit_Expr(self, node: ast.Expr) -> ast.AST | None:
-        if isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
-            return None
-        return node
-
-
-def _without_texts(tree: ast.Module) -> ast.AST:
-    return _StripTexts().visit(tree)  # type: ignore[no-any-return]
-
-
-def _may_name_a_file(text: str) -> bool:
-    plain = 0 < len(text) < 100 and not set("/\0\n") & set(text)
-    no_weights = ("", ".json", ".md", ".py", ".txt")  # manifest and licences change no number
-    return plain and Path(text).suffix not in no_weights
-
-
-def _absolute(node: ast.ImportFrom, package: str) -> str:
-    if node.level == 0:
-        return node.module or ""
-    base = package.split(".")[: len(package.split(".")) - node.level + 1]
-    return ".".join([*base, *([node.module] if node.module else [])])
 
 
 def _with_parents(name: str) -> list[str]:
@@ -165,6 +116,8 @@ def _version(root: str) -> str:
     return "not installed"
 
 
-def _file_sha256(path: Path) -> str:
+@functools.lru_cache(maxsize=64)
+def _file_sha256(path: Path, changed_ns: int) -> str:
+    """sha256 of a file that several stages name; `changed_ns` is when it was last changed."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

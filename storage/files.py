@@ -37,6 +37,15 @@ def replace_file(path: Path, fill: Callable[[Path], None]) -> None:
         fresh.unlink(missing_ok=True)
 
 
+def sync_to_disk(path: Path) -> None:
+    """Wait until a file's bytes, or a folder's names, have reached the disk."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
 def copy_file(source: Path, target: Path) -> None:
     """Copy a file, visible only when complete. A copy, not a link: editing it must never touch the store."""
 

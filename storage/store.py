@@ -26,6 +26,7 @@ from typing import TypeVar
 from humanmm.errors import StoreError
 from humanmm.storage.artifact import DamageError, Manifest, check_files, read_encoded, read_manifest, write_artifact
 from humanmm.storage.codec import Encoded, decode, encode
+from humanmm.storage.files import sync_to_disk
 from humanmm.storage.recipe import Recipe
 from humanmm.storage.refs import Ref, artifact_uri
 
@@ -171,7 +172,7 @@ class Store:
             if target.exists():
                 target.rename(self.root / "tmp" / f"{uuid.uuid4().hex}-replaced")
             folder.rename(target)
-            _sync_folder(target.parent)
+            sync_to_disk(target.parent)
         self._checked[recipe.stage, recipe.key] = manifest
         self._damage.pop((recipe.stage, recipe.key), None)
         return manifest
@@ -284,11 +285,3 @@ def explain_os_error(error: OSError, what: str) -> str:
         errno.EEXIST: "a file of that name is in the way; name another folder",
     }
     return f"{what}: {advice.get(error.errno or 0, error.strerror or str(error))}"
-
-
-def _sync_folder(folder: Path) -> None:
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)

@@ -14,6 +14,8 @@ from typing import Any, cast
 from humanmm.tasks.pipeline import Stage
 
 _IMPORTING = RLock()
+_FOR_EVERY_STAGE = "zarr.codecs"
+"""What writes the first artifact."""
 
 
 class Imports:
@@ -43,6 +45,8 @@ class Imports:
             self._thread.join()
 
     def _import(self, after: Stage) -> None:
+        with _IMPORTING:
+            import_module(_FOR_EVERY_STAGE)
         for stage in self._stages[self._stages.index(after) + 1 :]:
             if self._over.is_set():
                 return

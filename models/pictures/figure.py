@@ -16,7 +16,17 @@ GRID = "#e6e8eb"
 
 def new_figure(width_px: int, height_px: int) -> Figure:
     """An empty white figure of this size."""
-    return Figure(figsize=(width_px / DPI, height_px / DPI), dpi=DPI, facecolor="white", layout="constrained")
+    return Figure(figsize=(width_px / DPI, height_px / DPI), dpi=DPI, facecolor="white")
+
+
+def axes_at(figure: Figure, left_px: float, top_px: float, right_px: float, height_px: float) -> Axes:
+    """Axes at distances from the figure's left, upper and right edges; labels stand outside of them.
+
+    matplotlib's automatic layouts draw everything twice to find this out.
+    """
+    width, height = figure.get_size_inches() * DPI
+    box = (left_px / width, 1 - (top_px + height_px) / height, 1 - (left_px + right_px) / width, height_px / height)
+    return figure.add_axes(box)
 
 
 def quiet_axes(axes: Axes) -> None:

@@ -7,15 +7,20 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, UInt8
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from humanmm.models.camera.observations import SOURCES
 from humanmm.models.motion.recording import RecordedPerson, Recording
 from humanmm.models.pictures import palette
-from humanmm.models.pictures.figure import DPI, GRID, SOFT, TEXT, hex_color, new_figure, picture, quiet_axes
+from humanmm.models.pictures.figure import DPI, GRID, SOFT, TEXT, axes_at, hex_color, new_figure, picture, quiet_axes
 from humanmm.models.pictures.overlay import CONTACT_PROBABILITY, Mark
 
 WIDTH_PX = 1500
+_LEFT_PX, _RIGHT_PX = 76, 10
+"""Room for the names of rows, and for half of the last tick's label."""
+_TITLE_PX, _TICKS_PX, _LABEL_PX = 32, 24, 44
+"""Room above each row of the picture; below one with ticks; below one with ticks and a label."""
 _MOST_WARNINGS = 8
 _MOST_PEOPLE = 12
 _CONTACT_NAMES = ("left ankle", "left toes", "right ankle", "right toes")
@@ -39,13 +44,21 @@ def timeline(
     """The picture, RGB. Its height grows with the number of people, stages and warnings."""
     people = recording.people[:_MOST_PEOPLE]
     sentences = _wrapped(warnings)
-    heights_px = [90 + 96 * len(people), 60 + 22 * max(len(stages), 2), 40 + 17 * max(len(sentences), 1)]
-    figure = new_figure(WIDTH_PX, sum(heights_px) + 40)
-    along, below, text = figure.subplots(3, 1, height_ratios=heights_px)
-    _draw_video(along, recording, marks, people)
-    _draw_stages(below, stages)
-    _write_warnings(text, sentences, len(warnings))
+    along_px, below_px, text_px = 52 + 96 * len(people), 22 * max(len(stages), 2), 17 * max(len(sentences), 1)
+    figure = new_figure(
+        WIDTH_PX, 3 * _TITLE_PX + along_px + _LABEL_PX + below_px + _TICKS_PX + text_px + _TITLE_PX // 2
+    )
+    top = _TITLE_PX
+    _draw_video(_row(figure, top, along_px), recording, marks, people)
+    top += along_px + _LABEL_PX + _TITLE_PX
+    _draw_stages(_row(figure, top, below_px), stages)
+    top += below_px + _TICKS_PX + _TITLE_PX
+    _write_warnings(_row(figure, top, text_px), sentences, len(warnings))
     return picture(figure)
+
+
+def _row(figure: Figure, top_px: int, height_px: int) -> Axes:
+    return axes_at(figure, _LEFT_PX, top_px, _RIGHT_PX, height_px)
 
 
 def _draw_video(axes: Axes, recording: Recording, marks: Sequence[Mark], people: Sequence[RecordedPerson]) -> None:

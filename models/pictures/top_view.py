@@ -10,9 +10,11 @@ from scipy.spatial.transform import Rotation
 
 from humanmm.models.motion.recording import RecordedPerson, Recording
 from humanmm.models.pictures import palette
-from humanmm.models.pictures.figure import GRID, SOFT, TEXT, hex_color, new_figure, picture, quiet_axes
+from humanmm.models.pictures.figure import GRID, SOFT, TEXT, axes_at, hex_color, new_figure, picture, quiet_axes
 
 SIZE_PX = 1000
+_LABELS_PX, _TITLE_PX, _MARGIN_PX = 72, 28, 8
+"""Room on the left, above, and on the right; below there is what makes the axes square."""
 _TICK_SPACING_S = 0.5
 _TICK_LENGTH_SHARE = 0.03
 """Length of heading ticks, as a share of the picture's side."""
@@ -23,7 +25,7 @@ _MOST_POINTS = 4000
 def top_view(recording: Recording) -> UInt8[np.ndarray, "H W 3"]:
     """The picture, RGB."""
     figure = new_figure(SIZE_PX, SIZE_PX)
-    axes = figure.add_subplot()
+    axes = axes_at(figure, _LABELS_PX, _TITLE_PX, _MARGIN_PX, SIZE_PX - _LABELS_PX - _MARGIN_PX)
     quiet_axes(axes)
     side = _frame_axes(axes, recording)
     _draw_cameras(axes, recording, side)
