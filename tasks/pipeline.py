@@ -72,6 +72,7 @@ STAGES: tuple[Stage, ...] = (
         ("decode", "scenes"),
         ("people",),
         "humanmm.models.perception.tracks:ScenePeople",
+        schema_version=2,
         reads_video=True,
     ),
     Stage(

@@ -181,7 +181,7 @@ def person_track(
     low = np.where(visible, keypoints[..., :2], np.inf).min(axis=1, initial=np.inf)
     high = np.where(visible, keypoints[..., :2], -np.inf).max(axis=1, initial=-np.inf)
     margin = 0.05 * (high - low)  # of flesh about the landmarks
-    bits, affine = silhouettes(keypoints)
+    masks, affine = silhouettes(keypoints)
     sampled = rows[:: max(1, round(fps / COLOURS_HZ))]
     shades = rng.dirichlet(80 * colours + 1e-3, len(sampled)) if len(sampled) else np.zeros((0, len(colours)))
     return PersonTrack(
@@ -192,7 +192,7 @@ def person_track(
             np.float32
         ),
         confidence=np.clip(keypoints[:, 11:33, 2].mean(axis=1), 0, 1).astype(np.float32),
-        mask_bits=bits,
+        masks=masks,
         mask_affine=affine,
         color_frame=(sampled + start).astype(np.int32),
         color_histogram=shades.astype(np.float32),

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from humanmm.models.perception import landmarks
 from humanmm.models.perception.regions import BODY_MARGIN, Region, invert, transform
-from humanmm.models.perception.tracks import MASK_SIDE
+from humanmm.models.perception.tracks import MASK_SIDE, Silhouettes, deflated_mask
 
 Array = np.ndarray
 
@@ -21,18 +21,18 @@ LIMB_SHARE, HEAD_SHARE = 0.07, 0.075
 """Thickness of a limb and radius of the head, as shares of the body's height in the picture."""
 
 
-def silhouettes(keypoints: Float[Array, "n 33 c"]) -> tuple[Array, Array]:
-    """Packed masks (n,128,16) and their affine maps (n,2,3), as `PersonTrack` has them."""
-    bits = np.zeros((len(keypoints), MASK_SIDE, MASK_SIDE // 8), np.uint8)
+def silhouettes(keypoints: Float[Array, "n 33 c"]) -> tuple[Silhouettes, Array]:
+    """Masks and their affine maps (n,2,3), as `PersonTrack` has them."""
+    masks = []
     affine = np.zeros((len(keypoints), 2, 3), np.float32)
     for row, points in enumerate(keypoints[..., :2].astype(np.float64)):
         hip = points[list(landmarks.HIPS)].mean(axis=0)
         radius = float(np.linalg.norm(points - hip, axis=1).max())
         region = Region(float(hip[0]), float(hip[1]), 2 * BODY_MARGIN * max(radius, 4.0))
         to_source = region.to_source(MASK_SIDE)
-        bits[row] = np.packbits(_drawn(transform(invert(to_source), points)), axis=-1)
+        masks.append(deflated_mask(_drawn(transform(invert(to_source), points))))
         affine[row] = to_source
-    return bits, affine
+    return Silhouettes.of(masks), affine
 
 
 def _drawn(points: Float[Array, "33 2"]) -> Array:

@@ -50,33 +50,32 @@ def _on_person(
 ) -> Bool[np.ndarray, " n"]:
     after = int(np.searchsorted(person.frame, frame))
     if after < len(person.frame) and person.frame[after] == frame:
-        return _inside(person.mask_bits[after], person.mask_affine[after], person.bbox[after], xy, window_px)
+        return _inside(person.masks.mask(after), person.mask_affine[after], person.bbox[after], xy, window_px)
     before = after - 1
     if before >= 0 and after < len(person.frame):
         share = (frame - person.frame[before]) / (person.frame[after] - person.frame[before])
         affine = (1 - share) * person.mask_affine[before] + share * person.mask_affine[after]
         bbox = (1 - share) * person.bbox[before] + share * person.bbox[after]
-        bits = person.mask_bits[before] | person.mask_bits[after]
-        return _inside(bits, affine, bbox, xy, window_px)
+        mask = person.masks.mask(before) | person.masks.mask(after)
+        return _inside(mask, affine, bbox, xy, window_px)
     end = min(max(after, 0), len(person.frame) - 1)
     if abs(int(person.frame[end]) - frame) > HELD_FRAMES:
         return np.zeros(len(xy), bool)
-    return _inside(person.mask_bits[end], person.mask_affine[end], person.bbox[end], xy, window_px)
+    return _inside(person.masks.mask(end), person.mask_affine[end], person.bbox[end], xy, window_px)
 
 
 def _inside(
-    bits: np.ndarray, affine: np.ndarray, bbox_xyxy: np.ndarray, xy: np.ndarray, window_px: float
+    mask: np.ndarray, affine: np.ndarray, bbox_xyxy: np.ndarray, xy: np.ndarray, window_px: float
 ) -> Bool[np.ndarray, " n"]:
     """Which points lie in the widened mask; the whole box stands in for a mask that is empty."""
     linear = affine[:, :2].astype(float)
     px_per_mask_px = float(np.sqrt(abs(np.linalg.det(linear))))
-    if not bits.any() or px_per_mask_px < 1e-6:
+    if not mask.any() or px_per_mask_px < 1e-6:
         margin = window_px / 2
         low, high = bbox_xyxy[:2] - margin, bbox_xyxy[2:] + margin
         return np.asarray(((xy >= low) & (xy <= high)).all(1))
     radius = window_px / 2 / px_per_mask_px + MASK_ERROR_SHARE * MASK_SIDE
     side = 2 * round(radius) + 1
-    mask: np.ndarray = np.unpackbits(bits, axis=-1)
     padding = round(radius)
     mask = np.pad(mask, padding)
     mask = np.asarray(cv2.dilate(mask, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))))

@@ -1,6 +1,5 @@
 """A track while it grows, and what is made of it at the end of the scene."""
 
-import zlib
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,7 +10,7 @@ from humanmm.models.perception.clothing import mean_colours
 from humanmm.models.perception.observation import Observation
 from humanmm.models.perception.regions import Region
 from humanmm.models.perception.sides import exchanged_sides
-from humanmm.models.perception.tracks import MASK_SIDE, PersonTrack
+from humanmm.models.perception.tracks import PersonTrack, Silhouettes, deflated_mask
 
 MAX_STEP_SHARE = 0.1
 """Largest motion of the region that is carried on to the next frame, as a share of its side."""
@@ -31,7 +30,7 @@ class Row:
     landmarks3d: Float[np.ndarray, "33 3"]
     bbox: Float[np.ndarray, " 4"]
     confidence: float
-    mask_bits: bytes
+    mask: bytes
     """Deflated."""
     mask_affine: Float[np.ndarray, "2 3"]
     side: float
@@ -82,7 +81,7 @@ class Trail:
             seen.landmarks3d.astype(np.float32),
             seen.bbox.astype(np.float32),
             seen.confidence,
-            zlib.compress(np.packbits(seen.mask, axis=-1).tobytes(), 1),
+            deflated_mask(seen.mask),
             seen.mask_to_source.astype(np.float32),
             seen.region.side,
             vote,
@@ -119,15 +118,11 @@ class Trail:
             bbox=np.stack([row.bbox for row in rows]),
             confidence=confidence.astype(np.float32),
             side_votes=np.where(exchanged, -votes, votes).astype(np.float32),
-            mask_bits=np.stack([_inflated(row.mask_bits) for row in rows]),
+            masks=Silhouettes.of(row.mask for row in rows),
             mask_affine=np.stack([row.mask_affine for row in rows]),
             color_frame=np.array(sampled, np.int32),
             color_histogram=np.stack([self.colours[f] for f in sampled]).astype(np.float32),
         )
-
-
-def _inflated(bits: bytes) -> np.ndarray:
-    return np.frombuffer(zlib.decompress(bits), np.uint8).reshape(MASK_SIDE, MASK_SIDE // 8)
 
 
 def steadiness(

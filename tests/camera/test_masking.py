@@ -1,12 +1,13 @@
 """What lies on people is left out, and only that."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
+from typing import Any
 
 import numpy as np
 
 from humanmm.models.camera.masking import background_points, without_transitions
 from humanmm.models.camera.observations import PointTracks
-from humanmm.models.perception.tracks import PersonTrack
+from humanmm.models.perception.tracks import PersonTrack, Silhouettes
 
 
 def person(frames: list[int], left: float) -> PersonTrack:
@@ -16,10 +17,10 @@ def person(frames: list[int], left: float) -> PersonTrack:
     mask[14:114, 39:89] = 1
     count = len(frames)
     unused = {field.name: np.zeros((count, 0), np.float32) for field in fields(PersonTrack)}
-    used: dict[str, np.ndarray] = {
+    used: dict[str, Any] = {
         "frame": np.array(frames, np.int32),
         "bbox": np.tile(np.array([left + 78, 128, left + 178, 328], np.float32), (count, 1)),
-        "mask_bits": np.tile(np.packbits(mask, axis=-1), (count, 1, 1)),
+        "masks": Silhouettes.pack(np.tile(mask, (count, 1, 1))),
         "mask_affine": np.tile(np.array([[2, 0, left], [0, 2, 100]], np.float32), (count, 1, 1)),
     }
     return PersonTrack(**{**unused, **used})
@@ -58,8 +59,7 @@ def test_a_track_goes_on_under_a_new_number_after_a_person_passed() -> None:
 
 
 def test_an_empty_mask_stands_for_the_whole_box() -> None:
-    someone = person(list(range(5)), 200.0)
-    someone.mask_bits[:] = 0
+    someone = replace(person(list(range(5)), 200.0), masks=Silhouettes.pack(np.zeros((5, 128, 128))))
     assert len(background_points(points_at([(280.0, 140.0)], 5), [someone]).frame) == 0
 
 

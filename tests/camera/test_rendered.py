@@ -13,7 +13,7 @@ from humanmm.models import rotations
 from humanmm.models.camera.estimate import estimate_camera
 from humanmm.models.camera.intrinsics import ShotPoints, estimate_intrinsics
 from humanmm.models.camera.points import TrackerSettings, track_points
-from humanmm.models.perception.tracks import PersonTrack
+from humanmm.models.perception.tracks import PersonTrack, Silhouettes
 from humanmm.models.video.frames import frames
 from humanmm.models.video.reading import read_facts
 
@@ -40,7 +40,7 @@ def people_of(folder: Path, clip: str) -> list[PersonTrack]:
             used = {
                 "frame": np.arange(count, dtype=np.int32),
                 "bbox": np.tile(np.array([[0, 0, width, height]], np.float32), (count, 1)),
-                "mask_bits": np.packbits(small, axis=-1),
+                "masks": Silhouettes.pack(small),
                 "mask_affine": np.tile(affine, (count, 1, 1)),
             }
             tracks.append(PersonTrack(**{**unused, **used}))

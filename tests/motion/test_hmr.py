@@ -13,7 +13,7 @@ from humanmm.models.motion.fit_state import CameraPath
 from humanmm.models.motion.hmr import fit_person, fit_shot, gather
 from humanmm.models.motion.pose_prior import load_pose_statistics, mirrored
 from humanmm.models.motion.results import PersonShotMotion
-from humanmm.models.perception.tracks import PersonTrack, ScenePeople
+from humanmm.models.perception.tracks import PersonTrack, ScenePeople, Silhouettes
 from humanmm.models.rotations import rotation_from_vector, swing
 from humanmm.models.shots.boundaries import Appearance, Person, Shot, Transition
 
@@ -66,7 +66,7 @@ class Scene:
             landmarks3d=self.landmarks[frames].astype(np.float32),
             bbox=np.zeros((n, 4), np.float32),
             confidence=np.ones(n, np.float32),
-            mask_bits=np.zeros((n, 128, 16), np.uint8),
+            masks=Silhouettes.pack(np.zeros((n, 128, 128))),
             mask_affine=affine.astype(np.float32),
             color_frame=np.zeros(1, np.int32),
             color_histogram=np.ones((1, 1), np.float32),

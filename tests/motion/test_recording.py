@@ -9,7 +9,7 @@ from humanmm.models.body.kinematics import forward_kinematics
 from humanmm.models.motion.recording import Recording, assemble, continuous_rotvec, world_joints
 from humanmm.models.motion.results import PersonMotion, WorldMotion
 from humanmm.models.perception.landmarks import INDEX
-from humanmm.models.perception.tracks import PersonTrack, ScenePeople
+from humanmm.models.perception.tracks import PersonTrack, ScenePeople, Silhouettes
 from humanmm.models.shots.boundaries import Appearance, Person, Shot, ShotList, Transition
 from humanmm.models.video.facts import VideoFacts
 
@@ -79,7 +79,7 @@ def _track(frame: np.ndarray) -> PersonTrack:
     n = len(frame)
     return PersonTrack(
         frame, keypoints2d, np.zeros((n, 33, 3), np.float32), np.tile(np.float32([10, 20, 30, 40]), (n, 1)),
-        np.ones(n, np.float32), np.zeros((n, 128, 16), np.uint8), np.zeros((n, 2, 3), np.float32), frame[:1],
+        np.ones(n, np.float32), Silhouettes.pack(np.zeros((n, 128, 128))), np.zeros((n, 2, 3), np.float32), frame[:1],
         np.ones((1, 8), np.float32) / 8,
     )  # fmt: skip
 

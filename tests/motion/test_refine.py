@@ -12,7 +12,7 @@ from humanmm.models.evaluation.alignment import rotation_angle_deg
 from humanmm.models.motion.contacts import CONTACT_JOINTS
 from humanmm.models.motion.refine import Observations, RefineSettings, refine_world, sole_heights
 from humanmm.models.motion.results import PersonMotion, WorldMotion
-from humanmm.models.perception.tracks import MASK_SIDE, PersonTrack, ScenePeople
+from humanmm.models.perception.tracks import MASK_SIDE, PersonTrack, ScenePeople, Silhouettes
 from humanmm.models.rotations import rotation_from_vector
 from humanmm.models.shots.boundaries import Appearance, Person, Shot, ShotList
 
@@ -90,7 +90,7 @@ def seen(world: WorldMotion, cut_frames: tuple[int, ...] = ()) -> Observations:
         landmarks3d=in_camera - in_camera[:, 23:25].mean(axis=1, keepdims=True),
         bbox=np.concatenate([pixels.min(axis=1), pixels.max(axis=1)], axis=1),
         confidence=np.ones(N, np.float32),
-        mask_bits=np.zeros((N, MASK_SIDE, MASK_SIDE // 8), np.uint8),
+        masks=Silhouettes.pack(np.zeros((N, MASK_SIDE, MASK_SIDE))),
         mask_affine=affine,
         color_frame=np.zeros(0, np.int32),
         color_histogram=np.zeros((0, 1), np.float32),

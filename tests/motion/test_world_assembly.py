@@ -12,7 +12,7 @@ from humanmm.models.camera.observations import Intrinsics, ShotCamera
 from humanmm.models.motion.cuts import viewing_axes
 from humanmm.models.motion.results import PersonShotMotion, ShotMotion, WorldMotion
 from humanmm.models.motion.world import Footage, assemble
-from humanmm.models.perception.tracks import PersonTrack, ScenePeople
+from humanmm.models.perception.tracks import PersonTrack, ScenePeople, Silhouettes
 from humanmm.models.rotations import rotation_from_vector, vector_from_rotation
 from humanmm.models.shots.boundaries import Appearance, Person, Shot, ShotList, Transition
 
@@ -63,7 +63,7 @@ def shot_of(index: int, person: int = 0) -> tuple[Shot, ScenePeople, ShotCamera,
         landmarks3d=landmarks.astype(np.float32),
         bbox=box.astype(np.float32),
         confidence=np.ones(LENGTH, np.float32),
-        mask_bits=np.zeros((LENGTH, 128, 16), np.uint8),
+        masks=Silhouettes.pack(np.zeros((LENGTH, 128, 128))),
         mask_affine=np.zeros((LENGTH, 2, 3), np.float32),
         color_frame=frames[:1],
         color_histogram=np.full((1, 8), 1 / 8, np.float32),

@@ -60,9 +60,8 @@ def test_limbs_lie_where_an_independent_detector_sees_them_with_left_and_right_a
 
 def test_masks_lie_inside_the_boxes_and_cover_the_body() -> None:
     track = scene().tracks[0]
-    mask = np.unpackbits(track.mask_bits, axis=-1)
-    assert mask.shape == (len(track.frame), 128, 128)
-    rows, columns = np.nonzero(mask[0])
+    assert len(track.masks.end) == len(track.frame)
+    rows, columns = np.nonzero(track.masks.mask(0))
     pixels = np.column_stack([columns, rows]) + 0.5
     pixels = pixels @ track.mask_affine[0, :, :2].T + track.mask_affine[0, :, 2]
     x0, y0, x1, y1 = track.bbox[0]
@@ -85,7 +84,7 @@ def test_the_same_frames_give_the_same_tracks_again() -> None:
         track_people(few, start=36, end=39, fps=60.0, size=(720, 1280), max_people=2).tracks[0] for _ in range(2)
     )
     np.testing.assert_array_equal(one.keypoints2d, two.keypoints2d)
-    np.testing.assert_array_equal(one.mask_bits, two.mask_bits)
+    np.testing.assert_array_equal(one.masks.data, two.masks.data)
 
 
 @pytest.mark.parametrize("value", [0, 127, 255])

@@ -5,7 +5,7 @@ import numpy as np
 from humanmm.models.body.body24 import load_body
 from humanmm.models.perception.clothing import HISTOGRAM_BINS
 from humanmm.models.perception.landmarks import INDEX, NUM_LANDMARKS, SWAP
-from humanmm.models.perception.tracks import PersonTrack, ScenePeople
+from humanmm.models.perception.tracks import PersonTrack, ScenePeople, Silhouettes
 from humanmm.models.shots.identity import ShotSpan, bone_lengths, identify, pose_residual_m, shape_from_bones
 
 RED, BLUE, GREEN = (np.eye(HISTOGRAM_BINS)[k] for k in (3, 17, 30))
@@ -37,7 +37,7 @@ def track(
         bbox=np.repeat(box[None], count, axis=0).astype(np.float32),
         confidence=np.full(count, confidence, np.float32),
         side_votes=np.zeros(count, np.float32),
-        mask_bits=np.zeros((count, 128, 16), np.uint8),
+        masks=Silhouettes.pack(np.zeros((count, 128, 128))),
         mask_affine=np.zeros((count, 2, 3), np.float32),
         color_frame=np.linspace(first, last - 1, 3).astype(np.int32),
         color_histogram=(histogram / histogram.sum(axis=1, keepdims=True)).astype(np.float32),

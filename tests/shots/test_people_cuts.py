@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from humanmm.models.perception.landmarks import SWAP
-from humanmm.models.perception.tracks import PersonTrack, ScenePeople
+from humanmm.models.perception.tracks import PersonTrack, ScenePeople, Silhouettes
 from humanmm.models.shots.boundaries import Scenes, Transition
 from humanmm.models.shots.people_cuts import Parts, box_iou, cuts_in_scene, split_scenes, square_iou
 
@@ -39,7 +39,7 @@ def walker(
         landmarks3d=np.zeros((count, 33, 3), np.float32),
         bbox=boxes.astype(np.float32),
         confidence=np.full(count, 0.9, np.float32),
-        mask_bits=np.zeros((count, 128, 16), np.uint8),
+        masks=Silhouettes.pack(np.zeros((count, 128, 128))),
         mask_affine=np.zeros((count, 2, 3), np.float32),
         color_frame=np.zeros(0, np.int32),
         color_histogram=np.zeros((0, 8), np.float32),
@@ -52,7 +52,7 @@ def joined(first: PersonTrack, second: PersonTrack) -> PersonTrack:
         first,
         **{
             name: np.concatenate([getattr(first, name), getattr(second, name)])
-            for name in ("frame", "keypoints2d", "landmarks3d", "bbox", "confidence", "mask_bits", "mask_affine")
+            for name in ("frame", "keypoints2d", "landmarks3d", "bbox", "confidence", "mask_affine")
         },
     )
 
