@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from humanmm.cli import owners
 from humanmm.cli.settings import UsageError
 
 
@@ -51,10 +52,33 @@ def _build_ms_render(options: argparse.Namespace) -> Path:
     return build_set(plan, options.out, threads=options.threads, force=options.force)
 
 
+OF_OWNERS = (
+    Builder(
+        "ms-aist",
+        "from the annotations of AIST++ (CC BY 4.0) and, for clips with pictures, the AIST videos",
+        owners.declare_aist,
+        owners.build_aist,
+    ),
+    Builder(
+        "ms-h36m",
+        "from Human3.6M's videos, positions and cameras; experimental: its files could not be tried here",
+        owners.declare_h36m,
+        owners.build_h36m,
+    ),
+    Builder(
+        "3dpw",
+        "whole videos of 3DPW with truths; experimental: its files could not be tried here",
+        owners.declare_3dpw,
+        owners.build_3dpw,
+    ),
+)
+"""Cut from what the user must have."""
+
 BUILDERS = (
     Builder(
         "ms-render", "rendered people with exact truth; nothing else is needed", _declare_ms_render, _build_ms_render
     ),
+    *OF_OWNERS,
 )
 
 
