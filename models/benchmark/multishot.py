@@ -5,6 +5,7 @@ A video is everything that the pipeline knows after its stages `people` and `poi
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 from jaxtyping import Float
@@ -13,7 +14,6 @@ from humanmm.models.benchmark.backgrounds import build_room, track, within
 from humanmm.models.benchmark.detector_noise import Detections, DetectorNoise, detect
 from humanmm.models.benchmark.mocap import Actor, MocapTake, cast, leg_length
 from humanmm.models.benchmark.rigs import HEIGHT, KINDS, NUM_CAMERAS, SHARES, WIDTH, ClipCamera, Ring, build_ring, film
-from humanmm.models.benchmark.silhouettes import silhouettes
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.landmarks import load_landmarks
 from humanmm.models.camera.observations import PointTracks
@@ -22,6 +22,7 @@ from humanmm.models.evaluation.people import projected_boxes
 from humanmm.models.evaluation.skeleton import SMPL_NAMES
 from humanmm.models.evaluation.take import BodyParameters, CameraTake, PersonTake, Take
 from humanmm.models.perception.clothing import HISTOGRAM_BINS
+from humanmm.models.perception.silhouettes import silhouettes
 from humanmm.models.perception.tracks import PersonTrack, ScenePeople
 from humanmm.models.rotations import vector_from_rotation
 from humanmm.models.shots.boundaries import Scenes, Transition
@@ -65,14 +66,29 @@ class BenchVideo:
     """Key views of the shots, people left out; none where there are no pictures."""
     static_cameras: bool = False
     """The user knows that all cameras stand."""
+    cuts_known: bool = False
+    """`scenes` has every cut: people are not asked for more."""
 
     def points_of(self, start: int, end: int) -> PointTracks:
         """Point tracks of a shot [start, end)."""
         return within(next(p for p in self.points if p.start <= start and end <= p.end), start, end)
 
 
+class Filmed(Protocol):
+    """What videos are cut from."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def fps(self) -> float: ...
+
+    @property
+    def num_frames(self) -> int: ...
+
+
 def plan_videos(
-    takes: Sequence[MocapTake],
+    takes: Sequence[Filmed],
     num_videos: int,
     *,
     seed: int,
@@ -123,7 +139,7 @@ def build_video(take: MocapTake, plan: VideoPlan) -> BenchVideo:
         of_noise, of_looks, of_points = (
             np.random.default_rng((*plan.seed, plan.num_transitions, clip, k)) for k in range(3)
         )
-        number = _another(number, rng)
+        number = another_camera(number, NUM_CAMERAS, rng)
         kind = KINDS[int(rng.choice(len(KINDS), p=SHARES))]
         camera = film(ring.eyes[number], ring.centre, kind, actor.joints[start:end, 0], take.fps, rng)
         seen = _watch(actor, (start, end), camera, ring, anatomy, take.fps, plan.noise, of_noise)
@@ -199,10 +215,10 @@ def person_track(
     )
 
 
-def _another(number: int, rng: np.random.Generator) -> int:
-    """A camera other than the last."""
-    step = int(rng.integers(1, NUM_CAMERAS)) if number >= 0 else int(rng.integers(NUM_CAMERAS)) + 1
-    return (number + step) % NUM_CAMERAS
+def another_camera(number: int, num_cameras: int, rng: np.random.Generator) -> int:
+    """A camera other than the last; any at first (number -1)."""
+    step = int(rng.integers(1, num_cameras)) if number >= 0 else int(rng.integers(num_cameras)) + 1
+    return (number + step) % num_cameras
 
 
 def _watch(

@@ -30,10 +30,11 @@ def background_points(points: PointTracks, people: Sequence[PersonTrack]) -> Poi
     """
     masked = np.zeros(len(points.frame), bool)
     frames, first = np.unique(points.frame, return_index=True)
+    ends = np.append(first, len(points.frame))[1:]
     for person in people:
         if not len(person.frame):
             continue
-        for frame, begin, stop in zip(frames, first, [*first[1:], len(points.frame)], strict=True):
+        for frame, begin, stop in zip(frames, first, ends, strict=True):
             masked[begin:stop] |= _on_person(person, int(frame), points.xy[begin:stop], points.window_px)
     return _without(points, masked, mostly=MAX_MASKED_SHARE)
 

@@ -67,6 +67,11 @@ _BONES = (
 are not: an arm's error is carried on to its hand."""
 
 
+LIFTED_TRUST = 0.5
+"""Weight of 3D landmarks that were lifted from 2D keypoints: on dancers they are off by 1.4 times as much as on the
+motion capture that they were measured on, where they are as good as the network's (weights/lifter.md)."""
+
+
 @dataclass(frozen=True)
 class NoiseModel:
     """Expected errors of the evidence; everything in the fit is measured in these units."""
@@ -125,6 +130,8 @@ class Evidence:
     """Metres, camera axes (turned by the viewing ray), as large as the network says."""
     ray: Float[Array, "N 3"]
     """Unit viewing ray of the crop's centre."""
+    landmark_trust: Float[Array, " N"]
+    """Weight of the landmarks against what the network's own are worth."""
 
 
 def gather(
@@ -167,6 +174,7 @@ def gather(
         visibility=np.zeros((n, NUM_LANDMARKS)),
         landmarks_cam=np.zeros((n, NUM_LANDMARKS, 3)),
         ray=np.broadcast_to([0.0, 0.0, 1.0], (n, 3)).copy(),
+        landmark_trust=np.full(n, LIFTED_TRUST if track.lifted else 1.0),
     )
     dense.seen[rows] = True
     dense.keypoints[rows] = keypoints[..., :2]
@@ -258,6 +266,7 @@ class EvidenceTerms:
         start, end = np.array([(bone.start, bone.end) for bone in _BONES]).T
         R_cam_view = swing(np.broadcast_to([0.0, 0.0, 1.0], e.ray[frames].shape), e.ray[frames])
         trust, time = _trust(e.visibility[frames]), frame_weights(e.time_s)[frames]
+        weight = np.minimum(trust[:, start], trust[:, end]) * (time * e.landmark_trust[frames])[:, None]
         return Bones(
             start=start,
             end=end,
@@ -265,7 +274,7 @@ class EvidenceTerms:
             R_ref_view=np.swapaxes(camera.R_cam_ref, -1, -2) @ R_cam_view,
             sigma=np.array([(bone.across_m, bone.across_m, bone.along_m) for bone in _BONES]) / self.noise.bones,
             turn=np.array(self.noise.turn_rad),
-            weight=np.minimum(trust[:, start], trust[:, end]) * time[:, None],
+            weight=weight,
             time_weight=time,
         )
 

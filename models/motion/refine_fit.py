@@ -128,6 +128,7 @@ def gather_clip(
         visibility=np.zeros((n, NUM_LANDMARKS)),
         landmarks_cam=np.zeros((n, NUM_LANDMARKS, 3)),
         ray=np.tile([0.0, 0.0, 1.0], (n, 1)),
+        landmark_trust=np.ones(n),
     )
     skeleton = person_skeleton(betas)
     bones: Array | None = None

@@ -91,6 +91,7 @@ def assemble(
         warnings += _place_group(footage, group, rotations, places, world)
     _fill_cameras(footage, world)
     warnings += [warning for link in links for warning in link.cut.warnings]
+    warnings += _lifted(footage)
     if len(groups) > 1:
         names = ", ".join(str(group[0]) for group in groups[1:])
         warnings.append(f"shots {names} share nobody with the shots before: from each on the world has a new origin")
@@ -103,6 +104,20 @@ def assemble(
         cuts=tuple(_reported(footage, links, rotations, world)),
         warnings=tuple(warnings),
     )
+
+
+def _lifted(footage: Footage) -> list[str]:
+    """Who is known from 2D keypoints alone."""
+    people = {
+        appearance.person
+        for shot in footage.shots.shots
+        for appearance in shot.people
+        if (scene := footage.scenes[shot.scene]) is not None and scene.tracks[appearance.track].lifted
+    }
+    return [
+        f"person {person}: the detector gives 2D keypoints only; depth and orientation were lifted from them, rougher"
+        for person in sorted(people)
+    ]
 
 
 @dataclass(frozen=True)

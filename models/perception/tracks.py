@@ -31,6 +31,16 @@ class Silhouettes:
         """Masks (N, 128, 128), zero or not."""
         return cls.of(deflated_mask(mask) for mask in masks)
 
+    def chosen(self, rows: np.ndarray) -> "Silhouettes":
+        """Those of some rows."""
+        start = np.concatenate([[0], self.end[:-1]])
+        return Silhouettes.of(self.data[start[row] : self.end[row]].tobytes() for row in rows)
+
+    def then(self, other: "Silhouettes") -> "Silhouettes":
+        """These, and others after them."""
+        end = np.concatenate([self.end, other.end + len(self.data)])
+        return Silhouettes(np.concatenate([self.data, other.data]), end)
+
     def mask(self, row: int) -> np.ndarray:
         """(128, 128) uint8, 0 or 1."""
         start = self.end[row - 1] if row else 0
@@ -72,6 +82,8 @@ class PersonTrack:
     side_votes: np.ndarray = field(default_factory=lambda: np.zeros(0, np.float32))
     """(N,) float32: log-odds that left and right are named rightly, from second looks at an upright crop; 0 in frames
     without one, empty where nobody looked. Labels are already consistent along the track (`perception.sides`)."""
+    lifted: bool = False
+    """The detector gives COCO keypoints only: `landmarks3d` was made from them (`perception.lifting`)."""
 
 
 @dataclass(frozen=True)

@@ -69,7 +69,7 @@ class Sighting:
     num_frames: int
     confidence: float
     bones: Float[np.ndarray, "frames 7"]
-    """Lengths of confident frames, metres."""
+    """Lengths of confident frames, metres; none where landmarks were lifted, for those are an average person's."""
 
 
 def identify(shots: Sequence[ShotSpan], scenes: Sequence[ScenePeople | None], *, fps: float) -> Cast:
@@ -115,7 +115,7 @@ def sighting(index: int, shot: ShotSpan, number: int, track: PersonTrack) -> Sig
         area=float((boxes[:, 2:] - boxes[:, :2]).prod(axis=1).sum()),
         num_frames=len(inside),
         confidence=float(confidence.mean()),
-        bones=bone_lengths(track.landmarks3d[clear].astype(np.float64)),
+        bones=bone_lengths(track.landmarks3d[[] if track.lifted else clear].astype(np.float64)),
     )
 
 
@@ -150,7 +150,8 @@ def match(people: Sequence[Sequence[Sighting]], sightings: Sequence[Sighting]) -
 
 def same_person_odds(person: Sequence[Sighting], new: Sighting) -> float:
     """Log-odds that a sighting shows a known person: best colours of any of the person's shots, pose at the cut."""
-    distance = min(colour_distance(old.colours, new.colours) for old in person)
+    dressed = [old.colours for old in person if old.colours.any()] if new.colours.any() else []
+    distance = min((colour_distance(old, new.colours) for old in dressed), default=SAME_COLOURS)  # unknown: no say
     odds = float(np.clip((SAME_COLOURS - distance) / COLOUR_SPREAD, -COLOUR_LIMIT, COLOUR_LIMIT))
     before = person[-1]
     if before.shot == new.shot - 1:
@@ -195,7 +196,12 @@ def bone_lengths(poses: Float[np.ndarray, "frames 33 3"]) -> Float[np.ndarray, "
 
 
 def shape_from_bones(bones: Float[np.ndarray, "frames 7"], body: Body) -> Float[np.ndarray, " betas"]:
-    """Shape whose bone lengths are likeliest: ridge regression of log lengths, prior N(0, 1) on every component."""
+    """Shape whose bone lengths are likeliest: ridge regression of log lengths, prior N(0, 1) on every component.
+
+    The average person where no lengths are known.
+    """
+    if not len(bones):
+        return np.zeros(body.num_betas, np.float32)
     wanted = np.log(np.median(bones, axis=0) / _body_bones(body, np.zeros(body.num_betas))) - BONE_BIAS
     step = 0.5
     jacobian = np.column_stack(

@@ -1,0 +1,108 @@
+"""3D landmarks for people of whom a detector gives only COCO's 17 keypoints in the picture.
+
+A small network (two residual blocks on the keypoints of seven moments about a frame, `scripts/train_lifter`, model card
+weights/lifter.md) says what the pose network would have said: 33 landmarks in metres about the mid-hip. It is rougher
+than a network that sees the picture; `PersonTrack.lifted` tells later stages to trust it less.
+"""
+
+import io
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from jaxtyping import Float
+
+from humanmm.models.rotations import swing
+from humanmm.models.weights.shipped import read_weights
+
+Array = np.ndarray
+
+COCO_LANDMARKS = (0, 2, 5, 7, 8, 11, 12, 13, 14, 15, 16, 23, 24, 25, 26, 27, 28)
+"""Of COCO's 17 keypoints, in their order, the landmark (of 33) with the same name."""
+TORSO = (5, 6, 11, 12)
+"""COCO's shoulders and hips."""
+OFFSETS_S = (-1 / 3, -2 / 15, -1 / 15, 0.0, 1 / 15, 2 / 15, 1 / 3)
+"""Moments that the network looks at, seconds from the frame."""
+SEEN = 0.1
+"""Scores below this say nothing; what lies above is not calibrated between detectors, so the network is not told it."""
+
+_CHUNK_FRAMES = 512
+
+
+@dataclass(frozen=True, eq=False)
+class LiftingNetwork:
+    """y = W_out h + b_out, where h passes h ← h + V relu(norm(U h + a)) + c for each block; all float32."""
+
+    w_in: Float[Array, "hidden inputs"]
+    b_in: Float[Array, " hidden"]
+    u: Float[Array, "blocks hidden hidden"]
+    a: Float[Array, "blocks hidden"]
+    v: Float[Array, "blocks hidden hidden"]
+    c: Float[Array, "blocks hidden"]
+    w_out: Float[Array, "99 hidden"]
+    b_out: Float[Array, " 99"]
+
+    def __call__(self, features: Float[Array, "n inputs"]) -> Float[Array, "n 33 3"]:
+        """Landmarks about the mid-hip, metres, axes parallel to the viewing ray of the torso."""
+        h = _relu(features.astype(np.float32) @ self.w_in.T + self.b_in)
+        for u, a, v, c in zip(self.u, self.a, self.v, self.c, strict=True):
+            inner = h @ u.T + a
+            inner = inner - inner.mean(axis=-1, keepdims=True)
+            inner = inner / np.sqrt((inner**2).mean(axis=-1, keepdims=True) + 1e-5)
+            h = h + _relu(inner) @ v.T + c
+        return np.asarray((h @ self.w_out.T + self.b_out).reshape(-1, 33, 3).astype(np.float64))
+
+
+def lift(
+    keypoints: Float[Array, "n 17 3"], time_s: Float[Array, " n"], K: Float[Array, "3 3"]
+) -> Float[Array, "n 33 3"]:
+    """Landmarks in metres about the mid-hip, camera axes, of one person's keypoints (pixels, score 0..1).
+
+    Frames in order, holes allowed; K may be rough.
+    """
+    network = load_lifter()
+    rays = (keypoints[..., :2] - K[:2, 2]) / np.diagonal(K)[:2]
+    seen = keypoints[..., 2] >= SEEN
+    lifted = np.empty((len(keypoints), 33, 3))
+    for start in range(0, len(keypoints), _CHUNK_FRAMES):
+        rows = slice(start, start + _CHUNK_FRAMES)
+        moments = np.clip(time_s[rows, None] + np.array(OFFSETS_S), time_s[0], time_s[-1])
+        at = np.searchsorted(time_s, moments.ravel() + 1e-6).reshape(moments.shape)
+        nearest = np.clip(at, 1, len(time_s)) - 1  # the last frame not after the moment
+        inputs, R_cam_torso = features(rays[nearest], seen[nearest])
+        lifted[rows] = network(inputs) @ np.swapaxes(R_cam_torso, -1, -2)
+    return lifted
+
+
+def features(
+    rays: Float[Array, "n moments 17 2"], seen: Array
+) -> tuple[Float[Array, "n inputs"], Float[Array, "n 3 3"]]:
+    """What the network is shown, and the axes in which it answers (R_cam_torso, of the middle moment).
+
+    Every moment's rays are turned until the torso lies straight ahead, and brought to one size over all moments: the
+    answer depends neither on where in the picture a person is, nor on the focal length. Unseen keypoints are zero.
+    """
+    weight = np.zeros(seen.shape)
+    weight[..., TORSO] = seen[..., TORSO]
+    weight = np.where(weight.any(axis=-1, keepdims=True), weight, seen)
+    total = np.maximum(weight.sum(axis=-1), 1e-9)
+    centre = np.einsum("ntk,ntkc->ntc", weight, rays) / total[..., None]
+    towards = np.concatenate([centre, np.ones((*centre.shape[:2], 1))], axis=-1)
+    R_cam_torso = swing(np.broadcast_to([0.0, 0.0, 1.0], towards.shape), towards)
+    turned = np.concatenate([rays, np.ones((*rays.shape[:-1], 1))], axis=-1) @ R_cam_torso
+    flat = turned[..., :2] / np.maximum(turned[..., 2:], 0.1) * seen[..., None]
+    size = np.sqrt((flat**2).sum(axis=(1, 2, 3)) / np.maximum(seen.sum(axis=(1, 2)), 1))
+    flat = flat / np.maximum(size, 1e-6)[:, None, None, None]
+    inputs = np.concatenate([flat, seen[..., None]], axis=-1).reshape(len(rays), -1)
+    return inputs, R_cam_torso[:, len(OFFSETS_S) // 2]
+
+
+@lru_cache(maxsize=1)
+def load_lifter() -> LiftingNetwork:
+    """The shipped network, checked against its sha256."""
+    with np.load(io.BytesIO(read_weights("lifter.npz"))) as file:
+        return LiftingNetwork(**{name: file[name].astype(np.float32) for name in LiftingNetwork.__dataclass_fields__})
+
+
+def _relu(x: Array) -> Array:
+    return np.asarray(np.maximum(x, 0))
