@@ -1,4 +1,4 @@
-"""`humanmm bench ms-mocap | ms-render | ms-real`: how well motion is recovered, by every method, video by video.
+"""`humanmm bench ms-mocap | ms-aist | ms-render | ms-real`: how well every method recovers motion, video by video.
 
 Each video's motions and figures are artifacts of the store. The key of the motions names the code and settings that
 make them, the key of the figures also the code of the metrics: a change of a metric reads the motions again, a repeat
@@ -224,17 +224,17 @@ def compute(
         failed = tuple(MethodFigures(method, (), (), str(error)) for method in methods)
         return VideoFigures(job.name, job.split, failed)
 
-    found = _kept(store, recipes.motions, job.name, VideoMotions, lambda: run_methods(video, config, methods))
+    found = kept(store, recipes.motions, job.name, VideoMotions, lambda: run_methods(video, config, methods))
 
     def traces() -> VideoTraces:
         takes = [(done.method, take_of(video, done) if done.motion else None) for done in found.motions]
         return trace_video(video.name, video.split, video.truth, takes)
 
-    _kept(store, recipes.traces, job.name, VideoTraces, traces)
-    return _kept(store, recipes.figures, job.name, VideoFigures, lambda: score(video, found))
+    kept(store, recipes.traces, job.name, VideoTraces, traces)
+    return kept(store, recipes.figures, job.name, VideoFigures, lambda: score(video, found))
 
 
-def _kept(store: Store, recipe: Recipe, unit: str, output: type[T], make: Any) -> T:
+def kept(store: Store, recipe: Recipe, unit: str, output: type[T], make: Any) -> T:
     """The artifact of a recipe, made if the store has none."""
     with store.lock(recipe.stage, recipe.key):
         manifest = store.find(recipe.stage, recipe.key)
@@ -254,7 +254,7 @@ def _kept(store: Store, recipe: Recipe, unit: str, output: type[T], make: Any) -
 
 def recipes_of(job: Job, config: Config, methods: tuple[str, ...]) -> VideoRecipes:
     """What decides a video's motions, and what is made of them."""
-    code = _code(MOTION_CODE, *job.stages)
+    code = code_of(MOTION_CODE, *job.stages)
     settings: Mapping[str, Any] = {name: getattr(config, name).model_dump(mode="json") for name in job.settings}
     motions = Recipe(
         stage="bench-motions",
@@ -268,8 +268,8 @@ def recipes_of(job: Job, config: Config, methods: tuple[str, ...]) -> VideoRecip
     )
     return VideoRecipes(
         motions=motions,
-        figures=_made_of(motions, "bench-figures", _code(FIGURE_CODE), job),
-        traces=_made_of(motions, "bench-traces", _code(FIGURE_CODE, TRACE_CODE), job),
+        figures=_made_of(motions, "bench-figures", code_of(FIGURE_CODE), job),
+        traces=_made_of(motions, "bench-traces", code_of(FIGURE_CODE, TRACE_CODE), job),
     )
 
 
@@ -287,7 +287,7 @@ def _made_of(motions: Recipe, stage: str, code: CodeDigest, job: Job) -> Recipe:
 
 
 @functools.cache
-def _code(*modules: str) -> CodeDigest:
+def code_of(*modules: str) -> CodeDigest:
     """The code of several modules together."""
     parts = [code_digest(module) for module in modules]
     return CodeDigest(

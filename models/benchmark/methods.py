@@ -9,11 +9,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
 
 from humanmm.config import Config
 from humanmm.errors import HumanMMError
 from humanmm.models.benchmark.multishot import BenchVideo
+from humanmm.models.benchmark.oracles import true_cameras, true_turns, with_true_cuts, yaw_turns
 from humanmm.models.camera.estimate import estimate_camera
 from humanmm.models.camera.intrinsics import ShotPoints, estimate_intrinsics, given_intrinsics
 from humanmm.models.camera.masking import without_transitions
@@ -33,9 +33,13 @@ METHODS: tuple[str, ...] = (
     "humanmm with eight-point",
     "humanmm without flip decision",
     "humanmm without refine",
+    "oracle cuts",
+    "oracle yaw",
     "oracle camera rotation",
+    "oracle camera",
 )
-"""`oracle camera rotation`: the true turn of the camera at every cut, the rest as it is."""
+"""The oracles are told of the truth: the cuts; at every cut the camera's turn about the vertical, or its whole turn;
+the whole camera, that is its path inside shots, its focal length and its turns. The rest is as it is."""
 ABLATIONS: tuple[str, ...] = (
     "humanmm",
     "humanmm with eight-point",
@@ -141,6 +145,23 @@ class _Work:
         return fitted_again(self.video, self.config, replace(start, cameras=cameras))
 
     @functools.cached_property
+    def filmed_truly(self) -> Beginning:
+        """The beginning with the true cameras."""
+        cameras = true_cameras(self.video, self.start.shots)
+        focal = replace(self.start.intrinsics, focal_px=float(cameras[0].K[0, 0, 0]), source="given")
+        return fitted_again(self.video, self.config, replace(self.start, cameras=cameras, intrinsics=focal))
+
+    @functools.cached_property
+    def cut_truly(self) -> "_Work":
+        """Everything again on the true cuts; the same where no other were found."""
+        of_shots = [shot.transition for shot in self.start.shots.shots[1:]]
+        found = [[(t.start, t.end) for t in part if t] for part in (of_shots, self.video.scenes.transitions)]
+        if found == [list(self.video.truth.transitions)] * 2:
+            return self
+        video = with_true_cuts(self.video)
+        return _Work(video, self.config, begin(video, self.config))
+
+    @functools.cached_property
     def world(self) -> WorldMotion:
         """What `align` makes of it."""
         return assemble(footage_of(self.video, self.start), method=self.config.align.method)
@@ -171,10 +192,18 @@ class _Work:
 
 def _attempt(method: str, work: _Work) -> MethodMotion:
     try:
-        labelled = method == "humanmm without flip decision"
-        return MethodMotion(method, _recovered(method, work), (work.as_labelled if labelled else work.start).shots)
+        return MethodMotion(method, _recovered(method, work), _start_of(method, work).shots)
     except Exception as error:  # one method's crash must not take the others with it
         return MethodMotion(method, None, None, _in_words(error))
+
+
+def _start_of(method: str, work: _Work) -> Beginning:
+    """What a method's world was made of."""
+    if method == "humanmm without flip decision":
+        return work.as_labelled
+    if method == "oracle cuts":
+        return work.cut_truly.start
+    return work.start
 
 
 def _in_words(error: Exception) -> str:
@@ -215,9 +244,17 @@ def _recovered(method: str, work: _Work) -> WorldMotion:
         if not _exchanged(work.start.shots):
             return work.refined
         return work.refine(work.as_labelled, assemble(footage_of(work.video, work.as_labelled), method=how))
+    if method == "oracle cuts":
+        return work.cut_truly.refined
+    if method == "oracle yaw":
+        turns = yaw_turns(work.video, work.start.shots, work.world)
+        return work.refine(work.start, assemble(footage, method=how, known_turns=turns))
     if method == "oracle camera rotation":
         turns = true_turns(work.video, work.start.shots)
         return work.refine(work.start, assemble(footage, method=how, known_turns=turns))
+    if method == "oracle camera":
+        start, turns = work.filmed_truly, true_turns(work.video, work.start.shots)
+        return work.refine(start, assemble(footage_of(work.video, start), method=how, known_turns=turns))
     raise ValueError(f"no method is called {method!r}")
 
 
@@ -232,7 +269,7 @@ def begin(video: BenchVideo, config: Config) -> Beginning:
         fps=facts.fps,
         K=rough.K,
         only_person=config.shots.person,
-        parts=config.shots.parts,
+        parts="scenes" if video.cuts_known else config.shots.parts,
     )
     tracks = points_of_shots(video, shots)
     intrinsics = _focal_length(video, config, shots, tracks)
@@ -303,15 +340,6 @@ def footage_of(video: BenchVideo, start: Beginning) -> Footage:
         intrinsics=start.intrinsics,
         views=views,
     )
-
-
-def true_turns(video: BenchVideo, shots: ShotList) -> Mapping[int, Float[Array, "3 3"]]:
-    """By first frame of a shot: true camera axes of that frame to those of the frame before."""
-    cameras = video.truth.cameras
-    if cameras is None:
-        return {}
-    R = cameras.R_world_cam
-    return {shot.start: R[shot.start - 1].T @ R[shot.start] for shot in shots.shots[1:]}
 
 
 def concatenated(footage: Footage) -> WorldMotion:

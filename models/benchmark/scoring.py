@@ -6,6 +6,7 @@ import numpy as np
 
 from humanmm.models.benchmark.methods import MethodMotion, VideoMotions
 from humanmm.models.benchmark.multishot import BenchVideo
+from humanmm.models.benchmark.oracles import with_true_cuts
 from humanmm.models.body.body24 import JOINT_NAMES, load_body
 from humanmm.models.evaluation.cameras import errors_inside_shots_m, known
 from humanmm.models.evaluation.evaluate import evaluate
@@ -107,13 +108,14 @@ def _score(video: BenchVideo, done: MethodMotion) -> MethodFigures:
 def recording_of(video: BenchVideo, done: MethodMotion) -> Recording:
     """The motion as a run folder would hold it."""
     motion, shots, body = done.motion, done.shots, load_body()
+    scenes = with_true_cuts(video).people if done.method == "oracle cuts" else video.people
     if motion is None or shots is None:
         raise ValueError(f"{done.method} has no motion")
     rest = {person.person: body.rest_joints(person.betas) for person in motion.people}
     return assemble(
         video.facts,
         shots,
-        video.people,
+        scenes,
         motion,
         rest_pelvis={number: joints[0] for number, joints in rest.items()},
         joints_world={person.person: world_joints(person, rest[person.person]) for person in motion.people},

@@ -48,13 +48,13 @@ def test_tiny_is_computed_once_and_then_the_same_to_the_byte(
 def test_a_change_of_the_metrics_leaves_the_motions_as_they_are(pack: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     jobs, _ = mocap_set(pack, "tiny")
     before = motion_benchmark.recipes_of(jobs[0], Config(), METHODS)
-    code = motion_benchmark._code
+    code = motion_benchmark.code_of
 
     def with_another_metric(*modules: str) -> CodeDigest:
         digest = code(*modules)
         return replace(digest, modules={**digest.modules, "b": "1"}) if FIGURE_CODE in modules else digest
 
-    monkeypatch.setattr(motion_benchmark, "_code", with_another_metric)
+    monkeypatch.setattr(motion_benchmark, "code_of", with_another_metric)
     after = motion_benchmark.recipes_of(jobs[0], Config(), METHODS)
     assert before.motions.key == after.motions.key
     assert before.figures.key != after.figures.key

@@ -1,4 +1,10 @@
-"""A small recording for tests of writers: two people and a cut, every field filled with numbers of its own."""
+"""What tests of storage share: a small recording with numbers of its own, and a writer of joblib dumps."""
+
+import pickle
+import struct
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -46,3 +52,45 @@ def recording() -> Recording:
         camera_source=np.full(num_frames, 4, np.uint8),
         people=tuple(person(number) for number in range(2)),
     )
+
+
+class NumpyArrayWrapper:
+    """What joblib puts before an array's bytes; the test writes it as joblib.numpy_pickle.NumpyArrayWrapper."""
+
+
+NumpyArrayWrapper.__module__, NumpyArrayWrapper.__qualname__ = "joblib.numpy_pickle", "NumpyArrayWrapper"
+
+
+class _JoblibPickler(pickle._Pickler):  # type: ignore[name-defined,misc]
+    """Writes arrays as joblib does: a note, the length of a padding, the padding, the bytes."""
+
+    def __init__(self, stream: Any) -> None:
+        super().__init__(stream, protocol=3)  # no frames: joblib flushes them before the bytes
+        self.stream = stream
+
+    def save(self, value: Any, save_persistent_id: bool = True) -> None:
+        if type(value) is not np.ndarray:
+            return super().save(value, save_persistent_id)
+        self.write(b"cjoblib.numpy_pickle\nNumpyArrayWrapper\n)\x81")
+        fortran = value.flags.f_contiguous and not value.flags.c_contiguous
+        super().save(
+            {
+                "subclass": np.ndarray, "shape": value.shape, "order": "F" if fortran else "C", "dtype": value.dtype,
+                "allow_mmap": True, "numpy_array_alignment_bytes": 16,
+            }
+        )  # fmt: skip
+        self.write(pickle.BUILD)
+        padding = 16 - (self.stream.tell() + 1) % 16
+        self.stream.write(struct.pack("B", padding) + b"\xff" * padding + value.tobytes("F" if fortran else "C"))
+        return None
+
+
+@pytest.fixture
+def dump_like_joblib() -> Callable[[object, Path], None]:
+    """Writes a value as `joblib.dump` does."""
+
+    def dump(value: object, path: Path) -> None:
+        with path.open("wb") as stream:
+            _JoblibPickler(stream).dump(value)
+
+    return dump

@@ -12,11 +12,15 @@ from humanmm.errors import InputError
 
 if TYPE_CHECKING:
     from humanmm.config import Config
+    from humanmm.flows.motion_benchmark import Job
     from humanmm.models.benchmark.rows import Row
+    from humanmm.models.benchmark.statistics import SetStatistics
     from humanmm.storage.bench_page import Page
+    from humanmm.storage.store import Store
 
 TABLES = {
     "ms-mocap": "motion from multi-shot videos made of motion capture",
+    "ms-aist": "motion from real 2D detections of AIST++",
     "ms-render": "motion from rendered clips with truths",
     "ms-real": "motion from real clips with truths",
     "shots": "the detector of cuts, its parts added one by one",
@@ -24,6 +28,8 @@ TABLES = {
     "ablation": "every module off in turn",
     "speed": "milliseconds a frame of every stage",
 }
+SAMPLE = Path("examples/aist")
+"""What ms-aist reads unless told otherwise: the sequence that the repository holds."""
 MODULES = ("ablation", "camera")
 CLIPS = ("ms-render", "ms-real")
 SIZES = ("tiny", "standard", "ms20")
@@ -42,23 +48,25 @@ def add_bench(verbs: Any, common: argparse.ArgumentParser) -> None:
         "--data",
         type=Path,
         metavar="PATH",
-        help="ms-mocap: a pack (.npz); ms-render, ms-real: a folder of <name>.mp4 beside <name>_gt.npz (ms-render "
+        help="ms-mocap: a pack (.npz); ms-aist: a folder of AIST++ sequences (.npz; default: the sample in "
+        "examples/aist); ms-render, ms-real: a folder of <name>.mp4 beside <name>_gt.npz (ms-render "
         "renders its own without one); ablation, camera: either; shots: a folder of videos beside <name>.json or "
         "<name>_gt.npz, or BBC Planet Earth; speed: a video",
     )
     parser.add_argument(
         "--size", choices=SIZES, metavar="SIZE",
-        help="ms-mocap: tiny, standard (60 videos each with 2, 3 and 4 transitions; default), ms20 (20 takes, each "
-        "with 2, 3 and 4); ms-render without --data: tiny (one clip of 2 s), standard (60 clips)",
+        help="ms-mocap, ms-aist: tiny, standard (60 videos each with 2, 3 and 4 transitions; default), ms20 (20 takes, "
+        "each with 2, 3 and 4); ms-render without --data: tiny (one clip of 2 s), standard (60 clips)",
     )  # fmt: skip
     parser.add_argument(
         "--check", type=Path, metavar="FILE", help="a results.json; exit 1 if a figure is worse than it"
     )
-    parser.add_argument("--runs", type=int, metavar="N", help="speed: how often to measure (default: 1)")
     parser.add_argument(
-        "--minutes", type=float, nargs="+", metavar="M",
-        help="speed: how time and memory grow: the video looped to each of these lengths (1 10), a process each",
+        "--imported", action="append", default=[], metavar="NAME=DIR",
+        help="tables of motion: a row of another system, whose result for each video lies in DIR: <video>.pt (GVHMR), "
+        ".pkl (WHAM) or .npz (SLAHMR, TRAM, or motion.zarr's names); may be given again",
     )  # fmt: skip
+    parser.add_argument("--runs", type=int, metavar="N", help="speed: how often to measure (default: 1)")
     parser.add_argument(
         "--report", type=Path, metavar="DIR", help="also write results.json, results.csv, README.md, index.html"
     )
@@ -80,15 +88,19 @@ def bench(options: argparse.Namespace) -> int:
         raise UsageError("--size is for sets that are made here; a folder of clips has the size that it has")
     if options.table == "speed":
         return _speed(options, config)
-    if options.runs is not None or options.minutes:
-        raise UsageError("--runs and --minutes are for the table speed")
+    if options.runs is not None:
+        raise UsageError("--runs is for the table speed")
     if options.table == "shots":
         return _shots(options, config)
     return _motion(options, config)
 
 
 def _own_data(options: argparse.Namespace, config: "Config") -> Path:
-    """The data of a table that makes its own."""
+    """The data of a table that has or makes its own."""
+    if options.table == "ms-aist":
+        if not SAMPLE.is_dir():
+            raise InputError(f"{SAMPLE} is not here: run in the repository, or give --data DIR with AIST++ sequences")
+        return SAMPLE
     if options.table != "ms-render":
         raise UsageError(f"{options.table} needs --data PATH")
     if options.size == "ms20":
@@ -104,29 +116,22 @@ def _speed(options: argparse.Namespace, config: "Config") -> int:
         raise UsageError(f"--runs {runs_wanted}: at least one run is needed")
     if options.size is not None:
         raise UsageError("--size is for ms-mocap; speed measures one video")
-    if options.minutes and (options.runs is not None or min(options.minutes) <= 0):
-        raise UsageError("--minutes takes lengths above 0, and no --runs: every length is measured once")
     if options.report is not None and (options.report / "results.json").exists() and not options.force:
         raise InputError(f"{options.report / 'results.json'} exists already; give --force to replace it")
     if not options.data.is_file():
         raise InputError(f"{options.data} is not a file; give a video")
     stored = _stored(options.check)
 
-    from humanmm.flows.benchmark import growth_rows, measure_speed
+    from humanmm.flows.benchmark import measure_speed
     from humanmm.models.benchmark.rows import Row, summarise
     from humanmm.storage.bench_report import as_markdown, write_report
 
-    if options.minutes:
-        command = " ".join(["humanmm bench speed --minutes", *(f"{length:g}" for length in options.minutes)])
-        rows = growth_rows(options.data, config, options.minutes)
-    else:
-        command = f"humanmm bench speed --runs {runs_wanted}"
-        runs = [measure_speed(options.data, config).metrics() for _ in range(runs_wanted)]
-        metrics = {key: summarise([run[key] for run in runs]) for key in runs[0]}
-        rows = [Row("humanmm", options.data.stem, len(runs), 0, metrics)]
+    runs = [measure_speed(options.data, config).metrics() for _ in range(runs_wanted)]
+    metrics = {key: summarise([run[key] for run in runs]) for key in runs[0]}
+    rows = [Row("humanmm", options.data.stem, len(runs), 0, metrics)]
     sys.stdout.write(as_markdown(rows))
     if options.report is not None:
-        write_report(options.report, "speed", command, rows)
+        write_report(options.report, "speed", f"humanmm bench speed --runs {runs_wanted}", rows)
         sys.stdout.write(f"{options.report / 'results.json'}\n")
     return _compare(rows, stored, "speed")
 
@@ -159,21 +164,16 @@ def _motion(options: argparse.Namespace, config: "Config") -> int:
     stored = _stored(options.check)
 
     from humanmm.flows.bench_page import report_page
-    from humanmm.flows.clip_benchmark import clip_set
-    from humanmm.flows.motion_benchmark import Job, figures_of, mocap_set
+    from humanmm.flows.imported_benchmark import parse_system, with_imported
+    from humanmm.flows.motion_benchmark import figures_of
     from humanmm.models.benchmark.methods import ABLATIONS, CAMERAS, METHODS
     from humanmm.models.benchmark.rows import rows_of
     from humanmm.models.benchmark.tables import MAIN, OF_ABLATION, OF_CAMERAS, as_markdown
     from humanmm.storage.store import Store, default_store
 
     store = Store(options.store or default_store())
-    jobs: Sequence[Job]
-    if options.table in CLIPS or (options.table in MODULES and options.data.is_dir()):
-        jobs, facts = clip_set(options.data, store)
-        size = ["--size", options.size] if options.size else []
-    else:
-        jobs, facts = mocap_set(options.data, options.size or "standard")
-        size = ["--size", options.size or "standard"]
+    systems = [parse_system(text) for text in options.imported]
+    jobs, facts, size = _set(options, store)
     sys.stdout.write(f"{' '.join([options.table, *size[1:]])}: {facts.sentence()}\n\n")
     paper = "ms-Motion (20)" if options.size == "ms20" else "ms-AIST"
     methods, shown = METHODS, MAIN
@@ -181,10 +181,11 @@ def _motion(options: argparse.Namespace, config: "Config") -> int:
         paper = options.table
         methods, shown = (ABLATIONS, OF_ABLATION) if options.table == "ablation" else (CAMERAS, OF_CAMERAS)
     figures = figures_of(jobs, config, store, methods)
-    rows = rows_of(figures)
+    rows = rows_of(with_imported(jobs, figures, systems, config, store))
     table = as_markdown(rows, paper=paper, figures=shown, lines="methods" if options.table in MODULES else "figures")
     sys.stdout.write(table)
-    command = " ".join(["humanmm", "bench", options.table, *size, *_settings(options)])
+    named = [word for system in systems for word in ("--imported", system.name)]
+    command = " ".join(["humanmm", "bench", options.table, *size, *named, *_settings(options)])
     facts_line = f"{facts.sentence()}."
     _report(
         options, command, rows,
@@ -194,6 +195,19 @@ def _motion(options: argparse.Namespace, config: "Config") -> int:
         ),
     )  # fmt: skip
     return _compare(rows, stored, options.table)
+
+
+def _set(options: argparse.Namespace, store: "Store") -> "tuple[Sequence[Job], SetStatistics, list[str]]":
+    """The videos, the set in numbers, and the words of the command that name its size."""
+    from humanmm.flows.aist_benchmark import aist_set
+    from humanmm.flows.clip_benchmark import clip_set
+    from humanmm.flows.motion_benchmark import mocap_set
+
+    if options.table in CLIPS or (options.table in MODULES and options.data.is_dir()):
+        return *clip_set(options.data, store), ["--size", options.size] if options.size else []
+    size = options.size or "standard"
+    made = aist_set(options.data, size) if options.table == "ms-aist" else mocap_set(options.data, size)
+    return *made, ["--size", size]
 
 
 def _report(options: argparse.Namespace, command: str, rows: "Sequence[Row]", page: "Callable[[], Page]") -> None:

@@ -1,0 +1,68 @@
+"""`humanmm bench ms-aist`: real 2D detections of AIST's nine cameras, cut at random; no video and no licensed body.
+
+All methods of `motion_benchmark` start from COCO-17 keypoints alone, lifted to 3D (`models.perception.lifting`).
+"""
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from humanmm.config import Config
+from humanmm.errors import InputError
+from humanmm.flows.motion_benchmark import SEED, SETTINGS, SIZES
+from humanmm.models.benchmark.aist import AistSequence, build_aist
+from humanmm.models.benchmark.multishot import BenchVideo, VideoPlan, plan_videos, split_name
+from humanmm.models.benchmark.statistics import SetStatistics, statistics_of
+from humanmm.storage.aist import read_aist
+from humanmm.storage.store import Store
+
+
+@dataclass(frozen=True)
+class AistJob:
+    """A video of ms-AIST."""
+
+    sequence: AistSequence
+    plan: VideoPlan
+
+    @property
+    def name(self) -> str:
+        return self.plan.name
+
+    @property
+    def split(self) -> str:
+        return split_name(self.plan.num_transitions)
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        plan = asdict(self.plan)
+        return {name: plan[name] for name in ("name", "num_transitions", "longest")} | {"seed": list(self.plan.seed)}
+
+    @property
+    def inputs(self) -> dict[str, str]:
+        return {"sequence": self.sequence.sha256}
+
+    @property
+    def stages(self) -> tuple[str, ...]:
+        return ("humanmm.models.benchmark.aist",)
+
+    @property
+    def settings(self) -> tuple[str, ...]:
+        return SETTINGS
+
+    def build(self, config: Config, store: Store) -> BenchVideo:
+        """Made on the spot."""
+        return build_aist(self.sequence, self.plan)
+
+
+def aist_set(folder: Path, size: str) -> tuple[list[AistJob], SetStatistics]:
+    """The videos of ms-AIST in one of its sizes, and the set in numbers."""
+    sequences = read_aist(folder)
+    count, transitions, longest = SIZES[size]
+    try:
+        plans = plan_videos(sequences, count, seed=SEED, transitions=transitions, same=size == "ms20", longest=longest)
+    except ValueError as error:
+        raise InputError(f"{folder}: {error}") from None
+    jobs = [AistJob(sequences[plan.take], plan) for plan in plans]
+    lengths = [min(job.sequence.num_frames, job.plan.longest) for job in jobs]
+    facts = statistics_of(lengths, [job.sequence.fps for job in jobs], [plan.num_transitions for plan in plans])
+    return jobs, facts

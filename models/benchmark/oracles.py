@@ -1,0 +1,148 @@
+"""What the oracle methods are told of the truth: cuts, cameras, or the turn about the vertical at every cut."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, replace
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from humanmm.errors import StageError
+from humanmm.models.benchmark.multishot import BenchVideo
+from humanmm.models.camera.observations import PointTracks, ShotCamera
+from humanmm.models.evaluation.take import CameraTake
+from humanmm.models.motion.results import WorldMotion
+from humanmm.models.perception.tracks import PersonTrack, ScenePeople
+from humanmm.models.rotations import rotation_from_vector
+from humanmm.models.shots.boundaries import Scenes, ShotList, Transition
+from humanmm.models.shots.people_cuts import box_iou
+
+Array = np.ndarray
+
+SAME_IOU = 0.3
+"""Boxes on both sides of a cut that is none, from which on two tracks are one person's."""
+
+
+def true_turns(video: BenchVideo, shots: ShotList) -> Mapping[int, Float[Array, "3 3"]]:
+    """By first frame of a shot: true camera axes of that frame to those of the frame before."""
+    R = _known(video).R_world_cam
+    return {shot.start: R[shot.start - 1].T @ R[shot.start] for shot in shots.shots[1:]}
+
+
+def yaw_turns(video: BenchVideo, shots: ShotList, world: WorldMotion) -> Mapping[int, Float[Array, "3 3"]]:
+    """The turns that `world` has at its cuts, each with its part about the vertical put right."""
+    turns = {}
+    for start, true in true_turns(video, shots).items():
+        before, after = world.R_world_cam[start - 1], world.R_world_cam[start]
+        missing = before @ true @ after.T
+        yaw = float(np.arctan2(missing[1, 0] - missing[0, 1], missing[0, 0] + missing[1, 1]))
+        turns[start] = before.T @ rotation_from_vector(np.array([0.0, 0.0, yaw])) @ after
+    return turns
+
+
+def true_cameras(video: BenchVideo, shots: ShotList) -> tuple[ShotCamera, ...]:
+    """The true camera of every shot, with its path in metres and its K."""
+    cameras = _known(video)
+    found = []
+    for shot in shots.shots:
+        frames = slice(shot.start, shot.end)
+        R, t = cameras.R_world_cam[frames], cameras.t_world_cam[frames]
+        found.append(
+            ShotCamera(
+                start=shot.start,
+                end=shot.end,
+                R_shot_cam=R[0].T @ R,
+                t_shot_cam=(t - t[0]) @ R[0],
+                K=cameras.K[frames],
+                source="given",
+                metric=True,
+                points_shot=np.zeros((0, 3)),
+                reprojection_px=float("nan"),
+            )
+        )
+    return tuple(found)
+
+
+def with_true_cuts(video: BenchVideo) -> BenchVideo:
+    """The same observations, sorted into the truth's scenes; no other cut is looked for."""
+    transitions = tuple(
+        Transition("cut" if start == end else "dissolve", start, end, "truth") for start, end in video.truth.transitions
+    )
+    scenes = Scenes(video.scenes.num_frames, transitions)
+    return replace(
+        video,
+        scenes=scenes,
+        people=tuple(ScenePeople(start, end, _tracks(video.people, start, end)) for start, end in scenes.spans),
+        points=tuple(_points(video.points, start, end) for start, end in scenes.spans),
+        cuts_known=True,
+    )
+
+
+def _known(video: BenchVideo) -> CameraTake:
+    cameras = video.truth.cameras
+    if cameras is None or not all(np.isfinite(getattr(cameras, field.name)).all() for field in fields(cameras)):
+        raise StageError("the truth does not know the camera of every frame")
+    return cameras
+
+
+def _tracks(scenes: Sequence[ScenePeople], start: int, end: int) -> tuple[PersonTrack, ...]:
+    """The tracks between two frames; where a scene ends in between, who stays in place goes on."""
+    tracks: list[PersonTrack] = []
+    for scene in scenes:
+        if scene.end <= start or scene.start >= end:
+            continue
+        earlier = list(range(len(tracks)))
+        for piece in (_between(track, start, end) for track in scene.tracks):
+            if not len(piece.frame):
+                continue
+            overlaps = [(box_iou(tracks[k].bbox[-1], piece.bbox[0]), k) for k in earlier]
+            best, k = max(overlaps, default=(0.0, -1))
+            if best >= SAME_IOU:
+                tracks[k] = _continued(tracks[k], piece)
+                earlier.remove(k)
+            else:
+                tracks.append(piece)
+    return tuple(tracks)
+
+
+def _between(track: PersonTrack, start: int, end: int) -> PersonTrack:
+    rows = (track.frame >= start) & (track.frame < end)
+    samples = (track.color_frame >= start) & (track.color_frame < end)
+    chosen = {"color_frame": samples, "color_histogram": samples}
+    cut: dict[str, Any] = {
+        field.name: getattr(track, field.name)[chosen.get(field.name, rows)]
+        for field in fields(track)
+        if len(_array(track, field.name))
+    }
+    return replace(track, masks=track.masks.chosen(np.flatnonzero(rows)), **cut)
+
+
+def _continued(first: PersonTrack, second: PersonTrack) -> PersonTrack:
+    joined: dict[str, Any] = {
+        field.name: np.concatenate([getattr(first, field.name), getattr(second, field.name)])
+        for field in fields(first)
+        if len(_array(first, field.name)) and len(_array(second, field.name))
+    }
+    return replace(first, masks=first.masks.then(second.masks), **joined)
+
+
+def _array(track: PersonTrack, name: str) -> Array:
+    """A field, nothing where it is no array."""
+    value = getattr(track, name)
+    return value if isinstance(value, np.ndarray) else np.zeros(0)
+
+
+def _points(scenes: Sequence[PointTracks], start: int, end: int) -> PointTracks:
+    """Point tracks between two frames; tracks of different scenes stay different."""
+    parts = [points for points in scenes if points.start < end and points.end > start]
+    offsets = np.cumsum([0, *(int(points.track.max(initial=-1)) + 1 for points in parts)])
+    inside = [(points.frame >= start) & (points.frame < end) for points in parts]
+
+    def joined(name: str) -> Array:
+        return np.concatenate([getattr(points, name)[rows] for points, rows in zip(parts, inside, strict=True)])
+
+    numbers = [points.track[rows] + offset for points, rows, offset in zip(parts, inside, offsets, strict=False)]
+    return PointTracks(
+        start, end, np.concatenate(numbers).astype(np.int32), joined("frame"), joined("xy"), joined("confidence"),
+        window_px=max(points.window_px for points in parts),
+    )  # fmt: skip
