@@ -4,10 +4,12 @@ The floor is decoding plus one pass of the two networks on every frame, measured
 process, with the same threads. The run is forced: an empty store of its own, and a run folder that is thrown away.
 """
 
+import multiprocessing
 import resource
 import tempfile
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,11 +18,13 @@ import numpy as np
 
 from humanmm.config import Config
 from humanmm.errors import StageError
+from humanmm.models.benchmark.rows import Row, summarise
 from humanmm.models.perception.networks import detect, locate
 from humanmm.models.perception.regions import whole
 from humanmm.models.video.facts import VideoFacts
 from humanmm.models.video.frames import frames
 from humanmm.models.video.reading import read_facts
+from humanmm.storage.looped_video import write_looped
 from humanmm.storage.run_record import read_run_record
 
 _WARM_UP_FRAMES = 3
@@ -77,6 +81,30 @@ class Speed:
             "processor_ms_per_frame": 1000 * self.processor_s / self.num_frames,
             "peak_memory_mb": self.peak_memory_mb,
         }
+
+
+def growth_rows(video: Path, config: Config, minutes: Sequence[float]) -> list[Row]:
+    """A row for the video looped to each length, measured in a process of its own; the longest tells how the peak
+    memory grew from the shortest on."""
+    measured = {length: _measure_looped(video, config, length) for length in sorted(set(minutes))}
+    shortest, longest = measured[min(measured)], measured[max(measured)]
+    rows = []
+    for length, speed in measured.items():
+        figures = {"num_frames": float(speed.num_frames), **speed.metrics()}
+        if speed.num_frames == longest.num_frames > shortest.num_frames:
+            grown_mb = longest.peak_memory_mb - shortest.peak_memory_mb
+            figures["memory_growth_kb_per_frame"] = 1024 * grown_mb / (longest.num_frames - shortest.num_frames)
+        split = f"{video.stem} looped to {length:g} min"
+        rows.append(Row("humanmm", split, 1, 0, {key: summarise([value]) for key, value in figures.items()}))
+    return rows
+
+
+def _measure_looped(video: Path, config: Config, minutes: float) -> Speed:
+    with tempfile.TemporaryDirectory(prefix="humanmm-looped-") as folder:
+        looped = Path(folder) / f"{video.stem}.mkv"
+        write_looped(video, looped, seconds=60 * minutes)
+        with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
+            return pool.submit(measure_speed, looped, config).result()
 
 
 def measure_speed(video: Path, config: Config) -> Speed:

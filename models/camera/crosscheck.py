@@ -74,7 +74,8 @@ def _two_view_deg(shot: TrackedShot, track: Track, *, translating: bool) -> floa
     for a, b in _distant_pairs(shot, track):
         _, xy_a, xy_b = shot.shared(int(track.keyframes[a]), int(track.keyframes[b]))
         if translating:
-            pose = relative_pose(xy_a, xy_b, track.views.focal_px, max_error_px=tolerance)
+            focal_a, focal_b = track.views.focals_px[[a, b]]
+            pose = relative_pose(xy_a, xy_b * (focal_a / focal_b), focal_a, max_error_px=tolerance)
             theirs = None if pose is None else pose[0]
         else:
             theirs = _turn_from_homography(xy_a, xy_b, track.views, a, b, tolerance)
@@ -127,9 +128,9 @@ def _adjusted(shot: TrackedShot, track: Track, keyframes: Int[np.ndarray, " k"])
         return None
     distance = 1.0 / np.maximum(track.points.rho[used], 1.0 / (FARTHEST * extent))
     X = track.points.anchor[used] + track.points.direction[used] * distance[:, None]
-    R_theirs, t_theirs = _pycolmap_bundle(
-        R_shot_cam, t_shot_cam, X, replace(sightings, point=np.searchsorted(used, sightings.point)), track
-    )
+    compact = replace(sightings, point=np.searchsorted(used, sightings.point))
+    views = Views(R_shot_cam, t_shot_cam, track.views.log_zoom[keyframes], track.views.focal_px)
+    R_theirs, t_theirs = _pycolmap_bundle(views, X, compact, track.adjusted.noise_px)
     turn = np.degrees(rotations.rotation_angle(np.swapaxes(R_shot_cam, 1, 2) @ R_theirs))
     ours, theirs = t_shot_cam - t_shot_cam.mean(axis=0), t_theirs - t_theirs.mean(axis=0)
     theirs = theirs @ rotations.nearest_rotation(ours.T @ theirs).T
@@ -149,23 +150,18 @@ def _most_seen(sightings: Observations) -> Observations:
 
 
 def _pycolmap_bundle(
-    R_shot_cam: Float[np.ndarray, "k 3 3"],
-    t_shot_cam: Float[np.ndarray, "k 3"],
-    X: Float[np.ndarray, "p 3"],
-    sightings: Observations,
-    track: Track,
+    views: Views, X: Float[np.ndarray, "p 3"], sightings: Observations, noise_px: float
 ) -> tuple[Float[np.ndarray, "k 3 3"], Float[np.ndarray, "k 3"]]:
     """Rotations and centres after pycolmap's adjustment; the first view stays, the second keeps the scale."""
     model = pycolmap.Reconstruction()
-    lens = [track.views.focal_px, 0.0, 0.0]
-    model.add_camera_with_trivial_rig(
-        pycolmap.Camera(model="SIMPLE_PINHOLE", width=2, height=2, params=lens, camera_id=1)
-    )
     config = pycolmap.BundleAdjustmentConfig()
     paths = [pycolmap.Track() for _ in X]
-    for k, (R, t) in enumerate(zip(R_shot_cam, t_shot_cam, strict=True)):
+    for k, (R, t, focal_px) in enumerate(zip(views.R_shot_cam, views.t_shot_cam, views.focals_px, strict=True)):
         here = sightings.select(sightings.image == k)
-        image = pycolmap.Image(name=str(k), camera_id=1, image_id=k + 1)
+        lens = pycolmap.Camera(model="SIMPLE_PINHOLE", width=2, height=2, params=[focal_px, 0.0, 0.0], camera_id=k + 1)
+        model.add_camera_with_trivial_rig(lens)
+        config.set_constant_cam_intrinsics(k + 1)
+        image = pycolmap.Image(name=str(k), camera_id=k + 1, image_id=k + 1)
         image.points2D = pycolmap.Point2DList([pycolmap.Point2D(xy) for xy in here.xy])
         model.add_image_with_trivial_frame(image, pycolmap.Rigid3d(pycolmap.Rotation3d(R.T), -R.T @ t))
         config.add_image(k + 1)
@@ -174,15 +170,14 @@ def _pycolmap_bundle(
     for x, path in zip(X, paths, strict=True):
         model.add_point3D(x, path)
     config.fix_gauge(pycolmap.BundleAdjustmentGauge.TWO_CAMS_FROM_WORLD)
-    config.set_constant_cam_intrinsics(1)
     options = pycolmap.BundleAdjustmentOptions(print_summary=False)
     options.ceres.loss_function_type = pycolmap.LossFunctionType.CAUCHY
-    options.ceres.loss_function_scale = 2.0 * track.adjusted.noise_px
+    options.ceres.loss_function_scale = 2.0 * noise_px
     options.ceres.solver_options.num_threads = 1  # sums in one order: the same bytes every time
     options.ceres.solver_options.max_num_iterations = MAX_ITERATIONS
     options.ceres.solver_options.function_tolerance = 1e-6
     pycolmap.create_default_bundle_adjuster(options, config, model).solve()
-    poses = [model.images[k + 1].cam_from_world() for k in range(len(R_shot_cam))]
+    poses = [model.images[k + 1].cam_from_world() for k in range(len(views.log_zoom))]
     R_cam_shot = np.array([pose.rotation.matrix() for pose in poses])
     t_cam_shot = np.array([pose.translation for pose in poses])
     R_shot_cam = np.swapaxes(R_cam_shot, 1, 2)

@@ -23,16 +23,21 @@ from humanmm.models.camera.odometry import (
     MOVING_GAIN,
     Track,
     all_images,
+    also_zooming,
     moving,
     rotating,
     zooms_in,
 )
+from humanmm.models.camera.selfcalibration import HINT_SHARE, with_own_focal
 from humanmm.models.camera.standing import judge_standing
 from humanmm.models.camera.tracked import TrackedShot, arrange, choose_keyframes
 from humanmm.models.perception.tracks import PersonTrack
 
 POOR_SHARE = 0.004
 """A fit worse than this share of the diagonal is no measurement any more."""
+ZOOMING = Freedom(translation=False, zoom=True)
+KNOWN_FOCAL = 0.1
+"""A focal length with a relative uncertainty below this is known, for the purpose of telling zoom from travel."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +71,7 @@ def estimate_camera(
     standing = judge_standing(shot)
     if standing.static:
         return replace(_resting(points, intrinsics, "static"), warnings=warnings)
-    answer = _turning_or_moving(shot, intrinsics.focal_px)
+    answer = _turning_or_moving(shot, intrinsics)
     return _result(points, shot, intrinsics, replace(answer, warnings=warnings + answer.warnings))
 
 
@@ -79,36 +84,82 @@ def _resting(points: PointTracks, intrinsics: Intrinsics, source: CameraSource, 
     )  # fmt: skip
 
 
-def _turning_or_moving(shot: TrackedShot, focal_px: float) -> _Answer:
-    """The simplest camera that explains the background: turning, turning and zooming, or moving."""
+def _turning_or_moving(shot: TrackedShot, intrinsics: Intrinsics) -> _Answer:
+    """The simplest camera that explains the background: turning, turning and zooming, moving, moving and zooming.
+
+    A zoom looks much like a step forward; only points at different distances tell them apart.
+    """
     keyframes = choose_keyframes(shot)
     turning_only = Freedom(translation=False)
-    turning = rotating(shot, keyframes, focal_px, freedom=turning_only)
+    turning = rotating(shot, keyframes, intrinsics.focal_px, freedom=turning_only)
     exact = EXACT_SHARE * shot.diagonal_px
     if turning.adjusted.noise_px < exact:
         return _answer(shot, turning, turning_only, "rotation_only")
-    zooming_too = Freedom(translation=False, zoom=True)
-    zooming = rotating(shot, keyframes, focal_px, freedom=zooming_too)  # a zoom looks much like a step forward
+    zooming = rotating(shot, keyframes, intrinsics.focal_px, freedom=ZOOMING)
+    known = intrinsics.relative_uncertainty < KNOWN_FOCAL
+    guide = turning
     zooms = zooms_in(zooming, turning)
-    turned, freedom = (zooming, zooming_too) if zooms else (turning, turning_only)
-    moved = moving(shot, turning)
-    if moved is not None and moved.error_px < MOVING_GAIN * turned.error_px:
-        return _answer(shot, moved, Freedom(translation=True), "tracked")
-    answer = _answer(shot, turned, freedom, "rotation_only")
     if zooms:
-        percent = 100 * (np.exp(np.ptp(zooming.views.log_zoom)) - 1)
-        said = f"the focal length changes by {percent:.0f} % within the shot: the camera zooms"
-        answer = replace(answer, warnings=(*answer.warnings, said))
-    return answer
+        zooming, calibrated = _calibrated(shot, zooming, intrinsics)
+        if calibrated and not known:
+            guide, known = rotating(shot, keyframes, zooming.views.focal_px, freedom=turning_only), True
+    needs_no_travel = zooms and zooming.adjusted.noise_px < exact
+    turned_error_px = zooming.error_px if zooms else turning.error_px
+    moved = None if needs_no_travel else moving(shot, guide)
+    if moved is not None and moved.error_px < MOVING_GAIN * turned_error_px:
+        return _moving(shot, moved, focal_is_known=known)
+    if not zooms:
+        return _answer(shot, turning, turning_only, "rotation_only")
+    said = f"the camera zooms: {_range(zooming)}"
+    if moved is not None and moved.error_px < turned_error_px:
+        said += "; a camera that travels would explain the points about as well"
+    return _answer(shot, zooming, ZOOMING, "rotation_only", said)
 
 
-def _answer(shot: TrackedShot, track: Track, freedom: Freedom, source: CameraSource) -> _Answer:
+def _calibrated(shot: TrackedShot, zooming: Track, intrinsics: Intrinsics) -> tuple[Track, bool]:
+    """The track of a turning and zooming camera with its own focal length, and whether the points tell it; if not, the
+    video's focal length is the middle of its range."""
+    if intrinsics.source != "given" and zooming.adjusted.noise_px < HINT_SHARE * shot.diagonal_px:
+        own = with_own_focal(zooming, ZOOMING)
+        if own.log_focal_sigma < KNOWN_FOCAL:
+            return own.track, True
+    first_px = intrinsics.focal_px * float(np.exp(-zooming.views.log_zoom.mean()))
+    return rotating(shot, zooming.keyframes, first_px, freedom=ZOOMING), False
+
+
+def _moving(shot: TrackedShot, moved: Track, *, focal_is_known: bool) -> _Answer:
+    """A moving camera; one that zooms as well only if the focal length is known.
+
+    A wrong focal length bends the path of a moving camera much as a zoom does: what fits better then is no proof.
+    """
+    zooming = also_zooming(moved)
+    if not zooms_in(zooming, moved):
+        return _answer(shot, moved, Freedom(translation=True), "tracked")
+    if focal_is_known:
+        said = f"the camera zooms as it travels: {_range(zooming)}"
+        return _answer(shot, zooming, Freedom(translation=True, zoom=True), "tracked", said)
+    said = (
+        f"the points fit better ({zooming.error_px:.1f} instead of {moved.error_px:.1f} px) if the focal length "
+        "changes within the shot, but as it is not known, travel alone is taken: give the focal length"
+    )
+    return _answer(shot, moved, Freedom(translation=True), "tracked", said)
+
+
+def _range(zooming: Track) -> str:
+    """The focal lengths of a zoom, in words."""
+    focals_px = zooming.views.focals_px
+    percent = 100 * (focals_px.max() / focals_px.min() - 1)
+    return f"its focal length changes by {percent:.0f} % ({focals_px.min():.0f} to {focals_px.max():.0f} px)"
+
+
+def _answer(shot: TrackedShot, track: Track, freedom: Freedom, source: CameraSource, *warnings: str) -> _Answer:
     views, residual = all_images(shot, track, freedom=freedom)
     breaks = _breaks(shot, track)
-    warnings: tuple[str, ...] = ()
     if breaks:
         said = ", ".join(str(frame) for frame in breaks[:5]) + (", …" if len(breaks) > 5 else "")
-        warnings = (f"hardly any point survives frame {said}: the camera's motion there is assumed to go on as before",)
+        warnings += (
+            f"hardly any point survives frame {said}: the camera's motion there is assumed to go on as before",
+        )
     error = float(np.median(residual)) if len(residual) else float("inf")
     if error > POOR_SHARE * shot.diagonal_px:
         source = "fallback"
@@ -133,8 +184,7 @@ def _result(points: PointTracks, shot: TrackedShot, intrinsics: Intrinsics, answ
         t_shot_cam = np.stack([np.interp(at, known_at, answer.views.t_shot_cam[:, axis]) for axis in range(3)], 1)
         t_shot_cam = (t_shot_cam - t_shot_cam[0]) @ R_first.T
     K = np.tile(intrinsics.K, (len(at), 1, 1))
-    log_zoom = np.interp(at, known_at, answer.views.log_zoom)
-    K[:, :2, :2] *= np.exp(log_zoom - log_zoom[0])[:, None, None]
+    K[:, [0, 1], [0, 1]] = np.interp(at, known_at, answer.views.focals_px)[:, None]
     check = cross_check(shot, answer.track, translating=moves)
     return ShotCamera(
         points.start, points.end, R_first @ R_shot_cam, t_shot_cam, K, answer.source, metric=not moves,

@@ -76,7 +76,8 @@ class ShotCamera:
     """(F,3) float64, camera centre in the shot frame; metres if `metric`, else up to one scale; zero if static or
     rotation only."""
     K: np.ndarray
-    """(F,3,3) float64: the shared intrinsics in every frame; of a camera that zooms, in its first frame."""
+    """(F,3,3) float64: the shared intrinsics in every frame; of a camera that zooms, its own focal lengths where the
+    points tell them, else such that the shared one is the middle of their range."""
     source: CameraSource
     metric: bool
     points_shot: np.ndarray

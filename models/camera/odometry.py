@@ -37,6 +37,8 @@ MAX_ERROR_SHARE = 0.002
 """Error of a sighting, as a share of the diagonal, that the two-view pose at the start tolerates."""
 LASTING, MIN_LASTING = 4, 100
 """Keyframes that see a point that counts in comparing models, and sightings of such points needed."""
+ZOOM_ITERATIONS = 40
+"""Zoom and travel look much alike: the way from one to the other is long and flat."""
 OUTLIER_SIGMA = 4.0
 """Sightings further off than this many sigma after an adjustment are dropped (LEAP-VO drops above 5 px)."""
 IMAGES_AT_ONCE = 200
@@ -272,9 +274,23 @@ def _from_first_view(result: Adjusted) -> Adjusted:
     return replace(result, views=views, points=points)
 
 
-def zooms_in(zooming: Track, turning: Track) -> bool:
-    """Whether a change of focal length explains the shot clearly better than turning alone."""
-    return float(np.ptp(zooming.views.log_zoom)) > MIN_ZOOM and zooming.error_px < ZOOM_GAIN * turning.error_px
+def zooms_in(zooming: Track, constant: Track) -> bool:
+    """Whether a change of focal length explains the shot clearly better than the same camera with a constant one."""
+    return float(np.ptp(zooming.views.log_zoom)) > MIN_ZOOM and zooming.error_px < ZOOM_GAIN * constant.error_px
+
+
+def also_zooming(moved: Track) -> Track:
+    """The track of a moving camera with one focal length per key frame, the first one's as it was.
+
+    It starts from the track of a constant lens, but with the sightings that this one had to drop: they are where a zoom
+    shows.
+    """
+    sightings = moved.all_sightings.select(moved.known[moved.all_sightings.point])
+    fixed = np.zeros(len(moved.keyframes), bool)
+    fixed[0] = True
+    freedom = Freedom(translation=True, zoom=True)
+    result = adjust(moved.views, moved.points, sightings, fixed=fixed, freedom=freedom, iterations=ZOOM_ITERATIONS)
+    return replace(moved, views=result.views, points=result.points, adjusted=result, observations=sightings)
 
 
 def _resting(num_images: int, focal_px: float) -> Views:

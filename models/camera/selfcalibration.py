@@ -18,6 +18,7 @@ from humanmm.models.camera.odometry import (
     MIN_POINTS,
     MOVING_GAIN,
     Track,
+    also_zooming,
     moving,
     rotating,
     zooms_in,
@@ -81,7 +82,7 @@ class FocalEvidence:
 def focal_evidence(shot: TrackedShot, start_px: float) -> FocalEvidence | None:
     """Focal length of a shot whose camera turns or moves, from a first guess; None where it stands or shows too little.
 
-    Of a shot that zooms it is the first frame's, as uncertain as the zoom is large.
+    Of a shot that zooms it is the middle of its range, as uncertain as the zoom is large.
     """
     if shot.num_images < 3 or float(np.median(np.diff(shot.begins))) < MIN_POINTS or judge_standing(shot).static:
         return None
@@ -98,22 +99,28 @@ def focal_evidence(shot: TrackedShot, start_px: float) -> FocalEvidence | None:
     zooms = zooms_in(zooming, turning.track)
     turned_error_px = zooming.error_px if zooms else turning.track.error_px
     found: FocalEvidence | None = None
-    for _ in range(MAX_ROUNDS):
+    zoom_tells = zooms and zooming.adjusted.noise_px < HINT_SHARE * shot.diagonal_px
+    if zoom_tells:
+        zoomed = with_own_focal(zooming, zooming_freedom)
+        found = _evidence(zoomed, "rotation_only")
+        focal_px, turned_error_px = zoomed.track.views.focal_px, zoomed.track.error_px
+    needs_no_travel = zoom_tells and zoomed.track.adjusted.noise_px < EXACT_SHARE * shot.diagonal_px
+    for _ in range(0 if needs_no_travel else MAX_ROUNDS):
         guide = rotating(shot, keyframes, focal_px, freedom=turning_freedom)
         moved = moving(shot, guide, max_starts=1)
         if moved is None:
             break
-        followed = with_own_focal(moved, moving_freedom)
+        if zoom_tells:
+            followed = with_own_focal(also_zooming(moved), Freedom(translation=True, zoom=True))
+        else:
+            followed = with_own_focal(moved, moving_freedom)
         if not followed.track.error_px < MOVING_GAIN * turned_error_px:
             break
         found = _evidence(followed, "tracked")
-        if abs(np.log(found.focal_px / focal_px)) < SAME_FOCAL:
+        if abs(np.log(followed.track.views.focal_px / focal_px)) < SAME_FOCAL:
             break
-        focal_px = found.focal_px
-    if found is None and zooms:
-        evidence = _evidence(with_own_focal(zooming, zooming_freedom), "rotation_only")
-        found = replace(evidence, log_sigma=float(np.hypot(evidence.log_sigma, np.ptp(zooming.views.log_zoom))))
-    elif found is None and hint:
+        focal_px = followed.track.views.focal_px
+    if found is None and hint:
         misfit = noise / (EXACT_SHARE * shot.diagonal_px)
         evidence = _evidence(turning, "rotation_only")
         found = replace(evidence, log_sigma=evidence.log_sigma * misfit)
@@ -121,7 +128,10 @@ def focal_evidence(shot: TrackedShot, start_px: float) -> FocalEvidence | None:
 
 
 def _evidence(followed: FocalTrack, source: CameraSource) -> FocalEvidence:
-    return FocalEvidence(followed.track.views.focal_px, followed.log_focal_sigma, source)
+    views = followed.track.views
+    middle_px = views.focal_px * float(np.exp(views.log_zoom.mean()))
+    sigma = float(np.hypot(followed.log_focal_sigma, np.ptp(views.log_zoom)))
+    return FocalEvidence(middle_px, sigma, source)
 
 
 def _correlation(observations: Observations) -> float:

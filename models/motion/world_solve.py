@@ -18,9 +18,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy import sparse
-from scipy.sparse.linalg import splu
 
+from humanmm.models.motion.world_equations import CAMERA_UNKNOWNS, WorldEquations, links_of
 from humanmm.models.rotations import rotation_from_vector, skew, vector_from_rotation
 
 Array = np.ndarray
@@ -110,10 +109,6 @@ class Solution:
     scale: Float[Array, "shots"]
 
 
-CAMERA_UNKNOWNS = 7
-"""Per shot: place (3), small rotation (3), scale (1)."""
-
-
 def solve(
     strands: Sequence[Strand],
     rigs: Sequence[ShotRig],
@@ -137,6 +132,7 @@ def solve(
 
 
 _STILL_FROM, _FLOOR_FROM, _TURN_FROM = 1, 4, 4
+_DAMPING = 1e-6
 
 
 @dataclass(frozen=True)
@@ -145,51 +141,6 @@ class _State:
     turn: Array
     origin: Array
     scale: Array
-
-
-_PARTS = 24
-"""So many terms are kept apart before they are summed: summing each at once takes time, all at the end memory."""
-
-
-class _Rows:
-    """Normal equations of whitened residuals, gathered from sparse groups of rows."""
-
-    def __init__(self, num_unknowns: int) -> None:
-        self.num_unknowns = num_unknowns
-        self._parts: list[sparse.coo_matrix] = []
-        self._gradient = np.zeros(num_unknowns)
-
-    def add(self, residual: Float[Array, "n m"], *blocks: tuple[Int[Array, "n"], Float[Array, "n m b"]]) -> None:
-        """n groups of m residuals; each block gives the first unknown of every group and the derivatives by b of
-        them."""
-        n, m = residual.shape
-        rows = np.arange(n * m).reshape(n, m)
-        row, column, value = [], [], []
-        for first, derivative in blocks:
-            shape = (n, m, derivative.shape[2])
-            row.append(np.broadcast_to(rows[:, :, None], shape).ravel())
-            column.append(np.broadcast_to(first[:, None, None] + np.arange(shape[2]), shape).ravel())
-            value.append(np.broadcast_to(derivative, shape).ravel())
-        J = sparse.csr_matrix(
-            (np.concatenate(value), (np.concatenate(row), np.concatenate(column))), shape=(n * m, self.num_unknowns)
-        )
-        self._parts.append((J.T @ J).tocoo())
-        if len(self._parts) > _PARTS:
-            self._parts = [self._summed(self._parts).tocoo()]
-        self._gradient += J.T @ residual.ravel()
-
-    def _summed(self, parts: Sequence[sparse.coo_matrix]) -> sparse.csc_matrix:
-        row, column, value = (
-            np.concatenate([getattr(part, name) for part in parts]) for name in ("row", "col", "data")
-        )
-        return sparse.csc_matrix((value, (row, column)), shape=(self.num_unknowns, self.num_unknowns))
-
-    def step(self, damping: Float[Array, "unknowns"]) -> Float[Array, "unknowns"]:
-        """Gauss-Newton step, damped by a diagonal."""
-        normal = self._summed([*self._parts, sparse.diags(damping).tocoo()])
-        # The ordering for symmetric matrices keeps the factor as sparse as the chain of frames is.
-        factor = splu(normal, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-        return np.asarray(-factor.solve(self._gradient))
 
 
 def _step(
@@ -201,41 +152,38 @@ def _step(
     options: SolveSettings,
     iteration: int,
 ) -> _State:
-    counts = [len(strand.frame) for strand in strands]
-    firsts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64) * 3
-    cameras = int(firsts[-1])
-    rows = _Rows(cameras + CAMERA_UNKNOWNS * len(rigs))
-    for k, strand in enumerate(strands):
-        pelvis = firsts[k] + 3 * np.arange(counts[k])
-        camera = cameras + CAMERA_UNKNOWNS * strand.shot
-        _observations(rows, strand, rigs[strand.shot], state, k, pelvis, camera, options, robust=iteration > 0)
+    order = sorted(range(len(strands)), key=lambda k: (strands[k].person, int(strands[k].frame[0])))
+    links = links_of(
+        [strands[k].person for k in order], [strands[k].shot for k in order], [strands[k].time_s for k in order]
+    )
+    equations = WorldEquations(links, len(rigs))
+    for k, link in zip(order, links, strict=True):
+        strand = strands[k]
+        _observations(equations, strand, rigs[strand.shot], state, k, link.start, options, robust=iteration > 0)
         if iteration >= _STILL_FROM:
-            _feet(rows, strand, state, k, pelvis, camera, options, floor=iteration >= _FLOOR_FROM)
+            _feet(equations, strand, state, k, link.start, options, floor=iteration >= _FLOOR_FROM)
     for person in sorted({strand.person for strand in strands}):
-        own = [k for k, strand in enumerate(strands) if strand.person == person]
-        own.sort(key=lambda k: int(strands[k].frame[0]))
-        unknown = np.concatenate([firsts[k] + 3 * np.arange(counts[k]) for k in own])
-        time_s = np.concatenate([strands[k].time_s for k in own])
-        _inertia(rows, np.concatenate([state.pelvis[k] for k in own]), time_s, unknown, options)
-    _levels(rows, joins, state, cameras, options)
-    _same_places(rows, rigs, same, state, cameras)
+        own = [(k, link) for k, link in zip(order, links, strict=True) if strands[k].person == person]
+        time_s = np.concatenate([strands[k].time_s for k, _ in own])
+        _inertia(equations, np.concatenate([state.pelvis[k] for k, _ in own]), time_s, own[0][1].start, options)
+    _levels(equations, joins, state, options)
+    _same_places(equations, rigs, same, state)
 
-    damping = np.full(rows.num_unknowns, 1e-6)
-    block = damping[cameras:].reshape(len(rigs), CAMERA_UNKNOWNS)
-    block[0, :2] = 1e6  # the first camera stays where it is, but for its height
+    damping = np.full((len(rigs), CAMERA_UNKNOWNS), _DAMPING)
+    damping[0, :2] = 1e6  # the first camera stays where it is, but for its height
     if iteration < _FLOOR_FROM:
-        block[0, 2] = 1e6
-    block[:, 5] = 1e8  # headings are the cuts' business: feet and inertia level a shot but do not turn it
+        damping[0, 2] = 1e6
+    damping[:, 5] = 1e8  # headings are the cuts' business: feet and inertia level a shot but do not turn it
     if iteration < _TURN_FROM:
-        block[:, 3:6] = 1e8
+        damping[:, 3:6] = 1e8
     known = np.array([rig.scale_known or not np.any(rig.path) for rig in rigs])
-    block[known, 6] = 1e8
-    step = rows.step(damping)
-    moved = step[cameras:].reshape(len(rigs), CAMERA_UNKNOWNS)
+    damping[known, 6] = 1e8
+    places, moved = equations.step(_DAMPING, damping)
+    start = {k: link.start for k, link in zip(order, links, strict=True)}
     # A scale neither changes sign nor runs away in one step.
     scale = np.clip(state.scale + moved[:, 6], 0.3 * state.scale, 3.0 * state.scale)
     return _State(
-        pelvis=[p + step[firsts[k] : firsts[k + 1]].reshape(-1, 3) for k, p in enumerate(state.pelvis)],
+        pelvis=[state.pelvis[k] + places[start[k] : start[k] + len(state.pelvis[k])] for k in range(len(strands))],
         turn=rotation_from_vector(moved[:, 3:6]) @ state.turn,
         origin=state.origin + moved[:, :3],
         scale=scale,
@@ -243,13 +191,12 @@ def _step(
 
 
 def _observations(
-    rows: _Rows,
+    equations: WorldEquations,
     strand: Strand,
     rig: ShotRig,
     state: _State,
     index: int,
-    pelvis: Int[Array, "n"],
-    camera: int,
+    first: int,
     options: SolveSettings,
     *,
     robust: bool,
@@ -271,14 +218,8 @@ def _observations(
         size = np.linalg.norm(residual, axis=1) * np.sqrt(correlated)
         factor = np.sqrt(np.minimum(1.0, 2.0 / np.maximum(size, 1e-9)))[:, None]
         residual, whiten = residual * factor, whiten * factor[..., None]
-    own = np.full(len(pelvis), camera)
-    rows.add(
-        residual,
-        (pelvis, whiten),
-        (own, -whiten),
-        (own + 3, whiten @ skew(arm)),
-        (own + 6, -whiten @ path[..., None]),
-    )
+    by_camera = np.concatenate([-whiten, whiten @ skew(arm), -whiten @ path[..., None]], axis=-1)
+    equations.add_places(first, strand.shot, residual, whiten, by_camera)
 
 
 def _hold(
@@ -302,18 +243,17 @@ _HOLE_S = 0.1
 
 
 def _feet(
-    rows: _Rows,
+    equations: WorldEquations,
     strand: Strand,
     state: _State,
     index: int,
-    pelvis: Int[Array, "n"],
-    camera: int,
+    first: int,
     options: SolveSettings,
     *,
     floor: bool,
 ) -> None:
     """Feet that stand still keep their place, those that bear the body are on the floor, none is below it."""
-    if len(pelvis) < 2:
+    if len(strand.frame) < 2:
         return
     turned = strand.feet @ state.turn[strand.shot].T
     place = turned + state.pelvis[index][:, None]
@@ -321,36 +261,24 @@ def _feet(
     correlated = np.sqrt(max(1.0, options.correlation_s / _frame_step(strand.time_s)))
     step = np.diff(strand.time_s)[:, None]
     weight = np.sqrt(still) / (options.still_ms * step) / np.sqrt(correlated)
+    moved, swing = np.diff(place, axis=0), np.diff(turned, axis=0)
     for foot in range(4):
-        w = weight[:, foot, None, None] * np.eye(3)
-        moved = place[1:, foot] - place[:-1, foot]
-        swing = turned[1:, foot] - turned[:-1, foot]
-        own = np.full(len(moved), camera + 3)
-        rows.add(
-            weight[:, foot, None] * moved,
-            (pelvis[1:], w),
-            (pelvis[:-1], -w),
-            (own, -weight[:, foot, None, None] * skew(swing)),
-        )
+        equations.add_still(first, strand.shot, weight[:, foot], moved[:, foot], -skew(swing[:, foot]))
     if not floor:
         return
     below = place[..., 2] < 0
     bearing = np.sqrt(np.where(below, np.maximum(on_floor, 0.5), on_floor)) / options.floor_m / correlated
-    for foot in range(4):
-        own = np.full(len(pelvis), camera + 3)
-        lever = -skew(turned[:, foot])[:, 2:3]
-        rows.add(
-            (bearing[:, foot] * place[:, foot, 2])[:, None],
-            (pelvis + 2, bearing[:, foot, None, None]),
-            (own, bearing[:, foot, None, None] * lever),
-        )
+    by_place, by_camera = np.zeros((*bearing.shape, 3)), np.zeros((*bearing.shape, CAMERA_UNKNOWNS))
+    by_place[..., 2] = bearing
+    by_camera[..., 3:6] = bearing[..., None] * -skew(turned)[..., 2, :]
+    equations.add_places(first, strand.shot, bearing * place[..., 2], by_place, by_camera)
 
 
 def _inertia(
-    rows: _Rows,
+    equations: WorldEquations,
     pelvis: Float[Array, "n 3"],
     time_s: Float[Array, "n"],
-    unknown: Int[Array, "n"],
+    first: int,
     options: SolveSettings,
 ) -> None:
     """Velocity changes slowly, across cuts as well; over a hole it may have changed more."""
@@ -360,20 +288,15 @@ def _inertia(
     velocity = np.diff(pelvis, axis=0) / step[:, None]
     # Where acceleration says nothing (two frames, a long hole) the speed is at least one that a person can have.
     loose = np.flatnonzero(step > _HOLE_S) if len(pelvis) > 2 else np.arange(len(step))
-    slope = (1 / (_PERSON_SPEED_MS * step[loose]))[:, None, None] * np.eye(3)
-    rows.add(velocity[loose] / _PERSON_SPEED_MS, (unknown[loose + 1], slope), (unknown[loose], -slope))
+    slope = 1 / (_PERSON_SPEED_MS * step[loose])
+    equations.add_chain(first + loose, np.stack([-slope, slope], axis=1), velocity[loose] / _PERSON_SPEED_MS)
     if len(pelvis) < 3:
         return
     middle = 0.5 * (step[1:] + step[:-1])
     sigma = options.acceleration_ms2 * middle / np.sqrt(1 + middle / _ACCELERATION_S)
-    residual = (velocity[1:] - velocity[:-1]) / sigma[:, None]
     after, before = 1 / (step[1:] * sigma), 1 / (step[:-1] * sigma)
-    rows.add(
-        residual,
-        (unknown[2:], after[:, None, None] * np.eye(3)),
-        (unknown[1:-1], -(after + before)[:, None, None] * np.eye(3)),
-        (unknown[:-2], before[:, None, None] * np.eye(3)),
-    )
+    shares = np.stack([before, -(after + before), after], axis=1)
+    equations.add_chain(first + np.arange(len(shares)), shares, np.diff(velocity, axis=0) / sigma[:, None])
 
 
 _PERSON_SPEED_MS = 3.0
@@ -381,20 +304,19 @@ _ACCELERATION_S = 0.3
 """A push lasts about so long: over longer times velocity changes like a random walk."""
 
 
-def _levels(rows: _Rows, joins: Sequence[Join], state: _State, cameras: int, options: SolveSettings) -> None:
+def _levels(equations: WorldEquations, joins: Sequence[Join], state: _State, options: SolveSettings) -> None:
     """Every shot stays about as level as it came, neighbouring shots turned to each other as their link says."""
-    for k in range(len(state.turn)):
-        first = np.array([cameras + CAMERA_UNKNOWNS * k + 3])
+    turning = np.eye(CAMERA_UNKNOWNS)[3:6]
+    for shot, turn in enumerate(state.turn):
         w = 1 / np.deg2rad(options.level_deg)
-        rows.add(w * vector_from_rotation(state.turn[k])[None], (first, w * np.eye(3)[None]))
+        equations.add_cameras(w * vector_from_rotation(turn), (shot, w * turning))
     for join in joins:
         w = 1 / np.deg2rad(join.sigma_deg)
-        a, b = (np.array([cameras + CAMERA_UNKNOWNS * k + 3]) for k in (join.shot_a, join.shot_b))
         difference = vector_from_rotation(state.turn[join.shot_b]) - vector_from_rotation(state.turn[join.shot_a])
-        rows.add(w * difference[None], (b, w * np.eye(3)[None]), (a, -w * np.eye(3)[None]))
+        equations.add_cameras(w * difference, (join.shot_b, w * turning), (join.shot_a, -w * turning))
 
 
-def _same_places(rows: _Rows, rigs: Sequence[ShotRig], same: Sequence[SamePlace], state: _State, cameras: int) -> None:
+def _same_places(equations: WorldEquations, rigs: Sequence[ShotRig], same: Sequence[SamePlace], state: _State) -> None:
     """A standing camera that returns stands where it stood."""
     w = 1 / _SAME_PLACE_M
     for place in same:
@@ -402,10 +324,9 @@ def _same_places(rows: _Rows, rigs: Sequence[ShotRig], same: Sequence[SamePlace]
         for shot, frame, sign in ((place.shot_a, place.frame_a, 1.0), (place.shot_b, place.frame_b, -1.0)):
             arm = state.scale[shot] * rigs[shot].path[frame - rigs[shot].start] @ state.turn[shot].T
             difference = difference + sign * (state.origin[shot] + arm)
-            first = np.array([cameras + CAMERA_UNKNOWNS * shot])
-            blocks.append((first, sign * w * np.eye(3)[None]))
-            blocks.append((first + 3, -sign * w * skew(arm)[None]))
-        rows.add(w * difference[None], *blocks)
+            by_camera = np.concatenate([np.eye(3), -skew(arm), np.zeros((3, 1))], axis=1)
+            blocks.append((shot, sign * w * by_camera))
+        equations.add_cameras(w * difference, *blocks)
 
 
 _SAME_PLACE_M = 0.02

@@ -53,7 +53,7 @@ def timeline(
     top += along_px + _LABEL_PX + _TITLE_PX
     _draw_stages(_row(figure, top, below_px), stages)
     top += below_px + _TICKS_PX + _TITLE_PX
-    _write_warnings(_row(figure, top, text_px), sentences, len(warnings))
+    _write_warnings(figure, top, sentences, len(warnings))
     return picture(figure)
 
 
@@ -156,11 +156,12 @@ def _draw_stages(axes: Axes, stages: Sequence[StageTime]) -> None:
     axes.grid(axis="x", color=GRID, linewidth=0.8)
 
 
-def _write_warnings(axes: Axes, sentences: Sequence[str], count: int) -> None:
-    axes.set_axis_off()
+def _write_warnings(figure: Figure, top_px: int, sentences: Sequence[str], count: int) -> None:
+    height_px = figure.get_figheight() * DPI
     title = "no warnings" if count == 0 else f"{count} warning{'s' * (count > 1)}"
-    axes.set_title(title, loc="left", fontsize=11, color=TEXT)
-    axes.text(0, 1, "\n".join(sentences), va="top", fontsize=8.5, color=TEXT, transform=axes.transAxes, wrap=False)
+    left, top = _LEFT_PX / WIDTH_PX, 1 - top_px / height_px
+    figure.text(left, top + 8 / height_px, title, fontsize=11, color=TEXT)
+    figure.text(left, top, "\n".join(sentences), va="top", fontsize=8.5, color=TEXT)
 
 
 def _wrapped(warnings: Sequence[str]) -> list[str]:

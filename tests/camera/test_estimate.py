@@ -9,7 +9,7 @@ import pytest
 
 from humanmm.models import rotations
 from humanmm.models.camera.estimate import estimate_camera
-from humanmm.models.camera.observations import ShotCamera
+from humanmm.models.camera.observations import PointTracks, ShotCamera
 
 
 def rotation_errors_deg(camera: ShotCamera, R_true: np.ndarray) -> np.ndarray:
@@ -43,6 +43,7 @@ def test_a_moving_camera_is_followed(scene_of: Callable[..., Any], kind: str) ->
     scene = scene_of(kind)
     camera = estimate_camera(scene.points, (), scene.intrinsics)
     assert camera.source == "tracked" and not camera.metric
+    assert not camera.zooms and not camera.warnings
     assert rotation_errors_deg(camera, scene.R_shot_cam).max() < 0.3  # 0.3 px of noise is 0.02 degrees a point
     assert position_error(camera, scene.t_shot_cam) < 0.05
     assert len(camera.points_shot) > 50
@@ -74,15 +75,48 @@ def test_a_shot_of_a_few_frames_works(scene_of: Callable[..., Any], num_frames: 
     assert rotation_errors_deg(camera, scene.R_shot_cam).max() < 0.5
 
 
-def test_a_zoom_is_reported_and_not_taken_for_motion(scene_of: Callable[..., Any]) -> None:
-    scene = scene_of("pan")
-    factor = np.linspace(1.0, 1.3, 60)[scene.points.frame][:, None]
+ZOOM = np.linspace(1.0, 1.3, 60)
+
+
+def zoomed(scene: Any) -> PointTracks:
+    """The scene's points through a lens whose focal length grows by ZOOM."""
     middle = np.array([scene.intrinsics.width, scene.intrinsics.height]) / 2
-    xy = (middle + factor * (scene.points.xy - middle)).astype(np.float32)
-    camera = estimate_camera(replace(scene.points, xy=xy), (), scene.intrinsics)
+    factor = ZOOM[scene.points.frame][:, None]
+    return replace(scene.points, xy=(middle + factor * (scene.points.xy - middle)).astype(np.float32))
+
+
+def test_a_zoom_is_not_taken_for_motion_and_every_frame_has_its_focal_length(scene_of: Callable[..., Any]) -> None:
+    scene = scene_of("pan")
+    unknown = replace(scene.intrinsics, focal_px=1100.0, source="default", relative_uncertainty=0.4)
+    camera = estimate_camera(zoomed(scene), (), unknown)
     assert camera.source == "rotation_only"
-    assert "focal length changes by 30 %" in camera.warnings[0]
-    assert rotation_errors_deg(camera, scene.R_shot_cam).max() < 1.0
+    assert "the camera zooms: its focal length changes by 30 %" in camera.warnings[0]
+    np.testing.assert_allclose(camera.K[:, 0, 0], scene.intrinsics.focal_px * ZOOM, rtol=0.02)
+    np.testing.assert_array_equal(camera.K[:, 0, 0], camera.K[:, 1, 1])
+    assert (camera.K[:, :2, 2] == [scene.intrinsics.width / 2, scene.intrinsics.height / 2]).all()
+    assert rotation_errors_deg(camera, scene.R_shot_cam).max() < 0.5
+
+
+def test_a_zoom_without_a_turn_tells_no_focal_length_and_keeps_the_videos_in_its_middle(
+    scene_of: Callable[..., Any],
+) -> None:
+    scene = scene_of("static")
+    unknown = replace(scene.intrinsics, focal_px=1100.0, source="default", relative_uncertainty=0.4)
+    camera = estimate_camera(zoomed(scene), (), unknown)
+    focals = camera.K[:, 0, 0]
+    assert camera.source == "rotation_only"
+    np.testing.assert_allclose(focals / focals[0], ZOOM, rtol=0.005)
+    assert np.exp(np.log(focals).mean()) == pytest.approx(1100.0, rel=0.05)
+    assert rotation_errors_deg(camera, scene.R_shot_cam).max() < 0.1
+
+
+def test_a_zoom_in_the_hand_is_told_from_the_hands_motion(scene_of: Callable[..., Any]) -> None:
+    scene = scene_of("hand-held")
+    camera = estimate_camera(zoomed(scene), (), scene.intrinsics)
+    assert camera.source == "tracked"
+    assert "the camera zooms as it travels" in camera.warnings[0]
+    np.testing.assert_allclose(camera.K[:, 0, 0], scene.intrinsics.focal_px * ZOOM, rtol=0.02)
+    assert rotation_errors_deg(camera, scene.R_shot_cam).max() < 0.5
 
 
 def test_the_users_word_settles_it(scene_of: Callable[..., Any]) -> None:

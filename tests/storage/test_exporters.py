@@ -40,6 +40,15 @@ def test_amass_readers_place_the_pelvis_where_ours_is(tmp_path: Path, recording:
         np.testing.assert_array_equal(file["poses"][:, 3:66], file["pose_body"])
 
 
+def test_an_amass_file_written_in_windows_holds_the_bytes_of_one_written_at_once(
+    tmp_path: Path, recording: Recording, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    at_once = export(recording, tmp_path / "once", "amass")
+    monkeypatch.setattr("humanmm.storage.exporters.amass._WINDOW", 5)
+    in_windows = export(recording, tmp_path / "windows", "amass")
+    assert [path.read_bytes() for path in in_windows] == [path.read_bytes() for path in at_once]
+
+
 def test_csv_holds_every_joint_of_every_frame(tmp_path: Path, recording: Recording) -> None:
     with export(recording, tmp_path, "csv")[1].open(newline="") as file:
         rows = list(csv.DictReader(file))

@@ -68,6 +68,10 @@ def add_bench(verbs: Any, common: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument("--runs", type=int, metavar="N", help="speed: how often to measure (default: 1)")
     parser.add_argument(
+        "--minutes", type=float, nargs="+", metavar="M",
+        help="speed: how time and memory grow: the video looped to each of these lengths (1 10), a process each",
+    )  # fmt: skip
+    parser.add_argument(
         "--report", type=Path, metavar="DIR", help="also write results.json, results.csv, README.md, index.html"
     )
     parser.add_argument("--store", type=Path, metavar="DIR", help="where motions and figures are kept")
@@ -88,8 +92,8 @@ def bench(options: argparse.Namespace) -> int:
         raise UsageError("--size is for sets that are made here; a folder of clips has the size that it has")
     if options.table == "speed":
         return _speed(options, config)
-    if options.runs is not None:
-        raise UsageError("--runs is for the table speed")
+    if options.runs is not None or options.minutes:
+        raise UsageError("--runs and --minutes are for the table speed")
     if options.table == "shots":
         return _shots(options, config)
     return _motion(options, config)
@@ -116,22 +120,29 @@ def _speed(options: argparse.Namespace, config: "Config") -> int:
         raise UsageError(f"--runs {runs_wanted}: at least one run is needed")
     if options.size is not None:
         raise UsageError("--size is for ms-mocap; speed measures one video")
+    if options.minutes and (options.runs is not None or min(options.minutes) <= 0):
+        raise UsageError("--minutes takes lengths above 0, and no --runs: every length is measured once")
     if options.report is not None and (options.report / "results.json").exists() and not options.force:
         raise InputError(f"{options.report / 'results.json'} exists already; give --force to replace it")
     if not options.data.is_file():
         raise InputError(f"{options.data} is not a file; give a video")
     stored = _stored(options.check)
 
-    from humanmm.flows.benchmark import measure_speed
+    from humanmm.flows.benchmark import growth_rows, measure_speed
     from humanmm.models.benchmark.rows import Row, summarise
     from humanmm.storage.bench_report import as_markdown, write_report
 
-    runs = [measure_speed(options.data, config).metrics() for _ in range(runs_wanted)]
-    metrics = {key: summarise([run[key] for run in runs]) for key in runs[0]}
-    rows = [Row("humanmm", options.data.stem, len(runs), 0, metrics)]
+    if options.minutes:
+        command = " ".join(["humanmm bench speed --minutes", *(f"{length:g}" for length in options.minutes)])
+        rows = growth_rows(options.data, config, options.minutes)
+    else:
+        command = f"humanmm bench speed --runs {runs_wanted}"
+        runs = [measure_speed(options.data, config).metrics() for _ in range(runs_wanted)]
+        metrics = {key: summarise([run[key] for run in runs]) for key in runs[0]}
+        rows = [Row("humanmm", options.data.stem, len(runs), 0, metrics)]
     sys.stdout.write(as_markdown(rows))
     if options.report is not None:
-        write_report(options.report, "speed", f"humanmm bench speed --runs {runs_wanted}", rows)
+        write_report(options.report, "speed", command, rows)
         sys.stdout.write(f"{options.report / 'results.json'}\n")
     return _compare(rows, stored, "speed")
 
