@@ -31,7 +31,6 @@ _DISTRIBUTIONS = {
     "cv2": ("opencv-python-headless", "opencv-python"),
     "av": ("av",),
     "pycolmap": ("pycolmap",),
-    "scenedetect": ("scenedetect-headless", "scenedetect"),
     "ai_edge_litert": ("ai-edge-litert",),
     "roma": ("roma",),
     "matplotlib": ("matplotlib",),

@@ -140,7 +140,7 @@ def _anchors() -> Float[np.ndarray, "2254 2"]:
 def detect(image: UInt8[np.ndarray, "height width 3"], within: Region, *, threshold: float = 0.5) -> list[Detection]:
     """People in an upright square region of the picture, best first, one detection a person."""
     picture = crop(image, within, DETECTOR_SIDE)
-    tensor = picture[None].astype(np.float32) / 127.5 - 1
+    tensor = np.divide(picture[None], np.float32(127.5), dtype=np.float32) - np.float32(1)
     boxes_and_points, logits = _run("pose_detection.tflite", tensor, "Identity", "Identity_1")
     scores = _sigmoid(logits[0, :, 0])
     chosen = np.flatnonzero(scores >= threshold)
@@ -191,7 +191,7 @@ def locate(image: UInt8[np.ndarray, "height width 3"], region: Region, *, mirror
     if mirrored:
         picture = np.ascontiguousarray(picture[:, ::-1])
     image_points, presence, mask_logits, world_points = _run(
-        "pose_landmark_full.tflite", picture[None].astype(np.float32) / 255,
+        "pose_landmark_full.tflite", np.divide(picture[None], np.float32(255), dtype=np.float32),
         "Identity", "Identity_1", "Identity_2", "Identity_4",
     )  # fmt: skip
     raw = image_points.reshape(-1, _VALUES_PER_LANDMARK)

@@ -27,11 +27,11 @@ def find_people(
 ) -> list[Observation]:
     """People in the frame who are not among the known, at most `limit` of them.
 
-    The detector mostly returns one person a picture and misses people below a quarter of its height: it looks again
-    with the found painted out, and at enlarged `places`; `upright` adds a search for standing people by another method.
+    The detector mostly returns one person a picture and misses people below a quarter of its height: it looks at each
+    of the `places` again with the found painted out; `upright` adds a search for standing people by another method.
     """
     search = _Search(image, known)
-    for within in [whole(image), *places]:
+    for within in places:
         while len(search.found) < limit:
             regions = [detection.region for detection in detect(search.canvas, within)]
             if not any([search.take(region) for region in regions[: limit - len(search.found)]]):
@@ -113,17 +113,20 @@ def paint_out(
     matrix = region.to_source(size)
     matrix[:, 2] += matrix[:, :2] @ np.array([0.5, 0.5]) - 0.5 - low
     covered = cv2.warpAffine(grown, matrix, (int(high[0] - low[0]), int(high[1] - low[1])), flags=cv2.INTER_NEAREST)
-    canvas[low[1] : high[1], low[0] : high[0]][covered > 0] = _PAINT
+    place = canvas[low[1] : high[1], low[0] : high[0]]
+    cv2.copyTo(np.full_like(place, _PAINT), covered, place)
     if painted is not None:
-        painted[low[1] : high[1], low[0] : high[0]][covered > 0] = 1
+        marked = painted[low[1] : high[1], low[0] : high[0]]
+        np.maximum(marked, covered, out=marked)
 
 
 def places_to_look(image: UInt8[np.ndarray, "height width 3"], turn: int, *, thorough: bool) -> list[Region]:
-    """Tiles for one search: all of them, or one large and one small in turn."""
+    """Where to look in one search: everywhere, or the whole frame and its large tiles by turns, and one small tile."""
     large, small = tiles(image)
     if thorough:
-        return [*large, *small]
-    return [places[turn % len(places)] for places in (large, small) if places]
+        return [whole(image), *large, *small]
+    wide = [whole(image)] if turn % 2 or not large else [large[turn // 2 % len(large)]]
+    return [*wide, *([small[turn % len(small)]] if small else [])]
 
 
 def tiles(image: UInt8[np.ndarray, "height width 3"]) -> tuple[list[Region], list[Region]]:

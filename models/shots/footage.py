@@ -48,7 +48,7 @@ class Footage:
     def append(self, bgr: np.ndarray) -> None:
         """Add the next frame, (h,w,3) uint8 of SIDE_PX."""
         hsv = cv2.cvtColor(bgr, cv2.COLOR_BGR2HSV)
-        histogram = color_histogram(bgr)
+        histogram = color_histogram(hsv)
         if self._last is None:
             self.change.append(0.0)
             self.color_change.append(0.0)

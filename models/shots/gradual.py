@@ -110,7 +110,7 @@ def _ramp(thumbs: np.ndarray, first: int, last: int, longest: int) -> Span | Non
         difference = thumbs[last] - thumbs[first]
         energy = max(float(difference @ difference), 1e-6)
         low, high = max(0, first - longest // 2), min(len(thumbs) - 1, last + longest // 2)
-        weight = (thumbs[low : high + 1] - thumbs[first]) @ difference / energy
+        weight = (thumbs[low : high + 1] @ difference - thumbs[first] @ difference) / energy
         steps = _median_of_three(np.diff(weight))  # steps[i] leads from frame low + i to low + i + 1
         fair = _FAIR_STEP / max(_MIN_LENGTH, last - first)
         middle = (first + last) // 2 - low

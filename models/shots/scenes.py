@@ -1,15 +1,13 @@
 """Colour-based shot changes of a whole video in one streaming pass (paper section 3.1, part 1).
 
-Cuts are proposed by PySceneDetect's adaptive and content detectors (as the paper proposes them, with thresholds low
-enough for dark and similar scenes and without their minimum scene length, which hides quick cuts) and verified by
-`hard_cuts`; dissolves and fades come from `gradual`.
+Cuts are proposed by the rules of PySceneDetect's adaptive and content detectors (as the paper proposes them, with
+thresholds low enough for dark and similar scenes and without their minimum scene length, which hides quick cuts) and
+verified by `hard_cuts`; dissolves and fades come from `gradual`.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
-from scenedetect import FrameTimecode
-from scenedetect.detectors import AdaptiveDetector, ContentDetector
 
 from humanmm.models.shots.boundaries import Scenes, Transition
 from humanmm.models.shots.footage import Footage
@@ -20,8 +18,8 @@ _CONTENT_THRESHOLD = 20.0
 """PySceneDetect's default is 27; proposals are verified, so that a lower one costs only time."""
 _ADAPTIVE_MIN_CONTENT = 6.0
 """PySceneDetect's default is 15, which misses cuts between dark pictures."""
-_NOMINAL_FPS = 25.0
-"""PySceneDetect counts time; its rules are used here in frames, so that any rate, also a variable one, will do."""
+_ADAPTIVE_RATIO, _ADAPTIVE_WINDOW = 3.0, 2
+"""A change so many times as large as the mean of so many on either side is one that stands out (its defaults)."""
 _BLOCK = 256
 """Frames that are decided at once."""
 _FLICKER_S = 0.25
@@ -34,8 +32,6 @@ class SceneDetector:
     def __init__(self, fps: float) -> None:
         self._fps = max(fps, 1.0)
         self._footage = Footage()
-        self._adaptive = AdaptiveDetector(min_scene_len=1, min_content_val=_ADAPTIVE_MIN_CONTENT)
-        self._content = ContentDetector(threshold=_CONTENT_THRESHOLD, min_scene_len=1)
         self._longest = round(DISSOLVE_S * self._fps)
         self._margin = max(REACH, self._longest) + 8
         self._proposals: list[int] = []
@@ -46,10 +42,8 @@ class SceneDetector:
 
     def add(self, bgr: np.ndarray) -> None:
         """The next frame, (h,w,3) uint8, largest side `footage.SIDE_PX`."""
-        now = FrameTimecode(self._footage.end, _NOMINAL_FPS)
-        found = self._adaptive.process_frame(now, bgr) + self._content.process_frame(now, bgr)
-        self._proposals += (timecode.frame_num for timecode in found)
         self._footage.append(bgr)
+        self._proposals += proposals(self._footage.change)
         if self._footage.end - self._decided >= _BLOCK + self._margin:
             self._decide(self._decided + _BLOCK)
 
@@ -82,6 +76,21 @@ class SceneDetector:
         footage = self._footage
         around = [(run.start - 1 - k, run.end + k) for k in (0, 2, 4)]
         return any(footage.displacement(a, b) is not None for a, b in around if a >= footage.first and b < footage.end)
+
+
+def proposals(change: Sequence[float]) -> Iterator[int]:
+    """Frames of which the last change (PySceneDetect's content value, by frame) tells that a cut may lie there.
+
+    The content rule tells it of the last frame itself, the adaptive rule of the one two frames before.
+    """
+    last = len(change) - 1
+    if change[last] >= _CONTENT_THRESHOLD:
+        yield last
+    middle, first = last - _ADAPTIVE_WINDOW, last - 2 * _ADAPTIVE_WINDOW
+    if first >= 0 and change[middle] >= _ADAPTIVE_MIN_CONTENT:
+        around = (sum(change[first:]) - change[middle]) / (2 * _ADAPTIVE_WINDOW)
+        if change[middle] >= _ADAPTIVE_RATIO * around:
+            yield middle
 
 
 def find_scenes(pictures: Iterable[np.ndarray], fps: float) -> Scenes:

@@ -107,8 +107,7 @@ class PlaceRecogniser:
         return float(np.linalg.norm(corners @ similarity.T - corners[:, :2], axis=1).mean() / width)
 
 
-def color_histogram(bgr: np.ndarray) -> np.ndarray:
-    """(256,) float32 histogram over hue, saturation and value, summing to 1."""
-    hsv = cv2.cvtColor(bgr, cv2.COLOR_BGR2HSV)
+def color_histogram(hsv: np.ndarray) -> np.ndarray:
+    """(256,) float32 histogram over the hue, saturation and value of a (H,W,3) uint8 picture, summing to 1."""
     counts = cv2.calcHist([hsv], [0, 1, 2], None, [8, 4, 8], [0, 180, 0, 256, 0, 256]).ravel()
     return np.asarray(counts / counts.sum(), np.float32)

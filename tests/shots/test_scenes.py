@@ -7,10 +7,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from scenedetect import FrameTimecode
+from scenedetect.detectors import AdaptiveDetector, ContentDetector
 
 from humanmm.models.shots.boundaries import Scenes
-from humanmm.models.shots.footage import SIDE_PX
-from humanmm.models.shots.scenes import find_scenes
+from humanmm.models.shots.footage import SIDE_PX, Footage
+from humanmm.models.shots.scenes import find_scenes, proposals
 from humanmm.models.video.frames import frames
 from humanmm.models.video.reading import read_facts
 
@@ -122,6 +124,24 @@ def test_flashes_and_exposure_steps_make_no_cut() -> None:
         footage[frame] = np.clip(footage[frame] * gain + 60, 0, 255).astype(np.uint8)
     footage[60:] = [np.clip(picture * 0.6, 0, 255).astype(np.uint8) for picture in footage[60:]]
     assert changes(find_scenes(footage, 25)) == []
+
+
+def test_cuts_are_proposed_where_pyscenedetect_proposes_them() -> None:
+    generator = np.random.default_rng(3)
+    levels = np.cumsum(generator.choice([0, 0, 1, 3, 9, 40, 80], 300) * generator.choice([-1, 1], 300)) % 255
+    pictures = [np.full((18, 32, 3), level, np.uint8) for level in levels]
+    adaptive = AdaptiveDetector(min_scene_len=1, min_content_val=6.0)
+    content = ContentDetector(threshold=20.0, min_scene_len=1)
+    footage = Footage()
+    proposed: set[int] = set()
+    expected: set[int] = set()
+    for frame, picture in enumerate(pictures):
+        now = FrameTimecode(frame, 25.0)
+        expected |= {t.frame_num for t in adaptive.process_frame(now, picture) + content.process_frame(now, picture)}
+        footage.append(picture)
+        proposed |= set(proposals(footage.change))
+    assert len(expected) > 50
+    assert proposed == expected
 
 
 def test_what_is_found_does_not_depend_on_where_blocks_end() -> None:

@@ -113,7 +113,6 @@ def doctor(options: argparse.Namespace) -> int:
 
 _LIBRARIES = (
     "torch", "prefect", "zarr", "numpy", "scipy", "pycolmap", "opencv-python-headless", "av", "ai-edge-litert",
-    "scenedetect-headless",
 )  # fmt: skip
 
 
