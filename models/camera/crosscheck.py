@@ -34,7 +34,7 @@ FARTHEST = 1e3
 """Points without parallax are put this many times the camera's path away."""
 MAX_ITERATIONS = 50
 MAX_DISAGREEMENT_DEG = 3.0
-MAX_TRAVEL_DISAGREEMENT = 0.1
+MAX_TRAVEL_DISAGREEMENT = 0.2
 """Above these the disagreement is worth a warning."""
 
 

@@ -99,10 +99,11 @@ def _turning_or_moving(shot: TrackedShot, intrinsics: Intrinsics) -> _Answer:
     known = intrinsics.relative_uncertainty < KNOWN_FOCAL
     guide = turning
     zooms = zooms_in(zooming, turning)
-    if zooms:
-        zooming, calibrated = _calibrated(shot, zooming, intrinsics)
-        if calibrated and not known:
-            guide, known = rotating(shot, keyframes, zooming.views.focal_px, freedom=turning_only), True
+    own = _with_own_focal(shot, zooming, intrinsics) if zooms else None
+    if own is not None:
+        zooming = own
+        if not known:
+            guide, known = rotating(shot, keyframes, own.views.focal_px, freedom=turning_only), True
     needs_no_travel = zooms and zooming.adjusted.noise_px < exact
     turned_error_px = zooming.error_px if zooms else turning.error_px
     moved = None if needs_no_travel else moving(shot, guide)
@@ -110,21 +111,22 @@ def _turning_or_moving(shot: TrackedShot, intrinsics: Intrinsics) -> _Answer:
         return _moving(shot, moved, focal_is_known=known)
     if not zooms:
         return _answer(shot, turning, turning_only, "rotation_only")
+    if own is None:  # the video's focal length is the middle of the zoom
+        first_px = intrinsics.focal_px * float(np.exp(-zooming.views.log_zoom.mean()))
+        zooming = rotating(shot, keyframes, first_px, freedom=ZOOMING)
     said = f"the camera zooms: {_range(zooming)}"
     if moved is not None and moved.error_px < turned_error_px:
         said += "; a camera that travels would explain the points about as well"
     return _answer(shot, zooming, ZOOMING, "rotation_only", said)
 
 
-def _calibrated(shot: TrackedShot, zooming: Track, intrinsics: Intrinsics) -> tuple[Track, bool]:
-    """The track of a turning and zooming camera with its own focal length, and whether the points tell it; if not, the
-    video's focal length is the middle of its range."""
-    if intrinsics.source != "given" and zooming.adjusted.noise_px < HINT_SHARE * shot.diagonal_px:
-        own = with_own_focal(zooming, ZOOMING)
-        if own.log_focal_sigma < KNOWN_FOCAL:
-            return own.track, True
-    first_px = intrinsics.focal_px * float(np.exp(-zooming.views.log_zoom.mean()))
-    return rotating(shot, zooming.keyframes, first_px, freedom=ZOOMING), False
+def _with_own_focal(shot: TrackedShot, zooming: Track, intrinsics: Intrinsics) -> Track | None:
+    """The track of a turning and zooming camera with its own focal length; None where the points do not tell it, or the
+    user has."""
+    if intrinsics.source == "given" or zooming.adjusted.noise_px > HINT_SHARE * shot.diagonal_px:
+        return None
+    own = with_own_focal(zooming, ZOOMING)
+    return own.track if own.log_focal_sigma < KNOWN_FOCAL else None
 
 
 def _moving(shot: TrackedShot, moved: Track, *, focal_is_known: bool) -> _Answer:
@@ -132,9 +134,12 @@ def _moving(shot: TrackedShot, moved: Track, *, focal_is_known: bool) -> _Answer
 
     A wrong focal length bends the path of a moving camera much as a zoom does: what fits better then is no proof.
     """
+    travel_only = Freedom(translation=True)
+    if moved.error_px < EXACT_SHARE * shot.diagonal_px:
+        return _answer(shot, moved, travel_only, "tracked")
     zooming = also_zooming(moved)
     if not zooms_in(zooming, moved):
-        return _answer(shot, moved, Freedom(translation=True), "tracked")
+        return _answer(shot, moved, travel_only, "tracked")
     if focal_is_known:
         said = f"the camera zooms as it travels: {_range(zooming)}"
         return _answer(shot, zooming, Freedom(translation=True, zoom=True), "tracked", said)
@@ -142,7 +147,7 @@ def _moving(shot: TrackedShot, moved: Track, *, focal_is_known: bool) -> _Answer
         f"the points fit better ({zooming.error_px:.1f} instead of {moved.error_px:.1f} px) if the focal length "
         "changes within the shot, but as it is not known, travel alone is taken: give the focal length"
     )
-    return _answer(shot, moved, Freedom(translation=True), "tracked", said)
+    return _answer(shot, moved, travel_only, "tracked", said)
 
 
 def _range(zooming: Track) -> str:

@@ -25,7 +25,7 @@ MAX_GLOBAL_KEYFRAMES = 100
 """Longer shots keep the windowed result: the last adjustment over all keyframes would grow with the cube of their
 number."""
 EXACT_SHARE = 0.0003
-"""A turning camera that fits within this share of the diagonal (one sigma) needs no other explanation."""
+"""A camera that fits within this share of the diagonal (one sigma) needs no other explanation."""
 MOVING_GAIN = 0.6
 """A moving camera must bring the residuals below this share of the turning camera's: it has one more unknown per
 point."""
@@ -289,7 +289,8 @@ def also_zooming(moved: Track) -> Track:
     fixed = np.zeros(len(moved.keyframes), bool)
     fixed[0] = True
     freedom = Freedom(translation=True, zoom=True)
-    result = adjust(moved.views, moved.points, sightings, fixed=fixed, freedom=freedom, iterations=ZOOM_ITERATIONS)
+    iterations = ZOOM_ITERATIONS if len(fixed) <= MAX_GLOBAL_KEYFRAMES else 0
+    result = adjust(moved.views, moved.points, sightings, fixed=fixed, freedom=freedom, iterations=iterations)
     return replace(moved, views=result.views, points=result.points, adjusted=result, observations=sightings)
 
 
