@@ -4,6 +4,8 @@ p_j = p_parent + R_parent (rest_j − rest_parent),  R_j = R_parent exp(θ_j); t
 `pelvis`. Rotations map a joint's axes to the frame that R_root and pelvis are given in (world or camera).
 """
 
+from collections.abc import Callable, Iterator
+
 import numpy as np
 from jaxtyping import Float
 
@@ -11,6 +13,26 @@ from humanmm.models.body.body24 import NUM_JOINTS, PARENTS, Body
 from humanmm.models.rotations import rotation_from_vector
 
 Array = np.ndarray
+
+CHUNK_FRAMES = 512
+"""Frames whose intermediate numbers, many times as large as the result, are in memory at the same time."""
+
+
+def chunks(num_frames: int) -> Iterator[slice]:
+    """Runs of frames, CHUNK_FRAMES or fewer, that together are all."""
+    for start in range(0, num_frames, CHUNK_FRAMES):
+        yield slice(start, min(start + CHUNK_FRAMES, num_frames))
+
+
+def by_chunks(function: Callable[[Array], Array], values: Array) -> Array:
+    """The function of every frame, a chunk of frames at a time: what it needs meanwhile stays small."""
+    if len(values) <= CHUNK_FRAMES:
+        return function(values)
+    first = function(values[:CHUNK_FRAMES])
+    result = np.empty((len(values), *first.shape[1:]), first.dtype)
+    for frames in chunks(len(values)):
+        result[frames] = first if frames.start == 0 else function(values[frames])
+    return result
 
 
 def local_rotations(

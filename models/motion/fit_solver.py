@@ -41,7 +41,8 @@ def solve_windows(
     The result has no seams: accelerations across the border of two windows are part of the later one.
     """
     settings = settings or SolverSettings()
-    R_root, pelvis, R_body = motion.R_ref_root.copy(), motion.pelvis_ref.copy(), motion.R_body.copy()
+    pelvis, R = motion.pelvis_ref.copy(), np.empty((motion.num_frames, 1 + motion.R_body.shape[1], 3, 3))
+    R[:, 0], R[:, 1:] = motion.R_ref_root, motion.R_body
     settled = 0
     while settled < motion.num_frames:
         first = max(settled - 2, 0)
@@ -49,12 +50,12 @@ def solve_windows(
         if motion.num_frames - last < settings.lookahead:
             last = motion.num_frames
         frames = slice(first, min(last + settings.lookahead, motion.num_frames))
-        start = Motion(motion.skeleton, R_root[frames], pelvis[frames], R_body[frames])
+        start = Motion.of(motion.skeleton, R[frames], pelvis[frames])
         held = np.arange(frames.start, frames.stop) < settled
         solved = minimise(start, terms_of(frames), held=held, settings=settings)
-        R_root[frames], pelvis[frames], R_body[frames] = solved.R_ref_root, solved.pelvis_ref, solved.R_body
+        R[frames], pelvis[frames] = solved.R_local, solved.pelvis_ref
         settled = last
-    return Motion(motion.skeleton, R_root, pelvis, R_body)
+    return Motion.of(motion.skeleton, R, pelvis)
 
 
 def minimise(motion: Motion, terms: Sequence[Term], *, held: Bool[Array, " N"], settings: SolverSettings) -> Motion:

@@ -114,13 +114,13 @@ def bridged(motion: Motion, known: Bool[Array, " N"], time_s: Float[Array, " N"]
         return motion
     at = np.clip(time_s, time_s[known][0], time_s[known][-1])
     pelvis = np.stack([np.interp(at, time_s[known], motion.pelvis_ref[known, k]) for k in range(3)], axis=-1)
-    R = np.concatenate([motion.R_ref_root[:, None], motion.R_body], axis=1)
+    R = motion.R_local.copy()
     if known.sum() > 1:
         for j in range(R.shape[1]):
             R[:, j] = Slerp(time_s[known], Rotation.from_matrix(R[known, j]))(at).as_matrix()
     else:
         R[:] = R[known]
-    return Motion(motion.skeleton, R[:, 0], pelvis, R[:, 1:])
+    return Motion.of(motion.skeleton, R, pelvis)
 
 
 def _unit(v: Array) -> Array:

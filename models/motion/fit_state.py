@@ -41,8 +41,6 @@ def _movers() -> np.ndarray:
 
 _MOVES_JOINT = _movers()
 _TURNING = np.array((0, *FREE_JOINTS))
-_FREE = np.array(FREE_JOINTS) - 1
-"""Free joints among the 23 of the body."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,9 +70,21 @@ class Motion:
     R_body: Float[Array, "N 23 3 3"]
     """Joint rotations relative to their parents."""
 
+    @classmethod
+    def of(cls, skeleton: Skeleton, R_local: Float[Array, "N 24 3 3"], pelvis_ref: Float[Array, "N 3"]) -> "Motion":
+        """A motion whose root and joints stand in one array, without a copy of it."""
+        motion = cls(skeleton, R_local[:, 0], pelvis_ref, R_local[:, 1:])
+        motion.__dict__["R_local"] = R_local
+        return motion
+
     @property
     def num_frames(self) -> int:
         return len(self.pelvis_ref)
+
+    @cached_property
+    def R_local(self) -> Float[Array, "N 24 3 3"]:  # noqa: N802 (a rotation matrix, as everywhere)
+        """Root and joints in one array."""
+        return np.concatenate([self.R_ref_root[:, None], self.R_body], axis=1)
 
     @cached_property
     def notes(self) -> dict[Hashable, Any]:
@@ -84,16 +94,16 @@ class Motion:
     @cached_property
     def turns(self) -> Float[Array, "N 20 3 3"]:
         """Local rotations of the root and the free joints."""
-        return np.concatenate([self.R_ref_root[:, None], self.R_body[:, _FREE]], axis=1)
+        return np.asarray(self.R_local[:, _TURNING])
 
     def moved(self, step: Float[Array, "N 63"]) -> "Motion":
         """The motion after one step."""
         turns = self.turns @ rotation_from_vector(
             np.concatenate([step[:, ROOT], step[:, BODY]], axis=1).reshape(-1, 20, 3)
         )
-        R_body = self.R_body.copy()
-        R_body[:, _FREE] = turns[:, 1:]
-        return Motion(self.skeleton, turns[:, 0], self.pelvis_ref + step[:, PELVIS], R_body)
+        R = self.R_local.copy()
+        R[:, _TURNING] = turns
+        return Motion.of(self.skeleton, R, self.pelvis_ref + step[:, PELVIS])
 
     def frames(self, chosen: slice) -> "Motion":
         """A run of frames."""
@@ -102,8 +112,7 @@ class Motion:
     @cached_property
     def posed(self) -> tuple[Float[Array, "N 24 3"], Float[Array, "N 24 3 3"]]:
         """Joint positions and rotations in the reference frame."""
-        R_local = np.concatenate([self.R_ref_root[:, None], self.R_body], axis=1)
-        return compose(self.skeleton.rest_joints, R_local, self.pelvis_ref)
+        return compose(self.skeleton.rest_joints, self.R_local, self.pelvis_ref)
 
     @cached_property
     def points(self) -> Float[Array, "N K 3"]:

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from humanmm.models.body.body24 import load_body
+from humanmm.models.body.kinematics import by_chunks, chunks
 from humanmm.models.body.landmarks import MIRROR, NUM_LANDMARKS, load_landmarks
 from humanmm.models.camera.observations import ShotCamera
 from humanmm.models.motion.fit_equations import Term, frame_weights
@@ -119,7 +120,10 @@ def fit_shot(
 
 @dataclass(frozen=True)
 class Evidence:
-    """One person's observations on every frame of a run, dense: weight zero where nothing was seen. N frames."""
+    """One person's observations on every frame of a run, dense: weight zero where nothing was seen. N frames.
+
+    Keypoints, visibility and landmarks in single precision, as the network gives them.
+    """
 
     frame: Array
     time_s: Float[Array, " N"]
@@ -149,7 +153,7 @@ def gather(
     if not inside.any():
         return None
     index = track.frame[inside]
-    keypoints, landmarks = track.keypoints2d[inside].astype(np.float64), track.landmarks3d[inside].astype(np.float64)
+    keypoints, landmarks = track.keypoints2d[inside], track.landmarks3d[inside]
     exchange = np.zeros(len(index), bool)
     for first, last in swapped:
         exchange |= (index >= first) & (index < last)
@@ -170,16 +174,16 @@ def gather(
         frame=frame.astype(np.int32),
         time_s=time_s[frame],
         seen=np.zeros(n, bool),
-        keypoints=np.zeros((n, NUM_LANDMARKS, 2)),
-        visibility=np.zeros((n, NUM_LANDMARKS)),
-        landmarks_cam=np.zeros((n, NUM_LANDMARKS, 3)),
+        keypoints=np.zeros((n, NUM_LANDMARKS, 2), np.float32),
+        visibility=np.zeros((n, NUM_LANDMARKS), np.float32),
+        landmarks_cam=np.zeros((n, NUM_LANDMARKS, 3), np.float32),
         ray=np.broadcast_to([0.0, 0.0, 1.0], (n, 3)).copy(),
         landmark_trust=np.full(n, LIFTED_TRUST if track.lifted else 1.0),
     )
     dense.seen[rows] = True
     dense.keypoints[rows] = keypoints[..., :2]
     dense.visibility[rows] = np.clip(keypoints[..., 2], 0, 1)
-    dense.landmarks_cam[rows] = landmarks @ np.swapaxes(R_cam_ray, -1, -2)
+    dense.landmarks_cam[rows] = landmarks @ np.swapaxes(R_cam_ray, -1, -2).astype(np.float32)
     dense.ray[rows] = ray
     return dense
 
@@ -220,22 +224,25 @@ def bone_vectors(skeleton: Skeleton, evidence: Evidence) -> Float[Array, "N B 3"
     ours = np.linalg.norm(rest[end] - rest[start], axis=-1)
     vectors = evidence.landmarks_cam[:, end] - evidence.landmarks_cam[:, start]
     theirs = np.median(np.linalg.norm(vectors[evidence.seen], axis=-1), axis=0)
-    return np.asarray(vectors * (ours / np.maximum(theirs, 1e-3))[:, None])
+    return np.asarray(vectors * (ours / np.maximum(theirs, 1e-3))[:, None].astype(np.float32))
 
 
 def _start(skeleton: Skeleton, evidence: Evidence, camera: CameraPath) -> Motion:
     """Inverse kinematics of the seen frames, placed on their rays; the others between them."""
-    R_ref_cam = np.swapaxes(camera.R_cam_ref, -1, -2)
-    R_root, R_body = start_pose(skeleton, evidence.landmarks_cam @ camera.R_cam_ref)
-    posed = Motion(skeleton, R_root, np.zeros((len(R_root), 3)), R_body).points @ np.swapaxes(camera.R_cam_ref, -1, -2)
-    homogeneous = np.concatenate([evidence.keypoints, np.ones((*evidence.visibility.shape, 1))], axis=-1)
-    rays = (homogeneous @ np.swapaxes(np.linalg.inv(camera.K), -1, -2))[..., :2]
-    pelvis_cam = start_position(posed, rays, evidence.visibility**2 + 1e-3)
-    pelvis_ref = (R_ref_cam @ (pelvis_cam - camera.t_cam_ref)[..., None])[..., 0]
+    n = len(evidence.frame)
+    R, pelvis_cam = np.empty((n, 24, 3, 3)), np.empty((n, 3))
+    for frames in chunks(n):
+        R_cam_ref, visibility = camera.R_cam_ref[frames], evidence.visibility[frames]
+        R[frames, 0], R[frames, 1:] = start_pose(skeleton, evidence.landmarks_cam[frames] @ R_cam_ref)
+        posed = Motion.of(skeleton, R[frames], np.zeros((len(R_cam_ref), 3))).points @ np.swapaxes(R_cam_ref, -1, -2)
+        homogeneous = np.concatenate([evidence.keypoints[frames], np.ones((*visibility.shape, 1))], axis=-1)
+        rays = (homogeneous @ np.swapaxes(np.linalg.inv(camera.K[frames]), -1, -2))[..., :2]
+        pelvis_cam[frames] = start_position(posed, rays, visibility**2 + 1e-3)
+    pelvis_ref = (np.swapaxes(camera.R_cam_ref, -1, -2) @ (pelvis_cam - camera.t_cam_ref)[..., None])[..., 0]
     known = evidence.seen & (pelvis_cam[:, 2] > 0.3)
     if not known.any():
         known = evidence.seen
-    return bridged(Motion(skeleton, R_root, pelvis_ref, R_body), known, evidence.time_s)
+    return bridged(Motion.of(skeleton, R, pelvis_ref), known, evidence.time_s)
 
 
 def pelvis_depths(motion: Motion, camera: CameraPath) -> Float[Array, " N"]:
@@ -308,22 +315,25 @@ def _trust(visibility: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
 def _result(
     person: int, evidence: Evidence, betas: Array, camera: CameraPath, motion: Motion, terms: EvidenceTerms
 ) -> PersonShotMotion:
-    reprojection = terms.reprojection(slice(None))
-    all_distances = reprojection.distances_px(motion)
-    # Confidence: how much of what was visible the fit explains (a keypoint three sigmas off counts half).
-    explained = 1 / (1 + (np.nan_to_num(all_distances, nan=np.inf) / (3 * reprojection.sigma_px)) ** 2)
-    distances = np.where(evidence.visibility > 0.5, all_distances, np.nan)
-    residual = np.full(len(distances), np.nan)
-    enough = np.isfinite(distances).sum(axis=1) > 0
-    residual[enough] = np.nanmedian(distances[enough], axis=1)
+    n = len(evidence.frame)
+    residual, confidence = np.full(n, np.nan), np.empty(n)
+    for frames in chunks(n):
+        reprojection, visibility = terms.reprojection(frames), evidence.visibility[frames]
+        all_distances = reprojection.distances_px(motion.frames(frames))
+        # Confidence: how much of what was visible the fit explains (a keypoint three sigmas off counts half).
+        explained = 1 / (1 + (np.nan_to_num(all_distances, nan=np.inf) / (3 * reprojection.sigma_px)) ** 2)
+        confidence[frames] = (visibility * explained).mean(axis=1)
+        distances = np.where(visibility > 0.5, all_distances, np.nan)
+        enough = np.isfinite(distances).any(axis=1)
+        residual[frames][enough] = np.nanmedian(distances[enough], axis=1)
     return PersonShotMotion(
         person=person,
         frame=evidence.frame,
         observed=evidence.seen,
         R_cam_root=camera.R_cam_ref @ motion.R_ref_root,
-        body_pose=vector_from_rotation(motion.R_body),
+        body_pose=by_chunks(vector_from_rotation, motion.R_body),
         betas=np.asarray(betas, np.float64),
         pelvis_cam=camera.to_camera(motion.pelvis_ref[:, None])[:, 0],
         residual_px=residual.astype(np.float32),
-        confidence=(evidence.visibility * explained).mean(axis=1).astype(np.float32),
+        confidence=confidence.astype(np.float32),
     )

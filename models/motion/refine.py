@@ -6,14 +6,14 @@ with those feet held; then they are found again and locked by inverse kinematics
 centres move with the floor and the origin alone.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float
 
 from humanmm.models.body.body24 import Body, load_body
-from humanmm.models.body.kinematics import compose
+from humanmm.models.body.kinematics import by_chunks, chunks, compose
 from humanmm.models.motion.contacts import CONTACT_JOINTS, ContactModel, confirmed, contact_probabilities
 from humanmm.models.motion.fit_state import CameraPath, Motion
 from humanmm.models.motion.footlock import LEGS, Leg, LockSettings, ankle_targets, bend_leg
@@ -26,9 +26,6 @@ from humanmm.models.rotations import rotation_from_vector, vector_from_rotation
 from humanmm.models.shots.boundaries import ShotList
 
 Array = np.ndarray
-
-CHUNK_FRAMES = 512
-"""Frames whose whole kinematics are in memory at the same time."""
 
 FLOOR_NEAR_M = 0.10
 """Standing soles this near to the floor found so far say where it really is; others stand on something."""
@@ -150,21 +147,15 @@ class Draft:
         R_cam_world = np.swapaxes(self.R_world_cam, -1, -2)
         camera = CameraPath(R_cam_world, -(R_cam_world @ self.camera_centre[..., None])[..., 0], self.K)
         skeleton = person_skeleton(self.person.betas)
-        start = Motion(skeleton, self.R_local[:, 0], self.pelvis, self.R_local[:, 1:])
+        start = Motion.of(skeleton, self.R_local, self.pelvis)
         motion = fit_world(start, believed(clip, self.person.observed), camera, self.contacts)
-        R = np.concatenate([motion.R_ref_root[:, None], motion.R_body], axis=1)
+        R = motion.R_local
         pelvis, seen = motion.pelvis_ref, self.person.observed
         if not seen.all():
-            R = np.where(seen[:, None, None, None], R, smooth_rotations(R, seen * 1.0, self.time_s, cutoff_hz=FILL_HZ))
+            filled = smooth_rotations(R, seen * 1.0, self.time_s, cutoff_hz=FILL_HZ)
+            R[~seen] = filled[~seen]
             pelvis = np.where(seen[:, None], pelvis, smooth(pelvis, seen * 1.0, self.time_s, cutoff_hz=FILL_HZ))
         return replace(self, R_local=R, pelvis=pelvis, legs=leg_joints(skeleton.rest_joints, R))
-
-
-def by_chunks(function: Callable[[Array], Array], values: Array) -> Array:
-    """The function of every frame, a chunk of frames at a time: what it needs meanwhile stays small."""
-    return np.concatenate(
-        [function(values[start : start + CHUNK_FRAMES]) for start in range(0, len(values), CHUNK_FRAMES)]
-    )
 
 
 def draft(
@@ -244,13 +235,12 @@ _FEET = tuple(_LEG_JOINTS.index(joint) for joint in CONTACT_JOINTS)
 
 def leg_joints(rest_joints: Float[Array, "24 3"], R_local: Float[Array, "N 24 3 3"]) -> LegJoints:
     """Forward kinematics of the legs, a chunk of frames at a time."""
-    positions, rotations = [], []
-    for start in range(0, len(R_local), CHUNK_FRAMES):
-        chunk = R_local[start : start + CHUNK_FRAMES]
-        joints, R = compose(rest_joints, chunk, np.zeros((len(chunk), 3)))
-        positions.append(joints[:, _LEG_JOINTS])
-        rotations.append(R[:, _LEG_JOINTS])
-    return LegJoints(np.concatenate(positions), np.concatenate(rotations))
+    n, legs = len(R_local), len(_LEG_JOINTS)
+    positions, rotations = np.empty((n, legs, 3)), np.empty((n, legs, 3, 3))
+    for frames in chunks(n):
+        joints, R = compose(rest_joints, R_local[frames], np.zeros((frames.stop - frames.start, 3)))
+        positions[frames], rotations[frames] = joints[:, _LEG_JOINTS], R[:, _LEG_JOINTS]
+    return LegJoints(positions, rotations)
 
 
 def sole_heights(body: Body, betas: Float[Array, " 10"]) -> Float[Array, " 4"]:

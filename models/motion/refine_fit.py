@@ -65,7 +65,7 @@ class PlantedFeet:
 
     @once_per_motion
     def _feet(self, motion: Motion) -> Motion:
-        return Motion(self.feet, motion.R_ref_root, motion.pelvis_ref, motion.R_body)
+        return Motion.of(self.feet, motion.R_local, motion.pelvis_ref)
 
     @once_per_motion
     def _residual(self, feet: Motion) -> Float[Array, "M 4 3"]:
@@ -124,9 +124,9 @@ def gather_clip(
         frame=frame,
         time_s=time_s[frame],
         seen=np.zeros(n, bool),
-        keypoints=np.zeros((n, NUM_LANDMARKS, 2)),
-        visibility=np.zeros((n, NUM_LANDMARKS)),
-        landmarks_cam=np.zeros((n, NUM_LANDMARKS, 3)),
+        keypoints=np.zeros((n, NUM_LANDMARKS, 2), np.float32),
+        visibility=np.zeros((n, NUM_LANDMARKS), np.float32),
+        landmarks_cam=np.zeros((n, NUM_LANDMARKS, 3), np.float32),
         ray=np.tile([0.0, 0.0, 1.0], (n, 1)),
         landmark_trust=np.ones(n),
     )
@@ -147,7 +147,7 @@ def gather_clip(
                 if field.name not in ("frame", "time_s"):
                     getattr(whole, field.name)[rows] = getattr(part, field.name)[inside]
             vectors = bone_vectors(skeleton, part)
-            bones = np.zeros((n, *vectors.shape[1:])) if bones is None else bones
+            bones = np.zeros((n, *vectors.shape[1:]), np.float32) if bones is None else bones
             bones[rows] = vectors[inside]
     return None if bones is None else ClipEvidence(whole, bones)
 

@@ -33,6 +33,8 @@ def close_seams(
     cut_frames: Sequence[int],
 ) -> Float[Array, "N J 3 3"]:
     """The rotations with the jump at every cut shared out between both shots."""
+    if not cut_frames:
+        return R
     closed = R.copy()
     known = np.flatnonzero(observed)
     for cut in cut_frames:

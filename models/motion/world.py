@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from humanmm.models.body.body24 import load_body
-from humanmm.models.body.kinematics import forward_kinematics
+from humanmm.models.body.kinematics import chunks, forward_kinematics
 from humanmm.models.body.landmarks import load_landmarks
 from humanmm.models.camera.links import ShotLink, link_shots
 from humanmm.models.camera.observations import SOURCES, Intrinsics, ShotCamera, through_lens
@@ -388,10 +388,13 @@ def _posed(
     motion: PersonShotMotion, R_axes_cam: Float[Array, "n 3 3"]
 ) -> tuple[Float[Array, "n 24 3"], Float[Array, "n 4 3"]]:
     """Joints and sole points about the pelvis, in axes turned by R_axes_cam."""
-    rest = load_body().rest_joints(motion.betas)
-    pelvis = np.zeros((len(motion.frame), 3))
-    joints, R = forward_kinematics(rest, R_axes_cam @ motion.R_cam_root, motion.body_pose, pelvis)
-    soles = load_landmarks().place(motion.betas, joints, R)[:, list(SOLES)]
+    rest, landmarks = load_body().rest_joints(motion.betas), load_landmarks()
+    n = len(motion.frame)
+    joints, soles = np.empty((n, len(rest), 3)), np.empty((n, len(SOLES), 3))
+    for frames in chunks(n):
+        R_root = R_axes_cam[frames] @ motion.R_cam_root[frames]
+        joints[frames], R = forward_kinematics(rest, R_root, motion.body_pose[frames], np.zeros((len(R_root), 3)))
+        soles[frames] = landmarks.place(motion.betas, joints[frames], R)[:, list(SOLES)]
     return joints, soles
 
 
@@ -484,7 +487,7 @@ def _joined(person: int, parts: Sequence[_Part]) -> PersonMotion:
     frame = np.arange(known[0], known[-1] + 1, dtype=np.int32)
     row, share = _between(known, frame)
     R = np.concatenate([part.R_world_root for part in parts])
-    pose = rotation_from_vector(np.concatenate([part.motion.body_pose for part in parts]))
+    pose = np.concatenate([part.motion.body_pose for part in parts])
     pelvis = np.concatenate([part.pelvis_world for part in parts])
     exact = share == 0
     observed = np.concatenate([part.motion.observed for part in parts])[row] & exact
@@ -495,7 +498,7 @@ def _joined(person: int, parts: Sequence[_Part]) -> PersonMotion:
         frame=frame,
         observed=observed,
         R_world_root=_turned(R, row, share),
-        body_pose=vector_from_rotation(_turned(pose, row, share)),
+        body_pose=_bent(pose, row, share),
         betas=parts[0].motion.betas,
         pelvis_world=pelvis[row] + share[:, None] * (pelvis[np.minimum(row + 1, len(pelvis) - 1)] - pelvis[row]),
         contacts=contacts.astype(np.float32),
@@ -509,6 +512,16 @@ def _between(known: Int[Array, "m"], frame: Int[Array, "n"]) -> tuple[Int[Array,
     following = np.minimum(row + 1, len(known) - 1)
     span = np.maximum(known[following] - known[row], 1)
     return row, np.where(following > row, (frame - known[row]) / span, 0.0)
+
+
+def _bent(pose: Float[Array, "m 23 3"], row: Int[Array, "n"], share: Float[Array, "n"]) -> Float[Array, "n 23 3"]:
+    """Rotation vectors, interpolated as rotations where share is not 0."""
+    out, open_ = pose[row], np.flatnonzero(share > 0)
+    if len(open_):
+        between = row[open_][:, None] + np.array([0, 1])
+        ends = rotation_from_vector(pose[np.minimum(between, len(pose) - 1)].reshape(-1, *pose.shape[1:]))
+        out[open_] = vector_from_rotation(_turned(ends, 2 * np.arange(len(open_)), share[open_]))
+    return np.asarray(out)
 
 
 def _turned(R: Float[Array, "m *j 3 3"], row: Int[Array, "n"], share: Float[Array, "n"]) -> Float[Array, "n *j 3 3"]:
