@@ -9,7 +9,7 @@ from humanmm.errors import NoUsablePersonError
 from humanmm.models.motion.flips import Sighting, swapped_spans
 from humanmm.models.perception.tracks import PersonTrack, ScenePeople
 from humanmm.models.shots.boundaries import Appearance, Scenes, Shot, ShotList, Transition
-from humanmm.models.shots.identity import Cast, ShotSpan, identify
+from humanmm.models.shots.identity import Cast, identify
 from humanmm.models.shots.people_cuts import Parts, split_scenes
 
 
@@ -28,8 +28,8 @@ def assemble_shots(
     K may be rough. Raises NoUsablePersonError when nobody, or not the wanted person, is in the video.
     """
     transitions = split_scenes(scenes, people, fps=fps, parts=parts)
-    spans = _spans(scenes, transitions)
-    cast = identify(spans, people, fps=fps)
+    shots = _empty_shots(scenes, transitions)
+    cast = identify(shots, people, fps=fps)
     if not cast.people:
         raise NoUsablePersonError(
             "no usable person: nobody is seen clearly enough for long enough; "
@@ -37,29 +37,29 @@ def assemble_shots(
         )
     if only_person is not None:
         cast = _only(cast, only_person)
-    sides = _sides(spans, transitions, people, cast, time_s, K)
-    shots = tuple(
-        Shot(
-            index=index,
-            start=span.start,
-            end=span.end,
-            scene=span.scene,
-            transition=transitions[index - 1] if index else None,
-            people=tuple(replace(a, swapped=sides.get((index, a.person), ())) for a in cast.appearances[index]),
-            ending=transitions[index] if index < len(transitions) else None,
-        )
-        for index, span in enumerate(spans)
+    sides = _sides(shots, people, cast, time_s, K)
+    inhabited = tuple(
+        replace(shot, people=tuple(replace(a, swapped=sides.get((shot.index, a.person), ())) for a in appearances))
+        for shot, appearances in zip(shots, cast.appearances, strict=True)
     )
-    return ShotList(scenes.num_frames, shots, cast.people)
+    return ShotList(scenes.num_frames, inhabited, cast.people)
 
 
-def _spans(scenes: Scenes, transitions: Sequence[Transition]) -> list[ShotSpan]:
-    """Frames and scene of every shot."""
+def _empty_shots(scenes: Scenes, transitions: Sequence[Transition]) -> list[Shot]:
+    """Frames, scene, beginning and end of every shot, with nobody in them yet."""
     starts = [0, *(t.cut_frame for t in transitions)]
     scene_starts = np.array([start for start, _ in scenes.spans])
     return [
-        ShotSpan(start, end, int(np.searchsorted(scene_starts, start, side="right")) - 1)
-        for start, end in zip(starts, [*starts[1:], scenes.num_frames], strict=True)
+        Shot(
+            index=index,
+            start=start,
+            end=end,
+            scene=int(np.searchsorted(scene_starts, start, side="right")) - 1,
+            transition=transitions[index - 1] if index else None,
+            people=(),
+            ending=transitions[index] if index < len(transitions) else None,
+        )
+        for index, (start, end) in enumerate(zip(starts, [*starts[1:], scenes.num_frames], strict=True))
     ]
 
 
@@ -74,24 +74,20 @@ def _only(cast: Cast, number: int) -> Cast:
 
 
 def _sides(
-    spans: Sequence[ShotSpan],
-    transitions: Sequence[Transition],
+    shots: Sequence[Shot],
     people: Sequence[ScenePeople | None],
     cast: Cast,
     time_s: np.ndarray,
     K: np.ndarray,
 ) -> dict[tuple[int, int], tuple[tuple[int, int], ...]]:
     """(shot, person) -> frame spans with left and right exchanged, solved for each person over the whole video."""
-    mixed = np.zeros(len(time_s), dtype=bool)
-    for t in transitions:
-        mixed[t.start : t.end] = True
     sides: dict[tuple[int, int], tuple[tuple[int, int], ...]] = {}
     for person in cast.people:
         seen: list[tuple[int, Sighting]] = []
-        for index, (span, shot) in enumerate(zip(spans, cast.appearances, strict=True)):
-            track = _track(people[span.scene], shot, person.person)
+        for shot, appearances in zip(shots, cast.appearances, strict=True):
+            track = _track(people[shot.scene], appearances, person.person)
             if track is not None:
-                seen.append((index, _sighting(track, span, mixed, time_s)))
+                seen.append((shot.index, _sighting(track, shot, time_s)))
         solved = swapped_spans([sighting for _, sighting in seen], K)
         sides |= {(index, person.person): swapped for (index, _), swapped in zip(seen, solved, strict=True)}
     return sides
@@ -103,9 +99,8 @@ def _track(scene: ScenePeople | None, shot: Sequence[Appearance], person: int) -
     return None if scene is None or number is None else scene.tracks[number]
 
 
-def _sighting(track: PersonTrack, span: ShotSpan, mixed: np.ndarray, time_s: np.ndarray) -> Sighting:
-    """The rows of a track inside a shot that no gradual transition mixes with another shot."""
-    inside = (track.frame >= span.start) & (track.frame < span.end)
-    inside &= ~mixed[track.frame]
+def _sighting(track: PersonTrack, shot: Shot, time_s: np.ndarray) -> Sighting:
+    """The rows of a track in the clear frames of a shot."""
+    inside = (track.frame >= shot.clear[0]) & (track.frame < shot.clear[1])
     frame = track.frame[inside]
     return Sighting(time_s[frame], frame, track.keypoints2d[inside], track.landmarks3d[inside])

@@ -18,7 +18,7 @@ from humanmm.models.body.body24 import JOINT_NAMES, Body, load_body
 from humanmm.models.perception import landmarks
 from humanmm.models.perception.clothing import colour_distance, mean_colours
 from humanmm.models.perception.tracks import PersonTrack, ScenePeople
-from humanmm.models.shots.boundaries import Appearance, Person
+from humanmm.models.shots.boundaries import Appearance, Person, Shot
 
 SAME_COLOURS = 0.62
 """Hellinger distance of two clothing histograms at which the same and another person are equally likely."""
@@ -36,15 +36,6 @@ BONE_NOISE = 0.1
 BONE_BIAS = np.array([-0.08, -0.08, -0.07, -0.16, -0.09, -0.03, 0.01])
 """Logarithm of the detector's bone lengths over body24's, for `bone_lengths` of one and the same person: its landmarks
 lie elsewhere than the joints (measured on renderings of 300 random bodies; real clips agree)."""
-
-
-@dataclass(frozen=True)
-class ShotSpan:
-    """Frames [start, end) of one shot, and the scene that holds it."""
-
-    start: int
-    end: int
-    scene: int
 
 
 @dataclass(frozen=True)
@@ -72,7 +63,7 @@ class Sighting:
     """Lengths of confident frames, metres; none where landmarks were lifted, for those are an average person's."""
 
 
-def identify(shots: Sequence[ShotSpan], scenes: Sequence[ScenePeople | None], *, fps: float) -> Cast:
+def identify(shots: Sequence[Shot], scenes: Sequence[ScenePeople | None], *, fps: float) -> Cast:
     """Number the people of a video; a failed scene is None. Who is seen only for a blink or badly is left out."""
     people: list[list[Sighting]] = []
     for index, shot in enumerate(shots):
@@ -98,9 +89,9 @@ def identify(shots: Sequence[ShotSpan], scenes: Sequence[ScenePeople | None], *,
     return Cast(numbered, tuple(tuple(shot) for shot in appearances))
 
 
-def sighting(index: int, shot: ShotSpan, number: int, track: PersonTrack) -> Sighting | None:
-    """What one track shows of a person inside one shot; None when nothing."""
-    inside = np.flatnonzero((track.frame >= shot.start) & (track.frame < shot.end))
+def sighting(index: int, shot: Shot, number: int, track: PersonTrack) -> Sighting | None:
+    """What one track shows of a person in the clear frames of one shot; None when nothing."""
+    inside = np.flatnonzero((track.frame >= shot.clear[0]) & (track.frame < shot.clear[1]))
     if not len(inside):
         return None
     confidence = track.confidence[inside].astype(np.float64)
@@ -119,9 +110,9 @@ def sighting(index: int, shot: ShotSpan, number: int, track: PersonTrack) -> Sig
     )
 
 
-def _colours(track: PersonTrack, shot: ShotSpan) -> Float[np.ndarray, " bins"]:
+def _colours(track: PersonTrack, shot: Shot) -> Float[np.ndarray, " bins"]:
     """Mean clothing colours inside the shot; of the whole track when none were taken there."""
-    inside = (track.color_frame >= shot.start) & (track.color_frame < shot.end)
+    inside = (track.color_frame >= shot.clear[0]) & (track.color_frame < shot.clear[1])
     chosen = track.color_histogram[inside] if inside.any() else track.color_histogram
     return mean_colours(chosen)
 

@@ -6,7 +6,8 @@ from humanmm.models.body.body24 import load_body
 from humanmm.models.perception.clothing import HISTOGRAM_BINS
 from humanmm.models.perception.landmarks import INDEX, NUM_LANDMARKS, SWAP
 from humanmm.models.perception.tracks import PersonTrack, ScenePeople, Silhouettes
-from humanmm.models.shots.identity import ShotSpan, bone_lengths, identify, pose_residual_m, shape_from_bones
+from humanmm.models.shots.boundaries import Shot, Transition
+from humanmm.models.shots.identity import bone_lengths, identify, pose_residual_m, shape_from_bones
 
 RED, BLUE, GREEN = (np.eye(HISTOGRAM_BINS)[k] for k in (3, 17, 30))
 
@@ -46,7 +47,7 @@ def track(
 
 def cast_of(*scenes: list[PersonTrack] | None, length: int = 30) -> list[list[tuple[int, int]]]:
     """(person, track) of every shot, one shot a scene."""
-    spans = [ShotSpan(k * length, (k + 1) * length, k) for k in range(len(scenes))]
+    spans = [Shot(k, k * length, (k + 1) * length, k, None, ()) for k in range(len(scenes))]
     people = [
         ScenePeople(span.start, span.end, tuple(tracks)) if tracks is not None else None
         for span, tracks in zip(spans, scenes, strict=True)
@@ -85,8 +86,17 @@ def test_who_is_seen_for_a_blink_or_never_clearly_is_left_out() -> None:
 
 def test_a_track_that_spans_a_cut_inside_its_scene_gives_one_person_in_both_shots() -> None:
     people = ScenePeople(0, 60, (track(0, 60, RED),))
-    cast = identify([ShotSpan(0, 30, 0), ShotSpan(30, 60, 0)], [people], fps=30.0)
+    cast = identify([Shot(0, 0, 30, 0, None, ()), Shot(1, 30, 60, 0, None, ())], [people], fps=30.0)
     assert [[a.person for a in shot] for shot in cast.appearances] == [[0], [0]]
+
+
+def test_who_is_seen_only_while_two_shots_mix_is_in_neither() -> None:
+    dissolve = Transition("dissolve", 18, 42, "scene")
+    shots = [Shot(0, 0, 30, 0, None, (), dissolve), Shot(1, 30, 60, 1, dissolve, ())]
+    ghost = track(30, 42, GREEN)
+    people = [ScenePeople(0, 30, (track(0, 30, RED),)), ScenePeople(30, 60, (ghost, track(30, 60, BLUE)))]
+    cast = identify(shots, people, fps=30.0)
+    assert [[(a.person, a.track) for a in shot] for shot in cast.appearances] == [[(0, 0)], [(1, 1)]]
 
 
 def test_the_pose_at_the_cut_tells_equally_dressed_people_apart() -> None:
