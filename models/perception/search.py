@@ -14,7 +14,7 @@ SETTLE_ROUNDS = 3
 DUPLICATE_SIMILARITY = 0.5
 MAX_COVERED = 0.4
 """A painted-out silhouette still looks like a person: whoever lies largely on paint is nobody new."""
-_PAINT = (127, 127, 127)
+_PAINT = 127
 
 
 def find_people(
@@ -114,7 +114,7 @@ def paint_out(
     matrix[:, 2] += matrix[:, :2] @ np.array([0.5, 0.5]) - 0.5 - low
     covered = cv2.warpAffine(grown, matrix, (int(high[0] - low[0]), int(high[1] - low[1])), flags=cv2.INTER_NEAREST)
     place = canvas[low[1] : high[1], low[0] : high[0]]
-    cv2.copyTo(np.full_like(place, _PAINT), covered, place)
+    cv2.copyTo(np.full(place.shape, _PAINT, np.uint8), covered, place)
     if painted is not None:
         marked = painted[low[1] : high[1], low[0] : high[0]]
         np.maximum(marked, covered, out=marked)
