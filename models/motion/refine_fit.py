@@ -128,7 +128,7 @@ def gather_clip(
         visibility=np.zeros((n, NUM_LANDMARKS), np.float32),
         landmarks_cam=np.zeros((n, NUM_LANDMARKS, 3), np.float32),
         ray=np.tile([0.0, 0.0, 1.0], (n, 1)),
-        landmark_trust=np.ones(n),
+        lifted=np.zeros(n, bool),
     )
     skeleton = person_skeleton(betas)
     bones: Array | None = None

@@ -9,12 +9,14 @@ people (within 5 % of its mean person on bodies that differ by 20 %) and are not
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from jaxtyping import Float
 from scipy.optimize import linear_sum_assignment
 
 from humanmm.models.body.body24 import JOINT_NAMES, Body, load_body
+from humanmm.models.body.landmarks import load_landmarks
 from humanmm.models.perception import landmarks
 from humanmm.models.perception.clothing import colour_distance, mean_colours
 from humanmm.models.perception.tracks import PersonTrack, ScenePeople
@@ -60,7 +62,7 @@ class Sighting:
     num_frames: int
     confidence: float
     bones: Float[np.ndarray, "frames 7"]
-    """Lengths of confident frames, metres; none where landmarks were lifted, for those are an average person's."""
+    """Lengths of confident frames, metres, as the pose network draws them."""
 
 
 def identify(shots: Sequence[Shot], scenes: Sequence[ScenePeople | None], *, fps: float) -> Cast:
@@ -106,7 +108,7 @@ def sighting(index: int, shot: Shot, number: int, track: PersonTrack) -> Sightin
         area=float((boxes[:, 2:] - boxes[:, :2]).prod(axis=1).sum()),
         num_frames=len(inside),
         confidence=float(confidence.mean()),
-        bones=bone_lengths(track.landmarks3d[[] if track.lifted else clear].astype(np.float64)),
+        bones=_as_the_network_draws(bone_lengths(track.landmarks3d[clear].astype(np.float64)), lifted=track.lifted),
     )
 
 
@@ -173,6 +175,19 @@ def _reliable(person: Sequence[Sighting], fps: float) -> bool:
     return frames >= max(2.0, MIN_SECONDS * fps) and confidence >= MIN_CONFIDENCE
 
 
+def _as_the_network_draws(bones: Float[np.ndarray, "frames 7"], *, lifted: bool) -> Float[np.ndarray, "frames 7"]:
+    """Lifted landmarks lie where `body.landmarks` has them: their bones differ from body24's by that alone."""
+    return bones * np.exp(BONE_BIAS - _drawn_bias()) if lifted else bones
+
+
+@lru_cache(maxsize=1)
+def _drawn_bias() -> Float[np.ndarray, " 7"]:
+    """Logarithm of the average body's bones between landmarks over those between joints."""
+    body, model, shape = load_body(), load_landmarks(), np.zeros(load_body().num_betas)
+    points = body.rest_joints(shape)[model.joint] + model.offsets(shape)
+    return np.asarray(np.log(bone_lengths(points[None])[0] / _body_bones(body, shape)))
+
+
 _PAIRS = (("shoulder", "elbow"), ("elbow", "wrist"), ("hip", "knee"), ("knee", "ankle"))
 _JOINT_OF = {"shoulder": "Shoulder", "elbow": "Elbow", "wrist": "Wrist", "hip": "Hip", "knee": "Knee", "ankle": "Ankle"}
 
@@ -187,12 +202,7 @@ def bone_lengths(poses: Float[np.ndarray, "frames 33 3"]) -> Float[np.ndarray, "
 
 
 def shape_from_bones(bones: Float[np.ndarray, "frames 7"], body: Body) -> Float[np.ndarray, " betas"]:
-    """Shape whose bone lengths are likeliest: ridge regression of log lengths, prior N(0, 1) on every component.
-
-    The average person where no lengths are known.
-    """
-    if not len(bones):
-        return np.zeros(body.num_betas, np.float32)
+    """Shape whose bone lengths are likeliest: ridge regression of log lengths, prior N(0, 1) on every component."""
     wanted = np.log(np.median(bones, axis=0) / _body_bones(body, np.zeros(body.num_betas))) - BONE_BIAS
     step = 0.5
     jacobian = np.column_stack(
