@@ -71,6 +71,12 @@ OF_OWNERS = (
         owners.declare_3dpw,
         owners.build_3dpw,
     ),
+    Builder(
+        "emdb",
+        "whole videos of EMDB-1 or EMDB-2 with truths, and your SMPL model; experimental: not tried on its files",
+        owners.declare_emdb,
+        owners.build_emdb,
+    ),
 )
 """Cut from what the user must have."""
 

@@ -1,4 +1,4 @@
-"""`humanmm dataset build ms-aist | ms-h36m | 3dpw`: from official folders of data sets that the user owns."""
+"""`humanmm dataset build ms-aist | ms-h36m | 3dpw | emdb`: from official folders of data sets that the user owns."""
 
 import argparse
 import sys
@@ -34,10 +34,17 @@ def declare_h36m(parser: argparse.ArgumentParser) -> None:
 
 def declare_3dpw(parser: argparse.ArgumentParser) -> None:
     """Flags of 3dpw."""
+    _declare(parser, "3DPW: sequenceFiles/<split>/*.pkl, imageFiles/*")
+
+
+def declare_emdb(parser: argparse.ArgumentParser) -> None:
+    """Flags of emdb."""
+    _declare(parser, "EMDB: P0 … P9")
+    parser.add_argument("--split", type=int, choices=(1, 2), required=True, metavar="N", help="EMDB-1 or EMDB-2")
     parser.add_argument(
-        "--root", type=Path, required=True, metavar="DIR", help="3DPW: sequenceFiles/<split>/*.pkl, imageFiles/*"
-    )
-    _declare_output(parser)
+        "--smpl", type=Path, required=True, metavar="FILE",
+        help="your SMPL model as .npz: v_template, shapedirs, J_regressor (EMDB holds no joints)",
+    )  # fmt: skip
 
 
 def build_aist(options: argparse.Namespace) -> Path:
@@ -87,6 +94,20 @@ def build_3dpw(options: argparse.Namespace) -> Path:
     return Path(options.out)
 
 
+def build_emdb(options: argparse.Namespace) -> Path:
+    """Whole videos with truths, as `bench ms-real` reads them."""
+    from humanmm.flows.dataset_builder import write_recording
+    from humanmm.storage.datasets import emdb
+    from humanmm.storage.datasets.smpl_joints import read_smpl
+
+    _check_output(options)
+    body = read_smpl(options.smpl)
+    for path in _first(emdb.sequence_files(options.root, options.split), options.count):
+        write_recording(emdb.read_recording(path, body), options.out)
+    sys.stdout.write(f"measure with: humanmm bench ms-real --data {options.out}\n")
+    return Path(options.out)
+
+
 def _cut(sequences: "Iterator[MultiviewSequence]", folder: Path) -> None:
     from humanmm.flows.dataset_builder import build_set
 
@@ -96,10 +117,6 @@ def _cut(sequences: "Iterator[MultiviewSequence]", folder: Path) -> None:
 
 def _declare(parser: argparse.ArgumentParser, root: str) -> None:
     parser.add_argument("--root", type=Path, required=True, metavar="DIR", help=root)
-    _declare_output(parser)
-
-
-def _declare_output(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="where the data set is written")
     parser.add_argument("--count", type=int, metavar="N", help="only the first N sequences")
     parser.add_argument("--force", action="store_true", help="replace what is in --out")
