@@ -12,6 +12,7 @@ from humanmm.cli import main
 from humanmm.errors import InputError
 from humanmm.models.video.frames import frames
 from humanmm.models.video.reading import read_facts
+from humanmm.storage.aist import read_sequence
 from humanmm.storage.datasets import aistpp
 from humanmm.storage.truth import read_take
 
@@ -58,6 +59,8 @@ def test_sequences_on_the_ignore_list_are_left_out_and_arrays_are_as_the_table_r
     with np.load(tmp_path / "out" / f"{NAME}.npz", allow_pickle=False) as arrays:
         assert arrays["keypoints2d"].shape == (3, FRAMES, 17, 3)
         assert (arrays["cam_K"].shape, arrays["cam_t"].shape, float(arrays["fps"])) == ((3, 3, 3), (3, 3), 60.0)
+    sequence = read_sequence(tmp_path / "out" / f"{NAME}.npz")
+    assert (sequence.fps, sequence.joints.shape) == (30.0, (FRAMES // 2, 17, 3))
     assert main(["dataset", "build", "ms-aist", "--root", str(root), "--out", str(tmp_path / "out")]) == 1
 
 
