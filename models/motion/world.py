@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.kinematics import chunks, forward_kinematics
@@ -21,11 +21,12 @@ from humanmm.models.camera.views import ViewFeatures
 from humanmm.models.motion import world_gravity
 from humanmm.models.motion.cuts import CutCameras, CutPerson, SideTrack, align_cut
 from humanmm.models.motion.flips import exchange
-from humanmm.models.motion.results import CutAlignment, PersonMotion, PersonShotMotion, ShotMotion, WorldMotion
+from humanmm.models.motion.results import CutAlignment, PersonShotMotion, ShotMotion, WorldMotion
 from humanmm.models.motion.shot_rotations import Edge, ShotRotations, average_rotations
+from humanmm.models.motion.world_people import Part, joined
 from humanmm.models.motion.world_solve import Join, SamePlace, ShotRig, Solution, Strand, solve
 from humanmm.models.perception.tracks import ScenePeople
-from humanmm.models.rotations import rotation_from_vector, vector_from_rotation
+from humanmm.models.rotations import rotation_from_vector
 from humanmm.models.shots.boundaries import ShotList
 
 Array = np.ndarray
@@ -100,7 +101,7 @@ def assemble(
         t_world_cam=world.t,
         K=world.K,
         camera_source=world.source,
-        people=tuple(_joined(person, parts) for person, parts in sorted(world.people.items())),
+        people=tuple(joined(person, parts) for person, parts in sorted(world.people.items())),
         cuts=tuple(_reported(footage, links, rotations, world)),
         warnings=tuple(warnings),
     )
@@ -121,16 +122,6 @@ def _lifted(footage: Footage) -> list[str]:
 
 
 @dataclass(frozen=True)
-class _Part:
-    """One person in one shot, in the world."""
-
-    motion: PersonShotMotion
-    R_world_root: Float[Array, "n 3 3"]
-    pelvis_world: Float[Array, "n 3"]
-    contacts: Float[Array, "n 4"]
-
-
-@dataclass(frozen=True)
 class _Canvas:
     """The world as it fills up, frame by frame."""
 
@@ -138,7 +129,7 @@ class _Canvas:
     t: Array
     K: Array
     source: Array
-    people: dict[int, list[_Part]]
+    people: dict[int, list[Part]]
 
 
 def _usable(footage: Footage, shot: int) -> bool:
@@ -317,7 +308,7 @@ def _place_group(
         world.source[frames] = SOURCES.index(camera.source)
     for (_, motion), pelvis, contacts in zip(owners, solution.pelvis, solution.contacts, strict=True):
         R_root = world.R[motion.frame] @ motion.R_cam_root
-        world.people.setdefault(motion.person, []).append(_Part(motion, R_root, pelvis, contacts))
+        world.people.setdefault(motion.person, []).append(Part(motion, R_root, pelvis, contacts))
     return [
         f"shot {shot}: nobody's feet tell the scale of the camera's path; its unit is taken for a metre"
         for shot, rig in zip(group, rigs, strict=True)
@@ -478,59 +469,3 @@ def _reported(footage: Footage, links: Sequence[_Link], rotations: ShotRotations
             )
         )
     return cuts
-
-
-def _joined(person: int, parts: Sequence[_Part]) -> PersonMotion:
-    """One person's shots as one motion without holes; what lies between is interpolated and not observed."""
-    parts = sorted(parts, key=lambda part: int(part.motion.frame[0]))
-    known = np.concatenate([part.motion.frame for part in parts])
-    frame = np.arange(known[0], known[-1] + 1, dtype=np.int32)
-    row, share = _between(known, frame)
-    R = np.concatenate([part.R_world_root for part in parts])
-    pose = np.concatenate([part.motion.body_pose for part in parts])
-    pelvis = np.concatenate([part.pelvis_world for part in parts])
-    exact = share == 0
-    observed = np.concatenate([part.motion.observed for part in parts])[row] & exact
-    contacts = np.concatenate([part.contacts for part in parts])[row] * exact[:, None]
-    confidence = np.concatenate([part.motion.confidence for part in parts])[row] * exact
-    return PersonMotion(
-        person=person,
-        frame=frame,
-        observed=observed,
-        R_world_root=_turned(R, row, share),
-        body_pose=_bent(pose, row, share),
-        betas=parts[0].motion.betas,
-        pelvis_world=pelvis[row] + share[:, None] * (pelvis[np.minimum(row + 1, len(pelvis) - 1)] - pelvis[row]),
-        contacts=contacts.astype(np.float32),
-        confidence=confidence.astype(np.float32),
-    )
-
-
-def _between(known: Int[Array, "m"], frame: Int[Array, "n"]) -> tuple[Int[Array, "n"], Float[Array, "n"]]:
-    """For each frame the last known row at or before it, and how far it lies towards the next one (0..1)."""
-    row = np.searchsorted(known, frame, side="right") - 1
-    following = np.minimum(row + 1, len(known) - 1)
-    span = np.maximum(known[following] - known[row], 1)
-    return row, np.where(following > row, (frame - known[row]) / span, 0.0)
-
-
-def _bent(pose: Float[Array, "m 23 3"], row: Int[Array, "n"], share: Float[Array, "n"]) -> Float[Array, "n 23 3"]:
-    """Rotation vectors, interpolated as rotations where share is not 0."""
-    out, open_ = pose[row], np.flatnonzero(share > 0)
-    if len(open_):
-        between = row[open_][:, None] + np.array([0, 1])
-        ends = rotation_from_vector(pose[np.minimum(between, len(pose) - 1)].reshape(-1, *pose.shape[1:]))
-        out[open_] = vector_from_rotation(_turned(ends, 2 * np.arange(len(open_)), share[open_]))
-    return np.asarray(out)
-
-
-def _turned(R: Float[Array, "m *j 3 3"], row: Int[Array, "n"], share: Float[Array, "n"]) -> Float[Array, "n *j 3 3"]:
-    """Rotations interpolated along the shortest arc; exact where share is 0."""
-    out = R[row]
-    open_ = np.flatnonzero(share > 0)
-    if len(open_):
-        first, second = R[row[open_]], R[np.minimum(row[open_] + 1, len(R) - 1)]
-        turn = vector_from_rotation(np.swapaxes(first, -1, -2) @ second)
-        part = share[open_].reshape(-1, *([1] * (turn.ndim - 1)))
-        out[open_] = first @ rotation_from_vector(part * turn)
-    return np.asarray(out)

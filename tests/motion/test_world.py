@@ -7,7 +7,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from humanmm.models.motion import world_gravity
-from humanmm.models.motion.world import _at_origin, _between, _turned
+from humanmm.models.motion.world import _at_origin
+from humanmm.models.motion.world_people import between, turned
 from humanmm.models.motion.world_solve import Join, SamePlace, ShotRig, Solution, Strand, solve, start_scale
 from humanmm.models.rotations import rotation_from_vector
 
@@ -138,8 +139,8 @@ def test_the_world_begins_above_the_origin_and_looks_along_y() -> None:
 
 def test_holes_are_bridged_along_the_shortest_turn() -> None:
     known = np.array([3, 4, 8])
-    row, share = _between(known, np.arange(3, 9))
+    row, share = between(known, np.arange(3, 9))
     np.testing.assert_allclose(known[row] + share * (np.array([4, 8, 8])[row] - known[row]), np.arange(3, 9))
     R = rotation_from_vector(np.outer([0.0, 0.1, 0.9], [0, 0, 1.0]))
-    angle = np.arctan2(_turned(R, row, share)[:, 1, 0], _turned(R, row, share)[:, 0, 0])
+    angle = np.arctan2(turned(R, row, share)[:, 1, 0], turned(R, row, share)[:, 0, 0])
     np.testing.assert_allclose(angle, [0, 0.1, 0.3, 0.5, 0.7, 0.9], atol=1e-9)
