@@ -69,10 +69,10 @@ are not: an arm's error is carried on to its hand."""
 
 
 LIFTED_TRUST, LIFTED_PRIOR = 2.0, 0.3
-"""Where 3D landmarks were lifted from 2D keypoints (weights/lifter.md), weight of their bones against the network's, and
-of the pose prior: what the lifter knows of poses is nearly what the prior knows, and counts once. On four videos of
-subjects that neither has seen (cmu_val) trust of 0.5, 1 and 2 gives 57, 55 and 53 mm after a similarity; the prior's
-weight, from 1 to 0.1, changes it by less than 1 mm there."""
+"""Where 3D landmarks were lifted from 2D keypoints (weights/lifter.md), weight of their bones against the network's,
+and of the pose prior: what the lifter knows of poses is nearly what the prior knows, and counts once. On four videos
+of subjects that neither has seen (cmu_val) trust of 0.5, 1 and 2 gives 57, 55 and 53 mm after a similarity; the
+prior's weight, from 1 to 0.1, changes it by less than 1 mm there."""
 
 
 @dataclass(frozen=True)
