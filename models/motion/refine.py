@@ -81,10 +81,11 @@ def refine_world(
     rise = floor_height(list(drafts.values()))
     people = []
     for person in world.people:
-        if person.person not in drafts:
+        one = drafts.pop(person.person, None)
+        if one is None:
             people.append(person)
             continue
-        one = drafts[person.person].raised(-rise)
+        one = one.raised(-rise)
         if observations is not None and settings.refit:
             clip = gather_clip(
                 person.person,
