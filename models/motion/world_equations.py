@@ -157,16 +157,16 @@ class WorldEquations:
 
     def _factor(self, damping: float) -> Float[Array, "3N 7"]:
         """L of the places' band: each column from its diagonal down, as LAPACK keeps it."""
-        n = len(self.own)
-        band = np.zeros((n, 3, 3 * _REACH + 1))
+        n, width = len(self.own), 3 * _REACH + 1
+        band = np.zeros((n, 3, width))
         for c in range(3):
             band[:, c, : 3 - c] = self.own[:, c:, c]
             band[:, c, 0] += damping
             for d in range(1, _REACH + 1):
                 band[:, c, 3 * d] = self.next[d]
         if not n:
-            return band.reshape(0, -1)
-        factor, failed = lapack.dpbtrf(band.reshape(-1, band.shape[-1]).T, lower=1, overwrite_ab=1)
+            return band.reshape(0, width)
+        factor, failed = lapack.dpbtrf(band.reshape(-1, width).T, lower=1, overwrite_ab=1)
         if failed:
             raise np.linalg.LinAlgError("what is known of the people's places is not finite")
         return np.asarray(factor.T)

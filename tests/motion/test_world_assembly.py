@@ -172,6 +172,19 @@ def test_frames_of_a_dissolve_are_not_observed_on_either_side() -> None:
     assert world.cuts[0].gap_s > 0.2
 
 
+def test_a_shot_with_nobody_in_it_keeps_its_camera() -> None:
+    whole = footage()
+    middle = whole.motions[1]
+    assert middle is not None
+    empty = replace(whole.shots.shots[1], people=())
+    shots = replace(whole.shots, shots=(whole.shots.shots[0], empty, whole.shots.shots[2]))
+    motions = (whole.motions[0], replace(middle, people=()), whole.motions[2])
+    world = assemble(replace(whole, shots=shots, motions=motions))
+    assert [cut.linked for cut in world.cuts] == [False, True]
+    assert np.isfinite(world.R_world_cam).all() and np.isfinite(world.t_world_cam).all()
+    assert (world.camera_source[20:40] == 0).all()
+
+
 def test_the_papers_way_is_there_too() -> None:
     world = assemble(footage(), method="eight-point")
     assert {cut.method for cut in world.cuts} == {"eight-point"}
