@@ -9,7 +9,7 @@ from humanmm.models.benchmark.tables import Chart
 
 COLOURS = (
     "#2f6fed", "#d1495b", "#edae49", "#66a182", "#8d6cab", "#5c6770", "#b86b2f", "#2fa7b8", "#c04fa0", "#7a9a01",
-    "#9c3f00",
+    "#d000a0",
 )  # fmt: skip
 TRUTH_COLOUR = "#23262b"
 _WIDTH, _HEIGHT, _LEFT, _BOTTOM = 900, 260, 46, 24

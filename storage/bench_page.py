@@ -9,7 +9,7 @@ from humanmm.models.benchmark.tables import Chart
 from humanmm.storage.bench_charts import as_svg, colour_of, curves_as_svg, drawing_as_svg, legend
 
 _STYLE = """
-body{font:14px/1.5 system-ui,sans-serif;margin:2rem auto;max-width:64rem;padding:0 1rem;color:#23262b}
+body{font:14px/1.5 system-ui,sans-serif;margin:2rem auto;max-width:84rem;padding:0 1rem;color:#23262b}
 code{background:#f2f4f6;padding:.1em .3em} h1{margin-bottom:.2rem} h2{font-size:1.15rem;margin:2.2rem 0 .4rem}
 h3{font-size:1rem;margin:1.4rem 0 .2rem} svg text{font-size:11px;fill:#5c6770} .wide{overflow-x:auto}
 table{border-collapse:collapse;font-size:12px} td,th{padding:.2rem .55rem;text-align:right} td{white-space:nowrap}

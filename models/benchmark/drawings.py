@@ -18,6 +18,8 @@ BASELINE = "concat"
 RANKED_BY = "wa_mpjpe100_mm"
 _LIMBS = ((4, 2, 0, 1, 3, 5), (0, 6, 8, 10), (1, 7, 9, 11), (6, 7))
 """Polylines through the twelve limb joints: arms, both sides, hips."""
+_BODY_APART_M = 0.5
+"""On a short way fewer bodies are drawn: one on top of another shows nothing."""
 _MARGIN_M, _MARGIN_SHARE = 0.2, 0.05
 
 
@@ -122,6 +124,11 @@ def three_views(trace: VideoTraces, shown: Sequence[int]) -> tuple[Drawing, ...]
     along = along * (1.0 if along[np.abs(along).argmax()] > 0 else -1.0)
     across = np.array([-along[1], along[0]])
     x, y, z = np.array([*along, 0.0]), np.array([*across, 0.0]), np.array([0.0, 0.0, 1.0])
+    reach_m = float(np.ptp(flat, axis=0).max()) if len(flat) else 0.0
+    every = np.linspace(
+        0, trace.bodies.shape[1] - 1, int(np.clip(reach_m / _BODY_APART_M + 2, 2, trace.bodies.shape[1]))
+    )
+    some = np.unique(every.round().astype(int))
     series = [TRUTH, *shown]
     rows = [0, *(1 + k for k in shown)]
     views = (("from the side", x, -z), ("from the other side", y, -z), ("from above", x, -y))
@@ -129,7 +136,7 @@ def three_views(trace: VideoTraces, shown: Sequence[int]) -> tuple[Drawing, ...]
         _drawing(
             title,
             [(s, trace.way[r] @ np.stack([right, down], 1)) for s, r in zip(series, rows, strict=True)],
-            [(s, trace.bodies[r] @ np.stack([right, down], 1)) for s, r in zip(series, rows, strict=True)],
+            [(s, trace.bodies[r][some] @ np.stack([right, down], 1)) for s, r in zip(series, rows, strict=True)],
             margin=_MARGIN_M,
         )
         for title, right, down in views
