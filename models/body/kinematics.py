@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.models.body.body24 import NUM_JOINTS, PARENTS, Body
+from humanmm.models.body.body24 import NUM_JOINTS, PARENTS
 from humanmm.models.rotations import rotation_from_vector
 
 Array = np.ndarray
@@ -75,23 +75,3 @@ def skinning_transforms(
     """[R | t] of each joint that takes a rest-pose point to the posed body: x = R x_rest + t."""
     t = joints - np.einsum("njab,jb->nja", R, rest_joints)
     return np.concatenate([R, t[..., None]], axis=-1)
-
-
-def skin(
-    body: Body,
-    rest_vertices: Float[Array, "V 3"],
-    transforms: Float[Array, "frames 24 3 4"],
-    *,
-    vertices: np.ndarray | None = None,
-) -> Float[Array, "frames V 3"]:
-    """Posed skin, float32: linear blend skinning of all vertices, or of those whose indices are given.
-
-    A frame of the whole mesh takes 160 kB: ask for few frames at a time.
-    """
-    chosen = slice(None) if vertices is None else vertices
-    rest = rest_vertices[chosen].astype(np.float32)
-    weights = np.zeros((len(rest), NUM_JOINTS), np.float32)
-    np.add.at(weights, (np.arange(len(rest))[:, None], body.skin_joint[chosen]), body.skin_weight[chosen])
-    flat = transforms.astype(np.float32).reshape(len(transforms), NUM_JOINTS, 12)
-    blended = (weights @ flat).reshape(len(transforms), len(rest), 3, 4)
-    return np.asarray(np.einsum("nvab,vb->nva", blended[..., :3], rest) + blended[..., 3])
