@@ -30,13 +30,18 @@ def test_a_table_of_modules_has_a_line_for_each_method_and_the_papers_beside_it(
 ) -> None:
     def measured(jobs: list[object], config: object, store: object, wanted: tuple[str, ...]) -> list[VideoFigures]:
         figures = (Figure("wa_mpjpe100_mm", 90.0), Figure("cam_shot_ate_m", 0.01))
-        done = tuple(MethodFigures(name, figures, ()) for name in wanted)
+        done = (
+            *(MethodFigures(name, figures, ()) for name in wanted[:-1]),
+            MethodFigures(wanted[-1], (), (), "no luck"),
+        )
         return [VideoFigures(f"video {k}", "2 transitions", done) for k in range(len(jobs))]
 
     monkeypatch.setattr(motion_benchmark, "figures_of", measured)
     command = ["bench", table, "--data", str(PACK), "--size", "tiny", "--store", str(tmp_path)]
     assert main(command) == 0
-    lines = capsys.readouterr().out.splitlines()
+    told = capsys.readouterr()
+    assert f"humanmm: video 1: {methods[-1]} failed: no luck" in told.err
+    lines = told.out.splitlines()
     assert [line.split(" (failed")[0][2:] for line in lines if "(failed" in line] == list(methods)
     assert any(line.startswith(f"| {beside}") for line in lines)
 

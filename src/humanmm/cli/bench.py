@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from humanmm.config import Config
     from humanmm.flows.motion_benchmark import Job
     from humanmm.models.benchmark.rows import Row
+    from humanmm.models.benchmark.scoring import VideoFigures
     from humanmm.models.benchmark.statistics import SetStatistics
     from humanmm.storage.bench_page import Page
     from humanmm.storage.store import Store
@@ -192,7 +193,9 @@ def _motion(options: argparse.Namespace, config: "Config") -> int:
         paper = options.table
         methods, shown = (ABLATIONS, OF_ABLATION) if options.table == "ablation" else (CAMERAS, OF_CAMERAS)
     figures = figures_of(jobs, config, store, methods)
-    rows = rows_of(with_imported(jobs, figures, systems, config, store))
+    figures_shown = with_imported(jobs, figures, systems, config, store)
+    _tell_failures(figures_shown)
+    rows = rows_of(figures_shown)
     table = as_markdown(rows, paper=paper, figures=shown, lines="methods" if options.table in MODULES else "figures")
     sys.stdout.write(table)
     named = [word for system in systems for word in ("--imported", system.name)]
@@ -206,6 +209,18 @@ def _motion(options: argparse.Namespace, config: "Config") -> int:
         ),
     )  # fmt: skip
     return _compare(rows, stored, options.table)
+
+
+def _tell_failures(figures: "Sequence[VideoFigures]") -> None:
+    """A line on standard error for every video and reason, with the methods that failed so."""
+    for video in figures:
+        reasons: dict[str, list[str]] = {}
+        for method in video.methods:
+            if method.failure:
+                reasons.setdefault(method.failure, []).append(method.method)
+        for reason, methods in reasons.items():
+            who = "every method" if len(methods) == len(video.methods) else ", ".join(methods)
+            sys.stderr.write(f"humanmm: {video.video}: {who} failed: {reason}\n")
 
 
 def _set(options: argparse.Namespace, store: "Store") -> "tuple[Sequence[Job], SetStatistics, list[str]]":
