@@ -9,21 +9,25 @@ import asyncio
 import io
 import json
 import logging
-from collections.abc import Coroutine, Sequence
+from collections.abc import Coroutine, Mapping, Sequence
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any, TypeVar
 from uuid import UUID
 
 from prefect import flow, get_client
 from prefect.client.orchestration import PrefectClient
+from prefect.client.schemas.actions import DeploymentScheduleCreate
 from prefect.client.schemas.objects import State
+from prefect.client.schemas.schedules import CronSchedule
 from prefect.exceptions import ObjectNotFound
 from prefect.runtime import flow_run
-from prefect.states import Cancelled, Completed, Failed
+from prefect.states import Cancelled, Completed, Failed, Scheduled
 from prefect.task_runners import ThreadPoolTaskRunner
 
 from humanmm.config import Config
-from humanmm.errors import HumanMMError
+from humanmm.errors import HumanMMError, InputError
+from humanmm.flows.local_server import note_store, server_files
 from humanmm.flows.recover import DEFAULTS, EVERYTHING, MAX_WAITING, opened, recover
 from humanmm.storage.batch_ledger import BatchLedger, VideoRow
 from humanmm.storage.batch_manifest import read_batch
@@ -32,12 +36,14 @@ from humanmm.tasks import batch as batches
 from humanmm.tasks.engine import VideoRun
 from humanmm.tasks.faults import in_words
 from humanmm.tasks.selection import Selection
+from humanmm.tasks.watch import is_quiet
 
 log = logging.getLogger(__name__)
 T = TypeVar("T")
 
 POOL = "humanmm"
 DEPLOYMENT = "recover-video/recover-video"
+BATCH_DEPLOYMENT = "recover-batch/recover-batch"
 AT_A_TIME = 16
 """Requests to Prefect's server that are under way at the same time."""
 
@@ -97,13 +103,28 @@ def _accounted(
             return Failed(message=in_words(error))
         raise
     except BaseException:
-        account.end("failed", "it was stopped: SIGTERM or an interrupt")
+        _stopped(account)
         raise
     finally:
         opened.reset(token)
     partial = state.name == "Partial"
     account.end("partial" if partial else "done", (state.message or "") if partial else "")
     return state
+
+
+def _stopped(account: batches.Account) -> None:
+    """Its process was told to stop: cancelled from the dashboard, or else to be resumed by the next who runs flows."""
+    try:
+        with get_client(sync_client=True) as client:
+            state = client.read_flow_run(UUID(account.flow_run)).state
+        cancelled = state is not None and (state.is_cancelling() or state.is_cancelled())
+    except Exception as error:  # the server may have been stopped first
+        log.info("the Prefect server did not answer: %s", error)
+        cancelled = False
+    if cancelled:
+        account.end("cancelled", "cancelled from the dashboard")
+    else:
+        account.ledger.try_again(account.row, "it was stopped, and resumes when `humanmm serve` runs")
 
 
 @flow(name="recover-batch", flow_run_name="{source}", persist_result=False)
@@ -114,21 +135,34 @@ def recover_batch(
     store: Path | None = None,
     name: str | None = None,
     pattern: str | None = None,
+    priority: str = "normal",
+    tags: tuple[str, ...] = (),
+    settle_s: float = 30.0,
 ) -> Any:
-    """Schedule every video of a folder or manifest that is not finished; asked twice, nothing is scheduled twice."""
+    """Schedule every video of a folder or manifest that is not finished; asked twice, nothing is scheduled twice.
+
+    Files that were written to less than `settle_s` seconds ago wait for the next time: they may still be growing.
+    """
     ledger = BatchLedger(Store(store or default_store()))
-    entries = read_batch(source, pattern=pattern)
+    asked = read_batch(source, pattern=pattern)
+    entries = [entry.with_defaults(priority=priority, tags=tags) for entry in asked if is_quiet(entry.video, settle_s)]
     submission = batches.submit(ledger, name or batches.batch_name(source), source, entries, config, out)
     schedule(ledger, submission.to_schedule)
+    growing = len(asked) - len(entries)
     told = f"{submission.name}: {len(submission.to_schedule)} scheduled, {submission.finished} finished"
-    return Completed(message=told + (f", {submission.failed} failed before" if submission.failed else ""))
+    told += f", {submission.failed} failed before" if submission.failed else ""
+    return Completed(message=told + (f", {growing} still being written" if growing else ""))
 
 
 # ---- between the ledger and Prefect
 
 
 def schedule(ledger: BatchLedger, rows: Sequence[VideoRow]) -> None:
-    """A flow run per video. A run that Prefect knows already, by batch, video and attempt, is not made again."""
+    """A flow run per video. A run that Prefect knows already, by batch, video and attempt, is not made again.
+
+    A video whose process was lost waits a little, the longer the more often it was lost.
+    """
+    note_store(server_files(), ledger.store.root)
 
     async def schedule_all() -> None:
         async with get_client() as client:
@@ -142,12 +176,42 @@ def schedule(ledger: BatchLedger, rows: Sequence[VideoRow]) -> None:
                     tags=[f"batch:{row.batch}", *json.loads(row.tags)],
                     idempotency_key=f"{ledger.store.root}:{row.lock_key}:{row.attempt}",
                     work_queue_name=queue_of(row.priority),
+                    state=Scheduled(scheduled_time=datetime.now(UTC) + timedelta(seconds=_pause_s(row))),
                 )
                 ledger.change(row, only_from=("scheduled",), flow_run=str(made.id))
 
             await _some_at_a_time([one(row) for row in rows])
 
     asyncio.run(schedule_all())
+
+
+def set_schedule(name: str, cron: str | None, timezone: str, parameters: Mapping[str, Any]) -> datetime | None:
+    """Have `recover_batch` run at the times of a cron line, in place of what `name` had before; None ends it.
+
+    Returns when it is next. InputError for a line that is none.
+    """
+    from prefect.server.schemas import schedules as server_schedules  # slow to import, and seldom needed
+
+    schedule = None
+    if cron is not None:
+        try:
+            schedule = CronSchedule(cron=cron, timezone=timezone)
+        except ValueError:
+            raise InputError(f"--schedule {cron!r} is no cron line such as '0 2 * * *' (in {timezone})") from None
+
+    async def set_it() -> datetime | None:
+        async with get_client() as client:
+            deployment = await client.read_deployment_by_name(BATCH_DEPLOYMENT)
+            for old in deployment.schedules:
+                if old.slug == name:
+                    await client.delete_deployment_schedule(deployment.id, old.id)
+            if schedule is None:
+                return None
+            timed = DeploymentScheduleCreate(schedule=schedule, parameters={**parameters, "name": name}, slug=name)
+            await client.create_deployment_schedules(deployment.id, [timed])
+        return (await server_schedules.CronSchedule(cron=schedule.cron, timezone=timezone).get_dates(1))[0]
+
+    return asyncio.run(set_it())
 
 
 def cancel(ledger: BatchLedger, rows: Sequence[VideoRow]) -> None:
@@ -170,6 +234,10 @@ async def _set_state(client: PrefectClient, run: UUID, state: State[Any]) -> Non
         await client.set_flow_run_state(run, state, force=True)
     except ObjectNotFound:
         log.info("Prefect does not know the flow run %s", run)
+
+
+def _pause_s(row: VideoRow) -> float:
+    return 10.0 * 4 ** (row.losses - 1) if row.losses else 0.0
 
 
 def queue_of(priority: str) -> str:

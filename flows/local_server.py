@@ -23,6 +23,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from humanmm.flows.alive import crash_lost
 from humanmm.storage.store import cache_folder
 
 log = logging.getLogger(__name__)
@@ -64,6 +65,11 @@ class ServerFiles:
     def log(self) -> Path:
         return self.home / "server.log"
 
+    @property
+    def stores(self) -> Path:
+        """The stores whose batches were scheduled here, one a line."""
+        return self.home / "stores"
+
 
 def server_files() -> ServerFiles:
     """Where our server lives: the cache folder, or a private temporary folder where that cannot be written."""
@@ -74,6 +80,20 @@ def server_files() -> ServerFiles:
             if os.access(base / name, os.W_OK):
                 return ServerFiles(base / name)
     raise OSError("neither the cache folder nor the temporary folder can be written")
+
+
+def note_store(files: ServerFiles, root: Path) -> None:
+    """Remember a store: whoever serves looks after its batches."""
+    if root not in known_stores(files):
+        with files.stores.open("a") as file:
+            fcntl.flock(file, fcntl.LOCK_EX)
+            file.write(f"{root}\n")
+
+
+def known_stores(files: ServerFiles) -> list[Path]:
+    """The stores that are still there."""
+    lines = files.stores.read_text().splitlines() if files.stores.exists() else []
+    return [Path(line) for line in dict.fromkeys(lines) if Path(line).is_dir()]
 
 
 @contextlib.contextmanager
@@ -221,6 +241,7 @@ def serve(files: ServerFiles) -> None:
             "PREFECT_SERVER_UI_STATIC_DIRECTORY": str(files.home / "ui"),
             "PREFECT_SERVER_SERVICES_TASK_RUN_RECORDER_BATCH_SIZE": "100",
             "PREFECT_SERVER_SERVICES_TASK_RUN_RECORDER_READ_BATCH_SIZE": "100",
+            "PREFECT_SERVER_CONCURRENCY_LEASE_STORAGE": "prefect.server.concurrency.lease_storage.filesystem",
             "PREFECT_LOGGING_SERVER_LEVEL": "WARNING",
         }
     )
@@ -238,10 +259,15 @@ def serve(files: ServerFiles) -> None:
 
 
 def _leave_when_idle(server: object, files: ServerFiles, port: int, idle_s: float) -> None:
-    """Stop the server once nobody holds `users` and nobody has for `idle_s`, or once its folder is gone."""
+    """Stop the server once nobody holds `users` and nobody has for `idle_s`, or once its folder is gone.
+
+    Meanwhile end the flow runs whose process is lost.
+    """
     started = time.time()
     while True:
         time.sleep(min(15.0, max(0.2, idle_s / 4)))
+        with contextlib.suppress(OSError, http.client.HTTPException, ValueError):  # not up yet: the next look will tell
+            crash_lost(files.home, HOST, port)
         try:
             users = files.users.open("a+")
         except OSError:

@@ -20,6 +20,8 @@ from prefect.states import Completed, Failed
 from prefect.task_runners import ThreadPoolTaskRunner
 
 from humanmm.config import Config
+from humanmm.flows.alive import Alive, home_of_our_server
+from humanmm.flows.gpu import gpu_slot
 from humanmm.storage.store import Store, default_store
 from humanmm.storage.video_identity import identify
 from humanmm.tasks.engine import Outcome, VideoRun
@@ -81,6 +83,8 @@ class Stages:
 
     def __init__(self, run: VideoRun) -> None:
         self.run = run
+        home = home_of_our_server()
+        self._alive = Alive(home, str(flow_run.id)) if home and flow_run.id else None
         self._futures: dict[tuple[str, int], PrefectFuture[Any]] = {}
         self._stopped = False
 
@@ -100,9 +104,13 @@ class Stages:
 
     def finish(self, out: Path | None, begun: float) -> Any:
         """Wait for everything; write the run folder; the flow's final state."""
-        for future in self._futures.values():
-            future.wait()
-        self.run.close()
+        try:
+            for future in self._futures.values():
+                future.wait()
+        finally:
+            self.run.close()
+            if self._alive is not None:
+                self._alive.end()
         video, store = self.run.video, self.run.store
         error = fatal_error(self.run)
         if error is not None:
@@ -172,6 +180,7 @@ def _open(video: Path, config: Config, store: Path | None, selection: Selection)
     place = Store(store or default_store())
     place.sweep()
     run = VideoRun(identify(video, place), config, place, selection=selection)
+    run.gpu = gpu_slot
     selection.check(run.stages)
     listener = opened.get()
     if listener is not None:

@@ -7,6 +7,7 @@ nothing stays `Running` for ever.
 
 import asyncio
 import contextlib
+import datetime
 import fcntl
 import logging
 import os
@@ -15,18 +16,25 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from humanmm.errors import InputError, StoreError
 from humanmm.flows.local_server import (
     ServerFiles,
     ensure_server,
+    known_stores,
     prefect_server,
     server_files,
     stop_unused_server,
 )
+from humanmm.storage.batch_ledger import FILE, BatchLedger
+from humanmm.storage.store import Store
+
+if TYPE_CHECKING:
+    from prefect.client.orchestration import PrefectClient
+    from prefect.client.schemas.objects import FlowRun, State, StateType
 
 log = logging.getLogger(__name__)
 
@@ -34,6 +42,8 @@ LOOK_EVERY_S = 5.0
 LOST_AFTER_S = 30.0
 """A flow run that is running in Prefect's eyes for longer than this without a process is lost."""
 START_LIMIT_S = 240.0
+PAGE = 200
+"""Flow runs that are asked for at a time: what Prefect's server gives at most."""
 READY = "serving"
 """A file that is there while `humanmm serve` takes flow runs."""
 STOP_LIMIT_S = 20.0
@@ -51,7 +61,9 @@ def is_serving(files: ServerFiles) -> bool:
 
 
 def bring_up(*, limit: int | None, idle_s: float) -> None:
-    """Have a `humanmm serve` in the background, started if there is none, and wait until it takes flow runs."""
+    """Have a `humanmm serve` in the background, started if nobody takes flow runs yet, and wait until it does."""
+    if has_workers_elsewhere():
+        return
     files = server_files()
     deadline = time.monotonic() + START_LIMIT_S
     started = False
@@ -70,6 +82,20 @@ def bring_up(*, limit: int | None, idle_s: float) -> None:
         if time.monotonic() > deadline:
             raise StoreError(f"humanmm serve could not be started; {files.home / 'serve.log'} says why")
         time.sleep(0.1)
+
+
+def has_workers_elsewhere() -> bool:
+    """Whether the user's own server ($PREFECT_API_URL) has a worker for us already, on this machine or another."""
+    if not os.environ.get("PREFECT_API_URL"):
+        return False
+    from prefect import get_client
+
+    from humanmm.flows.batch import POOL
+
+    with get_client(sync_client=True) as client:
+        pools = [pool.name for pool in client.read_work_pools()]
+        workers = client.read_workers_for_work_pool(POOL) if POOL in pools else []
+        return any(worker.status == "ONLINE" for worker in workers)
 
 
 def default_limit() -> int:
@@ -119,7 +145,7 @@ class Worker:
         with self._log.open("ab") as output:
             self._process = subprocess.Popen(
                 command, stdin=subprocess.PIPE, stdout=output, stderr=output, start_new_session=True,
-                env={**os.environ, "PREFECT_WORKER_QUERY_SECONDS": "2"},
+                env={**os.environ, "PREFECT_WORKER_QUERY_SECONDS": "2", "PREFECT_FLOWS_HEARTBEAT_FREQUENCY": "30"},
             )  # fmt: skip
 
     def keep_up(self) -> None:
@@ -161,6 +187,7 @@ async def _deploy(limit: int, folder: Path) -> None:
     from prefect.workers.process import ProcessWorker
 
     from humanmm.flows.batch import POOL, recover_batch, recover_video
+    from humanmm.flows.gpu import declare_gpus
     from humanmm.flows.maintain import maintain
 
     async with get_client() as client:
@@ -168,6 +195,7 @@ async def _deploy(limit: int, folder: Path) -> None:
         with contextlib.suppress(ObjectAlreadyExists):
             await client.create_work_pool(WorkPoolCreate(name=POOL, type="process", base_job_template=template))
         await client.update_work_pool(POOL, WorkPoolUpdate(concurrency_limit=limit, base_job_template=template))
+        await declare_gpus(client)
         for queue, priority in (("high", 1), ("default", 2), ("low", 3)):
             with contextlib.suppress(ObjectAlreadyExists):
                 await client.create_work_queue(name=queue, work_pool_name=POOL, priority=priority)
@@ -197,7 +225,7 @@ def _look_after(files: ServerFiles, worker: Worker, leave: threading.Event, idle
             continue
         worker.keep_up()
         try:
-            waiting = asyncio.run(crash_lost_runs(LOST_AFTER_S))
+            waiting = bool(resume_lost_videos(files)) | asyncio.run(crash_lost_runs(LOST_AFTER_S))
         except Exception as error:  # the server may be busy or restarting: the next look will tell
             log.info("the Prefect server did not answer: %s", error)
             continue
@@ -207,11 +235,52 @@ def _look_after(files: ServerFiles, worker: Worker, leave: threading.Event, idle
             return
 
 
-async def crash_lost_runs(after_s: float) -> int:
-    """End flow runs of our deployments that nobody computes any more; returns how many wait or run."""
-    import datetime
-
+async def crash_lost_runs(after_s: float) -> bool:
+    """End flow runs of our deployments that nobody computes any more; returns whether any waits or runs."""
     from prefect import get_client
+    from prefect.client.schemas.objects import StateType
+
+    async with get_client() as client:
+        runs = await _all_runs(client, StateType.PENDING, StateType.RUNNING, StateType.CANCELLING)
+        for run in runs:
+            ended = _how_it_ended(run, after_s)
+            if ended is not None:
+                await client.set_flow_run_state(run.id, ended, force=True)
+        return bool(runs) or bool(await _some_runs(client, [StateType.SCHEDULED], limit=1))
+
+
+def _how_it_ended(run: "FlowRun", after_s: float) -> "State[Any] | None":
+    """The state of a flow run whose process is gone; None if it lives, or if that cannot be told from here."""
+    from prefect.states import Completed, Crashed, Failed
+
+    given, state = run.parameters, run.state
+    if state is None or not given.get("batch") or not (Path(given.get("store") or "-") / FILE).exists():
+        return None
+    since = datetime.datetime.now(datetime.UTC) - state.timestamp
+    ledger = BatchLedger(Store(Path(given["store"])))
+    row = ledger.row(given["batch"], given["video"])
+    if since.total_seconds() < after_s or (row is not None and ledger.is_held(row)):
+        return None
+    ledger.find_lost(given["batch"])
+    row = ledger.row(given["batch"], given["video"])
+    if row is not None and row.attempt == given.get("attempt", 1) and row.state == "done":
+        return Completed(message=row.run_dir)
+    if row is not None and row.attempt == given.get("attempt", 1) and row.state == "partial":
+        return Failed(name="Partial", message=row.reason)
+    return Crashed(message=row.reason if row is not None else "its process was lost")
+
+
+async def _all_runs(client: "PrefectClient", *states: "StateType") -> "list[FlowRun]":
+    """Flow runs of our deployments in some states, read page by page before any of them is changed."""
+    runs: list[FlowRun] = []
+    while len(page := await _some_runs(client, states, limit=PAGE, offset=len(runs))) == PAGE:
+        runs += page
+    return [*runs, *page]
+
+
+async def _some_runs(
+    client: "PrefectClient", states: "Sequence[StateType]", *, limit: int, offset: int = 0
+) -> "list[FlowRun]":
     from prefect.client.schemas.filters import (
         FlowRunFilter,
         FlowRunFilterState,
@@ -219,40 +288,33 @@ async def crash_lost_runs(after_s: float) -> int:
         WorkPoolFilter,
         WorkPoolFilterName,
     )
-    from prefect.client.schemas.objects import State, StateType
-    from prefect.states import Completed, Crashed, Failed
+    from prefect.client.schemas.sorting import FlowRunSort
 
     from humanmm.flows.batch import POOL
-    from humanmm.storage.batch_ledger import BatchLedger
-    from humanmm.storage.store import Store
 
-    alive = [StateType.SCHEDULED, StateType.PENDING, StateType.RUNNING, StateType.CANCELLING]
-    async with get_client() as client:
-        runs = await client.read_flow_runs(
-            flow_run_filter=FlowRunFilter(state=FlowRunFilterState(type=FlowRunFilterStateType(any_=alive))),
-            work_pool_filter=WorkPoolFilter(name=WorkPoolFilterName(any_=[POOL])),
-        )
-        for run in runs:
-            given = run.parameters
-            state = run.state
-            if state is None or state.type is StateType.SCHEDULED or not given.get("batch") or not given.get("store"):
-                continue
-            since = datetime.datetime.now(datetime.UTC) - state.timestamp
-            ledger = BatchLedger(Store(Path(given["store"])))
-            row = ledger.row(given["batch"], given["video"])
-            if since.total_seconds() < after_s or (row is not None and ledger.is_held(row)):
-                continue
-            ledger.find_lost(given["batch"])
-            row = ledger.row(given["batch"], given["video"])
-            ended: State[Any]
-            if row is not None and row.attempt == given.get("attempt", 1) and row.state == "done":
-                ended = Completed(message=row.run_dir)
-            elif row is not None and row.attempt == given.get("attempt", 1) and row.state == "partial":
-                ended = Failed(name="Partial", message=row.reason)
-            else:
-                ended = Crashed(message=row.reason if row is not None else "its process was lost")
-            await client.set_flow_run_state(run.id, ended, force=True)
-    return len(runs)
+    return await client.read_flow_runs(
+        flow_run_filter=FlowRunFilter(state=FlowRunFilterState(type=FlowRunFilterStateType(any_=list(states)))),
+        work_pool_filter=WorkPoolFilter(name=WorkPoolFilterName(any_=[POOL])),
+        sort=FlowRunSort.ID_DESC,
+        limit=limit,
+        offset=offset,
+    )
+
+
+def resume_lost_videos(files: ServerFiles) -> int:
+    """Schedule what waits although Prefect was not told: videos whose process was lost or stopped; returns how many."""
+    from humanmm.flows.batch import schedule
+
+    count = 0
+    for root in known_stores(files):
+        ledger = BatchLedger(Store(root))
+        for batch in ledger.batches_at_work():
+            ledger.find_lost(batch)
+        rows = ledger.unscheduled()
+        if rows:
+            schedule(ledger, rows)
+        count += len(rows)
+    return count
 
 
 @contextlib.contextmanager

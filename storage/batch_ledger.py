@@ -21,13 +21,15 @@ from humanmm.storage.store import Store
 STATES = ("scheduled", "running", "done", "partial", "failed", "cancelled")
 FILE = "batches.sqlite"
 HOLD_LIMIT_S = 2.0
+MAX_LOSSES = 2
+"""How often a video whose process was lost is tried again without being asked."""
 
 _SCHEMA = """
 create table if not exists batch (name text primary key, source text, created real);
 create table if not exists video (
     batch text, video text, position integer, run_dir text, config text, priority text, tags text,
     facts text, recipe text, attempt integer, state text, stage text, reason text, seconds real,
-    flow_run text, pid integer, changed real,
+    flow_run text, pid integer, changed real, losses integer default 0,
     primary key (batch, video)
 );
 create index if not exists video_state on video (batch, state);
@@ -62,6 +64,8 @@ class VideoRow:
     pid: int | None = None
     changed: float = 0.0
     """When it changed its state, seconds since 1970."""
+    losses: int = 0
+    """How often its process was lost."""
 
     @property
     def lock_key(self) -> str:
@@ -165,15 +169,34 @@ class BatchLedger:
             return not free
 
     def find_lost(self, batch: str) -> list[VideoRow]:
-        """Mark the running videos whose process has died as failed, and tell which they are."""
+        """Find the running videos whose process has died, and tell which they are.
+
+        They wait for another attempt, which whoever runs flows schedules; too often lost, they are failed.
+        """
         lost = []
         for row in self.rows(batch, "running"):
             if not self.is_held(row) and (found := self.row(row.batch, row.video)) is not None:
                 place = f" during {found.stage}" if found.stage else ""
                 reason = f"its process was lost{place}: it was killed, ran out of memory, or the machine went down"
-                if self.change(found, only_from=("running",), state="failed", reason=reason):
+                values = {"losses": found.losses + 1, "reason": reason, "state": "failed"}
+                if found.losses < MAX_LOSSES:
+                    values |= _another_attempt(found)
+                if self.change(found, only_from=("running",), **values):
                     lost.append(found)
         return lost
+
+    def try_again(self, row: VideoRow, reason: str) -> bool:
+        """Have a running video wait for another attempt; says whether it was running still."""
+        return self.change(row, only_from=("running",), reason=reason, **_another_attempt(row))
+
+    def unscheduled(self, limit: int = 200) -> list[VideoRow]:
+        """Videos that wait although nobody was told to run them, of all batches."""
+        query = f"select {', '.join(_NAMES)} from video where state = 'scheduled' and flow_run is null limit ?"
+        return [VideoRow(*values) for values in self._select(query, limit)]
+
+    def batches_at_work(self) -> list[str]:
+        """Batches of which some video runs."""
+        return [str(name) for (name,) in self._select("select distinct batch from video where state = 'running'")]
 
     # ---- the file
 
@@ -183,6 +206,7 @@ class BatchLedger:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             with contextlib.closing(sqlite3.connect(self.path, timeout=60)) as connection, connection:
                 connection.executescript(_SCHEMA)
+                _bring_up_to_date(connection)
                 connection.execute("begin immediate")
                 yield connection
         except (sqlite3.Error, OSError) as error:
@@ -193,9 +217,21 @@ class BatchLedger:
             return []
         try:
             with contextlib.closing(sqlite3.connect(self.path, timeout=60)) as connection:
+                _bring_up_to_date(connection)
                 return connection.execute(query, values).fetchall()
         except sqlite3.Error as error:
             raise StoreError(f"cannot read the batches of the store, {self.path}: {error}") from error
+
+
+def _another_attempt(row: VideoRow) -> dict[str, Any]:
+    return {"state": "scheduled", "attempt": row.attempt + 1, "flow_run": None, "pid": None}
+
+
+def _bring_up_to_date(connection: sqlite3.Connection) -> None:
+    """Add what a ledger of an earlier version lacks."""
+    columns = {name for _, name, *_ in connection.execute("pragma table_info(video)")}
+    if columns and "losses" not in columns:
+        connection.execute("alter table video add column losses integer default 0")
 
 
 def facts_of(video: Path) -> str:

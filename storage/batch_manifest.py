@@ -8,8 +8,8 @@
 
 import csv
 import json
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -42,12 +42,15 @@ class Entry:
     origin: str = ""
     """Where it was asked for, for error messages."""
 
+    def with_defaults(self, *, priority: str, tags: Sequence[str]) -> "Entry":
+        """The same with what it does not name itself."""
+        return replace(self, priority=self.priority or priority, tags=tuple(dict.fromkeys((*self.tags, *tags))))
+
 
 def read_batch(source: Path, *, pattern: str | None = None) -> list[Entry]:
     """Every video of a folder (at any depth) or of a manifest, each once, in order. InputError names what is wrong."""
     if source.is_dir():
-        found = sorted(path for path in source.absolute().rglob(pattern or "*") if path.is_file() and _is_video(path))
-        entries = [Entry(path, origin=str(source)) for path in found]
+        entries = videos_in(source, pattern=pattern)
         hint = f"{source} holds no video" + (f" named {pattern}" if pattern else "")
     else:
         if pattern is not None:
@@ -60,6 +63,12 @@ def read_batch(source: Path, *, pattern: str | None = None) -> list[Entry]:
     for entry in entries:
         by_path.setdefault(entry.video, entry)  # the first mention counts
     return list(by_path.values())
+
+
+def videos_in(folder: Path, *, pattern: str | None = None) -> list[Entry]:
+    """Every video of a folder, at any depth, in order; there may be none."""
+    found = sorted(path for path in folder.absolute().rglob(pattern or "*") if path.is_file() and _is_video(path))
+    return [Entry(path, origin=str(folder)) for path in found]
 
 
 def _is_video(path: Path) -> bool:

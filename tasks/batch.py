@@ -89,7 +89,7 @@ def retry(ledger: BatchLedger, name: str, *, stage: str | None = None) -> list[V
     for row in ledger.rows(name, "failed", "partial", "cancelled"):
         if stage is None or (row.stage or "").split(" · ")[0] == stage:
             fresh = replace(row, attempt=row.attempt + 1, state="scheduled", stage=None, reason="", seconds=None)
-            again.append(replace(fresh, flow_run=None, pid=None))
+            again.append(replace(fresh, flow_run=None, pid=None, losses=0))
     if again:
         ledger.put(name, "", again)
     return again
@@ -113,6 +113,8 @@ class Account:
         self.ledger, self.row = ledger, row
         self.run: VideoRun | None = None
         """Set by the flow when the video is open."""
+        self.flow_run: str | None = None
+        """Prefect's name of what runs it."""
         self._left = threading.Event()
         self._stage: str | None = None
 
@@ -124,6 +126,7 @@ class Account:
     @contextlib.contextmanager
     def kept(self, flow_run: str | None) -> Iterator[bool]:
         """Hold the video and tell where it is while the body runs; False if it is not to be run any more."""
+        self.flow_run = flow_run
         with self.ledger.hold(self.row) as held:
             begun = time.time()
             values: dict[str, Any] = {"state": "running", "flow_run": flow_run, "pid": os.getpid(), "reason": ""}

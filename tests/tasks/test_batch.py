@@ -4,6 +4,7 @@ import hashlib
 import json
 import os
 import signal
+import sqlite3
 import subprocess
 import sys
 import time
@@ -170,7 +171,30 @@ def test_a_running_video_whose_process_was_killed_is_found_lost(toy: Any, ledger
     began = time.monotonic()
     assert [lost.video for lost in ledger.find_lost("test")] == [row.video]
     assert time.monotonic() - began < 1
-    assert "its process was lost" in ledger.rows("test")[0].reason
+    (again,) = ledger.unscheduled()
+    assert (again.state, again.attempt, again.losses) == ("scheduled", 2, 1) and "its process was lost" in again.reason
+
+
+def test_a_video_that_is_lost_again_and_again_fails(toy: Any, ledger: BatchLedger) -> None:
+    _submit(toy, ledger, _films(toy, "a.mp4"))
+    for attempt in (1, 2, 3):
+        (row,) = ledger.rows("test")
+        assert (row.state, row.attempt) == ("scheduled", attempt)
+        ledger.change(row, state="running", stage="align")
+        ledger.find_lost("test")
+    (row,) = ledger.rows("test")
+    assert (row.state, row.attempt) == ("failed", 3) and "lost during align" in row.reason
+    assert ledger.unscheduled() == []
+    (again,) = batches.retry(ledger, "test")
+    assert (again.attempt, again.losses) == (4, 0)
+
+
+def test_a_ledger_of_an_earlier_version_is_read(toy: Any, ledger: BatchLedger) -> None:
+    _submit(toy, ledger, _films(toy, "a.mp4"))
+    with sqlite3.connect(ledger.path) as connection:
+        connection.execute("alter table video drop column losses")
+    (row,) = _submit(toy, ledger, _films(toy, "a.mp4", "b.mp4")).to_schedule[:1]
+    assert row.losses == 0
 
 
 def test_a_cancelled_video_does_not_start_and_stays_cancelled(toy: Any, ledger: BatchLedger) -> None:

@@ -8,13 +8,14 @@ import signal
 import sys
 import time
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from humanmm.cli.recover import check_writable
 from humanmm.cli.settings import UsageError, add_settings, load_config
+from humanmm.config import Config
 from humanmm.storage.batch_ledger import BatchLedger, VideoRow, counts
+from humanmm.storage.batch_manifest import Entry
 from humanmm.storage.store import Store, default_store
 from humanmm.tasks import pipeline
 
@@ -40,6 +41,19 @@ def add_batch(verbs: Any, common: argparse.ArgumentParser) -> None:
     submitting.add_argument("--glob", metavar="PATTERN", help="of a folder, only such names, e.g. 'cam1_*.mp4'")
     submitting.add_argument("--priority", choices=("high", "normal", "low"), help="of videos that name none")
     submitting.add_argument("--tag", action="append", default=[], metavar="TAG", help="a tag on every flow run")
+    how = submitting.add_mutually_exclusive_group()
+    how.add_argument(
+        "--watch", action="store_true", help="stay, and take new videos of a folder once they stop growing"
+    )
+    how.add_argument(
+        "--schedule",
+        metavar="CRON",
+        help="submit it at such times while `humanmm serve` runs, e.g. '0 2 * * *'; or none",
+    )
+    submitting.add_argument(
+        "--settle", type=float, default=30.0, metavar="S",
+        help="with --watch or --schedule, leave files alone that changed in the last S seconds (default: 30)",
+    )  # fmt: skip
     _add_waiting(submitting)
     _add_store(submitting)
     add_settings(submitting)
@@ -81,16 +95,13 @@ def submit(options: argparse.Namespace) -> int:
     _check_limit(options)
     config = load_config(options)
     check_writable(options.out)
-    entries = [
-        replace(
-            entry,
-            priority=entry.priority or options.priority or "normal",
-            tags=tuple(dict.fromkeys((*entry.tags, *options.tag))),
-        )
-        for entry in read_batch(options.source, pattern=options.glob)
-    ]
     ledger = _ledger(options)
     name = options.name or batches.batch_name(options.source)
+    if options.schedule is not None:
+        return _set_schedule(ledger, name, config, options)
+    if options.watch:
+        return _watch(ledger, name, config, options)
+    entries = _with_defaults(read_batch(options.source, pattern=options.glob), options)
     submission = batches.submit(ledger, name, options.source, entries, config, options.out)
     told = f"{len(submission.to_schedule)} to do, {submission.finished} finished"
     if submission.failed:
@@ -108,9 +119,7 @@ def status(options: argparse.Namespace) -> int:
         tree = {"batch": name, "counts": counts(rows), "videos": [row.to_json() for row in rows]}
         sys.stdout.write(json.dumps(tree, indent=1) + "\n")
         return 0
-    _print([f"batch {name}: {len(rows)} videos, {_counted(rows)}", *_speed(rows)])
-    at_work = [row for row in rows if row.state == "running"]
-    _print([f"  running: {row.video} ({row.stage or 'starting'})" for row in at_work])
+    _print([f"batch {name}: {len(rows)} videos, {_counted(rows)}", *_speed(rows), *_by_stage(rows)])
     bad = sorted((row for row in rows if row.state in ("failed", "partial")), key=lambda row: -row.changed)
     _print([f"  {row.state}: {row.video} ({row.stage or 'no stage'}): {row.reason}" for row in bad[:10]])
     if len(bad) > 10:
@@ -174,6 +183,68 @@ def report(options: argparse.Namespace) -> int:
     return 0
 
 
+# ---- a batch that goes on
+
+
+def _with_defaults(entries: Sequence[Entry], options: argparse.Namespace) -> list[Entry]:
+    return [entry.with_defaults(priority=options.priority or "normal", tags=options.tag) for entry in entries]
+
+
+def _watch(ledger: BatchLedger, name: str, config: Config, options: argparse.Namespace) -> int:
+    """Submit again whenever a video has come or changed, and stopped growing; until Ctrl-C or SIGTERM."""
+    from humanmm.storage.batch_manifest import videos_in
+    from humanmm.tasks import batch as batches
+    from humanmm.tasks.watch import Settled
+
+    if not options.source.is_dir():
+        raise UsageError(f"--watch: {options.source} is no folder")
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    settled, taken = Settled(options.settle), dict[Path, str]()
+    _say(f"batch {name}: watching {options.source}")
+    with contextlib.suppress(KeyboardInterrupt):
+        while True:
+            found = videos_in(options.source, pattern=options.glob)
+            quiet = settled.look(found, time.monotonic())
+            if not quiet.items() <= taken.items():
+                entries = _with_defaults([entry for entry in found if entry.video in quiet], options)
+                submission = batches.submit(ledger, name, options.source, entries, config, options.out)
+                _say(f"batch {name}: {len(submission.to_schedule)} to do, {submission.finished} finished")
+                if submission.to_schedule:
+                    _schedule(ledger, submission.to_schedule, options.limit)
+                taken = quiet
+            time.sleep(min(max(options.settle / 5, 0.2), 5.0))
+    return 0
+
+
+def _set_schedule(ledger: BatchLedger, name: str, config: Config, options: argparse.Namespace) -> int:
+    from humanmm.flows.local_server import prefect_server
+    from humanmm.flows.serving import bring_up
+
+    cron = None if options.schedule == "none" else options.schedule
+    parameters = {
+        "source": str(options.source.absolute()), "out": str(options.out.absolute()), "store": str(ledger.store.root),
+        "config": config.model_dump(mode="json"), "pattern": options.glob, "priority": options.priority or "normal",
+        "tags": options.tag, "settle_s": options.settle,
+    }  # fmt: skip
+    bring_up(limit=options.limit, idle_s=IDLE_S)
+    with prefect_server():
+        from humanmm.flows.batch import set_schedule
+
+        following = set_schedule(name, cron, _timezone(), parameters)
+    if following is None:
+        _say(f"batch {name}: not on a schedule any more")
+    else:
+        _say(f"batch {name}: next at {following:%Y-%m-%d %H:%M %Z}, if `humanmm serve` runs then")
+    sys.stdout.write(f"{name}\n")
+    return 0
+
+
+def _timezone() -> str:
+    """The machine's time zone by its name."""
+    named = os.environ.get("TZ") or str(Path("/etc/localtime").resolve()).partition("zoneinfo/")[2]
+    return named if named.lstrip(":") and (Path("/usr/share/zoneinfo") / named).is_file() else "UTC"
+
+
 # ---- seeing a batch through
 
 
@@ -231,6 +302,18 @@ def _speed(rows: Sequence[VideoRow]) -> list[str]:
     if waiting and running:
         line += f", {3600 * running / mean_s:.0f} videos an hour, about {waiting * mean_s / running / 60:.0f} min left"
     return [line]
+
+
+def _by_stage(rows: Sequence[VideoRow]) -> list[str]:
+    """How many videos are running, partial or failed at which stage, in the order of the stages."""
+    order = [stage.name for stage in pipeline.STAGES]
+    lines = []
+    for state in ("running", "partial", "failed"):
+        stages = [(row.stage or "no stage").split(" · ")[0] for row in rows if row.state == state]
+        known = sorted(set(stages), key=lambda name: (order.index(name) if name in order else len(order), name))
+        if stages:
+            lines.append(f"  {state}: " + ", ".join(f"{stages.count(name)} in {name}" for name in known))
+    return lines
 
 
 def _counted(rows: Sequence[VideoRow]) -> str:

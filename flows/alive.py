@@ -1,0 +1,96 @@
+"""Which flow runs are computed by a process that lives: each holds a flock, which the kernel frees when it dies.
+
+Prefect never learns that a process was killed: such a flow run would stay `Running`. Our server looks through these
+files now and then, and ends as `Crashed` what nobody holds. Nothing here imports Prefect.
+"""
+
+import contextlib
+import fcntl
+import http.client
+import json
+import logging
+import os
+import uuid
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, TextIO
+
+log = logging.getLogger(__name__)
+
+FINAL = ("COMPLETED", "FAILED", "CRASHED", "CANCELLED")
+PAGE = 200
+
+
+class Alive:
+    """Says that a flow run's process lives, from now until `end`, or until the process is gone."""
+
+    def __init__(self, home: Path, flow_run: str) -> None:
+        self._path = home / "alive" / flow_run
+        self._file: TextIO | None = None
+        with contextlib.suppress(OSError):  # a full disk is no reason to stop here
+            self._path.parent.mkdir(exist_ok=True)
+            fresh = self._path.with_name(f".{uuid.uuid4().hex}")
+            self._file = fresh.open("w")
+            fcntl.flock(self._file, fcntl.LOCK_EX)
+            fresh.rename(self._path)  # under this name it is never seen without its lock
+
+    def end(self) -> None:
+        """The flow run ends by itself now."""
+        if self._file is not None:
+            self._path.unlink(missing_ok=True)
+            self._file.close()
+            self._file = None
+
+
+def lost(home: Path) -> Iterator[str]:
+    """Flow runs whose process died before it could end them; each is forgotten when it was dealt with."""
+    for path in sorted(home.glob("alive/[!.]*")):
+        with contextlib.suppress(OSError), path.open("r+") as file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                continue
+            yield path.name
+            path.unlink(missing_ok=True)
+
+
+def crash_lost(home: Path, host: str, port: int) -> int:
+    """Set what is lost to `Crashed` on our server, tasks included; returns how many flow runs."""
+    count = 0
+    for flow_run in lost(home):
+        found = _ask(host, port, "GET", f"/api/flow_runs/{flow_run}")
+        if found is None or found.get("state_type") in FINAL:
+            continue
+        log.warning("the process of the flow run %s (%s) was lost", found.get("name"), flow_run)
+        _crash(host, port, "flow_runs", flow_run)
+        at_work = {"state": {"type": {"any_": ["PENDING", "RUNNING"]}}}
+        asked = {"flow_runs": {"id": {"any_": [flow_run]}}, "task_runs": at_work, "limit": PAGE}
+        for task in _ask(host, port, "POST", "/api/task_runs/filter", asked) or ():
+            _crash(host, port, "task_runs", str(task["id"]))
+        count += 1
+    return count
+
+
+def _crash(host: str, port: int, kind: str, run: str) -> None:
+    message = "its process was lost: it was killed, ran out of memory, or the machine went down"
+    state = {"type": "CRASHED", "name": "Crashed", "message": message}
+    _ask(host, port, "POST", f"/api/{kind}/{run}/set_state", {"state": state, "force": True})
+
+
+def _ask(host: str, port: int, method: str, path: str, body: dict[str, Any] | None = None) -> Any:
+    """The answer, decoded; None if the server does not know what it was asked for."""
+    connection = http.client.HTTPConnection(host, port, timeout=30)
+    try:
+        headers = {"Content-Type": "application/json"}
+        connection.request(method, path, json.dumps(body) if body is not None else None, headers)
+        response = connection.getresponse()
+        text = response.read()
+        return json.loads(text) if response.status < 300 else None
+    finally:
+        connection.close()
+
+
+def home_of_our_server() -> Path | None:
+    """Where runs of this process are noted: $PREFECT_HOME if our own server is asked, else nowhere."""
+    home = os.environ.get("PREFECT_HOME")
+    return Path(home) if home and (Path(home) / "server.json").exists() else None

@@ -1,0 +1,33 @@
+"""One slot an accelerator, over all processes and machines of one Prefect server."""
+
+import contextlib
+import logging
+from collections.abc import Iterator
+from pathlib import Path
+
+from prefect.client.orchestration import PrefectClient
+from prefect.client.schemas.actions import GlobalConcurrencyLimitCreate
+from prefect.concurrency.sync import concurrency
+from prefect.exceptions import ObjectAlreadyExists
+
+log = logging.getLogger(__name__)
+
+LIMIT = "gpu"
+LEASE_S = 60.0
+"""A slot whose holder was killed is free after this many seconds, and the server's next look (10 s)."""
+
+
+@contextlib.contextmanager
+def gpu_slot() -> Iterator[None]:
+    """Hold a slot while a stage computes that needs an accelerator; a server without the limit `gpu` sets none."""
+    with concurrency(LIMIT, occupy=1, lease_duration=LEASE_S, raise_on_lease_renewal_failure=False):
+        yield
+
+
+async def declare_gpus(client: PrefectClient) -> None:
+    """Make the limit unless there is one: a slot per device of this machine, one if there is none."""
+    devices = len(list(Path("/dev").glob("nvidia[0-9]*")))
+    with contextlib.suppress(ObjectAlreadyExists):
+        await client.create_global_concurrency_limit(
+            GlobalConcurrencyLimitCreate(name=LIMIT, limit=max(1, devices), active=True)
+        )

@@ -1,0 +1,104 @@
+"""Processes that are killed: what Prefect shows afterwards, and what they held."""
+
+import itertools
+import json
+import os
+import signal
+import subprocess
+import time
+import urllib.request
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from humanmm.flows.alive import Alive, lost
+from humanmm.flows.local_server import ServerFiles, known_stores, note_store
+
+server = pytest.mark.server
+
+
+def _start(toy: Any, *arguments: str, **environment: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        toy.command_line("recover", *arguments), cwd=toy.folder, env=toy.environment(**environment),
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+    )  # fmt: skip
+
+
+def _film(toy: Any, number: int) -> str:
+    (toy.folder / f"{number}.mp4").write_text(json.dumps({"num_frames": 60 + number, "cuts": [20, 40]}))
+    return f"{number}.mp4"
+
+
+def _wait_for(toy: Any, place: Any, executed: str) -> None:
+    place.until(lambda: toy.log.exists() and executed in toy.log.read_text().split(), 120)
+
+
+def test_only_a_run_whose_process_is_gone_is_lost(tmp_path: Path) -> None:
+    living = Alive(tmp_path, "living")
+    ended = Alive(tmp_path, "ended")
+    ended.end()
+    child = os.fork()
+    if child == 0:
+        Alive(tmp_path, "killed")
+        os.kill(os.getpid(), signal.SIGKILL)
+    os.waitpid(child, 0)
+    assert list(lost(tmp_path)) == ["killed"]
+    assert list(lost(tmp_path)) == [], "it is dealt with once"
+    living.end()
+
+
+def test_stores_are_noted_once_and_forgotten_when_they_are_gone(tmp_path: Path) -> None:
+    files = ServerFiles(tmp_path)
+    for name in ("a", "b", "a"):
+        (tmp_path / name).mkdir(exist_ok=True)
+        note_store(files, tmp_path / name)
+    (tmp_path / "b").rmdir()
+    assert known_stores(files) == [tmp_path / "a"]
+    assert files.stores.read_text().count("\n") == 2
+
+
+@server
+@pytest.mark.timeout(400)
+def test_the_flow_run_of_a_killed_recover_does_not_stay_running(toy: Any, place: Any) -> None:
+    process = _start(toy, "film.mp4", TOY_SLEEP="align=100")
+    _wait_for(toy, place, "align")
+    page = urllib.request.urlopen(place.url.removesuffix("/api"), timeout=30).read().decode()
+    assert "<title>Prefect" in page, "the dashboard is there, with nothing but loopback"
+    place.until(lambda: ("align", "RUNNING") in place.ask("select name, state_type from task_run"), 60)
+    process.kill()
+    process.wait()
+    began = time.monotonic()
+    place.until(lambda: place.flow_runs() == [("film.mp4", "CRASHED")], 120)
+    place.until(lambda: ("align", "CRASHED") in place.ask("select name, state_type from task_run"), 30)
+    assert time.monotonic() - began < 120, "lost workers are noticed within two minutes"
+    (message,) = place.ask("select message from flow_run_state where type = 'CRASHED'")
+    assert "its process was lost" in message[0]
+
+
+@server
+@pytest.mark.timeout(600)
+def test_the_gpu_limit_is_never_exceeded_and_a_killed_holder_frees_its_slot(toy: Any, place: Any) -> None:
+    gpu = ("--run.stages", "{align = {gpu = true}}")
+    holder = _start(toy, _film(toy, 0), "--run.stages", "{decode = {gpu = true}}")
+    assert holder.wait(timeout=120) == 0, "without the limit nothing waits"
+    place.client("from humanmm.flows.gpu import declare_gpus\nawait declare_gpus(client)")
+    three = [_start(toy, _film(toy, number), *gpu, TOY_SLEEP="align=4") for number in (1, 2, 3)]
+    assert [process.wait(timeout=200) for process in three] == [0, 0, 0]
+    spans = []
+    for number in (1, 2, 3):
+        stages = json.loads((toy.folder / f"runs/{number}/run.json").read_text())["stages"]
+        (align,) = [stage for stage in stages if stage["stage"] == "align"]
+        spans.append((align["began"], align["began"] + align["seconds"]))
+    spans.sort()
+    assert all(before[1] <= after[0] for before, after in itertools.pairwise(spans)), spans
+
+    toy.executed()
+    holder = _start(toy, _film(toy, 4), *gpu, TOY_SLEEP="align=300")
+    _wait_for(toy, place, "align")
+    holder.kill()
+    holder.wait()
+    began = time.monotonic()
+    waiting = _start(toy, _film(toy, 5), *gpu)
+    assert waiting.wait(timeout=200) == 0
+    assert 20 < time.monotonic() - began < 120, "it waited for the lease, and no longer"
