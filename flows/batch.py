@@ -29,6 +29,7 @@ from humanmm.config import Config
 from humanmm.errors import HumanMMError, InputError
 from humanmm.flows.local_server import note_store, server_files
 from humanmm.flows.recover import DEFAULTS, EVERYTHING, MAX_WAITING, opened, recover
+from humanmm.logs import to_standard_error, wants_json
 from humanmm.storage.batch_ledger import BatchLedger, VideoRow
 from humanmm.storage.batch_manifest import read_batch
 from humanmm.storage.store import Store, default_store
@@ -84,6 +85,8 @@ def recover_video(
 def _accounted(
     account: batches.Account, video: Path, out: Path | None, config: Config, store: Path | None, selection: Selection
 ) -> Any:
+    if wants_json():
+        to_standard_error(verbose=False)
     text = io.StringIO()
     keep = logging.StreamHandler(text)
     keep.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))

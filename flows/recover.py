@@ -10,17 +10,19 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
+from uuid import UUID
 
 from prefect import Task, allow_failure, flow, task
 from prefect.cache_policies import NO_CACHE
 from prefect.client.schemas.objects import State, TaskRun
 from prefect.futures import PrefectFuture
-from prefect.runtime import flow_run
+from prefect.runtime import flow_run, task_run
 from prefect.states import Completed, Failed
 from prefect.task_runners import ThreadPoolTaskRunner
 
 from humanmm.config import Config
 from humanmm.flows.alive import Alive, home_of_our_server
+from humanmm.flows.dashboard import ProgressBoard, show_video
 from humanmm.flows.gpu import gpu_slot
 from humanmm.storage.store import Store, default_store
 from humanmm.storage.video_identity import identify
@@ -85,6 +87,8 @@ class Stages:
         self.run = run
         home = home_of_our_server()
         self._alive = Alive(home, str(flow_run.id)) if home and flow_run.id else None
+        self._board = ProgressBoard(UUID(str(flow_run.id)))
+        run.listen(self._board.report)
         self._futures: dict[tuple[str, int], PrefectFuture[Any]] = {}
         self._stopped = False
 
@@ -99,7 +103,11 @@ class Stages:
         self._stopped = works is None  # what defines the units has failed
         for work in works or ():
             self._futures[name, work.index] = _task_of(self.run, work).submit(
-                self.run, name, work.index, wait_for=[allow_failure(future) for future in self._inputs(work)]
+                self.run,
+                name,
+                work.index,
+                self._board,
+                wait_for=[allow_failure(future) for future in self._inputs(work)],
             )
 
     def finish(self, out: Path | None, begun: float) -> Any:
@@ -109,6 +117,7 @@ class Stages:
                 future.wait()
         finally:
             self.run.close()
+            self._board.end()
             if self._alive is not None:
                 self._alive.end()
         video, store = self.run.video, self.run.store
@@ -120,6 +129,7 @@ class Stages:
             return Completed(message="nothing that depends on it has changed")
         run_dir = out or default_run_dir(video.path)
         state = write_results(self.run, run_dir, started=begun, log_text=self.run.log_text())
+        show_video(run_dir.absolute(), UUID(str(flow_run.id)))
         if state == "partial":
             lost = "; ".join(f"{outcome.work.label}: {outcome.reason}" for outcome in failures(self.run))
             return Failed(name="Partial", message=lost)
@@ -146,9 +156,11 @@ class Stages:
                 future.wait()
 
 
-def stage_task(run: VideoRun, stage: str, index: int) -> Any:
+def stage_task(run: VideoRun, stage: str, index: int, board: ProgressBoard) -> Any:
     """Find or compute one stage × unit; its state tells which, its result is a small reference."""
-    outcome = run.do(run.work(stage, index))
+    work = run.work(stage, index)
+    board.begin(work, UUID(str(task_run.id)))
+    outcome = run.do(work)
     if outcome.manifest is None:
         return Failed(name="Skipped", message=outcome.reason)
     if outcome.state == "cached":
@@ -161,6 +173,7 @@ def _task_of(run: VideoRun, work: Work) -> Task[..., Any]:
     named: Task[..., Any] = task(name=work.stage.name)(stage_task)
     return named.with_options(
         task_run_name=work.label,
+        tags=[f"stage:{work.stage.name}"] if work.stage.per == "video" else [f"stage:{work.stage.name}", work.unit],
         cache_policy=NO_CACHE,
         persist_result=False,
         retries=retries,

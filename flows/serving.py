@@ -7,7 +7,6 @@ nothing stays `Running` for ever.
 
 import asyncio
 import contextlib
-import datetime
 import fcntl
 import logging
 import os
@@ -16,9 +15,9 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 from humanmm.errors import InputError, StoreError
 from humanmm.flows.local_server import (
@@ -29,12 +28,9 @@ from humanmm.flows.local_server import (
     server_files,
     stop_unused_server,
 )
-from humanmm.storage.batch_ledger import FILE, BatchLedger
+from humanmm.flows.lost_runs import crash_lost_runs, resume_lost_videos
+from humanmm.storage.batch_ledger import BatchLedger
 from humanmm.storage.store import Store
-
-if TYPE_CHECKING:
-    from prefect.client.orchestration import PrefectClient
-    from prefect.client.schemas.objects import FlowRun, State, StateType
 
 log = logging.getLogger(__name__)
 
@@ -42,8 +38,6 @@ LOOK_EVERY_S = 5.0
 LOST_AFTER_S = 30.0
 """A flow run that is running in Prefect's eyes for longer than this without a process is lost."""
 START_LIMIT_S = 240.0
-PAGE = 200
-"""Flow runs that are asked for at a time: what Prefect's server gives at most."""
 READY = "serving"
 """A file that is there while `humanmm serve` takes flow runs."""
 STOP_LIMIT_S = 20.0
@@ -219,6 +213,7 @@ async def _deploy(limit: int, folder: Path) -> None:
 
 def _look_after(files: ServerFiles, worker: Worker, leave: threading.Event, idle_s: float | None) -> None:
     last_busy = time.monotonic()
+    tables = BatchTables()
     while not leave.wait(LOOK_EVERY_S):
         if not os.environ.get("PREFECT_API_URL") or not ensure_server(files):
             log.warning("the Prefect server is gone and cannot be started; %s says why", files.log)
@@ -226,6 +221,7 @@ def _look_after(files: ServerFiles, worker: Worker, leave: threading.Event, idle
         worker.keep_up()
         try:
             waiting = bool(resume_lost_videos(files)) | asyncio.run(crash_lost_runs(LOST_AFTER_S))
+            tables.update(files)
         except Exception as error:  # the server may be busy or restarting: the next look will tell
             log.info("the Prefect server did not answer: %s", error)
             continue
@@ -235,86 +231,25 @@ def _look_after(files: ServerFiles, worker: Worker, leave: threading.Event, idle
             return
 
 
-async def crash_lost_runs(after_s: float) -> bool:
-    """End flow runs of our deployments that nobody computes any more; returns whether any waits or runs."""
-    from prefect import get_client
-    from prefect.client.schemas.objects import StateType
+class BatchTables:
+    """Keeps the tables of batches on the dashboard up to date."""
 
-    async with get_client() as client:
-        runs = await _all_runs(client, StateType.PENDING, StateType.RUNNING, StateType.CANCELLING)
-        for run in runs:
-            ended = _how_it_ended(run, after_s)
-            if ended is not None:
-                await client.set_flow_run_state(run.id, ended, force=True)
-        return bool(runs) or bool(await _some_runs(client, [StateType.SCHEDULED], limit=1))
+    def __init__(self) -> None:
+        self._shown: dict[tuple[Path, str], float] = {}
 
+    def update(self, files: ServerFiles) -> None:
+        """Show the batches that have changed since they were shown last."""
+        from prefect import get_client
 
-def _how_it_ended(run: "FlowRun", after_s: float) -> "State[Any] | None":
-    """The state of a flow run whose process is gone; None if it lives, or if that cannot be told from here."""
-    from prefect.states import Completed, Crashed, Failed
+        from humanmm.flows.dashboard import show_batch
 
-    given, state = run.parameters, run.state
-    if state is None or not given.get("batch") or not (Path(given.get("store") or "-") / FILE).exists():
-        return None
-    since = datetime.datetime.now(datetime.UTC) - state.timestamp
-    ledger = BatchLedger(Store(Path(given["store"])))
-    row = ledger.row(given["batch"], given["video"])
-    if since.total_seconds() < after_s or (row is not None and ledger.is_held(row)):
-        return None
-    ledger.find_lost(given["batch"])
-    row = ledger.row(given["batch"], given["video"])
-    if row is not None and row.attempt == given.get("attempt", 1) and row.state == "done":
-        return Completed(message=row.run_dir)
-    if row is not None and row.attempt == given.get("attempt", 1) and row.state == "partial":
-        return Failed(name="Partial", message=row.reason)
-    return Crashed(message=row.reason if row is not None else "its process was lost")
-
-
-async def _all_runs(client: "PrefectClient", *states: "StateType") -> "list[FlowRun]":
-    """Flow runs of our deployments in some states, read page by page before any of them is changed."""
-    runs: list[FlowRun] = []
-    while len(page := await _some_runs(client, states, limit=PAGE, offset=len(runs))) == PAGE:
-        runs += page
-    return [*runs, *page]
-
-
-async def _some_runs(
-    client: "PrefectClient", states: "Sequence[StateType]", *, limit: int, offset: int = 0
-) -> "list[FlowRun]":
-    from prefect.client.schemas.filters import (
-        FlowRunFilter,
-        FlowRunFilterState,
-        FlowRunFilterStateType,
-        WorkPoolFilter,
-        WorkPoolFilterName,
-    )
-    from prefect.client.schemas.sorting import FlowRunSort
-
-    from humanmm.flows.batch import POOL
-
-    return await client.read_flow_runs(
-        flow_run_filter=FlowRunFilter(state=FlowRunFilterState(type=FlowRunFilterStateType(any_=list(states)))),
-        work_pool_filter=WorkPoolFilter(name=WorkPoolFilterName(any_=[POOL])),
-        sort=FlowRunSort.ID_DESC,
-        limit=limit,
-        offset=offset,
-    )
-
-
-def resume_lost_videos(files: ServerFiles) -> int:
-    """Schedule what waits although Prefect was not told: videos whose process was lost or stopped; returns how many."""
-    from humanmm.flows.batch import schedule
-
-    count = 0
-    for root in known_stores(files):
-        ledger = BatchLedger(Store(root))
-        for batch in ledger.batches_at_work():
-            ledger.find_lost(batch)
-        rows = ledger.unscheduled()
-        if rows:
-            schedule(ledger, rows)
-        count += len(rows)
-    return count
+        for root in known_stores(files):
+            ledger = BatchLedger(Store(root))
+            for name, changed in ledger.last_changes().items():
+                if self._shown.get((root, name)) != changed:
+                    with get_client(sync_client=True) as client:
+                        show_batch(client, name, ledger.rows(name))
+                    self._shown[root, name] = changed
 
 
 @contextlib.contextmanager

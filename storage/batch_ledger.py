@@ -194,6 +194,12 @@ class BatchLedger:
         query = f"select {', '.join(_NAMES)} from video where state = 'scheduled' and flow_run is null limit ?"
         return [VideoRow(*values) for values in self._select(query, limit)]
 
+    def last_changes(self) -> dict[str, float]:
+        """Batch → when one of its videos changed its state last."""
+        return {
+            str(name): float(at) for name, at in self._select("select batch, max(changed) from video group by batch")
+        }
+
     def batches_at_work(self) -> list[str]:
         """Batches of which some video runs."""
         return [str(name) for (name,) in self._select("select distinct batch from video where state = 'running'")]

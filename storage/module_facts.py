@@ -10,6 +10,7 @@ import functools
 import hashlib
 import json
 import sys
+import time
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -78,9 +79,19 @@ def known_modules() -> KnownModules:
     return _known_modules(cache_folder() / "modules.json")
 
 
+def _parsed(source: bytes) -> ast.Module:
+    """The tree of some source. CPython 3.11 gets it wrong when two threads parse or import at once (gh-106905)."""
+    for pause_s in (0.01, 0.1, 1.0):
+        try:
+            return ast.parse(source)
+        except SystemError:
+            time.sleep(pause_s)
+    return ast.parse(source)
+
+
 def read_module(source: bytes, package: str) -> ModuleFacts:
     """Parse one module of a package."""
-    tree = _StripTexts().visit(ast.parse(source))
+    tree = _StripTexts().visit(_parsed(source))
     imports: set[str] = set()
     strings: set[str] = set()
     for node in ast.walk(tree):

@@ -82,7 +82,7 @@ class VideoRun:
         self.stages = stages if stages is not None else pipeline.STAGES
         self.outcomes: dict[tuple[str, int], Outcome] = {}
         self._by_name = {stage.name: stage for stage in self.stages}
-        self._progress: Progress | None = None
+        self._listeners: list[Progress] = []
         self.log_text: Callable[[], str] = str
         self._budget = Budget(threads=config.run.threads, memory_mb=config.run.memory_mb)
         self._children = Children(Setting(video, config, store, self.selection, self.stages))
@@ -97,13 +97,17 @@ class VideoRun:
 
     def watch(self, progress: Progress, *, log_text: Callable[[], str]) -> None:
         """Have progress reported, and name where this run's log can be had."""
-        self._progress = progress
+        self.listen(progress)
         self.log_text = log_text
 
+    def listen(self, progress: Progress) -> None:
+        """Have progress reported, besides to whoever else listens."""
+        self._listeners.append(progress)
+
     def report(self, work: Work, done: int, total: int) -> None:
-        """Pass a stage's progress on to whoever watches."""
-        if self._progress is not None:
-            self._progress(work, done, total)
+        """Pass a stage's progress on to whoever listens."""
+        for progress in self._listeners:
+            progress(work, done, total)
 
     # ---- what there is to do
 
@@ -224,7 +228,8 @@ class VideoRun:
             raise told from error
         finally:
             outcome.seconds += time.monotonic() - started
-        log.info("%s: %.1f s (%s)", work.label, outcome.seconds, outcome.reason)
+        facts = {"video": str(self.video.path), "stage": work.stage.name, "unit": work.unit, "seconds": outcome.seconds}
+        log.info("%s: %.1f s (%s)", work.label, outcome.seconds, outcome.reason, extra=facts)
         return outcome
 
     def close(self) -> None:

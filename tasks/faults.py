@@ -6,7 +6,7 @@ from humanmm.errors import HumanMMError, InputError, ResourceError, StageError, 
 def is_infrastructure_fault(error: BaseException) -> bool:
     """True for what may pass by itself: store, disk, network, memory, a lost process. Bad input and failed stages never
     do."""
-    if isinstance(error, StoreError | ResourceError):
+    if isinstance(error, StoreError | ResourceError) or _is_parsers_race(error):
         return True
     lasting = (FileNotFoundError, NotADirectoryError, IsADirectoryError, PermissionError)
     return isinstance(error, OSError) and not isinstance(error, lasting)
@@ -21,6 +21,11 @@ def ran_out_of_memory(error: BaseException) -> bool:
     )
 
 
+def _is_parsers_race(error: BaseException) -> bool:
+    """CPython 3.11 compiling modules in two threads at once (gh-106905): the next try finds them compiled."""
+    return isinstance(error, SystemError) and "AST constructor" in str(error)
+
+
 def ends_run(error: BaseException) -> bool:
     """True for errors that no other shot can escape: the user's input, the weight files."""
     return isinstance(error, InputError | WeightsError)
@@ -33,6 +38,8 @@ def as_ours(error: Exception, label: str) -> HumanMMError:
     if ran_out_of_memory(error):
         device = "the accelerator's memory" if type(error).__name__ == "OutOfMemoryError" else "memory"
         return ResourceError(f"{label}: {device} ran out ({in_words(error)}); fewer --run.threads need less")
+    if _is_parsers_race(error):
+        return ResourceError(f"{label}: {error}")
     if is_infrastructure_fault(error):
         return StoreError(f"{label}: {error}")
     return StageError(f"{label} failed unexpectedly: {type(error).__name__}: {error} (-v shows where)")

@@ -1,4 +1,4 @@
-"""`status`, `explain`, `verify`, `gc`, `store du`, `doctor`, `eval`: what they say of a run and of a store."""
+"""`status`, `explain`, `verify`, `gc`, `store du`, `eval`: what they say of a run and of a store."""
 
 import json
 from pathlib import Path
@@ -94,13 +94,6 @@ def test_du_counts_every_stage(finished: Any) -> None:
     lines = finished.main("store", "du")[1].splitlines()
     assert [line.split()[:2] for line in lines[:3]] == [["decode", "1"], ["scenes", "1"], ["people", "2"]]
     assert lines[-1].split()[:2] == ["total", "18"]
-
-
-def test_doctor_finds_this_installation_sound(toy: Any) -> None:
-    status, out, _ = toy.main("doctor", "--json")
-    tree = json.loads(out)
-    assert status == 0 and tree["ok"] is True
-    assert {"python", "torch", "weight files", "store"} <= {check["name"] for check in tree["checks"]}
 
 
 def test_eval_prints_one_flat_object(finished: Any) -> None:

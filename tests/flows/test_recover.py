@@ -49,6 +49,13 @@ def test_a_run_writes_its_folder_and_prefect_shows_every_unit_by_name(toy: Any, 
     assert {"numpy", "python", "humanmm"} <= set(record["versions"])
     assert "align" in (toy.folder / "out dir" / "run.log").read_text()
 
+    with sqlite3.connect(next(server_cache.glob("prefect-*/prefect.db"))) as connection:
+        query = "select key, data from artifact where type = 'markdown' order by created desc limit 1"
+        ((key, page),) = connection.execute(query).fetchall()
+        ((tags,),) = connection.execute("select tags from task_run where name = 'camera · shot 1' limit 1").fetchall()
+    assert key.startswith("video-out-dir-") and "# film.mp4: done" in json.loads(page)
+    assert set(json.loads(tags)) == {"stage:camera", "shot 1"}
+
     again = toy.main("recover", "film.mp4", "--out", "out dir")
     assert again[:2] == (0, "out dir\n")
     assert "up to date" in again[2]

@@ -1,11 +1,13 @@
 """Which changes of code make a stage run again."""
 
+import ast
 from importlib import import_module
 from pathlib import Path
 
 import pytest
 
 from humanmm.storage.code_digest import CodeDigest, code_digest
+from humanmm.storage.code_digest import _module_facts as module_facts
 
 
 @pytest.fixture
@@ -97,3 +99,18 @@ def test_every_real_stage_has_a_digest_that_leaves_out_what_is_no_science() -> N
         assert stage.function[0] in names
         left_out = ("humanmm.config", "humanmm.errors", "humanmm.storage.store", "humanmm.tasks.engine")
         assert not [name for name in names if name.startswith(left_out)]
+
+
+def test_parsing_is_tried_again_when_python_itself_trips_over_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = code_digest("humanmm.storage.refs")
+    parse, calls = ast.parse, []
+
+    def trips_once(source: bytes, *more: str) -> ast.Module:
+        calls.append(source)
+        if len(calls) == 1:
+            raise SystemError("AST constructor recursion depth mismatch (before=51, after=355)")
+        return parse(source, *more)
+
+    monkeypatch.setattr(ast, "parse", trips_once)
+    module_facts.cache_clear()
+    assert code_digest("humanmm.storage.refs") == whole and len(calls) > 1

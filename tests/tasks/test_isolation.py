@@ -155,6 +155,8 @@ def test_lack_of_memory_is_an_infrastructure_fault(error: Exception, told: str) 
     assert not ran_out_of_memory(RuntimeError("a defect"))
     assert isinstance(as_ours(RuntimeError("a defect"), "hmr"), StageError)
     assert isinstance(as_ours(OSError(5, "disk"), "hmr"), StoreError)
+    race = SystemError("AST constructor recursion depth mismatch (before=51, after=355)")
+    assert isinstance(as_ours(race, "hmr"), ResourceError) and not is_infrastructure_fault(SystemError("a defect"))
 
 
 def test_after_running_out_of_memory_a_unit_has_the_machine_to_itself(

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 
 from humanmm import __version__
 from humanmm.errors import HumanMMError
+from humanmm.logs import to_standard_error
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -20,7 +21,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     from humanmm.cli.settings import UsageError
 
     options = _parser().parse_args(arguments)
-    _set_up_log(verbose=options.verbose)
+    to_standard_error(verbose=options.verbose)
     try:
         return int(options.run(options))
     except UsageError as error:
@@ -38,7 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    from humanmm.cli import batch, bench, dataset, inspect, maintain, recover, results, serve
+    from humanmm.cli import batch, bench, dataset, doctor, inspect, maintain, recover, results, serve
 
     parser = argparse.ArgumentParser(
         prog="humanmm",
@@ -49,20 +50,10 @@ def _parser() -> argparse.ArgumentParser:
     verbs = parser.add_subparsers(required=True, metavar="VERB", title="verbs")
     common = argparse.ArgumentParser(add_help=False)
     common.add_argument("-v", "--verbose", action="store_true", help="tell every step, and where an error came from")
-    groups = (recover, batch, serve, results, inspect, bench, dataset, maintain)
+    groups = (recover, batch, serve, results, inspect, bench, dataset, maintain, doctor)
     for add in (add for group in groups for add in group.VERBS):
         add(verbs, common)
     return parser
-
-
-def _set_up_log(*, verbose: bool) -> None:
-    handler = logging.StreamHandler(sys.stderr)
-    handler.setFormatter(logging.Formatter("%(levelname)s %(name)s: %(message)s" if verbose else "%(message)s"))
-    handler.setLevel(logging.DEBUG if verbose else logging.WARNING)
-    logger = logging.getLogger("humanmm")
-    logger.handlers = [handler]
-    logger.setLevel(logging.INFO)
-    logger.propagate = False
 
 
 def _tell(error: BaseException, status: int, *, verbose: bool, words: str = "") -> int:

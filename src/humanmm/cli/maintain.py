@@ -1,9 +1,6 @@
-"""`humanmm verify`, `gc`, `store du`, `doctor`: care of the store and of the installation."""
+"""`humanmm verify`, `gc`, `store du`: care of the store."""
 
 import argparse
-import json
-import os
-import shutil
 import sys
 from pathlib import Path
 from typing import Any
@@ -40,15 +37,7 @@ def add_store(verbs: Any, common: argparse.ArgumentParser) -> None:
     du_parser.set_defaults(run=du)
 
 
-def add_doctor(verbs: Any, common: argparse.ArgumentParser) -> None:
-    """Declare `doctor`."""
-    parser = verbs.add_parser("doctor", parents=[common], allow_abbrev=False, help="check this installation")
-    parser.add_argument("--json", action="store_true", help="one json object")
-    _add_store(parser)
-    parser.set_defaults(run=doctor)
-
-
-VERBS = (add_verify, add_gc, add_store, add_doctor)
+VERBS = (add_verify, add_gc, add_store)
 
 
 def verify(options: argparse.Namespace) -> int:
@@ -75,12 +64,14 @@ def gc(options: argparse.Namespace) -> int:
     store = Store(options.store or default_store())
     items = maintenance.removable(store, unused_days=options.unused_days)
     for item in items:
-        sys.stdout.write(f"{_bytes(item.num_bytes):>9}  {item.path.relative_to(store.root)}  ({item.reason})\n")
+        sys.stdout.write(f"{in_bytes(item.num_bytes):>9}  {item.path.relative_to(store.root)}  ({item.reason})\n")
     total = sum(item.num_bytes for item in items)
     if not options.yes:
-        sys.stdout.write(f"{_bytes(total)} in {len(items)} items could go; nothing was removed (--yes removes them)\n")
+        sys.stdout.write(
+            f"{in_bytes(total)} in {len(items)} items could go; nothing was removed (--yes removes them)\n"
+        )
         return 0
-    sys.stdout.write(f"{_bytes(maintenance.remove(store, items))} freed\n")
+    sys.stdout.write(f"{in_bytes(maintenance.remove(store, items))} freed\n")
     return 0
 
 
@@ -93,66 +84,10 @@ def du(options: argparse.Namespace) -> int:
     names = [stage.name for stage in pipeline.STAGES]
     for name in sorted(totals, key=lambda n: (names.index(n) if n in names else len(names), n)):
         count, size = totals[name]
-        sys.stdout.write(f"{name:<14} {count:>7}  {_bytes(size):>9}\n")
+        sys.stdout.write(f"{name:<14} {count:>7}  {in_bytes(size):>9}\n")
     total = sum(size for _, size in totals.values())
-    sys.stdout.write(f"{'total':<14} {sum(c for c, _ in totals.values()):>7}  {_bytes(total):>9}  {store.root}\n")
+    sys.stdout.write(f"{'total':<14} {sum(c for c, _ in totals.values()):>7}  {in_bytes(total):>9}  {store.root}\n")
     return 0
-
-
-def doctor(options: argparse.Namespace) -> int:
-    """Everything a run needs, checked one by one; status 1 if something is missing."""
-    checks = _checks(options.store or default_store())
-    if options.json:
-        listed = [{"name": name, "ok": ok, "found": found} for name, ok, found in checks]
-        sys.stdout.write(json.dumps({"ok": all(ok for _, ok, _ in checks), "checks": listed}, indent=1) + "\n")
-    else:
-        for name, ok, found in checks:
-            sys.stdout.write(f"{'ok ' if ok else 'BAD'}  {name:<24} {found}\n")
-    return 0 if all(ok for _, ok, _ in checks) else 1
-
-
-_LIBRARIES = (
-    "torch", "prefect", "zarr", "numpy", "scipy", "pycolmap", "opencv-python-headless", "av", "ai-edge-litert",
-)  # fmt: skip
-
-
-def _checks(store: Path) -> list[tuple[str, bool, str]]:
-    import importlib.metadata
-    import platform
-
-    from humanmm.errors import WeightsError
-    from humanmm.models.weights.shipped import manifest, read_weights
-
-    checks = [("python", sys.version_info >= (3, 11), platform.python_version())]
-    for name in _LIBRARIES:
-        try:
-            checks.append((name, True, importlib.metadata.version(name)))
-        except importlib.metadata.PackageNotFoundError:
-            checks.append((name, False, "not installed"))
-    try:
-        for name in manifest():
-            read_weights(name)
-        checks.append(("weight files", True, f"{len(manifest())} files match their sha256"))
-    except WeightsError as error:
-        checks.append(("weight files", False, str(error)))
-    existing = store.expanduser().absolute()
-    while not existing.exists():
-        existing = existing.parent
-    writable = os.access(existing, os.W_OK)
-    free = shutil.disk_usage(existing).free
-    checks.append(("store", writable, f"{store}: {'writable' if writable else 'not writable'}"))
-    checks.append(("free disk space", free > 1 << 30, _bytes(free)))
-    checks.append(("processors", True, str(len(os.sched_getaffinity(0)))))
-    checks.append(("dashboard", True, _dashboard()))
-    return checks
-
-
-def _dashboard() -> str:
-    from humanmm.flows.local_server import running_server, server_files
-
-    own = os.environ.get("PREFECT_API_URL")
-    url = own or running_server(server_files())
-    return url.removesuffix("/api") if url else "no server is running; `humanmm recover` starts one when it needs it"
 
 
 def _add_store(parser: argparse.ArgumentParser) -> None:
@@ -160,7 +95,8 @@ def _add_store(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--store", type=Path, metavar="DIR", help=place)
 
 
-def _bytes(count: float) -> str:
+def in_bytes(count: float) -> str:
+    """A size as people read it."""
     for unit in ("B", "kB", "MB"):
         if count < 1000:
             return f"{count:.0f} {unit}"

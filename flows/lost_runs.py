@@ -1,0 +1,102 @@
+"""Videos and flow runs that nobody computes any more: found, told to Prefect, and tried again.
+
+The truth is the ledger of the store and its locks; Prefect's own view is brought into line with it.
+"""
+
+import datetime
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from humanmm.flows.local_server import ServerFiles, known_stores
+from humanmm.storage.batch_ledger import FILE, BatchLedger
+from humanmm.storage.store import Store
+
+if TYPE_CHECKING:
+    from prefect.client.orchestration import PrefectClient
+    from prefect.client.schemas.objects import FlowRun, State, StateType
+
+PAGE = 200
+"""Flow runs that are asked for at a time: what Prefect's server gives at most."""
+
+
+async def crash_lost_runs(after_s: float) -> bool:
+    """End flow runs of our deployments that nobody computes any more; returns whether any waits or runs."""
+    from prefect import get_client
+    from prefect.client.schemas.objects import StateType
+
+    async with get_client() as client:
+        runs = await _all_runs(client, StateType.PENDING, StateType.RUNNING, StateType.CANCELLING)
+        for run in runs:
+            ended = _how_it_ended(run, after_s)
+            if ended is not None:
+                await client.set_flow_run_state(run.id, ended, force=True)
+        return bool(runs) or bool(await _some_runs(client, [StateType.SCHEDULED], limit=1))
+
+
+def _how_it_ended(run: "FlowRun", after_s: float) -> "State[Any] | None":
+    """The state of a flow run whose process is gone; None if it lives, or if that cannot be told from here."""
+    from prefect.states import Completed, Crashed, Failed
+
+    given, state = run.parameters, run.state
+    if state is None or not given.get("batch") or not (Path(given.get("store") or "-") / FILE).exists():
+        return None
+    since = datetime.datetime.now(datetime.UTC) - state.timestamp
+    ledger = BatchLedger(Store(Path(given["store"])))
+    row = ledger.row(given["batch"], given["video"])
+    if since.total_seconds() < after_s or (row is not None and ledger.is_held(row)):
+        return None
+    ledger.find_lost(given["batch"])
+    row = ledger.row(given["batch"], given["video"])
+    if row is not None and row.attempt == given.get("attempt", 1) and row.state == "done":
+        return Completed(message=row.run_dir)
+    if row is not None and row.attempt == given.get("attempt", 1) and row.state == "partial":
+        return Failed(name="Partial", message=row.reason)
+    return Crashed(message=row.reason if row is not None else "its process was lost")
+
+
+async def _all_runs(client: "PrefectClient", *states: "StateType") -> "list[FlowRun]":
+    """Flow runs of our deployments in some states, read page by page before any of them is changed."""
+    runs: list[FlowRun] = []
+    while len(page := await _some_runs(client, states, limit=PAGE, offset=len(runs))) == PAGE:
+        runs += page
+    return [*runs, *page]
+
+
+async def _some_runs(
+    client: "PrefectClient", states: "Sequence[StateType]", *, limit: int, offset: int = 0
+) -> "list[FlowRun]":
+    from prefect.client.schemas.filters import (
+        FlowRunFilter,
+        FlowRunFilterState,
+        FlowRunFilterStateType,
+        WorkPoolFilter,
+        WorkPoolFilterName,
+    )
+    from prefect.client.schemas.sorting import FlowRunSort
+
+    from humanmm.flows.batch import POOL
+
+    return await client.read_flow_runs(
+        flow_run_filter=FlowRunFilter(state=FlowRunFilterState(type=FlowRunFilterStateType(any_=list(states)))),
+        work_pool_filter=WorkPoolFilter(name=WorkPoolFilterName(any_=[POOL])),
+        sort=FlowRunSort.ID_DESC,
+        limit=limit,
+        offset=offset,
+    )
+
+
+def resume_lost_videos(files: ServerFiles) -> int:
+    """Schedule what waits although Prefect was not told: videos whose process was lost or stopped; returns how many."""
+    from humanmm.flows.batch import schedule
+
+    count = 0
+    for root in known_stores(files):
+        ledger = BatchLedger(Store(root))
+        for batch in ledger.batches_at_work():
+            ledger.find_lost(batch)
+        rows = ledger.unscheduled()
+        if rows:
+            schedule(ledger, rows)
+        count += len(rows)
+    return count

@@ -1,0 +1,151 @@
+"""`humanmm doctor`: everything that a run needs, checked one by one, each with what to do about it."""
+
+import argparse
+import json
+import os
+import shutil
+import sys
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from humanmm.cli.maintain import in_bytes
+from humanmm.storage.store import Store, default_store
+
+MIN_FREE_BYTES = 1 << 30
+VARIABLES = ("CACHE", "DATA", "LOG", "SERVER_IDLE_S", "STORE")
+"""What we read of the environment, after HUMANMM_."""
+_INSTALL = "install humanmm again: pip install -c constraints.txt humanmm"
+
+
+@dataclass(frozen=True)
+class Check:
+    """One thing that was looked at."""
+
+    name: str
+    ok: bool
+    found: str
+    cure: str
+    """What to do if it is not well; what can be done about it otherwise."""
+
+
+def add_doctor(verbs: Any, common: argparse.ArgumentParser) -> None:
+    """Declare `doctor`."""
+    parser = verbs.add_parser("doctor", parents=[common], allow_abbrev=False, help="check this installation")
+    parser.add_argument("--json", action="store_true", help="one json object")
+    place = "artifact store (default: $HUMANMM_STORE, ~/.cache/humanmm/store)"
+    parser.add_argument("--store", type=Path, metavar="DIR", help=place)
+    parser.set_defaults(run=doctor)
+
+
+VERBS = (add_doctor,)
+
+
+def doctor(options: argparse.Namespace) -> int:
+    """Status 1 if something is not well; its cure stands in the line below it."""
+    checks = list(_checks(options.store or default_store()))
+    well = all(check.ok for check in checks)
+    if options.json:
+        sys.stdout.write(json.dumps({"ok": well, "checks": [asdict(check) for check in checks]}, indent=1) + "\n")
+        return 0 if well else 1
+    for check in checks:
+        sys.stdout.write(f"{'ok ' if check.ok else 'BAD'}  {check.name:<24} {check.found}\n")
+        if not check.ok:
+            sys.stdout.write(f"     {'':<24} → {check.cure}\n")
+    return 0 if well else 1
+
+
+_LIBRARIES = (
+    "torch", "prefect", "zarr", "numpy", "scipy", "pycolmap", "opencv-python-headless", "av", "ai-edge-litert",
+)  # fmt: skip
+
+
+def _checks(store: Path) -> Iterator[Check]:
+    yield from _installation()
+    yield from _place(store)
+    yield from _machine()
+    yield _settings()
+    yield _server()
+
+
+def _installation() -> Iterator[Check]:
+    import importlib.metadata
+    import platform
+
+    from humanmm.errors import WeightsError
+    from humanmm.models.weights.shipped import manifest, read_weights
+
+    version = platform.python_version()
+    yield Check("python", sys.version_info >= (3, 11), version, "make the environment with Python 3.11 or newer")
+    for name in _LIBRARIES:
+        try:
+            yield Check(name, True, importlib.metadata.version(name), _INSTALL)
+        except importlib.metadata.PackageNotFoundError:
+            yield Check(name, False, "not installed", _INSTALL)
+    try:
+        for name in manifest():
+            read_weights(name)
+        yield Check("weight files", True, f"{len(manifest())} files match their sha256", _INSTALL)
+    except WeightsError as error:
+        yield Check("weight files", False, str(error), _INSTALL)
+
+
+def _place(store: Path) -> Iterator[Check]:
+    from humanmm.errors import StoreError
+    from humanmm.storage.batch_ledger import BatchLedger
+
+    existing = store.expanduser().absolute()
+    while not existing.exists():
+        existing = existing.parent
+    writable = os.access(existing, os.W_OK)
+    found = f"{store}: {'writable' if writable else 'not writable'}"
+    yield Check("store", writable, found, "name a folder that you may write with --store or $HUMANMM_STORE")
+    free = shutil.disk_usage(existing).free
+    cure = "`humanmm gc --yes` removes what was not used for 30 days; or name another store"
+    yield Check("free disk space", free > MIN_FREE_BYTES, in_bytes(free), cure)
+    cure = "move batches.sqlite out of the store and submit the batches again: what is finished is found in the store"
+    try:
+        names = BatchLedger(Store(store, read_only=True)).names()
+        yield Check("batches", True, f"{len(names)} in the store", cure)
+    except StoreError as error:
+        yield Check("batches", False, str(error), cure)
+
+
+def _machine() -> Iterator[Check]:
+    cores = len(os.sched_getaffinity(0))
+    yield Check("processors", True, str(cores), f"`--run.threads {cores}` for one video, `serve --limit` for many")
+    facts = dict(line.split(":", 1) for line in Path("/proc/meminfo").read_text().splitlines() if ":" in line)
+    available = int(facts["MemAvailable"].split()[0]) * 1024
+    cure = "close other programs, or use `--run.threads 1` and `serve --limit 1`"
+    yield Check("free memory", available > 2 << 30, in_bytes(available), cure)
+    devices = sorted(Path("/dev").glob("nvidia[0-9]*"))
+    cure = "no stage needs one; `[run.stages.NAME] gpu = true` has its users take turns"
+    yield Check("accelerators", True, str(len(devices)), cure)
+
+
+def _settings() -> Check:
+    named = [name for name in os.environ if name.startswith("HUMANMM_")]
+    unknown = [name for name in named if name.removeprefix("HUMANMM_") not in VARIABLES]
+    found = f"not known: {', '.join(unknown)}" if unknown else (", ".join(sorted(named)) or "none set")
+    known = ", ".join(f"HUMANMM_{name}" for name in VARIABLES)
+    return Check("environment variables", not unknown, found, f"it has no effect: the known ones are {known}")
+
+
+def _server() -> Check:
+    import urllib.request
+
+    from humanmm.flows.local_server import running_server, server_files
+
+    own = os.environ.get("PREFECT_API_URL")
+    if not own:
+        url = running_server(server_files())
+        found = url.removesuffix("/api") if url else "no server runs; `humanmm recover` starts one when it needs it"
+        return Check("dashboard", True, found, "`humanmm serve` starts one that stays")
+    try:
+        with urllib.request.urlopen(f"{own.rstrip('/')}/health", timeout=5) as answer:
+            well = answer.status == 200
+        found = own.removesuffix("/api")
+    except (OSError, ValueError) as error:
+        well, found = False, f"{own} does not answer: {error}"
+    return Check("dashboard", well, found, "start that server, or unset PREFECT_API_URL to use a local one")

@@ -1,0 +1,50 @@
+"""Log lines for people, or one JSON object a line for machines ($HUMANMM_LOG=json).
+
+The second holds in every process that a run starts: the command, workers, the flow run of each video.
+"""
+
+import json
+import logging
+import os
+import sys
+import time
+
+VARIABLE = "HUMANMM_LOG"
+_OWN = frozenset(vars(logging.makeLogRecord({}))) | {"message", "asctime", "taskName"}
+
+
+class JsonLines(logging.Formatter):
+    """One object a line: time, level, logger, message, what the caller gave as `extra`, where an error was."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        moment = time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(record.created))
+        entry: dict[str, object] = {
+            "time": f"{moment}.{int(record.msecs):03d}Z",
+            "level": record.levelname,
+            "logger": record.name,
+            "message": record.getMessage(),
+            "process": record.process,
+        }
+        entry |= {name: value for name, value in vars(record).items() if name not in _OWN}
+        if record.exc_info:
+            entry["error"] = self.formatException(record.exc_info)
+        return json.dumps(entry, default=str)
+
+
+def wants_json() -> bool:
+    """Whether log lines are for machines."""
+    return os.environ.get(VARIABLE) == "json"
+
+
+def to_standard_error(*, verbose: bool) -> None:
+    """Have our log on standard error: warnings, or everything if `verbose` or for machines."""
+    handler = logging.StreamHandler(sys.stderr)
+    if wants_json():
+        handler.setFormatter(JsonLines())
+    else:
+        handler.setFormatter(logging.Formatter("%(levelname)s %(name)s: %(message)s" if verbose else "%(message)s"))
+    handler.setLevel(logging.DEBUG if verbose else logging.INFO if wants_json() else logging.WARNING)
+    logger = logging.getLogger("humanmm")
+    logger.handlers = [handler]
+    logger.setLevel(logging.INFO)
+    logger.propagate = False

@@ -1,0 +1,47 @@
+"""Log lines for machines."""
+
+import json
+import logging
+from typing import Any
+
+import pytest
+
+from humanmm.logs import JsonLines
+
+
+def test_a_line_is_one_object_with_what_the_caller_knows() -> None:
+    record = logging.makeLogRecord(
+        {
+            "name": "humanmm.x",
+            "levelname": "INFO",
+            "msg": "a %s\nb",
+            "args": ("line",),
+            "stage": "camera",
+            "seconds": 1.5,
+        }
+    )
+    text = JsonLines().format(record)
+    assert "\n" not in text
+    entry = json.loads(text)
+    assert (entry["message"], entry["stage"], entry["seconds"], entry["level"]) == ("a line\nb", "camera", 1.5, "INFO")
+    assert entry["time"].endswith("Z") and "args" not in entry and "error" not in entry
+
+
+def test_an_error_says_where_it_came_from() -> None:
+    try:
+        raise ValueError("a reason")
+    except ValueError as error:
+        record = logging.makeLogRecord({"msg": "it failed", "exc_info": (type(error), error, error.__traceback__)})
+    assert "ValueError: a reason" in json.loads(JsonLines().format(record))["error"]
+
+
+@pytest.mark.usefixtures("server_cache")
+def test_a_run_tells_every_stage_to_machines_and_nothing_to_people(toy: Any) -> None:
+    done = toy.command("recover", "film.mp4", HUMANMM_LOG="json")
+    lines = [line for line in done.stderr.splitlines() if line.startswith("{")]
+    entries = [json.loads(line) for line in lines]
+    stages = {(entry.get("stage"), entry.get("unit")) for entry in entries}
+    assert {("decode", "video"), ("camera", "shot 1"), ("people", "scene 0")} <= stages
+    assert all(line.startswith("humanmm: ") for line in done.stderr.splitlines() if line not in lines)
+    plain = toy.command("recover", "film.mp4", "--out", "again")
+    assert not any(line.startswith("{") for line in plain.stderr.splitlines())
