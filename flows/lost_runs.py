@@ -9,13 +9,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from humanmm.flows.local_server import ServerFiles, known_stores
-from humanmm.storage.batch_ledger import FILE, BatchLedger
+from humanmm.storage.batch_ledger import FILE, BatchLedger, VideoRow
 from humanmm.storage.store import Store
 
 if TYPE_CHECKING:
     from prefect.client.orchestration import PrefectClient
     from prefect.client.schemas.objects import FlowRun, State, StateType
 
+START_FACTOR = 3
+"""A process may take that much longer to begin than to hold its video once it has begun."""
 PAGE = 200
 """Flow runs that are asked for at a time: what Prefect's server gives at most."""
 
@@ -31,7 +33,29 @@ async def crash_lost_runs(after_s: float) -> bool:
             ended = _how_it_ended(run, after_s)
             if ended is not None:
                 await client.set_flow_run_state(run.id, ended, force=True)
+        for run in await _some_runs(client, [StateType.CRASHED, StateType.CANCELLED], limit=PAGE):
+            note_end_before_begin(run)
         return bool(runs) or bool(await _some_runs(client, [StateType.SCHEDULED], limit=1))
+
+
+def note_end_before_begin(run: "FlowRun") -> None:
+    """Tell the ledger of a flow run that crashed or was cancelled before its process could: its video waits in vain."""
+    ledger, row = _in_ledger(run)
+    if ledger is None or row is None or row.state != "scheduled" or row.flow_run != str(run.id):
+        return
+    if run.state is not None and run.state.type == "CANCELLED":
+        ledger.change(row, only_from=("scheduled",), state="cancelled", reason="cancelled from the dashboard")
+    else:
+        ledger.never_began(row, f"its process did not begin: {run.state.message if run.state else 'crashed'}")
+
+
+def _in_ledger(run: "FlowRun") -> tuple[BatchLedger | None, VideoRow | None]:
+    """The ledger that a flow run belongs to, if that lies on this machine, and its video."""
+    given = run.parameters
+    if not given.get("batch") or not (Path(given.get("store") or "-") / FILE).exists():
+        return None, None
+    ledger = BatchLedger(Store(Path(given["store"])))
+    return ledger, ledger.row(given["batch"], given["video"])
 
 
 def _how_it_ended(run: "FlowRun", after_s: float) -> "State[Any] | None":
@@ -39,11 +63,12 @@ def _how_it_ended(run: "FlowRun", after_s: float) -> "State[Any] | None":
     from prefect.states import Completed, Crashed, Failed
 
     given, state = run.parameters, run.state
-    if state is None or not given.get("batch") or not (Path(given.get("store") or "-") / FILE).exists():
+    ledger, row = _in_ledger(run)
+    if state is None or ledger is None:
         return None
     since = datetime.datetime.now(datetime.UTC) - state.timestamp
-    ledger = BatchLedger(Store(Path(given["store"])))
-    row = ledger.row(given["batch"], given["video"])
+    if state.is_pending():  # its process is starting
+        after_s *= START_FACTOR
     if since.total_seconds() < after_s or (row is not None and ledger.is_held(row)):
         return None
     ledger.find_lost(given["batch"])

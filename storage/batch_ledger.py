@@ -185,6 +185,13 @@ class BatchLedger:
                     lost.append(found)
         return lost
 
+    def never_began(self, row: VideoRow, reason: str) -> bool:
+        """Note that the flow run of a waiting video ended before its process began; it counts as lost."""
+        values: dict[str, Any] = {"losses": row.losses + 1, "reason": reason, "state": "failed"}
+        if row.losses < MAX_LOSSES:
+            values |= _another_attempt(row)
+        return self.change(row, only_from=("scheduled",), **values)
+
     def try_again(self, row: VideoRow, reason: str) -> bool:
         """Have a running video wait for another attempt; says whether it was running still."""
         return self.change(row, only_from=("running",), reason=reason, **_another_attempt(row))

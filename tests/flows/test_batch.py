@@ -16,7 +16,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 CLIP = ROOT / "examples/pose2sim_multishot/pose2sim_A_01-02-01.mp4"
 
-pytestmark = [pytest.mark.server, pytest.mark.timeout(900)]
+pytestmark = [pytest.mark.server, pytest.mark.timeout(2400)]
 
 States = Callable[[], dict[str, dict[str, Any]]]
 AT_WORK = {"RUNNING", "PENDING", "SCHEDULED", "CANCELLING"}

@@ -7,13 +7,17 @@ import signal
 import subprocess
 import time
 import urllib.request
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
 from humanmm.flows.alive import Alive, lost
 from humanmm.flows.local_server import ServerFiles, known_stores, note_store
+from humanmm.flows.lost_runs import note_end_before_begin
+from humanmm.storage.batch_ledger import BatchLedger, VideoRow
+from humanmm.storage.store import Store
 
 server = pytest.mark.server
 
@@ -58,8 +62,36 @@ def test_stores_are_noted_once_and_forgotten_when_they_are_gone(tmp_path: Path) 
     assert files.stores.read_text().count("\n") == 2
 
 
+@dataclass(frozen=True)
+class _State:
+    type: str
+    message: str = ""
+
+
+class _Run:
+    """A flow run as Prefect tells of it."""
+
+    def __init__(self, row: VideoRow, store: Path, state: _State) -> None:
+        self.id, self.state = row.flow_run, state
+        self.parameters = {"batch": row.batch, "video": row.video, "store": str(store), "attempt": row.attempt}
+
+
+def test_a_video_whose_flow_run_ended_before_its_process_began_does_not_wait_for_ever(toy: Any) -> None:
+    ledger = BatchLedger(Store(toy.store))
+    row = VideoRow("b", "v.mp4", 0, "/runs/v", "{}", "normal", "[]", "", "", flow_run="one")
+    ledger.put("b", "/films", [row])
+    note_end_before_begin(cast(Any, _Run(replace(row, flow_run="another"), toy.store, _State("CRASHED", "no"))))
+    assert ledger.rows("b")[0].attempt == 1, "an older flow run has nothing to say"
+    note_end_before_begin(cast(Any, _Run(row, toy.store, _State("CRASHED", "exit status 1"))))
+    (again,) = ledger.unscheduled()
+    assert (again.attempt, again.losses) == (2, 1) and "did not begin: exit status 1" in again.reason
+    ledger.change(again, flow_run="two")
+    note_end_before_begin(cast(Any, _Run(replace(again, flow_run="two"), toy.store, _State("CANCELLED"))))
+    assert ledger.rows("b")[0].state == "cancelled"
+
+
 @server
-@pytest.mark.timeout(400)
+@pytest.mark.timeout(2400)
 def test_the_flow_run_of_a_killed_recover_does_not_stay_running(toy: Any, place: Any) -> None:
     process = _start(toy, "film.mp4", TOY_SLEEP="align=100")
     _wait_for(toy, place, "align")
@@ -77,14 +109,14 @@ def test_the_flow_run_of_a_killed_recover_does_not_stay_running(toy: Any, place:
 
 
 @server
-@pytest.mark.timeout(600)
+@pytest.mark.timeout(2400)
 def test_the_gpu_limit_is_never_exceeded_and_a_killed_holder_frees_its_slot(toy: Any, place: Any) -> None:
     gpu = ("--run.stages", "{align = {gpu = true}}")
     holder = _start(toy, _film(toy, 0), "--run.stages", "{decode = {gpu = true}}")
-    assert holder.wait(timeout=120) == 0, "without the limit nothing waits"
+    assert holder.wait(timeout=600) == 0, "without the limit nothing waits"
     place.client("from humanmm.flows.gpu import declare_gpus\nawait declare_gpus(client)")
     three = [_start(toy, _film(toy, number), *gpu, TOY_SLEEP="align=4") for number in (1, 2, 3)]
-    assert [process.wait(timeout=200) for process in three] == [0, 0, 0]
+    assert [process.wait(timeout=600) for process in three] == [0, 0, 0]
     spans = []
     for number in (1, 2, 3):
         stages = json.loads((toy.folder / f"runs/{number}/run.json").read_text())["stages"]
@@ -100,5 +132,5 @@ def test_the_gpu_limit_is_never_exceeded_and_a_killed_holder_frees_its_slot(toy:
     holder.wait()
     began = time.monotonic()
     waiting = _start(toy, _film(toy, 5), *gpu)
-    assert waiting.wait(timeout=200) == 0
+    assert waiting.wait(timeout=600) == 0
     assert 20 < time.monotonic() - began < 120, "it waited for the lease, and no longer"

@@ -102,6 +102,23 @@ def test_infrastructure_faults_are_tried_again_and_the_attempts_noted(toy: Any) 
     assert toy.executed().count("camera:20") == 3
 
 
+def test_a_shot_whose_retries_are_exhausted_is_failed_with_its_attempts_and_the_others_finish(
+    toy: Any, server_cache: Path
+) -> None:
+    done = toy.main("recover", "film.mp4", "--run.max_retries", "1", TOY_FAIL="camera:20=disk:9")
+    assert done[0] == 3 and "camera · shot 1" in done[2] and "Input/output error" in done[2]
+    record = json.loads((toy.folder / "runs/film/run.json").read_text())
+    assert [shot["failed"] for shot in record["shots"]] == [False, True, False]
+    _settled(server_cache, 17)
+    with sqlite3.connect(next(server_cache.glob("prefect-*/prefect.db"))) as connection:
+        found = connection.execute(
+            "select t.state_name, t.run_count, s.message from task_run t join task_run_state s on s.id = t.state_id "
+            "where t.name = 'camera · shot 1' order by t.created desc limit 1"
+        )
+        ((state, attempts, message),) = found.fetchall()
+    assert (state, attempts) == ("Failed", 2) and "Input/output error" in message
+
+
 def test_an_error_of_a_stage_for_the_whole_video_ends_the_run_and_leaves_no_folder(toy: Any) -> None:
     done = toy.main("recover", "film.mp4", TOY_FAIL="align=stage")
     assert done[:2] == (1, "")

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-pytestmark = [pytest.mark.server, pytest.mark.timeout(600)]
+pytestmark = [pytest.mark.server, pytest.mark.timeout(2400)]
 
 States = Callable[[], dict[str, dict[str, Any]]]
 
@@ -52,6 +52,7 @@ def test_a_watched_folder_takes_videos_when_they_have_stopped_growing(farm: Any,
         time.sleep(1.5)
     (inbox / "film.mp4").write_text(whole)
     place.until(lambda: (farm.store / "batches.sqlite").exists(), 120)
+    place.until(lambda: farm.main("batch", "status")[0] == 0, 60)
     place.until(lambda: states()["film"]["state"] == "done", 200)
     (inbox / "second.mp4").write_text(whole.replace("60", "61"))
     place.until(lambda: states().get("second", {}).get("state") == "done", 120)

@@ -1,5 +1,6 @@
 """A batch on the services of deploy/compose.yaml, started here without Docker: Postgres, Redis, server, worker."""
 
+import base64
 import json
 import os
 import shutil
@@ -8,6 +9,8 @@ import socket
 import subprocess
 import sys
 import time
+import urllib.error
+import urllib.request
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -21,7 +24,7 @@ ENVIRONMENT: dict[str, str] = yaml.safe_load((ROOT / "deploy/compose.yaml").read
     "environment"
 ]
 
-pytestmark = [pytest.mark.server, pytest.mark.timeout(900)]
+pytestmark = [pytest.mark.server, pytest.mark.timeout(2400)]
 
 
 def _program(name: str) -> str:
@@ -146,6 +149,11 @@ def test_a_batch_runs_on_postgres_and_redis_and_every_state_arrives(
         assert _sql(team, "select state_type from flow_run order by 1") == ["COMPLETED"] * 3 + ["FAILED"]
         place.until(lambda: _sql(team, "select count(*) from task_run where state_type = 'COMPLETED'") == ["51"], 120)
         assert farm.executed().count("people:0") == 3
+        metrics = urllib.request.Request(f"{team['PREFECT_API_URL']}/metrics")
+        metrics.add_header("Authorization", f"Basic {base64.b64encode(b'team:secret').decode()}")
+        assert b"# TYPE python_info gauge" in urllib.request.urlopen(metrics, timeout=30).read()
+        with pytest.raises(urllib.error.HTTPError, match="401"):
+            urllib.request.urlopen(f"{team['PREFECT_API_URL']}/flows/", timeout=30)
         yaml_file = str(ROOT / "deploy/prefect.yaml")
         command = [sys.executable, "-m", "prefect", "--no-prompt", "deploy", "--all", "--prefect-file", yaml_file]
         deployed = subprocess.run(

@@ -1,6 +1,10 @@
 """Which changes of code make a stage run again."""
 
 import ast
+import os
+import shutil
+import subprocess
+import sys
 from importlib import import_module
 from pathlib import Path
 
@@ -102,7 +106,7 @@ def test_every_real_stage_has_a_digest_that_leaves_out_what_is_no_science() -> N
 
 
 def test_parsing_is_tried_again_when_python_itself_trips_over_threads(monkeypatch: pytest.MonkeyPatch) -> None:
-    whole = code_digest("humanmm.storage.refs")
+    whole = code_digest("humanmm.tasks.scenes")
     parse, calls = ast.parse, []
 
     def trips_once(source: bytes, *more: str) -> ast.Module:
@@ -111,6 +115,28 @@ def test_parsing_is_tried_again_when_python_itself_trips_over_threads(monkeypatc
             raise SystemError("AST constructor recursion depth mismatch (before=51, after=355)")
         return parse(source, *more)
 
-    monkeypatch.setattr(ast, "parse", trips_once)
     module_facts.cache_clear()
-    assert code_digest("humanmm.storage.refs") == whole and len(calls) > 1
+    with monkeypatch.context() as patched:
+        patched.setattr(ast, "parse", trips_once)
+        again = code_digest("humanmm.tasks.scenes")
+    assert again == whole and len(calls) > 1
+
+
+def test_another_checkout_has_the_same_digests(tmp_path: Path) -> None:
+    root = Path(__file__).resolve().parents[2]
+    for name in ("src", "flows", "tasks", "models", "storage"):
+        ignored = shutil.ignore_patterns("__pycache__", "*.egg-info")
+        shutil.copytree(root / name, tmp_path / "elsewhere" / name, symlinks=True, ignore=ignored)
+    script = (
+        "from humanmm.storage.code_digest import code_digest\n"
+        "from humanmm.tasks.pipeline import STAGES\n"
+        "print([repr(code_digest(stage.function[0])) for stage in STAGES])\n"
+    )
+    told = [
+        subprocess.run(
+            [sys.executable, "-c", script], env={**os.environ, "PYTHONPATH": str(place / "src")}, check=True,
+            capture_output=True, text=True,
+        ).stdout
+        for place in (root, tmp_path / "elsewhere")
+    ]  # fmt: skip
+    assert told[0] == told[1] and ".tflite" in told[0]

@@ -4,6 +4,9 @@ import errno
 import os
 import shutil
 import subprocess
+import sys
+import threading
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -158,6 +161,30 @@ def test_a_killed_writer_is_swept_and_a_living_one_is_not(store: Store, monkeypa
     with store.new_folder() as alive:
         assert store.sweep() == 1
         assert alive.is_dir() and not dead.exists()
+
+
+def test_when_the_holder_of_a_lock_is_killed_the_waiter_proceeds_within_two_seconds(store: Store) -> None:
+    script = (
+        "import sys, time\nfrom pathlib import Path\nfrom humanmm.storage.store import Store\n"
+        "with Store(Path(sys.argv[1])).lock('toy', 'key'):\n    print('held', flush=True)\n    time.sleep(100)\n"
+    )
+    command = [sys.executable, "-c", script, str(store.root)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as holder:
+        assert holder.stdout is not None and holder.stdout.readline() == "held\n"
+        taken: list[float] = []
+
+        def wait() -> None:
+            with store.lock("toy", "key"):
+                taken.append(time.monotonic())
+
+        waiter = threading.Thread(target=wait)
+        waiter.start()
+        time.sleep(0.3)
+        assert not taken
+        killed = time.monotonic()
+        holder.kill()
+        waiter.join(timeout=10)
+    assert taken and taken[0] - killed < 2
 
 
 def test_verify_finds_every_damage_and_deep_also_a_wrong_digest(store: Store) -> None:

@@ -184,6 +184,20 @@ def test_two_processes_on_a_cold_store_compute_everything_once(toy: Any, monkeyp
     assert toy.executed() == EVERYTHING
 
 
+def test_another_checkout_and_another_store_give_the_same_keys_and_content(toy: Any) -> None:
+    there = toy.folder / "elsewhere"
+    shutil.copytree(toy.folder / "toyline", there / "toyline")
+    path = os.pathsep.join([str(there), toy.environment()["PYTHONPATH"].partition(os.pathsep)[2]])
+    other = [sys.executable, "-m", "toyline.alone", str(toy.video), str(there / "store")]
+    processes = [_alone(toy), subprocess.Popen(other, env=toy.environment(PYTHONPATH=path), cwd=there)]
+    assert [process.wait(timeout=100) for process in processes] == [0, 0]
+    digests = [
+        {path.parent.relative_to(root): json.loads(path.read_text())["digest"] for path in root.rglob("manifest.json")}
+        for root in (toy.store, there / "store")
+    ]
+    assert digests[0] == digests[1] and len(digests[0]) == len(EVERYTHING)
+
+
 def test_a_failed_shot_leaves_the_others_and_is_tried_again(toy: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TOY_FAIL", "camera:20=stage")
     run = toy.run(expect_failure=True)
