@@ -1,6 +1,5 @@
 """Which changes of code make a stage run again."""
 
-import ast
 import os
 import shutil
 import subprocess
@@ -11,7 +10,6 @@ from pathlib import Path
 import pytest
 
 from humanmm.storage.code_digest import CodeDigest, code_digest
-from humanmm.storage.code_digest import _module_facts as module_facts
 
 
 @pytest.fixture
@@ -103,23 +101,6 @@ def test_every_real_stage_has_a_digest_that_leaves_out_what_is_no_science() -> N
         assert stage.function[0] in names
         left_out = ("humanmm.config", "humanmm.errors", "humanmm.storage.store", "humanmm.tasks.engine")
         assert not [name for name in names if name.startswith(left_out)]
-
-
-def test_parsing_is_tried_again_when_python_itself_trips_over_threads(monkeypatch: pytest.MonkeyPatch) -> None:
-    whole = code_digest("humanmm.tasks.scenes")
-    parse, calls = ast.parse, []
-
-    def trips_once(source: bytes, *more: str) -> ast.Module:
-        calls.append(source)
-        if len(calls) == 1:
-            raise SystemError("AST constructor recursion depth mismatch (before=51, after=355)")
-        return parse(source, *more)
-
-    module_facts.cache_clear()
-    with monkeypatch.context() as patched:
-        patched.setattr(ast, "parse", trips_once)
-        again = code_digest("humanmm.tasks.scenes")
-    assert again == whole and len(calls) > 1
 
 
 def test_another_checkout_has_the_same_digests(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """What is kept about sources never answers for another source."""
 
+import ast
 import json
 from pathlib import Path
 
@@ -52,3 +53,19 @@ def test_a_folder_that_cannot_be_written_keeps_nothing_and_says_nothing(tmp_path
     known = KnownModules(tmp_path / "file" / "modules.json")
     known.facts(SOURCE, "package")
     known.save()
+
+
+def test_parsing_is_tried_again_when_python_itself_trips_over_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    source, parse, calls = b"import numpy\n", ast.parse, []
+    whole = read_module(source, "humanmm")
+
+    def trips_once(text: bytes) -> ast.Module:
+        calls.append(text)
+        if len(calls) == 1:
+            raise SystemError("AST constructor recursion depth mismatch (before=51, after=355)")
+        return parse(text)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(ast, "parse", trips_once)
+        again = read_module(source, "humanmm")
+    assert again == whole and len(calls) == 2
