@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.signal import lfilter
 
 from humanmm.models.body.landmarks import MIRROR, NUM_LANDMARKS
 from humanmm.models.rotations import rotation_from_vector, swing
@@ -145,6 +144,8 @@ def _remembering(
     rng: np.random.Generator, n: int, shape: tuple[int, ...], memory_frames: float
 ) -> Float[Array, "n *shape"]:
     """First-order autoregressive noise of unit variance."""
+    from scipy.signal import lfilter  # slow to import, and a repeat from the store makes no video
+
     keep = float(np.exp(-1.0 / memory_frames))
     drive = rng.normal(size=(n, *shape))
     drive[1:] *= np.sqrt(1 - keep * keep)

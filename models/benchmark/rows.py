@@ -2,9 +2,11 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
+from jaxtyping import Int
 
 from humanmm.models.benchmark.scoring import MethodFigures, VideoFigures
 
@@ -42,9 +44,14 @@ class Row:
 def summarise(samples: Sequence[float]) -> Metric:
     """Mean, median, and the bootstrap's 95 % interval of the mean (fixed seed; one sample is its own interval)."""
     values = np.asarray(samples, np.float64)
-    drawn = np.random.default_rng(0).integers(0, len(values), (RESAMPLES, len(values)))
-    low, high = np.percentile(values[drawn].mean(axis=1), [2.5, 97.5])
+    low, high = np.percentile(values[_drawn(len(values))].mean(axis=1), [2.5, 97.5])
     return Metric(float(values.mean()), float(np.median(values)), (float(low), float(high)))
+
+
+@lru_cache(maxsize=32)
+def _drawn(num_samples: int) -> Int[np.ndarray, "resamples samples"]:
+    """Which samples make up each resample: the same for all figures of as many videos."""
+    return np.random.default_rng(0).integers(0, num_samples, (RESAMPLES, num_samples))
 
 
 def rows_of(videos: Sequence[VideoFigures]) -> list[Row]:
