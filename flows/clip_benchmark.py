@@ -81,11 +81,11 @@ class ClipJob:
         return BenchVideo(
             name=self.name,
             split=self.split,
-            facts=_results(run, "decode", VideoFacts)[0],
-            scenes=_results(run, "scenes", Scenes)[0],
-            people=tuple(_results(run, "people", ScenePeople)),
-            points=tuple(_results(run, "points", PointTracks)),
-            views=tuple(view for views in _results(run, "views", KeyViews)[0].of_shot for view in views),
+            facts=results_of(run, "decode", VideoFacts)[0],
+            scenes=results_of(run, "scenes", Scenes)[0],
+            people=tuple(results_of(run, "people", ScenePeople)),
+            points=tuple(results_of(run, "points", PointTracks)),
+            views=tuple(view for views in results_of(run, "views", KeyViews)[0].of_shot for view in views),
             truth=read_take(self.truth),
         )
 
@@ -116,7 +116,8 @@ def clip_set(folder: Path, store: Store) -> tuple[list[ClipJob], SetStatistics]:
     return jobs, facts
 
 
-def _results(run: VideoRun, stage: str, output: type[T]) -> Sequence[T]:
+def results_of(run: VideoRun, stage: str, output: type[T]) -> Sequence[T]:
+    """What the units of a stage have left in the store."""
     works = run.works(run.stage(stage)) or ()
     manifests = [run.manifest(stage, work.index) for work in works]
     return [run.store.read(manifest.ref, output) for manifest in manifests if manifest is not None]

@@ -11,6 +11,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from humanmm.models.benchmark.detector_noise import pitch_and_roll
 from humanmm.models.evaluation.skeleton import LIMB_NAMES, pick
 from humanmm.models.evaluation.take import CameraTake, PersonTake, Take
 from humanmm.models.perception import landmarks
@@ -37,6 +38,14 @@ class PersonErrors:
     """One person of the truth in one shot, n frames in which most of the person can be seen."""
 
     clip: str
+    person: int
+    """Index into the truth's people."""
+    rows: Int[Array, " n"]
+    """Rows of that person."""
+    keypoints: Float[Array, "n 33 3"]
+    """Source pixels and visibility, sides put right; NaN where not found."""
+    landmarks: Float[Array, "n 33 3"]
+    """3D landmarks as the detector gives them, sides put right."""
     found: Bool[Array, " n"]
     swapped: Bool[Array, " n"]
     """Left and right exchanged; False where that cannot be told."""
@@ -53,7 +62,7 @@ class PersonErrors:
     pitch: Float[Array, " n"]
     """Of the viewing ray above the horizon, radians."""
     roll: Float[Array, " n"]
-    """Of the camera about its axis, radians; positive where the horizon falls to the right."""
+    """Of the camera about its axis, clockwise, radians."""
 
 
 def person_errors(take: Take, scenes: Sequence[ScenePeople], clip: str) -> list[PersonErrors]:
@@ -66,16 +75,16 @@ def person_errors(take: Take, scenes: Sequence[ScenePeople], clip: str) -> list[
         changing[start:end] = True
     tracks = [track for scene in scenes for track in scene.tracks]
     found = []
-    for person in take.people:
+    for number, person in enumerate(take.people):
         for start, end in pairwise(starts):
             rows = (person.frame >= start) & (person.frame < end) & person.observed & ~changing[person.frame]
             if rows.sum() >= 3:
-                found.append(_errors_in_shot(take, person, np.flatnonzero(rows), tracks, clip))
+                found.append(_errors_in_shot(take, person, np.flatnonzero(rows), tracks, (clip, number)))
     return found
 
 
 def _errors_in_shot(
-    take: Take, person: PersonTake, rows: Int[Array, " n"], tracks: Sequence[PersonTrack], clip: str
+    take: Take, person: PersonTake, rows: Int[Array, " n"], tracks: Sequence[PersonTrack], name: tuple[str, int]
 ) -> PersonErrors:
     frame = person.frame[rows]
     cameras = take.cameras
@@ -86,30 +95,35 @@ def _errors_in_shot(
     n = len(rows)
     error = np.full((n, 12, 2), np.nan)
     swapped, best = np.zeros(n, bool), np.full(n, SAME_PERSON)
-    solid = np.full((n, 12, 3), np.nan)
+    keypoints, landmarks3d = np.full((n, 33, 3), np.nan), np.full((n, 33, 3), np.nan)
     for track in tracks:
         _, i, j = np.intersect1d(frame, track.frame, return_indices=True)
         for exchanged in (False, True):
-            order = LIMBS if not exchanged else landmarks.SWAP[LIMBS]
-            shift = (track.keypoints2d[j][:, order, :2] - pixels[i]) / height[i, None, None]
+            order = landmarks.SWAP if exchanged else np.arange(landmarks.NUM_LANDMARKS)
+            shift = (track.keypoints2d[j][:, order[LIMBS], :2] - pixels[i]) / height[i, None, None]
             distance = np.median(np.linalg.norm(shift, axis=-1), axis=1)
             better = distance < best[i]
             at = i[better]
             best[at], swapped[at], error[at] = distance[better], exchanged, shift[better]
-            solid[at] = track.landmarks3d[j][better][:, order]
+            keypoints[at] = track.keypoints2d[j][better][:, order]
+            landmarks3d[at] = track.landmarks3d[j][better][:, order]
     seen = np.isfinite(error[:, 0, 0])
     apart = np.linalg.norm(pixels[:, [0, 6]] - pixels[:, [1, 7]], axis=-1).mean(axis=1) / height > APART
     ray = in_camera[:, 6:8].mean(axis=1)
     R_ray_cam = np.swapaxes(swing(np.broadcast_to([0.0, 0.0, 1.0], ray.shape), ray), -1, -2)
     true = np.einsum("nab,nkb->nka", R_ray_cam, in_camera - ray[:, None])
+    solid = landmarks3d[:, LIMBS]
     solid = solid - solid[:, 6:8].mean(axis=1, keepdims=True)
     R = np.tile(np.eye(3), (n, 1, 1))
     if seen.any():
         R[seen] = kabsch(true[seen], solid[seen], np.ones((int(seen.sum()), 12)))
-    up = -np.swapaxes(cameras.R_world_cam[frame], -1, -2)[..., 2]  # down, in camera axes: y of a level camera
-    ray_up = np.einsum("nba,nb->na", np.swapaxes(R_ray_cam, -1, -2), up)
+    pitch, roll = pitch_and_roll(cameras.R_world_cam[frame], ray)
     return PersonErrors(
-        clip=clip,
+        clip=name[0],
+        person=name[1],
+        rows=rows,
+        keypoints=keypoints,
+        landmarks=landmarks3d,
         found=seen,
         swapped=swapped & apart,
         tellable=seen & apart,
@@ -117,8 +131,8 @@ def _errors_in_shot(
         landmark_m=np.linalg.norm(solid - true, axis=-1),
         landmark_turned_m=np.linalg.norm(solid - np.einsum("nab,nkb->nka", R, true), axis=-1),
         turn=vector_from_rotation(R),
-        pitch=np.arcsin(np.clip(-ray_up[:, 2], -1, 1)),
-        roll=np.arctan2(ray_up[:, 0], ray_up[:, 1]),
+        pitch=pitch,
+        roll=roll,
     )
 
 
@@ -135,3 +149,11 @@ def _stature(joints: Float[Array, "n 12 3"]) -> float:
     chain = [(10, 8), (8, 6), (6, 0), (11, 9), (9, 7), (7, 1)]
     lengths = [np.linalg.norm(joints[:, a] - joints[:, b], axis=-1) for a, b in chain]
     return float(np.nanmedian(np.sum(lengths, axis=0)) / 2 / LIMBS_PER_STATURE)
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredClip:
+    """One clip with what the detector made of it."""
+
+    take: Take
+    errors: list[PersonErrors]

@@ -5,13 +5,17 @@ hidden for a while, jump for a frame or two, and left and right are exchanged fo
 behind.
 """
 
+import json
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from humanmm.models.body.landmarks import MIRROR, NUM_LANDMARKS
 from humanmm.models.rotations import rotation_from_vector, swing
+from humanmm.models.weights.shipped import read_weights
 
 Array = np.ndarray
 
@@ -23,45 +27,54 @@ LIMBS = (
 
 @dataclass(frozen=True)
 class DetectorNoise:
-    """All numbers of the noise. Lengths of time are means of exponential distributions.
+    """All numbers of the noise; those in use are fitted to rendered clips (`fitted_noise`).
 
-    Where from: `keypoint_share`, `turn_deg`, `landmark_sigma_m` are the simulation that the alignment was first
-    measured in (2 % of the height, 8° slowly varying, 40 to 60 mm), split over the axes as residuals on rendered people
-    are (`motion.hmr.NoiseModel`, `motion.hmr._BONES`); `landmark_scale` is what `shots.identity.BONE_BIAS` says of the
-    network's bone lengths; `hidden_factor` is `motion.hmr._HIDDEN`. Rates are estimates from looking at real clips: no
-    fit to rendered frames has been made yet.
+    Lengths of time are means of exponential distributions.
     """
 
-    keypoint_share: float = 0.02
+    keypoint_share: float
     """One sigma of a keypoint per axis, share of the body's height in the picture."""
-    landmark_sigma_m: tuple[float, float, float] = (0.024, 0.024, 0.037)
-    """Of a 3D landmark, along x, y, z of the view: 50 mm together."""
-    turn_deg: tuple[float, float, float] = (5.0, 6.0, 2.0)
-    """Of all 3D landmarks together, about x, y, z of the view: 8 degrees together."""
-    landmark_scale: float = 0.95
+    landmark_sigma_m: tuple[float, float, float]
+    """Of a 3D landmark, along x, y, z of the view."""
+    turn_deg: tuple[float, float, float]
+    """Of all 3D landmarks together, about x, y, z of the view."""
+    tilt_deg: float
+    tilt_per_pitch: float
+    """The 3D landmarks are tilted about x by `tilt_deg` and so many degrees for every degree that the ray points up."""
+    lean_per_roll: float
+    """The same about z, for every degree of the camera's roll."""
+    landmark_scale: float
     """Size of the network's average person against body24's; it draws everybody as large as that."""
-    anatomy_m: float = 0.012
+    anatomy_m: float
     """Per axis, how far one person's landmarks lie from where the model has them, in the axes of the joint they
     ride on, for the whole video: the fit must not know the body that it is tested on."""
-    shot_share: float = 0.4
-    slow_share: float = 0.35
+    shot_share: float
+    slow_share: float
     """Shares of the variance that stay for a whole shot, and that change slowly; the rest is quick."""
-    slow_s: float = 0.7
-    quick_s: float = 0.06
-    hidden_hz: float = 0.08
+    slow_s: float
+    quick_s: float
+    hidden_hz: float
     """How often a limb is hidden, a second."""
-    hidden_s: float = 0.6
-    hidden_factor: float = 2.2
-    outlier_hz: float = 0.15
+    hidden_s: float
+    hidden_factor: float
+    outlier_hz: float
     """How often a limb jumps, a second."""
-    outlier_s: float = 0.07
-    outlier_share: float = 0.12
+    outlier_s: float
+    outlier_share: float
     """How far, share of the body's height."""
-    swap_hz: tuple[float, float] = (0.01, 0.10)
+    swap_hz: tuple[float, float]
     """How often left and right are exchanged: seen from the front, from behind."""
-    swap_s: float = 0.8
-    miss_hz: float = 0.02
-    miss_s: float = 0.15
+    swap_s: float
+    miss_hz: float
+    miss_s: float
+
+
+@lru_cache(maxsize=1)
+def fitted_noise() -> DetectorNoise:
+    """The shipped noise: what `scripts/measure_detector --fit` found (models/weights/detector_noise.md)."""
+    noise = json.loads(read_weights("detector_noise.json"))["noise"]
+    values: dict[str, Any] = {name: tuple(v) if isinstance(v, list) else v for name, v in noise.items()}
+    return DetectorNoise(**values)
 
 
 @dataclass(frozen=True)
@@ -87,10 +100,14 @@ def detect(
     fps: float,
     noise: DetectorNoise,
     rng: np.random.Generator,
+    *,
+    pitch: Float[Array, " n"],
+    roll: Float[Array, " n"],
 ) -> Detections:
     """Noisy landmarks of a body whose true ones are `points` (camera axes, metres).
 
-    `behind`: the camera sees the back; `stature`: the person's size over the average's.
+    `behind`: the camera sees the back; `stature`: the person's size over the average's; `pitch`: the viewing ray above
+    the horizon, `roll`: of the camera about its axis, clockwise, radians.
     """
     n = len(points)
     depth = np.maximum(points[..., 2:], 0.1)
@@ -115,6 +132,8 @@ def detect(
     ray = points[:, 23:25].mean(axis=1)
     R_cam_ray = swing(np.broadcast_to([0.0, 0.0, 1.0], ray.shape), ray)
     turn = np.deg2rad(np.array(noise.turn_deg)) * _errors(rng, n, (3,), fps, noise)
+    turn[:, 0] += np.deg2rad(noise.tilt_deg) + noise.tilt_per_pitch * pitch
+    turn[:, 2] += noise.lean_per_roll * roll
     solid = np.einsum("nba,njb->nja", R_cam_ray, about_hips) @ np.swapaxes(rotation_from_vector(turn), -1, -2)
     solid *= noise.landmark_scale / stature
     solid += factor * np.array(noise.landmark_sigma_m) * _errors(rng, n, (NUM_LANDMARKS, 3), fps, noise)
@@ -128,6 +147,16 @@ def detect(
     found = ~_runs(rng, n, noise.miss_hz, noise.miss_s, fps)
     found &= inside[:, [11, 12, 23, 24]].all(axis=1) & (inside.mean(axis=1) > 0.5)
     return Detections(keypoints.astype(np.float32), solid.astype(np.float32), found, swapped)
+
+
+def pitch_and_roll(
+    R_world_cam: Float[Array, "n 3 3"], ray: Float[Array, "n 3"]
+) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
+    """Of viewing rays (camera axes): above the horizon, and how far the camera is turned clockwise about them."""
+    down = -R_world_cam[:, 2]  # the world's −z in camera axes
+    R_cam_ray = swing(np.broadcast_to([0.0, 0.0, 1.0], ray.shape), ray)
+    seen = np.einsum("nba,nb->na", R_cam_ray, down)
+    return np.arcsin(np.clip(-seen[:, 2], -1, 1)), np.arctan2(seen[:, 0], seen[:, 1])
 
 
 def _errors(

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from humanmm.models.benchmark.backgrounds import build_room, track, within
-from humanmm.models.benchmark.detector_noise import Detections, DetectorNoise, detect
+from humanmm.models.benchmark.detector_noise import Detections, DetectorNoise, detect, fitted_noise, pitch_and_roll
 from humanmm.models.benchmark.mocap import Actor, MocapTake, cast, leg_length
 from humanmm.models.benchmark.rigs import HEIGHT, KINDS, NUM_CAMERAS, SHARES, WIDTH, ClipCamera, Ring, build_ring, film
 from humanmm.models.body.body24 import load_body
@@ -46,7 +46,7 @@ class VideoPlan:
     num_transitions: int
     seed: tuple[int, ...]
     longest: int = LONGEST_FRAMES
-    noise: DetectorNoise = field(default_factory=DetectorNoise)
+    noise: DetectorNoise = field(default_factory=fitted_noise)
 
 
 @dataclass(frozen=True)
@@ -241,7 +241,9 @@ def _watch(
     facing = actor.R_world_root[rows, :, 2]
     in_camera = np.einsum("nba,nkb->nka", camera.R_world_cam, points - camera.t_world_cam[:, None])
     stature = leg_length(body.rest_joints(actor.betas)) / leg_length(body.J_template)
-    return detect(in_camera, ring.K, (WIDTH, HEIGHT), (facing * to_camera).sum(axis=1) < 0, stature, fps, noise, rng)
+    pitch, roll = pitch_and_roll(camera.R_world_cam, in_camera[:, 23:25].mean(axis=1))
+    behind = (facing * to_camera).sum(axis=1) < 0
+    return detect(in_camera, ring.K, (WIDTH, HEIGHT), behind, stature, fps, noise, rng, pitch=pitch, roll=roll)
 
 
 def _truth(actor: Actor, cameras: Sequence[ClipCamera], ring: Ring, cuts: Sequence[int], fps: float) -> Take:

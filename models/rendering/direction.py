@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -11,7 +11,7 @@ from jaxtyping import Float
 from humanmm.models.benchmark.mocap import Actor, MocapTake
 from humanmm.models.benchmark.rigs import Kind, film
 from humanmm.models.rendering.casting import cast_people, resample, shifted
-from humanmm.models.rendering.scenery import Scenery, build_outdoors, build_room
+from humanmm.models.rendering.scenery import Block, Scenery, build_outdoors, build_room
 from humanmm.models.rotations import rotation_from_vector
 
 Array = np.ndarray
@@ -27,6 +27,9 @@ DISSOLVE_S = (0.35, 0.8)
 LOOK_AT_M = 0.92
 CLEAR_M = 1.3
 """Nobody comes nearer to a camera than this."""
+CHEST = 9
+MOST_HIDDEN = 0.4
+"""Share of a shot for which a thing may stand before the first person."""
 LEAST_IN_VIEW = 0.85
 """Share of the main person's joints that a shot holds."""
 
@@ -238,4 +241,12 @@ def _build_set(actors: Sequence[Actor], shots: Sequence[Shot], rng: np.random.Ge
     # A third of the sets may have something between camera and person.
     clear = [] if rng.random() < 0.33 else lines
     paths = [bodies[:, :2], eyes[:, :2], *clear]
-    return build(np.concatenate([bodies, eyes]), np.concatenate(paths), rng)
+    scenery = build(np.concatenate([bodies, eyes]), np.concatenate(paths), rng)
+    kept = [block for block in scenery.blocks if _hidden_share(block, actors[0], shots) < MOST_HIDDEN]
+    return replace(scenery, blocks=tuple(kept))
+
+
+def _hidden_share(block: Block, actor: Actor, shots: Sequence[Shot]) -> float:
+    """Of the shot in which the block hides the person's chest longest."""
+    shares = [block.hides(shot.t_world_cam, actor.joints[shot.start : shot.end, CHEST]).mean() for shot in shots]
+    return float(max(shares))

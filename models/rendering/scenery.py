@@ -7,12 +7,15 @@ that stand on the floor and may hide people. World: z up, metres, floor at z = 0
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from humanmm.models.rendering import textures
 from humanmm.models.rendering.textures import Texture
 
 Array = np.ndarray
+
+SKY_M, SKY_HEIGHT_M = 180.0, 45.0
+"""The sky is a box; its sides are as long as the clouds repeat, so that no seam shows in the corners."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +53,18 @@ class Block:
     @property
     def reach(self) -> float:
         return float(np.hypot(*self.half))
+
+    def hides(self, eye: Float[Array, "n 3"], target: Float[Array, "n 3"]) -> Bool[Array, " n"]:
+        """Whether the block stands between each eye and its target (slabs: Kay and Kajiya 1986)."""
+        turn = np.eye(3)
+        turn[:2, :2] = _turn(self.yaw)
+        middle = np.append(self.centre, self.height / 2)
+        start, end = (eye - middle) @ turn, (target - middle) @ turn
+        way = np.where(np.abs(end - start) < 1e-9, 1e-9, end - start)
+        half = np.append(self.half, self.height / 2)
+        one, other = (-half - start) / way, (half - start) / way
+        enter, leave = np.minimum(one, other).max(axis=1), np.maximum(one, other).min(axis=1)
+        return np.asarray((enter < leave) & (leave > 0) & (enter < 1))
 
     @property
     def top_corners(self) -> Float[Array, "4 3"]:
@@ -112,17 +127,18 @@ def build_room(keep_in: Float[Array, "n 3"], paths: Float[Array, "m 2"], rng: np
 def build_outdoors(keep_in: Float[Array, "n 3"], paths: Float[Array, "m 2"], rng: np.random.Generator) -> Scenery:
     """A square or a meadow between houses and hedges under the sky."""
     yaw, light = rng.uniform(0, 2 * np.pi), _lamp(rng, ambient=(0.5, 0.65), lamp=(0.45, 0.65), elevation=(38, 68))
-    low, high = _box_about(keep_in, yaw, margin=70.0)
+    low, high = _box_about(keep_in, yaw, margin=0.0)
+    middle = (low + high) / 2
+    low, high = middle - SKY_M / 2, middle + SKY_M / 2
     near_low, near_high = _box_about(keep_in, yaw, margin=12.0)
     clouds = textures.sky(rng)
-    sky_height = 45.0
     shell = []
     for side in range(4):
-        panel = _wall(low, high, yaw, side, sky_height, clouds, light)
-        stretched = Texture(clouds.image, clouds.image.shape[0] / sky_height)
+        panel = _wall(low, high, yaw, side, SKY_HEIGHT_M, clouds, light)
+        stretched = Texture(clouds.image, clouds.image.shape[0] / SKY_HEIGHT_M)
         shell.append(Panel(panel.corner, panel.along, panel.across, panel.size, stretched, 1.0))
     zenith = Texture(np.ascontiguousarray(np.repeat(clouds.image[:2], 128, axis=0)), 2.0)
-    shell.append(_ceiling(low, high, yaw, sky_height, zenith, light))
+    shell.append(_ceiling(low, high, yaw, SKY_HEIGHT_M, zenith, light))
     shell.append(_floor(low, high, yaw, _pick(textures.GROUNDS, rng), light))
     blocks: list[Block] = []
     for _ in range(int(rng.integers(4, 8))):  # houses

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from humanmm.errors import InputError
-from humanmm.models.benchmark.detector_noise import DetectorNoise
+from humanmm.models.benchmark.detector_noise import fitted_noise
 from humanmm.models.benchmark.mocap import MocapTake
 from humanmm.models.benchmark.multishot import BenchVideo, build_video, cut_times, plan_videos
 from humanmm.models.benchmark.statistics import statistics_of
@@ -16,9 +16,10 @@ from humanmm.models.perception.tracks import ScenePeople
 from humanmm.storage.codec import encode
 from humanmm.storage.mocap_pack import read_pack
 
-SILENT = DetectorNoise(
-    keypoint_share=0.0, landmark_sigma_m=(0, 0, 0), turn_deg=(0, 0, 0), landmark_scale=1.0, anatomy_m=0.0, hidden_hz=0,
-    outlier_hz=0, swap_hz=(0, 0), miss_hz=0,
+SILENT = replace(
+    fitted_noise(), keypoint_share=0.0, landmark_sigma_m=(0, 0, 0), turn_deg=(0, 0, 0), landmark_scale=1.0,
+    tilt_deg=0.0, tilt_per_pitch=0.0, lean_per_roll=0.0, anatomy_m=0.0, hidden_hz=0, outlier_hz=0, swap_hz=(0, 0),
+    miss_hz=0,
 )  # fmt: skip
 
 

@@ -8,6 +8,7 @@ import pytest
 from humanmm.models.benchmark.mocap import MocapTake
 from humanmm.models.rendering.casting import NEAREST_M, resample
 from humanmm.models.rendering.direction import CLEAR_M, Clip, ClipPlan, direct, in_view
+from humanmm.models.rendering.scenery import Block
 
 PLAN = ClipPlan("plan", (0, 0), seconds=(3.0, 4.0))
 
@@ -71,3 +72,10 @@ def test_a_take_at_its_own_rate_stays_as_it_is(takes: tuple[MocapTake, ...]) -> 
 def test_too_short_takes_are_told(takes: tuple[MocapTake, ...]) -> None:
     with pytest.raises(ValueError, match="no take is as long"):
         direct(takes, replace(PLAN, seconds=(60.0, 61.0)))
+
+
+def test_a_block_hides_what_is_behind_it_and_nothing_else() -> None:
+    block = Block(np.array([2.0, 0.0]), np.array([0.5, 1.0]), 1.5, 0.3, ())
+    eye = np.tile([0.0, 0.0, 1.0], (4, 1))
+    target = np.array([[4.0, 0, 1.0], [1.0, 0, 1.0], [4.0, 4.0, 1.0], [4.0, 0, 4.0]])
+    assert block.hides(eye, target).tolist() == [True, False, False, False]
