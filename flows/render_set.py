@@ -56,6 +56,7 @@ class SetPlan:
     seed: int = SEED
     count: int | None = None
     seconds: tuple[float, float] | None = None
+    resolution: tuple[int, int] | None = None
 
     def clips(self) -> tuple[ClipPlan, ...]:
         """One plan a clip; a larger set begins with the clips of a smaller one."""
@@ -66,7 +67,7 @@ class SetPlan:
                 f"{self.size}-{self.seed}-{k:03d}",
                 (self.seed, k),
                 self.seconds or about.seconds,
-                about.size,
+                self.resolution or about.size,
                 about.transitions,
             )
             for k in range(count)
@@ -80,6 +81,7 @@ class SetPlan:
             "size": self.size,
             "seed": self.seed,
             "seconds": list(self.seconds or ()),
+            "resolution": list(self.resolution or ()),
             "packs": packs,
             "code": code.hexdigest(),
         }

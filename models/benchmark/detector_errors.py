@@ -26,11 +26,10 @@ LIMBS = np.array([landmarks.INDEX[name] for name in (
 )])  # fmt: skip
 SAME_PERSON = 0.10
 """Median distance, share of the height, within which a detection is this person's (sides exchanged or not)."""
-APART = 0.06
-"""Least distance between left and right, share of the height, for an exchange of sides to be told."""
+USUAL_SHARE, USUAL_M = 0.02, 0.08
+"""Usual errors in the picture and in 3D, to weigh one against the other."""
 LIMBS_PER_STATURE = 0.754
 """Ankle to shoulder along the bones, over the height of body24's template."""
-LEAST_VISIBLE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,13 +47,11 @@ class PersonErrors:
     """3D landmarks as the detector gives them, sides put right."""
     found: Bool[Array, " n"]
     swapped: Bool[Array, " n"]
-    """Left and right exchanged; False where that cannot be told."""
-    tellable: Bool[Array, " n"]
-    """Found, and left and right are apart in the picture."""
+    """Left and right exchanged: the other way round the answer is nearer to the truth, in the picture and in depth."""
     error: Float[Array, "n 12 2"]
     """Detected minus true place, sides put right, shares of the height; NaN where not found."""
     landmark_m: Float[Array, "n 12"]
-    """Distance of 3D landmarks from the truth, both about the mid-hip, along the ray of the hips, sides put right."""
+    """Distance of 3D landmarks from the truth about the mid-hip, in the axes of its ray; sides and size put right."""
     landmark_turned_m: Float[Array, "n 12"]
     """The same after the best rotation."""
     turn: Float[Array, "n 3"]
@@ -92,30 +89,28 @@ def _errors_in_shot(
     joints = pick(person.joints, take.joint_names, LIMB_NAMES)[rows]
     in_camera, pixels = _seen(joints, cameras, frame)
     height = _stature(joints) * cameras.K[frame, 1, 1] / in_camera[:, 6:8, 2].mean(axis=1)
+    ray = in_camera[:, 6:8].mean(axis=1)
+    R_cam_ray = swing(np.broadcast_to([0.0, 0.0, 1.0], ray.shape), ray)
+    true = np.einsum("nba,nkb->nka", R_cam_ray, in_camera - ray[:, None])
     n = len(rows)
     error = np.full((n, 12, 2), np.nan)
     swapped, best = np.zeros(n, bool), np.full(n, SAME_PERSON)
     keypoints, landmarks3d = np.full((n, 33, 3), np.nan), np.full((n, 33, 3), np.nan)
     for track in tracks:
         _, i, j = np.intersect1d(frame, track.frame, return_indices=True)
-        for exchanged in (False, True):
-            order = landmarks.SWAP if exchanged else np.arange(landmarks.NUM_LANDMARKS)
-            shift = (track.keypoints2d[j][:, order[LIMBS], :2] - pixels[i]) / height[i, None, None]
-            distance = np.median(np.linalg.norm(shift, axis=-1), axis=1)
-            better = distance < best[i]
+        answers = [_answer(track, j, pixels[i], height[i], true[i], exchanged) for exchanged in (False, True)]
+        exchanged = answers[1].cost < answers[0].cost
+        for which, answer in zip((~exchanged, exchanged), answers, strict=True):
+            better = which & (answer.distance < best[i])
             at = i[better]
-            best[at], swapped[at], error[at] = distance[better], exchanged, shift[better]
-            keypoints[at] = track.keypoints2d[j][better][:, order]
-            landmarks3d[at] = track.landmarks3d[j][better][:, order]
+            best[at], swapped[at], error[at] = answer.distance[better], answer is answers[1], answer.shift[better]
+            keypoints[at], landmarks3d[at] = answer.keypoints[better], answer.landmarks[better]
     seen = np.isfinite(error[:, 0, 0])
-    apart = np.linalg.norm(pixels[:, [0, 6]] - pixels[:, [1, 7]], axis=-1).mean(axis=1) / height > APART
-    ray = in_camera[:, 6:8].mean(axis=1)
-    R_ray_cam = np.swapaxes(swing(np.broadcast_to([0.0, 0.0, 1.0], ray.shape), ray), -1, -2)
-    true = np.einsum("nab,nkb->nka", R_ray_cam, in_camera - ray[:, None])
     solid = landmarks3d[:, LIMBS]
     solid = solid - solid[:, 6:8].mean(axis=1, keepdims=True)
     R = np.tile(np.eye(3), (n, 1, 1))
-    if seen.any():
+    if seen.any():  # the network draws everybody as large as its average person
+        solid = solid * np.median(np.linalg.norm(true[seen], axis=(1, 2)) / np.linalg.norm(solid[seen], axis=(1, 2)))
         R[seen] = kabsch(true[seen], solid[seen], np.ones((int(seen.sum()), 12)))
     pitch, roll = pitch_and_roll(cameras.R_world_cam[frame], ray)
     return PersonErrors(
@@ -125,8 +120,7 @@ def _errors_in_shot(
         keypoints=keypoints,
         landmarks=landmarks3d,
         found=seen,
-        swapped=swapped & apart,
-        tellable=seen & apart,
+        swapped=swapped,
         error=error,
         landmark_m=np.linalg.norm(solid - true, axis=-1),
         landmark_turned_m=np.linalg.norm(solid - np.einsum("nab,nkb->nka", R, true), axis=-1),
@@ -134,6 +128,35 @@ def _errors_in_shot(
         pitch=pitch,
         roll=roll,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Answer:
+    """A track's answer in m frames, sides as it names them or exchanged."""
+
+    keypoints: Float[Array, "m 33 3"]
+    landmarks: Float[Array, "m 33 3"]
+    shift: Float[Array, "m 12 2"]
+    distance: Float[Array, " m"]
+    """Median over the limbs, share of the height."""
+    cost: Float[Array, " m"]
+
+
+def _answer(
+    track: PersonTrack,
+    rows: Int[Array, " m"],
+    pixels: Float[Array, "m 12 2"],
+    height: Float[Array, " m"],
+    true: Float[Array, "m 12 3"],
+    exchanged: bool,
+) -> _Answer:
+    order = landmarks.SWAP if exchanged else np.arange(landmarks.NUM_LANDMARKS)
+    keypoints, solid = track.keypoints2d[rows][:, order], track.landmarks3d[rows][:, order]
+    shift = (keypoints[:, LIMBS, :2] - pixels) / height[:, None, None]
+    distance = np.median(np.linalg.norm(shift, axis=-1), axis=1)
+    limbs = solid[:, LIMBS] - solid[:, [23, 24]].mean(axis=1, keepdims=True)
+    depth = np.median(np.linalg.norm(limbs - true, axis=-1), axis=1)
+    return _Answer(keypoints, solid, shift, distance, distance / USUAL_SHARE + depth / USUAL_M)
 
 
 def _seen(

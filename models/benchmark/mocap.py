@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.models.body.body24 import load_body
+from humanmm.models.body.body24 import Body, load_body
 from humanmm.models.body.kinematics import forward_kinematics
 from humanmm.models.motion.contacts import CONTACT_JOINTS
 from humanmm.models.motion.refine import sole_heights
@@ -18,7 +18,9 @@ from humanmm.models.motion.refine import sole_heights
 Array = np.ndarray
 
 SHAPE_SIGMA = 0.7
-"""Spread of the random shape components: adults of usual size (body24's components have unit variance)."""
+"""Spread of the random shape components (body24's have unit variance, children and giants among them)."""
+SHORTEST_M, TALLEST_M = 1.5, 1.98
+"""Adults of usual size: bodies outside are drawn again."""
 
 
 @dataclass(frozen=True)
@@ -66,10 +68,18 @@ def leg_length(rest_joints: Float[Array, "24 3"]) -> float:
     return float((thigh + shank).mean())
 
 
+def random_shape(body: Body, rng: np.random.Generator) -> Float[Array, " 10"]:
+    """Shape components of a random adult."""
+    while True:
+        betas = np.clip(rng.normal(0.0, SHAPE_SIGMA, body.num_betas), -2.0, 2.0)
+        if SHORTEST_M <= float(np.ptp(body.rest_vertices(betas)[:, 1])) <= TALLEST_M:
+            return np.asarray(betas)
+
+
 def cast(take: MocapTake, rng: np.random.Generator) -> Actor:
     """The take on a random body, standing on the floor z = 0."""
     body = load_body()
-    betas = np.clip(rng.normal(0.0, SHAPE_SIGMA, body.num_betas), -2.0, 2.0)
+    betas = random_shape(body, rng)
     rest = body.rest_joints(betas)
     pelvis = take.pelvis * (leg_length(rest) / take.leg_m)
     joints, R = forward_kinematics(rest, take.R_world_root, take.body_pose, pelvis)

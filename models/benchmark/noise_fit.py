@@ -94,12 +94,11 @@ def fit_noise(clips: Sequence[MeasuredClip]) -> NoiseFit:
     series = [_series(clip.take, errors) for clip in clips for errors in clip.errors]
     series = [one for one in series if one.found.sum() >= 5]
     a, b = _tilt(series)
-    plain = np.concatenate([_plain(one) for one in series])
-    share = _spread(plain)
+    share = _spread(np.concatenate([one.picture[_usable(one)] for one in series]))
     hidden = np.concatenate([one.picture[_limb_mask(one.hidden)] for one in series])
     lost = np.concatenate([one.picture[_limb_mask(one.lost)] for one in series])
     turn = np.concatenate([_straight(one, a, b)[one.found] for one in series])
-    solid = np.concatenate([one.solid[one.found][:, BODY].reshape(-1, 3) for one in series])
+    solid = np.concatenate([one.solid[_usable(one)] for one in series])
     constant, slow, slow_s, quick_s = _memory(series, a, b)
     swaps = _swaps(series)
     hidden_hz, hidden_s = _events([(run, one.fps) for one in series for run in one.hidden[:, one.found]])
@@ -197,12 +196,12 @@ def _true_landmarks(person: PersonTake, rows: Array) -> tuple[Array, Array, Arra
     return points, R_root[..., 2], joints[:, 0], leg_length(rest) / leg_length(body.J_template)
 
 
-def _plain(one: Series) -> Float[Array, "m 2"]:
-    """Errors in the picture of limbs that are seen, hidden and lost ones aside."""
+def _usable(one: Series) -> Bool[Array, "n 33"]:
+    """Landmarks below the neck that are seen, hidden and lost limbs aside."""
     usable = ~_limb_mask(one.hidden | one.lost)
     usable[:, :11] = False
     usable[~one.found] = False
-    return np.asarray(one.picture[usable])
+    return usable
 
 
 def _limb_mask(limbs: Bool[Array, "limbs n"]) -> Bool[Array, "n 33"]:
@@ -213,10 +212,8 @@ def _limb_mask(limbs: Bool[Array, "limbs n"]) -> Bool[Array, "n 33"]:
 
 
 def _spread(values: Float[Array, "m k"]) -> float:
-    """One sigma an axis, tails beyond three robust sigmas cut off."""
-    values = values[np.isfinite(values).all(axis=-1)]
-    robust = 1.4826 * np.median(np.abs(values))
-    return float(np.sqrt(np.mean(np.clip(values, -3 * robust, 3 * robust) ** 2)))
+    """One sigma an axis of the bulk (1.4826 · median of the sizes): hidden and lost limbs make the tails."""
+    return float(1.4826 * np.nanmedian(np.abs(values)))
 
 
 def _spreads(values: Float[Array, "m 3"]) -> tuple[float, float, float]:
@@ -267,6 +264,8 @@ def _memory(series: Sequence[Series], a: Float[Array, "2"], b: float) -> tuple[f
         power += np.nansum(values**2)
         norm += int(np.isfinite(values).sum())
         for k, lag in enumerate(np.rint(LAGS_S * one.fps).astype(int)):
+            if lag >= n:
+                break
             product = values[: n - lag] * values[lag:]
             total[k] += np.nansum(product)
             count[k] += np.isfinite(product).sum()
@@ -303,8 +302,8 @@ def _swaps(series: Sequence[Series]) -> list[tuple[float, float]]:
 
 
 _SIDES: tuple[Callable[[Series], Bool[Array, " n"]], ...] = (
-    lambda one: one.errors.tellable & ~one.behind,
-    lambda one: one.errors.tellable & one.behind,
+    lambda one: one.found & ~one.behind,
+    lambda one: one.found & one.behind,
 )
 
 

@@ -32,6 +32,7 @@ def _declare_ms_render(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument("--count", type=int, metavar="N", help="so many clips instead")
     parser.add_argument("--seconds", type=float, nargs=2, metavar=("LOW", "HIGH"), help="clips of this length instead")
+    parser.add_argument("--resolution", type=int, nargs=2, metavar=("W", "H"), help="all clips of this size, pixels")
     parser.add_argument("--seed", type=int, metavar="S", help="another seed makes other clips")
     parser.add_argument(
         "--mocap", type=Path, nargs="+", metavar="FILE",
@@ -46,9 +47,20 @@ def _build_ms_render(options: argparse.Namespace) -> Path:
 
     if options.count is not None and options.count < 1:
         raise UsageError(f"--count {options.count}: at least one clip is needed")
+    if options.resolution and (min(options.resolution) < 16 or any(side % 2 for side in options.resolution)):
+        raise UsageError(f"--resolution {options.resolution}: two even numbers of at least 16 are needed")
+    if options.seconds and not 0 < options.seconds[0] <= options.seconds[1]:
+        raise UsageError(f"--seconds {options.seconds}: two rising positive numbers are needed")
     packs = tuple(options.mocap) if options.mocap else shipped_packs()
     seed = SEED if options.seed is None else options.seed
-    plan = SetPlan(packs, options.size, seed, options.count, tuple(options.seconds) if options.seconds else None)
+    plan = SetPlan(
+        packs,
+        options.size,
+        seed,
+        options.count,
+        seconds=tuple(options.seconds) if options.seconds else None,
+        resolution=tuple(options.resolution) if options.resolution else None,
+    )
     return build_set(plan, options.out, threads=options.threads, force=options.force)
 
 
