@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Bool
 
 from humanmm.models.motion.fit_equations import NormalEquations, Term
-from humanmm.models.motion.fit_state import Motion
+from humanmm.models.motion.fit_state import LongMotion, Motion
 
 Array = np.ndarray
 
@@ -32,17 +32,16 @@ class SolverSettings:
 
 
 def solve_windows(
-    motion: Motion,
+    motion: LongMotion,
     terms_of: Callable[[slice], Sequence[Term]],
     settings: SolverSettings | None = None,
-) -> Motion:
+) -> LongMotion:
     """The motion that minimises the terms, started from `motion`; `terms_of(frames)` builds the terms of one window.
 
     The result has no seams: accelerations across the border of two windows are part of the later one.
     """
     settings = settings or SolverSettings()
-    pelvis, R = motion.pelvis_ref.copy(), np.empty((motion.num_frames, 1 + motion.R_body.shape[1], 3, 3))
-    R[:, 0], R[:, 1:] = motion.R_ref_root, motion.R_body
+    result = LongMotion(motion.skeleton, motion.vectors.copy(), motion.pelvis_ref.copy())
     settled = 0
     while settled < motion.num_frames:
         first = max(settled - 2, 0)
@@ -50,12 +49,10 @@ def solve_windows(
         if motion.num_frames - last < settings.lookahead:
             last = motion.num_frames
         frames = slice(first, min(last + settings.lookahead, motion.num_frames))
-        start = Motion.of(motion.skeleton, R[frames], pelvis[frames])
         held = np.arange(frames.start, frames.stop) < settled
-        solved = minimise(start, terms_of(frames), held=held, settings=settings)
-        R[frames], pelvis[frames] = solved.R_local, solved.pelvis_ref
+        result.put(frames, minimise(result.frames(frames), terms_of(frames), held=held, settings=settings))
         settled = last
-    return Motion.of(motion.skeleton, R, pelvis)
+    return result
 
 
 def minimise(motion: Motion, terms: Sequence[Term], *, held: Bool[Array, " N"], settings: SolverSettings) -> Motion:

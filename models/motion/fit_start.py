@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 from scipy.spatial.transform import Rotation, Slerp
 
 from humanmm.models.body.body24 import JOINT_NAMES, PARENTS
-from humanmm.models.motion.fit_state import Motion, Skeleton
+from humanmm.models.motion.fit_state import LongMotion, Skeleton
 from humanmm.models.rotations import kabsch, nearest_rotation, rotation_from_vector, swing, vector_from_rotation
 
 Array = np.ndarray
@@ -37,9 +37,7 @@ _STRAIGHT = 0.1
 """Weight of the swing's own hinge axis against the seen one: decides the twist of straight limbs."""
 
 
-def start_pose(
-    skeleton: Skeleton, landmarks_ref: Float[Array, "N 33 3"]
-) -> tuple[Float[Array, "N 3 3"], Float[Array, "N 23 3 3"]]:
+def start_pose(skeleton: Skeleton, landmarks_ref: Float[Array, "N 33 3"]) -> Float[Array, "N 24 3 3"]:
     """Root and joint rotations that put a skeleton (with all 33 landmarks as points) near the landmarks.
 
     Landmarks are in the axes of the reference frame; their origin does not matter, their scale hardly.
@@ -88,7 +86,7 @@ def start_pose(
         R_parent = R_end[PARENTS[j]]
         seen = np.einsum("nba,nkb->nka", R_parent, landmarks_ref[:, which])
         R_local[:, j] = kabsch(np.broadcast_to(rest[which], seen.shape), seen, ones * np.ones(len(which)))
-    return R_root, R_local[:, 1:]
+    return R_local
 
 
 def start_position(
@@ -108,19 +106,19 @@ def start_position(
     return np.asarray(np.linalg.solve(weighted @ rows + 1e-9 * np.eye(3), weighted @ right)[..., 0])
 
 
-def bridged(motion: Motion, known: Bool[Array, " N"], time_s: Float[Array, " N"]) -> Motion:
+def bridged(motion: LongMotion, known: Bool[Array, " N"], time_s: Float[Array, " N"]) -> LongMotion:
     """The motion with unknown frames replaced by interpolation in time (the nearest known frame at the ends)."""
     if known.all():
         return motion
     at = np.clip(time_s, time_s[known][0], time_s[known][-1])
     pelvis = np.stack([np.interp(at, time_s[known], motion.pelvis_ref[known, k]) for k in range(3)], axis=-1)
-    R = motion.R_local.copy()
+    vectors = motion.vectors.copy()
     if known.sum() > 1:
-        for j in range(R.shape[1]):
-            R[:, j] = Slerp(time_s[known], Rotation.from_matrix(R[known, j]))(at).as_matrix()
+        for j in range(vectors.shape[1]):
+            vectors[:, j] = Slerp(time_s[known], Rotation.from_rotvec(vectors[known, j]))(at).as_rotvec()
     else:
-        R[:] = R[known]
-    return Motion.of(motion.skeleton, R, pelvis)
+        vectors[:] = vectors[known]
+    return LongMotion(motion.skeleton, vectors, pelvis)
 
 
 def _unit(v: Array) -> Array:

@@ -6,12 +6,14 @@ heel holds the foot through the ankle: the foot turns about its ball. Hip and kn
 kinematics about the knee's own axis, and the foot keeps its attitude in the world.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from humanmm.models.motion.contacts import intervals
+from humanmm.models.body.kinematics import chunks
+from humanmm.models.motion.contacts import CONTACT_JOINTS, intervals
+from humanmm.models.motion.fit_state import LongMotion
 from humanmm.models.rotations import rotation_from_vector, swing, vector_from_rotation
 
 Array = np.ndarray
@@ -49,6 +51,56 @@ class Leg:
     """Shin to world."""
     R_ankle: Float[Array, "N 3 3"]
     """Foot to world."""
+
+    @classmethod
+    def of(cls, motion: LongMotion, side: int, frames: slice) -> "Leg":
+        """The left (0) or right (1) leg in a run of a motion's frames: forward kinematics of these joints alone."""
+        R_parent = R_pelvis = rotation_from_vector(motion.vectors[frames, 0])
+        rest, parent, place = motion.skeleton.rest_joints, 0, motion.pelvis_ref[frames]
+        places, turns = [], []
+        for joint in LEGS[side]:
+            place = place + R_parent @ (rest[joint] - rest[parent])
+            R_parent = R_parent @ rotation_from_vector(motion.vectors[frames, joint])
+            places.append(place)
+            turns.append(R_parent)
+            parent = joint
+        hip, knee, ankle, toe = places
+        R_hip, R_knee, R_ankle, _ = turns
+        return cls(hip, knee, ankle, toe, R_pelvis, R_hip, R_knee, R_ankle)
+
+    def frames(self, chosen: slice) -> "Leg":
+        """A run of frames."""
+        return Leg(*(getattr(self, field.name)[chosen] for field in fields(self)))
+
+
+def contact_places(motion: LongMotion) -> Float[Array, "N 4 3"]:
+    """Where `CONTACT_JOINTS` are in every frame, metres, in the motion's reference frame."""
+    places = np.empty((motion.num_frames, len(CONTACT_JOINTS), 3))
+    for frames in chunks(motion.num_frames):
+        legs = [Leg.of(motion, side, frames) for side in range(len(LEGS))]
+        places[frames] = np.stack([place for leg in legs for place in (leg.ankle, leg.toe)], axis=1)
+    return places
+
+
+def lock_feet(
+    motion: LongMotion,
+    contacts: Float[Array, "N 4"],
+    sole_height: Float[Array, " 4"],
+    *,
+    time_s: Float[Array, " N"],
+    settings: LockSettings | None = None,
+) -> LongMotion:
+    """The motion with its planted feet held; contacts and sole heights are those of `CONTACT_JOINTS`."""
+    vectors = motion.vectors.copy()
+    for side, (hip, knee, ankle, _) in enumerate(LEGS):
+        leg = Leg.of(motion, side, slice(None))
+        places = slice(2 * side, 2 * side + 2)
+        target, R_foot = ankle_targets(leg, contacts[:, places], sole_height[places], time_s=time_s, settings=settings)
+        for frames in chunks(motion.num_frames):
+            bent = bend_leg(leg.frames(frames), target[frames], R_foot[frames], settings=settings)
+            for joint, R in zip((hip, knee, ankle), bent, strict=True):
+                vectors[frames, joint] = vector_from_rotation(R)
+    return replace(motion, vectors=vectors)
 
 
 def ankle_targets(

@@ -6,19 +6,19 @@ whole video. Bone lengths give the metric depth. It starts from closed-form inve
 solved in the shot's own axes, so that a turning camera does not count as motion of the person.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from humanmm.models.body.body24 import load_body
-from humanmm.models.body.kinematics import by_chunks, chunks
+from humanmm.models.body.kinematics import chunks
 from humanmm.models.body.landmarks import MIRROR, NUM_LANDMARKS, load_landmarks
 from humanmm.models.camera.observations import ShotCamera
 from humanmm.models.motion.fit_equations import Term, frame_weights
 from humanmm.models.motion.fit_solver import SolverSettings, solve_windows
 from humanmm.models.motion.fit_start import bridged, start_pose, start_position
-from humanmm.models.motion.fit_state import NUM_PARAMETERS, PELVIS, CameraPath, Motion, Skeleton
+from humanmm.models.motion.fit_state import NUM_PARAMETERS, PELVIS, CameraPath, LongMotion, Motion, Skeleton
 from humanmm.models.motion.fit_terms import (
     Anchor,
     Bones,
@@ -29,7 +29,7 @@ from humanmm.models.motion.fit_terms import (
 from humanmm.models.motion.pose_prior import load_pose_statistics
 from humanmm.models.motion.results import PersonShotMotion, ShotMotion
 from humanmm.models.perception.tracks import MASK_SIDE, PersonTrack, ScenePeople
-from humanmm.models.rotations import swing, vector_from_rotation
+from humanmm.models.rotations import swing
 from humanmm.models.shots.boundaries import Person, Shot
 
 Array = np.ndarray
@@ -41,6 +41,8 @@ _KEYPOINT_SIGMA_M = np.array(
     + [0.024, 0.024, 0.029, 0.029, 0.022, 0.022, 0.029, 0.029, 0.036, 0.036]  # hips, knees, ankles, heels, toes
 )
 """Expected error of fully visible keypoints, metres at the person's depth, per axis (measured: `body.landmarks`)."""
+
+_MIRROR = np.array(MIRROR)
 
 _HIDDEN = 2.2
 """How much larger that error is for keypoints of visibility 0.5 or less (measured in the same way)."""
@@ -139,6 +141,65 @@ class Evidence:
     lifted: Bool[Array, " N"]
     """Where the landmarks were made from the keypoints."""
 
+    @classmethod
+    def empty(cls, frame: Array, time_s: Float[Array, " N"]) -> "Evidence":
+        """Nothing seen yet in frames that follow one another."""
+        n = len(frame)
+        return cls(
+            frame=frame.astype(np.int32),
+            time_s=time_s,
+            seen=np.zeros(n, bool),
+            keypoints=np.zeros((n, NUM_LANDMARKS, 2), np.float32),
+            visibility=np.zeros((n, NUM_LANDMARKS), np.float32),
+            landmarks_cam=np.zeros((n, NUM_LANDMARKS, 3), np.float32),
+            ray=np.tile([0.0, 0.0, 1.0], (n, 1)),
+            lifted=np.zeros(n, bool),
+        )
+
+    def frames(self, chosen: slice) -> "Evidence":
+        """A run of frames, without a copy."""
+        return Evidence(*(getattr(self, field.name)[chosen] for field in fields(self)))
+
+    def add(
+        self,
+        track: PersonTrack,
+        span: tuple[int, int],
+        swapped: tuple[tuple[int, int], ...],
+        K: Float[Array, "n 3 3"],
+    ) -> slice | None:
+        """Enter a track's observations in `span`, with left and right put right; K holds the cameras of the span.
+
+        Returns the frames from the first observation to the last, None if there are none.
+        """
+        first, last = max(span[0], int(self.frame[0])), min(span[1], int(self.frame[-1]) + 1)
+        inside = np.flatnonzero((track.frame >= first) & (track.frame < last))
+        if not len(inside):
+            return None
+        for portion in chunks(len(inside)):
+            observed = inside[portion]
+            index = track.frame[observed]
+            keypoints, landmarks = track.keypoints2d[observed], track.landmarks3d[observed]
+            exchange = np.zeros(len(index), bool)
+            for start, end in swapped:
+                exchange |= (index >= start) & (index < end)
+            keypoints[exchange] = keypoints[exchange][:, _MIRROR]
+            landmarks[exchange] = landmarks[exchange][:, _MIRROR]
+
+            centre = track.mask_affine[observed] @ np.array([MASK_SIDE / 2, MASK_SIDE / 2, 1.0])
+            homogeneous = np.concatenate([centre, np.ones((len(centre), 1))], axis=1)
+            ray = np.linalg.solve(K[index - span[0]], homogeneous[..., None])[..., 0]
+            ray /= np.linalg.norm(ray, axis=1, keepdims=True)
+            R_cam_ray = swing(np.broadcast_to([0.0, 0.0, 1.0], ray.shape), ray)
+
+            rows = index - self.frame[0]
+            self.seen[rows] = True
+            self.keypoints[rows] = keypoints[..., :2]
+            self.visibility[rows] = np.clip(keypoints[..., 2], 0, 1)
+            self.landmarks_cam[rows] = landmarks @ np.swapaxes(R_cam_ray, -1, -2).astype(np.float32)
+            self.ray[rows] = ray
+            self.lifted[rows] = track.lifted
+        return slice(*(track.frame[inside[[0, -1]]] - self.frame[0] + [0, 1]).tolist())
+
 
 def gather(
     track: PersonTrack,
@@ -151,43 +212,13 @@ def gather(
 
     `time_s` holds all frames of the video, K those of the span.
     """
-    inside = (track.frame >= span[0]) & (track.frame < span[1])
-    if not inside.any():
+    inside = track.frame[(track.frame >= span[0]) & (track.frame < span[1])]
+    if not len(inside):
         return None
-    index = track.frame[inside]
-    keypoints, landmarks = track.keypoints2d[inside], track.landmarks3d[inside]
-    exchange = np.zeros(len(index), bool)
-    for first, last in swapped:
-        exchange |= (index >= first) & (index < last)
-    mirror = list(MIRROR)
-    keypoints[exchange] = keypoints[exchange][:, mirror]
-    landmarks[exchange] = landmarks[exchange][:, mirror]
-
-    centre = track.mask_affine[inside] @ np.array([MASK_SIDE / 2, MASK_SIDE / 2, 1.0])
-    homogeneous = np.concatenate([centre, np.ones((len(centre), 1))], axis=1)
-    ray = np.linalg.solve(K[index - span[0]], homogeneous[..., None])[..., 0]
-    ray /= np.linalg.norm(ray, axis=1, keepdims=True)
-    R_cam_ray = swing(np.broadcast_to([0.0, 0.0, 1.0], ray.shape), ray)
-
-    frame = np.arange(index[0], index[-1] + 1)
-    rows = index - index[0]
-    n = len(frame)
-    dense = Evidence(
-        frame=frame.astype(np.int32),
-        time_s=time_s[frame],
-        seen=np.zeros(n, bool),
-        keypoints=np.zeros((n, NUM_LANDMARKS, 2), np.float32),
-        visibility=np.zeros((n, NUM_LANDMARKS), np.float32),
-        landmarks_cam=np.zeros((n, NUM_LANDMARKS, 3), np.float32),
-        ray=np.broadcast_to([0.0, 0.0, 1.0], (n, 3)).copy(),
-        lifted=np.full(n, track.lifted),
-    )
-    dense.seen[rows] = True
-    dense.keypoints[rows] = keypoints[..., :2]
-    dense.visibility[rows] = np.clip(keypoints[..., 2], 0, 1)
-    dense.landmarks_cam[rows] = landmarks @ np.swapaxes(R_cam_ray, -1, -2).astype(np.float32)
-    dense.ray[rows] = ray
-    return dense
+    frame = np.arange(inside[0], inside[-1] + 1)
+    evidence = Evidence.empty(frame, time_s[frame])
+    evidence.add(track, span, swapped, K)
+    return evidence
 
 
 def camera_path(camera: ShotCamera, frame: Array) -> CameraPath:
@@ -224,30 +255,39 @@ def bone_vectors(skeleton: Skeleton, evidence: Evidence) -> Float[Array, "N B 3"
     start, end = np.array([(bone.start, bone.end) for bone in _BONES]).T
     rest = skeleton.rest_joints[skeleton.point_joint] + skeleton.point_offset
     ours = np.linalg.norm(rest[end] - rest[start], axis=-1)
-    vectors = evidence.landmarks_cam[:, end] - evidence.landmarks_cam[:, start]
-    theirs = np.median(np.linalg.norm(vectors[evidence.seen], axis=-1), axis=0)
-    return np.asarray(vectors * (ours / np.maximum(theirs, 1e-3))[:, None].astype(np.float32))
+    vectors = np.empty((len(evidence.frame), len(_BONES), 3), np.float32)
+    lengths = np.empty(vectors.shape[:2], np.float32)
+    for frames in chunks(len(vectors)):
+        landmarks = evidence.landmarks_cam[frames]
+        vectors[frames] = landmarks[:, end] - landmarks[:, start]
+        lengths[frames] = np.linalg.norm(vectors[frames], axis=-1)
+    theirs = np.median(lengths[evidence.seen], axis=0)
+    vectors *= (ours / np.maximum(theirs, 1e-3))[:, None].astype(np.float32)
+    return vectors
 
 
-def _start(skeleton: Skeleton, evidence: Evidence, camera: CameraPath) -> Motion:
+def _start(skeleton: Skeleton, evidence: Evidence, camera: CameraPath) -> LongMotion:
     """Inverse kinematics of the seen frames, placed on their rays; the others between them."""
     n = len(evidence.frame)
-    R, pelvis_cam = np.empty((n, 24, 3, 3)), np.empty((n, 3))
+    start, depth = LongMotion.empty(skeleton, n), np.empty(n)
     for frames in chunks(n):
         R_cam_ref, visibility = camera.R_cam_ref[frames], evidence.visibility[frames]
-        R[frames, 0], R[frames, 1:] = start_pose(skeleton, evidence.landmarks_cam[frames] @ R_cam_ref)
-        posed = Motion.of(skeleton, R[frames], np.zeros((len(R_cam_ref), 3))).points @ np.swapaxes(R_cam_ref, -1, -2)
+        R_local = start_pose(skeleton, evidence.landmarks_cam[frames] @ R_cam_ref)
+        posed = Motion.of(skeleton, R_local, np.zeros((len(R_local), 3))).points @ np.swapaxes(R_cam_ref, -1, -2)
         homogeneous = np.concatenate([evidence.keypoints[frames], np.ones((*visibility.shape, 1))], axis=-1)
         rays = (homogeneous @ np.swapaxes(np.linalg.inv(camera.K[frames]), -1, -2))[..., :2]
-        pelvis_cam[frames] = start_position(posed, rays, visibility**2 + 1e-3)
-    pelvis_ref = (np.swapaxes(camera.R_cam_ref, -1, -2) @ (pelvis_cam - camera.t_cam_ref)[..., None])[..., 0]
-    known = evidence.seen & (pelvis_cam[:, 2] > 0.3)
+        pelvis_cam = start_position(posed, rays, visibility**2 + 1e-3)
+        from_camera = pelvis_cam - camera.t_cam_ref[frames]
+        pelvis_ref = (np.swapaxes(R_cam_ref, -1, -2) @ from_camera[..., None])[..., 0]
+        start.put(frames, Motion.of(skeleton, R_local, pelvis_ref))
+        depth[frames] = pelvis_cam[:, 2]
+    known = evidence.seen & (depth > 0.3)
     if not known.any():
         known = evidence.seen
-    return bridged(Motion.of(skeleton, R, pelvis_ref), known, evidence.time_s)
+    return bridged(start, known, evidence.time_s)
 
 
-def pelvis_depths(motion: Motion, camera: CameraPath) -> Float[Array, " N"]:
+def pelvis_depths(motion: LongMotion, camera: CameraPath) -> Float[Array, " N"]:
     """Depth of the pelvis in each camera, metres."""
     return np.asarray(np.maximum(camera.to_camera(motion.pelvis_ref[:, None])[:, 0, 2], 0.3))
 
@@ -261,7 +301,7 @@ class EvidenceTerms:
     camera: CameraPath
     depth: Float[Array, " N"]
     noise: NoiseModel
-    bridge: Motion | None = None
+    bridge: LongMotion | None = None
     """What unseen frames stay near, if anything."""
 
     def reprojection(self, frames: slice) -> Reprojection:
@@ -317,13 +357,16 @@ def _trust(visibility: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
 
 
 def _result(
-    person: int, evidence: Evidence, betas: Array, camera: CameraPath, motion: Motion, terms: EvidenceTerms
+    person: int, evidence: Evidence, betas: Array, camera: CameraPath, motion: LongMotion, terms: EvidenceTerms
 ) -> PersonShotMotion:
     n = len(evidence.frame)
-    residual, confidence = np.full(n, np.nan), np.empty(n)
+    residual, confidence = np.full(n, np.nan, np.float32), np.empty(n, np.float32)
+    R_cam_root = np.empty((n, 3, 3))
     for frames in chunks(n):
         reprojection, visibility = terms.reprojection(frames), evidence.visibility[frames]
-        all_distances = reprojection.distances_px(motion.frames(frames))
+        posed = motion.frames(frames)
+        R_cam_root[frames] = camera.R_cam_ref[frames] @ posed.R_ref_root
+        all_distances = reprojection.distances_px(posed)
         # Confidence: how much of what was visible the fit explains (a keypoint three sigmas off counts half).
         explained = 1 / (1 + (np.nan_to_num(all_distances, nan=np.inf) / (3 * reprojection.sigma_px)) ** 2)
         confidence[frames] = (visibility * explained).mean(axis=1)
@@ -334,10 +377,10 @@ def _result(
         person=person,
         frame=evidence.frame,
         observed=evidence.seen,
-        R_cam_root=camera.R_cam_ref @ motion.R_ref_root,
-        body_pose=by_chunks(vector_from_rotation, motion.R_body),
+        R_cam_root=R_cam_root,
+        body_pose=motion.vectors[:, 1:].copy(),
         betas=np.asarray(betas, np.float64),
         pelvis_cam=camera.to_camera(motion.pelvis_ref[:, None])[:, 0],
-        residual_px=residual.astype(np.float32),
-        confidence=confidence.astype(np.float32),
+        residual_px=residual,
+        confidence=confidence,
     )

@@ -12,11 +12,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.models.body.body24 import Body, load_body
-from humanmm.models.body.kinematics import by_chunks, chunks, compose
+from humanmm.models.body.body24 import NUM_JOINTS, Body, load_body
+from humanmm.models.body.kinematics import by_chunks
 from humanmm.models.motion.contacts import CONTACT_JOINTS, ContactModel, confirmed, contact_probabilities
-from humanmm.models.motion.fit_state import CameraPath, Motion
-from humanmm.models.motion.footlock import LEGS, Leg, LockSettings, ankle_targets, bend_leg
+from humanmm.models.motion.fit_state import CameraPath, LongMotion
+from humanmm.models.motion.footlock import LockSettings, contact_places, lock_feet
 from humanmm.models.motion.refine_fit import ClipEvidence, believed, fit_world, gather_clip, person_skeleton
 from humanmm.models.motion.refine_seams import close_seams
 from humanmm.models.motion.refine_smoothing import smooth, smooth_rotations
@@ -35,8 +35,6 @@ FILL_HZ = 12.0
 
 FEWEST_STANDING = 10
 """Fewer places and frames than this say nothing about the floor."""
-
-_LEG_JOINTS = tuple(joint for leg in LEGS for joint in leg)
 
 
 @dataclass(frozen=True)
@@ -111,15 +109,15 @@ class Draft:
     R_world_cam: Float[Array, "N 3 3"]
     K: Float[Array, "N 3 3"]
     sole_height: Float[Array, " 4"]
-    R_local: Float[Array, "N 24 3 3"]
-    legs: "LegJoints"
-    pelvis: Float[Array, "N 3"]
+    motion: LongMotion
+    feet: Float[Array, "N 4 3"]
+    """Where the places of `CONTACT_JOINTS` are."""
     contacts: Float[Array, "N 4"]
 
     @property
     def soles(self) -> Float[Array, "N 4"]:
         """Heights of the soles above z = 0."""
-        return np.asarray(self.legs.positions[:, _FEET, 2] + self.pelvis[:, None, 2] - self.sole_height)
+        return np.asarray(self.feet[..., 2] - self.sole_height)
 
     def raised(self, by: float) -> "Draft":
         """The same in a world whose floor is lower by so much."""
@@ -127,14 +125,15 @@ class Draft:
         return replace(
             self,
             camera_centre=self.camera_centre + up,
-            pelvis=self.pelvis + up,
+            motion=replace(self.motion, pelvis_ref=self.motion.pelvis_ref + up),
+            feet=self.feet + up,
         )
 
     def with_contacts(self, model: ContactModel) -> "Draft":
         """Contacts found on the way as it is now."""
-        way = self.pelvis - self.camera_centre
+        way = self.motion.pelvis_ref - self.camera_centre
         found = contact_probabilities(
-            self.legs.positions[:, _FEET] + self.pelvis[:, None],
+            self.feet,
             self.sole_height,
             time_s=self.time_s,
             ray=way / np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), 1e-6),
@@ -147,16 +146,13 @@ class Draft:
         """Fitted once more to the evidence of all shots; frames without any are filled in again."""
         R_cam_world = np.swapaxes(self.R_world_cam, -1, -2)
         camera = CameraPath(R_cam_world, -(R_cam_world @ self.camera_centre[..., None])[..., 0], self.K)
-        skeleton = person_skeleton(self.person.betas)
-        start = Motion.of(skeleton, self.R_local, self.pelvis)
-        motion = fit_world(start, believed(clip, self.person.observed), camera, self.contacts)
-        R = motion.R_local
-        pelvis, seen = motion.pelvis_ref, self.person.observed
+        seen = self.person.observed
+        motion = fit_world(self.motion, believed(clip, seen), camera, self.contacts)
         if not seen.all():
-            filled = smooth_rotations(R, seen * 1.0, self.time_s, cutoff_hz=FILL_HZ)
-            R[~seen] = filled[~seen]
-            pelvis = np.where(seen[:, None], pelvis, smooth(pelvis, seen * 1.0, self.time_s, cutoff_hz=FILL_HZ))
-        return replace(self, R_local=R, pelvis=pelvis, legs=leg_joints(skeleton.rest_joints, R))
+            vectors, pelvis = motion.vectors, motion.pelvis_ref
+            vectors[~seen] = smooth_rotations(vectors, seen * 1.0, self.time_s, cutoff_hz=FILL_HZ)[~seen]
+            pelvis[~seen] = smooth(pelvis, seen * 1.0, self.time_s, cutoff_hz=FILL_HZ)[~seen]
+        return replace(self, motion=motion, feet=contact_places(motion))
 
 
 def draft(
@@ -168,39 +164,44 @@ def draft(
     settings: RefineSettings,
 ) -> Draft:
     """Seams closed, rotations smoothed, gaps filled, feet that stand found once."""
-    body = load_body()
-    R = np.concatenate([person.R_world_root[:, None], by_chunks(rotation_from_vector, person.body_pose)], axis=1)
+    vectors = np.empty((len(person.frame), NUM_JOINTS, 3), np.float32)
+    vectors[:, 0], vectors[:, 1:] = by_chunks(vector_from_rotation, person.R_world_root), person.body_pose
     if settings.close_seams:
-        R = close_seams(R, frame=person.frame, observed=person.observed, time_s=time_s, cut_frames=cut_frames)
+        vectors = close_seams(
+            vectors, frame=person.frame, observed=person.observed, time_s=time_s, cut_frames=cut_frames
+        )
     weight = np.where(person.observed, np.clip(person.confidence, 0.05, 1.0), 0.0)
-    R = smooth_rotations(R, weight, time_s, cutoff_hz=settings.cutoff_hz)
+    motion = LongMotion(
+        person_skeleton(person.betas),
+        smooth_rotations(vectors, weight, time_s, cutoff_hz=settings.cutoff_hz),
+        smooth(person.pelvis_world, weight, time_s, cutoff_hz=settings.cutoff_hz),
+    )
+    frames = slice(int(person.frame[0]), int(person.frame[-1]) + 1)
     return Draft(
         person=person,
         time_s=time_s,
-        camera_centre=world.t_world_cam[person.frame],
-        R_world_cam=world.R_world_cam[person.frame],
-        K=world.K[person.frame],
-        sole_height=sole_heights(body, person.betas),
-        R_local=R,
-        legs=leg_joints(body.rest_joints(person.betas), R),
-        pelvis=smooth(person.pelvis_world, weight, time_s, cutoff_hz=settings.cutoff_hz),
+        camera_centre=world.t_world_cam[frames],
+        R_world_cam=world.R_world_cam[frames],
+        K=world.K[frames],
+        sole_height=sole_heights(load_body(), person.betas),
+        motion=motion,
+        feet=contact_places(motion),
         contacts=np.zeros((len(time_s), 4)),
     ).with_contacts(settings.contacts)
 
 
 def finish(one: Draft, *, settings: RefineSettings) -> PersonMotion:
     """Feet locked; contacts of feet that really stand."""
-    R = one.R_local
+    motion, contacts = one.motion, one.contacts
     if settings.foot_lock:
-        R = lock_feet(one, settings.lock)
-        legs = leg_joints(load_body().rest_joints(one.person.betas), R)
-        one = replace(one, contacts=confirmed(one.contacts, legs.positions[:, _FEET] + one.pelvis[:, None]))
+        motion = lock_feet(motion, contacts, one.sole_height, time_s=one.time_s, settings=settings.lock)
+        contacts = confirmed(contacts, contact_places(motion))
     return replace(
         one.person,
-        R_world_root=R[:, 0],
-        body_pose=by_chunks(vector_from_rotation, R[:, 1:]),
-        pelvis_world=one.pelvis,
-        contacts=one.contacts.astype(np.float32),
+        R_world_root=by_chunks(rotation_from_vector, motion.vectors[:, 0]),
+        body_pose=motion.vectors[:, 1:],
+        pelvis_world=motion.pelvis_ref,
+        contacts=contacts.astype(np.float32),
     )
 
 
@@ -216,51 +217,10 @@ def floor_height(drafts: Sequence[Draft]) -> float:
     return floor
 
 
-@dataclass(frozen=True, eq=False)
-class LegJoints:
-    """Pelvis and both legs over N frames, pelvis at the origin: joints in the order of `_LEG_JOINTS`."""
-
-    positions: Float[Array, "N 8 3"]
-    R_world_joint: Float[Array, "N 8 3 3"]
-
-    def leg(self, side: int, pelvis: Float[Array, "N 3"], R_root: Float[Array, "N 3 3"]) -> Leg:
-        """The left (0) or right (1) leg in the world."""
-        first = 4 * side
-        hip, knee, ankle, toe = (self.positions[:, first + k] + pelvis for k in range(4))
-        R_hip, R_knee, R_ankle = (self.R_world_joint[:, first + k] for k in range(3))
-        return Leg(hip, knee, ankle, toe, R_root, R_hip, R_knee, R_ankle)
-
-
-_FEET = tuple(_LEG_JOINTS.index(joint) for joint in CONTACT_JOINTS)
-
-
-def leg_joints(rest_joints: Float[Array, "24 3"], R_local: Float[Array, "N 24 3 3"]) -> LegJoints:
-    """Forward kinematics of the legs, a chunk of frames at a time."""
-    n, legs = len(R_local), len(_LEG_JOINTS)
-    positions, rotations = np.empty((n, legs, 3)), np.empty((n, legs, 3, 3))
-    for frames in chunks(n):
-        joints, R = compose(rest_joints, R_local[frames], np.zeros((frames.stop - frames.start, 3)))
-        positions[frames], rotations[frames] = joints[:, _LEG_JOINTS], R[:, _LEG_JOINTS]
-    return LegJoints(positions, rotations)
-
-
 def sole_heights(body: Body, betas: Float[Array, " 10"]) -> Float[Array, " 4"]:
     """Height above the ground of left ankle, left toe base, right ankle, right toe base of the rest pose, metres."""
     ground = float(body.rest_vertices(betas)[:, 1].min())
     return np.asarray(body.rest_joints(betas)[list(CONTACT_JOINTS), 1] - ground)
-
-
-def lock_feet(one: Draft, settings: LockSettings) -> Float[Array, "N 24 3 3"]:
-    """Local rotations with planted feet."""
-    locked = one.R_local.copy()
-    for side, (hip, knee, ankle, _) in enumerate(LEGS):
-        leg = one.legs.leg(side, one.pelvis, one.R_local[:, 0])
-        places = slice(2 * side, 2 * side + 2)
-        target, R_foot = ankle_targets(
-            leg, one.contacts[:, places], one.sole_height[places], time_s=one.time_s, settings=settings
-        )
-        locked[:, hip], locked[:, knee], locked[:, ankle] = bend_leg(leg, target, R_foot, settings=settings)
-    return locked
 
 
 def at_origin(world: WorldMotion) -> WorldMotion:

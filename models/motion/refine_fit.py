@@ -7,19 +7,19 @@ tell.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from humanmm.models.body.body24 import load_body
-from humanmm.models.body.landmarks import NUM_LANDMARKS, load_landmarks
+from humanmm.models.body.landmarks import load_landmarks
 from humanmm.models.motion.contacts import CONTACT_JOINTS
 from humanmm.models.motion.fit_equations import REFERENCE_HZ, NormalEquations, Term, cauchy, once_per_motion, portions
 from humanmm.models.motion.fit_solver import SolverSettings, solve_windows
-from humanmm.models.motion.fit_state import CameraPath, Motion, Skeleton
-from humanmm.models.motion.hmr import Evidence, EvidenceTerms, NoiseModel, bone_vectors, gather, pelvis_depths
+from humanmm.models.motion.fit_state import CameraPath, LongMotion, Motion, Skeleton
+from humanmm.models.motion.hmr import Evidence, EvidenceTerms, NoiseModel, bone_vectors, pelvis_depths
 from humanmm.models.perception.tracks import ScenePeople
 from humanmm.models.shots.boundaries import ShotList
 
@@ -119,17 +119,7 @@ def gather_clip(
     K: Float[Array, "F 3 3"],
 ) -> ClipEvidence | None:
     """A person's observations in every shot, left and right put right; None if there are none."""
-    n = len(frame)
-    whole = Evidence(
-        frame=frame,
-        time_s=time_s[frame],
-        seen=np.zeros(n, bool),
-        keypoints=np.zeros((n, NUM_LANDMARKS, 2), np.float32),
-        visibility=np.zeros((n, NUM_LANDMARKS), np.float32),
-        landmarks_cam=np.zeros((n, NUM_LANDMARKS, 3), np.float32),
-        ray=np.tile([0.0, 0.0, 1.0], (n, 1)),
-        lifted=np.zeros(n, bool),
-    )
+    whole = Evidence.empty(frame, time_s[frame])
     skeleton = person_skeleton(betas)
     bones: Array | None = None
     for shot in shots.shots:
@@ -138,36 +128,31 @@ def gather_clip(
             if scene is None or appearance.person != person:
                 continue
             track = scene.tracks[appearance.track]
-            part = gather(track, shot.clear, appearance.swapped, time_s, K[slice(*shot.clear)])
-            if part is None:
+            rows = whole.add(track, shot.clear, appearance.swapped, K[slice(*shot.clear)])
+            if rows is None:
                 continue
-            inside = (part.frame >= frame[0]) & (part.frame <= frame[-1])
-            rows = part.frame[inside] - frame[0]
-            for field in fields(Evidence):
-                if field.name not in ("frame", "time_s"):
-                    getattr(whole, field.name)[rows] = getattr(part, field.name)[inside]
-            vectors = bone_vectors(skeleton, part)
-            bones = np.zeros((n, *vectors.shape[1:]), np.float32) if bones is None else bones
-            bones[rows] = vectors[inside]
+            vectors = bone_vectors(skeleton, whole.frames(rows))
+            bones = np.zeros((len(frame), *vectors.shape[1:]), np.float32) if bones is None else bones
+            bones[rows] = vectors
     return None if bones is None else ClipEvidence(whole, bones)
 
 
 def believed(clip: ClipEvidence, observed: Bool[Array, " N"]) -> ClipEvidence:
     """The evidence without the frames that an earlier stage did not believe."""
     e = clip.evidence
-    masked = replace(e, seen=e.seen & observed, visibility=np.where(observed[:, None], e.visibility, 0.0))
+    masked = replace(e, seen=e.seen & observed, visibility=e.visibility * observed[:, None])
     return replace(clip, evidence=masked)
 
 
 def fit_world(
-    start: Motion,
+    start: LongMotion,
     clip: ClipEvidence,
     camera: CameraPath,
     contacts: Float[Array, "N 4"],
     *,
     noise: NoiseModel | None = None,
     settings: SolverSettings = SETTINGS,
-) -> Motion:
+) -> LongMotion:
     """The motion in the world that agrees best with all shots' evidence and with the feet that stand."""
     of_evidence = EvidenceTerms(clip.evidence, clip.bones, camera, pelvis_depths(start, camera), noise or NoiseModel())
     feet = Skeleton(start.skeleton.rest_joints, np.array(CONTACT_JOINTS), np.zeros((len(CONTACT_JOINTS), 3)))

@@ -25,25 +25,25 @@ LONGEST_STEP_S = 0.2
 
 
 def close_seams(
-    R: Float[Array, "N J 3 3"],
+    vectors: Float[Array, "N J 3"],
     *,
     frame: Int[Array, " N"],
     observed: Bool[Array, " N"],
     time_s: Float[Array, " N"],
     cut_frames: Sequence[int],
-) -> Float[Array, "N J 3 3"]:
-    """The rotations with the jump at every cut shared out between both shots."""
+) -> Float[Array, "N J 3"]:
+    """The rotation vectors (radians) with the jump at every cut shared out between both shots."""
     if not cut_frames:
-        return R
-    closed = R.copy()
+        return vectors
+    closed = vectors.copy()
     known = np.flatnonzero(observed)
     for cut in cut_frames:
         before, after = known[frame[known] < cut], known[frame[known] >= cut]
         if len(before) == 0 or len(after) == 0 or time_s[after[0]] - time_s[before[-1]] > LONGEST_STEP_S:
             continue
         middle = (time_s[before[-1]] + time_s[after[0]]) / 2
-        end = _carried(R, before[::-1], time_s, middle)
-        start = _carried(R, after, time_s, middle)
+        end = _carried(vectors, before[::-1], time_s, middle)
+        start = _carried(vectors, after, time_s, middle)
         jump = vector_from_rotation(np.swapaxes(end, -1, -2) @ start)  # in the joint's own axes at the cut
         # A fade never reaches past the middle of a shot, so that two cuts' corrections do not meet.
         for rows, sign in (
@@ -51,8 +51,10 @@ def close_seams(
             (_same_side(after, cut, cut_frames, frame), -0.5),
         ):
             reach = min(FADE_S, abs(time_s[rows[-1]] - time_s[rows[0]]) / 2 + 1e-9)
-            share = _fade(np.abs(time_s[rows] - middle) / reach)
-            closed[rows] = closed[rows] @ rotation_from_vector(sign * share[:, None, None] * jump)
+            away = np.abs(time_s[rows] - middle) / reach
+            rows, share = rows[away < 1], _fade(away[away < 1])
+            turn = rotation_from_vector(sign * share[:, None, None] * jump)
+            closed[rows] = vector_from_rotation(rotation_from_vector(closed[rows]) @ turn)
     return closed
 
 
@@ -72,13 +74,14 @@ def _fade(x: Array) -> Array:
     return np.asarray(1 - x * x * x * (10 - 15 * x + 6 * x * x))
 
 
-def _carried(R: Array, rows: Array, time_s: Array, when: float) -> Float[Array, "J 3 3"]:
+def _carried(vectors: Array, rows: Array, time_s: Array, when: float) -> Float[Array, "J 3 3"]:
     """Rotations at `when` by a straight line through the nearest frames (rows in order of distance from the cut)."""
     near = rows[np.abs(time_s[rows] - time_s[rows[0]]) <= CARRY_S]
-    base = R[near[0]]
+    R = rotation_from_vector(vectors[near])
+    base = R[0]
     if len(near) < 3:
         return np.asarray(base)
-    turns = vector_from_rotation(np.swapaxes(base, -1, -2) @ R[near])
+    turns = vector_from_rotation(np.swapaxes(base, -1, -2) @ R)
     at = time_s[near] - when
     design = np.stack([np.ones(len(near)), at], axis=1)
     line = np.linalg.lstsq(design, turns.reshape(len(near), -1), rcond=None)[0]

@@ -14,8 +14,6 @@ from jaxtyping import Bool, Float
 from scipy.linalg import solveh_banded
 from scipy.spatial.transform import Rotation
 
-from humanmm.models.rotations import quaternion_from_rotation
-
 Array = np.ndarray
 
 ORDER = 3
@@ -94,21 +92,21 @@ def smooth(
 
 
 def smooth_rotations(
-    R: Float[Array, "N J 3 3"], weight: Float[Array, " N"], time_s: Float[Array, " N"], *, cutoff_hz: float
-) -> Float[Array, "N J 3 3"]:
-    """The same for rotations, by way of unit quaternions of continuous sign.
+    vectors: Float[Array, "N J 3"], weight: Float[Array, " N"], time_s: Float[Array, " N"], *, cutoff_hz: float
+) -> Float[Array, "N J 3"]:
+    """The same for rotation vectors (radians), by way of unit quaternions of continuous sign.
 
     Within the reach of the filter (a tenth of a second) a joint turns little, so that smoothing the four numbers and
     putting them back to length 1 is smoothing on the sphere; across a gap it is the spherical way, to first order.
     """
-    smoothed = np.empty(R.shape)
+    smoothed = np.empty_like(vectors)
     known = np.flatnonzero(weight > 0)
-    for joint in range(R.shape[1]):  # one at a time: the numbers between are many times as large as the result
-        quaternions = quaternion_from_rotation(R[:, joint])
+    for joint in range(vectors.shape[1]):  # one at a time: the numbers between are many times as large as the result
+        quaternions = Rotation.from_rotvec(vectors[:, joint]).as_quat(scalar_first=True)
         along = quaternions[known]
         flips = np.where(np.sum(along[1:] * along[:-1], axis=-1) < 0, -1.0, 1.0)
         along[1:] *= np.cumprod(flips)[:, None]
         quaternions[known] = along
         path = smooth(quaternions, weight, time_s, cutoff_hz=cutoff_hz)
-        smoothed[:, joint] = Rotation.from_quat(path, scalar_first=True).as_matrix()
+        smoothed[:, joint] = Rotation.from_quat(path, scalar_first=True).as_rotvec()
     return smoothed

@@ -21,7 +21,7 @@ class PersonShotMotion:
     R_cam_root: np.ndarray
     """(N,3,3) float64, pelvis (body) axes to camera axes: Γ."""
     body_pose: np.ndarray
-    """(N,23,3) float64, axis-angle, SMPL order: θ."""
+    """(N,23,3) float32, axis-angle, SMPL order: θ."""
     betas: np.ndarray
     """(10,) float64: β."""
     pelvis_cam: np.ndarray
@@ -75,7 +75,7 @@ class PersonMotion:
     R_world_root: np.ndarray
     """(N,3,3) float64."""
     body_pose: np.ndarray
-    """(N,23,3) float64, axis-angle."""
+    """(N,23,3) float32, axis-angle."""
     betas: np.ndarray
     """(10,) float64."""
     pelvis_world: np.ndarray

@@ -10,7 +10,7 @@ from humanmm.models.body.body24 import load_body
 from humanmm.models.body.landmarks import load_landmarks
 from humanmm.models.motion.fit_equations import NormalEquations, Term, frame_weights
 from humanmm.models.motion.fit_solver import SolverSettings, minimise, solve_windows
-from humanmm.models.motion.fit_state import NUM_PARAMETERS, CameraPath, Motion, Skeleton
+from humanmm.models.motion.fit_state import NUM_PARAMETERS, CameraPath, LongMotion, Motion, Skeleton
 from humanmm.models.motion.fit_terms import Anchor, Bones, PosePrior, Reprojection, Smoothness
 from humanmm.models.rotations import rotation_from_vector
 
@@ -134,12 +134,25 @@ def test_windows_give_what_one_solve_of_everything_gives() -> None:
         return [*seen, Smoothness(time_s[frames], np.full(63, 10.0))]
 
     exact = {"max_iterations": 15, "relative_decrease": 1e-7}
-    whole = solve_windows(truth, terms_of, SolverSettings(**exact, window=1000))
-    parts = solve_windows(truth, terms_of, SolverSettings(**exact, window=20, lookahead=20))
+    start = LongMotion.empty(truth.skeleton, num_frames)
+    start.put(slice(None), truth)
+    whole, parts = (
+        solve_windows(start, terms_of, SolverSettings(**exact, **windows)).frames(slice(None))
+        for windows in ({"window": 1000}, {"window": 20, "lookahead": 20})
+    )
     # What a window cannot see lies 20 frames ahead: a twentieth remains of noise of 20 mm, and no jump at a seam.
     gap = np.linalg.norm(whole.points - parts.points, axis=-1)
     assert gap.mean() < 1e-3
     assert np.abs(np.diff(gap, axis=0)).max() < 2e-3
+
+
+def test_a_long_motion_gives_back_what_was_put_in() -> None:
+    motion = slow_motion(10)
+    kept = LongMotion.empty(motion.skeleton, 30)
+    kept.put(slice(5, 15), motion)
+    back = kept.frames(slice(7, 15))
+    np.testing.assert_allclose(back.R_local, motion.R_local[2:], atol=1e-6)  # rotation vectors in single precision
+    np.testing.assert_array_equal(back.pelvis_ref, motion.pelvis_ref[2:])
 
 
 def test_frames_weigh_by_the_time_they_stand_for() -> None:

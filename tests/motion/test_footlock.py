@@ -5,7 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from humanmm.models.motion.footlock import Leg, LockSettings, ankle_targets, bend_leg
+from humanmm.models.body.body24 import load_body
+from humanmm.models.body.kinematics import compose
+from humanmm.models.motion.contacts import CONTACT_JOINTS
+from humanmm.models.motion.fit_state import LongMotion, Skeleton
+from humanmm.models.motion.footlock import LEGS, Leg, LockSettings, ankle_targets, bend_leg, contact_places
 from humanmm.models.rotations import rotation_from_vector
 
 SOLE = np.array([0.08, 0.03])
@@ -142,3 +146,18 @@ def test_a_straight_leg_moves_its_knee_steadily() -> None:
     leg = replace(leg, knee=leg.knee + 0.0005 * rng.normal(size=(N, 3)))
     after = posed(leg, leg.ankle + np.array([0.0, 0.0, 0.03]), leg.R_ankle)
     assert np.linalg.norm(np.diff(after.knee, axis=0), axis=1).max() < 0.02
+
+
+def test_legs_of_a_motion_are_those_of_the_whole_body() -> None:
+    rng = np.random.default_rng(3)
+    rest, num_frames = load_body().rest_joints(np.zeros(10)), 600  # more than are worked on at once
+    vectors = rng.normal(size=(num_frames, 24, 3)).astype(np.float32)
+    motion = LongMotion(Skeleton(rest, np.zeros(0, int), np.zeros((0, 3))), vectors, rng.normal(size=(num_frames, 3)))
+    joints, R = compose(rest, rotation_from_vector(vectors), motion.pelvis_ref)
+    np.testing.assert_allclose(contact_places(motion), joints[:, CONTACT_JOINTS], atol=1e-9)
+    for side, (hip, knee, ankle, toe) in enumerate(LEGS):
+        leg = Leg.of(motion, side, slice(100, 110))
+        places = np.stack([leg.hip, leg.knee, leg.ankle, leg.toe], axis=1)
+        np.testing.assert_allclose(places, joints[100:110, [hip, knee, ankle, toe]], atol=1e-9)
+        turns = np.stack([leg.R_pelvis, leg.R_hip, leg.R_knee, leg.R_ankle], axis=1)
+        np.testing.assert_allclose(turns, R[100:110, [0, hip, knee, ankle]], atol=1e-9)
