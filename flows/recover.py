@@ -173,7 +173,6 @@ def _task_of(run: VideoRun, work: Work) -> Task[..., Any]:
     named: Task[..., Any] = task(name=work.stage.name)(stage_task)
     return named.with_options(
         task_run_name=work.label,
-        tags=[f"stage:{work.stage.name}"] if work.stage.per == "video" else [f"stage:{work.stage.name}", work.unit],
         cache_policy=NO_CACHE,
         persist_result=False,
         retries=retries,

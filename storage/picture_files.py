@@ -20,8 +20,8 @@ TIME_BASE = Fraction(1, 90_000)
 _FAST = {"preset": "ultrafast", "x264-params": "deblock=1,0,0:8x8dct=1:scenecut=40"}
 """On a 720p clip of one person 4.1 ms a frame, 0.55 MB/s, 43.4 dB; `superfast` takes 7.1 ms for 43.6 dB. The
 filter against blocks and the large transform cost 0.2 ms and are worth 0.4 dB."""
-_THREADS = 4
-"""Fixed, not the number of cores: x264's bytes depend on it."""
+_THREADS = 1
+"""Fixed, not the number of cores: the bytes of x264 depend on it. Decoding and drawing have threads of their own."""
 _LIMITED_RANGE = 1
 
 

@@ -209,10 +209,13 @@ class VideoRun:
                 return self.outcomes[at]
             outcome.attempts += 1
             needed = resources_of(work.stage, self.config.run)
+            in_child = self.config.run.isolate or needed.limit_s is not None
+            if not in_child:
+                self.imports.prepare(work.stage)
             with self._budget.taken(needed, alone=outcome.short_of_memory), self._accelerator(needed):
                 started = time.monotonic()
                 outcome.began = outcome.began or time.time()
-                if self.config.run.isolate or needed.limit_s is not None:
+                if in_child:
                     self._compute_in_child(work, outcome, needed.limit_s)
                 else:
                     self._compute(work, outcome)
@@ -234,7 +237,6 @@ class VideoRun:
 
     def close(self) -> None:
         """End what works for this run beside it."""
-        self.imports.end()
         self._children.close()
 
     def know(self, manifests: Mapping[tuple[str, int], Manifest]) -> None:
@@ -275,9 +277,7 @@ class VideoRun:
             with self.store.new_folder() as folder:
                 inputs = UnitInputs(self, work, folder / "files")
                 began = time.monotonic()
-                function = self.imports.function(stage)
-                self.imports.begin(after=stage)
-                result = function(inputs)
+                result = self.imports.function(stage)(inputs)
                 outcome.manifest = self.store.commit(
                     folder, result, _output(stage), recipe,
                     unit=work.unit, seconds=time.monotonic() - began, version=__version__,

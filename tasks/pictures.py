@@ -23,7 +23,7 @@ from humanmm.storage.run_folder import MOTION, read_motion
 from humanmm.storage.run_record import read_run_record
 
 OVERLAY, TOP_VIEW, TIMELINE = "overlay.mp4", "top.png", "timeline.png"
-_AHEAD = 2
+_AHEAD = 4
 """Pictures that wait for being drawn, and for being encoded."""
 
 

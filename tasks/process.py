@@ -5,8 +5,13 @@ import functools
 import logging
 import os
 import sys
+import threading
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
 
 log = logging.getLogger(__name__)
+T = TypeVar("T")
 
 _M_MMAP_THRESHOLD = -3
 """glibc's name for: the size from which a block of memory is mapped by itself and given back when freed."""
@@ -14,6 +19,7 @@ _PICTURE_BYTES = 1 << 20
 _M_TRIM_THRESHOLD = -1
 """glibc's name for: how much free memory may lie at the end of a heap before it is given back."""
 _SPARE_BYTES = 1 << 25
+_LEAST_PRIORITY = 19
 
 
 def prepare_process() -> None:
@@ -39,3 +45,18 @@ def _set_heap() -> None:
         log.debug("no mallopt here: memory may grow with the video")
     elif mallopt(_M_TRIM_THRESHOLD, _SPARE_BYTES) != 1:
         log.debug("the heap is trimmed at every turn: stages are slower")
+
+
+def in_spare_time(work: Callable[[], T]) -> T:
+    """Do something in a thread of its own, and those that it starts, with the processor time that others leave.
+
+    For work that nobody waits for yet beside work that everything waits for. A system that knows no priorities of
+    threads does it at once.
+    """
+    with ThreadPoolExecutor(1, "spare", initializer=_yield_to_others) as thread:
+        return thread.submit(work).result()
+
+
+def _yield_to_others() -> None:
+    if sys.platform == "linux":  # elsewhere the number of a thread is not that of a process
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _LEAST_PRIORITY)

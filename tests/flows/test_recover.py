@@ -54,7 +54,7 @@ def test_a_run_writes_its_folder_and_prefect_shows_every_unit_by_name(toy: Any, 
         ((key, page),) = connection.execute(query).fetchall()
         ((tags,),) = connection.execute("select tags from task_run where name = 'camera · shot 1' limit 1").fetchall()
     assert key.startswith("video-out-dir-") and "# film.mp4: done" in json.loads(page)
-    assert set(json.loads(tags)) == {"stage:camera", "shot 1"}
+    assert json.loads(tags) == [], "Prefect asks the server about each tag of a task before it begins: 2 s"
 
     again = toy.main("recover", "film.mp4", "--out", "out dir")
     assert again[:2] == (0, "out dir\n")
