@@ -5,12 +5,12 @@ weights/lifter.md) says what the pose network would have said: 33 landmarks in m
 than a network that sees the picture; `PersonTrack.lifted` tells later stages to trust it less.
 """
 
-import io
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+import torch
 from jaxtyping import Float
+from safetensors.torch import load
 
 from humanmm.models.rotations import swing
 from humanmm.models.weights.shipped import read_weights
@@ -29,28 +29,26 @@ SEEN = 0.1
 _CHUNK_FRAMES = 512
 
 
-@dataclass(frozen=True, eq=False)
-class LiftingNetwork:
-    """y = W_out h + b_out, where h passes h ← h + V relu(norm(U h + a)) + c for each block; all float32."""
+class LiftingNetwork(torch.nn.Module):
+    """(n, inputs) of `features` → (n,33,3) landmarks about the mid-hip.
 
-    w_in: Float[Array, "hidden inputs"]
-    b_in: Float[Array, " hidden"]
-    u: Float[Array, "blocks hidden hidden"]
-    a: Float[Array, "blocks hidden"]
-    v: Float[Array, "blocks hidden hidden"]
-    c: Float[Array, "blocks hidden"]
-    w_out: Float[Array, "99 hidden"]
-    b_out: Float[Array, " 99"]
+    Metres, in axes parallel to the torso's viewing ray. Residual blocks h ← h + V relu(norm(U h)) between two linear layers.
+    """
 
-    def __call__(self, features: Float[Array, "n inputs"]) -> Float[Array, "n 33 3"]:
-        """Landmarks about the mid-hip, metres, axes parallel to the viewing ray of the torso."""
-        h = _relu(features.astype(np.float32) @ self.w_in.T + self.b_in)
-        for u, a, v, c in zip(self.u, self.a, self.v, self.c, strict=True):
-            inner = h @ u.T + a
-            inner = inner - inner.mean(axis=-1, keepdims=True)
-            inner = inner / np.sqrt((inner**2).mean(axis=-1, keepdims=True) + 1e-5)
-            h = h + _relu(inner) @ v.T + c
-        return np.asarray((h @ self.w_out.T + self.b_out).reshape(-1, 33, 3).astype(np.float64))
+    def __init__(self, hidden: int = 384, blocks: int = 2) -> None:
+        super().__init__()
+        self.inward = torch.nn.Linear(len(OFFSETS_S) * len(COCO_LANDMARKS) * 3, hidden)
+        self.u = torch.nn.ModuleList(torch.nn.Linear(hidden, hidden) for _ in range(blocks))
+        self.v = torch.nn.ModuleList(torch.nn.Linear(hidden, hidden) for _ in range(blocks))
+        self.outward = torch.nn.Linear(hidden, 33 * 3)
+
+    def forward(self, inputs: torch.Tensor) -> torch.Tensor:
+        """Landmarks of every row."""
+        h = torch.relu(self.inward(inputs))
+        for u, v in zip(self.u, self.v, strict=True):
+            h = h + v(torch.relu(torch.nn.functional.layer_norm(u(h), h.shape[-1:])))
+        landmarks: torch.Tensor = self.outward(h).reshape(-1, 33, 3)
+        return landmarks
 
 
 def lift(
@@ -70,7 +68,9 @@ def lift(
         at = np.searchsorted(time_s, moments.ravel() + 1e-6).reshape(moments.shape)
         nearest = np.clip(at, 1, len(time_s)) - 1  # the last frame not after the moment
         inputs, R_cam_torso = features(rays[nearest], seen[nearest])
-        lifted[rows] = network(inputs) @ np.swapaxes(R_cam_torso, -1, -2)
+        with torch.inference_mode():
+            found = network(torch.from_numpy(inputs.astype(np.float32))).numpy()
+        lifted[rows] = found.astype(np.float64) @ np.swapaxes(R_cam_torso, -1, -2)
     return lifted
 
 
@@ -100,9 +100,6 @@ def features(
 @lru_cache(maxsize=1)
 def load_lifter() -> LiftingNetwork:
     """The shipped network, checked against its sha256."""
-    with np.load(io.BytesIO(read_weights("lifter.npz"))) as file:
-        return LiftingNetwork(**{name: file[name].astype(np.float32) for name in LiftingNetwork.__dataclass_fields__})
-
-
-def _relu(x: Array) -> Array:
-    return np.asarray(np.maximum(x, 0))
+    network = LiftingNetwork()
+    network.load_state_dict(load(read_weights("lifter.safetensors")))
+    return network.eval()

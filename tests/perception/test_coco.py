@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from humanmm.models.body.landmarks import MIRROR
 from humanmm.models.perception.coco import coco_track
@@ -71,15 +72,15 @@ def test_frames_that_show_nobody_are_left_out() -> None:
 
 
 def test_the_network_is_what_its_docstring_says() -> None:
-    rng = np.random.default_rng(1)
-    w_in, w_out, u, v = (
-        rng.normal(size=(4, 5)),
-        rng.normal(size=(99, 4)),
-        rng.normal(size=(1, 4, 4)),
-        np.zeros((1, 4, 4)),
-    )
-    network = LiftingNetwork(
-        *(np.float32(x) for x in (w_in, np.zeros(4), u, np.zeros((1, 4)), v, np.zeros((1, 4)), w_out, np.ones(99)))
-    )
-    x = rng.normal(size=(2, 5))
-    assert network(x).ravel() == pytest.approx((np.maximum(x @ w_in.T, 0) @ w_out.T + 1).ravel(), rel=1e-5)
+    torch.manual_seed(0)
+    network = LiftingNetwork(hidden=8, blocks=1)
+    w = {name: value.numpy().astype(np.float64) for name, value in network.state_dict().items()}
+    x = np.random.default_rng(1).normal(size=(2, w["inward.weight"].shape[1]))
+    h = np.maximum(x @ w["inward.weight"].T + w["inward.bias"], 0)
+    inner = h @ w["u.0.weight"].T + w["u.0.bias"]
+    inner = (inner - inner.mean(axis=1, keepdims=True)) / np.sqrt(inner.var(axis=1, keepdims=True) + 1e-5)
+    h = h + np.maximum(inner, 0) @ w["v.0.weight"].T + w["v.0.bias"]
+    expected = h @ w["outward.weight"].T + w["outward.bias"]
+    with torch.inference_mode():
+        found = network(torch.from_numpy(x.astype(np.float32))).numpy()
+    assert found.reshape(2, -1) == pytest.approx(expected, rel=1e-4, abs=1e-5)
