@@ -32,7 +32,8 @@ _CHUNK_FRAMES = 512
 class LiftingNetwork(torch.nn.Module):
     """(n, inputs) of `features` → (n,33,3) landmarks about the mid-hip.
 
-    Metres, in axes parallel to the torso's viewing ray. Residual blocks h ← h + V relu(norm(U h)) between two linear layers.
+    Metres, in axes parallel to the torso's viewing ray. Residual blocks h ← h + V relu(norm(U h)) between two linear
+    layers.
     """
 
     def __init__(self, hidden: int = 384, blocks: int = 2) -> None:
