@@ -6,16 +6,17 @@ whole video. Bone lengths give the metric depth. It starts from closed-form inve
 solved in the shot's own axes, so that a turning camera does not count as motion of the person.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.kinematics import chunks
-from humanmm.models.body.landmarks import MIRROR, NUM_LANDMARKS, load_landmarks
+from humanmm.models.body.landmarks import load_landmarks
 from humanmm.models.camera.observations import ShotCamera
 from humanmm.models.motion.fit_equations import Term, frame_weights
+from humanmm.models.motion.fit_evidence import BONE_END, BONE_START, BONES, Evidence, LongEvidence, bone_lengths, gather
 from humanmm.models.motion.fit_solver import SolverSettings, solve_windows
 from humanmm.models.motion.fit_start import bridged, start_pose, start_position
 from humanmm.models.motion.fit_state import NUM_PARAMETERS, PELVIS, CameraPath, LongMotion, Motion, Skeleton
@@ -28,7 +29,7 @@ from humanmm.models.motion.fit_terms import (
 )
 from humanmm.models.motion.pose_prior import load_pose_statistics
 from humanmm.models.motion.results import PersonShotMotion, ShotMotion
-from humanmm.models.perception.tracks import MASK_SIDE, PersonTrack, ScenePeople
+from humanmm.models.perception.tracks import ScenePeople
 from humanmm.models.rotations import swing
 from humanmm.models.shots.boundaries import Person, Shot
 
@@ -42,32 +43,8 @@ _KEYPOINT_SIGMA_M = np.array(
 )
 """Expected error of fully visible keypoints, metres at the person's depth, per axis (measured: `body.landmarks`)."""
 
-_MIRROR = np.array(MIRROR)
-
 _HIDDEN = 2.2
 """How much larger that error is for keypoints of visibility 0.5 or less (measured in the same way)."""
-
-
-@dataclass(frozen=True)
-class _Bone:
-    start: int
-    end: int
-    across_m: float
-    """Expected error of the network's 3D vector across the viewing ray, after scaling to the body's bone length."""
-    along_m: float
-    """The same along the ray."""
-
-
-_BONES = (
-    _Bone(12, 11, 0.05, 0.06), _Bone(24, 23, 0.05, 0.04), _Bone(23, 11, 0.06, 0.05), _Bone(24, 12, 0.06, 0.05),
-    _Bone(11, 13, 0.045, 0.09), _Bone(12, 14, 0.045, 0.09), _Bone(13, 15, 0.045, 0.09), _Bone(14, 16, 0.045, 0.09),
-    _Bone(15, 17, 0.03, 0.06), _Bone(16, 18, 0.03, 0.06), _Bone(15, 19, 0.03, 0.06), _Bone(16, 20, 0.03, 0.06),
-    _Bone(23, 25, 0.06, 0.09), _Bone(24, 26, 0.06, 0.09), _Bone(25, 27, 0.06, 0.09), _Bone(26, 28, 0.06, 0.09),
-    _Bone(29, 31, 0.09, 0.14), _Bone(30, 32, 0.09, 0.14), _Bone(8, 7, 0.03, 0.04), _Bone(7, 0, 0.03, 0.04),
-    _Bone(8, 0, 0.03, 0.04),
-)  # fmt: skip
-"""Vectors taken from the network's 3D landmarks. Errors of neighbouring bones are nearly independent, those of joints
-are not: an arm's error is carried on to its hand."""
 
 
 LIFTED_TRUST, LIFTED_PRIOR = 2.0, 0.3
@@ -122,105 +99,6 @@ def fit_shot(
     return ShotMotion(shot.start, shot.end, tuple(motions))
 
 
-@dataclass(frozen=True)
-class Evidence:
-    """One person's observations on every frame of a run, dense: weight zero where nothing was seen. N frames.
-
-    Keypoints, visibility and landmarks in single precision, as the network gives them.
-    """
-
-    frame: Array
-    time_s: Float[Array, " N"]
-    seen: Array
-    keypoints: Float[Array, "N 33 2"]
-    visibility: Float[Array, "N 33"]
-    landmarks_cam: Float[Array, "N 33 3"]
-    """Metres, camera axes (turned by the viewing ray), as large as the network says."""
-    ray: Float[Array, "N 3"]
-    """Unit viewing ray of the crop's centre."""
-    lifted: Bool[Array, " N"]
-    """Where the landmarks were made from the keypoints."""
-
-    @classmethod
-    def empty(cls, frame: Array, time_s: Float[Array, " N"]) -> "Evidence":
-        """Nothing seen yet in frames that follow one another."""
-        n = len(frame)
-        return cls(
-            frame=frame.astype(np.int32),
-            time_s=time_s,
-            seen=np.zeros(n, bool),
-            keypoints=np.zeros((n, NUM_LANDMARKS, 2), np.float32),
-            visibility=np.zeros((n, NUM_LANDMARKS), np.float32),
-            landmarks_cam=np.zeros((n, NUM_LANDMARKS, 3), np.float32),
-            ray=np.tile([0.0, 0.0, 1.0], (n, 1)),
-            lifted=np.zeros(n, bool),
-        )
-
-    def frames(self, chosen: slice) -> "Evidence":
-        """A run of frames, without a copy."""
-        return Evidence(*(getattr(self, field.name)[chosen] for field in fields(self)))
-
-    def add(
-        self,
-        track: PersonTrack,
-        span: tuple[int, int],
-        swapped: tuple[tuple[int, int], ...],
-        K: Float[Array, "n 3 3"],
-    ) -> slice | None:
-        """Enter a track's observations in `span`, with left and right put right; K holds the cameras of the span.
-
-        Returns the frames from the first observation to the last, None if there are none.
-        """
-        first, last = max(span[0], int(self.frame[0])), min(span[1], int(self.frame[-1]) + 1)
-        inside = np.flatnonzero((track.frame >= first) & (track.frame < last))
-        if not len(inside):
-            return None
-        for portion in chunks(len(inside)):
-            observed = inside[portion]
-            index = track.frame[observed]
-            keypoints, landmarks = track.keypoints2d[observed], track.landmarks3d[observed]
-            exchange = np.zeros(len(index), bool)
-            for start, end in swapped:
-                exchange |= (index >= start) & (index < end)
-            keypoints[exchange] = keypoints[exchange][:, _MIRROR]
-            landmarks[exchange] = landmarks[exchange][:, _MIRROR]
-
-            centre = track.mask_affine[observed] @ np.array([MASK_SIDE / 2, MASK_SIDE / 2, 1.0])
-            homogeneous = np.concatenate([centre, np.ones((len(centre), 1))], axis=1)
-            ray = np.linalg.solve(K[index - span[0]], homogeneous[..., None])[..., 0]
-            ray /= np.linalg.norm(ray, axis=1, keepdims=True)
-            R_cam_ray = swing(np.broadcast_to([0.0, 0.0, 1.0], ray.shape), ray)
-
-            rows = index - self.frame[0]
-            self.seen[rows] = True
-            self.keypoints[rows] = keypoints[..., :2]
-            self.visibility[rows] = np.clip(keypoints[..., 2], 0, 1)
-            self.landmarks_cam[rows] = landmarks @ np.swapaxes(R_cam_ray, -1, -2).astype(np.float32)
-            self.ray[rows] = ray
-            self.lifted[rows] = track.lifted
-        return slice(*(track.frame[inside[[0, -1]]] - self.frame[0] + [0, 1]).tolist())
-
-
-def gather(
-    track: PersonTrack,
-    span: tuple[int, int],
-    swapped: tuple[tuple[int, int], ...],
-    time_s: Float[Array, " F"],
-    K: Float[Array, "n 3 3"],
-) -> Evidence | None:
-    """A track's observations in `span` from first to last, with left and right put right; None if there are none.
-
-    `time_s` holds all frames of the video, K those of the span.
-    """
-    inside = track.frame[(track.frame >= span[0]) & (track.frame < span[1])]
-    if not len(inside):
-        return None
-    frame = np.arange(inside[0], inside[-1] + 1)
-    evidence = Evidence.empty(frame, time_s[frame])
-    evidence.add(track, span, swapped, K)
-    return evidence
-
-
 def camera_path(camera: ShotCamera, frame: Array) -> CameraPath:
     """The shot's camera seen from its own axes; only its rotation where the translation has no scale."""
     rows = frame - camera.start
@@ -232,7 +110,7 @@ def camera_path(camera: ShotCamera, frame: Array) -> CameraPath:
 
 def fit_person(
     person: int,
-    evidence: Evidence,
+    evidence: LongEvidence,
     betas: Float[Array, " 10"],
     camera: CameraPath,
     *,
@@ -245,38 +123,22 @@ def fit_person(
     skeleton = Skeleton(body.rest_joints(betas), model.joint, model.offsets(betas))
     motion = _start(skeleton, evidence, camera)
     depths = pelvis_depths(motion, camera)
-    terms = EvidenceTerms(evidence, bone_vectors(skeleton, evidence), camera, depths, noise, bridge=motion)
+    terms = EvidenceTerms(evidence, bone_lengths(skeleton), camera, depths, noise, bridge=motion)
     motion = solve_windows(motion, terms, settings)
     return _result(person, evidence, betas, camera, motion, terms)
 
 
-def bone_vectors(skeleton: Skeleton, evidence: Evidence) -> Float[Array, "N B 3"]:
-    """The network's bones in camera axes, each brought to the body's own length (by its median over the shot)."""
-    start, end = np.array([(bone.start, bone.end) for bone in _BONES]).T
-    rest = skeleton.rest_joints[skeleton.point_joint] + skeleton.point_offset
-    ours = np.linalg.norm(rest[end] - rest[start], axis=-1)
-    vectors = np.empty((len(evidence.frame), len(_BONES), 3), np.float32)
-    lengths = np.empty(vectors.shape[:2], np.float32)
-    for frames in chunks(len(vectors)):
-        landmarks = evidence.landmarks_cam[frames]
-        vectors[frames] = landmarks[:, end] - landmarks[:, start]
-        lengths[frames] = np.linalg.norm(vectors[frames], axis=-1)
-    theirs = np.median(lengths[evidence.seen], axis=0)
-    vectors *= (ours / np.maximum(theirs, 1e-3))[:, None].astype(np.float32)
-    return vectors
-
-
-def _start(skeleton: Skeleton, evidence: Evidence, camera: CameraPath) -> LongMotion:
+def _start(skeleton: Skeleton, evidence: LongEvidence, camera: CameraPath) -> LongMotion:
     """Inverse kinematics of the seen frames, placed on their rays; the others between them."""
     n = len(evidence.frame)
     start, depth = LongMotion.empty(skeleton, n), np.empty(n)
     for frames in chunks(n):
-        R_cam_ref, visibility = camera.R_cam_ref[frames], evidence.visibility[frames]
-        R_local = start_pose(skeleton, evidence.landmarks_cam[frames] @ R_cam_ref)
+        R_cam_ref, e = camera.R_cam_ref[frames], evidence.frames(frames)
+        R_local = start_pose(skeleton, e.landmarks_cam @ R_cam_ref)
         posed = Motion.of(skeleton, R_local, np.zeros((len(R_local), 3))).points @ np.swapaxes(R_cam_ref, -1, -2)
-        homogeneous = np.concatenate([evidence.keypoints[frames], np.ones((*visibility.shape, 1))], axis=-1)
+        homogeneous = np.concatenate([e.keypoints, np.ones((*e.visibility.shape, 1))], axis=-1)
         rays = (homogeneous @ np.swapaxes(np.linalg.inv(camera.K[frames]), -1, -2))[..., :2]
-        pelvis_cam = start_position(posed, rays, visibility**2 + 1e-3)
+        pelvis_cam = start_position(posed, rays, e.visibility**2 + 1e-3)
         from_camera = pelvis_cam - camera.t_cam_ref[frames]
         pelvis_ref = (np.swapaxes(R_cam_ref, -1, -2) @ from_camera[..., None])[..., 0]
         start.put(frames, Motion.of(skeleton, R_local, pelvis_ref))
@@ -296,42 +158,43 @@ def pelvis_depths(motion: LongMotion, camera: CameraPath) -> Float[Array, " N"]:
 class EvidenceTerms:
     """Builds the terms of a window of frames."""
 
-    evidence: Evidence
-    bones: Float[Array, "N B 3"]
+    evidence: LongEvidence
+    bone_lengths: Float[Array, " B"]
+    """The body's own, to which the network's bones are brought."""
     camera: CameraPath
     depth: Float[Array, " N"]
     noise: NoiseModel
     bridge: LongMotion | None = None
     """What unseen frames stay near, if anything."""
 
-    def reprojection(self, frames: slice) -> Reprojection:
-        e, camera = self.evidence, self.camera.frames(frames)
+    def reprojection(self, e: Evidence, frames: slice) -> Reprojection:
+        camera = self.camera.frames(frames)
         px_per_m = camera.K[:, 0, 0] / self.depth[frames]
-        weight = _trust(e.visibility[frames]) * frame_weights(e.time_s)[frames][:, None]
-        return Reprojection(camera, e.keypoints[frames], px_per_m[:, None] * _KEYPOINT_SIGMA_M, weight)
+        weight = _trust(e.visibility) * frame_weights(self.evidence.time_s)[frames][:, None]
+        return Reprojection(camera, e.keypoints, px_per_m[:, None] * _KEYPOINT_SIGMA_M, weight)
 
-    def lifted(self, frames: slice) -> Bones:
-        e, camera = self.evidence, self.camera.frames(frames)
-        start, end = np.array([(bone.start, bone.end) for bone in _BONES]).T
-        R_cam_view = swing(np.broadcast_to([0.0, 0.0, 1.0], e.ray[frames].shape), e.ray[frames])
-        trust, time = _trust(e.visibility[frames]), frame_weights(e.time_s)[frames]
-        time_and_trust = time * np.where(e.lifted[frames], LIFTED_TRUST, 1.0)
-        weight = np.minimum(trust[:, start], trust[:, end]) * time_and_trust[:, None]
+    def lifted(self, e: Evidence, frames: slice) -> Bones:
+        camera = self.camera.frames(frames)
+        R_cam_view = swing(np.broadcast_to([0.0, 0.0, 1.0], e.ray.shape), e.ray)
+        trust, time = _trust(e.visibility), frame_weights(self.evidence.time_s)[frames]
+        time_and_trust = time * np.where(e.lifted, LIFTED_TRUST, 1.0)
+        weight = np.minimum(trust[:, BONE_START], trust[:, BONE_END]) * time_and_trust[:, None]
         return Bones(
-            start=start,
-            end=end,
-            vectors=self.bones[frames] @ camera.R_cam_ref,
+            start=BONE_START,
+            end=BONE_END,
+            vectors=e.bones * self.bone_lengths[:, None] @ camera.R_cam_ref,
             R_ref_view=np.swapaxes(camera.R_cam_ref, -1, -2) @ R_cam_view,
-            sigma=np.array([(bone.across_m, bone.across_m, bone.along_m) for bone in _BONES]) / self.noise.bones,
+            sigma=np.array([(bone.across_m, bone.across_m, bone.along_m) for bone in BONES]) / self.noise.bones,
             turn=np.array(self.noise.turn_rad),
             weight=weight,
             time_weight=time,
         )
 
     def __call__(self, frames: slice) -> list[Term]:
-        e, noise, statistics = self.evidence, self.noise, load_pose_statistics()
-        time = frame_weights(e.time_s)[frames]
-        share = np.where(e.lifted[frames], LIFTED_PRIOR, 1.0)
+        e, noise, statistics = self.evidence.frames(frames), self.noise, load_pose_statistics()
+        time_s = self.evidence.time_s
+        time = frame_weights(time_s)[frames]
+        share = np.where(e.lifted, LIFTED_PRIOR, 1.0)
         prior = PosePrior(
             means=statistics.means,
             precisions=statistics.precisions,
@@ -339,14 +202,14 @@ class EvidenceTerms:
             lower=statistics.lower,
             upper=statistics.upper,
             wall=1 / noise.wall_rad**2,
-            weight=time * np.where(e.seen[frames], share * noise.prior, noise.prior_unseen),
+            weight=time * np.where(e.seen, share * noise.prior, noise.prior_unseen),
         )
-        smooth = Smoothness(e.time_s[frames], statistics.acceleration * noise.smoothness)
-        terms: list[Term] = [self.reprojection(frames), self.lifted(frames), prior, smooth]
-        if self.bridge is not None and not e.seen[frames].all():
+        smooth = Smoothness(time_s[frames], statistics.acceleration * noise.smoothness)
+        terms: list[Term] = [self.reprojection(e, frames), self.lifted(e, frames), prior, smooth]
+        if self.bridge is not None and not e.seen.all():
             leash = np.full(NUM_PARAMETERS, noise.leash_rad)
             leash[PELVIS] = noise.leash_m
-            terms.append(Anchor(self.bridge.frames(frames), leash, np.where(e.seen[frames], 0.0, time)))
+            terms.append(Anchor(self.bridge.frames(frames), leash, np.where(e.seen, 0.0, time)))
         return terms
 
 
@@ -357,13 +220,14 @@ def _trust(visibility: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
 
 
 def _result(
-    person: int, evidence: Evidence, betas: Array, camera: CameraPath, motion: LongMotion, terms: EvidenceTerms
+    person: int, evidence: LongEvidence, betas: Array, camera: CameraPath, motion: LongMotion, terms: EvidenceTerms
 ) -> PersonShotMotion:
     n = len(evidence.frame)
     residual, confidence = np.full(n, np.nan, np.float32), np.empty(n, np.float32)
     R_cam_root = np.empty((n, 3, 3))
     for frames in chunks(n):
-        reprojection, visibility = terms.reprojection(frames), evidence.visibility[frames]
+        e = evidence.frames(frames)
+        reprojection, visibility = terms.reprojection(e, frames), e.visibility
         posed = motion.frames(frames)
         R_cam_root[frames] = camera.R_cam_ref[frames] @ posed.R_ref_root
         all_distances = reprojection.distances_px(posed)

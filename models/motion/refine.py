@@ -15,9 +15,10 @@ from jaxtyping import Float
 from humanmm.models.body.body24 import NUM_JOINTS, Body, load_body
 from humanmm.models.body.kinematics import by_chunks
 from humanmm.models.motion.contacts import CONTACT_JOINTS, ContactModel, confirmed, contact_probabilities
+from humanmm.models.motion.fit_evidence import LongEvidence
 from humanmm.models.motion.fit_state import CameraPath, LongMotion
 from humanmm.models.motion.footlock import LockSettings, contact_places, lock_feet
-from humanmm.models.motion.refine_fit import ClipEvidence, believed, fit_world, gather_clip, person_skeleton
+from humanmm.models.motion.refine_fit import fit_world, gather_clip, person_skeleton
 from humanmm.models.motion.refine_seams import close_seams
 from humanmm.models.motion.refine_smoothing import smooth, smooth_rotations
 from humanmm.models.motion.results import PersonMotion, WorldMotion
@@ -88,7 +89,6 @@ def refine_world(
             clip = gather_clip(
                 person.person,
                 person.frame,
-                person.betas,
                 shots=observations.shots,
                 scenes=observations.scenes,
                 time_s=time_s,
@@ -142,12 +142,12 @@ class Draft:
         )
         return replace(self, contacts=found)
 
-    def fitted(self, clip: ClipEvidence) -> "Draft":
+    def fitted(self, clip: LongEvidence) -> "Draft":
         """Fitted once more to the evidence of all shots; frames without any are filled in again."""
         R_cam_world = np.swapaxes(self.R_world_cam, -1, -2)
         camera = CameraPath(R_cam_world, -(R_cam_world @ self.camera_centre[..., None])[..., 0], self.K)
         seen = self.person.observed
-        motion = fit_world(self.motion, believed(clip, seen), camera, self.contacts)
+        motion = fit_world(self.motion, clip.believed(seen), camera, self.contacts)
         if not seen.all():
             vectors, pelvis = motion.vectors, motion.pelvis_ref
             vectors[~seen] = smooth_rotations(vectors, seen * 1.0, self.time_s, cutoff_hz=FILL_HZ)[~seen]

@@ -7,19 +7,20 @@ tell.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.landmarks import load_landmarks
 from humanmm.models.motion.contacts import CONTACT_JOINTS
 from humanmm.models.motion.fit_equations import REFERENCE_HZ, NormalEquations, Term, cauchy, once_per_motion, portions
+from humanmm.models.motion.fit_evidence import LongEvidence, Sighting, bone_lengths
 from humanmm.models.motion.fit_solver import SolverSettings, solve_windows
 from humanmm.models.motion.fit_state import CameraPath, LongMotion, Motion, Skeleton
-from humanmm.models.motion.hmr import Evidence, EvidenceTerms, NoiseModel, bone_vectors, pelvis_depths
+from humanmm.models.motion.hmr import EvidenceTerms, NoiseModel, pelvis_depths
 from humanmm.models.perception.tracks import ScenePeople
 from humanmm.models.shots.boundaries import ShotList
 
@@ -31,15 +32,6 @@ PLANTED_SPEED_MS = 0.1
 SETTINGS = SolverSettings(max_iterations=6, first_damping=1e-6)
 """The start is a fit already: a few steps settle it. Damping goes by the diagonal, which planted feet make large:
 more of it would hold back the slow drift of the whole body that they are to correct."""
-
-
-@dataclass(frozen=True, eq=False)
-class ClipEvidence:
-    """One person's observations over all shots, dense from first to last frame."""
-
-    evidence: Evidence
-    bones: Float[Array, "N B 3"]
-    """The network's bones in camera axes, brought to the body's length shot by shot."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,42 +103,27 @@ def person_skeleton(betas: Float[Array, " 10"]) -> Skeleton:
 def gather_clip(
     person: int,
     frame: Array,
-    betas: Float[Array, " 10"],
     *,
     shots: ShotList,
     scenes: Sequence[ScenePeople | None],
     time_s: Float[Array, " F"],
     K: Float[Array, "F 3 3"],
-) -> ClipEvidence | None:
+) -> LongEvidence | None:
     """A person's observations in every shot, left and right put right; None if there are none."""
-    whole = Evidence.empty(frame, time_s[frame])
-    skeleton = person_skeleton(betas)
-    bones: Array | None = None
-    for shot in shots.shots:
-        scene = scenes[shot.scene]
-        for appearance in shot.people:
-            if scene is None or appearance.person != person:
-                continue
-            track = scene.tracks[appearance.track]
-            rows = whole.add(track, shot.clear, appearance.swapped, K[slice(*shot.clear)])
-            if rows is None:
-                continue
-            vectors = bone_vectors(skeleton, whole.frames(rows))
-            bones = np.zeros((len(frame), *vectors.shape[1:]), np.float32) if bones is None else bones
-            bones[rows] = vectors
-    return None if bones is None else ClipEvidence(whole, bones)
-
-
-def believed(clip: ClipEvidence, observed: Bool[Array, " N"]) -> ClipEvidence:
-    """The evidence without the frames that an earlier stage did not believe."""
-    e = clip.evidence
-    masked = replace(e, seen=e.seen & observed, visibility=e.visibility * observed[:, None])
-    return replace(clip, evidence=masked)
+    sightings = tuple(
+        Sighting(scene.tracks[appearance.track], shot.clear, appearance.swapped, K[slice(*shot.clear)])
+        for shot in shots.shots
+        if (scene := scenes[shot.scene]) is not None
+        for appearance in shot.people
+        if appearance.person == person
+    )
+    clip = LongEvidence.of(sightings, frame, time_s)
+    return clip if clip.seen.any() else None
 
 
 def fit_world(
     start: LongMotion,
-    clip: ClipEvidence,
+    clip: LongEvidence,
     camera: CameraPath,
     contacts: Float[Array, "N 4"],
     *,
@@ -154,11 +131,13 @@ def fit_world(
     settings: SolverSettings = SETTINGS,
 ) -> LongMotion:
     """The motion in the world that agrees best with all shots' evidence and with the feet that stand."""
-    of_evidence = EvidenceTerms(clip.evidence, clip.bones, camera, pelvis_depths(start, camera), noise or NoiseModel())
+    of_evidence = EvidenceTerms(
+        clip, bone_lengths(start.skeleton), camera, pelvis_depths(start, camera), noise or NoiseModel()
+    )
     feet = Skeleton(start.skeleton.rest_joints, np.array(CONTACT_JOINTS), np.zeros((len(CONTACT_JOINTS), 3)))
 
     def terms(frames: slice) -> list[Term]:
-        planted = PlantedFeet(feet, clip.evidence.time_s[frames], contacts[frames])
+        planted = PlantedFeet(feet, clip.time_s[frames], contacts[frames])
         return [*of_evidence(frames), planted]
 
     return solve_windows(start, terms, settings)

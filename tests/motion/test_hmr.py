@@ -9,8 +9,9 @@ from humanmm.models.body.body24 import load_body
 from humanmm.models.body.kinematics import forward_kinematics
 from humanmm.models.body.landmarks import MIRROR, load_landmarks
 from humanmm.models.camera.observations import ShotCamera
+from humanmm.models.motion.fit_evidence import gather
 from humanmm.models.motion.fit_state import CameraPath
-from humanmm.models.motion.hmr import fit_person, fit_shot, gather
+from humanmm.models.motion.hmr import fit_person, fit_shot
 from humanmm.models.motion.pose_prior import load_pose_statistics, mirrored
 from humanmm.models.motion.results import PersonShotMotion
 from humanmm.models.perception.tracks import PersonTrack, ScenePeople, Silhouettes
@@ -180,3 +181,15 @@ def test_the_statistic_of_poses_is_its_own_mirror_image() -> None:
     np.testing.assert_allclose(mirrored(whole)[0, free].ravel(), wide, atol=1e-3)
     assert np.linalg.eigvalsh(statistics.covariances).min() > 0
     np.testing.assert_allclose(statistics.shares.sum(), 1, atol=1e-5)
+
+
+def test_evidence_of_a_run_of_frames_is_that_part_of_the_whole() -> None:
+    scene = Scene()
+    track = scene.track(np.setdiff1d(np.arange(F), [13, 14]))
+    evidence = gather(track, (2, F - 2), ((5, 9),), TIME, np.tile(K, (F - 4, 1, 1)))
+    assert evidence is not None
+    whole, part = evidence.frames(slice(0, F - 4)), evidence.frames(slice(4, 16))
+    for name in ("seen", "keypoints", "visibility", "landmarks_cam", "bones", "ray"):
+        np.testing.assert_array_equal(getattr(part, name), getattr(whole, name)[4:16])
+    believed = evidence.believed(np.arange(F - 4) != 6).frames(slice(4, 16))
+    assert not believed.seen[2] and not believed.visibility[2].any() and believed.seen.sum() == part.seen.sum() - 1
