@@ -7,14 +7,15 @@ from prefect import flow
 from prefect.states import Completed, Failed
 
 from humanmm.storage import maintenance
-from humanmm.storage.store import Store, default_store
+from humanmm.storage.opening import open_store
+from humanmm.storage.store import default_store
 from humanmm.tasks import pipeline
 
 
 @flow(name="maintain", persist_result=False)
 def maintain(store: Path | None = None, deep: bool = False, unused_days: float = 30.0, remove: bool = False) -> Any:
     """Verify the store; list, and with `remove` delete, what was not used for so many days. Fails on damage."""
-    place = Store(store or default_store())
+    place = open_store(store or default_store())
     outputs = {stage.name: stage.output for stage in pipeline.STAGES}
     findings = list(maintenance.verify(place, outputs=outputs, deep=deep))
     damaged = [finding for finding in findings if finding.problem]

@@ -24,7 +24,8 @@ from humanmm.config import Config
 from humanmm.flows.alive import Alive, home_of_our_server
 from humanmm.flows.dashboard import ProgressBoard, show_video
 from humanmm.flows.gpu import gpu_slot
-from humanmm.storage.store import Store, default_store
+from humanmm.storage.opening import open_store
+from humanmm.storage.store import default_store
 from humanmm.storage.video_identity import identify
 from humanmm.tasks.engine import Outcome, VideoRun
 from humanmm.tasks.faults import is_infrastructure_fault
@@ -189,7 +190,7 @@ def _is_worth_retrying(task: Task[..., Any], task_run: TaskRun, state: State[Any
 
 def _open(video: Path, config: Config, store: Path | None, selection: Selection) -> VideoRun:
     prepare_process()
-    place = Store(store or default_store())
+    place = open_store(store or default_store())
     place.sweep()
     run = VideoRun(identify(video, place), config, place, selection=selection)
     run.gpu = gpu_slot

@@ -19,9 +19,10 @@ import os
 import shutil
 import time
 import uuid
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import Literal, TypeVar
 
 from humanmm.errors import StoreError
 from humanmm.storage.artifact import DamageError, Manifest, check_files, read_encoded, read_manifest, write_artifact
@@ -47,16 +48,44 @@ def cache_folder() -> Path:
     return Path(os.environ.get("HUMANMM_CACHE") or Path.home() / ".cache" / "humanmm")
 
 
+Kind = Literal["artifact", "damaged", "unfinished", "copy"]
+
+
+@dataclass(frozen=True)
+class Entry:
+    """Something that lies in a store, for its upkeep."""
+
+    kind: Kind
+    name: str
+    """Where, relative to the store's root."""
+    idle_s: float
+    """Since it was last used."""
+    measure: Callable[[], int]
+    """Tells its bytes."""
+    stage: str = ""
+    key: str = ""
+    busy: bool = False
+    """Whether somebody is writing it now."""
+
+
 class Store:
-    """One store. With `read_only` nothing at all is written: no folder, no record, damage stays where it is."""
+    """One store. With `read_only` nothing at all is written: no folder, no record, damage stays where it is.
+
+    This one is on a local disk; `humanmm.storage.bucket_store` keeps what this one keeps in an S3 bucket.
+    """
 
     def __init__(self, root: Path, *, read_only: bool = False) -> None:
-        if "://" in str(root) or ":/" in str(root):
-            raise StoreError(f"{root} is not a folder; this version keeps its store on a local disk")
+        if ":/" in str(root):
+            raise StoreError(f"{root} is not a folder: batches and benches need a store on a local disk")
         self.root = root.expanduser().absolute()
         self.read_only = read_only
         self._checked: dict[tuple[str, str], Manifest] = {}
         self._damage: dict[tuple[str, str], str] = {}
+
+    @property
+    def place(self) -> str:
+        """What `humanmm.storage.opening.open_store` finds it by."""
+        return os.fspath(self.root)
 
     # ---- finding and reading
 
@@ -159,47 +188,52 @@ class Store:
         An artifact that is there already (a forced recompute) stays if the content is the same, else gives way.
         """
         encoded: Encoded = encode(value, output)
-        target = self.root / artifact_uri(recipe.stage, recipe.key)
         created = time.strftime("%Y-%m-%dT%H:%M:%S%z")
         with self._writing(f"write the artifact of {recipe.stage}"):
             manifest = write_artifact(
                 folder, encoded, recipe, unit=unit, seconds=seconds, created=created, version=version
             )
-            target.parent.mkdir(parents=True, exist_ok=True)
             older = self.find(recipe.stage, recipe.key)
             if older is not None and older.digest == manifest.digest:
                 return older
-            if target.exists():
-                target.rename(self.root / "tmp" / f"{uuid.uuid4().hex}-replaced")
-            folder.rename(target)
-            sync_to_disk(target.parent)
-        self._checked[recipe.stage, recipe.key] = manifest
+            kept = self._publish(folder, manifest)
+        self._checked[recipe.stage, recipe.key] = kept
         self._damage.pop((recipe.stage, recipe.key), None)
+        return kept
+
+    def _publish(self, folder: Path, manifest: Manifest) -> Manifest:
+        """Make a complete artifact visible at once; what then stands under its key."""
+        self._put_in_place(folder, self.root / manifest.ref.uri)
         return manifest
+
+    def _put_in_place(self, folder: Path, target: Path) -> None:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        if target.exists():
+            target.rename(self.root / "tmp" / f"{uuid.uuid4().hex}-replaced")
+        folder.rename(target)
+        sync_to_disk(target.parent)
 
     # ---- what was there before
 
     def remember(self, video: str, unit: str, manifest: Manifest) -> None:
         """Note the recipe of a unit, for `last_recipe`."""
-        path = self._record_path(video, manifest.recipe.stage, unit)
+        name = _record_name(video, manifest.recipe.stage, unit)
         text = json.dumps({"recipe": manifest.recipe.to_json(), "key": manifest.recipe.key, "digest": manifest.digest})
-        with contextlib.suppress(OSError):
-            if path.read_text() == text:
-                return
-        self.write_text(path, text)
+        if self.noted(name) != text:
+            self.note(name, text)
 
     def last_recipe(self, video: str, stage: str, unit: str) -> Recipe | None:
         """The recipe with which a unit of this video was last computed or found."""
         try:
-            return Recipe.from_json(json.loads(self._record_path(video, stage, unit).read_text())["recipe"])
-        except (OSError, ValueError, KeyError, TypeError):
+            return Recipe.from_json(json.loads(self.noted(_record_name(video, stage, unit)) or "")["recipe"])
+        except (ValueError, KeyError, TypeError):
             return None
 
     def last_digest(self, video: str, stage: str, unit: str) -> str | None:
         """Content digest of what a unit of this video last gave."""
         try:
-            return str(json.loads(self._record_path(video, stage, unit).read_text())["digest"])
-        except (OSError, ValueError, KeyError, TypeError):
+            return str(json.loads(self.noted(_record_name(video, stage, unit)) or "")["digest"])
+        except (ValueError, KeyError, TypeError):
             return None
 
     def remember_run(self, video: str, state: str, *, run_dir: Path | None, reason: str = "") -> None:
@@ -211,10 +245,26 @@ class Store:
             "reason": reason,
             "finished": time.strftime("%Y-%m-%dT%H:%M:%S%z"),
         }
-        self.write_text(self.root / "latest" / video[:32] / "run.json", json.dumps(entry))
+        self.note(f"latest/{video[:32]}/run.json", json.dumps(entry))
+
+    def note(self, name: str, text: str) -> None:
+        """Write a small record of the store, for all who use it; `name` is relative to its root."""
+        self.write_text(self.root / name, text)
+
+    def noted(self, name: str) -> str | None:
+        """A record; None if there is none."""
+        try:
+            return (self.root / name).read_text()
+        except (OSError, ValueError):
+            return None
+
+    def runs_noted(self) -> Iterator[str]:
+        """Names of the records of `remember_run`."""
+        for path in self.root.glob("latest/*/run.json"):
+            yield str(path.relative_to(self.root))
 
     def write_text(self, path: Path, text: str) -> None:
-        """Replace a small file at once; nothing happens in a read-only store."""
+        """Replace a small file of this host at once; nothing happens in a read-only store."""
         if self.read_only:
             return
         with self._writing(f"write {path.name}"):
@@ -226,8 +276,43 @@ class Store:
             finally:
                 fresh.unlink(missing_ok=True)
 
-    def _record_path(self, video: str, stage: str, unit: str) -> Path:
-        return self.root / "latest" / video[:32] / stage / f"{unit}.json"
+    # ---- upkeep
+
+    def entries(self) -> Iterator[Entry]:
+        """Everything that lies here: artifacts, damaged ones included, what was set aside, what is being written."""
+        now = time.time()
+        for path in sorted(self.root.glob("artifacts/*/??/*")):
+            with contextlib.suppress(FileNotFoundError):
+                marker = path / "COMMIT"
+                used = (marker if marker.exists() else path).stat().st_mtime
+                yield self._entry("artifact", path, now - used, stage=path.parts[-3], key=path.name)
+        for path in self._children("damaged"):
+            yield self._entry("damaged", path, 0.0)
+        for path in self._children("tmp"):
+            with contextlib.suppress(FileNotFoundError):
+                idle_s = now - path.stat().st_mtime
+                yield self._entry("unfinished", path, idle_s, busy=idle_s <= TMP_GRACE_S or _is_locked(path))
+
+    def _entry(
+        self, kind: Kind, path: Path, idle_s: float, *, stage: str = "", key: str = "", busy: bool = False
+    ) -> Entry:
+        name = str(path.relative_to(self.root))
+        return Entry(kind, name, idle_s, lambda: _size(path), stage, key, busy)
+
+    @contextlib.contextmanager
+    def opened(self, stage: str, key: str) -> Iterator[Path]:
+        """The folder of one artifact, unchecked, for `verify`; DamageError if there is none."""
+        yield self.root / artifact_uri(stage, key)
+
+    def drop(self, entry: Entry) -> None:
+        """Remove something for good. The caller holds the key's lock if it is an artifact."""
+        path = self.root / entry.name
+        if entry.key:
+            grave = self.root / "tmp" / f"{entry.key}-removed"
+            grave.parent.mkdir(exist_ok=True)
+            path.rename(grave)  # at once: no reader sees half an artifact
+            path = grave
+        shutil.rmtree(path, ignore_errors=True)
 
     # ---- faults
 
@@ -270,6 +355,31 @@ class Store:
             raise
         except OSError as error:
             raise StoreError(explain_os_error(error, f"cannot {what} in the store {self.root}")) from error
+
+
+def _record_name(video: str, stage: str, unit: str) -> str:
+    return f"latest/{video[:32]}/{stage}/{unit}.json"
+
+
+def _size(path: Path) -> int:
+    total = 0
+    for folder, _, names in os.walk(path):
+        for name in names:
+            with contextlib.suppress(OSError):
+                total += (Path(folder) / name).stat().st_size
+    return total
+
+
+def _is_locked(folder: Path) -> bool:
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    else:
+        return False
+    finally:
+        os.close(descriptor)
 
 
 def explain_os_error(error: OSError, what: str) -> str:

@@ -145,7 +145,7 @@ def _record(run: VideoRun, state: str, started: float) -> dict[str, Any]:
         state=state,
         video=run.video.path,
         sha256=run.video.sha256,
-        store=run.store.root,
+        store=run.store.place,
         config=_settings(run),
         facts=run.read(Work(run.stages[0]), VideoFacts),
         shots=run.read(Work(shot_source), ShotList),

@@ -1,11 +1,14 @@
 """A pipeline that costs nothing (`toyline`), on a store and a video of its own, for tests of what is around stages."""
 
 import json
+import logging
 import os
 import shutil
 import signal
 import subprocess
 import sys
+import urllib.request
+import uuid
 from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib import import_module
@@ -52,13 +55,22 @@ class Toy:
 
     def open(self, *, selection: Selection | None = None, read_only: bool = False, **settings: Any) -> VideoRun:
         """A run on the toy's store; settings as `camera={"static": True}`."""
-        store = Store(self.store, read_only=read_only)
+        return self.open_on(Store(self.store, read_only=read_only), selection=selection, **settings)
+
+    def open_on(self, store: Store, *, selection: Selection | None = None, **settings: Any) -> VideoRun:
+        """A run on another store."""
         config = Config.model_validate(settings)
         return VideoRun(identify(self.video, store), config, store, selection=selection)
 
     def run(self, *, selection: Selection | None = None, expect_failure: bool = False, **settings: Any) -> VideoRun:
         """Every stage in order, one after the other, without Prefect; failures of units are noted in the run."""
-        run = self.open(selection=selection, **settings)
+        return self._through(self.open(selection=selection, **settings), expect_failure=expect_failure)
+
+    def run_on(self, store: Store, **settings: Any) -> VideoRun:
+        """The same on another store."""
+        return self._through(self.open_on(store, **settings), expect_failure=False)
+
+    def _through(self, run: VideoRun, *, expect_failure: bool) -> VideoRun:
         for stage in run.stages:
             for work in run.works(stage) or ():
                 try:
@@ -115,6 +127,33 @@ def server_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
             os.environ[name] = value
     for state in folder.glob("*/server.json"):
         os.kill(json.loads(state.read_text())["pid"], signal.SIGTERM)
+
+
+@pytest.fixture(scope="session")
+def s3_server() -> Iterator[str]:
+    """Address of an S3 server of this process alone."""
+    server = pytest.importorskip("moto.server", reason="an S3 server to test against: pip install 'humanmm[dev]'")
+    logging.getLogger("werkzeug").setLevel(logging.ERROR)
+    own = server.ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
+    own.start()
+    host, port = own.get_host_and_port()
+    yield f"http://{host}:{port}"
+    own.stop()
+
+
+@pytest.fixture
+def bucket(request: pytest.FixtureRequest, s3_server: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    """An empty bucket as `s3://…`, and the environment that finds it."""
+    name = f"test-{uuid.uuid4().hex}"
+    for key, value in {
+        "AWS_ENDPOINT_URL": s3_server, "AWS_ALLOW_HTTP": "true", "AWS_REGION": "us-east-1",
+        "AWS_ACCESS_KEY_ID": "nobody", "AWS_SECRET_ACCESS_KEY": "nothing",
+    }.items():  # fmt: skip
+        monkeypatch.setenv(key, value)
+    if "server_cache" not in request.fixturenames:
+        monkeypatch.setenv("HUMANMM_CACHE", str(tmp_path / "cache"))
+    urllib.request.urlopen(urllib.request.Request(f"{s3_server}/{name}", method="PUT")).close()
+    return f"s3://{name}/prefix"
 
 
 @pytest.fixture

@@ -92,6 +92,16 @@ def test_a_failed_shot_makes_the_video_partial(toy: Any, server_cache: Path) -> 
     assert json.loads((toy.folder / "runs/film/run.json").read_text())["failures"] == []
 
 
+def test_the_flow_works_on_a_store_in_a_bucket(toy: Any, bucket: str) -> None:
+    done = toy.main("recover", "film.mp4", "--store", bucket, TOY_FAIL="camera:20=stage")
+    assert done[:2] == (3, "runs/film\n"), done[2]
+    assert json.loads((toy.folder / "runs/film/run.json").read_text())["store"] == bucket
+    assert not toy.store.exists()
+    toy.executed()
+    assert toy.main("recover", "film.mp4", "--store", bucket)[0] == 0
+    assert toy.executed() == ["align", "camera:20", "deliver", "hmr:20", "refine"]
+
+
 def test_infrastructure_faults_are_tried_again_and_the_attempts_noted(toy: Any) -> None:
     done = toy.main("recover", "film.mp4", TOY_FAIL="camera:20=disk:2")
     assert done[0] == 0, done[2]

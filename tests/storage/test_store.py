@@ -17,6 +17,7 @@ import pytest
 from humanmm.errors import StoreError
 from humanmm.storage import maintenance
 from humanmm.storage.artifact import Manifest
+from humanmm.storage.opening import open_store
 from humanmm.storage.recipe import Recipe
 from humanmm.storage.store import Store
 
@@ -29,6 +30,7 @@ class Result:
 
 RESULT = Result(np.arange(1000.0), "fine")
 RECIPE = Recipe("toy", 1, {"start": 0}, {"a.b": "1"}, {}, {"python": "3.11"}, {"toy": {"x": 1}}, {"decode": "2"})
+OTHER = Recipe("toy", 2, {}, {}, {}, {}, {}, {})
 
 
 def _put(store: Store, result: Result = RESULT, recipe: Recipe = RECIPE) -> Manifest:
@@ -42,18 +44,25 @@ def store(tmp_path: Path) -> Store:
     return Store(tmp_path / "store")
 
 
+@pytest.fixture(params=["disk", "bucket"])
+def any_store(request: pytest.FixtureRequest, tmp_path: Path) -> Store:
+    """A store of each kind."""
+    return open_store(tmp_path / "store" if request.param == "disk" else request.getfixturevalue("bucket"))
+
+
 def _fresh(store: Store) -> Store:
     """The same store as another process sees it."""
-    return Store(store.root)
+    return open_store(store.place)
 
 
-def test_what_was_written_is_found_and_read(store: Store) -> None:
+def test_what_was_written_is_found_and_read(any_store: Store) -> None:
+    store = any_store
     ref = _put(store).ref
     assert _fresh(store).find("toy", RECIPE.key) is not None
     np.testing.assert_array_equal(_fresh(store).read(ref, Result).values, RESULT.values)
     assert (store.files_of(ref) / "picture.png").read_bytes() == b"picture"
     assert len(ref.model_dump_json()) < 260
-    assert str(store.root) not in ref.model_dump_json()
+    assert str(store.root) not in ref.model_dump_json() and store.place not in ref.model_dump_json()
 
 
 def test_a_store_moved_to_another_place_still_answers(store: Store, tmp_path: Path) -> None:
@@ -107,11 +116,63 @@ def test_a_read_only_store_tells_damage_and_touches_nothing(store: Store) -> Non
     assert sorted(store.root.rglob("*")) == before
 
 
-def test_an_equal_result_leaves_the_artifact_and_another_one_replaces_it(store: Store) -> None:
+def test_an_equal_result_leaves_the_artifact_and_another_one_replaces_it(any_store: Store) -> None:
+    store = any_store
     first = _put(store)
     assert _put(store).created == first.created
     assert _put(store, Result(np.zeros(3), "new")).digest != first.digest
     assert _fresh(store).read(first.ref, Result).note == "new"
+    assert [entry.kind for entry in store.entries() if entry.stage and entry.kind != "copy"] == ["artifact"]
+
+
+def test_a_process_that_has_read_the_older_result_reads_the_one_that_replaced_it(any_store: Store) -> None:
+    ref = _put(any_store).ref
+    reader = _fresh(any_store)
+    assert reader.read(ref, Result).note == "fine"
+    _put(any_store, Result(np.zeros(3), "new"))
+    assert reader.read(ref, Result).note == "new"
+
+
+def test_records_are_kept_and_a_read_only_store_writes_none(any_store: Store, tmp_path: Path) -> None:
+    manifest = _put(any_store)
+    any_store.remember("ab" * 32, "shot-0-20", manifest)
+    any_store.remember_run("ab" * 32, "done", run_dir=tmp_path)
+    reader = open_store(any_store.place, read_only=True)
+    assert reader.last_recipe("ab" * 32, "toy", "shot-0-20") == RECIPE
+    assert reader.last_digest("ab" * 32, "toy", "shot-0-20") == manifest.digest
+    assert reader.last_recipe("ab" * 32, "toy", "shot-20-40") is None
+    reader.remember_run("cd" * 32, "failed", run_dir=None)
+    assert [video["state"] for video in maintenance.known_videos(reader)] == ["done"]
+
+
+def test_one_key_has_one_holder_and_a_waiter_gets_it_next(any_store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("humanmm.storage.lease.POLL_S", 0.02)
+    order = []
+
+    def wait() -> None:
+        with _fresh(any_store).lock("toy", "key"):
+            order.append("second")
+
+    with any_store.lock("toy", "key"):
+        with _fresh(any_store).try_lock("toy", "key") as held:
+            assert not held
+        with _fresh(any_store).try_lock("toy", "another") as held:
+            assert held
+        waiter = threading.Thread(target=wait)
+        waiter.start()
+        time.sleep(0.2)
+        order.append("first")
+    waiter.join(timeout=10)
+    assert order == ["first", "second"]
+    with _fresh(any_store).try_lock("toy", "key") as held:
+        assert held
+
+
+def test_usage_counts_every_artifact_and_its_bytes(any_store: Store) -> None:
+    size = _put(any_store).num_bytes
+    _put(any_store, recipe=OTHER)
+    count, total = maintenance.usage(any_store)["toy"]
+    assert count == 2 and total > 2 * size
 
 
 @pytest.mark.parametrize("fault", [errno.ENOSPC, errno.EIO, errno.EDQUOT])
@@ -197,11 +258,11 @@ def test_verify_finds_every_damage_and_deep_also_a_wrong_digest(store: Store) ->
 
 
 def test_gc_lists_first_and_removes_only_what_is_unused(store: Store) -> None:
-    kept, old = _put(store), _put(store, recipe=Recipe("toy", 2, {}, {}, {}, {}, {}, {}))
+    kept, old = _put(store), _put(store, recipe=OTHER)
     marker = store.root / old.ref.uri / "COMMIT"
     os.utime(marker, (0, 0))
     items = maintenance.removable(store, unused_days=30)
-    assert [item.path.name for item in items] == [old.ref.key]
+    assert [item.entry.key for item in items] == [old.ref.key]
     assert maintenance.remove(store, items) > 0
     assert _fresh(store).find("toy", kept.ref.key) is not None
     assert _fresh(store).find("toy", old.ref.key) is None

@@ -11,7 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from humanmm.cli.maintain import in_bytes
-from humanmm.storage.store import Store, default_store
+from humanmm.errors import HumanMMError
+from humanmm.storage.bucket import Bucket, is_bucket
+from humanmm.storage.store import Store, cache_folder, default_store
 
 MIN_FREE_BYTES = 1 << 30
 VARIABLES = ("CACHE", "DATA", "LOG", "SERVER_IDLE_S", "STORE")
@@ -35,7 +37,7 @@ def add_doctor(verbs: Any, common: argparse.ArgumentParser) -> None:
     parser = verbs.add_parser("doctor", parents=[common], allow_abbrev=False, help="check this installation")
     parser.add_argument("--json", action="store_true", help="one json object")
     place = "artifact store (default: $HUMANMM_STORE, ~/.cache/humanmm/store)"
-    parser.add_argument("--store", type=Path, metavar="DIR", help=place)
+    parser.add_argument("--store", type=Path, metavar="DIR|s3://…", help=place)
     parser.set_defaults(run=doctor)
 
 
@@ -91,10 +93,27 @@ def _installation() -> Iterator[Check]:
         yield Check("weight files", False, str(error), _INSTALL)
 
 
+def _bucket(place: str) -> Check:
+    cure = "set AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY, AWS_REGION and, for another server, AWS_ENDPOINT_URL"
+    try:
+        bucket = Bucket(place)
+        bucket.write("locks/doctor", b"here")
+        refused = bucket.create("locks/doctor", b"twice") is None  # what commits and leases rely on
+        bucket.remove(["locks/doctor"])
+    except HumanMMError as error:
+        return Check("bucket", False, str(error), cure)
+    known = "knows" if refused else "does not know"
+    return Check("bucket", refused, f"{bucket.url}: writable, {known} conditional puts", cure)
+
+
 def _place(store: Path) -> Iterator[Check]:
     from humanmm.errors import StoreError
     from humanmm.storage.batch_ledger import BatchLedger
 
+    remote = is_bucket(str(store))
+    if remote:
+        yield _bucket(str(store))
+        store = cache_folder() / "buckets"
     existing = store.expanduser().absolute()
     while not existing.exists():
         existing = existing.parent
@@ -104,6 +123,8 @@ def _place(store: Path) -> Iterator[Check]:
     free = shutil.disk_usage(existing).free
     cure = "`humanmm gc --yes` removes what was not used for 30 days; or name another store"
     yield Check("free disk space", free > MIN_FREE_BYTES, in_bytes(free), cure)
+    if remote:
+        return
     cure = "move batches.sqlite out of the store and submit the batches again: what is finished is found in the store"
     try:
         names = BatchLedger(Store(store, read_only=True)).names()

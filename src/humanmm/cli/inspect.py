@@ -10,8 +10,9 @@ from typing import Any
 from humanmm.cli.settings import UsageError
 from humanmm.config_reading import validate
 from humanmm.errors import InputError, VideoError
+from humanmm.storage.opening import open_store
 from humanmm.storage.run_record import read_run_record
-from humanmm.storage.store import Store, default_store
+from humanmm.storage.store import default_store
 from humanmm.storage.video_identity import VideoIdentity, identify
 from humanmm.tasks import pipeline
 from humanmm.tasks.engine import VideoRun
@@ -25,7 +26,7 @@ def add_status(verbs: Any, common: argparse.ArgumentParser) -> None:
         "status", parents=[common], allow_abbrev=False, help="what of a run is stale, and why; or all videos of a store"
     )
     parser.add_argument("run_dir", type=Path, nargs="?", metavar="RUN_DIR")
-    parser.add_argument("--store", type=Path, metavar="DIR")
+    parser.add_argument("--store", type=Path, metavar="DIR|s3://…")
     parser.add_argument("--json", action="store_true", help="one json object")
     parser.set_defaults(run=status)
 
@@ -38,7 +39,7 @@ def add_explain(verbs: Any, common: argparse.ArgumentParser) -> None:
     parser.add_argument("run_dir", type=Path, metavar="RUN_DIR")
     parser.add_argument("stage", choices=[stage.name for stage in pipeline.STAGES], metavar="STAGE")
     parser.add_argument("--shot", type=int, metavar="N", help="one shot, 0-based")
-    parser.add_argument("--store", type=Path, metavar="DIR")
+    parser.add_argument("--store", type=Path, metavar="DIR|s3://…")
     parser.add_argument("--json", action="store_true", help="one json object")
     parser.set_defaults(run=explain)
 
@@ -131,7 +132,7 @@ def _reopen(options: argparse.Namespace) -> tuple[dict[str, Any], VideoRun]:
     record = read_run_record(options.run_dir)
     try:
         config = validate(record["config"], origin=str(options.run_dir / "run.json"))
-        store = Store(options.store or Path(record["store"]), read_only=True)
+        store = open_store(options.store or Path(record["store"]), read_only=True)
         video = Path(record["video"]["path"])
         sha256 = str(record["video"]["sha256"])
     except (KeyError, TypeError) as error:
@@ -146,11 +147,11 @@ def _reopen(options: argparse.Namespace) -> tuple[dict[str, Any], VideoRun]:
 def _store_status(options: argparse.Namespace) -> int:
     from humanmm.storage.maintenance import known_videos
 
-    store = Store(options.store or default_store(), read_only=True)
+    store = open_store(options.store or default_store(), read_only=True)
     videos = known_videos(store)
     if options.json:
-        return _print_json({"store": str(store.root), "videos": videos})
-    lines = [f"store {store.root}: {len(videos)} videos"]
+        return _print_json({"store": store.place, "videos": videos})
+    lines = [f"store {store.place}: {len(videos)} videos"]
     lines += [f"  {v['video'][:12]}  {v['state']:<8} {v['run_dir'] or '-'}  {v['reason']}".rstrip() for v in videos]
     return _print(lines)
 

@@ -5,7 +5,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from humanmm.storage.store import Store, default_store
+from humanmm.storage.opening import open_store
+from humanmm.storage.store import default_store
 from humanmm.tasks import pipeline
 
 
@@ -44,7 +45,7 @@ def verify(options: argparse.Namespace) -> int:
     """Status 1 if anything was damaged; what was is set aside and computed again by the next run."""
     from humanmm.storage import maintenance
 
-    store = Store(options.store or default_store())
+    store = open_store(options.store or default_store())
     outputs = {stage.name: stage.output for stage in pipeline.STAGES}
     sound, damaged = 0, 0
     for finding in maintenance.verify(store, outputs=outputs, deep=options.deep):
@@ -61,10 +62,10 @@ def gc(options: argparse.Namespace) -> int:
     """List, then remove if told to."""
     from humanmm.storage import maintenance
 
-    store = Store(options.store or default_store())
+    store = open_store(options.store or default_store())
     items = maintenance.removable(store, unused_days=options.unused_days)
     for item in items:
-        sys.stdout.write(f"{in_bytes(item.num_bytes):>9}  {item.path.relative_to(store.root)}  ({item.reason})\n")
+        sys.stdout.write(f"{in_bytes(item.num_bytes):>9}  {item.entry.name}  ({item.reason})\n")
     total = sum(item.num_bytes for item in items)
     if not options.yes:
         sys.stdout.write(
@@ -79,20 +80,20 @@ def du(options: argparse.Namespace) -> int:
     """Artifacts and bytes per stage."""
     from humanmm.storage import maintenance
 
-    store = Store(options.store or default_store(), read_only=True)
+    store = open_store(options.store or default_store(), read_only=True)
     totals = maintenance.usage(store)
     names = [stage.name for stage in pipeline.STAGES]
     for name in sorted(totals, key=lambda n: (names.index(n) if n in names else len(names), n)):
         count, size = totals[name]
         sys.stdout.write(f"{name:<14} {count:>7}  {in_bytes(size):>9}\n")
     total = sum(size for _, size in totals.values())
-    sys.stdout.write(f"{'total':<14} {sum(c for c, _ in totals.values()):>7}  {in_bytes(total):>9}  {store.root}\n")
+    sys.stdout.write(f"{'total':<14} {sum(c for c, _ in totals.values()):>7}  {in_bytes(total):>9}  {store.place}\n")
     return 0
 
 
 def _add_store(parser: argparse.ArgumentParser) -> None:
     place = "artifact store (default: $HUMANMM_STORE, ~/.cache/humanmm/store)"
-    parser.add_argument("--store", type=Path, metavar="DIR", help=place)
+    parser.add_argument("--store", type=Path, metavar="DIR|s3://…", help=place)
 
 
 def in_bytes(count: float) -> str:

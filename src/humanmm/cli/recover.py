@@ -14,8 +14,9 @@ from humanmm.cli.progress import Display
 from humanmm.cli.settings import UsageError, add_settings, load_config
 from humanmm.config import Config
 from humanmm.errors import InputError, StoreError
+from humanmm.storage.opening import open_store
 from humanmm.storage.run_record import read_run_record
-from humanmm.storage.store import Store, default_store
+from humanmm.storage.store import default_store
 from humanmm.storage.video_identity import identify
 from humanmm.tasks import finish, pipeline
 from humanmm.tasks.engine import VideoRun
@@ -40,7 +41,7 @@ def add_recover(verbs: Any, common: argparse.ArgumentParser) -> None:
     parser.add_argument("video", type=Path)
     parser.add_argument("--out", type=Path, metavar="RUN_DIR", help="run folder (default: runs/<name of the video>)")
     place = "artifact store (default: $HUMANMM_STORE, ~/.cache/humanmm/store)"
-    parser.add_argument("--store", type=Path, metavar="DIR", help=place)
+    parser.add_argument("--store", type=Path, metavar="DIR|s3://…", help=place)
     parser.add_argument("--person", type=_person, metavar="N|all", help="one person, 0 the main one (default: all)")
     focal = parser.add_mutually_exclusive_group()
     focal.add_argument("--focal-px", type=float, metavar="F", help="focal length in pixels of the source picture")
@@ -65,7 +66,7 @@ def run(options: argparse.Namespace) -> int:
         raise UsageError("--json goes with --dry-run")
     config = load_config(options, _shorthands(options))
     selection = _selection(options)
-    store = Store(options.store or default_store(), read_only=options.dry_run)
+    store = open_store(options.store or default_store(), read_only=options.dry_run)
     video = identify(options.video, store)
     look = VideoRun(video, config, store, selection=selection)
     plan = forecast(look)
@@ -77,7 +78,7 @@ def run(options: argparse.Namespace) -> int:
     check_writable(run_dir)
     if is_complete(plan):
         return _answer_from_store(look, run_dir, begun)
-    return _run_flow(options.video, run_dir, config, store.root, selection)
+    return _run_flow(options.video, run_dir, config, store.place, selection)
 
 
 def _answer_from_store(look: VideoRun, run_dir: Path, begun: float) -> int:
@@ -90,7 +91,7 @@ def _answer_from_store(look: VideoRun, run_dir: Path, begun: float) -> int:
     return _result(run_dir, 0)
 
 
-def _run_flow(video: Path, run_dir: Path, config: Config, store: Path, selection: Selection) -> int:
+def _run_flow(video: Path, run_dir: Path, config: Config, store: str, selection: Selection) -> int:
     from humanmm.flows.local_server import prefect_server
 
     text = io.StringIO()
@@ -122,7 +123,7 @@ def _run_flow(video: Path, run_dir: Path, config: Config, store: Path, selection
         raise error if isinstance(error, BaseException) else told
     for sentence in _warnings(run_dir):
         _say(sentence)
-    return _result(run_dir if run_dir.exists() else store, 0)
+    return _result(run_dir if run_dir.exists() else Path(store), 0)
 
 
 def _warnings(run_dir: Path) -> list[str]:

@@ -1,0 +1,231 @@
+"""A store in an S3 bucket: conditional puts commit, leases lock, and what one host damages no other sees."""
+
+import pickle
+import threading
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from humanmm.errors import ConfigError, StoreError
+from humanmm.storage import lease, maintenance
+from humanmm.storage.artifact import Manifest
+from humanmm.storage.bucket import Bucket
+from humanmm.storage.bucket_store import BucketStore
+from humanmm.storage.opening import open_store
+from humanmm.storage.recipe import Recipe
+
+
+@dataclass(frozen=True)
+class Result:
+    values: np.ndarray
+    note: str
+
+
+RESULT = Result(np.arange(1000.0), "fine")
+RECIPE = Recipe("toy", 1, {}, {}, {}, {}, {}, {})
+
+
+def _put(store: BucketStore, result: Result = RESULT) -> Manifest:
+    with store.lock("toy", RECIPE.key), store.new_folder() as folder:
+        return store.commit(folder, result, Result, RECIPE, unit="video", seconds=1.0, version="0")
+
+
+@pytest.fixture
+def store(bucket: str) -> BucketStore:
+    return BucketStore(bucket)
+
+
+@pytest.fixture
+def elsewhere(bucket: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> BucketStore:
+    """The same store on another host."""
+    with monkeypatch.context() as patched:
+        patched.setenv("HUMANMM_CACHE", str(tmp_path / "another host"))
+        return BucketStore(bucket)
+
+
+@pytest.fixture
+def quick_leases(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, seconds in {"LEASE_S": 1.0, "RENEW_S": 0.1, "POLL_S": 0.05}.items():
+        monkeypatch.setattr(lease, name, seconds)
+
+
+def _objects(store: BucketStore, folder: str) -> list[str]:
+    return [found.name for found in Bucket(store.place).list(folder)]
+
+
+def test_another_host_finds_and_reads_what_one_has_written(store: BucketStore, elsewhere: BucketStore) -> None:
+    ref = _put(store).ref
+    assert elsewhere.root != store.root
+    np.testing.assert_array_equal(elsewhere.read(ref, Result).values, RESULT.values)
+    assert len(_objects(store, "artifacts")) == 2
+
+
+def test_an_artifact_without_its_commit_marker_does_not_exist(store: BucketStore, elsewhere: BucketStore) -> None:
+    ref = _put(store).ref
+    Bucket(store.place).remove([f"{ref.uri}/COMMIT"])
+    assert elsewhere.find("toy", ref.key) is None
+    assert store.find("toy", ref.key) is None, "a copy on this host proves nothing"
+    (entry,) = [entry for entry in store.entries() if entry.kind == "unfinished"]
+    assert entry.busy, "its writer may be about to commit it"
+
+
+@pytest.mark.parametrize("harm", ["flip", "truncate", "delete"])
+def test_a_damaged_object_is_set_aside_and_its_artifact_computed_again(
+    store: BucketStore, elsewhere: BucketStore, harm: str, tmp_path: Path
+) -> None:
+    ref = _put(store).ref
+    (pack,) = [name for name in _objects(store, "artifacts") if name.endswith(".tar")]
+    content = bytearray((Bucket(store.place).read(pack) or (b"",))[0])
+    content[content.index(b'"note"') + 10] ^= 1
+    Bucket(store.place).remove([pack])
+    if harm != "delete":
+        Bucket(store.place).write(pack, bytes(content if harm == "flip" else content[: len(content) // 2]))
+    reader = open_store(store.place, read_only=True)
+    reader.root = tmp_path / "a third host"
+    before = _objects(store, "artifacts")
+    assert reader.find("toy", ref.key) is None and reader.damage("toy", ref.key)
+    assert _objects(store, "artifacts") == before, "a read-only store only tells"
+    assert elsewhere.find("toy", ref.key) is None
+    assert elsewhere.damage("toy", ref.key)
+    assert _objects(store, "artifacts") == []
+    assert len(_objects(store, "damaged")) == (0 if harm == "delete" else 1)
+    _put(elsewhere)
+    assert store.read(ref, Result).note == "fine"
+
+
+def test_a_damaged_copy_is_made_again_from_the_bucket(store: BucketStore, bucket: str) -> None:
+    ref = _put(store).ref
+    (store.root / ref.uri / "result.json").write_text("{}")
+    again = BucketStore(bucket)
+    assert again.read(ref, Result).note == "fine"
+    assert again.damage("toy", ref.key) is None and _objects(store, "damaged") == []
+
+
+def test_of_two_that_commit_at_once_the_first_counts_and_both_go_on_with_it(
+    store: BucketStore, elsewhere: BucketStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without any lease: as after a holder that had stopped for too long."""
+    created = Bucket.create
+
+    def late(self: Bucket, name: str, content: bytes) -> str | None:
+        if name.endswith("COMMIT"):
+            monkeypatch.setattr(Bucket, "create", created)
+            with elsewhere.new_folder() as folder:
+                elsewhere.commit(folder, RESULT, Result, RECIPE, unit="video", seconds=1.0, version="first")
+        return created(self, name, content)
+
+    monkeypatch.setattr(Bucket, "create", late)
+    with store.new_folder() as folder:
+        second = Result(np.zeros(2), "other")
+        kept = store.commit(folder, second, Result, RECIPE, unit="video", seconds=1.0, version="second")
+    assert kept.version == "first"
+    assert store.read(kept.ref, Result).note == elsewhere.read(kept.ref, Result).note == "fine"
+    assert len(_objects(store, "artifacts")) == 2, "the loser's object is gone"
+
+
+@pytest.mark.usefixtures("quick_leases")
+def test_the_lease_of_a_holder_that_lives_is_never_taken(store: BucketStore, elsewhere: BucketStore) -> None:
+    got = threading.Event()
+
+    def wait() -> None:
+        with elsewhere.lock("toy", "key"):
+            got.set()
+
+    with store.lock("toy", "key"):
+        waiter = threading.Thread(target=wait)
+        waiter.start()
+        assert not got.wait(2.5 * lease.LEASE_S)
+    assert got.wait(5)
+    waiter.join()
+
+
+@pytest.mark.usefixtures("quick_leases")
+def test_the_lease_of_a_killed_holder_is_taken_over_when_it_has_run_out(
+    store: BucketStore, elsewhere: BucketStore
+) -> None:
+    Bucket(store.place).write("locks/toy-key", b"dead-host 1 0123 4")
+    with elsewhere.try_lock("toy", "key") as held:
+        assert not held, "whether it lives cannot be told at once"
+    with elsewhere.lock("toy", "key"), store.try_lock("toy", "key") as held:
+        assert not held
+    with store.try_lock("toy", "key") as held:
+        assert held
+
+
+@pytest.mark.usefixtures("quick_leases")
+def test_a_holder_whose_lease_was_taken_does_not_free_its_successors(store: BucketStore) -> None:
+    bucket = Bucket(store.place)
+    with store.lock("toy", "key"):
+        bucket.write("locks/toy-key", b"successor 1 0123 4")
+    assert (bucket.read("locks/toy-key") or (b"",))[0] == b"successor 1 0123 4"
+
+
+@pytest.mark.usefixtures("bucket")
+def test_a_bucket_that_is_not_there_or_not_named_is_one_clear_error() -> None:
+    nowhere = BucketStore("s3://no-such-bucket")
+    with pytest.raises(StoreError, match="in s3://no-such-bucket: "):
+        _put(nowhere)
+    with pytest.raises(ConfigError, match="is no bucket; expected s3://bucket/prefix"):
+        Bucket("s3://")
+
+
+def test_the_store_travels_to_another_process(store: BucketStore) -> None:
+    ref = _put(store).ref
+    assert pickle.loads(pickle.dumps(store)).read(ref, Result).note == "fine"
+
+
+def test_verify_and_gc_care_for_the_bucket_and_for_the_copies(
+    store: BucketStore, elsewhere: BucketStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ref = _put(store).ref
+    outputs = {"toy": f"{__name__}:Result"}
+    assert [f.problem for f in maintenance.verify(elsewhere, outputs=outputs, deep=True)] == [""]
+    assert not (elsewhere.root / ref.uri).exists(), "to verify a bucket fills no disk"
+    assert maintenance.removable(store, unused_days=1) == []
+    items = maintenance.removable(store, unused_days=-1)
+    assert [item.entry.kind for item in items] == ["artifact", "copy"]
+    with elsewhere.lock("toy", ref.key):
+        assert maintenance.remove(store, items[:1]) == 0
+    assert maintenance.remove(store, items[:1]) > 0
+    assert elsewhere.find("toy", ref.key) is None and _objects(store, "artifacts") == []
+    _put(store)
+    (pack,) = [name for name in _objects(store, "artifacts") if name.endswith(".tar")]
+    Bucket(store.place).write(pack, b"no archive")
+    assert ["cannot be unpacked" in f.problem for f in maintenance.verify(elsewhere, outputs=outputs, deep=False)] == [
+        True
+    ]
+
+
+def test_an_artifact_in_use_stays_young(store: BucketStore, monkeypatch: pytest.MonkeyPatch) -> None:
+    ref = _put(store).ref
+    marker = f"{ref.uri}/COMMIT"
+    replaced: list[str] = []
+    monkeypatch.setattr(Bucket, "replace", lambda self, name, content, tag: replaced.append(name))
+    store.find("toy", ref.key)
+    assert replaced == []
+    monkeypatch.setattr("humanmm.storage.bucket_store.TOUCH_S", -1.0)
+    store.find("toy", ref.key)
+    assert replaced == [marker]
+
+
+def test_a_video_recovered_on_one_host_is_known_on_another(toy: Any, bucket: str, tmp_path: Path) -> None:
+    stored = ("--store", bucket)
+    dry = toy.main("recover", "film.mp4", "--dry-run", *stored)
+    assert dry[0] == 0 and "will run: no artifact yet" in dry[1], dry[2]
+    run = toy.run_on(open_store(bucket))
+    assert {outcome.state for outcome in run.outcomes.values()} == {"computed"} and len(toy.executed()) == 18
+    other = {"HUMANMM_CACHE": str(tmp_path / "another host")}
+    done = toy.main("recover", "film.mp4", "--out", "out", *stored, **other)
+    assert done[:2] == (0, "out\n") and toy.executed() == [], done[2]
+    assert f"store {bucket}: 1 videos" in toy.main("status", *stored, **other)[1]
+    assert "up to date" in toy.main("status", "out", **other)[1]
+    assert toy.main("verify", "--deep", *stored, **other)[1] == "18 artifacts are sound, 0 damaged\n"
+    assert bucket in toy.main("store", "du", *stored)[1]
+    checked = toy.main("doctor", *stored)[1]
+    assert "writable, knows conditional puts" in checked and "BAD  bucket" not in checked
+    assert "BAD  bucket" in toy.main("doctor", "--store", "s3://no-such-bucket")[1]
+    told = toy.main("batch", "submit", str(toy.folder), *stored)
+    assert told[0] == 1 and "batches and benches need a store on a local disk" in told[2]
