@@ -20,6 +20,7 @@ from humanmm.models.perception.tracks import ScenePeople
 from humanmm.models.rotations import rotation_from_vector, vector_from_rotation
 from humanmm.storage.noise_plot import plot_fit
 
+pytestmark = pytest.mark.slow
 SIZE = (1920, 1080)
 KNOWN = replace(
     fitted_noise(), keypoint_share=0.015, landmark_sigma_m=(0.02, 0.02, 0.04), turn_deg=(4.0, 6.0, 2.0), tilt_deg=3.0,
