@@ -8,11 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from humanmm.config import Config
-from humanmm.errors import InputError
-from humanmm.flows.motion_benchmark import SEED, SETTINGS, SIZES
+from humanmm.flows.motion_benchmark import SETTINGS, planned_set
 from humanmm.models.benchmark.aist import AistSequence, build_aist
-from humanmm.models.benchmark.multishot import BenchVideo, VideoPlan, plan_videos, split_name
-from humanmm.models.benchmark.statistics import SetStatistics, statistics_of
+from humanmm.models.benchmark.multishot import BenchVideo, VideoPlan, split_name
+from humanmm.models.benchmark.statistics import SetStatistics
 from humanmm.storage.aist import read_aist
 from humanmm.storage.store import Store
 
@@ -57,12 +56,5 @@ class AistJob:
 def aist_set(folder: Path, size: str) -> tuple[list[AistJob], SetStatistics]:
     """The videos of ms-AIST in one of its sizes, and the set in numbers."""
     sequences = read_aist(folder)
-    count, transitions, longest = SIZES[size]
-    try:
-        plans = plan_videos(sequences, count, seed=SEED, transitions=transitions, same=size == "ms20", longest=longest)
-    except ValueError as error:
-        raise InputError(f"{folder}: {error}") from None
-    jobs = [AistJob(sequences[plan.take], plan) for plan in plans]
-    lengths = [min(job.sequence.num_frames, job.plan.longest) for job in jobs]
-    facts = statistics_of(lengths, [job.sequence.fps for job in jobs], [plan.num_transitions for plan in plans])
-    return jobs, facts
+    plans, facts = planned_set(folder, sequences, size)
+    return [AistJob(sequences[plan.take], plan) for plan in plans], facts

@@ -6,7 +6,6 @@ dashboard and a schedule all come through here.
 """
 
 import asyncio
-import io
 import json
 import logging
 from collections.abc import Coroutine, Mapping, Sequence
@@ -29,7 +28,7 @@ from humanmm.config import Config
 from humanmm.errors import HumanMMError, InputError
 from humanmm.flows.local_server import note_store, server_files
 from humanmm.flows.recover import DEFAULTS, EVERYTHING, MAX_WAITING, opened, recover
-from humanmm.logs import to_standard_error, wants_json
+from humanmm.logs import kept_text, to_standard_error, wants_json
 from humanmm.storage.batch_ledger import BatchLedger, VideoRow
 from humanmm.storage.batch_manifest import read_batch
 from humanmm.storage.store import Store, default_store
@@ -87,11 +86,7 @@ def _accounted(
 ) -> Any:
     if wants_json():
         to_standard_error(verbose=False)
-    text = io.StringIO()
-    keep = logging.StreamHandler(text)
-    keep.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
-    logging.getLogger("humanmm").addHandler(keep)
-    logging.getLogger("humanmm").setLevel(logging.INFO)
+    text = kept_text()
 
     def watch(run: VideoRun) -> None:
         account.run = run

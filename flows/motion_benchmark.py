@@ -26,6 +26,7 @@ from humanmm.models.benchmark.mocap import MocapTake
 from humanmm.models.benchmark.multishot import (
     LONGEST_FRAMES,
     BenchVideo,
+    Filmed,
     VideoPlan,
     build_video,
     plan_videos,
@@ -135,15 +136,20 @@ class MocapJob:
 def mocap_set(pack: Path, size: str) -> tuple[list[MocapJob], SetStatistics]:
     """The videos of ms-Mocap in one of its sizes, and the set in numbers."""
     takes = read_pack(pack)
+    plans, facts = planned_set(pack, takes, size)
+    return [MocapJob(takes[plan.take], plan) for plan in plans], facts
+
+
+def planned_set(source: Path, takes: Sequence[Filmed], size: str) -> tuple[tuple[VideoPlan, ...], SetStatistics]:
+    """How the videos of a set in one of its sizes are cut from the takes of `source`, and the set in numbers."""
     count, transitions, longest = SIZES[size]
     try:
         plans = plan_videos(takes, count, seed=SEED, transitions=transitions, same=size == "ms20", longest=longest)
     except ValueError as error:
-        raise InputError(f"{pack}: {error}") from None
-    jobs = [MocapJob(takes[plan.take], plan) for plan in plans]
-    lengths = [min(job.take.num_frames, job.plan.longest) for job in jobs]
-    facts = statistics_of(lengths, [job.take.fps for job in jobs], [plan.num_transitions for plan in plans])
-    return jobs, facts
+        raise InputError(f"{source}: {error}") from None
+    used = [takes[plan.take] for plan in plans]
+    lengths = [min(take.num_frames, plan.longest) for take, plan in zip(used, plans, strict=True)]
+    return plans, statistics_of(lengths, [take.fps for take in used], [plan.num_transitions for plan in plans])
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 The second holds in every process that a run starts: the command, workers, the flow run of each video.
 """
 
+import io
 import json
 import logging
 import os
@@ -48,3 +49,14 @@ def to_standard_error(*, verbose: bool) -> None:
     logger.handlers = [handler]
     logger.setLevel(logging.INFO)
     logger.propagate = False
+
+
+def kept_text() -> io.StringIO:
+    """Keep our log from now on, for the run.log of the one video that this process works on."""
+    text = io.StringIO()
+    handler = logging.StreamHandler(text)
+    handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
+    logger = logging.getLogger("humanmm")
+    logger.addHandler(handler)
+    logger.setLevel(logging.INFO)
+    return text

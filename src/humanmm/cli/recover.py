@@ -1,7 +1,6 @@
 """`humanmm recover VIDEO`: one video, end to end."""
 
 import argparse
-import io
 import json
 import logging
 import os
@@ -14,6 +13,7 @@ from humanmm.cli.progress import Display
 from humanmm.cli.settings import UsageError, add_settings, load_config
 from humanmm.config import Config
 from humanmm.errors import InputError, StoreError
+from humanmm.logs import kept_text
 from humanmm.storage.opening import open_store
 from humanmm.storage.run_record import read_run_record
 from humanmm.storage.store import default_store
@@ -94,10 +94,7 @@ def _answer_from_store(look: VideoRun, run_dir: Path, begun: float) -> int:
 def _run_flow(video: Path, run_dir: Path, config: Config, store: str, selection: Selection) -> int:
     from humanmm.flows.local_server import prefect_server
 
-    text = io.StringIO()
-    keep = logging.StreamHandler(text)
-    keep.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
-    logging.getLogger("humanmm").addHandler(keep)
+    text = kept_text()
     with Display() as display, prefect_server():
         from humanmm.flows import recover as flow_module
 
