@@ -29,6 +29,8 @@ from humanmm.flows.local_server import (
     stop_unused_server,
 )
 from humanmm.flows.lost_runs import crash_lost_runs, resume_lost_videos
+from humanmm.flows.worker import STOP_LIMIT_S as VIDEOS_LIMIT_S
+from humanmm.flows.worker import stop_session
 from humanmm.storage.batch_ledger import BatchLedger
 from humanmm.storage.store import Store
 
@@ -40,8 +42,8 @@ LOST_AFTER_S = 30.0
 START_LIMIT_S = 240.0
 READY = "serving"
 """A file that is there while `humanmm serve` takes flow runs."""
-STOP_LIMIT_S = 20.0
-"""How long the worker and its videos may take to stop before they are killed."""
+STOP_LIMIT_S = 10.0
+"""How long the worker may take to stop, once its videos have, before it is killed."""
 
 
 def is_serving(files: ServerFiles) -> bool:
@@ -125,11 +127,12 @@ def serve(*, limit: int, idle_s: float | None = None, on_ready: Any = None) -> N
 
 
 class Worker:
-    """Prefect's process worker in a process of its own."""
+    """Prefect's process worker in a process of its own, and the videos of those that have died."""
 
     def __init__(self, files: ServerFiles, limit: int) -> None:
         self._log, self._limit = files.home / "worker.log", limit
         self._process: subprocess.Popen[bytes] | None = None
+        self._died: list[int] = []
 
     def start(self) -> None:
         from humanmm.flows.batch import POOL
@@ -143,29 +146,26 @@ class Worker:
             )  # fmt: skip
 
     def keep_up(self) -> None:
-        """Start it again if it has died."""
+        """Start it again if it has died. Its videos go on without it."""
         if self._process is not None and self._process.poll() is not None:
             log.warning("the worker has ended (%s); it is started again", self._process.returncode)
+            self._died.append(self._process.pid)
             self._close()
             self.start()
 
     def stop(self) -> None:
-        """End the worker and the videos that it runs."""
+        """End the worker and all videos."""
         if self._process is None:
             return
-        children = _descendants(self._process.pid)
-        self._process.send_signal(signal.SIGTERM)
-        for child in children:
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(child, signal.SIGTERM)
-        deadline = time.monotonic() + STOP_LIMIT_S
-        while time.monotonic() < deadline and (self._process.poll() is None or any(map(_is_alive, children))):
-            time.sleep(0.1)
-        for pid in [self._process.pid, *children]:
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(pid, signal.SIGKILL)
-        self._process.wait()
-        self._close()
+        self._close()  # which it takes as the sign to end its videos and itself
+        for session in self._died:
+            stop_session(session)
+        try:
+            self._process.wait(VIDEOS_LIMIT_S + STOP_LIMIT_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+            stop_session(self._process.pid)
 
     def _close(self) -> None:
         if self._process is not None and self._process.stdin is not None:
@@ -271,26 +271,6 @@ def _signals(leave: threading.Event) -> Iterator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-
-
-def _descendants(pid: int) -> list[int]:
-    """Process ids below a process."""
-    children: dict[int, list[int]] = {}
-    for stat in Path("/proc").glob("[0-9]*/stat"):
-        with contextlib.suppress(OSError, ValueError, IndexError):
-            parent = int(stat.read_text().rpartition(")")[2].split()[1])
-            children.setdefault(parent, []).append(int(stat.parent.name))
-    found = list(children.get(pid, []))
-    for child in found:  # grows while it is walked
-        found += children.get(child, [])
-    return found
-
-
-def _is_alive(pid: int) -> bool:
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except OSError:
-        return False
 
 
 if __name__ == "__main__":

@@ -1,25 +1,64 @@
 """Prefect's process worker for `humanmm serve`: `python -m humanmm.flows.worker POOL LIMIT NAME`.
 
-It leaves when its standard input ends, which it does when `humanmm serve` ends, however that came about.
+It leaves when its standard input ends, which it does when `humanmm serve` ends, however that came about. Its videos are
+told first, and have time to note that they are to be resumed: Prefect's worker, when it leaves, kills them outright.
 """
 
+import contextlib
 import os
 import runpy
 import signal
 import sys
 import threading
+import time
+from pathlib import Path
+from types import FrameType
+
+STOP_LIMIT_S = 20.0
+"""How long videos may take to stop before they are killed."""
 
 
 def main(pool: str, limit: str, name: str) -> None:
     """Work until told to stop or until standard input ends."""
+    signal.signal(signal.SIGUSR1, _leave)
     threading.Thread(target=_leave_at_end_of_input, daemon=True).start()
     sys.argv = ["prefect", "worker", "start", "--type", "process", "--pool", pool, "--limit", limit, "--name", name]
     runpy.run_module("prefect", run_name="__main__")
 
 
 def _leave_at_end_of_input() -> None:
-    sys.stdin.buffer.read()
+    while os.read(sys.stdin.fileno(), 1):  # not through `sys.stdin`: a reader of it cannot be left at exit
+        pass
+    os.kill(os.getpid(), signal.SIGUSR1)
+
+
+def _leave(number: int, frame: FrameType | None) -> None:
+    """Runs in the main thread, so that Prefect's loop stands still and begins no other video meanwhile."""
+    stop_session(os.getsid(0))
     os.kill(os.getpid(), signal.SIGTERM)
+
+
+def stop_session(session: int) -> None:
+    """Have the videos of a worker stop, also of one that is gone: each is a process of its session."""
+    videos = _others_in(session)
+    for number, limit_s in ((signal.SIGTERM, STOP_LIMIT_S), (signal.SIGKILL, 1.0)):
+        for video in videos:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(video, number)
+        deadline = time.monotonic() + limit_s
+        while (videos := [pid for pid in videos if pid in _others_in(session)]) and time.monotonic() < deadline:
+            time.sleep(0.1)
+
+
+def _others_in(session: int) -> list[int]:
+    """Living processes of a session, without this one and the session's own."""
+    found = []
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError, ValueError, IndexError):
+            state, _, _, its_session = stat.read_text().rpartition(")")[2].split()[:4]
+            if int(its_session) == session and state not in "ZX":
+                found.append(int(stat.parent.name))
+    return [pid for pid in found if pid not in (session, os.getpid())]
 
 
 if __name__ == "__main__":

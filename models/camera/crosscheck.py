@@ -11,11 +11,11 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-import pycolmap
 from jaxtyping import Float, Int
 
 from humanmm.models import rotations
 from humanmm.models.camera.bundle import Observations, Views
+from humanmm.models.camera.colmap import pycolmap
 from humanmm.models.camera.observations import CrossCheck
 from humanmm.models.camera.odometry import Track
 from humanmm.models.camera.tracked import TrackedShot

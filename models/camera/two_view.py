@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-import pycolmap
 from jaxtyping import Float, Int
 
 from humanmm.models import rotations
+from humanmm.models.camera.colmap import pycolmap
 from humanmm.models.camera.tracked import TrackedShot
 
 NUM_PLACES = 5

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-import pycolmap
 from jaxtyping import Bool, Float, UInt8
 
+from humanmm.models.camera.colmap import pycolmap
 from humanmm.models.shots.boundaries import Shot
 
 MAX_FEATURES = 2500
