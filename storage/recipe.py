@@ -6,7 +6,7 @@ which part of it changed.
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from typing import Any
 
 from humanmm.storage.codec import Json, canonical_json
@@ -40,7 +40,7 @@ class Recipe:
         return hashlib.sha256(canonical_json([KEY_VERSION, self.to_json()]).encode()).hexdigest()
 
     def to_json(self) -> dict[str, Any]:
-        return asdict(self)
+        return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @classmethod
     def from_json(cls, tree: Mapping[str, Any]) -> "Recipe":

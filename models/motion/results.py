@@ -46,8 +46,8 @@ class CutAlignment:
     """How two neighbouring shots were joined."""
 
     cut_frame: int
-    method: Literal["bundle", "eight-point", "none"]
-    """`none`: the shots share no person, see `linked`."""
+    method: Literal["bundle", "eight-point", "given", "none"]
+    """`given`: the turn is known from elsewhere; `none`: the shots share no person, see `linked`."""
     R_before_after: np.ndarray
     """(3,3) float64: camera axes of the first frame after the cut to those of the last frame before it."""
     residual_px: float

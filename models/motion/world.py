@@ -72,8 +72,11 @@ def assemble(
     `known_turns`: by first frame of a shot, camera axes of that frame to those of the frame before, where they are
     known from elsewhere; neighbouring shots that share people are joined by them.
     """
-    links = [_link(footage, later, method) for later in range(1, len(footage.shots.shots)) if _usable(footage, later)]
-    links = [_told(link, known_turns or {}) for link in links]
+    links = [
+        _link(footage, later, method, known_turns or {})
+        for later in range(1, len(footage.shots.shots))
+        if _usable(footage, later)
+    ]
     places = _places(footage)
     rotations = average_rotations(
         len(footage.shots.shots), [_people_edge(footage, link) for link in links if link.cut.linked], places.edges
@@ -141,7 +144,12 @@ def _motion_of(footage: Footage, shot: int) -> dict[int, PersonShotMotion]:
     return {person.person: person for person in motion.people} if motion is not None else {}
 
 
-def _link(footage: Footage, later: int, method: Literal["bundle", "eight-point"]) -> _Link:
+def _link(
+    footage: Footage,
+    later: int,
+    method: Literal["bundle", "eight-point"],
+    known_turns: Mapping[int, Float[Array, "3 3"]],
+) -> _Link:
     """How a shot hangs on the latest earlier one in which one of its people is seen."""
     here = _motion_of(footage, later)
     earlier = next(
@@ -157,6 +165,10 @@ def _link(footage: Footage, later: int, method: Literal["bundle", "eight-point"]
         if first is not None and second is not None:
             people.append(CutPerson(first, second))
     shot = footage.shots.shots[later]
+    if people and earlier == later - 1 and shot.start in known_turns:
+        gap_s = min(float(p.after.time_s[0] - p.before.time_s[-1]) for p in people)
+        R = known_turns[shot.start]
+        return _Link(earlier, later, CutAlignment(shot.start, "given", R, float("nan"), 0.0, gap_s, True))
     cameras = CutCameras(
         K_before=before.K[-1] if before is not None else footage.intrinsics.K,
         K_after=after.K[0] if after is not None else footage.intrinsics.K,
@@ -166,14 +178,6 @@ def _link(footage: Footage, later: int, method: Literal["bundle", "eight-point"]
     if people:
         middle = 0.5 * (max(p.before.time_s[-1] for p in people) + min(p.after.time_s[0] for p in people))
     return _Link(earlier, later, align_cut(people, cameras, cut_frame=shot.start, cut_time_s=middle, method=method))
-
-
-def _told(link: _Link, known_turns: Mapping[int, Float[Array, "3 3"]]) -> _Link:
-    """The link with a turn that is known."""
-    R = known_turns.get(link.cut.cut_frame)
-    if R is None or not link.cut.linked or link.earlier != link.later - 1:
-        return link
-    return replace(link, cut=replace(link.cut, R_before_after=R, uncertainty_deg=0.0))
 
 
 def _side(footage: Footage, shot_index: int, person: int, *, last: bool) -> SideTrack | None:
