@@ -116,11 +116,17 @@ class Store:
         """Why an artifact was found damaged in this process, if it was."""
         return self._damage.get((stage, key))
 
-    def read(self, ref: Ref, output: type[T]) -> T:
-        """The decoded result. StoreError if it is gone or damaged."""
-        if self.find(ref.stage, ref.key) is None:
+    def manifest(self, ref: Ref) -> Manifest:
+        """The manifest of what a reference names. StoreError if it is gone or damaged."""
+        manifest = self.find(ref.stage, ref.key)
+        if manifest is None:
             reason = self.damage(ref.stage, ref.key) or "it is gone"
             raise StoreError(f"the artifact of {ref.stage} ({ref.unit}) cannot be read: {reason}; run again")
+        return manifest
+
+    def read(self, ref: Ref, output: type[T]) -> T:
+        """The decoded result. StoreError if it is gone or damaged."""
+        self.manifest(ref)
         try:
             return decode(read_encoded(self.root / ref.uri), output)
         except (OSError, ValueError, KeyError, TypeError) as error:

@@ -22,13 +22,15 @@ from humanmm.storage.artifact import Manifest
 from humanmm.storage.code_digest import CodeDigest, code_digest
 from humanmm.storage.codec import encode
 from humanmm.storage.recipe import Recipe
+from humanmm.storage.refs import Ref
 from humanmm.storage.store import Store
 from humanmm.storage.video_identity import VideoIdentity
 from humanmm.tasks import pipeline
 from humanmm.tasks.budget import Budget, resources_of
 from humanmm.tasks.faults import as_ours, ends_run, in_words, ran_out_of_memory
 from humanmm.tasks.imports import Imports
-from humanmm.tasks.isolation import Children, Job, Setting
+from humanmm.tasks.isolation import Children
+from humanmm.tasks.job import Job, Setting
 from humanmm.tasks.pipeline import Resources, Stage
 from humanmm.tasks.selection import Selection
 from humanmm.tasks.unit_inputs import UnitInputs
@@ -239,11 +241,25 @@ class VideoRun:
         """End what works for this run beside it."""
         self._children.close()
 
-    def know(self, manifests: Mapping[tuple[str, int], Manifest]) -> None:
+    def known_for(self, work: Work) -> dict[tuple[str, int], Ref | None]:
+        """What another process must know to compute a piece of work: what it reads, and what lists units."""
+        known = {}
+        for source in self.stages:
+            reads = source.name in work.stage.inputs
+            for need in self.needs_from(work, source) if reads else [Work(source)] if source.defines else []:
+                outcome = self.outcomes.get((source.name, need.index))
+                if outcome is not None:
+                    known[source.name, need.index] = outcome.manifest.ref if outcome.manifest else None
+        return known
+
+    def know(self, known: Mapping[tuple[str, int], Ref | None]) -> None:
         """Take over the artifacts of a run in another process."""
         for stage in self.stages:  # in order: some define the units of others
-            for at in sorted(at for at in manifests if at[0] == stage.name):
-                self.outcomes[at] = Outcome(self.work(*at), "cached", manifests[at], changed=False)
+            for at in sorted(at for at in known if at[0] == stage.name):
+                ref = known[at]
+                state: State = "cached" if ref else "failed"
+                manifest = self.store.manifest(ref) if ref else None
+                self.outcomes[at] = Outcome(self.work(*at), state, manifest, changed=False)
 
     def compute_here(self, work: Work) -> Outcome:
         """Compute one stage × unit in this process, whatever its limits."""
@@ -255,8 +271,7 @@ class VideoRun:
         return self.gpu() if needed.gpu else contextlib.nullcontext()
 
     def _compute_in_child(self, work: Work, outcome: Outcome, limit_s: float | None) -> None:
-        known = {at: done.manifest for at, done in list(self.outcomes.items()) if done.manifest is not None}
-        job = Job(work.stage.name, work.index, known)
+        job = Job(work.stage.name, work.index, self.known_for(work))
         done = self._children.compute(
             job, work.label, limit_s=limit_s, progress=lambda now, total: self.report(work, now, total)
         )

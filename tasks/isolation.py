@@ -8,7 +8,6 @@ weights are loaded once in each; a child whose parent is gone ends by itself.
 import contextlib
 import logging
 import os
-import pickle
 import queue
 import signal
 import socket
@@ -16,56 +15,13 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
-from humanmm.config import Config
 from humanmm.errors import HumanMMError, ResourceError, TimeLimitError
-from humanmm.storage.artifact import Manifest
-from humanmm.storage.store import Store
-from humanmm.storage.video_identity import VideoIdentity
-from humanmm.tasks.faults import as_ours
-from humanmm.tasks.pipeline import Stage
-from humanmm.tasks.selection import Selection
+from humanmm.tasks.job import Done, Job, LogSender, Progress, Setting, answer
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
-
-    from humanmm.tasks.engine import VideoRun
-
-log = logging.getLogger(__name__)
-Progress = Callable[[int, int], None]
-
-
-@dataclass(frozen=True)
-class Setting:
-    """The video that a child works on."""
-
-    video: VideoIdentity
-    config: Config
-    store: Store
-    selection: Selection
-    stages: tuple[Stage, ...]
-
-
-@dataclass(frozen=True)
-class Job:
-    """One stage × unit, and the artifacts that the run has so far."""
-
-    stage: str
-    index: int
-    known: Mapping[tuple[str, int], Manifest]
-
-
-@dataclass(frozen=True)
-class Done:
-    """What a child made of a job."""
-
-    state: Literal["cached", "computed", "failed", "skipped"]
-    manifest: Manifest
-    reason: str
-    changed: bool
 
 
 class Children:
@@ -165,7 +121,6 @@ def main(descriptor: int) -> None:
     """Do jobs until the parent is gone."""
     from multiprocessing.connection import Connection
 
-    from humanmm.tasks.engine import VideoRun
     from humanmm.tasks.process import prepare_process
 
     prepare_process()
@@ -178,14 +133,14 @@ def main(descriptor: int) -> None:
 
     logger = logging.getLogger("humanmm")
     logger.setLevel(logging.INFO)
-    logger.addHandler(_ToParent(send))
+    logger.addHandler(LogSender(send))
     setting: Setting = connection.recv()
-    run = VideoRun(setting.video, setting.config, setting.store, selection=setting.selection, stages=setting.stages)
+    run = setting.open()
     run.watch(lambda work, done, total: send((done, total)), log_text=str)
     jobs: queue.SimpleQueue[Job] = queue.SimpleQueue()
     threading.Thread(target=_receive, args=(connection, jobs), daemon=True).start()
     while True:
-        send(_answer(run, jobs.get()))
+        send(answer(run, jobs.get()))
 
 
 def _receive(connection: "Connection", jobs: "queue.SimpleQueue[Job]") -> None:
@@ -195,38 +150,3 @@ def _receive(connection: "Connection", jobs: "queue.SimpleQueue[Job]") -> None:
             jobs.put(connection.recv())
         except (EOFError, OSError):
             os._exit(0)
-
-
-def _answer(run: "VideoRun", job: Job) -> Done | Exception:
-    label = job.stage
-    try:
-        run.know(job.known)
-        work = run.work(job.stage, job.index)
-        label = work.label
-        outcome = run.compute_here(work)
-        assert outcome.manifest is not None
-        return Done(outcome.state, outcome.manifest, outcome.reason, outcome.changed)
-    except Exception as error:  # told to the parent, which raises it: this is the edge of this process
-        log.debug("where it happened", exc_info=error)
-        told = as_ours(error, label)
-        try:
-            pickle.loads(pickle.dumps(told))
-        except Exception:
-            return as_ours(RuntimeError(str(told)), label)
-        return told
-
-
-class _ToParent(logging.Handler):
-    """Passes log records on, with their text in place of what it is made of."""
-
-    def __init__(self, send: Callable[[Any], None]) -> None:
-        super().__init__()
-        self._send = send
-
-    def emit(self, record: logging.LogRecord) -> None:
-        shown = logging.makeLogRecord(record.__dict__)
-        shown.msg, shown.args = record.getMessage(), ()
-        if record.exc_info:
-            shown.exc_text = logging.Formatter().formatException(record.exc_info)
-            shown.exc_info = None
-        self._send(shown)

@@ -49,6 +49,16 @@ def test_children_give_the_same_results_as_threads_and_are_used_again(toy: Any) 
     assert toy.executed() == [], "keys and content are the same"
 
 
+def test_a_failed_shot_costs_the_stages_in_children_that_shot_alone(toy: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TOY_FAIL", "camera:20=stage")
+    run = toy.run(run={"isolate": True}, expect_failure=True)
+    lost = {work for work, outcome in run.outcomes.items() if outcome.state != "computed"}
+    assert lost == {("camera", 1), ("hmr", 1)}
+    toy.executed()
+    toy.run(expect_failure=True)
+    assert toy.executed() == ["camera:20"], "keys are the same as in one process"
+
+
 def test_a_stage_over_its_limit_is_really_ended_and_the_others_go_on(toy: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     toy.run()
     toy.executed()
