@@ -89,6 +89,13 @@ OF_OWNERS = (
         owners.declare_emdb,
         owners.build_emdb,
     ),
+    Builder(
+        "rich",
+        "whole videos of RICH's standing cameras with truths, and your SMPL-X models; experimental: not tried on its "
+        "files",
+        owners.declare_rich,
+        owners.build_rich,
+    ),
 )
 """Cut from what the user must have."""
 

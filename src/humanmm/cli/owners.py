@@ -1,4 +1,4 @@
-"""`humanmm dataset build ms-aist | ms-h36m | 3dpw | emdb`: from official folders of data sets that the user owns."""
+"""`humanmm dataset build ms-aist | ms-h36m | 3dpw | emdb | rich`: from folders that the user owns."""
 
 import argparse
 import sys
@@ -44,6 +44,18 @@ def declare_emdb(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--smpl", type=Path, required=True, metavar="FILE",
         help="your SMPL model as .npz: v_template, shapedirs, J_regressor (EMDB holds no joints)",
+    )  # fmt: skip
+
+
+def declare_rich(parser: argparse.ArgumentParser) -> None:
+    """Flags of rich."""
+    _declare(parser, "RICH: bodies, images, scan_calibration, multicam2world")
+    parser.add_argument(
+        "--split", choices=("train", "val", "test"), required=True, metavar="NAME", help="train, val or test"
+    )
+    parser.add_argument(
+        "--smplx", type=Path, required=True, metavar="DIR",
+        help="your SMPL-X models SMPLX_FEMALE.npz and SMPLX_MALE.npz (RICH holds no joints)",
     )  # fmt: skip
 
 
@@ -108,6 +120,20 @@ def build_emdb(options: argparse.Namespace) -> Path:
     return Path(options.out)
 
 
+def build_rich(options: argparse.Namespace) -> Path:
+    """Whole videos with truths, one for every camera that stands, as `bench ms-real` reads them."""
+    from humanmm.flows.dataset_builder import write_recording
+    from humanmm.storage.datasets import rich
+    from humanmm.storage.datasets.smpl_joints import read_smplx
+
+    _check_output(options)
+    models = rich.Models(read_smplx(options.smplx / "SMPLX_FEMALE.npz"), read_smplx(options.smplx / "SMPLX_MALE.npz"))
+    for view in _first(rich.views(options.root, options.split), options.count):
+        write_recording(rich.read_recording(view, models), options.out)
+    sys.stdout.write(f"measure with: humanmm bench ms-real --data {options.out}\n")
+    return Path(options.out)
+
+
 def _cut(sequences: "Iterator[MultiviewSequence]", folder: Path) -> None:
     from humanmm.flows.dataset_builder import build_set
 
@@ -118,7 +144,7 @@ def _cut(sequences: "Iterator[MultiviewSequence]", folder: Path) -> None:
 def _declare(parser: argparse.ArgumentParser, root: str) -> None:
     parser.add_argument("--root", type=Path, required=True, metavar="DIR", help=root)
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="where the data set is written")
-    parser.add_argument("--count", type=int, metavar="N", help="only the first N sequences")
+    parser.add_argument("--count", type=int, metavar="N", help="only the first N sequences (rich: views)")
     parser.add_argument("--force", action="store_true", help="replace what is in --out")
 
 
