@@ -7,43 +7,54 @@ import numpy as np
 import pytest
 
 from humanmm.cli import main
-from humanmm.flows import motion_benchmark
+from humanmm.errors import StageError
+from humanmm.models.benchmark import methods
 from humanmm.models.benchmark.methods import ABLATIONS, CAMERAS
-from humanmm.models.benchmark.scoring import Figure, MethodFigures, VideoFigures
 from humanmm.models.video.colors import BT601
 from humanmm.storage.picture_files import write_video
 
 PACK = Path(__file__).parents[2] / "data" / "mocap" / "cmu_test.npz"
 
 
-@pytest.mark.parametrize(
-    ("table", "methods", "beside"),
-    [("ablation", ABLATIONS, "paper: w/o OAM, EMDB-1"), ("camera", CAMERAS, "paper: Masked LEAP-VO, EMDB-2")],
-)
-def test_a_table_of_modules_has_a_line_for_each_method_and_the_papers_beside_it(
-    table: str,
-    methods: tuple[str, ...],
-    beside: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+def test_the_ablation_turns_every_module_off_and_each_leaves_its_mark(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def measured(jobs: list[object], config: object, store: object, wanted: tuple[str, ...]) -> list[VideoFigures]:
-        figures = (Figure("wa_mpjpe100_mm", 90.0), Figure("cam_shot_ate_m", 0.01))
-        done = (
-            *(MethodFigures(name, figures, ()) for name in wanted[:-1]),
-            MethodFigures(wanted[-1], (), (), "no luck"),
-        )
-        return [VideoFigures(f"video {k}", "2 transitions", done) for k in range(len(jobs))]
+    command = ["bench", "ablation", "--data", str(PACK), "--size", "tiny", "--store", str(tmp_path / "store")]
+    assert main([*command, "--report", str(tmp_path / "report")]) == 0
+    rows = json.loads((tmp_path / "report" / "results.json").read_text())["rows"]
+    whole = {row["method"]: row for row in rows if row["split"] == "all"}
+    assert tuple(whole) == ABLATIONS
+    assert all((row["n"], row["failed"]) == (2, 0) for row in whole.values())
+    metrics = {name: row["metrics"] for name, row in whole.items()}
+    for without, figure in (("orientation alignment", "roe_deg"), ("refine", "jitter")):
+        assert metrics[f"humanmm without {without}"][figure]["mean"] > metrics["humanmm"][figure]["mean"]
+    for part in ("pose prior", "closed seams", "refit", "foot lock"):
+        assert metrics[f"humanmm without {part}"] != metrics["humanmm"]
+    # No picture, no place that could be recognised.
+    assert metrics["humanmm without background links"] == metrics["humanmm"]
+    told = capsys.readouterr().out
+    assert "| paper: w/o OAM, EMDB-1 (other data) |" in told
+    assert "| humanmm without refit (failed 0) |" in told
 
-    monkeypatch.setattr(motion_benchmark, "figures_of", measured)
-    command = ["bench", table, "--data", str(PACK), "--size", "tiny", "--store", str(tmp_path)]
-    assert main(command) == 0
+
+def test_a_camera_that_fails_is_told_and_counted_and_takes_no_other_method_with_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def unlucky(*arguments: object) -> None:
+        raise StageError("no luck")
+
+    monkeypatch.setattr(methods, "true_cameras", unlucky)
+    assert main(["bench", "camera", "--data", str(PACK), "--size", "tiny", "--store", str(tmp_path)]) == 0
     told = capsys.readouterr()
-    assert f"humanmm: video 1: {methods[-1]} failed: no luck" in told.err
-    lines = told.out.splitlines()
-    assert [line.split(" (failed")[0][2:] for line in lines if "(failed" in line] == list(methods)
-    assert any(line.startswith(f"| {beside}") for line in lines)
+    failures = [line for line in told.err.splitlines() if "failed" in line]
+    assert len(failures) == 2
+    assert all(line.endswith(": oracle camera failed: no luck") for line in failures)
+    of_all = told.out[told.out.index("## all") :].splitlines()
+    lines = {line[2:].split(" (")[0]: line for line in of_all if "(failed" in line}
+    assert tuple(lines) == CAMERAS
+    assert "oracle camera (failed 2) |  |" in lines["oracle camera"]
+    assert all("(failed 0) |  |" not in line for name, line in lines.items() if name != "oracle camera")
+    assert any(line.startswith("| paper: Masked LEAP-VO, EMDB-2 (other data) |") for line in of_all)
 
 
 def test_the_table_of_shots_is_made_from_the_videos_and_is_the_same_again(
