@@ -5,6 +5,7 @@ files now and then, and ends as `Crashed` what nobody holds. Nothing here import
 """
 
 import contextlib
+import datetime
 import fcntl
 import http.client
 import json
@@ -19,6 +20,9 @@ log = logging.getLogger(__name__)
 
 FINAL = ("COMPLETED", "FAILED", "CRASHED", "CANCELLED")
 PAGE = 200
+LOST = "its process was lost: it was killed, ran out of memory, or the machine went down"
+TELLING_S = 45.0
+"""A task of a flow run that ended so long ago has told all that it will ever tell."""
 
 
 class Alive:
@@ -62,19 +66,41 @@ def crash_lost(home: Path, host: str, port: int) -> int:
         if found is None or found.get("state_type") in FINAL:
             continue
         log.warning("the process of the flow run %s (%s) was lost", found.get("name"), flow_run)
-        _crash(host, port, "flow_runs", flow_run)
-        at_work = {"state": {"type": {"any_": ["PENDING", "RUNNING"]}}}
-        asked = {"flow_runs": {"id": {"any_": [flow_run]}}, "task_runs": at_work, "limit": PAGE}
-        for task in _ask(host, port, "POST", "/api/task_runs/filter", asked) or ():
-            _crash(host, port, "task_runs", str(task["id"]))
+        _set_state(host, port, f"flow_runs/{flow_run}", "CRASHED", LOST)
+        for task in _tasks_at_work(host, port, {"id": {"any_": [flow_run]}}):
+            _set_state(host, port, f"task_runs/{task}", "CRASHED", LOST)
         count += 1
     return count
 
 
-def _crash(host: str, port: int, kind: str, run: str) -> None:
-    message = "its process was lost: it was killed, ran out of memory, or the machine went down"
-    state = {"type": "CRASHED", "name": "Crashed", "message": message}
-    _ask(host, port, "POST", f"/api/{kind}/{run}/set_state", {"state": state, "force": True})
+def end_lost_tasks(host: str, port: int) -> int:
+    """End the tasks of flow runs that have ended; returns how many.
+
+    A task tells its states in passing, without waiting for an answer: what was under way when its process or the server
+    was killed never arrived, and it would stay `Running`.
+    """
+    count = 0
+    before = datetime.datetime.now(datetime.UTC) - datetime.timedelta(seconds=TELLING_S)
+    for ended, state, message in (
+        (["COMPLETED"], "COMPLETED", "its end was never told; its flow run is completed"),
+        (["FAILED", "CRASHED", "CANCELLED"], "CRASHED", "its end was never told; its flow run has ended"),
+    ):
+        flow_runs = {"state": {"type": {"any_": ended}}, "end_time": {"before_": before.isoformat()}}
+        for task in _tasks_at_work(host, port, flow_runs):
+            _set_state(host, port, f"task_runs/{task}", state, message)
+            count += 1
+    return count
+
+
+def _tasks_at_work(host: str, port: int, flow_runs: dict[str, Any]) -> list[str]:
+    at_work = {"state": {"type": {"any_": ["SCHEDULED", "PENDING", "RUNNING"]}}}
+    asked = {"flow_runs": flow_runs, "task_runs": at_work, "limit": PAGE}
+    return [str(task["id"]) for task in _ask(host, port, "POST", "/api/task_runs/filter", asked) or ()]
+
+
+def _set_state(host: str, port: int, run: str, kind: str, message: str) -> None:
+    state = {"type": kind, "name": kind.capitalize(), "message": message}
+    _ask(host, port, "POST", f"/api/{run}/set_state", {"state": state, "force": True})
 
 
 def _ask(host: str, port: int, method: str, path: str, body: dict[str, Any] | None = None) -> Any:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 from uuid import UUID
 
+import httpx
 from prefect import flow, get_client
 from prefect.client.orchestration import PrefectClient
 from prefect.client.schemas.actions import DeploymentScheduleCreate
@@ -158,29 +159,37 @@ def recover_batch(
 def schedule(ledger: BatchLedger, rows: Sequence[VideoRow]) -> None:
     """A flow run per video. A run that Prefect knows already, by batch, video and attempt, is not made again.
 
-    A video whose process was lost waits a little, the longer the more often it was lost.
+    A video whose process was lost waits a little, the longer the more often it was lost. What a busy server refuses
+    stays in the ledger, and `humanmm serve` asks for it again at its next look.
     """
     note_store(server_files(), ledger.store.root)
+    refused: list[Exception] = []
 
     async def schedule_all() -> None:
         async with get_client() as client:
             deployment = await client.read_deployment_by_name(DEPLOYMENT)
 
             async def one(row: VideoRow) -> None:
-                made = await client.create_flow_run_from_deployment(
-                    deployment.id,
-                    parameters=_parameters(row, ledger),
-                    name=Path(row.video).name[:100],
-                    tags=[f"batch:{row.batch}", *json.loads(row.tags)],
-                    idempotency_key=f"{ledger.store.root}:{row.lock_key}:{row.attempt}",
-                    work_queue_name=queue_of(row.priority),
-                    state=Scheduled(scheduled_time=datetime.now(UTC) + timedelta(seconds=_pause_s(row))),
-                )
+                try:
+                    made = await client.create_flow_run_from_deployment(
+                        deployment.id,
+                        parameters=_parameters(row, ledger),
+                        name=Path(row.video).name[:100],
+                        tags=[f"batch:{row.batch}", *json.loads(row.tags)],
+                        idempotency_key=f"{ledger.store.root}:{row.lock_key}:{row.attempt}",
+                        work_queue_name=queue_of(row.priority),
+                        state=Scheduled(scheduled_time=datetime.now(UTC) + timedelta(seconds=_pause_s(row))),
+                    )
+                except httpx.HTTPError as error:
+                    refused.append(error)
+                    return
                 ledger.change(row, only_from=("scheduled",), flow_run=str(made.id))
 
             await _some_at_a_time([one(row) for row in rows])
 
     asyncio.run(schedule_all())
+    if refused:
+        log.warning("%d videos wait until the Prefect server answers again (%s)", len(refused), in_words(refused[0]))
 
 
 def set_schedule(name: str, cron: str | None, timezone: str, parameters: Mapping[str, Any]) -> datetime | None:

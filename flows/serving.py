@@ -222,8 +222,8 @@ def _look_after(files: ServerFiles, worker: Worker, leave: threading.Event, idle
         try:
             waiting = bool(resume_lost_videos(files)) | asyncio.run(crash_lost_runs(LOST_AFTER_S))
             tables.update(files)
-        except Exception as error:  # the server may be busy or restarting: the next look will tell
-            log.info("the Prefect server did not answer: %s", error)
+        except Exception as error:  # the server may be busy or restarting, the disk full: the next look will tell
+            log.warning("a look after lost videos was cut short: %s", error)
             continue
         if waiting:
             last_busy = time.monotonic()

@@ -129,8 +129,12 @@ def check_files(folder: Path, manifest: Manifest) -> None:
             raise DamageError(f"{path} does not belong to it")
 
 
-def read_encoded(folder: Path) -> Encoded:
-    """The json tree and all arrays. Chunks are checked against their crc32c by zarr."""
+def read_encoded(folder: Path, manifest: Manifest) -> Encoded:
+    """The json tree and all arrays as the manifest knows them, else DamageError: they may have changed since they were
+    checked. Chunks are checked against their crc32c by zarr, the rest here."""
+    for path, (_, sha) in manifest.files.items():
+        if path.endswith(".json") and not path.startswith("files/") and _sha256(folder / path) != sha:
+            raise DamageError(f"{path} has changed (sha256 differs)")
     tree = json.loads((folder / "result.json").read_bytes())
     small = {path: _from_inline(array) for path, array in tree["arrays"].items()}
     return Encoded(tree["result"], small | _read_arrays(folder / "arrays.zarr"))

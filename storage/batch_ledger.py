@@ -22,7 +22,7 @@ STATES = ("scheduled", "running", "done", "partial", "failed", "cancelled")
 FILE = "batches.sqlite"
 HOLD_LIMIT_S = 2.0
 MAX_LOSSES = 2
-"""How often a video whose process was lost is tried again without being asked."""
+"""How often a video whose process was lost is tried again without being asked, if it gets no further meanwhile."""
 
 _SCHEMA = """
 create table if not exists batch (name text primary key, source text, created real);
@@ -65,7 +65,7 @@ class VideoRow:
     changed: float = 0.0
     """When it changed its state, seconds since 1970."""
     losses: int = 0
-    """How often its process was lost."""
+    """How often its process was lost since it got further."""
 
     @property
     def lock_key(self) -> str:

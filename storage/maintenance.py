@@ -107,5 +107,5 @@ def _check_content(folder: Path, manifest: Manifest, output: str) -> None:
     module, _, name = output.partition(":")
     kind = getattr(import_module(module), name)
     files = {path: sha for path, (_, sha) in manifest.files.items() if path.startswith("files/")}
-    if encode(decode(read_encoded(folder), kind), kind).digest(files) != manifest.digest:
+    if encode(decode(read_encoded(folder, manifest), kind), kind).digest(files) != manifest.digest:
         raise DamageError("its decoded content does not have its content digest")

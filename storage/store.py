@@ -34,6 +34,7 @@ from humanmm.storage.refs import Ref, artifact_uri
 log = logging.getLogger(__name__)
 T = TypeVar("T")
 
+_UNREADABLE = (DamageError, OSError, ValueError, KeyError, TypeError)
 TMP_GRACE_S = 60.0
 """A folder in tmp/ younger than this is never swept: its writer may not hold its lock yet."""
 
@@ -126,10 +127,13 @@ class Store:
 
     def read(self, ref: Ref, output: type[T]) -> T:
         """The decoded result. StoreError if it is gone or damaged."""
-        self.manifest(ref)
+        with contextlib.suppress(*_UNREADABLE):
+            return decode(read_encoded(self.root / ref.uri, self.manifest(ref)), output)
+        self._checked.pop((ref.stage, ref.key), None)  # damaged or replaced since it was checked: `manifest` tells
+        manifest = self.manifest(ref)
         try:
-            return decode(read_encoded(self.root / ref.uri), output)
-        except (OSError, ValueError, KeyError, TypeError) as error:
+            return decode(read_encoded(self.root / ref.uri, manifest), output)
+        except _UNREADABLE as error:
             self._checked.pop((ref.stage, ref.key), None)
             self.set_aside(ref.stage, ref.key, str(error))
             raise StoreError(f"the artifact of {ref.stage} ({ref.unit}) is damaged: {error}; run again") from error

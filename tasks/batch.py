@@ -148,11 +148,18 @@ class Account:
 
     def _report(self, begun: float) -> None:
         while not self._left.wait(LOOK_EVERY_S):
+            if self.row.losses and self._has_computed():
+                self.row = replace(self.row, losses=0)
+                self.ledger.change(self.row, losses=0)
             stage = self._current_stage()
             if stage != self._stage:
                 self._stage = stage
                 seconds = round(time.time() - begun, 3)
                 self.ledger.change(self.row, only_from=("running",), stage=stage, seconds=seconds)
+
+    def _has_computed(self) -> bool:
+        """Whether there is something now that there was not before this attempt."""
+        return any(o.state == "computed" for o in list(self.run.outcomes.values())) if self.run else False
 
     def _current_stage(self) -> str | None:
         outcomes = list(self.run.outcomes.values()) if self.run else []

@@ -16,7 +16,14 @@ from typing import Any, Literal, TypeVar, cast
 
 from humanmm import __version__
 from humanmm.config import Config
-from humanmm.errors import HumanMMError, MissingInputError, NoUsablePersonError, ResourceError, VideoError
+from humanmm.errors import (
+    HumanMMError,
+    MissingInputError,
+    NoUsablePersonError,
+    ResourceError,
+    StoreError,
+    VideoError,
+)
 from humanmm.models.shots.boundaries import Scenes, ShotList
 from humanmm.storage.artifact import Manifest
 from humanmm.storage.code_digest import CodeDigest, code_digest
@@ -271,6 +278,9 @@ class VideoRun:
         return self.gpu() if needed.gpu else contextlib.nullcontext()
 
     def _compute_in_child(self, work: Work, outcome: Outcome, limit_s: float | None) -> None:
+        for name in work.stage.inputs:
+            for need in self.needs_from(work, self.stage(name)):
+                self.restore(need)
         job = Job(work.stage.name, work.index, self.known_for(work))
         done = self._children.compute(
             job, work.label, limit_s=limit_s, progress=lambda now, total: self.report(work, now, total)
@@ -313,7 +323,25 @@ class VideoRun:
         manifest = self.manifest(work.stage.name, work.index)
         if manifest is None:
             raise MissingInputError(f"the artifact of {work.label} is not in the store")
-        return self.store.read(manifest.ref, output)
+        try:
+            return self.store.read(manifest.ref, output)
+        except StoreError as error:
+            try:
+                self.restore(work)
+            except MissingInputError:  # a child does not know what it was made of: its parent does
+                raise error from None
+            return self.store.read(manifest.ref, output)
+
+    def restore(self, work: Work) -> None:
+        """Compute a result of this run again if it was damaged after it had been found."""
+        manifest = self.manifest(work.stage.name, work.index)
+        if manifest is None or self.store.read_only or self.store.find(work.stage.name, manifest.recipe.key):
+            return
+        again = Outcome(work)
+        self._compute(work, again)
+        log.warning("%s was computed again (%s)", work.label, again.reason)
+        if again.manifest is None or again.manifest.digest != manifest.digest:
+            raise StoreError(f"{work.label} was damaged, and has another content when computed again; run again")
 
     def _input_digests(self, work: Work) -> dict[str, str]:
         digests = {"video": self.video.sha256} if work.stage.reads_video else {}
@@ -348,7 +376,7 @@ class VideoRun:
                 if manifest is None:
                     return None
                 if manifest.digest not in self._definitions:
-                    self._definitions[manifest.digest] = self.store.read(manifest.ref, output)
+                    self._definitions[manifest.digest] = self.read(Work(stage), output)
                 return cast(T, self._definitions[manifest.digest])
         return None
 

@@ -123,7 +123,7 @@ def _write_folder(run: VideoRun, run_dir: Path) -> "Recording":
     manifest = run.manifest(last.name)
     assert manifest is not None
     output: type[Delivery] = getattr(import_module(last.output.partition(":")[0]), last.output.partition(":")[2])
-    delivery = run.store.read(manifest.ref, output)
+    delivery = run.read(Work(last), output)
     write_run_folder(run_dir, delivery, run.store.files_of(manifest.ref))
     return delivery.recording
 

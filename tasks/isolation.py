@@ -29,33 +29,51 @@ class Children:
 
     def __init__(self, setting: Setting) -> None:
         self._setting = setting
+        self._all: list[_Child] = []
         self._idle: list[_Child] = []
+        self._closed = False
         self._lock = threading.Lock()
 
     def compute(self, job: Job, label: str, *, limit_s: float | None, progress: Progress) -> Done:
         """Have a job done. TimeLimitError if it took too long, ResourceError if the child died, else its own error."""
-        with self._lock:
-            child = self._idle.pop() if self._idle else None
-        child = child or _Child(self._setting)
+        child = self._free_child()
         try:
             done = child.do(job, label, limit_s, progress)
         except BaseException as error:
             fit = isinstance(error, HumanMMError) and not isinstance(error, TimeLimitError | ResourceError)
-            self._give_back(child) if fit else child.kill()
+            self._give_back(child) if fit else self._drop(child)
             raise
         self._give_back(child)
         return done
 
     def close(self) -> None:
-        """End all children."""
+        """End all children, busy ones too: what they do is lost, and there will be no others."""
         with self._lock:
-            for child in self._idle:
-                child.kill()
-            self._idle.clear()
+            self._closed = True
+            for child in self._all:
+                child.end()
+
+    def _free_child(self) -> "_Child":
+        with self._lock:
+            if self._closed:
+                raise ResourceError("the run has ended")
+            if self._idle:
+                return self._idle.pop()
+        child = _Child(self._setting)  # not under the lock: this takes a while
+        with self._lock:
+            self._all.append(child)
+            if self._closed:
+                child.end()
+        return child
 
     def _give_back(self, child: "_Child") -> None:
         with self._lock:
             self._idle.append(child)
+
+    def _drop(self, child: "_Child") -> None:
+        child.kill()
+        with self._lock:
+            self._all.remove(child)
 
 
 class _Child:
@@ -98,8 +116,12 @@ class _Child:
             raise ResourceError(f"{label}: its process was lost: {self._how_it_ended()}") from error
 
     def kill(self) -> None:
-        """End it, and whatever it has started."""
+        """End it, and whatever it has started, once nobody listens to it any more."""
         self._connection.close()
+        self.end()
+
+    def end(self) -> None:
+        """End it, and whatever it has started; who listens to it learns that it was lost."""
         with contextlib.suppress(ProcessLookupError):
             os.killpg(self._process.pid, signal.SIGKILL)
         self._process.wait()

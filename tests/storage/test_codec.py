@@ -47,8 +47,9 @@ RECIPE = Recipe("toy", 1, {}, {}, {}, {}, {}, {})
 
 
 def _through_disk(value: Any, hint: Any, folder: Path) -> Any:
-    write_artifact(folder, encode(value, hint), RECIPE, unit="video", seconds=0.0, created="", version="0")
-    return decode(read_encoded(folder), hint)
+    encoded = encode(value, hint)
+    manifest = write_artifact(folder, encoded, RECIPE, unit="video", seconds=0.0, created="", version="0")
+    return decode(read_encoded(folder, manifest), hint)
 
 
 def test_a_result_survives_the_way_to_disk_and_back(tmp_path: Path) -> None:

@@ -189,6 +189,22 @@ def test_a_video_that_is_lost_again_and_again_fails(toy: Any, ledger: BatchLedge
     assert (again.attempt, again.losses) == (4, 0)
 
 
+def test_losses_are_counted_anew_when_a_video_has_got_further(
+    toy: Any, ledger: BatchLedger, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(batches, "LOOK_EVERY_S", 0.01)
+    _submit(toy, ledger, _films(toy, "a.mp4"))
+    (row,) = ledger.rows("test")
+    for left in (0, 2):  # `decode` is computed the first time, and only found the second
+        ledger.change(row, losses=2)
+        account = batches.Account(ledger, replace(row, losses=2))
+        with account.kept(None):
+            account.run = toy.open()
+            account.run.do(account.run.work("decode"))
+            time.sleep(1.0)
+        assert ledger.rows("test")[0].losses == left
+
+
 def test_a_ledger_of_an_earlier_version_is_read(toy: Any, ledger: BatchLedger) -> None:
     _submit(toy, ledger, _films(toy, "a.mp4"))
     with sqlite3.connect(ledger.path) as connection:

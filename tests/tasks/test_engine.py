@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from humanmm.errors import InputError, StageError
+from humanmm.errors import InputError, StageError, StoreError
 from humanmm.models.shots.boundaries import ShotList
 from humanmm.models.video.facts import VideoFacts
 from humanmm.storage import code_digest
@@ -155,6 +155,27 @@ def test_a_damaged_artifact_is_computed_again_with_the_reason(toy: Any, harm: st
     (reason,) = _reasons(run, "people") - {""}
     expected = "gone from the store" if harm == "remove all" else "damaged artifact: arrays.zarr/"
     assert expected in reason
+
+
+@pytest.mark.parametrize("isolate", [False, True])
+def test_what_is_damaged_after_it_was_found_is_computed_again_before_it_is_used(toy: Any, isolate: bool) -> None:
+    toy.run()
+    toy.executed()
+    run = toy.open(align={"method": "eight-point"}, run={"isolate": isolate})
+    for stage in run.stages[: [stage.name for stage in run.stages].index("align")]:
+        for work in run.works(stage) or ():
+            assert run.do(work).state == "cached"
+    damaged = toy.store / run.manifest("camera", 1).ref.uri / "result.json"
+    text = damaged.read_text()
+    assert '"start": 20' in text
+    damaged.write_text(text.replace('"start": 20', '"start": 21'))
+    if isolate:  # the child finds it in the middle, and its parent knows what it was made of
+        with pytest.raises(StoreError, match=r"camera \(shot 1\) cannot be read: result.json has changed"):
+            run.do(run.work("align"))
+    assert run.do(run.work("align")).state == "computed"
+    run.close()
+    assert toy.executed() == ["align"] * (1 + isolate) + ["camera:20"]
+    assert damaged.read_text() == text
 
 
 def _alone(toy: Any, *arguments: str) -> subprocess.Popen[str]:

@@ -102,6 +102,28 @@ def test_a_killed_child_costs_one_attempt_of_one_unit(toy: Any, monkeypatch: pyt
     run.close()
 
 
+def test_a_run_that_is_closed_ends_its_busy_children_and_begins_no_others(
+    toy: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TOY_SLEEP", "decode=60")
+    run = toy.open(run={"isolate": True})
+
+    def close() -> None:
+        while "decode" not in (toy.log.read_text() if toy.log.exists() else ""):
+            time.sleep(0.05)
+        run.close()
+
+    closing = threading.Thread(target=close)
+    closing.start()
+    began = time.monotonic()
+    with pytest.raises(ResourceError, match="its process was lost"):
+        run.do(run.work("decode"))
+    closing.join()
+    assert time.monotonic() - began < 40
+    with pytest.raises(ResourceError, match="the run has ended"):
+        run.do(run.work("decode"))
+
+
 def test_errors_warnings_and_progress_come_out_of_a_child_as_they_are(
     toy: Any, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
