@@ -108,6 +108,28 @@ def test_the_flow_run_of_a_killed_recover_does_not_stay_running(toy: Any, place:
     assert "its process was lost" in message[0]
 
 
+NEVER_TOLD = """
+import datetime
+from prefect import flow, task
+from prefect.states import Completed, Running
+run = await client.create_flow_run(flow(lambda: None, name="over"), state=Running())
+await client.create_task_run(
+    task(lambda: None), flow_run_id=run.id, dynamic_key="0", name="lost", state=Running()
+)
+await client.set_flow_run_state(run.id, Completed(), force=True)
+"""
+
+
+@server
+@pytest.mark.timeout(2400)
+def test_a_task_whose_end_was_never_told_does_not_stay_running(toy: Any, place: Any) -> None:
+    assert _start(toy, "film.mp4", HUMANMM_SERVER_IDLE_S="300").wait(timeout=300) == 0
+    place.client(NEVER_TOLD)
+    lost = "select state_type from task_run where name = 'lost'"
+    assert place.ask(lost) == [("RUNNING",)]
+    place.until(lambda: place.ask(lost) == [("COMPLETED",)], 120)
+
+
 @server
 @pytest.mark.timeout(2400)
 def test_the_gpu_limit_is_never_exceeded_and_a_killed_holder_frees_its_slot(toy: Any, place: Any) -> None:

@@ -12,6 +12,9 @@ import pytest
 
 pytestmark = pytest.mark.usefixtures("server_cache")
 
+NUM_UNITS = 18
+"""Stages × units of the toy's film."""
+
 
 def _database(cache: Path) -> list[tuple[str, str, str]]:
     """Task name, state type and state name of every task run of the newest flow run."""
@@ -29,13 +32,14 @@ def _settled(cache: Path, expected: int) -> list[tuple[str, str, str]]:
         if len(rows) == expected and not {"PENDING", "RUNNING"} & {state for _, state, _ in rows}:
             break
         time.sleep(0.1)
+    assert len(rows) == expected
     return rows
 
 
 def test_a_run_writes_its_folder_and_prefect_shows_every_unit_by_name(toy: Any, server_cache: Path) -> None:
     done = toy.command("recover", "film.mp4", "--out", "out dir")
     assert (done.returncode, done.stdout) == (0, "out dir\n"), done.stderr
-    rows = _settled(server_cache, 17)
+    rows = _settled(server_cache, NUM_UNITS)
     assert [name for name, _, _ in rows][1:4] == ["camera · shot 0", "camera · shot 1", "camera · shot 2"]
     assert {state for _, state, _ in rows} == {"COMPLETED"}
     record = json.loads((toy.folder / "out dir" / "run.json").read_text())
@@ -43,7 +47,7 @@ def test_a_run_writes_its_folder_and_prefect_shows_every_unit_by_name(toy: Any, 
     assert record["video"]["num_frames"] == 60 and len(record["video"]["sha256"]) == 64
     assert [(shot["start"], shot["end"]) for shot in record["shots"]] == [(0, 20), (20, 40), (40, 60)]
     assert record["shots"][0]["transition"] is None and record["shots"][1]["transition"]["type"] == "cut"
-    assert {stage["state"] for stage in record["stages"]} == {"computed"} and len(record["stages"]) == 18
+    assert {stage["state"] for stage in record["stages"]} == {"computed"} and len(record["stages"]) == NUM_UNITS
     assert "decode: a toy" in record["warnings"] and "camera, shot 1: it does not move" in record["warnings"]
     assert record["config"]["camera"] == {"static": False} | record["config"]["camera"]
     assert {"numpy", "python", "humanmm"} <= set(record["versions"])
@@ -63,7 +67,7 @@ def test_a_run_writes_its_folder_and_prefect_shows_every_unit_by_name(toy: Any, 
 
     changed = toy.main("recover", "film.mp4", "--out", "out dir", "--hmr.smoothness", "2")
     assert changed[0] == 0, changed[2]
-    names = {name: state for name, _, state in _settled(server_cache, 17)}
+    names = {name: state for name, _, state in _settled(server_cache, NUM_UNITS)}
     assert names["camera · shot 1"] == "Cached" and names["hmr · shot 1"] == "Completed"
 
 
@@ -79,7 +83,7 @@ def test_a_failed_shot_makes_the_video_partial(toy: Any, server_cache: Path) -> 
     }  # fmt: skip
     (failed,) = [s for s in record["stages"] if s["stage"] == "camera" and s["shot"] == 1]
     assert (failed["state"], failed["attempts"]) == ("failed", 1), "a stage that cannot do it is not asked twice"
-    states = {name: state for name, _, state in _settled(server_cache, 17)}
+    states = {name: state for name, _, state in _settled(server_cache, NUM_UNITS)}
     assert (states["camera · shot 1"], states["hmr · shot 1"]) == ("Failed", "Skipped")
     with sqlite3.connect(next(server_cache.glob("prefect-*/prefect.db"))) as connection:
         last = connection.execute("select state_type, state_name from flow_run order by created desc limit 1")
@@ -119,7 +123,7 @@ def test_a_shot_whose_retries_are_exhausted_is_failed_with_its_attempts_and_the_
     assert done[0] == 3 and "camera · shot 1" in done[2] and "Input/output error" in done[2]
     record = json.loads((toy.folder / "runs/film/run.json").read_text())
     assert [shot["failed"] for shot in record["shots"]] == [False, True, False]
-    _settled(server_cache, 17)
+    _settled(server_cache, NUM_UNITS)
     with sqlite3.connect(next(server_cache.glob("prefect-*/prefect.db"))) as connection:
         found = connection.execute(
             "select t.state_name, t.run_count, s.message from task_run t join task_run_state s on s.id = t.state_id "
