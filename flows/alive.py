@@ -70,16 +70,16 @@ def crash_lost(home: Path, host: str, port: int) -> int:
         for task in _tasks_at_work(host, port, {"id": {"any_": [flow_run]}}):
             _set_state(host, port, f"task_runs/{task}", "CRASHED", LOST)
         count += 1
+    _end_lost_tasks(host, port)
     return count
 
 
-def end_lost_tasks(host: str, port: int) -> int:
-    """End the tasks of flow runs that have ended; returns how many.
+def _end_lost_tasks(host: str, port: int) -> None:
+    """End the tasks of flow runs that have ended.
 
     A task tells its states in passing, without waiting for an answer: what was under way when its process or the server
     was killed never arrived, and it would stay `Running`.
     """
-    count = 0
     before = datetime.datetime.now(datetime.UTC) - datetime.timedelta(seconds=TELLING_S)
     for ended, state, message in (
         (["COMPLETED"], "COMPLETED", "its end was never told; its flow run is completed"),
@@ -88,8 +88,6 @@ def end_lost_tasks(host: str, port: int) -> int:
         flow_runs = {"state": {"type": {"any_": ended}}, "end_time": {"before_": before.isoformat()}}
         for task in _tasks_at_work(host, port, flow_runs):
             _set_state(host, port, f"task_runs/{task}", state, message)
-            count += 1
-    return count
 
 
 def _tasks_at_work(host: str, port: int, flow_runs: dict[str, Any]) -> list[str]:

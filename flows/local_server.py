@@ -23,7 +23,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from humanmm.flows.alive import crash_lost, end_lost_tasks
+from humanmm.flows.alive import crash_lost
 from humanmm.storage.store import cache_folder
 
 log = logging.getLogger(__name__)
@@ -261,14 +261,13 @@ def serve(files: ServerFiles) -> None:
 def _leave_when_idle(server: object, files: ServerFiles, port: int, idle_s: float) -> None:
     """Stop the server once nobody holds `users` and nobody has for `idle_s`, or once its folder is gone.
 
-    Meanwhile end the flow runs and tasks whose process is lost.
+    Meanwhile end the flow runs whose process is lost.
     """
     started = time.time()
     while True:
         time.sleep(min(15.0, max(0.2, idle_s / 4)))
         with contextlib.suppress(OSError, http.client.HTTPException, ValueError):  # not up yet: the next look will tell
             crash_lost(files.home, HOST, port)
-            end_lost_tasks(HOST, port)
         try:
             users = files.users.open("a+")
         except OSError:
