@@ -20,9 +20,10 @@ from humanmm.config import Config
 from humanmm.errors import StageError
 from humanmm.models.benchmark.rows import Row, summarise
 from humanmm.models.perception.networks import detect, locate
-from humanmm.models.perception.regions import whole
+from humanmm.models.perception.picture import Picture, whole
+from humanmm.models.video.colors import read_colors
 from humanmm.models.video.facts import VideoFacts
-from humanmm.models.video.frames import frames
+from humanmm.models.video.frames import planar_frames
 from humanmm.models.video.reading import read_facts
 from humanmm.storage.looped_video import write_looped
 from humanmm.storage.run_record import read_run_record
@@ -133,14 +134,15 @@ def measure_floor(video: Path, facts: VideoFacts, config: Config) -> Floor:
     """Time decoding, detecting and locating one person on every frame, one after the other."""
     seconds = np.zeros(3)
     with video.open("rb") as stream:
-        pictures = frames(stream, facts, max_side_px=config.people.max_side_px)
+        colors = read_colors(stream)
+        pictures = planar_frames(stream, facts, 0, facts.num_frames, max_side_px=config.people.max_side_px)
         for _ in range(_WARM_UP_FRAMES):  # networks are loaded at their first use
-            picture = np.zeros((facts.height, facts.width, 3), np.uint8)
+            picture = Picture((np.zeros((256, 256), np.uint8), half := np.zeros((128, 128), np.uint8), half))
             detect(picture, whole(picture))
             locate(picture, whole(picture))
         for _ in range(facts.num_frames):
             clock = [time.perf_counter()]
-            picture = next(pictures).image
+            picture = Picture(next(pictures).planes, colors)
             clock.append(time.perf_counter())
             found = detect(picture, whole(picture))
             clock.append(time.perf_counter())

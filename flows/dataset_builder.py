@@ -16,7 +16,7 @@ from humanmm.errors import InputError
 from humanmm.models.benchmark.multishot import cut_times, split_name
 from humanmm.models.benchmark.statistics import SetStatistics, statistics_of
 from humanmm.models.video.colors import BT601, read_colors
-from humanmm.models.video.frames import frames, planar_size
+from humanmm.models.video.frames import joined, planar_frames, planar_size
 from humanmm.models.video.reading import read_facts
 from humanmm.storage.datasets.multiview import MultiviewSequence
 from humanmm.storage.datasets.recording import ImageRecording
@@ -108,9 +108,9 @@ def _write_clip(
                 facts = read_facts(stream)
                 if planar_size(facts, None) != (width, height):
                     raise InputError(f"{video} is {facts.width} x {facts.height}, {first.name} {width} x {height}")
-                for frame in frames(stream, facts, start * step, (end - 1) * step + 1, pixels="yuv420p"):
+                for frame in planar_frames(stream, facts, start * step, (end - 1) * step + 1):
                     if frame.index % step == 0:
-                        yield frame.index / step / fps, frame.image
+                        yield frame.index / step / fps, joined(frame.planes)
 
     write_video(path, pictures(), width=width, height=height, fps=fps, colors=colors, quality=QUALITY)
 

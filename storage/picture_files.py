@@ -35,9 +35,10 @@ def write_video(
     colors: Colors,
     quality: int = 22,
 ) -> None:
-    """Encode yuv420p pictures (planes as in `Frame.image`, even sides) with their times in seconds.
+    """Encode yuv420p pictures (even sides, the planes one after the other) with their times in seconds.
 
-    Times rise; the first becomes zero. `quality` is x264's constant rate factor (lower is better).
+    A picture may be overwritten once the next one is asked for. Times rise; the first becomes zero. `quality` is x264's
+    constant rate factor (lower is better).
     """
     with av.open(str(path), "w", format="mp4", options={"movflags": "+faststart"}) as container:
         stream = container.add_stream("libx264", rate=Fraction(max(fps, 1.0)).limit_denominator(1001))
@@ -48,10 +49,12 @@ def write_video(
         codec.thread_count = _THREADS
         codec.colorspace, codec.color_primaries, codec.color_trc = colors.matrix, colors.primaries, colors.transfer
         codec.color_range = _LIMITED_RANGE
+        # the way without a copy misplaces the second plane of chroma that ends in the middle of a row
+        to_frame = av.VideoFrame.from_ndarray if height % 4 else av.VideoFrame.from_numpy_buffer
         first: float | None = None
         for time_s, image in pictures:
             first = time_s if first is None else first
-            picture = av.VideoFrame.from_ndarray(image, "yuv420p")
+            picture = to_frame(np.ascontiguousarray(image), format="yuv420p")
             picture.pts = round((time_s - first) / TIME_BASE)
             picture.time_base = TIME_BASE
             container.mux(stream.encode(picture))

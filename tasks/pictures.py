@@ -15,7 +15,7 @@ from humanmm.models.pictures.top_view import top_view
 from humanmm.models.video.ahead import ahead
 from humanmm.models.video.colors import read_colors
 from humanmm.models.video.facts import VideoFacts
-from humanmm.models.video.frames import Frame, frames, planar_size
+from humanmm.models.video.frames import PlanarFrame, joined, planar_frames, planar_size
 from humanmm.models.video.reading import read_facts
 from humanmm.storage.files import replace_file
 from humanmm.storage.picture_files import write_png, write_video
@@ -42,13 +42,16 @@ def write_overlay(
     colors = read_colors(stream)
     overlay = Overlay(recording, tuple(marks), width, height, colors)
 
-    def drawn(decoded: Iterator[Frame]) -> Iterator[tuple[float, np.ndarray]]:
-        for frame in decoded:
-            overlay.draw(frame.image, frame.index)
-            progress(frame.index + 1, facts.num_frames)
-            yield frame.time_s, frame.image
+    canvases = [np.empty((height * 3 // 2, width), np.uint8) for _ in range(_AHEAD)]
 
-    planes = frames(stream, facts, pixels="yuv420p", max_side_px=settings.overlay_max_side_px)
+    def drawn(decoded: Iterator[PlanarFrame]) -> Iterator[tuple[float, np.ndarray]]:
+        for frame in decoded:
+            image = joined(frame.planes, canvases[frame.index % _AHEAD])
+            overlay.draw(image, frame.index)
+            progress(frame.index + 1, facts.num_frames)
+            yield frame.time_s, image
+
+    planes = planar_frames(stream, facts, 0, facts.num_frames, max_side_px=settings.overlay_max_side_px)
     with ahead(planes, _AHEAD) as decoded, ahead(drawn(decoded), _AHEAD) as pictures:
         write_video(
             path, pictures, width=width, height=height, fps=facts.fps, colors=colors, quality=settings.overlay_quality

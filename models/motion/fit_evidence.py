@@ -14,10 +14,13 @@ from humanmm.models.body.landmarks import MIRROR, NUM_LANDMARKS
 from humanmm.models.motion.fit_state import Skeleton
 from humanmm.models.perception.tracks import MASK_SIDE, PersonTrack
 from humanmm.models.rotations import swing
+from humanmm.models.shots.boundaries import Appearance, in_spans
 
 Array = np.ndarray
 
 _MIRROR = np.array(MIRROR)
+LAPSE_TRUST = 0.1
+"""Factor of a keypoint's visibility where the network was lost."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +61,8 @@ class Sighting:
     span: tuple[int, int]
     swapped: tuple[tuple[int, int], ...]
     """Frames in which left and right are named wrongly."""
+    lapses: tuple[tuple[int, int], ...]
+    """Frames in which the pose is hardly trusted."""
     K: Float[Array, "n 3 3"]
     """Cameras of the span."""
 
@@ -83,9 +88,7 @@ class Sighting:
         return start, max(start, end)
 
     def _sides_right(self, points: Float[Array, "n 33 c"], frame: Int[Array, " n"]) -> Float[Array, "n 33 c"]:
-        exchange = np.zeros(len(frame), bool)
-        for first, last in self.swapped:
-            exchange |= (frame >= first) & (frame < last)
+        exchange = in_spans(frame, self.swapped)
         return np.where(exchange[:, None, None], points[:, _MIRROR], points) if exchange.any() else points
 
     def enter(self, evidence: "Evidence", first: int) -> None:
@@ -107,7 +110,8 @@ class Sighting:
         at = frame - first
         evidence.seen[at] = True
         evidence.keypoints[at] = keypoints[..., :2]
-        evidence.visibility[at] = np.clip(keypoints[..., 2], 0, 1)
+        trust = np.where(in_spans(frame, self.lapses), LAPSE_TRUST, 1.0)
+        evidence.visibility[at] = np.clip(keypoints[..., 2], 0, 1) * trust[:, None]
         evidence.landmarks_cam[at] = landmarks_cam
         evidence.bones[at] = (landmarks_cam[:, BONE_END] - landmarks_cam[:, BONE_START]) / self.bone_lengths[:, None]
         evidence.ray[at] = ray
@@ -185,7 +189,7 @@ class LongEvidence:
 def gather(
     track: PersonTrack,
     span: tuple[int, int],
-    swapped: tuple[tuple[int, int], ...],
+    appearance: Appearance,
     time_s: Float[Array, " F"],
     K: Float[Array, "n 3 3"],
 ) -> LongEvidence | None:
@@ -193,7 +197,7 @@ def gather(
 
     `time_s` holds all frames of the video, K those of the span.
     """
-    sighting = Sighting(track, span, swapped, K)
+    sighting = Sighting(track, span, appearance.swapped, appearance.lapses, K)
     if not len(sighting.frame):
         return None
     return LongEvidence.of((sighting,), np.arange(sighting.frame[0], sighting.frame[-1] + 1), time_s)

@@ -67,6 +67,10 @@ class Sighting:
     keypoints2d: Float[Array, "n 33 3"]
     landmarks3d: Float[Array, "n 33 3"]
 
+    def only(self, rows: Array) -> "Sighting":
+        """Some of the observations."""
+        return Sighting(self.time_s[rows], self.frame[rows], self.keypoints2d[rows], self.landmarks3d[rows])
+
 
 def swapped_spans(sightings: Sequence[Sighting], K: Float[Array, "3 3"]) -> tuple[tuple[tuple[int, int], ...], ...]:
     """For each shot of one person, in time order: frame spans [start, end) with left and right exchanged.
@@ -74,7 +78,7 @@ def swapped_spans(sightings: Sequence[Sighting], K: Float[Array, "3 3"]) -> tupl
     K may be rough: a focal length wrong by 30 % changes nothing here.
     """
     states = swapped_frames(sightings, K)
-    return tuple(_spans(sighting.frame, state) for sighting, state in zip(sightings, states, strict=True))
+    return tuple(spans(sighting.frame, state) for sighting, state in zip(sightings, states, strict=True))
 
 
 def swapped_frames(sightings: Sequence[Sighting], K: Float[Array, "3 3"]) -> list[Bool[Array, "n"]]:
@@ -85,7 +89,7 @@ def swapped_frames(sightings: Sequence[Sighting], K: Float[Array, "3 3"]) -> lis
     relative = [_settled(sighting, _within_shot(sighting)) for sighting in seen]
     links: list[Array] = []
     for k, (sighting, state) in enumerate(zip(seen, relative, strict=True)):
-        links.append(_continuity(sighting) + _held_at_cuts(sighting, state, first=k == 0, last=k + 1 == len(seen)))
+        links.append(link_energies(sighting) + _held_at_cuts(sighting, state, first=k == 0, last=k + 1 == len(seen)))
         if k + 1 < len(seen):
             same, turned = _across_cut(sighting, state, seen[k + 1], relative[k + 1], K)
             agreed = state[-1] == relative[k + 1][0]
@@ -124,7 +128,7 @@ def _within_shot(sighting: Sighting) -> Bool[Array, "n"]:
     """States of the frames of one shot, from the motion between them and each frame's own evidence."""
     if len(sighting.frame) < 2:
         return np.zeros(len(sighting.frame), dtype=bool)
-    return two_state_chain(_frame_evidence(sighting), _continuity(sighting))
+    return two_state_chain(_frame_evidence(sighting), link_energies(sighting))
 
 
 def _settled(sighting: Sighting, state: Bool[Array, "n"]) -> Bool[Array, "n"]:
@@ -168,8 +172,9 @@ def _normalised(keypoints2d: Float[Array, "n 33 3"]) -> tuple[Float[Array, "n 33
     return image / height[:, None, None], height
 
 
-def _continuity(sighting: Sighting) -> Float[Array, "n-1 2"]:
-    """Energy of each neighbouring pair of frames with the same and with different labels."""
+def link_energies(sighting: Sighting) -> Float[Array, "n-1 2"]:
+    """Energy of each neighbouring pair of frames with the same and with different labels: how far the limbs moved
+    against what is usual in the time between."""
     step = np.diff(sighting.time_s)[:, None]
     image, height = _normalised(sighting.keypoints2d)
     image = image * height[:, None, None]
@@ -264,7 +269,7 @@ def _unit(v: Float[Array, "n 3"]) -> Float[Array, "n 3"]:
     return np.asarray(v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-9))
 
 
-def _spans(frame: Int[Array, "n"], state: Bool[Array, "n"]) -> tuple[tuple[int, int], ...]:
+def spans(frame: Int[Array, "n"], state: Bool[Array, "n"]) -> tuple[tuple[int, int], ...]:
     """Runs of exchanged frames as [start, end); frames in a hole between two of them belong to the run."""
     spans = []
     begun: int | None = None

@@ -92,7 +92,7 @@ def fit_shot(
         track = scene.tracks[appearance.track]
         first, last = shot.clear
         K = camera.K[first - camera.start : last - camera.start]
-        evidence = gather(track, shot.clear, appearance.swapped, time_s, K)
+        evidence = gather(track, shot.clear, appearance, time_s, K)
         if evidence is not None:
             path = camera_path(camera, evidence.frame)
             motions.append(fit_person(appearance.person, evidence, betas[appearance.person], path, noise=noise))

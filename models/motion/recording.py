@@ -15,7 +15,7 @@ from humanmm.models.body.kinematics import forward_kinematics
 from humanmm.models.motion.results import PersonMotion, WorldMotion
 from humanmm.models.perception import landmarks
 from humanmm.models.perception.tracks import PersonTrack, ScenePeople
-from humanmm.models.shots.boundaries import Shot, ShotList
+from humanmm.models.shots.boundaries import Shot, ShotList, in_spans
 from humanmm.models.video.facts import VideoFacts, mean_rate_hz
 
 CONTACT_JOINTS = (7, 10, 8, 11)
@@ -235,13 +235,9 @@ def _observations(
             continue
         rows = track.frame - first
         inside = (track.frame >= shot.start) & (track.frame < shot.end) & (rows >= 0) & (rows < num_frames)
-        swapped = np.zeros(len(track.frame), bool)
-        for appearance in shot.people:
-            if appearance.person == person.person:
-                for start, end in appearance.swapped:
-                    swapped |= (track.frame >= start) & (track.frame < end)
+        appearance = next(a for a in shot.people if a.person == person.person)
         keypoints2d[rows[inside]] = track.keypoints2d[inside]
-        exchanged = inside & swapped
+        exchanged = inside & in_spans(track.frame, appearance.swapped)
         keypoints2d[rows[exchanged]] = track.keypoints2d[exchanged][:, landmarks.SWAP]
         bbox[rows[inside]] = track.bbox[inside]
         seen[rows[inside]] = True

@@ -27,7 +27,7 @@ from humanmm.models.motion.world_people import Part, joined
 from humanmm.models.motion.world_solve import Join, SamePlace, ShotRig, Solution, Strand, solve
 from humanmm.models.perception.tracks import ScenePeople
 from humanmm.models.rotations import rotation_from_vector
-from humanmm.models.shots.boundaries import ShotList
+from humanmm.models.shots.boundaries import ShotList, in_spans
 
 Array = np.ndarray
 
@@ -188,16 +188,15 @@ def _side(footage: Footage, shot_index: int, person: int, *, last: bool) -> Side
     if scene is None or camera is None or appearance is None:
         return None
     track = scene.tracks[appearance.track]
-    rows = np.flatnonzero((track.frame >= shot.clear[0]) & (track.frame < shot.clear[1]))
+    inside = (track.frame >= shot.clear[0]) & (track.frame < shot.clear[1])
+    rows = np.flatnonzero(inside & ~in_spans(track.frame, appearance.lapses))
     if not len(rows):
         return None
     time_s = footage.time_s[track.frame[rows]]
     near = (time_s >= time_s[-1] - SIDE_S) if last else (time_s <= time_s[0] + SIDE_S)
     rows = rows[near]
     frame = track.frame[rows]
-    swapped = np.zeros(len(rows), dtype=bool)
-    for first, stop in appearance.swapped:
-        swapped |= (frame >= first) & (frame < stop)
+    swapped = in_spans(frame, appearance.swapped)
     at_cut = -1 if last else 0
     R_at_cut = camera.R_shot_cam[at_cut]
     keypoints2d = track.keypoints2d[rows].copy()

@@ -2,11 +2,12 @@
 
 import cv2
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float
 
 from humanmm.models.perception import landmarks
 from humanmm.models.perception.observation import Observation
-from humanmm.models.perception.regions import crop, invert, transform
+from humanmm.models.perception.picture import Picture
+from humanmm.models.perception.regions import invert, transform
 
 HUES, SATURATIONS, GREYS = 12, 3, 4
 _PART = HUES * SATURATIONS + GREYS
@@ -18,9 +19,9 @@ _FAINT, _DARK = 40, 40
 _SIDE = 64
 
 
-def clothing_histogram(image: UInt8[np.ndarray, "height width 3"], seen: Observation) -> Float[np.ndarray, " bins"]:
+def clothing_histogram(image: Picture, seen: Observation) -> Float[np.ndarray, " bins"]:
     """Colours on the mask above and below the hips, each half summing to 0.5 (0 where nothing of it is seen)."""
-    picture = cv2.cvtColor(crop(image, seen.region, _SIDE), cv2.COLOR_RGB2HSV).astype(np.int64)
+    picture = cv2.cvtColor(image.crop(seen.region, _SIDE), cv2.COLOR_RGB2HSV).astype(np.int64)
     mask = cv2.resize(cv2.erode(seen.mask, np.ones((3, 3), np.uint8)), (_SIDE, _SIDE), interpolation=cv2.INTER_NEAREST)
     torso = transform(invert(seen.region.to_source(_SIDE)), seen.keypoints[list(landmarks.TORSO), :2])
     shoulders, hips = torso[:2].mean(axis=0), torso[2:].mean(axis=0)

@@ -1,6 +1,6 @@
 """The two BlazePose networks on LiteRT: where people are, and 33 landmarks with a mask for one person's crop.
 
-Inputs are RGB pictures, outputs are decoded to source pixels (centres at (0.5, 0.5)). Interpreters are built once per
+Outputs are decoded to source pixels (centres at (0.5, 0.5)). Interpreters are built once per
 process and lent to one caller at a time, so that stages of one video may run in several threads.
 """
 
@@ -17,7 +17,8 @@ from ai_edge_litert.interpreter import Interpreter
 from jaxtyping import Float, UInt8
 
 from humanmm.models.perception import landmarks
-from humanmm.models.perception.regions import Region, body_region, crop, transform
+from humanmm.models.perception.picture import Picture
+from humanmm.models.perception.regions import Region, body_region, transform
 from humanmm.models.perception.tracks import MASK_SIDE
 from humanmm.models.weights.shipped import read_weights
 
@@ -137,9 +138,9 @@ def _anchors() -> Float[np.ndarray, "2254 2"]:
     return np.concatenate(centres)
 
 
-def detect(image: UInt8[np.ndarray, "height width 3"], within: Region, *, threshold: float = 0.5) -> list[Detection]:
+def detect(image: Picture, within: Region, *, threshold: float = 0.5) -> list[Detection]:
     """People in an upright square region of the picture, best first, one detection a person."""
-    picture = crop(image, within, DETECTOR_SIDE)
+    picture = image.crop(within, DETECTOR_SIDE)
     tensor = np.divide(picture[None], np.float32(127.5), dtype=np.float32) - np.float32(1)
     boxes_and_points, logits = _run("pose_detection.tflite", tensor, "Identity", "Identity_1")
     scores = _sigmoid(logits[0, :, 0])
@@ -182,12 +183,12 @@ def box_overlaps(a: Float[np.ndarray, "a 4"], b: Float[np.ndarray, "b 4"]) -> Fl
     return overlap
 
 
-def locate(image: UInt8[np.ndarray, "height width 3"], region: Region, *, mirrored: bool = False) -> Landmarks:
+def locate(image: Picture, region: Region, *, mirrored: bool = False) -> Landmarks:
     """Landmarks and mask of the person that fills a region; `mirrored` shows the network the crop's mirror image.
 
     The answer for a mirrored crop is given in the unmirrored picture, with left and right named as seen there.
     """
-    picture = crop(image, region, LANDMARK_SIDE)
+    picture = image.crop(region, LANDMARK_SIDE)
     if mirrored:
         picture = np.ascontiguousarray(picture[:, ::-1])
     image_points, presence, mask_logits, world_points = _run(

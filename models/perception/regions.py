@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float
 
 BODY_MARGIN = 1.25
 """Side of a person's region over the diameter of the circle about the hips that holds the body, as in training."""
@@ -52,12 +52,6 @@ def body_region(hip: np.ndarray, rim: np.ndarray) -> Region:
     return Region(float(hip[0]), float(hip[1]), 2 * float(np.hypot(dx, dy)) * BODY_MARGIN, float(np.arctan2(dx, -dy)))
 
 
-def whole(image: UInt8[np.ndarray, "height width 3"]) -> Region:
-    """The smallest upright square that holds the picture."""
-    height, width = image.shape[:2]
-    return Region(width / 2, height / 2, float(max(height, width)))
-
-
 def transform(affine: Float[np.ndarray, "2 3"], points: Float[np.ndarray, "... 2"]) -> Float[np.ndarray, "... 2"]:
     """Points through an affine map."""
     moved: np.ndarray = points @ affine[:, :2].T + affine[:, 2]
@@ -77,11 +71,6 @@ def warp(image: np.ndarray, target_to_source: Float[np.ndarray, "2 3"], size: tu
     matrix[:, 2] += matrix[:, :2] @ np.array([0.5, 0.5]) - 0.5
     flags = (cv2.INTER_NEAREST if nearest else cv2.INTER_LINEAR) | cv2.WARP_INVERSE_MAP
     warped: np.ndarray = cv2.warpAffine(
-        image, matrix, size, flags=flags, borderMode=cv2.BORDER_CONSTANT, borderValue=(border, border, border)
+        image, matrix, size, flags=flags, borderMode=cv2.BORDER_CONSTANT, borderValue=border
     )
     return warped
-
-
-def crop(image: UInt8[np.ndarray, "height width 3"], region: Region, size: int) -> UInt8[np.ndarray, "size size 3"]:
-    """The region as a size × size picture, black outside the frame."""
-    return warp(image, region.to_source(size), (size, size))

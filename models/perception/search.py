@@ -8,7 +8,8 @@ from jaxtyping import UInt8
 
 from humanmm.models.perception.networks import detect, locate
 from humanmm.models.perception.observation import Observation, observe, similarity
-from humanmm.models.perception.regions import Region, transform, warp, whole
+from humanmm.models.perception.picture import Picture, whole
+from humanmm.models.perception.regions import Region, transform, warp
 
 SETTLE_ROUNDS = 3
 DUPLICATE_SIMILARITY = 0.5
@@ -18,7 +19,7 @@ _PAINT = 127
 
 
 def find_people(
-    image: UInt8[np.ndarray, "height width 3"],
+    image: Picture,
     known: list[Observation],
     places: list[Region],
     *,
@@ -46,12 +47,12 @@ def find_people(
 class _Search:
     """One frame's search: who was found, and the frame with everybody found painted out."""
 
-    def __init__(self, image: UInt8[np.ndarray, "height width 3"], known: list[Observation]) -> None:
+    def __init__(self, image: Picture, known: list[Observation]) -> None:
         self._known = known
         self._image = image
         self.found: list[Observation] = []
         self.canvas = image.copy()
-        self._painted = np.zeros(image.shape[:2], np.uint8)
+        self._painted = np.zeros((image.height, image.width), np.uint8)
         for person in known:
             paint_out(self.canvas, person, self._painted)
 
@@ -62,7 +63,7 @@ class _Search:
             return False
         if self.found or self._known:
             # A body put together from what the paint left over falls apart when it is looked at without the paint.
-            bare = observe(locate(self._image, person.region), (self._image.shape[1], self._image.shape[0]))
+            bare = observe(locate(self._image, person.region), self._image.size)
             if bare is None or any(same_person(bare, other) for other in [*self._known, *self.found]):
                 return False
             if max(covered_share(self._painted, person), covered_share(self._painted, bare)) > MAX_COVERED:
@@ -79,13 +80,12 @@ def covered_share(painted: UInt8[np.ndarray, "height width"], person: Observatio
     return float((paint * person.mask).sum() / max(int(person.mask.sum()), 1))
 
 
-def settle(image: UInt8[np.ndarray, "height width 3"], region: Region) -> Observation | None:
+def settle(image: Picture, region: Region) -> Observation | None:
     """The person in a region, looked at until the crop follows from its own answer."""
-    frame_size = (image.shape[1], image.shape[0])
     seen = None
     for _ in range(SETTLE_ROUNDS):
         answer = locate(image, region)
-        seen = observe(answer, frame_size)
+        seen = observe(answer, image.size)
         if seen is None:
             return None
         region = answer.next_region
@@ -98,7 +98,7 @@ def same_person(a: Observation, b: Observation) -> bool:
 
 
 def paint_out(
-    canvas: UInt8[np.ndarray, "height width 3"],
+    canvas: Picture,
     person: Observation,
     painted: UInt8[np.ndarray, "height width"] | None = None,
 ) -> None:
@@ -107,20 +107,19 @@ def paint_out(
     grown = cv2.dilate(person.mask, np.ones((5, 5), np.uint8))
     low = np.floor([region.x - 0.75 * region.side, region.y - 0.75 * region.side]).astype(int)
     high = np.ceil([region.x + 0.75 * region.side, region.y + 0.75 * region.side]).astype(int)
-    low, high = np.maximum(low, 0), np.minimum(high, [canvas.shape[1], canvas.shape[0]])
+    low, high = np.maximum(low - low % 2, 0), np.minimum(high + high % 2, canvas.size)
     if (high - low).min() <= 0:
         return
     matrix = region.to_source(size)
     matrix[:, 2] += matrix[:, :2] @ np.array([0.5, 0.5]) - 0.5 - low
     covered = cv2.warpAffine(grown, matrix, (int(high[0] - low[0]), int(high[1] - low[1])), flags=cv2.INTER_NEAREST)
-    place = canvas[low[1] : high[1], low[0] : high[0]]
-    cv2.copyTo(np.full(place.shape, _PAINT, np.uint8), covered, place)
+    canvas.paint(int(low[0]), int(low[1]), covered, _PAINT)
     if painted is not None:
         marked = painted[low[1] : high[1], low[0] : high[0]]
         np.maximum(marked, covered, out=marked)
 
 
-def places_to_look(image: UInt8[np.ndarray, "height width 3"], turn: int, *, thorough: bool) -> list[Region]:
+def places_to_look(image: Picture, turn: int, *, thorough: bool) -> list[Region]:
     """Where to look in one search: everywhere, or the whole frame and its large tiles by turns, and one small tile."""
     large, small = tiles(image)
     if thorough:
@@ -129,9 +128,9 @@ def places_to_look(image: UInt8[np.ndarray, "height width 3"], turn: int, *, tho
     return [*wide, *([small[turn % len(small)]] if small else [])]
 
 
-def tiles(image: UInt8[np.ndarray, "height width 3"]) -> tuple[list[Region], list[Region]]:
+def tiles(image: Picture) -> tuple[list[Region], list[Region]]:
     """Overlapping squares that enlarge parts of the frame: large ones of the frame's shorter side, and of its half."""
-    height, width = image.shape[:2]
+    width, height = image.size
     short = min(height, width)
     both: tuple[list[Region], list[Region]] = ([], [])
     for side, found in zip((float(short), short / 2), both, strict=True):
@@ -151,10 +150,10 @@ def _hog() -> cv2.HOGDescriptor:
     return hog
 
 
-def _upright_boxes(image: UInt8[np.ndarray, "height width 3"]) -> list[Region]:
+def _upright_boxes(image: Picture) -> list[Region]:
     """Regions of standing people by histograms of gradients, best first."""
-    scale = min(1.0, 640 / max(image.shape[:2]))
-    small = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    scale = min(1.0, 640 / max(image.size))
+    small = image.reduced(scale)
     if small.shape[0] < 128 or small.shape[1] < 64:
         return []
     boxes, weights = _hog().detectMultiScale(small, winStride=(8, 8), padding=(8, 8), scale=1.08)

@@ -8,12 +8,12 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import UInt8
 
 from humanmm.models.perception.clothing import clothing_histogram, colour_distance
 from humanmm.models.perception.linking import joined, untangled
 from humanmm.models.perception.networks import Landmarks, box_overlaps, detect, locate
 from humanmm.models.perception.observation import Observation, averaged, observe, similarity
+from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.regions import Region
 from humanmm.models.perception.search import (
     MAX_COVERED,
@@ -27,8 +27,6 @@ from humanmm.models.perception.search import (
 from humanmm.models.perception.sides import side_vote
 from humanmm.models.perception.tracks import PersonTrack, ScenePeople
 from humanmm.models.perception.trail import Trail
-
-Image = UInt8[np.ndarray, "height width 3"]
 
 SEARCH_PERIOD_S = 0.33
 THOROUGH_PERIOD_S = 1.0
@@ -62,13 +60,13 @@ class SceneTracker:
         self._fps = fps if fps > 0 else 30.0
         self._max_people = max_people
         self._trails: list[Trail] = []
-        self._recent: deque[tuple[int, Image]] = deque(maxlen=self._frames(KEPT_S, least=3, most=MAX_KEPT_FRAMES) + 1)
+        self._recent: deque[tuple[int, Picture]] = deque(maxlen=self._frames(KEPT_S, least=3, most=MAX_KEPT_FRAMES) + 1)
         self._searches = 0
 
     def _frames(self, seconds: float, *, least: int = 1, most: int = 1 << 30) -> int:
         return int(np.clip(round(seconds * self._fps), least, most))
 
-    def step(self, frame: int, image: Image) -> None:
+    def step(self, frame: int, image: Picture) -> None:
         """Look at one frame."""
         self._recent.append((frame, image))
         seen = self._follow(frame, image)
@@ -84,7 +82,7 @@ class SceneTracker:
         tracks.sort(key=lambda t: -float((t.bbox[:, 2:] - t.bbox[:, :2]).prod(axis=1).sum()))
         return ScenePeople(self._start, self._end, tuple(tracks))
 
-    def _follow(self, frame: int, image: Image) -> list[Observation]:
+    def _follow(self, frame: int, image: Picture) -> list[Observation]:
         """Look for everybody known, nearest first (lowest in the picture): the others may be hidden behind them."""
         seen: dict[int, Observation] = {}
         order = [k for k, trail in enumerate(self._trails) if trail.active]
@@ -116,14 +114,14 @@ class SceneTracker:
         trail.missing += 1
 
     def _look_behind(
-        self, frame: int, image: Image, trail: Trail, nearer: list[Observation]
+        self, frame: int, image: Picture, trail: Trail, nearer: list[Observation]
     ) -> tuple[Observation, float] | None:
         """The trail's person and a vote on his sides; people nearer than him are painted out where they overlap."""
         region = trail.predicted()
         half = 0.35 * region.side
         box = np.array([region.x - half, region.y - half, region.x + half, region.y + half])
         hiding = [other for other in nearer if box_overlaps(box[None], other.bbox[None])[0, 0] > 0.1]
-        canvas, painted = image, np.zeros(image.shape[:2] if hiding else (1, 1), np.uint8)
+        canvas, painted = image, np.zeros((image.height, image.width) if hiding else (1, 1), np.uint8)
         if hiding:
             canvas = image.copy()
             for other in hiding:
@@ -145,7 +143,7 @@ class SceneTracker:
         clothes = colour_distance(clothing_histogram(image, found[0]), colours)
         return found if clothes <= OTHER_COLOURS else None
 
-    def _look(self, frame: int, image: Image, trail: Trail, region: Region) -> tuple[Observation, float] | None:
+    def _look(self, frame: int, image: Picture, trail: Trail, region: Region) -> tuple[Observation, float] | None:
         """The person in a region and a vote on his sides; a crop that jumped or changed size is looked at again."""
         answer = locate(image, region)
         if answer.next_region.outlier_of(region, shift=0.12, ratio=1.3):
@@ -155,7 +153,7 @@ class SceneTracker:
         careful = frame - self._start < CAREFUL_FRAMES or self._end - frame <= CAREFUL_FRAMES
         if careful:
             answer = _second_look(image, answer)
-        seen = observe(answer, (image.shape[1], image.shape[0]))
+        seen = observe(answer, image.size)
         if seen is None:
             return None
         vote = 0.0
@@ -164,7 +162,7 @@ class SceneTracker:
             vote = side_vote(seen.keypoints, upright.keypoints, seen.region.side)
         return seen, vote
 
-    def _claim(self, image: Image, trail: Trail, seen: Observation) -> float:
+    def _claim(self, image: Picture, trail: Trail, seen: Observation) -> float:
         """How well an observation continues a trail, by place, pose and clothes."""
         place = similarity(trail.predicted_keypoints(), seen.keypoints, seen.region.side)
         colours = trail.mean_colours()
@@ -172,7 +170,7 @@ class SceneTracker:
         tenure = min(1.0, len(trail.rows) / self._fps)
         return place - clothes + TENURE_BONUS * tenure - (MISSING_HANDICAP if trail.missing else 0.0)
 
-    def _search(self, frame: int, image: Image, seen: list[Observation]) -> None:
+    def _search(self, frame: int, image: Picture, seen: list[Observation]) -> None:
         limit = self._max_people - len(seen)
         if limit <= 0:
             return
@@ -192,7 +190,7 @@ class SceneTracker:
             self._note_colours(trail, frame, image)
             self._follow_back(frame, trail)
 
-    def _resumed(self, frame: int, image: Image, person: Observation) -> Trail | None:
+    def _resumed(self, frame: int, image: Picture, person: Observation) -> Trail | None:
         """The lost trail that this person continues: near in time, place, size and clothes."""
         best, least = None, 1.0
         for trail in self._trails:
@@ -226,12 +224,12 @@ class SceneTracker:
         backwards = trail.velocity
         trail.last, trail.last_frame, trail.velocity = found, frame, (-backwards[0], -backwards[1])
 
-    def _note_colours(self, trail: Trail, frame: int, image: Image) -> None:
+    def _note_colours(self, trail: Trail, frame: int, image: Picture) -> None:
         if not trail.colours or frame - max(trail.colours) >= COLOUR_PERIOD_S * self._fps:
             trail.colours[frame] = clothing_histogram(image, trail.last).astype(np.float32)
 
 
-def _second_look(image: Image, answer: Landmarks) -> Landmarks:
+def _second_look(image: Picture, answer: Landmarks) -> Landmarks:
     """The mean of an answer and of the mirrored crop's, where the two agree on left and right."""
     other = locate(image, answer.region, mirrored=True)
     agree = side_vote(answer.keypoints, other.keypoints, answer.region.side) > -0.5
@@ -239,7 +237,7 @@ def _second_look(image: Image, answer: Landmarks) -> Landmarks:
 
 
 def track_people(
-    frames: Iterable[tuple[int, Image]], *, start: int, end: int, fps: float, size: tuple[int, int], max_people: int
+    frames: Iterable[tuple[int, Picture]], *, start: int, end: int, fps: float, size: tuple[int, int], max_people: int
 ) -> ScenePeople:
     """Everybody in the frames [start, end) of one scene.
 
@@ -248,7 +246,7 @@ def track_people(
     tracker = SceneTracker(start=start, end=end, fps=fps, max_people=max_people)
     scale = np.ones(2)
     for frame, image in frames:
-        scale = np.array(size) / (image.shape[1], image.shape[0])
+        scale = np.array(size) / image.size
         tracker.step(frame, image)
     return _in_source_pixels(tracker.finish(), scale)
 

@@ -23,7 +23,7 @@ class Canvas:
     """One 4:2:0 picture, drawn on in place."""
 
     def __init__(self, image: UInt8[np.ndarray, "HplusHalf W"], colors: Colors) -> None:
-        """`image` as `frames(…, pixels="yuv420p")` delivers it: even sides, planes Y, Cb, Cr one after the other."""
+        """`image`: even sides, planes Y, Cb, Cr one after the other."""
         self.height, self.width = image.shape[0] * 2 // 3, image.shape[1]
         self.colors = colors
         luma, chroma = self.height * self.width, self.height * self.width // 4

@@ -6,11 +6,14 @@ from dataclasses import replace
 import numpy as np
 
 from humanmm.errors import NoUsablePersonError
-from humanmm.models.motion.flips import Sighting, swapped_spans
+from humanmm.models.motion.flips import Sighting, spans, swapped_spans
+from humanmm.models.motion.lapses import lapsed_frames
 from humanmm.models.perception.tracks import PersonTrack, ScenePeople
 from humanmm.models.shots.boundaries import Appearance, Scenes, Shot, ShotList, Transition
 from humanmm.models.shots.identity import Cast, identify
 from humanmm.models.shots.people_cuts import Parts, split_scenes
+
+Spans = tuple[tuple[int, int], ...]
 
 
 def assemble_shots(
@@ -37,9 +40,9 @@ def assemble_shots(
         )
     if only_person is not None:
         cast = _only(cast, only_person)
-    sides = _sides(shots, people, cast, time_s, K)
+    marks = _marks(shots, people, cast, time_s, K)
     inhabited = tuple(
-        replace(shot, people=tuple(replace(a, swapped=sides.get((shot.index, a.person), ())) for a in appearances))
+        replace(shot, people=tuple(_marked(a, *marks.get((shot.index, a.person), ((), ()))) for a in appearances))
         for shot, appearances in zip(shots, cast.appearances, strict=True)
     )
     return ShotList(scenes.num_frames, inhabited, cast.people)
@@ -73,24 +76,31 @@ def _only(cast: Cast, number: int) -> Cast:
     return Cast(kept, tuple(tuple(a for a in shot if a.person == number) for shot in cast.appearances))
 
 
-def _sides(
+def _marks(
     shots: Sequence[Shot],
     people: Sequence[ScenePeople | None],
     cast: Cast,
     time_s: np.ndarray,
     K: np.ndarray,
-) -> dict[tuple[int, int], tuple[tuple[int, int], ...]]:
-    """(shot, person) -> frame spans with left and right exchanged, solved for each person over the whole video."""
-    sides: dict[tuple[int, int], tuple[tuple[int, int], ...]] = {}
+) -> dict[tuple[int, int], tuple[Spans, Spans]]:
+    """(shot, person) -> `swapped` and `lapses` of the appearance; sides are solved over the whole video, without the
+    lapses."""
+    marks: dict[tuple[int, int], tuple[Spans, Spans]] = {}
     for person in cast.people:
         seen: list[tuple[int, Sighting]] = []
         for shot, appearances in zip(shots, cast.appearances, strict=True):
             track = _track(people[shot.scene], appearances, person.person)
             if track is not None:
                 seen.append((shot.index, _sighting(track, shot, time_s)))
-        solved = swapped_spans([sighting for _, sighting in seen], K)
-        sides |= {(index, person.person): swapped for (index, _), swapped in zip(seen, solved, strict=True)}
-    return sides
+        lost = [lapsed_frames(sighting) for _, sighting in seen]
+        clear = [sighting.only(~lapsed) for (_, sighting), lapsed in zip(seen, lost, strict=True)]
+        for (index, sighting), lapsed, swapped in zip(seen, lost, swapped_spans(clear, K), strict=True):
+            marks[index, person.person] = swapped, spans(sighting.frame, lapsed)
+    return marks
+
+
+def _marked(appearance: Appearance, swapped: Spans, lapses: Spans) -> Appearance:
+    return replace(appearance, swapped=swapped, lapses=lapses)
 
 
 def _track(scene: ScenePeople | None, shot: Sequence[Appearance], person: int) -> PersonTrack | None:

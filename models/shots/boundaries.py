@@ -1,5 +1,6 @@
 """Where one shot ends and the next begins, and who is who across the cut."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -35,6 +36,14 @@ class Scenes:
         return tuple(zip(starts, [*starts[1:], self.num_frames], strict=True))
 
 
+def in_spans(frame: np.ndarray, spans: Sequence[tuple[int, int]]) -> np.ndarray:
+    """Which frame numbers (n,) lie in one of the spans [start, end); (n,) bool."""
+    inside = np.zeros(len(frame), bool)
+    for start, end in spans:
+        inside |= (frame >= start) & (frame < end)
+    return inside
+
+
 @dataclass(frozen=True)
 class Appearance:
     """One person in one shot: which track of the scene, and where its left and right labels are exchanged."""
@@ -44,6 +53,8 @@ class Appearance:
     """Index into ScenePeople.tracks of the scene that holds the shot."""
     swapped: tuple[tuple[int, int], ...]
     """Frame spans [start, end) in which the detector's left and right labels must be exchanged."""
+    lapses: tuple[tuple[int, int], ...] = ()
+    """Frame spans [start, end) in which the detector's pose is not to be trusted, although the person is seen."""
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import BinaryIO
 
 import numpy as np
-from jaxtyping import UInt8
+from jaxtyping import Float, UInt8
 
 from humanmm.models.video.container import open_video
 
@@ -37,6 +37,16 @@ class Colors:
             128 + 112 * (red - luma) / (1 - share_red),
         ]
         return np.asarray(np.rint(np.stack(planes, axis=-1)), np.uint8)
+
+    def to_rgb(self) -> Float[np.ndarray, "3 4"]:
+        """The affine map from samples (Y, Cb, Cr) to red, green and blue of 0..255."""
+        share_red, share_blue = _LUMA_SHARES.get(self.matrix, _BT601)
+        red, blue = 2 * (1 - share_red), 2 * (1 - share_blue)
+        share_green = 1 - share_red - share_blue
+        linear = np.array(
+            [[1, 0, red], [1, -blue * share_blue / share_green, -red * share_red / share_green], [1, blue, 0]]
+        ) * (255 / np.array([219, 224, 224]))
+        return np.column_stack([linear, -linear @ [16, 128, 128]])
 
 
 BT601 = Colors()

@@ -1,16 +1,17 @@
 """Frames on demand: decoded again whenever a stage needs them, never stored.
 
 `frames(stream, facts, start, stop)` delivers exactly the announced frames of [start, stop), upright, one at a time;
-`frames_at` chosen ones, and jumps from keyframe to keyframe over what lies between. Decoding enters at the last
+`planar_frames` the same as the decoder has them, luma and chroma apart, without converting or copying; `frames_at`
+chosen ones, and jumps from keyframe to keyframe over what lies between. Decoding enters at the last
 keyframe before a frame; should the decoder not deliver the frame from there (a container that seeks past it, references
 lost at an open group of pictures) it enters one keyframe earlier, at worst at the beginning.
 """
 
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import BinaryIO, Literal
+from typing import BinaryIO, Literal, TypeVar
 
 import cv2
 import numpy as np
@@ -18,12 +19,15 @@ from av.video.frame import VideoFrame
 from av.video.plane import VideoPlane
 from av.video.reformatter import ColorRange, Interpolation, VideoReformatter
 from av.video.stream import VideoStream
+from jaxtyping import UInt8
 
 from humanmm.errors import VideoError
 from humanmm.models.video.container import PacketLog, decoded, open_video
 from humanmm.models.video.facts import VideoFacts
 
-Pixels = Literal["rgb", "bgr", "gray", "yuv420p"]
+T = TypeVar("T")
+
+Pixels = Literal["rgb", "bgr", "gray"]
 _FORMATS = {"rgb": "rgb24", "bgr": "bgr24", "gray": "gray"}
 
 _ROTATIONS = {90: cv2.ROTATE_90_CLOCKWISE, 180: cv2.ROTATE_180, 270: cv2.ROTATE_90_COUNTERCLOCKWISE}
@@ -41,11 +45,32 @@ class Frame:
     index: int
     time_s: float
     image: np.ndarray
-    """(H,W,3) uint8 for rgb and bgr, (H,W) uint8 for gray; valid as long as it is referenced; do not write into it.
+    """(H,W,3) uint8 for rgb and bgr, (H,W) uint8 for gray; valid as long as it is referenced; do not write into it."""
 
-    For yuv420p (3H/2,W) uint8, which may be written into: the planes Y, Cb, Cr one after the other (what OpenCV calls
-    I420), limited range, in the video's own matrix; H and W are even.
+
+Planes = tuple[UInt8[np.ndarray, "H W"], UInt8[np.ndarray, "H/2 W/2"], UInt8[np.ndarray, "H/2 W/2"]]
+"""Y, Cb and Cr of a picture of even sides, limited range, in the video's own matrix."""
+
+
+@dataclass(frozen=True)
+class PlanarFrame:
+    """One upright 4:2:0 picture of the video."""
+
+    index: int
+    time_s: float
+    planes: Planes
+    """Mostly the decoder's own memory: valid as long as they are referenced; do not write into them."""
+
+
+def joined(planes: Planes, out: UInt8[np.ndarray, "3H/2 W"] | None = None) -> UInt8[np.ndarray, "3H/2 W"]:
+    """A copy with the planes one after the other, as encoders take them and OpenCV calls I420.
+
+    A stream of pictures should go through a few arrays `out`: fresh memory for each takes longer than the copying.
     """
+    height, width = planes[0].shape
+    out = np.empty((height * 3 // 2, width), np.uint8) if out is None else out
+    np.concatenate([plane.reshape(-1) for plane in planes], out=out.reshape(-1))
+    return out
 
 
 def scaled_size(facts: VideoFacts, max_side_px: int | None) -> tuple[int, int]:
@@ -58,7 +83,7 @@ def scaled_size(facts: VideoFacts, max_side_px: int | None) -> tuple[int, int]:
 
 
 def planar_size(facts: VideoFacts, max_side_px: int | None) -> tuple[int, int]:
-    """Width and height of yuv420p pictures: as `scaled_size`, the next smaller even numbers."""
+    """Width and height of planar frames: as `scaled_size`, the next smaller even numbers."""
     width, height = scaled_size(facts, max_side_px)
     return max(2, width // 2 * 2), max(2, height // 2 * 2)
 
@@ -91,14 +116,30 @@ def frames_at(
     max_side_px: int | None = None,
 ) -> Iterator[Frame]:
     """The frames with these numbers, which rise, as `frames` delivers them."""
-    picture_of = _Picture(facts, pixels, max_side_px)
+    convert = _Conversion(facts, scaled_size(facts, max_side_px))
+    for index, image in _chosen(stream, facts, wanted, lambda picture: convert.image(picture, pixels)):
+        yield Frame(index, float(facts.time_s[index]), image)
+
+
+def planar_frames(
+    stream: BinaryIO, facts: VideoFacts, start: int, stop: int, *, max_side_px: int | None = None
+) -> Iterator[PlanarFrame]:
+    """Frames [start, stop) as `frames` delivers them, in planes of `planar_size`."""
+    convert = _Conversion(facts, planar_size(facts, max_side_px))
+    for index, planes in _chosen(stream, facts, range(start, stop), convert.planes):
+        yield PlanarFrame(index, float(facts.time_s[index]), planes)
+
+
+def _chosen(
+    stream: BinaryIO, facts: VideoFacts, wanted: Sequence[int], convert: Callable[[VideoFrame], T]
+) -> Iterator[tuple[int, T]]:
     entries = np.flatnonzero(facts.keyframe)
     entry_of = entries[np.searchsorted(entries, wanted, side="right") - 1]
     # a new pass begins where entering anew spares the decoder frames
     begins = [k for k in range(len(wanted)) if k == 0 or entry_of[k] > wanted[k - 1] + 1]
     for begin, end in pairwise([*begins, len(wanted)]):
         for index, picture in _one_pass(stream, facts, wanted[begin:end], int(entry_of[begin])):
-            yield Frame(index, float(facts.time_s[index]), picture_of(picture))
+            yield index, convert(picture)
 
 
 def _one_pass(
@@ -149,29 +190,23 @@ def _pts(facts: VideoFacts, video: VideoStream) -> list[int]:
     return [int(t) for t in np.rint(facts.time_s * ticks_per_s).astype(np.int64)]
 
 
-class _Picture:
-    """Turns decoded pictures into upright arrays of one size and pixel format."""
+class _Conversion:
+    """Turns decoded pictures into upright arrays of one size (width, height)."""
 
-    def __init__(self, facts: VideoFacts, pixels: Pixels, max_side_px: int | None) -> None:
-        width, height = (planar_size if pixels == "yuv420p" else scaled_size)(facts, max_side_px)
-        if facts.rotation_deg in (90, 270):
-            width, height = height, width
-        self._size = width, height
-        self._pixels = pixels
+    def __init__(self, facts: VideoFacts, size: tuple[int, int]) -> None:
+        self._size = size[::-1] if facts.rotation_deg in (90, 270) else size
         self._rotation = _ROTATIONS.get(facts.rotation_deg)
         self._mirrored = facts.mirrored
         self._reformatter = VideoReformatter()
 
-    def __call__(self, picture: VideoFrame) -> np.ndarray:
-        if self._pixels == "yuv420p":
-            planes = [self._upright(plane) for plane in self._planes(picture)]
-            return np.concatenate([plane.reshape(-1) for plane in planes]).reshape(-1, planes[0].shape[1])
-        if self._pixels == "gray" and picture.format.name in _LUMA_FORMATS + _FULL_RANGE_FORMATS:
+    def image(self, picture: VideoFrame, pixels: Pixels) -> np.ndarray:
+        """As `Frame.image`."""
+        if pixels == "gray" and picture.format.name in _LUMA_FORMATS + _FULL_RANGE_FORMATS:
             image = _luma(picture)
             if (picture.width, picture.height) != self._size:
                 image = cv2.resize(image, self._size, interpolation=cv2.INTER_AREA)
         else:
-            image = self._reformat(picture)
+            image = self._reformatted(picture, pixels)
         return self._upright(image)
 
     def _upright(self, image: np.ndarray) -> np.ndarray:
@@ -181,19 +216,20 @@ class _Picture:
             image = cv2.rotate(image, self._rotation)
         return image
 
-    def _planes(self, picture: VideoFrame) -> list[np.ndarray]:
-        """Y (H,W), Cb and Cr (H/2,W/2) as they were decoded, or converted if the video is stored differently."""
+    def planes(self, picture: VideoFrame) -> Planes:
+        """As they were decoded, or converted if the video is stored differently."""
         width, height = self._size
         full_range = picture.format.name in _FULL_RANGE_FORMATS or picture.color_range == ColorRange.JPEG
         if picture.format.name != "yuv420p" or (picture.width, picture.height) != self._size or full_range:
             picture = self._converted(picture, "yuv420p", ColorRange.MPEG)
         sizes = ((width, height), (width // 2, height // 2), (width // 2, height // 2))
-        return [_rows(plane, *size) for plane, size in zip(picture.planes, sizes, strict=True)]
+        y, cb, cr = (self._upright(_rows(plane, *size)) for plane, size in zip(picture.planes, sizes, strict=True))
+        return y, cb, cr
 
-    def _reformat(self, picture: VideoFrame) -> np.ndarray:
+    def _reformatted(self, picture: VideoFrame, pixels: Pixels) -> np.ndarray:
         width, height = self._size
-        channels = 1 if self._pixels == "gray" else 3
-        rows = _rows(self._converted(picture, _FORMATS[self._pixels]).planes[0], width * channels, height)
+        channels = 1 if pixels == "gray" else 3
+        rows = _rows(self._converted(picture, _FORMATS[pixels]).planes[0], width * channels, height)
         return rows if channels == 1 else rows.reshape(height, width, channels)
 
     def _converted(self, picture: VideoFrame, pixel_format: str, color_range: ColorRange | None = None) -> VideoFrame:

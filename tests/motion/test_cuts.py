@@ -11,6 +11,7 @@ from humanmm.models.body.body24 import load_body
 from humanmm.models.body.kinematics import forward_kinematics
 from humanmm.models.body.landmarks import MIRROR, load_landmarks
 from humanmm.models.motion import cut_bundle, cuts, epipolar, flips
+from humanmm.models.motion.lapses import lapsed_frames
 from humanmm.models.rotations import rotation_from_vector
 
 FPS = 30.0
@@ -224,3 +225,54 @@ def test_the_chain_finds_the_states_of_least_energy() -> None:
     everything = [np.array([(code >> k) & 1 for k in range(7)], bool) for code in range(128)]
     best = min(everything, key=energy)
     np.testing.assert_array_equal(flips.two_state_chain(unary, pairs), best)
+
+
+NUM_WALK = 60
+
+
+def walk() -> flips.Sighting:
+    points = walker(NUM_WALK)
+    return sighting(observed(points, *camera(20.0, points[NUM_WALK // 2, 23]), np.arange(NUM_WALK)))
+
+
+def mixed(s: flips.Sighting, frames: slice) -> flips.Sighting:
+    """The body turned by 70° with the legs' labels exchanged: no choice of sides makes it fit."""
+    keypoints, landmarks = s.keypoints2d.copy(), s.landmarks3d.copy()
+    legs = np.arange(23, 33)
+    for points in (keypoints, landmarks):
+        points[frames, 23:] = points[frames][:, np.array(MIRROR)[legs]]
+    c, s70 = np.cos(np.radians(70)), np.sin(np.radians(70))
+    landmarks[frames] = landmarks[frames] @ np.array([[c, 0, s70], [0, 1, 0], [-s70, 0, c]])
+    middle = keypoints[frames, 23:25, :1].mean(axis=1, keepdims=True)
+    keypoints[frames, :, :1] = middle - 1.5 * (keypoints[frames, :, :1] - middle)
+    return replace(s, keypoints2d=keypoints, landmarks3d=landmarks)
+
+
+def test_a_walk_has_no_lapse() -> None:
+    assert not lapsed_frames(walk()).any()
+
+
+@pytest.mark.parametrize("frames", [slice(20, 21), slice(20, 29), slice(0, 3), slice(NUM_WALK - 3, NUM_WALK)])
+def test_a_spell_of_mixed_up_poses_is_a_lapse(frames: slice) -> None:
+    expected = np.zeros(NUM_WALK, bool)
+    expected[frames] = True
+    np.testing.assert_array_equal(lapsed_frames(mixed(walk(), frames)), expected)
+
+
+def test_a_long_spell_is_none_because_either_pose_may_be_the_right_one() -> None:
+    assert not lapsed_frames(mixed(walk(), slice(15, 40))).any()
+
+
+def test_exchanged_sides_are_no_lapse() -> None:
+    s = walk()
+    keypoints, landmarks = s.keypoints2d.copy(), s.landmarks3d.copy()
+    for points in (keypoints, landmarks):
+        points[20:28] = points[20:28][:, list(MIRROR)]
+    assert not lapsed_frames(replace(s, keypoints2d=keypoints, landmarks3d=landmarks)).any()
+
+
+def test_what_lies_on_either_side_of_a_hole_is_not_compared() -> None:
+    s = walk()
+    after = s.time_s >= s.time_s[30]
+    apart = replace(s, time_s=s.time_s + np.where(after, 1.0, 0.0))
+    assert not lapsed_frames(mixed(apart, slice(30, 33))).any()

@@ -124,7 +124,7 @@ def test_nobody_flies_off_in_a_long_hole() -> None:
     scene = Scene()
     long = replace(scene.track(np.arange(F)), frame=np.r_[np.arange(12), np.arange(12, F) + 400].astype(np.int32))
     times = np.arange(F + 400) / 30
-    evidence = gather(long, (0, F + 400), (), times, np.tile(K, (F + 400, 1, 1)))
+    evidence = gather(long, (0, F + 400), Appearance(0, 0, ()), times, np.tile(K, (F + 400, 1, 1)))
     assert evidence is not None
     n = len(evidence.frame)
     path = CameraPath(*(np.broadcast_to(x, (n, *x.shape)) for x in (np.eye(3), np.zeros(3), K)))
@@ -162,7 +162,7 @@ def test_frames_mixed_with_the_next_shot_are_no_evidence() -> None:
 
 def test_a_track_outside_the_shot_gives_nothing() -> None:
     scene = Scene()
-    assert gather(scene.track(np.arange(5)), (10, 20), (), TIME, np.tile(K, (10, 1, 1))) is None
+    assert gather(scene.track(np.arange(5)), (10, 20), Appearance(0, 0, ()), TIME, np.tile(K, (10, 1, 1))) is None
 
 
 def test_a_single_frame_can_be_fitted() -> None:
@@ -186,7 +186,7 @@ def test_the_statistic_of_poses_is_its_own_mirror_image() -> None:
 def test_evidence_of_a_run_of_frames_is_that_part_of_the_whole() -> None:
     scene = Scene()
     track = scene.track(np.setdiff1d(np.arange(F), [13, 14]))
-    evidence = gather(track, (2, F - 2), ((5, 9),), TIME, np.tile(K, (F - 4, 1, 1)))
+    evidence = gather(track, (2, F - 2), Appearance(0, 0, ((5, 9),)), TIME, np.tile(K, (F - 4, 1, 1)))
     assert evidence is not None
     whole, part = evidence.frames(slice(0, F - 4)), evidence.frames(slice(4, 16))
     for name in ("seen", "keypoints", "visibility", "landmarks_cam", "bones", "ray"):

@@ -5,6 +5,7 @@ from pathlib import Path
 import av
 import cv2
 import numpy as np
+import pytest
 
 from humanmm.models.video.colors import BT601, Colors, read_colors
 from humanmm.storage.picture_files import write_png, write_video
@@ -25,10 +26,11 @@ def test_presentation_times_of_a_variable_rate_survive(tmp_path: Path) -> None:
     np.testing.assert_allclose([f.time for f in frames], times - times[0], atol=1e-4)
 
 
-def test_colours_survive_encoding(tmp_path: Path) -> None:
+@pytest.mark.parametrize("height", [60, 62, 64, 66])
+def test_colours_survive_encoding(height: int, tmp_path: Path) -> None:
     colors = [(200, 30, 30), (30, 200, 30), (30, 30, 200), (240, 240, 240)]
-    pictures = ((i / 10, _planes(np.full((64, 64, 3), color, np.uint8))) for i, color in enumerate(colors))
-    write_video(tmp_path / "out.mp4", pictures, width=64, height=64, fps=10, colors=BT601)
+    pictures = ((i / 10, _planes(np.full((height, 64, 3), color, np.uint8))) for i, color in enumerate(colors))
+    write_video(tmp_path / "out.mp4", pictures, width=64, height=height, fps=10, colors=BT601)
     with av.open(str(tmp_path / "out.mp4")) as container:
         decoded = [f.to_ndarray(format="rgb24").mean((0, 1)) for f in container.decode(video=0)]
     np.testing.assert_allclose(decoded, colors, atol=6)

@@ -27,3 +27,11 @@ def test_grays_have_no_colour_in_any_matrix() -> None:
         assert samples[0, 0] == 16
         assert samples[255, 0] == 235
         assert (samples[:, 1:] == 128).all()
+
+
+@pytest.mark.parametrize("matrix", [1, 6, 9])
+def test_the_way_back_gives_the_colours_again(matrix: int) -> None:
+    colors = Colors(matrix=matrix)
+    rgb = np.random.default_rng(1).integers(0, 256, (50, 3), np.uint8)
+    back = np.column_stack([colors.samples(rgb), np.ones(50)]) @ colors.to_rgb().T
+    assert np.abs(back - rgb).max() <= 2  # samples are whole numbers
