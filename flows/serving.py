@@ -202,8 +202,10 @@ async def _deploy(limit: int, folder: Path) -> None:
                 name=target.name,
                 work_pool_name=POOL,
                 entrypoint_type=EntrypointType.MODULE_PATH,
+                # the server takes nearly twice as long for a flow run whose parameters it checks; the flow does
+                enforce_parameter_schema=target is not recover_video,
                 job_variables={
-                    "command": f"{sys.executable} -m prefect.engine",
+                    "command": f"{sys.executable} -m humanmm.flows.video_process",
                     "working_dir": str(folder),
                     "stream_output": True,
                 },

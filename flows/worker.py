@@ -2,26 +2,35 @@
 
 It leaves when its standard input ends, which it does when `humanmm serve` ends, however that came about. Its videos are
 told first, and have time to note that they are to be resumed: Prefect's worker, when it leaves, kills them outright.
+Beside it runs a template of the processes of its videos (`humanmm.flows.template`).
 """
 
 import contextlib
 import os
 import runpy
 import signal
+import subprocess
 import sys
 import threading
 import time
+import uuid
 from pathlib import Path
 from types import FrameType
 
+from humanmm.flows.video_process import TEMPLATE
+
 STOP_LIMIT_S = 20.0
 """How long videos may take to stop before they are killed."""
+PAUSE_S = 2.0
+"""Before another template is started: one that cannot import its code ends at once."""
 
 
 def main(pool: str, limit: str, name: str) -> None:
     """Work until told to stop or until standard input ends."""
     signal.signal(signal.SIGUSR1, _leave)
     threading.Thread(target=_leave_at_end_of_input, daemon=True).start()
+    os.environ[TEMPLATE] = f"humanmm-{uuid.uuid4().hex}"  # Prefect passes our environment on to the videos
+    threading.Thread(target=_keep_template, daemon=True).start()
     sys.argv = ["prefect", "worker", "start", "--type", "process", "--pool", pool, "--limit", limit, "--name", name]
     runpy.run_module("prefect", run_name="__main__")
 
@@ -59,6 +68,18 @@ def _others_in(session: int) -> list[int]:
             if int(its_session) == session and state not in "ZX":
                 found.append(int(stat.parent.name))
     return [pid for pid in found if pid not in (session, os.getpid())]
+
+
+def _keep_template() -> None:
+    """Have a template, and another one when that forks no more; a video that finds none starts by itself."""
+    command = [sys.executable, "-m", "humanmm.flows.template", os.environ[TEMPLATE]]
+    template = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    assert template.stdin is not None and template.stdout is not None
+    template.stdout.read()  # ends when it forks no more: it was killed, or its code has changed
+    time.sleep(PAUSE_S)
+    threading.Thread(target=_keep_template, daemon=True).start()
+    template.stdin.close()
+    template.wait()  # for as long as its forks take
 
 
 if __name__ == "__main__":

@@ -13,6 +13,9 @@ from typing import Any
 import av
 import pytest
 
+from humanmm.storage.batch_ledger import BatchLedger
+from humanmm.storage.store import Store
+
 ROOT = Path(__file__).resolve().parents[2]
 CLIP = ROOT / "examples/pose2sim_multishot/pose2sim_A_01-02-01.mp4"
 
@@ -31,6 +34,10 @@ while True:
     await asyncio.sleep(0.5)
 print(found.run_count, found.state.name)
 """
+
+
+def _batch(farm: Any) -> str:
+    return BatchLedger(Store(farm.store)).newest()
 
 
 def _named(states: dict[str, dict[str, Any]]) -> dict[str, str]:
@@ -92,7 +99,6 @@ def test_what_a_killed_serve_leaves_behind_is_crashed_and_resumed_by_the_next(
     assert done.returncode == 0, done.stderr
     place.until(lambda: [video["stage"] for video in states().values()].count("align") == 2, 150)
     place.end("humanmm.flows.")
-    place.end("prefect.engine")
     lost = [video for video in states().values() if "its process was lost during align" in video["reason"]]
     assert [video["state"] for video in lost] == ["scheduled"] * 2
     farm.executed()
@@ -109,7 +115,8 @@ def test_a_video_whose_process_is_killed_is_tried_again_by_itself(farm: Any, pla
     done = farm.command("batch", "submit", "films", "--limit", "1", TOY_SLEEP="align=8")
     assert done.returncode == 0, done.stderr
     place.until(lambda: "align" in {video["stage"] for video in states().values()}, 120)
-    place.end("prefect.engine")
+    (row,) = BatchLedger(Store(farm.store)).rows(_batch(farm), "running")
+    os.kill(row.pid or 0, signal.SIGKILL)
     # `batch status` is not asked here: it would itself notice the loss
     place.until(lambda: len(place.flow_runs()) == 5, 120)
     place.until(lambda: not AT_WORK & {state for _, state in place.flow_runs()}, 300)
@@ -137,7 +144,9 @@ def test_a_batch_survives_a_restart_and_the_death_of_the_server_and_can_be_cance
     assert farm.command("batch", "cancel").returncode == 0
     found = list(_named(states()).values())
     assert found.count("cancelled") >= 1 and not {"running", "scheduled"} & set(found)
-    place.until(lambda: not place.pids("prefect.engine"), 60)  # one may just have begun, and leaves by itself
+    place.until(
+        lambda: not place.pids("humanmm.flows.video_process"), 60
+    )  # one may just have begun, and leaves by itself
     place.until(lambda: not AT_WORK & {state for _, state in place.flow_runs()}, 60)
     serving.send_signal(signal.SIGTERM)
     assert serving.wait(timeout=60) == 0
