@@ -45,8 +45,8 @@ T = TypeVar("T")
 POOL = "humanmm"
 DEPLOYMENT = "recover-video/recover-video"
 BATCH_DEPLOYMENT = "recover-batch/recover-batch"
-AT_A_TIME = 16
-"""Requests to Prefect's server that are under way at the same time."""
+AT_A_TIME = 2
+"""Requests to Prefect's server that are under way at the same time: on SQLite more only wait for each other."""
 
 
 def _video_name() -> str:

@@ -35,6 +35,17 @@ START_LIMIT_S = 180.0
 HOST = "127.0.0.1"
 NICENESS = 10
 """Records what runs do with the processor time that they leave: nobody waits for the records."""
+OWN_SETTINGS = {
+    "PREFECT_SERVER_SERVICES_TASK_RUN_RECORDER_BATCH_SIZE": "100",
+    "PREFECT_SERVER_SERVICES_TASK_RUN_RECORDER_READ_BATCH_SIZE": "100",
+    "PREFECT_SERVER_SERVICES_EVENT_PERSISTER_ENABLED": "false",
+    "PREFECT_SERVER_SERVICES_DB_VACUUM_ENABLED": "events,flow_runs",
+    "PREFECT_SERVER_SERVICES_DB_VACUUM_RETENTION_PERIOD": str(30 * 86400),
+    "PREFECT_SERVER_SERVICES_LATE_RUNS_ENABLED": "false",
+}
+"""Of the server, where the environment sets no other value: a dashboard that keeps up with batches; a database that
+keeps what ended in the last 30 days, and no events, which were four fifths of it and say nothing that runs do not; no
+videos that are called late, at a question and an answer each, when they only wait for their turn."""
 
 
 @dataclass(frozen=True)
@@ -238,12 +249,12 @@ def serve(files: ServerFiles) -> None:
     _private_environment(files)
     os.environ.update(
         {
+            **OWN_SETTINGS,
+            **{name: os.environ[name] for name in OWN_SETTINGS if name in os.environ},
             "PREFECT_API_URL": f"http://{HOST}:{port}/api",
             "PREFECT_SERVER_API_HOST": HOST,
             "PREFECT_SERVER_API_PORT": str(port),
             "PREFECT_SERVER_UI_STATIC_DIRECTORY": str(files.home / "ui"),
-            "PREFECT_SERVER_SERVICES_TASK_RUN_RECORDER_BATCH_SIZE": "100",
-            "PREFECT_SERVER_SERVICES_TASK_RUN_RECORDER_READ_BATCH_SIZE": "100",
             "PREFECT_SERVER_CONCURRENCY_LEASE_STORAGE": "prefect.server.concurrency.lease_storage.filesystem",
             "PREFECT_LOGGING_SERVER_LEVEL": "WARNING",
         }

@@ -9,10 +9,14 @@ import time
 import urllib.request
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, cast
 
+import httpx
 import pytest
+from prefect.exceptions import PrefectHTTPStatusError
 
+from humanmm.flows import batch as batch_flows
 from humanmm.flows.alive import Alive, lost
 from humanmm.flows.local_server import ServerFiles, known_stores, note_store
 from humanmm.flows.lost_runs import note_end_before_begin
@@ -88,6 +92,40 @@ def test_a_video_whose_flow_run_ended_before_its_process_began_does_not_wait_for
     ledger.change(again, flow_run="two")
     note_end_before_begin(cast(Any, _Run(replace(again, flow_run="two"), toy.store, _State("CANCELLED"))))
     assert ledger.rows("b")[0].state == "cancelled"
+
+
+class _BusyServer:
+    """A client of a server that takes only some videos."""
+
+    def __init__(self, taken: set[str]) -> None:
+        self._taken = taken
+
+    async def __aenter__(self) -> "_BusyServer":
+        return self
+
+    async def __aexit__(self, *error: object) -> None:
+        pass
+
+    async def read_deployment_by_name(self, name: str) -> Any:
+        return SimpleNamespace(id=name)
+
+    async def create_flow_run_from_deployment(self, deployment: str, *, name: str, **asked: Any) -> Any:
+        if name in self._taken:
+            return SimpleNamespace(id=f"run of {name}")
+        request = httpx.Request("POST", "http://127.0.0.1/api")
+        raise PrefectHTTPStatusError("503", request=request, response=httpx.Response(503, request=request))
+
+
+def test_videos_that_a_busy_server_does_not_take_wait_in_the_ledger(
+    toy: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HUMANMM_CACHE", str(tmp_path / "cache"))
+    ledger = BatchLedger(Store(toy.store))
+    rows = [VideoRow("b", f"{name}.mp4", 0, f"/runs/{name}", "{}", "normal", "[]", "", "") for name in "ab"]
+    ledger.put("b", "/films", rows)
+    monkeypatch.setattr(batch_flows, "get_client", lambda: _BusyServer({"a.mp4"}))
+    batch_flows.schedule(ledger, rows)
+    assert [row.video for row in ledger.unscheduled()] == ["b.mp4"], "`humanmm serve` schedules it at its next look"
 
 
 @server
