@@ -113,12 +113,14 @@ def test_who_is_killed_takes_its_fork_along_and_the_template_all_of_them(nest: N
     assert second.wait(timeout=60) == -signal.SIGKILL
 
 
-def test_a_template_that_is_to_leave_waits_for_its_forks(nest: Nest) -> None:
-    asking = nest.ask("import time; print('ready', flush=True); time.sleep(4)")
+def test_a_template_that_is_to_leave_forks_no_more_and_waits_for_its_forks(nest: Nest) -> None:
+    told = "import time; print('ready', flush=True)\nwhile not os.path.exists('over'): time.sleep(0.05)"
+    asking = nest.ask(told)
     assert _first_line(asking) == "ready"
     nest.template.send_signal(signal.SIGTERM)
-    assert nest.ask("print('a fork')").communicate(timeout=60)[0] == "", "it forks no more"
-    assert asking.poll() is None
+    assert nest.template.stdout is not None and nest.template.stdout.read() == b"", "the worker sees it"
+    assert nest.template.poll() is None and asking.poll() is None
+    (nest.folder / "over").touch()
     assert asking.wait(timeout=60) == 0
     assert nest.template.wait(timeout=60) == 0
 
@@ -128,5 +130,5 @@ def test_a_template_whose_code_has_changed_forks_no_more_and_a_fresh_process_is_
     asking = nest.ask("print('a fork')")
     output, errors = asking.communicate(timeout=60)
     assert output == "" and "Invalid flow run id" in errors, "it is Prefect's own engine, which was told no flow run"
-    assert nest.template.stdout is not None and nest.template.stdout.read() == b"", "the worker sees it"
+    assert nest.template.stdout is not None and nest.template.stdout.read() == b""
     assert nest.template.wait(timeout=60) == 0
