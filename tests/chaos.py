@@ -31,13 +31,12 @@ RESTART_S = 2.0
 PROCESSES = {
     "task": "humanmm.tasks.isolation",
     "video": "humanmm.flows.video_process",
-    "template": "humanmm.flows.template",
     "worker": "humanmm.flows.worker",
     "server": "humanmm.flows.local_server",
     "serve": "humanmm.cli serve",
 }
 """What is killed → a part of its command line."""
-WEIGHTS = {"task": 5, "video": 3, "template": 1, "worker": 2, "server": 1, "serve": 1, "flip": 4, "full disk": 1}
+WEIGHTS = {"task": 5, "video": 3, "worker": 2, "server": 1, "serve": 1, "flip": 4, "full disk": 1}
 
 COUNTING = """
 import json, os, sys, time
