@@ -77,7 +77,7 @@ def _how_it_ended(run: "FlowRun", after_s: float) -> "State[Any] | None":
         return Completed(message=row.run_dir)
     if row is not None and row.attempt == given.get("attempt", 1) and row.state == "partial":
         return Failed(name="Partial", message=row.reason)
-    return Crashed(message=row.reason if row is not None else "its process was lost")
+    return Crashed(message=(row.reason if row is not None else "") or "nothing was heard of it")
 
 
 async def _all_runs(client: "PrefectClient", *states: "StateType") -> "list[FlowRun]":

@@ -21,6 +21,8 @@ CLIP = ROOT / "examples/pose2sim_multishot/pose2sim_A_01-02-01.mp4"
 NUM_VIDEOS = 20
 FRAMES_A_MINUTE = 3
 """Longer videos for a longer test: the work is to last about as long as the faults."""
+AT_WORK = {"task": 1, "video": 2, "serve": 4, "full disk": 4}
+"""Stages that a fault may interrupt: each of the two videos computes two. A worker's and the server's death none."""
 SEED = 5
 NOTICED_S = 120.0
 LIMIT_S = 1200.0
@@ -55,9 +57,8 @@ def test_whatever_is_killed_damaged_or_full_every_video_ends_well_and_nothing_ru
             assert not late, "lost workers are noticed within two minutes"
             flips = [fault for fault in machine.faults if fault.kind == "flip"]
             assert account.needless() == [] and len(account.again()) <= len(flips)
-            counted = account.count()
-            kills = [fault for fault in machine.faults if fault.kind in ("task", "video", "worker", "serve")]
-            assert counted["cut short"] <= 2 * 2 * len(kills), "two videos at a time, each two stages"
+            most = sum(AT_WORK.get(fault.kind, 0) for fault in machine.faults)
+            assert account.count()["cut short"] <= most, "what nobody had to interrupt was not interrupted"
 
             _check_store(machine)
             healed = machine.humanmm("batch", "retry-failed", "--wait")
