@@ -6,6 +6,7 @@ dashboard and a schedule all come through here.
 """
 
 import asyncio
+import functools
 import json
 import logging
 from collections.abc import Coroutine, Mapping, Sequence
@@ -27,12 +28,14 @@ from prefect.task_runners import ThreadPoolTaskRunner
 
 from humanmm.config import Config
 from humanmm.errors import HumanMMError, InputError
-from humanmm.flows.local_server import note_store, server_files
+from humanmm.flows.known_stores import note_store
+from humanmm.flows.local_server import server_files
 from humanmm.flows.recover import DEFAULTS, EVERYTHING, MAX_WAITING, opened, recover
 from humanmm.logs import kept_text, to_standard_error, wants_json
 from humanmm.storage.batch_ledger import BatchLedger, VideoRow
 from humanmm.storage.batch_manifest import read_batch
-from humanmm.storage.store import Store, default_store
+from humanmm.storage.opening import open_ledger
+from humanmm.storage.store import default_store
 from humanmm.tasks import batch as batches
 from humanmm.tasks.engine import VideoRun
 from humanmm.tasks.faults import in_words
@@ -71,7 +74,7 @@ def recover_video(
     """Recover one video into a run folder. As a video of a batch, keep the batch's ledger up to date."""
     if batch is None:
         return recover.fn(video, out, config, store, selection)
-    ledger = BatchLedger(Store(store or default_store()))
+    ledger = open_ledger(store or default_store())
     row = ledger.row(batch, str(video))
     if row is None or row.attempt != attempt:
         return Cancelled(message=f"batch {batch} no longer asks for attempt {attempt} at this video")
@@ -142,7 +145,7 @@ def recover_batch(
 
     Files that were written to less than `settle_s` seconds ago wait for the next time: they may still be growing.
     """
-    ledger = BatchLedger(Store(store or default_store()))
+    ledger = open_ledger(store or default_store())
     asked = read_batch(source, pattern=pattern)
     entries = [entry.with_defaults(priority=priority, tags=tags) for entry in asked if is_quiet(entry.video, settle_s)]
     submission = batches.submit(ledger, name or batches.batch_name(source), source, entries, config, out)
@@ -162,7 +165,7 @@ def schedule(ledger: BatchLedger, rows: Sequence[VideoRow]) -> None:
     A video whose process was lost waits a little, the longer the more often it was lost. What a busy server refuses
     stays in the ledger, and `humanmm serve` asks for it again at its next look.
     """
-    note_store(server_files(), ledger.store.root)
+    note_store(server_files(), ledger.store.place)
     refused: list[Exception] = []
 
     async def schedule_all() -> None:
@@ -176,14 +179,15 @@ def schedule(ledger: BatchLedger, rows: Sequence[VideoRow]) -> None:
                         parameters=_parameters(row, ledger),
                         name=Path(row.video).name[:100],
                         tags=[f"batch:{row.batch}", *json.loads(row.tags)],
-                        idempotency_key=f"{ledger.store.root}:{row.lock_key}:{row.attempt}",
+                        idempotency_key=f"{ledger.store.place}:{row.lock_key}:{row.attempt}",
                         work_queue_name=queue_of(row.priority),
                         state=Scheduled(scheduled_time=datetime.now(UTC) + timedelta(seconds=_pause_s(row))),
                     )
                 except httpx.HTTPError as error:
                     refused.append(error)
                     return
-                ledger.change(row, only_from=("scheduled",), flow_run=str(made.id))
+                note = functools.partial(ledger.change, row, only_from=("scheduled",), flow_run=str(made.id))
+                await asyncio.to_thread(note)
 
             await _some_at_a_time([one(row) for row in rows])
 
@@ -257,7 +261,7 @@ def _parameters(row: VideoRow, ledger: BatchLedger) -> dict[str, Any]:
         "video": row.video,
         "out": row.run_dir,
         "config": json.loads(row.config),
-        "store": str(ledger.store.root),
+        "store": ledger.store.place,
         "batch": row.batch,
         "attempt": row.attempt,
     }

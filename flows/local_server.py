@@ -95,20 +95,6 @@ def server_files() -> ServerFiles:
     raise OSError("neither the cache folder nor the temporary folder can be written")
 
 
-def note_store(files: ServerFiles, root: Path) -> None:
-    """Remember a store: whoever serves looks after its batches."""
-    if root not in known_stores(files):
-        with files.stores.open("a") as file:
-            fcntl.flock(file, fcntl.LOCK_EX)
-            file.write(f"{root}\n")
-
-
-def known_stores(files: ServerFiles) -> list[Path]:
-    """The stores that are still there."""
-    lines = files.stores.read_text().splitlines() if files.stores.exists() else []
-    return [Path(line) for line in dict.fromkeys(lines) if Path(line).is_dir()]
-
-
 @contextlib.contextmanager
 def prefect_server() -> Iterator[str]:
     """Environment for Prefect and an address to talk to, held for the duration of a run.

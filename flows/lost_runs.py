@@ -4,17 +4,26 @@ The truth is the ledger of the store and its locks; Prefect's own view is brough
 """
 
 import datetime
+import logging
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from humanmm.flows.local_server import ServerFiles, known_stores
-from humanmm.storage.batch_ledger import FILE, BatchLedger, VideoRow
-from humanmm.storage.store import Store
+from humanmm.errors import StoreError
+from humanmm.flows.known_stores import known_stores
+from humanmm.flows.local_server import ServerFiles
+from humanmm.storage.batch_ledger import BatchLedger, VideoRow
+from humanmm.storage.bucket import is_bucket
+from humanmm.storage.disk_ledger import FILE
+from humanmm.storage.opening import open_ledger
 
 if TYPE_CHECKING:
+    from uuid import UUID
+
     from prefect.client.orchestration import PrefectClient
     from prefect.client.schemas.objects import FlowRun, State, StateType
+
+log = logging.getLogger(__name__)
 
 START_FACTOR = 3
 """A process may take that much longer to begin than to hold its video once it has begun."""
@@ -22,8 +31,12 @@ PAGE = 200
 """Flow runs that are asked for at a time: what Prefect's server gives at most."""
 
 
-async def crash_lost_runs(after_s: float) -> bool:
-    """End flow runs of our deployments that nobody computes any more; returns whether any waits or runs."""
+async def crash_lost_runs(after_s: float, settled: "set[UUID] | None" = None) -> bool:
+    """End flow runs of our deployments that nobody computes any more; returns whether any waits or runs.
+
+    `settled` keeps, from one look to the next, the flow runs that ended and leave nothing to be done.
+    """
+    settled = set() if settled is None else settled
     from prefect import get_client
     from prefect.client.schemas.objects import StateType
 
@@ -34,27 +47,35 @@ async def crash_lost_runs(after_s: float) -> bool:
             if ended is not None:
                 await client.set_flow_run_state(run.id, ended, force=True)
         for run in await _some_runs(client, [StateType.CRASHED, StateType.CANCELLED], limit=PAGE):
-            note_end_before_begin(run)
+            if run.id not in settled and note_end_before_begin(run):
+                settled.add(run.id)
         return bool(runs) or bool(await _some_runs(client, [StateType.SCHEDULED], limit=1))
 
 
-def note_end_before_begin(run: "FlowRun") -> None:
-    """Tell the ledger of a flow run that crashed or was cancelled before its process could: its video waits in vain."""
+def note_end_before_begin(run: "FlowRun") -> bool:
+    """Tell the ledger of a flow run that crashed or was cancelled before its process could: its video waits in vain.
+
+    Returns whether its video waits for it no longer, and never will.
+    """
     ledger, row = _in_ledger(run)
-    if ledger is None or row is None or row.state != "scheduled" or row.flow_run != str(run.id):
-        return
+    if ledger is None or row is None or row.attempt != run.parameters.get("attempt", 1) or row.state != "scheduled":
+        return True
+    if row.flow_run != str(run.id):
+        return False
     if run.state is not None and run.state.type == "CANCELLED":
         ledger.change(row, only_from=("scheduled",), state="cancelled", reason="cancelled from the dashboard")
     else:
         ledger.never_began(row, f"its process did not begin: {run.state.message if run.state else 'crashed'}")
+    return True
 
 
 def _in_ledger(run: "FlowRun") -> tuple[BatchLedger | None, VideoRow | None]:
-    """The ledger that a flow run belongs to, if that lies on this machine, and its video."""
+    """The ledger that a flow run belongs to, if that is in a bucket or on this machine, and its video."""
     given = run.parameters
-    if not given.get("batch") or not (Path(given.get("store") or "-") / FILE).exists():
+    place = str(given.get("store") or "-")
+    if not given.get("batch") or not (is_bucket(place) or (Path(place) / FILE).exists()):
         return None, None
-    ledger = BatchLedger(Store(Path(given["store"])))
+    ledger = open_ledger(place)
     return ledger, ledger.row(given["batch"], given["video"])
 
 
@@ -116,11 +137,15 @@ def resume_lost_videos(files: ServerFiles) -> int:
     from humanmm.flows.batch import schedule
 
     count = 0
-    for root in known_stores(files):
-        ledger = BatchLedger(Store(root))
-        for batch in ledger.batches_at_work():
-            ledger.find_lost(batch)
-        rows = ledger.unscheduled()
+    for place in known_stores(files):
+        try:
+            ledger = open_ledger(place)
+            for batch in ledger.batches_at_work():
+                ledger.find_lost(batch)
+            rows = ledger.unscheduled()
+        except StoreError as error:  # the next look will tell; other stores do not wait for it
+            log.info("a store did not answer: %s", error)
+            continue
         if rows:
             schedule(ledger, rows)
         count += len(rows)

@@ -37,6 +37,7 @@ from humanmm.models.benchmark.statistics import SetStatistics, statistics_of
 from humanmm.models.benchmark.traces import VideoTraces, trace_video
 from humanmm.storage.code_digest import CodeDigest, code_digest
 from humanmm.storage.mocap_pack import read_pack
+from humanmm.storage.opening import open_store
 from humanmm.storage.recipe import Recipe
 from humanmm.storage.store import Store
 from humanmm.tasks.process import prepare_process
@@ -201,12 +202,12 @@ def _computed(
 ) -> Iterator[tuple[int, VideoFigures]]:
     if len(missing) <= FEW or config.run.threads == 1:
         for index in missing:
-            yield index, compute(jobs[index], recipes[index], config, store.root, methods)
+            yield index, compute(jobs[index], recipes[index], config, store.place, methods)
         return
     fresh = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(config.run.threads, mp_context=fresh, initializer=prepare_process) as pool:
         futures = {
-            pool.submit(compute, jobs[index], recipes[index], config, store.root, methods): index for index in missing
+            pool.submit(compute, jobs[index], recipes[index], config, store.place, methods): index for index in missing
         }
         try:
             for future in as_completed(futures):
@@ -216,14 +217,12 @@ def _computed(
             raise
 
 
-def compute(
-    job: Job, recipes: VideoRecipes, config: Config, store_root: Path, methods: tuple[str, ...]
-) -> VideoFigures:
+def compute(job: Job, recipes: VideoRecipes, config: Config, place: str, methods: tuple[str, ...]) -> VideoFigures:
     """One video's figures, its traces beside them; its motions are taken from the store where it has them.
 
     Runs in a process of its own.
     """
-    store = Store(store_root)
+    store = open_store(place)
     try:
         video = job.build(config, store)
     except HumanMMError as error:

@@ -18,12 +18,13 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, cast
+from uuid import UUID
 
 from humanmm.errors import InputError, StoreError
+from humanmm.flows.known_stores import known_stores
 from humanmm.flows.local_server import (
     ServerFiles,
     ensure_server,
-    known_stores,
     prefect_server,
     server_files,
     stop_unused_server,
@@ -31,8 +32,7 @@ from humanmm.flows.local_server import (
 from humanmm.flows.lost_runs import crash_lost_runs, resume_lost_videos
 from humanmm.flows.worker import STOP_LIMIT_S as VIDEOS_LIMIT_S
 from humanmm.flows.worker import stop_session
-from humanmm.storage.batch_ledger import BatchLedger
-from humanmm.storage.store import Store
+from humanmm.storage.opening import open_ledger
 
 log = logging.getLogger(__name__)
 
@@ -215,14 +215,14 @@ async def _deploy(limit: int, folder: Path) -> None:
 
 def _look_after(files: ServerFiles, worker: Worker, leave: threading.Event, idle_s: float | None) -> None:
     last_busy = time.monotonic()
-    tables = BatchTables()
+    tables, settled = BatchTables(), set[UUID]()
     while not leave.wait(LOOK_EVERY_S):
         if not os.environ.get("PREFECT_API_URL") or not ensure_server(files):
             log.warning("the Prefect server is gone and cannot be started; %s says why", files.log)
             continue
         worker.keep_up()
         try:
-            waiting = bool(resume_lost_videos(files)) | asyncio.run(crash_lost_runs(LOST_AFTER_S))
+            waiting = bool(resume_lost_videos(files)) | asyncio.run(crash_lost_runs(LOST_AFTER_S, settled))
             tables.update(files)
         except Exception as error:  # the server may be busy or restarting, the disk full: the next look will tell
             log.warning("a look after lost videos was cut short: %s", error)
@@ -237,7 +237,7 @@ class BatchTables:
     """Keeps the tables of batches on the dashboard up to date."""
 
     def __init__(self) -> None:
-        self._shown: dict[tuple[Path, str], float] = {}
+        self._shown: dict[tuple[str, str], float] = {}
 
     def update(self, files: ServerFiles) -> None:
         """Show the batches that have changed since they were shown last."""
@@ -245,13 +245,13 @@ class BatchTables:
 
         from humanmm.flows.dashboard import show_batch
 
-        for root in known_stores(files):
-            ledger = BatchLedger(Store(root))
+        for place in known_stores(files):
+            ledger = open_ledger(place)
             for name, changed in ledger.last_changes().items():
-                if self._shown.get((root, name)) != changed:
+                if self._shown.get((place, name)) != changed:
                     with get_client(sync_client=True) as client:
                         show_batch(client, name, ledger.rows(name))
-                    self._shown[root, name] = changed
+                    self._shown[place, name] = changed
 
 
 @contextlib.contextmanager

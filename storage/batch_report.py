@@ -60,7 +60,10 @@ def _look(row: VideoRow) -> _Found:
             warnings=tuple(str(warning) for warning in record["warnings"]),
             overlay=str(overlay) if overlay.is_file() else "",
         )
-    except (InputError, KeyError, TypeError, ValueError) as error:
+    except InputError as error:
+        told = f"its run folder is on {row.host}" if row.is_elsewhere else f"its run folder cannot be read: {error}"
+        return _Found(warnings=(told,))
+    except (KeyError, TypeError, ValueError) as error:
         return _Found(warnings=(f"its run folder cannot be read: {error}",))
 
 

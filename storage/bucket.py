@@ -17,6 +17,9 @@ from humanmm.errors import ConfigError, StoreError
 
 _URL = re.compile(r"s3:/{1,2}(?P<bucket>[^/]+)/?(?P<prefix>.*)")  # a Path has lost the second slash
 
+CLOCK_LIMIT_S = 600.0
+"""How long the clock of the service is trusted to go as fast as ours."""
+
 
 def is_bucket(place: str) -> bool:
     """True for `s3://bucket/prefix`."""
@@ -31,8 +34,13 @@ class Object:
     num_bytes: int
     tag: str
     """Its entity tag: what a conditional put compares."""
-    age_s: float
-    """Seconds since it was written, by this host's clock."""
+    written: float
+    """When, seconds since 1970 by the clock of the service."""
+
+    @property
+    def age_s(self) -> float:
+        """Seconds since then, by this host's clock."""
+        return time.time() - self.written
 
 
 class Bucket:
@@ -50,6 +58,7 @@ class Bucket:
             raise ConfigError(f"{self.url} needs obstore: pip install 'humanmm[s3]'") from None
         with self._faults("open"):
             self._s3 = S3Store(parts["bucket"], prefix=prefix or None)
+        self._clock: tuple[float, float] | None = None
 
     def __reduce__(self) -> tuple[type["Bucket"], tuple[str]]:
         return Bucket, (self.url,)
@@ -64,6 +73,18 @@ class Bucket:
                 return bytes(found.bytes()), _object(found.meta)
             except FileNotFoundError:
                 return None
+
+    def now(self) -> float:
+        """Seconds since 1970 by the clock of the service, never ahead of it: it stamps what is written."""
+        import obstore
+
+        if self._clock is None or time.monotonic() - self._clock[0] > CLOCK_LIMIT_S:
+            self.write("clock", b"")
+            with self._faults("read clock"):
+                stamp = obstore.head(self._s3, "clock")["last_modified"].timestamp()
+            self._clock = time.monotonic(), stamp
+        since, stamp = self._clock
+        return stamp + time.monotonic() - since
 
     def create(self, name: str, content: bytes) -> str | None:
         """Write a small object that is not there yet; its tag, or None if it is there."""
@@ -148,5 +169,4 @@ class Bucket:
 
 
 def _object(meta: Any) -> Object:
-    age_s = time.time() - meta["last_modified"].timestamp()
-    return Object(str(meta["path"]), int(meta["size"]), str(meta["e_tag"]), age_s)
+    return Object(str(meta["path"]), int(meta["size"]), str(meta["e_tag"]), meta["last_modified"].timestamp())

@@ -39,25 +39,25 @@ class BucketStore(Store):
     """One store in a bucket. With `read_only` nothing in the bucket is written; copies are kept as ever."""
 
     def __init__(self, url: str, *, read_only: bool = False) -> None:
-        self._bucket = Bucket(url)
-        name = hashlib.sha256(self._bucket.url.encode()).hexdigest()[:16]
+        self.bucket = Bucket(url)
+        name = hashlib.sha256(self.bucket.url.encode()).hexdigest()[:16]
         super().__init__(cache_folder() / "buckets" / name, read_only=read_only)
         self._markers: dict[str, bytes] = {}
 
     @property
     def place(self) -> str:
-        return self._bucket.url
+        return self.bucket.url
 
     # ---- finding and reading
 
     def find(self, stage: str, key: str) -> Manifest | None:
         uri = artifact_uri(stage, key)
-        found = self._bucket.read(f"{uri}/COMMIT")
+        found = self.bucket.read(f"{uri}/COMMIT")
         if found is None:
             return None
         marker, state = found
         if state.age_s > TOUCH_S and not self.read_only:
-            self._bucket.replace(f"{uri}/COMMIT", marker, state.tag)
+            self.bucket.replace(f"{uri}/COMMIT", marker, state.tag)
         if self._markers.get(uri) != marker:  # another process may have replaced it, and our copy
             self._checked.pop((stage, key), None)
         for _ in range(2):  # a damaged copy is made again from what is in the bucket
@@ -71,7 +71,7 @@ class BucketStore(Store):
                 self._markers[uri] = marker
                 self._damage.pop((stage, key), None)
                 return manifest
-            if self._bucket.read(f"{uri}/COMMIT") is None:
+            if self.bucket.read(f"{uri}/COMMIT") is None:
                 break
         return None
 
@@ -89,7 +89,7 @@ class BucketStore(Store):
 
     def _unpack(self, uri: str, marker: bytes, folder: Path) -> None:
         pack = folder.with_suffix(".tar")
-        if not self._bucket.download(_pack_name(uri, marker), pack):
+        if not self.bucket.download(_pack_name(uri, marker), pack):
             raise DamageError("the object that its COMMIT names is missing")
         try:
             with tarfile.open(pack, "r:") as archive:
@@ -104,48 +104,51 @@ class BucketStore(Store):
 
     @contextlib.contextmanager
     def lock(self, stage: str, key: str) -> Iterator[None]:
-        with Lease(self._bucket, f"locks/{stage}-{key}").held():
+        with Lease(self.bucket, f"locks/{stage}-{key}").held():
             yield
 
     @contextlib.contextmanager
     def try_lock(self, stage: str, key: str) -> Iterator[bool]:
-        with Lease(self._bucket, f"locks/{stage}-{key}").tried() as held:
+        with Lease(self.bucket, f"locks/{stage}-{key}").tried() as held:
             yield held
+
+    def is_locked(self, stage: str, key: str) -> bool:
+        return Lease(self.bucket, f"locks/{stage}-{key}").is_held()
 
     def _publish(self, folder: Path, manifest: Manifest) -> Manifest:
         uri = manifest.ref.uri
         marker = (folder / "COMMIT").read_bytes()
-        before = self._bucket.read(f"{uri}/COMMIT")
+        before = self.bucket.read(f"{uri}/COMMIT")
         with self.new_folder() as desk:
             with tarfile.open(desk / "copy.tar", "w") as archive:
                 archive.add(folder, arcname=".", filter=_nobodys)
-            self._bucket.upload(_pack_name(uri, marker), desk / "copy.tar")
+            self.bucket.upload(_pack_name(uri, marker), desk / "copy.tar")
         if before is None:
-            committed = self._bucket.create(f"{uri}/COMMIT", marker)
+            committed = self.bucket.create(f"{uri}/COMMIT", marker)
         else:
-            committed = self._bucket.replace(f"{uri}/COMMIT", marker, before[1].tag)
+            committed = self.bucket.replace(f"{uri}/COMMIT", marker, before[1].tag)
         if committed is None:  # somebody else was first (or this put was sent twice): what stands there counts
             theirs = self.find(manifest.recipe.stage, manifest.recipe.key)
             if theirs is None:
                 raise StoreError(f"the artifact of {manifest.recipe.stage} was removed while it was written")
             if self._markers[uri] != marker:
-                self._bucket.remove([_pack_name(uri, marker)])
+                self.bucket.remove([_pack_name(uri, marker)])
             return theirs
         if before is not None:
-            self._bucket.remove([_pack_name(uri, before[0])])
+            self.bucket.remove([_pack_name(uri, before[0])])
         self._put_in_place(folder, self.root / uri)
         return manifest
 
     def note(self, name: str, text: str) -> None:
         if not self.read_only:
-            self._bucket.write(name, text.encode())
+            self.bucket.write(name, text.encode())
 
     def noted(self, name: str) -> str | None:
-        found = self._bucket.read(name)
+        found = self.bucket.read(name)
         return None if found is None else found[0].decode(errors="replace")
 
     def runs_noted(self) -> Iterator[str]:
-        for found in self._bucket.list("latest"):
+        for found in self.bucket.list("latest"):
             if found.name.count("/") == 2 and found.name.endswith("/run.json"):
                 yield found.name
 
@@ -153,9 +156,9 @@ class BucketStore(Store):
 
     def entries(self) -> Iterator[Entry]:
         """What lies in the bucket, then the copies on this host."""
-        for uri, objects in itertools.groupby(self._bucket.list("artifacts"), lambda o: o.name.rpartition("/")[0]):
+        for uri, objects in itertools.groupby(self.bucket.list("artifacts"), lambda o: o.name.rpartition("/")[0]):
             yield _artifact_entry(uri, list(objects))
-        for found in self._bucket.list("damaged"):
+        for found in self.bucket.list("damaged"):
             yield Entry("damaged", found.name, found.age_s, lambda size=found.num_bytes: size)  # type: ignore[misc]
         for entry in super().entries():
             yield replace(entry, kind="copy") if entry.kind == "artifact" else entry
@@ -163,7 +166,7 @@ class BucketStore(Store):
     @contextlib.contextmanager
     def opened(self, stage: str, key: str) -> Iterator[Path]:
         uri = artifact_uri(stage, key)
-        found = self._bucket.read(f"{uri}/COMMIT")
+        found = self.bucket.read(f"{uri}/COMMIT")
         if found is None:
             raise DamageError("COMMIT is missing")
         with self.new_folder() as desk:
@@ -174,10 +177,10 @@ class BucketStore(Store):
         if (self.root / entry.name).exists():
             super().drop(entry)
         if entry.kind == "damaged":
-            self._bucket.remove([entry.name])
+            self.bucket.remove([entry.name])
         elif entry.stage and entry.kind != "copy":
-            names = [found.name for found in self._bucket.list(entry.name)]
-            self._bucket.remove(sorted(names, key=lambda name: not name.endswith("/COMMIT")))  # no longer visible first
+            names = [found.name for found in self.bucket.list(entry.name)]
+            self.bucket.remove(sorted(names, key=lambda name: not name.endswith("/COMMIT")))  # no longer visible first
 
     def set_aside(self, stage: str, key: str, reason: str) -> None:
         """Remove a damaged copy; what is in the bucket is set aside if it is no better."""
@@ -191,10 +194,10 @@ class BucketStore(Store):
             if self.read_only:
                 return
             log.warning("the artifact of %s is damaged (%s); it is set aside and computed again", stage, reason)
-            packs = [found.name for found in self._bucket.list(uri) if not found.name.endswith("/COMMIT")]
-            self._bucket.remove([f"{uri}/COMMIT"])
+            packs = [found.name for found in self.bucket.list(uri) if not found.name.endswith("/COMMIT")]
+            self.bucket.remove([f"{uri}/COMMIT"])
             for name in packs:
-                self._bucket.move(name, f"damaged/{stage}-{key[:16]}-{Path(name).name}")
+                self.bucket.move(name, f"damaged/{stage}-{key[:16]}-{Path(name).name}")
 
 
 def _nobodys(member: tarfile.TarInfo) -> tarfile.TarInfo:

@@ -2,9 +2,9 @@
 
 The object says who holds it and how often that was renewed, or that nobody does. Every step is a conditional put: two
 can never take the same lease. A holder renews it while it lives; who waits takes it over when it has not changed for
-`LEASE_S` on the waiter's own clock, so that clocks need not agree. A holder that was stopped for longer may go on
-beside its successor: work is then done twice, but what is committed is one whole artifact, for the commit is
-conditional too.
+`LEASE_S` on the waiter's own clock, who cannot wait when it is a little older by the clock of the bucket itself: clocks
+of hosts need not agree. A holder that was stopped for longer may go on beside its successor: work is then done twice,
+but what is committed is one whole artifact, for the commit is conditional too.
 """
 
 import contextlib
@@ -25,8 +25,8 @@ LEASE_S = 30.0
 """A lease not renewed for so long belongs to nobody: so long does a waiter wait for a holder that was killed."""
 RENEW_S = 10.0
 POLL_S = 1.0
-ABANDONED_S = 3600.0
-"""A lease written so long ago is free even for who cannot wait; far more than clocks of hosts differ."""
+MARGIN_S = 10.0
+"""By so much may the clocks of a bucket's own machines differ, to be safe."""
 
 _FREE = b"free"
 
@@ -61,11 +61,21 @@ class Lease:
     @contextlib.contextmanager
     def tried(self) -> Iterator[bool]:
         """As `held`, but says False at once when somebody holds it."""
-        if not self._take(self._bucket.read(self._name), expired=False):
+        found = self._bucket.read(self._name)
+        if not self._take(found, expired=found is not None and not self._is_kept(found)):
             yield False
             return
         with self._renewed():
             yield True
+
+    def is_held(self) -> bool:
+        """Whether somebody holds it who lives, as far as can be told at once."""
+        found = self._bucket.read(self._name)
+        return found is not None and self._is_kept(found)
+
+    def _is_kept(self, found: tuple[bytes, Object]) -> bool:
+        content, state = found
+        return content != _FREE and self._bucket.now() - state.written <= LEASE_S + MARGIN_S
 
     def _take(self, found: tuple[bytes, Object] | None, *, expired: bool) -> bool:
         if found is None:
@@ -74,7 +84,7 @@ class Lease:
             content, state = found
             if content.startswith(self._owner.encode()):  # our put arrived, its answer did not
                 tag = state.tag
-            elif content == _FREE or expired or state.age_s > ABANDONED_S:
+            elif content == _FREE or expired:
                 tag = self._bucket.replace(self._name, self._text(), state.tag)
             else:
                 tag = None

@@ -77,7 +77,7 @@ class Store:
 
     def __init__(self, root: Path, *, read_only: bool = False) -> None:
         if ":/" in str(root):
-            raise StoreError(f"{root} is not a folder: batches and benches need a store on a local disk")
+            raise StoreError(f"{root} is not a folder on a local disk")
         self.root = root.expanduser().absolute()
         self.read_only = read_only
         self._checked: dict[tuple[str, str], Manifest] = {}
@@ -176,6 +176,11 @@ class Store:
         finally:
             os.close(descriptor)
 
+    def is_locked(self, stage: str, key: str) -> bool:
+        """Whether somebody holds the right to write one key."""
+        with self.try_lock(stage, key) as free:
+            return not free
+
     @contextlib.contextmanager
     def new_folder(self) -> Iterator[Path]:
         """A folder in tmp/ for one artifact in the making, with an empty files/; gone afterwards unless committed."""
@@ -255,7 +260,11 @@ class Store:
             "reason": reason,
             "finished": time.strftime("%Y-%m-%dT%H:%M:%S%z"),
         }
-        self.note(f"latest/{video[:32]}/run.json", json.dumps(entry))
+        self.note(_run_name(video), json.dumps(entry))
+
+    def knows_run(self, video: str) -> bool:
+        """Whether a run on a video was noted."""
+        return self.noted(_run_name(video)) is not None
 
     def note(self, name: str, text: str) -> None:
         """Write a small record of the store, for all who use it; `name` is relative to its root."""
@@ -369,6 +378,10 @@ class Store:
 
 def _record_name(video: str, stage: str, unit: str) -> str:
     return f"latest/{video[:32]}/{stage}/{unit}.json"
+
+
+def _run_name(video: str) -> str:
+    return f"latest/{video[:32]}/run.json"
 
 
 def _size(path: Path) -> int:

@@ -7,7 +7,7 @@ import stat
 from dataclasses import dataclass
 from io import BufferedReader
 from pathlib import Path
-from typing import BinaryIO, cast
+from typing import Any, BinaryIO, cast
 
 from humanmm.errors import VideoError
 from humanmm.storage.store import Store
@@ -39,16 +39,25 @@ def identify(path: Path, store: Store) -> VideoIdentity:
     with open_video_file(path) as file:
         status = os.fstat(file.fileno())
         facts = {"size": status.st_size, "mtime_ns": status.st_mtime_ns, "inode": status.st_ino}
-        record = store.root / "videos" / f"{hashlib.sha256(os.fsencode(path)).hexdigest()}.json"
-        try:
-            known = json.loads(record.read_text())
-        except (OSError, ValueError):
-            known = {}
+        known = known_content(path, store)
         if all(known.get(name) == value for name, value in facts.items()):
             return VideoIdentity(path, str(known["sha256"]), **facts)
         digest = hashlib.file_digest(cast(BufferedReader, file), "sha256").hexdigest()
-    store.write_text(record, json.dumps({**facts, "sha256": digest}))
+    store.write_text(_record(path, store), json.dumps({**facts, "sha256": digest}))
     return VideoIdentity(path, digest, **facts)
+
+
+def known_content(path: Path, store: Store) -> dict[str, Any]:
+    """What this machine noted when it hashed a file: sha256, size, mtime_ns and inode; empty if it never did."""
+    try:
+        known: dict[str, Any] = json.loads(_record(path, store).read_text())
+    except (OSError, ValueError):
+        return {}
+    return known
+
+
+def _record(path: Path, store: Store) -> Path:
+    return store.root / "videos" / f"{hashlib.sha256(os.fsencode(path)).hexdigest()}.json"
 
 
 def open_video_file(path: Path) -> BinaryIO:

@@ -9,6 +9,8 @@ import hashlib
 import json
 import logging
 import os
+import signal
+import socket
 import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -18,19 +20,21 @@ from typing import Any
 
 from humanmm.config import Config
 from humanmm.config_reading import validate
-from humanmm.errors import InputError, VideoError
+from humanmm.errors import InputError, StoreError, VideoError
 from humanmm.storage.batch_ledger import BatchLedger, VideoRow, facts_of, has_run_record
 from humanmm.storage.batch_manifest import Entry
 from humanmm.storage.code_digest import code_digest
 from humanmm.storage.codec import canonical_json
 from humanmm.storage.store import Store
-from humanmm.storage.video_identity import identify
+from humanmm.storage.video_identity import identify, known_content
 from humanmm.tasks import finish, pipeline
 from humanmm.tasks.engine import VideoRun
 from humanmm.tasks.plan import forecast, is_complete
 
 log = logging.getLogger(__name__)
 LOOK_EVERY_S = 1.0
+ASK_EVERY_S = 10.0
+"""How often a process that computes a video asks whether it is still to: others may have cancelled it."""
 
 
 @dataclass(frozen=True)
@@ -55,29 +59,38 @@ def batch_name(source: Path) -> str:
 def submit(
     ledger: BatchLedger, name: str, source: Path, entries: Sequence[Entry], config: Config, out: Path
 ) -> Submission:
-    """Write a batch down. What is written already and asks for the same stays as it is, whatever its state."""
+    """Write a batch down. What is written already and asks for the same stays as it is, whatever its state.
+
+    InputError if a video is running with other settings, or was submitted with others by somebody else just now.
+    """
     known = {row.video: row for row in ledger.rows(name)}
     asked = _rows(name, entries, config, out.absolute(), ledger.store, known)
     finished = ledger.finished()
     written: list[VideoRow] = []
-    rows: list[VideoRow] = []
+    rows = {row.video: known.get(row.video, row) for row in asked}
     for row in asked:
         before = known.get(row.video)
-        if before is not None and before.same_work(row) and not (before.state == "done" and _is_gone(row)):
-            rows.append(before)
+        if (
+            before is not None
+            and before.same_work(row)
+            and not (before.state == "done" and _is_gone(before.run_dir, before.host))
+        ):
             continue
         attempt = before.attempt + 1 if before else 1
         if before is not None and before.state == "running" and ledger.is_held(before):
             raise InputError(f"{row.video} is running with other settings; wait for it or `humanmm batch cancel` first")
-        state = "done" if _is_finished(row, finished, ledger.store) else "scheduled"
-        rows.append(replace(row, attempt=attempt, state=state))
-        written.append(rows[-1])
-    if written:
-        ledger.put(name, str(source.absolute()), written)
-    states = [row.state for row in rows]
+        host = _finished_on(row, finished, ledger.store)
+        state = "scheduled" if host is None else "done"
+        written.append(replace(row, attempt=attempt, state=state, host=host or ""))
+    standing = ledger.put(name, str(source.absolute()), written) if written else []
+    for ours, row in zip(written, standing, strict=True):
+        if not row.same_work(ours):
+            raise InputError(f"{row.video} was submitted with other settings by somebody else just now")
+        rows[row.video] = row
+    states = [row.state for row in rows.values()]
     return Submission(
         name=name,
-        to_schedule=tuple(row for row in rows if row.state == "scheduled"),
+        to_schedule=tuple(row for row in rows.values() if row.state == "scheduled"),
         finished=states.count("done"),
         failed=sum(states.count(state) for state in ("failed", "partial", "cancelled")),
     )
@@ -90,9 +103,7 @@ def retry(ledger: BatchLedger, name: str, *, stage: str | None = None) -> list[V
         if stage is None or (row.stage or "").split(" · ")[0] == stage:
             fresh = replace(row, attempt=row.attempt + 1, state="scheduled", stage=None, reason="", seconds=None)
             again.append(replace(fresh, flow_run=None, pid=None, losses=0))
-    if again:
-        ledger.put(name, "", again)
-    return again
+    return [row for row in ledger.put(name, "", again) if row.state == "scheduled"] if again else []
 
 
 def recipe_of_code() -> str:
@@ -130,6 +141,7 @@ class Account:
         with self.ledger.hold(self.row) as held:
             begun = time.time()
             values: dict[str, Any] = {"state": "running", "flow_run": flow_run, "pid": os.getpid(), "reason": ""}
+            values["host"] = socket.gethostname()
             # the dashboard's own Retry runs a failed attempt again
             ready = held and self.ledger.change(
                 self.row, only_from=("scheduled", "running", "failed", "partial", "done"), **values
@@ -147,19 +159,36 @@ class Account:
                 self.ledger.change(self.row, seconds=round(time.time() - begun, 3))
 
     def _report(self, begun: float) -> None:
+        asked = time.monotonic()
         while not self._left.wait(LOOK_EVERY_S):
-            if self.row.losses and self._has_computed():
-                self.row = replace(self.row, losses=0)
-                self.ledger.change(self.row, losses=0)
-            stage = self._current_stage()
-            if stage != self._stage:
-                self._stage = stage
-                seconds = round(time.time() - begun, 3)
-                self.ledger.change(self.row, only_from=("running",), stage=stage, seconds=seconds)
+            try:
+                self._tell(begun)
+                if time.monotonic() - asked > ASK_EVERY_S:
+                    asked = time.monotonic()
+                    if self._is_over():
+                        log.warning("%s is no longer to be computed here", self.row.video)
+                        os.kill(os.getpid(), signal.SIGTERM)
+                        return
+            except StoreError as error:  # the next look will do
+                log.info("the ledger did not answer: %s", error)
+
+    def _tell(self, begun: float) -> None:
+        if self.row.losses and self._has_computed():
+            self.row = replace(self.row, losses=0)
+            self.ledger.change(self.row, losses=0)
+        stage = self._current_stage()
+        if stage != self._stage:
+            self._stage = stage
+            seconds = round(time.time() - begun, 3)
+            self.ledger.change(self.row, only_from=("running",), stage=stage, seconds=seconds)
 
     def _has_computed(self) -> bool:
         """Whether there is something now that there was not before this attempt."""
         return any(o.state == "computed" for o in list(self.run.outcomes.values())) if self.run else False
+
+    def _is_over(self) -> bool:
+        row = self.ledger.row(self.row.batch, self.row.video)
+        return row is None or row.attempt != self.row.attempt or row.state == "cancelled"
 
     def _current_stage(self) -> str | None:
         outcomes = list(self.run.outcomes.values()) if self.run else []
@@ -237,38 +266,36 @@ class _RunFolders:
         return path
 
 
-def _is_gone(row: VideoRow) -> bool:
-    return not has_run_record(row.run_dir)
+def _is_gone(run_dir: str, host: str) -> bool:
+    """Whether a finished run folder is no longer there; of another machine's that cannot be told."""
+    return host in ("", socket.gethostname()) and not has_run_record(run_dir)
 
 
-def _is_finished(row: VideoRow, finished: Mapping[tuple[str, str, str], str], store: Store) -> bool:
-    """True if nothing has to be computed; a run folder that is missing is then written from the store."""
+def _finished_on(row: VideoRow, finished: Mapping[tuple[str, str, str], tuple[str, str]], store: Store) -> str | None:
+    """Where its run folder is if nothing has to be computed; one that is missing is then written from the store."""
     if not row.facts:
-        return False
-    if finished.get((row.video, row.facts, row.recipe)) == row.run_dir and not _is_gone(row):
-        return True
+        return None
+    run_dir, host = finished.get((row.video, row.facts, row.recipe), ("", ""))
+    if run_dir == row.run_dir and not _is_gone(run_dir, host):
+        return host
     sha256 = _known_content(row, store)
-    if sha256 is None or not (store.root / "latest" / sha256[:32] / "run.json").exists():
-        return False
+    if sha256 is None or not store.knows_run(sha256):
+        return None
     began = time.time()
     run = VideoRun(identify(Path(row.video), store), Config.model_validate_json(row.config), store)
     if not is_complete(forecast(run)):
-        return False
-    run_dir = Path(row.run_dir)
-    if not finish.is_up_to_date(run, run_dir):
-        finish.write_results(run, run_dir, started=began, log_text="written from the store alone\n")
-    return True
+        return None
+    folder = Path(row.run_dir)
+    if not finish.is_up_to_date(run, folder):
+        finish.write_results(run, folder, started=began, log_text="written from the store alone\n")
+    return socket.gethostname()
 
 
 def _known_content(row: VideoRow, store: Store) -> str | None:
     """Content hash of a video that was hashed before; new videos are hashed by the process that computes them."""
-    record = store.root / "videos" / f"{hashlib.sha256(os.fsencode(row.video)).hexdigest()}.json"
-    try:
-        known = json.loads(record.read_text())
-        same = [known["size"], known["mtime_ns"], known["inode"]] == json.loads(row.facts)
-        return str(known["sha256"]) if same else None
-    except (OSError, ValueError, KeyError):
-        return None
+    known = known_content(Path(row.video), store)
+    same = [known.get("size"), known.get("mtime_ns"), known.get("inode")] == json.loads(row.facts)
+    return str(known["sha256"]) if same else None
 
 
 def _as_text(video: Path) -> str:

@@ -25,6 +25,7 @@ from humanmm.errors import (
     VideoError,
 )
 from humanmm.models.shots.boundaries import Scenes, ShotList
+from humanmm.models.video.facts import VideoFacts
 from humanmm.storage.artifact import Manifest
 from humanmm.storage.code_digest import CodeDigest, code_digest
 from humanmm.storage.codec import encode
@@ -217,7 +218,7 @@ class VideoRun:
             if self.look_up(work) is not None:
                 return self.outcomes[at]
             outcome.attempts += 1
-            needed = resources_of(work.stage, self.config.run)
+            needed = resources_of(work.stage, self.config.run, self._megapixels())
             in_child = self.config.run.isolate or needed.limit_s is not None
             if not in_child:
                 self.imports.prepare(work.stage)
@@ -375,10 +376,21 @@ class VideoRun:
                 manifest = self.manifest(stage.name)
                 if manifest is None:
                     return None
-                if manifest.digest not in self._definitions:
-                    self._definitions[manifest.digest] = self.read(Work(stage), output)
-                return cast(T, self._definitions[manifest.digest])
+                return self._read_once(manifest, Work(stage), output)
         return None
+
+    def _megapixels(self) -> float:
+        """Size of the video's picture; 0 while it is not known."""
+        manifest = self.manifest(self.stages[0].name)
+        if manifest is None:
+            return 0.0
+        facts = self._read_once(manifest, Work(self.stages[0]), VideoFacts)
+        return facts.width * facts.height / 1e6
+
+    def _read_once(self, manifest: Manifest, work: Work, output: type[T]) -> T:
+        if manifest.digest not in self._definitions:
+            self._definitions[manifest.digest] = self.read(work, output)
+        return cast(T, self._definitions[manifest.digest])
 
     def _blocked_by(self, work: Work) -> Outcome | None:
         """The failure that makes this work pointless: bad input anywhere, a failed input, all units for the video."""

@@ -4,6 +4,7 @@ This table is data only: importing it loads no science, so that `status`, `--dry
 A stage's function is `humanmm.tasks.<name>:<name>(inputs: StageInputs) -> output`.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
@@ -17,12 +18,19 @@ class Resources:
 
     threads: int = 1
     """Processors that it keeps busy."""
-    memory_mb: int = 500
-    """Main memory that it takes at most, beside what every process with its code loaded has."""
+    memory_mb: int = 100
+    """Main memory that it takes at most, beside what every process with the code of all stages loaded has."""
+    memory_mb_per_mpx: int = 0
+    """And for every million pixels of the video's picture."""
     gpu: bool = False
     """Whether it needs one of the slots of the limit `gpu`."""
     limit_s: float | None = None
     """Seconds after which it is ended."""
+
+    def for_picture(self, megapixels: float) -> "Resources":
+        """What it comes to for a video of this size."""
+        memory_mb = self.memory_mb + math.ceil(self.memory_mb_per_mpx * megapixels)
+        return replace(self, memory_mb=memory_mb, memory_mb_per_mpx=0)
 
     def with_values(self, values: Mapping[str, Any]) -> "Resources":
         """The same with some figures replaced."""

@@ -19,6 +19,7 @@ import pytest
 
 from humanmm.config import Config
 from humanmm.storage import artifact
+from humanmm.storage.opening import open_store
 from humanmm.storage.store import Store
 from humanmm.storage.video_identity import identify
 from humanmm.tasks import pipeline
@@ -55,7 +56,7 @@ class Toy:
 
     def open(self, *, selection: Selection | None = None, read_only: bool = False, **settings: Any) -> VideoRun:
         """A run on the toy's store; settings as `camera={"static": True}`."""
-        return self.open_on(Store(self.store, read_only=read_only), selection=selection, **settings)
+        return self.open_on(open_store(self.store, read_only=read_only), selection=selection, **settings)
 
     def open_on(self, store: Store, *, selection: Selection | None = None, **settings: Any) -> VideoRun:
         """A run on another store."""
@@ -171,6 +172,14 @@ def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFi
     monkeypatch.setattr(pipeline, "STAGES", import_module("toyline.table").STAGES)
     yield Toy(tmp_path, video, tmp_path / "store", tmp_path / "executed", capfd)
     _forget()
+
+
+@pytest.fixture(params=["disk", "bucket"])
+def any_toy(request: pytest.FixtureRequest, toy: Toy) -> Toy:
+    """The toy on a store of each kind."""
+    if request.param == "bucket":
+        toy.store = Path(request.getfixturevalue("bucket"))
+    return toy
 
 
 def _forget() -> None:

@@ -12,6 +12,7 @@ from humanmm.flows import motion_benchmark
 from humanmm.flows.motion_benchmark import FIGURE_CODE, mocap_set
 from humanmm.models.benchmark.methods import ABLATIONS, METHODS
 from humanmm.storage.code_digest import CodeDigest
+from humanmm.storage.opening import open_store
 
 
 def test_tiny_is_computed_once_and_then_the_same_to_the_byte(
@@ -76,3 +77,15 @@ def test_a_pack_that_is_none_is_told_in_one_line(tmp_path: Path, capsys: pytest.
     (tmp_path / "pack.npz").write_bytes(b"no zip")
     assert main(["bench", "ms-mocap", "--data", str(tmp_path / "pack.npz")]) == 1
     assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+@pytest.mark.slow
+def test_figures_in_a_bucket_are_computed_once_for_all_hosts(
+    pack: Path, bucket: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    jobs, _ = mocap_set(pack, "tiny")
+    one = METHODS[:1]
+    first = motion_benchmark.figures_of(jobs[:1], Config(), open_store(bucket), one)
+    monkeypatch.setenv("HUMANMM_CACHE", str(tmp_path / "another host"))
+    monkeypatch.setattr(motion_benchmark, "compute", None)
+    assert motion_benchmark.figures_of(jobs[:1], Config(), open_store(bucket), one) == first

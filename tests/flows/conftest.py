@@ -107,8 +107,9 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Place]:
 
 
 @pytest.fixture
-def farm(toy: Any, place: Place) -> Any:
+def farm(any_toy: Any, place: Place) -> Any:
     """The toy, whose stages are also those of processes that a worker starts; three films and one that is empty."""
+    toy = any_toy
     (toy.folder / "sitecustomize.py").write_text(
         "from humanmm.tasks import pipeline\nfrom toyline.table import STAGES\npipeline.STAGES = STAGES\n"
     )

@@ -18,10 +18,11 @@ from prefect.exceptions import PrefectHTTPStatusError
 
 from humanmm.flows import batch as batch_flows
 from humanmm.flows.alive import Alive, lost
-from humanmm.flows.local_server import ServerFiles, known_stores, note_store
+from humanmm.flows.known_stores import known_stores, note_store
+from humanmm.flows.local_server import ServerFiles
 from humanmm.flows.lost_runs import note_end_before_begin
-from humanmm.storage.batch_ledger import BatchLedger, VideoRow
-from humanmm.storage.store import Store
+from humanmm.storage.batch_ledger import VideoRow
+from humanmm.storage.opening import open_ledger
 
 server = pytest.mark.server
 
@@ -60,10 +61,11 @@ def test_stores_are_noted_once_and_forgotten_when_they_are_gone(tmp_path: Path) 
     files = ServerFiles(tmp_path)
     for name in ("a", "b", "a"):
         (tmp_path / name).mkdir(exist_ok=True)
-        note_store(files, tmp_path / name)
+        note_store(files, str(tmp_path / name))
+    note_store(files, "s3://far/away")
     (tmp_path / "b").rmdir()
-    assert known_stores(files) == [tmp_path / "a"]
-    assert files.stores.read_text().count("\n") == 2
+    assert known_stores(files) == [str(tmp_path / "a"), "s3://far/away"]
+    assert files.stores.read_text().count("\n") == 3
 
 
 @dataclass(frozen=True)
@@ -80,17 +82,17 @@ class _Run:
         self.parameters = {"batch": row.batch, "video": row.video, "store": str(store), "attempt": row.attempt}
 
 
-def test_a_video_whose_flow_run_ended_before_its_process_began_does_not_wait_for_ever(toy: Any) -> None:
-    ledger = BatchLedger(Store(toy.store))
+def test_a_video_whose_flow_run_ended_before_its_process_began_does_not_wait_for_ever(any_toy: Any) -> None:
+    ledger = open_ledger(any_toy.store)
     row = VideoRow("b", "v.mp4", 0, "/runs/v", "{}", "normal", "[]", "", "", flow_run="one")
     ledger.put("b", "/films", [row])
-    note_end_before_begin(cast(Any, _Run(replace(row, flow_run="another"), toy.store, _State("CRASHED", "no"))))
+    note_end_before_begin(cast(Any, _Run(replace(row, flow_run="another"), any_toy.store, _State("CRASHED", "no"))))
     assert ledger.rows("b")[0].attempt == 1, "an older flow run has nothing to say"
-    note_end_before_begin(cast(Any, _Run(row, toy.store, _State("CRASHED", "exit status 1"))))
+    note_end_before_begin(cast(Any, _Run(row, any_toy.store, _State("CRASHED", "exit status 1"))))
     (again,) = ledger.unscheduled()
     assert (again.attempt, again.losses) == (2, 1) and "did not begin: exit status 1" in again.reason
     ledger.change(again, flow_run="two")
-    note_end_before_begin(cast(Any, _Run(replace(again, flow_run="two"), toy.store, _State("CANCELLED"))))
+    note_end_before_begin(cast(Any, _Run(replace(again, flow_run="two"), any_toy.store, _State("CANCELLED"))))
     assert ledger.rows("b")[0].state == "cancelled"
 
 
@@ -120,7 +122,7 @@ def test_videos_that_a_busy_server_does_not_take_wait_in_the_ledger(
     toy: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("HUMANMM_CACHE", str(tmp_path / "cache"))
-    ledger = BatchLedger(Store(toy.store))
+    ledger = open_ledger(toy.store)
     rows = [VideoRow("b", f"{name}.mp4", 0, f"/runs/{name}", "{}", "normal", "[]", "", "") for name in "ab"]
     ledger.put("b", "/films", rows)
     monkeypatch.setattr(batch_flows, "get_client", lambda: _BusyServer({"a.mp4"}))

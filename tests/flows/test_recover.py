@@ -97,9 +97,12 @@ def test_a_failed_shot_makes_the_video_partial(toy: Any, server_cache: Path) -> 
 
 
 def test_the_flow_works_on_a_store_in_a_bucket(toy: Any, bucket: str) -> None:
-    done = toy.main("recover", "film.mp4", "--store", bucket, TOY_FAIL="camera:20=stage")
+    done = toy.main("recover", "film.mp4", "--store", bucket, "--run.max_retries", "1", TOY_FAIL="camera:20=disk:9")
     assert done[:2] == (3, "runs/film\n"), done[2]
-    assert json.loads((toy.folder / "runs/film/run.json").read_text())["store"] == bucket
+    record = json.loads((toy.folder / "runs/film/run.json").read_text())
+    assert record["store"] == bucket and [shot["failed"] for shot in record["shots"]] == [False, True, False]
+    (unit,) = [s for s in record["stages"] if s["stage"] == "camera" and s["shot"] == 1]
+    assert (unit["state"], unit["attempts"]) == ("failed", 2) and "Input/output error" in unit["reason"]
     assert not toy.store.exists()
     toy.executed()
     assert toy.main("recover", "film.mp4", "--store", bucket)[0] == 0

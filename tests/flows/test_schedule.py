@@ -23,8 +23,10 @@ def test_a_schedule_fires_and_survives_a_restart_and_ends_when_told_to(farm: Any
     )
     assert (done.returncode, done.stdout) == (0, "nightly\n") and "next at" in done.stderr, done.stderr
     place.end("humanmm.flows.serving", signal.SIGTERM)
-    serving = subprocess.Popen(farm.command_line("serve", "--limit", "1"), env=farm.environment(), cwd=farm.folder)
-    place.until(lambda: (farm.store / "batches.sqlite").exists(), 200)
+    serving = subprocess.Popen(
+        farm.command_line("serve", "--limit", "1"), env=farm.environment(), cwd=farm.folder, stdout=subprocess.DEVNULL
+    )
+    place.until(lambda: farm.main("batch", "status")[0] == 0, 200)
     place.until(lambda: [video["state"] for video in states().values()] == ["done"] * 3, 200)
     tags = [set(json.loads(tags)) for (tags,) in place.ask("select tags from flow_run where name = '0.mp4'")]
     assert len(tags) == 1 and {"batch:nightly", "gym"} <= tags[0]
@@ -51,8 +53,7 @@ def test_a_watched_folder_takes_videos_when_they_have_stopped_growing(farm: Any,
         (inbox / "film.mp4").write_text(whole[:size])
         time.sleep(1.5)
     (inbox / "film.mp4").write_text(whole)
-    place.until(lambda: (farm.store / "batches.sqlite").exists(), 120)
-    place.until(lambda: farm.main("batch", "status")[0] == 0, 60)
+    place.until(lambda: farm.main("batch", "status")[0] == 0, 120)
     place.until(lambda: states()["film"]["state"] == "done", 200)
     (inbox / "second.mp4").write_text(whole.replace("60", "61"))
     place.until(lambda: states().get("second", {}).get("state") == "done", 120)

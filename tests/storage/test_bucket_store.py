@@ -1,7 +1,11 @@
 """A store in an S3 bucket: conditional puts commit, leases lock, and what one host damages no other sees."""
 
 import pickle
+import re
+import subprocess
+import sys
 import threading
+import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -155,6 +159,55 @@ def test_the_lease_of_a_killed_holder_is_taken_over_when_it_has_run_out(
         assert held
 
 
+def test_when_the_holder_of_a_lease_is_killed_the_waiter_proceeds_as_soon_as_it_has_run_out(
+    store: BucketStore, quick_leases: None
+) -> None:
+    script = (
+        "import sys, time\nfrom humanmm.storage.opening import open_store\n"
+        "with open_store(sys.argv[1]).lock('toy', 'key'):\n    print('held', flush=True)\n    time.sleep(100)\n"
+    )
+    with subprocess.Popen([sys.executable, "-c", script, store.place], stdout=subprocess.PIPE, text=True) as holder:
+        assert holder.stdout is not None and holder.stdout.readline() == "held\n"
+        holder.kill()
+        began = time.monotonic()
+        with store.lock("toy", "key"):
+            assert lease.LEASE_S <= time.monotonic() - began < lease.LEASE_S + 2
+
+
+class _Refusing:
+    """The server's application, except that it takes no archives while it `refuses`."""
+
+    def __init__(self, application: Any) -> None:
+        self.refuses = True
+        self._application = application
+
+    def __call__(self, asked: dict[str, Any], answer: Any) -> Any:
+        if not (self.refuses and asked["REQUEST_METHOD"] == "PUT" and asked["PATH_INFO"].endswith(".tar")):
+            return self._application(asked, answer)
+        asked["wsgi.input"].read(int(asked["CONTENT_LENGTH"]))
+        answer("403 Forbidden", [("Content-Type", "application/xml")])
+        return [b"<Error><Code>QuotaExceeded</Code><Message>the quota is used up</Message></Error>"]
+
+
+def test_a_service_that_takes_nothing_more_is_one_clear_error_and_leaves_nothing(
+    bucket: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from moto.server import DomainDispatcherApplication, create_backend_app
+    from werkzeug.serving import make_server
+
+    front = _Refusing(DomainDispatcherApplication(create_backend_app))
+    serving = make_server("127.0.0.1", 0, front, threaded=True)
+    threading.Thread(target=serving.serve_forever, daemon=True).start()
+    monkeypatch.setenv("AWS_ENDPOINT_URL", f"http://127.0.0.1:{serving.port}")
+    store = BucketStore(bucket)
+    with pytest.raises(StoreError, match=rf"cannot write artifacts/toy/.* in {bucket}: "):
+        _put(store)
+    assert _objects(store, "artifacts") == [] and not list(store.root.glob("tmp/*"))
+    front.refuses = False
+    assert store.read(_put(store).ref, Result).note == "fine"
+    serving.shutdown()
+
+
 @pytest.mark.usefixtures("quick_leases")
 def test_a_holder_whose_lease_was_taken_does_not_free_its_successors(store: BucketStore) -> None:
     bucket = Bucket(store.place)
@@ -227,5 +280,36 @@ def test_a_video_recovered_on_one_host_is_known_on_another(toy: Any, bucket: str
     checked = toy.main("doctor", *stored)[1]
     assert "writable, knows conditional puts" in checked and "BAD  bucket" not in checked
     assert "BAD  bucket" in toy.main("doctor", "--store", "s3://no-such-bucket")[1]
-    told = toy.main("batch", "submit", str(toy.folder), *stored)
-    assert told[0] == 1 and "batches and benches need a store on a local disk" in told[2]
+    told = toy.main("batch", "status", *stored)
+    assert told[0] == 1 and f"the store {bucket} knows no batch" in told[2]
+
+
+def test_du_verify_and_gc_tell_and_do_what_they_do_on_a_disk(toy: Any, bucket: str, tmp_path: Path) -> None:
+    elsewhere = {"HUMANMM_STORE": bucket, "HUMANMM_CACHE": str(tmp_path / "another host")}
+    run = toy.run_on(open_store(bucket))
+    toy.executed()
+    objects = Bucket(bucket)
+    (pack,) = [found for found in objects.list(run.manifest("refine").ref.uri) if found.name.endswith(".tar")]
+    told = toy.main("store", "du", **elsewhere)[1]
+    assert re.search(rf"^refine +1 +{round((pack.num_bytes + 64) / 1000)} kB$", told, re.MULTILINE), told
+    assert re.search(rf"^total +18 .* {bucket}$", told, re.MULTILINE), told
+
+    content = bytearray((objects.read(pack.name) or (b"",))[0])
+    content[content.index(b"result.json") + 600] ^= 1
+    objects.write(pack.name, bytes(content))
+    status, told, _ = toy.main("verify", **elsewhere)
+    assert status == 1 and told.startswith(f"damaged: {run.manifest('refine').ref.uri}: result.json"), told
+    assert toy.main("verify", "--deep", **elsewhere)[:2] == (0, "17 artifacts are sound, 0 damaged\n")
+
+    listed = toy.main("gc", **elsewhere)[1]
+    assert "(damaged, set aside)" in listed and "in 1 items could go; nothing was removed" in listed
+    assert toy.main("gc", "--yes", **elsewhere)[0] == 0 and list(objects.list("damaged")) == []
+    assert toy.main("verify", **elsewhere)[1] == "17 artifacts are sound, 0 damaged\n"
+    toy.run_on(open_store(bucket))
+    assert toy.executed() == ["refine"], "gc left what is in use"
+
+    with open_store(bucket).lock("people", run.manifest("people", 1).recipe.key):
+        toy.main("gc", "--yes", "--unused-days", "0", **elsewhere)
+    left = {found.name.rpartition("/")[0] for found in objects.list("artifacts")}
+    assert left == {run.manifest("people", 1).ref.uri}, "what somebody holds stays"
+    assert "1 videos" not in told and f"store {bucket}" in toy.main("status", **elsewhere)[1]

@@ -205,8 +205,13 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
     subprocess.run(["umount", str(folder)], check=True)
 
 
-def test_a_disk_that_is_really_full_is_told_and_leaves_nothing(small_disk: Path) -> None:
-    store = Store(small_disk / "store")
+@pytest.mark.parametrize("kind", ["disk", "bucket"])
+def test_a_disk_that_is_really_full_is_told_and_leaves_nothing(
+    small_disk: Path, kind: str, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    place = small_disk / "store" if kind == "disk" else request.getfixturevalue("bucket")
+    monkeypatch.setenv("HUMANMM_CACHE", str(small_disk))  # where artifacts for a bucket are made
+    store = open_store(place)
     _put(store)
     noise = np.random.default_rng(0).normal(size=100_000)
     with pytest.raises(StoreError, match="the disk is full; free some space"):

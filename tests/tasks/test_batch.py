@@ -4,6 +4,7 @@ import hashlib
 import json
 import os
 import signal
+import socket
 import sqlite3
 import subprocess
 import sys
@@ -16,16 +17,27 @@ import pytest
 
 from humanmm.config import Config
 from humanmm.errors import ConfigError, InputError
+from humanmm.storage import bucket_ledger, lease
 from humanmm.storage.batch_ledger import BatchLedger, VideoRow, counts
 from humanmm.storage.batch_manifest import read_batch
 from humanmm.storage.batch_report import write_report
-from humanmm.storage.store import Store
+from humanmm.storage.bucket import is_bucket
+from humanmm.storage.bucket_ledger import BucketLedger
+from humanmm.storage.bucket_store import BucketStore
+from humanmm.storage.disk_ledger import DiskLedger
+from humanmm.storage.opening import open_ledger
 from humanmm.tasks import batch as batches
 
 
 @pytest.fixture
+def toy(any_toy: Any) -> Any:
+    """Everything here is so on a store of each kind."""
+    return any_toy
+
+
+@pytest.fixture
 def ledger(toy: Any) -> BatchLedger:
-    return BatchLedger(Store(toy.store))
+    return open_ledger(toy.store)
 
 
 def _submit(toy: Any, ledger: BatchLedger, source: Path, **settings: Any) -> batches.Submission:
@@ -143,16 +155,15 @@ def test_only_what_failed_in_a_stage_is_tried_again(toy: Any, ledger: BatchLedge
     assert ledger.row("test", d.video) == ledger.rows("test")[3]
 
 
-def test_a_running_video_whose_process_was_killed_is_found_lost(toy: Any, ledger: BatchLedger) -> None:
-    (row,) = _submit(toy, ledger, _films(toy, "a.mp4")).to_schedule
+def _worker(toy: Any) -> subprocess.Popen[str]:
+    """A process that holds the first video of the batch."""
     script = (
         "import sys, time\n"
-        "from pathlib import Path\n"
-        "from humanmm.storage.batch_ledger import BatchLedger\n"
-        "from humanmm.storage.store import Store\n"
-        "from humanmm.tasks.batch import Account\n"
-        "ledger = BatchLedger(Store(Path(sys.argv[1])))\n"
-        "with Account(ledger, ledger.rows('test')[0]).kept('run') as ready:\n"
+        "from humanmm.storage.opening import open_ledger\n"
+        "from humanmm.tasks import batch\n"
+        "batch.LOOK_EVERY_S = batch.ASK_EVERY_S = 0.2\n"
+        "ledger = open_ledger(sys.argv[1])\n"
+        "with batch.Account(ledger, ledger.rows('test')[0]).kept('run') as ready:\n"
         "    print(ready, flush=True)\n"
         "    time.sleep(60)\n"
     )
@@ -160,6 +171,14 @@ def test_a_running_video_whose_process_was_killed_is_found_lost(toy: Any, ledger
         [sys.executable, "-c", script, str(toy.store)], env=toy.environment(), stdout=subprocess.PIPE, text=True
     )
     assert worker.stdout is not None and worker.stdout.readline() == "True\n"
+    return worker
+
+
+def test_a_running_video_whose_process_was_killed_is_found_lost(
+    toy: Any, ledger: BatchLedger, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (row,) = _submit(toy, ledger, _films(toy, "a.mp4")).to_schedule
+    worker = _worker(toy)
     assert ledger.find_lost("test") == []
     running = ledger.rows("test")[0]
     assert (running.state, running.pid, running.flow_run) == ("running", worker.pid, "run")
@@ -167,12 +186,75 @@ def test_a_running_video_whose_process_was_killed_is_found_lost(toy: Any, ledger
         assert not ready, "one video is never computed twice at the same time"
     os.kill(worker.pid, signal.SIGKILL)
     worker.wait()
-    worker.stdout.close()
+    _close(worker)
+    if is_bucket(ledger.store.place):  # its lease has to run out first
+        assert lease.LEASE_S + lease.MARGIN_S < 60
+        monkeypatch.setattr(lease, "LEASE_S", 0.0)
+        monkeypatch.setattr(lease, "MARGIN_S", 1.0)
+        time.sleep(2.5)
     began = time.monotonic()
     assert [lost.video for lost in ledger.find_lost("test")] == [row.video]
     assert time.monotonic() - began < 1
     (again,) = ledger.unscheduled()
     assert (again.state, again.attempt, again.losses) == ("scheduled", 2, 1) and "its process was lost" in again.reason
+
+
+def test_a_process_ends_whose_video_was_cancelled_from_another_machine(toy: Any, ledger: BatchLedger) -> None:
+    _submit(toy, ledger, _films(toy, "a.mp4"))
+    worker = _worker(toy)
+    (running,) = ledger.rows("test")
+    assert running.host == socket.gethostname() and not running.is_elsewhere
+    ledger.change(running, host="another", pid=os.getpid(), flow_run=None)
+    done = toy.main("batch", "cancel", HUMANMM_CACHE=str(toy.folder / "cache"))
+    assert done[0] == 0 and "1 on other machines end within a minute" in done[2], done
+    assert worker.wait(timeout=60) == -signal.SIGTERM
+    _close(worker)
+    assert counts(ledger.rows("test")) == {"cancelled": 1}
+
+
+def _close(worker: subprocess.Popen[str]) -> None:
+    worker.wait()
+    if worker.stdout is not None:
+        worker.stdout.close()
+
+
+def test_a_video_that_another_machine_has_finished_is_finished_here(toy: Any, ledger: BatchLedger) -> None:
+    films = _films(toy, "a.mp4")
+    (row,) = _submit(toy, ledger, films).to_schedule
+    ledger.change(row, state="done", host="another")
+    assert _submit(toy, ledger, films).finished == 1, "its run folder is there, where nobody can look"
+    again = batches.submit(ledger, "other", films, read_batch(films), Config(), toy.folder / "runs")
+    assert again.finished == 1
+    page, _ = write_report(toy.folder / "report", "test", ledger.rows("test"))
+    assert "its run folder is on another" in page.read_text()
+
+
+def test_of_two_who_submit_at_once_the_first_counts_and_the_second_is_told(
+    toy: Any, ledger: BatchLedger, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    films = _films(toy, "a.mp4", "b.mp4")
+    put = ledger.put
+
+    def late(name: str, source: str, rows: Any) -> Any:
+        monkeypatch.setattr(ledger, "put", put)
+        (first, _) = _submit(toy, ledger, films).to_schedule
+        assert ledger.change(first, state="running")
+        return put(name, source, rows)
+
+    monkeypatch.setattr(ledger, "put", late)
+    assert [Path(row.video).name for row in _submit(toy, ledger, films).to_schedule] == ["b.mp4"]
+    assert counts(ledger.rows("test")) == {"running": 1, "scheduled": 1}
+
+    def other(name: str, source: str, rows: Any) -> Any:
+        monkeypatch.setattr(ledger, "put", put)
+        (films / "c.mp4").touch()
+        _submit(toy, ledger, films, camera={"static": True})
+        return put(name, source, rows)
+
+    ledger.change(ledger.rows("test")[0], state="done")
+    monkeypatch.setattr(ledger, "put", other)
+    with pytest.raises(InputError, match="was submitted with other settings by somebody else just now"):
+        _submit(toy, ledger, films)
 
 
 def test_a_video_that_is_lost_again_and_again_fails(toy: Any, ledger: BatchLedger) -> None:
@@ -205,12 +287,19 @@ def test_losses_are_counted_anew_when_a_video_has_got_further(
         assert ledger.rows("test")[0].losses == left
 
 
-def test_a_ledger_of_an_earlier_version_is_read(toy: Any, ledger: BatchLedger) -> None:
-    _submit(toy, ledger, _films(toy, "a.mp4"))
-    with sqlite3.connect(ledger.path) as connection:
-        connection.execute("alter table video drop column losses")
+def test_a_ledger_of_an_earlier_version_is_read(toy: Any, ledger: BatchLedger, monkeypatch: pytest.MonkeyPatch) -> None:
+    with monkeypatch.context() as patched:
+        names = [name for name in bucket_ledger._NAMES if name not in ("losses", "host")]
+        patched.setattr(bucket_ledger, "_NAMES", names)
+        _submit(toy, ledger, _films(toy, "a.mp4"))
+    if isinstance(ledger, DiskLedger):
+        with sqlite3.connect(ledger.path) as connection:
+            for column in ("losses", "host"):
+                connection.execute(f"alter table video drop column {column}")
+    else:
+        ledger = BucketLedger(BucketStore(ledger.store.place))
     (row,) = _submit(toy, ledger, _films(toy, "a.mp4", "b.mp4")).to_schedule[:1]
-    assert row.losses == 0
+    assert (row.losses, row.host) == (0, "")
 
 
 def test_a_cancelled_video_does_not_start_and_stays_cancelled(toy: Any, ledger: BatchLedger) -> None:
@@ -235,7 +324,7 @@ def test_two_thousand_finished_videos_are_known_within_four_seconds(toy: Any, le
     for row in rows:
         Path(row.run_dir).mkdir(parents=True)
         Path(row.run_dir, "run.json").touch()
-    ledger.put("test", "", [replace(row, state="done") for row in rows])
+    ledger.put("test", "", [replace(row, attempt=2, state="done") for row in rows])
     began = time.process_time()
     assert _submit(toy, ledger, films).finished == 2_000
     assert time.process_time() - began < 4  # 10,000 within 20 s

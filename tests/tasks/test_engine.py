@@ -14,7 +14,9 @@ import pytest
 from humanmm.errors import InputError, StageError, StoreError
 from humanmm.models.shots.boundaries import ShotList
 from humanmm.models.video.facts import VideoFacts
-from humanmm.storage import code_digest
+from humanmm.storage import code_digest, lease
+from humanmm.storage.bucket import Bucket
+from humanmm.storage.opening import open_store
 from humanmm.tasks.selection import Selection
 
 EVERYTHING = [
@@ -22,12 +24,18 @@ EVERYTHING = [
     "people:0", "people:20", "points:0", "points:20", "refine", "scenes", "shots", "views",
 ]  # fmt: skip
 
+slow = pytest.mark.slow
+on_each_store = pytest.mark.parametrize("any_toy", ["disk", pytest.param("bucket", marks=slow)], indirect=True)
+"""A whole toy on a bucket takes seconds: not each of them is in the quick suite."""
+
 
 def _reasons(run: Any, stage: str) -> set[str]:
     return {outcome.reason for (name, _), outcome in run.outcomes.items() if name == stage}
 
 
-def test_a_cold_store_computes_everything_once_and_a_warm_one_nothing(toy: Any) -> None:
+@on_each_store
+def test_a_cold_store_computes_everything_once_and_a_warm_one_nothing(any_toy: Any) -> None:
+    toy = any_toy
     run = toy.run()
     assert toy.executed() == EVERYTHING
     assert _reasons(run, "camera") == {"no artifact yet"}
@@ -36,7 +44,9 @@ def test_a_cold_store_computes_everything_once_and_a_warm_one_nothing(toy: Any) 
     assert {outcome.state for outcome in run.outcomes.values()} == {"cached"}
 
 
-def test_one_setting_reruns_only_what_depends_on_it_and_says_so(toy: Any) -> None:
+@on_each_store
+def test_one_setting_reruns_only_what_depends_on_it_and_says_so(any_toy: Any) -> None:
+    toy = any_toy
     toy.run()
     toy.executed()
     run = toy.run(camera={"static": True})
@@ -49,7 +59,9 @@ def test_one_setting_reruns_only_what_depends_on_it_and_says_so(toy: Any) -> Non
     assert toy.executed() == []  # the first results are still there
 
 
-def test_an_equal_output_cuts_off_what_comes_after(toy: Any) -> None:
+@on_each_store
+def test_an_equal_output_cuts_off_what_comes_after(any_toy: Any) -> None:
+    toy = any_toy
     toy.run()
     toy.executed()
     toy.edit("points", "n = end - start", "n = 0 + end - start")
@@ -59,7 +71,9 @@ def test_an_equal_output_cuts_off_what_comes_after(toy: Any) -> None:
     assert not any(outcome.changed for outcome in run.outcomes.values())
 
 
-def test_a_changed_helper_reruns_the_stages_that_import_it(toy: Any) -> None:
+@on_each_store
+def test_a_changed_helper_reruns_the_stages_that_import_it(any_toy: Any) -> None:
+    toy = any_toy
     toy.run()
     toy.executed()
     toy.edit("science", "return 1.0", "return 2.0")
@@ -68,7 +82,9 @@ def test_a_changed_helper_reruns_the_stages_that_import_it(toy: Any) -> None:
     assert _reasons(run, "people") == {"code changed: toyline.science"}
 
 
-def test_a_reworded_docstring_or_comment_reruns_nothing(toy: Any) -> None:
+@on_each_store
+def test_a_reworded_docstring_or_comment_reruns_nothing(any_toy: Any) -> None:
+    toy = any_toy
     toy.run()
     toy.executed()
     toy.edit("science", '"""A number that shows in results."""', '"""Quite another text."""')
@@ -134,6 +150,36 @@ def test_a_moved_store_is_found(toy: Any) -> None:
     assert toy.executed() == []
 
 
+@slow
+def test_a_store_copied_to_another_bucket_is_found(toy: Any, bucket: str) -> None:
+    run = toy.run_on(open_store(bucket))
+    old, new = Bucket(bucket), Bucket(f"{bucket}/moved/elsewhere")
+    for found in [found for folder in ("artifacts", "latest") for found in old.list(folder)]:
+        new.write(found.name, (old.read(found.name) or (b"",))[0])
+    toy.executed()
+    again = toy.run_on(open_store(new.url))
+    assert toy.executed() == []
+    assert again.manifest("deliver").digest == run.manifest("deliver").digest
+
+
+@pytest.mark.parametrize("harm", ["flip", *(pytest.param(h, marks=slow) for h in ("truncate", "delete", "remove all"))])
+def test_a_damaged_artifact_in_a_bucket_is_computed_again_with_the_reason(toy: Any, bucket: str, harm: str) -> None:
+    run = toy.run_on(open_store(bucket))
+    toy.executed()
+    uri, objects = run.manifest("people", 1).ref.uri, Bucket(bucket)
+    (victim,) = [found.name for found in objects.list(uri) if found.name.endswith(".tar")]
+    content = bytearray((objects.read(victim) or (b"",))[0])
+    content[content.index(b"zarr.json") + 1024] ^= 1
+    objects.remove([victim, f"{uri}/COMMIT"] if harm == "remove all" else [victim])
+    if harm in ("flip", "truncate"):
+        objects.write(victim, bytes(content if harm == "flip" else content[: len(content) // 2]))
+    shutil.rmtree(open_store(bucket).root)  # another host
+    again = toy.run_on(open_store(bucket))
+    assert toy.executed() == ["people:20"]
+    (reason,) = _reasons(again, "people") - {""}
+    assert ("gone from the store" if harm == "remove all" else "damaged artifact: ") in reason
+
+
 @pytest.mark.parametrize("harm", ["flip", "truncate", "delete", "remove all"])
 def test_a_damaged_artifact_is_computed_again_with_the_reason(toy: Any, harm: str) -> None:
     run = toy.run()
@@ -183,14 +229,18 @@ def _alone(toy: Any, *arguments: str) -> subprocess.Popen[str]:
     return subprocess.Popen(command, env=toy.environment(), stdout=subprocess.PIPE, text=True)
 
 
-def test_killed_while_writing_nothing_half_is_seen_and_the_rest_is_reused(toy: Any) -> None:
+def test_killed_while_writing_nothing_half_is_seen_and_the_rest_is_reused(
+    any_toy: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    toy, store = any_toy, open_store(any_toy.store)
     process = _alone(toy, "people")
     assert process.stdout is not None
     assert process.stdout.readline() == "writing\n"
-    assert list(toy.store.glob("tmp/*/manifest.json")), "the artifact was all but finished"
+    assert list(store.root.glob("tmp/*/manifest.json")), "the artifact was all but finished"
     process.send_signal(signal.SIGKILL)
     process.wait()
-    assert not list(toy.store.glob("artifacts/people/*/*"))
+    monkeypatch.setattr(lease, "LEASE_S", 2.0)  # in a bucket the lock of a dead process runs out
+    assert "people" not in {entry.stage for entry in store.entries()}
     assert toy.executed() == ["decode", "people:0", "scenes"]
     began = time.monotonic()
     toy.run()
@@ -198,7 +248,8 @@ def test_killed_while_writing_nothing_half_is_seen_and_the_rest_is_reused(toy: A
     assert toy.executed() == [name for name in EVERYTHING if name not in ("decode", "scenes")]
 
 
-def test_two_processes_on_a_cold_store_compute_everything_once(toy: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_two_processes_on_a_cold_store_compute_everything_once(any_toy: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    toy = any_toy
     monkeypatch.setenv("TOY_SLEEP", "decode=1;people=0.3;camera=0.1")
     processes = [_alone(toy), _alone(toy)]
     assert [process.wait(timeout=100) for process in processes] == [0, 0]
@@ -219,7 +270,16 @@ def test_another_checkout_and_another_store_give_the_same_keys_and_content(toy: 
     assert digests[0] == digests[1] and len(digests[0]) == len(EVERYTHING)
 
 
-def test_a_failed_shot_leaves_the_others_and_is_tried_again(toy: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+@slow
+def test_a_store_in_a_bucket_has_the_same_keys_and_content(toy: Any, bucket: str) -> None:
+    runs = [toy.run(), toy.run_on(open_store(bucket))]
+    here, there = ({at: done.manifest.ref for at, done in run.outcomes.items()} for run in runs)
+    assert here == there and len(here) == len(EVERYTHING)
+
+
+@on_each_store
+def test_a_failed_shot_leaves_the_others_and_is_tried_again(any_toy: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    toy = any_toy
     monkeypatch.setenv("TOY_FAIL", "camera:20=stage")
     run = toy.run(expect_failure=True)
     assert run.outcomes["camera", 1].state == "failed"

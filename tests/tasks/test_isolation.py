@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -239,10 +240,29 @@ def test_a_budget_is_never_exceeded_and_what_is_too_large_runs_alone() -> None:
 def test_the_users_limits_stand_in_for_those_of_the_table() -> None:
     stage = next(stage for stage in pipeline.STAGES if stage.name == "camera")
     settings = RunConfig(limit_s=60, stages={"camera": StageLimits(memory_mb=9)})
-    assert resources_of(stage, settings) == Resources(stage.resources.threads, 9, False, 60)
+    assert resources_of(stage, settings) == Resources(stage.resources.threads, 9, gpu=False, limit_s=60)
     assert resources_of(stage, RunConfig()) == stage.resources
     own = RunConfig(limit_s=60, stages={"camera": StageLimits(limit_s=5, gpu=True)})
     assert (resources_of(stage, own).limit_s, resources_of(stage, own).gpu) == (5, True)
+
+
+def test_the_budget_counts_the_size_of_the_picture(toy: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    stage = replace(pipeline.STAGES[2], resources=Resources(memory_mb=100, memory_mb_per_mpx=30))
+    assert resources_of(stage, RunConfig(), megapixels=8.0).memory_mb == 340
+    own = RunConfig(stages={stage.name: StageLimits(memory_mb=9)})
+    assert resources_of(stage, own, megapixels=8.0).memory_mb == 9
+    monkeypatch.setattr(pipeline, "STAGES", tuple(stage if s.name == stage.name else s for s in pipeline.STAGES))
+    run = toy.open(decode={"max_side_px": 1000})  # the width of the toy's picture; 480 high
+    asked: dict[str, int] = {}
+    taken = run._budget.taken
+    run._budget.taken = lambda needed, alone=False: (
+        asked.setdefault(threading.current_thread().name, needed.memory_mb), taken(needed, alone=alone)
+    )[1]  # fmt: skip
+    run.do(run.work("decode"))
+    run.do(run.work("scenes"))
+    asked.clear()
+    run.do(run.work("people"))
+    assert list(asked.values()) == [115]
 
 
 def test_limits_can_be_written_as_a_flag_and_a_stage_that_does_not_exist_is_told(toy: Any) -> None:

@@ -1,10 +1,12 @@
 """What a dry run says is never wrong, and it writes nothing."""
 
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from humanmm.errors import InputError, MissingInputError
+from humanmm.storage.bucket import Bucket
 from humanmm.tasks.plan import Forecast, check_upstream, forecast, is_complete
 from humanmm.tasks.selection import Selection
 
@@ -62,6 +64,19 @@ def test_what_is_called_cached_is_not_run_and_what_is_said_to_run_is_run(
     assert not _named(plan, "cached") & computed
     unknown = {f"{e.stage}:{shot}" for e in plan if e.unit == "every shot" for shot in range(3)}
     assert computed <= _named(plan, "will run") | _named(plan, "depends") | unknown
+
+
+def test_a_dry_run_on_a_bucket_writes_nothing_there_and_is_right(toy: Any, bucket: str) -> None:
+    toy.store = Path(bucket)
+    toy.run()
+    toy.executed()
+    folders = ("artifacts", "latest", "damaged", "locks", "batches")
+    before = [found for folder in folders for found in Bucket(bucket).list(folder)]
+    plan = forecast(toy.open(read_only=True, camera={"static": True}))
+    assert [found for folder in folders for found in Bucket(bucket).list(folder)] == before
+    run = toy.run(camera={"static": True})
+    computed = {name for (name, _), outcome in run.outcomes.items() if outcome.state == "computed"}
+    assert {entry.stage for entry in plan if entry.state != "cached"} == computed
 
 
 def test_damage_is_foretold(toy: Any) -> None:

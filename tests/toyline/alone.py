@@ -9,7 +9,7 @@ from pathlib import Path
 
 from humanmm.config import Config
 from humanmm.storage import artifact
-from humanmm.storage.store import Store
+from humanmm.storage.opening import open_store
 from humanmm.storage.video_identity import identify
 from humanmm.tasks.engine import VideoRun
 from toyline.table import STAGES
@@ -23,7 +23,7 @@ def _hang(folder: Path) -> None:
 
 def main() -> None:
     video, root, *hanging = sys.argv[1:]
-    store = Store(Path(root))
+    store = open_store(root)
     run = VideoRun(identify(Path(video), store), Config(), store, stages=STAGES)
     for stage in STAGES:
         if stage.name in hanging:

@@ -16,7 +16,8 @@ from humanmm.cli.settings import UsageError, add_settings, load_config
 from humanmm.config import Config
 from humanmm.storage.batch_ledger import BatchLedger, VideoRow, counts
 from humanmm.storage.batch_manifest import Entry
-from humanmm.storage.store import Store, default_store
+from humanmm.storage.opening import open_ledger
+from humanmm.storage.store import default_store
 from humanmm.tasks import pipeline
 
 PARTIAL = 3
@@ -148,7 +149,7 @@ def cancel(options: argparse.Namespace) -> int:
         for row in ledger.rows(name, "scheduled", "running")
         if ledger.change(row, only_from=("scheduled", "running"), state="cancelled", reason="humanmm batch cancel")
     ]
-    running = [row for row in cancelled if row.state == "running" and row.pid]
+    running = [row for row in cancelled if row.state == "running" and row.pid and not row.is_elsewhere]
     for number in (signal.SIGTERM, signal.SIGKILL):
         for row in running:
             if ledger.is_held(row):
@@ -164,7 +165,9 @@ def cancel(options: argparse.Namespace) -> int:
             from humanmm.flows.batch import cancel as cancel_flow_runs
 
             cancel_flow_runs(ledger, [ledger.row(name, row.video) or row for row in cancelled])
-    _say(f"batch {name}: {len(cancelled)} videos cancelled, {len(running)} of them were running")
+    told = f"{len(cancelled)} videos cancelled, {len(running)} of them were running"
+    elsewhere = sum(row.state == "running" and row.is_elsewhere for row in cancelled)
+    _say(f"batch {name}: {told}" + (f"; {elsewhere} on other machines end within a minute" if elsewhere else ""))
     return 0
 
 
@@ -222,7 +225,7 @@ def _set_schedule(ledger: BatchLedger, name: str, config: Config, options: argpa
 
     cron = None if options.schedule == "none" else options.schedule
     parameters = {
-        "source": str(options.source.absolute()), "out": str(options.out.absolute()), "store": str(ledger.store.root),
+        "source": str(options.source.absolute()), "out": str(options.out.absolute()), "store": ledger.store.place,
         "config": config.model_dump(mode="json"), "pattern": options.glob, "priority": options.priority or "normal",
         "tags": options.tag, "settle_s": options.settle,
     }  # fmt: skip
@@ -326,7 +329,7 @@ def _open(options: argparse.Namespace) -> tuple[BatchLedger, str]:
 
 
 def _ledger(options: argparse.Namespace) -> BatchLedger:
-    return BatchLedger(Store(options.store or default_store()))
+    return open_ledger(options.store or default_store())
 
 
 def _check_limit(options: argparse.Namespace) -> None:
@@ -341,7 +344,7 @@ def _add_batch(parser: argparse.ArgumentParser) -> None:
 
 def _add_store(parser: argparse.ArgumentParser) -> None:
     place = "artifact store (default: $HUMANMM_STORE, ~/.cache/humanmm/store)"
-    parser.add_argument("--store", type=Path, metavar="DIR", help=place)
+    parser.add_argument("--store", type=Path, metavar="DIR|s3://…", help=place)
 
 
 def _add_waiting(parser: argparse.ArgumentParser) -> None:

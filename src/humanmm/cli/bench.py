@@ -75,7 +75,7 @@ def add_bench(verbs: Any, common: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--report", type=Path, metavar="DIR", help="also write results.json, results.csv, README.md, index.html"
     )
-    parser.add_argument("--store", type=Path, metavar="DIR", help="where motions and figures are kept")
+    parser.add_argument("--store", type=Path, metavar="DIR|s3://…", help="where motions and figures are kept")
     parser.add_argument("--force", action="store_true", help="replace a report that exists")
     add_settings(parser)
     parser.set_defaults(run=bench)
@@ -157,9 +157,10 @@ def _shots(options: argparse.Namespace, config: "Config") -> int:
     from humanmm.models.benchmark.shot_scores import FIGURES
     from humanmm.models.benchmark.tables import OF_CUTS, as_markdown, bars_of
     from humanmm.storage.bench_page import Page
-    from humanmm.storage.store import Store, default_store
+    from humanmm.storage.opening import open_store
+    from humanmm.storage.store import default_store
 
-    rows, facts = shot_rows(options.data, config, Store(options.store or default_store()))
+    rows, facts = shot_rows(options.data, config, open_store(options.store or default_store()))
     sys.stdout.write(f"shots: {facts.sentence()}\n\n")
     table = as_markdown(rows, paper="shots", figures=FIGURES, lines="methods")
     sys.stdout.write(table)
@@ -181,9 +182,10 @@ def _motion(options: argparse.Namespace, config: "Config") -> int:
     from humanmm.models.benchmark.methods import ABLATIONS, CAMERAS, METHODS
     from humanmm.models.benchmark.rows import rows_of
     from humanmm.models.benchmark.tables import MAIN, OF_ABLATION, OF_CAMERAS, as_markdown
-    from humanmm.storage.store import Store, default_store
+    from humanmm.storage.opening import open_store
+    from humanmm.storage.store import default_store
 
-    store = Store(options.store or default_store())
+    store = open_store(options.store or default_store())
     systems = [parse_system(text) for text in options.imported]
     jobs, facts, size = _set(options, store)
     sys.stdout.write(f"{' '.join([options.table, *size[1:]])}: {facts.sentence()}\n\n")

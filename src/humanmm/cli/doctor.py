@@ -13,7 +13,7 @@ from typing import Any
 from humanmm.cli.maintain import in_bytes
 from humanmm.errors import HumanMMError
 from humanmm.storage.bucket import Bucket, is_bucket
-from humanmm.storage.store import Store, cache_folder, default_store
+from humanmm.storage.store import cache_folder, default_store
 
 MIN_FREE_BYTES = 1 << 30
 VARIABLES = ("CACHE", "DATA", "LOG", "SERVER_IDLE_S", "STORE")
@@ -108,11 +108,11 @@ def _bucket(place: str) -> Check:
 
 def _place(store: Path) -> Iterator[Check]:
     from humanmm.errors import StoreError
-    from humanmm.storage.batch_ledger import BatchLedger
+    from humanmm.storage.opening import open_ledger
 
-    remote = is_bucket(str(store))
-    if remote:
-        yield _bucket(str(store))
+    place = str(store)
+    if is_bucket(place):
+        yield _bucket(place)
         store = cache_folder() / "buckets"
     existing = store.expanduser().absolute()
     while not existing.exists():
@@ -123,11 +123,10 @@ def _place(store: Path) -> Iterator[Check]:
     free = shutil.disk_usage(existing).free
     cure = "`humanmm gc --yes` removes what was not used for 30 days; or name another store"
     yield Check("free disk space", free > MIN_FREE_BYTES, in_bytes(free), cure)
-    if remote:
-        return
-    cure = "move batches.sqlite out of the store and submit the batches again: what is finished is found in the store"
+    where = "the folder batches out of the bucket" if is_bucket(place) else "batches.sqlite out of the store"
+    cure = f"move {where} and submit the batches again: what is finished is found in the store"
     try:
-        names = BatchLedger(Store(store, read_only=True)).names()
+        names = open_ledger(place).names()
         yield Check("batches", True, f"{len(names)} in the store", cure)
     except StoreError as error:
         yield Check("batches", False, str(error), cure)
