@@ -173,6 +173,9 @@ def schedule(ledger: BatchLedger, rows: Sequence[VideoRow]) -> None:
             deployment = await client.read_deployment_by_name(DEPLOYMENT)
 
             async def one(row: VideoRow) -> None:
+                now = ledger.row(row.batch, row.video)
+                if now is None or (now.attempt, now.flow_run) != (row.attempt, row.flow_run):
+                    return  # `humanmm serve` and who submits see the same videos waiting: the other was quicker
                 try:
                     made = await client.create_flow_run_from_deployment(
                         deployment.id,

@@ -101,6 +101,7 @@ class _BusyServer:
 
     def __init__(self, taken: set[str]) -> None:
         self._taken = taken
+        self.asked: list[str] = []
 
     async def __aenter__(self) -> "_BusyServer":
         return self
@@ -112,6 +113,7 @@ class _BusyServer:
         return SimpleNamespace(id=name)
 
     async def create_flow_run_from_deployment(self, deployment: str, *, name: str, **asked: Any) -> Any:
+        self.asked.append(name)
         if name in self._taken:
             return SimpleNamespace(id=f"run of {name}")
         request = httpx.Request("POST", "http://127.0.0.1/api")
@@ -128,6 +130,10 @@ def test_videos_that_a_busy_server_does_not_take_wait_in_the_ledger(
     monkeypatch.setattr(batch_flows, "get_client", lambda: _BusyServer({"a.mp4"}))
     batch_flows.schedule(ledger, rows)
     assert [row.video for row in ledger.unscheduled()] == ["b.mp4"], "`humanmm serve` schedules it at its next look"
+    server = _BusyServer({"a.mp4", "b.mp4"})
+    monkeypatch.setattr(batch_flows, "get_client", lambda: server)
+    batch_flows.schedule(ledger, rows)
+    assert server.asked == ["b.mp4"], "nobody asks for what somebody has asked for meanwhile"
 
 
 @server
