@@ -15,8 +15,9 @@ Array = np.ndarray
 
 JUMP = 25.0
 """Energy of two neighbouring frames, sides as they fit best, above which the body cannot have moved like that."""
-AGREEMENT = 10.0
-"""The most that the frames before and after a spell may differ, as the energy of a pair that far apart."""
+AGREEMENT = 8.0
+"""The most that the frames before and after a spell differ, as the energy of a pair that far apart. A frame between
+them that differs no more from both is no part of the lapse."""
 LONGEST_S = 0.4
 AT_END_S = 0.12
 """A spell at the beginning or end of a shot, where only one side can be compared, is at most so long."""
@@ -31,16 +32,18 @@ def lapsed_frames(sighting: Sighting) -> Bool[Array, " n"]:
         return lost
     jump = (link_energies(sighting).min(axis=1) > JUMP) & (np.diff(time_s) <= MAX_STEP_S)
     at = np.flatnonzero(jump)
-    done = -1
+    explained, done = np.zeros(n, dtype=bool), -1
     for first in at.tolist():
         if first <= done:
             continue
         later = at[(at > first) & (time_s[np.minimum(at + 1, n - 1)] - time_s[first] <= LONGEST_S + 1e-9)]
         last = next((k for k in later[::-1].tolist() if _agree(sighting, first, k + 1)), None)
         if last is not None:
-            lost[first + 1 : last + 1] = True
+            for row in range(first + 1, last + 1):
+                lost[row] = not (_agree(sighting, first, row) and _agree(sighting, row, last + 1))
+            explained[first : last + 1] = True
             done = last
-    free = at[~lost[at] & ~lost[at + 1]]
+    free = at[~explained[at]]
     lost[: _at_end(time_s, free)] = True
     lost[n - _at_end(-time_s[::-1], n - 2 - free[::-1]) :] = True
     return lost
