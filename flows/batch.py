@@ -24,13 +24,12 @@ from prefect.client.schemas.schedules import CronSchedule
 from prefect.exceptions import ObjectNotFound
 from prefect.runtime import flow_run
 from prefect.states import Cancelled, Completed, Failed, Scheduled
-from prefect.task_runners import ThreadPoolTaskRunner
 
 from humanmm.config import Config
 from humanmm.errors import HumanMMError, InputError
 from humanmm.flows.known_stores import note_store
 from humanmm.flows.local_server import server_files
-from humanmm.flows.recover import DEFAULTS, EVERYTHING, MAX_WAITING, opened, recover
+from humanmm.flows.recover import DEFAULTS, EVERYTHING, opened, recover
 from humanmm.logs import kept_text, to_standard_error, wants_json
 from humanmm.storage.batch_ledger import BatchLedger, VideoRow
 from humanmm.storage.batch_manifest import read_batch
@@ -56,12 +55,7 @@ def _video_name() -> str:
     return Path(flow_run.parameters.get("video", "video")).name[:100]
 
 
-@flow(
-    name="recover-video",
-    flow_run_name=_video_name,
-    task_runner=ThreadPoolTaskRunner(max_workers=MAX_WAITING),  # type: ignore[arg-type]
-    persist_result=False,
-)
+@flow(name="recover-video", flow_run_name=_video_name, persist_result=False)
 def recover_video(
     video: Path,
     out: Path | None = None,

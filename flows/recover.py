@@ -9,6 +9,7 @@ import os
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from types import TracebackType
 from typing import Any
 from uuid import UUID
 
@@ -34,9 +35,10 @@ from humanmm.tasks.pipeline import Stage
 from humanmm.tasks.process import prepare_process
 from humanmm.tasks.selection import Selection
 from humanmm.tasks.work import Work
+from humanmm.tasks.workers import check_runner
 
 MAX_WAITING = 32
-"""Tasks that may wait for their inputs at the same time; how many compute is `run.threads`."""
+"""Tasks that may wait for their inputs at the same time, at least; how many compute is `run.threads`."""
 
 DEFAULTS, EVERYTHING = Config(), Selection()
 
@@ -48,12 +50,7 @@ def _flow_run_name() -> str:
     return Path(flow_run.parameters.get("video", "video")).name[:100]
 
 
-@flow(
-    name="recover",
-    flow_run_name=_flow_run_name,
-    task_runner=ThreadPoolTaskRunner(max_workers=MAX_WAITING),  # type: ignore[arg-type]
-    persist_result=False,
-)
+@flow(name="recover", flow_run_name=_flow_run_name, persist_result=False)
 def recover(
     video: Path,
     out: Path | None = None,
@@ -63,22 +60,21 @@ def recover(
 ) -> Any:
     """Recover the people and cameras of one video into a run folder (default: runs/<name of the video>)."""
     begun = time.time()
-    stage = Stages(_open(video, config, store, selection))
+    with Stages(_open(video, config, store, selection)) as stage:
+        stage("decode")  # container facts, exact frame times
+        stage("scenes")  # section 3.1: colour-based cuts and gradual transitions
+        stage("people")  # per scene: boxes, 2D keypoints, 3D landmarks, masks, tracks
+        stage("points")  # per scene: long tracks on whatever there is, beside `people`
+        stage("shots")  # section 3.1: cuts from boxes and keypoints; who is who across cuts
+        stage("views")  # what the place looks like in each shot, beside what follows
+        stage("intrinsics")  # one focal length for all shots
+        stage("camera")  # per shot, section 3.2: masked visual odometry
+        stage("hmr")  # per shot: θ, β, Γ, τ in camera axes
+        stage("align")  # section 3.3.1: all shots into one world
+        stage("refine")  # section 3.4: smooth motion, feet that stay where they stand
+        stage("deliver")  # pictures and the recording
 
-    stage("decode")  # container facts, exact frame times
-    stage("scenes")  # section 3.1: colour-based cuts and gradual transitions
-    stage("people")  # per scene: boxes, 2D keypoints, 3D landmarks, masks, tracks
-    stage("points")  # per scene: long tracks on whatever there is, beside `people`
-    stage("shots")  # section 3.1: cuts from boxes and keypoints; who is who across cuts
-    stage("views")  # what the place looks like in each shot, beside what follows
-    stage("intrinsics")  # one focal length for all shots
-    stage("camera")  # per shot, section 3.2: masked visual odometry
-    stage("hmr")  # per shot: θ, β, Γ, τ in camera axes
-    stage("align")  # section 3.3.1: all shots into one world
-    stage("refine")  # section 3.4: smooth motion, feet that stay where they stand
-    stage("deliver")  # pictures and the recording
-
-    return stage.finish(out, begun)
+        return stage.finish(out, begun)
 
 
 class Stages:
@@ -92,6 +88,20 @@ class Stages:
         run.listen(self._board.report)
         self._futures: dict[tuple[str, int], PrefectFuture[Any]] = {}
         self._stopped = False
+        self._runner: ThreadPoolTaskRunner[Any] = ThreadPoolTaskRunner(max(MAX_WAITING, run.config.run.threads))
+
+    def __enter__(self) -> "Stages":
+        self._runner.__enter__()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.run.close()
+        self._runner.__exit__(kind, error, trace)
+        self._board.end()
+        if self._alive is not None:
+            self._alive.end()
 
     def __call__(self, name: str) -> None:
         """Submit one task per unit of a stage."""
@@ -103,24 +113,14 @@ class Stages:
         works = self.run.works(stage)
         self._stopped = works is None  # what defines the units has failed
         for work in works or ():
-            self._futures[name, work.index] = _task_of(self.run, work).submit(
-                self.run,
-                name,
-                work.index,
-                self._board,
-                wait_for=[allow_failure(future) for future in self._inputs(work)],
-            )
+            asked = {"run": self.run, "stage": name, "index": work.index, "board": self._board}
+            inputs: list[Any] = [allow_failure(future) for future in self._inputs(work)]
+            self._futures[name, work.index] = self._runner.submit(_task_of(self.run, work), asked, wait_for=inputs)
 
     def finish(self, out: Path | None, begun: float) -> Any:
         """Wait for everything; write the run folder; the flow's final state."""
-        try:
-            for future in self._futures.values():
-                future.wait()
-        finally:
-            self.run.close()
-            self._board.end()
-            if self._alive is not None:
-                self._alive.end()
+        for future in self._futures.values():
+            future.wait()
         video, store = self.run.video, self.run.store
         error = fatal_error(self.run)
         if error is not None:
@@ -190,6 +190,7 @@ def _is_worth_retrying(task: Task[..., Any], task_run: TaskRun, state: State[Any
 
 def _open(video: Path, config: Config, store: Path | None, selection: Selection) -> VideoRun:
     prepare_process()
+    check_runner(config.run)
     place = open_store(store or default_store())
     place.sweep()
     run = VideoRun(identify(video, place), config, place, selection=selection)

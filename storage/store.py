@@ -13,6 +13,7 @@ Nothing in it names the store's own path, so it can be moved.
 import contextlib
 import errno
 import fcntl
+import functools
 import json
 import logging
 import os
@@ -82,6 +83,12 @@ class Store:
         self.read_only = read_only
         self._checked: dict[tuple[str, str], Manifest] = {}
         self._damage: dict[tuple[str, str], str] = {}
+
+    def __reduce__(self) -> tuple[Callable[[], "Store"], tuple[()]]:
+        """Another process opens it again, and checks itself what it reads."""
+        from humanmm.storage.opening import open_store
+
+        return functools.partial(open_store, self.place, read_only=self.read_only), ()
 
     @property
     def place(self) -> str:

@@ -21,6 +21,7 @@ from humanmm.errors import (
     MissingInputError,
     NoUsablePersonError,
     ResourceError,
+    StageError,
     StoreError,
     VideoError,
 )
@@ -37,12 +38,12 @@ from humanmm.tasks import pipeline
 from humanmm.tasks.budget import Budget, resources_of
 from humanmm.tasks.faults import as_ours, ends_run, in_words, ran_out_of_memory
 from humanmm.tasks.imports import Imports
-from humanmm.tasks.isolation import Children
 from humanmm.tasks.job import Job, Setting
 from humanmm.tasks.pipeline import Resources, Stage
 from humanmm.tasks.selection import Selection
 from humanmm.tasks.unit_inputs import UnitInputs
 from humanmm.tasks.work import Work, needs_of, only_its_shot, works_of
+from humanmm.tasks.workers import workers_of
 
 log = logging.getLogger(__name__)
 T = TypeVar("T")
@@ -95,7 +96,9 @@ class VideoRun:
         self._listeners: list[Progress] = []
         self.log_text: Callable[[], str] = str
         self._budget = Budget(threads=config.run.threads, memory_mb=config.run.memory_mb)
-        self._children = Children(Setting(video, config, store, self.selection, self.stages))
+        self._workers = workers_of(Setting(video, config, store, self.selection, self.stages))
+        self._workers_lock = threading.Lock()
+        self._is_closed = False
         self.gpu: Callable[[], AbstractContextManager[None]] = contextlib.nullcontext
         """Held while a stage computes that needs an accelerator; whoever knows the others that want it sets it."""
         self._definitions: dict[str, Any] = {}
@@ -219,14 +222,16 @@ class VideoRun:
                 return self.outcomes[at]
             outcome.attempts += 1
             needed = resources_of(work.stage, self.config.run, self._megapixels())
-            in_child = self.config.run.isolate or needed.limit_s is not None
-            if not in_child:
+            away = self.config.run.runner != "threads" or self.config.run.isolate or needed.limit_s is not None
+            if away:
+                self._open_workers(work)
+            else:
                 self.imports.prepare(work.stage)
             with self._budget.taken(needed, alone=outcome.short_of_memory), self._accelerator(needed):
                 started = time.monotonic()
                 outcome.began = outcome.began or time.time()
-                if in_child:
-                    self._compute_in_child(work, outcome, needed.limit_s)
+                if away:
+                    self._compute_away(work, outcome, needed.limit_s)
                 else:
                     self._compute(work, outcome)
         except Exception as error:  # noted, then raised: this is the edge of the stages
@@ -246,8 +251,16 @@ class VideoRun:
         return outcome
 
     def close(self) -> None:
-        """End what works for this run beside it."""
-        self._children.close()
+        """End what works for this run beside it; what was under way there fails."""
+        with self._workers_lock:
+            self._is_closed = True
+            self._workers.close()
+
+    def _open_workers(self, work: Work) -> None:
+        with self._workers_lock:
+            if self._is_closed:
+                raise ResourceError(f"{work.label}: the run has ended")
+            self._workers.open()
 
     def known_for(self, work: Work) -> dict[tuple[str, int], Ref | None]:
         """What another process must know to compute a piece of work: what it reads, and what lists units."""
@@ -278,14 +291,21 @@ class VideoRun:
     def _accelerator(self, needed: Resources) -> AbstractContextManager[None]:
         return self.gpu() if needed.gpu else contextlib.nullcontext()
 
-    def _compute_in_child(self, work: Work, outcome: Outcome, limit_s: float | None) -> None:
+    def _compute_away(self, work: Work, outcome: Outcome, limit_s: float | None) -> None:
         for name in work.stage.inputs:
             for need in self.needs_from(work, self.stage(name)):
                 self.restore(need)
-        job = Job(work.stage.name, work.index, self.known_for(work))
-        done = self._children.compute(
-            job, work.label, limit_s=limit_s, progress=lambda now, total: self.report(work, now, total)
+        done = self._workers.compute(
+            Job(work.stage.name, work.index, self.known_for(work)),
+            work.label,
+            isolated=self.config.run.isolate,
+            limit_s=limit_s,
+            progress=lambda now, total: self.report(work, now, total),
         )
+        expected = self.recipe(work)
+        if done.manifest.recipe.key != expected.key:
+            differs = "; ".join(done.manifest.recipe.changes_since(expected))
+            raise StageError(f"{work.label}: its worker is not as this process: {differs}")
         outcome.state, outcome.error, outcome.reason = done.state, None, done.reason
         outcome.manifest, outcome.changed = done.manifest, done.changed
 

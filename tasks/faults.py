@@ -1,5 +1,7 @@
 """What an error of a stage means: whether another try may help, whether it ends the run, how it is told."""
 
+import pickle
+
 from humanmm.errors import HumanMMError, InputError, ResourceError, StageError, StoreError, WeightsError
 
 
@@ -43,6 +45,16 @@ def as_ours(error: Exception, label: str) -> HumanMMError:
     if is_infrastructure_fault(error):
         return StoreError(f"{label}: {error}")
     return StageError(f"{label} failed unexpectedly: {type(error).__name__}: {error} (-v shows where)")
+
+
+def portable(error: Exception, label: str) -> HumanMMError:
+    """The same, for another process to raise."""
+    told = as_ours(error, label)
+    try:
+        pickle.loads(pickle.dumps(told))
+    except Exception:
+        return StageError(str(told))
+    return told
 
 
 def in_words(error: BaseException) -> str:

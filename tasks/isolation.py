@@ -18,14 +18,14 @@ import time
 from typing import TYPE_CHECKING, Any
 
 from humanmm.errors import HumanMMError, ResourceError, TimeLimitError
-from humanmm.tasks.job import Done, Job, LogSender, Progress, Setting, answer
+from humanmm.tasks.job import Done, Job, LogSender, Progress, Setting, answer, hear
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
 
 
 class Children:
-    """The child processes of one video, as many as work at the same time."""
+    """`humanmm.tasks.workers.Workers`: the child processes of one video, as many as work at the same time."""
 
     def __init__(self, setting: Setting) -> None:
         self._setting = setting
@@ -34,8 +34,10 @@ class Children:
         self._closed = False
         self._lock = threading.Lock()
 
-    def compute(self, job: Job, label: str, *, limit_s: float | None, progress: Progress) -> Done:
-        """Have a job done. TimeLimitError if it took too long, ResourceError if the child died, else its own error."""
+    def open(self) -> None:
+        """A child is started when there is a job and no other child has time for it."""
+
+    def compute(self, job: Job, label: str, *, isolated: bool, limit_s: float | None, progress: Progress) -> Done:
         child = self._free_child()
         try:
             done = child.do(job, label, limit_s, progress)
@@ -108,10 +110,7 @@ class _Child:
                     return message
                 if isinstance(message, Exception):
                     raise message
-                if isinstance(message, logging.LogRecord):
-                    logging.getLogger(message.name).handle(message)
-                else:
-                    progress(*message)
+                hear(message, progress)
         except (EOFError, OSError) as error:
             raise ResourceError(f"{label}: its process was lost: {self._how_it_ended()}") from error
 

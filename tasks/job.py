@@ -5,7 +5,6 @@ the manifest of what it has left in the store.
 """
 
 import logging
-import pickle
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
@@ -15,7 +14,7 @@ from humanmm.storage.artifact import Manifest
 from humanmm.storage.refs import Ref
 from humanmm.storage.store import Store
 from humanmm.storage.video_identity import VideoIdentity
-from humanmm.tasks.faults import as_ours
+from humanmm.tasks.faults import portable
 from humanmm.tasks.pipeline import Stage
 from humanmm.tasks.selection import Selection
 
@@ -79,12 +78,15 @@ def answer(run: "VideoRun", job: Job) -> Done | Exception:
         return Done(outcome.state, outcome.manifest, outcome.reason, outcome.changed)
     except Exception as error:  # told to the other process, which raises it: this is the edge of this one
         log.debug("where it happened", exc_info=error)
-        told = as_ours(error, label)
-        try:
-            pickle.loads(pickle.dumps(told))
-        except Exception:
-            return as_ours(RuntimeError(str(told)), label)
-        return told
+        return portable(error, label)
+
+
+def hear(message: tuple[int, int] | logging.LogRecord, progress: Progress) -> None:
+    """Take note of what comes before the answer."""
+    if isinstance(message, logging.LogRecord):
+        logging.getLogger(message.name).handle(message)
+    else:
+        progress(*message)
 
 
 class LogSender(logging.Handler):

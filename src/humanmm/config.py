@@ -138,8 +138,14 @@ class StageLimits(Section):
 class RunConfig(Section):
     """How stages are run; no field here changes a result."""
 
+    runner: Literal["threads", "dask", "ray"] = "threads"
+    """Where stages compute: in `threads` of one process, or in processes of Dask or Ray (extras `dask`, `ray`)."""
+
+    cluster: str | None = None
+    """Address of a Dask scheduler or Ray cluster that runs already (default: `run.threads` workers on this machine)."""
+
     threads: Annotated[int, Field(ge=1, le=256)] = 2
-    """Stages of one video that run at the same time."""
+    """Stages of one video that run at the same time, over all workers together."""
 
     memory_mb: Annotated[int, Field(ge=1)] | None = None
     """Memory in MB that stages of one video may use together: one more waits while it would not fit (default: any)."""
@@ -156,6 +162,12 @@ class RunConfig(Section):
     max_retries: Annotated[int, Field(ge=0, le=10)] = 2
     """How often a stage is tried again after an infrastructure fault (I/O, lost worker, lack of memory); bad input is
     never tried again."""
+
+    @model_validator(mode="after")
+    def _cluster_of_an_engine(self) -> "RunConfig":
+        if self.cluster is not None and self.runner == "threads":
+            raise ValueError("run.cluster needs run.runner = dask or ray")
+        return self
 
 
 class Config(Section):

@@ -215,12 +215,12 @@ def test_what_is_damaged_after_it_was_found_is_computed_again_before_it_is_used(
     text = damaged.read_text()
     assert '"start": 20' in text
     damaged.write_text(text.replace('"start": 20', '"start": 21'))
-    if isolate:  # the child finds it in the middle, and its parent knows what it was made of
+    if isolate:  # the child finds it before it begins, and its parent knows what it was made of
         with pytest.raises(StoreError, match=r"camera \(shot 1\) cannot be read: result.json has changed"):
             run.do(run.work("align"))
     assert run.do(run.work("align")).state == "computed"
     run.close()
-    assert toy.executed() == ["align"] * (1 + isolate) + ["camera:20"]
+    assert toy.executed() == ["align", "camera:20"]
     assert damaged.read_text() == text
 
 
