@@ -8,13 +8,14 @@ from humanmm.config import RunConfig
 from humanmm.tasks.pipeline import Resources, Stage
 
 
-def resources_of(stage: Stage, settings: RunConfig, megapixels: float = 0.0) -> Resources:
-    """What one unit of a stage may use for a video of this size: the table's figures, with the user's where given."""
+def resources_of(stage: Stage, settings: RunConfig, *, megapixels: float = 0.0, num_frames: int = 0) -> Resources:
+    """What one unit of a stage may use, by the size of the picture and its frames: the table's figures, with the user's
+    where given."""
     own = settings.stages.get(stage.name)
     given = own.model_dump(exclude_none=True) if own is not None else {}
     if settings.limit_s is not None:
         given.setdefault("limit_s", settings.limit_s)
-    return stage.resources.for_picture(megapixels).with_values(given)
+    return stage.resources.for_unit(megapixels, num_frames).with_values(given)
 
 
 class Budget:

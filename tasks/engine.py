@@ -221,7 +221,7 @@ class VideoRun:
             if self.look_up(work) is not None:
                 return self.outcomes[at]
             outcome.attempts += 1
-            needed = resources_of(work.stage, self.config.run, self._megapixels())
+            needed = self._needed(work)
             away = self.config.run.runner != "threads" or self.config.run.isolate or needed.limit_s is not None
             if away:
                 self._open_workers(work)
@@ -399,13 +399,16 @@ class VideoRun:
                 return self._read_once(manifest, Work(stage), output)
         return None
 
-    def _megapixels(self) -> float:
-        """Size of the video's picture; 0 while it is not known."""
+    def _needed(self, work: Work) -> Resources:
+        """What a unit may use, by the size of the video as far as that is known."""
         manifest = self.manifest(self.stages[0].name)
         if manifest is None:
-            return 0.0
+            return resources_of(work.stage, self.config.run)
         facts = self._read_once(manifest, Work(self.stages[0]), VideoFacts)
-        return facts.width * facts.height / 1e6
+        num_frames = facts.num_frames if work.stage.per == "video" else work.span[1] - work.span[0]
+        return resources_of(
+            work.stage, self.config.run, megapixels=facts.width * facts.height / 1e6, num_frames=num_frames
+        )
 
     def _read_once(self, manifest: Manifest, work: Work, output: type[T]) -> T:
         if manifest.digest not in self._definitions:

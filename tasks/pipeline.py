@@ -22,15 +22,19 @@ class Resources:
     """Main memory that it takes at most, beside what every process with the code of all stages loaded has."""
     memory_mb_per_mpx: int = 0
     """And for every million pixels of the video's picture."""
+    memory_mb_per_kframe: int = 0
+    """And for every thousand frames of its unit."""
     gpu: bool = False
     """Whether it needs one of the slots of the limit `gpu`."""
     limit_s: float | None = None
     """Seconds after which it is ended."""
 
-    def for_picture(self, megapixels: float) -> "Resources":
-        """What it comes to for a video of this size."""
-        memory_mb = self.memory_mb + math.ceil(self.memory_mb_per_mpx * megapixels)
-        return replace(self, memory_mb=memory_mb, memory_mb_per_mpx=0)
+    def for_unit(self, megapixels: float, num_frames: int) -> "Resources":
+        """What it comes to for a picture of this size and so many frames."""
+        grown_mb = self.memory_mb_per_mpx * megapixels + self.memory_mb_per_kframe * num_frames / 1000
+        return replace(
+            self, memory_mb=self.memory_mb + math.ceil(grown_mb), memory_mb_per_mpx=0, memory_mb_per_kframe=0
+        )
 
     def with_values(self, values: Mapping[str, Any]) -> "Resources":
         """The same with some figures replaced."""
@@ -63,8 +67,21 @@ class Stage:
         return self.module or f"humanmm.tasks.{self.name}", self.name
 
 
+def _memory(least_mb: int, per_mpx: int = 0, per_kframe: int = 0) -> Resources:
+    """As `scripts/measure_memory` finds it, and a tenth to a fifth more."""
+    return Resources(memory_mb=least_mb, memory_mb_per_mpx=per_mpx, memory_mb_per_kframe=per_kframe)
+
+
 STAGES: tuple[Stage, ...] = (
-    Stage("decode", "video", (), ("decode",), "humanmm.models.video.facts:VideoFacts", reads_video=True),
+    Stage(
+        "decode",
+        "video",
+        (),
+        ("decode",),
+        "humanmm.models.video.facts:VideoFacts",
+        reads_video=True,
+        resources=_memory(10, 20, 1),
+    ),
     Stage(
         "scenes",
         "video",
@@ -73,6 +90,7 @@ STAGES: tuple[Stage, ...] = (
         "humanmm.models.shots.boundaries:Scenes",
         reads_video=True,
         defines="scene",
+        resources=_memory(20, 20, 15),
     ),
     Stage(
         "people",
@@ -82,6 +100,7 @@ STAGES: tuple[Stage, ...] = (
         "humanmm.models.perception.tracks:ScenePeople",
         schema_version=2,
         reads_video=True,
+        resources=_memory(150, 30, 5),
     ),
     Stage(
         "points",
@@ -91,6 +110,7 @@ STAGES: tuple[Stage, ...] = (
         "humanmm.models.camera.observations:PointTracks",
         schema_version=2,
         reads_video=True,
+        resources=_memory(20, 20, 5),
     ),
     Stage(
         "shots",
@@ -99,6 +119,7 @@ STAGES: tuple[Stage, ...] = (
         ("shots",),
         "humanmm.models.shots.boundaries:ShotList",
         defines="shot",
+        resources=_memory(10, 0, 8),
     ),
     Stage(
         "views",
@@ -107,6 +128,7 @@ STAGES: tuple[Stage, ...] = (
         (),
         "humanmm.models.camera.views:KeyViews",
         reads_video=True,
+        resources=_memory(100, 20),
     ),
     Stage(
         "intrinsics",
@@ -114,6 +136,7 @@ STAGES: tuple[Stage, ...] = (
         ("decode", "people", "shots", "points"),
         ("intrinsics",),
         "humanmm.models.camera.observations:Intrinsics",
+        resources=_memory(10, 0, 6),
     ),
     Stage(
         "camera",
@@ -121,6 +144,7 @@ STAGES: tuple[Stage, ...] = (
         ("people", "shots", "points", "intrinsics"),
         ("camera",),
         "humanmm.models.camera.observations:ShotCamera",
+        resources=_memory(10, 0, 6),
     ),
     Stage(
         "hmr",
@@ -128,6 +152,7 @@ STAGES: tuple[Stage, ...] = (
         ("decode", "people", "shots", "camera"),
         ("hmr",),
         "humanmm.models.motion.results:ShotMotion",
+        resources=_memory(35, 0, 10),
     ),
     Stage(
         "align",
@@ -135,6 +160,7 @@ STAGES: tuple[Stage, ...] = (
         ("decode", "people", "shots", "views", "intrinsics", "camera", "hmr"),
         ("align",),
         "humanmm.models.motion.results:WorldMotion",
+        resources=_memory(15, 0, 10),
     ),
     Stage(
         "refine",
@@ -142,6 +168,7 @@ STAGES: tuple[Stage, ...] = (
         ("decode", "people", "shots", "align"),
         ("refine",),
         "humanmm.models.motion.results:WorldMotion",
+        resources=_memory(35, 0, 12),
     ),
     Stage(
         "deliver",
@@ -150,5 +177,6 @@ STAGES: tuple[Stage, ...] = (
         ("deliver",),
         "humanmm.models.motion.recording:Delivery",
         reads_video=True,
+        resources=_memory(50, 20, 10),
     ),
 )

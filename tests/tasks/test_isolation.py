@@ -241,14 +241,15 @@ def test_the_users_limits_stand_in_for_those_of_the_table() -> None:
     stage = next(stage for stage in pipeline.STAGES if stage.name == "camera")
     settings = RunConfig(limit_s=60, stages={"camera": StageLimits(memory_mb=9)})
     assert resources_of(stage, settings) == Resources(stage.resources.threads, 9, gpu=False, limit_s=60)
-    assert resources_of(stage, RunConfig()) == stage.resources
+    assert resources_of(stage, RunConfig()) == stage.resources.for_unit(0, 0)
     own = RunConfig(limit_s=60, stages={"camera": StageLimits(limit_s=5, gpu=True)})
     assert (resources_of(stage, own).limit_s, resources_of(stage, own).gpu) == (5, True)
 
 
-def test_the_budget_counts_the_size_of_the_picture(toy: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    stage = replace(pipeline.STAGES[2], resources=Resources(memory_mb=100, memory_mb_per_mpx=30))
-    assert resources_of(stage, RunConfig(), megapixels=8.0).memory_mb == 340
+def test_the_budget_counts_the_size_of_the_picture_and_the_frames(toy: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    resources = Resources(memory_mb=100, memory_mb_per_mpx=30, memory_mb_per_kframe=500)
+    stage = replace(pipeline.STAGES[2], resources=resources)
+    assert resources_of(stage, RunConfig(), megapixels=8.0, num_frames=2000).memory_mb == 1340
     own = RunConfig(stages={stage.name: StageLimits(memory_mb=9)})
     assert resources_of(stage, own, megapixels=8.0).memory_mb == 9
     monkeypatch.setattr(pipeline, "STAGES", tuple(stage if s.name == stage.name else s for s in pipeline.STAGES))
@@ -262,7 +263,7 @@ def test_the_budget_counts_the_size_of_the_picture(toy: Any, monkeypatch: pytest
     run.do(run.work("scenes"))
     asked.clear()
     run.do(run.work("people"))
-    assert list(asked.values()) == [115]
+    assert list(asked.values()) == [125]  # 100, 0.48 Mpx, 20 frames
 
 
 def test_limits_can_be_written_as_a_flag_and_a_stage_that_does_not_exist_is_told(toy: Any) -> None:
