@@ -46,14 +46,15 @@ async def crash_lost_runs(after_s: float, settled: "set[UUID] | None" = None) ->
             ended = _how_it_ended(run, after_s)
             if ended is not None:
                 await client.set_flow_run_state(run.id, ended, force=True)
-        for run in await _some_runs(client, [StateType.CRASHED, StateType.CANCELLED], limit=PAGE):
+        over = [StateType.CRASHED, StateType.CANCELLED, StateType.FAILED]
+        for run in await _some_runs(client, over, limit=PAGE, order="END_TIME_DESC"):
             if run.id not in settled and note_end_before_begin(run):
                 settled.add(run.id)
         return bool(runs) or bool(await _some_runs(client, [StateType.SCHEDULED], limit=1))
 
 
 def note_end_before_begin(run: "FlowRun") -> bool:
-    """Tell the ledger of a flow run that crashed or was cancelled before its process could: its video waits in vain.
+    """Tell the ledger of a flow run that ended before its process could, as on a full disk: its video waits in vain.
 
     Returns whether its video waits for it no longer, and never will.
     """
@@ -94,11 +95,14 @@ def _how_it_ended(run: "FlowRun", after_s: float) -> "State[Any] | None":
         return None
     ledger.find_lost(given["batch"])
     row = ledger.row(given["batch"], given["video"])
-    if row is not None and row.attempt == given.get("attempt", 1) and row.state == "done":
+    is_its_own = row is not None and row.attempt == given.get("attempt", 1)
+    if row is None or (is_its_own and row.state == "scheduled"):  # what the row says is of an earlier attempt
+        return Crashed(message="nothing was heard of it")
+    if is_its_own and row.state == "done":
         return Completed(message=row.run_dir)
-    if row is not None and row.attempt == given.get("attempt", 1) and row.state == "partial":
+    if is_its_own and row.state == "partial":
         return Failed(name="Partial", message=row.reason)
-    return Crashed(message=(row.reason if row is not None else "") or "nothing was heard of it")
+    return Crashed(message=row.reason)
 
 
 async def _all_runs(client: "PrefectClient", *states: "StateType") -> "list[FlowRun]":
@@ -110,7 +114,7 @@ async def _all_runs(client: "PrefectClient", *states: "StateType") -> "list[Flow
 
 
 async def _some_runs(
-    client: "PrefectClient", states: "Sequence[StateType]", *, limit: int, offset: int = 0
+    client: "PrefectClient", states: "Sequence[StateType]", *, limit: int, offset: int = 0, order: str = "ID_DESC"
 ) -> "list[FlowRun]":
     from prefect.client.schemas.filters import (
         FlowRunFilter,
@@ -126,7 +130,7 @@ async def _some_runs(
     return await client.read_flow_runs(
         flow_run_filter=FlowRunFilter(state=FlowRunFilterState(type=FlowRunFilterStateType(any_=list(states)))),
         work_pool_filter=WorkPoolFilter(name=WorkPoolFilterName(any_=[POOL])),
-        sort=FlowRunSort.ID_DESC,
+        sort=FlowRunSort(order),
         limit=limit,
         offset=offset,
     )

@@ -1,5 +1,6 @@
 """Processes that are killed: what Prefect shows afterwards, and what they held."""
 
+import asyncio
 import itertools
 import json
 import os
@@ -17,6 +18,7 @@ import pytest
 from prefect.exceptions import PrefectHTTPStatusError
 
 from humanmm.flows import batch as batch_flows
+from humanmm.flows import lost_runs
 from humanmm.flows.alive import Alive, lost
 from humanmm.flows.known_stores import known_stores, note_store
 from humanmm.flows.local_server import ServerFiles
@@ -94,6 +96,24 @@ def test_a_video_whose_flow_run_ended_before_its_process_began_does_not_wait_for
     ledger.change(again, flow_run="two")
     note_end_before_begin(cast(Any, _Run(replace(again, flow_run="two"), any_toy.store, _State("CANCELLED"))))
     assert ledger.rows("b")[0].state == "cancelled"
+
+
+def test_a_video_whose_flow_run_failed_before_it_could_say_so_is_tried_again(
+    toy: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ledger = open_ledger(toy.store)
+    row = VideoRow("b", "v.mp4", 0, "/runs/v", "{}", "normal", "[]", "", "", flow_run="one")
+    ledger.put("b", "/films", [row])
+    failed = _Run(row, toy.store, _State("FAILED", "database or disk is full"))
+
+    async def some_runs(client: object, states: list[str], **asked: object) -> list[_Run]:
+        return [failed] if "FAILED" in states else []
+
+    monkeypatch.setattr(lost_runs, "_some_runs", some_runs)
+    monkeypatch.setattr("prefect.get_client", lambda: _BusyServer(set()))
+    assert not asyncio.run(lost_runs.crash_lost_runs(30.0))
+    (again,) = ledger.unscheduled()
+    assert again.attempt == 2 and "disk is full" in again.reason
 
 
 class _BusyServer:
