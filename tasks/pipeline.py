@@ -128,7 +128,7 @@ STAGES: tuple[Stage, ...] = (
         (),
         "humanmm.models.camera.views:KeyViews",
         reads_video=True,
-        resources=_memory(220, 20),
+        resources=_memory(250, 20),
     ),
     Stage(
         "intrinsics",
