@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from humanmm.errors import InputError
-from humanmm.models.motion.results import WorldMotion
+from humanmm.models.motion.results import CutAlignment, WorldMotion
 from humanmm.models.shots.boundaries import ShotList, Transition
 from humanmm.models.video.facts import VideoFacts
 from humanmm.storage.codec import Json
@@ -121,20 +121,34 @@ def _write(path: Path, text: str) -> None:
 def _shots(
     shots: ShotList, cameras: Sequence["ShotCamera | None"], motion: WorldMotion | None, stages: Sequence[StageRecord]
 ) -> list[dict[str, Any]]:
-    linked = {cut.cut_frame: cut.linked for cut in motion.cuts} if motion else {}
+    joins = {cut.cut_frame: cut for cut in motion.cuts} if motion else {}
     failed = {record.shot for record in stages if record.state in ("failed", "skipped")}
     return [
         {
             "start": shot.start,
             "end": shot.end,
             "transition": _transition(shot.transition),
-            "linked": linked.get(shot.start, True),
+            "linked": shot.start not in joins or joins[shot.start].linked,
+            "join": _join(joins.get(shot.start)),
             "people": [appearance.person for appearance in shot.people],
             "failed": shot.index in failed,
             "camera": _camera(camera),
         }
         for shot, camera in zip(shots.shots, cameras, strict=True)
     ]
+
+
+def _join(cut: CutAlignment | None) -> dict[str, Json] | None:
+    """How a shot was joined to those before it; null for the first."""
+    if cut is None:
+        return None
+    return {
+        "method": cut.method,
+        "residual_px": _figure(cut.residual_px),
+        "uncertainty_deg": _figure(cut.uncertainty_deg),
+        "gap_s": _figure(cut.gap_s),
+        "background_points": cut.background_inliers,
+    }
 
 
 def _camera(camera: "ShotCamera | None") -> dict[str, Json] | None:
@@ -177,6 +191,9 @@ def _people(shots: ShotList, motion: WorldMotion | None) -> list[dict[str, Any]]
         if recovered is not None and len(recovered.frame):
             entry["start"], entry["end"] = int(recovered.frame[0]), int(recovered.frame[-1]) + 1
             entry["observed_frames"] = int(recovered.observed.sum())
+        own = [a for shot in shots.shots for a in shot.people if a.person == person.person]
+        entry["sides_exchanged"] = [list(span) for appearance in own for span in appearance.swapped]
+        entry["lapses"] = [list(span) for appearance in own for span in appearance.lapses]
         people.append(entry)
     return people
 

@@ -27,6 +27,9 @@ def test_the_shipped_clip_is_recovered_and_a_second_run_has_nothing_to_do(tmp_pa
     record = json.loads((tmp_path / "run" / "run.json").read_text())
     assert [(shot["start"], shot["end"]) for shot in record["shots"]] == [(0, 36), (36, 70), (70, 100)]
     assert record["failures"] == []
+    assert [shot["join"] and shot["join"]["method"] for shot in record["shots"]] == [None, "bundle", "bundle"]
+    assert all(0 < shot["join"]["residual_px"] < 20 for shot in record["shots"][1:])
+    assert all(36 <= start < end <= 70 for start, end in record["people"][0]["lapses"])
     for name in ("view/overlay.mp4", "view/top.png", "view/timeline.png", "export/person_00.npz", "run.log"):
         assert (tmp_path / "run" / name).stat().st_size > 0
 
