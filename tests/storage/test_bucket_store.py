@@ -4,6 +4,7 @@ import pickle
 import re
 import subprocess
 import sys
+import tarfile
 import threading
 import time
 from dataclasses import dataclass
@@ -17,7 +18,7 @@ from humanmm.errors import ConfigError, StoreError
 from humanmm.storage import lease, maintenance
 from humanmm.storage.artifact import Manifest
 from humanmm.storage.bucket import Bucket
-from humanmm.storage.bucket_store import BucketStore
+from humanmm.storage.bucket_store import BucketStore, extract
 from humanmm.storage.opening import open_store
 from humanmm.storage.recipe import Recipe
 
@@ -313,3 +314,21 @@ def test_du_verify_and_gc_tell_and_do_what_they_do_on_a_disk(toy: Any, bucket: s
     left = {found.name.rpartition("/")[0] for found in objects.list("artifacts")}
     assert left == {run.manifest("people", 1).ref.uri}, "what somebody holds stays"
     assert "1 videos" not in told and f"store {bucket}" in toy.main("status", **elsewhere)[1]
+
+
+@pytest.mark.parametrize("name", ["../out", "/out", "inside/../../out"])
+def test_an_object_that_names_places_outside_is_damaged(name: str, tmp_path: Path) -> None:
+    with tarfile.open(tmp_path / "a.tar", "w") as archive:
+        archive.addfile(tarfile.TarInfo(name))
+    with tarfile.open(tmp_path / "a.tar") as archive, pytest.raises(tarfile.TarError, match="outside"):
+        extract(archive, tmp_path / "folder")
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_object_that_holds_a_link_is_damaged(tmp_path: Path) -> None:
+    link = tarfile.TarInfo("link")
+    link.type, link.linkname = tarfile.SYMTYPE, "/etc/passwd"
+    with tarfile.open(tmp_path / "a.tar", "w") as archive:
+        archive.addfile(link)
+    with tarfile.open(tmp_path / "a.tar") as archive, pytest.raises(tarfile.TarError, match="neither"):
+        extract(archive, tmp_path / "folder")

@@ -16,7 +16,7 @@ from humanmm.storage.bucket import Bucket, is_bucket
 from humanmm.storage.store import cache_folder, default_store
 
 MIN_FREE_BYTES = 1 << 30
-VARIABLES = ("CACHE", "DATA", "LOG", "SERVER_IDLE_S", "STORE")
+VARIABLES = ("CACHE", "DATA", "LOG", "SERVER_IDLE_S", "STORE", "TEMPLATE")
 """What we read of the environment, after HUMANMM_."""
 _INSTALL = "install humanmm again: pip install -c constraints.txt humanmm"
 
