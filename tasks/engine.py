@@ -40,12 +40,16 @@ from humanmm.tasks.faults import as_ours, ends_run, in_words, ran_out_of_memory
 from humanmm.tasks.imports import Imports
 from humanmm.tasks.job import Job, Setting
 from humanmm.tasks.pipeline import Resources, Stage
+from humanmm.tasks.process import give_back_memory
 from humanmm.tasks.selection import Selection
 from humanmm.tasks.unit_inputs import UnitInputs
 from humanmm.tasks.work import Work, needs_of, only_its_shot, works_of
 from humanmm.tasks.workers import workers_of
 
 log = logging.getLogger(__name__)
+
+_LONG_S = 5.0
+"""After units that took longer the memory is tidied up: those after them start small, however long the video."""
 T = TypeVar("T")
 Progress = Callable[[Work, int, int], None]
 State = Literal["cached", "computed", "failed", "skipped"]
@@ -247,6 +251,8 @@ class VideoRun:
         finally:
             outcome.seconds += time.monotonic() - started
         facts = {"video": str(self.video.path), "stage": work.stage.name, "unit": work.unit, "seconds": outcome.seconds}
+        if outcome.seconds > _LONG_S:
+            give_back_memory()
         log.info("%s: %.1f s (%s)", work.label, outcome.seconds, outcome.reason, extra=facts)
         return outcome
 

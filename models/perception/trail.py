@@ -22,20 +22,36 @@ STEADINESS_UNKNOWN = 0.8
 """Of a track without three frames in a row."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, slots=True)
 class Row:
     """One packed observation, less than 2 KB."""
 
-    keypoints: Float[np.ndarray, "33 3"]
-    landmarks3d: Float[np.ndarray, "33 3"]
-    bbox: Float[np.ndarray, " 4"]
+    numbers: Float[np.ndarray, " 208"]
+    """Single precision: keypoints, 3D landmarks, box and the mask's affine map one after the other (an array of its own
+    for each would take half as much again)."""
     confidence: float
     mask: bytes
     """Deflated."""
-    mask_affine: Float[np.ndarray, "2 3"]
     side: float
     vote: float
     """Log-odds for left and right as named, from a second look; 0 without one."""
+
+    @classmethod
+    def of(cls, seen: Observation, vote: float) -> "Row":
+        """An observation, packed."""
+        parts = (seen.keypoints, seen.landmarks3d, seen.bbox, seen.mask_to_source)
+        numbers = np.concatenate([np.ravel(part) for part in parts]).astype(np.float32)
+        return cls(numbers, seen.confidence, deflated_mask(seen.mask), seen.region.side, vote)
+
+    @property
+    def keypoints(self) -> Float[np.ndarray, "33 3"]:
+        """x, y and visibility."""
+        return self.numbers[:99].reshape(33, 3)
+
+    @property
+    def mask_affine(self) -> Float[np.ndarray, "2 3"]:
+        """From pixels of the mask to the picture's."""
+        return self.numbers[202:].reshape(2, 3)
 
 
 @dataclass(eq=False)
@@ -76,16 +92,7 @@ class Trail:
             step = np.clip(np.array([now.x - before.x, now.y - before.y]) / steps, -limit, limit)
             self.velocity = (float(step[0]), float(step[1]))
         self.last, self.last_frame, self.missing, self.active = seen, frame, 0, True
-        self.rows[frame] = Row(
-            seen.keypoints.astype(np.float32),
-            seen.landmarks3d.astype(np.float32),
-            seen.bbox.astype(np.float32),
-            seen.confidence,
-            deflated_mask(seen.mask),
-            seen.mask_to_source.astype(np.float32),
-            seen.region.side,
-            vote,
-        )
+        self.rows[frame] = Row.of(seen, vote)
 
     def split(self, frame: int) -> tuple["Trail", "Trail"]:
         """The trail before and from a frame on."""
@@ -97,29 +104,35 @@ class Trail:
         return halves
 
     def finished(self, fps: float) -> PersonTrack:
-        """The track, with left and right named alike in all frames and confidence lowered where it is unsteady."""
+        """The track, with left and right named alike in all frames and confidence lowered where it is unsteady.
+
+        The rows are gone then: a long track is not kept twice.
+        """
         frames = np.array(sorted(self.rows), np.int32)
-        rows = [self.rows[int(f)] for f in frames]
-        keypoints = np.stack([row.keypoints for row in rows])
-        poses = np.stack([row.landmarks3d for row in rows])
+        rows = [self.rows.pop(int(f)) for f in frames]
         votes = np.array([row.vote for row in rows])
         side = np.array([row.side for row in rows])
+        seen_confidence = np.array([row.confidence for row in rows])
+        masks = Silhouettes.of(row.mask for row in rows)
+        numbers = np.stack([row.numbers for row in rows])
+        del rows
+        keypoints, poses = (numbers[:, part].reshape(-1, 33, 3).copy() for part in (slice(0, 99), slice(99, 198)))
         exchanged = exchanged_sides(keypoints, poses, votes, frames / fps, side)
         keypoints[exchanged], poses[exchanged] = (
             keypoints[exchanged][:, landmarks.SWAP],
             poses[exchanged][:, landmarks.SWAP],
         )
-        confidence = np.array([row.confidence for row in rows]) * steadiness(keypoints, frames, side, fps)
+        confidence = seen_confidence * steadiness(keypoints, frames, side, fps)
         sampled = sorted(self.colours)
         return PersonTrack(
             frame=frames,
             keypoints2d=keypoints,
             landmarks3d=poses,
-            bbox=np.stack([row.bbox for row in rows]),
+            bbox=numbers[:, 198:202].copy(),
             confidence=confidence.astype(np.float32),
             side_votes=np.where(exchanged, -votes, votes).astype(np.float32),
-            masks=Silhouettes.of(row.mask for row in rows),
-            mask_affine=np.stack([row.mask_affine for row in rows]),
+            masks=masks,
+            mask_affine=numbers[:, 202:].reshape(-1, 2, 3).copy(),
             color_frame=np.array(sampled, np.int32),
             color_histogram=np.stack([self.colours[f] for f in sampled]).astype(np.float32),
         )
