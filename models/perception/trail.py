@@ -49,6 +49,16 @@ class Row:
         return self.numbers[:99].reshape(33, 3)
 
     @property
+    def landmarks3d(self) -> Float[np.ndarray, "33 3"]:
+        """Metres about the mid-hip."""
+        return self.numbers[99:198].reshape(33, 3)
+
+    @property
+    def bbox(self) -> Float[np.ndarray, " 4"]:
+        """xyxy."""
+        return self.numbers[198:202]
+
+    @property
     def mask_affine(self) -> Float[np.ndarray, "2 3"]:
         """From pixels of the mask to the picture's."""
         return self.numbers[202:].reshape(2, 3)
@@ -109,14 +119,15 @@ class Trail:
         The rows are gone then: a long track is not kept twice.
         """
         frames = np.array(sorted(self.rows), np.int32)
-        rows = [self.rows.pop(int(f)) for f in frames]
-        votes = np.array([row.vote for row in rows])
-        side = np.array([row.side for row in rows])
-        seen_confidence = np.array([row.confidence for row in rows])
-        masks = Silhouettes.of(row.mask for row in rows)
-        numbers = np.stack([row.numbers for row in rows])
-        del rows
-        keypoints, poses = (numbers[:, part].reshape(-1, 33, 3).copy() for part in (slice(0, 99), slice(99, 198)))
+        count, masks = len(frames), []
+        keypoints, poses = np.empty((count, 33, 3), np.float32), np.empty((count, 33, 3), np.float32)
+        bbox, mask_affine = np.empty((count, 4), np.float32), np.empty((count, 2, 3), np.float32)
+        votes, side, seen_confidence = np.empty(count), np.empty(count), np.empty(count)
+        for k, frame in enumerate(frames.tolist()):
+            row = self.rows.pop(frame)
+            keypoints[k], poses[k], bbox[k], mask_affine[k] = row.keypoints, row.landmarks3d, row.bbox, row.mask_affine
+            votes[k], side[k], seen_confidence[k] = row.vote, row.side, row.confidence
+            masks.append(row.mask)
         exchanged = exchanged_sides(keypoints, poses, votes, frames / fps, side)
         keypoints[exchanged], poses[exchanged] = (
             keypoints[exchanged][:, landmarks.SWAP],
@@ -128,11 +139,11 @@ class Trail:
             frame=frames,
             keypoints2d=keypoints,
             landmarks3d=poses,
-            bbox=numbers[:, 198:202].copy(),
+            bbox=bbox,
             confidence=confidence.astype(np.float32),
             side_votes=np.where(exchanged, -votes, votes).astype(np.float32),
-            masks=masks,
-            mask_affine=numbers[:, 202:].reshape(-1, 2, 3).copy(),
+            masks=Silhouettes.of(masks),
+            mask_affine=mask_affine,
             color_frame=np.array(sampled, np.int32),
             color_histogram=np.stack([self.colours[f] for f in sampled]).astype(np.float32),
         )
