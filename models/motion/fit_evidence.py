@@ -59,10 +59,8 @@ class Sighting:
 
     track: PersonTrack
     span: tuple[int, int]
-    swapped: tuple[tuple[int, int], ...]
-    """Frames in which left and right are named wrongly."""
-    lapses: tuple[tuple[int, int], ...]
-    """Frames in which the pose is hardly trusted."""
+    appearance: Appearance
+    """Which of the frames name left and right wrongly, and in which the pose is hardly trusted."""
     K: Float[Array, "n 3 3"]
     """Cameras of the span."""
 
@@ -88,7 +86,7 @@ class Sighting:
         return start, max(start, end)
 
     def _sides_right(self, points: Float[Array, "n 33 c"], frame: Int[Array, " n"]) -> Float[Array, "n 33 c"]:
-        exchange = in_spans(frame, self.swapped)
+        exchange = in_spans(frame, self.appearance.swapped)
         return np.where(exchange[:, None, None], points[:, _MIRROR], points) if exchange.any() else points
 
     def enter(self, evidence: "Evidence", first: int) -> None:
@@ -110,7 +108,7 @@ class Sighting:
         at = frame - first
         evidence.seen[at] = True
         evidence.keypoints[at] = keypoints[..., :2]
-        trust = np.where(in_spans(frame, self.lapses), LAPSE_TRUST, 1.0)
+        trust = np.where(in_spans(frame, self.appearance.lapses), LAPSE_TRUST, 1.0)
         evidence.visibility[at] = np.clip(keypoints[..., 2], 0, 1) * trust[:, None]
         evidence.landmarks_cam[at] = landmarks_cam
         evidence.bones[at] = (landmarks_cam[:, BONE_END] - landmarks_cam[:, BONE_START]) / self.bone_lengths[:, None]
@@ -197,7 +195,7 @@ def gather(
 
     `time_s` holds all frames of the video, K those of the span.
     """
-    sighting = Sighting(track, span, appearance.swapped, appearance.lapses, K)
+    sighting = Sighting(track, span, appearance, K)
     if not len(sighting.frame):
         return None
     return LongEvidence.of((sighting,), np.arange(sighting.frame[0], sighting.frame[-1] + 1), time_s)

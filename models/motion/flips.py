@@ -270,15 +270,15 @@ def _unit(v: Float[Array, "n 3"]) -> Float[Array, "n 3"]:
 
 
 def spans(frame: Int[Array, "n"], state: Bool[Array, "n"]) -> tuple[tuple[int, int], ...]:
-    """Runs of exchanged frames as [start, end); frames in a hole between two of them belong to the run."""
-    spans = []
+    """Runs of marked frames as [start, end); frames in a hole between two of them belong to the run."""
+    runs = []
     begun: int | None = None
-    for number, exchanged in zip(frame, state, strict=True):
-        if exchanged and begun is None:
+    for number, marked in zip(frame, state, strict=True):
+        if marked and begun is None:
             begun = int(number)
-        if not exchanged and begun is not None:
-            spans.append((begun, int(number)))
+        if not marked and begun is not None:
+            runs.append((begun, int(number)))
             begun = None
     if begun is not None:
-        spans.append((begun, int(frame[-1]) + 1))
-    return tuple(spans)
+        runs.append((begun, int(frame[-1]) + 1))
+    return tuple(runs)

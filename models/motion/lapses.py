@@ -30,13 +30,12 @@ def lapsed_frames(sighting: Sighting) -> Bool[Array, " n"]:
     lost = np.zeros(n, dtype=bool)
     if n < 3:
         return lost
-    jump = (link_energies(sighting).min(axis=1) > JUMP) & (np.diff(time_s) <= MAX_STEP_S)
-    at = np.flatnonzero(jump)
+    at = np.flatnonzero((link_energies(sighting).min(axis=1) > JUMP) & (np.diff(time_s) <= MAX_STEP_S))
     explained, done = np.zeros(n, dtype=bool), -1
     for first in at.tolist():
         if first <= done:
             continue
-        later = at[(at > first) & (time_s[np.minimum(at + 1, n - 1)] - time_s[first] <= LONGEST_S + 1e-9)]
+        later = at[(at > first) & (time_s[at + 1] - time_s[first] <= LONGEST_S + 1e-9)]
         last = next((k for k in later[::-1].tolist() if _agree(sighting, first, k + 1)), None)
         if last is not None:
             for row in range(first + 1, last + 1):

@@ -111,9 +111,7 @@ def gather_clip(
 ) -> LongEvidence | None:
     """A person's observations in every shot, left and right put right; None if there are none."""
     sightings = tuple(
-        Sighting(
-            scene.tracks[appearance.track], shot.clear, appearance.swapped, appearance.lapses, K[slice(*shot.clear)]
-        )
+        Sighting(scene.tracks[appearance.track], shot.clear, appearance, K[slice(*shot.clear)])
         for shot in shots.shots
         if (scene := scenes[shot.scene]) is not None
         for appearance in shot.people

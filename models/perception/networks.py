@@ -1,7 +1,7 @@
 """The two BlazePose networks on LiteRT: where people are, and 33 landmarks with a mask for one person's crop.
 
-Outputs are decoded to source pixels (centres at (0.5, 0.5)). Interpreters are built once per
-process and lent to one caller at a time, so that stages of one video may run in several threads.
+Outputs are decoded to source pixels (centres at (0.5, 0.5)). Interpreters are built once per process and lent to one
+caller at a time, so that stages of one video may run in several threads.
 """
 
 import os
