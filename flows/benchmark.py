@@ -21,7 +21,6 @@ from humanmm.errors import StageError
 from humanmm.models.benchmark.rows import Row, summarise
 from humanmm.models.perception.networks import detect, locate
 from humanmm.models.perception.picture import Picture, whole
-from humanmm.models.video.colors import read_colors
 from humanmm.models.video.facts import VideoFacts
 from humanmm.models.video.frames import planar_frames
 from humanmm.models.video.reading import read_facts
@@ -134,7 +133,6 @@ def measure_floor(video: Path, facts: VideoFacts, config: Config) -> Floor:
     """Time decoding, detecting and locating one person on every frame, one after the other."""
     seconds = np.zeros(3)
     with video.open("rb") as stream:
-        colors = read_colors(stream)
         pictures = planar_frames(stream, facts, 0, facts.num_frames, max_side_px=config.people.max_side_px)
         for _ in range(_WARM_UP_FRAMES):  # networks are loaded at their first use
             picture = Picture((np.zeros((256, 256), np.uint8), half := np.zeros((128, 128), np.uint8), half))
@@ -142,7 +140,8 @@ def measure_floor(video: Path, facts: VideoFacts, config: Config) -> Floor:
             locate(picture, whole(picture))
         for _ in range(facts.num_frames):
             clock = [time.perf_counter()]
-            picture = Picture(next(pictures).planes, colors)
+            frame = next(pictures)
+            picture = Picture(frame.planes, frame.colors)
             clock.append(time.perf_counter())
             found = detect(picture, whole(picture))
             clock.append(time.perf_counter())

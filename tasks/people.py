@@ -6,7 +6,6 @@ from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.tracker import track_people
 from humanmm.models.perception.tracks import ScenePeople
 from humanmm.models.video.ahead import ahead
-from humanmm.models.video.colors import read_colors
 from humanmm.models.video.facts import VideoFacts
 from humanmm.models.video.frames import PlanarFrame, planar_frames
 from humanmm.tasks.inputs import StageInputs
@@ -20,17 +19,18 @@ def people(inputs: StageInputs) -> ScenePeople:
 
     def pictures(decoded: Iterator[PlanarFrame]) -> Iterator[tuple[int, Picture]]:
         for frame in decoded:
-            yield frame.index, Picture(frame.planes, colors)
+            yield frame.index, Picture(frame.planes, frame.colors)
             inputs.progress(frame.index + 1 - start, end - start)
 
-    with inputs.open_video() as stream:
-        colors = read_colors(stream)
-        with ahead(planar_frames(stream, facts, start, end, max_side_px=settings.max_side_px)) as decoded:
-            return track_people(
-                pictures(decoded),
-                start=start,
-                end=end,
-                fps=facts.fps,
-                size=(facts.width, facts.height),
-                max_people=settings.max_people,
-            )
+    with (
+        inputs.open_video() as stream,
+        ahead(planar_frames(stream, facts, start, end, max_side_px=settings.max_side_px)) as decoded,
+    ):
+        return track_people(
+            pictures(decoded),
+            start=start,
+            end=end,
+            fps=facts.fps,
+            size=(facts.width, facts.height),
+            max_people=settings.max_people,
+        )

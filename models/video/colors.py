@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from typing import BinaryIO
 
 import numpy as np
+from av.video.codeccontext import VideoCodecContext
+from av.video.frame import VideoFrame
 from jaxtyping import Float, UInt8
 
 from humanmm.models.video.container import open_video
@@ -55,7 +57,11 @@ BT601 = Colors()
 def read_colors(stream: BinaryIO) -> Colors:
     """The colour tags of a video; pictures that are stored as RGB are converted by BT.601 and get its tags."""
     with open_video(stream) as (_, video):
-        codec = video.codec_context
-        if codec is None or codec.colorspace == _RGB_MATRIX:
-            return BT601
-        return Colors(int(codec.colorspace), int(codec.color_primaries), int(codec.color_trc))
+        return BT601 if video.codec_context is None else colors_of(video.codec_context)
+
+
+def colors_of(tagged: VideoCodecContext | VideoFrame) -> Colors:
+    """The colour tags of a decoder, or of one of its pictures."""
+    if tagged.colorspace == _RGB_MATRIX:
+        return BT601
+    return Colors(int(tagged.colorspace), int(tagged.color_primaries), int(tagged.color_trc))

@@ -22,6 +22,7 @@ from av.video.stream import VideoStream
 from jaxtyping import UInt8
 
 from humanmm.errors import VideoError
+from humanmm.models.video.colors import Colors, colors_of
 from humanmm.models.video.container import PacketLog, decoded, open_video
 from humanmm.models.video.facts import VideoFacts
 
@@ -60,6 +61,8 @@ class PlanarFrame:
     time_s: float
     planes: Planes
     """Mostly the decoder's own memory: valid as long as they are referenced; do not write into them."""
+    colors: Colors
+    """What the samples mean."""
 
 
 def joined(planes: Planes, out: UInt8[np.ndarray, "3H/2 W"] | None = None) -> UInt8[np.ndarray, "3H/2 W"]:
@@ -126,8 +129,9 @@ def planar_frames(
 ) -> Iterator[PlanarFrame]:
     """Frames [start, stop) as `frames` delivers them, in planes of `planar_size`."""
     convert = _Conversion(facts, planar_size(facts, max_side_px))
-    for index, planes in _chosen(stream, facts, range(start, stop), convert.planes):
-        yield PlanarFrame(index, float(facts.time_s[index]), planes)
+    planar = _chosen(stream, facts, range(start, stop), lambda picture: (convert.planes(picture), colors_of(picture)))
+    for index, (planes, colors) in planar:
+        yield PlanarFrame(index, float(facts.time_s[index]), planes, colors)
 
 
 def _chosen(

@@ -14,7 +14,6 @@ from humanmm.models.perception.networks import InterpreterPool, detect, locate
 from humanmm.models.perception.picture import Picture, whole
 from humanmm.models.perception.tracker import track_people
 from humanmm.models.perception.tracks import ScenePeople
-from humanmm.models.video.colors import read_colors
 from humanmm.models.video.frames import planar_frames
 from humanmm.models.video.reading import read_facts
 from humanmm.models.weights.shipped import read_weights
@@ -29,9 +28,8 @@ SCENE = (36, 56)
 def pictures() -> tuple[tuple[int, Picture], ...]:
     def decoded() -> Iterator[tuple[int, Picture]]:
         with CLIP.open("rb") as stream:
-            colors = read_colors(stream)
             for frame in planar_frames(stream, read_facts(stream), *SCENE):
-                yield frame.index, Picture(frame.planes, colors)
+                yield frame.index, Picture(frame.planes, frame.colors)
 
     return tuple(decoded())
 
