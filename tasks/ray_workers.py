@@ -19,6 +19,9 @@ OBJECTS_BYTES = 100 << 20
 """Shared memory of our own instance: nothing large goes through it."""
 
 CONNECT_S = 10.0
+LOOPBACK_ONLY = "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"
+"""Environment variable: with 0 Ray takes 127.0.0.1 as it is, and then listens there alone; on Linux it would otherwise
+put an address in its place that other machines can reach, and listen everywhere."""
 
 
 class RayWorkers:
@@ -69,6 +72,8 @@ class _Instance:
     @classmethod
     def join(cls, num_workers: int, address: str | None) -> None:
         os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+        if address is None:
+            os.environ.setdefault(LOOPBACK_ONLY, "0")  # read when Ray is imported
         import ray
 
         with cls._lock:
@@ -96,6 +101,7 @@ class _Instance:
             address="local",
             num_cpus=num_workers,
             include_dashboard=False,
+            _node_ip_address="127.0.0.1",
             object_store_memory=OBJECTS_BYTES,
             _temp_dir=cls._folder,
             **quiet,

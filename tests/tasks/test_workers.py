@@ -1,5 +1,6 @@
 """Stages on workers of Dask and Ray: the same results, log, attempts and states as in threads; nothing left behind."""
 
+import contextlib
 import importlib.util
 import json
 import logging
@@ -11,6 +12,7 @@ import sys
 import time
 import uuid
 from collections.abc import Iterator
+from ipaddress import IPv6Address, ip_address
 from pathlib import Path
 from typing import Any
 
@@ -262,6 +264,39 @@ def test_nothing_is_left_when_the_flow_is_stopped(telling: Any, engine: str, num
     _until(lambda: not [pid for pid in started if _is_there(pid) and not _is_server(pid)], 300)
     locked = telling.command("recover", "film.mp4")
     assert locked.returncode == 0 and telling.executed().count("align") == 2, "its lock was freed"
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1200)
+@pytest.mark.usefixtures("server_cache")
+def test_workers_of_our_own_listen_on_loopback_alone(telling: Any, engine: str) -> None:
+    process = _start(telling, engine, TOY_SLEEP="camera:20=5")
+    worker = _worker_at(telling, process, "camera:20")
+    started = _below(process.pid)
+    places = _listening([process.pid, *started])
+    _, told = process.communicate(timeout=900)
+    assert process.returncode == 0, told
+    assert worker in started and len(places) > 2
+    assert {place for place in places if not ip_address(place).is_loopback} == set()
+
+
+def _listening(pids: list[int]) -> list[str]:
+    """The addresses on which processes take connections, as the kernel tells."""
+    own = set()
+    for pid in pids:
+        for descriptor in Path(f"/proc/{pid}/fd").glob("*"):
+            with contextlib.suppress(OSError):
+                own.add(str(descriptor.readlink()))
+    found = []
+    for table in ("tcp", "tcp6"):
+        for line in Path(f"/proc/net/{table}").read_text().splitlines()[1:]:
+            _, local, _, state, *_, inode = line.split()[:10]
+            if state == "0A" and f"socket:[{inode}]" in own:  # LISTEN
+                words = bytes.fromhex(local.partition(":")[0])
+                address = ip_address(b"".join(words[at : at + 4][::-1] for at in range(0, len(words), 4)))
+                mapped = address.ipv4_mapped if isinstance(address, IPv6Address) else None
+                found.append(str(mapped or address))
+    return found
 
 
 def _is_server(pid: int) -> bool:
