@@ -13,13 +13,22 @@ from humanmm.tasks import pipeline
 
 
 @flow(name="maintain", persist_result=False)
-def maintain(store: Path | None = None, deep: bool = False, unused_days: float = 30.0, remove: bool = False) -> Any:
-    """Verify the store; list, and with `remove` delete, what was not used for so many days. Fails on damage."""
+def maintain(
+    store: Path | None = None,
+    deep: bool = False,
+    unused_days: float = 30.0,
+    with_runs: bool = False,
+    remove: bool = False,
+) -> Any:
+    """Verify the store; list, and with `remove` delete, what was not used for so many days. Fails on damage.
+
+    What the last run on a video is made of stays, unless `with_runs`.
+    """
     place = open_store(store or default_store())
     outputs = {stage.name: stage.output for stage in pipeline.STAGES}
     findings = list(maintenance.verify(place, outputs=outputs, deep=deep))
     damaged = [finding for finding in findings if finding.problem]
-    items = maintenance.removable(place, unused_days=unused_days)
+    items = maintenance.removable(place, unused_days=unused_days, with_runs=with_runs)
     if remove:
         freed = f"{maintenance.remove(place, items) / 1e6:.1f} MB freed"
     else:

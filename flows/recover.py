@@ -30,7 +30,7 @@ from humanmm.storage.store import default_store
 from humanmm.storage.video_identity import identify
 from humanmm.tasks.engine import Outcome, VideoRun
 from humanmm.tasks.faults import is_infrastructure_fault
-from humanmm.tasks.finish import default_run_dir, failures, fatal_error, has_result, write_results
+from humanmm.tasks.finish import default_run_dir, failures, fatal_error, has_result, remember, write_results
 from humanmm.tasks.pipeline import Stage
 from humanmm.tasks.process import prepare_process
 from humanmm.tasks.selection import Selection
@@ -121,14 +121,13 @@ class Stages:
         """Wait for everything; write the run folder; the flow's final state."""
         for future in self._futures.values():
             future.wait()
-        video, store = self.run.video, self.run.store
         error = fatal_error(self.run)
         if error is not None:
-            store.remember_run(video.sha256, "failed", run_dir=None, reason=str(error))
+            remember(self.run, "failed", run_dir=None, reason=str(error))
             raise error
         if not has_result(self.run):  # `--only` left the result as it was
             return Completed(message="nothing that depends on it has changed")
-        run_dir = out or default_run_dir(video.path)
+        run_dir = out or default_run_dir(self.run.video.path)
         state = write_results(self.run, run_dir, started=begun, log_text=self.run.log_text())
         show_video(run_dir.absolute(), UUID(str(flow_run.id)))
         if state == "partial":

@@ -163,6 +163,10 @@ class BucketStore(Store):
         for entry in super().entries():
             yield replace(entry, kind="copy") if entry.kind == "artifact" else entry
 
+    def idle_s(self, entry: Entry) -> float | None:
+        found = self.bucket.read(f"{entry.name}/COMMIT")
+        return None if found is None else found[1].age_s
+
     @contextlib.contextmanager
     def opened(self, stage: str, key: str) -> Iterator[Path]:
         uri = artifact_uri(stage, key)

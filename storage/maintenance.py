@@ -63,8 +63,12 @@ def usage(store: Store) -> dict[str, tuple[int, int]]:
     return totals
 
 
-def removable(store: Store, *, unused_days: float) -> list[Removable]:
-    """What nobody needs: leftovers, damaged artifacts, and artifacts not used for so many days."""
+def removable(store: Store, *, unused_days: float, with_runs: bool = False) -> list[Removable]:
+    """What nobody needs: leftovers, damaged artifacts, and artifacts not used for so many days.
+
+    What the last run on a video is made of stays, however old it is, unless `with_runs`.
+    """
+    kept = set() if with_runs else {uri for video in known_videos(store) for uri in video.get("artifacts", ())}
     found = []
     for entry in store.entries():
         idle_days = entry.idle_s / 86400
@@ -72,6 +76,8 @@ def removable(store: Store, *, unused_days: float) -> list[Removable]:
             reason = "" if entry.busy else "left by a run that was killed"
         elif entry.kind == "damaged":
             reason = "damaged, set aside"
+        elif entry.kind == "artifact" and entry.name in kept:
+            reason = ""
         else:
             reason = f"not used for {idle_days:.0f} days" if idle_days > unused_days else ""
         if reason:
@@ -80,12 +86,13 @@ def removable(store: Store, *, unused_days: float) -> list[Removable]:
 
 
 def remove(store: Store, items: list[Removable]) -> int:
-    """Remove what `removable` listed, except artifacts that are in use right now; returns the bytes freed."""
+    """Remove what `removable` listed, except artifacts that somebody has or has used since; returns the bytes freed."""
     freed = 0
     for item in items:
         if item.entry.kind == "artifact":
             with store.try_lock(item.entry.stage, item.entry.key) as held:
-                if not held:
+                idle_s = store.idle_s(item.entry) if held else None
+                if idle_s is None or idle_s < item.entry.idle_s:
                     continue
                 store.drop(item.entry)
         else:
@@ -95,7 +102,7 @@ def remove(store: Store, items: list[Removable]) -> int:
 
 
 def known_videos(store: Store) -> list[dict[str, Any]]:
-    """Every video that was run on this store: {video, state, run_dir, reason, finished}, newest first."""
+    """Every video that was run on this store: {video, state, run_dir, reason, artifacts, finished}, newest first."""
     videos = []
     for name in store.runs_noted():
         with contextlib.suppress(ValueError):

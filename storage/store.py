@@ -20,7 +20,7 @@ import os
 import shutil
 import time
 import uuid
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypeVar
@@ -258,13 +258,16 @@ class Store:
         except (ValueError, KeyError, TypeError):
             return None
 
-    def remember_run(self, video: str, state: str, *, run_dir: Path | None, reason: str = "") -> None:
-        """Note how the last run on a video ended, for `humanmm status`."""
+    def remember_run(
+        self, video: str, state: str, *, run_dir: Path | None, reason: str = "", artifacts: Sequence[str] = ()
+    ) -> None:
+        """Note how the last run on a video ended, for `humanmm status`, and what it is made of, for `humanmm gc`."""
         entry = {
             "video": video,
             "state": state,
             "run_dir": os.fspath(run_dir.absolute()) if run_dir else None,
             "reason": reason,
+            "artifacts": list(artifacts),
             "finished": time.strftime("%Y-%m-%dT%H:%M:%S%z"),
         }
         self.note(_run_name(video), json.dumps(entry))
@@ -309,9 +312,7 @@ class Store:
         now = time.time()
         for path in sorted(self.root.glob("artifacts/*/??/*")):
             with contextlib.suppress(FileNotFoundError):
-                marker = path / "COMMIT"
-                used = (marker if marker.exists() else path).stat().st_mtime
-                yield self._entry("artifact", path, now - used, stage=path.parts[-3], key=path.name)
+                yield self._entry("artifact", path, now - _last_use(path), stage=path.parts[-3], key=path.name)
         for path in self._children("damaged"):
             yield self._entry("damaged", path, 0.0)
         for path in self._children("tmp"):
@@ -324,6 +325,13 @@ class Store:
     ) -> Entry:
         name = str(path.relative_to(self.root))
         return Entry(kind, name, idle_s, lambda: _size(path), stage, key, busy)
+
+    def idle_s(self, entry: Entry) -> float | None:
+        """Seconds since an artifact was used last, as it is now; None if it is gone."""
+        try:
+            return time.time() - _last_use(self.root / entry.name)
+        except FileNotFoundError:
+            return None
 
     @contextlib.contextmanager
     def opened(self, stage: str, key: str) -> Iterator[Path]:
@@ -389,6 +397,11 @@ def _record_name(video: str, stage: str, unit: str) -> str:
 
 def _run_name(video: str) -> str:
     return f"latest/{video[:32]}/run.json"
+
+
+def _last_use(artifact: Path) -> float:
+    marker = artifact / "COMMIT"
+    return (marker if marker.exists() else artifact).stat().st_mtime
 
 
 def _size(path: Path) -> int:

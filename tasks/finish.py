@@ -77,9 +77,15 @@ def write_results(run: VideoRun, run_dir: Path, *, started: float, log_text: str
     except OSError as error:
         raise StoreError(explain_os_error(error, f"cannot write the run folder {run_dir}")) from error
     reasons = "; ".join(f"{outcome.work.label}: {outcome.reason}" for outcome in failures(run))
-    run.store.remember_run(run.video.sha256, state, run_dir=run_dir, reason=reasons)
+    remember(run, state, run_dir=run_dir, reason=reasons)
     log.info("%s: %s", run_dir, state)
     return state
+
+
+def remember(run: VideoRun, state: str, *, run_dir: Path | None, reason: str) -> None:
+    """Note in the store how the run ended and which artifacts it found or made."""
+    artifacts = [outcome.manifest.ref.uri for outcome in _in_order(run) if outcome.manifest]
+    run.store.remember_run(run.video.sha256, state, run_dir=run_dir, reason=reason, artifacts=artifacts)
 
 
 def is_up_to_date(run: VideoRun, run_dir: Path) -> bool:

@@ -1,6 +1,7 @@
 """`status`, `explain`, `verify`, `gc`, `store du`, `eval`: what they say of a run and of a store."""
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -83,11 +84,23 @@ def test_verify_ends_with_status_1_and_the_next_run_repairs(finished: Any) -> No
 
 
 def test_gc_removes_nothing_before_it_is_told_to(finished: Any) -> None:
-    status, out, _ = finished.main("gc", "--unused-days", "0")
+    status, out, _ = finished.main("gc", "--unused-days", "0", "--with-runs")
     assert status == 0 and "18 items could go; nothing was removed" in out
     assert len(list(finished.store.glob("artifacts/*/*/*"))) == 18
-    assert "freed" in finished.main("gc", "--unused-days", "0", "--yes")[1]
+    assert "freed" in finished.main("gc", "--unused-days", "0", "--with-runs", "--yes")[1]
     assert not list(finished.store.glob("artifacts/*/*/*"))
+
+
+def test_gc_keeps_what_the_last_run_is_made_of_however_old(finished: Any) -> None:
+    finished.run(camera={"static": True})  # which leaves no run folder
+    for marker in finished.store.glob("artifacts/*/*/*/COMMIT"):
+        os.utime(marker, (0, 0))
+    finished.executed()
+    assert "freed" in finished.main("gc", "--yes")[1]
+    assert finished.main("recover", "film.mp4", "--out", "again")[0] == 0
+    assert finished.executed() == []
+    finished.run(camera={"static": True})
+    assert {"camera:0", "camera:20", "camera:40"} <= set(finished.executed()), "what no run needs is gone"
 
 
 def test_du_counts_every_stage(finished: Any) -> None:

@@ -281,6 +281,18 @@ def test_gc_leaves_an_artifact_that_is_being_written(store: Store) -> None:
         assert maintenance.remove(_fresh(store), items) == 0
 
 
+def test_gc_leaves_what_was_used_or_removed_since_it_was_listed(store: Store) -> None:
+    used, gone = _put(store), _put(store, recipe=OTHER)
+    for manifest in (used, gone):
+        os.utime(store.root / manifest.ref.uri / "COMMIT", (0, 0))
+    items = maintenance.removable(store, unused_days=30)
+    other = _fresh(store)
+    assert other.find("toy", used.ref.key) is not None
+    other.drop(next(item.entry for item in items if item.entry.key == gone.ref.key))
+    assert maintenance.remove(store, items) == 0
+    assert _fresh(store).find("toy", used.ref.key) is not None
+
+
 def test_a_recipe_tells_what_changed() -> None:
     other = Recipe("toy", 1, {"start": 5}, {"a.b": "2"}, {}, {"python": "3.12"}, {"toy": {"x": 2}}, {"decode": "3"})
     assert other.key != RECIPE.key

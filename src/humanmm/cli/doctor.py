@@ -121,7 +121,7 @@ def _place(store: Path) -> Iterator[Check]:
     found = f"{store}: {'writable' if writable else 'not writable'}"
     yield Check("store", writable, found, "name a folder that you may write with --store or $HUMANMM_STORE")
     free = shutil.disk_usage(existing).free
-    cure = "`humanmm gc --yes` removes what was not used for 30 days; or name another store"
+    cure = "`humanmm gc --yes` removes what no run needs (`--with-runs`: more); or name another store"
     yield Check("free disk space", free > MIN_FREE_BYTES, in_bytes(free), cure)
     where = "the folder batches out of the bucket" if is_bucket(place) else "batches.sqlite out of the store"
     cure = f"move {where} and submit the batches again: what is finished is found in the store"

@@ -24,6 +24,8 @@ def add_gc(verbs: Any, common: argparse.ArgumentParser) -> None:
         "gc", parents=[common], allow_abbrev=False, help="list what the store no longer needs; --yes removes it"
     )
     parser.add_argument("--unused-days", type=float, default=30.0, metavar="DAYS", help="(default: 30)")
+    also = "also what the last run on a video is made of; the next one computes it again"
+    parser.add_argument("--with-runs", action="store_true", help=also)
     parser.add_argument("--yes", action="store_true", help="remove what is listed")
     _add_store(parser)
     parser.set_defaults(run=gc)
@@ -63,7 +65,7 @@ def gc(options: argparse.Namespace) -> int:
     from humanmm.storage import maintenance
 
     store = open_store(options.store or default_store())
-    items = maintenance.removable(store, unused_days=options.unused_days)
+    items = maintenance.removable(store, unused_days=options.unused_days, with_runs=options.with_runs)
     for item in items:
         sys.stdout.write(f"{in_bytes(item.num_bytes):>9}  {item.entry.name}  ({item.reason})\n")
     total = sum(item.num_bytes for item in items)
