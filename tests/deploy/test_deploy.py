@@ -14,6 +14,8 @@ from typing import Any
 import pytest
 import yaml
 
+from humanmm.flows.local_server import OWN_SETTINGS
+
 DEPLOY = Path(__file__).resolve().parents[2] / "deploy"
 COMPOSE: dict[str, Any] = yaml.safe_load((DEPLOY / "compose.yaml").read_text())
 SERVICES: dict[str, dict[str, Any]] = COMPOSE["services"]
@@ -92,6 +94,12 @@ def test_the_deployments_are_those_of_serve_with_parameters_that_the_flows_have(
         assert deployment["name"] == name and deployment["work_pool"]["name"] == "humanmm"
         assert set(deployment.get("parameters", {})) <= set(parameters)
     assert {deployment["name"] for deployment in DEPLOYMENTS} == {"recover-video", "recover-batch", "maintain"}
+
+
+def test_the_server_has_the_settings_of_the_one_that_serve_starts() -> None:
+    theirs = SERVICES["server"]["environment"]
+    assert {name: theirs.get(name) for name in OWN_SETTINGS} == OWN_SETTINGS
+    assert all(SERVICES[name]["environment"] == theirs for name in ("migrate", "services"))
 
 
 def test_prometheus_scrapes_what_the_server_publishes() -> None:
