@@ -24,6 +24,8 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 DISK_MB = 2000
 FULL_S = (10.0, 30.0)
+PATIENCE_S = 300.0
+"""How long after the last fault it is looked whether losses are noticed."""
 PAUSE_S = (3.0, 9.0)
 """Between two faults."""
 RESTART_S = 2.0
@@ -31,12 +33,15 @@ RESTART_S = 2.0
 PROCESSES = {
     "task": "humanmm.tasks.isolation",
     "video": "humanmm.flows.video_process",
+    "template": "humanmm.flows.template",
     "worker": "humanmm.flows.worker",
     "server": "humanmm.flows.local_server",
     "serve": "humanmm.cli serve",
 }
 """What is killed → a part of its command line."""
-WEIGHTS = {"task": 5, "video": 3, "worker": 2, "server": 1, "serve": 1, "flip": 4, "full disk": 1}
+WEIGHTS = {"task": 5, "video": 3, "template": 1, "worker": 2, "server": 1, "serve": 1, "flip": 4, "full disk": 1}
+SETTLED_S = 2.0
+"""Who stands for a fork has ended so long after its template was killed, or goes on by itself."""
 
 COUNTING = """
 import json, os, sys, time
@@ -67,6 +72,8 @@ class Fault:
     kind: str
     at: float
     target: str = ""
+    flow_runs: Mapping[int, str] = field(default_factory=dict)
+    """What ended with it: process → its flow run."""
     noticed_s: float | None = None
     """Until it was noticed; None if nobody has to, or nobody has yet."""
 
@@ -204,6 +211,8 @@ class Machine:
                 line = (process / "cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace")
                 if PROCESSES[kind] in line and mark in (process / "environ").read_bytes():
                     found.append(int(process.name))
+        if kind == "template":  # its forks have its command line
+            found = [pid for pid in found if _parent(pid) not in (None, *found)]
         return sorted(found)
 
     def _kill(self, kind: str, luck: float) -> None:
@@ -211,15 +220,16 @@ class Machine:
         if not pids:
             return
         pid = pids[int(luck * len(pids))]
-        target = str(pid)
         with contextlib.suppress(OSError, ValueError):
+            flow_runs = {}
             if kind == "video":
-                environment = dict(
-                    entry.partition("=")[::2] for entry in Path(f"/proc/{pid}/environ").read_text().split("\0")
-                )
-                target = environment["PREFECT__FLOW_RUN_ID"]
+                flow_runs[pid] = _environment(pid)["PREFECT__FLOW_RUN_ID"]
+            elif kind == "template":
+                name = Path(f"/proc/{pid}/cmdline").read_text().split("\0")[-2]
+                videos = {video: _environment(video) for video in self.pids("video")}
+                flow_runs = {v: e["PREFECT__FLOW_RUN_ID"] for v, e in videos.items() if e["HUMANMM_TEMPLATE"] == name}
             os.kill(pid, signal.SIGKILL)
-            self.faults.append(Fault(kind, time.time(), target))
+            self.faults.append(Fault(kind, time.time(), str(pid), flow_runs))
 
     def _flip(self, luck: float) -> None:
         files = sorted(path for path in self.store.glob("artifacts/*/??/*/**/*") if path.is_file())
@@ -244,22 +254,29 @@ class Machine:
         filler.unlink()
 
     def _watch(self, deadline: float) -> None:
-        """Note when each loss was noticed: the flow run left `Running`, or another such process is there."""
-        while time.monotonic() < deadline or any(self._is_open(fault) for fault in self.faults):
-            assert time.monotonic() < deadline + 300, [fault for fault in self.faults if self._is_open(fault)]
+        """Note when each loss was noticed: its flow runs left `Running`, and another such process is there."""
+        while time.monotonic() < deadline or (self.unnoticed() and time.monotonic() < deadline + PATIENCE_S):
             time.sleep(0.5)
-            for fault in [fault for fault in self.faults if self._is_open(fault)]:
-                if fault.kind == "video":
-                    noticed = self.flow_run_state(fault.target) not in ("RUNNING", "PENDING", "CANCELLING", None)
-                else:
-                    others = [pid for pid in self.pids(fault.kind) if pid != int(fault.target)]
-                    noticed = len(others) >= (2 if fault.kind == "worker" else 1)
-                if noticed:
+            for fault in self.unnoticed():
+                if self._is_noticed(fault):
                     fault.noticed_s = time.time() - fault.at
 
-    @staticmethod
-    def _is_open(fault: Fault) -> bool:
-        return fault.kind in ("video", "worker", "server", "serve") and fault.noticed_s is None
+    def _is_noticed(self, fault: Fault) -> bool:
+        if fault.kind == "template":
+            if time.time() - fault.at < SETTLED_S:
+                return False
+            gone = {pid: run for pid, run in fault.flow_runs.items() if not Path(f"/proc/{pid}").exists()}
+        else:
+            gone = fault.flow_runs
+        if any(self.flow_run_state(run) in ("RUNNING", "PENDING", "CANCELLING", None) for run in gone.values()):
+            return False
+        others = [pid for pid in self.pids(fault.kind) if pid != int(fault.target)]
+        return fault.kind == "video" or len(others) >= (2 if fault.kind in ("worker", "template") else 1)
+
+    def unnoticed(self) -> list[Fault]:
+        """Losses that nobody has noticed."""
+        losses = ("video", "template", "worker", "server", "serve")
+        return [fault for fault in self.faults if fault.kind in losses and fault.noticed_s is None]
 
     # ---- what has become of it
 
@@ -327,6 +344,17 @@ class Account:
     def needless(self) -> list[str]:
         """What was computed again although its result was there, undamaged."""
         return [told for told in self.again() if "damaged artifact" not in told and "artifact is gone" not in told]
+
+
+def _parent(pid: int) -> int | None:
+    with contextlib.suppress(OSError):
+        return int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[1])
+    return None
+
+
+def _environment(pid: int) -> dict[str, str]:
+    entries = Path(f"/proc/{pid}/environ").read_text().split("\0")
+    return dict(entry.partition("=")[::2] for entry in entries)
 
 
 def wait_for(condition: Callable[[], object], limit_s: float) -> None:
