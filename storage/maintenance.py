@@ -1,16 +1,13 @@
 """Care of a store: what lies in it, whether it is sound, what can go."""
 
-import contextlib
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import Any
 
 from humanmm.storage.artifact import DamageError, Manifest, check_files, read_encoded, read_manifest
 from humanmm.storage.codec import decode, encode
-from humanmm.storage.store import Entry, Store
+from humanmm.storage.store import Entry, RunNote, Store
 
 
 @dataclass(frozen=True)
@@ -68,7 +65,7 @@ def removable(store: Store, *, unused_days: float, with_runs: bool = False) -> l
 
     What the last run on a video is made of stays, however old it is, unless `with_runs`.
     """
-    kept = set() if with_runs else {uri for video in known_videos(store) for uri in video.get("artifacts", ())}
+    kept = set() if with_runs else {uri for run in known_runs(store) for uri in run.artifacts}
     found = []
     for entry in store.entries():
         idle_days = entry.idle_s / 86400
@@ -101,13 +98,10 @@ def remove(store: Store, items: list[Removable]) -> int:
     return freed
 
 
-def known_videos(store: Store) -> list[dict[str, Any]]:
-    """Every video that was run on this store: {video, state, run_dir, reason, artifacts, finished}, newest first."""
-    videos = []
-    for name in store.runs_noted():
-        with contextlib.suppress(ValueError):
-            videos.append(json.loads(store.noted(name) or ""))
-    return sorted(videos, key=lambda video: str(video.get("finished")), reverse=True)
+def known_runs(store: Store) -> list[RunNote]:
+    """How the last run on every video of a store ended, newest first."""
+    found = [store.noted_run(name) for name in store.runs_noted()]
+    return sorted((run for run in found if run is not None), key=lambda run: run.finished, reverse=True)
 
 
 def _check_content(folder: Path, manifest: Manifest, output: str) -> None:

@@ -20,8 +20,8 @@ import os
 import shutil
 import time
 import uuid
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Literal, TypeVar
 
@@ -68,6 +68,26 @@ class Entry:
     key: str = ""
     busy: bool = False
     """Whether somebody is writing it now."""
+
+
+@dataclass(frozen=True)
+class RunNote:
+    """How the last run on a video ended, for `status`, for batches, and for what `gc` keeps."""
+
+    video: str
+    """Its sha256."""
+    state: str
+    """done, partial or failed."""
+    path: str = ""
+    run_dir: str | None = None
+    host: str = ""
+    """Where the run folder is."""
+    reason: str = ""
+    recipe: str = ""
+    """Digest of code, weights, libraries and settings, if it is done."""
+    artifacts: tuple[str, ...] = ()
+    """Everything that it found or made, by URI."""
+    finished: str = ""
 
 
 class Store:
@@ -258,23 +278,20 @@ class Store:
         except (ValueError, KeyError, TypeError):
             return None
 
-    def remember_run(
-        self, video: str, state: str, *, run_dir: Path | None, reason: str = "", artifacts: Sequence[str] = ()
-    ) -> None:
-        """Note how the last run on a video ended, for `humanmm status`, and what it is made of, for `humanmm gc`."""
-        entry = {
-            "video": video,
-            "state": state,
-            "run_dir": os.fspath(run_dir.absolute()) if run_dir else None,
-            "reason": reason,
-            "artifacts": list(artifacts),
-            "finished": time.strftime("%Y-%m-%dT%H:%M:%S%z"),
-        }
-        self.note(_run_name(video), json.dumps(entry))
+    def note_run(self, note: RunNote) -> None:
+        """Note how the last run on a video ended."""
+        self.note(_run_name(note.video), json.dumps(asdict(note)))
 
-    def knows_run(self, video: str) -> bool:
-        """Whether a run on a video was noted."""
-        return self.noted(_run_name(video)) is not None
+    def noted_run(self, name: str) -> RunNote | None:
+        """What a name of `runs_noted` says; None if it is gone or unreadable."""
+        with contextlib.suppress(ValueError, TypeError):
+            known = json.loads(self.noted(name) or "")
+            return RunNote(**{**known, "artifacts": tuple(known.get("artifacts", ()))})
+        return None
+
+    def last_run(self, video: str) -> RunNote | None:
+        """How the last run on a video ended; None if there was none."""
+        return self.noted_run(_run_name(video))
 
     def note(self, name: str, text: str) -> None:
         """Write a small record of the store, for all who use it; `name` is relative to its root."""
@@ -288,7 +305,7 @@ class Store:
             return None
 
     def runs_noted(self) -> Iterator[str]:
-        """Names of the records of `remember_run`."""
+        """Names of the records of `note_run`."""
         for path in self.root.glob("latest/*/run.json"):
             yield str(path.relative_to(self.root))
 

@@ -24,7 +24,6 @@ from humanmm.errors import InputError, StoreError, VideoError
 from humanmm.storage.batch_ledger import BatchLedger, VideoRow, facts_of, has_run_record
 from humanmm.storage.batch_manifest import Entry
 from humanmm.storage.code_digest import code_digest
-from humanmm.storage.codec import canonical_json
 from humanmm.storage.store import Store
 from humanmm.storage.video_identity import identify, known_content
 from humanmm.tasks import finish, pipeline
@@ -104,14 +103,6 @@ def retry(ledger: BatchLedger, name: str, *, stage: str | None = None) -> list[V
             fresh = replace(row, attempt=row.attempt + 1, state="scheduled", stage=None, reason="", seconds=None)
             again.append(replace(fresh, flow_run=None, pid=None, losses=0))
     return [row for row in ledger.put(name, "", again) if row.state == "scheduled"] if again else []
-
-
-def recipe_of_code() -> str:
-    """Digest of the code, weights and libraries of all stages and of what writes run folders."""
-    codes = [code_digest(stage.function[0]) for stage in pipeline.STAGES]
-    stages = [[stage.name, stage.schema_version] for stage in pipeline.STAGES]
-    facts = [stages, [[dict(code.modules), dict(code.weights), dict(code.libraries)] for code in codes]]
-    return hashlib.sha256(canonical_json([repr(fact) for fact in facts]).encode()).hexdigest()
 
 
 # ---- one video of a batch
@@ -206,7 +197,7 @@ class Account:
 def _rows(
     name: str, entries: Sequence[Entry], config: Config, out: Path, store: Store, known: Mapping[str, VideoRow]
 ) -> list[VideoRow]:
-    code = recipe_of_code()
+    code = finish.code_of(pipeline.STAGES, lambda stage: code_digest(stage.function[0]))
     resolved: dict[str, tuple[str, str]] = {}  # overrides → configuration as json, recipe
     base = config.model_dump(mode="json")
     folders = _RunFolders(out, store, known)
@@ -217,10 +208,8 @@ def _rows(
         if overrides not in resolved:
             tree = {k: {**v, **entry.settings.get(k, {})} for k, v in base.items()} if entry.settings else base
             unknown = {k: v for k, v in entry.settings.items() if k not in tree}
-            settings = validate({**tree, **unknown}, origin=entry.origin).model_dump(mode="json")
-            kept = {section: values for section, values in settings.items() if section != "run"}
-            recipe = hashlib.sha256(f"{code}{canonical_json(kept)}".encode()).hexdigest()
-            resolved[overrides] = json.dumps(settings), recipe
+            settings = validate({**tree, **unknown}, origin=entry.origin)
+            resolved[overrides] = json.dumps(settings.model_dump(mode="json")), finish.recipe_of(code, settings)
         settings_json, recipe = resolved[overrides]
         rows.append(
             VideoRow(
@@ -279,8 +268,12 @@ def _finished_on(row: VideoRow, finished: Mapping[tuple[str, str, str], tuple[st
     if run_dir == row.run_dir and not _is_gone(run_dir, host):
         return host
     sha256 = _known_content(row, store)
-    if sha256 is None or not store.knows_run(sha256):
+    last = store.last_run(sha256) if sha256 is not None else None
+    if last is None:
         return None
+    asked, made = (row.recipe, row.video, row.run_dir), (last.recipe, last.path, last.run_dir)
+    if asked == made and not _is_gone(row.run_dir, last.host):
+        return last.host
     began = time.time()
     run = VideoRun(identify(Path(row.video), store), Config.model_validate_json(row.config), store)
     if not is_complete(forecast(run)):

@@ -167,13 +167,17 @@ class VideoRun:
 
     # ---- one stage × unit
 
-    def recipe(self, work: Work) -> Recipe:
-        """Everything that decides the result; MissingInputError names an artifact that is not there yet."""
-        stage = work.stage
+    def code(self, stage: Stage) -> CodeDigest:
+        """The code of a stage as it was when this run first asked for it."""
         with self._code_lock:  # CPython 3.11 fails now and then when two threads parse at once (gh-106905)
             if stage.name not in self._code:
                 self._code[stage.name] = code_digest(stage.function[0])
-            code = self._code[stage.name]
+            return self._code[stage.name]
+
+    def recipe(self, work: Work) -> Recipe:
+        """Everything that decides the result; MissingInputError names an artifact that is not there yet."""
+        stage = work.stage
+        code = self.code(stage)
         return Recipe(
             stage=stage.name,
             schema_version=stage.schema_version,

@@ -5,23 +5,27 @@ import hashlib
 import logging
 import os
 import platform
+import socket
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from humanmm import __version__
+from humanmm.config import Config
 from humanmm.errors import HumanMMError, StageError, StoreError
 from humanmm.models.motion.results import WorldMotion
 from humanmm.models.shots.boundaries import ShotList
 from humanmm.models.video.facts import VideoFacts
+from humanmm.storage.code_digest import CodeDigest
 from humanmm.storage.codec import canonical_json
 from humanmm.storage.files import replace_file
 from humanmm.storage.run_record import StageRecord, read_run_record, run_record, write_run_record
-from humanmm.storage.store import explain_os_error
+from humanmm.storage.store import RunNote, explain_os_error
 from humanmm.tasks.engine import Outcome, VideoRun
 from humanmm.tasks.faults import ends_run
+from humanmm.tasks.pipeline import Stage
 from humanmm.tasks.work import Work
 
 if TYPE_CHECKING:  # importing it loads scipy, which an unchanged rerun does not need
@@ -83,9 +87,33 @@ def write_results(run: VideoRun, run_dir: Path, *, started: float, log_text: str
 
 
 def remember(run: VideoRun, state: str, *, run_dir: Path | None, reason: str) -> None:
-    """Note in the store how the run ended and which artifacts it found or made."""
-    artifacts = [outcome.manifest.ref.uri for outcome in _in_order(run) if outcome.manifest]
-    run.store.remember_run(run.video.sha256, state, run_dir=run_dir, reason=reason, artifacts=artifacts)
+    """Note in the store how the run ended, with what, and which artifacts it found or made."""
+    note = RunNote(
+        video=run.video.sha256,
+        state=state,
+        path=os.fspath(run.video.path.absolute()),
+        run_dir=os.fspath(run_dir.absolute()) if run_dir else None,
+        host=socket.gethostname(),
+        reason=reason,
+        recipe=recipe_of(code_of(run.stages, run.code), run.config) if state == "done" else "",
+        artifacts=tuple(outcome.manifest.ref.uri for outcome in _in_order(run) if outcome.manifest),
+        finished=time.strftime("%Y-%m-%dT%H:%M:%S%z"),
+    )
+    run.store.note_run(note)
+
+
+def code_of(stages: Sequence[Stage], code: Callable[[Stage], CodeDigest]) -> str:
+    """Digest of the code, weights and libraries of all stages."""
+    found = [code(stage) for stage in stages]
+    names = [[stage.name, stage.schema_version] for stage in stages]
+    facts = [names, [[dict(one.modules), dict(one.weights), dict(one.libraries)] for one in found]]
+    return hashlib.sha256(canonical_json([repr(fact) for fact in facts]).encode()).hexdigest()
+
+
+def recipe_of(code: str, config: Config) -> str:
+    """Digest of everything beside the video that decides its results; with the same one they need not be made again."""
+    kept = {section: values for section, values in config.model_dump(mode="json").items() if section != "run"}
+    return hashlib.sha256(f"{code}{canonical_json(kept)}".encode()).hexdigest()
 
 
 def is_up_to_date(run: VideoRun, run_dir: Path) -> bool:

@@ -19,7 +19,7 @@ from humanmm.storage import maintenance
 from humanmm.storage.artifact import Manifest
 from humanmm.storage.opening import open_store
 from humanmm.storage.recipe import Recipe
-from humanmm.storage.store import Store
+from humanmm.storage.store import RunNote, Store
 
 
 @dataclass(frozen=True)
@@ -136,13 +136,15 @@ def test_a_process_that_has_read_the_older_result_reads_the_one_that_replaced_it
 def test_records_are_kept_and_a_read_only_store_writes_none(any_store: Store, tmp_path: Path) -> None:
     manifest = _put(any_store)
     any_store.remember("ab" * 32, "shot-0-20", manifest)
-    any_store.remember_run("ab" * 32, "done", run_dir=tmp_path)
+    done = RunNote("ab" * 32, "done", path="/film.mp4", run_dir=str(tmp_path), artifacts=(manifest.ref.uri,))
+    any_store.note_run(done)
     reader = open_store(any_store.place, read_only=True)
     assert reader.last_recipe("ab" * 32, "toy", "shot-0-20") == RECIPE
     assert reader.last_digest("ab" * 32, "toy", "shot-0-20") == manifest.digest
     assert reader.last_recipe("ab" * 32, "toy", "shot-20-40") is None
-    reader.remember_run("cd" * 32, "failed", run_dir=None)
-    assert [video["state"] for video in maintenance.known_videos(reader)] == ["done"]
+    reader.note_run(RunNote("cd" * 32, "failed"))
+    assert maintenance.known_runs(reader) == [done] == [reader.last_run("ab" * 32)]
+    assert reader.last_run("cd" * 32) is None
 
 
 def test_one_key_has_one_holder_and_a_waiter_gets_it_next(any_store: Store, monkeypatch: pytest.MonkeyPatch) -> None:

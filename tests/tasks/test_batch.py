@@ -102,6 +102,23 @@ def test_a_video_that_recover_finished_is_not_scheduled_and_its_folder_is_writte
     assert json.loads((toy.folder / "runs/film/run.json").read_text())["state"] == "done"
 
 
+def test_what_recover_finished_as_the_batch_wants_it_is_known_by_one_record(
+    toy: Any, ledger: BatchLedger, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    toy.run()
+    films = toy.folder / "films"
+    films.mkdir()
+    toy.video.rename(films / "film.mp4")
+    assert toy.main("recover", str(films / "film.mp4"))[0] == 0
+    looked_up: list[str] = []
+    forecast = batches.forecast
+    monkeypatch.setattr(batches, "forecast", lambda run: looked_up.append("all stages") or forecast(run))
+    other = _submit(toy, ledger, films, camera={"static": True})
+    assert len(other.to_schedule) == 1 and looked_up == ["all stages"], "with other settings it is not what is there"
+    submission = _submit(toy, ledger, films)
+    assert (submission.to_schedule, submission.finished, len(looked_up)) == ((), 1, 1)
+
+
 def test_a_finished_video_whose_folder_is_gone_is_looked_up_in_the_store_again(toy: Any, ledger: BatchLedger) -> None:
     films = _films(toy, "a.mp4")
     (row,) = _submit(toy, ledger, films).to_schedule

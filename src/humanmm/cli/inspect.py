@@ -145,14 +145,16 @@ def _reopen(options: argparse.Namespace) -> tuple[dict[str, Any], VideoRun]:
 
 
 def _store_status(options: argparse.Namespace) -> int:
-    from humanmm.storage.maintenance import known_videos
+    from humanmm.storage.maintenance import known_runs
 
     store = open_store(options.store or default_store(), read_only=True)
-    videos = known_videos(store)
+    runs = known_runs(store)
     if options.json:
+        told = ("video", "state", "run_dir", "reason", "finished")
+        videos = [{name: getattr(run, name) for name in told} for run in runs]
         return _print_json({"store": store.place, "videos": videos})
-    lines = [f"store {store.place}: {len(videos)} videos"]
-    lines += [f"  {v['video'][:12]}  {v['state']:<8} {v['run_dir'] or '-'}  {v['reason']}".rstrip() for v in videos]
+    lines = [f"store {store.place}: {len(runs)} videos"]
+    lines += [f"  {run.video[:12]}  {run.state:<8} {run.run_dir or '-'}  {run.reason}".rstrip() for run in runs]
     return _print(lines)
 
 
