@@ -69,7 +69,7 @@ def recover_video(
     if batch is None:
         return recover.fn(video, out, config, store, selection)
     ledger = open_ledger(store or default_store())
-    row = ledger.row(batch, str(video))
+    row = batches.insist(lambda: ledger.row(batch, str(video)))
     if row is None or row.attempt != attempt:
         return Cancelled(message=f"batch {batch} no longer asks for attempt {attempt} at this video")
     account = batches.Account(ledger, row)
@@ -120,7 +120,8 @@ def _stopped(account: batches.Account) -> None:
     if cancelled:
         account.end("cancelled", "cancelled from the dashboard")
     else:
-        account.ledger.try_again(account.row, "it was stopped, and resumes when `humanmm serve` runs")
+        again = "it was stopped, and resumes when `humanmm serve` runs"
+        batches.insist(lambda: account.ledger.try_again(account.row, again))
 
 
 @flow(name="recover-batch", flow_run_name="{source}", persist_result=False)

@@ -13,10 +13,10 @@ import signal
 import socket
 import threading
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from humanmm.config import Config
 from humanmm.config_reading import validate
@@ -31,7 +31,10 @@ from humanmm.tasks.engine import VideoRun
 from humanmm.tasks.plan import forecast, is_complete
 
 log = logging.getLogger(__name__)
+T = TypeVar("T")
 LOOK_EVERY_S = 1.0
+WAITS_S = (1.0, 4.0, 15.0, 30.0)
+"""Between tries to write down what becomes of a video: a disk that is full for half a minute costs it no attempt."""
 ASK_EVERY_S = 10.0
 """How often a process that computes a video asks whether it is still to: others may have cancelled it."""
 
@@ -123,20 +126,20 @@ class Account:
     def end(self, state: str, reason: str) -> None:
         """Note how it ended, unless somebody has cancelled it meanwhile."""
         stage = self._failed_stage() if state in ("failed", "partial") else None
-        self.ledger.change(self.row, only_from=("running",), state=state, reason=reason, stage=stage)
+        insist(lambda: self.ledger.change(self.row, only_from=("running",), state=state, reason=reason, stage=stage))
 
     @contextlib.contextmanager
     def kept(self, flow_run: str | None) -> Iterator[bool]:
         """Hold the video and tell where it is while the body runs; False if it is not to be run any more."""
         self.flow_run = flow_run
-        with self.ledger.hold(self.row) as held:
+        with contextlib.ExitStack() as held_for:
+            held = insist(lambda: held_for.enter_context(self.ledger.hold(self.row)))
             begun = time.time()
             values: dict[str, Any] = {"state": "running", "flow_run": flow_run, "pid": os.getpid(), "reason": ""}
             values["host"] = socket.gethostname()
             # the dashboard's own Retry runs a failed attempt again
-            ready = held and self.ledger.change(
-                self.row, only_from=("scheduled", "running", "failed", "partial", "done"), **values
-            )
+            takes = ("scheduled", "running", "failed", "partial", "done")
+            ready = held and insist(lambda: self.ledger.change(self.row, only_from=takes, **values))
             if not ready:
                 yield False
                 return
@@ -147,7 +150,7 @@ class Account:
             finally:
                 self._left.set()
                 reporter.join()
-                self.ledger.change(self.row, seconds=round(time.time() - begun, 3))
+                insist(lambda: self.ledger.change(self.row, seconds=round(time.time() - begun, 3)))
 
     def _report(self, begun: float) -> None:
         asked = time.monotonic()
@@ -189,6 +192,17 @@ class Account:
     def _failed_stage(self) -> str | None:
         failed = finish.failures(self.run) if self.run else []
         return failed[0].work.label if failed else self._stage
+
+
+def insist(ask: Callable[[], T]) -> T:
+    """What a question to the ledger gives; tried again for a minute if it cannot be read or written."""
+    for wait_s in WAITS_S:
+        try:
+            return ask()
+        except StoreError as error:
+            log.warning("%s; tried again in %g s", error, wait_s)
+            time.sleep(wait_s)
+    return ask()
 
 
 # ---- what a batch asks for

@@ -51,6 +51,7 @@ if any("humanmm.tasks.isolation" in part for part in sys.orig_argv):
     def counted(run, work):
         def note(**what):
             facts = {"at": time.time(), "pid": os.getpid(), "video": run.video.path.name, "unit": work.label, **what}
+            facts["key"] = run.recipe(work).key
             with open(os.environ["CHAOS_EXECUTIONS"], "a") as file:
                 file.write(json.dumps(facts) + "\\n")
         note(event="begun")
@@ -334,11 +335,14 @@ class Account:
         return total
 
     def again(self) -> list[str]:
-        """Why what had been computed, and so was in the store, was computed once more."""
+        """Why what had been computed, and so was in the store under its key, was computed once more."""
         found = []
         for (video, unit), events in self.events.items():
-            done = [event for event in events if event["event"] == "computed"]
-            found += [f"{video} {unit}: {event['reason']}" for event in done[1:]]
+            known = set[str]()
+            for event in events:
+                if event["event"] == "computed":
+                    found += [f"{video} {unit}: {event['reason']}"] if event["key"] in known else []
+                    known.add(event["key"])
         return found
 
     def needless(self) -> list[str]:

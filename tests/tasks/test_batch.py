@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 
 from humanmm.config import Config
-from humanmm.errors import ConfigError, InputError
+from humanmm.errors import ConfigError, InputError, StoreError
 from humanmm.storage import bucket_ledger, lease
 from humanmm.storage.batch_ledger import BatchLedger, VideoRow, counts
 from humanmm.storage.batch_manifest import read_batch
@@ -330,6 +330,36 @@ def test_a_cancelled_video_does_not_start_and_stays_cancelled(toy: Any, ledger: 
         ledger.change(b, state="cancelled")
         account.end("failed", "it was stopped")
     assert counts(ledger.rows("test")) == {"cancelled": 2}
+
+
+def test_a_disk_that_is_full_for_a_while_costs_a_video_no_attempt(
+    toy: Any, ledger: BatchLedger, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (row,) = _submit(toy, ledger, _films(toy, "a.mp4")).to_schedule
+    full = 0
+    change = ledger.change
+
+    def changed(*asked: Any, **values: Any) -> bool:
+        nonlocal full
+        full -= 1
+        if full >= 0:
+            raise StoreError("the disk is full")
+        return change(*asked, **values)
+
+    monkeypatch.setattr(ledger, "change", changed)
+    monkeypatch.setattr(batches, "WAITS_S", (0.0, 0.0, 0.0))
+    account = batches.Account(ledger, row)
+    full = 3
+    with account.kept("run") as ready:
+        assert ready
+        full = 3
+        account.end("done", "")
+        full = 3
+    (ended,) = ledger.rows("test")
+    assert (ended.state, ended.attempt, ended.losses) == ("done", 1, 0) and ended.seconds is not None
+    full = 4
+    with pytest.raises(StoreError, match="disk is full"), account.kept("run"):
+        raise AssertionError("it cannot be told that it runs")
 
 
 def test_two_thousand_finished_videos_are_known_within_four_seconds(toy: Any, ledger: BatchLedger) -> None:
