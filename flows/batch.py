@@ -47,6 +47,8 @@ T = TypeVar("T")
 POOL = "humanmm"
 DEPLOYMENT = "recover-video/recover-video"
 BATCH_DEPLOYMENT = "recover-batch/recover-batch"
+STOP_ASKS_S = 5.0
+"""How long one who is told to stop asks why: it is killed soon."""
 AT_A_TIME = 2
 """Requests to Prefect's server that are under way at the same time: on SQLite more only wait for each other."""
 
@@ -111,7 +113,7 @@ def _accounted(
 def _stopped(account: batches.Account) -> None:
     """Its process was told to stop: cancelled from the dashboard, or else to be resumed by the next who runs flows."""
     try:
-        with get_client(sync_client=True) as client:
+        with get_client(httpx_settings={"timeout": STOP_ASKS_S}, sync_client=True) as client:
             state = client.read_flow_run(UUID(account.flow_run)).state
         cancelled = state is not None and (state.is_cancelling() or state.is_cancelled())
     except Exception as error:  # the server may have been stopped first

@@ -98,10 +98,19 @@ class Stages:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.run.close()
+        if kind is not None and not issubclass(kind, Exception):
+            self._abandon()
         self._runner.__exit__(kind, error, trace)
         self._board.end()
         if self._alive is not None:
             self._alive.end()
+
+    def _abandon(self) -> None:
+        """Told to stop: do not wait for what computes in threads. They cannot be stopped, and end with the process."""
+        executor = self._runner._executor  # Prefect's runner waits, and has no other way
+        if executor is not None:
+            executor.shutdown(wait=False, cancel_futures=True)
+            self._runner._executor = None
 
     def __call__(self, name: str) -> None:
         """Submit one task per unit of a stage."""

@@ -139,7 +139,8 @@ def test_a_batch_survives_a_restart_and_the_death_of_the_server_and_can_be_cance
     assert done.returncode == 0, done.stderr
     place.until(lambda: "align" in {video["stage"] for video in states().values()}, 120)
     place.end("humanmm.flows.serving", signal.SIGTERM)
-    assert "resumes when `humanmm serve` runs" in " ".join(video["reason"] for video in states().values())
+    stopped = states()
+    assert "resumes when `humanmm serve` runs" in " ".join(video["reason"] for video in stopped.values()), stopped
     serving = subprocess.Popen(
         farm.command_line("serve", "--limit", "1"), env=farm.environment(TOY_SLEEP="align=25"),
         stdout=subprocess.DEVNULL,  # else what it prints is taken for an answer of `batch status`
