@@ -96,7 +96,7 @@ def _accounted(
     try:
         state: State[Any] = recover.fn(video, out, config, store, selection)
     except Exception as error:  # noted, then raised: this is the edge of the flow
-        account.end("failed", in_words(error))
+        account.fail(error)
         if isinstance(error, HumanMMError):
             return Failed(message=in_words(error))
         raise

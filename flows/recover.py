@@ -4,6 +4,7 @@ Our store is the truth, not Prefect's result cache: a task asks the store first 
 answers. Prefect shows every stage × unit, retries infrastructure faults, and runs independent units at the same time.
 """
 
+import contextlib
 import contextvars
 import os
 import time
@@ -22,6 +23,7 @@ from prefect.states import Completed, Failed
 from prefect.task_runners import ThreadPoolTaskRunner
 
 from humanmm.config import Config
+from humanmm.errors import StoreError
 from humanmm.flows.alive import Alive, home_of_our_server
 from humanmm.flows.dashboard import ProgressBoard, show_video
 from humanmm.flows.gpu import gpu_slot
@@ -132,7 +134,8 @@ class Stages:
             future.wait()
         error = fatal_error(self.run)
         if error is not None:
-            remember(self.run, "failed", run_dir=None, reason=str(error))
+            with contextlib.suppress(StoreError):  # its own fault is the one to tell
+                remember(self.run, "failed", run_dir=None, reason=str(error))
             raise error
         if not has_result(self.run):  # `--only` left the result as it was
             return Completed(message="nothing that depends on it has changed")

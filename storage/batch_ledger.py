@@ -172,19 +172,20 @@ class BatchLedger(ABC):
             if not is_held and (found := self.row(row.batch, row.video)) is not None:
                 place = f" during {found.stage}" if found.stage else ""
                 reason = f"its process was lost{place}: it was killed, ran out of memory, or the machine went down"
-                values = {"losses": found.losses + 1, "reason": reason, "state": "failed"}
-                if found.losses < MAX_LOSSES:
-                    values |= _another_attempt(found)
-                if self.change(found, only_from=("running",), **values):
+                if self.lose(found, reason):
                     lost.append(found)
         return lost
 
     def never_began(self, row: VideoRow, reason: str) -> bool:
         """Note that the flow run of a waiting video ended before its process began; it counts as lost."""
-        values: dict[str, Any] = {"losses": row.losses + 1, "reason": reason, "state": "failed"}
+        return self.lose(row, reason, only_from="scheduled")
+
+    def lose(self, row: VideoRow, reason: str, *, only_from: str = "running", **more: Any) -> bool:
+        """Note that an attempt came to nothing through no fault of the video: it gets another one, but not for ever."""
+        values: dict[str, Any] = {"losses": row.losses + 1, "reason": reason, "state": "failed", **more}
         if row.losses < MAX_LOSSES:
             values |= _another_attempt(row)
-        return self.change(row, only_from=("scheduled",), **values)
+        return self.change(row, only_from=(only_from,), **values)
 
     def try_again(self, row: VideoRow, reason: str) -> bool:
         """Have a running video wait for another attempt; says whether it was running still."""

@@ -28,6 +28,7 @@ from humanmm.storage.store import Store
 from humanmm.storage.video_identity import identify, known_content
 from humanmm.tasks import finish, pipeline
 from humanmm.tasks.engine import VideoRun
+from humanmm.tasks.faults import in_words, is_infrastructure_fault
 from humanmm.tasks.plan import forecast, is_complete
 
 log = logging.getLogger(__name__)
@@ -127,6 +128,13 @@ class Account:
         """Note how it ended, unless somebody has cancelled it meanwhile."""
         stage = self._failed_stage() if state in ("failed", "partial") else None
         insist(lambda: self.ledger.change(self.row, only_from=("running",), state=state, reason=reason, stage=stage))
+
+    def fail(self, error: Exception) -> None:
+        """Note the error that ended it; a fault of the disk, the store or the machine has it tried again."""
+        if not is_infrastructure_fault(error):
+            self.end("failed", in_words(error))
+            return
+        insist(lambda: self.ledger.lose(self.row, in_words(error), stage=self._failed_stage()))
 
     @contextlib.contextmanager
     def kept(self, flow_run: str | None) -> Iterator[bool]:

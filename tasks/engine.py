@@ -273,15 +273,21 @@ class VideoRun:
             self._workers.open()
 
     def known_for(self, work: Work) -> dict[tuple[str, int], Ref | None]:
-        """What another process must know to compute a piece of work: what it reads, and what lists units."""
+        """The artifacts that another process must know to compute a piece of work."""
         known = {}
+        for need in self._known_elsewhere(work):
+            outcome = self.outcomes.get((need.stage.name, need.index))
+            if outcome is not None:
+                known[need.stage.name, need.index] = outcome.manifest.ref if outcome.manifest else None
+        return known
+
+    def _known_elsewhere(self, work: Work) -> list[Work]:
+        """What a piece of work reads, and what lists units."""
+        found = []
         for source in self.stages:
             reads = source.name in work.stage.inputs
-            for need in self.needs_from(work, source) if reads else [Work(source)] if source.defines else []:
-                outcome = self.outcomes.get((source.name, need.index))
-                if outcome is not None:
-                    known[source.name, need.index] = outcome.manifest.ref if outcome.manifest else None
-        return known
+            found += self.needs_from(work, source) if reads else [Work(source)] if source.defines else []
+        return found
 
     def know(self, known: Mapping[tuple[str, int], Ref | None]) -> None:
         """Take over the artifacts of a run in another process."""
@@ -302,9 +308,8 @@ class VideoRun:
         return self.gpu() if needed.gpu else contextlib.nullcontext()
 
     def _compute_away(self, work: Work, outcome: Outcome, limit_s: float | None) -> None:
-        for name in work.stage.inputs:
-            for need in self.needs_from(work, self.stage(name)):
-                self.restore(need)
+        for need in self._known_elsewhere(work):
+            self.restore(need)
         done = self._workers.compute(
             Job(work.stage.name, work.index, self.known_for(work)),
             work.label,

@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 
 from humanmm.config import Config
-from humanmm.errors import ConfigError, InputError, StoreError
+from humanmm.errors import ConfigError, InputError, StageError, StoreError
 from humanmm.storage import bucket_ledger, lease
 from humanmm.storage.batch_ledger import BatchLedger, VideoRow, counts
 from humanmm.storage.batch_manifest import read_batch
@@ -286,6 +286,27 @@ def test_a_video_that_is_lost_again_and_again_fails(toy: Any, ledger: BatchLedge
     assert ledger.unscheduled() == []
     (again,) = batches.retry(ledger, "test")
     assert (again.attempt, again.losses) == (4, 0)
+
+
+def test_a_fault_of_the_store_has_a_video_tried_again_and_one_of_the_video_does_not(
+    toy: Any, ledger: BatchLedger
+) -> None:
+    _submit(toy, ledger, _films(toy, "a.mp4"))
+    for attempt in (1, 2, 3):
+        (row,) = ledger.rows("test")
+        assert (row.state, row.attempt, row.losses) == ("scheduled", attempt, attempt - 1)
+        account = batches.Account(ledger, row)
+        with account.kept(None) as ready:
+            assert ready
+            account.fail(StoreError("the disk is full"))
+    (row,) = ledger.rows("test")
+    assert (row.state, row.attempt, row.reason) == ("failed", 3, "the disk is full")
+    (row,) = batches.retry(ledger, "test")
+    account = batches.Account(ledger, row)
+    with account.kept(None):
+        account.fail(StageError("nobody is in it"))
+    (row,) = ledger.rows("test")
+    assert (row.state, row.attempt, row.reason) == ("failed", 4, "nobody is in it")
 
 
 def test_losses_are_counted_anew_when_a_video_has_got_further(

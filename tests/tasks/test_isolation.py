@@ -20,7 +20,9 @@ from humanmm.errors import ResourceError, StageError, StoreError, TimeLimitError
 from humanmm.tasks import pipeline
 from humanmm.tasks.budget import Budget, resources_of
 from humanmm.tasks.faults import as_ours, is_infrastructure_fault, ran_out_of_memory
+from humanmm.tasks.job import Setting
 from humanmm.tasks.pipeline import Resources
+from humanmm.tasks.workers import workers_of
 
 
 def _children_of(pid: int) -> list[int]:
@@ -58,6 +60,23 @@ def test_a_failed_shot_costs_the_stages_in_children_that_shot_alone(toy: Any, mo
     toy.executed()
     toy.run(expect_failure=True)
     assert toy.executed() == ["camera:20"], "keys are the same as in one process"
+
+
+def test_damage_to_what_lists_the_units_is_mended_when_a_child_finds_it(toy: Any) -> None:
+    run = toy.open(run={"isolate": True})
+    for stage in run.stages:
+        for work in run.works(stage) or ():
+            if stage.name == "hmr" and work.index == 0:
+                run._workers.close()  # the next child reads everything afresh
+                run._workers = workers_of(Setting(run.video, run.config, run.store, run.selection, run.stages))
+                result = run.store.root / run.manifest("scenes").ref.uri / "result.json"
+                result.write_text(result.read_text() + " ")
+                with pytest.raises(StoreError, match="scenes"):
+                    run.do(work)
+            run.do(work)
+    run.close()
+    assert toy.executed().count("scenes") == 2
+    assert {outcome.state for outcome in run.outcomes.values()} == {"computed"}
 
 
 def test_a_stage_over_its_limit_is_really_ended_and_the_others_go_on(toy: Any, monkeypatch: pytest.MonkeyPatch) -> None:
