@@ -105,8 +105,10 @@ def _accounted(
         raise
     finally:
         opened.reset(token)
-    partial = state.name == "Partial"
-    account.end("partial" if partial else "done", (state.message or "") if partial else "")
+    if state.name == "Partial":
+        account.end_partial(state.message or "")
+    else:
+        account.end("done", "")
     return state
 
 

@@ -131,10 +131,21 @@ class Account:
 
     def fail(self, error: Exception) -> None:
         """Note the error that ended it; a fault of the disk, the store or the machine has it tried again."""
-        if not is_infrastructure_fault(error):
+        if is_infrastructure_fault(error):
+            self._lose("failed", in_words(error))
+        else:
             self.end("failed", in_words(error))
-            return
-        insist(lambda: self.ledger.lose(self.row, in_words(error), stage=self._failed_stage()))
+
+    def end_partial(self, reason: str) -> None:
+        """Note that shots are missing; if nothing but such faults took them, have it tried again."""
+        lost = finish.failures(self.run) if self.run else []
+        if lost and all(is_infrastructure_fault(outcome.error or Exception()) for outcome in lost):
+            self._lose("partial", reason)
+        else:
+            self.end("partial", reason)
+
+    def _lose(self, state: str, reason: str) -> None:
+        insist(lambda: self.ledger.lose(self.row, reason, state=state, stage=self._failed_stage()))
 
     @contextlib.contextmanager
     def kept(self, flow_run: str | None) -> Iterator[bool]:

@@ -24,7 +24,7 @@ from humanmm.storage.files import replace_file
 from humanmm.storage.run_record import StageRecord, read_run_record, run_record, write_run_record
 from humanmm.storage.store import RunNote, explain_os_error
 from humanmm.tasks.engine import Outcome, VideoRun
-from humanmm.tasks.faults import ends_run
+from humanmm.tasks.faults import ends_run, is_infrastructure_fault
 from humanmm.tasks.pipeline import Stage
 from humanmm.tasks.work import Work
 
@@ -42,12 +42,17 @@ def default_run_dir(video: Path) -> Path:
 
 
 def fatal_error(run: VideoRun) -> Exception | None:
-    """The error that ended the run: of a stage per video, or of one that failed on all its units."""
+    """The error that ended the run: of a stage per video, or of one that failed on all its units.
+
+    What a stage made of inputs that a fault of the disk or the machine has left incomplete is that fault's error.
+    """
     failed = [outcome for outcome in run.outcomes.values() if outcome.state == "failed" and outcome.error]
     hopeless = any(outcome.manifest is None for outcome in run.outcomes.values() if outcome.work.stage.per == "video")
     for outcome in failed:
         if outcome.work.stage.per == "video" or ends_run(outcome.error or Exception()):
-            return outcome.error
+            before = run.upstream(outcome.work.stage)
+            causes = [other.error for other in failed if other.work.stage.name in before and other.error]
+            return next(filter(is_infrastructure_fault, causes), outcome.error)
     if hopeless:
         return failed[0].error if failed else StageError("the run stopped before its last stage")
     return None

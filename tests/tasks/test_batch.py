@@ -27,6 +27,7 @@ from humanmm.storage.bucket_store import BucketStore
 from humanmm.storage.disk_ledger import DiskLedger
 from humanmm.storage.opening import open_ledger
 from humanmm.tasks import batch as batches
+from humanmm.tasks import finish
 
 
 @pytest.fixture
@@ -307,6 +308,31 @@ def test_a_fault_of_the_store_has_a_video_tried_again_and_one_of_the_video_does_
         account.fail(StageError("nobody is in it"))
     (row,) = ledger.rows("test")
     assert (row.state, row.attempt, row.reason) == ("failed", 4, "nobody is in it")
+
+
+@pytest.mark.parametrize(
+    ("faults", "ended"), [("camera:20=disk:9", "scheduled"), ("camera:20=disk:9;hmr:40=stage", "partial")]
+)
+def test_a_video_is_tried_again_if_nothing_but_faults_of_the_machine_took_its_shots(
+    toy: Any, ledger: BatchLedger, monkeypatch: pytest.MonkeyPatch, faults: str, ended: str
+) -> None:
+    (row,) = _submit(toy, ledger, _films(toy, "a.mp4")).to_schedule
+    monkeypatch.setenv("TOY_FAIL", faults)
+    account = batches.Account(ledger, row)
+    with account.kept(None):
+        account.run = toy.run(expect_failure=True)
+        account.end_partial("camera · shot 1: Input/output error")
+    (row,) = ledger.rows("test")
+    assert (row.state, row.stage) == (ended, "camera · shot 1")
+
+
+def test_what_comes_of_a_fault_of_the_machine_is_told_as_that_fault(toy: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TOY_FAIL", "people:0=disk:9;shots=input")
+    told = finish.fatal_error(toy.run(expect_failure=True))
+    assert isinstance(told, StoreError) and "people · scene 0" in str(told)
+    monkeypatch.setenv("TOY_FAIL", "people:0=stage;shots=input")
+    told = finish.fatal_error(toy.run(expect_failure=True))
+    assert isinstance(told, InputError) and "shots does not like its input" in str(told)
 
 
 def test_losses_are_counted_anew_when_a_video_has_got_further(
