@@ -7,6 +7,7 @@ reads figures only.
 
 import functools
 import hashlib
+import json
 import logging
 import multiprocessing
 import time
@@ -112,7 +113,8 @@ class MocapJob:
     @property
     def parameters(self) -> dict[str, Any]:
         plan = asdict(self.plan)
-        return {**plan, "seed": list(self.plan.seed), "noise": {k: _plain(v) for k, v in plan["noise"].items()}}
+        noise = hashlib.sha256(json.dumps(plan["noise"], sort_keys=True).encode()).hexdigest()
+        return {**plan, "seed": list(self.plan.seed), "noise": noise}
 
     @property
     def inputs(self) -> dict[str, str]:
@@ -300,7 +302,3 @@ def code_of(*modules: str) -> CodeDigest:
         weights={name: digest for part in parts for name, digest in part.weights.items()},
         libraries={name: version for part in parts for name, version in part.libraries.items()},
     )
-
-
-def _plain(value: Any) -> Any:
-    return list(value) if isinstance(value, tuple) else value

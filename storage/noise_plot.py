@@ -1,6 +1,7 @@
 """The fit of ms-Mocap's noise as a picture: what was measured on rendered clips beside what the model makes of them."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from humanmm.models.benchmark.noise_fit import NoiseFit, Series, simulate
+from humanmm.models.benchmark.noise_fit import NoiseFit, Series, rates_of_change, simulate
 
 Array = np.ndarray
 
@@ -37,8 +38,8 @@ def plot_fit(fit: NoiseFit, path: Path) -> None:
     _line(axes[7], fit.series, 2, "roll", 0.0, fit.noise.lean_per_roll, "lean about z, °")
     _turns(axes[8], fit.series, modelled)
     _solid(axes[9], fit.series, modelled)
-    _rates(axes[10], fit)
-    axes[11].axis("off")
+    _rates(axes[10], fit.series, modelled)
+    _changes(axes[11], fit.series, modelled)
     figure.savefig(path, dpi=80)
 
 
@@ -46,9 +47,7 @@ def _inside(one: Series) -> Series:
     """The same with the points moved far from every edge, so that the model finds everybody."""
     K = one.K.copy()
     K[:, :2, 2] += 4000
-    return Series(
-        one.errors, one.fps, one.points, K, one.behind, one.stature, one.picture, one.turn, one.solid, one.scale
-    )
+    return replace(one, K=K)
 
 
 def _distribution(
@@ -93,14 +92,22 @@ def _solid(axis: Axes, measured: Sequence[Series], modelled: Sequence[Series]) -
     axis.legend(loc="lower right")
 
 
-def _rates(axis: Axes, fit: NoiseFit) -> None:
-    noise = fit.noise
-    rates = {
-        "swap, front": noise.swap_hz[0] * noise.swap_s,
-        "swap, behind": noise.swap_hz[1] * noise.swap_s,
-        "limb hidden": noise.hidden_hz * noise.hidden_s,
-        "limb lost": noise.outlier_hz * noise.outlier_s,
-        "missed": noise.miss_hz * noise.miss_s,
-    }
-    axis.barh(list(rates), [100 * value for value in rates.values()])
-    axis.set(title="share of time, %")
+def _changes(axis: Axes, measured: Sequence[Series], modelled: Sequence[Series]) -> None:
+    for label, series, style in (("measured", measured, "o-"), ("modelled", modelled, "s--")):
+        speed, change = rates_of_change(series)
+        axis.plot(speed, 100 * change, style, label=label)
+    axis.set(title="change of the error in a frame, %", xlabel="speed about the body, heights a second")
+    axis.legend()
+
+
+def _rates(axis: Axes, measured: Sequence[Series], modelled: Sequence[Series]) -> None:
+    limbs = ("left arm", "right arm", "left leg", "right leg")
+    names = [f"{limb} {event}" for event in ("hidden", "lost") for limb in limbs]
+    for offset, (label, series) in enumerate((("measured", measured), ("modelled", modelled))):
+        shares = [
+            np.concatenate([getattr(one, event)[:, one.found] for one in series], axis=1).mean(axis=1)
+            for event in ("hidden", "lost")
+        ]
+        axis.barh(np.arange(len(names)) + 0.4 * offset, 100 * np.concatenate(shares), 0.4, label=label)
+    axis.set(title="share of the frames, %", yticks=np.arange(len(names)) + 0.2, yticklabels=names)
+    axis.legend()

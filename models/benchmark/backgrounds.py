@@ -53,7 +53,7 @@ def track(
     settings = TrackerSettings()
     scale = WIDTH / TRACKER_PX
     n = span[1] - span[0]
-    in_camera = np.einsum("nba,npb->npa", camera.R_world_cam, room[None] - camera.t_world_cam[:, None])
+    in_camera = (room[None] - camera.t_world_cam[:, None]) @ camera.R_world_cam
     with np.errstate(divide="ignore", invalid="ignore"):
         xy = (in_camera @ K.T)[..., :2] / in_camera[..., 2:]
     seen = (in_camera[..., 2] > 0.3) & (xy > 4 * scale).all(-1) & (xy < np.array([WIDTH, HEIGHT]) - 4 * scale).all(-1)

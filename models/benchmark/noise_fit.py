@@ -6,14 +6,24 @@ span, in 3D about the mid-hip in the axes of its viewing ray.
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.optimize import curve_fit
+from scipy.optimize import least_squares
 
 from humanmm.models.benchmark.detector_errors import MeasuredClip, PersonErrors
-from humanmm.models.benchmark.detector_noise import LIMBS, DetectorNoise, detect
+from humanmm.models.benchmark.detector_noise import (
+    AXES,
+    BODY,
+    LIMBS,
+    PARTS,
+    TRUNK,
+    DetectorNoise,
+    ErrorPatterns,
+    detect,
+    speeds,
+)
 from humanmm.models.benchmark.mocap import leg_length
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.kinematics import forward_kinematics
@@ -23,16 +33,15 @@ from humanmm.models.rotations import kabsch, rotation_from_vector, swing, vector
 
 Array = np.ndarray
 
-BODY = slice(11, 33)
-"""Landmarks below the neck: a posture's rotation is theirs."""
 HIDDEN_BELOW = 0.5
 """Mean visibility of a limb's landmarks below which it counts as hidden."""
 OUTLIER = 0.12
 """Mean error of a visible limb, share of the height, from which it counts as lost."""
-SHORTEST_SERIES_S = 0.8
 ANATOMY_M = 0.012
 """Not fitted, an assumption: rendered people have the anatomy that the landmarks were calibrated on."""
-LAGS_S = np.arange(0, 1.01, 1 / 30)
+LAGS_S = tuple(frames / 30 for frames in (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 45, 60))
+WAY_BINS, LEAST_PAIRS = 8, 1000
+CLIPPED = 2.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +63,8 @@ class Series:
     solid: Float[Array, "n 33 3"]
     """What is left of the 3D error after rotation and scale, metres."""
     scale: float
+    speed: Float[Array, "n parts"]
+    """True speed of the body's parts about its middle, heights a second."""
 
     @property
     def found(self) -> Bool[Array, " n"]:
@@ -70,6 +81,14 @@ class Series:
         distance = np.linalg.norm(self.picture, axis=-1)
         far = np.stack([distance[:, list(limb)].mean(axis=1) > OUTLIER for limb in LIMBS])
         return np.asarray(far & ~self.hidden)
+
+    def steps(self, rest_speed: float) -> Float[Array, "n parts"]:
+        """The way of the body's parts from the frame before."""
+        return np.asarray((self.speed + rest_speed) / self.fps)
+
+    def body_steps(self, rest_speed: float) -> Float[Array, " n"]:
+        """The way of all parts below the neck, on average."""
+        return np.asarray(self.steps(rest_speed)[:, 1:].mean(axis=1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,38 +113,39 @@ def fit_noise(clips: Sequence[MeasuredClip]) -> NoiseFit:
     series = [_series(clip.take, errors) for clip in clips for errors in clip.errors]
     series = [one for one in series if one.found.sum() >= 5]
     a, b = _tilt(series)
-    share = _spread(np.concatenate([one.picture[_usable(one)] for one in series]))
+    share, sigma_m, patterns = _patterns(series)
+    memory = _memory(series)
     hidden = np.concatenate([one.picture[_limb_mask(one.hidden)] for one in series])
     lost = np.concatenate([one.picture[_limb_mask(one.lost)] for one in series])
     turn = np.concatenate([_straight(one, a, b)[one.found] for one in series])
-    solid = np.concatenate([one.solid[_usable(one)] for one in series])
-    constant, slow, slow_s, quick_s = _memory(series, a, b)
-    swaps = _swaps(series)
-    hidden_hz, hidden_s = _events([(run, one.fps) for one in series for run in one.hidden[:, one.found]])
-    lost_hz, lost_s = _events([(run, one.fps) for one in series for run in one.lost[:, one.found]])
-    miss_hz, miss_s = _events([(~one.found, one.fps) for one in series])
+    rest = memory.rest_speed
+    swaps = [_events(_swaps(series, side, rest)) for side in _SIDES]
+    hidden_limbs = [_events(_of_limbs(series, "hidden", limbs, rest)) for limbs in _ARMS_AND_LEGS]
+    lost_limbs = [_events(_of_limbs(series, "lost", limbs, rest)) for limbs in _ARMS_AND_LEGS]
+    miss_rate, miss_s = _events([(~one.found, one.body_steps(rest), one.fps) for one in series])
     noise = DetectorNoise(
         keypoint_share=share,
-        landmark_sigma_m=_spreads(solid),
+        landmark_sigma_m=sigma_m,
+        patterns=patterns,
         turn_deg=_spreads(np.degrees(turn)),
         tilt_deg=float(np.degrees(a[0])),
         tilt_per_pitch=float(a[1]),
         lean_per_roll=float(b),
         landmark_scale=float(np.median([one.scale * one.stature for one in series])),
         anatomy_m=ANATOMY_M,
-        shot_share=constant,
-        slow_share=slow,
-        slow_s=slow_s,
-        quick_s=quick_s,
-        hidden_hz=hidden_hz,
-        hidden_s=hidden_s,
+        new_share=1.0 - memory.constant - memory.slow,
+        shot_share=memory.constant / (memory.constant + memory.slow),
+        slow_way=memory.slow_way,
+        rest_speed=rest,
+        hidden_rate=(hidden_limbs[0][0], hidden_limbs[1][0]),
+        hidden_s=(hidden_limbs[0][1], hidden_limbs[1][1]),
         hidden_factor=_spread(hidden) / share if len(hidden) else 1.0,
-        outlier_hz=lost_hz,
-        outlier_s=lost_s,
-        outlier_share=float(np.median(np.linalg.norm(lost, axis=-1))) if len(lost) else 0.0,
-        swap_hz=(swaps[0][0], swaps[1][0]),
-        swap_s=swaps[1][1],
-        miss_hz=miss_hz,
+        lost_rate=(lost_limbs[0][0], lost_limbs[1][0]),
+        lost_s=(lost_limbs[0][1], lost_limbs[1][1]),
+        lost_share=float(np.median(np.linalg.norm(lost, axis=-1))) if len(lost) else 0.0,
+        swap_rate=(swaps[0][0], swaps[1][0]),
+        swap_s=max(swaps[0][1], swaps[1][1]),
+        miss_rate=miss_rate,
         miss_s=miss_s,
     )
     return NoiseFit(noise, tuple(series), sum(int(one.found.sum()) for one in series))
@@ -133,9 +153,9 @@ def fit_noise(clips: Sequence[MeasuredClip]) -> NoiseFit:
 
 def simulate(one: Series, noise: DetectorNoise, rng: np.random.Generator, size: tuple[int, int]) -> Series:
     """The same person in the same shot with modelled errors instead of measured ones; sides as the truth has them."""
-    still = replace(noise, swap_hz=(0.0, 0.0), miss_hz=0.0)
+    still = replace(noise, swap_rate=(0.0, 0.0), miss_rate=0.0)
     made = detect(
-        one.points, one.K[0], size, one.behind, one.stature, one.fps, still, rng,
+        one.points, one.K, size, one.behind, one.stature, one.fps, still, rng,
         pitch=one.errors.pitch, roll=one.errors.roll,
     )  # fmt: skip
     errors = replace(
@@ -181,6 +201,7 @@ def _residuals(
         turn=vector_from_rotation(R),
         solid=seen - scale * turned,
         scale=scale,
+        speed=speeds(pixels, fps),
     )  # fmt: skip
 
 
@@ -249,56 +270,148 @@ def _straight(one: Series, a: Float[Array, "2"], b: float) -> Float[Array, "n 3"
     return np.asarray(one.turn - explained)
 
 
-def _memory(series: Sequence[Series], a: Float[Array, "2"], b: float) -> tuple[float, float, float, float]:
-    """Shares that stay for a shot and that change slowly, and the two times: from the errors' autocorrelation."""
-    total, count, power = np.zeros(len(LAGS_S)), np.zeros(len(LAGS_S)), 0.0
-    norm = 0
+def rates_of_change(series: Sequence[Series]) -> tuple[Float[Array, " bins"], Float[Array, " bins"]]:
+    """How far errors in the picture change from frame to frame while their part of the body has a certain speed: speeds
+    (heights of the body a second), and one sigma of the change an axis (heights)."""
+    way, change, _ = _pairs(series, 0.0)
+    bins = np.array_split(np.argsort(way, kind="stable"), WAY_BINS)
+    fps = float(np.median([one.fps for one in series]))
+    speed = np.array([np.median(way[rows]) * fps for rows in bins])
+    return speed, np.array([_spread(change[rows]) for rows in bins])
+
+
+def _patterns(series: Sequence[Series]) -> tuple[float, tuple[float, float, float], ErrorPatterns]:
+    """How large errors are, and how they are related within trunk, arms and legs: robust spreads, and correlations of
+    what is clipped at 2.5 sigmas."""
+    trunk = [_errors_of(series, TRUNK, 1.0), _errors_of(series, tuple(TRUNK[k] for k in (1, 0, 3, 2)), -1.0)]
+    arms = [_errors_of(series, LIMBS[0], 1.0), _errors_of(series, LIMBS[1], -1.0)]
+    legs = [_errors_of(series, LIMBS[2], 1.0), _errors_of(series, LIMBS[3], -1.0)]
+    covariances = [_robust_covariance(np.concatenate(sides)) for sides in (trunk, arms, legs)]
+    variances = np.concatenate([
+        np.tile(np.diagonal(covariance).reshape(-1, AXES), (copies, 1))
+        for covariance, copies in zip(covariances, (1, 2, 2), strict=True)
+    ]).mean(axis=0)  # fmt: skip
+    sizes = np.sqrt([variances[:2].mean(), variances[:2].mean(), *variances[2:]])
+    related: list[Any] = []
+    for covariance in covariances:
+        scale = np.tile(sizes, len(covariance) // AXES)
+        related.append(tuple(tuple(row) for row in (covariance / np.outer(scale, scale)).tolist()))
+    return float(sizes[0]), (float(sizes[2]), float(sizes[3]), float(sizes[4])), ErrorPatterns(*related)
+
+
+def _errors_of(series: Sequence[Series], part: Sequence[int], side: float) -> Float[Array, "m d"]:
+    """Errors in the picture and in 3D of some landmarks where all of them are seen; x times `side`."""
+    found = []
     for one in series:
-        n = len(one.found)
-        if n < SHORTEST_SERIES_S * one.fps:
+        rows = _usable(one)[:, part].all(axis=1)
+        errors = np.concatenate([one.picture[rows][:, part], one.solid[rows][:, part]], axis=-1)
+        found.append((errors * [side, 1, side, 1, 1]).reshape(len(errors), AXES * len(part)))
+    return np.concatenate(found)
+
+
+def _robust_covariance(values: Float[Array, "m d"]) -> Float[Array, "d d"]:
+    spread = np.array([_spread(column) for column in values.T])
+    clipped = np.clip(values / spread, -CLIPPED, CLIPPED)
+    products = clipped.T @ clipped
+    size = np.sqrt(np.diagonal(products))
+    return np.asarray(products / np.outer(size, size) * np.outer(spread, spread))
+
+
+@dataclass(frozen=True)
+class _Memory:
+    """How errors stay."""
+
+    constant: float
+    slow: float
+    slow_way: float
+    rest_speed: float
+
+
+def _memory(series: Sequence[Series]) -> _Memory:
+    """From how far errors in the picture differ from later ones, over the time and over the way that the part of the
+    body has gone in between. By medians: jumps are told apart (`Series.lost`)."""
+    lags: list[float] = []
+    ways: list[float] = []
+    shares: list[float] = []
+    for lag_s in LAGS_S:
+        gone, change, both = _pairs(series, lag_s)
+        if len(gone) < LEAST_PAIRS:
             continue
-        picture = one.picture[:, BODY].reshape(n, -1) / 0.02
-        turn = _straight(one, a, b) / np.radians(6.0)
-        values = np.clip(np.concatenate([picture, turn], axis=1), -4, 4)
-        values[~one.found] = np.nan
-        power += np.nansum(values**2)
-        norm += int(np.isfinite(values).sum())
-        for k, lag in enumerate(np.rint(LAGS_S * one.fps).astype(int)):
-            if lag >= n:
-                break
-            product = values[: n - lag] * values[lag:]
-            total[k] += np.nansum(product)
-            count[k] += np.isfinite(product).sum()
-    usable = count > 0
-    correlation = (total[usable] / count[usable]) / (power / norm)
-    parameters, _ = curve_fit(
-        _correlation, LAGS_S[usable], correlation, p0=(0.4, 0.35, 0.6, 0.06),
-        bounds=((0, 0, 0.25, 0.01), (0.95, 0.95, 3.0, 0.2)),
+        for rows in np.array_split(np.argsort(gone, kind="stable"), WAY_BINS):
+            lags.append(lag_s)
+            ways.append(float(np.median(gone[rows])))
+            shares.append(1 - _spread(change[rows]) ** 2 / 2 / _spread(both[rows]) ** 2)
+    lag, way, known = np.array(lags), np.array(ways), np.array(shares)
+
+    def missed(values: Array) -> Array:
+        return np.asarray(_correlation(lag, way, *values) - known)
+
+    found = least_squares(
+        missed, (0.2, 0.7, 0.2, 0.05),
+        bounds=((0, 0, 0.01, 1e-3), (0.95, 1.0, 5.0, 5.0)),
     )  # fmt: skip
-    constant, rest, slow_s, quick_s = parameters
-    return float(constant), float((1 - constant) * rest), float(slow_s), float(quick_s)
+    constant, slow, slow_way, rest_speed = (float(value) for value in found.x)
+    all_of_it = max(1.0, constant + slow)
+    return _Memory(constant / all_of_it, slow / all_of_it, slow_way, rest_speed)
 
 
-def _correlation(lag: Array, constant: float, rest: float, slow_s: float, quick_s: float) -> Array:
-    """Of a constant, a slow and a quick part; `rest` is the slow part's share of what is not constant."""
-    return np.asarray(constant + (1 - constant) * (rest * np.exp(-lag / slow_s) + (1 - rest) * np.exp(-lag / quick_s)))
+def _pairs(
+    series: Sequence[Series], lag_s: float
+) -> tuple[Float[Array, " m"], Float[Array, "m 2"], Float[Array, "m 4"]]:
+    """Of landmarks that are seen now and `lag_s` later (the next frame at least): the way that their part has gone, how
+    much their error in the picture has changed, and both errors."""
+    part_of = np.zeros(33, int)
+    for number, part in enumerate(PARTS):
+        part_of[part] = number
+    ways, changes, errors = [], [], []
+    for one in series:
+        lag = max(1, round(lag_s * one.fps))
+        usable, way = _usable(one), np.cumsum(one.speed, axis=0)[:, part_of] / one.fps
+        error = one.picture
+        early, late = slice(None, -lag), slice(lag, None)
+        both = usable[early] & usable[late]
+        ways.append((way[late] - way[early])[both])
+        changes.append((error[late] - error[early])[both])
+        errors.append(np.concatenate([error[late][both], error[early][both]], axis=1))
+    return np.concatenate(ways), np.concatenate(changes), np.concatenate(errors)
 
 
-def _events(runs: Sequence[tuple[Bool[Array, " n"], float]]) -> tuple[float, float]:
-    """How often an event begins, a second, and how long it lasts; a run that was on at the start counts half."""
-    beginnings = seconds = inside = 0.0
-    for run, fps in runs:
+def _correlation(lag_s: Array, way: Array, constant: float, slow: float, slow_way: float, rest_speed: float) -> Array:
+    """Of errors with later ones: of a constant and a slow part. What is new in every frame has none."""
+    return np.asarray(constant + slow * np.exp(-(way + rest_speed * lag_s) / slow_way))
+
+
+Runs = list[tuple[Bool[Array, " n"], Float[Array, " n"], float]]
+"""Frames inside events, with the way from the frame before, and their rate."""
+
+
+def _events(runs: Runs) -> tuple[float, float]:
+    """How often an event begins, times per way, and how many seconds it lasts; a run that was on at the start counts
+    half."""
+    beginnings = way = inside_s = 0.0
+    for run, steps, fps in runs:
         beginnings += float((run[1:] & ~run[:-1]).sum()) + 0.5 * float(run[:1].sum())
-        seconds += len(run) / fps
-        inside += float(run.sum()) / fps
-    return beginnings / max(seconds, 1e-9), inside / max(beginnings, 1.0)
+        way += float(steps.sum())
+        inside_s += float(run.sum()) / fps
+    return beginnings / max(way, 1e-9), inside_s / max(beginnings, 1.0)
 
 
-def _swaps(series: Sequence[Series]) -> list[tuple[float, float]]:
-    """Rate and length of exchanged sides, from the front and from behind."""
-    return [
-        _events([(one.errors.swapped[rows], one.fps) for one in series if (rows := side(one)).any()]) for side in _SIDES
-    ]
+_ARMS_AND_LEGS = ((0, 1), (2, 3))
+
+
+def _of_limbs(series: Sequence[Series], event: Literal["hidden", "lost"], limbs: Sequence[int], rest: float) -> Runs:
+    """Events of some limbs, in the frames in which the person was found."""
+    runs: Runs = []
+    for one in series:
+        inside = one.hidden if event == "hidden" else one.lost
+        runs += [(inside[limb][one.found], one.steps(rest)[one.found][:, 2 + limb], one.fps) for limb in limbs]
+    return runs
+
+
+def _swaps(series: Sequence[Series], side: Callable[[Series], Bool[Array, " n"]], rest: float) -> Runs:
+    """Exchanged sides, as seen from one side."""
+    of_side = [(one, rows) for one in series if (rows := side(one)).any()]
+    return [(one.errors.swapped[rows], one.body_steps(rest)[rows], one.fps) for one, rows in of_side]
 
 
 _SIDES: tuple[Callable[[Series], Bool[Array, " n"]], ...] = (
@@ -308,6 +421,8 @@ _SIDES: tuple[Callable[[Series], Bool[Array, " n"]], ...] = (
 
 
 def _rounded(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _rounded(v) for name, v in value.items()}
     if isinstance(value, tuple):
         return [_rounded(v) for v in value]
     return float(f"{value:.4g}")

@@ -1,6 +1,6 @@
 """One method's motion of one video against the truth."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -56,8 +56,20 @@ class VideoFigures:
 
 
 def score(video: BenchVideo, motions: VideoMotions) -> VideoFigures:
-    """Every figure of every method. Who was not found at all is a failure, as is a motion that was refused."""
-    return VideoFigures(video.name, video.split, tuple(_score(video, motion) for motion in motions.motions))
+    """Every figure of every method. Who was not found at all is a failure, as is a motion that was refused.
+
+    Methods that made one and the same of the video are measured once.
+    """
+    figures: list[MethodFigures] = []
+    for done in motions.motions:
+        same = (k for k, other in enumerate(motions.motions[: len(figures)]) if _equal(other, done))
+        k = next(same, None)
+        figures.append(_score(video, done) if k is None else replace(figures[k], method=done.method))
+    return VideoFigures(video.name, video.split, tuple(figures))
+
+
+def _equal(first: MethodMotion, second: MethodMotion) -> bool:
+    return first.motion is not None and first.motion is second.motion and first.shots == second.shots
 
 
 def score_take(method: str, predicted: Take, truth: Take) -> MethodFigures:
