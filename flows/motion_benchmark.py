@@ -9,10 +9,8 @@ import functools
 import hashlib
 import json
 import logging
-import multiprocessing
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
@@ -41,7 +39,7 @@ from humanmm.storage.mocap_pack import read_pack
 from humanmm.storage.opening import open_store
 from humanmm.storage.recipe import Recipe
 from humanmm.storage.store import Store
-from humanmm.tasks.process import prepare_process
+from humanmm.tasks.process import in_processes, prepare_process
 
 log = logging.getLogger(__name__)
 T = TypeVar("T")
@@ -206,17 +204,9 @@ def _computed(
         for index in missing:
             yield index, compute(jobs[index], recipes[index], config, store.place, methods)
         return
-    fresh = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(config.run.threads, mp_context=fresh, initializer=prepare_process) as pool:
-        futures = {
-            pool.submit(compute, jobs[index], recipes[index], config, store.place, methods): index for index in missing
-        }
-        try:
-            for future in as_completed(futures):
-                yield futures[future], future.result()
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
+    calls = [(jobs[index], recipes[index], config, store.place, methods) for index in missing]
+    for number, figures in in_processes(compute, calls, config.run.threads):
+        yield missing[number], figures
 
 
 def compute(job: Job, recipes: VideoRecipes, config: Config, place: str, methods: tuple[str, ...]) -> VideoFigures:

@@ -7,9 +7,7 @@ is made of; a folder that holds another set is left alone.
 import hashlib
 import json
 import logging
-import multiprocessing
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,7 +20,7 @@ from humanmm.storage.clip_files import write_clip
 from humanmm.storage.code_digest import code_digest
 from humanmm.storage.mocap_pack import read_pack
 from humanmm.storage.store import cache_folder
-from humanmm.tasks.process import prepare_process
+from humanmm.tasks.process import in_processes, prepare_process
 
 log = logging.getLogger(__name__)
 
@@ -128,14 +126,9 @@ def _render(clips: Sequence[ClipPlan], packs: Sequence[Path], folder: Path, thre
         for clip in clips:
             render_one(clip, packs, folder)
         return
-    with ProcessPoolExecutor(threads, mp_context=multiprocessing.get_context("spawn")) as pool:
-        futures = [pool.submit(render_one, clip, packs, folder) for clip in clips]
-        try:
-            for done, future in enumerate(as_completed(futures), start=1):
-                log.info("%s: %d of %d clips", future.result(), done, len(clips))
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
+    calls = [(clip, packs, folder) for clip in clips]
+    for done, (_, name) in enumerate(in_processes(render_one, calls, threads), start=1):
+        log.info("%s: %d of %d clips", name, done, len(clips))
 
 
 def render_one(plan: ClipPlan, packs: Sequence[Path], folder: Path) -> str:

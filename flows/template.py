@@ -5,7 +5,6 @@ is in memory once. A video still has a process of its own, which ends with it an
 code was changed on the disk forks no more: the worker starts another one.
 """
 
-import ctypes
 import gc
 import json
 import logging
@@ -23,10 +22,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from humanmm.flows.video_process import NUMBER
+from humanmm.tasks.process import end_with_parent
 
 log = logging.getLogger(__name__)
 
-_PR_SET_PDEATHSIG = 1
 ASK_LIMIT_S = 10.0
 """How long one who asks may take to say what for."""
 
@@ -135,9 +134,7 @@ class Template:
         template = os.getpid()
         pid = os.fork()
         if pid == 0:
-            ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-            if os.getppid() != template:
-                os._exit(1)
+            end_with_parent(template)
             os.setsid()  # whom it stands for passes signals on: it gets none that is sent to the worker's session
             asker.close()
             self._forget()

@@ -3,12 +3,14 @@
 import ctypes
 import functools
 import logging
+import multiprocessing
 import os
+import signal
 import sys
 import threading
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
-from typing import TypeVar
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, as_completed
+from typing import Any, TypeVar
 
 log = logging.getLogger(__name__)
 T = TypeVar("T")
@@ -20,6 +22,7 @@ _M_TRIM_THRESHOLD = -1
 """glibc's name for: how much free memory may lie at the end of a heap before it is given back."""
 _SPARE_BYTES = 1 << 25
 _LEAST_PRIORITY = 19
+_PR_SET_PDEATHSIG = 1
 
 
 def prepare_process() -> None:
@@ -67,3 +70,34 @@ def in_spare_time(work: Callable[[], T]) -> T:
 def _yield_to_others() -> None:
     if sys.platform == "linux":  # elsewhere the number of a thread is not that of a process
         os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _LEAST_PRIORITY)
+
+
+def in_processes(work: Callable[..., T], calls: Sequence[tuple[Any, ...]], processes: int) -> Iterator[tuple[int, T]]:
+    """`work(*call)` of all calls in fresh processes, so many at a time: (number of the call, answer) as they come.
+
+    The processes end with this one, however it ends; an error of one call ends them all.
+    """
+    fresh, parent = multiprocessing.get_context("spawn"), os.getpid()
+    with ProcessPoolExecutor(processes, mp_context=fresh, initializer=_begin_child, initargs=(parent,)) as pool:
+        futures = {pool.submit(work, *call): number for number, call in enumerate(calls)}
+        try:
+            for future in as_completed(futures):
+                yield futures[future], future.result()
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+def _begin_child(parent: int) -> None:
+    end_with_parent(parent)
+    prepare_process()
+
+
+def end_with_parent(parent: int) -> None:
+    """Have the kernel kill this process when its parent, that of this number, ends. On Linux only: elsewhere it goes
+    on until it notices."""
+    if sys.platform != "linux":
+        return
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:
+        os._exit(1)

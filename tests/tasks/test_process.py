@@ -4,10 +4,13 @@ import os
 import subprocess
 import sys
 import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
-from humanmm.tasks.process import in_spare_time
+from humanmm.tasks.process import in_processes, in_spare_time
 
 PINNED = """
 import numpy as np, sys
@@ -45,3 +48,53 @@ def test_work_in_spare_time_gives_its_result_and_leaves_the_caller_its_priority(
 def test_an_error_in_spare_time_is_the_callers() -> None:
     with pytest.raises(ZeroDivisionError):
         in_spare_time(lambda: 1 // 0)
+
+
+def test_work_in_processes_comes_back_with_its_number() -> None:
+    answers = dict(in_processes(divmod, [(7, 2), (9, 4), (5, 5)], 2))
+    assert answers == {0: (3, 1), 1: (2, 1), 2: (1, 0)}
+
+
+def test_an_error_in_one_process_ends_the_work() -> None:
+    with pytest.raises(ZeroDivisionError):
+        list(in_processes(divmod, [(1, 0), (1, 1)], 2))
+
+
+_WAITS = """
+import os, sys, time
+from humanmm.tasks.process import in_processes
+
+def told(path):
+    with open(path, "w") as stream:
+        stream.write(str(os.getpid()))
+    time.sleep(600)
+
+if __name__ == "__main__":
+    list(in_processes(told, [(path,) for path in sys.argv[1:]], 2))
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the kernel of Linux is asked for it")
+def test_processes_end_with_the_one_that_started_them_even_when_it_is_killed(tmp_path: Path) -> None:
+    (tmp_path / "waits.py").write_text(_WAITS, encoding="utf-8")
+    told = [tmp_path / "first", tmp_path / "second"]
+    parent = subprocess.Popen([sys.executable, tmp_path / "waits.py", *told])
+
+    def until(holds: Callable[[], bool]) -> None:
+        end = time.monotonic() + 60
+        while not holds():
+            assert time.monotonic() < end
+            time.sleep(0.05)
+
+    until(lambda: all(path.is_file() and path.read_text() for path in told))
+    children = [int(path.read_text()) for path in told]
+    parent.kill()
+    parent.wait()
+    until(lambda: not any(_runs(child) for child in children))
+
+
+def _runs(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
