@@ -1,18 +1,29 @@
-"""What the stage `people` finds in clips with truths, beside the truth: see scripts/measure_detector."""
+"""What the stage `people` finds in clips with truths, beside the truth and beside what is simulated: see
+scripts/measure_detector."""
 
+import logging
+from collections.abc import Iterator
 from pathlib import Path
 
 from humanmm.config import Config
 from humanmm.errors import StageError
 from humanmm.flows.clip_benchmark import clip_set, results_of
 from humanmm.models.benchmark.detector_errors import MeasuredClip, person_errors
+from humanmm.models.benchmark.detector_noise import fitted_noise
+from humanmm.models.benchmark.methods import run_methods
+from humanmm.models.benchmark.multishot import BenchVideo
+from humanmm.models.benchmark.resimulated import resimulated
+from humanmm.models.benchmark.scoring import score
 from humanmm.models.perception.tracks import ScenePeople
 from humanmm.storage.store import Store
 from humanmm.storage.truth import read_take
 from humanmm.storage.video_identity import identify
 from humanmm.tasks.engine import VideoRun
 
+log = logging.getLogger(__name__)
+
 STAGES = ("decode", "scenes", "people")
+SEED = 1
 
 
 def measured_clips(folder: Path, config: Config, store: Store) -> list[MeasuredClip]:
@@ -29,3 +40,24 @@ def measured_clips(folder: Path, config: Config, store: Store) -> list[MeasuredC
         take = read_take(job.truth)
         clips.append(MeasuredClip(take, person_errors(take, results_of(run, "people", ScenePeople), job.name)))
     return clips
+
+
+def compared_clips(folder: Path, config: Config, store: Store) -> Iterator[tuple[dict[str, float], dict[str, float]]]:
+    """The whole pipeline's figures on every clip of one person: from what the network saw, and from simulated
+    detections on the same clip."""
+    jobs, _ = clip_set(folder, store)
+    for job in jobs:
+        if len(read_take(job.truth).people) != 1:
+            continue
+        video = job.build(config, store)
+        seen = _figures(video, config)
+        simulated = _figures(resimulated(video, fitted_noise(), SEED), config)
+        if seen and simulated:
+            yield seen, simulated
+        else:
+            log.warning("%s is left out: nobody was found in it", job.name)
+
+
+def _figures(video: BenchVideo, config: Config) -> dict[str, float]:
+    measured = score(video, run_methods(video, config, ("humanmm",))).methods[0]
+    return {figure.name: figure.value for figure in measured.figures}

@@ -9,7 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from humanmm.models.benchmark.noise_fit import NoiseFit, Series, rates_of_change, simulate
+from humanmm.models.benchmark.noise_fit import NoiseFit, rates_of_change
+from humanmm.models.benchmark.noise_series import Series, simulate
 
 Array = np.ndarray
 

@@ -1,94 +1,24 @@
-"""Fits the noise of ms-Mocap to what the pose network really does on rendered clips, where the truth is exact.
-
-Everything is measured as `detector_noise.detect` makes it: in the picture as a share of the height that the landmarks
-span, in 3D about the mid-hip in the axes of its viewing ray.
-"""
+"""Fits the noise of ms-Mocap to what the pose network really does on rendered clips, where the truth is exact."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.optimize import least_squares
 
-from humanmm.models.benchmark.detector_errors import MeasuredClip, PersonErrors
-from humanmm.models.benchmark.detector_noise import (
-    AXES,
-    BODY,
-    LIMBS,
-    PARTS,
-    TRUNK,
-    DetectorNoise,
-    ErrorPatterns,
-    detect,
-    speeds,
-)
-from humanmm.models.benchmark.mocap import leg_length
-from humanmm.models.body.body24 import load_body
-from humanmm.models.body.kinematics import forward_kinematics
-from humanmm.models.body.landmarks import load_landmarks
-from humanmm.models.evaluation.take import PersonTake, Take
-from humanmm.models.rotations import kabsch, rotation_from_vector, swing, vector_from_rotation
+from humanmm.models.benchmark.detector_errors import MeasuredClip
+from humanmm.models.benchmark.detector_noise import AXES, LIMBS, PARTS, TRUNK, DetectorNoise, ErrorPatterns
+from humanmm.models.benchmark.noise_series import Series, limb_mask, series_of
 
 Array = np.ndarray
 
-HIDDEN_BELOW = 0.5
-"""Mean visibility of a limb's landmarks below which it counts as hidden."""
-OUTLIER = 0.12
-"""Mean error of a visible limb, share of the height, from which it counts as lost."""
 ANATOMY_M = 0.012
 """Not fitted, an assumption: rendered people have the anatomy that the landmarks were calibrated on."""
 LAGS_S = tuple(frames / 30 for frames in (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 45, 60))
 WAY_BINS, LEAST_PAIRS = 8, 1000
 CLIPPED = 2.5
-
-
-@dataclass(frozen=True, eq=False)
-class Series:
-    """One person in one shot beside the truth, n frames."""
-
-    errors: PersonErrors
-    fps: float
-    points: Float[Array, "n 33 3"]
-    """True landmarks in camera axes, metres."""
-    K: Float[Array, "n 3 3"]
-    behind: Bool[Array, " n"]
-    stature: float
-    """Length of the legs over the average's."""
-    picture: Float[Array, "n 33 2"]
-    """Detected minus true place, shares of the height."""
-    turn: Float[Array, "n 3"]
-    """Rotation of the 3D landmarks, radians."""
-    solid: Float[Array, "n 33 3"]
-    """What is left of the 3D error after rotation and scale, metres."""
-    scale: float
-    speed: Float[Array, "n parts"]
-    """True speed of the body's parts about its middle, heights a second."""
-
-    @property
-    def found(self) -> Bool[Array, " n"]:
-        return self.errors.found
-
-    @property
-    def hidden(self) -> Bool[Array, "limbs n"]:
-        """Which limbs the network itself says it cannot see."""
-        visibility = self.errors.keypoints[..., 2]
-        return np.stack([visibility[:, list(limb)].mean(axis=1) < HIDDEN_BELOW for limb in LIMBS])
-
-    @property
-    def lost(self) -> Bool[Array, "limbs n"]:
-        distance = np.linalg.norm(self.picture, axis=-1)
-        far = np.stack([distance[:, list(limb)].mean(axis=1) > OUTLIER for limb in LIMBS])
-        return np.asarray(far & ~self.hidden)
-
-    def steps(self, rest_speed: float) -> Float[Array, "n parts"]:
-        """The way of the body's parts from the frame before."""
-        return np.asarray((self.speed + rest_speed) / self.fps)
-
-    def body_steps(self, rest_speed: float) -> Float[Array, " n"]:
-        """The way of all parts below the neck, on average."""
-        return np.asarray(self.steps(rest_speed)[:, 1:].mean(axis=1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,13 +40,13 @@ class NoiseFit:
 
 def fit_noise(clips: Sequence[MeasuredClip]) -> NoiseFit:
     """Every number of the noise from the clips' errors."""
-    series = [_series(clip.take, errors) for clip in clips for errors in clip.errors]
+    series = [series_of(clip.take, errors) for clip in clips for errors in clip.errors]
     series = [one for one in series if one.found.sum() >= 5]
     a, b = _tilt(series)
     share, sigma_m, patterns = _patterns(series)
     memory = _memory(series)
-    hidden = np.concatenate([one.picture[_limb_mask(one.hidden)] for one in series])
-    lost = np.concatenate([one.picture[_limb_mask(one.lost)] for one in series])
+    hidden = np.concatenate([one.picture[limb_mask(one.hidden)] for one in series])
+    lost = np.concatenate([one.picture[limb_mask(one.lost)] for one in series])
     turn = np.concatenate([_straight(one, a, b)[one.found] for one in series])
     rest = memory.rest_speed
     swaps = [_events(_swaps(series, side, rest)) for side in _SIDES]
@@ -149,87 +79,6 @@ def fit_noise(clips: Sequence[MeasuredClip]) -> NoiseFit:
         miss_s=miss_s,
     )
     return NoiseFit(noise, tuple(series), sum(int(one.found.sum()) for one in series))
-
-
-def simulate(one: Series, noise: DetectorNoise, rng: np.random.Generator, size: tuple[int, int]) -> Series:
-    """The same person in the same shot with modelled errors instead of measured ones; sides as the truth has them."""
-    still = replace(noise, swap_rate=(0.0, 0.0), miss_rate=0.0)
-    made = detect(
-        one.points, one.K, size, one.behind, one.stature, one.fps, still, rng,
-        pitch=one.errors.pitch, roll=one.errors.roll,
-    )  # fmt: skip
-    errors = replace(
-        one.errors, keypoints=made.keypoints.astype(float), landmarks=made.landmarks.astype(float), found=made.found
-    )
-    return _residuals(errors, one.fps, one.points, one.K, one.behind, one.stature)
-
-
-def _series(take: Take, errors: PersonErrors) -> Series:
-    person, cameras = take.people[errors.person], take.cameras
-    assert cameras is not None
-    points, facing, hips, stature = _true_landmarks(person, errors.rows)
-    frame = person.frame[errors.rows]
-    in_camera = np.einsum("nba,nkb->nka", cameras.R_world_cam[frame], points - cameras.t_world_cam[frame, None])
-    behind = (facing * (cameras.t_world_cam[frame] - hips)).sum(axis=1) < 0
-    return _residuals(errors, take.fps, in_camera, cameras.K[frame], behind, stature)
-
-
-def _residuals(
-    errors: PersonErrors,
-    fps: float,
-    points: Float[Array, "n 33 3"],
-    K: Float[Array, "n 3 3"],
-    behind: Bool[Array, " n"],
-    stature: float,
-) -> Series:
-    projected = np.einsum("nab,nkb->nka", K, points)
-    pixels = projected[..., :2] / np.maximum(projected[..., 2:], 0.1)
-    height = np.ptp(pixels[..., 1], axis=1)[:, None, None]
-    ray = points[:, 23:25].mean(axis=1)
-    R_cam_ray = swing(np.broadcast_to([0.0, 0.0, 1.0], ray.shape), ray)
-    true = np.einsum("nba,nkb->nka", R_cam_ray, points - ray[:, None])
-    seen = errors.landmarks - errors.landmarks[:, 23:25].mean(axis=1, keepdims=True)
-    R = np.tile(np.eye(3), (len(points), 1, 1))
-    found = errors.found
-    R[found] = kabsch(true[found][:, BODY], seen[found][:, BODY], np.ones((int(found.sum()), 22)))
-    turned = np.einsum("nab,nkb->nka", R, true)
-    sizes = np.linalg.norm(seen[found][:, BODY], axis=(1, 2)) / np.linalg.norm(turned[found][:, BODY], axis=(1, 2))
-    scale = float(np.median(sizes)) if found.any() else 1.0
-    return Series(
-        errors, fps, points, K, behind, stature,
-        picture=(errors.keypoints[..., :2] - pixels) / height,
-        turn=vector_from_rotation(R),
-        solid=seen - scale * turned,
-        scale=scale,
-        speed=speeds(pixels, fps),
-    )  # fmt: skip
-
-
-def _true_landmarks(person: PersonTake, rows: Array) -> tuple[Array, Array, Array, float]:
-    """Landmarks (world), the body's forward direction, the pelvis, and the stature."""
-    body = load_body()
-    if person.body is None:
-        raise ValueError("the truth has no body model: noise can be fitted to rendered clips only")
-    rest = body.rest_joints(person.body.betas)
-    R_root = rotation_from_vector(person.body.root_orient[rows])
-    joints, R = forward_kinematics(rest, R_root, person.body.body_pose[rows], person.joints[rows, 0])
-    points = load_landmarks().place(person.body.betas, joints, R)
-    return points, R_root[..., 2], joints[:, 0], leg_length(rest) / leg_length(body.J_template)
-
-
-def _usable(one: Series) -> Bool[Array, "n 33"]:
-    """Landmarks below the neck that are seen, hidden and lost limbs aside."""
-    usable = ~_limb_mask(one.hidden | one.lost)
-    usable[:, :11] = False
-    usable[~one.found] = False
-    return usable
-
-
-def _limb_mask(limbs: Bool[Array, "limbs n"]) -> Bool[Array, "n 33"]:
-    mask = np.zeros((limbs.shape[1], 33), bool)
-    for limb, rows in zip(LIMBS, limbs, strict=True):
-        mask[np.ix_(rows, list(limb))] = True
-    return mask
 
 
 def _spread(values: Float[Array, "m k"]) -> float:
@@ -303,7 +152,7 @@ def _errors_of(series: Sequence[Series], part: Sequence[int], side: float) -> Fl
     """Errors in the picture and in 3D of some landmarks where all of them are seen; x times `side`."""
     found = []
     for one in series:
-        rows = _usable(one)[:, part].all(axis=1)
+        rows = one.usable[:, part].all(axis=1)
         errors = np.concatenate([one.picture[rows][:, part], one.solid[rows][:, part]], axis=-1)
         found.append((errors * [side, 1, side, 1, 1]).reshape(len(errors), AXES * len(part)))
     return np.concatenate(found)
@@ -366,8 +215,7 @@ def _pairs(
     ways, changes, errors = [], [], []
     for one in series:
         lag = max(1, round(lag_s * one.fps))
-        usable, way = _usable(one), np.cumsum(one.speed, axis=0)[:, part_of] / one.fps
-        error = one.picture
+        usable, error, way = one.usable, one.picture, np.cumsum(one.speed, axis=0)[:, part_of] / one.fps
         early, late = slice(None, -lag), slice(lag, None)
         both = usable[early] & usable[late]
         ways.append((way[late] - way[early])[both])

@@ -1,0 +1,59 @@
+"""A clip with simulated detections of its people instead of the pose network's: does the simulation do what it does?"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from humanmm.models.benchmark.detector_noise import DetectorNoise, detect, pitch_and_roll
+from humanmm.models.benchmark.multishot import BenchVideo, person_track
+from humanmm.models.benchmark.noise_series import true_landmarks
+from humanmm.models.evaluation.take import CameraTake, PersonTake
+from humanmm.models.perception.clothing import HISTOGRAM_BINS
+from humanmm.models.perception.tracks import PersonTrack, ScenePeople
+
+FEWEST_FRAMES = 3
+
+
+def resimulated(video: BenchVideo, noise: DetectorNoise, seed: int) -> BenchVideo:
+    """The same scenes, cameras' points and truth; in every scene one track of everybody whom the truth observes there.
+
+    The truth must have cameras and body parameters (rendered clips). The person's landmarks are where body24 has them.
+    """
+    cameras = video.truth.cameras
+    if cameras is None:
+        raise ValueError(f"{video.name}: the truth has no cameras")
+    rng = np.random.default_rng(seed)
+    people = []
+    for scene in video.people:
+        tracks = (_track(video, person, cameras, (scene.start, scene.end), noise, rng) for person in video.truth.people)
+        people.append(ScenePeople(scene.start, scene.end, tuple(track for track in tracks if track is not None)))
+    return replace(video, people=tuple(people))
+
+
+def _track(
+    video: BenchVideo,
+    person: PersonTake,
+    cameras: CameraTake,
+    span: tuple[int, int],
+    noise: DetectorNoise,
+    rng: np.random.Generator,
+) -> PersonTrack | None:
+    rows = np.flatnonzero((person.frame >= span[0]) & (person.frame < span[1]) & person.observed)
+    if len(rows) < FEWEST_FRAMES:
+        return None
+    frame = person.frame[rows]
+    points, facing, hips, stature = true_landmarks(person, rows)
+    t_world_cam, R_world_cam = cameras.t_world_cam[frame], cameras.R_world_cam[frame]
+    in_camera = np.einsum("nba,nkb->nka", R_world_cam, points - t_world_cam[:, None])
+    pitch, roll = pitch_and_roll(R_world_cam, in_camera[:, 23:25].mean(axis=1))
+    behind = (facing * (t_world_cam - hips)).sum(axis=1) < 0
+    size = (video.facts.width, video.facts.height)
+    seen = detect(
+        in_camera, cameras.K[frame], size, behind, stature, video.facts.fps, noise, rng, pitch=pitch, roll=roll
+    )
+    colours = rng.dirichlet(np.full(HISTOGRAM_BINS, 0.15))
+    track = person_track(seen, 0, video.facts.fps, colours, rng, size)
+    if not len(track.frame):
+        return None
+    at = frame.astype(np.int32)
+    return replace(track, frame=at[track.frame], color_frame=at[track.color_frame])
