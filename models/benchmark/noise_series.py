@@ -1,5 +1,5 @@
 """The pose network's answers beside the truth, a person in a shot at a time, measured as `detector_noise.detect` makes
-them: in the picture as a share of the height that the landmarks span, in 3D about the mid-hip in its viewing ray's axes.
+them: in the picture as a share of the height that the landmarks span, in 3D about the mid-hip in its ray's axes.
 """
 
 from dataclasses import dataclass, replace
