@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+from jaxtyping import Float
 
 from humanmm.models.benchmark.detector_noise import DetectorNoise, detect, pitch_and_roll
 from humanmm.models.benchmark.multishot import BenchVideo, person_track
@@ -23,16 +24,22 @@ def resimulated(video: BenchVideo, noise: DetectorNoise, seed: int) -> BenchVide
     if cameras is None:
         raise ValueError(f"{video.name}: the truth has no cameras")
     rng = np.random.default_rng(seed)
+    clothes = rng.dirichlet(np.full(HISTOGRAM_BINS, 0.15), len(video.truth.people))
     people = []
     for scene in video.people:
-        tracks = (_track(video, person, cameras, (scene.start, scene.end), noise, rng) for person in video.truth.people)
-        people.append(ScenePeople(scene.start, scene.end, tuple(track for track in tracks if track is not None)))
+        span = (scene.start, scene.end)
+        tracks = (
+            _track(video, person, colours, cameras, span, noise, rng)
+            for person, colours in zip(video.truth.people, clothes, strict=True)
+        )
+        people.append(ScenePeople(*span, tuple(track for track in tracks if track is not None)))
     return replace(video, people=tuple(people))
 
 
 def _track(
     video: BenchVideo,
     person: PersonTake,
+    colours: Float[np.ndarray, " bins"],
     cameras: CameraTake,
     span: tuple[int, int],
     noise: DetectorNoise,
@@ -51,7 +58,6 @@ def _track(
     seen = detect(
         in_camera, cameras.K[frame], size, behind, stature, video.facts.fps, noise, rng, pitch=pitch, roll=roll
     )
-    colours = rng.dirichlet(np.full(HISTOGRAM_BINS, 0.15))
     track = person_track(seen, 0, video.facts.fps, colours, rng, size)
     if not len(track.frame):
         return None
