@@ -32,6 +32,8 @@ IDLE_S = 900.0
 """The server leaves after this many seconds without a run; $HUMANMM_SERVER_IDLE_S sets another value."""
 START_LIMIT_S = 180.0
 """A first start creates the database, which takes up to 25 s on a busy machine."""
+START_PAUSE_S = 2.0
+"""Before another server is started in place of one that has ended before it answered."""
 HOST = "127.0.0.1"
 NICENESS = 10
 """Records what runs do with the processor time that they leave: nobody waits for the records."""
@@ -193,22 +195,48 @@ def _start(files: ServerFiles) -> str | None:
         url = running_server(files)
         if url:
             return url
-        log.info("starting the local Prefect server")
         files.state.unlink(missing_ok=True)
-        with files.log.open("ab") as output:
-            # through a shell that leaves at once: the server is nobody's child and outlives this run
-            command = [sys.executable, "-m", "humanmm.flows.local_server", str(files.home)]
-            subprocess.run(
-                ["/bin/sh", "-c", '"$@" &', "sh", *command],
-                stdin=subprocess.DEVNULL, stdout=output, stderr=output, start_new_session=True, check=True, cwd="/",
-            )  # fmt: skip
-        deadline = time.monotonic() + START_LIMIT_S
+        pid, deadline = None, time.monotonic() + START_LIMIT_S
         while time.monotonic() < deadline:
+            if pid is None or not _is_alive(pid):
+                if pid is not None:  # it was killed, or could not write its files
+                    time.sleep(START_PAUSE_S)
+                log.info("starting the local Prefect server")
+                pid = _start_process(files)
             url = running_server(files)
             if url:
                 return url
             time.sleep(0.1)
     return None
+
+
+def _start_process(files: ServerFiles) -> int:
+    """Begin a server that is nobody's child and outlives this run, through a shell that leaves at once; its process."""
+    command = [sys.executable, "-m", "humanmm.flows.local_server", str(files.home)]
+    with files.log.open("ab") as log_file:
+        begun = subprocess.run(
+            ["/bin/sh", "-c", '"$@" >&2 & echo $!', "sh", *command],
+            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=log_file,
+            start_new_session=True, check=True, cwd="/",
+        )  # fmt: skip
+    return int(begun.stdout)
+
+
+def _is_alive(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
+    except OSError:
+        return False
+
+
+def _replace(path: Path, text: str) -> None:
+    """Write a small file at once: on a full disk the one before stays."""
+    fresh = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        fresh.write_text(text)
+        fresh.replace(path)
+    finally:
+        fresh.unlink(missing_ok=True)
 
 
 def _last_port(files: ServerFiles) -> int:
@@ -230,7 +258,8 @@ def serve(files: ServerFiles) -> None:
     except OSError:  # somebody else has it now
         listener = socket.create_server((HOST, 0))
     port = listener.getsockname()[1]
-    files.port.write_text(str(port))
+    if port != _last_port(files):
+        _replace(files.port, str(port))
     _quiet_environment()
     _private_environment(files)
     os.environ.update(
@@ -250,9 +279,7 @@ def serve(files: ServerFiles) -> None:
 
     server = uvicorn.Server(uvicorn.Config(create_app(), log_level="warning", timeout_graceful_shutdown=5))
     state = {"url": f"http://{HOST}:{port}/api", "port": port, "pid": os.getpid(), "started": time.time()}
-    fresh = files.state.with_suffix(f".{os.getpid()}")
-    fresh.write_text(json.dumps(state))
-    fresh.replace(files.state)
+    _replace(files.state, json.dumps(state))
     watcher = threading.Thread(target=_leave_when_idle, args=(server, files, port, idle_s), daemon=True)
     watcher.start()
     server.run(sockets=[listener])

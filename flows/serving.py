@@ -217,10 +217,10 @@ def _look_after(files: ServerFiles, worker: Worker, leave: threading.Event, idle
     last_busy = time.monotonic()
     tables, settled = BatchTables(), set[UUID]()
     while not leave.wait(LOOK_EVERY_S):
+        worker.keep_up()
         if not os.environ.get("PREFECT_API_URL") or not ensure_server(files):
             log.warning("the Prefect server is gone and cannot be started; %s says why", files.log)
             continue
-        worker.keep_up()
         try:
             waiting = bool(resume_lost_videos(files)) | asyncio.run(crash_lost_runs(LOST_AFTER_S, settled))
             tables.update(files)

@@ -18,7 +18,7 @@ import pytest
 from prefect.exceptions import PrefectHTTPStatusError
 
 from humanmm.flows import batch as batch_flows
-from humanmm.flows import lost_runs
+from humanmm.flows import local_server, lost_runs
 from humanmm.flows.alive import Alive, lost
 from humanmm.flows.known_stores import known_stores, note_store
 from humanmm.flows.local_server import ServerFiles
@@ -154,6 +154,22 @@ def test_videos_that_a_busy_server_does_not_take_wait_in_the_ledger(
     monkeypatch.setattr(batch_flows, "get_client", lambda: server)
     batch_flows.schedule(ledger, rows)
     assert server.asked == ["b.mp4"], "nobody asks for what somebody has asked for meanwhile"
+
+
+def test_a_server_that_dies_while_it_starts_is_started_again_at_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    started: list[int] = []
+
+    def start(files: local_server.ServerFiles) -> int:
+        with subprocess.Popen(["true"]) as process:
+            started.append(process.pid)
+        return process.pid
+
+    monkeypatch.setattr(local_server, "START_PAUSE_S", 0.0)
+    monkeypatch.setattr(local_server, "_start_process", start)
+    monkeypatch.setattr(local_server, "running_server", lambda files: "here" if len(started) == 2 else None)
+    assert local_server._start(local_server.ServerFiles(tmp_path)) == "here"
 
 
 @server
