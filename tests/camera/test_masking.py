@@ -3,11 +3,13 @@
 from dataclasses import fields, replace
 from typing import Any
 
+import cv2
 import numpy as np
+import pytest
 
-from humanmm.models.camera.masking import background_points, without_transitions
+from humanmm.models.camera.masking import _near, background_points, without_transitions
 from humanmm.models.camera.observations import PointTracks
-from humanmm.models.perception.tracks import PersonTrack, Silhouettes
+from humanmm.models.perception.tracks import MASK_SIDE, PersonTrack, Silhouettes
 
 
 def person(frames: list[int], left: float) -> PersonTrack:
@@ -72,3 +74,16 @@ def test_frames_of_a_dissolve_carry_no_points() -> None:
 def test_a_shot_that_is_all_dissolve_keeps_its_points() -> None:
     points = points_at([(300.0, 200.0)], 20)
     assert without_transitions(points, (9, 9)) is points
+
+
+@pytest.mark.parametrize("radius", [1, 4, 17, 60])
+def test_a_mask_is_widened_as_opencv_widens_it(radius: int) -> None:
+    rng = np.random.default_rng(radius)
+    mask = (cv2.GaussianBlur(rng.random((MASK_SIDE, MASK_SIDE)), (0, 0), 9) > 0.515).astype(np.uint8)
+    mask[0, :3] = mask[-1, -1] = 1
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
+    widened = np.pad(cv2.dilate(np.pad(mask, radius), kernel), 5)
+    cells = rng.integers(-radius - 5, MASK_SIDE + radius + 5, (500, 2))
+    expected = widened[cells[:, 1] + radius + 5, cells[:, 0] + radius + 5] > 0
+    assert 0 < expected.sum() < len(cells)
+    assert np.array_equal(_near(mask, cells, radius), expected)
