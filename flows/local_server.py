@@ -32,6 +32,8 @@ IDLE_S = 900.0
 """The server leaves after this many seconds without a run; $HUMANMM_SERVER_IDLE_S sets another value."""
 START_LIMIT_S = 180.0
 """A first start creates the database, which takes up to 25 s on a busy machine."""
+SLOW_LIMIT_S = 90.0
+"""How long a server that lives may owe an answer: SQLite waits for a lock for up to 60 s."""
 START_PAUSE_S = 2.0
 """Before another server is started in place of one that has ended before it answered."""
 HOST = "127.0.0.1"
@@ -192,7 +194,7 @@ def _start(files: ServerFiles) -> str | None:
     """Start the server unless another run is doing so; wait until it answers."""
     with files.starting.open("a+") as starting:
         fcntl.flock(starting, fcntl.LOCK_EX)
-        url = running_server(files)
+        url = running_server(files) or _slow_server(files)
         if url:
             return url
         files.state.unlink(missing_ok=True)
@@ -207,6 +209,24 @@ def _start(files: ServerFiles) -> str | None:
             if url:
                 return url
             time.sleep(0.1)
+    return None
+
+
+def _slow_server(files: ServerFiles) -> str | None:
+    """Address of a server that lives and answers after a while, as on a busy machine: a second one beside it would have
+    another address. One that does not is ended."""
+    deadline = time.monotonic() + SLOW_LIMIT_S
+    with contextlib.suppress(OSError, ValueError, KeyError):
+        pid = int(json.loads(files.state.read_text())["pid"])
+        while _is_alive(pid) and os.fsencode(files.home) in Path(f"/proc/{pid}/cmdline").read_bytes():
+            url = running_server(files)
+            if url:
+                return url
+            if time.monotonic() > deadline:
+                log.warning("the Prefect server has not answered for %g s; it is ended", SLOW_LIMIT_S)
+                os.kill(pid, signal.SIGKILL)
+                break
+            time.sleep(0.5)
     return None
 
 

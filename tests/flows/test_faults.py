@@ -172,6 +172,24 @@ def test_a_server_that_dies_while_it_starts_is_started_again_at_once(
     assert local_server._start(local_server.ServerFiles(tmp_path)) == "here"
 
 
+def test_a_server_that_is_slow_to_answer_is_waited_for_and_ended_if_it_never_does(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    files = local_server.ServerFiles(tmp_path)
+    asked: list[str] = []
+    monkeypatch.setattr(local_server, "_start_process", lambda files: pytest.fail("a second server beside the first"))
+    monkeypatch.setattr(local_server, "running_server", lambda files: asked.append("?") or (asked[3:] and "here"))
+    with subprocess.Popen(["sh", "-c", "sleep 60; true", str(tmp_path)]) as slow:
+        files.state.write_text(json.dumps({"pid": slow.pid}))
+        assert local_server._start(files) == "here"
+        assert slow.poll() is None
+        asked.clear()
+        monkeypatch.setattr(local_server, "SLOW_LIMIT_S", 0.0)
+        monkeypatch.setattr(local_server, "running_server", lambda files: None)
+        assert local_server._slow_server(files) is None
+        assert slow.wait(10) == -signal.SIGKILL
+
+
 @server
 @pytest.mark.timeout(2400)
 def test_the_flow_run_of_a_killed_recover_does_not_stay_running(toy: Any, place: Any) -> None:
