@@ -97,7 +97,7 @@ def _changes(axis: Axes, measured: Sequence[Series], modelled: Sequence[Series])
     for label, series, style in (("measured", measured, "o-"), ("modelled", modelled, "s--")):
         speed, change = rates_of_change(series)
         axis.plot(speed, 100 * change, style, label=label)
-    axis.set(title="change of the error in a frame, %", xlabel="speed about the body, heights a second")
+    axis.set(title="change of the error in a frame, %", xlabel="speed, heights a second")
     axis.legend()
 
 
