@@ -23,7 +23,9 @@ log = logging.getLogger(__name__)
 
 LONG_S = 10.0
 """A stage that takes longer has its progress shown."""
-EVERY_S = 5.0
+LOOK_S = 5.0
+EVERY_S = 15.0
+"""Each time that a stage's progress is told costs server and video a tenth of a second of processor time."""
 
 
 class ProgressBoard:
@@ -34,7 +36,8 @@ class ProgressBoard:
         self._begun: dict[str, tuple[UUID, float]] = {}
         self._now: dict[str, float] = {}
         self._artifacts: dict[str, UUID] = {}
-        self._told: dict[str, float] = {}
+        self._told: dict[str, tuple[float, float]] = {}
+        """What was told of each last, and when."""
         self._over = threading.Event()
         self._thread: threading.Thread | None = None
 
@@ -58,17 +61,23 @@ class ProgressBoard:
     def _tell(self) -> None:
         over = False
         while not over:
-            over = self._over.wait(EVERY_S)
-            waiting = [label for label, percent in list(self._now.items()) if self._told.get(label) != percent]
-            now = time.monotonic()
-            long = [label for label in waiting if label in self._begun and now - self._begun[label][1] > LONG_S]
-            long = [label for label in long if label in self._artifacts] if over else long
+            over = self._over.wait(LOOK_S)
+            due = [label for label in list(self._now) if self._is_due(label, over=over)]
+            if not due:
+                continue
             try:
                 with get_client(sync_client=True) as client:
-                    for label in long:
+                    for label in due:
                         self._show(client, label, self._now[label])
             except Exception as error:  # a picture of the progress is worth no failure
                 log.info("progress could not be shown: %s", error)
+
+    def _is_due(self, label: str, *, over: bool) -> bool:
+        now = time.monotonic()
+        if label in self._told:
+            percent, at = self._told[label]
+            return percent != self._now[label] and (over or now - at >= EVERY_S)
+        return not over and label in self._begun and now - self._begun[label][1] > LONG_S
 
     def _show(self, client: SyncPrefectClient, label: str, percent: float) -> None:
         if label in self._artifacts:
@@ -79,7 +88,7 @@ class ProgressBoard:
                 type="progress", description=label, data=percent, flow_run_id=self._flow_run, task_run_id=task_run
             )
             self._artifacts[label] = client.create_artifact(asked).id
-        self._told[label] = percent
+        self._told[label] = (percent, time.monotonic())
 
 
 def show_video(run_dir: Path, flow_run: UUID) -> None:

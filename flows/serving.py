@@ -36,7 +36,7 @@ from humanmm.storage.opening import open_ledger
 
 log = logging.getLogger(__name__)
 
-LOOK_EVERY_S = 5.0
+LOOK_EVERY_S = 10.0
 LOST_AFTER_S = 30.0
 """A flow run that is running in Prefect's eyes for longer than this without a process is lost."""
 START_LIMIT_S = 240.0
@@ -142,7 +142,7 @@ class Worker:
         with self._log.open("ab") as output:
             self._process = subprocess.Popen(
                 command, stdin=subprocess.PIPE, stdout=output, stderr=output, start_new_session=True,
-                env={**os.environ, "PREFECT_WORKER_QUERY_SECONDS": "2", "PREFECT_FLOWS_HEARTBEAT_FREQUENCY": "30"},
+                env={**os.environ, "PREFECT_WORKER_QUERY_SECONDS": "3", "PREFECT_FLOWS_HEARTBEAT_FREQUENCY": "30"},
             )  # fmt: skip
 
     def keep_up(self) -> None:
