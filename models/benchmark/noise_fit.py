@@ -211,7 +211,7 @@ def _pairs(
     much their error in the picture has changed, and both errors."""
     part_of = np.zeros(33, int)
     for number, part in enumerate(PARTS):
-        part_of[part] = number
+        part_of[list(part)] = number
     ways, changes, errors = [], [], []
     for one in series:
         lag = max(1, round(lag_s * one.fps))

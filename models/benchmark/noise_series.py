@@ -3,9 +3,10 @@ them: in the picture as a share of the height that the landmarks span, in 3D abo
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from humanmm.models.benchmark.detector_errors import PersonErrors
 from humanmm.models.benchmark.detector_noise import BODY, LIMBS, DetectorNoise, detect, speeds
@@ -13,7 +14,7 @@ from humanmm.models.benchmark.mocap import leg_length
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.kinematics import forward_kinematics
 from humanmm.models.body.landmarks import load_landmarks
-from humanmm.models.evaluation.take import PersonTake, Take
+from humanmm.models.evaluation.take import CameraTake, PersonTake, Take
 from humanmm.models.rotations import kabsch, rotation_from_vector, swing, vector_from_rotation
 
 Array = np.ndarray
@@ -50,19 +51,19 @@ class Series:
     def found(self) -> Bool[Array, " n"]:
         return self.errors.found
 
-    @property
+    @cached_property
     def hidden(self) -> Bool[Array, "limbs n"]:
         """Which limbs the network itself says it cannot see."""
         visibility = self.errors.keypoints[..., 2]
         return np.stack([visibility[:, list(limb)].mean(axis=1) < HIDDEN_BELOW for limb in LIMBS])
 
-    @property
+    @cached_property
     def lost(self) -> Bool[Array, "limbs n"]:
         distance = np.linalg.norm(self.picture, axis=-1)
         far = np.stack([distance[:, list(limb)].mean(axis=1) > OUTLIER for limb in LIMBS])
         return np.asarray(far & ~self.hidden)
 
-    @property
+    @cached_property
     def usable(self) -> Bool[Array, "n 33"]:
         """Landmarks below the neck that are seen, hidden and lost limbs aside."""
         usable = ~limb_mask(self.hidden | self.lost)
@@ -80,13 +81,11 @@ class Series:
 
 
 def series_of(take: Take, errors: PersonErrors) -> Series:
+    """The answers about one person in one shot beside the truth, which must have cameras and body parameters."""
     person, cameras = take.people[errors.person], take.cameras
     assert cameras is not None
-    points, facing, hips, stature = true_landmarks(person, errors.rows)
-    frame = person.frame[errors.rows]
-    in_camera = np.einsum("nba,nkb->nka", cameras.R_world_cam[frame], points - cameras.t_world_cam[frame, None])
-    behind = (facing * (cameras.t_world_cam[frame] - hips)).sum(axis=1) < 0
-    return _residuals(errors, take.fps, in_camera, cameras.K[frame], behind, stature)
+    points, behind, stature = true_landmarks(person, cameras, errors.rows)
+    return _residuals(errors, take.fps, points, cameras.K[person.frame[errors.rows]], behind, stature)
 
 
 def _residuals(
@@ -120,8 +119,10 @@ def _residuals(
     )  # fmt: skip
 
 
-def true_landmarks(person: PersonTake, rows: Array) -> tuple[Array, Array, Array, float]:
-    """Landmarks (world), the body's forward direction, the pelvis, and the stature."""
+def true_landmarks(
+    person: PersonTake, cameras: CameraTake, rows: Int[Array, " n"]
+) -> tuple[Float[Array, "n 33 3"], Bool[Array, " n"], float]:
+    """Landmarks in camera axes, whether the camera sees the back, and the stature."""
     body = load_body()
     if person.body is None:
         raise ValueError("the truth has no body model: noise can be fitted to rendered clips only")
@@ -129,7 +130,10 @@ def true_landmarks(person: PersonTake, rows: Array) -> tuple[Array, Array, Array
     R_root = rotation_from_vector(person.body.root_orient[rows])
     joints, R = forward_kinematics(rest, R_root, person.body.body_pose[rows], person.joints[rows, 0])
     points = load_landmarks().place(person.body.betas, joints, R)
-    return points, R_root[..., 2], joints[:, 0], leg_length(rest) / leg_length(body.J_template)
+    R_world_cam, t_world_cam = cameras.R_world_cam[person.frame[rows]], cameras.t_world_cam[person.frame[rows]]
+    in_camera = np.einsum("nba,nkb->nka", R_world_cam, points - t_world_cam[:, None])
+    behind = (R_root[..., 2] * (t_world_cam - joints[:, 0])).sum(axis=1) < 0
+    return in_camera, behind, leg_length(rest) / leg_length(body.J_template)
 
 
 def limb_mask(limbs: Bool[Array, "limbs n"]) -> Bool[Array, "n 33"]:

@@ -49,15 +49,10 @@ def _track(
     if len(rows) < FEWEST_FRAMES:
         return None
     frame = person.frame[rows]
-    points, facing, hips, stature = true_landmarks(person, rows)
-    t_world_cam, R_world_cam = cameras.t_world_cam[frame], cameras.R_world_cam[frame]
-    in_camera = np.einsum("nba,nkb->nka", R_world_cam, points - t_world_cam[:, None])
-    pitch, roll = pitch_and_roll(R_world_cam, in_camera[:, 23:25].mean(axis=1))
-    behind = (facing * (t_world_cam - hips)).sum(axis=1) < 0
+    points, behind, stature = true_landmarks(person, cameras, rows)
+    pitch, roll = pitch_and_roll(cameras.R_world_cam[frame], points[:, 23:25].mean(axis=1))
     size = (video.facts.width, video.facts.height)
-    seen = detect(
-        in_camera, cameras.K[frame], size, behind, stature, video.facts.fps, noise, rng, pitch=pitch, roll=roll
-    )
+    seen = detect(points, cameras.K[frame], size, behind, stature, video.facts.fps, noise, rng, pitch=pitch, roll=roll)
     track = person_track(seen, 0, video.facts.fps, colours, rng, size)
     if not len(track.frame):
         return None
