@@ -1,5 +1,6 @@
 """What the dashboard shows beside flow runs and tasks: how far long stages are, a page a video, a table a batch."""
 
+import contextlib
 import json
 import logging
 import re
@@ -25,7 +26,7 @@ LONG_S = 10.0
 """A stage that takes longer has its progress shown."""
 LOOK_S = 5.0
 EVERY_S = 15.0
-"""Each time that a stage's progress is told costs server and video a tenth of a second of processor time."""
+"""Each telling costs the server and the video a few hundredths of a second of processor time."""
 
 
 class ProgressBoard:
@@ -35,9 +36,8 @@ class ProgressBoard:
         self._flow_run = flow_run
         self._begun: dict[str, tuple[UUID, float]] = {}
         self._now: dict[str, float] = {}
-        self._artifacts: dict[str, UUID] = {}
-        self._told: dict[str, tuple[float, float]] = {}
-        """What was told of each last, and when."""
+        self._told: dict[str, tuple[UUID, float, float]] = {}
+        """The artifact of each, what it says, and since when."""
         self._over = threading.Event()
         self._thread: threading.Thread | None = None
 
@@ -59,36 +59,38 @@ class ProgressBoard:
             self._thread.join()
 
     def _tell(self) -> None:
-        over = False
-        while not over:
-            over = self._over.wait(LOOK_S)
-            due = [label for label in list(self._now) if self._is_due(label, over=over)]
-            if not due:
-                continue
-            try:
-                with get_client(sync_client=True) as client:
+        with contextlib.ExitStack() as stack:
+            client, over = None, False
+            while not over:
+                over = self._over.wait(LOOK_S)
+                due = [label for label in list(self._now) if self._is_due(label, over=over)]
+                if not due:
+                    continue
+                try:
+                    client = client or stack.enter_context(get_client(sync_client=True))
                     for label in due:
                         self._show(client, label, self._now[label])
-            except Exception as error:  # a picture of the progress is worth no failure
-                log.info("progress could not be shown: %s", error)
+                except Exception as error:  # a picture of the progress is worth no failure
+                    log.info("progress could not be shown: %s", error)
 
     def _is_due(self, label: str, *, over: bool) -> bool:
         now = time.monotonic()
         if label in self._told:
-            percent, at = self._told[label]
+            _, percent, at = self._told[label]
             return percent != self._now[label] and (over or now - at >= EVERY_S)
         return not over and label in self._begun and now - self._begun[label][1] > LONG_S
 
     def _show(self, client: SyncPrefectClient, label: str, percent: float) -> None:
-        if label in self._artifacts:
-            client.update_artifact(self._artifacts[label], ArtifactUpdate(data=percent))
+        if label in self._told:
+            artifact = self._told[label][0]
+            client.update_artifact(artifact, ArtifactUpdate(data=percent))
         else:
             task_run = self._begun[label][0]
             asked = ArtifactCreate(
                 type="progress", description=label, data=percent, flow_run_id=self._flow_run, task_run_id=task_run
             )
-            self._artifacts[label] = client.create_artifact(asked).id
-        self._told[label] = (percent, time.monotonic())
+            artifact = client.create_artifact(asked).id
+        self._told[label] = (artifact, percent, time.monotonic())
 
 
 def show_video(run_dir: Path, flow_run: UUID) -> None:

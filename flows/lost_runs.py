@@ -20,7 +20,7 @@ from humanmm.storage.opening import open_ledger
 if TYPE_CHECKING:
     from uuid import UUID
 
-    from prefect.client.orchestration import PrefectClient
+    from prefect.client.orchestration import SyncPrefectClient
     from prefect.client.schemas.objects import FlowRun, State, StateType
 
 log = logging.getLogger(__name__)
@@ -31,26 +31,24 @@ PAGE = 200
 """Flow runs that are asked for at a time: what Prefect's server gives at most."""
 
 
-async def crash_lost_runs(after_s: float, settled: "set[UUID] | None" = None) -> bool:
+def crash_lost_runs(client: "SyncPrefectClient", after_s: float, settled: "set[UUID] | None" = None) -> bool:
     """End flow runs of our deployments that nobody computes any more; returns whether any waits or runs.
 
     `settled` keeps, from one look to the next, the flow runs that ended and leave nothing to be done.
     """
     settled = set() if settled is None else settled
-    from prefect import get_client
     from prefect.client.schemas.objects import StateType
 
-    async with get_client() as client:
-        runs = await _all_runs(client, StateType.PENDING, StateType.RUNNING, StateType.CANCELLING)
-        for run in runs:
-            ended = _how_it_ended(run, after_s)
-            if ended is not None:
-                await client.set_flow_run_state(run.id, ended, force=True)
-        over = [StateType.CRASHED, StateType.CANCELLED, StateType.FAILED]
-        for run in await _some_runs(client, over, limit=PAGE, order="END_TIME_DESC"):
-            if run.id not in settled and note_end_before_begin(run):
-                settled.add(run.id)
-        return bool(runs) or bool(await _some_runs(client, [StateType.SCHEDULED], limit=1))
+    runs = _all_runs(client, StateType.PENDING, StateType.RUNNING, StateType.CANCELLING)
+    for run in runs:
+        ended = _how_it_ended(run, after_s)
+        if ended is not None:
+            client.set_flow_run_state(run.id, ended, force=True)
+    over = [StateType.CRASHED, StateType.CANCELLED, StateType.FAILED]
+    for run in _some_runs(client, over, limit=PAGE, order="END_TIME_DESC"):
+        if run.id not in settled and note_end_before_begin(run):
+            settled.add(run.id)
+    return bool(runs) or bool(_some_runs(client, [StateType.SCHEDULED], limit=1))
 
 
 def note_end_before_begin(run: "FlowRun") -> bool:
@@ -105,16 +103,16 @@ def _how_it_ended(run: "FlowRun", after_s: float) -> "State[Any] | None":
     return Crashed(message=row.reason)
 
 
-async def _all_runs(client: "PrefectClient", *states: "StateType") -> "list[FlowRun]":
+def _all_runs(client: "SyncPrefectClient", *states: "StateType") -> "list[FlowRun]":
     """Flow runs of our deployments in some states, read page by page before any of them is changed."""
     runs: list[FlowRun] = []
-    while len(page := await _some_runs(client, states, limit=PAGE, offset=len(runs))) == PAGE:
+    while len(page := _some_runs(client, states, limit=PAGE, offset=len(runs))) == PAGE:
         runs += page
     return [*runs, *page]
 
 
-async def _some_runs(
-    client: "PrefectClient", states: "Sequence[StateType]", *, limit: int, offset: int = 0, order: str = "ID_DESC"
+def _some_runs(
+    client: "SyncPrefectClient", states: "Sequence[StateType]", *, limit: int, offset: int = 0, order: str = "ID_DESC"
 ) -> "list[FlowRun]":
     from prefect.client.schemas.filters import (
         FlowRunFilter,
@@ -127,7 +125,7 @@ async def _some_runs(
 
     from humanmm.flows.batch import POOL
 
-    return await client.read_flow_runs(
+    return client.read_flow_runs(
         flow_run_filter=FlowRunFilter(state=FlowRunFilterState(type=FlowRunFilterStateType(any_=list(states)))),
         work_pool_filter=WorkPoolFilter(name=WorkPoolFilterName(any_=[POOL])),
         sort=FlowRunSort(order),

@@ -17,12 +17,13 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 from uuid import UUID
 
 from humanmm.errors import InputError, StoreError
 from humanmm.flows.known_stores import known_stores
 from humanmm.flows.local_server import (
+    SLOW_LIMIT_S,
     ServerFiles,
     ensure_server,
     prefect_server,
@@ -34,12 +35,22 @@ from humanmm.flows.worker import STOP_LIMIT_S as VIDEOS_LIMIT_S
 from humanmm.flows.worker import stop_session
 from humanmm.storage.opening import open_ledger
 
+if TYPE_CHECKING:
+    from prefect.client.orchestration import SyncPrefectClient
+
 log = logging.getLogger(__name__)
 
 LOOK_EVERY_S = 10.0
 LOST_AFTER_S = 30.0
 """A flow run that is running in Prefect's eyes for longer than this without a process is lost."""
 START_LIMIT_S = 240.0
+WORKER_SETTINGS = {
+    "PREFECT_WORKER_QUERY_SECONDS": "2",
+    "PREFECT_FLOWS_HEARTBEAT_FREQUENCY": "30",
+    "PREFECT_API_REQUEST_TIMEOUT": str(int(SLOW_LIMIT_S) + 30),
+}
+"""Of the worker and its videos. They wait longer for an answer than we do for the server before another takes its
+place: what Prefect gives up to tell, such as the states of tasks, is lost."""
 READY = "serving"
 """A file that is there while `humanmm serve` takes flow runs."""
 STOP_LIMIT_S = 10.0
@@ -122,8 +133,15 @@ def serve(*, limit: int, idle_s: float | None = None, on_ready: Any = None) -> N
                 (files.home / READY).unlink(missing_ok=True)
                 worker.stop()
                 with contextlib.suppress(Exception):  # the server may be the one that is gone
-                    asyncio.run(crash_lost_runs(0.0))
+                    _crash_all()
         stop_unused_server(files)
+
+
+def _crash_all() -> None:
+    from prefect import get_client
+
+    with get_client(sync_client=True) as client:
+        crash_lost_runs(client, 0.0)
 
 
 class Worker:
@@ -142,7 +160,7 @@ class Worker:
         with self._log.open("ab") as output:
             self._process = subprocess.Popen(
                 command, stdin=subprocess.PIPE, stdout=output, stderr=output, start_new_session=True,
-                env={**os.environ, "PREFECT_WORKER_QUERY_SECONDS": "3", "PREFECT_FLOWS_HEARTBEAT_FREQUENCY": "30"},
+                env={**os.environ, **WORKER_SETTINGS},
             )  # fmt: skip
 
     def keep_up(self) -> None:
@@ -214,43 +232,44 @@ async def _deploy(limit: int, folder: Path) -> None:
 
 
 def _look_after(files: ServerFiles, worker: Worker, leave: threading.Event, idle_s: float | None) -> None:
+    from prefect import get_client
+
     last_busy = time.monotonic()
-    tables, settled = BatchTables(), set[UUID]()
-    while not leave.wait(LOOK_EVERY_S):
-        worker.keep_up()
-        if not os.environ.get("PREFECT_API_URL") or not ensure_server(files):
-            log.warning("the Prefect server is gone and cannot be started; %s says why", files.log)
-            continue
-        try:
-            waiting = bool(resume_lost_videos(files)) | asyncio.run(crash_lost_runs(LOST_AFTER_S, settled))
-            tables.update(files)
-        except Exception as error:  # the server may be busy or restarting, the disk full: the next look will tell
-            log.warning("a look after lost videos was cut short: %s", error)
-            continue
-        if waiting:
-            last_busy = time.monotonic()
-        elif idle_s is not None and time.monotonic() - last_busy > idle_s:
-            return
+    with get_client(sync_client=True) as client:  # to open one takes longer than all that it is asked in a look
+        tables, settled = BatchTables(client), set[UUID]()
+        while not leave.wait(LOOK_EVERY_S):
+            worker.keep_up()
+            if not os.environ.get("PREFECT_API_URL") or not ensure_server(files):
+                log.warning("the Prefect server is gone and cannot be started; %s says why", files.log)
+                continue
+            try:
+                waiting = bool(resume_lost_videos(files)) | crash_lost_runs(client, LOST_AFTER_S, settled)
+                tables.update(files)
+            except Exception as error:  # the server may be busy or restarting, the disk full: the next look will tell
+                log.warning("a look after lost videos was cut short: %s", error)
+                continue
+            if waiting:
+                last_busy = time.monotonic()
+            elif idle_s is not None and time.monotonic() - last_busy > idle_s:
+                return
 
 
 class BatchTables:
     """Keeps the tables of batches on the dashboard up to date."""
 
-    def __init__(self) -> None:
+    def __init__(self, client: "SyncPrefectClient") -> None:
+        self._client = client
         self._shown: dict[tuple[str, str], float] = {}
 
     def update(self, files: ServerFiles) -> None:
         """Show the batches that have changed since they were shown last."""
-        from prefect import get_client
-
         from humanmm.flows.dashboard import show_batch
 
         for place in known_stores(files):
             ledger = open_ledger(place)
             for name, changed in ledger.last_changes().items():
                 if self._shown.get((place, name)) != changed:
-                    with get_client(sync_client=True) as client:
-                        show_batch(client, name, ledger.rows(name))
+                    show_batch(self._client, name, ledger.rows(name))
                     self._shown[place, name] = changed
 
 

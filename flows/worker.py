@@ -5,9 +5,9 @@ told first, and have time to note that they are to be resumed: Prefect's worker,
 Beside it runs a template of the processes of its videos (`humanmm.flows.template`).
 """
 
+import asyncio
 import contextlib
 import os
-import runpy
 import signal
 import subprocess
 import sys
@@ -31,8 +31,9 @@ def main(pool: str, limit: str, name: str) -> None:
     threading.Thread(target=_leave_at_end_of_input, daemon=True).start()
     os.environ[TEMPLATE] = f"humanmm-{uuid.uuid4().hex}"  # Prefect passes our environment on to the videos
     threading.Thread(target=_keep_template, daemon=True).start()
-    sys.argv = ["prefect", "worker", "start", "--type", "process", "--pool", pool, "--limit", limit, "--name", name]
-    runpy.run_module("prefect", run_name="__main__")
+    from humanmm.flows import video_worker  # imports Prefect, which the template has been told to do meanwhile
+
+    asyncio.run(video_worker.work(pool, int(limit), name))
 
 
 def _leave_at_end_of_input() -> None:

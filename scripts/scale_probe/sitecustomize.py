@@ -14,9 +14,11 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+ZARR = "zarr_io"
+"""zarr's own thread, and by inheritance those that it starts, do the same for all results whoever was first to ask."""
 _SCIENCE = threading.local()
 _LOCK = threading.Lock()
-_SECONDS = dict.fromkeys(("start", "imports", "stages", "folder"), 0.0)
+_SECONDS = dict.fromkeys(("start", "imports", "stages", "store", "folder"), 0.0)
 _ENDED = {True: 0.0, False: 0.0}
 """Processor seconds of Python threads that have ended: of those that stages started, and of all others."""
 
@@ -39,11 +41,11 @@ def _counted(what: str, function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _watch_threads() -> None:
-    """Tell threads that a stage starts from those of Prefect and of the engine."""
+    """Tell threads that a stage starts, and those in which zarr packs results, from those of Prefect and the engine."""
     start, run = threading.Thread.start, threading.Thread._bootstrap_inner  # type: ignore[attr-defined]
 
     def starting(self: Any) -> None:
-        self.of_science = getattr(_SCIENCE, "now", False)
+        self.of_science = getattr(_SCIENCE, "now", False) or self.name.startswith(ZARR)
         start(self)
 
     def running(self: Any) -> None:
@@ -59,11 +61,13 @@ def _watch_threads() -> None:
 
 
 def _watch_video() -> None:
+    from humanmm.storage import store
     from humanmm.tasks import engine, finish, imports
 
     function = imports.Imports.function
     engine.Imports.function = lambda self, stage: _counted("stages", function(self, stage))  # type: ignore[method-assign]
     engine.Imports.prepare = _counted("imports", engine.Imports.prepare)  # type: ignore[method-assign]
+    store.Store.commit = _counted("store", store.Store.commit)  # type: ignore[method-assign]
     finish.write_results = _counted("folder", finish.write_results)
     opened = engine.VideoRun.__init__
 
@@ -88,7 +92,7 @@ def _write() -> None:
         return
     alive = [thread for thread in threading.enumerate() if thread.ident and not getattr(thread, "of_science", False)]
     ours = sum(time.clock_gettime(time.pthread_getcpuclockid(thread.ident or 0)) for thread in alive) + _ENDED[False]
-    spent = {name: _SECONDS[name] for name in ("start", "imports", "folder")}
+    spent = {name: _SECONDS[name] for name in ("start", "imports", "store", "folder")}
     engine = ours - sum(_SECONDS.values())
     total = time.process_time()
     line = {**spent, "engine": engine, "science": total - engine - sum(spent.values()), "total": total}
