@@ -1,37 +1,25 @@
 """Many videos: one Prefect flow run per video, each in a process of its own, so that a crash or a leak ends with it.
 
 `recover_video` is `recover` with an account in the ledger of the store: what became of a video stands there, whatever
-happens to Prefect's database. `recover_batch` writes a batch down and schedules its videos; the command line, the
-dashboard and a schedule all come through here.
+happens to Prefect's database. `recover_batch` writes a batch down and schedules its videos, for the dashboard and for
+schedules.
 """
 
-import asyncio
-import functools
-import json
 import logging
-from collections.abc import Coroutine, Mapping, Sequence
-from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 from uuid import UUID
 
-import httpx
 from prefect import flow, get_client
-from prefect.client.orchestration import PrefectClient
-from prefect.client.schemas.actions import DeploymentScheduleCreate
 from prefect.client.schemas.objects import State
-from prefect.client.schemas.schedules import CronSchedule
-from prefect.exceptions import ObjectNotFound
 from prefect.runtime import flow_run
-from prefect.states import Cancelled, Completed, Failed, Scheduled
+from prefect.states import Cancelled, Completed, Failed
 
 from humanmm.config import Config
-from humanmm.errors import HumanMMError, InputError
-from humanmm.flows.known_stores import note_store
-from humanmm.flows.local_server import server_files
+from humanmm.errors import HumanMMError
+from humanmm.flows.flow_runs import schedule
 from humanmm.flows.recover import DEFAULTS, EVERYTHING, opened, recover
 from humanmm.logs import kept_text, to_standard_error, wants_json
-from humanmm.storage.batch_ledger import BatchLedger, VideoRow
 from humanmm.storage.batch_manifest import read_batch
 from humanmm.storage.opening import open_ledger
 from humanmm.storage.store import default_store
@@ -42,15 +30,9 @@ from humanmm.tasks.selection import Selection
 from humanmm.tasks.watch import is_quiet
 
 log = logging.getLogger(__name__)
-T = TypeVar("T")
 
-POOL = "humanmm"
-DEPLOYMENT = "recover-video/recover-video"
-BATCH_DEPLOYMENT = "recover-batch/recover-batch"
 STOP_ASKS_S = 5.0
 """How long one who is told to stop asks why: it is killed soon."""
-AT_A_TIME = 2
-"""Requests to Prefect's server that are under way at the same time: on SQLite more only wait for each other."""
 
 
 def _video_name() -> str:
@@ -153,127 +135,3 @@ def recover_batch(
     told = f"{submission.name}: {len(submission.to_schedule)} scheduled, {submission.finished} finished"
     told += f", {submission.failed} failed before" if submission.failed else ""
     return Completed(message=told + (f", {growing} still being written" if growing else ""))
-
-
-# ---- between the ledger and Prefect
-
-
-def schedule(ledger: BatchLedger, rows: Sequence[VideoRow]) -> None:
-    """A flow run per video. A run that Prefect knows already, by batch, video and attempt, is not made again.
-
-    A video whose process was lost waits a little, the longer the more often it was lost. What a busy server refuses
-    stays in the ledger, and `humanmm serve` asks for it again at its next look.
-    """
-    note_store(server_files(), ledger.store.place)
-    refused: list[Exception] = []
-
-    async def schedule_all() -> None:
-        async with get_client() as client:
-            deployment = await client.read_deployment_by_name(DEPLOYMENT)
-
-            async def one(row: VideoRow) -> None:
-                now = ledger.row(row.batch, row.video)
-                if now is None or (now.attempt, now.flow_run) != (row.attempt, row.flow_run):
-                    return  # `humanmm serve` and who submits see the same videos waiting: the other was quicker
-                try:
-                    made = await client.create_flow_run_from_deployment(
-                        deployment.id,
-                        parameters=_parameters(row, ledger),
-                        name=Path(row.video).name[:100],
-                        tags=[f"batch:{row.batch}", *json.loads(row.tags)],
-                        idempotency_key=f"{ledger.store.place}:{row.lock_key}:{row.attempt}",
-                        work_queue_name=queue_of(row.priority),
-                        state=Scheduled(scheduled_time=datetime.now(UTC) + timedelta(seconds=_pause_s(row))),
-                    )
-                except httpx.HTTPError as error:
-                    refused.append(error)
-                    return
-                note = functools.partial(ledger.change, row, only_from=("scheduled",), flow_run=str(made.id))
-                await asyncio.to_thread(note)
-
-            await _some_at_a_time([one(row) for row in rows])
-
-    asyncio.run(schedule_all())
-    if refused:
-        log.warning("%d videos wait until the Prefect server answers again (%s)", len(refused), in_words(refused[0]))
-
-
-def set_schedule(name: str, cron: str | None, timezone: str, parameters: Mapping[str, Any]) -> datetime | None:
-    """Have `recover_batch` run at the times of a cron line, in place of what `name` had before; None ends it.
-
-    Returns when it is next. InputError for a line that is none.
-    """
-    from prefect.server.schemas import schedules as server_schedules  # slow to import, and seldom needed
-
-    schedule = None
-    if cron is not None:
-        try:
-            schedule = CronSchedule(cron=cron, timezone=timezone)
-        except ValueError:
-            raise InputError(f"--schedule {cron!r} is no cron line such as '0 2 * * *' (in {timezone})") from None
-
-    async def set_it() -> datetime | None:
-        async with get_client() as client:
-            deployment = await client.read_deployment_by_name(BATCH_DEPLOYMENT)
-            for old in deployment.schedules:
-                if old.slug == name:
-                    await client.delete_deployment_schedule(deployment.id, old.id)
-            if schedule is None:
-                return None
-            timed = DeploymentScheduleCreate(schedule=schedule, parameters={**parameters, "name": name}, slug=name)
-            await client.create_deployment_schedules(deployment.id, [timed])
-        return (await server_schedules.CronSchedule(cron=schedule.cron, timezone=timezone).get_dates(1))[0]
-
-    return asyncio.run(set_it())
-
-
-def cancel(ledger: BatchLedger, rows: Sequence[VideoRow]) -> None:
-    """Tell Prefect that these flow runs are over."""
-    set_states([row.flow_run for row in rows if row.flow_run], Cancelled(message="humanmm batch cancel"))
-
-
-def set_states(flow_runs: Sequence[str], state: State[Any]) -> None:
-    """Set the state of flow runs; those that Prefect does not know are left out."""
-
-    async def set_all() -> None:
-        async with get_client() as client:
-            await _some_at_a_time([_set_state(client, UUID(run), state) for run in flow_runs])
-
-    asyncio.run(set_all())
-
-
-async def _set_state(client: PrefectClient, run: UUID, state: State[Any]) -> None:
-    try:
-        await client.set_flow_run_state(run, state, force=True)
-    except ObjectNotFound:
-        log.info("Prefect does not know the flow run %s", run)
-
-
-def _pause_s(row: VideoRow) -> float:
-    return 10.0 * 4 ** (row.losses - 1) if row.losses else 0.0
-
-
-def queue_of(priority: str) -> str:
-    """Name of the work queue for a priority; `default` is the one that every work pool has."""
-    return "default" if priority == "normal" else priority
-
-
-def _parameters(row: VideoRow, ledger: BatchLedger) -> dict[str, Any]:
-    return {
-        "video": row.video,
-        "out": row.run_dir,
-        "config": json.loads(row.config),
-        "store": ledger.store.place,
-        "batch": row.batch,
-        "attempt": row.attempt,
-    }
-
-
-async def _some_at_a_time(requests: Sequence[Coroutine[Any, Any, T]]) -> None:
-    gate = asyncio.Semaphore(AT_A_TIME)
-
-    async def gated(request: Coroutine[Any, Any, T]) -> None:
-        async with gate:
-            await request
-
-    await asyncio.gather(*(gated(request) for request in requests))

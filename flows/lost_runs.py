@@ -123,7 +123,7 @@ def _some_runs(
     )
     from prefect.client.schemas.sorting import FlowRunSort
 
-    from humanmm.flows.batch import POOL
+    from humanmm.flows.flow_runs import POOL
 
     return client.read_flow_runs(
         flow_run_filter=FlowRunFilter(state=FlowRunFilterState(type=FlowRunFilterStateType(any_=list(states)))),
@@ -136,7 +136,7 @@ def _some_runs(
 
 def resume_lost_videos(files: ServerFiles) -> int:
     """Schedule what waits although Prefect was not told: videos whose process was lost or stopped; returns how many."""
-    from humanmm.flows.batch import schedule
+    from humanmm.flows.flow_runs import schedule
 
     count = 0
     for place in known_stores(files):

@@ -97,7 +97,7 @@ def has_workers_elsewhere() -> bool:
         return False
     from prefect import get_client
 
-    from humanmm.flows.batch import POOL
+    from humanmm.flows.flow_runs import POOL
 
     with get_client(sync_client=True) as client:
         pools = [pool.name for pool in client.read_work_pools()]
@@ -153,7 +153,7 @@ class Worker:
         self._died: list[int] = []
 
     def start(self) -> None:
-        from humanmm.flows.batch import POOL
+        from humanmm.flows.flow_runs import POOL
 
         name = f"{os.uname().nodename}-{os.getpid()}"
         command = [sys.executable, "-m", "humanmm.flows.worker", POOL, str(self._limit), name]
@@ -198,7 +198,8 @@ async def _deploy(limit: int, folder: Path) -> None:
     from prefect.types.entrypoint import EntrypointType
     from prefect.workers.process import ProcessWorker
 
-    from humanmm.flows.batch import POOL, recover_batch, recover_video
+    from humanmm.flows.batch import recover_batch, recover_video
+    from humanmm.flows.flow_runs import POOL
     from humanmm.flows.gpu import declare_gpus
     from humanmm.flows.maintain import maintain
 

@@ -16,8 +16,7 @@ import httpx
 import pytest
 from prefect.exceptions import PrefectHTTPStatusError
 
-from humanmm.flows import batch as batch_flows
-from humanmm.flows import local_server, lost_runs
+from humanmm.flows import flow_runs, local_server, lost_runs
 from humanmm.flows.alive import Alive, lost
 from humanmm.flows.known_stores import known_stores, note_store
 from humanmm.flows.local_server import ServerFiles
@@ -121,21 +120,25 @@ class _BusyServer:
         self._taken = taken
         self.asked: list[str] = []
 
-    async def __aenter__(self) -> "_BusyServer":
+    def __enter__(self) -> "_BusyServer":
         return self
 
-    async def __aexit__(self, *error: object) -> None:
+    def __exit__(self, *error: object) -> None:
         pass
 
-    async def read_deployment_by_name(self, name: str) -> Any:
+    def read_deployment_by_name(self, name: str) -> Any:
         return SimpleNamespace(id=name)
 
-    async def create_flow_run_from_deployment(self, deployment: str, *, name: str, **asked: Any) -> Any:
-        self.asked.append(name)
-        if name in self._taken:
-            return SimpleNamespace(id=f"run of {name}")
-        request = httpx.Request("POST", "http://127.0.0.1/api")
-        raise PrefectHTTPStatusError("503", request=request, response=httpx.Response(503, request=request))
+    def request(self, method: str, path: str, *, json: list[dict[str, Any]], **place: Any) -> Any:
+        names = [one["name"] for one in json]
+        self.asked += names
+        if not self._taken:
+            request = httpx.Request("POST", "http://127.0.0.1/api")
+            raise PrefectHTTPStatusError("503", request=request, response=httpx.Response(503, request=request))
+        refused = {"status": "FAILED", "error": "no"}
+        made = [{"status": "CREATED", "flow_run_id": f"run of {name}"} for name in names]
+        found = [one if name in self._taken else refused for name, one in zip(names, made, strict=True)]
+        return SimpleNamespace(json=lambda: {"results": found})
 
 
 def test_videos_that_a_busy_server_does_not_take_wait_in_the_ledger(
@@ -145,12 +148,18 @@ def test_videos_that_a_busy_server_does_not_take_wait_in_the_ledger(
     ledger = open_ledger(toy.store)
     rows = [VideoRow("b", f"{name}.mp4", 0, f"/runs/{name}", "{}", "normal", "[]", "", "") for name in "ab"]
     ledger.put("b", "/films", rows)
-    monkeypatch.setattr(batch_flows, "get_client", lambda: _BusyServer({"a.mp4"}))
-    batch_flows.schedule(ledger, rows)
+    monkeypatch.setattr(flow_runs, "ASK_AFTER_S", (0.0, 0.0))
+    monkeypatch.setattr(flow_runs, "get_client", lambda **kind: _BusyServer(set()))
+    flow_runs.schedule(ledger, rows)
+    assert len(ledger.unscheduled()) == 2, "the server does not answer"
+    server = _BusyServer({"a.mp4"})
+    monkeypatch.setattr(flow_runs, "get_client", lambda **kind: server)
+    flow_runs.schedule(ledger, rows)
+    assert server.asked == ["a.mp4", "b.mp4", "b.mp4"], "it is asked again for what it refused"
     assert [row.video for row in ledger.unscheduled()] == ["b.mp4"], "`humanmm serve` schedules it at its next look"
     server = _BusyServer({"a.mp4", "b.mp4"})
-    monkeypatch.setattr(batch_flows, "get_client", lambda: server)
-    batch_flows.schedule(ledger, rows)
+    monkeypatch.setattr(flow_runs, "get_client", lambda **kind: server)
+    flow_runs.schedule(ledger, rows)
     assert server.asked == ["b.mp4"], "nobody asks for what somebody has asked for meanwhile"
 
 
@@ -178,6 +187,8 @@ def test_a_server_that_is_slow_to_answer_is_waited_for_and_ended_if_it_never_doe
     monkeypatch.setattr(local_server, "_start_process", lambda files: pytest.fail("a second server beside the first"))
     monkeypatch.setattr(local_server, "running_server", lambda files: asked.append("?") or (asked[3:] and "here"))
     with subprocess.Popen(["sh", "-c", "sleep 60; true", str(tmp_path)]) as slow:
+        while not Path(f"/proc/{slow.pid}/cmdline").read_bytes():  # for an instant after it was begun
+            time.sleep(0.001)
         files.state.write_text(json.dumps({"pid": slow.pid}))
         assert local_server._start(files) == "here"
         assert slow.poll() is None

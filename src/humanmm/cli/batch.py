@@ -162,7 +162,7 @@ def cancel(options: argparse.Namespace) -> int:
 
     if cancelled and (os.environ.get("PREFECT_API_URL") or running_server(server_files())):
         with prefect_server():
-            from humanmm.flows.batch import cancel as cancel_flow_runs
+            from humanmm.flows.flow_runs import cancel as cancel_flow_runs
 
             cancel_flow_runs(ledger, [ledger.row(name, row.video) or row for row in cancelled])
     told = f"{len(cancelled)} videos cancelled, {len(running)} of them were running"
@@ -231,7 +231,7 @@ def _set_schedule(ledger: BatchLedger, name: str, config: Config, options: argpa
     }  # fmt: skip
     bring_up(limit=options.limit, idle_s=IDLE_S)
     with prefect_server():
-        from humanmm.flows.batch import set_schedule
+        from humanmm.flows.flow_runs import set_schedule
 
         following = set_schedule(name, cron, _timezone(), parameters)
     if following is None:
@@ -273,7 +273,7 @@ def _schedule(ledger: BatchLedger, rows: Sequence[VideoRow], limit: int | None) 
 
     bring_up(limit=limit, idle_s=IDLE_S)
     with prefect_server():
-        from humanmm.flows.batch import schedule
+        from humanmm.flows.flow_runs import schedule
 
         schedule(ledger, rows)
 
