@@ -70,11 +70,10 @@ def crash_lost(home: Path, host: str, port: int) -> int:
         for task in _tasks_at_work(host, port, {"id": {"any_": [flow_run]}}):
             _set_state(host, port, f"task_runs/{task}", "CRASHED", LOST)
         count += 1
-    _end_lost_tasks(host, port)
     return count
 
 
-def _end_lost_tasks(host: str, port: int) -> None:
+def end_lost_tasks(host: str, port: int) -> None:
     """End the tasks of flow runs that have ended.
 
     A task tells its states in passing, without waiting for an answer: what was under way when its process or the server

@@ -11,6 +11,7 @@ import contextlib
 import fcntl
 import http.client
 import importlib.metadata
+import itertools
 import json
 import logging
 import os
@@ -23,7 +24,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from humanmm.flows.alive import crash_lost
+from humanmm.flows.alive import crash_lost, end_lost_tasks
 from humanmm.storage.store import cache_folder
 
 log = logging.getLogger(__name__)
@@ -144,6 +145,7 @@ def _private_environment(files: ServerFiles) -> None:
     for name in ("PREFECT_PROFILE", "PREFECT_API_KEY", "PREFECT_API_DATABASE_CONNECTION_URL"):
         os.environ.pop(name, None)
     os.environ["PREFECT_HOME"] = str(files.home)
+    os.environ["PREFECT_CLIENT_CSRF_SUPPORT_ENABLED"] = "false"  # our server asks for no token: each client asked first
     os.environ["PREFECT_PROFILES_PATH"] = str(files.home / "profiles.toml")
 
 
@@ -311,13 +313,15 @@ def serve(files: ServerFiles) -> None:
 def _leave_when_idle(server: object, files: ServerFiles, port: int, idle_s: float) -> None:
     """Stop the server once nobody holds `users` and nobody has for `idle_s`, or once its folder is gone.
 
-    Meanwhile end the flow runs whose process is lost.
+    Meanwhile end the flow runs whose process is lost and, four times as seldom, tasks whose end was never told.
     """
     started = time.time()
-    while True:
+    for look in itertools.count(1):
         time.sleep(min(15.0, max(0.2, idle_s / 4)))
         with contextlib.suppress(OSError, http.client.HTTPException, ValueError):  # not up yet: the next look will tell
             crash_lost(files.home, HOST, port)
+            if look % 4 == 0:
+                end_lost_tasks(HOST, port)
         try:
             users = files.users.open("a+")
         except OSError:
