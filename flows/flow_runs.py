@@ -3,21 +3,19 @@
 import asyncio
 import json
 import logging
-import time
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 from uuid import UUID
 
 import httpx
 from prefect import get_client
-from prefect.client.orchestration import SyncPrefectClient
-from prefect.client.schemas.actions import DeploymentFlowRunCreate, DeploymentScheduleCreate
+from prefect.client.schemas.actions import DeploymentScheduleCreate
 from prefect.client.schemas.objects import State
 from prefect.client.schemas.schedules import CronSchedule
 from prefect.exceptions import ObjectNotFound
-from prefect.states import Cancelled, Scheduled, to_state_create
+from prefect.states import Cancelled, Scheduled
 
 from humanmm.errors import InputError
 from humanmm.flows.known_stores import note_store
@@ -30,10 +28,6 @@ log = logging.getLogger(__name__)
 POOL = "humanmm"
 DEPLOYMENT = "recover-video/recover-video"
 BATCH_DEPLOYMENT = "recover-batch/recover-batch"
-AT_ONCE = 25
-"""Flow runs that are made by one request: in one transaction, in which nobody else can write on SQLite."""
-ASK_AFTER_S = (0.0, 0.5, 2.0)
-"""A server that refuses is asked again after so long."""
 
 
 def schedule(ledger: BatchLedger, rows: Sequence[VideoRow]) -> None:
@@ -43,64 +37,34 @@ def schedule(ledger: BatchLedger, rows: Sequence[VideoRow]) -> None:
     stays in the ledger, and `humanmm serve` asks for it again at its next look.
     """
     note_store(server_files(), ledger.store.place)
+    refused: list[str] = []
     with get_client(sync_client=True) as client:
         deployment = client.read_deployment_by_name(DEPLOYMENT)
-        left, reason = list(rows), ""
-        for pause_s in ASK_AFTER_S:
-            time.sleep(pause_s)
-            left, reason = _ask_for(client, deployment.id, left, ledger)
-            if not left:
-                return
-    log.warning("%d videos wait until the Prefect server answers again (%s)", len(left), reason)
-
-
-def _ask_for(
-    client: SyncPrefectClient, deployment: UUID, rows: Sequence[VideoRow], ledger: BatchLedger
-) -> tuple[list[VideoRow], str]:
-    """Have flow runs made; the videos that were refused, and why the last one was."""
-    refused, reason = [], ""
-    for first in range(0, len(rows), AT_ONCE):
-        waiting = [row for row in rows[first : first + AT_ONCE] if _waits(row, ledger)]
-        try:
-            answers = _make_flow_runs(client, deployment, [_flow_run(row, ledger) for row in waiting])
-        except httpx.HTTPError as error:
-            refused += waiting
-            reason = in_words(error)
-            continue
-        for row, answer in zip(waiting, answers, strict=True):
-            if answer["status"] == "CREATED":
-                ledger.change(row, only_from=("scheduled",), flow_run=answer["flow_run_id"])
-            else:  # such as SQLite's "database is locked": another request was quicker to write
-                refused.append(row)
-                reason = str(answer["error"]).splitlines()[0]
-    return refused, reason
+        for row in rows:
+            if not _waits(row, ledger):
+                continue
+            try:
+                made = client.create_flow_run_from_deployment(
+                    deployment.id,
+                    parameters=_parameters(row, ledger),
+                    name=Path(row.video).name[:100],
+                    tags=[f"batch:{row.batch}", *json.loads(row.tags)],
+                    idempotency_key=f"{ledger.store.place}:{row.lock_key}:{row.attempt}",
+                    work_queue_name=queue_of(row.priority),
+                    state=Scheduled(scheduled_time=datetime.now(UTC) + timedelta(seconds=_pause_s(row))),
+                )
+            except httpx.HTTPError as error:
+                refused.append(in_words(error))
+            else:
+                ledger.change(row, only_from=("scheduled",), flow_run=str(made.id))
+    if refused:
+        log.warning("%d videos wait until the Prefect server answers again (%s)", len(refused), refused[0])
 
 
 def _waits(row: VideoRow, ledger: BatchLedger) -> bool:
     """Whether nobody has asked for it meanwhile: `humanmm serve` and who submits see the same videos waiting."""
     now = ledger.row(row.batch, row.video)
     return now is not None and (now.attempt, now.flow_run) == (row.attempt, row.flow_run)
-
-
-def _flow_run(row: VideoRow, ledger: BatchLedger) -> DeploymentFlowRunCreate:
-    return DeploymentFlowRunCreate(
-        parameters=_parameters(row, ledger),
-        name=Path(row.video).name[:100],
-        tags=[f"batch:{row.batch}", *json.loads(row.tags)],
-        idempotency_key=f"{ledger.store.place}:{row.lock_key}:{row.attempt}",
-        work_queue_name=queue_of(row.priority),
-        state=to_state_create(Scheduled(scheduled_time=datetime.now(UTC) + timedelta(seconds=_pause_s(row)))),
-    )
-
-
-def _make_flow_runs(
-    client: SyncPrefectClient, deployment: UUID, asked: Sequence[DeploymentFlowRunCreate]
-) -> list[dict[str, Any]]:
-    """What the server says of each; the client has no method for several at once, which cost a fifth of single ones."""
-    path = cast(Any, "/deployments/{id}/create_flow_run/bulk")
-    body = [one.model_dump(mode="json", exclude_unset=True) for one in asked]
-    answer = client.request("POST", path, path_params={"id": deployment}, json=body)
-    return list(answer.json()["results"])
 
 
 def set_schedule(name: str, cron: str | None, timezone: str, parameters: Mapping[str, Any]) -> datetime | None:

@@ -57,6 +57,14 @@ itself every 5 to 15 seconds (pauses, workers, new schedules, automations), it l
 costs while it has nothing to do."""
 
 
+CLIENT_SETTINGS = {
+    "PREFECT_API_REQUEST_TIMEOUT": str(int(SLOW_LIMIT_S) + 30),
+    "PREFECT_CLIENT_CSRF_SUPPORT_ENABLED": "false",
+}
+"""Of whoever asks our server. To wait for an answer longer than until another server takes the place of this one: what
+Prefect gives up to tell, such as the states of tasks, is lost. Not to ask for a token first: ours gives none."""
+
+
 @dataclass(frozen=True)
 class ServerFiles:
     """Everything the server leaves on disk, in one folder per Prefect version (each has its own database schema)."""
@@ -145,8 +153,8 @@ def _private_environment(files: ServerFiles) -> None:
     for name in ("PREFECT_PROFILE", "PREFECT_API_KEY", "PREFECT_API_DATABASE_CONNECTION_URL"):
         os.environ.pop(name, None)
     os.environ["PREFECT_HOME"] = str(files.home)
-    os.environ["PREFECT_CLIENT_CSRF_SUPPORT_ENABLED"] = "false"  # our server asks for no token: each client asked first
     os.environ["PREFECT_PROFILES_PATH"] = str(files.home / "profiles.toml")
+    os.environ.update(CLIENT_SETTINGS)
 
 
 def running_server(files: ServerFiles) -> str | None:

@@ -23,7 +23,6 @@ from uuid import UUID
 from humanmm.errors import InputError, StoreError
 from humanmm.flows.known_stores import known_stores
 from humanmm.flows.local_server import (
-    SLOW_LIMIT_S,
     ServerFiles,
     ensure_server,
     prefect_server,
@@ -44,13 +43,8 @@ LOOK_EVERY_S = 10.0
 LOST_AFTER_S = 30.0
 """A flow run that is running in Prefect's eyes for longer than this without a process is lost."""
 START_LIMIT_S = 240.0
-WORKER_SETTINGS = {
-    "PREFECT_WORKER_QUERY_SECONDS": "2",
-    "PREFECT_FLOWS_HEARTBEAT_FREQUENCY": "30",
-    "PREFECT_API_REQUEST_TIMEOUT": str(int(SLOW_LIMIT_S) + 30),
-}
-"""Of the worker and its videos. They wait longer for an answer than we do for the server before another takes its
-place: what Prefect gives up to tell, such as the states of tasks, is lost."""
+WORKER_SETTINGS = {"PREFECT_WORKER_QUERY_SECONDS": "2", "PREFECT_FLOWS_HEARTBEAT_FREQUENCY": "30"}
+"""Of the worker and its videos."""
 READY = "serving"
 """A file that is there while `humanmm serve` takes flow runs."""
 STOP_LIMIT_S = 10.0
