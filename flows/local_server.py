@@ -20,9 +20,10 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Awaitable, Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from humanmm.flows.alive import crash_lost, end_lost_tasks
 from humanmm.storage.store import cache_folder
@@ -38,6 +39,7 @@ SLOW_LIMIT_S = 90.0
 START_PAUSE_S = 2.0
 """Before another server is started in place of one that has ended before it answered."""
 HOST = "127.0.0.1"
+RETRY_AFTER_S = b"0.5"
 OWN_SETTINGS = {
     "PREFECT_SERVER_SERVICES_TASK_RUN_RECORDER_BATCH_SIZE": "100",
     "PREFECT_SERVER_SERVICES_TASK_RUN_RECORDER_READ_BATCH_SIZE": "100",
@@ -310,12 +312,31 @@ def serve(files: ServerFiles) -> None:
     import uvicorn
     from prefect.server.api.server import create_app
 
-    server = uvicorn.Server(uvicorn.Config(create_app(), log_level="warning", timeout_graceful_shutdown=5))
+    app = _asked_again_soon(create_app())
+    server = uvicorn.Server(uvicorn.Config(app, log_level="warning", timeout_graceful_shutdown=5))
     state = {"url": f"http://{HOST}:{port}/api", "port": port, "pid": os.getpid(), "started": time.time()}
     _replace(files.state, json.dumps(state))
     watcher = threading.Thread(target=_leave_when_idle, args=(server, files, port, idle_s), daemon=True)
     watcher.start()
     server.run(sockets=[listener])
+
+
+def _asked_again_soon(app: Callable[..., Awaitable[None]]) -> Callable[..., Awaitable[None]]:
+    """The same server, telling whoever was refused when to ask again.
+
+    SQLite refuses one of two requests that write at the same time; Prefect answers 503, and its client asks again after
+    2, 4, 8, 16 and 32 s: a minute in which a worker, a video or `batch submit` stands still.
+    """
+
+    async def answer(scope: Any, receive: Any, send: Callable[[Any], Awaitable[None]]) -> None:
+        async def tell(message: Any) -> None:
+            if message["type"] == "http.response.start" and message["status"] == 503:
+                message = {**message, "headers": [*message["headers"], (b"retry-after", RETRY_AFTER_S)]}
+            await send(message)
+
+        await app(scope, receive, tell)
+
+    return answer
 
 
 def _leave_when_idle(server: object, files: ServerFiles, port: int, idle_s: float) -> None:
