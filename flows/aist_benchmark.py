@@ -8,28 +8,19 @@ from pathlib import Path
 from typing import Any
 
 from humanmm.config import Config
-from humanmm.flows.motion_benchmark import SETTINGS, planned_set
+from humanmm.flows.motion_benchmark import PlannedJob, planned_set
 from humanmm.models.benchmark.aist import AistSequence, build_aist
-from humanmm.models.benchmark.multishot import BenchVideo, VideoPlan, split_name
+from humanmm.models.benchmark.multishot import BenchVideo
 from humanmm.models.benchmark.statistics import SetStatistics
 from humanmm.storage.aist import read_aist
 from humanmm.storage.store import Store
 
 
 @dataclass(frozen=True)
-class AistJob:
+class AistJob(PlannedJob):
     """A video of ms-AIST."""
 
     sequence: AistSequence
-    plan: VideoPlan
-
-    @property
-    def name(self) -> str:
-        return self.plan.name
-
-    @property
-    def split(self) -> str:
-        return split_name(self.plan.num_transitions)
 
     @property
     def parameters(self) -> dict[str, Any]:
@@ -44,10 +35,6 @@ class AistJob:
     def stages(self) -> tuple[str, ...]:
         return ("humanmm.models.benchmark.aist",)
 
-    @property
-    def settings(self) -> tuple[str, ...]:
-        return SETTINGS
-
     def build(self, config: Config, store: Store) -> BenchVideo:
         """Made on the spot."""
         return build_aist(self.sequence, self.plan)
@@ -57,4 +44,4 @@ def aist_set(folder: Path, size: str) -> tuple[list[AistJob], SetStatistics]:
     """The videos of ms-AIST in one of its sizes, and the set in numbers."""
     sequences = read_aist(folder)
     plans, facts = planned_set(folder, sequences, size)
-    return [AistJob(sequences[plan.take], plan) for plan in plans], facts
+    return [AistJob(plan, sequences[plan.take]) for plan in plans], facts

@@ -94,10 +94,9 @@ class Job(Protocol):
 
 
 @dataclass(frozen=True)
-class MocapJob:
-    """A video of ms-Mocap."""
+class PlannedJob:
+    """A video that is made on the spot, as a plan says."""
 
-    take: MocapTake
     plan: VideoPlan
 
     @property
@@ -107,6 +106,17 @@ class MocapJob:
     @property
     def split(self) -> str:
         return split_name(self.plan.num_transitions)
+
+    @property
+    def settings(self) -> tuple[str, ...]:
+        return SETTINGS
+
+
+@dataclass(frozen=True)
+class MocapJob(PlannedJob):
+    """A video of ms-Mocap."""
+
+    take: MocapTake
 
     @property
     def parameters(self) -> dict[str, Any]:
@@ -125,10 +135,6 @@ class MocapJob:
     def stages(self) -> tuple[str, ...]:
         return ()
 
-    @property
-    def settings(self) -> tuple[str, ...]:
-        return SETTINGS
-
     def build(self, config: Config, store: Store) -> BenchVideo:
         """Made on the spot."""
         return build_video(self.take, self.plan)
@@ -138,7 +144,7 @@ def mocap_set(pack: Path, size: str) -> tuple[list[MocapJob], SetStatistics]:
     """The videos of ms-Mocap in one of its sizes, and the set in numbers."""
     takes = read_pack(pack)
     plans, facts = planned_set(pack, takes, size)
-    return [MocapJob(takes[plan.take], plan) for plan in plans], facts
+    return [MocapJob(plan, takes[plan.take]) for plan in plans], facts
 
 
 def planned_set(source: Path, takes: Sequence[Filmed], size: str) -> tuple[tuple[VideoPlan, ...], SetStatistics]:
