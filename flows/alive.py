@@ -58,9 +58,8 @@ def lost(home: Path) -> Iterator[str]:
             path.unlink(missing_ok=True)
 
 
-def crash_lost(home: Path, host: str, port: int) -> int:
-    """Set what is lost to `Crashed` on our server, tasks included; returns how many flow runs."""
-    count = 0
+def crash_lost(home: Path, host: str, port: int) -> None:
+    """Set what is lost to `Crashed` on our server, tasks included."""
     for flow_run in lost(home):
         found = _ask(host, port, "GET", f"/api/flow_runs/{flow_run}")
         if found is None or found.get("state_type") in FINAL:
@@ -69,8 +68,6 @@ def crash_lost(home: Path, host: str, port: int) -> int:
         _set_state(host, port, f"flow_runs/{flow_run}", "CRASHED", LOST)
         for task in _tasks_at_work(host, port, {"id": {"any_": [flow_run]}}):
             _set_state(host, port, f"task_runs/{task}", "CRASHED", LOST)
-        count += 1
-    return count
 
 
 def end_lost_tasks(host: str, port: int) -> None:

@@ -43,8 +43,6 @@ LOOK_EVERY_S = 10.0
 LOST_AFTER_S = 30.0
 """A flow run that is running in Prefect's eyes for longer than this without a process is lost."""
 START_LIMIT_S = 240.0
-WORKER_SETTINGS = {"PREFECT_WORKER_QUERY_SECONDS": "2", "PREFECT_FLOWS_HEARTBEAT_FREQUENCY": "30"}
-"""Of the worker and its videos."""
 READY = "serving"
 """A file that is there while `humanmm serve` takes flow runs."""
 STOP_LIMIT_S = 10.0
@@ -153,9 +151,8 @@ class Worker:
         command = [sys.executable, "-m", "humanmm.flows.worker", POOL, str(self._limit), name]
         with self._log.open("ab") as output:
             self._process = subprocess.Popen(
-                command, stdin=subprocess.PIPE, stdout=output, stderr=output, start_new_session=True,
-                env={**os.environ, **WORKER_SETTINGS},
-            )  # fmt: skip
+                command, stdin=subprocess.PIPE, stdout=output, stderr=output, start_new_session=True
+            )
 
     def keep_up(self) -> None:
         """Start it again if it has died. Its videos go on without it."""

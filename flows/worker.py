@@ -19,6 +19,8 @@ from types import FrameType
 
 from humanmm.flows.video_process import TEMPLATE
 
+SETTINGS = {"PREFECT_WORKER_QUERY_SECONDS": "2", "PREFECT_FLOWS_HEARTBEAT_FREQUENCY": "30"}
+"""Of the worker and its videos, in place of Prefect's."""
 STOP_LIMIT_S = 20.0
 """How long videos may take to stop before they are killed."""
 PAUSE_S = 2.0
@@ -29,7 +31,8 @@ def main(pool: str, limit: str, name: str) -> None:
     """Work until told to stop or until standard input ends."""
     signal.signal(signal.SIGUSR1, _leave)
     threading.Thread(target=_leave_at_end_of_input, daemon=True).start()
-    os.environ[TEMPLATE] = f"humanmm-{uuid.uuid4().hex}"  # Prefect passes our environment on to the videos
+    # Prefect passes our environment on to the videos
+    os.environ.update(SETTINGS, **{TEMPLATE: f"humanmm-{uuid.uuid4().hex}"})
     threading.Thread(target=_keep_template, daemon=True).start()
     from humanmm.flows import video_worker  # imports Prefect, which the template has been told to do meanwhile
 

@@ -158,7 +158,7 @@ class Machine:
         """Of a second worker: it knows the server's address."""
         home = next((self.disk / "cache").glob("prefect-*"))
         url = f"http://127.0.0.1:{(home / 'port').read_text()}/api"
-        own = {"PREFECT_API_URL": url, "PREFECT_HOME": str(home), "PREFECT_WORKER_QUERY_SECONDS": "2"}
+        own = {"PREFECT_API_URL": url, "PREFECT_HOME": str(home)}
         return {**self.environment(), **own}
 
     def humanmm(self, *arguments: str, timeout_s: float = 600) -> subprocess.CompletedProcess[str]:
