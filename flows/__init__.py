@@ -1,1 +1,1 @@
-"""What runs, in order: Prefect flows over the stages of `humanmm.tasks`."""
+"""Prefect flows: what runs, in order, over the stages of `humanmm.tasks`."""

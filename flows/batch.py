@@ -17,17 +17,17 @@ from prefect.states import Cancelled, Completed, Failed
 
 from humanmm.config import Config
 from humanmm.errors import HumanMMError
-from humanmm.flows.flow_runs import schedule
 from humanmm.flows.recover import DEFAULTS, EVERYTHING, opened, recover
+from humanmm.flows.server.flow_runs import schedule
 from humanmm.logs import kept_text, to_standard_error, wants_json
-from humanmm.storage.batch_manifest import read_batch
-from humanmm.storage.opening import open_ledger
-from humanmm.storage.store import default_store
-from humanmm.tasks import batch as batches
-from humanmm.tasks.engine import VideoRun
-from humanmm.tasks.faults import in_words
-from humanmm.tasks.selection import Selection
-from humanmm.tasks.watch import is_quiet
+from humanmm.storage.batches.manifest import read_batch
+from humanmm.storage.store.open import open_ledger
+from humanmm.storage.store.store import default_store
+from humanmm.tasks.batches import batch as batches
+from humanmm.tasks.batches.watch import is_quiet
+from humanmm.tasks.engine.faults import in_words
+from humanmm.tasks.engine.run import VideoRun
+from humanmm.tasks.engine.selection import Selection
 
 log = logging.getLogger(__name__)
 

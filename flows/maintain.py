@@ -6,9 +6,9 @@ from typing import Any
 from prefect import flow
 from prefect.states import Completed, Failed
 
-from humanmm.storage import maintenance
-from humanmm.storage.opening import open_store
-from humanmm.storage.store import default_store
+from humanmm.storage.store import maintenance
+from humanmm.storage.store.open import open_store
+from humanmm.storage.store.store import default_store
 from humanmm.tasks import pipeline
 
 

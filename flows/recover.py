@@ -24,20 +24,20 @@ from prefect.task_runners import ThreadPoolTaskRunner
 
 from humanmm.config import Config
 from humanmm.errors import StoreError
-from humanmm.flows.alive import Alive, home_of_our_server
-from humanmm.flows.dashboard import ProgressBoard, show_video
 from humanmm.flows.gpu import gpu_slot
-from humanmm.storage.opening import open_store
-from humanmm.storage.store import default_store
-from humanmm.storage.video_identity import identify
-from humanmm.tasks.engine import Outcome, VideoRun
-from humanmm.tasks.faults import is_infrastructure_fault
-from humanmm.tasks.finish import default_run_dir, failures, fatal_error, has_result, remember, write_results
+from humanmm.flows.server.dashboard import ProgressBoard, show_video
+from humanmm.flows.server.liveness import Alive, home_of_our_server
+from humanmm.storage.store.identity import identify
+from humanmm.storage.store.open import open_store
+from humanmm.storage.store.store import default_store
+from humanmm.tasks.engine.faults import is_infrastructure_fault
+from humanmm.tasks.engine.finish import default_run_dir, failures, fatal_error, has_result, remember, write_results
+from humanmm.tasks.engine.run import Outcome, VideoRun
+from humanmm.tasks.engine.runners.runner import check_runner
+from humanmm.tasks.engine.selection import Selection
+from humanmm.tasks.engine.units import Work
 from humanmm.tasks.pipeline import Stage
 from humanmm.tasks.process import prepare_process
-from humanmm.tasks.selection import Selection
-from humanmm.tasks.work import Work
-from humanmm.tasks.workers import check_runner
 
 MAX_WAITING = 32
 """Tasks that may wait for their inputs at the same time, at least; how many compute is `run.threads`."""

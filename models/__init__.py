@@ -1,1 +1,1 @@
-"""The science: arrays in, arrays out. Knows nothing of Prefect, zarr or paths."""
+"""The science: pure functions, arrays in, arrays out. Knows nothing of Prefect, zarr or paths."""

@@ -1,1 +1,1 @@
-"""The content-addressed store, artifact schemas, the run folder, exporters and readers of truth files."""
+"""What is on a disk or in a bucket: the store, batches, run folders, readers of foreign files, report pages."""

@@ -1,1 +1,1 @@
-"""One file a stage: read inputs from the store, call one pure function of `humanmm.models`, return its result."""
+"""The stages, one file each: read inputs, call one pure function of `humanmm.models`, return its result."""

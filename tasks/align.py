@@ -1,12 +1,12 @@
 """Stage `align`: all shots in one world."""
 
-from humanmm.models.camera.observations import Intrinsics, ShotCamera
-from humanmm.models.camera.views import KeyViews
-from humanmm.models.motion.results import ShotMotion, WorldMotion
-from humanmm.models.motion.world import Footage, assemble
-from humanmm.models.perception.tracks import ScenePeople
-from humanmm.models.shots.boundaries import ShotList
-from humanmm.models.video.facts import VideoFacts
+from humanmm.models.camera.keyframes import KeyViews
+from humanmm.models.motion.world.align import Footage, assemble
+from humanmm.models.records.camera import Intrinsics, ShotCamera
+from humanmm.models.records.motion import ShotMotion, WorldMotion
+from humanmm.models.records.shots import ShotList
+from humanmm.models.records.tracks import ScenePeople
+from humanmm.models.records.video import VideoFacts
 from humanmm.tasks.inputs import StageInputs
 
 

@@ -3,9 +3,9 @@
 from humanmm.errors import StageError
 from humanmm.models.camera.estimate import estimate_camera
 from humanmm.models.camera.masking import without_transitions
-from humanmm.models.camera.observations import Intrinsics, PointTracks, ShotCamera
-from humanmm.models.camera.parts import within
-from humanmm.models.perception.tracks import ScenePeople
+from humanmm.models.camera.shot_points import within
+from humanmm.models.records.camera import Intrinsics, PointTracks, ShotCamera
+from humanmm.models.records.tracks import ScenePeople
 from humanmm.tasks.inputs import StageInputs
 
 

@@ -1,6 +1,6 @@
 """Stage `decode`: container facts and exact frame times; frames themselves are never stored."""
 
-from humanmm.models.video.facts import VideoFacts
+from humanmm.models.records.video import VideoFacts
 from humanmm.models.video.reading import read_facts
 from humanmm.tasks.inputs import StageInputs
 

@@ -1,14 +1,15 @@
 """Stage `deliver`: the recording as it is handed out, the overlay video and the top view."""
 
 from humanmm.models.body.body24 import load_body
-from humanmm.models.motion.recording import Delivery, Recording, assemble, world_joints
-from humanmm.models.motion.results import WorldMotion
-from humanmm.models.perception.tracks import ScenePeople
-from humanmm.models.pictures.overlay import marks_of
-from humanmm.models.pictures.top_view import top_view
-from humanmm.models.shots.boundaries import ShotList
-from humanmm.models.video.facts import VideoFacts
-from humanmm.storage.picture_files import write_png
+from humanmm.models.drawing.overlay import marks_of
+from humanmm.models.drawing.top_view import top_view
+from humanmm.models.motion.assemble import assemble, world_joints
+from humanmm.models.records.motion import WorldMotion
+from humanmm.models.records.recording import Delivery, Recording
+from humanmm.models.records.shots import ShotList
+from humanmm.models.records.tracks import ScenePeople
+from humanmm.models.records.video import VideoFacts
+from humanmm.storage.run_folder.picture_files import write_png
 from humanmm.tasks.inputs import StageInputs
 from humanmm.tasks.pictures import OVERLAY, TOP_VIEW, write_overlay
 

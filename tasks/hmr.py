@@ -1,12 +1,12 @@
 """Body pose, shape, orientation and position of everybody in one shot, in camera axes."""
 
 from humanmm.errors import StageError
-from humanmm.models.camera.observations import ShotCamera
-from humanmm.models.motion.hmr import NoiseModel, fit_shot
-from humanmm.models.motion.results import ShotMotion
-from humanmm.models.perception.tracks import ScenePeople
-from humanmm.models.shots.boundaries import ShotList
-from humanmm.models.video.facts import VideoFacts
+from humanmm.models.motion.fit.hmr import NoiseModel, fit_shot
+from humanmm.models.records.camera import ShotCamera
+from humanmm.models.records.motion import ShotMotion
+from humanmm.models.records.shots import ShotList
+from humanmm.models.records.tracks import ScenePeople
+from humanmm.models.records.video import VideoFacts
 from humanmm.tasks.inputs import StageInputs
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import BinaryIO, Protocol, TypeVar
 
 from humanmm.config import Config
-from humanmm.models.shots.boundaries import Shot
+from humanmm.models.records.shots import Shot
 
 T = TypeVar("T")
 

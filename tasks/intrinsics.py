@@ -2,11 +2,11 @@
 
 from humanmm.models.camera.intrinsics import ShotPoints, estimate_intrinsics, given_intrinsics
 from humanmm.models.camera.masking import without_transitions
-from humanmm.models.camera.observations import Intrinsics, PointTracks
-from humanmm.models.camera.parts import within
-from humanmm.models.perception.tracks import ScenePeople
-from humanmm.models.shots.boundaries import ShotList
-from humanmm.models.video.facts import VideoFacts
+from humanmm.models.camera.shot_points import within
+from humanmm.models.records.camera import Intrinsics, PointTracks
+from humanmm.models.records.shots import ShotList
+from humanmm.models.records.tracks import ScenePeople
+from humanmm.models.records.video import VideoFacts
 from humanmm.tasks.inputs import StageInputs
 
 

@@ -4,10 +4,10 @@ from collections.abc import Iterator
 
 from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.tracker import track_people
-from humanmm.models.perception.tracks import ScenePeople
-from humanmm.models.video.ahead import ahead
-from humanmm.models.video.facts import VideoFacts
+from humanmm.models.records.tracks import ScenePeople
+from humanmm.models.records.video import VideoFacts
 from humanmm.models.video.frames import PlanarFrame, planar_frames
+from humanmm.models.video.prefetch import ahead
 from humanmm.tasks.inputs import StageInputs
 
 

@@ -8,19 +8,19 @@ import numpy as np
 
 from humanmm.config import DeliverConfig
 from humanmm.errors import InputError
-from humanmm.models.motion.recording import Recording
-from humanmm.models.pictures.overlay import Mark, Overlay
-from humanmm.models.pictures.timeline import StageTime, timeline
-from humanmm.models.pictures.top_view import top_view
-from humanmm.models.video.ahead import ahead
+from humanmm.models.drawing.overlay import Mark, Overlay
+from humanmm.models.drawing.timeline import StageTime, timeline
+from humanmm.models.drawing.top_view import top_view
+from humanmm.models.records.recording import Recording
+from humanmm.models.records.video import VideoFacts
 from humanmm.models.video.colors import read_colors
-from humanmm.models.video.facts import VideoFacts
 from humanmm.models.video.frames import PlanarFrame, joined, planar_frames, planar_size
+from humanmm.models.video.prefetch import ahead
 from humanmm.models.video.reading import read_facts
-from humanmm.storage.files import replace_file
-from humanmm.storage.picture_files import write_png, write_video
-from humanmm.storage.run_folder import MOTION, read_motion
-from humanmm.storage.run_record import read_run_record
+from humanmm.storage.run_folder.motion_zarr import MOTION, read_motion
+from humanmm.storage.run_folder.picture_files import write_png, write_video
+from humanmm.storage.run_folder.run_record import read_run_record
+from humanmm.storage.store.files import replace_file
 
 OVERLAY, TOP_VIEW, TIMELINE = "overlay.mp4", "top.png", "timeline.png"
 _AHEAD = 4

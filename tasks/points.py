@@ -5,11 +5,11 @@ from collections.abc import Iterator
 import cv2
 import numpy as np
 
-from humanmm.models.camera.observations import PointTracks
 from humanmm.models.camera.points import TrackerSettings, track_points
-from humanmm.models.video.ahead import ahead
-from humanmm.models.video.facts import VideoFacts
+from humanmm.models.records.camera import PointTracks
+from humanmm.models.records.video import VideoFacts
 from humanmm.models.video.frames import frames
+from humanmm.models.video.prefetch import ahead
 from humanmm.tasks.inputs import StageInputs
 from humanmm.tasks.process import in_spare_time
 

@@ -1,10 +1,10 @@
 """Stage `refine`: one motion over all shots."""
 
-from humanmm.models.motion.refine import Observations, RefineSettings, refine_world
-from humanmm.models.motion.results import WorldMotion
-from humanmm.models.perception.tracks import ScenePeople
-from humanmm.models.shots.boundaries import ShotList
-from humanmm.models.video.facts import VideoFacts
+from humanmm.models.motion.refine.refine import Observations, RefineSettings, refine_world
+from humanmm.models.records.motion import WorldMotion
+from humanmm.models.records.shots import ShotList
+from humanmm.models.records.tracks import ScenePeople
+from humanmm.models.records.video import VideoFacts
 from humanmm.tasks.inputs import StageInputs
 
 

@@ -1,11 +1,11 @@
 """Stage `scenes`: colour-based cuts and gradual transitions."""
 
-from humanmm.models.shots.boundaries import Scenes
+from humanmm.models.records.shots import Scenes
+from humanmm.models.records.video import VideoFacts
 from humanmm.models.shots.footage import SIDE_PX
 from humanmm.models.shots.scenes import SceneDetector
-from humanmm.models.video.ahead import ahead
-from humanmm.models.video.facts import VideoFacts
 from humanmm.models.video.frames import frames
+from humanmm.models.video.prefetch import ahead
 from humanmm.tasks.inputs import StageInputs
 
 

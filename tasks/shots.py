@@ -1,10 +1,10 @@
 """Stage `shots`: cuts that people show, who is who across the cuts, and where left and right are exchanged."""
 
 from humanmm.models.camera.intrinsics import estimate_intrinsics
-from humanmm.models.perception.tracks import ScenePeople
+from humanmm.models.records.shots import Scenes, ShotList
+from humanmm.models.records.tracks import ScenePeople
+from humanmm.models.records.video import VideoFacts
 from humanmm.models.shots.assemble import assemble_shots
-from humanmm.models.shots.boundaries import Scenes, ShotList
-from humanmm.models.video.facts import VideoFacts
 from humanmm.tasks.inputs import StageInputs
 
 

@@ -4,8 +4,7 @@ from collections.abc import Sequence
 
 import cv2
 
-from humanmm.models.camera.links import without_people
-from humanmm.models.camera.views import (
+from humanmm.models.camera.keyframes import (
     MAX_SIDE_PX,
     KeyViews,
     ViewFeatures,
@@ -13,11 +12,12 @@ from humanmm.models.camera.views import (
     in_source_pixels,
     key_frames,
 )
-from humanmm.models.perception.tracks import PersonTrack, ScenePeople
-from humanmm.models.shots.boundaries import ShotList
-from humanmm.models.video.ahead import ahead
-from humanmm.models.video.facts import VideoFacts
+from humanmm.models.camera.shot_edges import without_people
+from humanmm.models.records.shots import ShotList
+from humanmm.models.records.tracks import PersonTrack, ScenePeople
+from humanmm.models.records.video import VideoFacts
 from humanmm.models.video.frames import Frame, frames_at
+from humanmm.models.video.prefetch import ahead
 from humanmm.tasks.inputs import StageInputs
 
 

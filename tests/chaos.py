@@ -31,11 +31,11 @@ PAUSE_S = (3.0, 9.0)
 RESTART_S = 2.0
 """A supervisor waits so long before it starts again what has died."""
 PROCESSES = {
-    "task": "humanmm.tasks.isolation",
-    "video": "humanmm.flows.video_process",
-    "template": "humanmm.flows.template",
-    "worker": "humanmm.flows.worker",
-    "server": "humanmm.flows.local_server",
+    "task": "humanmm.tasks.engine.runners.processes",
+    "video": "humanmm.flows.service.video_process",
+    "template": "humanmm.flows.service.fork_server",
+    "worker": "humanmm.flows.service.worker",
+    "server": "humanmm.flows.server.local_server",
     "serve": "humanmm.cli serve",
 }
 """What is killed → a part of its command line."""
@@ -45,8 +45,8 @@ SETTLED_S = 2.0
 
 COUNTING = """
 import json, os, sys, time
-if any("humanmm.tasks.isolation" in part for part in sys.orig_argv):
-    from humanmm.tasks.engine import VideoRun
+if any("humanmm.tasks.engine.runners.processes" in part for part in sys.orig_argv):
+    from humanmm.tasks.engine.run import VideoRun
     compute = VideoRun.compute_here
     def counted(run, work):
         def note(**what):
@@ -175,7 +175,7 @@ class Machine:
         supervised = [Supervised(serve, self.environment, self.folder / "serve.log", self.disk)]
         try:
             wait_for(lambda: list((self.disk / "cache").glob("prefect-*/serving")), 240)
-            second = [sys.executable, "-m", "humanmm.flows.worker", "humanmm", "2", "second"]
+            second = [sys.executable, "-m", "humanmm.flows.service.worker", "humanmm", "2", "second"]
             supervised.append(Supervised(second, self.worker_environment, self.folder / "second.log", self.disk))
             yield
         finally:

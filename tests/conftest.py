@@ -18,13 +18,12 @@ from typing import Any
 import pytest
 
 from humanmm.config import Config
-from humanmm.storage import artifact
-from humanmm.storage.opening import open_store
-from humanmm.storage.store import Store
-from humanmm.storage.video_identity import identify
+from humanmm.storage.store.identity import identify
+from humanmm.storage.store.open import open_store
+from humanmm.storage.store.store import Store, artifact
 from humanmm.tasks import pipeline
-from humanmm.tasks.engine import VideoRun
-from humanmm.tasks.selection import Selection
+from humanmm.tasks.engine.run import VideoRun
+from humanmm.tasks.engine.selection import Selection
 
 ROOT = Path(__file__).resolve().parent.parent
 

@@ -1,1 +1,1 @@
-"""The benchmark: multi-shot videos made from motion capture, the methods that are compared, and their figures."""
+"""Methods that are compared, oracles, and their scores on one sequence."""

@@ -9,7 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.models.benchmark.multishot import (
+from humanmm.models.benchmark.coco import coco_track
+from humanmm.models.camera.intrinsics import default_focal_px
+from humanmm.models.evaluation.people import projected_boxes
+from humanmm.models.records.camera import PointTracks
+from humanmm.models.records.sequence import CameraTake, PersonTake, Take
+from humanmm.models.records.tracks import ScenePeople
+from humanmm.models.synthetic.multishot import (
     BenchVideo,
     VideoPlan,
     another_camera,
@@ -18,12 +24,6 @@ from humanmm.models.benchmark.multishot import (
     hard_cuts,
     split_name,
 )
-from humanmm.models.camera.intrinsics import default_focal_px
-from humanmm.models.camera.observations import PointTracks
-from humanmm.models.evaluation.people import projected_boxes
-from humanmm.models.evaluation.take import CameraTake, PersonTake, Take
-from humanmm.models.perception.coco import coco_track
-from humanmm.models.perception.tracks import ScenePeople
 
 Array = np.ndarray
 

@@ -11,8 +11,8 @@ from jaxtyping import Float, Int
 
 from humanmm.models.body.body24 import JOINT_NAMES, load_body
 from humanmm.models.body.kinematics import forward_kinematics
-from humanmm.models.evaluation.take import PersonTake, Take
-from humanmm.models.rotations import swing
+from humanmm.models.geometry.rotations import swing
+from humanmm.models.records.sequence import PersonTake, Take
 
 Array = np.ndarray
 

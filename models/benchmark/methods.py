@@ -12,18 +12,18 @@ import numpy as np
 
 from humanmm.config import Config
 from humanmm.errors import HumanMMError
-from humanmm.models.benchmark.multishot import BenchVideo
 from humanmm.models.benchmark.oracles import true_cameras, true_turns, with_true_cuts, yaw_turns
 from humanmm.models.camera.estimate import estimate_camera
 from humanmm.models.camera.intrinsics import ShotPoints, estimate_intrinsics, given_intrinsics
 from humanmm.models.camera.masking import without_transitions
-from humanmm.models.camera.observations import Intrinsics, PointTracks, ShotCamera
-from humanmm.models.motion.hmr import NoiseModel, fit_shot
-from humanmm.models.motion.refine import Observations, RefineSettings, refine_world
-from humanmm.models.motion.results import PersonMotion, ShotMotion, WorldMotion
-from humanmm.models.motion.world import Footage, assemble
+from humanmm.models.motion.fit.hmr import NoiseModel, fit_shot
+from humanmm.models.motion.refine.refine import Observations, RefineSettings, refine_world
+from humanmm.models.motion.world.align import Footage, assemble
+from humanmm.models.records.camera import Intrinsics, PointTracks, ShotCamera
+from humanmm.models.records.motion import PersonMotion, ShotMotion, WorldMotion
+from humanmm.models.records.shots import Shot, ShotList
 from humanmm.models.shots.assemble import assemble_shots
-from humanmm.models.shots.boundaries import Shot, ShotList
+from humanmm.models.synthetic.multishot import BenchVideo
 
 Array = np.ndarray
 

@@ -8,14 +8,14 @@ import numpy as np
 from jaxtyping import Float
 
 from humanmm.errors import StageError
-from humanmm.models.benchmark.multishot import BenchVideo
-from humanmm.models.camera.observations import PointTracks, ShotCamera
-from humanmm.models.evaluation.take import CameraTake
-from humanmm.models.motion.results import WorldMotion
-from humanmm.models.perception.tracks import PersonTrack, ScenePeople
-from humanmm.models.rotations import rotation_from_vector
-from humanmm.models.shots.boundaries import Scenes, ShotList, Transition
+from humanmm.models.geometry.rotations import rotation_from_vector
+from humanmm.models.records.camera import PointTracks, ShotCamera
+from humanmm.models.records.motion import WorldMotion
+from humanmm.models.records.sequence import CameraTake
+from humanmm.models.records.shots import Scenes, ShotList, Transition
+from humanmm.models.records.tracks import PersonTrack, ScenePeople
 from humanmm.models.shots.people_cuts import box_iou
+from humanmm.models.synthetic.multishot import BenchVideo
 
 Array = np.ndarray
 

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from humanmm.models.benchmark.rows import RESAMPLES, Metric, Row, summarise
+from humanmm.models.benchmark.tables.rows import RESAMPLES, Metric, Row, summarise
 from humanmm.models.evaluation.cuts import score_cuts
-from humanmm.models.perception.tracks import ScenePeople
-from humanmm.models.shots.boundaries import Scenes
+from humanmm.models.records.shots import Scenes
+from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.shots.people_cuts import Parts, split_scenes
 
 DETECTORS: Mapping[str, Parts] = {

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from humanmm.models.evaluation.alignment import fit_similarity
 from humanmm.models.evaluation.pairs import Pair, make_pair
 from humanmm.models.evaluation.people import match_people
 from humanmm.models.evaluation.pose import METRES_TO_MM
 from humanmm.models.evaluation.skeleton import LIMB_NAMES, mid_hip, pick
-from humanmm.models.evaluation.take import CameraTake, PersonTake, Take, UndefinedFigureError
+from humanmm.models.geometry.alignment import fit_similarity
+from humanmm.models.records.sequence import CameraTake, PersonTake, Take, UndefinedFigureError
 
 Array = np.ndarray
 

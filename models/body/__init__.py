@@ -1,1 +1,1 @@
-"""The 24-joint body: forward kinematics, skinning, landmarks."""
+"""The permissive 24-joint body: shape, forward kinematics, and the landmarks on its surface."""

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from humanmm.models.body.body24 import NUM_JOINTS, PARENTS
-from humanmm.models.rotations import rotation_from_vector
+from humanmm.models.geometry.rotations import rotation_from_vector
 
 Array = np.ndarray
 

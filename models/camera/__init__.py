@@ -1,1 +1,1 @@
-"""Point tracks, intrinsics, masked visual odometry and its cross-checks (paper section 3.2)."""
+"""The camera of one shot (section 3.2), the focal length of the video, and what two shots show of one background."""

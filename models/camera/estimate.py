@@ -12,12 +12,10 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.models import rotations
-from humanmm.models.camera.bundle import Freedom, Observations, Points, Views
-from humanmm.models.camera.crosscheck import cross_check, warnings_of
+from humanmm.models.camera.cross_check import cross_check, warnings_of
 from humanmm.models.camera.masking import background_points
-from humanmm.models.camera.observations import CameraSource, CrossCheck, Intrinsics, PointTracks, ShotCamera
-from humanmm.models.camera.odometry import (
+from humanmm.models.camera.odometry.bundle import Freedom, Observations, Points, Views
+from humanmm.models.camera.odometry.keyframe_odometry import (
     EXACT_SHARE,
     MIN_POINTS,
     MOVING_GAIN,
@@ -28,10 +26,12 @@ from humanmm.models.camera.odometry import (
     rotating,
     zooms_in,
 )
-from humanmm.models.camera.selfcalibration import HINT_SHARE, with_own_focal
-from humanmm.models.camera.standing import judge_standing
-from humanmm.models.camera.tracked import TrackedShot, arrange, choose_keyframes
-from humanmm.models.perception.tracks import PersonTrack
+from humanmm.models.camera.odometry.tracked_shot import TrackedShot, arrange, choose_keyframes
+from humanmm.models.camera.self_calibration import HINT_SHARE, with_own_focal
+from humanmm.models.camera.static import judge_standing
+from humanmm.models.geometry import rotations
+from humanmm.models.records.camera import CameraSource, CrossCheck, Intrinsics, PointTracks, ShotCamera
+from humanmm.models.records.tracks import PersonTrack
 
 POOR_SHARE = 0.004
 """A fit worse than this share of the diagonal is no measurement any more."""

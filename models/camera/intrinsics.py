@@ -18,10 +18,10 @@ import numpy as np
 from jaxtyping import Float
 
 from humanmm.models.camera.masking import background_points
-from humanmm.models.camera.observations import Intrinsics, PointTracks
-from humanmm.models.camera.selfcalibration import FocalEvidence, focal_evidence
-from humanmm.models.camera.tracked import arrange
-from humanmm.models.perception.tracks import PersonTrack
+from humanmm.models.camera.odometry.tracked_shot import arrange
+from humanmm.models.camera.self_calibration import FocalEvidence, focal_evidence
+from humanmm.models.records.camera import Intrinsics, PointTracks
+from humanmm.models.records.tracks import PersonTrack
 
 DEFAULT_FOCAL_PER_DIAGONAL = math.sqrt(28.0 * 50.0) / math.hypot(36.0, 24.0)
 DEFAULT_RELATIVE_SIGMA = 0.4

@@ -11,8 +11,8 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float
 
-from humanmm.models.camera.observations import PointTracks
-from humanmm.models.perception.tracks import MASK_SIDE, PersonTrack
+from humanmm.models.records.camera import PointTracks
+from humanmm.models.records.tracks import MASK_SIDE, PersonTrack
 
 HELD_FRAMES = 5
 """Frames for which a mask is held before a person's first and after the last observation."""

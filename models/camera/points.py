@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, UInt8
 
-from humanmm.models.camera.observations import PointTracks
+from humanmm.models.records.camera import PointTracks
 
 WINDOW = 15
 """Side of the window that is matched, pixels."""

@@ -1,1 +1,1 @@
-"""Figures of merit of a recovered motion against its truth, as the field defines them: arrays in, numbers out."""
+"""Metrics of one motion against its truth, as the field defines them."""

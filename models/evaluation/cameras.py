@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Bool, Float
 
-from humanmm.models.evaluation.alignment import fit_similarity, rotation_angle_deg
-from humanmm.models.evaluation.take import CameraTake, UndefinedFigureError
+from humanmm.models.geometry.alignment import fit_similarity, rotation_angle_deg
+from humanmm.models.records.sequence import CameraTake, UndefinedFigureError
 
 SAME_PLACE_M = 1e-6
 """Camera centres closer together than this are one place, to which no similarity can be fitted."""

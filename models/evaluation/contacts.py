@@ -5,7 +5,7 @@ from jaxtyping import Bool, Float, Int
 
 from humanmm.models.evaluation.pose import METRES_TO_MM
 from humanmm.models.evaluation.smoothness import consecutive
-from humanmm.models.evaluation.take import UndefinedFigureError
+from humanmm.models.records.sequence import UndefinedFigureError
 
 CONTACT_PROBABILITY = 0.5
 STANDING_SPEED_MS = 0.3

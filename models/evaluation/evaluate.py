@@ -17,8 +17,8 @@ from humanmm.models.evaluation.pairs import Pair, known_rows, make_pair
 from humanmm.models.evaluation.people import match_people
 from humanmm.models.evaluation.report import Report
 from humanmm.models.evaluation.skeleton import FOOT_NAMES, indices, pick, shared_names
-from humanmm.models.evaluation.take import CameraTake, PersonTake, Take, UndefinedFigureError
 from humanmm.models.evaluation.vertices import pve_mm
+from humanmm.models.records.sequence import CameraTake, PersonTake, Take, UndefinedFigureError
 
 T = TypeVar("T")
 

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.models.evaluation.alignment import rotation_angle_deg
 from humanmm.models.evaluation.skeleton import pick
+from humanmm.models.geometry.alignment import rotation_angle_deg
 
 R_WORLD_UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 """Body axes (y up, facing +z, x to its left) to world of somebody upright whose left points along the world's x."""

@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from humanmm.models.evaluation.orientation import orientation_from_joints
 from humanmm.models.evaluation.skeleton import is_full, mid_hip, pick, shared_names
-from humanmm.models.evaluation.take import PersonTake, Take, UndefinedFigureError
+from humanmm.models.records.sequence import PersonTake, Take, UndefinedFigureError
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.optimize import linear_sum_assignment
 
-from humanmm.models.evaluation.take import CameraTake, PersonTake
+from humanmm.models.records.sequence import CameraTake, PersonTake
 
 LEAST_MEAN_IOU = 0.1
 """A pair whose boxes overlap less than this over their common frames is not the same person."""

@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.models.evaluation.alignment import fit_similarity, fit_yaw
+from humanmm.models.geometry.alignment import fit_similarity, fit_yaw
 
 METRES_TO_MM = 1000.0
 

@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from humanmm.models.evaluation.take import UndefinedFigureError
+from humanmm.models.records.sequence import UndefinedFigureError
 
 
 def acceleration_error_ms2(

@@ -3,9 +3,9 @@
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.models.evaluation.alignment import fit_similarity, rotation_angle_deg
 from humanmm.models.evaluation.pose import METRES_TO_MM
-from humanmm.models.evaluation.take import UndefinedFigureError
+from humanmm.models.geometry.alignment import fit_similarity, rotation_angle_deg
+from humanmm.models.records.sequence import UndefinedFigureError
 
 CHUNK_FRAMES = 100
 """Length of the chunks that are aligned on their own (SLAHMR's protocol, kept by WHAM, GVHMR and TRAM)."""

@@ -7,8 +7,8 @@ from humanmm.models.body.body24 import JOINT_NAMES, NUM_JOINTS, Body, load_body
 from humanmm.models.body.kinematics import forward_kinematics, skinning_transforms
 from humanmm.models.evaluation.pose import METRES_TO_MM
 from humanmm.models.evaluation.skeleton import mid_hip
-from humanmm.models.evaluation.take import BodyParameters, UndefinedFigureError
-from humanmm.models.rotations import rotation_from_vector
+from humanmm.models.geometry.rotations import rotation_from_vector
+from humanmm.models.records.sequence import BodyParameters, UndefinedFigureError
 
 CHUNK_FRAMES, CHUNK_VERTICES = 32, 1024
 """Of the skin (13,718 vertices) so much is worked on at a time: it stays in the processor's cache."""

@@ -1,1 +1,1 @@
-"""Human motion: per-shot fit, alignment across cuts (paper section 3.3), refinement (section 3.4)."""
+"""The motion of people: fitted per shot, aligned into one world, refined."""

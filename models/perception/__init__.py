@@ -1,1 +1,1 @@
-"""Person detector, 2D/3D pose, masks and the tracker."""
+"""Finds people in pictures, tracks them, and estimates their 2D keypoints, 3D landmarks and silhouettes."""

@@ -4,10 +4,10 @@ import cv2
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.models.perception import landmarks
 from humanmm.models.perception.observation import Observation
 from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.regions import invert, transform
+from humanmm.models.records import landmarks
 
 HUES, SATURATIONS, GREYS = 12, 3, 4
 _PART = HUES * SATURATIONS + GREYS

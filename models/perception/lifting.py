@@ -12,7 +12,7 @@ import torch
 from jaxtyping import Float
 from safetensors.torch import load
 
-from humanmm.models.rotations import swing
+from humanmm.models.geometry.rotations import swing
 from humanmm.models.weights.shipped import read_weights
 
 Array = np.ndarray

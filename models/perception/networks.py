@@ -16,10 +16,10 @@ import numpy as np
 from ai_edge_litert.interpreter import Interpreter
 from jaxtyping import Float, UInt8
 
-from humanmm.models.perception import landmarks
 from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.regions import Region, body_region, transform
-from humanmm.models.perception.tracks import MASK_SIDE
+from humanmm.models.records import landmarks
+from humanmm.models.records.tracks import MASK_SIDE
 from humanmm.models.weights.shipped import read_weights
 
 DETECTOR_SIDE = 224

@@ -6,10 +6,10 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
-from humanmm.models.perception import landmarks
 from humanmm.models.perception.networks import Landmarks
 from humanmm.models.perception.regions import Region, invert, transform
-from humanmm.models.perception.tracks import MASK_SIDE
+from humanmm.models.records import landmarks
+from humanmm.models.records.tracks import MASK_SIDE
 
 MIN_PRESENCE = 0.6
 MIN_TORSO_VISIBILITY = 0.6

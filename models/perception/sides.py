@@ -10,7 +10,7 @@ an upright one none). A Viterbi pass over keep / exchange joins both kinds of ev
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from humanmm.models.perception import landmarks
+from humanmm.models.records import landmarks
 
 LIMB_SHARE = 0.03
 """How far a limb moves between neighbouring frames at 30 fps, as a share of the person's region: standard deviation."""

@@ -7,9 +7,9 @@ import cv2
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.models.perception import landmarks
 from humanmm.models.perception.regions import BODY_MARGIN, Region, invert, transform
-from humanmm.models.perception.tracks import MASK_SIDE, Silhouettes, deflated_mask
+from humanmm.models.records import landmarks
+from humanmm.models.records.tracks import MASK_SIDE, Silhouettes, deflated_mask
 
 Array = np.ndarray
 

@@ -25,8 +25,8 @@ from humanmm.models.perception.search import (
     settle,
 )
 from humanmm.models.perception.sides import side_vote
-from humanmm.models.perception.tracks import PersonTrack, ScenePeople
 from humanmm.models.perception.trail import Trail
+from humanmm.models.records.tracks import PersonTrack, ScenePeople
 
 SEARCH_PERIOD_S = 0.33
 THOROUGH_PERIOD_S = 1.0

@@ -5,12 +5,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.models.perception import landmarks
 from humanmm.models.perception.clothing import mean_colours
 from humanmm.models.perception.observation import Observation
 from humanmm.models.perception.regions import Region
 from humanmm.models.perception.sides import exchanged_sides
-from humanmm.models.perception.tracks import PersonTrack, Silhouettes, deflated_mask
+from humanmm.models.records import landmarks
+from humanmm.models.records.tracks import PersonTrack, Silhouettes, deflated_mask
 
 MAX_STEP_SHARE = 0.1
 """Largest motion of the region that is carried on to the next frame, as a share of its side."""

@@ -1,1 +1,1 @@
-"""Pictures of people with an exact truth: procedural sets, dressed bodies, cameras, a software rasteriser."""
+"""Renders pictures of synthetic sequences: actors, clothing, background scene, cameras."""

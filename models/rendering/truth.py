@@ -4,8 +4,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from humanmm.models.body.body24 import JOINT_NAMES, PARENTS, load_body
-from humanmm.models.rendering.direction import Clip, in_view
-from humanmm.models.rotations import vector_from_rotation
+from humanmm.models.geometry.rotations import vector_from_rotation
+from humanmm.models.rendering.script import Clip, in_view
 
 Array = np.ndarray
 

@@ -1,1 +1,1 @@
-"""The three-part shot detector (paper section 3.1) and who is who across cuts."""
+"""Splits a video into scenes and shots, tells who is who across cuts, and finds left-right swaps (section 3.1)."""

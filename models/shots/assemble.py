@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 
 from humanmm.errors import NoUsablePersonError
-from humanmm.models.motion.flips import Sighting, spans, swapped_spans
-from humanmm.models.motion.lapses import lapsed_frames
-from humanmm.models.perception.tracks import PersonTrack, ScenePeople
-from humanmm.models.shots.boundaries import Appearance, Scenes, Shot, ShotList, Transition
+from humanmm.models.records.shots import Appearance, Scenes, Shot, ShotList, Transition
+from humanmm.models.records.tracks import PersonTrack, ScenePeople
 from humanmm.models.shots.identity import Cast, identify
 from humanmm.models.shots.people_cuts import Parts, split_scenes
+from humanmm.models.shots.side_swaps import Sighting, spans, swapped_spans
+from humanmm.models.shots.tracking_failures import lapsed_frames
 
 Spans = tuple[tuple[int, int], ...]
 

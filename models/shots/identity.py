@@ -17,10 +17,10 @@ from scipy.optimize import linear_sum_assignment
 
 from humanmm.models.body.body24 import JOINT_NAMES, Body, load_body
 from humanmm.models.body.landmarks import load_landmarks
-from humanmm.models.perception import landmarks
 from humanmm.models.perception.clothing import colour_distance, mean_colours
-from humanmm.models.perception.tracks import PersonTrack, ScenePeople
-from humanmm.models.shots.boundaries import Appearance, Person, Shot
+from humanmm.models.records import landmarks
+from humanmm.models.records.shots import Appearance, Person, Shot
+from humanmm.models.records.tracks import PersonTrack, ScenePeople
 
 SAME_COLOURS = 0.62
 """Hellinger distance of two clothing histograms at which the same and another person are equally likely."""

@@ -20,9 +20,9 @@ from typing import Literal
 
 import numpy as np
 
-from humanmm.models.perception.landmarks import HIPS, SHOULDERS, SWAP
-from humanmm.models.perception.tracks import PersonTrack, ScenePeople
-from humanmm.models.shots.boundaries import Scenes, Transition
+from humanmm.models.records.landmarks import HIPS, SHOULDERS, SWAP
+from humanmm.models.records.shots import Scenes, Transition
+from humanmm.models.records.tracks import PersonTrack, ScenePeople
 
 Parts = Literal["scenes", "boxes", "keypoints"]
 """How much of the three-part detector is used."""

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
-from humanmm.models.shots.boundaries import Scenes, Transition
+from humanmm.models.records.shots import Scenes, Transition
 from humanmm.models.shots.footage import Footage
 from humanmm.models.shots.gradual import DISSOLVE_S, Span, dissolves, fade_around, meeting_blends, uniform_runs
 from humanmm.models.shots.hard_cuts import REACH, hard_cuts

@@ -1,1 +1,1 @@
-"""Container facts and streaming frames of a video (PyAV)."""
+"""Reads containers and decodes frames, streaming: facts, frames, colours, prefetch."""

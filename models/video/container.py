@@ -17,7 +17,7 @@ from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
 
 from humanmm.errors import VideoError
-from humanmm.models.video.claims import claimed_sides_px
+from humanmm.models.video.declared_size import claimed_sides_px
 
 DEMUXERS = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpegts,flv"
 """Containers of pictures; no playlists, no text, no image sequences, no devices."""

@@ -22,9 +22,9 @@ from av.video.stream import VideoStream
 from jaxtyping import UInt8
 
 from humanmm.errors import VideoError
+from humanmm.models.records.video import VideoFacts
 from humanmm.models.video.colors import Colors, colors_of
 from humanmm.models.video.container import PacketLog, decoded, open_video
-from humanmm.models.video.facts import VideoFacts
 
 T = TypeVar("T")
 

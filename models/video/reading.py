@@ -15,8 +15,8 @@ from av.video.frame import PictureType, VideoFrame
 from av.video.stream import VideoStream
 
 from humanmm.errors import VideoError
+from humanmm.models.records.video import VideoFacts
 from humanmm.models.video.container import PacketLog, decoded, open_video, refuse_absurd_size
-from humanmm.models.video.facts import VideoFacts
 
 
 def read_facts(stream: BinaryIO, *, max_side_px: int = 8192) -> VideoFacts:

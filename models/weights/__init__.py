@@ -1,1 +1,1 @@
-"""Weight files shipped with the package, each held to the sha256 of its manifest."""
+"""The shipped network weights with their manifest, checksums and licences."""

@@ -61,8 +61,9 @@ def _watch_threads() -> None:
 
 
 def _watch_video() -> None:
-    from humanmm.storage import store
-    from humanmm.tasks import engine, finish, imports
+    from humanmm.storage.store.store import store
+    from humanmm.tasks.engine.run import finish, imports
+    from humanmm.tasks.engine.run import run as engine
 
     function = imports.Imports.function
     engine.Imports.function = lambda self, stage: _counted("stages", function(self, stage))  # type: ignore[method-assign]
@@ -106,5 +107,5 @@ if os.environ.get("SCALE_STUB") == "1":
     from humanmm.tasks import pipeline
 
     pipeline.STAGES = STAGES
-if {"prefect.engine", "humanmm.flows.template"} & set(sys.orig_argv) and "SCALE_LOG" in os.environ:
+if {"prefect.engine", "humanmm.flows.service.fork_server"} & set(sys.orig_argv) and "SCALE_LOG" in os.environ:
     _watch_video()

@@ -11,7 +11,7 @@ from humanmm.errors import StageError
 from humanmm.models.benchmark import methods
 from humanmm.models.benchmark.methods import ABLATIONS, CAMERAS
 from humanmm.models.video.colors import BT601
-from humanmm.storage.picture_files import write_video
+from humanmm.storage.run_folder.picture_files import write_video
 
 PACK = Path(__file__).parents[2] / "data" / "mocap" / "cmu_test.npz"
 

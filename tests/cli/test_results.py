@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from humanmm.cli import main
-from humanmm.models.motion.recording import RecordedPerson, Recording
-from humanmm.storage.run_folder import write_motion
+from humanmm.models.records.recording import RecordedPerson, Recording
+from humanmm.storage.run_folder.motion_zarr import write_motion
 
 
 @pytest.fixture

@@ -101,7 +101,7 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Place]:
     monkeypatch.setenv("HUMANMM_SERVER_IDLE_S", "20")
     yield found
     found.end("-m toyline", signal.SIGTERM)
-    found.end("humanmm.flows.serving", signal.SIGTERM)
+    found.end("humanmm.flows.service.serve", signal.SIGTERM)
     found.end("humanmm.flows.", signal.SIGKILL)
     found.end("prefect.engine", signal.SIGKILL)
 

@@ -18,13 +18,14 @@ import pytest
 from prefect.client.base import _parse_retry_after
 from prefect.exceptions import PrefectHTTPStatusError
 
-from humanmm.flows import flow_runs, local_server, lost_runs
-from humanmm.flows.alive import Alive, lost
-from humanmm.flows.known_stores import known_stores, note_store
-from humanmm.flows.local_server import ServerFiles
-from humanmm.flows.lost_runs import note_end_before_begin
-from humanmm.storage.batch_ledger import VideoRow
-from humanmm.storage.opening import open_ledger
+from humanmm.flows.server import flow_runs, local_server
+from humanmm.flows.server.known_stores import known_stores, note_store
+from humanmm.flows.server.liveness import Alive, lost
+from humanmm.flows.server.local_server import ServerFiles
+from humanmm.flows.service import lost_runs
+from humanmm.flows.service.lost_runs import note_end_before_begin
+from humanmm.storage.batches.batch_ledger import VideoRow
+from humanmm.storage.store.open import open_ledger
 
 server = pytest.mark.server
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from humanmm.models.motion.recording import RecordedPerson, Recording
+from humanmm.models.records.recording import RecordedPerson, Recording
 
 
 @pytest.fixture

@@ -12,13 +12,13 @@ from scipy.spatial.transform import Rotation
 
 from humanmm.config import Config
 from humanmm.errors import InputError
-from humanmm.models.motion.results import PersonMotion, WorldMotion
-from humanmm.models.shots.boundaries import Appearance, Person, Shot, ShotList, Transition
+from humanmm.models.records.motion import PersonMotion, WorldMotion
+from humanmm.models.records.shots import Appearance, Person, Shot, ShotList, Transition
 from humanmm.models.video.colors import BT601
 from humanmm.models.video.reading import read_facts
-from humanmm.storage.picture_files import write_video
-from humanmm.storage.run_folder import read_motion, write_run_folder
-from humanmm.storage.run_record import write_run_record
+from humanmm.storage.run_folder.motion_zarr import read_motion, write_run_folder
+from humanmm.storage.run_folder.picture_files import write_video
+from humanmm.storage.run_folder.run_record import write_run_record
 from humanmm.tasks.deliver import deliver
 from humanmm.tasks.pictures import draw_again, write_timeline
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from humanmm.models.camera.observations import ShotCamera
-from humanmm.models.motion.results import CutAlignment, PersonMotion, ShotMotion, WorldMotion
-from humanmm.models.shots.boundaries import ShotList
+from humanmm.models.records.camera import ShotCamera
+from humanmm.models.records.motion import CutAlignment, PersonMotion, ShotMotion, WorldMotion
+from humanmm.models.records.shots import ShotList
 from humanmm.tasks.inputs import StageInputs
 from toyline.behaviour import act, filled
 

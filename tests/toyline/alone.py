@@ -8,10 +8,10 @@ import time
 from pathlib import Path
 
 from humanmm.config import Config
-from humanmm.storage import artifact
-from humanmm.storage.opening import open_store
-from humanmm.storage.video_identity import identify
-from humanmm.tasks.engine import VideoRun
+from humanmm.storage.store import artifact
+from humanmm.storage.store.identity import identify
+from humanmm.storage.store.open import open_store
+from humanmm.tasks.engine.run import VideoRun
 from toyline.table import STAGES
 
 

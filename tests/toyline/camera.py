@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from humanmm.models.camera.observations import Intrinsics, PointTracks, ShotCamera
-from humanmm.models.perception.tracks import ScenePeople
-from humanmm.models.shots.boundaries import ShotList
+from humanmm.models.records.camera import Intrinsics, PointTracks, ShotCamera
+from humanmm.models.records.shots import ShotList
+from humanmm.models.records.tracks import ScenePeople
 from humanmm.tasks.inputs import StageInputs
 from toyline.behaviour import act, filled
 

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 
-from humanmm.models.video.facts import VideoFacts
+from humanmm.models.records.video import VideoFacts
 from humanmm.tasks.inputs import StageInputs
 from toyline.behaviour import act
 

@@ -2,11 +2,12 @@
 
 import numpy as np
 
-from humanmm.models.motion.recording import Delivery, assemble
-from humanmm.models.motion.results import WorldMotion
-from humanmm.models.perception.tracks import ScenePeople
-from humanmm.models.shots.boundaries import ShotList
-from humanmm.models.video.facts import VideoFacts
+from humanmm.models.motion.assemble import assemble
+from humanmm.models.records.motion import WorldMotion
+from humanmm.models.records.recording import Delivery
+from humanmm.models.records.shots import ShotList
+from humanmm.models.records.tracks import ScenePeople
+from humanmm.models.records.video import VideoFacts
 from humanmm.tasks.inputs import StageInputs
 from toyline.behaviour import act
 

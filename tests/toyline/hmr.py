@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from humanmm.models.camera.observations import ShotCamera
-from humanmm.models.motion.results import PersonShotMotion, ShotMotion
+from humanmm.models.records.camera import ShotCamera
+from humanmm.models.records.motion import PersonShotMotion, ShotMotion
 from humanmm.tasks.inputs import StageInputs
 from toyline.behaviour import act, filled
 from toyline.science import ramp

@@ -1,7 +1,7 @@
 """A focal length."""
 
-from humanmm.models.camera.observations import Intrinsics
-from humanmm.models.video.facts import VideoFacts
+from humanmm.models.records.camera import Intrinsics
+from humanmm.models.records.video import VideoFacts
 from humanmm.tasks.inputs import StageInputs
 from toyline.behaviour import act
 

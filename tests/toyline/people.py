@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from humanmm.models.perception.tracks import PersonTrack, ScenePeople, Silhouettes
+from humanmm.models.records.tracks import PersonTrack, ScenePeople, Silhouettes
 from humanmm.tasks.inputs import StageInputs
 from toyline.behaviour import act, filled
 from toyline.science import ramp

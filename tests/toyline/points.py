@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from humanmm.models.camera.observations import PointTracks
+from humanmm.models.records.camera import PointTracks
 from humanmm.tasks.inputs import StageInputs
 from toyline.behaviour import act, filled
 

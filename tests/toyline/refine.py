@@ -1,6 +1,6 @@
 """Changes nothing."""
 
-from humanmm.models.motion.results import WorldMotion
+from humanmm.models.records.motion import WorldMotion
 from humanmm.tasks.inputs import StageInputs
 from toyline.behaviour import act
 

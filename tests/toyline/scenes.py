@@ -2,8 +2,8 @@
 
 import json
 
-from humanmm.models.shots.boundaries import Scenes, Transition
-from humanmm.models.video.facts import VideoFacts
+from humanmm.models.records.shots import Scenes, Transition
+from humanmm.models.records.video import VideoFacts
 from humanmm.tasks.inputs import StageInputs
 from toyline.behaviour import act
 

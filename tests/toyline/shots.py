@@ -4,8 +4,8 @@ import os
 
 import numpy as np
 
-from humanmm.models.perception.tracks import ScenePeople
-from humanmm.models.shots.boundaries import Appearance, Person, Scenes, Shot, ShotList, Transition
+from humanmm.models.records.shots import Appearance, Person, Scenes, Shot, ShotList, Transition
+from humanmm.models.records.tracks import ScenePeople
 from humanmm.tasks.inputs import StageInputs
 from toyline.behaviour import act
 

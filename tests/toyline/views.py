@@ -1,7 +1,7 @@
 """No views: nothing to see."""
 
-from humanmm.models.camera.views import KeyViews
-from humanmm.models.shots.boundaries import ShotList
+from humanmm.models.camera.keyframes import KeyViews
+from humanmm.models.records.shots import ShotList
 from humanmm.tasks.inputs import StageInputs
 from toyline.behaviour import act
 

@@ -14,10 +14,10 @@ from typing import Any
 from humanmm.cli.recover import check_writable
 from humanmm.cli.settings import UsageError, add_settings, load_config
 from humanmm.config import Config
-from humanmm.storage.batch_ledger import BatchLedger, VideoRow, counts
-from humanmm.storage.batch_manifest import Entry
-from humanmm.storage.opening import open_ledger
-from humanmm.storage.store import default_store
+from humanmm.storage.batches.batch_ledger import BatchLedger, VideoRow, counts
+from humanmm.storage.batches.manifest import Entry
+from humanmm.storage.store.open import open_ledger
+from humanmm.storage.store.store import default_store
 from humanmm.tasks import pipeline
 
 PARTIAL = 3
@@ -90,8 +90,8 @@ VERBS = (add_batch,)
 
 def submit(options: argparse.Namespace) -> int:
     """Write the batch down, schedule what is not finished; with --wait, see it through."""
-    from humanmm.storage.batch_manifest import read_batch
-    from humanmm.tasks import batch as batches
+    from humanmm.storage.batches.manifest import read_batch
+    from humanmm.tasks.batches import batch as batches
 
     _check_limit(options)
     config = load_config(options)
@@ -130,7 +130,7 @@ def status(options: argparse.Namespace) -> int:
 
 def retry_failed(options: argparse.Namespace) -> int:
     """A new attempt at what did not end well; what the store has is not computed again."""
-    from humanmm.tasks import batch as batches
+    from humanmm.tasks.batches import batch as batches
 
     _check_limit(options)
     ledger, name = _open(options)
@@ -158,11 +158,11 @@ def cancel(options: argparse.Namespace) -> int:
         deadline = time.monotonic() + CANCEL_LIMIT_S
         while time.monotonic() < deadline and any(ledger.is_held(row) for row in running):
             time.sleep(0.1)
-    from humanmm.flows.local_server import prefect_server, running_server, server_files
+    from humanmm.flows.server.local_server import prefect_server, running_server, server_files
 
     if cancelled and (os.environ.get("PREFECT_API_URL") or running_server(server_files())):
         with prefect_server():
-            from humanmm.flows.flow_runs import cancel as cancel_flow_runs
+            from humanmm.flows.server.flow_runs import cancel as cancel_flow_runs
 
             cancel_flow_runs(ledger, [ledger.row(name, row.video) or row for row in cancelled])
     told = f"{len(cancelled)} videos cancelled, {len(running)} of them were running"
@@ -174,7 +174,7 @@ def cancel(options: argparse.Namespace) -> int:
 def report(options: argparse.Namespace) -> int:
     """Write report.html and report.csv."""
     from humanmm.errors import InputError
-    from humanmm.storage.batch_report import write_report
+    from humanmm.storage.pages.batch_report import write_report
 
     ledger, name = _open(options)
     ledger.find_lost(name)
@@ -195,9 +195,9 @@ def _with_defaults(entries: Sequence[Entry], options: argparse.Namespace) -> lis
 
 def _watch(ledger: BatchLedger, name: str, config: Config, options: argparse.Namespace) -> int:
     """Submit again whenever a video has come or changed, and stopped growing; until Ctrl-C or SIGTERM."""
-    from humanmm.storage.batch_manifest import videos_in
-    from humanmm.tasks import batch as batches
-    from humanmm.tasks.watch import Settled
+    from humanmm.storage.batches.manifest import videos_in
+    from humanmm.tasks.batches import batch as batches
+    from humanmm.tasks.batches.watch import Settled
 
     if not options.source.is_dir():
         raise UsageError(f"--watch: {options.source} is no folder")
@@ -220,8 +220,8 @@ def _watch(ledger: BatchLedger, name: str, config: Config, options: argparse.Nam
 
 
 def _set_schedule(ledger: BatchLedger, name: str, config: Config, options: argparse.Namespace) -> int:
-    from humanmm.flows.local_server import prefect_server
-    from humanmm.flows.serving import bring_up
+    from humanmm.flows.server.local_server import prefect_server
+    from humanmm.flows.service.serve import bring_up
 
     cron = None if options.schedule == "none" else options.schedule
     parameters = {
@@ -231,7 +231,7 @@ def _set_schedule(ledger: BatchLedger, name: str, config: Config, options: argpa
     }  # fmt: skip
     bring_up(limit=options.limit, idle_s=IDLE_S)
     with prefect_server():
-        from humanmm.flows.flow_runs import set_schedule
+        from humanmm.flows.server.flow_runs import set_schedule
 
         following = set_schedule(name, cron, _timezone(), parameters)
     if following is None:
@@ -268,20 +268,20 @@ def _see_through(ledger: BatchLedger, name: str, rows: Sequence[VideoRow], optio
 
 
 def _schedule(ledger: BatchLedger, rows: Sequence[VideoRow], limit: int | None) -> None:
-    from humanmm.flows.local_server import prefect_server
-    from humanmm.flows.serving import bring_up
+    from humanmm.flows.server.local_server import prefect_server
+    from humanmm.flows.service.serve import bring_up
 
     bring_up(limit=limit, idle_s=IDLE_S)
     with prefect_server():
-        from humanmm.flows.flow_runs import schedule
+        from humanmm.flows.server.flow_runs import schedule
 
         schedule(ledger, rows)
 
 
 def _wait(ledger: BatchLedger, name: str, limit: int | None) -> None:
     """Until every video has ended. Should `humanmm serve` be gone, it is started again, and what it lost scheduled."""
-    from humanmm.flows.local_server import server_files
-    from humanmm.flows.serving import is_serving
+    from humanmm.flows.server.local_server import server_files
+    from humanmm.flows.service.serve import is_serving
 
     looked = time.monotonic()
     while ledger.find_lost(name) or (waiting := ledger.rows(name, "scheduled", "running")):

@@ -12,12 +12,12 @@ from humanmm.errors import InputError
 
 if TYPE_CHECKING:
     from humanmm.config import Config
-    from humanmm.flows.motion_benchmark import Job
-    from humanmm.models.benchmark.rows import Row
-    from humanmm.models.benchmark.scoring import VideoFigures
-    from humanmm.models.benchmark.statistics import SetStatistics
-    from humanmm.storage.bench_page import Page
-    from humanmm.storage.store import Store
+    from humanmm.flows.bench.motion import Job
+    from humanmm.models.benchmark.scores import VideoFigures
+    from humanmm.models.benchmark.tables.rows import Row
+    from humanmm.models.benchmark.tables.statistics import SetStatistics
+    from humanmm.storage.pages.bench_page import Page
+    from humanmm.storage.store.store import Store
 
 TABLES = {
     "ms-mocap": "motion from multi-shot videos made of motion capture",
@@ -110,7 +110,7 @@ def _own_data(options: argparse.Namespace, config: "Config") -> Path:
         raise UsageError(f"{options.table} needs --data PATH")
     if options.size == "ms20":
         raise UsageError("ms-render comes in the sizes tiny and standard")
-    from humanmm.flows.render_set import own_set
+    from humanmm.flows.bench.render_set import own_set
 
     return own_set(options.size or "standard", threads=config.run.threads)
 
@@ -129,9 +129,9 @@ def _speed(options: argparse.Namespace, config: "Config") -> int:
         raise InputError(f"{options.data} is not a file; give a video")
     stored = _stored(options.check)
 
-    from humanmm.flows.benchmark import growth_rows, measure_speed
-    from humanmm.models.benchmark.rows import Row, summarise
-    from humanmm.storage.bench_report import as_markdown, write_report
+    from humanmm.flows.bench.speed import growth_rows, measure_speed
+    from humanmm.models.benchmark.tables.rows import Row, summarise
+    from humanmm.storage.pages.bench_report import as_markdown, write_report
 
     if options.minutes:
         command = " ".join(["humanmm bench speed --minutes", *(f"{length:g}" for length in options.minutes)])
@@ -153,12 +153,12 @@ def _shots(options: argparse.Namespace, config: "Config") -> int:
         raise UsageError("--size is for ms-mocap; a folder of videos has the size that it has")
     stored = _stored(options.check)
 
-    from humanmm.flows.shot_benchmark import shot_rows
+    from humanmm.flows.bench.shots import shot_rows
     from humanmm.models.benchmark.shot_scores import FIGURES
-    from humanmm.models.benchmark.tables import OF_CUTS, as_markdown, bars_of
-    from humanmm.storage.bench_page import Page
-    from humanmm.storage.opening import open_store
-    from humanmm.storage.store import default_store
+    from humanmm.models.benchmark.tables.layout import OF_CUTS, as_markdown, bars_of
+    from humanmm.storage.pages.bench_page import Page
+    from humanmm.storage.store.open import open_store
+    from humanmm.storage.store.store import default_store
 
     rows, facts = shot_rows(options.data, config, open_store(options.store or default_store()))
     sys.stdout.write(f"shots: {facts.sentence()}\n\n")
@@ -176,14 +176,14 @@ def _motion(options: argparse.Namespace, config: "Config") -> int:
         raise InputError(f"{options.data} does not exist")
     stored = _stored(options.check)
 
-    from humanmm.flows.bench_page import report_page
-    from humanmm.flows.imported_benchmark import parse_system, with_imported
-    from humanmm.flows.motion_benchmark import figures_of
+    from humanmm.flows.bench.imported import parse_system, with_imported
+    from humanmm.flows.bench.motion import figures_of
+    from humanmm.flows.bench.page import report_page
     from humanmm.models.benchmark.methods import ABLATIONS, CAMERAS, METHODS
-    from humanmm.models.benchmark.rows import rows_of
-    from humanmm.models.benchmark.tables import MAIN, OF_ABLATION, OF_CAMERAS, as_markdown
-    from humanmm.storage.opening import open_store
-    from humanmm.storage.store import default_store
+    from humanmm.models.benchmark.tables.layout import MAIN, OF_ABLATION, OF_CAMERAS, as_markdown
+    from humanmm.models.benchmark.tables.rows import rows_of
+    from humanmm.storage.store.open import open_store
+    from humanmm.storage.store.store import default_store
 
     store = open_store(options.store or default_store())
     systems = [parse_system(text) for text in options.imported]
@@ -227,9 +227,9 @@ def _tell_failures(figures: "Sequence[VideoFigures]") -> None:
 
 def _set(options: argparse.Namespace, store: "Store") -> "tuple[Sequence[Job], SetStatistics, list[str]]":
     """The videos, the set in numbers, and the words of the command that name its size."""
-    from humanmm.flows.aist_benchmark import aist_set
-    from humanmm.flows.clip_benchmark import clip_set
-    from humanmm.flows.motion_benchmark import mocap_set
+    from humanmm.flows.bench.aist import aist_set
+    from humanmm.flows.bench.clips import clip_set
+    from humanmm.flows.bench.motion import mocap_set
 
     if options.table in CLIPS or (options.table in MODULES and options.data.is_dir()):
         return *clip_set(options.data, store), ["--size", options.size] if options.size else []
@@ -242,7 +242,7 @@ def _report(options: argparse.Namespace, command: str, rows: "Sequence[Row]", pa
     """Write the report, if one is wanted; another result that is there is not replaced without --force."""
     if options.report is None:
         return
-    from humanmm.storage.bench_report import as_json, write_report
+    from humanmm.storage.pages.bench_report import as_json, write_report
 
     results = options.report / "results.json"
     same = results.exists() and results.read_text(encoding="utf-8") == as_json(options.table, command, rows)
@@ -274,7 +274,7 @@ def _stored(path: Path | None) -> dict[str, Any] | None:
 def _compare(rows: "Sequence[Row]", stored: dict[str, Any] | None, table: str) -> int:
     if stored is None:
         return 0
-    from humanmm.models.benchmark.regression import regressions
+    from humanmm.models.benchmark.tables.regression import regressions
 
     worse = regressions(rows, stored, table=table)
     for sentence in worse:

@@ -43,7 +43,7 @@ def _declare_ms_render(parser: argparse.ArgumentParser) -> None:
 
 
 def _build_ms_render(options: argparse.Namespace) -> Path:
-    from humanmm.flows.render_set import SEED, SetPlan, build_set, shipped_packs
+    from humanmm.flows.bench.render_set import SEED, SetPlan, build_set, shipped_packs
 
     if options.count is not None and options.count < 1:
         raise UsageError(f"--count {options.count}: at least one clip is needed")

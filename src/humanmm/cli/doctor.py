@@ -12,8 +12,8 @@ from typing import Any
 
 from humanmm.cli.maintain import in_bytes
 from humanmm.errors import HumanMMError
-from humanmm.storage.bucket import Bucket, is_bucket
-from humanmm.storage.store import cache_folder, default_store
+from humanmm.storage.store.bucket import Bucket, is_bucket
+from humanmm.storage.store.store import cache_folder, default_store
 
 MIN_FREE_BYTES = 1 << 30
 VARIABLES = ("CACHE", "DATA", "LOG", "SERVER_IDLE_S", "STORE", "TEMPLATE")
@@ -108,7 +108,7 @@ def _bucket(place: str) -> Check:
 
 def _place(store: Path) -> Iterator[Check]:
     from humanmm.errors import StoreError
-    from humanmm.storage.opening import open_ledger
+    from humanmm.storage.store.open import open_ledger
 
     place = str(store)
     if is_bucket(place):
@@ -155,7 +155,7 @@ def _settings() -> Check:
 def _server() -> Check:
     import urllib.request
 
-    from humanmm.flows.local_server import running_server, server_files
+    from humanmm.flows.server.local_server import running_server, server_files
 
     own = os.environ.get("PREFECT_API_URL")
     if not own:

@@ -10,14 +10,14 @@ from typing import Any
 from humanmm.cli.settings import UsageError
 from humanmm.config_reading import validate
 from humanmm.errors import InputError, VideoError
-from humanmm.storage.opening import open_store
-from humanmm.storage.run_record import read_run_record
-from humanmm.storage.store import default_store
-from humanmm.storage.video_identity import VideoIdentity, identify
+from humanmm.storage.run_folder.run_record import read_run_record
+from humanmm.storage.store.identity import VideoIdentity, identify
+from humanmm.storage.store.open import open_store
+from humanmm.storage.store.store import default_store
 from humanmm.tasks import pipeline
-from humanmm.tasks.engine import VideoRun
-from humanmm.tasks.finish import is_up_to_date
-from humanmm.tasks.plan import Forecast, forecast
+from humanmm.tasks.engine.finish import is_up_to_date
+from humanmm.tasks.engine.plan import Forecast, forecast
+from humanmm.tasks.engine.run import VideoRun
 
 
 def add_status(verbs: Any, common: argparse.ArgumentParser) -> None:
@@ -145,7 +145,7 @@ def _reopen(options: argparse.Namespace) -> tuple[dict[str, Any], VideoRun]:
 
 
 def _store_status(options: argparse.Namespace) -> int:
-    from humanmm.storage.maintenance import known_runs
+    from humanmm.storage.store.maintenance import known_runs
 
     store = open_store(options.store or default_store(), read_only=True)
     runs = known_runs(store)

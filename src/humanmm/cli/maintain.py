@@ -5,8 +5,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from humanmm.storage.opening import open_store
-from humanmm.storage.store import default_store
+from humanmm.storage.store.open import open_store
+from humanmm.storage.store.store import default_store
 from humanmm.tasks import pipeline
 
 
@@ -45,8 +45,7 @@ VERBS = (add_verify, add_gc, add_store)
 
 def verify(options: argparse.Namespace) -> int:
     """Status 1 if anything was damaged; what was is set aside and computed again by the next run."""
-    from humanmm.storage import maintenance
-
+    from humanmm.storage.store import maintenance
     store = open_store(options.store or default_store())
     outputs = {stage.name: stage.output for stage in pipeline.STAGES}
     sound, damaged = 0, 0
@@ -62,8 +61,7 @@ def verify(options: argparse.Namespace) -> int:
 
 def gc(options: argparse.Namespace) -> int:
     """List, then remove if told to."""
-    from humanmm.storage import maintenance
-
+    from humanmm.storage.store import maintenance
     store = open_store(options.store or default_store())
     items = maintenance.removable(store, unused_days=options.unused_days, with_runs=options.with_runs)
     for item in items:
@@ -80,8 +78,7 @@ def gc(options: argparse.Namespace) -> int:
 
 def du(options: argparse.Namespace) -> int:
     """Artifacts and bytes per stage."""
-    from humanmm.storage import maintenance
-
+    from humanmm.storage.store import maintenance
     store = open_store(options.store or default_store(), read_only=True)
     totals = maintenance.usage(store)
     names = [stage.name for stage in pipeline.STAGES]

@@ -10,7 +10,7 @@ from humanmm.cli.settings import UsageError
 from humanmm.errors import InputError
 
 if TYPE_CHECKING:
-    from humanmm.storage.datasets.multiview import MultiviewSequence
+    from humanmm.storage.readers.datasets.multiview import MultiviewSequence
 
 T = TypeVar("T")
 
@@ -63,8 +63,8 @@ def build_aist(options: argparse.Namespace) -> Path:
     """Sequences as `bench ms-aist` reads them and, with the videos, clips as `bench ms-real` does."""
     import numpy as np
 
-    from humanmm.storage.datasets import aistpp
-    from humanmm.storage.files import replace_file
+    from humanmm.storage.readers.datasets import aistpp
+    from humanmm.storage.store.files import replace_file
 
     _check_output(options)
     names = _first(aistpp.sequence_names(options.root), options.count)
@@ -86,7 +86,7 @@ def build_aist(options: argparse.Namespace) -> Path:
 
 def build_h36m(options: argparse.Namespace) -> Path:
     """Clips as `bench ms-real` reads them."""
-    from humanmm.storage.datasets import human36m
+    from humanmm.storage.readers.datasets import human36m
 
     _check_output(options)
     names = _first(human36m.sequence_names(options.root), options.count)
@@ -96,8 +96,8 @@ def build_h36m(options: argparse.Namespace) -> Path:
 
 def build_3dpw(options: argparse.Namespace) -> Path:
     """Whole videos with truths, as `bench ms-real` reads them."""
-    from humanmm.flows.dataset_builder import write_recording
-    from humanmm.storage.datasets import threedpw
+    from humanmm.flows.bench.dataset_builder import write_recording
+    from humanmm.storage.readers.datasets import threedpw
 
     _check_output(options)
     for path in _first(threedpw.sequence_files(options.root), options.count):
@@ -108,9 +108,9 @@ def build_3dpw(options: argparse.Namespace) -> Path:
 
 def build_emdb(options: argparse.Namespace) -> Path:
     """Whole videos with truths, as `bench ms-real` reads them."""
-    from humanmm.flows.dataset_builder import write_recording
-    from humanmm.storage.datasets import emdb
-    from humanmm.storage.datasets.smpl_joints import read_smpl
+    from humanmm.flows.bench.dataset_builder import write_recording
+    from humanmm.storage.readers.datasets import emdb
+    from humanmm.storage.readers.datasets.smpl_joints import read_smpl
 
     _check_output(options)
     body = read_smpl(options.smpl)
@@ -122,9 +122,9 @@ def build_emdb(options: argparse.Namespace) -> Path:
 
 def build_rich(options: argparse.Namespace) -> Path:
     """Whole videos with truths, one for every camera that stands, as `bench ms-real` reads them."""
-    from humanmm.flows.dataset_builder import write_recording
-    from humanmm.storage.datasets import rich
-    from humanmm.storage.datasets.smpl_joints import read_smplx
+    from humanmm.flows.bench.dataset_builder import write_recording
+    from humanmm.storage.readers.datasets import rich
+    from humanmm.storage.readers.datasets.smpl_joints import read_smplx
 
     _check_output(options)
     models = rich.Models(read_smplx(options.smplx / "SMPLX_FEMALE.npz"), read_smplx(options.smplx / "SMPLX_MALE.npz"))
@@ -135,7 +135,7 @@ def build_rich(options: argparse.Namespace) -> Path:
 
 
 def _cut(sequences: "Iterator[MultiviewSequence]", folder: Path) -> None:
-    from humanmm.flows.dataset_builder import build_set
+    from humanmm.flows.bench.dataset_builder import build_set
 
     facts = build_set(sequences, folder, transitions=TRANSITIONS, seed=SEED)
     sys.stdout.write(f"{facts.sentence()}\nmeasure with: humanmm bench ms-real --data {folder}\n")

@@ -5,7 +5,7 @@ import threading
 from types import TracebackType
 from typing import Any
 
-from humanmm.tasks.work import Work
+from humanmm.tasks.engine.units import Work
 
 
 class Display:

@@ -14,14 +14,15 @@ from humanmm.cli.settings import UsageError, add_settings, load_config
 from humanmm.config import Config
 from humanmm.errors import InputError, StoreError
 from humanmm.logs import kept_text
-from humanmm.storage.opening import open_store
-from humanmm.storage.run_record import read_run_record
-from humanmm.storage.store import default_store
-from humanmm.storage.video_identity import identify
-from humanmm.tasks import finish, pipeline
-from humanmm.tasks.engine import VideoRun
-from humanmm.tasks.plan import Forecast, check_upstream, forecast, is_complete
-from humanmm.tasks.selection import Selection
+from humanmm.storage.run_folder.run_record import read_run_record
+from humanmm.storage.store.identity import identify
+from humanmm.storage.store.open import open_store
+from humanmm.storage.store.store import default_store
+from humanmm.tasks import pipeline
+from humanmm.tasks.engine import finish
+from humanmm.tasks.engine.plan import Forecast, check_upstream, forecast, is_complete
+from humanmm.tasks.engine.run import VideoRun
+from humanmm.tasks.engine.selection import Selection
 
 if TYPE_CHECKING:
     from prefect.client.schemas.objects import State
@@ -92,7 +93,7 @@ def _answer_from_store(look: VideoRun, run_dir: Path, begun: float) -> int:
 
 
 def _run_flow(video: Path, run_dir: Path, config: Config, store: str, selection: Selection) -> int:
-    from humanmm.flows.local_server import prefect_server
+    from humanmm.flows.server.local_server import prefect_server
 
     text = kept_text()
     with Display() as display, prefect_server():

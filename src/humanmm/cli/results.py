@@ -50,7 +50,7 @@ def evaluate(options: argparse.Namespace) -> int:
     """Print every figure, as a table or as json."""
     from humanmm.models.evaluation.evaluate import evaluate as figures_of
     from humanmm.models.evaluation.report import report_table
-    from humanmm.storage.truth import read_take
+    from humanmm.storage.readers.truth import read_take
 
     report = figures_of(read_take(options.run_dir), read_take(options.truth))
     if options.json:
@@ -64,8 +64,8 @@ def evaluate(options: argparse.Namespace) -> int:
 
 def export(options: argparse.Namespace) -> int:
     """Write RUN_DIR/export/person_<nn>.<suffix>."""
-    from humanmm.storage import exporters
-    from humanmm.storage.run_folder import MOTION, read_motion
+    from humanmm.storage.run_folder import exporters
+    from humanmm.storage.run_folder.motion_zarr import MOTION, read_motion
 
     recording = read_motion(options.run_dir / MOTION)
     return _tell(exporters.export(recording, options.run_dir / "export", options.format, force=options.force))

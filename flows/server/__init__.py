@@ -1,0 +1,1 @@
+"""The local Prefect server: its start, its liveness, and the requests that flows and commands send to it."""

@@ -1,0 +1,127 @@
+"""What the dashboard shows beside flow runs and tasks: how far long stages are, a page a video, a table a batch."""
+
+import contextlib
+import json
+import logging
+import re
+import threading
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from uuid import UUID
+
+from prefect import get_client
+from prefect.client.orchestration import SyncPrefectClient
+from prefect.client.schemas.actions import ArtifactCreate, ArtifactUpdate
+from prefect.client.schemas.filters import ArtifactFilter, ArtifactFilterKey
+
+from humanmm.storage.batches.batch_ledger import VideoRow, counts
+from humanmm.storage.pages.video_page import batch_table, video_page
+from humanmm.storage.run_folder.run_record import read_run_record
+from humanmm.tasks.engine.units import Work
+
+log = logging.getLogger(__name__)
+
+LONG_S = 10.0
+"""A stage that takes longer has its progress shown."""
+LOOK_S = 5.0
+EVERY_S = 15.0
+"""Each telling costs the server and the video a few hundredths of a second of processor time."""
+
+
+class ProgressBoard:
+    """Progress of the long stages of one flow run. Reports cost nothing; one thread of its own tells the server."""
+
+    def __init__(self, flow_run: UUID) -> None:
+        self._flow_run = flow_run
+        self._begun: dict[str, tuple[UUID, float]] = {}
+        self._now: dict[str, float] = {}
+        self._told: dict[str, tuple[UUID, float, float]] = {}
+        """The artifact of each, what it says, and since when."""
+        self._over = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    def begin(self, work: Work, task_run: UUID) -> None:
+        """Name the task that computes a piece of work."""
+        self._begun[work.label] = (task_run, time.monotonic())
+
+    def report(self, work: Work, done: int, total: int) -> None:
+        """Note how far a stage is."""
+        self._now[work.label] = 100.0 * done / max(total, 1)
+        if self._thread is None:
+            self._thread = threading.Thread(target=self._tell, name="progress", daemon=True)
+            self._thread.start()
+
+    def end(self) -> None:
+        """Tell nothing more."""
+        self._over.set()
+        if self._thread is not None:
+            self._thread.join()
+
+    def _tell(self) -> None:
+        with contextlib.ExitStack() as stack:
+            client, over = None, False
+            while not over:
+                over = self._over.wait(LOOK_S)
+                due = [label for label in list(self._now) if self._is_due(label, over=over)]
+                if not due:
+                    continue
+                try:
+                    client = client or stack.enter_context(get_client(sync_client=True))
+                    for label in due:
+                        self._show(client, label, self._now[label])
+                except Exception as error:  # a picture of the progress is worth no failure
+                    log.info("progress could not be shown: %s", error)
+
+    def _is_due(self, label: str, *, over: bool) -> bool:
+        now = time.monotonic()
+        if label in self._told:
+            _, percent, at = self._told[label]
+            return percent != self._now[label] and (over or now - at >= EVERY_S)
+        return not over and label in self._begun and now - self._begun[label][1] > LONG_S
+
+    def _show(self, client: SyncPrefectClient, label: str, percent: float) -> None:
+        if label in self._told:
+            artifact = self._told[label][0]
+            client.update_artifact(artifact, ArtifactUpdate(data=percent))
+        else:
+            task_run = self._begun[label][0]
+            asked = ArtifactCreate(
+                type="progress", description=label, data=percent, flow_run_id=self._flow_run, task_run_id=task_run
+            )
+            artifact = client.create_artifact(asked).id
+        self._told[label] = (artifact, percent, time.monotonic())
+
+
+def show_video(run_dir: Path, flow_run: UUID) -> None:
+    """Put a page of a finished video on the dashboard, under its flow run and under a key of its own."""
+    record = read_run_record(run_dir)
+    page = ArtifactCreate(
+        key=f"video-{_key(run_dir.name)}-{record['video']['sha256'][:8]}",
+        type="markdown",
+        description=f"{Path(record['video']['path']).name}: {record['state']}",
+        data=video_page(record, run_dir),
+        flow_run_id=flow_run,
+    )
+    try:
+        with get_client(sync_client=True) as client:
+            client.create_artifact(page)
+    except Exception as error:  # the result is written; its page is not worth its loss
+        log.info("the page of the video could not be shown: %s", error)
+
+
+def show_batch(client: SyncPrefectClient, name: str, rows: Sequence[VideoRow]) -> None:
+    """Put the table of a batch on the dashboard, in place of the one before."""
+    key = f"batch-{_key(name)}"
+    data = json.dumps(batch_table(rows))
+    described = f"batch {name}: " + ", ".join(f"{number} {state}" for state, number in counts(rows).items())
+    found = client.read_artifacts(artifact_filter=ArtifactFilter(key=ArtifactFilterKey(any_=[key])), limit=1)
+    if found:
+        client.update_artifact(found[0].id, ArtifactUpdate(data=data, description=described))
+    else:
+        client.create_artifact(ArtifactCreate(key=key, type="table", description=described, data=data))
+
+
+def _key(name: str) -> str:
+    """Letters, digits and dashes, as the keys of artifacts are."""
+    return re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-") or "unnamed"

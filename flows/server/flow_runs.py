@@ -1,0 +1,131 @@
+"""The ledger's videos as flow runs of Prefect: made, made again at the times of a schedule, ended."""
+
+import asyncio
+import json
+import logging
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+from uuid import UUID
+
+import httpx
+from prefect import get_client
+from prefect.client.schemas.actions import DeploymentScheduleCreate
+from prefect.client.schemas.objects import State
+from prefect.client.schemas.schedules import CronSchedule
+from prefect.exceptions import ObjectNotFound
+from prefect.states import Cancelled, Scheduled
+
+from humanmm.errors import InputError
+from humanmm.flows.server.known_stores import note_store
+from humanmm.flows.server.local_server import server_files
+from humanmm.storage.batches.batch_ledger import BatchLedger, VideoRow
+from humanmm.tasks.engine.faults import in_words
+
+log = logging.getLogger(__name__)
+
+POOL = "humanmm"
+DEPLOYMENT = "recover-video/recover-video"
+BATCH_DEPLOYMENT = "recover-batch/recover-batch"
+
+
+def schedule(ledger: BatchLedger, rows: Sequence[VideoRow]) -> None:
+    """A flow run per video. A run that Prefect knows already, by batch, video and attempt, is not made again.
+
+    A video whose process was lost waits a little, the longer the more often it was lost. What a busy server refuses
+    stays in the ledger, and `humanmm serve` asks for it again at its next look.
+    """
+    note_store(server_files(), ledger.store.place)
+    refused: list[str] = []
+    with get_client(sync_client=True) as client:
+        deployment = client.read_deployment_by_name(DEPLOYMENT)
+        for row in rows:
+            if not _waits(row, ledger):
+                continue
+            try:
+                made = client.create_flow_run_from_deployment(
+                    deployment.id,
+                    parameters=_parameters(row, ledger),
+                    name=Path(row.video).name[:100],
+                    tags=[f"batch:{row.batch}", *json.loads(row.tags)],
+                    idempotency_key=f"{ledger.store.place}:{row.lock_key}:{row.attempt}",
+                    work_queue_name=queue_of(row.priority),
+                    state=Scheduled(scheduled_time=datetime.now(UTC) + timedelta(seconds=_pause_s(row))),
+                )
+            except httpx.HTTPError as error:
+                refused.append(in_words(error))
+            else:
+                ledger.change(row, only_from=("scheduled",), flow_run=str(made.id))
+    if refused:
+        log.warning("%d videos wait until the Prefect server answers again (%s)", len(refused), refused[0])
+
+
+def _waits(row: VideoRow, ledger: BatchLedger) -> bool:
+    """Whether nobody has asked for it meanwhile: `humanmm serve` and who submits see the same videos waiting."""
+    now = ledger.row(row.batch, row.video)
+    return now is not None and (now.attempt, now.flow_run) == (row.attempt, row.flow_run)
+
+
+def set_schedule(name: str, cron: str | None, timezone: str, parameters: Mapping[str, Any]) -> datetime | None:
+    """Have `recover_batch` run at the times of a cron line, in place of what `name` had before; None ends it.
+
+    Returns when it is next. InputError for a line that is none.
+    """
+    from prefect.server.schemas import schedules as server_schedules  # slow to import, and seldom needed
+
+    schedule = None
+    if cron is not None:
+        try:
+            schedule = CronSchedule(cron=cron, timezone=timezone)
+        except ValueError:
+            raise InputError(f"--schedule {cron!r} is no cron line such as '0 2 * * *' (in {timezone})") from None
+
+    async def set_it() -> datetime | None:
+        async with get_client() as client:
+            deployment = await client.read_deployment_by_name(BATCH_DEPLOYMENT)
+            for old in deployment.schedules:
+                if old.slug == name:
+                    await client.delete_deployment_schedule(deployment.id, old.id)
+            if schedule is None:
+                return None
+            timed = DeploymentScheduleCreate(schedule=schedule, parameters={**parameters, "name": name}, slug=name)
+            await client.create_deployment_schedules(deployment.id, [timed])
+        return (await server_schedules.CronSchedule(cron=schedule.cron, timezone=timezone).get_dates(1))[0]
+
+    return asyncio.run(set_it())
+
+
+def cancel(ledger: BatchLedger, rows: Sequence[VideoRow]) -> None:
+    """Tell Prefect that these flow runs are over."""
+    set_states([row.flow_run for row in rows if row.flow_run], Cancelled(message="humanmm batch cancel"))
+
+
+def set_states(flow_runs: Sequence[str], state: State[Any]) -> None:
+    """Set the state of flow runs; those that Prefect does not know are left out."""
+    with get_client(sync_client=True) as client:
+        for run in flow_runs:
+            try:
+                client.set_flow_run_state(UUID(run), state, force=True)
+            except ObjectNotFound:
+                log.info("Prefect does not know the flow run %s", run)
+
+
+def _pause_s(row: VideoRow) -> float:
+    return 10.0 * 4 ** (row.losses - 1) if row.losses else 0.0
+
+
+def queue_of(priority: str) -> str:
+    """Name of the work queue for a priority; `default` is the one that every work pool has."""
+    return "default" if priority == "normal" else priority
+
+
+def _parameters(row: VideoRow, ledger: BatchLedger) -> dict[str, Any]:
+    return {
+        "video": row.video,
+        "out": row.run_dir,
+        "config": json.loads(row.config),
+        "store": ledger.store.place,
+        "batch": row.batch,
+        "attempt": row.attempt,
+    }

@@ -1,0 +1,1 @@
+"""The processes of `humanmm serve`: the service, its worker, and one process for each video."""

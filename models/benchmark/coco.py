@@ -1,0 +1,81 @@
+"""Tracks of a detector that names COCO's 17 keypoints and no depth (ViTPose, HRNet, OpenPose's COCO model, …).
+
+The rest of a `PersonTrack` is made up for from them: 3D landmarks by `lifting`, landmarks that COCO does not name by
+projecting those (visibility 0: no evidence), a mask drawn about the bones. Colours stay unknown.
+"""
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from humanmm.models.geometry.rotations import swing
+from humanmm.models.motion.fit.initial import start_position
+from humanmm.models.perception.clothing import HISTOGRAM_BINS
+from humanmm.models.perception.lifting import COCO_LANDMARKS, SEEN, lift
+from humanmm.models.perception.silhouettes import silhouettes
+from humanmm.models.records import landmarks
+from humanmm.models.records.tracks import MASK_SIDE, PersonTrack
+
+Array = np.ndarray
+
+FEWEST = 6
+"""Frames with fewer keypoints than this show nobody."""
+FLESH = 0.05
+"""How far a body reaches beyond its keypoints, share of their box."""
+NEAREST_M = 0.3
+
+
+def coco_track(
+    frame: Int[Array, " n"],
+    keypoints: Float[Array, "n 17 3"],
+    *,
+    time_s: Float[Array, " n"],
+    K: Float[Array, "3 3"],
+    size: tuple[int, int],
+) -> PersonTrack:
+    """One person's keypoints (source pixels, score 0..1) in some frames of a scene, in order; K may be rough.
+
+    Frames with hardly a keypoint are left out.
+    """
+    usable = (keypoints[..., 2] >= SEEN).sum(axis=1) >= FEWEST
+    frame, keypoints, time_s = frame[usable], keypoints[usable].astype(np.float64), time_s[usable]
+    seen = keypoints[..., 2] >= SEEN
+    landmarks_cam = lift(keypoints, time_s, K)
+    points = _all_points(landmarks_cam, keypoints, seen, K)
+    masks, affine = silhouettes(points)
+    centre = affine.astype(np.float64) @ np.array([MASK_SIDE / 2, MASK_SIDE / 2, 1.0])
+    ray = np.concatenate([(centre - K[:2, 2]) / np.diagonal(K)[:2], np.ones((len(centre), 1))], axis=1)
+    R_cam_ray = swing(np.broadcast_to([0.0, 0.0, 1.0], ray.shape), ray)
+    return PersonTrack(
+        frame=frame.astype(np.int32),
+        keypoints2d=points.astype(np.float32),
+        landmarks3d=(landmarks_cam @ R_cam_ray).astype(np.float32),
+        bbox=_boxes(keypoints[..., :2], seen, size).astype(np.float32),
+        confidence=np.clip(points[:, list(landmarks.LIMBS), 2].mean(axis=1), 0, 1).astype(np.float32),
+        masks=masks,
+        mask_affine=affine,
+        color_frame=np.zeros(0, np.int32),
+        color_histogram=np.zeros((0, HISTOGRAM_BINS), np.float32),
+        lifted=True,
+    )
+
+
+def _all_points(
+    landmarks_cam: Float[Array, "n 33 3"], keypoints: Float[Array, "n 17 3"], seen: Array, K: Float[Array, "3 3"]
+) -> Float[Array, "n 33 3"]:
+    """Pixels and visibility of all 33: the detector's where it saw something, else the projected landmark's."""
+    named = list(COCO_LANDMARKS)
+    rays = (keypoints[..., :2] - K[:2, 2]) / np.diagonal(K)[:2]
+    origin = start_position(landmarks_cam[:, named], rays, seen.astype(np.float64))
+    placed = landmarks_cam + origin[:, None]
+    pixels = placed[..., :2] / np.maximum(placed[..., 2:], NEAREST_M) * np.diagonal(K)[:2] + K[:2, 2]
+    points = np.concatenate([pixels, np.zeros((*pixels.shape[:2], 1))], axis=-1)
+    points[:, named] = np.where(seen[..., None], keypoints, points[:, named])
+    points[..., 2] = np.clip(points[..., 2], 0.0, 1.0)
+    return points
+
+
+def _boxes(pixels: Float[Array, "n 17 2"], seen: Array, size: tuple[int, int]) -> Float[Array, "n 4"]:
+    low = np.where(seen[..., None], pixels, np.inf).min(axis=1)
+    high = np.where(seen[..., None], pixels, -np.inf).max(axis=1)
+    margin = FLESH * (high - low)
+    return np.concatenate([np.clip(low - margin, 0, size), np.clip(high + margin, 0, size)], axis=1)

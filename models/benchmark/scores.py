@@ -1,0 +1,160 @@
+"""One method's motion of one video against the truth."""
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from humanmm.models.benchmark.methods import MethodMotion, VideoMotions
+from humanmm.models.benchmark.oracles import with_true_cuts
+from humanmm.models.body.body24 import JOINT_NAMES, load_body
+from humanmm.models.evaluation.cameras import errors_inside_shots_m, known
+from humanmm.models.evaluation.evaluate import evaluate
+from humanmm.models.evaluation.report import Report
+from humanmm.models.geometry.rotations import vector_from_rotation
+from humanmm.models.motion.assemble import assemble, world_joints
+from humanmm.models.records.recording import Recording
+from humanmm.models.records.sequence import BodyParameters, CameraTake, PersonTake, Take, UndefinedFigureError
+from humanmm.models.synthetic.multishot import BenchVideo
+
+FIGURES = tuple(field.name for field in fields(Report) if field.name not in ("problems", "cam_cut_rot_deg"))
+"""Figures of a video that are single numbers."""
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One figure of one video."""
+
+    name: str
+    value: float
+
+
+@dataclass(frozen=True)
+class CutError:
+    """How far a camera's turn at a true cut was missed."""
+
+    angle_deg: float
+    """True angle between the two cameras."""
+    error_deg: float
+
+
+@dataclass(frozen=True)
+class MethodFigures:
+    """One method on one video; no figures where it failed."""
+
+    method: str
+    figures: tuple[Figure, ...]
+    cuts: tuple[CutError, ...]
+    failure: str = ""
+
+
+@dataclass(frozen=True)
+class VideoFigures:
+    """All methods on one video."""
+
+    video: str
+    split: str
+    methods: tuple[MethodFigures, ...]
+
+
+def score(video: BenchVideo, motions: VideoMotions) -> VideoFigures:
+    """Every figure of every method. Who was not found at all is a failure, as is a motion that was refused.
+
+    Methods that made one and the same of the video are measured once.
+    """
+    figures: list[MethodFigures] = []
+    for done in motions.motions:
+        same = (k for k, other in enumerate(motions.motions[: len(figures)]) if _equal(other, done))
+        k = next(same, None)
+        figures.append(_score(video, done) if k is None else replace(figures[k], method=done.method))
+    return VideoFigures(video.name, video.split, tuple(figures))
+
+
+def _equal(first: MethodMotion, second: MethodMotion) -> bool:
+    return first.motion is not None and first.motion is second.motion and first.shots == second.shots
+
+
+def score_take(method: str, predicted: Take, truth: Take) -> MethodFigures:
+    """The figures of one take against its truth."""
+    report = evaluate(predicted, truth)
+    if report.wa_mpjpe100_mm is None:
+        return MethodFigures(method, (), (), "; ".join(report.problems) or "nobody of the truth was found")
+    values = [(name, getattr(report, name)) for name in FIGURES]
+    figures = [Figure(name, float(value)) for name, value in values if value is not None]
+    errors = report.cam_cut_rot_deg or []
+    found = [error for error in errors if error is not None]
+    if found:
+        figures.append(Figure("cam_cut_rot_deg", float(np.mean(found))))
+    figures += _inside_shots(predicted, truth)
+    angles = cut_angles_deg(truth)
+    cuts = [CutError(a, e) for a, e in zip(angles, errors, strict=False) if e is not None]
+    return MethodFigures(method, tuple(figures), tuple(cuts))
+
+
+def _inside_shots(predicted: Take, truth: Take) -> list[Figure]:
+    """The camera's errors shot by shot, each after a similarity of its own; nothing where no true camera moves."""
+    sides = (predicted.cameras, truth.cameras)
+    if sides[0] is None or sides[1] is None or predicted.num_frames != truth.num_frames:
+        return []
+    usable = known(sides[0]) & known(sides[1])
+    try:
+        ate_m, rpe_m = errors_inside_shots_m(sides[0], sides[1], shots=truth.shots, usable=usable)
+    except UndefinedFigureError:
+        return []
+    return [Figure("cam_shot_ate_m", ate_m), Figure("cam_shot_rpe_trans_m", rpe_m)]
+
+
+def cut_angles_deg(truth: Take) -> list[float]:
+    """True angle between the cameras on both sides of every cut, degrees."""
+    if truth.cameras is None:
+        return []
+    R = truth.cameras.R_world_cam
+    turns = [R[cut - 1].T @ R[cut] for cut in truth.cut_frames]
+    return [float(np.rad2deg(np.linalg.norm(vector_from_rotation(turn)))) for turn in turns]
+
+
+def _score(video: BenchVideo, done: MethodMotion) -> MethodFigures:
+    if done.motion is None:
+        return MethodFigures(done.method, (), (), done.reason)
+    return score_take(done.method, take_of(video, done), video.truth)
+
+
+def recording_of(video: BenchVideo, done: MethodMotion) -> Recording:
+    """The motion as a run folder would hold it."""
+    motion, shots, body = done.motion, done.shots, load_body()
+    scenes = with_true_cuts(video).people if done.method == "oracle cuts" else video.people
+    if motion is None or shots is None:
+        raise ValueError(f"{done.method} has no motion")
+    rest = {person.person: body.rest_joints(person.betas) for person in motion.people}
+    return assemble(
+        video.facts,
+        shots,
+        scenes,
+        motion,
+        rest_pelvis={number: joints[0] for number, joints in rest.items()},
+        joints_world={person.person: world_joints(person, rest[person.person]) for person in motion.people},
+    )
+
+
+def take_of(video: BenchVideo, done: MethodMotion) -> Take:
+    """The motion as `humanmm eval` would read it from a run folder."""
+    recording, motion, shots = recording_of(video, done), done.motion, done.shots
+    if motion is None or shots is None:
+        raise ValueError(f"{done.method} has no motion")
+    rotations = {person.person: person.R_world_root for person in motion.people}
+    people = tuple(
+        PersonTake(
+            person=person.person,
+            frame=person.frame.astype(np.int64),
+            observed=person.observed,
+            joints=person.joints.astype(np.float64),
+            R_world_root=rotations[person.person],
+            contacts=person.contacts.astype(np.float64),
+            bbox_xyxy=person.bbox.astype(np.float64),
+            body=BodyParameters("body24", person.root_orient, person.body_pose, person.betas, person.transl),
+        )
+        for person in recording.people
+    )
+    spans = [shot.transition for shot in shots.shots]
+    transitions = tuple((span.start, span.end) for span in spans if span is not None)
+    cameras = CameraTake(motion.R_world_cam, motion.t_world_cam, motion.K)
+    return Take(len(video.facts.time_s), video.truth.fps, JOINT_NAMES, people, transitions, cameras)

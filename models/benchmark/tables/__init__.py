@@ -1,0 +1,1 @@
+"""Tables of a benchmark: rows, statistics, layout, the paper's own figures, drawings."""

@@ -1,0 +1,364 @@
+"""Visual odometry over the keyframes of a shot (paper section 3.2): windowed bundle adjustment as the shot goes on,
+then all.
+
+Two runs share it. `rotating` lets the camera only rotate (points at infinity). `moving` starts from a two-view pose,
+then takes one keyframe after the other: pose against the known points, new points, adjustment of the last few
+keyframes.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from humanmm.models.camera.odometry.bundle import Adjusted, Freedom, Observations, Points, Views, adjust, residuals
+from humanmm.models.camera.odometry.resection import resect
+from humanmm.models.camera.odometry.tracked_shot import TrackedShot
+from humanmm.models.camera.odometry.two_view import Pair, rays, relative_pose, starting_pairs, turned_to
+from humanmm.models.geometry import rotations
+
+WINDOW = 15
+"""Keyframes in an adjustment while the odometry runs (LEAP-VO: 15)."""
+WINDOW_STEP = 5
+"""Keyframes taken between two adjustments."""
+MAX_GLOBAL_KEYFRAMES = 100
+"""Longer shots keep the windowed result: the last adjustment over all keyframes would grow with the cube of their
+number."""
+EXACT_SHARE = 0.0003
+"""A camera that fits within this share of the diagonal (one sigma) needs no other explanation."""
+MOVING_GAIN = 0.6
+"""A moving camera must bring the residuals below this share of the turning camera's: it has one more unknown per
+point."""
+ZOOM_GAIN = 0.75
+"""The same for a zooming camera against one that does not zoom."""
+MIN_ZOOM = 0.03
+"""Changes of focal length below this share are not called a zoom."""
+MAX_ERROR_SHARE = 0.002
+"""Error of a sighting, as a share of the diagonal, that the two-view pose at the start tolerates."""
+LASTING, MIN_LASTING = 4, 100
+"""Keyframes that see a point that counts in comparing models, and sightings of such points needed."""
+ZOOM_ITERATIONS = 40
+"""Zoom and travel look much alike: the way from one to the other is long and flat."""
+OUTLIER_SIGMA = 4.0
+"""Sightings further off than this many sigma after an adjustment are dropped (LEAP-VO drops above 5 px)."""
+IMAGES_AT_ONCE = 200
+MIN_POINTS = 12
+"""Fewer background points in a keyframe than this cannot carry a pose."""
+
+
+@dataclass(frozen=True)
+class Track:
+    """A camera track over keyframes with the map it was made with."""
+
+    keyframes: Int[np.ndarray, " k"]
+    views: Views
+    points: Points
+    known: Bool[np.ndarray, " p"]
+    """Points that are part of the map."""
+    adjusted: Adjusted
+    observations: Observations
+    """What the last adjustment used, image numbers into `keyframes`."""
+    all_sightings: Observations
+    """All keyframe sightings of points seen from two keyframes, outliers included."""
+
+    @property
+    def error_px(self) -> float:
+        """Median reprojection error over all lasting points (if there are any), whether the map was fitted to them or
+        not.
+
+        A point seen twice fits any moving camera; only one seen more often can tell models apart.
+        """
+        residual_px = residuals(self.views, self.points, self.all_sightings)
+        lasting = np.bincount(self.all_sightings.point)[self.all_sightings.point] >= LASTING
+        return float(np.median(residual_px[lasting] if lasting.sum() >= MIN_LASTING else residual_px))
+
+
+def empty_points(num_points: int) -> Points:
+    """Points not placed yet."""
+    forward = np.tile([0.0, 0.0, 1.0], (num_points, 1))
+    return Points(forward, np.zeros(num_points), np.zeros((num_points, 3)))
+
+
+def rotating(shot: TrackedShot, keyframes: Int[np.ndarray, " k"], focal_px: float, *, freedom: Freedom) -> Track:
+    """The track of a camera that only rotates (and zooms, if `freedom` says so)."""
+    num_keyframes = len(keyframes)
+    views = _resting(num_keyframes, focal_px)
+    points = empty_points(shot.num_points)
+    known = np.zeros(shot.num_points, bool)
+    observations = shot.of_images(keyframes)
+    begins = np.searchsorted(observations.image, np.arange(num_keyframes + 1))
+    for k in range(num_keyframes):
+        part = slice(begins[k], begins[k + 1])
+        point, xy = observations.point[part], observations.xy[part]
+        ray = rays(xy, views.focals_px[k])
+        old = known[point]
+        if k > 0:
+            views.R_shot_cam[k] = turned_to(points.direction[point[old]], ray[old], views.R_shot_cam[k - 1])
+            if freedom.zoom:
+                views.log_zoom[k] = views.log_zoom[k - 1]
+        points.direction[point[~old]] = rays(xy[~old], views.focals_px[k]) @ views.R_shot_cam[k].T
+        known[point] = True
+        if k + 1 < num_keyframes and k >= WINDOW_STEP and k % WINDOW_STEP == 0:
+            views, points = _adjust_window(views, points, observations, begins, k + 1, freedom)
+    final = _adjust_all(views, points, observations, num_keyframes, freedom)
+    return Track(keyframes, final.views, final.points, known, final, observations, _seen_twice(observations))
+
+
+def _seen_twice(observations: Observations) -> Observations:
+    return observations.select(np.bincount(observations.point)[observations.point] >= 2)
+
+
+def moving(shot: TrackedShot, guide: Track, *, max_starts: int = 3) -> Track | None:
+    """The track of a camera that moves, over the keyframes of `guide`, the turning camera's, which predicts its turns.
+
+    A two-view pose from noisy points may be the wrong one of several that look alike; while the result does not fit as
+    points normally do, up to `max_starts` pairs are tried, and the best fit wins. None if no pair gives a start.
+    """
+    best: Track | None = None
+    for pair in starting_pairs(shot, guide.keyframes, guide.views.focal_px)[:max_starts]:
+        run = _MovingRun(shot, guide.keyframes, guide)
+        if not run.start(pair, MAX_ERROR_SHARE * shot.diagonal_px):
+            continue
+        for k in range(pair.second + 1, len(guide.keyframes)):
+            run.take(k, k - 1)
+        for k in range(pair.first - 1, -1, -1):
+            run.take(k, k + 1)
+        track = run.finish()
+        if best is None or track.error_px < best.error_px:
+            best = track
+        if best.error_px < EXACT_SHARE * shot.diagonal_px:
+            break
+    return best
+
+
+class _MovingRun:
+    """The state of the odometry of a moving camera: views of the keyframes, points, and which of both are known."""
+
+    def __init__(self, shot: TrackedShot, keyframes: np.ndarray, guide: Track) -> None:
+        self.keyframes, self.guide = keyframes, guide
+        self.freedom = Freedom(translation=True)
+        self.observations = shot.of_images(keyframes)
+        self.begins = np.searchsorted(self.observations.image, np.arange(len(keyframes) + 1))
+        self.views = _resting(len(keyframes), guide.views.focal_px)
+        self.points = empty_points(shot.num_points)
+        self.host = np.full(shot.num_points, -1)
+        """Keyframe in which a point was first placed."""
+        self.known = np.zeros(shot.num_points, bool)
+        """Points seen from two placed keyframes."""
+        self.placed = np.zeros(len(keyframes), bool)
+
+    def seen(self, k: int) -> tuple[np.ndarray, np.ndarray]:
+        part = slice(self.begins[k], self.begins[k + 1])
+        return self.observations.point[part], self.observations.xy[part]
+
+    def start(self, pair: Pair, max_error_px: float) -> bool:
+        """Place the two keyframes of the pair and all between them; False if no two-view pose is found."""
+        point_a, xy_a = self.seen(pair.first)
+        point_b, xy_b = self.seen(pair.second)
+        _, in_a, in_b = np.intersect1d(point_a, point_b, assume_unique=True, return_indices=True)
+        pose = relative_pose(xy_a[in_a], xy_b[in_b], self.views.focal_px, max_error_px=max_error_px)
+        if pose is None:
+            return False
+        self.views.R_shot_cam[pair.second], self.views.t_shot_cam[pair.second] = pose
+        self._see(pair.first)
+        self._see(pair.second)
+        self._adjust(np.array([pair.first, pair.second]), num_fixed=1)
+        for k in range(pair.first + 1, pair.second):
+            share = (k - pair.first) / (pair.second - pair.first)
+            R = self.guide.views.R_shot_cam
+            self.views.R_shot_cam[k] = self.views.R_shot_cam[k - 1] @ R[k - 1].T @ R[k]
+            self.views.t_shot_cam[k] = share * self.views.t_shot_cam[pair.second]
+            self._resect(k)
+            self._see(k)
+        self._adjust(np.arange(pair.first, pair.second + 1), num_fixed=1)
+        return True
+
+    def take(self, k: int, neighbour: int) -> None:
+        """Place keyframe k, next to a placed one: predicted turn and damped velocity, pose, new points, window
+        adjusted."""
+        R = self.guide.views.R_shot_cam
+        self.views.R_shot_cam[k] = self.views.R_shot_cam[neighbour] @ R[neighbour].T @ R[k]
+        before = 2 * neighbour - k
+        velocity = 0.0
+        if 0 <= before < len(self.placed) and self.placed[before]:
+            velocity = 0.5 * (self.views.t_shot_cam[neighbour] - self.views.t_shot_cam[before])
+        self.views.t_shot_cam[k] = self.views.t_shot_cam[neighbour] + velocity
+        self._resect(k)
+        self._see(k)
+        if self.placed.sum() % WINDOW_STEP == 0:
+            placed = np.flatnonzero(self.placed)
+            window = placed[-WINDOW:] if k > neighbour else placed[:WINDOW][::-1]
+            self._adjust(window, num_fixed=1 if len(window) < WINDOW else WINDOW // 3)
+
+    def _resect(self, k: int) -> None:
+        point, xy = self.seen(k)
+        use = self.known[point]
+        one = _views_of(self.views, np.array([k]))
+        sightings = Observations(np.zeros(int(use.sum()), int), point[use], xy[use])
+        refined, _, enough = resect(one, self.points, sightings, freedom=self.freedom, iterations=8)
+        if enough[0]:
+            self.views.R_shot_cam[k], self.views.t_shot_cam[k] = refined.R_shot_cam[0], refined.t_shot_cam[0]
+
+    def _see(self, k: int) -> None:
+        """Note the points of a placed keyframe: new ones get a direction, those seen the second time a distance."""
+        point, xy = self.seen(k)
+        self.placed[k] = True
+        direction = rays(xy, self.views.focal_px) @ self.views.R_shot_cam[k].T
+        new = self.host[point] < 0
+        around = point[self.known[point]]
+        usual = float(np.median(self.points.rho[around])) if len(around) else 1.0
+        self.host[point[new]] = k
+        self.points.direction[point[new]] = direction[new]
+        self.points.anchor[point[new]] = self.views.t_shot_cam[k]
+        self.points.rho[point[new]] = usual
+        second = ~new & ~self.known[point]
+        again = point[second]
+        rho, sure = _inverse_depth(self.points.direction[again], self.points.anchor[again], self.views, k, xy[second])
+        usual = float(np.median(rho[sure])) if not len(around) and sure.any() else usual
+        self.points.rho[again] = np.where(sure, np.clip(rho, 0.0, 20.0 * usual), usual)
+        self.known[again] = True
+
+    def _adjust(self, images: np.ndarray, *, num_fixed: int) -> None:
+        """Adjust some placed keyframes, oldest first, of which the first `num_fixed` stay."""
+        parts = [np.arange(self.begins[k], self.begins[k + 1]) for k in images]
+        index = np.concatenate(parts)
+        number = np.repeat(np.arange(len(images)), [len(part) for part in parts])
+        keep = self.known[self.observations.point[index]]
+        used, point = np.unique(self.observations.point[index[keep]], return_inverse=True)
+        local = Observations(number[keep], point, self.observations.xy[index[keep]])
+        fixed = np.arange(len(images)) < num_fixed
+        window = _views_of(self.views, images)
+        result = adjust(window, _take(self.points, used), local, fixed=fixed, freedom=self.freedom, iterations=6)
+        self.views.R_shot_cam[images] = result.views.R_shot_cam
+        self.views.t_shot_cam[images] = result.views.t_shot_cam
+        self.points = _put(self.points, used, result.points)
+
+    def finish(self) -> Track:
+        """Adjust everything, twice if that leaves outliers, and make the first keyframe the frame of the shot."""
+        sightings = self.observations.select(self.known[self.observations.point])
+        result = _adjust_all(self.views, self.points, sightings, len(self.keyframes), self.freedom)
+        good = result.residual_px < OUTLIER_SIGMA * result.noise_px
+        sightings = sightings.select(good)
+        result = _adjust_all(result.views, result.points, sightings, len(self.keyframes), self.freedom)
+        result = _from_first_view(result)
+        known = self.known & (np.bincount(sightings.point, minlength=len(self.known)) >= 2)
+        everything = _seen_twice(self.observations)
+        return Track(self.keyframes, result.views, result.points, known, result, sightings, everything)
+
+
+def _inverse_depth(
+    direction: np.ndarray, anchor: np.ndarray, views: Views, k: int, xy: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Least-squares ρ of points with known direction from their sighting in view k, and where it means something.
+
+    From x q_z = q_xy with q = a + ρ b, a = Rᵀ direction, b = Rᵀ (anchor − t): two linear equations in ρ.
+    """
+    R_cam_shot = views.R_shot_cam[k].T
+    a, b = direction @ R_cam_shot.T, (anchor - views.t_shot_cam[k]) @ R_cam_shot.T
+    x = xy / views.focals_px[k]
+    slope = x * b[:, 2:] - b[:, :2]
+    offset = a[:, :2] - x * a[:, 2:]
+    strength = (slope**2).sum(1)
+    rho = (slope * offset).sum(1) / np.maximum(strength, 1e-12)
+    parallax = views.focals_px[k] * np.sqrt(strength) * np.abs(rho)
+    return rho, (rho > 0) & (parallax > 2.0)
+
+
+def _from_first_view(result: Adjusted) -> Adjusted:
+    """The same solution in the axes of its first view."""
+    R, t = result.views.R_shot_cam[0], result.views.t_shot_cam[0]
+    views = replace(
+        result.views, R_shot_cam=R.T @ result.views.R_shot_cam, t_shot_cam=(result.views.t_shot_cam - t) @ R
+    )
+    points = Points(result.points.direction @ R, result.points.rho, (result.points.anchor - t) @ R)
+    return replace(result, views=views, points=points)
+
+
+def zooms_in(zooming: Track, constant: Track) -> bool:
+    """Whether a change of focal length explains the shot clearly better than the same camera with a constant one."""
+    return float(np.ptp(zooming.views.log_zoom)) > MIN_ZOOM and zooming.error_px < ZOOM_GAIN * constant.error_px
+
+
+def also_zooming(moved: Track) -> Track:
+    """The track of a moving camera with one focal length per key frame, the first one's as it was.
+
+    It starts from the track of a constant lens, but with the sightings that this one had to drop: they are where a zoom
+    shows.
+    """
+    sightings = moved.all_sightings.select(moved.known[moved.all_sightings.point])
+    fixed = np.zeros(len(moved.keyframes), bool)
+    fixed[0] = True
+    freedom = Freedom(translation=True, zoom=True)
+    iterations = ZOOM_ITERATIONS if len(fixed) <= MAX_GLOBAL_KEYFRAMES else 0
+    result = adjust(moved.views, moved.points, sightings, fixed=fixed, freedom=freedom, iterations=iterations)
+    return replace(moved, views=result.views, points=result.points, adjusted=result, observations=sightings)
+
+
+def _resting(num_images: int, focal_px: float) -> Views:
+    return Views(np.tile(np.eye(3), (num_images, 1, 1)), np.zeros((num_images, 3)), np.zeros(num_images), focal_px)
+
+
+def _adjust_window(
+    views: Views, points: Points, observations: Observations, begins: np.ndarray, stop: int, freedom: Freedom
+) -> tuple[Views, Points]:
+    """Adjust the keyframes [stop − WINDOW, stop); those before the window's last third of overlap stay fixed."""
+    first = max(0, stop - WINDOW)
+    part = slice(begins[first], begins[stop])
+    used, point = np.unique(observations.point[part], return_inverse=True)
+    local = Observations(observations.image[part] - first, point, observations.xy[part])
+    fixed = np.zeros(stop - first, bool)
+    fixed[: 1 if first == 0 else WINDOW // 3] = True
+    window = _views_of(views, np.arange(first, stop))
+    result = adjust(window, _take(points, used), local, fixed=fixed, freedom=freedom, iterations=5)
+    views.R_shot_cam[first:stop] = result.views.R_shot_cam
+    views.t_shot_cam[first:stop] = result.views.t_shot_cam
+    views.log_zoom[first:stop] = result.views.log_zoom
+    return views, _put(points, used, result.points)
+
+
+def _views_of(views: Views, images: np.ndarray) -> Views:
+    return Views(views.R_shot_cam[images], views.t_shot_cam[images], views.log_zoom[images], views.focal_px)
+
+
+def _take(points: Points, index: np.ndarray) -> Points:
+    return Points(points.direction[index], points.rho[index], points.anchor[index])
+
+
+def _put(points: Points, index: np.ndarray, values: Points) -> Points:
+    points.direction[index], points.rho[index], points.anchor[index] = values.direction, values.rho, values.anchor
+    return points
+
+
+def _adjust_all(
+    views: Views, points: Points, observations: Observations, num_keyframes: int, freedom: Freedom
+) -> Adjusted:
+    """The last adjustment, over all keyframes; a long shot keeps what its windows gave."""
+    fixed = np.zeros(num_keyframes, bool)
+    fixed[0] = True
+    iterations = 10 if num_keyframes <= MAX_GLOBAL_KEYFRAMES else 0
+    return adjust(views, points, observations, fixed=fixed, freedom=freedom, iterations=iterations)
+
+
+def all_images(shot: TrackedShot, track: Track, *, freedom: Freedom) -> tuple[Views, Float[np.ndarray, " m"]]:
+    """Views of every recorded image from the keyframes' map, and the reprojection error of every sighting used.
+
+    The first image stays as it is: it is the frame of the shot.
+    """
+    at = np.arange(shot.num_images, dtype=float)
+    known_at = track.keyframes.astype(float)
+    views = Views(
+        rotations.interpolate_rotations(at, known_at, track.views.R_shot_cam),
+        np.stack([np.interp(at, known_at, track.views.t_shot_cam[:, axis]) for axis in range(3)], 1),
+        np.interp(at, known_at, track.views.log_zoom),
+        track.views.focal_px,
+    )
+    residuals_px = []
+    for first in range(0, shot.num_images, IMAGES_AT_ONCE):
+        images = np.arange(first, min(first + IMAGES_AT_ONCE, shot.num_images))
+        sightings = shot.of_images(images)
+        sightings = sightings.select(track.known[sightings.point] & ((sightings.image > 0) | (first > 0)))
+        part, residual_px, _ = resect(_views_of(views, images), track.points, sightings, freedom=freedom)
+        views.R_shot_cam[images], views.t_shot_cam[images] = part.R_shot_cam, part.t_shot_cam
+        views.log_zoom[images] = part.log_zoom
+        residuals_px.append(residual_px)
+    return views, np.concatenate(residuals_px)

@@ -1,0 +1,41 @@
+"""A shot's part of what was tracked through its scene, which happens before anybody knows what cuts people show."""
+
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Int
+
+from humanmm.models.records.camera import PointTracks
+
+
+def within(points: PointTracks, start: int, end: int) -> PointTracks:
+    """The tracks of a scene within one of its shots, [start, end).
+
+    A first or last frame that was not recorded gets the observations of the last recorded one before it: the picture
+    stood still since (where it changed at once, the tracker records both sides of the change).
+    """
+    if (start, end) == (points.start, points.end):
+        return points
+    first, last = np.searchsorted(points.frame, [start, end])
+    parts = [(np.arange(first, last), points.frame[first:last])]
+    if start not in parts[0][1]:
+        parts.insert(0, _held(points, start))
+    if end - 1 > start and end - 1 not in parts[-1][1]:
+        parts.append(_held(points, end - 1))
+    index = np.concatenate([index for index, _ in parts])
+    return replace(
+        points,
+        start=start,
+        end=end,
+        track=points.track[index],
+        frame=np.concatenate([frame for _, frame in parts]),
+        xy=points.xy[index],
+        confidence=points.confidence[index],
+    )
+
+
+def _held(points: PointTracks, frame: int) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " n"]]:
+    """The observations of the last frame recorded before this one, and this frame's number for each."""
+    last = int(np.searchsorted(points.frame, frame))
+    first = int(np.searchsorted(points.frame, points.frame[last - 1])) if last else 0
+    return np.arange(first, last), np.full(last - first, frame, np.int32)

@@ -1,0 +1,122 @@
+"""The surface that is drawn: body24 with 2,000 of its triangles, posed frame by frame in camera axes.
+
+`weights/body24_drawn.npz` names the kept vertices (`make_drawn_mesh`: the body without tongue and eyeballs, decimated).
+Normals come from the full mesh at rest and are turned by the skinning, so that the small mesh shades like the big one.
+"""
+
+import io
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from humanmm.models.body.body24 import NUM_JOINTS, Body, load_body
+from humanmm.models.body.kinematics import forward_kinematics, skinning_transforms
+from humanmm.models.drawing.decimate import decimate
+from humanmm.models.geometry.rotations import rotation_from_vector
+from humanmm.models.records.recording import RecordedPerson
+from humanmm.models.weights.shipped import read_weights
+
+_WINDOW = 128
+"""Frames whose joint transforms are computed at a time (0.15 MB)."""
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnMesh:
+    """Which of body24's vertices are drawn, and the triangles between them."""
+
+    vertices: Int[np.ndarray, " v"]
+    """Indices into body24's vertices."""
+    faces: Int[np.ndarray, "f 3"]
+    """Indices into `vertices`, counter-clockwise seen from outside."""
+
+
+@lru_cache(maxsize=1)
+def load_drawn_mesh() -> DrawnMesh:
+    """The shipped small mesh."""
+    with np.load(io.BytesIO(read_weights("body24_drawn.npz"))) as file:
+        return DrawnMesh(file["vertices"].astype(np.int64), file["faces"].astype(np.int64))
+
+
+def make_drawn_mesh(body: Body, num_faces: int = 2000) -> DrawnMesh:
+    """The small mesh computed anew (seconds): the body's largest connected part, decimated."""
+    num_vertices = len(body.v_template)
+    edges = np.concatenate([body.faces[:, [0, 1]], body.faces[:, [1, 2]]])
+    graph = coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(num_vertices, num_vertices))
+    _, part = connected_components(graph, directed=False)
+    skin = part == np.bincount(part).argmax()
+    weights = dense_weights(body, np.arange(num_vertices)).astype(np.float64)
+    vertices, faces = decimate(
+        body.v_template,
+        body.faces[skin[body.faces[:, 0]]],
+        num_faces,
+        attributes=weights,
+        attribute_weight=0.02,  # a joint's whole influence counts like 2 cm
+    )
+    return DrawnMesh(vertices, faces)
+
+
+class PosedSurface:
+    """One recorded person's drawn surface over time."""
+
+    def __init__(self, person: RecordedPerson) -> None:
+        body, mesh = load_body(), load_drawn_mesh()
+        rest = body.rest_vertices(person.betas)
+        self.faces = mesh.faces
+        self._person = person
+        self._rest_joints = body.rest_joints(person.betas)
+        self._rest = rest[mesh.vertices].astype(np.float32)
+        self._normals = vertex_normals(body, rest)[mesh.vertices]
+        self._weights = dense_weights(body, mesh.vertices)
+        self._window = (0, np.zeros((0, NUM_JOINTS, 12), np.float32))
+
+    def in_camera(
+        self, row: int, R_world_cam: Float[np.ndarray, "3 3"], t_world_cam: Float[np.ndarray, "3"]
+    ) -> tuple[Float[np.ndarray, "v 3"], Float[np.ndarray, "v 3"]]:
+        """Vertices (metres) and unit normals of one row of the person, in camera axes, float32."""
+        transforms = (self._weights @ self._transforms(row)).reshape(-1, 3, 4)
+        turn = R_world_cam.astype(np.float32)
+        world = np.einsum("vab,vb->va", transforms[..., :3], self._rest) + transforms[..., 3]
+        normals = np.einsum("vab,vb->va", transforms[..., :3], self._normals) @ turn
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True) + 1e-9
+        return (world - t_world_cam.astype(np.float32)) @ turn, normals
+
+    def _transforms(self, row: int) -> np.ndarray:
+        start, window = self._window
+        if not start <= row < start + len(window):
+            start = row - row % _WINDOW
+            window = self._compute(slice(start, start + _WINDOW))
+            self._window = (start, window)
+        transforms: np.ndarray = window[row - start]
+        return transforms
+
+    def _compute(self, rows: slice) -> np.ndarray:
+        person = self._person
+        joints, R = forward_kinematics(
+            self._rest_joints,
+            rotation_from_vector(person.root_orient[rows].astype(np.float64)),
+            person.body_pose[rows].astype(np.float64),
+            person.pelvis[rows].astype(np.float64),
+        )
+        transforms = skinning_transforms(self._rest_joints, joints, R)
+        return transforms.astype(np.float32).reshape(len(transforms), NUM_JOINTS, 12)
+
+
+def dense_weights(body: Body, vertices: np.ndarray) -> np.ndarray:
+    """(n,24) float32 share of each joint in moving the chosen vertices."""
+    weights = np.zeros((len(vertices), NUM_JOINTS), np.float32)
+    np.add.at(weights, (np.arange(len(vertices))[:, None], body.skin_joint[vertices]), body.skin_weight[vertices])
+    return weights
+
+
+def vertex_normals(body: Body, vertices: np.ndarray) -> np.ndarray:
+    """(V,3) float32 unit normals of the whole mesh at these places."""
+    corners = vertices[body.faces]
+    face_normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = np.zeros_like(vertices)
+    for corner in range(3):
+        np.add.at(normals, body.faces[:, corner], face_normals)
+    return np.asarray(normals / (np.linalg.norm(normals, axis=1, keepdims=True) + 1e-12), np.float32)

@@ -1,0 +1,1 @@
+"""Rotations, projection, boxes, alignment, intervals, chains: each once, used by all."""

@@ -1,0 +1,201 @@
+"""What was seen of one person: the tracker's observations as evidence for a fit, made for a run of frames at a time.
+
+A long motion's observations stay as the tracker gave them; nothing of their size is kept beside them.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from humanmm.models.body.kinematics import chunks
+from humanmm.models.body.landmarks import MIRROR, NUM_LANDMARKS
+from humanmm.models.geometry.rotations import swing
+from humanmm.models.motion.fit.state import Skeleton
+from humanmm.models.records.shots import Appearance, in_spans
+from humanmm.models.records.tracks import MASK_SIDE, PersonTrack
+
+Array = np.ndarray
+
+_MIRROR = np.array(MIRROR)
+LAPSE_TRUST = 0.1
+"""Factor of a keypoint's visibility where the network was lost."""
+
+
+@dataclass(frozen=True)
+class Bone:
+    start: int
+    end: int
+    across_m: float
+    """Expected error of the network's 3D vector across the viewing ray, after scaling to the body's bone length."""
+    along_m: float
+    """The same along the ray."""
+
+
+BONES = (
+    Bone(12, 11, 0.05, 0.06), Bone(24, 23, 0.05, 0.04), Bone(23, 11, 0.06, 0.05), Bone(24, 12, 0.06, 0.05),
+    Bone(11, 13, 0.045, 0.09), Bone(12, 14, 0.045, 0.09), Bone(13, 15, 0.045, 0.09), Bone(14, 16, 0.045, 0.09),
+    Bone(15, 17, 0.03, 0.06), Bone(16, 18, 0.03, 0.06), Bone(15, 19, 0.03, 0.06), Bone(16, 20, 0.03, 0.06),
+    Bone(23, 25, 0.06, 0.09), Bone(24, 26, 0.06, 0.09), Bone(25, 27, 0.06, 0.09), Bone(26, 28, 0.06, 0.09),
+    Bone(29, 31, 0.09, 0.14), Bone(30, 32, 0.09, 0.14), Bone(8, 7, 0.03, 0.04), Bone(7, 0, 0.03, 0.04),
+    Bone(8, 0, 0.03, 0.04),
+)  # fmt: skip
+"""Vectors taken from the network's 3D landmarks. Errors of neighbouring bones are nearly independent, those of joints
+are not: an arm's error is carried on to its hand."""
+
+BONE_START, BONE_END = np.array([(bone.start, bone.end) for bone in BONES]).T
+
+
+def bone_lengths(skeleton: Skeleton) -> Float[Array, " B"]:
+    """Lengths of BONES in a body whose points are the 33 landmarks, metres."""
+    rest = skeleton.rest_joints[skeleton.point_joint] + skeleton.point_offset
+    return np.asarray(np.linalg.norm(rest[BONE_END] - rest[BONE_START], axis=-1))
+
+
+@dataclass(frozen=True, eq=False)
+class Sighting:
+    """One track's observations in a span of frames."""
+
+    track: PersonTrack
+    span: tuple[int, int]
+    appearance: Appearance
+    """Which of the frames name left and right wrongly, and in which the pose is hardly trusted."""
+    K: Float[Array, "n 3 3"]
+    """Cameras of the span."""
+
+    @cached_property
+    def bone_lengths(self) -> Float[Array, " B"]:
+        """Median lengths of BONES in the network's landmarks, metres."""
+        rows = np.arange(*self._rows(*self.span))
+        lengths = np.empty((len(rows), len(BONES)), np.float32)
+        for some in chunks(len(rows)):
+            landmarks = self._sides_right(self.track.landmarks3d[rows[some]], self.track.frame[rows[some]])
+            lengths[some] = np.linalg.norm(landmarks[:, BONE_END] - landmarks[:, BONE_START], axis=-1)
+        return np.asarray(np.maximum(np.median(lengths, axis=0), 1e-3), np.float32)
+
+    @property
+    def frame(self) -> Int[Array, " n"]:
+        """Frames with an observation."""
+        return self.track.frame[slice(*self._rows(*self.span))]
+
+    def _rows(self, first: int, last: int) -> tuple[int, int]:
+        """Rows of the track in [first, last) and in the span."""
+        bounds = [max(first, self.span[0]), min(last, self.span[1])]
+        start, end = np.searchsorted(self.track.frame, bounds).tolist()
+        return start, max(start, end)
+
+    def _sides_right(self, points: Float[Array, "n 33 c"], frame: Int[Array, " n"]) -> Float[Array, "n 33 c"]:
+        exchange = in_spans(frame, self.appearance.swapped)
+        return np.where(exchange[:, None, None], points[:, _MIRROR], points) if exchange.any() else points
+
+    def enter(self, evidence: "Evidence", first: int) -> None:
+        """Write what was seen into evidence that begins at frame `first`."""
+        rows = slice(*self._rows(first, first + len(evidence.seen)))
+        frame = self.track.frame[rows]
+        if not len(frame):
+            return
+        keypoints = self._sides_right(self.track.keypoints2d[rows], frame)
+        landmarks = self._sides_right(self.track.landmarks3d[rows], frame)
+
+        centre = self.track.mask_affine[rows] @ np.array([MASK_SIDE / 2, MASK_SIDE / 2, 1.0])
+        homogeneous = np.concatenate([centre, np.ones((len(centre), 1))], axis=1)
+        ray = np.linalg.solve(self.K[frame - self.span[0]], homogeneous[..., None])[..., 0]
+        ray /= np.linalg.norm(ray, axis=1, keepdims=True)
+        R_cam_ray = swing(np.broadcast_to([0.0, 0.0, 1.0], ray.shape), ray)
+        landmarks_cam = landmarks @ np.swapaxes(R_cam_ray, -1, -2).astype(np.float32)
+
+        at = frame - first
+        evidence.seen[at] = True
+        evidence.keypoints[at] = keypoints[..., :2]
+        trust = np.where(in_spans(frame, self.appearance.lapses), LAPSE_TRUST, 1.0)
+        evidence.visibility[at] = np.clip(keypoints[..., 2], 0, 1) * trust[:, None]
+        evidence.landmarks_cam[at] = landmarks_cam
+        evidence.bones[at] = (landmarks_cam[:, BONE_END] - landmarks_cam[:, BONE_START]) / self.bone_lengths[:, None]
+        evidence.ray[at] = ray
+        evidence.lifted[at] = self.track.lifted
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """One person's observations on every frame of a run, dense: weight zero where nothing was seen. N frames.
+
+    Keypoints, visibility, landmarks and bones in single precision, as the network gives them.
+    """
+
+    seen: Bool[Array, " N"]
+    keypoints: Float[Array, "N 33 2"]
+    visibility: Float[Array, "N 33"]
+    landmarks_cam: Float[Array, "N 33 3"]
+    """Metres, camera axes (turned by the viewing ray), as large as the network says."""
+    bones: Float[Array, "N B 3"]
+    """BONES in camera axes, each in units of its median length in the network's landmarks."""
+    ray: Float[Array, "N 3"]
+    """Unit viewing ray of the crop's centre."""
+    lifted: Bool[Array, " N"]
+    """Where the landmarks were made from the keypoints."""
+
+    @classmethod
+    def empty(cls, num_frames: int) -> "Evidence":
+        """Nothing seen yet."""
+        n = num_frames
+        return cls(
+            seen=np.zeros(n, bool),
+            keypoints=np.zeros((n, NUM_LANDMARKS, 2), np.float32),
+            visibility=np.zeros((n, NUM_LANDMARKS), np.float32),
+            landmarks_cam=np.zeros((n, NUM_LANDMARKS, 3), np.float32),
+            bones=np.zeros((n, len(BONES), 3), np.float32),
+            ray=np.tile([0.0, 0.0, 1.0], (n, 1)),
+            lifted=np.zeros(n, bool),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class LongEvidence:
+    """One person's observations on N frames that follow one another, however many."""
+
+    frame: Int[Array, " N"]
+    time_s: Float[Array, " N"]
+    seen: Bool[Array, " N"]
+    """Where something was seen that is believed."""
+    sightings: tuple[Sighting, ...]
+
+    @classmethod
+    def of(cls, sightings: tuple[Sighting, ...], frame: Int[Array, " N"], time_s: Float[Array, " F"]) -> "LongEvidence":
+        """What the sightings say of these frames; `time_s` holds all frames of the video."""
+        seen = np.zeros(len(frame), bool)
+        for sighting in sightings:
+            at = sighting.frame - frame[0]
+            seen[at[(at >= 0) & (at < len(frame))]] = True
+        return cls(frame.astype(np.int32), time_s[frame], seen, sightings)
+
+    def believed(self, observed: Bool[Array, " N"]) -> "LongEvidence":
+        """The evidence without the frames that an earlier stage did not believe."""
+        return replace(self, seen=self.seen & observed)
+
+    def frames(self, chosen: slice) -> Evidence:
+        """A run of frames."""
+        seen = self.seen[chosen]
+        evidence = Evidence.empty(len(seen))
+        for sighting in self.sightings:
+            sighting.enter(evidence, int(self.frame[chosen][0]))
+        evidence.seen[~seen] = False
+        evidence.visibility[~seen] = 0
+        return evidence
+
+
+def gather(
+    track: PersonTrack,
+    span: tuple[int, int],
+    appearance: Appearance,
+    time_s: Float[Array, " F"],
+    K: Float[Array, "n 3 3"],
+) -> LongEvidence | None:
+    """A track's observations in `span` from first to last, with left and right put right; None if there are none.
+
+    `time_s` holds all frames of the video, K those of the span.
+    """
+    sighting = Sighting(track, span, appearance, K)
+    if not len(sighting.frame):
+        return None
+    return LongEvidence.of((sighting,), np.arange(sighting.frame[0], sighting.frame[-1] + 1), time_s)

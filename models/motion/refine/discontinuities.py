@@ -1,0 +1,88 @@
+"""Seams at cuts: what two shots say of the same instant is made one.
+
+Each shot's pose carries an error of its own (mostly bias: it lasts), so a person changes posture from one frame to the
+next where the camera changes. Both sides are carried on to the middle of the cut, and each gives way by half of their
+difference, fading out into its shot. Quick detail of the motion on both sides stays as it is.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from humanmm.models.geometry.rotations import rotation_from_vector, vector_from_rotation
+
+Array = np.ndarray
+
+FADE_S = 0.4
+"""How far into each shot the correction reaches."""
+
+CARRY_S = 0.1
+"""Length of the runs of frames from which each side is carried on to the cut."""
+
+LONGEST_STEP_S = 0.2
+"""Sides further apart in time than this have a gap between them, which is filled in instead."""
+
+
+def close_seams(
+    vectors: Float[Array, "N J 3"],
+    *,
+    frame: Int[Array, " N"],
+    observed: Bool[Array, " N"],
+    time_s: Float[Array, " N"],
+    cut_frames: Sequence[int],
+) -> Float[Array, "N J 3"]:
+    """The rotation vectors (radians) with the jump at every cut shared out between both shots."""
+    if not cut_frames:
+        return vectors
+    closed = vectors.copy()
+    known = np.flatnonzero(observed)
+    for cut in cut_frames:
+        before, after = known[frame[known] < cut], known[frame[known] >= cut]
+        if len(before) == 0 or len(after) == 0 or time_s[after[0]] - time_s[before[-1]] > LONGEST_STEP_S:
+            continue
+        middle = (time_s[before[-1]] + time_s[after[0]]) / 2
+        end = _carried(vectors, before[::-1], time_s, middle)
+        start = _carried(vectors, after, time_s, middle)
+        jump = vector_from_rotation(np.swapaxes(end, -1, -2) @ start)  # in the joint's own axes at the cut
+        # A fade never reaches past the middle of a shot, so that two cuts' corrections do not meet.
+        for rows, sign in (
+            (_same_side(before, cut, cut_frames, frame), 0.5),
+            (_same_side(after, cut, cut_frames, frame), -0.5),
+        ):
+            reach = min(FADE_S, abs(time_s[rows[-1]] - time_s[rows[0]]) / 2 + 1e-9)
+            away = np.abs(time_s[rows] - middle) / reach
+            rows, share = rows[away < 1], _fade(away[away < 1])
+            turn = rotation_from_vector(sign * share[:, None, None] * jump)
+            closed[rows] = vector_from_rotation(rotation_from_vector(closed[rows]) @ turn)
+    return closed
+
+
+def _same_side(rows: Array, cut: int, cut_frames: Sequence[int], frame: Array) -> Array:
+    """The rows of the shot that ends or begins at `cut`."""
+    bounds = [c for c in cut_frames if c != cut]
+    if len(rows) and frame[rows[0]] < cut:
+        low = max((c for c in bounds if c < cut), default=-1)
+        return np.asarray(rows[frame[rows] >= low])
+    high = min((c for c in bounds if c > cut), default=np.iinfo(np.int64).max)
+    return np.asarray(rows[frame[rows] < high])
+
+
+def _fade(x: Array) -> Array:
+    """1 at 0, 0 from 1 on, with no kink at either end."""
+    x = np.clip(x, 0.0, 1.0)
+    return np.asarray(1 - x * x * x * (10 - 15 * x + 6 * x * x))
+
+
+def _carried(vectors: Array, rows: Array, time_s: Array, when: float) -> Float[Array, "J 3 3"]:
+    """Rotations at `when` by a straight line through the nearest frames (rows in order of distance from the cut)."""
+    near = rows[np.abs(time_s[rows] - time_s[rows[0]]) <= CARRY_S]
+    R = rotation_from_vector(vectors[near])
+    base = R[0]
+    if len(near) < 3:
+        return np.asarray(base)
+    turns = vector_from_rotation(np.swapaxes(base, -1, -2) @ R)
+    at = time_s[near] - when
+    design = np.stack([np.ones(len(near)), at], axis=1)
+    line = np.linalg.lstsq(design, turns.reshape(len(near), -1), rcond=None)[0]
+    return np.asarray(base @ rotation_from_vector(line[0].reshape(-1, 3)))

@@ -1,0 +1,143 @@
+"""One more fit of the body, over the whole clip in the world: all shots' evidence, and feet that do not move.
+
+`hmr` fits each shot by itself and `align` places the shots. Here one person's keypoints and 3D landmarks of all shots
+are seen by cameras that now stand in one world, motion runs on through the cuts, and a planted foot is in the same
+place in every frame: what one view cannot tell (how far away, how the body is tilted) the leg and the neighbouring shot
+tell.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float
+
+from humanmm.models.body.body24 import load_body
+from humanmm.models.body.landmarks import load_landmarks
+from humanmm.models.motion.fit.equations import REFERENCE_HZ, NormalEquations, Term, cauchy, once_per_motion, portions
+from humanmm.models.motion.fit.evidence import LongEvidence, Sighting, bone_lengths
+from humanmm.models.motion.fit.hmr import EvidenceTerms, NoiseModel, pelvis_depths
+from humanmm.models.motion.fit.solver import SolverSettings, solve_windows
+from humanmm.models.motion.fit.state import CameraPath, LongMotion, Motion, Skeleton
+from humanmm.models.motion.refine.contacts import CONTACT_JOINTS
+from humanmm.models.records.shots import ShotList
+from humanmm.models.records.tracks import ScenePeople
+
+Array = np.ndarray
+
+PLANTED_SPEED_MS = 0.1
+"""Speed that an estimated foot keeps while it stands, m/s: about what motion capture skates."""
+
+SETTINGS = SolverSettings(max_iterations=6, first_damping=1e-6)
+"""The start is a fit already: a few steps settle it. Damping goes by the diagonal, which planted feet make large:
+more of it would hold back the slow drift of the whole body that they are to correct."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlantedFeet:
+    """Places that stand keep their place from frame to frame: (p_(t+1) − p_t) / (σ Δt), robust for each place."""
+
+    feet: Skeleton
+    time_s: Float[Array, " N"]
+    contacts: Float[Array, "N 4"]
+    """Probabilities; below one half they do not count."""
+    speed_ms: float = PLANTED_SPEED_MS
+    robust_scale: float = 2.0
+    """Speed, in sigmas, beyond which a contact is not believed."""
+
+    @cached_property
+    def _span(self) -> Float[Array, " M"]:
+        return np.diff(self.time_s)
+
+    @cached_property
+    def _weight(self) -> Float[Array, "M 4"]:
+        stands = self.contacts * (self.contacts >= 0.5)
+        return np.asarray(stands[1:] * stands[:-1] * (self._span * REFERENCE_HZ)[:, None])
+
+    @once_per_motion
+    def _feet(self, motion: Motion) -> Motion:
+        return Motion.of(self.feet, motion.R_local, motion.pelvis_ref)
+
+    @once_per_motion
+    def _residual(self, feet: Motion) -> Float[Array, "M 4 3"]:
+        return np.asarray(np.diff(feet.points, axis=0) / (self.speed_ms * self._span)[:, None, None])
+
+    def cost(self, motion: Motion) -> float:
+        """Half the robust sum of squares."""
+        loss, _ = cauchy(np.sum(self._residual(self._feet(motion)) ** 2, axis=-1), self.robust_scale)
+        return float(np.sum(self._weight * loss))
+
+    def add(self, motion: Motion, equations: NormalEquations) -> None:
+        """Add gradient and curvature: the only term whose blocks between neighbouring frames are full."""
+        if len(self.time_s) < 2:
+            return
+        feet = self._feet(motion)
+        residual = self._residual(feet)
+        _, trust = cauchy(np.sum(residual**2, axis=-1), self.robust_scale)
+        root = np.sqrt(self._weight * trust)
+        scale = np.repeat(root / (self.speed_ms * self._span)[:, None], 3, axis=1)
+        right = (root[..., None] * residual).reshape(len(root), -1, 1)
+        axes, which = np.tile(np.eye(3), (root.shape[1], 1)), np.repeat(np.arange(root.shape[1]), 3)
+        for steps in portions(len(root)):
+            if not root[steps].any():
+                continue
+            first, last = slice(steps.start, steps.stop), slice(steps.start + 1, steps.stop + 1)
+            frames = slice(first.start, last.stop)
+            J = feet.point_rows(frames, which, np.broadcast_to(axes, (last.stop - first.start, *axes.shape)))
+            now, later = (rows * scale[steps, :, None] for rows in (J[:-1], J[1:]))
+            now_T, later_T = np.swapaxes(now, -1, -2), np.swapaxes(later, -1, -2)
+            equations.own[first] += now_T @ now
+            equations.own[last] += later_T @ later
+            equations.next_one[first] -= now_T @ later
+            equations.gradient[first] -= (now_T @ right[steps])[..., 0]
+            equations.gradient[last] += (later_T @ right[steps])[..., 0]
+
+
+def person_skeleton(betas: Float[Array, " 10"]) -> Skeleton:
+    """The person's rest joints with the 33 landmarks on them."""
+    model = load_landmarks()
+    return Skeleton(load_body().rest_joints(betas), model.joint, model.offsets(betas))
+
+
+def gather_clip(
+    person: int,
+    frame: Array,
+    *,
+    shots: ShotList,
+    scenes: Sequence[ScenePeople | None],
+    time_s: Float[Array, " F"],
+    K: Float[Array, "F 3 3"],
+) -> LongEvidence | None:
+    """A person's observations in every shot, left and right put right; None if there are none."""
+    sightings = tuple(
+        Sighting(scene.tracks[appearance.track], shot.clear, appearance, K[slice(*shot.clear)])
+        for shot in shots.shots
+        if (scene := scenes[shot.scene]) is not None
+        for appearance in shot.people
+        if appearance.person == person
+    )
+    clip = LongEvidence.of(sightings, frame, time_s)
+    return clip if clip.seen.any() else None
+
+
+def fit_world(
+    start: LongMotion,
+    clip: LongEvidence,
+    camera: CameraPath,
+    contacts: Float[Array, "N 4"],
+    *,
+    noise: NoiseModel | None = None,
+    settings: SolverSettings = SETTINGS,
+) -> LongMotion:
+    """The motion in the world that agrees best with all shots' evidence and with the feet that stand."""
+    of_evidence = EvidenceTerms(
+        clip, bone_lengths(start.skeleton), camera, pelvis_depths(start, camera), noise or NoiseModel()
+    )
+    feet = Skeleton(start.skeleton.rest_joints, np.array(CONTACT_JOINTS), np.zeros((len(CONTACT_JOINTS), 3)))
+
+    def terms(frames: slice) -> list[Term]:
+        planted = PlantedFeet(feet, clip.time_s[frames], contacts[frames])
+        return [*of_evidence(frames), planted]
+
+    return solve_windows(start, terms, settings)

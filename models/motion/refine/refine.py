@@ -1,0 +1,232 @@
+"""One motion over all shots (paper section 3.4): seams closed, gaps filled, smooth, feet on one floor.
+
+In order: the poses of neighbouring shots are made one at the cut; rotations are smoothed and gaps filled in; feet that
+stand are found, and the floor is put under them; the body is fitted once more to the evidence of all shots together,
+with those feet held; then they are found again and locked by inverse kinematics. Cameras keep their rotations; their
+centres move with the floor and the origin alone.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from humanmm.models.body.body24 import NUM_JOINTS, Body, load_body
+from humanmm.models.body.kinematics import by_chunks
+from humanmm.models.geometry.rotations import rotation_from_vector, vector_from_rotation
+from humanmm.models.motion.fit.evidence import LongEvidence
+from humanmm.models.motion.fit.state import CameraPath, LongMotion
+from humanmm.models.motion.refine.contacts import CONTACT_JOINTS, ContactModel, confirmed, contact_probabilities
+from humanmm.models.motion.refine.discontinuities import close_seams
+from humanmm.models.motion.refine.fit import fit_world, gather_clip, person_skeleton
+from humanmm.models.motion.refine.footlock import LockSettings, contact_places, lock_feet
+from humanmm.models.motion.refine.smoothing import smooth, smooth_rotations
+from humanmm.models.records.motion import PersonMotion, WorldMotion
+from humanmm.models.records.shots import ShotList
+from humanmm.models.records.tracks import ScenePeople
+
+Array = np.ndarray
+
+FLOOR_NEAR_M = 0.10
+"""Standing soles this near to the floor found so far say where it really is; others stand on something."""
+
+FILL_HZ = 12.0
+"""Band limit of what fills a gap after the fit: it meets the frames beside it almost exactly."""
+
+FEWEST_STANDING = 10
+"""Fewer places and frames than this say nothing about the floor."""
+
+
+@dataclass(frozen=True)
+class RefineSettings:
+    """What can be set, and what can be left out (for ablations)."""
+
+    cutoff_hz: float = 8.0
+    close_seams: bool = True
+    refit: bool = True
+    foot_lock: bool = True
+    contacts: ContactModel = field(default_factory=ContactModel)
+    lock: LockSettings = field(default_factory=LockSettings)
+
+
+@dataclass(frozen=True)
+class Observations:
+    """What was seen, for the fit over the whole clip."""
+
+    shots: ShotList
+    scenes: Sequence[ScenePeople | None]
+    """One a scene; None where it failed."""
+
+
+def refine_world(
+    world: WorldMotion,
+    observations: Observations | None,
+    *,
+    time_s: Float[Array, " F"],
+    cut_frames: tuple[int, ...],
+    settings: RefineSettings | None = None,
+) -> WorldMotion:
+    """All people refined; floor at z = 0, first person's first pelvis above the origin.
+
+    Without observations the motion is not fitted again.
+    """
+    settings = settings or RefineSettings()
+    drafts = {
+        person.person: draft(person, world, time_s[person.frame], cut_frames=cut_frames, settings=settings)
+        for person in world.people
+        if person.observed.any()
+    }
+    rise = floor_height(list(drafts.values()))
+    people = []
+    for person in world.people:
+        one = drafts.pop(person.person, None)
+        if one is None:
+            people.append(person)
+            continue
+        one = one.raised(-rise)
+        if observations is not None and settings.refit:
+            clip = gather_clip(
+                person.person,
+                person.frame,
+                shots=observations.shots,
+                scenes=observations.scenes,
+                time_s=time_s,
+                K=world.K,
+            )
+            one = one if clip is None else one.fitted(clip).with_contacts(settings.contacts)
+        people.append(finish(one, settings=settings))
+    return at_origin(replace(world, people=tuple(people), t_world_cam=world.t_world_cam - [0.0, 0.0, rise]))
+
+
+@dataclass(frozen=True, eq=False)
+class Draft:
+    """One person on the way: smooth poses without gaps, and feet that stand."""
+
+    person: PersonMotion
+    time_s: Float[Array, " N"]
+    camera_centre: Float[Array, "N 3"]
+    R_world_cam: Float[Array, "N 3 3"]
+    K: Float[Array, "N 3 3"]
+    sole_height: Float[Array, " 4"]
+    motion: LongMotion
+    feet: Float[Array, "N 4 3"]
+    """Where the places of `CONTACT_JOINTS` are."""
+    contacts: Float[Array, "N 4"]
+
+    @property
+    def soles(self) -> Float[Array, "N 4"]:
+        """Heights of the soles above z = 0."""
+        return np.asarray(self.feet[..., 2] - self.sole_height)
+
+    def raised(self, by: float) -> "Draft":
+        """The same in a world whose floor is lower by so much."""
+        up = np.array([0.0, 0.0, by])
+        return replace(
+            self,
+            camera_centre=self.camera_centre + up,
+            motion=replace(self.motion, pelvis_ref=self.motion.pelvis_ref + up),
+            feet=self.feet + up,
+        )
+
+    def with_contacts(self, model: ContactModel) -> "Draft":
+        """Contacts found on the way as it is now."""
+        way = self.motion.pelvis_ref - self.camera_centre
+        found = contact_probabilities(
+            self.feet,
+            self.sole_height,
+            time_s=self.time_s,
+            ray=way / np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), 1e-6),
+            observed=self.person.observed,
+            model=model,
+        )
+        return replace(self, contacts=found)
+
+    def fitted(self, clip: LongEvidence) -> "Draft":
+        """Fitted once more to the evidence of all shots; frames without any are filled in again."""
+        R_cam_world = np.swapaxes(self.R_world_cam, -1, -2)
+        camera = CameraPath(R_cam_world, -(R_cam_world @ self.camera_centre[..., None])[..., 0], self.K)
+        seen = self.person.observed
+        motion = fit_world(self.motion, clip.believed(seen), camera, self.contacts)
+        if not seen.all():
+            vectors, pelvis = motion.vectors, motion.pelvis_ref
+            vectors[~seen] = smooth_rotations(vectors, seen * 1.0, self.time_s, cutoff_hz=FILL_HZ)[~seen]
+            pelvis[~seen] = smooth(pelvis, seen * 1.0, self.time_s, cutoff_hz=FILL_HZ)[~seen]
+        return replace(self, motion=motion, feet=contact_places(motion))
+
+
+def draft(
+    person: PersonMotion,
+    world: WorldMotion,
+    time_s: Float[Array, " N"],
+    *,
+    cut_frames: tuple[int, ...],
+    settings: RefineSettings,
+) -> Draft:
+    """Seams closed, rotations smoothed, gaps filled, feet that stand found once."""
+    vectors = np.empty((len(person.frame), NUM_JOINTS, 3), np.float32)
+    vectors[:, 0], vectors[:, 1:] = by_chunks(vector_from_rotation, person.R_world_root), person.body_pose
+    if settings.close_seams:
+        vectors = close_seams(
+            vectors, frame=person.frame, observed=person.observed, time_s=time_s, cut_frames=cut_frames
+        )
+    weight = np.where(person.observed, np.clip(person.confidence, 0.05, 1.0), 0.0)
+    motion = LongMotion(
+        person_skeleton(person.betas),
+        smooth_rotations(vectors, weight, time_s, cutoff_hz=settings.cutoff_hz),
+        smooth(person.pelvis_world, weight, time_s, cutoff_hz=settings.cutoff_hz),
+    )
+    frames = slice(int(person.frame[0]), int(person.frame[-1]) + 1)
+    return Draft(
+        person=person,
+        time_s=time_s,
+        camera_centre=world.t_world_cam[frames],
+        R_world_cam=world.R_world_cam[frames],
+        K=world.K[frames],
+        sole_height=sole_heights(load_body(), person.betas),
+        motion=motion,
+        feet=contact_places(motion),
+        contacts=np.zeros((len(time_s), 4)),
+    ).with_contacts(settings.contacts)
+
+
+def finish(one: Draft, *, settings: RefineSettings) -> PersonMotion:
+    """Feet locked; contacts of feet that really stand."""
+    motion, contacts = one.motion, one.contacts
+    if settings.foot_lock:
+        motion = lock_feet(motion, contacts, one.sole_height, time_s=one.time_s, settings=settings.lock)
+        contacts = confirmed(contacts, contact_places(motion))
+    return replace(
+        one.person,
+        R_world_root=by_chunks(rotation_from_vector, motion.vectors[:, 0]),
+        body_pose=motion.vectors[:, 1:],
+        pelvis_world=motion.pelvis_ref,
+        contacts=contacts.astype(np.float32),
+    )
+
+
+def floor_height(drafts: Sequence[Draft]) -> float:
+    """Height of the floor under the standing feet, metres: the median of the soles that stand near z = 0."""
+    soles = np.concatenate([one.soles[one.contacts >= 0.5] for one in drafts] or [np.zeros(0)])
+    floor = 0.0
+    for _ in range(2):
+        near = soles[np.abs(soles - floor) < FLOOR_NEAR_M]
+        if len(near) < FEWEST_STANDING:
+            return floor
+        floor = float(np.median(near))
+    return floor
+
+
+def sole_heights(body: Body, betas: Float[Array, " 10"]) -> Float[Array, " 4"]:
+    """Height above the ground of left ankle, left toe base, right ankle, right toe base of the rest pose, metres."""
+    ground = float(body.rest_vertices(betas)[:, 1].min())
+    return np.asarray(body.rest_joints(betas)[list(CONTACT_JOINTS), 1] - ground)
+
+
+def at_origin(world: WorldMotion) -> WorldMotion:
+    """The same world, its origin under the first person's first pelvis."""
+    if not world.people:
+        return world
+    shift = world.people[0].pelvis_world[0] * [1.0, 1.0, 0.0]
+    people = tuple(replace(person, pelvis_world=person.pelvis_world - shift) for person in world.people)
+    return replace(world, people=people, t_world_cam=world.t_world_cam - shift)

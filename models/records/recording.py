@@ -1,0 +1,119 @@
+"""The finished recording: everything that motion.zarr holds, as one validated value.
+
+The writer of the run folder, the exporters and the pictures all start from it.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from humanmm.models.records import landmarks
+from humanmm.models.records.video import mean_rate_hz
+
+CONTACT_JOINTS = (7, 10, 8, 11)
+"""Joints of the four contact probabilities: left ankle, left toe base, right ankle, right toe base."""
+
+
+@dataclass(frozen=True)
+class RecordedPerson:
+    """One person, N frames without holes. Meanings, units, axes as in the arrays `people/<nn>/…` of motion.zarr."""
+
+    person: int
+    frame: np.ndarray
+    """(N,) int32."""
+    observed: np.ndarray
+    """(N,) bool."""
+    root_orient: np.ndarray
+    """(N,3) float32, axis-angle, body to world, continuous in time."""
+    body_pose: np.ndarray
+    """(N,23,3) float32, axis-angle."""
+    betas: np.ndarray
+    """(10,) float32."""
+    transl: np.ndarray
+    """(N,3) float32, pelvis − J0(betas), metres."""
+    joints: np.ndarray
+    """(N,24,3) float32, world, metres."""
+    contacts: np.ndarray
+    """(N,4) float32, probabilities of `CONTACT_JOINTS`."""
+    keypoints2d: np.ndarray
+    """(N,33,3) float32, source pixels and confidence; zero where the detector saw nothing."""
+    bbox: np.ndarray
+    """(N,4) float32, xyxy, source pixels: the detector's, else that of the projected joints, else zero."""
+    confidence: np.ndarray
+    """(N,) float32, 0..1."""
+
+    def __post_init__(self) -> None:
+        num_frames = len(self.frame)
+        shapes = {
+            "frame": (num_frames,), "observed": (num_frames,), "root_orient": (num_frames, 3),
+            "body_pose": (num_frames, 23, 3), "betas": (10,), "transl": (num_frames, 3), "joints": (num_frames, 24, 3),
+            "contacts": (num_frames, 4), "bbox": (num_frames, 4), "confidence": (num_frames,),
+        }  # fmt: skip
+        for name, shape in shapes.items():
+            found = getattr(self, name).shape
+            if found != shape:
+                raise ValueError(f"person {self.person}: {name} has shape {found}, expected {shape}")
+        if num_frames and not np.array_equal(self.frame, np.arange(self.frame[0], self.frame[0] + num_frames)):
+            raise ValueError(f"person {self.person}: frames must rise by one without holes")
+
+    @property
+    def pelvis(self) -> np.ndarray:
+        """(N,3) pelvis joint in the world, metres."""
+        return self.joints[:, 0]
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One video's people and cameras in one world: z up, metres, floor at z = 0. F frames."""
+
+    width: int
+    height: int
+    time_s: np.ndarray
+    """(F,) float64."""
+    shot_index: np.ndarray
+    """(F,) int32."""
+    cut_frames: tuple[int, ...]
+    R_world_cam: np.ndarray
+    """(F,3,3) float32."""
+    t_world_cam: np.ndarray
+    """(F,3) float32, metres."""
+    K: np.ndarray
+    """(F,3,3) float32, source pixels with centres at .5."""
+    camera_source: np.ndarray
+    """(F,) uint8, index into camera.observations.SOURCES."""
+    people: tuple[RecordedPerson, ...]
+    body_model: str = "body24"
+    keypoint_names: tuple[str, ...] = landmarks.NAMES
+
+    def __post_init__(self) -> None:
+        num_frames = len(self.time_s)
+        shapes = {
+            "shot_index": (num_frames,), "R_world_cam": (num_frames, 3, 3), "t_world_cam": (num_frames, 3),
+            "K": (num_frames, 3, 3), "camera_source": (num_frames,),
+        }  # fmt: skip
+        for name, shape in shapes.items():
+            if getattr(self, name).shape != shape:
+                raise ValueError(f"{name} has shape {getattr(self, name).shape}, expected {shape}")
+
+    @property
+    def num_frames(self) -> int:
+        return len(self.time_s)
+
+    @property
+    def fps(self) -> float:
+        """Mean frame rate, Hz; 0 for a single frame."""
+        return mean_rate_hz(self.time_s)
+
+    @property
+    def cast(self) -> str:
+        """How many people and shots, in words."""
+        people, shots = len(self.people), len(self.cut_frames) + 1
+        return f"{people} {'person' if people == 1 else 'people'}, {shots} shot{'s' if shots > 1 else ''}"
+
+
+@dataclass(frozen=True)
+class Delivery:
+    """What the stage `deliver` leaves: the recording, and the names of its pictures among the artifact's files."""
+
+    recording: Recording
+    files: tuple[str, ...]

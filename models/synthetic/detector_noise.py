@@ -1,0 +1,262 @@
+"""What a pose network makes of a body: 33 landmarks in the picture and about the hips, wrong the way BlazePose is.
+
+Errors are mostly bias: they stay for a second and longer, so that averaging frames gains little, and landmarks of one
+limb err together. Whole limbs are hidden for a while, jump, and left and right are exchanged for whole runs of frames.
+An error is made by what the network sees and changes as that changes: it is forgotten, and limbs are lost, not with
+time but on the way that a limb goes about the middle of the body in the picture, in heights of the body. A foot that
+stands keeps its error.
+"""
+
+import json
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from humanmm.models.body.landmarks import MIRROR, NUM_LANDMARKS
+from humanmm.models.geometry.rotations import rotation_from_vector, swing
+from humanmm.models.weights.shipped import read_weights
+
+Array = np.ndarray
+
+LIMBS = ((13, 15, 17, 19, 21), (14, 16, 18, 20, 22), (25, 27, 29, 31), (26, 28, 30, 32))
+"""Landmarks that are hidden or lost together: left and right arm, left and right leg."""
+TRUNK = (11, 12, 23, 24)
+PARTS = (tuple(range(11)), TRUNK, *LIMBS)
+"""Landmarks that go together: the head's, the trunk's, the limbs'."""
+BODY = slice(11, 33)
+"""Landmarks below the neck."""
+AXES = 5
+"""Of an error: x, y in the picture; x, y, z of the 3D landmark."""
+
+Matrix = tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True)
+class ErrorPatterns:
+    """How errors of landmarks that go together are related: covariances over landmarks × AXES, of the left side (on the
+    right x is negative). Over the whole body the mean variance of every axis is 1."""
+
+    trunk: Matrix
+    arm: Matrix
+    leg: Matrix
+
+
+@dataclass(frozen=True)
+class DetectorNoise:
+    """All numbers of the noise; those in use are fitted to rendered clips (`fitted_noise`).
+
+    A *way* is how far a limb has gone about the middle of the body, heights of the body in the picture. Times are means
+    of geometric distributions.
+    """
+
+    keypoint_share: float
+    """One sigma of a keypoint per axis, share of the body's height in the picture."""
+    landmark_sigma_m: tuple[float, float, float]
+    """Of a 3D landmark, along x, y, z of the view."""
+    patterns: ErrorPatterns
+    turn_deg: tuple[float, float, float]
+    """Of all 3D landmarks together, about x, y, z of the view."""
+    tilt_deg: float
+    tilt_per_pitch: float
+    """The 3D landmarks are tilted about x by `tilt_deg` and so many degrees for every degree that the ray points up."""
+    lean_per_roll: float
+    """The same about z, for every degree of the camera's roll."""
+    landmark_scale: float
+    """Size of the network's average person against body24's; it draws everybody as large as that."""
+    anatomy_m: float
+    """Per axis, how far one person's landmarks lie from where the model has them, in the axes of the joint they
+    ride on, for the whole video: the fit must not know the body that it is tested on."""
+    new_share: float
+    """Share of the variance in the picture that is new in every frame."""
+    shot_share: float
+    """Share of the other that stays for a whole shot; the rest is forgotten on the way."""
+    slow_way: float
+    """Way after which 1/e of it is left."""
+    rest_speed: float
+    """What does not move at all changes as if it went so fast, heights a second."""
+    hidden_rate: tuple[float, float]
+    """How often an arm and a leg are hidden, times per way."""
+    hidden_s: tuple[float, float]
+    hidden_factor: float
+    lost_rate: tuple[float, float]
+    """How often an arm and a leg jump, times per way."""
+    lost_s: tuple[float, float]
+    lost_share: float
+    """How far, share of the body's height."""
+    swap_rate: tuple[float, float]
+    """How often left and right are exchanged, seen from the front, from behind, times per way."""
+    swap_s: float
+    miss_rate: float
+    """How often nobody is found, times per way."""
+    miss_s: float
+
+
+@lru_cache(maxsize=1)
+def fitted_noise() -> DetectorNoise:
+    """The shipped noise: what `scripts/measure_detector --fit` found (models/weights/detector_noise.md)."""
+    noise = json.loads(read_weights("detector_noise.json"))["noise"]
+    patterns = {name: tuple(tuple(row) for row in matrix) for name, matrix in noise.pop("patterns").items()}
+    values: dict[str, Any] = {name: tuple(v) if isinstance(v, list) else v for name, v in noise.items()}
+    return DetectorNoise(**values, patterns=ErrorPatterns(**patterns))
+
+
+@dataclass(frozen=True)
+class Detections:
+    """One person in one clip of n frames."""
+
+    keypoints: Float[Array, "n 33 3"]
+    """Source pixels, visibility."""
+    landmarks: Float[Array, "n 33 3"]
+    """Metres about the mid-hip, axes parallel to the viewing ray of the mid-hip."""
+    found: Bool[Array, " n"]
+    """False where the detector missed the person, or the picture does not hold enough of them."""
+    swapped: Bool[Array, " n"]
+    """Where left and right are exchanged; nobody but a test is told."""
+
+
+def detect(
+    points: Float[Array, "n 33 3"],
+    K: Float[Array, "*n 3 3"],
+    size: tuple[int, int],
+    behind: Bool[Array, " n"],
+    stature: float,
+    fps: float,
+    noise: DetectorNoise,
+    rng: np.random.Generator,
+    *,
+    pitch: Float[Array, " n"],
+    roll: Float[Array, " n"],
+) -> Detections:
+    """Noisy landmarks of a body whose true ones are `points` (camera axes, metres).
+
+    `K`: one for all frames, or one a frame; `behind`: the camera sees the back; `stature`: the person's size over the
+    average's; `pitch`: the viewing ray above the horizon, `roll`: of the camera about its axis, clockwise, radians.
+    """
+    n = len(points)
+    depth = np.maximum(points[..., 2:], 0.1)
+    pixels = (points @ np.swapaxes(K, -1, -2))[..., :2] / depth
+    height = np.ptp(pixels[..., 1], axis=1)[:, None, None]
+    steps = speeds(pixels, fps) / fps + noise.rest_speed / fps
+    of_limbs, of_body = steps[:, 2:].T, steps[:, 1:].mean(axis=1)
+    pairs = list(zip(of_limbs, (0, 0, 1, 1), strict=True))
+    hidden = np.stack([_runs(rng, way, noise.hidden_rate[k], noise.hidden_s[k], fps) for way, k in pairs])
+    lost = np.stack([_runs(rng, way, noise.lost_rate[k], noise.lost_s[k], fps) for way, k in pairs])
+    factor, jump = np.ones((n, NUM_LANDMARKS, 1)), np.zeros((n, NUM_LANDMARKS, 2))
+    visibility = 0.97 - 0.04 * np.abs(rng.normal(size=(n, NUM_LANDMARKS)))
+    visibility[behind, :11] -= 0.25
+    factor[behind, :11] = noise.hidden_factor
+    for limb, gone, wild in zip(LIMBS, hidden, lost, strict=True):
+        factor[np.ix_(gone, limb)] = noise.hidden_factor
+        visibility[np.ix_(gone, limb)] = rng.uniform(0.2, 0.5)
+        jump[np.ix_(wild, limb)] = noise.lost_share * _unit(rng.normal(size=2))
+    wrong = _landmark_errors(rng, steps, noise)
+    pixels = pixels + height * (noise.keypoint_share * factor * wrong[..., :2] + jump)
+    inside = ((pixels > 0) & (pixels < np.array(size))).all(axis=-1) & (points[..., 2] > 0.1)
+    visibility = np.where(inside, visibility, 0.1)
+
+    about_hips = points - points[:, 23:25].mean(axis=1, keepdims=True)
+    ray = points[:, 23:25].mean(axis=1)
+    R_cam_ray = swing(np.broadcast_to([0.0, 0.0, 1.0], ray.shape), ray)
+    turn = np.deg2rad(np.array(noise.turn_deg)) * _errors(rng, of_body, 3, noise)
+    turn[:, 0] += np.deg2rad(noise.tilt_deg) + noise.tilt_per_pitch * pitch
+    turn[:, 2] += noise.lean_per_roll * roll
+    solid = np.einsum("nba,njb->nja", R_cam_ray, about_hips) @ np.swapaxes(rotation_from_vector(turn), -1, -2)
+    solid *= noise.landmark_scale / stature
+    solid += factor * np.array(noise.landmark_sigma_m) * wrong[..., 2:]
+    solid -= solid[:, 23:25].mean(axis=1, keepdims=True)
+
+    front, back = (_runs(rng, of_body, rate, noise.swap_s, fps) for rate in noise.swap_rate)
+    swapped = np.where(behind, back, front)
+    keypoints = np.concatenate([pixels, visibility[..., None]], axis=-1)
+    keypoints[swapped] = keypoints[swapped][:, list(MIRROR)]
+    solid[swapped] = solid[swapped][:, list(MIRROR)]
+    found = ~_runs(rng, of_body, noise.miss_rate, noise.miss_s, fps)
+    found &= inside[:, [11, 12, 23, 24]].all(axis=1) & (inside.mean(axis=1) > 0.5)
+    return Detections(keypoints.astype(np.float32), solid.astype(np.float32), found, swapped)
+
+
+def pitch_and_roll(
+    R_world_cam: Float[Array, "n 3 3"], ray: Float[Array, "n 3"]
+) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
+    """Of viewing rays (camera axes): above the horizon, and how far the camera is turned clockwise about them."""
+    down = -R_world_cam[:, 2]  # the world's −z in camera axes
+    R_cam_ray = swing(np.broadcast_to([0.0, 0.0, 1.0], ray.shape), ray)
+    seen = np.einsum("nba,nb->na", R_cam_ray, down)
+    return np.arcsin(np.clip(-seen[:, 2], -1, 1)), np.arctan2(seen[:, 0], seen[:, 1])
+
+
+def speeds(pixels: Float[Array, "n 33 2"], fps: float) -> Float[Array, "n parts"]:
+    """Mean speed of the landmarks of every one of PARTS about the middle of the body, heights of the body a second."""
+    if len(pixels) < 2:
+        return np.zeros((len(pixels), len(PARTS)))
+    height = np.ptp(pixels[..., 1], axis=1)[:, None, None]
+    about_body = (pixels - np.median(pixels[:, BODY], axis=1, keepdims=True)) / np.maximum(height, 1e-6)
+    speed = np.linalg.norm(np.diff(about_body, axis=0), axis=-1) * fps
+    of_parts = np.stack([speed[:, part].mean(axis=1) for part in PARTS], axis=1)
+    return np.concatenate([of_parts[:1], of_parts])
+
+
+def _landmark_errors(
+    rng: np.random.Generator, steps: Float[Array, "n parts"], noise: DetectorNoise
+) -> Float[Array, "n 33 5"]:
+    """Errors of all landmarks, of unit variance on average, related as the patterns say."""
+    errors = np.empty((len(steps), NUM_LANDMARKS, AXES))
+    factors = _factors(noise.patterns)
+    mirrored = np.array([-1.0, 1, -1, 1, 1])
+    for number, (part, factor) in enumerate(zip(PARTS, factors, strict=True)):
+        independent = _errors(rng, steps[:, number], AXES * len(part), noise)
+        related = (independent if factor is None else independent @ factor.T).reshape(len(steps), len(part), AXES)
+        errors[:, part] = related * mirrored if part in (LIMBS[1], LIMBS[3]) else related
+    new = rng.normal(size=errors[..., :2].shape)
+    errors[..., :2] = np.sqrt(1 - noise.new_share) * errors[..., :2] + np.sqrt(noise.new_share) * new
+    return errors
+
+
+@lru_cache(maxsize=4)
+def _factors(patterns: ErrorPatterns) -> tuple[Array | None, ...]:
+    """A root of the covariance of every one of PARTS; None where all is independent."""
+    trunk, arm, leg = (_root(np.array(matrix)) for matrix in (patterns.trunk, patterns.arm, patterns.leg))
+    return None, trunk, arm, arm, leg, leg
+
+
+def _root(covariance: Float[Array, "d d"]) -> Float[Array, "d d"]:
+    size, axes = np.linalg.eigh(covariance)
+    return np.asarray(axes * np.sqrt(np.maximum(size, 0)))
+
+
+def _errors(
+    rng: np.random.Generator, steps: Float[Array, " n"], count: int, noise: DetectorNoise
+) -> Float[Array, "n count"]:
+    """Noise of unit variance that stays in part and is forgotten in part; `steps` is the way from the frame before."""
+    constant = np.sqrt(noise.shot_share) * rng.normal(size=(1, count))
+    return np.asarray(constant + np.sqrt(1 - noise.shot_share) * _remembering(rng, steps / noise.slow_way, count))
+
+
+def _remembering(rng: np.random.Generator, steps: Float[Array, " n"], count: int) -> Float[Array, "n count"]:
+    """First-order autoregressive noise of unit variance; `steps` from frame to frame in lengths of its memory."""
+    error = rng.normal(size=(len(steps), count))
+    keep = np.exp(-steps)
+    drive = np.sqrt(1 - keep * keep)
+    for row in range(1, len(error)):
+        error[row] = keep[row] * error[row - 1] + drive[row] * error[row]
+    return error
+
+
+def _runs(
+    rng: np.random.Generator, steps: Float[Array, " n"], rate: float, mean_s: float, fps: float
+) -> Bool[Array, " n"]:
+    """Frames inside events that begin on the way at a rate and last for a while; one may be on when the clip begins."""
+    lead = round(4 * mean_s * fps)
+    way = np.cumsum(np.concatenate([np.full(lead, steps.mean()), steps]))
+    inside = np.zeros(len(way), bool)
+    for _ in range(rng.poisson(rate * way[-1])):
+        first = int(np.searchsorted(way, rng.uniform(0, way[-1])))
+        inside[first : first + rng.geometric(min(1.0, 1 / (mean_s * fps)))] = True
+    return inside[lead:]
+
+
+def _unit(v: Array) -> Array:
+    return np.asarray(v / np.linalg.norm(v))

@@ -1,0 +1,90 @@
+"""Takes of motion capture on our own body: what the benchmark's videos show.
+
+A pack knows one generic skeleton. Every video gets a body of its own: the take's joint rotations on a random shape of
+body24, the path scaled with the legs so that feet which stand still do so on the new body too, and standing soles on
+the floor. World: z up, metres.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from humanmm.models.body.body24 import Body, load_body
+from humanmm.models.body.kinematics import forward_kinematics
+from humanmm.models.motion.refine.contacts import CONTACT_JOINTS
+from humanmm.models.motion.refine.refine import sole_heights
+
+Array = np.ndarray
+
+SHAPE_SIGMA = 0.7
+"""Spread of the random shape components (body24's have unit variance, children and giants among them)."""
+SHORTEST_M, TALLEST_M = 1.5, 1.98
+"""Adults of usual size: bodies outside are drawn again."""
+
+
+@dataclass(frozen=True)
+class MocapTake:
+    """One take of a pack, N frames, world z up."""
+
+    name: str
+    fps: float
+    R_world_root: Float[Array, "N 3 3"]
+    body_pose: Float[Array, "N 23 3"]
+    pelvis: Float[Array, "N 3"]
+    contacts: Float[Array, "N 4"]
+    leg_m: float
+    """Thigh and shank of the pack's skeleton."""
+
+    @property
+    def num_frames(self) -> int:
+        return len(self.pelvis)
+
+    def cropped(self, start: int, num_frames: int) -> "MocapTake":
+        """A run of frames."""
+        rows = slice(start, start + num_frames)
+        return MocapTake(
+            self.name, self.fps, self.R_world_root[rows], self.body_pose[rows], self.pelvis[rows],
+            self.contacts[rows], self.leg_m,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Actor:
+    """A take on a body, N frames."""
+
+    betas: Float[Array, " 10"]
+    R_world_root: Float[Array, "N 3 3"]
+    body_pose: Float[Array, "N 23 3"]
+    joints: Float[Array, "N 24 3"]
+    R_world_joint: Float[Array, "N 24 3 3"]
+    contacts: Float[Array, "N 4"]
+
+
+def leg_length(rest_joints: Float[Array, "24 3"]) -> float:
+    """Thigh and shank of a rest skeleton in SMPL's joint order, mean of both sides, metres."""
+    thigh = np.linalg.norm(rest_joints[[4, 5]] - rest_joints[[1, 2]], axis=-1)
+    shank = np.linalg.norm(rest_joints[[7, 8]] - rest_joints[[4, 5]], axis=-1)
+    return float((thigh + shank).mean())
+
+
+def random_shape(body: Body, rng: np.random.Generator) -> Float[Array, " 10"]:
+    """Shape components of a random adult."""
+    while True:
+        betas = np.clip(rng.normal(0.0, SHAPE_SIGMA, body.num_betas), -2.0, 2.0)
+        if SHORTEST_M <= float(np.ptp(body.rest_vertices(betas)[:, 1])) <= TALLEST_M:
+            return np.asarray(betas)
+
+
+def cast(take: MocapTake, rng: np.random.Generator) -> Actor:
+    """The take on a random body, standing on the floor z = 0."""
+    body = load_body()
+    betas = random_shape(body, rng)
+    rest = body.rest_joints(betas)
+    pelvis = take.pelvis * (leg_length(rest) / take.leg_m)
+    joints, R = forward_kinematics(rest, take.R_world_root, take.body_pose, pelvis)
+    soles = joints[:, list(CONTACT_JOINTS), 2] - sole_heights(body, betas)
+    standing = soles[take.contacts > 0.5]
+    floor = np.median(standing) if len(standing) else soles.min()
+    joints[..., 2] -= floor
+    return Actor(betas, take.R_world_root, take.body_pose, joints, R, take.contacts)

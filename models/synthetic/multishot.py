@@ -1,0 +1,276 @@
+"""Multi-shot videos without pixels: a take, cut at random times, a random camera for each clip (paper section 4).
+
+A video is everything that the pipeline knows after its stages `people` and `points`, and the truth.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from jaxtyping import Float
+
+from humanmm.models.body.body24 import load_body
+from humanmm.models.body.landmarks import load_landmarks
+from humanmm.models.camera.keyframes import ViewFeatures
+from humanmm.models.evaluation.people import projected_boxes
+from humanmm.models.evaluation.skeleton import SMPL_NAMES
+from humanmm.models.geometry.rotations import vector_from_rotation
+from humanmm.models.perception.clothing import HISTOGRAM_BINS
+from humanmm.models.perception.silhouettes import silhouettes
+from humanmm.models.records.camera import PointTracks
+from humanmm.models.records.sequence import BodyParameters, CameraTake, PersonTake, Take
+from humanmm.models.records.shots import Scenes, Transition
+from humanmm.models.records.tracks import PersonTrack, ScenePeople
+from humanmm.models.records.video import VideoFacts
+from humanmm.models.synthetic.backgrounds import build_room, track, within
+from humanmm.models.synthetic.detector_noise import Detections, DetectorNoise, detect, fitted_noise, pitch_and_roll
+from humanmm.models.synthetic.mocap import Actor, MocapTake, cast, leg_length
+from humanmm.models.synthetic.rigs import HEIGHT, KINDS, NUM_CAMERAS, SHARES, WIDTH, ClipCamera, Ring, build_ring, film
+
+Array = np.ndarray
+
+SHORTEST_CLIP_S = 0.6
+LONGEST_FRAMES = 1478
+"""The longest video of the paper's set; longer takes are cropped to it."""
+COLOURS_HZ = 3.0
+
+
+@dataclass(frozen=True)
+class VideoPlan:
+    """What one video is made of."""
+
+    name: str
+    take: int
+    """Which take of the pack."""
+    num_transitions: int
+    seed: tuple[int, ...]
+    longest: int = LONGEST_FRAMES
+    noise: DetectorNoise = field(default_factory=fitted_noise)
+
+
+@dataclass(frozen=True)
+class BenchVideo:
+    """What the stages after `people` and `points` work on, and the truth."""
+
+    name: str
+    split: str
+    facts: VideoFacts
+    scenes: Scenes
+    people: tuple[ScenePeople, ...]
+    """One a scene."""
+    points: tuple[PointTracks, ...]
+    """Of spans none of which is shorter than a shot; empty tracks where nothing is known of the background."""
+    truth: Take
+    views: tuple[ViewFeatures, ...] = ()
+    """Key views of the shots, people left out; none where there are no pictures."""
+    static_cameras: bool = False
+    """The user knows that all cameras stand."""
+    cuts_known: bool = False
+    """`scenes` has every cut: people are not asked for more."""
+
+    def points_of(self, start: int, end: int) -> PointTracks:
+        """Point tracks of a shot [start, end)."""
+        return within(next(p for p in self.points if p.start <= start and end <= p.end), start, end)
+
+
+class Filmed(Protocol):
+    """What videos are cut from."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def fps(self) -> float: ...
+
+    @property
+    def num_frames(self) -> int: ...
+
+
+def plan_videos(
+    takes: Sequence[Filmed],
+    num_videos: int,
+    *,
+    seed: int,
+    transitions: Sequence[int] = (2, 3, 4),
+    same: bool = False,
+    longest: int = LONGEST_FRAMES,
+) -> tuple[VideoPlan, ...]:
+    """`num_videos` for each number of transitions; takes too short for their clips are passed over.
+
+    Takes are used in turn, so that all are used before one comes again. With `same`, video k shows one and the same
+    body in all numbers of transitions (the paper's second set); else all differ.
+    """  # fmt: skip
+    plans = []
+    for count in transitions:
+        least = max(transitions) if same else count
+        fits = [k for k, take in enumerate(takes) if take.num_frames >= (least + 1) * SHORTEST_CLIP_S * take.fps]
+        if not fits:
+            raise ValueError(f"no take is long enough for {least} transitions of {SHORTEST_CLIP_S} s clips")
+        order = np.random.default_rng([seed, 0 if same else count]).permutation(fits)
+        for index in range(num_videos):
+            take = int(order[index % len(order)])
+            plans.append(
+                VideoPlan(
+                    f"{takes[take].name}-{count}-{index:02d}", take, count, (seed, index, 0 if same else count), longest
+                )
+            )
+    return tuple(plans)
+
+
+def build_video(take: MocapTake, plan: VideoPlan) -> BenchVideo:
+    """The video of a plan; the same plan gives the same video."""
+    rng = np.random.default_rng(plan.seed)
+    if take.num_frames > plan.longest:
+        take = take.cropped(int(rng.integers(take.num_frames - plan.longest + 1)), plan.longest)
+    actor = cast(take, rng)
+    ring = build_ring(actor.joints[:, 0], rng)
+    room = build_room(ring.centre, float(np.linalg.norm(ring.eyes - ring.centre, axis=1).max()), rng)
+    anatomy = rng.normal(0.0, plan.noise.anatomy_m, (33, 3))
+    colours = rng.dirichlet(np.full(HISTOGRAM_BINS, 0.15))
+    rng = np.random.default_rng((*plan.seed, plan.num_transitions))  # the same body in all versions of a video
+    cuts = cut_times(take.num_frames, plan.num_transitions, take.fps, rng)
+    starts = [0, *cuts]
+    spans = list(zip(starts, [*cuts, take.num_frames], strict=True))
+    cameras, people, points = [], [], []
+    number = -1
+    for clip, (start, end) in enumerate(spans):
+        # Streams of their own: another noise must not move the cameras.
+        of_noise, of_looks, of_points = (
+            np.random.default_rng((*plan.seed, plan.num_transitions, clip, k)) for k in range(3)
+        )
+        number = another_camera(number, NUM_CAMERAS, rng)
+        kind = KINDS[int(rng.choice(len(KINDS), p=SHARES))]
+        camera = film(ring.eyes[number], ring.centre, kind, actor.joints[start:end, 0], take.fps, rng)
+        seen = _watch(actor, (start, end), camera, ring, anatomy, take.fps, plan.noise, of_noise)
+        person = person_track(seen, start, take.fps, colours, of_looks)
+        boxes = np.full((end - start, 4), np.nan)
+        boxes[person.frame - start] = person.bbox
+        cameras.append(camera)
+        people.append(ScenePeople(start, end, (person,) if len(person.frame) else ()))
+        points.append(track(room, camera, ring.K, boxes, (start, end), take.fps, of_points))
+    return BenchVideo(
+        name=plan.name,
+        split=split_name(plan.num_transitions),
+        facts=facts_of(take.num_frames, take.fps, (WIDTH, HEIGHT)),
+        scenes=hard_cuts(take.num_frames, cuts),
+        people=tuple(people),
+        points=tuple(points),
+        truth=_truth(actor, cameras, ring, cuts, take.fps),
+    )
+
+
+def split_name(num_transitions: int) -> str:
+    """How the part of a set with so many transitions is called."""
+    return f"{num_transitions} transition{'' if num_transitions == 1 else 's'}"
+
+
+def cut_times(num_frames: int, num_cuts: int, fps: float, rng: np.random.Generator) -> tuple[int, ...]:
+    """Random cuts, clips no shorter than SHORTEST_CLIP_S: what is left over is shared out at random."""
+    shortest = int(SHORTEST_CLIP_S * fps)
+    spare = num_frames - (num_cuts + 1) * shortest
+    slack = np.sort(rng.integers(0, spare + 1, num_cuts))
+    return tuple(int(extra) + (k + 1) * shortest for k, extra in enumerate(slack))
+
+
+def facts_of(num_frames: int, fps: float, size: tuple[int, int]) -> VideoFacts:
+    """Container facts of a video that has no container."""
+    return VideoFacts(
+        width=size[0], height=size[1], time_s=np.arange(num_frames) / fps, keyframe=np.ones(num_frames, bool),
+        rotation_deg=0, codec="none", container="none",
+    )  # fmt: skip
+
+
+def hard_cuts(num_frames: int, cuts: Sequence[int]) -> Scenes:
+    """The true cuts, as the stage `scenes` would name them."""
+    return Scenes(num_frames, tuple(Transition("cut", cut, cut, "scene") for cut in cuts))
+
+
+def person_track(
+    seen: Detections, start: int, fps: float, colours: Float[Array, " bins"], rng: np.random.Generator,
+    size: tuple[int, int] = (WIDTH, HEIGHT),
+) -> PersonTrack:  # fmt: skip
+    """Detections of one clip as the stage `people` leaves them."""
+    rows = np.flatnonzero(seen.found)
+    keypoints = seen.keypoints[rows]
+    visible = keypoints[..., 2:] > 0.15
+    low = np.where(visible, keypoints[..., :2], np.inf).min(axis=1, initial=np.inf)
+    high = np.where(visible, keypoints[..., :2], -np.inf).max(axis=1, initial=-np.inf)
+    margin = 0.05 * (high - low)  # of flesh about the landmarks
+    masks, affine = silhouettes(keypoints)
+    sampled = rows[:: max(1, round(fps / COLOURS_HZ))]
+    shades = rng.dirichlet(80 * colours + 1e-3, len(sampled)) if len(sampled) else np.zeros((0, len(colours)))
+    return PersonTrack(
+        frame=(rows + start).astype(np.int32),
+        keypoints2d=keypoints.astype(np.float32),
+        landmarks3d=seen.landmarks[rows].astype(np.float32),
+        bbox=np.concatenate([np.clip(low - margin, 0, size), np.clip(high + margin, 0, size)], axis=1).astype(
+            np.float32
+        ),
+        confidence=np.clip(keypoints[:, 11:33, 2].mean(axis=1), 0, 1).astype(np.float32),
+        masks=masks,
+        mask_affine=affine,
+        color_frame=(sampled + start).astype(np.int32),
+        color_histogram=shades.astype(np.float32),
+    )
+
+
+def another_camera(number: int, num_cameras: int, rng: np.random.Generator) -> int:
+    """A camera other than the last; any at first (number -1)."""
+    step = int(rng.integers(1, num_cameras)) if number >= 0 else int(rng.integers(num_cameras)) + 1
+    return (number + step) % num_cameras
+
+
+def _watch(
+    actor: Actor,
+    span: tuple[int, int],
+    camera: ClipCamera,
+    ring: Ring,
+    anatomy: Float[Array, "33 3"],
+    fps: float,
+    noise: DetectorNoise,
+    rng: np.random.Generator,
+) -> Detections:
+    rows = slice(*span)
+    model, body = load_landmarks(), load_body()
+    offset = model.offsets(actor.betas) + anatomy
+    points = actor.joints[rows][:, model.joint] + np.einsum(
+        "nkab,kb->nka", actor.R_world_joint[rows][:, model.joint], offset
+    )
+    to_camera = camera.t_world_cam - actor.joints[rows, 0]
+    facing = actor.R_world_root[rows, :, 2]
+    in_camera = np.einsum("nba,nkb->nka", camera.R_world_cam, points - camera.t_world_cam[:, None])
+    stature = leg_length(body.rest_joints(actor.betas)) / leg_length(body.J_template)
+    pitch, roll = pitch_and_roll(camera.R_world_cam, in_camera[:, 23:25].mean(axis=1))
+    behind = (facing * to_camera).sum(axis=1) < 0
+    return detect(in_camera, ring.K, (WIDTH, HEIGHT), behind, stature, fps, noise, rng, pitch=pitch, roll=roll)
+
+
+def _truth(actor: Actor, cameras: Sequence[ClipCamera], ring: Ring, cuts: Sequence[int], fps: float) -> Take:
+    n = len(actor.joints)
+    path = CameraTake(
+        np.concatenate([camera.R_world_cam for camera in cameras]),
+        np.concatenate([camera.t_world_cam for camera in cameras]),
+        np.tile(ring.K, (n, 1, 1)),
+    )
+    in_camera = np.einsum("nba,nkb->nka", path.R_world_cam, actor.joints - path.t_world_cam[:, None])
+    pixels = (in_camera @ ring.K.T)[..., :2] / np.maximum(in_camera[..., 2:], 1e-6)
+    in_view = (in_camera[..., 2] > 0) & (pixels > 0).all(-1) & (pixels < [WIDTH, HEIGHT]).all(-1)
+    frame = np.arange(n)
+    person = PersonTake(
+        person=0,
+        frame=frame,
+        observed=in_view.mean(axis=1) >= 0.3,
+        joints=actor.joints,
+        R_world_root=actor.R_world_root,
+        contacts=actor.contacts,
+        bbox_xyxy=projected_boxes(actor.joints, frame, path),
+        body=BodyParameters(
+            "body24",
+            vector_from_rotation(actor.R_world_root),
+            actor.body_pose,
+            actor.betas,
+            actor.joints[:, 0] - load_body().rest_joints(actor.betas)[0],
+        ),
+    )
+    return Take(n, fps, SMPL_NAMES, (person,), tuple((cut, cut) for cut in cuts), path)

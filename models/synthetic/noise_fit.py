@@ -1,0 +1,276 @@
+"""Fits the noise of ms-Mocap to what the pose network really does on rendered clips, where the truth is exact."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy.optimize import least_squares
+
+from humanmm.models.synthetic.detector_errors import MeasuredClip
+from humanmm.models.synthetic.detector_noise import AXES, LIMBS, PARTS, TRUNK, DetectorNoise, ErrorPatterns
+from humanmm.models.synthetic.noise_series import Series, limb_mask, series_of
+
+Array = np.ndarray
+
+ANATOMY_M = 0.012
+"""Not fitted, an assumption: rendered people have the anatomy that the landmarks were calibrated on."""
+LAGS_S = tuple(frames / 30 for frames in (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 45, 60))
+WAY_BINS, LEAST_PAIRS = 8, 1000
+CLIPPED = 2.5
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseFit:
+    """The fitted noise, with what it was fitted to."""
+
+    noise: DetectorNoise
+    series: tuple[Series, ...]
+    frames: int
+
+    def to_json(self) -> dict[str, Any]:
+        values = {k: _rounded(v) for k, v in asdict(self.noise).items()}
+        clips = sorted({one.errors.clip for one in self.series})
+        return {
+            "noise": values,
+            "fitted_to": {"clips": clips, "persons_in_shots": len(self.series), "frames": self.frames},
+        }
+
+
+def fit_noise(clips: Sequence[MeasuredClip]) -> NoiseFit:
+    """Every number of the noise from the clips' errors."""
+    series = [series_of(clip.take, errors) for clip in clips for errors in clip.errors]
+    series = [one for one in series if one.found.sum() >= 5]
+    a, b = _tilt(series)
+    share, sigma_m, patterns = _patterns(series)
+    memory = _memory(series)
+    hidden = np.concatenate([one.picture[limb_mask(one.hidden)] for one in series])
+    lost = np.concatenate([one.picture[limb_mask(one.lost)] for one in series])
+    turn = np.concatenate([_straight(one, a, b)[one.found] for one in series])
+    rest = memory.rest_speed
+    swaps = [_events(_swaps(series, side, rest)) for side in _SIDES]
+    hidden_limbs = [_events(_of_limbs(series, "hidden", limbs, rest)) for limbs in _ARMS_AND_LEGS]
+    lost_limbs = [_events(_of_limbs(series, "lost", limbs, rest)) for limbs in _ARMS_AND_LEGS]
+    miss_rate, miss_s = _events([(~one.found, one.body_steps(rest), one.fps) for one in series])
+    noise = DetectorNoise(
+        keypoint_share=share,
+        landmark_sigma_m=sigma_m,
+        patterns=patterns,
+        turn_deg=_spreads(np.degrees(turn)),
+        tilt_deg=float(np.degrees(a[0])),
+        tilt_per_pitch=float(a[1]),
+        lean_per_roll=float(b),
+        landmark_scale=float(np.median([one.scale * one.stature for one in series])),
+        anatomy_m=ANATOMY_M,
+        new_share=1.0 - memory.constant - memory.slow,
+        shot_share=memory.constant / (memory.constant + memory.slow),
+        slow_way=memory.slow_way,
+        rest_speed=rest,
+        hidden_rate=(hidden_limbs[0][0], hidden_limbs[1][0]),
+        hidden_s=(hidden_limbs[0][1], hidden_limbs[1][1]),
+        hidden_factor=_spread(hidden) / share if len(hidden) else 1.0,
+        lost_rate=(lost_limbs[0][0], lost_limbs[1][0]),
+        lost_s=(lost_limbs[0][1], lost_limbs[1][1]),
+        lost_share=float(np.median(np.linalg.norm(lost, axis=-1))) if len(lost) else 0.0,
+        swap_rate=(swaps[0][0], swaps[1][0]),
+        swap_s=max(swaps[0][1], swaps[1][1]),
+        miss_rate=miss_rate,
+        miss_s=miss_s,
+    )
+    return NoiseFit(noise, tuple(series), sum(int(one.found.sum()) for one in series))
+
+
+def _spread(values: Float[Array, "m k"]) -> float:
+    """One sigma an axis of the bulk (1.4826 · median of the sizes): hidden and lost limbs make the tails."""
+    return float(1.4826 * np.nanmedian(np.abs(values)))
+
+
+def _spreads(values: Float[Array, "m 3"]) -> tuple[float, float, float]:
+    """One sigma of each axis."""
+    return _spread(values[:, :1]), _spread(values[:, 1:2]), _spread(values[:, 2:])
+
+
+def _tilt(series: Sequence[Series]) -> tuple[Float[Array, "2"], float]:
+    """Tilt about x = a₀ + a₁ · pitch, lean about z = b · roll; least squares over shots, robust by Huber's weights."""
+    x = np.array([np.median(one.turn[one.found, 0]) for one in series])
+    z = np.array([np.median(one.turn[one.found, 2]) for one in series])
+    pitch = np.array([one.errors.pitch.mean() for one in series])
+    roll = np.array([one.errors.roll.mean() for one in series])
+    a = _robust_line(np.stack([np.ones_like(pitch), pitch], axis=1), x)
+    b = _robust_line(roll[:, None], z)
+    return a, float(b[0])
+
+
+def _robust_line(design: Float[Array, "m k"], target: Float[Array, " m"]) -> Float[Array, " k"]:
+    weight = np.ones(len(target))
+    found: Array = np.zeros(design.shape[1])
+    for _ in range(20):
+        found = np.linalg.lstsq(design * weight[:, None], target * weight, rcond=None)[0]
+        left = np.abs(target - design @ found)
+        limit = 1.345 * 1.4826 * np.median(left) + 1e-9
+        weight = np.sqrt(np.minimum(1.0, limit / np.maximum(left, 1e-12)))
+    return np.asarray(found)
+
+
+def _straight(one: Series, a: Float[Array, "2"], b: float) -> Float[Array, "n 3"]:
+    """The turn without what pitch and roll explain."""
+    explained = np.stack([a[0] + a[1] * one.errors.pitch, 0 * one.errors.roll, b * one.errors.roll], axis=1)
+    return np.asarray(one.turn - explained)
+
+
+def rates_of_change(series: Sequence[Series]) -> tuple[Float[Array, " bins"], Float[Array, " bins"]]:
+    """How far errors in the picture change from frame to frame while their part of the body has a certain speed: speeds
+    (heights of the body a second), and one sigma of the change an axis (heights)."""
+    way, change, _ = _pairs(series, 0.0)
+    bins = np.array_split(np.argsort(way, kind="stable"), WAY_BINS)
+    fps = float(np.median([one.fps for one in series]))
+    speed = np.array([np.median(way[rows]) * fps for rows in bins])
+    return speed, np.array([_spread(change[rows]) for rows in bins])
+
+
+def _patterns(series: Sequence[Series]) -> tuple[float, tuple[float, float, float], ErrorPatterns]:
+    """How large errors are, and how they are related within trunk, arms and legs: robust spreads, and correlations of
+    what is clipped at 2.5 sigmas."""
+    trunk = [_errors_of(series, TRUNK, 1.0), _errors_of(series, tuple(TRUNK[k] for k in (1, 0, 3, 2)), -1.0)]
+    arms = [_errors_of(series, LIMBS[0], 1.0), _errors_of(series, LIMBS[1], -1.0)]
+    legs = [_errors_of(series, LIMBS[2], 1.0), _errors_of(series, LIMBS[3], -1.0)]
+    covariances = [_robust_covariance(np.concatenate(sides)) for sides in (trunk, arms, legs)]
+    variances = np.concatenate([
+        np.tile(np.diagonal(covariance).reshape(-1, AXES), (copies, 1))
+        for covariance, copies in zip(covariances, (1, 2, 2), strict=True)
+    ]).mean(axis=0)  # fmt: skip
+    sizes = np.sqrt([variances[:2].mean(), variances[:2].mean(), *variances[2:]])
+    related: list[Any] = []
+    for covariance in covariances:
+        scale = np.tile(sizes, len(covariance) // AXES)
+        related.append(tuple(tuple(row) for row in (covariance / np.outer(scale, scale)).tolist()))
+    return float(sizes[0]), (float(sizes[2]), float(sizes[3]), float(sizes[4])), ErrorPatterns(*related)
+
+
+def _errors_of(series: Sequence[Series], part: Sequence[int], side: float) -> Float[Array, "m d"]:
+    """Errors in the picture and in 3D of some landmarks where all of them are seen; x times `side`."""
+    found = []
+    for one in series:
+        rows = one.usable[:, part].all(axis=1)
+        errors = np.concatenate([one.picture[rows][:, part], one.solid[rows][:, part]], axis=-1)
+        found.append((errors * [side, 1, side, 1, 1]).reshape(len(errors), AXES * len(part)))
+    return np.concatenate(found)
+
+
+def _robust_covariance(values: Float[Array, "m d"]) -> Float[Array, "d d"]:
+    spread = np.array([_spread(column) for column in values.T])
+    clipped = np.clip(values / spread, -CLIPPED, CLIPPED)
+    products = clipped.T @ clipped
+    size = np.sqrt(np.diagonal(products))
+    return np.asarray(products / np.outer(size, size) * np.outer(spread, spread))
+
+
+@dataclass(frozen=True)
+class _Memory:
+    """How errors stay."""
+
+    constant: float
+    slow: float
+    slow_way: float
+    rest_speed: float
+
+
+def _memory(series: Sequence[Series]) -> _Memory:
+    """From how far errors in the picture differ from later ones, over the time and over the way that the part of the
+    body has gone in between. By medians: jumps are told apart (`Series.lost`)."""
+    lags: list[float] = []
+    ways: list[float] = []
+    shares: list[float] = []
+    for lag_s in LAGS_S:
+        gone, change, both = _pairs(series, lag_s)
+        if len(gone) < LEAST_PAIRS:
+            continue
+        for rows in np.array_split(np.argsort(gone, kind="stable"), WAY_BINS):
+            lags.append(lag_s)
+            ways.append(float(np.median(gone[rows])))
+            shares.append(1 - _spread(change[rows]) ** 2 / 2 / _spread(both[rows]) ** 2)
+    lag, way, known = np.array(lags), np.array(ways), np.array(shares)
+
+    def missed(values: Array) -> Array:
+        return np.asarray(_correlation(lag, way, *values) - known)
+
+    found = least_squares(
+        missed, (0.2, 0.7, 0.2, 0.05),
+        bounds=((0, 0, 0.01, 1e-3), (0.95, 1.0, 5.0, 5.0)),
+    )  # fmt: skip
+    constant, slow, slow_way, rest_speed = (float(value) for value in found.x)
+    all_of_it = max(1.0, constant + slow)
+    return _Memory(constant / all_of_it, slow / all_of_it, slow_way, rest_speed)
+
+
+def _pairs(
+    series: Sequence[Series], lag_s: float
+) -> tuple[Float[Array, " m"], Float[Array, "m 2"], Float[Array, "m 4"]]:
+    """Of landmarks that are seen now and `lag_s` later (the next frame at least): the way that their part has gone, how
+    much their error in the picture has changed, and both errors."""
+    part_of = np.zeros(33, int)
+    for number, part in enumerate(PARTS):
+        part_of[list(part)] = number
+    ways, changes, errors = [], [], []
+    for one in series:
+        lag = max(1, round(lag_s * one.fps))
+        usable, error, way = one.usable, one.picture, np.cumsum(one.speed, axis=0)[:, part_of] / one.fps
+        early, late = slice(None, -lag), slice(lag, None)
+        both = usable[early] & usable[late]
+        ways.append((way[late] - way[early])[both])
+        changes.append((error[late] - error[early])[both])
+        errors.append(np.concatenate([error[late][both], error[early][both]], axis=1))
+    return np.concatenate(ways), np.concatenate(changes), np.concatenate(errors)
+
+
+def _correlation(lag_s: Array, way: Array, constant: float, slow: float, slow_way: float, rest_speed: float) -> Array:
+    """Of errors with later ones: of a constant and a slow part. What is new in every frame has none."""
+    return np.asarray(constant + slow * np.exp(-(way + rest_speed * lag_s) / slow_way))
+
+
+Runs = list[tuple[Bool[Array, " n"], Float[Array, " n"], float]]
+"""Frames inside events, with the way from the frame before, and their rate."""
+
+
+def _events(runs: Runs) -> tuple[float, float]:
+    """How often an event begins, times per way, and how many seconds it lasts; a run that was on at the start counts
+    half."""
+    beginnings = way = inside_s = 0.0
+    for run, steps, fps in runs:
+        beginnings += float((run[1:] & ~run[:-1]).sum()) + 0.5 * float(run[:1].sum())
+        way += float(steps.sum())
+        inside_s += float(run.sum()) / fps
+    return beginnings / max(way, 1e-9), inside_s / max(beginnings, 1.0)
+
+
+_ARMS_AND_LEGS = ((0, 1), (2, 3))
+
+
+def _of_limbs(series: Sequence[Series], event: Literal["hidden", "lost"], limbs: Sequence[int], rest: float) -> Runs:
+    """Events of some limbs, in the frames in which the person was found."""
+    runs: Runs = []
+    for one in series:
+        inside = one.hidden if event == "hidden" else one.lost
+        runs += [(inside[limb][one.found], one.steps(rest)[one.found][:, 2 + limb], one.fps) for limb in limbs]
+    return runs
+
+
+def _swaps(series: Sequence[Series], side: Callable[[Series], Bool[Array, " n"]], rest: float) -> Runs:
+    """Exchanged sides, as seen from one side."""
+    of_side = [(one, rows) for one in series if (rows := side(one)).any()]
+    return [(one.errors.swapped[rows], one.body_steps(rest)[rows], one.fps) for one, rows in of_side]
+
+
+_SIDES: tuple[Callable[[Series], Bool[Array, " n"]], ...] = (
+    lambda one: one.found & ~one.behind,
+    lambda one: one.found & one.behind,
+)
+
+
+def _rounded(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _rounded(v) for name, v in value.items()}
+    if isinstance(value, tuple):
+        return [_rounded(v) for v in value]
+    return float(f"{value:.4g}")

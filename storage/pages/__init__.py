@@ -1,0 +1,1 @@
+"""Reports of benchmarks, batches and videos as HTML, SVG and Markdown."""

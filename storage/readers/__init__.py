@@ -1,0 +1,1 @@
+"""Reads foreign files: truths, results of other systems, motion capture packs."""

@@ -1,0 +1,133 @@
+"""The run folder, and its motion.zarr exactly as the public contract says (schema "humanmm.motion/1").
+
+A zarr v3 group with crc32c on every array. It is written beside its final place and renamed into it, so that a reader
+sees the old recording or the new one, never a half-written one.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import zarr
+from zarr.codecs import BytesCodec, Crc32cCodec, ZstdCodec
+
+from humanmm.errors import InputError
+from humanmm.models.body.body24 import JOINT_NAMES, PARENTS
+from humanmm.models.records.recording import Delivery, RecordedPerson, Recording
+from humanmm.storage.run_folder.exporters import export
+from humanmm.storage.store.files import copy_file, replace_folder, sweep
+
+SCHEMA = "humanmm.motion/1"
+MOTION = "motion.zarr"
+WORLD = "z-up, metres, first person's first pelvis above the origin, floor at z=0"
+
+_PERSON_ARRAYS: dict[str, str] = {
+    "frame": "int32", "observed": "bool", "root_orient": "float32", "body_pose": "float32", "betas": "float32",
+    "transl": "float32", "joints": "float32", "contacts": "float32", "keypoints2d": "float32", "bbox": "float32",
+    "confidence": "float32",
+}  # fmt: skip
+_VIDEO_ARRAYS: dict[str, tuple[str, str]] = {
+    "time_s": ("time_s", "float64"),
+    "shot_index": ("shot_index", "int32"),
+    "cameras/R_world_cam": ("R_world_cam", "float32"),
+    "cameras/t_world_cam": ("t_world_cam", "float32"),
+    "cameras/K": ("K", "float32"),
+    "cameras/source": ("camera_source", "uint8"),
+}
+
+
+def write_run_folder(run_dir: Path, delivery: Delivery, blob_dir: Path) -> None:
+    """Everything in a run folder but run.json, run.log and timeline.png, which the flow writes.
+
+    `blob_dir` holds the delivery's pictures. Each file appears only when complete; AMASS files of people who are no
+    longer in the recording go away.
+    """
+    sweep(run_dir)
+    for name in delivery.files:
+        copy_file(blob_dir / name, run_dir / "view" / name)
+    export_dir = run_dir / "export"
+    written = export(delivery.recording, export_dir, "amass", force=True)
+    for stale in set(export_dir.glob("person_[0-9][0-9].npz")) - set(written):
+        stale.unlink()
+    write_motion(run_dir / MOTION, delivery.recording)
+
+
+def write_motion(path: Path, recording: Recording) -> None:
+    """Write motion.zarr at `path`, replacing an older one."""
+
+    def fill(folder: Path) -> None:
+        group = zarr.open_group(folder, mode="w", zarr_format=3)
+        group.attrs.update(_attributes(recording))
+        for key, (field, dtype) in _VIDEO_ARRAYS.items():
+            _put(group, key, getattr(recording, field), dtype)
+        for person in recording.people:
+            name = f"people/{person.person:02d}"
+            for field, dtype in _PERSON_ARRAYS.items():
+                _put(group, f"{name}/{field}", getattr(person, field), dtype)
+            array = group[f"{name}/keypoints2d"]
+            array.attrs["keypoint_names"] = list(recording.keypoint_names)
+
+    replace_folder(path, fill)
+
+
+def read_motion(path: Path) -> Recording:
+    """The recording in motion.zarr. Errors name the file and what is wrong with it."""
+    if not (path / "zarr.json").is_file():
+        raise InputError(f"{path} is no motion.zarr: it has no zarr.json; name a folder that `humanmm recover` wrote")
+    group = zarr.open_group(path, mode="r")
+    schema = group.attrs.get("schema")
+    if schema != SCHEMA:
+        raise InputError(f"{path} has schema {schema!r}, this version reads {SCHEMA!r}")
+    attributes = dict(group.attrs)
+    try:
+        fields = {field: _get(group, key) for key, (field, _) in _VIDEO_ARRAYS.items()}
+        numbers = sorted(int(name) for name in group["people"].group_keys()) if "people" in group else []  # type: ignore[union-attr]
+        people = tuple(
+            RecordedPerson(person=n, **{field: _get(group, f"people/{n:02d}/{field}") for field in _PERSON_ARRAYS})
+            for n in numbers
+        )
+        names = group[f"people/{numbers[0]:02d}/keypoints2d"].attrs["keypoint_names"] if numbers else ()
+        return Recording(
+            width=int(attributes["width"]),  # type: ignore[arg-type]
+            height=int(attributes["height"]),  # type: ignore[arg-type]
+            cut_frames=tuple(int(c) for c in attributes["cut_frames"]),  # type: ignore[union-attr, arg-type]
+            people=people,
+            body_model=str(attributes["body_model"]),
+            keypoint_names=tuple(str(name) for name in names),  # type: ignore[union-attr]
+            **fields,
+        )
+    except (KeyError, ValueError) as error:
+        raise InputError(f"{path} is damaged: {error}; `humanmm recover` writes it anew from the store") from error
+
+
+def _attributes(recording: Recording) -> dict[str, float | int | str | Sequence[str] | Sequence[int]]:
+    return {
+        "schema": SCHEMA,
+        "fps": recording.fps,
+        "width": recording.width,
+        "height": recording.height,
+        "num_frames": recording.num_frames,
+        "world": WORLD,
+        "body_model": recording.body_model,
+        "joint_names": list(JOINT_NAMES),
+        "parents": list(PARENTS),
+        "cut_frames": list(recording.cut_frames),
+    }
+
+
+def _put(group: zarr.Group, key: str, values: np.ndarray, dtype: str) -> None:
+    array = np.ascontiguousarray(values, dtype=dtype)
+    group.create_array(
+        key,
+        data=array,
+        chunks=tuple(max(1, side) for side in array.shape),
+        serializer=BytesCodec(endian="little" if array.dtype.itemsize > 1 else None),
+        compressors=[ZstdCodec(level=3), Crc32cCodec()],
+    )
+
+
+def _get(group: zarr.Group, key: str) -> np.ndarray:
+    array = group[key]
+    if not isinstance(array, zarr.Array):
+        raise ValueError(f"{key} is not an array")
+    return np.asarray(array[...])

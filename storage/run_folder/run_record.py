@@ -1,0 +1,229 @@
+"""run.json: what happened in one run, as the public contract describes it (schema "humanmm.run/1")."""
+
+import json
+import math
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from humanmm.errors import InputError
+from humanmm.models.records.motion import CutAlignment, WorldMotion
+from humanmm.models.records.shots import ShotList, Transition
+from humanmm.models.records.video import VideoFacts
+from humanmm.storage.store.codec import Json
+from humanmm.storage.store.files import replace_file
+
+if TYPE_CHECKING:  # importing it loads the numerical libraries, which `status` does not need
+    from humanmm.models.records.camera import ShotCamera
+
+SCHEMA = "humanmm.run/1"
+FILE = "run.json"
+
+
+@dataclass(frozen=True)
+class StageRecord:
+    """What became of one stage × unit."""
+
+    stage: str
+    unit: str
+    """`video`, `scene 2` or `shot 3`."""
+    shot: int | None
+    state: str
+    """cached, computed, failed or skipped."""
+    reason: str
+    """Why it was computed, or why it failed; empty if cached."""
+    began: float | None
+    """When it began, seconds since 1970; None if cached."""
+    seconds: float
+    """Spent on it in this run."""
+    computed_seconds: float | None
+    """What computing its artifact took, in this run or an earlier one."""
+    attempts: int
+    faults: tuple[str, ...]
+    """What went wrong in each attempt that failed."""
+    key: str | None
+    digest: str | None
+    warnings: tuple[str, ...]
+
+
+def run_record(
+    *,
+    state: str,
+    video: Path,
+    sha256: str,
+    store: str,
+    config: Mapping[str, Any],
+    facts: VideoFacts,
+    shots: ShotList,
+    cameras: Sequence["ShotCamera | None"],
+    motion: WorldMotion | None,
+    stages: Sequence[StageRecord],
+    started: str,
+    seconds: float,
+    versions: Mapping[str, str],
+) -> dict[str, Any]:
+    """The tree of run.json."""
+    return {
+        "schema": SCHEMA,
+        "state": state,
+        "started": started,
+        "seconds": round(seconds, 3),
+        "video": {
+            "path": os.fspath(video),
+            "sha256": sha256,
+            "fps": facts.fps,
+            "width": facts.width,
+            "height": facts.height,
+            "num_frames": facts.num_frames,
+        },
+        "store": store,
+        "config": dict(config),
+        "shots": _shots(shots, cameras, motion, stages),
+        "people": _people(shots, motion),
+        "warnings": _warnings(stages),
+        "fallbacks": _fallbacks(shots, motion),
+        "failures": [
+            {"stage": r.stage, "unit": r.unit, "shot": r.shot, "reason": r.reason}
+            for r in stages
+            if r.state in ("failed", "skipped")
+        ],
+        "stages": [_stage(record) for record in stages],
+        "versions": dict(versions),
+    }
+
+
+def write_run_record(run_dir: Path, record: Mapping[str, Any]) -> None:
+    """Write run.json, visible only when complete."""
+    text = json.dumps(record, indent=1, ensure_ascii=False) + "\n"
+    replace_file(run_dir / FILE, lambda fresh: _write(fresh, text))
+
+
+def read_run_record(run_dir: Path) -> dict[str, Any]:
+    """The tree of run.json; InputError if the folder is no run folder."""
+    path = run_dir / FILE
+    try:
+        record = json.loads(path.read_text())
+    except OSError as error:
+        raise InputError(f"{run_dir} is no run folder: {FILE} cannot be read ({error.strerror})") from None
+    except ValueError:
+        raise InputError(f"{path} is not json; `humanmm recover` writes it anew") from None
+    if not isinstance(record, dict) or record.get("schema") != SCHEMA:
+        raise InputError(f"{path} has another schema than {SCHEMA!r}; `humanmm recover` writes it anew")
+    return record
+
+
+def _write(path: Path, text: str) -> None:
+    path.write_text(text, encoding="utf-8", errors="surrogateescape")
+
+
+def _shots(
+    shots: ShotList, cameras: Sequence["ShotCamera | None"], motion: WorldMotion | None, stages: Sequence[StageRecord]
+) -> list[dict[str, Any]]:
+    joins = {cut.cut_frame: cut for cut in motion.cuts} if motion else {}
+    failed = {record.shot for record in stages if record.state in ("failed", "skipped")}
+    return [
+        {
+            "start": shot.start,
+            "end": shot.end,
+            "transition": _transition(shot.transition),
+            "linked": shot.start not in joins or joins[shot.start].linked,
+            "join": _join(joins.get(shot.start)),
+            "people": [appearance.person for appearance in shot.people],
+            "failed": shot.index in failed,
+            "camera": _camera(camera),
+        }
+        for shot, camera in zip(shots.shots, cameras, strict=True)
+    ]
+
+
+def _join(cut: CutAlignment | None) -> dict[str, Json] | None:
+    """How a shot was joined to those before it; null for the first."""
+    if cut is None:
+        return None
+    return {
+        "method": cut.method,
+        "residual_px": _figure(cut.residual_px),
+        "uncertainty_deg": _figure(cut.uncertainty_deg),
+        "gap_s": _figure(cut.gap_s),
+        "background_points": cut.background_inliers,
+    }
+
+
+def _camera(camera: "ShotCamera | None") -> dict[str, Json] | None:
+    """How the camera of a shot was found, and how far another program's answer lies from it; null where it failed."""
+    if camera is None:
+        return None
+    check = camera.cross_check
+    return {
+        "source": camera.source,
+        "focal_px": [_figure(focal) for focal in camera.K[[0, -1], 0, 0]],
+        "reprojection_px": _figure(camera.reprojection_px),
+        "cross_check": {
+            "two_view_deg": _figure(check.two_view_deg),
+            "bundle_deg": _figure(check.bundle_deg),
+            "bundle_travel": _figure(check.bundle_travel),
+        },
+    }
+
+
+def _figure(value: float) -> float | None:
+    """A number that json can hold: nan, there is none, becomes null."""
+    return None if math.isnan(value) else round(float(value), 4)
+
+
+def _transition(transition: Transition | None) -> dict[str, Json] | None:
+    if transition is None:
+        return None
+    return {"type": transition.type, "start": transition.start, "end": transition.end, "evidence": transition.evidence}
+
+
+def _people(shots: ShotList, motion: WorldMotion | None) -> list[dict[str, Any]]:
+    moved = {person.person: person for person in motion.people} if motion else {}
+    people = []
+    for person in shots.people:
+        entry: dict[str, Any] = {
+            "person": person.person,
+            "shots": [shot.index for shot in shots.shots if person.person in {a.person for a in shot.people}],
+        }
+        recovered = moved.get(person.person)
+        if recovered is not None and len(recovered.frame):
+            entry["start"], entry["end"] = int(recovered.frame[0]), int(recovered.frame[-1]) + 1
+            entry["observed_frames"] = int(recovered.observed.sum())
+        own = [a for shot in shots.shots for a in shot.people if a.person == person.person]
+        entry["sides_exchanged"] = [list(span) for appearance in own for span in appearance.swapped]
+        entry["lapses"] = [list(span) for appearance in own for span in appearance.lapses]
+        people.append(entry)
+    return people
+
+
+def _fallbacks(shots: ShotList, motion: WorldMotion | None) -> list[str]:
+    """Shots whose camera could not be found (source 4)."""
+    if motion is None:
+        return []
+    return [
+        f"shot {shot.index}: the camera is a fallback (source 4)"
+        for shot in shots.shots
+        if (motion.camera_source[shot.start : shot.end] == 4).any()
+    ]
+
+
+def _warnings(stages: Sequence[StageRecord]) -> list[str]:
+    """Each warning once, by the first stage that gave it: a result passed on carries its warnings along."""
+    first: dict[tuple[str, str], str] = {}
+    for record in stages:
+        for warning in record.warnings:
+            first.setdefault((record.unit, warning), _sentence(record, warning))
+    return list(first.values())
+
+
+def _sentence(record: StageRecord, warning: str) -> str:
+    return f"{record.stage}: {warning}" if record.unit == "video" else f"{record.stage}, {record.unit}: {warning}"
+
+
+def _stage(record: StageRecord) -> dict[str, Any]:
+    tree = {**record.__dict__, "faults": list(record.faults), "warnings": list(record.warnings)}
+    tree["seconds"] = round(record.seconds, 3)
+    tree["began"] = None if record.began is None else round(record.began, 3)
+    return tree

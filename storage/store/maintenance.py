@@ -1,0 +1,112 @@
+"""Care of a store: what lies in it, whether it is sound, what can go."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+
+from humanmm.storage.store.artifact import DamageError, Manifest, check_files, read_encoded, read_manifest
+from humanmm.storage.store.codec import decode, encode
+from humanmm.storage.store.store import Entry, RunNote, Store
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One artifact as `verify` found it."""
+
+    uri: str
+    problem: str
+    """Empty if it is sound."""
+
+
+@dataclass(frozen=True)
+class Removable:
+    """Something that `gc` may remove, and why."""
+
+    entry: Entry
+    num_bytes: int
+    reason: str
+
+
+def verify(store: Store, *, outputs: dict[str, str], deep: bool) -> Iterator[Finding]:
+    """Check size and sha256 of every file; `deep` also decodes each result and compares its content digest.
+
+    `outputs` maps a stage to the `module:class` of its result. What is damaged is set aside.
+    """
+    for entry in store.entries():
+        if entry.kind != "artifact":
+            continue
+        try:
+            with store.opened(entry.stage, entry.key) as folder:
+                manifest = read_manifest(folder)
+                if manifest.recipe.key != entry.key:
+                    raise DamageError("its recipe does not give its key")
+                check_files(folder, manifest)
+                if deep and entry.stage in outputs:
+                    _check_content(folder, manifest, outputs[entry.stage])
+            yield Finding(entry.name, "")
+        except (DamageError, ValueError, TypeError, KeyError, OSError) as error:
+            store.set_aside(entry.stage, entry.key, str(error))
+            yield Finding(entry.name, str(error))
+
+
+def usage(store: Store) -> dict[str, tuple[int, int]]:
+    """Stage → number of artifacts, bytes they take; `(damaged)`, `(unfinished)` and `(copy)` for the rest."""
+    totals: dict[str, tuple[int, int]] = {}
+    for entry in store.entries():
+        name = entry.stage if entry.kind == "artifact" else f"({entry.kind})"
+        count, size = totals.get(name, (0, 0))
+        totals[name] = (count + 1, size + entry.measure())
+    return totals
+
+
+def removable(store: Store, *, unused_days: float, with_runs: bool = False) -> list[Removable]:
+    """What nobody needs: leftovers, damaged artifacts, and artifacts not used for so many days.
+
+    What the last run on a video is made of stays, however old it is, unless `with_runs`.
+    """
+    kept = set() if with_runs else {uri for run in known_runs(store) for uri in run.artifacts}
+    found = []
+    for entry in store.entries():
+        idle_days = entry.idle_s / 86400
+        if entry.kind == "unfinished":
+            reason = "" if entry.busy else "left by a run that was killed"
+        elif entry.kind == "damaged":
+            reason = "damaged, set aside"
+        elif entry.kind == "artifact" and entry.name in kept:
+            reason = ""
+        else:
+            reason = f"not used for {idle_days:.0f} days" if idle_days > unused_days else ""
+        if reason:
+            found.append(Removable(entry, entry.measure(), reason))
+    return found
+
+
+def remove(store: Store, items: list[Removable]) -> int:
+    """Remove what `removable` listed, except artifacts that somebody has or has used since; returns the bytes freed."""
+    freed = 0
+    for item in items:
+        if item.entry.kind == "artifact":
+            with store.try_lock(item.entry.stage, item.entry.key) as held:
+                idle_s = store.idle_s(item.entry) if held else None
+                if idle_s is None or idle_s < item.entry.idle_s:
+                    continue
+                store.drop(item.entry)
+        else:
+            store.drop(item.entry)
+        freed += item.num_bytes
+    return freed
+
+
+def known_runs(store: Store) -> list[RunNote]:
+    """How the last run on every video of a store ended, newest first."""
+    found = [store.noted_run(name) for name in store.runs_noted()]
+    return sorted((run for run in found if run is not None), key=lambda run: run.finished, reverse=True)
+
+
+def _check_content(folder: Path, manifest: Manifest, output: str) -> None:
+    module, _, name = output.partition(":")
+    kind = getattr(import_module(module), name)
+    files = {path: sha for path, (_, sha) in manifest.files.items() if path.startswith("files/")}
+    if encode(decode(read_encoded(folder, manifest), kind), kind).digest(files) != manifest.digest:
+        raise DamageError("its decoded content does not have its content digest")

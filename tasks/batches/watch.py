@@ -1,0 +1,37 @@
+"""Files that somebody may still be writing: which have stopped growing."""
+
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from humanmm.storage.batches.batch_ledger import facts_of
+from humanmm.storage.batches.manifest import Entry
+
+
+def is_quiet(path: Path, settle_s: float) -> bool:
+    """True if a file was not written to for so many seconds; one that cannot be seen is told of by its own run."""
+    try:
+        return time.time() - path.stat().st_mtime >= settle_s
+    except OSError:
+        return True
+
+
+class Settled:
+    """A watched folder: a file is taken when its size and time stayed the same for `settle_s` seconds of looking.
+
+    Its own time is not trusted: copying programs set it to that of the original, also before they are done.
+    """
+
+    def __init__(self, settle_s: float) -> None:
+        self._settle_s = settle_s
+        self._seen: dict[Path, tuple[str, float]] = {}
+
+    def look(self, entries: Sequence[Entry], now: float) -> dict[Path, str]:
+        """The settled files among what the folder holds at `now` (seconds of any clock), with their facts."""
+        seen = {}
+        for entry in entries:
+            facts = facts_of(entry.video)
+            before = self._seen.get(entry.video)
+            seen[entry.video] = before if before is not None and before[0] == facts else (facts, now)
+        self._seen = seen
+        return {path: facts for path, (facts, since) in seen.items() if now - since >= self._settle_s}

@@ -1,0 +1,243 @@
+"""The end of a run: the run folder and run.json, written from the artifacts in the store."""
+
+import functools
+import hashlib
+import logging
+import os
+import platform
+import socket
+import time
+from collections.abc import Callable, Mapping, Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from humanmm import __version__
+from humanmm.config import Config
+from humanmm.errors import HumanMMError, StageError, StoreError
+from humanmm.models.records.motion import WorldMotion
+from humanmm.models.records.shots import ShotList
+from humanmm.models.records.video import VideoFacts
+from humanmm.storage.run_folder.run_record import StageRecord, read_run_record, run_record, write_run_record
+from humanmm.storage.store.codec import canonical_json
+from humanmm.storage.store.digest import CodeDigest
+from humanmm.storage.store.files import replace_file
+from humanmm.storage.store.store import RunNote, explain_os_error
+from humanmm.tasks.engine.faults import ends_run, is_infrastructure_fault
+from humanmm.tasks.engine.run import Outcome, VideoRun
+from humanmm.tasks.engine.units import Work
+from humanmm.tasks.pipeline import Stage
+
+if TYPE_CHECKING:  # importing it loads scipy, which an unchanged rerun does not need
+    from humanmm.models.records.recording import Recording
+
+log = logging.getLogger(__name__)
+RUN_LOG = "run.log"
+
+
+def default_run_dir(video: Path) -> Path:
+    """runs/<stem of the video>, unsafe characters replaced."""
+    stem = "".join(c if c.isalnum() or c in "-_.+=@" else "_" for c in video.stem).strip(".")[:120]
+    return Path("runs") / (stem or "video")
+
+
+def fatal_error(run: VideoRun) -> Exception | None:
+    """The error that ended the run: of a stage per video, or of one that failed on all its units.
+
+    What a stage made of inputs that a fault of the disk or the machine has left incomplete is that fault's error.
+    """
+    failed = [outcome for outcome in run.outcomes.values() if outcome.state == "failed" and outcome.error]
+    hopeless = any(outcome.manifest is None for outcome in run.outcomes.values() if outcome.work.stage.per == "video")
+    for outcome in failed:
+        if outcome.work.stage.per == "video" or ends_run(outcome.error or Exception()):
+            before = run.upstream(outcome.work.stage)
+            causes = [other.error for other in failed if other.work.stage.name in before and other.error]
+            return next(filter(is_infrastructure_fault, causes), outcome.error)
+    if hopeless:
+        return failed[0].error if failed else StageError("the run stopped before its last stage")
+    return None
+
+
+def failures(run: VideoRun) -> list[Outcome]:
+    """Units that failed by themselves, in order (what was skipped because of them is left out)."""
+    return [outcome for outcome in _in_order(run) if outcome.state == "failed"]
+
+
+def has_result(run: VideoRun) -> bool:
+    """True if every stage per video has its artifact, so that a run folder can be written."""
+    return all(run.manifest(stage.name) is not None for stage in run.stages if stage.per == "video")
+
+
+def write_results(run: VideoRun, run_dir: Path, *, started: float, log_text: str = "") -> str:
+    """Bring the run folder up to date; returns the state of the video, `done` or `partial`."""
+    state = "partial" if any(outcome.manifest is None for outcome in run.outcomes.values()) else "done"
+    from humanmm.tasks.pictures import write_timeline
+
+    try:
+        run_dir.mkdir(parents=True, exist_ok=True)
+        recording = _write_folder(run, run_dir)
+        if log_text:
+            _append_log(run_dir / RUN_LOG, log_text)
+        record = _record(run, state, started)
+        write_timeline(run_dir, recording, record)
+        record["fingerprint"] = fingerprint(run)
+        record["files"] = _sizes(run_dir)
+        write_run_record(run_dir, record)
+    except OSError as error:
+        raise StoreError(explain_os_error(error, f"cannot write the run folder {run_dir}")) from error
+    reasons = "; ".join(f"{outcome.work.label}: {outcome.reason}" for outcome in failures(run))
+    remember(run, state, run_dir=run_dir, reason=reasons)
+    log.info("%s: %s", run_dir, state)
+    return state
+
+
+def remember(run: VideoRun, state: str, *, run_dir: Path | None, reason: str) -> None:
+    """Note in the store how the run ended, with what, and which artifacts it found or made."""
+    note = RunNote(
+        video=run.video.sha256,
+        state=state,
+        path=os.fspath(run.video.path.absolute()),
+        run_dir=os.fspath(run_dir.absolute()) if run_dir else None,
+        host=socket.gethostname(),
+        reason=reason,
+        recipe=recipe_of(code_of(run.stages, run.code), run.config) if state == "done" else "",
+        artifacts=tuple(outcome.manifest.ref.uri for outcome in _in_order(run) if outcome.manifest),
+        finished=time.strftime("%Y-%m-%dT%H:%M:%S%z"),
+    )
+    run.store.note_run(note)
+
+
+def code_of(stages: Sequence[Stage], code: Callable[[Stage], CodeDigest]) -> str:
+    """Digest of the code, weights and libraries of all stages."""
+    found = [code(stage) for stage in stages]
+    names = [[stage.name, stage.schema_version] for stage in stages]
+    facts = [names, [[dict(one.modules), dict(one.weights), dict(one.libraries)] for one in found]]
+    return hashlib.sha256(canonical_json([repr(fact) for fact in facts]).encode()).hexdigest()
+
+
+def recipe_of(code: str, config: Config) -> str:
+    """Digest of everything beside the video that decides its results; with the same one they need not be made again."""
+    kept = {section: values for section, values in config.model_dump(mode="json").items() if section != "run"}
+    return hashlib.sha256(f"{code}{canonical_json(kept)}".encode()).hexdigest()
+
+
+def is_up_to_date(run: VideoRun, run_dir: Path) -> bool:
+    """True if the run folder already holds exactly what `write_results` would write."""
+    try:
+        record = read_run_record(run_dir)
+        if record.get("state") != "done" or record.get("fingerprint") != fingerprint(run):
+            return False
+        return all((run_dir / path).stat().st_size == size for path, size in record["files"].items())
+    except (HumanMMError, OSError, KeyError, AttributeError):
+        return False
+
+
+def fingerprint(run: VideoRun) -> str:
+    """Digest of everything that a run folder is made of."""
+    results = {outcome.work.label: outcome.manifest.digest for outcome in _in_order(run) if outcome.manifest}
+    facts = [__version__, _writer_digest(), os.fspath(run.video.path), run.video.sha256, _settings(run), results]
+    return hashlib.sha256(canonical_json([repr(fact) for fact in facts]).encode()).hexdigest()
+
+
+def _settings(run: VideoRun) -> dict[str, Any]:
+    return run.config.model_dump(mode="json")
+
+
+@functools.cache
+def _writer_digest() -> str:
+    """Digest of the code that writes run folders."""
+    folder = Path(__file__).resolve().parents[2] / "storage" / "run_folder"
+    total = hashlib.sha256(Path(__file__).read_bytes())
+    for path in sorted(folder.rglob("*.py")):
+        total.update(path.read_bytes())
+    return total.hexdigest()
+
+
+def _write_folder(run: VideoRun, run_dir: Path) -> "Recording":
+    """Write the delivery's files; returns the recording that they hold."""
+    from humanmm.models.records.recording import Delivery
+    from humanmm.storage.run_folder.motion_zarr import write_run_folder
+
+    last = run.stages[-1]
+    manifest = run.manifest(last.name)
+    assert manifest is not None
+    output: type[Delivery] = getattr(import_module(last.output.partition(":")[0]), last.output.partition(":")[2])
+    delivery = run.read(Work(last), output)
+    write_run_folder(run_dir, delivery, run.store.files_of(manifest.ref))
+    return delivery.recording
+
+
+def _sizes(run_dir: Path) -> dict[str, int]:
+    """Path → size of everything the folder holds of the delivery."""
+    parts = [path for name in ("motion.zarr", "export", "view") for path in (run_dir / name).rglob("*")]
+    return {str(path.relative_to(run_dir)): path.stat().st_size for path in sorted(parts) if path.is_file()}
+
+
+def _record(run: VideoRun, state: str, started: float) -> dict[str, Any]:
+    from humanmm.models.records.camera import ShotCamera
+
+    camera_stage = next(stage for stage in run.stages if stage.output.endswith(":ShotCamera"))
+    shot_source = next(stage for stage in run.stages if stage.defines == "shot")
+    motion_source = next((stage for stage in reversed(run.stages) if stage.output.endswith(":WorldMotion")), None)
+    stages = [stage_record(outcome) for outcome in _in_order(run)]
+    return run_record(
+        state=state,
+        video=run.video.path,
+        sha256=run.video.sha256,
+        store=run.store.place,
+        config=_settings(run),
+        facts=run.read(Work(run.stages[0]), VideoFacts),
+        shots=run.read(Work(shot_source), ShotList),
+        cameras=[
+            run.read(work, ShotCamera) if run.manifest(camera_stage.name, work.index) else None
+            for work in run.works(camera_stage) or ()
+        ],
+        motion=run.read(Work(motion_source), WorldMotion) if motion_source else None,
+        stages=stages,
+        started=time.strftime("%Y-%m-%dT%H:%M:%S%z", time.localtime(started)),
+        seconds=time.time() - started,
+        versions=_versions(run),
+    )
+
+
+def stage_record(outcome: Outcome) -> StageRecord:
+    """One line of run.json's `stages`."""
+    manifest, work = outcome.manifest, outcome.work
+    return StageRecord(
+        stage=work.stage.name,
+        unit=work.unit,
+        shot=work.index if work.stage.per == "shot" else None,
+        state=outcome.state,
+        reason=outcome.reason,
+        began=outcome.began,
+        seconds=outcome.seconds,
+        computed_seconds=manifest.seconds if manifest else None,
+        attempts=outcome.attempts,
+        faults=tuple(outcome.faults),
+        key=manifest.recipe.key if manifest else None,
+        digest=manifest.digest if manifest else None,
+        warnings=manifest.warnings if manifest else (),
+    )
+
+
+def _in_order(run: VideoRun) -> list[Outcome]:
+    names = [stage.name for stage in run.stages]
+    return sorted(run.outcomes.values(), key=lambda o: (names.index(o.work.stage.name), o.work.index))
+
+
+def _versions(run: VideoRun) -> Mapping[str, str]:
+    versions = {"humanmm": __version__, "python": platform.python_version()}
+    for outcome in _in_order(run):
+        if outcome.manifest:
+            libraries = outcome.manifest.recipe.libraries
+            versions.update({name: version for name, version in libraries.items() if name != "python"})
+    return versions
+
+
+def _append_log(path: Path, text: str) -> None:
+    older = path.read_text(encoding="utf-8", errors="replace") if path.is_file() else ""
+    replace_file(path, lambda fresh: _write(fresh, older + text))
+
+
+def _write(path: Path, text: str) -> None:
+    path.write_text(text, encoding="utf-8", errors="backslashreplace")

@@ -1,0 +1,173 @@
+"""Computes stages in child processes: they can be ended for real, and the video outlives their death.
+
+A thread cannot be stopped from outside, so that a time limit on it is a wish. A child is killed, the kernel frees its
+locks and its memory, and what it was writing was never visible. Children are kept for the next unit, so that code and
+weights are loaded once in each; a child whose parent is gone ends by itself.
+"""
+
+import contextlib
+import logging
+import os
+import queue
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from typing import TYPE_CHECKING, Any
+
+from humanmm.errors import HumanMMError, ResourceError, TimeLimitError
+from humanmm.tasks.engine.job import Done, Job, LogSender, Progress, Setting, answer, hear
+
+if TYPE_CHECKING:
+    from multiprocessing.connection import Connection
+
+
+class Children:
+    """`runner.Workers` that are child processes: as many for one video as compute at the same time."""
+
+    def __init__(self, setting: Setting) -> None:
+        self._setting = setting
+        self._all: list[_Child] = []
+        self._idle: list[_Child] = []
+        self._closed = False
+        self._lock = threading.Lock()
+
+    def open(self) -> None:
+        """A child is started when there is a job and no other child has time for it."""
+
+    def compute(self, job: Job, label: str, *, isolated: bool, limit_s: float | None, progress: Progress) -> Done:
+        child = self._free_child()
+        try:
+            done = child.do(job, label, limit_s, progress)
+        except BaseException as error:
+            fit = isinstance(error, HumanMMError) and not isinstance(error, TimeLimitError | ResourceError)
+            self._give_back(child) if fit else self._drop(child)
+            raise
+        self._give_back(child)
+        return done
+
+    def close(self) -> None:
+        """End all children, busy ones too: what they do is lost, and there will be no others."""
+        with self._lock:
+            self._closed = True
+            for child in self._all:
+                child.end()
+
+    def _free_child(self) -> "_Child":
+        with self._lock:
+            if self._closed:
+                raise ResourceError("the run has ended")
+            if self._idle:
+                return self._idle.pop()
+        child = _Child(self._setting)  # not under the lock: this takes a while
+        with self._lock:
+            self._all.append(child)
+            if self._closed:
+                child.end()
+        return child
+
+    def _give_back(self, child: "_Child") -> None:
+        with self._lock:
+            self._idle.append(child)
+
+    def _drop(self, child: "_Child") -> None:
+        child.kill()
+        with self._lock:
+            self._all.remove(child)
+
+
+class _Child:
+    """One child process as its parent sees it."""
+
+    def __init__(self, setting: Setting) -> None:
+        from multiprocessing.connection import Connection
+
+        ours, theirs = socket.socketpair()
+        with theirs:
+            self._process = subprocess.Popen(
+                [sys.executable, "-c", f"from {__name__} import main; main({theirs.fileno()})"],
+                pass_fds=[theirs.fileno()], stdin=subprocess.DEVNULL, start_new_session=True,
+                env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+            )  # fmt: skip
+        self._connection = Connection(ours.detach())
+        self._connection.send(setting)
+
+    def do(self, job: Job, label: str, limit_s: float | None, progress: Progress) -> Done:
+        deadline = None if limit_s is None else time.monotonic() + limit_s
+        try:
+            self._connection.send(job)
+            while True:
+                left = None if deadline is None else max(0.0, deadline - time.monotonic())
+                if not self._connection.poll(left):
+                    raise TimeLimitError(
+                        f"{label} took longer than its limit of {limit_s:g} s and was ended; `run.limit_s` or "
+                        f"`limit_s` under [run.stages.{job.stage}] sets another"
+                    )
+                message = self._connection.recv()
+                if isinstance(message, Done):
+                    return message
+                if isinstance(message, Exception):
+                    raise message
+                hear(message, progress)
+        except (EOFError, OSError) as error:
+            raise ResourceError(f"{label}: its process was lost: {self._how_it_ended()}") from error
+
+    def kill(self) -> None:
+        """End it, and whatever it has started, once nobody listens to it any more."""
+        self._connection.close()
+        self.end()
+
+    def end(self) -> None:
+        """End it, and whatever it has started; who listens to it learns that it was lost."""
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(self._process.pid, signal.SIGKILL)
+        self._process.wait()
+
+    def _how_it_ended(self) -> str:
+        try:
+            status = self._process.wait(timeout=5)
+        except subprocess.TimeoutExpired:
+            return "it closed its connection"
+        if status == -signal.SIGKILL:
+            return "it was killed, most often because memory ran out"
+        return f"it ended by signal {-status}" if status < 0 else f"it ended with status {status}"
+
+
+# ---- in the child
+
+
+def main(descriptor: int) -> None:
+    """Do jobs until the parent is gone."""
+    from multiprocessing.connection import Connection
+
+    from humanmm.tasks.process import prepare_process
+
+    prepare_process()
+    connection = Connection(descriptor)
+    sending = threading.Lock()
+
+    def send(message: Any) -> None:
+        with sending, contextlib.suppress(BrokenPipeError):
+            connection.send(message)
+
+    logger = logging.getLogger("humanmm")
+    logger.setLevel(logging.INFO)
+    logger.addHandler(LogSender(send))
+    setting: Setting = connection.recv()
+    run = setting.open()
+    run.watch(lambda work, done, total: send((done, total)), log_text=str)
+    jobs: queue.SimpleQueue[Job] = queue.SimpleQueue()
+    threading.Thread(target=_receive, args=(connection, jobs), daemon=True).start()
+    while True:
+        send(answer(run, jobs.get()))
+
+
+def _receive(connection: "Connection", jobs: "queue.SimpleQueue[Job]") -> None:
+    """Take jobs while the main thread works, so that the end of the parent is seen at once."""
+    while True:
+        try:
+            jobs.put(connection.recv())
+        except (EOFError, OSError):
+            os._exit(0)

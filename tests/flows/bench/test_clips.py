@@ -1,0 +1,42 @@
+"""A folder of clips with truths: what belongs to the set, and what is told when nothing does."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from humanmm.config import Config
+from humanmm.errors import HumanMMError, InputError
+from humanmm.flows.bench.clips import clip_set
+from humanmm.flows.bench.motion import figures_of
+from humanmm.models.benchmark.methods import METHODS
+from humanmm.storage.store.store import Store
+
+EXAMPLE = Path(__file__).parents[3] / "examples" / "pose2sim_multishot"
+NAME = "pose2sim_A_01-02-01"
+
+
+def test_a_clip_is_a_video_beside_its_truth(tmp_path: Path) -> None:
+    jobs, facts = clip_set(EXAMPLE, Store(tmp_path / "store"))
+    assert [job.name for job in jobs] == [NAME]
+    assert jobs[0].split == "2 transitions"
+    assert (facts.videos, facts.transitions) == (1, (2,))
+
+
+def test_a_truth_without_its_video_is_left_out_and_an_empty_folder_is_told(tmp_path: Path) -> None:
+    shutil.copy(EXAMPLE / f"{NAME}_gt.npz", tmp_path)
+    with pytest.raises(InputError, match=r"no <name>\.mp4"):
+        clip_set(tmp_path, Store(tmp_path / "store"))
+
+
+def test_a_clip_that_cannot_be_read_is_a_failure_of_every_method_and_no_crash(tmp_path: Path) -> None:
+    shutil.copy(EXAMPLE / f"{NAME}_gt.npz", tmp_path)
+    (tmp_path / f"{NAME}.mp4").write_bytes(b"no video")
+    store = Store(tmp_path / "store")
+    try:
+        jobs, _ = clip_set(tmp_path, store)
+    except HumanMMError as error:
+        pytest.fail(f"the set should be listed: {error}")
+    (figures,) = figures_of(jobs, Config(), store)
+    assert [one.method for one in figures.methods] == list(METHODS)
+    assert all(one.failure for one in figures.methods)

@@ -1,0 +1,86 @@
+"""People of whom a detector gives COCO's 17 keypoints alone."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from humanmm.models.benchmark.coco import coco_track
+from humanmm.models.body.landmarks import MIRROR
+from humanmm.models.perception.lifting import COCO_LANDMARKS, LiftingNetwork, features, lift
+from humanmm.models.records.tracks import PersonTrack
+from humanmm.storage.readers.aist import read_sequence
+
+SEQUENCE = read_sequence(Path(__file__).parents[3] / "examples" / "aist" / "gBR_sBM_cAll_d06_mBR2_ch06.npz")
+N = 30
+TIME_S = np.arange(N) / 30
+K = SEQUENCE.K[0]
+COCO_MIRROR = [0, 2, 1, 4, 3, 6, 5, 8, 7, 10, 9, 12, 11, 14, 13, 16, 15]
+
+
+def _track(keypoints: np.ndarray) -> PersonTrack:
+    return coco_track(np.arange(N), keypoints, time_s=TIME_S, K=K, size=SEQUENCE.size)
+
+
+def test_lifted_poses_are_near_the_true_ones() -> None:
+    for camera in range(0, 9, 2):
+        found = lift(SEQUENCE.keypoints[camera, :N], TIME_S, SEQUENCE.K[camera])[:, list(COCO_LANDMARKS)]
+        true = (SEQUENCE.joints[:N] - SEQUENCE.t_world_cam[camera]) @ SEQUENCE.R_world_cam[camera]
+        true = true - true[:, [11, 12]].mean(axis=1, keepdims=True)
+        scale = np.linalg.norm(true) / np.linalg.norm(found)
+        assert np.linalg.norm(scale * found - true, axis=-1)[:, 5:].mean() < 0.15
+
+
+def test_lifting_depends_neither_on_place_in_the_picture_nor_on_size() -> None:
+    rng = np.random.default_rng(0)
+    rays, seen = rng.normal(0, 0.05, (1, 7, 17, 2)), np.ones((1, 7, 17), bool)
+    inputs, R = features(rays, seen)
+    far, _ = features(rays * 0.5, seen)
+    # The turn to the torso's ray bends a picture by what the body's angle is: small for a small body.
+    assert np.abs(inputs - far).max() < 0.05
+    assert np.allclose(R[0] @ R[0].T, np.eye(3))
+
+
+def test_a_mirrored_picture_gives_nearly_the_mirrored_pose() -> None:
+    keypoints = SEQUENCE.keypoints[0, :N]
+    mirrored = keypoints[:, COCO_MIRROR].copy()
+    mirrored[..., 0] = SEQUENCE.size[0] - mirrored[..., 0]
+    one = lift(keypoints, TIME_S, K)
+    other = lift(mirrored, TIME_S, K)[:, list(MIRROR)] * [-1, 1, 1]
+    assert np.linalg.norm(one - other, axis=-1).mean() < 0.06
+
+
+def test_unseen_keypoints_are_filled_without_becoming_evidence() -> None:
+    keypoints = SEQUENCE.keypoints[0, :N].copy()
+    keypoints[:, 9] = [5e4, -5e4, 0.01]  # a wrist far outside, with a score that says nothing
+    track = _track(keypoints)
+    wrist = COCO_LANDMARKS[9]
+    assert np.all(track.keypoints2d[:, wrist, 2] == 0)
+    elbow = track.keypoints2d[:, COCO_LANDMARKS[7], :2]
+    assert np.all(np.linalg.norm(track.keypoints2d[:, wrist, :2] - elbow, axis=-1) < 200)
+    others = np.setdiff1d(np.arange(33), COCO_LANDMARKS)
+    assert np.all(track.keypoints2d[:, others, 2] == 0)
+    assert np.isfinite(track.landmarks3d).all()
+    assert (track.bbox[:, 2:] < 2000).all()
+
+
+def test_frames_that_show_nobody_are_left_out() -> None:
+    keypoints = SEQUENCE.keypoints[0, :N].copy()
+    keypoints[10:13, :, 2] = 0
+    assert np.array_equal(_track(keypoints).frame, np.r_[0:10, 13:N])
+
+
+def test_the_network_is_what_its_docstring_says() -> None:
+    torch.manual_seed(0)
+    network = LiftingNetwork(hidden=8, blocks=1)
+    w = {name: value.numpy().astype(np.float64) for name, value in network.state_dict().items()}
+    x = np.random.default_rng(1).normal(size=(2, w["inward.weight"].shape[1]))
+    h = np.maximum(x @ w["inward.weight"].T + w["inward.bias"], 0)
+    inner = h @ w["u.0.weight"].T + w["u.0.bias"]
+    inner = (inner - inner.mean(axis=1, keepdims=True)) / np.sqrt(inner.var(axis=1, keepdims=True) + 1e-5)
+    h = h + np.maximum(inner, 0) @ w["v.0.weight"].T + w["v.0.bias"]
+    expected = h @ w["outward.weight"].T + w["outward.bias"]
+    with torch.inference_mode():
+        found = network(torch.from_numpy(x.astype(np.float32))).numpy()
+    assert found.reshape(2, -1) == pytest.approx(expected, rel=1e-4, abs=1e-5)

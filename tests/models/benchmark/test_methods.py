@@ -1,0 +1,52 @@
+"""The compared methods on one short video: the pipeline is good, the paper's baseline is not."""
+
+import numpy as np
+
+from humanmm.config import Config
+from humanmm.models.benchmark.methods import METHODS, run_methods
+from humanmm.models.benchmark.scores import MethodFigures, score
+from humanmm.models.synthetic.mocap import MocapTake
+from humanmm.models.synthetic.multishot import build_video, plan_videos
+
+
+def _value(figures: MethodFigures, name: str) -> float:
+    return next(figure.value for figure in figures.figures if figure.name == name)
+
+
+def test_every_method_is_scored_and_the_baseline_is_bad_in_the_papers_way(takes: tuple[MocapTake, ...]) -> None:
+    plan = plan_videos(takes, 1, seed=4, transitions=(2,), longest=60)[0]
+    video = build_video(takes[plan.take], plan)
+    motions = run_methods(video, Config())
+    scored = {one.method: one for one in score(video, motions).methods}
+    assert tuple(scored) == METHODS
+    assert not any(one.failure for one in scored.values())
+    ours, concat, oracle = (scored[name] for name in ("humanmm", "concat", "oracle camera rotation"))
+    assert _value(ours, "wa_mpjpe100_mm") < 150
+    assert _value(concat, "wa_mpjpe100_mm") > _value(ours, "wa_mpjpe100_mm")
+    assert _value(concat, "roe_deg") > 30
+    # The solver may turn a shot by a little even when the turn is known.
+    assert _value(oracle, "cam_cut_rot_deg") < 2
+    assert _value(scored["oracle camera"], "cam_cut_rot_deg") < 2
+    assert _value(scored["oracle camera"], "focal_err_pct") < 0.1
+    assert _value(scored["oracle yaw"], "cam_cut_rot_deg") < _value(ours, "cam_cut_rot_deg")
+    assert scored["oracle cuts"].figures == ours.figures  # the cuts of such a video are given
+    assert len(ours.cuts) == 2
+
+
+def test_concat_goes_on_where_the_shot_before_ended(takes: tuple[MocapTake, ...]) -> None:
+    plan = plan_videos(takes, 1, seed=4, transitions=(2,), longest=60)[0]
+    video = build_video(takes[plan.take], plan)
+    (done,) = run_methods(video, Config(), ("concat",)).motions
+    assert done.motion is not None
+    assert done.shots is not None
+    person = done.motion.people[0]
+    for cut in video.truth.cut_frames:
+        step = person.pelvis_world[cut - person.frame[0]] - person.pelvis_world[cut - 1 - person.frame[0]]
+        assert np.linalg.norm(step) < 1e-6
+
+
+def test_an_unknown_method_is_a_failure_of_its_own(takes: tuple[MocapTake, ...]) -> None:
+    plan = plan_videos(takes, 1, seed=4, transitions=(2,), longest=60)[0]
+    known, unknown = run_methods(build_video(takes[plan.take], plan), Config(), ("concat", "oracle luck")).motions
+    assert known.motion is not None
+    assert "'oracle luck'" in unknown.reason

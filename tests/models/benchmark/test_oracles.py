@@ -1,0 +1,97 @@
+"""What the oracles are told: a wrong cut undone, a missed one made, the turn about the vertical alone put right."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from humanmm.config import Config
+from humanmm.errors import StageError
+from humanmm.models.benchmark.methods import run_methods
+from humanmm.models.benchmark.oracles import true_cameras, true_turns, with_true_cuts, yaw_turns
+from humanmm.models.benchmark.scores import score
+from humanmm.models.geometry.rotations import rotation_from_vector
+from humanmm.models.synthetic.mocap import MocapTake
+from humanmm.models.synthetic.multishot import BenchVideo, build_video, hard_cuts, plan_videos
+
+
+@pytest.fixture
+def video(takes: tuple[MocapTake, ...]) -> BenchVideo:
+    """A short video with two cuts."""
+    plan = plan_videos(takes, 1, seed=4, transitions=(2,), longest=60)[0]
+    return build_video(takes[plan.take], plan)
+
+
+def _wrongly_cut(video: BenchVideo, cuts: tuple[int, ...]) -> BenchVideo:
+    """The same video as if other cuts had been found: tracks end there, also one that goes through a true cut."""
+    told = with_true_cuts(replace(video, truth=replace(video.truth, transitions=tuple((c, c) for c in cuts))))
+    return replace(told, scenes=hard_cuts(len(video.facts.time_s), cuts), truth=video.truth, cuts_known=False)
+
+
+def test_a_wrong_cut_is_undone_to_the_last_observation(video: BenchVideo) -> None:
+    first, last = video.truth.cut_frames
+    wrong = _wrongly_cut(video, (first, first + 6, last))
+    assert len(wrong.people) == 4
+    right = with_true_cuts(wrong)
+    assert right.cuts_known
+    assert [len(scene.tracks) for scene in right.people] == [1, 1, 1]
+    for scene, expected in zip(right.people, video.people, strict=True):
+        track, true = scene.tracks[0], expected.tracks[0]
+        assert np.array_equal(track.frame, true.frame)
+        assert np.array_equal(track.keypoints2d, true.keypoints2d)
+        assert np.array_equal(track.masks.data, true.masks.data)
+        assert np.array_equal(track.color_histogram, true.color_histogram)
+    for points, of_scene in zip(right.points, video.points, strict=True):
+        assert np.array_equal(points.xy, of_scene.xy)
+
+
+def test_oracle_cuts_recover_what_wrong_cuts_cost(video: BenchVideo) -> None:
+    first, last = video.truth.cut_frames
+    wrong = _wrongly_cut(video, (first, first + 6, last))
+    scored = {one.method: one for one in score(wrong, run_methods(wrong, Config(), ("humanmm", "oracle cuts"))).methods}
+    f1 = {name: next(f.value for f in one.figures if f.name == "cut_f1") for name, one in scored.items()}
+    assert f1["humanmm"] < 1
+    assert f1["oracle cuts"] == 1
+
+
+def test_true_cameras_carry_the_truths_path_and_lens(video: BenchVideo) -> None:
+    (done,) = run_methods(video, Config(), ("humanmm without refine",)).motions
+    assert done.shots is not None
+    truth = video.truth.cameras
+    assert truth is not None
+    for camera in true_cameras(video, done.shots):
+        first = truth.R_world_cam[camera.start]
+        assert np.allclose(first @ camera.R_shot_cam, truth.R_world_cam[camera.start : camera.end])
+        path = camera.t_shot_cam @ first.T + truth.t_world_cam[camera.start]
+        assert np.allclose(path, truth.t_world_cam[camera.start : camera.end])
+        assert np.array_equal(camera.K, truth.K[camera.start : camera.end])
+
+
+def test_yaw_turns_leave_the_tilt_that_was_found(video: BenchVideo) -> None:
+    (done,) = run_methods(video, Config(), ("humanmm without refine",)).motions
+    assert done.motion is not None
+    assert done.shots is not None
+    start = video.truth.cut_frames[0]
+    turns = yaw_turns(video, done.shots, done.motion)
+    before, after = done.motion.R_world_cam[start - 1 : start + 1]
+    told = before @ turns[start]
+    assert np.allclose(told[2], after[2])  # heights of the camera's axes: what a turn about the vertical leaves
+    again = yaw_turns(
+        video, done.shots, replace(done.motion, R_world_cam=_turned_after(done.motion.R_world_cam, start))
+    )
+    assert np.allclose(again[start], turns[start])
+    assert set(true_turns(video, done.shots)) == set(video.truth.cut_frames)
+
+
+def _turned_after(R_world_cam: np.ndarray, start: int) -> np.ndarray:
+    """The cameras with another heading from a cut on."""
+    turn = rotation_from_vector(np.array([0.0, 0.0, 1.1]))
+    return np.concatenate([R_world_cam[:start], turn @ R_world_cam[start:]])
+
+
+def test_a_truth_without_cameras_is_a_failure_of_the_oracles_alone(video: BenchVideo) -> None:
+    blind = replace(video, truth=replace(video.truth, cameras=None))
+    with pytest.raises(StageError, match="does not know the camera"):
+        true_turns(blind, None)  # type: ignore[arg-type]
+    found = run_methods(blind, Config(), ("humanmm without refine", "oracle camera", "oracle yaw")).motions
+    assert [done.motion is None for done in found] == [False, True, True]

@@ -1,0 +1,125 @@
+"""Known cameras are found again, and no motion is invented where there is none."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from humanmm.models.camera.estimate import estimate_camera
+from humanmm.models.geometry import rotations
+from humanmm.models.records.camera import PointTracks, ShotCamera
+
+
+def rotation_errors_deg(camera: ShotCamera, R_true: np.ndarray) -> np.ndarray:
+    return np.degrees(rotations.rotation_angle(np.swapaxes(R_true, 1, 2) @ camera.R_shot_cam))
+
+
+def position_error(camera: ShotCamera, t_true: np.ndarray) -> float:
+    """Largest distance after the best scale (same first camera), in units of the path's extent."""
+    estimate = camera.t_shot_cam
+    scale = (estimate * t_true).sum() / (estimate**2).sum()
+    return float(np.linalg.norm(scale * estimate - t_true, axis=1).max() / np.linalg.norm(t_true, axis=1).max())
+
+
+def test_a_standing_camera_is_exactly_standing(scene_of: Callable[..., Any]) -> None:
+    camera = estimate_camera(scene_of("static").points, (), scene_of("static").intrinsics)
+    assert camera.source == "static" and camera.metric
+    assert (camera.R_shot_cam == np.eye(3)).all() and (camera.t_shot_cam == 0).all()
+
+
+def test_a_pan_is_in_the_rotation_alone(scene_of: Callable[..., Any]) -> None:
+    scene = scene_of("pan")
+    camera = estimate_camera(scene.points, (), scene.intrinsics)
+    assert camera.source == "rotation_only"
+    assert (camera.t_shot_cam == 0).all()
+    assert rotation_errors_deg(camera, scene.R_shot_cam).max() < 0.1
+    assert camera.cross_check.two_view_deg < 0.3
+
+
+@pytest.mark.parametrize("kind", ["dolly", "orbit", "forward", "hand-held"])
+def test_a_moving_camera_is_followed(scene_of: Callable[..., Any], kind: str) -> None:
+    scene = scene_of(kind)
+    camera = estimate_camera(scene.points, (), scene.intrinsics)
+    assert camera.source == "tracked" and not camera.metric
+    assert not camera.zooms and not camera.warnings
+    assert rotation_errors_deg(camera, scene.R_shot_cam).max() < 0.3  # 0.3 px of noise is 0.02 degrees a point
+    assert position_error(camera, scene.t_shot_cam) < 0.05
+    assert len(camera.points_shot) > 50
+
+
+def test_the_same_points_give_the_same_camera(scene_of: Callable[..., Any]) -> None:
+    scene = scene_of("dolly", num_frames=30)
+    first, second = (estimate_camera(scene.points, (), scene.intrinsics) for _ in range(2))
+    assert (first.R_shot_cam == second.R_shot_cam).all() and (first.t_shot_cam == second.t_shot_cam).all()
+
+
+def test_without_background_the_camera_is_a_declared_fallback(scene_of: Callable[..., Any]) -> None:
+    scene = scene_of("pan")
+    few = scene.points.track < 6
+    points = replace(
+        scene.points, track=scene.points.track[few], frame=scene.points.frame[few], xy=scene.points.xy[few],
+        confidence=scene.points.confidence[few],
+    )  # fmt: skip
+    camera = estimate_camera(points, (), scene.intrinsics)
+    assert camera.source == "fallback"
+    assert "background points" in camera.warnings[0]
+
+
+@pytest.mark.parametrize("num_frames", [1, 2, 3, 5])
+def test_a_shot_of_a_few_frames_works(scene_of: Callable[..., Any], num_frames: int) -> None:
+    scene = scene_of("pan", num_frames=num_frames)
+    camera = estimate_camera(scene.points, (), scene.intrinsics)
+    assert camera.R_shot_cam.shape == (num_frames, 3, 3)
+    assert rotation_errors_deg(camera, scene.R_shot_cam).max() < 0.5
+
+
+ZOOM = np.linspace(1.0, 1.3, 60)
+
+
+def zoomed(scene: Any) -> PointTracks:
+    """The scene's points through a lens whose focal length grows by ZOOM."""
+    middle = np.array([scene.intrinsics.width, scene.intrinsics.height]) / 2
+    factor = ZOOM[scene.points.frame][:, None]
+    return replace(scene.points, xy=(middle + factor * (scene.points.xy - middle)).astype(np.float32))
+
+
+def test_a_zoom_is_not_taken_for_motion_and_every_frame_has_its_focal_length(scene_of: Callable[..., Any]) -> None:
+    scene = scene_of("pan")
+    unknown = replace(scene.intrinsics, focal_px=1100.0, source="default", relative_uncertainty=0.4)
+    camera = estimate_camera(zoomed(scene), (), unknown)
+    assert camera.source == "rotation_only"
+    assert "the camera zooms: its focal length changes by 30 %" in camera.warnings[0]
+    np.testing.assert_allclose(camera.K[:, 0, 0], scene.intrinsics.focal_px * ZOOM, rtol=0.02)
+    np.testing.assert_array_equal(camera.K[:, 0, 0], camera.K[:, 1, 1])
+    assert (camera.K[:, :2, 2] == [scene.intrinsics.width / 2, scene.intrinsics.height / 2]).all()
+    assert rotation_errors_deg(camera, scene.R_shot_cam).max() < 0.5
+
+
+def test_a_zoom_without_a_turn_tells_no_focal_length_and_keeps_the_videos_in_its_middle(
+    scene_of: Callable[..., Any],
+) -> None:
+    scene = scene_of("static")
+    unknown = replace(scene.intrinsics, focal_px=1100.0, source="default", relative_uncertainty=0.4)
+    camera = estimate_camera(zoomed(scene), (), unknown)
+    focals = camera.K[:, 0, 0]
+    assert camera.source == "rotation_only"
+    np.testing.assert_allclose(focals / focals[0], ZOOM, rtol=0.005)
+    assert np.exp(np.log(focals).mean()) == pytest.approx(1100.0, rel=0.05)
+    assert rotation_errors_deg(camera, scene.R_shot_cam).max() < 0.1
+
+
+def test_a_zoom_in_the_hand_is_told_from_the_hands_motion(scene_of: Callable[..., Any]) -> None:
+    scene = scene_of("hand-held")
+    camera = estimate_camera(zoomed(scene), (), scene.intrinsics)
+    assert camera.source == "tracked"
+    assert "the camera zooms as it travels" in camera.warnings[0]
+    np.testing.assert_allclose(camera.K[:, 0, 0], scene.intrinsics.focal_px * ZOOM, rtol=0.02)
+    assert rotation_errors_deg(camera, scene.R_shot_cam).max() < 0.5
+
+
+def test_the_users_word_settles_it(scene_of: Callable[..., Any]) -> None:
+    scene = scene_of("pan")
+    camera = estimate_camera(scene.points, (), scene.intrinsics, static=True)
+    assert camera.source == "given" and (camera.R_shot_cam == np.eye(3)).all()

@@ -1,0 +1,39 @@
+"""A shot gets what belongs to its frames, and both its ends."""
+
+import numpy as np
+import pytest
+
+from humanmm.models.camera.estimate import estimate_camera
+from humanmm.models.camera.shot_points import within
+from humanmm.models.records.camera import Intrinsics, PointTracks
+
+
+def tracks(recorded: list[int], end: int, num_points: int = 60) -> PointTracks:
+    """Points that stand still, seen in the recorded frames."""
+    places = np.random.default_rng(0).uniform(20, 600, (num_points, 2)).astype(np.float32)
+    return PointTracks(
+        0, end, np.tile(np.arange(num_points, dtype=np.int32), len(recorded)),
+        np.repeat(np.array(recorded, np.int32), num_points), np.tile(places, (len(recorded), 1)),
+        np.ones(num_points * len(recorded), np.float32), window_px=15.0,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("start", "end"), [(0, 15), (13, 24), (14, 19), (15, 16), (25, 40), (36, 40)])
+def test_both_ends_carry_points_though_the_picture_stood_still(start: int, end: int) -> None:
+    part = within(tracks([0, 12, 24, 36, 39], 40), start, end)
+    assert (part.start, part.end) == (start, end)
+    assert {start, end - 1} <= set(part.frame.tolist()) <= set(range(start, end))
+    assert (np.diff(part.frame) >= 0).all()
+    camera = estimate_camera(part, [], Intrinsics(800.0, 640, 640, "given", 0.0))
+    assert camera.source == "static" and len(camera.R_shot_cam) == end - start and not camera.warnings
+
+
+def test_the_parts_of_a_densely_recorded_scene_make_up_the_scene() -> None:
+    scene = tracks(list(range(40)), 40)
+    parts = [within(scene, 0, 17), within(scene, 17, 40)]
+    for name in ("track", "frame", "xy", "confidence"):
+        np.testing.assert_array_equal(np.concatenate([getattr(part, name) for part in parts]), getattr(scene, name))
+
+
+def test_a_scene_without_points_has_parts_without_points() -> None:
+    assert len(within(tracks([], 40), 10, 20).frame) == 0

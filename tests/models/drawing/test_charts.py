@@ -1,0 +1,71 @@
+"""Top view and timeline: what they must show, and that threads do not meet in matplotlib."""
+
+import dataclasses
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from humanmm.models.drawing import palette
+from humanmm.models.drawing.overlay import Mark
+from humanmm.models.drawing.timeline import StageTime, timeline
+from humanmm.models.drawing.top_view import top_view
+from humanmm.models.records.recording import Recording
+from humanmm.tasks.pictures import stage_times
+
+STAGES = [StageTime("decode", 0.4, 1, 1, 0), StageTime("people", 3.0, 2, 0, 0)]
+
+
+def _share(image: np.ndarray, color: palette.RGB) -> float:
+    return float((image == np.array(color)).all(-1).mean())
+
+
+def test_the_top_view_shows_the_path_of_everybody_and_the_cuts(standing: Recording) -> None:
+    image = top_view(standing)
+    assert image.shape == (1000, 1000, 3)
+    assert _share(image, palette.person_color(0)) > 1e-4
+    assert _share(image, palette.CUT) > 1e-5
+    uncut = dataclasses.replace(standing, cut_frames=(), shot_index=np.zeros(40, np.int32))
+    assert _share(top_view(uncut), palette.CUT) == 0
+
+
+def test_the_top_view_takes_a_person_without_frames_and_a_camera_that_looks_down(standing: Recording) -> None:
+    nobody = {
+        name: value[:0] if name not in ("person", "betas") else value
+        for name, value in vars(standing.people[0]).items()
+    }
+    empty = dataclasses.replace(standing.people[0], **{**nobody, "person": 1})
+    down = np.tile(np.float32([[1, 0, 0], [0, -1, 0], [0, 0, -1]]), (40, 1, 1))
+    image = top_view(dataclasses.replace(standing, people=(standing.people[0], empty), R_world_cam=down))
+    assert np.isfinite(image).all()
+
+
+def test_the_timeline_grows_with_its_people_and_warnings(standing: Recording) -> None:
+    marks = [Mark("cut", 20, 20)]
+    plain = timeline(standing, marks, STAGES, [])
+    warned = timeline(standing, marks, STAGES, ["something costs $5 and $6", *["a long sentence " * 30] * 20])
+    second = dataclasses.replace(standing.people[0], person=1)
+    crowded = timeline(dataclasses.replace(standing, people=(*standing.people, second)), marks, STAGES, [])
+    assert warned.shape[0] > plain.shape[0] + 50
+    assert crowded.shape[0] > plain.shape[0] + 50
+    assert _share(crowded, palette.person_color(1)) > 0.005
+
+
+def test_charts_drawn_by_four_threads_at_once_equal_those_drawn_alone(standing: Recording) -> None:
+    alone = top_view(standing), timeline(standing, [], STAGES, [])
+    with ThreadPoolExecutor(4) as pool:
+        tops = [pool.submit(top_view, standing) for _ in range(4)]
+        lines = [pool.submit(timeline, standing, [], STAGES, []) for _ in range(4)]
+        for top, line in zip(tops, lines, strict=True):
+            np.testing.assert_array_equal(top.result(), alone[0])
+            np.testing.assert_array_equal(line.result(), alone[1])
+
+
+def test_units_of_a_stage_are_added_up() -> None:
+    record = {
+        "stages": [
+            {"stage": "hmr", "unit": "shot 0", "seconds": 1.5, "state": "cached"},
+            {"stage": "hmr", "unit": "shot 1", "seconds": 2.0, "state": "failed"},
+            {"stage": "align", "unit": "video", "seconds": 0.5, "state": "computed"},
+        ]
+    }
+    assert stage_times(record) == [StageTime("hmr", 3.5, 2, 1, 1), StageTime("align", 0.5, 1, 0, 0)]

@@ -1,0 +1,54 @@
+"""The planted-feet term: its derivatives, and what it counts."""
+
+import numpy as np
+import pytest
+
+from humanmm.models.body.body24 import load_body
+from humanmm.models.geometry.rotations import rotation_from_vector
+from humanmm.models.motion.fit.equations import NormalEquations
+from humanmm.models.motion.fit.state import NUM_PARAMETERS, Motion, Skeleton
+from humanmm.models.motion.refine.contacts import CONTACT_JOINTS
+from humanmm.models.motion.refine.fit import PlantedFeet
+
+N = 5
+TIME = np.array([0.0, 0.03, 0.07, 0.1, 0.14])
+FEET = Skeleton(load_body().rest_joints(np.zeros(10)), np.array(CONTACT_JOINTS), np.zeros((4, 3)))
+
+
+@pytest.fixture
+def motion() -> Motion:
+    rng = np.random.default_rng(0)
+    R_body = rotation_from_vector(0.2 * rng.normal(size=(1, 23, 3)) + 0.01 * rng.normal(size=(N, 23, 3)))
+    R_root = rotation_from_vector(0.3 * rng.normal(size=(1, 3)) + 0.01 * rng.normal(size=(N, 3)))
+    return Motion(FEET, R_root, 0.005 * rng.normal(size=(N, 3)), R_body)
+
+
+def test_the_gradient_is_that_of_the_cost(motion: Motion) -> None:
+    term = PlantedFeet(FEET, TIME, np.random.default_rng(1).uniform(0.4, 1.0, (N, 4)))
+    equations = NormalEquations(N)
+    term.add(motion, equations)
+    rng = np.random.default_rng(2)
+    for _ in range(5):
+        direction = rng.normal(size=(N, NUM_PARAMETERS))
+        ahead, behind = (term.cost(motion.moved(sign * 1e-6 * direction)) for sign in (1, -1))
+        assert np.sum(equations.gradient * direction) == pytest.approx((ahead - behind) / 2e-6, rel=1e-4)
+
+
+def test_moving_the_whole_body_costs_nothing_and_has_no_curvature(motion: Motion) -> None:
+    term = PlantedFeet(FEET, TIME, np.ones((N, 4)))
+    shift = np.zeros((N, NUM_PARAMETERS))
+    shift[:, 3:6] = [0.3, -0.2, 0.1]
+    assert term.cost(motion.moved(shift)) == pytest.approx(term.cost(motion))
+    equations = NormalEquations(N)
+    term.add(motion, equations)
+    H = equations.own.copy()
+    curvature = np.einsum("na,nab,nb->", shift, H, shift)
+    curvature += 2 * np.einsum("na,nab,nb->", shift[:-1], equations.next_one[:-1], shift[1:])
+    assert curvature == pytest.approx(0.0, abs=1e-6 * np.abs(H).max())
+
+
+def test_feet_that_do_not_stand_do_not_count(motion: Motion) -> None:
+    assert PlantedFeet(FEET, TIME, np.full((N, 4), 0.49)).cost(motion) == 0.0
+    contacts = np.ones((N, 4))
+    contacts[1::2] = 0.0  # never two frames in a row
+    assert PlantedFeet(FEET, TIME, contacts).cost(motion) == 0.0

@@ -1,0 +1,139 @@
+"""Finding and following people in real pixels (the shipped clip) and in none."""
+
+import os
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from humanmm.models.perception.networks import InterpreterPool, detect, locate
+from humanmm.models.perception.picture import Picture, whole
+from humanmm.models.perception.tracker import track_people
+from humanmm.models.records import landmarks
+from humanmm.models.records.tracks import ScenePeople
+from humanmm.models.video.frames import planar_frames
+from humanmm.models.video.reading import read_facts
+from humanmm.models.weights.shipped import read_weights
+
+EXAMPLES = Path(__file__).parents[3] / "examples" / "pose2sim_multishot"
+CLIP = EXAMPLES / "pose2sim_A_01-02-01.mp4"
+SCENE = (36, 56)
+"""Frames in which the man leans by 40°: the network alone exchanges left and right in half of them."""
+
+
+@lru_cache(maxsize=1)
+def pictures() -> tuple[tuple[int, Picture], ...]:
+    def decoded() -> Iterator[tuple[int, Picture]]:
+        with CLIP.open("rb") as stream:
+            for frame in planar_frames(stream, read_facts(stream), *SCENE):
+                yield frame.index, Picture(frame.planes, frame.colors)
+
+    return tuple(decoded())
+
+
+def _of_planes(image: Picture, rows: slice, columns: slice) -> Picture:
+    """A part of a picture, or every other of its pixels."""
+    y, cb, cr = image.planes
+    half_rows, half_columns = (
+        part if part.start is None else slice(part.start // 2, part.stop // 2) for part in (rows, columns)
+    )
+    return Picture(
+        (y[rows, columns].copy(), cb[half_rows, half_columns].copy(), cr[half_rows, half_columns].copy()), image.colors
+    )
+
+
+@lru_cache(maxsize=1)
+def scene() -> ScenePeople:
+    return track_people(pictures(), start=SCENE[0], end=SCENE[1], fps=60.0, size=(720, 1280), max_people=3)
+
+
+def test_the_main_person_is_followed_through_every_frame() -> None:
+    track = scene().tracks[0]
+    np.testing.assert_array_equal(track.frame, np.arange(*SCENE))
+    assert np.median(track.confidence) > 0.6
+
+
+def test_limbs_lie_where_an_independent_detector_sees_them_with_left_and_right_as_there() -> None:
+    with np.load(EXAMPLES / "pose2sim_A_01-02-01_gt.npz") as truth:
+        names = [str(name) for name in truth["joint_names"]]
+        openpose = truth["openpose2d"]
+    track = scene().tracks[0]
+    for joint in ("Shoulder", "Hip", "Knee", "Ankle"):
+        for side in ("left", "right"):
+            ours = track.keypoints2d[:, landmarks.INDEX[f"{side}_{joint.lower()}"], :2]
+            theirs = openpose[track.frame, names.index(f"{side[0].upper()}{joint}"), :2] + 0.5
+            # 25 px are 4 % of the man's height: joint definitions differ by that much, left and right by 40 px.
+            assert np.median(np.linalg.norm(ours - theirs, axis=1)) < 25, (side, joint)
+
+
+def test_masks_lie_inside_the_boxes_and_cover_the_body() -> None:
+    track = scene().tracks[0]
+    assert len(track.masks.end) == len(track.frame)
+    rows, columns = np.nonzero(track.masks.mask(0))
+    pixels = np.column_stack([columns, rows]) + 0.5
+    pixels = pixels @ track.mask_affine[0, :, :2].T + track.mask_affine[0, :, 2]
+    x0, y0, x1, y1 = track.bbox[0]
+    within = (pixels[:, 0] > x0 - 1) & (pixels[:, 0] < x1 + 1) & (pixels[:, 1] > y0 - 1) & (pixels[:, 1] < y1 + 1)
+    assert within.mean() > 0.98
+    assert 0.2 < len(rows) * abs(np.linalg.det(track.mask_affine[0, :, :2])) / ((x1 - x0) * (y1 - y0)) < 0.9
+
+
+def test_reduced_pictures_give_the_same_places_in_source_pixels() -> None:
+    reduced = [
+        (index, _of_planes(image, slice(None, None, 2), slice(None, None, 2))) for index, image in pictures()[:2]
+    ]
+    small = track_people(reduced, start=36, end=38, fps=60.0, size=(720, 1280), max_people=1).tracks[0]
+    limbs = list(landmarks.LIMBS)
+    distance = np.linalg.norm(small.keypoints2d[0, limbs, :2] - scene().tracks[0].keypoints2d[0, limbs, :2], axis=-1)
+    assert np.median(distance) < 10  # 1.5 % of the man's height
+
+
+def test_the_same_frames_give_the_same_tracks_again() -> None:
+    few = pictures()[:3]
+    one, two = (
+        track_people(few, start=36, end=39, fps=60.0, size=(720, 1280), max_people=2).tracks[0] for _ in range(2)
+    )
+    np.testing.assert_array_equal(one.keypoints2d, two.keypoints2d)
+    np.testing.assert_array_equal(one.masks.data, two.masks.data)
+
+
+@pytest.mark.parametrize("value", [16, 125, 235])
+def test_nobody_is_found_in_an_empty_picture(value: int) -> None:
+    chroma = np.full((120, 160), 128, np.uint8)
+    empty = [(index, Picture((np.full((240, 320), value, np.uint8), chroma, chroma))) for index in range(3)]
+    assert track_people(empty, start=0, end=3, fps=30.0, size=(320, 240), max_people=4).tracks == ()
+
+
+def test_a_close_up_without_hips_is_nobody() -> None:
+    face = [(index, _of_planes(image, slice(300, 420), slice(300, 480))) for index, image in pictures()[:3]]
+    assert track_people(face, start=36, end=39, fps=60.0, size=(180, 120), max_people=4).tracks == ()
+
+
+def test_the_mirror_image_of_a_crop_gives_the_same_person_with_the_sides_named_alike() -> None:
+    image = pictures()[0][1]
+    region = detect(image, whole(image))[0].region
+    region = locate(image, region).next_region
+    plain, mirrored = locate(image, region), locate(image, region, mirrored=True)
+    limbs = list(landmarks.LIMBS)
+    distance = np.linalg.norm(plain.keypoints[limbs, :2] - mirrored.keypoints[limbs, :2], axis=1)
+    assert np.median(distance) < 0.03 * region.side
+
+
+def test_interpreters_may_be_built_in_two_threads_and_give_equal_answers_and_leave_standard_error_alone() -> None:
+    pool = InterpreterPool(read_weights("pose_detection.tflite"), threads=1)
+    tensor = np.random.default_rng(0).random((1, 224, 224, 3), np.float32)
+
+    def scores(_: int) -> np.ndarray:
+        with pool.lend() as interpreter:
+            interpreter.set_tensor(interpreter.get_input_details()[0]["index"], tensor)
+            interpreter.invoke()
+            return np.asarray(interpreter.get_tensor(interpreter.get_output_details()[0]["index"]))
+
+    before = os.fstat(2)
+    with ThreadPoolExecutor(2) as threads:
+        one, two = threads.map(scores, range(2))
+    np.testing.assert_array_equal(one, two)
+    assert (os.fstat(2).st_ino, os.fstat(2).st_dev) == (before.st_ino, before.st_dev)

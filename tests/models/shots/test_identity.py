@@ -1,0 +1,120 @@
+"""Who is who across cuts."""
+
+import numpy as np
+
+from humanmm.models.body.body24 import load_body
+from humanmm.models.perception.clothing import HISTOGRAM_BINS
+from humanmm.models.records.landmarks import INDEX, NUM_LANDMARKS, SWAP
+from humanmm.models.records.shots import Shot, Transition
+from humanmm.models.records.tracks import PersonTrack, ScenePeople, Silhouettes
+from humanmm.models.shots.identity import bone_lengths, identify, pose_residual_m, shape_from_bones
+
+RED, BLUE, GREEN = (np.eye(HISTOGRAM_BINS)[k] for k in (3, 17, 30))
+
+
+def standing(arm: float = 0.0) -> np.ndarray:
+    """A body with its left forearm turned by an angle, landmarks in metres (x right, y down, z away)."""
+    pose = np.zeros((NUM_LANDMARKS, 3))
+    for joint, height, width in (("shoulder", -0.5, 0.17), ("elbow", -0.24, 0.22), ("wrist", 0.0, 0.25),
+                                 ("hip", 0.0, 0.11), ("knee", 0.4, 0.12), ("ankle", 0.78, 0.12)):  # fmt: skip
+        for side, sign in (("left", 1), ("right", -1)):
+            pose[INDEX[f"{side}_{joint}"]] = [sign * width, height, 0.02]
+    elbow = pose[INDEX["left_elbow"]]
+    pose[INDEX["left_wrist"]] = elbow + 0.24 * np.array([0.0, np.cos(arm), -np.sin(arm)])
+    return pose
+
+
+def track(
+    first: int, last: int, colours: np.ndarray, *, size: float = 100.0, arm: float = 0.0, confidence: float = 0.9
+) -> PersonTrack:
+    count = last - first
+    box = np.array([10, 10, 10 + size / 2, 10 + size])
+    noise = np.random.default_rng(first).random((3, HISTOGRAM_BINS)) / HISTOGRAM_BINS / 10
+    histogram = colours + noise
+    return PersonTrack(
+        frame=np.arange(first, last, dtype=np.int32),
+        keypoints2d=np.ones((count, NUM_LANDMARKS, 3), np.float32),
+        landmarks3d=np.repeat(standing(arm)[None], count, axis=0).astype(np.float32),
+        bbox=np.repeat(box[None], count, axis=0).astype(np.float32),
+        confidence=np.full(count, confidence, np.float32),
+        side_votes=np.zeros(count, np.float32),
+        masks=Silhouettes.pack(np.zeros((count, 128, 128))),
+        mask_affine=np.zeros((count, 2, 3), np.float32),
+        color_frame=np.linspace(first, last - 1, 3).astype(np.int32),
+        color_histogram=(histogram / histogram.sum(axis=1, keepdims=True)).astype(np.float32),
+    )
+
+
+def cast_of(*scenes: list[PersonTrack] | None, length: int = 30) -> list[list[tuple[int, int]]]:
+    """(person, track) of every shot, one shot a scene."""
+    spans = [Shot(k, k * length, (k + 1) * length, k, None, ()) for k in range(len(scenes))]
+    people = [
+        ScenePeople(span.start, span.end, tuple(tracks)) if tracks is not None else None
+        for span, tracks in zip(spans, scenes, strict=True)
+    ]
+    cast = identify(spans, people, fps=30.0)
+    return [[(a.person, a.track) for a in sorted(shot, key=lambda a: a.person)] for shot in cast.appearances]
+
+
+def test_one_person_keeps_the_number_across_cuts() -> None:
+    assert cast_of([track(0, 30, RED)], [track(30, 60, RED)], [track(60, 90, RED)]) == [[(0, 0)]] * 3
+
+
+def test_two_people_who_change_places_in_the_track_order_are_not_confused() -> None:
+    first = [track(0, 30, RED, size=120), track(0, 30, BLUE)]
+    second = [track(30, 60, BLUE), track(30, 60, RED, size=120)]
+    assert cast_of(first, second) == [[(0, 0), (1, 1)], [(0, 1), (1, 0)]]
+
+
+def test_somebody_in_other_clothes_after_the_cut_is_a_new_person() -> None:
+    assert cast_of([track(0, 30, RED, size=120)], [track(30, 60, BLUE)]) == [[(0, 0)], [(1, 0)]]
+
+
+def test_a_person_who_was_away_for_a_shot_is_recognised() -> None:
+    shots = [[track(0, 30, RED, size=120)], [track(30, 60, BLUE)], None, [track(90, 120, RED, size=120)]]
+    assert cast_of(*shots) == [[(0, 0)], [(1, 0)], [], [(0, 0)]]
+
+
+def test_person_zero_has_the_largest_summed_area_not_the_first_appearance() -> None:
+    assert cast_of([track(0, 30, RED, size=60)], [track(30, 60, BLUE, size=200)]) == [[(1, 0)], [(0, 0)]]
+
+
+def test_who_is_seen_for_a_blink_or_never_clearly_is_left_out() -> None:
+    people = [track(0, 30, RED), track(10, 14, BLUE), track(0, 30, GREEN, confidence=0.2)]
+    assert cast_of(people) == [[(0, 0)]]
+
+
+def test_a_track_that_spans_a_cut_inside_its_scene_gives_one_person_in_both_shots() -> None:
+    people = ScenePeople(0, 60, (track(0, 60, RED),))
+    cast = identify([Shot(0, 0, 30, 0, None, ()), Shot(1, 30, 60, 0, None, ())], [people], fps=30.0)
+    assert [[a.person for a in shot] for shot in cast.appearances] == [[0], [0]]
+
+
+def test_who_is_seen_only_while_two_shots_mix_is_in_neither() -> None:
+    dissolve = Transition("dissolve", 18, 42, "scene")
+    shots = [Shot(0, 0, 30, 0, None, (), dissolve), Shot(1, 30, 60, 1, dissolve, ())]
+    ghost = track(30, 42, GREEN)
+    people = [ScenePeople(0, 30, (track(0, 30, RED),)), ScenePeople(30, 60, (ghost, track(30, 60, BLUE)))]
+    cast = identify(shots, people, fps=30.0)
+    assert [[(a.person, a.track) for a in shot] for shot in cast.appearances] == [[(0, 0)], [(1, 1)]]
+
+
+def test_the_pose_at_the_cut_tells_equally_dressed_people_apart() -> None:
+    first = [track(0, 30, RED, size=120, arm=0.0), track(0, 30, RED, arm=2.8)]
+    second = [track(30, 60, RED, arm=2.8), track(30, 60, RED, size=120, arm=0.0)]
+    assert cast_of(first, second) == [[(0, 0), (1, 1)], [(0, 1), (1, 0)]]
+
+
+def test_the_pose_residual_ignores_rotation_and_exchanged_sides() -> None:
+    turn = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
+    turn *= np.sign(np.linalg.det(turn))
+    assert pose_residual_m(standing(1.0), (standing(1.0) @ turn.T)[SWAP]) < 1e-6
+    assert pose_residual_m(standing(0.0), standing(2.8)) > 0.1
+
+
+def test_longer_bones_give_a_shape_with_longer_bones_but_less_than_measured() -> None:
+    body = load_body()
+    usual = bone_lengths(standing()[None])
+    lengths = [body.rest_joints(shape_from_bones(usual * scale, body)) for scale in (1.0, 1.15)]
+    height = [float(joints[:, 1].max() - joints[:, 1].min()) for joints in lengths]
+    assert 1.03 < height[1] / height[0] < 1.15

@@ -1,0 +1,141 @@
+"""People who jump betray a cut; people who move, detectors that slip and labels that swap do not."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from humanmm.models.records.landmarks import SWAP
+from humanmm.models.records.shots import Scenes, Transition
+from humanmm.models.records.tracks import PersonTrack, ScenePeople, Silhouettes
+from humanmm.models.shots.people_cuts import Parts, box_iou, cuts_in_scene, split_scenes, square_iou
+
+FPS = 30.0
+BODY = np.column_stack(
+    [
+        np.where(np.arange(33) % 2, -1, 1) * np.linspace(5, 30, 33),  # left and right of the middle line
+        np.r_[np.full(11, -95.0), np.linspace(-75, 95, 22)],  # head above, then shoulders down to the toes
+    ]
+)
+"""A body 190 px tall about its middle: shoulders above hips, left right of right."""
+
+
+def walker(
+    start: int, end: int, at: tuple[float, float], *, speed_px: float = 2.0, height: float = 190, seed: int = 0
+) -> PersonTrack:
+    """A person who walks to the right through frames [start, end), seen with a detector's jitter of 1 %."""
+    generator = np.random.default_rng(seed)
+    count = end - start
+    time = np.arange(count)
+    swing = 0.06 * np.sin(time[:, None] / 4 + np.arange(33) % 2 * np.pi) * (np.arange(33) > 12)
+    scale = height / 190
+    xy = BODY * scale + np.array(at)
+    xy = xy + np.stack([speed_px * time[:, None] + swing * height, np.zeros((count, 33))], axis=-1)
+    xy += generator.normal(0, 0.01 * height, xy.shape)
+    boxes = np.concatenate([xy.min(axis=1), xy.max(axis=1)], axis=1)
+    return PersonTrack(
+        frame=np.arange(start, end, dtype=np.int32),
+        keypoints2d=np.concatenate([xy, np.full((count, 33, 1), 0.9)], axis=-1).astype(np.float32),
+        landmarks3d=np.zeros((count, 33, 3), np.float32),
+        bbox=boxes.astype(np.float32),
+        confidence=np.full(count, 0.9, np.float32),
+        masks=Silhouettes.pack(np.zeros((count, 128, 128))),
+        mask_affine=np.zeros((count, 2, 3), np.float32),
+        color_frame=np.zeros(0, np.int32),
+        color_histogram=np.zeros((0, 8), np.float32),
+    )
+
+
+def joined(first: PersonTrack, second: PersonTrack) -> PersonTrack:
+    """One track that the tracker carried on."""
+    return dataclasses.replace(
+        first,
+        **{
+            name: np.concatenate([getattr(first, name), getattr(second, name)])
+            for name in ("frame", "keypoints2d", "landmarks3d", "bbox", "confidence", "mask_affine")
+        },
+    )
+
+
+def cuts(*tracks: PersonTrack, end: int = 60) -> list[tuple[int, str]]:
+    return [(cut.start, cut.evidence) for cut in cuts_in_scene(ScenePeople(0, end, tracks), fps=FPS)]
+
+
+def test_a_walk_and_a_run_are_no_cuts() -> None:
+    assert cuts(walker(0, 60, (100, 200))) == []
+    assert cuts(walker(0, 60, (100, 200), speed_px=25)) == []
+
+
+@pytest.mark.parametrize("same_track", [True, False])
+def test_somebody_elsewhere_in_the_next_frame_is_a_cut_by_the_box(same_track: bool) -> None:
+    before, after = walker(0, 30, (100, 200)), walker(30, 60, (500, 230), seed=1)
+    tracks = [joined(before, after)] if same_track else [before, after]
+    assert cuts(*tracks) == [(30, "bbox")]
+
+
+def test_another_pose_in_an_overlapping_box_is_a_cut_by_the_keypoints() -> None:
+    before, after = walker(0, 30, (100, 200), speed_px=0), walker(30, 60, (100, 255), speed_px=0, seed=1)
+    assert cuts(joined(before, after)) == [(30, "keypoints")]
+
+
+def test_a_cut_at_which_the_tracker_loses_everybody_for_some_frames_begins_where_they_are_lost() -> None:
+    assert cuts(walker(0, 30, (100, 200)), walker(33, 60, (500, 230))) == [(30, "bbox")]
+
+
+def test_whoever_carries_on_proves_that_the_camera_does() -> None:
+    jumper = joined(walker(0, 30, (100, 200)), walker(30, 60, (500, 230), seed=1))
+    assert cuts(jumper, walker(0, 60, (800, 200), seed=2)) == []
+
+
+def test_exchanged_left_and_right_are_no_cut() -> None:
+    track = walker(0, 60, (100, 200))
+    track.keypoints2d[30:] = track.keypoints2d[30:, SWAP]
+    assert cuts(track) == []
+
+
+def test_a_slip_of_the_detector_is_no_cut() -> None:
+    track = walker(0, 60, (100, 200))
+    track.keypoints2d[30:33, :, :2] += 150
+    track.bbox[30:33] += 150
+    assert cuts(track) == []
+
+
+def test_a_body_turned_upside_down_is_no_cut() -> None:
+    track = walker(0, 60, (100, 200), speed_px=0)
+    track.keypoints2d[30:, :, 1] = 400 - track.keypoints2d[30:, :, 1]
+    assert cuts(track) == []
+
+
+def test_leaving_on_one_side_and_arriving_on_the_other_later_is_no_cut() -> None:
+    assert cuts(walker(0, 30, (100, 200)), walker(40, 60, (500, 230))) == []
+
+
+def test_what_the_colours_have_found_already_is_not_found_again() -> None:
+    scenes = Scenes(60, (Transition("dissolve", 24, 34, "scene"),))
+    people = [ScenePeople(0, 29, (walker(0, 29, (100, 200)),)), ScenePeople(29, 60, (walker(29, 60, (500, 230)),))]
+    assert split_scenes(scenes, people, fps=FPS) == scenes.transitions
+    assert split_scenes(scenes, [None, None], fps=FPS) == scenes.transitions
+
+
+def test_overlaps_are_one_for_equals_zero_for_strangers_and_known_in_between() -> None:
+    box = np.array([0.0, 0.0, 10.0, 20.0])
+    assert box_iou(box, box) == 1
+    assert box_iou(box, box + 30) == 0
+    assert box_iou(box, box + np.array([5, 0, 5, 0])) == pytest.approx(1 / 3)
+    point = np.zeros((1, 2))
+    assert square_iou(point, point, 4.0) == pytest.approx(1)
+    assert square_iou(point, point + np.array([2, 0]), 4.0) == pytest.approx(1 / 3)
+
+
+def test_parts_of_the_detector_that_are_off_find_nothing() -> None:
+    scenes = Scenes(90, ())
+    elsewhere = walker(0, 30, (100, 200)), walker(30, 60, (500, 230), speed_px=0, seed=1)
+    track = joined(joined(*elsewhere), walker(60, 90, (500, 285), speed_px=0, seed=2))  # first by box, then by pose
+    people = [ScenePeople(0, 90, (track,))]
+
+    def starts(parts: Parts) -> list[int]:
+        return [cut.start for cut in split_scenes(scenes, people, fps=FPS, parts=parts)]
+
+    assert starts("keypoints") == [30, 60]
+    assert starts("boxes") == [30]
+    assert starts("scenes") == []

@@ -1,0 +1,175 @@
+"""Shot changes are found where they are, and nowhere else: on made-up footage and on real clips."""
+
+import json
+import os
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from scenedetect import FrameTimecode
+from scenedetect.detectors import AdaptiveDetector, ContentDetector
+
+from humanmm.models.records.shots import Scenes
+from humanmm.models.shots.footage import SIDE_PX, Footage
+from humanmm.models.shots.scenes import find_scenes, proposals
+from humanmm.models.video.frames import frames
+from humanmm.models.video.reading import read_facts
+
+WIDTH, HEIGHT = SIDE_PX, SIDE_PX * 9 // 16
+DATA = os.environ.get("HUMANMM_DATA")
+EXAMPLE = Path(__file__).parents[3] / "examples/pose2sim_multishot/pose2sim_A_01-02-01.mp4"
+needs_data = pytest.mark.skipif(DATA is None, reason="HUMANMM_DATA names no folder with the development clips")
+
+
+class Place:
+    """A made-up place: coloured shapes on a large wall, over which a camera looks and an actor walks."""
+
+    def __init__(self, seed: int) -> None:
+        generator = np.random.default_rng(seed)
+        self.wall = np.full((3 * HEIGHT, 6 * WIDTH, 3), generator.integers(40, 200, 3), np.uint8)
+        for _ in range(400):
+            x, y = generator.integers(0, self.wall.shape[1]), generator.integers(0, self.wall.shape[0])
+            size, color = int(generator.integers(4, 24)), [int(c) for c in generator.integers(0, 255, 3)]
+            if generator.random() < 0.5:
+                cv2.circle(self.wall, (int(x), int(y)), size // 2, color, -1)
+            else:
+                cv2.rectangle(self.wall, (int(x), int(y)), (int(x) + size, int(y) + size // 2), color, -1)
+        self.noise = generator
+        self.actor = [int(c) for c in generator.integers(0, 255, 3)]
+
+    def picture(self, time: int, offset: tuple[float, float] = (0, 0), blur: float = 0) -> np.ndarray:
+        """The camera's picture at a time, looking `offset` pixels away from its rest."""
+        x, y = 2.5 * WIDTH + offset[0], HEIGHT + offset[1]
+        shift = np.array([[1, 0, -x], [0, 1, -y]])
+        picture = cv2.warpAffine(self.wall, shift, (WIDTH, HEIGHT), borderMode=cv2.BORDER_REFLECT)
+        left = int(20 + 1.5 * time)
+        cv2.rectangle(picture, (left, HEIGHT // 3), (left + 14, HEIGHT - 8), self.actor, -1)
+        if blur >= 1:
+            picture = cv2.blur(picture, (int(blur), 1))
+        noisy = picture + self.noise.normal(0, 2, picture.shape)
+        return np.clip(noisy, 0, 255).astype(np.uint8)
+
+    def still(self, count: int) -> list[np.ndarray]:
+        return [self.picture(t) for t in range(count)]
+
+
+def dissolved(before: list[np.ndarray], after: list[np.ndarray], length: int) -> list[np.ndarray]:
+    """The end of one shot blended into the beginning of the next; the first blended frame is len(before) - length."""
+    weights = (np.arange(length) + 1) / (length + 1)
+    blend = [
+        cv2.addWeighted(a, 1 - w, b, w, 0) for a, b, w in zip(before[-length:], after[:length], weights, strict=True)
+    ]
+    return before[:-length] + blend + after[length:]
+
+
+def changes(scenes: Scenes) -> list[tuple[str, int, int]]:
+    return [(t.type, t.start, t.end) for t in scenes.transitions]
+
+
+def test_hard_cuts_are_found_at_the_first_new_frame() -> None:
+    footage = Place(1).still(20) + Place(2).still(31) + Place(3).still(12)
+    assert changes(find_scenes(footage, 25)) == [("cut", 20, 20), ("cut", 51, 51)]
+
+
+def test_cuts_two_frames_apart_are_all_found() -> None:
+    footage = Place(1).still(20) + Place(2).still(2) + Place(3).still(2) + Place(4).still(20)
+    assert changes(find_scenes(footage, 25)) == [("cut", 20, 20), ("cut", 22, 22), ("cut", 24, 24)]
+
+
+def test_a_jump_inside_one_place_is_a_cut_though_everything_is_seen_again() -> None:
+    place = Place(5)
+    footage = place.still(25) + [place.picture(t, (30, 4)) for t in range(25)]
+    assert changes(find_scenes(footage, 25)) == [("cut", 25, 25)]
+
+
+@pytest.mark.parametrize("length", [5, 12, 24])
+def test_a_dissolve_is_one_transition_with_its_first_and_last_frame(length: int) -> None:
+    footage = dissolved(Place(1).still(60), Place(2).still(60), length)
+    ((kind, start, end),) = changes(find_scenes(footage, 25))
+    assert kind == "dissolve"
+    assert abs(start - (60 - length)) <= 2
+    assert abs(end - 60) <= 2
+
+
+@pytest.mark.parametrize("level", [0, 255])
+def test_a_fade_through_black_or_white_is_one_transition(level: int) -> None:
+    plain = [np.full((HEIGHT, WIDTH, 3), level, np.uint8)] * 30
+    footage = dissolved(dissolved(Place(1).still(50), plain[:24], 10), Place(2).still(50), 10)
+    ((kind, start, end),) = changes(find_scenes(footage, 25))
+    assert kind == "fade"
+    assert abs(start - 40) <= 2
+    assert abs(end - 64) <= 2
+
+
+def test_a_shaking_camera_makes_no_cut() -> None:
+    place, generator = Place(7), np.random.default_rng(7)
+    path = np.cumsum(generator.normal(0, 5, (60, 2)), axis=0)
+    footage = place.still(20) + [place.picture(t, tuple(path[t])) for t in range(60)]
+    assert changes(find_scenes(footage, 25)) == []
+
+
+def test_a_whip_pan_makes_no_cut() -> None:
+    place = Place(8)
+    ease = (1 - np.cos(np.linspace(0, np.pi, 9))) / 2 * 1.5 * WIDTH
+    speed = np.gradient(ease) / 2
+    pan = [place.picture(t, (float(x), 0), blur=float(v)) for t, (x, v) in enumerate(zip(ease, speed, strict=True))]
+    footage = place.still(25) + pan + [place.picture(t, (float(ease[-1]), 0)) for t in range(25)]
+    assert changes(find_scenes(footage, 25)) == []
+
+
+def test_flashes_and_exposure_steps_make_no_cut() -> None:
+    footage = Place(9).still(80)
+    for frame, gain in ((20, 3.0), (21, 2.0), (50, 2.5)):
+        footage[frame] = np.clip(footage[frame] * gain + 60, 0, 255).astype(np.uint8)
+    footage[60:] = [np.clip(picture * 0.6, 0, 255).astype(np.uint8) for picture in footage[60:]]
+    assert changes(find_scenes(footage, 25)) == []
+
+
+def test_cuts_are_proposed_where_pyscenedetect_proposes_them() -> None:
+    generator = np.random.default_rng(3)
+    levels = np.cumsum(generator.choice([0, 0, 1, 3, 9, 40, 80], 300) * generator.choice([-1, 1], 300)) % 255
+    pictures = [np.full((18, 32, 3), level, np.uint8) for level in levels]
+    adaptive = AdaptiveDetector(min_scene_len=1, min_content_val=6.0)
+    content = ContentDetector(threshold=20.0, min_scene_len=1)
+    footage = Footage()
+    proposed: set[int] = set()
+    expected: set[int] = set()
+    for frame, picture in enumerate(pictures):
+        now = FrameTimecode(frame, 25.0)
+        expected |= {t.frame_num for t in adaptive.process_frame(now, picture) + content.process_frame(now, picture)}
+        footage.append(picture)
+        proposed |= set(proposals(footage.change))
+    assert len(expected) > 50
+    assert proposed == expected
+
+
+def test_what_is_found_does_not_depend_on_where_blocks_end() -> None:
+    footage = [picture for k in range(9) for picture in Place(20 + k).still(67)]
+    assert [start for _, start, _ in changes(find_scenes(footage, 25))] == [67 * k for k in range(1, 9)]
+
+
+def found_in(path: Path) -> Scenes:
+    with path.open("rb") as stream:
+        facts = read_facts(stream)
+        return find_scenes((f.image for f in frames(stream, facts, pixels="bgr", max_side_px=SIDE_PX)), facts.fps)
+
+
+def test_the_shipped_clip_is_cut_twice() -> None:
+    assert changes(found_in(EXAMPLE)) == [("cut", 36, 36), ("cut", 70, 70)]
+
+
+@needs_data
+def test_all_labelled_transitions_of_the_mixed_clip_are_found_and_no_other() -> None:
+    truth = json.loads((Path(str(DATA)) / "videos/cutmix_dev.json").read_text())["transitions"]
+    found = changes(found_in(Path(str(DATA)) / "videos/cutmix_dev.mp4"))
+    assert [kind for kind, _, _ in found] == [t["type"] for t in truth]
+    for (_, start, end), wanted in zip(found, truth, strict=True):
+        assert abs(start - wanted["start"]) <= 2
+        assert abs(end - wanted["end"]) <= 2
+
+
+@needs_data
+@pytest.mark.parametrize("name", ["mmaction2_demo.mp4", "mmaction2_structuralize.mp4"])
+def test_violent_shake_pan_and_zoom_of_real_clips_make_no_cut(name: str) -> None:
+    assert changes(found_in(Path(str(DATA)) / "videos" / name)) == []

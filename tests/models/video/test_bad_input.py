@@ -1,0 +1,163 @@
+"""What is no usable video ends in one clear sentence; what is damaged gives all that decodes, and a warning."""
+
+import io
+import struct
+from collections.abc import Callable
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+
+from humanmm.errors import VideoError
+from humanmm.models.video.declared_size import claimed_sides_px
+from humanmm.models.video.frames import frames
+from humanmm.models.video.reading import read_facts
+
+Clip = Callable[..., io.BytesIO]
+NumberOf = Callable[[np.ndarray], int]
+
+
+def refusal(file: io.BytesIO) -> str:
+    with pytest.raises(VideoError) as raised:
+        read_facts(file)
+    message = str(raised.value)
+    assert "\n" not in message
+    assert len(message) < 250
+    return message
+
+
+def test_an_empty_file_is_refused() -> None:
+    assert "empty" in refusal(io.BytesIO(b""))
+
+
+@pytest.mark.parametrize(
+    "content", [b"hello\n" * 1000, bytes(range(256)) * 64, b"#EXTM3U\n#EXTINF:1,\n/etc/hostname\n"]
+)
+def test_what_is_no_video_is_refused(content: bytes) -> None:
+    assert "not a video" in refusal(io.BytesIO(content))
+
+
+def test_a_playlist_never_opens_the_files_that_it_names(tmp_path: Path, clip: Clip) -> None:
+    (tmp_path / "real.mp4").write_bytes(clip().getvalue())
+    playlist = tmp_path / "playlist.mp4"
+    playlist.write_text(f"ffconcat version 1.0\nfile '{tmp_path}/real.mp4'\n")
+    with playlist.open("rb") as stream, pytest.raises(VideoError, match="not a video"):
+        read_facts(stream)
+
+
+def test_sound_alone_is_refused() -> None:
+    file = io.BytesIO()
+    with av.open(file, "w", format="mp4") as out:
+        stream = out.add_stream("aac", rate=44100, layout="mono")
+        for i in range(20):
+            frame = av.AudioFrame.from_ndarray(np.zeros((1, 1024), np.float32), "fltp", "mono")
+            frame.sample_rate, frame.pts = 44100, 1024 * i
+            out.mux(stream.encode(frame))
+        out.mux(stream.encode(None))
+    assert "no moving pictures" in refusal(file)
+
+
+def test_one_picture_is_no_motion(clip: Clip) -> None:
+    assert "one picture only" in refusal(clip(num_frames=1))
+
+
+def test_a_video_without_its_index_is_refused(clip: Clip) -> None:
+    whole = clip().getvalue()
+    assert "not a video, or its header is missing" in refusal(io.BytesIO(whole[: len(whole) // 2]))
+
+
+def index_first(whole: bytes) -> bytes:
+    """An mp4 with its index moved before the pictures, as files for the web have it."""
+    media, index = whole.index(b"mdat") - 4, whole.index(b"moov") - 4
+    moov = bytearray(whole[index:])
+    at = moov.index(b"stco") + 8
+    (count,) = struct.unpack(">I", moov[at : at + 4])
+    offsets = struct.unpack(f">{count}I", moov[at + 4 : at + 4 + 4 * count])
+    moov[at + 4 : at + 4 + 4 * count] = struct.pack(f">{count}I", *(offset + len(moov) for offset in offsets))
+    return whole[:media] + bytes(moov) + whole[media:index]
+
+
+MEDIA = {"mp4": b"mdat", "matroska": b"\x1f\x43\xb6\x75", "avi": b"movi"}
+
+
+@pytest.mark.parametrize("container", MEDIA)
+def test_of_a_truncated_video_all_that_decodes_is_recovered_with_a_warning(
+    container: str, clip: Clip, number_of: NumberOf
+) -> None:
+    whole = clip(container, "mpeg4", options={"g": "12"}).getvalue()
+    if container == "mp4":
+        whole = index_first(whole)
+    media = whole.index(MEDIA[container])
+    file = io.BytesIO(whole[: media + (len(whole) - media) * 6 // 10])
+    facts = read_facts(file)
+    assert 15 < facts.num_frames < 59
+    delivered = [number_of(f.image) for f in frames(file, facts)]
+    assert len(delivered) == facts.num_frames
+    assert delivered[:-1] == list(range(facts.num_frames - 1))
+    if container != "matroska":  # a matroska file does not say how much it should hold
+        assert any("incomplete" in warning for warning in facts.warnings)
+    for start in (5, facts.num_frames - 2):
+        assert len(list(frames(file, facts, start))) == facts.num_frames - start
+
+
+@pytest.mark.parametrize("codec", ["libx264", "mpeg4", "libx265"])
+def test_damage_in_the_middle_leaves_announced_and_delivered_frames_equal(codec: str, clip: Clip) -> None:
+    options = {
+        "libx264": {"x264-params": "keyint=12:scenecut=0"},
+        "libx265": {"x265-params": "keyint=12:log-level=none"},
+        "mpeg4": {"g": "12"},
+    }
+    whole = bytearray(clip("mp4", codec, options=options[codec]).getvalue())
+    generator = np.random.default_rng(3)
+    first, last = whole.index(b"mdat") + 600, whole.rindex(b"moov") - 8
+    for at in generator.integers(first, last, 12):
+        whole[at : at + 8] = generator.bytes(8)
+    file = io.BytesIO(bytes(whole))
+    facts = read_facts(file)
+    assert 1 < facts.num_frames <= 60
+    assert [f.index for f in frames(file, facts)] == list(range(facts.num_frames))
+    middle = facts.num_frames // 2
+    assert [f.index for f in frames(file, facts, middle)] == list(range(middle, facts.num_frames))
+
+
+def lying_header(file: io.BytesIO, container: str) -> io.BytesIO:
+    """The same file, its container claiming 16,384 × 16,384 pixels."""
+    data = bytearray(file.getvalue())
+    if container == "mp4":
+        entry = data.index(b"avc1", data.index(b"stsd")) - 4
+        data[entry + 32 : entry + 36] = struct.pack(">HH", 16384, 16384)
+    else:
+        at = data.index(b"avih") + 40
+        data[at : at + 8] = struct.pack("<II", 16384, 16384)
+    return io.BytesIO(bytes(data))
+
+
+@pytest.mark.parametrize("container", ["mp4", "avi"])
+def test_absurd_sizes_in_a_header_are_refused_before_anything_is_decoded(container: str, clip: Clip) -> None:
+    message = refusal(lying_header(clip(container, num_frames=5), container))
+    assert "16384" in message
+    assert "max_side_px" in message
+
+
+def test_a_limit_below_the_pictures_own_size_refuses_every_container(clip: Clip) -> None:
+    for container, codec in (("mp4", "libx264"), ("mov", "mpeg4"), ("matroska", "libx264"), ("avi", "mpeg4")):
+        file = clip(container, codec, num_frames=5)
+        assert max(claimed_sides_px(file)) == 128
+        with pytest.raises(VideoError, match=r"128 px, more than decode\.max_side_px = 100"):
+            read_facts(file, max_side_px=100)
+
+
+def test_frames_left_out_by_an_edit_list_are_not_announced(clip: Clip, number_of: NumberOf) -> None:
+    data = bytearray(clip(options={"bf": "0", "x264-params": "keyint=12:scenecut=0"}).getvalue())
+    at = data.index(b"elst")
+    (duration,) = struct.unpack(">I", data[at + 12 : at + 16])
+    # start a quarter into the media: the track's time base is found in mdhd
+    timescale = struct.unpack(">I", data[data.index(b"mdhd") + 16 : data.index(b"mdhd") + 20])[0]
+    data[at + 12 : at + 20] = struct.pack(">Ii", duration - 600, timescale * 6 // 10)
+    file = io.BytesIO(bytes(data))
+    facts = read_facts(file)
+    numbers = [number_of(f.image) for f in frames(file, facts)]
+    assert numbers == list(range(15, 60))
+    assert facts.time_s[0] == pytest.approx(0, abs=1e-6)
+    assert [number_of(f.image) for f in frames(file, facts, 30, 32)] == [45, 46]

@@ -1,0 +1,84 @@
+"""Which videos a folder or a manifest asks for, and what is said of a bad one."""
+
+from pathlib import Path
+
+import pytest
+
+from humanmm.errors import InputError
+from humanmm.storage.batches.manifest import read_batch
+
+
+@pytest.fixture
+def videos(tmp_path: Path) -> Path:
+    for name in ("a.mp4", "b.MKV", "deep/c.mov", "deep/notes.txt", ".hidden.mp4"):
+        path = tmp_path / "videos" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(name)
+    return tmp_path / "videos"
+
+
+def _names(source: Path, **options: str) -> list[str]:
+    return [entry.video.name for entry in read_batch(source, **options)]
+
+
+def test_a_folder_gives_every_video_in_it_at_any_depth(videos: Path) -> None:
+    assert _names(videos) == ["a.mp4", "b.MKV", "c.mov"]
+    assert _names(videos, pattern="*.mov") == ["c.mov"]
+
+
+def test_a_csv_manifest_gives_settings_tags_and_patterns(videos: Path) -> None:
+    manifest = videos / "batch.csv"
+    manifest.write_text(
+        "video,priority,tags,out,camera.static,people.max_people\n"
+        "a.mp4,high,gym; night,first,true,3\n"
+        "deep/*.mov,,,,,\n"
+        "a.mp4,low,,,,\n"
+        "missing.mp4,,,,,\n"
+    )
+    first, second, third = read_batch(manifest)
+    assert (first.video, first.priority, first.tags, first.out) == (videos / "a.mp4", "high", ("gym", "night"), "first")
+    assert first.settings == {"camera": {"static": "true"}, "people": {"max_people": "3"}}
+    assert (second.video, second.priority, second.settings) == (videos / "deep/c.mov", "", {})
+    assert third.video == videos / "missing.mp4", "it fails later, with its reason, and the others run"
+
+
+def test_a_json_lines_manifest_means_the_same(videos: Path) -> None:
+    manifest = videos / "batch.jsonl"
+    manifest.write_text('{"video": "a.mp4", "tags": ["gym"], "settings": {"camera": {"static": true}}}\n\n')
+    (entry,) = read_batch(manifest)
+    assert (entry.video, entry.tags, entry.settings) == (videos / "a.mp4", ("gym",), {"camera": {"static": True}})
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "told"),
+    [
+        ("m.csv", "video,prio\na.mp4,high\n", "line 2: unknown column 'prio'"),
+        ("m.csv", "video,priority\na.mp4,urgent\n", "priority 'urgent' is none of"),
+        ("m.csv", "video,tags\na.mp4\n", "not as many columns"),
+        ("m.csv", "priority\nhigh\n", "`video` is missing"),
+        ("m.csv", "video\n", "lists no video"),
+        ("m.jsonl", '{"video": "a.mp4"\n', "m.jsonl, line 1: "),
+        ("m.jsonl", '{"video": "a.mp4", "speed": 3}\n', "unknown key 'speed'"),
+        ("m.jsonl", '{"video": "*.mp4", "tags": "gym"}\n', "`tags` is a list"),
+        ("m.txt", "a.mp4\n", "neither a folder nor a .csv or .jsonl"),
+    ],
+)
+def test_a_bad_manifest_is_told_with_its_line(videos: Path, name: str, text: str, told: str) -> None:
+    (videos / name).write_text(text)
+    with pytest.raises(InputError) as caught:
+        read_batch(videos / name)
+    assert told in str(caught.value)
+
+
+def test_a_pattern_with_one_run_folder_for_many_videos_is_refused(videos: Path) -> None:
+    (videos / "z.mp4").touch()
+    (videos / "m.csv").write_text("video,out\n*.mp4,same\n")
+    with pytest.raises(InputError, match="names one run folder"):
+        read_batch(videos / "m.csv")
+
+
+def test_a_missing_manifest_and_an_empty_folder_are_told(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="cannot read"):
+        read_batch(tmp_path / "none.csv")
+    with pytest.raises(InputError, match="holds no video"):
+        read_batch(tmp_path)

@@ -1,0 +1,173 @@
+"""Truth files and run folders, ours and others', whole and broken."""
+
+import io
+import json
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from humanmm.flows.evaluate import evaluate_run
+
+from humanmm.errors import TruthError
+from humanmm.models.geometry.rotations import rotation_from_vector
+from humanmm.models.records.recording import Recording
+from humanmm.models.records.sequence import Take
+from humanmm.storage.readers.truth import read_take
+from humanmm.storage.run_folder.motion_zarr import write_motion
+
+CLIP_A = Path(__file__).parents[3] / "examples" / "pose2sim_multishot" / "pose2sim_A_01-02-01_gt.npz"
+
+
+@pytest.fixture
+def npz(tmp_path: Path, recording: Recording) -> dict[str, np.ndarray]:
+    """The recording as an npz truth's arrays."""
+    arrays = {
+        "fps": np.array(recording.fps),
+        "num_frames": np.array(recording.num_frames),
+        "cut_frames": np.array(recording.cut_frames),
+        "body_model": np.array("body24"),
+        "cameras/R_world_cam": recording.R_world_cam,
+        "cameras/t_world_cam": recording.t_world_cam,
+        "cameras/K": recording.K,
+    }
+    for person in recording.people:
+        for name in ("frame", "observed", "root_orient", "body_pose", "betas", "transl", "joints", "contacts", "bbox"):
+            arrays[f"people/{person.person:02d}/{name}"] = getattr(person, name)
+    return arrays
+
+
+def save(path: Path, arrays: dict[str, np.ndarray]) -> Path:
+    np.savez(path, **arrays)  # type: ignore[arg-type]
+    return path
+
+
+def same(one: Take, other: Take) -> bool:
+    return all(
+        np.array_equal(getattr(a, name), getattr(b, name))
+        for a, b in zip(one.people, other.people, strict=True)
+        for name in ("frame", "observed", "joints", "contacts")
+    )
+
+
+def test_a_run_folder_and_an_npz_of_the_same_arrays_are_the_same_take(
+    tmp_path: Path, recording: Recording, npz: dict[str, np.ndarray]
+) -> None:
+    write_motion(tmp_path / "run" / "motion.zarr", recording)
+    of_folder, of_npz = read_take(tmp_path / "run"), read_take(save(tmp_path / "truth.npz", npz))
+    assert same(of_folder, of_npz)
+    assert same(of_folder, read_take(tmp_path / "run" / "motion.zarr"))
+    assert of_folder.transitions == of_npz.transitions == ((6, 6),)
+    assert of_folder.people[1].body is not None
+    assert of_folder.cameras is not None
+
+
+def test_gradual_transitions_come_from_run_json(tmp_path: Path, recording: Recording) -> None:
+    write_motion(tmp_path / "motion.zarr", recording)
+    dissolve = {"type": "dissolve", "start": 4, "end": 9}
+    shots = [{"start": 0, "end": 6, "transition": None}, {"start": 6, "end": 12, "transition": dissolve}]
+    (tmp_path / "run.json").write_text(json.dumps({"shots": shots}))
+    assert read_take(tmp_path).transitions == ((4, 9),)
+
+
+def test_a_pose2sim_truth_is_turned_upright() -> None:
+    take = read_take(CLIP_A)
+    person = take.people[0]
+    ankles = [take.joint_names.index(name) for name in ("LAnkle", "RAnkle")]
+    shoulders = [take.joint_names.index(name) for name in ("LShoulder", "RShoulder")]
+    height = person.joints[:, shoulders, 2].mean() - person.joints[:, ankles, 2].mean()
+    assert 1.1 < height < 1.6
+    assert take.transitions == ((36, 36), (70, 70))
+    assert person.observed.all()
+
+
+def test_a_pose2sim_truth_projects_onto_its_own_detections() -> None:
+    take = read_take(CLIP_A)
+    with np.load(CLIP_A) as file:
+        detected = file["openpose2d"][:, :17]
+    wrists = detected[:, [9, 10], :2].mean(axis=1)
+    boxes = take.people[0].bbox_xyxy
+    assert boxes is not None
+    inside = (wrists > boxes[:, :2] - 15) & (wrists < boxes[:, 2:] + 15)
+    assert inside.mean() > 0.95
+
+
+def test_clip_a_against_itself_is_perfect() -> None:
+    report = evaluate_run(CLIP_A, CLIP_A)
+    assert report.coverage == 1.0
+    assert report.roe_deg == pytest.approx(0.0, abs=1e-6)
+    assert report.wa_mpjpe100_mm == pytest.approx(0.0, abs=1e-6)
+    assert report.cam_cut_rot_deg == pytest.approx([0.0, 0.0], abs=1e-6)
+
+
+def test_the_root_turns_as_root_orient_says(tmp_path: Path, npz: dict[str, np.ndarray]) -> None:
+    person = read_take(save(tmp_path / "t.npz", npz)).people[0]
+    np.testing.assert_allclose(person.R_world_root, rotation_from_vector(npz["people/00/root_orient"]))
+
+
+def test_a_missing_file_is_one_sentence(tmp_path: Path) -> None:
+    with pytest.raises(TruthError, match="does not exist"):
+        read_take(tmp_path / "nothing.npz")
+
+
+def test_a_folder_without_motion_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(TruthError, match=r"motion\.zarr/zarr\.json"):
+        read_take(tmp_path)
+
+
+def test_text_named_npz_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "t.npz"
+    path.write_text("hello")
+    with pytest.raises(TruthError, match=r"not an \.npz"):
+        read_take(path)
+
+
+def test_a_truncated_npz_is_refused(tmp_path: Path, npz: dict[str, np.ndarray]) -> None:
+    path = save(tmp_path / "t.npz", npz)
+    path.write_bytes(path.read_bytes()[:-200])
+    with pytest.raises(TruthError):
+        read_take(path)
+
+
+def test_pickles_are_never_loaded(tmp_path: Path, npz: dict[str, np.ndarray]) -> None:
+    npz["people/00/joints"] = np.array([{"a": 1}], dtype=object)
+    with pytest.raises(TruthError, match="no pickles"):
+        read_take(save(tmp_path / "t.npz", npz))
+
+
+def test_an_array_that_claims_terabytes_is_never_allocated(tmp_path: Path, npz: dict[str, np.ndarray]) -> None:
+    path = save(tmp_path / "t.npz", {k: v for k, v in npz.items() if k != "people/00/joints"})
+    header = io.BytesIO()
+    description = {"descr": "<f4", "fortran_order": False, "shape": (10**9, 24, 3)}
+    np.lib.format.write_array_header_1_0(header, description)
+    with zipfile.ZipFile(path, "a") as file:
+        file.writestr("people/00/joints.npy", header.getvalue())
+    with pytest.raises(TruthError, match="claims 288,000,000,000 bytes"):
+        read_take(path)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "sentence"),
+    [
+        ("people/00/joints", np.zeros((12, 24, 2)), "expected N×24×3"),
+        ("people/00/joints", np.full((12, 24, 3), "x"), "expected numbers"),
+        ("people/00/frame", np.arange(12)[::-1], "rise strictly"),
+        ("people/00/frame", np.arange(12) + 5, "rise strictly"),
+        ("cut_frames", np.array([6, 6]), "rising frame numbers"),
+        ("cut_frames", np.array([0]), "rising frame numbers"),
+        ("num_frames", np.array(-1), "num_frames is -1"),
+        ("fps", np.array(np.nan), "fps is nan"),
+        ("cameras/K", np.zeros((3, 3)), "expected 12×3×3"),
+    ],
+)
+def test_what_is_wrong_is_named(
+    tmp_path: Path, npz: dict[str, np.ndarray], key: str, value: np.ndarray, sentence: str
+) -> None:
+    with pytest.raises(TruthError, match=sentence) as caught:
+        read_take(save(tmp_path / "t.npz", {**npz, key: value}))
+    assert "t.npz" in str(caught.value)
+
+
+def test_strange_arrays_are_named(tmp_path: Path) -> None:
+    with pytest.raises(TruthError, match="found a, b"):
+        read_take(save(tmp_path / "t.npz", {"a": np.zeros(1), "b": np.zeros(1)}))

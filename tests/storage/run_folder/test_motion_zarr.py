@@ -1,0 +1,129 @@
+"""motion.zarr: the public contract, array by array."""
+
+import dataclasses
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+import zarr
+
+from humanmm.errors import InputError
+from humanmm.models.records.recording import Delivery, Recording
+from humanmm.storage.run_folder.motion_zarr import read_motion, write_motion, write_run_folder
+from humanmm.storage.store.files import replace_folder, sweep
+
+F, N, K = 12, 12, 33
+CONTRACT = {
+    "time_s": ((F,), "float64"), "shot_index": ((F,), "int32"), "cameras/R_world_cam": ((F, 3, 3), "float32"),
+    "cameras/t_world_cam": ((F, 3), "float32"), "cameras/K": ((F, 3, 3), "float32"), "cameras/source": ((F,), "uint8"),
+    "people/00/frame": ((N,), "int32"), "people/00/observed": ((N,), "bool"),
+    "people/00/root_orient": ((N, 3), "float32"), "people/00/body_pose": ((N, 23, 3), "float32"),
+    "people/00/betas": ((10,), "float32"), "people/00/transl": ((N, 3), "float32"),
+    "people/00/joints": ((N, 24, 3), "float32"), "people/00/contacts": ((N, 4), "float32"),
+    "people/00/keypoints2d": ((N, K, 3), "float32"), "people/00/bbox": ((N, 4), "float32"),
+    "people/00/confidence": ((N,), "float32"),
+}  # fmt: skip
+
+
+def test_every_array_of_the_contract_is_there_with_its_shape_dtype_and_checksum(
+    tmp_path: Path, recording: Recording
+) -> None:
+    write_motion(tmp_path / "motion.zarr", recording)
+    group = zarr.open_group(tmp_path / "motion.zarr", mode="r")
+    found = {key: array for key, array in group.members(max_depth=None) if isinstance(array, zarr.Array)}
+    first = {key: (array.shape, str(array.dtype)) for key, array in found.items() if not key.startswith("people/01")}
+    assert first == CONTRACT
+    assert {key for key in found if key.startswith("people/01")} == {
+        key.replace("/00/", "/01/") for key in CONTRACT if key.startswith("people/00")
+    }
+    for key, array in found.items():
+        assert any(type(codec).__name__ == "Crc32cCodec" for codec in array.metadata.codecs), key
+
+
+def test_every_attribute_of_the_contract_is_there(tmp_path: Path, recording: Recording) -> None:
+    write_motion(tmp_path / "motion.zarr", recording)
+    attributes = dict(zarr.open_group(tmp_path / "motion.zarr", mode="r").attrs)
+    assert attributes["schema"] == "humanmm.motion/1"
+    assert attributes["fps"] == pytest.approx(11 / (recording.time_s[-1] - recording.time_s[0]))
+    assert (attributes["width"], attributes["height"], attributes["num_frames"]) == (640, 360, 12)
+    assert attributes["world"] == "z-up, metres, first person's first pelvis above the origin, floor at z=0"
+    assert attributes["body_model"] == "body24"
+    assert len(attributes["joint_names"]) == len(attributes["parents"]) == 24
+    assert attributes["parents"][0] < 0
+    assert attributes["cut_frames"] == [6]
+
+
+def test_reading_gives_back_what_was_written(tmp_path: Path, recording: Recording) -> None:
+    write_motion(tmp_path / "motion.zarr", recording)
+    again = read_motion(tmp_path / "motion.zarr")
+    for field in dataclasses.fields(recording):
+        if field.name != "people":
+            np.testing.assert_array_equal(getattr(again, field.name), getattr(recording, field.name))
+    for person, other in zip(recording.people, again.people, strict=True):
+        for field in dataclasses.fields(person):
+            np.testing.assert_array_equal(getattr(other, field.name), getattr(person, field.name))
+
+
+def test_a_flipped_byte_is_an_error_not_another_motion(tmp_path: Path, recording: Recording) -> None:
+    write_motion(tmp_path / "motion.zarr", recording)
+    (chunk,) = [p for p in (tmp_path / "motion.zarr/people/00/joints/c").rglob("*") if p.is_file()]
+    damaged = bytearray(chunk.read_bytes())
+    damaged[len(damaged) // 2] ^= 1
+    chunk.write_bytes(bytes(damaged))
+    with pytest.raises(InputError, match="damaged"):
+        read_motion(tmp_path / "motion.zarr")
+
+
+def test_a_folder_of_another_schema_is_refused(tmp_path: Path, recording: Recording) -> None:
+    write_motion(tmp_path / "motion.zarr", recording)
+    zarr.open_group(tmp_path / "motion.zarr", mode="r+").attrs["schema"] = "humanmm.motion/9"
+    with pytest.raises(InputError, match=r"humanmm\.motion/9"):
+        read_motion(tmp_path / "motion.zarr")
+
+
+def test_a_writer_that_fails_leaves_the_old_recording(tmp_path: Path, recording: Recording) -> None:
+    write_motion(tmp_path / "motion.zarr", recording)
+
+    def fail(folder: Path) -> None:
+        (folder / "half").write_text("half")
+        raise OSError("disk full")
+
+    with pytest.raises(OSError, match="disk full"):
+        replace_folder(tmp_path / "motion.zarr", fail)
+    assert read_motion(tmp_path / "motion.zarr").num_frames == 12
+    assert [p.name for p in tmp_path.iterdir()] == ["motion.zarr"]
+
+
+def test_the_run_folder_holds_motion_exports_and_pictures_and_nothing_of_people_who_are_gone(
+    tmp_path: Path, recording: Recording
+) -> None:
+    blobs = tmp_path / "blobs"
+    blobs.mkdir()
+    (blobs / "top.png").write_bytes(b"picture")
+    run_dir = tmp_path / "run"
+    write_run_folder(run_dir, Delivery(recording, ("top.png",)), blobs)
+    alone = dataclasses.replace(recording, people=recording.people[:1])
+    write_run_folder(run_dir, Delivery(alone, ("top.png",)), blobs)
+    assert sorted(str(p.relative_to(run_dir)) for p in run_dir.glob("*/*") if p.parent.name != "motion.zarr") == [
+        "export/person_00.npz",
+        "view/top.png",
+    ]
+    assert len(read_motion(run_dir / "motion.zarr").people) == 1
+
+
+def test_what_a_killed_writer_left_is_swept_and_a_running_one_is_spared(tmp_path: Path) -> None:
+    dead = tmp_path / f".writing-{_unused_pid()}-0-motion.zarr"
+    dead.mkdir()
+    alive = tmp_path / f".writing-{os.getpid()}-0-motion.zarr"
+    alive.mkdir()
+    sweep(tmp_path)
+    assert [p.name for p in tmp_path.iterdir()] == [alive.name]
+
+
+def _unused_pid() -> int:
+    pid = os.fork()
+    if pid == 0:
+        os._exit(0)
+    os.waitpid(pid, 0)
+    return pid

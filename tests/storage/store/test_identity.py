@@ -1,0 +1,77 @@
+"""A video is known by its content, which is read once."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from humanmm.errors import VideoError
+from humanmm.storage.store import identity as video_identity
+from humanmm.storage.store.identity import identify
+from humanmm.storage.store.store import Store
+
+
+def test_the_content_is_read_once_and_again_when_the_file_changes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    video, store = tmp_path / "a.mp4", Store(tmp_path / "store")
+    video.write_bytes(b"one")
+    first = identify(video, store)
+    with monkeypatch.context() as patched:
+        patched.setattr(video_identity.hashlib, "file_digest", None)
+        assert identify(video, store) == first
+    video.write_bytes(b"two")
+    os.utime(video, ns=(1, 1))
+    assert identify(video, store).sha256 != first.sha256
+
+
+def test_the_same_content_at_another_path_has_the_same_hash(tmp_path: Path) -> None:
+    store = Store(tmp_path / "store")
+    names = ["a.mp4", " two  spaces 'and' \"quotes\"\nnewline.mp4", "ünïcödé 映画.mp4", b"\xff\xfe.mp4"]
+    hashes = set()
+    for name in names:
+        path = tmp_path / os.fsdecode(name)
+        path.write_bytes(b"film")
+        hashes.add(identify(path, store).sha256)
+    assert len(hashes) == 1
+
+
+def test_a_file_that_changes_during_the_run_is_not_read_as_if_it_had_not(tmp_path: Path) -> None:
+    video = tmp_path / "a.mp4"
+    video.write_bytes(b"one")
+    identity = identify(video, Store(tmp_path / "store"))
+    video.write_bytes(b"other")
+    with pytest.raises(VideoError, match="changed while it was being processed"):
+        identity.open()
+
+
+def test_a_read_only_store_is_not_written(tmp_path: Path) -> None:
+    video = tmp_path / "a.mp4"
+    video.write_bytes(b"one")
+    identify(video, Store(tmp_path / "store", read_only=True))
+    assert not (tmp_path / "store").exists()
+
+
+@pytest.mark.parametrize(
+    ("make", "told"),
+    [
+        (lambda path: None, "no such video"),
+        (lambda path: path.mkdir(), "is a folder"),
+        (lambda path: path.touch(), "is empty"),
+        (lambda path: os.mkfifo(path), "not a regular file"),
+    ],
+)
+def test_what_is_no_video_file_is_told_in_one_sentence(tmp_path: Path, make: object, told: str) -> None:
+    path = tmp_path / "x.mp4"
+    make(path)  # type: ignore[operator]
+    with pytest.raises(VideoError, match=told):
+        identify(path, Store(tmp_path / "store"))
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may read everything")
+def test_a_file_that_may_not_be_read_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "x.mp4"
+    path.write_bytes(b"x")
+    path.chmod(0)
+    with pytest.raises(VideoError, match="Permission denied"):
+        identify(path, Store(tmp_path / "store"))
