@@ -18,9 +18,10 @@ from typing import Any
 import pytest
 
 from humanmm.config import Config
+from humanmm.storage.store import artifact
 from humanmm.storage.store.identity import identify
 from humanmm.storage.store.open import open_store
-from humanmm.storage.store.store import Store, artifact
+from humanmm.storage.store.store import Store
 from humanmm.tasks import pipeline
 from humanmm.tasks.engine.run import VideoRun
 from humanmm.tasks.engine.selection import Selection

@@ -61,9 +61,9 @@ def _watch_threads() -> None:
 
 
 def _watch_video() -> None:
-    from humanmm.storage.store.store import store
-    from humanmm.tasks.engine.run import finish, imports
-    from humanmm.tasks.engine.run import run as engine
+    from humanmm.storage.store import store
+    from humanmm.tasks.engine import finish, imports
+    from humanmm.tasks.engine import run as engine
 
     function = imports.Imports.function
     engine.Imports.function = lambda self, stage: _counted("stages", function(self, stage))  # type: ignore[method-assign]

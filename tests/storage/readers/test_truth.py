@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from humanmm.flows.evaluate import evaluate_run
 
 from humanmm.errors import TruthError
+from humanmm.models.evaluation.evaluate import evaluate
 from humanmm.models.geometry.rotations import rotation_from_vector
 from humanmm.models.records.recording import Recording
 from humanmm.models.records.sequence import Take
@@ -93,7 +93,7 @@ def test_a_pose2sim_truth_projects_onto_its_own_detections() -> None:
 
 
 def test_clip_a_against_itself_is_perfect() -> None:
-    report = evaluate_run(CLIP_A, CLIP_A)
+    report = evaluate(read_take(CLIP_A), read_take(CLIP_A))
     assert report.coverage == 1.0
     assert report.roe_deg == pytest.approx(0.0, abs=1e-6)
     assert report.wa_mpjpe100_mm == pytest.approx(0.0, abs=1e-6)

@@ -15,12 +15,12 @@ import numpy as np
 import pytest
 
 from humanmm.errors import ConfigError, StoreError
+from humanmm.storage.store import lease, maintenance
 from humanmm.storage.store.artifact import Manifest
 from humanmm.storage.store.bucket import Bucket
 from humanmm.storage.store.bucket_store import BucketStore, extract
 from humanmm.storage.store.open import open_store
 from humanmm.storage.store.recipe import Recipe
-from humanmm.storage.store.store import lease, maintenance
 
 
 @dataclass(frozen=True)

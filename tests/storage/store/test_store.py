@@ -15,10 +15,11 @@ import numpy as np
 import pytest
 
 from humanmm.errors import StoreError
+from humanmm.storage.store import maintenance
 from humanmm.storage.store.artifact import Manifest
 from humanmm.storage.store.open import open_store
 from humanmm.storage.store.recipe import Recipe
-from humanmm.storage.store.store import RunNote, Store, maintenance
+from humanmm.storage.store.store import RunNote, Store
 
 
 @dataclass(frozen=True)
