@@ -1,7 +1,8 @@
 """The surface that is drawn: body24 with 2,000 of its triangles, posed frame by frame in camera axes.
 
-`weights/body24_drawn.npz` names the kept vertices (`make_drawn_mesh`: the body without tongue and eyeballs, decimated).
-Normals come from the full mesh at rest and are turned by the skinning, so that the small mesh shades like the big one.
+`weights/body24_drawn.npz` names the kept vertices (scripts/build_drawn_mesh makes it: the body without tongue and
+eyeballs, decimated). Normals come from the full mesh at rest and rotate with the skinning, so that the small mesh is
+shaded like the big one.
 """
 
 import io
@@ -10,12 +11,9 @@ from functools import lru_cache
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from humanmm.models.body.body24 import NUM_JOINTS, Body, load_body
 from humanmm.models.body.kinematics import forward_kinematics, skinning_transforms
-from humanmm.models.drawing.decimate import decimate
 from humanmm.models.geometry.rotations import rotation_from_vector
 from humanmm.models.records.recording import RecordedPerson
 from humanmm.models.weights.shipped import read_weights
@@ -41,24 +39,6 @@ def load_drawn_mesh() -> DrawnMesh:
         return DrawnMesh(file["vertices"].astype(np.int64), file["faces"].astype(np.int64))
 
 
-def make_drawn_mesh(body: Body, num_faces: int = 2000) -> DrawnMesh:
-    """The small mesh computed anew (seconds): the body's largest connected part, decimated."""
-    num_vertices = len(body.v_template)
-    edges = np.concatenate([body.faces[:, [0, 1]], body.faces[:, [1, 2]]])
-    graph = coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(num_vertices, num_vertices))
-    _, part = connected_components(graph, directed=False)
-    skin = part == np.bincount(part).argmax()
-    weights = dense_weights(body, np.arange(num_vertices)).astype(np.float64)
-    vertices, faces = decimate(
-        body.v_template,
-        body.faces[skin[body.faces[:, 0]]],
-        num_faces,
-        attributes=weights,
-        attribute_weight=0.02,  # a joint's whole influence counts like 2 cm
-    )
-    return DrawnMesh(vertices, faces)
-
-
 class PosedSurface:
     """One recorded person's drawn surface over time."""
 
@@ -78,11 +58,11 @@ class PosedSurface:
     ) -> tuple[Float[np.ndarray, "v 3"], Float[np.ndarray, "v 3"]]:
         """Vertices (metres) and unit normals of one row of the person, in camera axes, float32."""
         transforms = (self._weights @ self._transforms(row)).reshape(-1, 3, 4)
-        turn = R_world_cam.astype(np.float32)
+        R = R_world_cam.astype(np.float32)
         world = np.einsum("vab,vb->va", transforms[..., :3], self._rest) + transforms[..., 3]
-        normals = np.einsum("vab,vb->va", transforms[..., :3], self._normals) @ turn
+        normals = np.einsum("vab,vb->va", transforms[..., :3], self._normals) @ R
         normals /= np.linalg.norm(normals, axis=1, keepdims=True) + 1e-9
-        return (world - t_world_cam.astype(np.float32)) @ turn, normals
+        return (world - t_world_cam.astype(np.float32)) @ R, normals
 
     def _transforms(self, row: int) -> np.ndarray:
         start, window = self._window
@@ -106,14 +86,14 @@ class PosedSurface:
 
 
 def dense_weights(body: Body, vertices: np.ndarray) -> np.ndarray:
-    """(n,24) float32 share of each joint in moving the chosen vertices."""
+    """(n,24) float32 skinning weight of each joint for the chosen vertices."""
     weights = np.zeros((len(vertices), NUM_JOINTS), np.float32)
     np.add.at(weights, (np.arange(len(vertices))[:, None], body.skin_joint[vertices]), body.skin_weight[vertices])
     return weights
 
 
 def vertex_normals(body: Body, vertices: np.ndarray) -> np.ndarray:
-    """(V,3) float32 unit normals of the whole mesh at these places."""
+    """(V,3) float32 unit normals of the whole mesh with these vertices."""
     corners = vertices[body.faces]
     face_normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals = np.zeros_like(vertices)
