@@ -14,7 +14,7 @@ from typing import Any
 
 from humanmm import __file__ as package_file
 from humanmm.errors import InputError
-from humanmm.models.rendering.script import ClipPlan, direct
+from humanmm.models.rendering.script import ClipPlan, plan_clip
 from humanmm.models.synthetic.mocap import MocapTake
 from humanmm.storage.readers.mocap_pack import read_pack
 from humanmm.storage.run_folder.clip_files import write_clip
@@ -137,7 +137,7 @@ def render_one(plan: ClipPlan, packs: Sequence[Path], folder: Path) -> str:
     prepare_process()
     takes: list[MocapTake] = [take for pack in packs for take in read_pack(pack)]
     try:
-        clip = direct(takes, plan)
+        clip = plan_clip(takes, plan)
     except ValueError as error:
         raise InputError(f"{', '.join(pack.name for pack in packs)}: {error}") from None
     write_clip(clip, folder)

@@ -12,7 +12,7 @@ from jaxtyping import Float, UInt8
 from humanmm.models.drawing import palette
 from humanmm.models.drawing.canvas import Canvas
 from humanmm.models.drawing.lettering import Lettering
-from humanmm.models.drawing.rasteriser import NEAR_M, Region, project, rasterise
+from humanmm.models.drawing.lit_surfaces import NEAR_M, Region, project, rasterise
 from humanmm.models.drawing.surface import PosedSurface
 from humanmm.models.records.recording import CONTACT_JOINTS, RecordedPerson, Recording
 from humanmm.models.records.shots import ShotList

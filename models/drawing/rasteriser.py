@@ -1,210 +1,76 @@
-"""A small software rasteriser: lit triangles in camera axes to a picture, in a few milliseconds.
+"""The software rasteriser of overlays and rendered clips: numbers of triangles in a picture, values linear over them.
 
-Painter's algorithm on triangle numbers: triangles are filled with their own number from far to near (OpenCV does the
-filling), then every pixel looks up its triangle's shade, which is linear over the triangle (Gouraud). People who
-overlap in the picture are sorted together, so that an arm in front of somebody else hides exactly what is behind it.
+Painter's algorithm: OpenCV fills triangles with their own number from far to near, a microsecond each; every pixel then
+looks up what belongs to its triangle. Corners are in OpenCV's pixels: the first pixel's centre is at 0.
 """
 
-from dataclasses import dataclass
+from collections.abc import Iterable
 
 import cv2
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int, UInt8
 
-NEAR_M = 0.05
 _SHIFT = 4
-"""Fractional bits of the corner coordinates."""
-_LARGEST_COORDINATE_PX = 30_000.0
-_MOST_PIXELS = 400_000
-"""Regions larger than this are rasterised at half resolution."""
-_STEEPEST_SHADE = 0.12
-"""Largest change of shade a pixel, against slivers whose gradient is meaningless."""
-
-_KEY_LIGHT = np.array([-0.45, -0.65, -0.62], np.float32)
-"""Direction from the surface to the light, camera axes (x right, y down): above left, behind the camera."""
-_FILL_LIGHT = np.array([0.75, 0.1, -0.65], np.float32)
+"""Fractional bits of the corners."""
 
 
-@dataclass(frozen=True)
-class Triangles:
-    """The visible triangles of one surface, projected. T triangles."""
-
-    corners_px: Float[np.ndarray, "T 3 2"]
-    """Pixel centres at .5."""
-    depth: Float[np.ndarray, " T"]
-    """Mean distance along the camera's axis, metres."""
-    shade: Float[np.ndarray, "T 3"]
-    """Light at each corner, 0..1."""
-
-    @property
-    def box(self) -> tuple[float, float, float, float]:
-        """x0, y0, x1, y1 in pixels."""
-        low, high = self.corners_px.min((0, 1)), self.corners_px.max((0, 1))
-        return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+def front_facing(x: Float[np.ndarray, "3 T"], y: Float[np.ndarray, "3 T"]) -> Bool[np.ndarray, " T"]:
+    """Whether triangles that are counter-clockwise from outside face the camera; pixels, y down."""
+    return np.asarray((x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0]) < 0)
 
 
-@dataclass(frozen=True)
-class Region:
-    """A rectangle of the picture with what covers it."""
-
-    x: int
-    y: int
-    surface: Int[np.ndarray, "h w"]
-    """Index of the surface in front, −1 for none."""
-    shade: Float[np.ndarray, "h w"]
-    """Light, 0..255 as uint8."""
-    coverage: Float[np.ndarray, "h w"]
-    """0..255 as uint8, soft at the edge."""
-
-
-def project(
-    vertices: Float[np.ndarray, "V 3"],
-    normals: Float[np.ndarray, "V 3"],
-    faces: Int[np.ndarray, "F 3"],
-    K: Float[np.ndarray, "3 3"],
-    up_cam: Float[np.ndarray, "3"],
-) -> Triangles:
-    """Light, clip at the near plane, project, and keep the triangles that face the camera."""
-    light = _light(normals, up_cam)
-    in_front = vertices[:, 2] > NEAR_M
-    if not in_front.all():
-        vertices, light, faces = _clip(vertices, light, faces, in_front)
-    focal = np.array([K[0, 0], K[1, 1]], np.float32)
-    center = np.array([K[0, 2], K[1, 2]], np.float32)
-    pixels = vertices[:, :2] / vertices[:, 2:] * focal + center
-    np.clip(pixels, -_LARGEST_COORDINATE_PX, _LARGEST_COORDINATE_PX, out=pixels)
-    x, y = pixels[:, 0].take(faces), pixels[:, 1].take(faces)
-    area = (x[:, 1] - x[:, 0]) * (y[:, 2] - y[:, 0]) - (x[:, 2] - x[:, 0]) * (y[:, 1] - y[:, 0])
-    clockwise = area < 0  # counter-clockwise from outside, once y points down
-    visible = faces.compress(clockwise, axis=0)
-    return Triangles(pixels.take(visible, axis=0), vertices[:, 2].take(visible).mean(1), light.take(visible))
-
-
-def rasterise(surfaces: list[Triangles], width: int, height: int) -> list[Region]:
-    """The parts of a width × height picture that surfaces cover; surfaces whose boxes overlap share one region.
-
-    Positions and sides of regions are even if the picture's sides are.
-    """
-    regions = []
-    for members, box in _overlapping(surfaces, width, height):
-        x0, y0, x1, y1 = box
-        scale = 1.0 if (x1 - x0) * (y1 - y0) <= _MOST_PIXELS else 0.5
-        regions.append(_fill([(i, surfaces[i]) for i in members], box, scale))
-    return regions
-
-
-def _light(normals: np.ndarray, up_cam: np.ndarray) -> np.ndarray:
-    key = np.maximum(normals @ (_KEY_LIGHT / np.linalg.norm(_KEY_LIGHT)), 0)
-    fill = np.maximum(normals @ (_FILL_LIGHT / np.linalg.norm(_FILL_LIGHT)), 0)
-    sky = 0.5 + 0.5 * (normals @ up_cam.astype(np.float32))
-    return np.asarray(np.clip(0.02 + 0.62 * key + 0.18 * fill + 0.2 * sky, 0, 1), np.float32)
-
-
-def _clip(
-    vertices: np.ndarray, light: np.ndarray, faces: np.ndarray, in_front: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Cut triangles at the near plane: corners behind it are replaced by where their edges cross it."""
-    count = in_front[faces].sum(1)
-    kept = [faces[count == 3]]
-    new_vertices, new_light, new_faces = [vertices], [light], []
-    next_index = len(vertices)
-    for face in faces[(count == 1) | (count == 2)]:
-        polygon: list[int] = []
-        for corner in range(3):
-            a, b = int(face[corner]), int(face[(corner + 1) % 3])
-            if in_front[a]:
-                polygon.append(a)
-            if in_front[a] != in_front[b]:
-                share = (NEAR_M - vertices[a, 2]) / (vertices[b, 2] - vertices[a, 2])
-                new_vertices.append((vertices[a] + share * (vertices[b] - vertices[a]))[None])
-                new_light.append((light[a] + share * (light[b] - light[a]))[None])
-                polygon.append(next_index)
-                next_index += 1
-        new_faces += [(polygon[0], polygon[i], polygon[i + 1]) for i in range(1, len(polygon) - 1)]
-    if new_faces:
-        kept.append(np.array(new_faces))
-    return np.concatenate(new_vertices), np.concatenate(new_light), np.concatenate(kept)
-
-
-Box = tuple[int, int, int, int]
-
-
-def _overlapping(surfaces: list[Triangles], width: int, height: int) -> list[tuple[list[int], Box]]:
-    """Groups of surfaces whose boxes overlap, each with its box inside the picture."""
-    groups: list[tuple[list[int], Box]] = []
-    for index, surface in enumerate(surfaces):
-        if len(surface.depth) == 0:
-            continue
-        x0, y0, x1, y1 = surface.box
-        low_x, low_y, high_x, high_y = int(x0) - 2, int(y0) - 2, int(x1) + 4, int(y1) + 4
-        box = (
-            max(low_x - low_x % 2, 0), max(low_y - low_y % 2, 0),
-            min(high_x - high_x % 2, width), min(high_y - high_y % 2, height),
-        )  # fmt: skip
-        if box[0] >= box[2] or box[1] >= box[3]:
-            continue
-        members = [index]
-        apart = []
-        for other_members, other in groups:
-            if box[0] < other[2] and other[0] < box[2] and box[1] < other[3] and other[1] < box[3]:
-                members += other_members
-                box = (min(box[0], other[0]), min(box[1], other[1]), max(box[2], other[2]), max(box[3], other[3]))
-            else:
-                apart.append((other_members, other))
-        groups = [*apart, (members, box)]
-    return groups
-
-
-def _fill(members: list[tuple[int, Triangles]], box: Box, scale: float) -> Region:
-    x0, y0, x1, y1 = box
-    width, height = max(1, round((x1 - x0) * scale)), max(1, round((y1 - y0) * scale))
-    order = np.argsort(-np.concatenate([t.depth for _, t in members]), kind="stable")
-    corners = np.concatenate([t.corners_px for _, t in members])[order]
-    # OpenCV's pixel centres lie at integers
-    corners = (corners - np.array([x0, y0], np.float32)) * np.float32(scale) - np.float32(0.5)
-    shade = np.concatenate([t.shade for _, t in members])[order]
-
+def fill_triangles(corners: Float[np.ndarray, "T 3 2"], width: int, height: int) -> Int[np.ndarray, "height width"]:
+    """Number 1 … T of the triangle in front of every pixel, 0 for none. Triangles come from far to near."""
     number = np.zeros((height, width), np.int32)
-    fixed = np.rint(corners * (1 << _SHIFT)).astype(np.int32)
     fill = cv2.fillConvexPoly
-    for index, corner in enumerate(fixed, start=1):
-        fill(number, corner, index, cv2.LINE_8, _SHIFT)
-
-    planes = _shade_planes(corners, shade)
-    lit = planes[0].take(number)
-    lit *= np.arange(width, dtype=np.float32)
-    lit += planes[1].take(number) * np.arange(height, dtype=np.float32)[:, None]
-    lit += planes[2].take(number)
-    np.clip(lit, 0, 1, out=lit)
-    light = (lit * 255).astype(np.uint8)
-
-    covered = number > 0
-    mask = covered.view(np.uint8) * np.uint8(255)
-    coverage = cv2.min(cv2.blur(mask, (3, 3)), mask)
-    owner = np.concatenate([[-1], np.repeat([i for i, _ in members], [len(t.depth) for _, t in members])[order]])
-    surface = owner.astype(np.int16).take(number)
-    if scale != 1.0:
-        size = (x1 - x0, y1 - y0)
-        return Region(
-            x0,
-            y0,
-            np.asarray(cv2.resize(surface, size, interpolation=cv2.INTER_NEAREST)),
-            np.asarray(cv2.resize(light, size, interpolation=cv2.INTER_LINEAR)),
-            np.asarray(cv2.resize(coverage, size, interpolation=cv2.INTER_LINEAR)),
-        )
-    return Region(x0, y0, surface, light, coverage)
+    for index, fixed in enumerate(_fixed_point(corners), start=1):
+        fill(number, fixed, index, cv2.LINE_8, _SHIFT)
+    return number
 
 
-def _shade_planes(corners: np.ndarray, shade: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Coefficients of shade = a x + b y + c for each triangle; entry 0 belongs to the background."""
+def fill_polygons(
+    polygons: Iterable[Float[np.ndarray, "n 2"]], width: int, height: int, value: int
+) -> UInt8[np.ndarray, "height width"]:
+    """`value` inside convex polygons, 0 elsewhere."""
+    mask = np.zeros((height, width), np.uint8)
+    for polygon in polygons:
+        cv2.fillConvexPoly(mask, _fixed_point(polygon), value, cv2.LINE_8, _SHIFT)
+    return mask
+
+
+def linear_coefficients(
+    corners: Float[np.ndarray, "T 3 2"], values: Float[np.ndarray, "T 3 C"], *, steepest: float = np.inf
+) -> tuple[Float[np.ndarray, "T C"], Float[np.ndarray, "T C"], Float[np.ndarray, "T C"]]:
+    """a, b, c of value = a x + b y + c for every triangle and channel, from the values at its corners.
+
+    |a|, |b| ≤ `steepest`: the gradient of a sliver is meaningless.
+    """
     x, y = corners[..., 0], corners[..., 1]
     dx1, dy1, dx2, dy2 = x[:, 1] - x[:, 0], y[:, 1] - y[:, 0], x[:, 2] - x[:, 0], y[:, 2] - y[:, 0]
-    ds1, ds2 = shade[:, 1] - shade[:, 0], shade[:, 2] - shade[:, 0]
     area = dx1 * dy2 - dx2 * dy1
-    area = np.where(np.abs(area) < 1e-3, np.inf, area)
-    a = np.clip((ds1 * dy2 - ds2 * dy1) / area, -_STEEPEST_SHADE, _STEEPEST_SHADE)
-    b = np.clip((ds2 * dx1 - ds1 * dx2) / area, -_STEEPEST_SHADE, _STEEPEST_SHADE)
-    c = shade.mean(1) - a * x.mean(1) - b * y.mean(1)
-    zero = np.zeros(1, np.float32)
-    a, b, c = (np.concatenate([zero, v.astype(np.float32)]) for v in (a, b, c))
-    return a, b, c
+    area = np.where(np.abs(area) < 1e-3, np.inf, area)[:, None]
+    d1, d2 = values[:, 1] - values[:, 0], values[:, 2] - values[:, 0]
+    a = np.clip((d1 * dy2[:, None] - d2 * dy1[:, None]) / area, -steepest, steepest)
+    b = np.clip((d2 * dx1[:, None] - d1 * dx2[:, None]) / area, -steepest, steepest)
+    return a, b, values.mean(axis=1) - a * x.mean(1)[:, None] - b * y.mean(1)[:, None]
+
+
+def clip_polygon(points: Float[np.ndarray, "n D"], distance: Float[np.ndarray, " n"]) -> Float[np.ndarray, "m D"]:
+    """The part of a convex polygon on the side of a plane where `distance` ≥ 0 (Sutherland and Hodgman 1974).
+
+    `distance`: of every corner from the plane, at any scale. New corners are linear between the old ones in all D
+    coordinates.
+    """
+    kept = []
+    for k in range(len(points)):
+        following = (k + 1) % len(points)
+        if distance[k] >= 0:
+            kept.append(points[k])
+        if (distance[k] >= 0) != (distance[following] >= 0):
+            fraction = distance[k] / (distance[k] - distance[following])
+            kept.append(points[k] + fraction * (points[following] - points[k]))
+    return np.stack(kept) if kept else points[:0]
+
+
+def _fixed_point(corners: Float[np.ndarray, "*n 2"]) -> Int[np.ndarray, "*n 2"]:
+    return np.asarray(np.rint(corners * (1 << _SHIFT)), np.int32)

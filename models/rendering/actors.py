@@ -1,6 +1,7 @@
-"""The people of a clip: takes at the clip's frame rate, on bodies of their own, put beside each other."""
+"""The actors of a clip: takes at the clip's frame rate, on bodies of their own, placed beside each other."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
@@ -10,40 +11,40 @@ from humanmm.models.body.body24 import NUM_JOINTS, load_body
 from humanmm.models.geometry.rotations import rotation_from_vector
 from humanmm.models.motion.refine.contacts import CONTACT_JOINTS
 from humanmm.models.motion.refine.refine import sole_heights
-from humanmm.models.synthetic.mocap import Actor, MocapTake, cast
+from humanmm.models.synthetic.mocap import Actor, MocapTake, pose_actor
 
 Array = np.ndarray
 
 NEAREST_M, FARTHEST_M = 0.75, 2.2
 """Between pelvises: nobody walks through somebody else, and people stay near enough to share a picture."""
-STANDING_MS, STANDING_M = 0.25, 0.05
-"""A place of the foot stands if it is slower and its sole no higher above the floor than this."""
+CONTACT_SPEED_MS, CONTACT_HEIGHT_M = 0.25, 0.05
+"""A foot joint touches the floor if it is slower than this and its sole no higher above the floor."""
 
 
 def resample(take: MocapTake, start_s: float, num_frames: int, fps: float) -> MocapTake:
-    """`num_frames` at another frame rate from `start_s` on; rotations go along great circles."""
+    """`num_frames` at another frame rate from `start_s` on; rotations are interpolated by slerp (Shoemake 1985)."""
     at = np.clip((start_s + np.arange(num_frames) / fps) * take.fps, 0, take.num_frames - 1)
     before = np.minimum(at.astype(int), take.num_frames - 2)
-    share = (at - before)[:, None]
-    pose = np.stack([_turn_between(take.body_pose[:, j], at) for j in range(NUM_JOINTS - 1)], axis=1)
+    fraction = (at - before)[:, None]
+    pose = np.stack([_slerp(take.body_pose[:, j], at) for j in range(NUM_JOINTS - 1)], axis=1)
     root = Slerp(np.arange(take.num_frames), Rotation.from_matrix(take.R_world_root))(at).as_matrix()
-    pelvis = (1 - share) * take.pelvis[before] + share * take.pelvis[before + 1]
+    pelvis = (1 - fraction) * take.pelvis[before] + fraction * take.pelvis[before + 1]
     contacts = take.contacts[np.rint(at).astype(int)]
     return MocapTake(take.name, fps, root, pose, pelvis, contacts, take.leg_m)
 
 
-def _turn_between(vectors: Float[Array, "N 3"], at: Float[Array, " n"]) -> Float[Array, "n 3"]:
+def _slerp(vectors: Float[Array, "N 3"], at: Float[Array, " n"]) -> Float[Array, "n 3"]:
     return np.asarray(Slerp(np.arange(len(vectors)), Rotation.from_rotvec(vectors))(at).as_rotvec())
 
 
-def cast_people(takes: Sequence[MocapTake], rng: np.random.Generator) -> list[Actor]:
-    """One actor for each take; the first stays where the take has it, others are put near, out of everybody's way.
+def place_actors(takes: Sequence[MocapTake], rng: np.random.Generator) -> list[Actor]:
+    """One actor for each take; the first stays where the take has it, others are placed near it, clear of each other.
 
-    Somebody for whom no place is found is left out.
+    A take for which no free position is found is left out.
     """
-    actors = [standing(cast(takes[0], rng), takes[0].fps)]
+    actors = [with_contacts(pose_actor(takes[0], rng), takes[0].fps)]
     for take in takes[1:]:
-        other = standing(cast(take, rng), take.fps)
+        other = with_contacts(pose_actor(take, rng), take.fps)
         for _ in range(300):
             moved = _moved(other, rng.uniform(0, 2 * np.pi), actors[0], rng)
             gaps = [np.linalg.norm((moved.joints - one.joints)[:, 0, :2], axis=1) for one in actors]
@@ -53,29 +54,27 @@ def cast_people(takes: Sequence[MocapTake], rng: np.random.Generator) -> list[Ac
     return actors
 
 
-def standing(actor: Actor, fps: float) -> Actor:
-    """The actor with contacts of this body: the pack's were made for another."""
+def with_contacts(actor: Actor, fps: float) -> Actor:
+    """The actor with floor contacts computed from its own feet: the pack's belong to another body."""
     feet = actor.joints[:, list(CONTACT_JOINTS)]
     speed = np.linalg.norm(np.gradient(feet, axis=0), axis=-1) * fps
     heights = feet[..., 2] - sole_heights(load_body(), actor.betas)
-    contacts = ((speed < STANDING_MS) & (heights < STANDING_M)).astype(np.float64)
-    return Actor(actor.betas, actor.R_world_root, actor.body_pose, actor.joints, actor.R_world_joint, contacts)
+    contacts = ((speed < CONTACT_SPEED_MS) & (heights < CONTACT_HEIGHT_M)).astype(np.float64)
+    return replace(actor, contacts=contacts)
 
 
 def _moved(actor: Actor, yaw: float, beside: Actor, rng: np.random.Generator) -> Actor:
-    """The actor turned about the vertical, its path's middle near that of somebody else."""
+    """The actor rotated about the vertical, its path's middle near that of `beside`."""
     R = rotation_from_vector(np.array([0.0, 0.0, yaw]))
     away = rng.uniform(0, 2 * np.pi)
     target = beside.joints[:, 0].mean(axis=0) + rng.uniform(0.6, 1.8) * np.array([np.cos(away), np.sin(away), 0])
-    turned = actor.joints @ R.T
-    shift = (target - turned[:, 0].mean(axis=0)) * [1, 1, 0]
-    return Actor(
-        actor.betas, R @ actor.R_world_root, actor.body_pose, turned + shift, R @ actor.R_world_joint, actor.contacts
+    joints = actor.joints @ R.T
+    shift = (target - joints[:, 0].mean(axis=0)) * [1, 1, 0]
+    return replace(
+        actor, R_world_root=R @ actor.R_world_root, joints=joints + shift, R_world_joint=R @ actor.R_world_joint
     )
 
 
 def shifted(actor: Actor, shift: Float[Array, "3"]) -> Actor:
-    """The actor somewhere else."""
-    return Actor(
-        actor.betas, actor.R_world_root, actor.body_pose, actor.joints + shift, actor.R_world_joint, actor.contacts
-    )
+    """The actor moved by `shift`, metres."""
+    return replace(actor, joints=actor.joints + shift)

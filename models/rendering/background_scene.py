@@ -1,6 +1,6 @@
 """Rooms and open places: flat panels with textures, built around the people and cameras that must fit in.
 
-A set has a shell (floor, walls, ceiling or sky: always behind everything else) and blocks (furniture, houses, hedges)
+A scene has a shell (floor, walls, ceiling or sky: always behind everything else) and blocks (furniture, houses, hedges)
 that stand on the floor and may hide people. World: z up, metres, floor at z = 0.
 """
 
@@ -15,7 +15,7 @@ from humanmm.models.rendering.textures import Texture
 Array = np.ndarray
 
 SKY_M, SKY_HEIGHT_M = 180.0, 45.0
-"""The sky is a box; its sides are as long as the clouds repeat, so that no seam shows in the corners."""
+"""The sky is a box; its sides are as long as the clouds repeat, so that no discontinuity shows in the corners."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,20 +56,20 @@ class Block:
 
     def hides(self, eye: Float[Array, "n 3"], target: Float[Array, "n 3"]) -> Bool[Array, " n"]:
         """Whether the block stands between each eye and its target (slabs: Kay and Kajiya 1986)."""
-        turn = np.eye(3)
-        turn[:2, :2] = _turn(self.yaw)
+        R = np.eye(3)
+        R[:2, :2] = _rotation(self.yaw)
         middle = np.append(self.centre, self.height / 2)
-        start, end = (eye - middle) @ turn, (target - middle) @ turn
-        way = np.where(np.abs(end - start) < 1e-9, 1e-9, end - start)
+        start, end = (eye - middle) @ R, (target - middle) @ R
+        ray = np.where(np.abs(end - start) < 1e-9, 1e-9, end - start)
         half = np.append(self.half, self.height / 2)
-        one, other = (-half - start) / way, (half - start) / way
+        one, other = (-half - start) / ray, (half - start) / ray
         enter, leave = np.minimum(one, other).max(axis=1), np.maximum(one, other).min(axis=1)
         return np.asarray((enter < leave) & (leave > 0) & (enter < 1))
 
     @property
     def top_corners(self) -> Float[Array, "4 3"]:
-        turn = _turn(self.yaw)
-        ground = self.centre + np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * self.half @ turn.T
+        R = _rotation(self.yaw)
+        ground = self.centre + np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * self.half @ R.T
         return np.concatenate([ground, np.full((4, 1), self.height)], axis=1)
 
 
@@ -84,7 +84,7 @@ class Light:
 
     @property
     def shadow(self) -> float:
-        """Share of the light that a shadow takes from the floor."""
+        """Fraction of the floor's light that a shadow takes away."""
         return float(self.lamp * self.direction[2] / self.on(np.array([0.0, 0.0, 1.0])))
 
     def on(self, normal: Float[Array, "*n 3"]) -> Float[Array, "*n"]:
@@ -94,8 +94,8 @@ class Light:
 
 
 @dataclass(frozen=True, eq=False)
-class Scenery:
-    """One set."""
+class BackgroundScene:
+    """What stands and lies around the people, and its light."""
 
     kind: str
     shell: tuple[Panel, ...]
@@ -103,7 +103,7 @@ class Scenery:
     light: Light
 
 
-def build_room(keep_in: Float[Array, "n 3"], paths: Float[Array, "m 2"], rng: np.random.Generator) -> Scenery:
+def build_room(keep_in: Float[Array, "n 3"], paths: Float[Array, "m 2"], rng: np.random.Generator) -> BackgroundScene:
     """A furnished room that holds the points `keep_in`; nothing stands on the `paths` of people and cameras."""
     yaw, light = rng.uniform(0, 2 * np.pi), _lamp(rng, ambient=(0.55, 0.75), lamp=(0.25, 0.5), elevation=(58, 80))
     low, high = _box_about(keep_in, yaw, margin=rng.uniform(0.8, 2.0))
@@ -118,13 +118,15 @@ def build_room(keep_in: Float[Array, "n 3"], paths: Float[Array, "m 2"], rng: np
     blocks: list[Block] = []
     for _ in range(int(rng.integers(5, 11))):
         half = rng.uniform([0.2, 0.15], [0.9, 0.4])
-        _place(
+        _add_block(
             blocks, half, rng.uniform(0.4, 2.0), (low, high, yaw), paths, 0.7, _pick(textures.SURFACES, rng), light, rng
         )
-    return Scenery("room", tuple(shell), tuple(blocks), light)
+    return BackgroundScene("room", tuple(shell), tuple(blocks), light)
 
 
-def build_outdoors(keep_in: Float[Array, "n 3"], paths: Float[Array, "m 2"], rng: np.random.Generator) -> Scenery:
+def build_outdoors(
+    keep_in: Float[Array, "n 3"], paths: Float[Array, "m 2"], rng: np.random.Generator
+) -> BackgroundScene:
     """A square or a meadow between houses and hedges under the sky."""
     yaw, light = rng.uniform(0, 2 * np.pi), _lamp(rng, ambient=(0.5, 0.65), lamp=(0.45, 0.65), elevation=(38, 68))
     low, high = _box_about(keep_in, yaw, margin=0.0)
@@ -144,19 +146,19 @@ def build_outdoors(keep_in: Float[Array, "n 3"], paths: Float[Array, "m 2"], rng
     for _ in range(int(rng.integers(4, 8))):  # houses
         half = rng.uniform([3.0, 2.5], [7.0, 4.0])
         wide = (near_low - 10, near_high + 10, yaw)
-        _place(blocks, half, 3.2 * int(rng.integers(2, 6)), wide, paths, 6.0, textures.facade(rng), light, rng)
+        _add_block(blocks, half, 3.2 * int(rng.integers(2, 6)), wide, paths, 6.0, textures.facade(rng), light, rng)
     for _ in range(int(rng.integers(4, 10))):  # hedges, walls, crates
         half, height = rng.uniform([0.3, 0.2], [2.0, 0.5]), rng.uniform(0.5, 2.2)
         texture = textures.foliage(rng) if rng.random() < 0.4 else _pick(textures.SURFACES, rng)
-        _place(blocks, half, height, (near_low, near_high, yaw), paths, 1.0, texture, light, rng)
-    return Scenery("outdoors", tuple(shell), tuple(blocks), light)
+        _add_block(blocks, half, height, (near_low, near_high, yaw), paths, 1.0, texture, light, rng)
+    return BackgroundScene("outdoors", tuple(shell), tuple(blocks), light)
 
 
 def _lamp(
     rng: np.random.Generator, *, ambient: tuple[float, float], lamp: tuple[float, float], elevation: tuple[float, float]
 ) -> Light:
-    up, round_about = np.deg2rad(rng.uniform(*elevation)), rng.uniform(0, 2 * np.pi)
-    direction = np.array([np.cos(up) * np.cos(round_about), np.cos(up) * np.sin(round_about), np.sin(up)])
+    up, azimuth = np.deg2rad(rng.uniform(*elevation)), rng.uniform(0, 2 * np.pi)
+    direction = np.array([np.cos(up) * np.cos(azimuth), np.cos(up) * np.sin(azimuth), np.sin(up)])
     strength = rng.uniform(*lamp)
     return Light(direction, strength, rng.uniform(*ambient))
 
@@ -166,19 +168,19 @@ def _pick(kinds: tuple, rng: np.random.Generator) -> Texture:  # type: ignore[ty
     return texture
 
 
-def _turn(yaw: float) -> Float[Array, "2 2"]:
+def _rotation(yaw: float) -> Float[Array, "2 2"]:
     c, s = np.cos(yaw), np.sin(yaw)
     return np.array([[c, -s], [s, c]])
 
 
 def _box_about(points: Float[Array, "n 3"], yaw: float, *, margin: float) -> tuple[Array, Array]:
-    """Lowest and highest x, y of the points in axes turned by `yaw`."""
-    own = points[:, :2] @ _turn(yaw)
+    """Lowest and highest x, y of the points in axes rotated by `yaw`."""
+    own = points[:, :2] @ _rotation(yaw)
     return own.min(axis=0) - margin, own.max(axis=0) + margin
 
 
 def _world(yaw: float, x: float, y: float, z: float) -> Float[Array, "3"]:
-    return np.append(_turn(yaw) @ [x, y], z)
+    return np.append(_rotation(yaw) @ [x, y], z)
 
 
 def _floor(low: Array, high: Array, yaw: float, texture: Texture, light: Light) -> Panel:
@@ -195,8 +197,8 @@ def _ceiling(low: Array, high: Array, yaw: float, height: float, texture: Textur
 
 def _wall(low: Array, high: Array, yaw: float, side: int, height: float, texture: Texture, light: Light) -> Panel:
     """Wall number `side` of the box, seen from inside; the texture's top is the wall's."""
-    places = [(low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1])]
-    first, second = places[side], places[(side + 1) % 4]
+    corners = [(low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1])]
+    first, second = corners[side], corners[(side + 1) % 4]
     start, end = _world(yaw, *first, height), _world(yaw, *second, height)
     length = float(np.linalg.norm(end - start))
     along = (end - start) / length
@@ -220,7 +222,7 @@ def _hangings(wall: Panel, rng: np.random.Generator) -> list[Panel]:
     return hangings
 
 
-def _place(
+def _add_block(
     blocks: list[Block],
     half: Array,
     height: float,
@@ -235,7 +237,7 @@ def _place(
     low, high, yaw_of_area = area
     reach = float(np.hypot(*half))
     for _ in range(30):
-        centre = _turn(yaw_of_area) @ rng.uniform(low, high)
+        centre = _rotation(yaw_of_area) @ rng.uniform(low, high)
         free = np.linalg.norm(paths - centre, axis=1).min() > reach + clear_m
         if free and all(np.linalg.norm(b.centre - centre) > b.reach + reach for b in blocks):
             yaw = yaw_of_area + rng.normal(0, 0.15)
@@ -245,7 +247,7 @@ def _place(
 
 def _faces(centre: Array, half: Array, height: float, yaw: float, texture: Texture, light: Light) -> tuple[Panel, ...]:
     """The four sides and the top of a block."""
-    x, y = np.append(_turn(yaw)[:, 0], 0.0), np.append(_turn(yaw)[:, 1], 0.0)
+    x, y = np.append(_rotation(yaw)[:, 0], 0.0), np.append(_rotation(yaw)[:, 1], 0.0)
     down, up = np.array([0.0, 0.0, -1.0]), np.array([0.0, 0.0, 1.0])
     middle = np.append(centre, height)
     faces = []

@@ -1,7 +1,7 @@
-"""Clothes, hair, skin and face of one person, painted on a doll: the front and the back of the T-pose side by side.
+"""Clothing, hair, skin and face of one person as a UV atlas: the front and the back of the T-pose side by side.
 
-A point of the body24 template (x to the body's left, y up, metres) falls on the doll's front or back half by the side
-that its triangle faces. Cloth and hair also stand off the skin by a centimetre or two.
+A point of the body24 template (x to the body's left, y up, metres) lies in the atlas's front or back half by the side
+that its triangle faces. Cloth and hair are displaced from the skin by a centimetre or two.
 """
 
 from dataclasses import dataclass
@@ -27,21 +27,21 @@ _HAIR = ((22, 18, 16), (48, 32, 22), (92, 58, 30), (150, 105, 55), (205, 170, 10
 
 
 @dataclass(frozen=True, eq=False)
-class Outfit:
+class Clothing:
     """How one person looks."""
 
-    doll: UInt8[Array, "h 2w 3"]
-    stand_off_m: Float[Array, " V"]
+    atlas: UInt8[Array, "h 2w 3"]
+    displacement_m: Float[Array, " V"]
     """How far each vertex is moved outwards along its normal."""
 
 
-def doll_coordinates(places: Float[Array, "n 3"]) -> Float[Array, "n 2"]:
-    """Template places to pixels of the doll's front half (continuous, first pixel's centre at .5)."""
-    return np.stack([(places[:, 0] - LEFT_M) * PX_PER_M, (TOP_M - places[:, 1]) * PX_PER_M], axis=1)
+def atlas_coordinates(points: Float[Array, "n 3"]) -> Float[Array, "n 2"]:
+    """Points of the template to pixels of the atlas's front half (continuous, first pixel's centre at .5)."""
+    return np.stack([(points[:, 0] - LEFT_M) * PX_PER_M, (TOP_M - points[:, 1]) * PX_PER_M], axis=1)
 
 
-def dress(body: Body, rng: np.random.Generator) -> Outfit:
-    """A random person."""
+def random_clothing(body: Body, rng: np.random.Generator) -> Clothing:
+    """Random skin, hair and clothes."""
     x = (np.arange(WIDTH) + 0.5) / PX_PER_M + LEFT_M
     y = TOP_M - (np.arange(HEIGHT) + 0.5) / PX_PER_M
     cut = _Cut.random(rng)
@@ -56,7 +56,7 @@ def dress(body: Body, rng: np.random.Generator) -> Outfit:
         half[:] = skin * (1 + 0.02 * fractal(rng, HEIGHT, WIDTH, slope=1.0)[..., None])
         X, Y = np.abs(x)[None], y[:, None]
         if not back:
-            _paint_face(half, skin)
+            _draw_face(half, skin)
         for region, cloth in ((cut.trousers(X, Y), trousers), (cut.shirt(X, Y, back=back), shirt)):
             half[region] = cloth[region]
         half[cut.shoes(X, Y)] = shoes
@@ -65,16 +65,16 @@ def dress(body: Body, rng: np.random.Generator) -> Outfit:
             half[(np.abs(Y - WAIST_M + 0.02) < 0.02) & (X < 0.3)] = shoes * 0.6
         halves.append(half)
     grain = cv2.GaussianBlur(rng.normal(size=(HEIGHT, 2 * WIDTH)).astype(np.float32), (0, 0), 1.2)
-    doll = np.concatenate(halves, axis=1) * (1 + 0.08 * grain[..., None])
+    atlas = np.concatenate(halves, axis=1) * (1 + 0.08 * grain[..., None])
     X, Y = np.abs(template[:, 0]), template[:, 1]
     behind = template[:, 2] < 0.02
-    stand_off = np.zeros(len(template))
-    stand_off[cut.trousers(X, Y)] = cut.trousers_loose_m
+    displacement = np.zeros(len(template))
+    displacement[cut.trousers(X, Y)] = cut.trousers_loose_m
     shirted = cut.shirt(X, Y, back=False) | (cut.shirt(X, Y, back=True) & behind)
-    stand_off[shirted] = cut.shirt_loose_m
-    stand_off[cut.shoes(X, Y)] = 0.008
-    stand_off[np.where(behind, cut.hair(X, Y, back=True), cut.hair(X, Y, back=False))] = cut.hair_m
-    return Outfit(np.clip(np.rint(doll), 0, 255).astype(np.uint8), stand_off.astype(np.float32))
+    displacement[shirted] = cut.shirt_loose_m
+    displacement[cut.shoes(X, Y)] = 0.008
+    displacement[np.where(behind, cut.hair(X, Y, back=True), cut.hair(X, Y, back=False))] = cut.hair_m
+    return Clothing(np.clip(np.rint(atlas), 0, 255).astype(np.uint8), displacement.astype(np.float32))
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ class _Cut:
 
 
 def _cloth(rng: np.random.Generator) -> Float[Array, "h w 3"]:
-    """A cloth as large as one half of the doll."""
+    """A cloth as large as one half of the atlas."""
     ground, thread = (colour(rng, value=(0.12, 0.95), saturation=(0.0, 0.75)) for _ in range(2))
     y, x = np.mgrid[0:HEIGHT, 0:WIDTH] / PX_PER_M
     pitch = rng.uniform(0.03, 0.10)
@@ -142,11 +142,11 @@ def _cloth(rng: np.random.Generator) -> Float[Array, "h w 3"]:
     return np.asarray((ground + (thread - ground) * np.asarray(pattern, np.float64)[..., None]) * (1 + folds))
 
 
-def _paint_face(half: Float[Array, "h w 3"], skin: Array) -> None:
+def _draw_face(half: Float[Array, "h w 3"], skin: Array) -> None:
     """Eyes, brows, mouth and the shadow under the nose."""
 
     def at(x_m: float, y_m: float) -> tuple[int, int]:
-        u, v = doll_coordinates(np.array([[x_m, y_m, 0]]))[0]
+        u, v = atlas_coordinates(np.array([[x_m, y_m, 0]]))[0]
         return round(float(u)), round(float(v))
 
     for side in (-1, 1):

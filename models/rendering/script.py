@@ -1,4 +1,4 @@
-"""What a clip shows: people, shots, cameras, transitions, the set; everything but the pixels. Seeded."""
+"""What a clip shows: people, shots, cameras, transitions, the background scene; everything but the pixels. Seeded."""
 
 import math
 from collections.abc import Sequence
@@ -9,18 +9,18 @@ import numpy as np
 from jaxtyping import Float
 
 from humanmm.models.geometry.rotations import rotation_from_vector
-from humanmm.models.rendering.actors import cast_people, resample, shifted
-from humanmm.models.rendering.background_scene import Block, Scenery, build_outdoors, build_room
+from humanmm.models.rendering.actors import place_actors, resample, shifted
+from humanmm.models.rendering.background_scene import BackgroundScene, Block, build_outdoors, build_room
 from humanmm.models.synthetic.mocap import Actor, MocapTake
-from humanmm.models.synthetic.rigs import Kind, film
+from humanmm.models.synthetic.rigs import Kind, move_camera
 
 Array = np.ndarray
 
 SIZES = ((960, 540), (1280, 720), (540, 960), (720, 540))
-SIZE_SHARES = (0.6, 0.15, 0.1, 0.15)
+SIZE_PROBABILITIES = (0.6, 0.15, 0.1, 0.15)
 RATES_HZ = (24.0, 25.0, 30000 / 1001, 30.0)
-CAMERAS: tuple[Kind, ...] = ("standing", "pan", "dolly", "hand-held", "orbit")
-CAMERA_SHARES = (0.4, 0.2, 0.15, 0.15, 0.1)
+CAMERAS: tuple[Kind, ...] = ("static", "pan", "dolly", "hand-held", "orbit")
+CAMERA_PROBABILITIES = (0.4, 0.2, 0.15, 0.15, 0.1)
 PERSON_M = 1.75
 SHORTEST_SHOT_S = 0.8
 DISSOLVE_S = (0.35, 0.8)
@@ -29,9 +29,9 @@ CLEAR_M = 1.3
 """Nobody comes nearer to a camera than this."""
 CHEST = 9
 MOST_HIDDEN = 0.4
-"""Share of a shot for which a thing may stand before the first person."""
+"""Largest fraction of a shot in which a block hides the first person."""
 LEAST_IN_VIEW = 0.85
-"""Share of the main person's joints that a shot holds."""
+"""Least fraction of the main person's joints in view in a shot."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class Change:
 
 @dataclass(frozen=True, eq=False)
 class Clip:
-    """A clip before it is painted. World: z up, metres, first pelvis of the first person above the origin."""
+    """A clip before it is rendered. World: z up, metres, first pelvis of the first person above the origin."""
 
     plan: ClipPlan
     width: int
@@ -86,11 +86,11 @@ class Clip:
     actors: tuple[Actor, ...]
     shots: tuple[Shot, ...]
     changes: tuple[Change, ...]
-    scenery: Scenery
+    scene: BackgroundScene
     shutter: float
-    """Share of a frame's time that the shutter is open."""
+    """Fraction of a frame's time that the shutter is open."""
     noise: float
-    """One sigma of the sensor, grey levels."""
+    """Standard deviation of the sensor's noise, grey levels."""
     crf: int
     """x264's constant rate factor."""
     texture_seed: tuple[int, ...]
@@ -109,10 +109,10 @@ class Clip:
         return np.array([[f, 0, self.width / 2], [0, f, self.height / 2], [0, 0, 1.0]])
 
 
-def direct(takes: Sequence[MocapTake], plan: ClipPlan) -> Clip:
+def plan_clip(takes: Sequence[MocapTake], plan: ClipPlan) -> Clip:
     """Everything about a clip but its pixels. ValueError if no take is long enough."""
     rng = np.random.default_rng(plan.seed)
-    width, height = plan.size or SIZES[int(rng.choice(len(SIZES), p=SIZE_SHARES))]
+    width, height = plan.size or SIZES[int(rng.choice(len(SIZES), p=SIZE_PROBABILITIES))]
     fps = RATES_HZ[int(rng.integers(len(RATES_HZ)))]
     fits = [take for take in takes if (take.num_frames - 1) / take.fps >= plan.seconds[0]]
     if not fits:
@@ -125,7 +125,7 @@ def direct(takes: Sequence[MocapTake], plan: ClipPlan) -> Clip:
     parts = [
         resample(take, rng.uniform(0, (take.num_frames - 1) / take.fps - seconds), num_frames, fps) for take in chosen
     ]
-    actors = cast_people(parts, rng)
+    actors = place_actors(parts, rng)
     origin = actors[0].joints[0, 0] * [1, 1, 0]
     actors = [shifted(actor, -origin) for actor in actors]
     changes = _plan_changes(plan, num_frames, fps, rng)
@@ -133,9 +133,9 @@ def direct(takes: Sequence[MocapTake], plan: ClipPlan) -> Clip:
     if height > width:
         focal = height / 2 / math.tan(math.radians(rng.uniform(50, 75)) / 2)
     shots = _plan_shots(actors, changes, num_frames, (width, height, focal, fps), rng)
-    scenery = _build_set(actors, shots, rng)
+    scene = _build_scene(actors, shots, rng)
     return Clip(
-        plan, width, height, fps, tuple(actors), shots, changes, scenery,
+        plan, width, height, fps, tuple(actors), shots, changes, scene,
         shutter=rng.uniform(0.15, 0.6), noise=rng.uniform(0.5, 3.5), crf=int(rng.integers(18, 29)),
         texture_seed=(*plan.seed, 1),
     )  # fmt: skip
@@ -198,9 +198,9 @@ def _plan_shot(
     level = float(rng.choice(3, p=[0.55, 0.3, 0.15]))
     eye_height = rng.uniform(*((1.0, 1.8), (1.8, 3.4), (0.3, 1.0))[int(level)])
     roll = np.deg2rad(rng.normal(0, 1.5 if rng.random() < 0.7 else 8.0))
-    kind = CAMERAS[int(rng.choice(len(CAMERAS), p=CAMERA_SHARES))]
-    share = rng.uniform(0.4, 0.9) if height < width else rng.uniform(0.3, 0.65)
-    distance = max(2.2, PERSON_M * focal / (share * height))
+    kind = CAMERAS[int(rng.choice(len(CAMERAS), p=CAMERA_PROBABILITIES))]
+    filled = rng.uniform(0.4, 0.9) if height < width else rng.uniform(0.3, 0.65)
+    distance = max(2.2, PERSON_M * focal / (filled * height))
     zoom = rng.random() < 0.1
     ramp = np.linspace(1.0, rng.uniform(1.2, 1.5), n) if zoom else np.ones(n)
     ramp = ramp[::-1] if zoom and rng.random() < 0.5 else ramp
@@ -211,7 +211,7 @@ def _plan_shot(
         rng.bit_generator.state = state  # the same movement from farther away
         arm = np.array([np.cos(azimuth) * distance, np.sin(azimuth) * distance, 0.0])
         eye = np.append((centre + arm)[:2], eye_height)
-        camera = film(eye, centre, kind, pelvis, fps, rng)
+        camera = move_camera(eye, centre, kind, pelvis, fps, rng)
         R = camera.R_world_cam @ rotation_from_vector(np.array([0.0, 0.0, roll]))
         shot = Shot(*span, f"{kind}, zoom" if zoom else kind, R, camera.t_world_cam, focal * ramp, gain)
         if _holds(actors, shot, (width, height)):
@@ -229,24 +229,24 @@ def _holds(actors: Sequence[Actor], shot: Shot, size: tuple[int, int]) -> bool:
     return bool(min(gaps) > CLEAR_M and inside.mean() >= LEAST_IN_VIEW)
 
 
-def _build_set(actors: Sequence[Actor], shots: Sequence[Shot], rng: np.random.Generator) -> Scenery:
+def _build_scene(actors: Sequence[Actor], shots: Sequence[Shot], rng: np.random.Generator) -> BackgroundScene:
     bodies = np.concatenate([actor.joints[::5, 0] for actor in actors])
     eyes = np.concatenate([shot.t_world_cam[::5] for shot in shots])
     build = build_room if rng.random() < 0.6 else build_outdoors
     lines = [
-        shot.t_world_cam[::10, :2] * share + actors[0].joints[shot.start : shot.end : 10, 0, :2] * (1 - share)
+        shot.t_world_cam[::10, :2] * f + actors[0].joints[shot.start : shot.end : 10, 0, :2] * (1 - f)
         for shot in shots
-        for share in (0.25, 0.5, 0.75)
+        for f in (0.25, 0.5, 0.75)
     ]
-    # A third of the sets may have something between camera and person.
+    # A third of the scenes may have something between camera and person.
     clear = [] if rng.random() < 0.33 else lines
     paths = [bodies[:, :2], eyes[:, :2], *clear]
-    scenery = build(np.concatenate([bodies, eyes]), np.concatenate(paths), rng)
-    kept = [block for block in scenery.blocks if _hidden_share(block, actors[0], shots) < MOST_HIDDEN]
-    return replace(scenery, blocks=tuple(kept))
+    scene = build(np.concatenate([bodies, eyes]), np.concatenate(paths), rng)
+    kept = [block for block in scene.blocks if _hidden_fraction(block, actors[0], shots) < MOST_HIDDEN]
+    return replace(scene, blocks=tuple(kept))
 
 
-def _hidden_share(block: Block, actor: Actor, shots: Sequence[Shot]) -> float:
-    """Of the shot in which the block hides the person's chest longest."""
-    shares = [block.hides(shot.t_world_cam, actor.joints[shot.start : shot.end, CHEST]).mean() for shot in shots]
-    return float(max(shares))
+def _hidden_fraction(block: Block, actor: Actor, shots: Sequence[Shot]) -> float:
+    """Fraction of frames with a hidden chest, in the shot where the block hides it longest."""
+    fractions = [block.hides(shot.t_world_cam, actor.joints[shot.start : shot.end, CHEST]).mean() for shot in shots]
+    return float(max(fractions))

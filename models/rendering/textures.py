@@ -1,6 +1,6 @@
-"""Procedural textures: everything that a rendered set is papered with. Nothing is read from a file.
+"""Procedural textures: all surfaces of a background scene. Nothing is read from a file.
 
-Most are periodic, so that they can be tiled without a seam. Colours are RGB, 0..255.
+Most are periodic, so that they can be tiled without a visible edge. Colours are RGB, 0..255.
 """
 
 from collections.abc import Callable

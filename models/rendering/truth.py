@@ -10,7 +10,7 @@ from humanmm.models.rendering.script import Clip, in_view
 Array = np.ndarray
 
 OBSERVED = 0.3
-"""Least share of visible joints with which a person counts as observed."""
+"""Least fraction of visible joints with which a person counts as observed."""
 
 
 def truth_arrays(

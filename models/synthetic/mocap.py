@@ -17,8 +17,8 @@ from humanmm.models.motion.refine.refine import sole_heights
 
 Array = np.ndarray
 
-SHAPE_SIGMA = 0.7
-"""Spread of the random shape components (body24's have unit variance, children and giants among them)."""
+SHAPE_DEVIATION = 0.7
+"""Standard deviation of the random shape components (body24's have unit variance, children and giants among them)."""
 SHORTEST_M, TALLEST_M = 1.5, 1.98
 """Adults of usual size: bodies outside are drawn again."""
 
@@ -71,12 +71,12 @@ def leg_length(rest_joints: Float[Array, "24 3"]) -> float:
 def random_shape(body: Body, rng: np.random.Generator) -> Float[Array, " 10"]:
     """Shape components of a random adult."""
     while True:
-        betas = np.clip(rng.normal(0.0, SHAPE_SIGMA, body.num_betas), -2.0, 2.0)
+        betas = np.clip(rng.normal(0.0, SHAPE_DEVIATION, body.num_betas), -2.0, 2.0)
         if SHORTEST_M <= float(np.ptp(body.rest_vertices(betas)[:, 1])) <= TALLEST_M:
             return np.asarray(betas)
 
 
-def cast(take: MocapTake, rng: np.random.Generator) -> Actor:
+def pose_actor(take: MocapTake, rng: np.random.Generator) -> Actor:
     """The take on a random body, standing on the floor z = 0."""
     body = load_body()
     betas = random_shape(body, rng)

@@ -25,8 +25,18 @@ from humanmm.models.records.tracks import PersonTrack, ScenePeople
 from humanmm.models.records.video import VideoFacts
 from humanmm.models.synthetic.backgrounds import build_room, track, within
 from humanmm.models.synthetic.detector_noise import Detections, DetectorNoise, detect, fitted_noise, pitch_and_roll
-from humanmm.models.synthetic.mocap import Actor, MocapTake, cast, leg_length
-from humanmm.models.synthetic.rigs import HEIGHT, KINDS, NUM_CAMERAS, SHARES, WIDTH, ClipCamera, Ring, build_ring, film
+from humanmm.models.synthetic.mocap import Actor, MocapTake, leg_length, pose_actor
+from humanmm.models.synthetic.rigs import (
+    HEIGHT,
+    KINDS,
+    NUM_CAMERAS,
+    PROBABILITIES,
+    WIDTH,
+    ClipCamera,
+    Ring,
+    build_ring,
+    move_camera,
+)
 
 Array = np.ndarray
 
@@ -123,7 +133,7 @@ def build_video(take: MocapTake, plan: VideoPlan) -> BenchVideo:
     rng = np.random.default_rng(plan.seed)
     if take.num_frames > plan.longest:
         take = take.cropped(int(rng.integers(take.num_frames - plan.longest + 1)), plan.longest)
-    actor = cast(take, rng)
+    actor = pose_actor(take, rng)
     ring = build_ring(actor.joints[:, 0], rng)
     room = build_room(ring.centre, float(np.linalg.norm(ring.eyes - ring.centre, axis=1).max()), rng)
     anatomy = rng.normal(0.0, plan.noise.anatomy_m, (33, 3))
@@ -140,8 +150,8 @@ def build_video(take: MocapTake, plan: VideoPlan) -> BenchVideo:
             np.random.default_rng((*plan.seed, plan.num_transitions, clip, k)) for k in range(3)
         )
         number = another_camera(number, NUM_CAMERAS, rng)
-        kind = KINDS[int(rng.choice(len(KINDS), p=SHARES))]
-        camera = film(ring.eyes[number], ring.centre, kind, actor.joints[start:end, 0], take.fps, rng)
+        kind = KINDS[int(rng.choice(len(KINDS), p=PROBABILITIES))]
+        camera = move_camera(ring.eyes[number], ring.centre, kind, actor.joints[start:end, 0], take.fps, rng)
         seen = _watch(actor, (start, end), camera, ring, anatomy, take.fps, plan.noise, of_noise)
         person = person_track(seen, start, take.fps, colours, of_looks)
         boxes = np.full((end - start, 4), np.nan)

@@ -1,4 +1,4 @@
-"""Virtual cameras: a ring of nine about the scene, as in AIST, each standing or moving for the length of a clip.
+"""Virtual cameras: a ring of nine about the scene, as in AIST, each static or moving for the length of a clip.
 
 Camera axes: x right, y down, z forward. World: z up, metres.
 """
@@ -15,10 +15,10 @@ from humanmm.models.geometry.rotations import rotation_from_vector
 
 Array = np.ndarray
 
-Kind = Literal["standing", "pan", "dolly", "hand-held", "orbit"]
-KINDS: tuple[Kind, ...] = ("standing", "pan", "dolly", "hand-held", "orbit")
-SHARES = (0.6, 0.1, 0.1, 0.1, 0.1)
-"""How often a clip has each kind of camera. AIST's cameras all stand; edited footage mostly does."""
+Kind = Literal["static", "pan", "dolly", "hand-held", "orbit"]
+KINDS: tuple[Kind, ...] = ("static", "pan", "dolly", "hand-held", "orbit")
+PROBABILITIES = (0.6, 0.1, 0.1, 0.1, 0.1)
+"""How often a clip has each kind of camera. AIST's cameras are all static; those of edited footage mostly are."""
 
 NUM_CAMERAS = 9
 WIDTH, HEIGHT = 1920, 1080
@@ -26,12 +26,12 @@ FOCAL_PER_DIAGONAL = (0.65, 1.0)
 """28 to 43 mm full-frame equivalent."""
 LOOK_AT_M = 0.9
 HEADROOM_M = 1.3
-"""Half of what the picture must hold above and below the look-at point at the nearest place."""
+"""Half of what the picture must hold above and below the look-at point at the nearest position."""
 
 
 @dataclass(frozen=True)
 class Ring:
-    """Nine places about a centre that all look inwards; one focal length (the paper's assumption)."""
+    """Nine positions about a centre that all look inwards; one focal length (the paper's assumption)."""
 
     centre: Float[Array, "3"]
     eyes: Float[Array, "9 3"]
@@ -77,17 +77,17 @@ def look_at(eye: Float[Array, "*n 3"], target: Float[Array, "*n 3"]) -> Float[Ar
     return np.stack([x, np.cross(z, x), z], axis=-1)
 
 
-def film(
-    place: Float[Array, "3"],
+def move_camera(
+    position: Float[Array, "3"],
     centre: Float[Array, "3"],
     kind: Kind,
     pelvis: Float[Array, "n 3"],
     fps: float,
     rng: np.random.Generator,
 ) -> ClipCamera:
-    """The path of a camera at `place` that looks at `centre`, over a clip in which the person moves along `pelvis`."""
+    """The path of a camera that starts at `position`, looks at `centre`, and may follow the person's `pelvis`."""
     n = len(pelvis)
-    eye, target = np.tile(place, (n, 1)), np.tile(centre, (n, 1))
+    eye, target = np.tile(position, (n, 1)), np.tile(centre, (n, 1))
     away = (np.arange(n) - (n - 1) / 2) / fps
     shake = np.zeros((n, 3))
     if kind == "pan":  # a tripod whose head follows the person, a little late
@@ -103,9 +103,9 @@ def film(
         eye += 0.04 * _wander(rng, n, 0.4 * fps)
         shake = np.deg2rad(1.2) * _wander(rng, n, 0.3 * fps)
     elif kind == "orbit":
-        turn = np.deg2rad(rng.uniform(8.0, 20.0)) * rng.choice([-1.0, 1.0]) * away
+        yaw = np.deg2rad(rng.uniform(8.0, 20.0)) * rng.choice([-1.0, 1.0]) * away
         arm = eye - target
-        c, s = np.cos(turn), np.sin(turn)
+        c, s = np.cos(yaw), np.sin(yaw)
         eye = target + np.stack([c * arm[:, 0] - s * arm[:, 1], s * arm[:, 0] + c * arm[:, 1], arm[:, 2]], axis=1)
     return ClipCamera(kind, look_at(eye, target) @ rotation_from_vector(shake), eye)
 

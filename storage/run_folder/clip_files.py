@@ -13,7 +13,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from humanmm.models.rendering.renderer import Frame, film_clip
+from humanmm.models.rendering.renderer import Frame, render_frames
 from humanmm.models.rendering.script import Clip
 from humanmm.models.rendering.truth import truth_arrays
 from humanmm.models.video.colors import BT601
@@ -32,7 +32,7 @@ def write_clip(clip: Clip, folder: Path) -> Path:
     seen: list[Array] = []
 
     def pictures() -> Iterator[tuple[float, Array]]:
-        for number, frame in enumerate(film_clip(clip)):
+        for number, frame in enumerate(render_frames(clip)):
             _keep(frame, masks, seen)
             yield number / clip.fps, cv2.cvtColor(frame.image, cv2.COLOR_RGB2YUV_I420)
 

@@ -10,8 +10,8 @@ import pytest
 
 from humanmm.models.body.body24 import load_body
 from humanmm.models.drawing import palette
+from humanmm.models.drawing.lit_surfaces import project, rasterise
 from humanmm.models.drawing.overlay import Mark, Overlay
-from humanmm.models.drawing.rasteriser import project, rasterise
 from humanmm.models.drawing.surface import DrawnMesh, PosedSurface
 from humanmm.models.records.recording import Recording
 

@@ -1,12 +1,12 @@
-"""One small clip with two people, planned and painted once for all tests."""
+"""One small clip with two people, planned and rendered once for all tests."""
 
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from humanmm.models.rendering.renderer import Frame, film_clip
-from humanmm.models.rendering.script import Clip, ClipPlan, direct
+from humanmm.models.rendering.renderer import Frame, render_frames
+from humanmm.models.rendering.script import Clip, ClipPlan, plan_clip
 from humanmm.models.synthetic.mocap import MocapTake
 from humanmm.storage.readers.mocap_pack import read_pack
 
@@ -23,13 +23,13 @@ def takes() -> tuple[MocapTake, ...]:
 def clip(takes: tuple[MocapTake, ...]) -> Clip:
     """The first plan with two people."""
     for seed in range(100):
-        clip = direct(takes, replace(PLAN, seed=(3, seed)))
+        clip = plan_clip(takes, replace(PLAN, seed=(3, seed)))
         if len(clip.actors) == 2 and clip.changes[0].type == "cut":
             return clip
     raise AssertionError("no plan has two people")
 
 
 @pytest.fixture(scope="session")
-def painted(clip: Clip) -> dict[int, Frame]:
+def rendered(clip: Clip) -> dict[int, Frame]:
     """Frames 0, 2, 4."""
-    return {number: frame for number, frame in zip(range(5), film_clip(clip), strict=False) if number % 2 == 0}
+    return {number: frame for number, frame in zip(range(5), render_frames(clip), strict=False) if number % 2 == 0}

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from humanmm.models.rendering.actors import NEAREST_M, resample
-from humanmm.models.rendering.background_scene import Block
-from humanmm.models.rendering.script import CLEAR_M, Clip, ClipPlan, direct, in_view
+from humanmm.models.rendering.script import CLEAR_M, Clip, ClipPlan, in_view, plan_clip
 from humanmm.models.synthetic.mocap import MocapTake
 
 PLAN = ClipPlan("plan", (0, 0), seconds=(3.0, 4.0))
@@ -15,11 +14,11 @@ PLAN = ClipPlan("plan", (0, 0), seconds=(3.0, 4.0))
 
 @pytest.fixture(scope="module")
 def clips(takes: tuple[MocapTake, ...]) -> list[Clip]:
-    return [direct(takes, replace(PLAN, seed=(1, seed))) for seed in range(10)]
+    return [plan_clip(takes, replace(PLAN, seed=(1, seed))) for seed in range(10)]
 
 
 def test_the_same_seed_plans_the_same_clip_and_another_seed_another(takes: tuple[MocapTake, ...]) -> None:
-    one, same, other = (direct(takes, replace(PLAN, seed=(0, k))) for k in (1, 1, 2))
+    one, same, other = (plan_clip(takes, replace(PLAN, seed=(0, k))) for k in (1, 1, 2))
     assert np.array_equal(one.shots[0].t_world_cam, same.shots[0].t_world_cam)
     assert one.changes == same.changes
     assert one.actors[0].joints.shape != other.actors[0].joints.shape or not np.array_equal(
@@ -71,11 +70,4 @@ def test_a_take_at_its_own_rate_stays_as_it_is(takes: tuple[MocapTake, ...]) -> 
 
 def test_too_short_takes_are_told(takes: tuple[MocapTake, ...]) -> None:
     with pytest.raises(ValueError, match="no take is as long"):
-        direct(takes, replace(PLAN, seconds=(60.0, 61.0)))
-
-
-def test_a_block_hides_what_is_behind_it_and_nothing_else() -> None:
-    block = Block(np.array([2.0, 0.0]), np.array([0.5, 1.0]), 1.5, 0.3, ())
-    eye = np.tile([0.0, 0.0, 1.0], (4, 1))
-    target = np.array([[4.0, 0, 1.0], [1.0, 0, 1.0], [4.0, 4.0, 1.0], [4.0, 0, 4.0]])
-    assert block.hides(eye, target).tolist() == [True, False, False, False]
+        plan_clip(takes, replace(PLAN, seconds=(60.0, 61.0)))
