@@ -10,10 +10,11 @@ from humanmm.flows.bench.clips import ClipJob
 from humanmm.flows.bench.motion import Job, recipes_of, traces_of
 from humanmm.models.benchmark.methods import VideoMotions
 from humanmm.models.benchmark.scores import VideoFigures, recording_of
+from humanmm.models.benchmark.tables.charts import charts_of
 from humanmm.models.benchmark.tables.drawings import case_of, error_about_cuts, median_cases, worst_cases
-from humanmm.models.benchmark.tables.layout import charts_of
 from humanmm.models.benchmark.tables.rows import Row
 from humanmm.models.drawing.overlay import marks_of
+from humanmm.models.records.table import Table
 from humanmm.storage.pages.bench_page import Page
 from humanmm.storage.store.files import replace_file
 from humanmm.storage.store.store import Store
@@ -33,12 +34,12 @@ def report_page(
     store: Store,
     *,
     facts: str,
-    table: str,
+    tables: Sequence[Table],
     rows: Sequence[Row],
     methods: tuple[str, ...],
     folder: Path,
 ) -> Page:
-    """Charts, the error about the cuts, a middling video of every split and the worst ten.
+    """Charts, the error about the cuts, a median video of every split and the worst ten.
 
     Overlays of the worst are written into `folder`/overlays where the videos have pictures.
     """
@@ -50,7 +51,7 @@ def report_page(
         title=title,
         created_by=created_by,
         facts=facts,
-        table=table,
+        tables=tables,
         methods=methods,
         charts=charts_of(rows),
         curves=() if curves is None else (curves,),

@@ -16,6 +16,7 @@ from prefect.client.schemas.actions import ArtifactCreate, ArtifactUpdate
 from prefect.client.schemas.filters import ArtifactFilter, ArtifactFilterKey
 
 from humanmm.storage.batches.batch_ledger import VideoRow, counts
+from humanmm.storage.pages.markdown import escaped
 from humanmm.storage.pages.video_page import batch_table, video_page
 from humanmm.storage.run_folder.run_record import read_run_record
 from humanmm.tasks.engine.units import Work
@@ -99,7 +100,7 @@ def show_video(run_dir: Path, flow_run: UUID) -> None:
     page = ArtifactCreate(
         key=f"video-{_key(run_dir.name)}-{record['video']['sha256'][:8]}",
         type="markdown",
-        description=f"{Path(record['video']['path']).name}: {record['state']}",
+        description=f"{escaped(Path(record['video']['path']).name)}: {record['state']}",
         data=video_page(record, run_dir),
         flow_run_id=flow_run,
     )
@@ -114,7 +115,7 @@ def show_batch(client: SyncPrefectClient, name: str, rows: Sequence[VideoRow]) -
     """Put the table of a batch on the dashboard, in place of the one before."""
     key = f"batch-{_key(name)}"
     data = json.dumps(batch_table(rows))
-    described = f"batch {name}: " + ", ".join(f"{number} {state}" for state, number in counts(rows).items())
+    described = f"batch {escaped(name)}: " + ", ".join(f"{number} {state}" for state, number in counts(rows).items())
     found = client.read_artifacts(artifact_filter=ArtifactFilter(key=ArtifactFilterKey(any_=[key])), limit=1)
     if found:
         client.update_artifact(found[0].id, ArtifactUpdate(data=data, description=described))

@@ -1,4 +1,4 @@
-"""What a report draws of a video: ways through the world, bodies at a few moments, and the error about each cut."""
+"""What a report draws of a video: paths through the world, bodies at a few moments, and the error about each cut."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from humanmm.models.records.sequence import CameraTake, PersonTake, Take, Undefi
 Array = np.ndarray
 
 MOMENTS = 96
-"""Frames at which the way is kept."""
+"""Frames at which the path is kept."""
 BODIES = 8
 """Of these, moments at which the body is kept."""
 BEFORE_S, AFTER_S, STEP_S = 1.0, 2.0, 0.1
@@ -29,16 +29,16 @@ NEAR_M = 0.1
 
 @dataclass(frozen=True)
 class VideoTraces:
-    """One video's main person in the truth (row 0) and as each method has it (row 1 + k); NaN where there is none.
+    """One video's main person in the truth (row 0) and by each method (row 1 + k); NaN where there is none.
 
-    Every method is laid on the truth by one rigid motion over the whole video.
+    Every method is aligned with the truth by one rigid motion over the whole video.
     """
 
     video: str
     split: str
     methods: tuple[str, ...]
     frame: Int[Array, "moments"]
-    way: Float[Array, "rows moments 3"]
+    path: Float[Array, "rows moments 3"]
     """Mid-hip in the truth's world, metres."""
     bodies: Float[Array, "rows bodies 12 3"]
     """Limb joints in the truth's world at every MOMENTS/BODIES-th moment."""
@@ -68,8 +68,8 @@ def trace_video(name: str, split: str, truth: Take, predictions: Sequence[tuple[
             pixels.append(np.full_like(pixels[0], np.nan))
             continue
         predicted, true = _limbs_of(pair)
-        laid = fit_similarity(predicted.reshape(-1, 3), true.reshape(-1, 3), with_scale=False)
-        aligned = laid.apply(predicted.reshape(-1, 3)).reshape(predicted.shape)
+        fit = fit_similarity(predicted.reshape(-1, 3), true.reshape(-1, 3), with_scale=False)
+        aligned = fit.apply(predicted.reshape(-1, 3)).reshape(predicted.shape)
         rows.append(_at(aligned, pair.frame, frame))
         bodies.append(_at(aligned, pair.frame, shown))
         pixels.append(_projected(_at(predicted, pair.frame, shown), shown, prediction.cameras))
@@ -81,7 +81,7 @@ def trace_video(name: str, split: str, truth: Take, predictions: Sequence[tuple[
         split=split,
         methods=tuple(method for method, _ in predictions),
         frame=frame.astype(np.int32),
-        way=np.stack(hips).astype(np.float32),
+        path=np.stack(hips).astype(np.float32),
         bodies=np.stack(bodies).astype(np.float32),
         pixels=np.stack(pixels).astype(np.float32),
         picture=_picture(truth.cameras),
@@ -149,10 +149,10 @@ def _about_cut(
     base = np.flatnonzero((frame >= max(first, cut - BEFORE_S * truth.fps)) & (frame < cut))
     if len(base) < FEWEST_FRAMES:
         return out
-    laid = fit_similarity(predicted[base].reshape(-1, 3), true[base].reshape(-1, 3), with_scale=False)
+    fit = fit_similarity(predicted[base].reshape(-1, 3), true[base].reshape(-1, 3), with_scale=False)
     for k, offset in enumerate(OFFSETS_S):
         wanted = cut + round(offset * truth.fps)
         row = int(np.searchsorted(frame, wanted))
         if first <= wanted < stop and row < len(frame) and frame[row] == wanted:
-            out[k] = METRES_TO_MM * np.linalg.norm(laid.apply(predicted[row]) - true[row], axis=-1).mean()
+            out[k] = METRES_TO_MM * np.linalg.norm(fit.apply(predicted[row]) - true[row], axis=-1).mean()
     return out

@@ -1,4 +1,4 @@
-"""Charts as arrays: matplotlib's object interface on Agg, without its global state, so that threads do not meet."""
+"""matplotlib's object interface without its global state, so that threads do not meet."""
 
 import numpy as np
 from jaxtyping import UInt8
@@ -8,15 +8,18 @@ from matplotlib.figure import Figure
 
 from humanmm.models.drawing import palette
 
-DPI = 110
+DPI, CSS_DPI = 110, 96
+"""Of pictures, and of figures in HTML: a CSS pixel is 1/96 inch."""
+TOOLTIP = "tooltip: "
+"""An artist whose gid begins so has the rest of it as a tooltip in HTML."""
 TEXT = "#23262b"
 SOFT = "#8a9099"
 GRID = "#e6e8eb"
 
 
-def new_figure(width_px: int, height_px: int) -> Figure:
+def new_figure(width_px: float, height_px: float, *, dpi: int = DPI) -> Figure:
     """An empty white figure of this size."""
-    return Figure(figsize=(width_px / DPI, height_px / DPI), dpi=DPI, facecolor="white")
+    return Figure(figsize=(width_px / dpi, height_px / dpi), dpi=dpi, facecolor="white")
 
 
 def axes_at(figure: Figure, left_px: float, top_px: float, right_px: float, height_px: float) -> Axes:
@@ -24,7 +27,7 @@ def axes_at(figure: Figure, left_px: float, top_px: float, right_px: float, heig
 
     matplotlib's automatic layouts draw everything twice to find this out.
     """
-    width, height = figure.get_size_inches() * DPI
+    width, height = figure.get_size_inches() * figure.dpi
     box = (left_px / width, 1 - (top_px + height_px) / height, 1 - (left_px + right_px) / width, height_px / height)
     return figure.add_axes(box)
 

@@ -1,13 +1,16 @@
 """A video and a batch as the dashboard shows them: Markdown with small pictures, and rows of a table."""
 
 import base64
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import cv2
 
+from humanmm.models.records.table import Table
 from humanmm.storage.batches.batch_ledger import VideoRow
+from humanmm.storage.pages.markdown import as_markdown, code, escaped
 
 PICTURES = (("view/top.png", "top view", 480), ("view/timeline.png", "timeline", 800))
 """File, title and width in pixels on the page. Both together take about 60 kB of the dashboard's database."""
@@ -20,29 +23,38 @@ _ORDER = ("failed", "partial", "running", "done", "cancelled", "scheduled")
 def video_page(record: Mapping[str, Any], run_dir: Path) -> str:
     """Markdown of one finished video; `record` is the tree of run.json."""
     video = record["video"]
-    name = Path(video["path"]).name
     seconds = video["num_frames"] / video["fps"] if video["fps"] else 0.0
+    warnings = [*record["fallbacks"], *record["warnings"]]
     lines = [
-        f"# {_text(name)}: {record['state']}",
+        f"# {escaped(Path(video['path']).name)}: {record['state']}",
         "",
         f"{video['num_frames']} frames ({seconds:.1f} s, {video['width']} × {video['height']}), "
         f"{len(record['shots'])} shots, {len(record['people'])} people, {record['seconds']:.1f} s in this run.  ",
-        f"Run folder: `{run_dir}`",
+        f"Run folder: {code(str(run_dir))}",
         "",
+        *(f"- **{one['stage']}, {escaped(one['unit'])}**: {escaped(one['reason'])}" for one in record["failures"]),
+        "",
+        *_pictures(run_dir),
+        "",
+        as_markdown([_shots(record)]),
+        "; ".join(
+            f"person {person['person']} is observed in {person['observed_frames']} of "
+            f"{person['end'] - person['start']} frames"
+            for person in record["people"]
+            if "observed_frames" in person
+        ),
+        "",
+        as_markdown([_stages(record)]),
     ]
-    for failure in record["failures"]:
-        lines.append(f"- **{failure['stage']}, {failure['unit']}**: {_text(failure['reason'])}")
-    lines += ["", *_pictures(run_dir), "", *_shots(record), "", *_stages(record), ""]
-    warnings = [*record["fallbacks"], *record["warnings"]]
     if warnings:
-        lines += ["## Warnings", "", *(f"- {_text(warning)}" for warning in warnings[:SHOWN_WARNINGS])]
+        lines += ["## Warnings", "", *(f"- {escaped(warning)}" for warning in warnings[:SHOWN_WARNINGS])]
         if len(warnings) > SHOWN_WARNINGS:
             lines.append(f"- and {len(warnings) - SHOWN_WARNINGS} more in run.json")
     return "\n".join(lines) + "\n"
 
 
 def batch_table(rows: Sequence[VideoRow]) -> list[dict[str, Any]]:
-    """Rows of a batch for the dashboard, what needs somebody first; the newest `SHOWN_ROWS`."""
+    """Rows of a batch for the dashboard, what needs attention first; the newest `SHOWN_ROWS`."""
     ordered = sorted(rows, key=lambda row: (_ORDER.index(row.state), -row.changed))
     return [
         {
@@ -62,7 +74,7 @@ def _pictures(run_dir: Path) -> list[str]:
     shown = []
     for path, title, width in PICTURES:
         picture = cv2.imread(str(run_dir / path)) if (run_dir / path).is_file() else None
-        if picture is None:  # the folder was tidied up
+        if picture is None:  # the user removed it
             continue
         height = max(1, round(picture.shape[0] * width / picture.shape[1]))
         if picture.shape[1] > width:
@@ -72,37 +84,21 @@ def _pictures(run_dir: Path) -> list[str]:
     return shown
 
 
-def _shots(record: Mapping[str, Any]) -> list[str]:
-    lines = ["| shot | frames | begins with | people | linked | |", "|---|---|---|---|---|---|"]
+def _shots(record: Mapping[str, Any]) -> Table:
+    rows = []
     for index, shot in enumerate(record["shots"]):
-        how = shot["transition"]["type"] if shot["transition"] else ""
+        begins_with = shot["transition"]["type"] if shot["transition"] else ""
         people = ", ".join(str(person) for person in shot["people"]) or "nobody"
         linked, failed = "yes" if shot["linked"] else "no", "failed" if shot["failed"] else ""
-        lines.append(f"| {index} | {shot['start']}–{shot['end']} | {how} | {people} | {linked} | {failed} |")
-    seen = [
-        f"person {person['person']} is observed in {person['observed_frames']} of "
-        f"{person['end'] - person['start']} frames"
-        for person in record["people"]
-        if "observed_frames" in person
-    ]
-    return [*lines, "", "; ".join(seen)]
+        rows.append((str(index), f"{shot['start']}–{shot['end']}", begins_with, people, linked, failed))
+    return Table(("shot", "frames", "begins with", "people", "linked", ""), tuple(rows))
 
 
-def _stages(record: Mapping[str, Any]) -> list[str]:
-    lines = ["| stage | units | computed | cached | failed | seconds |", "|---|---|---|---|---|---|"]
-    names = dict.fromkeys(stage["stage"] for stage in record["stages"])
-    for name in names:
+def _stages(record: Mapping[str, Any]) -> Table:
+    rows = []
+    for name in dict.fromkeys(stage["stage"] for stage in record["stages"]):
         units = [stage for stage in record["stages"] if stage["stage"] == name]
-        states = [unit["state"] for unit in units]
-        counts = (states.count("computed"), states.count("cached"), states.count("failed") + states.count("skipped"))
-        lines.append(
-            f"| {name} | {len(units)} | {counts[0]} | {counts[1]} | {counts[2]} "
-            f"| {sum(unit['seconds'] for unit in units):.1f} |"
-        )
-    return lines
-
-
-def _text(text: str) -> str:
-    """Somebody else's words: no markup of theirs gets through."""
-    escaped = "".join(f"\\{c}" if c in "\\`*_[]#|<>!" else c for c in " ".join(text.split()))
-    return escaped.encode("utf-8", "backslashreplace").decode()
+        states = Counter("failed" if unit["state"] == "skipped" else unit["state"] for unit in units)
+        counts = (len(units), *(states[state] for state in ("computed", "cached", "failed")))
+        rows.append((name, *map(str, counts), f"{sum(unit['seconds'] for unit in units):.1f}"))
+    return Table(("stage", "units", "computed", "cached", "failed", "seconds"), tuple(rows))

@@ -37,6 +37,15 @@ def replace_file(path: Path, fill: Callable[[Path], None]) -> None:
         fresh.unlink(missing_ok=True)
 
 
+def replace_text(path: Path, text: str) -> None:
+    """Write a text file in UTF-8, visible only when complete; bytes of file names that are no UTF-8 become escapes."""
+
+    def fill(fresh: Path) -> None:
+        fresh.write_text(text, encoding="utf-8", errors="backslashreplace")
+
+    replace_file(path, fill)
+
+
 def sync_to_disk(path: Path) -> None:
     """Wait until a file's bytes, or a folder's names, have reached the disk."""
     descriptor = os.open(path, os.O_RDONLY)

@@ -1,67 +1,50 @@
-"""What a report's page shows besides tables: error about a cut, ways and bodies from three sides, camera views."""
+"""What a report's page shows of single videos: paths and bodies from three sides, camera views; error about a cut."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
+from matplotlib.figure import Figure
 
 from humanmm.models.benchmark.scores import MethodFigures, VideoFigures
+from humanmm.models.benchmark.tables.charts import TRUTH, Curves, colour_of
 from humanmm.models.benchmark.traces import OFFSETS_S, VideoTraces
+from humanmm.models.drawing.figure import CSS_DPI, new_figure
 
 Array = np.ndarray
 
-TRUTH = -1
-"""Series of the truth in a drawing."""
+Lines = Sequence[tuple[int, Array]]
+"""Series (index of a method, or TRUTH) and points, NaN where there is none."""
+
 BASELINE = "concat"
 """The method that is drawn beside the first."""
 RANKED_BY = "wa_mpjpe100_mm"
 _LIMBS = ((4, 2, 0, 1, 3, 5), (0, 6, 8, 10), (1, 7, 9, 11), (6, 7))
 """Polylines through the twelve limb joints: arms, both sides, hips."""
 _BODY_APART_M = 0.5
-"""On a short way fewer bodies are drawn: one on top of another shows nothing."""
-_MARGIN_M, _MARGIN_SHARE = 0.2, 0.05
+"""On a short path fewer bodies are drawn: one on top of another shows nothing."""
+_MARGIN_M, _MARGIN = 0.2, 0.05
 
 
-@dataclass(frozen=True)
-class Curves:
-    """Lines over a common axis; None where a line has no value."""
-
-    title: str
-    axis: str
-    at: tuple[float, ...]
-    series: tuple[tuple[str, tuple[float | None, ...]], ...]
-
-
-@dataclass(frozen=True)
-class Stroke:
-    """A line through points of a drawing, y down."""
-
-    series: int
-    """Index of the method, or TRUTH."""
-    is_way: bool
-    points: Float[Array, "n 2"]
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Drawing:
-    """Lines in a rectangle from (0, 0) to (width, height)."""
+    """A figure and what stands below it."""
 
     title: str
-    width: float
-    height: float
-    strokes: tuple[Stroke, ...]
+    figure: Figure
 
 
 @dataclass(frozen=True)
 class Case:
-    """One video of a report."""
+    """One video of a report with its drawings: the truth, the first method and the baseline."""
 
     video: str
     split: str
     facts: str
     """Its figures, or why there are none."""
-    drawings: tuple[Drawing, ...]
+    world_views: tuple[Drawing, ...] = ()
+    camera_views: tuple[Drawing, ...] = ()
     overlay: str = ""
     """Link to a video, from the page; empty if there is none."""
 
@@ -105,83 +88,84 @@ def median_cases(videos: Sequence[VideoFigures]) -> list[int]:
 
 
 def case_of(figures: VideoFigures, trace: VideoTraces | None, *, overlay: str = "") -> Case:
-    """One video with its drawings: the truth, the first method and the baseline."""
-    drawings: tuple[Drawing, ...] = ()
-    if trace is not None:
-        shown = [0, *(k for k, method in enumerate(trace.methods) if method == BASELINE and k)]
-        drawings = (*three_views(trace, shown), *camera_views(trace))
-    return Case(figures.video, figures.split, _in_words(figures), drawings, overlay)
+    """One video; without traces it has no drawings."""
+    case = Case(figures.video, figures.split, _in_words(figures), overlay=overlay)
+    if trace is None:
+        return case
+    return replace(case, world_views=world_views(trace, _drawn(trace.methods)), camera_views=camera_views(trace))
 
 
-def three_views(trace: VideoTraces, shown: Sequence[int]) -> tuple[Drawing, ...]:
-    """The ways and bodies of the truth and some methods from the side, from the other side, and from above.
+def drawn_methods(methods: Sequence[str]) -> list[tuple[str, str]]:
+    """Name and colour of everything that a case draws."""
+    return [("the truth", colour_of(TRUTH)), *((methods[k], colour_of(k)) for k in _drawn(methods))]
 
-    The side is where the truth's way is widest.
-    """
-    way = trace.way[0].astype(np.float64)
-    flat = way[np.isfinite(way).all(axis=1), :2]
+
+def _drawn(methods: Sequence[str]) -> list[int]:
+    return [k for k, method in enumerate(methods) if k == 0 or method == BASELINE]
+
+
+def world_views(trace: VideoTraces, shown: Sequence[int]) -> tuple[Drawing, ...]:
+    """Paths and bodies of the truth and some methods from two sides and from above; the first side shows the true path
+    at its widest."""
+    path = trace.path[0].astype(np.float64)
+    flat = path[np.isfinite(path).all(axis=1), :2]
     along = np.linalg.svd(flat - flat.mean(axis=0), full_matrices=False)[2][0] if len(flat) > 1 else np.array([1.0, 0])
     along = along * (1.0 if along[np.abs(along).argmax()] > 0 else -1.0)
-    across = np.array([-along[1], along[0]])
-    x, y, z = np.array([*along, 0.0]), np.array([*across, 0.0]), np.array([0.0, 0.0, 1.0])
+    x, y, z = np.array([*along, 0.0]), np.array([-along[1], along[0], 0.0]), np.array([0.0, 0.0, 1.0])
+    num_bodies = trace.bodies.shape[1]
     reach_m = float(np.ptp(flat, axis=0).max()) if len(flat) else 0.0
-    every = np.linspace(
-        0, trace.bodies.shape[1] - 1, int(np.clip(reach_m / _BODY_APART_M + 2, 2, trace.bodies.shape[1]))
-    )
-    some = np.unique(every.round().astype(int))
-    series = [TRUTH, *shown]
-    rows = [0, *(1 + k for k in shown)]
+    count = int(np.clip(reach_m / _BODY_APART_M + 2, 2, num_bodies))
+    some = np.unique(np.linspace(0, num_bodies - 1, count).round().astype(int))
+    rows = [(TRUTH, 0), *((k, 1 + k) for k in shown)]
     views = (("from the side", x, -z), ("from the other side", y, -z), ("from above", x, -y))
     return tuple(
         _drawing(
             title,
-            [(s, trace.way[r] @ np.stack([right, down], 1)) for s, r in zip(series, rows, strict=True)],
-            [(s, trace.bodies[r][some] @ np.stack([right, down], 1)) for s, r in zip(series, rows, strict=True)],
-            margin=_MARGIN_M,
+            [(series, trace.path[row] @ np.stack([right, down], 1)) for series, row in rows],
+            [(series, trace.bodies[row][some] @ np.stack([right, down], 1)) for series, row in rows],
+            fit_px=(460, 220), margin_m=_MARGIN_M,
         )
         for title, right, down in views
-    )
+    )  # fmt: skip
 
 
 def camera_views(trace: VideoTraces) -> tuple[Drawing, ...]:
     """What the true camera sees of the truth and what the first method's camera sees of its body, at some moments."""
-    shown = trace.frame[:: max(1, len(trace.frame) // max(1, trace.bodies.shape[1]))]
+    num_bodies = trace.bodies.shape[1]
+    shown = trace.frame[:: max(1, len(trace.frame) // max(1, num_bodies))]
     views = []
-    for k, frame in enumerate(shown[: trace.bodies.shape[1]]):
+    for k, frame in enumerate(shown[:num_bodies]):
         bodies = [(TRUTH, trace.pixels[0][k : k + 1]), (0, trace.pixels[1][k : k + 1])]
         if all(np.isfinite(body).any() for _, body in bodies):
-            views.append(_drawing(f"camera, frame {frame}", [], bodies, margin=None))
+            views.append(_drawing(f"camera, frame {frame}", [], bodies, fit_px=(120, 130), margin_m=None))
     return tuple(views)
 
 
-def _drawing(
-    title: str,
-    ways: Sequence[tuple[int, Array]],
-    bodies: Sequence[tuple[int, Array]],
-    *,
-    margin: float | None,
-) -> Drawing:
-    """Ways and bodies moved so that all have room; `margin` None: a share of the size instead."""
-    everything = np.concatenate([points.reshape(-1, 2) for _, points in [*ways, *bodies]])
+def _drawing(title: str, paths: Lines, bodies: Lines, *, fit_px: tuple[int, int], margin_m: float | None) -> Drawing:
+    """Paths thick and bodies thin, to scale, in at most `fit_px` (width, height); `margin_m` None: one in proportion.
+
+    Points (…,2) have y down; NaN is not drawn.
+    """
+    everything = np.concatenate([points.reshape(-1, 2) for _, points in [*paths, *bodies]])
     known = everything[np.isfinite(everything).all(axis=1)].astype(np.float64)
-    low, high = known.min(axis=0), known.max(axis=0)
-    space = _MARGIN_SHARE * float(np.ptp(known, axis=0).max()) if margin is None else margin
-    low, high = low - space, high + space
-    strokes = [
-        Stroke(s, False, run) for s, b in bodies for body in b for limb in _LIMBS for run in _runs(body[[*limb]])
-    ]
-    strokes += [Stroke(s, True, run) for s, way in ways for run in _runs(way)]
-    moved = tuple(Stroke(stroke.series, stroke.is_way, stroke.points - low) for stroke in strokes)
-    if margin is not None:
-        title = f"{title}, {high[0] - low[0]:.1f} m wide"
-    return Drawing(title, float(high[0] - low[0]), float(high[1] - low[1]), moved)
+    margin = _MARGIN * float(np.ptp(known, axis=0).max()) if margin_m is None else margin_m
+    low, high = known.min(axis=0) - margin, known.max(axis=0) + margin
+    size = np.maximum(high - low, 1e-9)
+    figure = new_figure(*(size * (fit_px / size).min()), dpi=CSS_DPI)
+    axes = figure.add_axes((0, 0, 1, 1), xlim=(low[0], high[0]), ylim=(high[1], low[1]))
+    axes.set_axis_off()
+    for series, body in bodies:
+        axes.plot(*_limbs(body).T, color=colour_of(series), linewidth=0.9, alpha=0.55)
+    for series, path in paths:
+        axes.plot(*path.T, color=colour_of(series), linewidth=1.5)
+    return Drawing(title if margin_m is None else f"{title}, {size[0]:.1f} m wide", figure)
 
 
-def _runs(points: Float[Array, "n 2"]) -> list[Float[Array, "m 2"]]:
-    """The stretches of two and more known points."""
-    known = np.isfinite(points).all(axis=1)
-    edges = np.flatnonzero(np.diff(np.r_[False, known, False]))
-    return [points[a:b].astype(np.float64) for a, b in edges.reshape(-1, 2) if b - a > 1]
+def _limbs(bodies: Float[Array, "bodies 12 2"]) -> Float[Array, "n 2"]:
+    """The limbs of all bodies as one line with gaps (NaN)."""
+    gap = np.full((len(bodies), 1, 2), np.nan)
+    parts = [part for limb in _LIMBS for part in (bodies[:, list(limb)], gap)]
+    return np.concatenate(parts, axis=1).reshape(-1, 2)
 
 
 def _ranked(method: MethodFigures) -> float | None:
@@ -194,5 +178,5 @@ def _in_words(figures: VideoFigures) -> str:
         return f"failed: {first.failure}"
     values = {figure.name: figure.value for figure in first.figures}
     named = (("WA-MPJPE", RANKED_BY, "mm"), ("PA-MPJPE", "pa_mpjpe_mm", "mm"), ("ROE", "roe_deg", "°"),
-             ("RTE", "rte_m", "m"), ("camera's turn at cuts", "cam_cut_rot_deg", "°"))  # fmt: skip
+             ("RTE", "rte_m", "m"), ("camera rotation at cuts", "cam_cut_rot_deg", "°"))  # fmt: skip
     return ", ".join(f"{name} {values[key]:.3g} {unit}" for name, key, unit in named if key in values)

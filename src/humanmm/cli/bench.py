@@ -130,8 +130,10 @@ def _speed(options: argparse.Namespace, config: "Config") -> int:
     stored = _stored(options.check)
 
     from humanmm.flows.bench.speed import growth_rows, measure_speed
+    from humanmm.models.benchmark.tables.layout import plain_table
     from humanmm.models.benchmark.tables.rows import Row, summarise
-    from humanmm.storage.pages.bench_report import as_markdown, write_report
+    from humanmm.storage.pages.bench_report import write_report
+    from humanmm.storage.pages.markdown import as_markdown
 
     if options.minutes:
         command = " ".join(["humanmm bench speed --minutes", *(f"{length:g}" for length in options.minutes)])
@@ -141,7 +143,7 @@ def _speed(options: argparse.Namespace, config: "Config") -> int:
         runs = [measure_speed(options.data, config).metrics() for _ in range(runs_wanted)]
         metrics = {key: summarise([run[key] for run in runs]) for key in runs[0]}
         rows = [Row("humanmm", options.data.stem, len(runs), 0, metrics)]
-    sys.stdout.write(as_markdown(rows))
+    sys.stdout.write(as_markdown([plain_table(rows)]))
     if options.report is not None:
         write_report(options.report, "speed", command, rows)
         sys.stdout.write(f"{options.report / 'results.json'}\n")
@@ -155,18 +157,20 @@ def _shots(options: argparse.Namespace, config: "Config") -> int:
 
     from humanmm.flows.bench.shots import shot_rows
     from humanmm.models.benchmark.shot_scores import FIGURES
-    from humanmm.models.benchmark.tables.layout import OF_CUTS, as_markdown, bars_of
+    from humanmm.models.benchmark.tables.charts import OF_CUTS, bars_of
+    from humanmm.models.benchmark.tables.layout import tables_of
     from humanmm.storage.pages.bench_page import Page
+    from humanmm.storage.pages.markdown import as_markdown
     from humanmm.storage.store.open import open_store
     from humanmm.storage.store.store import default_store
 
     rows, facts = shot_rows(options.data, config, open_store(options.store or default_store()))
     sys.stdout.write(f"shots: {facts.sentence()}\n\n")
-    table = as_markdown(rows, paper="shots", figures=FIGURES, lines="methods")
-    sys.stdout.write(table)
+    tables = tables_of(rows, paper="shots", figures=FIGURES, lines="methods")
+    sys.stdout.write(as_markdown(tables))
     command = " ".join(["humanmm", "bench", "shots", *_settings(options)])
     methods = [row.method for row in rows]
-    page = Page("shots", command, f"{facts.sentence()}.", table, methods=methods, charts=bars_of(rows, OF_CUTS))
+    page = Page("shots", command, f"{facts.sentence()}.", tables, methods=methods, charts=bars_of(rows, OF_CUTS))
     _report(options, command, rows, lambda: page)
     return _compare(rows, stored, "shots")
 
@@ -180,8 +184,9 @@ def _motion(options: argparse.Namespace, config: "Config") -> int:
     from humanmm.flows.bench.motion import figures_of
     from humanmm.flows.bench.page import report_page
     from humanmm.models.benchmark.methods import ABLATIONS, CAMERAS, METHODS
-    from humanmm.models.benchmark.tables.layout import MAIN, OF_ABLATION, OF_CAMERAS, as_markdown
+    from humanmm.models.benchmark.tables.layout import MAIN, OF_ABLATION, OF_CAMERAS, tables_of
     from humanmm.models.benchmark.tables.rows import rows_of
+    from humanmm.storage.pages.markdown import as_markdown
     from humanmm.storage.store.open import open_store
     from humanmm.storage.store.store import default_store
 
@@ -198,15 +203,15 @@ def _motion(options: argparse.Namespace, config: "Config") -> int:
     figures_shown = with_imported(jobs, figures, systems, config, store)
     _tell_failures(figures_shown)
     rows = rows_of(figures_shown)
-    table = as_markdown(rows, paper=paper, figures=shown, lines="methods" if options.table in MODULES else "figures")
-    sys.stdout.write(table)
+    tables = tables_of(rows, paper=paper, figures=shown, lines="methods" if options.table in MODULES else "figures")
+    sys.stdout.write(as_markdown(tables))
     named = [word for system in systems for word in ("--imported", system.name)]
     command = " ".join(["humanmm", "bench", options.table, *size, *named, *_settings(options)])
     facts_line = f"{facts.sentence()}."
     _report(
         options, command, rows,
         lambda: report_page(
-            options.table, command, jobs, figures, config, store, facts=facts_line, table=table, rows=rows,
+            options.table, command, jobs, figures, config, store, facts=facts_line, tables=tables, rows=rows,
             methods=methods, folder=options.report,
         ),
     )  # fmt: skip

@@ -1,20 +1,13 @@
-"""What a report draws: ways laid on the truth, errors about the cuts, the worst videos first."""
+"""What a report draws: paths aligned with the truth, errors about the cuts."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from humanmm.models.benchmark.scores import Figure, MethodFigures, VideoFigures
-from humanmm.models.benchmark.tables.drawings import (
-    TRUTH,
-    case_of,
-    error_about_cuts,
-    median_cases,
-    three_views,
-    worst_cases,
-)
-from humanmm.models.benchmark.traces import OFFSETS_S, VideoTraces, trace_video
+from humanmm.models.benchmark.tables.charts import TRUTH, colour_of
+from humanmm.models.benchmark.tables.drawings import error_about_cuts, world_views
+from humanmm.models.benchmark.traces import OFFSETS_S, trace_video
 from humanmm.models.geometry.alignment import yaw_rotation
 from humanmm.models.records.sequence import Take
 from humanmm.models.synthetic.mocap import MocapTake
@@ -41,7 +34,7 @@ def moved(take: Take, *, since: int, shift: tuple[float, float, float], yaw: flo
 
 def test_the_same_motion_in_another_world_lies_on_the_truth_and_in_the_same_pixels(truth: Take) -> None:
     trace = trace_video("v", "s", truth, [("humanmm", moved(truth, since=0, shift=(3, 1, 0.5), yaw=1.0))])
-    assert np.allclose(trace.way[1], trace.way[0], atol=1e-4)
+    assert np.allclose(trace.path[1], trace.path[0], atol=1e-4)
     same = trace_video("v", "s", truth, [("humanmm", moved(truth, since=0, shift=(0, 0, 0), yaw=1.0))])
     assert np.allclose(same.pixels[1], same.pixels[0], atol=0.1)
     assert np.nanmax(trace.cut_error_mm) < 1e-3
@@ -61,26 +54,11 @@ def test_a_jump_at_a_cut_is_seen_from_the_cut_on(truth: Take) -> None:
 
 def test_a_method_that_failed_has_no_lines_and_the_truth_stays(truth: Take) -> None:
     trace = trace_video("v", "s", truth, [("humanmm", None), ("concat", truth)])
-    views = three_views(trace, [0, 1])
-    assert {stroke.series for view in views for stroke in view.strokes} == {TRUTH, 1}
-    for view in views:
-        points = np.concatenate([stroke.points for stroke in view.strokes])
-        assert points.min() >= 0
-        assert (points <= [view.width, view.height]).all()
-
-
-def video(name: str, split: str, wa: float | None) -> VideoFigures:
-    figures = () if wa is None else (Figure("wa_mpjpe100_mm", wa),)
-    return VideoFigures(name, split, (MethodFigures("humanmm", figures, (), "" if figures else "nobody"),))
-
-
-def test_failures_are_the_worst_and_the_middle_of_a_split_is_its_own() -> None:
-    videos = [video("a", "2", 50), video("b", "2", 90), video("c", "2", None), video("d", "3", 70), video("e", "2", 60)]
-    assert [videos[k].video for k in worst_cases(videos, 3)] == ["c", "b", "d"]
-    assert [videos[k].video for k in median_cases(videos)] == ["e", "d"]
-    assert case_of(videos[2], None).facts == "failed: nobody"
-
-
-def test_no_cuts_no_curve(truth: Take) -> None:
-    trace: VideoTraces = trace_video("v", "s", replace(truth, transitions=()), [("humanmm", truth)])
-    assert error_about_cuts([trace]) is None
+    for view in world_views(trace, [0, 1]):
+        (axes,) = view.figure.axes
+        drawn = {line.get_color(): line.get_xydata() for line in axes.lines if np.isfinite(line.get_xydata()).any()}
+        assert set(drawn) == {colour_of(TRUTH), colour_of(1)}
+        points = np.concatenate([points[np.isfinite(points).all(axis=1)] for points in drawn.values()])
+        left, right, bottom, top = *axes.get_xlim(), *axes.get_ylim()
+        assert (points >= [left, top]).all()
+        assert (points <= [right, bottom]).all()

@@ -33,6 +33,7 @@ RECORD: dict[str, Any] = {
 
 def test_a_page_tells_failures_shots_stages_and_the_first_warnings(tmp_path: Path) -> None:
     page = video_page(RECORD, tmp_path)
+    assert "Run folder: `" in page
     assert page.startswith("# a \\<b\\>\\*.mp4: partial\n")
     assert "- **camera, shot 1**: no \\| points" in page
     assert "| 1 | 60–100 | cut | nobody | no | failed |" in page
@@ -60,3 +61,13 @@ def test_a_table_has_what_needs_somebody_first_and_is_bounded() -> None:
     assert len(table) == SHOWN_ROWS
     assert (table[0]["video"], table[0]["reason"]) == ("bad.mp4", "no people")
     assert table[1]["video"] == f"{SHOWN_ROWS + 8}.mp4" and table[1]["seconds"] == 1.3
+
+
+def test_nothing_that_a_user_named_marks_anything_up(tmp_path: Path) -> None:
+    evil = "<img src=x onerror=alert(1)> [x](http://evil.example) `"
+    failure = {"stage": "camera", "unit": evil, "shot": 1, "reason": evil}
+    video = {**RECORD["video"], "path": f"/films/{evil.replace('/', '')}.mp4"}
+    page = video_page({**RECORD, "video": video, "failures": [failure], "warnings": [evil]}, tmp_path / "a`b<i>")
+    outside_code = re.sub(r"(`+) .*? \1", "", page)
+    assert not re.search(r"(?<!\\)<", outside_code)
+    assert not re.search(r"(?<!\\)\]\(http", outside_code)

@@ -7,10 +7,9 @@ import pytest
 
 from humanmm.errors import InputError
 from humanmm.models.benchmark.scores import CutError, Figure, MethodFigures, VideoFigures
-from humanmm.models.benchmark.tables.layout import as_markdown, charts_of
+from humanmm.models.benchmark.tables.layout import tables_of
 from humanmm.models.benchmark.tables.regression import regressions
 from humanmm.models.benchmark.tables.rows import ALL, Row, rows_of, summarise
-from humanmm.storage.pages.bench_charts import as_svg
 from humanmm.storage.pages.bench_report import as_json
 
 
@@ -44,16 +43,16 @@ def test_all_splits_together_are_a_row_and_cuts_are_grouped_by_angle() -> None:
 
 
 def test_the_papers_numbers_stand_beside_ours_and_are_marked() -> None:
-    text = as_markdown(rows_of(VIDEOS), paper="ms-AIST")
-    assert "paper: HumanMM, ms-AIST (other data)" in text
-    assert "| 121.35 |" in text
+    two, *_ = tables_of(rows_of(VIDEOS), paper="ms-AIST")
+    assert two.title == "2 transitions, n = 3"
+    column = two.head.index("paper: HumanMM, ms-AIST (other data)")
+    assert {row[0]: row[column] for row in two.rows}["wa_mpjpe100_mm"] == "121.35"
 
 
-def test_charts_stand_alone() -> None:
-    for chart in charts_of(rows_of(VIDEOS)):
-        svg = as_svg(chart)
-        assert svg.startswith("<svg")
-        assert "nan" not in svg
+def test_lines_are_figures_or_methods_and_the_cells_are_the_same() -> None:
+    by_figure, by_method = (tables_of(rows_of(VIDEOS), paper="none", lines=way)[-1] for way in ("figures", "methods"))
+    grid = [by_figure.head, *by_figure.rows]
+    assert [by_method.head, *by_method.rows] == [tuple(column) for column in zip(*grid, strict=True)]
 
 
 def stored(rows: list[Row]) -> dict[str, object]:
