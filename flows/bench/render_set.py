@@ -14,6 +14,7 @@ from typing import Any
 
 from humanmm import __file__ as package_file
 from humanmm.errors import InputError
+from humanmm.models.rendering.rendered_clip import RenderedClip
 from humanmm.models.rendering.script import ClipPlan, plan_clip
 from humanmm.models.synthetic.mocap import MocapTake
 from humanmm.storage.readers.mocap_pack import read_pack
@@ -140,7 +141,7 @@ def render_one(plan: ClipPlan, packs: Sequence[Path], folder: Path) -> str:
         clip = plan_clip(takes, plan)
     except ValueError as error:
         raise InputError(f"{', '.join(pack.name for pack in packs)}: {error}") from None
-    write_clip(clip, folder)
+    write_clip(RenderedClip(clip), folder)
     return plan.name
 
 

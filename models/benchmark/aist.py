@@ -1,9 +1,10 @@
 """ms-AIST at geometry level: real detections of real calibrated cameras, cut at random as the paper does (section 4).
 
-AIST's cameras all stand; the detections are COCO-17 keypoints, so that 3D landmarks, masks and colours are missing and
-the pipeline starts from 2D alone. The truth are joints triangulated from all cameras.
+AIST's cameras are all static; the detections are COCO-17 keypoints, so that 3D landmarks, masks and colours are missing
+and the pipeline starts from 2D alone. The truth are joints triangulated from all cameras.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,8 @@ from jaxtyping import Float
 from humanmm.models.benchmark.coco import coco_track
 from humanmm.models.camera.intrinsics import default_focal_px
 from humanmm.models.evaluation.people import projected_boxes
+from humanmm.models.geometry.axes import R_ZUP_YUP, camera_to_world
+from humanmm.models.geometry.rotations import rotation_from_vector
 from humanmm.models.records.camera import PointTracks
 from humanmm.models.records.sequence import CameraTake, PersonTake, Take
 from humanmm.models.records.tracks import ScenePeople
@@ -27,6 +30,10 @@ from humanmm.models.synthetic.multishot import (
 
 Array = np.ndarray
 
+RATE_HZ = 30.0
+"""Sequences at a multiple of this are thinned out to it, as the paper's videos are."""
+_CM = 0.01
+
 COCO_NAMES = (
     "nose", "left_eye", "right_eye", "left_ear", "right_ear", "left_shoulder", "right_shoulder", "left_elbow",
     "right_elbow", "left_wrist", "right_wrist", "left_hip", "right_hip", "left_knee", "right_knee", "left_ankle",
@@ -36,7 +43,7 @@ COCO_NAMES = (
 
 @dataclass(frozen=True, eq=False)
 class AistSequence:
-    """One dance, F frames, seen by C standing cameras; metres, world z up."""
+    """One dance, F frames, seen by C static cameras; metres, world z up."""
 
     name: str
     sha256: str
@@ -53,6 +60,29 @@ class AistSequence:
     @property
     def num_frames(self) -> int:
         return len(self.joints)
+
+
+def aist_sequence(name: str, sha256: str, arrays: Mapping[str, Array], *, joints: str) -> AistSequence:
+    """A sequence from AIST++'s arrays (checked; cm, y up), in metres, z up, thinned out to about RATE_HZ.
+
+    `joints`: the array that holds the truth.
+    """
+    rate = float(np.ravel(arrays["fps"])[0])
+    step = max(1, round(rate / RATE_HZ))
+    width, height = (int(side) for side in np.ravel(arrays["cam_size"])[:2])
+    R_cam_world = rotation_from_vector(arrays["cam_rotvec"].astype(np.float64))
+    R_world_cam, t_world_cam = camera_to_world(R_cam_world, arrays["cam_t"].astype(np.float64) * _CM)
+    return AistSequence(
+        name=name,
+        sha256=sha256,
+        fps=rate / step,
+        keypoints=np.nan_to_num(arrays["keypoints2d"][:, ::step].astype(np.float64)),  # nothing found: score 0
+        joints=arrays[joints][::step].astype(np.float64) * _CM @ R_ZUP_YUP.T,
+        K=arrays["cam_K"].astype(np.float64),
+        R_world_cam=R_world_cam,
+        t_world_cam=t_world_cam,
+        size=(width, height),
+    )
 
 
 def build_aist(sequence: AistSequence, plan: VideoPlan) -> BenchVideo:

@@ -13,14 +13,17 @@ OBSERVED = 0.3
 """Least fraction of visible joints with which a person counts as observed."""
 
 
+def person_order(boxes: Float[Array, "people F 4"]) -> list[int]:
+    """Which actor is person 00, 01, …: the one with the largest summed box first."""
+    area = np.prod(boxes[..., 2:] - boxes[..., :2], axis=-1).sum(axis=1)
+    return [int(person) for person in np.argsort(-area, kind="stable")]
+
+
 def truth_arrays(
     clip: Clip, joint_seen: Bool[Array, "F people 24"], boxes: Float[Array, "people F 4"]
-) -> tuple[dict[str, Array], list[int]]:
-    """The arrays, and which actor is person 00, 01, …: the one with the largest summed box first.
-
-    The world's origin lies under the first pelvis of person 00; pixel centres are at .5.
-    """
-    order = np.argsort(-np.prod(boxes[..., 2:] - boxes[..., :2], axis=-1).sum(axis=1), kind="stable").tolist()
+) -> dict[str, Array]:
+    """The arrays by name. The world's origin lies under the first pelvis of person 00; pixel centres are at .5."""
+    order = person_order(boxes)
     origin = clip.actors[order[0]].joints[0, 0] * [1, 1, 0]
     shot_index = clip.shot_index()
     shots = [clip.shots[k] for k in shot_index]
@@ -70,4 +73,4 @@ def truth_arrays(
             "confidence": visibility.astype(np.float32),
         }
         arrays |= {f"people/{rank:02d}/{name}": value for name, value in values.items()}
-    return arrays, order
+    return arrays

@@ -1,7 +1,7 @@
-"""How far the detector's answers lie from the truth, person by person and shot by shot.
+"""Errors of the detector against the truth, person by person and shot by shot.
 
 The truth is a body with landmarks (rendered clips) or joints alone (real clips, twelve limbs). Lengths in the picture
-are shares of the person's height as a standing person would have it there: stature · focal length / depth.
+are fractions of the person's height as a standing person would have it there: stature · focal length / depth.
 """
 
 from collections.abc import Sequence
@@ -25,8 +25,8 @@ LIMBS = np.array([landmarks.INDEX[name] for name in (
     "left_hip", "right_hip", "left_knee", "right_knee", "left_ankle", "right_ankle",
 )])  # fmt: skip
 SAME_PERSON = 0.10
-"""Median distance, share of the height, within which a detection is this person's (sides exchanged or not)."""
-USUAL_SHARE, USUAL_M = 0.02, 0.08
+"""Median distance, fraction of the height, within which a detection is this person's (sides swapped or not)."""
+USUAL_FRACTION, USUAL_M = 0.02, 0.08
 """Usual errors in the picture and in 3D, to weigh one against the other."""
 LIMBS_PER_STATURE = 0.754
 """Ankle to shoulder along the bones, over the height of body24's template."""
@@ -47,14 +47,14 @@ class PersonErrors:
     """3D landmarks as the detector gives them, sides put right."""
     found: Bool[Array, " n"]
     swapped: Bool[Array, " n"]
-    """Left and right exchanged: the other way round the answer is nearer to the truth, in the picture and in depth."""
+    """Left-right swap: with sides swapped the detection is nearer to the truth, in the picture and in depth."""
     error: Float[Array, "n 12 2"]
-    """Detected minus true place, sides put right, shares of the height; NaN where not found."""
+    """Detected minus true position, sides put right, fractions of the height; NaN where not found."""
     landmark_m: Float[Array, "n 12"]
     """Distance of 3D landmarks from the truth about the mid-hip, in the axes of its ray; sides and size put right."""
-    landmark_turned_m: Float[Array, "n 12"]
+    landmark_rotated_m: Float[Array, "n 12"]
     """The same after the best rotation."""
-    turn: Float[Array, "n 3"]
+    rotation: Float[Array, "n 3"]
     """Rotation vector from the true posture to the detected, about x, y, z of the viewing ray's axes, radians."""
     pitch: Float[Array, " n"]
     """Of the viewing ray above the horizon, radians."""
@@ -98,13 +98,17 @@ def _errors_in_shot(
     keypoints, landmarks3d = np.full((n, 33, 3), np.nan), np.full((n, 33, 3), np.nan)
     for track in tracks:
         _, i, j = np.intersect1d(frame, track.frame, return_indices=True)
-        answers = [_answer(track, j, pixels[i], height[i], true[i], exchanged) for exchanged in (False, True)]
-        exchanged = answers[1].cost < answers[0].cost
-        for which, answer in zip((~exchanged, exchanged), answers, strict=True):
-            better = which & (answer.distance < best[i])
+        candidates = [_detection(track, j, pixels[i], height[i], true[i], swap_sides) for swap_sides in (False, True)]
+        swap_sides = candidates[1].cost < candidates[0].cost
+        for which, candidate in zip((~swap_sides, swap_sides), candidates, strict=True):
+            better = which & (candidate.distance < best[i])
             at = i[better]
-            best[at], swapped[at], error[at] = answer.distance[better], answer is answers[1], answer.shift[better]
-            keypoints[at], landmarks3d[at] = answer.keypoints[better], answer.landmarks[better]
+            best[at], swapped[at], error[at] = (
+                candidate.distance[better],
+                candidate is candidates[1],
+                candidate.shift[better],
+            )
+            keypoints[at], landmarks3d[at] = candidate.keypoints[better], candidate.landmarks[better]
     seen = np.isfinite(error[:, 0, 0])
     solid = landmarks3d[:, LIMBS]
     solid = solid - solid[:, 6:8].mean(axis=1, keepdims=True)
@@ -123,40 +127,40 @@ def _errors_in_shot(
         swapped=swapped,
         error=error,
         landmark_m=np.linalg.norm(solid - true, axis=-1),
-        landmark_turned_m=np.linalg.norm(solid - np.einsum("nab,nkb->nka", R, true), axis=-1),
-        turn=vector_from_rotation(R),
+        landmark_rotated_m=np.linalg.norm(solid - np.einsum("nab,nkb->nka", R, true), axis=-1),
+        rotation=vector_from_rotation(R),
         pitch=pitch,
         roll=roll,
     )
 
 
 @dataclass(frozen=True, eq=False)
-class _Answer:
-    """A track's answer in m frames, sides as it names them or exchanged."""
+class _Detection:
+    """A track in m frames beside the truth, sides as it names them or swapped."""
 
     keypoints: Float[Array, "m 33 3"]
     landmarks: Float[Array, "m 33 3"]
     shift: Float[Array, "m 12 2"]
     distance: Float[Array, " m"]
-    """Median over the limbs, share of the height."""
+    """Median over the limbs, fraction of the height."""
     cost: Float[Array, " m"]
 
 
-def _answer(
+def _detection(
     track: PersonTrack,
     rows: Int[Array, " m"],
     pixels: Float[Array, "m 12 2"],
     height: Float[Array, " m"],
     true: Float[Array, "m 12 3"],
-    exchanged: bool,
-) -> _Answer:
-    order = landmarks.SWAP if exchanged else np.arange(landmarks.NUM_LANDMARKS)
+    swap_sides: bool,
+) -> _Detection:
+    order = landmarks.SWAP if swap_sides else np.arange(landmarks.NUM_LANDMARKS)
     keypoints, solid = track.keypoints2d[rows][:, order], track.landmarks3d[rows][:, order]
     shift = (keypoints[:, LIMBS, :2] - pixels) / height[:, None, None]
     distance = np.median(np.linalg.norm(shift, axis=-1), axis=1)
     limbs = solid[:, LIMBS] - solid[:, [23, 24]].mean(axis=1, keepdims=True)
     depth = np.median(np.linalg.norm(limbs - true, axis=-1), axis=1)
-    return _Answer(keypoints, solid, shift, distance, distance / USUAL_SHARE + depth / USUAL_M)
+    return _Detection(keypoints, solid, shift, distance, distance / USUAL_FRACTION + depth / USUAL_M)
 
 
 def _seen(

@@ -1,10 +1,9 @@
-"""What a pose network makes of a body: 33 landmarks in the picture and about the hips, wrong the way BlazePose is.
+"""Simulated output of a pose network: 33 landmarks in the picture and about the hips, with BlazePose's errors.
 
 Errors are mostly bias: they stay for a second and longer, so that averaging frames gains little, and landmarks of one
-limb err together. Whole limbs are hidden for a while, jump, and left and right are exchanged for whole runs of frames.
-An error is made by what the network sees and changes as that changes: it is forgotten, and limbs are lost, not with
-time but on the way that a limb goes about the middle of the body in the picture, in heights of the body. A foot that
-stands keeps its error.
+limb err together. Limbs are hidden for a while, or jump; left-right swaps last for runs of frames. An error depends on
+what the network sees: it decays, and limbs are lost, not with time but with the length of the path that a limb moves
+about the middle of the body in the picture, in heights of the body. The error of a foot at rest stays.
 """
 
 import json
@@ -48,49 +47,49 @@ class ErrorPatterns:
 class DetectorNoise:
     """All numbers of the noise; those in use are fitted to rendered clips (`fitted_noise`).
 
-    A *way* is how far a limb has gone about the middle of the body, heights of the body in the picture. Times are means
-    of geometric distributions.
+    A *path length* is how far a limb has moved about the middle of the body, heights of the body in the picture. Times
+    are means of geometric distributions.
     """
 
-    keypoint_share: float
-    """One sigma of a keypoint per axis, share of the body's height in the picture."""
-    landmark_sigma_m: tuple[float, float, float]
-    """Of a 3D landmark, along x, y, z of the view."""
+    keypoint_fraction: float
+    """Standard deviation of a keypoint per axis, fraction of the body's height in the picture."""
+    landmark_deviation_m: tuple[float, float, float]
+    """Standard deviation of a 3D landmark along x, y, z of the view."""
     patterns: ErrorPatterns
-    turn_deg: tuple[float, float, float]
-    """Of all 3D landmarks together, about x, y, z of the view."""
+    rotation_deg: tuple[float, float, float]
+    """Standard deviation of the rotation of all 3D landmarks together about x, y, z of the view."""
     tilt_deg: float
     tilt_per_pitch: float
-    """The 3D landmarks are tilted about x by `tilt_deg` and so many degrees for every degree that the ray points up."""
+    """The 3D landmarks are tilted about x by `tilt_deg`, and by so much for every degree that the ray points up."""
     lean_per_roll: float
     """The same about z, for every degree of the camera's roll."""
     landmark_scale: float
-    """Size of the network's average person against body24's; it draws everybody as large as that."""
+    """Size of the network's average person over body24's; it gives everybody this size."""
     anatomy_m: float
     """Per axis, how far one person's landmarks lie from where the model has them, in the axes of the joint they
     ride on, for the whole video: the fit must not know the body that it is tested on."""
-    new_share: float
-    """Share of the variance in the picture that is new in every frame."""
-    shot_share: float
-    """Share of the other that stays for a whole shot; the rest is forgotten on the way."""
-    slow_way: float
-    """Way after which 1/e of it is left."""
+    new_fraction: float
+    """Fraction of the variance in the picture that is new in every frame."""
+    shot_fraction: float
+    """Fraction of the rest that stays for a whole shot; what is left decays with the path length."""
+    memory_path: float
+    """Path length after which 1/e of it is left."""
     rest_speed: float
-    """What does not move at all changes as if it went so fast, heights a second."""
+    """The error of a limb at rest changes as if the limb moved so fast, heights a second."""
     hidden_rate: tuple[float, float]
-    """How often an arm and a leg are hidden, times per way."""
+    """How often an arm and a leg are hidden, times per path length."""
     hidden_s: tuple[float, float]
     hidden_factor: float
     lost_rate: tuple[float, float]
-    """How often an arm and a leg jump, times per way."""
+    """How often an arm and a leg jump, times per path length."""
     lost_s: tuple[float, float]
-    lost_share: float
-    """How far, share of the body's height."""
+    lost_fraction: float
+    """How far they jump, fraction of the body's height."""
     swap_rate: tuple[float, float]
-    """How often left and right are exchanged, seen from the front, from behind, times per way."""
+    """How often a left-right swap begins, seen from the front, from behind, times per path length."""
     swap_s: float
     miss_rate: float
-    """How often nobody is found, times per way."""
+    """How often nobody is found, times per path length."""
     miss_s: float
 
 
@@ -114,7 +113,7 @@ class Detections:
     found: Bool[Array, " n"]
     """False where the detector missed the person, or the picture does not hold enough of them."""
     swapped: Bool[Array, " n"]
-    """Where left and right are exchanged; nobody but a test is told."""
+    """Frames with a left-right swap; only tests read this."""
 
 
 def detect(
@@ -142,8 +141,8 @@ def detect(
     steps = speeds(pixels, fps) / fps + noise.rest_speed / fps
     of_limbs, of_body = steps[:, 2:].T, steps[:, 1:].mean(axis=1)
     pairs = list(zip(of_limbs, (0, 0, 1, 1), strict=True))
-    hidden = np.stack([_runs(rng, way, noise.hidden_rate[k], noise.hidden_s[k], fps) for way, k in pairs])
-    lost = np.stack([_runs(rng, way, noise.lost_rate[k], noise.lost_s[k], fps) for way, k in pairs])
+    hidden = np.stack([_runs(rng, path, noise.hidden_rate[k], noise.hidden_s[k], fps) for path, k in pairs])
+    lost = np.stack([_runs(rng, path, noise.lost_rate[k], noise.lost_s[k], fps) for path, k in pairs])
     factor, jump = np.ones((n, NUM_LANDMARKS, 1)), np.zeros((n, NUM_LANDMARKS, 2))
     visibility = 0.97 - 0.04 * np.abs(rng.normal(size=(n, NUM_LANDMARKS)))
     visibility[behind, :11] -= 0.25
@@ -151,21 +150,21 @@ def detect(
     for limb, gone, wild in zip(LIMBS, hidden, lost, strict=True):
         factor[np.ix_(gone, limb)] = noise.hidden_factor
         visibility[np.ix_(gone, limb)] = rng.uniform(0.2, 0.5)
-        jump[np.ix_(wild, limb)] = noise.lost_share * _unit(rng.normal(size=2))
+        jump[np.ix_(wild, limb)] = noise.lost_fraction * _unit(rng.normal(size=2))
     wrong = _landmark_errors(rng, steps, noise)
-    pixels = pixels + height * (noise.keypoint_share * factor * wrong[..., :2] + jump)
+    pixels = pixels + height * (noise.keypoint_fraction * factor * wrong[..., :2] + jump)
     inside = ((pixels > 0) & (pixels < np.array(size))).all(axis=-1) & (points[..., 2] > 0.1)
     visibility = np.where(inside, visibility, 0.1)
 
     about_hips = points - points[:, 23:25].mean(axis=1, keepdims=True)
     ray = points[:, 23:25].mean(axis=1)
     R_cam_ray = swing(np.broadcast_to([0.0, 0.0, 1.0], ray.shape), ray)
-    turn = np.deg2rad(np.array(noise.turn_deg)) * _errors(rng, of_body, 3, noise)
-    turn[:, 0] += np.deg2rad(noise.tilt_deg) + noise.tilt_per_pitch * pitch
-    turn[:, 2] += noise.lean_per_roll * roll
-    solid = np.einsum("nba,njb->nja", R_cam_ray, about_hips) @ np.swapaxes(rotation_from_vector(turn), -1, -2)
+    rotation = np.deg2rad(np.array(noise.rotation_deg)) * _errors(rng, of_body, 3, noise)
+    rotation[:, 0] += np.deg2rad(noise.tilt_deg) + noise.tilt_per_pitch * pitch
+    rotation[:, 2] += noise.lean_per_roll * roll
+    solid = np.einsum("nba,njb->nja", R_cam_ray, about_hips) @ np.swapaxes(rotation_from_vector(rotation), -1, -2)
     solid *= noise.landmark_scale / stature
-    solid += factor * np.array(noise.landmark_sigma_m) * wrong[..., 2:]
+    solid += factor * np.array(noise.landmark_deviation_m) * wrong[..., 2:]
     solid -= solid[:, 23:25].mean(axis=1, keepdims=True)
 
     front, back = (_runs(rng, of_body, rate, noise.swap_s, fps) for rate in noise.swap_rate)
@@ -181,7 +180,7 @@ def detect(
 def pitch_and_roll(
     R_world_cam: Float[Array, "n 3 3"], ray: Float[Array, "n 3"]
 ) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
-    """Of viewing rays (camera axes): above the horizon, and how far the camera is turned clockwise about them."""
+    """Of viewing rays (camera axes): above the horizon, and the camera's clockwise rotation about them."""
     down = -R_world_cam[:, 2]  # the world's −z in camera axes
     R_cam_ray = swing(np.broadcast_to([0.0, 0.0, 1.0], ray.shape), ray)
     seen = np.einsum("nba,nb->na", R_cam_ray, down)
@@ -211,7 +210,7 @@ def _landmark_errors(
         related = (independent if factor is None else independent @ factor.T).reshape(len(steps), len(part), AXES)
         errors[:, part] = related * mirrored if part in (LIMBS[1], LIMBS[3]) else related
     new = rng.normal(size=errors[..., :2].shape)
-    errors[..., :2] = np.sqrt(1 - noise.new_share) * errors[..., :2] + np.sqrt(noise.new_share) * new
+    errors[..., :2] = np.sqrt(1 - noise.new_fraction) * errors[..., :2] + np.sqrt(noise.new_fraction) * new
     return errors
 
 
@@ -230,9 +229,9 @@ def _root(covariance: Float[Array, "d d"]) -> Float[Array, "d d"]:
 def _errors(
     rng: np.random.Generator, steps: Float[Array, " n"], count: int, noise: DetectorNoise
 ) -> Float[Array, "n count"]:
-    """Noise of unit variance that stays in part and is forgotten in part; `steps` is the way from the frame before."""
-    constant = np.sqrt(noise.shot_share) * rng.normal(size=(1, count))
-    return np.asarray(constant + np.sqrt(1 - noise.shot_share) * _remembering(rng, steps / noise.slow_way, count))
+    """Noise of unit variance, one part constant, one that decays; `steps`: path lengths from the frame before."""
+    constant = np.sqrt(noise.shot_fraction) * rng.normal(size=(1, count))
+    return np.asarray(constant + np.sqrt(1 - noise.shot_fraction) * _remembering(rng, steps / noise.memory_path, count))
 
 
 def _remembering(rng: np.random.Generator, steps: Float[Array, " n"], count: int) -> Float[Array, "n count"]:
@@ -248,12 +247,12 @@ def _remembering(rng: np.random.Generator, steps: Float[Array, " n"], count: int
 def _runs(
     rng: np.random.Generator, steps: Float[Array, " n"], rate: float, mean_s: float, fps: float
 ) -> Bool[Array, " n"]:
-    """Frames inside events that begin on the way at a rate and last for a while; one may be on when the clip begins."""
+    """Frames inside events that begin at a rate per path length and last a while; the first may have begun before."""
     lead = round(4 * mean_s * fps)
-    way = np.cumsum(np.concatenate([np.full(lead, steps.mean()), steps]))
-    inside = np.zeros(len(way), bool)
-    for _ in range(rng.poisson(rate * way[-1])):
-        first = int(np.searchsorted(way, rng.uniform(0, way[-1])))
+    path = np.cumsum(np.concatenate([np.full(lead, steps.mean()), steps]))
+    inside = np.zeros(len(path), bool)
+    for _ in range(rng.poisson(rate * path[-1])):
+        first = int(np.searchsorted(path, rng.uniform(0, path[-1])))
         inside[first : first + rng.geometric(min(1.0, 1 / (mean_s * fps)))] = True
     return inside[lead:]
 

@@ -25,8 +25,8 @@ def _column(errors: Sequence[PersonErrors]) -> dict[str, str]:
     swapped = np.concatenate([e.swapped for e in errors])[found]
     flat = np.concatenate([np.linalg.norm(e.error, axis=-1) for e in errors])[found]
     solid = np.concatenate([e.landmark_m for e in errors])[found]
-    turned = np.concatenate([e.landmark_turned_m for e in errors])[found]
-    turn = np.degrees(np.concatenate([e.turn for e in errors])[found])
+    rotated = np.concatenate([e.landmark_rotated_m for e in errors])[found]
+    rotation = np.degrees(np.concatenate([e.rotation for e in errors])[found])
     column = {
         "clips, persons in shots, frames": f"{len({e.clip for e in errors})}, {len(errors)}, {len(found)}",
         "found, % of the frames in which the truth observes the person": f"{100 * found.mean():.1f}",
@@ -36,9 +36,9 @@ def _column(errors: Sequence[PersonErrors]) -> dict[str, str]:
     for k, joint in enumerate(_JOINTS):
         column[f"2D error, median: {joint}"] = f"{100 * np.median(flat[:, 2 * k : 2 * k + 2]):.2f}"
     return column | {
-        "left and right exchanged, % of found frames": f"{100 * swapped.mean():.1f}",
+        "left-right swaps, % of found frames": f"{100 * swapped.mean():.1f}",
         "3D landmarks, size put right, mm: median": f"{1000 * np.median(solid):.0f}",
-        "3D landmarks, best rotation, mm: median": f"{1000 * np.median(turned):.0f}",
-        "rotation of the 3D posture, °: median": f"{np.median(np.linalg.norm(turn, axis=1)):.1f}",
-        "… about x, y, z, °: mean": ", ".join(f"{v:.1f}" for v in turn.mean(axis=0)),
+        "3D landmarks, best rotation, mm: median": f"{1000 * np.median(rotated):.0f}",
+        "rotation of the 3D posture, °: median": f"{np.median(np.linalg.norm(rotation, axis=1)):.1f}",
+        "… about x, y, z, °: mean": ", ".join(f"{v:.1f}" for v in rotation.mean(axis=0)),
     }

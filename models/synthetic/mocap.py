@@ -5,18 +5,23 @@ body24, the path scaled with the legs so that feet which stand still do so on th
 the floor. World: z up, metres.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.models.body.body24 import Body, load_body
+from humanmm.models.body.body24 import NUM_JOINTS, Body, load_body
 from humanmm.models.body.kinematics import forward_kinematics
+from humanmm.models.geometry.axes import R_ZUP_YUP
+from humanmm.models.geometry.rotations import rotation_from_vector
 from humanmm.models.motion.refine.contacts import CONTACT_JOINTS
 from humanmm.models.motion.refine.refine import sole_heights
 
 Array = np.ndarray
 
+PACK_RATE_HZ = 30.0
+"""Takes at a multiple of this are thinned out to it: the paper's videos have 30 frames a second."""
 SHAPE_DEVIATION = 0.7
 """Standard deviation of the random shape components (body24's have unit variance, children and giants among them)."""
 SHORTEST_M, TALLEST_M = 1.5, 1.98
@@ -59,6 +64,29 @@ class Actor:
     joints: Float[Array, "N 24 3"]
     R_world_joint: Float[Array, "N 24 3 3"]
     contacts: Float[Array, "N 4"]
+
+
+def takes_of_pack(arrays: Mapping[str, Array]) -> tuple[MocapTake, ...]:
+    """All takes of a pack (its arrays, checked): world z up instead of y up, thinned out to about PACK_RATE_HZ."""
+    step = max(1, round(float(arrays["fps"]) / PACK_RATE_HZ))
+    leg_m = leg_length(arrays["rest_joints"].astype(np.float64))
+    R = rotation_from_vector(arrays["poses"][:, :3])
+    names, starts, lengths = (arrays[key].tolist() for key in ("clip_name", "clip_start", "clip_len"))
+    takes = []
+    for name, start, length in zip(names, starts, lengths, strict=True):
+        rows = slice(start, start + length, step)
+        takes.append(
+            MocapTake(
+                name=str(name),
+                fps=float(arrays["fps"]) / step,
+                R_world_root=R_ZUP_YUP @ R[rows],
+                body_pose=arrays["poses"][rows, 3:].astype(np.float64).reshape(-1, NUM_JOINTS - 1, 3),
+                pelvis=arrays["trans"][rows].astype(np.float64) @ R_ZUP_YUP.T,
+                contacts=arrays["contacts"][rows].astype(np.float64),
+                leg_m=leg_m,
+            )
+        )
+    return tuple(takes)
 
 
 def leg_length(rest_joints: Float[Array, "24 3"]) -> float:

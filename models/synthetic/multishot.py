@@ -75,7 +75,7 @@ class BenchVideo:
     views: tuple[ViewFeatures, ...] = ()
     """Key views of the shots, people left out; none where there are no pictures."""
     static_cameras: bool = False
-    """The user knows that all cameras stand."""
+    """The user knows that all cameras are static."""
     cuts_known: bool = False
     """`scenes` has every cut: people are not asked for more."""
 
@@ -108,8 +108,8 @@ def plan_videos(
 ) -> tuple[VideoPlan, ...]:
     """`num_videos` for each number of transitions; takes too short for their clips are passed over.
 
-    Takes are used in turn, so that all are used before one comes again. With `same`, video k shows one and the same
-    body in all numbers of transitions (the paper's second set); else all differ.
+    All takes are used before one comes again. With `same`, video k shows one and the same body in all numbers of
+    transitions (the paper's second set); else all differ.
     """  # fmt: skip
     plans = []
     for count in transitions:

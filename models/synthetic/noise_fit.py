@@ -17,7 +17,7 @@ Array = np.ndarray
 ANATOMY_M = 0.012
 """Not fitted, an assumption: rendered people have the anatomy that the landmarks were calibrated on."""
 LAGS_S = tuple(frames / 30 for frames in (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 45, 60))
-WAY_BINS, LEAST_PAIRS = 8, 1000
+PATH_BINS, LEAST_PAIRS = 8, 1000
 CLIPPED = 2.5
 
 
@@ -43,36 +43,36 @@ def fit_noise(clips: Sequence[MeasuredClip]) -> NoiseFit:
     series = [series_of(clip.take, errors) for clip in clips for errors in clip.errors]
     series = [one for one in series if one.found.sum() >= 5]
     a, b = _tilt(series)
-    share, sigma_m, patterns = _patterns(series)
+    fraction, deviation_m, patterns = _patterns(series)
     memory = _memory(series)
     hidden = np.concatenate([one.picture[limb_mask(one.hidden)] for one in series])
     lost = np.concatenate([one.picture[limb_mask(one.lost)] for one in series])
-    turn = np.concatenate([_straight(one, a, b)[one.found] for one in series])
+    rotation = np.concatenate([_straight(one, a, b)[one.found] for one in series])
     rest = memory.rest_speed
     swaps = [_events(_swaps(series, side, rest)) for side in _SIDES]
     hidden_limbs = [_events(_of_limbs(series, "hidden", limbs, rest)) for limbs in _ARMS_AND_LEGS]
     lost_limbs = [_events(_of_limbs(series, "lost", limbs, rest)) for limbs in _ARMS_AND_LEGS]
     miss_rate, miss_s = _events([(~one.found, one.body_steps(rest), one.fps) for one in series])
     noise = DetectorNoise(
-        keypoint_share=share,
-        landmark_sigma_m=sigma_m,
+        keypoint_fraction=fraction,
+        landmark_deviation_m=deviation_m,
         patterns=patterns,
-        turn_deg=_spreads(np.degrees(turn)),
+        rotation_deg=_spreads(np.degrees(rotation)),
         tilt_deg=float(np.degrees(a[0])),
         tilt_per_pitch=float(a[1]),
         lean_per_roll=float(b),
         landmark_scale=float(np.median([one.scale * one.stature for one in series])),
         anatomy_m=ANATOMY_M,
-        new_share=1.0 - memory.constant - memory.slow,
-        shot_share=memory.constant / (memory.constant + memory.slow),
-        slow_way=memory.slow_way,
+        new_fraction=1.0 - memory.constant - memory.slow,
+        shot_fraction=memory.constant / (memory.constant + memory.slow),
+        memory_path=memory.memory_path,
         rest_speed=rest,
         hidden_rate=(hidden_limbs[0][0], hidden_limbs[1][0]),
         hidden_s=(hidden_limbs[0][1], hidden_limbs[1][1]),
-        hidden_factor=_spread(hidden) / share if len(hidden) else 1.0,
+        hidden_factor=_spread(hidden) / fraction if len(hidden) else 1.0,
         lost_rate=(lost_limbs[0][0], lost_limbs[1][0]),
         lost_s=(lost_limbs[0][1], lost_limbs[1][1]),
-        lost_share=float(np.median(np.linalg.norm(lost, axis=-1))) if len(lost) else 0.0,
+        lost_fraction=float(np.median(np.linalg.norm(lost, axis=-1))) if len(lost) else 0.0,
         swap_rate=(swaps[0][0], swaps[1][0]),
         swap_s=max(swaps[0][1], swaps[1][1]),
         miss_rate=miss_rate,
@@ -82,19 +82,19 @@ def fit_noise(clips: Sequence[MeasuredClip]) -> NoiseFit:
 
 
 def _spread(values: Float[Array, "m k"]) -> float:
-    """One sigma an axis of the bulk (1.4826 · median of the sizes): hidden and lost limbs make the tails."""
+    """Robust standard deviation per axis (1.4826 · median of the sizes): hidden and lost limbs make the tails."""
     return float(1.4826 * np.nanmedian(np.abs(values)))
 
 
 def _spreads(values: Float[Array, "m 3"]) -> tuple[float, float, float]:
-    """One sigma of each axis."""
+    """Robust standard deviation of each axis."""
     return _spread(values[:, :1]), _spread(values[:, 1:2]), _spread(values[:, 2:])
 
 
 def _tilt(series: Sequence[Series]) -> tuple[Float[Array, "2"], float]:
     """Tilt about x = a₀ + a₁ · pitch, lean about z = b · roll; least squares over shots, robust by Huber's weights."""
-    x = np.array([np.median(one.turn[one.found, 0]) for one in series])
-    z = np.array([np.median(one.turn[one.found, 2]) for one in series])
+    x = np.array([np.median(one.rotation[one.found, 0]) for one in series])
+    z = np.array([np.median(one.rotation[one.found, 2]) for one in series])
     pitch = np.array([one.errors.pitch.mean() for one in series])
     roll = np.array([one.errors.roll.mean() for one in series])
     a = _robust_line(np.stack([np.ones_like(pitch), pitch], axis=1), x)
@@ -114,24 +114,24 @@ def _robust_line(design: Float[Array, "m k"], target: Float[Array, " m"]) -> Flo
 
 
 def _straight(one: Series, a: Float[Array, "2"], b: float) -> Float[Array, "n 3"]:
-    """The turn without what pitch and roll explain."""
+    """The rotation without what pitch and roll explain."""
     explained = np.stack([a[0] + a[1] * one.errors.pitch, 0 * one.errors.roll, b * one.errors.roll], axis=1)
-    return np.asarray(one.turn - explained)
+    return np.asarray(one.rotation - explained)
 
 
 def rates_of_change(series: Sequence[Series]) -> tuple[Float[Array, " bins"], Float[Array, " bins"]]:
     """How far errors in the picture change from frame to frame while their part of the body has a certain speed: speeds
-    (heights of the body a second), and one sigma of the change an axis (heights)."""
-    way, change, _ = _pairs(series, 0.0)
-    bins = np.array_split(np.argsort(way, kind="stable"), WAY_BINS)
+    (heights of the body a second), and the standard deviation of the change per axis (heights)."""
+    path, change, _ = _pairs(series, 0.0)
+    bins = np.array_split(np.argsort(path, kind="stable"), PATH_BINS)
     fps = float(np.median([one.fps for one in series]))
-    speed = np.array([np.median(way[rows]) * fps for rows in bins])
+    speed = np.array([np.median(path[rows]) * fps for rows in bins])
     return speed, np.array([_spread(change[rows]) for rows in bins])
 
 
 def _patterns(series: Sequence[Series]) -> tuple[float, tuple[float, float, float], ErrorPatterns]:
     """How large errors are, and how they are related within trunk, arms and legs: robust spreads, and correlations of
-    what is clipped at 2.5 sigmas."""
+    what is clipped at 2.5 standard deviations."""
     trunk = [_errors_of(series, TRUNK, 1.0), _errors_of(series, tuple(TRUNK[k] for k in (1, 0, 3, 2)), -1.0)]
     arms = [_errors_of(series, LIMBS[0], 1.0), _errors_of(series, LIMBS[1], -1.0)]
     legs = [_errors_of(series, LIMBS[2], 1.0), _errors_of(series, LIMBS[3], -1.0)]
@@ -168,80 +168,81 @@ def _robust_covariance(values: Float[Array, "m d"]) -> Float[Array, "d d"]:
 
 @dataclass(frozen=True)
 class _Memory:
-    """How errors stay."""
+    """How errors decay."""
 
     constant: float
     slow: float
-    slow_way: float
+    memory_path: float
     rest_speed: float
 
 
 def _memory(series: Sequence[Series]) -> _Memory:
-    """From how far errors in the picture differ from later ones, over the time and over the way that the part of the
-    body has gone in between. By medians: jumps are told apart (`Series.lost`)."""
+    """From how far errors in the picture differ from later ones, over time and over the path length of the part of
+    the body in between. By medians; jumps are left out (`Series.lost`)."""
     lags: list[float] = []
-    ways: list[float] = []
-    shares: list[float] = []
+    paths: list[float] = []
+    fractions: list[float] = []
     for lag_s in LAGS_S:
-        gone, change, both = _pairs(series, lag_s)
-        if len(gone) < LEAST_PAIRS:
+        lengths, change, both = _pairs(series, lag_s)
+        if len(lengths) < LEAST_PAIRS:
             continue
-        for rows in np.array_split(np.argsort(gone, kind="stable"), WAY_BINS):
+        for rows in np.array_split(np.argsort(lengths, kind="stable"), PATH_BINS):
             lags.append(lag_s)
-            ways.append(float(np.median(gone[rows])))
-            shares.append(1 - _spread(change[rows]) ** 2 / 2 / _spread(both[rows]) ** 2)
-    lag, way, known = np.array(lags), np.array(ways), np.array(shares)
+            paths.append(float(np.median(lengths[rows])))
+            fractions.append(1 - _spread(change[rows]) ** 2 / 2 / _spread(both[rows]) ** 2)
+    lag, path, known = np.array(lags), np.array(paths), np.array(fractions)
 
     def missed(values: Array) -> Array:
-        return np.asarray(_correlation(lag, way, *values) - known)
+        return np.asarray(_correlation(lag, path, *values) - known)
 
     found = least_squares(
         missed, (0.2, 0.7, 0.2, 0.05),
         bounds=((0, 0, 0.01, 1e-3), (0.95, 1.0, 5.0, 5.0)),
     )  # fmt: skip
-    constant, slow, slow_way, rest_speed = (float(value) for value in found.x)
+    constant, slow, memory_path, rest_speed = (float(value) for value in found.x)
     all_of_it = max(1.0, constant + slow)
-    return _Memory(constant / all_of_it, slow / all_of_it, slow_way, rest_speed)
+    return _Memory(constant / all_of_it, slow / all_of_it, memory_path, rest_speed)
 
 
 def _pairs(
     series: Sequence[Series], lag_s: float
 ) -> tuple[Float[Array, " m"], Float[Array, "m 2"], Float[Array, "m 4"]]:
-    """Of landmarks that are seen now and `lag_s` later (the next frame at least): the way that their part has gone, how
+    """Of landmarks that are seen now and `lag_s` later (the next frame at least): the path length of their part, how
     much their error in the picture has changed, and both errors."""
     part_of = np.zeros(33, int)
     for number, part in enumerate(PARTS):
         part_of[list(part)] = number
-    ways, changes, errors = [], [], []
+    paths, changes, errors = [], [], []
     for one in series:
         lag = max(1, round(lag_s * one.fps))
-        usable, error, way = one.usable, one.picture, np.cumsum(one.speed, axis=0)[:, part_of] / one.fps
+        usable, error, path = one.usable, one.picture, np.cumsum(one.speed, axis=0)[:, part_of] / one.fps
         early, late = slice(None, -lag), slice(lag, None)
         both = usable[early] & usable[late]
-        ways.append((way[late] - way[early])[both])
+        paths.append((path[late] - path[early])[both])
         changes.append((error[late] - error[early])[both])
         errors.append(np.concatenate([error[late][both], error[early][both]], axis=1))
-    return np.concatenate(ways), np.concatenate(changes), np.concatenate(errors)
+    return np.concatenate(paths), np.concatenate(changes), np.concatenate(errors)
 
 
-def _correlation(lag_s: Array, way: Array, constant: float, slow: float, slow_way: float, rest_speed: float) -> Array:
+def _correlation(
+    lag_s: Array, path: Array, constant: float, slow: float, memory_path: float, rest_speed: float
+) -> Array:
     """Of errors with later ones: of a constant and a slow part. What is new in every frame has none."""
-    return np.asarray(constant + slow * np.exp(-(way + rest_speed * lag_s) / slow_way))
+    return np.asarray(constant + slow * np.exp(-(path + rest_speed * lag_s) / memory_path))
 
 
 Runs = list[tuple[Bool[Array, " n"], Float[Array, " n"], float]]
-"""Frames inside events, with the way from the frame before, and their rate."""
+"""Frames inside events, with the path lengths from the frame before, and the frame rate."""
 
 
 def _events(runs: Runs) -> tuple[float, float]:
-    """How often an event begins, times per way, and how many seconds it lasts; a run that was on at the start counts
-    half."""
-    beginnings = way = inside_s = 0.0
+    """How often an event begins, times per path length, and its seconds; a run at the start counts half."""
+    beginnings = path = inside_s = 0.0
     for run, steps, fps in runs:
         beginnings += float((run[1:] & ~run[:-1]).sum()) + 0.5 * float(run[:1].sum())
-        way += float(steps.sum())
+        path += float(steps.sum())
         inside_s += float(run.sum()) / fps
-    return beginnings / max(way, 1e-9), inside_s / max(beginnings, 1.0)
+    return beginnings / max(path, 1e-9), inside_s / max(beginnings, 1.0)
 
 
 _ARMS_AND_LEGS = ((0, 1), (2, 3))
@@ -257,7 +258,7 @@ def _of_limbs(series: Sequence[Series], event: Literal["hidden", "lost"], limbs:
 
 
 def _swaps(series: Sequence[Series], side: Callable[[Series], Bool[Array, " n"]], rest: float) -> Runs:
-    """Exchanged sides, as seen from one side."""
+    """Left-right swaps, as seen from one side."""
     of_side = [(one, rows) for one in series if (rows := side(one)).any()]
     return [(one.errors.swapped[rows], one.body_steps(rest)[rows], one.fps) for one, rows in of_side]
 

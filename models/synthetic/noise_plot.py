@@ -1,12 +1,10 @@
-"""The fit of ms-Mocap's noise as a picture: what was measured on rendered clips beside what the model makes of them."""
+"""The fit of ms-Mocap's noise as a figure: what was measured on rendered clips beside what the model makes of them."""
 
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from humanmm.models.synthetic.noise_fit import NoiseFit, rates_of_change
@@ -26,22 +24,21 @@ _FAR = (10_000, 10_000)
 """The picture's edge plays no part in the comparison."""
 
 
-def plot_fit(fit: NoiseFit, path: Path) -> None:
-    """Write the picture."""
+def plot_fit(fit: NoiseFit) -> Figure:
+    """Twelve axes: distributions of errors, tilt and lean, hidden and lost limbs, changes with speed."""
     rng = np.random.default_rng(0)
     modelled = [simulate(_inside(one), fit.noise, rng, _FAR) for one in fit.series]
     figure = Figure(figsize=(13, 10), layout="constrained")
-    FigureCanvasAgg(figure)
     axes = figure.subplots(3, 4).ravel()
     for axis, (name, joints) in zip(axes[:6], _JOINTS.items(), strict=True):
         _distribution(axis, name, fit.series, modelled, joints)
     _line(axes[6], fit.series, 0, "pitch", fit.noise.tilt_deg, fit.noise.tilt_per_pitch, "tilt about x, °")
     _line(axes[7], fit.series, 2, "roll", 0.0, fit.noise.lean_per_roll, "lean about z, °")
-    _turns(axes[8], fit.series, modelled)
+    _rotations(axes[8], fit.series, modelled)
     _solid(axes[9], fit.series, modelled)
     _rates(axes[10], fit.series, modelled)
     _changes(axes[11], fit.series, modelled)
-    figure.savefig(path, dpi=80)
+    return figure
 
 
 def _inside(one: Series) -> Series:
@@ -67,7 +64,7 @@ def _line(
     axis: Axes, series: Sequence[Series], about: int, against: str, offset_deg: float, slope: float, title: str
 ) -> None:
     x = np.degrees([getattr(one.errors, against).mean() for one in series])
-    y = np.degrees([np.median(one.turn[one.found, about]) for one in series])
+    y = np.degrees([np.median(one.rotation[one.found, about]) for one in series])
     ends = np.array([x.min(), x.max()])
     axis.plot(x, y, ".", label="a person in a shot")
     axis.plot(ends, offset_deg + slope * ends, label=f"{offset_deg:.1f} + {slope:.2f} · {against}")
@@ -75,11 +72,11 @@ def _line(
     axis.legend()
 
 
-def _turns(axis: Axes, measured: Sequence[Series], modelled: Sequence[Series]) -> None:
+def _rotations(axis: Axes, measured: Sequence[Series], modelled: Sequence[Series]) -> None:
     for label, series, style in (("measured", measured, "-"), ("modelled", modelled, "--")):
-        turn = np.degrees(np.concatenate([one.turn[one.found] for one in series]))
+        rotation = np.degrees(np.concatenate([one.rotation[one.found] for one in series]))
         for k, name in enumerate("xyz"):
-            values = np.sort(turn[:, k])
+            values = np.sort(rotation[:, k])
             axis.plot(values, np.linspace(0, 1, len(values)), style, color=f"C{k}", label=f"{label} {name}")
     axis.set(title="rotation of the 3D landmarks, °", xlim=(-30, 30))
     axis.legend(fontsize="small")
@@ -105,10 +102,10 @@ def _rates(axis: Axes, measured: Sequence[Series], modelled: Sequence[Series]) -
     limbs = ("left arm", "right arm", "left leg", "right leg")
     names = [f"{limb} {event}" for event in ("hidden", "lost") for limb in limbs]
     for offset, (label, series) in enumerate((("measured", measured), ("modelled", modelled))):
-        shares = [
+        fractions = [
             np.concatenate([getattr(one, event)[:, one.found] for one in series], axis=1).mean(axis=1)
             for event in ("hidden", "lost")
         ]
-        axis.barh(np.arange(len(names)) + 0.4 * offset, 100 * np.concatenate(shares), 0.4, label=label)
-    axis.set(title="share of the frames, %", yticks=np.arange(len(names)) + 0.2, yticklabels=names)
+        axis.barh(np.arange(len(names)) + 0.4 * offset, 100 * np.concatenate(fractions), 0.4, label=label)
+    axis.set(title="fraction of the frames, %", yticks=np.arange(len(names)) + 0.2, yticklabels=names)
     axis.legend()

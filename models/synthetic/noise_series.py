@@ -1,5 +1,5 @@
-"""The pose network's answers beside the truth, a person in a shot at a time, measured as `detector_noise.detect` makes
-them: in the picture as a share of the height that the landmarks span, in 3D about the mid-hip in its ray's axes.
+"""The pose network's output beside the truth, a person in a shot at a time, measured as `detector_noise.detect` makes
+them: in the picture as a fraction of the height that the landmarks span, in 3D about the mid-hip in its ray's axes.
 """
 
 from dataclasses import dataclass, replace
@@ -22,7 +22,7 @@ Array = np.ndarray
 HIDDEN_BELOW = 0.5
 """Mean visibility of a limb's landmarks below which it counts as hidden."""
 OUTLIER = 0.12
-"""Mean error of a visible limb, share of the height, from which it counts as lost."""
+"""Mean error of a visible limb, fraction of the height, from which it counts as lost."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,8 +38,8 @@ class Series:
     stature: float
     """Length of the legs over the average's."""
     picture: Float[Array, "n 33 2"]
-    """Detected minus true place, shares of the height."""
-    turn: Float[Array, "n 3"]
+    """Detected minus true position, fractions of the height."""
+    rotation: Float[Array, "n 3"]
     """Rotation of the 3D landmarks, radians."""
     solid: Float[Array, "n 33 3"]
     """What is left of the 3D error after rotation and scale, metres."""
@@ -72,16 +72,16 @@ class Series:
         return usable
 
     def steps(self, rest_speed: float) -> Float[Array, "n parts"]:
-        """The way of the body's parts from the frame before."""
+        """Path length of the body's parts from the frame before."""
         return np.asarray((self.speed + rest_speed) / self.fps)
 
     def body_steps(self, rest_speed: float) -> Float[Array, " n"]:
-        """The way of all parts below the neck, on average."""
+        """Mean path length of all parts below the neck."""
         return np.asarray(self.steps(rest_speed)[:, 1:].mean(axis=1))
 
 
 def series_of(take: Take, errors: PersonErrors) -> Series:
-    """The answers about one person in one shot beside the truth, which must have cameras and body parameters."""
+    """The output about one person in one shot beside the truth, which must have cameras and body parameters."""
     person, cameras = take.people[errors.person], take.cameras
     assert cameras is not None
     points, behind, stature = true_landmarks(person, cameras, errors.rows)
@@ -106,14 +106,14 @@ def _residuals(
     R = np.tile(np.eye(3), (len(points), 1, 1))
     found = errors.found
     R[found] = kabsch(true[found][:, BODY], seen[found][:, BODY], np.ones((int(found.sum()), 22)))
-    turned = np.einsum("nab,nkb->nka", R, true)
-    sizes = np.linalg.norm(seen[found][:, BODY], axis=(1, 2)) / np.linalg.norm(turned[found][:, BODY], axis=(1, 2))
+    rotated = np.einsum("nab,nkb->nka", R, true)
+    sizes = np.linalg.norm(seen[found][:, BODY], axis=(1, 2)) / np.linalg.norm(rotated[found][:, BODY], axis=(1, 2))
     scale = float(np.median(sizes)) if found.any() else 1.0
     return Series(
         errors, fps, points, K, behind, stature,
         picture=(errors.keypoints[..., :2] - pixels) / height,
-        turn=vector_from_rotation(R),
-        solid=seen - scale * turned,
+        rotation=vector_from_rotation(R),
+        solid=seen - scale * rotated,
         scale=scale,
         speed=speeds(pixels, fps),
     )  # fmt: skip

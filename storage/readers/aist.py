@@ -13,13 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from humanmm.errors import InputError, TruthError
-from humanmm.models.benchmark.aist import AistSequence
-from humanmm.models.geometry.rotations import rotation_from_vector
-from humanmm.storage.readers.truth import R_ZUP_YUP, NpzArrays
-
-FPS = 30.0
-"""Sequences at a multiple of this are thinned out to it, as the paper's videos are."""
-_CM = 0.01
+from humanmm.models.benchmark.aist import AistSequence, aist_sequence
+from humanmm.storage.readers.truth import NpzArrays
 
 _SHAPES: dict[str, tuple[int | None, ...]] = {
     "keypoints2d": (None, None, 17, 3), "cam_K": (None, 3, 3), "cam_rotvec": (None, 3), "cam_t": (None, 3),
@@ -41,22 +36,7 @@ def read_sequence(path: Path) -> AistSequence:
     except (OSError, ValueError, KeyError, EOFError, TruthError, zipfile.BadZipFile, zlib.error) as error:
         raise InputError(f"{path} cannot be read as an AIST++ sequence (.npz): {error}") from error
     truth = _checked(arrays, path)
-    rate = float(np.ravel(arrays["fps"])[0])
-    step = max(1, round(rate / FPS))
-    width, height = (int(side) for side in np.ravel(arrays["cam_size"])[:2])
-    R_cam_world = rotation_from_vector(arrays["cam_rotvec"].astype(np.float64))
-    R_world_cam = R_ZUP_YUP @ np.swapaxes(R_cam_world, -1, -2)
-    return AistSequence(
-        name=path.stem,
-        sha256=hashlib.sha256(path.read_bytes()).hexdigest(),
-        fps=rate / step,
-        keypoints=np.nan_to_num(arrays["keypoints2d"][:, ::step].astype(np.float64)),  # nothing found: score 0
-        joints=arrays[truth][::step].astype(np.float64) * _CM @ R_ZUP_YUP.T,
-        K=arrays["cam_K"].astype(np.float64),
-        R_world_cam=R_world_cam,
-        t_world_cam=-(R_world_cam @ (arrays["cam_t"].astype(np.float64) * _CM)[..., None])[..., 0],
-        size=(width, height),
-    )
+    return aist_sequence(path.stem, hashlib.sha256(path.read_bytes()).hexdigest(), arrays, joints=truth)
 
 
 def _is_wanted(name: str) -> bool:

@@ -9,12 +9,8 @@ import numpy as np
 
 from humanmm.errors import InputError, TruthError
 from humanmm.models.body.body24 import NUM_JOINTS, PARENTS
-from humanmm.models.geometry.rotations import rotation_from_vector
-from humanmm.models.synthetic.mocap import MocapTake, leg_length
-from humanmm.storage.readers.truth import R_ZUP_YUP, NpzArrays
-
-FPS = 30.0
-"""Packs at a multiple of this are thinned out to it: the paper's videos have 30 frames a second."""
+from humanmm.models.synthetic.mocap import MocapTake, takes_of_pack
+from humanmm.storage.readers.truth import NpzArrays
 
 _SHAPES: dict[str, tuple[int | None, ...]] = {
     "poses": (None, 3 * NUM_JOINTS), "trans": (None, 3), "contacts": (None, 4), "clip_start": (None,),
@@ -29,26 +25,7 @@ def read_pack(path: Path) -> tuple[MocapTake, ...]:
     except (OSError, ValueError, KeyError, EOFError, TruthError) as error:
         raise InputError(f"{path} cannot be read as a pack of motion capture (.npz): {error}") from error
     _check(arrays, path)
-    step = max(1, round(float(arrays["fps"]) / FPS))
-    leg_m = leg_length(arrays["rest_joints"].astype(np.float64))
-    R = rotation_from_vector(arrays["poses"][:, :3])
-    takes = []
-    for name, start, length in zip(
-        arrays["clip_name"].tolist(), arrays["clip_start"].tolist(), arrays["clip_len"].tolist(), strict=True
-    ):
-        rows = slice(start, start + length, step)
-        takes.append(
-            MocapTake(
-                name=str(name),
-                fps=float(arrays["fps"]) / step,
-                R_world_root=R_ZUP_YUP @ R[rows],
-                body_pose=arrays["poses"][rows, 3:].astype(np.float64).reshape(-1, NUM_JOINTS - 1, 3),
-                pelvis=arrays["trans"][rows].astype(np.float64) @ R_ZUP_YUP.T,
-                contacts=arrays["contacts"][rows].astype(np.float64),
-                leg_m=leg_m,
-            )
-        )
-    return tuple(takes)
+    return takes_of_pack(arrays)
 
 
 def _check(arrays: dict[str, np.ndarray], path: Path) -> None:

@@ -13,26 +13,21 @@ np.load(…, allow_pickle=True).item() of its camera.npy and hps_track_0.npy. Th
 """
 
 import pickle
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from humanmm.errors import InputError, TruthError
-from humanmm.models.benchmark.imported import SMPL_REST_PELVIS, SmplMotion, imported_take
-from humanmm.models.geometry.rotations import rotation_from_vector, vector_from_rotation
+from humanmm.models.benchmark.imported import gvhmr_result, imported_take, slahmr_result, tram_result, wham_result
 from humanmm.models.records.sequence import Take
 from humanmm.storage.readers.restricted_pickle import read_pickle
 from humanmm.storage.readers.truth import NpzArrays, read_take
-
-Array = np.ndarray
 
 READER_VERSION = 1
 """Raised whenever a reader gives another motion for the same file: figures that were kept are then made again."""
 
 SUFFIXES = (".pt", ".pkl", ".npz")
-Y_UP, CAMERA_UP = np.array([0.0, 1.0, 0.0]), np.array([0.0, -1.0, 0.0])
 MAX_EXTRA_FRAMES = 2
 """Decoders disagree about the last frames of a video; a result that is longer than that is of another video."""
 
@@ -70,24 +65,22 @@ def read_result(path: Path, *, num_frames: int, fps: float) -> Take:
 
 
 def _read(path: Path, num_frames: int, fps: float) -> Take:
-    notes: tuple[str, ...] = ()
     if path.suffix == ".pt":
-        motion, up = _gvhmr(path), Y_UP
+        result = gvhmr_result(_gvhmr_parameters(path))
     elif path.suffix == ".pkl":
-        motion, notes = _wham(path)
-        up = Y_UP
+        result = wham_result(_wham_tracks(path))
     else:
         arrays = NpzArrays(path)
         if "pose_body" in arrays and "root_orient" in arrays:
-            motion, up, notes = _slahmr(arrays)
+            result = slahmr_result(arrays)
         elif "pred_rotmat" in arrays:
-            motion, up = _tram(arrays)
+            result = tram_result(arrays)
         else:
             return read_take(path)
-    return imported_take(motion, up=up, num_frames=num_frames, fps=fps, notes=notes)
+    return imported_take(result, num_frames=num_frames, fps=fps)
 
 
-def _gvhmr(path: Path) -> SmplMotion:
+def _gvhmr_parameters(path: Path) -> dict[str, Any]:
     import torch
 
     try:
@@ -96,60 +89,15 @@ def _gvhmr(path: Path) -> SmplMotion:
         raise InputError(f"{path} cannot be read: it is no file of torch, or holds more than plain tensors") from None
     if not isinstance(tree, dict) or not isinstance(tree.get("smpl_params_global"), dict):
         raise InputError(f"{path} lacks smpl_params_global: it is no hmr4d_results.pt of GVHMR")
-    params = {name: np.asarray(value, np.float64) for name, value in tree["smpl_params_global"].items()}
-    orient = _rows(params, "global_orient", 3)
-    pose = _rows(params, "body_pose", 63)
-    return SmplMotion(
-        np.arange(len(orient)), rotation_from_vector(orient), pose.reshape(len(pose), -1, 3), _rows(params, "transl", 3)
-    )
+    return dict(tree["smpl_params_global"])
 
 
-def _wham(path: Path) -> tuple[SmplMotion, tuple[str, ...]]:
+def _wham_tracks(path: Path) -> list[dict[str, Any]]:
     tree = read_pickle(path)
     tracks = [t for t in tree.values() if isinstance(t, dict) and "pose_world" in t] if isinstance(tree, dict) else []
     if not tracks:
         raise InputError(f"{path} holds no track with pose_world: it is no wham_output.pkl of WHAM")
-    track = max(tracks, key=lambda one: len(one["frame_ids"]))
-    pose = _rows(track, "pose_world", 72).reshape(-1, 24, 3)
-    frame = np.asarray(track["frame_ids"]).astype(np.int64)
-    motion = SmplMotion(frame, rotation_from_vector(pose[:, 0]), pose[:, 1:], _rows(track, "trans_world", 3))
-    return motion, _of_many(len(tracks))
-
-
-def _slahmr(arrays: Mapping[str, Array]) -> tuple[SmplMotion, Array, tuple[str, ...]]:
-    orient, pose, trans = (arrays[name].astype(np.float64) for name in ("root_orient", "pose_body", "trans"))
-    if orient.ndim == 2:  # a single track without its own axis
-        orient, pose, trans = orient[None], pose[None], trans[None]
-    up = CAMERA_UP
-    if "floor_plane" in arrays:
-        normal = arrays["floor_plane"].astype(np.float64).reshape(-1, arrays["floor_plane"].shape[-1])[0, :3]
-        length = float(np.linalg.norm(normal))
-        if length > 1e-6:
-            up = normal / length * (1.0 if normal @ CAMERA_UP >= 0 else -1.0)
-    frame = np.arange(orient.shape[1])
-    motion = SmplMotion(frame, rotation_from_vector(orient[0]), pose[0].reshape(len(frame), -1, 3), trans[0])
-    return motion, up, _of_many(len(orient))
-
-
-def _tram(arrays: Mapping[str, Array]) -> tuple[SmplMotion, Array]:
-    R_cam_body = arrays["pred_rotmat"].astype(np.float64).reshape(-1, 24, 3, 3)
-    trans, frame = arrays["pred_trans"].astype(np.float64).reshape(-1, 3), arrays["frame"].astype(np.int64).ravel()
-    R, t = arrays["pred_cam_R"].astype(np.float64)[frame], arrays["pred_cam_T"].astype(np.float64).reshape(-1, 3)[frame]
-    transl = (R @ (trans + SMPL_REST_PELVIS)[..., None])[..., 0] + t - SMPL_REST_PELVIS
-    return SmplMotion(frame, R @ R_cam_body[:, 0], vector_from_rotation(R_cam_body[:, 1:]), transl), CAMERA_UP
-
-
-def _rows(arrays: Mapping[str, Any], name: str, width: int) -> Array:
-    if name not in arrays:
-        raise InputError(f"{name} is missing; expected {width} numbers a frame")
-    array = np.asarray(arrays[name], np.float64)
-    if array.shape[-1:] != (width,):
-        raise InputError(f"{name} has shape {array.shape}; expected {width} numbers a frame")
-    return array.reshape(-1, width)
-
-
-def _of_many(count: int) -> tuple[str, ...]:
-    return (f"{count} tracks were found; one is compared.",) if count > 1 else ()
+    return tracks
 
 
 def _words(error: Exception) -> str:

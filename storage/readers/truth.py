@@ -17,21 +17,13 @@ import zarr
 from zarr.errors import BaseZarrError
 
 from humanmm.errors import TruthError
-from humanmm.models.evaluation.people import projected_boxes
-from humanmm.models.evaluation.skeleton import LIMB_NAMES, SMPL_NAMES, pick
-from humanmm.models.geometry.rotations import rotation_from_vector
-from humanmm.models.records.sequence import BodyParameters, CameraTake, PersonTake, Take
+from humanmm.models.evaluation.truth import contract_take, pose2sim_take
+from humanmm.models.records.sequence import Take
 
 MAX_ARRAY_BYTES = 2**30
 """One array of an hour of video at 60 fps stays below this."""
 
-MAX_FRAMES = 2_000_000
 MAX_JSON_BYTES = 64 * 2**20
-
-R_ZUP_YUP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-"""World axes of a y-up truth to our z-up ones."""
-
-Arrays = Mapping[str, np.ndarray]
 
 
 def read_take(path: Path) -> Take:
@@ -48,7 +40,7 @@ def _read(path: Path) -> Take:
     if path.is_dir():
         for group in (path / "motion.zarr", path):
             if (group / "zarr.json").is_file():
-                return _contract_take(_ZarrArrays(group), transitions=_transitions(path / "run.json"))
+                return contract_take(_ZarrArrays(group), transitions=_transitions(path / "run.json"))
         raise TruthError("neither a run folder nor a motion.zarr; expected motion.zarr/zarr.json in it")
     if not path.is_file():
         raise TruthError("does not exist; expected a run folder or an .npz truth")
@@ -56,9 +48,9 @@ def _read(path: Path) -> Take:
         raise TruthError("not an .npz file; expected a run folder or an .npz truth")
     arrays = NpzArrays(path)
     if "joints3d" in arrays and "R_world2cam" in arrays:
-        return _pose2sim_take(arrays)
+        return pose2sim_take(arrays)
     if "num_frames" in arrays and "cut_frames" in arrays:
-        return _contract_take(arrays, transitions=_spans(arrays))
+        return contract_take(arrays)
     raise TruthError(
         "no truth: expected motion.zarr's array names (num_frames, cut_frames, people/00/joints, …) or Pose2Sim's "
         f"(joints3d, R_world2cam, …), found {', '.join(sorted(arrays)[:6]) or 'nothing'}"
@@ -128,7 +120,7 @@ def _check_size(key: str, shape: tuple[int, ...], dtype: np.dtype[Any]) -> None:
         raise TruthError(f"{key} holds Python objects; expected plain numbers or names (no pickles)")
     size = math.prod(shape) * dtype.itemsize
     if size > MAX_ARRAY_BYTES:
-        raise TruthError(f"{key} claims {size:,} bytes; expected at most {MAX_ARRAY_BYTES:,}")
+        raise TruthError(f"{key} declares {size:,} bytes; expected at most {MAX_ARRAY_BYTES:,}")
 
 
 def _first_line(error: Exception) -> str:
@@ -136,7 +128,7 @@ def _first_line(error: Exception) -> str:
 
 
 def _transitions(run_json: Path) -> tuple[tuple[int, int], ...] | None:
-    """[start, end) of every change of shot as run.json tells them; None where there is no run.json."""
+    """[start, end) of every change of shot as run.json has them; None where there is no run.json."""
     if not run_json.is_file():
         return None
     if run_json.stat().st_size > MAX_JSON_BYTES:
@@ -147,133 +139,3 @@ def _transitions(run_json: Path) -> tuple[tuple[int, int], ...] | None:
         transition = shot.get("transition") or {"start": shot["start"], "end": shot["start"]}
         spans.append((int(transition["start"]), int(transition["end"])))
     return tuple(spans)
-
-
-def _spans(arrays: Arrays) -> tuple[tuple[int, int], ...] | None:
-    """[start, end) of every change of shot as an npz truth tells them; None where it names cuts alone."""
-    if "transitions" not in arrays:
-        return None
-    return tuple((int(start), int(end)) for start, end in _shaped(arrays, "transitions", (None, 2)))
-
-
-def _contract_take(arrays: Arrays, *, transitions: tuple[tuple[int, int], ...] | None) -> Take:
-    """A take from motion.zarr's array names and attributes."""
-    num_frames = int(_need(arrays, "num_frames"))
-    if not 0 < num_frames <= MAX_FRAMES:
-        raise TruthError(f"num_frames is {num_frames}; expected 1 to {MAX_FRAMES}")
-    fps = float(_need(arrays, "fps"))
-    if not (np.isfinite(fps) and fps > 0) and num_frames > 1:
-        raise TruthError(f"fps is {fps}; expected a positive number")
-    cut_frames = tuple(int(cut) for cut in np.atleast_1d(_need(arrays, "cut_frames")).ravel())
-    if list(cut_frames) != sorted(set(cut_frames)) or any(not 0 < cut < num_frames for cut in cut_frames):
-        raise TruthError(f"cut_frames are {cut_frames}; expected rising frame numbers between 1 and {num_frames - 1}")
-    spans = tuple((cut, cut) for cut in cut_frames)
-    if transitions is not None:
-        if tuple((start + end) // 2 for start, end in transitions) != cut_frames:
-            raise TruthError(f"the transitions {transitions} disagree with the cuts {cut_frames}")
-        spans = transitions
-    joint_names = tuple(str(name) for name in arrays["joint_names"]) if "joint_names" in arrays else SMPL_NAMES
-    cameras = _contract_cameras(arrays, num_frames)
-    keys = [key.split("/") for key in arrays]
-    numbers = sorted(int(key[1]) for key in keys if len(key) == 3 and key[0] == "people" and key[2] == "joints")
-    model = str(arrays["body_model"]) if "body_model" in arrays else ""
-    people = tuple(
-        _contract_person(arrays, number, num_frames=num_frames, joint_names=joint_names, model=model, cameras=cameras)
-        for number in numbers
-    )
-    return Take(num_frames, fps or 1.0, joint_names, people, spans, cameras)
-
-
-def _contract_cameras(arrays: Arrays, num_frames: int) -> CameraTake | None:
-    keys = ("cameras/R_world_cam", "cameras/t_world_cam", "cameras/K")
-    if not all(key in arrays for key in keys):
-        return None
-    shapes = ((num_frames, 3, 3), (num_frames, 3), (num_frames, 3, 3))
-    return CameraTake(*(_shaped(arrays, key, shape) for key, shape in zip(keys, shapes, strict=True)))
-
-
-def _contract_person(
-    arrays: Arrays,
-    number: int,
-    *,
-    num_frames: int,
-    joint_names: tuple[str, ...],
-    model: str,
-    cameras: CameraTake | None,
-) -> PersonTake:
-    prefix = f"people/{number:02d}"
-    joints = _shaped(arrays, f"{prefix}/joints", (None, len(joint_names), 3))
-    n = len(joints)
-    frame = np.arange(n)
-    if f"{prefix}/frame" in arrays:
-        frame = _shaped(arrays, f"{prefix}/frame", (n,)).astype(np.int64)
-    if n and (frame[0] < 0 or frame[-1] >= num_frames or (np.diff(frame) <= 0).any()):
-        raise TruthError(f"{prefix}/frame does not rise strictly between 0 and {num_frames - 1}")
-
-    def optional(name: str, shape: tuple[int, ...]) -> np.ndarray | None:
-        key = f"{prefix}/{name}"
-        return _shaped(arrays, key, shape) if key in arrays else None
-
-    observed = optional("observed", (n,))
-    root_orient = optional("root_orient", (n, 3))
-    parts = (root_orient, optional("body_pose", (n, 23, 3)), optional("betas", (10,)), optional("transl", (n, 3)))
-    bbox = optional("bbox", (n, 4))
-    if bbox is None and cameras is not None:
-        bbox = projected_boxes(joints, frame, cameras)
-    body = None
-    if all(part is not None for part in parts):
-        body = BodyParameters(model, *(part for part in parts if part is not None))
-    return PersonTake(
-        person=number,
-        frame=frame,
-        observed=np.ones(n, bool) if observed is None else observed.astype(bool),
-        joints=joints,
-        R_world_root=None if root_orient is None else rotation_from_vector(root_orient),
-        contacts=optional("contacts", (n, 4)),
-        bbox_xyxy=bbox,
-        body=body,
-    )
-
-
-def _pose2sim_take(arrays: Arrays) -> Take:
-    """A take from a Pose2Sim truth: one person, y up, world-to-camera extrinsics, joints NaN where not triangulated."""
-    joint_names = tuple(str(name) for name in _need(arrays, "joint_names"))
-    joints = _shaped(arrays, "joints3d", (None, len(joint_names), 3)) @ R_ZUP_YUP.T
-    num_frames = len(joints)
-    R_world_cam = R_ZUP_YUP @ np.swapaxes(_shaped(arrays, "R_world2cam", (num_frames, 3, 3)), 1, 2)
-    t_cam_world = _shaped(arrays, "t_world2cam", (num_frames, 3))
-    cameras = CameraTake(
-        R_world_cam=R_world_cam,
-        t_world_cam=-(R_world_cam @ t_cam_world[..., None])[..., 0],
-        K=_shaped(arrays, "K", (num_frames, 3, 3)),
-    )
-    frame = np.arange(num_frames)
-    person = PersonTake(
-        person=0,
-        frame=frame,
-        observed=np.isfinite(pick(joints, joint_names, LIMB_NAMES)).all(axis=(1, 2)),
-        joints=joints,
-        bbox_xyxy=projected_boxes(joints, frame, cameras),
-    )
-    cut_frames = tuple(int(cut) for cut in np.atleast_1d(_need(arrays, "cut_frames")))
-    transitions = tuple((cut, cut) for cut in cut_frames)
-    return Take(num_frames, float(_need(arrays, "fps")), joint_names, (person,), transitions, cameras)
-
-
-def _need(arrays: Arrays, key: str) -> np.ndarray:
-    if key not in arrays:
-        raise TruthError(f"lacks {key}")
-    return arrays[key]
-
-
-def _shaped(arrays: Arrays, key: str, shape: tuple[int | None, ...]) -> np.ndarray:
-    """The array as float64, its shape checked; None in `shape` stands for any length up to the frame limit."""
-    array = _need(arrays, key)
-    fits = len(array.shape) == len(shape)
-    fits = fits and all(want in (None, have) for have, want in zip(array.shape, shape, strict=True))
-    if not fits or len(array) > MAX_FRAMES:
-        wanted = "×".join("N" if side is None else str(side) for side in shape)
-        raise TruthError(f"{key} has shape {'×'.join(map(str, array.shape))}; expected {wanted}")
-    if array.dtype.kind not in "fiub":
-        raise TruthError(f"{key} has type {array.dtype}; expected numbers")
-    return array.astype(np.float64)

@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 
 from humanmm.errors import InputError
+from humanmm.models.geometry.axes import R_ZUP_YUP, camera_to_world, centred_pixels
 from humanmm.models.geometry.rotations import rotation_from_vector
 from humanmm.storage.readers.datasets.multiview import MultiviewSequence
 from humanmm.storage.readers.restricted_pickle import read_pickle
-from humanmm.storage.readers.truth import R_ZUP_YUP
 
 FPS = 60.0
 COCO = (
@@ -61,15 +61,15 @@ def read_multiview(root: Path, videos: Path, name: str) -> MultiviewSequence:
     for path in paths:
         if not path.is_file():
             raise InputError(f"{path} is missing; {OBTAIN}")
-    R_world_cam = R_ZUP_YUP @ np.swapaxes(rotation_from_vector(cameras["cam_rotvec"]), -1, -2)
+    R_world_cam, t_world_cam = camera_to_world(rotation_from_vector(cameras["cam_rotvec"]), cameras["cam_t"] * _CM)
     return MultiviewSequence(
         name=name,
         fps=FPS,
         joint_names=COCO,
         joints=joints.astype(np.float64) * _CM @ R_ZUP_YUP.T,
-        K=cameras["cam_K"] + np.array([[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]]),  # calibrated by OpenCV
+        K=centred_pixels(cameras["cam_K"]),
         R_world_cam=R_world_cam,
-        t_world_cam=-(R_world_cam @ (cameras["cam_t"] * _CM)[..., None])[..., 0],
+        t_world_cam=t_world_cam,
         videos=paths,
     )
 

@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 from humanmm.errors import InputError
+from humanmm.models.body.smpl_joints import SmplJoints
 from humanmm.models.evaluation.skeleton import SMPL_NAMES
+from humanmm.models.geometry.axes import R_ZUP_YUP, camera_to_world, centred_pixels
 from humanmm.storage.readers.datasets.recording import ImageRecording
-from humanmm.storage.readers.datasets.smpl_joints import SmplJoints
 from humanmm.storage.readers.restricted_pickle import read_pickle
-from humanmm.storage.readers.truth import R_ZUP_YUP
 
 FPS = 30.0
 OBTAIN = "get EMDB (eth-ait.github.io/emdb, an application form) and unzip P0 to P9 into one folder"
@@ -41,7 +41,7 @@ def read_recording(path: Path, body: SmplJoints) -> ImageRecording:
         poses = np.asarray(camera["extrinsics"], np.float64)
         parameters = [np.asarray(smpl[key], np.float64) for key in ("poses_root", "poses_body", "betas", "trans")]
         good = np.asarray(tree["good_frames_mask"]).astype(bool)
-        K = np.asarray(camera["intrinsics"], np.float64).reshape(3, 3).copy()
+        K = np.asarray(camera["intrinsics"], np.float64).reshape(3, 3)
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"{path} is not as EMDB documents it: {error!r}") from None
     count = len(poses)
@@ -52,8 +52,7 @@ def read_recording(path: Path, body: SmplJoints) -> ImageRecording:
     for picture in pictures:
         if not picture.is_file():
             raise InputError(f"{picture} is missing; {OBTAIN}")
-    K[:2, 2] += 0.5  # calibrated with pixel centres at integers
-    R_world_cam = np.swapaxes(poses[:, :3, :3], 1, 2)
+    R_world_cam, t_world_cam = camera_to_world(poses[:, :3, :3], poses[:, :3, 3])
     return ImageRecording(
         name=path.stem.removesuffix("_data"),
         fps=FPS,
@@ -61,9 +60,9 @@ def read_recording(path: Path, body: SmplJoints) -> ImageRecording:
         joint_names=SMPL_NAMES,
         people=(body.posed(*parameters) @ R_ZUP_YUP.T,),
         observed=(good,),
-        K=K,
-        R_world_cam=R_ZUP_YUP @ R_world_cam,
-        t_world_cam=-(R_world_cam @ poses[:, :3, 3:])[..., 0] @ R_ZUP_YUP.T,
+        K=centred_pixels(K),
+        R_world_cam=R_world_cam,
+        t_world_cam=t_world_cam,
     )
 
 

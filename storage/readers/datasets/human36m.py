@@ -5,11 +5,11 @@ A folder with `metadata.xml` (of the release's own code: <w0> holds all cameras)
 """
 
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
 from jaxtyping import Float
+from scipy.spatial.transform import Rotation
 
 from humanmm.errors import InputError
 from humanmm.storage.readers.datasets.multiview import MultiviewSequence
@@ -98,13 +98,5 @@ def _cameras(path: Path, subject: int) -> tuple[np.ndarray, np.ndarray, np.ndarr
     inner = w0[per_camera * len(CAMERAS) :][: 9 * len(CAMERAS)].reshape(len(CAMERAS), 9)
     K = np.tile(np.eye(3), (len(CAMERAS), 1, 1))
     K[:, [0, 1], [0, 1]], K[:, :2, 2] = inner[:, :2], inner[:, 2:4]
-    R_cam_world = np.stack([_about(0, a[0]) @ _about(1, a[1]) @ _about(2, a[2]) for a in outer])
+    R_cam_world = Rotation.from_euler("XYZ", outer[:, :3]).as_matrix()
     return K, np.swapaxes(R_cam_world, -1, -2), outer[:, 3:] * _MM
-
-
-def _about(axis: int, angle: Any) -> np.ndarray:
-    """(3,3) rotation about a coordinate axis."""
-    R, (i, j) = np.eye(3), ((1, 2), (2, 0), (0, 1))[axis]
-    R[i, i] = R[j, j] = np.cos(angle)
-    R[i, j], R[j, i] = -np.sin(angle), np.sin(angle)
-    return R

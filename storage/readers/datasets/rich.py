@@ -4,7 +4,7 @@ A folder with
     bodies/<split>/<sequence>/<frame>/<subject>.pkl       SMPL-X: betas (1,10), global_orient (1,3), body_pose (1,63),
                                                           transl (1,3), in the axes of the multi-camera calibration
     images/<split>/<sequence>/cam_<NN>/<frame>_<NN>.*     bmp, png or jpeg; 30 fps
-    scan_calibration/<scene>/calibration/<NNN>.xml        CameraMatrix (3,4), Intrinsics (3,3) of a standing camera
+    scan_calibration/<scene>/calibration/<NNN>.xml        CameraMatrix (3,4), Intrinsics (3,3) of a static camera
     multicam2world/<scene>_multicam2world.json            p_world = c p R + t for rows p; world z up, the scan's axes
 where a sequence is called <scene>_<subject>[_<subject>]_<action>. It holds no joints: they come from the user's own
 SMPL-X models of men and women. Cameras that move have no calibration and are left out.
@@ -22,10 +22,11 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from humanmm.errors import InputError
+from humanmm.models.body.smpl_joints import SmplJoints
 from humanmm.models.evaluation.skeleton import SMPL_NAMES
+from humanmm.models.geometry.axes import centred_pixels
 from humanmm.models.geometry.rotations import nearest_rotation
 from humanmm.storage.readers.datasets.recording import ImageRecording
-from humanmm.storage.readers.datasets.smpl_joints import SmplJoints
 from humanmm.storage.readers.restricted_pickle import read_pickle
 
 log = logging.getLogger(__name__)
@@ -40,14 +41,14 @@ _PARAMETERS = {"global_orient": 3, "body_pose": 63, "betas": 10, "transl": 3}
 _HANDS = 6
 """Numbers of SMPL's two hands, which SMPL-X poses finger by finger."""
 _IN_VIEW = 0.3
-"""Share of the joints inside the picture from which a person counts as observed."""
+"""Least fraction of joints inside the picture with which a person counts as observed."""
 _NOT_WHOLE = 0.15
 """How far a picture's size may be from a whole fraction of the calibrated one."""
 
 
 @dataclass(frozen=True)
 class View:
-    """One standing camera's pictures of one sequence."""
+    """One static camera's pictures of one sequence."""
 
     bodies: Path
     pictures: Path
@@ -180,8 +181,7 @@ def _calibration(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     except (OSError, ElementTree.ParseError, ValueError) as error:
         raise InputError(f"{path} holds no CameraMatrix and Intrinsics ({error}); {OBTAIN}") from None
     K, pose = matrices
-    K[:2, 2] += 0.5  # calibrated with pixel centres at integers
-    return K, pose[:, :3], pose[:, 3]
+    return centred_pixels(K), pose[:, :3], pose[:, 3]
 
 
 def _at_size(K: Float[np.ndarray, "3 3"], width: int, height: int, view: View) -> Float[np.ndarray, "3 3"]:

@@ -12,9 +12,9 @@ import numpy as np
 
 from humanmm.errors import InputError
 from humanmm.models.evaluation.skeleton import SMPL_NAMES
+from humanmm.models.geometry.axes import R_ZUP_YUP, camera_to_world, centred_pixels
 from humanmm.storage.readers.datasets.recording import ImageRecording
 from humanmm.storage.readers.restricted_pickle import read_pickle
-from humanmm.storage.readers.truth import R_ZUP_YUP
 
 FPS = 30.0
 OBTAIN = "get 3DPW (virtualhumans.mpi-inf.mpg.de/3DPW, its licence): sequenceFiles.zip and imageFiles.zip"
@@ -48,10 +48,7 @@ def read_recording(root: Path, path: Path) -> ImageRecording:
         if not picture.is_file():
             raise InputError(f"{picture} is missing; {OBTAIN}")
     valid = tree.get("campose_valid") or [np.ones(len(poses), bool)] * len(joints)
-    R_world_cam = np.swapaxes(poses[:, :3, :3], 1, 2)
-    centre = -(R_world_cam @ poses[:, :3, 3:])[..., 0]
-    K = np.asarray(tree["cam_intrinsics"], np.float64).reshape(3, 3).copy()
-    K[:2, 2] += 0.5  # calibrated with pixel centres at integers
+    R_world_cam, t_world_cam = camera_to_world(poses[:, :3, :3], poses[:, :3, 3])
     return ImageRecording(
         name=path.stem,
         fps=FPS,
@@ -59,7 +56,7 @@ def read_recording(root: Path, path: Path) -> ImageRecording:
         joint_names=SMPL_NAMES,
         people=tuple(one.reshape(-1, 24, 3) @ R_ZUP_YUP.T for one in joints),
         observed=tuple(np.asarray(one).astype(bool) for one in valid),
-        K=K,
-        R_world_cam=R_ZUP_YUP @ R_world_cam,
-        t_world_cam=centre @ R_ZUP_YUP.T,
+        K=centred_pixels(np.asarray(tree["cam_intrinsics"], np.float64).reshape(3, 3)),
+        R_world_cam=R_world_cam,
+        t_world_cam=t_world_cam,
     )

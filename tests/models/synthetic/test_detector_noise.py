@@ -29,7 +29,7 @@ def seen(points: np.ndarray, **changes: object) -> Detections:
 
 def test_what_stands_keeps_its_error_and_what_moves_does_not() -> None:
     points = waving(600)
-    found = seen(points, **NO_EVENTS, shot_share=0.0, new_share=0.0)
+    found = seen(points, **NO_EVENTS, shot_fraction=0.0, new_fraction=0.0)
     true = (points @ K.T)[..., :2] / points[..., 2:]
     change = np.diff(found.keypoints[..., :2] - true, axis=0)
     assert change[:, WAVING].std() > 1.3 * change[:, STANDING].std()
@@ -37,21 +37,21 @@ def test_what_stands_keeps_its_error_and_what_moves_does_not() -> None:
 
 def test_an_error_is_as_large_on_what_moves_as_on_what_stands() -> None:
     points = waving(3000)
-    found = seen(points, **NO_EVENTS, shot_share=0.0)
+    found = seen(points, **NO_EVENTS, shot_fraction=0.0)
     error = found.keypoints[..., :2] - (points @ K.T)[..., :2] / points[..., 2:]
     assert 0.8 < error[:, WAVING].std() / error[:, STANDING].std() < 1.25
 
 
 def test_what_is_new_in_every_frame_is_so_whatever_moves() -> None:
     points = waving(600)
-    found = seen(points, **NO_EVENTS, shot_share=0.0, new_share=1.0)
+    found = seen(points, **NO_EVENTS, shot_fraction=0.0, new_fraction=1.0)
     error = found.keypoints[..., 0] - (points @ K.T)[..., 0] / points[..., 2]
     following = np.corrcoef(error[1:, STANDING].ravel(), error[:-1, STANDING].ravel())[0, 1]
     assert abs(following) < 0.05
 
 
 def test_limbs_that_stand_are_lost_more_rarely() -> None:
-    still = {**NO_EVENTS, "lost_rate": (1.0, 1.0), "lost_share": 0.5, "keypoint_share": 0.0}
+    still = {**NO_EVENTS, "lost_rate": (1.0, 1.0), "lost_fraction": 0.5, "keypoint_fraction": 0.0}
     points = waving(9000)
     found = seen(points, **still)
     far = np.abs(found.keypoints[..., :2] - (points @ K.T)[..., :2] / points[..., 2:]).max(axis=-1) > 1.0
@@ -70,7 +70,7 @@ def test_the_way_is_that_of_each_part_about_the_body() -> None:
 
 def test_a_hand_and_its_fingers_err_together_and_both_arms_alike_in_the_mirror() -> None:
     points = waving(6000)
-    found = seen(points, **NO_EVENTS, shot_share=0.0, new_share=0.0)
+    found = seen(points, **NO_EVENTS, shot_fraction=0.0, new_fraction=0.0)
     error = found.keypoints[..., :2] - (points @ K.T)[..., :2] / points[..., 2:]
     left, right = (np.cov(error[:, list(limb)].reshape(len(points), -1).T) for limb in LIMBS[:2])
     side = np.tile([-1.0, 1.0], len(LIMBS[0]))

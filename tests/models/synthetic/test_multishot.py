@@ -17,7 +17,7 @@ from humanmm.storage.readers.mocap_pack import read_pack
 from humanmm.storage.store.codec import encode
 
 SILENT = replace(
-    fitted_noise(), keypoint_share=0.0, landmark_sigma_m=(0, 0, 0), turn_deg=(0, 0, 0), landmark_scale=1.0,
+    fitted_noise(), keypoint_fraction=0.0, landmark_deviation_m=(0, 0, 0), rotation_deg=(0, 0, 0), landmark_scale=1.0,
     tilt_deg=0.0, tilt_per_pitch=0.0, lean_per_roll=0.0, anatomy_m=0.0, hidden_rate=(0, 0), lost_rate=(0, 0),
     swap_rate=(0, 0), miss_rate=0,
 )  # fmt: skip
@@ -81,7 +81,7 @@ def test_without_noise_landmarks_are_the_true_ones_seen_along_the_ray(takes: tup
 
 def test_noise_has_the_size_that_it_is_said_to_have(takes: tuple[MocapTake, ...]) -> None:
     plan = plan_videos(takes, 1, seed=3, transitions=(3,))[0]
-    plain = replace(SILENT, keypoint_share=0.02, shot_share=0.0, new_share=1.0)
+    plain = replace(SILENT, keypoint_fraction=0.02, shot_fraction=0.0, new_fraction=1.0)
     clean, noisy = (build_video(takes[plan.take], replace(plan, noise=noise)) for noise in (SILENT, plain))
     errors = []
     for one, other in zip(clean.people, noisy.people, strict=True):

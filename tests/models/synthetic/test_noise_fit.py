@@ -14,7 +14,7 @@ from humanmm.models.records.sequence import BodyParameters, CameraTake, PersonTa
 from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.synthetic.detector_errors import MeasuredClip, person_errors
 from humanmm.models.synthetic.detector_noise import detect, fitted_noise, pitch_and_roll
-from humanmm.models.synthetic.mocap import MocapTake, cast, leg_length
+from humanmm.models.synthetic.mocap import MocapTake, leg_length, pose_actor
 from humanmm.models.synthetic.multishot import person_track
 from humanmm.models.synthetic.noise_fit import NoiseFit, fit_noise
 from humanmm.models.synthetic.noise_plot import plot_fit
@@ -23,17 +23,17 @@ from humanmm.models.synthetic.rigs import look_at
 pytestmark = pytest.mark.slow
 SIZE = (1920, 1080)
 KNOWN = replace(
-    fitted_noise(), keypoint_share=0.015, landmark_sigma_m=(0.02, 0.02, 0.04), turn_deg=(4.0, 6.0, 2.0), tilt_deg=3.0,
-    tilt_per_pitch=-0.6, lean_per_roll=-0.4, landmark_scale=0.9, hidden_rate=(0, 0), lost_rate=(0, 0),
-    swap_rate=(0.0, 1.0), swap_s=0.6, miss_rate=0.7, miss_s=0.2, shot_share=0.3, new_share=0.1,
-    slow_way=0.15, rest_speed=0.1,
+    fitted_noise(), keypoint_fraction=0.015, landmark_deviation_m=(0.02, 0.02, 0.04), rotation_deg=(4.0, 6.0, 2.0),
+    tilt_deg=3.0, tilt_per_pitch=-0.6, lean_per_roll=-0.4, landmark_scale=0.9, hidden_rate=(0, 0), lost_rate=(0, 0),
+    swap_rate=(0.0, 1.0), swap_s=0.6, miss_rate=0.7, miss_s=0.2, shot_fraction=0.3, new_fraction=0.1,
+    memory_path=0.15, rest_speed=0.1,
 )  # fmt: skip
 
 
 def measured(take: MocapTake, number: int) -> MeasuredClip:
     """A standing camera at a random height and roll, and the detector of the known noise."""
     rng = np.random.default_rng(number)
-    actor = cast(take, rng)
+    actor = pose_actor(take, rng)
     n, fps, K = len(actor.joints), take.fps, np.array([[1200.0, 0, 960], [0, 1200, 540], [0, 0, 1]])
     middle = actor.joints[:, 0].mean(axis=0)
     away = rng.uniform(0, 2 * np.pi)
@@ -65,10 +65,10 @@ def fit() -> NoiseFit:
 
 
 def test_errors_of_places_and_rotations_are_found(fit: NoiseFit) -> None:
-    assert fit.noise.keypoint_share == pytest.approx(KNOWN.keypoint_share, rel=0.1)
+    assert fit.noise.keypoint_fraction == pytest.approx(KNOWN.keypoint_fraction, rel=0.1)
     assert fit.noise.landmark_scale == pytest.approx(KNOWN.landmark_scale, rel=0.05)
-    assert fit.noise.turn_deg == pytest.approx(KNOWN.turn_deg, rel=0.35)
-    assert fit.noise.landmark_sigma_m == pytest.approx(KNOWN.landmark_sigma_m, rel=0.25)
+    assert fit.noise.rotation_deg == pytest.approx(KNOWN.rotation_deg, rel=0.35)
+    assert fit.noise.landmark_deviation_m == pytest.approx(KNOWN.landmark_deviation_m, rel=0.25)
 
 
 def test_tilt_follows_pitch_and_lean_follows_roll(fit: NoiseFit) -> None:
@@ -81,8 +81,8 @@ def test_tilt_follows_pitch_and_lean_follows_roll(fit: NoiseFit) -> None:
 
 def test_how_long_errors_stay_and_how_they_follow_movement_is_found(fit: NoiseFit) -> None:
     assert fit.noise.rest_speed == pytest.approx(KNOWN.rest_speed, rel=0.3)
-    assert fit.noise.new_share == pytest.approx(KNOWN.new_share, abs=0.05)
-    assert fit.noise.slow_way == pytest.approx(KNOWN.slow_way, rel=0.3)
+    assert fit.noise.new_fraction == pytest.approx(KNOWN.new_fraction, abs=0.05)
+    assert fit.noise.memory_path == pytest.approx(KNOWN.memory_path, rel=0.3)
 
 
 def test_exchanged_sides_and_missed_frames_are_found(fit: NoiseFit) -> None:
@@ -100,5 +100,11 @@ def test_exchanged_sides_and_missed_frames_are_found(fit: NoiseFit) -> None:
 
 def test_the_fit_can_be_drawn(fit: NoiseFit, tmp_path: Path) -> None:
     few = replace(fit, series=fit.series[:3])
-    plot_fit(few, tmp_path / "fit.png")
+    figure = plot_fit(few)
+    assert len(figure.axes) == 12
+    for axes in figure.axes[:6]:
+        for line in axes.lines:
+            errors, fractions = line.get_xdata(), line.get_ydata()
+            assert (np.diff(errors) >= 0).all() and (fractions[0], fractions[-1]) == (0, 1), "a distribution"
+    figure.savefig(tmp_path / "fit.png", dpi=80)
     assert (tmp_path / "fit.png").read_bytes()[:4] == b"\x89PNG"

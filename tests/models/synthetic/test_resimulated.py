@@ -11,7 +11,7 @@ from humanmm.models.synthetic.multishot import BenchVideo, build_video, plan_vid
 from humanmm.models.synthetic.resimulated import resimulated
 
 EXACT = replace(
-    fitted_noise(), keypoint_share=0.0, hidden_rate=(0, 0), lost_rate=(0, 0), swap_rate=(0, 0), miss_rate=0.0
+    fitted_noise(), keypoint_fraction=0.0, hidden_rate=(0, 0), lost_rate=(0, 0), swap_rate=(0, 0), miss_rate=0.0
 )
 
 

@@ -135,14 +135,14 @@ def test_pickles_are_never_loaded(tmp_path: Path, npz: dict[str, np.ndarray]) ->
         read_take(save(tmp_path / "t.npz", npz))
 
 
-def test_an_array_that_claims_terabytes_is_never_allocated(tmp_path: Path, npz: dict[str, np.ndarray]) -> None:
+def test_an_array_that_declares_terabytes_is_never_allocated(tmp_path: Path, npz: dict[str, np.ndarray]) -> None:
     path = save(tmp_path / "t.npz", {k: v for k, v in npz.items() if k != "people/00/joints"})
     header = io.BytesIO()
     description = {"descr": "<f4", "fortran_order": False, "shape": (10**9, 24, 3)}
     np.lib.format.write_array_header_1_0(header, description)
     with zipfile.ZipFile(path, "a") as file:
         file.writestr("people/00/joints.npy", header.getvalue())
-    with pytest.raises(TruthError, match="claims 288,000,000,000 bytes"):
+    with pytest.raises(TruthError, match="declares 288,000,000,000 bytes"):
         read_take(path)
 
 
