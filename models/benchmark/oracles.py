@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from humanmm.errors import StageError
-from humanmm.models.geometry.rotations import rotation_from_vector
+from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.records.camera import PointTracks, ShotCamera
 from humanmm.models.records.motion import WorldMotion
 from humanmm.models.records.sequence import CameraTake
@@ -36,7 +36,7 @@ def yaw_turns(video: BenchVideo, shots: ShotList, world: WorldMotion) -> Mapping
         before, after = world.R_world_cam[start - 1], world.R_world_cam[start]
         missing = before @ true @ after.T
         yaw = float(np.arctan2(missing[1, 0] - missing[0, 1], missing[0, 0] + missing[1, 1]))
-        turns[start] = before.T @ rotation_from_vector(np.array([0.0, 0.0, yaw])) @ after
+        turns[start] = before.T @ rotvec_to_rotmat(np.array([0.0, 0.0, yaw])) @ after
     return turns
 
 

@@ -10,7 +10,7 @@ from humanmm.models.body.body24 import JOINT_NAMES, load_body
 from humanmm.models.evaluation.cameras import errors_inside_shots_m, known
 from humanmm.models.evaluation.evaluate import evaluate
 from humanmm.models.evaluation.report import Report
-from humanmm.models.geometry.rotations import vector_from_rotation
+from humanmm.models.geometry.rotations import rotmat_to_rotvec
 from humanmm.models.motion.assemble import assemble, world_joints
 from humanmm.models.records.recording import Recording
 from humanmm.models.records.sequence import BodyParameters, CameraTake, PersonTake, Take, UndefinedFigureError
@@ -109,7 +109,7 @@ def cut_angles_deg(truth: Take) -> list[float]:
         return []
     R = truth.cameras.R_world_cam
     turns = [R[cut - 1].T @ R[cut] for cut in truth.cut_frames]
-    return [float(np.rad2deg(np.linalg.norm(vector_from_rotation(turn)))) for turn in turns]
+    return [float(np.rad2deg(np.linalg.norm(rotmat_to_rotvec(turn)))) for turn in turns]
 
 
 def _score(video: BenchVideo, done: MethodMotion) -> MethodFigures:

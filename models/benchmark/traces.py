@@ -10,7 +10,8 @@ from humanmm.models.evaluation.pairs import Pair, make_pair
 from humanmm.models.evaluation.people import match_people
 from humanmm.models.evaluation.pose import METRES_TO_MM
 from humanmm.models.evaluation.skeleton import LIMB_NAMES, mid_hip, pick
-from humanmm.models.geometry.alignment import fit_similarity
+from humanmm.models.geometry.alignment import umeyama_alignment
+from humanmm.models.geometry.projection import in_front, project, world_to_camera
 from humanmm.models.records.sequence import CameraTake, PersonTake, Take, UndefinedFigureError
 
 Array = np.ndarray
@@ -68,7 +69,7 @@ def trace_video(name: str, split: str, truth: Take, predictions: Sequence[tuple[
             pixels.append(np.full_like(pixels[0], np.nan))
             continue
         predicted, true = _limbs_of(pair)
-        laid = fit_similarity(predicted.reshape(-1, 3), true.reshape(-1, 3), with_scale=False)
+        laid = umeyama_alignment(predicted.reshape(-1, 3), true.reshape(-1, 3), with_scale=False)
         aligned = laid.apply(predicted.reshape(-1, 3)).reshape(predicted.shape)
         rows.append(_at(aligned, pair.frame, frame))
         bodies.append(_at(aligned, pair.frame, shown))
@@ -126,10 +127,9 @@ def _projected(
 ) -> Float[Array, "m 12 2"]:
     if cameras is None:
         return np.full((*joints.shape[:2], 2), np.nan)
-    in_camera = (joints - cameras.t_world_cam[frame, None]) @ cameras.R_world_cam[frame]
-    projected = in_camera @ np.swapaxes(cameras.K[frame], -1, -2)
-    depth = np.where(projected[..., 2:] > NEAR_M, projected[..., 2:], np.nan)
-    return np.asarray(projected[..., :2] / depth)
+    in_camera = world_to_camera(joints, cameras.R_world_cam[frame], cameras.t_world_cam[frame])
+    pixels = project(in_camera, cameras.K[frame], near_m=NEAR_M)
+    return np.where(in_front(in_camera, NEAR_M)[..., None], pixels, np.nan)
 
 
 def _picture(cameras: CameraTake | None) -> tuple[float, float]:
@@ -149,7 +149,7 @@ def _about_cut(
     base = np.flatnonzero((frame >= max(first, cut - BEFORE_S * truth.fps)) & (frame < cut))
     if len(base) < FEWEST_FRAMES:
         return out
-    laid = fit_similarity(predicted[base].reshape(-1, 3), true[base].reshape(-1, 3), with_scale=False)
+    laid = umeyama_alignment(predicted[base].reshape(-1, 3), true[base].reshape(-1, 3), with_scale=False)
     for k, offset in enumerate(OFFSETS_S):
         wanted = cut + round(offset * truth.fps)
         row = int(np.searchsorted(frame, wanted))

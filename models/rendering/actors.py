@@ -7,7 +7,7 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation, Slerp
 
 from humanmm.models.body.body24 import NUM_JOINTS, load_body
-from humanmm.models.geometry.rotations import rotation_from_vector
+from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.motion.refine.contacts import CONTACT_JOINTS
 from humanmm.models.motion.refine.refine import sole_heights
 from humanmm.models.synthetic.mocap import Actor, MocapTake, cast
@@ -64,7 +64,7 @@ def standing(actor: Actor, fps: float) -> Actor:
 
 def _moved(actor: Actor, yaw: float, beside: Actor, rng: np.random.Generator) -> Actor:
     """The actor turned about the vertical, its path's middle near that of somebody else."""
-    R = rotation_from_vector(np.array([0.0, 0.0, yaw]))
+    R = rotvec_to_rotmat(np.array([0.0, 0.0, yaw]))
     away = rng.uniform(0, 2 * np.pi)
     target = beside.joints[:, 0].mean(axis=0) + rng.uniform(0.6, 1.8) * np.array([np.cos(away), np.sin(away), 0])
     turned = actor.joints @ R.T

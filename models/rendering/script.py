@@ -8,7 +8,8 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.models.geometry.rotations import rotation_from_vector
+from humanmm.models.geometry.projection import world_to_camera
+from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.rendering.actors import cast_people, resample, shifted
 from humanmm.models.rendering.background_scene import Block, Scenery, build_outdoors, build_room
 from humanmm.models.synthetic.mocap import Actor, MocapTake
@@ -146,7 +147,7 @@ def in_view(
 ) -> tuple[Float[Array, "n 24 2"], Float[Array, "n 24"]]:
     """Pixels and depth of joints in a shot; `rows` counts from the shot's start."""
     R, t, f = shot.R_world_cam[rows], shot.t_world_cam[rows], shot.focal_px[rows]
-    in_camera = np.einsum("nba,nkb->nka", R, joints - t[:, None])
+    in_camera = world_to_camera(joints, R, t)
     depth = in_camera[..., 2]
     safe = np.where(depth > 0.05, depth, 0.05)
     return in_camera[..., :2] / safe[..., None] * f[:, None, None] + np.array(size) / 2, depth
@@ -212,7 +213,7 @@ def _plan_shot(
         arm = np.array([np.cos(azimuth) * distance, np.sin(azimuth) * distance, 0.0])
         eye = np.append((centre + arm)[:2], eye_height)
         camera = film(eye, centre, kind, pelvis, fps, rng)
-        R = camera.R_world_cam @ rotation_from_vector(np.array([0.0, 0.0, roll]))
+        R = camera.R_world_cam @ rotvec_to_rotmat(np.array([0.0, 0.0, roll]))
         shot = Shot(*span, f"{kind}, zoom" if zoom else kind, R, camera.t_world_cam, focal * ramp, gain)
         if _holds(actors, shot, (width, height)):
             break

@@ -12,7 +12,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from humanmm.models.evaluation.skeleton import LIMB_NAMES, pick
-from humanmm.models.geometry.rotations import kabsch, swing, vector_from_rotation
+from humanmm.models.geometry.alignment import kabsch
+from humanmm.models.geometry.projection import project, ray_axes, world_to_camera
+from humanmm.models.geometry.rotations import rotmat_to_rotvec
 from humanmm.models.records import landmarks
 from humanmm.models.records.sequence import CameraTake, PersonTake, Take
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
@@ -90,7 +92,7 @@ def _errors_in_shot(
     in_camera, pixels = _seen(joints, cameras, frame)
     height = _stature(joints) * cameras.K[frame, 1, 1] / in_camera[:, 6:8, 2].mean(axis=1)
     ray = in_camera[:, 6:8].mean(axis=1)
-    R_cam_ray = swing(np.broadcast_to([0.0, 0.0, 1.0], ray.shape), ray)
+    R_cam_ray = ray_axes(ray)
     true = np.einsum("nba,nkb->nka", R_cam_ray, in_camera - ray[:, None])
     n = len(rows)
     error = np.full((n, 12, 2), np.nan)
@@ -124,7 +126,7 @@ def _errors_in_shot(
         error=error,
         landmark_m=np.linalg.norm(solid - true, axis=-1),
         landmark_turned_m=np.linalg.norm(solid - np.einsum("nab,nkb->nka", R, true), axis=-1),
-        turn=vector_from_rotation(R),
+        turn=rotmat_to_rotvec(R),
         pitch=pitch,
         roll=roll,
     )
@@ -162,9 +164,8 @@ def _answer(
 def _seen(
     joints: Float[Array, "n k 3"], cameras: CameraTake, frame: Int[Array, " n"]
 ) -> tuple[Float[Array, "n k 3"], Float[Array, "n k 2"]]:
-    in_camera = np.einsum("nba,nkb->nka", cameras.R_world_cam[frame], joints - cameras.t_world_cam[frame, None])
-    projected = np.einsum("nab,nkb->nka", cameras.K[frame], in_camera)
-    return in_camera, projected[..., :2] / np.maximum(projected[..., 2:], 1e-3)
+    in_camera = world_to_camera(joints, cameras.R_world_cam[frame], cameras.t_world_cam[frame])
+    return in_camera, project(in_camera, cameras.K[frame], near_m=1e-3)
 
 
 def _stature(joints: Float[Array, "n 12 3"]) -> float:

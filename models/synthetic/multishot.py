@@ -15,7 +15,8 @@ from humanmm.models.body.landmarks import load_landmarks
 from humanmm.models.camera.keyframes import ViewFeatures
 from humanmm.models.evaluation.people import projected_boxes
 from humanmm.models.evaluation.skeleton import SMPL_NAMES
-from humanmm.models.geometry.rotations import vector_from_rotation
+from humanmm.models.geometry.projection import project, world_to_camera
+from humanmm.models.geometry.rotations import rotmat_to_rotvec
 from humanmm.models.perception.clothing import HISTOGRAM_BINS
 from humanmm.models.perception.silhouettes import silhouettes
 from humanmm.models.records.camera import PointTracks
@@ -239,7 +240,7 @@ def _watch(
     )
     to_camera = camera.t_world_cam - actor.joints[rows, 0]
     facing = actor.R_world_root[rows, :, 2]
-    in_camera = np.einsum("nba,nkb->nka", camera.R_world_cam, points - camera.t_world_cam[:, None])
+    in_camera = world_to_camera(points, camera.R_world_cam, camera.t_world_cam)
     stature = leg_length(body.rest_joints(actor.betas)) / leg_length(body.J_template)
     pitch, roll = pitch_and_roll(camera.R_world_cam, in_camera[:, 23:25].mean(axis=1))
     behind = (facing * to_camera).sum(axis=1) < 0
@@ -253,8 +254,8 @@ def _truth(actor: Actor, cameras: Sequence[ClipCamera], ring: Ring, cuts: Sequen
         np.concatenate([camera.t_world_cam for camera in cameras]),
         np.tile(ring.K, (n, 1, 1)),
     )
-    in_camera = np.einsum("nba,nkb->nka", path.R_world_cam, actor.joints - path.t_world_cam[:, None])
-    pixels = (in_camera @ ring.K.T)[..., :2] / np.maximum(in_camera[..., 2:], 1e-6)
+    in_camera = world_to_camera(actor.joints, path.R_world_cam, path.t_world_cam)
+    pixels = project(in_camera, ring.K, near_m=1e-6)
     in_view = (in_camera[..., 2] > 0) & (pixels > 0).all(-1) & (pixels < [WIDTH, HEIGHT]).all(-1)
     frame = np.arange(n)
     person = PersonTake(
@@ -267,7 +268,7 @@ def _truth(actor: Actor, cameras: Sequence[ClipCamera], ring: Ring, cuts: Sequen
         bbox_xyxy=projected_boxes(actor.joints, frame, path),
         body=BodyParameters(
             "body24",
-            vector_from_rotation(actor.R_world_root),
+            rotmat_to_rotvec(actor.R_world_root),
             actor.body_pose,
             actor.betas,
             actor.joints[:, 0] - load_body().rest_joints(actor.betas)[0],

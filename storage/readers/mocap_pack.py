@@ -9,7 +9,7 @@ import numpy as np
 
 from humanmm.errors import InputError, TruthError
 from humanmm.models.body.body24 import NUM_JOINTS, PARENTS
-from humanmm.models.geometry.rotations import rotation_from_vector
+from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.synthetic.mocap import MocapTake, leg_length
 from humanmm.storage.readers.truth import R_ZUP_YUP, NpzArrays
 
@@ -31,7 +31,7 @@ def read_pack(path: Path) -> tuple[MocapTake, ...]:
     _check(arrays, path)
     step = max(1, round(float(arrays["fps"]) / FPS))
     leg_m = leg_length(arrays["rest_joints"].astype(np.float64))
-    R = rotation_from_vector(arrays["poses"][:, :3])
+    R = rotvec_to_rotmat(arrays["poses"][:, :3])
     takes = []
     for name, start, length in zip(
         arrays["clip_name"].tolist(), arrays["clip_start"].tolist(), arrays["clip_len"].tolist(), strict=True

@@ -21,7 +21,7 @@ import numpy as np
 
 from humanmm.errors import InputError, TruthError
 from humanmm.models.benchmark.imported import SMPL_REST_PELVIS, SmplMotion, imported_take
-from humanmm.models.geometry.rotations import rotation_from_vector, vector_from_rotation
+from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
 from humanmm.models.records.sequence import Take
 from humanmm.storage.readers.restricted_pickle import read_pickle
 from humanmm.storage.readers.truth import NpzArrays, read_take
@@ -100,7 +100,7 @@ def _gvhmr(path: Path) -> SmplMotion:
     orient = _rows(params, "global_orient", 3)
     pose = _rows(params, "body_pose", 63)
     return SmplMotion(
-        np.arange(len(orient)), rotation_from_vector(orient), pose.reshape(len(pose), -1, 3), _rows(params, "transl", 3)
+        np.arange(len(orient)), rotvec_to_rotmat(orient), pose.reshape(len(pose), -1, 3), _rows(params, "transl", 3)
     )
 
 
@@ -112,7 +112,7 @@ def _wham(path: Path) -> tuple[SmplMotion, tuple[str, ...]]:
     track = max(tracks, key=lambda one: len(one["frame_ids"]))
     pose = _rows(track, "pose_world", 72).reshape(-1, 24, 3)
     frame = np.asarray(track["frame_ids"]).astype(np.int64)
-    motion = SmplMotion(frame, rotation_from_vector(pose[:, 0]), pose[:, 1:], _rows(track, "trans_world", 3))
+    motion = SmplMotion(frame, rotvec_to_rotmat(pose[:, 0]), pose[:, 1:], _rows(track, "trans_world", 3))
     return motion, _of_many(len(tracks))
 
 
@@ -127,7 +127,7 @@ def _slahmr(arrays: Mapping[str, Array]) -> tuple[SmplMotion, Array, tuple[str, 
         if length > 1e-6:
             up = normal / length * (1.0 if normal @ CAMERA_UP >= 0 else -1.0)
     frame = np.arange(orient.shape[1])
-    motion = SmplMotion(frame, rotation_from_vector(orient[0]), pose[0].reshape(len(frame), -1, 3), trans[0])
+    motion = SmplMotion(frame, rotvec_to_rotmat(orient[0]), pose[0].reshape(len(frame), -1, 3), trans[0])
     return motion, up, _of_many(len(orient))
 
 
@@ -136,7 +136,7 @@ def _tram(arrays: Mapping[str, Array]) -> tuple[SmplMotion, Array]:
     trans, frame = arrays["pred_trans"].astype(np.float64).reshape(-1, 3), arrays["frame"].astype(np.int64).ravel()
     R, t = arrays["pred_cam_R"].astype(np.float64)[frame], arrays["pred_cam_T"].astype(np.float64).reshape(-1, 3)[frame]
     transl = (R @ (trans + SMPL_REST_PELVIS)[..., None])[..., 0] + t - SMPL_REST_PELVIS
-    return SmplMotion(frame, R @ R_cam_body[:, 0], vector_from_rotation(R_cam_body[:, 1:]), transl), CAMERA_UP
+    return SmplMotion(frame, R @ R_cam_body[:, 0], rotmat_to_rotvec(R_cam_body[:, 1:]), transl), CAMERA_UP
 
 
 def _rows(arrays: Mapping[str, Any], name: str, width: int) -> Array:

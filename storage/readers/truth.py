@@ -19,7 +19,7 @@ from zarr.errors import BaseZarrError
 from humanmm.errors import TruthError
 from humanmm.models.evaluation.people import projected_boxes
 from humanmm.models.evaluation.skeleton import LIMB_NAMES, SMPL_NAMES, pick
-from humanmm.models.geometry.rotations import rotation_from_vector
+from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.records.sequence import BodyParameters, CameraTake, PersonTake, Take
 
 MAX_ARRAY_BYTES = 2**30
@@ -228,7 +228,7 @@ def _contract_person(
         frame=frame,
         observed=np.ones(n, bool) if observed is None else observed.astype(bool),
         joints=joints,
-        R_world_root=None if root_orient is None else rotation_from_vector(root_orient),
+        R_world_root=None if root_orient is None else rotvec_to_rotmat(root_orient),
         contacts=optional("contacts", (n, 4)),
         bbox_xyxy=bbox,
         body=body,

@@ -15,7 +15,7 @@ from humanmm.models.benchmark.tables.drawings import (
     worst_cases,
 )
 from humanmm.models.benchmark.traces import OFFSETS_S, VideoTraces, trace_video
-from humanmm.models.geometry.alignment import yaw_rotation
+from humanmm.models.geometry.alignment import yaw_to_rotmat
 from humanmm.models.records.sequence import Take
 from humanmm.models.synthetic.mocap import MocapTake
 from humanmm.models.synthetic.multishot import build_video, plan_videos
@@ -29,7 +29,7 @@ def truth(takes: tuple[MocapTake, ...]) -> Take:
 
 def moved(take: Take, *, since: int, shift: tuple[float, float, float], yaw: float = 0.0) -> Take:
     """The take in another world, its person displaced from a frame on."""
-    person, R = take.people[0], yaw_rotation(yaw)
+    person, R = take.people[0], yaw_to_rotmat(yaw)
     joints = person.joints.copy()
     joints[since:] += shift
     assert take.cameras is not None

@@ -7,8 +7,8 @@ from humanmm.models.body.body24 import JOINT_NAMES, load_body
 from humanmm.models.body.kinematics import forward_kinematics
 from humanmm.models.evaluation.orientation import R_WORLD_UPRIGHT
 from humanmm.models.evaluation.people import projected_boxes
-from humanmm.models.geometry.alignment import yaw_rotation
-from humanmm.models.geometry.rotations import rotation_from_vector, vector_from_rotation
+from humanmm.models.geometry.alignment import yaw_to_rotmat
+from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
 from humanmm.models.records.sequence import BodyParameters, CameraTake, PersonTake, Take
 
 NUM_FRAMES = 130
@@ -20,7 +20,7 @@ def take() -> Take:
     time = np.arange(NUM_FRAMES) / 30.0
     phase = np.random.default_rng(0).uniform(0, 2 * np.pi, (23, 3))
     body_pose = 0.3 * np.sin(2.0 * time[:, None, None] + phase)
-    R_root = np.stack([yaw_rotation(0.8 * t) @ R_WORLD_UPRIGHT for t in time])
+    R_root = np.stack([yaw_to_rotmat(0.8 * t) @ R_WORLD_UPRIGHT for t in time])
     pelvis = np.stack([0.9 * time, 0.5 * np.sin(time), 0.95 + 0.03 * np.sin(6 * time)], axis=1)
     betas = np.linspace(-0.5, 0.5, 10)
     body = load_body()
@@ -35,9 +35,7 @@ def take() -> Take:
         R_world_root=R_root,
         contacts=np.tile([1.0, 1.0, 0.0, 0.0], (NUM_FRAMES, 1)),
         bbox_xyxy=projected_boxes(joints, frame, cameras),
-        body=BodyParameters(
-            "body24", vector_from_rotation(R_root), body_pose, betas, pelvis - body.rest_joints(betas)[0]
-        ),
+        body=BodyParameters("body24", rotmat_to_rotvec(R_root), body_pose, betas, pelvis - body.rest_joints(betas)[0]),
     )
     return Take(NUM_FRAMES, 30.0, JOINT_NAMES, (person,), ((CUT, CUT),), cameras)
 
@@ -46,7 +44,7 @@ def _cameras(time: np.ndarray) -> CameraTake:
     """Five metres from the person's middle, orbiting slowly; after the cut from 100° further round."""
     angle = 0.2 * time + np.where(np.arange(len(time)) >= CUT, np.radians(100), 0.0)
     R_world_level = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])  # looks along the world's +y
-    R = np.stack([yaw_rotation(a) @ rotation_from_vector([0.0, 0.0, 0.02]) @ R_world_level for a in angle])
+    R = np.stack([yaw_to_rotmat(a) @ rotvec_to_rotmat([0.0, 0.0, 0.02]) @ R_world_level for a in angle])
     t = np.array([1.5, 0.0, 1.4]) - 5.0 * R[:, :, 2]
     K = np.tile(np.array([[1000.0, 0.0, 480.0], [0.0, 1000.0, 270.0], [0.0, 0.0, 1.0]]), (len(time), 1, 1))
     return CameraTake(R, t, K)

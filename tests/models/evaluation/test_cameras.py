@@ -7,8 +7,8 @@ import pytest
 from evo.core import metrics, trajectory
 
 from humanmm.models.evaluation import cameras
-from humanmm.models.geometry.alignment import yaw_rotation
-from humanmm.models.geometry.rotations import rotation_from_vector
+from humanmm.models.geometry.alignment import yaw_to_rotmat
+from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.records.sequence import CameraTake, Take, UndefinedFigureError
 
 
@@ -22,9 +22,9 @@ def truth(take: Take) -> CameraTake:
 def noisy(truth: CameraTake) -> CameraTake:
     rng = np.random.default_rng(4)
     n = len(truth.t_world_cam)
-    R = truth.R_world_cam @ rotation_from_vector(0.01 * rng.normal(size=(n, 3)))
-    t = 0.8 * truth.t_world_cam @ yaw_rotation(1.0).T + 0.02 * rng.normal(size=(n, 3)) + [3.0, 1.0, 0.0]
-    return CameraTake(yaw_rotation(1.0) @ R, t, truth.K * [[1.1, 1.0, 1.0], [1.0, 1.1, 1.0], [1.0, 1.0, 1.0]])
+    R = truth.R_world_cam @ rotvec_to_rotmat(0.01 * rng.normal(size=(n, 3)))
+    t = 0.8 * truth.t_world_cam @ yaw_to_rotmat(1.0).T + 0.02 * rng.normal(size=(n, 3)) + [3.0, 1.0, 0.0]
+    return CameraTake(yaw_to_rotmat(1.0) @ R, t, truth.K * [[1.1, 1.0, 1.0], [1.0, 1.1, 1.0], [1.0, 1.0, 1.0]])
 
 
 def poses(take: CameraTake) -> trajectory.PosePath3D:
@@ -64,8 +64,8 @@ def test_a_camera_that_never_moves_has_no_absolute_error() -> None:
 
 
 def test_a_wrong_turn_at_the_cut_is_found_whatever_the_world(truth: CameraTake) -> None:
-    R = rotation_from_vector([0.1, 0.5, -0.2]) @ truth.R_world_cam
-    R[60:] = R[60:] @ rotation_from_vector([0.0, np.radians(25), 0.0])
+    R = rotvec_to_rotmat([0.1, 0.5, -0.2]) @ truth.R_world_cam
+    R[60:] = R[60:] @ rotvec_to_rotmat([0.0, np.radians(25), 0.0])
     wrong = dataclasses.replace(truth, R_world_cam=R)
     usable = np.ones(130, bool)
     assert cameras.cut_rotation_errors_deg(wrong, truth, cut_frames=(60,), usable=usable) == pytest.approx([25.0])
@@ -75,7 +75,7 @@ def test_a_wrong_turn_at_the_cut_is_found_whatever_the_world(truth: CameraTake) 
 
 def test_drift_is_measured_from_the_first_frame_of_the_shot(truth: CameraTake) -> None:
     drift = np.radians(np.linspace(0, 7, 130))[:, None] * [0.0, 1.0, 0.0]
-    wrong = dataclasses.replace(truth, R_world_cam=truth.R_world_cam @ rotation_from_vector(drift))
+    wrong = dataclasses.replace(truth, R_world_cam=truth.R_world_cam @ rotvec_to_rotmat(drift))
     found = cameras.shot_drift_deg(wrong, truth, shots=((0, 60), (60, 130)), usable=np.ones(130, bool))
     assert found == pytest.approx(7 * 69 / 129, abs=0.2)  # the orbit turns the axis of the drift a little
 

@@ -14,8 +14,8 @@ from humanmm.models.evaluation.evaluate import evaluate
 from humanmm.models.evaluation.people import match_people
 from humanmm.models.evaluation.report import MEANINGS, Report, report_table
 from humanmm.models.evaluation.skeleton import LIMB_NAMES, pick
-from humanmm.models.geometry.alignment import yaw_rotation
-from humanmm.models.geometry.rotations import rotation_from_vector
+from humanmm.models.geometry.alignment import yaw_to_rotmat
+from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.records.sequence import BodyParameters, PersonTake, Take
 
 OWN = {"jitter", "jitter_gt", "foot_sliding_mm", "foot_sliding_gt_mm"}
@@ -37,7 +37,7 @@ def with_person(take: Take, **changes: object) -> Take:
 
 def moved(take: Take, *, yaw: float, shift: np.ndarray) -> Take:
     """The same take in a world that is turned about the vertical and shifted."""
-    R, person, cameras = yaw_rotation(yaw), take.people[0], take.cameras
+    R, person, cameras = yaw_to_rotmat(yaw), take.people[0], take.cameras
     assert cameras is not None and person.R_world_root is not None
     cameras = dataclasses.replace(
         cameras, R_world_cam=R @ cameras.R_world_cam, t_world_cam=cameras.t_world_cam @ R.T + shift
@@ -183,7 +183,7 @@ def test_the_error_of_the_skin_is_that_of_every_vertex_skinned_by_hand(take: Tak
 
     def skinned(parameters: BodyParameters, row: int) -> np.ndarray:
         rest = body.rest_joints(parameters.betas)
-        R_root = rotation_from_vector(parameters.root_orient[row : row + 1])
+        R_root = rotvec_to_rotmat(parameters.root_orient[row : row + 1])
         joints, R = forward_kinematics(rest, R_root, parameters.body_pose[row : row + 1], np.zeros((1, 3)))
         points = body.rest_vertices(parameters.betas)
         moved = sum(

@@ -9,7 +9,7 @@ import pytest
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.landmarks import load_landmarks
 from humanmm.models.evaluation.skeleton import SMPL_NAMES
-from humanmm.models.geometry.rotations import rotation_from_vector, vector_from_rotation
+from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
 from humanmm.models.records.sequence import BodyParameters, CameraTake, PersonTake, Take
 from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.synthetic.detector_errors import MeasuredClip, person_errors
@@ -38,7 +38,7 @@ def measured(take: MocapTake, number: int) -> MeasuredClip:
     middle = actor.joints[:, 0].mean(axis=0)
     away = rng.uniform(0, 2 * np.pi)
     eye = middle + 8 * np.array([np.cos(away), np.sin(away), 0]) + [0, 0, rng.uniform(-0.8, 3.5)]
-    R = look_at(eye, middle) @ rotation_from_vector(np.array([0.0, 0.0, rng.normal(0, 0.15)]))
+    R = look_at(eye, middle) @ rotvec_to_rotmat(np.array([0.0, 0.0, rng.normal(0, 0.15)]))
     R_all = np.tile(R, (n, 1, 1))
     points = load_landmarks().place(actor.betas, actor.joints, actor.R_world_joint)
     in_camera = (points - eye) @ R
@@ -48,7 +48,7 @@ def measured(take: MocapTake, number: int) -> MeasuredClip:
     seen = detect(in_camera, K, SIZE, behind, stature, fps, KNOWN, rng, pitch=pitch, roll=roll)
     track = person_track(seen, 0, fps, np.full(64, 1 / 64), rng)
     body = BodyParameters(
-        "body24", vector_from_rotation(actor.R_world_root), actor.body_pose, actor.betas, actor.joints[:, 0]
+        "body24", rotmat_to_rotvec(actor.R_world_root), actor.body_pose, actor.betas, actor.joints[:, 0]
     )
     person = PersonTake(0, np.arange(n), np.ones(n, bool), actor.joints, body=body)
     cameras = CameraTake(R_all, np.tile(eye, (n, 1)), np.tile(K, (n, 1, 1)))

@@ -10,7 +10,7 @@ import torch
 from humanmm.errors import InputError
 from humanmm.models.body.body24 import JOINT_NAMES
 from humanmm.models.evaluation.pose import pa_mpjpe_mm
-from humanmm.models.geometry.rotations import rotation_from_vector, vector_from_rotation
+from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
 from humanmm.models.records.sequence import Take
 from humanmm.storage.readers.systems import find_result, read_result
 
@@ -46,18 +46,18 @@ def _wham(path: Path, dump: Dump) -> Path:
 
 
 def _slahmr(path: Path) -> Path:
-    R = R_CAMERA @ rotation_from_vector(HEADING)
+    R = R_CAMERA @ rotvec_to_rotmat(HEADING)
     np.savez(
-        path, root_orient=vector_from_rotation(R)[None], pose_body=POSE[None, :, :21].reshape(1, N, 63),
+        path, root_orient=rotmat_to_rotvec(R)[None], pose_body=POSE[None, :, :21].reshape(1, N, 63),
         trans=(WAY @ R_CAMERA.T)[None], floor_plane=np.array([[0.0, -0.5, 0.0]]), betas=np.zeros((1, 16)),
     )  # fmt: skip
     return path
 
 
 def _tram(path: Path) -> Path:
-    turn = rotation_from_vector(np.stack([np.zeros(N), np.linspace(0, 0.5, N), np.zeros(N)], axis=1))
-    root = np.swapaxes(turn, -1, -2) @ R_CAMERA @ rotation_from_vector(HEADING)
-    rotmat = np.concatenate([root[:, None], rotation_from_vector(POSE)], axis=1)
+    turn = rotvec_to_rotmat(np.stack([np.zeros(N), np.linspace(0, 0.5, N), np.zeros(N)], axis=1))
+    root = np.swapaxes(turn, -1, -2) @ R_CAMERA @ rotvec_to_rotmat(HEADING)
+    rotmat = np.concatenate([root[:, None], rotvec_to_rotmat(POSE)], axis=1)
     np.savez(
         path, pred_rotmat=rotmat, pred_trans=(WAY @ R_CAMERA.T)[:, None] @ turn, frame=np.arange(N), pred_cam_R=turn,
         pred_cam_T=np.zeros((N, 3)),

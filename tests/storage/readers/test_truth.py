@@ -10,7 +10,7 @@ import pytest
 
 from humanmm.errors import TruthError
 from humanmm.models.evaluation.evaluate import evaluate
-from humanmm.models.geometry.rotations import rotation_from_vector
+from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.records.recording import Recording
 from humanmm.models.records.sequence import Take
 from humanmm.storage.readers.truth import read_take
@@ -102,7 +102,7 @@ def test_clip_a_against_itself_is_perfect() -> None:
 
 def test_the_root_turns_as_root_orient_says(tmp_path: Path, npz: dict[str, np.ndarray]) -> None:
     person = read_take(save(tmp_path / "t.npz", npz)).people[0]
-    np.testing.assert_allclose(person.R_world_root, rotation_from_vector(npz["people/00/root_orient"]))
+    np.testing.assert_allclose(person.R_world_root, rotvec_to_rotmat(npz["people/00/root_orient"]))
 
 
 def test_a_missing_file_is_one_sentence(tmp_path: Path) -> None:

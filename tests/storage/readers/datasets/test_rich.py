@@ -11,7 +11,7 @@ import pytest
 from humanmm.cli import main
 from humanmm.errors import InputError
 from humanmm.models.body.body24 import load_body
-from humanmm.models.geometry.rotations import rotation_from_vector
+from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.storage.readers.datasets import rich
 from humanmm.storage.readers.datasets.smpl_joints import read_smplx
 from humanmm.storage.readers.truth import read_take
@@ -57,7 +57,7 @@ def root(tmp_path: Path) -> Path:
     calibration = tmp_path / "scan_calibration" / "LectureHall" / "calibration"
     calibration.mkdir(parents=True)
     K = np.array([[60.0, 0, WIDTH / 2 - 0.5], [0, 60, HEIGHT / 2 - 0.5], [0, 0, 1]])
-    R = rotation_from_vector(np.array([0.0, 0.3, 0.0]))
+    R = rotvec_to_rotmat(np.array([0.0, 0.3, 0.0]))
     poses = {0: np.eye(3, 4), 2: np.column_stack([R, -R @ CENTRE_RIG])}
     for camera, pose in poses.items():
         text = matrix("CameraMatrix", pose) + matrix("Intrinsics", K) + matrix("Distortion", np.zeros((5, 1)))
