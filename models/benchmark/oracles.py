@@ -11,7 +11,7 @@ from humanmm.errors import StageError
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.records.camera import PointTracks, ShotCamera
 from humanmm.models.records.motion import WorldMotion
-from humanmm.models.records.sequence import CameraTake
+from humanmm.models.records.sequence import CameraSequence
 from humanmm.models.records.shots import Scenes, ShotList, Transition
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
 from humanmm.models.shots.people_cuts import box_iou
@@ -78,7 +78,7 @@ def with_true_cuts(video: BenchVideo) -> BenchVideo:
     )
 
 
-def _known(video: BenchVideo) -> CameraTake:
+def _known(video: BenchVideo) -> CameraSequence:
     cameras = video.truth.cameras
     if cameras is None or not all(np.isfinite(getattr(cameras, field.name)).all() for field in fields(cameras)):
         raise StageError("the truth does not know the camera of every frame")

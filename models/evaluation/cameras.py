@@ -7,13 +7,13 @@ from jaxtyping import Bool, Float
 
 from humanmm.models.geometry.alignment import umeyama_alignment
 from humanmm.models.geometry.rotations import rotation_angle
-from humanmm.models.records.sequence import CameraTake, UndefinedFigureError
+from humanmm.models.records.sequence import CameraSequence, UndefinedFigureError
 
 SAME_PLACE_M = 1e-6
 """Camera centres closer together than this are one place, to which no similarity can be fitted."""
 
 
-def known(cameras: CameraTake) -> Bool[np.ndarray, "frames"]:
+def known(cameras: CameraSequence) -> Bool[np.ndarray, "frames"]:
     """(F,) true where rotation and centre are finite."""
     return np.asarray(np.isfinite(cameras.R_world_cam).all(axis=(1, 2)) & np.isfinite(cameras.t_world_cam).all(axis=1))
 
@@ -29,8 +29,8 @@ def absolute_trajectory_error_m(
 
 
 def errors_inside_shots_m(
-    predicted: CameraTake,
-    truth: CameraTake,
+    predicted: CameraSequence,
+    truth: CameraSequence,
     *,
     shots: Sequence[tuple[int, int]],
     usable: Bool[np.ndarray, "frames"],
@@ -54,8 +54,8 @@ def errors_inside_shots_m(
 
 
 def relative_pose_errors(
-    predicted: CameraTake,
-    truth: CameraTake,
+    predicted: CameraSequence,
+    truth: CameraSequence,
     *,
     shots: Sequence[tuple[int, int]],
     usable: Bool[np.ndarray, "frames"],
@@ -79,8 +79,8 @@ def relative_pose_errors(
 
 
 def cut_rotation_errors_deg(
-    predicted: CameraTake,
-    truth: CameraTake,
+    predicted: CameraSequence,
+    truth: CameraSequence,
     *,
     cut_frames: Sequence[int],
     usable: Bool[np.ndarray, "frames"],
@@ -98,8 +98,8 @@ def cut_rotation_errors_deg(
 
 
 def shot_drift_deg(
-    predicted: CameraTake,
-    truth: CameraTake,
+    predicted: CameraSequence,
+    truth: CameraSequence,
     *,
     shots: Sequence[tuple[int, int]],
     usable: Bool[np.ndarray, "frames"],
@@ -129,7 +129,7 @@ def focal_error_pct(K_predicted: Float[np.ndarray, "frames 3 3"], K_truth: Float
 
 
 def _steps(
-    cameras: CameraTake, frames: np.ndarray
+    cameras: CameraSequence, frames: np.ndarray
 ) -> tuple[Float[np.ndarray, "steps 3 3"], Float[np.ndarray, "steps 3"]]:
     """Pose of each next camera in the axes of this one: inverse(T_world_cam[i]) T_world_cam[i + 1]."""
     R_cam_world = np.swapaxes(cameras.R_world_cam[frames], -1, -2)

@@ -43,7 +43,7 @@ class NoiseFit:
 
 def fit_noise(clips: Sequence[MeasuredClip]) -> NoiseFit:
     """Every number of the noise from the clips' errors."""
-    series = [series_of(clip.take, errors) for clip in clips for errors in clip.errors]
+    series = [series_of(clip.sequence, errors) for clip in clips for errors in clip.errors]
     series = [one for one in series if one.found.sum() >= 5]
     a, b = _tilt(series)
     share, sigma_m, patterns = _patterns(series)

@@ -14,7 +14,7 @@ from humanmm.models.body.landmarks import load_landmarks
 from humanmm.models.geometry.alignment import kabsch
 from humanmm.models.geometry.projection import project, ray_axes, world_to_camera
 from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
-from humanmm.models.records.sequence import CameraTake, PersonTake, Take
+from humanmm.models.records.sequence import CameraSequence, MotionSequence, PersonSequence
 from humanmm.models.synthetic.detector_errors import PersonErrors
 from humanmm.models.synthetic.detector_noise import BODY, LIMBS, NEAR_M, DetectorNoise, detect, speeds
 from humanmm.models.synthetic.mocap import leg_length
@@ -82,12 +82,12 @@ class Series:
         return np.asarray(self.steps(rest_speed)[:, 1:].mean(axis=1))
 
 
-def series_of(take: Take, errors: PersonErrors) -> Series:
+def series_of(sequence: MotionSequence, errors: PersonErrors) -> Series:
     """The answers about one person in one shot beside the truth, which must have cameras and body parameters."""
-    person, cameras = take.people[errors.person], take.cameras
+    person, cameras = sequence.people[errors.person], sequence.cameras
     assert cameras is not None
     points, behind, stature = true_landmarks(person, cameras, errors.rows)
-    return _residuals(errors, take.fps, points, cameras.K[person.frame[errors.rows]], behind, stature)
+    return _residuals(errors, sequence.fps, points, cameras.K[person.frame[errors.rows]], behind, stature)
 
 
 def _residuals(
@@ -121,7 +121,7 @@ def _residuals(
 
 
 def true_landmarks(
-    person: PersonTake, cameras: CameraTake, rows: Int[Array, " n"]
+    person: PersonSequence, cameras: CameraSequence, rows: Int[Array, " n"]
 ) -> tuple[Float[Array, "n 33 3"], Bool[Array, " n"], float]:
     """Landmarks in camera axes, whether the camera sees the back, and the stature."""
     body = load_body()

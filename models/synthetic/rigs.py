@@ -53,7 +53,7 @@ class ClipCamera:
 
 
 def build_ring(pelvis: Float[Array, "N 3"], rng: np.random.Generator) -> Ring:
-    """A ring from which the whole take is in view."""
+    """A ring from which the whole sequence is in view."""
     centre = np.append((pelvis[:, :2].min(axis=0) + pelvis[:, :2].max(axis=0)) / 2, LOOK_AT_M)
     reach = float(np.linalg.norm(pelvis[:, :2] - centre[:2], axis=1).max())
     focal = rng.uniform(*FOCAL_PER_DIAGONAL) * math.hypot(WIDTH, HEIGHT)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from humanmm.models.body.body24 import PARENTS, load_body
-from humanmm.models.synthetic.mocap import MocapTake
+from humanmm.models.synthetic.mocap import MocapSequence
 from humanmm.storage.readers.mocap_pack import read_pack
 
 
@@ -32,8 +32,8 @@ def _walk(num_frames: int, pace: float) -> tuple[np.ndarray, np.ndarray, np.ndar
 @pytest.fixture
 def pack(tmp_path: Path) -> Path:
     """Two takes of 100 and 150 frames, as an npz."""
-    takes = [_walk(100, 0.9), _walk(150, 1.1)]
-    poses, trans, contacts = (np.concatenate(parts) for parts in zip(*takes, strict=True))
+    sequences = [_walk(100, 0.9), _walk(150, 1.1)]
+    poses, trans, contacts = (np.concatenate(parts) for parts in zip(*sequences, strict=True))
     path = tmp_path / "pack.npz"
     np.savez(
         path,
@@ -51,6 +51,6 @@ def pack(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def takes(pack: Path) -> tuple[MocapTake, ...]:
+def sequences(pack: Path) -> tuple[MocapSequence, ...]:
     """The same, read."""
     return read_pack(pack)

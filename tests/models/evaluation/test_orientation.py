@@ -8,12 +8,12 @@ from humanmm.models.body.kinematics import forward_kinematics
 from humanmm.models.evaluation import orientation
 from humanmm.models.geometry.alignment import yaw_to_rotmat
 from humanmm.models.geometry.rotations import rotation_angle, rotvec_to_rotmat
-from humanmm.models.records.sequence import Take
+from humanmm.models.records.sequence import MotionSequence
 
 
 @pytest.fixture
-def R(take: Take) -> np.ndarray:
-    of_root = take.people[0].R_world_root
+def R(sequence: MotionSequence) -> np.ndarray:
+    of_root = sequence.people[0].R_world_root
     assert of_root is not None
     return of_root
 
@@ -49,7 +49,9 @@ def test_the_upright_body_faces_minus_y_with_heading_zero() -> None:
     np.testing.assert_allclose(orientation.heading(orientation.R_WORLD_UPRIGHT[None]), 0.0)
 
 
-def test_orientation_from_joints_is_that_of_the_root_in_a_straight_body(take: Take, R: np.ndarray) -> None:
+def test_orientation_from_joints_is_that_of_the_root_in_a_straight_body(
+    sequence: MotionSequence, R: np.ndarray
+) -> None:
     still, nowhere = np.zeros((len(R), 23, 3)), np.zeros((len(R), 3))
     joints, _ = forward_kinematics(load_body().rest_joints(np.zeros(10)), R, still, nowhere)
     found = orientation.orientation_from_joints(joints, JOINT_NAMES)
