@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from humanmm.models.body.body24 import NUM_JOINTS, load_body
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
-from humanmm.models.motion.refine.contacts import CONTACT_JOINTS
 from humanmm.models.motion.refine.refine import sole_heights
+from humanmm.models.records.recording import CONTACT_JOINTS
 from humanmm.models.synthetic.mocap import Actor, MocapSequence, cast
 
 Array = np.ndarray

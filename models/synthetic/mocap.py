@@ -12,8 +12,8 @@ from jaxtyping import Float
 
 from humanmm.models.body.body24 import Body, load_body
 from humanmm.models.body.kinematics import forward_kinematics
-from humanmm.models.motion.refine.contacts import CONTACT_JOINTS
 from humanmm.models.motion.refine.refine import sole_heights
+from humanmm.models.records.recording import CONTACT_JOINTS
 
 Array = np.ndarray
 

@@ -62,9 +62,7 @@ def _check(arrays: dict[str, np.ndarray], path: Path) -> None:
     if len(arrays["trans"]) != n or len(arrays["contacts"]) != n or len(arrays["clip_len"]) != clips:
         raise InputError(f"{path}: poses, trans and contacts, or clip_start and clip_len, differ in length")
     if len(arrays["clip_name"]) != clips or clips == 0:
-        raise InputError(
-            f"{path}: {clips} sequences but {len(arrays['clip_name'])} names; at least one is needed"
-        )
+        raise InputError(f"{path}: {clips} sequences but {len(arrays['clip_name'])} names; at least one is needed")
     start, length = arrays["clip_start"], arrays["clip_len"]
     if (start < 0).any() or (length < 1).any() or (start + length > n).any():
         raise InputError(f"{path}: a sequence lies outside the {n} frames of the pack")

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
+from humanmm.models.motion.refine.smoothing import fade
 
 Array = np.ndarray
 
@@ -52,7 +53,7 @@ def close_seams(
         ):
             reach = min(FADE_S, abs(time_s[rows[-1]] - time_s[rows[0]]) / 2 + 1e-9)
             away = np.abs(time_s[rows] - middle) / reach
-            rows, share = rows[away < 1], _fade(away[away < 1])
+            rows, share = rows[away < 1], fade(away[away < 1])
             turn = rotvec_to_rotmat(sign * share[:, None, None] * jump)
             closed[rows] = rotmat_to_rotvec(rotvec_to_rotmat(closed[rows]) @ turn)
     return closed
@@ -66,12 +67,6 @@ def _same_side(rows: Array, cut: int, cut_frames: Sequence[int], frame: Array) -
         return np.asarray(rows[frame[rows] >= low])
     high = min((c for c in bounds if c > cut), default=np.iinfo(np.int64).max)
     return np.asarray(rows[frame[rows] < high])
-
-
-def _fade(x: Array) -> Array:
-    """1 at 0, 0 from 1 on, with no kink at either end."""
-    x = np.clip(x, 0.0, 1.0)
-    return np.asarray(1 - x * x * x * (10 - 15 * x + 6 * x * x))
 
 
 def _carried(vectors: Array, rows: Array, time_s: Array, when: float) -> Float[Array, "J 3 3"]:

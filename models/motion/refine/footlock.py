@@ -14,7 +14,9 @@ from jaxtyping import Bool, Float
 from humanmm.models.body.kinematics import chunks
 from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat, swing
 from humanmm.models.motion.fit.state import LongMotion
-from humanmm.models.motion.refine.contacts import CONTACT_JOINTS, intervals
+from humanmm.models.motion.refine.contacts import intervals
+from humanmm.models.motion.refine.smoothing import fade
+from humanmm.models.records.recording import CONTACT_JOINTS
 
 Array = np.ndarray
 
@@ -184,13 +186,8 @@ def _faded(
         room = max(since[-1] + until[-1], 1e-9)
         # In a short gap the two fades hand over to each other instead of both reaching zero.
         reach = min(fade_s, room)
-        out[rows] = _fade(since / reach)[:, None] * before + _fade(until / reach)[:, None] * after
+        out[rows] = fade(since / reach)[:, None] * before + fade(until / reach)[:, None] * after
     return out
-
-
-def _fade(x: Array) -> Array:
-    x = np.clip(x, 0.0, 1.0)
-    return np.asarray(1 - x * x * x * (10 - 15 * x + 6 * x * x))
 
 
 def bend_leg(

@@ -18,12 +18,13 @@ from humanmm.models.geometry.projection import inverse_pose
 from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
 from humanmm.models.motion.fit.evidence import LongEvidence
 from humanmm.models.motion.fit.state import CameraPath, LongMotion
-from humanmm.models.motion.refine.contacts import CONTACT_JOINTS, ContactModel, confirmed, contact_probabilities
+from humanmm.models.motion.refine.contacts import ContactModel, confirmed, contact_probabilities
 from humanmm.models.motion.refine.discontinuities import close_seams
 from humanmm.models.motion.refine.fit import fit_world, gather_clip, person_skeleton
 from humanmm.models.motion.refine.footlock import LockSettings, contact_places, lock_feet
 from humanmm.models.motion.refine.smoothing import smooth, smooth_rotations
 from humanmm.models.records.motion import PersonMotion, WorldMotion
+from humanmm.models.records.recording import CONTACT_JOINTS
 from humanmm.models.records.shots import ShotList
 from humanmm.models.records.tracks import ScenePeople
 

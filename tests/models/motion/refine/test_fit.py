@@ -7,8 +7,8 @@ from humanmm.models.body.body24 import load_body
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.motion.fit.equations import NormalEquations
 from humanmm.models.motion.fit.state import NUM_PARAMETERS, Motion, Skeleton
-from humanmm.models.motion.refine.contacts import CONTACT_JOINTS
 from humanmm.models.motion.refine.fit import PlantedFeet
+from humanmm.models.records.recording import CONTACT_JOINTS
 
 N = 5
 TIME = np.array([0.0, 0.03, 0.07, 0.1, 0.14])
