@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from humanmm.models.body.body24 import PARENTS, load_body
-from humanmm.models.synthetic.mocap import MocapTake
+from humanmm.models.synthetic.mocap import MocapSequence
 from humanmm.storage.readers.mocap_pack import read_pack
 
 
@@ -51,6 +51,6 @@ def pack(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def takes(pack: Path) -> tuple[MocapTake, ...]:
+def takes(pack: Path) -> tuple[MocapSequence, ...]:
     """The same, read."""
     return read_pack(pack)

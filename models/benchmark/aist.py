@@ -13,7 +13,7 @@ from humanmm.models.benchmark.coco import coco_track
 from humanmm.models.camera.intrinsics import default_focal_px
 from humanmm.models.evaluation.people import projected_boxes
 from humanmm.models.records.camera import PointTracks
-from humanmm.models.records.sequence import CameraTake, PersonTake, Take
+from humanmm.models.records.sequence import CameraSequence, MotionSequence, PersonSequence
 from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.synthetic.multishot import (
     BenchVideo,
@@ -92,15 +92,15 @@ def _no_background(start: int, end: int) -> PointTracks:
     return PointTracks(start, end, none, none, np.zeros((0, 2), np.float32), np.zeros(0, np.float32), window_px=1.0)
 
 
-def _truth(sequence: AistSequence, first: int, camera: Array, cuts: tuple[int, ...]) -> Take:
+def _truth(sequence: AistSequence, first: int, camera: Array, cuts: tuple[int, ...]) -> MotionSequence:
     n = len(camera)
-    cameras = CameraTake(sequence.R_world_cam[camera], sequence.t_world_cam[camera], sequence.K[camera])
+    cameras = CameraSequence(sequence.R_world_cam[camera], sequence.t_world_cam[camera], sequence.K[camera])
     frame, joints = np.arange(n), sequence.joints[first : first + n]
-    person = PersonTake(
+    person = PersonSequence(
         person=0,
         frame=frame,
         observed=np.isfinite(joints).all(axis=(1, 2)),
         joints=joints,
         bbox_xyxy=projected_boxes(joints, frame, cameras),
     )
-    return Take(n, sequence.fps, COCO_NAMES, (person,), tuple((cut, cut) for cut in cuts), cameras)
+    return MotionSequence(n, sequence.fps, COCO_NAMES, (person,), tuple((cut, cut) for cut in cuts), cameras)

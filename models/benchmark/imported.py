@@ -1,4 +1,4 @@
-"""Other systems' results as takes: SMPL parameters in their own world, put on body24's average person, z up.
+"""Other systems' results as sequences: SMPL parameters in their own world, put on body24's average person, z up.
 
 SMPL's mesh is not here, so that joints come from body24's skeleton: rotations and path are theirs, bone lengths those
 of an average person. Errors after a similarity (PA, WA) do not feel it; W and RTE feel it by a few per cent.
@@ -12,7 +12,7 @@ from jaxtyping import Float, Int
 from humanmm.models.body.body24 import JOINT_NAMES, load_body
 from humanmm.models.body.kinematics import forward_kinematics
 from humanmm.models.geometry.rotations import swing
-from humanmm.models.records.sequence import PersonTake, Take
+from humanmm.models.records.sequence import MotionSequence, PersonSequence
 
 Array = np.ndarray
 
@@ -34,9 +34,9 @@ class SmplMotion:
     """SMPL's transl, metres."""
 
 
-def imported_take(
+def imported_sequence(
     motion: SmplMotion, *, up: Float[Array, "3"], num_frames: int, fps: float, notes: tuple[str, ...] = ()
-) -> Take:
+) -> MotionSequence:
     """The motion in a world whose z is `up` (a direction in the system's own world)."""
     R_world_theirs = swing(up / np.linalg.norm(up), np.array([0.0, 0.0, 1.0]))
     R_root = R_world_theirs @ motion.global_orient
@@ -45,11 +45,11 @@ def imported_take(
     pose[:, : given.shape[1]] = given
     pelvis = (motion.transl + SMPL_REST_PELVIS) @ R_world_theirs.T
     joints, _ = forward_kinematics(load_body().J_template, R_root, pose, pelvis)
-    person = PersonTake(
+    person = PersonSequence(
         person=0,
         frame=motion.frame.astype(np.int64),
         observed=np.ones(len(motion.frame), bool),
         joints=joints,
         R_world_root=R_root,
     )
-    return Take(num_frames, fps, JOINT_NAMES, (person,), (), notes=notes)
+    return MotionSequence(num_frames, fps, JOINT_NAMES, (person,), (), notes=notes)

@@ -51,8 +51,8 @@ _DETECTOR_SHIFT_MM = {
 """Where BlazePose puts a landmark, less where anatomy does, in the joint's axes: hips lower and further in than the
 joint centres, ankles higher, thumbs and toes shorter.
 
-Measured on renderings of body24 (130 random shapes, clothes, views and training takes of motion capture; robust least
-squares of the 2D residuals, left and right averaged).
+Measured on renderings of body24 (130 random shapes, clothes, views and training sequences of motion capture; robust
+least squares of the 2D residuals, left and right averaged).
 """
 
 

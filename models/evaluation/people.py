@@ -6,13 +6,16 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.optimize import linear_sum_assignment
 
-from humanmm.models.records.sequence import CameraTake, PersonTake
+from humanmm.models.geometry.projection import in_front, project, world_to_camera
+from humanmm.models.records.sequence import CameraSequence, PersonSequence
 
+NEAR_M = 0.1
+"""Joints nearer to the camera's plane than this are not seen."""
 LEAST_MEAN_IOU = 0.1
 """A pair whose boxes overlap less than this over their common frames is not the same person."""
 
 
-def match_people(predicted: Sequence[PersonTake], truth: Sequence[PersonTake]) -> dict[int, int]:
+def match_people(predicted: Sequence[PersonSequence], truth: Sequence[PersonSequence]) -> dict[int, int]:
     """Index of the predicted person for each index of a truth's person that found one.
 
     The assignment has the greatest sum of box IoU over all frames, so that somebody seen for long weighs more.
@@ -41,15 +44,12 @@ def iou(
 
 
 def projected_boxes(
-    joints: Float[np.ndarray, "frames joints 3"], frame: np.ndarray, cameras: CameraTake
+    joints: Float[np.ndarray, "frames joints 3"], frame: np.ndarray, cameras: CameraSequence
 ) -> Float[np.ndarray, "frames 4"]:
     """(N,4) xyxy around the joints as the cameras see them (no distortion); NaN where fewer than three are in front."""
-    R, t, K = cameras.R_world_cam[frame], cameras.t_world_cam[frame], cameras.K[frame]
-    in_camera = (joints - t[:, None]) @ R
-    projected = in_camera @ np.swapaxes(K, -1, -2)
-    depth = projected[..., 2:]
-    visible = np.isfinite(projected).all(axis=-1, keepdims=True) & (depth > 0.1)
-    pixels = projected[..., :2] / np.where(visible, depth, 1.0)
+    in_camera = world_to_camera(joints, cameras.R_world_cam[frame], cameras.t_world_cam[frame])
+    pixels = project(in_camera, cameras.K[frame], near_m=NEAR_M)
+    visible = (in_front(in_camera, NEAR_M) & np.isfinite(pixels).all(axis=-1))[..., None]
     boxes = np.concatenate(
         [np.where(visible, pixels, np.inf).min(axis=1), np.where(visible, pixels, -np.inf).max(axis=1)], axis=1
     )
@@ -57,7 +57,7 @@ def projected_boxes(
     return boxes
 
 
-def _overlaps(one: PersonTake, other: PersonTake) -> Float[np.ndarray, "frames"]:
+def _overlaps(one: PersonSequence, other: PersonSequence) -> Float[np.ndarray, "frames"]:
     if one.bbox_xyxy is None or other.bbox_xyxy is None:
         return np.zeros(0)
     _, i, j = np.intersect1d(one.frame, other.frame, assume_unique=True, return_indices=True)

@@ -7,6 +7,7 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from humanmm.models.body.kinematics import forward_kinematics
+from humanmm.models.geometry.projection import in_front, project, world_to_camera
 from humanmm.models.records import landmarks
 from humanmm.models.records.motion import PersonMotion, WorldMotion
 from humanmm.models.records.recording import RecordedPerson, Recording
@@ -144,10 +145,8 @@ def _track_of(person: int, shot: Shot, scenes: Sequence[ScenePeople | None]) -> 
 
 def _projected_boxes(joints: np.ndarray, motion: WorldMotion, frame: np.ndarray) -> np.ndarray:
     """(N,4) float32 boxes about the projected joints; zero where a joint is behind the camera."""
-    R_cam_world = np.swapaxes(motion.R_world_cam[frame], -1, -2)
-    in_camera = np.einsum("nij,nkj->nki", R_cam_world, joints - motion.t_world_cam[frame][:, None])
-    depth = np.maximum(in_camera[..., 2:], NEAR_M)
-    pixels = np.einsum("nij,nkj->nki", motion.K[frame], in_camera / depth)[..., :2]
+    in_camera = world_to_camera(joints, motion.R_world_cam[frame], motion.t_world_cam[frame])
+    pixels = project(in_camera, motion.K[frame], near_m=NEAR_M)
     boxes = np.concatenate([pixels.min(1), pixels.max(1)], axis=-1)
-    in_front = in_camera[..., 2].min(1) > NEAR_M
-    return np.where(in_front[:, None], boxes, 0.0).astype(np.float32)
+    whole = in_front(in_camera, NEAR_M).all(axis=1, keepdims=True)
+    return np.where(whole, boxes, 0.0).astype(np.float32)

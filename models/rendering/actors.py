@@ -1,4 +1,4 @@
-"""The people of a clip: takes at the clip's frame rate, on bodies of their own, put beside each other."""
+"""The people of a clip: sequences at the clip's frame rate, on bodies of their own, put beside each other."""
 
 from collections.abc import Sequence
 
@@ -7,10 +7,10 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation, Slerp
 
 from humanmm.models.body.body24 import NUM_JOINTS, load_body
-from humanmm.models.geometry.rotations import rotation_from_vector
-from humanmm.models.motion.refine.contacts import CONTACT_JOINTS
+from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.motion.refine.refine import sole_heights
-from humanmm.models.synthetic.mocap import Actor, MocapTake, cast
+from humanmm.models.records.recording import CONTACT_JOINTS
+from humanmm.models.synthetic.mocap import Actor, MocapSequence, cast
 
 Array = np.ndarray
 
@@ -20,30 +20,30 @@ STANDING_MS, STANDING_M = 0.25, 0.05
 """A place of the foot stands if it is slower and its sole no higher above the floor than this."""
 
 
-def resample(take: MocapTake, start_s: float, num_frames: int, fps: float) -> MocapTake:
+def resample(sequence: MocapSequence, start_s: float, num_frames: int, fps: float) -> MocapSequence:
     """`num_frames` at another frame rate from `start_s` on; rotations go along great circles."""
-    at = np.clip((start_s + np.arange(num_frames) / fps) * take.fps, 0, take.num_frames - 1)
-    before = np.minimum(at.astype(int), take.num_frames - 2)
+    at = np.clip((start_s + np.arange(num_frames) / fps) * sequence.fps, 0, sequence.num_frames - 1)
+    before = np.minimum(at.astype(int), sequence.num_frames - 2)
     share = (at - before)[:, None]
-    pose = np.stack([_turn_between(take.body_pose[:, j], at) for j in range(NUM_JOINTS - 1)], axis=1)
-    root = Slerp(np.arange(take.num_frames), Rotation.from_matrix(take.R_world_root))(at).as_matrix()
-    pelvis = (1 - share) * take.pelvis[before] + share * take.pelvis[before + 1]
-    contacts = take.contacts[np.rint(at).astype(int)]
-    return MocapTake(take.name, fps, root, pose, pelvis, contacts, take.leg_m)
+    pose = np.stack([_turn_between(sequence.body_pose[:, j], at) for j in range(NUM_JOINTS - 1)], axis=1)
+    root = Slerp(np.arange(sequence.num_frames), Rotation.from_matrix(sequence.R_world_root))(at).as_matrix()
+    pelvis = (1 - share) * sequence.pelvis[before] + share * sequence.pelvis[before + 1]
+    contacts = sequence.contacts[np.rint(at).astype(int)]
+    return MocapSequence(sequence.name, fps, root, pose, pelvis, contacts, sequence.leg_m)
 
 
 def _turn_between(vectors: Float[Array, "N 3"], at: Float[Array, " n"]) -> Float[Array, "n 3"]:
     return np.asarray(Slerp(np.arange(len(vectors)), Rotation.from_rotvec(vectors))(at).as_rotvec())
 
 
-def cast_people(takes: Sequence[MocapTake], rng: np.random.Generator) -> list[Actor]:
-    """One actor for each take; the first stays where the take has it, others are put near, out of everybody's way.
+def cast_people(sequences: Sequence[MocapSequence], rng: np.random.Generator) -> list[Actor]:
+    """One actor for each sequence; the first stays where it is, others are put near, out of everybody's path.
 
     Somebody for whom no place is found is left out.
     """
-    actors = [standing(cast(takes[0], rng), takes[0].fps)]
-    for take in takes[1:]:
-        other = standing(cast(take, rng), take.fps)
+    actors = [standing(cast(sequences[0], rng), sequences[0].fps)]
+    for sequence in sequences[1:]:
+        other = standing(cast(sequence, rng), sequence.fps)
         for _ in range(300):
             moved = _moved(other, rng.uniform(0, 2 * np.pi), actors[0], rng)
             gaps = [np.linalg.norm((moved.joints - one.joints)[:, 0, :2], axis=1) for one in actors]
@@ -64,7 +64,7 @@ def standing(actor: Actor, fps: float) -> Actor:
 
 def _moved(actor: Actor, yaw: float, beside: Actor, rng: np.random.Generator) -> Actor:
     """The actor turned about the vertical, its path's middle near that of somebody else."""
-    R = rotation_from_vector(np.array([0.0, 0.0, yaw]))
+    R = rotvec_to_rotmat(np.array([0.0, 0.0, yaw]))
     away = rng.uniform(0, 2 * np.pi)
     target = beside.joints[:, 0].mean(axis=0) + rng.uniform(0.6, 1.8) * np.array([np.cos(away), np.sin(away), 0])
     turned = actor.joints @ R.T

@@ -17,6 +17,7 @@ from scipy.optimize import linear_sum_assignment
 
 from humanmm.models.body.body24 import JOINT_NAMES, Body, load_body
 from humanmm.models.body.landmarks import load_landmarks
+from humanmm.models.geometry.alignment import umeyama_alignment
 from humanmm.models.perception.clothing import colour_distance, mean_colours
 from humanmm.models.records import landmarks
 from humanmm.models.records.shots import Appearance, Person, Shot
@@ -162,11 +163,8 @@ def pose_residual_m(a: Float[np.ndarray, "33 3"], b: Float[np.ndarray, "33 3"]) 
 
 
 def _after_rotation(a: Float[np.ndarray, "n 3"], b: Float[np.ndarray, "n 3"]) -> float:
-    a, b = a - a.mean(axis=0), b - b.mean(axis=0)
-    u, singular, vt = np.linalg.svd(a.T @ b)
-    singular[2] *= np.sign(np.linalg.det(u @ vt))
-    squared = (a**2).sum() + (b**2).sum() - 2 * singular.sum()
-    return float(np.sqrt(max(squared, 0.0) / len(a)))
+    aligned = umeyama_alignment(a, b, with_scale=False, unique=False).apply(a)
+    return float(np.sqrt(np.square(aligned - b).sum() / len(a)))
 
 
 def _reliable(person: Sequence[Sighting], fps: float) -> bool:

@@ -1,7 +1,7 @@
-"""Takes of motion capture on our own body: what the benchmark's videos show.
+"""Sequences of motion capture on our own body: what the benchmark's videos show.
 
-A pack knows one generic skeleton. Every video gets a body of its own: the take's joint rotations on a random shape of
-body24, the path scaled with the legs so that feet which stand still do so on the new body too, and standing soles on
+A pack knows one generic skeleton. Every video gets a body of its own: the sequence's joint rotations on a random shape
+of body24, the path scaled with the legs so that feet which stand still do so on the new body too, and standing soles on
 the floor. World: z up, metres.
 """
 
@@ -12,8 +12,8 @@ from jaxtyping import Float
 
 from humanmm.models.body.body24 import Body, load_body
 from humanmm.models.body.kinematics import forward_kinematics
-from humanmm.models.motion.refine.contacts import CONTACT_JOINTS
 from humanmm.models.motion.refine.refine import sole_heights
+from humanmm.models.records.recording import CONTACT_JOINTS
 
 Array = np.ndarray
 
@@ -24,8 +24,8 @@ SHORTEST_M, TALLEST_M = 1.5, 1.98
 
 
 @dataclass(frozen=True)
-class MocapTake:
-    """One take of a pack, N frames, world z up."""
+class MocapSequence:
+    """One sequence of a pack, N frames, world z up."""
 
     name: str
     fps: float
@@ -40,10 +40,10 @@ class MocapTake:
     def num_frames(self) -> int:
         return len(self.pelvis)
 
-    def cropped(self, start: int, num_frames: int) -> "MocapTake":
+    def cropped(self, start: int, num_frames: int) -> "MocapSequence":
         """A run of frames."""
         rows = slice(start, start + num_frames)
-        return MocapTake(
+        return MocapSequence(
             self.name, self.fps, self.R_world_root[rows], self.body_pose[rows], self.pelvis[rows],
             self.contacts[rows], self.leg_m,
         )  # fmt: skip
@@ -51,7 +51,7 @@ class MocapTake:
 
 @dataclass(frozen=True)
 class Actor:
-    """A take on a body, N frames."""
+    """A sequence on a body, N frames."""
 
     betas: Float[Array, " 10"]
     R_world_root: Float[Array, "N 3 3"]
@@ -76,15 +76,15 @@ def random_shape(body: Body, rng: np.random.Generator) -> Float[Array, " 10"]:
             return np.asarray(betas)
 
 
-def cast(take: MocapTake, rng: np.random.Generator) -> Actor:
-    """The take on a random body, standing on the floor z = 0."""
+def cast(sequence: MocapSequence, rng: np.random.Generator) -> Actor:
+    """The sequence on a random body, standing on the floor z = 0."""
     body = load_body()
     betas = random_shape(body, rng)
     rest = body.rest_joints(betas)
-    pelvis = take.pelvis * (leg_length(rest) / take.leg_m)
-    joints, R = forward_kinematics(rest, take.R_world_root, take.body_pose, pelvis)
+    pelvis = sequence.pelvis * (leg_length(rest) / sequence.leg_m)
+    joints, R = forward_kinematics(rest, sequence.R_world_root, sequence.body_pose, pelvis)
     soles = joints[:, list(CONTACT_JOINTS), 2] - sole_heights(body, betas)
-    standing = soles[take.contacts > 0.5]
+    standing = soles[sequence.contacts > 0.5]
     floor = np.median(standing) if len(standing) else soles.min()
     joints[..., 2] -= floor
-    return Actor(betas, take.R_world_root, take.body_pose, joints, R, take.contacts)
+    return Actor(betas, sequence.R_world_root, sequence.body_pose, joints, R, sequence.contacts)

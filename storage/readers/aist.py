@@ -14,7 +14,7 @@ import numpy as np
 
 from humanmm.errors import InputError, TruthError
 from humanmm.models.benchmark.aist import AistSequence
-from humanmm.models.geometry.rotations import rotation_from_vector
+from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.storage.readers.truth import R_ZUP_YUP, NpzArrays
 
 FPS = 30.0
@@ -31,10 +31,10 @@ def read_aist(folder: Path) -> tuple[AistSequence, ...]:
     paths = sorted(folder.glob("*.npz")) if folder.is_dir() else []
     if not paths:
         raise InputError(f"{folder} holds no .npz; give a folder of AIST++ sequences as `bench ms-aist` reads them")
-    return tuple(read_sequence(path) for path in paths)
+    return tuple(read_aist_sequence(path) for path in paths)
 
 
-def read_sequence(path: Path) -> AistSequence:
+def read_aist_sequence(path: Path) -> AistSequence:
     """One sequence in metres, z up."""
     try:
         arrays = {name: np.asarray(array) for name, array in NpzArrays(path).items() if _is_wanted(name)}
@@ -44,7 +44,7 @@ def read_sequence(path: Path) -> AistSequence:
     rate = float(np.ravel(arrays["fps"])[0])
     step = max(1, round(rate / FPS))
     width, height = (int(side) for side in np.ravel(arrays["cam_size"])[:2])
-    R_cam_world = rotation_from_vector(arrays["cam_rotvec"].astype(np.float64))
+    R_cam_world = rotvec_to_rotmat(arrays["cam_rotvec"].astype(np.float64))
     R_world_cam = R_ZUP_YUP @ np.swapaxes(R_cam_world, -1, -2)
     return AistSequence(
         name=path.stem,

@@ -1,4 +1,4 @@
-"""Reads a pack of motion capture: an npz with the segments of all takes one after another, y up, SMPL's joint order.
+"""Reads a pack of motion capture: an npz with all sequences one after another, y up, SMPL's joint order.
 
 poses (N,72)  trans (N,3) pelvis joint  contacts (N,4)  clip_start clip_len clip_name (C,)  rest_joints (24,3)  fps
 """
@@ -9,8 +9,8 @@ import numpy as np
 
 from humanmm.errors import InputError, TruthError
 from humanmm.models.body.body24 import NUM_JOINTS, PARENTS
-from humanmm.models.geometry.rotations import rotation_from_vector
-from humanmm.models.synthetic.mocap import MocapTake, leg_length
+from humanmm.models.geometry.rotations import rotvec_to_rotmat
+from humanmm.models.synthetic.mocap import MocapSequence, leg_length
 from humanmm.storage.readers.truth import R_ZUP_YUP, NpzArrays
 
 FPS = 30.0
@@ -22,8 +22,8 @@ _SHAPES: dict[str, tuple[int | None, ...]] = {
 }  # fmt: skip
 
 
-def read_pack(path: Path) -> tuple[MocapTake, ...]:
-    """All takes, world z up. InputError says in one sentence what is wrong with the file."""
+def read_pack(path: Path) -> tuple[MocapSequence, ...]:
+    """All sequences, world z up. InputError says in one sentence what is wrong with the file."""
     try:
         arrays = {name: np.asarray(array) for name, array in NpzArrays(path).items() if name in (*_SHAPES, "parents")}
     except (OSError, ValueError, KeyError, EOFError, TruthError) as error:
@@ -31,14 +31,14 @@ def read_pack(path: Path) -> tuple[MocapTake, ...]:
     _check(arrays, path)
     step = max(1, round(float(arrays["fps"]) / FPS))
     leg_m = leg_length(arrays["rest_joints"].astype(np.float64))
-    R = rotation_from_vector(arrays["poses"][:, :3])
-    takes = []
+    R = rotvec_to_rotmat(arrays["poses"][:, :3])
+    sequences = []
     for name, start, length in zip(
         arrays["clip_name"].tolist(), arrays["clip_start"].tolist(), arrays["clip_len"].tolist(), strict=True
     ):
         rows = slice(start, start + length, step)
-        takes.append(
-            MocapTake(
+        sequences.append(
+            MocapSequence(
                 name=str(name),
                 fps=float(arrays["fps"]) / step,
                 R_world_root=R_ZUP_YUP @ R[rows],
@@ -48,7 +48,7 @@ def read_pack(path: Path) -> tuple[MocapTake, ...]:
                 leg_m=leg_m,
             )
         )
-    return tuple(takes)
+    return tuple(sequences)
 
 
 def _check(arrays: dict[str, np.ndarray], path: Path) -> None:
@@ -62,10 +62,10 @@ def _check(arrays: dict[str, np.ndarray], path: Path) -> None:
     if len(arrays["trans"]) != n or len(arrays["contacts"]) != n or len(arrays["clip_len"]) != clips:
         raise InputError(f"{path}: poses, trans and contacts, or clip_start and clip_len, differ in length")
     if len(arrays["clip_name"]) != clips or clips == 0:
-        raise InputError(f"{path}: {clips} takes but {len(arrays['clip_name'])} names; at least one take is needed")
+        raise InputError(f"{path}: {clips} sequences but {len(arrays['clip_name'])} names; at least one is needed")
     start, length = arrays["clip_start"], arrays["clip_len"]
     if (start < 0).any() or (length < 1).any() or (start + length > n).any():
-        raise InputError(f"{path}: a take lies outside the {n} frames of the pack")
+        raise InputError(f"{path}: a sequence lies outside the {n} frames of the pack")
     if "parents" in arrays and tuple(arrays["parents"].tolist()) != PARENTS:
         raise InputError(f"{path}: its joints are not in SMPL's order")
     if not float(arrays["fps"]) > 0 or not all(np.isfinite(arrays[k]).all() for k in ("poses", "trans", "rest_joints")):

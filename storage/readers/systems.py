@@ -1,4 +1,4 @@
-"""Results of GVHMR, WHAM, SLAHMR and TRAM, and of any system as an npz with motion.zarr's names, as takes.
+"""Results of GVHMR, WHAM, SLAHMR and TRAM, and of any system as an npz with motion.zarr's names, as sequences.
 
 | system | file | keys that are read | world |
 |---|---|---|---|
@@ -20,11 +20,11 @@ from typing import Any
 import numpy as np
 
 from humanmm.errors import InputError, TruthError
-from humanmm.models.benchmark.imported import SMPL_REST_PELVIS, SmplMotion, imported_take
-from humanmm.models.geometry.rotations import rotation_from_vector, vector_from_rotation
-from humanmm.models.records.sequence import Take
+from humanmm.models.benchmark.imported import SMPL_REST_PELVIS, SmplMotion, imported_sequence
+from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
+from humanmm.models.records.sequence import MotionSequence
 from humanmm.storage.readers.restricted_pickle import read_pickle
-from humanmm.storage.readers.truth import NpzArrays, read_take
+from humanmm.storage.readers.truth import NpzArrays, read_sequence
 
 Array = np.ndarray
 
@@ -50,15 +50,15 @@ def find_result(folder: Path, video: str) -> Path | None:
     return chosen[0] if len(chosen) == 1 else None
 
 
-def read_result(path: Path, *, num_frames: int, fps: float) -> Take:
+def read_result(path: Path, *, num_frames: int, fps: float) -> MotionSequence:
     """The motion of the main person. InputError says in one sentence what is wrong with the file."""
     try:
-        take = _read(path, num_frames, fps)
+        sequence = _read(path, num_frames, fps)
     except (InputError, TruthError):
         raise
     except (OSError, ValueError, KeyError, TypeError, IndexError, EOFError, RuntimeError) as error:
         raise InputError(f"{path} cannot be read as another system's result: {_words(error)}") from error
-    person = take.people[0] if take.people else None
+    person = sequence.people[0] if sequence.people else None
     if person is None or not len(person.frame) or not np.isfinite(person.joints).all():
         raise InputError(f"{path} holds no person, or numbers that are not finite")
     if person.frame[0] < 0 or person.frame[-1] >= num_frames + MAX_EXTRA_FRAMES or (np.diff(person.frame) <= 0).any():
@@ -66,10 +66,10 @@ def read_result(path: Path, *, num_frames: int, fps: float) -> Take:
             f"{path} holds frames {person.frame[0]} to {person.frame[-1]}, the video has {num_frames}: "
             "is it of another video, or was the video brought to another rate?"
         )
-    return take
+    return sequence
 
 
-def _read(path: Path, num_frames: int, fps: float) -> Take:
+def _read(path: Path, num_frames: int, fps: float) -> MotionSequence:
     notes: tuple[str, ...] = ()
     if path.suffix == ".pt":
         motion, up = _gvhmr(path), Y_UP
@@ -83,8 +83,8 @@ def _read(path: Path, num_frames: int, fps: float) -> Take:
         elif "pred_rotmat" in arrays:
             motion, up = _tram(arrays)
         else:
-            return read_take(path)
-    return imported_take(motion, up=up, num_frames=num_frames, fps=fps, notes=notes)
+            return read_sequence(path)
+    return imported_sequence(motion, up=up, num_frames=num_frames, fps=fps, notes=notes)
 
 
 def _gvhmr(path: Path) -> SmplMotion:
@@ -100,7 +100,7 @@ def _gvhmr(path: Path) -> SmplMotion:
     orient = _rows(params, "global_orient", 3)
     pose = _rows(params, "body_pose", 63)
     return SmplMotion(
-        np.arange(len(orient)), rotation_from_vector(orient), pose.reshape(len(pose), -1, 3), _rows(params, "transl", 3)
+        np.arange(len(orient)), rotvec_to_rotmat(orient), pose.reshape(len(pose), -1, 3), _rows(params, "transl", 3)
     )
 
 
@@ -112,7 +112,7 @@ def _wham(path: Path) -> tuple[SmplMotion, tuple[str, ...]]:
     track = max(tracks, key=lambda one: len(one["frame_ids"]))
     pose = _rows(track, "pose_world", 72).reshape(-1, 24, 3)
     frame = np.asarray(track["frame_ids"]).astype(np.int64)
-    motion = SmplMotion(frame, rotation_from_vector(pose[:, 0]), pose[:, 1:], _rows(track, "trans_world", 3))
+    motion = SmplMotion(frame, rotvec_to_rotmat(pose[:, 0]), pose[:, 1:], _rows(track, "trans_world", 3))
     return motion, _of_many(len(tracks))
 
 
@@ -127,7 +127,7 @@ def _slahmr(arrays: Mapping[str, Array]) -> tuple[SmplMotion, Array, tuple[str, 
         if length > 1e-6:
             up = normal / length * (1.0 if normal @ CAMERA_UP >= 0 else -1.0)
     frame = np.arange(orient.shape[1])
-    motion = SmplMotion(frame, rotation_from_vector(orient[0]), pose[0].reshape(len(frame), -1, 3), trans[0])
+    motion = SmplMotion(frame, rotvec_to_rotmat(orient[0]), pose[0].reshape(len(frame), -1, 3), trans[0])
     return motion, up, _of_many(len(orient))
 
 
@@ -136,7 +136,7 @@ def _tram(arrays: Mapping[str, Array]) -> tuple[SmplMotion, Array]:
     trans, frame = arrays["pred_trans"].astype(np.float64).reshape(-1, 3), arrays["frame"].astype(np.int64).ravel()
     R, t = arrays["pred_cam_R"].astype(np.float64)[frame], arrays["pred_cam_T"].astype(np.float64).reshape(-1, 3)[frame]
     transl = (R @ (trans + SMPL_REST_PELVIS)[..., None])[..., 0] + t - SMPL_REST_PELVIS
-    return SmplMotion(frame, R @ R_cam_body[:, 0], vector_from_rotation(R_cam_body[:, 1:]), transl), CAMERA_UP
+    return SmplMotion(frame, R @ R_cam_body[:, 0], rotmat_to_rotvec(R_cam_body[:, 1:]), transl), CAMERA_UP
 
 
 def _rows(arrays: Mapping[str, Any], name: str, width: int) -> Array:

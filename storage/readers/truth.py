@@ -19,8 +19,8 @@ from zarr.errors import BaseZarrError
 from humanmm.errors import TruthError
 from humanmm.models.evaluation.people import projected_boxes
 from humanmm.models.evaluation.skeleton import LIMB_NAMES, SMPL_NAMES, pick
-from humanmm.models.geometry.rotations import rotation_from_vector
-from humanmm.models.records.sequence import BodyParameters, CameraTake, PersonTake, Take
+from humanmm.models.geometry.rotations import rotvec_to_rotmat
+from humanmm.models.records.sequence import BodyParameters, CameraSequence, MotionSequence, PersonSequence
 
 MAX_ARRAY_BYTES = 2**30
 """One array of an hour of video at 60 fps stays below this."""
@@ -34,8 +34,8 @@ R_ZUP_YUP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 Arrays = Mapping[str, np.ndarray]
 
 
-def read_take(path: Path) -> Take:
-    """The take in a run folder, a motion.zarr or an npz truth. Raises TruthError."""
+def read_sequence(path: Path) -> MotionSequence:
+    """The sequence in a run folder, a motion.zarr or an npz truth. Raises TruthError."""
     try:
         return _read(path)
     except TruthError as error:
@@ -44,11 +44,11 @@ def read_take(path: Path) -> Take:
         raise TruthError(f"{path}: cannot be read as a run folder or truth ({_first_line(error)})") from error
 
 
-def _read(path: Path) -> Take:
+def _read(path: Path) -> MotionSequence:
     if path.is_dir():
         for group in (path / "motion.zarr", path):
             if (group / "zarr.json").is_file():
-                return _contract_take(_ZarrArrays(group), transitions=_transitions(path / "run.json"))
+                return _contract_sequence(_ZarrArrays(group), transitions=_transitions(path / "run.json"))
         raise TruthError("neither a run folder nor a motion.zarr; expected motion.zarr/zarr.json in it")
     if not path.is_file():
         raise TruthError("does not exist; expected a run folder or an .npz truth")
@@ -56,9 +56,9 @@ def _read(path: Path) -> Take:
         raise TruthError("not an .npz file; expected a run folder or an .npz truth")
     arrays = NpzArrays(path)
     if "joints3d" in arrays and "R_world2cam" in arrays:
-        return _pose2sim_take(arrays)
+        return _pose2sim_sequence(arrays)
     if "num_frames" in arrays and "cut_frames" in arrays:
-        return _contract_take(arrays, transitions=_spans(arrays))
+        return _contract_sequence(arrays, transitions=_spans(arrays))
     raise TruthError(
         "no truth: expected motion.zarr's array names (num_frames, cut_frames, people/00/joints, …) or Pose2Sim's "
         f"(joints3d, R_world2cam, …), found {', '.join(sorted(arrays)[:6]) or 'nothing'}"
@@ -156,8 +156,8 @@ def _spans(arrays: Arrays) -> tuple[tuple[int, int], ...] | None:
     return tuple((int(start), int(end)) for start, end in _shaped(arrays, "transitions", (None, 2)))
 
 
-def _contract_take(arrays: Arrays, *, transitions: tuple[tuple[int, int], ...] | None) -> Take:
-    """A take from motion.zarr's array names and attributes."""
+def _contract_sequence(arrays: Arrays, *, transitions: tuple[tuple[int, int], ...] | None) -> MotionSequence:
+    """A sequence from motion.zarr's array names and attributes."""
     num_frames = int(_need(arrays, "num_frames"))
     if not 0 < num_frames <= MAX_FRAMES:
         raise TruthError(f"num_frames is {num_frames}; expected 1 to {MAX_FRAMES}")
@@ -181,15 +181,15 @@ def _contract_take(arrays: Arrays, *, transitions: tuple[tuple[int, int], ...] |
         _contract_person(arrays, number, num_frames=num_frames, joint_names=joint_names, model=model, cameras=cameras)
         for number in numbers
     )
-    return Take(num_frames, fps or 1.0, joint_names, people, spans, cameras)
+    return MotionSequence(num_frames, fps or 1.0, joint_names, people, spans, cameras)
 
 
-def _contract_cameras(arrays: Arrays, num_frames: int) -> CameraTake | None:
+def _contract_cameras(arrays: Arrays, num_frames: int) -> CameraSequence | None:
     keys = ("cameras/R_world_cam", "cameras/t_world_cam", "cameras/K")
     if not all(key in arrays for key in keys):
         return None
     shapes = ((num_frames, 3, 3), (num_frames, 3), (num_frames, 3, 3))
-    return CameraTake(*(_shaped(arrays, key, shape) for key, shape in zip(keys, shapes, strict=True)))
+    return CameraSequence(*(_shaped(arrays, key, shape) for key, shape in zip(keys, shapes, strict=True)))
 
 
 def _contract_person(
@@ -199,8 +199,8 @@ def _contract_person(
     num_frames: int,
     joint_names: tuple[str, ...],
     model: str,
-    cameras: CameraTake | None,
-) -> PersonTake:
+    cameras: CameraSequence | None,
+) -> PersonSequence:
     prefix = f"people/{number:02d}"
     joints = _shaped(arrays, f"{prefix}/joints", (None, len(joint_names), 3))
     n = len(joints)
@@ -223,32 +223,32 @@ def _contract_person(
     body = None
     if all(part is not None for part in parts):
         body = BodyParameters(model, *(part for part in parts if part is not None))
-    return PersonTake(
+    return PersonSequence(
         person=number,
         frame=frame,
         observed=np.ones(n, bool) if observed is None else observed.astype(bool),
         joints=joints,
-        R_world_root=None if root_orient is None else rotation_from_vector(root_orient),
+        R_world_root=None if root_orient is None else rotvec_to_rotmat(root_orient),
         contacts=optional("contacts", (n, 4)),
         bbox_xyxy=bbox,
         body=body,
     )
 
 
-def _pose2sim_take(arrays: Arrays) -> Take:
-    """A take from a Pose2Sim truth: one person, y up, world-to-camera extrinsics, joints NaN where not triangulated."""
+def _pose2sim_sequence(arrays: Arrays) -> MotionSequence:
+    """A Pose2Sim truth as a sequence: one person, y up, world-to-camera extrinsics, NaN where not triangulated."""
     joint_names = tuple(str(name) for name in _need(arrays, "joint_names"))
     joints = _shaped(arrays, "joints3d", (None, len(joint_names), 3)) @ R_ZUP_YUP.T
     num_frames = len(joints)
     R_world_cam = R_ZUP_YUP @ np.swapaxes(_shaped(arrays, "R_world2cam", (num_frames, 3, 3)), 1, 2)
     t_cam_world = _shaped(arrays, "t_world2cam", (num_frames, 3))
-    cameras = CameraTake(
+    cameras = CameraSequence(
         R_world_cam=R_world_cam,
         t_world_cam=-(R_world_cam @ t_cam_world[..., None])[..., 0],
         K=_shaped(arrays, "K", (num_frames, 3, 3)),
     )
     frame = np.arange(num_frames)
-    person = PersonTake(
+    person = PersonSequence(
         person=0,
         frame=frame,
         observed=np.isfinite(pick(joints, joint_names, LIMB_NAMES)).all(axis=(1, 2)),
@@ -257,7 +257,7 @@ def _pose2sim_take(arrays: Arrays) -> Take:
     )
     cut_frames = tuple(int(cut) for cut in np.atleast_1d(_need(arrays, "cut_frames")))
     transitions = tuple((cut, cut) for cut in cut_frames)
-    return Take(num_frames, float(_need(arrays, "fps")), joint_names, (person,), transitions, cameras)
+    return MotionSequence(num_frames, float(_need(arrays, "fps")), joint_names, (person,), transitions, cameras)
 
 
 def _need(arrays: Arrays, key: str) -> np.ndarray:

@@ -11,7 +11,8 @@ from jaxtyping import Bool, Float, Int
 
 from humanmm.models.body.kinematics import chunks
 from humanmm.models.body.landmarks import MIRROR, NUM_LANDMARKS
-from humanmm.models.geometry.rotations import swing
+from humanmm.models.geometry.projection import ray_axes, viewing_rays
+from humanmm.models.geometry.rotations import unit
 from humanmm.models.motion.fit.state import Skeleton
 from humanmm.models.records.shots import Appearance, in_spans
 from humanmm.models.records.tracks import MASK_SIDE, PersonTrack
@@ -99,11 +100,8 @@ class Sighting:
         landmarks = self._sides_right(self.track.landmarks3d[rows], frame)
 
         centre = self.track.mask_affine[rows] @ np.array([MASK_SIDE / 2, MASK_SIDE / 2, 1.0])
-        homogeneous = np.concatenate([centre, np.ones((len(centre), 1))], axis=1)
-        ray = np.linalg.solve(self.K[frame - self.span[0]], homogeneous[..., None])[..., 0]
-        ray /= np.linalg.norm(ray, axis=1, keepdims=True)
-        R_cam_ray = swing(np.broadcast_to([0.0, 0.0, 1.0], ray.shape), ray)
-        landmarks_cam = landmarks @ np.swapaxes(R_cam_ray, -1, -2).astype(np.float32)
+        ray = unit(viewing_rays(centre[:, None], self.K[frame - self.span[0]])[:, 0])
+        landmarks_cam = landmarks @ np.swapaxes(ray_axes(ray), -1, -2).astype(np.float32)
 
         at = frame - first
         evidence.seen[at] = True

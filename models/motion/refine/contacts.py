@@ -17,9 +17,6 @@ Array = np.ndarray
 STILL_M = 0.008
 """What may be left of the movement of a standing foot, to either side, metres."""
 
-CONTACT_JOINTS = (7, 10, 8, 11)
-"""Left ankle, left toe base, right ankle, right toe base."""
-
 
 @dataclass(frozen=True)
 class ContactModel:

@@ -20,7 +20,7 @@ from humanmm.models.motion.fit.evidence import LongEvidence, Sighting, bone_leng
 from humanmm.models.motion.fit.hmr import EvidenceTerms, NoiseModel, pelvis_depths
 from humanmm.models.motion.fit.solver import SolverSettings, solve_windows
 from humanmm.models.motion.fit.state import CameraPath, LongMotion, Motion, Skeleton
-from humanmm.models.motion.refine.contacts import CONTACT_JOINTS
+from humanmm.models.records.recording import CONTACT_JOINTS
 from humanmm.models.records.shots import ShotList
 from humanmm.models.records.tracks import ScenePeople
 

@@ -18,7 +18,7 @@ from humanmm.models.body.landmarks import load_landmarks
 from humanmm.models.camera.keyframes import ViewFeatures
 from humanmm.models.camera.shot_edges import ShotLink, link_shots
 from humanmm.models.cuts.camera_rotation import CutCameras, CutPerson, SideTrack, align_cut
-from humanmm.models.geometry.rotations import rotation_from_vector
+from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.motion.world import gravity as world_gravity
 from humanmm.models.motion.world.people import Part, joined
 from humanmm.models.motion.world.shot_rotations import Edge, ShotRotations, average_rotations
@@ -423,7 +423,7 @@ def _at_origin(solution: Solution, strands: Sequence[Strand], R_world_first: Flo
     """The same world with the first camera's heading along +y and the first person's first pelvis above the origin."""
     ahead = solution.turn[0] @ R_world_first[:, 2]
     yaw = float(np.arctan2(ahead[0], ahead[1])) if np.hypot(ahead[0], ahead[1]) > 0.05 else 0.0
-    R = rotation_from_vector(np.array([0.0, 0.0, yaw]))
+    R = rotvec_to_rotmat(np.array([0.0, 0.0, yaw]))
     shift = np.zeros(3)
     if strands:
         first = min(range(len(strands)), key=lambda k: (strands[k].person, int(strands[k].frame[0])))

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from humanmm.errors import InputError
-from humanmm.models.geometry.rotations import rotation_from_vector
+from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.storage.readers.datasets.multiview import MultiviewSequence
 from humanmm.storage.readers.restricted_pickle import read_pickle
 from humanmm.storage.readers.truth import R_ZUP_YUP
@@ -61,7 +61,7 @@ def read_multiview(root: Path, videos: Path, name: str) -> MultiviewSequence:
     for path in paths:
         if not path.is_file():
             raise InputError(f"{path} is missing; {OBTAIN}")
-    R_world_cam = R_ZUP_YUP @ np.swapaxes(rotation_from_vector(cameras["cam_rotvec"]), -1, -2)
+    R_world_cam = R_ZUP_YUP @ np.swapaxes(rotvec_to_rotmat(cameras["cam_rotvec"]), -1, -2)
     return MultiviewSequence(
         name=name,
         fps=FPS,

@@ -10,9 +10,9 @@ from humanmm.models.benchmark.coco import coco_track
 from humanmm.models.body.landmarks import MIRROR
 from humanmm.models.perception.lifting import COCO_LANDMARKS, LiftingNetwork, features, lift
 from humanmm.models.records.tracks import PersonTrack
-from humanmm.storage.readers.aist import read_sequence
+from humanmm.storage.readers.aist import read_aist_sequence
 
-SEQUENCE = read_sequence(Path(__file__).parents[3] / "examples" / "aist" / "gBR_sBM_cAll_d06_mBR2_ch06.npz")
+SEQUENCE = read_aist_sequence(Path(__file__).parents[3] / "examples" / "aist" / "gBR_sBM_cAll_d06_mBR2_ch06.npz")
 N = 30
 TIME_S = np.arange(N) / 30
 K = SEQUENCE.K[0]

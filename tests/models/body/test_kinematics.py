@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 from humanmm.models.body.body24 import JOINT_NAMES, PARENTS, load_body
 from humanmm.models.body.kinematics import forward_kinematics, skinning_transforms
 from humanmm.models.body.landmarks import MIRROR, load_landmarks
-from humanmm.models.geometry.rotations import rotation_from_vector
+from humanmm.models.geometry.rotations import rotvec_to_rotmat
 
 RNG = np.random.default_rng(0)
 BETAS = RNG.normal(size=10)
@@ -39,7 +39,7 @@ def test_bone_lengths_do_not_depend_on_the_pose() -> None:
 def test_turning_the_root_turns_everything_about_the_pelvis() -> None:
     rest = load_body().rest_joints(BETAS)
     R_root, body_pose, pelvis = random_pose(4)
-    turn = rotation_from_vector([0.3, -1.2, 0.5])
+    turn = rotvec_to_rotmat([0.3, -1.2, 0.5])
     joints, R = forward_kinematics(rest, R_root, body_pose, pelvis)
     turned, R_turned = forward_kinematics(rest, turn @ R_root, body_pose, pelvis)
     np.testing.assert_allclose(turned - pelvis[:, None], (joints - pelvis[:, None]) @ turn.T, atol=1e-12)

@@ -12,8 +12,8 @@ from humanmm.models.body.kinematics import forward_kinematics
 from humanmm.models.body.landmarks import MIRROR, load_landmarks
 from humanmm.models.cuts import bundle as cut_bundle
 from humanmm.models.cuts import camera_rotation as cuts
-from humanmm.models.cuts import epipolar
-from humanmm.models.geometry.rotations import rotation_from_vector
+from humanmm.models.cuts import epipolar, residuals
+from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.shots import side_swaps as flips
 from humanmm.models.shots.tracking_failures import lapsed_frames
 
@@ -61,7 +61,7 @@ def observed(
     keypoints = np.concatenate([pixels[..., :2], np.ones((*cam.shape[:2], 1))], axis=-1)
     keypoints[..., :2] += rng.normal(0, 3.0, keypoints[..., :2].shape)
     relative = cam - cam[:, [23, 24]].mean(axis=1, keepdims=True)
-    relative = relative @ rotation_from_vector(np.radians(tilt_deg) * np.array([0.6, 0.8, 0.0])).T
+    relative = relative @ rotvec_to_rotmat(np.radians(tilt_deg) * np.array([0.6, 0.8, 0.0])).T
     relative += rng.normal(0, 0.02, relative.shape)
     rays = cuts.viewing_axes(keypoints, K)
     return cuts.SideTrack(
@@ -112,9 +112,9 @@ def test_the_bundle_mends_a_tilted_pose_estimator_that_turning_alone_believes() 
 def test_the_analytic_jacobian_is_that_of_the_residuals() -> None:
     person, truth = case(70.0, tilt_deg=5.0)
     item = cuts._prepare(person, CAMERAS, 19.5 / FPS)
-    problem = cut_bundle._Problem([item], cuts._BODY, cut_bundle.BundleSettings())
+    problem = residuals.CutProblem([item], cuts._BODY, residuals.BundleSettings())
     state, shift = cut_bundle._start(item, truth)
-    view = cut_bundle._CameraState(truth, shift, np.zeros(3))
+    view = residuals.CameraState(truth, shift, np.zeros(3))
     _, J = problem.linearise(item, state, view)
     rng = np.random.default_rng(0)
     direction = rng.normal(size=problem.num_unknowns)
@@ -131,7 +131,7 @@ def test_the_analytic_jacobian_is_that_of_the_residuals() -> None:
     robust = []
     for part in image:
         size = np.linalg.norm(part[0], axis=-1, keepdims=True)
-        factor = np.sqrt(np.minimum(1.0, cut_bundle.HUBER / np.maximum(size, 1e-9)))
+        factor = np.sqrt(np.minimum(1.0, residuals.HUBER / np.maximum(size, 1e-9)))
         robust += [np.broadcast_to(factor, part[0].shape).ravel(), np.ones(part[1].size)]
     analytic = J[: len(numeric)] @ direction
     np.testing.assert_allclose(analytic, numeric * np.concatenate(robust), rtol=1e-4, atol=1e-4)
@@ -151,7 +151,7 @@ def test_without_anybody_on_both_sides_there_is_no_link() -> None:
 
 def matches(seed: int, num: int = 30) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     rng = np.random.default_rng(seed)
-    R, t = rotation_from_vector(rng.normal(0, 0.2, 3)), rng.normal(size=3)
+    R, t = rotvec_to_rotmat(rng.normal(0, 0.2, 3)), rng.normal(size=3)
     X = rng.uniform([-2, -2, 4], [2, 2, 9], (num, 3))
     Y = (X - t) @ R
     return X[:, :2] / X[:, 2:], Y[:, :2] / Y[:, 2:], R, t / np.linalg.norm(t)

@@ -8,7 +8,7 @@ import pytest
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.kinematics import forward_kinematics
 from humanmm.models.body.landmarks import MIRROR, load_landmarks
-from humanmm.models.geometry.rotations import rotation_from_vector, swing
+from humanmm.models.geometry.rotations import rotvec_to_rotmat, swing
 from humanmm.models.motion.fit.evidence import gather
 from humanmm.models.motion.fit.hmr import fit_person, fit_shot
 from humanmm.models.motion.fit.pose_prior import load_pose_statistics, mirrored
@@ -35,10 +35,10 @@ class Scene:
         pose[:, 0, 0], pose[:, 1, 0] = 0.4 * np.sin(phase) - 0.2, -0.4 * np.sin(phase) - 0.2
         pose[:, 3, 0] = pose[:, 4, 0] = 0.4
         pose[:, 17, 1], pose[:, 18, 1] = -0.6, 0.6
-        facing = rotation_from_vector(np.stack([0 * TIME, 0.6 * np.sin(TIME) + 0.4, 0 * TIME], -1))
+        facing = rotvec_to_rotmat(np.stack([0 * TIME, 0.6 * np.sin(TIME) + 0.4, 0 * TIME], -1))
         R_shot_root = np.diag([1.0, -1, -1]) @ facing  # body y up, facing the camera
         pelvis = np.stack([-0.4 + 0.5 * TIME, 0.1 + 0 * TIME, 4.5 + 0.3 * TIME], -1)
-        self.R_shot_cam = rotation_from_vector(np.stack([0 * TIME, turn_camera * TIME, 0 * TIME], -1))
+        self.R_shot_cam = rotvec_to_rotmat(np.stack([0 * TIME, turn_camera * TIME, 0 * TIME], -1))
         R_cam_shot = np.swapaxes(self.R_shot_cam, -1, -2)
         self.R_root, self.pelvis = R_cam_shot @ R_shot_root, (R_cam_shot @ pelvis[..., None])[..., 0]
         self.joints, R = forward_kinematics(body.rest_joints(BETAS), self.R_root, pose, self.pelvis)
