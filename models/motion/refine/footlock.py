@@ -12,9 +12,10 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from humanmm.models.body.kinematics import chunks
+from humanmm.models.geometry.intervals import runs_of_true
 from humanmm.models.geometry.rotations import rotation_from_vector, swing, vector_from_rotation
 from humanmm.models.motion.fit.state import LongMotion
-from humanmm.models.motion.refine.contacts import CONTACT_JOINTS, intervals
+from humanmm.models.motion.refine.contacts import CONTACT_JOINTS
 
 Array = np.ndarray
 
@@ -144,8 +145,8 @@ def _phases(holds: Bool[Array, "N 2"]) -> list[tuple[int, int, bool]]:
 
     Where both hold, the ankle does, for with it the whole sole stands.
     """
-    ankle = [(start, end, True) for start, end in intervals(holds[:, 0])]
-    toe = [(start, end, False) for start, end in intervals(holds[:, 1] & ~holds[:, 0])]
+    ankle = [(start, end, True) for start, end in runs_of_true(holds[:, 0])]
+    toe = [(start, end, False) for start, end in runs_of_true(holds[:, 1] & ~holds[:, 0])]
     return sorted(ankle + toe)
 
 
@@ -160,7 +161,7 @@ def _anchor(path: Float[Array, "M 3"], sole_height: float, settings: LockSetting
 def _flat_feet(leg: Leg, holds: Bool[Array, "N 2"], time_s: Array, settings: LockSettings) -> Float[Array, "N 3 3"]:
     """The feet's rotations, held still while both ankle and toe base stand."""
     turn, certain = np.zeros((len(holds), 3)), np.zeros(len(holds), bool)
-    for start, end in intervals(np.asarray(holds.all(axis=1))):
+    for start, end in runs_of_true(np.asarray(holds.all(axis=1))):
         middle = leg.R_ankle[(start + end) // 2]
         spread = vector_from_rotation(middle.T @ leg.R_ankle[start:end])
         mean = middle @ rotation_from_vector(np.median(spread, axis=0))
@@ -175,7 +176,7 @@ def _faded(
 ) -> Float[Array, "N C"]:
     """Corrections where they are certain, and between them what is left of the neighbours' as they fade out."""
     out = np.where(certain[:, None], offset, 0.0)
-    for start, end in intervals(~certain):
+    for start, end in runs_of_true(~certain):
         rows = np.arange(start, end)
         before = offset[start - 1] if start > 0 else np.zeros(offset.shape[1])
         after = offset[end] if end < len(certain) else np.zeros(offset.shape[1])
