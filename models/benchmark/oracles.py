@@ -8,13 +8,13 @@ import numpy as np
 from jaxtyping import Float
 
 from humanmm.errors import StageError
+from humanmm.models.geometry.boxes import box_iou
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.records.camera import PointTracks, ShotCamera
 from humanmm.models.records.motion import WorldMotion
 from humanmm.models.records.sequence import CameraSequence
 from humanmm.models.records.shots import Scenes, ShotList, Transition
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
-from humanmm.models.shots.people_cuts import box_iou
 from humanmm.models.synthetic.multishot import BenchVideo
 
 Array = np.ndarray
@@ -95,7 +95,7 @@ def _tracks(scenes: Sequence[ScenePeople], start: int, end: int) -> tuple[Person
         for piece in (_between(track, start, end) for track in scene.tracks):
             if not len(piece.frame):
                 continue
-            overlaps = [(box_iou(tracks[k].bbox[-1], piece.bbox[0]), k) for k in earlier]
+            overlaps = [(float(box_iou(tracks[k].bbox[-1], piece.bbox[0])), k) for k in earlier]
             best, k = max(overlaps, default=(0.0, -1))
             if best >= SAME_IOU:
                 tracks[k] = _continued(tracks[k], piece)

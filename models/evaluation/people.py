@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.optimize import linear_sum_assignment
 
+from humanmm.models.geometry.boxes import box_iou
 from humanmm.models.geometry.projection import in_front, project, world_to_camera
 from humanmm.models.records.sequence import CameraSequence, PersonSequence
 
@@ -31,18 +32,6 @@ def match_people(predicted: Sequence[PersonSequence], truth: Sequence[PersonSequ
     return {int(r): int(c) for r, c in zip(rows, columns, strict=True) if mean[r, c] >= LEAST_MEAN_IOU}
 
 
-def iou(
-    one_xyxy: Float[np.ndarray, "frames 4"], other_xyxy: Float[np.ndarray, "frames 4"]
-) -> Float[np.ndarray, "frames"]:
-    """(N,) intersection over union of two boxes a frame."""
-    low = np.maximum(one_xyxy[:, :2], other_xyxy[:, :2])
-    high = np.minimum(one_xyxy[:, 2:], other_xyxy[:, 2:])
-    shared = np.prod(np.clip(high - low, 0.0, None), axis=1)
-    area = np.prod(np.clip(one_xyxy[:, 2:] - one_xyxy[:, :2], 0.0, None), axis=1)
-    other_area = np.prod(np.clip(other_xyxy[:, 2:] - other_xyxy[:, :2], 0.0, None), axis=1)
-    return np.asarray(shared / np.maximum(area + other_area - shared, np.finfo(float).tiny))
-
-
 def projected_boxes(
     joints: Float[np.ndarray, "frames joints 3"], frame: np.ndarray, cameras: CameraSequence
 ) -> Float[np.ndarray, "frames 4"]:
@@ -63,7 +52,7 @@ def _overlaps(one: PersonSequence, other: PersonSequence) -> Float[np.ndarray, "
     _, i, j = np.intersect1d(one.frame, other.frame, assume_unique=True, return_indices=True)
     one_xyxy, other_xyxy = one.bbox_xyxy[i], other.bbox_xyxy[j]
     usable = _is_box(one_xyxy) & _is_box(other_xyxy)
-    return iou(one_xyxy[usable], other_xyxy[usable])
+    return box_iou(one_xyxy[usable], other_xyxy[usable])
 
 
 def _is_box(bbox_xyxy: Float[np.ndarray, "frames 4"]) -> Bool[np.ndarray, "frames"]:

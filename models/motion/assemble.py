@@ -11,7 +11,7 @@ from humanmm.models.geometry.projection import in_front, project, world_to_camer
 from humanmm.models.records import landmarks
 from humanmm.models.records.motion import PersonMotion, WorldMotion
 from humanmm.models.records.recording import RecordedPerson, Recording
-from humanmm.models.records.shots import Shot, ShotList, in_spans
+from humanmm.models.records.shots import Shot, ShotList
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
 from humanmm.models.records.video import VideoFacts
 
@@ -112,7 +112,7 @@ def continuous_rotvec(R: Float[np.ndarray, "frames 3 3"]) -> Float[np.ndarray, "
 def _observations(
     person: PersonMotion, shot_list: ShotList, scenes: Sequence[ScenePeople | None]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """What the detector saw of a person: keypoints (N,33,3) with sides put right, boxes (N,4), seen (N,) bool."""
+    """What the detector saw of a person: keypoints (N,33,3), left and right put right, boxes (N,4), seen (N,) bool."""
     num_frames = len(person.frame)
     keypoints2d = np.zeros((num_frames, len(landmarks.NAMES), 3), np.float32)
     bbox = np.zeros((num_frames, 4), np.float32)
@@ -124,10 +124,7 @@ def _observations(
             continue
         rows = track.frame - first
         inside = (track.frame >= shot.start) & (track.frame < shot.end) & (rows >= 0) & (rows < num_frames)
-        appearance = next(a for a in shot.people if a.person == person.person)
         keypoints2d[rows[inside]] = track.keypoints2d[inside]
-        exchanged = inside & in_spans(track.frame, appearance.swapped)
-        keypoints2d[rows[exchanged]] = track.keypoints2d[exchanged][:, landmarks.SWAP]
         bbox[rows[inside]] = track.bbox[inside]
         seen[rows[inside]] = True
     return keypoints2d, bbox, seen
@@ -139,7 +136,7 @@ def _track_of(person: int, shot: Shot, scenes: Sequence[ScenePeople | None]) -> 
         return None
     for appearance in shot.people:
         if appearance.person == person:
-            return scene.tracks[appearance.track]
+            return scene.track_of(appearance)
     return None
 
 

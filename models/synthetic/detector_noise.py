@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
-from humanmm.models.body.landmarks import MIRROR, NUM_LANDMARKS
 from humanmm.models.geometry.projection import in_front, project, ray_axes
 from humanmm.models.geometry.rotations import rotvec_to_rotmat, unit
+from humanmm.models.records.landmarks import NUM_LANDMARKS, with_sides_swapped
 from humanmm.models.weights.shipped import read_weights
 
 Array = np.ndarray
@@ -173,8 +173,7 @@ def detect(
     front, back = (_runs(rng, of_body, rate, noise.swap_s, fps) for rate in noise.swap_rate)
     swapped = np.where(behind, back, front)
     keypoints = np.concatenate([pixels, visibility[..., None]], axis=-1)
-    keypoints[swapped] = keypoints[swapped][:, list(MIRROR)]
-    solid[swapped] = solid[swapped][:, list(MIRROR)]
+    keypoints, solid = (with_sides_swapped(points, swapped) for points in (keypoints, solid))
     found = ~_runs(rng, of_body, noise.miss_rate, noise.miss_s, fps)
     found &= inside[:, [11, 12, 23, 24]].all(axis=1) & (inside.mean(axis=1) > 0.5)
     return Detections(keypoints.astype(np.float32), solid.astype(np.float32), found, swapped)

@@ -8,6 +8,7 @@ from jaxtyping import Float
 
 from humanmm.models.benchmark.scores import MethodFigures, VideoFigures
 from humanmm.models.benchmark.traces import OFFSETS_S, VideoTraces
+from humanmm.models.geometry.intervals import runs_of_true
 
 Array = np.ndarray
 
@@ -180,8 +181,7 @@ def _drawing(
 def _runs(points: Float[Array, "n 2"]) -> list[Float[Array, "m 2"]]:
     """The stretches of two and more known points."""
     known = np.isfinite(points).all(axis=1)
-    edges = np.flatnonzero(np.diff(np.r_[False, known, False]))
-    return [points[a:b].astype(np.float64) for a, b in edges.reshape(-1, 2) if b - a > 1]
+    return [points[a:b].astype(np.float64) for a, b in runs_of_true(known) if b - a > 1]
 
 
 def _ranked(method: MethodFigures) -> float | None:

@@ -89,10 +89,9 @@ def fit_shot(
     betas = {person.person: person.betas for person in people}
     motions = []
     for appearance in shot.people:
-        track = scene.tracks[appearance.track]
-        first, last = shot.clear
+        first, last = span = shot.outside_transitions
         K = camera.K[first - camera.start : last - camera.start]
-        evidence = gather(track, shot.clear, appearance, time_s, K)
+        evidence = gather(scene.track_of(appearance), span, time_s, K, tracking_failures=appearance.tracking_failures)
         if evidence is not None:
             path = camera_path(camera, evidence.frame)
             motions.append(fit_person(appearance.person, evidence, betas[appearance.person], path, noise=noise))

@@ -109,11 +109,12 @@ def gather_clip(
     time_s: Float[Array, " F"],
     K: Float[Array, "F 3 3"],
 ) -> LongEvidence | None:
-    """A person's observations in every shot, left and right put right; None if there are none."""
+    """A person's observations in every shot; None if there are none."""
     sightings = tuple(
-        Sighting(scene.tracks[appearance.track], shot.clear, appearance, K[slice(*shot.clear)])
+        Sighting(scene.track_of(appearance), span, appearance.tracking_failures, K[slice(*span)])
         for shot in shots.shots
         if (scene := scenes[shot.scene]) is not None
+        for span in (shot.outside_transitions,)
         for appearance in shot.people
         if appearance.person == person
     )

@@ -12,9 +12,9 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from humanmm.models.body.kinematics import chunks
+from humanmm.models.geometry.intervals import runs_of_true
 from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat, swing
 from humanmm.models.motion.fit.state import LongMotion
-from humanmm.models.motion.refine.contacts import intervals
 from humanmm.models.motion.refine.smoothing import fade
 from humanmm.models.records.recording import CONTACT_JOINTS
 
@@ -146,8 +146,8 @@ def _phases(holds: Bool[Array, "N 2"]) -> list[tuple[int, int, bool]]:
 
     Where both hold, the ankle does, for with it the whole sole stands.
     """
-    ankle = [(start, end, True) for start, end in intervals(holds[:, 0])]
-    toe = [(start, end, False) for start, end in intervals(holds[:, 1] & ~holds[:, 0])]
+    ankle = [(start, end, True) for start, end in runs_of_true(holds[:, 0])]
+    toe = [(start, end, False) for start, end in runs_of_true(holds[:, 1] & ~holds[:, 0])]
     return sorted(ankle + toe)
 
 
@@ -162,7 +162,7 @@ def _anchor(path: Float[Array, "M 3"], sole_height: float, settings: LockSetting
 def _flat_feet(leg: Leg, holds: Bool[Array, "N 2"], time_s: Array, settings: LockSettings) -> Float[Array, "N 3 3"]:
     """The feet's rotations, held still while both ankle and toe base stand."""
     turn, certain = np.zeros((len(holds), 3)), np.zeros(len(holds), bool)
-    for start, end in intervals(np.asarray(holds.all(axis=1))):
+    for start, end in runs_of_true(np.asarray(holds.all(axis=1))):
         middle = leg.R_ankle[(start + end) // 2]
         spread = rotmat_to_rotvec(middle.T @ leg.R_ankle[start:end])
         mean = middle @ rotvec_to_rotmat(np.median(spread, axis=0))
@@ -177,7 +177,7 @@ def _faded(
 ) -> Float[Array, "N C"]:
     """Corrections where they are certain, and between them what is left of the neighbours' as they fade out."""
     out = np.where(certain[:, None], offset, 0.0)
-    for start, end in intervals(~certain):
+    for start, end in runs_of_true(~certain):
         rows = np.arange(start, end)
         before = offset[start - 1] if start > 0 else np.zeros(offset.shape[1])
         after = offset[end] if end < len(certain) else np.zeros(offset.shape[1])

@@ -9,8 +9,8 @@ from humanmm.models.body.body24 import load_body
 from humanmm.models.body.kinematics import compose
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.motion.fit.state import LongMotion, Skeleton
-from humanmm.models.motion.refine.contacts import CONTACT_JOINTS
 from humanmm.models.motion.refine.footlock import LEGS, Leg, LockSettings, ankle_targets, bend_leg, contact_places
+from humanmm.models.records.recording import CONTACT_JOINTS
 
 SOLE = np.array([0.08, 0.03])
 N = 60

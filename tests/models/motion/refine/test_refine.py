@@ -9,9 +9,9 @@ from humanmm.models.body.body24 import JOINT_NAMES, load_body
 from humanmm.models.body.kinematics import forward_kinematics
 from humanmm.models.body.landmarks import load_landmarks
 from humanmm.models.geometry.rotations import rotation_angle, rotvec_to_rotmat
-from humanmm.models.motion.refine.contacts import CONTACT_JOINTS
 from humanmm.models.motion.refine.refine import Observations, RefineSettings, refine_world, sole_heights
 from humanmm.models.records.motion import PersonMotion, WorldMotion
+from humanmm.models.records.recording import CONTACT_JOINTS
 from humanmm.models.records.shots import Appearance, Person, Shot, ShotList
 from humanmm.models.records.tracks import MASK_SIDE, PersonTrack, ScenePeople, Silhouettes
 
