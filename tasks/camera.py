@@ -14,7 +14,7 @@ def camera(inputs: StageInputs) -> ShotCamera:
     if inputs.shot is None:
         raise StageError("camera works shot by shot, but was given no shot")
     return estimate_camera(
-        without_transitions(within(inputs.read("points", PointTracks), *inputs.span), inputs.shot.clear),
+        without_transitions(within(inputs.read("points", PointTracks), *inputs.span), inputs.shot.outside_transitions),
         inputs.read("people", ScenePeople).tracks,
         inputs.read("intrinsics", Intrinsics),
         static=inputs.config.camera.static,

@@ -21,7 +21,7 @@ def intrinsics(inputs: StageInputs) -> Intrinsics:
     scenes = inputs.read_all("people", ScenePeople)
     tracks = inputs.read_all("points", PointTracks)
     usable = [
-        ShotPoints(without_transitions(within(points, shot.start, shot.end), shot.clear), scene.tracks)
+        ShotPoints(without_transitions(within(points, shot.start, shot.end), shot.outside_transitions), scene.tracks)
         for shot in shots
         if (points := tracks[shot.scene]) is not None and (scene := scenes[shot.scene]) is not None
     ]

@@ -7,7 +7,7 @@ from humanmm.models.perception.tracker import track_people
 from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.records.video import VideoFacts
 from humanmm.models.video.frames import PlanarFrame, planar_frames
-from humanmm.models.video.prefetch import ahead
+from humanmm.models.video.prefetch import prefetched
 from humanmm.tasks.inputs import StageInputs
 
 
@@ -24,13 +24,13 @@ def people(inputs: StageInputs) -> ScenePeople:
 
     with (
         inputs.open_video() as stream,
-        ahead(planar_frames(stream, facts, start, end, max_side_px=settings.max_side_px)) as decoded,
+        prefetched(planar_frames(stream, facts, start, end, max_side_px=settings.max_side_px)) as decoded,
     ):
         return track_people(
             pictures(decoded),
             start=start,
             end=end,
-            fps=facts.fps,
+            time_s=facts.time_s,
             size=(facts.width, facts.height),
             max_people=settings.max_people,
         )

@@ -15,7 +15,7 @@ from humanmm.models.records.recording import Recording
 from humanmm.models.records.video import VideoFacts
 from humanmm.models.video.colors import read_colors
 from humanmm.models.video.frames import PlanarFrame, joined, planar_frames, planar_size
-from humanmm.models.video.prefetch import ahead
+from humanmm.models.video.prefetch import prefetched
 from humanmm.models.video.reading import read_facts
 from humanmm.storage.run_folder.motion_zarr import MOTION, read_motion
 from humanmm.storage.run_folder.picture_files import write_png, write_video
@@ -23,7 +23,7 @@ from humanmm.storage.run_folder.run_record import read_run_record
 from humanmm.storage.store.files import replace_file
 
 OVERLAY, TOP_VIEW, TIMELINE = "overlay.mp4", "top.png", "timeline.png"
-_AHEAD = 4
+_PREFETCHED = 4
 """Pictures that wait for being drawn, and for being encoded."""
 
 
@@ -42,17 +42,17 @@ def write_overlay(
     colors = read_colors(stream)
     overlay = Overlay(recording, tuple(marks), width, height, colors)
 
-    canvases = [np.empty((height * 3 // 2, width), np.uint8) for _ in range(_AHEAD)]
+    canvases = [np.empty((height * 3 // 2, width), np.uint8) for _ in range(_PREFETCHED)]
 
     def drawn(decoded: Iterator[PlanarFrame]) -> Iterator[tuple[float, np.ndarray]]:
         for frame in decoded:
-            image = joined(frame.planes, canvases[frame.index % _AHEAD])
+            image = joined(frame.planes, canvases[frame.index % _PREFETCHED])
             overlay.draw(image, frame.index)
             progress(frame.index + 1, facts.num_frames)
             yield frame.time_s, image
 
     planes = planar_frames(stream, facts, 0, facts.num_frames, max_side_px=settings.overlay_max_side_px)
-    with ahead(planes, _AHEAD) as decoded, ahead(drawn(decoded), _AHEAD) as pictures:
+    with prefetched(planes, _PREFETCHED) as decoded, prefetched(drawn(decoded), _PREFETCHED) as pictures:
         write_video(
             path, pictures, width=width, height=height, fps=facts.fps, colors=colors, quality=settings.overlay_quality
         )

@@ -9,7 +9,7 @@ from humanmm.models.camera.points import TrackerSettings, track_points
 from humanmm.models.records.camera import PointTracks
 from humanmm.models.records.video import VideoFacts
 from humanmm.models.video.frames import frames
-from humanmm.models.video.prefetch import ahead
+from humanmm.models.video.prefetch import prefetched
 from humanmm.tasks.inputs import StageInputs
 from humanmm.tasks.process import in_spare_time
 
@@ -26,7 +26,7 @@ def points(inputs: StageInputs) -> PointTracks:
             yield frame.image
 
     def tracked() -> PointTracks:
-        with ahead(pictures()) as small:
+        with prefetched(pictures()) as small:
             return track_points(
                 small,
                 start=start,

@@ -1,4 +1,4 @@
-"""Stage `shots`: cuts that people show, who is who across the cuts, and where left and right are exchanged."""
+"""Stage `shots`: cuts that people show, who is who across the cuts, and where the detector swapped left and right."""
 
 from humanmm.models.camera.intrinsics import estimate_intrinsics
 from humanmm.models.records.shots import Scenes, ShotList
@@ -15,7 +15,6 @@ def shots(inputs: StageInputs) -> ShotList:
         inputs.read("scenes", Scenes),
         inputs.read_all("people", ScenePeople),
         time_s=facts.time_s,
-        fps=facts.fps,
         K=estimate_intrinsics([], facts.width, facts.height).K,
         only_person=inputs.config.shots.person,
         parts=inputs.config.shots.parts,

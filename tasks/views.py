@@ -17,7 +17,7 @@ from humanmm.models.records.shots import ShotList
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
 from humanmm.models.records.video import VideoFacts
 from humanmm.models.video.frames import Frame, frames_at
-from humanmm.models.video.prefetch import ahead
+from humanmm.models.video.prefetch import prefetched
 from humanmm.tasks.inputs import StageInputs
 
 
@@ -34,7 +34,7 @@ def views(inputs: StageInputs) -> KeyViews:
     numbers = [frame for frames in wanted for frame in frames]
     with (
         inputs.open_video() as stream,
-        ahead(frames_at(stream, facts, numbers, pixels="gray", max_side_px=MAX_SIDE_PX)) as pictures,
+        prefetched(frames_at(stream, facts, numbers, pixels="gray", max_side_px=MAX_SIDE_PX)) as pictures,
     ):
         return KeyViews(
             tuple(

@@ -44,4 +44,4 @@ def aist_set(folder: Path, size: str) -> tuple[list[AistJob], SetStatistics]:
     """The videos of ms-AIST in one of its sizes, and the set in numbers."""
     sequences = read_aist(folder)
     plans, facts = planned_set(folder, sequences, size)
-    return [AistJob(plan, sequences[plan.take]) for plan in plans], facts
+    return [AistJob(plan, sequences[plan.sequence]) for plan in plans], facts

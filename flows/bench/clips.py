@@ -17,12 +17,12 @@ from humanmm.flows.bench.motion import SETTINGS
 from humanmm.models.benchmark.tables.statistics import SetStatistics, statistics_of
 from humanmm.models.camera.keyframes import KeyViews
 from humanmm.models.records.camera import PointTracks
-from humanmm.models.records.sequence import Take
+from humanmm.models.records.sequence import MotionSequence
 from humanmm.models.records.shots import Scenes
 from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.records.video import VideoFacts
 from humanmm.models.synthetic.multishot import BenchVideo, split_name
-from humanmm.storage.readers.truth import read_take
+from humanmm.storage.readers.truth import read_sequence
 from humanmm.storage.store.identity import identify
 from humanmm.storage.store.store import Store
 from humanmm.tasks.engine.run import VideoRun
@@ -86,7 +86,7 @@ class ClipJob:
             people=tuple(results_of(run, "people", ScenePeople)),
             points=tuple(results_of(run, "points", PointTracks)),
             views=tuple(view for views in results_of(run, "views", KeyViews)[0].of_shot for view in views),
-            truth=read_take(self.truth),
+            truth=read_sequence(self.truth),
         )
 
 
@@ -95,13 +95,13 @@ def clip_set(folder: Path, store: Store) -> tuple[list[ClipJob], SetStatistics]:
     if not folder.is_dir():
         raise InputError(f"{folder} is not a folder; give one that holds <name>.mp4 beside <name>_gt.npz")
     jobs: list[ClipJob] = []
-    truths: list[Take] = []
+    truths: list[MotionSequence] = []
     for path in sorted(folder.glob("*_gt.npz")):
         video = path.with_name(f"{path.name.removesuffix('_gt.npz')}.mp4")
         if not video.is_file():
             log.warning("%s has no video %s beside it and is left out", path.name, video.name)
             continue
-        truth = read_take(path)
+        truth = read_sequence(path)
         truths.append(truth)
         digest = hashlib.sha256(path.read_bytes()).hexdigest()
         jobs.append(ClipJob(video, path, len(truth.transitions), identify(video, store).sha256, digest))

@@ -15,7 +15,7 @@ from humanmm.models.synthetic.detector_errors import MeasuredClip, person_errors
 from humanmm.models.synthetic.detector_noise import fitted_noise
 from humanmm.models.synthetic.multishot import BenchVideo
 from humanmm.models.synthetic.resimulated import resimulated
-from humanmm.storage.readers.truth import read_take
+from humanmm.storage.readers.truth import read_sequence
 from humanmm.storage.store.identity import identify
 from humanmm.storage.store.store import Store
 from humanmm.tasks.engine.run import VideoRun
@@ -37,8 +37,8 @@ def measured_clips(folder: Path, config: Config, store: Store) -> list[MeasuredC
                 outcome = run.do(work)
                 if outcome.manifest is None:
                     raise StageError(f"{job.name}: {outcome.work.label} failed: {outcome.reason}")
-        take = read_take(job.truth)
-        clips.append(MeasuredClip(take, person_errors(take, results_of(run, "people", ScenePeople), job.name)))
+        sequence = read_sequence(job.truth)
+        clips.append(MeasuredClip(sequence, person_errors(sequence, results_of(run, "people", ScenePeople), job.name)))
     return clips
 
 
@@ -47,7 +47,7 @@ def compared_clips(folder: Path, config: Config, store: Store) -> Iterator[tuple
     detections on the same clip."""
     jobs, _ = clip_set(folder, store)
     for job in jobs:
-        if len(read_take(job.truth).people) != 1:
+        if len(read_sequence(job.truth).people) != 1:
             continue
         video = job.build(config, store)
         seen = _figures(video, config)

@@ -9,7 +9,7 @@ from humanmm.config import Config
 from humanmm.errors import HumanMMError, InputError
 from humanmm.flows.bench.motion import FIGURE_CODE, Job, code_of, kept
 from humanmm.models.benchmark.methods import ABLATIONS, METHODS
-from humanmm.models.benchmark.scores import MethodFigures, VideoFigures, score_take
+from humanmm.models.benchmark.scores import MethodFigures, VideoFigures, score_sequence
 from humanmm.storage.readers.systems import READER_VERSION, find_result, read_result
 from humanmm.storage.store.recipe import Recipe
 from humanmm.storage.store.store import Store
@@ -69,6 +69,6 @@ def _figures(job: Job, system: System, config: Config, store: Store) -> MethodFi
             taken = read_result(path, num_frames=truth.num_frames, fps=truth.fps)
         except HumanMMError as error:
             return MethodFigures(system.name, (), (), str(error))
-        return score_take(system.name, taken, truth)
+        return score_sequence(system.name, taken, truth)
 
     return kept(store, recipe, job.name, MethodFigures, compute)

@@ -21,10 +21,10 @@ from humanmm import __version__
 from humanmm.config import Config
 from humanmm.errors import HumanMMError, InputError, StoreError
 from humanmm.models.benchmark.methods import METHODS, VideoMotions, run_methods
-from humanmm.models.benchmark.scores import MethodFigures, VideoFigures, score, take_of
+from humanmm.models.benchmark.scores import MethodFigures, VideoFigures, score, sequence_of
 from humanmm.models.benchmark.tables.statistics import SetStatistics, statistics_of
 from humanmm.models.benchmark.traces import VideoTraces, trace_video
-from humanmm.models.synthetic.mocap import MocapTake
+from humanmm.models.synthetic.mocap import MocapSequence
 from humanmm.models.synthetic.multishot import (
     LONGEST_FRAMES,
     BenchVideo,
@@ -116,7 +116,7 @@ class PlannedJob:
 class MocapJob(PlannedJob):
     """A video of ms-Mocap."""
 
-    take: MocapTake
+    sequence: MocapSequence
 
     @property
     def parameters(self) -> dict[str, Any]:
@@ -126,10 +126,11 @@ class MocapJob(PlannedJob):
 
     @property
     def inputs(self) -> dict[str, str]:
-        total = hashlib.sha256(f"{self.take.fps} {self.take.leg_m}".encode())
-        for array in (self.take.R_world_root, self.take.body_pose, self.take.pelvis, self.take.contacts):
+        total = hashlib.sha256(f"{self.sequence.fps} {self.sequence.leg_m}".encode())
+        one = self.sequence
+        for array in (one.R_world_root, one.body_pose, one.pelvis, one.contacts):
             total.update(np.ascontiguousarray(array).tobytes())
-        return {"take": total.hexdigest()}
+        return {"sequence": total.hexdigest()}
 
     @property
     def stages(self) -> tuple[str, ...]:
@@ -137,26 +138,26 @@ class MocapJob(PlannedJob):
 
     def build(self, config: Config, store: Store) -> BenchVideo:
         """Made on the spot."""
-        return build_video(self.take, self.plan)
+        return build_video(self.sequence, self.plan)
 
 
 def mocap_set(pack: Path, size: str) -> tuple[list[MocapJob], SetStatistics]:
     """The videos of ms-Mocap in one of its sizes, and the set in numbers."""
-    takes = read_pack(pack)
-    plans, facts = planned_set(pack, takes, size)
-    return [MocapJob(plan, takes[plan.take]) for plan in plans], facts
+    sequences = read_pack(pack)
+    plans, facts = planned_set(pack, sequences, size)
+    return [MocapJob(plan, sequences[plan.sequence]) for plan in plans], facts
 
 
-def planned_set(source: Path, takes: Sequence[Filmed], size: str) -> tuple[tuple[VideoPlan, ...], SetStatistics]:
-    """How the videos of a set in one of its sizes are cut from the takes of `source`, and the set in numbers."""
+def planned_set(source: Path, sequences: Sequence[Filmed], size: str) -> tuple[tuple[VideoPlan, ...], SetStatistics]:
+    """How the videos of a set in one of its sizes are cut from the sequences of `source`, and the set in numbers."""
     count, transitions, longest = SIZES[size]
     try:
-        plans = plan_videos(takes, count, seed=SEED, transitions=transitions, same=size == "ms20", longest=longest)
+        plans = plan_videos(sequences, count, seed=SEED, transitions=transitions, same=size == "ms20", longest=longest)
     except ValueError as error:
         raise InputError(f"{source}: {error}") from None
-    used = [takes[plan.take] for plan in plans]
-    lengths = [min(take.num_frames, plan.longest) for take, plan in zip(used, plans, strict=True)]
-    return plans, statistics_of(lengths, [take.fps for take in used], [plan.num_transitions for plan in plans])
+    used = [sequences[plan.sequence] for plan in plans]
+    lengths = [min(sequence.num_frames, plan.longest) for sequence, plan in zip(used, plans, strict=True)]
+    return plans, statistics_of(lengths, [sequence.fps for sequence in used], [plan.num_transitions for plan in plans])
 
 
 @dataclass(frozen=True)
@@ -230,8 +231,8 @@ def compute(job: Job, recipes: VideoRecipes, config: Config, place: str, methods
     found = kept(store, recipes.motions, job.name, VideoMotions, lambda: run_methods(video, config, methods))
 
     def traces() -> VideoTraces:
-        takes = [(done.method, take_of(video, done) if done.motion else None) for done in found.motions]
-        return trace_video(video.name, video.split, video.truth, takes)
+        sequences = [(done.method, sequence_of(video, done) if done.motion else None) for done in found.motions]
+        return trace_video(video.name, video.split, video.truth, sequences)
 
     kept(store, recipes.traces, job.name, VideoTraces, traces)
     return kept(store, recipes.figures, job.name, VideoFigures, lambda: score(video, found))

@@ -16,7 +16,7 @@ from humanmm import __file__ as package_file
 from humanmm.errors import InputError
 from humanmm.models.rendering.rendered_clip import RenderedClip
 from humanmm.models.rendering.script import ClipPlan, plan_clip
-from humanmm.models.synthetic.mocap import MocapTake
+from humanmm.models.synthetic.mocap import MocapSequence
 from humanmm.storage.readers.mocap_pack import read_pack
 from humanmm.storage.run_folder.clip_files import write_clip
 from humanmm.storage.store.digest import code_digest
@@ -136,9 +136,9 @@ def _render(clips: Sequence[ClipPlan], packs: Sequence[Path], folder: Path, thre
 def render_one(plan: ClipPlan, packs: Sequence[Path], folder: Path) -> str:
     """Render one clip into the folder; returns its name. Runs in a process of its own."""
     prepare_process()
-    takes: list[MocapTake] = [take for pack in packs for take in read_pack(pack)]
+    sequences: list[MocapSequence] = [sequence for pack in packs for sequence in read_pack(pack)]
     try:
-        clip = plan_clip(takes, plan)
+        clip = plan_clip(sequences, plan)
     except ValueError as error:
         raise InputError(f"{', '.join(pack.name for pack in packs)}: {error}") from None
     write_clip(RenderedClip(clip), folder)

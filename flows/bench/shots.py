@@ -55,7 +55,7 @@ def _counts(clip: CutClip, config: Config, store: Store) -> tuple[VideoFacts, di
     facts = run.read(run.work("decode"), VideoFacts)
     scenes = run.read(run.work("scenes"), Scenes)
     people = [run.read(work, ScenePeople) for work in run.works(run.stage("people")) or ()]
-    return facts, count_cuts(scenes, people, clip.transitions, fps=facts.fps)
+    return facts, count_cuts(scenes, people, clip.transitions, time_s=facts.time_s)
 
 
 def _statistics(

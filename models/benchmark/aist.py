@@ -13,10 +13,10 @@ from jaxtyping import Float
 from humanmm.models.benchmark.coco import coco_track
 from humanmm.models.camera.intrinsics import default_focal_px
 from humanmm.models.evaluation.people import projected_boxes
-from humanmm.models.geometry.axes import R_ZUP_YUP, camera_to_world
-from humanmm.models.geometry.rotations import rotation_from_vector
+from humanmm.models.geometry.axes import R_ZUP_YUP, zup_camera_pose
+from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.records.camera import PointTracks
-from humanmm.models.records.sequence import CameraTake, PersonTake, Take
+from humanmm.models.records.sequence import CameraSequence, MotionSequence, PersonSequence
 from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.synthetic.multishot import (
     BenchVideo,
@@ -70,8 +70,8 @@ def aist_sequence(name: str, sha256: str, arrays: Mapping[str, Array], *, joints
     rate = float(np.ravel(arrays["fps"])[0])
     step = max(1, round(rate / RATE_HZ))
     width, height = (int(side) for side in np.ravel(arrays["cam_size"])[:2])
-    R_cam_world = rotation_from_vector(arrays["cam_rotvec"].astype(np.float64))
-    R_world_cam, t_world_cam = camera_to_world(R_cam_world, arrays["cam_t"].astype(np.float64) * _CM)
+    R_cam_world = rotvec_to_rotmat(arrays["cam_rotvec"].astype(np.float64))
+    R_world_cam, t_world_cam = zup_camera_pose(R_cam_world, arrays["cam_t"].astype(np.float64) * _CM)
     return AistSequence(
         name=name,
         sha256=sha256,
@@ -122,15 +122,15 @@ def _no_background(start: int, end: int) -> PointTracks:
     return PointTracks(start, end, none, none, np.zeros((0, 2), np.float32), np.zeros(0, np.float32), window_px=1.0)
 
 
-def _truth(sequence: AistSequence, first: int, camera: Array, cuts: tuple[int, ...]) -> Take:
+def _truth(sequence: AistSequence, first: int, camera: Array, cuts: tuple[int, ...]) -> MotionSequence:
     n = len(camera)
-    cameras = CameraTake(sequence.R_world_cam[camera], sequence.t_world_cam[camera], sequence.K[camera])
+    cameras = CameraSequence(sequence.R_world_cam[camera], sequence.t_world_cam[camera], sequence.K[camera])
     frame, joints = np.arange(n), sequence.joints[first : first + n]
-    person = PersonTake(
+    person = PersonSequence(
         person=0,
         frame=frame,
         observed=np.isfinite(joints).all(axis=(1, 2)),
         joints=joints,
         bbox_xyxy=projected_boxes(joints, frame, cameras),
     )
-    return Take(n, sequence.fps, COCO_NAMES, (person,), tuple((cut, cut) for cut in cuts), cameras)
+    return MotionSequence(n, sequence.fps, COCO_NAMES, (person,), tuple((cut, cut) for cut in cuts), cameras)

@@ -7,7 +7,7 @@ projecting those (visibility 0: no evidence), a mask drawn about the bones. Colo
 import numpy as np
 from jaxtyping import Float, Int
 
-from humanmm.models.geometry.rotations import swing
+from humanmm.models.geometry.projection import project, ray_axes, viewing_rays
 from humanmm.models.motion.fit.initial import start_position
 from humanmm.models.perception.clothing import HISTOGRAM_BINS
 from humanmm.models.perception.lifting import COCO_LANDMARKS, SEEN, lift
@@ -43,8 +43,7 @@ def coco_track(
     points = _all_points(landmarks_cam, keypoints, seen, K)
     masks, affine = silhouettes(points)
     centre = affine.astype(np.float64) @ np.array([MASK_SIDE / 2, MASK_SIDE / 2, 1.0])
-    ray = np.concatenate([(centre - K[:2, 2]) / np.diagonal(K)[:2], np.ones((len(centre), 1))], axis=1)
-    R_cam_ray = swing(np.broadcast_to([0.0, 0.0, 1.0], ray.shape), ray)
+    R_cam_ray = ray_axes(viewing_rays(centre, K))
     return PersonTrack(
         frame=frame.astype(np.int32),
         keypoints2d=points.astype(np.float32),
@@ -64,10 +63,9 @@ def _all_points(
 ) -> Float[Array, "n 33 3"]:
     """Pixels and visibility of all 33: the detector's where it saw something, else the projected landmark's."""
     named = list(COCO_LANDMARKS)
-    rays = (keypoints[..., :2] - K[:2, 2]) / np.diagonal(K)[:2]
+    rays = viewing_rays(keypoints[..., :2], K)[..., :2]
     origin = start_position(landmarks_cam[:, named], rays, seen.astype(np.float64))
-    placed = landmarks_cam + origin[:, None]
-    pixels = placed[..., :2] / np.maximum(placed[..., 2:], NEAREST_M) * np.diagonal(K)[:2] + K[:2, 2]
+    pixels = project(landmarks_cam + origin[:, None], K, near_m=NEAREST_M)
     points = np.concatenate([pixels, np.zeros((*pixels.shape[:2], 1))], axis=-1)
     points[:, named] = np.where(seen[..., None], keypoints, points[:, named])
     points[..., 2] = np.clip(points[..., 2], 0.0, 1.0)

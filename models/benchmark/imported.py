@@ -1,4 +1,4 @@
-"""Other systems' results as takes: SMPL parameters in their own world, put on body24's average person, z up.
+"""Other systems' results as sequences: SMPL parameters in their own world, put on body24's average person, z up.
 
 SMPL's mesh is not here, so that joints come from body24's skeleton: rotations and path are theirs, bone lengths those
 of an average person. Errors after a similarity (PA, WA) do not change by this; W and RTE change by a few per cent.
@@ -14,8 +14,8 @@ from jaxtyping import Float, Int
 from humanmm.errors import InputError
 from humanmm.models.body.body24 import JOINT_NAMES, load_body
 from humanmm.models.body.kinematics import forward_kinematics
-from humanmm.models.geometry.rotations import rotation_from_vector, swing, vector_from_rotation
-from humanmm.models.records.sequence import PersonTake, Take
+from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat, swing
+from humanmm.models.records.sequence import MotionSequence, PersonSequence
 
 Array = np.ndarray
 
@@ -46,7 +46,7 @@ def gvhmr_result(parameters: Mapping[str, Any]) -> SystemResult:
     orient, pose = _rows(parameters, "global_orient", 3), _rows(parameters, "body_pose", 63)
     transl = _rows(parameters, "transl", 3)
     frame = np.arange(len(orient))
-    return SystemResult(frame, rotation_from_vector(orient), pose.reshape(len(pose), -1, 3), transl, Y_UP)
+    return SystemResult(frame, rotvec_to_rotmat(orient), pose.reshape(len(pose), -1, 3), transl, Y_UP)
 
 
 def wham_result(tracks: Sequence[Mapping[str, Any]]) -> SystemResult:
@@ -55,7 +55,7 @@ def wham_result(tracks: Sequence[Mapping[str, Any]]) -> SystemResult:
     pose = _rows(track, "pose_world", 72).reshape(-1, 24, 3)
     frame = np.asarray(track["frame_ids"]).astype(np.int64)
     transl = _rows(track, "trans_world", 3)
-    return SystemResult(frame, rotation_from_vector(pose[:, 0]), pose[:, 1:], transl, Y_UP, _note(len(tracks)))
+    return SystemResult(frame, rotvec_to_rotmat(pose[:, 0]), pose[:, 1:], transl, Y_UP, _note(len(tracks)))
 
 
 def slahmr_result(arrays: Mapping[str, Array]) -> SystemResult:
@@ -71,7 +71,7 @@ def slahmr_result(arrays: Mapping[str, Array]) -> SystemResult:
             up = normal / length * (1.0 if normal @ CAMERA_UP >= 0 else -1.0)
     frame = np.arange(orient.shape[1])
     body_pose = pose[0].reshape(len(frame), -1, 3)
-    return SystemResult(frame, rotation_from_vector(orient[0]), body_pose, trans[0], up, _note(len(orient)))
+    return SystemResult(frame, rotvec_to_rotmat(orient[0]), body_pose, trans[0], up, _note(len(orient)))
 
 
 def tram_result(arrays: Mapping[str, Array]) -> SystemResult:
@@ -80,10 +80,10 @@ def tram_result(arrays: Mapping[str, Array]) -> SystemResult:
     trans, frame = arrays["pred_trans"].astype(np.float64).reshape(-1, 3), arrays["frame"].astype(np.int64).ravel()
     R, t = arrays["pred_cam_R"].astype(np.float64)[frame], arrays["pred_cam_T"].astype(np.float64).reshape(-1, 3)[frame]
     transl = (R @ (trans + SMPL_REST_PELVIS)[..., None])[..., 0] + t - SMPL_REST_PELVIS
-    return SystemResult(frame, R @ R_cam_body[:, 0], vector_from_rotation(R_cam_body[:, 1:]), transl, CAMERA_UP)
+    return SystemResult(frame, R @ R_cam_body[:, 0], rotmat_to_rotvec(R_cam_body[:, 1:]), transl, CAMERA_UP)
 
 
-def imported_take(result: SystemResult, *, num_frames: int, fps: float) -> Take:
+def imported_sequence(result: SystemResult, *, num_frames: int, fps: float) -> MotionSequence:
     """The motion in a world with z up."""
     R_world_theirs = swing(result.up / np.linalg.norm(result.up), np.array([0.0, 0.0, 1.0]))
     R_root = R_world_theirs @ result.global_orient
@@ -92,14 +92,14 @@ def imported_take(result: SystemResult, *, num_frames: int, fps: float) -> Take:
     pose[:, : given.shape[1]] = given
     pelvis = (result.transl + SMPL_REST_PELVIS) @ R_world_theirs.T
     joints, _ = forward_kinematics(load_body().J_template, R_root, pose, pelvis)
-    person = PersonTake(
+    person = PersonSequence(
         person=0,
         frame=result.frame.astype(np.int64),
         observed=np.ones(len(result.frame), bool),
         joints=joints,
         R_world_root=R_root,
     )
-    return Take(num_frames, fps, JOINT_NAMES, (person,), (), notes=result.notes)
+    return MotionSequence(num_frames, fps, JOINT_NAMES, (person,), (), notes=result.notes)
 
 
 def _rows(arrays: Mapping[str, Any], name: str, width: int) -> Array:

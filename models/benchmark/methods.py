@@ -241,7 +241,7 @@ def _recovered(method: str, work: _Work) -> WorldMotion:
         start = _OTHER_BEGINNINGS[method](work)
         return work.refine(start, assemble(footage_of(work.video, start), method=how))
     if method == "humanmm without flip decision":
-        if not _exchanged(work.start.shots):
+        if not _any_left_right_swap(work.start.shots):
             return work.refined
         return work.refine(work.as_labelled, assemble(footage_of(work.video, work.as_labelled), method=how))
     if method == "oracle cuts":
@@ -266,7 +266,6 @@ def begin(video: BenchVideo, config: Config) -> Beginning:
         video.scenes,
         video.people,
         time_s=facts.time_s,
-        fps=facts.fps,
         K=rough.K,
         only_person=config.shots.person,
         parts="scenes" if video.cuts_known else config.shots.parts,
@@ -284,7 +283,9 @@ def begin(video: BenchVideo, config: Config) -> Beginning:
 
 def points_of_shots(video: BenchVideo, shots: ShotList) -> list[PointTracks]:
     """Tracked points of every shot outside gradual transitions."""
-    return [without_transitions(video.points_of(shot.start, shot.end), shot.clear) for shot in shots.shots]
+    return [
+        without_transitions(video.points_of(shot.start, shot.end), shot.outside_transitions) for shot in shots.shots
+    ]
 
 
 def without_flip_decision(video: BenchVideo, config: Config, start: Beginning) -> Beginning:
@@ -308,8 +309,8 @@ def _fit(video: BenchVideo, config: Config, shots: ShotList, shot: Shot, camera:
     return fit_shot(video.people[shot.scene], shot, shots.people, video.facts.time_s, camera, noise=noise)
 
 
-def _exchanged(shots: ShotList) -> bool:
-    return any(appearance.swapped for shot in shots.shots for appearance in shot.people)
+def _any_left_right_swap(shots: ShotList) -> bool:
+    return any(appearance.left_right_swapped for shot in shots.shots for appearance in shot.people)
 
 
 def _focal_length(video: BenchVideo, config: Config, shots: ShotList, tracks: Sequence[PointTracks]) -> Intrinsics:
@@ -324,7 +325,7 @@ def _focal_length(video: BenchVideo, config: Config, shots: ShotList, tracks: Se
 
 
 def _as_labelled(shot: Shot) -> Shot:
-    return replace(shot, people=tuple(replace(appearance, swapped=()) for appearance in shot.people))
+    return replace(shot, people=tuple(replace(appearance, left_right_swapped=()) for appearance in shot.people))
 
 
 def footage_of(video: BenchVideo, start: Beginning) -> Footage:

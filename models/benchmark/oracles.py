@@ -8,13 +8,13 @@ import numpy as np
 from jaxtyping import Float
 
 from humanmm.errors import StageError
-from humanmm.models.geometry.rotations import rotation_from_vector
+from humanmm.models.geometry.boxes import box_iou
+from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.records.camera import PointTracks, ShotCamera
 from humanmm.models.records.motion import WorldMotion
-from humanmm.models.records.sequence import CameraTake
+from humanmm.models.records.sequence import CameraSequence
 from humanmm.models.records.shots import Scenes, ShotList, Transition
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
-from humanmm.models.shots.people_cuts import box_iou
 from humanmm.models.synthetic.multishot import BenchVideo
 
 Array = np.ndarray
@@ -36,7 +36,7 @@ def yaw_turns(video: BenchVideo, shots: ShotList, world: WorldMotion) -> Mapping
         before, after = world.R_world_cam[start - 1], world.R_world_cam[start]
         missing = before @ true @ after.T
         yaw = float(np.arctan2(missing[1, 0] - missing[0, 1], missing[0, 0] + missing[1, 1]))
-        turns[start] = before.T @ rotation_from_vector(np.array([0.0, 0.0, yaw])) @ after
+        turns[start] = before.T @ rotvec_to_rotmat(np.array([0.0, 0.0, yaw])) @ after
     return turns
 
 
@@ -78,7 +78,7 @@ def with_true_cuts(video: BenchVideo) -> BenchVideo:
     )
 
 
-def _known(video: BenchVideo) -> CameraTake:
+def _known(video: BenchVideo) -> CameraSequence:
     cameras = video.truth.cameras
     if cameras is None or not all(np.isfinite(getattr(cameras, field.name)).all() for field in fields(cameras)):
         raise StageError("the truth does not know the camera of every frame")
@@ -95,7 +95,7 @@ def _tracks(scenes: Sequence[ScenePeople], start: int, end: int) -> tuple[Person
         for piece in (_between(track, start, end) for track in scene.tracks):
             if not len(piece.frame):
                 continue
-            overlaps = [(box_iou(tracks[k].bbox[-1], piece.bbox[0]), k) for k in earlier]
+            overlaps = [(float(box_iou(tracks[k].bbox[-1], piece.bbox[0])), k) for k in earlier]
             best, k = max(overlaps, default=(0.0, -1))
             if best >= SAME_IOU:
                 tracks[k] = _continued(tracks[k], piece)

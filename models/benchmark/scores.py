@@ -10,10 +10,16 @@ from humanmm.models.body.body24 import JOINT_NAMES, load_body
 from humanmm.models.evaluation.cameras import errors_inside_shots_m, known
 from humanmm.models.evaluation.evaluate import evaluate
 from humanmm.models.evaluation.report import Report
-from humanmm.models.geometry.rotations import vector_from_rotation
+from humanmm.models.geometry.rotations import rotmat_to_rotvec
 from humanmm.models.motion.assemble import assemble, world_joints
 from humanmm.models.records.recording import Recording
-from humanmm.models.records.sequence import BodyParameters, CameraTake, PersonTake, Take, UndefinedFigureError
+from humanmm.models.records.sequence import (
+    BodyParameters,
+    CameraSequence,
+    MotionSequence,
+    PersonSequence,
+    UndefinedFigureError,
+)
 from humanmm.models.synthetic.multishot import BenchVideo
 
 FIGURES = tuple(field.name for field in fields(Report) if field.name not in ("problems", "cam_cut_rot_deg"))
@@ -73,8 +79,8 @@ def _equal(first: MethodMotion, second: MethodMotion) -> bool:
     return first.motion is not None and first.motion is second.motion and first.shots == second.shots
 
 
-def score_take(method: str, predicted: Take, truth: Take) -> MethodFigures:
-    """The figures of one take against its truth."""
+def score_sequence(method: str, predicted: MotionSequence, truth: MotionSequence) -> MethodFigures:
+    """The figures of one sequence against its truth."""
     report = evaluate(predicted, truth)
     if report.wa_mpjpe100_mm is None:
         return MethodFigures(method, (), (), "; ".join(report.problems) or "nobody of the truth was found")
@@ -90,7 +96,7 @@ def score_take(method: str, predicted: Take, truth: Take) -> MethodFigures:
     return MethodFigures(method, tuple(figures), tuple(cuts))
 
 
-def _inside_shots(predicted: Take, truth: Take) -> list[Figure]:
+def _inside_shots(predicted: MotionSequence, truth: MotionSequence) -> list[Figure]:
     """The camera's errors shot by shot, each after a similarity of its own; nothing where no true camera moves."""
     sides = (predicted.cameras, truth.cameras)
     if sides[0] is None or sides[1] is None or predicted.num_frames != truth.num_frames:
@@ -103,19 +109,19 @@ def _inside_shots(predicted: Take, truth: Take) -> list[Figure]:
     return [Figure("cam_shot_ate_m", ate_m), Figure("cam_shot_rpe_trans_m", rpe_m)]
 
 
-def cut_angles_deg(truth: Take) -> list[float]:
+def cut_angles_deg(truth: MotionSequence) -> list[float]:
     """True angle between the cameras on both sides of every cut, degrees."""
     if truth.cameras is None:
         return []
     R = truth.cameras.R_world_cam
     turns = [R[cut - 1].T @ R[cut] for cut in truth.cut_frames]
-    return [float(np.rad2deg(np.linalg.norm(vector_from_rotation(turn)))) for turn in turns]
+    return [float(np.rad2deg(np.linalg.norm(rotmat_to_rotvec(turn)))) for turn in turns]
 
 
 def _score(video: BenchVideo, done: MethodMotion) -> MethodFigures:
     if done.motion is None:
         return MethodFigures(done.method, (), (), done.reason)
-    return score_take(done.method, take_of(video, done), video.truth)
+    return score_sequence(done.method, sequence_of(video, done), video.truth)
 
 
 def recording_of(video: BenchVideo, done: MethodMotion) -> Recording:
@@ -135,14 +141,14 @@ def recording_of(video: BenchVideo, done: MethodMotion) -> Recording:
     )
 
 
-def take_of(video: BenchVideo, done: MethodMotion) -> Take:
+def sequence_of(video: BenchVideo, done: MethodMotion) -> MotionSequence:
     """The motion as `humanmm eval` would read it from a run folder."""
     recording, motion, shots = recording_of(video, done), done.motion, done.shots
     if motion is None or shots is None:
         raise ValueError(f"{done.method} has no motion")
     rotations = {person.person: person.R_world_root for person in motion.people}
     people = tuple(
-        PersonTake(
+        PersonSequence(
             person=person.person,
             frame=person.frame.astype(np.int64),
             observed=person.observed,
@@ -156,5 +162,5 @@ def take_of(video: BenchVideo, done: MethodMotion) -> Take:
     )
     spans = [shot.transition for shot in shots.shots]
     transitions = tuple((span.start, span.end) for span in spans if span is not None)
-    cameras = CameraTake(motion.R_world_cam, motion.t_world_cam, motion.K)
-    return Take(len(video.facts.time_s), video.truth.fps, JOINT_NAMES, people, transitions, cameras)
+    cameras = CameraSequence(motion.R_world_cam, motion.t_world_cam, motion.K)
+    return MotionSequence(len(video.facts.time_s), video.truth.fps, JOINT_NAMES, people, transitions, cameras)

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float
 
 from humanmm.models.benchmark.tables.rows import RESAMPLES, Metric, Row, summarise
 from humanmm.models.evaluation.cuts import score_cuts
@@ -41,12 +42,16 @@ class CutCounts:
 
 
 def count_cuts(
-    scenes: Scenes, people: Sequence[ScenePeople], truth: Sequence[tuple[int, int]], *, fps: float
+    scenes: Scenes,
+    people: Sequence[ScenePeople],
+    truth: Sequence[tuple[int, int]],
+    *,
+    time_s: Float[np.ndarray, " F"],
 ) -> dict[str, CutCounts]:
     """Every detector on one video, by method."""
     counts = {}
     for method, parts in DETECTORS.items():
-        found = [transition.cut_frame for transition in split_scenes(scenes, people, fps=fps, parts=parts)]
+        found = [transition.cut_frame for transition in split_scenes(scenes, people, time_s=time_s, parts=parts)]
         matched = round(score_cuts(found, truth).precision * len(found))
         counts[method] = CutCounts(len(truth), len(found), matched)
     return counts

@@ -10,8 +10,9 @@ from humanmm.models.evaluation.pairs import Pair, make_pair
 from humanmm.models.evaluation.people import match_people
 from humanmm.models.evaluation.pose import METRES_TO_MM
 from humanmm.models.evaluation.skeleton import LIMB_NAMES, mid_hip, pick
-from humanmm.models.geometry.alignment import fit_similarity
-from humanmm.models.records.sequence import CameraTake, PersonTake, Take, UndefinedFigureError
+from humanmm.models.geometry.alignment import umeyama_alignment
+from humanmm.models.geometry.projection import in_front, project, world_to_camera
+from humanmm.models.records.sequence import CameraSequence, MotionSequence, PersonSequence, UndefinedFigureError
 
 Array = np.ndarray
 
@@ -51,7 +52,9 @@ class VideoTraces:
     next cut and from the last one on."""
 
 
-def trace_video(name: str, split: str, truth: Take, predictions: Sequence[tuple[str, Take | None]]) -> VideoTraces:
+def trace_video(
+    name: str, split: str, truth: MotionSequence, predictions: Sequence[tuple[str, MotionSequence | None]]
+) -> VideoTraces:
     """The traces of all methods; None for one that failed."""
     person = _main(truth)
     frame: Array = person.frame[np.unique(np.linspace(0, len(person.frame) - 1, MOMENTS).round().astype(int))]
@@ -68,7 +71,7 @@ def trace_video(name: str, split: str, truth: Take, predictions: Sequence[tuple[
             pixels.append(np.full_like(pixels[0], np.nan))
             continue
         predicted, true = _limbs_of(pair)
-        fit = fit_similarity(predicted.reshape(-1, 3), true.reshape(-1, 3), with_scale=False)
+        fit = umeyama_alignment(predicted.reshape(-1, 3), true.reshape(-1, 3), with_scale=False)
         aligned = fit.apply(predicted.reshape(-1, 3)).reshape(predicted.shape)
         rows.append(_at(aligned, pair.frame, frame))
         bodies.append(_at(aligned, pair.frame, shown))
@@ -89,20 +92,20 @@ def trace_video(name: str, split: str, truth: Take, predictions: Sequence[tuple[
     )
 
 
-def _main(truth: Take) -> PersonTake:
+def _main(truth: MotionSequence) -> PersonSequence:
     return max(truth.people, key=lambda person: (int(person.observed.sum()), -person.person))
 
 
-def _limbs(person: PersonTake, take: Take) -> Float[Array, "frames 12 3"]:
-    return pick(person.joints, take.joint_names, LIMB_NAMES)
+def _limbs(person: PersonSequence, sequence: MotionSequence) -> Float[Array, "frames 12 3"]:
+    return pick(person.joints, sequence.joint_names, LIMB_NAMES)
 
 
-def _pair(prediction: Take, truth: Take, person: PersonTake) -> Pair | None:
+def _pair(prediction: MotionSequence, truth: MotionSequence, person: PersonSequence) -> Pair | None:
     found = match_people(prediction.people, (person,))
     if 0 not in found:
         return None
     try:
-        return make_pair(prediction.people[found[0]], person, predicted_take=prediction, truth_take=truth)
+        return make_pair(prediction.people[found[0]], person, predicted_sequence=prediction, truth_sequence=truth)
     except UndefinedFigureError:
         return None
 
@@ -122,17 +125,16 @@ def _at(joints: Float[Array, "n 12 3"], known: Int[Array, " n"], wanted: Int[Arr
 
 
 def _projected(
-    joints: Float[Array, "m 12 3"], frame: Int[Array, " m"], cameras: CameraTake | None
+    joints: Float[Array, "m 12 3"], frame: Int[Array, " m"], cameras: CameraSequence | None
 ) -> Float[Array, "m 12 2"]:
     if cameras is None:
         return np.full((*joints.shape[:2], 2), np.nan)
-    in_camera = (joints - cameras.t_world_cam[frame, None]) @ cameras.R_world_cam[frame]
-    projected = in_camera @ np.swapaxes(cameras.K[frame], -1, -2)
-    depth = np.where(projected[..., 2:] > NEAR_M, projected[..., 2:], np.nan)
-    return np.asarray(projected[..., :2] / depth)
+    in_camera = world_to_camera(joints, cameras.R_world_cam[frame], cameras.t_world_cam[frame])
+    pixels = project(in_camera, cameras.K[frame], near_m=NEAR_M)
+    return np.where(in_front(in_camera, NEAR_M)[..., None], pixels, np.nan)
 
 
-def _picture(cameras: CameraTake | None) -> tuple[float, float]:
+def _picture(cameras: CameraSequence | None) -> tuple[float, float]:
     """Twice the principal point."""
     if cameras is None or not len(cameras.K):
         return 0.0, 0.0
@@ -140,7 +142,11 @@ def _picture(cameras: CameraTake | None) -> tuple[float, float]:
 
 
 def _about_cut(
-    frame: Int[Array, " n"], predicted: Float[Array, "n 12 3"], true: Float[Array, "n 12 3"], cut: int, truth: Take
+    frame: Int[Array, " n"],
+    predicted: Float[Array, "n 12 3"],
+    true: Float[Array, "n 12 3"],
+    cut: int,
+    truth: MotionSequence,
 ) -> Float[Array, " offsets"]:
     """Error, mm, at every offset; NaN where the neighbouring shots do not reach or nobody is known."""
     out = np.full(len(OFFSETS_S), np.nan)
@@ -149,7 +155,7 @@ def _about_cut(
     base = np.flatnonzero((frame >= max(first, cut - BEFORE_S * truth.fps)) & (frame < cut))
     if len(base) < FEWEST_FRAMES:
         return out
-    fit = fit_similarity(predicted[base].reshape(-1, 3), true[base].reshape(-1, 3), with_scale=False)
+    fit = umeyama_alignment(predicted[base].reshape(-1, 3), true[base].reshape(-1, 3), with_scale=False)
     for k, offset in enumerate(OFFSETS_S):
         wanted = cut + round(offset * truth.fps)
         row = int(np.searchsorted(frame, wanted))

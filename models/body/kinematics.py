@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from humanmm.models.body.body24 import NUM_JOINTS, PARENTS
-from humanmm.models.geometry.rotations import rotation_from_vector
+from humanmm.models.geometry.rotations import rotvec_to_rotmat
 
 Array = np.ndarray
 
@@ -39,7 +39,7 @@ def local_rotations(
     R_root: Float[Array, "frames 3 3"], body_pose: Float[Array, "frames 23 3"]
 ) -> Float[Array, "frames 24 3 3"]:
     """Every joint's rotation relative to its parent; the root's is R_root."""
-    return np.concatenate([np.asarray(R_root, np.float64)[:, None], rotation_from_vector(body_pose)], axis=1)
+    return np.concatenate([np.asarray(R_root, np.float64)[:, None], rotvec_to_rotmat(body_pose)], axis=1)
 
 
 def compose(

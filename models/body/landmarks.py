@@ -12,13 +12,9 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from humanmm.models.body.body24 import JOINT_NAMES, Body, load_body
+from humanmm.models.records.landmarks import NUM_LANDMARKS, SWAP
 
 Array = np.ndarray
-
-NUM_LANDMARKS = 33
-
-MIRROR = (0, 4, 5, 6, 1, 2, 3, 8, 7, 10, 9, *(k + 1 if k % 2 else k - 1 for k in range(11, 33)))
-"""For each landmark the one of the other side: x[..., MIRROR, :] exchanges left and right."""
 
 _JOINTS = {
     11: "L_Shoulder", 12: "R_Shoulder", 13: "L_Elbow", 14: "R_Elbow", 15: "L_Wrist", 16: "R_Wrist",
@@ -51,8 +47,8 @@ _DETECTOR_SHIFT_MM = {
 """Where BlazePose puts a landmark, less where anatomy does, in the joint's axes: hips lower and further in than the
 joint centres, ankles higher, thumbs and toes shorter.
 
-Measured on renderings of body24 (130 random shapes, clothes, views and training takes of motion capture; robust least
-squares of the 2D residuals, left and right averaged).
+Measured on renderings of body24 (130 random shapes, clothes, views and training sequences of motion capture; robust
+least squares of the 2D residuals, left and right averaged).
 """
 
 
@@ -89,7 +85,7 @@ def landmark_model(body: Body) -> LandmarkModel:
     for landmark, name in _JOINTS.items():
         joint[landmark] = JOINT_NAMES.index(name)
     for left, (name, place, count) in _SKIN.items():
-        for landmark, sign in {left: 1.0, MIRROR[left]: 1.0 if MIRROR[left] == left else -1.0}.items():
+        for landmark, sign in {left: 1.0, SWAP[left]: 1.0 if SWAP[left] == left else -1.0}.items():
             side_name = name if landmark == left else name.replace("L_", "R_")
             j = joint[landmark] = JOINT_NAMES.index(side_name)
             distance = np.linalg.norm(body.v_template - np.array(place) * (sign, 1, 1), axis=1)
@@ -97,6 +93,6 @@ def landmark_model(body: Body) -> LandmarkModel:
             template[landmark] = body.v_template[nearest].mean(0) - body.J_template[j]
             shapedirs[:, landmark] = body.shapedirs[:, nearest].mean(1) - body.J_shapedirs[:, j]
     for left, shift_mm in _DETECTOR_SHIFT_MM.items():
-        for landmark, sign in {left: 1, MIRROR[left]: 1 if MIRROR[left] == left else -1}.items():
+        for landmark, sign in {left: 1, SWAP[left]: 1 if SWAP[left] == left else -1}.items():
             template[landmark] += np.array(shift_mm) * (sign, 1, 1) / 1000
     return LandmarkModel(joint, template, shapedirs)

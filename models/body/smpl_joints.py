@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from humanmm.models.body.kinematics import forward_kinematics
-from humanmm.models.geometry.rotations import rotation_from_vector
+from humanmm.models.geometry.rotations import rotvec_to_rotmat
 
 
 @dataclass(frozen=True)
@@ -39,5 +39,5 @@ class SmplJoints:
     ) -> Float[np.ndarray, "F 24 3"]:
         """Joints in the axes of the parameters, metres."""
         rest = self.J_template + self.J_shapedirs @ betas
-        R_root = rotation_from_vector(root_orient)
+        R_root = rotvec_to_rotmat(root_orient)
         return forward_kinematics(rest, R_root, body_pose.reshape(-1, 23, 3), transl + rest[0])[0]

@@ -19,6 +19,7 @@ from humanmm.models.camera.odometry.keyframe_odometry import Track
 from humanmm.models.camera.odometry.tracked_shot import TrackedShot
 from humanmm.models.camera.odometry.two_view import relative_pose
 from humanmm.models.geometry import rotations
+from humanmm.models.geometry.alignment import umeyama_alignment
 from humanmm.models.records.camera import CrossCheck
 
 NUM_PAIRS = 4
@@ -131,11 +132,9 @@ def _adjusted(shot: TrackedShot, track: Track, keyframes: Int[np.ndarray, " k"])
     compact = replace(sightings, point=np.searchsorted(used, sightings.point))
     views = Views(R_shot_cam, t_shot_cam, track.views.log_zoom[keyframes], track.views.focal_px)
     R_theirs, t_theirs = _pycolmap_bundle(views, X, compact, track.adjusted.noise_px)
-    turn = np.degrees(rotations.rotation_angle(np.swapaxes(R_shot_cam, 1, 2) @ R_theirs))
-    ours, theirs = t_shot_cam - t_shot_cam.mean(axis=0), t_theirs - t_theirs.mean(axis=0)
-    theirs = theirs @ rotations.nearest_rotation(ours.T @ theirs).T
-    scale = (ours * theirs).sum() / max((theirs**2).sum(), 1e-12)
-    return float(turn.max()), float(np.linalg.norm(scale * theirs - ours, axis=1).max() / extent)
+    rotation_deg = np.degrees(rotations.rotation_angle(np.swapaxes(R_shot_cam, 1, 2) @ R_theirs))
+    aligned = umeyama_alignment(t_theirs, t_shot_cam, unique=False).apply(t_theirs)
+    return float(rotation_deg.max()), float(np.linalg.norm(aligned - t_shot_cam, axis=1).max() / extent)
 
 
 def _most_seen(sightings: Observations) -> Observations:

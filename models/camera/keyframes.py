@@ -83,8 +83,8 @@ def in_source_pixels(view: ViewFeatures, scale: float) -> ViewFeatures:
 
 
 def key_frames(shot: Shot) -> tuple[int, ...]:
-    """The first, the middle and the last clear frame of a shot; none where transitions leave nothing of it."""
-    first, end = shot.clear
+    """The first, the middle and the last frame of a shot outside transitions; none where they leave nothing of it."""
+    first, end = shot.outside_transitions
     return tuple(sorted({first, (first + end) // 2, end - 1})) if first < end else ()
 
 

@@ -157,10 +157,10 @@ def with_focal(views: Views, points: Points, observations: Observations, factor:
     across = np.array([1 / factor, 1 / factor, 1.0])
     R_old, t_old = views.R_shot_cam, views.t_shot_cam
     R_new, t_new = R_old.copy(), t_old.copy()
-    turns = rotations.vector_from_rotation(np.swapaxes(R_old[:-1], 1, 2) @ R_old[1:])
+    turns = rotations.rotmat_to_rotvec(np.swapaxes(R_old[:-1], 1, 2) @ R_old[1:])
     steps = np.einsum("kji,kj->ki", R_old[:-1], np.diff(t_old, axis=0))
     for k in range(1, len(R_old)):
-        R_new[k] = R_new[k - 1] @ rotations.rotation_from_vector((turns[k - 1] * across)[None])[0]
+        R_new[k] = R_new[k - 1] @ rotations.rotvec_to_rotmat((turns[k - 1] * across)[None])[0]
         t_new[k] = t_new[k - 1] + R_new[k - 1] @ (steps[k - 1] * across)
     moved = replace(views, R_shot_cam=R_new, t_shot_cam=t_new, focal_px=views.focal_px * factor)
 

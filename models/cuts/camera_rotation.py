@@ -17,12 +17,13 @@ from jaxtyping import Float, Int
 
 from humanmm.models.cuts import bundle as cut_bundle
 from humanmm.models.cuts import epipolar
+from humanmm.models.cuts.residuals import BodyPoints, BundleSettings, PersonAtCut, SideView
+from humanmm.models.geometry.alignment import kabsch
+from humanmm.models.geometry.projection import ray_axes, viewing_rays
 from humanmm.models.geometry.rotations import (
-    kabsch,
     nearest_rotation,
-    rotation_from_vector,
-    swing,
-    vector_from_rotation,
+    rotmat_to_rotvec,
+    rotvec_to_rotmat,
 )
 from humanmm.models.records.motion import CutAlignment
 
@@ -31,7 +32,7 @@ Array = np.ndarray
 POINTS = (0, 7, 8, 11, 12, 13, 14, 15, 16, 23, 24, 25, 26, 27, 28, 29, 30, 31, 32)
 """Landmarks that take part: nose, ears, shoulders, elbows, wrists, hips, knees, ankles, heels, toes."""
 
-_BODY = cut_bundle.BodyPoints(
+_BODY = BodyPoints(
     hips=(9, 10),
     bones=(
         (3, 5), (4, 6), (5, 7), (6, 8), (9, 11), (10, 12), (11, 13), (12, 14), (13, 17), (14, 18), (3, 9), (4, 10),
@@ -105,8 +106,7 @@ class CutCameras:
 def viewing_axes(keypoints2d: Float[Array, "n 33 3"], K: Float[Array, "3 3"]) -> Float[Array, "n 3 3"]:
     """R_cam_ray: from axes parallel to the viewing ray of the body's middle to camera axes, by the smallest turn."""
     torso = keypoints2d[:, [11, 12, 23, 24], :2].mean(axis=1)
-    ray = np.concatenate([(torso - K[:2, 2]) / np.diagonal(K)[:2], np.ones((len(torso), 1))], axis=1)
-    return swing(np.broadcast_to([0.0, 0.0, 1.0], ray.shape), ray)
+    return ray_axes(viewing_rays(torso, K))
 
 
 def align_cut(
@@ -116,7 +116,7 @@ def align_cut(
     cut_frame: int,
     cut_time_s: float,
     method: Literal["bundle", "eight-point"],
-    settings: cut_bundle.BundleSettings | None = None,
+    settings: BundleSettings | None = None,
 ) -> CutAlignment:
     """Relative camera rotation at one cut from the people who are seen on both sides of it."""
     if not people:
@@ -132,7 +132,7 @@ def align_cut(
     prepared = [_prepare(person, cameras, cut_time_s) for person in people]
     if method == "eight-point":
         return _eight_point(prepared, cameras, cut_frame, gap, tuple(warnings))
-    options = settings or cut_bundle.BundleSettings(camera_velocity_ms=0.3 if cameras.moving else 0.02)
+    options = settings or BundleSettings(camera_velocity_ms=0.3 if cameras.moving else 0.02)
     starts = np.concatenate([_starts(item, person) for item, person in zip(prepared, people, strict=True)])
     results = cut_bundle.adjust(prepared, _BODY, _distinct(starts), options)
     best = results[0]
@@ -156,10 +156,10 @@ def continuation_cost(person: CutPerson, K: Float[Array, "3 3"]) -> float:
     # The cameras may move, and by how much is not asked: a velocity between them is allowed.
     item = _prepare(person, CutCameras(K, K, True), 0.5 * float(person.before.time_s[-1] + person.after.time_s[0]))
     starts = _distinct(_starts(item, person))
-    return cut_bundle.adjust([item], _BODY, starts, cut_bundle.BundleSettings(camera_velocity_ms=0.3))[0].cost
+    return cut_bundle.adjust([item], _BODY, starts, BundleSettings(camera_velocity_ms=0.3))[0].cost
 
 
-def _prepare(person: CutPerson, cameras: CutCameras, cut_time_s: float) -> cut_bundle.PersonAtCut:
+def _prepare(person: CutPerson, cameras: CutCameras, cut_time_s: float) -> PersonAtCut:
     before = _side(person.before, cameras.K_before, cut_time_s, last=True)
     after = _side(person.after, cameras.K_after, cut_time_s, last=False)
     points = np.concatenate([before.points, after.points])
@@ -167,7 +167,7 @@ def _prepare(person: CutPerson, cameras: CutCameras, cut_time_s: float) -> cut_b
     lengths = np.median(np.linalg.norm(points[:, a] - points[:, b], axis=-1), axis=0)
     pairs = lengths[: 2 * _NUM_PAIRS].reshape(_NUM_PAIRS, 2)
     lengths[: 2 * _NUM_PAIRS] = np.repeat(pairs.mean(axis=1), 2)
-    return cut_bundle.PersonAtCut(before, after, lengths)
+    return PersonAtCut(before, after, lengths)
 
 
 def _window(track: SideTrack, last: bool) -> Int[Array, "m"]:
@@ -183,12 +183,11 @@ def _window(track: SideTrack, last: bool) -> Int[Array, "m"]:
     return np.asarray(near[chosen])
 
 
-def _side(track: SideTrack, K: Float[Array, "3 3"], cut_time_s: float, last: bool) -> cut_bundle.SideView:
+def _side(track: SideTrack, K: Float[Array, "3 3"], cut_time_s: float, last: bool) -> SideView:
     frames = _window(track, last)
     keypoints = track.keypoints2d[frames].astype(np.float64)
     picked = list(POINTS)
-    rays = np.ones((len(frames), len(POINTS), 3))
-    rays[..., :2] = (keypoints[:, picked, :2] - K[:2, 2]) / np.diagonal(K)[:2]
+    rays = viewing_rays(keypoints[:, picked, :2], K)
     R_cam_ray = viewing_axes(keypoints, K)
     turn = track.R_cut_cam[frames]
     rays = np.einsum("nab,njb->nja", turn, rays)
@@ -198,7 +197,7 @@ def _side(track: SideTrack, K: Float[Array, "3 3"], cut_time_s: float, last: boo
     weight = _IMAGE_WEIGHT * np.clip(keypoints[:, picked, 2], 0.0, 1.0)
     origin = np.stack([place(points[k], image[k], weight[k]) for k in range(len(frames))])
     sigma = KEYPOINT_ERROR * BODY_HEIGHT_M / float(np.median(origin[:, 2]))
-    return cut_bundle.SideView(track.time_s[frames] - cut_time_s, image, weight, points, origin, sigma)
+    return SideView(track.time_s[frames] - cut_time_s, image, weight, points, origin, sigma)
 
 
 def place(points: Float[Array, "J 3"], rays: Float[Array, "J 2"], weight: Float[Array, "J"]) -> Float[Array, "3"]:
@@ -214,7 +213,7 @@ def place(points: Float[Array, "J 3"], rays: Float[Array, "J 2"], weight: Float[
     return origin
 
 
-def _at_cut(view: cut_bundle.SideView) -> Float[Array, "J 3"]:
+def _at_cut(view: SideView) -> Float[Array, "J 3"]:
     """3D points carried to the cut by their mean motion over the window."""
     n = len(view.time_s)
     basis = np.stack([np.ones(n), view.time_s], axis=1)
@@ -223,12 +222,12 @@ def _at_cut(view: cut_bundle.SideView) -> Float[Array, "J 3"]:
     return np.asarray(np.linalg.solve(normal, basis.T @ view.points.reshape(n, -1))[0].reshape(-1, 3))
 
 
-def _starts(item: cut_bundle.PersonAtCut, person: CutPerson) -> Float[Array, "s 3 3"]:
+def _starts(item: PersonAtCut, person: CutPerson) -> Float[Array, "s 3 3"]:
     before, after = _at_cut(item.before), _at_cut(item.after)
     turned = kabsch(after, before, _TURN_WEIGHT)
     trunk = before[3:5].mean(axis=0)
     trunk /= max(float(np.linalg.norm(trunk)), 1e-6)
-    starts = [turned, *(rotation_from_vector(trunk * angle) @ turned for angle in np.deg2rad([-30.0, 30.0]))]
+    starts = [turned, *(rotvec_to_rotmat(trunk * angle) @ turned for angle in np.deg2rad([-30.0, 30.0]))]
     if person.before.R_cam_root is not None and person.after.R_cam_root is not None:
         first = person.before.R_cut_cam[-1] @ person.before.R_cam_root[-1]
         second = person.after.R_cut_cam[0] @ person.after.R_cam_root[0]
@@ -241,13 +240,13 @@ def _starts(item: cut_bundle.PersonAtCut, person: CutPerson) -> Float[Array, "s 
     return np.stack(starts)
 
 
-def _pnp(points: Float[Array, "J 3"], view: cut_bundle.SideView, frame: int) -> Float[Array, "3 3"] | None:
+def _pnp(points: Float[Array, "J 3"], view: SideView, frame: int) -> Float[Array, "3 3"] | None:
     """R_points_camera: the camera that sees one side's 3D points as the other side's picture shows them."""
     seen = view.weight[frame] > 0.2
     if seen.sum() < 6:
         return None
     ok, rotvec, _ = cv2.solvePnP(points[seen], view.rays[frame][seen], np.eye(3), np.zeros(4), flags=cv2.SOLVEPNP_SQPNP)
-    return rotation_from_vector(np.asarray(rotvec).ravel()).T if ok else None
+    return rotvec_to_rotmat(np.asarray(rotvec).ravel()).T if ok else None
 
 
 def _distinct(R: Float[Array, "s 3 3"]) -> Float[Array, "m 3 3"]:
@@ -261,10 +260,10 @@ def _distinct(R: Float[Array, "s 3 3"]) -> Float[Array, "m 3 3"]:
 
 def angle_deg(R_a: Float[Array, "3 3"], R_b: Float[Array, "3 3"]) -> float:
     """Angle between two rotations, degrees."""
-    return float(np.rad2deg(np.linalg.norm(vector_from_rotation(R_a.T @ R_b))))
+    return float(np.rad2deg(np.linalg.norm(rotmat_to_rotvec(R_a.T @ R_b))))
 
 
-def _spread(prepared: Sequence[cut_bundle.PersonAtCut], results: Sequence[cut_bundle.BundleResult]) -> float:
+def _spread(prepared: Sequence[PersonAtCut], results: Sequence[cut_bundle.BundleResult]) -> float:
     """Expected rotation error from how far other answers to the same question lie from the winner, degrees."""
     best = results[0]
     turned = [kabsch(_at_cut(item.after), _at_cut(item.before), _TURN_WEIGHT) for item in prepared]
@@ -278,7 +277,7 @@ def _spread(prepared: Sequence[cut_bundle.PersonAtCut], results: Sequence[cut_bu
 
 
 def _eight_point(
-    prepared: Sequence[cut_bundle.PersonAtCut],
+    prepared: Sequence[PersonAtCut],
     cameras: CutCameras,
     cut_frame: int,
     gap: float,

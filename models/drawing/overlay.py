@@ -14,6 +14,7 @@ from humanmm.models.drawing.canvas import Canvas
 from humanmm.models.drawing.lettering import Lettering
 from humanmm.models.drawing.lit_surfaces import NEAR_M, Region, project, rasterise
 from humanmm.models.drawing.surface import PosedSurface
+from humanmm.models.geometry import projection
 from humanmm.models.records.recording import CONTACT_JOINTS, RecordedPerson, Recording
 from humanmm.models.records.shots import ShotList
 from humanmm.models.video.colors import BT601, Colors
@@ -129,11 +130,11 @@ class Overlay:
     def _project(self, frame: int, points_world: Float[np.ndarray, "P 3"]) -> Float[np.ndarray, "P 2"] | None:
         """Pixels of world points, or None when one of them is behind the camera or far outside the picture."""
         R, t = self._recording.R_world_cam[frame], self._recording.t_world_cam[frame]
-        in_camera = (points_world - t) @ R
-        if (in_camera[:, 2] <= NEAR_M).any():
+        in_camera = projection.world_to_camera(points_world, R, t)
+        if not projection.in_front(in_camera, NEAR_M).all():
             return None
-        pixels = in_camera / in_camera[:, 2:] @ self._K[frame].T
-        return None if np.abs(pixels).max() > 8 * max(self._size) else np.asarray(pixels[:, :2])
+        pixels = projection.project(in_camera, self._K[frame], near_m=NEAR_M)
+        return None if np.abs(pixels).max() > 8 * max(self._size) else pixels
 
     def _label(self, canvas: Canvas, frame: int, person: RecordedPerson, row: int) -> None:
         head = self._project(frame, person.joints[row, 15:16] + np.array([0, 0, 0.32]))

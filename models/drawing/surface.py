@@ -14,7 +14,7 @@ from jaxtyping import Float, Int
 
 from humanmm.models.body.body24 import NUM_JOINTS, Body, load_body
 from humanmm.models.body.kinematics import forward_kinematics, skinning_transforms
-from humanmm.models.geometry.rotations import rotation_from_vector
+from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.records.recording import RecordedPerson
 from humanmm.models.weights.shipped import read_weights
 
@@ -77,7 +77,7 @@ class PosedSurface:
         person = self._person
         joints, R = forward_kinematics(
             self._rest_joints,
-            rotation_from_vector(person.root_orient[rows].astype(np.float64)),
+            rotvec_to_rotmat(person.root_orient[rows].astype(np.float64)),
             person.body_pose[rows].astype(np.float64),
             person.pelvis[rows].astype(np.float64),
         )

@@ -13,6 +13,7 @@ from matplotlib.patches import Patch
 from humanmm.models.drawing import palette
 from humanmm.models.drawing.figure import DPI, GRID, SOFT, TEXT, axes_at, hex_color, new_figure, picture, quiet_axes
 from humanmm.models.drawing.overlay import CONTACT_PROBABILITY, Mark
+from humanmm.models.geometry.intervals import runs_of_true
 from humanmm.models.records.camera import SOURCES
 from humanmm.models.records.recording import RecordedPerson, Recording
 
@@ -180,5 +181,4 @@ def _frame_edges(time_s: np.ndarray) -> np.ndarray:
 
 def _runs(flags: Bool[np.ndarray, " N"], edges: np.ndarray, first: int) -> list[tuple[float, float]]:
     """(start, width) in seconds of every run of true flags; the flags begin at frame `first`."""
-    change = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
-    return [(float(edges[first + a]), float(edges[first + b] - edges[first + a])) for a, b in change.reshape(-1, 2)]
+    return [(float(edges[first + a]), float(edges[first + b] - edges[first + a])) for a, b in runs_of_true(flags)]

@@ -5,14 +5,15 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Bool, Float
 
-from humanmm.models.geometry.alignment import fit_similarity, rotation_angle_deg
-from humanmm.models.records.sequence import CameraTake, UndefinedFigureError
+from humanmm.models.geometry.alignment import umeyama_alignment
+from humanmm.models.geometry.rotations import rotation_angle
+from humanmm.models.records.sequence import CameraSequence, UndefinedFigureError
 
 SAME_PLACE_M = 1e-6
 """Camera centres closer together than this are one place, to which no similarity can be fitted."""
 
 
-def known(cameras: CameraTake) -> Bool[np.ndarray, "frames"]:
+def known(cameras: CameraSequence) -> Bool[np.ndarray, "frames"]:
     """(F,) true where rotation and centre are finite."""
     return np.asarray(np.isfinite(cameras.R_world_cam).all(axis=(1, 2)) & np.isfinite(cameras.t_world_cam).all(axis=1))
 
@@ -23,13 +24,13 @@ def absolute_trajectory_error_m(
     """ATE: root mean square distance of the camera centres, metres, after one similarity over the whole video."""
     if len(truth) < 2 or np.ptp(truth, axis=0).max() < SAME_PLACE_M:
         raise UndefinedFigureError("the true camera never leaves its place, so no similarity can be fitted")
-    aligned = fit_similarity(predicted, truth).apply(predicted)
+    aligned = umeyama_alignment(predicted, truth, unique=False).apply(predicted)
     return float(np.sqrt(((aligned - truth) ** 2).sum(axis=-1).mean()))
 
 
 def errors_inside_shots_m(
-    predicted: CameraTake,
-    truth: CameraTake,
+    predicted: CameraSequence,
+    truth: CameraSequence,
     *,
     shots: Sequence[tuple[int, int]],
     usable: Bool[np.ndarray, "frames"],
@@ -42,7 +43,8 @@ def errors_inside_shots_m(
         true = truth.t_world_cam[rows]
         if len(rows) < 3 or np.ptp(true, axis=0).max() < SAME_PLACE_M:
             continue
-        aligned = fit_similarity(predicted.t_world_cam[rows], true).apply(predicted.t_world_cam[rows])
+        own = predicted.t_world_cam[rows]
+        aligned = umeyama_alignment(own, true, unique=False).apply(own)
         ate.append(np.sqrt(((aligned - true) ** 2).sum(axis=-1).mean()))
         apart = (np.diff(aligned, axis=0) - np.diff(true, axis=0))[np.diff(rows) == 1]
         rpe.append(np.sqrt((apart**2).sum(axis=-1).mean()))
@@ -52,8 +54,8 @@ def errors_inside_shots_m(
 
 
 def relative_pose_errors(
-    predicted: CameraTake,
-    truth: CameraTake,
+    predicted: CameraSequence,
+    truth: CameraSequence,
     *,
     shots: Sequence[tuple[int, int]],
     usable: Bool[np.ndarray, "frames"],
@@ -67,7 +69,7 @@ def relative_pose_errors(
         R_predicted, t_predicted = _steps(predicted, steps)
         R_truth, t_truth = _steps(truth, steps)
         R_truth_T = np.swapaxes(R_truth, -1, -2)
-        angles = rotation_angle_deg(R_truth_T @ R_predicted)
+        angles = np.degrees(rotation_angle(R_truth_T @ R_predicted))
         offsets = (R_truth_T @ (t_predicted - t_truth)[..., None])[..., 0]
         rotation_deg.append(np.sqrt((angles**2).mean()))
         translation_m.append(np.sqrt((offsets**2).sum(axis=-1).mean()))
@@ -77,8 +79,8 @@ def relative_pose_errors(
 
 
 def cut_rotation_errors_deg(
-    predicted: CameraTake,
-    truth: CameraTake,
+    predicted: CameraSequence,
+    truth: CameraSequence,
     *,
     cut_frames: Sequence[int],
     usable: Bool[np.ndarray, "frames"],
@@ -89,15 +91,15 @@ def cut_rotation_errors_deg(
         if not (0 < cut < len(usable) and usable[cut - 1] and usable[cut]):
             errors.append(None)
             continue
-        turn_predicted = predicted.R_world_cam[cut - 1].T @ predicted.R_world_cam[cut]
-        turn_truth = truth.R_world_cam[cut - 1].T @ truth.R_world_cam[cut]
-        errors.append(float(rotation_angle_deg(turn_truth.T @ turn_predicted)))
+        R_predicted = predicted.R_world_cam[cut - 1].T @ predicted.R_world_cam[cut]
+        R_truth = truth.R_world_cam[cut - 1].T @ truth.R_world_cam[cut]
+        errors.append(float(np.degrees(rotation_angle(R_truth.T @ R_predicted))))
     return errors
 
 
 def shot_drift_deg(
-    predicted: CameraTake,
-    truth: CameraTake,
+    predicted: CameraSequence,
+    truth: CameraSequence,
     *,
     shots: Sequence[tuple[int, int]],
     usable: Bool[np.ndarray, "frames"],
@@ -108,9 +110,9 @@ def shot_drift_deg(
         frames = np.flatnonzero(usable[start:end]) + start
         if len(frames) == 0:
             continue
-        turn_predicted = predicted.R_world_cam[frames[0]].T @ predicted.R_world_cam[frames]
-        turn_truth = truth.R_world_cam[frames[0]].T @ truth.R_world_cam[frames]
-        worst.append(rotation_angle_deg(np.swapaxes(turn_truth, -1, -2) @ turn_predicted).max())
+        R_predicted = predicted.R_world_cam[frames[0]].T @ predicted.R_world_cam[frames]
+        R_truth = truth.R_world_cam[frames[0]].T @ truth.R_world_cam[frames]
+        worst.append(np.degrees(rotation_angle(np.swapaxes(R_truth, -1, -2) @ R_predicted)).max())
     if not worst:
         raise UndefinedFigureError("no frame has a known camera on both sides")
     return float(max(worst))
@@ -127,9 +129,9 @@ def focal_error_pct(K_predicted: Float[np.ndarray, "frames 3 3"], K_truth: Float
 
 
 def _steps(
-    cameras: CameraTake, frames: np.ndarray
+    cameras: CameraSequence, frames: np.ndarray
 ) -> tuple[Float[np.ndarray, "steps 3 3"], Float[np.ndarray, "steps 3"]]:
     """Pose of each next camera in the axes of this one: inverse(T_world_cam[i]) T_world_cam[i + 1]."""
     R_cam_world = np.swapaxes(cameras.R_world_cam[frames], -1, -2)
-    way = cameras.t_world_cam[frames + 1] - cameras.t_world_cam[frames]
-    return R_cam_world @ cameras.R_world_cam[frames + 1], (R_cam_world @ way[..., None])[..., 0]
+    travelled = cameras.t_world_cam[frames + 1] - cameras.t_world_cam[frames]
+    return R_cam_world @ cameras.R_world_cam[frames + 1], (R_cam_world @ travelled[..., None])[..., 0]

@@ -1,4 +1,4 @@
-"""All figures of a predicted take against a true one, gathered into one report.
+"""All figures of a predicted sequence against a true one, gathered into one report.
 
 Errors are over the frames that both have; people are matched by their boxes; a figure is the mean over the truth's
 people.
@@ -18,7 +18,7 @@ from humanmm.models.evaluation.people import match_people
 from humanmm.models.evaluation.report import Report
 from humanmm.models.evaluation.skeleton import FOOT_NAMES, indices, pick, shared_names
 from humanmm.models.evaluation.vertices import pve_mm
-from humanmm.models.records.sequence import CameraTake, PersonTake, Take, UndefinedFigureError
+from humanmm.models.records.sequence import CameraSequence, MotionSequence, PersonSequence, UndefinedFigureError
 
 T = TypeVar("T")
 
@@ -82,11 +82,11 @@ class Problems:
             return None
 
 
-def evaluate(prediction: Take, truth: Take) -> Report:
+def evaluate(prediction: MotionSequence, truth: MotionSequence) -> Report:
     """Every figure of the prediction against the truth."""
     problems = Problems()
-    for take, side in ((truth, "truth"), (prediction, "prediction")):
-        for note in take.notes:
+    for sequence, side in ((truth, "truth"), (prediction, "prediction")):
+        for note in sequence.notes:
             problems.note(f"{side}: {note}")
     if prediction.num_frames != truth.num_frames:
         problems.note(
@@ -106,7 +106,7 @@ def evaluate(prediction: Take, truth: Take) -> Report:
     )
 
 
-def _people(prediction: Take, truth: Take, problems: Problems) -> list[PersonFigures]:
+def _people(prediction: MotionSequence, truth: MotionSequence, problems: Problems) -> list[PersonFigures]:
     if not truth.people:
         problems.note("The truth has no people, so every figure of a person is missing.")
         return []
@@ -126,7 +126,8 @@ def _people(prediction: Take, truth: Take, problems: Problems) -> list[PersonFig
         matched = prediction.people[match[index]]
         suffix = f" of {label}" if len(truth.people) > 1 else ""
         pair = problems.figure(
-            f"every error{suffix}", partial(make_pair, matched, person, predicted_take=prediction, truth_take=truth)
+            f"every error{suffix}",
+            partial(make_pair, matched, person, predicted_sequence=prediction, truth_sequence=truth),
         )
         covered = problems.figure(
             f"coverage{suffix}", partial(_coverage, matched, person, prediction=prediction, truth=truth)
@@ -143,11 +144,13 @@ def _people(prediction: Take, truth: Take, problems: Problems) -> list[PersonFig
     return figures
 
 
-def _lacks_boxes(prediction: Take, truth: Take) -> bool:
-    return any(take.people[0].bbox_xyxy is None for take in (prediction, truth))
+def _lacks_boxes(prediction: MotionSequence, truth: MotionSequence) -> bool:
+    return any(sequence.people[0].bbox_xyxy is None for sequence in (prediction, truth))
 
 
-def _coverage(predicted: PersonTake, person: PersonTake, *, prediction: Take, truth: Take) -> float:
+def _coverage(
+    predicted: PersonSequence, person: PersonSequence, *, prediction: MotionSequence, truth: MotionSequence
+) -> float:
     """Predicted ∧ truth-observed frames / truth-observed frames."""
     names = shared_names(prediction.joint_names, truth.joint_names)
     if names is None:
@@ -160,7 +163,13 @@ def _coverage(predicted: PersonTake, person: PersonTake, *, prediction: Take, tr
 
 
 def _person(
-    pair: Pair, coverage: float | None, suffix: str, *, prediction: Take, truth: Take, problems: Problems
+    pair: Pair,
+    coverage: float | None,
+    suffix: str,
+    *,
+    prediction: MotionSequence,
+    truth: MotionSequence,
+    problems: Problems,
 ) -> PersonFigures:
     def figure(names: str, compute: Callable[[], T]) -> T | None:
         return problems.figure(names + suffix, compute)
@@ -197,13 +206,13 @@ def _person(
     )
 
 
-def _camera_rotations(pair: Pair, prediction: Take, truth: Take) -> tuple[np.ndarray, np.ndarray]:
+def _camera_rotations(pair: Pair, prediction: MotionSequence, truth: MotionSequence) -> tuple[np.ndarray, np.ndarray]:
     """R_world_cam of the pair's frames on both sides; raises where one is not known."""
     both = []
-    for take, side in ((prediction, "prediction"), (truth, "truth")):
-        if take.cameras is None:
+    for sequence, side in ((prediction, "prediction"), (truth, "truth")):
+        if sequence.cameras is None:
             raise UndefinedFigureError(f"the {side} has no cameras")
-        R = take.cameras.R_world_cam[pair.frame]
+        R = sequence.cameras.R_world_cam[pair.frame]
         unknown = int((~np.isfinite(R).all(axis=(1, 2))).sum())
         if unknown:
             raise UndefinedFigureError(f"the {side}'s camera is not known in {unknown} common frames")
@@ -218,7 +227,7 @@ def _in_camera(pair: Pair, R_predicted: np.ndarray, R_truth: np.ndarray) -> floa
     )
 
 
-def _vertices(pair: Pair, *, prediction: Take, truth: Take) -> float:
+def _vertices(pair: Pair, *, prediction: MotionSequence, truth: MotionSequence) -> float:
     R_predicted, R_truth = _camera_rotations(pair, prediction, truth)
     return pve_mm(
         pair.predicted.body,
@@ -230,7 +239,7 @@ def _vertices(pair: Pair, *, prediction: Take, truth: Take) -> float:
     )
 
 
-def _sliding(pair: Pair, *, prediction: Take, truth: Take) -> tuple[float, float]:
+def _sliding(pair: Pair, *, prediction: MotionSequence, truth: MotionSequence) -> tuple[float, float]:
     """Foot sliding of the prediction and of the truth, mm per frame, over the feet that both skeletons have."""
     shared = [
         column
@@ -276,7 +285,7 @@ def _jumps(pair: Pair, cut_frames: tuple[int, ...], problems: Problems) -> tuple
     return max(metres), max(degrees)
 
 
-def _cameras(prediction: Take, truth: Take, problems: Problems) -> CameraFigures:
+def _cameras(prediction: MotionSequence, truth: MotionSequence, problems: Problems) -> CameraFigures:
     sides = (prediction.cameras, truth.cameras)
     if sides[0] is None or sides[1] is None:
         side = "prediction" if sides[0] is None else "truth"
@@ -312,8 +321,8 @@ def _cameras(prediction: Take, truth: Take, problems: Problems) -> CameraFigures
     )
 
 
-def _first(camera: CameraTake, num_frames: int) -> CameraTake:
-    return CameraTake(camera.R_world_cam[:num_frames], camera.t_world_cam[:num_frames], camera.K[:num_frames])
+def _first(camera: CameraSequence, num_frames: int) -> CameraSequence:
+    return CameraSequence(camera.R_world_cam[:num_frames], camera.t_world_cam[:num_frames], camera.K[:num_frames])
 
 
 def _mean(people: list[PersonFigures]) -> PersonFigures:

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from humanmm.models.evaluation.skeleton import pick
-from humanmm.models.geometry.alignment import rotation_angle_deg
+from humanmm.models.geometry.rotations import rotation_angle, unit
 
 R_WORLD_UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 """Body axes (y up, facing +z, x to its left) to world of somebody upright whose left points along the world's x."""
@@ -22,7 +22,7 @@ def root_orientation_error_deg(
     """Mean geodesic angle, degrees, after R_truth[0] R_pred[0]ᵀ is applied on the left to all of the prediction."""
     R_truth_pred = truth[0] @ predicted[0].T
     aligned = R_truth_pred @ predicted
-    return float(rotation_angle_deg(np.swapaxes(truth, -1, -2) @ aligned).mean())
+    return float(np.degrees(rotation_angle(np.swapaxes(truth, -1, -2) @ aligned)).mean())
 
 
 def heading(R_world_root: Float[np.ndarray, "frames 3 3"]) -> Float[np.ndarray, "frames"]:
@@ -50,12 +50,7 @@ def orientation_from_joints(
     left_hip, right_hip, left_shoulder, right_shoulder = np.moveaxis(
         pick(joints, joint_names, ("L_Hip", "R_Hip", "L_Shoulder", "R_Shoulder")), 1, 0
     )
-    x = _unit(left_hip - right_hip)
+    x = unit(left_hip - right_hip)
     trunk = 0.5 * (left_shoulder + right_shoulder) - 0.5 * (left_hip + right_hip)
-    z = _unit(np.cross(x, trunk))
+    z = unit(np.cross(x, trunk))
     return np.stack([x, np.cross(z, x), z], axis=-1)
-
-
-def _unit(vectors: Float[np.ndarray, "frames 3"]) -> Float[np.ndarray, "frames 3"]:
-    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return np.asarray(vectors / np.maximum(lengths, np.finfo(float).tiny))

@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from humanmm.models.evaluation.orientation import orientation_from_joints
 from humanmm.models.evaluation.skeleton import is_full, mid_hip, pick, shared_names
-from humanmm.models.records.sequence import PersonTake, Take, UndefinedFigureError
+from humanmm.models.records.sequence import MotionSequence, PersonSequence, UndefinedFigureError
 
 
 @dataclass(frozen=True)
@@ -17,10 +17,10 @@ class Pair:
     frame: np.ndarray
     """(N,) source frames, strictly increasing."""
     joint_names: tuple[str, ...]
-    predicted: PersonTake
-    truth: PersonTake
+    predicted: PersonSequence
+    truth: PersonSequence
     rows_predicted: np.ndarray
-    """(N,) rows of the common frames in the predicted take's arrays."""
+    """(N,) rows of the common frames in the predicted sequence's arrays."""
     rows_truth: np.ndarray
     joints_predicted: Float[np.ndarray, "frames joints 3"]
     joints_truth: Float[np.ndarray, "frames joints 3"]
@@ -59,18 +59,24 @@ class Pair:
         return [int(before), int(after)]
 
 
-def known_rows(person: PersonTake, joint_names: tuple[str, ...], wanted: tuple[str, ...]) -> np.ndarray:
+def known_rows(person: PersonSequence, joint_names: tuple[str, ...], wanted: tuple[str, ...]) -> np.ndarray:
     """Rows in which all wanted joints are finite."""
     return np.flatnonzero(np.isfinite(pick(person.joints, joint_names, wanted)).all(axis=(1, 2)))
 
 
-def make_pair(predicted: PersonTake, truth: PersonTake, *, predicted_take: Take, truth_take: Take) -> Pair:
+def make_pair(
+    predicted: PersonSequence,
+    truth: PersonSequence,
+    *,
+    predicted_sequence: MotionSequence,
+    truth_sequence: MotionSequence,
+) -> Pair:
     """The two sides on common frames and joints. Raises UndefinedFigureError where there are none."""
-    names = shared_names(predicted_take.joint_names, truth_take.joint_names)
+    names = shared_names(predicted_sequence.joint_names, truth_sequence.joint_names)
     if names is None:
         raise UndefinedFigureError("truth and prediction share neither SMPL's 24 joints nor the twelve limb joints")
-    of_predicted = known_rows(predicted, predicted_take.joint_names, names)
-    of_truth = known_rows(truth, truth_take.joint_names, names)
+    of_predicted = known_rows(predicted, predicted_sequence.joint_names, names)
+    of_truth = known_rows(truth, truth_sequence.joint_names, names)
     frame, i, j = np.intersect1d(
         predicted.frame[of_predicted], truth.frame[of_truth], assume_unique=True, return_indices=True
     )
@@ -84,6 +90,8 @@ def make_pair(predicted: PersonTake, truth: PersonTake, *, predicted_take: Take,
         truth=truth,
         rows_predicted=rows_predicted,
         rows_truth=rows_truth,
-        joints_predicted=pick(predicted.joints[rows_predicted], predicted_take.joint_names, names).astype(np.float64),
-        joints_truth=pick(truth.joints[rows_truth], truth_take.joint_names, names).astype(np.float64),
+        joints_predicted=pick(predicted.joints[rows_predicted], predicted_sequence.joint_names, names).astype(
+            np.float64
+        ),
+        joints_truth=pick(truth.joints[rows_truth], truth_sequence.joint_names, names).astype(np.float64),
     )

@@ -6,13 +6,17 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.optimize import linear_sum_assignment
 
-from humanmm.models.records.sequence import CameraTake, PersonTake
+from humanmm.models.geometry.boxes import box_iou
+from humanmm.models.geometry.projection import in_front, project, world_to_camera
+from humanmm.models.records.sequence import CameraSequence, PersonSequence
 
+NEAR_M = 0.1
+"""Joints nearer to the camera's plane than this are not seen."""
 LEAST_MEAN_IOU = 0.1
 """A pair whose boxes overlap less than this over their common frames is not the same person."""
 
 
-def match_people(predicted: Sequence[PersonTake], truth: Sequence[PersonTake]) -> dict[int, int]:
+def match_people(predicted: Sequence[PersonSequence], truth: Sequence[PersonSequence]) -> dict[int, int]:
     """Index of the predicted person for each index of a truth's person that found one.
 
     The assignment has the greatest sum of box IoU over all frames, so that somebody seen for long weighs more.
@@ -28,28 +32,13 @@ def match_people(predicted: Sequence[PersonTake], truth: Sequence[PersonTake]) -
     return {int(r): int(c) for r, c in zip(rows, columns, strict=True) if mean[r, c] >= LEAST_MEAN_IOU}
 
 
-def iou(
-    one_xyxy: Float[np.ndarray, "frames 4"], other_xyxy: Float[np.ndarray, "frames 4"]
-) -> Float[np.ndarray, "frames"]:
-    """(N,) intersection over union of two boxes a frame."""
-    low = np.maximum(one_xyxy[:, :2], other_xyxy[:, :2])
-    high = np.minimum(one_xyxy[:, 2:], other_xyxy[:, 2:])
-    shared = np.prod(np.clip(high - low, 0.0, None), axis=1)
-    area = np.prod(np.clip(one_xyxy[:, 2:] - one_xyxy[:, :2], 0.0, None), axis=1)
-    other_area = np.prod(np.clip(other_xyxy[:, 2:] - other_xyxy[:, :2], 0.0, None), axis=1)
-    return np.asarray(shared / np.maximum(area + other_area - shared, np.finfo(float).tiny))
-
-
 def projected_boxes(
-    joints: Float[np.ndarray, "frames joints 3"], frame: np.ndarray, cameras: CameraTake
+    joints: Float[np.ndarray, "frames joints 3"], frame: np.ndarray, cameras: CameraSequence
 ) -> Float[np.ndarray, "frames 4"]:
     """(N,4) xyxy around the joints as the cameras see them (no distortion); NaN where fewer than three are in front."""
-    R, t, K = cameras.R_world_cam[frame], cameras.t_world_cam[frame], cameras.K[frame]
-    in_camera = (joints - t[:, None]) @ R
-    projected = in_camera @ np.swapaxes(K, -1, -2)
-    depth = projected[..., 2:]
-    visible = np.isfinite(projected).all(axis=-1, keepdims=True) & (depth > 0.1)
-    pixels = projected[..., :2] / np.where(visible, depth, 1.0)
+    in_camera = world_to_camera(joints, cameras.R_world_cam[frame], cameras.t_world_cam[frame])
+    pixels = project(in_camera, cameras.K[frame], near_m=NEAR_M)
+    visible = (in_front(in_camera, NEAR_M) & np.isfinite(pixels).all(axis=-1))[..., None]
     boxes = np.concatenate(
         [np.where(visible, pixels, np.inf).min(axis=1), np.where(visible, pixels, -np.inf).max(axis=1)], axis=1
     )
@@ -57,13 +46,13 @@ def projected_boxes(
     return boxes
 
 
-def _overlaps(one: PersonTake, other: PersonTake) -> Float[np.ndarray, "frames"]:
+def _overlaps(one: PersonSequence, other: PersonSequence) -> Float[np.ndarray, "frames"]:
     if one.bbox_xyxy is None or other.bbox_xyxy is None:
         return np.zeros(0)
     _, i, j = np.intersect1d(one.frame, other.frame, assume_unique=True, return_indices=True)
     one_xyxy, other_xyxy = one.bbox_xyxy[i], other.bbox_xyxy[j]
     usable = _is_box(one_xyxy) & _is_box(other_xyxy)
-    return iou(one_xyxy[usable], other_xyxy[usable])
+    return box_iou(one_xyxy[usable], other_xyxy[usable])
 
 
 def _is_box(bbox_xyxy: Float[np.ndarray, "frames 4"]) -> Bool[np.ndarray, "frames"]:

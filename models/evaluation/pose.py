@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.models.geometry.alignment import fit_similarity, fit_yaw
+from humanmm.models.geometry.alignment import umeyama_alignment, yaw_alignment
 
 METRES_TO_MM = 1000.0
 
@@ -17,7 +17,7 @@ def point_error_mm(
 
 def pa_mpjpe_mm(predicted: Float[np.ndarray, "frames joints 3"], truth: Float[np.ndarray, "frames joints 3"]) -> float:
     """Mean joint distance after the best similarity of every single frame, mm."""
-    return point_error_mm(fit_similarity(predicted, truth).apply(predicted), truth)
+    return point_error_mm(umeyama_alignment(predicted, truth).apply(predicted), truth)
 
 
 def in_camera_axes(
@@ -31,4 +31,4 @@ def turned_by_one_yaw(
     predicted: Float[np.ndarray, "frames joints 3"], truth: Float[np.ndarray, "frames joints 3"]
 ) -> Float[np.ndarray, "frames joints 3"]:
     """Root-relative predicted joints after the one yaw of the whole video that brings them closest to the truth."""
-    return np.asarray(predicted @ fit_yaw(predicted, truth).T)
+    return np.asarray(predicted @ yaw_alignment(predicted, truth).T)

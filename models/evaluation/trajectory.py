@@ -4,7 +4,8 @@ import numpy as np
 from jaxtyping import Float
 
 from humanmm.models.evaluation.pose import METRES_TO_MM
-from humanmm.models.geometry.alignment import fit_similarity, rotation_angle_deg
+from humanmm.models.geometry.alignment import umeyama_alignment
+from humanmm.models.geometry.rotations import rotation_angle
 from humanmm.models.records.sequence import UndefinedFigureError
 
 CHUNK_FRAMES = 100
@@ -29,7 +30,7 @@ def chunked_mpjpe_mm(
     for start in range(0, len(truth), chunk_frames):
         chunk_predicted, chunk_truth = predicted[start : start + chunk_frames], truth[start : start + chunk_frames]
         head = slice(None if align_frames is None else align_frames)
-        similarity = fit_similarity(chunk_predicted[head].reshape(-1, 3), chunk_truth[head].reshape(-1, 3))
+        similarity = umeyama_alignment(chunk_predicted[head].reshape(-1, 3), chunk_truth[head].reshape(-1, 3))
         aligned = similarity.apply(chunk_predicted.reshape(-1, 3)).reshape(chunk_truth.shape)
         errors.append(np.linalg.norm(aligned - chunk_truth, axis=-1).mean(axis=-1))
     return METRES_TO_MM * float(np.concatenate(errors).mean())
@@ -37,7 +38,7 @@ def chunked_mpjpe_mm(
 
 def root_trajectory_error_m(predicted: Float[np.ndarray, "frames 3"], truth: Float[np.ndarray, "frames 3"]) -> float:
     """Mean distance of the roots, metres, after one rigid motion (scale kept) over the whole sequence."""
-    aligned = fit_similarity(predicted, truth, with_scale=False).apply(predicted)
+    aligned = umeyama_alignment(predicted, truth, with_scale=False, unique=False).apply(predicted)
     return float(np.linalg.norm(aligned - truth, axis=-1).mean())
 
 
@@ -69,6 +70,6 @@ def cut_jump_m(
 
 def cut_jump_deg(R_predicted: Float[np.ndarray, "2 3 3"], R_truth: Float[np.ndarray, "2 3 3"]) -> float:
     """Angle between the predicted and the true turn of the root over the step across a cut, degrees."""
-    turn_predicted = R_predicted[0].T @ R_predicted[1]
-    turn_truth = R_truth[0].T @ R_truth[1]
-    return float(rotation_angle_deg(turn_truth.T @ turn_predicted))
+    step_predicted = R_predicted[0].T @ R_predicted[1]
+    step_truth = R_truth[0].T @ R_truth[1]
+    return float(np.degrees(rotation_angle(step_truth.T @ step_predicted)))

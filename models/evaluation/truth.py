@@ -1,4 +1,4 @@
-"""Takes from the arrays of a run folder, of a truth with motion.zarr's names, or of a Pose2Sim truth.
+"""Sequences from the arrays of a run folder, of a truth with motion.zarr's names, or of a Pose2Sim truth.
 
 The arrays may come from strangers: whatever is wrong with them is one TruthError in one sentence.
 """
@@ -10,17 +10,17 @@ import numpy as np
 from humanmm.errors import TruthError
 from humanmm.models.evaluation.people import projected_boxes
 from humanmm.models.evaluation.skeleton import LIMB_NAMES, SMPL_NAMES, pick
-from humanmm.models.geometry.axes import R_ZUP_YUP, camera_to_world
-from humanmm.models.geometry.rotations import rotation_from_vector
-from humanmm.models.records.sequence import BodyParameters, CameraTake, PersonTake, Take
+from humanmm.models.geometry.axes import R_ZUP_YUP, zup_camera_pose
+from humanmm.models.geometry.rotations import rotvec_to_rotmat
+from humanmm.models.records.sequence import BodyParameters, CameraSequence, MotionSequence, PersonSequence
 
 MAX_FRAMES = 2_000_000
 
 Arrays = Mapping[str, np.ndarray]
 
 
-def contract_take(arrays: Arrays, *, transitions: tuple[tuple[int, int], ...] | None = None) -> Take:
-    """A take from motion.zarr's array names and attributes.
+def contract_sequence(arrays: Arrays, *, transitions: tuple[tuple[int, int], ...] | None = None) -> MotionSequence:
+    """A sequence from motion.zarr's array names and attributes.
 
     `transitions`: [start, end) of every change of shot; without them `arrays` may have them, or every change is a cut.
     """
@@ -49,15 +49,15 @@ def contract_take(arrays: Arrays, *, transitions: tuple[tuple[int, int], ...] | 
         _contract_person(arrays, number, num_frames=num_frames, joint_names=joint_names, model=model, cameras=cameras)
         for number in numbers
     )
-    return Take(num_frames, fps or 1.0, joint_names, people, spans, cameras)
+    return MotionSequence(num_frames, fps or 1.0, joint_names, people, spans, cameras)
 
 
-def _contract_cameras(arrays: Arrays, num_frames: int) -> CameraTake | None:
+def _contract_cameras(arrays: Arrays, num_frames: int) -> CameraSequence | None:
     keys = ("cameras/R_world_cam", "cameras/t_world_cam", "cameras/K")
     if not all(key in arrays for key in keys):
         return None
     shapes = ((num_frames, 3, 3), (num_frames, 3), (num_frames, 3, 3))
-    return CameraTake(*(_shaped(arrays, key, shape) for key, shape in zip(keys, shapes, strict=True)))
+    return CameraSequence(*(_shaped(arrays, key, shape) for key, shape in zip(keys, shapes, strict=True)))
 
 
 def _contract_person(
@@ -67,8 +67,8 @@ def _contract_person(
     num_frames: int,
     joint_names: tuple[str, ...],
     model: str,
-    cameras: CameraTake | None,
-) -> PersonTake:
+    cameras: CameraSequence | None,
+) -> PersonSequence:
     prefix = f"people/{number:02d}"
     joints = _shaped(arrays, f"{prefix}/joints", (None, len(joint_names), 3))
     n = len(joints)
@@ -91,27 +91,27 @@ def _contract_person(
     body = None
     if all(part is not None for part in parts):
         body = BodyParameters(model, *(part for part in parts if part is not None))
-    return PersonTake(
+    return PersonSequence(
         person=number,
         frame=frame,
         observed=np.ones(n, bool) if observed is None else observed.astype(bool),
         joints=joints,
-        R_world_root=None if root_orient is None else rotation_from_vector(root_orient),
+        R_world_root=None if root_orient is None else rotvec_to_rotmat(root_orient),
         contacts=optional("contacts", (n, 4)),
         bbox_xyxy=bbox,
         body=body,
     )
 
 
-def pose2sim_take(arrays: Arrays) -> Take:
-    """A take from a Pose2Sim truth: one person, y up, world-to-camera extrinsics, joints NaN where not triangulated."""
+def pose2sim_sequence(arrays: Arrays) -> MotionSequence:
+    """A Pose2Sim truth as a sequence: one person, y up, world-to-camera extrinsics, NaN where not triangulated."""
     joint_names = tuple(str(name) for name in _need(arrays, "joint_names"))
     joints = _shaped(arrays, "joints3d", (None, len(joint_names), 3)) @ R_ZUP_YUP.T
     num_frames = len(joints)
     extrinsics = _shaped(arrays, "R_world2cam", (num_frames, 3, 3)), _shaped(arrays, "t_world2cam", (num_frames, 3))
-    cameras = CameraTake(*camera_to_world(*extrinsics), _shaped(arrays, "K", (num_frames, 3, 3)))
+    cameras = CameraSequence(*zup_camera_pose(*extrinsics), _shaped(arrays, "K", (num_frames, 3, 3)))
     frame = np.arange(num_frames)
-    person = PersonTake(
+    person = PersonSequence(
         person=0,
         frame=frame,
         observed=np.isfinite(pick(joints, joint_names, LIMB_NAMES)).all(axis=(1, 2)),
@@ -120,7 +120,7 @@ def pose2sim_take(arrays: Arrays) -> Take:
     )
     cut_frames = tuple(int(cut) for cut in np.atleast_1d(_need(arrays, "cut_frames")))
     transitions = tuple((cut, cut) for cut in cut_frames)
-    return Take(num_frames, float(_need(arrays, "fps")), joint_names, (person,), transitions, cameras)
+    return MotionSequence(num_frames, float(_need(arrays, "fps")), joint_names, (person,), transitions, cameras)
 
 
 def _need(arrays: Arrays, key: str) -> np.ndarray:

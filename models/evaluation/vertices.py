@@ -7,7 +7,7 @@ from humanmm.models.body.body24 import JOINT_NAMES, NUM_JOINTS, Body, load_body
 from humanmm.models.body.kinematics import forward_kinematics, skinning_transforms
 from humanmm.models.evaluation.pose import METRES_TO_MM
 from humanmm.models.evaluation.skeleton import mid_hip
-from humanmm.models.geometry.rotations import rotation_from_vector
+from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.records.sequence import BodyParameters, UndefinedFigureError
 
 CHUNK_FRAMES, CHUNK_VERTICES = 32, 1024
@@ -63,7 +63,7 @@ def _transforms(
 ) -> Float[np.ndarray, "96 coordinates"]:
     """Every joint's rest-to-posed transform about the hips in camera axes; coordinates are 3 × frames."""
     rest_joints = load_body().rest_joints(np.asarray(parameters.betas, np.float64))
-    R_root = rotation_from_vector(parameters.root_orient[rows])
+    R_root = rotvec_to_rotmat(parameters.root_orient[rows])
     joints, R = forward_kinematics(rest_joints, R_root, parameters.body_pose[rows], np.zeros((len(rows), 3)))
     transforms = skinning_transforms(rest_joints, joints - mid_hip(joints, JOINT_NAMES)[:, None], R)
     in_camera = np.swapaxes(R_world_cam, -1, -2)[:, None] @ transforms

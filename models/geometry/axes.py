@@ -3,18 +3,18 @@
 import numpy as np
 from jaxtyping import Float
 
+from humanmm.models.geometry.projection import inverse_pose
+
 R_ZUP_YUP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 """World axes of data with y up to ours with z up."""
 
 
-def camera_to_world(
-    R_cam_world: Float[np.ndarray, "*n 3 3"],
-    t_cam_world: Float[np.ndarray, "*n 3"],
-    R_ours_theirs: Float[np.ndarray, "3 3"] = R_ZUP_YUP,
+def zup_camera_pose(
+    R_cam_world: Float[np.ndarray, "*n 3 3"], t_cam_world: Float[np.ndarray, "*n 3"]
 ) -> tuple[Float[np.ndarray, "*n 3 3"], Float[np.ndarray, "*n 3"]]:
-    """R_world_cam and t_world_cam in our axes, from extrinsics x_cam = R_cam_world x_world + t_cam_world in theirs."""
-    R_world_cam = R_ours_theirs @ np.swapaxes(R_cam_world, -1, -2)
-    return R_world_cam, -(R_world_cam @ t_cam_world[..., None])[..., 0]
+    """R_world_cam and t_world_cam with z up, from extrinsics x_cam = R_cam_world x_world + t_cam_world with y up."""
+    R_world_cam, t_world_cam = inverse_pose(R_cam_world, t_cam_world)
+    return R_ZUP_YUP @ R_world_cam, t_world_cam @ R_ZUP_YUP.T
 
 
 def centred_pixels(K: Float[np.ndarray, "*n 3 3"]) -> Float[np.ndarray, "*n 3 3"]:

@@ -1,6 +1,6 @@
-"""Rotations in numpy, batched over leading axes: exponential map, logarithm, angle, interpolation, skew, Kabsch.
+"""Rotations in numpy, batched over leading axes: exponential map, logarithm, angle, interpolation, skew.
 
-Rotation vectors are axis times angle, radians. Everything is float64.
+Rotation vectors are axis times angle, radians; quaternions are (w, x, y, z). Everything is float64. Names as in roma.
 """
 
 import numpy as np
@@ -8,6 +8,11 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 
 Array = np.ndarray
+
+
+def unit(v: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3"]:
+    """The vectors at length 1; a vector of length 0 stays 0."""
+    return np.asarray(v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-12))
 
 
 def skew(v: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3 3"]:
@@ -18,8 +23,11 @@ def skew(v: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3 3"]:
     return out
 
 
-def rotation_from_vector(vector: ArrayLike) -> Float[Array, "*batch 3 3"]:
-    """Exponential map (Rodrigues): rotation vectors (…,3) to matrices (…,3,3)."""
+def rotvec_to_rotmat(vector: ArrayLike) -> Float[Array, "*batch 3 3"]:
+    """Exponential map: rotation vectors (…,3) to matrices (…,3,3).
+
+    Rodrigues' formula, R = I + sin θ / θ [w]× + (1 − cos θ) / θ² [w]×², with Taylor's series below 1e-4 radians.
+    """
     w = np.asarray(vector, np.float64)
     squared = np.sum(w * w, axis=-1)[..., None, None]
     angle = np.sqrt(squared)
@@ -31,9 +39,12 @@ def rotation_from_vector(vector: ArrayLike) -> Float[Array, "*batch 3 3"]:
     return np.asarray(np.eye(3) + sine * K + cosine * (w[..., :, None] * w[..., None, :] - squared * np.eye(3)))
 
 
-def vector_from_rotation(R: Float[Array, "*batch 3 3"]) -> Float[Array, "*batch 3"]:
-    """Logarithm: rotation matrices to rotation vectors of angle 0..π, through the unit quaternion: stable up to π."""
-    q = quaternion_from_rotation(R)
+def rotmat_to_rotvec(R: Float[Array, "*batch 3 3"]) -> Float[Array, "*batch 3"]:
+    """Logarithm: rotation matrices to rotation vectors of angle 0..π, radians.
+
+    Through the unit quaternion: θ = 2 atan2(|q_xyz|, q_w), stable up to π, where the matrix alone is not.
+    """
+    q = rotmat_to_unitquat_wxyz(R)
     q = np.where(q[..., :1] < 0, -q, q)
     sine = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
     angle = 2 * np.arctan2(sine, q[..., :1])
@@ -41,8 +52,11 @@ def vector_from_rotation(R: Float[Array, "*batch 3 3"]) -> Float[Array, "*batch 
     return np.asarray(q[..., 1:] * scale)
 
 
-def quaternion_from_rotation(R: Float[Array, "*batch 3 3"]) -> Float[Array, "*batch 4"]:
-    """Unit quaternions (w, x, y, z) of rotation matrices; the sign is arbitrary."""
+def rotmat_to_unitquat_wxyz(R: Float[Array, "*batch 3 3"]) -> Float[Array, "*batch 4"]:
+    """Unit quaternions (w, x, y, z) of rotation matrices; the sign is arbitrary.
+
+    Shepperd 1978, "Quaternion from rotation matrix".
+    """
     R = np.asarray(R, np.float64)
     m = [[R[..., i, j] for j in range(3)] for i in range(3)]
     trace = m[0][0] + m[1][1] + m[2][2]
@@ -62,40 +76,37 @@ def quaternion_from_rotation(R: Float[Array, "*batch 3 3"]) -> Float[Array, "*ba
 
 
 def nearest_rotation(M: Float[Array, "*batch 3 3"]) -> Float[Array, "*batch 3 3"]:
-    """The rotation R that maximises trace(Rᵀ M): projection onto SO(3) by singular values."""
+    """The rotation R that maximises trace(Rᵀ M): projection onto SO(3) by singular values.
+
+    The special orthogonal Procrustes problem (Umeyama 1991, lemma); Σ w target sourceᵀ as M solves Wahba's problem of
+    directions (Markley 1988, "Attitude determination using vector observations and the singular value decomposition").
+    """
     U, _, Vt = np.linalg.svd(M)
     U[..., :, 2] *= np.sign(np.linalg.det(U @ Vt))[..., None]
     return np.asarray(U @ Vt)
 
 
-def kabsch(
-    source: Float[Array, "*batch points 3"],
-    target: Float[Array, "*batch points 3"],
-    weight: Float[Array, "*batch points"],
-) -> Float[Array, "*batch 3 3"]:
-    """R_target_source that best turns `source` onto `target` about their weighted means."""
-    w = weight[..., None] / np.maximum(weight.sum(-1), 1e-12)[..., None, None]
-    source = source - np.sum(w * source, axis=-2, keepdims=True)
-    target = target - np.sum(w * target, axis=-2, keepdims=True)
-    return nearest_rotation(np.einsum("...pi,...pj->...ij", w * target, source))
-
-
 def swing(source: Float[Array, "*batch 3"], target: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3 3"]:
-    """The smallest rotation that takes the direction of `source` to that of `target` (half a turn has no axis: any)."""
-    a = source / np.maximum(np.linalg.norm(source, axis=-1, keepdims=True), 1e-12)
-    b = target / np.maximum(np.linalg.norm(target, axis=-1, keepdims=True), 1e-12)
+    """The smallest rotation that takes the direction of `source` to that of `target`.
+
+    Axis a × b, angle atan2(|a × b|, a · b): the swing of a swing-twist decomposition. Opposite directions leave the
+    axis open: any is returned.
+    """
+    a, b = unit(source), unit(target)
     axis = np.cross(a, b)
     cosine = np.sum(a * b, axis=-1)
     sine = np.linalg.norm(axis, axis=-1)
     helper = np.where(np.abs(a[..., :1]) < 0.9, np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]))
     fallback = np.cross(a, helper)
     axis = np.where(sine[..., None] > 1e-9, axis, fallback)
-    axis = axis / np.maximum(np.linalg.norm(axis, axis=-1, keepdims=True), 1e-12)
-    return rotation_from_vector(axis * np.arctan2(sine, cosine)[..., None])
+    return rotvec_to_rotmat(unit(axis) * np.arctan2(sine, cosine)[..., None])
 
 
 def rotation_angle(R: Float[Array, "*batch 3 3"]) -> Float[Array, "*batch"]:
-    """Rotation angle in radians, accurate near zero."""
+    """Geodesic distance from the identity, radians, 0..π: atan2(sin θ, cos θ).
+
+    The arc cosine of the trace alone is inexact near zero.
+    """
     sine = 0.5 * np.linalg.norm(
         np.stack([R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]], -1), axis=-1
     )
@@ -105,14 +116,14 @@ def rotation_angle(R: Float[Array, "*batch 3 3"]) -> Float[Array, "*batch"]:
 def interpolate_rotations(
     at: Float[Array, " n"], known_at: Float[Array, " k"], R: Float[Array, "k 3 3"]
 ) -> Float[Array, "n 3 3"]:
-    """Spherical interpolation between the two known rotations around each place; ends are held.
+    """Rotations at times `at`, interpolated between the two known ones around each; the ends are held.
 
-    `known_at` increases.
+    Spherical linear interpolation (Shoemake 1985), R_a exp(f log(R_aᵀ R_b)). `known_at` increases.
     """
     if len(known_at) == 1:
         return np.repeat(R, len(at), axis=0)
     after = np.clip(np.searchsorted(known_at, at, side="right"), 1, len(known_at) - 1)
     before = after - 1
-    share = np.clip((at - known_at[before]) / (known_at[after] - known_at[before]), 0.0, 1.0)
-    step = vector_from_rotation(np.swapaxes(R[before], -1, -2) @ R[after])
-    return np.asarray(R[before] @ rotation_from_vector(share[:, None] * step))
+    fraction = np.clip((at - known_at[before]) / (known_at[after] - known_at[before]), 0.0, 1.0)
+    step = rotmat_to_rotvec(np.swapaxes(R[before], -1, -2) @ R[after])
+    return np.asarray(R[before] @ rotvec_to_rotmat(fraction[:, None] * step))

@@ -7,10 +7,11 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from humanmm.models.body.kinematics import forward_kinematics
+from humanmm.models.geometry.projection import in_front, project, world_to_camera
 from humanmm.models.records import landmarks
 from humanmm.models.records.motion import PersonMotion, WorldMotion
 from humanmm.models.records.recording import RecordedPerson, Recording
-from humanmm.models.records.shots import Shot, ShotList, in_spans
+from humanmm.models.records.shots import Shot, ShotList
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
 from humanmm.models.records.video import VideoFacts
 
@@ -111,7 +112,7 @@ def continuous_rotvec(R: Float[np.ndarray, "frames 3 3"]) -> Float[np.ndarray, "
 def _observations(
     person: PersonMotion, shot_list: ShotList, scenes: Sequence[ScenePeople | None]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """What the detector saw of a person: keypoints (N,33,3) with sides put right, boxes (N,4), seen (N,) bool."""
+    """What the detector saw of a person: keypoints (N,33,3), left and right put right, boxes (N,4), seen (N,) bool."""
     num_frames = len(person.frame)
     keypoints2d = np.zeros((num_frames, len(landmarks.NAMES), 3), np.float32)
     bbox = np.zeros((num_frames, 4), np.float32)
@@ -123,10 +124,7 @@ def _observations(
             continue
         rows = track.frame - first
         inside = (track.frame >= shot.start) & (track.frame < shot.end) & (rows >= 0) & (rows < num_frames)
-        appearance = next(a for a in shot.people if a.person == person.person)
         keypoints2d[rows[inside]] = track.keypoints2d[inside]
-        exchanged = inside & in_spans(track.frame, appearance.swapped)
-        keypoints2d[rows[exchanged]] = track.keypoints2d[exchanged][:, landmarks.SWAP]
         bbox[rows[inside]] = track.bbox[inside]
         seen[rows[inside]] = True
     return keypoints2d, bbox, seen
@@ -138,16 +136,14 @@ def _track_of(person: int, shot: Shot, scenes: Sequence[ScenePeople | None]) -> 
         return None
     for appearance in shot.people:
         if appearance.person == person:
-            return scene.tracks[appearance.track]
+            return scene.track_of(appearance)
     return None
 
 
 def _projected_boxes(joints: np.ndarray, motion: WorldMotion, frame: np.ndarray) -> np.ndarray:
     """(N,4) float32 boxes about the projected joints; zero where a joint is behind the camera."""
-    R_cam_world = np.swapaxes(motion.R_world_cam[frame], -1, -2)
-    in_camera = np.einsum("nij,nkj->nki", R_cam_world, joints - motion.t_world_cam[frame][:, None])
-    depth = np.maximum(in_camera[..., 2:], NEAR_M)
-    pixels = np.einsum("nij,nkj->nki", motion.K[frame], in_camera / depth)[..., :2]
+    in_camera = world_to_camera(joints, motion.R_world_cam[frame], motion.t_world_cam[frame])
+    pixels = project(in_camera, motion.K[frame], near_m=NEAR_M)
     boxes = np.concatenate([pixels.min(1), pixels.max(1)], axis=-1)
-    in_front = in_camera[..., 2].min(1) > NEAR_M
-    return np.where(in_front[:, None], boxes, 0.0).astype(np.float32)
+    whole = in_front(in_camera, NEAR_M).all(axis=1, keepdims=True)
+    return np.where(whole, boxes, 0.0).astype(np.float32)

@@ -1,8 +1,8 @@
 """3D landmarks for people of whom a detector gives only COCO's 17 keypoints in the picture.
 
 A small network (two residual blocks on the keypoints of seven moments about a frame, `scripts/train_lifter`, model card
-weights/lifter.md) says what the pose network would have said: 33 landmarks in metres about the mid-hip. It is rougher
-than a network that sees the picture; `PersonTrack.lifted` tells later stages to trust it less.
+weights/lifter.md) predicts the output of the pose network: 33 landmarks in metres about the mid-hip. It is rougher than
+a network that sees the picture; `PersonTrack.lifted` marks its tracks, and later stages trust them less.
 """
 
 from functools import lru_cache
@@ -24,7 +24,8 @@ TORSO = (5, 6, 11, 12)
 OFFSETS_S = (-1 / 3, -2 / 15, -1 / 15, 0.0, 1 / 15, 2 / 15, 1 / 3)
 """Moments that the network looks at, seconds from the frame."""
 SEEN = 0.1
-"""Scores below this say nothing; what lies above is not calibrated between detectors, so the network is not told it."""
+"""Keypoints with lower scores count as unseen; scores above are not calibrated between detectors, so the network does
+not get them."""
 
 _CHUNK_FRAMES = 512
 
@@ -78,10 +79,10 @@ def lift(
 def features(
     rays: Float[Array, "n moments 17 2"], seen: Array
 ) -> tuple[Float[Array, "n inputs"], Float[Array, "n 3 3"]]:
-    """What the network is shown, and the axes in which it answers (R_cam_torso, of the middle moment).
+    """The network's inputs, and the axes of its output (R_cam_torso, of the middle moment).
 
-    Every moment's rays are turned until the torso lies straight ahead, and brought to one size over all moments: the
-    answer depends neither on where in the picture a person is, nor on the focal length. Unseen keypoints are zero.
+    Every moment's rays are rotated until the torso lies straight ahead, and brought to one size over all moments: the
+    output depends neither on where in the picture a person is, nor on the focal length. Unseen keypoints are zero.
     """
     weight = np.zeros(seen.shape)
     weight[..., TORSO] = seen[..., TORSO]

@@ -1,14 +1,15 @@
-"""Trails of one scene put right at its end: cut where the clothes change, joined where one person went on."""
+"""Tracks of one scene put right at its end: split where the clothes change, joined where one person went on."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
 from humanmm.models.perception.clothing import colour_distance, mean_colours
-from humanmm.models.perception.trail import Trail
+from humanmm.models.perception.track_builder import TrackBuilder
+from humanmm.models.video.frame_times import elapsed_s
 
 CHANGED_COLOURS = 0.55
-"""Hellinger distance between neighbouring stretches at which a trail has moved on to somebody else. One person's
+"""Hellinger distance between neighbouring stretches at which a track has moved on to somebody else. One person's
 clothes changed by up to 0.42 within a scene; the step from one player to another was 0.69."""
 STRETCH = 3
 """Colour samples in each of the two stretches compared."""
@@ -23,51 +24,51 @@ RETURN_ODDS, RETURN_ODDS_PER_S = -1.5, -0.5
 who come in one after the other often dress alike, and one wrong join is worse than a new number."""
 
 
-def untangled(trails: Sequence[Trail]) -> list[Trail]:
-    """Trails cut where they jumped from one person to another."""
-    result: list[Trail] = []
-    rest = list(trails)
+def untangled(tracks: Sequence[TrackBuilder]) -> list[TrackBuilder]:
+    """Tracks, split where they jumped from one person to another."""
+    result: list[TrackBuilder] = []
+    rest = list(tracks)
     while rest:
-        trail = rest.pop()
-        change = colour_change(trail)
+        track = rest.pop()
+        change = colour_change(track)
         if change is None:
-            result.append(trail)
+            result.append(track)
         else:
-            rest += [half for half in trail.split(change) if half.rows and half.colours]
+            rest += [half for half in track.split(change) if half.rows and half.colours]
     return result
 
 
-def colour_change(trail: Trail) -> int | None:
+def colour_change(track: TrackBuilder) -> int | None:
     """The frame at which the clothes change most, if they change at all."""
-    frames = sorted(trail.colours)
+    frames = sorted(track.colours)
     worst, where = CHANGED_COLOURS, None
     for k in range(STRETCH, len(frames) - STRETCH + 1):
-        before = mean_colours(np.stack([trail.colours[f] for f in frames[k - STRETCH : k]]))
-        after = mean_colours(np.stack([trail.colours[f] for f in frames[k : k + STRETCH]]))
+        before = mean_colours(np.stack([track.colours[f] for f in frames[k - STRETCH : k]]))
+        after = mean_colours(np.stack([track.colours[f] for f in frames[k : k + STRETCH]]))
         distance = colour_distance(before, after)
         if distance > worst:
             worst, where = distance, frames[k]
     return where
 
 
-def joined(trails: Sequence[Trail], fps: float) -> list[Trail]:
-    """Trails that do not overlap in time and look like one person's, joined, best pair first."""
-    pool = list(trails)
+def joined(tracks: Sequence[TrackBuilder]) -> list[TrackBuilder]:
+    """Tracks that do not overlap in time and look like one person's, joined, best pair first."""
+    pool = list(tracks)
     while True:
         best, pair = 0.0, None
         for a in pool:
             for b in pool:
-                if a is not b and (odds := continuation_odds(a, b, fps)) > best:
+                if a is not b and (odds := continuation_odds(a, b)) > best:
                     best, pair = odds, (a, b)
         if pair is None:
             return pool
         first, second = pair
         second.rows.update(first.rows)
         second.colours.update(first.colours)
-        pool = [trail for trail in pool if trail is not first]
+        pool = [track for track in pool if track is not first]
 
 
-def continuation_odds(a: Trail, b: Trail, fps: float) -> float:
+def continuation_odds(a: TrackBuilder, b: TrackBuilder) -> float:
     """Log-odds that b goes on where a ended; −∞ where they overlap in time or b comes first."""
     end, start = max(a.rows), min(b.rows)
     if end >= start:
@@ -76,12 +77,12 @@ def continuation_odds(a: Trail, b: Trail, fps: float) -> float:
         mean_colours(np.stack(list(a.colours.values()))), mean_colours(np.stack(list(b.colours.values())))
     )
     odds = float(np.clip((SAME_COLOURS - distance) / COLOUR_SPREAD, -COLOUR_LIMIT, COLOUR_LIMIT))
-    gap = (start - end) / fps
-    if gap > SHORT_GAP_S:
-        return odds + RETURN_ODDS + RETURN_ODDS_PER_S * (gap - SHORT_GAP_S)
+    gap_s = elapsed_s(a.time_s, end, start)
+    if gap_s > SHORT_GAP_S:
+        return odds + RETURN_ODDS + RETURN_ODDS_PER_S * (gap_s - SHORT_GAP_S)
     before, after = a.rows[end], b.rows[start]
     middle_before, middle_after = before.mask_affine @ [64, 64, 1], after.mask_affine @ [64, 64, 1]
     travelled = float(np.linalg.norm(middle_after - middle_before)) / before.side
-    reach = REACH_SIDES + REACH_SIDES_PER_S * gap
+    reach = REACH_SIDES + REACH_SIDES_PER_S * gap_s
     odds += float(np.clip(4 * (1 - travelled / reach), -COLOUR_LIMIT, 3.0))
     return odds - abs(float(np.log(after.side / before.side))) / SIZE_SPREAD

@@ -16,6 +16,7 @@ import numpy as np
 from ai_edge_litert.interpreter import Interpreter
 from jaxtyping import Float, UInt8
 
+from humanmm.models.geometry.boxes import box_iou
 from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.regions import Region, body_region, transform
 from humanmm.models.records import landmarks
@@ -42,7 +43,7 @@ class Detection:
 
 @dataclass(frozen=True)
 class Landmarks:
-    """What the landmark network says about one crop."""
+    """Output of the landmark network for one crop."""
 
     keypoints: Float[np.ndarray, "33 3"]
     """x, y in source pixels, visibility 0..1."""
@@ -55,7 +56,7 @@ class Landmarks:
     region: Region
     """The crop."""
     next_region: Region
-    """Where the network says that the body is: the crop for the next frame."""
+    """Where the network sees the body: the crop for the next frame."""
 
 
 _BUILDING = Lock()
@@ -166,27 +167,17 @@ def _overlapping_groups(boxes: np.ndarray, scores: np.ndarray, overlap: float = 
     """Indices of boxes that belong together: each best box with all that overlap it (weighted suppression)."""
     rest, groups = np.argsort(-scores, kind="stable"), []
     while len(rest):
-        same = box_overlaps(boxes[rest[:1]], boxes[rest])[0] > overlap
+        same = box_iou(boxes[rest[0]], boxes[rest]) > overlap
         same[0] = True
         groups.append(rest[same])
         rest = rest[~same]
     return groups
 
 
-def box_overlaps(a: Float[np.ndarray, "a 4"], b: Float[np.ndarray, "b 4"]) -> Float[np.ndarray, "a b"]:
-    """Intersection over union of every pair of xyxy boxes."""
-    low, high = np.maximum(a[:, None, :2], b[None, :, :2]), np.minimum(a[:, None, 2:], b[None, :, 2:])
-    shared = np.clip(high - low, 0, None).prod(axis=-1)
-    area_a, area_b = (a[:, 2:] - a[:, :2]).prod(axis=-1), (b[:, 2:] - b[:, :2]).prod(axis=-1)
-    union = area_a[:, None] + area_b[None] - shared
-    overlap: np.ndarray = shared / np.maximum(union, 1e-9)
-    return overlap
-
-
 def locate(image: Picture, region: Region, *, mirrored: bool = False) -> Landmarks:
     """Landmarks and mask of the person that fills a region; `mirrored` shows the network the crop's mirror image.
 
-    The answer for a mirrored crop is given in the unmirrored picture, with left and right named as seen there.
+    Landmarks of a mirrored crop are given in the unmirrored picture, with left and right named as seen there.
     """
     picture = image.crop(region, LANDMARK_SIDE)
     if mirrored:

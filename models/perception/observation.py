@@ -1,4 +1,4 @@
-"""One person in one frame: what of the network's answer is kept, and how far it can be trusted."""
+"""One person in one frame: what of the network's output is kept, and how far it can be trusted."""
 
 from dataclasses import dataclass, replace
 
@@ -13,8 +13,8 @@ from humanmm.models.records.tracks import MASK_SIDE
 
 MIN_PRESENCE = 0.6
 MIN_TORSO_VISIBILITY = 0.6
-MIN_TORSO_SHARE = 0.05
-"""Least distance from mid-shoulder to mid-hip as a share of the region's side; a standing person has 0.23."""
+MIN_TORSO = 0.05
+"""Least distance from mid-shoulder to mid-hip as a fraction of the region's side; a standing person has 0.23."""
 MIN_CONFIDENCE = 0.25
 VISIBLE = 0.5
 _MASK_ON = 128
@@ -40,24 +40,24 @@ class Observation:
         return self.region.to_source(MASK_SIDE)
 
 
-def observe(answer: Landmarks, frame_size: tuple[int, int]) -> Observation | None:
-    """The observation in a network's answer, or None where the crop holds no usable person.
+def observe(output: Landmarks, frame_size: tuple[int, int]) -> Observation | None:
+    """The observation in a network's output, or None where the crop holds no usable person.
 
     Presence alone is no gate: a loudspeaker scores 0.95, and a face that fills the frame gives a confident body that
     is not there. A usable person shows torso, hips and a thigh inside the frame, and the landmarks lie on the mask.
     """
-    mask = (answer.mask >= _MASK_ON).astype(np.uint8)
-    confidence = _confidence(answer, mask, frame_size)
+    mask = (output.mask >= _MASK_ON).astype(np.uint8)
+    confidence = _confidence(output, mask, frame_size)
     if confidence < MIN_CONFIDENCE:
         return None
-    bbox = _visible_box(answer.keypoints, mask, answer.region, frame_size)
+    bbox = _visible_box(output.keypoints, mask, output.region, frame_size)
     if bbox is None:
         return None
-    return Observation(answer.keypoints, answer.landmarks3d, bbox, confidence, mask, answer.region, answer.next_region)
+    return Observation(output.keypoints, output.landmarks3d, bbox, confidence, mask, output.region, output.next_region)
 
 
 def averaged(a: Landmarks, b: Landmarks) -> Landmarks:
-    """Two answers for one region as one: the network's errors on a picture and on its mirror image differ."""
+    """The mean of two outputs for one region: the network's errors on a picture and on its mirror image differ."""
     return replace(
         a,
         keypoints=(a.keypoints + b.keypoints) / 2,
@@ -83,24 +83,24 @@ def on_mask(
     return np.asarray(valid & (grown[cells[:, 1], cells[:, 0]] > 0))
 
 
-def _confidence(answer: Landmarks, mask: UInt8[np.ndarray, "mask mask"], frame_size: tuple[int, int]) -> float:
+def _confidence(output: Landmarks, mask: UInt8[np.ndarray, "mask mask"], frame_size: tuple[int, int]) -> float:
     """How far the pose can be trusted, 0..1: torso seen × legs seen × limbs on the mask; 0 for an unusable person."""
-    keypoints = answer.keypoints
+    keypoints = output.keypoints
     seen = keypoints[:, 2] * inside(keypoints[:, :2], frame_size)
     torso = float(seen[list(landmarks.TORSO)].mean())
     hips, knees = keypoints[list(landmarks.HIPS), :2], keypoints[list(landmarks.KNEES), :2]
     shoulders = keypoints[list(landmarks.SHOULDERS), :2]
     trunk = float(np.linalg.norm(shoulders.mean(axis=0) - hips.mean(axis=0)))
     if (
-        answer.presence < MIN_PRESENCE
+        output.presence < MIN_PRESENCE
         or torso < MIN_TORSO_VISIBILITY
-        or trunk < MIN_TORSO_SHARE * answer.region.side
+        or trunk < MIN_TORSO * output.region.side
         or not inside((hips + knees) / 2, frame_size).any()
     ):
         return 0.0
     legs = float(seen[[*landmarks.KNEES, *landmarks.ANKLES]].mean())
     limbs = list(landmarks.LIMBS)
-    agreement = on_mask(keypoints[limbs, :2], mask, answer.region) @ seen[limbs] / max(float(seen[limbs].sum()), 1e-6)
+    agreement = on_mask(keypoints[limbs, :2], mask, output.region) @ seen[limbs] / max(float(seen[limbs].sum()), 1e-6)
     return float(torso * (0.4 + 0.6 * legs) * agreement**2)
 
 

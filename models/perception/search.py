@@ -66,29 +66,29 @@ class _Search:
             bare = observe(locate(self._image, person.region), self._image.size)
             if bare is None or any(same_person(bare, other) for other in [*self._known, *self.found]):
                 return False
-            if max(covered_share(self._painted, person), covered_share(self._painted, bare)) > MAX_COVERED:
+            if max(covered_fraction(self._painted, person), covered_fraction(self._painted, bare)) > MAX_COVERED:
                 return False
         self.found.append(person)
         paint_out(self.canvas, person, self._painted)
         return True
 
 
-def covered_share(painted: UInt8[np.ndarray, "height width"], person: Observation) -> float:
-    """Share of the person's mask that lies on paint."""
+def covered_fraction(painted: UInt8[np.ndarray, "height width"], person: Observation) -> float:
+    """Fraction of the person's mask that lies on paint."""
     size = (person.mask.shape[1], person.mask.shape[0])
     paint = warp(painted, person.mask_to_source, size, nearest=True)
     return float((paint * person.mask).sum() / max(int(person.mask.sum()), 1))
 
 
 def settle(image: Picture, region: Region) -> Observation | None:
-    """The person in a region, looked at until the crop follows from its own answer."""
+    """The person in a region, looked at until the crop follows from its own output."""
     seen = None
     for _ in range(SETTLE_ROUNDS):
-        answer = locate(image, region)
-        seen = observe(answer, image.size)
+        output = locate(image, region)
+        seen = observe(output, image.size)
         if seen is None:
             return None
-        region = answer.next_region
+        region = output.next_region
     return seen
 
 
@@ -120,7 +120,7 @@ def paint_out(
 
 
 def places_to_look(image: Picture, turn: int, *, thorough: bool) -> list[Region]:
-    """Where to look in one search: everywhere, or the whole frame and its large tiles by turns, and one small tile."""
+    """Where to look in one search: everywhere, or alternately the whole frame and a large tile, and one small tile."""
     large, small = tiles(image)
     if thorough:
         return [whole(image), *large, *small]

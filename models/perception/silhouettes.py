@@ -18,7 +18,7 @@ _BONES = (
     (28, 32), (27, 29), (28, 30),
 )  # fmt: skip
 LIMB_SHARE, HEAD_SHARE = 0.07, 0.075
-"""Thickness of a limb and radius of the head, as shares of the body's height in the picture."""
+"""Thickness of a limb and radius of the head, as fractions of the body's height in the picture."""
 
 
 def silhouettes(keypoints: Float[Array, "n 33 c"]) -> tuple[Silhouettes, Array]:

@@ -23,7 +23,7 @@ def _counterpart(name: str) -> str:
 
 
 SWAP = np.array([INDEX[_counterpart(name)] for name in NAMES])
-"""SWAP[k] is landmark k's counterpart on the other side: `keypoints[SWAP]` exchanges left and right."""
+"""SWAP[k] is landmark k's counterpart on the other side: `keypoints[SWAP]` swaps left and right."""
 
 SHOULDERS = (INDEX["left_shoulder"], INDEX["right_shoulder"])
 HIPS = (INDEX["left_hip"], INDEX["right_hip"])
@@ -37,3 +37,11 @@ LIMBS = tuple(
     for side in ("left", "right")
 )
 """The 12 landmarks that carry the body's pose: shoulders, elbows, wrists, hips, knees, ankles."""
+
+
+def with_sides_swapped(points: np.ndarray, is_swapped: np.ndarray) -> np.ndarray:
+    """Keypoints or landmarks (n,33,c) with the names of left and right swapped in the marked frames (n,) bool.
+
+    The points stay where they are: mirroring the depths as well was measured to be worse.
+    """
+    return np.where(is_swapped[:, None, None], points[:, SWAP], points)

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int
 
 
 class UndefinedFigureError(ValueError):
-    """A figure cannot be had from these takes; the message says why, in a clause."""
+    """A figure cannot be had from these sequences; the message says why, in a clause."""
 
 
 @dataclass(frozen=True)
@@ -26,14 +26,14 @@ class BodyParameters:
 
 
 @dataclass(frozen=True)
-class PersonTake:
+class PersonSequence:
     """One person; N frames, strictly increasing. Joints are NaN where they are not known."""
 
     person: int
     frame: Int[np.ndarray, "frames"]
     observed: Bool[np.ndarray, "frames"]
     joints: Float[np.ndarray, "frames joints 3"]
-    """World, metres, named by Take.joint_names."""
+    """World, metres, named by MotionSequence.joint_names."""
     R_world_root: Float[np.ndarray, "frames 3 3"] | None = None
     """Pelvis (body) axes to world; None: to be had from hips and shoulders."""
     contacts: Float[np.ndarray, "frames 4"] | None = None
@@ -44,7 +44,7 @@ class PersonTake:
 
 
 @dataclass(frozen=True)
-class CameraTake:
+class CameraSequence:
     """The camera of every frame of the video; NaN where it is not known."""
 
     R_world_cam: Float[np.ndarray, "frames 3 3"]
@@ -53,16 +53,16 @@ class CameraTake:
 
 
 @dataclass(frozen=True)
-class Take:
+class MotionSequence:
     """One video's people, cameras and cuts: a truth or a prediction."""
 
     num_frames: int
     fps: float
     joint_names: tuple[str, ...]
-    people: tuple[PersonTake, ...]
+    people: tuple[PersonSequence, ...]
     transitions: tuple[tuple[int, int], ...]
     """[start, end) of every change of shot, in order; a hard cut has start == end == first frame of the new shot."""
-    cameras: CameraTake | None = None
+    cameras: CameraSequence | None = None
     notes: tuple[str, ...] = ()
     """Sentences about what was left out on reading."""
 

@@ -1,6 +1,5 @@
 """Where one shot ends and the next begins, and who is who across the cut."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -36,25 +35,17 @@ class Scenes:
         return tuple(zip(starts, [*starts[1:], self.num_frames], strict=True))
 
 
-def in_spans(frame: np.ndarray, spans: Sequence[tuple[int, int]]) -> np.ndarray:
-    """Which frame numbers (n,) lie in one of the spans [start, end); (n,) bool."""
-    inside = np.zeros(len(frame), bool)
-    for start, end in spans:
-        inside |= (frame >= start) & (frame < end)
-    return inside
-
-
 @dataclass(frozen=True)
 class Appearance:
-    """One person in one shot: which track of the scene, and where its left and right labels are exchanged."""
+    """One person in one shot: which track of the scene, and in which frames the detector was wrong about him."""
 
     person: int
     track: int
     """Index into ScenePeople.tracks of the scene that holds the shot."""
-    swapped: tuple[tuple[int, int], ...]
-    """Frame spans [start, end) in which the detector's left and right labels must be exchanged."""
-    lapses: tuple[tuple[int, int], ...] = ()
-    """Frame spans [start, end) in which the detector's pose is not to be trusted, although the person is seen."""
+    left_right_swapped: tuple[tuple[int, int], ...] = ()
+    """Frames [start, end) in which the detector has swapped left and right; `ScenePeople.track_of` puts them right."""
+    tracking_failures: tuple[tuple[int, int], ...] = ()
+    """Frames [start, end) in which the detector's pose is not to be trusted, although the person is seen."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +63,7 @@ class Shot:
     """How this shot ends, the next one's `transition`; None for the last."""
 
     @property
-    def clear(self) -> tuple[int, int]:
+    def outside_transitions(self) -> tuple[int, int]:
         """Its frames [start, end) outside gradual transitions; inside, two pictures mix, and nothing is an
         observation. start == end where transitions leave nothing of the shot."""
         start = self.start if self.transition is None else max(self.start, self.transition.end)

@@ -2,9 +2,15 @@
 
 import zlib
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
+
+from humanmm.models.records.landmarks import with_sides_swapped
+from humanmm.models.records.shots import Appearance
+
+Intervals = tuple[tuple[int, int], ...]
 
 MASK_SIDE = 128
 """Masks are MASK_SIDE × MASK_SIDE pictures of the person's crop."""
@@ -85,6 +91,17 @@ class PersonTrack:
     lifted: bool = False
     """The detector gives COCO keypoints only: `landmarks3d` was made from them (`perception.lifting`)."""
 
+    def with_sides_swapped(self, intervals: Intervals) -> "PersonTrack":
+        """The track with left and right of keypoints and landmarks swapped in the frames of some intervals."""
+        is_swapped = np.zeros(len(self.frame), bool)
+        for start, end in intervals:
+            is_swapped[slice(*np.searchsorted(self.frame, (start, end)))] = True
+        return replace(
+            self,
+            keypoints2d=with_sides_swapped(self.keypoints2d, is_swapped),
+            landmarks3d=with_sides_swapped(self.landmarks3d, is_swapped),
+        )
+
 
 @dataclass(frozen=True)
 class ScenePeople:
@@ -93,3 +110,20 @@ class ScenePeople:
     start: int
     end: int
     tracks: tuple[PersonTrack, ...]
+
+    def track_of(self, appearance: Appearance) -> PersonTrack:
+        """The track of a person in a shot, with left and right as they are, not as the detector swapped them.
+
+        All later stages take keypoints and landmarks from here; nobody else puts sides right.
+        """
+        if not appearance.left_right_swapped:
+            return self.tracks[appearance.track]
+        key = appearance.track, appearance.left_right_swapped
+        if key not in self._put_right:
+            self._put_right[key] = self.tracks[appearance.track].with_sides_swapped(appearance.left_right_swapped)
+        return self._put_right[key]
+
+    @cached_property
+    def _put_right(self) -> dict[tuple[int, Intervals], PersonTrack]:
+        """Tracks that were put right, so that a long one is copied once."""
+        return {}

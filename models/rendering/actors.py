@@ -1,4 +1,4 @@
-"""The actors of a clip: takes at the clip's frame rate, on bodies of their own, placed beside each other."""
+"""The actors of a clip: sequences at the clip's frame rate, on bodies of their own, placed beside each other."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -8,10 +8,10 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation, Slerp
 
 from humanmm.models.body.body24 import NUM_JOINTS, load_body
-from humanmm.models.geometry.rotations import rotation_from_vector
-from humanmm.models.motion.refine.contacts import CONTACT_JOINTS
+from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.motion.refine.refine import sole_heights
-from humanmm.models.synthetic.mocap import Actor, MocapTake, pose_actor
+from humanmm.models.records.recording import CONTACT_JOINTS
+from humanmm.models.synthetic.mocap import Actor, MocapSequence, pose_actor
 
 Array = np.ndarray
 
@@ -21,30 +21,30 @@ CONTACT_SPEED_MS, CONTACT_HEIGHT_M = 0.25, 0.05
 """A foot joint touches the floor if it is slower than this and its sole no higher above the floor."""
 
 
-def resample(take: MocapTake, start_s: float, num_frames: int, fps: float) -> MocapTake:
+def resample(sequence: MocapSequence, start_s: float, num_frames: int, fps: float) -> MocapSequence:
     """`num_frames` at another frame rate from `start_s` on; rotations are interpolated by slerp (Shoemake 1985)."""
-    at = np.clip((start_s + np.arange(num_frames) / fps) * take.fps, 0, take.num_frames - 1)
-    before = np.minimum(at.astype(int), take.num_frames - 2)
+    at = np.clip((start_s + np.arange(num_frames) / fps) * sequence.fps, 0, sequence.num_frames - 1)
+    before = np.minimum(at.astype(int), sequence.num_frames - 2)
     fraction = (at - before)[:, None]
-    pose = np.stack([_slerp(take.body_pose[:, j], at) for j in range(NUM_JOINTS - 1)], axis=1)
-    root = Slerp(np.arange(take.num_frames), Rotation.from_matrix(take.R_world_root))(at).as_matrix()
-    pelvis = (1 - fraction) * take.pelvis[before] + fraction * take.pelvis[before + 1]
-    contacts = take.contacts[np.rint(at).astype(int)]
-    return MocapTake(take.name, fps, root, pose, pelvis, contacts, take.leg_m)
+    pose = np.stack([_slerp(sequence.body_pose[:, j], at) for j in range(NUM_JOINTS - 1)], axis=1)
+    root = Slerp(np.arange(sequence.num_frames), Rotation.from_matrix(sequence.R_world_root))(at).as_matrix()
+    pelvis = (1 - fraction) * sequence.pelvis[before] + fraction * sequence.pelvis[before + 1]
+    contacts = sequence.contacts[np.rint(at).astype(int)]
+    return MocapSequence(sequence.name, fps, root, pose, pelvis, contacts, sequence.leg_m)
 
 
 def _slerp(vectors: Float[Array, "N 3"], at: Float[Array, " n"]) -> Float[Array, "n 3"]:
     return np.asarray(Slerp(np.arange(len(vectors)), Rotation.from_rotvec(vectors))(at).as_rotvec())
 
 
-def place_actors(takes: Sequence[MocapTake], rng: np.random.Generator) -> list[Actor]:
-    """One actor for each take; the first stays where the take has it, others are placed near it, clear of each other.
+def place_actors(sequences: Sequence[MocapSequence], rng: np.random.Generator) -> list[Actor]:
+    """One actor for each sequence; the first stays where it is, others are placed near it, clear of each other.
 
-    A take for which no free position is found is left out.
+    A sequence for which no free position is found is left out.
     """
-    actors = [with_contacts(pose_actor(takes[0], rng), takes[0].fps)]
-    for take in takes[1:]:
-        other = with_contacts(pose_actor(take, rng), take.fps)
+    actors = [with_contacts(pose_actor(sequences[0], rng), sequences[0].fps)]
+    for sequence in sequences[1:]:
+        other = with_contacts(pose_actor(sequence, rng), sequence.fps)
         for _ in range(300):
             moved = _moved(other, rng.uniform(0, 2 * np.pi), actors[0], rng)
             gaps = [np.linalg.norm((moved.joints - one.joints)[:, 0, :2], axis=1) for one in actors]
@@ -65,7 +65,7 @@ def with_contacts(actor: Actor, fps: float) -> Actor:
 
 def _moved(actor: Actor, yaw: float, beside: Actor, rng: np.random.Generator) -> Actor:
     """The actor rotated about the vertical, its path's middle near that of `beside`."""
-    R = rotation_from_vector(np.array([0.0, 0.0, yaw]))
+    R = rotvec_to_rotmat(np.array([0.0, 0.0, yaw]))
     away = rng.uniform(0, 2 * np.pi)
     target = beside.joints[:, 0].mean(axis=0) + rng.uniform(0.6, 1.8) * np.array([np.cos(away), np.sin(away), 0])
     joints = actor.joints @ R.T

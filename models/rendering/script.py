@@ -8,10 +8,11 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.models.geometry.rotations import rotation_from_vector
+from humanmm.models.geometry.projection import world_to_camera
+from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.rendering.actors import place_actors, resample, shifted
 from humanmm.models.rendering.background_scene import BackgroundScene, Block, build_outdoors, build_room
-from humanmm.models.synthetic.mocap import Actor, MocapTake
+from humanmm.models.synthetic.mocap import Actor, MocapSequence
 from humanmm.models.synthetic.rigs import Kind, move_camera
 
 Array = np.ndarray
@@ -109,21 +110,22 @@ class Clip:
         return np.array([[f, 0, self.width / 2], [0, f, self.height / 2], [0, 0, 1.0]])
 
 
-def plan_clip(takes: Sequence[MocapTake], plan: ClipPlan) -> Clip:
-    """Everything about a clip but its pixels. ValueError if no take is long enough."""
+def plan_clip(sequences: Sequence[MocapSequence], plan: ClipPlan) -> Clip:
+    """Everything about a clip but its pixels. ValueError if no sequence is long enough."""
     rng = np.random.default_rng(plan.seed)
     width, height = plan.size or SIZES[int(rng.choice(len(SIZES), p=SIZE_PROBABILITIES))]
     fps = RATES_HZ[int(rng.integers(len(RATES_HZ)))]
-    fits = [take for take in takes if (take.num_frames - 1) / take.fps >= plan.seconds[0]]
+    fits = [sequence for sequence in sequences if (sequence.num_frames - 1) / sequence.fps >= plan.seconds[0]]
     if not fits:
-        raise ValueError(f"no take is as long as {plan.seconds[0]} s")
+        raise ValueError(f"no sequence is as long as {plan.seconds[0]} s")
     wanted = int(rng.choice([1, 2, 3], p=[0.6, 0.3, 0.1]))
     chosen = [fits[int(k)] for k in rng.choice(len(fits), min(wanted, len(fits)), replace=False)]
-    longest = min((take.num_frames - 1) / take.fps for take in chosen)
+    longest = min((sequence.num_frames - 1) / sequence.fps for sequence in chosen)
     seconds = min(rng.uniform(*plan.seconds), longest)
     num_frames = int(seconds * fps)
     parts = [
-        resample(take, rng.uniform(0, (take.num_frames - 1) / take.fps - seconds), num_frames, fps) for take in chosen
+        resample(sequence, rng.uniform(0, (sequence.num_frames - 1) / sequence.fps - seconds), num_frames, fps)
+        for sequence in chosen
     ]
     actors = place_actors(parts, rng)
     origin = actors[0].joints[0, 0] * [1, 1, 0]
@@ -146,7 +148,7 @@ def in_view(
 ) -> tuple[Float[Array, "n 24 2"], Float[Array, "n 24"]]:
     """Pixels and depth of joints in a shot; `rows` counts from the shot's start."""
     R, t, f = shot.R_world_cam[rows], shot.t_world_cam[rows], shot.focal_px[rows]
-    in_camera = np.einsum("nba,nkb->nka", R, joints - t[:, None])
+    in_camera = world_to_camera(joints, R, t)
     depth = in_camera[..., 2]
     safe = np.where(depth > 0.05, depth, 0.05)
     return in_camera[..., :2] / safe[..., None] * f[:, None, None] + np.array(size) / 2, depth
@@ -212,7 +214,7 @@ def _plan_shot(
         arm = np.array([np.cos(azimuth) * distance, np.sin(azimuth) * distance, 0.0])
         eye = np.append((centre + arm)[:2], eye_height)
         camera = move_camera(eye, centre, kind, pelvis, fps, rng)
-        R = camera.R_world_cam @ rotation_from_vector(np.array([0.0, 0.0, roll]))
+        R = camera.R_world_cam @ rotvec_to_rotmat(np.array([0.0, 0.0, roll]))
         shot = Shot(*span, f"{kind}, zoom" if zoom else kind, R, camera.t_world_cam, focal * ramp, gain)
         if _holds(actors, shot, (width, height)):
             break

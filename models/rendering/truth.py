@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from humanmm.models.body.body24 import JOINT_NAMES, PARENTS, load_body
-from humanmm.models.geometry.rotations import vector_from_rotation
+from humanmm.models.geometry.rotations import rotmat_to_rotvec
 from humanmm.models.rendering.script import Clip, in_view
 
 Array = np.ndarray
@@ -61,7 +61,7 @@ def truth_arrays(
         values = {
             "frame": np.arange(clip.num_frames, dtype=np.int32),
             "observed": visibility >= OBSERVED,
-            "root_orient": vector_from_rotation(actor.R_world_root).astype(np.float32),
+            "root_orient": rotmat_to_rotvec(actor.R_world_root).astype(np.float32),
             "body_pose": actor.body_pose.astype(np.float32),
             "betas": actor.betas.astype(np.float32),
             "transl": (joints[:, 0] - body.rest_joints(actor.betas)[0]).astype(np.float32),

@@ -1,19 +1,19 @@
-"""The final shots: the scenes, cut further where people show it, with who is in them and which side is left."""
+"""The final shots: the scenes, cut further where people show it, with the people and the detector's errors in them."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from humanmm.errors import NoUsablePersonError
+from humanmm.models.geometry.intervals import Interval, frame_intervals, in_intervals
 from humanmm.models.records.shots import Appearance, Scenes, Shot, ShotList, Transition
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
 from humanmm.models.shots.identity import Cast, identify
+from humanmm.models.shots.left_right_swaps import Sighting, left_right_swaps
 from humanmm.models.shots.people_cuts import Parts, split_scenes
-from humanmm.models.shots.side_swaps import Sighting, spans, swapped_spans
-from humanmm.models.shots.tracking_failures import lapsed_frames
-
-Spans = tuple[tuple[int, int], ...]
+from humanmm.models.shots.tracking_failures import failed_frames
+from humanmm.models.video.frame_times import shown_s
 
 
 def assemble_shots(
@@ -21,18 +21,18 @@ def assemble_shots(
     people: Sequence[ScenePeople | None],
     *,
     time_s: np.ndarray,
-    fps: float,
     K: np.ndarray,
     only_person: int | None = None,
     parts: Parts = "keypoints",
 ) -> ShotList:
     """Shots of the whole video with everybody in them (or with one person); `people` has None for a failed scene.
 
-    K may be rough. Raises NoUsablePersonError when nobody, or not the wanted person, is in the video.
+    `time_s` holds the presentation times of all frames; K may be rough. Raises NoUsablePersonError when nobody, or not
+    the wanted person, is in the video.
     """
-    transitions = split_scenes(scenes, people, fps=fps, parts=parts)
+    transitions = split_scenes(scenes, people, time_s=time_s, parts=parts)
     shots = _empty_shots(scenes, transitions)
-    cast = identify(shots, people, fps=fps)
+    cast = identify(shots, people, time_s=time_s)
     if not cast.people:
         raise NoUsablePersonError(
             "no usable person: nobody is seen clearly enough for long enough; "
@@ -40,9 +40,9 @@ def assemble_shots(
         )
     if only_person is not None:
         cast = _only(cast, only_person)
-    marks = _marks(shots, people, cast, time_s, K)
+    faults = _detector_faults(shots, people, cast, time_s, K)
     inhabited = tuple(
-        replace(shot, people=tuple(_marked(a, *marks.get((shot.index, a.person), ((), ()))) for a in appearances))
+        replace(shot, people=tuple(_marked(a, faults.get((shot.index, a.person))) for a in appearances))
         for shot, appearances in zip(shots, cast.appearances, strict=True)
     )
     return ShotList(scenes.num_frames, inhabited, cast.people)
@@ -76,31 +76,40 @@ def _only(cast: Cast, number: int) -> Cast:
     return Cast(kept, tuple(tuple(a for a in shot if a.person == number) for shot in cast.appearances))
 
 
-def _marks(
+@dataclass(frozen=True)
+class _Faults:
+    """Frames of one person in one shot in which the detector was wrong."""
+
+    left_right_swapped: tuple[Interval, ...]
+    tracking_failures: tuple[Interval, ...]
+
+
+def _detector_faults(
     shots: Sequence[Shot],
     people: Sequence[ScenePeople | None],
     cast: Cast,
     time_s: np.ndarray,
     K: np.ndarray,
-) -> dict[tuple[int, int], tuple[Spans, Spans]]:
-    """(shot, person) -> `swapped` and `lapses` of the appearance; sides are solved over the whole video, without the
-    lapses."""
-    marks: dict[tuple[int, int], tuple[Spans, Spans]] = {}
+) -> dict[tuple[int, int], _Faults]:
+    """By (shot, person). Left-right swaps are solved over the whole video, without the tracking failures."""
+    faults: dict[tuple[int, int], _Faults] = {}
     for person in cast.people:
         seen: list[tuple[int, Sighting]] = []
         for shot, appearances in zip(shots, cast.appearances, strict=True):
             track = _track(people[shot.scene], appearances, person.person)
             if track is not None:
                 seen.append((shot.index, _sighting(track, shot, time_s)))
-        lost = [lapsed_frames(sighting) for _, sighting in seen]
-        clear = [sighting.only(~lapsed) for (_, sighting), lapsed in zip(seen, lost, strict=True)]
-        for (index, sighting), lapsed, swapped in zip(seen, lost, swapped_spans(clear, K), strict=True):
-            marks[index, person.person] = swapped, spans(sighting.frame, lapsed)
-    return marks
+        failed = [failed_frames(sighting) for _, sighting in seen]
+        trusted = [sighting.only(~lost) for (_, sighting), lost in zip(seen, failed, strict=True)]
+        for (index, sighting), lost, swapped in zip(seen, failed, left_right_swaps(trusted, K), strict=True):
+            faults[index, person.person] = _Faults(swapped, frame_intervals(sighting.frame, lost))
+    return faults
 
 
-def _marked(appearance: Appearance, swapped: Spans, lapses: Spans) -> Appearance:
-    return replace(appearance, swapped=swapped, lapses=lapses)
+def _marked(appearance: Appearance, faults: _Faults | None) -> Appearance:
+    if faults is None:
+        return appearance
+    return replace(appearance, left_right_swapped=faults.left_right_swapped, tracking_failures=faults.tracking_failures)
 
 
 def _track(scene: ScenePeople | None, shot: Sequence[Appearance], person: int) -> PersonTrack | None:
@@ -110,7 +119,7 @@ def _track(scene: ScenePeople | None, shot: Sequence[Appearance], person: int) -
 
 
 def _sighting(track: PersonTrack, shot: Shot, time_s: np.ndarray) -> Sighting:
-    """The rows of a track in the clear frames of a shot."""
-    inside = (track.frame >= shot.clear[0]) & (track.frame < shot.clear[1])
+    """The rows of a track in a shot, outside transitions."""
+    inside = in_intervals(track.frame, [shot.outside_transitions])
     frame = track.frame[inside]
-    return Sighting(time_s[frame], frame, track.keypoints2d[inside], track.landmarks3d[inside])
+    return Sighting(time_s[frame], shown_s(time_s, frame), frame, track.keypoints2d[inside], track.landmarks3d[inside])

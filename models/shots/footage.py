@@ -24,6 +24,8 @@ _FROZEN = 0.3
 class Footage:
     """Small pictures of frames [first, end) and scalars of all frames so far; index = frame of the video."""
 
+    time_s: np.ndarray
+    """(F,) presentation times of the whole video's frames."""
     first: int = 0
     gray: list[np.ndarray] = field(default_factory=list)
     """(h,w) uint8 each, of frames [first, end)."""
@@ -32,7 +34,7 @@ class Footage:
     change: list[float] = field(default_factory=list)
     """Mean change of hue, saturation and value against the frame before (PySceneDetect's content value), from 0 on."""
     color_change: list[float] = field(default_factory=list)
-    """Share of the colour histogram that differs from the frame before, 0..1."""
+    """Fraction of the colour histogram that differs from the frame before, 0..1."""
     contrast: list[float] = field(default_factory=list)
     """Standard deviation of the luma of the thumbnail, grey levels."""
     _last: tuple[np.ndarray, np.ndarray] | None = None
@@ -87,7 +89,7 @@ class Footage:
         return self._motion[before, after]
 
     def displacement(self, before: int, after: int) -> float | None:
-        """Mean shift of the picture as a share of its width if both frames show one place, else None."""
+        """Mean shift of the picture as a fraction of its width if both frames show one place, else None."""
         shape = self.gray[0].shape
         return self._places.displacement(self._features(before), self._features(after), (shape[0], shape[1]))
 
@@ -96,8 +98,13 @@ class Footage:
             self._landmarks[frame] = self._places.landmarks(self.gray[frame - self.first])
         return self._landmarks[frame]
 
-    def flow_level(self, frame: int, reach: int) -> float:
-        """How fast the picture usually moves around a frame: upper quartile of the flow a frame, share of the width.
+    def elapsed_s(self, before: int, after: int) -> float:
+        """Seconds from one frame to another."""
+        return float(self.time_s[after] - self.time_s[before])
+
+    def usual_speed(self, frame: int, reach: int) -> float:
+        """How fast the picture usually moves within `reach` frames of a frame: upper quartile of the flow, in widths of
+        the picture a second.
 
         Repeated frames and the largest changes of the window (cuts themselves) do not count.
         """
@@ -106,5 +113,5 @@ class Footage:
         if not moving:
             return 0.0
         quick = np.quantile([self.change[t] for t in moving], 0.9)
-        flows = [self.motion(t - 1, t).flow for t in moving if self.change[t] <= quick]
-        return float(np.quantile(flows, 0.75))
+        speeds = [self.motion(t - 1, t).flow / self.elapsed_s(t - 1, t) for t in moving if self.change[t] <= quick]
+        return float(np.quantile(speeds, 0.75))

@@ -1,15 +1,16 @@
 """Gradual transitions: a dissolve is a linear blend of two pictures, a fade passes through a uniform one.
 
-Dissolve over [s, e): thumbnail T_t = (1 − a_t) T_before + a_t T_after with a_t rising linearly from 0 to 1. A pan or a
-walking person makes no such blend: in its middle it shows what neither end shows.
+Dissolve over [s, e): thumbnail T_t = (1 − a_t) T_before + a_t T_after with a_t rising linearly in time from 0 to 1. A
+pan or a walking person makes no such blend: in its middle it shows what neither end shows.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
+from humanmm.models.geometry.intervals import Interval, merged, runs_of_true
 from humanmm.models.shots.footage import THUMB, Footage
+from humanmm.models.video.frame_times import ROUNDING_S
 
 _MIN_LENGTH = 3
 """A blend of fewer frames is a hard cut."""
@@ -22,17 +23,17 @@ _WORST_RESIDUAL = 0.5
 _MAX_RAMP_ERROR = 0.12
 """Root-mean-square deviation of the blend weight from a straight ramp; motion bends it."""
 _MAX_LEAP = 0.4
-"""No single frame of a dissolve goes farther than this share of the way: that would be a hard cut."""
+"""No single frame of a dissolve makes more than this fraction of the change: that would be a hard cut."""
 _UNRELATED = 0.22
 """The ends of a dissolve correlate less once motion is undone: 0.04 to 0.15 (measured), ends of a quick pan 0.3."""
 _FAIR_STEP = 0.5
-"""Each frame of a dissolve takes at least this part of an even step from one scene to the other."""
+"""Each frame of a dissolve makes at least this fraction of the change that is even for its time."""
 _UNIFORM = 4.0
 """Contrast (grey levels) below which a picture is uniform: a black or white frame after coding."""
 _RAMP_RANGE = (0.15, 0.85)
-"""Share of the full contrast between which a fade's ramp is fitted; coding noise bends its ends."""
+"""Fractions of the full contrast between which a fade's ramp is fitted; coding noise bends its ends."""
 _DIM = 0.35
-"""Two blends that meet in a picture of less than this share of the contrast around them are one fade."""
+"""Two blends that meet in a picture of less than this fraction of the contrast around them are one fade."""
 _MEETING = 2
 """Frames that may lie between two blends that belong together."""
 _FADE_S = 2.0
@@ -41,29 +42,25 @@ DISSOLVE_S = 2.0
 """Longest dissolve, seconds."""
 
 
-@dataclass(frozen=True)
-class Span:
-    """Frames [start, end) inside a gradual transition."""
+def dissolves(footage: Footage, begin: int, end: int, longest: int) -> list[Interval]:
+    """Dissolves whose middle lies in [begin, end), in order and without overlap.
 
-    start: int
-    end: int
-
-
-def dissolves(footage: Footage, begin: int, end: int, longest: int) -> list[Span]:
-    """Dissolves whose middle lies in [begin, end), at most `longest` frames long, in order and without overlap."""
+    They last at most DISSOLVE_S, in which the video shows at most `longest` frames.
+    """
     thumbs = np.stack(footage.thumbs)
+    time_s = footage.time_s[footage.first : footage.end]
     coarse = _halved(thumbs)
     candidates: list[tuple[float, int, int]] = []
     length = _MIN_LENGTH + 1
     while length <= 1.3 * longest + 2:
-        candidates += _blends(coarse, length)
+        candidates += _blends(coarse, time_s, length)
         length = max(length + 1, round(length * 1.25))
-    found: list[Span] = []
+    found: list[Interval] = []
     for _, first, last in sorted(candidates):
         middle = footage.first + (first + last) // 2
         if not begin <= middle < end or any(s.start - 2 <= middle < s.end + 2 for s in found):
             continue
-        span = _ramp(thumbs, first, last, longest)
+        span = _ramp(thumbs, time_s, first, last, longest)
         if span is None:
             continue
         start, stop = footage.first + span.start, footage.first + span.end
@@ -71,11 +68,11 @@ def dissolves(footage: Footage, begin: int, end: int, longest: int) -> list[Span
             continue
         if footage.motion(start - 1, stop).match > _UNRELATED or footage.displacement(start - 1, stop) is not None:
             continue
-        found.append(Span(start, stop))
-    return sorted(found, key=lambda s: s.start)
+        found.append(Interval(start, stop))
+    return sorted(found)
 
 
-def _blends(thumbs: np.ndarray, length: int) -> list[tuple[float, int, int]]:
+def _blends(thumbs: np.ndarray, time_s: np.ndarray, length: int) -> list[tuple[float, int, int]]:
     """(residual, first, last) of the windows first..last = first + length whose quarters are blends of their ends."""
     if len(thumbs) <= length:
         return []
@@ -90,7 +87,9 @@ def _blends(thumbs: np.ndarray, length: int) -> list[tuple[float, int, int]]:
         weight = np.einsum("td,td->t", inner, difference) / np.maximum(energy, 1e-6)
         left = inner - weight[:, None] * difference
         worst = np.maximum(worst, np.sqrt(np.einsum("td,td->t", left, left) / np.maximum(energy, 1e-6)))
-        weights.append(weight)
+        # the weight at the quarter itself: where frames are unevenly apart, the frame there is early or late
+        passed = (time_s[step : step + len(head)] - time_s[: len(head)]) / (time_s[length:] - time_s[: len(head)])
+        weights.append(weight + step / length - passed)
     rising = (weights[0] < 0.42) & (np.abs(weights[1] - 0.5) < 0.2) & (weights[2] > 0.58)
     # a hard cut in the window gives weights 0, 0, 1: some change must happen in each half
     gradual = (weights[1] - weights[0] > 0.1) & (weights[2] - weights[1] > 0.1)
@@ -100,18 +99,22 @@ def _blends(thumbs: np.ndarray, length: int) -> list[tuple[float, int, int]]:
     return [(float(worst[t] - np.sqrt(energy[t] / thumbs.shape[1]) / 100), int(t), int(t) + length) for t in good]
 
 
-def _ramp(thumbs: np.ndarray, first: int, last: int, longest: int) -> Span | None:
+def _ramp(thumbs: np.ndarray, time_s: np.ndarray, first: int, last: int, longest: int) -> Interval | None:
     """Frames of the dissolve about the window first..last (indices into thumbs), or None if there is no ramp.
 
     The pictures just outside the window stand for the two scenes; walking outwards from the middle, the dissolve lasts
-    as long as every frame takes a fair step from the one scene to the other. The frames found are the next window.
+    as long as every frame makes a fair step, for its time, from the one scene to the other. The frames found are the
+    next window.
     """
     for _ in range(4):
         difference = thumbs[last] - thumbs[first]
         energy = max(float(difference @ difference), 1e-6)
         low, high = max(0, first - longest // 2), min(len(thumbs) - 1, last + longest // 2)
         weight = (thumbs[low : high + 1] @ difference - thumbs[first] @ difference) / energy
-        steps = _median_of_three(np.diff(weight))  # steps[i] leads from frame low + i to low + i + 1
+        interval = np.diff(time_s[low : high + 1])
+        # steps[i] leads from frame low + i to low + i + 1; an even step makes 1 / (last − first) of the change
+        even = interval * (last - first) / (time_s[last] - time_s[first])
+        steps = _median_of_three(np.diff(weight) / even)
         fair = _FAIR_STEP / max(_MIN_LENGTH, last - first)
         middle = (first + last) // 2 - low
         start, stop = middle, middle
@@ -123,17 +126,17 @@ def _ramp(thumbs: np.ndarray, first: int, last: int, longest: int) -> Span | Non
         if found[1] - found[0] < 2 or found == (first, last):
             break
         first, last = found
-    length = last - first - 1
-    if not _MIN_LENGTH <= length <= longest:
+    if not _MIN_LENGTH <= last - first - 1 <= longest or time_s[last - 1] - time_s[first + 1] > DISSOLVE_S:
         return None
     frame = np.arange(first + 1, last)
     weight = (thumbs[frame] - thumbs[first]) @ difference / energy
-    error = float(np.sqrt(np.mean((weight - (frame - first) / (last - first)) ** 2)))
+    straight = (time_s[frame] - time_s[first]) / (time_s[last] - time_s[first])
+    error = float(np.sqrt(np.mean((weight - straight) ** 2)))
     left = thumbs[frame] - thumbs[first] - weight[:, None] * difference
     residual = float(np.sqrt((left**2).sum(axis=1) / energy).mean())
     leap = float(np.diff(np.r_[0.0, weight, 1.0]).max())
     ramp = error < _MAX_RAMP_ERROR and residual < _MAX_RESIDUAL and leap < _MAX_LEAP
-    return Span(first + 1, last) if ramp else None
+    return Interval(first + 1, last) if ramp else None
 
 
 def _halved(thumbs: np.ndarray) -> np.ndarray:
@@ -148,50 +151,56 @@ def _median_of_three(values: np.ndarray) -> np.ndarray:
     return np.asarray(np.median(np.stack([padded[:-2], padded[1:-1], padded[2:]]), axis=0))
 
 
-def uniform_runs(contrast: Sequence[float]) -> list[Span]:
+def most_frames(time_s: np.ndarray, duration_s: float) -> int:
+    """The most frames that are shown within a duration anywhere in a video."""
+    first_after = np.searchsorted(time_s, time_s + duration_s - ROUNDING_S)
+    return int((first_after - np.arange(len(time_s))).max())
+
+
+def uniform_runs(contrast: Sequence[float]) -> list[Interval]:
     """Runs of uniform pictures that touch neither end of the video."""
-    uniform = np.r_[False, np.asarray(contrast) < _UNIFORM, False]
-    edges = np.flatnonzero(uniform[1:] != uniform[:-1])
-    runs = [Span(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
+    runs = runs_of_true(np.asarray(contrast) < _UNIFORM)
     return [run for run in runs if run.start > 0 and run.end < len(contrast)]
 
 
-def fade_around(contrast: Sequence[float], run: Span, fps: float) -> Span:
+def fade_around(contrast: Sequence[float], run: Interval, time_s: np.ndarray) -> Interval:
     """The fade-out, the uniform pictures and the fade-in; the run itself where the picture changes at once."""
     values = np.asarray(contrast)
-    reach = max(2, round(_FADE_S * fps))
-    backward = values[max(0, run.start - reach) : run.start][::-1]
-    forward = values[run.end : run.end + reach]
-    return Span(run.start - _ramp_length(backward), run.end + _ramp_length(forward))
+    first = int(np.searchsorted(time_s, time_s[run.start - 1] - _FADE_S + ROUNDING_S))
+    last = int(np.searchsorted(time_s, time_s[run.end] + _FADE_S - ROUNDING_S))
+    out = slice(max(0, min(first, run.start - 2)), run.start)
+    into = slice(run.end, max(last, run.end + 2))
+    out_length = _ramp_length(values[out][::-1], (time_s[run.start] - time_s[out])[::-1])
+    into_length = _ramp_length(values[into], time_s[into] - time_s[run.end - 1])
+    return Interval(run.start - out_length, run.end + into_length)
 
 
-def meeting_blends(contrast: Sequence[float], blends: Sequence[Span]) -> tuple[list[Span], list[Span]]:
+def meeting_blends(contrast: Sequence[float], blends: Sequence[Interval]) -> tuple[list[Interval], list[Interval]]:
     """Dissolves, and fades through a picture that is dim but not uniform: blends that meet are one transition."""
-    joined: list[Span] = []
-    dim: list[Span] = []
-    for blend in sorted(blends, key=lambda s: s.start):
-        if not joined or blend.start - joined[-1].end > _MEETING:
-            joined.append(blend)
-            continue
-        first = joined.pop()
-        whole = Span(first.start, max(first.end, blend.end))
+    bright: list[Interval] = []
+    dim: list[Interval] = []
+    for whole in merged(blends, gap=_MEETING):
         around = min(contrast[whole.start - 1], contrast[min(whole.end, len(contrast) - 1)])
-        if min(contrast[whole.start : whole.end]) < _DIM * around:
-            dim.append(whole)
-        else:
-            joined.append(whole)
-    return joined, dim
+        is_dim = whole not in blends and min(contrast[whole.start : whole.end]) < _DIM * around
+        (dim if is_dim else bright).append(whole)
+    return bright, dim
 
 
-def _ramp_length(contrast: np.ndarray) -> int:
-    """Frames, from the first on, in which the contrast still climbs in a straight line towards its full value."""
+def _ramp_length(contrast: np.ndarray, away_s: np.ndarray) -> int:
+    """Frames, from the first on, in which the contrast still climbs in a straight line towards its full value.
+
+    `away_s`: seconds of each frame from the uniform picture next to the first.
+    """
     climb = 0
     while climb + 1 < len(contrast) and contrast[climb + 1] > contrast[climb] * 1.01 + 0.1:
         climb += 1
     full = float(np.median(contrast[climb : climb + 5]))
-    share = contrast[: climb + 1] / max(full, 1e-6)
-    inside = np.flatnonzero((share > _RAMP_RANGE[0]) & (share < _RAMP_RANGE[1]))
+    fraction = contrast[: climb + 1] / max(full, 1e-6)
+    inside = np.flatnonzero((fraction > _RAMP_RANGE[0]) & (fraction < _RAMP_RANGE[1]))
     if len(inside) < 2:
-        return int(np.count_nonzero(share < _RAMP_RANGE[1]))
-    slope, offset = np.polyfit(inside, share[inside], 1)
-    return int(np.clip(round((1 - offset) / slope), 0, len(contrast))) if slope > 0 else 0
+        return int(np.count_nonzero(fraction < _RAMP_RANGE[1]))
+    slope, offset = np.polyfit(away_s[inside], fraction[inside], 1)
+    if slope <= 0:
+        return 0
+    half_shown_s = np.diff(away_s, append=2 * away_s[-1] - away_s[-2]) / 2
+    return int(np.count_nonzero(away_s + half_shown_s < (1 - offset) / slope))

@@ -22,23 +22,23 @@ MATCHED = 0.35
 _STANDS_OUT = 2.0
 """A change so many times larger than the quieter of those around it stands out; those of a whip pan vary by 1.5."""
 _NEW_COLORS = 0.35
-"""Share of the colour histogram that must change at once where the size of the change says nothing (shaking)."""
+"""Fraction of the colour histogram that must change at once where the size of the change says nothing (shaking)."""
 _OTHER_COLORS = 0.6
-"""Share that no movement of the camera inside one place changes from one frame to the next."""
+"""Fraction that no movement of the camera inside one place changes from one frame to the next."""
 _VIOLENT = 0.005
-"""Usual movement a frame, as a share of the width, from which on a camera may carry its picture away."""
+"""Usual movement a frame, as a fraction of the width, from which on a camera may carry its picture away."""
 _JUMP_STANDS_OUT = 3.0
 """A jump inside one place is so many times larger than the changes next to it: PySceneDetect's adaptive threshold;"""
 _JUMP = 0.025
-"""it moves the picture by at least this share of its width,"""
+"""it moves the picture by at least this fraction of its width,"""
 _JUMP_TIMES = 5.0
-"""and this many times farther than the camera moves in a usual frame around."""
+"""and this many times farther than the camera usually moves around it in the same time."""
 _FLASH_FRAMES = 8
 """Longest flash in frames."""
 _LIGHT_STEP = 8.0
 """Grey levels by which a part of the picture must darken to count as darker."""
-_LIGHT_SHARE = 0.05
-"""Share of the picture that may change against the light."""
+_AGAINST_LIGHT = 0.05
+"""Fraction of the picture that may change against the light."""
 _STEPS = (0, 2, 5, 12, 25, 40)
 """Distances in frames from the proposal at which places before and after are compared."""
 REACH = 48
@@ -66,7 +66,8 @@ def _is_cut(footage: Footage, frame: int, start: int, end: int) -> bool:
     jump = motion.flow if displacement is None else displacement
     if jump < _JUMP or _jump_outstanding(footage, frame) < _JUMP_STANDS_OUT:
         return False
-    usual = footage.flow_level(frame, REACH // 2) * (1 + _frozen_before(footage, frame))
+    unseen_s = footage.elapsed_s(frame - 1 - _frozen_before(footage, frame), frame)
+    usual = footage.usual_speed(frame, REACH // 2) * unseen_s
     return jump >= _JUMP_TIMES * usual and not _is_flash(footage, frame)
 
 
@@ -78,18 +79,19 @@ def _is_new_place(footage: Footage, frame: int, start: int, end: int) -> bool:
     new_colors = footage.color_change[frame] >= max(_NEW_COLORS, _STANDS_OUT * usual_colors)
     if not (stands_out or new_colors) or _is_flash(footage, frame):
         return False
-    usual = footage.flow_level(frame, REACH // 2)
-    if usual < _VIOLENT or footage.color_change[frame] >= _OTHER_COLORS:
+    speed = footage.usual_speed(frame, REACH // 2)
+    if speed * footage.elapsed_s(frame - 1, frame) < _VIOLENT or footage.color_change[frame] >= _OTHER_COLORS:
         return True
-    return not _bridged(footage, frame, start, end, usual)
+    return not _one_place(footage, frame, start, end, speed)
 
 
-def _bridged(footage: Footage, frame: int, start: int, end: int, usual: float) -> bool:
-    """Whether some frame before shows the place of some frame after, moved no farther than the camera usually moves."""
+def _one_place(footage: Footage, frame: int, start: int, end: int, speed: float) -> bool:
+    """Whether some frame before shows the place of some frame after, moved no farther than the camera's usual speed
+    (widths a second) takes it in the time between them."""
     for before in (frame - 1 - step for step in _STEPS if frame - 1 - step >= start):
         for after in (frame + step for step in _STEPS if frame + step < end):
             displacement = footage.displacement(before, after)
-            if displacement is not None and displacement < _JUMP + usual * (after - before):
+            if displacement is not None and displacement < _JUMP + speed * footage.elapsed_s(before, after):
                 return True
     return False
 
@@ -110,7 +112,7 @@ def _one_sided(footage: Footage, before: int, lit: range, sign: int) -> bool:
     """Whether hardly any part of the frames is darker (sign 1) or brighter (-1) than before, and the whole is not."""
     for frame in lit:
         change = sign * (footage.luma(frame) - footage.luma(before))
-        if change.mean() < _LIGHT_STEP / 2 or np.mean(change < -_LIGHT_STEP) > _LIGHT_SHARE:
+        if change.mean() < _LIGHT_STEP / 2 or np.mean(change < -_LIGHT_STEP) > _AGAINST_LIGHT:
             return False
     return True
 

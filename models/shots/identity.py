@@ -17,10 +17,13 @@ from scipy.optimize import linear_sum_assignment
 
 from humanmm.models.body.body24 import JOINT_NAMES, Body, load_body
 from humanmm.models.body.landmarks import load_landmarks
+from humanmm.models.geometry.alignment import umeyama_alignment
+from humanmm.models.geometry.intervals import in_intervals
 from humanmm.models.perception.clothing import colour_distance, mean_colours
 from humanmm.models.records import landmarks
 from humanmm.models.records.shots import Appearance, Person, Shot
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
+from humanmm.models.video.frame_times import ROUNDING_S, shown_s
 
 SAME_COLOURS = 0.62
 """Hellinger distance of two clothing histograms at which the same and another person are equally likely."""
@@ -32,7 +35,7 @@ CUT_GAP_FRAMES = 3
 """A pose this many frames from a cut still counts as the pose at the cut."""
 POSE_FRAMES = 5
 
-MIN_SECONDS, MIN_CONFIDENCE = 0.3, 0.45
+MIN_SEEN_S, MIN_CONFIDENCE = 0.3, 0.45
 BONE_NOISE = 0.1
 """Standard deviation of a bone's logarithmic length in the detector's 3D landmarks, mostly bias."""
 BONE_BIAS = np.array([-0.08, -0.08, -0.07, -0.16, -0.09, -0.03, 0.01])
@@ -60,24 +63,29 @@ class Sighting:
     colours: Float[np.ndarray, " bins"]
     area: float
     num_frames: int
+    seen_s: float
+    """How long those frames are shown."""
     confidence: float
     bones: Float[np.ndarray, "frames 7"]
-    """Lengths of confident frames, metres, as the pose network draws them."""
+    """Lengths of confident frames, metres, as the pose network measures them."""
 
 
-def identify(shots: Sequence[Shot], scenes: Sequence[ScenePeople | None], *, fps: float) -> Cast:
-    """Number the people of a video; a failed scene is None. Who is seen only for a blink or badly is left out."""
+def identify(shots: Sequence[Shot], scenes: Sequence[ScenePeople | None], *, time_s: Float[np.ndarray, " F"]) -> Cast:
+    """Number the people of a video; a failed scene is None. Who is seen for a moment only, or badly, is left out.
+
+    `time_s` holds the presentation times of all frames.
+    """
     people: list[list[Sighting]] = []
     for index, shot in enumerate(shots):
         scene = scenes[shot.scene]
         tracks = scene.tracks if scene is not None else ()
-        sightings = [s for k, track in enumerate(tracks) if (s := sighting(index, shot, k, track)) is not None]
+        sightings = [s for k, track in enumerate(tracks) if (s := sighting(index, shot, k, track, time_s)) is not None]
         for known, new in match(people, sightings).items():
             if known < len(people):
                 people[known].append(sightings[new])
             else:
                 people.append([sightings[new]])
-    kept = [person for person in people if _reliable(person, fps)]
+    kept = [person for person in people if _reliable(person)]
     kept.sort(key=lambda person: -sum(s.area for s in person))
     body = load_body()
     numbered = tuple(
@@ -87,46 +95,52 @@ def identify(shots: Sequence[Shot], scenes: Sequence[ScenePeople | None], *, fps
     appearances: list[list[Appearance]] = [[] for _ in shots]
     for number, person in enumerate(kept):
         for s in person:
-            appearances[s.shot].append(Appearance(number, s.track, ()))
+            appearances[s.shot].append(Appearance(number, s.track))
     return Cast(numbered, tuple(tuple(shot) for shot in appearances))
 
 
-def sighting(index: int, shot: Shot, number: int, track: PersonTrack) -> Sighting | None:
-    """What one track shows of a person in the clear frames of one shot; None when nothing."""
-    inside = np.flatnonzero((track.frame >= shot.clear[0]) & (track.frame < shot.clear[1]))
+def sighting(
+    index: int, shot: Shot, number: int, track: PersonTrack, time_s: Float[np.ndarray, " F"]
+) -> Sighting | None:
+    """What one track shows of a person in one shot outside transitions; None when nothing."""
+    inside = np.flatnonzero(in_intervals(track.frame, [shot.outside_transitions]))
     if not len(inside):
         return None
     confidence = track.confidence[inside].astype(np.float64)
-    clear = inside[confidence >= np.median(confidence)]
+    confident = inside[confidence >= np.median(confidence)]
+    bones = bone_lengths(track.landmarks3d[confident].astype(np.float64))
     boxes = track.bbox[inside].astype(np.float64)
     return Sighting(
         shot=index,
         track=number,
-        first=pose_at(track, inside[:POSE_FRAMES], shot.start),
-        last=pose_at(track, inside[-POSE_FRAMES:], shot.end - 1),
+        first=pose_at(track, inside[:POSE_FRAMES], shot.start, time_s),
+        last=pose_at(track, inside[-POSE_FRAMES:], shot.end - 1, time_s),
         colours=_colours(track, shot),
         area=float((boxes[:, 2:] - boxes[:, :2]).prod(axis=1).sum()),
         num_frames=len(inside),
+        seen_s=float(shown_s(time_s, track.frame[inside]).sum()),
         confidence=float(confidence.mean()),
-        bones=_as_the_network_draws(bone_lengths(track.landmarks3d[clear].astype(np.float64)), lifted=track.lifted),
+        bones=_in_detector_convention(bones, lifted=track.lifted),
     )
 
 
 def _colours(track: PersonTrack, shot: Shot) -> Float[np.ndarray, " bins"]:
     """Mean clothing colours inside the shot; of the whole track when none were taken there."""
-    inside = (track.color_frame >= shot.clear[0]) & (track.color_frame < shot.clear[1])
+    inside = in_intervals(track.color_frame, [shot.outside_transitions])
     chosen = track.color_histogram[inside] if inside.any() else track.color_histogram
     return mean_colours(chosen)
 
 
-def pose_at(track: PersonTrack, rows: np.ndarray, frame: int) -> Float[np.ndarray, "33 3"] | None:
+def pose_at(
+    track: PersonTrack, rows: np.ndarray, frame: int, time_s: Float[np.ndarray, " F"]
+) -> Float[np.ndarray, "33 3"] | None:
     """The 3D landmarks of some rows carried linearly to a frame; None when the nearest row is too far from it."""
-    offsets = track.frame[rows].astype(np.float64) - frame
-    if np.abs(offsets).min() > CUT_GAP_FRAMES:
+    if np.abs(track.frame[rows] - frame).min() > CUT_GAP_FRAMES:
         return None
     poses = track.landmarks3d[rows].astype(np.float64)
     if len(rows) < 3:
         return np.asarray(poses.mean(axis=0))
+    offsets = time_s[track.frame[rows]] - time_s[frame]
     line = np.linalg.lstsq(np.column_stack([np.ones(len(rows)), offsets]), poses.reshape(len(rows), -1), rcond=None)[0]
     return np.asarray(line[0].reshape(-1, 3))
 
@@ -144,7 +158,7 @@ def match(people: Sequence[Sequence[Sighting]], sightings: Sequence[Sighting]) -
 def same_person_odds(person: Sequence[Sighting], new: Sighting) -> float:
     """Log-odds that a sighting shows a known person: best colours of any of the person's shots, pose at the cut."""
     dressed = [old.colours for old in person if old.colours.any()] if new.colours.any() else []
-    distance = min((colour_distance(old, new.colours) for old in dressed), default=SAME_COLOURS)  # unknown: no say
+    distance = min((colour_distance(old, new.colours) for old in dressed), default=SAME_COLOURS)  # else no evidence
     odds = float(np.clip((SAME_COLOURS - distance) / COLOUR_SPREAD, -COLOUR_LIMIT, COLOUR_LIMIT))
     before = person[-1]
     if before.shot == new.shot - 1:
@@ -156,32 +170,30 @@ def same_person_odds(person: Sequence[Sighting], new: Sighting) -> float:
 
 
 def pose_residual_m(a: Float[np.ndarray, "33 3"], b: Float[np.ndarray, "33 3"]) -> float:
-    """Root mean square distance of the limbs after the best rotation, left and right exchanged or not."""
+    """Root mean square distance of the limbs after the best rotation, left and right swapped or not."""
     limbs = list(landmarks.LIMBS)
     return min(_after_rotation(a[limbs], b[limbs]), _after_rotation(a[limbs], b[landmarks.SWAP][limbs]))
 
 
 def _after_rotation(a: Float[np.ndarray, "n 3"], b: Float[np.ndarray, "n 3"]) -> float:
-    a, b = a - a.mean(axis=0), b - b.mean(axis=0)
-    u, singular, vt = np.linalg.svd(a.T @ b)
-    singular[2] *= np.sign(np.linalg.det(u @ vt))
-    squared = (a**2).sum() + (b**2).sum() - 2 * singular.sum()
-    return float(np.sqrt(max(squared, 0.0) / len(a)))
+    aligned = umeyama_alignment(a, b, with_scale=False, unique=False).apply(a)
+    return float(np.sqrt(np.square(aligned - b).sum() / len(a)))
 
 
-def _reliable(person: Sequence[Sighting], fps: float) -> bool:
+def _reliable(person: Sequence[Sighting]) -> bool:
     frames = sum(s.num_frames for s in person)
     confidence = sum(s.confidence * s.num_frames for s in person) / frames
-    return frames >= max(2.0, MIN_SECONDS * fps) and confidence >= MIN_CONFIDENCE
+    long_enough = frames >= 2 and sum(s.seen_s for s in person) >= MIN_SEEN_S - ROUNDING_S
+    return long_enough and confidence >= MIN_CONFIDENCE
 
 
-def _as_the_network_draws(bones: Float[np.ndarray, "frames 7"], *, lifted: bool) -> Float[np.ndarray, "frames 7"]:
+def _in_detector_convention(bones: Float[np.ndarray, "frames 7"], *, lifted: bool) -> Float[np.ndarray, "frames 7"]:
     """Lifted landmarks lie where `body.landmarks` has them: their bones differ from body24's by that alone."""
-    return bones * np.exp(BONE_BIAS - _drawn_bias()) if lifted else bones
+    return bones * np.exp(BONE_BIAS - _lifted_bias()) if lifted else bones
 
 
 @lru_cache(maxsize=1)
-def _drawn_bias() -> Float[np.ndarray, " 7"]:
+def _lifted_bias() -> Float[np.ndarray, " 7"]:
     """Logarithm of the average body's bones between landmarks over those between joints."""
     body, model, shape = load_body(), load_landmarks(), np.zeros(load_body().num_betas)
     points = body.rest_joints(shape)[model.joint] + model.offsets(shape)

@@ -9,10 +9,19 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
+from humanmm.models.geometry.intervals import Interval, merged
 from humanmm.models.records.shots import Scenes, Transition
 from humanmm.models.shots.footage import Footage
-from humanmm.models.shots.gradual import DISSOLVE_S, Span, dissolves, fade_around, meeting_blends, uniform_runs
+from humanmm.models.shots.gradual import (
+    DISSOLVE_S,
+    dissolves,
+    fade_around,
+    meeting_blends,
+    most_frames,
+    uniform_runs,
+)
 from humanmm.models.shots.hard_cuts import REACH, hard_cuts
+from humanmm.models.video.frame_times import elapsed_s
 
 _CONTENT_THRESHOLD = 20.0
 """PySceneDetect's default is 27; proposals are verified, so that a lower one costs only time."""
@@ -27,17 +36,19 @@ _FLICKER_S = 0.25
 
 
 class SceneDetector:
-    """Give it small pictures one at a time, then ask for the scenes."""
+    """Takes small pictures one at a time, then gives the scenes.
 
-    def __init__(self, fps: float) -> None:
-        self._fps = max(fps, 1.0)
-        self._footage = Footage()
-        self._longest = round(DISSOLVE_S * self._fps)
+    `time_s` holds the presentation times of all frames of the video.
+    """
+
+    def __init__(self, time_s: np.ndarray) -> None:
+        self._footage = Footage(time_s)
+        self._longest = most_frames(time_s, DISSOLVE_S)
         self._margin = max(REACH, self._longest) + 8
         self._proposals: list[int] = []
         self._cuts: list[int] = []
-        self._dissolves: list[Span] = []
-        self._flickers: list[Span] = []
+        self._dissolves: list[Interval] = []
+        self._flickers: list[Interval] = []
         self._decided = 0
 
     def add(self, bgr: np.ndarray) -> None:
@@ -51,10 +62,11 @@ class SceneDetector:
         """All transitions, in order, without overlap."""
         if self._footage.end > self._decided:
             self._decide(self._footage.end)
-        contrast = self._footage.contrast
-        fades = [fade_around(contrast, run, self._fps) for run in uniform_runs(contrast) if run not in self._flickers]
+        contrast, time_s = self._footage.contrast, self._footage.time_s
+        fades = [fade_around(contrast, run, time_s) for run in uniform_runs(contrast) if run not in self._flickers]
         blends, dim = meeting_blends(contrast, self._dissolves)
-        return Scenes(self._footage.end, _without_overlap(self._cuts, blends, _joined([*fades, *dim])))
+        # fades that touch are one: black, a flicker of grey, black
+        return Scenes(self._footage.end, _without_overlap(self._cuts, blends, merged([*fades, *dim])))
 
     def _decide(self, until: int) -> None:
         """Settle everything in [decided, until); needs the pictures of `margin` frames on both sides."""
@@ -66,12 +78,13 @@ class SceneDetector:
         changes = [*self._cuts, *(s.end for s in self._dissolves if s.end <= begin)]
         self._cuts += hard_cuts(footage, here, max(changes, default=0))
         for run in uniform_runs(footage.contrast):
-            if begin <= run.end < until and run.end - run.start <= _FLICKER_S * self._fps and self._same_place(run):
+            is_short = elapsed_s(footage.time_s, run.start, run.end) <= _FLICKER_S
+            if begin <= run.end < until and is_short and self._same_place(run):
                 self._flickers.append(run)
         self._decided = until
         footage.forget_before(until - self._margin)
 
-    def _same_place(self, run: Span) -> bool:
+    def _same_place(self, run: Interval) -> bool:
         """Whether the pictures around a short uniform run show one place."""
         footage = self._footage
         around = [(run.start - 1 - k, run.end + k) for k in (0, 2, 4)]
@@ -79,9 +92,9 @@ class SceneDetector:
 
 
 def proposals(change: Sequence[float]) -> Iterator[int]:
-    """Frames of which the last change (PySceneDetect's content value, by frame) tells that a cut may lie there.
+    """Frames of which the last change (PySceneDetect's content value, by frame) shows that a cut may lie there.
 
-    The content rule tells it of the last frame itself, the adaptive rule of the one two frames before.
+    The content rule proposes the last frame itself, the adaptive rule the one two frames before.
     """
     last = len(change) - 1
     if change[last] >= _CONTENT_THRESHOLD:
@@ -93,26 +106,15 @@ def proposals(change: Sequence[float]) -> Iterator[int]:
             yield middle
 
 
-def find_scenes(pictures: Iterable[np.ndarray], fps: float) -> Scenes:
-    """Scenes of a video given as small (h,w,3) uint8 BGR pictures in order."""
-    detector = SceneDetector(fps)
+def find_scenes(pictures: Iterable[np.ndarray], time_s: np.ndarray) -> Scenes:
+    """Scenes of a video given as small (h,w,3) uint8 BGR pictures in order, and their (F,) presentation times."""
+    detector = SceneDetector(time_s)
     for bgr in pictures:
         detector.add(bgr)
     return detector.finish()
 
 
-def _joined(fades: list[Span]) -> list[Span]:
-    """Fades that touch are one: black, a flicker of grey, black."""
-    joined: list[Span] = []
-    for fade in sorted(fades, key=lambda s: s.start):
-        if joined and fade.start <= joined[-1].end:
-            joined[-1] = Span(joined[-1].start, max(joined[-1].end, fade.end))
-        else:
-            joined.append(fade)
-    return joined
-
-
-def _without_overlap(cuts: list[int], dissolves: list[Span], fades: list[Span]) -> tuple[Transition, ...]:
+def _without_overlap(cuts: list[int], dissolves: list[Interval], fades: list[Interval]) -> tuple[Transition, ...]:
     """One transition for one change: a fade swallows what lies inside it, then a dissolve does."""
     kept = [Transition("fade", s.start, s.end, "scene") for s in fades]
     for span in dissolves:

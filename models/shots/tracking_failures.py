@@ -1,36 +1,36 @@
-"""Short spells in which the pose network is lost: frames that fit neither what comes before nor what comes after.
+"""Tracking failures: a few frames whose pose fits neither the frames before nor those after them.
 
 Seen from the side or while turning, a body may get a pose made of both sides' limbs for a few frames, with full
-visibility. Exchanging left and right does not mend it. It betrays itself by a jump at either end that no choice of
-sides explains, while the frames before and after it fit one another. On rendered clips such frames have a pose error
+visibility. Swapping left and right does not mend it. A jump at either end that no choice of sides explains shows it,
+while the frames before and after it fit one another. On rendered clips such frames have a pose error
 of 130 to 260 mm, all others about 85 mm (measured against the truth of four clips; docs/method.md).
 """
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from humanmm.models.shots.side_swaps import Sighting, link_energies
+from humanmm.models.shots.left_right_swaps import Sighting, step_energies
 
 Array = np.ndarray
 
 JUMP = 25.0
 """Energy of two neighbouring frames, sides as they fit best, above which the body cannot have moved like that."""
 AGREEMENT = 8.0
-"""The most that the frames before and after a spell differ, as the energy of a pair that far apart. A frame between
-them that differs no more from both is no part of the lapse."""
+"""The most that the frames before and after a failure differ, as the energy of a pair that far apart. A frame between
+them that differs no more from both is no part of the failure."""
 LONGEST_S = 0.4
 AT_END_S = 0.12
-"""A spell at the beginning or end of a shot, where only one side can be compared, is at most so long."""
+"""A failure at the beginning or end of a shot, where only one side can be compared, is at most so long."""
 MAX_STEP_S = 0.2
 
 
-def lapsed_frames(sighting: Sighting) -> Bool[Array, " n"]:
+def failed_frames(sighting: Sighting) -> Bool[Array, " n"]:
     """The frames of one person in one shot whose pose is not to be trusted."""
     n, time_s = len(sighting.frame), sighting.time_s
     lost = np.zeros(n, dtype=bool)
     if n < 3:
         return lost
-    at = np.flatnonzero((link_energies(sighting).min(axis=1) > JUMP) & (np.diff(time_s) <= MAX_STEP_S))
+    at = np.flatnonzero((step_energies(sighting).min(axis=1) > JUMP) & (np.diff(time_s) <= MAX_STEP_S))
     explained, done = np.zeros(n, dtype=bool), -1
     for first in at.tolist():
         if first <= done:
@@ -49,7 +49,7 @@ def lapsed_frames(sighting: Sighting) -> Bool[Array, " n"]:
 
 
 def _agree(sighting: Sighting, row: int, other: int) -> bool:
-    return bool(link_energies(sighting.only(np.array([row, other]))).min() < AGREEMENT)
+    return bool(step_energies(sighting.only(np.array([row, other]))).min() < AGREEMENT)
 
 
 def _at_end(time_s: Float[Array, " n"], jumps: Int[Array, " j"]) -> int:

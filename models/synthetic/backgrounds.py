@@ -8,11 +8,14 @@ import numpy as np
 from jaxtyping import Float
 
 from humanmm.models.camera.points import TrackerSettings
+from humanmm.models.geometry.projection import in_front, project, world_to_camera
 from humanmm.models.records.camera import PointTracks
 from humanmm.models.synthetic.rigs import HEIGHT, WIDTH, ClipCamera
 
 Array = np.ndarray
 
+NEAR_M = 0.3
+"""Points nearer to the camera's plane than this are not tracked."""
 ROOM_M = (3.0, 8.0)
 """The walls lie this far outside the ring of cameras."""
 HEIGHT_M = (3.0, 6.0)
@@ -53,10 +56,9 @@ def track(
     settings = TrackerSettings()
     scale = WIDTH / TRACKER_PX
     n = span[1] - span[0]
-    in_camera = (room[None] - camera.t_world_cam[:, None]) @ camera.R_world_cam
-    with np.errstate(divide="ignore", invalid="ignore"):
-        xy = (in_camera @ K.T)[..., :2] / in_camera[..., 2:]
-    seen = (in_camera[..., 2] > 0.3) & (xy > 4 * scale).all(-1) & (xy < np.array([WIDTH, HEIGHT]) - 4 * scale).all(-1)
+    in_camera = world_to_camera(room[None], camera.R_world_cam, camera.t_world_cam)
+    xy = project(in_camera, K, near_m=NEAR_M)
+    seen = in_front(in_camera, NEAR_M) & (xy > 4 * scale).all(-1) & (xy < np.array([WIDTH, HEIGHT]) - 4 * scale).all(-1)
     with np.errstate(invalid="ignore"):
         on_person = (xy > boxes[:, None, :2]).all(-1) & (xy < boxes[:, None, 2:]).all(-1)
     usual = max(float(seen.sum(axis=1).mean()), 1.0)

@@ -12,9 +12,11 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from humanmm.models.evaluation.skeleton import LIMB_NAMES, pick
-from humanmm.models.geometry.rotations import kabsch, swing, vector_from_rotation
+from humanmm.models.geometry.alignment import kabsch
+from humanmm.models.geometry.projection import project, ray_axes, world_to_camera
+from humanmm.models.geometry.rotations import rotmat_to_rotvec
 from humanmm.models.records import landmarks
-from humanmm.models.records.sequence import CameraTake, PersonTake, Take
+from humanmm.models.records.sequence import CameraSequence, MotionSequence, PersonSequence
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
 from humanmm.models.synthetic.detector_noise import pitch_and_roll
 
@@ -62,35 +64,39 @@ class PersonErrors:
     """Of the camera about its axis, clockwise, radians."""
 
 
-def person_errors(take: Take, scenes: Sequence[ScenePeople], clip: str) -> list[PersonErrors]:
+def person_errors(sequence: MotionSequence, scenes: Sequence[ScenePeople], clip: str) -> list[PersonErrors]:
     """Errors of everybody in every shot of the truth; clips without cameras have none."""
-    if take.cameras is None:
+    if sequence.cameras is None:
         return []
-    starts = [0, *(round((a + b) / 2) for a, b in take.transitions), take.num_frames]
-    changing = np.zeros(take.num_frames, bool)
-    for start, end in take.transitions:
+    starts = [0, *(round((a + b) / 2) for a, b in sequence.transitions), sequence.num_frames]
+    changing = np.zeros(sequence.num_frames, bool)
+    for start, end in sequence.transitions:
         changing[start:end] = True
     tracks = [track for scene in scenes for track in scene.tracks]
     found = []
-    for number, person in enumerate(take.people):
+    for number, person in enumerate(sequence.people):
         for start, end in pairwise(starts):
             rows = (person.frame >= start) & (person.frame < end) & person.observed & ~changing[person.frame]
             if rows.sum() >= 3:
-                found.append(_errors_in_shot(take, person, np.flatnonzero(rows), tracks, (clip, number)))
+                found.append(_errors_in_shot(sequence, person, np.flatnonzero(rows), tracks, (clip, number)))
     return found
 
 
 def _errors_in_shot(
-    take: Take, person: PersonTake, rows: Int[Array, " n"], tracks: Sequence[PersonTrack], name: tuple[str, int]
+    sequence: MotionSequence,
+    person: PersonSequence,
+    rows: Int[Array, " n"],
+    tracks: Sequence[PersonTrack],
+    name: tuple[str, int],
 ) -> PersonErrors:
     frame = person.frame[rows]
-    cameras = take.cameras
+    cameras = sequence.cameras
     assert cameras is not None
-    joints = pick(person.joints, take.joint_names, LIMB_NAMES)[rows]
+    joints = pick(person.joints, sequence.joint_names, LIMB_NAMES)[rows]
     in_camera, pixels = _seen(joints, cameras, frame)
     height = _stature(joints) * cameras.K[frame, 1, 1] / in_camera[:, 6:8, 2].mean(axis=1)
     ray = in_camera[:, 6:8].mean(axis=1)
-    R_cam_ray = swing(np.broadcast_to([0.0, 0.0, 1.0], ray.shape), ray)
+    R_cam_ray = ray_axes(ray)
     true = np.einsum("nba,nkb->nka", R_cam_ray, in_camera - ray[:, None])
     n = len(rows)
     error = np.full((n, 12, 2), np.nan)
@@ -128,7 +134,7 @@ def _errors_in_shot(
         error=error,
         landmark_m=np.linalg.norm(solid - true, axis=-1),
         landmark_rotated_m=np.linalg.norm(solid - np.einsum("nab,nkb->nka", R, true), axis=-1),
-        rotation=vector_from_rotation(R),
+        rotation=rotmat_to_rotvec(R),
         pitch=pitch,
         roll=roll,
     )
@@ -164,11 +170,10 @@ def _detection(
 
 
 def _seen(
-    joints: Float[Array, "n k 3"], cameras: CameraTake, frame: Int[Array, " n"]
+    joints: Float[Array, "n k 3"], cameras: CameraSequence, frame: Int[Array, " n"]
 ) -> tuple[Float[Array, "n k 3"], Float[Array, "n k 2"]]:
-    in_camera = np.einsum("nba,nkb->nka", cameras.R_world_cam[frame], joints - cameras.t_world_cam[frame, None])
-    projected = np.einsum("nab,nkb->nka", cameras.K[frame], in_camera)
-    return in_camera, projected[..., :2] / np.maximum(projected[..., 2:], 1e-3)
+    in_camera = world_to_camera(joints, cameras.R_world_cam[frame], cameras.t_world_cam[frame])
+    return in_camera, project(in_camera, cameras.K[frame], near_m=1e-3)
 
 
 def _stature(joints: Float[Array, "n 12 3"]) -> float:
@@ -182,5 +187,5 @@ def _stature(joints: Float[Array, "n 12 3"]) -> float:
 class MeasuredClip:
     """One clip with what the detector made of it."""
 
-    take: Take
+    sequence: MotionSequence
     errors: list[PersonErrors]

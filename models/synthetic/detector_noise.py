@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
-from humanmm.models.body.landmarks import MIRROR, NUM_LANDMARKS
-from humanmm.models.geometry.rotations import rotation_from_vector, swing
+from humanmm.models.geometry.projection import in_front, project, ray_axes
+from humanmm.models.geometry.rotations import rotvec_to_rotmat, unit
+from humanmm.models.records.landmarks import NUM_LANDMARKS, with_sides_swapped
 from humanmm.models.weights.shipped import read_weights
 
 Array = np.ndarray
@@ -27,6 +28,8 @@ PARTS = (tuple(range(11)), TRUNK, *LIMBS)
 """Landmarks that go together: the head's, the trunk's, the limbs'."""
 BODY = slice(11, 33)
 """Landmarks below the neck."""
+NEAR_M = 0.1
+"""Landmarks nearer to the camera's plane than this are not seen."""
 AXES = 5
 """Of an error: x, y in the picture; x, y, z of the 3D landmark."""
 
@@ -135,8 +138,7 @@ def detect(
     average's; `pitch`: the viewing ray above the horizon, `roll`: of the camera about its axis, clockwise, radians.
     """
     n = len(points)
-    depth = np.maximum(points[..., 2:], 0.1)
-    pixels = (points @ np.swapaxes(K, -1, -2))[..., :2] / depth
+    pixels = project(points, K, near_m=NEAR_M)
     height = np.ptp(pixels[..., 1], axis=1)[:, None, None]
     steps = speeds(pixels, fps) / fps + noise.rest_speed / fps
     of_limbs, of_body = steps[:, 2:].T, steps[:, 1:].mean(axis=1)
@@ -150,19 +152,19 @@ def detect(
     for limb, gone, wild in zip(LIMBS, hidden, lost, strict=True):
         factor[np.ix_(gone, limb)] = noise.hidden_factor
         visibility[np.ix_(gone, limb)] = rng.uniform(0.2, 0.5)
-        jump[np.ix_(wild, limb)] = noise.lost_fraction * _unit(rng.normal(size=2))
+        jump[np.ix_(wild, limb)] = noise.lost_fraction * unit(rng.normal(size=2))
     wrong = _landmark_errors(rng, steps, noise)
     pixels = pixels + height * (noise.keypoint_fraction * factor * wrong[..., :2] + jump)
-    inside = ((pixels > 0) & (pixels < np.array(size))).all(axis=-1) & (points[..., 2] > 0.1)
+    inside = ((pixels > 0) & (pixels < np.array(size))).all(axis=-1) & in_front(points, NEAR_M)
     visibility = np.where(inside, visibility, 0.1)
 
     about_hips = points - points[:, 23:25].mean(axis=1, keepdims=True)
     ray = points[:, 23:25].mean(axis=1)
-    R_cam_ray = swing(np.broadcast_to([0.0, 0.0, 1.0], ray.shape), ray)
+    R_cam_ray = ray_axes(ray)
     rotation = np.deg2rad(np.array(noise.rotation_deg)) * _errors(rng, of_body, 3, noise)
     rotation[:, 0] += np.deg2rad(noise.tilt_deg) + noise.tilt_per_pitch * pitch
     rotation[:, 2] += noise.lean_per_roll * roll
-    solid = np.einsum("nba,njb->nja", R_cam_ray, about_hips) @ np.swapaxes(rotation_from_vector(rotation), -1, -2)
+    solid = np.einsum("nba,njb->nja", R_cam_ray, about_hips) @ np.swapaxes(rotvec_to_rotmat(rotation), -1, -2)
     solid *= noise.landmark_scale / stature
     solid += factor * np.array(noise.landmark_deviation_m) * wrong[..., 2:]
     solid -= solid[:, 23:25].mean(axis=1, keepdims=True)
@@ -170,8 +172,7 @@ def detect(
     front, back = (_runs(rng, of_body, rate, noise.swap_s, fps) for rate in noise.swap_rate)
     swapped = np.where(behind, back, front)
     keypoints = np.concatenate([pixels, visibility[..., None]], axis=-1)
-    keypoints[swapped] = keypoints[swapped][:, list(MIRROR)]
-    solid[swapped] = solid[swapped][:, list(MIRROR)]
+    keypoints, solid = (with_sides_swapped(points, swapped) for points in (keypoints, solid))
     found = ~_runs(rng, of_body, noise.miss_rate, noise.miss_s, fps)
     found &= inside[:, [11, 12, 23, 24]].all(axis=1) & (inside.mean(axis=1) > 0.5)
     return Detections(keypoints.astype(np.float32), solid.astype(np.float32), found, swapped)
@@ -182,8 +183,7 @@ def pitch_and_roll(
 ) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
     """Of viewing rays (camera axes): above the horizon, and the camera's clockwise rotation about them."""
     down = -R_world_cam[:, 2]  # the world's −z in camera axes
-    R_cam_ray = swing(np.broadcast_to([0.0, 0.0, 1.0], ray.shape), ray)
-    seen = np.einsum("nba,nb->na", R_cam_ray, down)
+    seen = np.einsum("nba,nb->na", ray_axes(ray), down)
     return np.arcsin(np.clip(-seen[:, 2], -1, 1)), np.arctan2(seen[:, 0], seen[:, 1])
 
 
@@ -255,7 +255,3 @@ def _runs(
         first = int(np.searchsorted(path, rng.uniform(0, path[-1])))
         inside[first : first + rng.geometric(min(1.0, 1 / (mean_s * fps)))] = True
     return inside[lead:]
-
-
-def _unit(v: Array) -> Array:
-    return np.asarray(v / np.linalg.norm(v))

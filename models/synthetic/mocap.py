@@ -1,7 +1,7 @@
-"""Takes of motion capture on our own body: what the benchmark's videos show.
+"""Sequences of motion capture on our own body: what the benchmark's videos show.
 
-A pack knows one generic skeleton. Every video gets a body of its own: the take's joint rotations on a random shape of
-body24, the path scaled with the legs so that feet which stand still do so on the new body too, and standing soles on
+A pack knows one generic skeleton. Every video gets a body of its own: the sequence's joint rotations on a random shape
+of body24, the path scaled with the legs so that feet which stand still do so on the new body too, and standing soles on
 the floor. World: z up, metres.
 """
 
@@ -14,14 +14,14 @@ from jaxtyping import Float
 from humanmm.models.body.body24 import NUM_JOINTS, Body, load_body
 from humanmm.models.body.kinematics import forward_kinematics
 from humanmm.models.geometry.axes import R_ZUP_YUP
-from humanmm.models.geometry.rotations import rotation_from_vector
-from humanmm.models.motion.refine.contacts import CONTACT_JOINTS
+from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.motion.refine.refine import sole_heights
+from humanmm.models.records.recording import CONTACT_JOINTS
 
 Array = np.ndarray
 
 PACK_RATE_HZ = 30.0
-"""Takes at a multiple of this are thinned out to it: the paper's videos have 30 frames a second."""
+"""Sequences at a multiple of this are thinned out to it: the paper's videos have 30 frames a second."""
 SHAPE_DEVIATION = 0.7
 """Standard deviation of the random shape components (body24's have unit variance, children and giants among them)."""
 SHORTEST_M, TALLEST_M = 1.5, 1.98
@@ -29,8 +29,8 @@ SHORTEST_M, TALLEST_M = 1.5, 1.98
 
 
 @dataclass(frozen=True)
-class MocapTake:
-    """One take of a pack, N frames, world z up."""
+class MocapSequence:
+    """One sequence of a pack, N frames, world z up."""
 
     name: str
     fps: float
@@ -45,10 +45,10 @@ class MocapTake:
     def num_frames(self) -> int:
         return len(self.pelvis)
 
-    def cropped(self, start: int, num_frames: int) -> "MocapTake":
+    def cropped(self, start: int, num_frames: int) -> "MocapSequence":
         """A run of frames."""
         rows = slice(start, start + num_frames)
-        return MocapTake(
+        return MocapSequence(
             self.name, self.fps, self.R_world_root[rows], self.body_pose[rows], self.pelvis[rows],
             self.contacts[rows], self.leg_m,
         )  # fmt: skip
@@ -56,7 +56,7 @@ class MocapTake:
 
 @dataclass(frozen=True)
 class Actor:
-    """A take on a body, N frames."""
+    """A sequence on a body, N frames."""
 
     betas: Float[Array, " 10"]
     R_world_root: Float[Array, "N 3 3"]
@@ -66,17 +66,17 @@ class Actor:
     contacts: Float[Array, "N 4"]
 
 
-def takes_of_pack(arrays: Mapping[str, Array]) -> tuple[MocapTake, ...]:
-    """All takes of a pack (its arrays, checked): world z up instead of y up, thinned out to about PACK_RATE_HZ."""
+def sequences_of_pack(arrays: Mapping[str, Array]) -> tuple[MocapSequence, ...]:
+    """All sequences of a pack (its arrays, checked): world z up instead of y up, thinned out to about PACK_RATE_HZ."""
     step = max(1, round(float(arrays["fps"]) / PACK_RATE_HZ))
     leg_m = leg_length(arrays["rest_joints"].astype(np.float64))
-    R = rotation_from_vector(arrays["poses"][:, :3])
+    R = rotvec_to_rotmat(arrays["poses"][:, :3])
     names, starts, lengths = (arrays[key].tolist() for key in ("clip_name", "clip_start", "clip_len"))
-    takes = []
+    sequences = []
     for name, start, length in zip(names, starts, lengths, strict=True):
         rows = slice(start, start + length, step)
-        takes.append(
-            MocapTake(
+        sequences.append(
+            MocapSequence(
                 name=str(name),
                 fps=float(arrays["fps"]) / step,
                 R_world_root=R_ZUP_YUP @ R[rows],
@@ -86,7 +86,7 @@ def takes_of_pack(arrays: Mapping[str, Array]) -> tuple[MocapTake, ...]:
                 leg_m=leg_m,
             )
         )
-    return tuple(takes)
+    return tuple(sequences)
 
 
 def leg_length(rest_joints: Float[Array, "24 3"]) -> float:
@@ -104,15 +104,15 @@ def random_shape(body: Body, rng: np.random.Generator) -> Float[Array, " 10"]:
             return np.asarray(betas)
 
 
-def pose_actor(take: MocapTake, rng: np.random.Generator) -> Actor:
-    """The take on a random body, standing on the floor z = 0."""
+def pose_actor(sequence: MocapSequence, rng: np.random.Generator) -> Actor:
+    """The sequence on a random body, standing on the floor z = 0."""
     body = load_body()
     betas = random_shape(body, rng)
     rest = body.rest_joints(betas)
-    pelvis = take.pelvis * (leg_length(rest) / take.leg_m)
-    joints, R = forward_kinematics(rest, take.R_world_root, take.body_pose, pelvis)
+    pelvis = sequence.pelvis * (leg_length(rest) / sequence.leg_m)
+    joints, R = forward_kinematics(rest, sequence.R_world_root, sequence.body_pose, pelvis)
     soles = joints[:, list(CONTACT_JOINTS), 2] - sole_heights(body, betas)
-    standing = soles[take.contacts > 0.5]
+    standing = soles[sequence.contacts > 0.5]
     floor = np.median(standing) if len(standing) else soles.min()
     joints[..., 2] -= floor
-    return Actor(betas, take.R_world_root, take.body_pose, joints, R, take.contacts)
+    return Actor(betas, sequence.R_world_root, sequence.body_pose, joints, R, sequence.contacts)

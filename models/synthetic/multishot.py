@@ -1,4 +1,4 @@
-"""Multi-shot videos without pixels: a take, cut at random times, a random camera for each clip (paper section 4).
+"""Multi-shot videos without pixels: a sequence, cut at random times, a random camera for each clip (paper section 4).
 
 A video is everything that the pipeline knows after its stages `people` and `points`, and the truth.
 """
@@ -15,17 +15,18 @@ from humanmm.models.body.landmarks import load_landmarks
 from humanmm.models.camera.keyframes import ViewFeatures
 from humanmm.models.evaluation.people import projected_boxes
 from humanmm.models.evaluation.skeleton import SMPL_NAMES
-from humanmm.models.geometry.rotations import vector_from_rotation
+from humanmm.models.geometry.projection import project, world_to_camera
+from humanmm.models.geometry.rotations import rotmat_to_rotvec
 from humanmm.models.perception.clothing import HISTOGRAM_BINS
 from humanmm.models.perception.silhouettes import silhouettes
 from humanmm.models.records.camera import PointTracks
-from humanmm.models.records.sequence import BodyParameters, CameraTake, PersonTake, Take
+from humanmm.models.records.sequence import BodyParameters, CameraSequence, MotionSequence, PersonSequence
 from humanmm.models.records.shots import Scenes, Transition
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
 from humanmm.models.records.video import VideoFacts
 from humanmm.models.synthetic.backgrounds import build_room, track, within
 from humanmm.models.synthetic.detector_noise import Detections, DetectorNoise, detect, fitted_noise, pitch_and_roll
-from humanmm.models.synthetic.mocap import Actor, MocapTake, leg_length, pose_actor
+from humanmm.models.synthetic.mocap import Actor, MocapSequence, leg_length, pose_actor
 from humanmm.models.synthetic.rigs import (
     HEIGHT,
     KINDS,
@@ -42,7 +43,7 @@ Array = np.ndarray
 
 SHORTEST_CLIP_S = 0.6
 LONGEST_FRAMES = 1478
-"""The longest video of the paper's set; longer takes are cropped to it."""
+"""The longest video of the paper's set; longer sequences are cropped to it."""
 COLOURS_HZ = 3.0
 
 
@@ -51,8 +52,8 @@ class VideoPlan:
     """What one video is made of."""
 
     name: str
-    take: int
-    """Which take of the pack."""
+    sequence: int
+    """Which sequence of the pack."""
     num_transitions: int
     seed: tuple[int, ...]
     longest: int = LONGEST_FRAMES
@@ -71,7 +72,7 @@ class BenchVideo:
     """One a scene."""
     points: tuple[PointTracks, ...]
     """Of spans none of which is shorter than a shot; empty tracks where nothing is known of the background."""
-    truth: Take
+    truth: MotionSequence
     views: tuple[ViewFeatures, ...] = ()
     """Key views of the shots, people left out; none where there are no pictures."""
     static_cameras: bool = False
@@ -98,7 +99,7 @@ class Filmed(Protocol):
 
 
 def plan_videos(
-    takes: Sequence[Filmed],
+    sequences: Sequence[Filmed],
     num_videos: int,
     *,
     seed: int,
@@ -106,42 +107,39 @@ def plan_videos(
     same: bool = False,
     longest: int = LONGEST_FRAMES,
 ) -> tuple[VideoPlan, ...]:
-    """`num_videos` for each number of transitions; takes too short for their clips are passed over.
+    """`num_videos` for each number of transitions; sequences too short for their clips are passed over.
 
-    All takes are used before one comes again. With `same`, video k shows one and the same body in all numbers of
+    All sequences are used before one comes again. With `same`, video k shows one and the same body in all numbers of
     transitions (the paper's second set); else all differ.
     """  # fmt: skip
     plans = []
     for count in transitions:
         least = max(transitions) if same else count
-        fits = [k for k, take in enumerate(takes) if take.num_frames >= (least + 1) * SHORTEST_CLIP_S * take.fps]
+        fits = [k for k, one in enumerate(sequences) if one.num_frames >= (least + 1) * SHORTEST_CLIP_S * one.fps]
         if not fits:
-            raise ValueError(f"no take is long enough for {least} transitions of {SHORTEST_CLIP_S} s clips")
+            raise ValueError(f"no sequence is long enough for {least} transitions of {SHORTEST_CLIP_S} s clips")
         order = np.random.default_rng([seed, 0 if same else count]).permutation(fits)
         for index in range(num_videos):
-            take = int(order[index % len(order)])
-            plans.append(
-                VideoPlan(
-                    f"{takes[take].name}-{count}-{index:02d}", take, count, (seed, index, 0 if same else count), longest
-                )
-            )
+            chosen = int(order[index % len(order)])
+            name = f"{sequences[chosen].name}-{count}-{index:02d}"
+            plans.append(VideoPlan(name, chosen, count, (seed, index, 0 if same else count), longest))
     return tuple(plans)
 
 
-def build_video(take: MocapTake, plan: VideoPlan) -> BenchVideo:
+def build_video(sequence: MocapSequence, plan: VideoPlan) -> BenchVideo:
     """The video of a plan; the same plan gives the same video."""
     rng = np.random.default_rng(plan.seed)
-    if take.num_frames > plan.longest:
-        take = take.cropped(int(rng.integers(take.num_frames - plan.longest + 1)), plan.longest)
-    actor = pose_actor(take, rng)
+    if sequence.num_frames > plan.longest:
+        sequence = sequence.cropped(int(rng.integers(sequence.num_frames - plan.longest + 1)), plan.longest)
+    actor = pose_actor(sequence, rng)
     ring = build_ring(actor.joints[:, 0], rng)
     room = build_room(ring.centre, float(np.linalg.norm(ring.eyes - ring.centre, axis=1).max()), rng)
     anatomy = rng.normal(0.0, plan.noise.anatomy_m, (33, 3))
     colours = rng.dirichlet(np.full(HISTOGRAM_BINS, 0.15))
     rng = np.random.default_rng((*plan.seed, plan.num_transitions))  # the same body in all versions of a video
-    cuts = cut_times(take.num_frames, plan.num_transitions, take.fps, rng)
+    cuts = cut_times(sequence.num_frames, plan.num_transitions, sequence.fps, rng)
     starts = [0, *cuts]
-    spans = list(zip(starts, [*cuts, take.num_frames], strict=True))
+    spans = list(zip(starts, [*cuts, sequence.num_frames], strict=True))
     cameras, people, points = [], [], []
     number = -1
     for clip, (start, end) in enumerate(spans):
@@ -151,22 +149,22 @@ def build_video(take: MocapTake, plan: VideoPlan) -> BenchVideo:
         )
         number = another_camera(number, NUM_CAMERAS, rng)
         kind = KINDS[int(rng.choice(len(KINDS), p=PROBABILITIES))]
-        camera = move_camera(ring.eyes[number], ring.centre, kind, actor.joints[start:end, 0], take.fps, rng)
-        seen = _watch(actor, (start, end), camera, ring, anatomy, take.fps, plan.noise, of_noise)
-        person = person_track(seen, start, take.fps, colours, of_looks)
+        camera = move_camera(ring.eyes[number], ring.centre, kind, actor.joints[start:end, 0], sequence.fps, rng)
+        seen = _watch(actor, (start, end), camera, ring, anatomy, sequence.fps, plan.noise, of_noise)
+        person = person_track(seen, start, sequence.fps, colours, of_looks)
         boxes = np.full((end - start, 4), np.nan)
         boxes[person.frame - start] = person.bbox
         cameras.append(camera)
         people.append(ScenePeople(start, end, (person,) if len(person.frame) else ()))
-        points.append(track(room, camera, ring.K, boxes, (start, end), take.fps, of_points))
+        points.append(track(room, camera, ring.K, boxes, (start, end), sequence.fps, of_points))
     return BenchVideo(
         name=plan.name,
         split=split_name(plan.num_transitions),
-        facts=facts_of(take.num_frames, take.fps, (WIDTH, HEIGHT)),
-        scenes=hard_cuts(take.num_frames, cuts),
+        facts=facts_of(sequence.num_frames, sequence.fps, (WIDTH, HEIGHT)),
+        scenes=hard_cuts(sequence.num_frames, cuts),
         people=tuple(people),
         points=tuple(points),
-        truth=_truth(actor, cameras, ring, cuts, take.fps),
+        truth=_truth(actor, cameras, ring, cuts, sequence.fps),
     )
 
 
@@ -249,25 +247,25 @@ def _watch(
     )
     to_camera = camera.t_world_cam - actor.joints[rows, 0]
     facing = actor.R_world_root[rows, :, 2]
-    in_camera = np.einsum("nba,nkb->nka", camera.R_world_cam, points - camera.t_world_cam[:, None])
+    in_camera = world_to_camera(points, camera.R_world_cam, camera.t_world_cam)
     stature = leg_length(body.rest_joints(actor.betas)) / leg_length(body.J_template)
     pitch, roll = pitch_and_roll(camera.R_world_cam, in_camera[:, 23:25].mean(axis=1))
     behind = (facing * to_camera).sum(axis=1) < 0
     return detect(in_camera, ring.K, (WIDTH, HEIGHT), behind, stature, fps, noise, rng, pitch=pitch, roll=roll)
 
 
-def _truth(actor: Actor, cameras: Sequence[ClipCamera], ring: Ring, cuts: Sequence[int], fps: float) -> Take:
+def _truth(actor: Actor, cameras: Sequence[ClipCamera], ring: Ring, cuts: Sequence[int], fps: float) -> MotionSequence:
     n = len(actor.joints)
-    path = CameraTake(
+    path = CameraSequence(
         np.concatenate([camera.R_world_cam for camera in cameras]),
         np.concatenate([camera.t_world_cam for camera in cameras]),
         np.tile(ring.K, (n, 1, 1)),
     )
-    in_camera = np.einsum("nba,nkb->nka", path.R_world_cam, actor.joints - path.t_world_cam[:, None])
-    pixels = (in_camera @ ring.K.T)[..., :2] / np.maximum(in_camera[..., 2:], 1e-6)
+    in_camera = world_to_camera(actor.joints, path.R_world_cam, path.t_world_cam)
+    pixels = project(in_camera, ring.K, near_m=1e-6)
     in_view = (in_camera[..., 2] > 0) & (pixels > 0).all(-1) & (pixels < [WIDTH, HEIGHT]).all(-1)
     frame = np.arange(n)
-    person = PersonTake(
+    person = PersonSequence(
         person=0,
         frame=frame,
         observed=in_view.mean(axis=1) >= 0.3,
@@ -277,10 +275,10 @@ def _truth(actor: Actor, cameras: Sequence[ClipCamera], ring: Ring, cuts: Sequen
         bbox_xyxy=projected_boxes(actor.joints, frame, path),
         body=BodyParameters(
             "body24",
-            vector_from_rotation(actor.R_world_root),
+            rotmat_to_rotvec(actor.R_world_root),
             actor.body_pose,
             actor.betas,
             actor.joints[:, 0] - load_body().rest_joints(actor.betas)[0],
         ),
     )
-    return Take(n, fps, SMPL_NAMES, (person,), tuple((cut, cut) for cut in cuts), path)
+    return MotionSequence(n, fps, SMPL_NAMES, (person,), tuple((cut, cut) for cut in cuts), path)

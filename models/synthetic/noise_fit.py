@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.optimize import least_squares
 
+from humanmm.models.geometry.robust import STD_PER_MEDIAN, huber_weight
 from humanmm.models.synthetic.detector_errors import MeasuredClip
 from humanmm.models.synthetic.detector_noise import AXES, LIMBS, PARTS, TRUNK, DetectorNoise, ErrorPatterns
 from humanmm.models.synthetic.noise_series import Series, limb_mask, series_of
@@ -17,6 +18,8 @@ Array = np.ndarray
 ANATOMY_M = 0.012
 """Not fitted, an assumption: rendered people have the anatomy that the landmarks were calibrated on."""
 LAGS_S = tuple(frames / 30 for frames in (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 45, 60))
+HUBER_LIMIT = 1.345
+"""In standard deviations: 95 % efficient on normal errors (Holland and Welsch 1977)."""
 PATH_BINS, LEAST_PAIRS = 8, 1000
 CLIPPED = 2.5
 
@@ -40,7 +43,7 @@ class NoiseFit:
 
 def fit_noise(clips: Sequence[MeasuredClip]) -> NoiseFit:
     """Every number of the noise from the clips' errors."""
-    series = [series_of(clip.take, errors) for clip in clips for errors in clip.errors]
+    series = [series_of(clip.sequence, errors) for clip in clips for errors in clip.errors]
     series = [one for one in series if one.found.sum() >= 5]
     a, b = _tilt(series)
     fraction, deviation_m, patterns = _patterns(series)
@@ -83,7 +86,7 @@ def fit_noise(clips: Sequence[MeasuredClip]) -> NoiseFit:
 
 def _spread(values: Float[Array, "m k"]) -> float:
     """Robust standard deviation per axis (1.4826 · median of the sizes): hidden and lost limbs make the tails."""
-    return float(1.4826 * np.nanmedian(np.abs(values)))
+    return float(STD_PER_MEDIAN * np.nanmedian(np.abs(values)))
 
 
 def _spreads(values: Float[Array, "m 3"]) -> tuple[float, float, float]:
@@ -108,8 +111,8 @@ def _robust_line(design: Float[Array, "m k"], target: Float[Array, " m"]) -> Flo
     for _ in range(20):
         found = np.linalg.lstsq(design * weight[:, None], target * weight, rcond=None)[0]
         left = np.abs(target - design @ found)
-        limit = 1.345 * 1.4826 * np.median(left) + 1e-9
-        weight = np.sqrt(np.minimum(1.0, limit / np.maximum(left, 1e-12)))
+        limit = HUBER_LIMIT * STD_PER_MEDIAN * np.median(left) + 1e-9
+        weight = np.sqrt(huber_weight(left, limit))
     return np.asarray(found)
 
 

@@ -11,10 +11,12 @@ from jaxtyping import Bool, Float, Int
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.kinematics import forward_kinematics
 from humanmm.models.body.landmarks import load_landmarks
-from humanmm.models.geometry.rotations import kabsch, rotation_from_vector, swing, vector_from_rotation
-from humanmm.models.records.sequence import CameraTake, PersonTake, Take
+from humanmm.models.geometry.alignment import kabsch
+from humanmm.models.geometry.projection import project, ray_axes, world_to_camera
+from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
+from humanmm.models.records.sequence import CameraSequence, MotionSequence, PersonSequence
 from humanmm.models.synthetic.detector_errors import PersonErrors
-from humanmm.models.synthetic.detector_noise import BODY, LIMBS, DetectorNoise, detect, speeds
+from humanmm.models.synthetic.detector_noise import BODY, LIMBS, NEAR_M, DetectorNoise, detect, speeds
 from humanmm.models.synthetic.mocap import leg_length
 
 Array = np.ndarray
@@ -80,12 +82,12 @@ class Series:
         return np.asarray(self.steps(rest_speed)[:, 1:].mean(axis=1))
 
 
-def series_of(take: Take, errors: PersonErrors) -> Series:
+def series_of(sequence: MotionSequence, errors: PersonErrors) -> Series:
     """The output about one person in one shot beside the truth, which must have cameras and body parameters."""
-    person, cameras = take.people[errors.person], take.cameras
+    person, cameras = sequence.people[errors.person], sequence.cameras
     assert cameras is not None
     points, behind, stature = true_landmarks(person, cameras, errors.rows)
-    return _residuals(errors, take.fps, points, cameras.K[person.frame[errors.rows]], behind, stature)
+    return _residuals(errors, sequence.fps, points, cameras.K[person.frame[errors.rows]], behind, stature)
 
 
 def _residuals(
@@ -96,11 +98,10 @@ def _residuals(
     behind: Bool[Array, " n"],
     stature: float,
 ) -> Series:
-    projected = np.einsum("nab,nkb->nka", K, points)
-    pixels = projected[..., :2] / np.maximum(projected[..., 2:], 0.1)
+    pixels = project(points, K, near_m=NEAR_M)
     height = np.ptp(pixels[..., 1], axis=1)[:, None, None]
     ray = points[:, 23:25].mean(axis=1)
-    R_cam_ray = swing(np.broadcast_to([0.0, 0.0, 1.0], ray.shape), ray)
+    R_cam_ray = ray_axes(ray)
     true = np.einsum("nba,nkb->nka", R_cam_ray, points - ray[:, None])
     seen = errors.landmarks - errors.landmarks[:, 23:25].mean(axis=1, keepdims=True)
     R = np.tile(np.eye(3), (len(points), 1, 1))
@@ -112,7 +113,7 @@ def _residuals(
     return Series(
         errors, fps, points, K, behind, stature,
         picture=(errors.keypoints[..., :2] - pixels) / height,
-        rotation=vector_from_rotation(R),
+        rotation=rotmat_to_rotvec(R),
         solid=seen - scale * rotated,
         scale=scale,
         speed=speeds(pixels, fps),
@@ -120,18 +121,18 @@ def _residuals(
 
 
 def true_landmarks(
-    person: PersonTake, cameras: CameraTake, rows: Int[Array, " n"]
+    person: PersonSequence, cameras: CameraSequence, rows: Int[Array, " n"]
 ) -> tuple[Float[Array, "n 33 3"], Bool[Array, " n"], float]:
     """Landmarks in camera axes, whether the camera sees the back, and the stature."""
     body = load_body()
     if person.body is None:
         raise ValueError("the truth has no body model: noise can be fitted to rendered clips only")
     rest = body.rest_joints(person.body.betas)
-    R_root = rotation_from_vector(person.body.root_orient[rows])
+    R_root = rotvec_to_rotmat(person.body.root_orient[rows])
     joints, R = forward_kinematics(rest, R_root, person.body.body_pose[rows], person.joints[rows, 0])
     points = load_landmarks().place(person.body.betas, joints, R)
     R_world_cam, t_world_cam = cameras.R_world_cam[person.frame[rows]], cameras.t_world_cam[person.frame[rows]]
-    in_camera = np.einsum("nba,nkb->nka", R_world_cam, points - t_world_cam[:, None])
+    in_camera = world_to_camera(points, R_world_cam, t_world_cam)
     behind = (R_root[..., 2] * (t_world_cam - joints[:, 0])).sum(axis=1) < 0
     return in_camera, behind, leg_length(rest) / leg_length(body.J_template)
 

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from humanmm.models.perception.clothing import HISTOGRAM_BINS
-from humanmm.models.records.sequence import CameraTake, PersonTake
+from humanmm.models.records.sequence import CameraSequence, PersonSequence
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
 from humanmm.models.synthetic.detector_noise import DetectorNoise, detect, pitch_and_roll
 from humanmm.models.synthetic.multishot import BenchVideo, person_track
@@ -38,9 +38,9 @@ def resimulated(video: BenchVideo, noise: DetectorNoise, seed: int) -> BenchVide
 
 def _track(
     video: BenchVideo,
-    person: PersonTake,
+    person: PersonSequence,
     colours: Float[np.ndarray, " bins"],
-    cameras: CameraTake,
+    cameras: CameraSequence,
     span: tuple[int, int],
     noise: DetectorNoise,
     rng: np.random.Generator,

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.ndimage import gaussian_filter1d
 
-from humanmm.models.geometry.rotations import rotation_from_vector
+from humanmm.models.geometry.rotations import rotvec_to_rotmat
 
 Array = np.ndarray
 
@@ -53,7 +53,7 @@ class ClipCamera:
 
 
 def build_ring(pelvis: Float[Array, "N 3"], rng: np.random.Generator) -> Ring:
-    """A ring from which the whole take is in view."""
+    """A ring from which the whole sequence is in view."""
     centre = np.append((pelvis[:, :2].min(axis=0) + pelvis[:, :2].max(axis=0)) / 2, LOOK_AT_M)
     reach = float(np.linalg.norm(pelvis[:, :2] - centre[:2], axis=1).max())
     focal = rng.uniform(*FOCAL_PER_DIAGONAL) * math.hypot(WIDTH, HEIGHT)
@@ -107,7 +107,7 @@ def move_camera(
         arm = eye - target
         c, s = np.cos(yaw), np.sin(yaw)
         eye = target + np.stack([c * arm[:, 0] - s * arm[:, 1], s * arm[:, 0] + c * arm[:, 1], arm[:, 2]], axis=1)
-    return ClipCamera(kind, look_at(eye, target) @ rotation_from_vector(shake), eye)
+    return ClipCamera(kind, look_at(eye, target) @ rotvec_to_rotmat(shake), eye)
 
 
 def _wander(rng: np.random.Generator, n: int, sigma_frames: float) -> Float[Array, "n 3"]:

@@ -16,8 +16,8 @@ from humanmm.models.video.container import open_video
 
 _RGB_MATRIX = 0
 _BT601 = (0.299, 0.114)
-_LUMA_SHARES = {1: (0.2126, 0.0722), 9: (0.2627, 0.0593), 10: (0.2627, 0.0593)}
-"""Shares of red and blue in luma by matrix number (ITU-T H.273, table 4); all others are treated as BT.601."""
+_LUMA_WEIGHTS = {1: (0.2126, 0.0722), 9: (0.2627, 0.0593), 10: (0.2627, 0.0593)}
+"""Weights of red and blue in luma by matrix number (ITU-T H.273, table 4); all others are treated as BT.601."""
 
 
 @dataclass(frozen=True)
@@ -30,23 +30,23 @@ class Colors:
 
     def samples(self, rgb: UInt8[np.ndarray, "*any 3"]) -> UInt8[np.ndarray, "*any 3"]:
         """Y, Cb and Cr of colours: black is 16, white 235, gray has 128 in both others."""
-        share_red, share_blue = _LUMA_SHARES.get(self.matrix, _BT601)
+        red_weight, blue_weight = _LUMA_WEIGHTS.get(self.matrix, _BT601)
         red, green, blue = np.moveaxis(np.asarray(rgb, np.float64) / 255, -1, 0)
-        luma = share_red * red + (1 - share_red - share_blue) * green + share_blue * blue
+        luma = red_weight * red + (1 - red_weight - blue_weight) * green + blue_weight * blue
         planes = [
             16 + 219 * luma,
-            128 + 112 * (blue - luma) / (1 - share_blue),
-            128 + 112 * (red - luma) / (1 - share_red),
+            128 + 112 * (blue - luma) / (1 - blue_weight),
+            128 + 112 * (red - luma) / (1 - red_weight),
         ]
         return np.asarray(np.rint(np.stack(planes, axis=-1)), np.uint8)
 
     def to_rgb(self) -> Float[np.ndarray, "3 4"]:
         """The affine map from samples (Y, Cb, Cr) to red, green and blue of 0..255."""
-        share_red, share_blue = _LUMA_SHARES.get(self.matrix, _BT601)
-        red, blue = 2 * (1 - share_red), 2 * (1 - share_blue)
-        share_green = 1 - share_red - share_blue
+        red_weight, blue_weight = _LUMA_WEIGHTS.get(self.matrix, _BT601)
+        red, blue = 2 * (1 - red_weight), 2 * (1 - blue_weight)
+        green_weight = 1 - red_weight - blue_weight
         linear = np.array(
-            [[1, 0, red], [1, -blue * share_blue / share_green, -red * share_red / share_green], [1, blue, 0]]
+            [[1, 0, red], [1, -blue * blue_weight / green_weight, -red * red_weight / green_weight], [1, blue, 0]]
         ) * (255 / np.array([219, 224, 224]))
         return np.column_stack([linear, -linear @ [16, 128, 128]])
 

@@ -17,7 +17,7 @@ from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
 
 from humanmm.errors import VideoError
-from humanmm.models.video.declared_size import claimed_sides_px
+from humanmm.models.video.declared_size import declared_sides_px
 
 DEMUXERS = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpegts,flv"
 """Containers of pictures; no playlists, no text, no image sequences, no devices."""
@@ -32,9 +32,9 @@ _SUPPORTED = "mp4, mov, mkv, webm or avi"
 def open_video(stream: BinaryIO, *, max_side_px: int = 16384) -> Iterator[tuple[InputContainer, VideoStream]]:
     """The container and its video stream, ready to decode from the start; `stream` itself stays open.
 
-    Raises VideoError when this is no video, or when it claims a picture side above max_side_px.
+    Raises VideoError when this is no video, or when it declares a picture side above max_side_px.
     """
-    refuse_absurd_size(max(claimed_sides_px(stream), default=0), max_side_px)
+    refuse_absurd_size(max(declared_sides_px(stream), default=0), max_side_px)
     limit = str(max_side_px * max_side_px)
     stream.seek(0)
     try:
@@ -62,17 +62,17 @@ def open_video(stream: BinaryIO, *, max_side_px: int = 16384) -> Iterator[tuple[
 
 
 def refuse_absurd_size(side_px: int, max_side_px: int) -> None:
-    """Raise VideoError for a claimed picture side above the limit."""
+    """Raise VideoError for a declared picture side above the limit."""
     if side_px > max_side_px:
         raise VideoError(
-            f"the header claims a picture side of {side_px} px, more than decode.max_side_px = {max_side_px}; "
+            f"the header declares a picture side of {side_px} px, more than decode.max_side_px = {max_side_px}; "
             "scale the video down, or raise that setting"
         )
 
 
 @dataclass
 class PacketLog:
-    """What the packets said while their pictures were decoded."""
+    """Facts of the packets, noted while their pictures were decoded."""
 
     keyframe_pts: set[int] = field(default_factory=set)
     dts: list[int] = field(default_factory=list)

@@ -1,8 +1,8 @@
-"""The picture size that a container's header claims, read from its bytes before any decoder is touched.
+"""The picture size that a container's header declares, read from its bytes before any decoder is touched.
 
-A decoder takes the size from the coded pictures and silently corrects the header; a header that claims a picture of
-16,384 × 16,384 pixels is either a lie or a video that no machine here can decode, and both are refused. Only the few
-bytes on the way to the claim are read; anything unexpected means "no claim found", never an error.
+A decoder takes the size from the coded pictures and silently corrects the header; a header that declares a picture of
+16,384 × 16,384 pixels is either wrong or a video that no machine here can decode, and both are refused. Only the few
+bytes on the way to the declared size are read; anything unexpected means "no size declared", never an error.
 """
 
 import struct
@@ -16,8 +16,8 @@ _MAX_BOXES = 10_000
 """No sane header has more; a crafted one must not keep us busy."""
 
 
-def claimed_sides_px(stream: BinaryIO) -> tuple[int, ...]:
-    """Every picture side that the header of an mp4, mov, mkv, webm or avi file claims; empty if none is found.
+def declared_sides_px(stream: BinaryIO) -> tuple[int, ...]:
+    """Every picture side that the header of an mp4, mov, mkv, webm or avi file declares; empty if it declares none.
 
     The stream's position is left at the start.
     """

@@ -1,4 +1,4 @@
-"""Working ahead: a thread makes the next items while the last ones are used.
+"""Prefetching: a thread makes the next items while the last ones are used.
 
 Decoding, drawing and the networks leave Python's lock free most of the time, so that two of them side by side take
 little longer than the slower one alone.
@@ -14,12 +14,12 @@ from typing import Generic, TypeVar
 T = TypeVar("T")
 
 DEPTH = 3
-"""Items that are made ahead unless told otherwise: pictures of a 1080p video are 6 MB each."""
+"""Items that are prefetched by default: pictures of a 1080p video are 6 MB each."""
 
 
 @dataclass(frozen=True)
-class _Made(Generic[T]):
-    """What the thread hands over: an item, or why there is none (None: the end)."""
+class _Prefetched(Generic[T]):
+    """What the thread hands over: an item, the end, or the error that came instead of an item."""
 
     item: T | None = None
     ended: bool = False
@@ -27,14 +27,14 @@ class _Made(Generic[T]):
 
 
 @contextmanager
-def ahead(items: Iterable[T], depth: int = DEPTH) -> Iterator[Iterator[T]]:
+def prefetched(items: Iterable[T], depth: int = DEPTH) -> Iterator[Iterator[T]]:
     """The same items in the same order, made by a thread that runs at most `depth` items ahead.
 
-    Use as `with ahead(items) as made: for item in made: …`. An exception of `items` is raised where its item would
-    come. Leaving the block stops the thread and closes `items`, however many are left. While item n is made, whoever
-    uses them is done with item n − depth: `depth` buffers, filled in turn, are enough for all.
+    Use as `with prefetched(items) as ready: for item in ready: …`. An exception of `items` is raised where its item
+    would come. Leaving the block stops the thread and closes `items`, however many are left. While item n is made,
+    whoever uses them is done with item n − depth: `depth` buffers, filled in turn, are enough for all.
     """
-    made: SimpleQueue[_Made[T]] = SimpleQueue()
+    made: SimpleQueue[_Prefetched[T]] = SimpleQueue()
     room = Semaphore(depth)
     stopped = False
 
@@ -45,11 +45,11 @@ def ahead(items: Iterable[T], depth: int = DEPTH) -> Iterator[Iterator[T]]:
                 room.acquire()
                 if stopped:
                     return
-                made.put(_Made(next(source)))
+                made.put(_Prefetched(next(source)))
         except StopIteration:
-            made.put(_Made(ended=True))
-        except BaseException as error:  # raised again by `used`, in the thread that asks for the item
-            made.put(_Made(error=error))
+            made.put(_Prefetched(ended=True))
+        except BaseException as error:  # raised again by `used`, in the thread that wants the item
+            made.put(_Prefetched(error=error))
         finally:
             close = getattr(source, "close", None)
             if close is not None:
@@ -65,7 +65,7 @@ def ahead(items: Iterable[T], depth: int = DEPTH) -> Iterator[Iterator[T]]:
             yield one.item  # type: ignore[misc]  # an item, since it is neither the end nor an error
             room.release()
 
-    thread = Thread(target=make, name="ahead", daemon=True)
+    thread = Thread(target=make, name="prefetch", daemon=True)
     thread.start()
     try:
         yield used()

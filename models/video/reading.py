@@ -1,4 +1,4 @@
-"""Facts of a video: every frame is decoded once, so that what is announced is exactly what can be delivered.
+"""Facts of a video: every frame is decoded once, so that the facts list exactly the frames that can be delivered.
 
 The container alone cannot be trusted: its frame count is missing (mkv), counts frames outside the edit list (mp4) or
 frames that a truncated or damaged file no longer holds. Decoding without the in-loop filters costs about 1.7 ms of
@@ -40,7 +40,7 @@ def read_facts(stream: BinaryIO, *, max_side_px: int = 8192) -> VideoFacts:
                 intra.add(picture.pts)
         container_name = container.format.name
         codec = video.codec_context.name
-        claimed_frames = video.frames
+        declared_frames = video.frames
         counted = _times_are_guesses(pts, container_name, video)
         time_base = video.time_base
         sar = video.sample_aspect_ratio
@@ -61,10 +61,10 @@ def read_facts(stream: BinaryIO, *, max_side_px: int = 8192) -> VideoFacts:
     warnings = []
     if log.broken or damaged:
         warnings.append(f"{log.broken} packets could not be decoded and {damaged} pictures are damaged")
-    if log.ended_early or claimed_frames > len(pts) + log.broken:
+    if log.ended_early or declared_frames > len(pts) + log.broken:
         at_s = float(kept[-1] * time_base)
-        claim = f"of {claimed_frames} announced frames " if claimed_frames else ""
-        warnings.append(f"the file is incomplete: {claim}{len(pts)} decode, the last at {at_s:.2f} s")
+        of_declared = f"of {declared_frames} declared frames " if declared_frames else ""
+        warnings.append(f"the file is incomplete: {of_declared}{len(pts)} decode, the last at {at_s:.2f} s")
     if len(kept) < len(pts):
         warnings.append(f"{len(pts) - len(kept)} pictures whose time stamp repeats or runs backwards are left out")
     if resized:

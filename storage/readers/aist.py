@@ -26,10 +26,10 @@ def read_aist(folder: Path) -> tuple[AistSequence, ...]:
     paths = sorted(folder.glob("*.npz")) if folder.is_dir() else []
     if not paths:
         raise InputError(f"{folder} holds no .npz; give a folder of AIST++ sequences as `bench ms-aist` reads them")
-    return tuple(read_sequence(path) for path in paths)
+    return tuple(read_aist_sequence(path) for path in paths)
 
 
-def read_sequence(path: Path) -> AistSequence:
+def read_aist_sequence(path: Path) -> AistSequence:
     """One sequence in metres, z up."""
     try:
         arrays = {name: np.asarray(array) for name, array in NpzArrays(path).items() if _is_wanted(name)}

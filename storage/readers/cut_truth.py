@@ -13,7 +13,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from humanmm.errors import InputError
-from humanmm.storage.readers.truth import read_take
+from humanmm.storage.readers.truth import read_sequence
 
 VIDEOS = (".mp4", ".mkv", ".avi", ".mov", ".webm")
 
@@ -44,9 +44,9 @@ def _videos(folder: Path) -> list[Path]:
 
 
 def _ours(video: Path) -> CutClip | None:
-    take, table = video.with_name(f"{video.stem}_gt.npz"), video.with_suffix(".json")
-    if take.is_file():
-        return CutClip(video, read_take(take).transitions)
+    sequence, table = video.with_name(f"{video.stem}_gt.npz"), video.with_suffix(".json")
+    if sequence.is_file():
+        return CutClip(video, read_sequence(sequence).transitions)
     if not table.is_file():
         return None
     try:

@@ -1,4 +1,4 @@
-"""Reads a pack of motion capture: an npz with the segments of all takes one after another, y up, SMPL's joint order.
+"""Reads a pack of motion capture: an npz with all sequences one after another, y up, SMPL's joint order.
 
 poses (N,72)  trans (N,3) pelvis joint  contacts (N,4)  clip_start clip_len clip_name (C,)  rest_joints (24,3)  fps
 """
@@ -9,7 +9,7 @@ import numpy as np
 
 from humanmm.errors import InputError, TruthError
 from humanmm.models.body.body24 import NUM_JOINTS, PARENTS
-from humanmm.models.synthetic.mocap import MocapTake, takes_of_pack
+from humanmm.models.synthetic.mocap import MocapSequence, sequences_of_pack
 from humanmm.storage.readers.truth import NpzArrays
 
 _SHAPES: dict[str, tuple[int | None, ...]] = {
@@ -18,14 +18,14 @@ _SHAPES: dict[str, tuple[int | None, ...]] = {
 }  # fmt: skip
 
 
-def read_pack(path: Path) -> tuple[MocapTake, ...]:
-    """All takes, world z up. InputError says in one sentence what is wrong with the file."""
+def read_pack(path: Path) -> tuple[MocapSequence, ...]:
+    """All sequences, world z up. InputError says in one sentence what is wrong with the file."""
     try:
         arrays = {name: np.asarray(array) for name, array in NpzArrays(path).items() if name in (*_SHAPES, "parents")}
     except (OSError, ValueError, KeyError, EOFError, TruthError) as error:
         raise InputError(f"{path} cannot be read as a pack of motion capture (.npz): {error}") from error
     _check(arrays, path)
-    return takes_of_pack(arrays)
+    return sequences_of_pack(arrays)
 
 
 def _check(arrays: dict[str, np.ndarray], path: Path) -> None:
@@ -39,10 +39,10 @@ def _check(arrays: dict[str, np.ndarray], path: Path) -> None:
     if len(arrays["trans"]) != n or len(arrays["contacts"]) != n or len(arrays["clip_len"]) != clips:
         raise InputError(f"{path}: poses, trans and contacts, or clip_start and clip_len, differ in length")
     if len(arrays["clip_name"]) != clips or clips == 0:
-        raise InputError(f"{path}: {clips} takes but {len(arrays['clip_name'])} names; at least one take is needed")
+        raise InputError(f"{path}: {clips} sequences but {len(arrays['clip_name'])} names; at least one is needed")
     start, length = arrays["clip_start"], arrays["clip_len"]
     if (start < 0).any() or (length < 1).any() or (start + length > n).any():
-        raise InputError(f"{path}: a take lies outside the {n} frames of the pack")
+        raise InputError(f"{path}: a sequence lies outside the {n} frames of the pack")
     if "parents" in arrays and tuple(arrays["parents"].tolist()) != PARENTS:
         raise InputError(f"{path}: its joints are not in SMPL's order")
     if not float(arrays["fps"]) > 0 or not all(np.isfinite(arrays[k]).all() for k in ("poses", "trans", "rest_joints")):

@@ -1,4 +1,4 @@
-"""Results of GVHMR, WHAM, SLAHMR and TRAM, and of any system as an npz with motion.zarr's names, as takes.
+"""Results of GVHMR, WHAM, SLAHMR and TRAM, and of any system as an npz with motion.zarr's names, as sequences.
 
 | system | file | keys that are read | world |
 |---|---|---|---|
@@ -19,10 +19,10 @@ from typing import Any
 import numpy as np
 
 from humanmm.errors import InputError, TruthError
-from humanmm.models.benchmark.imported import gvhmr_result, imported_take, slahmr_result, tram_result, wham_result
-from humanmm.models.records.sequence import Take
+from humanmm.models.benchmark.imported import gvhmr_result, imported_sequence, slahmr_result, tram_result, wham_result
+from humanmm.models.records.sequence import MotionSequence
 from humanmm.storage.readers.restricted_pickle import read_pickle
-from humanmm.storage.readers.truth import NpzArrays, read_take
+from humanmm.storage.readers.truth import NpzArrays, read_sequence
 
 READER_VERSION = 1
 """Raised whenever a reader gives another motion for the same file: figures that were kept are then made again."""
@@ -45,15 +45,15 @@ def find_result(folder: Path, video: str) -> Path | None:
     return chosen[0] if len(chosen) == 1 else None
 
 
-def read_result(path: Path, *, num_frames: int, fps: float) -> Take:
+def read_result(path: Path, *, num_frames: int, fps: float) -> MotionSequence:
     """The motion of the main person. InputError says in one sentence what is wrong with the file."""
     try:
-        take = _read(path, num_frames, fps)
+        sequence = _read(path, num_frames, fps)
     except (InputError, TruthError):
         raise
     except (OSError, ValueError, KeyError, TypeError, IndexError, EOFError, RuntimeError) as error:
         raise InputError(f"{path} cannot be read as another system's result: {_words(error)}") from error
-    person = take.people[0] if take.people else None
+    person = sequence.people[0] if sequence.people else None
     if person is None or not len(person.frame) or not np.isfinite(person.joints).all():
         raise InputError(f"{path} holds no person, or numbers that are not finite")
     if person.frame[0] < 0 or person.frame[-1] >= num_frames + MAX_EXTRA_FRAMES or (np.diff(person.frame) <= 0).any():
@@ -61,10 +61,10 @@ def read_result(path: Path, *, num_frames: int, fps: float) -> Take:
             f"{path} holds frames {person.frame[0]} to {person.frame[-1]}, the video has {num_frames}: "
             "is it of another video, or was the video brought to another rate?"
         )
-    return take
+    return sequence
 
 
-def _read(path: Path, num_frames: int, fps: float) -> Take:
+def _read(path: Path, num_frames: int, fps: float) -> MotionSequence:
     if path.suffix == ".pt":
         result = gvhmr_result(_gvhmr_parameters(path))
     elif path.suffix == ".pkl":
@@ -76,8 +76,8 @@ def _read(path: Path, num_frames: int, fps: float) -> Take:
         elif "pred_rotmat" in arrays:
             result = tram_result(arrays)
         else:
-            return read_take(path)
-    return imported_take(result, num_frames=num_frames, fps=fps)
+            return read_sequence(path)
+    return imported_sequence(result, num_frames=num_frames, fps=fps)
 
 
 def _gvhmr_parameters(path: Path) -> dict[str, Any]:

@@ -17,8 +17,8 @@ import zarr
 from zarr.errors import BaseZarrError
 
 from humanmm.errors import TruthError
-from humanmm.models.evaluation.truth import contract_take, pose2sim_take
-from humanmm.models.records.sequence import Take
+from humanmm.models.evaluation.truth import contract_sequence, pose2sim_sequence
+from humanmm.models.records.sequence import MotionSequence
 
 MAX_ARRAY_BYTES = 2**30
 """One array of an hour of video at 60 fps stays below this."""
@@ -26,8 +26,8 @@ MAX_ARRAY_BYTES = 2**30
 MAX_JSON_BYTES = 64 * 2**20
 
 
-def read_take(path: Path) -> Take:
-    """The take in a run folder, a motion.zarr or an npz truth. Raises TruthError."""
+def read_sequence(path: Path) -> MotionSequence:
+    """The sequence in a run folder, a motion.zarr or an npz truth. Raises TruthError."""
     try:
         return _read(path)
     except TruthError as error:
@@ -36,11 +36,11 @@ def read_take(path: Path) -> Take:
         raise TruthError(f"{path}: cannot be read as a run folder or truth ({_first_line(error)})") from error
 
 
-def _read(path: Path) -> Take:
+def _read(path: Path) -> MotionSequence:
     if path.is_dir():
         for group in (path / "motion.zarr", path):
             if (group / "zarr.json").is_file():
-                return contract_take(_ZarrArrays(group), transitions=_transitions(path / "run.json"))
+                return contract_sequence(_ZarrArrays(group), transitions=_transitions(path / "run.json"))
         raise TruthError("neither a run folder nor a motion.zarr; expected motion.zarr/zarr.json in it")
     if not path.is_file():
         raise TruthError("does not exist; expected a run folder or an .npz truth")
@@ -48,9 +48,9 @@ def _read(path: Path) -> Take:
         raise TruthError("not an .npz file; expected a run folder or an .npz truth")
     arrays = NpzArrays(path)
     if "joints3d" in arrays and "R_world2cam" in arrays:
-        return pose2sim_take(arrays)
+        return pose2sim_sequence(arrays)
     if "num_frames" in arrays and "cut_frames" in arrays:
-        return contract_take(arrays)
+        return contract_sequence(arrays)
     raise TruthError(
         "no truth: expected motion.zarr's array names (num_frames, cut_frames, people/00/joints, …) or Pose2Sim's "
         f"(joints3d, R_world2cam, …), found {', '.join(sorted(arrays)[:6]) or 'nothing'}"

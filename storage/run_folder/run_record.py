@@ -192,8 +192,8 @@ def _people(shots: ShotList, motion: WorldMotion | None) -> list[dict[str, Any]]
             entry["start"], entry["end"] = int(recovered.frame[0]), int(recovered.frame[-1]) + 1
             entry["observed_frames"] = int(recovered.observed.sum())
         own = [a for shot in shots.shots for a in shot.people if a.person == person.person]
-        entry["sides_exchanged"] = [list(span) for appearance in own for span in appearance.swapped]
-        entry["lapses"] = [list(span) for appearance in own for span in appearance.lapses]
+        entry["sides_exchanged"] = [list(span) for appearance in own for span in appearance.left_right_swapped]
+        entry["lapses"] = [list(span) for appearance in own for span in appearance.tracking_failures]
         people.append(entry)
     return people
 

@@ -35,7 +35,6 @@ _DISTRIBUTIONS = {
     "av": ("av",),
     "pycolmap": ("pycolmap",),
     "ai_edge_litert": ("ai-edge-litert",),
-    "roma": ("roma",),
     "matplotlib": ("matplotlib",),
     "transformers": ("transformers",),
 }

@@ -49,7 +49,7 @@ def test_every_variable_that_the_code_reads_is_known_to_doctor() -> None:
     import re
 
     root = Path(__file__).resolve().parents[2]
-    files = [path for name in ("src/humanmm", "flows", "tasks", "storage") for path in (root / name).glob("*.py")]
+    files = [path for name in ("src/humanmm", "flows", "tasks", "storage") for path in (root / name).rglob("*.py")]
     text = "".join(path.read_text() for path in files)
     read = set(re.findall(r"HUMANMM_([A-Z_]+)", text))
     assert read <= set(doctor.VARIABLES) and {"STORE", "LOG"} <= read

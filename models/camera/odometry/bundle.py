@@ -16,6 +16,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.sparse import bsr_matrix, csr_matrix
 
 from humanmm.models.geometry import rotations
+from humanmm.models.geometry.robust import cauchy_loss, cauchy_weight, std_of_lengths
 
 MIN_GAIN = 1e-4
 """Relative decrease of the cost below which an adjustment ends."""
@@ -105,16 +106,15 @@ def residuals(views: Views, points: Points, observations: Observations) -> Float
 
 
 def noise_of(residual_px: Float[np.ndarray, " m"], floor_px: float) -> float:
-    """Robust standard deviation (one axis) of two-dimensional residuals: the median of a Rayleigh variable is 1.1774
-    σ."""
+    """Robust standard deviation (one axis) of two-dimensional residuals, at least `floor_px`."""
     finite = residual_px[np.isfinite(residual_px)]
-    return max(float(np.median(finite)) / 1.1774, floor_px) if len(finite) else floor_px
+    return max(std_of_lengths(finite), floor_px) if len(finite) else floor_px
 
 
 def robust_loss(residual_px: Float[np.ndarray, " m"], noise_px: float) -> Float[np.ndarray, " m"]:
-    """Cauchy loss with its scale at two sigma; a constant for points behind the camera."""
+    """Cauchy loss with its scale at two standard deviations; a constant for points behind the camera."""
     scaled = np.minimum(residual_px, 1e4) / (2.0 * noise_px)
-    return np.asarray(4.0 * np.log1p(scaled**2))
+    return 4.0 * cauchy_loss(scaled**2)
 
 
 def adjust(
@@ -129,8 +129,9 @@ def adjust(
 ) -> Adjusted:
     """Views and points with the least robust reprojection error; images in `fixed` keep their pose and zoom.
 
-    The noise scale follows the residuals, so that the loss is robust at the start and sharp at the end. The gauge is
-    left to the damping: fix at least one image.
+    The noise scale follows the residuals, so that the loss is robust at the start and sharp at the end; costs before
+    and after an accepted step are then on different scales, which `levenberg_marquardt` does not provide for. The gauge
+    is left to the damping: fix at least one image.
     """
     residual = residuals(views, points, observations)
     noise = noise_of(residual, noise_floor_px)
@@ -213,7 +214,7 @@ class _System:
         front = q[:, 2] > MIN_DEPTH
         error = np.where(front[:, None], observations.xy - xy, 0.0)
         squared = (error**2).sum(1) / (2.0 * noise_px) ** 2
-        weight = np.where(front, 1.0 / (1.0 + squared), 0.0) / noise_px**2
+        weight = np.where(front, cauchy_weight(squared), 0.0) / noise_px**2
         self.tangent = _tangents(points.direction)
         J_image, J_point, J_focal = self._jacobians(views, points, observations, q, front)
 
@@ -292,7 +293,7 @@ class _System:
         return self._moved_views(views, by_image), self._moved_points(points, by_point)
 
     def _moved_views(self, views: Views, delta: np.ndarray) -> Views:
-        R = views.R_shot_cam @ rotations.rotation_from_vector(np.clip(delta[:, :3], -0.5, 0.5))
+        R = views.R_shot_cam @ rotations.rotvec_to_rotmat(np.clip(delta[:, :3], -0.5, 0.5))
         moved = replace(views, R_shot_cam=R)
         if self.freedom.translation:
             moved = replace(moved, t_shot_cam=views.t_shot_cam + delta[:, 3:6])

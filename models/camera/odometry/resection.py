@@ -17,6 +17,7 @@ from humanmm.models.camera.odometry.bundle import (
     project,
 )
 from humanmm.models.geometry import rotations
+from humanmm.models.geometry.robust import cauchy_weight
 
 
 def resect(
@@ -44,7 +45,7 @@ def resect(
         if iteration == iterations:
             break
         noise = _noise_per_image(residual, used, starts, num_images)[image]
-        weight = np.where(front, 1.0 / (1.0 + (np.minimum(residual, 1e4) / (2 * noise)) ** 2), 0.0)
+        weight = np.where(front, cauchy_weight((np.minimum(residual, 1e4) / (2 * noise)) ** 2), 0.0)
         J, _ = image_jacobian(views, points.rho, observations, q, front, freedom)
         H = np.zeros((num_images, width, width))
         g = np.zeros((num_images, width))
@@ -70,7 +71,7 @@ def _noise_per_image(residual: np.ndarray, used: np.ndarray, starts: np.ndarray,
 
 
 def _moved(views: Views, delta: np.ndarray, freedom: Freedom) -> Views:
-    moved = replace(views, R_shot_cam=views.R_shot_cam @ rotations.rotation_from_vector(delta[:, :3]))
+    moved = replace(views, R_shot_cam=views.R_shot_cam @ rotations.rotvec_to_rotmat(delta[:, :3]))
     if freedom.translation:
         moved = replace(moved, t_shot_cam=views.t_shot_cam + delta[:, 3:6])
     if freedom.zoom:

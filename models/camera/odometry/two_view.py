@@ -8,6 +8,7 @@ from jaxtyping import Float, Int
 from humanmm.models.camera.odometry.colmap import pycolmap
 from humanmm.models.camera.odometry.tracked_shot import TrackedShot
 from humanmm.models.geometry import rotations
+from humanmm.models.geometry.robust import cauchy_weight, std_of_lengths
 
 NUM_PLACES = 5
 MIN_SHARED = 30
@@ -43,8 +44,8 @@ def turned_to(
     for _ in range(5):
         R = rotations.nearest_rotation((direction * weight[:, None]).T @ ray)
         error = np.linalg.norm(direction - ray @ R.T, axis=1)
-        scale = max(float(np.median(error)) / 1.1774, 1e-4)
-        weight = 1.0 / (1.0 + (error / (2 * scale)) ** 2)
+        scale = max(std_of_lengths(error), 1e-4)
+        weight = cauchy_weight((error / (2 * scale)) ** 2)
     return R
 
 

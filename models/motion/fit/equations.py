@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.linalg import lapack
 
+from humanmm.models.geometry.robust import cauchy_loss, cauchy_weight
 from humanmm.models.motion.fit.state import NUM_PARAMETERS, Motion
 
 Array = np.ndarray
@@ -148,6 +149,6 @@ def frame_weights(time_s: Float[Array, " N"]) -> Float[Array, " N"]:
 
 
 def cauchy(squared: Array, scale: float) -> tuple[Array, Array]:
-    """Robust half-cost and weight of squared residuals: c²/2 log(1 + s/c²) and 1 / (1 + s/c²)."""
+    """Robust half-cost c² / 2 · log(1 + s / c²) and weight of squared residuals s; c is the kernel's scale."""
     ratio = squared / (scale * scale)
-    return 0.5 * scale * scale * np.log1p(ratio), 1 / (1 + ratio)
+    return 0.5 * scale * scale * cauchy_loss(ratio), cauchy_weight(ratio)

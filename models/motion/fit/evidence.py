@@ -10,17 +10,17 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from humanmm.models.body.kinematics import chunks
-from humanmm.models.body.landmarks import MIRROR, NUM_LANDMARKS
-from humanmm.models.geometry.rotations import swing
+from humanmm.models.geometry.intervals import in_intervals
+from humanmm.models.geometry.projection import ray_axes, viewing_rays
+from humanmm.models.geometry.rotations import unit
 from humanmm.models.motion.fit.state import Skeleton
-from humanmm.models.records.shots import Appearance, in_spans
+from humanmm.models.records.landmarks import NUM_LANDMARKS
 from humanmm.models.records.tracks import MASK_SIDE, PersonTrack
 
 Array = np.ndarray
 
-_MIRROR = np.array(MIRROR)
-LAPSE_TRUST = 0.1
-"""Factor of a keypoint's visibility where the network was lost."""
+FAILURE_TRUST = 0.1
+"""Factor of a keypoint's visibility where tracking failed."""
 
 
 @dataclass(frozen=True)
@@ -58,9 +58,10 @@ class Sighting:
     """One track's observations in a span of frames."""
 
     track: PersonTrack
+    """With left and right put right (`ScenePeople.track_of`)."""
     span: tuple[int, int]
-    appearance: Appearance
-    """Which of the frames name left and right wrongly, and in which the pose is hardly trusted."""
+    tracking_failures: tuple[tuple[int, int], ...]
+    """Frames [start, end) in which the pose is hardly trusted."""
     K: Float[Array, "n 3 3"]
     """Cameras of the span."""
 
@@ -70,7 +71,7 @@ class Sighting:
         rows = np.arange(*self._rows(*self.span))
         lengths = np.empty((len(rows), len(BONES)), np.float32)
         for some in chunks(len(rows)):
-            landmarks = self._sides_right(self.track.landmarks3d[rows[some]], self.track.frame[rows[some]])
+            landmarks = self.track.landmarks3d[rows[some]]
             lengths[some] = np.linalg.norm(landmarks[:, BONE_END] - landmarks[:, BONE_START], axis=-1)
         return np.asarray(np.maximum(np.median(lengths, axis=0), 1e-3), np.float32)
 
@@ -85,30 +86,22 @@ class Sighting:
         start, end = np.searchsorted(self.track.frame, bounds).tolist()
         return start, max(start, end)
 
-    def _sides_right(self, points: Float[Array, "n 33 c"], frame: Int[Array, " n"]) -> Float[Array, "n 33 c"]:
-        exchange = in_spans(frame, self.appearance.swapped)
-        return np.where(exchange[:, None, None], points[:, _MIRROR], points) if exchange.any() else points
-
     def enter(self, evidence: "Evidence", first: int) -> None:
         """Write what was seen into evidence that begins at frame `first`."""
         rows = slice(*self._rows(first, first + len(evidence.seen)))
         frame = self.track.frame[rows]
         if not len(frame):
             return
-        keypoints = self._sides_right(self.track.keypoints2d[rows], frame)
-        landmarks = self._sides_right(self.track.landmarks3d[rows], frame)
+        keypoints, landmarks = self.track.keypoints2d[rows], self.track.landmarks3d[rows]
 
         centre = self.track.mask_affine[rows] @ np.array([MASK_SIDE / 2, MASK_SIDE / 2, 1.0])
-        homogeneous = np.concatenate([centre, np.ones((len(centre), 1))], axis=1)
-        ray = np.linalg.solve(self.K[frame - self.span[0]], homogeneous[..., None])[..., 0]
-        ray /= np.linalg.norm(ray, axis=1, keepdims=True)
-        R_cam_ray = swing(np.broadcast_to([0.0, 0.0, 1.0], ray.shape), ray)
-        landmarks_cam = landmarks @ np.swapaxes(R_cam_ray, -1, -2).astype(np.float32)
+        ray = unit(viewing_rays(centre[:, None], self.K[frame - self.span[0]])[:, 0])
+        landmarks_cam = landmarks @ np.swapaxes(ray_axes(ray), -1, -2).astype(np.float32)
 
         at = frame - first
         evidence.seen[at] = True
         evidence.keypoints[at] = keypoints[..., :2]
-        trust = np.where(in_spans(frame, self.appearance.lapses), LAPSE_TRUST, 1.0)
+        trust = np.where(in_intervals(frame, self.tracking_failures), FAILURE_TRUST, 1.0)
         evidence.visibility[at] = np.clip(keypoints[..., 2], 0, 1) * trust[:, None]
         evidence.landmarks_cam[at] = landmarks_cam
         evidence.bones[at] = (landmarks_cam[:, BONE_END] - landmarks_cam[:, BONE_START]) / self.bone_lengths[:, None]
@@ -187,15 +180,17 @@ class LongEvidence:
 def gather(
     track: PersonTrack,
     span: tuple[int, int],
-    appearance: Appearance,
     time_s: Float[Array, " F"],
     K: Float[Array, "n 3 3"],
+    *,
+    tracking_failures: tuple[tuple[int, int], ...] = (),
 ) -> LongEvidence | None:
-    """A track's observations in `span` from first to last, with left and right put right; None if there are none.
+    """A track's observations in `span` from first to last; None if there are none.
 
-    `time_s` holds all frames of the video, K those of the span.
+    The track has left and right put right (`ScenePeople.track_of`); `time_s` holds all frames of the video, K those of
+    the span.
     """
-    sighting = Sighting(track, span, appearance, K)
+    sighting = Sighting(track, span, tracking_failures, K)
     if not len(sighting.frame):
         return None
     return LongEvidence.of((sighting,), np.arange(sighting.frame[0], sighting.frame[-1] + 1), time_s)

@@ -14,7 +14,7 @@ from jaxtyping import Float
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.kinematics import chunks
 from humanmm.models.body.landmarks import load_landmarks
-from humanmm.models.geometry.rotations import swing
+from humanmm.models.geometry.projection import inverse_pose, ray_axes, viewing_rays, world_to_camera
 from humanmm.models.motion.fit.equations import Term, frame_weights
 from humanmm.models.motion.fit.evidence import BONE_END, BONE_START, BONES, Evidence, LongEvidence, bone_lengths, gather
 from humanmm.models.motion.fit.initial import bridged, start_pose, start_position
@@ -89,10 +89,9 @@ def fit_shot(
     betas = {person.person: person.betas for person in people}
     motions = []
     for appearance in shot.people:
-        track = scene.tracks[appearance.track]
-        first, last = shot.clear
+        first, last = span = shot.outside_transitions
         K = camera.K[first - camera.start : last - camera.start]
-        evidence = gather(track, shot.clear, appearance, time_s, K)
+        evidence = gather(scene.track_of(appearance), span, time_s, K, tracking_failures=appearance.tracking_failures)
         if evidence is not None:
             path = camera_path(camera, evidence.frame)
             motions.append(fit_person(appearance.person, evidence, betas[appearance.person], path, noise=noise))
@@ -102,10 +101,8 @@ def fit_shot(
 def camera_path(camera: ShotCamera, frame: Array) -> CameraPath:
     """The shot's camera seen from its own axes; only its rotation where the translation has no scale."""
     rows = frame - camera.start
-    R_cam_shot = np.swapaxes(camera.R_shot_cam[rows], -1, -2)
     t_shot_cam = camera.t_shot_cam[rows] if camera.metric else np.zeros((len(rows), 3))
-    t_cam_shot = -(R_cam_shot @ t_shot_cam[..., None])[..., 0]
-    return CameraPath(R_cam_shot, t_cam_shot, camera.K[rows])
+    return CameraPath(*inverse_pose(camera.R_shot_cam[rows], t_shot_cam), camera.K[rows])
 
 
 def fit_person(
@@ -136,11 +133,9 @@ def _start(skeleton: Skeleton, evidence: LongEvidence, camera: CameraPath) -> Lo
         R_cam_ref, e = camera.R_cam_ref[frames], evidence.frames(frames)
         R_local = start_pose(skeleton, e.landmarks_cam @ R_cam_ref)
         posed = Motion.of(skeleton, R_local, np.zeros((len(R_local), 3))).points @ np.swapaxes(R_cam_ref, -1, -2)
-        homogeneous = np.concatenate([e.keypoints, np.ones((*e.visibility.shape, 1))], axis=-1)
-        rays = (homogeneous @ np.swapaxes(np.linalg.inv(camera.K[frames]), -1, -2))[..., :2]
+        rays = viewing_rays(e.keypoints.astype(np.float64), camera.K[frames])[..., :2]
         pelvis_cam = start_position(posed, rays, e.visibility**2 + 1e-3)
-        from_camera = pelvis_cam - camera.t_cam_ref[frames]
-        pelvis_ref = (np.swapaxes(R_cam_ref, -1, -2) @ from_camera[..., None])[..., 0]
+        pelvis_ref = world_to_camera(pelvis_cam[:, None], R_cam_ref, camera.t_cam_ref[frames])[:, 0]
         start.put(frames, Motion.of(skeleton, R_local, pelvis_ref))
         depth[frames] = pelvis_cam[:, 2]
     known = evidence.seen & (depth > 0.3)
@@ -175,7 +170,7 @@ class EvidenceTerms:
 
     def lifted(self, e: Evidence, frames: slice) -> Bones:
         camera = self.camera.frames(frames)
-        R_cam_view = swing(np.broadcast_to([0.0, 0.0, 1.0], e.ray.shape), e.ray)
+        R_cam_view = ray_axes(e.ray)
         trust, time = _trust(e.visibility), frame_weights(self.evidence.time_s)[frames]
         time_and_trust = time * np.where(e.lifted, LIFTED_TRUST, 1.0)
         weight = np.minimum(trust[:, BONE_START], trust[:, BONE_END]) * time_and_trust[:, None]

@@ -9,19 +9,19 @@ from jaxtyping import Bool, Float
 from scipy.spatial.transform import Rotation, Slerp
 
 from humanmm.models.body.body24 import JOINT_NAMES, PARENTS
+from humanmm.models.geometry.alignment import kabsch
 from humanmm.models.geometry.rotations import (
-    kabsch,
     nearest_rotation,
-    rotation_from_vector,
+    rotmat_to_rotvec,
+    rotvec_to_rotmat,
     swing,
-    vector_from_rotation,
+    unit,
 )
 from humanmm.models.motion.fit.state import LongMotion, Skeleton
 
 Array = np.ndarray
 
 _FACE = (0, 2, 5, 7, 8)
-_TORSO = (11, 12, 23, 24)
 _SPINE = (3, 6, 9)
 
 _LIMBS = (
@@ -58,26 +58,26 @@ def start_pose(skeleton: Skeleton, landmarks_ref: Float[Array, "N 33 3"]) -> Flo
     chest = landmarks_ref[:, 11] - landmarks_ref[:, 12]
     rest_torso = np.stack([rest[23] - rest[24], rest[11:13].mean(0) - rest[23:25].mean(0)])
     # The hips say how the pelvis is turned about the trunk, the shoulders how the chest is.
-    R_root = nearest_rotation(_pairs(np.stack([_unit(hips), _unit(trunk)], 1), _unit(rest_torso)))
+    R_root = nearest_rotation(_pairs(np.stack([unit(hips), unit(trunk)], 1), unit(rest_torso)))
     rest_chest = np.stack([rest[11] - rest[12], rest_torso[1]])
-    R_chest = nearest_rotation(_pairs(np.stack([_unit(chest), _unit(trunk)], 1), _unit(rest_chest)))
+    R_chest = nearest_rotation(_pairs(np.stack([unit(chest), unit(trunk)], 1), unit(rest_chest)))
     R_local[:, 0] = R_root
-    third = rotation_from_vector(vector_from_rotation(np.swapaxes(R_root, -1, -2) @ R_chest) / len(_SPINE))
+    third = rotvec_to_rotmat(rotmat_to_rotvec(np.swapaxes(R_root, -1, -2) @ R_chest) / len(_SPINE))
     for j in _SPINE:
         R_local[:, j] = third
 
     face = np.array(_FACE)
     R_head = kabsch(np.broadcast_to(rest[face], (n, len(face), 3)), landmarks_ref[:, face], ones * np.ones(len(face)))
-    half = rotation_from_vector(vector_from_rotation(np.swapaxes(R_chest, -1, -2) @ R_head) / 2)
+    half = rotvec_to_rotmat(rotmat_to_rotvec(np.swapaxes(R_chest, -1, -2) @ R_head) / 2)
     R_local[:, JOINT_NAMES.index("Neck")] = R_local[:, JOINT_NAMES.index("Head")] = half
 
     R_end: dict[int, Array] = {}
     for upper_name, lower_name, a, b, c, hinge in _LIMBS:
         upper, lower = JOINT_NAMES.index(upper_name), JOINT_NAMES.index(lower_name)
         R_parent = R_root if PARENTS[upper] == 0 else R_chest
-        bone = np.einsum("nba,nb->na", R_parent, _unit(landmarks_ref[:, b] - landmarks_ref[:, a]))
-        below = np.einsum("nba,nb->na", R_parent, _unit(landmarks_ref[:, c] - landmarks_ref[:, b]))
-        rest_bone, rest_below, axis = _unit(rest[b] - rest[a]), _unit(rest[c] - rest[b]), np.array(hinge)
+        bone = np.einsum("nba,nb->na", R_parent, unit(landmarks_ref[:, b] - landmarks_ref[:, a]))
+        below = np.einsum("nba,nb->na", R_parent, unit(landmarks_ref[:, c] - landmarks_ref[:, b]))
+        rest_bone, rest_below, axis = unit(rest[b] - rest[a]), unit(rest[c] - rest[b]), np.array(hinge)
         by_swing = swing(np.broadcast_to(rest_bone, bone.shape), bone)
         seen_axis = np.cross(bone, below)  # as long as the limb is bent
         M = bone[..., :, None] * rest_bone + seen_axis[..., :, None] * axis
@@ -125,10 +125,6 @@ def bridged(motion: LongMotion, known: Bool[Array, " N"], time_s: Float[Array, "
     else:
         vectors[:] = vectors[known]
     return LongMotion(motion.skeleton, vectors, pelvis)
-
-
-def _unit(v: Array) -> Array:
-    return np.asarray(v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-9))
 
 
 def _pairs(seen: Float[Array, "N P 3"], rest: Float[Array, "P 3"]) -> Float[Array, "N 3 3"]:

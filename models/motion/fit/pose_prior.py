@@ -14,7 +14,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.models.geometry.rotations import rotation_from_vector, vector_from_rotation
+from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
 from humanmm.models.motion.fit.state import BODY, FREE_JOINTS, NUM_PARAMETERS, PELVIS, ROOT
 from humanmm.models.weights.shipped import read_weights
 
@@ -74,10 +74,10 @@ def estimate(
     vectors, sparse, accelerations = [], [], []
     for poses, pelvis in clips:
         for each in (poses, mirrored(poses)):
-            R = rotation_from_vector(each)
-            vectors.append(vector_from_rotation(R[:, free]).reshape(len(each), -1))
+            R = rotvec_to_rotmat(each)
+            vectors.append(rotmat_to_rotvec(R[:, free]).reshape(len(each), -1))
             sparse.append(vectors[-1][::_EVERY])
-            turn = vector_from_rotation(np.swapaxes(R[:-1], -1, -2) @ R[1:]) * fps
+            turn = rotmat_to_rotvec(np.swapaxes(R[:-1], -1, -2) @ R[1:]) * fps
             angular = np.diff(turn, axis=0) * fps
             row = np.empty((len(angular), NUM_PARAMETERS))
             row[:, ROOT], row[:, BODY] = angular[:, 0], angular[:, free].reshape(len(row), -1)

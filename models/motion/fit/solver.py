@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool
 
+from humanmm.models.geometry.levenberg_marquardt import Schedule, levenberg_marquardt
 from humanmm.models.motion.fit.equations import NormalEquations, Term
 from humanmm.models.motion.fit.state import LongMotion, Motion
 
@@ -56,27 +57,21 @@ def solve_windows(
 
 
 def minimise(motion: Motion, terms: Sequence[Term], *, held: Bool[Array, " N"], settings: SolverSettings) -> Motion:
-    """Levenberg-Marquardt on one window; frames that are `held` do not move."""
-    cost = sum(term.cost(motion) for term in terms)
-    damping = settings.first_damping
+    """One window's motion of least cost; frames that are `held` do not move."""
     equations = NormalEquations(motion.num_frames)
-    for _ in range(settings.max_iterations):
+
+    def linearise(at: Motion) -> Callable[[float], Motion | None]:
         equations.clear()
         for term in terms:
-            term.add(motion, equations)
+            term.add(at, equations)
         equations.hold(held)
-        for _attempt in range(8):
-            step = equations.step(damping)
-            if step is not None:
-                candidate = motion.moved(step)
-                candidate_cost = sum(term.cost(candidate) for term in terms)
-                if candidate_cost < cost:
-                    break
-            damping = max(damping * 8, 1e-6)
-        else:
-            return motion
-        decrease = cost - candidate_cost
-        motion, cost, damping = candidate, candidate_cost, damping / 4
-        if decrease < settings.relative_decrease * cost:
-            break
-    return motion
+        return lambda damping: None if (step := equations.step(damping)) is None else at.moved(step)
+
+    schedule = Schedule(
+        iterations=settings.max_iterations, trials=8, damping=settings.first_damping, raise_by=8, lower_by=4,
+        least_raised=1e-6, relative_decrease=settings.relative_decrease,
+    )  # fmt: skip
+    found, _ = levenberg_marquardt(
+        motion, cost=lambda at: sum(term.cost(at) for term in terms), linearise=linearise, schedule=schedule
+    )
+    return found

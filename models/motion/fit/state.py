@@ -17,7 +17,8 @@ from numpy.typing import DTypeLike
 
 from humanmm.models.body.body24 import NUM_JOINTS, PARENTS
 from humanmm.models.body.kinematics import compose
-from humanmm.models.geometry.rotations import rotation_from_vector, vector_from_rotation
+from humanmm.models.geometry.projection import camera_to_world
+from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
 
 Array = np.ndarray
 
@@ -98,9 +99,7 @@ class Motion:
 
     def moved(self, step: Float[Array, "N 63"]) -> "Motion":
         """The motion after one step."""
-        turns = self.turns @ rotation_from_vector(
-            np.concatenate([step[:, ROOT], step[:, BODY]], axis=1).reshape(-1, 20, 3)
-        )
+        turns = self.turns @ rotvec_to_rotmat(np.concatenate([step[:, ROOT], step[:, BODY]], axis=1).reshape(-1, 20, 3))
         R = self.R_local.copy()
         R[:, _TURNING] = turns
         return Motion.of(self.skeleton, R, self.pelvis_ref + step[:, PELVIS])
@@ -177,11 +176,11 @@ class LongMotion:
 
     def frames(self, chosen: slice) -> Motion:
         """A run of frames."""
-        return Motion.of(self.skeleton, rotation_from_vector(self.vectors[chosen]), self.pelvis_ref[chosen])
+        return Motion.of(self.skeleton, rotvec_to_rotmat(self.vectors[chosen]), self.pelvis_ref[chosen])
 
     def put(self, chosen: slice, motion: Motion) -> None:
         """Overwrite a run of frames."""
-        self.vectors[chosen] = vector_from_rotation(motion.R_local)
+        self.vectors[chosen] = rotmat_to_rotvec(motion.R_local)
         self.pelvis_ref[chosen] = motion.pelvis_ref
 
 
@@ -199,4 +198,4 @@ class CameraPath:
 
     def to_camera(self, points_ref: Float[Array, "N K 3"]) -> Float[Array, "N K 3"]:
         """Points of each frame in the axes of its camera."""
-        return np.asarray(points_ref @ np.swapaxes(self.R_cam_ref, -1, -2) + self.t_cam_ref[:, None])
+        return camera_to_world(points_ref, self.R_cam_ref, self.t_cam_ref)

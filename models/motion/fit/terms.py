@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Int
 
-from humanmm.models.geometry.rotations import skew, vector_from_rotation
+from humanmm.models.geometry.rotations import rotmat_to_rotvec, skew
 from humanmm.models.motion.fit.equations import REFERENCE_HZ, NormalEquations, cauchy, once_per_motion, portions
 from humanmm.models.motion.fit.state import BODY, NUM_PARAMETERS, PELVIS, ROOT, CameraPath, Motion
 
@@ -179,7 +179,7 @@ class PosePrior:
 
     @once_per_motion
     def _vectors(self, motion: Motion) -> Float[Array, "N 19 3"]:
-        return vector_from_rotation(motion.turns[:, 1:])
+        return rotmat_to_rotvec(motion.turns[:, 1:])
 
     def _beyond(self, x: Array) -> Array:
         return np.asarray(np.maximum(x - self.upper, 0) + np.minimum(x - self.lower, 0))
@@ -230,7 +230,7 @@ class Anchor:
     @once_per_motion
     def _residual(self, motion: Motion) -> tuple[Array, Array]:
         """Displacements (N, 63), and rotation vectors (N, 20, 3) of the turned joints."""
-        turn = vector_from_rotation(np.swapaxes(self.reference.turns, -1, -2) @ motion.turns)
+        turn = rotmat_to_rotvec(np.swapaxes(self.reference.turns, -1, -2) @ motion.turns)
         gap = np.empty((motion.num_frames, NUM_PARAMETERS))
         gap[:, ROOT], gap[:, BODY] = turn[:, 0], turn[:, 1:].reshape(len(gap), -1)
         gap[:, PELVIS] = motion.pelvis_ref - self.reference.pelvis_ref
@@ -272,7 +272,7 @@ class Smoothness:
     @once_per_motion
     def _residual(self, motion: Motion) -> Float[Array, "M 63"]:
         dt = np.diff(self.time_s)
-        turn = vector_from_rotation(np.swapaxes(motion.turns[:-1], -1, -2) @ motion.turns[1:]) / dt[:, None, None]
+        turn = rotmat_to_rotvec(np.swapaxes(motion.turns[:-1], -1, -2) @ motion.turns[1:]) / dt[:, None, None]
         velocity = np.empty((len(dt), NUM_PARAMETERS))
         velocity[:, ROOT], velocity[:, BODY] = turn[:, 0], turn[:, 1:].reshape(len(dt), -1)
         velocity[:, PELVIS] = np.diff(motion.pelvis_ref, axis=0) / dt[:, None]

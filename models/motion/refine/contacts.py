@@ -12,13 +12,12 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.ndimage import minimum_filter1d
 
+from humanmm.models.geometry.intervals import runs_of_true
+
 Array = np.ndarray
 
 STILL_M = 0.008
 """What may be left of the movement of a standing foot, to either side, metres."""
-
-CONTACT_JOINTS = (7, 10, 8, 11)
-"""Left ankle, left toe base, right ankle, right toe base."""
 
 
 @dataclass(frozen=True)
@@ -98,28 +97,22 @@ def confirmed(
     """
     out = contacts.copy()
     for place in range(contacts.shape[1]):
-        for start, end in intervals(contacts[:, place] >= 0.5):
+        for start, end in runs_of_true(contacts[:, place] >= 0.5):
             path = feet[start:end, place]
             left = np.linalg.norm(path - np.median(path, axis=0), axis=-1) > reach_m
             out[start:end, place][left] = np.minimum(out[start:end, place][left], 0.499)
     return out
 
 
-def intervals(holds: Bool[Array, " N"]) -> list[tuple[int, int]]:
-    """[start, end) of every run of true."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], holds, [False]]).astype(np.int8)))
-    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
-
-
 def _settled(probability: Float[Array, " N"], time_s: Float[Array, " N"], model: ContactModel) -> Float[Array, " N"]:
     """The probability, moved to the other side of one half where hysteresis or the shortest duration say so."""
     holds = probability >= 0.5
     duration = np.gradient(time_s) if len(time_s) > 1 else np.zeros(len(time_s))
-    for start, end in intervals(~holds):  # short interruptions of a contact
+    for start, end in runs_of_true(~holds):  # short interruptions of a contact
         inside = start > 0 and end < len(holds)
         if inside and duration[start:end].sum() < model.shortest_s / 2 and probability[start:end].max() > 0.1:
             holds[start:end] = True
-    for start, end in intervals(holds):
+    for start, end in runs_of_true(holds):
         if duration[start:end].sum() < model.shortest_s or probability[start:end].max() < model.begin:
             holds[start:end] = False
     return np.asarray(np.where(holds, np.maximum(probability, 0.501), np.minimum(probability, 0.499)))

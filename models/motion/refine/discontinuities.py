@@ -10,7 +10,8 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from humanmm.models.geometry.rotations import rotation_from_vector, vector_from_rotation
+from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
+from humanmm.models.motion.refine.smoothing import fade
 
 Array = np.ndarray
 
@@ -44,7 +45,7 @@ def close_seams(
         middle = (time_s[before[-1]] + time_s[after[0]]) / 2
         end = _carried(vectors, before[::-1], time_s, middle)
         start = _carried(vectors, after, time_s, middle)
-        jump = vector_from_rotation(np.swapaxes(end, -1, -2) @ start)  # in the joint's own axes at the cut
+        jump = rotmat_to_rotvec(np.swapaxes(end, -1, -2) @ start)  # in the joint's own axes at the cut
         # A fade never reaches past the middle of a shot, so that two cuts' corrections do not meet.
         for rows, sign in (
             (_same_side(before, cut, cut_frames, frame), 0.5),
@@ -52,9 +53,9 @@ def close_seams(
         ):
             reach = min(FADE_S, abs(time_s[rows[-1]] - time_s[rows[0]]) / 2 + 1e-9)
             away = np.abs(time_s[rows] - middle) / reach
-            rows, share = rows[away < 1], _fade(away[away < 1])
-            turn = rotation_from_vector(sign * share[:, None, None] * jump)
-            closed[rows] = vector_from_rotation(rotation_from_vector(closed[rows]) @ turn)
+            rows, share = rows[away < 1], fade(away[away < 1])
+            turn = rotvec_to_rotmat(sign * share[:, None, None] * jump)
+            closed[rows] = rotmat_to_rotvec(rotvec_to_rotmat(closed[rows]) @ turn)
     return closed
 
 
@@ -68,21 +69,15 @@ def _same_side(rows: Array, cut: int, cut_frames: Sequence[int], frame: Array) -
     return np.asarray(rows[frame[rows] < high])
 
 
-def _fade(x: Array) -> Array:
-    """1 at 0, 0 from 1 on, with no kink at either end."""
-    x = np.clip(x, 0.0, 1.0)
-    return np.asarray(1 - x * x * x * (10 - 15 * x + 6 * x * x))
-
-
 def _carried(vectors: Array, rows: Array, time_s: Array, when: float) -> Float[Array, "J 3 3"]:
     """Rotations at `when` by a straight line through the nearest frames (rows in order of distance from the cut)."""
     near = rows[np.abs(time_s[rows] - time_s[rows[0]]) <= CARRY_S]
-    R = rotation_from_vector(vectors[near])
+    R = rotvec_to_rotmat(vectors[near])
     base = R[0]
     if len(near) < 3:
         return np.asarray(base)
-    turns = vector_from_rotation(np.swapaxes(base, -1, -2) @ R)
+    turns = rotmat_to_rotvec(np.swapaxes(base, -1, -2) @ R)
     at = time_s[near] - when
     design = np.stack([np.ones(len(near)), at], axis=1)
     line = np.linalg.lstsq(design, turns.reshape(len(near), -1), rcond=None)[0]
-    return np.asarray(base @ rotation_from_vector(line[0].reshape(-1, 3)))
+    return np.asarray(base @ rotvec_to_rotmat(line[0].reshape(-1, 3)))

@@ -20,7 +20,7 @@ from humanmm.models.motion.fit.evidence import LongEvidence, Sighting, bone_leng
 from humanmm.models.motion.fit.hmr import EvidenceTerms, NoiseModel, pelvis_depths
 from humanmm.models.motion.fit.solver import SolverSettings, solve_windows
 from humanmm.models.motion.fit.state import CameraPath, LongMotion, Motion, Skeleton
-from humanmm.models.motion.refine.contacts import CONTACT_JOINTS
+from humanmm.models.records.recording import CONTACT_JOINTS
 from humanmm.models.records.shots import ShotList
 from humanmm.models.records.tracks import ScenePeople
 
@@ -109,11 +109,12 @@ def gather_clip(
     time_s: Float[Array, " F"],
     K: Float[Array, "F 3 3"],
 ) -> LongEvidence | None:
-    """A person's observations in every shot, left and right put right; None if there are none."""
+    """A person's observations in every shot; None if there are none."""
     sightings = tuple(
-        Sighting(scene.tracks[appearance.track], shot.clear, appearance, K[slice(*shot.clear)])
+        Sighting(scene.track_of(appearance), span, appearance.tracking_failures, K[slice(*span)])
         for shot in shots.shots
         if (scene := scenes[shot.scene]) is not None
+        for span in (shot.outside_transitions,)
         for appearance in shot.people
         if appearance.person == person
     )

@@ -12,9 +12,11 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from humanmm.models.body.kinematics import chunks
-from humanmm.models.geometry.rotations import rotation_from_vector, swing, vector_from_rotation
+from humanmm.models.geometry.intervals import runs_of_true
+from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat, swing
 from humanmm.models.motion.fit.state import LongMotion
-from humanmm.models.motion.refine.contacts import CONTACT_JOINTS, intervals
+from humanmm.models.motion.refine.smoothing import fade
+from humanmm.models.records.recording import CONTACT_JOINTS
 
 Array = np.ndarray
 
@@ -55,12 +57,12 @@ class Leg:
     @classmethod
     def of(cls, motion: LongMotion, side: int, frames: slice) -> "Leg":
         """The left (0) or right (1) leg in a run of a motion's frames: forward kinematics of these joints alone."""
-        R_parent = R_pelvis = rotation_from_vector(motion.vectors[frames, 0])
+        R_parent = R_pelvis = rotvec_to_rotmat(motion.vectors[frames, 0])
         rest, parent, place = motion.skeleton.rest_joints, 0, motion.pelvis_ref[frames]
         places, turns = [], []
         for joint in LEGS[side]:
             place = place + R_parent @ (rest[joint] - rest[parent])
-            R_parent = R_parent @ rotation_from_vector(motion.vectors[frames, joint])
+            R_parent = R_parent @ rotvec_to_rotmat(motion.vectors[frames, joint])
             places.append(place)
             turns.append(R_parent)
             parent = joint
@@ -99,7 +101,7 @@ def lock_feet(
         for frames in chunks(motion.num_frames):
             bent = bend_leg(leg.frames(frames), target[frames], R_foot[frames], settings=settings)
             for joint, R in zip((hip, knee, ankle), bent, strict=True):
-                vectors[frames, joint] = vector_from_rotation(R)
+                vectors[frames, joint] = rotmat_to_rotvec(R)
     return replace(motion, vectors=vectors)
 
 
@@ -144,8 +146,8 @@ def _phases(holds: Bool[Array, "N 2"]) -> list[tuple[int, int, bool]]:
 
     Where both hold, the ankle does, for with it the whole sole stands.
     """
-    ankle = [(start, end, True) for start, end in intervals(holds[:, 0])]
-    toe = [(start, end, False) for start, end in intervals(holds[:, 1] & ~holds[:, 0])]
+    ankle = [(start, end, True) for start, end in runs_of_true(holds[:, 0])]
+    toe = [(start, end, False) for start, end in runs_of_true(holds[:, 1] & ~holds[:, 0])]
     return sorted(ankle + toe)
 
 
@@ -160,14 +162,14 @@ def _anchor(path: Float[Array, "M 3"], sole_height: float, settings: LockSetting
 def _flat_feet(leg: Leg, holds: Bool[Array, "N 2"], time_s: Array, settings: LockSettings) -> Float[Array, "N 3 3"]:
     """The feet's rotations, held still while both ankle and toe base stand."""
     turn, certain = np.zeros((len(holds), 3)), np.zeros(len(holds), bool)
-    for start, end in intervals(np.asarray(holds.all(axis=1))):
+    for start, end in runs_of_true(np.asarray(holds.all(axis=1))):
         middle = leg.R_ankle[(start + end) // 2]
-        spread = vector_from_rotation(middle.T @ leg.R_ankle[start:end])
-        mean = middle @ rotation_from_vector(np.median(spread, axis=0))
-        to_mean = vector_from_rotation(np.swapaxes(leg.R_ankle[start:end], -1, -2) @ mean)
+        spread = rotmat_to_rotvec(middle.T @ leg.R_ankle[start:end])
+        mean = middle @ rotvec_to_rotmat(np.median(spread, axis=0))
+        to_mean = rotmat_to_rotvec(np.swapaxes(leg.R_ankle[start:end], -1, -2) @ mean)
         if np.linalg.norm(to_mean, axis=-1).max() < 0.6:  # a foot that turns more than 35° does not stand flat
             turn[start:end], certain[start:end] = to_mean, True
-    return np.asarray(leg.R_ankle @ rotation_from_vector(_faded(turn, certain, time_s, settings.fade_s)))
+    return np.asarray(leg.R_ankle @ rotvec_to_rotmat(_faded(turn, certain, time_s, settings.fade_s)))
 
 
 def _faded(
@@ -175,7 +177,7 @@ def _faded(
 ) -> Float[Array, "N C"]:
     """Corrections where they are certain, and between them what is left of the neighbours' as they fade out."""
     out = np.where(certain[:, None], offset, 0.0)
-    for start, end in intervals(~certain):
+    for start, end in runs_of_true(~certain):
         rows = np.arange(start, end)
         before = offset[start - 1] if start > 0 else np.zeros(offset.shape[1])
         after = offset[end] if end < len(certain) else np.zeros(offset.shape[1])
@@ -184,13 +186,8 @@ def _faded(
         room = max(since[-1] + until[-1], 1e-9)
         # In a short gap the two fades hand over to each other instead of both reaching zero.
         reach = min(fade_s, room)
-        out[rows] = _fade(since / reach)[:, None] * before + _fade(until / reach)[:, None] * after
+        out[rows] = fade(since / reach)[:, None] * before + fade(until / reach)[:, None] * after
     return out
-
-
-def _fade(x: Array) -> Array:
-    x = np.clip(x, 0.0, 1.0)
-    return np.asarray(1 - x * x * x * (10 - 15 * x + 6 * x * x))
 
 
 def bend_leg(
@@ -221,7 +218,7 @@ def bend_leg(
     trust = np.clip(sine / 0.2, 0.0, 1.0)  # a nearly straight leg says little about its axis
     axis = trust * axis / np.maximum(np.linalg.norm(axis, axis=-1, keepdims=True), 1e-9) + (1 - trust) * own
     axis /= np.maximum(np.linalg.norm(axis, axis=-1, keepdims=True), 1e-9)
-    R_bend = rotation_from_vector((inner_now - inner)[:, None] * axis)
+    R_bend = rotvec_to_rotmat((inner_now - inner)[:, None] * axis)
     bent_shin = np.einsum("nab,nb->na", R_bend, shin)
     R_swing = swing(thigh + bent_shin, way)
     R_hip, R_knee = R_swing @ leg.R_hip, R_swing @ R_bend @ leg.R_knee

@@ -14,15 +14,17 @@ from jaxtyping import Float
 
 from humanmm.models.body.body24 import NUM_JOINTS, Body, load_body
 from humanmm.models.body.kinematics import by_chunks
-from humanmm.models.geometry.rotations import rotation_from_vector, vector_from_rotation
+from humanmm.models.geometry.projection import inverse_pose
+from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
 from humanmm.models.motion.fit.evidence import LongEvidence
 from humanmm.models.motion.fit.state import CameraPath, LongMotion
-from humanmm.models.motion.refine.contacts import CONTACT_JOINTS, ContactModel, confirmed, contact_probabilities
+from humanmm.models.motion.refine.contacts import ContactModel, confirmed, contact_probabilities
 from humanmm.models.motion.refine.discontinuities import close_seams
 from humanmm.models.motion.refine.fit import fit_world, gather_clip, person_skeleton
 from humanmm.models.motion.refine.footlock import LockSettings, contact_places, lock_feet
 from humanmm.models.motion.refine.smoothing import smooth, smooth_rotations
 from humanmm.models.records.motion import PersonMotion, WorldMotion
+from humanmm.models.records.recording import CONTACT_JOINTS
 from humanmm.models.records.shots import ShotList
 from humanmm.models.records.tracks import ScenePeople
 
@@ -144,8 +146,7 @@ class Draft:
 
     def fitted(self, clip: LongEvidence) -> "Draft":
         """Fitted once more to the evidence of all shots; frames without any are filled in again."""
-        R_cam_world = np.swapaxes(self.R_world_cam, -1, -2)
-        camera = CameraPath(R_cam_world, -(R_cam_world @ self.camera_centre[..., None])[..., 0], self.K)
+        camera = CameraPath(*inverse_pose(self.R_world_cam, self.camera_centre), self.K)
         seen = self.person.observed
         motion = fit_world(self.motion, clip.believed(seen), camera, self.contacts)
         if not seen.all():
@@ -165,7 +166,7 @@ def draft(
 ) -> Draft:
     """Seams closed, rotations smoothed, gaps filled, feet that stand found once."""
     vectors = np.empty((len(person.frame), NUM_JOINTS, 3), np.float32)
-    vectors[:, 0], vectors[:, 1:] = by_chunks(vector_from_rotation, person.R_world_root), person.body_pose
+    vectors[:, 0], vectors[:, 1:] = by_chunks(rotmat_to_rotvec, person.R_world_root), person.body_pose
     if settings.close_seams:
         vectors = close_seams(
             vectors, frame=person.frame, observed=person.observed, time_s=time_s, cut_frames=cut_frames
@@ -198,7 +199,7 @@ def finish(one: Draft, *, settings: RefineSettings) -> PersonMotion:
         contacts = confirmed(contacts, contact_places(motion))
     return replace(
         one.person,
-        R_world_root=by_chunks(rotation_from_vector, motion.vectors[:, 0]),
+        R_world_root=by_chunks(rotvec_to_rotmat, motion.vectors[:, 0]),
         body_pose=motion.vectors[:, 1:],
         pelvis_world=motion.pelvis_ref,
         contacts=contacts.astype(np.float32),

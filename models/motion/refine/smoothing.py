@@ -14,6 +14,8 @@ from jaxtyping import Bool, Float
 from scipy.linalg import solveh_banded
 from scipy.spatial.transform import Rotation
 
+from humanmm.models.motion.fit.equations import REFERENCE_HZ, frame_weights
+
 Array = np.ndarray
 
 ORDER = 3
@@ -21,9 +23,6 @@ ORDER = 3
 
 CARRY_ON_S = 0.25
 """How long a motion keeps its velocity in a gap."""
-
-REFERENCE_DT = 1 / 30
-"""Frames weigh as the time that they stand for, in units of this."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,10 +35,10 @@ class Roughness:
     @classmethod
     def of(cls, time_s: Float[Array, " N"], known: Bool[Array, " N"], *, cutoff_hz: float) -> "Roughness":
         """The form whose weight makes it a low-pass filter of this cut-off for evidence of weight 1 per 1/30 s."""
-        step = float(np.median(np.diff(time_s))) if len(time_s) > 1 else REFERENCE_DT
+        step = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 1 / REFERENCE_HZ
         # A difference quotient is smaller than the derivative: this is its gain at the cut-off.
         gain = 2 / step * np.sin(np.pi * min(cutoff_hz * step, 0.5))
-        strength = gain ** (-2 * ORDER) / REFERENCE_DT
+        strength = gain ** (-2 * ORDER) * REFERENCE_HZ
         rough = _accumulate(time_s, ORDER, np.full(max(len(time_s) - ORDER, 0), strength))
         in_gap = ~(known[1:] & known[:-1])
         rough += _accumulate(time_s, 1, np.where(in_gap, strength / CARRY_ON_S ** (2 * (ORDER - 1)), 0.0))
@@ -62,12 +61,10 @@ def _accumulate(time_s: Float[Array, " N"], order: int, strength: Float[Array, "
     return diagonals
 
 
-def frame_weights(time_s: Float[Array, " N"]) -> Float[Array, " N"]:
-    """Time that each frame stands for, in units of 1/30 s."""
-    if len(time_s) < 2:
-        return np.ones(len(time_s))
-    steps = np.diff(time_s)
-    return np.concatenate([steps[:1], (steps[1:] + steps[:-1]) / 2, steps[-1:]]) / REFERENCE_DT
+def fade(x: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
+    """1 up to 0, 0 from 1 on, with no kink at either end: 1 less the smootherstep of Perlin 2002, "Improving noise"."""
+    x = np.clip(x, 0.0, 1.0)
+    return np.asarray(1 - x * x * x * (10 - 15 * x + 6 * x * x))
 
 
 def solve_banded(upper: Float[Array, "bands N"], right: Float[Array, "N C"]) -> Float[Array, "N C"]:

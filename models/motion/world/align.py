@@ -18,16 +18,16 @@ from humanmm.models.body.landmarks import load_landmarks
 from humanmm.models.camera.keyframes import ViewFeatures
 from humanmm.models.camera.shot_edges import ShotLink, link_shots
 from humanmm.models.cuts.camera_rotation import CutCameras, CutPerson, SideTrack, align_cut
-from humanmm.models.geometry.rotations import rotation_from_vector
+from humanmm.models.geometry.intervals import in_intervals
+from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.motion.world import gravity as world_gravity
 from humanmm.models.motion.world.people import Part, joined
 from humanmm.models.motion.world.shot_rotations import Edge, ShotRotations, average_rotations
 from humanmm.models.motion.world.solver import Join, SamePlace, ShotRig, Solution, Strand, solve
 from humanmm.models.records.camera import SOURCES, Intrinsics, ShotCamera, through_lens
 from humanmm.models.records.motion import CutAlignment, PersonShotMotion, ShotMotion, WorldMotion
-from humanmm.models.records.shots import ShotList, in_spans
+from humanmm.models.records.shots import ShotList
 from humanmm.models.records.tracks import ScenePeople
-from humanmm.models.shots.side_swaps import exchange
 
 Array = np.ndarray
 
@@ -187,16 +187,15 @@ def _side(footage: Footage, shot_index: int, person: int, *, last: bool) -> Side
     appearance = next((a for a in shot.people if a.person == person), None)
     if scene is None or camera is None or appearance is None:
         return None
-    track = scene.tracks[appearance.track]
-    inside = (track.frame >= shot.clear[0]) & (track.frame < shot.clear[1])
-    rows = np.flatnonzero(inside & ~in_spans(track.frame, appearance.lapses))
+    track = scene.track_of(appearance)
+    inside = in_intervals(track.frame, [shot.outside_transitions])
+    rows = np.flatnonzero(inside & ~in_intervals(track.frame, appearance.tracking_failures))
     if not len(rows):
         return None
     time_s = footage.time_s[track.frame[rows]]
     near = (time_s >= time_s[-1] - SIDE_S) if last else (time_s <= time_s[0] + SIDE_S)
     rows = rows[near]
     frame = track.frame[rows]
-    swapped = in_spans(frame, appearance.swapped)
     at_cut = -1 if last else 0
     R_at_cut = camera.R_shot_cam[at_cut]
     keypoints2d = track.keypoints2d[rows].copy()
@@ -207,8 +206,8 @@ def _side(footage: Footage, shot_index: int, person: int, *, last: bool) -> Side
         R_cam_root = motion.R_cam_root[frame - motion.frame[0]]
     return SideTrack(
         time_s=footage.time_s[frame],
-        keypoints2d=exchange(keypoints2d, swapped),
-        landmarks3d=exchange(track.landmarks3d[rows], swapped),
+        keypoints2d=keypoints2d,
+        landmarks3d=track.landmarks3d[rows],
         R_cam_root=R_cam_root,
         R_cut_cam=R_at_cut.T @ camera.R_shot_cam[frame - camera.start],
     )
@@ -423,7 +422,7 @@ def _at_origin(solution: Solution, strands: Sequence[Strand], R_world_first: Flo
     """The same world with the first camera's heading along +y and the first person's first pelvis above the origin."""
     ahead = solution.turn[0] @ R_world_first[:, 2]
     yaw = float(np.arctan2(ahead[0], ahead[1])) if np.hypot(ahead[0], ahead[1]) > 0.05 else 0.0
-    R = rotation_from_vector(np.array([0.0, 0.0, yaw]))
+    R = rotvec_to_rotmat(np.array([0.0, 0.0, yaw]))
     shift = np.zeros(3)
     if strands:
         first = min(range(len(strands)), key=lambda k: (strands[k].person, int(strands[k].frame[0])))

@@ -12,6 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from humanmm.models.geometry.robust import cauchy_loss, cauchy_weight
+from humanmm.models.geometry.rotations import unit
+
 Array = np.ndarray
 
 HIPS, KNEES, ANKLES, NECK = (1, 2), (4, 5), (7, 8), 12
@@ -39,8 +42,8 @@ def standing_axis(joints: Float[Array, "frames 24 3"]) -> tuple[Float[Array, "fr
     """Each frame's axis from the feet to the neck, and how much it says about gravity (0..1)."""
     hips, ankles = joints[:, HIPS].mean(axis=1), joints[:, ANKLES].mean(axis=1)
     knees, neck = joints[:, KNEES].mean(axis=1), joints[:, NECK]
-    axis = _unit(neck - ankles)
-    trunk, leg = _unit(neck - hips), _unit(hips - ankles)
+    axis = unit(neck - ankles)
+    trunk, leg = unit(neck - hips), unit(hips - ankles)
     aligned = np.sum(trunk * leg, axis=1)
     straight = np.linalg.norm(hips - ankles, axis=1) / np.maximum(
         np.linalg.norm(hips - knees, axis=1) + np.linalg.norm(knees - ankles, axis=1), 1e-6
@@ -51,11 +54,11 @@ def standing_axis(joints: Float[Array, "frames 24 3"]) -> tuple[Float[Array, "fr
 
 def mean_axis(axis: Float[Array, "frames 3"], weight: Float[Array, "frames"]) -> tuple[Float[Array, "3"], float]:
     """Robust mean of one person's standing axes in one shot, and its sigma in degrees (large if hardly standing)."""
-    centre = _unit((axis * (weight[:, None] + 1e-3)).sum(axis=0))
+    centre = unit((axis * (weight[:, None] + 1e-3)).sum(axis=0))
     for _ in range(10):
         off = np.linalg.norm(axis - centre, axis=1)
-        robust = weight / (1 + (off / np.deg2rad(12.0)) ** 2)
-        centre = _unit((axis * (robust[:, None] + 1e-4)).sum(axis=0))
+        robust = weight * cauchy_weight((off / np.deg2rad(12.0)) ** 2)
+        centre = unit((axis * (robust[:, None] + 1e-4)).sum(axis=0))
     seconds = float(weight.mean())
     return centre, BODY_SIGMA_DEG / np.sqrt(max(seconds, 0.02))
 
@@ -79,7 +82,7 @@ def up_direction(evidence: UprightEvidence) -> Float[Array, "3"]:
         raise ValueError("no direction is known to point up")
     best, best_cost = evidence.up[0], np.inf
     for start in evidence.up:
-        up, cost = _refine(_unit(start), evidence)
+        up, cost = _refine(unit(start), evidence)
         if cost < best_cost:
             best, best_cost = up, cost
     return np.asarray(best)
@@ -94,19 +97,15 @@ def _refine(up: Float[Array, "3"], evidence: UprightEvidence) -> tuple[Float[Arr
         r_level = (evidence.level @ up) / np.deg2rad(evidence.level_sigma_deg)
         # Behind the equator the tangent plane lies: count the true angle.
         length = np.rad2deg(np.arccos(np.clip(evidence.up @ up, -1, 1))) / evidence.up_sigma_deg
-        w_up, w_level = 1 / (1 + length**2 / 4), 1 / (1 + r_level**2 / 4)
-        cost = float(np.log1p(length**2 / 4).sum() + np.log1p(r_level**2 / 4).sum())
+        w_up, w_level = cauchy_weight(length**2 / 4), cauchy_weight(r_level**2 / 4)
+        cost = float(cauchy_loss(length**2 / 4).sum() + cauchy_loss(r_level**2 / 4).sum())
         A = (w_up / np.deg2rad(evidence.up_sigma_deg) ** 2).sum() * np.eye(2) + 1e-9 * np.eye(2)
         b = (w_up[:, None] * r_up / np.deg2rad(evidence.up_sigma_deg)[:, None]).sum(axis=0)
         J = (evidence.level @ tangent.T) / np.deg2rad(evidence.level_sigma_deg)[:, None]
         A = A + np.einsum("m,ma,mb->ab", w_level, J, J)
         b = b - np.einsum("m,ma,m->a", w_level, J, r_level)
         step = np.linalg.solve(A, b) @ tangent
-        up = _unit(up + step)
+        up = unit(up + step)
         if np.linalg.norm(step) < 1e-6:
             break
     return up, cost
-
-
-def _unit(v: Float[Array, "*n 3"]) -> Float[Array, "*n 3"]:
-    return np.asarray(v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-12))

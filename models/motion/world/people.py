@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from humanmm.models.geometry.rotations import rotation_from_vector, vector_from_rotation
+from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
 from humanmm.models.records.motion import PersonMotion, PersonShotMotion
 
 Array = np.ndarray
@@ -61,8 +61,8 @@ def bent(pose: Float[Array, "m 23 3"], row: Int[Array, "n"], share: Float[Array,
     out, open_ = pose[row], np.flatnonzero(share > 0)
     if len(open_):
         between = row[open_][:, None] + np.array([0, 1])
-        ends = rotation_from_vector(pose[np.minimum(between, len(pose) - 1)].reshape(-1, *pose.shape[1:]))
-        out[open_] = vector_from_rotation(turned(ends, 2 * np.arange(len(open_)), share[open_]))
+        ends = rotvec_to_rotmat(pose[np.minimum(between, len(pose) - 1)].reshape(-1, *pose.shape[1:]))
+        out[open_] = rotmat_to_rotvec(turned(ends, 2 * np.arange(len(open_)), share[open_]))
     return np.asarray(out)
 
 
@@ -72,7 +72,7 @@ def turned(R: Float[Array, "m *j 3 3"], row: Int[Array, "n"], share: Float[Array
     open_ = np.flatnonzero(share > 0)
     if len(open_):
         first, second = R[row[open_]], R[np.minimum(row[open_] + 1, len(R) - 1)]
-        turn = vector_from_rotation(np.swapaxes(first, -1, -2) @ second)
+        turn = rotmat_to_rotvec(np.swapaxes(first, -1, -2) @ second)
         part = share[open_].reshape(-1, *([1] * (turn.ndim - 1)))
-        out[open_] = first @ rotation_from_vector(part * turn)
+        out[open_] = first @ rotvec_to_rotmat(part * turn)
     return np.asarray(out)

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.models.geometry.rotations import rotation_angle, rotation_from_vector, vector_from_rotation
+from humanmm.models.geometry.robust import cauchy_weight
+from humanmm.models.geometry.rotations import rotation_angle, rotmat_to_rotvec, rotvec_to_rotmat
 
 CERTAIN_INLIERS = 60
 """Background edges with so many inliers are believed against the people (who may be left-right swapped)."""
@@ -56,7 +57,7 @@ def average_rotations(num_shots: int, people: Sequence[Edge], background: Sequen
     R, group = _spread(num_shots, believed)
     for _ in range(ITERATIONS):
         step = _step(R, believed, group)
-        R = R @ rotation_from_vector(step)
+        R = R @ rotvec_to_rotmat(step)
         if np.abs(step).max() < 1e-9:
             break
     return ShotRotations(R, group, tuple(believed), tuple(rejected))
@@ -114,9 +115,9 @@ def _step(
     num_shots = len(R)
     H, g = np.zeros((num_shots, 3, num_shots, 3)), np.zeros((num_shots, 3))
     for edge in edges:
-        residual = vector_from_rotation(edge.R_a_b.T @ R[edge.a].T @ R[edge.b])
+        residual = rotmat_to_rotvec(edge.R_a_b.T @ R[edge.a].T @ R[edge.b])
         sigma = np.radians(edge.sigma_deg)
-        weight = 1 / sigma**2 / (1 + residual @ residual / (2 * sigma) ** 2)  # Cauchy at two sigma
+        weight = cauchy_weight(residual @ residual / (2 * sigma) ** 2) / sigma**2
         blocks = {edge.a: -R[edge.b].T @ R[edge.a], edge.b: np.eye(3)}
         for i, J_i in blocks.items():
             g[i] += weight * J_i.T @ residual

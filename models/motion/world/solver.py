@@ -19,7 +19,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float, Int
 
-from humanmm.models.geometry.rotations import rotation_from_vector, skew, vector_from_rotation
+from humanmm.models.geometry.robust import huber_weight
+from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat, skew
 from humanmm.models.motion.world.equations import CAMERA_UNKNOWNS, WorldEquations, links_of
 
 Array = np.ndarray
@@ -184,7 +185,7 @@ def _step(
     scale = np.clip(state.scale + moved[:, 6], 0.3 * state.scale, 3.0 * state.scale)
     return _State(
         pelvis=[state.pelvis[k] + places[start[k] : start[k] + len(state.pelvis[k])] for k in range(len(strands))],
-        turn=rotation_from_vector(moved[:, 3:6]) @ state.turn,
+        turn=rotvec_to_rotmat(moved[:, 3:6]) @ state.turn,
         origin=state.origin + moved[:, :3],
         scale=scale,
     )
@@ -216,7 +217,7 @@ def _observations(
     residual = np.einsum("nab,nb->na", whiten, error)
     if robust:
         size = np.linalg.norm(residual, axis=1) * np.sqrt(correlated)
-        factor = np.sqrt(np.minimum(1.0, 2.0 / np.maximum(size, 1e-9)))[:, None]
+        factor = np.sqrt(huber_weight(size, 2.0))[:, None]
         residual, whiten = residual * factor, whiten * factor[..., None]
     by_camera = np.concatenate([-whiten, whiten @ skew(arm), -whiten @ path[..., None]], axis=-1)
     equations.add_places(first, strand.shot, residual, whiten, by_camera)
@@ -309,10 +310,10 @@ def _levels(equations: WorldEquations, joins: Sequence[Join], state: _State, opt
     turning = np.eye(CAMERA_UNKNOWNS)[3:6]
     for shot, turn in enumerate(state.turn):
         w = 1 / np.deg2rad(options.level_deg)
-        equations.add_cameras(w * vector_from_rotation(turn), (shot, w * turning))
+        equations.add_cameras(w * rotmat_to_rotvec(turn), (shot, w * turning))
     for join in joins:
         w = 1 / np.deg2rad(join.sigma_deg)
-        difference = vector_from_rotation(state.turn[join.shot_b]) - vector_from_rotation(state.turn[join.shot_a])
+        difference = rotmat_to_rotvec(state.turn[join.shot_b]) - rotmat_to_rotvec(state.turn[join.shot_a])
         equations.add_cameras(w * difference, (join.shot_b, w * turning), (join.shot_a, -w * turning))
 
 

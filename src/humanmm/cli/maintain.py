@@ -46,6 +46,7 @@ VERBS = (add_verify, add_gc, add_store)
 def verify(options: argparse.Namespace) -> int:
     """Status 1 if anything was damaged; what was is set aside and computed again by the next run."""
     from humanmm.storage.store import maintenance
+
     store = open_store(options.store or default_store())
     outputs = {stage.name: stage.output for stage in pipeline.STAGES}
     sound, damaged = 0, 0
@@ -62,6 +63,7 @@ def verify(options: argparse.Namespace) -> int:
 def gc(options: argparse.Namespace) -> int:
     """List, then remove if told to."""
     from humanmm.storage.store import maintenance
+
     store = open_store(options.store or default_store())
     items = maintenance.removable(store, unused_days=options.unused_days, with_runs=options.with_runs)
     for item in items:
@@ -79,6 +81,7 @@ def gc(options: argparse.Namespace) -> int:
 def du(options: argparse.Namespace) -> int:
     """Artifacts and bytes per stage."""
     from humanmm.storage.store import maintenance
+
     store = open_store(options.store or default_store(), read_only=True)
     totals = maintenance.usage(store)
     names = [stage.name for stage in pipeline.STAGES]

@@ -50,9 +50,9 @@ def evaluate(options: argparse.Namespace) -> int:
     """Print every figure, as a table or as json."""
     from humanmm.models.evaluation.evaluate import evaluate as figures_of
     from humanmm.models.evaluation.report import report_table
-    from humanmm.storage.readers.truth import read_take
+    from humanmm.storage.readers.truth import read_sequence
 
-    report = figures_of(read_take(options.run_dir), read_take(options.truth))
+    report = figures_of(read_sequence(options.run_dir), read_sequence(options.truth))
     if options.json:
         sys.stdout.write(json.dumps(report.to_json(), allow_nan=False) + "\n")
         return 0

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from humanmm.errors import InputError
-from humanmm.models.geometry.axes import R_ZUP_YUP, camera_to_world, centred_pixels
-from humanmm.models.geometry.rotations import rotation_from_vector
+from humanmm.models.geometry.axes import R_ZUP_YUP, centred_pixels, zup_camera_pose
+from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.storage.readers.datasets.multiview import MultiviewSequence
 from humanmm.storage.readers.restricted_pickle import read_pickle
 
@@ -61,7 +61,7 @@ def read_multiview(root: Path, videos: Path, name: str) -> MultiviewSequence:
     for path in paths:
         if not path.is_file():
             raise InputError(f"{path} is missing; {OBTAIN}")
-    R_world_cam, t_world_cam = camera_to_world(rotation_from_vector(cameras["cam_rotvec"]), cameras["cam_t"] * _CM)
+    R_world_cam, t_world_cam = zup_camera_pose(rotvec_to_rotmat(cameras["cam_rotvec"]), cameras["cam_t"] * _CM)
     return MultiviewSequence(
         name=name,
         fps=FPS,

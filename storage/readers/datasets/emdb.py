@@ -14,7 +14,7 @@ import numpy as np
 from humanmm.errors import InputError
 from humanmm.models.body.smpl_joints import SmplJoints
 from humanmm.models.evaluation.skeleton import SMPL_NAMES
-from humanmm.models.geometry.axes import R_ZUP_YUP, camera_to_world, centred_pixels
+from humanmm.models.geometry.axes import R_ZUP_YUP, centred_pixels, zup_camera_pose
 from humanmm.storage.readers.datasets.recording import ImageRecording
 from humanmm.storage.readers.restricted_pickle import read_pickle
 
@@ -52,7 +52,7 @@ def read_recording(path: Path, body: SmplJoints) -> ImageRecording:
     for picture in pictures:
         if not picture.is_file():
             raise InputError(f"{picture} is missing; {OBTAIN}")
-    R_world_cam, t_world_cam = camera_to_world(poses[:, :3, :3], poses[:, :3, 3])
+    R_world_cam, t_world_cam = zup_camera_pose(poses[:, :3, :3], poses[:, :3, 3])
     return ImageRecording(
         name=path.stem.removesuffix("_data"),
         fps=FPS,

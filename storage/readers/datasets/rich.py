@@ -25,6 +25,7 @@ from humanmm.errors import InputError
 from humanmm.models.body.smpl_joints import SmplJoints
 from humanmm.models.evaluation.skeleton import SMPL_NAMES
 from humanmm.models.geometry.axes import centred_pixels
+from humanmm.models.geometry.projection import project
 from humanmm.models.geometry.rotations import nearest_rotation
 from humanmm.storage.readers.datasets.recording import ImageRecording
 from humanmm.storage.readers.restricted_pickle import read_pickle
@@ -219,7 +220,6 @@ def _check_upright(view: View, R_world_rig: Float[np.ndarray, "3 3"]) -> None:
 def _in_view(
     joints_cam: Float[np.ndarray, "F 24 3"], K: Float[np.ndarray, "3 3"], width: int, height: int
 ) -> Bool[np.ndarray, "F"]:
-    with np.errstate(invalid="ignore", divide="ignore"):
-        pixels = (joints_cam @ K.T)[..., :2] / joints_cam[..., 2:]
-        inside = (joints_cam[..., 2] > 0) & (pixels > 0).all(axis=-1) & (pixels < (width, height)).all(axis=-1)
+    pixels = project(joints_cam, K, near_m=1e-6)
+    inside = (joints_cam[..., 2] > 0) & (pixels > 0).all(axis=-1) & (pixels < (width, height)).all(axis=-1)
     return np.asarray(inside.mean(axis=1) >= _IN_VIEW)

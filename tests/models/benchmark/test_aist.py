@@ -12,7 +12,7 @@ from humanmm.errors import InputError
 from humanmm.models.benchmark.aist import build_aist
 from humanmm.models.benchmark.methods import run_methods
 from humanmm.models.synthetic.multishot import plan_videos
-from humanmm.storage.readers.aist import read_aist, read_sequence
+from humanmm.storage.readers.aist import read_aist, read_aist_sequence
 
 SAMPLE = Path(__file__).parents[3] / "examples" / "aist"
 
@@ -68,8 +68,8 @@ def test_a_folder_or_file_that_is_none_is_one_plain_error(tmp_path: Path) -> Non
         arrays = dict(file)
     np.savez(tmp_path / "a.npz", **{**arrays, "cam_K": arrays["cam_K"][:3]})
     with pytest.raises(InputError, match="9 cameras"):
-        read_sequence(tmp_path / "a.npz")
+        read_aist_sequence(tmp_path / "a.npz")
     del arrays["keypoints3d_optim"]
     np.savez(tmp_path / "a.npz", **arrays)
     with pytest.raises(InputError, match="lacks keypoints3d"):
-        read_sequence(tmp_path / "a.npz")
+        read_aist_sequence(tmp_path / "a.npz")

@@ -7,12 +7,12 @@ import pytest
 import torch
 
 from humanmm.models.benchmark.coco import coco_track
-from humanmm.models.body.landmarks import MIRROR
 from humanmm.models.perception.lifting import COCO_LANDMARKS, LiftingNetwork, features, lift
+from humanmm.models.records.landmarks import SWAP
 from humanmm.models.records.tracks import PersonTrack
-from humanmm.storage.readers.aist import read_sequence
+from humanmm.storage.readers.aist import read_aist_sequence
 
-SEQUENCE = read_sequence(Path(__file__).parents[3] / "examples" / "aist" / "gBR_sBM_cAll_d06_mBR2_ch06.npz")
+SEQUENCE = read_aist_sequence(Path(__file__).parents[3] / "examples" / "aist" / "gBR_sBM_cAll_d06_mBR2_ch06.npz")
 N = 30
 TIME_S = np.arange(N) / 30
 K = SEQUENCE.K[0]
@@ -47,7 +47,7 @@ def test_a_mirrored_picture_gives_nearly_the_mirrored_pose() -> None:
     mirrored = keypoints[:, COCO_MIRROR].copy()
     mirrored[..., 0] = SEQUENCE.size[0] - mirrored[..., 0]
     one = lift(keypoints, TIME_S, K)
-    other = lift(mirrored, TIME_S, K)[:, list(MIRROR)] * [-1, 1, 1]
+    other = lift(mirrored, TIME_S, K)[:, SWAP] * [-1, 1, 1]
     assert np.linalg.norm(one - other, axis=-1).mean() < 0.06
 
 

@@ -5,7 +5,7 @@ import numpy as np
 from humanmm.config import Config
 from humanmm.models.benchmark.methods import METHODS, run_methods
 from humanmm.models.benchmark.scores import MethodFigures, score
-from humanmm.models.synthetic.mocap import MocapTake
+from humanmm.models.synthetic.mocap import MocapSequence
 from humanmm.models.synthetic.multishot import build_video, plan_videos
 
 
@@ -13,9 +13,9 @@ def _value(figures: MethodFigures, name: str) -> float:
     return next(figure.value for figure in figures.figures if figure.name == name)
 
 
-def test_every_method_is_scored_and_the_baseline_is_bad_in_the_papers_way(takes: tuple[MocapTake, ...]) -> None:
-    plan = plan_videos(takes, 1, seed=4, transitions=(2,), longest=60)[0]
-    video = build_video(takes[plan.take], plan)
+def test_every_method_is_scored_and_the_baseline_is_bad_in_the_papers_way(sequences: tuple[MocapSequence, ...]) -> None:
+    plan = plan_videos(sequences, 1, seed=4, transitions=(2,), longest=60)[0]
+    video = build_video(sequences[plan.sequence], plan)
     motions = run_methods(video, Config())
     scored = {one.method: one for one in score(video, motions).methods}
     assert tuple(scored) == METHODS
@@ -33,9 +33,9 @@ def test_every_method_is_scored_and_the_baseline_is_bad_in_the_papers_way(takes:
     assert len(ours.cuts) == 2
 
 
-def test_concat_goes_on_where_the_shot_before_ended(takes: tuple[MocapTake, ...]) -> None:
-    plan = plan_videos(takes, 1, seed=4, transitions=(2,), longest=60)[0]
-    video = build_video(takes[plan.take], plan)
+def test_concat_goes_on_where_the_shot_before_ended(sequences: tuple[MocapSequence, ...]) -> None:
+    plan = plan_videos(sequences, 1, seed=4, transitions=(2,), longest=60)[0]
+    video = build_video(sequences[plan.sequence], plan)
     (done,) = run_methods(video, Config(), ("concat",)).motions
     assert done.motion is not None
     assert done.shots is not None
@@ -45,8 +45,10 @@ def test_concat_goes_on_where_the_shot_before_ended(takes: tuple[MocapTake, ...]
         assert np.linalg.norm(step) < 1e-6
 
 
-def test_an_unknown_method_is_a_failure_of_its_own(takes: tuple[MocapTake, ...]) -> None:
-    plan = plan_videos(takes, 1, seed=4, transitions=(2,), longest=60)[0]
-    known, unknown = run_methods(build_video(takes[plan.take], plan), Config(), ("concat", "oracle luck")).motions
+def test_an_unknown_method_is_a_failure_of_its_own(sequences: tuple[MocapSequence, ...]) -> None:
+    plan = plan_videos(sequences, 1, seed=4, transitions=(2,), longest=60)[0]
+    known, unknown = run_methods(
+        build_video(sequences[plan.sequence], plan), Config(), ("concat", "oracle luck")
+    ).motions
     assert known.motion is not None
     assert "'oracle luck'" in unknown.reason

@@ -10,16 +10,16 @@ from humanmm.errors import StageError
 from humanmm.models.benchmark.methods import run_methods
 from humanmm.models.benchmark.oracles import true_cameras, true_turns, with_true_cuts, yaw_turns
 from humanmm.models.benchmark.scores import score
-from humanmm.models.geometry.rotations import rotation_from_vector
-from humanmm.models.synthetic.mocap import MocapTake
+from humanmm.models.geometry.rotations import rotvec_to_rotmat
+from humanmm.models.synthetic.mocap import MocapSequence
 from humanmm.models.synthetic.multishot import BenchVideo, build_video, hard_cuts, plan_videos
 
 
 @pytest.fixture
-def video(takes: tuple[MocapTake, ...]) -> BenchVideo:
+def video(sequences: tuple[MocapSequence, ...]) -> BenchVideo:
     """A short video with two cuts."""
-    plan = plan_videos(takes, 1, seed=4, transitions=(2,), longest=60)[0]
-    return build_video(takes[plan.take], plan)
+    plan = plan_videos(sequences, 1, seed=4, transitions=(2,), longest=60)[0]
+    return build_video(sequences[plan.sequence], plan)
 
 
 def _wrongly_cut(video: BenchVideo, cuts: tuple[int, ...]) -> BenchVideo:
@@ -85,7 +85,7 @@ def test_yaw_turns_leave_the_tilt_that_was_found(video: BenchVideo) -> None:
 
 def _turned_after(R_world_cam: np.ndarray, start: int) -> np.ndarray:
     """The cameras with another heading from a cut on."""
-    turn = rotation_from_vector(np.array([0.0, 0.0, 1.1]))
+    turn = rotvec_to_rotmat(np.array([0.0, 0.0, 1.1]))
     return np.concatenate([R_world_cam[:start], turn @ R_world_cam[start:]])
 
 

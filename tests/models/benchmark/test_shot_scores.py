@@ -1,5 +1,6 @@
 """The table of shot detection: pooled and per-video figures, failures in the denominator."""
 
+import numpy as np
 import pytest
 
 from humanmm.models.benchmark.shot_scores import DETECTORS, CutCounts, count_cuts, rows_of_cuts
@@ -9,7 +10,7 @@ SCENES = Scenes(100, (Transition("cut", 40, 40, "scene"), Transition("cut", 80, 
 
 
 def test_without_people_every_detector_is_the_one_of_the_colours() -> None:
-    counts = count_cuts(SCENES, [], [(41, 41), (60, 60)], fps=25.0)
+    counts = count_cuts(SCENES, [], [(41, 41), (60, 60)], time_s=np.arange(100) / 25)
     assert set(counts) == set(DETECTORS)
     assert all(count == CutCounts(2, 2, 1) for count in counts.values())
     assert counts["humanmm"].figures == (0.5, 0.5, 0.5)

@@ -5,8 +5,9 @@ from scipy.spatial.transform import Rotation
 
 from humanmm.models.body.body24 import JOINT_NAMES, PARENTS, load_body
 from humanmm.models.body.kinematics import forward_kinematics, skinning_transforms
-from humanmm.models.body.landmarks import MIRROR, load_landmarks
-from humanmm.models.geometry.rotations import rotation_from_vector
+from humanmm.models.body.landmarks import load_landmarks
+from humanmm.models.geometry.rotations import rotvec_to_rotmat
+from humanmm.models.records.landmarks import SWAP
 
 RNG = np.random.default_rng(0)
 BETAS = RNG.normal(size=10)
@@ -39,7 +40,7 @@ def test_bone_lengths_do_not_depend_on_the_pose() -> None:
 def test_turning_the_root_turns_everything_about_the_pelvis() -> None:
     rest = load_body().rest_joints(BETAS)
     R_root, body_pose, pelvis = random_pose(4)
-    turn = rotation_from_vector([0.3, -1.2, 0.5])
+    turn = rotvec_to_rotmat([0.3, -1.2, 0.5])
     joints, R = forward_kinematics(rest, R_root, body_pose, pelvis)
     turned, R_turned = forward_kinematics(rest, turn @ R_root, body_pose, pelvis)
     np.testing.assert_allclose(turned - pelvis[:, None], (joints - pelvis[:, None]) @ turn.T, atol=1e-12)
@@ -57,8 +58,8 @@ def test_landmarks_are_left_right_symmetric_within_the_mesh_s_own_asymmetry() ->
     body, landmarks = load_body(), load_landmarks()
     joints = body.rest_joints(np.zeros(10))[None]
     places = landmarks.place(np.zeros(10), joints, np.broadcast_to(np.eye(3), (1, 24, 3, 3)))[0]
-    np.testing.assert_allclose(places[list(MIRROR)] * [-1, 1, 1], places, atol=2e-3)
-    assert list(np.array(MIRROR)[list(MIRROR)]) == list(range(33))
+    np.testing.assert_allclose(places[SWAP] * [-1, 1, 1], places, atol=2e-3)
+    assert list(SWAP[SWAP]) == list(range(33))
 
 
 def test_skin_landmarks_lie_near_the_skin_where_the_detector_puts_them() -> None:

@@ -12,7 +12,7 @@ from humanmm.models.camera.cross_check import cross_check, warnings_of
 from humanmm.models.camera.odometry.bundle import Freedom
 from humanmm.models.camera.odometry.keyframe_odometry import Track, moving, rotating
 from humanmm.models.camera.odometry.tracked_shot import TrackedShot, arrange, choose_keyframes
-from humanmm.models.geometry.rotations import rotation_from_vector
+from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.records.camera import CrossCheck
 
 
@@ -38,7 +38,7 @@ def test_a_camera_that_was_bent_is_bent_back_and_reported(scene_of: Callable[...
     shot, track = followed(scene_of("dolly"))
     count = len(track.keyframes)
     bend = np.linspace(0.0, 1.0, count) ** 2
-    R = track.views.R_shot_cam @ rotation_from_vector(bend[:, None] * np.radians([0.0, 4.0, 0.0]))
+    R = track.views.R_shot_cam @ rotvec_to_rotmat(bend[:, None] * np.radians([0.0, 4.0, 0.0]))
     extent = np.linalg.norm(track.views.t_shot_cam, axis=1).max()
     t = track.views.t_shot_cam + bend[:, None] * [0.0, 0.6 * extent, 0.0]
     bent = replace(track, views=replace(track.views, R_shot_cam=R, t_shot_cam=t))

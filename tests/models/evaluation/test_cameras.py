@@ -7,39 +7,39 @@ import pytest
 from evo.core import metrics, trajectory
 
 from humanmm.models.evaluation import cameras
-from humanmm.models.geometry.alignment import yaw_rotation
-from humanmm.models.geometry.rotations import rotation_from_vector
-from humanmm.models.records.sequence import CameraTake, Take, UndefinedFigureError
+from humanmm.models.geometry.alignment import yaw_to_rotmat
+from humanmm.models.geometry.rotations import rotvec_to_rotmat
+from humanmm.models.records.sequence import CameraSequence, MotionSequence, UndefinedFigureError
 
 
 @pytest.fixture
-def truth(take: Take) -> CameraTake:
-    assert take.cameras is not None
-    return take.cameras
+def truth(sequence: MotionSequence) -> CameraSequence:
+    assert sequence.cameras is not None
+    return sequence.cameras
 
 
 @pytest.fixture
-def noisy(truth: CameraTake) -> CameraTake:
+def noisy(truth: CameraSequence) -> CameraSequence:
     rng = np.random.default_rng(4)
     n = len(truth.t_world_cam)
-    R = truth.R_world_cam @ rotation_from_vector(0.01 * rng.normal(size=(n, 3)))
-    t = 0.8 * truth.t_world_cam @ yaw_rotation(1.0).T + 0.02 * rng.normal(size=(n, 3)) + [3.0, 1.0, 0.0]
-    return CameraTake(yaw_rotation(1.0) @ R, t, truth.K * [[1.1, 1.0, 1.0], [1.0, 1.1, 1.0], [1.0, 1.0, 1.0]])
+    R = truth.R_world_cam @ rotvec_to_rotmat(0.01 * rng.normal(size=(n, 3)))
+    t = 0.8 * truth.t_world_cam @ yaw_to_rotmat(1.0).T + 0.02 * rng.normal(size=(n, 3)) + [3.0, 1.0, 0.0]
+    return CameraSequence(yaw_to_rotmat(1.0) @ R, t, truth.K * [[1.1, 1.0, 1.0], [1.0, 1.1, 1.0], [1.0, 1.0, 1.0]])
 
 
-def poses(take: CameraTake) -> trajectory.PosePath3D:
-    matrices = np.tile(np.eye(4), (len(take.t_world_cam), 1, 1))
-    matrices[:, :3, :3], matrices[:, :3, 3] = take.R_world_cam, take.t_world_cam
+def poses(sequence: CameraSequence) -> trajectory.PosePath3D:
+    matrices = np.tile(np.eye(4), (len(sequence.t_world_cam), 1, 1))
+    matrices[:, :3, :3], matrices[:, :3, 3] = sequence.R_world_cam, sequence.t_world_cam
     return trajectory.PosePath3D(poses_se3=list(matrices))
 
 
-def evo_rpe(predicted: CameraTake, truth: CameraTake, relation: metrics.PoseRelation) -> float:
+def evo_rpe(predicted: CameraSequence, truth: CameraSequence, relation: metrics.PoseRelation) -> float:
     rpe = metrics.RPE(relation, delta=1, delta_unit=metrics.Unit.frames, all_pairs=True)
     rpe.process_data((poses(truth), poses(predicted)))
     return float(rpe.get_statistic(metrics.StatisticsType.rmse))
 
 
-def test_absolute_error_is_evos(truth: CameraTake, noisy: CameraTake) -> None:
+def test_absolute_error_is_evos(truth: CameraSequence, noisy: CameraSequence) -> None:
     reference, estimate = poses(truth), poses(noisy)
     estimate.align(reference, correct_scale=True)
     ape = metrics.APE(metrics.PoseRelation.translation_part)
@@ -48,9 +48,11 @@ def test_absolute_error_is_evos(truth: CameraTake, noisy: CameraTake) -> None:
     assert ours == pytest.approx(ape.get_statistic(metrics.StatisticsType.rmse), rel=1e-9)
 
 
-def test_step_errors_are_evos_shot_by_shot(truth: CameraTake, noisy: CameraTake) -> None:
+def test_step_errors_are_evos_shot_by_shot(truth: CameraSequence, noisy: CameraSequence) -> None:
     shots = ((0, 60), (60, 130))
-    parts = [[CameraTake(c.R_world_cam[a:b], c.t_world_cam[a:b], c.K[a:b]) for c in (noisy, truth)] for a, b in shots]
+    parts = [
+        [CameraSequence(c.R_world_cam[a:b], c.t_world_cam[a:b], c.K[a:b]) for c in (noisy, truth)] for a, b in shots
+    ]
     rotation = np.mean([evo_rpe(p, t, metrics.PoseRelation.rotation_angle_deg) for p, t in parts])
     translation = np.mean([evo_rpe(p, t, metrics.PoseRelation.translation_part) for p, t in parts])
     ours = cameras.relative_pose_errors(noisy, truth, shots=shots, usable=np.ones(130, bool))
@@ -63,9 +65,9 @@ def test_a_camera_that_never_moves_has_no_absolute_error() -> None:
         cameras.absolute_trajectory_error_m(still, still)
 
 
-def test_a_wrong_turn_at_the_cut_is_found_whatever_the_world(truth: CameraTake) -> None:
-    R = rotation_from_vector([0.1, 0.5, -0.2]) @ truth.R_world_cam
-    R[60:] = R[60:] @ rotation_from_vector([0.0, np.radians(25), 0.0])
+def test_a_wrong_turn_at_the_cut_is_found_whatever_the_world(truth: CameraSequence) -> None:
+    R = rotvec_to_rotmat([0.1, 0.5, -0.2]) @ truth.R_world_cam
+    R[60:] = R[60:] @ rotvec_to_rotmat([0.0, np.radians(25), 0.0])
     wrong = dataclasses.replace(truth, R_world_cam=R)
     usable = np.ones(130, bool)
     assert cameras.cut_rotation_errors_deg(wrong, truth, cut_frames=(60,), usable=usable) == pytest.approx([25.0])
@@ -73,14 +75,14 @@ def test_a_wrong_turn_at_the_cut_is_found_whatever_the_world(truth: CameraTake) 
     assert drift == pytest.approx(0.0, abs=1e-6)
 
 
-def test_drift_is_measured_from_the_first_frame_of_the_shot(truth: CameraTake) -> None:
+def test_drift_is_measured_from_the_first_frame_of_the_shot(truth: CameraSequence) -> None:
     drift = np.radians(np.linspace(0, 7, 130))[:, None] * [0.0, 1.0, 0.0]
-    wrong = dataclasses.replace(truth, R_world_cam=truth.R_world_cam @ rotation_from_vector(drift))
+    wrong = dataclasses.replace(truth, R_world_cam=truth.R_world_cam @ rotvec_to_rotmat(drift))
     found = cameras.shot_drift_deg(wrong, truth, shots=((0, 60), (60, 130)), usable=np.ones(130, bool))
     assert found == pytest.approx(7 * 69 / 129, abs=0.2)  # the orbit turns the axis of the drift a little
 
 
-def test_frames_without_a_camera_are_left_out(truth: CameraTake) -> None:
+def test_frames_without_a_camera_are_left_out(truth: CameraSequence) -> None:
     t = truth.t_world_cam.copy()
     t[10:60] = np.nan
     usable = cameras.known(dataclasses.replace(truth, t_world_cam=t))
@@ -89,11 +91,13 @@ def test_frames_without_a_camera_are_left_out(truth: CameraTake) -> None:
     assert errors == [None, pytest.approx(0.0, abs=1e-6)]
 
 
-def test_the_focal_error_is_a_share_of_the_true_one(truth: CameraTake, noisy: CameraTake) -> None:
+def test_the_focal_error_is_a_share_of_the_true_one(truth: CameraSequence, noisy: CameraSequence) -> None:
     assert cameras.focal_error_pct(noisy.K, truth.K) == pytest.approx(10.0)
 
 
-def test_inside_a_shot_the_trajectory_is_evos_after_its_similarity(truth: CameraTake, noisy: CameraTake) -> None:
+def test_inside_a_shot_the_trajectory_is_evos_after_its_similarity(
+    truth: CameraSequence, noisy: CameraSequence
+) -> None:
     n = len(truth.t_world_cam)
     ate_m, rpe_m = cameras.errors_inside_shots_m(noisy, truth, shots=[(0, n)], usable=np.ones(n, bool))
     aligned, reference = poses(noisy), poses(truth)
@@ -105,7 +109,7 @@ def test_inside_a_shot_the_trajectory_is_evos_after_its_similarity(truth: Camera
     assert rpe_m == pytest.approx(np.sqrt((steps**2).sum(axis=1).mean()), rel=1e-6)
 
 
-def test_every_shot_has_a_similarity_of_its_own_and_standing_ones_do_not_count(truth: CameraTake) -> None:
+def test_every_shot_has_a_similarity_of_its_own_and_standing_ones_do_not_count(truth: CameraSequence) -> None:
     n = len(truth.t_world_cam)
     half = n // 2
     t = 2.0 * truth.t_world_cam

@@ -14,9 +14,9 @@ from humanmm.models.evaluation.evaluate import evaluate
 from humanmm.models.evaluation.people import match_people
 from humanmm.models.evaluation.report import MEANINGS, Report, report_table
 from humanmm.models.evaluation.skeleton import LIMB_NAMES, pick
-from humanmm.models.geometry.alignment import yaw_rotation
-from humanmm.models.geometry.rotations import rotation_from_vector
-from humanmm.models.records.sequence import BodyParameters, PersonTake, Take
+from humanmm.models.geometry.alignment import yaw_to_rotmat
+from humanmm.models.geometry.rotations import rotvec_to_rotmat
+from humanmm.models.records.sequence import BodyParameters, MotionSequence, PersonSequence
 
 OWN = {"jitter", "jitter_gt", "foot_sliding_mm", "foot_sliding_gt_mm"}
 """Figures of the motion itself, not zero for a perfect prediction."""
@@ -31,36 +31,36 @@ def errors(report: Report) -> dict[str, float]:
     return {**flat, **{f"cut {i}": v for i, v in enumerate(report.cam_cut_rot_deg)}}  # type: ignore[dict-item]
 
 
-def with_person(take: Take, **changes: object) -> Take:
-    return dataclasses.replace(take, people=(dataclasses.replace(take.people[0], **changes),))  # type: ignore[arg-type]
+def with_person(sequence: MotionSequence, **changes: object) -> MotionSequence:
+    return dataclasses.replace(sequence, people=(dataclasses.replace(sequence.people[0], **changes),))  # type: ignore[arg-type]
 
 
-def moved(take: Take, *, yaw: float, shift: np.ndarray) -> Take:
-    """The same take in a world that is turned about the vertical and shifted."""
-    R, person, cameras = yaw_rotation(yaw), take.people[0], take.cameras
+def moved(sequence: MotionSequence, *, yaw: float, shift: np.ndarray) -> MotionSequence:
+    """The same sequence in a world that is turned about the vertical and shifted."""
+    R, person, cameras = yaw_to_rotmat(yaw), sequence.people[0], sequence.cameras
     assert cameras is not None and person.R_world_root is not None
     cameras = dataclasses.replace(
         cameras, R_world_cam=R @ cameras.R_world_cam, t_world_cam=cameras.t_world_cam @ R.T + shift
     )
     return dataclasses.replace(
-        with_person(take, joints=person.joints @ R.T + shift, R_world_root=R @ person.R_world_root, body=None),
+        with_person(sequence, joints=person.joints @ R.T + shift, R_world_root=R @ person.R_world_root, body=None),
         cameras=cameras,
     )
 
 
-def kept(take: Take, rows: np.ndarray) -> Take:
-    """The take with only some of the person's rows."""
-    person = take.people[0]
+def kept(sequence: MotionSequence, rows: np.ndarray) -> MotionSequence:
+    """The sequence with only some of the person's rows."""
+    person = sequence.people[0]
     changes = {
         field.name: getattr(person, field.name)[rows]
-        for field in dataclasses.fields(PersonTake)
+        for field in dataclasses.fields(PersonSequence)
         if isinstance(getattr(person, field.name), np.ndarray)
     }
-    return with_person(take, **changes, body=None)
+    return with_person(sequence, **changes, body=None)
 
 
-def test_equality_is_perfect(take: Take) -> None:
-    report = evaluate(take, take)
+def test_equality_is_perfect(sequence: MotionSequence) -> None:
+    report = evaluate(sequence, sequence)
     assert report.problems == ()
     assert all(value == pytest.approx(0.0, abs=1e-6) for value in errors(report).values())
     assert all(getattr(report, name) == 1.0 for name in PERFECT)
@@ -70,14 +70,16 @@ def test_equality_is_perfect(take: Take) -> None:
 
 @settings(max_examples=10, deadline=None)
 @given(st.floats(-3.1, 3.1), st.floats(-50, 50), st.floats(-50, 50))
-def test_nothing_depends_on_the_heading_and_origin_of_the_world(take: Take, yaw: float, x: float, y: float) -> None:
-    report = evaluate(moved(take, yaw=yaw, shift=np.array([x, y, 0.5])), take)
+def test_nothing_depends_on_the_heading_and_origin_of_the_world(
+    sequence: MotionSequence, yaw: float, x: float, y: float
+) -> None:
+    report = evaluate(moved(sequence, yaw=yaw, shift=np.array([x, y, 0.5])), sequence)
     assert report.pve_mm is None
     assert all(value == pytest.approx(0.0, abs=1e-5) for value in errors(report).values() if value is not None)
 
 
-def test_a_larger_body_in_a_larger_world_fails_only_where_size_counts(take: Take) -> None:
-    report = evaluate(with_person(take, joints=1.1 * take.people[0].joints), take)
+def test_a_larger_body_in_a_larger_world_fails_only_where_size_counts(sequence: MotionSequence) -> None:
+    report = evaluate(with_person(sequence, joints=1.1 * sequence.people[0].joints), sequence)
     assert report.pa_mpjpe_mm == pytest.approx(0.0, abs=1e-6)
     assert report.wa_mpjpe100_mm == pytest.approx(0.0, abs=1e-6)
     assert report.w_mpjpe100_mm == pytest.approx(0.0, abs=1e-6)
@@ -85,25 +87,25 @@ def test_a_larger_body_in_a_larger_world_fails_only_where_size_counts(take: Take
     assert report.jitter == pytest.approx(1.1 * report.jitter_gt)  # type: ignore[operator]
 
 
-def test_a_jump_at_the_cut_is_measured_to_the_millimetre(take: Take) -> None:
-    joints = take.people[0].joints.copy()
+def test_a_jump_at_the_cut_is_measured_to_the_millimetre(sequence: MotionSequence) -> None:
+    joints = sequence.people[0].joints.copy()
     joints[60:] += [0.3, -0.4, 0.0]
-    report = evaluate(with_person(take, joints=joints), take)
+    report = evaluate(with_person(sequence, joints=joints), sequence)
     assert report.cut_jump_m == pytest.approx(0.5)
     assert report.cut_jump_deg == pytest.approx(0.0, abs=1e-6)
     assert report.pa_mpjpe_mm == pytest.approx(0.0, abs=1e-6)
 
 
-def test_sliding_is_the_way_of_the_feet_that_stand_in_the_truth(take: Take) -> None:
-    joints = take.people[0].joints.copy()
+def test_sliding_is_the_way_of_the_feet_that_stand_in_the_truth(sequence: MotionSequence) -> None:
+    joints = sequence.people[0].joints.copy()
     joints[:, [7, 10]] = [0.0, 0.0, 0.1]
-    joints[:, 7, 0] += 0.004 * np.arange(take.num_frames)
-    report = evaluate(with_person(take, joints=joints), take)
+    joints[:, 7, 0] += 0.004 * np.arange(sequence.num_frames)
+    report = evaluate(with_person(sequence, joints=joints), sequence)
     assert report.foot_sliding_mm == pytest.approx(2.0)  # 4 mm a frame at the ankle, none at the toes
 
 
-def test_missing_frames_cost_coverage_and_are_told(take: Take) -> None:
-    report = evaluate(kept(take, np.r_[0:60, 73:130]), take)
+def test_missing_frames_cost_coverage_and_are_told(sequence: MotionSequence) -> None:
+    report = evaluate(kept(sequence, np.r_[0:60, 73:130]), sequence)
     assert report.coverage == pytest.approx(0.9)
     assert any("13 of 130 frames" in sentence for sentence in report.problems)
     assert report.wa_mpjpe100_mm == pytest.approx(0.0, abs=1e-6)
@@ -111,25 +113,25 @@ def test_missing_frames_cost_coverage_and_are_told(take: Take) -> None:
     assert any("the cut at 60 is left out" in sentence for sentence in report.problems)
 
 
-def test_frames_that_were_filled_in_count_as_predicted(take: Take) -> None:
-    assert evaluate(with_person(take, observed=np.zeros(take.num_frames, bool)), take).coverage == 1.0
+def test_frames_that_were_filled_in_count_as_predicted(sequence: MotionSequence) -> None:
+    assert evaluate(with_person(sequence, observed=np.zeros(sequence.num_frames, bool)), sequence).coverage == 1.0
 
 
-def test_coverage_counts_only_frames_in_which_the_truth_sees_the_person(take: Take) -> None:
-    seen = np.arange(take.num_frames) < 60
-    assert evaluate(kept(take, np.arange(30)), with_person(take, observed=seen)).coverage == 0.5
+def test_coverage_counts_only_frames_in_which_the_truth_sees_the_person(sequence: MotionSequence) -> None:
+    seen = np.arange(sequence.num_frames) < 60
+    assert evaluate(kept(sequence, np.arange(30)), with_person(sequence, observed=seen)).coverage == 0.5
 
 
-def test_a_prediction_of_nobody_has_no_coverage_and_no_errors(take: Take) -> None:
-    report = evaluate(dataclasses.replace(take, people=()), take)
+def test_a_prediction_of_nobody_has_no_coverage_and_no_errors(sequence: MotionSequence) -> None:
+    report = evaluate(dataclasses.replace(sequence, people=()), sequence)
     assert report.coverage == 0.0
     assert report.pa_mpjpe_mm is None
     assert any("person 00" in sentence for sentence in report.problems)
     assert report.cam_ate_m == pytest.approx(0.0, abs=1e-9)
 
 
-def test_people_are_matched_by_their_boxes_not_by_their_numbers(take: Take) -> None:
-    person = take.people[0]
+def test_people_are_matched_by_their_boxes_not_by_their_numbers(sequence: MotionSequence) -> None:
+    person = sequence.people[0]
     assert person.bbox_xyxy is not None
     aside = dataclasses.replace(
         person,
@@ -137,53 +139,53 @@ def test_people_are_matched_by_their_boxes_not_by_their_numbers(take: Take) -> N
         joints=person.joints + np.array([0.0, 3.0, 0.0]),
         bbox_xyxy=person.bbox_xyxy + np.array([900.0, 0.0, 900.0, 0.0]),
     )
-    truth = dataclasses.replace(take, people=(person, aside))
-    prediction = dataclasses.replace(take, people=(aside, person))
+    truth = dataclasses.replace(sequence, people=(person, aside))
+    prediction = dataclasses.replace(sequence, people=(aside, person))
     assert match_people(prediction.people, truth.people) == {0: 1, 1: 0}
     assert evaluate(prediction, truth).wa_mpjpe100_mm == pytest.approx(0.0, abs=1e-6)
-    half = evaluate(take, truth)
+    half = evaluate(sequence, truth)
     assert half.coverage == 0.5
     assert any("person 01" in sentence for sentence in half.problems)
 
 
-def test_a_partial_truth_is_compared_on_the_twelve_limb_joints(take: Take) -> None:
+def test_a_partial_truth_is_compared_on_the_twelve_limb_joints(sequence: MotionSequence) -> None:
     names = tuple(name.replace("_", "") for name in LIMB_NAMES)
-    joints = pick(take.people[0].joints, take.joint_names, LIMB_NAMES)
-    partial = with_person(take, joints=joints, R_world_root=None, contacts=None, body=None)
+    joints = pick(sequence.people[0].joints, sequence.joint_names, LIMB_NAMES)
+    partial = with_person(sequence, joints=joints, R_world_root=None, contacts=None, body=None)
     truth = dataclasses.replace(partial, joint_names=names)
-    report = evaluate(take, truth)
+    report = evaluate(sequence, truth)
     assert all(value == pytest.approx(0.0, abs=1e-6) for value in errors(report).values() if value is not None)
     assert report.roe_deg is not None
     assert report.pve_mm is None
     assert any(sentence.startswith("pve_mm") for sentence in report.problems)
 
 
-def test_frames_with_unknown_true_joints_are_told(take: Take) -> None:
-    joints = take.people[0].joints.copy()
+def test_frames_with_unknown_true_joints_are_told(sequence: MotionSequence) -> None:
+    joints = sequence.people[0].joints.copy()
     joints[5:9, 18] = np.nan
-    report = evaluate(take, with_person(take, joints=joints))
+    report = evaluate(sequence, with_person(sequence, joints=joints))
     assert any("4 of 130 frames" in sentence for sentence in report.problems)
 
 
-def test_without_cameras_the_camera_figures_are_null_and_named(take: Take) -> None:
-    report = evaluate(dataclasses.replace(take, cameras=None), take)
+def test_without_cameras_the_camera_figures_are_null_and_named(sequence: MotionSequence) -> None:
+    report = evaluate(dataclasses.replace(sequence, cameras=None), sequence)
     assert report.cam_cut_rot_deg is None
     assert report.mpjpe_cam_mm is None
     assert any("cam_shot_drift_deg" in sentence for sentence in report.problems)
 
 
-def test_the_error_of_the_skin_is_that_of_every_vertex_skinned_by_hand(take: Take) -> None:
-    person = take.people[0].body
+def test_the_error_of_the_skin_is_that_of_every_vertex_skinned_by_hand(sequence: MotionSequence) -> None:
+    person = sequence.people[0].body
     assert person is not None
     nodding = person.body_pose.copy()
     nodding[:, 14, 0] += 0.5  # the head alone
     changed = dataclasses.replace(person, body_pose=nodding, betas=np.full(10, 0.5))
-    report = evaluate(with_person(take, body=changed), take)
+    report = evaluate(with_person(sequence, body=changed), sequence)
     body = load_body()
 
     def skinned(parameters: BodyParameters, row: int) -> np.ndarray:
         rest = body.rest_joints(parameters.betas)
-        R_root = rotation_from_vector(parameters.root_orient[row : row + 1])
+        R_root = rotvec_to_rotmat(parameters.root_orient[row : row + 1])
         joints, R = forward_kinematics(rest, R_root, parameters.body_pose[row : row + 1], np.zeros((1, 3)))
         points = body.rest_vertices(parameters.betas)
         moved = sum(
@@ -196,13 +198,13 @@ def test_the_error_of_the_skin_is_that_of_every_vertex_skinned_by_hand(take: Tak
         )
         return np.asarray(moved - joints[0, [1, 2]].mean(axis=0))
 
-    rows = range(0, take.num_frames)
+    rows = range(0, sequence.num_frames)
     errors = [np.linalg.norm(skinned(changed, k) - skinned(person, k), axis=1).mean() for k in rows]
     assert report.pve_mm == pytest.approx(1000 * float(np.mean(errors)), abs=1e-2)
 
 
-def test_the_report_is_plain_json_with_every_figure_explained(take: Take) -> None:
-    report = evaluate(take, take)
+def test_the_report_is_plain_json_with_every_figure_explained(sequence: MotionSequence) -> None:
+    report = evaluate(sequence, sequence)
     assert json.loads(json.dumps(report.to_json(), allow_nan=False))["coverage"] == 1.0
     assert set(MEANINGS) == set(report.to_json()) - {"problems"}
-    assert report_table(report, title="take").row_count == len(MEANINGS)
+    assert report_table(report, title="sequence").row_count == len(MEANINGS)

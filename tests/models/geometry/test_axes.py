@@ -3,14 +3,14 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from humanmm.models.geometry.axes import R_ZUP_YUP, camera_to_world, centred_pixels
+from humanmm.models.geometry.axes import R_ZUP_YUP, centred_pixels, zup_camera_pose
 
 
 def test_a_point_is_seen_at_the_same_place_from_both_worlds() -> None:
     rng = np.random.default_rng(0)
     R, t = Rotation.random(5, random_state=0).as_matrix(), rng.normal(size=(5, 3))
     points = rng.normal(size=(5, 3))
-    R_world_cam, t_world_cam = camera_to_world(R, t)
+    R_world_cam, t_world_cam = zup_camera_pose(R, t)
     theirs = np.einsum("nab,nb->na", R, points) + t
     ours = np.einsum("nba,nb->na", R_world_cam, points @ R_ZUP_YUP.T - t_world_cam)
     np.testing.assert_allclose(ours, theirs, atol=1e-12)

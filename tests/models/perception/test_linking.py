@@ -1,4 +1,4 @@
-"""Trails put right at the end of a scene."""
+"""Tracks put right at the end of a scene."""
 
 import numpy as np
 
@@ -6,8 +6,9 @@ from humanmm.models.perception.clothing import HISTOGRAM_BINS
 from humanmm.models.perception.linking import joined, untangled
 from humanmm.models.perception.observation import Observation
 from humanmm.models.perception.regions import Region
-from humanmm.models.perception.trail import Trail
+from humanmm.models.perception.track_builder import TrackBuilder
 
+TIME_S = np.arange(500) / 30
 RED, BLUE = np.eye(HISTOGRAM_BINS)[3], np.eye(HISTOGRAM_BINS)[17]
 
 
@@ -18,8 +19,8 @@ def seen_at(x: float) -> Observation:
     return Observation(keypoints, np.zeros((33, 3)), box, 0.9, np.zeros((128, 128), np.uint8), region, region)
 
 
-def trail(frames: range, x: float, colours: np.ndarray) -> Trail:
-    result = Trail(seen_at(x), frames[0])
+def track(frames: range, x: float, colours: np.ndarray) -> TrackBuilder:
+    result = TrackBuilder(TIME_S, seen_at(x), frames[0])
     for frame in frames:
         result.add(frame, seen_at(x))
         if frame % 5 == 0:
@@ -27,25 +28,25 @@ def trail(frames: range, x: float, colours: np.ndarray) -> Trail:
     return result
 
 
-def spans(trails: list[Trail]) -> list[tuple[int, int]]:
-    return sorted((min(t.rows), max(t.rows)) for t in trails)
+def spans(tracks: list[TrackBuilder]) -> list[tuple[int, int]]:
+    return sorted((min(t.rows), max(t.rows)) for t in tracks)
 
 
 def test_a_person_lost_for_a_moment_goes_on_as_one_track() -> None:
-    assert spans(joined([trail(range(0, 30), 300, RED), trail(range(40, 70), 330, RED)], 30.0)) == [(0, 69)]
+    assert spans(joined([track(range(0, 30), 300, RED), track(range(40, 70), 330, RED)])) == [(0, 69)]
 
 
 def test_people_in_other_clothes_or_at_the_same_time_are_not_joined() -> None:
-    assert len(joined([trail(range(0, 30), 300, RED), trail(range(60, 90), 900, BLUE)], 30.0)) == 2
-    assert len(joined([trail(range(0, 30), 300, RED), trail(range(20, 60), 300, RED)], 30.0)) == 2
+    assert len(joined([track(range(0, 30), 300, RED), track(range(60, 90), 900, BLUE)])) == 2
+    assert len(joined([track(range(0, 30), 300, RED), track(range(20, 60), 300, RED)])) == 2
 
 
 def test_whoever_enters_long_after_another_left_is_a_new_person() -> None:
-    assert len(joined([trail(range(0, 30), 300, RED), trail(range(400, 430), 300, RED)], 30.0)) == 2
+    assert len(joined([track(range(0, 30), 300, RED), track(range(400, 430), 300, RED)])) == 2
 
 
-def test_a_trail_that_moved_on_to_somebody_else_is_cut_where_the_clothes_change() -> None:
-    mixed = trail(range(0, 60), 300, RED)
+def test_a_track_that_moved_on_to_somebody_else_is_cut_where_the_clothes_change() -> None:
+    mixed = track(range(0, 60), 300, RED)
     for frame in range(30, 60, 5):
         mixed.colours[frame] = BLUE
     assert spans(untangled([mixed])) == [(0, 29), (30, 59)]

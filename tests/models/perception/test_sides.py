@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from humanmm.models.perception.sides import exchanged_sides, side_vote
+from humanmm.models.perception.sides import left_right_swaps, side_vote
 from humanmm.models.records.landmarks import INDEX, NUM_LANDMARKS, SWAP
 
 
@@ -25,23 +25,23 @@ def test_swap_is_its_own_inverse_and_keeps_the_nose() -> None:
     assert SWAP[INDEX["nose"]] == INDEX["nose"]
 
 
-def test_runs_of_exchanged_frames_are_found_from_continuity() -> None:
+def test_runs_of_swapped_frames_are_found_from_continuity() -> None:
     keypoints, poses = walking_body(60)
     truth = np.zeros(60, bool)
     truth[20:33] = truth[40] = True
     keypoints[truth], poses[truth] = keypoints[truth][:, SWAP], poses[truth][:, SWAP]
-    found = exchanged_sides(keypoints, poses, np.zeros(60), np.arange(60) / 30, np.full(60, 400.0))
+    found = left_right_swaps(keypoints, poses, np.zeros(60), np.arange(60) / 30, np.full(60, 400.0))
     np.testing.assert_array_equal(found, truth)
 
 
 def test_second_looks_decide_which_stretch_is_right() -> None:
     keypoints, poses = walking_body(60)
-    exchanged = np.arange(60) < 45
-    keypoints[exchanged], poses[exchanged] = keypoints[exchanged][:, SWAP], poses[exchanged][:, SWAP]
+    swapped = np.arange(60) < 45
+    keypoints[swapped], poses[swapped] = keypoints[swapped][:, SWAP], poses[swapped][:, SWAP]
     votes = np.zeros(60)
     votes[10], votes[50] = -2.0, 2.0
-    found = exchanged_sides(keypoints, poses, votes, np.arange(60) / 30, np.full(60, 400.0))
-    np.testing.assert_array_equal(found, exchanged)
+    found = left_right_swaps(keypoints, poses, votes, np.arange(60) / 30, np.full(60, 400.0))
+    np.testing.assert_array_equal(found, swapped)
 
 
 def test_a_side_vote_has_the_sign_of_the_agreement() -> None:

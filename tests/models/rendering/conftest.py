@@ -7,7 +7,7 @@ import pytest
 
 from humanmm.models.rendering.renderer import Frame, render_frames
 from humanmm.models.rendering.script import Clip, ClipPlan, plan_clip
-from humanmm.models.synthetic.mocap import MocapTake
+from humanmm.models.synthetic.mocap import MocapSequence
 from humanmm.storage.readers.mocap_pack import read_pack
 
 PACK = Path(__file__).parents[3] / "data" / "mocap" / "cmu_val.npz"
@@ -15,15 +15,15 @@ PLAN = ClipPlan("small", (3, 11), seconds=(2.0, 2.0), size=(256, 144), transitio
 
 
 @pytest.fixture(scope="session")
-def takes() -> tuple[MocapTake, ...]:
+def sequences() -> tuple[MocapSequence, ...]:
     return read_pack(PACK)
 
 
 @pytest.fixture(scope="session")
-def clip(takes: tuple[MocapTake, ...]) -> Clip:
+def clip(sequences: tuple[MocapSequence, ...]) -> Clip:
     """The first plan with two people."""
     for seed in range(100):
-        clip = plan_clip(takes, replace(PLAN, seed=(3, seed)))
+        clip = plan_clip(sequences, replace(PLAN, seed=(3, seed)))
         if len(clip.actors) == 2 and clip.changes[0].type == "cut":
             return clip
     raise AssertionError("no plan has two people")

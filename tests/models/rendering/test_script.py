@@ -7,18 +7,18 @@ import pytest
 
 from humanmm.models.rendering.actors import NEAREST_M, resample
 from humanmm.models.rendering.script import CLEAR_M, Clip, ClipPlan, in_view, plan_clip
-from humanmm.models.synthetic.mocap import MocapTake
+from humanmm.models.synthetic.mocap import MocapSequence
 
 PLAN = ClipPlan("plan", (0, 0), seconds=(3.0, 4.0))
 
 
 @pytest.fixture(scope="module")
-def clips(takes: tuple[MocapTake, ...]) -> list[Clip]:
-    return [plan_clip(takes, replace(PLAN, seed=(1, seed))) for seed in range(10)]
+def clips(sequences: tuple[MocapSequence, ...]) -> list[Clip]:
+    return [plan_clip(sequences, replace(PLAN, seed=(1, seed))) for seed in range(10)]
 
 
-def test_the_same_seed_plans_the_same_clip_and_another_seed_another(takes: tuple[MocapTake, ...]) -> None:
-    one, same, other = (plan_clip(takes, replace(PLAN, seed=(0, k))) for k in (1, 1, 2))
+def test_the_same_seed_plans_the_same_clip_and_another_seed_another(sequences: tuple[MocapSequence, ...]) -> None:
+    one, same, other = (plan_clip(sequences, replace(PLAN, seed=(0, k))) for k in (1, 1, 2))
     assert np.array_equal(one.shots[0].t_world_cam, same.shots[0].t_world_cam)
     assert one.changes == same.changes
     assert one.actors[0].joints.shape != other.actors[0].joints.shape or not np.array_equal(
@@ -61,13 +61,13 @@ def test_shots_meet_at_a_cut_and_overlap_in_a_dissolve(clips: list[Clip]) -> Non
     assert kinds == {"cut", "dissolve"}
 
 
-def test_a_take_at_its_own_rate_stays_as_it_is(takes: tuple[MocapTake, ...]) -> None:
-    take = takes[0].cropped(0, 40)
-    again = resample(take, 0.0, 40, take.fps)
-    assert np.allclose(again.pelvis, take.pelvis)
-    assert np.allclose(again.R_world_root, take.R_world_root, atol=1e-9)
+def test_a_sequence_at_its_own_rate_stays_as_it_is(sequences: tuple[MocapSequence, ...]) -> None:
+    sequence = sequences[0].cropped(0, 40)
+    again = resample(sequence, 0.0, 40, sequence.fps)
+    assert np.allclose(again.pelvis, sequence.pelvis)
+    assert np.allclose(again.R_world_root, sequence.R_world_root, atol=1e-9)
 
 
-def test_too_short_takes_are_told(takes: tuple[MocapTake, ...]) -> None:
-    with pytest.raises(ValueError, match="no take is as long"):
-        plan_clip(takes, replace(PLAN, seconds=(60.0, 61.0)))
+def test_too_short_takes_are_told(sequences: tuple[MocapSequence, ...]) -> None:
+    with pytest.raises(ValueError, match="no sequence is as long"):
+        plan_clip(sequences, replace(PLAN, seconds=(60.0, 61.0)))

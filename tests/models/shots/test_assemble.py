@@ -15,17 +15,17 @@ K = np.array([[900.0, 0, 480], [0, 900, 270], [0, 0, 1]])
 @pytest.mark.parametrize("people", [[None, None], [ScenePeople(0, 30, ()), ScenePeople(30, 60, ())]])
 def test_a_video_in_which_nobody_is_seen_is_an_error_in_plain_words(people: list[ScenePeople | None]) -> None:
     with pytest.raises(NoUsablePersonError, match="no usable person"):
-        assemble_shots(SCENES, people, time_s=np.arange(60) / 30, fps=30.0, K=K)
+        assemble_shots(SCENES, people, time_s=np.arange(60) / 30, K=K)
 
 
-def test_frames_that_a_dissolve_mixes_are_clear_in_neither_shot() -> None:
+def test_frames_that_a_dissolve_mixes_are_outside_transitions_in_neither_shot() -> None:
     dissolve = Transition("dissolve", 25, 36, "scene")
     first = Shot(0, 0, 30, 0, None, (), ending=dissolve)
     second = Shot(1, 30, 60, 1, dissolve, (), ending=Transition("cut", 60, 60, "scene"))
-    assert first.clear == (0, 25)
-    assert second.clear == (36, 60)
+    assert first.outside_transitions == (0, 25)
+    assert second.outside_transitions == (36, 60)
 
 
-def test_a_shot_between_two_long_dissolves_may_have_no_clear_frame() -> None:
+def test_a_shot_between_two_long_dissolves_may_have_no_frame_outside_transitions() -> None:
     shot = Shot(1, 30, 40, 1, Transition("dissolve", 22, 38, "scene"), (), Transition("fade", 36, 44, "scene"))
-    assert shot.clear == (38, 38)
+    assert shot.outside_transitions == (38, 38)

@@ -9,6 +9,7 @@ from humanmm.models.records.shots import Shot, Transition
 from humanmm.models.records.tracks import PersonTrack, ScenePeople, Silhouettes
 from humanmm.models.shots.identity import bone_lengths, identify, pose_residual_m, shape_from_bones
 
+TIME_S = np.arange(150) / 30
 RED, BLUE, GREEN = (np.eye(HISTOGRAM_BINS)[k] for k in (3, 17, 30))
 
 
@@ -52,7 +53,7 @@ def cast_of(*scenes: list[PersonTrack] | None, length: int = 30) -> list[list[tu
         ScenePeople(span.start, span.end, tuple(tracks)) if tracks is not None else None
         for span, tracks in zip(spans, scenes, strict=True)
     ]
-    cast = identify(spans, people, fps=30.0)
+    cast = identify(spans, people, time_s=TIME_S)
     return [[(a.person, a.track) for a in sorted(shot, key=lambda a: a.person)] for shot in cast.appearances]
 
 
@@ -86,7 +87,7 @@ def test_who_is_seen_for_a_blink_or_never_clearly_is_left_out() -> None:
 
 def test_a_track_that_spans_a_cut_inside_its_scene_gives_one_person_in_both_shots() -> None:
     people = ScenePeople(0, 60, (track(0, 60, RED),))
-    cast = identify([Shot(0, 0, 30, 0, None, ()), Shot(1, 30, 60, 0, None, ())], [people], fps=30.0)
+    cast = identify([Shot(0, 0, 30, 0, None, ()), Shot(1, 30, 60, 0, None, ())], [people], time_s=TIME_S)
     assert [[a.person for a in shot] for shot in cast.appearances] == [[0], [0]]
 
 
@@ -95,7 +96,7 @@ def test_who_is_seen_only_while_two_shots_mix_is_in_neither() -> None:
     shots = [Shot(0, 0, 30, 0, None, (), dissolve), Shot(1, 30, 60, 1, dissolve, ())]
     ghost = track(30, 42, GREEN)
     people = [ScenePeople(0, 30, (track(0, 30, RED),)), ScenePeople(30, 60, (ghost, track(30, 60, BLUE)))]
-    cast = identify(shots, people, fps=30.0)
+    cast = identify(shots, people, time_s=TIME_S)
     assert [[(a.person, a.track) for a in shot] for shot in cast.appearances] == [[(0, 0)], [(1, 1)]]
 
 
@@ -105,7 +106,7 @@ def test_the_pose_at_the_cut_tells_equally_dressed_people_apart() -> None:
     assert cast_of(first, second) == [[(0, 0), (1, 1)], [(0, 1), (1, 0)]]
 
 
-def test_the_pose_residual_ignores_rotation_and_exchanged_sides() -> None:
+def test_the_pose_residual_ignores_rotation_and_swapped_sides() -> None:
     turn = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
     turn *= np.sign(np.linalg.det(turn))
     assert pose_residual_m(standing(1.0), (standing(1.0) @ turn.T)[SWAP]) < 1e-6

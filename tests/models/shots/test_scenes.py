@@ -63,30 +63,34 @@ def dissolved(before: list[np.ndarray], after: list[np.ndarray], length: int) ->
     return before[:-length] + blend + after[length:]
 
 
+def at_25_hz(footage: list[np.ndarray]) -> np.ndarray:
+    return np.arange(len(footage)) / 25
+
+
 def changes(scenes: Scenes) -> list[tuple[str, int, int]]:
     return [(t.type, t.start, t.end) for t in scenes.transitions]
 
 
 def test_hard_cuts_are_found_at_the_first_new_frame() -> None:
     footage = Place(1).still(20) + Place(2).still(31) + Place(3).still(12)
-    assert changes(find_scenes(footage, 25)) == [("cut", 20, 20), ("cut", 51, 51)]
+    assert changes(find_scenes(footage, at_25_hz(footage))) == [("cut", 20, 20), ("cut", 51, 51)]
 
 
 def test_cuts_two_frames_apart_are_all_found() -> None:
     footage = Place(1).still(20) + Place(2).still(2) + Place(3).still(2) + Place(4).still(20)
-    assert changes(find_scenes(footage, 25)) == [("cut", 20, 20), ("cut", 22, 22), ("cut", 24, 24)]
+    assert changes(find_scenes(footage, at_25_hz(footage))) == [("cut", 20, 20), ("cut", 22, 22), ("cut", 24, 24)]
 
 
 def test_a_jump_inside_one_place_is_a_cut_though_everything_is_seen_again() -> None:
     place = Place(5)
     footage = place.still(25) + [place.picture(t, (30, 4)) for t in range(25)]
-    assert changes(find_scenes(footage, 25)) == [("cut", 25, 25)]
+    assert changes(find_scenes(footage, at_25_hz(footage))) == [("cut", 25, 25)]
 
 
 @pytest.mark.parametrize("length", [5, 12, 24])
 def test_a_dissolve_is_one_transition_with_its_first_and_last_frame(length: int) -> None:
     footage = dissolved(Place(1).still(60), Place(2).still(60), length)
-    ((kind, start, end),) = changes(find_scenes(footage, 25))
+    ((kind, start, end),) = changes(find_scenes(footage, at_25_hz(footage)))
     assert kind == "dissolve"
     assert abs(start - (60 - length)) <= 2
     assert abs(end - 60) <= 2
@@ -96,7 +100,7 @@ def test_a_dissolve_is_one_transition_with_its_first_and_last_frame(length: int)
 def test_a_fade_through_black_or_white_is_one_transition(level: int) -> None:
     plain = [np.full((HEIGHT, WIDTH, 3), level, np.uint8)] * 30
     footage = dissolved(dissolved(Place(1).still(50), plain[:24], 10), Place(2).still(50), 10)
-    ((kind, start, end),) = changes(find_scenes(footage, 25))
+    ((kind, start, end),) = changes(find_scenes(footage, at_25_hz(footage)))
     assert kind == "fade"
     assert abs(start - 40) <= 2
     assert abs(end - 64) <= 2
@@ -106,7 +110,7 @@ def test_a_shaking_camera_makes_no_cut() -> None:
     place, generator = Place(7), np.random.default_rng(7)
     path = np.cumsum(generator.normal(0, 5, (60, 2)), axis=0)
     footage = place.still(20) + [place.picture(t, tuple(path[t])) for t in range(60)]
-    assert changes(find_scenes(footage, 25)) == []
+    assert changes(find_scenes(footage, at_25_hz(footage))) == []
 
 
 def test_a_whip_pan_makes_no_cut() -> None:
@@ -115,7 +119,7 @@ def test_a_whip_pan_makes_no_cut() -> None:
     speed = np.gradient(ease) / 2
     pan = [place.picture(t, (float(x), 0), blur=float(v)) for t, (x, v) in enumerate(zip(ease, speed, strict=True))]
     footage = place.still(25) + pan + [place.picture(t, (float(ease[-1]), 0)) for t in range(25)]
-    assert changes(find_scenes(footage, 25)) == []
+    assert changes(find_scenes(footage, at_25_hz(footage))) == []
 
 
 def test_flashes_and_exposure_steps_make_no_cut() -> None:
@@ -123,7 +127,7 @@ def test_flashes_and_exposure_steps_make_no_cut() -> None:
     for frame, gain in ((20, 3.0), (21, 2.0), (50, 2.5)):
         footage[frame] = np.clip(footage[frame] * gain + 60, 0, 255).astype(np.uint8)
     footage[60:] = [np.clip(picture * 0.6, 0, 255).astype(np.uint8) for picture in footage[60:]]
-    assert changes(find_scenes(footage, 25)) == []
+    assert changes(find_scenes(footage, at_25_hz(footage))) == []
 
 
 def test_cuts_are_proposed_where_pyscenedetect_proposes_them() -> None:
@@ -132,7 +136,7 @@ def test_cuts_are_proposed_where_pyscenedetect_proposes_them() -> None:
     pictures = [np.full((18, 32, 3), level, np.uint8) for level in levels]
     adaptive = AdaptiveDetector(min_scene_len=1, min_content_val=6.0)
     content = ContentDetector(threshold=20.0, min_scene_len=1)
-    footage = Footage()
+    footage = Footage(at_25_hz(pictures))
     proposed: set[int] = set()
     expected: set[int] = set()
     for frame, picture in enumerate(pictures):
@@ -146,13 +150,13 @@ def test_cuts_are_proposed_where_pyscenedetect_proposes_them() -> None:
 
 def test_what_is_found_does_not_depend_on_where_blocks_end() -> None:
     footage = [picture for k in range(9) for picture in Place(20 + k).still(67)]
-    assert [start for _, start, _ in changes(find_scenes(footage, 25))] == [67 * k for k in range(1, 9)]
+    assert [start for _, start, _ in changes(find_scenes(footage, at_25_hz(footage)))] == [67 * k for k in range(1, 9)]
 
 
 def found_in(path: Path) -> Scenes:
     with path.open("rb") as stream:
         facts = read_facts(stream)
-        return find_scenes((f.image for f in frames(stream, facts, pixels="bgr", max_side_px=SIDE_PX)), facts.fps)
+        return find_scenes((f.image for f in frames(stream, facts, pixels="bgr", max_side_px=SIDE_PX)), facts.time_s)
 
 
 def test_the_shipped_clip_is_cut_twice() -> None:

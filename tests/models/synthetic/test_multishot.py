@@ -11,7 +11,7 @@ from humanmm.models.benchmark.tables.statistics import statistics_of
 from humanmm.models.body.landmarks import load_landmarks
 from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.synthetic.detector_noise import fitted_noise
-from humanmm.models.synthetic.mocap import MocapTake
+from humanmm.models.synthetic.mocap import MocapSequence
 from humanmm.models.synthetic.multishot import BenchVideo, build_video, cut_times, plan_videos
 from humanmm.storage.readers.mocap_pack import read_pack
 from humanmm.storage.store.codec import encode
@@ -23,16 +23,16 @@ SILENT = replace(
 )  # fmt: skip
 
 
-def silent(takes: tuple[MocapTake, ...], transitions: int = 3) -> BenchVideo:
+def silent(sequences: tuple[MocapSequence, ...], transitions: int = 3) -> BenchVideo:
     """A video without any noise of the detector."""
-    plan = plan_videos(takes, 1, seed=3, transitions=(transitions,))[0]
-    return build_video(takes[plan.take], replace(plan, noise=SILENT))
+    plan = plan_videos(sequences, 1, seed=3, transitions=(transitions,))[0]
+    return build_video(sequences[plan.sequence], replace(plan, noise=SILENT))
 
 
-def test_the_same_plan_gives_the_same_bytes_and_another_seed_others(takes: tuple[MocapTake, ...]) -> None:
+def test_the_same_plan_gives_the_same_bytes_and_another_seed_others(sequences: tuple[MocapSequence, ...]) -> None:
     def digests(seed: int) -> list[str]:
-        plan = plan_videos(takes, 1, seed=seed, transitions=(2,))[0]
-        video = build_video(takes[plan.take], plan)
+        plan = plan_videos(sequences, 1, seed=seed, transitions=(2,))[0]
+        video = build_video(sequences[plan.sequence], plan)
         return [encode(scene, ScenePeople).digest() for scene in video.people]
 
     assert digests(1) == digests(1)
@@ -46,15 +46,15 @@ def test_cuts_leave_no_clip_shorter_than_promised() -> None:
         assert min(np.diff([0, *cuts, 120])) >= 18
 
 
-def test_a_version_with_more_transitions_shows_the_same_body(takes: tuple[MocapTake, ...]) -> None:
-    plans = plan_videos(takes, 1, seed=0, same=True)
-    two, four = (build_video(takes[plan.take], plan) for plan in (plans[0], plans[2]))
+def test_a_version_with_more_transitions_shows_the_same_body(sequences: tuple[MocapSequence, ...]) -> None:
+    plans = plan_videos(sequences, 1, seed=0, same=True)
+    two, four = (build_video(sequences[plan.sequence], plan) for plan in (plans[0], plans[2]))
     assert (len(two.truth.transitions), len(four.truth.transitions)) == (2, 4)
     assert np.array_equal(two.truth.people[0].joints, four.truth.people[0].joints)
 
 
-def test_without_noise_keypoints_are_the_true_joints_in_the_true_camera(takes: tuple[MocapTake, ...]) -> None:
-    video = silent(takes)
+def test_without_noise_keypoints_are_the_true_joints_in_the_true_camera(sequences: tuple[MocapSequence, ...]) -> None:
+    video = silent(sequences)
     cameras, joints = video.truth.cameras, video.truth.people[0].joints
     assert cameras is not None
     knees = [4, 5]
@@ -72,17 +72,17 @@ def test_without_noise_keypoints_are_the_true_joints_in_the_true_camera(takes: t
         assert (shift <= 1.5 * offset_m * cameras.K[0, 0, 0] / depth).all()
 
 
-def test_without_noise_landmarks_are_the_true_ones_seen_along_the_ray(takes: tuple[MocapTake, ...]) -> None:
-    track = silent(takes).people[0].tracks[0]
+def test_without_noise_landmarks_are_the_true_ones_seen_along_the_ray(sequences: tuple[MocapSequence, ...]) -> None:
+    track = silent(sequences).people[0].tracks[0]
     thigh = np.linalg.norm(track.landmarks3d[:, 23] - track.landmarks3d[:, 25], axis=-1)
     assert np.ptp(thigh) < 0.03  # the hip landmark moves a little about its joint
     assert np.abs(track.landmarks3d[:, 23:25].mean(axis=1)).max() < 1e-6
 
 
-def test_noise_has_the_size_that_it_is_said_to_have(takes: tuple[MocapTake, ...]) -> None:
-    plan = plan_videos(takes, 1, seed=3, transitions=(3,))[0]
+def test_noise_has_the_size_that_it_is_said_to_have(sequences: tuple[MocapSequence, ...]) -> None:
+    plan = plan_videos(sequences, 1, seed=3, transitions=(3,))[0]
     plain = replace(SILENT, keypoint_fraction=0.02, shot_fraction=0.0, new_fraction=1.0)
-    clean, noisy = (build_video(takes[plan.take], replace(plan, noise=noise)) for noise in (SILENT, plain))
+    clean, noisy = (build_video(sequences[plan.sequence], replace(plan, noise=noise)) for noise in (SILENT, plain))
     errors = []
     for one, other in zip(clean.people, noisy.people, strict=True):
         a, b = one.tracks[0], other.tracks[0]
@@ -91,10 +91,10 @@ def test_noise_has_the_size_that_it_is_said_to_have(takes: tuple[MocapTake, ...]
     assert np.std(np.concatenate(errors)) == pytest.approx(0.02, rel=0.1)
 
 
-def test_points_of_a_standing_camera_stand_and_masked_ones_are_none(takes: tuple[MocapTake, ...]) -> None:
-    plans = plan_videos(takes, 6, seed=1, transitions=(3,))
+def test_points_of_a_standing_camera_stand_and_masked_ones_are_none(sequences: tuple[MocapSequence, ...]) -> None:
+    plans = plan_videos(sequences, 6, seed=1, transitions=(3,))
     for plan in plans:
-        video = build_video(takes[plan.take], plan)
+        video = build_video(sequences[plan.sequence], plan)
         assert video.truth.cameras is not None
         for (start, end), points in zip(video.scenes.spans, video.points, strict=True):
             assert points.frame.min() == start
@@ -115,10 +115,10 @@ def test_a_set_is_told_in_the_numbers_of_the_papers_table() -> None:
     assert facts.transitions == (2, 4)
 
 
-def test_a_pack_is_turned_from_y_up_to_z_up(takes: tuple[MocapTake, ...]) -> None:
-    assert [take.num_frames for take in takes] == [100, 150]
-    assert np.allclose(takes[0].pelvis[:, 2], 0.92)
-    assert np.allclose(takes[0].R_world_root[0] @ [0, 1, 0], [0, 0, 1])
+def test_a_pack_is_turned_from_y_up_to_z_up(sequences: tuple[MocapSequence, ...]) -> None:
+    assert [sequence.num_frames for sequence in sequences] == [100, 150]
+    assert np.allclose(sequences[0].pelvis[:, 2], 0.92)
+    assert np.allclose(sequences[0].R_world_root[0] @ [0, 1, 0], [0, 0, 1])
 
 
 def test_a_pack_that_lacks_an_array_is_told_in_one_sentence(tmp_path: Path) -> None:

@@ -9,12 +9,12 @@ import pytest
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.landmarks import load_landmarks
 from humanmm.models.evaluation.skeleton import SMPL_NAMES
-from humanmm.models.geometry.rotations import rotation_from_vector, vector_from_rotation
-from humanmm.models.records.sequence import BodyParameters, CameraTake, PersonTake, Take
+from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
+from humanmm.models.records.sequence import BodyParameters, CameraSequence, MotionSequence, PersonSequence
 from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.synthetic.detector_errors import MeasuredClip, person_errors
 from humanmm.models.synthetic.detector_noise import detect, fitted_noise, pitch_and_roll
-from humanmm.models.synthetic.mocap import MocapTake, leg_length, pose_actor
+from humanmm.models.synthetic.mocap import MocapSequence, leg_length, pose_actor
 from humanmm.models.synthetic.multishot import person_track
 from humanmm.models.synthetic.noise_fit import NoiseFit, fit_noise
 from humanmm.models.synthetic.noise_plot import plot_fit
@@ -30,15 +30,15 @@ KNOWN = replace(
 )  # fmt: skip
 
 
-def measured(take: MocapTake, number: int) -> MeasuredClip:
+def measured(sequence: MocapSequence, number: int) -> MeasuredClip:
     """A standing camera at a random height and roll, and the detector of the known noise."""
     rng = np.random.default_rng(number)
-    actor = pose_actor(take, rng)
-    n, fps, K = len(actor.joints), take.fps, np.array([[1200.0, 0, 960], [0, 1200, 540], [0, 0, 1]])
+    actor = pose_actor(sequence, rng)
+    n, fps, K = len(actor.joints), sequence.fps, np.array([[1200.0, 0, 960], [0, 1200, 540], [0, 0, 1]])
     middle = actor.joints[:, 0].mean(axis=0)
     away = rng.uniform(0, 2 * np.pi)
     eye = middle + 8 * np.array([np.cos(away), np.sin(away), 0]) + [0, 0, rng.uniform(-0.8, 3.5)]
-    R = look_at(eye, middle) @ rotation_from_vector(np.array([0.0, 0.0, rng.normal(0, 0.15)]))
+    R = look_at(eye, middle) @ rotvec_to_rotmat(np.array([0.0, 0.0, rng.normal(0, 0.15)]))
     R_all = np.tile(R, (n, 1, 1))
     points = load_landmarks().place(actor.betas, actor.joints, actor.R_world_joint)
     in_camera = (points - eye) @ R
@@ -48,11 +48,11 @@ def measured(take: MocapTake, number: int) -> MeasuredClip:
     seen = detect(in_camera, K, SIZE, behind, stature, fps, KNOWN, rng, pitch=pitch, roll=roll)
     track = person_track(seen, 0, fps, np.full(64, 1 / 64), rng)
     body = BodyParameters(
-        "body24", vector_from_rotation(actor.R_world_root), actor.body_pose, actor.betas, actor.joints[:, 0]
+        "body24", rotmat_to_rotvec(actor.R_world_root), actor.body_pose, actor.betas, actor.joints[:, 0]
     )
-    person = PersonTake(0, np.arange(n), np.ones(n, bool), actor.joints, body=body)
-    cameras = CameraTake(R_all, np.tile(eye, (n, 1)), np.tile(K, (n, 1, 1)))
-    truth = Take(n, fps, SMPL_NAMES, (person,), (), cameras)
+    person = PersonSequence(0, np.arange(n), np.ones(n, bool), actor.joints, body=body)
+    cameras = CameraSequence(R_all, np.tile(eye, (n, 1)), np.tile(K, (n, 1, 1)))
+    truth = MotionSequence(n, fps, SMPL_NAMES, (person,), (), cameras)
     return MeasuredClip(truth, person_errors(truth, [ScenePeople(0, n, (track,))], f"clip{number}"))
 
 
@@ -60,8 +60,8 @@ def measured(take: MocapTake, number: int) -> MeasuredClip:
 def fit() -> NoiseFit:
     from humanmm.storage.readers.mocap_pack import read_pack
 
-    takes = read_pack(Path(__file__).parents[3] / "data" / "mocap" / "cmu_val.npz")
-    return fit_noise([measured(takes[k % len(takes)].cropped(0, 60), k) for k in range(60)])
+    sequences = read_pack(Path(__file__).parents[3] / "data" / "mocap" / "cmu_val.npz")
+    return fit_noise([measured(sequences[k % len(sequences)].cropped(0, 60), k) for k in range(60)])
 
 
 def test_errors_of_places_and_rotations_are_found(fit: NoiseFit) -> None:

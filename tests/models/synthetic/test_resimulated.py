@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from humanmm.models.synthetic.detector_noise import fitted_noise
-from humanmm.models.synthetic.mocap import MocapTake
+from humanmm.models.synthetic.mocap import MocapSequence
 from humanmm.models.synthetic.multishot import BenchVideo, build_video, plan_videos
 from humanmm.models.synthetic.resimulated import resimulated
 
@@ -16,9 +16,9 @@ EXACT = replace(
 
 
 @pytest.fixture
-def video(takes: tuple[MocapTake, ...]) -> BenchVideo:
-    plan = plan_videos(takes, 1, seed=3, transitions=(2,))[0]
-    return build_video(takes[plan.take], replace(plan, noise=EXACT))
+def video(sequences: tuple[MocapSequence, ...]) -> BenchVideo:
+    plan = plan_videos(sequences, 1, seed=3, transitions=(2,))[0]
+    return build_video(sequences[plan.sequence], replace(plan, noise=EXACT))
 
 
 def test_without_noise_the_joints_are_where_the_truth_has_them(video: BenchVideo) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from humanmm.errors import VideoError
-from humanmm.models.video.declared_size import claimed_sides_px
+from humanmm.models.video.declared_size import declared_sides_px
 from humanmm.models.video.frames import frames
 from humanmm.models.video.reading import read_facts
 
@@ -122,7 +122,7 @@ def test_damage_in_the_middle_leaves_announced_and_delivered_frames_equal(codec:
 
 
 def lying_header(file: io.BytesIO, container: str) -> io.BytesIO:
-    """The same file, its container claiming 16,384 × 16,384 pixels."""
+    """The same file, its container declaring 16,384 × 16,384 pixels."""
     data = bytearray(file.getvalue())
     if container == "mp4":
         entry = data.index(b"avc1", data.index(b"stsd")) - 4
@@ -143,7 +143,7 @@ def test_absurd_sizes_in_a_header_are_refused_before_anything_is_decoded(contain
 def test_a_limit_below_the_pictures_own_size_refuses_every_container(clip: Clip) -> None:
     for container, codec in (("mp4", "libx264"), ("mov", "mpeg4"), ("matroska", "libx264"), ("avi", "mpeg4")):
         file = clip(container, codec, num_frames=5)
-        assert max(claimed_sides_px(file)) == 128
+        assert max(declared_sides_px(file)) == 128
         with pytest.raises(VideoError, match=r"128 px, more than decode\.max_side_px = 100"):
             read_facts(file, max_side_px=100)
 

@@ -1,4 +1,4 @@
-"""Working ahead changes when items are made, and nothing else."""
+"""Prefetching changes when items are made, and nothing else."""
 
 import threading
 import time
@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from humanmm.models.video.prefetch import ahead
+from humanmm.models.video.prefetch import prefetched
 
 
 class Picture:
@@ -18,7 +18,7 @@ class Picture:
 
 
 def test_items_come_in_order_and_all() -> None:
-    with ahead(range(100), depth=2) as made:
+    with prefetched(range(100), depth=2) as made:
         assert list(made) == list(range(100))
 
 
@@ -35,7 +35,7 @@ def test_at_most_depth_items_are_kept_beside_the_one_in_use() -> None:
             yield picture
             del picture
 
-    with ahead(pictures(), depth=3) as made:
+    with prefetched(pictures(), depth=3) as made:
         for picture in made:
             if picture.number % 10 == 0:
                 time.sleep(0.02)  # let the thread run as far ahead as it may
@@ -51,7 +51,7 @@ def test_while_an_item_is_made_the_one_depth_before_is_no_longer_in_use() -> Non
             buffer[0] = number
             yield buffer
 
-    with ahead(filled_in_turn(), depth=3) as made:
+    with prefetched(filled_in_turn(), depth=3) as made:
         for number, buffer in enumerate(made):
             if number % 50 == 0:
                 time.sleep(0.01)
@@ -65,7 +65,7 @@ def test_an_error_comes_where_its_item_would_have_come() -> None:
         raise ValueError("frame 3 is damaged")
 
     seen = []
-    with pytest.raises(ValueError, match="frame 3"), ahead(broken()) as made:
+    with pytest.raises(ValueError, match="frame 3"), prefetched(broken()) as made:
         for item in made:
             seen.append(item)
     assert seen == [1, 2]
@@ -86,7 +86,7 @@ def test_leaving_early_stops_the_thread_and_closes_the_items(how: str) -> None:
 
     before = threading.active_count()
     try:
-        with ahead(endless()) as made:
+        with prefetched(endless()) as made:
             if how != "not used":
                 for item in made:
                     if item == 5 and how == "raise":
@@ -96,11 +96,11 @@ def test_leaving_early_stops_the_thread_and_closes_the_items(how: str) -> None:
     except KeyError:
         assert how == "raise"
     assert threading.active_count() == before
-    assert closed == ["ahead"]
+    assert closed == ["prefetch"]
 
 
 def test_two_threads_in_a_row_pass_everything_on() -> None:
-    with ahead(range(50)) as made, ahead((2 * item for item in made), depth=2) as doubled:
+    with prefetched(range(50)) as made, prefetched((2 * item for item in made), depth=2) as doubled:
         assert list(doubled) == list(range(0, 100, 2))
-    with ahead(range(1000)) as made, ahead((2 * item for item in made), depth=2) as doubled:
+    with prefetched(range(1000)) as made, prefetched((2 * item for item in made), depth=2) as doubled:
         assert next(doubled) == 0

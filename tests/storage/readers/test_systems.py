@@ -10,8 +10,8 @@ import torch
 from humanmm.errors import InputError
 from humanmm.models.body.body24 import JOINT_NAMES
 from humanmm.models.evaluation.pose import pa_mpjpe_mm
-from humanmm.models.geometry.rotations import rotation_from_vector, vector_from_rotation
-from humanmm.models.records.sequence import Take
+from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
+from humanmm.models.records.sequence import MotionSequence
 from humanmm.storage.readers.systems import find_result, read_result
 
 Dump = Callable[[object, Path], None]
@@ -46,18 +46,18 @@ def _wham(path: Path, dump: Dump) -> Path:
 
 
 def _slahmr(path: Path) -> Path:
-    R = R_CAMERA @ rotation_from_vector(HEADING)
+    R = R_CAMERA @ rotvec_to_rotmat(HEADING)
     np.savez(
-        path, root_orient=vector_from_rotation(R)[None], pose_body=POSE[None, :, :21].reshape(1, N, 63),
+        path, root_orient=rotmat_to_rotvec(R)[None], pose_body=POSE[None, :, :21].reshape(1, N, 63),
         trans=(WAY @ R_CAMERA.T)[None], floor_plane=np.array([[0.0, -0.5, 0.0]]), betas=np.zeros((1, 16)),
     )  # fmt: skip
     return path
 
 
 def _tram(path: Path) -> Path:
-    turn = rotation_from_vector(np.stack([np.zeros(N), np.linspace(0, 0.5, N), np.zeros(N)], axis=1))
-    root = np.swapaxes(turn, -1, -2) @ R_CAMERA @ rotation_from_vector(HEADING)
-    rotmat = np.concatenate([root[:, None], rotation_from_vector(POSE)], axis=1)
+    turn = rotvec_to_rotmat(np.stack([np.zeros(N), np.linspace(0, 0.5, N), np.zeros(N)], axis=1))
+    root = np.swapaxes(turn, -1, -2) @ R_CAMERA @ rotvec_to_rotmat(HEADING)
+    rotmat = np.concatenate([root[:, None], rotvec_to_rotmat(POSE)], axis=1)
     np.savez(
         path, pred_rotmat=rotmat, pred_trans=(WAY @ R_CAMERA.T)[:, None] @ turn, frame=np.arange(N), pred_cam_R=turn,
         pred_cam_T=np.zeros((N, 3)),
@@ -68,16 +68,16 @@ def _tram(path: Path) -> Path:
 WRITERS = {"gvhmr.pt": _gvhmr, "slahmr.npz": _slahmr, "tram.npz": _tram}
 
 
-def _read(path: Path) -> Take:
+def _read(path: Path) -> MotionSequence:
     return read_result(path, num_frames=N, fps=30.0)
 
 
 @pytest.mark.parametrize("name", [*WRITERS, "wham.pkl"])
 def test_every_system_gives_the_same_person_upright(tmp_path: Path, name: str, dump_like_joblib: Dump) -> None:
     path = _wham(tmp_path / name, dump_like_joblib) if name == "wham.pkl" else WRITERS[name](tmp_path / name)
-    take, reference = _read(path), _read(_gvhmr(tmp_path / "reference.pt"))
-    person, expected = take.people[0], reference.people[0]
-    assert take.joint_names == JOINT_NAMES
+    sequence, reference = _read(path), _read(_gvhmr(tmp_path / "reference.pt"))
+    person, expected = sequence.people[0], reference.people[0]
+    assert sequence.joint_names == JOINT_NAMES
     assert person.R_world_root is not None
     assert np.array_equal(person.frame, np.arange(N))
     # The body's up is the world's up, and the path runs on the floor.
@@ -88,9 +88,9 @@ def test_every_system_gives_the_same_person_upright(tmp_path: Path, name: str, d
 
 
 def test_the_longest_track_is_taken_and_the_others_are_told(tmp_path: Path, dump_like_joblib: Dump) -> None:
-    take = _read(_wham(tmp_path / "wham.pkl", dump_like_joblib))
-    assert len(take.people[0].frame) == N
-    assert take.notes == ("2 tracks were found; one is compared.",)
+    sequence = _read(_wham(tmp_path / "wham.pkl", dump_like_joblib))
+    assert len(sequence.people[0].frame) == N
+    assert sequence.notes == ("2 tracks were found; one is compared.",)
 
 
 def test_a_result_of_another_video_or_without_its_keys_is_one_plain_error(

@@ -10,10 +10,10 @@ import pytest
 
 from humanmm.errors import TruthError
 from humanmm.models.evaluation.evaluate import evaluate
-from humanmm.models.geometry.rotations import rotation_from_vector
+from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.records.recording import Recording
-from humanmm.models.records.sequence import Take
-from humanmm.storage.readers.truth import read_take
+from humanmm.models.records.sequence import MotionSequence
+from humanmm.storage.readers.truth import read_sequence
 from humanmm.storage.run_folder.motion_zarr import write_motion
 
 CLIP_A = Path(__file__).parents[3] / "examples" / "pose2sim_multishot" / "pose2sim_A_01-02-01_gt.npz"
@@ -42,7 +42,7 @@ def save(path: Path, arrays: dict[str, np.ndarray]) -> Path:
     return path
 
 
-def same(one: Take, other: Take) -> bool:
+def same(one: MotionSequence, other: MotionSequence) -> bool:
     return all(
         np.array_equal(getattr(a, name), getattr(b, name))
         for a, b in zip(one.people, other.people, strict=True)
@@ -50,13 +50,13 @@ def same(one: Take, other: Take) -> bool:
     )
 
 
-def test_a_run_folder_and_an_npz_of_the_same_arrays_are_the_same_take(
+def test_a_run_folder_and_an_npz_of_the_same_arrays_are_the_same_sequence(
     tmp_path: Path, recording: Recording, npz: dict[str, np.ndarray]
 ) -> None:
     write_motion(tmp_path / "run" / "motion.zarr", recording)
-    of_folder, of_npz = read_take(tmp_path / "run"), read_take(save(tmp_path / "truth.npz", npz))
+    of_folder, of_npz = read_sequence(tmp_path / "run"), read_sequence(save(tmp_path / "truth.npz", npz))
     assert same(of_folder, of_npz)
-    assert same(of_folder, read_take(tmp_path / "run" / "motion.zarr"))
+    assert same(of_folder, read_sequence(tmp_path / "run" / "motion.zarr"))
     assert of_folder.transitions == of_npz.transitions == ((6, 6),)
     assert of_folder.people[1].body is not None
     assert of_folder.cameras is not None
@@ -67,33 +67,33 @@ def test_gradual_transitions_come_from_run_json(tmp_path: Path, recording: Recor
     dissolve = {"type": "dissolve", "start": 4, "end": 9}
     shots = [{"start": 0, "end": 6, "transition": None}, {"start": 6, "end": 12, "transition": dissolve}]
     (tmp_path / "run.json").write_text(json.dumps({"shots": shots}))
-    assert read_take(tmp_path).transitions == ((4, 9),)
+    assert read_sequence(tmp_path).transitions == ((4, 9),)
 
 
 def test_a_pose2sim_truth_is_turned_upright() -> None:
-    take = read_take(CLIP_A)
-    person = take.people[0]
-    ankles = [take.joint_names.index(name) for name in ("LAnkle", "RAnkle")]
-    shoulders = [take.joint_names.index(name) for name in ("LShoulder", "RShoulder")]
+    sequence = read_sequence(CLIP_A)
+    person = sequence.people[0]
+    ankles = [sequence.joint_names.index(name) for name in ("LAnkle", "RAnkle")]
+    shoulders = [sequence.joint_names.index(name) for name in ("LShoulder", "RShoulder")]
     height = person.joints[:, shoulders, 2].mean() - person.joints[:, ankles, 2].mean()
     assert 1.1 < height < 1.6
-    assert take.transitions == ((36, 36), (70, 70))
+    assert sequence.transitions == ((36, 36), (70, 70))
     assert person.observed.all()
 
 
 def test_a_pose2sim_truth_projects_onto_its_own_detections() -> None:
-    take = read_take(CLIP_A)
+    sequence = read_sequence(CLIP_A)
     with np.load(CLIP_A) as file:
         detected = file["openpose2d"][:, :17]
     wrists = detected[:, [9, 10], :2].mean(axis=1)
-    boxes = take.people[0].bbox_xyxy
+    boxes = sequence.people[0].bbox_xyxy
     assert boxes is not None
     inside = (wrists > boxes[:, :2] - 15) & (wrists < boxes[:, 2:] + 15)
     assert inside.mean() > 0.95
 
 
 def test_clip_a_against_itself_is_perfect() -> None:
-    report = evaluate(read_take(CLIP_A), read_take(CLIP_A))
+    report = evaluate(read_sequence(CLIP_A), read_sequence(CLIP_A))
     assert report.coverage == 1.0
     assert report.roe_deg == pytest.approx(0.0, abs=1e-6)
     assert report.wa_mpjpe100_mm == pytest.approx(0.0, abs=1e-6)
@@ -101,38 +101,38 @@ def test_clip_a_against_itself_is_perfect() -> None:
 
 
 def test_the_root_turns_as_root_orient_says(tmp_path: Path, npz: dict[str, np.ndarray]) -> None:
-    person = read_take(save(tmp_path / "t.npz", npz)).people[0]
-    np.testing.assert_allclose(person.R_world_root, rotation_from_vector(npz["people/00/root_orient"]))
+    person = read_sequence(save(tmp_path / "t.npz", npz)).people[0]
+    np.testing.assert_allclose(person.R_world_root, rotvec_to_rotmat(npz["people/00/root_orient"]))
 
 
 def test_a_missing_file_is_one_sentence(tmp_path: Path) -> None:
     with pytest.raises(TruthError, match="does not exist"):
-        read_take(tmp_path / "nothing.npz")
+        read_sequence(tmp_path / "nothing.npz")
 
 
 def test_a_folder_without_motion_is_refused(tmp_path: Path) -> None:
     with pytest.raises(TruthError, match=r"motion\.zarr/zarr\.json"):
-        read_take(tmp_path)
+        read_sequence(tmp_path)
 
 
 def test_text_named_npz_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "t.npz"
     path.write_text("hello")
     with pytest.raises(TruthError, match=r"not an \.npz"):
-        read_take(path)
+        read_sequence(path)
 
 
 def test_a_truncated_npz_is_refused(tmp_path: Path, npz: dict[str, np.ndarray]) -> None:
     path = save(tmp_path / "t.npz", npz)
     path.write_bytes(path.read_bytes()[:-200])
     with pytest.raises(TruthError):
-        read_take(path)
+        read_sequence(path)
 
 
 def test_pickles_are_never_loaded(tmp_path: Path, npz: dict[str, np.ndarray]) -> None:
     npz["people/00/joints"] = np.array([{"a": 1}], dtype=object)
     with pytest.raises(TruthError, match="no pickles"):
-        read_take(save(tmp_path / "t.npz", npz))
+        read_sequence(save(tmp_path / "t.npz", npz))
 
 
 def test_an_array_that_declares_terabytes_is_never_allocated(tmp_path: Path, npz: dict[str, np.ndarray]) -> None:
@@ -143,7 +143,7 @@ def test_an_array_that_declares_terabytes_is_never_allocated(tmp_path: Path, npz
     with zipfile.ZipFile(path, "a") as file:
         file.writestr("people/00/joints.npy", header.getvalue())
     with pytest.raises(TruthError, match="declares 288,000,000,000 bytes"):
-        read_take(path)
+        read_sequence(path)
 
 
 @pytest.mark.parametrize(
@@ -164,10 +164,10 @@ def test_what_is_wrong_is_named(
     tmp_path: Path, npz: dict[str, np.ndarray], key: str, value: np.ndarray, sentence: str
 ) -> None:
     with pytest.raises(TruthError, match=sentence) as caught:
-        read_take(save(tmp_path / "t.npz", {**npz, key: value}))
+        read_sequence(save(tmp_path / "t.npz", {**npz, key: value}))
     assert "t.npz" in str(caught.value)
 
 
 def test_strange_arrays_are_named(tmp_path: Path) -> None:
     with pytest.raises(TruthError, match="found a, b"):
-        read_take(save(tmp_path / "t.npz", {"a": np.zeros(1), "b": np.zeros(1)}))
+        read_sequence(save(tmp_path / "t.npz", {"a": np.zeros(1), "b": np.zeros(1)}))

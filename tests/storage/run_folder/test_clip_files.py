@@ -9,7 +9,7 @@ import pytest
 from humanmm.errors import InputError
 from humanmm.flows.bench.render_set import SetPlan, build_set
 from humanmm.models.evaluation.evaluate import evaluate
-from humanmm.storage.readers.truth import NpzArrays, read_take
+from humanmm.storage.readers.truth import NpzArrays, read_sequence
 
 PACK = Path(__file__).parents[3] / "data" / "mocap" / "cmu_val.npz"
 PLAN = SetPlan((PACK,), "tiny", seed=5, seconds=(0.4, 0.4))
@@ -29,8 +29,8 @@ def test_the_same_set_is_the_same_bytes(folder: Path, tmp_path: Path) -> None:
 
 def test_a_truth_compared_with_itself_has_no_error(folder: Path) -> None:
     (path,) = folder.glob("*_gt.npz")
-    take = read_take(path)
-    figures = evaluate(take, take).to_json()
+    sequence = read_sequence(path)
+    figures = evaluate(sequence, sequence).to_json()
     assert figures["coverage"] == 1.0
     assert figures["mpjpe_mm"] == pytest.approx(0.0, abs=1e-6)
 

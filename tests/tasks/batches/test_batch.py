@@ -179,7 +179,7 @@ def _worker(toy: Any) -> subprocess.Popen[str]:
     script = (
         "import sys, time\n"
         "from humanmm.storage.store.open import open_ledger\n"
-        "from humanmm.tasks import batch\n"
+        "from humanmm.tasks.batches import batch\n"
         "batch.LOOK_EVERY_S = batch.ASK_EVERY_S = 0.2\n"
         "ledger = open_ledger(sys.argv[1])\n"
         "with batch.Account(ledger, ledger.rows('test')[0]).kept('run') as ready:\n"

@@ -16,7 +16,7 @@ from humanmm.models.camera.odometry.bundle import (
     project,
     residuals,
 )
-from humanmm.models.geometry.rotations import rotation_angle, rotation_from_vector
+from humanmm.models.geometry.rotations import rotation_angle, rotvec_to_rotmat
 
 RNG = np.random.default_rng(3)
 
@@ -44,7 +44,7 @@ def test_the_jacobian_of_a_view_is_the_numerical_one() -> None:
         delta = np.zeros((6, 7))
         delta[:, column] = step
         nudged = Views(
-            views.R_shot_cam @ rotation_from_vector(delta[:, :3]), views.t_shot_cam + delta[:, 3:6], delta[:, 6], 800.0
+            views.R_shot_cam @ rotvec_to_rotmat(delta[:, :3]), views.t_shot_cam + delta[:, 3:6], delta[:, 6], 800.0
         )
         numerical = (project(nudged, points, observations)[1] - xy) / step
         np.testing.assert_allclose(J[:, :, column], numerical, atol=2e-2, rtol=1e-4)
@@ -57,7 +57,7 @@ def test_disturbed_views_and_points_return_to_the_truth(outliers: float) -> None
     xy = observations.xy + np.where(wrong[:, None], RNG.normal(0, 80, observations.xy.shape), 0.0)
     disturbed = replace(
         views,
-        R_shot_cam=views.R_shot_cam @ rotation_from_vector(RNG.normal(0, 0.01, (6, 3)) * (np.arange(6) > 0)[:, None]),
+        R_shot_cam=views.R_shot_cam @ rotvec_to_rotmat(RNG.normal(0, 0.01, (6, 3)) * (np.arange(6) > 0)[:, None]),
         t_shot_cam=views.t_shot_cam + RNG.normal(0, 0.05, (6, 3)) * (np.arange(6) > 0)[:, None],
     )
     result = adjust(

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.landmarks import load_landmarks
-from humanmm.models.geometry.rotations import rotation_from_vector
+from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.motion.fit.equations import NormalEquations, Term, frame_weights
 from humanmm.models.motion.fit.solver import SolverSettings, minimise, solve_windows
 from humanmm.models.motion.fit.state import NUM_PARAMETERS, CameraPath, LongMotion, Motion, Skeleton
@@ -27,9 +27,9 @@ def slow_motion(num_frames: int, seed: int = 0) -> Motion:
     """Near neighbours in time, as `Smoothness` expects; in front of the camera."""
     rng = np.random.default_rng(seed)
     drift = np.arange(num_frames)[:, None]
-    root = rotation_from_vector(rng.normal(size=3) + drift * rng.normal(size=3) * 0.01)
+    root = rotvec_to_rotmat(rng.normal(size=3) + drift * rng.normal(size=3) * 0.01)
     pose = rng.normal(size=(23, 3)) * 0.3 + drift[..., None] * rng.normal(size=(23, 3)) * 0.01
-    return Motion(skeleton(), root, rng.normal(size=3) * 0.2 + [0, 0, 5] + drift * 0.02, rotation_from_vector(pose))
+    return Motion(skeleton(), root, rng.normal(size=3) * 0.2 + [0, 0, 5] + drift * 0.02, rotvec_to_rotmat(pose))
 
 
 def every_term(motion: Motion) -> dict[str, Term]:
@@ -123,7 +123,7 @@ def test_windows_give_what_one_solve_of_everything_gives() -> None:
     time_s = np.arange(num_frames) / 30
     noisy = truth.points + np.random.default_rng(2).normal(size=truth.points.shape) * 0.02
     views = []
-    for R, t in ((np.eye(3), np.zeros(3)), (rotation_from_vector([0, np.pi / 2, 0]), np.array([0.0, 0, 10]))):
+    for R, t in ((np.eye(3), np.zeros(3)), (rotvec_to_rotmat([0, np.pi / 2, 0]), np.array([0.0, 0, 10]))):
         path = CameraPath(*(np.broadcast_to(x, (num_frames, *x.shape)) for x in (R, t, K)))
         seen = path.to_camera(noisy)
         views.append((path, seen[..., :2] / seen[..., 2:] * 1000 + [500, 300]))

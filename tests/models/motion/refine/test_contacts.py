@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from humanmm.models.motion.refine.contacts import ContactModel, confirmed, contact_probabilities, intervals, velocities
+from humanmm.models.geometry.intervals import runs_of_true
+from humanmm.models.motion.refine.contacts import ContactModel, confirmed, contact_probabilities, velocities
 
 SOLE = np.array([0.08, 0.03, 0.08, 0.03])
 FORWARD = np.array([0.0, 1.0, 0.0])
@@ -86,8 +87,8 @@ def test_a_contact_lasts_and_is_not_interrupted_by_one_frame() -> None:
     time, feet, truth = steps(60.0)
     contacts = found(time, feet + 0.004 * rng.normal(size=feet.shape))
     for column in contacts.T:
-        assert all(end - start >= 6 for start, end in intervals(column))
-        assert len(intervals(column)) <= 7
+        assert all(end - start >= 6 for start, end in runs_of_true(column))
+        assert len(runs_of_true(column)) <= 7
     assert np.mean(contacts == truth) > 0.85
 
 
@@ -108,8 +109,3 @@ def test_velocities_are_those_of_a_steady_walk_at_uneven_times() -> None:
 
 def test_one_frame_has_no_speed() -> None:
     assert (velocities(np.ones((1, 4, 3)), np.zeros(1), 0.1) == 0).all()
-
-
-def test_intervals_are_the_runs_of_true() -> None:
-    assert intervals(np.array([True, True, False, True])) == [(0, 2), (3, 4)]
-    assert intervals(np.zeros(3, bool)) == []

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from humanmm.models.body.body24 import load_body
-from humanmm.models.geometry.rotations import rotation_from_vector
+from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.motion.fit.equations import NormalEquations
 from humanmm.models.motion.fit.state import NUM_PARAMETERS, Motion, Skeleton
-from humanmm.models.motion.refine.contacts import CONTACT_JOINTS
 from humanmm.models.motion.refine.fit import PlantedFeet
+from humanmm.models.records.recording import CONTACT_JOINTS
 
 N = 5
 TIME = np.array([0.0, 0.03, 0.07, 0.1, 0.14])
@@ -18,8 +18,8 @@ FEET = Skeleton(load_body().rest_joints(np.zeros(10)), np.array(CONTACT_JOINTS),
 @pytest.fixture
 def motion() -> Motion:
     rng = np.random.default_rng(0)
-    R_body = rotation_from_vector(0.2 * rng.normal(size=(1, 23, 3)) + 0.01 * rng.normal(size=(N, 23, 3)))
-    R_root = rotation_from_vector(0.3 * rng.normal(size=(1, 3)) + 0.01 * rng.normal(size=(N, 3)))
+    R_body = rotvec_to_rotmat(0.2 * rng.normal(size=(1, 23, 3)) + 0.01 * rng.normal(size=(N, 23, 3)))
+    R_root = rotvec_to_rotmat(0.3 * rng.normal(size=(1, 3)) + 0.01 * rng.normal(size=(N, 3)))
     return Motion(FEET, R_root, 0.005 * rng.normal(size=(N, 3)), R_body)
 
 

@@ -7,10 +7,10 @@ import pytest
 
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.kinematics import compose
-from humanmm.models.geometry.rotations import rotation_from_vector
+from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.motion.fit.state import LongMotion, Skeleton
-from humanmm.models.motion.refine.contacts import CONTACT_JOINTS
 from humanmm.models.motion.refine.footlock import LEGS, Leg, LockSettings, ankle_targets, bend_leg, contact_places
+from humanmm.models.records.recording import CONTACT_JOINTS
 
 SOLE = np.array([0.08, 0.03])
 N = 60
@@ -22,8 +22,8 @@ def make_leg(hip: np.ndarray, flexion: np.ndarray) -> Leg:
 
     World: z up, the body faces +y, x to its left is +x (thigh down along −z in the rest pose; axes of the world).
     """
-    R_hip = rotation_from_vector(np.stack([flexion, 0 * flexion, 0 * flexion], axis=1))
-    R_knee = R_hip @ rotation_from_vector(np.stack([-2 * flexion, 0 * flexion, 0 * flexion], axis=1))
+    R_hip = rotvec_to_rotmat(np.stack([flexion, 0 * flexion, 0 * flexion], axis=1))
+    R_knee = R_hip @ rotvec_to_rotmat(np.stack([-2 * flexion, 0 * flexion, 0 * flexion], axis=1))
     R_foot = np.tile(np.eye(3), (len(hip), 1, 1))
     knee = hip + R_hip @ [0.0, 0.0, -0.42]
     ankle = knee + R_knee @ [0.0, 0.0, -0.40]
@@ -101,7 +101,7 @@ def test_a_sole_near_the_floor_is_put_on_it_and_one_on_a_step_is_not() -> None:
 def test_the_heel_lifts_while_the_ball_of_the_foot_stands() -> None:
     leg = sliding_leg()
     roll = np.clip((TIME - 1.0) / 1.0, 0, 1)[:, None] * [-0.5, 0.0, 0.0]  # the foot turns about its ball
-    R_foot = rotation_from_vector(roll)
+    R_foot = rotvec_to_rotmat(roll)
     toe = leg.ankle + R_foot @ np.array([0.0, 0.15, -0.05])
     leg = replace(leg, R_ankle=R_foot, toe=toe + (leg.toe - toe))
     ankle = leg.toe - R_foot @ np.array([0.0, 0.15, -0.05])
@@ -153,7 +153,7 @@ def test_legs_of_a_motion_are_those_of_the_whole_body() -> None:
     rest, num_frames = load_body().rest_joints(np.zeros(10)), 600  # more than are worked on at once
     vectors = rng.normal(size=(num_frames, 24, 3)).astype(np.float32)
     motion = LongMotion(Skeleton(rest, np.zeros(0, int), np.zeros((0, 3))), vectors, rng.normal(size=(num_frames, 3)))
-    joints, R = compose(rest, rotation_from_vector(vectors), motion.pelvis_ref)
+    joints, R = compose(rest, rotvec_to_rotmat(vectors), motion.pelvis_ref)
     np.testing.assert_allclose(contact_places(motion), joints[:, CONTACT_JOINTS], atol=1e-9)
     for side, (hip, knee, ankle, toe) in enumerate(LEGS):
         leg = Leg.of(motion, side, slice(100, 110))

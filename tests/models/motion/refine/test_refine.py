@@ -8,11 +8,10 @@ import pytest
 from humanmm.models.body.body24 import JOINT_NAMES, load_body
 from humanmm.models.body.kinematics import forward_kinematics
 from humanmm.models.body.landmarks import load_landmarks
-from humanmm.models.geometry.alignment import rotation_angle_deg
-from humanmm.models.geometry.rotations import rotation_from_vector
-from humanmm.models.motion.refine.contacts import CONTACT_JOINTS
+from humanmm.models.geometry.rotations import rotation_angle, rotvec_to_rotmat
 from humanmm.models.motion.refine.refine import Observations, RefineSettings, refine_world, sole_heights
 from humanmm.models.records.motion import PersonMotion, WorldMotion
+from humanmm.models.records.recording import CONTACT_JOINTS
 from humanmm.models.records.shots import Appearance, Person, Shot, ShotList
 from humanmm.models.records.tracks import MASK_SIDE, PersonTrack, ScenePeople, Silhouettes
 
@@ -169,14 +168,14 @@ def test_the_jump_of_posture_at_a_cut_is_shared_out() -> None:
     world, time = standing()
     person = world.people[0]
     R, pose = person.R_world_root.copy(), person.body_pose.copy()
-    R[CUT:] = R[CUT:] @ rotation_from_vector([0.1, 0.2, 0.0])
+    R[CUT:] = R[CUT:] @ rotvec_to_rotmat([0.1, 0.2, 0.0])
     pose[CUT:, 17] = [0.0, 0.4, 0.0]
     after = refined(with_person(world, R_world_root=R, body_pose=pose), time, cuts=(CUT,))
     turn = np.swapaxes(after.people[0].R_world_root[:-1], -1, -2) @ after.people[0].R_world_root[1:]
-    assert rotation_angle_deg(turn).max() < 3.0
+    assert np.degrees(rotation_angle(turn)).max() < 3.0
     assert np.abs(np.diff(after.people[0].body_pose[:, 17, 1])).max() < 0.08
     far = after.people[0].R_world_root[[10, N - 10]]
-    assert rotation_angle_deg(np.swapaxes(far, -1, -2) @ R[[10, N - 10]]).max() < 1.0
+    assert np.degrees(rotation_angle(np.swapaxes(far, -1, -2) @ R[[10, N - 10]])).max() < 1.0
 
 
 def test_a_time_out_of_view_is_filled_without_a_swing() -> None:
@@ -184,13 +183,13 @@ def test_a_time_out_of_view_is_filled_without_a_swing() -> None:
     person = world.people[0]
     observed = (np.arange(N) < 40) | (np.arange(N) >= 80)
     pelvis = person.pelvis_world + np.where(np.arange(N) < 60, 0.0, 1.0)[:, None] * [1.0, 0.0, 0.0]
-    R = person.R_world_root @ rotation_from_vector(np.where(np.arange(N) < 60, 0.0, 1.5)[:, None] * [0.0, 1.0, 0.0])
+    R = person.R_world_root @ rotvec_to_rotmat(np.where(np.arange(N) < 60, 0.0, 1.5)[:, None] * [0.0, 1.0, 0.0])
     pelvis[~observed], R[~observed] = 77.0, np.eye(3)
     after = refined(with_person(world, observed=observed, pelvis_world=pelvis, R_world_root=R), time).people[0]
     assert after.pelvis_world[:, 0].min() > -0.05
     assert after.pelvis_world[:, 0].max() < 1.05
     turn = np.swapaxes(after.R_world_root[:-1], -1, -2) @ after.R_world_root[1:]
-    assert rotation_angle_deg(turn).max() < 6.0
+    assert np.degrees(rotation_angle(turn)).max() < 6.0
     assert not after.observed[40:80].any()
     assert (after.contacts[45:75] == 0).all()
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from humanmm.models.geometry.rotations import rotation_from_vector, vector_from_rotation
+from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
 from humanmm.models.motion.refine.smoothing import smooth, smooth_rotations
 
 
@@ -59,20 +59,20 @@ def test_a_handful_of_frames_is_smoothed_too(count: int) -> None:
 
 def test_a_steady_turn_passes_unchanged_through_several_revolutions() -> None:
     time = np.arange(120) / 30
-    R = rotation_from_vector(time[:, None, None] * [0.0, 5.0, 0.0])
-    smoothed = rotation_from_vector(smooth_rotations(vector_from_rotation(R), np.ones(120), time, cutoff_hz=8.0))
-    assert np.abs(vector_from_rotation(np.swapaxes(smoothed, -1, -2) @ R)).max() < 1e-3
+    R = rotvec_to_rotmat(time[:, None, None] * [0.0, 5.0, 0.0])
+    smoothed = rotvec_to_rotmat(smooth_rotations(rotmat_to_rotvec(R), np.ones(120), time, cutoff_hz=8.0))
+    assert np.abs(rotmat_to_rotvec(np.swapaxes(smoothed, -1, -2) @ R)).max() < 1e-3
 
 
 def test_noise_of_rotations_is_reduced_and_a_gap_bridged() -> None:
     time = np.arange(90) / 30
     rng = np.random.default_rng(1)
-    truth = rotation_from_vector(np.sin(2 * time)[:, None, None] * np.array([[0.5, 0.2, 0.0], [0.0, 0.0, 1.0]]))
-    noisy = truth @ rotation_from_vector(0.05 * rng.normal(size=(90, 2, 3)))
+    truth = rotvec_to_rotmat(np.sin(2 * time)[:, None, None] * np.array([[0.5, 0.2, 0.0], [0.0, 0.0, 1.0]]))
+    noisy = truth @ rotvec_to_rotmat(0.05 * rng.normal(size=(90, 2, 3)))
     weight = np.ones(90)
     weight[30:36] = 0.0
     noisy[30:36] = np.eye(3)
-    smoothed = rotation_from_vector(smooth_rotations(vector_from_rotation(noisy), weight, time, cutoff_hz=4.0))
-    error = np.linalg.norm(vector_from_rotation(np.swapaxes(smoothed, -1, -2) @ truth), axis=-1)
+    smoothed = rotvec_to_rotmat(smooth_rotations(rotmat_to_rotvec(noisy), weight, time, cutoff_hz=4.0))
+    error = np.linalg.norm(rotmat_to_rotvec(np.swapaxes(smoothed, -1, -2) @ truth), axis=-1)
     assert error.mean() < 0.05
     assert error[30:36].max() < 0.2

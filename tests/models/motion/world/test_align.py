@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from humanmm.models.geometry.rotations import rotation_from_vector
+from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.motion.world import gravity as world_gravity
 from humanmm.models.motion.world.align import _at_origin
 from humanmm.models.motion.world.people import between, turned
@@ -109,9 +109,9 @@ def test_contacts_are_where_the_feet_stand() -> None:
 
 def test_up_comes_from_those_who_stand_and_not_from_the_one_who_bends() -> None:
     rng = np.random.default_rng(4)
-    true = rotation_from_vector(np.array([0.4, -0.3, 0.2])) @ np.array([0.0, 0.0, 1.0])
-    standing = [rotation_from_vector(rng.normal(0, 0.05, 3)) @ true for _ in range(4)]
-    bent = rotation_from_vector(np.array([1.4, 0.0, 0.0])) @ true
+    true = rotvec_to_rotmat(np.array([0.4, -0.3, 0.2])) @ np.array([0.0, 0.0, 1.0])
+    standing = [rotvec_to_rotmat(rng.normal(0, 0.05, 3)) @ true for _ in range(4)]
+    bent = rotvec_to_rotmat(np.array([1.4, 0.0, 0.0])) @ true
     level = np.cross(true, rng.normal(size=(3, 3)))
     evidence = world_gravity.UprightEvidence(
         np.array([bent, *standing]), np.full(5, 8.0), level / np.linalg.norm(level, axis=1)[:, None], np.full(3, 5.0)
@@ -123,7 +123,7 @@ def test_up_comes_from_those_who_stand_and_not_from_the_one_who_bends() -> None:
 def test_a_pan_tells_its_axis_and_a_standing_camera_does_not() -> None:
     axis = np.array([0.1, -0.98, 0.17])
     axis /= np.linalg.norm(axis)
-    found = world_gravity.pan_axis(rotation_from_vector(np.outer(np.linspace(0, 0.5, 30), axis)))
+    found = world_gravity.pan_axis(rotvec_to_rotmat(np.outer(np.linspace(0, 0.5, 30), axis)))
     assert found is not None and abs(found @ axis) > 0.9999
     assert world_gravity.pan_axis(np.tile(np.eye(3), (30, 1, 1))) is None
 
@@ -141,6 +141,6 @@ def test_holes_are_bridged_along_the_shortest_turn() -> None:
     known = np.array([3, 4, 8])
     row, share = between(known, np.arange(3, 9))
     np.testing.assert_allclose(known[row] + share * (np.array([4, 8, 8])[row] - known[row]), np.arange(3, 9))
-    R = rotation_from_vector(np.outer([0.0, 0.1, 0.9], [0, 0, 1.0]))
+    R = rotvec_to_rotmat(np.outer([0.0, 0.1, 0.9], [0, 0, 1.0]))
     angle = np.arctan2(turned(R, row, share)[:, 1, 0], turned(R, row, share)[:, 0, 0])
     np.testing.assert_allclose(angle, [0, 0.1, 0.3, 0.5, 0.7, 0.9], atol=1e-9)

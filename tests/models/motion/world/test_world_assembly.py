@@ -9,7 +9,7 @@ from humanmm.models.body.body24 import load_body
 from humanmm.models.body.kinematics import forward_kinematics
 from humanmm.models.body.landmarks import load_landmarks
 from humanmm.models.cuts.camera_rotation import viewing_axes
-from humanmm.models.geometry.rotations import rotation_from_vector, vector_from_rotation
+from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
 from humanmm.models.motion.world.align import Footage, assemble
 from humanmm.models.records.camera import Intrinsics, ShotCamera
 from humanmm.models.records.motion import PersonShotMotion, ShotMotion, WorldMotion
@@ -29,8 +29,8 @@ def body(frames: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     pose[:, 15, 2], pose[:, 16, 2] = -1.1, 0.9
     pose[:, 17, 1], pose[:, 18, 1] = -0.9 + 0.2 * np.sin(5 * time_s), 0.7
     pose[:, 0, 0], pose[:, 3, 0] = -0.3, 0.5
-    upright = rotation_from_vector(np.array([np.pi / 2, 0, 0]))
-    turn = rotation_from_vector(np.outer(0.5 * time_s, [0, 0, 1.0]))
+    upright = rotvec_to_rotmat(np.array([np.pi / 2, 0, 0]))
+    turn = rotvec_to_rotmat(np.outer(0.5 * time_s, [0, 0, 1.0]))
     return turn @ upright, pose, np.tile([0.0, 0.0, 0.95], (len(frames), 1))
 
 
@@ -103,7 +103,7 @@ def footage(people: tuple[int, ...] = (0, 0, 0)) -> Footage:
 def turn_error_deg(world: WorldMotion, frame_a: int, frame_b: int) -> float:
     found = world.R_world_cam[frame_a].T @ world.R_world_cam[frame_b]
     true = camera(frame_a // LENGTH)[0].T @ camera(frame_b // LENGTH)[0]
-    return float(np.degrees(np.linalg.norm(vector_from_rotation(found.T @ true))))
+    return float(np.degrees(np.linalg.norm(rotmat_to_rotvec(found.T @ true))))
 
 
 def test_exact_shots_give_back_cameras_and_motion() -> None:
@@ -165,7 +165,9 @@ def test_frames_of_a_dissolve_are_not_observed_on_either_side() -> None:
     dissolve = Transition("dissolve", 17, 23, "scene")
     first, second = replace(whole.shots.shots[0], ending=dissolve), replace(whole.shots.shots[1], transition=dissolve)
     shots = replace(whole.shots, shots=(first, second, whole.shots.shots[2]))
-    motions = [within(m, shot.clear) for m, shot in zip(whole.motions, shots.shots, strict=True) if m is not None]
+    motions = [
+        within(m, shot.outside_transitions) for m, shot in zip(whole.motions, shots.shots, strict=True) if m is not None
+    ]
     world = assemble(replace(whole, shots=shots, motions=motions))
     hidden = np.flatnonzero(~world.people[0].observed)
     np.testing.assert_array_equal(hidden, np.arange(17, 23))

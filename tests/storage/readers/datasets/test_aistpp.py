@@ -12,9 +12,9 @@ from humanmm.cli import main
 from humanmm.errors import InputError
 from humanmm.models.video.frames import frames
 from humanmm.models.video.reading import read_facts
-from humanmm.storage.readers.aist import read_sequence
+from humanmm.storage.readers.aist import read_aist_sequence
 from humanmm.storage.readers.datasets import aistpp
-from humanmm.storage.readers.truth import read_take
+from humanmm.storage.readers.truth import read_sequence
 
 NAME = "gBR_sBM_cAll_d06_mBR2_ch06"
 FRAMES = 180
@@ -59,7 +59,7 @@ def test_sequences_on_the_ignore_list_are_left_out_and_arrays_are_as_the_table_r
     with np.load(tmp_path / "out" / f"{NAME}.npz", allow_pickle=False) as arrays:
         assert arrays["keypoints2d"].shape == (3, FRAMES, 17, 3)
         assert (arrays["cam_K"].shape, arrays["cam_t"].shape, float(arrays["fps"])) == ((3, 3, 3), (3, 3), 60.0)
-    sequence = read_sequence(tmp_path / "out" / f"{NAME}.npz")
+    sequence = read_aist_sequence(tmp_path / "out" / f"{NAME}.npz")
     assert (sequence.fps, sequence.joints.shape) == (30.0, (FRAMES // 2, 17, 3))
     assert main(["dataset", "build", "ms-aist", "--root", str(root), "--out", str(tmp_path / "out")]) == 1
 
@@ -74,21 +74,21 @@ def test_clips_show_another_camera_after_every_cut_and_their_truth_is_in_metres_
     assert main(command) == 0
     clips = sorted((out / "clips").glob("*.mp4"))
     assert [clip.stem for clip in clips] == [f"{NAME}-{count}" for count in (2, 3, 4)]
-    take = read_take(clips[0].with_name(f"{clips[0].stem}_gt.npz"))
-    assert (take.num_frames, take.fps, len(take.cut_frames)) == (90, 30.0, 2)
+    truth = read_sequence(clips[0].with_name(f"{clips[0].stem}_gt.npz"))
+    assert (truth.num_frames, truth.fps, len(truth.cut_frames)) == (90, 30.0, 2)
     with clips[0].open("rb") as stream:
         seen = [float(frame.image.mean()) for frame in frames(stream, read_facts(stream), pixels="gray")]
     gray = [(luma - 16) * 255 / 219 for luma in LUMA]
     camera = [int(np.abs(np.array(gray) - value).argmin()) for value in seen]
-    assert tuple(k for k in range(1, 90) if camera[k] != camera[k - 1]) == take.cut_frames
-    joints = take.people[0].joints
+    assert tuple(k for k in range(1, 90) if camera[k] != camera[k - 1]) == truth.cut_frames
+    joints = truth.people[0].joints
     assert joints[..., 2].mean() == pytest.approx(1.0, abs=0.05)  # AIST++'s y, in centimetres
     assert np.polyfit(np.arange(90), joints[:, :, 0].mean(axis=1), 1)[0] == pytest.approx(0.02, abs=0.001)
     angle = 2 * np.pi * np.array(camera) / 3
     # the camera's centre −Rᵀt with t = (0, 0.9, 4) and y up; x → x, y → z, z → −y
     centre = np.stack([4 * np.sin(angle), 4 * np.cos(angle), np.full(90, -0.9)], axis=1)
-    assert take.cameras is not None
-    assert np.allclose(take.cameras.t_world_cam, centre, atol=1e-6)
+    assert truth.cameras is not None
+    assert np.allclose(truth.cameras.t_world_cam, centre, atol=1e-6)
 
 
 def test_what_is_missing_is_named_with_where_to_get_it(root: Path, tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from humanmm.errors import InputError
 from humanmm.models.body.body24 import load_body
 from humanmm.storage.readers.datasets import emdb
 from humanmm.storage.readers.datasets.smpl_joints import read_smpl
-from humanmm.storage.readers.truth import read_take
+from humanmm.storage.readers.truth import read_sequence
 
 FRAMES = 4
 
@@ -51,15 +51,15 @@ def test_a_sequence_becomes_a_video_beside_a_truth_with_z_up(root: Path, tmp_pat
     out = tmp_path / "out"
     command = ["dataset", "build", "emdb", "--root", str(root), "--split", "2", "--smpl", str(root / "smpl.npz")]
     assert main([*command, "--out", str(out)]) == 0
-    take = read_take(out / "P2_24_outdoor_long_walk_gt.npz")
+    truth = read_sequence(out / "P2_24_outdoor_long_walk_gt.npz")
     assert (out / "P2_24_outdoor_long_walk.mp4").stat().st_size > 0
     rest = load_body().rest_joints(np.full(10, 0.5))
     turned = np.stack([rest[:, 2], rest[:, 1], -rest[:, 0]], axis=1)  # a right angle about y
     wanted = turned - turned[0] + np.array([1.0, 0.9, 0.0]) + rest[0]
-    assert take.people[0].joints[0] == pytest.approx(np.stack([wanted[:, 0], -wanted[:, 2], wanted[:, 1]], axis=1))
-    assert take.people[0].observed.tolist() == [True, True, False, True]
-    assert take.cameras is not None
-    assert take.cameras.t_world_cam[0] == pytest.approx([0.0, -5.0, 1.0])
+    assert truth.people[0].joints[0] == pytest.approx(np.stack([wanted[:, 0], -wanted[:, 2], wanted[:, 1]], axis=1))
+    assert truth.people[0].observed.tolist() == [True, True, False, True]
+    assert truth.cameras is not None
+    assert truth.cameras.t_world_cam[0] == pytest.approx([0.0, -5.0, 1.0])
 
 
 def test_a_split_without_sequences_and_a_file_that_is_missing_are_named(root: Path) -> None:

@@ -10,7 +10,7 @@ import pytest
 from humanmm.errors import InputError
 from humanmm.flows.bench.dataset_builder import build_clip
 from humanmm.storage.readers.datasets import human36m
-from humanmm.storage.readers.truth import read_take
+from humanmm.storage.readers.truth import read_sequence
 
 FRAMES = 100
 CENTRE_MM = np.array([1841.1, 4955.3, 1563.4])
@@ -60,10 +60,10 @@ def test_a_clip_has_a_truth_that_can_be_read_and_the_same_seed_the_same_cuts(roo
     sequence = human36m.read_multiview(root, "S1/Walking 1")
     path, num_frames, fps = build_clip(sequence, 1, tmp_path / "out", seed=1)
     assert (num_frames, fps) == (50, 25.0)
-    take = read_take(path.with_name(f"{path.stem}_gt.npz"))
+    truth = read_sequence(path.with_name(f"{path.stem}_gt.npz"))
     again, _, _ = build_clip(sequence, 1, tmp_path / "again", seed=1)
     assert path.read_bytes() == again.read_bytes()
-    assert take.cut_frames == read_take(again.with_name(f"{again.stem}_gt.npz")).cut_frames
+    assert truth.cut_frames == read_sequence(again.with_name(f"{again.stem}_gt.npz")).cut_frames
     with pytest.raises(InputError, match="too short for 9 cuts"):
         build_clip(sequence, 9, tmp_path / "out", seed=1)
 

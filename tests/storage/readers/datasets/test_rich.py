@@ -11,10 +11,10 @@ import pytest
 from humanmm.cli import main
 from humanmm.errors import InputError
 from humanmm.models.body.body24 import load_body
-from humanmm.models.geometry.rotations import rotation_from_vector
+from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.storage.readers.datasets import rich
 from humanmm.storage.readers.datasets.smpl_joints import read_smplx
-from humanmm.storage.readers.truth import read_take
+from humanmm.storage.readers.truth import read_sequence
 
 FRAMES = range(3, 8)
 MISSING = 5
@@ -57,7 +57,7 @@ def root(tmp_path: Path) -> Path:
     calibration = tmp_path / "scan_calibration" / "LectureHall" / "calibration"
     calibration.mkdir(parents=True)
     K = np.array([[60.0, 0, WIDTH / 2 - 0.5], [0, 60, HEIGHT / 2 - 0.5], [0, 0, 1]])
-    R = rotation_from_vector(np.array([0.0, 0.3, 0.0]))
+    R = rotvec_to_rotmat(np.array([0.0, 0.3, 0.0]))
     poses = {0: np.eye(3, 4), 2: np.column_stack([R, -R @ CENTRE_RIG])}
     for camera, pose in poses.items():
         text = matrix("CameraMatrix", pose) + matrix("Intrinsics", K) + matrix("Distortion", np.zeros((5, 1)))
@@ -84,7 +84,7 @@ def test_each_standing_camera_becomes_a_video_beside_a_truth_in_the_upright_worl
     command = ["dataset", "build", "rich", "--root", str(root), "--split", "test", "--smplx", str(root / "models")]
     assert main([*command, "--out", str(out)]) == 0
     assert sorted(path.stem[-6:] for path in out.glob("*.mp4")) == ["cam_00", "cam_02"]
-    first, second = (read_take(out / f"LectureHall_009_011_wiping1_cam_{n:02d}_gt.npz") for n in (0, 2))
+    first, second = (read_sequence(out / f"LectureHall_009_011_wiping1_cam_{n:02d}_gt.npz") for n in (0, 2))
     rest = load_body().rest_joints(np.full(10, 0.5))
     in_rig = (rest - rest[0]) @ np.diag([1.0, -1.0, -1.0]) + rest[0] + np.array([0.0, 0.0, 4.0])
     assert first.people[0].joints[0] == pytest.approx(in_rig @ R_WORLD_RIG.T + [0.0, 0.0, 1.6], abs=1e-5)

@@ -10,7 +10,7 @@ import pytest
 from humanmm.cli import main
 from humanmm.errors import InputError
 from humanmm.storage.readers.datasets import threedpw
-from humanmm.storage.readers.truth import read_take
+from humanmm.storage.readers.truth import read_sequence
 
 FRAMES = 5
 
@@ -40,14 +40,14 @@ def root(tmp_path: Path) -> Path:
 def test_a_sequence_becomes_a_video_beside_a_truth_with_z_up(root: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     assert main(["dataset", "build", "3dpw", "--root", str(root), "--out", str(out)]) == 0
-    take = read_take(out / "cafe_00_gt.npz")
+    truth = read_sequence(out / "cafe_00_gt.npz")
     assert (out / "cafe_00.mp4").stat().st_size > 0
-    assert (take.num_frames, len(take.people), take.cut_frames) == (FRAMES, 2, ())
-    assert take.people[0].joints[0, -1] == pytest.approx([0.0, 0.0, 1.7])
-    assert take.people[1].observed.tolist() == [True, True, False, False, True]
-    assert take.cameras is not None
-    assert take.cameras.t_world_cam[0] == pytest.approx([0.0, -3.0, 1.0])
-    down, looking = take.cameras.R_world_cam[0][:, 1], take.cameras.R_world_cam[0][:, 2]
+    assert (truth.num_frames, len(truth.people), truth.cut_frames) == (FRAMES, 2, ())
+    assert truth.people[0].joints[0, -1] == pytest.approx([0.0, 0.0, 1.7])
+    assert truth.people[1].observed.tolist() == [True, True, False, False, True]
+    assert truth.cameras is not None
+    assert truth.cameras.t_world_cam[0] == pytest.approx([0.0, -3.0, 1.0])
+    down, looking = truth.cameras.R_world_cam[0][:, 1], truth.cameras.R_world_cam[0][:, 2]
     assert looking == pytest.approx([0.0, 1.0, 0.0])
     assert down == pytest.approx([0.0, 0.0, -1.0])
 

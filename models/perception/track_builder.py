@@ -1,22 +1,28 @@
-"""A track while it grows, and what is made of it at the end of the scene."""
+"""A track being built, frame by frame, and the finished track at the end of the scene."""
 
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from humanmm.models.perception.clothing import mean_colours
 from humanmm.models.perception.observation import Observation
 from humanmm.models.perception.regions import Region
-from humanmm.models.perception.sides import exchanged_sides
+from humanmm.models.perception.sides import left_right_swaps
 from humanmm.models.records import landmarks
 from humanmm.models.records.tracks import PersonTrack, Silhouettes, deflated_mask
+from humanmm.models.video.frame_times import shown_s
 
-MAX_STEP_SHARE = 0.1
-"""Largest motion of the region that is carried on to the next frame, as a share of its side."""
-UNSTEADY_SHARE = 0.07
-"""Second difference of the limbs, as a share of the region's side at 30 fps, at which a track is hardly a person's:
-people measured 0.005 to 0.035, bodies seen in furniture, pictures and hands 0.03 to 0.11."""
+Array = np.ndarray
+
+MAX_STEP = 0.1
+"""Largest motion of the region that is carried on to the next frame, as a fraction of its side."""
+FADE = 0.8
+"""Fraction of the motion that is carried on with every frame in which the person is not seen."""
+UNSTEADY = 0.07
+"""Second difference of the limbs, as a fraction of the region's side, at which a track is hardly a person's, for frames
+1/30 s apart or less: people measured 0.005 to 0.035, bodies seen in furniture, pictures and hands 0.03 to 0.11."""
+UNSTEADY_INTERVAL_S = 1 / 30
 _STEADY_FRAMES = 7
 STEADINESS_UNKNOWN = 0.8
 """Of a track without three frames in a row."""
@@ -65,55 +71,65 @@ class Row:
 
 
 @dataclass(eq=False)
-class Trail:
+class TrackBuilder:
     """Observations of one person so far."""
 
+    time_s: Float[Array, " F"]
+    """Presentation times of the video's frames."""
     last: Observation
     last_frame: int
-    velocity: tuple[float, float] = (0.0, 0.0)
-    """Of the region, pixels a frame, in the direction in which frames are taken."""
+    velocity: Float[Array, " 2"] = field(default_factory=lambda: np.zeros(2))
+    """Of the region, pixels per second, forward in time, whichever way frames are taken."""
     rows: dict[int, Row] = field(default_factory=dict)
     colours: dict[int, np.ndarray] = field(default_factory=dict)
-    missing: int = 0
-    """Frames since the person was last seen."""
+    lost_since: int | None = None
+    """First frame in which the person was looked for and not seen; None while he is seen."""
     active: bool = True
 
-    def predicted(self) -> Region:
-        """Where to look in the next frame."""
-        steps = 1 - 0.8 ** (self.missing + 1)  # the motion fades while the person is not seen: Σ 0.8^k · 0.2 · 5
-        return self.last.next_region.moved(self.velocity[0] * steps * 5, self.velocity[1] * steps * 5)
+    @property
+    def seen_s(self) -> float:
+        """Seconds in which the person was seen."""
+        return float(shown_s(self.time_s, np.array(list(self.rows), np.int64)).sum())
 
-    def predicted_keypoints(self) -> Float[np.ndarray, "33 3"]:
-        """The last pose moved to where the next is expected."""
-        there, here = self.predicted(), self.last.next_region
+    def predicted(self, frame: int) -> Region:
+        """Where to look in a frame before or after the last one: the motion goes on, and fades while nobody is seen."""
+        steps = abs(frame - self.last_frame)
+        if not steps:
+            return self.last.next_region
+        limit = MAX_STEP * self.last.next_region.side
+        step = self.velocity * ((self.time_s[frame] - self.time_s[self.last_frame]) / steps)
+        dx, dy = np.clip(step, -limit, limit) * ((1 - FADE**steps) / (1 - FADE))
+        return self.last.next_region.moved(float(dx), float(dy))
+
+    def predicted_keypoints(self, frame: int) -> Float[Array, "33 3"]:
+        """The last pose moved to where it is expected in a frame."""
+        there, here = self.predicted(frame), self.last.next_region
         shift = np.array([there.x - here.x, there.y - here.y, 0.0])
         return np.asarray(self.last.keypoints + shift)
 
-    def mean_colours(self) -> Float[np.ndarray, " bins"] | None:
+    def mean_colours(self) -> Float[Array, " bins"] | None:
         """Clothing so far; None before anything is known."""
         return mean_colours(np.stack(list(self.colours.values()))) if self.colours else None
 
     def add(self, frame: int, seen: Observation, vote: float = 0.0) -> None:
         """Take an observation in; frames may come in either direction."""
-        steps = abs(frame - self.last_frame)
-        if steps:
+        if frame != self.last_frame:
             before, now = self.last.next_region, seen.next_region
-            limit = MAX_STEP_SHARE * now.side
-            step = np.clip(np.array([now.x - before.x, now.y - before.y]) / steps, -limit, limit)
-            self.velocity = (float(step[0]), float(step[1]))
-        self.last, self.last_frame, self.missing, self.active = seen, frame, 0, True
+            seconds = self.time_s[frame] - self.time_s[self.last_frame]
+            self.velocity = np.array([now.x - before.x, now.y - before.y]) / seconds
+        self.last, self.last_frame, self.lost_since, self.active = seen, frame, None, True
         self.rows[frame] = Row.of(seen, vote)
 
-    def split(self, frame: int) -> tuple["Trail", "Trail"]:
-        """The trail before and from a frame on."""
-        halves = (Trail(self.last, self.last_frame), Trail(self.last, self.last_frame))
+    def split(self, frame: int) -> tuple["TrackBuilder", "TrackBuilder"]:
+        """The track before a frame, and from that frame on."""
+        halves = tuple(TrackBuilder(self.time_s, self.last, self.last_frame) for _ in range(2))
         for f, row in self.rows.items():
             halves[f >= frame].rows[f] = row
         for f, colours in self.colours.items():
             halves[f >= frame].colours[f] = colours
-        return halves
+        return halves[0], halves[1]
 
-    def finished(self, fps: float) -> PersonTrack:
+    def finished(self) -> PersonTrack:
         """The track, with left and right named alike in all frames and confidence lowered where it is unsteady.
 
         The rows are gone then: a long track is not kept twice.
@@ -128,20 +144,18 @@ class Trail:
             keypoints[k], poses[k], bbox[k], mask_affine[k] = row.keypoints, row.landmarks3d, row.bbox, row.mask_affine
             votes[k], side[k], seen_confidence[k] = row.vote, row.side, row.confidence
             masks.append(row.mask)
-        exchanged = exchanged_sides(keypoints, poses, votes, frames / fps, side)
-        keypoints[exchanged], poses[exchanged] = (
-            keypoints[exchanged][:, landmarks.SWAP],
-            poses[exchanged][:, landmarks.SWAP],
-        )
-        confidence = seen_confidence * steadiness(keypoints, frames, side, fps)
+        time_s = self.time_s[frames]
+        is_swapped = left_right_swaps(keypoints, poses, votes, time_s, side)
+        keypoints = landmarks.with_sides_swapped(keypoints, is_swapped)
+        confidence = seen_confidence * steadiness(keypoints, frames, side, time_s)
         sampled = sorted(self.colours)
         return PersonTrack(
             frame=frames,
             keypoints2d=keypoints,
-            landmarks3d=poses,
+            landmarks3d=landmarks.with_sides_swapped(poses, is_swapped),
             bbox=bbox,
             confidence=confidence.astype(np.float32),
-            side_votes=np.where(exchanged, -votes, votes).astype(np.float32),
+            side_votes=np.where(is_swapped, -votes, votes).astype(np.float32),
             masks=Silhouettes.of(masks),
             mask_affine=mask_affine,
             color_frame=np.array(sampled, np.int32),
@@ -150,22 +164,31 @@ class Trail:
 
 
 def steadiness(
-    keypoints: Float[np.ndarray, "frames 33 3"],
-    frames: np.ndarray,
-    side: Float[np.ndarray, " frames"],
-    fps: float,
-) -> Float[np.ndarray, " frames"]:
-    """1 where the limbs move smoothly about a frame, towards 0 where they jump: a body that is not there jumps."""
+    keypoints: Float[Array, "n 33 3"],
+    frames: Int[Array, " n"],
+    side: Float[Array, " n"],
+    time_s: Float[Array, " n"],
+) -> Float[Array, " n"]:
+    """1 where the limbs move smoothly about a frame, towards 0 where they jump: a body that is not there jumps.
+
+    `side` is the region's, pixels; `time_s` the times of the track's frames. Over three frames in a row, the middle
+    one's distance from the straight line between the others (twice, which is the second difference where the frames are
+    evenly apart) is compared with what it may be in the time between them.
+    """
     count = len(frames)
     if count < 3:
         return np.full(count, STEADINESS_UNKNOWN)
     limbs = keypoints[:, list(landmarks.LIMBS), :2]
-    bend = np.linalg.norm(limbs[2:] - 2 * limbs[1:-1] + limbs[:-2], axis=-1) / side[1:-1, None]
+    interval = np.diff(time_s)
+    whole = interval[1:] + interval[:-1]
+    # weights 1, −2, 1 where the frames are evenly apart
+    first, last = ((2 * part / whole)[:, None, None] for part in (interval[1:], interval[:-1]))
+    bend = np.linalg.norm(last * limbs[2:] - 2 * limbs[1:-1] + first * limbs[:-2], axis=-1) / side[1:-1, None]
+    allowed = UNSTEADY * np.maximum(1.0, whole / 2 / UNSTEADY_INTERVAL_S)
     consecutive = frames[2:] - frames[:-2] == 2
     if not consecutive.any():
         return np.full(count, STEADINESS_UNKNOWN)
-    everywhere = np.interp(frames, frames[1:-1][consecutive], np.median(bend, axis=1)[consecutive])
-    padded = np.pad(everywhere, _STEADY_FRAMES // 2, mode="edge")
+    unsteady = np.interp(frames, frames[1:-1][consecutive], (np.median(bend, axis=1) / allowed)[consecutive])
+    padded = np.pad(unsteady, _STEADY_FRAMES // 2, mode="edge")
     local = np.median(np.lib.stride_tricks.sliding_window_view(padded, _STEADY_FRAMES), axis=1)
-    scale = UNSTEADY_SHARE * max(1.0, 30 / fps)
-    return np.asarray(np.exp(-((local / scale) ** 2)))
+    return np.asarray(np.exp(-(local**2)))

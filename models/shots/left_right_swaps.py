@@ -1,13 +1,10 @@
-"""Where a pose network has exchanged a person's left and right, and the spans in which to exchange them back.
+"""Frames in which a pose network has swapped a person's left and right.
 
 Seen from behind or with a blurred face, the network may call the left side right, with full confidence, for whole
-runs of frames. No single frame betrays it surely, but three things do: labels that jump against the motion (between
-neighbouring frames), a body whose feet and knees point backwards (weak, in every frame), and above all a body that
-does not carry on across a cut (between shots: the cost of the bundle adjustment of `cuts` with and without exchanged
-labels). All three go into one two-state chain per person over the frames of the whole video, which is solved
-exactly.
-
-Exchanging means permuting the labels; mirroring depths as well was measured to be worse.
+runs of frames. Three kinds of evidence show it: labels that jump against the motion (between neighbouring frames), a
+body whose feet and knees point backwards (weak, in every frame), and above all a body whose motion does not go on
+across a cut (between shots: the cost of the bundle adjustment of `cuts` with and without swapped labels). One
+two-state chain per person over the frames of the whole video holds all three, and is solved exactly.
 """
 
 from collections.abc import Sequence
@@ -16,46 +13,49 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from humanmm.models.body.landmarks import MIRROR
 from humanmm.models.cuts import camera_rotation as cuts
+from humanmm.models.geometry.chains import two_state_chain
+from humanmm.models.geometry.intervals import Interval, frame_intervals
+from humanmm.models.records.landmarks import NUM_LANDMARKS, SWAP, with_sides_swapped
 
 Array = np.ndarray
 
-_MIRROR = np.array(MIRROR)
+_LABELS = (np.arange(NUM_LANDMARKS), SWAP)
+"""Order of the landmarks as labelled, and with left and right swapped."""
 LIMBS = np.arange(11, 33)
-"""Shoulders to toes: the face tells nothing about the body's side once it is guessed."""
+"""Shoulders to toes: a guessed face is no evidence of the body's side."""
 _WEIGHT = np.array([1, 1, 0.5, 0.5, 0.3, 0.3, *[0.1] * 6, 1, 1, 1, 1, 1, 1, 0.5, 0.5, 0.7, 0.7])
-"""Trust in LIMBS: arms and hands swing, fingers say little."""
+"""Trust in LIMBS: arms and hands swing, fingers are weak evidence."""
 
 KEYPOINT_SIGMA = 0.03
-"""Frame-to-frame noise of a 2D keypoint, share of the body's height."""
+"""Frame-to-frame noise of a 2D keypoint, fraction of the body's height."""
 SPEED_PER_S = 1.5
 """Usual speed of a limb, body heights per second (2D) and metres per second (3D)."""
 LANDMARK_SIGMA_M = 0.06
 CAP = 9.0
 """A single point adds at most this to an energy: one wrong point must not decide."""
-MAX_LINK_S = 0.5
-"""Frames further apart than this say nothing about each other's labels."""
+MAX_STEP_S = 0.5
+"""Frames further apart than this are no evidence of each other's labels."""
 
 NEIGHBOUR_S = 0.14
-SETTLE_SHARE = 0.9
+SETTLE_RATIO = 0.9
 """A frame changes its state if that brings it closer to its neighbours' median by this factor."""
 
 FORWARD_RIGHT_M = 0.10
 """Feet and knees of a rightly labelled body lie this far forward of heels and legs (means over real and rendered
-people); with exchanged labels the network draws them near 0."""
+people); with swapped labels the network draws them near 0."""
 FORWARD_SIGMA_M = 0.05
 INDEPENDENT_S = 0.5
 """Evidence within a single frame is nearly the same in neighbouring frames: it counts once in this time."""
 
 CUT_WINDOW_S = 0.5
 CUT_GAP_S = 0.1
-"""A gap this long between two shots halves what the cut says."""
-CUT_LINK_S = 1.0
+"""A gap this long between two shots halves the evidence of the cut."""
+MAX_CUT_GAP_S = 1.0
 """Longer gaps between shots carry no pose across."""
 HELD = 50.0
 KEEP_PRIOR = 1.0
-"""Energy of half a second exchanged: the network is right more often than not."""
+"""Energy of half a second swapped: the network is right more often than not."""
 
 
 @dataclass(frozen=True)
@@ -63,72 +63,53 @@ class Sighting:
     """One person's observations in one shot, frames in order (holes allowed)."""
 
     time_s: Float[Array, "n"]
+    shown_s: Float[Array, "n"]
+    """Seconds for which each frame is shown."""
     frame: Int[Array, "n"]
     keypoints2d: Float[Array, "n 33 3"]
     landmarks3d: Float[Array, "n 33 3"]
 
     def only(self, rows: Array) -> "Sighting":
         """Some of the observations."""
-        return Sighting(self.time_s[rows], self.frame[rows], self.keypoints2d[rows], self.landmarks3d[rows])
+        return Sighting(
+            self.time_s[rows], self.shown_s[rows], self.frame[rows], self.keypoints2d[rows], self.landmarks3d[rows]
+        )
 
 
-def swapped_spans(sightings: Sequence[Sighting], K: Float[Array, "3 3"]) -> tuple[tuple[tuple[int, int], ...], ...]:
-    """For each shot of one person, in time order: frame spans [start, end) with left and right exchanged.
+def left_right_swaps(sightings: Sequence[Sighting], K: Float[Array, "3 3"]) -> tuple[tuple[Interval, ...], ...]:
+    """For each shot of one person, in time order: the frames [start, end) with left and right swapped.
 
     K may be rough: a focal length wrong by 30 % changes nothing here.
     """
-    states = swapped_frames(sightings, K)
-    return tuple(spans(sighting.frame, state) for sighting, state in zip(sightings, states, strict=True))
+    states = _swapped_frames(sightings, K)
+    return tuple(frame_intervals(sighting.frame, state) for sighting, state in zip(sightings, states, strict=True))
 
 
-def swapped_frames(sightings: Sequence[Sighting], K: Float[Array, "3 3"]) -> list[Bool[Array, "n"]]:
-    """For each shot of one person, which frames have left and right exchanged."""
+def _swapped_frames(sightings: Sequence[Sighting], K: Float[Array, "3 3"]) -> list[Bool[Array, "n"]]:
+    """For each shot of one person, which frames have left and right swapped."""
     seen = [sighting for sighting in sightings if len(sighting.frame)]
     if not seen:
         return [np.zeros(0, dtype=bool) for _ in sightings]
     relative = [_settled(sighting, _within_shot(sighting)) for sighting in seen]
-    links: list[Array] = []
+    pairs: list[Array] = []
     for k, (sighting, state) in enumerate(zip(seen, relative, strict=True)):
-        links.append(link_energies(sighting) + _held_at_cuts(sighting, state, first=k == 0, last=k + 1 == len(seen)))
+        pairs.append(step_energies(sighting) + _held_at_cuts(sighting, state, first=k == 0, last=k + 1 == len(seen)))
         if k + 1 < len(seen):
-            same, turned = _across_cut(sighting, state, seen[k + 1], relative[k + 1], K)
+            as_found, one_swapped = _across_cut(sighting, state, seen[k + 1], relative[k + 1], K)
             agreed = state[-1] == relative[k + 1][0]
-            links.append(np.array([[same, turned] if agreed else [turned, same]]))
+            pairs.append(np.array([[as_found, one_swapped] if agreed else [one_swapped, as_found]]))
     unary = np.concatenate([_frame_evidence(sighting) for sighting in seen])
-    whole = two_state_chain(unary, np.concatenate(links))
+    whole = two_state_chain(unary, np.concatenate(pairs))
     states = np.split(whole, np.cumsum([len(sighting.frame) for sighting in seen])[:-1])
     parts = iter([_settled(sighting, state) for sighting, state in zip(seen, states, strict=True)])
     return [next(parts) if len(sighting.frame) else np.zeros(0, dtype=bool) for sighting in sightings]
-
-
-def exchange(points: Float[Array, "n 33 c"], swapped: Bool[Array, "n"]) -> Float[Array, "n 33 c"]:
-    """Keypoints or landmarks with left and right exchanged in the marked frames."""
-    return np.where(swapped[:, None, None], points[:, _MIRROR], points)
-
-
-def two_state_chain(unary: Float[Array, "n 2"], pairs: Float[Array, "n-1 2"]) -> Bool[Array, "n"]:
-    """States of least energy (Viterbi): unary[k, s] of node k in state s, pairs[k, 0] where nodes k and k+1 agree,
-    pairs[k, 1] where they differ."""
-    if not len(unary):
-        return np.zeros(0, dtype=bool)
-    energy, came_from = unary[0].copy(), np.zeros((len(unary), 2), dtype=np.int64)
-    for k in range(1, len(unary)):
-        same, differ = pairs[k - 1]
-        options = energy[:, None] + np.array([[same, differ], [differ, same]])
-        came_from[k] = options.argmin(axis=0)
-        energy = options.min(axis=0) + unary[k]
-    states = np.zeros(len(unary), dtype=np.int64)
-    states[-1] = int(energy.argmin())
-    for k in range(len(unary) - 1, 0, -1):
-        states[k - 1] = came_from[k, states[k]]
-    return states.astype(bool)
 
 
 def _within_shot(sighting: Sighting) -> Bool[Array, "n"]:
     """States of the frames of one shot, from the motion between them and each frame's own evidence."""
     if len(sighting.frame) < 2:
         return np.zeros(len(sighting.frame), dtype=bool)
-    return two_state_chain(_frame_evidence(sighting), link_energies(sighting))
+    return two_state_chain(_frame_evidence(sighting), step_energies(sighting))
 
 
 def _settled(sighting: Sighting, state: Bool[Array, "n"]) -> Bool[Array, "n"]:
@@ -138,8 +119,8 @@ def _settled(sighting: Sighting, state: Bool[Array, "n"]) -> Bool[Array, "n"]:
     the wrong state; against the median of its surroundings it shows where it belongs.
     """
     for _ in range(2):
-        flat, _ = _normalised(exchange(sighting.keypoints2d, state))
-        solid = exchange(sighting.landmarks3d, state).astype(np.float64)
+        flat, _ = _normalised(with_sides_swapped(sighting.keypoints2d, state))
+        solid = with_sides_swapped(sighting.landmarks3d, state).astype(np.float64)
         new = state.copy()
         for k, now in enumerate(sighting.time_s):
             first, last = np.searchsorted(sighting.time_s, [now - NEIGHBOUR_S - 1e-9, now + NEIGHBOUR_S + 1e-9])
@@ -147,12 +128,12 @@ def _settled(sighting: Sighting, state: Bool[Array, "n"]) -> Bool[Array, "n"]:
             if len(others) < 4:
                 continue
             usual = (np.median(flat[others], axis=0), np.median(solid[others], axis=0))
-            kept, exchanged = (
+            kept, swapped = (
                 _distance(flat[k, labels], usual[0]) / KEYPOINT_SIGMA
                 + _distance(solid[k, labels], usual[1]) / LANDMARK_SIGMA_M
-                for labels in (np.arange(33), _MIRROR)
+                for labels in _LABELS
             )
-            new[k] ^= exchanged < SETTLE_SHARE * kept
+            new[k] ^= swapped < SETTLE_RATIO * kept
         if (new == state).all():
             break
         state = new
@@ -172,7 +153,7 @@ def _normalised(keypoints2d: Float[Array, "n 33 3"]) -> tuple[Float[Array, "n 33
     return image / height[:, None, None], height
 
 
-def link_energies(sighting: Sighting) -> Float[Array, "n-1 2"]:
+def step_energies(sighting: Sighting) -> Float[Array, "n-1 2"]:
     """Energy of each neighbouring pair of frames with the same and with different labels: how far the limbs moved
     against what is usual in the time between."""
     step = np.diff(sighting.time_s)[:, None]
@@ -181,26 +162,25 @@ def link_energies(sighting: Sighting) -> Float[Array, "n-1 2"]:
     height = np.minimum(height[1:], height[:-1])[:, None]
     landmarks = sighting.landmarks3d.astype(np.float64)
     energies = []
-    for labels in (np.arange(33), _MIRROR):
+    for labels in _LABELS:
         flat = np.linalg.norm(image[1:, labels] - image[:-1], axis=-1)[:, LIMBS] / height
         solid = np.linalg.norm(landmarks[1:, labels] - landmarks[:-1], axis=-1)[:, LIMBS]
         energy = _capped(flat, np.hypot(KEYPOINT_SIGMA, SPEED_PER_S * step))
         energy = energy + _capped(solid, np.hypot(LANDMARK_SIGMA_M, SPEED_PER_S * step))
         energies.append(0.5 * (energy * _WEIGHT).sum(axis=1))
-    linked = np.diff(sighting.time_s) <= MAX_LINK_S
-    return np.asarray(np.stack(energies, axis=1) * linked[:, None])
+    near = np.diff(sighting.time_s) <= MAX_STEP_S
+    return np.asarray(np.stack(energies, axis=1) * near[:, None])
 
 
 def _frame_evidence(sighting: Sighting) -> Float[Array, "n 2"]:
-    """Energy of each frame as labelled and exchanged, from feet and knees that should lie forward of the body's
+    """Energy of each frame as labelled and swapped, from feet and knees that should lie forward of the body's
     plane."""
     forward = forwardness(sighting.landmarks3d)
     right = ((forward - FORWARD_RIGHT_M) / FORWARD_SIGMA_M) ** 2
     wrong = (forward / FORWARD_SIGMA_M) ** 2
-    step = float(np.median(np.diff(sighting.time_s))) if len(sighting.frame) > 1 else INDEPENDENT_S
-    share = min(1.0, step / INDEPENDENT_S)
+    weight = np.minimum(1.0, sighting.shown_s / INDEPENDENT_S)
     evidence = 0.5 * np.minimum(np.stack([right, wrong], axis=1), CAP)
-    return np.asarray(share * (evidence + np.array([0.0, KEEP_PRIOR])))
+    return np.asarray(weight[:, None] * (evidence + np.array([0.0, KEEP_PRIOR])))
 
 
 def forwardness(landmarks3d: Float[Array, "n 33 3"]) -> Float[Array, "n"]:
@@ -237,9 +217,9 @@ def _across_cut(
     state_after: Bool[Array, "m"],
     K: Float[Array, "3 3"],
 ) -> tuple[float, float]:
-    """Energies of two neighbouring shots with the states as found, and with one of them turned round."""
+    """Energies of two neighbouring shots with the states as found, and with those of one of them inverted."""
     gap = float(after.time_s[0] - before.time_s[-1])
-    if gap > CUT_LINK_S:
+    if gap > MAX_CUT_GAP_S:
         return 0.0, 0.0
     first = _near_cut(before, state_before, before.time_s >= before.time_s[-1] - CUT_WINDOW_S)
     near = after.time_s <= after.time_s[0] + CUT_WINDOW_S
@@ -254,8 +234,8 @@ def _across_cut(
 def _near_cut(sighting: Sighting, state: Bool[Array, "n"], near: Bool[Array, "n"]) -> cuts.SideTrack:
     return cuts.SideTrack(
         time_s=sighting.time_s[near],
-        keypoints2d=exchange(sighting.keypoints2d[near], state[near]),
-        landmarks3d=exchange(sighting.landmarks3d[near], state[near]),
+        keypoints2d=with_sides_swapped(sighting.keypoints2d[near], state[near]),
+        landmarks3d=with_sides_swapped(sighting.landmarks3d[near], state[near]),
         R_cam_root=None,
         R_cut_cam=np.broadcast_to(np.eye(3), (int(near.sum()), 3, 3)),
     )
@@ -267,18 +247,3 @@ def _capped(distance: Float[Array, "*n"], sigma: Float[Array, "*n"]) -> Float[Ar
 
 def _unit(v: Float[Array, "n 3"]) -> Float[Array, "n 3"]:
     return np.asarray(v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-9))
-
-
-def spans(frame: Int[Array, "n"], state: Bool[Array, "n"]) -> tuple[tuple[int, int], ...]:
-    """Runs of marked frames as [start, end); frames in a hole between two of them belong to the run."""
-    runs = []
-    begun: int | None = None
-    for number, marked in zip(frame, state, strict=True):
-        if marked and begun is None:
-            begun = int(number)
-        if not marked and begun is not None:
-            runs.append((begun, int(number)))
-            begun = None
-    if begun is not None:
-        runs.append((begun, int(frame[-1]) + 1))
-    return tuple(runs)

@@ -1,0 +1,22 @@
+"""Boxes in pictures: xyxy, the corners with the least and the greatest x and y, in pixels."""
+
+import numpy as np
+from jaxtyping import Float
+
+Array = np.ndarray
+
+
+def box_iou(a: Float[Array, "*#n 4"], b: Float[Array, "*#n 4"]) -> Float[Array, "*n"]:
+    """Intersection over union of boxes xyxy, 0 to 1; 0 where neither holds anything.
+
+    Shapes broadcast: `box_iou(a[:, None], b[None])` compares every pair. Jaccard 1901; Everingham et al., "The Pascal
+    Visual Object Classes challenge" (IJCV 88, 2010), section 4.2.
+    """
+    shared = box_area(np.concatenate([np.maximum(a[..., :2], b[..., :2]), np.minimum(a[..., 2:], b[..., 2:])], axis=-1))
+    union = box_area(a) + box_area(b) - shared
+    return np.asarray(shared / np.maximum(union, np.finfo(float).tiny))
+
+
+def box_area(xyxy: Float[Array, "*n 4"]) -> Float[Array, "*n"]:
+    """Square pixels; 0 where the corners are the wrong way round."""
+    return np.asarray(np.clip(xyxy[..., 2:] - xyxy[..., :2], 0, None).prod(axis=-1))

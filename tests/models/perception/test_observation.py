@@ -1,0 +1,72 @@
+"""What of the landmark network's output is kept."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from humanmm.models.perception.networks import Landmarks
+from humanmm.models.perception.observation import averaged, inside, observe, on_mask, similarity
+from humanmm.models.perception.regions import Region
+from humanmm.models.records import landmarks
+
+REGION = Region(200.0, 200.0, 256.0)
+SIZE = (400, 400)
+
+
+def standing() -> Landmarks:
+    """A body in the middle of its region, all of it visible and on the mask."""
+    keypoints = np.tile([200.0, 130.0, 1.0], (33, 1))
+    for joint, height, width in (("shoulder", 150, 20), ("elbow", 180, 28), ("wrist", 205, 30),
+                                 ("hip", 210, 12), ("knee", 255, 13), ("ankle", 300, 13)):  # fmt: skip
+        for side, sign in (("left", 1), ("right", -1)):
+            keypoints[landmarks.INDEX[f"{side}_{joint}"], :2] = 200 + sign * width, height
+    mask = np.zeros((128, 128), np.uint8)
+    mask[26:118, 44:84] = 255
+    return Landmarks(keypoints, np.zeros((33, 3)), 0.95, mask, REGION, REGION)
+
+
+def test_a_whole_body_is_trusted_and_its_box_holds_the_mask() -> None:
+    seen = observe(standing(), SIZE)
+    assert seen is not None
+    assert seen.confidence == pytest.approx(1.0)
+    # the mask's cells are 2 px wide, and pixels of the crop begin at 72
+    np.testing.assert_allclose(seen.bbox, [72 + 2 * 44 + 1, 72 + 2 * 26 + 1, 72 + 2 * 84 - 1, 72 + 2 * 118 - 1])
+
+
+@pytest.mark.parametrize("fault", ["presence", "mask", "hips outside", "no trunk"])
+def test_what_is_no_whole_body_is_no_observation(fault: str) -> None:
+    output = standing()
+    if fault == "presence":
+        output = replace(output, presence=0.3)
+    if fault == "mask":
+        output = replace(output, mask=np.roll(output.mask, 60, axis=1))
+    if fault == "hips outside":
+        output.keypoints[[23, 24, 25, 26], 1] += 300
+    if fault == "no trunk":
+        output.keypoints[[23, 24], 1] = 152
+    assert observe(output, SIZE) is None
+
+
+def test_similarity_falls_like_a_gaussian_of_the_distance() -> None:
+    pose = standing().keypoints
+    assert similarity(pose, pose, 256.0) == pytest.approx(1.0)
+    moved = pose + np.array([0.06 * 256, 0.0, 0.0])  # one standard deviation
+    assert similarity(pose, moved, 256.0) == pytest.approx(np.exp(-0.5))
+
+
+def test_the_mean_of_two_outputs_lies_between_them() -> None:
+    one = standing()
+    other = replace(one, keypoints=one.keypoints + 4.0, mask=np.zeros((128, 128), np.uint8))
+    mean = averaged(one, other)
+    np.testing.assert_allclose(mean.keypoints, one.keypoints + 2.0)
+    assert mean.mask.max() == 127
+
+
+def test_points_in_the_frame_and_on_the_mask() -> None:
+    points = np.array([[0.0, 0.0], [400.0, 399.0], [-0.1, 5.0], [5.0, 400.1]])
+    np.testing.assert_array_equal(inside(points, SIZE), [True, True, False, False])
+    mask = np.zeros((128, 128), np.uint8)
+    mask[64, 64] = 1  # the pixel at (201, 201); points within three cells of 2 px count
+    found = on_mask(np.array([[201.0, 201.0], [207.0, 201.0], [210.0, 201.0], [900.0, 201.0]]), mask, REGION)
+    np.testing.assert_array_equal(found, [True, True, False, False])
