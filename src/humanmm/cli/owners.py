@@ -10,7 +10,7 @@ from humanmm.cli.settings import UsageError
 from humanmm.errors import InputError
 
 if TYPE_CHECKING:
-    from humanmm.storage.readers.datasets.multiview import MultiviewSequence
+    from humanmm.models.benchmark.recordings import MultiviewSequence
 
 T = TypeVar("T")
 
