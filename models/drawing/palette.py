@@ -26,11 +26,6 @@ def shot_color(shot: int) -> RGB:
     return SHOTS[shot % len(SHOTS)]
 
 
-def unit(color: RGB) -> tuple[float, float, float]:
-    """The colour as 0..1, for matplotlib."""
-    return color[0] / 255, color[1] / 255, color[2] / 255
-
-
 def shading_ramp(color: RGB) -> UInt8[np.ndarray, "256 3"]:
     """Colours of a surface from dark to lit: through the colour itself, the brightest fifth runs towards white."""
     light = np.linspace(0, 1, 256)[:, None]

@@ -36,7 +36,10 @@ def test_the_top_view_takes_a_person_without_frames_and_a_camera_that_looks_down
     empty = dataclasses.replace(standing.people[0], **{**nobody, "person": 1})
     down = np.tile(np.float32([[1, 0, 0], [0, -1, 0], [0, 0, -1]]), (40, 1, 1))
     image = top_view(dataclasses.replace(standing, people=(standing.people[0], empty), R_world_cam=down))
-    assert np.isfinite(image).all()
+    assert _share(image, palette.person_color(0)) > 1e-4
+    alone = top_view(dataclasses.replace(standing, R_world_cam=down))
+    differing = np.argwhere((image != alone).any(axis=-1))
+    assert len(differing) < 0.01 * image[..., 0].size, "who has no frames is in the legend alone"
 
 
 def test_the_timeline_grows_with_its_people_and_warnings(standing: Recording) -> None:
