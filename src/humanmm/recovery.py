@@ -153,10 +153,9 @@ def _open(
     prepare_process()  # before numpy is loaded
     from humanmm.storage.store.identity import identify
     from humanmm.storage.store.open import open_store
-    from humanmm.storage.store.store import default_store
     from humanmm.tasks.engine.run import VideoRun
 
-    place = open_store(Path(store) if store is not None else default_store(), read_only=read_only)
+    place = open_store(None if store is None else Path(store), read_only=read_only)
     return VideoRun(identify(Path(video), place), config, place, selection=selection)
 
 
@@ -182,9 +181,7 @@ def _run_flow(run: "VideoRun", folder: Path, *, show_progress: bool) -> None:
         if state.is_completed() or state.name == "Partial":
             return
         error = state.result(raise_on_failure=False)
-    raise error if isinstance(error, BaseException) else StoreError(
-        f"the flow ended as {state.name}: {state.message}"
-    )
+    raise error if isinstance(error, BaseException) else StoreError(f"the flow ended as {state.name}: {state.message}")
 
 
 @contextlib.contextmanager

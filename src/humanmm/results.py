@@ -195,7 +195,7 @@ def load(folder: "str | os.PathLike[str]") -> Run:
 def evaluate(run: "Run | str | os.PathLike[str]", truth: "Run | str | os.PathLike[str]") -> "Report":
     """Every metric of a run against its truth (docs/metrics.md), a run folder or an `.npz` file. Raises TruthError."""
     from humanmm.models.evaluation.evaluate import evaluate as figures_of
-    from humanmm.storage.readers.truth import read_take
+    from humanmm.storage.readers.truth import read_sequence
 
-    prediction, reference = (read_take(side.folder if isinstance(side, Run) else Path(side)) for side in (run, truth))
+    prediction, reference = (read_sequence(side.folder if isinstance(side, Run) else Path(side)) for side in (run, truth))
     return figures_of(prediction, reference)
