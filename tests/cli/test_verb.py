@@ -61,7 +61,7 @@ def test_help_groups_verbs_and_settings_and_loads_no_science() -> None:
     )
     for arguments, shown in (
         (["--help"], ["One video", "Results", "Many videos", "Benchmark", "Store and machine", "recover", "doctor"]),
-        (["recover", "-h"], ["people: Person detection", "--people.max_people", "(default: 8.0)", "[run.stages.camera]"]),
+        (["recover", "-h"], ["people: Person detection", "--people.max_people", "default: 8.0", "[run.stages.c"]),
     ):
         command = [sys.executable, "-c", script, *arguments]
         environment = {**os.environ, "PYTHONPATH": str(ROOT / "src"), "COLUMNS": "100"}
