@@ -17,7 +17,6 @@ from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
-from humanmm import __version__
 from humanmm.config import Config
 from humanmm.errors import HumanMMError, InputError, StoreError
 from humanmm.models.benchmark.methods import METHODS, VideoMotions, run_methods
@@ -40,6 +39,7 @@ from humanmm.storage.store.open import open_store
 from humanmm.storage.store.recipe import Recipe
 from humanmm.storage.store.store import Store
 from humanmm.tasks.process import in_processes, prepare_process
+from humanmm.version import __version__
 
 log = logging.getLogger(__name__)
 T = TypeVar("T")

@@ -6,11 +6,12 @@ from pathlib import Path
 from humanmm.storage.batches.batch_ledger import BatchLedger
 from humanmm.storage.batches.disk_ledger import DiskLedger
 from humanmm.storage.store.bucket import is_bucket
-from humanmm.storage.store.store import Store
+from humanmm.storage.store.store import Store, default_store
 
 
-def open_store(place: Path | str, *, read_only: bool = False) -> Store:
-    """Open the store at a folder or in a bucket; a bucket may be named by a Path, which has lost a slash."""
+def open_store(place: Path | str | None = None, *, read_only: bool = False) -> Store:
+    """Open the store at a folder or in a bucket, else the user's own; a Path that names a bucket has lost a slash."""
+    place = place or default_store()
     if is_bucket(str(place)):
         from humanmm.storage.store.bucket_store import BucketStore
 

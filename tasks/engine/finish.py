@@ -12,7 +12,6 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from humanmm import __version__
 from humanmm.config import Config
 from humanmm.errors import HumanMMError, StageError, StoreError
 from humanmm.models.records.motion import WorldMotion
@@ -27,6 +26,7 @@ from humanmm.tasks.engine.faults import ends_run, is_infrastructure_fault
 from humanmm.tasks.engine.run import Outcome, VideoRun
 from humanmm.tasks.engine.units import Work
 from humanmm.tasks.pipeline import Stage
+from humanmm.version import __version__
 
 if TYPE_CHECKING:  # importing it loads scipy, which an unchanged rerun does not need
     from humanmm.models.records.recording import Recording

@@ -14,7 +14,6 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeVar, cast
 
-from humanmm import __version__
 from humanmm.config import Config
 from humanmm.errors import (
     HumanMMError,
@@ -45,6 +44,7 @@ from humanmm.tasks.engine.unit_inputs import UnitInputs
 from humanmm.tasks.engine.units import Work, needs_of, only_its_shot, works_of
 from humanmm.tasks.pipeline import Resources, Stage
 from humanmm.tasks.process import give_back_memory
+from humanmm.version import __version__
 
 log = logging.getLogger(__name__)
 

@@ -2,7 +2,7 @@
 
 from pydantic import BaseModel, ConfigDict
 
-from humanmm.errors import InputError
+from humanmm.errors import InputError, UsageError
 from humanmm.tasks.pipeline import Stage
 
 
@@ -25,15 +25,15 @@ class Selection(BaseModel):
         names = [stage.name for stage in stages]
         for name in (self.start, self.only):
             if name is not None and name not in names:
-                raise InputError(f"there is no stage {name!r}; stages are {', '.join(names)}")
+                raise UsageError(f"there is no stage {name!r}; stages are {', '.join(names)}")
         if sum([self.force, self.start is not None, self.only is not None]) > 1:
-            raise InputError("choose one of --force, --from and --only")
+            raise UsageError("choose one of --force, --from and --only")
         if self.shot is None:
             return []
         if self.shot < 0:
-            raise InputError(f"--shot {self.shot} is negative; the first shot is 0")
+            raise UsageError(f"--shot {self.shot} is negative; the first shot is 0")
         if self.start is None and self.only is None:
-            raise InputError("--shot needs --from STAGE or --only STAGE")
+            raise UsageError("--shot needs --from STAGE or --only STAGE")
         chosen = [stage for stage in stages if self._names(stage, names)]
         ignoring = [stage.name for stage in chosen if stage.per != "shot"]
         if not ignoring:
