@@ -28,7 +28,7 @@ LIMBS = np.array([landmarks.INDEX[name] for name in (
 )])  # fmt: skip
 SAME_PERSON = 0.10
 """Median distance, share of the height, within which a detection is this person's (sides exchanged or not)."""
-USUAL_SHARE, USUAL_M = 0.02, 0.08
+USUAL_FRACTION, USUAL_M = 0.02, 0.08
 """Usual errors in the picture and in 3D, to weigh one against the other."""
 LIMBS_PER_STATURE = 0.754
 """Ankle to shoulder along the bones, over the height of body24's template."""
@@ -162,7 +162,7 @@ def _answer(
     distance = np.median(np.linalg.norm(shift, axis=-1), axis=1)
     limbs = solid[:, LIMBS] - solid[:, [23, 24]].mean(axis=1, keepdims=True)
     depth = np.median(np.linalg.norm(limbs - true, axis=-1), axis=1)
-    return _Answer(keypoints, solid, shift, distance, distance / USUAL_SHARE + depth / USUAL_M)
+    return _Answer(keypoints, solid, shift, distance, distance / USUAL_FRACTION + depth / USUAL_M)
 
 
 def _seen(
