@@ -47,7 +47,7 @@ _NUM_PAIRS = 6
 _IMAGE_WEIGHT = np.array([0.2] * 3 + [1.0] * 2 + [0.5] * 4 + [1.0] * 6 + [0.6] * 4)
 """Trust in the image points: faces are guessed when seen from behind, wrists and feet move fast."""
 
-_TURN_WEIGHT = np.array([0.2] * 3 + [1.0] * 2 + [0.3] * 4 + [1.0] * 6 + [0.3] * 4)
+_ROTATION_WEIGHT = np.array([0.2] * 3 + [1.0] * 2 + [0.3] * 4 + [1.0] * 6 + [0.3] * 4)
 """Trust in the 3D points for a rotation between the two sides."""
 
 KEYPOINT_ERROR = 0.02
@@ -63,7 +63,7 @@ GAP_WARNING_S = 0.2
 """Beyond it the motion across the cut is a guess."""
 CONTEMPORARY_S = 0.15
 """Who is lost for longer than this at a cut has no say beside those who are not."""
-TURN_DEG_S = 80.0
+ROTATION_DEG_S = 80.0
 """Rotation error that each second without an observation adds (simulated: 25° at 0.17 s and 65° at 0.5 s in nine of
 ten)."""
 BIAS_DEG = 8.0
@@ -136,7 +136,7 @@ def align_cut(
     starts = np.concatenate([_starts(item, person) for item, person in zip(prepared, people, strict=True)])
     results = cut_bundle.adjust(prepared, _BODY, _distinct(starts), options)
     best = results[0]
-    spread = float(np.hypot(_spread(prepared, results), TURN_DEG_S * gap))
+    spread = float(np.hypot(_spread(prepared, results), ROTATION_DEG_S * gap))
     focal = 0.5 * (cameras.K_before[0, 0] + cameras.K_after[0, 0])
     sigma_px = focal * float(np.mean([view.sigma_ray for item in prepared for view in (item.before, item.after)]))
     return CutAlignment(
@@ -224,7 +224,7 @@ def _at_cut(view: SideView) -> Float[Array, "J 3"]:
 
 def _starts(item: PersonAtCut, person: CutPerson) -> Float[Array, "s 3 3"]:
     before, after = _at_cut(item.before), _at_cut(item.after)
-    turned = kabsch(after, before, _TURN_WEIGHT)
+    turned = kabsch(after, before, _ROTATION_WEIGHT)
     trunk = before[3:5].mean(axis=0)
     trunk /= max(float(np.linalg.norm(trunk)), 1e-6)
     starts = [turned, *(rotvec_to_rotmat(trunk * angle) @ turned for angle in np.deg2rad([-30.0, 30.0]))]
@@ -266,7 +266,7 @@ def angle_deg(R_a: Float[Array, "3 3"], R_b: Float[Array, "3 3"]) -> float:
 def _spread(prepared: Sequence[PersonAtCut], results: Sequence[cut_bundle.BundleResult]) -> float:
     """Expected rotation error from how far other answers to the same question lie from the winner, degrees."""
     best = results[0]
-    turned = [kabsch(_at_cut(item.after), _at_cut(item.before), _TURN_WEIGHT) for item in prepared]
+    turned = [kabsch(_at_cut(item.after), _at_cut(item.before), _ROTATION_WEIGHT) for item in prepared]
     distances = [angle_deg(R, best.R_before_after) for R in turned]
     # A start that ended elsewhere at nearly the same cost is a second opinion.
     distances += [

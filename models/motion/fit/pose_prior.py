@@ -28,14 +28,14 @@ LEAST_STD = 0.06
 NUM_HABITS = 12
 """Gaussians of the mixture; 6 to 24 say about the same on people they were not made from."""
 
-WIDE_SHARE, WIDE_SCALE = 0.02, 1.5
+WIDE_FRACTION, WIDE_SCALE = 0.02, 1.5
 """One more Gaussian, of all poses together with its covariance scaled, for what the others never saw."""
 
 _EVERY = 8
 """Neighbouring frames are nearly equal: every eighth is enough for the mixture."""
 
 RANGE_QUANTILE, RANGE_MARGIN = 0.002, 0.15
-"""The soft walls stand this far (radians) outside the quantiles of each component."""
+"""The joint limits lie this far (radians) outside the quantiles of each component."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +90,7 @@ def estimate(
     inside = np.clip(x, lower, upper)
     cap = np.quantile(np.abs(a), 0.995, axis=0)
     return PoseStatistics(
-        shares=np.append(shares * (1 - WIDE_SHARE), WIDE_SHARE),
+        shares=np.append(shares * (1 - WIDE_FRACTION), WIDE_FRACTION),
         means=np.concatenate([means, inside.mean(axis=0)[None]]),
         covariances=np.concatenate([covariances, WIDE_SCALE * _floored(np.cov(inside, rowvar=False))[None]]),
         lower=lower - RANGE_MARGIN,

@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.landmarks import load_landmarks
-from humanmm.models.motion.fit.equations import REFERENCE_HZ, NormalEquations, Term, cauchy, once_per_motion, portions
+from humanmm.models.motion.fit.equations import REFERENCE_HZ, NormalEquations, Term, cauchy, memoised, portions
 from humanmm.models.motion.fit.evidence import LongEvidence, Sighting, bone_lengths
 from humanmm.models.motion.fit.hmr import EvidenceTerms, NoiseModel, pelvis_depths
 from humanmm.models.motion.fit.solver import SolverSettings, solve_windows
@@ -55,11 +55,11 @@ class PlantedFeet:
         stands = self.contacts * (self.contacts >= 0.5)
         return np.asarray(stands[1:] * stands[:-1] * (self._span * REFERENCE_HZ)[:, None])
 
-    @once_per_motion
+    @memoised
     def _feet(self, motion: Motion) -> Motion:
         return Motion.of(self.feet, motion.R_local, motion.pelvis_ref)
 
-    @once_per_motion
+    @memoised
     def _residual(self, feet: Motion) -> Float[Array, "M 4 3"]:
         return np.asarray(np.diff(feet.points, axis=0) / (self.speed_ms * self._span)[:, None, None])
 
