@@ -9,7 +9,7 @@ from humanmm.models.benchmark.methods import run_methods
 from humanmm.models.records.camera import PointTracks
 from humanmm.models.records.shots import Scenes
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
-from humanmm.models.synthetic.mocap import MocapTake
+from humanmm.models.synthetic.mocap import MocapSequence
 from humanmm.models.synthetic.multishot import BenchVideo, build_video, plan_videos
 
 
@@ -54,7 +54,7 @@ def with_frames(video: BenchVideo, kept: np.ndarray) -> BenchVideo:
 
 
 def test_a_walk_has_its_true_speed_in_the_world_where_frames_are_dense_and_where_they_are_sparse(
-    takes: tuple[MocapTake, ...],
+    takes: tuple[MocapSequence, ...],
 ) -> None:
     video = build_video(takes[0], plan_videos(takes[:1], 1, seed=4, transitions=(2,))[0])
     dense = np.arange(100) < 50
