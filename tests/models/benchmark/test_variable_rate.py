@@ -54,9 +54,9 @@ def with_frames(video: BenchVideo, kept: np.ndarray) -> BenchVideo:
 
 
 def test_a_walk_has_its_true_speed_in_the_world_where_frames_are_dense_and_where_they_are_sparse(
-    takes: tuple[MocapSequence, ...],
+    sequences: tuple[MocapSequence, ...],
 ) -> None:
-    video = build_video(takes[0], plan_videos(takes[:1], 1, seed=4, transitions=(2,))[0])
+    video = build_video(sequences[0], plan_videos(sequences[:1], 1, seed=4, transitions=(2,))[0])
     dense = np.arange(100) < 50
     kept = np.flatnonzero(dense | (np.arange(100) % 3 == 0))
     (done,) = run_methods(with_frames(video, kept), Config(), ("humanmm",)).motions
