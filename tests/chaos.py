@@ -46,23 +46,23 @@ SETTLED_S = 2.0
 COUNTING = """
 import json, os, sys, time
 if any("humanmm.tasks.engine.runners.processes" in part for part in sys.orig_argv):
-    from humanmm.tasks.engine.run import VideoRun
-    compute = VideoRun.compute_here
-    def counted(run, work):
+    from humanmm.tasks.units.execute import UnitExecutor
+    compute = UnitExecutor.compute
+    def counted(executor, unit):
         def note(**what):
-            facts = {"at": time.time(), "pid": os.getpid(), "video": run.video.path.name, "unit": work.label, **what}
-            facts["key"] = run.recipe(work).key
+            facts = {"at": time.time(), "pid": os.getpid(), "unit": unit.label, **what}
+            facts |= {"video": executor.video.path.name, "key": executor.keys.recipe(unit).key}
             with open(os.environ["CHAOS_EXECUTIONS"], "a") as file:
                 file.write(json.dumps(facts) + "\\n")
         note(event="begun")
         try:
-            outcome = compute(run, work)
+            result = compute(executor, unit)
         except Exception as error:
             note(event="failed", reason=str(error))
             raise
-        note(event=outcome.state, reason=outcome.reason)
-        return outcome
-    VideoRun.compute_here = counted
+        note(event=result.state, reason=result.reason)
+        return result
+    UnitExecutor.compute = counted
 """
 
 

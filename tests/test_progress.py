@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from humanmm.progress import progress_bars
-from humanmm.tasks.engine.units import Work
+from humanmm.tasks.units.unit import Unit
 from humanmm.tasks.pipeline import STAGES
 
 

@@ -74,10 +74,10 @@ class ClipJob:
         """Observations from the clip's pixels; StageError if a stage fails on a part of it."""
         run = VideoRun(identify(self.video, store), config, store)
         for name in OF_PIXELS:
-            for work in run.works(run.stage(name)) or ():
-                outcome = run.do(work)
+            for unit in run.units(run.stage(name)) or ():
+                outcome = run.execute(unit)
                 if outcome.manifest is None:
-                    raise StageError(f"{self.name}: {outcome.work.label} failed: {outcome.reason}")
+                    raise StageError(f"{self.name}: {outcome.unit.label} failed: {outcome.reason}")
         return BenchVideo(
             name=self.name,
             split=self.split,
@@ -118,6 +118,5 @@ def clip_set(folder: Path, store: Store) -> tuple[list[ClipJob], SetStatistics]:
 
 def results_of(run: VideoRun, stage: str, output: type[T]) -> Sequence[T]:
     """What the units of a stage have left in the store."""
-    works = run.works(run.stage(stage)) or ()
-    manifests = [run.manifest(stage, work.index) for work in works]
+    manifests = [run.manifest(*unit.id) for unit in run.units(run.stage(stage)) or ()]
     return [run.store.read(manifest.ref, output) for manifest in manifests if manifest is not None]

@@ -33,10 +33,10 @@ def measured_clips(folder: Path, config: Config, store: Store) -> list[MeasuredC
     for job in jobs:
         run = VideoRun(identify(job.video, store), config, store)
         for name in STAGES:
-            for work in run.works(run.stage(name)) or ():
-                outcome = run.do(work)
+            for unit in run.units(run.stage(name)) or ():
+                outcome = run.execute(unit)
                 if outcome.manifest is None:
-                    raise StageError(f"{job.name}: {outcome.work.label} failed: {outcome.reason}")
+                    raise StageError(f"{job.name}: {outcome.unit.label} failed: {outcome.reason}")
         sequence = read_sequence(job.truth)
         clips.append(MeasuredClip(sequence, person_errors(sequence, results_of(run, "people", ScenePeople), job.name)))
     return clips

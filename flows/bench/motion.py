@@ -34,11 +34,11 @@ from humanmm.models.synthetic.multishot import (
     split_name,
 )
 from humanmm.storage.readers.mocap_pack import read_pack
-from humanmm.storage.store.digest import CodeDigest, code_digest
 from humanmm.storage.store.open import open_store
 from humanmm.storage.store.recipe import Recipe
 from humanmm.storage.store.store import Store
-from humanmm.tasks.process import in_processes, prepare_process
+from humanmm.tasks.units.digest import CodeDigest, code_digest
+from humanmm.tasks.units.process import in_processes, prepare_process
 from humanmm.version import __version__
 
 log = logging.getLogger(__name__)
@@ -209,9 +209,9 @@ def _computed(
 ) -> Iterator[tuple[int, VideoFigures]]:
     if len(missing) <= FEW or config.run.threads == 1:
         for index in missing:
-            yield index, compute(jobs[index], recipes[index], config, store.place, methods)
+            yield index, compute(jobs[index], recipes[index], config, store.location, methods)
         return
-    calls = [(jobs[index], recipes[index], config, store.place, methods) for index in missing]
+    calls = [(jobs[index], recipes[index], config, store.location, methods) for index in missing]
     for number, figures in in_processes(compute, calls, config.run.threads):
         yield missing[number], figures
 

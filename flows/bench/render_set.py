@@ -19,9 +19,9 @@ from humanmm.models.rendering.script import ClipPlan, plan_clip
 from humanmm.models.synthetic.mocap import MocapSequence
 from humanmm.storage.readers.mocap_pack import read_pack
 from humanmm.storage.run_folder.clip_files import write_clip
-from humanmm.storage.store.digest import code_digest
 from humanmm.storage.store.store import cache_folder
-from humanmm.tasks.process import in_processes, prepare_process
+from humanmm.tasks.units.digest import code_digest
+from humanmm.tasks.units.process import in_processes, prepare_process
 
 log = logging.getLogger(__name__)
 

@@ -19,7 +19,7 @@ from humanmm.storage.readers.cut_truth import CutClip, read_cut_clips
 from humanmm.storage.store.identity import identify
 from humanmm.storage.store.store import Store
 from humanmm.tasks.engine.run import VideoRun
-from humanmm.tasks.process import prepare_process
+from humanmm.tasks.units.process import prepare_process
 
 log = logging.getLogger(__name__)
 
@@ -49,12 +49,12 @@ def shot_rows(folder: Path, config: Config, store: Store) -> tuple[list[Row], Se
 def _counts(clip: CutClip, config: Config, store: Store) -> tuple[VideoFacts, dict[str, CutCounts]]:
     run = VideoRun(identify(clip.video, store), config, store)
     for name in STAGES:
-        for work in run.works(run.stage(name)) or ():
-            if run.do(work).manifest is None:
-                raise StageError(f"{clip.video.name}: {work.label} failed: {run.outcomes[name, work.index].reason}")
-    facts = run.read(run.work("decode"), VideoFacts)
-    scenes = run.read(run.work("scenes"), Scenes)
-    people = [run.read(work, ScenePeople) for work in run.works(run.stage("people")) or ()]
+        for unit in run.units(run.stage(name)) or ():
+            if run.execute(unit).manifest is None:
+                raise StageError(f"{clip.video.name}: {unit.label} failed: {run.outcomes[unit.id].reason}")
+    facts = run.read(run.unit("decode"), VideoFacts)
+    scenes = run.read(run.unit("scenes"), Scenes)
+    people = [run.read(unit, ScenePeople) for unit in run.units(run.stage("people")) or ()]
     return facts, count_cuts(scenes, people, clip.transitions, time_s=facts.time_s)
 
 

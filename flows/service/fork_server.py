@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from humanmm.flows.service.video_process import NUMBER
-from humanmm.tasks.process import end_with_parent
+from humanmm.tasks.units.process import end_with_parent
 
 log = logging.getLogger(__name__)
 
@@ -64,7 +64,7 @@ def main(name: str) -> None:
 
 def import_everything() -> None:
     """All that a video of a batch needs, so that its process imports nothing more."""
-    from humanmm.tasks.process import prepare_process
+    from humanmm.tasks.units.process import prepare_process
 
     prepare_process()
     import prefect.flow_engine  # noqa: F401
@@ -73,7 +73,7 @@ def import_everything() -> None:
     import humanmm.storage.run_folder.motion_zarr
     import humanmm.tasks.pictures  # noqa: F401
     from humanmm.tasks import pipeline
-    from humanmm.tasks.engine.imports import Imports
+    from humanmm.tasks.units.imports import Imports
 
     Imports(pipeline.STAGES).prepare(pipeline.STAGES[0])
     prepare_process()

@@ -62,12 +62,13 @@ def _watch_threads() -> None:
 
 def _watch_video() -> None:
     from humanmm.storage.store import store
-    from humanmm.tasks.engine import finish, imports
+    from humanmm.tasks.engine import finish
     from humanmm.tasks.engine import run as engine
+    from humanmm.tasks.units.imports import Imports
 
-    function = imports.Imports.function
-    engine.Imports.function = lambda self, stage: _counted("stages", function(self, stage))  # type: ignore[method-assign]
-    engine.Imports.prepare = _counted("imports", engine.Imports.prepare)  # type: ignore[method-assign]
+    function = Imports.function
+    Imports.function = lambda self, stage: _counted("stages", function(self, stage))  # type: ignore[method-assign]
+    Imports.prepare = _counted("imports", Imports.prepare)  # type: ignore[method-assign]
     store.Store.commit = _counted("store", store.Store.commit)  # type: ignore[method-assign]
     finish.write_results = _counted("folder", finish.write_results)
     opened = engine.VideoRun.__init__

@@ -11,14 +11,14 @@ if TYPE_CHECKING:
 
     from rich.progress import TaskID
 
-    from humanmm.tasks.engine.units import Work
+    from humanmm.tasks.units.unit import Unit
 
 
 @contextmanager
 def progress_bars(*, shown: bool = True) -> "Iterator[Callable[[Work, int, int], None]]":
     """A function that shows what a stage reports: (its unit of work, done, total). Many threads may call it."""
     if not shown or not (sys.stderr.isatty() or "ipykernel" in sys.modules):
-        yield lambda work, done, total: None
+        yield lambda unit, done, total: None
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
@@ -28,11 +28,11 @@ def progress_bars(*, shown: bool = True) -> "Iterator[Callable[[Work, int, int],
     rows: dict[str, TaskID] = {}
     lock = threading.Lock()
 
-    def report(work: "Work", done: int, total: int) -> None:
+    def report(unit: "Unit", done: int, total: int) -> None:
         with lock:
-            if work.label not in rows:
-                rows[work.label] = bars.add_task(work.label, total=total)
-            bars.update(rows[work.label], completed=done, total=total, visible=done < total)
+            if unit.label not in rows:
+                rows[unit.label] = bars.add_task(unit.label, total=total)
+            bars.update(rows[unit.label], completed=done, total=total, visible=done < total)
 
     with bars:
         yield report

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from humanmm.config import Config
     from humanmm.tasks.engine.plan import Forecast
     from humanmm.tasks.engine.run import VideoRun
-    from humanmm.tasks.engine.selection import Selection
+    from humanmm.tasks.units.selection import Selection
 
 log = logging.getLogger(__name__)
 
@@ -132,7 +132,7 @@ def _settings(
 
 def _selection(**wanted: Any) -> "Selection":
     from humanmm.tasks import pipeline
-    from humanmm.tasks.engine.selection import Selection
+    from humanmm.tasks.units.selection import Selection
 
     selection = Selection(**wanted)
     for remark in selection.check(pipeline.STAGES):
@@ -148,7 +148,7 @@ def _open(
     *,
     read_only: bool = False,
 ) -> "VideoRun":
-    from humanmm.tasks.process import prepare_process
+    from humanmm.tasks.units.process import prepare_process
 
     prepare_process()  # before numpy is loaded
     from humanmm.storage.store.identity import identify
@@ -174,7 +174,7 @@ def _run_flow(run: "VideoRun", folder: Path, *, show_progress: bool) -> None:
 
         token = flow_module.opened.set(lambda opened: opened.watch(report, log_text=text.getvalue))
         try:
-            arguments = {"out": folder, "config": run.config, "store": run.store.place, "selection": run.selection}
+            arguments = {"out": folder, "config": run.config, "store": run.store.location, "selection": run.selection}
             state = cast("State[Any]", flow_module.recover(run.video.path, **arguments, return_state=True))
         finally:
             flow_module.opened.reset(token)

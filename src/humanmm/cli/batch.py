@@ -205,7 +205,7 @@ def _set_schedule(ledger: "BatchLedger", name: str, config: "Config", options: S
 
     cron = None if options.schedule == "none" else options.schedule
     parameters = {
-        "source": str(options.source.absolute()), "out": str(options.out.absolute()), "store": ledger.store.place,
+        "source": str(options.source.absolute()), "out": str(options.out.absolute()), "store": ledger.store.location,
         "config": config.model_dump(mode="json"), "pattern": options.glob, "priority": options.priority,
         "tags": options.tag, "settle_s": options.settle,
     }  # fmt: skip

@@ -73,7 +73,7 @@ def explain(
 def _explained(record: Mapping[str, Any], run: "VideoRun", entry: "Forecast") -> dict[str, Any]:
     place = (entry.stage, entry.unit)
     then = next((s for s in record["stages"] if (s["stage"], s["unit"]) == place), None)
-    found = next((o for o in run.outcomes.values() if (o.work.stage.name, o.work.unit) == place), None)
+    found = next((o for o in run.outcomes.values() if (o.unit.stage.name, o.unit.name) == place), None)
     manifest = found.manifest if found else None
     return {
         **entry.to_json(),
@@ -129,14 +129,13 @@ def _reopen(run_dir: Path, store: Path | None) -> tuple[dict[str, Any], "VideoRu
 
 
 def _store_status(place: Path | None, *, as_json: bool) -> None:
-    from humanmm.storage.store.maintenance import known_runs
     from humanmm.storage.store.open import open_store
 
     store = open_store(place, read_only=True)
-    runs = known_runs(store)
+    runs = store.known_runs()
     if as_json:
         names = ("video", "state", "run_dir", "reason", "finished")
         videos = [{name: getattr(run, name) for name in names} for run in runs]
-        return write_json({"store": store.place, "videos": videos})
+        return write_json({"store": store.location, "videos": videos})
     lines = (f"  {run.video[:12]}  {run.state:<8} {run.run_dir or '-'}  {run.reason}".rstrip() for run in runs)
-    return write_all([f"store {store.place}: {len(runs)} videos", *lines])
+    return write_all([f"store {store.location}: {len(runs)} videos", *lines])

@@ -72,4 +72,4 @@ def du(*, store: Store = None) -> None:
         count, size = totals[name]
         write(f"{name:<14} {count:>7}  {in_bytes(size):>9}")
     count, size = (sum(column) for column in zip(*totals.values(), strict=True)) if totals else (0, 0)
-    write(f"{'total':<14} {count:>7}  {in_bytes(size):>9}  {place.place}")
+    write(f"{'total':<14} {count:>7}  {in_bytes(size):>9}  {place.location}")

@@ -20,10 +20,12 @@ import pytest
 
 from humanmm.config import Config, RunConfig
 from humanmm.errors import ConfigError, ResourceError, StageError
-from humanmm.tasks.engine.job import Done, Job, Message, Setting
-from humanmm.tasks.engine.runners.runner import check_runner, perform
-from humanmm.tasks.engine.selection import Selection
+from humanmm.tasks.engine.runners.job import Job, Message, Setting
+from humanmm.tasks.engine.runners.runner import check_runner
+from humanmm.tasks.engine.runners.worker import perform
 from humanmm.tasks.pipeline import STAGES
+from humanmm.tasks.units.execute import Result
+from humanmm.tasks.units.selection import Selection
 
 ROOT = Path(__file__).resolve().parents[4]
 CLIP = ROOT / "examples/pose2sim_multishot/pose2sim_A_01-02-01.mp4"
@@ -48,7 +50,7 @@ def test_an_address_without_an_engine_is_refused() -> None:
 def test_where_stages_compute_is_part_of_no_key(toy: Any) -> None:
     assert not any("run" in stage.settings for stage in STAGES)
     run, other = toy.open(), toy.open(run={"runner": "dask", "threads": 7})
-    assert run.recipe(run.work("decode")).key == other.recipe(other.work("decode")).key
+    assert run.keys.recipe(run.unit("decode")).key == other.keys.recipe(other.unit("decode")).key
 
 
 def test_a_store_travels_without_what_it_has_checked(toy: Any) -> None:
@@ -56,16 +58,16 @@ def test_a_store_travels_without_what_it_has_checked(toy: Any) -> None:
     sent = pickle.dumps(store)
     assert len(sent) < 500
     again = pickle.loads(sent)
-    assert (again.place, again.read_only) == (store.place, False)
+    assert (again.location, again.read_only) == (store.location, False)
 
 
 def _job(toy: Any, stage: str, index: int) -> tuple[Setting, Job]:
     run = toy.open()
     for before in run.stages[: [s.name for s in run.stages].index(stage)]:
-        for work in run.works(before):
-            run.do(work)
+        for unit in run.units(before):
+            run.execute(unit)
     setting = Setting(run.video, run.config, run.store, Selection(), run.stages)
-    return setting, Job(stage, index, run.known_for(run.work(stage, index)))
+    return setting, Job(stage, index, run.references(run.unit(stage, index)))
 
 
 def test_a_worker_tells_what_it_logs_how_far_it_is_and_its_answer(toy: Any) -> None:
@@ -75,7 +77,7 @@ def test_a_worker_tells_what_it_logs_how_far_it_is_and_its_answer(toy: Any) -> N
     sent: list[Message] = []
     handlers = list(logging.getLogger("humanmm").handlers)
     done = perform(setting, job, "people · scene 1", isolated=False, limit_s=None, send=sent.append)
-    assert isinstance(done, Done) and done.state == "computed"
+    assert isinstance(done, Result) and done.state == "computed"
     records = [message.getMessage() for message in sent if isinstance(message, logging.LogRecord)]
     assert records == ["dark room"]
     told = [message for message in sent if isinstance(message, tuple)]
@@ -86,7 +88,7 @@ def test_a_worker_tells_what_it_logs_how_far_it_is_and_its_answer(toy: Any) -> N
 def test_nothing_large_goes_to_a_worker(toy: Any) -> None:
     setting, job = _job(toy, "align", 0)
     assert len(pickle.dumps((setting, job))) < 20_000
-    assert {name for name, _ in job.known} == {*setting.stages[9].inputs, "scenes"}
+    assert {name for name, _ in job.references} == {*setting.stages[9].inputs, "scenes"}
 
 
 def test_the_error_of_a_stage_on_a_worker_travels(toy: Any, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -103,7 +105,7 @@ def test_a_worker_that_is_not_as_this_process_is_told(toy: Any, monkeypatch: pyt
     run = toy.open(run={"isolate": True}, decode={"max_side_px": 4096})
     run._workers._setting = Setting(run.video, other.config, run.store, Selection(), run.stages)
     with pytest.raises(StageError, match=r"decode: its worker is not as this process: .*max_side_px"):
-        run.do(run.work("decode"))
+        run.execute(run.unit("decode"))
     run.close()
 
 

@@ -1,7 +1,7 @@
-"""What one module's source says: a digest without its texts, what it imports, and names of files.
+"""The facts of one module's source: a digest without its texts, its imports, and names of files.
 
-Parsing all of ours takes half a second, so what was found is kept in the cache folder by the sha256 of the source: a
-changed file is another entry, an entry is never out of date.
+Parsing all of our modules takes half a second, so the facts are cached by the sha256 of the source: a changed file has
+another entry, and no entry is ever out of date.
 """
 
 import ast
@@ -18,7 +18,7 @@ from humanmm.storage.store.files import replace_file
 from humanmm.storage.store.store import cache_folder
 
 _MOST_ENTRIES = 2000
-"""Older ones are forgotten: sources that change leave their old entries behind."""
+"""Older ones are dropped: sources that change leave their old entries behind."""
 
 
 @dataclass(frozen=True)
@@ -27,40 +27,40 @@ class ModuleFacts:
 
     digest: str
     imports: tuple[str, ...]
-    """Absolute names, sorted; of what `from x import y` names too."""
+    """Absolute names, sorted; `from x import y` gives x and x.y."""
     strings: tuple[str, ...]
     """String constants that could name a weight file, sorted."""
 
 
 class KnownModules:
-    """Facts by source, kept in a file."""
+    """Facts by source, cached in a file."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
         self._entries: dict[str, ModuleFacts] = {}
-        self._has_news = False
+        self._is_changed = False
         with contextlib.suppress(OSError, ValueError, TypeError, AttributeError, KeyError):
             tree = json.loads(path.read_bytes())
-            if tree["made_by"] == _maker():
+            if tree["made_by"] == _reader_version():
                 for key, (digest, imports, strings) in tree["modules"].items():
                     self._entries[key] = ModuleFacts(digest, tuple(imports), tuple(strings))
 
     def facts(self, source: bytes, package: str) -> ModuleFacts:
-        """What a source says, as a module of this package."""
+        """The facts of a source, as a module of this package."""
         key = hashlib.sha256(f"{package}\n".encode() + source).hexdigest()
         if key not in self._entries:
             self._entries[key] = read_module(source, package)
-            self._has_news = True
+            self._is_changed = True
         return self._entries[key]
 
     def save(self) -> None:
-        """Keep what is new; a cache folder that cannot be written keeps nothing."""
-        if not self._has_news:
+        """Write new facts to the file; nothing is written to a folder that cannot be written."""
+        if not self._is_changed:
             return
-        self._has_news = False
+        self._is_changed = False
         newest = list(self._entries.items())[-_MOST_ENTRIES:]
         entries = {key: [facts.digest, facts.imports, facts.strings] for key, facts in newest}
-        text = json.dumps({"made_by": _maker(), "modules": entries})
+        text = json.dumps({"made_by": _reader_version(), "modules": entries})
 
         def write(fresh: Path) -> None:
             fresh.write_text(text)
@@ -75,7 +75,7 @@ def _known_modules(path: Path) -> KnownModules:
 
 
 def known_modules() -> KnownModules:
-    """The facts that this user's cache folder holds."""
+    """The facts in this user's cache folder."""
     return _known_modules(cache_folder() / "modules.json")
 
 
@@ -130,6 +130,6 @@ def _absolute(node: ast.ImportFrom, package: str) -> str:
 
 
 @functools.cache
-def _maker() -> str:
-    """Python's version and the digest of this file: others may find other facts in the same source."""
+def _reader_version() -> str:
+    """Python's version and the digest of this file: another one may find other facts in the same source."""
     return f"{sys.version_info[:3]} {hashlib.sha256(Path(__file__).read_bytes()).hexdigest()}"

@@ -1,10 +1,10 @@
-"""What code a stage's result depends on, found without importing any of it.
+"""The code that a stage's result depends on, found without importing any of it.
 
-Starting at the stage's module, its imports are followed through the package by reading the syntax trees. A module's
-digest (`module_facts`) leaves out comments, docstrings and line numbers, so that a reworded text recomputes nothing.
-Left out altogether: config and errors (their values stand in the key), storage (what writes pictures excepted), and
-the machinery that runs stages. Weight files count when a visited module names them; numerical libraries count by
-version when a visited module imports them.
+Starting at the stage's module, its imports are followed by reading the syntax trees. Of our own package the folder
+models/ and the files tasks/*.py count, and the module that writes pictures; the rest decides when a result is computed,
+never what it is, or stands in the key by its values (config). A module's digest (`module_facts`) leaves out comments,
+docstrings and line numbers, so that a reworded text recomputes nothing. Weight files count when a visited module names
+them; numerical libraries count by version when a visited module imports them.
 """
 
 import functools
@@ -15,17 +15,11 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from humanmm.storage.store.module_facts import known_modules
+from humanmm.tasks.units.module_facts import known_modules
 
 PACKAGE = "humanmm"
-_SCIENCE = ("models", "tasks")
-"""Folders whose code decides results."""
-_NOT_SCIENCE = (
-    "tasks.engine", "tasks.batches", "tasks.inputs", "tasks.pipeline", "tasks.process",
-)  # fmt: skip
-"""What runs stages: it decides when a result is computed, never what it is."""
-_SCIENCE_ANYWAY = ("storage.run_folder.picture_files",)
-"""Writes files that are part of an artifact."""
+_WRITES_ARTIFACTS = Path("storage/run_folder/picture_files.py")
+"""Writes pictures that are part of an artifact."""
 
 _DISTRIBUTIONS = {
     "numpy": ("numpy",),
@@ -55,13 +49,13 @@ def code_digest(module: str, *, weights_dir: Path | None = None) -> CodeDigest:
     weights_dir = weights_dir or _folder_of(PACKAGE) / "models" / "weights"
     if _source_of(module) is None:
         raise ModuleNotFoundError(f"there is no module {module}")
-    known = known_modules()
+    known, package = known_modules(), _folder_of(PACKAGE)
     roots = {PACKAGE, module.split(".")[0]}
     waiting, modules, weights, libraries = [module], {}, {}, {"python": "{}.{}".format(*sys.version_info)}
     while waiting:
         name = waiting.pop()
         path = _source_of(name)
-        if name in modules or path is None or _is_left_out(name):
+        if name in modules or path is None or not _decides_results(path, package):
             continue
         facts = known.facts(path.read_bytes(), name if path.name == "__init__.py" else name.rpartition(".")[0])
         modules[name] = facts.digest
@@ -83,17 +77,11 @@ def _with_parents(name: str) -> list[str]:
     return [".".join(parts[: i + 1]) for i in range(1, len(parts))]
 
 
-def _is_left_out(name: str) -> bool:
-    if not name.startswith(f"{PACKAGE}."):
-        return False
-    inner = name.partition(".")[2]
-    if inner in _SCIENCE_ANYWAY:
-        return False
-    return not _is_below(inner, _SCIENCE) or _is_below(inner, _NOT_SCIENCE)
-
-
-def _is_below(inner: str, packages: tuple[str, ...]) -> bool:
-    return any(inner == package or inner.startswith(f"{package}.") for package in packages)
+def _decides_results(path: Path, package: Path) -> bool:
+    if not path.is_relative_to(package):  # a stage of another package
+        return True
+    inner = path.relative_to(package)
+    return inner.parts[0] == "models" or inner.parent == Path("tasks") or inner == _WRITES_ARTIFACTS
 
 
 def _source_of(name: str) -> Path | None:

@@ -1,21 +1,19 @@
-"""The process in which stages run gives pictures back to the system, and knows work that can wait."""
+"""The process in which stages run returns pictures to the system, and its children end with it."""
 
-import os
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from humanmm.tasks.process import in_processes, in_spare_time
+from humanmm.tasks.units.process import in_processes
 
 PINNED = """
 import numpy as np, sys
 if sys.argv[1] == "prepared":
-    from humanmm.tasks.process import prepare_process
+    from humanmm.tasks.units.process import prepare_process
     prepare_process()
 def picture():
     return np.ones(1000 * 1000 * 3, np.uint8)
@@ -38,18 +36,6 @@ def test_pictures_that_are_dropped_are_given_back() -> None:
     assert resident_mb("prepared") < resident_mb("as it is") - 100  # of 180 MB of pictures
 
 
-def test_work_in_spare_time_gives_its_result_and_leaves_the_caller_its_priority() -> None:
-    before = os.getpriority(os.PRIO_PROCESS, threading.get_native_id())
-    within = in_spare_time(lambda: os.getpriority(os.PRIO_PROCESS, threading.get_native_id()))
-    assert os.getpriority(os.PRIO_PROCESS, threading.get_native_id()) == before
-    assert within == (19 if sys.platform == "linux" else before)
-
-
-def test_an_error_in_spare_time_is_the_callers() -> None:
-    with pytest.raises(ZeroDivisionError):
-        in_spare_time(lambda: 1 // 0)
-
-
 def test_work_in_processes_comes_back_with_its_number() -> None:
     answers = dict(in_processes(divmod, [(7, 2), (9, 4), (5, 5)], 2))
     assert answers == {0: (3, 1), 1: (2, 1), 2: (1, 0)}
@@ -62,7 +48,7 @@ def test_an_error_in_one_process_ends_the_work() -> None:
 
 _WAITS = """
 import os, sys, time
-from humanmm.tasks.process import in_processes
+from humanmm.tasks.units.process import in_processes
 
 def told(path):
     with open(path, "w") as stream:

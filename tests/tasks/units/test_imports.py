@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from humanmm.tasks.engine.imports import Imports
 from humanmm.tasks.pipeline import Stage
+from humanmm.tasks.units.imports import Imports
 
 
 def _stages(folder: Path, monkeypatch: pytest.MonkeyPatch, **bodies: str) -> list[Stage]:

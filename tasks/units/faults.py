@@ -1,4 +1,4 @@
-"""What an error of a stage means: whether another try may help, whether it ends the run, how it is told."""
+"""What an error of a stage means: whether a retry may help, whether it ends the run, and its message."""
 
 import pickle
 
@@ -6,9 +6,9 @@ from humanmm.errors import HumanMMError, InputError, ResourceError, StageError, 
 
 
 def is_infrastructure_fault(error: BaseException) -> bool:
-    """True for what may pass by itself: store, disk, network, memory, a lost process. Bad input and failed stages never
+    """True for faults that may pass: store, disk, network, memory, a lost process. Bad input and failed stages never
     do."""
-    if isinstance(error, StoreError | ResourceError) or _is_parsers_race(error):
+    if isinstance(error, StoreError | ResourceError) or _is_parser_race(error):
         return True
     lasting = (FileNotFoundError, NotADirectoryError, IsADirectoryError, PermissionError)
     return isinstance(error, OSError) and not isinstance(error, lasting)
@@ -23,8 +23,8 @@ def ran_out_of_memory(error: BaseException) -> bool:
     )
 
 
-def _is_parsers_race(error: BaseException) -> bool:
-    """CPython 3.11 compiling modules in two threads at once (gh-106905): the next try finds them compiled."""
+def _is_parser_race(error: BaseException) -> bool:
+    """CPython 3.11 compiling modules in two threads at once (gh-106905): at the next attempt they are compiled."""
     return isinstance(error, SystemError) and "AST constructor" in str(error)
 
 
@@ -34,13 +34,14 @@ def ends_run(error: BaseException) -> bool:
 
 
 def as_ours(error: Exception, label: str) -> HumanMMError:
-    """Infrastructure faults and our own errors as they are; anything else is a defect of the stage, told as such."""
+    """The error as one of `humanmm.errors`; one that is neither ours nor of the infrastructure is a defect of the
+    stage."""
     if isinstance(error, HumanMMError):
         return error
     if ran_out_of_memory(error):
         device = "the accelerator's memory" if type(error).__name__ == "OutOfMemoryError" else "memory"
         return ResourceError(f"{label}: {device} ran out ({in_words(error)}); fewer --run.threads need less")
-    if _is_parsers_race(error):
+    if _is_parser_race(error):
         return ResourceError(f"{label}: {error}")
     if is_infrastructure_fault(error):
         return StoreError(f"{label}: {error}")
@@ -48,15 +49,15 @@ def as_ours(error: Exception, label: str) -> HumanMMError:
 
 
 def portable(error: Exception, label: str) -> HumanMMError:
-    """The same, for another process to raise."""
-    told = as_ours(error, label)
+    """The same, in a form that another process can unpickle and raise."""
+    ours = as_ours(error, label)
     try:
-        pickle.loads(pickle.dumps(told))
+        pickle.loads(pickle.dumps(ours))
     except Exception:
-        return StageError(str(told))
-    return told
+        return StageError(str(ours))
+    return ours
 
 
 def in_words(error: BaseException) -> str:
-    """The message in one line; the kind of error if it has none."""
+    """The message in one line; the class of the error if it has none."""
     return " ".join(str(error).split()) or type(error).__name__

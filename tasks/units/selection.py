@@ -21,7 +21,7 @@ class Selection(BaseModel):
     """Restrict `start` and `only` to one shot in stages that are per shot; 0-based."""
 
     def check(self, stages: tuple[Stage, ...]) -> list[str]:
-        """Refuse what makes no sense; returns remarks for the user."""
+        """InputError for flags that contradict each other; returns remarks for the user."""
         names = [stage.name for stage in stages]
         for name in (self.start, self.only):
             if name is not None and name not in names:
@@ -41,12 +41,12 @@ class Selection(BaseModel):
         return [f"--shot {self.shot} is ignored by {', '.join(ignoring)}: not computed per shot"]
 
     def check_shot(self, num_shots: int) -> None:
-        """Refuse a shot that the video does not have."""
+        """InputError for a shot that the video does not have."""
         if self.shot is not None and self.shot >= num_shots:
             raise InputError(f"--shot {self.shot}: the video has {num_shots} shots, 0 to {num_shots - 1}")
 
     def forces(self, stage: Stage, index: int, stages: tuple[Stage, ...]) -> str | None:
-        """Why this stage × unit must be computed again; None if the store may answer."""
+        """The flag that has this unit computed again; None if its artifact in the store may be used."""
         if self.force:
             return "--force"
         if not self._names(stage, [s.name for s in stages]):

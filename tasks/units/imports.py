@@ -1,6 +1,6 @@
-"""Importing the code of stages: all that is to come at once, before the first of them is computed.
+"""Imports the code of all stages still to come at once, before the first of them is computed.
 
-Imports belong to no stage's time. In a thread beside the first stages they cost twice as much, because decoding waits
+Imports count in no stage's time. In a thread beside the first stages they cost twice as much, because decoding waits
 for Python's lock, and Python gets libraries with circular imports wrong when two threads enter them from two sides.
 """
 
@@ -25,13 +25,13 @@ class Imports:
         self._prepared = False
 
     def function(self, stage: Stage) -> Callable[[Any], Any]:
-        """What computes a stage."""
+        """The function that computes a stage."""
         module, name = stage.function
         with _IMPORTING:
             return cast(Callable[[Any], Any], getattr(import_module(module), name))
 
     def prepare(self, first: Stage) -> None:
-        """Import what a stage and all after it need, if that was not done before; a broken one says so in its turn."""
+        """Import the code of a stage and of all after it, once. A broken module fails when its stage runs."""
         with _IMPORTING:
             if self._prepared:
                 return

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from humanmm.storage.store.digest import CodeDigest, code_digest
+from humanmm.tasks.units.digest import CodeDigest, code_digest
 
 
 @pytest.fixture
@@ -109,7 +109,7 @@ def test_another_checkout_has_the_same_digests(tmp_path: Path) -> None:
         ignored = shutil.ignore_patterns("__pycache__", "*.egg-info")
         shutil.copytree(root / name, tmp_path / "elsewhere" / name, symlinks=True, ignore=ignored)
     script = (
-        "from humanmm.storage.store.digest import code_digest\n"
+        "from humanmm.tasks.units.digest import code_digest\n"
         "from humanmm.tasks.pipeline import STAGES\n"
         "print([repr(code_digest(stage.function[0])) for stage in STAGES])\n"
     )

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from humanmm.storage.store import module_facts
-from humanmm.storage.store.module_facts import KnownModules, read_module
+from humanmm.tasks.units import module_facts
+from humanmm.tasks.units.module_facts import KnownModules, read_module
 
 SOURCE = b"import numpy\nfrom .deep import K\n\n\ndef f():\n    return open('net.tflite'), K\n"
 
