@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Literal, TypeVar, cast
 
-from humanmm import __version__
 from humanmm.config import Config
 from humanmm.errors import MissingInputError, StoreError
 from humanmm.storage.store.artifact import Manifest
@@ -25,6 +24,7 @@ from humanmm.tasks.units.inputs import UnitInputs
 from humanmm.tasks.units.keys import Keys
 from humanmm.tasks.units.selection import Selection
 from humanmm.tasks.units.unit import Unit
+from humanmm.version import __version__
 
 log = logging.getLogger(__name__)
 T = TypeVar("T")

@@ -9,6 +9,7 @@ from uuid import uuid4
 import pytest
 
 from humanmm.flows.server import dashboard
+from humanmm.tasks.units.unit import Unit
 
 
 class Server:
