@@ -48,11 +48,14 @@ def test_a_damaged_or_foreign_file_is_left_out_of_account(change: str, tmp_path:
     assert len(json.loads(path.read_text())["modules"]) == 1
 
 
-def test_a_folder_that_cannot_be_written_keeps_nothing_and_says_nothing(tmp_path: Path) -> None:
+def test_without_a_folder_that_can_be_written_sources_are_parsed_each_time(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    known = KnownModules(tmp_path / "file" / "modules.json")
-    known.facts(SOURCE, "package")
+    path = tmp_path / "file" / "modules.json"
+    known = KnownModules(path)
+    assert known.facts(SOURCE, "package") == read_module(SOURCE, "package")
     known.save()
+    assert not path.exists() and (tmp_path / "file").read_text() == ""
+    assert KnownModules(path).facts(SOURCE, "package") == known.facts(SOURCE, "package")
 
 
 def test_parsing_is_tried_again_when_python_itself_trips_over_threads(monkeypatch: pytest.MonkeyPatch) -> None:
