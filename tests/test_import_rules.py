@@ -38,7 +38,6 @@ TOWER = (
 """The rooms of models: each imports only rooms before it."""
 
 SIZES = {
-    "models.geometry": "more formulas come as copies elsewhere are removed",
     "models.motion": "holds rooms; its one file puts their results together",
     "models.weights": "holds the files of weights; one module reads them",
     "tasks": "one file for each of the 12 stages, and what they share",
