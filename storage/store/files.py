@@ -70,7 +70,7 @@ def copy_file(source: Path, target: Path) -> None:
 
 @contextlib.contextmanager
 def store_errors(what: str) -> Iterator[None]:
-    """Raise file-system faults of the block as StoreError; FileNotFoundError as it is, for callers tell it apart."""
+    """Raise file-system faults of the block as StoreError; FileNotFoundError stays as it is."""
     try:
         yield
     except FileNotFoundError:

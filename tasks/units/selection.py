@@ -1,4 +1,4 @@
-"""Which stages the user asked to compute again, whatever the store holds."""
+"""Which stages the user wants computed again, whatever the store holds."""
 
 from pydantic import BaseModel, ConfigDict
 
