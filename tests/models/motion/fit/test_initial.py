@@ -38,7 +38,6 @@ def test_landmarks_of_a_body_give_a_pose_whose_landmarks_they_nearly_are(bend: f
     error = np.linalg.norm(found.points - truth.points, axis=-1)
     assert np.median(error) < 0.02
     assert error.max() < 0.15  # a straight limb's twist is open, and with it where its end's landmarks ride
-    np.testing.assert_allclose(found.points[:, :11], truth.points[:, :11], atol=1e-9)  # trunk and head do not bend here
 
 
 def test_the_position_that_puts_points_on_their_rays_is_found() -> None:
