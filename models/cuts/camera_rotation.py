@@ -3,7 +3,7 @@ docs/method.md).
 
 `bundle`: a few rotations are guessed (rotation between the two sides' 3D points, between the fitted bodies, PnP of
 one side's 3D points into the other's picture), each starts a small bundle adjustment (`cut_bundle`), the cheapest
-wins. `eight-point`: the paper's way, an essential matrix from the keypoints of the two frames around the cut
+wins. `eight-point`: the paper's method, an essential matrix from the keypoints of the two frames around the cut
 (`epipolar`).
 """
 
@@ -51,7 +51,7 @@ _ROTATION_WEIGHT = np.array([0.2] * 3 + [1.0] * 2 + [0.3] * 4 + [1.0] * 6 + [0.3
 """Trust in the 3D points for a rotation between the two sides."""
 
 KEYPOINT_ERROR = 0.02
-"""One sigma of a 2D keypoint, as a share of the body's height in the picture."""
+"""Standard deviation of a 2D keypoint, as a fraction of the body's height in the picture."""
 
 BODY_HEIGHT_M = 1.7
 
@@ -104,7 +104,7 @@ class CutCameras:
 
 
 def viewing_axes(keypoints2d: Float[Array, "n 33 3"], K: Float[Array, "3 3"]) -> Float[Array, "n 3 3"]:
-    """R_cam_ray: from axes parallel to the viewing ray of the body's middle to camera axes, by the smallest turn."""
+    """R_cam_ray of the ray through the body's middle (`projection.ray_axes`)."""
     torso = keypoints2d[:, [11, 12, 23, 24], :2].mean(axis=1)
     return ray_axes(viewing_rays(torso, K))
 
@@ -127,7 +127,7 @@ def align_cut(
     warnings = []
     if gap > GAP_WARNING_S:
         warnings.append(
-            f"cut at frame {cut_frame}: {gap:.2f} s without anyone seen, the camera's turn across it is uncertain"
+            f"cut at frame {cut_frame}: {gap:.2f} s without anyone seen, the camera's rotation across it is uncertain"
         )
     prepared = [_prepare(person, cameras, cut_time_s) for person in people]
     if method == "eight-point":

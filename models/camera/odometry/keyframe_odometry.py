@@ -25,20 +25,20 @@ MAX_GLOBAL_KEYFRAMES = 100
 """Longer shots keep the windowed result: the last adjustment over all keyframes would grow with the cube of their
 number."""
 EXACT_SHARE = 0.0003
-"""A camera that fits within this share of the diagonal (one sigma) needs no other explanation."""
+"""A camera that fits within this fraction of the diagonal (standard deviation) needs no other explanation."""
 MOVING_GAIN = 0.6
-"""A moving camera must bring the residuals below this share of the turning camera's: it has one more unknown per
+"""A moving camera must bring the residuals below this fraction of the rotating camera's: it has one more unknown per
 point."""
 ZOOM_GAIN = 0.75
 """The same for a zooming camera against one that does not zoom."""
 MIN_ZOOM = 0.03
-"""Changes of focal length below this share are not called a zoom."""
+"""Changes of focal length below this fraction are not called a zoom."""
 MAX_ERROR_FRACTION = 0.002
-"""Error of a sighting, as a share of the diagonal, that the two-view pose at the start tolerates."""
+"""Error of a sighting, as a fraction of the diagonal, that the two-view pose at the start tolerates."""
 LASTING, MIN_LASTING = 4, 100
 """Keyframes that see a point that counts in comparing models, and sightings of such points needed."""
 ZOOM_ITERATIONS = 40
-"""Zoom and travel look much alike: the way from one to the other is long and flat."""
+"""Zoom and travel look much alike: the valley between them is long and flat."""
 OUTLIER_SIGMA = 4.0
 """Sightings further off than this many sigma after an adjustment are dropped (LEAP-VO drops above 5 px)."""
 IMAGES_AT_ONCE = 200
@@ -109,7 +109,7 @@ def _seen_twice(observations: Observations) -> Observations:
 
 
 def moving(shot: TrackedShot, guide: Track, *, max_starts: int = 3) -> Track | None:
-    """The track of a camera that moves, over the keyframes of `guide`, the turning camera's, which predicts its turns.
+    """The track of a camera that moves, over the keyframes of `guide`, which predicts its rotations.
 
     A two-view pose from noisy points may be the wrong one of several that look alike; while the result does not fit as
     points normally do, up to `max_starts` pairs are tried, and the best fit wins. None if no pair gives a start.
@@ -152,7 +152,7 @@ class _MovingRun:
         return self.observations.point[part], self.observations.xy[part]
 
     def start(self, pair: Pair, max_error_px: float) -> bool:
-        """Place the two keyframes of the pair and all between them; False if no two-view pose is found."""
+        """Find the poses of the two keyframes of the pair and all between them; False if no two-view pose is found."""
         point_a, xy_a = self.seen(pair.first)
         point_b, xy_b = self.seen(pair.second)
         _, in_a, in_b = np.intersect1d(point_a, point_b, assume_unique=True, return_indices=True)
@@ -174,8 +174,8 @@ class _MovingRun:
         return True
 
     def take(self, k: int, neighbour: int) -> None:
-        """Place keyframe k, next to a placed one: predicted turn and damped velocity, pose, new points, window
-        adjusted."""
+        """Find the pose of keyframe k, next to a known one: predicted rotation and damped velocity, resection, new
+        points, adjustment of the window."""
         R = self.guide.views.R_shot_cam
         self.views.R_shot_cam[k] = self.views.R_shot_cam[neighbour] @ R[neighbour].T @ R[k]
         before = 2 * neighbour - k

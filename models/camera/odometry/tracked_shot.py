@@ -9,9 +9,9 @@ from humanmm.models.camera.odometry.bundle import Observations
 from humanmm.models.records.camera import PointTracks
 
 KEYFRAME_MOVE_FRACTION = 0.03
-"""Median image motion since the last keyframe, as a share of the picture's diagonal, that makes the next one."""
+"""Median image motion since the last keyframe, as a fraction of the picture's diagonal, that makes the next one."""
 KEYFRAME_SHARED_FRACTION = 0.6
-"""Share of the last keyframe's points that must still be seen; below it the next keyframe comes."""
+"""Fraction of the last keyframe's points that must still be seen; below it the next keyframe comes."""
 MAX_KEYFRAME_GAP = 15
 MIN_KEYFRAMES = 10
 """Short shots take keyframes more densely, to have about this many."""

@@ -14,7 +14,7 @@ NUM_PLACES = 5
 MIN_SHARED = 30
 """Points that two keyframes must share to start the odometry."""
 ENOUGH_PARALLAX_FRACTION = 0.01
-"""Parallax (image motion left after the best rotation), as a share of the diagonal, with which a two-view pose is
+"""Parallax (image motion left after the best rotation), as a fraction of the diagonal, with which a two-view pose is
 safe."""
 
 
@@ -57,9 +57,9 @@ def parallax_px(xy_a: Float[np.ndarray, "n 2"], xy_b: Float[np.ndarray, "n 2"], 
 
 
 def starting_pairs(shot: TrackedShot, keyframes: Int[np.ndarray, " k"], focal_px: float) -> list[Pair]:
-    """Pairs of keyframes to start from, at several places of the shot, the one with most parallax for its points first.
+    """Pairs of keyframes to start from, at several instants of the shot, those with most parallax and points first.
 
-    At each place the second keyframe is the nearest one with safe parallax, or the one with most.
+    At each instant the second keyframe is the nearest one with safe parallax, or the one with most.
     """
     enough = ENOUGH_PARALLAX_FRACTION * shot.diagonal_px
     found: list[tuple[float, Pair]] = []

@@ -91,7 +91,7 @@ class NormalEquations:
         self.next_two[held | later_two] = 0
 
     def step(self, damping: float) -> Float[Array, "N 63"] | None:
-        """The step with every diagonal element enlarged by the share `damping`, or None where rounding has made the
+        """The step with every diagonal element enlarged by the fraction `damping`, or None where rounding has made the
         equations indefinite."""
         band = self._work
         np.copyto(band, self._values.reshape(-1, _STEP)[:, :_BAND])
@@ -140,7 +140,7 @@ def portions(num_frames: int) -> Iterator[slice]:
 
 
 def frame_weights(time_s: Float[Array, " N"]) -> Float[Array, " N"]:
-    """Time that each frame stands for, in units of 1/30 s: half the way to both neighbours."""
+    """Time that each frame stands for, in units of 1/30 s: half the distance to both neighbours."""
     if len(time_s) < 2:
         return np.ones(len(time_s))
     steps = np.diff(time_s)

@@ -57,7 +57,7 @@ class PoseStatistics:
 
     @cached_property
     def log_peaks(self) -> Float[Array, " C"]:
-        """Logarithm of each Gaussian's share times its density at the mean, up to one constant."""
+        """Logarithm of each Gaussian's weight times its density at the mean, up to one constant."""
         return np.asarray(np.log(self.shares) - 0.5 * np.linalg.slogdet(self.covariances)[1])
 
 
@@ -77,8 +77,8 @@ def estimate(
             R = rotvec_to_rotmat(each)
             vectors.append(rotmat_to_rotvec(R[:, free]).reshape(len(each), -1))
             sparse.append(vectors[-1][::_EVERY])
-            turn = rotmat_to_rotvec(np.swapaxes(R[:-1], -1, -2) @ R[1:]) * fps
-            angular = np.diff(turn, axis=0) * fps
+            angular_velocity = rotmat_to_rotvec(np.swapaxes(R[:-1], -1, -2) @ R[1:]) * fps
+            angular = np.diff(angular_velocity, axis=0) * fps
             row = np.empty((len(angular), NUM_PARAMETERS))
             row[:, ROOT], row[:, BODY] = angular[:, 0], angular[:, free].reshape(len(row), -1)
             row[:, PELVIS] = np.linalg.norm(np.diff(pelvis, 2, axis=0), axis=1, keepdims=True) * fps * fps / np.sqrt(3)
@@ -106,7 +106,7 @@ def _floored(covariance: Float[Array, "57 57"]) -> Float[Array, "57 57"]:
 
 
 def _mixture(x: Float[Array, "n 57"], count: int) -> tuple[Array, Array, Array]:
-    """Shares, means and covariances by expectation-maximisation from a k-means++ start, seed 0."""
+    """Weights, means and covariances by expectation-maximisation from a k-means++ start, seed 0."""
     rng = np.random.default_rng(0)
     centres = x[rng.integers(len(x))][None]
     for _ in range(count - 1):

@@ -124,13 +124,13 @@ class Motion:
         about its axis a gives (a, (p_j − pelvis) × a)."""
         joints, R = self.posed
         axes = R[:, _TURNING]  # columns: the joint's axes in the reference frame
-        place = (joints[:, _TURNING] - self.pelvis_ref[:, None])[..., None]
+        arm = (joints[:, _TURNING] - self.pelvis_ref[:, None])[..., None]
         twists = np.zeros((self.num_frames, 6, NUM_PARAMETERS))
         rotation_twists = np.empty((self.num_frames, 6, len(_TURNING), 3))
         for row in range(3):
             a, b = (row + 1) % 3, (row + 2) % 3
             rotation_twists[:, row] = axes[:, :, row]
-            rotation_twists[:, 3 + row] = place[:, :, a] * axes[:, :, b] - place[:, :, b] * axes[:, :, a]
+            rotation_twists[:, 3 + row] = arm[:, :, a] * axes[:, :, b] - arm[:, :, b] * axes[:, :, a]
         twists[..., ROOT] = rotation_twists[:, :, 0]
         twists[..., BODY] = rotation_twists[:, :, 1:].reshape(self.num_frames, 6, -1)
         twists[:, 3:, PELVIS] = np.eye(3)

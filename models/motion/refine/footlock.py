@@ -97,10 +97,8 @@ def lock_feet(
     vectors = motion.vectors.copy()
     for side, (hip, knee, ankle, _) in enumerate(LEGS):
         leg = Leg.of(motion, side, slice(None))
-        positions = slice(2 * side, 2 * side + 2)
-        target, R_foot = ankle_targets(
-            leg, contacts[:, positions], sole_height[positions], time_s=time_s, settings=settings
-        )
+        own = slice(2 * side, 2 * side + 2)
+        target, R_foot = ankle_targets(leg, contacts[:, own], sole_height[own], time_s=time_s, settings=settings)
         for frames in chunks(motion.num_frames):
             bent = bend_leg(leg.frames(frames), target[frames], R_foot[frames], settings=settings)
             for joint, R in zip((hip, knee, ankle), bent, strict=True):

@@ -163,7 +163,7 @@ class WorldEquations:
         self.cameras[a, b] = block if before is None else before + block
 
     def _factor(self, damping: float) -> Float[Array, "3N 7"]:
-        """L of the places' band: each column from its diagonal down, as LAPACK keeps it."""
+        """L of the positions' band: each column from its diagonal down, as LAPACK keeps it."""
         n, width = len(self.own), 3 * _REACH + 1
         band = np.zeros((n, 3, width))
         for c in range(3):
@@ -175,7 +175,7 @@ class WorldEquations:
             return band.reshape(0, width)
         factor, failed = lapack.dpbtrf(band.reshape(-1, width).T, lower=1, overwrite_ab=1)
         if failed:
-            raise np.linalg.LinAlgError("what is known of the people's places is not finite")
+            raise np.linalg.LinAlgError("what is known of the people's positions is not finite")
         return np.asarray(factor.T)
 
     def _solve_cameras(self, right: Float[Array, "S 7"]) -> Float[Array, "S 7"]:

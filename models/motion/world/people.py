@@ -59,7 +59,7 @@ def rows_before(known: Int[Array, "m"], frame: Int[Array, "n"]) -> tuple[Int[Arr
 def interpolate_pose(
     pose: Float[Array, "m 23 3"], row: Int[Array, "n"], fraction: Float[Array, "n"]
 ) -> Float[Array, "n 23 3"]:
-    """Rotation vectors, interpolated as rotations where share is not 0."""
+    """Rotation vectors, interpolated as rotations where the fraction is not 0."""
     out, open_ = pose[row], np.flatnonzero(fraction > 0)
     if len(open_):
         rows_before = row[open_][:, None] + np.array([0, 1])
@@ -71,12 +71,12 @@ def interpolate_pose(
 def interpolate_rotmats(
     R: Float[Array, "m *j 3 3"], row: Int[Array, "n"], fraction: Float[Array, "n"]
 ) -> Float[Array, "n *j 3 3"]:
-    """Rotations interpolated along the shortest arc; exact where share is 0."""
+    """Rotations interpolated along the shortest arc; exact where the fraction is 0."""
     out = R[row]
     open_ = np.flatnonzero(fraction > 0)
     if len(open_):
         first, second = R[row[open_]], R[np.minimum(row[open_] + 1, len(R) - 1)]
-        turn = rotmat_to_rotvec(np.swapaxes(first, -1, -2) @ second)
-        part = fraction[open_].reshape(-1, *([1] * (turn.ndim - 1)))
-        out[open_] = first @ rotvec_to_rotmat(part * turn)
+        rotvec = rotmat_to_rotvec(np.swapaxes(first, -1, -2) @ second)
+        part = fraction[open_].reshape(-1, *([1] * (rotvec.ndim - 1)))
+        out[open_] = first @ rotvec_to_rotmat(part * rotvec)
     return np.asarray(out)

@@ -1,4 +1,4 @@
-"""One rotation per shot from all evidence: people at the cuts (`cuts`), places seen in two shots (`camera.links`).
+"""One rotation per shot from all evidence: people at the cuts (`cuts`) and backgrounds (`camera.shot_edges`).
 
 Every piece of evidence is an edge of a graph whose nodes are shots. A background edge with few inliers can be chance;
 it is believed if the people say the same within what both may err, or if it has so many inliers that chance is out of
@@ -25,7 +25,7 @@ ITERATIONS = 20
 
 @dataclass(frozen=True)
 class RotationEdge:
-    """Shot b's axes to shot a's, with one sigma in degrees; `num_inliers` is 0 for edges from people."""
+    """Shot b's axes to shot a's, with its standard deviation in degrees; `num_inliers` is 0 for edges from people."""
 
     a: int
     b: int
