@@ -6,7 +6,6 @@ import sys
 import pytest
 
 from humanmm.progress import progress_bars
-from humanmm.tasks.units.unit import Unit
 from humanmm.tasks.pipeline import STAGES
 
 

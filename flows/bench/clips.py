@@ -1,19 +1,18 @@
 """`humanmm bench ms-render | ms-real`: a folder of clips with truths, from their pixels.
 
-The stages up to `points` are those of `humanmm recover`, on the same store; from there on all methods of
-`motion_benchmark` run in memory.
+The stages up to `points` are those of `humanmm recover`, on the same store; from there on all methods run in memory.
 """
 
+import functools
 import hashlib
 import logging
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from humanmm.config import Config
 from humanmm.errors import InputError, StageError
-from humanmm.flows.bench.motion import SETTINGS
+from humanmm.flows.bench.jobs import SETTINGS, Job
 from humanmm.models.benchmark.tables.statistics import SetStatistics, statistics_of
 from humanmm.models.camera.keyframes import KeyViews
 from humanmm.models.records.camera import PointTracks
@@ -35,88 +34,75 @@ OF_PIXELS = ("decode", "scenes", "people", "shots", "views", "points")
 """Stages whose results the methods start from."""
 
 
-@dataclass(frozen=True)
-class ClipJob:
-    """One clip of a folder."""
-
-    video: Path
-    truth: Path
-    num_transitions: int
-    video_sha256: str
-    truth_sha256: str
-
-    @property
-    def name(self) -> str:
-        return self.video.stem
-
-    @property
-    def split(self) -> str:
-        return split_name(self.num_transitions)
-
-    @property
-    def parameters(self) -> dict[str, Any]:
-        return {"video": self.name}
-
-    @property
-    def inputs(self) -> dict[str, str]:
-        return {"video": self.video_sha256, "truth": self.truth_sha256}
-
-    @property
-    def stages(self) -> tuple[str, ...]:
-        return tuple(f"humanmm.tasks.{stage}" for stage in OF_PIXELS)
-
-    @property
-    def settings(self) -> tuple[str, ...]:
-        pixels = [section for stage in STAGES if stage.name in OF_PIXELS for section in stage.settings]
-        return (*pixels, *(section for section in SETTINGS if section not in pixels))
-
-    def build(self, config: Config, store: Store) -> BenchVideo:
-        """Observations from the clip's pixels; StageError if a stage fails on a part of it."""
-        run = VideoRun(identify(self.video, store), config, store)
-        for name in OF_PIXELS:
-            for unit in run.units(run.stage(name)) or ():
-                outcome = run.execute(unit)
-                if outcome.manifest is None:
-                    raise StageError(f"{self.name}: {outcome.unit.label} failed: {outcome.reason}")
-        return BenchVideo(
-            name=self.name,
-            split=self.split,
-            facts=results_of(run, "decode", VideoFacts)[0],
-            scenes=results_of(run, "scenes", Scenes)[0],
-            people=tuple(results_of(run, "people", ScenePeople)),
-            points=tuple(results_of(run, "points", PointTracks)),
-            views=tuple(view for views in results_of(run, "views", KeyViews)[0].of_shot for view in views),
-            truth=read_sequence(self.truth),
-        )
-
-
-def clip_set(folder: Path, store: Store) -> tuple[list[ClipJob], SetStatistics]:
-    """All pairs <name>.mp4 and <name>_gt.npz of a folder, by name, and the set in numbers."""
-    if not folder.is_dir():
-        raise InputError(f"{folder} is not a folder; give one that holds <name>.mp4 beside <name>_gt.npz")
-    jobs: list[ClipJob] = []
-    truths: list[MotionSequence] = []
-    for path in sorted(folder.glob("*_gt.npz")):
-        video = path.with_name(f"{path.name.removesuffix('_gt.npz')}.mp4")
-        if not video.is_file():
-            log.warning("%s has no video %s beside it and is left out", path.name, video.name)
-            continue
-        truth = read_sequence(path)
-        truths.append(truth)
-        digest = hashlib.sha256(path.read_bytes()).hexdigest()
-        jobs.append(ClipJob(video, path, len(truth.transitions), identify(video, store).sha256, digest))
-    if not jobs:
-        raise InputError(f"{folder} holds no <name>.mp4 beside a <name>_gt.npz")
-    jobs.sort(key=lambda job: (job.num_transitions, job.name))
-    facts = statistics_of(
-        [truth.num_frames for truth in truths],
-        [truth.fps for truth in truths],
-        [len(truth.transitions) for truth in truths],
-    )
-    return jobs, facts
+def run_stages(video: Path, names: Sequence[str], config: Config, store: Store) -> VideoRun:
+    """The run of a video after these stages; StageError if one fails on a part of it."""
+    run = VideoRun(identify(video, store), config, store)
+    for name in names:
+        for unit in run.units(run.stage(name)) or ():
+            outcome = run.execute(unit)
+            if outcome.manifest is None:
+                raise StageError(f"{video.stem}: {outcome.unit.label} failed: {outcome.reason}")
+    return run
 
 
 def results_of(run: VideoRun, stage: str, output: type[T]) -> Sequence[T]:
     """What the units of a stage have left in the store."""
     manifests = [run.manifest(*unit.id) for unit in run.units(run.stage(stage)) or ()]
     return [run.store.read(manifest.ref, output) for manifest in manifests if manifest is not None]
+
+
+def clip_set(folder: Path, store: Store) -> tuple[list[Job], SetStatistics]:
+    """All pairs <name>.mp4 and <name>_gt.npz of a folder, by name, and the set in numbers."""
+    if not folder.is_dir():
+        raise InputError(f"{folder} is not a folder; give one that holds <name>.mp4 beside <name>_gt.npz")
+    truths: dict[Path, MotionSequence] = {}
+    for path in sorted(folder.glob("*_gt.npz")):
+        video = _video_of(path)
+        if not video.is_file():
+            log.warning("%s has no video %s beside it and is left out", path.name, video.name)
+            continue
+        truths[path] = read_sequence(path)
+    if not truths:
+        raise InputError(f"{folder} holds no <name>.mp4 beside a <name>_gt.npz")
+    lengths, rates, transitions = zip(
+        *((truth.num_frames, truth.fps, len(truth.transitions)) for truth in truths.values()), strict=True
+    )
+    ordered = sorted(truths, key=lambda path: (len(truths[path].transitions), path.name))
+    return [_job(path, truths[path], store) for path in ordered], statistics_of(lengths, rates, transitions)
+
+
+def _job(path: Path, truth: MotionSequence, store: Store) -> Job:
+    video = _video_of(path)
+    split = split_name(len(truth.transitions))
+    of_pixels = [section for stage in STAGES if stage.name in OF_PIXELS for section in stage.settings]
+    digests = identify(video, store).sha256, hashlib.sha256(path.read_bytes()).hexdigest()
+    return Job(
+        name=video.stem,
+        split=split,
+        parameters={"video": video.stem},
+        inputs=dict(zip(("video", "truth"), digests, strict=True)),
+        make=functools.partial(_make, video, path, split),
+        modules=tuple(f"humanmm.tasks.{stage}" for stage in OF_PIXELS),
+        settings=tuple(dict.fromkeys((*of_pixels, *SETTINGS))),
+        video=video,
+        truth=path,
+    )
+
+
+def _video_of(truth: Path) -> Path:
+    return truth.with_name(f"{truth.name.removesuffix('_gt.npz')}.mp4")
+
+
+def _make(video: Path, truth: Path, split: str, config: Config, store: Store) -> BenchVideo:
+    """Observations from the clip's pixels; StageError if a stage fails on a part of it."""
+    run = run_stages(video, OF_PIXELS, config, store)
+    return BenchVideo(
+        name=video.stem,
+        split=split,
+        facts=results_of(run, "decode", VideoFacts)[0],
+        scenes=results_of(run, "scenes", Scenes)[0],
+        people=tuple(results_of(run, "people", ScenePeople)),
+        points=tuple(results_of(run, "points", PointTracks)),
+        views=tuple(view for views in results_of(run, "views", KeyViews)[0].of_shot for view in views),
+        truth=read_sequence(truth),
+    )

@@ -6,8 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from humanmm.config import Config
-from humanmm.errors import StageError
-from humanmm.flows.bench.clips import clip_set, results_of
+from humanmm.flows.bench.clips import clip_set, results_of, run_stages
 from humanmm.models.benchmark.methods import run_methods
 from humanmm.models.benchmark.scores import score
 from humanmm.models.records.tracks import ScenePeople
@@ -16,9 +15,7 @@ from humanmm.models.synthetic.detector_noise import fitted_noise
 from humanmm.models.synthetic.multishot import BenchVideo
 from humanmm.models.synthetic.resimulated import resimulated
 from humanmm.storage.readers.truth import read_sequence
-from humanmm.storage.store.identity import identify
 from humanmm.storage.store.store import Store
-from humanmm.tasks.engine.run import VideoRun
 
 log = logging.getLogger(__name__)
 
@@ -31,12 +28,8 @@ def measured_clips(folder: Path, config: Config, store: Store) -> list[MeasuredC
     jobs, _ = clip_set(folder, store)
     clips = []
     for job in jobs:
-        run = VideoRun(identify(job.video, store), config, store)
-        for name in STAGES:
-            for unit in run.units(run.stage(name)) or ():
-                outcome = run.execute(unit)
-                if outcome.manifest is None:
-                    raise StageError(f"{job.name}: {outcome.unit.label} failed: {outcome.reason}")
+        assert job.video is not None and job.truth is not None
+        run = run_stages(job.video, STAGES, config, store)
         sequence = read_sequence(job.truth)
         clips.append(MeasuredClip(sequence, person_errors(sequence, results_of(run, "people", ScenePeople), job.name)))
     return clips
@@ -47,9 +40,10 @@ def compared_clips(folder: Path, config: Config, store: Store) -> Iterator[tuple
     detections on the same clip."""
     jobs, _ = clip_set(folder, store)
     for job in jobs:
+        assert job.truth is not None
         if len(read_sequence(job.truth).people) != 1:
             continue
-        video = job.build(config, store)
+        video = job.make(config, store)
         seen = _figures(video, config)
         simulated = _figures(resimulated(video, fitted_noise(), SEED), config)
         if seen and simulated:

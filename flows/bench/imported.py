@@ -7,11 +7,11 @@ from pathlib import Path
 
 from humanmm.config import Config
 from humanmm.errors import HumanMMError, InputError
-from humanmm.flows.bench.motion import FIGURE_CODE, Job, code_of, kept
+from humanmm.flows.bench.jobs import Job
+from humanmm.flows.bench.motion import FIGURE_CODE, code_of, kept, recipe, settings_of
 from humanmm.models.benchmark.methods import ABLATIONS, METHODS
 from humanmm.models.benchmark.scores import MethodFigures, VideoFigures, score_sequence
 from humanmm.storage.readers.systems import READER_VERSION, find_result, read_result
-from humanmm.storage.store.recipe import Recipe
 from humanmm.storage.store.store import Store
 
 CONVERSION_CODE = "humanmm.models.benchmark.imported"
@@ -51,24 +51,21 @@ def _figures(job: Job, system: System, config: Config, store: Store) -> MethodFi
     path = find_result(system.folder, job.name)
     if path is None:
         return MethodFigures(system.name, (), (), f"{system.folder.name} holds no single result for {job.name}")
-    code = code_of(CONVERSION_CODE, FIGURE_CODE, *job.stages)
-    recipe = Recipe(
-        stage="bench-imported",
-        schema_version=READER_VERSION,
+    decided_by = recipe(
+        "bench-imported",
+        code_of(CONVERSION_CODE, FIGURE_CODE, *job.modules),
         unit={**job.parameters, "system": system.name},
-        modules=code.modules,
-        weights=code.weights,
-        libraries=code.libraries,
-        settings={name: getattr(config, name).model_dump(mode="json") for name in job.settings},
+        settings=settings_of(job, config),
         inputs={**job.inputs, "result": hashlib.sha256(path.read_bytes()).hexdigest()},
+        schema_version=READER_VERSION,
     )
 
     def compute() -> MethodFigures:
         try:
-            truth = job.build(config, store).truth
+            truth = job.make(config, store).truth
             taken = read_result(path, num_frames=truth.num_frames, fps=truth.fps)
         except HumanMMError as error:
             return MethodFigures(system.name, (), (), str(error))
         return score_sequence(system.name, taken, truth)
 
-    return kept(store, recipe, job.name, MethodFigures, compute)
+    return kept(store, decided_by, job.name, MethodFigures, compute)

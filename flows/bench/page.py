@@ -6,8 +6,8 @@ from pathlib import Path
 
 from humanmm.config import Config
 from humanmm.errors import HumanMMError
-from humanmm.flows.bench.clips import ClipJob
-from humanmm.flows.bench.motion import Job, recipes_of, traces_of
+from humanmm.flows.bench.jobs import Job
+from humanmm.flows.bench.motion import recipes_of, traces_of
 from humanmm.models.benchmark.methods import VideoMotions
 from humanmm.models.benchmark.scores import VideoFigures, recording_of
 from humanmm.models.benchmark.tables.charts import charts_of
@@ -62,7 +62,7 @@ def report_page(
 
 def _overlay(job: Job, config: Config, store: Store, methods: tuple[str, ...], folder: Path) -> str:
     """Draw the first method's people on the video; the link from the page, or nothing where there is none."""
-    if not isinstance(job, ClipJob):
+    if job.video is None:
         return ""
     recipe = recipes_of(job, config, methods).motions
     manifest = store.find(recipe.stage, recipe.key)
@@ -72,15 +72,17 @@ def _overlay(job: Job, config: Config, store: Store, methods: tuple[str, ...], f
     if first.motion is None or first.shots is None:
         return ""
     try:
-        video = job.build(config, store)
+        video = job.make(config, store)
     except HumanMMError as error:
         log.warning("%s: no overlay: %s", job.name, error)
         return ""
     recording, marks = recording_of(video, first), marks_of(first.shots)
     path = folder / "overlays" / f"{job.name}.mp4"
 
+    pictures = job.video
+
     def draw(fresh: Path) -> None:
-        with job.video.open("rb") as stream:
+        with pictures.open("rb") as stream:
             write_overlay(fresh, stream, video.facts, recording, marks, settings=config.deliver)
 
     replace_file(path, draw)

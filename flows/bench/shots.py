@@ -9,6 +9,7 @@ from pathlib import Path
 
 from humanmm.config import Config
 from humanmm.errors import HumanMMError, StageError
+from humanmm.flows.bench.clips import results_of, run_stages
 from humanmm.models.benchmark.shot_scores import CutCounts, count_cuts, rows_of_cuts
 from humanmm.models.benchmark.tables.rows import ALL, Row
 from humanmm.models.benchmark.tables.statistics import SetStatistics, statistics_of
@@ -16,9 +17,7 @@ from humanmm.models.records.shots import Scenes
 from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.records.video import VideoFacts
 from humanmm.storage.readers.cut_truth import CutClip, read_cut_clips
-from humanmm.storage.store.identity import identify
 from humanmm.storage.store.store import Store
-from humanmm.tasks.engine.run import VideoRun
 from humanmm.tasks.units.process import prepare_process
 
 log = logging.getLogger(__name__)
@@ -47,14 +46,9 @@ def shot_rows(folder: Path, config: Config, store: Store) -> tuple[list[Row], Se
 
 
 def _counts(clip: CutClip, config: Config, store: Store) -> tuple[VideoFacts, dict[str, CutCounts]]:
-    run = VideoRun(identify(clip.video, store), config, store)
-    for name in STAGES:
-        for unit in run.units(run.stage(name)) or ():
-            if run.execute(unit).manifest is None:
-                raise StageError(f"{clip.video.name}: {unit.label} failed: {run.outcomes[unit.id].reason}")
-    facts = run.read(run.unit("decode"), VideoFacts)
-    scenes = run.read(run.unit("scenes"), Scenes)
-    people = [run.read(unit, ScenePeople) for unit in run.units(run.stage("people")) or ()]
+    run = run_stages(clip.video, STAGES, config, store)
+    (facts,), (scenes,) = results_of(run, "decode", VideoFacts), results_of(run, "scenes", Scenes)
+    people = results_of(run, "people", ScenePeople)
     return facts, count_cuts(scenes, people, clip.transitions, time_s=facts.time_s)
 
 

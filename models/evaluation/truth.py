@@ -3,7 +3,7 @@
 The arrays may come from strangers: whatever is wrong with them is one TruthError in one sentence.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -17,6 +17,29 @@ from humanmm.models.records.sequence import BodyParameters, CameraSequence, Moti
 MAX_FRAMES = 2_000_000
 
 Arrays = Mapping[str, np.ndarray]
+
+
+def header_arrays(
+    schema: str,
+    joint_names: Sequence[str],
+    num_frames: int,
+    cuts: Sequence[int],
+    fps: float,
+    size: tuple[int, int],
+    parents: Sequence[int] | None = None,
+) -> dict[str, np.ndarray]:
+    """What a truth says besides cameras and people; without `parents` the joints are points, no tree."""
+    return {
+        "schema": np.array(schema),
+        "fps": np.array(fps),
+        "width": np.array(size[0]),
+        "height": np.array(size[1]),
+        "num_frames": np.array(num_frames),
+        "cut_frames": np.array(cuts, np.int32),
+        "joint_names": np.array(joint_names),
+        "parents": np.array(parents) if parents is not None else np.full(len(joint_names), -1, np.int32),
+        "time_s": np.arange(num_frames) / fps,
+    }
 
 
 def contract_sequence(arrays: Arrays, *, transitions: tuple[tuple[int, int], ...] | None = None) -> MotionSequence:

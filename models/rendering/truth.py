@@ -4,6 +4,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from humanmm.models.body.body24 import JOINT_NAMES, PARENTS, load_body
+from humanmm.models.evaluation.truth import header_arrays
 from humanmm.models.geometry.rotations import rotmat_to_rotvec
 from humanmm.models.rendering.script import Clip, in_view
 
@@ -28,20 +29,14 @@ def truth_arrays(
     shot_index = clip.shot_index()
     shots = [clip.shots[k] for k in shot_index]
     rows = np.arange(clip.num_frames) - [shot.start for shot in shots]
-    arrays: dict[str, Array] = {
-        "schema": np.array("humanmm.motion/1"),
-        "fps": np.array(clip.fps),
-        "width": np.array(clip.width),
-        "height": np.array(clip.height),
-        "num_frames": np.array(clip.num_frames),
+    cuts = [change.at for change in clip.changes]
+    size = (clip.width, clip.height)
+    arrays = {
+        **header_arrays("humanmm.motion/1", JOINT_NAMES, clip.num_frames, cuts, clip.fps, size, PARENTS),
         "world": np.array("z-up, metres, first person's first pelvis above the origin, floor at z=0"),
         "body_model": np.array("body24"),
-        "joint_names": np.array(JOINT_NAMES),
-        "parents": np.array(PARENTS),
-        "cut_frames": np.array([change.at for change in clip.changes], np.int32),
         "transitions": np.array([(change.start, change.end) for change in clip.changes], np.int32).reshape(-1, 2),
         "shot_kinds": np.array([shot.kind for shot in clip.shots]),
-        "time_s": np.arange(clip.num_frames) / clip.fps,
         "shot_index": shot_index.astype(np.int32),
         "cameras/K": np.stack([clip.K(shot, frame) for frame, shot in enumerate(shots)]),
         "cameras/R_world_cam": np.stack([shot.R_world_cam[row] for shot, row in zip(shots, rows, strict=True)]),
@@ -55,7 +50,7 @@ def truth_arrays(
         for number, shot in enumerate(clip.shots):
             frames = np.flatnonzero(shot_index == number)
             where = slice(frames[0] - shot.start, frames[-1] + 1 - shot.start)
-            pixels[frames], _ = in_view(actor.joints[frames], shot, where, (clip.width, clip.height))
+            pixels[frames], _ = in_view(actor.joints[frames], shot, where, size)
         visibility = seen.mean(axis=1)
         joints = actor.joints - origin
         values = {

@@ -15,7 +15,7 @@ from humanmm.errors import InputError, UsageError
 
 if TYPE_CHECKING:
     from humanmm.config import Config
-    from humanmm.flows.bench.motion import Job
+    from humanmm.flows.bench.jobs import Job
     from humanmm.models.benchmark.scores import VideoFigures
     from humanmm.models.benchmark.tables.rows import Row
     from humanmm.models.benchmark.tables.statistics import SetStatistics
@@ -218,9 +218,8 @@ def _tell_failures(figures: "Sequence[VideoFigures]") -> None:
 
 def _set(options: Options, data: Path, store: "ArtifactStore") -> "tuple[Sequence[Job], SetStatistics, list[str]]":
     """The videos, the set in numbers, and the words of the command that name its size."""
-    from humanmm.flows.bench.aist import aist_set
     from humanmm.flows.bench.clips import clip_set
-    from humanmm.flows.bench.motion import mocap_set
+    from humanmm.flows.bench.planned import aist_set, mocap_set
 
     if options.table in CLIPS or (options.table in MODULES and data.is_dir()):
         return *clip_set(data, store), ["--size", options.size] if options.size else []

@@ -12,8 +12,7 @@ from humanmm.cli.verb import BENCHMARK, Force, app, group, verb
 from humanmm.errors import InputError, UsageError
 
 if TYPE_CHECKING:
-    from humanmm.storage.readers.datasets.multiview import MultiviewSequence
-    from humanmm.storage.readers.datasets.recording import ImageRecording
+    from humanmm.models.benchmark.recordings import ImageRecording, MultiviewSequence
 
 T = TypeVar("T")
 

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from humanmm.errors import InputError
+from humanmm.models.benchmark.recordings import ImageRecording
 from humanmm.models.body.smpl_joints import SmplJoints
 from humanmm.models.evaluation.skeleton import SMPL_NAMES
 from humanmm.models.geometry.axes import R_ZUP_YUP, centred_pixels, zup_camera_pose
-from humanmm.storage.readers.datasets.recording import ImageRecording
 from humanmm.storage.readers.restricted_pickle import read_pickle
 
 FPS = 30.0

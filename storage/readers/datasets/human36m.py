@@ -12,7 +12,7 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from humanmm.errors import InputError
-from humanmm.storage.readers.datasets.multiview import MultiviewSequence
+from humanmm.models.benchmark.recordings import MultiviewSequence
 
 FPS = 50.0
 SUBJECTS = (1, 5, 6, 7, 8, 9, 11)

@@ -22,12 +22,12 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from humanmm.errors import InputError
+from humanmm.models.benchmark.recordings import ImageRecording
 from humanmm.models.body.smpl_joints import SmplJoints
 from humanmm.models.evaluation.skeleton import SMPL_NAMES
 from humanmm.models.geometry.axes import centred_pixels
 from humanmm.models.geometry.projection import project
 from humanmm.models.geometry.rotations import nearest_rotation
-from humanmm.storage.readers.datasets.recording import ImageRecording
 from humanmm.storage.readers.restricted_pickle import read_pickle
 
 log = logging.getLogger(__name__)

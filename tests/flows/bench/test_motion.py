@@ -9,7 +9,8 @@ import pytest
 from humanmm.cli import main
 from humanmm.config import Config
 from humanmm.flows.bench import motion as motion_benchmark
-from humanmm.flows.bench.motion import FIGURE_CODE, mocap_set
+from humanmm.flows.bench.motion import FIGURE_CODE
+from humanmm.flows.bench.planned import mocap_set
 from humanmm.models.benchmark.methods import ABLATIONS, METHODS
 from humanmm.storage.store.open import open_store
 from humanmm.tasks.units.digest import CodeDigest

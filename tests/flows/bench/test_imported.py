@@ -8,17 +8,18 @@ import pytest
 from humanmm.config import Config
 from humanmm.errors import InputError
 from humanmm.flows.bench import imported as imported_benchmark
-from humanmm.flows.bench.aist import AistJob, aist_set
 from humanmm.flows.bench.imported import System, parse_system, with_imported
+from humanmm.flows.bench.jobs import Job
+from humanmm.flows.bench.planned import aist_set
 from humanmm.models.benchmark.scores import MethodFigures, VideoFigures
 from humanmm.storage.store.store import Store
 
 SAMPLE = Path(__file__).parents[3] / "examples" / "aist"
 
 
-def _write_truth_as_result(job: AistJob, path: Path, store: Store) -> None:
+def _write_truth_as_result(job: Job, path: Path, store: Store) -> None:
     """A result that is the truth, turned and moved as a whole: no figure may feel that."""
-    truth = job.build(Config(), store).truth
+    truth = job.make(Config(), store).truth
     joints = truth.people[0].joints @ np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]).T + [3.0, 2.0, 0.0]
     np.savez(
         path,
