@@ -23,6 +23,7 @@ _M_TRIM_THRESHOLD = -1
 _SPARE_BYTES = 1 << 25
 _LEAST_PRIORITY = 19
 _PR_SET_PDEATHSIG = 1
+_PR_SET_NAME = 15
 
 
 def prepare_process() -> None:
@@ -101,3 +102,9 @@ def end_with_parent(parent: int) -> None:
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     if os.getppid() != parent:
         os._exit(1)
+
+
+def name_process(name: str) -> None:
+    """Name this process for `ps` and `top`: at most 15 characters. On Linux only."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PR_SET_NAME, name.encode())

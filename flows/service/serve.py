@@ -215,7 +215,7 @@ async def _deploy(limit: int, folder: Path) -> None:
                 # the server takes nearly twice as long for a flow run whose parameters it checks; the flow does
                 enforce_parameter_schema=target is not recover_video,
                 job_variables={
-                    "command": f"{sys.executable} -m humanmm.flows.service.video_process",
+                    "command": f"{sys.executable} -m prefect.engine",  # which our worker runs in a fork
                     "working_dir": str(folder),
                     "stream_output": True,
                 },

@@ -155,7 +155,7 @@ def test_a_batch_survives_a_restart_and_the_death_of_the_server_and_can_be_cance
     found = list(_named(states()).values())
     assert found.count("cancelled") >= 1 and not {"running", "scheduled"} & set(found)
     place.until(
-        lambda: not place.pids("humanmm.flows.service.video_process"), 60
+        lambda: not place.pids("humanmm-video"), 60
     )  # one may just have begun, and leaves by itself
     place.until(lambda: not AT_WORK & {state for _, state in place.flow_runs()}, 60)
     serving.send_signal(signal.SIGTERM)
