@@ -37,7 +37,7 @@ PROCESSES = {
     "video": VIDEO,
     "fork server": PRELOAD,
     "worker": "humanmm.flows.service.worker",
-    "server": "humanmm.flows.server.local_server",
+    "server": "humanmm.flows.server.server_process",
     "serve": "humanmm.cli serve",
 }
 """What is killed → a part of its command line or its name."""

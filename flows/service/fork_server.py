@@ -24,6 +24,7 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
+from humanmm.flows.server.local_server import hold_port_of_server
 from humanmm.tasks.process import end_with_parent, name_process, prepare_process
 
 log = logging.getLogger(__name__)
@@ -46,7 +47,7 @@ def launch() -> None:
     forkserver.ensure_running()
 
 
-def start(environment: Environment, folder: str, run: Callable[[], None] | None = None) -> BaseProcess:
+def start(environment: Environment, folder: Path, run: Callable[[], None] | None = None) -> BaseProcess:
     """Start a process that runs a flow run: a fork, or a fresh process where a fork would not equal one.
 
     `run` takes the place of Prefect's engine. Not to be called by two threads at once.
@@ -68,7 +69,7 @@ def start(environment: Environment, folder: str, run: Callable[[], None] | None 
 
 def _retire() -> None:
     """Have the fork server fork no more; it ends after its forks."""
-    server: Any = forkserver._forkserver  # type: ignore[attr-defined]  # Python has no public way to do this
+    server: Any = forkserver._forkserver  # Python has no public way to do this
     with server._lock:
         pid, server._forkserver_pid = server._forkserver_pid, None
     if pid is not None:
@@ -97,6 +98,7 @@ class Preloaded:
         modules = list(sys.modules.values())
         self._files = versions(path for module in modules if isinstance(path := getattr(module, "__file__", None), str))
         self._is_mixed = any(changed_ns >= began_ns for changed_ns, _ in self._files.values())
+        hold_port_of_server()
         signal.signal(signal.SIGTERM, signal.SIG_IGN)  # what stops a worker's session is meant for the videos
         gc.collect()
         gc.freeze()  # the collector would write to every page that the forks share
@@ -140,7 +142,7 @@ def versions(paths: Iterable[str]) -> Mapping[str, tuple[int, int]]:
 # ---- in the process of a video
 
 
-def _begin(environment: Environment, folder: str, run: Callable[[], None] | None, answer: Connection | None) -> None:
+def _begin(environment: Environment, folder: Path, run: Callable[[], None] | None, answer: Connection | None) -> None:
     """Run the flow run that the environment names. A fork first sends whether it is fit, and ends if it is not."""
     if answer is not None:
         preloaded = getattr(sys.modules.get(PRELOAD), "PRELOADED", None)  # None: the imports failed

@@ -1,4 +1,4 @@
-"""What the fork server loads before it forks: it imports this module, and with it all that the process of a video needs."""
+"""The fork server imports this module before it forks, and with it all that the process of a video needs."""
 
 from humanmm.flows.service.fork_server import Preloaded
 

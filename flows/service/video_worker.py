@@ -6,7 +6,7 @@ import os
 import time
 import warnings
 from collections.abc import Callable, Mapping
-from multiprocessing.process import BaseProcess
+from pathlib import Path
 from typing import Any
 
 import anyio
@@ -20,7 +20,7 @@ from prefect.workers.process import ProcessWorker
 from humanmm.flows.service import fork_server
 
 FULL_S = 30.0
-"""Seconds between queries of a worker without room: the dashboard calls a pool ready whose worker queries each minute."""
+"""Seconds between queries while there is no room: the dashboard calls a pool ready whose worker queries each minute."""
 _ONE_AT_A_TIME = anyio.CapacityLimiter(1)
 """`multiprocessing` looks at all children whenever one starts: two threads would read one exit status twice."""
 
@@ -53,9 +53,8 @@ async def run_in_fork(
     """
     changes: dict[str, str | None] = {name: value for name, value in env.items() if os.environ.get(name) != value}
     changes |= dict.fromkeys(os.environ.keys() - env.keys())
-    process = await anyio.to_thread.run_sync(
-        fork_server.start, changes, os.fspath(cwd or os.getcwd()), limiter=_ONE_AT_A_TIME  # noqa: PTH109
-    )
+    folder = Path(cwd or ".").absolute()
+    process = await anyio.to_thread.run_sync(fork_server.start, changes, folder, limiter=_ONE_AT_A_TIME)
     task_status.started(task_status_handler(process))
     await anyio.wait_readable(process.sentinel)
     await anyio.to_thread.run_sync(process.join, limiter=_ONE_AT_A_TIME)
@@ -63,7 +62,7 @@ async def run_in_fork(
 
 async def work(pool: str, limit: int, name: str) -> None:
     """Work for a pool until a signal ends it."""
-    _starter_engine.run_process = run_in_fork  # the place that Prefect's docstring names for it
+    setattr(_starter_engine, "run_process", run_in_fork)  # noqa: B010  # where Prefect's docstring has it replaced
     worker = VideoWorker(work_pool_name=pool, limit=limit, name=name)
     setup_signal_handlers_worker(os.getpid(), "the worker", print)
     with contextlib.suppress(asyncio.CancelledError):  # by the signal

@@ -15,6 +15,7 @@ import time
 from pathlib import Path
 from types import FrameType
 
+from humanmm.flows.server.local_server import hold_port_of_server
 from humanmm.flows.service.fork_server import VIDEO, launch
 
 SETTINGS = {"PREFECT_WORKER_QUERY_SECONDS": "2", "PREFECT_FLOWS_HEARTBEAT_FREQUENCY": "30"}
@@ -28,6 +29,7 @@ def main(pool: str, limit: str, name: str) -> None:
     for number in (signal.SIGUSR1, signal.SIGHUP, signal.SIGQUIT):
         signal.signal(number, _stop)
     os.environ.update(SETTINGS)  # which the videos inherit
+    hold_port_of_server()
     launch()
     threading.Thread(target=_stop_at_end_of_input, daemon=True).start()
     from humanmm.flows.service import video_worker  # imports Prefect, as the fork server does meanwhile

@@ -14,6 +14,7 @@ import pytest
 SOURCE = Path(__file__).resolve().parents[3] / "src"
 WORKER = """
 import os, sys, threading
+from pathlib import Path
 from multiprocessing import forkserver
 from humanmm.flows.service import fork_server
 import bodies
@@ -25,7 +26,7 @@ def wait(process, number):
     process.join()
     print(number, "ended", process.exitcode, flush=True)
 for number, line in enumerate(sys.stdin):
-    process = fork_server.start(dict(BODY=line.strip(), HUMANMM_GONE=None), os.environ["FOLDER"], bodies.run)
+    process = fork_server.start(dict(BODY=line.strip(), HUMANMM_GONE=None), Path(os.environ["FOLDER"]), bodies.run)
     print(number, "pid", process.pid, flush=True)
     threading.Thread(target=wait, args=(process, number), daemon=True).start()
 os._exit(0)
@@ -123,7 +124,7 @@ def test_nothing_of_ours_listens_where_another_user_could(worker: Worker) -> Non
     inodes = {
         link.removeprefix("socket:[").rstrip("]")
         for pid in (server, worker.process.pid)
-        for link in (os.readlink(fd) for fd in Path(f"/proc/{pid}/fd").iterdir() if fd.is_symlink())
+        for link in (str(fd.readlink()) for fd in Path(f"/proc/{pid}/fd").iterdir() if fd.is_symlink())
         if link.startswith("socket:[")
     }
     rows = [line.split() for line in Path("/proc/net/unix").read_text().splitlines()[1:]]
@@ -134,9 +135,7 @@ def test_nothing_of_ours_listens_where_another_user_could(worker: Worker) -> Non
 
 def test_a_signal_reaches_the_fork(worker: Worker) -> None:
     worker.line()
-    pid = worker.start(
-        "import signal; signal.signal(15, lambda *_: os._exit(3)); open('ready', 'w'); wait()"
-    )
+    pid = worker.start("import signal; signal.signal(15, lambda *_: os._exit(3)); open('ready', 'w'); wait()")
     _until((worker.folder / "films/ready").exists)
     os.kill(pid, signal.SIGTERM)
     assert worker.line() == ["0", "ended", "3"]
