@@ -37,7 +37,7 @@ from humanmm.tasks.engine.runners.runner import check_runner
 from humanmm.tasks.engine.selection import Selection
 from humanmm.tasks.engine.units import Work
 from humanmm.tasks.pipeline import Stage
-from humanmm.tasks.process import prepare_process
+from humanmm.tasks.process import prepare_process, treat_as_sigterm
 
 MAX_WAITING = 32
 """Tasks that may wait for their inputs at the same time, at least; how many compute is `run.threads`."""
@@ -93,6 +93,7 @@ class Stages:
         self._runner: ThreadPoolTaskRunner[Any] = ThreadPoolTaskRunner(max(MAX_WAITING, run.config.run.threads))
 
     def __enter__(self) -> "Stages":
+        treat_as_sigterm()
         self._runner.__enter__()
         return self
 

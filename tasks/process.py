@@ -108,3 +108,12 @@ def name_process(name: str) -> None:
     """Name this process for `ps` and `top`: at most 15 characters. On Linux only."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_NAME, name.encode())
+
+
+def treat_as_sigterm() -> None:
+    """Have SIGHUP, SIGQUIT and SIGUSR1 end this process as SIGTERM does, which flows note, unless they are ignored."""
+    if threading.current_thread() is not threading.main_thread():
+        return  # only that one may set handlers
+    for number in (signal.SIGHUP, signal.SIGQUIT, signal.SIGUSR1):
+        if signal.getsignal(number) is signal.SIG_DFL:
+            signal.signal(number, lambda *_: os.kill(os.getpid(), signal.SIGTERM))

@@ -183,6 +183,14 @@ def running_server(files: ServerFiles) -> str | None:
     return url if hold_port(port) and _is_healthy(port) else None
 
 
+def serves_its_user_alone(files: ServerFiles) -> bool:
+    """Whether the running server refuses other users: not where the kernel does not name the user of a connection."""
+    try:
+        return bool(json.loads(files.state.read_text())["private"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
+
+
 def stop_unused_server(files: ServerFiles) -> bool:
     """End our server now if no run holds it; says whether it was ended."""
     with files.users.open("a+") as users, contextlib.suppress(OSError, ValueError, KeyError):

@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Any
 
 from humanmm.flows.server.local_server import hold_port_of_server
-from humanmm.tasks.process import end_with_parent, name_process, prepare_process
+from humanmm.tasks.process import end_with_parent, name_process, prepare_process, treat_as_sigterm
 
 log = logging.getLogger(__name__)
 
@@ -155,6 +155,7 @@ def _begin(environment: Environment, folder: Path, run: Callable[[], None] | Non
             return
     name_process(VIDEO)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    treat_as_sigterm()
     for name, value in environment.items():
         os.environ.pop(name, None)
         if value is not None:

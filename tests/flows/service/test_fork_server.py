@@ -133,11 +133,12 @@ def test_nothing_of_ours_listens_where_another_user_could(worker: Worker) -> Non
     assert Path(paths[0]).parent.stat().st_mode & 0o777 == 0o700
 
 
-def test_a_signal_reaches_the_fork(worker: Worker) -> None:
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGUSR1])
+def test_a_signal_reaches_the_fork_as_the_one_that_flows_note(worker: Worker, number: int) -> None:
     worker.line()
     pid = worker.start("import signal; signal.signal(15, lambda *_: os._exit(3)); open('ready', 'w'); wait()")
     _until((worker.folder / "films/ready").exists)
-    os.kill(pid, signal.SIGTERM)
+    os.kill(pid, number)
     assert worker.line() == ["0", "ended", "3"]
 
 
