@@ -25,6 +25,7 @@ from humanmm.tasks.engine.finish import default_run_dir, failures, fatal_error, 
 from humanmm.tasks.engine.run import VideoRun
 from humanmm.tasks.pipeline import Stage
 from humanmm.tasks.units.faults import is_infrastructure_fault
+from humanmm.tasks.units.process import treat_as_sigterm
 from humanmm.tasks.units.unit import Unit, UnitId
 
 MAX_WAITING = 32
@@ -45,6 +46,7 @@ class StageTasks:
         self._runner: ThreadPoolTaskRunner[Any] = ThreadPoolTaskRunner(max(MAX_WAITING, run.config.run.threads))
 
     def __enter__(self) -> "StageTasks":
+        treat_as_sigterm()
         self._runner.__enter__()
         return self
 

@@ -7,6 +7,7 @@ import multiprocessing
 import os
 import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from typing import Any, TypeVar
@@ -21,6 +22,7 @@ _M_TRIM_THRESHOLD = -1
 """glibc's option: how much free memory may lie at the end of the heap before it is trimmed."""
 _SPARE_BYTES = 1 << 25
 _PR_SET_PDEATHSIG = 1
+_PR_SET_NAME = 15
 
 
 def prepare_process() -> None:
@@ -85,3 +87,18 @@ def end_with_parent(parent: int) -> None:
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     if os.getppid() != parent:
         os._exit(1)
+
+
+def name_process(name: str) -> None:
+    """Name this process for `ps` and `top`: at most 15 characters. On Linux only."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PR_SET_NAME, name.encode())
+
+
+def treat_as_sigterm() -> None:
+    """Have SIGHUP, SIGQUIT and SIGUSR1 end this process as SIGTERM does, which flows note, unless they are ignored."""
+    if threading.current_thread() is not threading.main_thread():
+        return  # only that one may set handlers
+    for number in (signal.SIGHUP, signal.SIGQUIT, signal.SIGUSR1):
+        if signal.getsignal(number) is signal.SIG_DFL:
+            signal.signal(number, lambda *_: os.kill(os.getpid(), signal.SIGTERM))

@@ -147,12 +147,15 @@ def _settings() -> Check:
 def _server() -> Check:
     import urllib.request
 
-    from humanmm.flows.server.local_server import running_server, server_files
+    from humanmm.flows.server.local_server import running_server, server_files, serves_its_user_alone
 
     own = os.environ.get("PREFECT_API_URL")
     if not own:
         url = running_server(server_files())
         found = url.removesuffix("/api") if url else "no server runs; `humanmm recover` starts one when it needs it"
+        if url and not serves_its_user_alone(server_files()):
+            cure = "this kernel does not say who connects: use a machine of your own, or a server with a password"
+            return Check("dashboard", False, f"{found} serves every user of this machine", cure)
         return Check("dashboard", True, found, "`humanmm serve` starts one that stays")
     try:
         with urllib.request.urlopen(f"{own.rstrip('/')}/health", timeout=5) as answer:

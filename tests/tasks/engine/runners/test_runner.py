@@ -304,7 +304,7 @@ def _listening(pids: list[int]) -> list[str]:
 def _is_server(pid: int) -> bool:
     """Prefect's server in the background, which later runs use."""
     try:
-        return b"local_server" in Path(f"/proc/{pid}/cmdline").read_bytes()
+        return b"server_process" in Path(f"/proc/{pid}/cmdline").read_bytes()
     except OSError:
         return False
 
