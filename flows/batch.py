@@ -25,9 +25,9 @@ from humanmm.storage.store.open import open_ledger
 from humanmm.storage.store.store import default_store
 from humanmm.tasks.batches import batch as batches
 from humanmm.tasks.batches.watch import is_quiet
-from humanmm.tasks.engine.faults import in_words
 from humanmm.tasks.engine.run import VideoRun
-from humanmm.tasks.engine.selection import Selection
+from humanmm.tasks.units.faults import in_words
+from humanmm.tasks.units.selection import Selection
 
 log = logging.getLogger(__name__)
 
@@ -72,7 +72,7 @@ def _accounted(
 
     def watch(run: VideoRun) -> None:
         account.run = run
-        run.watch(lambda work, done, total: None, log_text=text.getvalue)
+        run.watch(lambda unit, done, total: None, log_text=text.getvalue)
 
     token = opened.set(watch)
     try:

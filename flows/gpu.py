@@ -1,4 +1,4 @@
-"""One slot an accelerator, over all processes and machines of one Prefect server."""
+"""One slot per accelerator, shared by all processes and machines of one Prefect server."""
 
 import contextlib
 import logging
@@ -14,18 +14,18 @@ log = logging.getLogger(__name__)
 
 LIMIT = "gpu"
 LEASE_S = 60.0
-"""A slot whose holder was killed is free after this many seconds, and the server's next look (10 s)."""
+"""A slot whose holder was killed is free after this many seconds and the server's next check (every 10 s)."""
 
 
 @contextlib.contextmanager
 def gpu_slot() -> Iterator[None]:
-    """Hold a slot while a stage computes that needs an accelerator; a server without the limit `gpu` sets none."""
+    """Hold a slot while a stage computes on an accelerator; without the limit `gpu` on the server, nothing waits."""
     with concurrency(LIMIT, occupy=1, lease_duration=LEASE_S, raise_on_lease_renewal_failure=False):
         yield
 
 
 async def declare_gpus(client: PrefectClient) -> None:
-    """Make the limit unless there is one: a slot per device of this machine, one if there is none."""
+    """Create the limit if the server has none: a slot per device of this machine, at least one."""
     devices = len(list(Path("/dev").glob("nvidia[0-9]*")))
     with contextlib.suppress(ObjectAlreadyExists):
         await client.create_global_concurrency_limit(

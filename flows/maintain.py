@@ -1,4 +1,4 @@
-"""Care of the store as a flow, for the dashboard and for schedules: check every artifact, remove what nobody needs."""
+"""Maintenance of the store as a flow, for the dashboard and for schedules: verify artifacts, remove unused ones."""
 
 from pathlib import Path
 from typing import Any
@@ -20,20 +20,20 @@ def maintain(
     with_runs: bool = False,
     remove: bool = False,
 ) -> Any:
-    """Verify the store; list, and with `remove` delete, what was not used for so many days. Fails on damage.
+    """Verify the store; list artifacts unused for this many days, and delete them with `remove`. Fails on damage.
 
-    What the last run on a video is made of stays, unless `with_runs`.
+    The artifacts of the last run on a video stay, unless `with_runs`.
     """
-    place = open_store(store or default_store())
+    artifacts = open_store(store or default_store())
     outputs = {stage.name: stage.output for stage in pipeline.STAGES}
-    findings = list(maintenance.verify(place, outputs=outputs, deep=deep))
+    findings = list(maintenance.verify(artifacts, outputs=outputs, deep=deep))
     damaged = [finding for finding in findings if finding.problem]
-    items = maintenance.removable(place, unused_days=unused_days, with_runs=with_runs)
+    items = maintenance.removable(artifacts, unused_days=unused_days, with_runs=with_runs)
     if remove:
-        freed = f"{maintenance.remove(place, items) / 1e6:.1f} MB freed"
+        freed = f"{maintenance.remove(artifacts, items) / 1e6:.1f} MB freed"
     else:
         freed = f"{sum(item.num_bytes for item in items) / 1e6:.1f} MB could go"
-    told = f"{len(findings) - len(damaged)} artifacts are sound, {len(damaged)} damaged; {freed}"
+    summary = f"{len(findings) - len(damaged)} artifacts are sound, {len(damaged)} damaged; {freed}"
     if damaged:
-        return Failed(message=told + "; " + "; ".join(f"{f.uri}: {f.problem}" for f in damaged[:10]))
-    return Completed(message=told)
+        return Failed(message=summary + "; " + "; ".join(f"{f.uri}: {f.problem}" for f in damaged[:10]))
+    return Completed(message=summary)

@@ -11,7 +11,7 @@ T = TypeVar("T")
 
 
 class StageInputs(Protocol):
-    """The world as one stage × unit sees it; nothing else may influence the result."""
+    """Everything that one unit sees; nothing else may influence its result."""
 
     config: Config
     """Only the sections that the stage names in `pipeline.STAGES` may be read (others raise)."""
@@ -39,5 +39,5 @@ class StageInputs(Protocol):
         ...
 
     def progress(self, done: int, total: int) -> None:
-        """Say how far the stage is; costs nothing when nobody listens."""
+        """Report progress; costs nothing without a listener."""
         ...

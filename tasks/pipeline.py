@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
-Unit = Literal["video", "scene", "shot"]
+UnitKind = Literal["video", "scene", "shot"]
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,7 @@ class Resources:
     threads: int = 1
     """Processors that it keeps busy."""
     memory_mb: int = 100
-    """Main memory that it takes at most, beside what every process with the code of all stages loaded has."""
+    """Main memory that it takes at most, above what a process with the code of all stages loaded has."""
     memory_mb_per_mpx: int = 0
     """And for every million pixels of the video's picture."""
     memory_mb_per_kframe: int = 0
@@ -27,10 +27,10 @@ class Resources:
     gpu: bool = False
     """Whether it needs one of the slots of the limit `gpu`."""
     limit_s: float | None = None
-    """Seconds after which it is ended."""
+    """Seconds after which its process is killed."""
 
     def for_unit(self, megapixels: float, num_frames: int) -> "Resources":
-        """What it comes to for a picture of this size and so many frames."""
+        """The resources for a picture of this size and a unit of this many frames."""
         grown_mb = self.memory_mb_per_mpx * megapixels + self.memory_mb_per_kframe * num_frames / 1000
         return replace(
             self, memory_mb=self.memory_mb + math.ceil(grown_mb), memory_mb_per_mpx=0, memory_mb_per_kframe=0
@@ -43,10 +43,10 @@ class Resources:
 
 @dataclass(frozen=True)
 class Stage:
-    """One stage: `output` names the frozen dataclass that its function returns."""
+    """One stage; `output` names the frozen dataclass that its function returns."""
 
     name: str
-    per: Unit
+    per: UnitKind
     inputs: tuple[str, ...]
     """Stages whose artifacts it reads; a stage per shot reads the artifact of the scene or video that holds its shot,
     and of its own shot from another stage per shot; a stage per video reads all shots of a stage per shot."""
@@ -56,7 +56,7 @@ class Stage:
     schema_version: int = 1
     reads_video: bool = False
     defines: Literal["scene", "shot"] | None = None
-    """The unit whose spans its artifact lists. A stage per that unit depends on its own span, not on the others."""
+    """The kind of unit whose spans its artifact lists. A stage per that kind depends on its own span alone."""
     module: str = ""
     """Where its function is; `humanmm.tasks.<name>` unless given."""
     resources: Resources = Resources()
@@ -68,7 +68,7 @@ class Stage:
 
 
 def _memory(least_mb: int, per_mpx: int = 0, per_kframe: int = 0) -> Resources:
-    """As `scripts/measure_memory` finds it, and a tenth to a fifth more."""
+    """What `scripts/measure_memory` measures, and a tenth to a fifth more."""
     return Resources(memory_mb=least_mb, memory_mb_per_mpx=per_mpx, memory_mb_per_kframe=per_kframe)
 
 

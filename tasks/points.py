@@ -11,7 +11,7 @@ from humanmm.models.records.video import VideoFacts
 from humanmm.models.video.frames import frames
 from humanmm.models.video.prefetch import prefetched
 from humanmm.tasks.inputs import StageInputs
-from humanmm.tasks.process import in_spare_time
+from humanmm.tasks.priority import at_low_priority
 
 
 def points(inputs: StageInputs) -> PointTracks:
@@ -35,4 +35,4 @@ def points(inputs: StageInputs) -> PointTracks:
             )
 
     with inputs.open_video() as stream:
-        return in_spare_time(tracked)  # `people`, beside it, takes three times as long
+        return at_low_priority(tracked)  # `people`, beside it, takes three times as long

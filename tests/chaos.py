@@ -21,6 +21,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from humanmm.flows.service.fork_server import PRELOAD, VIDEO
+
 ROOT = Path(__file__).resolve().parents[1]
 DISK_MB = 2000
 FULL_S = (10.0, 30.0)
@@ -32,37 +34,37 @@ RESTART_S = 2.0
 """A supervisor waits so long before it starts again what has died."""
 PROCESSES = {
     "task": "humanmm.tasks.engine.runners.processes",
-    "video": "humanmm.flows.service.video_process",
-    "template": "humanmm.flows.service.fork_server",
+    "video": VIDEO,
+    "fork server": PRELOAD,
     "worker": "humanmm.flows.service.worker",
-    "server": "humanmm.flows.server.local_server",
+    "server": "humanmm.flows.server.server_process",
     "serve": "humanmm.cli serve",
 }
-"""What is killed → a part of its command line."""
-WEIGHTS = {"task": 5, "video": 3, "template": 1, "worker": 2, "server": 1, "serve": 1, "flip": 4, "full disk": 1}
+"""What is killed → a part of its command line or its name."""
+WEIGHTS = {"task": 5, "video": 3, "fork server": 1, "worker": 2, "server": 1, "serve": 1, "flip": 4, "full disk": 1}
 SETTLED_S = 2.0
-"""Who stands for a fork has ended so long after its template was killed, or goes on by itself."""
+"""Seconds after which a worker has seen that its fork server and its videos were killed."""
 
 COUNTING = """
 import json, os, sys, time
 if any("humanmm.tasks.engine.runners.processes" in part for part in sys.orig_argv):
-    from humanmm.tasks.engine.run import VideoRun
-    compute = VideoRun.compute_here
-    def counted(run, work):
+    from humanmm.tasks.units.execute import UnitExecutor
+    compute = UnitExecutor.compute
+    def counted(executor, unit):
         def note(**what):
-            facts = {"at": time.time(), "pid": os.getpid(), "video": run.video.path.name, "unit": work.label, **what}
-            facts["key"] = run.recipe(work).key
+            facts = {"at": time.time(), "pid": os.getpid(), "unit": unit.label, **what}
+            facts |= {"video": executor.video.path.name, "key": executor.keys.recipe(unit).key}
             with open(os.environ["CHAOS_EXECUTIONS"], "a") as file:
                 file.write(json.dumps(facts) + "\\n")
         note(event="begun")
         try:
-            outcome = compute(run, work)
+            result = compute(executor, unit)
         except Exception as error:
             note(event="failed", reason=str(error))
             raise
-        note(event=outcome.state, reason=outcome.reason)
-        return outcome
-    VideoRun.compute_here = counted
+        note(event=result.state, reason=result.reason)
+        return result
+    UnitExecutor.compute = counted
 """
 
 
@@ -210,10 +212,10 @@ class Machine:
         for process in Path("/proc").glob("[0-9]*"):
             with contextlib.suppress(OSError):
                 line = (process / "cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace")
+                name = (process / "comm").read_text().strip()
+                line = name if name == VIDEO else line  # a fork has the command line of its fork server
                 if PROCESSES[kind] in line and mark in (process / "environ").read_bytes():
                     found.append(int(process.name))
-        if kind == "template":  # its forks have its command line
-            found = [pid for pid in found if _parent(pid) not in (None, *found)]
         return sorted(found)
 
     def _kill(self, kind: str, luck: float) -> None:
@@ -222,13 +224,8 @@ class Machine:
             return
         pid = pids[int(luck * len(pids))]
         with contextlib.suppress(OSError, ValueError):
-            flow_runs = {}
-            if kind == "video":
-                flow_runs[pid] = _environment(pid)["PREFECT__FLOW_RUN_ID"]
-            elif kind == "template":
-                name = Path(f"/proc/{pid}/cmdline").read_text().split("\0")[-2]
-                videos = {video: _environment(video) for video in self.pids("video")}
-                flow_runs = {v: e["PREFECT__FLOW_RUN_ID"] for v, e in videos.items() if e["HUMANMM_TEMPLATE"] == name}
+            lost = {"video": [pid], "fork server": [video for video in self.pids("video") if _parent(video) == pid]}
+            flow_runs = {video: run for video in lost.get(kind, ()) if (run := self.flow_run_of(video)) is not None}
             os.kill(pid, signal.SIGKILL)
             self.faults.append(Fault(kind, time.time(), str(pid), flow_runs))
 
@@ -263,7 +260,7 @@ class Machine:
                     fault.noticed_s = time.time() - fault.at
 
     def _is_noticed(self, fault: Fault) -> bool:
-        if fault.kind == "template":
+        if fault.kind == "fork server":
             if time.time() - fault.at < SETTLED_S:
                 return False
             gone = {pid: run for pid, run in fault.flow_runs.items() if not Path(f"/proc/{pid}").exists()}
@@ -272,11 +269,11 @@ class Machine:
         if any(self.flow_run_state(run) in ("RUNNING", "PENDING", "CANCELLING", None) for run in gone.values()):
             return False
         others = [pid for pid in self.pids(fault.kind) if pid != int(fault.target)]
-        return fault.kind == "video" or len(others) >= (2 if fault.kind in ("worker", "template") else 1)
+        return fault.kind in ("video", "fork server") or len(others) >= (2 if fault.kind == "worker" else 1)
 
     def unnoticed(self) -> list[Fault]:
         """Losses that nobody has noticed."""
-        losses = ("video", "template", "worker", "server", "serve")
+        losses = ("video", "fork server", "worker", "server", "serve")
         return [fault for fault in self.faults if fault.kind in losses and fault.noticed_s is None]
 
     # ---- what has become of it
@@ -288,6 +285,13 @@ class Machine:
         (file,) = (self.disk / "cache").glob("prefect-*/prefect.db")
         with contextlib.closing(sqlite3.connect(f"file:{file}?mode=ro", uri=True, timeout=30)) as connection:
             return connection.execute(query, values).fetchall()
+
+    def flow_run_of(self, video: int) -> str | None:
+        """The flow run that a process computes; None if Prefect does not know the process yet."""
+        with contextlib.suppress(Exception):
+            query = "select id from flow_run where infrastructure_pid = ? order by created desc"
+            return str(self.ask(query, str(video))[0][0])
+        return None
 
     def flow_run_state(self, flow_run: str) -> str | None:
         """Prefect's state of a flow run; None if its database cannot tell now."""
@@ -354,11 +358,6 @@ def _parent(pid: int) -> int | None:
     with contextlib.suppress(OSError):
         return int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[1])
     return None
-
-
-def _environment(pid: int) -> dict[str, str]:
-    entries = Path(f"/proc/{pid}/environ").read_text().split("\0")
-    return dict(entry.partition("=")[::2] for entry in entries)
 
 
 def wait_for(condition: Callable[[], object], limit_s: float) -> None:

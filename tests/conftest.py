@@ -24,7 +24,7 @@ from humanmm.storage.store.open import open_store
 from humanmm.storage.store.store import Store
 from humanmm.tasks import pipeline
 from humanmm.tasks.engine.run import VideoRun
-from humanmm.tasks.engine.selection import Selection
+from humanmm.tasks.units.selection import Selection
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -73,13 +73,13 @@ class Toy:
 
     def _through(self, run: VideoRun, *, expect_failure: bool) -> VideoRun:
         for stage in run.stages:
-            for work in run.works(stage) or ():
+            for unit in run.units(stage) or ():
                 try:
-                    run.do(work)
+                    run.execute(unit)
                 except Exception as error:
                     if not expect_failure:
                         raise
-                    assert run.outcomes[stage.name, work.index].error is error
+                    assert run.outcomes[unit.id].error is error
         run.close()
         return run
 

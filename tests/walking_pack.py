@@ -31,9 +31,9 @@ def _walk(num_frames: int, pace: float) -> tuple[np.ndarray, np.ndarray, np.ndar
 
 @pytest.fixture
 def pack(tmp_path: Path) -> Path:
-    """Two takes of 100 and 150 frames, as an npz."""
-    takes = [_walk(100, 0.9), _walk(150, 1.1)]
-    poses, trans, contacts = (np.concatenate(parts) for parts in zip(*takes, strict=True))
+    """Two walks of 100 and 150 frames, as an npz."""
+    walks = [_walk(100, 0.9), _walk(150, 1.1)]
+    poses, trans, contacts = (np.concatenate(parts) for parts in zip(*walks, strict=True))
     path = tmp_path / "pack.npz"
     np.savez(
         path,
@@ -51,6 +51,6 @@ def pack(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def takes(pack: Path) -> tuple[MocapSequence, ...]:
+def sequences(pack: Path) -> tuple[MocapSequence, ...]:
     """The same, read."""
     return read_pack(pack)

@@ -38,17 +38,16 @@ def run_stages(video: Path, names: Sequence[str], config: Config, store: Store) 
     """The run of a video after these stages; StageError if one fails on a part of it."""
     run = VideoRun(identify(video, store), config, store)
     for name in names:
-        for work in run.works(run.stage(name)) or ():
-            outcome = run.do(work)
+        for unit in run.units(run.stage(name)) or ():
+            outcome = run.execute(unit)
             if outcome.manifest is None:
-                raise StageError(f"{video.stem}: {outcome.work.label} failed: {outcome.reason}")
+                raise StageError(f"{video.stem}: {outcome.unit.label} failed: {outcome.reason}")
     return run
 
 
 def results_of(run: VideoRun, stage: str, output: type[T]) -> Sequence[T]:
     """What the units of a stage have left in the store."""
-    works = run.works(run.stage(stage)) or ()
-    manifests = [run.manifest(stage, work.index) for work in works]
+    manifests = [run.manifest(*unit.id) for unit in run.units(run.stage(stage)) or ()]
     return [run.store.read(manifest.ref, output) for manifest in manifests if manifest is not None]
 
 

@@ -12,18 +12,18 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from humanmm import __version__
 from humanmm.config import Config
 from humanmm.errors import HumanMMError, StoreError
 from humanmm.flows.bench.jobs import Job
 from humanmm.models.benchmark.methods import METHODS, VideoMotions, run_methods
 from humanmm.models.benchmark.scores import MethodFigures, VideoFigures, score, sequence_of
 from humanmm.models.benchmark.traces import VideoTraces, trace_video
-from humanmm.storage.store.digest import CodeDigest, code_digest
 from humanmm.storage.store.open import open_store
 from humanmm.storage.store.recipe import Recipe
 from humanmm.storage.store.store import Store
-from humanmm.tasks.process import in_processes, prepare_process
+from humanmm.tasks.units.digest import CodeDigest, code_digest
+from humanmm.tasks.units.process import in_processes, prepare_process
+from humanmm.version import __version__
 
 log = logging.getLogger(__name__)
 T = TypeVar("T")
@@ -83,9 +83,9 @@ def _computed(
 ) -> Iterator[tuple[int, VideoFigures]]:
     if len(missing) <= FEW or config.run.threads == 1:
         for index in missing:
-            yield index, compute(jobs[index], recipes[index], config, store.place, methods)
+            yield index, compute(jobs[index], recipes[index], config, store.location, methods)
         return
-    calls = [(jobs[index], recipes[index], config, store.place, methods) for index in missing]
+    calls = [(jobs[index], recipes[index], config, store.location, methods) for index in missing]
     for number, figures in in_processes(compute, calls, config.run.threads):
         yield missing[number], figures
 

@@ -12,16 +12,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from humanmm import __file__ as package_file
 from humanmm.errors import InputError
 from humanmm.models.rendering.rendered_clip import RenderedClip
 from humanmm.models.rendering.script import ClipPlan, plan_clip
 from humanmm.models.synthetic.mocap import MocapSequence
 from humanmm.storage.readers.mocap_pack import read_pack
 from humanmm.storage.run_folder.clip_files import write_clip
-from humanmm.storage.store.digest import code_digest
 from humanmm.storage.store.store import cache_folder
-from humanmm.tasks.process import in_processes, prepare_process
+from humanmm.tasks.units.digest import code_digest
+from humanmm.tasks.units.process import in_processes, prepare_process
+from humanmm.version import __file__ as package_file
 
 log = logging.getLogger(__name__)
 

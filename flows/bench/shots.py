@@ -18,7 +18,7 @@ from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.records.video import VideoFacts
 from humanmm.storage.readers.cut_truth import CutClip, read_cut_clips
 from humanmm.storage.store.store import Store
-from humanmm.tasks.process import prepare_process
+from humanmm.tasks.units.process import prepare_process
 
 log = logging.getLogger(__name__)
 

@@ -19,7 +19,7 @@ from humanmm.storage.batches.batch_ledger import VideoRow, counts
 from humanmm.storage.pages.markdown import escaped
 from humanmm.storage.pages.video_page import batch_table, video_page
 from humanmm.storage.run_folder.run_record import read_run_record
-from humanmm.tasks.engine.units import Work
+from humanmm.tasks.units.unit import Unit
 
 log = logging.getLogger(__name__)
 
@@ -42,13 +42,13 @@ class ProgressBoard:
         self._over = threading.Event()
         self._thread: threading.Thread | None = None
 
-    def begin(self, work: Work, task_run: UUID) -> None:
+    def begin(self, unit: Unit, task_run: UUID) -> None:
         """Name the task that computes a piece of work."""
-        self._begun[work.label] = (task_run, time.monotonic())
+        self._begun[unit.label] = (task_run, time.monotonic())
 
-    def report(self, work: Work, done: int, total: int) -> None:
+    def report(self, unit: Unit, done: int, total: int) -> None:
         """Note how far a stage is."""
-        self._now[work.label] = 100.0 * done / max(total, 1)
+        self._now[unit.label] = 100.0 * done / max(total, 1)
         if self._thread is None:
             self._thread = threading.Thread(target=self._tell, name="progress", daemon=True)
             self._thread.start()

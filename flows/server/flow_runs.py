@@ -21,7 +21,7 @@ from humanmm.errors import InputError
 from humanmm.flows.server.known_stores import note_store
 from humanmm.flows.server.local_server import server_files
 from humanmm.storage.batches.batch_ledger import BatchLedger, VideoRow
-from humanmm.tasks.engine.faults import in_words
+from humanmm.tasks.units.faults import in_words
 
 log = logging.getLogger(__name__)
 
@@ -36,7 +36,7 @@ def schedule(ledger: BatchLedger, rows: Sequence[VideoRow]) -> None:
     A video whose process was lost waits a little, the longer the more often it was lost. What a busy server refuses
     stays in the ledger, and `humanmm serve` asks for it again at its next look.
     """
-    note_store(server_files(), ledger.store.place)
+    note_store(server_files(), ledger.store.location)
     refused: list[str] = []
     with get_client(sync_client=True) as client:
         deployment = client.read_deployment_by_name(DEPLOYMENT)
@@ -49,7 +49,7 @@ def schedule(ledger: BatchLedger, rows: Sequence[VideoRow]) -> None:
                     parameters=_parameters(row, ledger),
                     name=Path(row.video).name[:100],
                     tags=[f"batch:{row.batch}", *json.loads(row.tags)],
-                    idempotency_key=f"{ledger.store.place}:{row.lock_key}:{row.attempt}",
+                    idempotency_key=f"{ledger.store.location}:{row.lock_key}:{row.attempt}",
                     work_queue_name=queue_of(row.priority),
                     state=Scheduled(scheduled_time=datetime.now(UTC) + timedelta(seconds=_pause_s(row))),
                 )
@@ -125,7 +125,7 @@ def _parameters(row: VideoRow, ledger: BatchLedger) -> dict[str, Any]:
         "video": row.video,
         "out": row.run_dir,
         "config": json.loads(row.config),
-        "store": ledger.store.place,
+        "store": ledger.store.location,
         "batch": row.batch,
         "attempt": row.attempt,
     }

@@ -1,71 +1,121 @@
-"""A process that has imported Prefect and all stages, and forks one for each video.
+"""The process of a video is a fork of one process that has imported Prefect and all stages.
 
-It computes nothing itself and has one thread, so that a fork of it is as good as a fresh process; what it has loaded
-is in memory once. A video still has a process of its own, which ends with it and can be killed alone. A template whose
-code was changed on the disk forks no more: the worker starts another one.
+That process is the fork server of Python's `multiprocessing`, with `preload` loaded. Only the worker can connect to it:
+its socket lies in a folder of mode 0700. To import everything takes seconds of processor time, to fork a process that
+has done so hundredths, and loaded code is in memory once. A fork whose code was changed on the disk since it was loaded
+ends before it runs anything; its video gets a fresh process, and later videos are forks of a new fork server.
 """
 
+import contextlib
 import gc
-import json
 import logging
+import multiprocessing
 import os
 import runpy
-import selectors
 import signal
-import socket
-import struct
 import sys
+import threading
 import time
 import warnings
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from multiprocessing import forkserver
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
+from pathlib import Path
 from typing import Any
 
-from humanmm.flows.service.video_process import NUMBER
-from humanmm.tasks.process import end_with_parent
+from humanmm.flows.server.local_server import hold_port_of_server
+from humanmm.tasks.units.process import end_with_parent, name_process, prepare_process, treat_as_sigterm
 
 log = logging.getLogger(__name__)
 
-ASK_LIMIT_S = 10.0
-"""How long one who asks may take to say what for."""
+PRELOAD = "humanmm.flows.service.preload"
+VIDEO = "humanmm-video"
+"""Name of the process of a video, as `ps` and `top` show it."""
+_FORK, _FRESH = multiprocessing.get_context("forkserver"), multiprocessing.get_context("spawn")
+
+Environment = Mapping[str, str | None]
+"""What differs from the environment of the worker, and so of its fork server; None: not set."""
 
 
-@dataclass(frozen=True)
-class Asked:
-    """What a fork is to be: the environment, the folder and the standard streams of the process that it stands for."""
-
-    environment: dict[str, str]
-    folder: str
-    streams: tuple[int, int, int]
+# ---- in the worker
 
 
-@dataclass(frozen=True)
-class _Fork:
-    pid: int
-    ended: int
-    """A descriptor that can be read when it has ended."""
-    asker: socket.socket
+def launch() -> None:
+    """Start the fork server, unless it runs; it imports while this process goes on."""
+    _FORK.set_forkserver_preload([PRELOAD])
+    forkserver.ensure_running()
 
 
-def main(name: str) -> None:
-    """Listen, import, fork; in a fork, run its flow run."""
-    began_ns = time.time_ns()
-    listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-    listener.bind(f"\0{name}")
-    listener.listen()  # who asks now waits until everything is imported
-    import_everything()
-    asked = Template(listener, began_ns).forks()
-    if asked is not None:
-        become(asked)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)  # the module was imported before
-            runpy.run_module("prefect.engine", run_name="__main__")
+def start(environment: Environment, folder: Path, run: Callable[[], None] | None = None) -> BaseProcess:
+    """Start a process that runs a flow run: a fork, or a fresh process where a fork would not equal one.
+
+    `run` takes the place of Prefect's engine. Not to be called by two threads at once.
+    """
+    answer, sender = _FORK.Pipe(duplex=False)
+    with contextlib.suppress(OSError, EOFError):  # the fork server was killed
+        fork = _FORK.Process(target=_begin, args=(environment, folder, run, sender), name=VIDEO)
+        fork.start()
+        sender.close()
+        if answer.recv():
+            return fork
+        fork.join()
+    _retire()
+    launch()
+    fresh = _FRESH.Process(target=_begin, args=(environment, folder, run, None), name=VIDEO)
+    fresh.start()
+    return fresh
 
 
-def import_everything() -> None:
+def _retire() -> None:
+    """Have the fork server fork no more; it ends after its forks."""
+    server: Any = forkserver._forkserver  # Python has no public way to do this
+    with server._lock:
+        pid, server._forkserver_pid = server._forkserver_pid, None
+    if pid is not None:
+        forks = multiprocessing.active_children()
+        threading.Thread(target=_end, args=(pid, server._forkserver_alive_fd, forks), daemon=True).start()
+
+
+def _end(pid: int, alive: int, forks: Sequence[BaseProcess]) -> None:
+    """End a fork server when it has passed on how its forks ended."""
+    for fork in forks:
+        wait([fork.sentinel])
+    os.close(alive)
+    os.waitpid(pid, 0)
+
+
+# ---- in the fork server
+
+
+class Preloaded:
+    """What the fork server has imported, and whether its forks still equal a fresh process."""
+
+    def __init__(self) -> None:
+        began_ns = time.time_ns()
+        self.pid = os.getpid()
+        _import_everything()
+        modules = list(sys.modules.values())
+        self._files = versions(path for module in modules if isinstance(path := getattr(module, "__file__", None), str))
+        self._is_mixed = any(changed_ns >= began_ns for changed_ns, _ in self._files.values())
+        hold_port_of_server()
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)  # what stops a worker's session is meant for the videos
+        gc.collect()
+        gc.freeze()  # the collector would write to every page that the forks share
+
+    def is_fit(self) -> bool:
+        """Whether the code on the disk is the loaded code, and the fork server has no thread that a fork would lack."""
+        if self._is_mixed or versions(self._files) != self._files:
+            log.info("code that the fork server has loaded was changed on the disk")
+            return False
+        if len(list(Path(f"/proc/{self.pid}/task").iterdir())) > 1:
+            log.warning("a library has started a thread in the fork server: videos start in fresh processes")
+            return False
+        return True
+
+
+def _import_everything() -> None:
     """All that a video of a batch needs, so that its process imports nothing more."""
-    from humanmm.tasks.process import prepare_process
-
     prepare_process()
     import prefect.flow_engine  # noqa: F401
 
@@ -73,183 +123,52 @@ def import_everything() -> None:
     import humanmm.storage.run_folder.motion_zarr
     import humanmm.tasks.pictures  # noqa: F401
     from humanmm.tasks import pipeline
-    from humanmm.tasks.engine.imports import Imports
+    from humanmm.tasks.units.imports import Imports
 
     Imports(pipeline.STAGES).prepare(pipeline.STAGES[0])
     prepare_process()
 
 
-class Template:
-    """Forks for whoever asks at `listener`. Told to stop, or when standard input ends, it leaves after its forks.
-
-    Its code was imported from `began_ns` (nanoseconds since 1970) until now.
-    """
-
-    def __init__(self, listener: socket.socket, began_ns: int) -> None:
-        self._listener = listener
-        self._loaded = loaded_files()
-        now_ns = time.time_ns()
-        self._is_mixed = any(began_ns <= changed_ns <= now_ns for changed_ns, _ in self._loaded.values())
-        self._events = selectors.DefaultSelector()
-        self._forks: set[_Fork] = set()
-
-    def forks(self) -> Asked | None:
-        """Serve; returns in each fork, with what is asked of it, and in the template when it is over."""
-        told, tell = socket.socketpair()
-        tell.setblocking(False)
-        signal.set_wakeup_fd(tell.fileno())
-        for number in (signal.SIGTERM, signal.SIGINT):
-            signal.signal(number, lambda *_: None)  # `told` can be read
-        gc.collect()
-        gc.freeze()  # the collector would write to every page that the forks share
-        for stream in (self._listener, told, sys.stdin):
-            self._events.register(stream, selectors.EVENT_READ)
-        while self._listener.fileno() >= 0 or self._forks:
-            for key, _ in self._events.select():
-                if key.data is not None:
-                    self._look_at(key.data)
-                elif key.fileobj is not self._listener:
-                    self._events.unregister(key.fileobj)
-                    self._stop_listening()
-                elif self._listener.fileno() >= 0 and (asked := self._take()) is not None:
-                    return asked
-        return None
-
-    def _take(self) -> Asked | None:
-        """Fork for the next who asks; not None in the fork alone."""
-        asker, _ = self._listener.accept()
-        asker.settimeout(ASK_LIMIT_S)
-        asked = _read(asker) if _is_ours(asker) else None
-        if asked is None:
-            asker.close()
-        elif not self._is_fit():
-            self._stop_listening()
-            asker.close()  # who asked starts afresh
-            _close(asked)
-        else:
-            return self._fork(asker, asked)
-        return None
-
-    def _fork(self, asker: socket.socket, asked: Asked) -> Asked | None:
-        template = os.getpid()
-        pid = os.fork()
-        if pid == 0:
-            end_with_parent(template)
-            os.setsid()  # whom it stands for passes signals on: it gets none that is sent to the worker's session
-            asker.close()
-            self._forget()
-            return asked
-        fork = _Fork(pid, os.pidfd_open(pid), asker)
-        self._forks.add(fork)
-        self._events.register(fork.ended, selectors.EVENT_READ, fork)
-        self._events.register(asker, selectors.EVENT_READ, fork)
-        _tell(asker, pid)
-        _close(asked)
-        return None
-
-    def _look_at(self, fork: _Fork) -> None:
-        """It has ended, or who asked for it has."""
-        if fork not in self._forks:
-            return
-        pid, status = os.waitpid(fork.pid, os.WNOHANG)
-        if pid == 0:
-            os.kill(fork.pid, signal.SIGKILL)
-            _, status = os.waitpid(fork.pid, 0)
-        _tell(fork.asker, status)
-        self._forks.remove(fork)
-        for descriptor in (fork.ended, fork.asker):
-            self._events.unregister(descriptor)
-        os.close(fork.ended)
-        fork.asker.close()
-
-    def _is_fit(self) -> bool:
-        """Whether a fork would be as a fresh process is: the same code, and no thread that it would lack."""
-        if self._is_mixed or loaded_files() != self._loaded:
-            log.info("code that was loaded has changed on the disk")
-            return False
-        if len(os.listdir("/proc/self/task")) > 1:  # noqa: PTH208
-            log.warning("a library has started a thread: videos are started without a template")
-            return False
-        return True
-
-    def _stop_listening(self) -> None:
-        if self._listener.fileno() >= 0:
-            self._events.unregister(self._listener)
-            self._listener.close()
-            os.close(1)  # the worker sees it, and starts another template
-
-    def _forget(self) -> None:
-        """In a fork: nothing of the template stays open or is called."""
-        signal.set_wakeup_fd(-1)
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-        self._events.close()
-        self._listener.close()
-        for fork in self._forks:
-            os.close(fork.ended)
-            fork.asker.close()
-
-
-def become(asked: Asked) -> None:
-    """Take over the environment, the folder and the standard streams of the process that asked."""
-    for target, stream in enumerate(asked.streams):
-        os.dup2(stream, target)
-        os.close(stream)
-    os.environ.clear()
-    os.environ.update(asked.environment)
-    os.chdir(asked.folder)
-    sys.argv = ["prefect.engine"]
-    import prefect.context
-
-    prefect.context.refresh_global_settings_context()
-
-
-def loaded_files() -> Mapping[str, tuple[int, int]]:
-    """The files of all modules that are imported, with their times and sizes."""
-    files = {getattr(module, "__file__", None) for module in list(sys.modules.values())}
-    found = {}
-    for path in files:
-        if isinstance(path, str):
-            try:
-                status = os.stat(path)  # noqa: PTH116
-            except OSError:
-                found[path] = (0, 0)
-            else:
-                found[path] = (status.st_mtime_ns, status.st_size)
+def versions(paths: Iterable[str]) -> Mapping[str, tuple[int, int]]:
+    """Modification time (ns since 1970) and size (bytes) of files; zeros for one that is not there."""
+    found = dict.fromkeys(paths, (0, 0))
+    for path in found:
+        with contextlib.suppress(OSError):
+            status = os.stat(path)  # noqa: PTH116
+            found[path] = (status.st_mtime_ns, status.st_size)
     return found
 
 
-def _read(asker: socket.socket) -> Asked | None:
-    try:
-        head, streams, _, _ = socket.recv_fds(asker, NUMBER.size, 3)
-        length = NUMBER.unpack(head)[0]
-        text = bytearray()
-        while len(text) < length and (part := asker.recv(length - len(text))):
-            text += part
-        given: dict[str, Any] = json.loads(bytes(text))
-        return Asked(given["environment"], given["folder"], (streams[0], streams[1], streams[2]))
-    except (OSError, ValueError, KeyError, IndexError, struct.error) as error:
-        log.info("somebody asked and did not say for what: %s", error)
-        return None
+# ---- in the process of a video
 
 
-def _is_ours(asker: socket.socket) -> bool:
-    """Whether it is the same user who asks."""
-    credentials = asker.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, struct.calcsize("3i"))
-    return int(struct.unpack("3i", credentials)[1]) == os.getuid()
+def _begin(environment: Environment, folder: Path, run: Callable[[], None] | None, answer: Connection | None) -> None:
+    """Run the flow run that the environment names. A fork first sends whether it is fit, and ends if it is not."""
+    if answer is not None:
+        preloaded = getattr(sys.modules.get(PRELOAD), "PRELOADED", None)  # None: the imports failed
+        is_fit = isinstance(preloaded, Preloaded) and preloaded.is_fit()
+        if isinstance(preloaded, Preloaded):
+            end_with_parent(preloaded.pid)
+        answer.send(is_fit)
+        answer.close()
+        if not is_fit:
+            return
+    name_process(VIDEO)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    treat_as_sigterm()
+    for name, value in environment.items():
+        os.environ.pop(name, None)
+        if value is not None:
+            os.environ[name] = value
+    os.chdir(folder)
+    sys.argv = ["prefect.engine"]
+    (run or _run_engine)()
 
 
-def _tell(asker: socket.socket, number: int) -> None:
-    try:
-        asker.sendall(NUMBER.pack(number))
-    except OSError:  # it is gone, and its fork will be
-        log.debug("nobody is there to be told %d", number)
+def _run_engine() -> None:
+    import prefect.context
 
-
-def _close(asked: Asked) -> None:
-    for stream in asked.streams:
-        os.close(stream)
-
-
-if __name__ == "__main__":
-    main(sys.argv[1])
+    prefect.context.refresh_global_settings_context()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # the module was imported before
+        runpy.run_module("prefect.engine", run_name="__main__")

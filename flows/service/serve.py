@@ -10,6 +10,7 @@ import contextlib
 import fcntl
 import logging
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -40,8 +41,10 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 LOOK_EVERY_S = 10.0
+STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGUSR1)
 LOST_AFTER_S = 30.0
 """A flow run that is running in Prefect's eyes for longer than this without a process is lost."""
+ROOM_BYTES = 32 << 20
 START_LIMIT_S = 240.0
 READY = "serving"
 """A file that is there while `humanmm serve` takes flow runs."""
@@ -109,7 +112,9 @@ def serve(*, limit: int, idle_s: float | None = None, on_ready: Any = None) -> N
     """
     files = server_files()
     leave = threading.Event()
-    with _only_one(files), _signals(leave):
+    with _signals(leave), _only_one(files):
+        if not _has_room(files, leave):
+            return
         with prefect_server() as url:
             if url == "ephemeral":
                 raise StoreError(f"no Prefect server could be started; {files.log} says why")
@@ -119,7 +124,8 @@ def serve(*, limit: int, idle_s: float | None = None, on_ready: Any = None) -> N
                 worker.start()
                 (files.home / READY).write_text(url)
                 if on_ready is not None:
-                    on_ready(url.removesuffix("/api"))
+                    with contextlib.suppress(OSError):  # standard output may be closed: the service goes on
+                        on_ready(url.removesuffix("/api"))
                 _look_after(files, worker, leave, idle_s)
             finally:
                 (files.home / READY).unlink(missing_ok=True)
@@ -127,6 +133,20 @@ def serve(*, limit: int, idle_s: float | None = None, on_ready: Any = None) -> N
                 with contextlib.suppress(Exception):  # the server may be the one that is gone
                     _crash_all()
         stop_unused_server(files)
+
+
+def _has_room(files: ServerFiles, leave: threading.Event) -> bool:
+    """Wait until the disk has room for a server's files; False if told to leave before."""
+    while (free := shutil.disk_usage(files.home).free) < ROOM_BYTES:
+        log.warning(
+            "%d MB are free on the disk of %s; the server starts when it has %d",
+            free >> 20,
+            files.home,
+            ROOM_BYTES >> 20,
+        )
+        if leave.wait(LOOK_EVERY_S):
+            return False
+    return True
 
 
 def _crash_all() -> None:
@@ -215,7 +235,7 @@ async def _deploy(limit: int, folder: Path) -> None:
                 # the server takes nearly twice as long for a flow run whose parameters it checks; the flow does
                 enforce_parameter_schema=target is not recover_video,
                 job_variables={
-                    "command": f"{sys.executable} -m humanmm.flows.service.video_process",
+                    "command": f"{sys.executable} -m prefect.engine",  # which our worker runs in a fork
                     "working_dir": str(folder),
                     "stream_output": True,
                 },
@@ -278,7 +298,7 @@ def _only_one(files: ServerFiles) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _signals(leave: threading.Event) -> Iterator[None]:
-    before = {number: signal.signal(number, lambda *_: leave.set()) for number in (signal.SIGINT, signal.SIGTERM)}
+    before = {number: signal.signal(number, lambda *_: leave.set()) for number in STOP_SIGNALS}
     try:
         yield
     finally:

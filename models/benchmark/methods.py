@@ -248,13 +248,13 @@ def _recovered(method: str, work: _Work) -> WorldMotion:
         return work.cut_truly.refined
     if method == "oracle yaw":
         turns = yaw_turns(work.video, work.start.shots, work.world)
-        return work.refine(work.start, assemble(footage, method=how, known_turns=turns))
+        return work.refine(work.start, assemble(footage, method=how, known_rotations=turns))
     if method == "oracle camera rotation":
         turns = true_turns(work.video, work.start.shots)
-        return work.refine(work.start, assemble(footage, method=how, known_turns=turns))
+        return work.refine(work.start, assemble(footage, method=how, known_rotations=turns))
     if method == "oracle camera":
         start, turns = work.filmed_truly, true_turns(work.video, work.start.shots)
-        return work.refine(start, assemble(footage_of(work.video, start), method=how, known_turns=turns))
+        return work.refine(start, assemble(footage_of(work.video, start), method=how, known_rotations=turns))
     raise ValueError(f"no method is called {method!r}")
 
 

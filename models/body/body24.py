@@ -41,7 +41,7 @@ class Body:
     skin_joint: Int[Array, "V 4"]
     """The four joints that move a vertex."""
     skin_weight: Float[Array, "V 4"]
-    """Their shares; a row sums to 1."""
+    """Their weights; a row sums to 1."""
     faces: Int[Array, "F 3"]
 
     @property

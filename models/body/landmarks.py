@@ -1,6 +1,6 @@
 """Where the 33 BlazePose landmarks sit on body24: each rides on one joint with a fixed offset in that joint's axes.
 
-A landmark of the face, hands or feet is a place on the skin: the mean of the mesh vertices nearest to a point of the
+A landmark of the face, hands or feet is a point of the skin: the mean of the mesh vertices nearest to a point of the
 template named here by its anatomy, so that it moves with the shape. Shoulders, elbows, wrists, hips, knees and ankles
 are body24's own joints.
 """
@@ -34,7 +34,7 @@ _SKIN = {
     29: ("L_Ankle", (0.155, -0.915, -0.070), 8),  # left heel: back of the sole
     31: ("L_Foot", (0.145, -0.930, 0.178), 8),  # left foot index: tips of first and second toe
 }
-"""Landmark -> joint it rides on, place on the template (metres), number of nearest vertices averaged.
+"""Landmark -> joint it rides on, position on the template (metres), number of nearest vertices averaged.
 
 Middle and left side; the right side is the mirror picture (x → −x).
 """

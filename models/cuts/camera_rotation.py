@@ -3,7 +3,7 @@ docs/method.md).
 
 `bundle`: a few rotations are guessed (rotation between the two sides' 3D points, between the fitted bodies, PnP of
 one side's 3D points into the other's picture), each starts a small bundle adjustment (`cut_bundle`), the cheapest
-wins. `eight-point`: the paper's way, an essential matrix from the keypoints of the two frames around the cut
+wins. `eight-point`: the paper's method, an essential matrix from the keypoints of the two frames around the cut
 (`epipolar`).
 """
 
@@ -47,11 +47,11 @@ _NUM_PAIRS = 6
 _IMAGE_WEIGHT = np.array([0.2] * 3 + [1.0] * 2 + [0.5] * 4 + [1.0] * 6 + [0.6] * 4)
 """Trust in the image points: faces are guessed when seen from behind, wrists and feet move fast."""
 
-_TURN_WEIGHT = np.array([0.2] * 3 + [1.0] * 2 + [0.3] * 4 + [1.0] * 6 + [0.3] * 4)
+_ROTATION_WEIGHT = np.array([0.2] * 3 + [1.0] * 2 + [0.3] * 4 + [1.0] * 6 + [0.3] * 4)
 """Trust in the 3D points for a rotation between the two sides."""
 
 KEYPOINT_ERROR = 0.02
-"""One sigma of a 2D keypoint, as a share of the body's height in the picture."""
+"""Standard deviation of a 2D keypoint, as a fraction of the body's height in the picture."""
 
 BODY_HEIGHT_M = 1.7
 
@@ -63,7 +63,7 @@ GAP_WARNING_S = 0.2
 """Beyond it the motion across the cut is a guess."""
 CONTEMPORARY_S = 0.15
 """Who is lost for longer than this at a cut has no say beside those who are not."""
-TURN_DEG_S = 80.0
+ROTATION_DEG_S = 80.0
 """Rotation error that each second without an observation adds (simulated: 25° at 0.17 s and 65° at 0.5 s in nine of
 ten)."""
 BIAS_DEG = 8.0
@@ -104,7 +104,7 @@ class CutCameras:
 
 
 def viewing_axes(keypoints2d: Float[Array, "n 33 3"], K: Float[Array, "3 3"]) -> Float[Array, "n 3 3"]:
-    """R_cam_ray: from axes parallel to the viewing ray of the body's middle to camera axes, by the smallest turn."""
+    """R_cam_ray of the ray through the body's middle (`projection.ray_axes`)."""
     torso = keypoints2d[:, [11, 12, 23, 24], :2].mean(axis=1)
     return ray_axes(viewing_rays(torso, K))
 
@@ -127,7 +127,7 @@ def align_cut(
     warnings = []
     if gap > GAP_WARNING_S:
         warnings.append(
-            f"cut at frame {cut_frame}: {gap:.2f} s without anyone seen, the camera's turn across it is uncertain"
+            f"cut at frame {cut_frame}: {gap:.2f} s without anyone seen, the camera's rotation across it is uncertain"
         )
     prepared = [_prepare(person, cameras, cut_time_s) for person in people]
     if method == "eight-point":
@@ -136,7 +136,7 @@ def align_cut(
     starts = np.concatenate([_starts(item, person) for item, person in zip(prepared, people, strict=True)])
     results = cut_bundle.adjust(prepared, _BODY, _distinct(starts), options)
     best = results[0]
-    spread = float(np.hypot(_spread(prepared, results), TURN_DEG_S * gap))
+    spread = float(np.hypot(_spread(prepared, results), ROTATION_DEG_S * gap))
     focal = 0.5 * (cameras.K_before[0, 0] + cameras.K_after[0, 0])
     sigma_px = focal * float(np.mean([view.sigma_ray for item in prepared for view in (item.before, item.after)]))
     return CutAlignment(
@@ -224,7 +224,7 @@ def _at_cut(view: SideView) -> Float[Array, "J 3"]:
 
 def _starts(item: PersonAtCut, person: CutPerson) -> Float[Array, "s 3 3"]:
     before, after = _at_cut(item.before), _at_cut(item.after)
-    turned = kabsch(after, before, _TURN_WEIGHT)
+    turned = kabsch(after, before, _ROTATION_WEIGHT)
     trunk = before[3:5].mean(axis=0)
     trunk /= max(float(np.linalg.norm(trunk)), 1e-6)
     starts = [turned, *(rotvec_to_rotmat(trunk * angle) @ turned for angle in np.deg2rad([-30.0, 30.0]))]
@@ -266,7 +266,7 @@ def angle_deg(R_a: Float[Array, "3 3"], R_b: Float[Array, "3 3"]) -> float:
 def _spread(prepared: Sequence[PersonAtCut], results: Sequence[cut_bundle.BundleResult]) -> float:
     """Expected rotation error from how far other answers to the same question lie from the winner, degrees."""
     best = results[0]
-    turned = [kabsch(_at_cut(item.after), _at_cut(item.before), _TURN_WEIGHT) for item in prepared]
+    turned = [kabsch(_at_cut(item.after), _at_cut(item.before), _ROTATION_WEIGHT) for item in prepared]
     distances = [angle_deg(R, best.R_before_after) for R in turned]
     # A start that ended elsewhere at nearly the same cost is a second opinion.
     distances += [

@@ -43,7 +43,7 @@ class SideView:
     origin: Float[Array, "n 3"]
     """Mid-hip in camera axes, metres (start values only)."""
     sigma_ray: float
-    """One sigma of the image points, as x/z."""
+    """Standard deviation of the image points, as x/z."""
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from humanmm.models.geometry.rotations import rotation_angle
 from humanmm.models.records.sequence import CameraSequence, UndefinedFigureError
 
 SAME_PLACE_M = 1e-6
-"""Camera centres closer together than this are one place, to which no similarity can be fitted."""
+"""Camera centres closer together than this are one position, to which no similarity can be fitted."""
 
 
 def known(cameras: CameraSequence) -> Bool[np.ndarray, "frames"]:

@@ -29,7 +29,7 @@ def slow_steps(
 
 
 def foot_sliding_mm(feet: Float[np.ndarray, "frames feet 3"], standing: Bool[np.ndarray, "steps feet"]) -> float:
-    """Mean way per frame of the standing foot joints, mm."""
+    """Mean path per frame of the standing foot joints, mm."""
     if not standing.any():
         raise UndefinedFigureError("the truth has no foot standing in two consecutive common frames")
     return METRES_TO_MM * float(np.linalg.norm(np.diff(feet, axis=0), axis=-1)[standing].mean())

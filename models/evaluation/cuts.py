@@ -14,7 +14,7 @@ GRADUAL_TOLERANCE_FRAMES = 3
 
 @dataclass(frozen=True)
 class CutScores:
-    """Shares 0..1. Nothing to find and nothing found is perfect."""
+    """Fractions 0..1. Nothing to find and nothing found is perfect."""
 
     precision: float
     recall: float

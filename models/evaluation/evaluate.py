@@ -23,7 +23,7 @@ from humanmm.models.records.sequence import CameraSequence, MotionSequence, Pers
 T = TypeVar("T")
 
 FPS_TOLERANCE = 0.01
-"""Frame rates that differ by more than this share belong to different videos."""
+"""Frame rates that differ by more than this fraction belong to different videos."""
 
 
 @dataclass(frozen=True)

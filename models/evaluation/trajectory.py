@@ -43,12 +43,12 @@ def root_trajectory_error_m(predicted: Float[np.ndarray, "frames 3"], truth: Flo
 
 
 def path_length_m(root: Float[np.ndarray, "frames 3"]) -> float:
-    """Length of the way between consecutive samples, metres."""
+    """Length of the path between consecutive samples, metres."""
     return float(np.linalg.norm(np.diff(root, axis=0), axis=-1).sum())
 
 
 def root_trajectory_error_pct(predicted: Float[np.ndarray, "frames 3"], truth: Float[np.ndarray, "frames 3"]) -> float:
-    """RTE: the root trajectory error as a share of the truth's path length, percent."""
+    """RTE: the root trajectory error as a fraction of the truth's path length, percent."""
     length = path_length_m(truth)
     if length < SHORTEST_PATH_M:
         raise UndefinedFigureError(f"the truth's root moves only {length:.4f} m")

@@ -50,12 +50,12 @@ def pve_mm(
 
 
 def _blend(body: Body, parameters: BodyParameters) -> Float[np.ndarray, "vertices 96"]:
-    """Each rest vertex (x, y, z, 1) times its share of every joint."""
+    """Each rest vertex (x, y, z, 1) times its weight for every joint."""
     vertices = body.rest_vertices(np.asarray(parameters.betas, np.float64))
-    shares = np.zeros((len(vertices), NUM_JOINTS), np.float32)
-    np.add.at(shares, (np.arange(len(vertices))[:, None], body.skin_joint), body.skin_weight)
+    weights = np.zeros((len(vertices), NUM_JOINTS), np.float32)
+    np.add.at(weights, (np.arange(len(vertices))[:, None], body.skin_joint), body.skin_weight)
     one = np.concatenate([vertices, np.ones((len(vertices), 1), np.float32)], axis=1)
-    return np.asarray((shares[:, :, None] * one[:, None]).reshape(len(vertices), -1))
+    return np.asarray((weights[:, :, None] * one[:, None]).reshape(len(vertices), -1))
 
 
 def _transforms(

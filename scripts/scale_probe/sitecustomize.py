@@ -4,7 +4,6 @@ With SCALE_STUB=1 the table of stages is the one of `tests/toyline`, which compu
 computes a video appends a line to SCALE_LOG when it ends: its processor seconds, by what they went for.
 """
 
-import atexit
 import functools
 import json
 import os
@@ -62,12 +61,13 @@ def _watch_threads() -> None:
 
 def _watch_video() -> None:
     from humanmm.storage.store import store
-    from humanmm.tasks.engine import finish, imports
+    from humanmm.tasks.engine import finish
     from humanmm.tasks.engine import run as engine
+    from humanmm.tasks.units.imports import Imports
 
-    function = imports.Imports.function
-    engine.Imports.function = lambda self, stage: _counted("stages", function(self, stage))  # type: ignore[method-assign]
-    engine.Imports.prepare = _counted("imports", engine.Imports.prepare)  # type: ignore[method-assign]
+    function = Imports.function
+    Imports.function = lambda self, stage: _counted("stages", function(self, stage))  # type: ignore[method-assign]
+    Imports.prepare = _counted("imports", Imports.prepare)  # type: ignore[method-assign]
     store.Store.commit = _counted("store", store.Store.commit)  # type: ignore[method-assign]
     finish.write_results = _counted("folder", finish.write_results)
     opened = engine.VideoRun.__init__
@@ -79,7 +79,7 @@ def _watch_video() -> None:
     engine.VideoRun.__init__ = opening  # type: ignore[method-assign]
     _watch_threads()
     os.register_at_fork(after_in_child=_begin)
-    atexit.register(_write)
+    threading._register_atexit(_write)  # type: ignore[attr-defined]  # forks of a fork server know no other end
 
 
 def _begin() -> None:
@@ -107,5 +107,6 @@ if os.environ.get("SCALE_STUB") == "1":
     from humanmm.tasks import pipeline
 
     pipeline.STAGES = STAGES
-if {"prefect.engine", "humanmm.flows.service.fork_server"} & set(sys.orig_argv) and "SCALE_LOG" in os.environ:
+VIDEOS = ("humanmm.flows.service.preload", "multiprocessing.spawn")
+if "SCALE_LOG" in os.environ and any(name in part for part in sys.orig_argv for name in VIDEOS):
     _watch_video()

@@ -1,6 +1,7 @@
 """Settings from what people write: TOML files, flags, manifest columns; what is wrong is told in one sentence."""
 
 import difflib
+import os
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -37,6 +38,25 @@ def with_values(tree: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str,
         section, _, field = name.partition(".")
         changed[section] = {**changed.get(section, {}), field: value}
     return changed
+
+
+SHORTHANDS = {"person": "shots.person", "focal_px": "intrinsics.focal_px", "fov_deg": "intrinsics.fov_deg"}
+"""Short name, of a flag or an argument → setting."""
+
+
+def resolve(
+    config: Config | Mapping[str, Any] | str | os.PathLike[str] | None, values: Mapping[str, Any] | None = None
+) -> Config:
+    """A configuration, its tree, or the path of its TOML file (default: nothing set), with some values replaced.
+
+    Values are named `section.field` or as in SHORTHANDS. ConfigError names the file if the file is wrong.
+    """
+    if isinstance(config, str | os.PathLike):
+        tree = read_toml(Path(config))
+        validate(tree, origin=os.fspath(config))
+    else:
+        tree = config.model_dump() if isinstance(config, Config) else dict(config or {})
+    return validate(with_values(tree, {SHORTHANDS.get(name, name): value for name, value in (values or {}).items()}))
 
 
 def value_of(text: str) -> Any:

@@ -3,6 +3,7 @@
     HumanMMError
     ├── InputError             the user's file, flag or setting is wrong: never retried
     │   ├── VideoError         not a video, nothing decodes, a claim in the header is absurd
+    │   ├── UsageError         arguments or flags contradict each other
     │   ├── ConfigError        unknown key, value out of range
     │   ├── NoUsablePersonError   nobody in the video can be recovered
     │   └── TruthError         a truth file lacks what an evaluation needs
@@ -27,6 +28,10 @@ class InputError(HumanMMError):
 
 class VideoError(InputError):
     """The video cannot be read."""
+
+
+class UsageError(InputError):
+    """Arguments or flags are wrong together: exit status 2 on the command line."""
 
 
 class ConfigError(InputError):

@@ -3,12 +3,14 @@
 The second holds in every process that a run starts: the command, workers, the flow run of each video.
 """
 
+import contextlib
 import io
 import json
 import logging
 import os
 import sys
 import time
+from collections.abc import Iterator
 
 VARIABLE = "HUMANMM_LOG"
 _OWN = frozenset(vars(logging.makeLogRecord({}))) | {"message", "asctime", "taskName"}
@@ -38,12 +40,14 @@ def wants_json() -> bool:
 
 
 def to_standard_error(*, verbose: bool) -> None:
-    """Have our log on standard error: warnings, or everything if `verbose` or for machines."""
+    """Write our log to standard error: warnings, or everything if `verbose` or for machines."""
     handler = logging.StreamHandler(sys.stderr)
     if wants_json():
         handler.setFormatter(JsonLines())
     else:
-        handler.setFormatter(logging.Formatter("%(levelname)s %(name)s: %(message)s" if verbose else "%(message)s"))
+        handler.setFormatter(
+            logging.Formatter("%(levelname)s %(name)s: %(message)s" if verbose else "humanmm: %(message)s")
+        )
     handler.setLevel(logging.DEBUG if verbose else logging.INFO if wants_json() else logging.WARNING)
     logger = logging.getLogger("humanmm")
     logger.handlers = [handler]
@@ -54,9 +58,27 @@ def to_standard_error(*, verbose: bool) -> None:
 def kept_text() -> io.StringIO:
     """Keep our log from now on, for the run.log of the one video that this process works on."""
     text = io.StringIO()
+    _add_text_handler(text)
+    return text
+
+
+@contextlib.contextmanager
+def keeping_text() -> Iterator[io.StringIO]:
+    """Keep our log while the context lasts; for a process that goes on to other things."""
+    logger = logging.getLogger("humanmm")
+    text, level = io.StringIO(), logger.level
+    handler = _add_text_handler(text)
+    try:
+        yield text
+    finally:
+        logger.removeHandler(handler)
+        logger.setLevel(level)
+
+
+def _add_text_handler(text: io.StringIO) -> logging.Handler:
     handler = logging.StreamHandler(text)
     handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
     logger = logging.getLogger("humanmm")
     logger.addHandler(handler)
     logger.setLevel(logging.INFO)
-    return text
+    return handler

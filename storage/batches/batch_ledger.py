@@ -103,7 +103,7 @@ class BatchLedger(ABC):
         """Name of the newest batch; InputError if there is none."""
         names = self.names()
         if not names:
-            raise InputError(f"the store {self.store.place} knows no batch; `humanmm batch submit` makes one")
+            raise InputError(f"the store {self.store.location} knows no batch; `humanmm batch submit` makes one")
         return names[0]
 
     def check(self, name: str) -> str:
@@ -111,7 +111,7 @@ class BatchLedger(ABC):
         known = self.names()
         if name not in known:
             listed = ", ".join(known[:5]) or "none"
-            raise InputError(f"the store {self.store.place} knows no batch {name!r}; known: {listed}")
+            raise InputError(f"the store {self.store.location} knows no batch {name!r}; known: {listed}")
         return name
 
     @abstractmethod

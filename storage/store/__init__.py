@@ -1,1 +1,1 @@
-"""The content-addressed store: artifacts, keys, code digest, locks, maintenance; on a disk or in a bucket."""
+"""The content-addressed store: artifacts and their keys, locks, records of videos, maintenance; on a disk or in S3."""

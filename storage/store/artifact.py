@@ -2,11 +2,11 @@
 
     result.json     everything but the large arrays
     arrays.zarr/    the large arrays, zstd, crc32c on every chunk; absent when there are none
-    files/          what the stage wrote itself (pictures, video); absent when there is nothing
+    files/          files that the stage wrote itself (pictures, video); absent when there are none
     manifest.json   recipe, content digest, and size and sha256 of every file above
     COMMIT          sha256 of manifest.json; an artifact without it does not exist
 
-The manifest is what finds damage: zarr leaves out chunks equal to the fill value, so a missing one proves nothing.
+The manifest is what reveals damage: zarr omits chunks equal to the fill value, so a missing chunk proves nothing.
 """
 
 import base64
@@ -19,11 +19,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import BaseModel, ConfigDict
 
 from humanmm.storage.store.codec import Encoded, warnings_in
 from humanmm.storage.store.files import sync_to_disk
 from humanmm.storage.store.recipe import Recipe
-from humanmm.storage.store.refs import Ref
 
 SCHEMA = "humanmm.artifact/1"
 CHUNK_BYTES = 8 << 20
@@ -32,13 +32,35 @@ INLINE_BYTES = 512
 """Arrays up to this size stand in result.json: two files and a folder less to write, sync and check for each."""
 
 
+class Ref(BaseModel):
+    """A reference to one artifact: small enough to travel between tasks; `uri` is relative, so a moved store still
+    has it."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    stage: str
+    unit: str
+    key: str
+    digest: str
+    """Content digest of the decoded result and its files."""
+
+    @property
+    def uri(self) -> str:
+        return artifact_uri(self.stage, self.key)
+
+
+def artifact_uri(stage: str, key: str) -> str:
+    """The folder of an artifact, relative to the root of its store."""
+    return f"artifacts/{stage}/{key[:2]}/{key}"
+
+
 class DamageError(Exception):
-    """An artifact is not what its manifest says; the message is the reason, for a person to read."""
+    """An artifact differs from its manifest; the message says how."""
 
 
 @dataclass(frozen=True)
 class Manifest:
-    """What an artifact is, and what it was made of."""
+    """The content of an artifact, and what it was made of."""
 
     recipe: Recipe
     unit: str
@@ -78,7 +100,7 @@ class Manifest:
 def write_artifact(
     folder: Path, encoded: Encoded, recipe: Recipe, *, unit: str, seconds: float, created: str, version: str
 ) -> Manifest:
-    """Complete an artifact in `folder`, whose files/ the stage has filled already, down to the disk."""
+    """Complete an artifact in `folder`, whose files/ the stage has filled, and sync it to the disk."""
     small = {path: array for path, array in encoded.arrays.items() if array.nbytes <= INLINE_BYTES}
     large = {path: array for path, array in encoded.arrays.items() if path not in small}
     tree = {"result": encoded.tree, "arrays": {path: _inline(array) for path, array in small.items()}}
@@ -130,8 +152,10 @@ def check_files(folder: Path, manifest: Manifest) -> None:
 
 
 def read_encoded(folder: Path, manifest: Manifest) -> Encoded:
-    """The json tree and all arrays as the manifest knows them, else DamageError: they may have changed since they were
-    checked. Chunks are checked against their crc32c by zarr, the rest here."""
+    """The json tree and all arrays; DamageError if they have changed since `check_files`.
+
+    zarr checks chunks against their crc32c; the json files are checked here.
+    """
     for path, (_, sha) in manifest.files.items():
         if path.endswith(".json") and not path.startswith("files/") and _sha256(folder / path) != sha:
             raise DamageError(f"{path} has changed (sha256 differs)")
@@ -187,6 +211,6 @@ def _sha256(path: Path) -> str:
 
 
 def _sync(folder: Path) -> None:
-    """Bring every file and folder to the disk. Side by side: the file system writes its journal once for many."""
+    """Sync every file and folder to the disk, in parallel: the file system then writes its journal once for many."""
     with ThreadPoolExecutor(_SYNC_THREADS) as threads:
         list(threads.map(sync_to_disk, [*folder.rglob("*"), folder]))

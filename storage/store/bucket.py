@@ -18,12 +18,12 @@ from humanmm.errors import ConfigError, StoreError
 _URL = re.compile(r"s3:/{1,2}(?P<bucket>[^/]+)/?(?P<prefix>.*)")  # a Path has lost the second slash
 
 CLOCK_LIMIT_S = 600.0
-"""How long the clock of the service is trusted to go as fast as ours."""
+"""Seconds for which our clock stands in for that of the service before it is read again."""
 
 
-def is_bucket(place: str) -> bool:
+def is_bucket(location: str) -> bool:
     """True for `s3://bucket/prefix`."""
-    return _URL.fullmatch(place) is not None
+    return _URL.fullmatch(location) is not None
 
 
 @dataclass(frozen=True)
@@ -33,9 +33,9 @@ class Object:
     name: str
     num_bytes: int
     tag: str
-    """Its entity tag: what a conditional put compares."""
+    """Its entity tag, which a conditional put compares."""
     written: float
-    """When, seconds since 1970 by the clock of the service."""
+    """Seconds since 1970 by the clock of the service."""
 
     @property
     def age_s(self) -> float:
@@ -75,7 +75,7 @@ class Bucket:
                 return None
 
     def now(self) -> float:
-        """Seconds since 1970 by the clock of the service, never ahead of it: it stamps what is written."""
+        """Seconds since 1970 by the clock of the service, never ahead of it: the clock that dates its objects."""
         import obstore
 
         if self._clock is None or time.monotonic() - self._clock[0] > CLOCK_LIMIT_S:
@@ -95,7 +95,7 @@ class Bucket:
         return self._put(name, content, {"e_tag": tag})
 
     def write(self, name: str, content: bytes) -> None:
-        """Write a small object, whatever was there."""
+        """Write a small object, new or in place of an older one."""
         self._put(name, content, "overwrite")
 
     def upload(self, name: str, path: Path) -> None:

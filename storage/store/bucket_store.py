@@ -1,42 +1,42 @@
-"""The store in an S3 bucket: as many hosts as there are, one truth.
+"""The store in an S3 bucket, shared by many hosts.
 
     artifacts/<stage>/<ab>/<key>/<manifest>.tar   an artifact's folder in one object, named by its manifest's sha256
-    artifacts/<stage>/<ab>/<key>/COMMIT           names that object; its conditional put is what makes an artifact exist
-    locks/<stage>-<key>                           leases (see `humanmm.storage.store.lease`)
+    artifacts/<stage>/<ab>/<key>/COMMIT           names that object; its conditional put makes the artifact exist
+    locks/<stage>-<key>                           leases (`humanmm.storage.store.locks`)
     damaged/                                      artifacts set aside
     latest/                                       the same records as on a local disk
 
-A bucket knows no rename and no flock. Artifacts are written and read in a folder of this host, which is a store of
-copies on its local disk: it may be deleted whenever nothing runs.
+A bucket has no rename and no flock. Artifacts are written and read in a folder of this host, a store of copies on its
+local disk, which may be deleted whenever nothing runs.
 """
 
 import contextlib
+import functools
 import hashlib
 import itertools
 import logging
 import shutil
 import tarfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
 from humanmm.errors import StoreError
-from humanmm.storage.store.artifact import DamageError, Manifest, check_files, read_manifest
+from humanmm.storage.store.artifact import DamageError, Manifest, artifact_uri, check_files, read_manifest
 from humanmm.storage.store.bucket import Bucket, Object
-from humanmm.storage.store.lease import Lease
-from humanmm.storage.store.refs import artifact_uri
+from humanmm.storage.store.locks import FileLock, Lease
 from humanmm.storage.store.store import Entry, Store, cache_folder
 
 log = logging.getLogger(__name__)
 
 TOUCH_S = 86400.0
-"""A commit marker older than this is written anew when its artifact is used: gc goes by last use, to a day."""
+"""A commit marker older than this is written again when its artifact is used: gc knows the last use to a day."""
 UPLOAD_GRACE_S = 86400.0
-"""An object without a commit marker younger than this may still get one."""
+"""An object younger than this may still get its commit marker."""
 
 
 class BucketStore(Store):
-    """One store in a bucket. With `read_only` nothing in the bucket is written; copies are kept as ever."""
+    """One store in a bucket. With `read_only` nothing in the bucket is written; this host still keeps copies."""
 
     def __init__(self, url: str, *, read_only: bool = False) -> None:
         self.bucket = Bucket(url)
@@ -44,8 +44,11 @@ class BucketStore(Store):
         super().__init__(cache_folder() / "buckets" / name, read_only=read_only)
         self._markers: dict[str, bytes] = {}
 
+    def __reduce__(self) -> tuple[Callable[[], "BucketStore"], tuple[()]]:
+        return functools.partial(BucketStore, self.bucket.url, read_only=self.read_only), ()
+
     @property
-    def place(self) -> str:
+    def location(self) -> str:
         return self.bucket.url
 
     # ---- finding and reading
@@ -76,66 +79,57 @@ class BucketStore(Store):
         return None
 
     def _copy(self, uri: str, marker: bytes) -> None:
-        """Have this host's copy be the one that a marker names. DamageError if that cannot be."""
+        """Make this host's copy the one that a commit marker names. DamageError if that is impossible."""
         target = self.root / uri
         if _marker_of(target) == marker:
             return
-        with self._writing("copy an artifact"), Store.lock(self, "copy", uri.replace("/", "-")):
+        lock = FileLock(self.root / "locks" / f"copy-{uri.replace('/', '-')}", name="copy")
+        with self._writing("copy an artifact"), lock.held():
             if _marker_of(target) == marker:
                 return
-            with self.new_folder() as desk:
-                self._unpack(uri, marker, desk / "copy")
-                self._put_in_place(desk / "copy", target)
+            with self.new_folder() as staging:
+                self._unpack(uri, marker, staging / "copy")
+                self._put_in_place(staging / "copy", target)
 
     def _unpack(self, uri: str, marker: bytes, folder: Path) -> None:
-        pack = folder.with_suffix(".tar")
-        if not self.bucket.download(_pack_name(uri, marker), pack):
+        tar = folder.with_suffix(".tar")
+        if not self.bucket.download(_tar_name(uri, marker), tar):
             raise DamageError("the object that its COMMIT names is missing")
         try:
-            with tarfile.open(pack, "r:") as archive:
+            with tarfile.open(tar, "r:") as archive:
                 extract(archive, folder)
         except tarfile.TarError as error:
             raise DamageError(f"its object cannot be unpacked: {error}") from error
-        pack.unlink()
+        tar.unlink()
         if _marker_of(folder) != marker:
             raise DamageError("COMMIT in its object is not the one beside it")
 
     # ---- writing
 
-    @contextlib.contextmanager
-    def lock(self, stage: str, key: str) -> Iterator[None]:
-        with Lease(self.bucket, f"locks/{stage}-{key}").held():
-            yield
-
-    @contextlib.contextmanager
-    def try_lock(self, stage: str, key: str) -> Iterator[bool]:
-        with Lease(self.bucket, f"locks/{stage}-{key}").tried() as held:
-            yield held
-
-    def is_locked(self, stage: str, key: str) -> bool:
-        return Lease(self.bucket, f"locks/{stage}-{key}").is_held()
+    def _lock_of(self, stage: str, key: str) -> FileLock | Lease:
+        return Lease(self.bucket, f"locks/{stage}-{key}")
 
     def _publish(self, folder: Path, manifest: Manifest) -> Manifest:
         uri = manifest.ref.uri
         marker = (folder / "COMMIT").read_bytes()
         before = self.bucket.read(f"{uri}/COMMIT")
-        with self.new_folder() as desk:
-            with tarfile.open(desk / "copy.tar", "w") as archive:
-                archive.add(folder, arcname=".", filter=_nobodys)
-            self.bucket.upload(_pack_name(uri, marker), desk / "copy.tar")
+        with self.new_folder() as staging:
+            with tarfile.open(staging / "copy.tar", "w") as archive:
+                archive.add(folder, arcname=".", filter=_without_user)
+            self.bucket.upload(_tar_name(uri, marker), staging / "copy.tar")
         if before is None:
             committed = self.bucket.create(f"{uri}/COMMIT", marker)
         else:
             committed = self.bucket.replace(f"{uri}/COMMIT", marker, before[1].tag)
-        if committed is None:  # somebody else was first (or this put was sent twice): what stands there counts
+        if committed is None:  # another process was first (or this put was sent twice): its artifact counts
             theirs = self.find(manifest.recipe.stage, manifest.recipe.key)
             if theirs is None:
                 raise StoreError(f"the artifact of {manifest.recipe.stage} was removed while it was written")
             if self._markers[uri] != marker:
-                self.bucket.remove([_pack_name(uri, marker)])
+                self.bucket.remove([_tar_name(uri, marker)])
             return theirs
         if before is not None:
-            self.bucket.remove([_pack_name(uri, before[0])])
+            self.bucket.remove([_tar_name(uri, before[0])])
         self._put_in_place(folder, self.root / uri)
         return manifest
 
@@ -152,10 +146,10 @@ class BucketStore(Store):
             if found.name.count("/") == 2 and found.name.endswith("/run.json"):
                 yield found.name
 
-    # ---- upkeep and faults
+    # ---- maintenance and faults
 
     def entries(self) -> Iterator[Entry]:
-        """What lies in the bucket, then the copies on this host."""
+        """The entries of the bucket, then the copies on this host."""
         for uri, objects in itertools.groupby(self.bucket.list("artifacts"), lambda o: o.name.rpartition("/")[0]):
             yield _artifact_entry(uri, list(objects))
         for found in self.bucket.list("damaged"):
@@ -173,9 +167,9 @@ class BucketStore(Store):
         found = self.bucket.read(f"{uri}/COMMIT")
         if found is None:
             raise DamageError("COMMIT is missing")
-        with self.new_folder() as desk:
-            self._unpack(uri, found[0], desk / "copy")
-            yield desk / "copy"
+        with self.new_folder() as staging:
+            self._unpack(uri, found[0], staging / "copy")
+            yield staging / "copy"
 
     def drop(self, entry: Entry) -> None:
         if (self.root / entry.name).exists():
@@ -187,7 +181,7 @@ class BucketStore(Store):
             self.bucket.remove(sorted(names, key=lambda name: not name.endswith("/COMMIT")))  # no longer visible first
 
     def set_aside(self, stage: str, key: str, reason: str) -> None:
-        """Remove a damaged copy; what is in the bucket is set aside if it is no better."""
+        """Remove a damaged copy; set the artifact in the bucket aside if it is damaged too."""
         self._damage[stage, key] = reason
         uri = artifact_uri(stage, key)
         shutil.rmtree(self.root / uri, ignore_errors=True)
@@ -198,14 +192,14 @@ class BucketStore(Store):
             if self.read_only:
                 return
             log.warning("the artifact of %s is damaged (%s); it is set aside and computed again", stage, reason)
-            packs = [found.name for found in self.bucket.list(uri) if not found.name.endswith("/COMMIT")]
+            tars = [found.name for found in self.bucket.list(uri) if not found.name.endswith("/COMMIT")]
             self.bucket.remove([f"{uri}/COMMIT"])
-            for name in packs:
+            for name in tars:
                 self.bucket.move(name, f"damaged/{stage}-{key[:16]}-{Path(name).name}")
 
 
 def extract(archive: tarfile.TarFile, folder: Path) -> None:
-    """The archive's folders and plain files, below `folder`; whatever else it holds is an error.
+    """Extract folders and plain files below `folder`; any other member of the archive is an error.
 
     (Python's own filter for this came with 3.11.4.)
     """
@@ -213,20 +207,20 @@ def extract(archive: tarfile.TarFile, folder: Path) -> None:
         name = PurePosixPath(member.name)
         if name.is_absolute() or ".." in name.parts:
             raise tarfile.TarError(f"{member.name!r} lies outside")
-        place = folder / name
+        target = folder / name
         data = archive.extractfile(member) if member.isfile() else None
         if data is None and not member.isdir():
             raise tarfile.TarError(f"{member.name!r} is neither a file nor a folder")
         if data is None:
-            place.mkdir(parents=True, exist_ok=True)
+            target.mkdir(parents=True, exist_ok=True)
             continue
-        place.parent.mkdir(parents=True, exist_ok=True)
-        with data, place.open("wb") as file:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with data, target.open("wb") as file:
             shutil.copyfileobj(data, file)
 
 
-def _nobodys(member: tarfile.TarInfo) -> tarfile.TarInfo:
-    """Without the user's name and number: they say nothing on another host."""
+def _without_user(member: tarfile.TarInfo) -> tarfile.TarInfo:
+    """The member without user and group, which mean nothing on another host."""
     member.uid = member.gid = 0
     member.uname = member.gname = ""
     return member
@@ -243,7 +237,7 @@ def _artifact_entry(uri: str, objects: list[Object]) -> Entry:
     return Entry("unfinished", uri, idle_s, lambda: size, stage, key, busy=idle_s <= UPLOAD_GRACE_S)
 
 
-def _pack_name(uri: str, marker: bytes) -> str:
+def _tar_name(uri: str, marker: bytes) -> str:
     name = marker.decode(errors="replace").strip()
     return f"{uri}/{name if name.isalnum() else 'unreadable'}.tar"
 

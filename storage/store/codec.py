@@ -42,7 +42,7 @@ class Encoded:
 
 
 def encode(value: object, hint: Any) -> Encoded:
-    """Take a value apart. `hint` is its declared type; a value that does not fit is an error that names the field."""
+    """Take a value apart. `hint` is its declared type; TypeError names the field of a value that does not fit."""
     arrays: dict[str, np.ndarray] = {}
     return Encoded(_encode(value, hint, "", arrays), arrays)
 
@@ -58,7 +58,7 @@ def canonical_json(tree: Any) -> str:
 
 
 def warnings_in(tree: Json) -> list[str]:
-    """Every sentence in a field named `warnings`, at any depth."""
+    """All sentences in fields named `warnings`, at any depth."""
     if isinstance(tree, list):
         return [sentence for item in tree for sentence in warnings_in(item)]
     if not isinstance(tree, dict):

@@ -1,13 +1,17 @@
 """Files and folders that appear under their name only when complete: written beside it, then renamed."""
 
+import contextlib
+import errno
 import os
 import shutil
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from humanmm.errors import StoreError
+
 _WRITING = ".writing-"
-"""Names of unfinished files and folders start so, followed by the writer's process id."""
+"""Prefix of the names of unfinished files and folders; the writer's process id follows."""
 
 
 def replace_folder(path: Path, fill: Callable[[Path], None]) -> None:
@@ -64,8 +68,34 @@ def copy_file(source: Path, target: Path) -> None:
     replace_file(target, fill)
 
 
+@contextlib.contextmanager
+def store_errors(what: str) -> Iterator[None]:
+    """Raise file-system faults of the block as StoreError; FileNotFoundError stays as it is."""
+    try:
+        yield
+    except FileNotFoundError:
+        raise
+    except OSError as error:
+        raise StoreError(explain_os_error(error, what)) from error
+
+
+def explain_os_error(error: OSError, what: str) -> str:
+    """One sentence for a file-system fault: what failed, why, what to do."""
+    advice = {
+        errno.ENOSPC: "the disk is full; free some space or name another store with --store",
+        errno.EDQUOT: "the disk quota is used up; free some space or name another store with --store",
+        errno.EFBIG: "the file would grow past this process's limit (ulimit -f)",
+        errno.EACCES: "permission denied; name a folder that you may write with --store",
+        errno.EPERM: "permission denied; name a folder that you may write with --store",
+        errno.EROFS: "the disk is read-only; name another store with --store",
+        errno.ENOTDIR: "a part of the path is a file; name another folder",
+        errno.EEXIST: "a file of that name is in the way; name another folder",
+    }
+    return f"{what}: {advice.get(error.errno or 0, error.strerror or str(error))}"
+
+
 def sweep(folder: Path) -> None:
-    """Remove what writers that were killed left behind in a folder and below it."""
+    """Remove unfinished files of killed writers from a folder and its subfolders."""
     for leftover in folder.rglob(f"{_WRITING}*"):
         if not _is_running(int(leftover.name.removeprefix(_WRITING).split("-")[0])):
             shutil.rmtree(leftover) if leftover.is_dir() else leftover.unlink(missing_ok=True)

@@ -1,4 +1,4 @@
-"""The content hash of a video, read once: kept in the store by path, size, modification time and inode."""
+"""The content hash of a video, computed once and cached in the store by path, size, modification time and inode."""
 
 import hashlib
 import json
@@ -15,7 +15,7 @@ from humanmm.storage.store.store import Store
 
 @dataclass(frozen=True)
 class VideoIdentity:
-    """One file as it was when its content was hashed."""
+    """A file and its state when its content was hashed."""
 
     path: Path
     sha256: str
@@ -34,7 +34,7 @@ class VideoIdentity:
 
 
 def identify(path: Path, store: Store) -> VideoIdentity:
-    """Content hash of a video. VideoError for what is no readable, non-empty file."""
+    """The content hash of a video. VideoError unless it is a readable, non-empty file."""
     path = path.expanduser().absolute()
     with open_video_file(path) as file:
         status = os.fstat(file.fileno())
@@ -48,7 +48,7 @@ def identify(path: Path, store: Store) -> VideoIdentity:
 
 
 def known_content(path: Path, store: Store) -> dict[str, Any]:
-    """What this machine noted when it hashed a file: sha256, size, mtime_ns and inode; empty if it never did."""
+    """The cached sha256, size, mtime_ns and inode of a file; empty if this machine never hashed it."""
     try:
         known: dict[str, Any] = json.loads(_record(path, store).read_text())
     except (OSError, ValueError):
@@ -83,6 +83,6 @@ def open_video_file(path: Path) -> BinaryIO:
 
 
 def shown(path: Path) -> str:
-    """A path on one line, whatever characters it has."""
+    """A path as one printable line."""
     text = str(path)
     return text if text.isprintable() else ascii(text)

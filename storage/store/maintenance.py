@@ -1,4 +1,4 @@
-"""Care of a store: what lies in it, whether it is sound, what can go."""
+"""Maintenance of a store: its use of space, damage, and what may be removed."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from pathlib import Path
 
 from humanmm.storage.store.artifact import DamageError, Manifest, check_files, read_encoded, read_manifest
 from humanmm.storage.store.codec import decode, encode
-from humanmm.storage.store.store import Entry, RunNote, Store
+from humanmm.storage.store.store import Entry, Store
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class Removable:
-    """Something that `gc` may remove, and why."""
+    """An entry that `gc` may remove, and the reason."""
 
     entry: Entry
     num_bytes: int
@@ -31,7 +31,7 @@ class Removable:
 def verify(store: Store, *, outputs: dict[str, str], deep: bool) -> Iterator[Finding]:
     """Check size and sha256 of every file; `deep` also decodes each result and compares its content digest.
 
-    `outputs` maps a stage to the `module:class` of its result. What is damaged is set aside.
+    `outputs` maps a stage to the `module:class` of its result. Damaged artifacts are set aside.
     """
     for entry in store.entries():
         if entry.kind != "artifact":
@@ -61,11 +61,11 @@ def usage(store: Store) -> dict[str, tuple[int, int]]:
 
 
 def removable(store: Store, *, unused_days: float, with_runs: bool = False) -> list[Removable]:
-    """What nobody needs: leftovers, damaged artifacts, and artifacts not used for so many days.
+    """Leftovers, damaged artifacts, and artifacts unused for this many days.
 
-    What the last run on a video is made of stays, however old it is, unless `with_runs`.
+    The artifacts of the last run on a video stay, however old they are, unless `with_runs`.
     """
-    kept = set() if with_runs else {uri for run in known_runs(store) for uri in run.artifacts}
+    kept = set() if with_runs else {uri for run in store.known_runs() for uri in run.artifacts}
     found = []
     for entry in store.entries():
         idle_days = entry.idle_s / 86400
@@ -83,7 +83,7 @@ def removable(store: Store, *, unused_days: float, with_runs: bool = False) -> l
 
 
 def remove(store: Store, items: list[Removable]) -> int:
-    """Remove what `removable` listed, except artifacts that somebody has or has used since; returns the bytes freed."""
+    """Remove what `removable` listed, except artifacts locked now or used since; returns the bytes freed."""
     freed = 0
     for item in items:
         if item.entry.kind == "artifact":
@@ -96,12 +96,6 @@ def remove(store: Store, items: list[Removable]) -> int:
             store.drop(item.entry)
         freed += item.num_bytes
     return freed
-
-
-def known_runs(store: Store) -> list[RunNote]:
-    """How the last run on every video of a store ended, newest first."""
-    found = [store.noted_run(name) for name in store.runs_noted()]
-    return sorted((run for run in found if run is not None), key=lambda run: run.finished, reverse=True)
 
 
 def _check_content(folder: Path, manifest: Manifest, output: str) -> None:

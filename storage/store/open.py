@@ -1,4 +1,4 @@
-"""The store that a place names, a folder or `s3://bucket/prefix`, and its ledger of batches."""
+"""Opens the store at a location, a folder or `s3://bucket/prefix`, and its ledger of batches."""
 
 import functools
 from pathlib import Path
@@ -6,16 +6,16 @@ from pathlib import Path
 from humanmm.storage.batches.batch_ledger import BatchLedger
 from humanmm.storage.batches.disk_ledger import DiskLedger
 from humanmm.storage.store.bucket import is_bucket
-from humanmm.storage.store.store import Store
+from humanmm.storage.store.bucket_store import BucketStore
+from humanmm.storage.store.store import Store, default_store
 
 
-def open_store(place: Path | str, *, read_only: bool = False) -> Store:
-    """Open the store at a folder or in a bucket; a bucket may be named by a Path, which has lost a slash."""
-    if is_bucket(str(place)):
-        from humanmm.storage.store.bucket_store import BucketStore
-
-        return BucketStore(str(place), read_only=read_only)
-    return Store(Path(place), read_only=read_only)
+def open_store(location: Path | str | None = None, *, read_only: bool = False) -> Store:
+    """Open the store in a folder or in a bucket, else the user's own; a Path that names a bucket has lost a slash."""
+    location = location or default_store()
+    if is_bucket(str(location)):
+        return BucketStore(str(location), read_only=read_only)
+    return Store(Path(location), read_only=read_only)
 
 
 def open_ledger(place: Path | str) -> BatchLedger:
@@ -26,6 +26,5 @@ def open_ledger(place: Path | str) -> BatchLedger:
 @functools.cache
 def _ledger_in(place: str) -> BatchLedger:
     from humanmm.storage.batches.bucket_ledger import BucketLedger
-    from humanmm.storage.store.bucket_store import BucketStore
 
     return BucketLedger(BucketStore(place))

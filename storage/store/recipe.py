@@ -1,7 +1,7 @@
-"""Everything that decides one stage's result on one unit, and the store key made of it.
+"""Everything that decides one stage's result on one unit, and its key in the store.
 
-Two recipes with the same key give the same result. A recipe is kept beside its artifact, so that a recompute can say
-which part of it changed.
+Equal keys mean equal results. The recipe is stored beside its artifact, so that a recompute can say which part of it
+changed.
 """
 
 import hashlib
@@ -17,7 +17,7 @@ KEY_VERSION = 1
 
 @dataclass(frozen=True)
 class Recipe:
-    """What goes into one result. All values are json."""
+    """Everything that goes into one result, as json values."""
 
     stage: str
     schema_version: int
@@ -32,7 +32,7 @@ class Recipe:
     settings: Mapping[str, Mapping[str, Json]]
     """Section of the configuration → its values."""
     inputs: Mapping[str, str]
-    """What it reads → content digest, or `failed`."""
+    """Input → content digest, or `failed`."""
 
     @property
     def key(self) -> str:
@@ -47,7 +47,7 @@ class Recipe:
         return cls(**{field.name: tree[field.name] for field in fields(cls)})
 
     def changes_since(self, older: "Recipe") -> list[str]:
-        """One sentence per part that differs, the cause before its consequences."""
+        """One sentence per part that differs, causes before consequences."""
         sentences = []
         if self.schema_version != older.schema_version:
             sentences.append(f"schema changed: version {older.schema_version} → {self.schema_version}")

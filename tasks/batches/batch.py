@@ -23,14 +23,14 @@ from humanmm.config_reading import validate
 from humanmm.errors import InputError, StoreError, VideoError
 from humanmm.storage.batches.batch_ledger import BatchLedger, VideoRow, facts_of, has_run_record
 from humanmm.storage.batches.manifest import Entry
-from humanmm.storage.store.digest import code_digest
 from humanmm.storage.store.identity import identify, known_content
 from humanmm.storage.store.store import Store
 from humanmm.tasks import pipeline
 from humanmm.tasks.engine import finish
-from humanmm.tasks.engine.faults import in_words, is_infrastructure_fault
 from humanmm.tasks.engine.plan import forecast, is_complete
 from humanmm.tasks.engine.run import VideoRun
+from humanmm.tasks.units.digest import code_digest
+from humanmm.tasks.units.faults import in_words, is_infrastructure_fault
 
 log = logging.getLogger(__name__)
 T = TypeVar("T")
@@ -206,12 +206,12 @@ class Account:
 
     def _current_stage(self) -> str | None:
         outcomes = list(self.run.outcomes.values()) if self.run else []
-        at_work = [o.work.label for o in outcomes if o.began and o.manifest is None and o.error is None]
+        at_work = [o.unit.label for o in outcomes if o.began and o.manifest is None and o.error is None]
         return at_work[0] if at_work else self._stage
 
     def _failed_stage(self) -> str | None:
         failed = finish.failures(self.run) if self.run else []
-        return failed[0].work.label if failed else self._stage
+        return failed[0].unit.label if failed else self._stage
 
 
 def insist(ask: Callable[[], T]) -> T:

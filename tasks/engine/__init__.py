@@ -1,1 +1,1 @@
-"""Computes one stage × unit of a video or finds it in the store: units, keys, plan, execution, end of a run."""
+"""One run on one video: what would be computed, what is, within which memory and threads, and the run folder."""

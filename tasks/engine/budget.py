@@ -19,7 +19,7 @@ def resources_of(stage: Stage, settings: RunConfig, *, megapixels: float = 0.0, 
 
 
 class Budget:
-    """Lets a stage begin when what it needs is free; one that needs more than there is at all runs alone."""
+    """Lets a stage begin when the resources that it needs are free; one that needs more than the whole runs alone."""
 
     def __init__(self, *, threads: int, memory_mb: int | None) -> None:
         self._all = (threads, memory_mb if memory_mb is not None else 1 << 40)
@@ -28,15 +28,15 @@ class Budget:
 
     @contextlib.contextmanager
     def taken(self, needed: Resources, *, alone: bool = False) -> Iterator[None]:
-        """Hold a share while a stage computes; all of it if it is to run `alone`."""
+        """Reserve a part while a stage computes; the whole if it is to run `alone`."""
         most = (needed.threads, needed.memory_mb)
-        share = self._all if alone else (min(most[0], self._all[0]), min(most[1], self._all[1]))
+        part = self._all if alone else (min(most[0], self._all[0]), min(most[1], self._all[1]))
         with self._changed:
-            self._changed.wait_for(lambda: self._free[0] >= share[0] and self._free[1] >= share[1])
-            self._free = (self._free[0] - share[0], self._free[1] - share[1])
+            self._changed.wait_for(lambda: self._free[0] >= part[0] and self._free[1] >= part[1])
+            self._free = (self._free[0] - part[0], self._free[1] - part[1])
         try:
             yield
         finally:
             with self._changed:
-                self._free = (self._free[0] + share[0], self._free[1] + share[1])
+                self._free = (self._free[0] + part[0], self._free[1] + part[1])
                 self._changed.notify_all()

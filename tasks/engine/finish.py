@@ -8,11 +8,9 @@ import platform
 import socket
 import time
 from collections.abc import Callable, Mapping, Sequence
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from humanmm import __version__
 from humanmm.config import Config
 from humanmm.errors import HumanMMError, StageError, StoreError
 from humanmm.models.records.motion import WorldMotion
@@ -20,13 +18,16 @@ from humanmm.models.records.shots import ShotList
 from humanmm.models.records.video import VideoFacts
 from humanmm.storage.run_folder.run_record import StageRecord, read_run_record, run_record, write_run_record
 from humanmm.storage.store.codec import canonical_json
-from humanmm.storage.store.digest import CodeDigest
-from humanmm.storage.store.files import replace_file
-from humanmm.storage.store.store import RunNote, explain_os_error
-from humanmm.tasks.engine.faults import ends_run, is_infrastructure_fault
-from humanmm.tasks.engine.run import Outcome, VideoRun
-from humanmm.tasks.engine.units import Work
+from humanmm.storage.store.files import explain_os_error, replace_file
+from humanmm.storage.store.video_records import RunNote
+from humanmm.tasks.engine.run import VideoRun
 from humanmm.tasks.pipeline import Stage
+from humanmm.tasks.units.artifacts import Outcome
+from humanmm.tasks.units.digest import CodeDigest
+from humanmm.tasks.units.execute import output_type
+from humanmm.tasks.units.faults import ends_run, is_infrastructure_fault
+from humanmm.tasks.units.unit import Unit
+from humanmm.version import __version__
 
 if TYPE_CHECKING:  # importing it loads scipy, which an unchanged rerun does not need
     from humanmm.models.records.recording import Recording
@@ -44,14 +45,14 @@ def default_run_dir(video: Path) -> Path:
 def fatal_error(run: VideoRun) -> Exception | None:
     """The error that ended the run: of a stage per video, or of one that failed on all its units.
 
-    What a stage made of inputs that a fault of the disk or the machine has left incomplete is that fault's error.
+    If an infrastructure fault left the inputs of the failed stage incomplete, that fault is the error.
     """
     failed = [outcome for outcome in run.outcomes.values() if outcome.state == "failed" and outcome.error]
-    hopeless = any(outcome.manifest is None for outcome in run.outcomes.values() if outcome.work.stage.per == "video")
+    hopeless = any(outcome.manifest is None for outcome in run.outcomes.values() if outcome.unit.stage.per == "video")
     for outcome in failed:
-        if outcome.work.stage.per == "video" or ends_run(outcome.error or Exception()):
-            before = run.upstream(outcome.work.stage)
-            causes = [other.error for other in failed if other.work.stage.name in before and other.error]
+        if outcome.unit.stage.per == "video" or ends_run(outcome.error or Exception()):
+            before = run.upstream(outcome.unit.stage)
+            causes = [other.error for other in failed if other.unit.stage.name in before and other.error]
             return next(filter(is_infrastructure_fault, causes), outcome.error)
     if hopeless:
         return failed[0].error if failed else StageError("the run stopped before its last stage")
@@ -59,7 +60,7 @@ def fatal_error(run: VideoRun) -> Exception | None:
 
 
 def failures(run: VideoRun) -> list[Outcome]:
-    """Units that failed by themselves, in order (what was skipped because of them is left out)."""
+    """Units that failed by themselves, in order, without those skipped because of them."""
     return [outcome for outcome in _in_order(run) if outcome.state == "failed"]
 
 
@@ -85,14 +86,14 @@ def write_results(run: VideoRun, run_dir: Path, *, started: float, log_text: str
         write_run_record(run_dir, record)
     except OSError as error:
         raise StoreError(explain_os_error(error, f"cannot write the run folder {run_dir}")) from error
-    reasons = "; ".join(f"{outcome.work.label}: {outcome.reason}" for outcome in failures(run))
+    reasons = "; ".join(f"{outcome.unit.label}: {outcome.reason}" for outcome in failures(run))
     remember(run, state, run_dir=run_dir, reason=reasons)
     log.info("%s: %s", run_dir, state)
     return state
 
 
 def remember(run: VideoRun, state: str, *, run_dir: Path | None, reason: str) -> None:
-    """Note in the store how the run ended, with what, and which artifacts it found or made."""
+    """Write to the store how the run ended, for which reason, and which artifacts it found or computed."""
     note = RunNote(
         video=run.video.sha256,
         state=state,
@@ -100,7 +101,7 @@ def remember(run: VideoRun, state: str, *, run_dir: Path | None, reason: str) ->
         run_dir=os.fspath(run_dir.absolute()) if run_dir else None,
         host=socket.gethostname(),
         reason=reason,
-        recipe=recipe_of(code_of(run.stages, run.code), run.config) if state == "done" else "",
+        recipe=recipe_of(code_of(run.stages, run.keys.code), run.config) if state == "done" else "",
         artifacts=tuple(outcome.manifest.ref.uri for outcome in _in_order(run) if outcome.manifest),
         finished=time.strftime("%Y-%m-%dT%H:%M:%S%z"),
     )
@@ -116,7 +117,7 @@ def code_of(stages: Sequence[Stage], code: Callable[[Stage], CodeDigest]) -> str
 
 
 def recipe_of(code: str, config: Config) -> str:
-    """Digest of everything beside the video that decides its results; with the same one they need not be made again."""
+    """Digest of everything beside the video that decides its results: with an equal one they need no new run."""
     kept = {section: values for section, values in config.model_dump(mode="json").items() if section != "run"}
     return hashlib.sha256(f"{code}{canonical_json(kept)}".encode()).hexdigest()
 
@@ -134,7 +135,7 @@ def is_up_to_date(run: VideoRun, run_dir: Path) -> bool:
 
 def fingerprint(run: VideoRun) -> str:
     """Digest of everything that a run folder is made of."""
-    results = {outcome.work.label: outcome.manifest.digest for outcome in _in_order(run) if outcome.manifest}
+    results = {outcome.unit.label: outcome.manifest.digest for outcome in _in_order(run) if outcome.manifest}
     facts = [__version__, _writer_digest(), os.fspath(run.video.path), run.video.sha256, _settings(run), results]
     return hashlib.sha256(canonical_json([repr(fact) for fact in facts]).encode()).hexdigest()
 
@@ -161,14 +162,13 @@ def _write_folder(run: VideoRun, run_dir: Path) -> "Recording":
     last = run.stages[-1]
     manifest = run.manifest(last.name)
     assert manifest is not None
-    output: type[Delivery] = getattr(import_module(last.output.partition(":")[0]), last.output.partition(":")[2])
-    delivery = run.read(Work(last), output)
+    delivery: Delivery = run.read(Unit(last), output_type(last))
     write_run_folder(run_dir, delivery, run.store.files_of(manifest.ref))
     return delivery.recording
 
 
 def _sizes(run_dir: Path) -> dict[str, int]:
-    """Path → size of everything the folder holds of the delivery."""
+    """Path → size of every file of the delivery in the folder."""
     parts = [path for name in ("motion.zarr", "export", "view") for path in (run_dir / name).rglob("*")]
     return {str(path.relative_to(run_dir)): path.stat().st_size for path in sorted(parts) if path.is_file()}
 
@@ -184,15 +184,15 @@ def _record(run: VideoRun, state: str, started: float) -> dict[str, Any]:
         state=state,
         video=run.video.path,
         sha256=run.video.sha256,
-        store=run.store.place,
+        store=run.store.location,
         config=_settings(run),
-        facts=run.read(Work(run.stages[0]), VideoFacts),
-        shots=run.read(Work(shot_source), ShotList),
+        facts=run.read(Unit(run.stages[0]), VideoFacts),
+        shots=run.read(Unit(shot_source), ShotList),
         cameras=[
-            run.read(work, ShotCamera) if run.manifest(camera_stage.name, work.index) else None
-            for work in run.works(camera_stage) or ()
+            run.read(unit, ShotCamera) if run.manifest(*unit.id) else None
+            for unit in run.units(camera_stage) or ()
         ],
-        motion=run.read(Work(motion_source), WorldMotion) if motion_source else None,
+        motion=run.read(Unit(motion_source), WorldMotion) if motion_source else None,
         stages=stages,
         started=time.strftime("%Y-%m-%dT%H:%M:%S%z", time.localtime(started)),
         seconds=time.time() - started,
@@ -202,11 +202,11 @@ def _record(run: VideoRun, state: str, started: float) -> dict[str, Any]:
 
 def stage_record(outcome: Outcome) -> StageRecord:
     """One line of run.json's `stages`."""
-    manifest, work = outcome.manifest, outcome.work
+    manifest, unit = outcome.manifest, outcome.unit
     return StageRecord(
-        stage=work.stage.name,
-        unit=work.unit,
-        shot=work.index if work.stage.per == "shot" else None,
+        stage=unit.stage.name,
+        unit=unit.name,
+        shot=unit.index if unit.stage.per == "shot" else None,
         state=outcome.state,
         reason=outcome.reason,
         began=outcome.began,
@@ -222,7 +222,7 @@ def stage_record(outcome: Outcome) -> StageRecord:
 
 def _in_order(run: VideoRun) -> list[Outcome]:
     names = [stage.name for stage in run.stages]
-    return sorted(run.outcomes.values(), key=lambda o: (names.index(o.work.stage.name), o.work.index))
+    return sorted(run.outcomes.values(), key=lambda o: (names.index(o.unit.stage.name), o.unit.index))
 
 
 def _versions(run: VideoRun) -> Mapping[str, str]:

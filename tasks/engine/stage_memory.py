@@ -1,7 +1,7 @@
 """How much main memory each stage takes: every unit in a fresh process, one after the other.
 
-What counts is how far the resident memory of that process grows above what it has with the code of all stages loaded,
-at its highest: decoded inputs, pictures, the networks it loads, and the result while it is written.
+Measured is the peak growth of the resident memory of that process above what it has with the code of all stages loaded:
+decoded inputs, pictures, the networks that it loads, and the result while it is written.
 """
 
 import contextlib
@@ -12,54 +12,53 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from humanmm.config import Config
+from humanmm.storage.store.artifact import Ref
 from humanmm.storage.store.identity import identify
-from humanmm.storage.store.refs import Ref
 from humanmm.storage.store.store import Store
-from humanmm.tasks.engine.job import Job, Setting
-from humanmm.tasks.engine.run import VideoRun
-from humanmm.tasks.engine.selection import Selection
-from humanmm.tasks.process import prepare_process
+from humanmm.tasks import pipeline
+from humanmm.tasks.engine.runners.job import Job, Setting
+from humanmm.tasks.units.process import prepare_process
+from humanmm.tasks.units.selection import Selection
 
 
 @dataclass(frozen=True)
 class UnitMemory:
-    """What one stage × unit took."""
+    """The memory of one unit."""
 
     stage: str
     unit: str
     before_mb: float
     """Of a process that has the code of all stages loaded."""
     grown_mb: float
-    """Above that, at most."""
+    """Peak growth above that."""
 
 
 def measure_memory(video: Path, config: Config, store: Store) -> Iterator[UnitMemory]:
-    """Compute every stage × unit of a video, whatever the store has of it, and tell what each took."""
+    """Compute every unit of a video, also those that the store has, and measure each."""
     selection = Selection(force=True)
-    run = VideoRun(identify(video, store), config, store, selection=selection)
-    setting = Setting(run.video, config, store, selection, run.stages)
+    setting = Setting(identify(video, store), config, store, selection, pipeline.STAGES)
+    executor = setting.open()
     fresh = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(1, mp_context=fresh, max_tasks_per_child=1) as process:
-        for stage in run.stages:
-            for work in run.works(stage) or ():
-                job = Job(stage.name, work.index, run.known_for(work))
-                before_mb, most_mb, ref = process.submit(_compute, setting, job).result()
-                run.know({(stage.name, work.index): ref})
-                yield UnitMemory(stage.name, work.unit, before_mb, most_mb - before_mb)
+        for stage in executor.stages:
+            for unit in executor.units(stage) or ():
+                job = Job(*unit.id, executor.references(unit))
+                before_mb, peak_mb, ref = process.submit(_compute, setting, job).result()
+                executor.adopt({unit.id: ref})
+                yield UnitMemory(stage.name, unit.name, before_mb, peak_mb - before_mb)
 
 
 def _compute(setting: Setting, job: Job) -> tuple[float, float, Ref]:
-    """Memory before and at most, MB, and what was computed."""
+    """Memory before and at its peak, MB, and the artifact."""
     prepare_process()
-    run = setting.open()
-    run.imports.prepare(run.stages[0])
-    run.know(job.known)
-    with contextlib.suppress(OSError):  # else the most counts from the start of the process
+    executor = setting.open()
+    executor.imports.prepare(executor.stages[0])
+    executor.adopt(job.references)
+    with contextlib.suppress(OSError):  # without it the peak is that since the start of the process
         Path("/proc/self/clear_refs").write_text("5")
     before_mb = _status_mb("VmRSS")
-    outcome = run.compute_here(run.work(job.stage, job.index))
-    assert outcome.manifest is not None
-    return before_mb, _status_mb("VmHWM"), outcome.manifest.ref
+    result = executor.compute(executor.unit(job.stage, job.index))
+    return before_mb, _status_mb("VmHWM"), result.manifest.ref
 
 
 def _status_mb(field: str) -> float:

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 import yaml
 
-from humanmm.flows.server.local_server import OWN_SETTINGS
+from humanmm.flows.server.server_process import OWN_SETTINGS
 
 DEPLOY = Path(__file__).resolve().parents[2] / "deploy"
 COMPOSE: dict[str, Any] = yaml.safe_load((DEPLOY / "compose.yaml").read_text())

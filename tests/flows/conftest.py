@@ -25,12 +25,13 @@ class Place:
     folder: Path
 
     def pids(self, command: str) -> list[int]:
-        """Processes of this test by a part of their command line."""
+        """Processes of this test by a part of their command line, or by their name."""
         found = []
         for process in Path("/proc").glob("[0-9]*"):
             try:
                 environment = (process / "environ").read_bytes()
                 line = (process / "cmdline").read_bytes().replace(b"\0", b" ").decode()
+                line += (process / "comm").read_text()
             except OSError:
                 continue
             if f"HUMANMM_CACHE={self.folder}\0".encode() in environment and command in line:

@@ -1,6 +1,5 @@
 """Processes that are killed: what Prefect shows afterwards, and what they held."""
 
-import asyncio
 import itertools
 import json
 import os
@@ -15,7 +14,6 @@ from typing import Any, cast
 
 import httpx
 import pytest
-from prefect.client.base import _parse_retry_after
 from prefect.exceptions import PrefectHTTPStatusError
 
 from humanmm.flows.server import flow_runs, local_server
@@ -171,26 +169,6 @@ def test_a_server_that_dies_while_it_starts_is_started_again_at_once(
     monkeypatch.setattr(local_server, "_start_process", start)
     monkeypatch.setattr(local_server, "running_server", lambda files: "here" if len(started) == 2 else None)
     assert local_server._start(local_server.ServerFiles(tmp_path)) == "here"
-
-
-def test_who_is_refused_by_our_server_is_told_to_ask_again_soon() -> None:
-    def answer_of(status: int) -> list[Any]:
-        told: list[Any] = []
-
-        async def app(scope: Any, receive: Any, send: Any) -> None:
-            await send({"type": "http.response.start", "status": status, "headers": [(b"a", b"b")]})
-            await send({"type": "http.response.body", "body": b""})
-
-        async def send(message: Any) -> None:
-            told.append(message)
-
-        asyncio.run(local_server._asked_again_soon(app)({"type": "http"}, None, send))
-        assert told[1] == {"type": "http.response.body", "body": b""}
-        return list(told[0]["headers"])
-
-    assert answer_of(200) == [(b"a", b"b")]
-    ((_, asked_again),) = answer_of(503)[1:]
-    assert 0 < (_parse_retry_after(asked_again.decode()) or 0) < 2, "what Prefect's client waits without being told"
 
 
 def test_a_server_that_is_slow_to_answer_is_waited_for_and_ended_if_it_never_does(

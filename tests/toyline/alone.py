@@ -28,8 +28,8 @@ def main() -> None:
     for stage in STAGES:
         if stage.name in hanging:
             artifact._sync = _hang
-        for work in run.works(stage) or ():
-            run.do(work)
+        for unit in run.units(stage) or ():
+            run.execute(unit)
 
 
 if __name__ == "__main__":

@@ -163,7 +163,7 @@ def adjust(
 def focal_step(
     solution: Adjusted, observations: Observations, *, fixed: Bool[np.ndarray, " k"], freedom: Freedom
 ) -> tuple[float, float]:
-    """Newton step of ln(focal) at an adjusted solution with everything else following, and its one sigma.
+    """Newton step of ln(focal) at an adjusted solution with everything else following, and its standard deviation.
 
     The focal length hides in a nearly flat, curved valley of all parameters together, in which Levenberg-Marquardt
     creeps. Eliminating the rest (variable projection) leaves a scalar problem that is close to quadratic; the caller

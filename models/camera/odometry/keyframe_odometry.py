@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float, Int
 from humanmm.models.camera.odometry.bundle import Adjusted, Freedom, Observations, Points, Views, adjust, residuals
 from humanmm.models.camera.odometry.resection import resect
 from humanmm.models.camera.odometry.tracked_shot import TrackedShot
-from humanmm.models.camera.odometry.two_view import Pair, rays, relative_pose, starting_pairs, turned_to
+from humanmm.models.camera.odometry.two_view import Pair, rays, relative_pose, starting_pairs, wahba_rotation
 from humanmm.models.geometry import rotations
 
 WINDOW = 15
@@ -25,20 +25,20 @@ MAX_GLOBAL_KEYFRAMES = 100
 """Longer shots keep the windowed result: the last adjustment over all keyframes would grow with the cube of their
 number."""
 EXACT_SHARE = 0.0003
-"""A camera that fits within this share of the diagonal (one sigma) needs no other explanation."""
+"""A camera that fits within this fraction of the diagonal (standard deviation) needs no other explanation."""
 MOVING_GAIN = 0.6
-"""A moving camera must bring the residuals below this share of the turning camera's: it has one more unknown per
+"""A moving camera must bring the residuals below this fraction of the rotating camera's: it has one more unknown per
 point."""
 ZOOM_GAIN = 0.75
 """The same for a zooming camera against one that does not zoom."""
 MIN_ZOOM = 0.03
-"""Changes of focal length below this share are not called a zoom."""
-MAX_ERROR_SHARE = 0.002
-"""Error of a sighting, as a share of the diagonal, that the two-view pose at the start tolerates."""
+"""Changes of focal length below this fraction are not called a zoom."""
+MAX_ERROR_FRACTION = 0.002
+"""Error of a sighting, as a fraction of the diagonal, that the two-view pose at the start tolerates."""
 LASTING, MIN_LASTING = 4, 100
 """Keyframes that see a point that counts in comparing models, and sightings of such points needed."""
 ZOOM_ITERATIONS = 40
-"""Zoom and travel look much alike: the way from one to the other is long and flat."""
+"""Zoom and travel look much alike: the valley between them is long and flat."""
 OUTLIER_SIGMA = 4.0
 """Sightings further off than this many sigma after an adjustment are dropped (LEAP-VO drops above 5 px)."""
 IMAGES_AT_ONCE = 200
@@ -82,7 +82,7 @@ def empty_points(num_points: int) -> Points:
 def rotating(shot: TrackedShot, keyframes: Int[np.ndarray, " k"], focal_px: float, *, freedom: Freedom) -> Track:
     """The track of a camera that only rotates (and zooms, if `freedom` says so)."""
     num_keyframes = len(keyframes)
-    views = _resting(num_keyframes, focal_px)
+    views = _static(num_keyframes, focal_px)
     points = empty_points(shot.num_points)
     known = np.zeros(shot.num_points, bool)
     observations = shot.of_images(keyframes)
@@ -93,7 +93,7 @@ def rotating(shot: TrackedShot, keyframes: Int[np.ndarray, " k"], focal_px: floa
         ray = rays(xy, views.focals_px[k])
         old = known[point]
         if k > 0:
-            views.R_shot_cam[k] = turned_to(points.direction[point[old]], ray[old], views.R_shot_cam[k - 1])
+            views.R_shot_cam[k] = wahba_rotation(points.direction[point[old]], ray[old], views.R_shot_cam[k - 1])
             if freedom.zoom:
                 views.log_zoom[k] = views.log_zoom[k - 1]
         points.direction[point[~old]] = rays(xy[~old], views.focals_px[k]) @ views.R_shot_cam[k].T
@@ -109,7 +109,7 @@ def _seen_twice(observations: Observations) -> Observations:
 
 
 def moving(shot: TrackedShot, guide: Track, *, max_starts: int = 3) -> Track | None:
-    """The track of a camera that moves, over the keyframes of `guide`, the turning camera's, which predicts its turns.
+    """The track of a camera that moves, over the keyframes of `guide`, which predicts its rotations.
 
     A two-view pose from noisy points may be the wrong one of several that look alike; while the result does not fit as
     points normally do, up to `max_starts` pairs are tried, and the best fit wins. None if no pair gives a start.
@@ -117,7 +117,7 @@ def moving(shot: TrackedShot, guide: Track, *, max_starts: int = 3) -> Track | N
     best: Track | None = None
     for pair in starting_pairs(shot, guide.keyframes, guide.views.focal_px)[:max_starts]:
         run = _MovingRun(shot, guide.keyframes, guide)
-        if not run.start(pair, MAX_ERROR_SHARE * shot.diagonal_px):
+        if not run.start(pair, MAX_ERROR_FRACTION * shot.diagonal_px):
             continue
         for k in range(pair.second + 1, len(guide.keyframes)):
             run.take(k, k - 1)
@@ -139,7 +139,7 @@ class _MovingRun:
         self.freedom = Freedom(translation=True)
         self.observations = shot.of_images(keyframes)
         self.begins = np.searchsorted(self.observations.image, np.arange(len(keyframes) + 1))
-        self.views = _resting(len(keyframes), guide.views.focal_px)
+        self.views = _static(len(keyframes), guide.views.focal_px)
         self.points = empty_points(shot.num_points)
         self.host = np.full(shot.num_points, -1)
         """Keyframe in which a point was first placed."""
@@ -152,7 +152,7 @@ class _MovingRun:
         return self.observations.point[part], self.observations.xy[part]
 
     def start(self, pair: Pair, max_error_px: float) -> bool:
-        """Place the two keyframes of the pair and all between them; False if no two-view pose is found."""
+        """Find the poses of the two keyframes of the pair and all between them; False if no two-view pose is found."""
         point_a, xy_a = self.seen(pair.first)
         point_b, xy_b = self.seen(pair.second)
         _, in_a, in_b = np.intersect1d(point_a, point_b, assume_unique=True, return_indices=True)
@@ -164,18 +164,18 @@ class _MovingRun:
         self._see(pair.second)
         self._adjust(np.array([pair.first, pair.second]), num_fixed=1)
         for k in range(pair.first + 1, pair.second):
-            share = (k - pair.first) / (pair.second - pair.first)
+            fraction = (k - pair.first) / (pair.second - pair.first)
             R = self.guide.views.R_shot_cam
             self.views.R_shot_cam[k] = self.views.R_shot_cam[k - 1] @ R[k - 1].T @ R[k]
-            self.views.t_shot_cam[k] = share * self.views.t_shot_cam[pair.second]
+            self.views.t_shot_cam[k] = fraction * self.views.t_shot_cam[pair.second]
             self._resect(k)
             self._see(k)
         self._adjust(np.arange(pair.first, pair.second + 1), num_fixed=1)
         return True
 
     def take(self, k: int, neighbour: int) -> None:
-        """Place keyframe k, next to a placed one: predicted turn and damped velocity, pose, new points, window
-        adjusted."""
+        """Find the pose of keyframe k, next to a known one: predicted rotation and damped velocity, resection, new
+        points, adjustment of the window."""
         R = self.guide.views.R_shot_cam
         self.views.R_shot_cam[k] = self.views.R_shot_cam[neighbour] @ R[neighbour].T @ R[k]
         before = 2 * neighbour - k
@@ -294,7 +294,7 @@ def also_zooming(moved: Track) -> Track:
     return replace(moved, views=result.views, points=result.points, adjusted=result, observations=sightings)
 
 
-def _resting(num_images: int, focal_px: float) -> Views:
+def _static(num_images: int, focal_px: float) -> Views:
     return Views(np.tile(np.eye(3), (num_images, 1, 1)), np.zeros((num_images, 3)), np.zeros(num_images), focal_px)
 
 

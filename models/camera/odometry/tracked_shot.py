@@ -8,10 +8,10 @@ from jaxtyping import Float, Int
 from humanmm.models.camera.odometry.bundle import Observations
 from humanmm.models.records.camera import PointTracks
 
-KEYFRAME_MOVE_SHARE = 0.03
-"""Median image motion since the last keyframe, as a share of the picture's diagonal, that makes the next one."""
-KEYFRAME_SHARED_SHARE = 0.6
-"""Share of the last keyframe's points that must still be seen; below it the next keyframe comes."""
+KEYFRAME_MOVE_FRACTION = 0.03
+"""Median image motion since the last keyframe, as a fraction of the picture's diagonal, that makes the next one."""
+KEYFRAME_SHARED_FRACTION = 0.6
+"""Fraction of the last keyframe's points that must still be seen; below it the next keyframe comes."""
 MAX_KEYFRAME_GAP = 15
 MIN_KEYFRAMES = 10
 """Short shots take keyframes more densely, to have about this many."""
@@ -84,13 +84,13 @@ def choose_keyframes(shot: TrackedShot) -> Int[np.ndarray, " k"]:
     """Images for the bundle adjustment, first and last included: as many as the picture's motion asks for."""
     if shot.num_images <= 2:
         return np.arange(shot.num_images)
-    threshold = KEYFRAME_MOVE_SHARE * shot.diagonal_px
+    threshold = KEYFRAME_MOVE_FRACTION * shot.diagonal_px
     longest = max(1, min(MAX_KEYFRAME_GAP, shot.num_images // MIN_KEYFRAMES))
     chosen = [0]
     for image in range(1, shot.num_images):
         last = chosen[-1]
         point, there, here = shot.shared(last, image)
-        few = len(point) < KEYFRAME_SHARED_SHARE * (shot.begins[last + 1] - shot.begins[last])
+        few = len(point) < KEYFRAME_SHARED_FRACTION * (shot.begins[last + 1] - shot.begins[last])
         moved = float(np.median(np.linalg.norm(here - there, axis=1))) if len(point) else np.inf
         if few or moved > threshold or image - last >= longest:
             chosen.append(image)

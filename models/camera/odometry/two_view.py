@@ -13,8 +13,8 @@ from humanmm.models.geometry.robust import cauchy_weight, std_of_lengths
 NUM_PLACES = 5
 MIN_SHARED = 30
 """Points that two keyframes must share to start the odometry."""
-ENOUGH_PARALLAX_SHARE = 0.01
-"""Parallax (image motion left after the best rotation), as a share of the diagonal, with which a two-view pose is
+ENOUGH_PARALLAX_FRACTION = 0.01
+"""Parallax (image motion left after the best rotation), as a fraction of the diagonal, with which a two-view pose is
 safe."""
 
 
@@ -33,7 +33,7 @@ def rays(xy: Float[np.ndarray, "n 2"], focal_px: float) -> Float[np.ndarray, "n 
     return np.asarray(direction / np.linalg.norm(direction, axis=1, keepdims=True))
 
 
-def turned_to(
+def wahba_rotation(
     direction: Float[np.ndarray, "n 3"], ray: Float[np.ndarray, "n 3"], R_start: Float[np.ndarray, "3 3"]
 ) -> Float[np.ndarray, "3 3"]:
     """R with direction ≈ R ray, by reweighted Kabsch; outliers fade out from the second round on."""
@@ -52,16 +52,16 @@ def turned_to(
 def parallax_px(xy_a: Float[np.ndarray, "n 2"], xy_b: Float[np.ndarray, "n 2"], focal_px: float) -> float:
     """Median angle, in pixels, that is left between two views after the best rotation."""
     ray_a, ray_b = rays(xy_a, focal_px), rays(xy_b, focal_px)
-    R_a_b = turned_to(ray_a, ray_b, np.eye(3))
+    R_a_b = wahba_rotation(ray_a, ray_b, np.eye(3))
     return focal_px * float(np.median(np.linalg.norm(ray_a - ray_b @ R_a_b.T, axis=1)))
 
 
 def starting_pairs(shot: TrackedShot, keyframes: Int[np.ndarray, " k"], focal_px: float) -> list[Pair]:
-    """Pairs of keyframes to start from, at several places of the shot, the one with most parallax for its points first.
+    """Pairs of keyframes to start from, at several instants of the shot, those with most parallax and points first.
 
-    At each place the second keyframe is the nearest one with safe parallax, or the one with most.
+    At each instant the second keyframe is the nearest one with safe parallax, or the one with most.
     """
-    enough = ENOUGH_PARALLAX_SHARE * shot.diagonal_px
+    enough = ENOUGH_PARALLAX_FRACTION * shot.diagonal_px
     found: list[tuple[float, Pair]] = []
     for first in np.unique(np.linspace(0, len(keyframes) - 2, NUM_PLACES).astype(int)):
         best: tuple[float, Pair] | None = None

@@ -54,7 +54,7 @@ class NormalEquations:
         """Diagonals of blocks (t, t + 2), which hold nothing else; the last two are unused."""
         self.diagonal: Float[Array, "N 63"] = np.einsum("nii->ni", self.own)
         item = self._values.itemsize
-        self.turns: Float[Array, "N 21 3 3"] = np.lib.stride_tricks.as_strided(
+        self.rotation_blocks: Float[Array, "N 21 3 3"] = np.lib.stride_tricks.as_strided(
             self._values,
             (num_frames, NUM_PARAMETERS // 3, 3, 3),
             (self._values.strides[0], 3 * _STEP * item, _COLUMN * item, item),
@@ -91,7 +91,7 @@ class NormalEquations:
         self.next_two[held | later_two] = 0
 
     def step(self, damping: float) -> Float[Array, "N 63"] | None:
-        """The step with every diagonal element enlarged by the share `damping`, or None where rounding has made the
+        """The step with every diagonal element enlarged by the fraction `damping`, or None where rounding has made the
         equations indefinite."""
         band = self._work
         np.copyto(band, self._values.reshape(-1, _STEP)[:, :_BAND])
@@ -120,15 +120,15 @@ class Term(Protocol):
         ...
 
 
-def once_per_motion(method: Callable[[T, Motion], V]) -> Callable[[T, Motion], V]:
+def memoised(method: Callable[[T, Motion], V]) -> Callable[[T, Motion], V]:
     """A term's method whose answer the motion keeps: cost and derivatives at a motion need the same residuals."""
 
     @functools.wraps(method)
     def kept(term: T, motion: Motion) -> V:
         key = (term, method.__name__)
-        if key not in motion.notes:
-            motion.notes[key] = method(term, motion)
-        return cast(V, motion.notes[key])
+        if key not in motion.cache:
+            motion.cache[key] = method(term, motion)
+        return cast(V, motion.cache[key])
 
     return kept
 
@@ -140,7 +140,7 @@ def portions(num_frames: int) -> Iterator[slice]:
 
 
 def frame_weights(time_s: Float[Array, " N"]) -> Float[Array, " N"]:
-    """Time that each frame stands for, in units of 1/30 s: half the way to both neighbours."""
+    """Time that each frame stands for, in units of 1/30 s: half the distance to both neighbours."""
     if len(time_s) < 2:
         return np.ones(len(time_s))
     steps = np.diff(time_s)

@@ -17,7 +17,7 @@ from humanmm.models.body.landmarks import load_landmarks
 from humanmm.models.geometry.projection import inverse_pose, ray_axes, viewing_rays, world_to_camera
 from humanmm.models.motion.fit.equations import Term, frame_weights
 from humanmm.models.motion.fit.evidence import BONE_END, BONE_START, BONES, Evidence, LongEvidence, bone_lengths, gather
-from humanmm.models.motion.fit.initial import bridged, start_pose, start_position
+from humanmm.models.motion.fit.initial import interpolated, start_pose, start_position
 from humanmm.models.motion.fit.pose_prior import load_pose_statistics
 from humanmm.models.motion.fit.solver import SolverSettings, solve_windows
 from humanmm.models.motion.fit.state import NUM_PARAMETERS, PELVIS, CameraPath, LongMotion, Motion, Skeleton
@@ -58,7 +58,7 @@ prior's weight, from 1 to 0.1, changes it by less than 1 mm there."""
 class NoiseModel:
     """Expected errors of the evidence; everything in the fit is measured in these units."""
 
-    turn_rad: tuple[float, float, float] = (0.14, 0.17, 0.05)
+    rotation_rad: tuple[float, float, float] = (0.14, 0.17, 0.05)
     """Tilt of all 3D landmarks together, about the view's x, y and z axes (measured: 8, 10 and 3 degrees)."""
     bones: float = 1.0
     """Trust in the network's 3D landmarks, against what was measured."""
@@ -66,11 +66,12 @@ class NoiseModel:
     """Weight of the pose prior against one frame's evidence."""
     prior_unseen: float = 0.01
     """The same in frames without any evidence, where the neighbours should decide."""
-    leash_m: float = 0.3
-    """How far the pelvis of an unseen frame may leave the straight line across the hole, metres."""
-    leash_rad: float = 0.5
+    anchor_m: float = 0.3
+    """Anchor prior: how far the pelvis of an unseen frame lies from the straight line across the hole, standard
+    deviation, metres."""
+    anchor_rad: float = 0.5
     """The same for rotations."""
-    wall_rad: float = 0.1
+    joint_limit_rad: float = 0.1
     """Softness of the ends of joint ranges."""
     smoothness: float = 1.0
     """Expected accelerations, in units of the motion-capture statistic."""
@@ -120,7 +121,7 @@ def fit_person(
     skeleton = Skeleton(body.rest_joints(betas), model.joint, model.offsets(betas))
     motion = _start(skeleton, evidence, camera)
     depths = pelvis_depths(motion, camera)
-    terms = EvidenceTerms(evidence, bone_lengths(skeleton), camera, depths, noise, bridge=motion)
+    terms = EvidenceTerms(evidence, bone_lengths(skeleton), camera, depths, noise, anchor=motion)
     motion = solve_windows(motion, terms, settings)
     return _result(person, evidence, betas, camera, motion, terms)
 
@@ -141,7 +142,7 @@ def _start(skeleton: Skeleton, evidence: LongEvidence, camera: CameraPath) -> Lo
     known = evidence.seen & (depth > 0.3)
     if not known.any():
         known = evidence.seen
-    return bridged(start, known, evidence.time_s)
+    return interpolated(start, known, evidence.time_s)
 
 
 def pelvis_depths(motion: LongMotion, camera: CameraPath) -> Float[Array, " N"]:
@@ -159,7 +160,7 @@ class EvidenceTerms:
     camera: CameraPath
     depth: Float[Array, " N"]
     noise: NoiseModel
-    bridge: LongMotion | None = None
+    anchor: LongMotion | None = None
     """What unseen frames stay near, if anything."""
 
     def reprojection(self, e: Evidence, frames: slice) -> Reprojection:
@@ -180,7 +181,7 @@ class EvidenceTerms:
             vectors=e.bones * self.bone_lengths[:, None] @ camera.R_cam_ref,
             R_ref_view=np.swapaxes(camera.R_cam_ref, -1, -2) @ R_cam_view,
             sigma=np.array([(bone.across_m, bone.across_m, bone.along_m) for bone in BONES]) / self.noise.bones,
-            turn=np.array(self.noise.turn_rad),
+            tilt_std=np.array(self.noise.rotation_rad),
             weight=weight,
             time_weight=time,
         )
@@ -189,22 +190,22 @@ class EvidenceTerms:
         e, noise, statistics = self.evidence.frames(frames), self.noise, load_pose_statistics()
         time_s = self.evidence.time_s
         time = frame_weights(time_s)[frames]
-        share = np.where(e.lifted, LIFTED_PRIOR, 1.0)
+        fraction = np.where(e.lifted, LIFTED_PRIOR, 1.0)
         prior = PosePrior(
             means=statistics.means,
             precisions=statistics.precisions,
             log_peaks=statistics.log_peaks,
             lower=statistics.lower,
             upper=statistics.upper,
-            wall=1 / noise.wall_rad**2,
-            weight=time * np.where(e.seen, share * noise.prior, noise.prior_unseen),
+            joint_limit=1 / noise.joint_limit_rad**2,
+            weight=time * np.where(e.seen, fraction * noise.prior, noise.prior_unseen),
         )
         smooth = Smoothness(time_s[frames], statistics.acceleration * noise.smoothness)
         terms: list[Term] = [self.reprojection(e, frames), self.lifted(e, frames), prior, smooth]
-        if self.bridge is not None and not e.seen.all():
-            leash = np.full(NUM_PARAMETERS, noise.leash_rad)
-            leash[PELVIS] = noise.leash_m
-            terms.append(Anchor(self.bridge.frames(frames), leash, np.where(e.seen, 0.0, time)))
+        if self.anchor is not None and not e.seen.all():
+            anchor_std = np.full(NUM_PARAMETERS, noise.anchor_rad)
+            anchor_std[PELVIS] = noise.anchor_m
+            terms.append(Anchor(self.anchor.frames(frames), anchor_std, np.where(e.seen, 0.0, time)))
         return terms
 
 

@@ -112,7 +112,7 @@ def start_position(
     return np.asarray(np.linalg.solve(weighted @ rows + 1e-9 * np.eye(3), weighted @ right)[..., 0])
 
 
-def bridged(motion: LongMotion, known: Bool[Array, " N"], time_s: Float[Array, " N"]) -> LongMotion:
+def interpolated(motion: LongMotion, known: Bool[Array, " N"], time_s: Float[Array, " N"]) -> LongMotion:
     """The motion with unknown frames replaced by interpolation in time (the nearest known frame at the ends)."""
     if known.all():
         return motion

@@ -28,14 +28,14 @@ LEAST_STD = 0.06
 NUM_HABITS = 12
 """Gaussians of the mixture; 6 to 24 say about the same on people they were not made from."""
 
-WIDE_SHARE, WIDE_SCALE = 0.02, 1.5
+WIDE_FRACTION, WIDE_SCALE = 0.02, 1.5
 """One more Gaussian, of all poses together with its covariance scaled, for what the others never saw."""
 
 _EVERY = 8
 """Neighbouring frames are nearly equal: every eighth is enough for the mixture."""
 
 RANGE_QUANTILE, RANGE_MARGIN = 0.002, 0.15
-"""The soft walls stand this far (radians) outside the quantiles of each component."""
+"""The joint limits lie this far (radians) outside the quantiles of each component."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +57,7 @@ class PoseStatistics:
 
     @cached_property
     def log_peaks(self) -> Float[Array, " C"]:
-        """Logarithm of each Gaussian's share times its density at the mean, up to one constant."""
+        """Logarithm of each Gaussian's weight times its density at the mean, up to one constant."""
         return np.asarray(np.log(self.shares) - 0.5 * np.linalg.slogdet(self.covariances)[1])
 
 
@@ -77,8 +77,8 @@ def estimate(
             R = rotvec_to_rotmat(each)
             vectors.append(rotmat_to_rotvec(R[:, free]).reshape(len(each), -1))
             sparse.append(vectors[-1][::_EVERY])
-            turn = rotmat_to_rotvec(np.swapaxes(R[:-1], -1, -2) @ R[1:]) * fps
-            angular = np.diff(turn, axis=0) * fps
+            angular_velocity = rotmat_to_rotvec(np.swapaxes(R[:-1], -1, -2) @ R[1:]) * fps
+            angular = np.diff(angular_velocity, axis=0) * fps
             row = np.empty((len(angular), NUM_PARAMETERS))
             row[:, ROOT], row[:, BODY] = angular[:, 0], angular[:, free].reshape(len(row), -1)
             row[:, PELVIS] = np.linalg.norm(np.diff(pelvis, 2, axis=0), axis=1, keepdims=True) * fps * fps / np.sqrt(3)
@@ -90,7 +90,7 @@ def estimate(
     inside = np.clip(x, lower, upper)
     cap = np.quantile(np.abs(a), 0.995, axis=0)
     return PoseStatistics(
-        shares=np.append(shares * (1 - WIDE_SHARE), WIDE_SHARE),
+        shares=np.append(shares * (1 - WIDE_FRACTION), WIDE_FRACTION),
         means=np.concatenate([means, inside.mean(axis=0)[None]]),
         covariances=np.concatenate([covariances, WIDE_SCALE * _floored(np.cov(inside, rowvar=False))[None]]),
         lower=lower - RANGE_MARGIN,
@@ -106,7 +106,7 @@ def _floored(covariance: Float[Array, "57 57"]) -> Float[Array, "57 57"]:
 
 
 def _mixture(x: Float[Array, "n 57"], count: int) -> tuple[Array, Array, Array]:
-    """Shares, means and covariances by expectation-maximisation from a k-means++ start, seed 0."""
+    """Weights, means and covariances by expectation-maximisation from a k-means++ start, seed 0."""
     rng = np.random.default_rng(0)
     centres = x[rng.integers(len(x))][None]
     for _ in range(count - 1):

@@ -1,4 +1,4 @@
-"""Levenberg-Marquardt over windows of frames: block-banded normal equations, bounded memory, no seams.
+"""Levenberg-Marquardt over windows of frames: block-banded normal equations, bounded memory, no discontinuities.
 
 Frames meet only through terms between neighbours, so the normal equations of a window are a band of 2·63 + 1 diagonals
 and a step costs the same for every frame. A long motion is solved in windows: each window starts from the last frames
@@ -24,7 +24,7 @@ class SolverSettings:
 
     max_iterations: int = 12
     relative_decrease: float = 1e-3
-    """A step that lowers the cost by less than this share is the last one."""
+    """A step that lowers the cost by less than this fraction is the last one."""
     first_damping: float = 1e-3
     window: int = 120
     """Frames that a window settles."""
@@ -39,7 +39,7 @@ def solve_windows(
 ) -> LongMotion:
     """The motion that minimises the terms, started from `motion`; `terms_of(frames)` builds the terms of one window.
 
-    The result has no seams: accelerations across the border of two windows are part of the later one.
+    The result has no discontinuities: accelerations across the border of two windows are part of the later one.
     """
     settings = settings or SolverSettings()
     result = LongMotion(motion.skeleton, motion.vectors.copy(), motion.pelvis_ref.copy())

@@ -88,20 +88,22 @@ class Motion:
         return np.concatenate([self.R_ref_root[:, None], self.R_body], axis=1)
 
     @cached_property
-    def notes(self) -> dict[Hashable, Any]:
-        """What terms found out about this motion (`fit_equations.once_per_motion`)."""
+    def cache(self) -> dict[Hashable, Any]:
+        """What terms found out about this motion (`fit_equations.memoised`)."""
         return {}
 
     @cached_property
-    def turns(self) -> Float[Array, "N 20 3 3"]:
+    def free_rotations(self) -> Float[Array, "N 20 3 3"]:
         """Local rotations of the root and the free joints."""
         return np.asarray(self.R_local[:, _TURNING])
 
     def moved(self, step: Float[Array, "N 63"]) -> "Motion":
         """The motion after one step."""
-        turns = self.turns @ rotvec_to_rotmat(np.concatenate([step[:, ROOT], step[:, BODY]], axis=1).reshape(-1, 20, 3))
+        rotated = self.free_rotations @ rotvec_to_rotmat(
+            np.concatenate([step[:, ROOT], step[:, BODY]], axis=1).reshape(-1, 20, 3)
+        )
         R = self.R_local.copy()
-        R[:, _TURNING] = turns
+        R[:, _TURNING] = rotated
         return Motion.of(self.skeleton, R, self.pelvis_ref + step[:, PELVIS])
 
     @cached_property
@@ -122,15 +124,15 @@ class Motion:
         about its axis a gives (a, (p_j − pelvis) × a)."""
         joints, R = self.posed
         axes = R[:, _TURNING]  # columns: the joint's axes in the reference frame
-        place = (joints[:, _TURNING] - self.pelvis_ref[:, None])[..., None]
+        arm = (joints[:, _TURNING] - self.pelvis_ref[:, None])[..., None]
         twists = np.zeros((self.num_frames, 6, NUM_PARAMETERS))
-        turns = np.empty((self.num_frames, 6, len(_TURNING), 3))
+        rotation_twists = np.empty((self.num_frames, 6, len(_TURNING), 3))
         for row in range(3):
             a, b = (row + 1) % 3, (row + 2) % 3
-            turns[:, row] = axes[:, :, row]
-            turns[:, 3 + row] = place[:, :, a] * axes[:, :, b] - place[:, :, b] * axes[:, :, a]
-        twists[..., ROOT] = turns[:, :, 0]
-        twists[..., BODY] = turns[:, :, 1:].reshape(self.num_frames, 6, -1)
+            rotation_twists[:, row] = axes[:, :, row]
+            rotation_twists[:, 3 + row] = arm[:, :, a] * axes[:, :, b] - arm[:, :, b] * axes[:, :, a]
+        twists[..., ROOT] = rotation_twists[:, :, 0]
+        twists[..., BODY] = rotation_twists[:, :, 1:].reshape(self.num_frames, 6, -1)
         twists[:, 3:, PELVIS] = np.eye(3)
         return twists
 

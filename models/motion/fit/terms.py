@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from humanmm.models.geometry.rotations import rotmat_to_rotvec, skew
-from humanmm.models.motion.fit.equations import REFERENCE_HZ, NormalEquations, cauchy, once_per_motion, portions
+from humanmm.models.motion.fit.equations import REFERENCE_HZ, NormalEquations, cauchy, memoised, portions
 from humanmm.models.motion.fit.state import BODY, NUM_PARAMETERS, PELVIS, ROOT, CameraPath, Motion
 
 Array = np.ndarray
@@ -33,9 +33,9 @@ class Reprojection:
     weight: Float[Array, "N K"]
     """Trust × time weight; zero where unseen."""
     robust_scale: float = 3.0
-    """Residual, in sigmas, beyond which a point loses its say."""
+    """Scale of the Cauchy kernel, in standard deviations."""
 
-    @once_per_motion
+    @memoised
     def _residual(self, motion: Motion) -> tuple[Array, Array, Array]:
         """Residuals (N, K, 2), weights (N, K), and x/z, y/z, z in the camera (N, K, 3)."""
         p = self.camera.to_camera(motion.points)
@@ -47,7 +47,7 @@ class Reprojection:
         projected = np.stack([K[..., 0, 0] * x + K[..., 0, 1] * y + K[..., 0, 2], K[..., 1, 1] * y + K[..., 1, 2]], -1)
         return (projected - self.pixels) / self.sigma_px[..., None], weight, p
 
-    @once_per_motion
+    @memoised
     def _loss(self, motion: Motion) -> tuple[Array, Array]:
         """Robust half-costs and weights."""
         residual, _, _ = self._residual(motion)
@@ -83,9 +83,9 @@ class Reprojection:
 class Bones:
     """Vectors between points known in 3D, all of a frame turned by one unknown small rotation φ.
 
-    r_b = A_b ((p_to − p_from) − exp(φ) v_b), φ ~ N(0, diag(turn²)) in the axes of `R_ref_view`. A network that lifts a
-    picture to 3D is wrong about the tilt of the whole body before it is wrong about one bone against the others; φ
-    takes that part, and is eliminated frame by frame.
+    r_b = A_b ((p_to − p_from) − exp(φ) v_b), φ ~ N(0, diag(tilt_std²)) in the axes of `R_ref_view`. A network that
+    lifts a picture to 3D is wrong about the tilt of the whole body before it is wrong about one bone against the
+    others; φ takes that part, and is eliminated frame by frame.
     """
 
     start: Int[Array, " B"]
@@ -96,41 +96,41 @@ class Bones:
     """Axes in which errors are stated: across (x, y) and along (z) the viewing ray."""
     sigma: Float[Array, "B 3"]
     """Expected errors in view axes, metres."""
-    turn: Float[Array, " 3"]
-    """Expected size of φ about the view axes, radians."""
+    tilt_std: Float[Array, " 3"]
+    """Standard deviation of φ about the view axes, radians."""
     weight: Float[Array, "N B"]
     time_weight: Float[Array, " N"]
     robust_scale: float = 3.0
 
     @cached_property
-    def _turning(self) -> tuple[Float[Array, "N 3B 3"], Float[Array, "N B 9"]]:
+    def _tilting(self) -> tuple[Float[Array, "N 3B 3"], Float[Array, "N B 9"]]:
         """A [v]×, by which residuals grow with φ (exp(φ) v ≈ v − [v]× φ), and its square for each bone."""
-        turning = skew(self.vectors @ self.R_ref_view) / self.sigma[..., None]
-        squared = np.swapaxes(turning, -1, -2) @ turning
-        return turning.reshape(len(turning), -1, 3), squared.reshape(*turning.shape[:2], 9)
+        tilting = skew(self.vectors @ self.R_ref_view) / self.sigma[..., None]
+        squared = np.swapaxes(tilting, -1, -2) @ tilting
+        return tilting.reshape(len(tilting), -1, 3), squared.reshape(*tilting.shape[:2], 9)
 
-    @once_per_motion
+    @memoised
     def _residual(self, motion: Motion) -> tuple[Array, Array, Array, Array]:
         """Residuals, robust costs and weights at the best φ, and what φ itself costs: (N,B,3), (N,B), (N,B), (N,)."""
         points = motion.points
         gap = (points[:, self.end] - points[:, self.start] - self.vectors) @ self.R_ref_view
-        turning, squared = self._turning
+        tilting, squared = self._tilting
         base = gap / self.sigma
         trust = np.ones_like(self.weight)
-        loose = self.time_weight[:, None, None] * np.diag(1 / self.turn**2)
+        loose = self.time_weight[:, None, None] * np.diag(1 / self.tilt_std**2)
         for _ in range(3):
             w = self.weight * trust
             S = (w[:, None] @ squared).reshape(-1, 3, 3) + loose
-            s = np.swapaxes(turning, -1, -2) @ (w[..., None] * base).reshape(len(w), -1, 1)
+            s = np.swapaxes(tilting, -1, -2) @ (w[..., None] * base).reshape(len(w), -1, 1)
             phi = -np.linalg.solve(S, s)
-            residual = base + (turning @ phi).reshape(base.shape)
+            residual = base + (tilting @ phi).reshape(base.shape)
             loss, trust = cauchy(np.sum(residual**2, axis=-1), self.robust_scale)
-        turned = 0.5 * self.time_weight * np.sum((phi[..., 0] / self.turn) ** 2, axis=-1)
-        return residual, loss, trust, turned
+        tilt_cost = 0.5 * self.time_weight * np.sum((phi[..., 0] / self.tilt_std) ** 2, axis=-1)
+        return residual, loss, trust, tilt_cost
 
     def cost(self, motion: Motion) -> float:
-        _, loss, _, turned = self._residual(motion)
-        return float(np.sum(self.weight * loss) + np.sum(turned))
+        _, loss, _, tilt_cost = self._residual(motion)
+        return float(np.sum(self.weight * loss) + np.sum(tilt_cost))
 
     def add(self, motion: Motion, equations: NormalEquations) -> None:
         residual, _, trust, _ = self._residual(motion)
@@ -157,7 +157,7 @@ def _inverse_right_jacobian(v: Float[Array, "*batch 3"]) -> Float[Array, "*batch
 
 @dataclass(frozen=True, eq=False)
 class PosePrior:
-    """A mixture of Gaussians over the rotation vectors of the free joints, and soft walls at the ends of their ranges.
+    """A mixture of Gaussians over the rotation vectors of the free joints, and soft limits at the ends of their ranges.
 
     The likeliest Gaussian alone counts in each frame (the maximum stands for the sum).
     """
@@ -168,8 +168,8 @@ class PosePrior:
     """Logarithm of each Gaussian's weighted density at its mean, up to one constant."""
     lower: Float[Array, " 57"]
     upper: Float[Array, " 57"]
-    wall: float
-    """1 / σ² of the walls, per rad²."""
+    joint_limit: float
+    """1 / σ² of the joint limits, per rad²."""
     weight: Float[Array, " N"]
 
     @cached_property
@@ -177,14 +177,14 @@ class PosePrior:
         """U with UᵀU = precision: U (x − mean) are residuals."""
         return np.swapaxes(np.linalg.cholesky(self.precisions), -1, -2)
 
-    @once_per_motion
+    @memoised
     def _vectors(self, motion: Motion) -> Float[Array, "N 19 3"]:
-        return rotmat_to_rotvec(motion.turns[:, 1:])
+        return rotmat_to_rotvec(motion.free_rotations[:, 1:])
 
     def _beyond(self, x: Array) -> Array:
         return np.asarray(np.maximum(x - self.upper, 0) + np.minimum(x - self.lower, 0))
 
-    @once_per_motion
+    @memoised
     def _likeliest(self, motion: Motion) -> tuple[Array, Array, Array]:
         """Each frame's Gaussian, its residuals (N, 57), and what they cost."""
         x = self._vectors(motion).reshape(motion.num_frames, -1)
@@ -196,7 +196,7 @@ class PosePrior:
     def cost(self, motion: Motion) -> float:
         x = self._vectors(motion).reshape(motion.num_frames, -1)
         _, _, costs = self._likeliest(motion)
-        return float(np.sum(self.weight * (costs + 0.5 * self.wall * np.sum(self._beyond(x) ** 2, axis=-1))))
+        return float(np.sum(self.weight * (costs + 0.5 * self.joint_limit * np.sum(self._beyond(x) ** 2, axis=-1))))
 
     def add(self, motion: Motion, equations: NormalEquations) -> None:
         vectors = self._vectors(motion)
@@ -207,14 +207,14 @@ class PosePrior:
         roots = self._roots.astype(np.float32)
         for frames in portions(len(vectors)):
             portion = chain[frames]
-            turning = np.zeros((*portion.shape[:3], *portion.shape[1:3]), np.float32)  # block-diagonal
-            np.einsum("njajb->njab", turning)[...] = root[frames, None, None, None] * portion
-            rows = roots[chosen[frames]] @ turning.reshape(len(portion), self.means.shape[1], -1)
+            tilting = np.zeros((*portion.shape[:3], *portion.shape[1:3]), np.float32)  # block-diagonal
+            np.einsum("njajb->njab", tilting)[...] = root[frames, None, None, None] * portion
+            rows = roots[chosen[frames]] @ tilting.reshape(len(portion), self.means.shape[1], -1)
             equations.add_rows(frames, rows, right[frames], BODY)
         beyond = self._beyond(vectors.reshape(len(vectors), -1)).reshape(vectors.shape)
-        stiff = self.wall * self.weight[:, None, None] * (beyond != 0)
+        stiff = self.joint_limit * self.weight[:, None, None] * (beyond != 0)
         transposed = np.swapaxes(chain, -1, -2)
-        equations.turns[:, 2:] += transposed @ (stiff[..., None] * chain)
+        equations.rotation_blocks[:, 2:] += transposed @ (stiff[..., None] * chain)
         equations.gradient[:, BODY] += (transposed @ (stiff * beyond)[..., None]).reshape(len(vectors), -1)
 
 
@@ -224,30 +224,30 @@ class Anchor:
 
     reference: Motion
     sigma: Float[Array, " 63"]
-    """Leash of each parameter: radians, metres for the pelvis."""
+    """Standard deviation of each parameter: radians, metres for the pelvis."""
     weight: Float[Array, " N"]
 
-    @once_per_motion
+    @memoised
     def _residual(self, motion: Motion) -> tuple[Array, Array]:
         """Displacements (N, 63), and rotation vectors (N, 20, 3) of the turned joints."""
-        turn = rotmat_to_rotvec(np.swapaxes(self.reference.turns, -1, -2) @ motion.turns)
+        rotation = rotmat_to_rotvec(np.swapaxes(self.reference.free_rotations, -1, -2) @ motion.free_rotations)
         gap = np.empty((motion.num_frames, NUM_PARAMETERS))
-        gap[:, ROOT], gap[:, BODY] = turn[:, 0], turn[:, 1:].reshape(len(gap), -1)
+        gap[:, ROOT], gap[:, BODY] = rotation[:, 0], rotation[:, 1:].reshape(len(gap), -1)
         gap[:, PELVIS] = motion.pelvis_ref - self.reference.pelvis_ref
-        return gap / self.sigma, turn
+        return gap / self.sigma, rotation
 
     def cost(self, motion: Motion) -> float:
         residual, _ = self._residual(motion)
         return 0.5 * float(np.sum(self.weight[:, None] * residual**2))
 
     def add(self, motion: Motion, equations: NormalEquations) -> None:
-        residual, turn = self._residual(motion)
-        chain = _inverse_right_jacobian(turn)
-        pelvis = np.broadcast_to(np.eye(3), (len(turn), 1, 3, 3))
+        residual, rotation = self._residual(motion)
+        chain = _inverse_right_jacobian(rotation)
+        pelvis = np.broadcast_to(np.eye(3), (len(rotation), 1, 3, 3))
         rows = np.concatenate([chain[:, :1], pelvis, chain[:, 1:]], axis=1) / self.sigma.reshape(-1, 3, 1)
         transposed = np.swapaxes(rows, -1, -2) * self.weight[:, None, None, None]
-        equations.turns += transposed @ rows
-        equations.gradient += (transposed @ residual.reshape(*turn.shape[:1], -1, 3, 1)).reshape(len(turn), -1)
+        equations.rotation_blocks += transposed @ rows
+        equations.gradient += (transposed @ residual.reshape(*rotation.shape[:1], -1, 3, 1)).reshape(len(rotation), -1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,12 +269,15 @@ class Smoothness:
         rows = np.stack([1 / before, -1 / before - 1 / after, 1 / after], axis=-1)
         return np.asarray(rows / middle[:, None] * np.sqrt(middle * REFERENCE_HZ)[:, None])
 
-    @once_per_motion
+    @memoised
     def _residual(self, motion: Motion) -> Float[Array, "M 63"]:
         dt = np.diff(self.time_s)
-        turn = rotmat_to_rotvec(np.swapaxes(motion.turns[:-1], -1, -2) @ motion.turns[1:]) / dt[:, None, None]
+        rotation = (
+            rotmat_to_rotvec(np.swapaxes(motion.free_rotations[:-1], -1, -2) @ motion.free_rotations[1:])
+            / dt[:, None, None]
+        )
         velocity = np.empty((len(dt), NUM_PARAMETERS))
-        velocity[:, ROOT], velocity[:, BODY] = turn[:, 0], turn[:, 1:].reshape(len(dt), -1)
+        velocity[:, ROOT], velocity[:, BODY] = rotation[:, 0], rotation[:, 1:].reshape(len(dt), -1)
         velocity[:, PELVIS] = np.diff(motion.pelvis_ref, axis=0) / dt[:, None]
         middle = (dt[1:] + dt[:-1]) / 2
         return np.asarray(np.diff(velocity, axis=0) * (np.sqrt(REFERENCE_HZ / middle)[:, None] / self.sigma))

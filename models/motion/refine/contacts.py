@@ -1,6 +1,6 @@
 """When a foot stands: from its speed and its height above whatever carried the body a moment ago.
 
-Four places: left ankle, left toe base, right ankle, right toe base. Speeds are taken over a fixed time, not over
+Four joints: left ankle, left toe base, right ankle, right toe base. Speeds are taken over a fixed time, not over
 frames, and the part along the viewing ray, where a single camera is nearly blind, counts less. Heights are compared
 with the lowest sole within half a second instead of with the floor alone: somebody on a wall or a stair stands as
 well, and in a jump both feet are above the ground that they left.
@@ -51,9 +51,9 @@ def contact_probabilities(
     observed: Bool[Array, " N"],
     model: ContactModel | None = None,
 ) -> Float[Array, "N 4"]:
-    """Probability that each place of `feet` (world, metres) stands still on something.
+    """Probability that each joint of `feet` (world, metres) stands still on something.
 
-    `sole_height`: height of each place above the ground when the foot is flat on it. `ray`: unit viewing ray. Above one
+    `sole_height`: height of each joint above the ground when the foot is flat on it. `ray`: unit viewing ray. Above one
     half exactly in the intervals that hysteresis and shortest duration leave; 0 where nobody was seen.
     """
     model = model or ContactModel()
@@ -90,17 +90,17 @@ def support_height(lowest: Float[Array, " N"], time_s: Float[Array, " N"], windo
 def confirmed(
     contacts: Float[Array, "N 4"], feet: Float[Array, "N 4 3"], *, reach_m: float = STILL_M
 ) -> Float[Array, "N 4"]:
-    """The probabilities, below one half where a place has left the middle of its contact after all.
+    """The probabilities, below one half where a joint has left the middle of its contact after all.
 
     A foot that turns on the spot or that the leg cannot hold is not said to stand: while a contact lasts, nothing moves
     by more than twice `reach_m`.
     """
     out = contacts.copy()
-    for place in range(contacts.shape[1]):
-        for start, end in runs_of_true(contacts[:, place] >= 0.5):
-            path = feet[start:end, place]
+    for joint in range(contacts.shape[1]):
+        for start, end in runs_of_true(contacts[:, joint] >= 0.5):
+            path = feet[start:end, joint]
             left = np.linalg.norm(path - np.median(path, axis=0), axis=-1) > reach_m
-            out[start:end, place][left] = np.minimum(out[start:end, place][left], 0.499)
+            out[start:end, joint][left] = np.minimum(out[start:end, joint][left], 0.499)
     return out
 
 

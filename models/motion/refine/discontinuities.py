@@ -1,4 +1,4 @@
-"""Seams at cuts: what two shots say of the same instant is made one.
+"""Discontinuities at cuts: what two shots say of the same instant is made one.
 
 Each shot's pose carries an error of its own (mostly bias: it lasts), so a person changes posture from one frame to the
 next where the camera changes. Both sides are carried on to the middle of the cut, and each gives way by half of their
@@ -25,7 +25,7 @@ LONGEST_STEP_S = 0.2
 """Sides further apart in time than this have a gap between them, which is filled in instead."""
 
 
-def close_seams(
+def close_discontinuities(
     vectors: Float[Array, "N J 3"],
     *,
     frame: Int[Array, " N"],
@@ -33,7 +33,7 @@ def close_seams(
     time_s: Float[Array, " N"],
     cut_frames: Sequence[int],
 ) -> Float[Array, "N J 3"]:
-    """The rotation vectors (radians) with the jump at every cut shared out between both shots."""
+    """The rotation vectors (radians) with the jump at every cut divided between both shots."""
     if not cut_frames:
         return vectors
     closed = vectors.copy()
@@ -53,9 +53,9 @@ def close_seams(
         ):
             reach = min(FADE_S, abs(time_s[rows[-1]] - time_s[rows[0]]) / 2 + 1e-9)
             away = np.abs(time_s[rows] - middle) / reach
-            rows, share = rows[away < 1], fade(away[away < 1])
-            turn = rotvec_to_rotmat(sign * share[:, None, None] * jump)
-            closed[rows] = rotmat_to_rotvec(rotvec_to_rotmat(closed[rows]) @ turn)
+            rows, fraction = rows[away < 1], fade(away[away < 1])
+            correction = rotvec_to_rotmat(sign * fraction[:, None, None] * jump)
+            closed[rows] = rotmat_to_rotvec(rotvec_to_rotmat(closed[rows]) @ correction)
     return closed
 
 
@@ -76,8 +76,8 @@ def _carried(vectors: Array, rows: Array, time_s: Array, when: float) -> Float[A
     base = R[0]
     if len(near) < 3:
         return np.asarray(base)
-    turns = rotmat_to_rotvec(np.swapaxes(base, -1, -2) @ R)
+    rotations = rotmat_to_rotvec(np.swapaxes(base, -1, -2) @ R)
     at = time_s[near] - when
     design = np.stack([np.ones(len(near)), at], axis=1)
-    line = np.linalg.lstsq(design, turns.reshape(len(near), -1), rcond=None)[0]
+    line = np.linalg.lstsq(design, rotations.reshape(len(near), -1), rcond=None)[0]
     return np.asarray(base @ rotvec_to_rotmat(line[0].reshape(-1, 3)))

@@ -1,9 +1,9 @@
 """One more fit of the body, over the whole clip in the world: all shots' evidence, and feet that do not move.
 
-`hmr` fits each shot by itself and `align` places the shots. Here one person's keypoints and 3D landmarks of all shots
-are seen by cameras that now stand in one world, motion runs on through the cuts, and a planted foot is in the same
-place in every frame: what one view cannot tell (how far away, how the body is tilted) the leg and the neighbouring shot
-tell.
+`hmr` fits each shot by itself and `align` puts the shots into one world. Here one person's keypoints and 3D landmarks
+of all shots are seen by cameras that now stand in one world, motion runs on through the cuts, and a planted foot has
+the same position in every frame: what one view cannot tell (how far away, how the body is tilted) the leg and the
+neighbouring shot tell.
 """
 
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.landmarks import load_landmarks
-from humanmm.models.motion.fit.equations import REFERENCE_HZ, NormalEquations, Term, cauchy, once_per_motion, portions
+from humanmm.models.motion.fit.equations import REFERENCE_HZ, NormalEquations, Term, cauchy, memoised, portions
 from humanmm.models.motion.fit.evidence import LongEvidence, Sighting, bone_lengths
 from humanmm.models.motion.fit.hmr import EvidenceTerms, NoiseModel, pelvis_depths
 from humanmm.models.motion.fit.solver import SolverSettings, solve_windows
@@ -36,7 +36,7 @@ more of it would hold back the slow drift of the whole body that they are to cor
 
 @dataclass(frozen=True, eq=False)
 class PlantedFeet:
-    """Places that stand keep their place from frame to frame: (p_(t+1) − p_t) / (σ Δt), robust for each place."""
+    """Joints that stand keep their position from frame to frame: (p_(t+1) − p_t) / (σ Δt), robust for each joint."""
 
     feet: Skeleton
     time_s: Float[Array, " N"]
@@ -55,11 +55,11 @@ class PlantedFeet:
         stands = self.contacts * (self.contacts >= 0.5)
         return np.asarray(stands[1:] * stands[:-1] * (self._span * REFERENCE_HZ)[:, None])
 
-    @once_per_motion
+    @memoised
     def _feet(self, motion: Motion) -> Motion:
         return Motion.of(self.feet, motion.R_local, motion.pelvis_ref)
 
-    @once_per_motion
+    @memoised
     def _residual(self, feet: Motion) -> Float[Array, "M 4 3"]:
         return np.asarray(np.diff(feet.points, axis=0) / (self.speed_ms * self._span)[:, None, None])
 

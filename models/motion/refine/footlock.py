@@ -1,9 +1,10 @@
-"""Feet that stand stay where they stand: one anchor per contact, approached and left without a pop.
+"""Planted feet do not move: one anchor per contact, approached and left without a pop (Kovar et al. 2002, "Footskate
+cleanup for motion capture editing").
 
-A contact holds the ankle, the toe base or both. Each place gets the anchor that its own path suggests; the ankle's way
-to it is a correction that is exact inside the contact and fades out on both sides. A planted toe base with a lifting
-heel holds the foot through the ankle: the foot turns about its ball. Hip and knee then follow by two-bone inverse
-kinematics about the knee's own axis, and the foot keeps its attitude in the world.
+A contact holds the ankle, the toe base or both. Each joint gets the anchor that its own path suggests; the ankle's
+displacement to it is a correction that is exact inside the contact and fades out on both sides. A planted toe base with
+a lifting heel holds the foot through the ankle: the foot rotates about its ball. Hip and knee then follow by two-bone
+inverse kinematics about the knee's own axis, and the foot keeps its orientation in the world.
 """
 
 from dataclasses import dataclass, fields, replace
@@ -35,7 +36,7 @@ class LockSettings:
     floor_reach_m: float = 0.03
     """A sole within this height of the floor stands on the floor; a higher one on something else."""
     longest_reach: float = 0.999
-    """Largest distance from hip to ankle, as a share of the leg's length: a straight leg has no axis."""
+    """Largest distance from hip to ankle, as a fraction of the leg's length: a straight leg has no axis."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,16 +59,16 @@ class Leg:
     def of(cls, motion: LongMotion, side: int, frames: slice) -> "Leg":
         """The left (0) or right (1) leg in a run of a motion's frames: forward kinematics of these joints alone."""
         R_parent = R_pelvis = rotvec_to_rotmat(motion.vectors[frames, 0])
-        rest, parent, place = motion.skeleton.rest_joints, 0, motion.pelvis_ref[frames]
-        places, turns = [], []
+        rest, parent, position = motion.skeleton.rest_joints, 0, motion.pelvis_ref[frames]
+        positions, rotations = [], []
         for joint in LEGS[side]:
-            place = place + R_parent @ (rest[joint] - rest[parent])
+            position = position + R_parent @ (rest[joint] - rest[parent])
             R_parent = R_parent @ rotvec_to_rotmat(motion.vectors[frames, joint])
-            places.append(place)
-            turns.append(R_parent)
+            positions.append(position)
+            rotations.append(R_parent)
             parent = joint
-        hip, knee, ankle, toe = places
-        R_hip, R_knee, R_ankle, _ = turns
+        hip, knee, ankle, toe = positions
+        R_hip, R_knee, R_ankle, _ = rotations
         return cls(hip, knee, ankle, toe, R_pelvis, R_hip, R_knee, R_ankle)
 
     def frames(self, chosen: slice) -> "Leg":
@@ -75,13 +76,13 @@ class Leg:
         return Leg(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
 
-def contact_places(motion: LongMotion) -> Float[Array, "N 4 3"]:
-    """Where `CONTACT_JOINTS` are in every frame, metres, in the motion's reference frame."""
-    places = np.empty((motion.num_frames, len(CONTACT_JOINTS), 3))
+def contact_positions(motion: LongMotion) -> Float[Array, "N 4 3"]:
+    """Positions of `CONTACT_JOINTS` in every frame, metres, in the motion's reference frame."""
+    positions = np.empty((motion.num_frames, len(CONTACT_JOINTS), 3))
     for frames in chunks(motion.num_frames):
         legs = [Leg.of(motion, side, frames) for side in range(len(LEGS))]
-        places[frames] = np.stack([place for leg in legs for place in (leg.ankle, leg.toe)], axis=1)
-    return places
+        positions[frames] = np.stack([position for leg in legs for position in (leg.ankle, leg.toe)], axis=1)
+    return positions
 
 
 def lock_feet(
@@ -96,8 +97,8 @@ def lock_feet(
     vectors = motion.vectors.copy()
     for side, (hip, knee, ankle, _) in enumerate(LEGS):
         leg = Leg.of(motion, side, slice(None))
-        places = slice(2 * side, 2 * side + 2)
-        target, R_foot = ankle_targets(leg, contacts[:, places], sole_height[places], time_s=time_s, settings=settings)
+        own = slice(2 * side, 2 * side + 2)
+        target, R_foot = ankle_targets(leg, contacts[:, own], sole_height[own], time_s=time_s, settings=settings)
         for frames in chunks(motion.num_frames):
             bent = bend_leg(leg.frames(frames), target[frames], R_foot[frames], settings=settings)
             for joint, R in zip((hip, knee, ankle), bent, strict=True):
@@ -125,14 +126,14 @@ def ankle_targets(
     offset, certain = np.zeros_like(leg.ankle), np.zeros(len(leg.ankle), bool)
     previous: tuple[int, Array] | None = None
     for start, end, by_ankle in _phases(holds):
-        place = leg.ankle if by_ankle else toe
+        position = leg.ankle if by_ankle else toe
         height = sole_height[0 if by_ankle else 1]
-        anchor = _anchor(place[start:end], height, settings)
+        anchor = _anchor(position[start:end], height, settings)
         if previous is not None and previous[0] == start:
             # The foot rolls from heel to ball (or back) within one contact: the new pivot is where the old one left it.
-            carried = place[start] + previous[1]
+            carried = position[start] + previous[1]
             anchor = np.array([carried[0], carried[1], anchor[2]])
-        correction = anchor - place[start:end]
+        correction = anchor - position[start:end]
         if np.linalg.norm(correction, axis=-1).max() > settings.farthest_m:
             previous = None
             continue
@@ -142,7 +143,7 @@ def ankle_targets(
 
 
 def _phases(holds: Bool[Array, "N 2"]) -> list[tuple[int, int, bool]]:
-    """[start, end), by the ankle (else by the toe base): runs in which one place holds the foot, in order.
+    """[start, end), by the ankle (else by the toe base): runs in which one joint holds the foot, in order.
 
     Where both hold, the ankle does, for with it the whole sole stands.
     """
@@ -152,7 +153,7 @@ def _phases(holds: Bool[Array, "N 2"]) -> list[tuple[int, int, bool]]:
 
 
 def _anchor(path: Float[Array, "M 3"], sole_height: float, settings: LockSettings) -> Float[Array, " 3"]:
-    """The place that a contact holds: the middle of its path, on the floor if that is near."""
+    """The position that a contact holds: the middle of its path, on the floor if that is near."""
     anchor = np.asarray(np.median(path, axis=0))
     if abs(anchor[2] - sole_height) < settings.floor_reach_m:
         anchor[2] = sole_height
@@ -161,15 +162,15 @@ def _anchor(path: Float[Array, "M 3"], sole_height: float, settings: LockSetting
 
 def _flat_feet(leg: Leg, holds: Bool[Array, "N 2"], time_s: Array, settings: LockSettings) -> Float[Array, "N 3 3"]:
     """The feet's rotations, held still while both ankle and toe base stand."""
-    turn, certain = np.zeros((len(holds), 3)), np.zeros(len(holds), bool)
+    correction_rotvec, certain = np.zeros((len(holds), 3)), np.zeros(len(holds), bool)
     for start, end in runs_of_true(np.asarray(holds.all(axis=1))):
         middle = leg.R_ankle[(start + end) // 2]
         spread = rotmat_to_rotvec(middle.T @ leg.R_ankle[start:end])
         mean = middle @ rotvec_to_rotmat(np.median(spread, axis=0))
         to_mean = rotmat_to_rotvec(np.swapaxes(leg.R_ankle[start:end], -1, -2) @ mean)
-        if np.linalg.norm(to_mean, axis=-1).max() < 0.6:  # a foot that turns more than 35° does not stand flat
-            turn[start:end], certain[start:end] = to_mean, True
-    return np.asarray(leg.R_ankle @ rotvec_to_rotmat(_faded(turn, certain, time_s, settings.fade_s)))
+        if np.linalg.norm(to_mean, axis=-1).max() < 0.6:  # a foot that rotates by more than 35° does not stand flat
+            correction_rotvec[start:end], certain[start:end] = to_mean, True
+    return np.asarray(leg.R_ankle @ rotvec_to_rotmat(_faded(correction_rotvec, certain, time_s, settings.fade_s)))
 
 
 def _faded(
@@ -197,18 +198,18 @@ def bend_leg(
     *,
     settings: LockSettings | None = None,
 ) -> tuple[Float[Array, "N 3 3"], Float[Array, "N 3 3"], Float[Array, "N 3 3"]]:
-    """Local rotations of hip, knee and ankle that bring the ankle to its place: the knee bends about its own axis.
+    """Local rotations of hip, knee and ankle that bring the ankle to its target: the knee bends about its own axis.
 
     The knee's axis is the one about which the leg is bent, or, in a straight leg, the joint's x axis.
     """
     settings = settings or LockSettings()
     thigh, shin = leg.knee - leg.hip, leg.ankle - leg.knee
     a, b = np.linalg.norm(thigh, axis=-1), np.linalg.norm(shin, axis=-1)
-    way = ankle - leg.hip
+    to_ankle = ankle - leg.hip
     now = np.linalg.norm(leg.ankle - leg.hip, axis=-1)
     # Never straighter than the leg already is or than `longest_reach` allows: the knee would pop.
     longest = np.maximum(settings.longest_reach * (a + b), np.minimum(now, a + b))
-    distance = np.clip(np.linalg.norm(way, axis=-1), 1.02 * np.abs(a - b) + 0.05, longest)
+    distance = np.clip(np.linalg.norm(to_ankle, axis=-1), 1.02 * np.abs(a - b) + 0.05, longest)
     inner_now = np.arccos(np.clip((a**2 + b**2 - now**2) / (2 * a * b), -1, 1))
     inner = np.arccos(np.clip((a**2 + b**2 - distance**2) / (2 * a * b), -1, 1))
     axis = np.cross(thigh, shin)
@@ -220,7 +221,7 @@ def bend_leg(
     axis /= np.maximum(np.linalg.norm(axis, axis=-1, keepdims=True), 1e-9)
     R_bend = rotvec_to_rotmat((inner_now - inner)[:, None] * axis)
     bent_shin = np.einsum("nab,nb->na", R_bend, shin)
-    R_swing = swing(thigh + bent_shin, way)
+    R_swing = swing(thigh + bent_shin, to_ankle)
     R_hip, R_knee = R_swing @ leg.R_hip, R_swing @ R_bend @ leg.R_knee
     return (
         np.swapaxes(leg.R_pelvis, -1, -2) @ R_hip,

@@ -1,4 +1,4 @@
-"""One motion over all shots (paper section 3.4): seams closed, gaps filled, smooth, feet on one floor.
+"""One motion over all shots (paper section 3.4): no discontinuities, no gaps, smooth, feet on one floor.
 
 In order: the poses of neighbouring shots are made one at the cut; rotations are smoothed and gaps filled in; feet that
 stand are found, and the floor is put under them; the body is fitted once more to the evidence of all shots together,
@@ -19,9 +19,9 @@ from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
 from humanmm.models.motion.fit.evidence import LongEvidence
 from humanmm.models.motion.fit.state import CameraPath, LongMotion
 from humanmm.models.motion.refine.contacts import ContactModel, confirmed, contact_probabilities
-from humanmm.models.motion.refine.discontinuities import close_seams
+from humanmm.models.motion.refine.discontinuities import close_discontinuities
 from humanmm.models.motion.refine.fit import fit_world, gather_clip, person_skeleton
-from humanmm.models.motion.refine.footlock import LockSettings, contact_places, lock_feet
+from humanmm.models.motion.refine.footlock import LockSettings, contact_positions, lock_feet
 from humanmm.models.motion.refine.smoothing import smooth, smooth_rotations
 from humanmm.models.records.motion import PersonMotion, WorldMotion
 from humanmm.models.records.recording import CONTACT_JOINTS
@@ -37,7 +37,7 @@ FILL_HZ = 12.0
 """Band limit of what fills a gap after the fit: it meets the frames beside it almost exactly."""
 
 FEWEST_STANDING = 10
-"""Fewer places and frames than this say nothing about the floor."""
+"""Fewer soles and frames than this say nothing about the floor."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ def refine_world(
 
 @dataclass(frozen=True, eq=False)
 class Draft:
-    """One person on the way: smooth poses without gaps, and feet that stand."""
+    """One person between two steps: smooth poses without gaps, and feet that stand."""
 
     person: PersonMotion
     time_s: Float[Array, " N"]
@@ -113,7 +113,7 @@ class Draft:
     sole_height: Float[Array, " 4"]
     motion: LongMotion
     feet: Float[Array, "N 4 3"]
-    """Where the places of `CONTACT_JOINTS` are."""
+    """Positions of `CONTACT_JOINTS`."""
     contacts: Float[Array, "N 4"]
 
     @property
@@ -132,13 +132,13 @@ class Draft:
         )
 
     def with_contacts(self, model: ContactModel) -> "Draft":
-        """Contacts found on the way as it is now."""
-        way = self.motion.pelvis_ref - self.camera_centre
+        """Contacts found on the motion as it is now."""
+        sight = self.motion.pelvis_ref - self.camera_centre
         found = contact_probabilities(
             self.feet,
             self.sole_height,
             time_s=self.time_s,
-            ray=way / np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), 1e-6),
+            ray=sight / np.maximum(np.linalg.norm(sight, axis=-1, keepdims=True), 1e-6),
             observed=self.person.observed,
             model=model,
         )
@@ -153,7 +153,7 @@ class Draft:
             vectors, pelvis = motion.vectors, motion.pelvis_ref
             vectors[~seen] = smooth_rotations(vectors, seen * 1.0, self.time_s, cutoff_hz=FILL_HZ)[~seen]
             pelvis[~seen] = smooth(pelvis, seen * 1.0, self.time_s, cutoff_hz=FILL_HZ)[~seen]
-        return replace(self, motion=motion, feet=contact_places(motion))
+        return replace(self, motion=motion, feet=contact_positions(motion))
 
 
 def draft(
@@ -164,11 +164,11 @@ def draft(
     cut_frames: tuple[int, ...],
     settings: RefineSettings,
 ) -> Draft:
-    """Seams closed, rotations smoothed, gaps filled, feet that stand found once."""
+    """Discontinuities at cuts closed, rotations smoothed, gaps filled, feet that stand found once."""
     vectors = np.empty((len(person.frame), NUM_JOINTS, 3), np.float32)
     vectors[:, 0], vectors[:, 1:] = by_chunks(rotmat_to_rotvec, person.R_world_root), person.body_pose
     if settings.close_seams:
-        vectors = close_seams(
+        vectors = close_discontinuities(
             vectors, frame=person.frame, observed=person.observed, time_s=time_s, cut_frames=cut_frames
         )
     weight = np.where(person.observed, np.clip(person.confidence, 0.05, 1.0), 0.0)
@@ -186,7 +186,7 @@ def draft(
         K=world.K[frames],
         sole_height=sole_heights(load_body(), person.betas),
         motion=motion,
-        feet=contact_places(motion),
+        feet=contact_positions(motion),
         contacts=np.zeros((len(time_s), 4)),
     ).with_contacts(settings.contacts)
 
@@ -196,7 +196,7 @@ def finish(one: Draft, *, settings: RefineSettings) -> PersonMotion:
     motion, contacts = one.motion, one.contacts
     if settings.foot_lock:
         motion = lock_feet(motion, contacts, one.sole_height, time_s=one.time_s, settings=settings.lock)
-        contacts = confirmed(contacts, contact_places(motion))
+        contacts = confirmed(contacts, contact_positions(motion))
     return replace(
         one.person,
         R_world_root=by_chunks(rotvec_to_rotmat, motion.vectors[:, 0]),

@@ -2,7 +2,7 @@
 
 Minimises Σ w_t Δt_t |x_t − y_t|² + λ₃ ∫ |x‴|² dt + λ₁ ∫_gaps |x′|² dt. With λ₃ = (2π f)⁻⁶ the first two terms are a
 low-pass filter of response 1 / (1 + (ω/2πf)⁶) whatever the frame rate; where there is no evidence (w = 0) they carry
-the motion on with least jerk, and the third draws it towards the straight way within a quarter of a second, so that a
+the motion on with least jerk, and the third draws it towards the straight path within a quarter of a second, so that a
 long gap is crossed without a swing.
 """
 
@@ -91,10 +91,10 @@ def smooth(
 def smooth_rotations(
     vectors: Float[Array, "N J 3"], weight: Float[Array, " N"], time_s: Float[Array, " N"], *, cutoff_hz: float
 ) -> Float[Array, "N J 3"]:
-    """The same for rotation vectors (radians), by way of unit quaternions of continuous sign.
+    """The same for rotation vectors (radians), through unit quaternions of continuous sign.
 
     Within the reach of the filter (a tenth of a second) a joint turns little, so that smoothing the four numbers and
-    putting them back to length 1 is smoothing on the sphere; across a gap it is the spherical way, to first order.
+    putting them back to length 1 is smoothing on the sphere; across a gap it is the spherical path, to first order.
     """
     smoothed = np.empty_like(vectors)
     known = np.flatnonzero(weight > 0)

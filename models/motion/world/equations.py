@@ -1,8 +1,9 @@
-"""The normal equations of `world_solve`: places along chains of frames, and the cameras of the shots.
+"""The normal equations of `solver`: positions along chains of frames, and the cameras of the shots.
 
-A place meets its neighbours one and two frames away and the camera of its own shot. The places alone are a narrow band:
-it is factorised once (A = L Lᵀ), each strand's column of its camera is carried through it (Y = L⁻¹ B), and what remains
-for the cameras (C − Σ Yᵀ Y, the Schur complement) is small. Time and memory grow linearly with frames and with shots.
+A position meets its neighbours one and two frames away and the camera of its own shot. The positions alone are a narrow
+band: it is factorised once (A = L Lᵀ), each segment's column of its camera is carried through it (Y = L⁻¹ B), and what
+remains for the cameras (C − Σ Yᵀ Y, the Schur complement; Triggs et al. 2000, "Bundle adjustment: a modern synthesis",
+section 6.1) is small. Time and memory grow linearly with frames and with shots.
 """
 
 from collections.abc import Sequence
@@ -17,80 +18,81 @@ from scipy.sparse.linalg import splu
 Array = np.ndarray
 
 CAMERA_UNKNOWNS = 7
-"""Per shot: place (3), small rotation (3), scale (1)."""
+"""Per shot: position (3), small rotation (3), scale (1)."""
 
 _REACH = 2
-"""Frames that a place meets on either side."""
+"""Frames that a position meets on either side."""
 
-_ECHO_S = 15.0
-"""What a camera does to its people fades within a second after its shot: after this it is below rounding."""
+_HORIZON_S = 15.0
+"""Influence horizon: what a camera does to its people fades within a second after its shot, and after this it is below
+rounding."""
 
 
 @dataclass(frozen=True)
-class Link:
-    """A strand as one link of a person's chain: places [start, stop) in the order of all places."""
+class Segment:
+    """A shot's trajectory as one segment of a person's chain: positions [start, stop) in the order of all positions."""
 
     start: int
     stop: int
     shot: int
-    echo: int
-    """End of the places, of the same person, that this strand's camera can be felt in."""
+    horizon: int
+    """End of the positions, of the same person, that this segment's camera influences."""
 
 
-def links_of(persons: Sequence[int], shots: Sequence[int], times: Sequence[Float[Array, " n"]]) -> list[Link]:
-    """The links of strands that are sorted by person, then by time."""
-    links = []
+def segments_of(persons: Sequence[int], shots: Sequence[int], times: Sequence[Float[Array, " n"]]) -> list[Segment]:
+    """The segments of trajectories that are sorted by person, then by time."""
+    segments = []
     starts = np.concatenate([[0], np.cumsum([len(time) for time in times])])
     for k, time in enumerate(times):
-        echo = int(starts[k + 1])
+        horizon = int(starts[k + 1])
         for later in range(k + 1, len(times)):
-            felt = int(np.searchsorted(times[later], time[-1] + _ECHO_S)) if persons[later] == persons[k] else 0
-            echo += felt
+            felt = int(np.searchsorted(times[later], time[-1] + _HORIZON_S)) if persons[later] == persons[k] else 0
+            horizon += felt
             if felt < len(times[later]):
                 break
-        links.append(Link(int(starts[k]), int(starts[k + 1]), shots[k], echo))
-    return links
+        segments.append(Segment(int(starts[k]), int(starts[k + 1]), shots[k], horizon))
+    return segments
 
 
 class WorldEquations:
-    """H δ = −g of N places (3 numbers each) and S cameras (7 each)."""
+    """H δ = −g of N positions (3 numbers each) and S cameras (7 each)."""
 
-    def __init__(self, links: Sequence[Link], num_shots: int) -> None:
-        self.links = tuple(links)
-        n = links[-1].stop if links else 0
+    def __init__(self, segments: Sequence[Segment], num_shots: int) -> None:
+        self.segments = tuple(segments)
+        n = segments[-1].stop if segments else 0
         self.gradient = np.zeros((n, 3))
         self.own = np.zeros((n, 3, 3))
         self.next = np.zeros((_REACH + 1, n))
-        """next[d, i]: the block of places i and i + d is this times the identity; d = 0 is unused."""
+        """next[d, i]: the block of positions i and i + d is this times the identity; d = 0 is unused."""
         self.mixed = np.zeros((n, 3, CAMERA_UNKNOWNS))
-        """Blocks of each place and the camera of its shot."""
+        """Blocks of each position and the camera of its shot."""
         self.camera_gradient = np.zeros((num_shots, CAMERA_UNKNOWNS))
         self.cameras: dict[tuple[int, int], Array] = {}
         """Blocks of two cameras."""
 
-    def add_places(
+    def add_positions(
         self,
         first: int,
         shot: int,
         residual: Float[Array, "n m"],
-        by_place: Float[Array, "n m 3"],
+        by_position: Float[Array, "n m 3"],
         by_camera: Float[Array, "n m 7"],
     ) -> None:
-        """Add Σ r² / 2 of residuals that hang on one place each, from `first` on, and on the camera of a shot."""
-        rows, transposed = slice(first, first + len(residual)), np.swapaxes(by_place, -1, -2)
-        self.own[rows] += transposed @ by_place
+        """Add Σ r² / 2 of residuals that depend on one position each, from `first` on, and on the camera of a shot."""
+        rows, transposed = slice(first, first + len(residual)), np.swapaxes(by_position, -1, -2)
+        self.own[rows] += transposed @ by_position
         self.mixed[rows] += transposed @ by_camera
         self.gradient[rows] += (transposed @ residual[..., None])[..., 0]
         self._add_camera(shot, residual, by_camera)
 
-    def add_chain(self, at: Array, shares: Float[Array, "n d"], residual: Float[Array, "n 3"]) -> None:
-        """Add Σ r² / 2 with r = Σ_k shares[:, k] · place[at + k], k < d ≤ 3."""
-        for a in range(shares.shape[1]):
-            self.gradient[at + a] += shares[:, a, None] * residual
+    def add_chain(self, at: Array, coefficients: Float[Array, "n d"], residual: Float[Array, "n 3"]) -> None:
+        """Add Σ r² / 2 with r = Σ_k coefficients[:, k] · position[at + k], k < d ≤ 3."""
+        for a in range(coefficients.shape[1]):
+            self.gradient[at + a] += coefficients[:, a, None] * residual
             for c in range(3):
-                self.own[at + a, c, c] += shares[:, a] ** 2
-            for b in range(a + 1, shares.shape[1]):
-                self.next[b - a, at + a] += shares[:, a] * shares[:, b]
+                self.own[at + a, c, c] += coefficients[:, a] ** 2
+            for b in range(a + 1, coefficients.shape[1]):
+                self.next[b - a, at + a] += coefficients[:, a] * coefficients[:, b]
 
     def add_still(
         self,
@@ -100,8 +102,10 @@ class WorldEquations:
         moved: Float[Array, "n 3"],
         lever: Float[Array, "n 3 3"],
     ) -> None:
-        """Add Σ r² / 2 with r = weight · (place[i + 1] − place[i] + lever · turn of the camera), i from `first` on;
-        `moved` is what r is now, without the weight."""
+        """Add Σ r² / 2 with r = weight · (position[i + 1] − position[i] + lever · rotation of the camera).
+
+        i runs from `first` on; `moved` is what r is now, without the weight.
+        """
         residual, by_camera = weight[:, None] * moved, np.zeros((len(weight), 3, CAMERA_UNKNOWNS))
         self.add_chain(first + np.arange(len(weight)), np.stack([-weight, weight], axis=1), residual)
         by_camera[..., 3:6] = weight[:, None, None] * lever
@@ -110,7 +114,7 @@ class WorldEquations:
         self._add_camera(shot, residual, by_camera)
 
     def add_cameras(self, residual: Float[Array, " m"], *blocks: tuple[int, Float[Array, "m 7"]]) -> None:
-        """Add Σ r² / 2 of residuals that hang on the cameras of some shots."""
+        """Add Σ r² / 2 of residuals that depend on the cameras of some shots."""
         for a, by_a in blocks:
             self.camera_gradient[a] += by_a.T @ residual
             for b, by_b in blocks:
@@ -119,31 +123,34 @@ class WorldEquations:
     def step(
         self, damping: float, camera_damping: Float[Array, "S 7"]
     ) -> tuple[Float[Array, "N 3"], Float[Array, "S 7"]]:
-        """Gauss-Newton step of places and cameras, the diagonal enlarged by these numbers."""
+        """Gauss-Newton step of positions and cameras, the diagonal enlarged by these numbers."""
         band = self._factor(damping)
         y = _through(band, -self.gradient.reshape(-1, 1))[:, 0]
         columns: list[Array] = []
         right = -self.camera_gradient
         for shot, extra in enumerate(camera_damping):
             self._add_block(shot, shot, np.diag(extra))
-        for k, link in enumerate(self.links):
-            B = np.zeros((link.echo - link.start, 3, CAMERA_UNKNOWNS))
-            B[: link.stop - link.start] = self.mixed[link.start : link.stop]
-            rows = slice(3 * link.start, 3 * link.echo)
+        for k, segment in enumerate(self.segments):
+            B = np.zeros((segment.horizon - segment.start, 3, CAMERA_UNKNOWNS))
+            B[: segment.stop - segment.start] = self.mixed[segment.start : segment.stop]
+            rows = slice(3 * segment.start, 3 * segment.horizon)
             Y = _through(band[rows], B.reshape(-1, CAMERA_UNKNOWNS))
-            right[link.shot] -= Y.T @ y[rows]
-            self._add_block(link.shot, link.shot, -Y.T @ Y)
-            for earlier, its_Y in zip(self.links[:k][::-1], columns[::-1], strict=True):
-                if earlier.echo <= link.start:
+            right[segment.shot] -= Y.T @ y[rows]
+            self._add_block(segment.shot, segment.shot, -Y.T @ Y)
+            for earlier, its_Y in zip(self.segments[:k][::-1], columns[::-1], strict=True):
+                if earlier.horizon <= segment.start:
                     break
-                first, shared = 3 * (link.start - earlier.start), 3 * (min(earlier.echo, link.echo) - link.start)
+                first, shared = (
+                    3 * (segment.start - earlier.start),
+                    3 * (min(earlier.horizon, segment.horizon) - segment.start),
+                )
                 block = -its_Y[first : first + shared].T @ Y[:shared]
-                self._add_block(earlier.shot, link.shot, block)
-                self._add_block(link.shot, earlier.shot, block.T)
+                self._add_block(earlier.shot, segment.shot, block)
+                self._add_block(segment.shot, earlier.shot, block.T)
             columns.append(Y)
         cameras = self._solve_cameras(right)
-        for link, Y in zip(self.links, columns, strict=True):
-            y[3 * link.start : 3 * link.echo] -= Y @ cameras[link.shot]
+        for segment, Y in zip(self.segments, columns, strict=True):
+            y[3 * segment.start : 3 * segment.horizon] -= Y @ cameras[segment.shot]
         return _through(band, y[:, None], transposed=True).reshape(-1, 3), cameras
 
     def _add_camera(self, shot: int, residual: Float[Array, "n m"], by_camera: Float[Array, "n m 7"]) -> None:
@@ -156,7 +163,7 @@ class WorldEquations:
         self.cameras[a, b] = block if before is None else before + block
 
     def _factor(self, damping: float) -> Float[Array, "3N 7"]:
-        """L of the places' band: each column from its diagonal down, as LAPACK keeps it."""
+        """L of the positions' band: each column from its diagonal down, as LAPACK keeps it."""
         n, width = len(self.own), 3 * _REACH + 1
         band = np.zeros((n, 3, width))
         for c in range(3):
@@ -168,7 +175,7 @@ class WorldEquations:
             return band.reshape(0, width)
         factor, failed = lapack.dpbtrf(band.reshape(-1, width).T, lower=1, overwrite_ab=1)
         if failed:
-            raise np.linalg.LinAlgError("what is known of the people's places is not finite")
+            raise np.linalg.LinAlgError("what is known of the people's positions is not finite")
         return np.asarray(factor.T)
 
     def _solve_cameras(self, right: Float[Array, "S 7"]) -> Float[Array, "S 7"]:

@@ -65,9 +65,14 @@ def mean_axis(axis: Float[Array, "frames 3"], weight: Float[Array, "frames"]) ->
 
 def pan_axis(R_shot_cam: Float[Array, "frames 3 3"]) -> Float[Array, "3"] | None:
     """Axis about which a camera turned over a shot, up or down unknown; None if it hardly turned."""
-    turn = R_shot_cam @ R_shot_cam[0].T
+    relative = R_shot_cam @ R_shot_cam[0].T
     skewed = np.stack(
-        [turn[:, 2, 1] - turn[:, 1, 2], turn[:, 0, 2] - turn[:, 2, 0], turn[:, 1, 0] - turn[:, 0, 1]], axis=1
+        [
+            relative[:, 2, 1] - relative[:, 1, 2],
+            relative[:, 0, 2] - relative[:, 2, 0],
+            relative[:, 1, 0] - relative[:, 0, 1],
+        ],
+        axis=1,
     )
     size = np.linalg.norm(skewed, axis=1)
     widest = int(size.argmax())

@@ -1,4 +1,4 @@
-"""One rotation per shot from all evidence: people at the cuts (`cuts`), places seen in two shots (`camera.links`).
+"""One rotation per shot from all evidence: people at the cuts (`cuts`) and backgrounds (`camera.shot_edges`).
 
 Every piece of evidence is an edge of a graph whose nodes are shots. A background edge with few inliers can be chance;
 it is believed if the people say the same within what both may err, or if it has so many inliers that chance is out of
@@ -24,8 +24,8 @@ ITERATIONS = 20
 
 
 @dataclass(frozen=True)
-class Edge:
-    """Shot b's axes to shot a's, with one sigma in degrees; `num_inliers` is 0 for edges from people."""
+class RotationEdge:
+    """Shot b's axes to shot a's, with its standard deviation in degrees; `num_inliers` is 0 for edges from people."""
 
     a: int
     b: int
@@ -42,11 +42,13 @@ class ShotRotations:
     R_group_shot: Float[np.ndarray, "shots 3 3"]
     group: tuple[int, ...]
     """First shot of the connected group that a shot belongs to."""
-    believed: tuple[Edge, ...]
-    rejected: tuple[Edge, ...]
+    believed: tuple[RotationEdge, ...]
+    rejected: tuple[RotationEdge, ...]
 
 
-def average_rotations(num_shots: int, people: Sequence[Edge], background: Sequence[Edge]) -> ShotRotations:
+def average_rotations(
+    num_shots: int, people: Sequence[RotationEdge], background: Sequence[RotationEdge]
+) -> ShotRotations:
     """Rotations of all shots from people edges (all believed) and background edges (checked against the others)."""
     believed, rejected = list(people), []
     for edge in sorted(background, key=lambda e: -e.num_inliers):
@@ -63,7 +65,7 @@ def average_rotations(num_shots: int, people: Sequence[Edge], background: Sequen
     return ShotRotations(R, group, tuple(believed), tuple(rejected))
 
 
-def _is_credible(edge: Edge, num_shots: int, believed: Sequence[Edge]) -> bool:
+def _is_credible(edge: RotationEdge, num_shots: int, believed: Sequence[RotationEdge]) -> bool:
     if edge.num_inliers >= CERTAIN_INLIERS or edge.same_camera:
         return True
     R, group, variance = _spread_with_variance(num_shots, believed)
@@ -74,13 +76,13 @@ def _is_credible(edge: Edge, num_shots: int, believed: Sequence[Edge]) -> bool:
     return apart_deg < float(np.clip(gate, MIN_GATE_DEG, MAX_GATE_DEG))
 
 
-def _spread(num_shots: int, edges: Sequence[Edge]) -> tuple[Float[np.ndarray, "shots 3 3"], tuple[int, ...]]:
+def _spread(num_shots: int, edges: Sequence[RotationEdge]) -> tuple[Float[np.ndarray, "shots 3 3"], tuple[int, ...]]:
     R, group, _ = _spread_with_variance(num_shots, edges)
     return R, group
 
 
 def _spread_with_variance(
-    num_shots: int, edges: Sequence[Edge]
+    num_shots: int, edges: Sequence[RotationEdge]
 ) -> tuple[Float[np.ndarray, "shots 3 3"], tuple[int, ...], Float[np.ndarray, " shots"]]:
     """Start: from each group's first shot along the most certain paths (Dijkstra on variances)."""
     R = np.tile(np.eye(3), (num_shots, 1, 1))
@@ -106,7 +108,7 @@ def _spread_with_variance(
 
 
 def _step(
-    R: Float[np.ndarray, "shots 3 3"], edges: Sequence[Edge], group: Sequence[int]
+    R: Float[np.ndarray, "shots 3 3"], edges: Sequence[RotationEdge], group: Sequence[int]
 ) -> Float[np.ndarray, "shots 3"]:
     """One reweighted Gauss-Newton step, as rotation vectors on the right of R; a group's first shot is held.
 

@@ -1,16 +1,16 @@
-"""Where everybody and every camera stands: one sparse least squares over the whole video.
+"""Positions of all people and cameras: one sparse least squares over the whole video.
 
-The rotations are known up to a few degrees (from the cuts), each person's place in front of the camera up to its
+The rotations are known up to a few degrees (from the cuts), each person's position in front of the camera up to its
 depth, and the path of a moving camera up to its scale. What ties them together:
 
-- the person stands where the picture shows: tightly across the line of sight, loosely along it;
-- a foot that stands still stands still, and one that bears the body is on the floor, z = 0;
-- bodies have inertia, also across a cut: that joins the shots;
-- every shot is about as level as its people and its camera say, and turned to the others as the cuts say.
+- the person is where the picture shows: tightly across the line of sight, loosely along it;
+- a planted foot does not move, and one that bears the body is on the floor, z = 0;
+- bodies have inertia, also across a cut: that ties the shots together;
+- every shot is about as level as its people and its camera say, and rotated against the others as the cuts say.
 
-Unknown are the pelvis of every person in every frame, and for each shot the camera's place, a small rotation and the
-scale of its path. All of it is linear but for the small rotations and the robust weights: a few Gauss-Newton steps.
-Time and memory grow linearly with the video.
+Unknown are the pelvis of every person in every frame, and for each shot the camera's position, a small rotation and the
+scale of its path. All of it is linear but for the small rotations and the robust weights: a few Gauss-Newton steps with
+iteratively reweighted residuals. Time and memory grow linearly with the video.
 """
 
 from collections.abc import Sequence
@@ -21,13 +21,14 @@ from jaxtyping import Float, Int
 
 from humanmm.models.geometry.robust import huber_weight
 from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat, skew
-from humanmm.models.motion.world.equations import CAMERA_UNKNOWNS, WorldEquations, links_of
+from humanmm.models.motion.world.equations import CAMERA_UNKNOWNS, WorldEquations, segments_of
+from humanmm.models.motion.world.shot_rotations import RotationEdge
 
 Array = np.ndarray
 
 
 @dataclass(frozen=True)
-class Strand:
+class ShotTrajectory:
     """One person in one shot: n observed frames. World axes already, up to the small rotations to be found."""
 
     person: int
@@ -55,17 +56,8 @@ class ShotRig:
 
 
 @dataclass(frozen=True)
-class Join:
-    """Two shots whose relative rotation is known from a cut."""
-
-    shot_a: int
-    shot_b: int
-    sigma_deg: float
-
-
-@dataclass(frozen=True)
-class SamePlace:
-    """Two frames of different shots taken by one standing camera."""
+class SameCamera:
+    """Two frames of different shots taken by one static camera."""
 
     shot_a: int
     frame_a: int
@@ -75,12 +67,12 @@ class SamePlace:
 
 @dataclass(frozen=True)
 class SolveSettings:
-    """Sigmas of what ties the world together, as measured on fits to rendered people."""
+    """Standard deviations of what ties the world together, as measured on fits to rendered people."""
 
     across_m: float = 0.02
     """Error of the pelvis across the line of sight."""
-    depth_share: float = 0.02
-    """Error of the pelvis along the line of sight that changes within a shot, share of the distance."""
+    depth_fraction: float = 0.02
+    """Error of the pelvis along the line of sight that changes within a shot, as a fraction of the distance."""
     correlation_s: float = 0.4
     """Errors of observations change this slowly."""
     still_ms: float = 0.3
@@ -100,92 +92,98 @@ class Solution:
     """The world after the solve."""
 
     pelvis: tuple[Float[Array, "n 3"], ...]
-    """Per strand, metres."""
+    """Per trajectory, metres."""
     contacts: tuple[Float[Array, "n 4"], ...]
-    """Per strand: how surely each sole point stands still on the floor, 0..1."""
-    turn: Float[Array, "shots 3 3"]
+    """Per trajectory: how surely each sole point stands still on the floor, 0..1."""
+    rotation: Float[Array, "shots 3 3"]
     """Small rotation of each shot: multiply world rotations and offsets of the shot from the left."""
     origin: Float[Array, "shots 3"]
-    """Place of the shot's origin, metres."""
+    """Position of the shot's origin, metres."""
     scale: Float[Array, "shots"]
 
 
 def solve(
-    strands: Sequence[Strand],
+    trajectories: Sequence[ShotTrajectory],
     rigs: Sequence[ShotRig],
-    joins: Sequence[Join],
-    same: Sequence[SamePlace] = (),
+    edges: Sequence[RotationEdge],
+    same: Sequence[SameCamera] = (),
     settings: SolveSettings | None = None,
 ) -> Solution:
     """Positions of people and cameras, the scale of each camera's path and small corrections of each shot's
     rotation."""
     options = settings or SolveSettings()
     shots = len(rigs)
-    scale = np.array([r.scale if r.scale_known else start_scale(r, k, strands) for k, r in enumerate(rigs)])
-    state = _State([s.offset.copy() for s in strands], np.tile(np.eye(3), (shots, 1, 1)), np.zeros((shots, 3)), scale)
+    scale = np.array([r.scale if r.scale_known else start_scale(r, k, trajectories) for k, r in enumerate(rigs)])
+    state = _State(
+        [s.offset.copy() for s in trajectories], np.tile(np.eye(3), (shots, 1, 1)), np.zeros((shots, 3)), scale
+    )
     # The first steps join the shots by inertia alone; then feet that stand still count; then the floor.
     for iteration in range(options.iterations):
         if iteration == _FLOOR_FROM:
-            state = _put_on_floor(strands, state, options)
-        state = _step(strands, rigs, joins, same, state, options, iteration)
-    contacts = tuple(_hold(strand, state, k, options)[1] for k, strand in enumerate(strands))
-    return Solution(tuple(state.pelvis), contacts, state.turn, state.origin, state.scale)
+            state = _put_on_floor(trajectories, state, options)
+        state = _step(trajectories, rigs, edges, same, state, options, iteration)
+    contacts = tuple(_hold(trajectory, state, k, options)[1] for k, trajectory in enumerate(trajectories))
+    return Solution(tuple(state.pelvis), contacts, state.rotation, state.origin, state.scale)
 
 
-_STILL_FROM, _FLOOR_FROM, _TURN_FROM = 1, 4, 4
+_STILL_FROM, _FLOOR_FROM, _ROTATE_FROM = 1, 4, 4
 _DAMPING = 1e-6
 
 
 @dataclass(frozen=True)
 class _State:
     pelvis: list[Array]
-    turn: Array
+    rotation: Array
     origin: Array
     scale: Array
 
 
 def _step(
-    strands: Sequence[Strand],
+    trajectories: Sequence[ShotTrajectory],
     rigs: Sequence[ShotRig],
-    joins: Sequence[Join],
-    same: Sequence[SamePlace],
+    edges: Sequence[RotationEdge],
+    same: Sequence[SameCamera],
     state: _State,
     options: SolveSettings,
     iteration: int,
 ) -> _State:
-    order = sorted(range(len(strands)), key=lambda k: (strands[k].person, int(strands[k].frame[0])))
-    links = links_of(
-        [strands[k].person for k in order], [strands[k].shot for k in order], [strands[k].time_s for k in order]
+    order = sorted(range(len(trajectories)), key=lambda k: (trajectories[k].person, int(trajectories[k].frame[0])))
+    segments = segments_of(
+        [trajectories[k].person for k in order],
+        [trajectories[k].shot for k in order],
+        [trajectories[k].time_s for k in order],
     )
-    equations = WorldEquations(links, len(rigs))
-    for k, link in zip(order, links, strict=True):
-        strand = strands[k]
-        _observations(equations, strand, rigs[strand.shot], state, k, link.start, options, robust=iteration > 0)
+    equations = WorldEquations(segments, len(rigs))
+    for k, segment in zip(order, segments, strict=True):
+        trajectory = trajectories[k]
+        _observations(
+            equations, trajectory, rigs[trajectory.shot], state, k, segment.start, options, robust=iteration > 0
+        )
         if iteration >= _STILL_FROM:
-            _feet(equations, strand, state, k, link.start, options, floor=iteration >= _FLOOR_FROM)
-    for person in sorted({strand.person for strand in strands}):
-        own = [(k, link) for k, link in zip(order, links, strict=True) if strands[k].person == person]
-        time_s = np.concatenate([strands[k].time_s for k, _ in own])
+            _feet(equations, trajectory, state, k, segment.start, options, floor=iteration >= _FLOOR_FROM)
+    for person in sorted({trajectory.person for trajectory in trajectories}):
+        own = [(k, segment) for k, segment in zip(order, segments, strict=True) if trajectories[k].person == person]
+        time_s = np.concatenate([trajectories[k].time_s for k, _ in own])
         _inertia(equations, np.concatenate([state.pelvis[k] for k, _ in own]), time_s, own[0][1].start, options)
-    _levels(equations, joins, state, options)
-    _same_places(equations, rigs, same, state)
+    _levels(equations, edges, state, options)
+    _same_cameras(equations, rigs, same, state)
 
     damping = np.full((len(rigs), CAMERA_UNKNOWNS), _DAMPING)
     damping[0, :2] = 1e6  # the first camera stays where it is, but for its height
     if iteration < _FLOOR_FROM:
         damping[0, 2] = 1e6
-    damping[:, 5] = 1e8  # headings are the cuts' business: feet and inertia level a shot but do not turn it
-    if iteration < _TURN_FROM:
+    damping[:, 5] = 1e8  # headings are the cuts' business: feet and inertia level a shot but do not change its heading
+    if iteration < _ROTATE_FROM:
         damping[:, 3:6] = 1e8
     known = np.array([rig.scale_known or not np.any(rig.path) for rig in rigs])
     damping[known, 6] = 1e8
-    places, moved = equations.step(_DAMPING, damping)
-    start = {k: link.start for k, link in zip(order, links, strict=True)}
+    steps, moved = equations.step(_DAMPING, damping)
+    start = {k: segment.start for k, segment in zip(order, segments, strict=True)}
     # A scale neither changes sign nor runs away in one step.
     scale = np.clip(state.scale + moved[:, 6], 0.3 * state.scale, 3.0 * state.scale)
     return _State(
-        pelvis=[state.pelvis[k] + places[start[k] : start[k] + len(state.pelvis[k])] for k in range(len(strands))],
-        turn=rotvec_to_rotmat(moved[:, 3:6]) @ state.turn,
+        pelvis=[state.pelvis[k] + steps[start[k] : start[k] + len(state.pelvis[k])] for k in range(len(trajectories))],
+        rotation=rotvec_to_rotmat(moved[:, 3:6]) @ state.rotation,
         origin=state.origin + moved[:, :3],
         scale=scale,
     )
@@ -193,7 +191,7 @@ def _step(
 
 def _observations(
     equations: WorldEquations,
-    strand: Strand,
+    trajectory: ShotTrajectory,
     rig: ShotRig,
     state: _State,
     index: int,
@@ -202,17 +200,17 @@ def _observations(
     *,
     robust: bool,
 ) -> None:
-    """The person stands where the picture shows, loosely along the line of sight."""
-    T = state.turn[strand.shot]
-    path, offset = rig.path[strand.frame - rig.start] @ T.T, strand.offset @ T.T
-    arm = state.scale[strand.shot] * path + offset
-    error = state.pelvis[index] - state.origin[strand.shot] - arm
+    """The person is where the picture shows, loosely along the line of sight."""
+    T = state.rotation[trajectory.shot]
+    path, offset = rig.path[trajectory.frame - rig.start] @ T.T, trajectory.offset @ T.T
+    arm = state.scale[trajectory.shot] * path + offset
+    error = state.pelvis[index] - state.origin[trajectory.shot] - arm
     distance = np.linalg.norm(offset, axis=1)
     sight = (offset / distance[:, None])[:, :, None]
     outer = sight @ sight.transpose(0, 2, 1)
-    correlated = max(1.0, options.correlation_s / _frame_step(strand.time_s))
-    trust = np.sqrt(np.maximum(strand.weight, 0.05) / correlated)[:, None, None]
-    along = options.depth_share * distance[:, None, None]
+    correlated = max(1.0, options.correlation_s / _frame_step(trajectory.time_s))
+    trust = np.sqrt(np.maximum(trajectory.weight, 0.05) / correlated)[:, None, None]
+    along = options.depth_fraction * distance[:, None, None]
     whiten = trust * ((np.eye(3) - outer) / options.across_m + outer / along)
     residual = np.einsum("nab,nb->na", whiten, error)
     if robust:
@@ -220,15 +218,15 @@ def _observations(
         factor = np.sqrt(huber_weight(size, 2.0))[:, None]
         residual, whiten = residual * factor, whiten * factor[..., None]
     by_camera = np.concatenate([-whiten, whiten @ skew(arm), -whiten @ path[..., None]], axis=-1)
-    equations.add_places(first, strand.shot, residual, whiten, by_camera)
+    equations.add_positions(first, trajectory.shot, residual, whiten, by_camera)
 
 
 def _hold(
-    strand: Strand, state: _State, index: int, options: SolveSettings
+    trajectory: ShotTrajectory, state: _State, index: int, options: SolveSettings
 ) -> tuple[Float[Array, "n-1 4"], Float[Array, "n 4"]]:
     """How surely each sole point stands still between frames, and how surely it stands on the floor in each frame."""
-    feet = strand.feet @ state.turn[strand.shot].T + state.pelvis[index][:, None]
-    step = np.diff(strand.time_s)[:, None]
+    feet = trajectory.feet @ state.rotation[trajectory.shot].T + state.pelvis[index][:, None]
+    step = np.diff(trajectory.time_s)[:, None]
     speed = np.linalg.norm(np.diff(feet, axis=0), axis=-1) / step
     # Over a hole in the track nothing is held.
     still = 1 / (1 + (speed / options.moving_ms) ** 2) ** 2 * (step < _HOLE_S)
@@ -245,7 +243,7 @@ _HOLE_S = 0.1
 
 def _feet(
     equations: WorldEquations,
-    strand: Strand,
+    trajectory: ShotTrajectory,
     state: _State,
     index: int,
     first: int,
@@ -253,26 +251,26 @@ def _feet(
     *,
     floor: bool,
 ) -> None:
-    """Feet that stand still keep their place, those that bear the body are on the floor, none is below it."""
-    if len(strand.frame) < 2:
+    """Planted feet keep their position, those that bear the body are on the floor, none is below it."""
+    if len(trajectory.frame) < 2:
         return
-    turned = strand.feet @ state.turn[strand.shot].T
-    place = turned + state.pelvis[index][:, None]
-    still, on_floor = _hold(strand, state, index, options)
-    correlated = np.sqrt(max(1.0, options.correlation_s / _frame_step(strand.time_s)))
-    step = np.diff(strand.time_s)[:, None]
+    rotated = trajectory.feet @ state.rotation[trajectory.shot].T
+    pair = rotated + state.pelvis[index][:, None]
+    still, on_floor = _hold(trajectory, state, index, options)
+    correlated = np.sqrt(max(1.0, options.correlation_s / _frame_step(trajectory.time_s)))
+    step = np.diff(trajectory.time_s)[:, None]
     weight = np.sqrt(still) / (options.still_ms * step) / np.sqrt(correlated)
-    moved, swing = np.diff(place, axis=0), np.diff(turned, axis=0)
+    moved, swing = np.diff(pair, axis=0), np.diff(rotated, axis=0)
     for foot in range(4):
-        equations.add_still(first, strand.shot, weight[:, foot], moved[:, foot], -skew(swing[:, foot]))
+        equations.add_still(first, trajectory.shot, weight[:, foot], moved[:, foot], -skew(swing[:, foot]))
     if not floor:
         return
-    below = place[..., 2] < 0
+    below = pair[..., 2] < 0
     bearing = np.sqrt(np.where(below, np.maximum(on_floor, 0.5), on_floor)) / options.floor_m / correlated
-    by_place, by_camera = np.zeros((*bearing.shape, 3)), np.zeros((*bearing.shape, CAMERA_UNKNOWNS))
-    by_place[..., 2] = bearing
-    by_camera[..., 3:6] = bearing[..., None] * -skew(turned)[..., 2, :]
-    equations.add_places(first, strand.shot, bearing * place[..., 2], by_place, by_camera)
+    by_position, by_camera = np.zeros((*bearing.shape, 3)), np.zeros((*bearing.shape, CAMERA_UNKNOWNS))
+    by_position[..., 2] = bearing
+    by_camera[..., 3:6] = bearing[..., None] * -skew(rotated)[..., 2, :]
+    equations.add_positions(first, trajectory.shot, bearing * pair[..., 2], by_position, by_camera)
 
 
 def _inertia(
@@ -296,8 +294,8 @@ def _inertia(
     middle = 0.5 * (step[1:] + step[:-1])
     sigma = options.acceleration_ms2 * middle / np.sqrt(1 + middle / _ACCELERATION_S)
     after, before = 1 / (step[1:] * sigma), 1 / (step[:-1] * sigma)
-    shares = np.stack([before, -(after + before), after], axis=1)
-    equations.add_chain(first + np.arange(len(shares)), shares, np.diff(velocity, axis=0) / sigma[:, None])
+    coefficients = np.stack([before, -(after + before), after], axis=1)
+    equations.add_chain(first + np.arange(len(coefficients)), coefficients, np.diff(velocity, axis=0) / sigma[:, None])
 
 
 _PERSON_SPEED_MS = 3.0
@@ -305,44 +303,46 @@ _ACCELERATION_S = 0.3
 """A push lasts about so long: over longer times velocity changes like a random walk."""
 
 
-def _levels(equations: WorldEquations, joins: Sequence[Join], state: _State, options: SolveSettings) -> None:
-    """Every shot stays about as level as it came, neighbouring shots turned to each other as their link says."""
-    turning = np.eye(CAMERA_UNKNOWNS)[3:6]
-    for shot, turn in enumerate(state.turn):
+def _levels(equations: WorldEquations, edges: Sequence[RotationEdge], state: _State, options: SolveSettings) -> None:
+    """Every shot stays about as level as it came, neighbouring shots rotated against each other as their edge says."""
+    of_rotation = np.eye(CAMERA_UNKNOWNS)[3:6]
+    for shot, rotation in enumerate(state.rotation):
         w = 1 / np.deg2rad(options.level_deg)
-        equations.add_cameras(w * rotmat_to_rotvec(turn), (shot, w * turning))
-    for join in joins:
-        w = 1 / np.deg2rad(join.sigma_deg)
-        difference = rotmat_to_rotvec(state.turn[join.shot_b]) - rotmat_to_rotvec(state.turn[join.shot_a])
-        equations.add_cameras(w * difference, (join.shot_b, w * turning), (join.shot_a, -w * turning))
+        equations.add_cameras(w * rotmat_to_rotvec(rotation), (shot, w * of_rotation))
+    for edge in edges:
+        w = 1 / np.deg2rad(edge.sigma_deg)
+        difference = rotmat_to_rotvec(state.rotation[edge.b]) - rotmat_to_rotvec(state.rotation[edge.a])
+        equations.add_cameras(w * difference, (edge.b, w * of_rotation), (edge.a, -w * of_rotation))
 
 
-def _same_places(equations: WorldEquations, rigs: Sequence[ShotRig], same: Sequence[SamePlace], state: _State) -> None:
-    """A standing camera that returns stands where it stood."""
-    w = 1 / _SAME_PLACE_M
-    for place in same:
+def _same_cameras(
+    equations: WorldEquations, rigs: Sequence[ShotRig], same: Sequence[SameCamera], state: _State
+) -> None:
+    """A static camera that returns is where it was."""
+    w = 1 / _SAME_CAMERA_M
+    for pair in same:
         difference, blocks = np.zeros(3), []
-        for shot, frame, sign in ((place.shot_a, place.frame_a, 1.0), (place.shot_b, place.frame_b, -1.0)):
-            arm = state.scale[shot] * rigs[shot].path[frame - rigs[shot].start] @ state.turn[shot].T
+        for shot, frame, sign in ((pair.shot_a, pair.frame_a, 1.0), (pair.shot_b, pair.frame_b, -1.0)):
+            arm = state.scale[shot] * rigs[shot].path[frame - rigs[shot].start] @ state.rotation[shot].T
             difference = difference + sign * (state.origin[shot] + arm)
             by_camera = np.concatenate([np.eye(3), -skew(arm), np.zeros((3, 1))], axis=1)
             blocks.append((shot, sign * w * by_camera))
         equations.add_cameras(w * difference, *blocks)
 
 
-_SAME_PLACE_M = 0.02
+_SAME_CAMERA_M = 0.02
 
 
-def _put_on_floor(strands: Sequence[Strand], state: _State, options: SolveSettings) -> _State:
+def _put_on_floor(trajectories: Sequence[ShotTrajectory], state: _State, options: SolveSettings) -> _State:
     """Every shot raised or lowered so that its lowest standing feet are at z = 0."""
     shift = np.zeros(len(state.origin))
     for shot in range(len(shift)):
         heights, weights = [], []
-        for k, strand in enumerate(strands):
-            if strand.shot == shot:
-                feet = strand.feet @ state.turn[shot].T + state.pelvis[k][:, None]
+        for k, trajectory in enumerate(trajectories):
+            if trajectory.shot == shot:
+                feet = trajectory.feet @ state.rotation[shot].T + state.pelvis[k][:, None]
                 lowest = feet[..., 2].min(axis=1)
-                still = _hold(strand, state, k, options)[0].max(axis=1, initial=0.0)
+                still = _hold(trajectory, state, k, options)[0].max(axis=1, initial=0.0)
                 heights.append(lowest)
                 weights.append(np.concatenate([still, still[-1:]]) if len(still) else np.ones(1))
         if heights:
@@ -352,7 +352,7 @@ def _put_on_floor(strands: Sequence[Strand], state: _State, options: SolveSettin
     drop = shift[:, None] * np.array([0.0, 0.0, 1.0])
     return replace(
         state,
-        pelvis=[p - drop[strand.shot] for strand, p in zip(strands, state.pelvis, strict=True)],
+        pelvis=[p - drop[trajectory.shot] for trajectory, p in zip(trajectories, state.pelvis, strict=True)],
         origin=state.origin - drop,
     )
 
@@ -361,7 +361,7 @@ _SCALE_SAMPLES = 500
 """Pairs of frames of a person that are enough to tell a scale."""
 
 
-def start_scale(rig: ShotRig, shot: int, strands: Sequence[Strand]) -> float:
+def start_scale(rig: ShotRig, shot: int, trajectories: Sequence[ShotTrajectory]) -> float:
     """Metres per unit of a moving camera's path under which somebody's slower foot stands still most of the time.
 
     Only the motion across the line of sight is asked, where depth errors do not reach.
@@ -369,21 +369,21 @@ def start_scale(rig: ShotRig, shot: int, strands: Sequence[Strand]) -> float:
     costs, unit = [], 0.0
     candidates = np.zeros(0)
     velocity_path = np.diff(rig.path, axis=0)
-    for strand in strands:
-        own = np.flatnonzero(np.diff(strand.frame) == 1)
+    for trajectory in trajectories:
+        own = np.flatnonzero(np.diff(trajectory.frame) == 1)
         own = own[:: max(1, len(own) // _SCALE_SAMPLES)]
-        if strand.shot != shot or len(own) < 2:
+        if trajectory.shot != shot or len(own) < 2:
             continue
-        step = np.diff(strand.time_s)[own, None]
-        camera = velocity_path[strand.frame[own] - rig.start] / step
+        step = np.diff(trajectory.time_s)[own, None]
+        camera = velocity_path[trajectory.frame[own] - rig.start] / step
         unit = max(unit, float(np.median(np.linalg.norm(camera, axis=1))))
         if not len(candidates):
             if unit <= 0:
                 return 1.0
             candidates = np.geomspace(0.02, 8.0, 60) / unit
-        feet = strand.offset[:, None] + strand.feet
+        feet = trajectory.offset[:, None] + trajectory.feet
         velocity = np.diff(feet, axis=0)[own] / step[..., None]
-        sight = strand.offset[own] / np.linalg.norm(strand.offset[own], axis=1, keepdims=True)
+        sight = trajectory.offset[own] / np.linalg.norm(trajectory.offset[own], axis=1, keepdims=True)
         total = velocity[None] + candidates[:, None, None, None] * camera[None, :, None]
         across = total - (total * sight[None, :, None]).sum(-1, keepdims=True) * sight[None, :, None]
         slowest = np.linalg.norm(across, axis=-1).min(axis=2)

@@ -1,24 +1,25 @@
 """`humanmm batch`: many videos, submitted once, watched, tried again, cancelled, reported."""
 
-import argparse
 import contextlib
-import json
 import os
 import signal
-import sys
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Literal
 
-from humanmm.cli.recover import check_writable
-from humanmm.cli.settings import UsageError, add_settings, load_config
-from humanmm.config import Config
-from humanmm.storage.batches.batch_ledger import BatchLedger, VideoRow, counts
-from humanmm.storage.batches.manifest import Entry
-from humanmm.storage.store.open import open_ledger
-from humanmm.storage.store.store import default_store
-from humanmm.tasks import pipeline
+from typer import Argument, Option
+
+from humanmm.cli.settings import Settings
+from humanmm.cli.terminal import say, write, write_all, write_json
+from humanmm.cli.verb import BATCHES, STAGES, Force, Json, Limit, StageName, Store, app, group, verb
+from humanmm.errors import InputError, UsageError
+
+if TYPE_CHECKING:
+    from humanmm.config import Config
+    from humanmm.storage.batches.batch_ledger import BatchLedger, VideoRow
+    from humanmm.storage.batches.manifest import Entry
 
 PARTIAL = 3
 IDLE_S = 120.0
@@ -27,76 +28,48 @@ POLL_S = 1.0
 LOOK_AFTER_S = 10.0
 CANCEL_LIMIT_S = 10.0
 
+BatchName = Annotated[str | None, Argument(metavar="NAME", help="name of the batch (default: the newest)")]
+Wait = Annotated[bool, Option("--wait", help="return when every video has ended; exit status 3 unless all are done")]
+batch = group("Many videos: submit, status, retry-failed, cancel, report.")
+app.add_typer(batch, name="batch", rich_help_panel=BATCHES)
 
-def add_batch(verbs: Any, common: argparse.ArgumentParser) -> None:
-    """Declare `batch submit|status|retry-failed|cancel|report`."""
-    parser = verbs.add_parser("batch", help="many videos: submit, status, retry-failed, cancel, report")
-    inner = parser.add_subparsers(required=True, metavar="submit|status|retry-failed|cancel|report")
+_CRON = "submit it at such times while `humanmm serve` runs, e.g. '0 2 * * *'; `none` ends that"
+_SETTLE = "with --watch or --schedule: leave files alone that changed in the last S seconds"
 
-    submitting = inner.add_parser(
-        "submit", parents=[common], allow_abbrev=False, help="schedule every video that is not finished"
+
+@dataclass(frozen=True, kw_only=True)
+class Submission:
+    """The options of `batch submit`."""
+
+    source: Annotated[Path, Argument(metavar="FOLDER|MANIFEST", help="a folder, a .csv or a .jsonl file")]
+    settings: Settings
+    name: Annotated[str | None, Option(help="name of the batch (default: made of the source)")] = None
+    out: Annotated[Path, Option(metavar="DIR", help="where the run folders go")] = Path("runs")
+    glob: Annotated[str | None, Option(metavar="PATTERN", help="only such names of a folder: 'cam1_*.mp4'")] = None
+    priority: Annotated[Literal["high", "normal", "low"], Option(help="of videos that name none")] = "normal"
+    tag: Annotated[list[str], Option(metavar="TAG", help="on every flow run; may be repeated")] = field(
+        default_factory=list
     )
-    submitting.add_argument("source", type=Path, metavar="FOLDER|MANIFEST", help="a folder, a .csv or a .jsonl file")
-    submitting.add_argument("--name", help="name of the batch (default: made of the source)")
-    submitting.add_argument("--out", type=Path, default=Path("runs"), metavar="DIR", help="run folders (default: runs)")
-    submitting.add_argument("--glob", metavar="PATTERN", help="of a folder, only such names, e.g. 'cam1_*.mp4'")
-    submitting.add_argument("--priority", choices=("high", "normal", "low"), help="of videos that name none")
-    submitting.add_argument("--tag", action="append", default=[], metavar="TAG", help="a tag on every flow run")
-    how = submitting.add_mutually_exclusive_group()
-    how.add_argument(
-        "--watch", action="store_true", help="stay, and take new videos of a folder once they stop growing"
-    )
-    how.add_argument(
-        "--schedule",
-        metavar="CRON",
-        help="submit it at such times while `humanmm serve` runs, e.g. '0 2 * * *'; or none",
-    )
-    submitting.add_argument(
-        "--settle", type=float, default=30.0, metavar="S",
-        help="with --watch or --schedule, leave files alone that changed in the last S seconds (default: 30)",
-    )  # fmt: skip
-    _add_waiting(submitting)
-    _add_store(submitting)
-    add_settings(submitting)
-    submitting.set_defaults(run=submit)
-
-    watching = inner.add_parser("status", parents=[common], allow_abbrev=False, help="how far a batch is")
-    _add_batch(watching)
-    watching.add_argument("--json", action="store_true", help="one json object")
-    watching.set_defaults(run=status)
-
-    retrying = inner.add_parser(
-        "retry-failed", parents=[common], allow_abbrev=False, help="schedule what failed, is partial or was cancelled"
-    )
-    _add_batch(retrying)
-    names = [stage.name for stage in pipeline.STAGES]
-    retrying.add_argument("--stage", choices=names, metavar="STAGE", help="only videos that failed in STAGE")
-    _add_waiting(retrying)
-    retrying.set_defaults(run=retry_failed)
-
-    cancelling = inner.add_parser("cancel", parents=[common], allow_abbrev=False, help="stop what waits or runs")
-    _add_batch(cancelling)
-    cancelling.set_defaults(run=cancel)
-
-    reporting = inner.add_parser("report", parents=[common], allow_abbrev=False, help="a table: HTML and CSV")
-    _add_batch(reporting)
-    reporting.add_argument("--out", type=Path, metavar="DIR", help="where to (default: batch-<name>)")
-    reporting.add_argument("--force", action="store_true", help="replace a report that exists")
-    reporting.set_defaults(run=report)
+    watch: Annotated[bool, Option("--watch", help="stay, and take new videos once they stop growing")] = False
+    schedule: Annotated[str | None, Option(metavar="CRON", help=_CRON)] = None
+    settle: Annotated[float, Option(metavar="S", help=_SETTLE)] = 30.0
+    wait: Wait = False
+    limit: Limit = None
+    store: Store = None
 
 
-VERBS = (add_batch,)
-
-
-def submit(options: argparse.Namespace) -> int:
-    """Write the batch down, schedule what is not finished; with --wait, see it through."""
+@verb(batch, "submit")
+def submit(options: Submission) -> int:
+    """Schedule every video that is not finished; with --wait, see the batch through."""
+    from humanmm.recovery import check_writable
     from humanmm.storage.batches.manifest import read_batch
     from humanmm.tasks.batches import batch as batches
 
-    _check_limit(options)
-    config = load_config(options)
+    if options.watch and options.schedule is not None:
+        raise UsageError("--watch and --schedule exclude each other")
+    config = options.settings.config()
     check_writable(options.out)
-    ledger = _ledger(options)
+    ledger = _ledger(options.store)
     name = options.name or batches.batch_name(options.source)
     if options.schedule is not None:
         return _set_schedule(ledger, name, config, options)
@@ -104,46 +77,51 @@ def submit(options: argparse.Namespace) -> int:
         return _watch(ledger, name, config, options)
     entries = _with_defaults(read_batch(options.source, pattern=options.glob), options)
     submission = batches.submit(ledger, name, options.source, entries, config, options.out)
-    told = f"{len(submission.to_schedule)} to do, {submission.finished} finished"
+    counted = f"{len(submission.to_schedule)} to do, {submission.finished} finished"
     if submission.failed:
-        told += f", {submission.failed} failed or cancelled before (`humanmm batch retry-failed` tries them again)"
-    _say(f"batch {name}: {told}")
-    return _see_through(ledger, name, submission.to_schedule, options)
+        counted += f", {submission.failed} failed or cancelled before (`humanmm batch retry-failed` tries them again)"
+    say(f"batch {name}: {counted}")
+    return _see_through(ledger, name, submission.to_schedule, wait=options.wait, limit=options.limit)
 
 
-def status(options: argparse.Namespace) -> int:
-    """Counts, speed and the newest failures; or everything as json."""
-    ledger, name = _open(options)
-    ledger.find_lost(name)
-    rows = ledger.rows(name)
-    if options.json:
-        tree = {"batch": name, "counts": counts(rows), "videos": [row.to_json() for row in rows]}
-        sys.stdout.write(json.dumps(tree, indent=1) + "\n")
-        return 0
-    _print([f"batch {name}: {len(rows)} videos, {_counted(rows)}", *_speed(rows), *_by_stage(rows)])
+@verb(batch, "status")
+def status(name: BatchName = None, *, store: Store = None, json: Json = False) -> None:
+    """Say how far a batch is: counts, speed, and the newest failures."""
+    from humanmm.storage.batches.batch_ledger import counts
+
+    _, name, rows = _open(name, store)
+    if json:
+        return write_json({"batch": name, "counts": counts(rows), "videos": [row.to_json() for row in rows]})
+    write(f"batch {name}: {len(rows)} videos, {_counted(rows)}", *_speed(rows), *_by_stage(rows))
     bad = sorted((row for row in rows if row.state in ("failed", "partial")), key=lambda row: -row.changed)
-    _print([f"  {row.state}: {row.video} ({row.stage or 'no stage'}): {row.reason}" for row in bad[:10]])
+    write_all(f"  {row.state}: {row.video} ({row.stage or 'no stage'}): {row.reason}" for row in bad[:10])
     if len(bad) > 10:
-        _print([f"  and {len(bad) - 10} more"])
-    return 0
+        write(f"  and {len(bad) - 10} more")
+    return None
 
 
-def retry_failed(options: argparse.Namespace) -> int:
-    """A new attempt at what did not end well; what the store has is not computed again."""
+@verb(batch, "retry-failed")
+def retry_failed(
+    name: BatchName = None,
+    *,
+    store: Store = None,
+    stage: Annotated[StageName | None, Option(metavar="STAGE", help="only videos that failed in STAGE")] = None,
+    wait: Wait = False,
+    limit: Limit = None,
+) -> int:
+    """Schedule what failed, is partial or was cancelled. What the store has is not computed again."""
     from humanmm.tasks.batches import batch as batches
 
-    _check_limit(options)
-    ledger, name = _open(options)
-    ledger.find_lost(name)
-    rows = batches.retry(ledger, name, stage=options.stage)
-    _say(f"batch {name}: {len(rows)} videos are tried again")
-    return _see_through(ledger, name, rows, options)
+    ledger, name, _ = _open(name, store)
+    rows = batches.retry(ledger, name, stage=stage)
+    say(f"batch {name}: {len(rows)} videos are tried again")
+    return _see_through(ledger, name, rows, wait=wait, limit=limit)
 
 
-def cancel(options: argparse.Namespace) -> int:
+@verb(batch, "cancel")
+def cancel(name: BatchName = None, *, store: Store = None) -> None:
     """Cancel what waits, stop what runs."""
-    ledger, name = _open(options)
-    ledger.find_lost(name)
+    ledger, name, _ = _open(name, store)
     cancelled = [
         row
         for row in ledger.rows(name, "scheduled", "running")
@@ -165,35 +143,37 @@ def cancel(options: argparse.Namespace) -> int:
             from humanmm.flows.server.flow_runs import cancel as cancel_flow_runs
 
             cancel_flow_runs(ledger, [ledger.row(name, row.video) or row for row in cancelled])
-    told = f"{len(cancelled)} videos cancelled, {len(running)} of them were running"
+    ended = f"{len(cancelled)} videos cancelled, {len(running)} of them were running"
     elsewhere = sum(row.state == "running" and row.is_elsewhere for row in cancelled)
-    _say(f"batch {name}: {told}" + (f"; {elsewhere} on other machines end within a minute" if elsewhere else ""))
-    return 0
+    say(f"batch {name}: {ended}" + (f"; {elsewhere} on other machines end within a minute" if elsewhere else ""))
 
 
-def report(options: argparse.Namespace) -> int:
-    """Write report.html and report.csv."""
-    from humanmm.errors import InputError
+@verb(batch, "report")
+def report(
+    name: BatchName = None,
+    *,
+    store: Store = None,
+    out: Annotated[Path | None, Option(metavar="DIR", help="where to (default: batch-<name>)")] = None,
+    force: Force = False,
+) -> None:
+    """Write a table of all videos: report.html and report.csv."""
     from humanmm.storage.pages.batch_report import write_report
 
-    ledger, name = _open(options)
-    ledger.find_lost(name)
-    folder = options.out or Path(f"batch-{name}")
-    if (folder / "report.html").exists() and not options.force:
+    _, name, rows = _open(name, store)
+    folder = out or Path(f"batch-{name}")
+    if (folder / "report.html").exists() and not force:
         raise InputError(f"{folder / 'report.html'} exists already; give --force to replace it")
-    for path in write_report(folder, name, ledger.rows(name)):
-        sys.stdout.write(f"{path}\n")
-    return 0
+    write(*write_report(folder, name, rows))
 
 
 # ---- a batch that goes on
 
 
-def _with_defaults(entries: Sequence[Entry], options: argparse.Namespace) -> list[Entry]:
-    return [entry.with_defaults(priority=options.priority or "normal", tags=options.tag) for entry in entries]
+def _with_defaults(entries: "Sequence[Entry]", options: Submission) -> "list[Entry]":
+    return [entry.with_defaults(priority=options.priority, tags=options.tag) for entry in entries]
 
 
-def _watch(ledger: BatchLedger, name: str, config: Config, options: argparse.Namespace) -> int:
+def _watch(ledger: "BatchLedger", name: str, config: "Config", options: Submission) -> int:
     """Submit again whenever a video has come or changed, and stopped growing; until Ctrl-C or SIGTERM."""
     from humanmm.storage.batches.manifest import videos_in
     from humanmm.tasks.batches import batch as batches
@@ -203,7 +183,7 @@ def _watch(ledger: BatchLedger, name: str, config: Config, options: argparse.Nam
         raise UsageError(f"--watch: {options.source} is no folder")
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     settled, taken = Settled(options.settle), dict[Path, str]()
-    _say(f"batch {name}: watching {options.source}")
+    say(f"batch {name}: watching {options.source}")
     with contextlib.suppress(KeyboardInterrupt):
         while True:
             found = videos_in(options.source, pattern=options.glob)
@@ -211,7 +191,7 @@ def _watch(ledger: BatchLedger, name: str, config: Config, options: argparse.Nam
             if not quiet.items() <= taken.items():
                 entries = _with_defaults([entry for entry in found if entry.video in quiet], options)
                 submission = batches.submit(ledger, name, options.source, entries, config, options.out)
-                _say(f"batch {name}: {len(submission.to_schedule)} to do, {submission.finished} finished")
+                say(f"batch {name}: {len(submission.to_schedule)} to do, {submission.finished} finished")
                 if submission.to_schedule:
                     _schedule(ledger, submission.to_schedule, options.limit)
                 taken = quiet
@@ -219,14 +199,14 @@ def _watch(ledger: BatchLedger, name: str, config: Config, options: argparse.Nam
     return 0
 
 
-def _set_schedule(ledger: BatchLedger, name: str, config: Config, options: argparse.Namespace) -> int:
+def _set_schedule(ledger: "BatchLedger", name: str, config: "Config", options: Submission) -> int:
     from humanmm.flows.server.local_server import prefect_server
     from humanmm.flows.service.serve import bring_up
 
     cron = None if options.schedule == "none" else options.schedule
     parameters = {
-        "source": str(options.source.absolute()), "out": str(options.out.absolute()), "store": ledger.store.place,
-        "config": config.model_dump(mode="json"), "pattern": options.glob, "priority": options.priority or "normal",
+        "source": str(options.source.absolute()), "out": str(options.out.absolute()), "store": ledger.store.location,
+        "config": config.model_dump(mode="json"), "pattern": options.glob, "priority": options.priority,
         "tags": options.tag, "settle_s": options.settle,
     }  # fmt: skip
     bring_up(limit=options.limit, idle_s=IDLE_S)
@@ -235,10 +215,10 @@ def _set_schedule(ledger: BatchLedger, name: str, config: Config, options: argpa
 
         following = set_schedule(name, cron, _timezone(), parameters)
     if following is None:
-        _say(f"batch {name}: not on a schedule any more")
+        say(f"batch {name}: not on a schedule any more")
     else:
-        _say(f"batch {name}: next at {following:%Y-%m-%d %H:%M %Z}, if `humanmm serve` runs then")
-    sys.stdout.write(f"{name}\n")
+        say(f"batch {name}: next at {following:%Y-%m-%d %H:%M %Z}, if `humanmm serve` runs then")
+    write(name)
     return 0
 
 
@@ -251,23 +231,23 @@ def _timezone() -> str:
 # ---- seeing a batch through
 
 
-def _see_through(ledger: BatchLedger, name: str, rows: Sequence[VideoRow], options: argparse.Namespace) -> int:
+def _see_through(ledger: "BatchLedger", name: str, rows: "Sequence[VideoRow]", *, wait: bool, limit: int | None) -> int:
     if rows:
-        _schedule(ledger, rows, options.limit)
-    if options.wait:
-        _wait(ledger, name, options.limit)
-    sys.stdout.write(f"{name}\n")
-    if not options.wait:
+        _schedule(ledger, rows, limit)
+    if wait:
+        _wait(ledger, name, limit)
+    write(name)
+    if not wait:
         return 0
     ended = ledger.rows(name)
-    _say(f"batch {name}: {_counted(ended)}")
+    say(f"batch {name}: {_counted(ended)}")
     for row in ended:
         if row.state != "done":
-            _say(f"{row.video}: {row.state}: {row.reason}")
+            say(f"{row.video}: {row.state}: {row.reason}")
     return 0 if all(row.state == "done" for row in ended) else PARTIAL
 
 
-def _schedule(ledger: BatchLedger, rows: Sequence[VideoRow], limit: int | None) -> None:
+def _schedule(ledger: "BatchLedger", rows: "Sequence[VideoRow]", limit: int | None) -> None:
     from humanmm.flows.server.local_server import prefect_server
     from humanmm.flows.service.serve import bring_up
 
@@ -278,7 +258,7 @@ def _schedule(ledger: BatchLedger, rows: Sequence[VideoRow], limit: int | None) 
         schedule(ledger, rows)
 
 
-def _wait(ledger: BatchLedger, name: str, limit: int | None) -> None:
+def _wait(ledger: "BatchLedger", name: str, limit: int | None) -> None:
     """Until every video has ended. Should `humanmm serve` be gone, it is started again, and what it lost scheduled."""
     from humanmm.flows.server.local_server import server_files
     from humanmm.flows.service.serve import is_serving
@@ -292,7 +272,7 @@ def _wait(ledger: BatchLedger, name: str, limit: int | None) -> None:
                 _schedule(ledger, [row for row in waiting if row.state == "scheduled"], limit)
 
 
-def _speed(rows: Sequence[VideoRow]) -> list[str]:
+def _speed(rows: "Sequence[VideoRow]") -> list[str]:
     """Videos an hour, from the last ten that ended, and the time left at that speed."""
     waiting = sum(row.state in ("scheduled", "running") for row in rows)
     ended = sorted((row for row in rows if row.seconds and row.state in ("done", "partial")), key=lambda r: r.changed)
@@ -307,56 +287,33 @@ def _speed(rows: Sequence[VideoRow]) -> list[str]:
     return [line]
 
 
-def _by_stage(rows: Sequence[VideoRow]) -> list[str]:
+def _by_stage(rows: "Sequence[VideoRow]") -> list[str]:
     """How many videos are running, partial or failed at which stage, in the order of the stages."""
-    order = [stage.name for stage in pipeline.STAGES]
     lines = []
     for state in ("running", "partial", "failed"):
         stages = [(row.stage or "no stage").split(" · ")[0] for row in rows if row.state == state]
-        known = sorted(set(stages), key=lambda name: (order.index(name) if name in order else len(order), name))
+        known = sorted(set(stages), key=lambda name: (STAGES.index(name) if name in STAGES else len(STAGES), name))
         if stages:
             lines.append(f"  {state}: " + ", ".join(f"{stages.count(name)} in {name}" for name in known))
     return lines
 
 
-def _counted(rows: Sequence[VideoRow]) -> str:
+def _counted(rows: "Sequence[VideoRow]") -> str:
+    from humanmm.storage.batches.batch_ledger import counts
+
     return ", ".join(f"{number} {state}" for state, number in counts(rows).items()) or "nothing in it"
 
 
-def _open(options: argparse.Namespace) -> tuple[BatchLedger, str]:
-    ledger = _ledger(options)
-    return ledger, ledger.check(options.batch) if options.batch else ledger.newest()
+def _open(name: str | None, store: Path | None) -> "tuple[BatchLedger, str, list[VideoRow]]":
+    """A batch by its name, and its videos; those whose process was lost are found first."""
+    ledger = _ledger(store)
+    name = ledger.check(name) if name else ledger.newest()
+    ledger.find_lost(name)
+    return ledger, name, list(ledger.rows(name))
 
 
-def _ledger(options: argparse.Namespace) -> BatchLedger:
-    return open_ledger(options.store or default_store())
+def _ledger(store: Path | None) -> "BatchLedger":
+    from humanmm.storage.store.open import open_ledger
+    from humanmm.storage.store.store import default_store
 
-
-def _check_limit(options: argparse.Namespace) -> None:
-    if options.limit is not None and options.limit < 1:
-        raise UsageError(f"--limit {options.limit}: at least one video at a time is needed")
-
-
-def _add_batch(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("batch", nargs="?", metavar="NAME", help="name of the batch (default: the newest)")
-    _add_store(parser)
-
-
-def _add_store(parser: argparse.ArgumentParser) -> None:
-    place = "artifact store (default: $HUMANMM_STORE, ~/.cache/humanmm/store)"
-    parser.add_argument("--store", type=Path, metavar="DIR|s3://…", help=place)
-
-
-def _add_waiting(parser: argparse.ArgumentParser) -> None:
-    ended = "return when every video has ended; status 3 unless all are done"
-    parser.add_argument("--wait", action="store_true", help=ended)
-    help_text = "videos at the same time, if `humanmm serve` is not up yet (default: half the processors)"
-    parser.add_argument("--limit", type=int, metavar="N", help=help_text)
-
-
-def _print(lines: Sequence[str]) -> None:
-    sys.stdout.write("".join(f"{line}\n" for line in lines))
-
-
-def _say(text: str) -> None:
-    sys.stderr.write(f"humanmm: {' '.join(text.split())}\n")
+    return open_ledger(store or default_store())

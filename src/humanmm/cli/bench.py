@@ -1,14 +1,17 @@
 """`humanmm bench NAME`: one table of the benchmark, on the terminal and as files."""
 
-import argparse
 import json
-import sys
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from humanmm.cli.settings import UsageError, add_settings, load_config
-from humanmm.errors import InputError
+from typer import Argument, Option
+
+from humanmm.cli.settings import Settings
+from humanmm.cli.terminal import say, write
+from humanmm.cli.verb import BENCHMARK, Store, app, verb
+from humanmm.errors import InputError, UsageError
 
 if TYPE_CHECKING:
     from humanmm.config import Config
@@ -17,7 +20,7 @@ if TYPE_CHECKING:
     from humanmm.models.benchmark.tables.rows import Row
     from humanmm.models.benchmark.tables.statistics import SetStatistics
     from humanmm.storage.pages.bench_page import Page
-    from humanmm.storage.store.store import Store
+    from humanmm.storage.store.store import Store as ArtifactStore
 
 TABLES = {
     "ms-mocap": "motion from multi-shot videos made of motion capture",
@@ -33,74 +36,72 @@ SAMPLE = Path("examples/aist")
 """What ms-aist reads unless told otherwise: the sequence that the repository holds."""
 MODULES = ("ablation", "camera")
 CLIPS = ("ms-render", "ms-real")
-SIZES = ("tiny", "standard", "ms20")
 
 
-def add_bench(verbs: Any, common: argparse.ArgumentParser) -> None:
-    """Declare `bench NAME`."""
-    parser = verbs.add_parser(
-        "bench",
-        parents=[common],
-        allow_abbrev=False,
-        help="measure: " + "; ".join(f"{name} ({about})" for name, about in TABLES.items()),
-    )
-    parser.add_argument("table", choices=tuple(TABLES), metavar="NAME", help=", ".join(TABLES))
-    parser.add_argument(
-        "--data",
-        type=Path,
-        metavar="PATH",
-        help="ms-mocap: a pack (.npz); ms-aist: a folder of AIST++ sequences (.npz; default: the sample in "
-        "examples/aist); ms-render, ms-real: a folder of <name>.mp4 beside <name>_gt.npz (ms-render "
-        "renders its own without one); ablation, camera: either; shots: a folder of videos beside <name>.json or "
-        "<name>_gt.npz, or BBC Planet Earth; speed: a video",
-    )
-    parser.add_argument(
-        "--size", choices=SIZES, metavar="SIZE",
-        help="ms-mocap, ms-aist: tiny, standard (60 videos each with 2, 3 and 4 transitions; default), ms20 (20 takes, "
-        "each with 2, 3 and 4); ms-render without --data: tiny (one clip of 2 s), standard (60 clips)",
-    )  # fmt: skip
-    parser.add_argument(
-        "--check", type=Path, metavar="FILE", help="a results.json; exit 1 if a figure is worse than it"
-    )
-    parser.add_argument(
-        "--imported", action="append", default=[], metavar="NAME=DIR",
-        help="tables of motion: a row of another system, whose result for each video lies in DIR: <video>.pt (GVHMR), "
-        ".pkl (WHAM) or .npz (SLAHMR, TRAM, or motion.zarr's names); may be given again",
-    )  # fmt: skip
-    parser.add_argument("--runs", type=int, metavar="N", help="speed: how often to measure (default: 1)")
-    parser.add_argument(
-        "--minutes", type=float, nargs="+", metavar="M",
-        help="speed: how time and memory grow: the video looped to each of these lengths (1 10), a process each",
-    )  # fmt: skip
-    parser.add_argument(
-        "--report", type=Path, metavar="DIR", help="also write results.json, results.csv, README.md, index.html"
-    )
-    parser.add_argument("--store", type=Path, metavar="DIR|s3://…", help="where motions and figures are kept")
-    parser.add_argument("--force", action="store_true", help="replace a report that exists")
-    add_settings(parser)
-    parser.set_defaults(run=bench)
+if TYPE_CHECKING:
+    Table = str
+else:
+    Table = Literal[tuple(TABLES)]
+_TABLES = "; ".join(f"{name}: {about}" for name, about in TABLES.items())
+_DATA = """ms-mocap: a pack (.npz); ms-aist: a folder of AIST++ sequences (.npz; default: the sample in examples/aist);
+ms-render, ms-real: a folder of <name>.mp4 beside <name>_gt.npz (ms-render renders its own without one); ablation,
+camera: either; shots: a folder of videos beside <name>.json or <name>_gt.npz, or BBC Planet Earth; speed: a video"""
+_SIZE = """ms-mocap, ms-aist: tiny, standard (60 videos each with 2, 3 and 4 transitions; default), ms20 (20 sequences,
+each with 2, 3 and 4); ms-render without --data: tiny (one clip of 2 s), standard (60 clips)"""
+_IMPORTED = """tables of motion: a row of another system, whose result for each video lies in DIR: <video>.pt (GVHMR),
+.pkl (WHAM) or .npz (SLAHMR, TRAM, or motion.zarr's names); may be given again"""
+_REPORT = "also write results.json, results.csv, README.md, index.html"
+_MINUTES = "speed: how time and memory grow: the video looped to each of these lengths (1 10), a process each"
 
 
-VERBS = (add_bench,)
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """The options of `bench`."""
+
+    table: Annotated[Table, Argument(metavar="NAME", show_default=False, help=_TABLES)]
+    settings: Settings
+    data: Annotated[Path | None, Option(metavar="PATH", help=_DATA)] = None
+    size: Annotated[Literal["tiny", "standard", "ms20"] | None, Option(metavar="SIZE", help=_SIZE)] = None
+    check: Annotated[Path | None, Option(metavar="FILE", help="a results.json; exit 1 if a figure is worse")] = None
+    imported: Annotated[list[str], Option(metavar="NAME=DIR", help=_IMPORTED)] = field(default_factory=list)
+    runs: Annotated[int | None, Option(metavar="N", min=1, help="speed: how often to measure (default: 1)")] = None
+    minutes: Annotated[list[float], Option(metavar="M…", help=_MINUTES)] = field(default_factory=list)
+    report: Annotated[Path | None, Option(metavar="DIR", help=_REPORT)] = None
+    store: Store = None
+    force: Annotated[bool, Option("--force", help="replace a report that exists")] = False
 
 
-def bench(options: argparse.Namespace) -> int:
-    """Measure, print the table, write the report, compare."""
-    config = load_config(options, {})
-    if options.data is None:
-        options.data = _own_data(options, config)
-    elif options.table in CLIPS and options.size is not None:
+@dataclass(frozen=True)
+class Measured:
+    """One table of figures, as it is printed and compared."""
+
+    rows: "Sequence[Row]"
+    table: str
+    """In Markdown."""
+    command: str
+    """The command that measures it again."""
+    page: "Callable[[], Page] | None" = None
+    """The report's page, if it has one."""
+
+
+@verb(app, "bench", panel=BENCHMARK)
+def bench(options: Options) -> int:
+    """Measure one table of the benchmark: print it, write the report, compare it with an older one."""
+    config = options.settings.config()
+    if options.data is not None and options.table in CLIPS and options.size is not None:
         raise UsageError("--size is for sets that are made here; a folder of clips has the size that it has")
-    if options.table == "speed":
-        return _speed(options, config)
-    if options.runs is not None or options.minutes:
+    if options.table != "speed" and (options.runs is not None or options.minutes):
         raise UsageError("--runs and --minutes are for the table speed")
-    if options.table == "shots":
-        return _shots(options, config)
-    return _motion(options, config)
+    data = options.data or _own_data(options, config)
+    stored = _stored(options.check)
+    measure = {"speed": _speed, "shots": _shots}.get(options.table, _motion)
+    measured = measure(options, data, config)
+    write(measured.table.removesuffix("\n"))
+    _report(options, measured)
+    return _compare(measured.rows, stored, options.table)
 
 
-def _own_data(options: argparse.Namespace, config: "Config") -> Path:
+def _own_data(options: Options, config: "Config") -> Path:
     """The data of a table that has or makes its own."""
     if options.table == "ms-aist":
         if not SAMPLE.is_dir():
@@ -115,45 +116,36 @@ def _own_data(options: argparse.Namespace, config: "Config") -> Path:
     return own_set(options.size or "standard", threads=config.run.threads)
 
 
-def _speed(options: argparse.Namespace, config: "Config") -> int:
-    runs_wanted = 1 if options.runs is None else options.runs
-    if runs_wanted < 1:
-        raise UsageError(f"--runs {runs_wanted}: at least one run is needed")
+def _speed(options: Options, data: Path, config: "Config") -> Measured:
+    runs_wanted = options.runs or 1
     if options.size is not None:
         raise UsageError("--size is for ms-mocap; speed measures one video")
     if options.minutes and (options.runs is not None or min(options.minutes) <= 0):
         raise UsageError("--minutes takes lengths above 0, and no --runs: every length is measured once")
     if options.report is not None and (options.report / "results.json").exists() and not options.force:
         raise InputError(f"{options.report / 'results.json'} exists already; give --force to replace it")
-    if not options.data.is_file():
-        raise InputError(f"{options.data} is not a file; give a video")
-    stored = _stored(options.check)
+    if not data.is_file():
+        raise InputError(f"{data} is not a file; give a video")
 
     from humanmm.flows.bench.speed import growth_rows, measure_speed
     from humanmm.models.benchmark.tables.layout import plain_table
     from humanmm.models.benchmark.tables.rows import Row, summarise
-    from humanmm.storage.pages.bench_report import write_report
     from humanmm.storage.pages.markdown import as_markdown
 
     if options.minutes:
         command = " ".join(["humanmm bench speed --minutes", *(f"{length:g}" for length in options.minutes)])
-        rows = growth_rows(options.data, config, options.minutes)
+        rows = growth_rows(data, config, options.minutes)
     else:
         command = f"humanmm bench speed --runs {runs_wanted}"
-        runs = [measure_speed(options.data, config).metrics() for _ in range(runs_wanted)]
+        runs = [measure_speed(data, config).metrics() for _ in range(runs_wanted)]
         metrics = {key: summarise([run[key] for run in runs]) for key in runs[0]}
-        rows = [Row("humanmm", options.data.stem, len(runs), 0, metrics)]
-    sys.stdout.write(as_markdown([plain_table(rows)]))
-    if options.report is not None:
-        write_report(options.report, "speed", command, rows)
-        sys.stdout.write(f"{options.report / 'results.json'}\n")
-    return _compare(rows, stored, "speed")
+        rows = [Row("humanmm", data.stem, len(runs), 0, metrics)]
+    return Measured(rows, as_markdown([plain_table(rows)]), command)
 
 
-def _shots(options: argparse.Namespace, config: "Config") -> int:
+def _shots(options: Options, data: Path, config: "Config") -> Measured:
     if options.size is not None:
         raise UsageError("--size is for ms-mocap; a folder of videos has the size that it has")
-    stored = _stored(options.check)
 
     from humanmm.flows.bench.shots import shot_rows
     from humanmm.models.benchmark.shot_scores import FIGURES
@@ -162,23 +154,19 @@ def _shots(options: argparse.Namespace, config: "Config") -> int:
     from humanmm.storage.pages.bench_page import Page
     from humanmm.storage.pages.markdown import as_markdown
     from humanmm.storage.store.open import open_store
-    from humanmm.storage.store.store import default_store
 
-    rows, facts = shot_rows(options.data, config, open_store(options.store or default_store()))
-    sys.stdout.write(f"shots: {facts.sentence()}\n\n")
+    rows, facts = shot_rows(data, config, open_store(options.store))
+    write(f"shots: {facts.sentence()}", "")
     tables = tables_of(rows, paper="shots", figures=FIGURES, lines="methods")
-    sys.stdout.write(as_markdown(tables))
-    command = " ".join(["humanmm", "bench", "shots", *_settings(options)])
+    command = " ".join(["humanmm", "bench", "shots", *_settings(options.settings)])
     methods = [row.method for row in rows]
     page = Page("shots", command, f"{facts.sentence()}.", tables, methods=methods, charts=bars_of(rows, OF_CUTS))
-    _report(options, command, rows, lambda: page)
-    return _compare(rows, stored, "shots")
+    return Measured(rows, as_markdown(tables), command, lambda: page)
 
 
-def _motion(options: argparse.Namespace, config: "Config") -> int:
-    if not options.data.exists():
-        raise InputError(f"{options.data} does not exist")
-    stored = _stored(options.check)
+def _motion(options: Options, data: Path, config: "Config") -> Measured:
+    if not data.exists():
+        raise InputError(f"{data} does not exist")
 
     from humanmm.flows.bench.imported import parse_system, with_imported
     from humanmm.flows.bench.motion import figures_of
@@ -188,12 +176,11 @@ def _motion(options: argparse.Namespace, config: "Config") -> int:
     from humanmm.models.benchmark.tables.rows import rows_of
     from humanmm.storage.pages.markdown import as_markdown
     from humanmm.storage.store.open import open_store
-    from humanmm.storage.store.store import default_store
 
-    store = open_store(options.store or default_store())
+    store = open_store(options.store)
     systems = [parse_system(text) for text in options.imported]
-    jobs, facts, size = _set(options, store)
-    sys.stdout.write(f"{' '.join([options.table, *size[1:]])}: {facts.sentence()}\n\n")
+    jobs, facts, size = _set(options, data, store)
+    write(f"{' '.join([options.table, *size[1:]])}: {facts.sentence()}", "")
     paper = "ms-Motion (20)" if options.size == "ms20" else "ms-AIST"
     methods, shown = METHODS, MAIN
     if options.table in MODULES:
@@ -204,18 +191,17 @@ def _motion(options: argparse.Namespace, config: "Config") -> int:
     _tell_failures(figures_shown)
     rows = rows_of(figures_shown)
     tables = tables_of(rows, paper=paper, figures=shown, lines="methods" if options.table in MODULES else "figures")
-    sys.stdout.write(as_markdown(tables))
     named = [word for system in systems for word in ("--imported", system.name)]
-    command = " ".join(["humanmm", "bench", options.table, *size, *named, *_settings(options)])
-    facts_line = f"{facts.sentence()}."
-    _report(
-        options, command, rows,
-        lambda: report_page(
-            options.table, command, jobs, figures, config, store, facts=facts_line, tables=tables, rows=rows,
-            methods=methods, folder=options.report,
-        ),
-    )  # fmt: skip
-    return _compare(rows, stored, options.table)
+    command = " ".join(["humanmm", "bench", options.table, *size, *named, *_settings(options.settings)])
+
+    def page() -> "Page":
+        assert options.report is not None
+        return report_page(
+            options.table, command, jobs, figures, config, store, facts=f"{facts.sentence()}.", tables=tables,
+            rows=rows, methods=methods, folder=options.report,
+        )  # fmt: skip
+
+    return Measured(rows, as_markdown(tables), command, page)
 
 
 def _tell_failures(figures: "Sequence[VideoFigures]") -> None:
@@ -227,40 +213,39 @@ def _tell_failures(figures: "Sequence[VideoFigures]") -> None:
                 reasons.setdefault(method.failure, []).append(method.method)
         for reason, methods in reasons.items():
             who = "every method" if len(methods) == len(video.methods) else ", ".join(methods)
-            sys.stderr.write(f"humanmm: {video.video}: {who} failed: {reason}\n")
+            say(f"{video.video}: {who} failed: {reason}")
 
 
-def _set(options: argparse.Namespace, store: "Store") -> "tuple[Sequence[Job], SetStatistics, list[str]]":
+def _set(options: Options, data: Path, store: "ArtifactStore") -> "tuple[Sequence[Job], SetStatistics, list[str]]":
     """The videos, the set in numbers, and the words of the command that name its size."""
     from humanmm.flows.bench.clips import clip_set
     from humanmm.flows.bench.planned import aist_set, mocap_set
 
-    if options.table in CLIPS or (options.table in MODULES and options.data.is_dir()):
-        return *clip_set(options.data, store), ["--size", options.size] if options.size else []
+    if options.table in CLIPS or (options.table in MODULES and data.is_dir()):
+        return *clip_set(data, store), ["--size", options.size] if options.size else []
     size = options.size or "standard"
-    made = aist_set(options.data, size) if options.table == "ms-aist" else mocap_set(options.data, size)
+    made = aist_set(data, size) if options.table == "ms-aist" else mocap_set(data, size)
     return *made, ["--size", size]
 
 
-def _report(options: argparse.Namespace, command: str, rows: "Sequence[Row]", page: "Callable[[], Page]") -> None:
+def _report(options: Options, measured: Measured) -> None:
     """Write the report, if one is wanted; another result that is there is not replaced without --force."""
     if options.report is None:
         return
     from humanmm.storage.pages.bench_report import as_json, write_report
 
-    results = options.report / "results.json"
+    results, rows, command = options.report / "results.json", measured.rows, measured.command
     same = results.exists() and results.read_text(encoding="utf-8") == as_json(options.table, command, rows)
     if results.exists() and not same and not options.force:
         raise InputError(f"{results} exists already with other figures; give --force to replace it")
-    write_report(options.report, options.table, command, rows, page=page())
-    sys.stdout.write(f"{results}\n")
+    write_report(options.report, options.table, command, rows, page=measured.page() if measured.page else None)
+    write(results)
 
 
-def _settings(options: argparse.Namespace) -> list[str]:
+def _settings(settings: Settings) -> list[str]:
     """The settings given as flags; a settings file is named as such, without its path."""
-    given = {name: value for name, value in vars(options).items() if "." in name and value is not None}
-    flags = [word for name, value in sorted(given.items()) for word in (f"--{name}", str(value))]
-    return [*(["--config", options.config.name] if options.config else []), *flags]
+    flags = [word for name, text in sorted(settings.flags.items()) for word in (f"--{name}", text)]
+    return [*(["--config", settings.file.name] if settings.file else []), *flags]
 
 
 def _stored(path: Path | None) -> dict[str, Any] | None:
@@ -282,5 +267,5 @@ def _compare(rows: "Sequence[Row]", stored: dict[str, Any] | None, table: str) -
 
     worse = regressions(rows, stored, table=table)
     for sentence in worse:
-        sys.stderr.write(f"humanmm: worse: {sentence}\n")
+        say(f"worse: {sentence}")
     return 1 if worse else 0

@@ -1,128 +1,189 @@
 """`humanmm dataset build NAME`: data sets for `humanmm bench`, rendered here or cut from files that the user owns."""
 
-import argparse
-import sys
-from collections.abc import Callable
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
 
-from humanmm.cli import owners
-from humanmm.cli.settings import UsageError
+from typer import Option
 
+from humanmm.cli.terminal import write
+from humanmm.cli.verb import BENCHMARK, Force, app, group, verb
+from humanmm.errors import InputError, UsageError
 
-@dataclass(frozen=True)
-class Builder:
-    """One data set that can be built."""
+if TYPE_CHECKING:
+    from humanmm.models.benchmark.recordings import ImageRecording, MultiviewSequence
 
-    name: str
-    about: str
-    """What it is and what the user must have, for --help."""
-    declare: Callable[[argparse.ArgumentParser], None]
-    """Adds the flags of this data set."""
-    build: Callable[[argparse.Namespace], Path]
-    """Builds it and returns the path of the result. Heavy imports belong inside."""
+T = TypeVar("T")
 
+TRANSITIONS = (2, 3, 4)
+SEED = 2025
 
-def _declare_ms_render(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="where the clips go")
-    parser.add_argument(
-        "--size", choices=("tiny", "standard"), default="standard", metavar="SIZE",
-        help="tiny (one clip of 2 s) or standard (60 clips of 7 to 12 s; default)",
-    )  # fmt: skip
-    parser.add_argument("--count", type=int, metavar="N", help="so many clips instead")
-    parser.add_argument("--seconds", type=float, nargs=2, metavar=("LOW", "HIGH"), help="clips of this length instead")
-    parser.add_argument("--resolution", type=int, nargs=2, metavar=("W", "H"), help="all clips of this size, pixels")
-    parser.add_argument("--seed", type=int, metavar="S", help="another seed makes other clips")
-    parser.add_argument(
-        "--mocap", type=Path, nargs="+", metavar="FILE",
-        help="packs of motion capture (default: data/mocap/cmu_test.npz and cmu_val.npz of the repository)",
-    )  # fmt: skip
-    parser.add_argument("--threads", type=int, default=2, metavar="N", help="clips made at a time (default: 2)")
-    parser.add_argument("--force", action="store_true", help="replace what is there")
+Out = Annotated[Path, Option(metavar="DIR", help="where the data set is written", show_default=False)]
+dataset = group("Build the data sets of the benchmark.")
+build = group("Build one data set.")
+app.add_typer(dataset, name="dataset", rich_help_panel=BENCHMARK)
+dataset.add_typer(build, name="build")
 
 
-def _build_ms_render(options: argparse.Namespace) -> Path:
+@verb(build, "ms-render")
+def ms_render(
+    *,
+    out: Out,
+    size: Annotated[Literal["tiny", "standard"], Option(help="one clip of 2 s, or 60 clips of 7 to 12 s")] = "standard",
+    count: Annotated[int | None, Option(metavar="N", min=1, help="so many clips instead")] = None,
+    seconds: Annotated[tuple[float, float] | None, Option(metavar="LOW HIGH", help="clips of such lengths")] = None,
+    resolution: Annotated[tuple[int, int] | None, Option(metavar="W H", help="all clips of this size, pixels")] = None,
+    seed: Annotated[int | None, Option(metavar="S", help="another seed makes other clips")] = None,
+    mocap: Annotated[list[Path], Option(metavar="FILE…", help="motion capture (default: data/mocap's packs)")] = [],  # noqa: B006
+    threads: Annotated[int, Option(metavar="N", help="clips made at a time")] = 2,
+    force: Force = False,
+) -> None:
+    """Rendered people with exact truth; nothing else is needed."""
     from humanmm.flows.bench.render_set import SEED, SetPlan, build_set, shipped_packs
 
-    if options.count is not None and options.count < 1:
-        raise UsageError(f"--count {options.count}: at least one clip is needed")
-    if options.resolution and (min(options.resolution) < 16 or any(side % 2 for side in options.resolution)):
-        raise UsageError(f"--resolution {options.resolution}: two even numbers of at least 16 are needed")
-    if options.seconds and not 0 < options.seconds[0] <= options.seconds[1]:
-        raise UsageError(f"--seconds {options.seconds}: two rising positive numbers are needed")
-    packs = tuple(options.mocap) if options.mocap else shipped_packs()
-    seed = SEED if options.seed is None else options.seed
-    plan = SetPlan(
-        packs,
-        options.size,
-        seed,
-        options.count,
-        seconds=tuple(options.seconds) if options.seconds else None,
-        resolution=tuple(options.resolution) if options.resolution else None,
-    )
-    return build_set(plan, options.out, threads=options.threads, force=options.force)
+    if resolution and (min(resolution) < 16 or any(side % 2 for side in resolution)):
+        raise UsageError(f"--resolution {resolution}: two even numbers of at least 16 are needed")
+    if seconds and not 0 < seconds[0] <= seconds[1]:
+        raise UsageError(f"--seconds {seconds}: two rising positive numbers are needed")
+    packs = tuple(mocap) if mocap else shipped_packs()
+    plan = SetPlan(packs, size, SEED if seed is None else seed, count, seconds=seconds, resolution=resolution)
+    write(build_set(plan, out, threads=threads, force=force))
 
 
-OF_OWNERS = (
-    Builder(
-        "ms-aist",
-        "from the annotations of AIST++ (CC BY 4.0) and, for clips with pictures, the AIST videos",
-        owners.declare_aist,
-        owners.build_aist,
-    ),
-    Builder(
-        "ms-h36m",
-        "from Human3.6M's videos, positions and cameras; experimental: its files could not be tried here",
-        owners.declare_h36m,
-        owners.build_h36m,
-    ),
-    Builder(
-        "3dpw",
-        "whole videos of 3DPW with truths; experimental: its files could not be tried here",
-        owners.declare_3dpw,
-        owners.build_3dpw,
-    ),
-    Builder(
-        "emdb",
-        "whole videos of EMDB-1 or EMDB-2 with truths, and your SMPL model; experimental: not tried on its files",
-        owners.declare_emdb,
-        owners.build_emdb,
-    ),
-    Builder(
-        "rich",
-        "whole videos of RICH's standing cameras with truths, and your SMPL-X models; experimental: not tried on its "
-        "files",
-        owners.declare_rich,
-        owners.build_rich,
-    ),
-)
-"""Cut from what the user must have."""
-
-BUILDERS = (
-    Builder(
-        "ms-render", "rendered people with exact truth; nothing else is needed", _declare_ms_render, _build_ms_render
-    ),
-    *OF_OWNERS,
-)
+# ---- cut from what the user must have
 
 
-def add_dataset(verbs: Any, common: argparse.ArgumentParser) -> None:
-    """Declare `dataset build NAME`."""
-    parser = verbs.add_parser("dataset", allow_abbrev=False, help="build the data sets of the benchmark")
-    actions = parser.add_subparsers(required=True, metavar="build")
-    names = actions.add_parser("build", allow_abbrev=False, help="build one data set").add_subparsers(
-        required=True, metavar="NAME", title="data sets"
-    )
-    for builder in BUILDERS:
-        of_set = names.add_parser(builder.name, parents=[common], allow_abbrev=False, help=builder.about)
-        builder.declare(of_set)
-        of_set.set_defaults(run=_build, builder=builder)
+@dataclass(frozen=True, kw_only=True)
+class Source:
+    """Where a data set of the user's lies, and where its clips go."""
+
+    root: Annotated[Path, Option(metavar="DIR", help="the data set's own folder", show_default=False)]
+    out: Out
+    count: Annotated[int | None, Option(metavar="N", min=1, help="only the first N sequences (rich: views)")] = None
+    force: Force = False
+
+    def check(self) -> None:
+        """Raise InputError if there is nothing to read, or something to overwrite."""
+        if not self.root.is_dir():
+            raise InputError(f"{self.root} is not a folder; --root must be the data set's own folder")
+        if self.out.exists() and any(self.out.iterdir()) and not self.force:
+            raise InputError(f"{self.out} is not empty; give --force to replace what is there")
+
+    def first(self, names: Sequence[T]) -> Sequence[T]:
+        """Those of all sequences that are wanted."""
+        return names if self.count is None else names[: self.count]
 
 
-VERBS = (add_dataset,)
+@verb(build, "ms-aist")
+def ms_aist(
+    source: Source,
+    *,
+    videos: Annotated[Path | None, Option(metavar="DIR", help="AIST's videos: also cut clips from them")] = None,
+) -> None:
+    """From the annotations of AIST++ (CC BY 4.0) and, for clips with pictures, the AIST videos.
+
+    --root holds keypoints2d, keypoints3d, cameras, ignore_list.txt; --videos <sequence>.mp4, with c01 … c09 for cAll.
+    """
+    import numpy as np
+
+    from humanmm.storage.readers.datasets import aistpp
+    from humanmm.storage.store.files import replace_file
+
+    source.check()
+    names = source.first(aistpp.sequence_names(source.root))
+    for name in names:
+        arrays = aistpp.read_arrays(source.root, name)
+
+        def save(fresh: Path, arrays: dict[str, np.ndarray] = arrays) -> None:
+            with fresh.open("wb") as file:
+                np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
+
+        replace_file(source.out / f"{name}.npz", save)
+    write(f"{len(names)} sequences; measure with: humanmm bench ms-aist --data {source.out}")
+    if videos is not None:
+        _cut((aistpp.read_multiview(source.root, videos, name) for name in names), source.out / "clips")
+    write(source.out)
 
 
-def _build(options: argparse.Namespace) -> int:
-    sys.stdout.write(f"{options.builder.build(options)}\n")
-    return 0
+@verb(build, "ms-h36m")
+def ms_h36m(source: Source) -> None:
+    """From Human3.6M's videos, positions and cameras; experimental: its files could not be tried here.
+
+    --root holds metadata.xml, S*/MyPoseFeatures/D3_Positions/*.cdf, S*/Videos/*.mp4.
+    """
+    from humanmm.storage.readers.datasets import human36m
+
+    source.check()
+    names = source.first(human36m.sequence_names(source.root))
+    _cut((human36m.read_multiview(source.root, name) for name in names), source.out)
+    write(source.out)
+
+
+@verb(build, "3dpw")
+def threedpw(source: Source) -> None:
+    """Whole videos of 3DPW with truths; experimental: its files could not be tried here.
+
+    --root holds sequenceFiles/<split>/*.pkl, imageFiles/*.
+    """
+    from humanmm.storage.readers.datasets import threedpw as reader
+
+    source.check()
+    paths = source.first(reader.sequence_files(source.root))
+    _write((reader.read_recording(source.root, path) for path in paths), source.out)
+
+
+@verb(build, "emdb")
+def emdb(
+    source: Source,
+    *,
+    split: Annotated[int, Option(metavar="N", min=1, max=2, help="EMDB-1 or EMDB-2", show_default=False)],
+    smpl: Annotated[Path, Option(metavar="FILE", help="your SMPL model, .npz", show_default=False)],
+) -> None:
+    """Whole videos of EMDB-1 or EMDB-2 with truths, and your SMPL model; experimental: not tried on its files.
+
+    --root holds P0 … P9, --smpl v_template, shapedirs, J_regressor (EMDB holds no joints).
+    """
+    from humanmm.storage.readers.datasets import emdb as reader
+    from humanmm.storage.readers.datasets.smpl_joints import read_smpl
+
+    source.check()
+    body = read_smpl(smpl)
+    paths = source.first(reader.sequence_files(source.root, split))
+    _write((reader.read_recording(path, body) for path in paths), source.out)
+
+
+@verb(build, "rich")
+def rich(
+    source: Source,
+    *,
+    split: Annotated[Literal["train", "val", "test"], Option(help="part of the data set", show_default=False)],
+    smplx: Annotated[Path, Option(metavar="DIR", help="your SMPL-X models", show_default=False)],
+) -> None:
+    """Whole videos of RICH's static cameras with truths, and your SMPL-X models; experimental: not tried on its files.
+
+    --root holds bodies, images, scan_calibration, multicam2world; --smplx SMPLX_FEMALE.npz and SMPLX_MALE.npz (RICH
+    holds no joints).
+    """
+    from humanmm.storage.readers.datasets import rich as reader
+    from humanmm.storage.readers.datasets.smpl_joints import read_smplx
+
+    source.check()
+    models = reader.Models(read_smplx(smplx / "SMPLX_FEMALE.npz"), read_smplx(smplx / "SMPLX_MALE.npz"))
+    views = source.first(reader.views(source.root, split))
+    _write((reader.read_recording(view, models) for view in views), source.out)
+
+
+def _cut(sequences: "Iterator[MultiviewSequence]", folder: Path) -> None:
+    from humanmm.flows.bench.dataset_builder import build_set
+
+    facts = build_set(sequences, folder, transitions=TRANSITIONS, seed=SEED)
+    write(facts.sentence(), f"measure with: humanmm bench ms-real --data {folder}")
+
+
+def _write(recordings: "Iterator[ImageRecording]", folder: Path) -> None:
+    from humanmm.flows.bench.dataset_builder import write_recording
+
+    for recording in recordings:
+        write_recording(recording, folder)
+    write(f"measure with: humanmm bench ms-real --data {folder}", folder)

@@ -1,19 +1,15 @@
 """`humanmm doctor`: everything that a run needs, checked one by one, each with what to do about it."""
 
-import argparse
-import json
 import os
 import shutil
 import sys
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
-from humanmm.cli.maintain import in_bytes
-from humanmm.errors import HumanMMError
-from humanmm.storage.store.bucket import Bucket, is_bucket
-from humanmm.storage.store.store import cache_folder, default_store
+from humanmm.cli.terminal import in_bytes, write, write_json
+from humanmm.cli.verb import STORE, Json, Store, app, verb
+from humanmm.errors import HumanMMError, StoreError, WeightsError
 
 MIN_FREE_BYTES = 1 << 30
 VARIABLES = ("CACHE", "DATA", "LOG", "SERVER_IDLE_S", "STORE", "TEMPLATE")
@@ -32,29 +28,23 @@ class Check:
     """What to do if it is not well; what can be done about it otherwise."""
 
 
-def add_doctor(verbs: Any, common: argparse.ArgumentParser) -> None:
-    """Declare `doctor`."""
-    parser = verbs.add_parser("doctor", parents=[common], allow_abbrev=False, help="check this installation")
-    parser.add_argument("--json", action="store_true", help="one json object")
-    place = "artifact store (default: $HUMANMM_STORE, ~/.cache/humanmm/store)"
-    parser.add_argument("--store", type=Path, metavar="DIR|s3://…", help=place)
-    parser.set_defaults(run=doctor)
+@verb(app, "doctor", panel=STORE)
+def doctor(*, json: Json = False, store: Store = None) -> int:
+    """Check this installation.
 
+    Exit status 1 if something is not well; its cure stands in the line below it.
+    """
+    from humanmm.storage.store.store import default_store
 
-VERBS = (add_doctor,)
-
-
-def doctor(options: argparse.Namespace) -> int:
-    """Status 1 if something is not well; its cure stands in the line below it."""
-    checks = list(_checks(options.store or default_store()))
+    checks = list(_checks(store or default_store()))
     well = all(check.ok for check in checks)
-    if options.json:
-        sys.stdout.write(json.dumps({"ok": well, "checks": [asdict(check) for check in checks]}, indent=1) + "\n")
+    if json:
+        write_json({"ok": well, "checks": [asdict(check) for check in checks]})
         return 0 if well else 1
     for check in checks:
-        sys.stdout.write(f"{'ok ' if check.ok else 'BAD'}  {check.name:<24} {check.found}\n")
+        write(f"{'ok ' if check.ok else 'BAD'}  {check.name:<24} {check.found}")
         if not check.ok:
-            sys.stdout.write(f"     {'':<24} → {check.cure}\n")
+            write(f"     {'':<24} → {check.cure}")
     return 0 if well else 1
 
 
@@ -75,7 +65,6 @@ def _installation() -> Iterator[Check]:
     import importlib.metadata
     import platform
 
-    from humanmm.errors import WeightsError
     from humanmm.models.weights.shipped import manifest, read_weights
 
     version = platform.python_version()
@@ -94,6 +83,8 @@ def _installation() -> Iterator[Check]:
 
 
 def _bucket(place: str) -> Check:
+    from humanmm.storage.store.bucket import Bucket
+
     cure = "set AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY, AWS_REGION and, for another server, AWS_ENDPOINT_URL"
     try:
         bucket = Bucket(place)
@@ -107,8 +98,9 @@ def _bucket(place: str) -> Check:
 
 
 def _place(store: Path) -> Iterator[Check]:
-    from humanmm.errors import StoreError
+    from humanmm.storage.store.bucket import is_bucket
     from humanmm.storage.store.open import open_ledger
+    from humanmm.storage.store.store import cache_folder
 
     place = str(store)
     if is_bucket(place):
@@ -155,12 +147,15 @@ def _settings() -> Check:
 def _server() -> Check:
     import urllib.request
 
-    from humanmm.flows.server.local_server import running_server, server_files
+    from humanmm.flows.server.local_server import running_server, server_files, serves_its_user_alone
 
     own = os.environ.get("PREFECT_API_URL")
     if not own:
         url = running_server(server_files())
         found = url.removesuffix("/api") if url else "no server runs; `humanmm recover` starts one when it needs it"
+        if url and not serves_its_user_alone(server_files()):
+            cure = "this kernel does not say who connects: use a machine of your own, or a server with a password"
+            return Check("dashboard", False, f"{found} serves every user of this machine", cure)
         return Check("dashboard", True, found, "`humanmm serve` starts one that stays")
     try:
         with urllib.request.urlopen(f"{own.rstrip('/')}/health", timeout=5) as answer:

@@ -1,100 +1,79 @@
 """`humanmm status` and `humanmm explain`: what is stale, why, and what a result was made of."""
 
-import argparse
-import json
-import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from humanmm.cli.settings import UsageError
-from humanmm.config_reading import validate
-from humanmm.errors import InputError, VideoError
-from humanmm.storage.run_folder.run_record import read_run_record
-from humanmm.storage.store.identity import VideoIdentity, identify
-from humanmm.storage.store.open import open_store
-from humanmm.storage.store.store import default_store
-from humanmm.tasks import pipeline
-from humanmm.tasks.engine.finish import is_up_to_date
-from humanmm.tasks.engine.plan import Forecast, forecast
-from humanmm.tasks.engine.run import VideoRun
+from typer import Argument, Option
+
+from humanmm.cli.terminal import write_all, write_json
+from humanmm.cli.verb import RESULTS, Json, RunDir, StageName, Store, app, verb
+from humanmm.errors import InputError, UsageError, VideoError
+
+if TYPE_CHECKING:
+    from humanmm.tasks.engine.plan import Forecast
+    from humanmm.tasks.engine.run import VideoRun
 
 
-def add_status(verbs: Any, common: argparse.ArgumentParser) -> None:
-    """Declare `status [RUN_DIR]`."""
-    parser = verbs.add_parser(
-        "status", parents=[common], allow_abbrev=False, help="what of a run is stale, and why; or all videos of a store"
-    )
-    parser.add_argument("run_dir", type=Path, nargs="?", metavar="RUN_DIR")
-    parser.add_argument("--store", type=Path, metavar="DIR|s3://…")
-    parser.add_argument("--json", action="store_true", help="one json object")
-    parser.set_defaults(run=status)
+@verb(app, "status", panel=RESULTS)
+def status(
+    run_dir: Annotated[Path | None, Argument(metavar="RUN_DIR", help="a run folder")] = None,
+    *,
+    store: Store = None,
+    json: Json = False,
+) -> None:
+    """Say what of a run is stale, and why; without RUN_DIR, list all videos of the store."""
+    if run_dir is None:
+        return _store_status(store, as_json=json)
+    from humanmm.tasks.engine.finish import is_up_to_date
+    from humanmm.tasks.engine.plan import forecast
 
-
-def add_explain(verbs: Any, common: argparse.ArgumentParser) -> None:
-    """Declare `explain RUN_DIR STAGE`."""
-    parser = verbs.add_parser(
-        "explain", parents=[common], allow_abbrev=False, help="what a stage's result was made of, and why it would run"
-    )
-    parser.add_argument("run_dir", type=Path, metavar="RUN_DIR")
-    parser.add_argument("stage", choices=[stage.name for stage in pipeline.STAGES], metavar="STAGE")
-    parser.add_argument("--shot", type=int, metavar="N", help="one shot, 0-based")
-    parser.add_argument("--store", type=Path, metavar="DIR|s3://…")
-    parser.add_argument("--json", action="store_true", help="one json object")
-    parser.set_defaults(run=explain)
-
-
-VERBS = (add_status, add_explain)
-
-
-def status(options: argparse.Namespace) -> int:
-    """What of a run is stale; without a run folder, the videos that the store knows."""
-    if options.run_dir is None:
-        return _store_status(options)
-    record, run = _reopen(options)
+    record, run = _reopen(run_dir, store)
     plan = forecast(run)
     stale = [entry for entry in plan if entry.state != "cached"]
-    fresh = not stale and is_up_to_date(run, options.run_dir)
-    if options.json:
-        tree = {
-            "run_dir": str(options.run_dir),
-            "state": record["state"],
-            "up_to_date": fresh,
-            "failures": record["failures"],
-            "warnings": record["warnings"],
-            "stages": [entry.to_json() for entry in plan],
-        }
-        return _print_json(tree)
+    fresh = not stale and is_up_to_date(run, run_dir)
+    if json:
+        tree = {"run_dir": str(run_dir), "state": record["state"], "up_to_date": fresh}
+        tree |= {name: record[name] for name in ("failures", "warnings")}
+        return write_json({**tree, "stages": [entry.to_json() for entry in plan]})
     frames, shots = record["video"]["num_frames"], len(record["shots"])
-    lines = [f"{options.run_dir}: {record['state']}, {frames} frames, {shots} shots"]
+    lines = [f"{run_dir}: {record['state']}, {frames} frames, {shots} shots"]
     lines += [f"  failed: {f['stage']} ({f['unit']}): {f['reason']}" for f in record["failures"]]
     lines += [f"  warning: {warning}" for warning in record["warnings"]]
-    if stale:
-        lines += [f"  {entry.stage} ({entry.unit}): {entry.sentence}" for entry in stale]
-    else:
+    lines += [f"  {entry.stage} ({entry.unit}): {entry.sentence}" for entry in stale]
+    if not stale:
         lines.append("  up to date" if fresh else "  the store has every result; `humanmm recover` rewrites the folder")
-    return _print(lines)
+    return write_all(lines)
 
 
-def explain(options: argparse.Namespace) -> int:
-    """The recipe of one stage's result, and its state today."""
-    record, run = _reopen(options)
-    if options.shot is not None and run.stage(options.stage).per != "shot":
-        raise UsageError(f"{options.stage} is not computed per shot; leave --shot out")
-    plan = forecast(run)
-    chosen = [entry for entry in plan if entry.stage == options.stage and options.shot in (None, entry.shot)]
+@verb(app, "explain", panel=RESULTS)
+def explain(
+    run_dir: RunDir,
+    stage: Annotated[StageName, Argument(metavar="STAGE", show_default=False)],
+    *,
+    shot: Annotated[int | None, Option(metavar="N", help="one shot, 0-based")] = None,
+    store: Store = None,
+    json: Json = False,
+) -> None:
+    """Say what a stage's result was made of, and whether it would be computed again."""
+    from humanmm.tasks.engine.plan import forecast
+
+    record, run = _reopen(run_dir, store)
+    if shot is not None and run.stage(stage).per != "shot":
+        raise UsageError(f"{stage} is not computed per shot; leave --shot out")
+    chosen = [entry for entry in forecast(run) if entry.stage == stage and shot in (None, entry.shot)]
     if not chosen:
-        raise InputError(f"--shot {options.shot}: the video has {len(record['shots'])} shots")
+        raise InputError(f"--shot {shot}: the video has {len(record['shots'])} shots")
     entries = [_explained(record, run, entry) for entry in chosen]
-    if options.json:
-        return _print_json({"run_dir": str(options.run_dir), "stage": options.stage, "units": entries})
-    return _print([line for entry in entries for line in _lines(entry)])
+    if json:
+        return write_json({"run_dir": str(run_dir), "stage": stage, "units": entries})
+    return write_all(line for entry in entries for line in _lines(entry))
 
 
-def _explained(record: Mapping[str, Any], run: VideoRun, entry: Forecast) -> dict[str, Any]:
+def _explained(record: Mapping[str, Any], run: "VideoRun", entry: "Forecast") -> dict[str, Any]:
     place = (entry.stage, entry.unit)
     then = next((s for s in record["stages"] if (s["stage"], s["unit"]) == place), None)
-    found = next((o for o in run.outcomes.values() if (o.work.stage.name, o.work.unit) == place), None)
+    found = next((o for o in run.outcomes.values() if (o.unit.stage.name, o.unit.name) == place), None)
     manifest = found.manifest if found else None
     return {
         **entry.to_json(),
@@ -107,62 +86,56 @@ def _explained(record: Mapping[str, Any], run: VideoRun, entry: Forecast) -> dic
     }
 
 
-def _lines(entry: Mapping[str, Any]) -> list[str]:
-    lines = [f"{entry['stage']} ({entry['unit']}): {entry['now']}"]
+def _lines(entry: Mapping[str, Any]) -> Iterator[str]:
+    yield f"{entry['stage']} ({entry['unit']}): {entry['now']}"
     then, recipe = entry["in_this_run"], entry["recipe"]
     if then:
         attempts = f", {then['attempts']} attempts" if then["attempts"] > 1 else ""
         reason = f" ({then['reason']})" if then["reason"] else ""
-        lines.append(f"  in this run: {then['state']}{reason}, {then['seconds']:.1f} s{attempts}")
-        lines += [f"  attempt failed: {fault}" for fault in then["faults"]]
-        lines += [f"  warning: {warning}" for warning in then["warnings"]]
+        yield f"  in this run: {then['state']}{reason}, {then['seconds']:.1f} s{attempts}"
+        yield from (f"  attempt failed: {fault}" for fault in then["faults"])
+        yield from (f"  warning: {warning}" for warning in then["warnings"])
     if recipe:
-        lines.append(f"  artifact: {entry['artifact']}, {entry['bytes'] / 1e6:.2f} MB, {entry['created']}")
+        yield f"  artifact: {entry['artifact']}, {entry['bytes'] / 1e6:.2f} MB, {entry['created']}"
         for title in ("unit", "settings", "inputs", "weights", "libraries", "modules"):
             for name, value in recipe[title].items():
-                lines.append(f"  {title}: {name} = {value[:12] if title in _DIGESTS else value}")
-    return lines
+                yield f"  {title}: {name} = {value[:12] if title in _DIGESTS else value}"
 
 
 _DIGESTS = ("inputs", "weights", "modules")
 
 
-def _reopen(options: argparse.Namespace) -> tuple[dict[str, Any], VideoRun]:
+def _reopen(run_dir: Path, store: Path | None) -> tuple[dict[str, Any], "VideoRun"]:
     """The record of a run folder, and the same run as it would be today. Writes nothing."""
-    record = read_run_record(options.run_dir)
+    from humanmm.config_reading import validate
+    from humanmm.storage.run_folder.run_record import read_run_record
+    from humanmm.storage.store.identity import VideoIdentity, identify
+    from humanmm.storage.store.open import open_store
+    from humanmm.tasks.engine.run import VideoRun
+
+    record = read_run_record(run_dir)
     try:
-        config = validate(record["config"], origin=str(options.run_dir / "run.json"))
-        store = open_store(options.store or Path(record["store"]), read_only=True)
+        config = validate(record["config"], origin=str(run_dir / "run.json"))
+        place = open_store(store or Path(record["store"]), read_only=True)
         video = Path(record["video"]["path"])
         sha256 = str(record["video"]["sha256"])
     except (KeyError, TypeError) as error:
-        raise InputError(f"{options.run_dir / 'run.json'} lacks {error}; `humanmm recover` writes it anew") from None
+        raise InputError(f"{run_dir / 'run.json'} lacks {error}; `humanmm recover` writes it anew") from None
     try:
-        identity = identify(video, store)
+        identity = identify(video, place)
     except VideoError:  # the store still knows it by its content
         identity = VideoIdentity(video, sha256, 0, 0, 0)
-    return record, VideoRun(identity, config, store)
+    return record, VideoRun(identity, config, place)
 
 
-def _store_status(options: argparse.Namespace) -> int:
-    from humanmm.storage.store.maintenance import known_runs
+def _store_status(place: Path | None, *, as_json: bool) -> None:
+    from humanmm.storage.store.open import open_store
 
-    store = open_store(options.store or default_store(), read_only=True)
-    runs = known_runs(store)
-    if options.json:
-        told = ("video", "state", "run_dir", "reason", "finished")
-        videos = [{name: getattr(run, name) for name in told} for run in runs]
-        return _print_json({"store": store.place, "videos": videos})
-    lines = [f"store {store.place}: {len(runs)} videos"]
-    lines += [f"  {run.video[:12]}  {run.state:<8} {run.run_dir or '-'}  {run.reason}".rstrip() for run in runs]
-    return _print(lines)
-
-
-def _print(lines: list[str]) -> int:
-    sys.stdout.write("".join(f"{line.encode('utf-8', 'backslashreplace').decode()}\n" for line in lines))
-    return 0
-
-
-def _print_json(tree: Mapping[str, Any]) -> int:
-    sys.stdout.write(json.dumps(tree, indent=1) + "\n")
-    return 0
+    store = open_store(place, read_only=True)
+    runs = store.known_runs()
+    if as_json:
+        names = ("video", "state", "run_dir", "reason", "finished")
+        videos = [{name: getattr(run, name) for name in names} for run in runs]
+        return write_json({"store": store.location, "videos": videos})
+    lines = (f"  {run.video[:12]}  {run.state:<8} {run.run_dir or '-'}  {run.reason}".rstrip() for run in runs)
+    return write_all([f"store {store.location}: {len(runs)} videos", *lines])

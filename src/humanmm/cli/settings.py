@@ -1,46 +1,66 @@
-"""The configuration on the command line: a TOML file and a flag `--STAGE.FIELD` for every field of the tree."""
+"""The configuration on the command line: a TOML file, and a flag `--STAGE.FIELD` for every field of the tree."""
 
-import argparse
-from collections.abc import Mapping
+import inspect
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from pydantic import BaseModel
+from typer import Option
 
 from humanmm.config import Config
-from humanmm.config_reading import read_toml, validate, value_of, with_values
-from humanmm.errors import ConfigError, InputError
+from humanmm.config_reading import resolve, value_of
+from humanmm.errors import ConfigError, UsageError
 
 
-class UsageError(InputError):
-    """A flag is wrong: exit status 2."""
+@dataclass(frozen=True)
+class Settings:
+    """What the user gave: a verb with a parameter of this type takes `--config` and all flags."""
+
+    file: Path | None
+    flags: Mapping[str, str]
+    """`section.field` → text."""
+
+    def config(self, **shorthands: Any) -> Config:
+        """Defaults, then the file, then flags, then values such as `person=0`.
+
+        Raises ConfigError for the file and UsageError for flags, each in one sentence.
+        """
+        from_file = resolve(self.file)
+        try:
+            return resolve(from_file, {name: value_of(text) for name, text in self.flags.items()} | shorthands)
+        except ConfigError as error:
+            raise UsageError(str(error)) from None
+
+    @classmethod
+    def declared(cls) -> Iterator[inspect.Parameter]:
+        """`--config`, and a flag for each field; the field's sentence is its help, a section is a panel."""
+        text = "settings, e.g. a section \\[camera] with static = true; flags win over it"
+        yield _option("config", Path, Option("--config", metavar="FILE.toml", help=text))
+        for section, info in Config.model_fields.items():
+            model = info.annotation
+            assert isinstance(model, type) and issubclass(model, BaseModel)
+            panel = f"{section}: {_short(model.__doc__ or '')}"
+            for name, field in model.model_fields.items():
+                default = "" if field.default is None else f" (default: {field.default})"
+                text = f"{field.description}{default}".replace("[", "\\[")  # rich would take it for markup
+                flag = Option(f"--{section}.{name}", metavar="VALUE", help=text, rich_help_panel=panel)
+                yield _option(f"{section}__{name}", str, flag)
+
+    @classmethod
+    def given(cls, arguments: Mapping[str, Any]) -> "Settings":
+        """What the user gave, from the values of `declared`."""
+        flags = {name.replace("__", ".", 1): text for name, text in arguments.items() if "__" in name and text}
+        return cls(arguments["config"], flags)
 
 
-def add_settings(parser: argparse.ArgumentParser) -> None:
-    """Add `--config` and one flag per field; the field's sentence is its help."""
-    parser.add_argument("--config", type=Path, metavar="FILE.toml", help="settings, e.g. [camera] static = true")
-    for section, info in Config.model_fields.items():
-        model = info.annotation
-        assert isinstance(model, type) and issubclass(model, BaseModel)
-        group = parser.add_argument_group(f"settings of {section}", description=model.__doc__)
-        for name, field in model.model_fields.items():
-            sentence = (field.description or "").replace("%", "%%")
-            default = "" if field.default is None else f" (default: {str(field.default).replace('%', '%%')})"
-            spellings = dict.fromkeys([f"--{section}.{name}", f"--{section}.{name.replace('_', '-')}"])
-            group.add_argument(*spellings, dest=f"{section}.{name}", metavar="VALUE", help=sentence + default)
+def _short(sentence: str) -> str:
+    """As much of a section's sentence as fits into the title of a panel."""
+    return re.split(r" \(|: |\.$", sentence)[0]
 
 
-def load_config(arguments: argparse.Namespace, shorthands: Mapping[str, Any] | None = None) -> Config:
-    """Defaults, then the file, then flags, then shorthands such as --person (`{"shots.person": 0}`).
-
-    Raises ConfigError for the file and UsageError for flags, each in one sentence.
-    """
-    tree: dict[str, Any] = {}
-    if arguments.config is not None:
-        tree = read_toml(arguments.config)
-        validate(tree, origin=str(arguments.config))
-    flags = {name: value_of(text) for name, text in vars(arguments).items() if "." in name and text is not None}
-    try:
-        return validate(with_values(tree, {**flags, **(shorthands or {})}))
-    except ConfigError as error:
-        raise UsageError(str(error)) from None
+def _option(name: str, kind: type, option: Any) -> inspect.Parameter:
+    annotation = Annotated[kind | None, option]  # type: ignore[valid-type]
+    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=annotation)

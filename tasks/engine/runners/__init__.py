@@ -1,1 +1,1 @@
-"""Where a unit is computed: in this process, in a child process, or on workers of Dask or Ray."""
+"""Where a unit is computed: in a child process, or on workers of Dask or Ray."""

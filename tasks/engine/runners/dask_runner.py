@@ -1,4 +1,4 @@
-"""Stages on workers of Dask: a cluster of this run's own on this machine, or one that runs already."""
+"""Stages on workers of Dask: on a cluster that this run starts on this machine, or on one that runs already."""
 
 import logging
 import pickle
@@ -6,18 +6,19 @@ import uuid
 from typing import Any
 
 from humanmm.errors import ResourceError
-from humanmm.tasks.engine.faults import in_words
-from humanmm.tasks.engine.job import Done, Job, Message, Progress, Setting, hear
-from humanmm.tasks.engine.runners.runner import perform
+from humanmm.tasks.engine.runners.job import Job, Message, Progress, Setting, receive
+from humanmm.tasks.engine.runners.worker import perform
+from humanmm.tasks.units.execute import Result
+from humanmm.tasks.units.faults import in_words
 
 log = logging.getLogger(__name__)
 
 TOPIC = "humanmm"
-"""Under which workers log messages, which the scheduler passes on in order; one for all runs, for it keeps topics."""
+"""Topic of the workers' messages, which the scheduler forwards in order; one for all runs, for it keeps topics."""
 
 
 class DaskWorkers:
-    """`runner.Workers` of a Dask scheduler; a job is a task there, named as in the flow."""
+    """`runner.Workers` of a Dask scheduler; a job is a Dask task with the name that it has in the flow."""
 
     def __init__(self, setting: Setting, *, num_workers: int, address: str | None) -> None:
         self._setting = setting
@@ -30,9 +31,9 @@ class DaskWorkers:
     def open(self) -> None:
         if self._client is None:
             self._client = self._connect()
-            self._client.subscribe_topic(TOPIC, self._hear)
+            self._client.subscribe_topic(TOPIC, self._receive)
 
-    def compute(self, job: Job, label: str, *, isolated: bool, limit_s: float | None, progress: Progress) -> Done:
+    def compute(self, job: Job, label: str, *, isolated: bool, limit_s: float | None, progress: Progress) -> Result:
         from distributed import CancelledError, KilledWorker
 
         client = self._client
@@ -42,14 +43,14 @@ class DaskWorkers:
             task = client.submit(
                 _perform, self._setting, job, label, isolated, limit_s, key, key=key, pure=False, retries=0
             )
-            told: Done | Exception = task.result()
+            received: Result | Exception = task.result()
         except (KilledWorker, CancelledError, OSError) as error:
             raise ResourceError(f"{label}: its worker was lost: {in_words(error)}") from error
         finally:
             del self._progress[key]
-        if isinstance(told, Exception):
-            raise told
-        return told
+        if isinstance(received, Exception):
+            raise received
+        return received
 
     def close(self) -> None:
         for opened in (self._client, self._cluster):
@@ -66,7 +67,7 @@ class DaskWorkers:
             except OSError as error:
                 message = f"no scheduler of Dask at run.cluster = {self._address}: {in_words(error)}"
                 raise ResourceError(message) from error
-        with dask.config.set({"distributed.scheduler.allowed-failures": 0}):  # who tries again is the flow
+        with dask.config.set({"distributed.scheduler.allowed-failures": 0}):  # the flow retries
             self._cluster = LocalCluster(
                 n_workers=self._num_workers,
                 threads_per_worker=1,
@@ -78,11 +79,11 @@ class DaskWorkers:
             )
         return Client(self._cluster, set_as_default=False)
 
-    def _hear(self, event: tuple[float, tuple[str, bytes]]) -> None:
+    def _receive(self, event: tuple[float, tuple[str, bytes]]) -> None:
         key, message = event[1]
         progress = self._progress.get(key)
         if progress is not None:  # of this run
-            hear(pickle.loads(message), progress)
+            receive(pickle.loads(message), progress)
 
 
 def _perform(setting: Setting, job: Job, label: str, isolated: bool, limit_s: float | None, key: str) -> Any:

@@ -1,8 +1,8 @@
-"""Computes stages in child processes: they can be ended for real, and the video outlives their death.
+"""Computes stages in child processes: they can be killed, and the run survives that.
 
-A thread cannot be stopped from outside, so that a time limit on it is a wish. A child is killed, the kernel frees its
-locks and its memory, and what it was writing was never visible. Children are kept for the next unit, so that code and
-weights are loaded once in each; a child whose parent is gone ends by itself.
+A thread cannot be stopped from outside, so a time limit on it cannot be enforced. When a child is killed, the kernel
+frees its locks and its memory, and the artifact that it was writing never becomes visible. A child computes one unit
+after another, so that it loads code and weights once; it ends by itself when its parent has ended.
 """
 
 import contextlib
@@ -18,14 +18,16 @@ import time
 from typing import TYPE_CHECKING, Any
 
 from humanmm.errors import HumanMMError, ResourceError, TimeLimitError
-from humanmm.tasks.engine.job import Done, Job, LogSender, Progress, Setting, answer, hear
+from humanmm.tasks.engine.runners.job import Job, LogSender, Progress, Setting, receive, respond
+from humanmm.tasks.units.execute import Result
+from humanmm.tasks.units.process import prepare_process
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
 
 
 class Children:
-    """`runner.Workers` that are child processes: as many for one video as compute at the same time."""
+    """`runner.Workers` that are child processes: as many as the units of one video that compute at the same time."""
 
     def __init__(self, setting: Setting) -> None:
         self._setting = setting
@@ -35,27 +37,27 @@ class Children:
         self._lock = threading.Lock()
 
     def open(self) -> None:
-        """A child is started when there is a job and no other child has time for it."""
+        """Nothing: a child is started when there is a job and no idle child."""
 
-    def compute(self, job: Job, label: str, *, isolated: bool, limit_s: float | None, progress: Progress) -> Done:
-        child = self._free_child()
+    def compute(self, job: Job, label: str, *, isolated: bool, limit_s: float | None, progress: Progress) -> Result:
+        child = self._idle_child()
         try:
-            done = child.do(job, label, limit_s, progress)
+            result = child.compute(job, label, limit_s, progress)
         except BaseException as error:
             fit = isinstance(error, HumanMMError) and not isinstance(error, TimeLimitError | ResourceError)
-            self._give_back(child) if fit else self._drop(child)
+            self._keep(child) if fit else self._drop(child)
             raise
-        self._give_back(child)
-        return done
+        self._keep(child)
+        return result
 
     def close(self) -> None:
-        """End all children, busy ones too: what they do is lost, and there will be no others."""
+        """Kill all children, busy ones too; none is started after it."""
         with self._lock:
             self._closed = True
             for child in self._all:
                 child.end()
 
-    def _free_child(self) -> "_Child":
+    def _idle_child(self) -> "_Child":
         with self._lock:
             if self._closed:
                 raise ResourceError("the run has ended")
@@ -68,7 +70,7 @@ class Children:
                 child.end()
         return child
 
-    def _give_back(self, child: "_Child") -> None:
+    def _keep(self, child: "_Child") -> None:
         with self._lock:
             self._idle.append(child)
 
@@ -94,7 +96,7 @@ class _Child:
         self._connection = Connection(ours.detach())
         self._connection.send(setting)
 
-    def do(self, job: Job, label: str, limit_s: float | None, progress: Progress) -> Done:
+    def compute(self, job: Job, label: str, limit_s: float | None, progress: Progress) -> Result:
         deadline = None if limit_s is None else time.monotonic() + limit_s
         try:
             self._connection.send(job)
@@ -106,21 +108,21 @@ class _Child:
                         f"`limit_s` under [run.stages.{job.stage}] sets another"
                     )
                 message = self._connection.recv()
-                if isinstance(message, Done):
+                if isinstance(message, Result):
                     return message
                 if isinstance(message, Exception):
                     raise message
-                hear(message, progress)
+                receive(message, progress)
         except (EOFError, OSError) as error:
             raise ResourceError(f"{label}: its process was lost: {self._how_it_ended()}") from error
 
     def kill(self) -> None:
-        """End it, and whatever it has started, once nobody listens to it any more."""
+        """Close the connection, then kill it and the processes that it has started."""
         self._connection.close()
         self.end()
 
     def end(self) -> None:
-        """End it, and whatever it has started; who listens to it learns that it was lost."""
+        """Kill it and the processes that it has started; a thread that waits for its messages gets an EOFError."""
         with contextlib.suppress(ProcessLookupError):
             os.killpg(self._process.pid, signal.SIGKILL)
         self._process.wait()
@@ -139,10 +141,8 @@ class _Child:
 
 
 def main(descriptor: int) -> None:
-    """Do jobs until the parent is gone."""
+    """Compute jobs until the parent has ended."""
     from multiprocessing.connection import Connection
-
-    from humanmm.tasks.process import prepare_process
 
     prepare_process()
     connection = Connection(descriptor)
@@ -156,16 +156,16 @@ def main(descriptor: int) -> None:
     logger.setLevel(logging.INFO)
     logger.addHandler(LogSender(send))
     setting: Setting = connection.recv()
-    run = setting.open()
-    run.watch(lambda work, done, total: send((done, total)), log_text=str)
+    executor = setting.open()
+    executor.listen(lambda unit, done, total: send((done, total)))
     jobs: queue.SimpleQueue[Job] = queue.SimpleQueue()
     threading.Thread(target=_receive, args=(connection, jobs), daemon=True).start()
     while True:
-        send(answer(run, jobs.get()))
+        send(respond(executor, jobs.get()))
 
 
 def _receive(connection: "Connection", jobs: "queue.SimpleQueue[Job]") -> None:
-    """Take jobs while the main thread works, so that the end of the parent is seen at once."""
+    """Receive jobs while the main thread computes, so that the end of the parent is noticed at once."""
     while True:
         try:
             jobs.put(connection.recv())

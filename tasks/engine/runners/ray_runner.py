@@ -1,4 +1,4 @@
-"""Stages on workers of Ray: an instance of this process's own on this machine, or a cluster that runs already."""
+"""Stages on workers of Ray: on an instance that this process starts on this machine, or on a running cluster."""
 
 import logging
 import os
@@ -11,9 +11,10 @@ from collections.abc import Iterator
 from typing import Any
 
 from humanmm.errors import ResourceError
-from humanmm.tasks.engine.faults import in_words
-from humanmm.tasks.engine.job import Done, Job, Message, Progress, Setting, hear
-from humanmm.tasks.engine.runners.runner import perform
+from humanmm.tasks.engine.runners.job import Job, Message, Progress, Setting, receive
+from humanmm.tasks.engine.runners.worker import perform
+from humanmm.tasks.units.execute import Result
+from humanmm.tasks.units.faults import in_words
 
 OBJECTS_BYTES = 100 << 20
 """Shared memory of our own instance: nothing large goes through it."""
@@ -25,7 +26,7 @@ put an address in its place that other machines can reach, and listen everywhere
 
 
 class RayWorkers:
-    """`runner.Workers` of Ray; a job is a task there, named as in the flow, that yields its messages."""
+    """`runner.Workers` of Ray; a job is a Ray task with the name that it has in the flow; it yields messages."""
 
     def __init__(self, setting: Setting, *, num_workers: int, address: str | None) -> None:
         self._setting = setting
@@ -38,23 +39,23 @@ class RayWorkers:
             _Instance.join(self._num_workers, self._address)
             self._is_open = True
 
-    def compute(self, job: Job, label: str, *, isolated: bool, limit_s: float | None, progress: Progress) -> Done:
+    def compute(self, job: Job, label: str, *, isolated: bool, limit_s: float | None, progress: Progress) -> Result:
         import ray
 
         task: Any = ray.remote(num_returns="streaming", max_retries=0)(_perform)
         try:
             for message in task.options(name=label).remote(self._setting, job, label, isolated, limit_s):
-                told: Message = ray.get(message)
-                if isinstance(told, Done):
-                    return told
-                if isinstance(told, Exception):
-                    raise told
-                hear(told, progress)
+                received: Message = ray.get(message)
+                if isinstance(received, Result):
+                    return received
+                if isinstance(received, Exception):
+                    raise received
+                receive(received, progress)
         except ray.exceptions.RayTaskError:
             raise
         except (ray.exceptions.RayError, OSError) as error:
             raise ResourceError(f"{label}: its worker was lost: {in_words(error)}") from error
-        raise ResourceError(f"{label}: its worker was lost before it had an answer")
+        raise ResourceError(f"{label}: its worker was lost before it sent a result")
 
     def close(self) -> None:
         if self._is_open:
@@ -63,7 +64,7 @@ class RayWorkers:
 
 
 class _Instance:
-    """What this process is connected to: Ray knows one cluster a process, so that runs at the same time share it."""
+    """The cluster of this process: Ray connects a process to one, which its concurrent runs share."""
 
     _lock = threading.Lock()
     _users = 0
@@ -92,7 +93,7 @@ class _Instance:
         quiet = {"log_to_driver": False, "logging_level": logging.ERROR}
         if address is not None:
             host, _, port = address.rpartition(":")
-            if port.isdecimal():  # Ray asks a place where nobody is for minutes
+            if port.isdecimal():  # Ray retries a dead address for minutes
                 socket.create_connection((host, int(port)), timeout=CONNECT_S).close()
             ray.init(address=address, **quiet)
             return
@@ -124,12 +125,12 @@ def _perform(setting: Setting, job: Job, label: str, isolated: bool, limit_s: fl
     """A task of Ray."""
     messages: queue.SimpleQueue[Message] = queue.SimpleQueue()
 
-    def work() -> None:
+    def compute() -> None:
         messages.put(perform(setting, job, label, isolated=isolated, limit_s=limit_s, send=messages.put))
 
-    threading.Thread(target=work, name=label, daemon=True).start()
+    threading.Thread(target=compute, name=label, daemon=True).start()
     while True:
         message = messages.get()
         yield message
-        if isinstance(message, Done | Exception):
+        if isinstance(message, Result | Exception):
             return

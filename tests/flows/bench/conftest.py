@@ -1,5 +1,5 @@
 """The pack of motion capture made of arithmetic, for tests of this room."""
 
-from walking_pack import pack, takes
+from walking_pack import pack, sequences
 
-__all__ = ["pack", "takes"]
+__all__ = ["pack", "sequences"]

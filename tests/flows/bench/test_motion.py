@@ -12,8 +12,8 @@ from humanmm.flows.bench import motion as motion_benchmark
 from humanmm.flows.bench.motion import FIGURE_CODE
 from humanmm.flows.bench.planned import mocap_set
 from humanmm.models.benchmark.methods import ABLATIONS, METHODS
-from humanmm.storage.store.digest import CodeDigest
 from humanmm.storage.store.open import open_store
+from humanmm.tasks.units.digest import CodeDigest
 
 
 def test_tiny_is_computed_once_and_then_the_same_to_the_byte(

@@ -9,7 +9,7 @@ from uuid import uuid4
 import pytest
 
 from humanmm.flows.server import dashboard
-from humanmm.tasks.engine.units import Work
+from humanmm.tasks.units.unit import Unit
 
 
 class Server:
@@ -42,8 +42,8 @@ def server(monkeypatch: pytest.MonkeyPatch) -> Server:
     return found
 
 
-def stage(label: str) -> Work:
-    return cast("Work", SimpleNamespace(label=label))
+def stage(label: str) -> Unit:
+    return cast("Unit", SimpleNamespace(label=label))
 
 
 def test_a_short_stage_is_never_told_and_the_server_is_not_even_asked(server: Server) -> None:

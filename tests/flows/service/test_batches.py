@@ -147,16 +147,14 @@ def test_a_batch_survives_a_restart_and_the_death_of_the_server_and_can_be_cance
     )  # fmt: skip
     place.until(lambda: "align" in {video["stage"] for video in states().values()}, 120)
     before = next(place.folder.glob("prefect-*/port")).read_text()
-    place.end("humanmm.flows.server.local_server")
+    place.end("humanmm.flows.server.server_process")
     place.until(lambda: "done" in _named(states()).values(), 120)
     assert next(place.folder.glob("prefect-*/port")).read_text() == before
     place.until(lambda: "running" in _named(states()).values(), 90)
     assert farm.command("batch", "cancel").returncode == 0
     found = list(_named(states()).values())
     assert found.count("cancelled") >= 1 and not {"running", "scheduled"} & set(found)
-    place.until(
-        lambda: not place.pids("humanmm.flows.service.video_process"), 60
-    )  # one may just have begun, and leaves by itself
+    place.until(lambda: not place.pids("humanmm-video"), 60)  # one may just have begun, and leaves by itself
     place.until(lambda: not AT_WORK & {state for _, state in place.flow_runs()}, 60)
     serving.send_signal(signal.SIGTERM)
     assert serving.wait(timeout=60) == 0

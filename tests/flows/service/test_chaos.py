@@ -21,8 +21,8 @@ CLIP = ROOT / "examples/pose2sim_multishot/pose2sim_A_01-02-01.mp4"
 NUM_VIDEOS = 20
 FRAMES_A_MINUTE = 3
 """Longer videos for a longer test: the work is to last about as long as the faults."""
-AT_WORK = {"task": 1, "video": 2, "template": 4, "serve": 4, "full disk": 4}
-"""Stages that a fault may interrupt: each of the two videos computes two, and both may be forks of one template. A
+AT_WORK = {"task": 1, "video": 2, "fork server": 4, "serve": 4, "full disk": 4}
+"""Stages that a fault may interrupt: each of the two videos computes two, and both may be forks of one fork server. A
 worker's and the server's death interrupts none."""
 SEED = 5
 NOTICED_S = 120.0

@@ -1,67 +1,93 @@
-"""Processes that are forks of a template: what they take over, how they end, and when there are none."""
+"""Processes of videos: forks of the fork server, what they take over, how they end, and when fresh ones start."""
 
 import os
 import signal
 import subprocess
 import sys
 import time
-import uuid
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
-from humanmm.flows.service.video_process import TEMPLATE
-
 SOURCE = Path(__file__).resolve().parents[3] / "src"
-BODY = """
-import os, socket, sys, time
-began_ns = time.time_ns()
-import some_code
-from humanmm.flows.service.fork_server import Template, become
-import prefect.context
-listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-listener.bind("\\0" + os.environ["HUMANMM_TEMPLATE"])
-listener.listen()
-asked = Template(listener, began_ns).forks()
-if asked is not None:
-    become(asked)
-    exec(os.environ["TOLD"])
+WORKER = """
+import os, sys, threading
+from pathlib import Path
+from multiprocessing import forkserver
+from humanmm.flows.service import fork_server
+import bodies
+
+fork_server.PRELOAD = "preloaded"
+fork_server.launch()
+print(forkserver._forkserver._forkserver_pid, flush=True)
+def wait(process, number):
+    process.join()
+    print(number, "ended", process.exitcode, flush=True)
+for number, line in enumerate(sys.stdin):
+    process = fork_server.start(dict(BODY=line.strip(), HUMANMM_GONE=None), Path(os.environ["FOLDER"]), bodies.run)
+    print(number, "pid", process.pid, flush=True)
+    threading.Thread(target=wait, args=(process, number), daemon=True).start()
+os._exit(0)
+"""
+BODIES = """
+import os, sys, time
+def wait():
+    while not os.path.exists("over"):
+        time.sleep(0.02)
+def tell(*facts):
+    with open("told", "w") as file:
+        print(*facts, file=file)
+def run():
+    exec(os.environ["BODY"], globals())
+"""
+PRELOADED = """
+from humanmm.flows.service import fork_server
+fork_server.PRELOAD = "preloaded"
+fork_server._import_everything = lambda: __import__("some_code")
+PRELOADED = fork_server.Preloaded()
 """
 
 
 @dataclass
-class Nest:
-    """A template, and the processes that ask it."""
+class Worker:
+    """A process that starts others as a worker does, and prints what becomes of them."""
 
     folder: Path
-    name: str
-    template: subprocess.Popen[bytes]
+    process: subprocess.Popen[str]
 
-    def ask(self, told: str) -> subprocess.Popen[str]:
-        """Have a fork run some lines of Python."""
-        environment = {**os.environ, TEMPLATE: self.name, "TOLD": told, "PYTHONPATH": str(SOURCE)}
-        command = [sys.executable, "-m", "humanmm.flows.service.video_process"]
-        return subprocess.Popen(
-            command, env=environment, cwd=self.folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-        )
+    def line(self) -> list[str]:
+        assert self.process.stdout is not None
+        return self.process.stdout.readline().split()
+
+    def start(self, body: str) -> int:
+        """Have a process run a line of Python; its process id."""
+        assert self.process.stdin is not None
+        self.process.stdin.write(body + "\n")
+        self.process.stdin.flush()
+        _, what, pid = self.line()
+        assert what == "pid"
+        return int(pid)
 
 
 @pytest.fixture
-def nest(tmp_path: Path) -> Iterator[Nest]:
-    (tmp_path / "some_code.py").write_text("answer = 42\n")
-    name = f"humanmm-test-{uuid.uuid4().hex}"
-    path = os.pathsep.join([str(SOURCE), str(tmp_path)])
-    template = subprocess.Popen(
-        [sys.executable, "-c", BODY],
-        env={**os.environ, TEMPLATE: name, "PYTHONPATH": path, "PREFECT_HOME": str(tmp_path / "prefect")},
-        stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+def worker(tmp_path: Path) -> Iterator[Worker]:
+    for name, text in (("some_code", "answer = 42\n"), ("bodies", BODIES), ("preloaded", PRELOADED)):
+        (tmp_path / f"{name}.py").write_text(text)
+    (tmp_path / "films").mkdir()
+    time.sleep(0.02)  # code that was written while it was loaded is not trusted
+    environment = {
+        **os.environ, "PYTHONPATH": os.pathsep.join([str(SOURCE), str(tmp_path)]), "FOLDER": str(tmp_path / "films"),
+        "HUMANMM_GONE": "1", "TMPDIR": str(tmp_path), "PYTHONDONTWRITEBYTECODE": "1",
+    }  # fmt: skip
+    process = subprocess.Popen(
+        [sys.executable, "-c", WORKER], env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+        start_new_session=True,
     )  # fmt: skip
-    _until(lambda: f"@{name}" in Path("/proc/net/unix").read_text())
-    yield Nest(tmp_path, name, template)
-    template.kill()
-    template.wait()
+    yield Worker(tmp_path, process)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
 
 
 def _until(condition: Callable[[], object]) -> None:
@@ -78,57 +104,95 @@ def _is_there(pid: int) -> bool:
         return False
 
 
-def _first_line(asking: subprocess.Popen[str]) -> str:
-    assert asking.stdout is not None
-    return asking.stdout.readline().strip()
+def test_a_fork_has_the_code_the_environment_and_the_folder_that_it_should_have(worker: Worker) -> None:
+    server = int(worker.line()[0])
+    facts = "sys.modules['some_code'].answer, os.getcwd(), os.getppid(), 'HUMANMM_GONE' in os.environ"
+    pid = worker.start(f"tell({facts}); sys.exit('gone')")
+    assert worker.line() == ["0", "ended", "1"]
+    films = worker.folder / "films"
+    assert (films / "told").read_text().split() == ["42", str(films), str(server), "False"]
+    assert not _is_there(pid)
+    worker.start("sys.exit(0)")
+    assert worker.line() == ["1", "ended", "0"]
+    worker.start("os.kill(os.getpid(), 9)")
+    assert worker.line() == ["2", "ended", "-9"]
 
 
-def test_a_fork_has_the_code_the_folder_the_streams_and_the_end_of_what_it_stands_for(nest: Nest) -> None:
-    told = "print(sys.modules['some_code'].answer, os.getcwd(), os.getppid(), flush=True); sys.exit('gone')"
-    asking = nest.ask(told)
-    output, errors = asking.communicate(timeout=60)
-    assert output.split() == ["42", str(nest.folder), str(nest.template.pid)]
-    assert (errors, asking.returncode) == ("gone\n", 1)
-    assert nest.ask("sys.exit(0)").wait(timeout=60) == 0
-    assert nest.ask("os.kill(os.getpid(), 9)").wait(timeout=60) == -signal.SIGKILL
+def test_nothing_of_ours_listens_where_another_user_could(worker: Worker) -> None:
+    server = int(worker.line()[0])
+    worker.start("wait()")
+    inodes = {
+        link.removeprefix("socket:[").rstrip("]")
+        for pid in (server, worker.process.pid)
+        for link in (str(fd.readlink()) for fd in Path(f"/proc/{pid}/fd").iterdir() if fd.is_symlink())
+        if link.startswith("socket:[")
+    }
+    rows = [line.split() for line in Path("/proc/net/unix").read_text().splitlines()[1:]]
+    paths = [row[7] for row in rows if row[6] in inodes and len(row) > 7]
+    assert len(paths) == 1 and paths[0].startswith(str(worker.folder)), "no name in the abstract namespace"
+    assert Path(paths[0]).parent.stat().st_mode & 0o777 == 0o700
 
 
-def test_a_signal_is_passed_on_to_the_fork(nest: Nest) -> None:
-    told = "import signal, time; signal.signal(15, lambda *_: os._exit(3)); print('ready', flush=True); time.sleep(60)"
-    asking = nest.ask(told)
-    assert _first_line(asking) == "ready"
-    asking.send_signal(signal.SIGTERM)
-    assert asking.wait(timeout=60) == 3
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGUSR1])
+def test_a_signal_reaches_the_fork_as_the_one_that_flows_note(worker: Worker, number: int) -> None:
+    worker.line()
+    pid = worker.start("import signal; signal.signal(15, lambda *_: os._exit(3)); open('ready', 'w'); wait()")
+    _until((worker.folder / "films/ready").exists)
+    os.kill(pid, number)
+    assert worker.line() == ["0", "ended", "3"]
 
 
-def test_who_is_killed_takes_its_fork_along_and_the_template_all_of_them(nest: Nest) -> None:
-    waits = "import time; print(os.getpid(), flush=True); time.sleep(60)"
-    first, second = nest.ask(waits), nest.ask(waits)
-    forks = [int(_first_line(asking)) for asking in (first, second)]
-    first.kill()
-    _until(lambda: not _is_there(forks[0]))
-    assert _is_there(forks[1])
-    nest.template.kill()
-    _until(lambda: not _is_there(forks[1]))
-    assert second.wait(timeout=60) == -signal.SIGKILL
+def test_the_fork_server_takes_its_forks_along_and_later_videos_start_without_it(worker: Worker) -> None:
+    server = int(worker.line()[0])
+    first, second = (worker.start("wait()") for _ in range(2))
+    os.kill(first, signal.SIGKILL)
+    assert worker.line() == ["0", "ended", "-9"]
+    assert _is_there(second)
+    os.kill(server, signal.SIGKILL)
+    _until(lambda: not _is_there(second))
+    assert worker.line()[:2] == ["1", "ended"]
+    worker.start("os._exit(7)")
+    assert worker.line() == ["2", "ended", "7"]
 
 
-def test_a_template_that_is_to_leave_forks_no_more_and_waits_for_its_forks(nest: Nest) -> None:
-    told = "import time; print('ready', flush=True)\nwhile not os.path.exists('over'): time.sleep(0.05)"
-    asking = nest.ask(told)
-    assert _first_line(asking) == "ready"
-    nest.template.send_signal(signal.SIGTERM)
-    assert nest.template.stdout is not None and nest.template.stdout.read() == b"", "the worker sees it"
-    assert nest.template.poll() is None and asking.poll() is None
-    (nest.folder / "over").touch()
-    assert asking.wait(timeout=60) == 0
-    assert nest.template.wait(timeout=60) == 0
+def test_the_end_of_a_worker_leaves_its_videos_and_then_its_fork_server_ends(worker: Worker) -> None:
+    server = int(worker.line()[0])
+    video = worker.start("wait()")
+    worker.process.kill()
+    worker.process.wait()
+    os.kill(server, signal.SIGTERM)
+    time.sleep(0.5)
+    assert _is_there(video) and _is_there(server), "SIGTERM to the session is meant for the videos"
+    (worker.folder / "films/over").touch()
+    _until(lambda: not _is_there(video) and not _is_there(server))
 
 
-def test_a_template_whose_code_has_changed_forks_no_more_and_a_fresh_process_is_started(nest: Nest) -> None:
-    (nest.folder / "some_code.py").write_text("answer = 'another'\n")
-    asking = nest.ask("print('a fork')")
-    output, errors = asking.communicate(timeout=60)
-    assert output == "" and "Invalid flow run id" in errors, "it is Prefect's own engine, which was told no flow run"
-    assert nest.template.stdout is not None and nest.template.stdout.read() == b""
-    assert nest.template.wait(timeout=60) == 0
+def test_a_fork_server_whose_code_has_changed_forks_no_more_and_ends_after_its_forks(worker: Worker) -> None:
+    server = int(worker.line()[0])
+    before = worker.start("wait()")
+    (worker.folder / "some_code.py").write_text("answer = 'another'\n")
+    told = "import some_code; tell(os.getppid(), some_code.answer)"
+    worker.start(told)
+    assert worker.line() == ["1", "ended", "0"]
+    assert (worker.folder / "films/told").read_text().split() == [str(worker.process.pid), "another"], "a fresh process"
+    assert _is_there(server) and _is_there(before)
+    (worker.folder / "films/over").touch()
+    assert worker.line() == ["0", "ended", "0"]
+    _until(lambda: not _is_there(server))
+    worker.start(told)
+    assert worker.line() == ["2", "ended", "0"]
+    parent, answer = (worker.folder / "films/told").read_text().split()
+    assert int(parent) not in (server, worker.process.pid) and answer == "another", "a fork of a new fork server"
+
+
+def test_a_fork_server_with_a_second_thread_does_not_fork(worker: Worker) -> None:
+    worker.line()
+    (worker.folder / "preloaded.py").write_text(
+        PRELOADED + "import threading\nthreading.Thread(target=threading.Event().wait, daemon=True).start()\n"
+    )
+    time.sleep(0.02)
+    (worker.folder / "some_code.py").write_text("answer = 'another'\n")
+    for number in (0, 1):
+        worker.start("tell(os.getppid())")
+        assert worker.line() == [str(number), "ended", "0"]
+        assert int((worker.folder / "films/told").read_text()) == worker.process.pid, "a fresh process"

@@ -19,8 +19,8 @@ def seen_at(x: float) -> Observation:
     return Observation(keypoints, np.zeros((33, 3)), box, 0.9, np.zeros((128, 128), np.uint8), region, region)
 
 
-def track(frames: range, x: float, colours: np.ndarray) -> TrackBuilder:
-    result = TrackBuilder(TIME_S, seen_at(x), frames[0])
+def track(frames: range, x: float, colours: np.ndarray, time_s: np.ndarray = TIME_S) -> TrackBuilder:
+    result = TrackBuilder(time_s, seen_at(x), frames[0])
     for frame in frames:
         result.add(frame, seen_at(x))
         if frame % 5 == 0:
@@ -50,3 +50,11 @@ def test_a_track_that_moved_on_to_somebody_else_is_cut_where_the_clothes_change(
     for frame in range(30, 60, 5):
         mixed.colours[frame] = BLUE
     assert spans(untangled([mixed])) == [(0, 29), (30, 59)]
+
+
+def test_how_long_somebody_was_away_is_measured_in_seconds() -> None:
+    stalled = TIME_S + np.where(np.arange(500) >= 35, 12.0, 0.0)  # ten frames, but 12 s
+    pair = [track(range(0, 30), 300, RED, stalled), track(range(40, 70), 330, RED, stalled)]
+    assert len(joined(pair)) == 2
+    quick = np.arange(500) / 500  # 370 frames, but 0.74 s
+    assert spans(joined([track(range(0, 30), 300, RED, quick), track(range(400, 430), 300, RED, quick)])) == [(0, 429)]

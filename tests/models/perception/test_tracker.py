@@ -1,22 +1,18 @@
 """Finding and following people in real pixels (the shipped clip) and in none."""
 
-import os
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from humanmm.models.perception.networks import InterpreterPool, detect, locate
-from humanmm.models.perception.picture import Picture, whole
+from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.tracker import track_people
 from humanmm.models.records import landmarks
 from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.video.frames import planar_frames
 from humanmm.models.video.reading import read_facts
-from humanmm.models.weights.shipped import read_weights
 
 EXAMPLES = Path(__file__).parents[3] / "examples" / "pose2sim_multishot"
 CLIP = EXAMPLES / "pose2sim_A_01-02-01.mp4"
@@ -111,30 +107,3 @@ def test_nobody_is_found_in_an_empty_picture(value: int) -> None:
 def test_a_close_up_without_hips_is_nobody() -> None:
     face = [(index, _of_planes(image, slice(300, 420), slice(300, 480))) for index, image in pictures()[:3]]
     assert track_people(face, start=36, end=39, time_s=TIME_S, size=(180, 120), max_people=4).tracks == ()
-
-
-def test_the_mirror_image_of_a_crop_gives_the_same_person_with_the_sides_named_alike() -> None:
-    image = pictures()[0][1]
-    region = detect(image, whole(image))[0].region
-    region = locate(image, region).next_region
-    plain, mirrored = locate(image, region), locate(image, region, mirrored=True)
-    limbs = list(landmarks.LIMBS)
-    distance = np.linalg.norm(plain.keypoints[limbs, :2] - mirrored.keypoints[limbs, :2], axis=1)
-    assert np.median(distance) < 0.03 * region.side
-
-
-def test_interpreters_may_be_built_in_two_threads_and_give_equal_answers_and_leave_standard_error_alone() -> None:
-    pool = InterpreterPool(read_weights("pose_detection.tflite"), threads=1)
-    tensor = np.random.default_rng(0).random((1, 224, 224, 3), np.float32)
-
-    def scores(_: int) -> np.ndarray:
-        with pool.lend() as interpreter:
-            interpreter.set_tensor(interpreter.get_input_details()[0]["index"], tensor)
-            interpreter.invoke()
-            return np.asarray(interpreter.get_tensor(interpreter.get_output_details()[0]["index"]))
-
-    before = os.fstat(2)
-    with ThreadPoolExecutor(2) as threads:
-        one, two = threads.map(scores, range(2))
-    np.testing.assert_array_equal(one, two)
-    assert (os.fstat(2).st_ino, os.fstat(2).st_dev) == (before.st_ino, before.st_dev)

@@ -7,7 +7,7 @@ from humanmm.models.perception.clothing import HISTOGRAM_BINS
 from humanmm.models.records.landmarks import INDEX, NUM_LANDMARKS, SWAP
 from humanmm.models.records.shots import Shot, Transition
 from humanmm.models.records.tracks import PersonTrack, ScenePeople, Silhouettes
-from humanmm.models.shots.identity import bone_lengths, identify, pose_residual_m, shape_from_bones
+from humanmm.models.shots.identity import bone_lengths, identify, pose_at, pose_residual_m, shape_from_bones
 
 TIME_S = np.arange(150) / 30
 RED, BLUE, GREEN = (np.eye(HISTOGRAM_BINS)[k] for k in (3, 17, 30))
@@ -119,3 +119,21 @@ def test_longer_bones_give_a_shape_with_longer_bones_but_less_than_measured() ->
     lengths = [body.rest_joints(shape_from_bones(usual * scale, body)) for scale in (1.0, 1.15)]
     height = [float(joints[:, 1].max() - joints[:, 1].min()) for joints in lengths]
     assert 1.03 < height[1] / height[0] < 1.15
+
+
+def test_a_person_must_be_seen_for_seconds_not_for_frames() -> None:
+    people = ScenePeople(0, 60, (track(0, 60, RED, size=120), track(10, 16, BLUE)))
+    shots = [Shot(0, 0, 60, 0, None, ())]
+    sixty_hz = np.arange(60) / 60
+    stalled = sixty_hz + np.where(np.arange(60) >= 14, 0.4, 0.0)  # its fourth frame is shown for 0.4 s
+    assert len(identify(shots, [people], time_s=sixty_hz).people) == 1
+    assert len(identify(shots, [people], time_s=stalled).people) == 2
+
+
+def test_a_pose_is_carried_to_the_cut_in_time() -> None:
+    time_s = np.cumsum(np.random.default_rng(0).choice([0.01, 0.05, 0.1], 20))
+    seen = track(0, 18, RED)
+    velocity = np.random.default_rng(1).normal(0, 1, (NUM_LANDMARKS, 3))
+    seen.landmarks3d[:] = standing() + velocity * time_s[:18, None, None]
+    carried = pose_at(seen, np.arange(13, 18), 19, time_s)
+    np.testing.assert_allclose(carried, standing() + velocity * time_s[19], atol=1e-5)

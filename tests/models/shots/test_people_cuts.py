@@ -129,3 +129,33 @@ def test_parts_of_the_detector_that_are_off_find_nothing() -> None:
     assert starts("keypoints") == [30, 60]
     assert starts("boxes") == [30]
     assert starts("scenes") == []
+
+
+STALLED_S = np.full(60, 0.03)
+STALLED_S[[20, 40]] = 0.6  # a recorder that stalls while somebody walks on
+VARIABLE_TIME_S = np.cumsum(STALLED_S)
+
+
+def runner(jump_px: float = 0.0) -> PersonTrack:
+    """A person who runs at 200 px/s, and is somewhere else from frame 50 on."""
+    track = walker(0, 60, (100, 200), speed_px=0)
+    moved = 200 * VARIABLE_TIME_S + jump_px * (np.arange(60) >= 50)
+    track.keypoints2d[..., 0] += moved[:, None]
+    track.bbox[:, [0, 2]] += moved[:, None]
+    return track
+
+
+def test_who_walks_on_while_no_frame_is_taken_makes_no_cut_and_who_jumps_does() -> None:
+    def starts(track: PersonTrack, time_s: np.ndarray) -> list[int]:
+        return [cut.start for cut in cuts_in_scene(ScenePeople(0, 60, (track,)), time_s=time_s)]
+
+    assert starts(runner(), VARIABLE_TIME_S) == []
+    assert starts(runner(), np.arange(60) * STALLED_S.mean()) == [20, 40]  # as if frames were evenly apart
+    assert starts(runner(jump_px=300), VARIABLE_TIME_S) == [50]
+
+
+def test_a_gap_is_measured_in_seconds() -> None:
+    tracks = walker(0, 30, (100, 200)), walker(33, 60, (500, 230))
+    slow = TIME_S[:60] + np.where(np.arange(60) >= 31, 0.2, 0.0)  # nobody is seen for 0.3 s
+    assert cuts(*tracks) == [(30, "bbox")]
+    assert cuts_in_scene(ScenePeople(0, 60, tracks), time_s=slow) == []

@@ -7,6 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from places import HEIGHT, WIDTH, Place
 from scenedetect import FrameTimecode
 from scenedetect.detectors import AdaptiveDetector, ContentDetector
 
@@ -16,42 +17,9 @@ from humanmm.models.shots.scenes import find_scenes, proposals
 from humanmm.models.video.frames import frames
 from humanmm.models.video.reading import read_facts
 
-WIDTH, HEIGHT = SIDE_PX, SIDE_PX * 9 // 16
 DATA = os.environ.get("HUMANMM_DATA")
 EXAMPLE = Path(__file__).parents[3] / "examples/pose2sim_multishot/pose2sim_A_01-02-01.mp4"
 needs_data = pytest.mark.skipif(DATA is None, reason="HUMANMM_DATA names no folder with the development clips")
-
-
-class Place:
-    """A made-up place: coloured shapes on a large wall, over which a camera looks and an actor walks."""
-
-    def __init__(self, seed: int) -> None:
-        generator = np.random.default_rng(seed)
-        self.wall = np.full((3 * HEIGHT, 6 * WIDTH, 3), generator.integers(40, 200, 3), np.uint8)
-        for _ in range(400):
-            x, y = generator.integers(0, self.wall.shape[1]), generator.integers(0, self.wall.shape[0])
-            size, color = int(generator.integers(4, 24)), [int(c) for c in generator.integers(0, 255, 3)]
-            if generator.random() < 0.5:
-                cv2.circle(self.wall, (int(x), int(y)), size // 2, color, -1)
-            else:
-                cv2.rectangle(self.wall, (int(x), int(y)), (int(x) + size, int(y) + size // 2), color, -1)
-        self.noise = generator
-        self.actor = [int(c) for c in generator.integers(0, 255, 3)]
-
-    def picture(self, time: int, offset: tuple[float, float] = (0, 0), blur: float = 0) -> np.ndarray:
-        """The camera's picture at a time, looking `offset` pixels away from its rest."""
-        x, y = 2.5 * WIDTH + offset[0], HEIGHT + offset[1]
-        shift = np.array([[1, 0, -x], [0, 1, -y]])
-        picture = cv2.warpAffine(self.wall, shift, (WIDTH, HEIGHT), borderMode=cv2.BORDER_REFLECT)
-        left = int(20 + 1.5 * time)
-        cv2.rectangle(picture, (left, HEIGHT // 3), (left + 14, HEIGHT - 8), self.actor, -1)
-        if blur >= 1:
-            picture = cv2.blur(picture, (int(blur), 1))
-        noisy = picture + self.noise.normal(0, 2, picture.shape)
-        return np.clip(noisy, 0, 255).astype(np.uint8)
-
-    def still(self, count: int) -> list[np.ndarray]:
-        return [self.picture(t) for t in range(count)]
 
 
 def dissolved(before: list[np.ndarray], after: list[np.ndarray], length: int) -> list[np.ndarray]:

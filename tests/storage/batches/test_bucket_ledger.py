@@ -12,7 +12,7 @@ from humanmm.errors import StoreError
 from humanmm.storage.batches import bucket_ledger
 from humanmm.storage.batches.batch_ledger import BatchLedger, VideoRow, counts
 from humanmm.storage.batches.bucket_ledger import BucketLedger
-from humanmm.storage.store import lease
+from humanmm.storage.store import locks
 from humanmm.storage.store.bucket import Bucket
 from humanmm.storage.store.bucket_store import BucketStore
 
@@ -115,10 +115,10 @@ def test_whether_a_process_lives_is_told_by_the_clock_of_the_bucket_alone(
         assert host().is_held(row)
         with host().hold(row) as second:
             assert not second
-    Bucket(ledger.store.place).write(f"locks/video-{row.lock_key}", b"dead-host 1 0123 4")
+    Bucket(ledger.store.location).write(f"locks/video-{row.lock_key}", b"dead-host 1 0123 4")
     assert host().is_held(row)
-    monkeypatch.setattr(lease, "LEASE_S", 0.0)
-    monkeypatch.setattr(lease, "MARGIN_S", 0.0)
+    monkeypatch.setattr(locks, "LEASE_S", 0.0)
+    monkeypatch.setattr(locks, "MARGIN_S", 0.0)
     time.sleep(2)  # the clock of the service tells whole seconds
     assert not host().is_held(row)
     with host().hold(row) as held:
@@ -128,7 +128,7 @@ def test_whether_a_process_lives_is_told_by_the_clock_of_the_bucket_alone(
 def test_a_damaged_object_of_the_ledger_is_one_clear_error(host: Callable[[], BatchLedger]) -> None:
     ledger = host()
     ledger.put("b", "/v", _rows(1))
-    (part,) = [o.name for o in Bucket(ledger.store.place).list("batches") if not o.name.endswith("/head")]
-    Bucket(ledger.store.place).write(part, b"no gzip")
+    (part,) = [o.name for o in Bucket(ledger.store.location).list("batches") if not o.name.endswith("/head")]
+    Bucket(ledger.store.location).write(part, b"no gzip")
     with pytest.raises(StoreError, match="of the ledger of batches cannot be read"):
         host().rows("b")

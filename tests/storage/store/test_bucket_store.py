@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from humanmm.errors import ConfigError, StoreError
-from humanmm.storage.store import lease, maintenance
+from humanmm.storage.store import locks, maintenance
 from humanmm.storage.store.artifact import Manifest
 from humanmm.storage.store.bucket import Bucket
 from humanmm.storage.store.bucket_store import BucketStore, extract
@@ -54,11 +54,11 @@ def elsewhere(bucket: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> B
 @pytest.fixture
 def quick_leases(monkeypatch: pytest.MonkeyPatch) -> None:
     for name, seconds in {"LEASE_S": 1.0, "RENEW_S": 0.1, "POLL_S": 0.05}.items():
-        monkeypatch.setattr(lease, name, seconds)
+        monkeypatch.setattr(locks, name, seconds)
 
 
 def _objects(store: BucketStore, folder: str) -> list[str]:
-    return [found.name for found in Bucket(store.place).list(folder)]
+    return [found.name for found in Bucket(store.location).list(folder)]
 
 
 def test_another_host_finds_and_reads_what_one_has_written(store: BucketStore, elsewhere: BucketStore) -> None:
@@ -70,7 +70,7 @@ def test_another_host_finds_and_reads_what_one_has_written(store: BucketStore, e
 
 def test_an_artifact_without_its_commit_marker_does_not_exist(store: BucketStore, elsewhere: BucketStore) -> None:
     ref = _put(store).ref
-    Bucket(store.place).remove([f"{ref.uri}/COMMIT"])
+    Bucket(store.location).remove([f"{ref.uri}/COMMIT"])
     assert elsewhere.find("toy", ref.key) is None
     assert store.find("toy", ref.key) is None, "a copy on this host proves nothing"
     (entry,) = [entry for entry in store.entries() if entry.kind == "unfinished"]
@@ -83,12 +83,12 @@ def test_a_damaged_object_is_set_aside_and_its_artifact_computed_again(
 ) -> None:
     ref = _put(store).ref
     (pack,) = [name for name in _objects(store, "artifacts") if name.endswith(".tar")]
-    content = bytearray((Bucket(store.place).read(pack) or (b"",))[0])
+    content = bytearray((Bucket(store.location).read(pack) or (b"",))[0])
     content[content.index(b'"note"') + 10] ^= 1
-    Bucket(store.place).remove([pack])
+    Bucket(store.location).remove([pack])
     if harm != "delete":
-        Bucket(store.place).write(pack, bytes(content if harm == "flip" else content[: len(content) // 2]))
-    reader = open_store(store.place, read_only=True)
+        Bucket(store.location).write(pack, bytes(content if harm == "flip" else content[: len(content) // 2]))
+    reader = open_store(store.location, read_only=True)
     reader.root = tmp_path / "a third host"
     before = _objects(store, "artifacts")
     assert reader.find("toy", ref.key) is None and reader.damage("toy", ref.key)
@@ -142,7 +142,7 @@ def test_the_lease_of_a_holder_that_lives_is_never_taken(store: BucketStore, els
     with store.lock("toy", "key"):
         waiter = threading.Thread(target=wait)
         waiter.start()
-        assert not got.wait(2.5 * lease.LEASE_S)
+        assert not got.wait(2.5 * locks.LEASE_S)
     assert got.wait(5)
     waiter.join()
 
@@ -151,7 +151,7 @@ def test_the_lease_of_a_holder_that_lives_is_never_taken(store: BucketStore, els
 def test_the_lease_of_a_killed_holder_is_taken_over_when_it_has_run_out(
     store: BucketStore, elsewhere: BucketStore
 ) -> None:
-    Bucket(store.place).write("locks/toy-key", b"dead-host 1 0123 4")
+    Bucket(store.location).write("locks/toy-key", b"dead-host 1 0123 4")
     with elsewhere.try_lock("toy", "key") as held:
         assert not held, "whether it lives cannot be told at once"
     with elsewhere.lock("toy", "key"), store.try_lock("toy", "key") as held:
@@ -167,12 +167,12 @@ def test_when_the_holder_of_a_lease_is_killed_the_waiter_proceeds_as_soon_as_it_
         "import sys, time\nfrom humanmm.storage.store.open import open_store\n"
         "with open_store(sys.argv[1]).lock('toy', 'key'):\n    print('held', flush=True)\n    time.sleep(100)\n"
     )
-    with subprocess.Popen([sys.executable, "-c", script, store.place], stdout=subprocess.PIPE, text=True) as holder:
+    with subprocess.Popen([sys.executable, "-c", script, store.location], stdout=subprocess.PIPE, text=True) as holder:
         assert holder.stdout is not None and holder.stdout.readline() == "held\n"
         holder.kill()
         began = time.monotonic()
         with store.lock("toy", "key"):
-            assert lease.LEASE_S <= time.monotonic() - began < lease.LEASE_S + 2
+            assert locks.LEASE_S <= time.monotonic() - began < locks.LEASE_S + 2
 
 
 class _Refusing:
@@ -211,7 +211,7 @@ def test_a_service_that_takes_nothing_more_is_one_clear_error_and_leaves_nothing
 
 @pytest.mark.usefixtures("quick_leases")
 def test_a_holder_whose_lease_was_taken_does_not_free_its_successors(store: BucketStore) -> None:
-    bucket = Bucket(store.place)
+    bucket = Bucket(store.location)
     with store.lock("toy", "key"):
         bucket.write("locks/toy-key", b"successor 1 0123 4")
     assert (bucket.read("locks/toy-key") or (b"",))[0] == b"successor 1 0123 4"
@@ -247,7 +247,7 @@ def test_verify_and_gc_care_for_the_bucket_and_for_the_copies(
     assert elsewhere.find("toy", ref.key) is None and _objects(store, "artifacts") == []
     _put(store)
     (pack,) = [name for name in _objects(store, "artifacts") if name.endswith(".tar")]
-    Bucket(store.place).write(pack, b"no archive")
+    Bucket(store.location).write(pack, b"no archive")
     assert ["cannot be unpacked" in f.problem for f in maintenance.verify(elsewhere, outputs=outputs, deep=False)] == [
         True
     ]

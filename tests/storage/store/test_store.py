@@ -19,7 +19,8 @@ from humanmm.storage.store import maintenance
 from humanmm.storage.store.artifact import Manifest
 from humanmm.storage.store.open import open_store
 from humanmm.storage.store.recipe import Recipe
-from humanmm.storage.store.store import RunNote, Store
+from humanmm.storage.store.store import Store
+from humanmm.storage.store.video_records import RunNote
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,7 @@ def any_store(request: pytest.FixtureRequest, tmp_path: Path) -> Store:
 
 def _fresh(store: Store) -> Store:
     """The same store as another process sees it."""
-    return open_store(store.place)
+    return open_store(store.location)
 
 
 def test_what_was_written_is_found_and_read(any_store: Store) -> None:
@@ -62,7 +63,7 @@ def test_what_was_written_is_found_and_read(any_store: Store) -> None:
     np.testing.assert_array_equal(_fresh(store).read(ref, Result).values, RESULT.values)
     assert (store.files_of(ref) / "picture.png").read_bytes() == b"picture"
     assert len(ref.model_dump_json()) < 260
-    assert str(store.root) not in ref.model_dump_json() and store.place not in ref.model_dump_json()
+    assert str(store.root) not in ref.model_dump_json() and store.location not in ref.model_dump_json()
 
 
 def test_a_store_moved_to_another_place_still_answers(store: Store, tmp_path: Path) -> None:
@@ -138,17 +139,17 @@ def test_records_are_kept_and_a_read_only_store_writes_none(any_store: Store, tm
     any_store.remember("ab" * 32, "shot-0-20", manifest)
     done = RunNote("ab" * 32, "done", path="/film.mp4", run_dir=str(tmp_path), artifacts=(manifest.ref.uri,))
     any_store.note_run(done)
-    reader = open_store(any_store.place, read_only=True)
+    reader = open_store(any_store.location, read_only=True)
     assert reader.last_recipe("ab" * 32, "toy", "shot-0-20") == RECIPE
     assert reader.last_digest("ab" * 32, "toy", "shot-0-20") == manifest.digest
     assert reader.last_recipe("ab" * 32, "toy", "shot-20-40") is None
     reader.note_run(RunNote("cd" * 32, "failed"))
-    assert maintenance.known_runs(reader) == [done] == [reader.last_run("ab" * 32)]
+    assert reader.known_runs() == [done] == [reader.last_run("ab" * 32)]
     assert reader.last_run("cd" * 32) is None
 
 
 def test_one_key_has_one_holder_and_a_waiter_gets_it_next(any_store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("humanmm.storage.store.lease.POLL_S", 0.02)
+    monkeypatch.setattr("humanmm.storage.store.locks.POLL_S", 0.02)
     order = []
 
     def wait() -> None:

@@ -23,7 +23,7 @@ from humanmm.storage.batches.bucket_ledger import BucketLedger
 from humanmm.storage.batches.disk_ledger import DiskLedger
 from humanmm.storage.batches.manifest import read_batch
 from humanmm.storage.pages.batch_report import write_report
-from humanmm.storage.store import lease
+from humanmm.storage.store import locks
 from humanmm.storage.store.bucket import is_bucket
 from humanmm.storage.store.bucket_store import BucketStore
 from humanmm.storage.store.open import open_ledger
@@ -206,10 +206,10 @@ def test_a_running_video_whose_process_was_killed_is_found_lost(
     os.kill(worker.pid, signal.SIGKILL)
     worker.wait()
     _close(worker)
-    if is_bucket(ledger.store.place):  # its lease has to run out first
-        assert lease.LEASE_S + lease.MARGIN_S < 60
-        monkeypatch.setattr(lease, "LEASE_S", 0.0)
-        monkeypatch.setattr(lease, "MARGIN_S", 1.0)
+    if is_bucket(ledger.store.location):  # its lease has to run out first
+        assert locks.LEASE_S + locks.MARGIN_S < 60
+        monkeypatch.setattr(locks, "LEASE_S", 0.0)
+        monkeypatch.setattr(locks, "MARGIN_S", 1.0)
         time.sleep(2.5)
     began = time.monotonic()
     assert [lost.video for lost in ledger.find_lost("test")] == [row.video]
@@ -347,7 +347,7 @@ def test_losses_are_counted_anew_when_a_video_has_got_further(
         account = batches.Account(ledger, replace(row, losses=2))
         with account.kept(None):
             account.run = toy.open()
-            account.run.do(account.run.work("decode"))
+            account.run.execute(account.run.unit("decode"))
             time.sleep(1.0)
         assert ledger.rows("test")[0].losses == left
 
@@ -362,7 +362,7 @@ def test_a_ledger_of_an_earlier_version_is_read(toy: Any, ledger: BatchLedger, m
             for column in ("losses", "host"):
                 connection.execute(f"alter table video drop column {column}")
     else:
-        ledger = BucketLedger(BucketStore(ledger.store.place))
+        ledger = BucketLedger(BucketStore(ledger.store.location))
     (row,) = _submit(toy, ledger, _films(toy, "a.mp4", "b.mp4")).to_schedule[:1]
     assert (row.losses, row.host) == (0, "")
 

@@ -8,7 +8,7 @@ import pytest
 from humanmm.errors import InputError, MissingInputError
 from humanmm.storage.store.bucket import Bucket
 from humanmm.tasks.engine.plan import Forecast, check_upstream, forecast, is_complete
-from humanmm.tasks.engine.selection import Selection
+from humanmm.tasks.units.selection import Selection
 
 
 def _plan(toy: Any, selection: Selection | None = None, **settings: Any) -> list[Forecast]:

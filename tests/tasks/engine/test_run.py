@@ -14,11 +14,11 @@ import pytest
 from humanmm.errors import InputError, StageError, StoreError
 from humanmm.models.records.shots import ShotList
 from humanmm.models.records.video import VideoFacts
-from humanmm.storage.store import digest as code_digest
-from humanmm.storage.store import lease
+from humanmm.storage.store import locks
 from humanmm.storage.store.bucket import Bucket
 from humanmm.storage.store.open import open_store
-from humanmm.tasks.engine.selection import Selection
+from humanmm.tasks.units import digest as code_digest
+from humanmm.tasks.units.selection import Selection
 
 EVERYTHING = [
     "align", "camera:0", "camera:20", "camera:40", "decode", "deliver", "hmr:0", "hmr:20", "hmr:40", "intrinsics",
@@ -99,7 +99,7 @@ def test_a_changed_weight_file_reruns_its_stage(toy: Any, monkeypatch: pytest.Mo
     weights.mkdir()
     (weights / "net.tflite").write_bytes(b"one")
     digest = code_digest.code_digest
-    monkeypatch.setattr("humanmm.tasks.engine.run.code_digest", lambda module: digest(module, weights_dir=weights))
+    monkeypatch.setattr("humanmm.tasks.units.keys.code_digest", lambda module: digest(module, weights_dir=weights))
     toy.edit("science", "def factor", 'NET = "net.tflite"\n\n\ndef factor')
     toy.run()
     toy.executed()
@@ -125,11 +125,11 @@ def test_another_cut_leaves_the_other_shots_alone(toy: Any, monkeypatch: pytest.
 
 def test_a_shot_sees_itself_alone(toy: Any) -> None:
     run = toy.run()
-    shots = run.read(run.work("shots"), ShotList)
+    shots = run.read(run.unit("shots"), ShotList)
     assert [shot.index for shot in shots.shots] == [0, 1, 2]
-    work = run.work("camera", 2)
-    assert work.shot is not None and (work.shot.index, work.shot.scene) == (0, 0)
-    assert (work.shot.start, work.shot.end, work.scene) == (40, 60, 1)
+    unit = run.unit("camera", 2)
+    assert unit.shot is not None and (unit.shot.index, unit.shot.scene) == (0, 0)
+    assert (unit.shot.start, unit.shot.end, unit.scene) == (40, 60, 1)
 
 
 def test_the_same_content_at_another_path_is_found(toy: Any) -> None:
@@ -210,16 +210,16 @@ def test_what_is_damaged_after_it_was_found_is_computed_again_before_it_is_used(
     toy.executed()
     run = toy.open(align={"method": "eight-point"}, run={"isolate": isolate})
     for stage in run.stages[: [stage.name for stage in run.stages].index("align")]:
-        for work in run.works(stage) or ():
-            assert run.do(work).state == "cached"
+        for unit in run.units(stage) or ():
+            assert run.execute(unit).state == "cached"
     damaged = toy.store / run.manifest("camera", 1).ref.uri / "result.json"
     text = damaged.read_text()
     assert '"start": 20' in text
     damaged.write_text(text.replace('"start": 20', '"start": 21'))
     if isolate:  # the child finds it before it begins, and its parent knows what it was made of
         with pytest.raises(StoreError, match=r"camera \(shot 1\) cannot be read: result.json has changed"):
-            run.do(run.work("align"))
-    assert run.do(run.work("align")).state == "computed"
+            run.execute(run.unit("align"))
+    assert run.execute(run.unit("align")).state == "computed"
     run.close()
     assert toy.executed() == ["align", "camera:20"]
     assert damaged.read_text() == text
@@ -240,7 +240,7 @@ def test_killed_while_writing_nothing_half_is_seen_and_the_rest_is_reused(
     assert list(store.root.glob("tmp/*/manifest.json")), "the artifact was all but finished"
     process.send_signal(signal.SIGKILL)
     process.wait()
-    monkeypatch.setattr(lease, "LEASE_S", 2.0)  # in a bucket the lock of a dead process runs out
+    monkeypatch.setattr(locks, "LEASE_S", 2.0)  # in a bucket the lock of a dead process runs out
     assert "people" not in {entry.stage for entry in store.entries()}
     assert toy.executed() == ["decode", "people:0", "scenes"]
     began = time.monotonic()
@@ -326,4 +326,4 @@ def test_a_video_that_changes_is_another_video(toy: Any) -> None:
     os.utime(toy.video, ns=(1, 1))
     run = toy.run()
     assert "decode" in toy.executed()
-    assert run.read(run.work("decode"), VideoFacts).num_frames == 61
+    assert run.read(run.unit("decode"), VideoFacts).num_frames == 61

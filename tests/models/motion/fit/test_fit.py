@@ -53,7 +53,7 @@ def every_term(motion: Motion) -> dict[str, Term]:
             vectors=rng.normal(size=(n, 5, 3)) * 0.3,
             R_ref_view=Rotation.random(n, random_state=4).as_matrix(),
             sigma=rng.uniform(0.05, 0.1, (5, 3)),
-            turn=np.array([0.1, 0.2, 0.05]),
+            tilt_std=np.array([0.1, 0.2, 0.05]),
             weight=rng.uniform(size=(n, 5)),
             time_weight=rng.uniform(0.5, 1, n),
         ),

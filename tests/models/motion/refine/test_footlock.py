@@ -9,7 +9,7 @@ from humanmm.models.body.body24 import load_body
 from humanmm.models.body.kinematics import compose
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.motion.fit.state import LongMotion, Skeleton
-from humanmm.models.motion.refine.footlock import LEGS, Leg, LockSettings, ankle_targets, bend_leg, contact_places
+from humanmm.models.motion.refine.footlock import LEGS, Leg, LockSettings, ankle_targets, bend_leg, contact_positions
 from humanmm.models.records.recording import CONTACT_JOINTS
 
 SOLE = np.array([0.08, 0.03])
@@ -154,7 +154,7 @@ def test_legs_of_a_motion_are_those_of_the_whole_body() -> None:
     vectors = rng.normal(size=(num_frames, 24, 3)).astype(np.float32)
     motion = LongMotion(Skeleton(rest, np.zeros(0, int), np.zeros((0, 3))), vectors, rng.normal(size=(num_frames, 3)))
     joints, R = compose(rest, rotvec_to_rotmat(vectors), motion.pelvis_ref)
-    np.testing.assert_allclose(contact_places(motion), joints[:, CONTACT_JOINTS], atol=1e-9)
+    np.testing.assert_allclose(contact_positions(motion), joints[:, CONTACT_JOINTS], atol=1e-9)
     for side, (hip, knee, ankle, toe) in enumerate(LEGS):
         leg = Leg.of(motion, side, slice(100, 110))
         places = np.stack([leg.hip, leg.knee, leg.ankle, leg.toe], axis=1)

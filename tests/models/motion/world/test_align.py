@@ -9,10 +9,19 @@ from scipy.spatial.transform import Rotation
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.motion.world import gravity as world_gravity
 from humanmm.models.motion.world.align import _at_origin
-from humanmm.models.motion.world.people import between, turned
-from humanmm.models.motion.world.solver import Join, SamePlace, ShotRig, Solution, Strand, solve, start_scale
+from humanmm.models.motion.world.people import interpolate_rotmats, rows_before
+from humanmm.models.motion.world.shot_rotations import RotationEdge
+from humanmm.models.motion.world.solver import (
+    SameCamera,
+    ShotRig,
+    ShotTrajectory,
+    Solution,
+    solve,
+    start_scale,
+)
 
 FPS = 30.0
+EDGE = RotationEdge(0, 1, np.eye(3), 8.0)
 
 
 def stride(num_frames: int) -> tuple[np.ndarray, np.ndarray]:
@@ -32,23 +41,23 @@ def stride(num_frames: int) -> tuple[np.ndarray, np.ndarray]:
 
 def scene(
     *, scale: float = 1.0, noise: float = 0.0, cut: int = 30, num_frames: int = 60
-) -> tuple[list[Strand], list[ShotRig], np.ndarray]:
+) -> tuple[list[ShotTrajectory], list[ShotRig], np.ndarray]:
     """One walker in two shots: a travelling camera of unknown scale, then a standing one; and the true pelvis."""
     rng = np.random.default_rng(0)
     pelvis, feet = stride(num_frames)
     frames = np.arange(num_frames, dtype=np.int32)
     path = np.stack([0.02 * frames, -4.0 + 0.01 * frames, 1.4 + 0 * frames], axis=1)[:cut]
     centre = np.array([2.0, 4.0, 1.2])
-    strands, rigs = [], []
+    trajectories, rigs = [], []
     for shot, (rows, camera) in enumerate(
         ((frames[:cut], path), (frames[cut:], np.tile(centre, (num_frames - cut, 1))))
     ):
         offset = pelvis[rows] - camera
         # Depth errs slowly, as a fit's does.
         offset = offset * (1 + noise * np.sin(rows / 9.0 + shot))[:, None] + rng.normal(0, 0.2 * noise, offset.shape)
-        strands.append(Strand(0, shot, rows, rows / FPS, offset, feet[rows], np.ones(len(rows))))
+        trajectories.append(ShotTrajectory(0, shot, rows, rows / FPS, offset, feet[rows], np.ones(len(rows))))
         rigs.append(ShotRig((camera - camera[0]) / scale, int(rows[0]), 1.0, scale_known=shot == 1))
-    return strands, rigs, pelvis
+    return trajectories, rigs, pelvis
 
 
 def placed(solution: Solution, pelvis: np.ndarray) -> np.ndarray:
@@ -58,8 +67,8 @@ def placed(solution: Solution, pelvis: np.ndarray) -> np.ndarray:
 
 
 def test_exact_evidence_gives_the_exact_world() -> None:
-    strands, rigs, pelvis = scene(scale=0.3)
-    solution = solve(strands, rigs, [Join(0, 1, 8.0)])
+    trajectories, rigs, pelvis = scene(scale=0.3)
+    solution = solve(trajectories, rigs, [EDGE])
     assert abs(solution.scale[0] - 0.3) < 0.01
     # Inertia's sigma rounds the walker's sway by millimetres.
     assert np.abs(placed(solution, pelvis)).max() < 0.03
@@ -67,40 +76,40 @@ def test_exact_evidence_gives_the_exact_world() -> None:
 
 def test_standing_feet_tell_the_scale_of_a_cameras_path_whatever_its_unit() -> None:
     for scale in (0.01, 1.0, 50.0):
-        strands, rigs, _ = scene(scale=scale, noise=0.02)
-        assert abs(start_scale(rigs[0], 0, strands) / scale - 1) < 0.25
-        found = solve(strands, rigs, [Join(0, 1, 8.0)]).scale[0]
+        trajectories, rigs, _ = scene(scale=scale, noise=0.02)
+        assert abs(start_scale(rigs[0], 0, trajectories) / scale - 1) < 0.25
+        found = solve(trajectories, rigs, [EDGE]).scale[0]
         assert abs(found / scale - 1) < 0.15
 
 
 def test_depth_noise_neither_lets_the_person_jump_at_the_cut_nor_sink() -> None:
-    strands, rigs, pelvis = scene(noise=0.03)
-    found = np.concatenate(solve(strands, rigs, [Join(0, 1, 8.0)]).pelvis)
+    trajectories, rigs, pelvis = scene(noise=0.03)
+    found = np.concatenate(solve(trajectories, rigs, [EDGE]).pelvis)
     jump = np.linalg.norm(np.diff(found, axis=0)[29] - np.diff(pelvis, axis=0)[29])
     assert jump < 0.02
     assert abs(np.median(found[:, 2]) - 0.95) < 0.03
 
 
 def test_all_shots_share_one_floor_even_if_they_come_at_different_heights() -> None:
-    strands, rigs, _ = scene()
+    trajectories, rigs, _ = scene()
     low = np.array([0.0, 0.0, -0.4])
-    solution = solve([strands[0], replace(strands[1], offset=strands[1].offset + low)], rigs, [Join(0, 1, 8.0)])
-    soles = np.concatenate([p[:, None] + s.feet for p, s in zip(solution.pelvis, strands, strict=True)])
+    solution = solve([trajectories[0], replace(trajectories[1], offset=trajectories[1].offset + low)], rigs, [EDGE])
+    soles = np.concatenate([p[:, None] + s.feet for p, s in zip(solution.pelvis, trajectories, strict=True)])
     lowest = soles[..., 2].min(axis=1)
     assert np.abs(lowest[:30].mean() - lowest[30:].mean()) < 0.03
     assert np.abs(lowest).max() < 0.06
 
 
 def test_a_standing_camera_that_returns_is_at_its_old_place() -> None:
-    strands, rigs, _ = scene(noise=0.03, cut=20, num_frames=60)
+    trajectories, rigs, _ = scene(noise=0.03, cut=20, num_frames=60)
     first = ShotRig(np.zeros((20, 3)), 0, 1.0, scale_known=True)
-    solution = solve(strands, [first, rigs[1]], [Join(0, 1, 8.0)], [SamePlace(0, 0, 1, 40)])
+    solution = solve(trajectories, [first, rigs[1]], [EDGE], [SameCamera(0, 0, 1, 40)])
     assert np.linalg.norm(solution.origin[0] - solution.origin[1]) < 0.1
 
 
 def test_contacts_are_where_the_feet_stand() -> None:
-    strands, rigs, _ = scene()
-    contacts = np.concatenate(solve(strands, rigs, [Join(0, 1, 8.0)]).contacts)
+    trajectories, rigs, _ = scene()
+    contacts = np.concatenate(solve(trajectories, rigs, [EDGE]).contacts)
     part = (np.arange(60) / FPS) % 1.0
     standing, swinging = (part > 0.1) & (part < 0.4), (part > 0.65) & (part < 0.85)
     assert contacts[standing, 0].min() > 0.6
@@ -114,7 +123,10 @@ def test_up_comes_from_those_who_stand_and_not_from_the_one_who_bends() -> None:
     bent = rotvec_to_rotmat(np.array([1.4, 0.0, 0.0])) @ true
     level = np.cross(true, rng.normal(size=(3, 3)))
     evidence = world_gravity.UprightEvidence(
-        np.array([bent, *standing]), np.full(5, 8.0), level / np.linalg.norm(level, axis=1)[:, None], np.full(3, 5.0)
+        np.array([bent, *standing]),
+        np.full(5, 8.0),
+        level / np.linalg.norm(level, axis=1)[:, None],
+        np.full(3, 5.0),
     )
     up = world_gravity.up_direction(evidence)
     assert np.degrees(np.arccos(up @ true)) < 3.0
@@ -129,18 +141,18 @@ def test_a_pan_tells_its_axis_and_a_standing_camera_does_not() -> None:
 
 
 def test_the_world_begins_above_the_origin_and_looks_along_y() -> None:
-    strands, rigs, _ = scene()
+    trajectories, rigs, _ = scene()
     R = Rotation.from_euler("zx", [35, -90], degrees=True).as_matrix()
-    solution = _at_origin(solve(strands, rigs, [Join(0, 1, 8.0)]), strands, R)
+    solution = _at_origin(solve(trajectories, rigs, [EDGE]), trajectories, R)
     np.testing.assert_allclose(solution.pelvis[0][0, :2], 0, atol=1e-9)
-    ahead = solution.turn[0] @ R[:, 2]
+    ahead = solution.rotation[0] @ R[:, 2]
     assert abs(ahead[0]) < 1e-9 and ahead[1] > 0.9
 
 
 def test_holes_are_bridged_along_the_shortest_turn() -> None:
     known = np.array([3, 4, 8])
-    row, share = between(known, np.arange(3, 9))
-    np.testing.assert_allclose(known[row] + share * (np.array([4, 8, 8])[row] - known[row]), np.arange(3, 9))
+    row, fraction = rows_before(known, np.arange(3, 9))
+    np.testing.assert_allclose(known[row] + fraction * (np.array([4, 8, 8])[row] - known[row]), np.arange(3, 9))
     R = rotvec_to_rotmat(np.outer([0.0, 0.1, 0.9], [0, 0, 1.0]))
-    angle = np.arctan2(turned(R, row, share)[:, 1, 0], turned(R, row, share)[:, 0, 0])
+    angle = np.arctan2(interpolate_rotmats(R, row, fraction)[:, 1, 0], interpolate_rotmats(R, row, fraction)[:, 0, 0])
     np.testing.assert_allclose(angle, [0, 0.1, 0.3, 0.5, 0.7, 0.9], atol=1e-9)

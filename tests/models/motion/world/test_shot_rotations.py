@@ -4,7 +4,7 @@ import numpy as np
 import roma
 import torch
 
-from humanmm.models.motion.world.shot_rotations import Edge, average_rotations
+from humanmm.models.motion.world.shot_rotations import RotationEdge, average_rotations
 
 
 def rotations(count: int, seed: int = 0) -> np.ndarray:
@@ -14,9 +14,9 @@ def rotations(count: int, seed: int = 0) -> np.ndarray:
     return R
 
 
-def edge(R: np.ndarray, a: int, b: int, sigma_deg: float, num_inliers: int = 0, off_deg: float = 0.0) -> Edge:
+def edge(R: np.ndarray, a: int, b: int, sigma_deg: float, num_inliers: int = 0, off_deg: float = 0.0) -> RotationEdge:
     off = roma.rotvec_to_rotmat(torch.tensor([0.0, np.radians(off_deg), 0.0], dtype=torch.float64)).numpy()
-    return Edge(a, b, R[a].T @ R[b] @ off, sigma_deg, num_inliers)
+    return RotationEdge(a, b, R[a].T @ R[b] @ off, sigma_deg, num_inliers)
 
 
 def angle_deg(R: np.ndarray) -> float:
@@ -41,7 +41,7 @@ def test_a_returning_camera_halves_the_error_of_the_shot_between() -> None:
     R = rotations(3)
     people = [edge(R, 0, 1, 8.0, off_deg=10), edge(R, 1, 2, 8.0)]
     alone = average_rotations(3, people, [])
-    closed = average_rotations(3, people, [Edge(0, 2, R[0].T @ R[2], 0.1, 900, same_camera=True)])
+    closed = average_rotations(3, people, [RotationEdge(0, 2, R[0].T @ R[2], 0.1, 900, same_camera=True)])
     assert angle_deg(closed.R_group_shot[2].T @ R[2]) < 0.2
     assert angle_deg(closed.R_group_shot[1].T @ R[1]) < 0.7 * angle_deg(alone.R_group_shot[1].T @ R[1])
 

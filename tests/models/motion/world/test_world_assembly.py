@@ -195,7 +195,7 @@ def test_the_papers_way_is_there_too() -> None:
 
 def test_a_turn_that_is_known_is_taken_as_it_is_and_the_other_cut_is_still_solved() -> None:
     known = camera(0)[0].T @ camera(1)[0]
-    world = assemble(footage(), known_turns={LENGTH: known})
+    world = assemble(footage(), known_rotations={LENGTH: known})
     assert [cut.method for cut in world.cuts] == ["given", "bundle"]
     assert turn_error_deg(world, 19, 20) < 0.1  # levelling all shots together moves it by nothing
     assert turn_error_deg(world, 39, 40) < 4.0

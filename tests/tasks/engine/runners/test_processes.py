@@ -19,10 +19,10 @@ from humanmm.config import Config, RunConfig, StageLimits
 from humanmm.errors import ResourceError, StageError, StoreError, TimeLimitError
 from humanmm.tasks import pipeline
 from humanmm.tasks.engine.budget import Budget, resources_of
-from humanmm.tasks.engine.faults import as_ours, is_infrastructure_fault, ran_out_of_memory
-from humanmm.tasks.engine.job import Setting
+from humanmm.tasks.engine.runners.job import Setting
 from humanmm.tasks.engine.runners.runner import workers_of
 from humanmm.tasks.pipeline import Resources
+from humanmm.tasks.units.faults import as_ours, is_infrastructure_fault, ran_out_of_memory
 
 
 def _children_of(pid: int) -> list[int]:
@@ -55,7 +55,7 @@ def test_children_give_the_same_results_as_threads_and_are_used_again(toy: Any) 
 def test_a_failed_shot_costs_the_stages_in_children_that_shot_alone(toy: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TOY_FAIL", "camera:20=stage")
     run = toy.run(run={"isolate": True}, expect_failure=True)
-    lost = {work for work, outcome in run.outcomes.items() if outcome.state != "computed"}
+    lost = {unit for unit, outcome in run.outcomes.items() if outcome.state != "computed"}
     assert lost == {("camera", 1), ("hmr", 1)}
     toy.executed()
     toy.run(expect_failure=True)
@@ -65,15 +65,15 @@ def test_a_failed_shot_costs_the_stages_in_children_that_shot_alone(toy: Any, mo
 def test_damage_to_what_lists_the_units_is_mended_when_a_child_finds_it(toy: Any) -> None:
     run = toy.open(run={"isolate": True})
     for stage in run.stages:
-        for work in run.works(stage) or ():
-            if stage.name == "hmr" and work.index == 0:
+        for unit in run.units(stage) or ():
+            if stage.name == "hmr" and unit.index == 0:
                 run._workers.close()  # the next child reads everything afresh
                 run._workers = workers_of(Setting(run.video, run.config, run.store, run.selection, run.stages))
                 result = run.store.root / run.manifest("scenes").ref.uri / "result.json"
                 result.write_text(result.read_text() + " ")
                 with pytest.raises(StoreError, match="scenes"):
-                    run.do(work)
-            run.do(work)
+                    run.execute(unit)
+            run.execute(unit)
     run.close()
     assert toy.executed().count("scenes") == 2
     assert {outcome.state for outcome in run.outcomes.values()} == {"computed"}
@@ -102,7 +102,7 @@ def test_a_killed_child_costs_one_attempt_of_one_unit(toy: Any, monkeypatch: pyt
     monkeypatch.setenv("TOY_SLEEP", "people:20=30")
     run = toy.open(run={"isolate": True})
     for stage in run.stages[:2]:
-        run.do(run.work(stage.name))
+        run.execute(run.unit(stage.name))
 
     def kill() -> None:
         while "people:20" not in (toy.log.read_text() if toy.log.exists() else ""):
@@ -113,11 +113,11 @@ def test_a_killed_child_costs_one_attempt_of_one_unit(toy: Any, monkeypatch: pyt
     killer = threading.Thread(target=kill)
     killer.start()
     with pytest.raises(ResourceError, match="people · scene 1: its process was lost: it was killed") as raised:
-        run.do(run.work("people", 1))
+        run.execute(run.unit("people", 1))
     killer.join()
     assert is_infrastructure_fault(raised.value)
     monkeypatch.delenv("TOY_SLEEP")
-    assert run.do(run.work("people", 1)).state == "computed"
+    assert run.execute(run.unit("people", 1)).state == "computed"
     assert run.outcomes["people", 1].attempts == 2
     run.close()
 
@@ -137,11 +137,11 @@ def test_a_run_that_is_closed_ends_its_busy_children_and_begins_no_others(
     closing.start()
     began = time.monotonic()
     with pytest.raises(ResourceError, match="its process was lost"):
-        run.do(run.work("decode"))
+        run.execute(run.unit("decode"))
     closing.join()
     assert time.monotonic() - began < 40
     with pytest.raises(ResourceError, match="the run has ended"):
-        run.do(run.work("decode"))
+        run.execute(run.unit("decode"))
 
 
 def test_errors_warnings_and_progress_come_out_of_a_child_as_they_are(
@@ -151,19 +151,19 @@ def test_errors_warnings_and_progress_come_out_of_a_child_as_they_are(
     toy.edit("people", "inputs.progress(n, n)", f"inputs.progress(1, n)\n    {warning}")
     seen: list[tuple[str, int]] = []
     run = toy.open(run={"isolate": True})
-    run.watch(lambda work, done, total: seen.append((work.label, done)), log_text=str)
+    run.watch(lambda unit, done, total: seen.append((unit.label, done)), log_text=str)
     monkeypatch.setattr(logging.getLogger("humanmm"), "propagate", True)
     for stage in run.stages[:2]:
-        run.do(run.work(stage.name))
-    run.do(run.work("people", 0))
+        run.execute(run.unit(stage.name))
+    run.execute(run.unit("people", 0))
     assert seen == [("people · scene 0", 1)] and "dark" in caplog.messages
     monkeypatch.setenv("TOY_FAIL", "people:20=bug")
     run.close()
     again = toy.open(run={"isolate": True})
     for stage in again.stages[:2]:
-        again.do(again.work(stage.name))
+        again.execute(again.unit(stage.name))
     with pytest.raises(StageError, match="people · scene 1 failed unexpectedly: ZeroDivisionError: a defect"):
-        again.do(again.work("people", 1))
+        again.execute(again.unit("people", 1))
     again.close()
 
 
@@ -174,7 +174,7 @@ def test_a_child_ends_when_its_parent_is_killed(toy: Any) -> None:
         "from humanmm.tasks.engine.run import VideoRun\nfrom toyline.table import STAGES\n"
         "store = Store(Path(sys.argv[2]))\nconfig = Config.model_validate({'run': {'isolate': True}})\n"
         "run = VideoRun(identify(Path(sys.argv[1]), store), config, store, stages=STAGES)\n"
-        "run.do(run.work('decode'))\n"
+        "run.execute(run.unit('decode'))\n"
     )
     command = [sys.executable, "-c", script, str(toy.video), str(toy.store)]
     parent = subprocess.Popen(command, env=toy.environment(TOY_SLEEP="decode=60"))
@@ -217,14 +217,14 @@ def test_after_running_out_of_memory_a_unit_has_the_machine_to_itself(
     monkeypatch.setenv("TOY_FAIL", "people:0=memory:1")
     run = toy.open()
     for stage in run.stages[:2]:
-        run.do(run.work(stage.name))
+        run.execute(run.unit(stage.name))
     with pytest.raises(ResourceError, match="people · scene 0: memory ran out"):
-        run.do(run.work("people", 0))
+        run.execute(run.unit("people", 0))
     shares: list[bool] = []
     taken = run._budget.taken
     run._budget.taken = lambda needed, alone=False: (shares.append(alone), taken(needed, alone=alone))[1]
-    assert run.do(run.work("people", 0)).state == "computed"
-    run.do(run.work("people", 1))
+    assert run.execute(run.unit("people", 0)).state == "computed"
+    run.execute(run.unit("people", 1))
     run.close()
     assert shares == [True, False]
 
@@ -278,10 +278,10 @@ def test_the_budget_counts_the_size_of_the_picture_and_the_frames(toy: Any, monk
     run._budget.taken = lambda needed, alone=False: (
         asked.setdefault(threading.current_thread().name, needed.memory_mb), taken(needed, alone=alone)
     )[1]  # fmt: skip
-    run.do(run.work("decode"))
-    run.do(run.work("scenes"))
+    run.execute(run.unit("decode"))
+    run.execute(run.unit("scenes"))
     asked.clear()
-    run.do(run.work("people"))
+    run.execute(run.unit("people"))
     assert list(asked.values()) == [125]  # 100, 0.48 Mpx, 20 frames
 
 
@@ -307,7 +307,7 @@ def test_a_gpu_stage_computes_inside_the_slot_and_a_cached_one_asks_for_none(toy
         run = toy.open(run={"stages": {"decode": {"gpu": True}}})
         run.gpu = slot
         slots.clear()
-        run.do(run.work("decode"))
-        run.do(run.work("scenes"))
+        run.execute(run.unit("decode"))
+        run.execute(run.unit("scenes"))
         run.close()
         assert slots == expected

@@ -1,0 +1,153 @@
+"""One Prefect task for each unit of a video: submitted stage by stage, finished with the run folder.
+
+A task waits for the tasks whose artifacts it reads; the engine (`humanmm.tasks.engine.run`) finds or computes its unit.
+"""
+
+import contextlib
+import os
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+from uuid import UUID
+
+from prefect import Task, allow_failure, task
+from prefect.cache_policies import NO_CACHE
+from prefect.client.schemas.objects import State, TaskRun
+from prefect.futures import PrefectFuture
+from prefect.runtime import flow_run, task_run
+from prefect.states import Completed, Failed
+from prefect.task_runners import ThreadPoolTaskRunner
+
+from humanmm.errors import StoreError
+from humanmm.flows.server.dashboard import ProgressBoard, show_video
+from humanmm.flows.server.liveness import Alive, home_of_our_server
+from humanmm.tasks.engine.finish import default_run_dir, failures, fatal_error, has_result, remember, write_results
+from humanmm.tasks.engine.run import VideoRun
+from humanmm.tasks.pipeline import Stage
+from humanmm.tasks.units.faults import is_infrastructure_fault
+from humanmm.tasks.units.process import treat_as_sigterm
+from humanmm.tasks.units.unit import Unit, UnitId
+
+MAX_WAITING = 32
+"""Tasks that may wait for their inputs at the same time, at least; how many compute is `run.threads`."""
+
+
+class StageTasks:
+    """Submits the tasks of one stage after another, and ends the flow run."""
+
+    def __init__(self, run: VideoRun) -> None:
+        self.run = run
+        home = home_of_our_server()
+        self._alive = Alive(home, str(flow_run.id)) if home and flow_run.id else None
+        self._board = ProgressBoard(UUID(str(flow_run.id)))
+        run.listen(self._board.report)
+        self._futures: dict[UnitId, PrefectFuture[Any]] = {}
+        self._stopped = False
+        self._runner: ThreadPoolTaskRunner[Any] = ThreadPoolTaskRunner(max(MAX_WAITING, run.config.run.threads))
+
+    def __enter__(self) -> "StageTasks":
+        treat_as_sigterm()
+        self._runner.__enter__()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.run.close()
+        if kind is not None and not issubclass(kind, Exception):
+            self._abandon()
+        self._runner.__exit__(kind, error, trace)
+        self._board.end()
+        if self._alive is not None:
+            self._alive.end()
+
+    def _abandon(self) -> None:
+        """On SIGTERM or Ctrl-C do not wait for the threads that compute: they cannot be stopped, and end with the
+        process."""
+        executor = self._runner._executor  # Prefect's runner waits, and has no option against it
+        if executor is not None:
+            executor.shutdown(wait=False, cancel_futures=True)
+            self._runner._executor = None
+
+    def __call__(self, name: str) -> None:
+        """Submit one task per unit of a stage."""
+        stage = self.run.stage(name)
+        if self._stopped or not self._is_wanted(stage):
+            return
+        if stage.per != "video":
+            self._wait(next(s.name for s in self.run.stages if s.defines == stage.per))
+        units = self.run.units(stage)
+        self._stopped = units is None  # the stage that defines the units has failed
+        for unit in units or ():
+            parameters = {"run": self.run, "stage": name, "index": unit.index, "board": self._board}
+            inputs: list[Any] = [allow_failure(future) for future in self._inputs(unit)]
+            self._futures[unit.id] = self._runner.submit(_task_of(self.run, unit), parameters, wait_for=inputs)
+
+    def finish(self, out: Path | None, begun: float) -> Any:
+        """Wait for everything; write the run folder; the flow's final state."""
+        for future in self._futures.values():
+            future.wait()
+        error = fatal_error(self.run)
+        if error is not None:
+            with contextlib.suppress(StoreError):  # the fatal error is the one to raise
+                remember(self.run, "failed", run_dir=None, reason=str(error))
+            raise error
+        if not has_result(self.run):  # `--only` left the result as it was
+            return Completed(message="nothing that depends on it has changed")
+        run_dir = out or default_run_dir(self.run.video.path)
+        state = write_results(self.run, run_dir, started=begun, log_text=self.run.log_text())
+        show_video(run_dir.absolute(), UUID(str(flow_run.id)))
+        if state == "partial":
+            lost = "; ".join(f"{outcome.unit.label}: {outcome.reason}" for outcome in failures(self.run))
+            return Failed(name="Partial", message=lost)
+        return Completed(message=os.fspath(run_dir))
+
+    def _inputs(self, unit: Unit) -> list[PrefectFuture[Any]]:
+        sources = [self.run.stage(name) for name in unit.stage.inputs]
+        needed = [needed.id for source in sources for needed in self.run.inputs_of(unit, source)]
+        return [self._futures[at] for at in needed if at in self._futures]
+
+    def _is_wanted(self, stage: Stage) -> bool:
+        """With `--only STAGE`, the stages after it run only if its output changed."""
+        only = self.run.selection.only
+        names = [s.name for s in self.run.stages]
+        if only is None or names.index(stage.name) <= names.index(only):
+            return True
+        self._wait(only)
+        return any(o.changed for o in self.run.outcomes.values() if o.unit.stage.name == only)
+
+    def _wait(self, name: str) -> None:
+        for (stage, _), future in self._futures.items():
+            if stage == name:
+                future.wait()
+
+
+def stage_task(run: VideoRun, stage: str, index: int, board: ProgressBoard) -> Any:
+    """Find or compute one unit; the state of the task says which, its result is a small reference."""
+    unit = run.unit(stage, index)
+    board.begin(unit, UUID(str(task_run.id)))
+    outcome = run.execute(unit)
+    if outcome.manifest is None:
+        return Failed(name="Skipped", message=outcome.reason)
+    if outcome.state == "cached":
+        return Completed(name="Cached", data=outcome.manifest.ref)
+    return Completed(message=outcome.reason, data=outcome.manifest.ref)
+
+
+def _task_of(run: VideoRun, unit: Unit) -> Task[..., Any]:
+    retries = run.config.run.max_retries
+    named: Task[..., Any] = task(name=unit.stage.name)(stage_task)
+    return named.with_options(
+        task_run_name=unit.label,
+        cache_policy=NO_CACHE,
+        persist_result=False,
+        retries=retries,
+        retry_delay_seconds=[0.5 * 4**attempt for attempt in range(retries)],
+        retry_condition_fn=_is_worth_retrying,
+    )
+
+
+def _is_worth_retrying(task: Task[..., Any], task_run: TaskRun, state: State[Any]) -> bool:
+    """Infrastructure faults only: bad input and failed stages would fail again."""
+    result = state.result(raise_on_failure=False)
+    return isinstance(result, BaseException) and is_infrastructure_fault(result)

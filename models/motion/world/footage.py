@@ -1,0 +1,68 @@
+"""What the stages before know of a whole video, shot by shot, and how the alignment asks for it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from humanmm.models.body.body24 import load_body
+from humanmm.models.body.kinematics import chunks, forward_kinematics
+from humanmm.models.body.landmarks import load_landmarks
+from humanmm.models.camera.keyframes import ViewFeatures
+from humanmm.models.records.camera import Intrinsics, ShotCamera
+from humanmm.models.records.motion import PersonShotMotion, ShotMotion
+from humanmm.models.records.shots import ShotList
+from humanmm.models.records.tracks import ScenePeople
+
+Array = np.ndarray
+
+SOLES = (29, 31, 30, 32)
+"""Landmarks of the feet: left heel, left toes, right heel, right toes."""
+
+
+@dataclass(frozen=True)
+class Footage:
+    """Everything `align` reads, one entry a shot where it is a list; None where that shot failed."""
+
+    shots: ShotList
+    scenes: Sequence[ScenePeople | None]
+    cameras: Sequence[ShotCamera | None]
+    motions: Sequence[ShotMotion | None]
+    time_s: Float[Array, "F"]
+    intrinsics: Intrinsics
+    views: Sequence[Sequence[ViewFeatures]]
+    """Key views of every shot, people left out; empty where there are none."""
+
+
+def usable(footage: Footage, shot: int) -> bool:
+    """Whether a shot has a camera and a motion."""
+    return footage.cameras[shot] is not None and footage.motions[shot] is not None
+
+
+def motions_of(footage: Footage, shot: int) -> dict[int, PersonShotMotion]:
+    """The motions in a shot by person; none where it failed."""
+    motion = footage.motions[shot]
+    return {person.person: person for person in motion.people} if motion is not None else {}
+
+
+def camera_of(footage: Footage, shot: int) -> ShotCamera:
+    """The camera of a shot that has one. ValueError where it failed."""
+    camera = footage.cameras[shot]
+    if camera is None:
+        raise ValueError(f"shot {shot} has no camera")
+    return camera
+
+
+def posed(
+    motion: PersonShotMotion, R_axes_cam: Float[Array, "n 3 3"]
+) -> tuple[Float[Array, "n 24 3"], Float[Array, "n 4 3"]]:
+    """Joints and sole points about the pelvis, in axes turned by R_axes_cam."""
+    rest, landmarks = load_body().rest_joints(motion.betas), load_landmarks()
+    n = len(motion.frame)
+    joints, soles = np.empty((n, len(rest), 3)), np.empty((n, len(SOLES), 3))
+    for frames in chunks(n):
+        R_root = R_axes_cam[frames] @ motion.R_cam_root[frames]
+        joints[frames], R = forward_kinematics(rest, R_root, motion.body_pose[frames], np.zeros((len(R_root), 3)))
+        soles[frames] = landmarks.place(motion.betas, joints[frames], R)[:, list(SOLES)]
+    return joints, soles

@@ -1,0 +1,77 @@
+"""Levels the shots of one group: gravity from the evidence of all (`gravity`), heading from the first camera."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from humanmm.models.motion.world.footage import Footage, camera_of, motions_of, posed
+from humanmm.models.motion.world.gravity import (
+    PAN_SIGMA_DEG,
+    ROLL_SIGMA_DEG,
+    UprightEvidence,
+    mean_axis,
+    pan_axis,
+    standing_axis,
+    up_direction,
+)
+from humanmm.models.records.camera import ShotCamera
+
+Array = np.ndarray
+
+
+def levelled(
+    footage: Footage, group: Sequence[int], R_first_shot: Sequence[Float[Array, "3 3"]]
+) -> list[Float[Array, "3 3"]]:
+    """Each shot's axes to world axes: gravity from the evidence of all shots, +y where the first camera looks."""
+    up, up_sigma, level, level_sigma = [], [], [], []
+    for shot, R in zip(group, R_first_shot, strict=True):
+        camera = camera_of(footage, shot)
+        for axis, sigma in _standing_axes(footage, shot):
+            up.append(R @ axis)
+            up_sigma.append(sigma)
+        level.append(R @ _mean_x(camera))
+        level_sigma.append(ROLL_SIGMA_DEG)
+        turned_about = pan_axis(camera.R_shot_cam)
+        if turned_about is not None:
+            # The axis is vertical: any direction across it is level.
+            for across in np.linalg.svd(turned_about[None])[2][1:]:
+                level.append(R @ across)
+                level_sigma.append(2 * PAN_SIGMA_DEG)
+        # The picture's own vertical: hardly informed, but never upside down.
+        up.append(R @ camera.R_shot_cam[0] @ np.array([0.0, -1.0, 0.0]))
+        up_sigma.append(25.0)
+    z = up_direction(UprightEvidence(np.array(up), np.array(up_sigma), np.array(level), np.array(level_sigma)))
+    first = camera_of(footage, group[0])
+    y = _heading(first.R_shot_cam[0], z)
+    R_world_first = np.stack([np.cross(y, z), y, z])
+    return [R_world_first @ R for R in R_first_shot]
+
+
+def _heading(R_cam: Float[Array, "3 3"], z: Float[Array, "3"]) -> Float[Array, "3"]:
+    """Horizontal direction in which a camera looks; where it looks straight down, the top of its picture."""
+    ahead = R_cam[:, 2] - z * (z @ R_cam[:, 2])
+    if np.linalg.norm(ahead) < 0.05:
+        ahead = -R_cam[:, 1] + z * (z @ R_cam[:, 1])
+    return np.asarray(ahead / np.linalg.norm(ahead))
+
+
+def _mean_x(camera: ShotCamera) -> Float[Array, "3"]:
+    """Mean x axis of a shot's camera, shot axes."""
+    x = camera.R_shot_cam[..., 0].mean(axis=0)
+    return np.asarray(x / max(float(np.linalg.norm(x)), 1e-9))
+
+
+def _standing_axes(footage: Footage, shot: int) -> list[tuple[Float[Array, "3"], float]]:
+    """Mean standing axis of each person of a shot, shot axes, with its sigma in degrees."""
+    camera = camera_of(footage, shot)
+    found = []
+    for motion in motions_of(footage, shot).values():
+        seen = motion.observed
+        if not seen.any():
+            continue
+        R_shot_cam = camera.R_shot_cam[motion.frame - camera.start]
+        joints, _ = posed(motion, R_shot_cam)
+        axis, weight = standing_axis(joints[seen])
+        found.append(mean_axis(axis, weight))
+    return found

@@ -1,0 +1,38 @@
+"""Progress bars, one for each stage at work: on a terminal and in a notebook, nothing anywhere else."""
+
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from rich.progress import TaskID
+
+    from humanmm.tasks.units.unit import Unit
+
+
+@contextmanager
+def progress_bars(*, shown: bool = True) -> "Iterator[Callable[[Unit, int, int], None]]":
+    """A function that shows what a stage reports: (its unit, done, total). Many threads may call it."""
+    if not shown or not (sys.stderr.isatty() or "ipykernel" in sys.modules):
+        yield lambda unit, done, total: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description:<20}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"))
+    bars = Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True), transient=True)
+    rows: dict[str, TaskID] = {}
+    lock = threading.Lock()
+
+    def report(unit: "Unit", done: int, total: int) -> None:
+        with lock:
+            if unit.label not in rows:
+                rows[unit.label] = bars.add_task(unit.label, total=total)
+            bars.update(rows[unit.label], completed=done, total=total, visible=done < total)
+
+    with bars:
+        yield report

@@ -1,0 +1,198 @@
+"""Recover one video: answer from the store if nothing changed, else run the Prefect flow.
+
+The command line and Python programs call the same two functions, `recover` and `forecast`.
+"""
+
+import asyncio
+import contextlib
+import logging
+import os
+import sys
+import time
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+from humanmm.errors import InputError, StoreError
+from humanmm.results import Run
+
+if TYPE_CHECKING:
+    from prefect.client.schemas.objects import State
+
+    from humanmm.config import Config
+    from humanmm.tasks.engine.plan import Forecast
+    from humanmm.tasks.engine.run import VideoRun
+    from humanmm.tasks.units.selection import Selection
+
+log = logging.getLogger(__name__)
+
+
+def recover(
+    video: "str | os.PathLike[str]",
+    out: "str | os.PathLike[str] | None" = None,
+    *,
+    config: "Config | Mapping[str, Any] | str | os.PathLike[str] | None" = None,
+    person: int | None = None,
+    focal_px: float | None = None,
+    fov_deg: float | None = None,
+    store: "str | os.PathLike[str] | None" = None,
+    force: bool = False,
+    start: str | None = None,
+    only: str | None = None,
+    shot: int | None = None,
+    progress: bool = True,
+) -> Run:
+    """Recover the people and the cameras of one video, and write the run folder.
+
+    What the store holds is not computed again: a second call with the same arguments takes about a second. If a stage
+    failed on some shots, the run's `state` is "partial" and its `failures` tell why.
+
+    Args:
+        video: the video file.
+        out: the run folder (default: runs/<name of the video>).
+        config: settings, as a Config, a tree such as {"camera": {"static": True}}, or the path of a TOML file.
+        person: keep this person alone, 0 is the main one (default: all, or as `config` says).
+        focal_px: focal length in pixels of the source video; it is then not estimated.
+        fov_deg: horizontal field of view in degrees, in place of `focal_px`.
+        store: artifact store, a folder or s3://… (default: $HUMANMM_STORE, ~/.cache/humanmm/store).
+        force: compute every stage again.
+        start: compute this stage and all after it again.
+        only: compute this stage again, then what depends on it if its result changed.
+        shot: restrict `start` or `only` to this shot.
+        progress: show bars on a terminal or in a notebook.
+
+    Raises:
+        HumanMMError: see humanmm.errors; NoUsablePersonError if nobody can be recovered.
+    """
+    began = time.time()
+    shorthands = {"person": person, "focal_px": focal_px, "fov_deg": fov_deg}
+    selection = _selection(force=force, start=start, only=only, shot=shot)
+    run = _open(video, _settings(config, shorthands), selection, store)
+    from humanmm.tasks.engine import finish
+    from humanmm.tasks.engine.plan import check_upstream, forecast, is_complete
+
+    plan = forecast(run)
+    if only is not None:
+        check_upstream(run, plan, only)
+    folder = Path(out) if out is not None else finish.default_run_dir(run.video.path)
+    check_writable(folder)
+    if not is_complete(plan):
+        _run_flow(run, folder, show_progress=progress)
+        return Run(folder, "computed")
+    if finish.is_up_to_date(run, folder):
+        log.info("nothing to do")
+        return Run(folder, "unchanged")
+    stamp = time.strftime("%Y-%m-%d %H:%M:%S")
+    finish.write_results(run, folder, started=began, log_text=f"{stamp} written from the store alone\n")
+    return Run(folder, "restored")
+
+
+def forecast(
+    video: "str | os.PathLike[str]",
+    *,
+    config: "Config | Mapping[str, Any] | str | os.PathLike[str] | None" = None,
+    person: int | None = None,
+    focal_px: float | None = None,
+    fov_deg: float | None = None,
+    store: "str | os.PathLike[str] | None" = None,
+    force: bool = False,
+    start: str | None = None,
+    only: str | None = None,
+    shot: int | None = None,
+) -> "list[Forecast]":
+    """What `recover` would do with the same arguments: each stage on each scene or shot is cached, will run, or waits.
+
+    Writes nothing.
+    """
+    from humanmm.tasks.engine.plan import forecast as forecast_run
+
+    shorthands = {"person": person, "focal_px": focal_px, "fov_deg": fov_deg}
+    selection = _selection(force=force, start=start, only=only, shot=shot)
+    return forecast_run(_open(video, _settings(config, shorthands), selection, store, read_only=True))
+
+
+def check_writable(folder: Path) -> None:
+    """Raise InputError, before anything is computed, if an output folder cannot be written."""
+    existing = folder.absolute()
+    while not existing.exists() and existing != existing.parent:
+        existing = existing.parent
+    if not existing.is_dir():
+        raise InputError(f"the output folder {folder} cannot be made: {existing} is a file")
+    if not os.access(existing, os.W_OK | os.X_OK):
+        raise InputError(f"the output folder {folder} is not writable: permission denied for {existing}")
+
+
+def _settings(
+    config: "Config | Mapping[str, Any] | str | os.PathLike[str] | None", shorthands: Mapping[str, Any]
+) -> "Config":
+    from humanmm.config_reading import resolve
+
+    return resolve(config, {name: value for name, value in shorthands.items() if value is not None})
+
+
+def _selection(**wanted: Any) -> "Selection":
+    from humanmm.tasks import pipeline
+    from humanmm.tasks.units.selection import Selection
+
+    selection = Selection(**wanted)
+    for remark in selection.check(pipeline.STAGES):
+        log.warning(remark)
+    return selection
+
+
+def _open(
+    video: "str | os.PathLike[str]",
+    config: "Config",
+    selection: "Selection",
+    store: "str | os.PathLike[str] | None",
+    *,
+    read_only: bool = False,
+) -> "VideoRun":
+    from humanmm.tasks.units.process import prepare_process
+
+    prepare_process()  # before numpy is loaded
+    from humanmm.storage.store.identity import identify
+    from humanmm.storage.store.open import open_store
+    from humanmm.tasks.engine.run import VideoRun
+
+    place = open_store(None if store is None else Path(store), read_only=read_only)
+    return VideoRun(identify(Path(video), place), config, place, selection=selection)
+
+
+def _run_flow(run: "VideoRun", folder: Path, *, show_progress: bool) -> None:
+    """Run the Prefect flow on what `run` names. Raises the error that ended it; a partial result is no error."""
+    from humanmm.flows.server.local_server import prefect_server
+    from humanmm.logs import keeping_text
+    from humanmm.progress import progress_bars
+
+    with (
+        _outside_event_loop(), keeping_text() as text, progress_bars(shown=show_progress) as report, prefect_server(),
+    ):  # fmt: skip
+        if "prefect" in sys.modules:  # it read its settings before the server had an address
+            sys.modules["prefect.context"].refresh_global_settings_context()
+        from humanmm.flows import recover as flow_module
+
+        token = flow_module.opened.set(lambda opened: opened.watch(report, log_text=text.getvalue))
+        try:
+            arguments = {"out": folder, "config": run.config, "store": run.store.location, "selection": run.selection}
+            state = cast("State[Any]", flow_module.recover(run.video.path, **arguments, return_state=True))
+        finally:
+            flow_module.opened.reset(token)
+        if state.is_completed() or state.name == "Partial":
+            return
+        error = state.result(raise_on_failure=False)
+    raise error if isinstance(error, BaseException) else StoreError(f"the flow ended as {state.name}: {state.message}")
+
+
+@contextlib.contextmanager
+def _outside_event_loop() -> Iterator[None]:
+    """Hide the event loop that runs in this thread, as in a notebook: Prefect would return coroutines otherwise.
+
+    The flow stays in the caller's thread, so that Ctrl-C and a notebook's interrupt end it.
+    """
+    loop = asyncio._get_running_loop()
+    asyncio._set_running_loop(None)
+    try:
+        yield
+    finally:
+        asyncio._set_running_loop(loop)

@@ -1,0 +1,202 @@
+"""A finished run as a Python value: the arrays of its motion.zarr, what its run.json says, its files and figures.
+
+Everything is read when it is first asked for, so that `load` costs nothing and loads no library.
+"""
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from humanmm.errors import InputError
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from humanmm.config import Config
+    from humanmm.models.evaluation.report import Report
+    from humanmm.models.records.recording import RecordedPerson, Recording
+
+Origin = Literal["loaded", "unchanged", "restored", "computed"]
+_SHOWN_WARNINGS = 5
+
+
+@dataclass(frozen=True)
+class Cameras:
+    """The camera of every frame; F frames."""
+
+    R_world_cam: "np.ndarray"
+    """(F,3,3) float32, camera to world; x right, y down, z forward."""
+    t_world_cam: "np.ndarray"
+    """(F,3) float32, camera centre in the world, metres."""
+    K: "np.ndarray"
+    """(F,3,3) float32, pixels of the source video, pixel centres at .5."""
+    source: "np.ndarray"
+    """(F,) uint8: 0 static, 1 tracked, 2 rotation only, 3 given by the user, 4 fallback."""
+
+
+@dataclass(frozen=True)
+class RecordedShot:
+    """One shot: frames [start, end)."""
+
+    start: int
+    end: int
+    transition: Mapping[str, Any] | None
+    """How it begins: `type` (cut, dissolve, fade), `start`, `end`, `evidence`; None for the first shot."""
+    people: tuple[int, ...]
+    """Numbers of the people seen in it."""
+    linked: bool
+    """False if nothing places it relative to the shots before it."""
+    failed: bool
+    """True if a stage failed on it: its camera is a fallback and its motion was filled in."""
+
+
+@dataclass(frozen=True)
+class Failure:
+    """One stage that failed on one scene or shot."""
+
+    stage: str
+    unit: str
+    """`video`, `scene 2` or `shot 3`."""
+    reason: str
+
+    def __str__(self) -> str:
+        label = self.stage if self.unit == "video" else f"{self.stage} · {self.unit}"
+        return f"{label} failed: {self.reason}"
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run folder."""
+
+    folder: Path
+    origin: Origin = "loaded"
+    """How `recover` came to it: `computed` something, `restored` the folder from the store alone, or left it
+    `unchanged`; `loaded` if it comes from `load`."""
+
+    @cached_property
+    def record(self) -> Mapping[str, Any]:
+        """The tree of run.json."""
+        from humanmm.storage.run_folder.run_record import read_run_record
+
+        return read_run_record(self.folder)
+
+    @cached_property
+    def recording(self) -> "Recording":
+        """Everything that motion.zarr holds: times, shots, cameras and people of all F frames."""
+        from humanmm.storage.run_folder.motion_zarr import MOTION, read_motion
+
+        return read_motion(self.folder / MOTION)
+
+    @property
+    def people(self) -> "tuple[RecordedPerson, ...]":
+        """The people, the main one first; each has the arrays `people/<nn>/…` of motion.zarr."""
+        return self.recording.people
+
+    @cached_property
+    def cameras(self) -> Cameras:
+        """The cameras of all frames."""
+        found = self.recording
+        return Cameras(found.R_world_cam, found.t_world_cam, found.K, found.camera_source)
+
+    @cached_property
+    def shots(self) -> tuple[RecordedShot, ...]:
+        """The shots in order; they cover every frame."""
+        return tuple(
+            RecordedShot(
+                shot["start"], shot["end"], shot["transition"], tuple(shot["people"]), shot["linked"], shot["failed"]
+            )
+            for shot in self.record["shots"]
+        )
+
+    @property
+    def state(self) -> Literal["done", "partial"]:
+        """`partial` if a stage failed on a scene or shot: `failures` tells why."""
+        state: Literal["done", "partial"] = self.record["state"]
+        return state
+
+    @cached_property
+    def failures(self) -> tuple[Failure, ...]:
+        """What failed by itself (what was skipped because of it is left out)."""
+        failed = (entry for entry in self.record["stages"] if entry["state"] == "failed")
+        return tuple(Failure(entry["stage"], entry["unit"], entry["reason"]) for entry in failed)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Where the result is usable but worse than usual, a sentence each."""
+        return tuple(self.record["warnings"])
+
+    @property
+    def video(self) -> Path:
+        """The video that was recovered."""
+        return Path(self.record["video"]["path"])
+
+    @cached_property
+    def config(self) -> "Config":
+        """The settings of the run."""
+        from humanmm.config_reading import validate
+
+        return validate(self.record["config"], origin=str(self.folder / "run.json"))
+
+    def export(self, format_name: str, *, force: bool = False) -> tuple[Path, ...]:
+        """Write every person for another tool (`amass`, `csv`, `trc`) into `folder/export`; paths of the files.
+
+        InputError if a file exists already and `force` is not given.
+        """
+        from humanmm.storage.run_folder import exporters
+
+        return exporters.export(self.recording, self.folder / "export", format_name, force=force)
+
+    def draw(self, *, force: bool = False) -> tuple[Path, ...]:
+        """Draw the pictures in `folder/view` that are missing, with `force` all of them; paths of all pictures."""
+        from humanmm.tasks.pictures import draw_again
+
+        return draw_again(self.folder, force=force)
+
+    def _repr_png_(self) -> bytes | None:
+        """The view from above, for notebooks; None if it was not drawn."""
+        try:
+            return (self.folder / "view" / "top.png").read_bytes()
+        except OSError:
+            return None
+
+    def _repr_html_(self) -> str:
+        """Folder, contents, warnings and the view from above, for notebooks."""
+        import base64
+        from html import escape
+
+        try:
+            record, shots, warnings = self.record, len(self.shots), [*map(str, self.failures), *self.warnings]
+        except InputError as error:
+            return f"<p>{escape(str(error))}</p>"
+        people, frames = len(record["people"]), record["video"]["num_frames"]
+        facts = f"{record['state']}: {frames} frames, {shots} shots, {people} people"
+        more = len(warnings) - _SHOWN_WARNINGS
+        rows = [*warnings[:_SHOWN_WARNINGS], *([f"and {more} more in run.json"] if more > 0 else [])]
+        png = self._repr_png_()
+        picture = base64.b64encode(png).decode() if png else ""
+        return (
+            f"<p><b>{escape(os.fspath(self.folder))}</b> {escape(facts)}</p>"
+            + (f"<ul>{''.join(f'<li>{escape(row)}</li>' for row in rows)}</ul>" if rows else "")
+            + (f'<img alt="view from above" src="data:image/png;base64,{picture}">' if picture else "")
+        )
+
+
+def load(folder: "str | os.PathLike[str]") -> Run:
+    """The run in a folder that `recover` wrote. InputError if the folder holds no run."""
+    run = Run(Path(folder))
+    if not (run.folder / "run.json").is_file() and not (run.folder / "motion.zarr").is_dir():
+        raise InputError(f"{run.folder} is no run folder: it has neither run.json nor motion.zarr")
+    return run
+
+
+def evaluate(run: "Run | str | os.PathLike[str]", truth: "Run | str | os.PathLike[str]") -> "Report":
+    """Every metric of a run against its truth (docs/metrics.md), a run folder or an `.npz` file. Raises TruthError."""
+    from humanmm.models.evaluation.evaluate import evaluate as figures_of
+    from humanmm.storage.readers.truth import read_sequence
+
+    folders = (side.folder if isinstance(side, Run) else Path(side) for side in (run, truth))
+    prediction, reference = map(read_sequence, folders)
+    return figures_of(prediction, reference)

@@ -1,0 +1,118 @@
+"""The code that a stage's result depends on, found without importing any of it.
+
+Starting at the stage's module, its imports are followed by reading the syntax trees. Of our own package the folder
+models/ and the files tasks/*.py count, and the module that writes pictures; the rest decides when a result is computed,
+never what it is, or stands in the key by its values (config). A module's digest (`module_facts`) leaves out comments,
+docstrings and line numbers, so that a reworded text recomputes nothing. Weight files count when a visited module names
+them; numerical libraries count by version when a visited module imports them.
+"""
+
+import functools
+import hashlib
+import importlib.metadata
+import importlib.util
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from humanmm.tasks.units.module_facts import known_modules
+
+PACKAGE = "humanmm"
+_WRITES_ARTIFACTS = Path("storage/run_folder/picture_files.py")
+"""Writes pictures that are part of an artifact."""
+
+_DISTRIBUTIONS = {
+    "numpy": ("numpy",),
+    "scipy": ("scipy",),
+    "torch": ("torch",),
+    "cv2": ("opencv-python-headless", "opencv-python"),
+    "av": ("av",),
+    "pycolmap": ("pycolmap",),
+    "ai_edge_litert": ("ai-edge-litert",),
+    "matplotlib": ("matplotlib",),
+    "transformers": ("transformers",),
+}
+"""Import name → distributions that may provide it, of the libraries whose version can change a number."""
+
+
+@dataclass(frozen=True)
+class CodeDigest:
+    """All code of one stage: module → digest, weight file → sha256, library → version."""
+
+    modules: dict[str, str]
+    weights: dict[str, str]
+    libraries: dict[str, str]
+
+
+def code_digest(module: str, *, weights_dir: Path | None = None) -> CodeDigest:
+    """Digest of a stage's module and of everything of ours that it imports, directly or not."""
+    weights_dir = weights_dir or _folder_of(PACKAGE) / "models" / "weights"
+    if _source_of(module) is None:
+        raise ModuleNotFoundError(f"there is no module {module}")
+    known, package = known_modules(), _folder_of(PACKAGE)
+    roots = {PACKAGE, module.split(".")[0]}
+    waiting, modules, weights, libraries = [module], {}, {}, {"python": "{}.{}".format(*sys.version_info)}
+    while waiting:
+        name = waiting.pop()
+        path = _source_of(name)
+        if name in modules or path is None or not _decides_results(path, package):
+            continue
+        facts = known.facts(path.read_bytes(), name if path.name == "__init__.py" else name.rpartition(".")[0])
+        modules[name] = facts.digest
+        for imported in facts.imports:
+            root = imported.split(".")[0]
+            if root in roots:
+                waiting += _with_parents(imported)
+            elif root in _DISTRIBUTIONS:
+                libraries[root] = _version(root)
+        for text in facts.strings:
+            if (weights_dir / text).is_file():
+                weights[text] = _file_sha256(weights_dir / text, (weights_dir / text).stat().st_mtime_ns)
+    known.save()
+    return CodeDigest(dict(sorted(modules.items())), dict(sorted(weights.items())), dict(sorted(libraries.items())))
+
+
+def _with_parents(name: str) -> list[str]:
+    parts = name.split(".")
+    return [".".join(parts[: i + 1]) for i in range(1, len(parts))]
+
+
+def _decides_results(path: Path, package: Path) -> bool:
+    if not path.is_relative_to(package):  # a stage of another package
+        return True
+    inner = path.relative_to(package)
+    return inner.parts[0] == "models" or inner.parent == Path("tasks") or inner == _WRITES_ARTIFACTS
+
+
+def _source_of(name: str) -> Path | None:
+    """The file of a module; None for a name that is no module, such as a function imported from one."""
+    root, *rest = name.split(".")
+    base = _folder_of(root).joinpath(*rest)
+    if (base / "__init__.py").is_file():
+        return base / "__init__.py"
+    path = base.with_name(f"{base.name}.py")
+    return path if rest and path.is_file() else None
+
+
+def _folder_of(root: str) -> Path:
+    spec = importlib.util.find_spec(root)
+    if spec is None or not spec.submodule_search_locations:
+        raise ModuleNotFoundError(f"no package named {root!r}")
+    return Path(next(iter(spec.submodule_search_locations)))
+
+
+@functools.cache
+def _version(root: str) -> str:
+    for distribution in _DISTRIBUTIONS[root]:
+        try:
+            return importlib.metadata.version(distribution)
+        except importlib.metadata.PackageNotFoundError:
+            continue
+    return "not installed"
+
+
+@functools.lru_cache(maxsize=64)
+def _file_sha256(path: Path, changed_ns: int) -> str:
+    """sha256 of a file that several stages name; `changed_ns` is when it was last changed."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

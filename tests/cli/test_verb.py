@@ -1,0 +1,132 @@
+"""What all verbs have in common: how they are spelled, what a wrong word is answered with, what --help costs."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from humanmm.cli import main
+from humanmm.cli.bench import Options
+from humanmm.cli.verb import app, verb
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def _run(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", "import sys; from humanmm.cli import main; sys.exit(main())", *arguments]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT / "src"), **environment}
+    return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["recovr"], "Did you mean 'recover'?"),
+        (["batch", "submt"], "Did you mean 'submit'?"),
+        (["recover", "film.mp4", "--people.max_peeple", "3"], "--people.max_people"),
+        (["explain", "runs/film", "camra"], "'camera'"),
+        (["recover"], "Missing argument 'VIDEO'"),
+        (["recover", "film.mp4", "--focal-px", "long"], "--focal-px"),
+        (["batch", "status", "--limit", "1"], "No such option"),
+        (["serve", "--limit", "0"], "--limit"),
+        (["dataset", "build"], "Missing command"),
+        ([], "Missing command"),
+    ],
+)
+def test_a_wrong_word_is_answered_in_one_line_with_what_was_meant(
+    capsys: pytest.CaptureFixture[str], arguments: list[str], told: str
+) -> None:
+    assert main(arguments) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    (line,) = captured.err.splitlines()
+    assert line.startswith("humanmm: ") and told in line and "--help`)" in line
+
+
+def test_the_version_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out.startswith("humanmm 0.")
+
+
+def test_help_groups_verbs_and_settings_and_loads_no_science() -> None:
+    script = (
+        "import sys\n"
+        "from humanmm.cli import main\n"
+        "assert main(sys.argv[1:]) == 0\n"
+        "heavy = {'numpy', 'prefect', 'torch', 'cv2', 'av', 'scipy', 'zarr', 'sqlalchemy'}\n"
+        "assert not heavy & set(sys.modules), heavy & set(sys.modules)\n"
+    )
+    for arguments, shown in (
+        (["--help"], ["One video", "Results", "Many videos", "Benchmark", "Store and machine", "recover", "doctor"]),
+        (["recover", "-h"], ["people: Person detection", "--people.max_people", "default: 8.0", "[run.stages.c"]),
+    ):
+        command = [sys.executable, "-c", script, *arguments]
+        environment = {**os.environ, "PYTHONPATH": str(ROOT / "src"), "COLUMNS": "100"}
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        assert all(text in done.stdout for text in shown), done.stdout
+
+
+def test_the_shell_completes_verbs_flags_and_formats() -> None:
+    def completed(words: str) -> list[str]:
+        count = str(len(words.split()) - (not words.endswith(" ")))
+        return _run(_HUMANMM_COMPLETE="complete_bash", COMP_WORDS=words, COMP_CWORD=count).stdout.split()
+
+    assert completed("humanmm rec") == ["recover"]
+    assert completed("humanmm recover --camera.st") == ["--camera.static"]
+    assert completed("humanmm export runs/film --format ") == ["amass", "csv", "trc"]
+
+
+def test_the_traceback_is_for_those_who_ask(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["status", str(tmp_path)]) == 1
+    assert "Traceback" not in capsys.readouterr().err
+    assert main(["status", str(tmp_path), "-v"]) == 1
+    lines = capsys.readouterr().err.splitlines()
+    assert any("Traceback" in line for line in lines) and lines[-1].startswith("humanmm: ")
+
+
+def test_an_unexpected_error_and_an_interrupt_are_one_line(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for error, status, told in ((ZeroDivisionError("a defect"), 1, "a defect"), (KeyboardInterrupt(), 130, "stays in")):
+
+        def fail(*arguments: Any, error: BaseException = error) -> Any:
+            raise error
+
+        monkeypatch.setattr("humanmm.load", fail)
+        assert main(["view", "."]) == status
+        (line,) = capsys.readouterr().err.splitlines()
+        assert line.startswith("humanmm: ") and told in line
+
+
+def test_a_reader_that_leaves_is_no_error() -> None:
+    done = subprocess.run(
+        f"{sys.executable} -m humanmm.cli recover --help | head -1", shell=True, capture_output=True, text=True,
+        env={**os.environ, "PYTHONPATH": str(ROOT / "src")}, check=False,
+    )  # fmt: skip
+    assert done.stderr == ""
+
+
+def test_a_list_takes_its_values_one_after_the_other(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    seen: list[Options] = []
+    monkeypatch.setattr("humanmm.cli.bench._own_data", lambda options, config: seen.append(options) or tmp_path)
+    assert main(["bench", "speed", "--minutes", "1", "10", "--imported", "a=b", "--imported", "c=d"]) == 1
+    assert main(["bench", "--minutes", "2", "--minutes", "3", "--runs", "4", "speed"]) == 2
+    assert (seen[0].minutes, seen[0].imported) == ([1.0, 10.0], ["a=b", "c=d"])
+    assert seen[1].minutes == [2.0, 3.0]
+
+
+def test_every_verb_has_a_sentence() -> None:
+    import typer
+
+    def leaves(command: Any) -> list[Any]:
+        inner = getattr(command, "commands", {}).values()
+        return [leaf for one in inner for leaf in leaves(one)] or [command]
+
+    assert main(["--version"]) == 0  # declares all verbs
+    found = leaves(typer.main.get_command(app))
+    assert len(found) >= 22 and all(command.help for command in found)
+    assert callable(verb)

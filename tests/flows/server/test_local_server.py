@@ -1,0 +1,50 @@
+"""Finding and starting our server: settings that Prefect refuses, folders that somebody else prepared."""
+
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from humanmm.flows.server import local_server
+
+ROOT = Path(__file__).resolve().parents[3]
+
+
+def test_a_variable_that_prefect_refuses_is_named_before_any_server_starts(tmp_path: Path) -> None:
+    script = (
+        "from humanmm.errors import ConfigError\n"
+        "from humanmm.flows.server import local_server\n"
+        "local_server._start = None\n"
+        "try:\n    local_server.prefect_server().__enter__()\n"
+        "except ConfigError as error:\n    print(error)\n"
+    )
+    environment = {
+        **os.environ, "PYTHONPATH": str(ROOT / "src"), "HUMANMM_CACHE": str(tmp_path),
+        "PREFECT_SERVER_API_PORT": "high",
+    }  # fmt: skip
+    environment.pop("PREFECT_API_URL", None)
+    began = time.process_time()
+    done = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=False)
+    assert done.stdout.startswith("PREFECT_SERVER_API_PORT = 'high': Input should be a valid integer"), done.stderr
+    assert time.process_time() - began < 5
+
+
+def test_the_folder_of_the_server_can_be_opened_by_its_user_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HUMANMM_CACHE", str(tmp_path / "cache"))
+    home = local_server.server_files().home
+    home.chmod(0o755)
+    assert local_server.server_files().home == home and home.stat().st_mode & 0o777 == 0o700
+
+
+@pytest.mark.skipif(os.getuid() != 0, reason="only root can give a folder to another user")
+def test_a_folder_that_another_user_has_prepared_is_not_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "cache").mkdir()
+    os.chown(tmp_path / "cache", 65534, 65534)
+    monkeypatch.setenv("HUMANMM_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(local_server.tempfile, "gettempdir", lambda: str(tmp_path))
+    assert local_server.server_files().home.parent == tmp_path / f"humanmm-{os.getuid()}"

@@ -1,0 +1,209 @@
+"""Whose requests our server serves: those of its own user, sent to its own name, by no page but its own."""
+
+import asyncio
+import http.client
+import os
+import socket
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from prefect.client.base import _parse_retry_after
+from starlette.applications import Starlette
+from starlette.responses import PlainTextResponse
+from starlette.routing import Route, WebSocketRoute
+from starlette.testclient import TestClient
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from humanmm.flows.server import local_server
+from humanmm.flows.server.server_process import for_own_pages, retried_soon, user_of
+
+PORT = 4321
+HOST = f"127.0.0.1:{PORT}"
+NOBODY = 65534
+
+
+async def _accept(socket: WebSocket) -> None:
+    await socket.accept()
+    await socket.close()
+
+
+@pytest.fixture
+def client() -> TestClient:
+    """Of a server that accepts everything that reaches it."""
+    routes = [
+        Route("/{path:path}", lambda request: PlainTextResponse("served"), methods=["GET", "POST", "OPTIONS"]),
+        WebSocketRoute("/events", _accept),
+    ]
+    app: Any = Starlette(routes=routes)
+    return TestClient(for_own_pages(app, PORT), base_url=f"http://127.0.0.1:{PORT}")
+
+
+@pytest.mark.parametrize("origin", [None, f"http://127.0.0.1:{PORT}", f"http://localhost:{PORT}"])
+def test_our_clients_and_our_own_pages_are_served(client: TestClient, origin: str | None) -> None:
+    headers = {} if origin is None else {"origin": origin}
+    assert client.post("/api/flow_runs", headers=headers).text == "served"
+    assert client.get("/", headers={"host": f"localhost:{PORT}", **headers}).text == "served"
+    with client.websocket_connect("/events", headers={"host": HOST, **headers}):
+        pass
+
+
+@pytest.mark.parametrize("origin", ["http://evil.example", "http://localhost:80", "null", f"https://127.0.0.1:{PORT}"])
+def test_a_page_of_another_origin_is_refused(client: TestClient, origin: str) -> None:
+    for send in (client.get, client.post, client.options):
+        assert send("/api/flow_runs", headers={"origin": origin}).status_code == 403
+    with (
+        pytest.raises(WebSocketDisconnect),
+        client.websocket_connect("/events", headers={"host": HOST, "origin": origin}),
+    ):
+        pass
+
+
+@pytest.mark.parametrize("host", ["evil.example", f"evil.example:{PORT}", "127.0.0.1.evil.example", ""])
+def test_another_name_that_leads_to_us_is_refused(client: TestClient, host: str) -> None:
+    assert client.get("/api/flow_runs", headers={"host": host}).status_code == 400
+
+
+def test_a_refusal_by_the_database_says_that_it_is_to_be_retried_soon() -> None:
+    def headers_of(status: int) -> list[Any]:
+        sent: list[Any] = []
+
+        async def app(scope: Any, receive: Any, send: Any) -> None:
+            await send({"type": "http.response.start", "status": status, "headers": [(b"a", b"b")]})
+            await send({"type": "http.response.body", "body": b""})
+
+        async def send(message: Any) -> None:
+            sent.append(message)
+
+        asyncio.run(retried_soon(app)({"type": "http"}, None, send))
+        assert sent[1] == {"type": "http.response.body", "body": b""}
+        return list(sent[0]["headers"])
+
+    assert headers_of(200) == [(b"a", b"b")]
+    ((_, retry_after),) = headers_of(503)[1:]
+    assert 0 < (_parse_retry_after(retry_after.decode()) or 0) < 2, "what Prefect's client waits without the header"
+
+
+# ---- other users
+
+
+def _as_nobody(act: Callable[[], object]) -> bool:
+    """Whether something succeeds in a process of another user."""
+    child = os.fork()
+    if child == 0:
+        status = 1
+        try:
+            os.setuid(NOBODY)
+            act()
+            status = 0
+        finally:
+            os._exit(status)
+    return os.waitpid(child, 0)[1] == 0
+
+
+root = pytest.mark.skipif(os.getuid() != 0, reason="only root can start a process of another user")
+
+
+@pytest.fixture
+def listener() -> Iterator[socket.socket]:
+    found = local_server.bind(0)
+    assert found is not None
+    with found:
+        found.listen()
+        yield found
+
+
+def _connect(listener: socket.socket, family: int = socket.AF_INET) -> socket.socket:
+    client = socket.socket(family)
+    port = listener.getsockname()[1]
+    client.connect(("127.0.0.1", port) if family == socket.AF_INET else ("::ffff:127.0.0.1", port))
+    return client
+
+
+@pytest.mark.parametrize("family", [socket.AF_INET, socket.AF_INET6])
+def test_the_user_of_a_connection_is_known(listener: socket.socket, family: int) -> None:
+    with _connect(listener, family):
+        accepted, client = listener.accept()
+        with accepted:
+            assert user_of(client, listener.getsockname()) == os.getuid()
+    assert user_of(client, listener.getsockname()) is None, "a closed end would be listed under root"
+    assert user_of(("127.0.0.1", 1), ("127.0.0.1", 2)) is None
+
+
+@root
+def test_another_user_is_known_as_another(listener: socket.socket) -> None:
+    child = os.fork()
+    if child == 0:
+        os.setuid(NOBODY)
+        kept = _connect(listener)
+        time.sleep(60)
+        kept.close()
+    accepted, client = listener.accept()
+    with accepted:
+        assert user_of(client, listener.getsockname()) == NOBODY
+    os.kill(child, 9)
+    os.waitpid(child, 0)
+
+
+@root
+def test_a_port_that_is_held_is_never_another_users(listener: socket.socket, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(local_server, "_held", {})
+    port = listener.getsockname()[1]
+    assert local_server.hold_port(port)
+
+    def take(reuse: int, host: str) -> None:
+        with socket.socket() as stranger:
+            stranger.setsockopt(socket.SOL_SOCKET, reuse, 1)
+            stranger.bind((host, port))
+            stranger.listen()
+
+    listener.close()
+    for reuse in (socket.SO_REUSEPORT, socket.SO_REUSEADDR):
+        for host in ("127.0.0.1", ""):
+            assert not _as_nobody(lambda reuse=reuse, host=host: take(reuse, host))  # type: ignore[misc]
+    with pytest.raises(ConnectionRefusedError):
+        socket.create_connection(("127.0.0.1", port))
+    again = local_server.bind(port)
+    assert again is not None, "our next server takes it again"
+    again.close()
+    local_server._held.pop(port).close()
+    assert _as_nobody(lambda: take(socket.SO_REUSEPORT, "127.0.0.1"))
+
+
+@root
+def test_a_server_of_another_user_on_our_port_is_not_ours(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(local_server, "_held", {})
+    monkeypatch.setattr(local_server, "_is_healthy", lambda port: pytest.fail("nothing is sent to it"))
+    ready, report = os.pipe()
+    child = os.fork()
+    if child == 0:
+        os.setuid(NOBODY)
+        stranger = socket.create_server(("127.0.0.1", 0), reuse_port=True)
+        os.write(report, str(stranger.getsockname()[1]).encode())
+        time.sleep(60)
+    port = int(os.read(ready, 10))
+    files = local_server.ServerFiles(tmp_path)
+    files.state.write_text(f'{{"url": "http://127.0.0.1:{port}/api", "port": {port}, "pid": {child}}}')
+    assert local_server.running_server(files) is None
+    os.kill(child, 9)
+    os.waitpid(child, 0)
+
+
+@root
+@pytest.mark.server
+@pytest.mark.timeout(600)
+def test_our_server_serves_its_user_and_no_other(server_cache: Path) -> None:
+    with local_server.prefect_server() as url:
+        port = int(url.split(":")[2].split("/")[0])
+
+        def ask() -> None:
+            connection = http.client.HTTPConnection("127.0.0.1", port, timeout=10)
+            connection.request("GET", "/api/health")
+            assert connection.getresponse().read() == b"true"
+
+        ask()
+        assert not _as_nobody(ask)
+        (home,) = server_cache.glob("prefect-*")
+        assert home.stat().st_mode & 0o777 == 0o700

@@ -1,0 +1,50 @@
+"""Discontinuities at cuts: closed where they are, and nothing else is touched."""
+
+import numpy as np
+
+from humanmm.models.motion.refine.discontinuities import FADE_S, LONGEST_STEP_S, close_discontinuities
+
+N, CUT, FPS = 120, 60, 30.0
+TIME = np.arange(N) / FPS
+FRAME = np.arange(N)
+JUMP = np.array([0.2, -0.1, 0.15])
+
+
+def poses(*, bias: np.ndarray = JUMP) -> np.ndarray:
+    """Two joints that move slowly, with the second shot's pose off by a bias."""
+    moving = 0.2 * np.sin(TIME)[:, None, None] * np.array([[1.0, 0.5, 0.0], [0.0, 0.3, 0.8]])
+    return moving + np.where(FRAME >= CUT, 1.0, 0.0)[:, None, None] * bias
+
+
+def closed(vectors: np.ndarray, observed: np.ndarray | None = None, cuts: tuple[int, ...] = (CUT,)) -> np.ndarray:
+    seen = np.ones(N, bool) if observed is None else observed
+    return close_discontinuities(vectors, frame=FRAME, observed=seen, time_s=TIME, cut_frames=cuts)
+
+
+def test_both_sides_meet_at_the_cut_and_each_gives_half() -> None:
+    before, after = poses(), closed(poses())
+    step = np.linalg.norm(after[CUT] - after[CUT - 1], axis=-1)
+    assert step.max() < 0.05 * np.linalg.norm(JUMP) + 0.01  # one frame's own motion is left
+    moved = np.linalg.norm(after - before, axis=-1)
+    np.testing.assert_allclose(moved[CUT - 1], np.linalg.norm(JUMP) / 2, rtol=0.1)
+    np.testing.assert_allclose(moved[CUT], np.linalg.norm(JUMP) / 2, rtol=0.1)
+
+
+def test_further_away_than_the_fade_nothing_changes() -> None:
+    far = np.abs(TIME - (CUT - 0.5) / FPS) > FADE_S + 1 / FPS
+    np.testing.assert_allclose(closed(poses())[far], poses()[far], atol=1e-12)
+
+
+def test_a_continuous_motion_stays_as_it_is() -> None:
+    smooth = poses(bias=np.zeros(3))
+    np.testing.assert_allclose(closed(smooth), smooth, atol=2e-3)  # a straight line through 0.1 s of a sine
+
+
+def test_a_gap_at_the_cut_is_left_to_be_filled_in() -> None:
+    observed = np.ones(N, bool)
+    observed[CUT : CUT + int(LONGEST_STEP_S * FPS) + 1] = False
+    np.testing.assert_array_equal(closed(poses(), observed), poses())
+
+
+def test_without_a_cut_there_is_nothing_to_close() -> None:
+    np.testing.assert_array_equal(closed(poses(), cuts=()), poses())

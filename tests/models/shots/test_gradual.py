@@ -1,0 +1,73 @@
+"""Dissolves and fades that are linear in time, at irregular times."""
+
+import cv2
+import numpy as np
+import pytest
+from places import HEIGHT, WIDTH, Place
+
+from humanmm.models.geometry.intervals import Interval
+from humanmm.models.shots.gradual import fade_around, meeting_blends, most_frames, uniform_runs
+from humanmm.models.shots.scenes import find_scenes
+
+STEPS_S = np.random.default_rng(1).choice([0.02, 0.03, 0.08], 110)
+TIME_S = np.cumsum(STEPS_S)
+MEAN_RATE_TIME_S = np.arange(110) * STEPS_S.mean()
+
+
+def blended(before: np.ndarray, after: np.ndarray, weight: float) -> np.ndarray:
+    return cv2.addWeighted(before, 1 - weight, after, weight, 0)
+
+
+def changes(pictures: list[np.ndarray], time_s: np.ndarray) -> list[tuple[str, int, int]]:
+    return [(t.type, t.start, t.end) for t in find_scenes(pictures, time_s).transitions]
+
+
+def test_a_dissolve_is_linear_in_time_not_in_frames() -> None:
+    one, two = Place(1).picture(0), Place(2).picture(0)
+    weights = np.clip((TIME_S - TIME_S[40]) / 0.8, 0, 1)
+    inside = np.flatnonzero((weights > 0) & (weights < 1))
+    pictures = [blended(one, two, w) for w in weights]
+    ((kind, start, end),) = changes(pictures, TIME_S)
+    assert kind == "dissolve"
+    assert abs(start - inside[0]) <= 1 and abs(end - inside[-1] - 1) <= 1
+    # as if frames were evenly apart, the blend is no straight ramp: it is missed, or its frames are wrong
+    wrong = changes(pictures, MEAN_RATE_TIME_S)
+    assert wrong != [(kind, start, end)]
+
+
+@pytest.mark.parametrize("seconds", [0.6, 1.5])
+def test_a_fade_reaches_as_far_as_its_light_changes_linearly_in_time(seconds: float) -> None:
+    out_s, in_s = TIME_S[50], TIME_S[70]
+    light = np.clip(np.maximum((out_s - TIME_S) / seconds, (TIME_S - in_s) / seconds), 0, 1)
+    contrast = 40 * light
+    (run,) = uniform_runs(contrast.tolist())
+    found = fade_around(contrast.tolist(), run, TIME_S)
+    inside = np.flatnonzero(light < 1)
+    assert abs(found.start - inside[0]) <= 1 and abs(found.end - inside[-1] - 1) <= 1
+
+
+def test_uniform_runs_touch_neither_end() -> None:
+    assert uniform_runs([0, 0, 30, 1, 2, 30, 0, 30, 0]) == [(3, 5), (6, 7)]
+
+
+def test_the_most_frames_in_a_duration_are_those_where_frames_are_densest() -> None:
+    assert most_frames(np.arange(300) / 30, 2.0) == 60
+    assert most_frames(np.r_[np.arange(10) * 0.5, 5 + np.arange(20) * 0.05], 0.5) == 10
+
+
+def test_blends_that_meet_in_a_dim_picture_are_a_fade_and_others_one_dissolve() -> None:
+    contrast = np.full(60, 40.0)
+    contrast[18:22] = 8.0
+    blends = [Interval(10, 20), Interval(21, 30), Interval(40, 44), Interval(45, 50), Interval(55, 58)]
+    bright, dim = meeting_blends(contrast.tolist(), blends)
+    assert dim == [(10, 30)]
+    assert bright == [(40, 50), (55, 58)]
+
+
+def test_a_uniform_picture_for_a_moment_between_two_views_of_one_place_is_no_fade_in_seconds() -> None:
+    pictures = Place(7).still(40)
+    for frame in range(20, 25):
+        pictures[frame] = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
+    # five frames: 0.17 s at 30 Hz are a blink, 1 s at 5 Hz are a fade
+    assert changes(pictures, np.arange(40) / 30) == []
+    assert [kind for kind, _, _ in changes(pictures, np.arange(40) / 5)] == ["fade"]

@@ -1,0 +1,31 @@
+"""Hard cuts in pans at irregular times: a long time between frames moves the picture far, and is no cut."""
+
+import numpy as np
+from places import marbled
+
+from humanmm.models.shots.scenes import find_scenes
+
+STEPS_S = np.full(60, 0.03)
+STEPS_S[[20, 38]] = 1.0  # a recorder that stalls
+TIME_S = np.cumsum(STEPS_S)
+MEAN_RATE_TIME_S = np.arange(60) * STEPS_S.mean()
+SPEED_PX_S = 15.0
+
+
+def pan(jump_px: float = 0.0) -> list[np.ndarray]:
+    """The camera turns steadily, and looks elsewhere in the same place from frame 50 on."""
+    offsets = SPEED_PX_S * (TIME_S - TIME_S[0]) + jump_px * (np.arange(60) >= 50)
+    return [marbled(float(offset)) for offset in offsets]
+
+
+def cuts(pictures: list[np.ndarray], time_s: np.ndarray) -> list[int]:
+    return [transition.start for transition in find_scenes(pictures, time_s).transitions]
+
+
+def test_a_steady_pan_whose_recorder_stalls_is_no_cut() -> None:
+    assert cuts(pan(), TIME_S) == []
+    assert cuts(pan(), MEAN_RATE_TIME_S) == [20, 38]  # as if the camera had jumped
+
+
+def test_a_jump_in_that_pan_is_one() -> None:
+    assert cuts(pan(jump_px=15.0), TIME_S) == [50]

@@ -1,0 +1,86 @@
+"""The process in which stages run returns pictures to the system, and its children end with it."""
+
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from humanmm.tasks.units.process import in_processes
+
+PINNED = """
+import numpy as np, sys
+if sys.argv[1] == "prepared":
+    from humanmm.tasks.units.process import prepare_process
+    prepare_process()
+def picture():
+    return np.ones(1000 * 1000 * 3, np.uint8)
+picture()  # freed once: from now on glibc takes blocks of this size from its heap
+pictures = [picture() for _ in range(60)]
+result = np.ones(20_000)  # the end of the heap is in use from now on
+del pictures
+resident = [line for line in open("/proc/self/status") if line.startswith("VmRSS")][0]
+print(int(resident.split()[1]) // 1024)
+"""
+
+
+def resident_mb(how: str) -> int:
+    run = subprocess.run([sys.executable, "-c", PINNED, how], capture_output=True, text=True, check=True)
+    return int(run.stdout)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc/self/status")
+def test_pictures_that_are_dropped_are_given_back() -> None:
+    assert resident_mb("prepared") < resident_mb("as it is") - 100  # of 180 MB of pictures
+
+
+def test_work_in_processes_comes_back_with_its_number() -> None:
+    answers = dict(in_processes(divmod, [(7, 2), (9, 4), (5, 5)], 2))
+    assert answers == {0: (3, 1), 1: (2, 1), 2: (1, 0)}
+
+
+def test_an_error_in_one_process_ends_the_work() -> None:
+    with pytest.raises(ZeroDivisionError):
+        list(in_processes(divmod, [(1, 0), (1, 1)], 2))
+
+
+_WAITS = """
+import os, sys, time
+from humanmm.tasks.units.process import in_processes
+
+def told(path):
+    with open(path, "w") as stream:
+        stream.write(str(os.getpid()))
+    time.sleep(600)
+
+if __name__ == "__main__":
+    list(in_processes(told, [(path,) for path in sys.argv[1:]], 2))
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the kernel of Linux is asked for it")
+def test_processes_end_with_the_one_that_started_them_even_when_it_is_killed(tmp_path: Path) -> None:
+    (tmp_path / "waits.py").write_text(_WAITS, encoding="utf-8")
+    told = [tmp_path / "first", tmp_path / "second"]
+    parent = subprocess.Popen([sys.executable, tmp_path / "waits.py", *told])
+
+    def until(holds: Callable[[], bool]) -> None:
+        end = time.monotonic() + 60
+        while not holds():
+            assert time.monotonic() < end
+            time.sleep(0.05)
+
+    until(lambda: all(path.is_file() and path.read_text() for path in told))
+    children = [int(path.read_text()) for path in told]
+    parent.kill()
+    parent.wait()
+    until(lambda: not any(_runs(child) for child in children))
+
+
+def _runs(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False

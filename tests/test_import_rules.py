@@ -1,0 +1,169 @@
+"""What code may import, and where it lies: layers, the tower of models, no circles, small rooms, mirrored tests."""
+
+import ast
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+from import_graph import ROOT, circles, imports, modules, room_of, rooms
+
+LAYERS = ("models", "storage", "tasks", "flows")
+"""Each imports only itself and those before it. The API and the command line (`src/humanmm`) may import all."""
+
+BASE = ("config", "config_reading", "errors", "logs", "version")
+"""Files of `src/humanmm` that every layer may import; among themselves they form a layer of their own."""
+
+TOWER = (
+    "records",
+    "geometry",
+    "video",
+    "weights",
+    "body",
+    "perception",
+    "cuts",
+    "shots",
+    "camera.odometry",
+    "camera",
+    "motion.fit",
+    "motion.world",
+    "motion.refine",
+    "motion",
+    "evaluation",
+    "drawing",
+    "synthetic",
+    "rendering",
+    "benchmark.tables",
+    "benchmark",
+)
+"""The rooms of models: each imports only rooms before it."""
+
+SIZES = {
+    "models.motion": "holds rooms; its one file puts their results together",
+    "models.weights": "holds the files of weights; one module reads them",
+    "tasks": "one file for each of the 12 stages, and what they share",
+}
+"""Rooms with fewer than 3 or more than 12 modules, and why."""
+
+CROSS_CUTTING = {
+    "flows/bench/test_bench_real.py": "two benchmarks on the real clip",
+    "flows/bench/test_bench_render.py": "one benchmark from nothing to its table",
+    "flows/server/test_retention.py": "settings of the server that Prefect applies",
+    "flows/service/test_batches.py": "server, worker and video processes together",
+    "flows/service/test_chaos.py": "all of it under random faults",
+    "flows/service/test_schedule.py": "schedules through server and worker",
+    "flows/service/test_team_server.py": "the services of deploy/compose.yaml",
+    "flows/test_end_to_end.py": "the whole flow on the real clip",
+    "flows/test_faults.py": "killed processes, whatever they ran",
+    "models/camera/test_rendered.py": "the whole camera room on rendered clips",
+    "models/evaluation/test_golden.py": "parity with the functions that WHAM and GVHMR publish",
+    "models/video/test_bad_input.py": "the whole video room on files that are no video",
+    "models/video/test_real.py": "the whole video room on real clips",
+}
+"""Tests of a room without a module of their name, and what they test."""
+
+KNOWN: Mapping[str, frozenset[str]] = {
+    "layers": frozenset(),
+    "tower": frozenset(
+        {
+            "models.benchmark.tables.drawings -> models.benchmark.scores",
+            "models.benchmark.tables.drawings -> models.benchmark.traces",
+            "models.benchmark.tables.rows -> models.benchmark.scores",
+        }
+    ),
+    "file circles": frozenset(),
+    "room circles": frozenset({"models.benchmark, models.benchmark.tables", "storage.batches, storage.store"}),
+    "docstrings": frozenset({"cli"}),
+    "sizes": frozenset({"cli", "models.evaluation", "tasks.batches"}),
+    "tests": frozenset(
+        {
+            "models/drawing/test_charts.py",
+            "models/motion/fit/test_fit.py",
+            "models/motion/world/test_world_assembly.py",
+            "models/rendering/test_hidden.py",
+        }
+    ),
+}
+"""Violations that exist today, by rule. The list only shrinks: a violation that is gone leaves it."""
+
+
+def _layer_of(module: str) -> int:
+    """0 for the base, then `LAYERS`, then the API and the command line."""
+    root = module.split(".")[0]
+    if root in LAYERS:
+        return 1 + LAYERS.index(root)
+    return 0 if module in BASE else 1 + len(LAYERS)
+
+
+def _floor_of(module: str) -> int:
+    """The place of a module of models in the tower; -1 outside."""
+    room = room_of(module).removeprefix("models").removeprefix(".")
+    return TOWER.index(room) if room in TOWER else -1
+
+
+def _arrow(module: str, imported: str) -> str:
+    return f"{module} -> {imported}"
+
+
+def _expect(rule: str, found: set[str]) -> None:
+    new, gone = found - KNOWN[rule], KNOWN[rule] - found
+    assert not new, f"new violations of {rule!r}: {sorted(new)}"
+    assert not gone, f"these are no violations of {rule!r} any more, take them out of KNOWN: {sorted(gone)}"
+
+
+def test_a_layer_imports_only_itself_and_the_layers_below() -> None:
+    arrows = ((module, other) for module, others in imports().items() for other in others)
+    _expect("layers", {_arrow(a, b) for a, b in arrows if _layer_of(a) < _layer_of(b)})
+
+
+def test_the_rooms_of_models_are_those_of_the_tower() -> None:
+    found = {room.removeprefix("models.") for room in rooms() if room.startswith("models.")}
+    assert found == set(TOWER)
+
+
+def test_a_room_of_models_imports_only_rooms_before_it() -> None:
+    arrows = ((module, other) for module, others in imports().items() for other in others)
+    _expect("tower", {_arrow(a, b) for a, b in arrows if -1 < _floor_of(a) < _floor_of(b)})
+
+
+def test_no_circle_of_imports_between_files() -> None:
+    _expect("file circles", {", ".join(sorted(circle)) for circle in circles(imports())})
+
+
+def test_no_circle_of_imports_between_rooms() -> None:
+    _expect("room circles", {", ".join(sorted(circle)) for circle in circles(rooms())})
+
+
+def test_every_room_says_what_it_holds_in_one_or_two_sentences() -> None:
+    wrong = set()
+    for room in {room_of(module) for module in modules()} - {""}:
+        text = ast.get_docstring(ast.parse(modules()[room].read_bytes())) or ""
+        if not 1 <= len(re.findall(r"[.!?](?:\s|$)", text)) <= 2:
+            wrong.add(room)
+    _expect("docstrings", wrong)
+
+
+def test_a_room_holds_3_to_12_modules_or_only_rooms() -> None:
+    counts = {room: 0 for room in rooms() if room}
+    for module in modules():
+        if room_of(module) not in (module, ""):
+            counts[room_of(module)] += 1
+    wrong = {room for room, count in counts.items() if count and not 3 <= count <= 12}
+    assert not set(SIZES) - wrong, "these rooms have 3 to 12 modules now, take them out of SIZES"
+    _expect("sizes", wrong - set(SIZES))
+
+
+def test_every_test_of_a_room_is_named_after_a_module_of_it() -> None:
+    tests = [path.relative_to(ROOT / "tests") for path in (ROOT / "tests").rglob("test_*.py")]
+    of_rooms = [path for path in tests if len(path.parts) > 1 and ".".join(path.parent.parts) in modules()]
+    strays = {str(path) for path in of_rooms if _tested_by(path) not in modules()}
+    assert not set(CROSS_CUTTING) - strays, "these have a module of their name now, take them out of CROSS_CUTTING"
+    _expect("tests", strays - set(CROSS_CUTTING))
+
+
+def test_every_folder_of_tests_is_a_room() -> None:
+    folders = {".".join(path.relative_to(ROOT / "tests").parent.parts) for path in (ROOT / "tests").rglob("test_*.py")}
+    assert folders - modules().keys() <= {"deploy"}, "deploy/ holds what runs around the package"
+
+
+def _tested_by(path: Path) -> str:
+    return ".".join((*path.parent.parts, path.stem.removeprefix("test_")))
