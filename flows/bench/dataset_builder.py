@@ -25,7 +25,7 @@ from humanmm.storage.store.files import replace_file
 log = logging.getLogger(__name__)
 
 QUALITY = 18
-"""x264's constant rate factor: hardly to be told from the source."""
+"""x264's constant rate factor: hardly different from the source."""
 
 
 def build_set(

@@ -18,7 +18,7 @@ from humanmm.models.synthetic.mocap import MocapSequence
 from humanmm.models.synthetic.multishot import (
     LONGEST_FRAMES,
     BenchVideo,
-    Filmed,
+    Performance,
     VideoPlan,
     build_video,
     plan_videos,
@@ -51,7 +51,7 @@ def aist_set(folder: Path, size: str) -> tuple[list[Job], SetStatistics]:
     return [_aist_job(plan, sequences[plan.sequence]) for plan in plans], facts
 
 
-def _planned(source: Path, sequences: Sequence[Filmed], size: str) -> tuple[tuple[VideoPlan, ...], SetStatistics]:
+def _planned(source: Path, sequences: Sequence[Performance], size: str) -> tuple[tuple[VideoPlan, ...], SetStatistics]:
     """How the videos of a set in one of its sizes are cut from the sequences of `source`, and the set in numbers."""
     count, transitions, longest = SIZES[size]
     try:

@@ -153,8 +153,8 @@ uint8, visible silhouettes, `np.unpackbits(mask, axis=-1)[..., :W]`.
 
 World z up, metres, floor at z = 0. K has the first pixel's centre at (0.5, 0.5); it changes within a shot that zooms.
 Frames of a dissolve carry the camera of the shot that they belong to (before or after the middle). `visibility` is the
-share of joints in the picture that neither another person nor a thing of the set hides; `bbox` is the box of the
-visible silhouette, zero where there is none. `contacts` are 1 where a place of the foot is slower than 0.25 m/s and its
+fraction of joints in the picture that neither another person nor a block hides; `bbox` is the box of the
+visible silhouette, zero where there is none. `contacts` are 1 where a foot joint is slower than 0.25 m/s and its
 sole less than 5 cm above the floor.
 
 Motion: CMU Graphics Lab Motion Capture Database, free for all uses. The data used in this project was obtained from

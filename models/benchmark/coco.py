@@ -20,7 +20,7 @@ Array = np.ndarray
 FEWEST = 6
 """Frames with fewer keypoints than this show nobody."""
 FLESH = 0.05
-"""How far a body reaches beyond its keypoints, share of their box."""
+"""How far a body reaches beyond its keypoints, fraction of their box."""
 NEAREST_M = 0.3
 
 

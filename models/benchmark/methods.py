@@ -1,4 +1,4 @@
-"""The methods that are compared: the pipeline's own stages in memory, with one of them left out, replaced or told.
+"""The methods that are compared: the pipeline's own stages in memory, with one left out, replaced or given the truth.
 
 The same pure functions run as in `humanmm.tasks`, in the same order; only what comes from pixels is given. Methods
 share the stages that they have in common.
@@ -12,7 +12,7 @@ import numpy as np
 
 from humanmm.config import Config
 from humanmm.errors import HumanMMError
-from humanmm.models.benchmark.oracles import true_cameras, true_turns, with_true_cuts, yaw_turns
+from humanmm.models.benchmark.oracles import true_cameras, true_rotations, with_true_cuts, yaw_rotations
 from humanmm.models.camera.estimate import estimate_camera
 from humanmm.models.camera.intrinsics import ShotPoints, estimate_intrinsics, given_intrinsics
 from humanmm.models.camera.masking import without_transitions
@@ -38,8 +38,8 @@ METHODS: tuple[str, ...] = (
     "oracle camera rotation",
     "oracle camera",
 )
-"""The oracles are told of the truth: the cuts; at every cut the camera's turn about the vertical, or its whole turn;
-the whole camera, that is its path inside shots, its focal length and its turns. The rest is as it is."""
+"""The oracles take from the truth: the cuts; at every cut the camera's rotation about the vertical, or the whole of it;
+the whole camera, that is its path inside shots, its focal length and its rotations at cuts. All else is estimated."""
 ABLATIONS: tuple[str, ...] = (
     "humanmm",
     "humanmm with eight-point",
@@ -105,12 +105,12 @@ def run_methods(video: BenchVideo, config: Config, methods: Sequence[str] = METH
         start = begin(video, config)
     except Exception as error:  # the edge of the stages, as in the flow
         return VideoMotions(tuple(MethodMotion(method, None, None, _in_words(error)) for method in methods))
-    work = _Work(video, config, start)
-    return VideoMotions(tuple(_attempt(method, work) for method in methods))
+    stages = _SharedStages(video, config, start)
+    return VideoMotions(tuple(_attempt(method, stages) for method in methods))
 
 
-class _Work:
-    """What the methods share of one video; each part is computed when first asked for."""
+class _SharedStages:
+    """What the methods share of one video; each part is computed when it is first used."""
 
     def __init__(self, video: BenchVideo, config: Config, start: Beginning) -> None:
         self.video = video
@@ -131,35 +131,35 @@ class _Work:
     @functools.cached_property
     def without_masks(self) -> Beginning:
         """The beginning with cameras from all points, people's too."""
-        return self._filmed_by_all_points(static=self.config.camera.static or self.video.static_cameras)
+        return self._with_cameras_of_all_points(static=self.config.camera.static or self.video.static_cameras)
 
     @functools.cached_property
-    def with_standing_cameras(self) -> Beginning:
-        """The beginning with cameras that stand."""
-        return self._filmed_by_all_points(static=True)
+    def with_static_cameras(self) -> Beginning:
+        """The beginning with static cameras."""
+        return self._with_cameras_of_all_points(static=True)
 
-    def _filmed_by_all_points(self, *, static: bool) -> Beginning:
+    def _with_cameras_of_all_points(self, *, static: bool) -> Beginning:
         start = self.start
         tracks = points_of_shots(self.video, start.shots)
         cameras = tuple(estimate_camera(points, (), start.intrinsics, static=static) for points in tracks)
         return fitted_again(self.video, self.config, replace(start, cameras=cameras))
 
     @functools.cached_property
-    def filmed_truly(self) -> Beginning:
+    def with_true_cameras(self) -> Beginning:
         """The beginning with the true cameras."""
         cameras = true_cameras(self.video, self.start.shots)
         focal = replace(self.start.intrinsics, focal_px=float(cameras[0].K[0, 0, 0]), source="given")
         return fitted_again(self.video, self.config, replace(self.start, cameras=cameras, intrinsics=focal))
 
     @functools.cached_property
-    def cut_truly(self) -> "_Work":
+    def cut_truly(self) -> "_SharedStages":
         """Everything again on the true cuts; the same where no other were found."""
         of_shots = [shot.transition for shot in self.start.shots.shots[1:]]
         found = [[(t.start, t.end) for t in part if t] for part in (of_shots, self.video.scenes.transitions)]
         if found == [list(self.video.truth.transitions)] * 2:
             return self
         video = with_true_cuts(self.video)
-        return _Work(video, self.config, begin(video, self.config))
+        return _SharedStages(video, self.config, begin(video, self.config))
 
     @functools.cached_property
     def world(self) -> WorldMotion:
@@ -190,71 +190,71 @@ class _Work:
         )
 
 
-def _attempt(method: str, work: _Work) -> MethodMotion:
+def _attempt(method: str, stages: _SharedStages) -> MethodMotion:
     try:
-        return MethodMotion(method, _recovered(method, work), _start_of(method, work).shots)
+        return MethodMotion(method, _recovered(method, stages), _start_of(method, stages).shots)
     except Exception as error:  # one method's crash must not take the others with it
         return MethodMotion(method, None, None, _in_words(error))
 
 
-def _start_of(method: str, work: _Work) -> Beginning:
+def _start_of(method: str, stages: _SharedStages) -> Beginning:
     """What a method's world was made of."""
     if method == "humanmm without flip decision":
-        return work.as_labelled
+        return stages.as_labelled
     if method == "oracle cuts":
-        return work.cut_truly.start
-    return work.start
+        return stages.cut_truly.start
+    return stages.start
 
 
 def _in_words(error: Exception) -> str:
     return str(error) if isinstance(error, HumanMMError) else f"unexpected {type(error).__name__}: {error}"
 
 
-_OTHER_BEGINNINGS: Mapping[str, Callable[[_Work], Beginning]] = {
-    "humanmm without pose prior": lambda work: work.without_prior,
-    "humanmm without masks": lambda work: work.without_masks,
-    "humanmm with standing cameras": lambda work: work.with_standing_cameras,
+_OTHER_BEGINNINGS: Mapping[str, Callable[[_SharedStages], Beginning]] = {
+    "humanmm without pose prior": lambda stages: stages.without_prior,
+    "humanmm without masks": lambda stages: stages.without_masks,
+    "humanmm with standing cameras": lambda stages: stages.with_static_cameras,
 }
 """Methods that differ before `align`."""
 
 
-def _recovered(method: str, work: _Work) -> WorldMotion:
-    how = work.config.align.method
-    footage = footage_of(work.video, work.start)
+def _recovered(method: str, stages: _SharedStages) -> WorldMotion:
+    how = stages.config.align.method
+    footage = footage_of(stages.video, stages.start)
     if method == "humanmm":
-        return work.refined
+        return stages.refined
     if method == "humanmm without refine":
-        return work.world
+        return stages.world
     if method in _PARTS_OF_REFINE:
-        return work.refine(work.start, work.world, without=_PARTS_OF_REFINE[method])
+        return stages.refine(stages.start, stages.world, without=_PARTS_OF_REFINE[method])
     if method == "concat":
         return concatenated(footage)
     if method == "humanmm without orientation alignment":
-        return work.refine(work.start, concatenated(footage))
+        return stages.refine(stages.start, concatenated(footage))
     if method == "humanmm with eight-point":
-        return work.refine(work.start, assemble(footage, method="eight-point"))
+        return stages.refine(stages.start, assemble(footage, method="eight-point"))
     if method == "humanmm without background links":
         if not any(footage.views):
-            return work.refined
-        return work.refine(work.start, assemble(replace(footage, views=[[] for _ in footage.views]), method=how))
+            return stages.refined
+        return stages.refine(stages.start, assemble(replace(footage, views=[[] for _ in footage.views]), method=how))
     if method in _OTHER_BEGINNINGS:
-        start = _OTHER_BEGINNINGS[method](work)
-        return work.refine(start, assemble(footage_of(work.video, start), method=how))
+        start = _OTHER_BEGINNINGS[method](stages)
+        return stages.refine(start, assemble(footage_of(stages.video, start), method=how))
     if method == "humanmm without flip decision":
-        if not _any_left_right_swap(work.start.shots):
-            return work.refined
-        return work.refine(work.as_labelled, assemble(footage_of(work.video, work.as_labelled), method=how))
+        if not _any_left_right_swap(stages.start.shots):
+            return stages.refined
+        return stages.refine(stages.as_labelled, assemble(footage_of(stages.video, stages.as_labelled), method=how))
     if method == "oracle cuts":
-        return work.cut_truly.refined
+        return stages.cut_truly.refined
     if method == "oracle yaw":
-        turns = yaw_turns(work.video, work.start.shots, work.world)
-        return work.refine(work.start, assemble(footage, method=how, known_rotations=turns))
+        rotations = yaw_rotations(stages.video, stages.start.shots, stages.world)
+        return stages.refine(stages.start, assemble(footage, method=how, known_rotations=rotations))
     if method == "oracle camera rotation":
-        turns = true_turns(work.video, work.start.shots)
-        return work.refine(work.start, assemble(footage, method=how, known_rotations=turns))
+        rotations = true_rotations(stages.video, stages.start.shots)
+        return stages.refine(stages.start, assemble(footage, method=how, known_rotations=rotations))
     if method == "oracle camera":
-        start, turns = work.filmed_truly, true_turns(work.video, work.start.shots)
-        return work.refine(start, assemble(footage_of(work.video, start), method=how, known_rotations=turns))
+        start, rotations = stages.with_true_cameras, true_rotations(stages.video, stages.start.shots)
+        return stages.refine(start, assemble(footage_of(stages.video, start), method=how, known_rotations=rotations))
     raise ValueError(f"no method is called {method!r}")
 
 

@@ -1,4 +1,4 @@
-"""What the oracle methods are told of the truth: cuts, cameras, or the turn about the vertical at every cut."""
+"""What the oracle methods take from the truth: cuts, cameras, or the rotation about the vertical at every cut."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
@@ -20,24 +20,24 @@ from humanmm.models.synthetic.multishot import BenchVideo
 Array = np.ndarray
 
 SAME_IOU = 0.3
-"""Boxes on both sides of a cut that is none, from which on two tracks are one person's."""
+"""Least IoU of the boxes on both sides of a false cut for two tracks to be one person's."""
 
 
-def true_turns(video: BenchVideo, shots: ShotList) -> Mapping[int, Float[Array, "3 3"]]:
+def true_rotations(video: BenchVideo, shots: ShotList) -> Mapping[int, Float[Array, "3 3"]]:
     """By first frame of a shot: true camera axes of that frame to those of the frame before."""
     R = _known(video).R_world_cam
     return {shot.start: R[shot.start - 1].T @ R[shot.start] for shot in shots.shots[1:]}
 
 
-def yaw_turns(video: BenchVideo, shots: ShotList, world: WorldMotion) -> Mapping[int, Float[Array, "3 3"]]:
-    """The turns that `world` has at its cuts, each with its part about the vertical put right."""
-    turns = {}
-    for start, true in true_turns(video, shots).items():
+def yaw_rotations(video: BenchVideo, shots: ShotList, world: WorldMotion) -> Mapping[int, Float[Array, "3 3"]]:
+    """Camera rotations of `world` at its cuts, each with its part about the vertical replaced by the true one."""
+    rotations = {}
+    for start, true in true_rotations(video, shots).items():
         before, after = world.R_world_cam[start - 1], world.R_world_cam[start]
         missing = before @ true @ after.T
         yaw = float(np.arctan2(missing[1, 0] - missing[0, 1], missing[0, 0] + missing[1, 1]))
-        turns[start] = before.T @ rotvec_to_rotmat(np.array([0.0, 0.0, yaw])) @ after
-    return turns
+        rotations[start] = before.T @ rotvec_to_rotmat(np.array([0.0, 0.0, yaw])) @ after
+    return rotations
 
 
 def true_cameras(video: BenchVideo, shots: ShotList) -> tuple[ShotCamera, ...]:

@@ -36,7 +36,7 @@ class Figure:
 
 @dataclass(frozen=True)
 class CutError:
-    """How far a camera's turn at a true cut was missed."""
+    """Error of a camera's rotation at a true cut."""
 
     angle_deg: float
     """True angle between the two cameras."""
@@ -114,8 +114,8 @@ def cut_angles_deg(truth: MotionSequence) -> list[float]:
     if truth.cameras is None:
         return []
     R = truth.cameras.R_world_cam
-    turns = [R[cut - 1].T @ R[cut] for cut in truth.cut_frames]
-    return [float(np.rad2deg(np.linalg.norm(rotmat_to_rotvec(turn)))) for turn in turns]
+    rotations = [R[cut - 1].T @ R[cut] for cut in truth.cut_frames]
+    return [float(np.rad2deg(np.linalg.norm(rotmat_to_rotvec(one)))) for one in rotations]
 
 
 def _score(video: BenchVideo, done: MethodMotion) -> MethodFigures:

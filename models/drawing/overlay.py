@@ -23,7 +23,7 @@ OPACITY = 0.9
 OPACITY_NOT_OBSERVED = 0.5
 CONTACT_PROBABILITY = 0.5
 _TOE_BASE = {7: 10, 10: 10, 8: 11, 11: 11}
-"""The toe base of the foot that a joint belongs to; ankles rise over a foot that still stands."""
+"""The toe base of the foot that a joint belongs to; ankles rise over a foot that still touches the floor."""
 _SOLE_M = 0.03
 """Height of body24's toe base above the sole."""
 _CONTACT_RADIUS_M = 0.11
@@ -117,7 +117,7 @@ class Overlay:
         return weight
 
     def _draw_contacts(self, canvas: Canvas, frame: int, person: RecordedPerson, row: int) -> None:
-        """A disc under every foot joint that stands: on the floor, or on the wall or stair that carries the foot."""
+        """A disc under every foot joint in contact: on the floor, or on the wall or stair that carries the foot."""
         for joint, probability in zip(CONTACT_JOINTS, person.contacts[row], strict=True):
             if probability < CONTACT_PROBABILITY or not person.observed[row]:
                 continue

@@ -16,8 +16,8 @@ SIZE_PX = 1000
 _LABELS_PX, _TITLE_PX, _MARGIN_PX = 72, 28, 8
 """Room on the left, above, and on the right; below there is what makes the axes square."""
 _TICK_SPACING_S = 0.5
-_TICK_LENGTH_SHARE = 0.03
-"""Length of heading ticks, as a share of the picture's side."""
+_TICK_LENGTH = 0.03
+"""Length of heading ticks, as a fraction of the picture's side."""
 _MOST_POINTS = 4000
 """Longer paths are drawn with fewer points."""
 
@@ -73,7 +73,7 @@ def _draw_person(axes: Axes, recording: Recording, person: RecordedPerson, side:
     rows = rows[person.observed[rows]]
     heading = Rotation.from_rotvec(person.root_orient[rows]).as_matrix()[:, :2, 2]  # the body faces its own +z
     length = np.linalg.norm(heading, axis=1, keepdims=True)
-    tips = path[rows] + heading / np.maximum(length, 1e-6) * side * _TICK_LENGTH_SHARE
+    tips = path[rows] + heading / np.maximum(length, 1e-6) * side * _TICK_LENGTH
     axes.plot(
         *np.stack([path[rows], tips, np.full_like(tips, np.nan)], axis=1).reshape(-1, 2).T, color=color, linewidth=1.1,
         alpha=0.75, zorder=3,

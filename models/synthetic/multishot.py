@@ -85,7 +85,7 @@ class BenchVideo:
         return within(next(p for p in self.points if p.start <= start and end <= p.end), start, end)
 
 
-class Filmed(Protocol):
+class Performance(Protocol):
     """What videos are cut from."""
 
     @property
@@ -99,7 +99,7 @@ class Filmed(Protocol):
 
 
 def plan_videos(
-    sequences: Sequence[Filmed],
+    sequences: Sequence[Performance],
     num_videos: int,
     *,
     seed: int,

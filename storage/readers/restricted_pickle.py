@@ -20,7 +20,7 @@ MAX_BYTES = 2**31
 
 
 def read_pickle(path: Path) -> Any:
-    """The value in a pickle or joblib dump. InputError if it is none, is damaged, or asks for anything but data."""
+    """The value in a pickle or joblib dump. InputError if it is none, is damaged, or names anything but data."""
     try:
         if path.stat().st_size > MAX_BYTES:
             raise InputError(f"{path} is larger than {MAX_BYTES:,} bytes")
@@ -59,7 +59,7 @@ class _ArrayNote:
 
 
 def _reconstruct(subtype: Any, shape: Any, typecode: Any) -> np.ndarray:
-    """An empty array that the pickle's next step fills: numpy's own way, for plain arrays only."""
+    """An empty array that the pickle's next step fills: as numpy does it, for plain arrays only."""
     if subtype is not np.ndarray:
         raise pickle.UnpicklingError("an array of a class of its own")
     return np.ndarray.__new__(np.ndarray, (0,), "b")
@@ -86,7 +86,7 @@ def _encode(text: Any, encoding: Any) -> bytes:
 
 
 def _dtype(text: Any, *ignored: Any) -> np.dtype[Any]:
-    """A type of numbers, as an object of its own: its byte order is told afterwards."""
+    """A type of numbers, as an object of its own: its byte order follows."""
     found = np.dtype(text, copy=True) if isinstance(text, str) else np.dtype(object)
     if found.kind not in "biufc" or found.shape:
         raise pickle.UnpicklingError("an array holds Python objects; only numbers are read")
@@ -131,7 +131,7 @@ class _Reader(_PythonUnpickler):  # type: ignore[misc]
         try:
             return _ALLOWED[module, name]
         except KeyError:
-            raise pickle.UnpicklingError(f"it asks for {module}.{name}; only plain arrays are read") from None
+            raise pickle.UnpicklingError(f"it names {module}.{name}; only plain arrays are read") from None
 
     def persistent_load(self, pid: Any) -> Any:
         raise pickle.UnpicklingError("it refers to data outside the file")
@@ -151,7 +151,7 @@ class _Reader(_PythonUnpickler):  # type: ignore[misc]
             raise pickle.UnpicklingError(f"it sets the state of a {type(target).__name__}")
 
     def _set_state(self, target: Any, state: Any) -> None:
-        """What numpy is to be told of an array or a type, after it was looked at: numpy itself believes everything."""
+        """The state of an array or a type for numpy, after a check: numpy itself checks nothing."""
         if isinstance(target, np.dtype):
             _, order, *rest = state
             if order not in ("<", ">", "|", "=") or tuple(rest) != (None, None, None, -1, -1, 0):

@@ -58,7 +58,7 @@ def _read(path: Path) -> MotionSequence:
 
 
 class NpzArrays(Mapping[str, np.ndarray]):
-    """The arrays of an npz by name, each read when asked for, after its header was looked at."""
+    """The arrays of an npz by name, each read when it is used, after a check of its header."""
 
     def __init__(self, path: Path) -> None:
         self._path = path

@@ -37,7 +37,7 @@ def write_video(
 ) -> None:
     """Encode yuv420p pictures (even sides, the planes one after the other) with their times in seconds.
 
-    A picture may be overwritten once the next one is asked for. Times rise; the first becomes zero. `quality` is x264's
+    A picture may be overwritten once the next one is taken. Times rise; the first becomes zero. `quality` is x264's
     constant rate factor (lower is better).
     """
     with av.open(str(path), "w", format="mp4", options={"movflags": "+faststart"}) as container:
@@ -49,7 +49,7 @@ def write_video(
         codec.thread_count = _THREADS
         codec.colorspace, codec.color_primaries, codec.color_trc = colors.matrix, colors.primaries, colors.transfer
         codec.color_range = _LIMITED_RANGE
-        # the way without a copy misplaces the second plane of chroma that ends in the middle of a row
+        # the path without a copy misplaces the second plane of chroma that ends in the middle of a row
         to_frame = av.VideoFrame.from_ndarray if height % 4 else av.VideoFrame.from_numpy_buffer
         first: float | None = None
         for time_s, image in pictures:

@@ -15,8 +15,8 @@ _PRESET = {"preset": "veryfast", "crf": "23"}
 
 
 def write_scaled(source: Path, target: Path, *, height: int, seconds: float) -> None:
-    """The pictures of `source`, forwards and backwards by turns until they last at least so long, `height` pixels high,
-    as H.264 in a .mkv. As many as are needed are in memory once, in their own size."""
+    """The pictures of `source`, forwards and backwards in alternation until they last at least so long, as H.264 in a
+    .mkv of `height` pixels. As many as are needed are in memory once, in their own size."""
     with av.open(str(source)) as opened:
         if not opened.streams.video:
             raise VideoError(f"{source} holds no video stream")

@@ -1,7 +1,7 @@
 """What a store records of each video: how the last run on it ended, and the last recipe and result of each unit.
 
-    latest/<video>/run.json               `RunNote`
-    latest/<video>/<stage>/<unit>.json    recipe, key and content digest, so that a recompute can say what changed
+latest/<video>/run.json               `RunNote`
+latest/<video>/<stage>/<unit>.json    recipe, key and content digest, so that a recompute can say what changed
 """
 
 import contextlib

@@ -73,7 +73,7 @@ def _row(method: str, split: str, done: Sequence[MethodFigures]) -> Row:
             samples.setdefault(figure.name, []).append(figure.value)
     cuts = [cut for one in good for cut in one.cuts]
     for low, high in pairwise(ANGLES_DEG):
-        end = high if high < ANGLES_DEG[-1] else 181  # half a turn belongs to the last group
+        end = high if high < ANGLES_DEG[-1] else 181  # 180° belongs to the last group
         found = [cut.error_deg for cut in cuts if low <= cut.angle_deg < end]
         if found:
             samples[angle_key(low, high)] = found

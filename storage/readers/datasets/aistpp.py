@@ -13,17 +13,13 @@ from pathlib import Path
 import numpy as np
 
 from humanmm.errors import InputError
+from humanmm.models.benchmark.aist import COCO_NAMES
 from humanmm.models.benchmark.recordings import MultiviewSequence
 from humanmm.models.geometry.axes import R_ZUP_YUP, centred_pixels, zup_camera_pose
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.storage.readers.restricted_pickle import read_pickle
 
 FPS = 60.0
-COCO = (
-    "nose", "left_eye", "right_eye", "left_ear", "right_ear", "left_shoulder", "right_shoulder", "left_elbow",
-    "right_elbow", "left_wrist", "right_wrist", "left_hip", "right_hip", "left_knee", "right_knee", "left_ankle",
-    "right_ankle",
-)  # fmt: skip
 OBTAIN = (
     "get the annotations of AIST++ (google.github.io/aistplusplus_dataset, CC BY 4.0) and, for clips with pictures, "
     "the videos of the AIST Dance Video Database (aistdancedb.ongaaccel.jp, its own terms)"
@@ -65,7 +61,7 @@ def read_multiview(root: Path, videos: Path, name: str) -> MultiviewSequence:
     return MultiviewSequence(
         name=name,
         fps=FPS,
-        joint_names=COCO,
+        joint_names=COCO_NAMES,
         joints=joints.astype(np.float64) * _CM @ R_ZUP_YUP.T,
         K=centred_pixels(cameras["cam_K"]),
         R_world_cam=R_world_cam,

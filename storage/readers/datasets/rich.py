@@ -70,7 +70,7 @@ class Models:
 
 
 def views(root: Path, split: str) -> list[View]:
-    """Every view of a split by a standing camera, by name."""
+    """Every view of a split by a static camera, by name."""
     sequences = [path for path in sorted((root / "bodies" / split).glob("*")) if path.is_dir()]
     if not sequences:
         raise InputError(f"{root / 'bodies' / split} holds no sequences; {OBTAIN}")

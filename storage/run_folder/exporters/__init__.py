@@ -34,7 +34,7 @@ FORMATS: dict[str, Format] = {
 
 
 ALWAYS_WRITTEN = "amass"
-"""Every run folder holds it from the start: asking for it again is no attempt to overwrite anything."""
+"""Every run folder holds it from the start: exporting it again overwrites nothing."""
 
 
 def export(recording: Recording, folder: Path, format_name: str, *, force: bool = False) -> tuple[Path, ...]:

@@ -8,7 +8,7 @@ import pytest
 from humanmm.config import Config
 from humanmm.errors import StageError
 from humanmm.models.benchmark.methods import run_methods
-from humanmm.models.benchmark.oracles import true_cameras, true_turns, with_true_cuts, yaw_turns
+from humanmm.models.benchmark.oracles import true_cameras, true_rotations, with_true_cuts, yaw_rotations
 from humanmm.models.benchmark.scores import score
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.synthetic.mocap import MocapSequence
@@ -67,20 +67,20 @@ def test_true_cameras_carry_the_truths_path_and_lens(video: BenchVideo) -> None:
         assert np.array_equal(camera.K, truth.K[camera.start : camera.end])
 
 
-def test_yaw_turns_leave_the_tilt_that_was_found(video: BenchVideo) -> None:
+def test_yaw_rotations_leave_the_tilt_that_was_found(video: BenchVideo) -> None:
     (done,) = run_methods(video, Config(), ("humanmm without refine",)).motions
     assert done.motion is not None
     assert done.shots is not None
     start = video.truth.cut_frames[0]
-    turns = yaw_turns(video, done.shots, done.motion)
+    turns = yaw_rotations(video, done.shots, done.motion)
     before, after = done.motion.R_world_cam[start - 1 : start + 1]
     told = before @ turns[start]
     assert np.allclose(told[2], after[2])  # heights of the camera's axes: what a turn about the vertical leaves
-    again = yaw_turns(
+    again = yaw_rotations(
         video, done.shots, replace(done.motion, R_world_cam=_turned_after(done.motion.R_world_cam, start))
     )
     assert np.allclose(again[start], turns[start])
-    assert set(true_turns(video, done.shots)) == set(video.truth.cut_frames)
+    assert set(true_rotations(video, done.shots)) == set(video.truth.cut_frames)
 
 
 def _turned_after(R_world_cam: np.ndarray, start: int) -> np.ndarray:
@@ -92,6 +92,6 @@ def _turned_after(R_world_cam: np.ndarray, start: int) -> np.ndarray:
 def test_a_truth_without_cameras_is_a_failure_of_the_oracles_alone(video: BenchVideo) -> None:
     blind = replace(video, truth=replace(video.truth, cameras=None))
     with pytest.raises(StageError, match="does not know the camera"):
-        true_turns(blind, None)  # type: ignore[arg-type]
+        true_rotations(blind, None)  # type: ignore[arg-type]
     found = run_methods(blind, Config(), ("humanmm without refine", "oracle camera", "oracle yaw")).motions
     assert [done.motion is None for done in found] == [False, True, True]
