@@ -97,7 +97,7 @@ def _one_place(footage: Footage, frame: int, start: int, end: int, speed: float)
 
 
 def _is_flash(footage: Footage, frame: int) -> bool:
-    """Whether the change at `frame` is part of a flash (or dark moment): light is added (taken), then the view is back."""
+    """Whether the change at `frame` is part of a flash: light is added (or taken away), then the view is back."""
     for before in range(frame - 1, max(footage.first, frame - 1 - _FLASH_FRAMES) - 1, -1):
         for after in range(max(frame, before + 2), min(footage.end, before + 2 + _FLASH_FRAMES)):
             lit = range(before + 1, after)
