@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
 
 @contextmanager
-def progress_bars(*, shown: bool = True) -> "Iterator[Callable[[Work, int, int], None]]":
-    """A function that shows what a stage reports: (its unit of work, done, total). Many threads may call it."""
+def progress_bars(*, shown: bool = True) -> "Iterator[Callable[[Unit, int, int], None]]":
+    """A function that shows the progress of stages: (unit, done, total). Many threads may call it."""
     if not shown or not (sys.stderr.isatty() or "ipykernel" in sys.modules):
         yield lambda unit, done, total: None
         return
