@@ -63,7 +63,7 @@ def _report(run: "Run", store: Path | None) -> int:
     elif not run.folder.exists():  # `--only` changed nothing, and nobody wants a folder
         from humanmm.storage.store.open import open_store
 
-        write(open_store(store).place)
+        write(open_store(store).location)
         return 0
     elif run.state == "partial":
         for failure in run.failures:
