@@ -118,6 +118,7 @@ STAGES: tuple[Stage, ...] = (
         ("decode", "scenes", "people"),
         ("shots",),
         "humanmm.models.records.shots:ShotList",
+        schema_version=2,
         defines="shot",
         resources=_memory(10, 0, 8),
     ),

@@ -20,9 +20,20 @@ def modules() -> Mapping[str, Path]:
     return found
 
 
+BASE = frozenset({"config", "config_reading", "errors", "logs", "version"})
+"""Files of `src/humanmm` that every layer may import; the other files there are the Python API, above all layers."""
+
+
 def room_of(module: str) -> str:
-    """The folder that a module lies in; a package lies in itself."""
-    return module if modules()[module].name == "__init__.py" else module.rpartition(".")[0]
+    """The folder that a module lies in; a package lies in itself, a file of `src/humanmm` is a room of its own."""
+    if "." not in module or modules()[module].name == "__init__.py":
+        return module
+    return module.rpartition(".")[0]
+
+
+def packages() -> set[str]:
+    """The rooms that are folders."""
+    return {name for name, path in modules().items() if path.name == "__init__.py"} - {""}
 
 
 @functools.cache

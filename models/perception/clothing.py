@@ -1,4 +1,4 @@
-"""Clothing colours: what tells one person from another when pose and place do not."""
+"""Clothing colours: they distinguish people whom pose and position do not."""
 
 import cv2
 import numpy as np

@@ -60,7 +60,7 @@ class Landmarks:
 
 
 _BUILDING = Lock()
-"""One interpreter is built at a time in the process: standard error is turned away meanwhile."""
+"""One interpreter is built at a time in the process: standard error is redirected meanwhile."""
 
 
 class InterpreterPool:
@@ -197,11 +197,11 @@ def locate(image: Picture, region: Region, *, mirrored: bool = False) -> Landmar
         visibility, logits = visibility[landmarks.SWAP], logits[:, ::-1]
     in_source = transform(region.to_source(LANDMARK_SIDE), points)
     c, s = np.cos(region.angle), np.sin(region.angle)
-    turned = np.column_stack([c * world[:, 0] - s * world[:, 1], s * world[:, 0] + c * world[:, 1], world[:, 2]])
+    rotated = np.column_stack([c * world[:, 0] - s * world[:, 1], s * world[:, 0] + c * world[:, 1], world[:, 2]])
     mask = cv2.resize(np.ascontiguousarray(logits), (MASK_SIDE, MASK_SIDE), interpolation=cv2.INTER_AREA)
     return Landmarks(
         keypoints=np.column_stack([in_source[: landmarks.NUM_LANDMARKS], visibility]),
-        landmarks3d=turned,
+        landmarks3d=rotated,
         presence=float(presence.item()),
         mask=(255 * _sigmoid(mask)).astype(np.uint8),
         region=region,

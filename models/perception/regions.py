@@ -1,4 +1,4 @@
-"""Square, turned regions of a picture: what the networks look at, and the maps from their pixels to the picture's.
+"""Square, rotated regions of a picture: what the networks look at, and the maps from their pixels to the picture's.
 
 All coordinates have pixel centres at (0.5, 0.5); OpenCV's warp has them at integers, so half a pixel moves on each
 side.
@@ -16,7 +16,7 @@ BODY_MARGIN = 1.25
 
 @dataclass(frozen=True)
 class Region:
-    """A square of `side` pixels about (x, y), its upward axis turned clockwise by `angle` radians on the picture."""
+    """A square of `side` pixels about (x, y), its upward axis rotated clockwise by `angle` radians on the picture."""
 
     x: float
     y: float

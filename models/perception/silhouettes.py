@@ -17,7 +17,7 @@ _BONES = (
     (11, 13), (13, 15), (12, 14), (14, 16), (15, 19), (16, 20), (23, 25), (25, 27), (24, 26), (26, 28), (27, 31),
     (28, 32), (27, 29), (28, 30),
 )  # fmt: skip
-LIMB_SHARE, HEAD_SHARE = 0.07, 0.075
+LIMB, HEAD = 0.07, 0.075
 """Thickness of a limb and radius of the head, as fractions of the body's height in the picture."""
 
 
@@ -39,11 +39,11 @@ def _drawn(points: Float[Array, "33 2"]) -> Array:
     mask = np.zeros((MASK_SIDE, MASK_SIDE), np.uint8)
     height = float(np.ptp(points[:, 1]))
     places = np.clip(np.floor(points), -4 * MASK_SIDE, 4 * MASK_SIDE).astype(int)
-    thick = max(2, round(LIMB_SHARE * height))
+    thick = max(2, round(LIMB * height))
     for a, b in _BONES:
         cv2.line(mask, places[a].tolist(), places[b].tolist(), 1, thick)
     cv2.fillConvexPoly(mask, places[[11, 12, 24, 23]], 1)
     cv2.line(mask, places[11].tolist(), places[12].tolist(), 1, thick)
     head = places[[7, 8]].mean(axis=0).astype(int)
-    cv2.circle(mask, head.tolist(), max(2, round(HEAD_SHARE * height)), 1, -1)
+    cv2.circle(mask, head.tolist(), max(2, round(HEAD * height)), 1, -1)
     return mask

@@ -50,7 +50,7 @@ CAREFUL_FRAMES = 5
 """At both ends of a scene every crop is looked at twice: joining shots rests on these frames."""
 SIDE_LOOK_S = 0.1
 LEANING_RAD, LYING_RAD = 0.17, 1.05
-"""A crop turned by an angle between these gets a second, upright look now and then, to tell left from right."""
+"""A crop rotated by an angle between these gets a second, upright look now and then, to decide left and right."""
 OTHER_COLOURS = 0.6
 """Hellinger distance at which whoever is found in a lost person's place is somebody else."""
 MISSING_HANDICAP = 0.3

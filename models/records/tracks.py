@@ -71,7 +71,7 @@ class PersonTrack:
     keypoints2d: np.ndarray
     """(N,33,3) float32: x, y in source pixels, visibility 0..1; order as in `landmarks.NAMES`."""
     landmarks3d: np.ndarray
-    """(N,33,3) float32: metres about the mid-hip, as the network gives them but turned back by the crop's in-plane
+    """(N,33,3) float32: metres about the mid-hip, as the network gives them but rotated back by the crop's in-plane
     angle: orthographic about the crop's centre, axes parallel to the viewing ray's (x right, y down, z away)."""
     bbox: np.ndarray
     """(N,4) float32: xyxy, source pixels, of the visible body."""

@@ -22,7 +22,7 @@ MATCHED = 0.35
 _STANDS_OUT = 2.0
 """A change so many times larger than the quieter of those around it stands out; those of a whip pan vary by 1.5."""
 _NEW_COLORS = 0.35
-"""Fraction of the colour histogram that must change at once where the size of the change says nothing (shaking)."""
+"""Fraction of the colour histogram that must change at once where the size of the change is no evidence (shaking)."""
 _OTHER_COLORS = 0.6
 """Fraction that no movement of the camera inside one place changes from one frame to the next."""
 _VIOLENT = 0.005
@@ -97,7 +97,7 @@ def _one_place(footage: Footage, frame: int, start: int, end: int, speed: float)
 
 
 def _is_flash(footage: Footage, frame: int) -> bool:
-    """Whether the change at `frame` is part of a flash (or a blink): light is added (taken), then the view is back."""
+    """Whether the change at `frame` is part of a flash: light is added (or taken away), then the view is back."""
     for before in range(frame - 1, max(footage.first, frame - 1 - _FLASH_FRAMES) - 1, -1):
         for after in range(max(frame, before + 2), min(footage.end, before + 2 + _FLASH_FRAMES)):
             lit = range(before + 1, after)

@@ -28,10 +28,11 @@ _WEIGHT = np.array([1, 1, 0.5, 0.5, 0.3, 0.3, *[0.1] * 6, 1, 1, 1, 1, 1, 1, 0.5,
 """Trust in LIMBS: arms and hands swing, fingers are weak evidence."""
 
 KEYPOINT_SIGMA = 0.03
-"""Frame-to-frame noise of a 2D keypoint, fraction of the body's height."""
+"""Standard deviation of a 2D keypoint from frame to frame, fraction of the body's height."""
 SPEED_PER_S = 1.5
 """Usual speed of a limb, body heights per second (2D) and metres per second (3D)."""
 LANDMARK_SIGMA_M = 0.06
+"""Standard deviation of a 3D landmark from frame to frame."""
 CAP = 9.0
 """A single point adds at most this to an energy: one wrong point must not decide."""
 MAX_STEP_S = 0.5
@@ -241,8 +242,8 @@ def _near_cut(sighting: Sighting, state: Bool[Array, "n"], near: Bool[Array, "n"
     )
 
 
-def _capped(distance: Float[Array, "*n"], sigma: Float[Array, "*n"]) -> Float[Array, "*n"]:
-    return np.asarray(np.minimum((distance / sigma) ** 2, CAP))
+def _capped(distance: Float[Array, "*n"], deviation: Float[Array, "*n"]) -> Float[Array, "*n"]:
+    return np.asarray(np.minimum((distance / deviation) ** 2, CAP))
 
 
 def _unit(v: Float[Array, "n 3"]) -> Float[Array, "n 3"]:

@@ -32,7 +32,7 @@ _ADAPTIVE_RATIO, _ADAPTIVE_WINDOW = 3.0, 2
 _BLOCK = 256
 """Frames that are decided at once."""
 _FLICKER_S = 0.25
-"""Uniform pictures for a shorter time between two views of one place are a flash or a blink, not a fade."""
+"""Uniform pictures for a shorter time between two views of one place are a flash or a flicker, not a fade."""
 
 
 class SceneDetector:

@@ -23,7 +23,7 @@ class Motion:
     match: float
     """-1..1, mean local correlation once the motion is undone: about 0.8 for neighbours, below 0.2 across a cut."""
     flow: float
-    """Mean displacement as a share of the picture's width."""
+    """Mean displacement as a fraction of the picture's width."""
 
 
 class MotionMeter:
@@ -85,7 +85,7 @@ class PlaceRecogniser:
         return Landmarks(np.array([point.pt for point in points], np.float32), features)
 
     def displacement(self, first: Landmarks, second: Landmarks, shape: tuple[int, int]) -> float | None:
-        """Mean shift of a (H,W) picture between two views of one place, as a share of W; None if not one place."""
+        """Mean shift of a (H,W) picture between two views of one place, as a fraction of W; None if not one place."""
         if min(len(first.xy), len(second.xy)) < _SAME_PLACE_INLIERS:
             return None
         pairs = [

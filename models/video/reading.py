@@ -56,7 +56,7 @@ def read_facts(stream: BinaryIO, *, max_side_px: int = 8192) -> VideoFacts:
         keyframe[:] = False
     keyframe[0] = True
     rotation_deg, mirrored = _orientation(first)
-    turned = rotation_deg in (90, 270)
+    on_its_side = rotation_deg in (90, 270)
 
     warnings = []
     if log.broken or damaged:
@@ -75,8 +75,8 @@ def read_facts(stream: BinaryIO, *, max_side_px: int = 8192) -> VideoFacts:
     if counted:
         warnings.append("the container keeps no presentation times: a constant frame rate is assumed")
     return VideoFacts(
-        width=first.height if turned else first.width,
-        height=first.width if turned else first.height,
+        width=first.height if on_its_side else first.width,
+        height=first.width if on_its_side else first.height,
         time_s=np.array([float(p * time_base) for p in kept]),
         keyframe=keyframe,
         rotation_deg=rotation_deg,

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def progress_bars(*, shown: bool = True) -> "Iterator[Callable[[Unit, int, int], None]]":
-    """A function that shows what a stage reports: (its unit, done, total). Many threads may call it."""
+    """A function that shows the progress of stages: (unit, done, total). Many threads may call it."""
     if not shown or not (sys.stderr.isatty() or "ipykernel" in sys.modules):
         yield lambda unit, done, total: None
         return

@@ -197,6 +197,6 @@ def evaluate(run: "Run | str | os.PathLike[str]", truth: "Run | str | os.PathLik
     from humanmm.models.evaluation.evaluate import evaluate as figures_of
     from humanmm.storage.readers.truth import read_sequence
 
-    folders = (side.folder if isinstance(side, Run) else Path(side) for side in (run, truth))
-    prediction, reference = map(read_sequence, folders)
+    paths = (side.folder if isinstance(side, Run) else Path(side) for side in (run, truth))
+    prediction, reference = map(read_sequence, paths)
     return figures_of(prediction, reference)

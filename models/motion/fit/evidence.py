@@ -1,6 +1,7 @@
 """What was seen of one person: the tracker's observations as evidence for a fit, made for a run of frames at a time.
 
-A long motion's observations stay as the tracker gave them; nothing of their size is kept beside them.
+A long motion's observations stay in their tracks (left and right put right by `ScenePeople.track_of`); nothing of their
+size is kept beside them.
 """
 
 from dataclasses import dataclass, replace
