@@ -85,21 +85,17 @@ def ms_aist(
 
     --root holds keypoints2d, keypoints3d, cameras, ignore_list.txt; --videos <sequence>.mp4, with c01 … c09 for cAll.
     """
-    import numpy as np
+    from functools import partial
 
     from humanmm.storage.readers.datasets import aistpp
+    from humanmm.storage.run_folder.clip_files import write_arrays
     from humanmm.storage.store.files import replace_file
 
     source.check()
     names = source.first(aistpp.sequence_names(source.root))
     for name in names:
-        arrays = aistpp.read_arrays(source.root, name)
-
-        def save(fresh: Path, arrays: dict[str, np.ndarray] = arrays) -> None:
-            with fresh.open("wb") as file:
-                np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
-
-        replace_file(source.out / f"{name}.npz", save)
+        write_file = partial(write_arrays, arrays=aistpp.read_arrays(source.root, name))
+        replace_file(source.out / f"{name}.npz", write_file)
     write(f"{len(names)} sequences; measure with: humanmm bench ms-aist --data {source.out}")
     if videos is not None:
         _cut((aistpp.read_multiview(source.root, videos, name) for name in names), source.out / "clips")
