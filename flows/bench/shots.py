@@ -10,8 +10,8 @@ from pathlib import Path
 from humanmm.config import Config
 from humanmm.errors import HumanMMError, StageError
 from humanmm.flows.bench.clips import results_of, run_stages
-from humanmm.models.benchmark.shot_scores import CutCounts, count_cuts, rows_of_cuts
 from humanmm.models.benchmark.tables.rows import ALL, Row
+from humanmm.models.benchmark.tables.shots import CutCounts, count_cuts, rows_of_cuts
 from humanmm.models.benchmark.tables.statistics import SetStatistics, statistics_of
 from humanmm.models.records.shots import Scenes
 from humanmm.models.records.tracks import ScenePeople

@@ -148,9 +148,9 @@ def _shots(options: Options, data: Path, config: "Config") -> Measured:
         raise UsageError("--size is for ms-mocap; a folder of videos has the size that it has")
 
     from humanmm.flows.bench.shots import shot_rows
-    from humanmm.models.benchmark.shot_scores import FIGURES
     from humanmm.models.benchmark.tables.charts import OF_CUTS, bars_of
     from humanmm.models.benchmark.tables.layout import tables_of
+    from humanmm.models.benchmark.tables.shots import FIGURES
     from humanmm.storage.pages.bench_page import Page
     from humanmm.storage.pages.markdown import as_markdown
     from humanmm.storage.store.open import open_store

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from humanmm.models.benchmark.shot_scores import DETECTORS, CutCounts, count_cuts, rows_of_cuts
+from humanmm.models.benchmark.tables.shots import DETECTORS, CutCounts, count_cuts, rows_of_cuts
 from humanmm.models.records.shots import Scenes, Transition
 
 SCENES = Scenes(100, (Transition("cut", 40, 40, "scene"), Transition("cut", 80, 80, "scene")))

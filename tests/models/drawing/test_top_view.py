@@ -1,4 +1,4 @@
-"""Top view and timeline: what they must show, and that threads do not meet in matplotlib."""
+"""Top view: what it must show, and that threads do not meet in matplotlib."""
 
 import dataclasses
 from concurrent.futures import ThreadPoolExecutor
@@ -6,13 +6,9 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from humanmm.models.drawing import palette
-from humanmm.models.drawing.overlay import Mark
-from humanmm.models.drawing.timeline import StageTime, timeline
+from humanmm.models.drawing.timeline import timeline
 from humanmm.models.drawing.top_view import top_view
 from humanmm.models.records.recording import Recording
-from humanmm.tasks.pictures import stage_times
-
-STAGES = [StageTime("decode", 0.4, 1, 1, 0), StageTime("people", 3.0, 2, 0, 0)]
 
 
 def _share(image: np.ndarray, color: palette.RGB) -> float:
@@ -42,33 +38,11 @@ def test_the_top_view_takes_a_person_without_frames_and_a_camera_that_looks_down
     assert len(differing) < 0.01 * image[..., 0].size, "who has no frames is in the legend alone"
 
 
-def test_the_timeline_grows_with_its_people_and_warnings(standing: Recording) -> None:
-    marks = [Mark("cut", 20, 20)]
-    plain = timeline(standing, marks, STAGES, [])
-    warned = timeline(standing, marks, STAGES, ["something costs $5 and $6", *["a long sentence " * 30] * 20])
-    second = dataclasses.replace(standing.people[0], person=1)
-    crowded = timeline(dataclasses.replace(standing, people=(*standing.people, second)), marks, STAGES, [])
-    assert warned.shape[0] > plain.shape[0] + 50
-    assert crowded.shape[0] > plain.shape[0] + 50
-    assert _share(crowded, palette.person_color(1)) > 0.005
-
-
 def test_charts_drawn_by_four_threads_at_once_equal_those_drawn_alone(standing: Recording) -> None:
-    alone = top_view(standing), timeline(standing, [], STAGES, [])
+    alone = top_view(standing), timeline(standing, [], [], [])
     with ThreadPoolExecutor(4) as pool:
         tops = [pool.submit(top_view, standing) for _ in range(4)]
-        lines = [pool.submit(timeline, standing, [], STAGES, []) for _ in range(4)]
+        lines = [pool.submit(timeline, standing, [], [], []) for _ in range(4)]
         for top, line in zip(tops, lines, strict=True):
             np.testing.assert_array_equal(top.result(), alone[0])
             np.testing.assert_array_equal(line.result(), alone[1])
-
-
-def test_units_of_a_stage_are_added_up() -> None:
-    record = {
-        "stages": [
-            {"stage": "hmr", "unit": "shot 0", "seconds": 1.5, "state": "cached"},
-            {"stage": "hmr", "unit": "shot 1", "seconds": 2.0, "state": "failed"},
-            {"stage": "align", "unit": "video", "seconds": 0.5, "state": "computed"},
-        ]
-    }
-    assert stage_times(record) == [StageTime("hmr", 3.5, 2, 1, 1), StageTime("align", 0.5, 1, 0, 0)]
