@@ -14,6 +14,7 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeVar, cast
 
+from humanmm import parts
 from humanmm.config import Config
 from humanmm.errors import (
     HumanMMError,
@@ -171,7 +172,7 @@ class VideoRun:
         """The code of a stage as it was when this run first asked for it."""
         with self._code_lock:  # CPython 3.11 fails now and then when two threads parse at once (gh-106905)
             if stage.name not in self._code:
-                self._code[stage.name] = code_digest(stage.function[0])
+                self._code[stage.name] = code_digest(stage.function[0], parts.chosen(self.config, stage.settings))
             return self._code[stage.name]
 
     def recipe(self, work: Work) -> Recipe:
