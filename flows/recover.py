@@ -51,7 +51,7 @@ def recover(
         stage("people")  # per scene: boxes, 2D keypoints, 3D landmarks, masks, tracks
         stage("points")  # per scene: long point tracks, beside `people`
         stage("shots")  # section 3.1: cuts from boxes and keypoints; identities across cuts
-        stage("views")  # features of the background in each shot, beside what follows
+        stage("keyframes")  # features of the background in each shot, beside what follows
         stage("intrinsics")  # one focal length for all shots
         stage("camera")  # per shot, section 3.2: masked visual odometry
         stage("hmr")  # per shot: θ, β, Γ, τ in camera axes

@@ -7,6 +7,7 @@ from humanmm.models.records.motion import ShotMotion
 from humanmm.models.records.shots import ShotList
 from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.records.video import VideoFacts
+from humanmm.parts import load
 from humanmm.tasks.inputs import StageInputs
 
 
@@ -23,4 +24,5 @@ def hmr(inputs: StageInputs) -> ShotMotion:
         inputs.read("decode", VideoFacts).time_s,
         inputs.read("camera", ShotCamera),
         noise=NoiseModel(prior=settings.pose_prior, smoothness=settings.smoothness),
+        initial_pose=load("hmr.initial_pose", settings.initial_pose),
     )

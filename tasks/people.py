@@ -1,36 +1,25 @@
-"""Everybody in one scene: keypoints, 3D landmarks, masks and tracks."""
+"""Stage `people`: keypoints, 3D landmarks, masks and tracks of everybody in one scene."""
 
-from collections.abc import Iterator
-
-from humanmm.models.perception.picture import Picture
-from humanmm.models.perception.tracker import track_people
+from humanmm.models.perception.interfaces import Networks
+from humanmm.models.perception.people import track_people
 from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.records.video import VideoFacts
-from humanmm.models.video.frames import PlanarFrame, planar_frames
-from humanmm.models.video.prefetch import prefetched
+from humanmm.models.video.opened import Video
+from humanmm.parts import load
 from humanmm.tasks.inputs import StageInputs
 
 
 def people(inputs: StageInputs) -> ScenePeople:
     """The tracks of all people in the scene's frames."""
-    facts = inputs.read("decode", VideoFacts)
     settings = inputs.config.people
-    start, end = inputs.span
-
-    def pictures(decoded: Iterator[PlanarFrame]) -> Iterator[tuple[int, Picture]]:
-        for frame in decoded:
-            yield frame.index, Picture(frame.planes, frame.colors)
-            inputs.progress(frame.index + 1 - start, end - start)
-
-    with (
-        inputs.open_video() as stream,
-        prefetched(planar_frames(stream, facts, start, end, max_side_px=settings.max_side_px)) as decoded,
-    ):
+    facts = inputs.read("decode", VideoFacts)
+    networks = Networks(load("people.detector", settings.detector), load("people.pose", settings.pose))
+    with inputs.open_video() as stream:
         return track_people(
-            pictures(decoded),
-            start=start,
-            end=end,
-            time_s=facts.time_s,
-            size=(facts.width, facts.height),
+            Video(stream, facts),
+            inputs.span,
             max_people=settings.max_people,
+            max_side_px=settings.max_side_px,
+            networks=networks,
+            progress=inputs.progress,
         )

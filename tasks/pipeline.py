@@ -123,11 +123,11 @@ STAGES: tuple[Stage, ...] = (
         resources=_memory(10, 0, 8),
     ),
     Stage(
-        "views",
+        "keyframes",
         "video",
         ("decode", "people", "shots"),
         (),
-        "humanmm.models.camera.keyframes:KeyViews",
+        "humanmm.models.camera.keyframes:KeyFrameFeatures",
         reads_video=True,
         resources=_memory(250, 20),
     ),
@@ -158,7 +158,7 @@ STAGES: tuple[Stage, ...] = (
     Stage(
         "align",
         "video",
-        ("decode", "people", "shots", "views", "intrinsics", "camera", "hmr"),
+        ("decode", "people", "shots", "keyframes", "intrinsics", "camera", "hmr"),
         ("align",),
         "humanmm.models.records.motion:WorldMotion",
         resources=_memory(15, 0, 10),

@@ -1,21 +1,19 @@
-"""Stage `shots`: cuts that people show, who is who across the cuts, and where the detector swapped left and right."""
+"""Stage `shots`: cuts that people show, who is who across the cuts, and where left and right are swapped."""
 
-from humanmm.models.camera.intrinsics import estimate_intrinsics
 from humanmm.models.records.shots import Scenes, ShotList
 from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.records.video import VideoFacts
-from humanmm.models.shots.assemble import assemble_shots
+from humanmm.models.shots.assemble import detect_shots
 from humanmm.tasks.inputs import StageInputs
 
 
 def shots(inputs: StageInputs) -> ShotList:
-    """Final shots and the people in them. The focal length is not known yet; the default is near enough here."""
-    facts = inputs.read("decode", VideoFacts)
-    return assemble_shots(
+    """Final shots and the people in them."""
+    settings = inputs.config.shots
+    return detect_shots(
+        inputs.read("decode", VideoFacts),
         inputs.read("scenes", Scenes),
         inputs.read_all("people", ScenePeople),
-        time_s=facts.time_s,
-        K=estimate_intrinsics([], facts.width, facts.height).K,
-        only_person=inputs.config.shots.person,
-        parts=inputs.config.shots.parts,
+        only_person=settings.person,
+        parts=settings.parts,
     )

@@ -14,7 +14,7 @@ from humanmm.config import Config
 from humanmm.errors import InputError, StageError
 from humanmm.flows.bench.jobs import SETTINGS, Job
 from humanmm.models.benchmark.tables.statistics import SetStatistics, statistics_of
-from humanmm.models.camera.keyframes import KeyViews
+from humanmm.models.camera.keyframes import KeyFrameFeatures
 from humanmm.models.records.camera import PointTracks
 from humanmm.models.records.sequence import MotionSequence
 from humanmm.models.records.shots import Scenes
@@ -30,7 +30,7 @@ from humanmm.tasks.pipeline import STAGES
 log = logging.getLogger(__name__)
 T = TypeVar("T")
 
-OF_PIXELS = ("decode", "scenes", "people", "shots", "views", "points")
+OF_PIXELS = ("decode", "scenes", "people", "shots", "keyframes", "points")
 """Stages whose results the methods start from."""
 
 
@@ -103,6 +103,6 @@ def _make(video: Path, truth: Path, split: str, config: Config, store: Store) ->
         scenes=results_of(run, "scenes", Scenes)[0],
         people=tuple(results_of(run, "people", ScenePeople)),
         points=tuple(results_of(run, "points", PointTracks)),
-        views=tuple(view for views in results_of(run, "views", KeyViews)[0].of_shot for view in views),
+        key_frames=tuple(one for shot in results_of(run, "keyframes", KeyFrameFeatures)[0].of_shot for one in shot),
         truth=read_sequence(truth),
     )

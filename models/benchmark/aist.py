@@ -11,9 +11,9 @@ import numpy as np
 from jaxtyping import Float
 
 from humanmm.models.benchmark.coco import coco_track
-from humanmm.models.camera.intrinsics import default_focal_px
 from humanmm.models.evaluation.people import projected_boxes
 from humanmm.models.geometry.axes import R_ZUP_YUP, zup_camera_pose
+from humanmm.models.geometry.intrinsics import K_from_focal, default_focal_px
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.records.camera import PointTracks
 from humanmm.models.records.sequence import CameraSequence, MotionSequence, PersonSequence
@@ -93,8 +93,7 @@ def build_aist(sequence: AistSequence, plan: VideoPlan) -> BenchVideo:
     cuts = cut_times(n, plan.num_transitions, sequence.fps, rng)
     spans = list(zip([0, *cuts], [*cuts, n], strict=True))
     facts = facts_of(n, sequence.fps, sequence.size)
-    focal = default_focal_px(*sequence.size)
-    rough = np.array([[focal, 0, sequence.size[0] / 2], [0, focal, sequence.size[1] / 2], [0, 0, 1.0]])
+    rough = K_from_focal(default_focal_px(*sequence.size), *sequence.size)
     camera, number = np.zeros(n, np.int64), -1
     people, points = [], []
     for start, end in spans:

@@ -13,17 +13,20 @@ import numpy as np
 from humanmm.config import Config
 from humanmm.errors import HumanMMError
 from humanmm.models.benchmark.oracles import true_cameras, true_rotations, with_true_cuts, yaw_rotations
-from humanmm.models.camera.estimate import estimate_camera
-from humanmm.models.camera.intrinsics import ShotPoints, estimate_intrinsics, given_intrinsics
+from humanmm.models.camera.estimate import camera_from_points
+from humanmm.models.camera.intrinsics import ShotPoints, given_intrinsics, intrinsics_from_points
 from humanmm.models.camera.masking import without_transitions
+from humanmm.models.cuts.camera_rotation import align_by_eight_point
 from humanmm.models.motion.fit.hmr import NoiseModel, fit_shot
 from humanmm.models.motion.refine.refine import Observations, RefineSettings, refine_world
-from humanmm.models.motion.world.align import Footage, assemble
+from humanmm.models.motion.world.align import ShotResults, align
 from humanmm.models.records.camera import Intrinsics, PointTracks, ShotCamera
 from humanmm.models.records.motion import PersonMotion, ShotMotion, WorldMotion
 from humanmm.models.records.shots import Shot, ShotList
-from humanmm.models.shots.assemble import assemble_shots
+from humanmm.models.shots.assemble import detect_shots
+from humanmm.models.shots.people_cuts import Parts
 from humanmm.models.synthetic.multishot import BenchVideo
+from humanmm.parts import load
 
 Array = np.ndarray
 
@@ -141,7 +144,7 @@ class _SharedStages:
     def _with_cameras_of_all_points(self, *, static: bool) -> Beginning:
         start = self.start
         tracks = points_of_shots(self.video, start.shots)
-        cameras = tuple(estimate_camera(points, (), start.intrinsics, static=static) for points in tracks)
+        cameras = tuple(camera_from_points(points, (), start.intrinsics, static=static) for points in tracks)
         return fitted_again(self.video, self.config, replace(start, cameras=cameras))
 
     @functools.cached_property
@@ -164,7 +167,7 @@ class _SharedStages:
     @functools.cached_property
     def world(self) -> WorldMotion:
         """What `align` makes of it."""
-        return assemble(footage_of(self.video, self.start), method=self.config.align.method)
+        return align(footage_of(self.video, self.start), method=load("align.method", self.config.align.method))
 
     @functools.cached_property
     def refined(self) -> WorldMotion:
@@ -219,7 +222,7 @@ _OTHER_BEGINNINGS: Mapping[str, Callable[[_SharedStages], Beginning]] = {
 
 
 def _recovered(method: str, stages: _SharedStages) -> WorldMotion:
-    how = stages.config.align.method
+    how = load("align.method", stages.config.align.method)
     footage = footage_of(stages.video, stages.start)
     if method == "humanmm":
         return stages.refined
@@ -232,49 +235,43 @@ def _recovered(method: str, stages: _SharedStages) -> WorldMotion:
     if method == "humanmm without orientation alignment":
         return stages.refine(stages.start, concatenated(footage))
     if method == "humanmm with eight-point":
-        return stages.refine(stages.start, assemble(footage, method="eight-point"))
+        return stages.refine(stages.start, align(footage, method=align_by_eight_point))
     if method == "humanmm without background links":
-        if not any(footage.views):
+        if not any(footage.key_frames):
             return stages.refined
-        return stages.refine(stages.start, assemble(replace(footage, views=[[] for _ in footage.views]), method=how))
+        without = replace(footage, key_frames=[[] for _ in footage.key_frames])
+        return stages.refine(stages.start, align(without, method=how))
     if method in _OTHER_BEGINNINGS:
         start = _OTHER_BEGINNINGS[method](stages)
-        return stages.refine(start, assemble(footage_of(stages.video, start), method=how))
+        return stages.refine(start, align(footage_of(stages.video, start), method=how))
     if method == "humanmm without flip decision":
         if not _any_left_right_swap(stages.start.shots):
             return stages.refined
-        return stages.refine(stages.as_labelled, assemble(footage_of(stages.video, stages.as_labelled), method=how))
+        return stages.refine(stages.as_labelled, align(footage_of(stages.video, stages.as_labelled), method=how))
     if method == "oracle cuts":
         return stages.cut_truly.refined
     if method == "oracle yaw":
         rotations = yaw_rotations(stages.video, stages.start.shots, stages.world)
-        return stages.refine(stages.start, assemble(footage, method=how, known_rotations=rotations))
+        return stages.refine(stages.start, align(footage, method=how, known_rotations=rotations))
     if method == "oracle camera rotation":
         rotations = true_rotations(stages.video, stages.start.shots)
-        return stages.refine(stages.start, assemble(footage, method=how, known_rotations=rotations))
+        return stages.refine(stages.start, align(footage, method=how, known_rotations=rotations))
     if method == "oracle camera":
         start, rotations = stages.with_true_cameras, true_rotations(stages.video, stages.start.shots)
-        return stages.refine(start, assemble(footage_of(stages.video, start), method=how, known_rotations=rotations))
+        return stages.refine(start, align(footage_of(stages.video, start), method=how, known_rotations=rotations))
     raise ValueError(f"no method is called {method!r}")
 
 
 def begin(video: BenchVideo, config: Config) -> Beginning:
     """Shots, focal length, cameras and per-shot motion, as the stages of these names compute them."""
     facts = video.facts
-    rough = estimate_intrinsics([], facts.width, facts.height)
-    shots = assemble_shots(
-        video.scenes,
-        video.people,
-        time_s=facts.time_s,
-        K=rough.K,
-        only_person=config.shots.person,
-        parts="scenes" if video.cuts_known else config.shots.parts,
-    )
+    parts: Parts = "scenes" if video.cuts_known else config.shots.parts
+    shots = detect_shots(facts, video.scenes, video.people, only_person=config.shots.person, parts=parts)
     tracks = points_of_shots(video, shots)
     intrinsics = _focal_length(video, config, shots, tracks)
     static = config.camera.static or video.static_cameras
     cameras = tuple(
-        estimate_camera(points, video.people[shot.scene].tracks, intrinsics, static=static)
+        camera_from_points(points, video.people[shot.scene].tracks, intrinsics, static=static)
         for shot, points in zip(shots.shots, tracks, strict=True)
     )
     motions = tuple(_fit(video, config, shots, shot, camera) for shot, camera in zip(shots.shots, cameras, strict=True))
@@ -321,32 +318,33 @@ def _focal_length(video: BenchVideo, config: Config, shots: ShotList, tracks: Se
     usable = [
         ShotPoints(points, video.people[shot.scene].tracks) for shot, points in zip(shots.shots, tracks, strict=True)
     ]
-    return estimate_intrinsics(usable, facts.width, facts.height)
+    return intrinsics_from_points(usable, facts.width, facts.height)
 
 
 def _as_labelled(shot: Shot) -> Shot:
     return replace(shot, people=tuple(replace(appearance, left_right_swapped=()) for appearance in shot.people))
 
 
-def footage_of(video: BenchVideo, start: Beginning) -> Footage:
-    """What the stage `align` reads. Where there are no pictures there are no key views either: shots are then joined by
-    people alone, as in the paper."""
-    views = [[view for view in video.views if shot.start <= view.frame < shot.end] for shot in start.shots.shots]
-    return Footage(
+def footage_of(video: BenchVideo, start: Beginning) -> ShotResults:
+    """What the stage `align` reads. Where there are no pictures there are no key frames either: shots are then joined
+    by people alone, as in the paper."""
+    frames = video.key_frames
+    of_shot = [[one for one in frames if shot.start <= one.frame < shot.end] for shot in start.shots.shots]
+    return ShotResults(
         shots=start.shots,
         scenes=video.people,
         cameras=start.cameras,
         motions=start.motions,
         time_s=video.facts.time_s,
         intrinsics=start.intrinsics,
-        views=views,
+        key_frames=of_shot,
     )
 
 
-def concatenated(footage: Footage) -> WorldMotion:
+def concatenated(footage: ShotResults) -> WorldMotion:
     """The paper's baseline: each shot in its own gravity world, headed by that shot's first camera; these worlds are
     taken for one without any rotation, and the root is shifted so that it goes on where the shot before ended."""
-    alone = assemble(_strangers(footage))
+    alone = align(_strangers(footage))
     num_people = max((person.person for person in footage.shots.people), default=0) + 1
     parts: dict[int, list[PersonMotion]] = {}
     for motion in sorted(alone.people, key=lambda motion: int(motion.frame[0])):
@@ -365,7 +363,7 @@ def concatenated(footage: Footage) -> WorldMotion:
     return replace(alone, people=tuple(people), t_world_cam=t_world_cam)
 
 
-def _strangers(footage: Footage) -> Footage:
+def _strangers(footage: ShotResults) -> ShotResults:
     """The same footage, with nobody known to be in more than one shot: every shot then gets a world of its own."""
     num_people = max((person.person for person in footage.shots.people), default=0) + 1
     shots, motions = [], []

@@ -1,11 +1,9 @@
 """One focal length for all shots (the paper's assumption): given, estimated from the background, or a prior.
 
-The prior. Video is shot with anything between a phone's main camera (26 to 30 mm full-frame equivalent after the crop
-of its stabiliser) and a normal lens (50 mm). Their geometric mean, 37 mm, over the 43.27 mm diagonal of a full frame
-is 0.865 of the picture's diagonal (60 degrees across the diagonal; GVHMR and WHAM take 1.0). One sigma spans 25 to 55
-mm.
+The prior. `geometry.intrinsics` says where its centre comes from; one standard deviation spans 25 to 55 mm full-frame
+equivalent.
 
-The evidence. Every shot whose camera turns or moves tells its focal length with an uncertainty (`selfcalibration`).
+The evidence. Every shot whose camera rotates or moves tells its focal length with an uncertainty (`self_calibration`).
 Prior and evidence are multiplied on a grid of ln(focal); evidence has heavy tails, so that a shot with a lens of its
 own, or one that was misread, does not drag the rest away.
 """
@@ -18,12 +16,17 @@ import numpy as np
 from jaxtyping import Float
 
 from humanmm.models.camera.masking import background_points
-from humanmm.models.camera.odometry.tracked_shot import arrange
-from humanmm.models.camera.self_calibration import FocalEvidence, focal_evidence
+from humanmm.models.camera.model_choice import HINT_SHARE, choose_model
+from humanmm.models.camera.odometry.keyframe_odometry import EXACT_SHARE, MIN_POINTS
+from humanmm.models.camera.odometry.tracked_shot import TrackedShot, arrange
+from humanmm.models.camera.self_calibration import FocalTrack
+from humanmm.models.camera.shot_points import points_of_shot
+from humanmm.models.geometry.intrinsics import default_focal_px
 from humanmm.models.records.camera import Intrinsics, PointTracks
-from humanmm.models.records.tracks import PersonTrack
+from humanmm.models.records.shots import ShotList
+from humanmm.models.records.tracks import PersonTrack, ScenePeople
+from humanmm.models.records.video import VideoFacts
 
-DEFAULT_FOCAL_PER_DIAGONAL = math.sqrt(28.0 * 50.0) / math.hypot(36.0, 24.0)
 DEFAULT_RELATIVE_SIGMA = 0.4
 MODEL_RELATIVE_SIGMA = 0.03
 """What a pinhole with its principal point in the middle is worth on a real lens; no estimate claims to be better."""
@@ -32,11 +35,11 @@ TAIL_DEGREES = 3.0
 MAX_FRAMES = 600
 """Recorded frames of a shot that are looked at."""
 MAX_SHOTS = 4
-"""Shots that are asked, those with most points over most frames first."""
+"""Shots that are used, those with most points over most frames first."""
 ENOUGH_RELATIVE_SIGMA = 0.02
-"""Once this sure, no further shot is asked."""
+"""Once this sure, no further shot is used."""
 NARROWED = 0.5
-"""The result is called estimated if its sigma is below this share of the prior's."""
+"""The result is called estimated if its standard deviation is below this fraction of the prior's."""
 
 
 @dataclass(frozen=True)
@@ -55,19 +58,39 @@ def given_intrinsics(width: int, height: int, *, focal_px: float | None, fov_deg
     return Intrinsics(focal, width, height, "given", 0.0)
 
 
-def default_focal_px(width: int, height: int) -> float:
-    """Centre of the prior, pixels."""
-    return DEFAULT_FOCAL_PER_DIAGONAL * math.hypot(width, height)
+def estimate_intrinsics(
+    facts: VideoFacts,
+    shots: ShotList,
+    people: Sequence[ScenePeople | None],
+    points: Sequence[PointTracks | None],
+    *,
+    focal_px: float | None = None,
+    fov_deg: float | None = None,
+) -> Intrinsics:
+    """One focal length for all shots: the user's (`focal_px` in pixels, or the horizontal `fov_deg` in degrees), or
+    what the background tells, or the default.
+
+    `people` and `points`: one a scene, None where it failed.
+    """
+    given = given_intrinsics(facts.width, facts.height, focal_px=focal_px, fov_deg=fov_deg)
+    if given is not None:
+        return given
+    usable = [
+        ShotPoints(points_of_shot(tracks, shot), scene.tracks)
+        for shot in shots.shots
+        if (tracks := points[shot.scene]) is not None and (scene := people[shot.scene]) is not None
+    ]
+    return intrinsics_from_points(usable, facts.width, facts.height)
 
 
-def estimate_intrinsics(shots: Sequence[ShotPoints], width: int, height: int) -> Intrinsics:
+def intrinsics_from_points(shots: Sequence[ShotPoints], width: int, height: int) -> Intrinsics:
     """The focal length that prior and background agree on; source "default" where the background hardly tells."""
     default = default_focal_px(width, height)
     evidence: list[FocalEvidence] = []
     result = combine(evidence, default, width, height)
     for shot in sorted(shots, key=lambda shot: -len(shot.points.frame))[:MAX_SHOTS]:
         background = arrange(background_points(_beginning(shot.points), shot.people), width, height)
-        found = focal_evidence(background, result.focal_px)
+        found = focal_evidence(background, result)
         if found is not None:
             evidence.append(found)
             result = combine(evidence, default, width, height)
@@ -86,6 +109,43 @@ def _beginning(points: PointTracks) -> PointTracks:
         points, track=points.track[:last], frame=points.frame[:last], xy=points.xy[:last],
         confidence=points.confidence[:last],
     )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class FocalEvidence:
+    """What one shot says about the focal length."""
+
+    focal_px: float
+    log_sigma: float
+    """Standard deviation of ln(focal)."""
+
+
+def focal_evidence(shot: TrackedShot, assumed: Intrinsics) -> FocalEvidence | None:
+    """Focal length of a shot whose camera rotates or moves; None where it is static or shows too little.
+
+    `assumed` is where the search begins. Of a shot that zooms the answer is the middle of its range, as uncertain as
+    the zoom is large; a rotation that fits roughly counts as much less certain.
+    """
+    if shot.num_images < 3 or float(np.median(np.diff(shot.begins))) < MIN_POINTS:
+        return None
+    choice = choose_model(shot, assumed, calibrate=True)
+    if choice.rotating is None:
+        return None
+    if choice.model == "moving" and choice.moving is not None:
+        return _evidence(choice.moving)
+    if choice.zooming is not None and math.isfinite(choice.zooming.log_focal_sigma):
+        return _evidence(choice.zooming)
+    noise_share = choice.rotating.track.adjusted.noise_px / shot.diagonal_px
+    if noise_share >= HINT_SHARE:
+        return None
+    found = _evidence(choice.rotating)
+    return replace(found, log_sigma=found.log_sigma * max(1.0, noise_share / EXACT_SHARE))
+
+
+def _evidence(calibrated: FocalTrack) -> FocalEvidence:
+    views = calibrated.track.views
+    middle_px = views.focal_px * float(np.exp(views.log_zoom.mean()))
+    return FocalEvidence(middle_px, float(np.hypot(calibrated.log_focal_sigma, np.ptp(views.log_zoom))))
 
 
 def combine(evidence: Sequence[FocalEvidence], default_px: float, width: int, height: int) -> Intrinsics:

@@ -1,223 +1,58 @@
-"""Long point tracks: pyramidal Lucas-Kanade forward and backward, re-seeded on a grid so that the picture stays
-covered.
+"""Long point tracks of one scene: what a point tracker takes and returns, and its run over a video."""
 
-Where LEAP-VO (the paper's section 3.2) uses a learned tracker, this is the classical one: it needs no weights and
-costs a few milliseconds a frame. It knows nothing of people; `masking` removes what lies on them.
-"""
-
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from typing import Protocol
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, UInt8
+from jaxtyping import UInt8
 
+from humanmm.models.camera.klt import NUM_POINTS, klt_tracks
 from humanmm.models.records.camera import PointTracks
-
-WINDOW = 15
-"""Side of the window that is matched, pixels."""
-FORWARD_LEVELS, BACKWARD_LEVELS = 3, 2
-"""Pyramid levels of the two searches; the way back starts where the way there ended."""
-STOP = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 20, 0.03)
-"""A point is found when a step moves it by less than 0.03 pixels; its place is about ten times more exact by then."""
-MAX_BACKWARD_ERROR_PX = 1.0
-"""Forward-backward error, in pixels of the tracking picture, beyond which a point is lost."""
-CONFIDENCE_SCALE_PX = 0.5
-CONTRAST = 40.0
-"""Standard deviation, in grey levels, that every picture is brought to, so that exposure changes and flicker do not
-move points."""
-MAX_GAIN = 4.0
-MIN_CORNER_STRENGTH = 2e-4
-"""Smaller eigenvalue of the structure tensor (OpenCV's scale, grey levels / 255 squared) below which a place has no
-corner."""
-SUDDEN_LOSS, MAX_PASSED = 0.25, 2
-"""If fewer than this share of the points survive a frame it is passed over: a flash or a damaged frame would otherwise
-end every track. If the next ones are no better, so many at most, it was a change that stays (a cut that colours do not
-show, a violent shake): tracking goes on from the first of them, with what survives there."""
-MAX_POINTS_PER_CELL = 2
-BORDER_PX = 4.0
+from humanmm.models.video.frames import frames
+from humanmm.models.video.opened import Progress, Video, silent
+from humanmm.models.video.prefetch import prefetched
 
 
-@dataclass(frozen=True)
-class TrackerSettings:
-    """How densely points are kept; lengths in pixels of the tracking picture."""
+class PointTracker(Protocol):
+    """Tracks points through a scene. It knows nothing of people; `masking` removes what lies on them."""
 
-    num_points: int = 200
-    still_px: float = 0.25
-    """A frame whose points moved less than this since the last recorded frame is not recorded."""
-    max_unrecorded: int = 12
-    """Longest run of frames that are not recorded."""
-    reseed_interval: int = 5
-    """Frames between two searches for new corners while enough points live."""
+    def __call__(
+        self,
+        pictures: Iterable[UInt8[np.ndarray, "h w"]],
+        *,
+        start: int,
+        source_size: tuple[int, int],
+        num_points: int,
+    ) -> PointTracks:
+        """Tracks of about `num_points` points at a time.
+
+        `pictures`: the grey pictures of frames start, start + 1, … of the video, one by one, all of one size;
+        `source_size`: width and height of the source, in whose pixels (centres at .5) the tracks are.
+        """
+        ...
 
 
 def track_points(
-    pictures: Iterable[UInt8[np.ndarray, "h w"]], *, start: int, source_size: tuple[int, int], settings: TrackerSettings
+    video: Video,
+    span: tuple[int, int],
+    *,
+    max_side_px: int = 640,
+    num_points: int = NUM_POINTS,
+    tracker: PointTracker = klt_tracks,
+    progress: Progress = silent,
 ) -> PointTracks:
-    """Points tracked through the grey pictures of one scene, in source pixels with centres at .5.
+    """Points tracked through the frames [start, end) of one scene, in source pixels.
 
-    `pictures` may be smaller than the source (width, height); they are consumed one by one. The first and the last
-    usable frame are always recorded; a frame in between is left out while the picture stands still (`still_px`),
-    which is what makes long static shots cheap to keep.
+    `max_side_px` is the longest side of the grey pictures in which the tracker works.
     """
-    tracker: _Tracker | None = None
-    num_frames = 0
-    for picture in pictures:
-        tracker = tracker or _Tracker(picture.shape[1], picture.shape[0], settings)
-        tracker.advance(picture, start + num_frames)
-        num_frames += 1
-    end = start + num_frames
-    if tracker is None:
-        return PointTracks(start, end, *_empty_columns(), window_px=float(WINDOW))
-    tracker.record(always=True)
-    return tracker.result(start, end, source_size)
+    start, end = span
+    cv2.setNumThreads(1)
 
+    def pictures() -> Iterator[UInt8[np.ndarray, "h w"]]:
+        for frame in frames(video.stream, video.facts, start, end, pixels="gray", max_side_px=max_side_px):
+            yield frame.image
+            progress(frame.index + 1 - start, end - start)
 
-def _empty_columns() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    return np.zeros(0, np.int32), np.zeros(0, np.int32), np.zeros((0, 2), np.float32), np.zeros(0, np.float32)
-
-
-def even_exposure(picture: UInt8[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w"]:
-    """The picture without its slow brightness changes and with a fixed contrast."""
-    brightness = cv2.blur(picture, (31, 31))
-    deviation = cv2.norm(picture, brightness, cv2.NORM_L2) / picture.size**0.5
-    gain = min(CONTRAST / max(deviation, 1e-6), MAX_GAIN)
-    return np.asarray(cv2.addWeighted(picture, gain, brightness, -gain, 128.0), np.uint8)
-
-
-class _Tracker:
-    """The living points of one scene."""
-
-    def __init__(self, width: int, height: int, settings: TrackerSettings) -> None:
-        self.settings = settings
-        self.width, self.height = width, height
-        self.cell_px = max(8, round((width * height / settings.num_points) ** 0.5))
-        self.columns, self.rows = -(-width // self.cell_px), -(-height // self.cell_px)
-        self.picture = np.zeros((height, width), np.uint8)
-        self.xy = np.zeros((0, 2), np.float32)
-        self.track = np.zeros(0, np.int32)
-        self.confidence = np.zeros(0, np.float32)
-        self.recorded_xy = np.zeros((0, 2), np.float32)
-        self.next_track = 0
-        self.frame = self.recorded_frame = self.seeded_frame = -1
-        self.seeded_count = 0
-        self.passed: list[tuple[np.ndarray, int]] = []
-        self.kept: list[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]] = []
-
-    def advance(self, picture: np.ndarray, frame: int) -> None:
-        """Carry the points on to the next frame, look for new ones where they are missing, record if anything moved."""
-        self._advance(even_exposure(picture), frame)
-
-    def _advance(self, picture: np.ndarray, frame: int) -> None:
-        if self._follow(picture):
-            self.passed = []
-            self._arrive(picture, frame)
-            return
-        self.passed.append((picture, frame))
-        if len(self.passed) > MAX_PASSED:
-            self.record(always=True)
-            (picture, frame), *rest = self.passed
-            self.passed = []
-            self._follow(picture, at_any_loss=True)
-            self._arrive(picture, frame, always=True)
-            for picture, frame in rest:
-                self._advance(picture, frame)
-
-    def _arrive(self, picture: np.ndarray, frame: int, *, always: bool = False) -> None:
-        self.picture, self.frame = picture, frame
-        due = frame - self.seeded_frame >= self.settings.reseed_interval and len(self.xy) < 0.9 * self.seeded_count
-        if self.seeded_frame < 0 or due or len(self.xy) < 0.7 * self.seeded_count or frame - self.seeded_frame >= 60:
-            self._seed()
-        self.record(always=always)
-
-    def _follow(self, picture: np.ndarray, *, at_any_loss: bool = False) -> bool:
-        """Move the points on; False if nearly all are lost at once and the next frame may bring them back (a flash)."""
-        if not len(self.xy):
-            return True
-        there, found = _flow(self.picture, picture, self.xy, FORWARD_LEVELS)
-        back, found_back = _flow(picture, self.picture, there, BACKWARD_LEVELS)
-        error = np.linalg.norm(back - self.xy, axis=1)
-        inside = (there > BORDER_PX).all(1) & (there < (self.width - 1 - BORDER_PX, self.height - 1 - BORDER_PX)).all(1)
-        alive = found & found_back & (error < MAX_BACKWARD_ERROR_PX) & inside
-        if alive.sum() < SUDDEN_LOSS * len(alive) and not at_any_loss:
-            return False
-        self.xy = there[alive]
-        self.confidence = np.exp(-np.square(error[alive] / CONFIDENCE_SCALE_PX)).astype(np.float32)
-        self.track, self.recorded_xy = self.track[alive], self.recorded_xy[alive]
-        return True
-
-    def _cell(self, xy: np.ndarray) -> np.ndarray:
-        column_row = (xy / self.cell_px).astype(int)
-        return np.asarray(column_row[:, 1] * self.columns + column_row[:, 0])
-
-    def _seed(self) -> None:
-        """Drop crowded points (the younger ones), then put the strongest corner into every empty cell."""
-        if len(self.xy):
-            keep = _oldest_per_cell(self._cell(self.xy), MAX_POINTS_PER_CELL)
-            self._select(keep)
-        strength = cv2.cornerMinEigenVal(self.picture, 5)
-        margin = int(BORDER_PX) + 4
-        strength[:margin], strength[-margin:], strength[:, :margin], strength[:, -margin:] = 0, 0, 0, 0
-        for x, y in self.xy.astype(int):  # no second corner beside a living point
-            strength[max(y - 6, 0) : y + 7, max(x - 6, 0) : x + 7] = 0
-        padded = np.zeros((self.rows * self.cell_px, self.columns * self.cell_px), np.float32)
-        padded[: self.height, : self.width] = strength
-        cells = padded.reshape(self.rows, self.cell_px, self.columns, self.cell_px).transpose(0, 2, 1, 3)
-        flat = cells.reshape(self.rows * self.columns, -1)
-        best = flat.argmax(1)
-        free = np.bincount(self._cell(self.xy), minlength=len(flat)) == 0
-        chosen = np.flatnonzero(free & (flat.max(1) > MIN_CORNER_STRENGTH))
-        x = (chosen % self.columns) * self.cell_px + best[chosen] % self.cell_px
-        y = (chosen // self.columns) * self.cell_px + best[chosen] // self.cell_px
-        new = np.stack([x, y], 1).astype(np.float32)
-        self.xy = np.concatenate([self.xy, new])
-        numbers = np.arange(self.next_track, self.next_track + len(new), dtype=np.int32)
-        self.track = np.concatenate([self.track, numbers])
-        self.confidence = np.concatenate([self.confidence, np.ones(len(new), np.float32)])
-        self.recorded_xy = np.concatenate([self.recorded_xy, np.full_like(new, np.nan)])
-        self.next_track += len(new)
-        self.seeded_frame, self.seeded_count = self.frame, len(self.xy)
-
-    def _select(self, keep: np.ndarray) -> None:
-        self.xy, self.track = self.xy[keep], self.track[keep]
-        self.confidence, self.recorded_xy = self.confidence[keep], self.recorded_xy[keep]
-
-    def record(self, *, always: bool = False) -> None:
-        """Keep this frame's points, unless the picture stood still since the last kept frame."""
-        if self.recorded_frame == self.frame:
-            return
-        moved = np.linalg.norm(self.xy - self.recorded_xy, axis=1)
-        moved = moved[np.isfinite(moved)]
-        waiting = self.frame - self.recorded_frame if self.recorded_frame >= 0 else self.settings.max_unrecorded
-        middle = int(0.6 * len(moved))
-        still = len(moved) > 0 and np.partition(moved, middle)[middle] < self.settings.still_px
-        if still and waiting < self.settings.max_unrecorded and not always:
-            return
-        frame = np.full(len(self.xy), self.frame, np.int32)
-        self.kept.append((self.track, frame, self.xy, self.confidence))
-        self.recorded_frame, self.recorded_xy = self.frame, self.xy
-
-    def result(self, start: int, end: int, source_size: tuple[int, int]) -> PointTracks:
-        track, frame, xy, confidence = (np.concatenate(column) for column in zip(*self.kept, strict=True))
-        scale = np.array([source_size[0] / self.width, source_size[1] / self.height], np.float32)
-        window_px = float(WINDOW * scale.max())
-        return PointTracks(start, end, track, frame, (xy + 0.5) * scale, confidence, window_px)
-
-
-def _flow(before: np.ndarray, after: np.ndarray, xy: np.ndarray, levels: int) -> tuple[np.ndarray, np.ndarray]:
-    """Where the points of one picture are in the other, and whether they were found."""
-    guess = np.empty_like(xy[:, None])
-    there, found, _ = cv2.calcOpticalFlowPyrLK(
-        before, after, xy[:, None], guess, winSize=(WINDOW, WINDOW), maxLevel=levels, criteria=STOP
-    )
-    return np.asarray(there)[:, 0], np.asarray(found)[:, 0] > 0
-
-
-def _oldest_per_cell(cell: np.ndarray, most: int) -> Bool[np.ndarray, "points"]:
-    """True for the first `most` points of each cell; points come oldest first."""
-    order = np.argsort(cell, kind="stable")
-    ordered = cell[order]
-    first = np.searchsorted(ordered, ordered, side="left")
-    keep = np.zeros(len(cell), bool)
-    keep[order] = np.arange(len(cell)) - first < most
-    return keep
+    with prefetched(pictures()) as small:
+        return tracker(small, start=start, source_size=video.size, num_points=num_points)

@@ -1,8 +1,8 @@
-"""Focal length of one shot from its own background points: a turning camera shows it by how the picture bends at its
-edges, a moving one by which focal length lets all points be rigid.
+"""The focal length of one camera track from its own points (self-calibration): a rotating camera shows it by how the
+picture bends at its edges, a moving one by which focal length lets all points be rigid.
 
-Each shot is explained as in `estimate`, but with the focal length following; the Gauss-Newton matrix says how well
-the points determine it. A shot that does not determine it says so by a large sigma: nothing is guessed here.
+The Gauss-Newton matrix says how well the points determine it. Points that do not determine it give a large standard
+deviation: nothing is guessed here.
 """
 
 from dataclasses import dataclass, replace
@@ -11,32 +11,13 @@ import numpy as np
 from jaxtyping import Bool
 
 from humanmm.models.camera.odometry.bundle import Adjusted, Freedom, Observations, Points, Views, adjust, focal_step
-from humanmm.models.camera.odometry.keyframe_odometry import (
-    EXACT_SHARE,
-    MIN_POINTS,
-    MOVING_GAIN,
-    Track,
-    also_zooming,
-    moving,
-    rotating,
-    zooms_in,
-)
-from humanmm.models.camera.odometry.tracked_shot import TrackedShot, choose_keyframes
-from humanmm.models.camera.static import judge_standing
+from humanmm.models.camera.odometry.keyframe_odometry import Track
 from humanmm.models.geometry import rotations
-from humanmm.models.records.camera import CameraSource
 
 MAX_STEP = 0.4
 """Largest change of ln(focal) taken at once."""
 MAX_STEPS = 8
 CONVERGED = 0.003
-MAX_KEYFRAMES = 24
-"""Keyframes of a shot that are used: more would cost time and add little."""
-HINT_SHARE = 0.0015
-"""A turning camera that fits within this share of the diagonal gives a good first focal length for a moving one."""
-MAX_ROUNDS = 2
-SAME_FOCAL = 0.05
-"""A moving camera is followed anew if its focal length came out further from the first guess than this."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +26,8 @@ class FocalTrack:
 
     track: Track
     log_focal_sigma: float
-    """One sigma of ln(focal), correlation of the errors along a point's track allowed for."""
+    """Standard deviation of ln(focal), correlation of the errors along a point's track allowed for; infinite of a track
+    that keeps the focal length that was assumed."""
 
 
 def with_own_focal(track: Track, freedom: Freedom) -> FocalTrack:
@@ -68,70 +50,6 @@ def with_own_focal(track: Track, freedom: Freedom) -> FocalTrack:
             break
     refined = replace(track, views=solution.views, points=solution.points, adjusted=solution)
     return FocalTrack(refined, sigma * _correlation(observations))
-
-
-@dataclass(frozen=True)
-class FocalEvidence:
-    """What one shot says about the focal length."""
-
-    focal_px: float
-    log_sigma: float
-    source: CameraSource
-
-
-def focal_evidence(shot: TrackedShot, start_px: float) -> FocalEvidence | None:
-    """Focal length of a shot whose camera turns or moves, from a first guess; None where it stands or shows too little.
-
-    Of a shot that zooms it is the middle of its range, as uncertain as the zoom is large.
-    """
-    if shot.num_images < 3 or float(np.median(np.diff(shot.begins))) < MIN_POINTS or judge_standing(shot).static:
-        return None
-    keyframes = choose_keyframes(shot)[:MAX_KEYFRAMES]
-    turning_freedom, moving_freedom = Freedom(translation=False), Freedom(translation=True)
-    zooming_freedom = Freedom(translation=False, zoom=True)
-    turning = with_own_focal(rotating(shot, keyframes, start_px, freedom=turning_freedom), turning_freedom)
-    noise = turning.track.adjusted.noise_px
-    if noise < EXACT_SHARE * shot.diagonal_px:
-        return _evidence(turning, "rotation_only")
-    hint = noise < HINT_SHARE * shot.diagonal_px
-    focal_px = turning.track.views.focal_px if hint else start_px
-    zooming = rotating(shot, keyframes, focal_px, freedom=zooming_freedom)
-    zooms = zooms_in(zooming, turning.track)
-    turned_error_px = zooming.error_px if zooms else turning.track.error_px
-    found: FocalEvidence | None = None
-    zoom_tells = zooms and zooming.adjusted.noise_px < HINT_SHARE * shot.diagonal_px
-    if zoom_tells:
-        zoomed = with_own_focal(zooming, zooming_freedom)
-        found = _evidence(zoomed, "rotation_only")
-        focal_px, turned_error_px = zoomed.track.views.focal_px, zoomed.track.error_px
-    needs_no_travel = zoom_tells and zoomed.track.adjusted.noise_px < EXACT_SHARE * shot.diagonal_px
-    for _ in range(0 if needs_no_travel else MAX_ROUNDS):
-        guide = rotating(shot, keyframes, focal_px, freedom=turning_freedom)
-        moved = moving(shot, guide, max_starts=1)
-        if moved is None:
-            break
-        if zoom_tells:
-            followed = with_own_focal(also_zooming(moved), Freedom(translation=True, zoom=True))
-        else:
-            followed = with_own_focal(moved, moving_freedom)
-        if not followed.track.error_px < MOVING_GAIN * turned_error_px:
-            break
-        found = _evidence(followed, "tracked")
-        if abs(np.log(followed.track.views.focal_px / focal_px)) < SAME_FOCAL:
-            break
-        focal_px = followed.track.views.focal_px
-    if found is None and hint:
-        misfit = noise / (EXACT_SHARE * shot.diagonal_px)
-        evidence = _evidence(turning, "rotation_only")
-        found = replace(evidence, log_sigma=evidence.log_sigma * misfit)
-    return found
-
-
-def _evidence(followed: FocalTrack, source: CameraSource) -> FocalEvidence:
-    views = followed.track.views
-    middle_px = views.focal_px * float(np.exp(views.log_zoom.mean()))
-    sigma = float(np.hypot(followed.log_focal_sigma, np.ptp(views.log_zoom)))
-    return FocalEvidence(middle_px, sigma, source)
 
 
 def _correlation(observations: Observations) -> float:

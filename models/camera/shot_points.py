@@ -1,11 +1,19 @@
-"""A shot's part of what was tracked through its scene, which happens before anybody knows what cuts people show."""
+"""The part of a scene's point tracks that belongs to one shot: points are tracked before the cuts that people show are
+known."""
 
 from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Int
 
+from humanmm.models.camera.masking import without_transitions
 from humanmm.models.records.camera import PointTracks
+from humanmm.models.records.shots import Shot
+
+
+def points_of_shot(points: PointTracks, shot: Shot) -> PointTracks:
+    """The tracks of a scene within one of its shots, without what was seen during gradual transitions."""
+    return without_transitions(within(points, shot.start, shot.end), shot.outside_transitions)
 
 
 def within(points: PointTracks, start: int, end: int) -> PointTracks:

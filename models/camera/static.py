@@ -1,4 +1,4 @@
-"""Does the camera stand still? The first question asked of a shot, before any geometry.
+"""Is the camera static? The first test of a shot, before any geometry.
 
 A camera on a tripod leaves most of the background where it is, whatever else moves: people, traffic, leaves, flicker.
 So the test counts the points that stay, instead of averaging over all, and compares with the best camera-like motion
@@ -22,7 +22,7 @@ WINDOW_IMAGES = 12
 
 
 @dataclass(frozen=True)
-class Standing:
+class StaticTest:
     """Outcome of the test."""
 
     static: bool
@@ -32,11 +32,11 @@ class Standing:
     """Largest motion of the picture found (at the corners of the picture, creep included)."""
 
 
-def judge_standing(shot: TrackedShot) -> Standing:
+def judge_static(shot: TrackedShot) -> StaticTest:
     """Whether the background stays where it is from the first to the last recorded frame.
 
     The shot is cut into windows; in each, every image is compared with the window's first one. Creep too slow for a
-    window shows in the sum of the windows' motions, which for a standing camera is only the tracker's random walk.
+    window shows in the sum of the windows' motions, which for a static camera is only the tracker's random walk.
     """
     tolerance = STILL_SHARE_OF_DIAGONAL * shot.diagonal_px
     creep = np.zeros(2)
@@ -56,16 +56,16 @@ def judge_standing(shot: TrackedShot) -> Standing:
         motion, explained = _picture_motion(before, now, tolerance, shot)
         moves_as_one = motion > tolerance and share < CLEARLY_STILL_POINTS and explained > share + 0.15
         if share < MIN_STILL_POINTS or moves_as_one:
-            return Standing(False, share, motion)
+            return StaticTest(False, share, motion)
         worst_share = min(worst_share, share)
         largest = max(largest, float(np.linalg.norm(creep + shift)))
         if largest > tolerance:
-            return Standing(False, worst_share, largest)
+            return StaticTest(False, worst_share, largest)
         few_left = len(before) < 0.5 * (shot.begins[reference + 1] - shot.begins[reference])
         if image - reference >= WINDOW_IMAGES or few_left:
             creep = creep + shift
             reference = image
-    return Standing(num_checked > 0 or shot.num_images == 1, worst_share, largest)
+    return StaticTest(num_checked > 0 or shot.num_images == 1, worst_share, largest)
 
 
 def _picture_motion(before: np.ndarray, now: np.ndarray, tolerance: float, shot: TrackedShot) -> tuple[float, float]:

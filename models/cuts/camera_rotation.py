@@ -9,7 +9,7 @@ wins. `eight-point`: the paper's method, an essential matrix from the keypoints 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Protocol
 
 import cv2
 import numpy as np
@@ -109,30 +109,29 @@ def viewing_axes(keypoints2d: Float[Array, "n 33 3"], K: Float[Array, "3 3"]) ->
     return ray_axes(viewing_rays(torso, K))
 
 
-def align_cut(
-    people: Sequence[CutPerson],
-    cameras: CutCameras,
-    *,
-    cut_frame: int,
-    cut_time_s: float,
-    method: Literal["bundle", "eight-point"],
-    settings: BundleSettings | None = None,
+class CutMethod(Protocol):
+    """Finds how the camera rotated at one cut from the people who are seen on both sides of it."""
+
+    def __call__(
+        self, people: Sequence[CutPerson], cameras: CutCameras, *, cut_frame: int, cut_time_s: float
+    ) -> CutAlignment:
+        """Camera axes after the cut to those before it, with its uncertainty in degrees.
+
+        `cut_frame` is the first frame of the later shot, `cut_time_s` the moment of the cut, seconds. Where nobody is
+        seen on both sides (`people` is empty) the alignment is not `linked`.
+        """
+        ...
+
+
+def align_by_bundle(
+    people: Sequence[CutPerson], cameras: CutCameras, *, cut_frame: int, cut_time_s: float
 ) -> CutAlignment:
-    """Relative camera rotation at one cut from the people who are seen on both sides of it."""
+    """The rotation that lets one motion through the cut explain both sides (a `CutMethod`)."""
     if not people:
-        return CutAlignment(cut_frame, "none", np.eye(3), float("nan"), 180.0, float("nan"), False)
-    gaps = [float(person.after.time_s[0] - person.before.time_s[-1]) for person in people]
-    gap = min(gaps)
-    people = [person for person, own in zip(people, gaps, strict=True) if own <= max(CONTEMPORARY_S, 1.5 * gap)]
-    warnings = []
-    if gap > GAP_WARNING_S:
-        warnings.append(
-            f"cut at frame {cut_frame}: {gap:.2f} s without anyone seen, the camera's rotation across it is uncertain"
-        )
+        return _unlinked(cut_frame)
+    people, gap, warnings = _contemporary(people, cut_frame)
     prepared = [_prepare(person, cameras, cut_time_s) for person in people]
-    if method == "eight-point":
-        return _eight_point(prepared, cameras, cut_frame, gap, tuple(warnings))
-    options = settings or BundleSettings(camera_velocity_ms=0.3 if cameras.moving else 0.02)
+    options = BundleSettings(camera_velocity_ms=0.3 if cameras.moving else 0.02)
     starts = np.concatenate([_starts(item, person) for item, person in zip(prepared, people, strict=True)])
     results = cut_bundle.adjust(prepared, _BODY, _distinct(starts), options)
     best = results[0]
@@ -147,8 +146,32 @@ def align_cut(
         uncertainty_deg=min(spread, 180.0),
         gap_s=gap,
         linked=True,
-        warnings=tuple(warnings),
+        warnings=warnings,
     )
+
+
+def align_by_eight_point(
+    people: Sequence[CutPerson], cameras: CutCameras, *, cut_frame: int, cut_time_s: float
+) -> CutAlignment:
+    """The paper's essential matrix from the keypoints of the two frames around the cut (a `CutMethod`)."""
+    if not people:
+        return _unlinked(cut_frame)
+    people, gap, warnings = _contemporary(people, cut_frame)
+    prepared = [_prepare(person, cameras, cut_time_s) for person in people]
+    return _eight_point(prepared, cameras, cut_frame, gap, warnings)
+
+
+def _unlinked(cut_frame: int) -> CutAlignment:
+    return CutAlignment(cut_frame, "none", np.eye(3), float("nan"), 180.0, float("nan"), False)
+
+
+def _contemporary(people: Sequence[CutPerson], cut_frame: int) -> tuple[list[CutPerson], float, tuple[str, ...]]:
+    """The people who are seen close to the cut, the shortest gap in seconds, and a warning where even that is long."""
+    gaps = [float(person.after.time_s[0] - person.before.time_s[-1]) for person in people]
+    gap = min(gaps)
+    near = [person for person, own in zip(people, gaps, strict=True) if own <= max(CONTEMPORARY_S, 1.5 * gap)]
+    warning = f"cut at frame {cut_frame}: {gap:.2f} s without anyone seen, the camera's rotation across it is uncertain"
+    return near, gap, (warning,) if gap > GAP_WARNING_S else ()
 
 
 def continuation_cost(person: CutPerson, K: Float[Array, "3 3"]) -> float:

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
+from humanmm.models.body.body24 import load_body
 from humanmm.models.body.kinematics import forward_kinematics
 from humanmm.models.geometry.projection import in_front, project, world_to_camera
 from humanmm.models.records import landmarks
@@ -17,6 +18,20 @@ from humanmm.models.records.video import VideoFacts
 
 NEAR_M = 0.05
 """Points closer than this to the camera plane are not projected."""
+
+
+def record_motion(
+    facts: VideoFacts, shot_list: ShotList, scenes: Sequence[ScenePeople | None], motion: WorldMotion
+) -> Recording:
+    """The recording of one video: cameras, and everybody's motion, joints and observations; world axes, metres.
+
+    `scenes`: what the detector saw, one a scene, None where it failed.
+    """
+    body = load_body()
+    rest = {person.person: body.rest_joints(person.betas) for person in motion.people}
+    joints = {person.person: world_joints(person, rest[person.person]) for person in motion.people}
+    pelvis = {number: joints_at_rest[0] for number, joints_at_rest in rest.items()}
+    return assemble(facts, shot_list, scenes, motion, rest_pelvis=pelvis, joints_world=joints)
 
 
 def assemble(

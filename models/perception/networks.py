@@ -7,16 +7,16 @@ caller at a time, so that stages of one video may run in several threads.
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import lru_cache
 from threading import Lock
 
 import cv2
 import numpy as np
 from ai_edge_litert.interpreter import Interpreter
-from jaxtyping import Float, UInt8
+from jaxtyping import Float
 
 from humanmm.models.geometry.boxes import box_iou
+from humanmm.models.perception.interfaces import Detection, Landmarks, Networks
 from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.regions import Region, body_region, transform
 from humanmm.models.records import landmarks
@@ -28,35 +28,6 @@ LANDMARK_SIDE = 256
 _VALUES_PER_LANDMARK = 5
 _AUXILIARY = slice(33, 35)
 """Landmarks 33 and 34 are no body parts: hip centre and a point on the circle that holds the body."""
-
-
-@dataclass(frozen=True)
-class Detection:
-    """A person seen by the detector."""
-
-    score: float
-    region: Region
-    """Where to look for the landmarks."""
-    box: Float[np.ndarray, " 4"]
-    """xyxy of the head and shoulders, source pixels."""
-
-
-@dataclass(frozen=True)
-class Landmarks:
-    """Output of the landmark network for one crop."""
-
-    keypoints: Float[np.ndarray, "33 3"]
-    """x, y in source pixels, visibility 0..1."""
-    landmarks3d: Float[np.ndarray, "33 3"]
-    """Metres about the mid-hip, axes of the picture: x right, y down, z away."""
-    presence: float
-    """Probability that the crop holds a person."""
-    mask: UInt8[np.ndarray, "mask mask"]
-    """Probability × 255 of each mask pixel being the person; the crop's region, MASK_SIDE pixels a side."""
-    region: Region
-    """The crop."""
-    next_region: Region
-    """Where the network sees the body: the crop for the next frame."""
 
 
 _BUILDING = Lock()
@@ -207,3 +178,6 @@ def locate(image: Picture, region: Region, *, mirrored: bool = False) -> Landmar
         region=region,
         next_region=body_region(*in_source[_AUXILIARY]),
     )
+
+
+BLAZEPOSE = Networks(detect, locate)

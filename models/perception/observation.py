@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
-from humanmm.models.perception.networks import Landmarks
+from humanmm.models.perception.interfaces import Landmarks
 from humanmm.models.perception.regions import Region, invert, transform
 from humanmm.models.records import landmarks
 from humanmm.models.records.tracks import MASK_SIDE

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from jaxtyping import UInt8
 
-from humanmm.models.perception.networks import detect, locate
+from humanmm.models.perception.interfaces import Networks, PoseNetwork
 from humanmm.models.perception.observation import Observation, observe, similarity
 from humanmm.models.perception.picture import Picture, whole
 from humanmm.models.perception.regions import Region, transform, warp
@@ -19,6 +19,7 @@ _PAINT = 127
 
 
 def find_people(
+    networks: Networks,
     image: Picture,
     known: list[Observation],
     places: list[Region],
@@ -31,10 +32,10 @@ def find_people(
     The detector mostly returns one person a picture and misses people below a quarter of its height: it looks at each
     of the `places` again with the found painted out; `upright` adds a search for standing people by another method.
     """
-    search = _Search(image, known)
+    search = _Search(networks, image, known)
     for within in places:
         while len(search.found) < limit:
-            regions = [detection.region for detection in detect(search.canvas, within)]
+            regions = [detection.region for detection in networks.detect(search.canvas, within)]
             if not any([search.take(region) for region in regions[: limit - len(search.found)]]):
                 break
     if upright:
@@ -47,7 +48,8 @@ def find_people(
 class _Search:
     """One frame's search: who was found, and the frame with everybody found painted out."""
 
-    def __init__(self, image: Picture, known: list[Observation]) -> None:
+    def __init__(self, networks: Networks, image: Picture, known: list[Observation]) -> None:
+        self._networks = networks
         self._known = known
         self._image = image
         self.found: list[Observation] = []
@@ -58,12 +60,12 @@ class _Search:
 
     def take(self, region: Region) -> bool:
         """Look at a region; True when it holds somebody new, who is then painted out."""
-        person = settle(self.canvas, region)
+        person = settle(self._networks.locate, self.canvas, region)
         if person is None or any(same_person(person, other) for other in [*self._known, *self.found]):
             return False
         if self.found or self._known:
             # A body put together from what the paint left over falls apart when it is looked at without the paint.
-            bare = observe(locate(self._image, person.region), self._image.size)
+            bare = observe(self._networks.locate(self._image, person.region), self._image.size)
             if bare is None or any(same_person(bare, other) for other in [*self._known, *self.found]):
                 return False
             if max(covered_fraction(self._painted, person), covered_fraction(self._painted, bare)) > MAX_COVERED:
@@ -80,7 +82,7 @@ def covered_fraction(painted: UInt8[np.ndarray, "height width"], person: Observa
     return float((paint * person.mask).sum() / max(int(person.mask.sum()), 1))
 
 
-def settle(image: Picture, region: Region) -> Observation | None:
+def settle(locate: PoseNetwork, image: Picture, region: Region) -> Observation | None:
     """The person in a region, looked at until the crop follows from its own output."""
     seen = None
     for _ in range(SETTLE_ROUNDS):

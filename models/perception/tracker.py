@@ -12,8 +12,9 @@ from jaxtyping import Float
 
 from humanmm.models.geometry.boxes import box_iou
 from humanmm.models.perception.clothing import clothing_histogram, colour_distance
+from humanmm.models.perception.interfaces import Landmarks, Networks, PoseNetwork
 from humanmm.models.perception.linking import joined, untangled
-from humanmm.models.perception.networks import Landmarks, detect, locate
+from humanmm.models.perception.networks import BLAZEPOSE
 from humanmm.models.perception.observation import Observation, averaged, observe, similarity
 from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.regions import Region
@@ -67,7 +68,10 @@ class SceneTracker:
     `time_s` holds the presentation times of all frames of the video.
     """
 
-    def __init__(self, *, start: int, end: int, time_s: Float[Array, " F"], max_people: int) -> None:
+    def __init__(
+        self, *, start: int, end: int, time_s: Float[Array, " F"], max_people: int, networks: Networks
+    ) -> None:
+        self._networks = networks
         self._start, self._end = start, end
         self._time_s = time_s
         self._max_people = max_people
@@ -154,8 +158,8 @@ class SceneTracker:
         if track.lost_since is None:
             return found or (self._look(frame, image, region) if hiding else None)
         if found is None and self._local_search_due(track.lost_since, frame):
-            for detection in detect(canvas, Region(region.x, region.y, 1.8 * region.side)):
-                person = settle(canvas, detection.region)
+            for detection in self._networks.detect(canvas, Region(region.x, region.y, 1.8 * region.side)):
+                person = settle(self._networks.locate, canvas, detection.region)
                 if person is not None and not person.region.outlier_of(region, shift=0.6, ratio=1.6):
                     found = person, 0.0
                     break
@@ -171,20 +175,20 @@ class SceneTracker:
 
     def _look(self, frame: int, image: Picture, region: Region) -> tuple[Observation, float] | None:
         """The person in a region and a vote on his sides; a crop that jumped or changed size is looked at again."""
-        output = locate(image, region)
+        output = self._networks.locate(image, region)
         if output.next_region.outlier_of(region, shift=0.12, ratio=1.3):
-            output = locate(image, output.next_region)
+            output = self._networks.locate(image, output.next_region)
             if output.next_region.outlier_of(region, shift=0.35, ratio=1.6):
                 return None
         careful = frame - self._start < CAREFUL_FRAMES or self._end - frame <= CAREFUL_FRAMES
         if careful:
-            output = _second_look(image, output)
+            output = _second_look(self._networks.locate, image, output)
         seen = observe(output, image.size)
         if seen is None:
             return None
         vote = 0.0
         if LEANING_RAD < abs(seen.region.angle) < LYING_RAD and (careful or self._side_look_due[frame]):
-            upright = locate(image, replace(seen.region, angle=0.0))
+            upright = self._networks.locate(image, replace(seen.region, angle=0.0))
             vote = side_vote(seen.keypoints, upright.keypoints, seen.region.side)
         return seen, vote
 
@@ -206,7 +210,7 @@ class SceneTracker:
         thorough = first or (due and (lost or not seen))
         places = places_to_look(image, self._searches, thorough=thorough)
         self._searches += 1
-        for person in find_people(image, seen, places, upright=first, limit=limit):
+        for person in find_people(self._networks, image, seen, places, upright=first, limit=limit):
             track = self._resumed(frame, image, person)
             if track is None:
                 track = TrackBuilder(self._time_s, person, frame)
@@ -253,14 +257,14 @@ class SceneTracker:
             track.colours[frame] = clothing_histogram(image, track.last).astype(np.float32)
 
 
-def _second_look(image: Picture, output: Landmarks) -> Landmarks:
+def _second_look(locate: PoseNetwork, image: Picture, output: Landmarks) -> Landmarks:
     """The mean of an output and of the mirrored crop's, where the two agree on left and right."""
     other = locate(image, output.region, mirrored=True)
     agree = side_vote(output.keypoints, other.keypoints, output.region.side) > -0.5
     return averaged(output, other) if agree and other.presence > 0.5 else output
 
 
-def track_people(
+def track_pictures(
     frames: Iterable[tuple[int, Picture]],
     *,
     start: int,
@@ -268,13 +272,14 @@ def track_people(
     time_s: Float[Array, " F"],
     size: tuple[int, int],
     max_people: int,
+    networks: Networks = BLAZEPOSE,
 ) -> ScenePeople:
     """Everybody in the frames [start, end) of one scene.
 
     `time_s` holds the presentation times of all frames of the video. Pictures may be smaller than the source (`size` is
     its width and height): results are in source pixels.
     """
-    tracker = SceneTracker(start=start, end=end, time_s=time_s, max_people=max_people)
+    tracker = SceneTracker(start=start, end=end, time_s=time_s, max_people=max_people, networks=networks)
     scale = np.ones(2)
     for frame, image in frames:
         scale = np.array(size) / image.size

@@ -36,19 +36,14 @@ class PointTracks:
 
 @dataclass(frozen=True)
 class Intrinsics:
-    """One pinhole camera for all shots; principal point at the centre of the picture."""
+    """One pinhole camera for all shots, its principal point in the middle (`geometry.intrinsics.K_of`)."""
 
     focal_px: float
     width: int
     height: int
     source: Literal["given", "metadata", "estimated", "default"]
     relative_uncertainty: float
-    """One sigma of the focal length, as a share of it."""
-
-    @property
-    def K(self) -> np.ndarray:  # noqa: N802 (the letter everybody knows it by)
-        """(3,3) float64."""
-        return np.array([[self.focal_px, 0, self.width / 2], [0, self.focal_px, self.height / 2], [0, 0, 1.0]])
+    """Standard deviation of the focal length, as a fraction of it."""
 
 
 @dataclass(frozen=True)

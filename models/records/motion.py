@@ -4,7 +4,6 @@ World: z up, metres, floor at z = 0. Camera: x right, y down, z forward. Names R
 """
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
@@ -46,8 +45,9 @@ class CutAlignment:
     """How two neighbouring shots were joined."""
 
     cut_frame: int
-    method: Literal["bundle", "eight-point", "given", "none"]
-    """`given`: the turn is known from elsewhere; `none`: the shots share no person, see `linked`."""
+    method: str
+    """`bundle`, `eight-point` or the name of another method; `given`: the rotation is known from elsewhere; `none`: the
+    shots share no person, see `linked`."""
     R_before_after: np.ndarray
     """(3,3) float64: camera axes of the first frame after the cut to those of the last frame before it."""
     residual_px: float

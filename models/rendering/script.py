@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
+from humanmm.models.geometry.intrinsics import K_from_focal
 from humanmm.models.geometry.projection import world_to_camera
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.rendering.actors import place_actors, resample, shifted
@@ -106,8 +107,7 @@ class Clip:
 
     def K(self, shot: Shot, frame: int) -> Float[Array, "3 3"]:  # noqa: N802
         """Pixels with centres at .5."""
-        f = float(shot.focal_px[frame - shot.start])
-        return np.array([[f, 0, self.width / 2], [0, f, self.height / 2], [0, 0, 1.0]])
+        return K_from_focal(float(shot.focal_px[frame - shot.start]), self.width, self.height)
 
 
 def plan_clip(sequences: Sequence[MocapSequence], plan: ClipPlan) -> Clip:

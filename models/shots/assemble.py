@@ -7,8 +7,10 @@ import numpy as np
 
 from humanmm.errors import NoUsablePersonError
 from humanmm.models.geometry.intervals import Interval, frame_intervals, in_intervals
+from humanmm.models.geometry.intrinsics import K_from_focal, default_focal_px
 from humanmm.models.records.shots import Appearance, Scenes, Shot, ShotList, Transition
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
+from humanmm.models.records.video import VideoFacts
 from humanmm.models.shots.identity import Cast, identify
 from humanmm.models.shots.left_right_swaps import Sighting, left_right_swaps
 from humanmm.models.shots.people_cuts import Parts, split_scenes
@@ -16,20 +18,22 @@ from humanmm.models.shots.tracking_failures import failed_frames
 from humanmm.models.video.frame_times import shown_s
 
 
-def assemble_shots(
+def detect_shots(
+    facts: VideoFacts,
     scenes: Scenes,
     people: Sequence[ScenePeople | None],
     *,
-    time_s: np.ndarray,
-    K: np.ndarray,
     only_person: int | None = None,
     parts: Parts = "keypoints",
 ) -> ShotList:
     """Shots of the whole video with everybody in them (or with one person); `people` has None for a failed scene.
 
-    `time_s` holds the presentation times of all frames; K may be rough. Raises NoUsablePersonError when nobody, or not
-    the wanted person, is in the video.
+    `parts` says how much of the three-part detector is used: colours, boxes, keypoints. Left and right are told apart
+    with a rough K, for the focal length is estimated later. Raises NoUsablePersonError when nobody, or not the wanted
+    person, is in the video.
     """
+    time_s = facts.time_s
+    K = K_from_focal(default_focal_px(facts.width, facts.height), facts.width, facts.height)
     transitions = split_scenes(scenes, people, time_s=time_s, parts=parts)
     shots = _empty_shots(scenes, transitions)
     cast = identify(shots, people, time_s=time_s)

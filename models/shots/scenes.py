@@ -11,7 +11,7 @@ import numpy as np
 
 from humanmm.models.geometry.intervals import Interval, merged
 from humanmm.models.records.shots import Scenes, Transition
-from humanmm.models.shots.footage import Footage
+from humanmm.models.shots.footage import SIDE_PX, Footage
 from humanmm.models.shots.gradual import (
     DISSOLVE_S,
     dissolves,
@@ -22,6 +22,9 @@ from humanmm.models.shots.gradual import (
 )
 from humanmm.models.shots.hard_cuts import REACH, hard_cuts
 from humanmm.models.video.frame_times import elapsed_s
+from humanmm.models.video.frames import Frame, frames
+from humanmm.models.video.opened import Progress, Video, silent
+from humanmm.models.video.prefetch import prefetched
 
 _CONTENT_THRESHOLD = 20.0
 """PySceneDetect's default is 27; proposals are verified, so that a lower one costs only time."""
@@ -104,6 +107,19 @@ def proposals(change: Sequence[float]) -> Iterator[int]:
         around = (sum(change[first:]) - change[middle]) / (2 * _ADAPTIVE_WINDOW)
         if change[middle] >= _ADAPTIVE_RATIO * around:
             yield middle
+
+
+def detect_scenes(video: Video, *, progress: Progress = silent) -> Scenes:
+    """Scenes of the whole video by colour, from pictures of SIDE_PX."""
+    facts = video.facts
+
+    def pictures(decoded: Iterator[Frame]) -> Iterator[np.ndarray]:
+        for frame in decoded:
+            yield frame.image
+            progress(frame.index + 1, facts.num_frames)
+
+    with prefetched(frames(video.stream, facts, pixels="bgr", max_side_px=SIDE_PX)) as decoded:
+        return find_scenes(pictures(decoded), facts.time_s)
 
 
 def find_scenes(pictures: Iterable[np.ndarray], time_s: np.ndarray) -> Scenes:

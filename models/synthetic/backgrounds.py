@@ -7,7 +7,7 @@ that stood still are not recorded; some tracks drift.
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.models.camera.points import TrackerSettings
+from humanmm.models.camera.klt import MAX_UNRECORDED, NUM_POINTS, STILL_PX
 from humanmm.models.geometry.projection import in_front, project, world_to_camera
 from humanmm.models.records.camera import PointTracks
 from humanmm.models.synthetic.rigs import HEIGHT, WIDTH, ClipCamera
@@ -53,7 +53,6 @@ def track(
     rng: np.random.Generator,
 ) -> PointTracks:
     """Point tracks of one clip [start, end); `boxes` (xyxy, NaN for none) is where the person hides the wall."""
-    settings = TrackerSettings()
     scale = WIDTH / TRACKER_PX
     n = span[1] - span[0]
     in_camera = world_to_camera(room[None], camera.R_world_cam, camera.t_world_cam)
@@ -62,9 +61,9 @@ def track(
     with np.errstate(invalid="ignore"):
         on_person = (xy > boxes[:, None, :2]).all(-1) & (xy < boxes[:, None, 2:]).all(-1)
     usual = max(float(seen.sum(axis=1).mean()), 1.0)
-    keep = rng.random(len(room)) < 1.2 * settings.num_points / usual
+    keep = rng.random(len(room)) < 1.2 * NUM_POINTS / usual
     xy, seen = xy[:, keep], (seen & ~on_person)[:, keep]
-    recorded = _recorded(xy, seen, settings.still_px * scale, settings.max_unrecorded)
+    recorded = _recorded(xy, seen, STILL_PX * scale, MAX_UNRECORDED)
     xy, seen = xy[recorded], seen[recorded]
     frames = np.arange(*span)[recorded]
     dies = rng.random(seen.shape) < 1 - np.exp(-np.diff(frames, prepend=frames[0])[:, None] / (LIFE_S * fps))

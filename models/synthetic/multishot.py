@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.landmarks import load_landmarks
-from humanmm.models.camera.keyframes import ViewFeatures
+from humanmm.models.camera.keyframes import FrameFeatures
 from humanmm.models.evaluation.people import projected_boxes
 from humanmm.models.evaluation.skeleton import SMPL_NAMES
 from humanmm.models.geometry.projection import project, world_to_camera
@@ -73,8 +73,8 @@ class BenchVideo:
     points: tuple[PointTracks, ...]
     """Of spans none of which is shorter than a shot; empty tracks where nothing is known of the background."""
     truth: MotionSequence
-    views: tuple[ViewFeatures, ...] = ()
-    """Key views of the shots, people left out; none where there are no pictures."""
+    key_frames: tuple[FrameFeatures, ...] = ()
+    """Features of the shots' key frames, people left out; none where there are no pictures."""
     static_cameras: bool = False
     """The user knows that all cameras are static."""
     cuts_known: bool = False

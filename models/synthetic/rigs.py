@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.ndimage import gaussian_filter1d
 
+from humanmm.models.geometry.intrinsics import K_from_focal
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
 
 Array = np.ndarray
@@ -40,7 +41,7 @@ class Ring:
     @property
     def K(self) -> Float[Array, "3 3"]:  # noqa: N802
         """Pixels with centres at .5."""
-        return np.array([[self.focal_px, 0, WIDTH / 2], [0, self.focal_px, HEIGHT / 2], [0, 0, 1.0]])
+        return K_from_focal(self.focal_px, WIDTH, HEIGHT)
 
 
 @dataclass(frozen=True)

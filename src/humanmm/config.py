@@ -7,7 +7,23 @@ docs. A section's values are part of the store key of the stages that name it (s
 from collections.abc import Mapping
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic_core import PydanticCustomError
+
+from humanmm import parts
+from humanmm.errors import ConfigError
+
+
+def _part(setting: str) -> AfterValidator:
+    """The name of an installed part (`humanmm.parts`)."""
+
+    def check(name: str) -> str:
+        try:
+            return parts.find(setting, name).name
+        except ConfigError as error:
+            raise PydanticCustomError("part", "{reason}", {"reason": str(error)}) from None
+
+    return AfterValidator(check)
 
 
 class Section(BaseModel):
@@ -30,6 +46,12 @@ class ScenesConfig(Section):
 class PeopleConfig(Section):
     """Person detection, 2D/3D pose, masks, tracking."""
 
+    detector: Annotated[str, _part("people.detector")] = "blazepose"
+    """Network that finds people in a picture, by name."""
+
+    pose: Annotated[str, _part("people.pose")] = "blazepose-full"
+    """Network that finds a person's landmarks and mask, by name."""
+
     max_people: Annotated[int, Field(ge=1, le=32)] = 6
     """Largest number of people tracked at the same time."""
 
@@ -51,6 +73,9 @@ class ShotsConfig(Section):
 class PointsConfig(Section):
     """Long point tracks on the background."""
 
+    tracker: Annotated[str, _part("points.tracker")] = "klt"
+    """Point tracker, by name."""
+
     max_side_px: Annotated[int, Field(ge=160, le=4096)] = 640
     """Longest side, in pixels, of the grey pictures in which points are tracked."""
 
@@ -71,12 +96,18 @@ class IntrinsicsConfig(Section):
 class CameraConfig(Section):
     """Camera motion inside a shot (paper section 3.2)."""
 
+    estimator: Annotated[str, _part("camera.estimator")] = "bundle"
+    """What estimates a shot's camera from tracked points, by name."""
+
     static: bool = False
     """Declare every shot's camera static instead of testing for it."""
 
 
 class HmrConfig(Section):
     """Fit of the body to one shot's keypoints and landmarks."""
+
+    initial_pose: Annotated[str, _part("hmr.initial_pose")] = "inverse-kinematics"
+    """What gives the pose at which the fit begins, by name."""
 
     pose_prior: Annotated[float, Field(ge=0, le=10)] = 1.0
     """Weight of motion-capture statistics of poses against what one frame shows; 0 trusts the frame alone."""
@@ -88,9 +119,9 @@ class HmrConfig(Section):
 class AlignConfig(Section):
     """Joining shots into one world (paper section 3.3.1)."""
 
-    method: Literal["bundle", "eight-point"] = "bundle"
-    """How the camera's turn at a cut is found: `bundle` (adjusting the body's motion through the cut, and places that
-    two shots share) or `eight-point` (the paper's essential matrix)."""
+    method: Annotated[str, _part("align.method")] = "bundle"
+    """How the camera's rotation at a cut is found, by name: `bundle` (adjusting the body's motion through the cut) or
+    `eight-point` (the paper's essential matrix)."""
 
 
 class RefineConfig(Section):

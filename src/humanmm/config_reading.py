@@ -79,6 +79,8 @@ def _first(error: ValidationError) -> str:
         close = difflib.get_close_matches(str(first["loc"][-1]), known, n=1)
         hint = f"did you mean {close[0]}?" if close else f"known: {', '.join(known) or 'none'}"
         return f"unknown setting {place}; {hint}"
+    if first["type"] == "part":
+        return first["msg"]
     message = first["msg"][:1].lower() + first["msg"][1:]
     return f"setting {place}: {message}, not {first['input']!r}"
 

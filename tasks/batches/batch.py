@@ -15,12 +15,14 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
 from humanmm.config import Config
 from humanmm.config_reading import validate
 from humanmm.errors import InputError, StoreError, VideoError
+from humanmm.parts import Part, chosen
 from humanmm.storage.batches.batch_ledger import BatchLedger, VideoRow, facts_of, has_run_record
 from humanmm.storage.batches.manifest import Entry
 from humanmm.storage.store.identity import identify, known_content
@@ -29,7 +31,8 @@ from humanmm.tasks import pipeline
 from humanmm.tasks.engine import finish
 from humanmm.tasks.engine.plan import forecast, is_complete
 from humanmm.tasks.engine.run import VideoRun
-from humanmm.tasks.units.digest import code_digest
+from humanmm.tasks.pipeline import Stage
+from humanmm.tasks.units.digest import CodeDigest, code_digest
 from humanmm.tasks.units.faults import in_words, is_infrastructure_fault
 
 log = logging.getLogger(__name__)
@@ -231,7 +234,7 @@ def insist(ask: Callable[[], T]) -> T:
 def _rows(
     name: str, entries: Sequence[Entry], config: Config, out: Path, store: Store, known: Mapping[str, VideoRow]
 ) -> list[VideoRow]:
-    code = finish.code_of(pipeline.STAGES, lambda stage: code_digest(stage.function[0]))
+    code_of_parts: dict[tuple[Part, ...], str] = {}
     resolved: dict[str, tuple[str, str]] = {}  # overrides → configuration as json, recipe
     base = config.model_dump(mode="json")
     folders = _RunFolders(out, store, known)
@@ -243,7 +246,11 @@ def _rows(
             tree = {k: {**v, **entry.settings.get(k, {})} for k, v in base.items()} if entry.settings else base
             unknown = {k: v for k, v in entry.settings.items() if k not in tree}
             settings = validate({**tree, **unknown}, origin=entry.origin)
-            resolved[overrides] = json.dumps(settings.model_dump(mode="json")), finish.recipe_of(code, settings)
+            parts = chosen(settings, base)
+            if parts not in code_of_parts:
+                code_of_parts[parts] = finish.code_of(pipeline.STAGES, partial(_code_of_stage, settings))
+            recipe = finish.recipe_of(code_of_parts[parts], settings)
+            resolved[overrides] = json.dumps(settings.model_dump(mode="json")), recipe
         settings_json, recipe = resolved[overrides]
         rows.append(
             VideoRow(
@@ -253,6 +260,10 @@ def _rows(
             )
         )  # fmt: skip
     return rows
+
+
+def _code_of_stage(settings: Config, stage: Stage) -> CodeDigest:
+    return code_digest(stage.function[0], chosen(settings, stage.settings))
 
 
 class _RunFolders:

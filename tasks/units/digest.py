@@ -5,6 +5,9 @@ models/ and the files tasks/*.py count, and the module that writes pictures; the
 never what it is, or stands in the key by its values (config). A module's digest (`module_facts`) leaves out comments,
 docstrings and line numbers, so that a reworded text recomputes nothing. Weight files count when a visited module names
 them; numerical libraries count by version when a visited module imports them.
+
+Replaceable parts (`humanmm.parts`) are loaded by name, which no import shows: those that the configuration names are
+visited too, and an external one counts by its distribution's version and the files beside its code as well.
 """
 
 import functools
@@ -12,9 +15,11 @@ import hashlib
 import importlib.metadata
 import importlib.util
 import sys
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+from humanmm.parts import Part
 from humanmm.tasks.units.module_facts import known_modules
 
 PACKAGE = "humanmm"
@@ -44,14 +49,19 @@ class CodeDigest:
     libraries: dict[str, str]
 
 
-def code_digest(module: str, *, weights_dir: Path | None = None) -> CodeDigest:
-    """Digest of a stage's module and of everything of ours that it imports, directly or not."""
-    weights_dir = weights_dir or _folder_of(PACKAGE) / "models" / "weights"
+def code_digest(module: str, parts: Iterable[Part] = (), *, weights_dir: Path | None = None) -> CodeDigest:
+    """Digest of a stage's module, of the parts that are chosen for it, and of all of their packages that these import,
+    directly or not."""
+    weights_dir = weights_dir or _place_of(PACKAGE) / "models" / "weights"
     if _source_of(module) is None:
         raise ModuleNotFoundError(f"there is no module {module}")
-    known, package = known_modules(), _folder_of(PACKAGE)
-    roots = {PACKAGE, module.split(".")[0]}
-    waiting, modules, weights, libraries = [module], {}, {}, {"python": "{}.{}".format(*sys.version_info)}
+    known, package = known_modules(), _place_of(PACKAGE)
+    parts = tuple(parts)
+    waiting, modules, weights = [module, *(part.module for part in parts)], {}, {}
+    roots = {PACKAGE, *(name.split(".")[0] for name in waiting)}
+    libraries = {"python": "{}.{}".format(*sys.version_info)}
+    libraries |= {part.distribution: part.version for part in parts if part.distribution}
+    foreign = {part.module.split(".")[0] for part in parts if part.distribution}
     while waiting:
         name = waiting.pop()
         path = _source_of(name)
@@ -65,9 +75,10 @@ def code_digest(module: str, *, weights_dir: Path | None = None) -> CodeDigest:
                 waiting += _with_parents(imported)
             elif root in _DISTRIBUTIONS:
                 libraries[root] = _version(root)
+        folder = path.parent if name.split(".")[0] in foreign else weights_dir
         for text in facts.strings:
-            if (weights_dir / text).is_file():
-                weights[text] = _file_sha256(weights_dir / text, (weights_dir / text).stat().st_mtime_ns)
+            if (folder / text).is_file():
+                weights[text] = _file_sha256(folder / text, (folder / text).stat().st_mtime_ns)
     known.save()
     return CodeDigest(dict(sorted(modules.items())), dict(sorted(weights.items())), dict(sorted(libraries.items())))
 
@@ -87,18 +98,24 @@ def _decides_results(path: Path, package: Path) -> bool:
 def _source_of(name: str) -> Path | None:
     """The file of a module; None for a name that is no module, such as a function imported from one."""
     root, *rest = name.split(".")
-    base = _folder_of(root).joinpath(*rest)
+    base = _place_of(root)
+    if base.is_file():
+        return None if rest else base
+    base = base.joinpath(*rest)
     if (base / "__init__.py").is_file():
         return base / "__init__.py"
     path = base.with_name(f"{base.name}.py")
     return path if rest and path.is_file() else None
 
 
-def _folder_of(root: str) -> Path:
+def _place_of(root: str) -> Path:
+    """The folder of a package, or the file of a module that is none."""
     spec = importlib.util.find_spec(root)
-    if spec is None or not spec.submodule_search_locations:
+    if spec is not None and spec.submodule_search_locations:
+        return Path(next(iter(spec.submodule_search_locations)))
+    if spec is None or spec.origin is None:
         raise ModuleNotFoundError(f"no package named {root!r}")
-    return Path(next(iter(spec.submodule_search_locations)))
+    return Path(spec.origin)
 
 
 @functools.cache

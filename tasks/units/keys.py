@@ -8,6 +8,7 @@ import threading
 from humanmm.config import Config
 from humanmm.errors import MissingInputError
 from humanmm.models.records.shots import ShotList
+from humanmm.parts import chosen
 from humanmm.storage.store.codec import encode
 from humanmm.storage.store.identity import VideoIdentity
 from humanmm.storage.store.recipe import Recipe
@@ -31,7 +32,7 @@ class Keys:
         """The code of a stage as it was at the first call: a run sees one state of the code."""
         with self._code_lock:  # CPython 3.11 fails now and then when two threads parse at once (gh-106905)
             if stage.name not in self._code:
-                self._code[stage.name] = code_digest(stage.function[0])
+                self._code[stage.name] = code_digest(stage.function[0], chosen(self._config, stage.settings))
             return self._code[stage.name]
 
     def recipe(self, unit: Unit) -> Recipe:

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from humanmm.models.geometry.intrinsics import K_of
 from humanmm.models.records.camera import Intrinsics, PointTracks, ShotCamera
 from humanmm.models.records.shots import ShotList
 from humanmm.models.records.tracks import ScenePeople
@@ -17,7 +18,7 @@ def camera(inputs: StageInputs) -> ShotCamera:
     assert len(inputs.read("shots", ShotList).shots) == 1
     assert len(inputs.read("points", PointTracks).frame) >= n
     inputs.read("people", ScenePeople)
-    K = inputs.read("intrinsics", Intrinsics).K
+    K = K_of(inputs.read("intrinsics", Intrinsics))
     moves = np.zeros((n, 3)) if inputs.config.camera.static else np.cumsum(np.ones((n, 3)), 0)
     return filled(
         ShotCamera, n, start=start, end=end, t_shot_cam=moves, K=np.tile(K, (n, 1, 1)), source="static",

@@ -17,7 +17,7 @@ from humanmm.models.body.landmarks import load_landmarks
 from humanmm.models.geometry.projection import inverse_pose, ray_axes, viewing_rays, world_to_camera
 from humanmm.models.motion.fit.equations import Term, frame_weights
 from humanmm.models.motion.fit.evidence import BONE_END, BONE_START, BONES, Evidence, LongEvidence, bone_lengths, gather
-from humanmm.models.motion.fit.initial import interpolated, start_pose, start_position
+from humanmm.models.motion.fit.initial import InitialPose, interpolated, start_pose, start_position
 from humanmm.models.motion.fit.pose_prior import load_pose_statistics
 from humanmm.models.motion.fit.solver import SolverSettings, solve_windows
 from humanmm.models.motion.fit.state import NUM_PARAMETERS, PELVIS, CameraPath, LongMotion, Motion, Skeleton
@@ -85,8 +85,13 @@ def fit_shot(
     camera: ShotCamera,
     *,
     noise: NoiseModel | None = None,
+    initial_pose: InitialPose = start_pose,
 ) -> ShotMotion:
-    """Everybody in one shot, where no transition mixes it with another; people who are not seen there are left out."""
+    """Everybody in one shot, where no transition mixes it with another; people who are not seen there are left out.
+
+    `people` holds everybody's shape, `time_s` the times of all frames of the video, seconds. The motion is in the axes
+    of each frame's camera, metres.
+    """
     betas = {person.person: person.betas for person in people}
     motions = []
     for appearance in shot.people:
@@ -95,7 +100,8 @@ def fit_shot(
         evidence = gather(scene.track_of(appearance), span, time_s, K, tracking_failures=appearance.tracking_failures)
         if evidence is not None:
             path = camera_path(camera, evidence.frame)
-            motions.append(fit_person(appearance.person, evidence, betas[appearance.person], path, noise=noise))
+            person, shape = appearance.person, betas[appearance.person]
+            motions.append(fit_person(person, evidence, shape, path, noise=noise, initial_pose=initial_pose))
     return ShotMotion(shot.start, shot.end, tuple(motions))
 
 
@@ -114,25 +120,26 @@ def fit_person(
     *,
     noise: NoiseModel | None = None,
     settings: SolverSettings | None = None,
+    initial_pose: InitialPose = start_pose,
 ) -> PersonShotMotion:
     """θ, Γ and τ of every frame, in the axes of its camera."""
     noise = noise or NoiseModel()
     body, model = load_body(), load_landmarks()
     skeleton = Skeleton(body.rest_joints(betas), model.joint, model.offsets(betas))
-    motion = _start(skeleton, evidence, camera)
+    motion = _start(skeleton, evidence, camera, initial_pose)
     depths = pelvis_depths(motion, camera)
     terms = EvidenceTerms(evidence, bone_lengths(skeleton), camera, depths, noise, anchor=motion)
     motion = solve_windows(motion, terms, settings)
     return _result(person, evidence, betas, camera, motion, terms)
 
 
-def _start(skeleton: Skeleton, evidence: LongEvidence, camera: CameraPath) -> LongMotion:
-    """Inverse kinematics of the seen frames, placed on their rays; the others between them."""
+def _start(skeleton: Skeleton, evidence: LongEvidence, camera: CameraPath, initial_pose: InitialPose) -> LongMotion:
+    """The initial pose of the seen frames, placed on their rays; the others between them."""
     n = len(evidence.frame)
     start, depth = LongMotion.empty(skeleton, n), np.empty(n)
     for frames in chunks(n):
         R_cam_ref, e = camera.R_cam_ref[frames], evidence.frames(frames)
-        R_local = start_pose(skeleton, e.landmarks_cam @ R_cam_ref)
+        R_local = initial_pose(skeleton, e.landmarks_cam @ R_cam_ref)
         posed = Motion.of(skeleton, R_local, np.zeros((len(R_local), 3))).points @ np.swapaxes(R_cam_ref, -1, -2)
         rays = viewing_rays(e.keypoints.astype(np.float64), camera.K[frames])[..., :2]
         pelvis_cam = start_position(posed, rays, e.visibility**2 + 1e-3)

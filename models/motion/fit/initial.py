@@ -4,6 +4,8 @@ Torso and head by Kabsch, limbs bone by bone; where an elbow or knee is bent, it
 above it. All frames at once; no iteration.
 """
 
+from typing import Protocol
+
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.spatial.transform import Rotation, Slerp
@@ -20,6 +22,18 @@ from humanmm.models.geometry.rotations import (
 from humanmm.models.motion.fit.state import LongMotion, Skeleton
 
 Array = np.ndarray
+
+
+class InitialPose(Protocol):
+    """Where the fit of a body begins: a pose near the network's landmarks. The fit repairs what is a little off."""
+
+    def __call__(self, skeleton: Skeleton, landmarks_ref: Float[Array, "N 33 3"]) -> Float[Array, "N 24 3 3"]:
+        """Rotations of the root (in the axes of the landmarks) and of 23 joints (to their parents) in N frames.
+
+        Landmarks: metres, origin of no matter, left and right resolved, in the axes of the shot's reference camera.
+        """
+        ...
+
 
 _FACE = (0, 2, 5, 7, 8)
 _SPINE = (3, 6, 9)

@@ -61,6 +61,22 @@ class Observations:
     """One a scene; None where it failed."""
 
 
+def refine(
+    world: WorldMotion,
+    shots: ShotList,
+    people: Sequence[ScenePeople | None],
+    *,
+    time_s: Float[Array, " F"],
+    settings: RefineSettings | None = None,
+) -> WorldMotion:
+    """One smooth motion over all shots: contacts, planted feet, filled gaps; floor at z = 0.
+
+    `people`: what was seen, one a scene, None where it failed; `time_s`: times of all frames of the video, seconds.
+    """
+    cut_frames = tuple(shot.start for shot in shots.shots[1:])
+    return refine_world(world, Observations(shots, people), time_s=time_s, cut_frames=cut_frames, settings=settings)
+
+
 def refine_world(
     world: WorldMotion,
     observations: Observations | None,

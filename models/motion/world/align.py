@@ -7,36 +7,38 @@ the first person's first pelvis above the origin.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
 
+from humanmm.models.cuts.camera_rotation import CutMethod, align_by_bundle
+from humanmm.models.geometry.intrinsics import K_of
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
-from humanmm.models.motion.world.footage import Footage, camera_of, motions_of, posed, usable
 from humanmm.models.motion.world.levelling import levelled
 from humanmm.models.motion.world.people import Part, concatenated
 from humanmm.models.motion.world.shot_graph import BackgroundEdges, CutEdge, background_edges, cut_edge, people_edge
+from humanmm.models.motion.world.shot_results import ShotResults, camera_of, motions_of, posed, usable
 from humanmm.models.motion.world.shot_rotations import ShotRotations, average_rotations
 from humanmm.models.motion.world.solver import SameCamera, ShotRig, ShotTrajectory, Solution, solve
 from humanmm.models.records.camera import SOURCES
 from humanmm.models.records.motion import CutAlignment, PersonShotMotion, WorldMotion
 
-__all__ = ["Footage", "assemble"]
+__all__ = ["ShotResults", "align"]
 
 Array = np.ndarray
 
 
-def assemble(
-    footage: Footage,
+def align(
+    footage: ShotResults,
     *,
-    method: Literal["bundle", "eight-point"] = "bundle",
+    method: CutMethod = align_by_bundle,
     known_rotations: Mapping[int, Float[Array, "3 3"]] | None = None,
 ) -> WorldMotion:
     """People and cameras of the whole video in one world.
 
-    `known_rotations`: by first frame of a shot, camera axes of that frame to those of the frame before, where they are
-    known from elsewhere; neighbouring shots that share people are joined by them.
+    `method` finds how the camera rotated at a cut. `known_rotations`: by first frame of a shot, camera axes of that
+    frame to those of the frame before, where they are known from elsewhere; neighbouring shots that share people are
+    joined by them.
     """
     edges = [
         cut_edge(footage, later, method, known_rotations or {})
@@ -52,7 +54,7 @@ def assemble(
     world = _World(
         R=np.tile(np.eye(3), (F, 1, 1)),
         t=np.zeros((F, 3)),
-        K=np.tile(footage.intrinsics.K, (F, 1, 1)),
+        K=np.tile(K_of(footage.intrinsics), (F, 1, 1)),
         source=np.full(F, SOURCES.index("fallback"), np.uint8),
         people={},
     )
@@ -76,7 +78,7 @@ def assemble(
     )
 
 
-def _lifted(footage: Footage) -> list[str]:
+def _lifted(footage: ShotResults) -> list[str]:
     """Who is known from 2D keypoints alone."""
     people = {
         appearance.person
@@ -101,7 +103,7 @@ class _World:
     people: dict[int, list[Part]]
 
 
-def _groups(footage: Footage, rotations: ShotRotations) -> list[list[int]]:
+def _groups(footage: ShotResults, rotations: ShotRotations) -> list[list[int]]:
     """Usable shots that edges connect, in order."""
     groups: dict[int, list[int]] = {}
     for shot, group in enumerate(rotations.group):
@@ -111,7 +113,7 @@ def _groups(footage: Footage, rotations: ShotRotations) -> list[list[int]]:
 
 
 def _solve_group(
-    footage: Footage, group: Sequence[int], rotations: ShotRotations, background: BackgroundEdges, world: _World
+    footage: ShotResults, group: Sequence[int], rotations: ShotRotations, background: BackgroundEdges, world: _World
 ) -> list[str]:
     """Level the shots of one group, solve for their positions, and write them into the world; returns warnings."""
     R_first_shot = [rotations.R_group_shot[group[0]].T @ rotations.R_group_shot[shot] for shot in group]
@@ -129,7 +131,7 @@ def _solve_group(
         if edge.a in index and edge.b in index
     ]
     same = [
-        SameCamera(index[edge.shot_a], edge.view.frame_a, index[edge.shot_b], edge.view.frame_b)
+        SameCamera(index[edge.shot_a], edge.frames.frame_a, index[edge.shot_b], edge.frames.frame_b)
         for edge in background.same
         if edge.shot_a in index and edge.shot_b in index
     ]
@@ -154,7 +156,7 @@ def _solve_group(
 
 
 def _trajectory(
-    footage: Footage, index: int, shot: int, motion: PersonShotMotion, R_world_shot: Float[Array, "3 3"]
+    footage: ShotResults, index: int, shot: int, motion: PersonShotMotion, R_world_shot: Float[Array, "3 3"]
 ) -> ShotTrajectory:
     camera = camera_of(footage, shot)
     R_world_cam = R_world_shot @ camera.R_shot_cam[motion.frame - camera.start]
@@ -170,7 +172,7 @@ def _trajectory(
     )
 
 
-def _rig(footage: Footage, shot: int, R_world_shot: Float[Array, "3 3"]) -> ShotRig:
+def _rig(footage: ShotResults, shot: int, R_world_shot: Float[Array, "3 3"]) -> ShotRig:
     camera = camera_of(footage, shot)
     return ShotRig(
         path=camera.t_shot_cam @ R_world_shot.T,
@@ -201,7 +203,7 @@ def _at_origin(
     )
 
 
-def _fill_cameras(footage: Footage, world: _World) -> None:
+def _fill_cameras(footage: ShotResults, world: _World) -> None:
     """Frames of failed shots get the nearest known camera; they keep the code of a fallback."""
     known = np.zeros(len(world.R), dtype=bool)
     for index, shot in enumerate(footage.shots.shots):
@@ -216,7 +218,7 @@ def _fill_cameras(footage: Footage, world: _World) -> None:
 
 
 def _reported(
-    footage: Footage, edges: Sequence[CutEdge], rotations: ShotRotations, world: _World
+    footage: ShotResults, edges: Sequence[CutEdge], rotations: ShotRotations, world: _World
 ) -> list[CutAlignment]:
     """The cuts with the relative rotation that the finished world has."""
     found = {edge.later: edge.cut for edge in edges}

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.models.motion.world.footage import Footage, camera_of, motions_of, posed
 from humanmm.models.motion.world.gravity import (
     PAN_SIGMA_DEG,
     ROLL_SIGMA_DEG,
@@ -15,13 +14,14 @@ from humanmm.models.motion.world.gravity import (
     standing_axis,
     up_direction,
 )
+from humanmm.models.motion.world.shot_results import ShotResults, camera_of, motions_of, posed
 from humanmm.models.records.camera import ShotCamera
 
 Array = np.ndarray
 
 
 def levelled(
-    footage: Footage, group: Sequence[int], R_first_shot: Sequence[Float[Array, "3 3"]]
+    footage: ShotResults, group: Sequence[int], R_first_shot: Sequence[Float[Array, "3 3"]]
 ) -> list[Float[Array, "3 3"]]:
     """Each shot's axes to world axes: gravity from the evidence of all shots, +y where the first camera looks."""
     up, up_sigma, level, level_sigma = [], [], [], []
@@ -62,7 +62,7 @@ def _mean_x(camera: ShotCamera) -> Float[Array, "3"]:
     return np.asarray(x / max(float(np.linalg.norm(x)), 1e-9))
 
 
-def _standing_axes(footage: Footage, shot: int) -> list[tuple[Float[Array, "3"], float]]:
+def _standing_axes(footage: ShotResults, shot: int) -> list[tuple[Float[Array, "3"], float]]:
     """Mean standing axis of each person of a shot, shot axes, with its sigma in degrees."""
     camera = camera_of(footage, shot)
     found = []

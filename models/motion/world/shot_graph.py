@@ -2,16 +2,16 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.models.camera.keyframes import ViewFeatures
-from humanmm.models.camera.shot_edges import ShotLink, link_shots
-from humanmm.models.cuts.camera_rotation import CutCameras, CutPerson, SideTrack, align_cut
+from humanmm.models.camera.keyframes import FrameFeatures
+from humanmm.models.camera.shot_edges import ShotEdge, find_shot_edges
+from humanmm.models.cuts.camera_rotation import CutCameras, CutMethod, CutPerson, SideTrack
 from humanmm.models.geometry.intervals import in_intervals
-from humanmm.models.motion.world.footage import Footage, camera_of, motions_of, usable
+from humanmm.models.geometry.intrinsics import K_of
+from humanmm.models.motion.world.shot_results import ShotResults, camera_of, motions_of, usable
 from humanmm.models.motion.world.shot_rotations import RotationEdge
 from humanmm.models.records.camera import ShotCamera, through_lens
 from humanmm.models.records.motion import CutAlignment
@@ -38,13 +38,13 @@ class BackgroundEdges:
     """What the background says of the shots: rotations, and which frames one static camera took."""
 
     edges: tuple[RotationEdge, ...]
-    same: tuple[ShotLink, ...]
+    same: tuple[ShotEdge, ...]
 
 
 def cut_edge(
-    footage: Footage,
+    footage: ShotResults,
     later: int,
-    method: Literal["bundle", "eight-point"],
+    method: CutMethod,
     known_rotations: Mapping[int, Float[Array, "3 3"]],
 ) -> CutEdge:
     """The edge to a shot from the latest earlier one in which one of its people is seen."""
@@ -67,17 +67,17 @@ def cut_edge(
         R = known_rotations[shot.start]
         return CutEdge(earlier, later, CutAlignment(shot.start, "given", R, float("nan"), 0.0, gap_s, True))
     cameras = CutCameras(
-        K_before=before.K[-1] if before is not None else footage.intrinsics.K,
-        K_after=after.K[0] if after is not None else footage.intrinsics.K,
+        K_before=before.K[-1] if before is not None else K_of(footage.intrinsics),
+        K_after=after.K[0] if after is not None else K_of(footage.intrinsics),
         moving=any(camera is not None and camera.source == "tracked" for camera in (before, after)),
     )
     middle = 0.5 * float(footage.time_s[max(shot.start - 1, 0)] + footage.time_s[shot.start])
     if people:
         middle = 0.5 * (max(p.before.time_s[-1] for p in people) + min(p.after.time_s[0] for p in people))
-    return CutEdge(earlier, later, align_cut(people, cameras, cut_frame=shot.start, cut_time_s=middle, method=method))
+    return CutEdge(earlier, later, method(people, cameras, cut_frame=shot.start, cut_time_s=middle))
 
 
-def _side(footage: Footage, shot_index: int, person: int, *, last: bool) -> SideTrack | None:
+def _side(footage: ShotResults, shot_index: int, person: int, *, last: bool) -> SideTrack | None:
     """The observations of one person in the half second of a shot that faces the cut."""
     shot = footage.shots.shots[shot_index]
     scene, camera = footage.scenes[shot.scene], footage.cameras[shot_index]
@@ -110,41 +110,41 @@ def _side(footage: Footage, shot_index: int, person: int, *, last: bool) -> Side
     )
 
 
-def people_edge(footage: Footage, edge: CutEdge) -> RotationEdge:
+def people_edge(footage: ShotResults, edge: CutEdge) -> RotationEdge:
     """The same between the axes of the two shots instead of the cameras at the cut."""
     before, after = camera_of(footage, edge.earlier), camera_of(footage, edge.later)
     R = before.R_shot_cam[-1] @ edge.cut.R_before_after @ after.R_shot_cam[0].T
     return RotationEdge(edge.earlier, edge.later, R, max(edge.cut.uncertainty_deg, LEAST_STD_DEG))
 
 
-def background_edges(footage: Footage) -> BackgroundEdges:
+def background_edges(footage: ShotResults) -> BackgroundEdges:
     """Edges between the axes of all shots whose backgrounds match."""
-    intrinsics = footage.intrinsics
-    key_views = [
-        [_with_lens(view, camera_of(footage, k), intrinsics.K) for view in views] if usable(footage, k) else []
-        for k, views in enumerate(footage.views)
+    intrinsics, K = footage.intrinsics, K_of(footage.intrinsics)
+    key_frames = [
+        [_with_lens(frame, camera_of(footage, k), K) for frame in frames] if usable(footage, k) else []
+        for k, frames in enumerate(footage.key_frames)
     ]
-    shot_edges = link_shots(key_views, K=intrinsics.K, focal_uncertainty=intrinsics.relative_uncertainty)
+    shot_edges = find_shot_edges(key_frames, K=K, focal_uncertainty=intrinsics.relative_uncertainty)
     edges = []
     for edge in shot_edges:
         R_a, R_b = (
             camera_of(footage, shot).R_shot_cam[frame - footage.shots.shots[shot].start]
-            for shot, frame in ((edge.shot_a, edge.view.frame_a), (edge.shot_b, edge.view.frame_b))
+            for shot, frame in ((edge.shot_a, edge.frames.frame_a), (edge.shot_b, edge.frames.frame_b))
         )
         edges.append(
             RotationEdge(
                 edge.shot_a,
                 edge.shot_b,
-                R_a @ edge.view.R_a_b @ R_b.T,
+                R_a @ edge.frames.R_a_b @ R_b.T,
                 edge.sigma_deg,
-                num_inliers=edge.view.num_inliers,
-                same_camera=edge.view.same_camera,
+                num_inliers=edge.frames.num_inliers,
+                same_camera=edge.frames.same_camera,
             )
         )
-    return BackgroundEdges(tuple(edges), tuple(edge for edge in shot_edges if edge.view.same_camera))
+    return BackgroundEdges(tuple(edges), tuple(edge for edge in shot_edges if edge.frames.same_camera))
 
 
-def _with_lens(view: ViewFeatures, camera: ShotCamera, K: Float[Array, "3 3"]) -> ViewFeatures:
-    """The view as if its camera had not zoomed."""
-    xy = through_lens(view.xy[None], camera.K[[view.frame - camera.start]], K)[0]
-    return replace(view, xy=xy.astype(np.float32)) if camera.zooms else view
+def _with_lens(features: FrameFeatures, camera: ShotCamera, K: Float[Array, "3 3"]) -> FrameFeatures:
+    """The features as if its camera had not zoomed."""
+    xy = through_lens(features.xy[None], camera.K[[features.frame - camera.start]], K)[0]
+    return replace(features, xy=xy.astype(np.float32)) if camera.zooms else features

@@ -7,9 +7,10 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from humanmm import parts
 from humanmm.cli.terminal import in_bytes, write, write_json
 from humanmm.cli.verb import STORE, Json, Store, app, verb
-from humanmm.errors import HumanMMError, StoreError, WeightsError
+from humanmm.errors import ConfigError, HumanMMError, StoreError, WeightsError
 
 MIN_FREE_BYTES = 1 << 30
 VARIABLES = ("CACHE", "DATA", "LOG", "SERVER_IDLE_S", "STORE", "TEMPLATE")
@@ -55,6 +56,7 @@ _LIBRARIES = (
 
 def _checks(store: Path) -> Iterator[Check]:
     yield from _installation()
+    yield from _parts()
     yield from _place(store)
     yield from _machine()
     yield _settings()
@@ -80,6 +82,19 @@ def _installation() -> Iterator[Check]:
         yield Check("weight files", True, f"{len(manifest())} files match their sha256", _INSTALL)
     except WeightsError as error:
         yield Check("weight files", False, str(error), _INSTALL)
+
+
+def _parts() -> Iterator[Check]:
+    """What other packages bring (docs/extend.md)."""
+    for part in parts.every():
+        if part.distribution is None:
+            continue
+        name, found = f"{part.setting} {part.name}", f"{part.distribution} {part.version}"
+        try:
+            parts.load(part.setting, part.name)
+            yield Check(name, True, found, "")
+        except ConfigError as error:
+            yield Check(name, False, str(error), f"install {part.distribution} again, or name another part")
 
 
 def _bucket(place: str) -> Check:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from humanmm.models.camera.estimate import estimate_camera
+from humanmm.models.camera.estimate import camera_from_points
 from humanmm.models.geometry import rotations
 from humanmm.models.records.camera import PointTracks, ShotCamera
 
@@ -23,15 +23,15 @@ def position_error(camera: ShotCamera, t_true: np.ndarray) -> float:
     return float(np.linalg.norm(scale * estimate - t_true, axis=1).max() / np.linalg.norm(t_true, axis=1).max())
 
 
-def test_a_standing_camera_is_exactly_standing(scene_of: Callable[..., Any]) -> None:
-    camera = estimate_camera(scene_of("static").points, (), scene_of("static").intrinsics)
+def test_a_static_camera_is_exactly_static(scene_of: Callable[..., Any]) -> None:
+    camera = camera_from_points(scene_of("static").points, (), scene_of("static").intrinsics)
     assert camera.source == "static" and camera.metric
     assert (camera.R_shot_cam == np.eye(3)).all() and (camera.t_shot_cam == 0).all()
 
 
 def test_a_pan_is_in_the_rotation_alone(scene_of: Callable[..., Any]) -> None:
     scene = scene_of("pan")
-    camera = estimate_camera(scene.points, (), scene.intrinsics)
+    camera = camera_from_points(scene.points, (), scene.intrinsics)
     assert camera.source == "rotation_only"
     assert (camera.t_shot_cam == 0).all()
     assert rotation_errors_deg(camera, scene.R_shot_cam).max() < 0.1
@@ -41,7 +41,7 @@ def test_a_pan_is_in_the_rotation_alone(scene_of: Callable[..., Any]) -> None:
 @pytest.mark.parametrize("kind", ["dolly", "orbit", "forward", "hand-held"])
 def test_a_moving_camera_is_followed(scene_of: Callable[..., Any], kind: str) -> None:
     scene = scene_of(kind)
-    camera = estimate_camera(scene.points, (), scene.intrinsics)
+    camera = camera_from_points(scene.points, (), scene.intrinsics)
     assert camera.source == "tracked" and not camera.metric
     assert not camera.zooms and not camera.warnings
     assert rotation_errors_deg(camera, scene.R_shot_cam).max() < 0.3  # 0.3 px of noise is 0.02 degrees a point
@@ -51,7 +51,7 @@ def test_a_moving_camera_is_followed(scene_of: Callable[..., Any], kind: str) ->
 
 def test_the_same_points_give_the_same_camera(scene_of: Callable[..., Any]) -> None:
     scene = scene_of("dolly", num_frames=30)
-    first, second = (estimate_camera(scene.points, (), scene.intrinsics) for _ in range(2))
+    first, second = (camera_from_points(scene.points, (), scene.intrinsics) for _ in range(2))
     assert (first.R_shot_cam == second.R_shot_cam).all() and (first.t_shot_cam == second.t_shot_cam).all()
 
 
@@ -62,7 +62,7 @@ def test_without_background_the_camera_is_a_declared_fallback(scene_of: Callable
         scene.points, track=scene.points.track[few], frame=scene.points.frame[few], xy=scene.points.xy[few],
         confidence=scene.points.confidence[few],
     )  # fmt: skip
-    camera = estimate_camera(points, (), scene.intrinsics)
+    camera = camera_from_points(points, (), scene.intrinsics)
     assert camera.source == "fallback"
     assert "background points" in camera.warnings[0]
 
@@ -70,7 +70,7 @@ def test_without_background_the_camera_is_a_declared_fallback(scene_of: Callable
 @pytest.mark.parametrize("num_frames", [1, 2, 3, 5])
 def test_a_shot_of_a_few_frames_works(scene_of: Callable[..., Any], num_frames: int) -> None:
     scene = scene_of("pan", num_frames=num_frames)
-    camera = estimate_camera(scene.points, (), scene.intrinsics)
+    camera = camera_from_points(scene.points, (), scene.intrinsics)
     assert camera.R_shot_cam.shape == (num_frames, 3, 3)
     assert rotation_errors_deg(camera, scene.R_shot_cam).max() < 0.5
 
@@ -88,7 +88,7 @@ def zoomed(scene: Any) -> PointTracks:
 def test_a_zoom_is_not_taken_for_motion_and_every_frame_has_its_focal_length(scene_of: Callable[..., Any]) -> None:
     scene = scene_of("pan")
     unknown = replace(scene.intrinsics, focal_px=1100.0, source="default", relative_uncertainty=0.4)
-    camera = estimate_camera(zoomed(scene), (), unknown)
+    camera = camera_from_points(zoomed(scene), (), unknown)
     assert camera.source == "rotation_only"
     assert "the camera zooms: its focal length changes by 30 %" in camera.warnings[0]
     np.testing.assert_allclose(camera.K[:, 0, 0], scene.intrinsics.focal_px * ZOOM, rtol=0.02)
@@ -102,7 +102,7 @@ def test_a_zoom_without_a_turn_tells_no_focal_length_and_keeps_the_videos_in_its
 ) -> None:
     scene = scene_of("static")
     unknown = replace(scene.intrinsics, focal_px=1100.0, source="default", relative_uncertainty=0.4)
-    camera = estimate_camera(zoomed(scene), (), unknown)
+    camera = camera_from_points(zoomed(scene), (), unknown)
     focals = camera.K[:, 0, 0]
     assert camera.source == "rotation_only"
     np.testing.assert_allclose(focals / focals[0], ZOOM, rtol=0.005)
@@ -112,7 +112,7 @@ def test_a_zoom_without_a_turn_tells_no_focal_length_and_keeps_the_videos_in_its
 
 def test_a_zoom_in_the_hand_is_told_from_the_hands_motion(scene_of: Callable[..., Any]) -> None:
     scene = scene_of("hand-held")
-    camera = estimate_camera(zoomed(scene), (), scene.intrinsics)
+    camera = camera_from_points(zoomed(scene), (), scene.intrinsics)
     assert camera.source == "tracked"
     assert "the camera zooms as it travels" in camera.warnings[0]
     np.testing.assert_allclose(camera.K[:, 0, 0], scene.intrinsics.focal_px * ZOOM, rtol=0.02)
@@ -121,5 +121,5 @@ def test_a_zoom_in_the_hand_is_told_from_the_hands_motion(scene_of: Callable[...
 
 def test_the_users_word_settles_it(scene_of: Callable[..., Any]) -> None:
     scene = scene_of("pan")
-    camera = estimate_camera(scene.points, (), scene.intrinsics, static=True)
+    camera = camera_from_points(scene.points, (), scene.intrinsics, static=True)
     assert camera.source == "given" and (camera.R_shot_cam == np.eye(3)).all()

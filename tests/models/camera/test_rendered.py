@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 import pytest
 
-from humanmm.models.camera.estimate import estimate_camera
-from humanmm.models.camera.intrinsics import ShotPoints, estimate_intrinsics
-from humanmm.models.camera.points import TrackerSettings, track_points
+from humanmm.models.camera.estimate import camera_from_points
+from humanmm.models.camera.intrinsics import ShotPoints, intrinsics_from_points
+from humanmm.models.camera.klt import klt_tracks
 from humanmm.models.geometry import rotations
 from humanmm.models.records.tracks import PersonTrack, Silhouettes
 from humanmm.models.video.frames import frames
@@ -60,13 +60,13 @@ def test_the_camera_drifts_less_than_a_degree_with_the_focal_length_unknown(clip
         for start, stop in pairwise(bounds):
             pictures = (frame.image for frame in frames(stream, facts, start, stop, pixels="gray", max_side_px=640))
             size = (facts.width, facts.height)
-            points = track_points(pictures, start=start, source_size=size, settings=TrackerSettings())
+            points = klt_tracks(pictures, start=start, source_size=size)
             shots.append(ShotPoints(points, people))
-    intrinsics = estimate_intrinsics(shots, facts.width, facts.height)
+    intrinsics = intrinsics_from_points(shots, facts.width, facts.height)
     assert intrinsics.source == "estimated"
     assert intrinsics.focal_px == pytest.approx(focal_px, rel=0.03)
     for shot, expected in zip(shots, CLIPS[clip], strict=True):
-        camera = estimate_camera(shot.points, people, intrinsics)
+        camera = camera_from_points(shot.points, people, intrinsics)
         assert camera.source == expected
         truth_R = R_world_cam[camera.start].T @ R_world_cam[camera.start : camera.end]
         drift = np.degrees(rotations.rotation_angle(np.swapaxes(truth_R, 1, 2) @ camera.R_shot_cam))

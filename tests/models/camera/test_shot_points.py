@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from humanmm.models.camera.estimate import estimate_camera
+from humanmm.models.camera.estimate import camera_from_points
 from humanmm.models.camera.shot_points import within
 from humanmm.models.records.camera import Intrinsics, PointTracks
 
@@ -24,7 +24,7 @@ def test_both_ends_carry_points_though_the_picture_stood_still(start: int, end: 
     assert (part.start, part.end) == (start, end)
     assert {start, end - 1} <= set(part.frame.tolist()) <= set(range(start, end))
     assert (np.diff(part.frame) >= 0).all()
-    camera = estimate_camera(part, [], Intrinsics(800.0, 640, 640, "given", 0.0))
+    camera = camera_from_points(part, [], Intrinsics(800.0, 640, 640, "given", 0.0))
     assert camera.source == "static" and len(camera.R_shot_cam) == end - start and not camera.warnings
 
 

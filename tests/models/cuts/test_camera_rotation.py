@@ -15,9 +15,8 @@ from humanmm.models.geometry.rotations import rotvec_to_rotmat
 CAMERAS = cuts.CutCameras(K, K, moving=False)
 
 
-def align(person: cuts.CutPerson, **changes: str) -> cuts.CutAlignment:
-    method = changes.get("method", "bundle")
-    return cuts.align_cut([person], CAMERAS, cut_frame=20, cut_time_s=19.5 / FPS, method=method)  # type: ignore[arg-type]
+def align(person: cuts.CutPerson, method: cuts.CutMethod = cuts.align_by_bundle) -> cuts.CutAlignment:
+    return method([person], CAMERAS, cut_frame=20, cut_time_s=19.5 / FPS)
 
 
 @pytest.mark.parametrize("angle_deg", [5.0, 60.0, 120.0, 178.0])
@@ -75,8 +74,9 @@ def test_a_long_gap_is_told() -> None:
     assert found.gap_s > 0.5 and any("uncertain" in warning for warning in found.warnings)
 
 
-def test_without_anybody_on_both_sides_there_is_no_link() -> None:
-    found = cuts.align_cut([], CAMERAS, cut_frame=7, cut_time_s=0.2, method="bundle")
+@pytest.mark.parametrize("method", [cuts.align_by_bundle, cuts.align_by_eight_point])
+def test_without_anybody_on_both_sides_there_is_no_link(method: cuts.CutMethod) -> None:
+    found = method([], CAMERAS, cut_frame=7, cut_time_s=0.2)
     assert found.method == "none" and not found.linked
 
 
@@ -114,5 +114,5 @@ def test_the_papers_way_needs_eight_keypoints_seen_on_both_sides() -> None:
     person, _ = case(60.0)
     hidden = person.after.keypoints2d.copy()
     hidden[:, 13:, 2] = 0.0
-    found = align(cuts.CutPerson(person.before, replace(person.after, keypoints2d=hidden)), method="eight-point")
+    found = align(cuts.CutPerson(person.before, replace(person.after, keypoints2d=hidden)), cuts.align_by_eight_point)
     assert found.method == "none" and "eight are needed" in found.warnings[-1]

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from humanmm.models.perception.networks import Landmarks
+from humanmm.models.perception.interfaces import Landmarks
 from humanmm.models.perception.observation import averaged, inside, observe, on_mask, similarity
 from humanmm.models.perception.regions import Region
 from humanmm.models.records import landmarks

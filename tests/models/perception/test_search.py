@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from humanmm.models.perception.networks import BLAZEPOSE
 from humanmm.models.perception.observation import Observation
 from humanmm.models.perception.picture import Picture, whole
 from humanmm.models.perception.regions import Region
@@ -66,4 +67,4 @@ def test_one_body_seen_twice_is_the_same_person() -> None:
 
 def test_nobody_is_found_in_an_empty_picture() -> None:
     image = gray(320, 240)
-    assert find_people(image, [], [whole(image)], upright=True, limit=3) == []
+    assert find_people(BLAZEPOSE, image, [], [whole(image)], upright=True, limit=3) == []

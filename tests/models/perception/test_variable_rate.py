@@ -1,7 +1,6 @@
 """A variable-rate video of a real man, whose true motion is that of the constant-rate clip that it was made from."""
 
 import io
-from collections.abc import Iterator
 from fractions import Fraction
 from functools import lru_cache
 from pathlib import Path
@@ -9,13 +8,12 @@ from pathlib import Path
 import av
 import numpy as np
 
-from humanmm.models.perception.picture import Picture
+from humanmm.models.perception.people import track_people
 from humanmm.models.perception.track_builder import steadiness
-from humanmm.models.perception.tracker import track_people
 from humanmm.models.records import landmarks
 from humanmm.models.records.tracks import PersonTrack
-from humanmm.models.records.video import VideoFacts
-from humanmm.models.video.frames import frames, planar_frames
+from humanmm.models.video.frames import frames
+from humanmm.models.video.opened import Video
 from humanmm.models.video.reading import read_facts
 
 CLIP = Path(__file__).parents[3] / "examples" / "pose2sim_multishot" / "pose2sim_A_01-02-01.mp4"
@@ -43,19 +41,11 @@ def variable_rate_video() -> bytes:
     return file.getvalue()
 
 
-def pictures(stream: io.BytesIO, facts: VideoFacts, start: int, end: int) -> Iterator[tuple[int, Picture]]:
-    for frame in planar_frames(stream, facts, start, end):
-        yield frame.index, Picture(frame.planes, frame.colors)
-
-
 def tracked(video: bytes, num_frames: int) -> tuple[PersonTrack, np.ndarray]:
     """The man, and the presentation times of the video's frames."""
     stream = io.BytesIO(video)
     facts = read_facts(stream)
-    people = track_people(
-        pictures(stream, facts, 0, num_frames), start=0, end=num_frames, time_s=facts.time_s,
-        size=(facts.width, facts.height), max_people=1,
-    )  # fmt: skip
+    people = track_people(Video(stream, facts), (0, num_frames), max_people=1)
     return people.tracks[0], facts.time_s
 
 

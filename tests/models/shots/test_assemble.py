@@ -6,16 +6,17 @@ import pytest
 from humanmm.errors import NoUsablePersonError
 from humanmm.models.records.shots import Scenes, Shot, Transition
 from humanmm.models.records.tracks import ScenePeople
-from humanmm.models.shots.assemble import assemble_shots
+from humanmm.models.records.video import VideoFacts
+from humanmm.models.shots.assemble import detect_shots
 
 SCENES = Scenes(60, (Transition("cut", 30, 30, "scene"),))
-K = np.array([[900.0, 0, 480], [0, 900, 270], [0, 0, 1]])
+FACTS = VideoFacts(960, 540, np.arange(60) / 30, np.arange(60) == 0, 0, "h264", "mp4")
 
 
 @pytest.mark.parametrize("people", [[None, None], [ScenePeople(0, 30, ()), ScenePeople(30, 60, ())]])
 def test_a_video_in_which_nobody_is_seen_is_an_error_in_plain_words(people: list[ScenePeople | None]) -> None:
     with pytest.raises(NoUsablePersonError, match="no usable person"):
-        assemble_shots(SCENES, people, time_s=np.arange(60) / 30, K=K)
+        detect_shots(FACTS, SCENES, people)
 
 
 def test_frames_that_a_dissolve_mixes_are_outside_transitions_in_neither_shot() -> None:

@@ -22,7 +22,7 @@ from humanmm.tasks.units.selection import Selection
 
 EVERYTHING = [
     "align", "camera:0", "camera:20", "camera:40", "decode", "deliver", "hmr:0", "hmr:20", "hmr:40", "intrinsics",
-    "people:0", "people:20", "points:0", "points:20", "refine", "scenes", "shots", "views",
+    "keyframes", "people:0", "people:20", "points:0", "points:20", "refine", "scenes", "shots",
 ]  # fmt: skip
 
 slow = pytest.mark.slow
@@ -99,7 +99,9 @@ def test_a_changed_weight_file_reruns_its_stage(toy: Any, monkeypatch: pytest.Mo
     weights.mkdir()
     (weights / "net.tflite").write_bytes(b"one")
     digest = code_digest.code_digest
-    monkeypatch.setattr("humanmm.tasks.units.keys.code_digest", lambda module: digest(module, weights_dir=weights))
+    monkeypatch.setattr(
+        "humanmm.tasks.units.keys.code_digest", lambda module, parts: digest(module, parts, weights_dir=weights)
+    )
     toy.edit("science", "def factor", 'NET = "net.tflite"\n\n\ndef factor')
     toy.run()
     toy.executed()
@@ -118,8 +120,8 @@ def test_another_cut_leaves_the_other_shots_alone(toy: Any, monkeypatch: pytest.
     monkeypatch.setenv("TOY_CUTS", "41,51")
     toy.run(selection=Selection(only="shots"))
     assert toy.executed() == [
-        "align", "camera:41", "camera:51", "deliver", "hmr:41", "hmr:51", "intrinsics", "refine",
-        "shots", "views",
+        "align", "camera:41", "camera:51", "deliver", "hmr:41", "hmr:51", "intrinsics", "keyframes", "refine",
+        "shots",
     ]  # fmt: skip
 
 

@@ -8,9 +8,10 @@ import pytest
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.kinematics import forward_kinematics
 from humanmm.models.body.landmarks import load_landmarks
-from humanmm.models.cuts.camera_rotation import viewing_axes
+from humanmm.models.cuts.camera_rotation import align_by_eight_point, viewing_axes
+from humanmm.models.geometry.intrinsics import K_of
 from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
-from humanmm.models.motion.world.align import Footage, assemble
+from humanmm.models.motion.world.align import ShotResults, align
 from humanmm.models.records.camera import Intrinsics, ShotCamera
 from humanmm.models.records.motion import PersonShotMotion, ShotMotion, WorldMotion
 from humanmm.models.records.shots import Appearance, Person, Shot, ShotList, Transition
@@ -52,10 +53,10 @@ def shot_of(index: int, person: int = 0) -> tuple[Shot, ScenePeople, ShotCamera,
     R_cam_root, pelvis_cam = R.T @ R_world_root, (pelvis - centre) @ R
     joints, rotations = forward_kinematics(load_body().rest_joints(BETAS), R_cam_root, pose, pelvis_cam)
     points = load_landmarks().place(BETAS, joints, rotations)
-    pixels = (points / points[..., 2:]) @ INTRINSICS.K.T
+    pixels = (points / points[..., 2:]) @ K_of(INTRINSICS).T
     keypoints = np.concatenate([pixels[..., :2], np.ones((LENGTH, 33, 1))], axis=-1)
     relative = points - points[:, [23, 24]].mean(axis=1, keepdims=True)
-    landmarks = np.einsum("nba,njb->nja", viewing_axes(keypoints, INTRINSICS.K), relative)
+    landmarks = np.einsum("nba,njb->nja", viewing_axes(keypoints, K_of(INTRINSICS)), relative)
     box = np.concatenate([keypoints[..., :2].min(axis=1), keypoints[..., :2].max(axis=1)], axis=1)
     track = PersonTrack(
         frame=frames,
@@ -81,8 +82,8 @@ def shot_of(index: int, person: int = 0) -> tuple[Shot, ScenePeople, ShotCamera,
     )
     start, end = int(frames[0]), int(frames[-1]) + 1
     still = ShotCamera(
-        start, end, np.tile(np.eye(3), (LENGTH, 1, 1)), np.zeros((LENGTH, 3)), np.tile(INTRINSICS.K, (LENGTH, 1, 1)),
-        "static", True, np.zeros((0, 3)), float("nan"),
+        start, end, np.tile(np.eye(3), (LENGTH, 1, 1)), np.zeros((LENGTH, 3)),
+        np.tile(K_of(INTRINSICS), (LENGTH, 1, 1)), "static", True, np.zeros((0, 3)), float("nan"),
     )  # fmt: skip
     began = Transition("cut", start, start, "scene") if index else None
     return (
@@ -93,11 +94,11 @@ def shot_of(index: int, person: int = 0) -> tuple[Shot, ScenePeople, ShotCamera,
     )
 
 
-def footage(people: tuple[int, ...] = (0, 0, 0)) -> Footage:
+def footage(people: tuple[int, ...] = (0, 0, 0)) -> ShotResults:
     shots, scenes, cameras, motions = zip(*(shot_of(k, person) for k, person in enumerate(people)), strict=True)
     cast = tuple(Person(k, BETAS, 1.0) for k in sorted(set(people)))
     listed = ShotList(3 * LENGTH, shots, cast)
-    return Footage(listed, scenes, cameras, motions, np.arange(3 * LENGTH) / FPS, INTRINSICS, [()] * 3)
+    return ShotResults(listed, scenes, cameras, motions, np.arange(3 * LENGTH) / FPS, INTRINSICS, [()] * 3)
 
 
 def turn_error_deg(world: WorldMotion, frame_a: int, frame_b: int) -> float:
@@ -107,7 +108,7 @@ def turn_error_deg(world: WorldMotion, frame_a: int, frame_b: int) -> float:
 
 
 def test_exact_shots_give_back_cameras_and_motion() -> None:
-    world = assemble(footage())
+    world = align(footage())
     assert [cut.linked for cut in world.cuts] == [True, True]
     # The cut is exact up to a degree or two: priors pull motion and bones a little.
     assert max(turn_error_deg(world, 19, 20), turn_error_deg(world, 39, 40)) < 4.0
@@ -119,7 +120,7 @@ def test_exact_shots_give_back_cameras_and_motion() -> None:
 
 
 def test_reported_turns_are_those_of_the_cameras() -> None:
-    world = assemble(footage())
+    world = align(footage())
     for cut in world.cuts:
         turn = world.R_world_cam[cut.cut_frame - 1].T @ world.R_world_cam[cut.cut_frame]
         np.testing.assert_allclose(cut.R_before_after, turn)
@@ -130,7 +131,7 @@ def test_a_failed_shot_is_marked_and_the_others_keep_together(lost: int) -> None
     whole = footage()
     cameras = [None if k == lost else c for k, c in enumerate(whole.cameras)]
     motions = [None if k == lost else m for k, m in enumerate(whole.motions)]
-    world = assemble(replace(whole, cameras=cameras, motions=motions))
+    world = align(replace(whole, cameras=cameras, motions=motions))
     codes = world.camera_source.reshape(3, LENGTH)
     assert (codes[lost] == 4).all() and (np.delete(codes, lost, axis=0) == 0).all()
     assert np.isfinite(world.t_world_cam).all()
@@ -142,7 +143,7 @@ def test_a_failed_shot_is_marked_and_the_others_keep_together(lost: int) -> None
 
 
 def test_a_shot_of_somebody_else_keeps_gravity_and_floor_and_says_so() -> None:
-    world = assemble(footage((0, 0, 1)))
+    world = align(footage((0, 0, 1)))
     assert [cut.linked for cut in world.cuts] == [True, False]
     assert world.cuts[1].method == "none"
     stranger = world.people[1]
@@ -168,7 +169,7 @@ def test_frames_of_a_dissolve_are_not_observed_on_either_side() -> None:
     motions = [
         within(m, shot.outside_transitions) for m, shot in zip(whole.motions, shots.shots, strict=True) if m is not None
     ]
-    world = assemble(replace(whole, shots=shots, motions=motions))
+    world = align(replace(whole, shots=shots, motions=motions))
     hidden = np.flatnonzero(~world.people[0].observed)
     np.testing.assert_array_equal(hidden, np.arange(17, 23))
     assert world.cuts[0].gap_s > 0.2
@@ -181,21 +182,21 @@ def test_a_shot_with_nobody_in_it_keeps_its_camera() -> None:
     empty = replace(whole.shots.shots[1], people=())
     shots = replace(whole.shots, shots=(whole.shots.shots[0], empty, whole.shots.shots[2]))
     motions = (whole.motions[0], replace(middle, people=()), whole.motions[2])
-    world = assemble(replace(whole, shots=shots, motions=motions))
+    world = align(replace(whole, shots=shots, motions=motions))
     assert [cut.linked for cut in world.cuts] == [False, True]
     assert np.isfinite(world.R_world_cam).all() and np.isfinite(world.t_world_cam).all()
     assert (world.camera_source[20:40] == 0).all()
 
 
 def test_the_papers_way_is_there_too() -> None:
-    world = assemble(footage(), method="eight-point")
+    world = align(footage(), method=align_by_eight_point)
     assert {cut.method for cut in world.cuts} == {"eight-point"}
     assert max(turn_error_deg(world, 19, 20), turn_error_deg(world, 39, 40)) < 25.0
 
 
 def test_a_turn_that_is_known_is_taken_as_it_is_and_the_other_cut_is_still_solved() -> None:
     known = camera(0)[0].T @ camera(1)[0]
-    world = assemble(footage(), known_rotations={LENGTH: known})
+    world = align(footage(), known_rotations={LENGTH: known})
     assert [cut.method for cut in world.cuts] == ["given", "bundle"]
     assert turn_error_deg(world, 19, 20) < 0.1  # levelling all shots together moves it by nothing
     assert turn_error_deg(world, 39, 40) < 4.0

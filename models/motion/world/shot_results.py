@@ -9,7 +9,7 @@ from jaxtyping import Float
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.kinematics import chunks, forward_kinematics
 from humanmm.models.body.landmarks import load_landmarks
-from humanmm.models.camera.keyframes import ViewFeatures
+from humanmm.models.camera.keyframes import FrameFeatures
 from humanmm.models.records.camera import Intrinsics, ShotCamera
 from humanmm.models.records.motion import PersonShotMotion, ShotMotion
 from humanmm.models.records.shots import ShotList
@@ -22,8 +22,8 @@ SOLES = (29, 31, 30, 32)
 
 
 @dataclass(frozen=True)
-class Footage:
-    """Everything `align` reads, one entry a shot where it is a list; None where that shot failed."""
+class ShotResults:
+    """Everything `align` reads, one entry a shot (`scenes`: a scene) where it is a list; None where that failed."""
 
     shots: ShotList
     scenes: Sequence[ScenePeople | None]
@@ -31,22 +31,22 @@ class Footage:
     motions: Sequence[ShotMotion | None]
     time_s: Float[Array, "F"]
     intrinsics: Intrinsics
-    views: Sequence[Sequence[ViewFeatures]]
-    """Key views of every shot, people left out; empty where there are none."""
+    key_frames: Sequence[Sequence[FrameFeatures]]
+    """Features of every shot's key frames, people left out; empty where there are none."""
 
 
-def usable(footage: Footage, shot: int) -> bool:
+def usable(footage: ShotResults, shot: int) -> bool:
     """Whether a shot has a camera and a motion."""
     return footage.cameras[shot] is not None and footage.motions[shot] is not None
 
 
-def motions_of(footage: Footage, shot: int) -> dict[int, PersonShotMotion]:
+def motions_of(footage: ShotResults, shot: int) -> dict[int, PersonShotMotion]:
     """The motions in a shot by person; none where it failed."""
     motion = footage.motions[shot]
     return {person.person: person for person in motion.people} if motion is not None else {}
 
 
-def camera_of(footage: Footage, shot: int) -> ShotCamera:
+def camera_of(footage: ShotResults, shot: int) -> ShotCamera:
     """The camera of a shot that has one. ValueError where it failed."""
     camera = footage.cameras[shot]
     if camera is None:

@@ -1,0 +1,134 @@
+"""Which camera took a shot: the simplest that explains its background (paper section 3.2, with the simple answers
+first).
+
+In this order: static, rotation only, rotation and zoom, moving. A tripod and a pan are told apart from a moving camera
+because odometry on them is ill-posed: it would make a translation out of noise. A zoom looks much like a step forward;
+only points at different distances tell them apart.
+
+The choice is made twice, with two questions: `intrinsics` asks it with a focal length of the shot's own
+(`calibrate`), to learn that focal length; `camera` with the one that the whole video agrees on.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Int
+
+from humanmm.models.camera.odometry.bundle import Freedom
+from humanmm.models.camera.odometry.keyframe_odometry import (
+    EXACT_SHARE,
+    MOVING_GAIN,
+    Track,
+    also_zooming,
+    moving,
+    rotating,
+    zooms_in,
+)
+from humanmm.models.camera.odometry.tracked_shot import TrackedShot, choose_keyframes
+from humanmm.models.camera.self_calibration import FocalTrack, with_own_focal
+from humanmm.models.camera.static import judge_static
+from humanmm.models.records.camera import Intrinsics
+
+HINT_SHARE = 0.0015
+"""A rotating camera that fits within this fraction of the diagonal gives a good first focal length for a moving one."""
+KNOWN_FOCAL = 0.1
+"""A focal length with a relative uncertainty below this is known, for the purpose of telling zoom from travel."""
+MAX_KEYFRAMES = 24
+"""Keyframes of a shot that are used to calibrate it: more would cost time and add little."""
+MAX_ROUNDS = 2
+SAME_FOCAL = 0.05
+"""A moving camera is tracked anew if its focal length came out further from the first guess than this."""
+
+ROTATING, ZOOMING = Freedom(translation=False), Freedom(translation=False, zoom=True)
+MOVING, MOVING_ZOOMING = Freedom(translation=True), Freedom(translation=True, zoom=True)
+
+CameraModel = Literal["static", "rotation only", "rotation and zoom", "moving"]
+
+
+@dataclass(frozen=True)
+class ModelChoice:
+    """The model chosen, and the tracks of the models that were tried for it."""
+
+    model: CameraModel
+    rotating: FocalTrack | None = None
+    """None of a static camera."""
+    zooming: FocalTrack | None = None
+    """None unless a zoom explains the shot clearly better than a rotation alone."""
+    moving: FocalTrack | None = None
+    """Also where it does not explain the shot well enough to be chosen."""
+    focal_is_known: bool = False
+
+
+def choose_model(shot: TrackedShot, intrinsics: Intrinsics, *, calibrate: bool = False) -> ModelChoice:
+    """The simplest camera that explains the background of a shot.
+
+    `intrinsics` holds the focal length to assume; with `calibrate` every model gets the focal length that fits its
+    points best, from the first keyframes only. Of a track that keeps the assumed focal length `log_focal_sigma` is
+    infinite.
+    """
+    if judge_static(shot).static:
+        return ModelChoice("static")
+    keyframes = choose_keyframes(shot)[: MAX_KEYFRAMES if calibrate else None]
+    exact_px, hint_px = EXACT_SHARE * shot.diagonal_px, HINT_SHARE * shot.diagonal_px
+    focal_px, known = intrinsics.focal_px, intrinsics.relative_uncertainty < KNOWN_FOCAL
+
+    turning = _followed(rotating(shot, keyframes, focal_px, freedom=ROTATING), ROTATING, calibrate=calibrate)
+    if turning.track.adjusted.noise_px < exact_px:
+        return ModelChoice("rotation only", turning, focal_is_known=known)
+    if calibrate and turning.track.adjusted.noise_px < hint_px:
+        focal_px = turning.track.views.focal_px
+
+    zooming = _kept(rotating(shot, keyframes, focal_px, freedom=ZOOMING))
+    zooms = zooms_in(zooming.track, turning.track)
+    if zooms and intrinsics.source != "given" and zooming.track.adjusted.noise_px < hint_px:
+        own = with_own_focal(zooming.track, ZOOMING)
+        if calibrate or own.log_focal_sigma < KNOWN_FOCAL:
+            zooming = own
+            if calibrate or not known:
+                focal_px, known = own.track.views.focal_px, True
+    best = zooming if zooms else turning
+    found = zooming if zooms else None
+
+    moved: FocalTrack | None = None
+    if not (zooms and best.track.adjusted.noise_px < exact_px):
+        if calibrate:
+            zooms_known = zooms and np.isfinite(zooming.log_focal_sigma)
+            moved = _moving_calibrated(shot, keyframes, focal_px, best.track.error_px, zooms=bool(zooms_known))
+        else:
+            same = focal_px == turning.track.views.focal_px
+            guide = turning.track if same else rotating(shot, keyframes, focal_px, freedom=ROTATING)
+            track = moving(shot, guide)
+            moved = None if track is None else _kept(track)
+    if moved is not None and moved.track.error_px < MOVING_GAIN * best.track.error_px:
+        return ModelChoice("moving", turning, found, moved, known)
+    return ModelChoice("rotation and zoom" if zooms else "rotation only", turning, found, moved, known)
+
+
+def _moving_calibrated(
+    shot: TrackedShot, keyframes: Int[np.ndarray, " k"], focal_px: float, rotated_error_px: float, *, zooms: bool
+) -> FocalTrack | None:
+    """A moving camera's track with its own focal length; None where it explains the points no better than rotation."""
+    found: FocalTrack | None = None
+    for _ in range(MAX_ROUNDS):
+        track = moving(shot, rotating(shot, keyframes, focal_px, freedom=ROTATING), max_starts=1)
+        if track is None:
+            break
+        own = with_own_focal(also_zooming(track), MOVING_ZOOMING) if zooms else with_own_focal(track, MOVING)
+        if not own.track.error_px < MOVING_GAIN * rotated_error_px:
+            break
+        found = own
+        own_px = own.track.views.focal_px
+        if abs(np.log(own_px / focal_px)) < SAME_FOCAL:
+            break
+        focal_px = own_px
+    return found
+
+
+def _kept(track: Track) -> FocalTrack:
+    """A track that keeps the focal length that was assumed."""
+    return FocalTrack(track, float("inf"))
+
+
+def _followed(track: Track, freedom: Freedom, *, calibrate: bool) -> FocalTrack:
+    return with_own_focal(track, freedom) if calibrate else _kept(track)

@@ -1,0 +1,40 @@
+"""The camera of one shot: what a camera estimator takes and returns, and its run on a shot's part of the scene."""
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from humanmm.models.camera.estimate import camera_from_points
+from humanmm.models.camera.shot_points import points_of_shot
+from humanmm.models.records.camera import Intrinsics, PointTracks, ShotCamera
+from humanmm.models.records.shots import Shot
+from humanmm.models.records.tracks import PersonTrack, ScenePeople
+
+
+class CameraEstimator(Protocol):
+    """Estimates the camera of one shot from tracked points."""
+
+    def __call__(
+        self, points: PointTracks, people: Sequence[PersonTrack], intrinsics: Intrinsics, *, static: bool
+    ) -> ShotCamera:
+        """Camera of every frame of [points.start, points.end), in the axes of the shot's first camera.
+
+        `points`: of this shot alone, outside transitions, on people too; `people`: tracks of its scene; `static`: the
+        user says that the camera is static.
+        """
+        ...
+
+
+def estimate_camera(
+    shot: Shot,
+    points: PointTracks,
+    people: ScenePeople,
+    intrinsics: Intrinsics,
+    *,
+    static: bool = False,
+    estimator: CameraEstimator = camera_from_points,
+) -> ShotCamera:
+    """Camera of every frame of a shot, in the axes of its first camera, from the points and people of its scene.
+
+    `static`: the user says that the camera is static.
+    """
+    return estimator(points_of_shot(points, shot), people.tracks, intrinsics, static=static)

@@ -1,0 +1,44 @@
+"""Everybody in one scene of a video: decoding beside the networks, a few pictures ahead."""
+
+from collections.abc import Iterator
+
+from humanmm.models.perception.interfaces import Networks
+from humanmm.models.perception.networks import BLAZEPOSE
+from humanmm.models.perception.picture import Picture
+from humanmm.models.perception.tracker import track_pictures
+from humanmm.models.records.tracks import ScenePeople
+from humanmm.models.video.frames import PlanarFrame, planar_frames
+from humanmm.models.video.opened import Progress, Video, silent
+from humanmm.models.video.prefetch import prefetched
+
+
+def track_people(
+    video: Video,
+    span: tuple[int, int],
+    *,
+    max_people: int = 6,
+    max_side_px: int = 1920,
+    networks: Networks = BLAZEPOSE,
+    progress: Progress = silent,
+) -> ScenePeople:
+    """Boxes, keypoints, 3D landmarks, masks and clothing colours of everybody in the frames [start, end) of one scene.
+
+    `max_side_px` is the largest side of the pictures that the networks work on; results are in source pixels.
+    """
+    start, end = span
+
+    def pictures(decoded: Iterator[PlanarFrame]) -> Iterator[tuple[int, Picture]]:
+        for frame in decoded:
+            yield frame.index, Picture(frame.planes, frame.colors)
+            progress(frame.index + 1 - start, end - start)
+
+    with prefetched(planar_frames(video.stream, video.facts, start, end, max_side_px=max_side_px)) as decoded:
+        return track_pictures(
+            pictures(decoded),
+            start=start,
+            end=end,
+            time_s=video.facts.time_s,
+            size=video.size,
+            max_people=max_people,
+            networks=networks,
+        )

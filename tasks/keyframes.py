@@ -1,0 +1,18 @@
+"""Stage `keyframes`: features of the background in every shot's key frames, by which shots of one scene are joined."""
+
+from humanmm.models.camera.keyframes import KeyFrameFeatures, describe_key_frames
+from humanmm.models.records.shots import ShotList
+from humanmm.models.records.tracks import ScenePeople
+from humanmm.models.records.video import VideoFacts
+from humanmm.models.video.opened import Video
+from humanmm.tasks.inputs import StageInputs
+
+
+def keyframes(inputs: StageInputs) -> KeyFrameFeatures:
+    """Features of all shots' key frames, people left out; none where there is nothing to join."""
+    with inputs.open_video() as stream:
+        return describe_key_frames(
+            Video(stream, inputs.read("decode", VideoFacts)),
+            inputs.read("shots", ShotList),
+            inputs.read_all("people", ScenePeople),
+        )

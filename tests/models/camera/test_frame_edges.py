@@ -1,0 +1,61 @@
+"""Relative poses of two frames of one scene, against rotations that are known."""
+
+import cv2
+import numpy as np
+import pytest
+
+from humanmm.models.camera.frame_edges import find_frame_edge
+from humanmm.models.camera.keyframes import describe_frame
+
+K = np.array([[700.0, 0, 320], [0, 700.0, 240], [0, 0, 1]])
+
+
+def textured_wall(seed: int, side: int = 900) -> np.ndarray:
+    """Blobs of many sizes and greys: something to recognise at every scale."""
+    random = np.random.default_rng(seed)
+    picture = np.full((side, side), 128, np.uint8)
+    for _ in range(1500):
+        centre = tuple(int(v) for v in random.integers(0, side, 2))
+        cv2.circle(picture, centre, int(random.integers(3, 30)), int(random.integers(0, 256)), -1)
+    return cv2.GaussianBlur(picture, (0, 0), 1.0)
+
+
+def seen_by(wall: np.ndarray, R_cam_wall: np.ndarray) -> np.ndarray:
+    """The wall, far away, through a camera turned by R_cam_wall about its own centre."""
+    to_picture = K @ R_cam_wall @ np.linalg.inv(K) @ np.array([[1.0, 0, 320 - 450], [0, 1.0, 240 - 450], [0, 0, 1]])
+    return cv2.warpPerspective(wall, to_picture, (640, 480))
+
+
+def turn(yaw_deg: float, roll_deg: float) -> np.ndarray:
+    return cv2.Rodrigues(np.radians([0.0, yaw_deg, roll_deg]))[0]
+
+
+def angle_deg(R: np.ndarray) -> float:
+    return float(np.degrees(np.arccos(np.clip((np.trace(R) - 1) / 2, -1, 1))))
+
+
+def test_a_turned_camera_is_recovered_within_half_a_degree() -> None:
+    wall, R_b_a = textured_wall(0), turn(9.0, 5.0)
+    edge = find_frame_edge(describe_frame(3, seen_by(wall, np.eye(3))), describe_frame(8, seen_by(wall, R_b_a)), K)
+    assert edge is not None and not edge.same_camera
+    assert (edge.frame_a, edge.frame_b) == (3, 8)
+    assert angle_deg(edge.R_a_b @ R_b_a) < 0.5  # SIFT's localisation, about 0.5 px at f = 700 px
+
+
+def test_a_camera_that_did_not_move_is_recognised() -> None:
+    picture = seen_by(textured_wall(1), np.eye(3))
+    noisy = np.clip(picture + np.random.default_rng(0).normal(0, 4, picture.shape), 0, 255).astype(np.uint8)
+    edge = find_frame_edge(describe_frame(0, picture), describe_frame(1, noisy), K)
+    assert edge is not None and edge.same_camera
+    np.testing.assert_array_equal(edge.R_a_b, np.eye(3))
+
+
+def test_different_scenes_give_no_edge() -> None:
+    a, b = (describe_frame(i, seen_by(textured_wall(seed), np.eye(3))) for i, seed in enumerate((2, 3)))
+    assert find_frame_edge(a, b, K) is None
+
+
+@pytest.mark.parametrize("gray", [np.zeros((480, 640), np.uint8), np.zeros((16, 16), np.uint8)])
+def test_an_empty_picture_gives_no_features_and_no_edge(gray: np.ndarray) -> None:
+    features = describe_frame(0, gray)
+    assert len(features.xy) == 0 and find_frame_edge(features, features, K) is None
