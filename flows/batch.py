@@ -1,7 +1,7 @@
 """Many videos: one Prefect flow run per video, each in a process of its own, so that a crash or a leak ends with it.
 
-`recover_video` is `recover` with an account in the ledger of the store: what became of a video stands there, whatever
-happens to Prefect's database. `recover_batch` writes a batch down and schedules its videos, for the dashboard and for
+`recover_video` is `recover` with a row in the batch table: what became of a video stands there, whatever happens to
+Prefect's database. `recover_batch` writes the rows of a batch and schedules its videos, for the dashboard and for
 schedules.
 """
 
@@ -20,10 +20,11 @@ from humanmm.errors import HumanMMError
 from humanmm.flows.recover import DEFAULTS, EVERYTHING, opened, recover
 from humanmm.flows.server.flow_runs import schedule
 from humanmm.logs import kept_text, to_standard_error, wants_json
+from humanmm.storage.batches.batch_table import open_batches
 from humanmm.storage.batches.manifest import read_batch
-from humanmm.storage.store.open import open_ledger
 from humanmm.storage.store.store import default_store
 from humanmm.tasks.batches import batch as batches
+from humanmm.tasks.batches.running_video import RunningVideo, retried
 from humanmm.tasks.batches.watch import is_quiet
 from humanmm.tasks.engine.run import VideoRun
 from humanmm.tasks.units.faults import in_words
@@ -31,8 +32,8 @@ from humanmm.tasks.units.selection import Selection
 
 log = logging.getLogger(__name__)
 
-STOP_ASKS_S = 5.0
-"""How long one who is told to stop asks why: it is killed soon."""
+QUERY_LIMIT_S = 5.0
+"""Seconds to query the reason for a SIGTERM; SIGKILL follows."""
 
 
 def _video_name() -> str:
@@ -49,65 +50,64 @@ def recover_video(
     batch: str | None = None,
     attempt: int = 1,
 ) -> Any:
-    """Recover one video into a run folder. As a video of a batch, keep the batch's ledger up to date."""
+    """Recover one video into a run folder. As a video of a batch, keep its row in the batch table up to date."""
     if batch is None:
         return recover.fn(video, out, config, store, selection)
-    ledger = open_ledger(store or default_store())
-    row = batches.insist(lambda: ledger.row(batch, str(video)))
+    table = open_batches(store or default_store())
+    row = retried(lambda: table.row(batch, str(video)))
     if row is None or row.attempt != attempt:
-        return Cancelled(message=f"batch {batch} no longer asks for attempt {attempt} at this video")
-    account = batches.Account(ledger, row)
-    with account.kept(str(flow_run.id)) as ready:
-        if not ready:
-            return Cancelled(message="it was cancelled, or another process is at work on it")
-        return _accounted(account, video, out, config, store, selection)
+        return Cancelled(message=f"batch {batch} no longer wants attempt {attempt} at this video")
+    running = RunningVideo(table, row)
+    with running.owned(str(flow_run.id)) as is_ours:
+        if not is_ours:
+            return Cancelled(message="it was cancelled, or another process computes it")
+        return _recover_running(running, video, out, config, store, selection)
 
 
-def _accounted(
-    account: batches.Account, video: Path, out: Path | None, config: Config, store: Path | None, selection: Selection
+def _recover_running(
+    running: RunningVideo, video: Path, out: Path | None, config: Config, store: Path | None, selection: Selection
 ) -> Any:
     if wants_json():
         to_standard_error(verbose=False)
     text = kept_text()
 
     def watch(run: VideoRun) -> None:
-        account.run = run
+        running.run = run
         run.watch(lambda unit, done, total: None, log_text=text.getvalue)
 
     token = opened.set(watch)
     try:
         state: State[Any] = recover.fn(video, out, config, store, selection)
-    except Exception as error:  # noted, then raised: this is the edge of the flow
-        account.fail(error)
+    except Exception as error:  # recorded, then raised: this is the edge of the flow
+        running.fail(error)
         if isinstance(error, HumanMMError):
             return Failed(message=in_words(error))
         raise
     except BaseException:
-        _stopped(account)
+        _end_stopped(running)
         raise
     finally:
         opened.reset(token)
     if state.name == "Partial":
-        account.end_partial(state.message or "")
+        running.end_partial(state.message or "")
     else:
-        account.end("done", "")
+        running.end("done", "")
     return state
 
 
-def _stopped(account: batches.Account) -> None:
-    """Its process was told to stop: cancelled from the dashboard, or else to be resumed by the next who runs flows."""
+def _end_stopped(running: RunningVideo) -> None:
+    """Record why its process was told to stop: cancelled from the dashboard, else to be resumed by `humanmm serve`."""
     try:
-        with get_client(httpx_settings={"timeout": STOP_ASKS_S}, sync_client=True) as client:
-            state = client.read_flow_run(UUID(account.flow_run)).state
+        with get_client(httpx_settings={"timeout": QUERY_LIMIT_S}, sync_client=True) as client:
+            state = client.read_flow_run(UUID(running.flow_run)).state
         cancelled = state is not None and (state.is_cancelling() or state.is_cancelled())
     except Exception as error:  # the server may have been stopped first
-        log.info("the Prefect server did not answer: %s", error)
+        log.info("the Prefect server did not respond: %s", error)
         cancelled = False
     if cancelled:
-        account.end("cancelled", "cancelled from the dashboard")
+        running.end("cancelled", "cancelled from the dashboard")
     else:
-        again = "it was stopped, and resumes when `humanmm serve` runs"
-        batches.insist(lambda: account.ledger.try_again(account.row, again))
+        running.resume_later("it was stopped, and resumes when `humanmm serve` runs")
 
 
 @flow(name="recover-batch", flow_run_name="{source}", persist_result=False)
@@ -122,16 +122,16 @@ def recover_batch(
     tags: tuple[str, ...] = (),
     settle_s: float = 30.0,
 ) -> Any:
-    """Schedule every video of a folder or manifest that is not finished; asked twice, nothing is scheduled twice.
+    """Schedule every video of a folder or manifest that is not finished; run twice, nothing is scheduled twice.
 
     Files that were written to less than `settle_s` seconds ago wait for the next time: they may still be growing.
     """
-    ledger = open_ledger(store or default_store())
-    asked = read_batch(source, pattern=pattern)
-    entries = [entry.with_defaults(priority=priority, tags=tags) for entry in asked if is_quiet(entry.video, settle_s)]
-    submission = batches.submit(ledger, name or batches.batch_name(source), source, entries, config, out)
-    schedule(ledger, submission.to_schedule)
-    growing = len(asked) - len(entries)
-    told = f"{submission.name}: {len(submission.to_schedule)} scheduled, {submission.finished} finished"
-    told += f", {submission.failed} failed before" if submission.failed else ""
-    return Completed(message=told + (f", {growing} still being written" if growing else ""))
+    table = open_batches(store or default_store())
+    found = read_batch(source, pattern=pattern)
+    entries = [entry.with_defaults(priority=priority, tags=tags) for entry in found if is_quiet(entry.video, settle_s)]
+    submission = batches.submit(table, name or batches.batch_name(source), entries, config, out)
+    schedule(table, submission.to_schedule)
+    growing = len(found) - len(entries)
+    summary = f"{submission.name}: {len(submission.to_schedule)} scheduled, {submission.finished} finished"
+    summary += f", {submission.failed} failed before" if submission.failed else ""
+    return Completed(message=summary + (f", {growing} still being written" if growing else ""))

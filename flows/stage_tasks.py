@@ -20,7 +20,7 @@ from prefect.task_runners import ThreadPoolTaskRunner
 
 from humanmm.errors import StoreError
 from humanmm.flows.server.dashboard import ProgressBoard, show_video
-from humanmm.flows.server.liveness import Alive, home_of_our_server
+from humanmm.flows.server.liveness import write_process_id
 from humanmm.tasks.engine.finish import default_run_dir, failures, fatal_error, has_result, remember, write_results
 from humanmm.tasks.engine.run import VideoRun
 from humanmm.tasks.pipeline import Stage
@@ -37,8 +37,7 @@ class StageTasks:
 
     def __init__(self, run: VideoRun) -> None:
         self.run = run
-        home = home_of_our_server()
-        self._alive = Alive(home, str(flow_run.id)) if home and flow_run.id else None
+        write_process_id()
         self._board = ProgressBoard(UUID(str(flow_run.id)))
         run.listen(self._board.report)
         self._futures: dict[UnitId, PrefectFuture[Any]] = {}
@@ -58,8 +57,6 @@ class StageTasks:
             self._abandon()
         self._runner.__exit__(kind, error, trace)
         self._board.end()
-        if self._alive is not None:
-            self._alive.end()
 
     def _abandon(self) -> None:
         """On SIGTERM or Ctrl-C do not wait for the threads that compute: they cannot be stopped, and end with the

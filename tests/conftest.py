@@ -151,6 +151,7 @@ def bucket(request: pytest.FixtureRequest, s3_server: str, tmp_path: Path, monke
         "AWS_ACCESS_KEY_ID": "nobody", "AWS_SECRET_ACCESS_KEY": "nothing",
     }.items():  # fmt: skip
         monkeypatch.setenv(key, value)
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))  # its batches
     if "server_cache" not in request.fixturenames:
         monkeypatch.setenv("HUMANMM_CACHE", str(tmp_path / "cache"))
     urllib.request.urlopen(urllib.request.Request(f"{s3_server}/{name}", method="PUT")).close()

@@ -15,7 +15,7 @@ from prefect.client.orchestration import SyncPrefectClient
 from prefect.client.schemas.actions import ArtifactCreate, ArtifactUpdate
 from prefect.client.schemas.filters import ArtifactFilter, ArtifactFilterKey
 
-from humanmm.storage.batches.batch_ledger import VideoRow, counts
+from humanmm.storage.batches.video_row import VideoRow, counts
 from humanmm.storage.pages.markdown import escaped
 from humanmm.storage.pages.video_page import batch_table, video_page
 from humanmm.storage.run_folder.run_record import read_run_record

@@ -1,4 +1,4 @@
-"""The ledger's videos as flow runs of Prefect: made, made again at the times of a schedule, ended."""
+"""Rows of the batch table as flow runs of Prefect: created, created again at the times of a schedule, ended."""
 
 import asyncio
 import json
@@ -12,7 +12,6 @@ from uuid import UUID
 import httpx
 from prefect import get_client
 from prefect.client.schemas.actions import DeploymentScheduleCreate
-from prefect.client.schemas.objects import State
 from prefect.client.schemas.schedules import CronSchedule
 from prefect.exceptions import ObjectNotFound
 from prefect.states import Cancelled, Scheduled
@@ -20,7 +19,8 @@ from prefect.states import Cancelled, Scheduled
 from humanmm.errors import InputError
 from humanmm.flows.server.known_stores import note_store
 from humanmm.flows.server.local_server import server_files
-from humanmm.storage.batches.batch_ledger import BatchLedger, VideoRow
+from humanmm.storage.batches.batch_table import BatchTable
+from humanmm.storage.batches.video_row import VideoRow
 from humanmm.tasks.units.faults import in_words
 
 log = logging.getLogger(__name__)
@@ -30,40 +30,40 @@ DEPLOYMENT = "recover-video/recover-video"
 BATCH_DEPLOYMENT = "recover-batch/recover-batch"
 
 
-def schedule(ledger: BatchLedger, rows: Sequence[VideoRow]) -> None:
-    """A flow run per video. A run that Prefect knows already, by batch, video and attempt, is not made again.
+def schedule(table: BatchTable, rows: Sequence[VideoRow]) -> None:
+    """Create a flow run per video, unless Prefect has one of the same batch, video and attempt.
 
-    A video whose process was lost waits a little, the longer the more often it was lost. What a busy server refuses
-    stays in the ledger, and `humanmm serve` asks for it again at its next look.
+    A video whose process was lost waits a little, the longer the more often it was lost. Rows that a busy server
+    refuses stay without a flow run, and `humanmm serve` sends them again at its next look.
     """
-    note_store(server_files(), ledger.store.location)
+    note_store(server_files(), table.store.location)
     refused: list[str] = []
     with get_client(sync_client=True) as client:
         deployment = client.read_deployment_by_name(DEPLOYMENT)
         for row in rows:
-            if not _waits(row, ledger):
+            if not _is_unscheduled(row, table):
                 continue
             try:
                 made = client.create_flow_run_from_deployment(
                     deployment.id,
-                    parameters=_parameters(row, ledger),
+                    parameters=_parameters(row, table),
                     name=Path(row.video).name[:100],
                     tags=[f"batch:{row.batch}", *json.loads(row.tags)],
-                    idempotency_key=f"{ledger.store.location}:{row.lock_key}:{row.attempt}",
+                    idempotency_key=f"{table.store.location}:{row.key}:{row.attempt}",
                     work_queue_name=queue_of(row.priority),
                     state=Scheduled(scheduled_time=datetime.now(UTC) + timedelta(seconds=_pause_s(row))),
                 )
             except httpx.HTTPError as error:
                 refused.append(in_words(error))
             else:
-                ledger.change(row, only_from=("scheduled",), flow_run=str(made.id))
+                table.change(row, only_from=("scheduled",), flow_run=str(made.id))
     if refused:
-        log.warning("%d videos wait until the Prefect server answers again (%s)", len(refused), refused[0])
+        log.warning("%d videos wait until the Prefect server responds again (%s)", len(refused), refused[0])
 
 
-def _waits(row: VideoRow, ledger: BatchLedger) -> bool:
-    """Whether nobody has asked for it meanwhile: `humanmm serve` and who submits see the same videos waiting."""
-    now = ledger.row(row.batch, row.video)
+def _is_unscheduled(row: VideoRow, table: BatchTable) -> bool:
+    """Whether nobody has scheduled it meanwhile: `humanmm serve` and `batch submit` read the same rows."""
+    now = table.row(row.batch, row.video)
     return now is not None and (now.attempt, now.flow_run) == (row.attempt, row.flow_run)
 
 
@@ -96,19 +96,14 @@ def set_schedule(name: str, cron: str | None, timezone: str, parameters: Mapping
     return asyncio.run(set_it())
 
 
-def cancel(ledger: BatchLedger, rows: Sequence[VideoRow]) -> None:
-    """Tell Prefect that these flow runs are over."""
-    set_states([row.flow_run for row in rows if row.flow_run], Cancelled(message="humanmm batch cancel"))
-
-
-def set_states(flow_runs: Sequence[str], state: State[Any]) -> None:
-    """Set the state of flow runs; those that Prefect does not know are left out."""
+def cancel(rows: Sequence[VideoRow]) -> None:
+    """Set the flow runs of these videos to `Cancelled`; those that Prefect does not have are left out."""
     with get_client(sync_client=True) as client:
-        for run in flow_runs:
+        for run in [row.flow_run for row in rows if row.flow_run]:
             try:
-                client.set_flow_run_state(UUID(run), state, force=True)
+                client.set_flow_run_state(UUID(run), Cancelled(message="humanmm batch cancel"), force=True)
             except ObjectNotFound:
-                log.info("Prefect does not know the flow run %s", run)
+                log.info("Prefect has no flow run %s", run)
 
 
 def _pause_s(row: VideoRow) -> float:
@@ -120,12 +115,12 @@ def queue_of(priority: str) -> str:
     return "default" if priority == "normal" else priority
 
 
-def _parameters(row: VideoRow, ledger: BatchLedger) -> dict[str, Any]:
+def _parameters(row: VideoRow, table: BatchTable) -> dict[str, Any]:
     return {
         "video": row.video,
         "out": row.run_dir,
         "config": json.loads(row.config),
-        "store": ledger.store.location,
+        "store": table.store.location,
         "batch": row.batch,
         "attempt": row.attempt,
     }

@@ -1,4 +1,4 @@
-"""The stores whose batches were scheduled on our server: whoever serves looks after them."""
+"""The stores whose batches were scheduled on our server: `humanmm serve` looks after them."""
 
 import fcntl
 from pathlib import Path

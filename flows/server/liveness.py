@@ -1,116 +1,175 @@
-"""Which flow runs are computed by a process that lives: each holds a flock, which the kernel frees when it dies.
+"""Flow runs whose process is gone: Prefect is not informed of a kill -9, and would call them `Running` for ever.
 
-Prefect never learns that a process was killed: such a flow run would stay `Running`. Our server looks through these
-files now and then, and ends as `Crashed` what nobody holds. Nothing here imports Prefect.
+A video of a batch lives as long as its row in the batch table has a living owner. Any other flow run on our own server,
+where everything runs on this machine, lives as long as the process whose id it names: Prefect's worker writes it there,
+and `recover` its own. (Prefect's heartbeats do not serve: they pass through its server, and while that is being
+restarted every living flow run looks lost.)
 """
 
 import contextlib
 import datetime
-import fcntl
-import http.client
-import json
 import logging
 import os
-import uuid
-from collections.abc import Iterator
-from pathlib import Path
-from typing import Any, TextIO
+from collections.abc import Sequence
+from typing import Any
+
+import httpx
+from prefect.client.orchestration import SyncPrefectClient
+from prefect.client.schemas.filters import (
+    FlowRunFilter,
+    FlowRunFilterEndTime,
+    FlowRunFilterId,
+    FlowRunFilterState,
+    FlowRunFilterStateType,
+    TaskRunFilter,
+    TaskRunFilterState,
+    TaskRunFilterStateType,
+    WorkPoolFilter,
+    WorkPoolFilterName,
+)
+from prefect.client.schemas.objects import FlowRun, State, StateType
+from prefect.client.schemas.sorting import FlowRunSort
+from prefect.context import FlowRunContext
+from prefect.exceptions import PrefectException
+from prefect.states import Completed, Crashed, Failed
+
+from humanmm.storage.batches.batch_table import BatchTable, open_batches
+from humanmm.storage.batches.owner import process_age_s
+from humanmm.storage.batches.video_row import VideoRow
 
 log = logging.getLogger(__name__)
 
-FINAL = ("COMPLETED", "FAILED", "CRASHED", "CANCELLED")
+LOST_AFTER_S = 30.0
+"""Seconds in a state without a process after which a flow run is lost: a process that starts is not known at once."""
+START_FACTOR = 3
+"""So much longer where only the batch table shows a process, which has to load everything before it owns a row."""
+YOUNGER_S = 120.0
+"""A process started so long after its flow run took its state is another one, which got the same id."""
+TASKS_AFTER_S = 45.0
+"""A task of a flow run that ended so long ago has reported all that it will ever report."""
 PAGE = 200
+"""Flow runs a request: what Prefect's server returns at most."""
+AT_WORK = (StateType.PENDING, StateType.RUNNING, StateType.CANCELLING)
 LOST = "its process was lost: it was killed, ran out of memory, or the machine went down"
-TELLING_S = 45.0
-"""A task of a flow run that ended so long ago has told all that it will ever tell."""
 
 
-class Alive:
-    """Says that a flow run's process lives, from now until `end`, or until the process is gone."""
-
-    def __init__(self, home: Path, flow_run: str) -> None:
-        self._path = home / "alive" / flow_run
-        self._file: TextIO | None = None
-        with contextlib.suppress(OSError):  # a full disk is no reason to stop here
-            self._path.parent.mkdir(exist_ok=True)
-            fresh = self._path.with_name(f".{uuid.uuid4().hex}")
-            self._file = fresh.open("w")
-            fcntl.flock(self._file, fcntl.LOCK_EX)
-            fresh.rename(self._path)  # under this name it is never seen without its lock
-
-    def end(self) -> None:
-        """The flow run ends by itself now."""
-        if self._file is not None:
-            self._path.unlink(missing_ok=True)
-            self._file.close()
-            self._file = None
+def write_process_id() -> None:
+    """Name this process in the flow run that it computes, unless a worker has started it and does so."""
+    context = FlowRunContext.get()
+    if context is not None and context.flow_run is not None and context.flow_run.deployment_id is None:
+        with contextlib.suppress(PrefectException, httpx.HTTPError):
+            client: Any = context.client
+            client.update_flow_run(context.flow_run.id, infrastructure_pid=str(os.getpid()))
 
 
-def lost(home: Path) -> Iterator[str]:
-    """Flow runs whose process died before it could end them; each is forgotten when it was dealt with."""
-    for path in sorted(home.glob("alive/[!.]*")):
-        with contextlib.suppress(OSError), path.open("r+") as file:
-            try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                continue
-            yield path.name
-            path.unlink(missing_ok=True)
+def end_lost_flow_runs(client: SyncPrefectClient, *, pool: str | None, after_s: float = LOST_AFTER_S) -> bool:
+    """End the flow runs whose process is gone, and their tasks; returns whether others are at work.
+
+    Of `pool` alone; None for all of our own server, whose flow runs are processes of this machine.
+    """
+    found = flow_runs_in(client, AT_WORK, pool=pool)
+    lost = 0
+    for run in found:
+        state = _final_state(run, after_s, is_our_server=pool is None)
+        if state is not None:
+            lost += 1
+            log.warning("the process of the flow run %s (%s) is gone", run.name, run.id)
+            client.set_flow_run_state(run.id, state, force=True)
+            _end_tasks(client, FlowRunFilter(id=FlowRunFilterId(any_=[run.id])), Crashed(message=LOST))
+    return len(found) > lost
 
 
-def crash_lost(home: Path, host: str, port: int) -> None:
-    """Set what is lost to `Crashed` on our server, tasks included."""
-    for flow_run in lost(home):
-        found = _ask(host, port, "GET", f"/api/flow_runs/{flow_run}")
-        if found is None or found.get("state_type") in FINAL:
-            continue
-        log.warning("the process of the flow run %s (%s) was lost", found.get("name"), flow_run)
-        _set_state(host, port, f"flow_runs/{flow_run}", "CRASHED", LOST)
-        for task in _tasks_at_work(host, port, {"id": {"any_": [flow_run]}}):
-            _set_state(host, port, f"task_runs/{task}", "CRASHED", LOST)
-
-
-def end_lost_tasks(host: str, port: int) -> None:
+def end_lost_tasks(client: SyncPrefectClient) -> None:
     """End the tasks of flow runs that have ended.
 
-    A task tells its states in passing, without waiting for an answer: what was under way when its process or the server
-    was killed never arrived, and it would stay `Running`.
+    A task sends its states without waiting for a response: what was under way when its process or the server was killed
+    never arrived, and it would stay `Running`.
     """
-    before = datetime.datetime.now(datetime.UTC) - datetime.timedelta(seconds=TELLING_S)
-    for ended, state, message in (
-        (["COMPLETED"], "COMPLETED", "its end was never told; its flow run is completed"),
-        (["FAILED", "CRASHED", "CANCELLED"], "CRASHED", "its end was never told; its flow run has ended"),
-    ):
-        flow_runs = {"state": {"type": {"any_": ended}}, "end_time": {"before_": before.isoformat()}}
-        for task in _tasks_at_work(host, port, flow_runs):
-            _set_state(host, port, f"task_runs/{task}", state, message)
+    before: Any = datetime.datetime.now(datetime.UTC) - datetime.timedelta(seconds=TASKS_AFTER_S)
+    ends: list[tuple[list[StateType], State[Any]]] = [
+        ([StateType.COMPLETED], Completed(message="its end did not arrive; its flow run is completed")),
+        (
+            [StateType.FAILED, StateType.CRASHED, StateType.CANCELLED],
+            Crashed(message="its end did not arrive; its flow run has ended"),
+        ),
+    ]
+    for states, end in ends:
+        in_states = FlowRunFilterState(type=FlowRunFilterStateType(any_=states))
+        _end_tasks(client, FlowRunFilter(state=in_states, end_time=FlowRunFilterEndTime(before_=before)), end)
 
 
-def _tasks_at_work(host: str, port: int, flow_runs: dict[str, Any]) -> list[str]:
-    at_work = {"state": {"type": {"any_": ["SCHEDULED", "PENDING", "RUNNING"]}}}
-    asked = {"flow_runs": flow_runs, "task_runs": at_work, "limit": PAGE}
-    return [str(task["id"]) for task in _ask(host, port, "POST", "/api/task_runs/filter", asked) or ()]
+def flow_runs_in(
+    client: SyncPrefectClient, states: Sequence[StateType], *, pool: str | None, newest: int | None = None
+) -> list[FlowRun]:
+    """Flow runs in some states, all read before any is changed; with `newest` only so many that ended last."""
+    in_states = FlowRunFilter(state=FlowRunFilterState(type=FlowRunFilterStateType(any_=list(states))))
+    of_pool = WorkPoolFilter(name=WorkPoolFilterName(any_=[pool])) if pool else None
+    order = FlowRunSort.ID_DESC if newest is None else FlowRunSort.END_TIME_DESC
+    limit = PAGE if newest is None else newest
+    runs: list[FlowRun] = []
+    while True:
+        page = client.read_flow_runs(
+            flow_run_filter=in_states, work_pool_filter=of_pool, sort=order, limit=limit, offset=len(runs)
+        )
+        runs += page
+        if newest is not None or len(page) < PAGE:
+            return runs
 
 
-def _set_state(host: str, port: int, run: str, kind: str, message: str) -> None:
-    state = {"type": kind, "name": kind.capitalize(), "message": message}
-    _ask(host, port, "POST", f"/api/{run}/set_state", {"state": state, "force": True})
+def row_of(run: FlowRun) -> tuple[BatchTable | None, VideoRow | None]:
+    """The batch table that a flow run belongs to, if it can be reached from here, and its video's row."""
+    given = run.parameters
+    if not given.get("batch") or not given.get("store"):
+        return None, None
+    table = open_batches(given["store"])
+    if not table.exists:
+        return None, None
+    return table, table.row(given["batch"], given["video"])
 
 
-def _ask(host: str, port: int, method: str, path: str, body: dict[str, Any] | None = None) -> Any:
-    """The answer, decoded; None if the server does not know what it was asked for."""
-    connection = http.client.HTTPConnection(host, port, timeout=30)
-    try:
-        headers = {"Content-Type": "application/json"}
-        connection.request(method, path, json.dumps(body) if body is not None else None, headers)
-        response = connection.getresponse()
-        text = response.read()
-        return json.loads(text) if response.status < 300 else None
-    finally:
-        connection.close()
+def _final_state(run: FlowRun, after_s: float, *, is_our_server: bool) -> State[Any] | None:
+    """The state of a flow run whose process is gone; None if it lives, or if that cannot be known here."""
+    if run.state is None:
+        return None
+    age_s = (datetime.datetime.now(datetime.UTC) - run.state.timestamp).total_seconds()
+    is_alive = _has_living_process(run, age_s) if is_our_server else None
+    if run.work_pool_name is None:  # a plain `recover`
+        return Crashed(message=LOST) if is_alive is False else None
+    if run.state.is_pending() and not is_our_server:
+        after_s *= START_FACTOR
+    if is_alive or age_s < after_s:
+        return None
+    table, row = row_of(run)
+    if row is None:
+        is_lost = (is_alive is False or run.state.is_pending()) if is_our_server else table is not None
+        return Crashed(message=LOST) if is_lost else None
+    return None if row.is_owned or table is None else _state_by_row(run, table)
 
 
-def home_of_our_server() -> Path | None:
-    """Where runs of this process are noted: $PREFECT_HOME if our own server is asked, else nowhere."""
-    home = os.environ.get("PREFECT_HOME")
-    return Path(home) if home and (Path(home) / "server.json").exists() else None
+def _has_living_process(run: FlowRun, age_s: float) -> bool | None:
+    """Whether the process lives that a flow run names; None if it names none. `age_s` is the age of its state."""
+    if not (run.infrastructure_pid or "").isdecimal():
+        return None
+    process_s = process_age_s(int(run.infrastructure_pid or 0))
+    return process_s is not None and process_s > age_s - YOUNGER_S
+
+
+def _state_by_row(run: FlowRun, table: BatchTable) -> State[Any]:
+    batch, video = run.parameters["batch"], run.parameters["video"]
+    table.find_lost(batch)
+    row = table.row(batch, video)
+    is_its_own = row is not None and row.attempt == run.parameters.get("attempt", 1)
+    if row is None or (is_its_own and row.state == "scheduled"):  # what the row says is of an earlier attempt
+        return Crashed(message=LOST)
+    if is_its_own and row.state == "done":
+        return Completed(message=row.run_dir)
+    if is_its_own and row.state == "partial":
+        return Failed(name="Partial", message=row.reason)
+    return Crashed(message=row.reason)
+
+
+def _end_tasks(client: SyncPrefectClient, flow_runs: FlowRunFilter, end: State[Any]) -> None:
+    unfinished = TaskRunFilterStateType(any_=[StateType.SCHEDULED, StateType.PENDING, StateType.RUNNING])
+    tasks = TaskRunFilter(state=TaskRunFilterState(type=unfinished))
+    for task in client.read_task_runs(flow_run_filter=flow_runs, task_run_filter=tasks, limit=PAGE):
+        client.set_task_run_state(task.id, end, force=True)

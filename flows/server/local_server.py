@@ -168,9 +168,14 @@ def private_environment(files: ServerFiles) -> None:
 def ensure_server(files: ServerFiles) -> str | None:
     """Address of our server, started again if it has died; of the user's own server, if that is what is used."""
     used = os.environ.get("PREFECT_API_URL", "")
-    if used and used != f"http://{HOST}:{last_port(files)}/api":
+    if used and not is_ours(used, files):
         return used
     return running_server(files) or _start(files)
+
+
+def is_ours(url: str, files: ServerFiles) -> bool:
+    """Whether an address is that of our server, and not of the user's own."""
+    return url.rstrip("/") == f"http://{HOST}:{last_port(files)}/api"
 
 
 def running_server(files: ServerFiles) -> str | None:

@@ -6,7 +6,6 @@ It ends by itself when no run has used it for a while.
 
 import contextlib
 import fcntl
-import http.client
 import itertools
 import json
 import logging
@@ -20,7 +19,6 @@ from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any
 
-from humanmm.flows.server.liveness import crash_lost, end_lost_tasks
 from humanmm.flows.server.local_server import (
     HOST,
     ServerFiles,
@@ -194,15 +192,22 @@ def retried_soon(app: App) -> App:
 def _stop_when_idle(server: Any, files: ServerFiles, port: int, idle_s: float) -> None:
     """Stop the server once nobody holds `users` and nobody has for `idle_s`, or once its folder is gone.
 
-    Meanwhile end the flow runs whose process is lost and, a quarter as often, tasks whose end never arrived.
+    Meanwhile end the flow runs whose process is gone and, a quarter as often, tasks whose end never arrived.
     """
+    from prefect import get_client
+
+    from humanmm.flows.server.liveness import end_lost_flow_runs, end_lost_tasks
+
     started = time.time()
+    client = get_client(sync_client=True)
     for look in itertools.count(1):
         time.sleep(min(15.0, max(0.2, idle_s / 4)))
-        with contextlib.suppress(OSError, http.client.HTTPException, ValueError):  # it may still be starting
-            crash_lost(files.home, HOST, port)
+        try:
+            end_lost_flow_runs(client, pool=None)
             if look % 4 == 0:
-                end_lost_tasks(HOST, port)
+                end_lost_tasks(client)
+        except Exception as error:  # it may still be starting, or a store cannot be read: the next look will do
+            log.info("a look after lost flow runs was cut short: %s", error)
         try:
             users = files.users.open("a+")
         except OSError:

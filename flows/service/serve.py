@@ -33,7 +33,7 @@ from humanmm.flows.server.local_server import (
 from humanmm.flows.service.lost_runs import crash_lost_runs, resume_lost_videos
 from humanmm.flows.service.worker import STOP_LIMIT_S as VIDEOS_LIMIT_S
 from humanmm.flows.service.worker import stop_session
-from humanmm.storage.store.open import open_ledger
+from humanmm.storage.batches.batch_table import open_batches
 
 if TYPE_CHECKING:
     from prefect.client.orchestration import SyncPrefectClient
@@ -42,8 +42,6 @@ log = logging.getLogger(__name__)
 
 LOOK_EVERY_S = 10.0
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGUSR1)
-LOST_AFTER_S = 30.0
-"""A flow run that is running in Prefect's eyes for longer than this without a process is lost."""
 ROOM_BYTES = 32 << 20
 START_LIMIT_S = 240.0
 READY = "serving"
@@ -153,7 +151,7 @@ def _crash_all() -> None:
     from prefect import get_client
 
     with get_client(sync_client=True) as client:
-        crash_lost_runs(client, 0.0)
+        crash_lost_runs(client, is_starting=False)
 
 
 class Worker:
@@ -255,7 +253,7 @@ def _look_after(files: ServerFiles, worker: Worker, leave: threading.Event, idle
                 log.warning("the Prefect server is gone and cannot be started; %s says why", files.log)
                 continue
             try:
-                waiting = bool(resume_lost_videos(files)) | crash_lost_runs(client, LOST_AFTER_S, settled)
+                waiting = bool(resume_lost_videos(files)) | crash_lost_runs(client, settled)
                 tables.update(files)
             except Exception as error:  # the server may be busy or restarting, the disk full: the next look will tell
                 log.warning("a look after lost videos was cut short: %s", error)
@@ -278,10 +276,10 @@ class BatchTables:
         from humanmm.flows.server.dashboard import show_batch
 
         for place in known_stores(files):
-            ledger = open_ledger(place)
-            for name, changed in ledger.last_changes().items():
+            table = open_batches(place)
+            for name, changed in table.last_changes().items():
                 if self._shown.get((place, name)) != changed:
-                    show_batch(self._client, name, ledger.rows(name))
+                    show_batch(self._client, name, table.rows(name))
                     self._shown[place, name] = changed
 
 

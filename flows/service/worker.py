@@ -18,7 +18,7 @@ from types import FrameType
 from humanmm.flows.server.local_server import hold_port_of_server
 from humanmm.flows.service.fork_server import VIDEO, launch
 
-SETTINGS = {"PREFECT_WORKER_QUERY_SECONDS": "2", "PREFECT_FLOWS_HEARTBEAT_FREQUENCY": "30"}
+SETTINGS = {"PREFECT_WORKER_QUERY_SECONDS": "2"}
 """Of the worker and its videos, in place of Prefect's."""
 STOP_LIMIT_S = 20.0
 """Seconds between SIGTERM and SIGKILL for a video."""

@@ -7,7 +7,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from humanmm.errors import InputError
-from humanmm.storage.batches.batch_ledger import VideoRow, counts
+from humanmm.storage.batches.video_row import VideoRow, counts
 from humanmm.storage.pages.html import fill
 from humanmm.storage.pages.spreadsheet import as_csv
 from humanmm.storage.run_folder.run_record import read_run_record
@@ -21,7 +21,7 @@ COLUMNS = (
 
 @dataclass(frozen=True)
 class _Result:
-    """What run.json adds to a row of the batch; empty for videos without a result."""
+    """What run.json adds to a row of the batch table; empty for videos without a result."""
 
     name: str
     link: str = ""

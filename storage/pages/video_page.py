@@ -9,7 +9,7 @@ from typing import Any
 import cv2
 
 from humanmm.models.records.table import Table
-from humanmm.storage.batches.batch_ledger import VideoRow
+from humanmm.storage.batches.video_row import VideoRow
 from humanmm.storage.pages.markdown import as_markdown, code, escaped
 
 PICTURES = (("view/top.png", "top view", 480), ("view/timeline.png", "timeline", 800))

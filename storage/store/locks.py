@@ -59,11 +59,6 @@ class FileLock:
         with self._opened() as descriptor:
             yield _try_flock(descriptor)
 
-    def is_held(self) -> bool:
-        """Whether a process holds the lock."""
-        with self.tried() as free:
-            return not free
-
     @contextlib.contextmanager
     def _opened(self) -> Iterator[int]:
         with store_errors(f"cannot lock {self._path}"):
@@ -128,11 +123,6 @@ class Lease:
             return
         with self._renewed():
             yield True
-
-    def is_held(self) -> bool:
-        """Whether a living process holds the lease, as far as can be known at once."""
-        found = self._bucket.read(self._name)
-        return found is not None and self._is_renewed(found)
 
     def _is_renewed(self, found: tuple[bytes, Object]) -> bool:
         content, state = found

@@ -166,10 +166,6 @@ class Store(VideoRecords):
         """As `lock`, but yields False at once when another process holds it."""
         return self._lock_of(stage, key).tried()
 
-    def is_locked(self, stage: str, key: str) -> bool:
-        """Whether a process holds the right to write one key."""
-        return self._lock_of(stage, key).is_held()
-
     def _lock_of(self, stage: str, key: str) -> FileLock | Lease:
         return FileLock(self.root / "locks" / f"{stage}-{key}", name=stage)
 

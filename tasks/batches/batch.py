@@ -1,30 +1,27 @@
-"""Many videos: what of a batch is to be done, and the account of one video while it runs. Needs no Prefect.
+"""Which videos of a batch are to be computed. Needs no Prefect.
 
-What a batch asks for is compared with the ledger and the store before anything is scheduled: a video is finished if
+A submitted batch is compared with the batch table and the store before anything is scheduled: a video is finished if
 the same file was finished with the same code, weights, libraries and settings and its run folder is still there.
 """
 
-import contextlib
 import hashlib
 import json
-import logging
 import os
-import signal
 import socket
-import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from humanmm.config import Config
 from humanmm.config_reading import validate
-from humanmm.errors import InputError, StoreError, VideoError
+from humanmm.errors import InputError, VideoError
 from humanmm.parts import Part, chosen
-from humanmm.storage.batches.batch_ledger import BatchLedger, VideoRow, facts_of, has_run_record
+from humanmm.storage.batches.batch_table import BatchTable
 from humanmm.storage.batches.manifest import Entry
+from humanmm.storage.batches.video_row import VideoRow, facts_of, has_run_record
 from humanmm.storage.store.identity import identify, known_content
 from humanmm.storage.store.store import Store
 from humanmm.tasks import pipeline
@@ -33,24 +30,15 @@ from humanmm.tasks.engine.plan import forecast, is_complete
 from humanmm.tasks.engine.run import VideoRun
 from humanmm.tasks.pipeline import Stage
 from humanmm.tasks.units.digest import CodeDigest, code_digest
-from humanmm.tasks.units.faults import in_words, is_infrastructure_fault
-
-log = logging.getLogger(__name__)
-T = TypeVar("T")
-LOOK_EVERY_S = 1.0
-WAITS_S = (1.0, 4.0, 15.0, 30.0)
-"""Between tries to write down what becomes of a video: a disk that is full for half a minute costs it no attempt."""
-ASK_EVERY_S = 10.0
-"""How often a process that computes a video asks whether it is still to: others may have cancelled it."""
 
 
 @dataclass(frozen=True)
 class Submission:
-    """What a batch asks for, seen against what is there already."""
+    """A batch as submitted, compared with what is there already."""
 
     name: str
     to_schedule: tuple[VideoRow, ...]
-    """Written down as scheduled; whoever runs flows is told now."""
+    """Rows in state scheduled: each gets a flow run now."""
     finished: int
     """Videos that need nothing."""
     failed: int
@@ -63,181 +51,60 @@ def batch_name(source: Path) -> str:
     return f"{finish.default_run_dir(path).name}-{hashlib.sha256(os.fsencode(path)).hexdigest()[:8]}"
 
 
-def submit(
-    ledger: BatchLedger, name: str, source: Path, entries: Sequence[Entry], config: Config, out: Path
-) -> Submission:
-    """Write a batch down. What is written already and asks for the same stays as it is, whatever its state.
+def submit(table: BatchTable, name: str, entries: Sequence[Entry], config: Config, out: Path) -> Submission:
+    """Write the rows of a batch. A row that wants the same work already stays as it is, whatever its state.
 
     InputError if a video is running with other settings, or was submitted with others by somebody else just now.
     """
-    known = {row.video: row for row in ledger.rows(name)}
-    asked = _rows(name, entries, config, out.absolute(), ledger.store, known)
-    finished = ledger.finished()
-    written: list[VideoRow] = []
-    rows = {row.video: known.get(row.video, row) for row in asked}
-    for row in asked:
-        before = known.get(row.video)
-        if (
-            before is not None
-            and before.same_work(row)
-            and not (before.state == "done" and _is_gone(before.run_dir, before.host))
-        ):
+    before = {row.video: row for row in table.rows(name)}
+    wanted = _rows(name, entries, config, out.absolute(), table.store, before)
+    finished = table.finished()
+    fresh: list[VideoRow] = []
+    for row in wanted:
+        known = before.get(row.video)
+        is_missing = known is not None and known.state == "done" and _is_gone(known.run_dir, known.host)
+        if known is not None and known.same_work(row) and not is_missing:
             continue
-        attempt = before.attempt + 1 if before else 1
-        if before is not None and before.state == "running" and ledger.is_held(before):
+        if known is not None and known.state == "running" and known.is_owned:
             raise InputError(f"{row.video} is running with other settings; wait for it or `humanmm batch cancel` first")
-        host = _finished_on(row, finished, ledger.store)
+        host = _finished_on(row, finished, table.store)
         state = "scheduled" if host is None else "done"
-        written.append(replace(row, attempt=attempt, state=state, host=host or ""))
-    standing = ledger.put(name, str(source.absolute()), written) if written else []
-    for ours, row in zip(written, standing, strict=True):
-        if not row.same_work(ours):
+        fresh.append(replace(row, attempt=known.attempt + 1 if known else 1, state=state, host=host or ""))
+    standing = {row.video: row for row in table.put(fresh)}
+    for row in fresh:
+        if not row.same_work(standing[row.video]):
             raise InputError(f"{row.video} was submitted with other settings by somebody else just now")
-        rows[row.video] = row
-    states = [row.state for row in rows.values()]
+    rows = [standing.get(row.video) or before[row.video] for row in wanted]
+    states = [row.state for row in rows]
     return Submission(
         name=name,
-        to_schedule=tuple(row for row in rows.values() if row.state == "scheduled"),
+        to_schedule=tuple(row for row in rows if row.state == "scheduled"),
         finished=states.count("done"),
         failed=sum(states.count(state) for state in ("failed", "partial", "cancelled")),
     )
 
 
-def retry(ledger: BatchLedger, name: str, *, stage: str | None = None) -> list[VideoRow]:
+def retry(table: BatchTable, name: str, *, stage: str | None = None) -> list[VideoRow]:
     """Schedule again what failed, is partial or was cancelled; with `stage`, only what failed there."""
-    again = []
-    for row in ledger.rows(name, "failed", "partial", "cancelled"):
-        if stage is None or (row.stage or "").split(" · ")[0] == stage:
-            fresh = replace(row, attempt=row.attempt + 1, state="scheduled", stage=None, reason="", seconds=None)
-            again.append(replace(fresh, flow_run=None, pid=None, losses=0))
-    return [row for row in ledger.put(name, "", again) if row.state == "scheduled"] if again else []
+    fresh: dict[str, Any] = {"state": "scheduled", "stage": None, "reason": "", "seconds": None, "flow_run": None}
+    again = [
+        replace(row, attempt=row.attempt + 1, losses=0, **fresh)
+        for row in table.rows(name, "failed", "partial", "cancelled")
+        if stage is None or (row.stage or "").split(" · ")[0] == stage
+    ]
+    return [row for row in table.put(again) if row.state == "scheduled"]
 
 
-# ---- one video of a batch
-
-
-class Account:
-    """Keeps the ledger's row of one running video up to date."""
-
-    def __init__(self, ledger: BatchLedger, row: VideoRow) -> None:
-        self.ledger, self.row = ledger, row
-        self.run: VideoRun | None = None
-        """Set by the flow when the video is open."""
-        self.flow_run: str | None = None
-        """Prefect's name of what runs it."""
-        self._left = threading.Event()
-        self._stage: str | None = None
-
-    def end(self, state: str, reason: str) -> None:
-        """Note how it ended, unless somebody has cancelled it meanwhile."""
-        stage = self._failed_stage() if state in ("failed", "partial") else None
-        insist(lambda: self.ledger.change(self.row, only_from=("running",), state=state, reason=reason, stage=stage))
-
-    def fail(self, error: Exception) -> None:
-        """Note the error that ended it; a fault of the disk, the store or the machine has it tried again."""
-        if is_infrastructure_fault(error):
-            self._lose("failed", in_words(error))
-        else:
-            self.end("failed", in_words(error))
-
-    def end_partial(self, reason: str) -> None:
-        """Note that shots are missing; if nothing but such faults took them, have it tried again."""
-        lost = finish.failures(self.run) if self.run else []
-        if lost and all(is_infrastructure_fault(outcome.error or Exception()) for outcome in lost):
-            self._lose("partial", reason)
-        else:
-            self.end("partial", reason)
-
-    def _lose(self, state: str, reason: str) -> None:
-        insist(lambda: self.ledger.lose(self.row, reason, state=state, stage=self._failed_stage()))
-
-    @contextlib.contextmanager
-    def kept(self, flow_run: str | None) -> Iterator[bool]:
-        """Hold the video and tell where it is while the body runs; False if it is not to be run any more."""
-        self.flow_run = flow_run
-        with contextlib.ExitStack() as held_for:
-            held = insist(lambda: held_for.enter_context(self.ledger.hold(self.row)))
-            begun = time.time()
-            values: dict[str, Any] = {"state": "running", "flow_run": flow_run, "pid": os.getpid(), "reason": ""}
-            values["host"] = socket.gethostname()
-            # the dashboard's own Retry runs a failed attempt again
-            takes = ("scheduled", "running", "failed", "partial", "done")
-            ready = held and insist(lambda: self.ledger.change(self.row, only_from=takes, **values))
-            if not ready:
-                yield False
-                return
-            reporter = threading.Thread(target=self._report, args=(begun,), daemon=True)
-            reporter.start()
-            try:
-                yield True
-            finally:
-                self._left.set()
-                reporter.join()
-                insist(lambda: self.ledger.change(self.row, seconds=round(time.time() - begun, 3)))
-
-    def _report(self, begun: float) -> None:
-        asked = time.monotonic()
-        while not self._left.wait(LOOK_EVERY_S):
-            try:
-                self._tell(begun)
-                if time.monotonic() - asked > ASK_EVERY_S:
-                    asked = time.monotonic()
-                    if self._is_over():
-                        log.warning("%s is no longer to be computed here", self.row.video)
-                        os.kill(os.getpid(), signal.SIGTERM)
-                        return
-            except StoreError as error:  # the next look will do
-                log.info("the ledger did not answer: %s", error)
-
-    def _tell(self, begun: float) -> None:
-        if self.row.losses and self._has_computed():
-            self.row = replace(self.row, losses=0)
-            self.ledger.change(self.row, losses=0)
-        stage = self._current_stage()
-        if stage != self._stage:
-            self._stage = stage
-            seconds = round(time.time() - begun, 3)
-            self.ledger.change(self.row, only_from=("running",), stage=stage, seconds=seconds)
-
-    def _has_computed(self) -> bool:
-        """Whether there is something now that there was not before this attempt."""
-        return any(o.state == "computed" for o in list(self.run.outcomes.values())) if self.run else False
-
-    def _is_over(self) -> bool:
-        row = self.ledger.row(self.row.batch, self.row.video)
-        return row is None or row.attempt != self.row.attempt or row.state == "cancelled"
-
-    def _current_stage(self) -> str | None:
-        outcomes = list(self.run.outcomes.values()) if self.run else []
-        at_work = [o.unit.label for o in outcomes if o.began and o.manifest is None and o.error is None]
-        return at_work[0] if at_work else self._stage
-
-    def _failed_stage(self) -> str | None:
-        failed = finish.failures(self.run) if self.run else []
-        return failed[0].unit.label if failed else self._stage
-
-
-def insist(ask: Callable[[], T]) -> T:
-    """What a question to the ledger gives; tried again for a minute if it cannot be read or written."""
-    for wait_s in WAITS_S:
-        try:
-            return ask()
-        except StoreError as error:
-            log.warning("%s; tried again in %g s", error, wait_s)
-            time.sleep(wait_s)
-    return ask()
-
-
-# ---- what a batch asks for
+# ---- the rows that a batch wants
 
 
 def _rows(
-    name: str, entries: Sequence[Entry], config: Config, out: Path, store: Store, known: Mapping[str, VideoRow]
+    name: str, entries: Sequence[Entry], config: Config, out: Path, store: Store, before: Mapping[str, VideoRow]
 ) -> list[VideoRow]:
     code_of_parts: dict[tuple[Part, ...], str] = {}
     resolved: dict[str, tuple[str, str]] = {}  # overrides → configuration as json, recipe
     base = config.model_dump(mode="json")
-    folders = _RunFolders(out, store, known)
+    folders = _RunFolders(out, store, before)
     rows = []
     for position, entry in enumerate(entries):
         video = _as_text(entry.video)
@@ -269,19 +136,19 @@ def _code_of_stage(settings: Config, stage: Stage) -> CodeDigest:
 class _RunFolders:
     """A run folder per video: its stem; with eight digits of its content if another video has that stem."""
 
-    def __init__(self, out: Path, store: Store, known: Mapping[str, VideoRow]) -> None:
+    def __init__(self, out: Path, store: Store, before: Mapping[str, VideoRow]) -> None:
         self._out, self._store = out, store
-        self._known = {video: row.run_dir for video, row in known.items() if Path(row.run_dir).parent == out}
-        self._taken = set(self._known.values())
+        self._before = {video: row.run_dir for video, row in before.items() if Path(row.run_dir).parent == out}
+        self._taken = set(self._before.values())
 
     def folder(self, entry: Entry) -> str:
         video = str(entry.video)
         if entry.out is not None:
             path = os.path.normpath(self._out / entry.out)
-            if path in self._taken and self._known.get(video) != path:
+            if path in self._taken and self._before.get(video) != path:
                 raise InputError(f"{entry.origin}: the run folder {path} is another video's")
-        elif video in self._known:
-            return self._known[video]
+        elif video in self._before:
+            return self._before[video]
         else:
             plain = str(self._out / finish.default_run_dir(entry.video).name)
             path = self._free(plain, entry.video) if plain in self._taken else plain
@@ -316,8 +183,8 @@ def _finished_on(row: VideoRow, finished: Mapping[tuple[str, str, str], tuple[st
     last = store.last_run(sha256) if sha256 is not None else None
     if last is None:
         return None
-    asked, made = (row.recipe, row.video, row.run_dir), (last.recipe, last.path, last.run_dir)
-    if asked == made and not _is_gone(row.run_dir, last.host):
+    wanted, made = (row.recipe, row.video, row.run_dir), (last.recipe, last.path, last.run_dir)
+    if wanted == made and not _is_gone(row.run_dir, last.host):
         return last.host
     began = time.time()
     run = VideoRun(identify(Path(row.video), store), Config.model_validate_json(row.config), store)

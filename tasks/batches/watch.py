@@ -4,12 +4,12 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from humanmm.storage.batches.batch_ledger import facts_of
 from humanmm.storage.batches.manifest import Entry
+from humanmm.storage.batches.video_row import facts_of
 
 
 def is_quiet(path: Path, settle_s: float) -> bool:
-    """True if a file was not written to for so many seconds; one that cannot be seen is told of by its own run."""
+    """True if a file was not written to for so many seconds; the run of one that cannot be read says so."""
     try:
         return time.time() - path.stat().st_mtime >= settle_s
     except OSError:
@@ -19,7 +19,7 @@ def is_quiet(path: Path, settle_s: float) -> bool:
 class Settled:
     """A watched folder: a file is taken when its size and time stayed the same for `settle_s` seconds of looking.
 
-    Its own time is not trusted: copying programs set it to that of the original, also before they are done.
+    The file's own time is not trusted: copying programs set it to that of the original, also before they are done.
     """
 
     def __init__(self, settle_s: float) -> None:

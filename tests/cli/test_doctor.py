@@ -38,7 +38,7 @@ def test_a_full_disk_a_misspelt_variable_and_a_dead_server_are_found(toy: Any, m
     assert after.strip().startswith("→ it has no effect")
 
 
-def test_a_ledger_that_is_none_is_told(toy: Any) -> None:
+def test_a_batch_table_that_is_no_database_is_reported(toy: Any) -> None:
     toy.store.mkdir()
     Path(toy.store / "batches.sqlite").write_text("this is no database, and never was one")
     status, checks = _checks(toy)

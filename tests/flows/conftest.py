@@ -30,7 +30,7 @@ class Place:
         for process in Path("/proc").glob("[0-9]*"):
             try:
                 environment = (process / "environ").read_bytes()
-                line = (process / "cmdline").read_bytes().replace(b"\0", b" ").decode()
+                line = (process / "cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace")
                 line += (process / "comm").read_text()
             except OSError:
                 continue

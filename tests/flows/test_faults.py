@@ -2,28 +2,16 @@
 
 import itertools
 import json
-import os
 import signal
 import subprocess
 import time
 import urllib.request
-from dataclasses import dataclass, replace
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
-import httpx
 import pytest
-from prefect.exceptions import PrefectHTTPStatusError
 
-from humanmm.flows.server import flow_runs, local_server
-from humanmm.flows.server.known_stores import known_stores, note_store
-from humanmm.flows.server.liveness import Alive, lost
-from humanmm.flows.server.local_server import ServerFiles
-from humanmm.flows.service import lost_runs
-from humanmm.flows.service.lost_runs import note_end_before_begin
-from humanmm.storage.batches.batch_ledger import VideoRow
-from humanmm.storage.store.open import open_ledger
+from humanmm.flows.server import local_server
 
 server = pytest.mark.server
 
@@ -42,117 +30,6 @@ def _film(toy: Any, number: int) -> str:
 
 def _wait_for(toy: Any, place: Any, executed: str) -> None:
     place.until(lambda: toy.log.exists() and executed in toy.log.read_text().split(), 120)
-
-
-def test_only_a_run_whose_process_is_gone_is_lost(tmp_path: Path) -> None:
-    living = Alive(tmp_path, "living")
-    ended = Alive(tmp_path, "ended")
-    ended.end()
-    child = os.fork()
-    if child == 0:
-        Alive(tmp_path, "killed")
-        os.kill(os.getpid(), signal.SIGKILL)
-    os.waitpid(child, 0)
-    assert list(lost(tmp_path)) == ["killed"]
-    assert list(lost(tmp_path)) == [], "it is dealt with once"
-    living.end()
-
-
-def test_stores_are_noted_once_and_forgotten_when_they_are_gone(tmp_path: Path) -> None:
-    files = ServerFiles(tmp_path)
-    for name in ("a", "b", "a"):
-        (tmp_path / name).mkdir(exist_ok=True)
-        note_store(files, str(tmp_path / name))
-    note_store(files, "s3://far/away")
-    (tmp_path / "b").rmdir()
-    assert known_stores(files) == [str(tmp_path / "a"), "s3://far/away"]
-    assert files.stores.read_text().count("\n") == 3
-
-
-@dataclass(frozen=True)
-class _State:
-    type: str
-    message: str = ""
-
-
-class _Run:
-    """A flow run as Prefect tells of it."""
-
-    def __init__(self, row: VideoRow, store: Path, state: _State) -> None:
-        self.id, self.state = row.flow_run, state
-        self.parameters = {"batch": row.batch, "video": row.video, "store": str(store), "attempt": row.attempt}
-
-
-def test_a_video_whose_flow_run_ended_before_its_process_began_does_not_wait_for_ever(any_toy: Any) -> None:
-    ledger = open_ledger(any_toy.store)
-    row = VideoRow("b", "v.mp4", 0, "/runs/v", "{}", "normal", "[]", "", "", flow_run="one")
-    ledger.put("b", "/films", [row])
-    note_end_before_begin(cast(Any, _Run(replace(row, flow_run="another"), any_toy.store, _State("CRASHED", "no"))))
-    assert ledger.rows("b")[0].attempt == 1, "an older flow run has nothing to say"
-    note_end_before_begin(cast(Any, _Run(row, any_toy.store, _State("CRASHED", "exit status 1"))))
-    (again,) = ledger.unscheduled()
-    assert (again.attempt, again.losses) == (2, 1) and "did not begin: exit status 1" in again.reason
-    ledger.change(again, flow_run="two")
-    note_end_before_begin(cast(Any, _Run(replace(again, flow_run="two"), any_toy.store, _State("CANCELLED"))))
-    assert ledger.rows("b")[0].state == "cancelled"
-
-
-def test_a_video_whose_flow_run_failed_before_it_could_say_so_is_tried_again(
-    toy: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    ledger = open_ledger(toy.store)
-    row = VideoRow("b", "v.mp4", 0, "/runs/v", "{}", "normal", "[]", "", "", flow_run="one")
-    ledger.put("b", "/films", [row])
-    failed = _Run(row, toy.store, _State("FAILED", "database or disk is full"))
-
-    def some_runs(client: object, states: list[str], **asked: object) -> list[_Run]:
-        return [failed] if "FAILED" in states else []
-
-    monkeypatch.setattr(lost_runs, "_some_runs", some_runs)
-    assert not lost_runs.crash_lost_runs(cast(Any, None), 30.0)
-    (again,) = ledger.unscheduled()
-    assert again.attempt == 2 and "disk is full" in again.reason
-
-
-class _BusyServer:
-    """A client of a server that takes only some videos."""
-
-    def __init__(self, taken: set[str]) -> None:
-        self._taken = taken
-        self.asked: list[str] = []
-
-    def __enter__(self) -> "_BusyServer":
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        pass
-
-    def read_deployment_by_name(self, name: str) -> Any:
-        return SimpleNamespace(id=name)
-
-    def create_flow_run_from_deployment(self, deployment: str, *, name: str, **asked: Any) -> Any:
-        self.asked.append(name)
-        if name in self._taken:
-            return SimpleNamespace(id=f"run of {name}")
-        request = httpx.Request("POST", "http://127.0.0.1/api")
-        raise PrefectHTTPStatusError("503", request=request, response=httpx.Response(503, request=request))
-
-
-def test_videos_that_a_busy_server_does_not_take_wait_in_the_ledger(
-    toy: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("HUMANMM_CACHE", str(tmp_path / "cache"))
-    ledger = open_ledger(toy.store)
-    rows = [VideoRow("b", f"{name}.mp4", 0, f"/runs/{name}", "{}", "normal", "[]", "", "") for name in "ab"]
-    ledger.put("b", "/films", rows)
-    server = _BusyServer({"a.mp4"})
-    monkeypatch.setattr(flow_runs, "get_client", lambda **kind: server)
-    flow_runs.schedule(ledger, rows)
-    assert [row.video for row in ledger.unscheduled()] == ["b.mp4"], "`humanmm serve` schedules it at its next look"
-    server = _BusyServer({"a.mp4", "b.mp4"})
-    monkeypatch.setattr(flow_runs, "get_client", lambda **kind: server)
-    flow_runs.schedule(ledger, rows)
-    assert server.asked == ["b.mp4"], "nobody asks for what somebody has asked for meanwhile"
 
 
 def test_a_server_that_dies_while_it_starts_is_started_again_at_once(

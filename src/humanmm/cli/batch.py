@@ -18,8 +18,9 @@ from humanmm.errors import InputError, UsageError
 
 if TYPE_CHECKING:
     from humanmm.config import Config
-    from humanmm.storage.batches.batch_ledger import BatchLedger, VideoRow
+    from humanmm.storage.batches.batch_table import BatchTable
     from humanmm.storage.batches.manifest import Entry
+    from humanmm.storage.batches.video_row import VideoRow
 
 PARTIAL = 3
 IDLE_S = 120.0
@@ -63,31 +64,35 @@ def submit(options: Submission) -> int:
     """Schedule every video that is not finished; with --wait, see the batch through."""
     from humanmm.recovery import check_writable
     from humanmm.storage.batches.manifest import read_batch
+    from humanmm.storage.store.bucket import is_bucket
     from humanmm.tasks.batches import batch as batches
 
     if options.watch and options.schedule is not None:
         raise UsageError("--watch and --schedule exclude each other")
     config = options.settings.config()
     check_writable(options.out)
-    ledger = _ledger(options.store)
+    table = _table(options.store)
+    if table.path is not None and is_bucket(table.store.location):
+        where = f"batches of {table.store.location} are kept on this host, in {table.path}"
+        say(f"{where}; hosts that share the bucket need one database: set $HUMANMM_DATABASE_URL on each")
     name = options.name or batches.batch_name(options.source)
     if options.schedule is not None:
-        return _set_schedule(ledger, name, config, options)
+        return _set_schedule(table, name, config, options)
     if options.watch:
-        return _watch(ledger, name, config, options)
+        return _watch(table, name, config, options)
     entries = _with_defaults(read_batch(options.source, pattern=options.glob), options)
-    submission = batches.submit(ledger, name, options.source, entries, config, options.out)
+    submission = batches.submit(table, name, entries, config, options.out)
     counted = f"{len(submission.to_schedule)} to do, {submission.finished} finished"
     if submission.failed:
         counted += f", {submission.failed} failed or cancelled before (`humanmm batch retry-failed` tries them again)"
     say(f"batch {name}: {counted}")
-    return _see_through(ledger, name, submission.to_schedule, wait=options.wait, limit=options.limit)
+    return _see_through(table, name, submission.to_schedule, wait=options.wait, limit=options.limit)
 
 
 @verb(batch, "status")
 def status(name: BatchName = None, *, store: Store = None, json: Json = False) -> None:
     """Say how far a batch is: counts, speed, and the newest failures."""
-    from humanmm.storage.batches.batch_ledger import counts
+    from humanmm.storage.batches.video_row import counts
 
     _, name, rows = _open(name, store)
     if json:
@@ -112,29 +117,29 @@ def retry_failed(
     """Schedule what failed, is partial or was cancelled. What the store has is not computed again."""
     from humanmm.tasks.batches import batch as batches
 
-    ledger, name, _ = _open(name, store)
-    rows = batches.retry(ledger, name, stage=stage)
+    table, name, _ = _open(name, store)
+    rows = batches.retry(table, name, stage=stage)
     say(f"batch {name}: {len(rows)} videos are tried again")
-    return _see_through(ledger, name, rows, wait=wait, limit=limit)
+    return _see_through(table, name, rows, wait=wait, limit=limit)
 
 
 @verb(batch, "cancel")
 def cancel(name: BatchName = None, *, store: Store = None) -> None:
     """Cancel what waits, stop what runs."""
-    ledger, name, _ = _open(name, store)
+    table, name, _ = _open(name, store)
     cancelled = [
         row
-        for row in ledger.rows(name, "scheduled", "running")
-        if ledger.change(row, only_from=("scheduled", "running"), state="cancelled", reason="humanmm batch cancel")
+        for row in table.rows(name, "scheduled", "running")
+        if table.change(row, only_from=("scheduled", "running"), state="cancelled", reason="humanmm batch cancel")
     ]
-    running = [row for row in cancelled if row.state == "running" and row.pid and not row.is_elsewhere]
+    running = [row for row in cancelled if row.state == "running" and row.pid]
     for number in (signal.SIGTERM, signal.SIGKILL):
         for row in running:
-            if ledger.is_held(row):
+            if row.pid:
                 with contextlib.suppress(ProcessLookupError):
-                    os.kill(row.pid or 0, number)
+                    os.kill(row.pid, number)
         deadline = time.monotonic() + CANCEL_LIMIT_S
-        while time.monotonic() < deadline and any(ledger.is_held(row) for row in running):
+        while time.monotonic() < deadline and any(row.pid for row in running):
             time.sleep(0.1)
     from humanmm.flows.server.local_server import prefect_server, running_server, server_files
 
@@ -142,7 +147,7 @@ def cancel(name: BatchName = None, *, store: Store = None) -> None:
         with prefect_server():
             from humanmm.flows.server.flow_runs import cancel as cancel_flow_runs
 
-            cancel_flow_runs(ledger, [ledger.row(name, row.video) or row for row in cancelled])
+            cancel_flow_runs([table.row(name, row.video) or row for row in cancelled])
     ended = f"{len(cancelled)} videos cancelled, {len(running)} of them were running"
     elsewhere = sum(row.state == "running" and row.is_elsewhere for row in cancelled)
     say(f"batch {name}: {ended}" + (f"; {elsewhere} on other machines end within a minute" if elsewhere else ""))
@@ -173,7 +178,7 @@ def _with_defaults(entries: "Sequence[Entry]", options: Submission) -> "list[Ent
     return [entry.with_defaults(priority=options.priority, tags=options.tag) for entry in entries]
 
 
-def _watch(ledger: "BatchLedger", name: str, config: "Config", options: Submission) -> int:
+def _watch(table: "BatchTable", name: str, config: "Config", options: Submission) -> int:
     """Submit again whenever a video has come or changed, and stopped growing; until Ctrl-C or SIGTERM."""
     from humanmm.storage.batches.manifest import videos_in
     from humanmm.tasks.batches import batch as batches
@@ -190,22 +195,22 @@ def _watch(ledger: "BatchLedger", name: str, config: "Config", options: Submissi
             quiet = settled.look(found, time.monotonic())
             if not quiet.items() <= taken.items():
                 entries = _with_defaults([entry for entry in found if entry.video in quiet], options)
-                submission = batches.submit(ledger, name, options.source, entries, config, options.out)
+                submission = batches.submit(table, name, entries, config, options.out)
                 say(f"batch {name}: {len(submission.to_schedule)} to do, {submission.finished} finished")
                 if submission.to_schedule:
-                    _schedule(ledger, submission.to_schedule, options.limit)
+                    _schedule(table, submission.to_schedule, options.limit)
                 taken = quiet
             time.sleep(min(max(options.settle / 5, 0.2), 5.0))
     return 0
 
 
-def _set_schedule(ledger: "BatchLedger", name: str, config: "Config", options: Submission) -> int:
+def _set_schedule(table: "BatchTable", name: str, config: "Config", options: Submission) -> int:
     from humanmm.flows.server.local_server import prefect_server
     from humanmm.flows.service.serve import bring_up
 
     cron = None if options.schedule == "none" else options.schedule
     parameters = {
-        "source": str(options.source.absolute()), "out": str(options.out.absolute()), "store": ledger.store.location,
+        "source": str(options.source.absolute()), "out": str(options.out.absolute()), "store": table.store.location,
         "config": config.model_dump(mode="json"), "pattern": options.glob, "priority": options.priority,
         "tags": options.tag, "settle_s": options.settle,
     }  # fmt: skip
@@ -231,15 +236,15 @@ def _timezone() -> str:
 # ---- seeing a batch through
 
 
-def _see_through(ledger: "BatchLedger", name: str, rows: "Sequence[VideoRow]", *, wait: bool, limit: int | None) -> int:
+def _see_through(table: "BatchTable", name: str, rows: "Sequence[VideoRow]", *, wait: bool, limit: int | None) -> int:
     if rows:
-        _schedule(ledger, rows, limit)
+        _schedule(table, rows, limit)
     if wait:
-        _wait(ledger, name, limit)
+        _wait(table, name, limit)
     write(name)
     if not wait:
         return 0
-    ended = ledger.rows(name)
+    ended = table.rows(name)
     say(f"batch {name}: {_counted(ended)}")
     for row in ended:
         if row.state != "done":
@@ -247,7 +252,7 @@ def _see_through(ledger: "BatchLedger", name: str, rows: "Sequence[VideoRow]", *
     return 0 if all(row.state == "done" for row in ended) else PARTIAL
 
 
-def _schedule(ledger: "BatchLedger", rows: "Sequence[VideoRow]", limit: int | None) -> None:
+def _schedule(table: "BatchTable", rows: "Sequence[VideoRow]", limit: int | None) -> None:
     from humanmm.flows.server.local_server import prefect_server
     from humanmm.flows.service.serve import bring_up
 
@@ -255,21 +260,21 @@ def _schedule(ledger: "BatchLedger", rows: "Sequence[VideoRow]", limit: int | No
     with prefect_server():
         from humanmm.flows.server.flow_runs import schedule
 
-        schedule(ledger, rows)
+        schedule(table, rows)
 
 
-def _wait(ledger: "BatchLedger", name: str, limit: int | None) -> None:
+def _wait(table: "BatchTable", name: str, limit: int | None) -> None:
     """Until every video has ended. Should `humanmm serve` be gone, it is started again, and what it lost scheduled."""
     from humanmm.flows.server.local_server import server_files
     from humanmm.flows.service.serve import is_serving
 
     looked = time.monotonic()
-    while ledger.find_lost(name) or (waiting := ledger.rows(name, "scheduled", "running")):
+    while table.find_lost(name) or (waiting := table.rows(name, "scheduled", "running")):
         time.sleep(POLL_S)
         if time.monotonic() - looked > LOOK_AFTER_S:
             looked = time.monotonic()
             if not is_serving(server_files()):
-                _schedule(ledger, [row for row in waiting if row.state == "scheduled"], limit)
+                _schedule(table, [row for row in waiting if row.state == "scheduled"], limit)
 
 
 def _speed(rows: "Sequence[VideoRow]") -> list[str]:
@@ -299,21 +304,21 @@ def _by_stage(rows: "Sequence[VideoRow]") -> list[str]:
 
 
 def _counted(rows: "Sequence[VideoRow]") -> str:
-    from humanmm.storage.batches.batch_ledger import counts
+    from humanmm.storage.batches.video_row import counts
 
     return ", ".join(f"{number} {state}" for state, number in counts(rows).items()) or "nothing in it"
 
 
-def _open(name: str | None, store: Path | None) -> "tuple[BatchLedger, str, list[VideoRow]]":
+def _open(name: str | None, store: Path | None) -> "tuple[BatchTable, str, list[VideoRow]]":
     """A batch by its name, and its videos; those whose process was lost are found first."""
-    ledger = _ledger(store)
-    name = ledger.check(name) if name else ledger.newest()
-    ledger.find_lost(name)
-    return ledger, name, list(ledger.rows(name))
+    table = _table(store)
+    name = table.check(name) if name else table.newest()
+    table.find_lost(name)
+    return table, name, list(table.rows(name))
 
 
-def _ledger(store: Path | None) -> "BatchLedger":
-    from humanmm.storage.store.open import open_ledger
+def _table(store: Path | None) -> "BatchTable":
+    from humanmm.storage.batches.batch_table import open_batches
     from humanmm.storage.store.store import default_store
 
-    return open_ledger(store or default_store())
+    return open_batches(store or default_store())

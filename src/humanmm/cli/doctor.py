@@ -10,10 +10,10 @@ from pathlib import Path
 from humanmm import parts
 from humanmm.cli.terminal import in_bytes, write, write_json
 from humanmm.cli.verb import STORE, Json, Store, app, verb
-from humanmm.errors import ConfigError, HumanMMError, StoreError, WeightsError
+from humanmm.errors import ConfigError, HumanMMError, WeightsError
 
 MIN_FREE_BYTES = 1 << 30
-VARIABLES = ("CACHE", "DATA", "LOG", "SERVER_IDLE_S", "STORE", "TEMPLATE")
+VARIABLES = ("CACHE", "DATA", "DATABASE_URL", "LOG", "SERVER_IDLE_S", "STORE")
 """What we read of the environment, after HUMANMM_."""
 _INSTALL = "install humanmm again: pip install -c constraints.txt humanmm"
 
@@ -113,8 +113,8 @@ def _bucket(place: str) -> Check:
 
 
 def _place(store: Path) -> Iterator[Check]:
+    from humanmm.storage.batches.batch_table import open_batches
     from humanmm.storage.store.bucket import is_bucket
-    from humanmm.storage.store.open import open_ledger
     from humanmm.storage.store.store import cache_folder
 
     place = str(store)
@@ -130,12 +130,11 @@ def _place(store: Path) -> Iterator[Check]:
     free = shutil.disk_usage(existing).free
     cure = "`humanmm gc --yes` removes what no run needs (`--with-runs`: more); or name another store"
     yield Check("free disk space", free > MIN_FREE_BYTES, in_bytes(free), cure)
-    where = "the folder batches out of the bucket" if is_bucket(place) else "batches.sqlite out of the store"
-    cure = f"move {where} and submit the batches again: what is finished is found in the store"
+    cure = "move that file away and submit the batches again: what is finished is found in the store"
     try:
-        names = open_ledger(place).names()
+        names = open_batches(place).names()
         yield Check("batches", True, f"{len(names)} in the store", cure)
-    except StoreError as error:
+    except HumanMMError as error:
         yield Check("batches", False, str(error), cure)
 
 

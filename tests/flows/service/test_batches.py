@@ -14,7 +14,7 @@ from typing import Any
 import av
 import pytest
 
-from humanmm.storage.store.open import open_ledger
+from humanmm.storage.batches.batch_table import open_batches
 
 ROOT = Path(__file__).resolve().parents[3]
 CLIP = ROOT / "examples/pose2sim_multishot/pose2sim_A_01-02-01.mp4"
@@ -37,7 +37,7 @@ print(found.run_count, found.state.name)
 
 
 def _batch(farm: Any) -> str:
-    return open_ledger(farm.store).newest()
+    return open_batches(farm.store).newest()
 
 
 def _named(states: dict[str, dict[str, Any]]) -> dict[str, str]:
@@ -121,7 +121,7 @@ def test_a_video_whose_process_is_killed_is_tried_again_by_itself(farm: Any, pla
     done = farm.command("batch", "submit", "films", "--limit", "1", TOY_SLEEP="align=8")
     assert done.returncode == 0, done.stderr
     place.until(lambda: "align" in {video["stage"] for video in states().values()}, 120)
-    (row,) = open_ledger(farm.store).rows(_batch(farm), "running")
+    (row,) = open_batches(farm.store).rows(_batch(farm), "running")
     os.kill(row.pid or 0, signal.SIGKILL)
     # `batch status` is not asked here: it would itself notice the loss
     place.until(lambda: len(place.flow_runs()) == 5, 120)

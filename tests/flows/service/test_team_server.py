@@ -3,21 +3,18 @@
 import base64
 import json
 import os
-import shutil
-import signal
-import socket
 import subprocess
 import sys
-import time
 import urllib.error
 import urllib.request
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
+from services import free_port, listens, postgres, program, running
 
 ROOT = Path(__file__).resolve().parents[3]
 ENVIRONMENT: dict[str, str] = yaml.safe_load((ROOT / "deploy/compose.yaml").read_text())["services"]["server"][
@@ -27,110 +24,50 @@ ENVIRONMENT: dict[str, str] = yaml.safe_load((ROOT / "deploy/compose.yaml").read
 pytestmark = [pytest.mark.server, pytest.mark.timeout(2400)]
 
 
-def _program(name: str) -> str:
-    """A program of PATH or of Debian's Postgres; the test is skipped without it."""
-    versions = sorted(Path("/usr/lib/postgresql").glob(f"*/bin/{name}"))
-    found = shutil.which(name) or (str(versions[-1]) if versions else None)
-    if found is None:
-        pytest.skip(f"{name} is not installed (Debian: postgresql, redis-server)")
-    return found
-
-
-def _free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        return int(listener.getsockname()[1])
-
-
-@contextmanager
-def _running(command: list[str], ready: Callable[[], bool], log: Path, **options: Any) -> Iterator[None]:
-    with log.open("wb") as output:
-        process = subprocess.Popen(command, stdout=output, stderr=output, start_new_session=True, **options)
-    try:
-        deadline = time.monotonic() + 180
-        while not ready():
-            assert process.poll() is None and time.monotonic() < deadline, log.read_text()[-2000:]
-            time.sleep(0.2)
-        yield
-    finally:
-        process.send_signal(signal.SIGINT)
-        try:
-            process.wait(timeout=30)
-        except subprocess.TimeoutExpired:
-            os.killpg(process.pid, signal.SIGKILL)
-            process.wait()
-
-
-def _listens(port: int) -> bool:
-    with socket.socket() as probe:
-        return probe.connect_ex(("127.0.0.1", port)) == 0
-
-
 @pytest.fixture
 def team(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[dict[str, str]]:
     """The environment of a client of the team server: what compose.yaml sets, with other host names and passwords."""
     pytest.importorskip("prefect_redis", reason="the extra `team` is not installed")
-    initdb, postgres, redis = _program("initdb"), _program("postgres"), _program("redis-server")
-    createdb = _program("createdb")
-    ports = {name: _free_port() for name in ("postgres", "redis", "server")}
-    as_user: dict[str, Any] = {}
-    if os.getuid() == 0:  # Postgres refuses to run as root
-        as_user = {"user": "postgres", "group": "postgres", "extra_groups": []}
-        for folder in (tmp_path, *tmp_path.parents):
-            if not folder.stat().st_mode & 0o001:
-                folder.chmod(0o755)
-    data = tmp_path / "postgres"
-    data.mkdir()
-    if as_user:
-        shutil.chown(data, "postgres", "postgres")
-    subprocess.run(
-        [initdb, "-D", str(data), "-U", "prefect", "-A", "trust", "--no-sync"],
-        check=True, capture_output=True, cwd="/", **as_user,
-    )  # fmt: skip
+    redis = program("redis-server")
+    ports = {name: free_port() for name in ("redis", "server")}
+    with ExitStack() as stack:
+        ports["postgres"] = stack.enter_context(postgres(tmp_path, "prefect"))
+        client = _start_services(stack, tmp_path, redis, ports)
+        for name, value in client.items():
+            monkeypatch.setenv(name, value)
+        yield client | {"DATABASE": f"postgresql+asyncpg://prefect@127.0.0.1:{ports['postgres']}/prefect"}
+
+
+def _start_services(stack: ExitStack, folder: Path, redis: str, ports: dict[str, int]) -> dict[str, str]:
     client = {
         "PREFECT_API_URL": f"http://127.0.0.1:{ports['server']}/api",
         "PREFECT_API_AUTH_STRING": "team:secret",
-        "HUMANMM_CACHE": str(tmp_path / "cache"),
+        "HUMANMM_CACHE": str(folder / "cache"),
     }
     replaced = {
         "PREFECT_API_DATABASE_CONNECTION_URL": f"postgresql+asyncpg://prefect@127.0.0.1:{ports['postgres']}/prefect",
         "PREFECT_SERVER_API_AUTH_STRING": "team:secret",
         "PREFECT_REDIS_MESSAGING_URL": f"redis://127.0.0.1:{ports['redis']}/0",
         "PREFECT_SERVER_DOCKET_URL": f"redis://127.0.0.1:{ports['redis']}/1",
-        "PREFECT_HOME": str(tmp_path / "server"),
+        "PREFECT_HOME": str(folder / "server"),
     }
     environment = {**os.environ, **ENVIRONMENT, **replaced, "NO_PROXY": "127.0.0.1", "PREFECT_API_URL": ""}
     environment.pop("PREFECT_API_URL")
     prefect = [sys.executable, "-m", "prefect", "server"]
-    with ExitStack() as stack:
-        sockets = f"-k{data} -h127.0.0.1 -p{ports['postgres']} -F"
-        stack.enter_context(
-            _running(
-                [postgres, "-D", str(data), *sockets.split()], lambda: _listens(ports["postgres"]),
-                tmp_path / "postgres.log", cwd="/", **as_user,
-            )
-        )  # fmt: skip
-        redis_arguments = ["--port", str(ports["redis"]), "--bind", "127.0.0.1", "--save", "", "--dir", str(tmp_path)]
-        stack.enter_context(
-            _running([redis, *redis_arguments], lambda: _listens(ports["redis"]), tmp_path / "redis.log")
-        )
-        connect = ["-h", "127.0.0.1", "-p", str(ports["postgres"]), "-U", "prefect", "prefect"]
-        subprocess.run([createdb, *connect], check=True, capture_output=True)
-        subprocess.run([*prefect, "database", "upgrade", "-y"], check=True, capture_output=True, env=environment)
-        start = [*prefect, "start", "--host", "127.0.0.1", "--port", str(ports["server"]), "--no-services"]
-        stack.enter_context(
-            _running(start, lambda: _listens(ports["server"]), tmp_path / "server.log", env=environment)
-        )
-        stack.enter_context(
-            _running([*prefect, "services", "start"], lambda: True, tmp_path / "services.log", env=environment)
-        )
-        for name, value in client.items():
-            monkeypatch.setenv(name, value)
-        yield client | {"DATABASE": replaced["PREFECT_API_DATABASE_CONNECTION_URL"]}
+    redis_arguments = ["--port", str(ports["redis"]), "--bind", "127.0.0.1", "--save", "", "--dir", str(folder)]
+    stack.enter_context(running([redis, *redis_arguments], lambda: listens(ports["redis"]), folder / "redis.log"))
+    subprocess.run([*prefect, "database", "upgrade", "-y"], check=True, capture_output=True, env=environment)
+    start = [*prefect, "start", "--host", "127.0.0.1", "--port", str(ports["server"]), "--no-services"]
+    stack.enter_context(running(start, lambda: listens(ports["server"]), folder / "server.log", env=environment))
+    stack.enter_context(
+        running([*prefect, "services", "start"], lambda: True, folder / "services.log", env=environment)
+    )
+    return client
 
 
 def _sql(team: dict[str, str], query: str) -> list[str]:
     port = team["DATABASE"].rpartition(":")[2].partition("/")[0]
-    command = [_program("psql"), "-h", "127.0.0.1", "-p", port, "-U", "prefect", "-At", "-c", query, "prefect"]
+    command = [program("psql"), "-h", "127.0.0.1", "-p", port, "-U", "prefect", "-At", "-c", query, "prefect"]
     return subprocess.run(command, check=True, capture_output=True, text=True).stdout.split()
 
 
@@ -141,7 +78,7 @@ def test_a_batch_runs_on_postgres_and_redis_and_every_state_arrives(
     log = tmp_path / "serve.log"
     serve = farm.command_line("serve", "--limit", "2")
     ready = lambda: log.exists() and "dashboard:" in log.read_text()  # noqa: E731
-    with _running(serve, ready, log, env=farm.environment(**team), cwd=farm.folder):
+    with running(serve, ready, log, env=farm.environment(**team), cwd=farm.folder):
         done = farm.command("batch", "submit", "films", "--wait", **team)
         assert done.returncode == 3, done.stderr
         tree = json.loads(farm.main("batch", "status", "--json", **team)[1])

@@ -9,7 +9,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from humanmm.storage.batches.batch_ledger import VideoRow
+from humanmm.storage.batches.video_row import VideoRow
 from humanmm.storage.pages.video_page import SHOWN_ROWS, batch_table, video_page
 
 RECORD: dict[str, Any] = {

@@ -282,7 +282,7 @@ def test_a_video_recovered_on_one_host_is_known_on_another(toy: Any, bucket: str
     assert "writable, knows conditional puts" in checked and "BAD  bucket" not in checked
     assert "BAD  bucket" in toy.main("doctor", "--store", "s3://no-such-bucket")[1]
     told = toy.main("batch", "status", *stored)
-    assert told[0] == 1 and f"the store {bucket} knows no batch" in told[2]
+    assert told[0] == 1 and f"the store {bucket} has no batch" in told[2]
 
 
 def test_du_verify_and_gc_tell_and_do_what_they_do_on_a_disk(toy: Any, bucket: str, tmp_path: Path) -> None:

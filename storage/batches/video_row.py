@@ -1,0 +1,100 @@
+"""One row of the batch table: what a batch wants of one video, and what has become of it."""
+
+import hashlib
+import json
+import os
+import socket
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from humanmm.storage.batches.owner import LEASE_S, Owner
+
+STATES = ("scheduled", "running", "done", "partial", "failed", "cancelled")
+
+
+@dataclass(frozen=True)
+class VideoRow:
+    """One video of a batch."""
+
+    batch: str
+    video: str
+    position: int
+    run_dir: str
+    config: str
+    """Its whole configuration as json."""
+    priority: str
+    tags: str
+    """Tags as a json list."""
+    facts: str
+    """Size, modification time and inode of the file as json, empty if there is none: another file is another video."""
+    recipe: str
+    """Digest of code, weights, libraries and settings: what is finished with another recipe is not finished."""
+    attempt: int = 1
+    state: str = "scheduled"
+    stage: str | None = None
+    """Where it is, or where it failed."""
+    reason: str = ""
+    seconds: float | None = None
+    flow_run: str | None = None
+    changed: float = 0.0
+    """When it changed its state, seconds since 1970."""
+    losses: int = 0
+    """How often its process was lost since it made progress."""
+    host: str = ""
+    """Where it was computed last: its run folder is there."""
+    owner: str = ""
+    """The process that computes it (`Owner`); empty if none does."""
+    unrenewed_s: float = field(default=0.0, compare=False)
+    """Seconds from the last renewal of its owner's lease until this row was read."""
+
+    @property
+    def key(self) -> str:
+        """32 hex digits that name batch and video."""
+        return hashlib.sha256(f"{self.batch}\0{self.video}".encode()).hexdigest()[:32]
+
+    @property
+    def is_owned(self) -> bool:
+        """Whether a living process computes it, or one of another machine whose lease has not run out."""
+        alive = Owner.parse(self.owner).is_alive() if self.owner else False
+        return self.unrenewed_s < LEASE_S if alive is None else alive
+
+    @property
+    def pid(self) -> int | None:
+        """Its process, if that lives on this machine."""
+        owner = Owner.parse(self.owner) if self.owner else None
+        return owner.pid if owner is not None and owner.is_alive() else None
+
+    @property
+    def is_elsewhere(self) -> bool:
+        """Whether another machine than this one has computed it."""
+        return self.host not in ("", socket.gethostname())
+
+    def same_work(self, other: "VideoRow") -> bool:
+        """True if both want the same file recovered in the same way into the same folder."""
+        return (self.facts, self.recipe, self.run_dir) == (other.facts, other.recipe, other.run_dir)
+
+    def to_json(self) -> dict[str, Any]:
+        """The row as `batch status --json` prints it."""
+        return {name: getattr(self, name) for name in ("video", "state", "stage", "reason", "run_dir", "seconds")}
+
+
+def facts_of(video: Path) -> str:
+    """Size, modification time and inode of a file as json; empty if it cannot be seen."""
+    try:
+        status = video.stat()
+    except OSError:
+        return ""
+    return json.dumps([status.st_size, status.st_mtime_ns, status.st_ino])
+
+
+def counts(rows: Iterable[VideoRow]) -> Mapping[str, int]:
+    """State → number of videos, states without any left out."""
+    states = [row.state for row in rows]
+    return {state: states.count(state) for state in STATES if state in states}
+
+
+def has_run_record(run_dir: str) -> bool:
+    """True if a run folder is still there."""
+    return os.path.exists(f"{run_dir}/run.json")  # noqa: PTH110  (called for 10,000 folders)

@@ -1,0 +1,54 @@
+"""Rows of the batch table as flow runs of Prefect."""
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import httpx
+import pytest
+from prefect.exceptions import PrefectHTTPStatusError
+
+from humanmm.flows.server import flow_runs
+from humanmm.storage.batches.batch_table import open_batches
+from humanmm.storage.batches.video_row import VideoRow
+
+
+class _BusyServer:
+    """A client of a server that takes only some videos."""
+
+    def __init__(self, taken: set[str]) -> None:
+        self._taken = taken
+        self.asked: list[str] = []
+
+    def __enter__(self) -> "_BusyServer":
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        pass
+
+    def read_deployment_by_name(self, name: str) -> Any:
+        return SimpleNamespace(id=name)
+
+    def create_flow_run_from_deployment(self, deployment: str, *, name: str, **asked: Any) -> Any:
+        self.asked.append(name)
+        if name in self._taken:
+            return SimpleNamespace(id=f"run of {name}")
+        request = httpx.Request("POST", "http://127.0.0.1/api")
+        raise PrefectHTTPStatusError("503", request=request, response=httpx.Response(503, request=request))
+
+
+def test_videos_that_a_busy_server_does_not_take_wait_in_the_table(
+    toy: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HUMANMM_CACHE", str(tmp_path / "cache"))
+    table = open_batches(toy.store)
+    rows = [VideoRow("b", f"{name}.mp4", 0, f"/runs/{name}", "{}", "normal", "[]", "", "") for name in "ab"]
+    table.put(rows)
+    server = _BusyServer({"a.mp4"})
+    monkeypatch.setattr(flow_runs, "get_client", lambda **kind: server)
+    flow_runs.schedule(table, rows)
+    assert [row.video for row in table.unscheduled()] == ["b.mp4"], "`humanmm serve` schedules it at its next look"
+    server = _BusyServer({"a.mp4", "b.mp4"})
+    monkeypatch.setattr(flow_runs, "get_client", lambda **kind: server)
+    flow_runs.schedule(table, rows)
+    assert server.asked == ["b.mp4"], "nobody asks for what somebody has asked for meanwhile"

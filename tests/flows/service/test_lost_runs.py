@@ -1,0 +1,84 @@
+"""Videos whose flow run ended before their process started, and slots that lost flow runs held."""
+
+import signal
+import subprocess
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
+from uuid import UUID, uuid4
+
+import pytest
+from prefect.states import Cancelled, Crashed, Failed
+
+from humanmm.flows.service.lost_runs import crash_lost_runs, fail_unstarted
+from humanmm.storage.batches.batch_table import BatchTable, open_batches
+from humanmm.storage.batches.video_row import VideoRow
+
+
+def _waiting(table: BatchTable) -> VideoRow:
+    (row,) = table.put([VideoRow("b", "v.mp4", 0, "/runs/v", "{}", "normal", "[]", "", "", flow_run=str(UUID(int=1)))])
+    return row
+
+
+def _run(row: VideoRow, table: BatchTable, state: Any) -> Any:
+    given = {"batch": row.batch, "video": row.video, "store": table.store.location, "attempt": row.attempt}
+    return SimpleNamespace(id=UUID(row.flow_run), state=state, parameters=given)
+
+
+def test_a_video_whose_flow_run_ended_before_its_process_started_does_not_wait_for_ever(any_toy: Any) -> None:
+    table = open_batches(any_toy.store)
+    row = _waiting(table)
+    older = replace(row, flow_run=str(uuid4()))
+    assert not fail_unstarted(_run(older, table, Crashed(message="no")))
+    assert table.rows("b")[0].attempt == 1, "an older flow run changes nothing"
+    assert fail_unstarted(_run(row, table, Crashed(message="exit status 1")))
+    (again,) = table.unscheduled()
+    assert (again.attempt, again.losses) == (2, 1) and "did not start: exit status 1" in again.reason
+    table.change(again, flow_run=str(UUID(int=2)))
+    assert fail_unstarted(_run(table.rows("b")[0], table, Cancelled()))
+    assert table.rows("b")[0].state == "cancelled"
+
+
+def test_a_video_whose_flow_run_failed_before_it_could_write_its_row_is_tried_again(toy: Any) -> None:
+    table = open_batches(toy.store)
+    failed = _run(_waiting(table), table, Failed(message="database or disk is full"))
+
+    def read_flow_runs(*, flow_run_filter: Any, **more: Any) -> list[Any]:
+        return [failed] if "FAILED" in flow_run_filter.state.type.any_ else []
+
+    client = SimpleNamespace(read_flow_runs=read_flow_runs, api_url="http://127.0.0.1:1/api")
+    assert not crash_lost_runs(cast(Any, client))
+    (again,) = table.unscheduled()
+    assert again.attempt == 2 and "disk is full" in again.reason
+
+
+MAINTAIN = """
+deployment = await client.read_deployment_by_name("maintain/maintain")
+await client.create_flow_run_from_deployment(deployment.id, name="upkeep")
+"""
+
+
+@pytest.mark.server
+@pytest.mark.timeout(2400)
+def test_a_slot_whose_flow_run_was_lost_with_everything_is_free_soon_after_the_next_start(
+    farm: Any, place: Any, states: Callable[[], dict[str, dict[str, Any]]]
+) -> None:
+    serving = subprocess.Popen(
+        farm.command_line("serve", "--limit", "1"), env=farm.environment(), stdout=subprocess.DEVNULL
+    )
+    place.until(lambda: list(place.folder.glob("prefect-*/serving")), 120)
+    place.client(MAINTAIN)
+    at_work = ("PENDING", "RUNNING")
+    place.until(lambda: place.ask("select 1 from flow_run where state_type in (?, ?)", *at_work), 60)
+    place.end("-m toyline serve", signal.SIGKILL)
+    place.end("humanmm.flows.")
+    serving.wait()
+    ((name, state),) = place.flow_runs()
+    assert name == "upkeep" and state in at_work, "it holds the one slot"
+    assert farm.command("batch", "submit", "films", "--limit", "1").returncode == 0
+    ready = time.monotonic()
+    place.until(lambda: {"running", "done"} & {video["state"] for video in states().values()}, 60)
+    assert time.monotonic() - ready < 60, "30 s on a quiet machine"
+    assert ("upkeep", "CRASHED") in place.flow_runs()
