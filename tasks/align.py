@@ -1,6 +1,6 @@
 """Stage `align`: all shots in one world."""
 
-from humanmm.models.camera.keyframes import KeyFrameFeatures
+from humanmm.models.camera.background.keyframes import KeyFrameFeatures
 from humanmm.models.motion.world.align import ShotResults
 from humanmm.models.motion.world.align import align as align_shots
 from humanmm.models.records.camera import Intrinsics, ShotCamera

@@ -1,6 +1,6 @@
 """Stage `keyframes`: features of the background in every shot's key frames, by which shots of one scene are joined."""
 
-from humanmm.models.camera.keyframes import KeyFrameFeatures, describe_key_frames
+from humanmm.models.camera.background.keyframes import KeyFrameFeatures, describe_key_frames
 from humanmm.models.records.shots import ShotList
 from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.records.video import VideoFacts

@@ -1,7 +1,7 @@
 """Stage `people`: keypoints, 3D landmarks, masks and tracks of everybody in one scene."""
 
 from humanmm.models.perception.interfaces import Networks
-from humanmm.models.perception.people import track_people
+from humanmm.models.perception.tracking.people import track_people
 from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.records.video import VideoFacts
 from humanmm.models.video.opened import Video

@@ -127,7 +127,7 @@ STAGES: tuple[Stage, ...] = (
         "video",
         ("decode", "people", "shots"),
         (),
-        "humanmm.models.camera.keyframes:KeyFrameFeatures",
+        "humanmm.models.camera.background.keyframes:KeyFrameFeatures",
         reads_video=True,
         resources=_memory(250, 20),
     ),

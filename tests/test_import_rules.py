@@ -17,9 +17,11 @@ TOWER = (
     "weights",
     "body",
     "perception",
+    "perception.tracking",
     "cuts",
     "shots",
     "camera.odometry",
+    "camera.background",
     "camera",
     "motion.fit",
     "motion.world",
@@ -35,6 +37,8 @@ TOWER = (
 """The rooms of models: each imports only rooms before it."""
 
 SIZES = {
+    "models.evaluation": "one file for each kind of metric",
+    "cli": "one file for each subject of verbs, and what they share",
     "models.motion": "holds rooms; its one file puts their results together",
     "models.weights": "holds the files of weights; one module reads them",
     "tasks": "one file for each of the 12 stages, and what they share",
@@ -53,6 +57,9 @@ CROSS_CUTTING = {
     "flows/test_faults.py": "killed processes, whatever they ran",
     "models/benchmark/test_variable_rate.py": "a benchmark whose truth has a variable frame rate",
     "models/camera/test_rendered.py": "the whole camera room on rendered clips",
+    "flows/test_variable_rate.py": "the whole flow on a variable frame rate",
+    "models/motion/fit/test_fit.py": "equations, terms and solver of the fit together",
+    "models/motion/world/test_world_assembly.py": "the whole room on shots with known cameras",
     "models/evaluation/test_golden.py": "parity with the functions that WHAM and GVHMR publish",
     "models/perception/test_variable_rate.py": "the whole perception room on a variable frame rate",
     "models/video/test_bad_input.py": "the whole video room on files that are no video",
@@ -64,15 +71,10 @@ KNOWN: Mapping[str, frozenset[str]] = {
     "layers": frozenset(),
     "tower": frozenset(),
     "file circles": frozenset(),
-    "room circles": frozenset({"storage.batches, storage.store"}),
-    "docstrings": frozenset({"cli"}),
-    "sizes": frozenset({"cli", "models.evaluation", "tasks.batches"}),
-    "tests": frozenset(
-        {
-            "models/motion/fit/test_fit.py",
-            "models/motion/world/test_world_assembly.py",
-        }
-    ),
+    "room circles": frozenset(),
+    "docstrings": frozenset(),
+    "sizes": frozenset(),
+    "tests": frozenset(),
 }
 """Violations that exist today, by rule. The list only shrinks: a violation that is gone leaves it."""
 

@@ -14,7 +14,7 @@ from humanmm.config import Config
 from humanmm.errors import InputError, StageError
 from humanmm.flows.bench.jobs import SETTINGS, Job
 from humanmm.models.benchmark.tables.statistics import SetStatistics, statistics_of
-from humanmm.models.camera.keyframes import KeyFrameFeatures
+from humanmm.models.camera.background.keyframes import KeyFrameFeatures
 from humanmm.models.records.camera import PointTracks
 from humanmm.models.records.sequence import MotionSequence
 from humanmm.models.records.shots import Scenes

@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.landmarks import load_landmarks
-from humanmm.models.camera.keyframes import FrameFeatures
+from humanmm.models.camera.background.keyframes import FrameFeatures
 from humanmm.models.evaluation.people import projected_boxes
 from humanmm.models.evaluation.skeleton import SMPL_NAMES
 from humanmm.models.geometry.projection import project, world_to_camera

@@ -12,15 +12,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from humanmm.models.camera.background.keyframes import describe_key_frames
 from humanmm.models.camera.intrinsics import estimate_intrinsics
-from humanmm.models.camera.keyframes import describe_key_frames
 from humanmm.models.camera.points import track_points
 from humanmm.models.camera.shot_camera import estimate_camera
 from humanmm.models.motion.assemble import record_motion
 from humanmm.models.motion.fit.hmr import fit_shot
 from humanmm.models.motion.refine.refine import refine
 from humanmm.models.motion.world.align import ShotResults, align
-from humanmm.models.perception.people import track_people
+from humanmm.models.perception.tracking.people import track_people
 from humanmm.models.shots.assemble import detect_shots
 from humanmm.models.shots.scenes import detect_scenes
 from humanmm.models.video.opened import Video

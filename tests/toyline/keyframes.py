@@ -1,6 +1,6 @@
 """No features: there is no picture."""
 
-from humanmm.models.camera.keyframes import KeyFrameFeatures
+from humanmm.models.camera.background.keyframes import KeyFrameFeatures
 from humanmm.models.records.shots import ShotList
 from humanmm.tasks.inputs import StageInputs
 from toyline.behaviour import act

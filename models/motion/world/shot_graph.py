@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.models.camera.keyframes import FrameFeatures
-from humanmm.models.camera.shot_edges import ShotEdge, find_shot_edges
+from humanmm.models.camera.background.keyframes import FrameFeatures
+from humanmm.models.camera.background.shot_edges import ShotEdge, find_shot_edges
 from humanmm.models.cuts.camera_rotation import CutCameras, CutMethod, CutPerson, SideTrack
 from humanmm.models.geometry.intervals import in_intervals
 from humanmm.models.geometry.intrinsics import K_of

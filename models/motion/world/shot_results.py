@@ -9,7 +9,7 @@ from jaxtyping import Float
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.kinematics import chunks, forward_kinematics
 from humanmm.models.body.landmarks import load_landmarks
-from humanmm.models.camera.keyframes import FrameFeatures
+from humanmm.models.camera.background.keyframes import FrameFeatures
 from humanmm.models.records.camera import Intrinsics, ShotCamera
 from humanmm.models.records.motion import PersonShotMotion, ShotMotion
 from humanmm.models.records.shots import ShotList

@@ -1,4 +1,4 @@
-"""One rotation per shot from all evidence: people at the cuts (`cuts`) and backgrounds (`camera.shot_edges`).
+"""One rotation per shot from all evidence: people at the cuts (`cuts`) and backgrounds (`camera.background`).
 
 Every piece of evidence is an edge of a graph whose nodes are shots. A background edge with few inliers can be chance;
 it is believed if the people say the same within what both may err, or if it has so many inliers that chance is out of

@@ -1,8 +1,4 @@
-"""The command line. Exit status: 0 done, 1 our error, 2 usage, 3 partial, 130 interrupted.
-
-The last line on standard output is the result. `verb.py` declares a verb; each other file holds the verbs of one
-subject, and imports what is heavy only when its verb runs.
-"""
+"""The command line: `verb.py` declares a verb, each other file holds the verbs of one subject."""
 
 import importlib
 import os

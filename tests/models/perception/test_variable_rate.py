@@ -8,8 +8,8 @@ from pathlib import Path
 import av
 import numpy as np
 
-from humanmm.models.perception.people import track_people
-from humanmm.models.perception.track_builder import steadiness
+from humanmm.models.perception.tracking.people import track_people
+from humanmm.models.perception.tracking.track_builder import steadiness
 from humanmm.models.records import landmarks
 from humanmm.models.records.tracks import PersonTrack
 from humanmm.models.video.frames import frames

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from humanmm.models.perception.sides import left_right_swaps, side_vote
+from humanmm.models.perception.tracking.sides import left_right_swaps, side_vote
 from humanmm.models.records.landmarks import INDEX, NUM_LANDMARKS, SWAP
 
 

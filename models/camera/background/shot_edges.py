@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.models.camera.frame_edges import MIN_MATCHES, FrameEdge, find_frame_edge, match_features
-from humanmm.models.camera.keyframes import FrameFeatures
+from humanmm.models.camera.background.frame_edges import MIN_MATCHES, FrameEdge, find_frame_edge, match_features
+from humanmm.models.camera.background.keyframes import FrameFeatures
 from humanmm.models.geometry.rotations import rotation_angle
 
 COMPARE_ALL = 8

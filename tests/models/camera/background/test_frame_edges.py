@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 import pytest
 
-from humanmm.models.camera.frame_edges import find_frame_edge
-from humanmm.models.camera.keyframes import describe_frame
+from humanmm.models.camera.background.frame_edges import find_frame_edge
+from humanmm.models.camera.background.keyframes import describe_frame
 
 K = np.array([[700.0, 0, 320], [0, 700.0, 240], [0, 0, 1]])
 

@@ -13,12 +13,12 @@ from jaxtyping import Float
 from humanmm.models.geometry.boxes import box_iou
 from humanmm.models.perception.clothing import clothing_histogram, colour_distance
 from humanmm.models.perception.interfaces import Landmarks, Networks, PoseNetwork
-from humanmm.models.perception.linking import joined, untangled
 from humanmm.models.perception.networks import BLAZEPOSE
 from humanmm.models.perception.observation import Observation, averaged, observe, similarity
 from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.regions import Region
-from humanmm.models.perception.search import (
+from humanmm.models.perception.tracking.linking import joined, untangled
+from humanmm.models.perception.tracking.search import (
     MAX_COVERED,
     covered_fraction,
     find_people,
@@ -27,8 +27,8 @@ from humanmm.models.perception.search import (
     same_person,
     settle,
 )
-from humanmm.models.perception.sides import side_vote
-from humanmm.models.perception.track_builder import TrackBuilder
+from humanmm.models.perception.tracking.sides import side_vote
+from humanmm.models.perception.tracking.track_builder import TrackBuilder
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
 from humanmm.models.video.frame_times import ROUNDING_S, elapsed_s, nearest_frame, sampled_every, shown_s
 

@@ -3,10 +3,10 @@
 import numpy as np
 
 from humanmm.models.perception.clothing import HISTOGRAM_BINS
-from humanmm.models.perception.linking import joined, untangled
 from humanmm.models.perception.observation import Observation
 from humanmm.models.perception.regions import Region
-from humanmm.models.perception.track_builder import TrackBuilder
+from humanmm.models.perception.tracking.linking import joined, untangled
+from humanmm.models.perception.tracking.track_builder import TrackBuilder
 
 TIME_S = np.arange(500) / 30
 RED, BLUE = np.eye(HISTOGRAM_BINS)[3], np.eye(HISTOGRAM_BINS)[17]

@@ -4,8 +4,8 @@ from dataclasses import fields
 
 import numpy as np
 
-from humanmm.models.camera.frame_edges import match_features
-from humanmm.models.camera.keyframes import FrameFeatures, key_frames, without_people
+from humanmm.models.camera.background.frame_edges import match_features
+from humanmm.models.camera.background.keyframes import FrameFeatures, key_frames, without_people
 from humanmm.models.records.shots import Shot, Transition
 from humanmm.models.records.tracks import PersonTrack
 

@@ -7,7 +7,7 @@ from humanmm.models.perception.networks import BLAZEPOSE
 from humanmm.models.perception.observation import Observation
 from humanmm.models.perception.picture import Picture, whole
 from humanmm.models.perception.regions import Region
-from humanmm.models.perception.search import (
+from humanmm.models.perception.tracking.search import (
     covered_fraction,
     find_people,
     paint_out,

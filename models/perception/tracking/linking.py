@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from humanmm.models.perception.clothing import colour_distance, mean_colours
-from humanmm.models.perception.track_builder import TrackBuilder
+from humanmm.models.perception.tracking.track_builder import TrackBuilder
 from humanmm.models.video.frame_times import elapsed_s
 
 CHANGED_COLOURS = 0.55

@@ -8,7 +8,7 @@ from jaxtyping import Float, Int
 from humanmm.models.perception.clothing import mean_colours
 from humanmm.models.perception.observation import Observation
 from humanmm.models.perception.regions import Region
-from humanmm.models.perception.sides import left_right_swaps
+from humanmm.models.perception.tracking.sides import left_right_swaps
 from humanmm.models.records import landmarks
 from humanmm.models.records.tracks import PersonTrack, Silhouettes, deflated_mask
 from humanmm.models.video.frame_times import shown_s

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from humanmm.models.perception.interfaces import Networks
 from humanmm.models.perception.networks import BLAZEPOSE
 from humanmm.models.perception.picture import Picture
-from humanmm.models.perception.tracker import track_pictures
+from humanmm.models.perception.tracking.tracker import track_pictures
 from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.video.frames import PlanarFrame, planar_frames
 from humanmm.models.video.opened import Progress, Video, silent

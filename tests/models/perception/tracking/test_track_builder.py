@@ -6,7 +6,7 @@ import pytest
 from humanmm.models.perception.clothing import HISTOGRAM_BINS
 from humanmm.models.perception.observation import Observation
 from humanmm.models.perception.regions import Region
-from humanmm.models.perception.track_builder import STEADINESS_UNKNOWN, TrackBuilder, steadiness
+from humanmm.models.perception.tracking.track_builder import STEADINESS_UNKNOWN, TrackBuilder, steadiness
 from humanmm.models.records.landmarks import SWAP
 
 STEPS_S = np.random.default_rng(5).choice([0.01, 0.02, 0.05, 0.12], 80)

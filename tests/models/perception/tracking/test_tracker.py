@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from humanmm.models.perception.picture import Picture
-from humanmm.models.perception.tracker import track_pictures
+from humanmm.models.perception.tracking.tracker import track_pictures
 from humanmm.models.records import landmarks
 from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.video.frames import planar_frames
 from humanmm.models.video.reading import read_facts
 
-EXAMPLES = Path(__file__).parents[3] / "examples" / "pose2sim_multishot"
+EXAMPLES = Path(__file__).parents[4] / "examples" / "pose2sim_multishot"
 CLIP = EXAMPLES / "pose2sim_A_01-02-01.mp4"
 TIME_S = np.arange(100) / 60
 SCENE = (36, 56)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from humanmm.models.camera.keyframes import FrameFeatures
+from humanmm.models.camera.background.keyframes import FrameFeatures
 from humanmm.models.camera.odometry.colmap import pycolmap
 
 RATIO = 0.8

@@ -1,0 +1,1 @@
+"""Finds and tracks everybody through one scene: search, tracks, links between tracks, left and right."""
