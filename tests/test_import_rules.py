@@ -71,9 +71,9 @@ KNOWN: Mapping[str, frozenset[str]] = {
         }
     ),
     "file circles": frozenset(),
-    "room circles": frozenset({"models.benchmark, models.benchmark.tables", "storage.batches, storage.store"}),
+    "room circles": frozenset({"models.benchmark, models.benchmark.tables"}),
     "docstrings": frozenset({"cli"}),
-    "sizes": frozenset({"cli", "models.evaluation", "tasks.batches"}),
+    "sizes": frozenset({"cli", "models.evaluation"}),
     "tests": frozenset(
         {
             "models/drawing/test_charts.py",

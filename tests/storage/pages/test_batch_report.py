@@ -4,8 +4,7 @@ import csv
 import io
 from pathlib import Path
 
-from humanmm.storage.batches.batch_ledger import VideoRow
-
+from humanmm.storage.batches.video_row import VideoRow
 from humanmm.storage.pages.batch_report import COLUMNS, write_report
 
 ROW = VideoRow("b", "/films/0.mp4", 0, "/runs/0", "{}", "normal", "[]", "", "", state="done", seconds=1.26)
