@@ -1,4 +1,4 @@
-"""What the dashboard shows beside flow runs and tasks: how far long stages are, a page a video, a table a batch."""
+"""What the dashboard shows beside flow runs and tasks: progress of long stages, a page a video, a table a batch."""
 
 import contextlib
 import json
@@ -27,39 +27,39 @@ LONG_S = 10.0
 """A stage that takes longer has its progress shown."""
 LOOK_S = 5.0
 EVERY_S = 15.0
-"""Each telling costs the server and the video a few hundredths of a second of processor time."""
+"""Each update costs the server and the video a few hundredths of a second of processor time."""
 
 
 class ProgressBoard:
-    """Progress of the long stages of one flow run. Reports cost nothing; one thread of its own tells the server."""
+    """Progress of the long stages of one flow run. Reports cost nothing; one thread sends them to the server."""
 
     def __init__(self, flow_run: UUID) -> None:
         self._flow_run = flow_run
         self._begun: dict[str, tuple[UUID, float]] = {}
         self._now: dict[str, float] = {}
-        self._told: dict[str, tuple[UUID, float, float]] = {}
-        """The artifact of each, what it says, and since when."""
+        self._sent: dict[str, tuple[UUID, float, float]] = {}
+        """The artifact of each, its percentage, and when that was sent (monotonic seconds)."""
         self._over = threading.Event()
         self._thread: threading.Thread | None = None
 
     def begin(self, unit: Unit, task_run: UUID) -> None:
-        """Name the task that computes a piece of work."""
+        """Note the task run that computes a unit."""
         self._begun[unit.label] = (task_run, time.monotonic())
 
     def report(self, unit: Unit, done: int, total: int) -> None:
-        """Note how far a stage is."""
+        """Note the progress of a stage."""
         self._now[unit.label] = 100.0 * done / max(total, 1)
         if self._thread is None:
-            self._thread = threading.Thread(target=self._tell, name="progress", daemon=True)
+            self._thread = threading.Thread(target=self._send, name="progress", daemon=True)
             self._thread.start()
 
     def end(self) -> None:
-        """Tell nothing more."""
+        """Send nothing more."""
         self._over.set()
         if self._thread is not None:
             self._thread.join()
 
-    def _tell(self) -> None:
+    def _send(self) -> None:
         with contextlib.ExitStack() as stack:
             client, over = None, False
             while not over:
@@ -76,22 +76,22 @@ class ProgressBoard:
 
     def _is_due(self, label: str, *, over: bool) -> bool:
         now = time.monotonic()
-        if label in self._told:
-            _, percent, at = self._told[label]
+        if label in self._sent:
+            _, percent, at = self._sent[label]
             return percent != self._now[label] and (over or now - at >= EVERY_S)
         return not over and label in self._begun and now - self._begun[label][1] > LONG_S
 
     def _show(self, client: SyncPrefectClient, label: str, percent: float) -> None:
-        if label in self._told:
-            artifact = self._told[label][0]
+        if label in self._sent:
+            artifact = self._sent[label][0]
             client.update_artifact(artifact, ArtifactUpdate(data=percent))
         else:
             task_run = self._begun[label][0]
-            asked = ArtifactCreate(
+            progress = ArtifactCreate(
                 type="progress", description=label, data=percent, flow_run_id=self._flow_run, task_run_id=task_run
             )
-            artifact = client.create_artifact(asked).id
-        self._told[label] = (artifact, percent, time.monotonic())
+            artifact = client.create_artifact(progress).id
+        self._sent[label] = (artifact, percent, time.monotonic())
 
 
 def show_video(run_dir: Path, flow_run: UUID) -> None:

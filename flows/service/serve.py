@@ -1,7 +1,7 @@
 """`humanmm serve`: the local Prefect server, our deployments, and a worker that runs each video in its own process.
 
-One per user (a lock says so). Every few seconds it looks after what dies without saying so: a server that is gone is
-started again at its old address, a worker likewise, and flow runs whose process is lost end as `Crashed`, so that
+One per user (a lock says so). Every few seconds it checks its processes: it starts a server that has
+died again at its old address, a worker likewise, and it ends flow runs whose process is lost as `Crashed`, so that
 nothing stays `Running` for ever.
 """
 
@@ -45,7 +45,7 @@ STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, si
 ROOM_BYTES = 32 << 20
 START_LIMIT_S = 240.0
 READY = "serving"
-"""A file that is there while `humanmm serve` takes flow runs."""
+"""A file that exists while `humanmm serve` runs flow runs."""
 STOP_LIMIT_S = 10.0
 """How long the worker may take to stop, once its videos have, before it is killed."""
 
@@ -61,7 +61,7 @@ def is_serving(files: ServerFiles) -> bool:
 
 
 def bring_up(*, limit: int | None, idle_s: float) -> None:
-    """Have a `humanmm serve` in the background, started if nobody takes flow runs yet, and wait until it does."""
+    """Start `humanmm serve` in the background unless one runs, and wait until it runs flow runs."""
     if has_workers_elsewhere():
         return
     files = server_files()
@@ -104,7 +104,7 @@ def default_limit() -> int:
 
 
 def serve(*, limit: int, idle_s: float | None = None, on_ready: Any = None) -> None:
-    """Serve until SIGINT or SIGTERM, or until there was nothing to do for `idle_s` seconds.
+    """Serve until one of STOP_SIGNALS, or until there was nothing to do for `idle_s` seconds.
 
     `on_ready` is called with the dashboard's address when flow runs can be scheduled.
     """
@@ -184,7 +184,7 @@ class Worker:
         """End the worker and all videos."""
         if self._process is None:
             return
-        self._close()  # which it takes as the sign to end its videos and itself
+        self._close()  # at the end of its input it stops its videos and itself
         for session in self._died:
             stop_session(session)
         try:
@@ -245,7 +245,7 @@ def _look_after(files: ServerFiles, worker: Worker, leave: threading.Event, idle
     from prefect import get_client
 
     last_busy = time.monotonic()
-    with get_client(sync_client=True) as client:  # to open one takes longer than all that it is asked in a look
+    with get_client(sync_client=True) as client:  # to open one takes longer than all requests of a look
         tables, settled = BatchTables(client), set[UUID]()
         while not leave.wait(LOOK_EVERY_S):
             worker.keep_up()
@@ -255,7 +255,7 @@ def _look_after(files: ServerFiles, worker: Worker, leave: threading.Event, idle
             try:
                 waiting = bool(resume_lost_videos(files)) | crash_lost_runs(client, settled)
                 tables.update(files)
-            except Exception as error:  # the server may be busy or restarting, the disk full: the next look will tell
+            except Exception as error:  # the server may be busy or restarting, the disk full: the next look retries
                 log.warning("a look after lost videos was cut short: %s", error)
                 continue
             if waiting:
@@ -289,7 +289,7 @@ def _only_one(files: ServerFiles) -> Iterator[None]:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            raise InputError("humanmm serve is up already; one is enough, `humanmm doctor` tells its address") from None
+            raise InputError("humanmm serve runs already; one is enough, `humanmm doctor` shows its address") from None
         (files.home / READY).unlink(missing_ok=True)  # left by one that was killed
         yield
 
