@@ -25,7 +25,7 @@ log = logging.getLogger(__name__)
 WORST = 10
 
 
-def report_page(
+def report_page(  # noqa: PLR0913 (one a part of the page)
     title: str,
     created_by: str,
     jobs: Sequence[Job],

@@ -221,7 +221,7 @@ _OTHER_BEGINNINGS: Mapping[str, Callable[[_SharedStages], Beginning]] = {
 """Methods that differ before `align`."""
 
 
-def _recovered(method: str, stages: _SharedStages) -> WorldMotion:
+def _recovered(method: str, stages: _SharedStages) -> WorldMotion:  # noqa: PLR0911, PLR0912 (one case a method)
     how = load("align.method", stages.config.align.method)
     footage = footage_of(stages.video, stages.start)
     if method == "humanmm":

@@ -138,6 +138,7 @@ def true_landmarks(
 
 
 def limb_mask(limbs: Bool[Array, "limbs n"]) -> Bool[Array, "n 33"]:
+    """(N,33) true for the landmarks of the limbs that are marked in each of N frames."""
     mask = np.zeros((limbs.shape[1], 33), bool)
     for limb, rows in zip(LIMBS, limbs, strict=True):
         mask[np.ix_(rows, list(limb))] = True

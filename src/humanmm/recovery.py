@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 
-def recover(
+def recover(  # noqa: PLR0913 (the flags of the command, as keywords)
     video: "str | os.PathLike[str]",
     out: "str | os.PathLike[str] | None" = None,
     *,

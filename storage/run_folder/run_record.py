@@ -48,7 +48,7 @@ class StageRecord:
     warnings: tuple[str, ...]
 
 
-def run_record(
+def run_record(  # noqa: PLR0913 (one a section of run.json)
     *,
     state: str,
     video: Path,

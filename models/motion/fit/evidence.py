@@ -26,6 +26,8 @@ FAILURE_TRUST = 0.1
 
 @dataclass(frozen=True)
 class Bone:
+    """One bone of the network's skeleton: the landmarks that it joins, and the errors to expect of its 3D vector."""
+
     start: int
     end: int
     across_m: float

@@ -32,7 +32,7 @@ ROOT, PELVIS, BODY = slice(0, 3), slice(3, 6), slice(6, NUM_PARAMETERS)
 
 
 def _movers() -> np.ndarray:
-    """(24, 20) bool: does joint k move when the root or free joint i turns? (Its own position never does.)"""
+    """(24, 20) bool: whether joint k moves when the root or free joint i rotates; its own position never does."""
     turning = (0, *FREE_JOINTS)
     moves = np.zeros((NUM_JOINTS, len(turning)), bool)
     for k in range(1, NUM_JOINTS):

@@ -20,7 +20,7 @@ _FROM = f"compute STAGE and all after it; stages: {', '.join(STAGES)}"
 
 
 @verb(app, "recover", panel=RECOVERY)
-def recover(
+def recover(  # noqa: PLR0913 (one a flag)
     video: Annotated[Path, Argument(metavar="VIDEO", show_default=False)],
     settings: Settings,
     *,

@@ -40,11 +40,13 @@ def evaluate(
 def export(
     run_dir: RunDir,
     *,
-    format: Annotated[FormatName, Option(metavar="NAME", help=", ".join(FORMATS), show_default=False)],
+    format_name: Annotated[
+        FormatName, Option("--format", metavar="NAME", help=", ".join(FORMATS), show_default=False)
+    ],
     force: Force = False,
 ) -> None:
     """Write a finished run in another tool's format: RUN_DIR/export/person_<nn>.<suffix>."""
-    write(*humanmm.load(run_dir).export(format, force=force))
+    write(*humanmm.load(run_dir).export(format_name, force=force))
 
 
 @verb(app, "view", panel=RESULTS)

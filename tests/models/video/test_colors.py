@@ -10,7 +10,7 @@ from humanmm.models.video.colors import Colors
 MATRICES = [(1, Colorspace.ITU709), (2, Colorspace.ITU601), (6, Colorspace.ITU601), (9, Colorspace.BT2020)]
 
 
-@pytest.mark.parametrize("matrix, converter", MATRICES)
+@pytest.mark.parametrize(("matrix", "converter"), MATRICES)
 def test_samples_agree_with_ffmpeg(matrix: int, converter: Colorspace) -> None:
     rgb = np.random.default_rng(0).integers(0, 256, (16, 16, 3), np.uint8).repeat(4, 0).repeat(4, 1)
     picture = av.VideoFrame.from_ndarray(rgb, "rgb24").reformat(

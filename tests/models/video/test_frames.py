@@ -92,7 +92,7 @@ def test_the_time_of_a_first_frame_that_is_not_zero_is_kept(clip: Clip) -> None:
     assert facts.time_s[0] == pytest.approx(0.5)
 
 
-@pytest.mark.parametrize("counter_clockwise_deg, expected", [(0, 0), (-90, 90), (180, 180), (90, 270)])
+@pytest.mark.parametrize(("counter_clockwise_deg", "expected"), [(0, 0), (-90, 90), (180, 180), (90, 270)])
 def test_rotation_metadata_makes_the_picture_upright(
     counter_clockwise_deg: int, expected: int, clip: Clip, numbered: Numbered
 ) -> None:

@@ -65,9 +65,8 @@ def test_an_error_comes_where_its_item_would_have_come() -> None:
         raise ValueError("frame 3 is damaged")
 
     seen = []
-    with pytest.raises(ValueError, match="frame 3"), prefetched(broken()) as made:
-        for item in made:
-            seen.append(item)
+    with prefetched(broken()) as made, pytest.raises(ValueError, match="frame 3"):
+        seen.extend(made)
     assert seen == [1, 2]
 
 

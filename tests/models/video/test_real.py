@@ -23,7 +23,7 @@ def test_the_shipped_clip_has_a_hundred_upright_frames_at_sixty_hertz() -> None:
 
 @pytest.mark.skipif(DATA is None, reason="HUMANMM_DATA names no folder with the development clips")
 @pytest.mark.parametrize(
-    "name, num_frames, size, codec",
+    ("name", "num_frames", "size", "codec"),
     [
         ("sports2d_demo.mp4", 230, (1768, 994), "vp9"),
         ("intel_asl_walk.mkv", 89, (640, 480), "h264"),

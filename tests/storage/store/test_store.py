@@ -185,9 +185,10 @@ def test_a_fault_of_the_disk_is_one_clear_error_and_leaves_nothing(
     def full(descriptor: int) -> None:
         raise OSError(fault, os.strerror(fault))
 
-    with monkeypatch.context() as patched, pytest.raises(StoreError, match=r"cannot write the artifact of toy"):
+    with monkeypatch.context() as patched:
         patched.setattr(os, "fsync", full)
-        _put(store)
+        with pytest.raises(StoreError, match=r"cannot write the artifact of toy"):
+            _put(store)
     assert not list(store.root.glob("tmp/*"))
     assert not list(store.root.glob("artifacts/*/*/*"))
     _put(store)

@@ -101,6 +101,11 @@ def test_each_standing_camera_becomes_a_video_beside_a_truth_in_the_upright_worl
     assert second.people[0].joints[seen] == pytest.approx(first.people[0].joints[seen], abs=1e-5)
 
 
+def _read(root: Path) -> object:
+    models = rich.Models(*(read_smplx(root / "models" / f"SMPLX_{sex}.npz") for sex in ("FEMALE", "MALE")))
+    return rich.read_recording(rich.views(root, "test")[0], models)
+
+
 @pytest.mark.parametrize(
     ("gone", "told"),
     [
@@ -114,8 +119,7 @@ def test_what_is_missing_is_named(root: Path, gone: str, told: str) -> None:
     (root / "scan_calibration" / "LectureHall" / "calibration" / "002.xml").unlink()
     (root / gone).unlink()
     with pytest.raises(InputError, match=told):
-        models = rich.Models(*(read_smplx(root / "models" / f"SMPLX_{sex}.npz") for sex in ("FEMALE", "MALE")))
-        rich.read_recording(rich.views(root, "test")[0], models)
+        _read(root)
 
 
 def test_a_world_with_another_axis_up_is_refused(root: Path) -> None:
