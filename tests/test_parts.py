@@ -85,22 +85,22 @@ def test_a_pose_network_of_another_package_recovers_people_and_its_version_chang
     def opened(**settings: object) -> VideoRun:
         run = VideoRun(identify(tmp_path / "film.mp4", store), Config.model_validate(settings), store)
         for stage in ("decode", "scenes"):
-            run.do(run.work(stage))
+            run.execute(run.unit(stage))
         return run
 
     ours, theirs = opened(), opened(**MIRRORED)
-    people, points = theirs.work("people"), theirs.work("points")
-    theirs.do(people)
+    people, points = theirs.unit("people"), theirs.unit("points")
+    theirs.execute(people)
     track = theirs.read(people, ScenePeople).tracks[0]
     assert len(track.frame) == 6 and "mirrored_pose" in sys.modules
-    recipe = theirs.recipe(people)
+    recipe = theirs.keys.recipe(people)
     assert recipe.libraries["humanmm-mirrored-pose"] == "1.0" and "mirrored_pose" in recipe.modules
-    assert recipe.key != ours.recipe(people).key
-    assert theirs.recipe(points).key == ours.recipe(points).key, "other stages keep their keys"
+    assert recipe.key != ours.keys.recipe(people).key
+    assert theirs.keys.recipe(points).key == ours.keys.recipe(points).key, "other stages keep their keys"
 
     metadata = site / "humanmm_mirrored_pose-1.0.dist-info" / "METADATA"
     metadata.write_text(metadata.read_text().replace("Version: 1.0", "Version: 1.1"))
-    later = opened(**MIRRORED).recipe(people)
+    later = opened(**MIRRORED).keys.recipe(people)
     assert later.changes_since(recipe) == ["version changed: humanmm-mirrored-pose 1.0 → 1.1"]
 
 
