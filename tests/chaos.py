@@ -191,7 +191,8 @@ class Machine:
         rng = random.Random(self.seed)
         kinds = [kind for kind in WEIGHTS if fill or kind != "full disk"]
         deadline = time.monotonic() + seconds
-        watching = threading.Thread(target=self._watch, args=(deadline,))
+        over = threading.Event()
+        watching = threading.Thread(target=self._watch, args=(over,))
         watching.start()
         while time.monotonic() < deadline:
             time.sleep(rng.uniform(*PAUSE_S))
@@ -203,6 +204,7 @@ class Machine:
                 self._fill(FULL_S[0] + luck * (FULL_S[1] - FULL_S[0]))
             else:
                 self._kill(kind, luck)
+        over.set()
         watching.join()
 
     def pids(self, kind: str) -> list[int]:
@@ -251,9 +253,12 @@ class Machine:
         time.sleep(seconds)
         filler.unlink()
 
-    def _watch(self, deadline: float) -> None:
+    def _watch(self, over: threading.Event) -> None:
         """Note when each loss was noticed: its flow runs left `Running`, and another such process is there."""
-        while time.monotonic() < deadline or (self.unnoticed() and time.monotonic() < deadline + PATIENCE_S):
+        deadline = float("inf")
+        while not over.is_set() or (self.unnoticed() and time.monotonic() < deadline):
+            if over.is_set():
+                deadline = min(deadline, time.monotonic() + PATIENCE_S)
             time.sleep(0.5)
             for fault in self.unnoticed():
                 if self._is_noticed(fault):

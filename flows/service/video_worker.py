@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import os
+import signal
 import time
 import warnings
 from collections.abc import Callable, Mapping
@@ -54,9 +55,16 @@ async def run_in_fork(
     changes: dict[str, str | None] = {name: value for name, value in env.items() if os.environ.get(name) != value}
     changes |= dict.fromkeys(os.environ.keys() - env.keys())
     folder = Path(cwd or ".").absolute()
-    process = await anyio.to_thread.run_sync(fork_server.start, changes, folder, limiter=_ONE_AT_A_TIME)
-    task_status.started(task_status_handler(process))
-    await anyio.wait_readable(process.sentinel)
+    with anyio.CancelScope(shield=True):  # else nobody would know the process
+        process = await anyio.to_thread.run_sync(fork_server.start, changes, folder, limiter=_ONE_AT_A_TIME)
+    try:
+        task_status.started(task_status_handler(process))
+        await anyio.wait_readable(process.sentinel)
+    except BaseException:
+        assert process.pid is not None
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(process.pid, signal.SIGTERM)  # as Prefect's `run_process` does
+        raise
     await anyio.to_thread.run_sync(process.join, limiter=_ONE_AT_A_TIME)
 
 
