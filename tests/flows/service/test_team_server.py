@@ -27,7 +27,8 @@ pytestmark = [pytest.mark.server, pytest.mark.timeout(2400)]
 @pytest.fixture
 def team(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[dict[str, str]]:
     """The environment of a client of the team server: what compose.yaml sets, with other host names and passwords."""
-    pytest.importorskip("prefect_redis", reason="the extra `team` is not installed")
+    for name in ("prefect_redis", "pg8000"):
+        pytest.importorskip(name, reason="the extra `team` is not installed")
     redis = program("redis-server")
     ports = {name: free_port() for name in ("redis", "server")}
     with ExitStack() as stack:
@@ -43,6 +44,7 @@ def _start_services(stack: ExitStack, folder: Path, redis: str, ports: dict[str,
         "PREFECT_API_URL": f"http://127.0.0.1:{ports['server']}/api",
         "PREFECT_API_AUTH_STRING": "team:secret",
         "HUMANMM_CACHE": str(folder / "cache"),
+        "HUMANMM_DATABASE_URL": f"postgresql://prefect@127.0.0.1:{ports['postgres']}/prefect",
     }
     replaced = {
         "PREFECT_API_DATABASE_CONNECTION_URL": f"postgresql+asyncpg://prefect@127.0.0.1:{ports['postgres']}/prefect",
@@ -83,6 +85,7 @@ def test_a_batch_runs_on_postgres_and_redis_and_every_state_arrives(
         assert done.returncode == 3, done.stderr
         tree = json.loads(farm.main("batch", "status", "--json", **team)[1])
         assert tree["counts"] == {"done": 3, "failed": 1}, tree["videos"]
+        assert _sql(team, "select state from humanmm_videos order by 1") == ["done"] * 3 + ["failed"]
         assert _sql(team, "select state_type from flow_run order by 1") == ["COMPLETED"] * 3 + ["FAILED"]
         units = len(json.loads((farm.folder / "runs/0/run.json").read_text())["stages"])
         completed = "select count(*) from task_run where state_type = 'COMPLETED'"
