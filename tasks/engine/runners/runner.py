@@ -4,9 +4,9 @@ A stage stays a task of the flow wherever it computes: its name, state and retri
 limit `gpu` and the log are the flow's, and only a `Job` goes to a worker. So a worker needs humanmm, the store and the
 video, but not Prefect or its server, and all runners are the same to an observer.
 
-Prefect's own task runners for both engines move the whole task. Measured (docs/scale.md):
-the engine repeats a task whose worker died by itself, three times, without the flow's budget or attempts; a task whose
-workers keep dying stays `Running` in Prefect; each worker talks to the server; and neither can end a unit at its limit.
+Prefect's own task runners for both engines move the whole task. Measured (docs/scale.md): the engine repeats a task
+whose worker died, three times, and the flow counts one attempt; a task whose workers keep dying is still `Running` in
+Prefect 20 s after its flow has ended; each worker talks to the server.
 """
 
 import importlib.util
