@@ -21,7 +21,12 @@ def _database(cache: Path) -> list[tuple[str, str, str]]:
     (file,) = cache.glob("prefect-*/prefect.db")
     with sqlite3.connect(file) as connection:
         (flow,) = connection.execute("select id from flow_run order by created desc limit 1").fetchone()
-        rows = connection.execute("select name, state_type, state_name from task_run where flow_run_id = ?", (flow,))
+        # the server writes the row of a task run first and that of its state after it, in two transactions
+        rows = connection.execute(
+            "select t.name, s.type, s.name from task_run t join task_run_state s on s.id = t.state_id "
+            "where t.flow_run_id = ?",
+            (flow,),
+        )
         return sorted(rows.fetchall())
 
 
