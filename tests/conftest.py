@@ -1,8 +1,12 @@
 """A pipeline that costs nothing (`toyline`), on a store and a video of its own, for tests of what is around stages."""
 
+import os
+
+# Two workers share two cores, and the matrices are small: a second thread of BLAS or torch only waits for the first.
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy and torch are imported, here and in processes of tests
+
 import json
 import logging
-import os
 import shutil
 import signal
 import subprocess

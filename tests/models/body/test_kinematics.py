@@ -9,13 +9,13 @@ from humanmm.models.body.landmarks import load_landmarks
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.records.landmarks import SWAP
 
-RNG = np.random.default_rng(0)
-BETAS = RNG.normal(size=10)
+BETAS = np.random.default_rng(0).normal(size=10)
 
 
 def random_pose(frames: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    R_root = Rotation.random(frames, random_state=3).as_matrix()
-    return R_root, RNG.normal(size=(frames, 23, 3)) * 0.4, RNG.normal(size=(frames, 3))
+    rng = np.random.default_rng(3)
+    R_root = Rotation.random(frames, random_state=rng).as_matrix()
+    return R_root, rng.normal(size=(frames, 23, 3)) * 0.4, rng.normal(size=(frames, 3))
 
 
 def test_the_rest_pose_is_upright_faces_plus_z_and_has_its_left_on_plus_x() -> None:

@@ -14,11 +14,10 @@ from humanmm.models.geometry.projection import (
     world_to_camera,
 )
 
-RNG = np.random.default_rng(0)
 K = np.array([[900.0, 4.0, 640.0], [0.0, 880.0, 360.0], [0.0, 0.0, 1.0]])
 R = Rotation.random(5, random_state=1).as_matrix()
-T = RNG.normal(size=(5, 3))
-POINTS = RNG.normal(size=(5, 7, 3)) + np.array([0.0, 0.0, 6.0])
+T = np.random.default_rng(0).normal(size=(5, 3))
+POINTS = np.random.default_rng(1).normal(size=(5, 7, 3)) + np.array([0.0, 0.0, 6.0])
 
 
 def test_world_and_camera_axes_are_inverse_to_each_other() -> None:

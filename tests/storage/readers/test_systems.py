@@ -17,8 +17,7 @@ from humanmm.storage.readers.systems import find_result, read_result
 Dump = Callable[[object, Path], None]
 
 N = 12
-RNG = np.random.default_rng(0)
-POSE = RNG.normal(0, 0.2, (N, 23, 3))
+POSE = np.random.default_rng(0).normal(0, 0.2, (N, 23, 3))
 POSE[:, 21:] = 0  # GVHMR and SLAHMR end at the wrists
 HEADING = np.stack([np.zeros(N), np.linspace(0, 1, N), np.zeros(N)], axis=1)  # about y, upright
 WAY = np.stack([np.linspace(0, 2, N), np.full(N, 1.1), np.zeros(N)], axis=1)

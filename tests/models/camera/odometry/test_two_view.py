@@ -11,8 +11,7 @@ from humanmm.models.camera.odometry.two_view import parallax_px, rays, relative_
 from humanmm.models.geometry.rotations import rotation_angle, rotvec_to_rotmat, unit
 
 FOCAL = 900.0
-RNG = np.random.default_rng(2)
-POINTS = RNG.uniform([-3, -2, 4], [3, 2, 12], (200, 3))
+POINTS = np.random.default_rng(2).uniform([-3, -2, 4], [3, 2, 12], (200, 3))
 R_A_B, T_A_B = rotvec_to_rotmat(np.array([0.02, -0.15, 0.03])), np.array([0.8, 0.1, 0.2])
 
 
@@ -24,10 +23,10 @@ def test_rays_point_at_what_the_pixels_show() -> None:
     np.testing.assert_allclose(rays(pixels(POINTS), FOCAL), unit(POINTS), atol=1e-12)
 
 
-def test_the_rotation_between_directions_is_found_in_spite_of_outliers() -> None:
+def test_the_rotation_between_directions_is_found_in_spite_of_outliers(rng: np.random.Generator) -> None:
     ray = unit(POINTS)
     direction = ray @ R_A_B.T
-    direction[:40] = unit(RNG.normal(size=(40, 3)))
+    direction[:40] = unit(rng.normal(size=(40, 3)))
     assert np.degrees(rotation_angle(wahba_rotation(direction, ray, np.eye(3)).T @ R_A_B)) < 0.01
 
 

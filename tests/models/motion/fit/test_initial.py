@@ -10,7 +10,6 @@ from humanmm.models.motion.fit.initial import interpolated, start_pose, start_po
 from humanmm.models.motion.fit.state import LongMotion, Motion, Skeleton
 
 N = 12
-RNG = np.random.default_rng(4)
 
 
 def skeleton() -> Skeleton:
@@ -18,32 +17,32 @@ def skeleton() -> Skeleton:
     return Skeleton(load_body().rest_joints(betas), model.joint, model.offsets(betas))
 
 
-def motion(bend: float) -> Motion:
+def motion(bend: float, rng: np.random.Generator) -> Motion:
     """Random roots; shoulders, hips, elbows and knees bent by some random angles of size `bend`, radians."""
     R = np.tile(np.eye(3), (N, 24, 1, 1))
     R[:, 0] = Rotation.random(N, random_state=1).as_matrix()
     for joint in (1, 2, 16, 17):
-        R[:, joint] = Rotation.from_rotvec(bend * RNG.uniform(-1, 1, (N, 3))).as_matrix()
+        R[:, joint] = Rotation.from_rotvec(bend * rng.uniform(-1, 1, (N, 3))).as_matrix()
     for joint in (4, 5):
-        R[:, joint] = Rotation.from_rotvec(bend * RNG.uniform(0, 1, (N, 1)) * [1.0, 0, 0]).as_matrix()
+        R[:, joint] = Rotation.from_rotvec(bend * rng.uniform(0, 1, (N, 1)) * [1.0, 0, 0]).as_matrix()
     for joint, side in ((18, -1.0), (19, 1.0)):
-        R[:, joint] = Rotation.from_rotvec(bend * RNG.uniform(0, 1, (N, 1)) * [0, side, 0]).as_matrix()
+        R[:, joint] = Rotation.from_rotvec(bend * rng.uniform(0, 1, (N, 1)) * [0, side, 0]).as_matrix()
     return Motion.of(skeleton(), R, np.zeros((N, 3)))
 
 
 @pytest.mark.parametrize("bend", [0.0, 0.8])
-def test_landmarks_of_a_body_give_a_pose_whose_landmarks_they_nearly_are(bend: float) -> None:
-    truth = motion(bend)
+def test_landmarks_of_a_body_give_a_pose_whose_landmarks_they_nearly_are(bend: float, rng: np.random.Generator) -> None:
+    truth = motion(bend, rng)
     found = Motion.of(skeleton(), start_pose(skeleton(), truth.points + 3.0), np.zeros((N, 3)))
     error = np.linalg.norm(found.points - truth.points, axis=-1)
     assert np.median(error) < 0.02
     assert error.max() < 0.15  # a straight limb's twist is open, and with it where its end's landmarks ride
 
 
-def test_the_position_that_puts_points_on_their_rays_is_found() -> None:
-    points, origin = RNG.normal(0, 0.5, (N, 33, 3)), RNG.uniform([-1, -1, 3], [1, 1, 8], (N, 3))
+def test_the_position_that_puts_points_on_their_rays_is_found(rng: np.random.Generator) -> None:
+    points, origin = rng.normal(0, 0.5, (N, 33, 3)), rng.uniform([-1, -1, 3], [1, 1, 8], (N, 3))
     placed = points + origin[:, None]
-    found = start_position(points, placed[..., :2] / placed[..., 2:], RNG.uniform(0.1, 1.0, (N, 33)))
+    found = start_position(points, placed[..., :2] / placed[..., 2:], rng.uniform(0.1, 1.0, (N, 33)))
     np.testing.assert_allclose(found, origin, atol=1e-6)
 
 
