@@ -119,6 +119,14 @@ class Toy:
         return {**os.environ, **own, **more}
 
 
+@pytest.fixture
+def short_videos(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`bench … --size tiny` on two videos of 56 frames, with one cut and with two."""
+    from humanmm.flows.bench import planned
+
+    monkeypatch.setitem(planned.SIZES, "tiny", (1, (1, 2), 56))
+
+
 @pytest.fixture(scope="session")
 def server_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """A cache folder whose Prefect server all tests share; the server leaves by itself soon after the last one."""

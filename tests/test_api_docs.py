@@ -6,14 +6,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-
-from humanmm.models.video.colors import read_colors
-from humanmm.models.video.frames import joined, planar_frames
-from humanmm.models.video.reading import read_facts
-from humanmm.storage.run_folder.picture_files import write_video
+from short_clip import CLIP, write_short_clip
 
 ROOT = Path(__file__).resolve().parent.parent
-CLIP = ROOT / "examples/pose2sim_multishot/pose2sim_A_01-02-01"
+TRUTH = CLIP.with_name(f"{CLIP.stem}_gt.npz")
 START, END = 22, 50
 """Frames of the clip that are kept: the cut at 36 is in the middle."""
 
@@ -21,14 +17,8 @@ START, END = 22, 50
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A working folder with `film.mp4` and its `truth.npz`."""
-    with CLIP.with_suffix(".mp4").open("rb") as stream:
-        facts = read_facts(stream)
-        pictures = ((f.time_s, joined(f.planes)) for f in planar_frames(stream, facts, START, END))
-        write_video(
-            tmp_path / "film.mp4", pictures, width=facts.width, height=facts.height, fps=facts.fps,
-            colors=read_colors(stream), quality=18,
-        )  # fmt: skip
-    with np.load(f"{CLIP}_gt.npz") as truth:
+    write_short_clip(tmp_path / "film.mp4", frames=(START, END), max_side_px=640)
+    with np.load(TRUTH) as truth:
         arrays = {name: truth[name][START:END] if truth[name].shape[:1] == (100,) else truth[name] for name in truth}
     arrays["cut_frames"] = np.array([36 - START])
     np.savez(tmp_path / "truth.npz", **arrays)

@@ -1,4 +1,7 @@
-"""Fixtures: a pack of motion capture made of arithmetic: people who walk in a circle and swing their arms."""
+"""Fixtures: a pack of motion capture made of arithmetic: people who walk in a circle and swing their arms.
+
+Tests only read it, so one is made for all.
+"""
 
 from pathlib import Path
 
@@ -29,12 +32,12 @@ def _walk(num_frames: int, pace: float) -> tuple[np.ndarray, np.ndarray, np.ndar
     return poses, pelvis, np.stack([left, left, ~left, ~left], axis=1)
 
 
-@pytest.fixture
-def pack(tmp_path: Path) -> Path:
+@pytest.fixture(scope="session")
+def pack(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two walks of 100 and 150 frames, as an npz."""
     walks = [_walk(100, 0.9), _walk(150, 1.1)]
     poses, trans, contacts = (np.concatenate(parts) for parts in zip(*walks, strict=True))
-    path = tmp_path / "pack.npz"
+    path = tmp_path_factory.mktemp("mocap") / "pack.npz"
     np.savez(
         path,
         poses=poses.reshape(-1, 72).astype(np.float32),
@@ -50,7 +53,7 @@ def pack(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def sequences(pack: Path) -> tuple[MocapSequence, ...]:
     """The same, read."""
     return read_pack(pack)

@@ -16,6 +16,7 @@ from humanmm.storage.run_folder.picture_files import write_video
 PACK = Path(__file__).parents[2] / "data" / "mocap" / "cmu_test.npz"
 
 
+@pytest.mark.usefixtures("short_videos")
 def test_the_ablation_turns_every_module_off_and_each_leaves_its_mark(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -37,6 +38,7 @@ def test_the_ablation_turns_every_module_off_and_each_leaves_its_mark(
     assert "| humanmm without refit (failed 0) |" in told
 
 
+@pytest.mark.usefixtures("short_videos")
 def test_a_camera_that_fails_is_told_and_counted_and_takes_no_other_method_with_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

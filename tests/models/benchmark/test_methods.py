@@ -2,24 +2,23 @@
 
 import numpy as np
 
-from humanmm.config import Config
-from humanmm.models.benchmark.methods import METHODS, run_methods
+from humanmm.models.benchmark.methods import METHODS, MethodMotion, VideoMotions
 from humanmm.models.benchmark.scores import MethodFigures, score
-from humanmm.models.synthetic.mocap import MocapSequence
-from humanmm.models.synthetic.multishot import build_video, plan_videos
+from humanmm.models.synthetic.multishot import BenchVideo
 
 
 def _value(figures: MethodFigures, name: str) -> float:
     return next(figure.value for figure in figures.figures if figure.name == name)
 
 
-def test_every_method_is_scored_and_the_baseline_is_bad_in_the_papers_way(sequences: tuple[MocapSequence, ...]) -> None:
-    plan = plan_videos(sequences, 1, seed=4, transitions=(2,), longest=60)[0]
-    video = build_video(sequences[plan.sequence], plan)
-    motions = run_methods(video, Config())
-    scored = {one.method: one for one in score(video, motions).methods}
+def test_every_method_is_scored_and_the_baseline_is_bad_in_the_papers_way(
+    video: BenchVideo, motions: VideoMotions
+) -> None:
+    *known, unknown = score(video, motions).methods
+    scored = {one.method: one for one in known}
     assert tuple(scored) == METHODS
-    assert not any(one.failure for one in scored.values())
+    assert not any(one.failure for one in known)
+    assert "'oracle luck'" in unknown.failure and not unknown.figures
     ours, concat, oracle = (scored[name] for name in ("humanmm", "concat", "oracle camera rotation"))
     assert _value(ours, "wa_mpjpe100_mm") < 150
     assert _value(concat, "wa_mpjpe100_mm") > _value(ours, "wa_mpjpe100_mm")
@@ -33,22 +32,15 @@ def test_every_method_is_scored_and_the_baseline_is_bad_in_the_papers_way(sequen
     assert len(ours.cuts) == 2
 
 
-def test_concat_goes_on_where_the_shot_before_ended(sequences: tuple[MocapSequence, ...]) -> None:
-    plan = plan_videos(sequences, 1, seed=4, transitions=(2,), longest=60)[0]
-    video = build_video(sequences[plan.sequence], plan)
-    (done,) = run_methods(video, Config(), ("concat",)).motions
-    assert done.motion is not None
-    assert done.shots is not None
-    person = done.motion.people[0]
+def test_concat_goes_on_where_the_shot_before_ended(video: BenchVideo, motion_of: dict[str, MethodMotion]) -> None:
+    motion = motion_of["concat"].motion
+    assert motion is not None
+    person = motion.people[0]
     for cut in video.truth.cut_frames:
         step = person.pelvis_world[cut - person.frame[0]] - person.pelvis_world[cut - 1 - person.frame[0]]
         assert np.linalg.norm(step) < 1e-6
 
 
-def test_an_unknown_method_is_a_failure_of_its_own(sequences: tuple[MocapSequence, ...]) -> None:
-    plan = plan_videos(sequences, 1, seed=4, transitions=(2,), longest=60)[0]
-    known, unknown = run_methods(
-        build_video(sequences[plan.sequence], plan), Config(), ("concat", "oracle luck")
-    ).motions
-    assert known.motion is not None
-    assert "'oracle luck'" in unknown.reason
+def test_an_unknown_method_is_a_failure_of_its_own(motion_of: dict[str, MethodMotion]) -> None:
+    assert [name for name, done in motion_of.items() if done.motion is None] == ["oracle luck"]
+    assert "'oracle luck'" in motion_of["oracle luck"].reason

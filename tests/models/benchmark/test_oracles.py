@@ -7,19 +7,11 @@ import pytest
 
 from humanmm.config import Config
 from humanmm.errors import StageError
-from humanmm.models.benchmark.methods import run_methods
+from humanmm.models.benchmark.methods import MethodMotion, run_methods
 from humanmm.models.benchmark.oracles import true_cameras, true_rotations, with_true_cuts, yaw_rotations
 from humanmm.models.benchmark.scores import score
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
-from humanmm.models.synthetic.mocap import MocapSequence
-from humanmm.models.synthetic.multishot import BenchVideo, build_video, hard_cuts, plan_videos
-
-
-@pytest.fixture
-def video(sequences: tuple[MocapSequence, ...]) -> BenchVideo:
-    """A short video with two cuts."""
-    plan = plan_videos(sequences, 1, seed=4, transitions=(2,), longest=60)[0]
-    return build_video(sequences[plan.sequence], plan)
+from humanmm.models.synthetic.multishot import BenchVideo, hard_cuts
 
 
 def _wrongly_cut(video: BenchVideo, cuts: tuple[int, ...]) -> BenchVideo:
@@ -48,14 +40,16 @@ def test_a_wrong_cut_is_undone_to_the_last_observation(video: BenchVideo) -> Non
 def test_oracle_cuts_recover_what_wrong_cuts_cost(video: BenchVideo) -> None:
     first, last = video.truth.cut_frames
     wrong = _wrongly_cut(video, (first, first + 6, last))
-    scored = {one.method: one for one in score(wrong, run_methods(wrong, Config(), ("humanmm", "oracle cuts"))).methods}
-    f1 = {name: next(f.value for f in one.figures if f.name == "cut_f1") for name, one in scored.items()}
-    assert f1["humanmm"] < 1
-    assert f1["oracle cuts"] == 1
+    found = run_methods(wrong, Config(), ("humanmm without refine", "oracle cuts"))
+    without, oracle = (
+        next(figure.value for figure in one.figures if figure.name == "cut_f1") for one in score(wrong, found).methods
+    )
+    assert without < 1
+    assert oracle == 1
 
 
-def test_true_cameras_carry_the_truths_path_and_lens(video: BenchVideo) -> None:
-    (done,) = run_methods(video, Config(), ("humanmm without refine",)).motions
+def test_true_cameras_carry_the_truths_path_and_lens(video: BenchVideo, motion_of: dict[str, MethodMotion]) -> None:
+    done = motion_of["humanmm without refine"]
     assert done.shots is not None
     truth = video.truth.cameras
     assert truth is not None
@@ -67,8 +61,8 @@ def test_true_cameras_carry_the_truths_path_and_lens(video: BenchVideo) -> None:
         assert np.array_equal(camera.K, truth.K[camera.start : camera.end])
 
 
-def test_yaw_rotations_leave_the_tilt_that_was_found(video: BenchVideo) -> None:
-    (done,) = run_methods(video, Config(), ("humanmm without refine",)).motions
+def test_yaw_rotations_leave_the_tilt_that_was_found(video: BenchVideo, motion_of: dict[str, MethodMotion]) -> None:
+    done = motion_of["humanmm without refine"]
     assert done.motion is not None
     assert done.shots is not None
     start = video.truth.cut_frames[0]

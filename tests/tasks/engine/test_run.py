@@ -1,5 +1,6 @@
 """What is computed again after which change, and what is said about it."""
 
+import contextlib
 import json
 import os
 import shutil
@@ -7,6 +8,8 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -227,16 +230,27 @@ def test_what_is_damaged_after_it_was_found_is_computed_again_before_it_is_used(
     assert damaged.read_text() == text
 
 
-def _alone(toy: Any, *arguments: str) -> subprocess.Popen[str]:
-    command = [sys.executable, "-m", "toyline.alone", str(toy.video), str(toy.store), *arguments]
-    return subprocess.Popen(command, env=toy.environment(), stdout=subprocess.PIPE, text=True)
+Alone = Callable[..., subprocess.Popen[str]]
+
+
+@pytest.fixture
+def alone() -> Iterator[Alone]:
+    """Starts processes that compute a toy's film, each in a process of its own."""
+    with contextlib.ExitStack() as processes:
+
+        def start(toy: Any, *arguments: str, store: Path | None = None, **options: Any) -> subprocess.Popen[str]:
+            command = [sys.executable, "-m", "toyline.alone", str(toy.video), str(store or toy.store), *arguments]
+            options = {"env": toy.environment(), **options}
+            return processes.enter_context(subprocess.Popen(command, stdout=subprocess.PIPE, text=True, **options))
+
+        yield start
 
 
 def test_killed_while_writing_nothing_half_is_seen_and_the_rest_is_reused(
-    any_toy: Any, monkeypatch: pytest.MonkeyPatch
+    any_toy: Any, alone: Alone, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     toy, store = any_toy, open_store(any_toy.store)
-    process = _alone(toy, "people")
+    process = alone(toy, "people")
     assert process.stdout is not None
     assert process.stdout.readline() == "writing\n"
     assert list(store.root.glob("tmp/*/manifest.json")), "the artifact was all but finished"
@@ -251,20 +265,22 @@ def test_killed_while_writing_nothing_half_is_seen_and_the_rest_is_reused(
     assert toy.executed() == [name for name in EVERYTHING if name not in ("decode", "scenes")]
 
 
-def test_two_processes_on_a_cold_store_compute_everything_once(any_toy: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_two_processes_on_a_cold_store_compute_everything_once(
+    any_toy: Any, alone: Alone, monkeypatch: pytest.MonkeyPatch
+) -> None:
     toy = any_toy
     monkeypatch.setenv("TOY_SLEEP", "decode=1;people=0.3;camera=0.1")
-    processes = [_alone(toy), _alone(toy)]
+    processes = [alone(toy), alone(toy)]
     assert [process.wait(timeout=100) for process in processes] == [0, 0]
     assert toy.executed() == EVERYTHING
 
 
-def test_another_checkout_and_another_store_give_the_same_keys_and_content(toy: Any) -> None:
+def test_another_checkout_and_another_store_give_the_same_keys_and_content(toy: Any, alone: Alone) -> None:
     there = toy.folder / "elsewhere"
     shutil.copytree(toy.folder / "toyline", there / "toyline")
     path = os.pathsep.join([str(there), toy.environment()["PYTHONPATH"].partition(os.pathsep)[2]])
-    other = [sys.executable, "-m", "toyline.alone", str(toy.video), str(there / "store")]
-    processes = [_alone(toy), subprocess.Popen(other, env=toy.environment(PYTHONPATH=path), cwd=there)]
+    other = alone(toy, store=there / "store", env=toy.environment(PYTHONPATH=path), cwd=there)
+    processes = [alone(toy), other]
     assert [process.wait(timeout=100) for process in processes] == [0, 0]
     digests = [
         {path.parent.relative_to(root): json.loads(path.read_text())["digest"] for path in root.rglob("manifest.json")}
