@@ -13,7 +13,7 @@ import subprocess
 import sys
 import urllib.request
 import uuid
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -120,11 +120,14 @@ class Toy:
 
 
 @pytest.fixture
-def short_videos(monkeypatch: pytest.MonkeyPatch) -> None:
-    """`bench … --size tiny` on two videos of 56 frames, with one cut and with two."""
+def short_videos(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    """Has `bench … --size tiny` take a short video for each of some numbers of cuts."""
     from humanmm.flows.bench import planned
 
-    monkeypatch.setitem(planned.SIZES, "tiny", (1, (1, 2), 56))
+    def set_cuts(*cuts: int) -> None:
+        monkeypatch.setitem(planned.SIZES, "tiny", (1, cuts, 20 * (max(cuts) + 1)))
+
+    return set_cuts
 
 
 @pytest.fixture(scope="session")

@@ -1,6 +1,7 @@
 """`humanmm bench` as a user types it: which methods a table runs, what it prints, a table from small videos."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -16,16 +17,16 @@ from humanmm.storage.run_folder.picture_files import write_video
 PACK = Path(__file__).parents[2] / "data" / "mocap" / "cmu_test.npz"
 
 
-@pytest.mark.usefixtures("short_videos")
 def test_the_ablation_turns_every_module_off_and_each_leaves_its_mark(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    short_videos: Callable[..., None], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    short_videos(1)
     command = ["bench", "ablation", "--data", str(PACK), "--size", "tiny", "--store", str(tmp_path / "store")]
     assert main([*command, "--report", str(tmp_path / "report")]) == 0
     rows = json.loads((tmp_path / "report" / "results.json").read_text())["rows"]
-    whole = {row["method"]: row for row in rows if row["split"] == "all"}
+    whole = {row["method"]: row for row in rows}
     assert tuple(whole) == ABLATIONS
-    assert all((row["n"], row["failed"]) == (2, 0) for row in whole.values())
+    assert all((row["n"], row["failed"]) == (1, 0) for row in whole.values())
     metrics = {name: row["metrics"] for name, row in whole.items()}
     for without, figure in (("orientation alignment", "roe_deg"), ("refine", "jitter")):
         assert metrics[f"humanmm without {without}"][figure]["mean"] > metrics["humanmm"][figure]["mean"]
@@ -38,10 +39,12 @@ def test_the_ablation_turns_every_module_off_and_each_leaves_its_mark(
     assert "| humanmm without refit (failed 0) |" in told
 
 
-@pytest.mark.usefixtures("short_videos")
 def test_a_camera_that_fails_is_told_and_counted_and_takes_no_other_method_with_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+    short_videos: Callable[..., None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    short_videos(1)
+
     def unlucky(*arguments: object) -> None:
         raise StageError("no luck")
 
@@ -49,14 +52,14 @@ def test_a_camera_that_fails_is_told_and_counted_and_takes_no_other_method_with_
     assert main(["bench", "camera", "--data", str(PACK), "--size", "tiny", "--store", str(tmp_path)]) == 0
     told = capsys.readouterr()
     failures = [line for line in told.err.splitlines() if "failed" in line]
-    assert len(failures) == 2
+    assert len(failures) == 1
     assert all(line.endswith(": oracle camera failed: no luck") for line in failures)
-    of_all = told.out[told.out.index("## all") :].splitlines()
-    lines = {line[2:].split(" (")[0]: line for line in of_all if "(failed" in line}
+    table = told.out[told.out.index("## 1 transition") :].splitlines()
+    lines = {line[2:].split(" (")[0]: line for line in table if "(failed" in line}
     assert tuple(lines) == CAMERAS
-    assert "oracle camera (failed 2) |  |" in lines["oracle camera"]
+    assert "oracle camera (failed 1) |  |" in lines["oracle camera"]
     assert all("(failed 0) |  |" not in line for name, line in lines.items() if name != "oracle camera")
-    assert any(line.startswith("| paper: Masked LEAP-VO, EMDB-2 (other data) |") for line in of_all)
+    assert any(line.startswith("| paper: Masked LEAP-VO, EMDB-2 (other data) |") for line in table)
 
 
 def test_the_table_of_shots_is_made_from_the_videos_and_is_the_same_again(
