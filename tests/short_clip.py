@@ -10,8 +10,8 @@ from humanmm.storage.run_folder.picture_files import write_video
 CLIP = Path(__file__).resolve().parent.parent / "examples/pose2sim_multishot/pose2sim_A_01-02-01.mp4"
 
 
-def write_short_clip(path: Path, *, frames: tuple[int, int], max_side_px: int) -> None:
-    """Frames [start, end) of the clip, reduced; it has cuts at 36 and 70."""
+def write_short_clip(path: Path, *, frames: tuple[int, int], max_side_px: int) -> float:
+    """Frames [start, end) of the clip, reduced; it has cuts at 36 and 70. Returns pixels for one pixel of the clip."""
     with CLIP.open("rb") as stream:
         facts = read_facts(stream)
         width, height = planar_size(facts, max_side_px)
@@ -20,3 +20,4 @@ def write_short_clip(path: Path, *, frames: tuple[int, int], max_side_px: int) -
         )
         colors = read_colors(stream)
         write_video(path, pictures, width=width, height=height, fps=facts.fps, colors=colors, quality=18)
+    return width / facts.width

@@ -17,9 +17,11 @@ START, END = 22, 50
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A working folder with `film.mp4` and its `truth.npz`."""
-    write_short_clip(tmp_path / "film.mp4", frames=(START, END), max_side_px=640)
+    scale = write_short_clip(tmp_path / "film.mp4", frames=(START, END), max_side_px=640)
     with np.load(TRUTH) as truth:
         arrays = {name: truth[name][START:END] if truth[name].shape[:1] == (100,) else truth[name] for name in truth}
+    arrays["K"][:, :2] *= scale
+    arrays["openpose2d"][..., :2] *= scale
     arrays["cut_frames"] = np.array([36 - START])
     np.savez(tmp_path / "truth.npz", **arrays)
     monkeypatch.chdir(tmp_path)

@@ -7,6 +7,7 @@ while they use it, which the kernel frees when a run is killed.
 Nothing here imports Prefect before its settings, which come from environment variables, are set.
 """
 
+import atexit
 import contextlib
 import fcntl
 import http.client
@@ -225,6 +226,7 @@ def hold_port(port: int) -> bool:
     """
     if port not in _held and (holder := bind(port)) is not None:
         _held[port] = holder
+        atexit.register(holder.close)
     return port in _held
 
 

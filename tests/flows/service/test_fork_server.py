@@ -81,13 +81,12 @@ def worker(tmp_path: Path) -> Iterator[Worker]:
         **os.environ, "PYTHONPATH": os.pathsep.join([str(SOURCE), str(tmp_path)]), "FOLDER": str(tmp_path / "films"),
         "HUMANMM_GONE": "1", "TMPDIR": str(tmp_path), "PYTHONDONTWRITEBYTECODE": "1",
     }  # fmt: skip
-    process = subprocess.Popen(
+    with subprocess.Popen(
         [sys.executable, "-c", WORKER], env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
         start_new_session=True,
-    )  # fmt: skip
-    yield Worker(tmp_path, process)
-    os.killpg(process.pid, signal.SIGKILL)
-    process.wait()
+    ) as process:  # fmt: skip
+        yield Worker(tmp_path, process)
+        os.killpg(process.pid, signal.SIGKILL)
 
 
 def _until(condition: Callable[[], object]) -> None:
