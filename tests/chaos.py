@@ -107,6 +107,8 @@ class Supervised:
                 if process.poll() is None:
                     process.terminate()
                     process.wait(90)
+                if process.stdin is not None:
+                    process.stdin.close()
                 self._over.wait(RESTART_S)
 
 

@@ -19,7 +19,7 @@ server = pytest.mark.server
 def _start(toy: Any, *arguments: str, **environment: str) -> subprocess.Popen[str]:
     return subprocess.Popen(
         toy.command_line("recover", *arguments), cwd=toy.folder, env=toy.environment(**environment),
-        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, text=True,
     )  # fmt: skip
 
 
@@ -73,7 +73,8 @@ def test_a_server_that_is_slow_to_answer_is_waited_for_and_ended_if_it_never_doe
 def test_the_flow_run_of_a_killed_recover_does_not_stay_running(toy: Any, place: Any) -> None:
     process = _start(toy, "film.mp4", TOY_SLEEP="align=100")
     _wait_for(toy, place, "align")
-    page = urllib.request.urlopen(place.url.removesuffix("/api"), timeout=30).read().decode()
+    with urllib.request.urlopen(place.url.removesuffix("/api"), timeout=30) as answer:
+        page = answer.read().decode()
     assert "<title>Prefect" in page, "the dashboard is there, with nothing but loopback"
     place.until(lambda: ("align", "RUNNING") in place.ask("select name, state_type from task_run"), 60)
     process.kill()

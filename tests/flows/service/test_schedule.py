@@ -47,7 +47,8 @@ def test_a_watched_folder_takes_videos_when_they_have_stopped_growing(farm: Any,
     inbox = farm.folder / "inbox"
     inbox.mkdir()
     command = farm.command_line("batch", "submit", "inbox", "--watch", "--settle", "6", "--name", "inbox")
-    watching = subprocess.Popen(command, env=farm.environment(), cwd=farm.folder, stderr=subprocess.PIPE, text=True)
+    with (farm.folder / "watch.log").open("w") as log:
+        watching = subprocess.Popen(command, env=farm.environment(), cwd=farm.folder, stderr=log)
     whole = json.dumps({"num_frames": 60, "cuts": [20, 40]})
     for size in range(1, len(whole) + 1, 6):
         (inbox / "film.mp4").write_text(whole[:size])
@@ -58,5 +59,5 @@ def test_a_watched_folder_takes_videos_when_they_have_stopped_growing(farm: Any,
     (inbox / "second.mp4").write_text(whole.replace("60", "61"))
     place.until(lambda: states().get("second", {}).get("state") == "done", 120)
     watching.send_signal(signal.SIGTERM)
-    assert watching.wait(timeout=30) == 0, watching.stderr.read() if watching.stderr else ""
+    assert watching.wait(timeout=30) == 0, (farm.folder / "watch.log").read_text()
     assert farm.executed().count("decode") == 2, "no half file was ever looked at"

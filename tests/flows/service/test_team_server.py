@@ -93,9 +93,11 @@ def test_a_batch_runs_on_postgres_and_redis_and_every_state_arrives(
         assert farm.executed().count("people:0") == 3
         metrics = urllib.request.Request(f"{team['PREFECT_API_URL']}/metrics")
         metrics.add_header("Authorization", f"Basic {base64.b64encode(b'team:secret').decode()}")
-        assert b"# TYPE python_info gauge" in urllib.request.urlopen(metrics, timeout=30).read()
-        with pytest.raises(urllib.error.HTTPError, match="401"):
+        with urllib.request.urlopen(metrics, timeout=30) as page:
+            assert b"# TYPE python_info gauge" in page.read()
+        with pytest.raises(urllib.error.HTTPError, match="401") as refused:
             urllib.request.urlopen(f"{team['PREFECT_API_URL']}/flows/", timeout=30)
+        refused.value.close()
         yaml_file = str(ROOT / "deploy/prefect.yaml")
         command = [sys.executable, "-m", "prefect", "--no-prompt", "deploy", "--all", "--prefect-file", yaml_file]
         deployed = subprocess.run(
