@@ -13,7 +13,6 @@ import numpy as np
 from humanmm.config import Config
 from humanmm.errors import HumanMMError
 from humanmm.models.benchmark.oracles import true_cameras, true_rotations, with_true_cuts, yaw_rotations
-from humanmm.models.camera.estimate import camera_from_points
 from humanmm.models.camera.intrinsics import ShotPoints, given_intrinsics, intrinsics_from_points
 from humanmm.models.camera.masking import without_transitions
 from humanmm.models.cuts.camera_rotation import align_by_eight_point
@@ -144,7 +143,8 @@ class _SharedStages:
     def _with_cameras_of_all_points(self, *, static: bool) -> Beginning:
         start = self.start
         tracks = points_of_shots(self.video, start.shots)
-        cameras = tuple(camera_from_points(points, (), start.intrinsics, static=static) for points in tracks)
+        estimator = load("camera.estimator", self.config.camera.estimator)
+        cameras = tuple(estimator(points, (), start.intrinsics, static=static) for points in tracks)
         return fitted_again(self.video, self.config, replace(start, cameras=cameras))
 
     @functools.cached_property
@@ -270,8 +270,9 @@ def begin(video: BenchVideo, config: Config) -> Beginning:
     tracks = points_of_shots(video, shots)
     intrinsics = _focal_length(video, config, shots, tracks)
     static = config.camera.static or video.static_cameras
+    estimator = load("camera.estimator", config.camera.estimator)
     cameras = tuple(
-        camera_from_points(points, video.people[shot.scene].tracks, intrinsics, static=static)
+        estimator(points, video.people[shot.scene].tracks, intrinsics, static=static)
         for shot, points in zip(shots.shots, tracks, strict=True)
     )
     motions = tuple(_fit(video, config, shots, shot, camera) for shot, camera in zip(shots.shots, cameras, strict=True))
@@ -303,7 +304,9 @@ def fitted_again(video: BenchVideo, config: Config, start: Beginning) -> Beginni
 
 def _fit(video: BenchVideo, config: Config, shots: ShotList, shot: Shot, camera: ShotCamera) -> ShotMotion:
     noise = NoiseModel(prior=config.hmr.pose_prior, smoothness=config.hmr.smoothness)
-    return fit_shot(video.people[shot.scene], shot, shots.people, video.facts.time_s, camera, noise=noise)
+    pose = load("hmr.initial_pose", config.hmr.initial_pose)
+    scene, time_s = video.people[shot.scene], video.facts.time_s
+    return fit_shot(scene, shot, shots.people, time_s, camera, noise=noise, initial_pose=pose)
 
 
 def _any_left_right_swap(shots: ShotList) -> bool:
