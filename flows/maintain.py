@@ -8,7 +8,6 @@ from prefect.states import Completed, Failed
 
 from humanmm.storage.store import maintenance
 from humanmm.storage.store.open import open_store
-from humanmm.storage.store.store import default_store
 from humanmm.tasks import pipeline
 
 
@@ -24,7 +23,7 @@ def maintain(
 
     The artifacts of the last run on a video stay, unless `with_runs`.
     """
-    artifacts = open_store(store or default_store())
+    artifacts = open_store(store)
     outputs = {stage.name: stage.output for stage in pipeline.STAGES}
     findings = list(maintenance.verify(artifacts, outputs=outputs, deep=deep))
     damaged = [finding for finding in findings if finding.problem]

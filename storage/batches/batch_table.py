@@ -66,9 +66,9 @@ _REPLACED = [name for name in _FIELDS if name not in ("batch", "video", "owner")
 """What another attempt changes: whoever owns the video still has to release it."""
 
 
-def open_batches(place: Path | str) -> "BatchTable":
-    """Open the batches of the store at a folder or in a bucket."""
-    return BatchTable(open_store(place))
+def open_batches(location: Path | str | None = None) -> "BatchTable":
+    """Open the batches of the store in a folder or in a bucket, else of the user's own store."""
+    return BatchTable(open_store(location))
 
 
 class BatchTable:
@@ -86,6 +86,11 @@ class BatchTable:
     def exists(self) -> bool:
         """Whether there may be batches in it."""
         return self.path is None or self.path.exists()
+
+    @property
+    def is_of_this_host(self) -> bool:
+        """Whether other hosts that share the store do not see it."""
+        return self.path is not None and is_bucket(self.store.location)
 
     @property
     def where(self) -> str:
