@@ -176,7 +176,7 @@ def _person(
 
     frame, fps = pair.frame, truth.fps
     relative_predicted, relative_truth = pair.about_hips
-    turned = pose.turned_by_one_yaw(relative_predicted, relative_truth)
+    aligned = pose.rotated_by_one_yaw(relative_predicted, relative_truth)
     root_predicted, root_truth = pair.roots
     R_predicted, R_truth = pair.orientations
     sliding = figure("foot_sliding_mm, foot_sliding_gt_mm", lambda: _sliding(pair, prediction=prediction, truth=truth))
@@ -184,7 +184,7 @@ def _person(
     return PersonFigures(
         coverage=coverage,
         pa_mpjpe_mm=pose.pa_mpjpe_mm(pair.joints_predicted, pair.joints_truth),
-        mpjpe_mm=pose.point_error_mm(turned, relative_truth),
+        mpjpe_mm=pose.point_error_mm(aligned, relative_truth),
         mpjpe_cam_mm=figure("mpjpe_cam_mm", lambda: _in_camera(pair, *_camera_rotations(pair, prediction, truth))),
         pve_mm=figure("pve_mm", lambda: _vertices(pair, prediction=prediction, truth=truth)),
         wa_mpjpe100_mm=trajectory.chunked_mpjpe_mm(pair.joints_predicted, pair.joints_truth, align_frames=None),
@@ -195,7 +195,7 @@ def _person(
         roe_yaw_deg=orientation.heading_error_deg(R_predicted, R_truth),
         accel_ms2=figure(
             "accel_ms2",
-            lambda: smoothness.acceleration_error_ms2(turned, relative_truth, frame=frame, fps=fps),
+            lambda: smoothness.acceleration_error_ms2(aligned, relative_truth, frame=frame, fps=fps),
         ),
         jitter=figure("jitter", lambda: smoothness.jitter_10ms3(pair.joints_predicted, frame=frame, fps=fps)),
         jitter_gt=figure("jitter_gt", lambda: smoothness.jitter_10ms3(pair.joints_truth, frame=frame, fps=fps)),

@@ -69,7 +69,7 @@ def cut_jump_m(
 
 
 def cut_jump_deg(R_predicted: Float[np.ndarray, "2 3 3"], R_truth: Float[np.ndarray, "2 3 3"]) -> float:
-    """Angle between the predicted and the true turn of the root over the step across a cut, degrees."""
+    """Angle between the predicted and the true rotation of the root over the step across a cut, degrees."""
     step_predicted = R_predicted[0].T @ R_predicted[1]
     step_truth = R_truth[0].T @ R_truth[1]
     return float(np.degrees(rotation_angle(step_truth.T @ step_predicted)))

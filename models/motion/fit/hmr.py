@@ -1,9 +1,9 @@
 """θ, β, Γ, τ of one person in one shot (paper section 3.3): body24 fitted to 2D keypoints and 3D landmarks at once.
 
-The whole shot is one problem: reprojection of the visible keypoints, the network's 3D landmarks (turned by the viewing
+The whole shot is one problem: reprojection of the visible keypoints, the network's 3D landmarks (rotated by the viewing
 ray, for they are orthographic about the crop's centre), how people hold and move their joints, and one shape for the
 whole video. Bone lengths give the metric depth. It starts from closed-form inverse kinematics (`fit_start`) and is
-solved in the shot's own axes, so that a turning camera does not count as motion of the person.
+solved in the shot's own axes, so that a rotating camera does not count as motion of the person.
 """
 
 from dataclasses import dataclass

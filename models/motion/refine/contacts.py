@@ -92,8 +92,8 @@ def confirmed(
 ) -> Float[Array, "N 4"]:
     """The probabilities, below one half where a joint has left the middle of its contact after all.
 
-    A foot that turns on the spot or that the leg cannot hold is not said to stand: while a contact lasts, nothing moves
-    by more than twice `reach_m`.
+    A foot that rotates on the spot or that the leg cannot hold does not stand: while a contact lasts, nothing moves by
+    more than twice `reach_m`.
     """
     out = contacts.copy()
     for joint in range(contacts.shape[1]):
