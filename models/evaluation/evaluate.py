@@ -5,7 +5,7 @@ people.
 """
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, fields
 from functools import partial
 from typing import TypeVar
 
@@ -15,7 +15,7 @@ from humanmm.models.evaluation import cameras, contacts, orientation, pose, smoo
 from humanmm.models.evaluation.cuts import score_cuts
 from humanmm.models.evaluation.pairs import Pair, known_rows, make_pair
 from humanmm.models.evaluation.people import match_people
-from humanmm.models.evaluation.report import Report
+from humanmm.models.evaluation.report import CameraFigures, PersonFigures, Report
 from humanmm.models.evaluation.skeleton import FOOT_NAMES, indices, pick, shared_names
 from humanmm.models.evaluation.vertices import pve_mm
 from humanmm.models.records.sequence import CameraSequence, MotionSequence, PersonSequence, UndefinedFigureError
@@ -24,42 +24,6 @@ T = TypeVar("T")
 
 FPS_TOLERANCE = 0.01
 """Frame rates that differ by more than this fraction belong to different videos."""
-
-
-@dataclass(frozen=True)
-class PersonFigures:
-    """The figures of one of the truth's people; names as in Report."""
-
-    coverage: float | None = None
-    pa_mpjpe_mm: float | None = None
-    mpjpe_mm: float | None = None
-    mpjpe_cam_mm: float | None = None
-    pve_mm: float | None = None
-    wa_mpjpe100_mm: float | None = None
-    w_mpjpe100_mm: float | None = None
-    rte_pct: float | None = None
-    rte_m: float | None = None
-    roe_deg: float | None = None
-    roe_yaw_deg: float | None = None
-    accel_ms2: float | None = None
-    jitter: float | None = None
-    jitter_gt: float | None = None
-    foot_sliding_mm: float | None = None
-    foot_sliding_gt_mm: float | None = None
-    cut_jump_m: float | None = None
-    cut_jump_deg: float | None = None
-
-
-@dataclass(frozen=True)
-class CameraFigures:
-    """The figures of the cameras; names as in Report."""
-
-    cam_ate_m: float | None = None
-    cam_rpe_rot_deg: float | None = None
-    cam_rpe_trans_m: float | None = None
-    cam_cut_rot_deg: list[float | None] | None = None
-    cam_shot_drift_deg: float | None = None
-    focal_err_pct: float | None = None
 
 
 class Problems:

@@ -279,7 +279,7 @@ def test_a_video_recovered_on_one_host_is_known_on_another(toy: Any, bucket: str
     assert toy.main("verify", "--deep", *stored, **other)[1] == "18 artifacts are sound, 0 damaged\n"
     assert bucket in toy.main("store", "du", *stored)[1]
     checked = toy.main("doctor", *stored)[1]
-    assert "writable, knows conditional puts" in checked and "BAD  bucket" not in checked
+    assert "writable, with conditional puts" in checked and "BAD  bucket" not in checked
     assert "BAD  bucket" in toy.main("doctor", "--store", "s3://no-such-bucket")[1]
     told = toy.main("batch", "status", *stored)
     assert told[0] == 1 and f"the store {bucket} has no batch" in told[2]
