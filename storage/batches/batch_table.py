@@ -39,6 +39,7 @@ MAX_LOSSES = 2
 """How often a video whose process was lost is scheduled again by itself, if it makes no progress meanwhile."""
 TIMEOUT_S = 60.0
 """How long a change waits for those of other processes."""
+UNSCHEDULED_LIMIT = 200
 CLAIM_LIMIT_S = 2.0
 """How long a claim waits for an owner that is about to release the video."""
 
@@ -158,9 +159,9 @@ class BatchTable:
         query = sa.select(c.video, c.facts, c.recipe, c.run_dir, c.host).where(self._of_store, c.state == "done")
         return {(video, facts, recipe): (run_dir, host) for video, facts, recipe, run_dir, host in self._select(query)}
 
-    def unscheduled(self, limit: int = 200) -> list[VideoRow]:
-        """Videos that wait without a flow run, of all batches."""
-        return self._rows(VIDEOS.c.state == "scheduled", VIDEOS.c.flow_run.is_(None), limit=limit)
+    def unscheduled(self) -> list[VideoRow]:
+        """Videos that wait without a flow run, of all batches; UNSCHEDULED_LIMIT of them at a time."""
+        return self._rows(VIDEOS.c.state == "scheduled", VIDEOS.c.flow_run.is_(None), limit=UNSCHEDULED_LIMIT)
 
     def last_changes(self) -> dict[str, float]:
         """Batch → when one of its videos changed its state last."""
