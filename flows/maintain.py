@@ -24,8 +24,7 @@ def maintain(
     The artifacts of the last run on a video stay, unless `with_runs`.
     """
     artifacts = open_store(store)
-    outputs = {stage.name: stage.output for stage in pipeline.STAGES}
-    findings = list(maintenance.verify(artifacts, outputs=outputs, deep=deep))
+    findings = list(maintenance.verify(artifacts, outputs=pipeline.outputs(), deep=deep))
     damaged = [finding for finding in findings if finding.problem]
     items = maintenance.removable(artifacts, unused_days=unused_days, with_runs=with_runs)
     if remove:

@@ -25,9 +25,8 @@ def verify(
     from humanmm.storage.store import maintenance
     from humanmm.storage.store.open import open_store
 
-    outputs = {stage.name: stage.output for stage in pipeline.STAGES}
     sound, damaged = 0, 0
-    for finding in maintenance.verify(open_store(store), outputs=outputs, deep=deep):
+    for finding in maintenance.verify(open_store(store), outputs=pipeline.outputs(), deep=deep):
         if finding.problem:
             damaged += 1
             write(f"damaged: {finding.uri}: {finding.problem}")

@@ -235,7 +235,7 @@ def test_verify_and_gc_care_for_the_bucket_and_for_the_copies(
     store: BucketStore, elsewhere: BucketStore, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     ref = _put(store).ref
-    outputs = {"toy": f"{__name__}:Result"}
+    outputs = {("toy", 1): f"{__name__}:Result"}
     assert [f.problem for f in maintenance.verify(elsewhere, outputs=outputs, deep=True)] == [""]
     assert not (elsewhere.root / ref.uri).exists(), "to verify a bucket fills no disk"
     assert maintenance.removable(store, unused_days=1) == []
