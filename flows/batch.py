@@ -19,11 +19,9 @@ from humanmm.config import Config
 from humanmm.errors import HumanMMError
 from humanmm.flows.recover import DEFAULTS, EVERYTHING, opened, recover
 from humanmm.flows.server.flow_runs import schedule
-from humanmm.logs import kept_text, to_standard_error, wants_json
+from humanmm.logs import keeping_text, to_standard_error, wants_json
 from humanmm.storage.batches.batch_table import open_batches
-from humanmm.storage.batches.manifest import read_batch
-from humanmm.storage.store.store import default_store
-from humanmm.tasks.batches import batch as batches
+from humanmm.tasks.batches.request import BatchRequest
 from humanmm.tasks.batches.running_video import RunningVideo, retried
 from humanmm.tasks.batches.watch import is_quiet
 from humanmm.tasks.engine.run import VideoRun
@@ -53,7 +51,7 @@ def recover_video(
     """Recover one video into a run folder. As a video of a batch, keep its row in the batch table up to date."""
     if batch is None:
         return recover.fn(video, out, config, store, selection)
-    table = open_batches(store or default_store())
+    table = open_batches(store)
     row = retried(lambda: table.row(batch, str(video)))
     if row is None or row.attempt != attempt:
         return Cancelled(message=f"batch {batch} no longer wants attempt {attempt} at this video")
@@ -69,7 +67,6 @@ def _recover_running(
 ) -> Any:
     if wants_json():
         to_standard_error(verbose=False)
-    text = kept_text()
 
     def watch(run: VideoRun) -> None:
         running.run = run
@@ -77,7 +74,8 @@ def _recover_running(
 
     token = opened.set(watch)
     try:
-        state: State[Any] = recover.fn(video, out, config, store, selection)
+        with keeping_text() as text:
+            state: State[Any] = recover.fn(video, out, config, store, selection)
     except Exception as error:  # recorded, then raised: this is the edge of the flow
         running.fail(error)
         if isinstance(error, HumanMMError):
@@ -126,12 +124,15 @@ def recover_batch(
 
     Files that were written to less than `settle_s` seconds ago wait for the next time: they may still be growing.
     """
-    table = open_batches(store or default_store())
-    found = read_batch(source, pattern=pattern)
-    entries = [entry.with_defaults(priority=priority, tags=tags) for entry in found if is_quiet(entry.video, settle_s)]
-    submission = batches.submit(table, name or batches.batch_name(source), entries, config, out)
+    table = open_batches(store)
+    request = BatchRequest(
+        source=source, out=out, config=config, name=name, pattern=pattern, priority=priority, tags=tags,
+        settle_s=settle_s,
+    )  # fmt: skip
+    found = request.videos()
+    quiet = [entry for entry in found if is_quiet(entry.video, settle_s)]
+    submission = request.submit(table, quiet)
     schedule(table, submission.to_schedule)
-    growing = len(found) - len(entries)
-    summary = f"{submission.name}: {len(submission.to_schedule)} scheduled, {submission.finished} finished"
-    summary += f", {submission.failed} failed before" if submission.failed else ""
-    return Completed(message=summary + (f", {growing} still being written" if growing else ""))
+    growing = len(found) - len(quiet)
+    written = f"; {growing} still being written" if growing else ""
+    return Completed(message=f"{submission.name}: {submission.sentence}{written}")

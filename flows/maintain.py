@@ -8,7 +8,6 @@ from prefect.states import Completed, Failed
 
 from humanmm.storage.store import maintenance
 from humanmm.storage.store.open import open_store
-from humanmm.storage.store.store import default_store
 from humanmm.tasks import pipeline
 
 
@@ -24,9 +23,8 @@ def maintain(
 
     The artifacts of the last run on a video stay, unless `with_runs`.
     """
-    artifacts = open_store(store or default_store())
-    outputs = {stage.name: stage.output for stage in pipeline.STAGES}
-    findings = list(maintenance.verify(artifacts, outputs=outputs, deep=deep))
+    artifacts = open_store(store)
+    findings = list(maintenance.verify(artifacts, outputs=pipeline.outputs(), deep=deep))
     damaged = [finding for finding in findings if finding.problem]
     items = maintenance.removable(artifacts, unused_days=unused_days, with_runs=with_runs)
     if remove:

@@ -19,7 +19,6 @@ from humanmm.flows.gpu import gpu_slot
 from humanmm.flows.stage_tasks import StageTasks
 from humanmm.storage.store.identity import identify
 from humanmm.storage.store.open import open_store
-from humanmm.storage.store.store import default_store
 from humanmm.tasks.engine.run import VideoRun
 from humanmm.tasks.engine.runners.runner import check_runner
 from humanmm.tasks.units.process import prepare_process
@@ -65,7 +64,7 @@ def recover(
 def _open(video: Path, config: Config, store: Path | None, selection: Selection) -> VideoRun:
     prepare_process()
     check_runner(config.run)
-    artifacts = open_store(store or default_store())
+    artifacts = open_store(store)
     artifacts.sweep()
     run = VideoRun(identify(video, artifacts), config, artifacts, selection=selection)
     run.gpu = gpu_slot

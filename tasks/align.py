@@ -14,7 +14,7 @@ from humanmm.tasks.inputs import StageInputs
 
 def align(inputs: StageInputs) -> WorldMotion:
     """People and cameras of every shot, rotated, levelled and placed in one world."""
-    footage = ShotResults(
+    results = ShotResults(
         shots=inputs.read("shots", ShotList),
         scenes=inputs.read_all("people", ScenePeople),
         cameras=inputs.read_all("camera", ShotCamera),
@@ -23,4 +23,4 @@ def align(inputs: StageInputs) -> WorldMotion:
         intrinsics=inputs.read("intrinsics", Intrinsics),
         key_frames=inputs.read("keyframes", KeyFrameFeatures).of_shot,
     )
-    return align_shots(footage, method=load("align.method", inputs.config.align.method))
+    return align_shots(results, method=load("align.method", inputs.config.align.method))

@@ -49,7 +49,6 @@ CROSS_CUTTING = {
     "flows/bench/test_bench_real.py": "two benchmarks on the real clip",
     "flows/bench/test_bench_render.py": "one benchmark from nothing to its table",
     "flows/server/test_retention.py": "settings of the server that Prefect applies",
-    "flows/service/test_batches.py": "server, worker and video processes together",
     "flows/service/test_chaos.py": "all of it under random faults",
     "flows/service/test_schedule.py": "schedules through server and worker",
     "flows/service/test_team_server.py": "the services of deploy/compose.yaml",

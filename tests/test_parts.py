@@ -13,6 +13,8 @@ from humanmm import parts
 from humanmm.config import Config
 from humanmm.config_reading import validate
 from humanmm.errors import ConfigError
+from humanmm.flows.bench.motion import recipes_of
+from humanmm.flows.bench.planned import aist_set
 from humanmm.models.records.tracks import ScenePeople
 from humanmm.storage.store.identity import identify
 from humanmm.storage.store.open import open_store
@@ -74,6 +76,16 @@ def test_the_chosen_method_is_part_of_the_key() -> None:
     chosen = parts.chosen(Config(), stage.settings)
     assert [(part.setting, part.name) for part in chosen] == [("align.method", "bundle")]
     assert "humanmm.models.cuts.camera_rotation" in code_digest(stage.function[0], chosen).modules
+
+
+def test_the_lifter_is_part_of_the_key_where_there_are_2d_keypoints_alone() -> None:
+    sample = PLUGIN.parent / "aist"
+    (of_keypoints, *_), _ = aist_set(sample, "tiny")
+    recipe = recipes_of(of_keypoints, Config(), ("humanmm",)).motions
+    assert recipe.settings["lifting"] == {"method": "residual-network"}
+    assert "humanmm.models.perception.lifting" in recipe.modules and "lifter.safetensors" in recipe.weights
+    assert "humanmm.models.camera.estimate" in recipe.modules, "named by camera.estimator alone"
+    assert all("lifting" not in stage.settings for stage in pipeline.STAGES)
 
 
 def test_a_pose_network_of_another_package_recovers_people_and_its_version_changes_the_key(

@@ -11,6 +11,7 @@ from humanmm.flows.bench.jobs import Job
 from humanmm.flows.bench.motion import FIGURE_CODE, code_of, kept, recipe, settings_of
 from humanmm.models.benchmark.methods import ABLATIONS, METHODS
 from humanmm.models.benchmark.scores import MethodFigures, VideoFigures, score_sequence
+from humanmm.parts import chosen
 from humanmm.storage.readers.systems import READER_VERSION, find_result, read_result
 from humanmm.storage.store.store import Store
 
@@ -53,7 +54,7 @@ def _figures(job: Job, system: System, config: Config, store: Store) -> MethodFi
         return MethodFigures(system.name, (), (), f"{system.folder.name} holds no single result for {job.name}")
     decided_by = recipe(
         "bench-imported",
-        code_of(CONVERSION_CODE, FIGURE_CODE, *job.modules),
+        code_of(CONVERSION_CODE, FIGURE_CODE, *job.modules, parts=chosen(config, job.settings)),
         unit={**job.parameters, "system": system.name},
         settings=settings_of(job, config),
         inputs={**job.inputs, "result": hashlib.sha256(path.read_bytes()).hexdigest()},

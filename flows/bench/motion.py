@@ -18,6 +18,7 @@ from humanmm.flows.bench.jobs import Job
 from humanmm.models.benchmark.methods import METHODS, VideoMotions, run_methods
 from humanmm.models.benchmark.scores import MethodFigures, VideoFigures, score, sequence_of
 from humanmm.models.benchmark.traces import VideoTraces, trace_video
+from humanmm.parts import Part, chosen
 from humanmm.storage.store.open import open_store
 from humanmm.storage.store.recipe import Recipe
 from humanmm.storage.store.store import Store
@@ -134,7 +135,7 @@ def recipes_of(job: Job, config: Config, methods: tuple[str, ...]) -> VideoRecip
     """What decides a video's motions, and what is made of them."""
     motions = recipe(
         "bench-motions",
-        code_of(MOTION_CODE, *job.modules),
+        code_of(MOTION_CODE, *job.modules, parts=chosen(config, job.settings)),
         unit={**job.parameters, "methods": list(methods)},
         settings=settings_of(job, config),
         inputs=job.inputs,
@@ -178,11 +179,11 @@ def settings_of(job: Job, config: Config) -> dict[str, Any]:
 
 
 @functools.cache
-def code_of(*modules: str) -> CodeDigest:
-    """The code of several modules together."""
-    parts = [code_digest(module) for module in modules]
+def code_of(*modules: str, parts: tuple[Part, ...] = ()) -> CodeDigest:
+    """The code of several modules and of the replaceable parts that they load by name."""
+    found = [code_digest(module, parts) for module in modules]
     return CodeDigest(
-        modules={name: digest for part in parts for name, digest in part.modules.items()},
-        weights={name: digest for part in parts for name, digest in part.weights.items()},
-        libraries={name: version for part in parts for name, version in part.libraries.items()},
+        modules={name: digest for code in found for name, digest in code.modules.items()},
+        weights={name: digest for code in found for name, digest in code.weights.items()},
+        libraries={name: version for code in found for name, version in code.libraries.items()},
     )

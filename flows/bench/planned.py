@@ -11,7 +11,7 @@ import numpy as np
 
 from humanmm.config import Config
 from humanmm.errors import InputError
-from humanmm.flows.bench.jobs import Job
+from humanmm.flows.bench.jobs import SETTINGS, Job
 from humanmm.models.benchmark.aist import AistSequence, build_aist
 from humanmm.models.benchmark.tables.statistics import SetStatistics, statistics_of
 from humanmm.models.synthetic.mocap import MocapSequence
@@ -24,6 +24,7 @@ from humanmm.models.synthetic.multishot import (
     plan_videos,
     split_name,
 )
+from humanmm.parts import load
 from humanmm.storage.readers.aist import read_aist
 from humanmm.storage.readers.mocap_pack import read_pack
 from humanmm.storage.store.store import Store
@@ -87,6 +88,7 @@ def _aist_job(plan: VideoPlan, sequence: AistSequence) -> Job:
         inputs={"sequence": sequence.sha256},
         make=functools.partial(_make_aist, sequence, plan),
         modules=("humanmm.models.benchmark.aist",),
+        settings=("lifting", *SETTINGS),
     )
 
 
@@ -95,4 +97,4 @@ def _make_mocap(sequence: MocapSequence, plan: VideoPlan, config: Config, store:
 
 
 def _make_aist(sequence: AistSequence, plan: VideoPlan, config: Config, store: Store) -> BenchVideo:
-    return build_aist(sequence, plan)
+    return build_aist(sequence, plan, lifter=load("lifting.method", config.lifting.method))

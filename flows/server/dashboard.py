@@ -15,7 +15,7 @@ from prefect.client.orchestration import SyncPrefectClient
 from prefect.client.schemas.actions import ArtifactCreate, ArtifactUpdate
 from prefect.client.schemas.filters import ArtifactFilter, ArtifactFilterKey
 
-from humanmm.storage.batches.video_row import VideoRow, counts
+from humanmm.storage.batches.video_row import VideoRow, counts_in_words
 from humanmm.storage.pages.markdown import escaped
 from humanmm.storage.pages.video_page import batch_table, video_page
 from humanmm.storage.run_folder.run_record import read_run_record
@@ -115,7 +115,7 @@ def show_batch(client: SyncPrefectClient, name: str, rows: Sequence[VideoRow]) -
     """Put the table of a batch on the dashboard, in place of the one before."""
     key = f"batch-{_key(name)}"
     data = json.dumps(batch_table(rows))
-    described = f"batch {escaped(name)}: " + ", ".join(f"{number} {state}" for state, number in counts(rows).items())
+    described = f"batch {escaped(name)}: {counts_in_words(rows)}"
     found = client.read_artifacts(artifact_filter=ArtifactFilter(key=ArtifactFilterKey(any_=[key])), limit=1)
     if found:
         client.update_artifact(found[0].id, ArtifactUpdate(data=data, description=described))

@@ -15,7 +15,9 @@ from humanmm.models.evaluation.people import projected_boxes
 from humanmm.models.geometry.axes import R_ZUP_YUP, zup_camera_pose
 from humanmm.models.geometry.intrinsics import K_from_focal, default_focal_px
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
+from humanmm.models.perception.interfaces import Lifter
 from humanmm.models.records.camera import PointTracks
+from humanmm.models.records.landmarks import COCO_NAMES
 from humanmm.models.records.sequence import CameraSequence, MotionSequence, PersonSequence
 from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.synthetic.multishot import (
@@ -33,12 +35,6 @@ Array = np.ndarray
 RATE_HZ = 30.0
 """Sequences at a multiple of this are thinned out to it, as the paper's videos are."""
 _CM = 0.01
-
-COCO_NAMES = (
-    "nose", "left_eye", "right_eye", "left_ear", "right_ear", "left_shoulder", "right_shoulder", "left_elbow",
-    "right_elbow", "left_wrist", "right_wrist", "left_hip", "right_hip", "left_knee", "right_knee", "left_ankle",
-    "right_ankle",
-)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +81,7 @@ def aist_sequence(name: str, sha256: str, arrays: Mapping[str, Array], *, joints
     )
 
 
-def build_aist(sequence: AistSequence, plan: VideoPlan) -> BenchVideo:
+def build_aist(sequence: AistSequence, plan: VideoPlan, *, lifter: Lifter) -> BenchVideo:
     """The video of a plan; the same plan gives the same video. Cuts are given, as in ms-Mocap."""
     rng = np.random.default_rng((*plan.seed, plan.num_transitions))
     n = min(sequence.num_frames, plan.longest)
@@ -101,7 +97,7 @@ def build_aist(sequence: AistSequence, plan: VideoPlan) -> BenchVideo:
         camera[start:end] = number
         frame = np.arange(start, end)
         seen = sequence.keypoints[number, first + start : first + end]
-        track = coco_track(frame, seen, time_s=facts.time_s[start:end], K=rough, size=sequence.size)
+        track = coco_track(frame, seen, time_s=facts.time_s[start:end], K=rough, size=sequence.size, lifter=lifter)
         people.append(ScenePeople(start, end, (track,) if len(track.frame) else ()))
         points.append(_no_background(start, end))
     return BenchVideo(

@@ -1,6 +1,6 @@
 """Tracks of a detector that names COCO's 17 keypoints and no depth (ViTPose, HRNet, OpenPose's COCO model, …).
 
-The rest of a `PersonTrack` is made up for from them: 3D landmarks by `lifting`, landmarks that COCO does not name by
+The rest of a `PersonTrack` is made up for from them: 3D landmarks by a lifter, landmarks that COCO does not name by
 projecting those (visibility 0: no evidence), a mask drawn about the bones. Colours stay unknown.
 """
 
@@ -10,9 +10,9 @@ from jaxtyping import Float, Int
 from humanmm.models.geometry.projection import project, ray_axes, viewing_rays
 from humanmm.models.motion.fit.initial import start_position
 from humanmm.models.perception.clothing import HISTOGRAM_BINS
-from humanmm.models.perception.lifting import COCO_LANDMARKS, SEEN, lift
+from humanmm.models.perception.interfaces import SEEN, Lifter
 from humanmm.models.perception.silhouettes import silhouettes
-from humanmm.models.records import landmarks
+from humanmm.models.records.landmarks import COCO_LANDMARKS, LIMBS
 from humanmm.models.records.tracks import MASK_SIDE, PersonTrack
 
 Array = np.ndarray
@@ -31,6 +31,7 @@ def coco_track(
     time_s: Float[Array, " n"],
     K: Float[Array, "3 3"],
     size: tuple[int, int],
+    lifter: Lifter,
 ) -> PersonTrack:
     """One person's keypoints (source pixels, score 0..1) in some frames of a scene, in order; K may be rough.
 
@@ -39,7 +40,7 @@ def coco_track(
     usable = (keypoints[..., 2] >= SEEN).sum(axis=1) >= FEWEST
     frame, keypoints, time_s = frame[usable], keypoints[usable].astype(np.float64), time_s[usable]
     seen = keypoints[..., 2] >= SEEN
-    landmarks_cam = lift(keypoints, time_s, K)
+    landmarks_cam = lifter(keypoints, time_s, K)
     points = _all_points(landmarks_cam, keypoints, seen, K)
     masks, affine = silhouettes(points)
     centre = affine.astype(np.float64) @ np.array([MASK_SIDE / 2, MASK_SIDE / 2, 1.0])
@@ -49,7 +50,7 @@ def coco_track(
         keypoints2d=points.astype(np.float32),
         landmarks3d=(landmarks_cam @ R_cam_ray).astype(np.float32),
         bbox=_boxes(keypoints[..., :2], seen, size).astype(np.float32),
-        confidence=np.clip(points[:, list(landmarks.LIMBS), 2].mean(axis=1), 0, 1).astype(np.float32),
+        confidence=np.clip(points[:, list(LIMBS), 2].mean(axis=1), 0, 1).astype(np.float32),
         masks=masks,
         mask_affine=affine,
         color_frame=np.zeros(0, np.int32),

@@ -13,7 +13,6 @@ import numpy as np
 from humanmm.config import Config
 from humanmm.errors import HumanMMError
 from humanmm.models.benchmark.oracles import true_cameras, true_rotations, with_true_cuts, yaw_rotations
-from humanmm.models.camera.estimate import camera_from_points
 from humanmm.models.camera.intrinsics import ShotPoints, given_intrinsics, intrinsics_from_points
 from humanmm.models.camera.masking import without_transitions
 from humanmm.models.cuts.camera_rotation import align_by_eight_point
@@ -144,7 +143,8 @@ class _SharedStages:
     def _with_cameras_of_all_points(self, *, static: bool) -> Beginning:
         start = self.start
         tracks = points_of_shots(self.video, start.shots)
-        cameras = tuple(camera_from_points(points, (), start.intrinsics, static=static) for points in tracks)
+        estimator = load("camera.estimator", self.config.camera.estimator)
+        cameras = tuple(estimator(points, (), start.intrinsics, static=static) for points in tracks)
         return fitted_again(self.video, self.config, replace(start, cameras=cameras))
 
     @functools.cached_property
@@ -167,7 +167,7 @@ class _SharedStages:
     @functools.cached_property
     def world(self) -> WorldMotion:
         """What `align` makes of it."""
-        return align(footage_of(self.video, self.start), method=load("align.method", self.config.align.method))
+        return align(shot_results_of(self.video, self.start), method=load("align.method", self.config.align.method))
 
     @functools.cached_property
     def refined(self) -> WorldMotion:
@@ -223,7 +223,7 @@ _OTHER_BEGINNINGS: Mapping[str, Callable[[_SharedStages], Beginning]] = {
 
 def _recovered(method: str, stages: _SharedStages) -> WorldMotion:  # noqa: PLR0911, PLR0912 (one case a method)
     how = load("align.method", stages.config.align.method)
-    footage = footage_of(stages.video, stages.start)
+    results = shot_results_of(stages.video, stages.start)
     if method == "humanmm":
         return stages.refined
     if method == "humanmm without refine":
@@ -231,34 +231,34 @@ def _recovered(method: str, stages: _SharedStages) -> WorldMotion:  # noqa: PLR0
     if method in _PARTS_OF_REFINE:
         return stages.refine(stages.start, stages.world, without=_PARTS_OF_REFINE[method])
     if method == "concat":
-        return concatenated(footage)
+        return concatenated(results)
     if method == "humanmm without orientation alignment":
-        return stages.refine(stages.start, concatenated(footage))
+        return stages.refine(stages.start, concatenated(results))
     if method == "humanmm with eight-point":
-        return stages.refine(stages.start, align(footage, method=align_by_eight_point))
+        return stages.refine(stages.start, align(results, method=align_by_eight_point))
     if method == "humanmm without background links":
-        if not any(footage.key_frames):
+        if not any(results.key_frames):
             return stages.refined
-        without = replace(footage, key_frames=[[] for _ in footage.key_frames])
+        without = replace(results, key_frames=[[] for _ in results.key_frames])
         return stages.refine(stages.start, align(without, method=how))
     if method in _OTHER_BEGINNINGS:
         start = _OTHER_BEGINNINGS[method](stages)
-        return stages.refine(start, align(footage_of(stages.video, start), method=how))
+        return stages.refine(start, align(shot_results_of(stages.video, start), method=how))
     if method == "humanmm without flip decision":
         if not _any_left_right_swap(stages.start.shots):
             return stages.refined
-        return stages.refine(stages.as_labelled, align(footage_of(stages.video, stages.as_labelled), method=how))
+        return stages.refine(stages.as_labelled, align(shot_results_of(stages.video, stages.as_labelled), method=how))
     if method == "oracle cuts":
         return stages.cut_truly.refined
     if method == "oracle yaw":
         rotations = yaw_rotations(stages.video, stages.start.shots, stages.world)
-        return stages.refine(stages.start, align(footage, method=how, known_rotations=rotations))
+        return stages.refine(stages.start, align(results, method=how, known_rotations=rotations))
     if method == "oracle camera rotation":
         rotations = true_rotations(stages.video, stages.start.shots)
-        return stages.refine(stages.start, align(footage, method=how, known_rotations=rotations))
+        return stages.refine(stages.start, align(results, method=how, known_rotations=rotations))
     if method == "oracle camera":
         start, rotations = stages.with_true_cameras, true_rotations(stages.video, stages.start.shots)
-        return stages.refine(start, align(footage_of(stages.video, start), method=how, known_rotations=rotations))
+        return stages.refine(start, align(shot_results_of(stages.video, start), method=how, known_rotations=rotations))
     raise ValueError(f"no method is called {method!r}")
 
 
@@ -270,8 +270,9 @@ def begin(video: BenchVideo, config: Config) -> Beginning:
     tracks = points_of_shots(video, shots)
     intrinsics = _focal_length(video, config, shots, tracks)
     static = config.camera.static or video.static_cameras
+    estimator = load("camera.estimator", config.camera.estimator)
     cameras = tuple(
-        camera_from_points(points, video.people[shot.scene].tracks, intrinsics, static=static)
+        estimator(points, video.people[shot.scene].tracks, intrinsics, static=static)
         for shot, points in zip(shots.shots, tracks, strict=True)
     )
     motions = tuple(_fit(video, config, shots, shot, camera) for shot, camera in zip(shots.shots, cameras, strict=True))
@@ -303,7 +304,9 @@ def fitted_again(video: BenchVideo, config: Config, start: Beginning) -> Beginni
 
 def _fit(video: BenchVideo, config: Config, shots: ShotList, shot: Shot, camera: ShotCamera) -> ShotMotion:
     noise = NoiseModel(prior=config.hmr.pose_prior, smoothness=config.hmr.smoothness)
-    return fit_shot(video.people[shot.scene], shot, shots.people, video.facts.time_s, camera, noise=noise)
+    pose = load("hmr.initial_pose", config.hmr.initial_pose)
+    scene, time_s = video.people[shot.scene], video.facts.time_s
+    return fit_shot(scene, shot, shots.people, time_s, camera, noise=noise, initial_pose=pose)
 
 
 def _any_left_right_swap(shots: ShotList) -> bool:
@@ -325,7 +328,7 @@ def _as_labelled(shot: Shot) -> Shot:
     return replace(shot, people=tuple(replace(appearance, left_right_swapped=()) for appearance in shot.people))
 
 
-def footage_of(video: BenchVideo, start: Beginning) -> ShotResults:
+def shot_results_of(video: BenchVideo, start: Beginning) -> ShotResults:
     """What the stage `align` reads. Where there are no pictures there are no key frames either: shots are then joined
     by people alone, as in the paper."""
     frames = video.key_frames
@@ -341,11 +344,11 @@ def footage_of(video: BenchVideo, start: Beginning) -> ShotResults:
     )
 
 
-def concatenated(footage: ShotResults) -> WorldMotion:
+def concatenated(results: ShotResults) -> WorldMotion:
     """The paper's baseline: each shot in its own gravity world, headed by that shot's first camera; these worlds are
     taken for one without any rotation, and the root is shifted so that it goes on where the shot before ended."""
-    alone = align(_strangers(footage))
-    num_people = max((person.person for person in footage.shots.people), default=0) + 1
+    alone = align(_strangers(results))
+    num_people = max((person.person for person in results.shots.people), default=0) + 1
     parts: dict[int, list[PersonMotion]] = {}
     for motion in sorted(alone.people, key=lambda motion: int(motion.frame[0])):
         parts.setdefault(motion.person % num_people, []).append(motion)
@@ -356,24 +359,24 @@ def concatenated(footage: ShotResults) -> WorldMotion:
         for motion in motions[1:]:
             shift = joined.pelvis_world[-1] - motion.pelvis_world[0]
             if number == 0:
-                shot = next(s for s in footage.shots.shots if s.start <= motion.frame[0] < s.end)
+                shot = next(s for s in results.shots.shots if s.start <= motion.frame[0] < s.end)
                 t_world_cam[shot.start : shot.end] += shift
             joined = _appended(joined, replace(motion, pelvis_world=motion.pelvis_world + shift))
         people.append(replace(joined, person=number))
     return replace(alone, people=tuple(people), t_world_cam=t_world_cam)
 
 
-def _strangers(footage: ShotResults) -> ShotResults:
-    """The same footage, with nobody known to be in more than one shot: every shot then gets a world of its own."""
-    num_people = max((person.person for person in footage.shots.people), default=0) + 1
+def _strangers(results: ShotResults) -> ShotResults:
+    """The same results, with nobody known to be in more than one shot: every shot then gets a world of its own."""
+    num_people = max((person.person for person in results.shots.people), default=0) + 1
     shots, motions = [], []
-    for index, (shot, motion) in enumerate(zip(footage.shots.shots, footage.motions, strict=True)):
+    for index, (shot, motion) in enumerate(zip(results.shots.shots, results.motions, strict=True)):
         first = index * num_people
         shots.append(replace(shot, people=tuple(replace(a, person=first + a.person) for a in shot.people)))
         people = motion.people if motion is not None else ()
         renamed = tuple(replace(person, person=first + person.person) for person in people)
         motions.append(replace(motion, people=renamed) if motion is not None else None)
-    return replace(footage, shots=replace(footage.shots, shots=tuple(shots)), motions=motions)
+    return replace(results, shots=replace(results.shots, shots=tuple(shots)), motions=motions)
 
 
 def _appended(first: PersonMotion, second: PersonMotion) -> PersonMotion:

@@ -56,7 +56,6 @@ def true_cameras(video: BenchVideo, shots: ShotList) -> tuple[ShotCamera, ...]:
                 K=cameras.K[frames],
                 source="given",
                 metric=True,
-                points_shot=np.zeros((0, 3)),
                 reprojection_px=float("nan"),
             )
         )
@@ -86,7 +85,7 @@ def _known(video: BenchVideo) -> CameraSequence:
 
 
 def _tracks(scenes: Sequence[ScenePeople], start: int, end: int) -> tuple[PersonTrack, ...]:
-    """The tracks between two frames; where a scene ends in between, who stays in place goes on."""
+    """The tracks between two frames; where a scene ends in between, who stays there goes on."""
     tracks: list[PersonTrack] = []
     for scene in scenes:
         if scene.end <= start or scene.start >= end:

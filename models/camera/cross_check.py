@@ -3,7 +3,7 @@
 The two views are distant key frames, so that what adds up along the shot shows. The bundle adjustment (Ceres, points in
 Euclidean coordinates) starts from our result and is given all sightings, also those that ours dropped: where our
 adjustment stopped short of the optimum, or where the optimum depends on what is called an outlier, it walks away. It
-knows no camera that only turns (its camera centres are always free), so there the two views, by their homography, are
+knows no camera that only rotates (its camera centres are always free), so there the two views, by their homography, are
 all there is.
 """
 
@@ -68,7 +68,7 @@ def warnings_of(check: CrossCheck) -> tuple[str, ...]:
 def _two_view_deg(shot: TrackedShot, track: Track, *, translating: bool) -> float:
     """Median angle between our relative rotations and pycolmap's; nan where it has no answer.
 
-    A moving camera is compared with the five-point essential matrix, one that only turns with the homography K R K⁻¹.
+    A moving camera is compared with the five-point essential matrix, one that only rotates with the homography K R K⁻¹.
     """
     angles = []
     tolerance = 0.002 * shot.diagonal_px
@@ -119,8 +119,8 @@ def _stretches(num_keyframes: int) -> list[Int[np.ndarray, " k"]]:
 
 
 def _adjusted(shot: TrackedShot, track: Track, keyframes: Int[np.ndarray, " k"]) -> tuple[float, float] | None:
-    """Largest turn in degrees, and largest way as a share of the path's extent, by which pycolmap moves these key
-    frames; None where too few points hold them together."""
+    """Largest rotation in degrees, and largest translation as a fraction of the path's extent, by which pycolmap moves
+    these key frames; None where too few points connect them."""
     sightings = _most_seen(shot.of_images(track.keyframes[keyframes]))
     used = np.unique(sightings.point)
     R_shot_cam, t_shot_cam = track.views.R_shot_cam[keyframes], track.views.t_shot_cam[keyframes]

@@ -13,7 +13,7 @@ from jaxtyping import Float
 from humanmm.models.camera.cross_check import cross_check, warnings_of
 from humanmm.models.camera.masking import background_points
 from humanmm.models.camera.model_choice import MOVING, MOVING_ZOOMING, ROTATING, ZOOMING, ModelChoice, choose_model
-from humanmm.models.camera.odometry.bundle import Freedom, Observations, Points, Views
+from humanmm.models.camera.odometry.bundle import Freedom, Views
 from humanmm.models.camera.odometry.keyframe_odometry import (
     EXACT_SHARE,
     MIN_POINTS,
@@ -73,17 +73,17 @@ def _static(points: PointTracks, intrinsics: Intrinsics, source: CameraSource, *
     num_frames = points.end - points.start
     return ShotCamera(
         points.start, points.end, np.tile(np.eye(3), (num_frames, 1, 1)), np.zeros((num_frames, 3)),
-        np.tile(K_of(intrinsics), (num_frames, 1, 1)), source, metric=True, points_shot=np.zeros((0, 3)),
+        np.tile(K_of(intrinsics), (num_frames, 1, 1)), source, metric=True,
         reprojection_px=float("nan"), cross_check=CrossCheck(), warnings=warnings,
     )  # fmt: skip
 
 
-def _chosen(shot: TrackedShot, choice: ModelChoice, turning: Track, intrinsics: Intrinsics) -> _Estimate:
-    """The camera of the chosen model; `turning` is the track of the camera that only rotates."""
+def _chosen(shot: TrackedShot, choice: ModelChoice, rotating_track: Track, intrinsics: Intrinsics) -> _Estimate:
+    """The camera of the chosen model; `rotating_track` is the track of the camera that only rotates."""
     if choice.model == "moving" and choice.moving is not None:
         return _moving(shot, choice.moving.track, focal_is_known=choice.focal_is_known)
     if choice.zooming is None:
-        return _estimate(shot, turning, ROTATING, "rotation_only")
+        return _estimate(shot, rotating_track, ROTATING, "rotation_only")
     zooming = choice.zooming.track
     if not np.isfinite(choice.zooming.log_focal_sigma):  # the video's focal length is the middle of the zoom
         first_px = intrinsics.focal_px * float(np.exp(-zooming.views.log_zoom.mean()))
@@ -157,21 +157,6 @@ def _result(points: PointTracks, shot: TrackedShot, intrinsics: Intrinsics, esti
     check = cross_check(shot, estimate.track, translating=moves)
     return ShotCamera(
         points.start, points.end, R_first @ R_shot_cam, t_shot_cam, K, estimate.source, metric=not moves,
-        points_shot=_structure(estimate.track) if moves else np.zeros((0, 3)),
         reprojection_px=float(np.median(estimate.residual_px)), cross_check=check,
         warnings=estimate.warnings + warnings_of(check),
     )  # fmt: skip
-
-
-def _structure(track: Track) -> Float[np.ndarray, "p 3"]:
-    """Points of the map whose distance is known from parallax of at least a degree."""
-    observations: Observations = track.observations
-    used = np.unique(observations.point[track.known[observations.point]])
-    used = used[track.points.rho[used] > 0]
-    baseline = np.zeros(len(track.known))
-    ray = track.points.anchor[observations.point] - track.views.t_shot_cam[observations.image]
-    across = np.linalg.norm(np.cross(track.points.direction[observations.point], ray), axis=1)
-    np.maximum.at(baseline, observations.point, across)
-    sure = baseline[used] * track.points.rho[used] > np.radians(1.0)
-    chosen = used[sure]
-    return Points(track.points.direction[chosen], track.points.rho[chosen], track.points.anchor[chosen]).positions()

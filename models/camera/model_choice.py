@@ -27,7 +27,7 @@ from humanmm.models.camera.odometry.keyframe_odometry import (
 )
 from humanmm.models.camera.odometry.tracked_shot import TrackedShot, choose_keyframes
 from humanmm.models.camera.self_calibration import FocalTrack, with_own_focal
-from humanmm.models.camera.static import judge_static
+from humanmm.models.camera.static import is_static
 from humanmm.models.records.camera import Intrinsics
 
 HINT_SHARE = 0.0015
@@ -67,27 +67,27 @@ def choose_model(shot: TrackedShot, intrinsics: Intrinsics, *, calibrate: bool =
     points best, from the first keyframes only. Of a track that keeps the assumed focal length `log_focal_sigma` is
     infinite.
     """
-    if judge_static(shot).static:
+    if is_static(shot):
         return ModelChoice("static")
     keyframes = choose_keyframes(shot)[: MAX_KEYFRAMES if calibrate else None]
     exact_px, hint_px = EXACT_SHARE * shot.diagonal_px, HINT_SHARE * shot.diagonal_px
     focal_px, known = intrinsics.focal_px, intrinsics.relative_uncertainty < KNOWN_FOCAL
 
-    turning = _followed(rotating(shot, keyframes, focal_px, freedom=ROTATING), ROTATING, calibrate=calibrate)
-    if turning.track.adjusted.noise_px < exact_px:
-        return ModelChoice("rotation only", turning, focal_is_known=known)
-    if calibrate and turning.track.adjusted.noise_px < hint_px:
-        focal_px = turning.track.views.focal_px
+    only_rotating = _followed(rotating(shot, keyframes, focal_px, freedom=ROTATING), ROTATING, calibrate=calibrate)
+    if only_rotating.track.adjusted.noise_px < exact_px:
+        return ModelChoice("rotation only", only_rotating, focal_is_known=known)
+    if calibrate and only_rotating.track.adjusted.noise_px < hint_px:
+        focal_px = only_rotating.track.views.focal_px
 
     zooming = _kept(rotating(shot, keyframes, focal_px, freedom=ZOOMING))
-    zooms = zooms_in(zooming.track, turning.track)
+    zooms = zooms_in(zooming.track, only_rotating.track)
     if zooms and intrinsics.source != "given" and zooming.track.adjusted.noise_px < hint_px:
         own = with_own_focal(zooming.track, ZOOMING)
         if calibrate or own.log_focal_sigma < KNOWN_FOCAL:
             zooming = own
             if calibrate or not known:
                 focal_px, known = own.track.views.focal_px, True
-    best = zooming if zooms else turning
+    best = zooming if zooms else only_rotating
     found = zooming if zooms else None
 
     moved: FocalTrack | None = None
@@ -96,13 +96,13 @@ def choose_model(shot: TrackedShot, intrinsics: Intrinsics, *, calibrate: bool =
             zooms_known = zooms and np.isfinite(zooming.log_focal_sigma)
             moved = _moving_calibrated(shot, keyframes, focal_px, best.track.error_px, zooms=bool(zooms_known))
         else:
-            same = focal_px == turning.track.views.focal_px
-            guide = turning.track if same else rotating(shot, keyframes, focal_px, freedom=ROTATING)
+            same = focal_px == only_rotating.track.views.focal_px
+            guide = only_rotating.track if same else rotating(shot, keyframes, focal_px, freedom=ROTATING)
             track = moving(shot, guide)
             moved = None if track is None else _kept(track)
     if moved is not None and moved.track.error_px < MOVING_GAIN * best.track.error_px:
-        return ModelChoice("moving", turning, found, moved, known)
-    return ModelChoice("rotation and zoom" if zooms else "rotation only", turning, found, moved, known)
+        return ModelChoice("moving", only_rotating, found, moved, known)
+    return ModelChoice("rotation and zoom" if zooms else "rotation only", only_rotating, found, moved, known)
 
 
 def _moving_calibrated(

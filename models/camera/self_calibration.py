@@ -69,16 +69,16 @@ def _adjusted_at(
 def with_focal(views: Views, points: Points, observations: Observations, factor: float) -> tuple[Views, Points]:
     """Views and points carried over to a focal length `factor` times as long, so that they project nearly as before.
 
-    Turns across the optical axis and steps across it shrink by the factor; directions are read anew off each point's
-    first sighting.
+    Rotations across the optical axis and steps across it shrink by the factor; directions are read anew off each
+    point's first sighting.
     """
     across = np.array([1 / factor, 1 / factor, 1.0])
     R_old, t_old = views.R_shot_cam, views.t_shot_cam
     R_new, t_new = R_old.copy(), t_old.copy()
-    turns = rotations.rotmat_to_rotvec(np.swapaxes(R_old[:-1], 1, 2) @ R_old[1:])
+    rotvecs = rotations.rotmat_to_rotvec(np.swapaxes(R_old[:-1], 1, 2) @ R_old[1:])
     steps = np.einsum("kji,kj->ki", R_old[:-1], np.diff(t_old, axis=0))
     for k in range(1, len(R_old)):
-        R_new[k] = R_new[k - 1] @ rotations.rotvec_to_rotmat((turns[k - 1] * across)[None])[0]
+        R_new[k] = R_new[k - 1] @ rotations.rotvec_to_rotmat((rotvecs[k - 1] * across)[None])[0]
         t_new[k] = t_new[k - 1] + R_new[k - 1] @ (steps[k - 1] * across)
     moved = replace(views, R_shot_cam=R_new, t_shot_cam=t_new, focal_px=views.focal_px * factor)
 

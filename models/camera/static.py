@@ -5,15 +5,13 @@ So the test counts the points that stay, instead of averaging over all, and comp
 of the picture.
 """
 
-from dataclasses import dataclass
-
 import cv2
 import numpy as np
 
 from humanmm.models.camera.odometry.tracked_shot import TrackedShot
 
-STILL_SHARE_OF_DIAGONAL = 0.003
-"""Motion below this share of the picture's diagonal is no motion: 0.2 degrees for a normal lens, the sway of a
+STILL_FRACTION_OF_DIAGONAL = 0.003
+"""Motion below this fraction of the picture's diagonal is no motion: 0.2 degrees for a normal lens, the sway of a
 tripod."""
 MIN_STILL_POINTS = 0.4
 CLEARLY_STILL_POINTS = 0.7
@@ -21,28 +19,15 @@ WINDOW_IMAGES = 12
 """Length of the windows over which a slow creep is summed up."""
 
 
-@dataclass(frozen=True)
-class StaticTest:
-    """Outcome of the test."""
-
-    static: bool
-    still_share: float
-    """Worst share, over the shot, of points that stay where they were."""
-    motion_px: float
-    """Largest motion of the picture found (at the corners of the picture, creep included)."""
-
-
-def judge_static(shot: TrackedShot) -> StaticTest:
+def is_static(shot: TrackedShot) -> bool:
     """Whether the background stays where it is from the first to the last recorded frame.
 
     The shot is cut into windows; in each, every image is compared with the window's first one. Creep too slow for a
     window shows in the sum of the windows' motions, which for a static camera is only the tracker's random walk.
     """
-    tolerance = STILL_SHARE_OF_DIAGONAL * shot.diagonal_px
+    tolerance = STILL_FRACTION_OF_DIAGONAL * shot.diagonal_px
     creep = np.zeros(2)
-    worst_share, largest = 1.0, 0.0
-    reference = 0
-    num_checked = 0
+    reference, num_checked = 0, 0
     for image in range(1, shot.num_images):
         _, before, now = shot.shared(reference, image)
         if len(before) < 8:
@@ -51,25 +36,21 @@ def judge_static(shot: TrackedShot) -> StaticTest:
         num_checked += 1
         moved = np.linalg.norm(now - before, axis=1)
         still = moved < tolerance
-        share = float(still.mean())
+        fraction = float(still.mean())
         shift = np.median((now - before)[still], axis=0) if still.any() else np.median(now - before, axis=0)
         motion, explained = _picture_motion(before, now, tolerance, shot)
-        moves_as_one = motion > tolerance and share < CLEARLY_STILL_POINTS and explained > share + 0.15
-        if share < MIN_STILL_POINTS or moves_as_one:
-            return StaticTest(False, share, motion)
-        worst_share = min(worst_share, share)
-        largest = max(largest, float(np.linalg.norm(creep + shift)))
-        if largest > tolerance:
-            return StaticTest(False, worst_share, largest)
+        moves_as_one = motion > tolerance and fraction < CLEARLY_STILL_POINTS and explained > fraction + 0.15
+        if fraction < MIN_STILL_POINTS or moves_as_one or float(np.linalg.norm(creep + shift)) > tolerance:
+            return False
         few_left = len(before) < 0.5 * (shot.begins[reference + 1] - shot.begins[reference])
         if image - reference >= WINDOW_IMAGES or few_left:
             creep = creep + shift
             reference = image
-    return StaticTest(num_checked > 0 or shot.num_images == 1, worst_share, largest)
+    return num_checked > 0 or shot.num_images == 1
 
 
 def _picture_motion(before: np.ndarray, now: np.ndarray, tolerance: float, shot: TrackedShot) -> tuple[float, float]:
-    """Largest corner motion of the picture's most common similarity motion, and the share of points that follow it."""
+    """Largest corner motion of the most common similarity motion, and the fraction of points that follow it."""
     cv2.setRNGSeed(0)
     motion, followers = cv2.estimateAffinePartial2D(before, now, method=cv2.RANSAC, ransacReprojThreshold=tolerance)
     if motion is None:

@@ -30,17 +30,12 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class BundleResult:
-    """Relative camera pose at the cut."""
+    """Rotation of the camera at the cut, and how well it fits."""
 
     R_before_after: Float[Array, "3 3"]
-    t_before_after: Float[Array, "3"]
-    """Centre of the camera after the cut in the axes of the one before it, metres."""
     cost: float
     residual_px_ratio: float
     """Robust mean of the image residuals, in units of sigma_ray."""
-    corrections: tuple[tuple[Float[Array, "3 3"], Float[Array, "3 3"]], ...]
-    """Per person: rotations that take the true body orientation to what the estimator said, before and after the
-    cut."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +76,7 @@ def _quadratic(time_s: Float[Array, "n"], values: Float[Array, "n J 3"], damping
 
 
 def _start(person: PersonAtCut, R_before_after: Float[Array, "3 3"]) -> tuple[PersonState, Float[Array, "3"]]:
-    """Motion through both sides' 3D points once the second is turned into the first's axes, and the camera's shift."""
+    """Motion through both sides' 3D points once the second is rotated into the first's axes, and the camera's shift."""
     before, after = person.before, person.after
     hip_before = _quadratic(before.time_s, before.origin[:, None], 10.0)[0]
     hip_after = _quadratic(after.time_s, after.origin[:, None], 10.0)[0]
@@ -117,10 +112,8 @@ def adjust(
     return [
         BundleResult(
             R_before_after=state.camera.R_before_after,
-            t_before_after=-state.camera.R_before_after @ state.camera.shift,
             cost=cost,
             residual_px_ratio=problem.image_residual(state.people, state.camera),
-            corrections=tuple((person.correction[0], person.correction[1]) for person in state.people),
         )
         for state, cost in runs
     ]

@@ -100,7 +100,7 @@ class CutCameras:
     K_before: Float[Array, "3 3"]
     K_after: Float[Array, "3 3"]
     moving: bool
-    """Either camera travels (not only turns) near the cut."""
+    """Either camera travels (not only rotates) near the cut."""
 
 
 def viewing_axes(keypoints2d: Float[Array, "n 33 3"], K: Float[Array, "3 3"]) -> Float[Array, "n 3 3"]:
@@ -212,18 +212,18 @@ def _side(track: SideTrack, K: Float[Array, "3 3"], cut_time_s: float, last: boo
     picked = list(POINTS)
     rays = viewing_rays(keypoints[:, picked, :2], K)
     R_cam_ray = viewing_axes(keypoints, K)
-    turn = track.R_cut_cam[frames]
-    rays = np.einsum("nab,njb->nja", turn, rays)
-    points = np.einsum("nab,njb->nja", turn @ R_cam_ray, track.landmarks3d[frames][:, picked].astype(np.float64))
+    R_cut_cam = track.R_cut_cam[frames]
+    rays = np.einsum("nab,njb->nja", R_cut_cam, rays)
+    points = np.einsum("nab,njb->nja", R_cut_cam @ R_cam_ray, track.landmarks3d[frames][:, picked].astype(np.float64))
     points -= points[:, list(_BODY.hips)].mean(axis=1, keepdims=True)
     image = rays[..., :2] / np.maximum(rays[..., 2:], 1e-3)
     weight = _IMAGE_WEIGHT * np.clip(keypoints[:, picked, 2], 0.0, 1.0)
-    origin = np.stack([place(points[k], image[k], weight[k]) for k in range(len(frames))])
+    origin = np.stack([_origin(points[k], image[k], weight[k]) for k in range(len(frames))])
     sigma = KEYPOINT_ERROR * BODY_HEIGHT_M / float(np.median(origin[:, 2]))
     return SideView(track.time_s[frames] - cut_time_s, image, weight, points, origin, sigma)
 
 
-def place(points: Float[Array, "J 3"], rays: Float[Array, "J 2"], weight: Float[Array, "J"]) -> Float[Array, "3"]:
+def _origin(points: Float[Array, "J 3"], rays: Float[Array, "J 2"], weight: Float[Array, "J"]) -> Float[Array, "3"]:
     """Where a body with these points (about its mid-hip) stands in front of the camera, by linear least squares."""
     # (p_x + o_x) = x (p_z + o_z), the same for y: linear in the origin o.
     A = np.zeros((2 * len(points), 3))
@@ -247,10 +247,10 @@ def _at_cut(view: SideView) -> Float[Array, "J 3"]:
 
 def _starts(item: PersonAtCut, person: CutPerson) -> Float[Array, "s 3 3"]:
     before, after = _at_cut(item.before), _at_cut(item.after)
-    turned = kabsch(after, before, _ROTATION_WEIGHT)
+    R_people = kabsch(after, before, _ROTATION_WEIGHT)
     trunk = before[3:5].mean(axis=0)
     trunk /= max(float(np.linalg.norm(trunk)), 1e-6)
-    starts = [turned, *(rotvec_to_rotmat(trunk * angle) @ turned for angle in np.deg2rad([-30.0, 30.0]))]
+    starts = [R_people, *(rotvec_to_rotmat(trunk * angle) @ R_people for angle in np.deg2rad([-30.0, 30.0]))]
     if person.before.R_cam_root is not None and person.after.R_cam_root is not None:
         first = person.before.R_cut_cam[-1] @ person.before.R_cam_root[-1]
         second = person.after.R_cut_cam[0] @ person.after.R_cam_root[0]
@@ -289,8 +289,8 @@ def angle_deg(R_a: Float[Array, "3 3"], R_b: Float[Array, "3 3"]) -> float:
 def _spread(prepared: Sequence[PersonAtCut], results: Sequence[cut_bundle.BundleResult]) -> float:
     """Expected rotation error from how far other answers to the same question lie from the winner, degrees."""
     best = results[0]
-    turned = [kabsch(_at_cut(item.after), _at_cut(item.before), _ROTATION_WEIGHT) for item in prepared]
-    distances = [angle_deg(R, best.R_before_after) for R in turned]
+    of_people = [kabsch(_at_cut(item.after), _at_cut(item.before), _ROTATION_WEIGHT) for item in prepared]
+    distances = [angle_deg(R, best.R_before_after) for R in of_people]
     # A start that ended elsewhere at nearly the same cost is a second opinion.
     distances += [
         angle_deg(other.R_before_after, best.R_before_after) * float(np.exp(-(other.cost - best.cost)))
@@ -315,5 +315,5 @@ def _eight_point(
     if view is None:
         message = f"cut at frame {cut_frame}: {len(first)} keypoints are seen on both sides, eight are needed"
         return CutAlignment(cut_frame, "none", np.eye(3), float("nan"), 180.0, gap, False, (*warnings, message))
-    turned = nearest_rotation(view.R_before_after)
-    return CutAlignment(cut_frame, "eight-point", turned, float(view.residual * focal), 45.0, gap, True, warnings)
+    R = nearest_rotation(view.R_before_after)
+    return CutAlignment(cut_frame, "eight-point", R, float(view.residual * focal), 45.0, gap, True, warnings)

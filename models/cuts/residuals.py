@@ -90,8 +90,8 @@ class PersonState:
 
     def moved(self, step: Float[Array, "unknowns"]) -> "PersonState":
         num = len(self.motion)
-        turns = rotvec_to_rotmat(step[9 * num :].reshape(2, 3))
-        return PersonState(self.motion + step[: 9 * num].reshape(num, 3, 3), turns @ self.correction)
+        rotations = rotvec_to_rotmat(step[9 * num :].reshape(2, 3))
+        return PersonState(self.motion + step[: 9 * num].reshape(num, 3, 3), rotations @ self.correction)
 
 
 @dataclass(frozen=True)
@@ -170,8 +170,8 @@ class CutProblem:
         X = self._moving(state, view.time_s)
         if side == 0:
             return X, X
-        turned = (X + camera.velocity * view.time_s[:, None, None]) @ camera.R_before_after
-        return turned + camera.shift, turned
+        rotated = (X + camera.velocity * view.time_s[:, None, None]) @ camera.R_before_after
+        return rotated + camera.shift, rotated
 
     def _scales(self, view: SideView) -> tuple[Float[Array, "n J 1"], Float[Array, "n J 1"]]:
         # Errors of neighbouring frames are nearly the same error: n frames together weigh like one.
@@ -183,18 +183,18 @@ class CutProblem:
     def _side_residuals(
         self, view: SideView, side: int, state: PersonState, camera: CameraState
     ) -> tuple[Float[Array, "n J 2"], Float[Array, "n J 3"]]:
-        Y, turned = self._camera_points(view, side, state, camera)
+        Y, rotated = self._camera_points(view, side, state, camera)
         ray_scale, point_scale = self._scales(view)
         image = (Y[..., :2] / np.maximum(Y[..., 2:], 0.1) - view.rays) * ray_scale
         a, b = self.body.hips
-        relative = turned - 0.5 * (turned[:, a : a + 1] + turned[:, b : b + 1])
+        relative = rotated - 0.5 * (rotated[:, a : a + 1] + rotated[:, b : b + 1])
         return image, (relative @ state.correction[side].T - view.points) * point_scale
 
     def _side(
         self, view: SideView, side: int, state: PersonState, camera: CameraState
     ) -> tuple[list[Array], list[Array]]:
         n, num = view.weight.shape
-        Y, turned = self._camera_points(view, side, state, camera)
+        Y, rotated = self._camera_points(view, side, state, camera)
         ray_scale, point_scale = self._scales(view)
         image, point = self._side_residuals(view, side, state, camera)
         robust = np.sqrt(huber_weight(np.linalg.norm(image, axis=-1, keepdims=True), HUBER))
@@ -221,11 +221,11 @@ class CutProblem:
         for hip in self.body.hips:
             J_point[..., 9 * hip : 9 * hip + 9] -= 0.5 * block3
         a, b = self.body.hips
-        relative = turned - 0.5 * (turned[:, a : a + 1] + turned[:, b : b + 1])
-        turn = slice(9 * num + 3 * side, 9 * num + 3 * side + 3)
-        J_point[..., turn] = -skew(relative @ C.T) * point_scale[..., None]
+        relative = rotated - 0.5 * (rotated[:, a : a + 1] + rotated[:, b : b + 1])
+        rotation = slice(9 * num + 3 * side, 9 * num + 3 * side + 3)
+        J_point[..., rotation] = -skew(relative @ C.T) * point_scale[..., None]
         if side == 1:
-            J_image[..., shared : shared + 3] = projection @ skew(turned)
+            J_image[..., shared : shared + 3] = projection @ skew(rotated)
             J_image[..., shared + 3 : shared + 6] = projection
             J_image[..., shared + 6 : shared + 9] = d_image * view.time_s[:, None, None, None]
             J_point[..., shared : shared + 3] = C @ skew(relative) * point_scale[..., None]
@@ -261,8 +261,8 @@ class CutProblem:
         settings = self.settings
         weight = np.zeros((self.num_points, 3, 3))
         weight[:, 1], weight[:, 2] = 1 / settings.velocity_ms, 1 / settings.acceleration_ms2
-        turn = np.full(6, np.sqrt(3) / np.deg2rad(settings.orientation_deg))
-        weights = np.concatenate([weight.ravel(), turn])
+        rotation = np.full(6, np.sqrt(3) / np.deg2rad(settings.orientation_deg))
+        weights = np.concatenate([weight.ravel(), rotation])
         values = np.concatenate([state.motion.ravel(), rotmat_to_rotvec(state.correction).ravel()])
         used = np.flatnonzero(weights)
         J = np.zeros((len(used), self.num_unknowns))

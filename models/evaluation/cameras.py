@@ -23,7 +23,7 @@ def absolute_trajectory_error_m(
 ) -> float:
     """ATE: root mean square distance of the camera centres, metres, after one similarity over the whole video."""
     if len(truth) < 2 or np.ptp(truth, axis=0).max() < SAME_PLACE_M:
-        raise UndefinedFigureError("the true camera never leaves its place, so no similarity can be fitted")
+        raise UndefinedFigureError("the true camera never moves, so no similarity can be fitted")
     aligned = umeyama_alignment(predicted, truth, unique=False).apply(predicted)
     return float(np.sqrt(((aligned - truth) ** 2).sum(axis=-1).mean()))
 

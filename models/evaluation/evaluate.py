@@ -5,7 +5,7 @@ people.
 """
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, fields
 from functools import partial
 from typing import TypeVar
 
@@ -15,7 +15,7 @@ from humanmm.models.evaluation import cameras, contacts, orientation, pose, smoo
 from humanmm.models.evaluation.cuts import score_cuts
 from humanmm.models.evaluation.pairs import Pair, known_rows, make_pair
 from humanmm.models.evaluation.people import match_people
-from humanmm.models.evaluation.report import Report
+from humanmm.models.evaluation.report import CameraFigures, PersonFigures, Report
 from humanmm.models.evaluation.skeleton import FOOT_NAMES, indices, pick, shared_names
 from humanmm.models.evaluation.vertices import pve_mm
 from humanmm.models.records.sequence import CameraSequence, MotionSequence, PersonSequence, UndefinedFigureError
@@ -24,42 +24,6 @@ T = TypeVar("T")
 
 FPS_TOLERANCE = 0.01
 """Frame rates that differ by more than this fraction belong to different videos."""
-
-
-@dataclass(frozen=True)
-class PersonFigures:
-    """The figures of one of the truth's people; names as in Report."""
-
-    coverage: float | None = None
-    pa_mpjpe_mm: float | None = None
-    mpjpe_mm: float | None = None
-    mpjpe_cam_mm: float | None = None
-    pve_mm: float | None = None
-    wa_mpjpe100_mm: float | None = None
-    w_mpjpe100_mm: float | None = None
-    rte_pct: float | None = None
-    rte_m: float | None = None
-    roe_deg: float | None = None
-    roe_yaw_deg: float | None = None
-    accel_ms2: float | None = None
-    jitter: float | None = None
-    jitter_gt: float | None = None
-    foot_sliding_mm: float | None = None
-    foot_sliding_gt_mm: float | None = None
-    cut_jump_m: float | None = None
-    cut_jump_deg: float | None = None
-
-
-@dataclass(frozen=True)
-class CameraFigures:
-    """The figures of the cameras; names as in Report."""
-
-    cam_ate_m: float | None = None
-    cam_rpe_rot_deg: float | None = None
-    cam_rpe_trans_m: float | None = None
-    cam_cut_rot_deg: list[float | None] | None = None
-    cam_shot_drift_deg: float | None = None
-    focal_err_pct: float | None = None
 
 
 class Problems:
@@ -176,7 +140,7 @@ def _person(
 
     frame, fps = pair.frame, truth.fps
     relative_predicted, relative_truth = pair.about_hips
-    turned = pose.turned_by_one_yaw(relative_predicted, relative_truth)
+    aligned = pose.rotated_by_one_yaw(relative_predicted, relative_truth)
     root_predicted, root_truth = pair.roots
     R_predicted, R_truth = pair.orientations
     sliding = figure("foot_sliding_mm, foot_sliding_gt_mm", lambda: _sliding(pair, prediction=prediction, truth=truth))
@@ -184,7 +148,7 @@ def _person(
     return PersonFigures(
         coverage=coverage,
         pa_mpjpe_mm=pose.pa_mpjpe_mm(pair.joints_predicted, pair.joints_truth),
-        mpjpe_mm=pose.point_error_mm(turned, relative_truth),
+        mpjpe_mm=pose.point_error_mm(aligned, relative_truth),
         mpjpe_cam_mm=figure("mpjpe_cam_mm", lambda: _in_camera(pair, *_camera_rotations(pair, prediction, truth))),
         pve_mm=figure("pve_mm", lambda: _vertices(pair, prediction=prediction, truth=truth)),
         wa_mpjpe100_mm=trajectory.chunked_mpjpe_mm(pair.joints_predicted, pair.joints_truth, align_frames=None),
@@ -195,7 +159,7 @@ def _person(
         roe_yaw_deg=orientation.heading_error_deg(R_predicted, R_truth),
         accel_ms2=figure(
             "accel_ms2",
-            lambda: smoothness.acceleration_error_ms2(turned, relative_truth, frame=frame, fps=fps),
+            lambda: smoothness.acceleration_error_ms2(aligned, relative_truth, frame=frame, fps=fps),
         ),
         jitter=figure("jitter", lambda: smoothness.jitter_10ms3(pair.joints_predicted, frame=frame, fps=fps)),
         jitter_gt=figure("jitter_gt", lambda: smoothness.jitter_10ms3(pair.joints_truth, frame=frame, fps=fps)),

@@ -1,7 +1,7 @@
 """Root orientation error (ROE), whole and heading only, and root orientations from joints alone.
 
 ROE has no public code: WHAM's authors replaced it before release. Here: one rotation brings the first common frame of
-the video onto the truth, none after that, so a wrong turn at a cut is paid in every later frame.
+the video onto the truth, none after that, so a wrong rotation at a cut counts in every later frame.
 """
 
 from collections.abc import Sequence

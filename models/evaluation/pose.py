@@ -27,7 +27,7 @@ def in_camera_axes(
     return np.asarray(relative @ R_world_cam)
 
 
-def turned_by_one_yaw(
+def rotated_by_one_yaw(
     predicted: Float[np.ndarray, "frames joints 3"], truth: Float[np.ndarray, "frames joints 3"]
 ) -> Float[np.ndarray, "frames joints 3"]:
     """Root-relative predicted joints after the one yaw of the whole video that brings them closest to the truth."""

@@ -6,12 +6,18 @@ from rich.table import Table
 
 
 @dataclass(frozen=True)
-class Report:
-    """Every figure of one prediction against its truth; None where it cannot be had, with the reason in `problems`."""
+class CutFigures:
+    """The figures of the cuts found."""
 
     cut_precision: float | None = None
     cut_recall: float | None = None
     cut_f1: float | None = None
+
+
+@dataclass(frozen=True)
+class PersonFigures:
+    """The figures of one of the truth's people."""
+
     coverage: float | None = None
     pa_mpjpe_mm: float | None = None
     mpjpe_mm: float | None = None
@@ -30,12 +36,27 @@ class Report:
     foot_sliding_gt_mm: float | None = None
     cut_jump_m: float | None = None
     cut_jump_deg: float | None = None
+
+
+@dataclass(frozen=True)
+class CameraFigures:
+    """The figures of the cameras."""
+
     cam_ate_m: float | None = None
     cam_rpe_rot_deg: float | None = None
     cam_rpe_trans_m: float | None = None
     cam_cut_rot_deg: list[float | None] | None = None
     cam_shot_drift_deg: float | None = None
     focal_err_pct: float | None = None
+
+
+@dataclass(frozen=True)
+class Report(CameraFigures, PersonFigures, CutFigures):  # fields are in the order of the bases from the last on
+    """Every figure of one prediction against its truth; None where it cannot be had, with the reason in `problems`.
+
+    A figure of people is the mean over the truth's people.
+    """
+
     problems: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, object]:

@@ -20,15 +20,15 @@ def chunked_mpjpe_mm(
     truth: Float[np.ndarray, "frames joints 3"],
     *,
     align_frames: int | None,
-    chunk_frames: int = CHUNK_FRAMES,
 ) -> float:
     """Mean joint distance, mm, with one similarity per chunk over its first `align_frames` frames (None: all of them).
 
     None gives WA-MPJPE, 2 gives W-MPJPE. The short last chunk is kept.
     """
     errors = []
-    for start in range(0, len(truth), chunk_frames):
-        chunk_predicted, chunk_truth = predicted[start : start + chunk_frames], truth[start : start + chunk_frames]
+    for start in range(0, len(truth), CHUNK_FRAMES):
+        rows = slice(start, start + CHUNK_FRAMES)
+        chunk_predicted, chunk_truth = predicted[rows], truth[rows]
         head = slice(None if align_frames is None else align_frames)
         similarity = umeyama_alignment(chunk_predicted[head].reshape(-1, 3), chunk_truth[head].reshape(-1, 3))
         aligned = similarity.apply(chunk_predicted.reshape(-1, 3)).reshape(chunk_truth.shape)
@@ -69,7 +69,7 @@ def cut_jump_m(
 
 
 def cut_jump_deg(R_predicted: Float[np.ndarray, "2 3 3"], R_truth: Float[np.ndarray, "2 3 3"]) -> float:
-    """Angle between the predicted and the true turn of the root over the step across a cut, degrees."""
+    """Angle between the predicted and the true rotation of the root over the step across a cut, degrees."""
     step_predicted = R_predicted[0].T @ R_predicted[1]
     step_truth = R_truth[0].T @ R_truth[1]
     return float(np.degrees(rotation_angle(step_truth.T @ step_predicted)))

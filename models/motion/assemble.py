@@ -1,4 +1,4 @@
-"""Assembles the recording: the only place where world motion, the detector's observations and the shot list meet."""
+"""Assembles the recording: the only module where world motion, the detector's observations and the shot list meet."""
 
 from collections.abc import Mapping, Sequence
 

@@ -1,6 +1,9 @@
-"""What a person detector and a pose network take and return; positions in source pixels, centres at (0.5, 0.5).
+"""What a person detector, a pose network and a lifter take and return.
 
-`people.detector` and `people.pose` choose them by name (docs/extend.md); the default is BlazePose (`networks`).
+Positions are in source pixels, pixel centres at (0.5, 0.5).
+
+`people.detector`, `people.pose` and `lifting.method` choose them by name (docs/extend.md); the defaults are BlazePose
+(`networks`) and a network on keypoints (`lifting`).
 """
 
 from collections.abc import Sequence
@@ -69,3 +72,21 @@ class Networks:
 
     detect: PersonDetector
     locate: PoseNetwork
+
+
+SEEN = 0.1
+"""A keypoint with a lower score counts as unseen. Scores above are not calibrated between detectors."""
+
+
+class Lifter(Protocol):
+    """Finds 3D landmarks for a person of whom a detector gives COCO's 17 keypoints alone."""
+
+    def __call__(
+        self, keypoints: Float[np.ndarray, "n 17 3"], time_s: Float[np.ndarray, " n"], K: Float[np.ndarray, "3 3"]
+    ) -> Float[np.ndarray, "n 33 3"]:
+        """33 landmarks (`records.landmarks`) in metres about the mid-hip, camera axes, in each of n frames.
+
+        Keypoints (pixels and score 0..1) are one person's, in the order of their times, seconds; frames may be missing
+        between them. K may be rough.
+        """
+        ...

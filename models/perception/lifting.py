@@ -2,7 +2,8 @@
 
 A small network (two residual blocks on the keypoints of seven moments about a frame, `scripts/train_lifter`, model card
 weights/lifter.md) predicts the output of the pose network: 33 landmarks in metres about the mid-hip. It is rougher than
-a network that sees the picture; `PersonTrack.lifted` marks its tracks, and later stages trust them less.
+a network that sees the picture; `PersonTrack.lifted` marks its tracks, and later stages trust them less. The
+network gets which keypoints are seen, not their scores.
 """
 
 from functools import lru_cache
@@ -13,20 +14,16 @@ from jaxtyping import Float
 from safetensors.torch import load
 
 from humanmm.models.geometry.rotations import swing
+from humanmm.models.perception.interfaces import SEEN
+from humanmm.models.records.landmarks import COCO_LANDMARKS
 from humanmm.models.weights.shipped import read_weights
 
 Array = np.ndarray
 
-COCO_LANDMARKS = (0, 2, 5, 7, 8, 11, 12, 13, 14, 15, 16, 23, 24, 25, 26, 27, 28)
-"""Of COCO's 17 keypoints, in their order, the landmark (of 33) with the same name."""
 TORSO = (5, 6, 11, 12)
 """COCO's shoulders and hips."""
 OFFSETS_S = (-1 / 3, -2 / 15, -1 / 15, 0.0, 1 / 15, 2 / 15, 1 / 3)
 """Moments that the network looks at, seconds from the frame."""
-SEEN = 0.1
-"""Keypoints with lower scores count as unseen; scores above are not calibrated between detectors, so the network does
-not get them."""
-
 _CHUNK_FRAMES = 512
 
 
@@ -56,10 +53,7 @@ class LiftingNetwork(torch.nn.Module):
 def lift(
     keypoints: Float[Array, "n 17 3"], time_s: Float[Array, " n"], K: Float[Array, "3 3"]
 ) -> Float[Array, "n 33 3"]:
-    """Landmarks in metres about the mid-hip, camera axes, of one person's keypoints (pixels, score 0..1).
-
-    Frames in order, holes allowed; K may be rough.
-    """
+    """3D landmarks of one person's keypoints, by the shipped network (a `Lifter`)."""
     network = load_lifter()
     rays = (keypoints[..., :2] - K[:2, 2]) / np.diagonal(K)[:2]
     seen = keypoints[..., 2] >= SEEN

@@ -75,8 +75,6 @@ class ShotCamera:
     points tell them, else such that the shared one is the middle of their range."""
     source: CameraSource
     metric: bool
-    points_shot: np.ndarray
-    """(P,3) float64, triangulated background points in the shot frame (same unit as t_shot_cam); empty if none."""
     reprojection_px: float
     """Median reprojection error of the background points, pixels; nan if there are none."""
     cross_check: CrossCheck = CrossCheck()

@@ -1,4 +1,4 @@
-"""The 33 body landmarks of the pose network: names, pairs, bones and per-landmark tolerance."""
+"""The 33 body landmarks of the pose network: names, pairs, which of them COCO names."""
 
 import numpy as np
 
@@ -37,6 +37,11 @@ LIMBS = tuple(
     for side in ("left", "right")
 )
 """The 12 landmarks that carry the body's pose: shoulders, elbows, wrists, hips, knees, ankles."""
+
+
+COCO_LANDMARKS = (0, 2, 5, 7, 8, 11, 12, 13, 14, 15, 16, 23, 24, 25, 26, 27, 28)
+"""Of COCO's 17 keypoints, in their order, the landmark with the same name."""
+COCO_NAMES = tuple(NAMES[k] for k in COCO_LANDMARKS)
 
 
 def with_sides_swapped(points: np.ndarray, is_swapped: np.ndarray) -> np.ndarray:

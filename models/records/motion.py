@@ -57,7 +57,7 @@ class CutAlignment:
     gap_s: float
     """Time between the last and the first observation used."""
     linked: bool
-    """The two shots hang together (by people or by the place they show)."""
+    """People or a common background connect the two shots."""
     warnings: tuple[str, ...] = ()
     background_inliers: int = 0
     """Points of the background that also tell how the two shots stand to each other; 0 if none do."""

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from humanmm.models.geometry.intervals import Interval, merged, runs_of_true
-from humanmm.models.shots.footage import THUMB, Footage
+from humanmm.models.shots.picture_window import THUMB, PictureWindow
 from humanmm.models.video.frame_times import ROUNDING_S
 
 _MIN_LENGTH = 3
@@ -42,13 +42,13 @@ DISSOLVE_S = 2.0
 """Longest dissolve, seconds."""
 
 
-def dissolves(footage: Footage, begin: int, end: int, longest: int) -> list[Interval]:
+def dissolves(window: PictureWindow, begin: int, end: int, longest: int) -> list[Interval]:
     """Dissolves whose middle lies in [begin, end), in order and without overlap.
 
     They last at most DISSOLVE_S, in which the video shows at most `longest` frames.
     """
-    thumbs = np.stack(footage.thumbs)
-    time_s = footage.time_s[footage.first : footage.end]
+    thumbs = np.stack(window.thumbs)
+    time_s = window.time_s[window.first : window.end]
     coarse = _halved(thumbs)
     candidates: list[tuple[float, int, int]] = []
     length = _MIN_LENGTH + 1
@@ -57,16 +57,16 @@ def dissolves(footage: Footage, begin: int, end: int, longest: int) -> list[Inte
         length = max(length + 1, round(length * 1.25))
     found: list[Interval] = []
     for _, first, last in sorted(candidates):
-        middle = footage.first + (first + last) // 2
+        middle = window.first + (first + last) // 2
         if not begin <= middle < end or any(s.start - 2 <= middle < s.end + 2 for s in found):
             continue
         span = _ramp(thumbs, time_s, first, last, longest)
         if span is None:
             continue
-        start, stop = footage.first + span.start, footage.first + span.end
+        start, stop = window.first + span.start, window.first + span.end
         if any(start < s.end and s.start < stop for s in found):
             continue
-        if footage.motion(start - 1, stop).match > _UNRELATED or footage.displacement(start - 1, stop) is not None:
+        if window.motion(start - 1, stop).match > _UNRELATED or window.displacement(start - 1, stop) is not None:
             continue
         found.append(Interval(start, stop))
     return sorted(found)

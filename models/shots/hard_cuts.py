@@ -15,7 +15,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from humanmm.models.shots.footage import Footage
+from humanmm.models.shots.picture_window import PictureWindow
 
 MATCHED = 0.35
 """Pictures that correlate better than this once motion is undone show the same things; across cuts < 0.2 (measured)."""
@@ -45,99 +45,99 @@ REACH = 48
 """Frames that are looked at on either side of a proposal."""
 
 
-def hard_cuts(footage: Footage, proposals: list[int], start: int) -> Iterator[int]:
+def hard_cuts(window: PictureWindow, proposals: list[int], start: int) -> Iterator[int]:
     """Those of the proposed frames that begin a new shot; `start` is the last shot change before them.
 
     The pictures of REACH frames on both sides must be in the window (as far as the video has them).
     """
     for i, frame in enumerate(proposals):
-        following = proposals[i + 1] if i + 1 < len(proposals) else footage.end
-        if _is_cut(footage, frame, max(start, frame - REACH), min(following, frame + REACH, footage.end)):
+        following = proposals[i + 1] if i + 1 < len(proposals) else window.end
+        if _is_cut(window, frame, max(start, frame - REACH), min(following, frame + REACH, window.end)):
             start = frame
             yield frame
 
 
-def _is_cut(footage: Footage, frame: int, start: int, end: int) -> bool:
+def _is_cut(window: PictureWindow, frame: int, start: int, end: int) -> bool:
     """Whether a new shot begins at `frame`, judged by [start, frame) and [frame, end)."""
-    motion = footage.motion(frame - 1, frame)
-    displacement = footage.displacement(frame - 1, frame)
+    motion = window.motion(frame - 1, frame)
+    displacement = window.displacement(frame - 1, frame)
     if motion.match < MATCHED and displacement is None:
-        return _is_new_place(footage, frame, start, end)
+        return _is_new_place(window, frame, start, end)
     jump = motion.flow if displacement is None else displacement
-    if jump < _JUMP or _jump_outstanding(footage, frame) < _JUMP_STANDS_OUT:
+    if jump < _JUMP or _jump_outstanding(window, frame) < _JUMP_STANDS_OUT:
         return False
-    unseen_s = footage.elapsed_s(frame - 1 - _frozen_before(footage, frame), frame)
-    usual = footage.usual_speed(frame, REACH // 2) * unseen_s
-    return jump >= _JUMP_TIMES * usual and not _is_flash(footage, frame)
+    unseen_s = window.elapsed_s(frame - 1 - _frozen_before(window, frame), frame)
+    usual = window.usual_speed(frame, REACH // 2) * unseen_s
+    return jump >= _JUMP_TIMES * usual and not _is_flash(window, frame)
 
 
-def _is_new_place(footage: Footage, frame: int, start: int, end: int) -> bool:
-    around = _neighbours(footage, frame, 2)
-    quiet = sorted(footage.change[t] for t in around)[:2]
-    stands_out = footage.change[frame] >= _STANDS_OUT * max(1.0, sum(quiet) / max(1, len(quiet)))
-    usual_colors = min((footage.color_change[t] for t in around), default=0.0)
-    new_colors = footage.color_change[frame] >= max(_NEW_COLORS, _STANDS_OUT * usual_colors)
-    if not (stands_out or new_colors) or _is_flash(footage, frame):
+def _is_new_place(window: PictureWindow, frame: int, start: int, end: int) -> bool:
+    around = _neighbours(window, frame, 2)
+    quiet = sorted(window.change[t] for t in around)[:2]
+    stands_out = window.change[frame] >= _STANDS_OUT * max(1.0, sum(quiet) / max(1, len(quiet)))
+    usual_colors = min((window.color_change[t] for t in around), default=0.0)
+    new_colors = window.color_change[frame] >= max(_NEW_COLORS, _STANDS_OUT * usual_colors)
+    if not (stands_out or new_colors) or _is_flash(window, frame):
         return False
-    speed = footage.usual_speed(frame, REACH // 2)
-    if speed * footage.elapsed_s(frame - 1, frame) < _VIOLENT or footage.color_change[frame] >= _OTHER_COLORS:
+    speed = window.usual_speed(frame, REACH // 2)
+    if speed * window.elapsed_s(frame - 1, frame) < _VIOLENT or window.color_change[frame] >= _OTHER_COLORS:
         return True
-    return not _one_place(footage, frame, start, end, speed)
+    return not _one_place(window, frame, start, end, speed)
 
 
-def _one_place(footage: Footage, frame: int, start: int, end: int, speed: float) -> bool:
+def _one_place(window: PictureWindow, frame: int, start: int, end: int, speed: float) -> bool:
     """Whether some frame before shows the place of some frame after, moved no farther than the camera's usual speed
     (widths a second) takes it in the time between them."""
     for before in (frame - 1 - step for step in _STEPS if frame - 1 - step >= start):
         for after in (frame + step for step in _STEPS if frame + step < end):
-            displacement = footage.displacement(before, after)
-            if displacement is not None and displacement < _JUMP + speed * footage.elapsed_s(before, after):
+            displacement = window.displacement(before, after)
+            if displacement is not None and displacement < _JUMP + speed * window.elapsed_s(before, after):
                 return True
     return False
 
 
-def _is_flash(footage: Footage, frame: int) -> bool:
+def _is_flash(window: PictureWindow, frame: int) -> bool:
     """Whether the change at `frame` is part of a flash: light is added (or taken away), then the view is back."""
-    for before in range(frame - 1, max(footage.first, frame - 1 - _FLASH_FRAMES) - 1, -1):
-        for after in range(max(frame, before + 2), min(footage.end, before + 2 + _FLASH_FRAMES)):
+    for before in range(frame - 1, max(window.first, frame - 1 - _FLASH_FRAMES) - 1, -1):
+        for after in range(max(frame, before + 2), min(window.end, before + 2 + _FLASH_FRAMES)):
             lit = range(before + 1, after)
-            if not (_one_sided(footage, before, lit, 1) or _one_sided(footage, before, lit, -1)):
+            if not (_one_sided(window, before, lit, 1) or _one_sided(window, before, lit, -1)):
                 break  # a longer stretch holds the same frames
-            if _same_view(footage, before, after):
+            if _same_view(window, before, after):
                 return True
     return False
 
 
-def _one_sided(footage: Footage, before: int, lit: range, sign: int) -> bool:
+def _one_sided(window: PictureWindow, before: int, lit: range, sign: int) -> bool:
     """Whether hardly any part of the frames is darker (sign 1) or brighter (-1) than before, and the whole is not."""
     for frame in lit:
-        change = sign * (footage.luma(frame) - footage.luma(before))
+        change = sign * (window.luma(frame) - window.luma(before))
         if change.mean() < _LIGHT_STEP / 2 or np.mean(change < -_LIGHT_STEP) > _AGAINST_LIGHT:
             return False
     return True
 
 
-def _same_view(footage: Footage, before: int, after: int) -> bool:
+def _same_view(window: PictureWindow, before: int, after: int) -> bool:
     """Whether two frames show the same things, light and motion between them apart."""
-    motion = footage.motion(before, after)
+    motion = window.motion(before, after)
     return motion.match >= MATCHED and motion.flow < _JUMP + 0.01 * (after - before)
 
 
-def _neighbours(footage: Footage, frame: int, count: int) -> list[int]:
+def _neighbours(window: PictureWindow, frame: int, count: int) -> list[int]:
     """The nearest frames on each side, `count` each, that do not repeat their predecessor."""
-    before = [t for t in range(frame - 1, max(footage.first, frame - REACH), -1) if not footage.frozen(t)][:count]
-    after = [t for t in range(frame + 1, min(footage.end, frame + REACH)) if not footage.frozen(t)][:count]
+    before = [t for t in range(frame - 1, max(window.first, frame - REACH), -1) if not window.frozen(t)][:count]
+    after = [t for t in range(frame + 1, min(window.end, frame + REACH)) if not window.frozen(t)][:count]
     return before + after
 
 
-def _jump_outstanding(footage: Footage, frame: int) -> float:
+def _jump_outstanding(window: PictureWindow, frame: int) -> float:
     """The change at a frame over the larger of those next to it: a jump is calm on both sides, a whip pan on one."""
-    return footage.change[frame] / max([1.0, *(footage.change[t] for t in _neighbours(footage, frame, 1))])
+    return window.change[frame] / max([1.0, *(window.change[t] for t in _neighbours(window, frame, 1))])
 
 
-def _frozen_before(footage: Footage, frame: int) -> int:
+def _frozen_before(window: PictureWindow, frame: int) -> int:
     """How many repeated frames stand right before this one: so long had the camera time to move on unseen."""
     count = 0
-    while frame - 1 - count > footage.first and footage.frozen(frame - 1 - count):
+    while frame - 1 - count > window.first and window.frozen(frame - 1 - count):
         count += 1
     return count

@@ -216,7 +216,7 @@ class _Sightings:
     def _speeds(self, frame: int, other: int) -> Iterator[float]:
         """Movement a second between two frames, the steps nearest to `frame` first.
 
-        A body turned upside down moves by its whole size a frame. Steps shorter than the video's usual ones show the
+        A body rotated upside down moves by its whole size a frame. Steps shorter than the video's usual ones show the
         detector's jitter rather than motion, and count as long as those.
         """
         inside = self._frames[(self._frames >= min(frame, other)) & (self._frames <= max(frame, other))]

@@ -11,7 +11,6 @@ import numpy as np
 
 from humanmm.models.geometry.intervals import Interval, merged
 from humanmm.models.records.shots import Scenes, Transition
-from humanmm.models.shots.footage import SIDE_PX, Footage
 from humanmm.models.shots.gradual import (
     DISSOLVE_S,
     dissolves,
@@ -21,6 +20,7 @@ from humanmm.models.shots.gradual import (
     uniform_runs,
 )
 from humanmm.models.shots.hard_cuts import REACH, hard_cuts
+from humanmm.models.shots.picture_window import SIDE_PX, PictureWindow
 from humanmm.models.video.frame_times import elapsed_s
 from humanmm.models.video.frames import Frame, frames
 from humanmm.models.video.opened import Progress, Video, silent
@@ -45,7 +45,7 @@ class SceneDetector:
     """
 
     def __init__(self, time_s: np.ndarray) -> None:
-        self._footage = Footage(time_s)
+        self._window = PictureWindow(time_s)
         self._longest = most_frames(time_s, DISSOLVE_S)
         self._margin = max(REACH, self._longest) + 8
         self._proposals: list[int] = []
@@ -55,43 +55,43 @@ class SceneDetector:
         self._decided = 0
 
     def add(self, bgr: np.ndarray) -> None:
-        """The next frame, (h,w,3) uint8, largest side `footage.SIDE_PX`."""
-        self._footage.append(bgr)
-        self._proposals += proposals(self._footage.change)
-        if self._footage.end - self._decided >= _BLOCK + self._margin:
+        """The next frame, (h,w,3) uint8, largest side `SIDE_PX`."""
+        self._window.append(bgr)
+        self._proposals += proposals(self._window.change)
+        if self._window.end - self._decided >= _BLOCK + self._margin:
             self._decide(self._decided + _BLOCK)
 
     def finish(self) -> Scenes:
         """All transitions, in order, without overlap."""
-        if self._footage.end > self._decided:
-            self._decide(self._footage.end)
-        contrast, time_s = self._footage.contrast, self._footage.time_s
+        if self._window.end > self._decided:
+            self._decide(self._window.end)
+        contrast, time_s = self._window.contrast, self._window.time_s
         fades = [fade_around(contrast, run, time_s) for run in uniform_runs(contrast) if run not in self._flickers]
         blends, dim = meeting_blends(contrast, self._dissolves)
         # fades that touch are one: black, a flicker of grey, black
-        return Scenes(self._footage.end, _without_overlap(self._cuts, blends, merged([*fades, *dim])))
+        return Scenes(self._window.end, _without_overlap(self._cuts, blends, merged([*fades, *dim])))
 
     def _decide(self, until: int) -> None:
         """Settle everything in [decided, until); needs the pictures of `margin` frames on both sides."""
-        footage, begin = self._footage, self._decided
-        found = dissolves(footage, begin, until, self._longest)
+        window, begin = self._window, self._decided
+        found = dissolves(window, begin, until, self._longest)
         self._dissolves += found
         here = sorted({p for p in self._proposals if begin <= p < until and p > 0})
         self._proposals = [p for p in self._proposals if p >= until]
         changes = [*self._cuts, *(s.end for s in self._dissolves if s.end <= begin)]
-        self._cuts += hard_cuts(footage, here, max(changes, default=0))
-        for run in uniform_runs(footage.contrast):
-            is_short = elapsed_s(footage.time_s, run.start, run.end) <= _FLICKER_S
+        self._cuts += hard_cuts(window, here, max(changes, default=0))
+        for run in uniform_runs(window.contrast):
+            is_short = elapsed_s(window.time_s, run.start, run.end) <= _FLICKER_S
             if begin <= run.end < until and is_short and self._same_place(run):
                 self._flickers.append(run)
         self._decided = until
-        footage.forget_before(until - self._margin)
+        window.forget_before(until - self._margin)
 
     def _same_place(self, run: Interval) -> bool:
         """Whether the pictures around a short uniform run show one place."""
-        footage = self._footage
+        window = self._window
         around = [(run.start - 1 - k, run.end + k) for k in (0, 2, 4)]
-        return any(footage.displacement(a, b) is not None for a, b in around if a >= footage.first and b < footage.end)
+        return any(window.displacement(a, b) is not None for a, b in around if a >= window.first and b < window.end)
 
 
 def proposals(change: Sequence[float]) -> Iterator[int]:

@@ -1,6 +1,6 @@
 """Tracking failures: a few frames whose pose fits neither the frames before nor those after them.
 
-Seen from the side or while turning, a body may get a pose made of both sides' limbs for a few frames, with full
+Seen from the side or while it rotates, a body may get a pose made of both sides' limbs for a few frames, with full
 visibility. Swapping left and right does not mend it. A jump at either end that no choice of sides explains shows it,
 while the frames before and after it fit one another. On rendered clips such frames have a pose error
 of 130 to 260 mm, all others about 85 mm (measured against the truth of four clips; docs/method.md).

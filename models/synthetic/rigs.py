@@ -19,7 +19,7 @@ Array = np.ndarray
 Kind = Literal["static", "pan", "dolly", "hand-held", "orbit"]
 KINDS: tuple[Kind, ...] = ("static", "pan", "dolly", "hand-held", "orbit")
 PROBABILITIES = (0.6, 0.1, 0.1, 0.1, 0.1)
-"""How often a clip has each kind of camera. AIST's cameras are all static; those of edited footage mostly are."""
+"""How often a clip has each kind of camera. AIST's cameras are all static; those of edited videos mostly are."""
 
 NUM_CAMERAS = 9
 WIDTH, HEIGHT = 1920, 1080

@@ -26,6 +26,10 @@ def _part(setting: str) -> AfterValidator:
     return AfterValidator(check)
 
 
+STAGES_WITHOUT_SECTION = {"keyframes"}
+SECTIONS_OF_NO_STAGE = {"lifting", "run"}
+
+
 class Section(BaseModel):
     """Base of all sections: frozen, unknown keys are errors."""
 
@@ -57,6 +61,13 @@ class PeopleConfig(Section):
 
     max_side_px: Annotated[int, Field(ge=320, le=8192)] = 1920
     """Largest side of the picture that the detector works on; larger videos are looked at reduced, in pixels."""
+
+
+class LiftingConfig(Section):
+    """3D landmarks of people of whom a detector gives 2D keypoints alone (benchmark ms-aist)."""
+
+    method: Annotated[str, _part("lifting.method")] = "residual-network"
+    """What finds 3D landmarks for 2D keypoints, by name."""
 
 
 class ShotsConfig(Section):
@@ -207,6 +218,7 @@ class Config(Section):
     decode: DecodeConfig = DecodeConfig()
     scenes: ScenesConfig = ScenesConfig()
     people: PeopleConfig = PeopleConfig()
+    lifting: LiftingConfig = LiftingConfig()
     shots: ShotsConfig = ShotsConfig()
     points: PointsConfig = PointsConfig()
     intrinsics: IntrinsicsConfig = IntrinsicsConfig()
@@ -219,7 +231,8 @@ class Config(Section):
 
     @model_validator(mode="after")
     def _known_stages(self) -> "Config":
-        unknown = sorted(set(self.run.stages) - (set(type(self).model_fields) - {"run"}))
+        stages = set(type(self).model_fields) - SECTIONS_OF_NO_STAGE | STAGES_WITHOUT_SECTION
+        unknown = sorted(set(self.run.stages) - stages)
         if unknown:
             raise ValueError(f"run.stages names {unknown[0]!r}, which is no stage")
         return self

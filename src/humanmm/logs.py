@@ -55,30 +55,17 @@ def to_standard_error(*, verbose: bool) -> None:
     logger.propagate = False
 
 
-def kept_text() -> io.StringIO:
-    """Keep our log from now on, for the run.log of the one video that this process works on."""
-    text = io.StringIO()
-    _add_text_handler(text)
-    return text
-
-
 @contextlib.contextmanager
 def keeping_text() -> Iterator[io.StringIO]:
-    """Keep our log while the context lasts; for a process that goes on to other things."""
+    """Keep our log while the context lasts, for the run.log of the video that is computed meanwhile."""
     logger = logging.getLogger("humanmm")
     text, level = io.StringIO(), logger.level
-    handler = _add_text_handler(text)
+    handler = logging.StreamHandler(text)
+    handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
+    logger.addHandler(handler)
+    logger.setLevel(logging.INFO)
     try:
         yield text
     finally:
         logger.removeHandler(handler)
         logger.setLevel(level)
-
-
-def _add_text_handler(text: io.StringIO) -> logging.Handler:
-    handler = logging.StreamHandler(text)
-    handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
-    logger = logging.getLogger("humanmm")
-    logger.addHandler(handler)
-    logger.setLevel(logging.INFO)
-    return handler

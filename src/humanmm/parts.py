@@ -17,6 +17,7 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
     "people.detector": {"blazepose": "humanmm.models.perception.networks:detect"},
     "people.pose": {"blazepose-full": "humanmm.models.perception.networks:locate"},
     "points.tracker": {"klt": "humanmm.models.camera.klt:klt_tracks"},
+    "lifting.method": {"residual-network": "humanmm.models.perception.lifting:lift"},
     "camera.estimator": {"bundle": "humanmm.models.camera.estimate:camera_from_points"},
     "hmr.initial_pose": {"inverse-kinematics": "humanmm.models.motion.fit.initial:start_pose"},
     "align.method": {

@@ -155,8 +155,8 @@ def _open(
     from humanmm.storage.store.open import open_store
     from humanmm.tasks.engine.run import VideoRun
 
-    place = open_store(None if store is None else Path(store), read_only=read_only)
-    return VideoRun(identify(Path(video), place), config, place, selection=selection)
+    artifacts = open_store(None if store is None else Path(store), read_only=read_only)
+    return VideoRun(identify(Path(video), artifacts), config, artifacts, selection=selection)
 
 
 def _run_flow(run: "VideoRun", folder: Path, *, show_progress: bool) -> None:

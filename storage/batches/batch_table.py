@@ -39,6 +39,7 @@ MAX_LOSSES = 2
 """How often a video whose process was lost is scheduled again by itself, if it makes no progress meanwhile."""
 TIMEOUT_S = 60.0
 """How long a change waits for those of other processes."""
+UNSCHEDULED_LIMIT = 200
 CLAIM_LIMIT_S = 2.0
 """How long a claim waits for an owner that is about to release the video."""
 
@@ -66,9 +67,9 @@ _REPLACED = [name for name in _FIELDS if name not in ("batch", "video", "owner")
 """What another attempt changes: whoever owns the video still has to release it."""
 
 
-def open_batches(place: Path | str) -> "BatchTable":
-    """Open the batches of the store at a folder or in a bucket."""
-    return BatchTable(open_store(place))
+def open_batches(location: Path | str | None = None) -> "BatchTable":
+    """Open the batches of the store in a folder or in a bucket, else of the user's own store."""
+    return BatchTable(open_store(location))
 
 
 class BatchTable:
@@ -86,6 +87,11 @@ class BatchTable:
     def exists(self) -> bool:
         """Whether there may be batches in it."""
         return self.path is None or self.path.exists()
+
+    @property
+    def is_of_this_host(self) -> bool:
+        """Whether other hosts that share the store do not see it."""
+        return self.path is not None and is_bucket(self.store.location)
 
     @property
     def where(self) -> str:
@@ -153,9 +159,9 @@ class BatchTable:
         query = sa.select(c.video, c.facts, c.recipe, c.run_dir, c.host).where(self._of_store, c.state == "done")
         return {(video, facts, recipe): (run_dir, host) for video, facts, recipe, run_dir, host in self._select(query)}
 
-    def unscheduled(self, limit: int = 200) -> list[VideoRow]:
-        """Videos that wait without a flow run, of all batches."""
-        return self._rows(VIDEOS.c.state == "scheduled", VIDEOS.c.flow_run.is_(None), limit=limit)
+    def unscheduled(self) -> list[VideoRow]:
+        """Videos that wait without a flow run, of all batches; UNSCHEDULED_LIMIT of them at a time."""
+        return self._rows(VIDEOS.c.state == "scheduled", VIDEOS.c.flow_run.is_(None), limit=UNSCHEDULED_LIMIT)
 
     def last_changes(self) -> dict[str, float]:
         """Batch → when one of its videos changed its state last."""

@@ -95,6 +95,11 @@ def counts(rows: Iterable[VideoRow]) -> Mapping[str, int]:
     return {state: states.count(state) for state in STATES if state in states}
 
 
+def counts_in_words(rows: Iterable[VideoRow]) -> str:
+    """Such as `3 done, 1 failed`."""
+    return ", ".join(f"{number} {state}" for state, number in counts(rows).items()) or "no video"
+
+
 def has_run_record(run_dir: str) -> bool:
     """True if a run folder is still there."""
     return os.path.exists(f"{run_dir}/run.json")  # noqa: PTH110  (called for 10,000 folders)

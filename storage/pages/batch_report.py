@@ -7,7 +7,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from humanmm.errors import InputError
-from humanmm.storage.batches.video_row import VideoRow, counts
+from humanmm.storage.batches.video_row import VideoRow, counts_in_words
 from humanmm.storage.pages.html import fill
 from humanmm.storage.pages.spreadsheet import as_csv
 from humanmm.storage.run_folder.run_record import read_run_record
@@ -37,7 +37,7 @@ class _Result:
 def write_report(folder: Path, name: str, rows: Sequence[VideoRow]) -> list[Path]:
     """Write report.html and report.csv into a folder; returns their paths."""
     videos = [(row, _result(row, folder)) for row in rows]
-    summary = ", ".join(f"{number} {state}" for state, number in counts(rows).items())
+    summary = counts_in_words(rows)
     shown = [column for column in COLUMNS if column != "run_dir"]
     lines = [
         (

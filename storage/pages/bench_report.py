@@ -3,7 +3,9 @@
 import json
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
+from humanmm.errors import InputError
 from humanmm.models.benchmark.tables.layout import plain_table
 from humanmm.models.benchmark.tables.rows import Row
 from humanmm.storage.pages.bench_page import Page, as_html
@@ -26,6 +28,17 @@ def write_report(folder: Path, table: str, created_by: str, rows: Sequence[Row],
     }
     for name, text in texts.items():
         replace_text(folder / name, text)
+
+
+def read_results(path: Path) -> dict[str, Any]:
+    """The tree of a results.json; InputError if the file holds none."""
+    try:
+        tree = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path} cannot be read as a results.json: {error}") from None
+    if not isinstance(tree, dict):
+        raise InputError(f"{path} is not a results.json: it holds no object")
+    return tree
 
 
 def as_json(table: str, created_by: str, rows: Sequence[Row]) -> str:

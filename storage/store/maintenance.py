@@ -1,6 +1,6 @@
 """Maintenance of a store: its use of space, damage, and what may be removed."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -28,10 +28,11 @@ class Removable:
     reason: str
 
 
-def verify(store: Store, *, outputs: dict[str, str], deep: bool) -> Iterator[Finding]:
+def verify(store: Store, *, outputs: Mapping[tuple[str, int], str], deep: bool) -> Iterator[Finding]:
     """Check size and sha256 of every file; `deep` also decodes each result and compares its content digest.
 
-    `outputs` maps a stage to the `module:class` of its result. Damaged artifacts are set aside.
+    `outputs` maps a stage and its schema version to the `module:class` of its result; of an artifact with an older
+    schema only the files are checked. Damaged artifacts are set aside.
     """
     for entry in store.entries():
         if entry.kind != "artifact":
@@ -42,8 +43,9 @@ def verify(store: Store, *, outputs: dict[str, str], deep: bool) -> Iterator[Fin
                 if manifest.recipe.key != entry.key:
                     raise DamageError("its recipe does not give its key")
                 check_files(folder, manifest)
-                if deep and entry.stage in outputs:
-                    _check_content(folder, manifest, outputs[entry.stage])
+                output = outputs.get((entry.stage, manifest.recipe.schema_version))
+                if deep and output is not None:
+                    _check_content(folder, manifest, output)
             yield Finding(entry.name, "")
         except (DamageError, ValueError, TypeError, KeyError, OSError) as error:
             store.set_aside(entry.stage, entry.key, str(error))

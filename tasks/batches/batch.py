@@ -44,6 +44,13 @@ class Submission:
     failed: int
     """Videos that failed before, in the same way as they would now: `retry-failed` runs them again."""
 
+    @property
+    def sentence(self) -> str:
+        """Its figures in words."""
+        counted = f"{len(self.to_schedule)} to do, {self.finished} finished"
+        again = f", {self.failed} failed or cancelled before (`humanmm batch retry-failed` tries them again)"
+        return counted + (again if self.failed else "")
+
 
 def batch_name(source: Path) -> str:
     """Name of a batch that was given none: of its folder or manifest, and a few digits of where that lies."""

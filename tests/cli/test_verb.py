@@ -9,8 +9,9 @@ from typing import Any
 import pytest
 
 from humanmm.cli import main
-from humanmm.cli.bench import Options
 from humanmm.cli.verb import app, verb
+from humanmm.flows.bench import tables
+from humanmm.flows.bench.tables import TableRequest
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -111,8 +112,8 @@ def test_a_reader_that_leaves_is_no_error() -> None:
 
 
 def test_a_list_takes_its_values_one_after_the_other(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    seen: list[Options] = []
-    monkeypatch.setattr("humanmm.cli.bench._own_data", lambda options, config: seen.append(options) or tmp_path)
+    seen: list[TableRequest] = []
+    monkeypatch.setattr(tables, "own_data", lambda request, config: seen.append(request) or tmp_path)
     assert main(["bench", "speed", "--minutes", "1", "10", "--imported", "a=b", "--imported", "c=d"]) == 1
     assert main(["bench", "--minutes", "2", "--minutes", "3", "--runs", "4", "speed"]) == 2
     assert (seen[0].minutes, seen[0].imported) == ([1.0, 10.0], ["a=b", "c=d"])

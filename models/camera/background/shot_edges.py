@@ -58,9 +58,9 @@ def find_shot_edges(
 def sigma_deg(edge: FrameEdge, focal_uncertainty: float) -> float:
     """Expected rotation error of an edge, degrees.
 
-    A focal length wrong by a fraction e turns a rotation of angle α into about (1 + e) α, since both are read off the
-    same image displacement; below that lies what few inliers leave open (400° / inliers: of rendered and real pairs
-    with 15 to 30 inliers most are off by more than 15°, with 40 and more by less than 3°).
+    With a focal length wrong by a fraction e, a rotation by α is estimated as about (1 + e) α, since both are read off
+    the same image displacement; below that lies what few inliers leave open (400° / inliers: of rendered and real
+    pairs with 15 to 30 inliers most are off by more than 15°, with 40 and more by less than 3°).
     """
     if edge.same_camera:
         return 0.1

@@ -338,7 +338,7 @@ def image_jacobian(
     front: Bool[np.ndarray, " m"],
     freedom: Freedom,
 ) -> tuple[Float[np.ndarray, "m 2 c"], Float[np.ndarray, "m 2 3"]]:
-    """d pixel / d (rotation, centre, zoom) of each sighting's image, and d pixel / d q turned into the shot frame.
+    """d pixel / d (rotation, centre, zoom) of each sighting's image, and d pixel / d q rotated into the shot frame.
 
     Rotations are perturbed on the right, R exp([δ]×), so that dq/dδ = [q]×; written out with x = q_x/q_z, y = q_y/q_z.
     """

@@ -123,7 +123,7 @@ class Evidence:
     keypoints: Float[Array, "N 33 2"]
     visibility: Float[Array, "N 33"]
     landmarks_cam: Float[Array, "N 33 3"]
-    """Metres, camera axes (turned by the viewing ray), as large as the network says."""
+    """Metres, camera axes (rotated by the viewing ray), as large as the network says."""
     bones: Float[Array, "N B 3"]
     """BONES in camera axes, each in units of its median length in the network's landmarks."""
     ray: Float[Array, "N 3"]

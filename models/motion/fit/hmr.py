@@ -1,9 +1,9 @@
 """θ, β, Γ, τ of one person in one shot (paper section 3.3): body24 fitted to 2D keypoints and 3D landmarks at once.
 
-The whole shot is one problem: reprojection of the visible keypoints, the network's 3D landmarks (turned by the viewing
+The whole shot is one problem: reprojection of the visible keypoints, the network's 3D landmarks (rotated by the viewing
 ray, for they are orthographic about the crop's centre), how people hold and move their joints, and one shape for the
 whole video. Bone lengths give the metric depth. It starts from closed-form inverse kinematics (`fit_start`) and is
-solved in the shot's own axes, so that a turning camera does not count as motion of the person.
+solved in the shot's own axes, so that a rotating camera does not count as motion of the person.
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from humanmm.models.motion.fit.equations import Term, frame_weights
 from humanmm.models.motion.fit.evidence import BONE_END, BONE_START, BONES, Evidence, LongEvidence, bone_lengths, gather
 from humanmm.models.motion.fit.initial import InitialPose, interpolated, start_pose, start_position
 from humanmm.models.motion.fit.pose_prior import load_pose_statistics
-from humanmm.models.motion.fit.solver import SolverSettings, solve_windows
+from humanmm.models.motion.fit.solver import solve_windows
 from humanmm.models.motion.fit.state import NUM_PARAMETERS, PELVIS, CameraPath, LongMotion, Motion, Skeleton
 from humanmm.models.motion.fit.terms import (
     Anchor,
@@ -119,7 +119,6 @@ def fit_person(
     camera: CameraPath,
     *,
     noise: NoiseModel | None = None,
-    settings: SolverSettings | None = None,
     initial_pose: InitialPose = start_pose,
 ) -> PersonShotMotion:
     """θ, Γ and τ of every frame, in the axes of its camera."""
@@ -129,7 +128,7 @@ def fit_person(
     motion = _start(skeleton, evidence, camera, initial_pose)
     depths = pelvis_depths(motion, camera)
     terms = EvidenceTerms(evidence, bone_lengths(skeleton), camera, depths, noise, anchor=motion)
-    motion = solve_windows(motion, terms, settings)
+    motion = solve_windows(motion, terms)
     return _result(person, evidence, betas, camera, motion, terms)
 
 

@@ -71,7 +71,7 @@ def start_pose(skeleton: Skeleton, landmarks_ref: Float[Array, "N 33 3"]) -> Flo
     trunk = landmarks_ref[:, 11:13].mean(1) - landmarks_ref[:, 23:25].mean(1)
     chest = landmarks_ref[:, 11] - landmarks_ref[:, 12]
     rest_torso = np.stack([rest[23] - rest[24], rest[11:13].mean(0) - rest[23:25].mean(0)])
-    # The hips say how the pelvis is turned about the trunk, the shoulders how the chest is.
+    # The hips say how the pelvis is rotated about the trunk, the shoulders how the chest is.
     R_root = nearest_rotation(_pairs(np.stack([unit(hips), unit(trunk)], 1), unit(rest_torso)))
     rest_chest = np.stack([rest[11] - rest[12], rest_torso[1]])
     R_chest = nearest_rotation(_pairs(np.stack([unit(chest), unit(trunk)], 1), unit(rest_chest)))
@@ -142,5 +142,5 @@ def interpolated(motion: LongMotion, known: Bool[Array, " N"], time_s: Float[Arr
 
 
 def _pairs(seen: Float[Array, "N P 3"], rest: Float[Array, "P 3"]) -> Float[Array, "N 3 3"]:
-    """Σ seen restᵀ: the matrix whose nearest rotation turns rest directions onto seen ones."""
+    """Σ seen restᵀ: the matrix whose nearest rotation takes rest directions to seen ones."""
     return np.asarray(np.einsum("npi,pj->nij", seen, rest))

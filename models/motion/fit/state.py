@@ -23,7 +23,7 @@ from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
 Array = np.ndarray
 
 FREE_JOINTS = tuple(j for j in range(1, NUM_JOINTS) if j not in (10, 11, 22, 23))
-"""Body joints that a fit turns, in the order of their parameters."""
+"""Body joints that a fit rotates, in the order of their parameters."""
 
 NUM_PARAMETERS = 6 + 3 * len(FREE_JOINTS)
 
@@ -33,10 +33,10 @@ ROOT, PELVIS, BODY = slice(0, 3), slice(3, 6), slice(6, NUM_PARAMETERS)
 
 def _movers() -> np.ndarray:
     """(24, 20) bool: whether joint k moves when the root or free joint i rotates; its own position never does."""
-    turning = (0, *FREE_JOINTS)
-    moves = np.zeros((NUM_JOINTS, len(turning)), bool)
+    rotating = (0, *FREE_JOINTS)
+    moves = np.zeros((NUM_JOINTS, len(rotating)), bool)
     for k in range(1, NUM_JOINTS):
-        moves[k] = moves[PARENTS[k]] | (np.array(turning) == PARENTS[k])
+        moves[k] = moves[PARENTS[k]] | (np.array(rotating) == PARENTS[k])
     return moves
 
 
@@ -55,9 +55,9 @@ class Skeleton:
     @cached_property
     def moves_point(self) -> Float[Array, "K 63"]:
         """1 where a number of a step moves a point, else 0; a point moves with its own joint too."""
-        turned = _MOVES_JOINT[self.point_joint] | (self.point_joint[:, None] == _TURNING)
+        moved = _MOVES_JOINT[self.point_joint] | (self.point_joint[:, None] == _TURNING)
         moves = np.ones((len(self.point_joint), NUM_PARAMETERS), np.float32)
-        moves[:, BODY] = np.repeat(turned[:, 1:], 3, axis=1)
+        moves[:, BODY] = np.repeat(moved[:, 1:], 3, axis=1)
         return moves
 
 
@@ -120,7 +120,7 @@ class Motion:
 
     @cached_property
     def _twists(self) -> Float[Array, "N 6 63"]:
-        """What each number of a step does to the body, as angular velocity and velocity at the pelvis: joint j turning
+        """What each number of a step does to the body, as angular velocity and velocity at the pelvis: joint j rotating
         about its axis a gives (a, (p_j − pelvis) × a)."""
         joints, R = self.posed
         axes = R[:, _TURNING]  # columns: the joint's axes in the reference frame

@@ -81,7 +81,7 @@ class Reprojection:
 
 @dataclass(frozen=True, eq=False)
 class Bones:
-    """Vectors between points known in 3D, all of a frame turned by one unknown small rotation φ.
+    """Vectors between points known in 3D, all of a frame rotated by one unknown small rotation φ.
 
     r_b = A_b ((p_to − p_from) − exp(φ) v_b), φ ~ N(0, diag(tilt_std²)) in the axes of `R_ref_view`. A network that
     lifts a picture to 3D is wrong about the tilt of the whole body before it is wrong about one bone against the
@@ -229,7 +229,7 @@ class Anchor:
 
     @memoised
     def _residual(self, motion: Motion) -> tuple[Array, Array]:
-        """Displacements (N, 63), and rotation vectors (N, 20, 3) of the turned joints."""
+        """Displacements (N, 63), and rotation vectors (N, 20, 3) of the rotated joints."""
         rotation = rotmat_to_rotvec(np.swapaxes(self.reference.free_rotations, -1, -2) @ motion.free_rotations)
         gap = np.empty((motion.num_frames, NUM_PARAMETERS))
         gap[:, ROOT], gap[:, BODY] = rotation[:, 0], rotation[:, 1:].reshape(len(gap), -1)

@@ -87,19 +87,17 @@ def support_height(lowest: Float[Array, " N"], time_s: Float[Array, " N"], windo
     return np.asarray(minimum_filter1d(lowest, 2 * min(reach, n) + 1, mode="nearest"))
 
 
-def confirmed(
-    contacts: Float[Array, "N 4"], feet: Float[Array, "N 4 3"], *, reach_m: float = STILL_M
-) -> Float[Array, "N 4"]:
+def confirmed(contacts: Float[Array, "N 4"], feet: Float[Array, "N 4 3"]) -> Float[Array, "N 4"]:
     """The probabilities, below one half where a joint has left the middle of its contact after all.
 
-    A foot that turns on the spot or that the leg cannot hold is not said to stand: while a contact lasts, nothing moves
-    by more than twice `reach_m`.
+    A foot that rotates on the spot or that the leg cannot hold does not stand: while a contact lasts, nothing moves by
+    more than twice STILL_M.
     """
     out = contacts.copy()
     for joint in range(contacts.shape[1]):
         for start, end in runs_of_true(contacts[:, joint] >= 0.5):
             path = feet[start:end, joint]
-            left = np.linalg.norm(path - np.median(path, axis=0), axis=-1) > reach_m
+            left = np.linalg.norm(path - np.median(path, axis=0), axis=-1) > STILL_M
             out[start:end, joint][left] = np.minimum(out[start:end, joint][left], 0.499)
     return out
 

@@ -127,18 +127,14 @@ def fit_world(
     clip: LongEvidence,
     camera: CameraPath,
     contacts: Float[Array, "N 4"],
-    *,
-    noise: NoiseModel | None = None,
-    settings: SolverSettings = SETTINGS,
 ) -> LongMotion:
     """The motion in the world that agrees best with all shots' evidence and with the feet that stand."""
-    of_evidence = EvidenceTerms(
-        clip, bone_lengths(start.skeleton), camera, pelvis_depths(start, camera), noise or NoiseModel()
-    )
+    depths = pelvis_depths(start, camera)
+    of_evidence = EvidenceTerms(clip, bone_lengths(start.skeleton), camera, depths, NoiseModel())
     feet = Skeleton(start.skeleton.rest_joints, np.array(CONTACT_JOINTS), np.zeros((len(CONTACT_JOINTS), 3)))
 
     def terms(frames: slice) -> list[Term]:
         planted = PlantedFeet(feet, clip.time_s[frames], contacts[frames])
         return [*of_evidence(frames), planted]
 
-    return solve_windows(start, terms, settings)
+    return solve_windows(start, terms, SETTINGS)

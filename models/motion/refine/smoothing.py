@@ -93,7 +93,7 @@ def smooth_rotations(
 ) -> Float[Array, "N J 3"]:
     """The same for rotation vectors (radians), through unit quaternions of continuous sign.
 
-    Within the reach of the filter (a tenth of a second) a joint turns little, so that smoothing the four numbers and
+    Within the reach of the filter (a tenth of a second) a joint rotates little, so that smoothing the four numbers and
     putting them back to length 1 is smoothing on the sphere; across a gap it is the spherical path, to first order.
     """
     smoothed = np.empty_like(vectors)

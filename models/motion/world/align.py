@@ -29,7 +29,7 @@ Array = np.ndarray
 
 
 def align(
-    footage: ShotResults,
+    results: ShotResults,
     *,
     method: CutMethod = align_by_bundle,
     known_rotations: Mapping[int, Float[Array, "3 3"]] | None = None,
@@ -41,29 +41,29 @@ def align(
     joined by them.
     """
     edges = [
-        cut_edge(footage, later, method, known_rotations or {})
-        for later in range(1, len(footage.shots.shots))
-        if usable(footage, later)
+        cut_edge(results, later, method, known_rotations or {})
+        for later in range(1, len(results.shots.shots))
+        if usable(results, later)
     ]
-    background = background_edges(footage)
+    background = background_edges(results)
     rotations = average_rotations(
-        len(footage.shots.shots), [people_edge(footage, edge) for edge in edges if edge.cut.linked], background.edges
+        len(results.shots.shots), [people_edge(results, edge) for edge in edges if edge.cut.linked], background.edges
     )
-    groups = _groups(footage, rotations)
-    F = len(footage.time_s)
+    groups = _groups(results, rotations)
+    F = len(results.time_s)
     world = _World(
         R=np.tile(np.eye(3), (F, 1, 1)),
         t=np.zeros((F, 3)),
-        K=np.tile(K_of(footage.intrinsics), (F, 1, 1)),
+        K=np.tile(K_of(results.intrinsics), (F, 1, 1)),
         source=np.full(F, SOURCES.index("fallback"), np.uint8),
         people={},
     )
     warnings: list[str] = []
     for group in groups:
-        warnings += _solve_group(footage, group, rotations, background, world)
-    _fill_cameras(footage, world)
+        warnings += _solve_group(results, group, rotations, background, world)
+    _fill_cameras(results, world)
     warnings += [warning for edge in edges for warning in edge.cut.warnings]
-    warnings += _lifted(footage)
+    warnings += _lifted(results)
     if len(groups) > 1:
         names = ", ".join(str(group[0]) for group in groups[1:])
         warnings.append(f"shots {names} share nobody with the shots before: from each on the world has a new origin")
@@ -73,18 +73,18 @@ def align(
         K=world.K,
         camera_source=world.source,
         people=tuple(concatenated(person, parts) for person, parts in sorted(world.people.items())),
-        cuts=tuple(_reported(footage, edges, rotations, world)),
+        cuts=tuple(_reported(results, edges, rotations, world)),
         warnings=tuple(warnings),
     )
 
 
-def _lifted(footage: ShotResults) -> list[str]:
+def _lifted(results: ShotResults) -> list[str]:
     """Who is known from 2D keypoints alone."""
     people = {
         appearance.person
-        for shot in footage.shots.shots
+        for shot in results.shots.shots
         for appearance in shot.people
-        if (scene := footage.scenes[shot.scene]) is not None and scene.tracks[appearance.track].lifted
+        if (scene := results.scenes[shot.scene]) is not None and scene.tracks[appearance.track].lifted
     }
     return [
         f"person {person}: the detector gives 2D keypoints only; depth and orientation were lifted from them, rougher"
@@ -103,27 +103,27 @@ class _World:
     people: dict[int, list[Part]]
 
 
-def _groups(footage: ShotResults, rotations: ShotRotations) -> list[list[int]]:
+def _groups(results: ShotResults, rotations: ShotRotations) -> list[list[int]]:
     """Usable shots that edges connect, in order."""
     groups: dict[int, list[int]] = {}
     for shot, group in enumerate(rotations.group):
-        if usable(footage, shot):
+        if usable(results, shot):
             groups.setdefault(group, []).append(shot)
     return list(groups.values())
 
 
 def _solve_group(
-    footage: ShotResults, group: Sequence[int], rotations: ShotRotations, background: BackgroundEdges, world: _World
+    results: ShotResults, group: Sequence[int], rotations: ShotRotations, background: BackgroundEdges, world: _World
 ) -> list[str]:
     """Level the shots of one group, solve for their positions, and write them into the world; returns warnings."""
     R_first_shot = [rotations.R_group_shot[group[0]].T @ rotations.R_group_shot[shot] for shot in group]
-    R_world_shot = {k: R for k, R in zip(group, levelled(footage, group, R_first_shot), strict=True)}
+    R_world_shot = {k: R for k, R in zip(group, levelled(results, group, R_first_shot), strict=True)}
     trajectories, owners = [], []
     for k, shot in enumerate(group):
-        for motion in motions_of(footage, shot).values():
-            trajectories.append(_trajectory(footage, k, shot, motion, R_world_shot[shot]))
+        for motion in motions_of(results, shot).values():
+            trajectories.append(_trajectory(results, k, shot, motion, R_world_shot[shot]))
             owners.append((shot, motion))
-    rigs = [_rig(footage, shot, R_world_shot[shot]) for shot in group]
+    rigs = [_rig(results, shot, R_world_shot[shot]) for shot in group]
     index = {shot: k for k, shot in enumerate(group)}
     edges = [
         replace(edge, a=index[edge.a], b=index[edge.b])
@@ -138,7 +138,7 @@ def _solve_group(
     solution = solve(trajectories, rigs, edges, same)
     solution = _at_origin(solution, trajectories, R_world_shot[group[0]])
     for k, shot in enumerate(group):
-        camera = camera_of(footage, shot)
+        camera = camera_of(results, shot)
         R_world = solution.rotation[k] @ R_world_shot[shot]
         frames = slice(camera.start, camera.end)
         world.R[frames] = R_world @ camera.R_shot_cam
@@ -151,29 +151,29 @@ def _solve_group(
     return [
         f"shot {shot}: nobody's feet tell the scale of the camera's path; its unit is taken for a metre"
         for shot, rig in zip(group, rigs, strict=True)
-        if not rig.scale_known and not motions_of(footage, shot)
+        if not rig.scale_known and not motions_of(results, shot)
     ]
 
 
 def _trajectory(
-    footage: ShotResults, index: int, shot: int, motion: PersonShotMotion, R_world_shot: Float[Array, "3 3"]
+    results: ShotResults, index: int, shot: int, motion: PersonShotMotion, R_world_shot: Float[Array, "3 3"]
 ) -> ShotTrajectory:
-    camera = camera_of(footage, shot)
+    camera = camera_of(results, shot)
     R_world_cam = R_world_shot @ camera.R_shot_cam[motion.frame - camera.start]
     _, soles = posed(motion, R_world_cam)
     return ShotTrajectory(
         person=motion.person,
         shot=index,
         frame=motion.frame,
-        time_s=footage.time_s[motion.frame],
+        time_s=results.time_s[motion.frame],
         offset=np.einsum("nab,nb->na", R_world_cam, motion.pelvis_cam),
         feet=soles,
         weight=np.where(motion.observed, motion.confidence.astype(np.float64), 0.0),
     )
 
 
-def _rig(footage: ShotResults, shot: int, R_world_shot: Float[Array, "3 3"]) -> ShotRig:
-    camera = camera_of(footage, shot)
+def _rig(results: ShotResults, shot: int, R_world_shot: Float[Array, "3 3"]) -> ShotRig:
+    camera = camera_of(results, shot)
     return ShotRig(
         path=camera.t_shot_cam @ R_world_shot.T,
         start=camera.start,
@@ -203,11 +203,11 @@ def _at_origin(
     )
 
 
-def _fill_cameras(footage: ShotResults, world: _World) -> None:
+def _fill_cameras(results: ShotResults, world: _World) -> None:
     """Frames of failed shots get the nearest known camera; they keep the code of a fallback."""
     known = np.zeros(len(world.R), dtype=bool)
-    for index, shot in enumerate(footage.shots.shots):
-        if usable(footage, index):
+    for index, shot in enumerate(results.shots.shots):
+        if usable(results, index):
             known[shot.start : shot.end] = True
     frames = np.flatnonzero(known)
     if not len(frames):
@@ -218,12 +218,12 @@ def _fill_cameras(footage: ShotResults, world: _World) -> None:
 
 
 def _reported(
-    footage: ShotResults, edges: Sequence[CutEdge], rotations: ShotRotations, world: _World
+    results: ShotResults, edges: Sequence[CutEdge], rotations: ShotRotations, world: _World
 ) -> list[CutAlignment]:
     """The cuts with the relative rotation that the finished world has."""
     found = {edge.later: edge.cut for edge in edges}
     cuts = []
-    for index, shot in enumerate(footage.shots.shots[1:], start=1):
+    for index, shot in enumerate(results.shots.shots[1:], start=1):
         failed = CutAlignment(shot.start, "none", np.eye(3), float("nan"), 180.0, float("nan"), False)
         cut = found.get(index, failed)
         background = [
@@ -234,7 +234,7 @@ def _reported(
                 cut,
                 R_before_after=world.R[shot.start - 1].T @ world.R[shot.start],
                 uncertainty_deg=min([cut.uncertainty_deg, *(edge.sigma_deg for edge in background)]),
-                linked=usable(footage, index) and rotations.group[index] != index,
+                linked=usable(results, index) and rotations.group[index] != index,
                 background_inliers=max([0, *(edge.num_inliers for edge in background)]),
             )
         )

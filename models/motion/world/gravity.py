@@ -1,9 +1,9 @@
 """Which way is up: from people who stand and cameras that are held level, robust to those who bend and to tilted
 cameras.
 
-Everything comes in one set of axes in which only gravity is unknown (all shots already turned into each other). A
+Everything comes in one set of axes in which only gravity is unknown (all shots already rotated into each other). A
 body's long axis counts by how upright its posture is (straight legs and trunk in one line), whatever its lean: a
-person who bends or lies has no say. A camera's x axis is usually level; a turning camera usually turns about the
+person who bends or lies does not count. A camera's x axis is usually level; a rotating camera usually rotates about the
 vertical.
 """
 
@@ -25,7 +25,7 @@ BODY_SIGMA_DEG = 8.0
 ROLL_SIGMA_DEG = 5.0
 PAN_SIGMA_DEG = 6.0
 MIN_PAN_DEG = 8.0
-"""A camera that turned less than this says nothing by its axis of rotation."""
+"""The axis of a camera that rotated less than this does not count."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ def mean_axis(axis: Float[Array, "frames 3"], weight: Float[Array, "frames"]) ->
 
 
 def pan_axis(R_shot_cam: Float[Array, "frames 3 3"]) -> Float[Array, "3"] | None:
-    """Axis about which a camera turned over a shot, up or down unknown; None if it hardly turned."""
+    """Axis about which a camera rotated over a shot, up or down unknown; None if it hardly rotated."""
     relative = R_shot_cam @ R_shot_cam[0].T
     skewed = np.stack(
         [

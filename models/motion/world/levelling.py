@@ -21,13 +21,13 @@ Array = np.ndarray
 
 
 def levelled(
-    footage: ShotResults, group: Sequence[int], R_first_shot: Sequence[Float[Array, "3 3"]]
+    results: ShotResults, group: Sequence[int], R_first_shot: Sequence[Float[Array, "3 3"]]
 ) -> list[Float[Array, "3 3"]]:
     """Each shot's axes to world axes: gravity from the evidence of all shots, +y where the first camera looks."""
     up, up_sigma, level, level_sigma = [], [], [], []
     for shot, R in zip(group, R_first_shot, strict=True):
-        camera = camera_of(footage, shot)
-        for axis, sigma in _standing_axes(footage, shot):
+        camera = camera_of(results, shot)
+        for axis, sigma in _standing_axes(results, shot):
             up.append(R @ axis)
             up_sigma.append(sigma)
         level.append(R @ _mean_x(camera))
@@ -42,7 +42,7 @@ def levelled(
         up.append(R @ camera.R_shot_cam[0] @ np.array([0.0, -1.0, 0.0]))
         up_sigma.append(25.0)
     z = up_direction(UprightEvidence(np.array(up), np.array(up_sigma), np.array(level), np.array(level_sigma)))
-    first = camera_of(footage, group[0])
+    first = camera_of(results, group[0])
     y = _heading(first.R_shot_cam[0], z)
     R_world_first = np.stack([np.cross(y, z), y, z])
     return [R_world_first @ R for R in R_first_shot]
@@ -62,11 +62,11 @@ def _mean_x(camera: ShotCamera) -> Float[Array, "3"]:
     return np.asarray(x / max(float(np.linalg.norm(x)), 1e-9))
 
 
-def _standing_axes(footage: ShotResults, shot: int) -> list[tuple[Float[Array, "3"], float]]:
+def _standing_axes(results: ShotResults, shot: int) -> list[tuple[Float[Array, "3"], float]]:
     """Mean standing axis of each person of a shot, shot axes, with its sigma in degrees."""
-    camera = camera_of(footage, shot)
+    camera = camera_of(results, shot)
     found = []
-    for motion in motions_of(footage, shot).values():
+    for motion in motions_of(results, shot).values():
         seen = motion.observed
         if not seen.any():
             continue

@@ -42,45 +42,45 @@ class BackgroundEdges:
 
 
 def cut_edge(
-    footage: ShotResults,
+    results: ShotResults,
     later: int,
     method: CutMethod,
     known_rotations: Mapping[int, Float[Array, "3 3"]],
 ) -> CutEdge:
     """The edge to a shot from the latest earlier one in which one of its people is seen."""
-    here = motions_of(footage, later)
+    here = motions_of(results, later)
     earlier = next(
-        (k for k in range(later - 1, -1, -1) if usable(footage, k) and here.keys() & motions_of(footage, k).keys()),
+        (k for k in range(later - 1, -1, -1) if usable(results, k) and here.keys() & motions_of(results, k).keys()),
         later - 1,
     )
-    before, after = footage.cameras[earlier], footage.cameras[later]
-    shared = sorted(here.keys() & motions_of(footage, earlier).keys())
+    before, after = results.cameras[earlier], results.cameras[later]
+    shared = sorted(here.keys() & motions_of(results, earlier).keys())
     people = []
     for person in shared:
-        first = _side(footage, earlier, person, last=True)
-        second = _side(footage, later, person, last=False)
+        first = _side(results, earlier, person, last=True)
+        second = _side(results, later, person, last=False)
         if first is not None and second is not None:
             people.append(CutPerson(first, second))
-    shot = footage.shots.shots[later]
+    shot = results.shots.shots[later]
     if people and earlier == later - 1 and shot.start in known_rotations:
         gap_s = min(float(p.after.time_s[0] - p.before.time_s[-1]) for p in people)
         R = known_rotations[shot.start]
         return CutEdge(earlier, later, CutAlignment(shot.start, "given", R, float("nan"), 0.0, gap_s, True))
     cameras = CutCameras(
-        K_before=before.K[-1] if before is not None else K_of(footage.intrinsics),
-        K_after=after.K[0] if after is not None else K_of(footage.intrinsics),
+        K_before=before.K[-1] if before is not None else K_of(results.intrinsics),
+        K_after=after.K[0] if after is not None else K_of(results.intrinsics),
         moving=any(camera is not None and camera.source == "tracked" for camera in (before, after)),
     )
-    middle = 0.5 * float(footage.time_s[max(shot.start - 1, 0)] + footage.time_s[shot.start])
+    middle = 0.5 * float(results.time_s[max(shot.start - 1, 0)] + results.time_s[shot.start])
     if people:
         middle = 0.5 * (max(p.before.time_s[-1] for p in people) + min(p.after.time_s[0] for p in people))
     return CutEdge(earlier, later, method(people, cameras, cut_frame=shot.start, cut_time_s=middle))
 
 
-def _side(footage: ShotResults, shot_index: int, person: int, *, last: bool) -> SideTrack | None:
+def _side(results: ShotResults, shot_index: int, person: int, *, last: bool) -> SideTrack | None:
     """The observations of one person in the half second of a shot that faces the cut."""
-    shot = footage.shots.shots[shot_index]
-    scene, camera = footage.scenes[shot.scene], footage.cameras[shot_index]
+    shot = results.shots.shots[shot_index]
+    scene, camera = results.scenes[shot.scene], results.cameras[shot_index]
     appearance = next((a for a in shot.people if a.person == person), None)
     if scene is None or camera is None or appearance is None:
         return None
@@ -89,7 +89,7 @@ def _side(footage: ShotResults, shot_index: int, person: int, *, last: bool) -> 
     rows = np.flatnonzero(inside & ~in_intervals(track.frame, appearance.tracking_failures))
     if not len(rows):
         return None
-    time_s = footage.time_s[track.frame[rows]]
+    time_s = results.time_s[track.frame[rows]]
     near = (time_s >= time_s[-1] - SIDE_S) if last else (time_s <= time_s[0] + SIDE_S)
     rows = rows[near]
     frame = track.frame[rows]
@@ -97,12 +97,12 @@ def _side(footage: ShotResults, shot_index: int, person: int, *, last: bool) -> 
     R_at_cut = camera.R_shot_cam[at_cut]
     keypoints2d = track.keypoints2d[rows].copy()
     keypoints2d[..., :2] = through_lens(keypoints2d[..., :2], camera.K[frame - camera.start], camera.K[at_cut])
-    motion = motions_of(footage, shot_index).get(person)
+    motion = motions_of(results, shot_index).get(person)
     R_cam_root = None
     if motion is not None and frame[0] >= motion.frame[0] and frame[-1] <= motion.frame[-1]:
         R_cam_root = motion.R_cam_root[frame - motion.frame[0]]
     return SideTrack(
-        time_s=footage.time_s[frame],
+        time_s=results.time_s[frame],
         keypoints2d=keypoints2d,
         landmarks3d=track.landmarks3d[rows],
         R_cam_root=R_cam_root,
@@ -110,25 +110,25 @@ def _side(footage: ShotResults, shot_index: int, person: int, *, last: bool) -> 
     )
 
 
-def people_edge(footage: ShotResults, edge: CutEdge) -> RotationEdge:
+def people_edge(results: ShotResults, edge: CutEdge) -> RotationEdge:
     """The same between the axes of the two shots instead of the cameras at the cut."""
-    before, after = camera_of(footage, edge.earlier), camera_of(footage, edge.later)
+    before, after = camera_of(results, edge.earlier), camera_of(results, edge.later)
     R = before.R_shot_cam[-1] @ edge.cut.R_before_after @ after.R_shot_cam[0].T
     return RotationEdge(edge.earlier, edge.later, R, max(edge.cut.uncertainty_deg, LEAST_STD_DEG))
 
 
-def background_edges(footage: ShotResults) -> BackgroundEdges:
+def background_edges(results: ShotResults) -> BackgroundEdges:
     """Edges between the axes of all shots whose backgrounds match."""
-    intrinsics, K = footage.intrinsics, K_of(footage.intrinsics)
+    intrinsics, K = results.intrinsics, K_of(results.intrinsics)
     key_frames = [
-        [_with_lens(frame, camera_of(footage, k), K) for frame in frames] if usable(footage, k) else []
-        for k, frames in enumerate(footage.key_frames)
+        [_with_lens(frame, camera_of(results, k), K) for frame in frames] if usable(results, k) else []
+        for k, frames in enumerate(results.key_frames)
     ]
     shot_edges = find_shot_edges(key_frames, K=K, focal_uncertainty=intrinsics.relative_uncertainty)
     edges = []
     for edge in shot_edges:
         R_a, R_b = (
-            camera_of(footage, shot).R_shot_cam[frame - footage.shots.shots[shot].start]
+            camera_of(results, shot).R_shot_cam[frame - results.shots.shots[shot].start]
             for shot, frame in ((edge.shot_a, edge.frames.frame_a), (edge.shot_b, edge.frames.frame_b))
         )
         edges.append(

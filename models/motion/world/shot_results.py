@@ -1,4 +1,4 @@
-"""What the stages before know of a whole video, shot by shot, and how the alignment asks for it."""
+"""Results of the stages before `align` on a whole video, shot by shot, and what the alignment reads of them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -35,20 +35,20 @@ class ShotResults:
     """Features of every shot's key frames, people left out; empty where there are none."""
 
 
-def usable(footage: ShotResults, shot: int) -> bool:
+def usable(results: ShotResults, shot: int) -> bool:
     """Whether a shot has a camera and a motion."""
-    return footage.cameras[shot] is not None and footage.motions[shot] is not None
+    return results.cameras[shot] is not None and results.motions[shot] is not None
 
 
-def motions_of(footage: ShotResults, shot: int) -> dict[int, PersonShotMotion]:
+def motions_of(results: ShotResults, shot: int) -> dict[int, PersonShotMotion]:
     """The motions in a shot by person; none where it failed."""
-    motion = footage.motions[shot]
+    motion = results.motions[shot]
     return {person.person: person for person in motion.people} if motion is not None else {}
 
 
-def camera_of(footage: ShotResults, shot: int) -> ShotCamera:
+def camera_of(results: ShotResults, shot: int) -> ShotCamera:
     """The camera of a shot that has one. ValueError where it failed."""
-    camera = footage.cameras[shot]
+    camera = results.cameras[shot]
     if camera is None:
         raise ValueError(f"shot {shot} has no camera")
     return camera
@@ -57,7 +57,7 @@ def camera_of(footage: ShotResults, shot: int) -> ShotCamera:
 def posed(
     motion: PersonShotMotion, R_axes_cam: Float[Array, "n 3 3"]
 ) -> tuple[Float[Array, "n 24 3"], Float[Array, "n 4 3"]]:
-    """Joints and sole points about the pelvis, in axes turned by R_axes_cam."""
+    """Joints and sole points about the pelvis, in axes rotated by R_axes_cam."""
     rest, landmarks = load_body().rest_joints(motion.betas), load_landmarks()
     n = len(motion.frame)
     joints, soles = np.empty((n, len(rest), 3)), np.empty((n, len(SOLES), 3))

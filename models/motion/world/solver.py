@@ -107,11 +107,10 @@ def solve(
     rigs: Sequence[ShotRig],
     edges: Sequence[RotationEdge],
     same: Sequence[SameCamera] = (),
-    settings: SolveSettings | None = None,
 ) -> Solution:
     """Positions of people and cameras, the scale of each camera's path and small corrections of each shot's
     rotation."""
-    options = settings or SolveSettings()
+    options = SolveSettings()
     shots = len(rigs)
     scale = np.array([r.scale if r.scale_known else start_scale(r, k, trajectories) for k, r in enumerate(rigs)])
     state = _State(

@@ -1,9 +1,7 @@
 """`humanmm batch`: many videos, submitted once, watched, tried again, cancelled, reported."""
 
 import contextlib
-import os
 import signal
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,21 +11,15 @@ from typer import Argument, Option
 
 from humanmm.cli.settings import Settings
 from humanmm.cli.terminal import say, write, write_all, write_json
-from humanmm.cli.verb import BATCHES, STAGES, Force, Json, Limit, StageName, Store, app, group, verb
+from humanmm.cli.verb import BATCHES, Force, Json, Limit, StageName, Store, app, group, verb
 from humanmm.errors import InputError, UsageError
 
 if TYPE_CHECKING:
-    from humanmm.config import Config
     from humanmm.storage.batches.batch_table import BatchTable
-    from humanmm.storage.batches.manifest import Entry
     from humanmm.storage.batches.video_row import VideoRow
+    from humanmm.tasks.batches.request import BatchRequest
 
 PARTIAL = 3
-IDLE_S = 120.0
-"""A `humanmm serve` that a batch brought up leaves after so many seconds without work."""
-POLL_S = 1.0
-LOOK_AFTER_S = 10.0
-CANCEL_LIMIT_S = 10.0
 
 BatchName = Annotated[str | None, Argument(metavar="NAME", help="name of the batch (default: the newest)")]
 Wait = Annotated[bool, Option("--wait", help="return when every video has ended; exit status 3 unless all are done")]
@@ -58,51 +50,48 @@ class Submission:
     limit: Limit = None
     store: Store = None
 
+    def request(self) -> "BatchRequest":
+        """The batch that they describe."""
+        from humanmm.tasks.batches.request import BatchRequest
+
+        return BatchRequest(
+            source=self.source, out=self.out, config=self.settings.config(), name=self.name, pattern=self.glob,
+            priority=self.priority, tags=self.tag, settle_s=self.settle,
+        )  # fmt: skip
+
 
 @verb(batch, "submit")
 def submit(options: Submission) -> int:
-    """Schedule every video that is not finished; with --wait, see the batch through."""
+    """Schedule every video that is not finished; with --wait, wait until all have ended."""
     from humanmm.recovery import check_writable
-    from humanmm.storage.batches.manifest import read_batch
-    from humanmm.storage.store.bucket import is_bucket
-    from humanmm.tasks.batches import batch as batches
+    from humanmm.storage.batches.batch_table import open_batches
 
     if options.watch and options.schedule is not None:
         raise UsageError("--watch and --schedule exclude each other")
-    config = options.settings.config()
+    request, table = options.request(), open_batches(options.store)
     check_writable(options.out)
-    table = _table(options.store)
-    if table.path is not None and is_bucket(table.store.location):
+    if table.is_of_this_host:
         where = f"batches of {table.store.location} are kept on this host, in {table.path}"
         say(f"{where}; hosts that share the bucket need one database: set $HUMANMM_DATABASE_URL on each")
-    name = options.name or batches.batch_name(options.source)
     if options.schedule is not None:
-        return _set_schedule(table, name, config, options)
+        return _set_schedule(table, request, options.schedule, options.limit)
     if options.watch:
-        return _watch(table, name, config, options)
-    entries = _with_defaults(read_batch(options.source, pattern=options.glob), options)
-    submission = batches.submit(table, name, entries, config, options.out)
-    counted = f"{len(submission.to_schedule)} to do, {submission.finished} finished"
-    if submission.failed:
-        counted += f", {submission.failed} failed or cancelled before (`humanmm batch retry-failed` tries them again)"
-    say(f"batch {name}: {counted}")
-    return _see_through(table, name, submission.to_schedule, wait=options.wait, limit=options.limit)
+        return _watch(table, request, options.limit)
+    submission = request.submit(table, request.videos())
+    say(f"batch {submission.name}: {submission.sentence}")
+    return _run(table, submission.name, submission.to_schedule, wait=options.wait, limit=options.limit)
 
 
 @verb(batch, "status")
 def status(name: BatchName = None, *, store: Store = None, json: Json = False) -> None:
     """Say how far a batch is: counts, speed, and the newest failures."""
     from humanmm.storage.batches.video_row import counts
+    from humanmm.tasks.batches.status import status_lines
 
     _, name, rows = _open(name, store)
     if json:
         return write_json({"batch": name, "counts": counts(rows), "videos": [row.to_json() for row in rows]})
-    write(f"batch {name}: {len(rows)} videos, {_counted(rows)}", *_speed(rows), *_by_stage(rows))
-    bad = sorted((row for row in rows if row.state in ("failed", "partial")), key=lambda row: -row.changed)
-    write_all(f"  {row.state}: {row.video} ({row.stage or 'no stage'}): {row.reason}" for row in bad[:10])
-    if len(bad) > 10:
-        write(f"  and {len(bad) - 10} more")
-    return None
+    return write_all(status_lines(name, rows))
 
 
 @verb(batch, "retry-failed")
@@ -114,42 +103,25 @@ def retry_failed(
     wait: Wait = False,
     limit: Limit = None,
 ) -> int:
-    """Schedule what failed, is partial or was cancelled. What the store has is not computed again."""
-    from humanmm.tasks.batches import batch as batches
+    """Schedule again what failed, is partial or was cancelled. What the store has is not computed again."""
+    from humanmm.tasks.batches.batch import retry
 
     table, name, _ = _open(name, store)
-    rows = batches.retry(table, name, stage=stage)
+    rows = retry(table, name, stage=stage)
     say(f"batch {name}: {len(rows)} videos are tried again")
-    return _see_through(table, name, rows, wait=wait, limit=limit)
+    return _run(table, name, rows, wait=wait, limit=limit)
 
 
 @verb(batch, "cancel")
 def cancel(name: BatchName = None, *, store: Store = None) -> None:
-    """Cancel what waits, stop what runs."""
+    """Cancel the videos that wait, end those that run."""
+    from humanmm.flows.service import batches
+
     table, name, _ = _open(name, store)
-    cancelled = [
-        row
-        for row in table.rows(name, "scheduled", "running")
-        if table.change(row, only_from=("scheduled", "running"), state="cancelled", reason="humanmm batch cancel")
-    ]
-    running = [row for row in cancelled if row.state == "running" and row.pid]
-    for number in (signal.SIGTERM, signal.SIGKILL):
-        for row in running:
-            if row.pid:
-                with contextlib.suppress(ProcessLookupError):
-                    os.kill(row.pid, number)
-        deadline = time.monotonic() + CANCEL_LIMIT_S
-        while time.monotonic() < deadline and any(row.pid for row in running):
-            time.sleep(0.1)
-    from humanmm.flows.server.local_server import prefect_server, running_server, server_files
-
-    if cancelled and (os.environ.get("PREFECT_API_URL") or running_server(server_files())):
-        with prefect_server():
-            from humanmm.flows.server.flow_runs import cancel as cancel_flow_runs
-
-            cancel_flow_runs([table.row(name, row.video) or row for row in cancelled])
+    cancelled = batches.cancel(table, name)
+    running = [row for row in cancelled if row.state == "running"]
     ended = f"{len(cancelled)} videos cancelled, {len(running)} of them were running"
-    elsewhere = sum(row.state == "running" and row.is_elsewhere for row in cancelled)
+    elsewhere = sum(row.is_elsewhere for row in running)
     say(f"batch {name}: {ended}" + (f"; {elsewhere} on other machines end within a minute" if elsewhere else ""))
 
 
@@ -171,154 +143,52 @@ def report(
     write(*write_report(folder, name, rows))
 
 
-# ---- a batch that goes on
+def _watch(table: "BatchTable", request: "BatchRequest", limit: int | None) -> int:
+    """Submit videos as they come, until Ctrl-C or SIGTERM."""
+    from humanmm.flows.service import batches
 
-
-def _with_defaults(entries: "Sequence[Entry]", options: Submission) -> "list[Entry]":
-    return [entry.with_defaults(priority=options.priority, tags=options.tag) for entry in entries]
-
-
-def _watch(table: "BatchTable", name: str, config: "Config", options: Submission) -> int:
-    """Submit again whenever a video has come or changed, and stopped growing; until Ctrl-C or SIGTERM."""
-    from humanmm.storage.batches.manifest import videos_in
-    from humanmm.tasks.batches import batch as batches
-    from humanmm.tasks.batches.watch import Settled
-
-    if not options.source.is_dir():
-        raise UsageError(f"--watch: {options.source} is no folder")
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    settled, taken = Settled(options.settle), dict[Path, str]()
-    say(f"batch {name}: watching {options.source}")
+    say(f"batch {request.batch}: watching {request.source}")
     with contextlib.suppress(KeyboardInterrupt):
-        while True:
-            found = videos_in(options.source, pattern=options.glob)
-            quiet = settled.look(found, time.monotonic())
-            if not quiet.items() <= taken.items():
-                entries = _with_defaults([entry for entry in found if entry.video in quiet], options)
-                submission = batches.submit(table, name, entries, config, options.out)
-                say(f"batch {name}: {len(submission.to_schedule)} to do, {submission.finished} finished")
-                if submission.to_schedule:
-                    _schedule(table, submission.to_schedule, options.limit)
-                taken = quiet
-            time.sleep(min(max(options.settle / 5, 0.2), 5.0))
+        for submission in batches.watch(request, table, limit=limit):
+            say(f"batch {submission.name}: {submission.sentence}")
     return 0
 
 
-def _set_schedule(table: "BatchTable", name: str, config: "Config", options: Submission) -> int:
-    from humanmm.flows.server.local_server import prefect_server
-    from humanmm.flows.service.serve import bring_up
+def _set_schedule(table: "BatchTable", request: "BatchRequest", cron: str, limit: int | None) -> int:
+    from humanmm.flows.service import batches
 
-    cron = None if options.schedule == "none" else options.schedule
-    parameters = {
-        "source": str(options.source.absolute()), "out": str(options.out.absolute()), "store": table.store.location,
-        "config": config.model_dump(mode="json"), "pattern": options.glob, "priority": options.priority,
-        "tags": options.tag, "settle_s": options.settle,
-    }  # fmt: skip
-    bring_up(limit=options.limit, idle_s=IDLE_S)
-    with prefect_server():
-        from humanmm.flows.server.flow_runs import set_schedule
-
-        following = set_schedule(name, cron, _timezone(), parameters)
+    following = batches.set_schedule(request, table.store.location, None if cron == "none" else cron, limit=limit)
     if following is None:
-        say(f"batch {name}: not on a schedule any more")
+        say(f"batch {request.batch}: not on a schedule any more")
     else:
-        say(f"batch {name}: next at {following:%Y-%m-%d %H:%M %Z}, if `humanmm serve` runs then")
-    write(name)
+        say(f"batch {request.batch}: next at {following:%Y-%m-%d %H:%M %Z}, if `humanmm serve` runs then")
+    write(request.batch)
     return 0
 
 
-def _timezone() -> str:
-    """The machine's time zone by its name."""
-    named = os.environ.get("TZ") or str(Path("/etc/localtime").resolve()).partition("zoneinfo/")[2]
-    return named if named.lstrip(":") and (Path("/usr/share/zoneinfo") / named).is_file() else "UTC"
+def _run(table: "BatchTable", name: str, rows: "Sequence[VideoRow]", *, wait: bool, limit: int | None) -> int:
+    """Schedule these videos; with `wait`, say what became of the batch when it has ended."""
+    from humanmm.flows.service import batches
+    from humanmm.storage.batches.video_row import counts_in_words
 
-
-# ---- seeing a batch through
-
-
-def _see_through(table: "BatchTable", name: str, rows: "Sequence[VideoRow]", *, wait: bool, limit: int | None) -> int:
-    if rows:
-        _schedule(table, rows, limit)
-    if wait:
-        _wait(table, name, limit)
+    batches.schedule(table, rows, limit=limit)
+    ended = batches.wait(table, name, limit=limit) if wait else []
     write(name)
     if not wait:
         return 0
-    ended = table.rows(name)
-    say(f"batch {name}: {_counted(ended)}")
-    for row in ended:
-        if row.state != "done":
-            say(f"{row.video}: {row.state}: {row.reason}")
-    return 0 if all(row.state == "done" for row in ended) else PARTIAL
-
-
-def _schedule(table: "BatchTable", rows: "Sequence[VideoRow]", limit: int | None) -> None:
-    from humanmm.flows.server.local_server import prefect_server
-    from humanmm.flows.service.serve import bring_up
-
-    bring_up(limit=limit, idle_s=IDLE_S)
-    with prefect_server():
-        from humanmm.flows.server.flow_runs import schedule
-
-        schedule(table, rows)
-
-
-def _wait(table: "BatchTable", name: str, limit: int | None) -> None:
-    """Until every video has ended. Should `humanmm serve` be gone, it is started again, and what it lost scheduled."""
-    from humanmm.flows.server.local_server import server_files
-    from humanmm.flows.service.serve import is_serving
-
-    looked = time.monotonic()
-    while table.find_lost(name) or (waiting := table.rows(name, "scheduled", "running")):
-        time.sleep(POLL_S)
-        if time.monotonic() - looked > LOOK_AFTER_S:
-            looked = time.monotonic()
-            if not is_serving(server_files()):
-                _schedule(table, [row for row in waiting if row.state == "scheduled"], limit)
-
-
-def _speed(rows: "Sequence[VideoRow]") -> list[str]:
-    """Videos an hour, from the last ten that ended, and the time left at that speed."""
-    waiting = sum(row.state in ("scheduled", "running") for row in rows)
-    ended = sorted((row for row in rows if row.seconds and row.state in ("done", "partial")), key=lambda r: r.changed)
-    recent = ended[-10:]
-    if not recent:
-        return []
-    mean_s = sum(row.seconds or 0.0 for row in recent) / len(recent)
-    line = f"  {mean_s:.1f} s a video"
-    running = sum(row.state == "running" for row in rows)
-    if waiting and running:
-        line += f", {3600 * running / mean_s:.0f} videos an hour, about {waiting * mean_s / running / 60:.0f} min left"
-    return [line]
-
-
-def _by_stage(rows: "Sequence[VideoRow]") -> list[str]:
-    """How many videos are running, partial or failed at which stage, in the order of the stages."""
-    lines = []
-    for state in ("running", "partial", "failed"):
-        stages = [(row.stage or "no stage").split(" · ")[0] for row in rows if row.state == state]
-        known = sorted(set(stages), key=lambda name: (STAGES.index(name) if name in STAGES else len(STAGES), name))
-        if stages:
-            lines.append(f"  {state}: " + ", ".join(f"{stages.count(name)} in {name}" for name in known))
-    return lines
-
-
-def _counted(rows: "Sequence[VideoRow]") -> str:
-    from humanmm.storage.batches.video_row import counts
-
-    return ", ".join(f"{number} {state}" for state, number in counts(rows).items()) or "nothing in it"
+    say(f"batch {name}: {counts_in_words(ended)}")
+    unfinished = [row for row in ended if row.state != "done"]
+    for row in unfinished:
+        say(f"{row.video}: {row.state}: {row.reason}")
+    return PARTIAL if unfinished else 0
 
 
 def _open(name: str | None, store: Path | None) -> "tuple[BatchTable, str, list[VideoRow]]":
     """A batch by its name, and its videos; those whose process was lost are found first."""
-    table = _table(store)
+    from humanmm.storage.batches.batch_table import open_batches
+
+    table = open_batches(store)
     name = table.check(name) if name else table.newest()
     table.find_lost(name)
     return table, name, list(table.rows(name))
-
-
-def _table(store: Path | None) -> "BatchTable":
-    from humanmm.storage.batches.batch_table import open_batches
-    from humanmm.storage.store.store import default_store
-
-    return open_batches(store or default_store())

@@ -1,4 +1,4 @@
-"""`humanmm doctor`: everything that a run needs, checked one by one, each with what to do about it."""
+"""`humanmm doctor` checks everything that a run needs, and names a cure for each check that fails."""
 
 import os
 import shutil
@@ -8,45 +8,48 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from humanmm import parts
-from humanmm.cli.terminal import in_bytes, write, write_json
+from humanmm.cli.terminal import in_bytes, write_all, write_json
 from humanmm.cli.verb import STORE, Json, Store, app, verb
 from humanmm.errors import ConfigError, HumanMMError, WeightsError
 
 MIN_FREE_BYTES = 1 << 30
 VARIABLES = ("CACHE", "DATA", "DATABASE_URL", "LOG", "SERVER_IDLE_S", "STORE")
-"""What we read of the environment, after HUMANMM_."""
+"""The environment variables that humanmm reads, without HUMANMM_."""
 _INSTALL = "install humanmm again: pip install -c constraints.txt humanmm"
 
 
 @dataclass(frozen=True)
 class Check:
-    """One thing that was looked at."""
+    """One thing that was checked."""
 
     name: str
     ok: bool
     found: str
     cure: str
-    """What to do if it is not well; what can be done about it otherwise."""
+    """What to do if the check fails; else what can be changed about it."""
 
 
 @verb(app, "doctor", panel=STORE)
 def doctor(*, json: Json = False, store: Store = None) -> int:
     """Check this installation.
 
-    Exit status 1 if something is not well; its cure stands in the line below it.
+    Exit status 1 if a check fails; the line below it names the cure.
     """
     from humanmm.storage.store.store import default_store
 
     checks = list(_checks(store or default_store()))
-    well = all(check.ok for check in checks)
+    ok = all(check.ok for check in checks)
     if json:
-        write_json({"ok": well, "checks": [asdict(check) for check in checks]})
-        return 0 if well else 1
-    for check in checks:
-        write(f"{'ok ' if check.ok else 'BAD'}  {check.name:<24} {check.found}")
-        if not check.ok:
-            write(f"     {'':<24} → {check.cure}")
-    return 0 if well else 1
+        write_json({"ok": ok, "checks": [asdict(check) for check in checks]})
+    else:
+        write_all(line for check in checks for line in _lines(check))
+    return 0 if ok else 1
+
+
+def _lines(check: Check) -> Iterator[str]:
+    yield f"{'ok ' if check.ok else 'BAD'}  {check.name:<24} {check.found}"
+    if not check.ok:
+        yield f"     {'':<24} → {check.cure}"
 
 
 _LIBRARIES = (
@@ -57,7 +60,7 @@ _LIBRARIES = (
 def _checks(store: Path) -> Iterator[Check]:
     yield from _installation()
     yield from _parts()
-    yield from _place(store)
+    yield from _store(store)
     yield from _machine()
     yield _settings()
     yield _server()
@@ -85,7 +88,7 @@ def _installation() -> Iterator[Check]:
 
 
 def _parts() -> Iterator[Check]:
-    """What other packages bring (docs/extend.md)."""
+    """The replaceable parts of other packages (docs/extend.md)."""
     for part in parts.every():
         if part.distribution is None:
             continue
@@ -97,29 +100,29 @@ def _parts() -> Iterator[Check]:
             yield Check(name, False, str(error), f"install {part.distribution} again, or name another part")
 
 
-def _bucket(place: str) -> Check:
+def _bucket(location: str) -> Check:
     from humanmm.storage.store.bucket import Bucket
 
     cure = "set AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY, AWS_REGION and, for another server, AWS_ENDPOINT_URL"
     try:
-        bucket = Bucket(place)
+        bucket = Bucket(location)
         bucket.write("locks/doctor", b"here")
-        refused = bucket.create("locks/doctor", b"twice") is None  # what commits and leases rely on
+        refused = bucket.create("locks/doctor", b"twice") is None  # commits and leases rely on it
         bucket.remove(["locks/doctor"])
     except HumanMMError as error:
         return Check("bucket", False, str(error), cure)
-    known = "knows" if refused else "does not know"
-    return Check("bucket", refused, f"{bucket.url}: writable, {known} conditional puts", cure)
+    puts = "with conditional puts" if refused else "without conditional puts, on which commits rely"
+    return Check("bucket", refused, f"{bucket.url}: writable, {puts}", cure)
 
 
-def _place(store: Path) -> Iterator[Check]:
+def _store(store: Path) -> Iterator[Check]:
     from humanmm.storage.batches.batch_table import open_batches
     from humanmm.storage.store.bucket import is_bucket
     from humanmm.storage.store.store import cache_folder
 
-    place = str(store)
-    if is_bucket(place):
-        yield _bucket(place)
+    location = str(store)
+    if is_bucket(location):
+        yield _bucket(location)
         store = cache_folder() / "buckets"
     existing = store.expanduser().absolute()
     while not existing.exists():
@@ -130,9 +133,9 @@ def _place(store: Path) -> Iterator[Check]:
     free = shutil.disk_usage(existing).free
     cure = "`humanmm gc --yes` removes what no run needs (`--with-runs`: more); or name another store"
     yield Check("free disk space", free > MIN_FREE_BYTES, in_bytes(free), cure)
-    cure = "move that file away and submit the batches again: what is finished is found in the store"
+    cure = "move that file away and submit the batches again: the store has what is finished"
     try:
-        names = open_batches(place).names()
+        names = open_batches(location).names()
         yield Check("batches", True, f"{len(names)} in the store", cure)
     except HumanMMError as error:
         yield Check("batches", False, str(error), cure)
@@ -146,7 +149,7 @@ def _machine() -> Iterator[Check]:
     cure = "close other programs, or use `--run.threads 1` and `serve --limit 1`"
     yield Check("free memory", available > 2 << 30, in_bytes(available), cure)
     devices = sorted(Path("/dev").glob("nvidia[0-9]*"))
-    cure = "no stage needs one; `[run.stages.NAME] gpu = true` has its users take turns"
+    cure = "no stage needs one; with `[run.stages.NAME] gpu = true` a stage waits until one is free"
     yield Check("accelerators", True, str(len(devices)), cure)
 
 
@@ -168,13 +171,13 @@ def _server() -> Check:
         url = running_server(server_files())
         found = url.removesuffix("/api") if url else "no server runs; `humanmm recover` starts one when it needs it"
         if url and not serves_its_user_alone(server_files()):
-            cure = "this kernel does not say who connects: use a machine of your own, or a server with a password"
+            cure = "this kernel hides the user of a connection: use a machine of your own, or a server with a password"
             return Check("dashboard", False, f"{found} serves every user of this machine", cure)
         return Check("dashboard", True, found, "`humanmm serve` starts one that stays")
     try:
-        with urllib.request.urlopen(f"{own.rstrip('/')}/health", timeout=5) as answer:
-            well = answer.status == 200
+        with urllib.request.urlopen(f"{own.rstrip('/')}/health", timeout=5) as response:
+            ok = response.status == 200
         found = own.removesuffix("/api")
     except (OSError, ValueError) as error:
-        well, found = False, f"{own} does not answer: {error}"
-    return Check("dashboard", well, found, "start that server, or unset PREFECT_API_URL to use a local one")
+        ok, found = False, f"{own} does not respond: {error}"
+    return Check("dashboard", ok, found, "start that server, or unset PREFECT_API_URL to use a local one")

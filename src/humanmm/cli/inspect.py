@@ -1,4 +1,4 @@
-"""`humanmm status` and `humanmm explain`: what is stale, why, and what a result was made of."""
+"""`humanmm status` says which results are stale and why, `humanmm explain` what a result was computed from."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -55,7 +55,7 @@ def explain(
     store: Store = None,
     json: Json = False,
 ) -> None:
-    """Say what a stage's result was made of, and whether it would be computed again."""
+    """Say what a stage's result was computed from, and whether it would be computed again."""
     from humanmm.tasks.engine.plan import forecast
 
     record, run = _reopen(run_dir, store)
@@ -71,9 +71,9 @@ def explain(
 
 
 def _explained(record: Mapping[str, Any], run: "VideoRun", entry: "Forecast") -> dict[str, Any]:
-    place = (entry.stage, entry.unit)
-    then = next((s for s in record["stages"] if (s["stage"], s["unit"]) == place), None)
-    found = next((o for o in run.outcomes.values() if (o.unit.stage.name, o.unit.name) == place), None)
+    unit = (entry.stage, entry.unit)
+    then = next((s for s in record["stages"] if (s["stage"], s["unit"]) == unit), None)
+    found = next((o for o in run.outcomes.values() if (o.unit.stage.name, o.unit.name) == unit), None)
     manifest = found.manifest if found else None
     return {
         **entry.to_json(),
@@ -106,7 +106,7 @@ _DIGESTS = ("inputs", "weights", "modules")
 
 
 def _reopen(run_dir: Path, store: Path | None) -> tuple[dict[str, Any], "VideoRun"]:
-    """The record of a run folder, and the same run as it would be today. Writes nothing."""
+    """The record of a run folder, and a run of the same video with the same settings. Writes nothing."""
     from humanmm.config_reading import validate
     from humanmm.storage.run_folder.run_record import read_run_record
     from humanmm.storage.store.identity import VideoIdentity, identify
@@ -116,22 +116,22 @@ def _reopen(run_dir: Path, store: Path | None) -> tuple[dict[str, Any], "VideoRu
     record = read_run_record(run_dir)
     try:
         config = validate(record["config"], origin=str(run_dir / "run.json"))
-        place = open_store(store or Path(record["store"]), read_only=True)
+        artifacts = open_store(store or Path(record["store"]), read_only=True)
         video = Path(record["video"]["path"])
         sha256 = str(record["video"]["sha256"])
     except (KeyError, TypeError) as error:
         raise InputError(f"{run_dir / 'run.json'} lacks {error}; `humanmm recover` writes it anew") from None
     try:
-        identity = identify(video, place)
-    except VideoError:  # the store still knows it by its content
+        identity = identify(video, artifacts)
+    except VideoError:  # the store finds its artifacts by the hash of its content
         identity = VideoIdentity(video, sha256, 0, 0, 0)
-    return record, VideoRun(identity, config, place)
+    return record, VideoRun(identity, config, artifacts)
 
 
-def _store_status(place: Path | None, *, as_json: bool) -> None:
+def _store_status(location: Path | None, *, as_json: bool) -> None:
     from humanmm.storage.store.open import open_store
 
-    store = open_store(place, read_only=True)
+    store = open_store(location, read_only=True)
     runs = store.known_runs()
     if as_json:
         names = ("video", "state", "run_dir", "reason", "finished")

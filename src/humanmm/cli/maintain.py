@@ -25,9 +25,8 @@ def verify(
     from humanmm.storage.store import maintenance
     from humanmm.storage.store.open import open_store
 
-    outputs = {stage.name: stage.output for stage in pipeline.STAGES}
     sound, damaged = 0, 0
-    for finding in maintenance.verify(open_store(store), outputs=outputs, deep=deep):
+    for finding in maintenance.verify(open_store(store), outputs=pipeline.outputs(), deep=deep):
         if finding.problem:
             damaged += 1
             write(f"damaged: {finding.uri}: {finding.problem}")
@@ -49,11 +48,11 @@ def gc(
     from humanmm.storage.store import maintenance
     from humanmm.storage.store.open import open_store
 
-    place = open_store(store)
-    items = maintenance.removable(place, unused_days=unused_days, with_runs=with_runs)
+    artifacts = open_store(store)
+    items = maintenance.removable(artifacts, unused_days=unused_days, with_runs=with_runs)
     write(*(f"{in_bytes(item.num_bytes):>9}  {item.entry.name}  ({item.reason})" for item in items))
     if yes:
-        write(f"{in_bytes(maintenance.remove(place, items))} freed")
+        write(f"{in_bytes(maintenance.remove(artifacts, items))} freed")
     else:
         total = in_bytes(sum(item.num_bytes for item in items))
         write(f"{total} in {len(items)} items could go; nothing was removed (--yes removes them)")
@@ -65,11 +64,11 @@ def du(*, store: Store = None) -> None:
     from humanmm.storage.store import maintenance
     from humanmm.storage.store.open import open_store
 
-    place = open_store(store, read_only=True)
-    totals = maintenance.usage(place)
+    artifacts = open_store(store, read_only=True)
+    totals = maintenance.usage(artifacts)
     order = {name: index for index, name in enumerate(STAGES)}
     for name in sorted(totals, key=lambda n: (order.get(n, len(order)), n)):
         count, size = totals[name]
         write(f"{name:<14} {count:>7}  {in_bytes(size):>9}")
     count, size = (sum(column) for column in zip(*totals.values(), strict=True)) if totals else (0, 0)
-    write(f"{'total':<14} {count:>7}  {in_bytes(size):>9}  {place.location}")
+    write(f"{'total':<14} {count:>7}  {in_bytes(size):>9}  {artifacts.location}")

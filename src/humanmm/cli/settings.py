@@ -34,6 +34,11 @@ class Settings:
         except ConfigError as error:
             raise UsageError(str(error)) from None
 
+    def words(self) -> list[str]:
+        """They as words of a command; a settings file is named as such, without its path."""
+        flags = [word for name, text in sorted(self.flags.items()) for word in (f"--{name}", text)]
+        return [*(["--config", self.file.name] if self.file else []), *flags]
+
     @classmethod
     def declared(cls) -> Iterator[inspect.Parameter]:
         """`--config`, and a flag for each field; the field's sentence is its help, a section is a panel."""

@@ -1,4 +1,4 @@
-"""How a verb is declared: the application, the options that verbs share, and what becomes of errors."""
+"""How a verb is declared: the application, the options that verbs share, and how errors are reported."""
 
 import inspect
 import logging
@@ -158,7 +158,7 @@ def _reported(run: Callable[[], int | None], *, verbose: bool) -> int:
 
 
 def _outcome(error: BaseException) -> tuple[str, int]:
-    """What is said of an error, and the exit status."""
+    """The message for an error, and the exit status."""
     match error:
         case UsageError():
             return str(error), 2

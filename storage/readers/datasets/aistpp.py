@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 
 from humanmm.errors import InputError
-from humanmm.models.benchmark.aist import COCO_NAMES
 from humanmm.models.benchmark.recordings import MultiviewSequence
 from humanmm.models.geometry.axes import R_ZUP_YUP, centred_pixels, zup_camera_pose
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
+from humanmm.models.records.landmarks import COCO_NAMES
 from humanmm.storage.readers.restricted_pickle import read_pickle
 
 FPS = 60.0

@@ -4,6 +4,7 @@ import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -56,8 +57,8 @@ def test_a_change_of_the_metrics_leaves_the_motions_as_they_are(pack: Path, monk
     before = motion_benchmark.recipes_of(jobs[0], Config(), METHODS)
     code = motion_benchmark.code_of
 
-    def with_another_metric(*modules: str) -> CodeDigest:
-        digest = code(*modules)
+    def with_another_metric(*modules: str, **more: Any) -> CodeDigest:
+        digest = code(*modules, **more)
         return replace(digest, modules={**digest.modules, "b": "1"}) if FIGURE_CODE in modules else digest
 
     monkeypatch.setattr(motion_benchmark, "code_of", with_another_metric)

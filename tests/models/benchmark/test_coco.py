@@ -7,8 +7,8 @@ import pytest
 import torch
 
 from humanmm.models.benchmark.coco import coco_track
-from humanmm.models.perception.lifting import COCO_LANDMARKS, LiftingNetwork, features, lift
-from humanmm.models.records.landmarks import SWAP
+from humanmm.models.perception.lifting import LiftingNetwork, features, lift
+from humanmm.models.records.landmarks import COCO_LANDMARKS, SWAP
 from humanmm.models.records.tracks import PersonTrack
 from humanmm.storage.readers.aist import read_aist_sequence
 
@@ -20,7 +20,7 @@ COCO_MIRROR = [0, 2, 1, 4, 3, 6, 5, 8, 7, 10, 9, 12, 11, 14, 13, 16, 15]
 
 
 def _track(keypoints: np.ndarray) -> PersonTrack:
-    return coco_track(np.arange(N), keypoints, time_s=TIME_S, K=K, size=SEQUENCE.size)
+    return coco_track(np.arange(N), keypoints, time_s=TIME_S, K=K, size=SEQUENCE.size, lifter=lift)
 
 
 def test_lifted_poses_are_near_the_true_ones() -> None:

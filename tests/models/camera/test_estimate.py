@@ -46,7 +46,6 @@ def test_a_moving_camera_is_followed(scene_of: Callable[..., Any], kind: str) ->
     assert not camera.zooms and not camera.warnings
     assert rotation_errors_deg(camera, scene.R_shot_cam).max() < 0.3  # 0.3 px of noise is 0.02 degrees a point
     assert position_error(camera, scene.t_shot_cam) < 0.05
-    assert len(camera.points_shot) > 50
 
 
 def test_the_same_points_give_the_same_camera(scene_of: Callable[..., Any]) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from humanmm.models.camera.odometry.tracked_shot import arrange
-from humanmm.models.camera.static import judge_static
+from humanmm.models.camera.static import is_static
 
 
 def moved(scene: Any, displacement: np.ndarray, share: float) -> Any:
@@ -20,20 +20,20 @@ def moved(scene: Any, displacement: np.ndarray, share: float) -> Any:
 
 def test_traffic_through_half_of_the_picture_is_not_the_camera(scene_of: Callable[..., Any]) -> None:
     traffic = 6.0 * np.arange(60)[:, None] * [1.0, 0.1]
-    assert judge_static(moved(scene_of("static"), traffic, 0.45)).static
+    assert is_static(moved(scene_of("static"), traffic, 0.45))
 
 
 def test_the_sway_of_a_tripod_is_standing(scene_of: Callable[..., Any]) -> None:
     sway = 1.0 * np.sin(np.arange(60))[:, None] * [1.0, 0.5]
-    assert judge_static(moved(scene_of("static"), sway, 1.0)).static
+    assert is_static(moved(scene_of("static"), sway, 1.0))
 
 
 @pytest.mark.parametrize("px_per_frame", [0.15, 1.0])
 def test_a_slow_drift_of_everything_is_the_camera(scene_of: Callable[..., Any], px_per_frame: float) -> None:
     drift = px_per_frame * np.arange(60)[:, None] * [1.0, 0.0]
-    assert not judge_static(moved(scene_of("static"), drift, 1.0)).static
+    assert not is_static(moved(scene_of("static"), drift, 1.0))
 
 
 def test_a_camera_that_stops_has_moved(scene_of: Callable[..., Any]) -> None:
     stop = np.minimum(np.arange(60), 20)[:, None] * [1.0, 0.0]
-    assert not judge_static(moved(scene_of("static"), stop, 1.0)).static
+    assert not is_static(moved(scene_of("static"), stop, 1.0))

@@ -1,4 +1,4 @@
-"""Shot changes are found where they are, and nowhere else: on made-up footage and on real clips."""
+"""Shot changes are found where they are, and nowhere else: on made-up pictures and on real clips."""
 
 import json
 import os
@@ -12,7 +12,7 @@ from scenedetect import FrameTimecode
 from scenedetect.detectors import AdaptiveDetector, ContentDetector
 
 from humanmm.models.records.shots import Scenes
-from humanmm.models.shots.footage import SIDE_PX, Footage
+from humanmm.models.shots.picture_window import SIDE_PX, PictureWindow
 from humanmm.models.shots.scenes import find_scenes, proposals
 from humanmm.models.video.frames import frames
 from humanmm.models.video.reading import read_facts
@@ -31,8 +31,8 @@ def dissolved(before: list[np.ndarray], after: list[np.ndarray], length: int) ->
     return before[:-length] + blend + after[length:]
 
 
-def at_25_hz(footage: list[np.ndarray]) -> np.ndarray:
-    return np.arange(len(footage)) / 25
+def at_25_hz(film: list[np.ndarray]) -> np.ndarray:
+    return np.arange(len(film)) / 25
 
 
 def changes(scenes: Scenes) -> list[tuple[str, int, int]]:
@@ -40,25 +40,25 @@ def changes(scenes: Scenes) -> list[tuple[str, int, int]]:
 
 
 def test_hard_cuts_are_found_at_the_first_new_frame() -> None:
-    footage = Place(1).still(20) + Place(2).still(31) + Place(3).still(12)
-    assert changes(find_scenes(footage, at_25_hz(footage))) == [("cut", 20, 20), ("cut", 51, 51)]
+    film = Place(1).still(20) + Place(2).still(31) + Place(3).still(12)
+    assert changes(find_scenes(film, at_25_hz(film))) == [("cut", 20, 20), ("cut", 51, 51)]
 
 
 def test_cuts_two_frames_apart_are_all_found() -> None:
-    footage = Place(1).still(20) + Place(2).still(2) + Place(3).still(2) + Place(4).still(20)
-    assert changes(find_scenes(footage, at_25_hz(footage))) == [("cut", 20, 20), ("cut", 22, 22), ("cut", 24, 24)]
+    film = Place(1).still(20) + Place(2).still(2) + Place(3).still(2) + Place(4).still(20)
+    assert changes(find_scenes(film, at_25_hz(film))) == [("cut", 20, 20), ("cut", 22, 22), ("cut", 24, 24)]
 
 
 def test_a_jump_inside_one_place_is_a_cut_though_everything_is_seen_again() -> None:
     place = Place(5)
-    footage = place.still(25) + [place.picture(t, (30, 4)) for t in range(25)]
-    assert changes(find_scenes(footage, at_25_hz(footage))) == [("cut", 25, 25)]
+    film = place.still(25) + [place.picture(t, (30, 4)) for t in range(25)]
+    assert changes(find_scenes(film, at_25_hz(film))) == [("cut", 25, 25)]
 
 
 @pytest.mark.parametrize("length", [5, 12, 24])
 def test_a_dissolve_is_one_transition_with_its_first_and_last_frame(length: int) -> None:
-    footage = dissolved(Place(1).still(60), Place(2).still(60), length)
-    ((kind, start, end),) = changes(find_scenes(footage, at_25_hz(footage)))
+    film = dissolved(Place(1).still(60), Place(2).still(60), length)
+    ((kind, start, end),) = changes(find_scenes(film, at_25_hz(film)))
     assert kind == "dissolve"
     assert abs(start - (60 - length)) <= 2
     assert abs(end - 60) <= 2
@@ -67,8 +67,8 @@ def test_a_dissolve_is_one_transition_with_its_first_and_last_frame(length: int)
 @pytest.mark.parametrize("level", [0, 255])
 def test_a_fade_through_black_or_white_is_one_transition(level: int) -> None:
     plain = [np.full((HEIGHT, WIDTH, 3), level, np.uint8)] * 30
-    footage = dissolved(dissolved(Place(1).still(50), plain[:24], 10), Place(2).still(50), 10)
-    ((kind, start, end),) = changes(find_scenes(footage, at_25_hz(footage)))
+    film = dissolved(dissolved(Place(1).still(50), plain[:24], 10), Place(2).still(50), 10)
+    ((kind, start, end),) = changes(find_scenes(film, at_25_hz(film)))
     assert kind == "fade"
     assert abs(start - 40) <= 2
     assert abs(end - 64) <= 2
@@ -77,8 +77,8 @@ def test_a_fade_through_black_or_white_is_one_transition(level: int) -> None:
 def test_a_shaking_camera_makes_no_cut() -> None:
     place, generator = Place(7), np.random.default_rng(7)
     path = np.cumsum(generator.normal(0, 5, (60, 2)), axis=0)
-    footage = place.still(20) + [place.picture(t, tuple(path[t])) for t in range(60)]
-    assert changes(find_scenes(footage, at_25_hz(footage))) == []
+    film = place.still(20) + [place.picture(t, tuple(path[t])) for t in range(60)]
+    assert changes(find_scenes(film, at_25_hz(film))) == []
 
 
 def test_a_whip_pan_makes_no_cut() -> None:
@@ -86,16 +86,16 @@ def test_a_whip_pan_makes_no_cut() -> None:
     ease = (1 - np.cos(np.linspace(0, np.pi, 9))) / 2 * 1.5 * WIDTH
     speed = np.gradient(ease) / 2
     pan = [place.picture(t, (float(x), 0), blur=float(v)) for t, (x, v) in enumerate(zip(ease, speed, strict=True))]
-    footage = place.still(25) + pan + [place.picture(t, (float(ease[-1]), 0)) for t in range(25)]
-    assert changes(find_scenes(footage, at_25_hz(footage))) == []
+    film = place.still(25) + pan + [place.picture(t, (float(ease[-1]), 0)) for t in range(25)]
+    assert changes(find_scenes(film, at_25_hz(film))) == []
 
 
 def test_flashes_and_exposure_steps_make_no_cut() -> None:
-    footage = Place(9).still(80)
+    film = Place(9).still(80)
     for frame, gain in ((20, 3.0), (21, 2.0), (50, 2.5)):
-        footage[frame] = np.clip(footage[frame] * gain + 60, 0, 255).astype(np.uint8)
-    footage[60:] = [np.clip(picture * 0.6, 0, 255).astype(np.uint8) for picture in footage[60:]]
-    assert changes(find_scenes(footage, at_25_hz(footage))) == []
+        film[frame] = np.clip(film[frame] * gain + 60, 0, 255).astype(np.uint8)
+    film[60:] = [np.clip(picture * 0.6, 0, 255).astype(np.uint8) for picture in film[60:]]
+    assert changes(find_scenes(film, at_25_hz(film))) == []
 
 
 def test_cuts_are_proposed_where_pyscenedetect_proposes_them() -> None:
@@ -104,21 +104,21 @@ def test_cuts_are_proposed_where_pyscenedetect_proposes_them() -> None:
     pictures = [np.full((18, 32, 3), level, np.uint8) for level in levels]
     adaptive = AdaptiveDetector(min_scene_len=1, min_content_val=6.0)
     content = ContentDetector(threshold=20.0, min_scene_len=1)
-    footage = Footage(at_25_hz(pictures))
+    window = PictureWindow(at_25_hz(pictures))
     proposed: set[int] = set()
     expected: set[int] = set()
     for frame, picture in enumerate(pictures):
         now = FrameTimecode(frame, 25.0)
         expected |= {t.frame_num for t in adaptive.process_frame(now, picture) + content.process_frame(now, picture)}
-        footage.append(picture)
-        proposed |= set(proposals(footage.change))
+        window.append(picture)
+        proposed |= set(proposals(window.change))
     assert len(expected) > 50
     assert proposed == expected
 
 
 def test_what_is_found_does_not_depend_on_where_blocks_end() -> None:
-    footage = [picture for k in range(9) for picture in Place(20 + k).still(67)]
-    assert [start for _, start, _ in changes(find_scenes(footage, at_25_hz(footage)))] == [67 * k for k in range(1, 9)]
+    film = [picture for k in range(9) for picture in Place(20 + k).still(67)]
+    assert [start for _, start, _ in changes(find_scenes(film, at_25_hz(film)))] == [67 * k for k in range(1, 9)]
 
 
 def found_in(path: Path) -> Scenes:

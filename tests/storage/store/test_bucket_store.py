@@ -235,7 +235,7 @@ def test_verify_and_gc_care_for_the_bucket_and_for_the_copies(
     store: BucketStore, elsewhere: BucketStore, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     ref = _put(store).ref
-    outputs = {"toy": f"{__name__}:Result"}
+    outputs = {("toy", 1): f"{__name__}:Result"}
     assert [f.problem for f in maintenance.verify(elsewhere, outputs=outputs, deep=True)] == [""]
     assert not (elsewhere.root / ref.uri).exists(), "to verify a bucket fills no disk"
     assert maintenance.removable(store, unused_days=1) == []
@@ -279,7 +279,7 @@ def test_a_video_recovered_on_one_host_is_known_on_another(toy: Any, bucket: str
     assert toy.main("verify", "--deep", *stored, **other)[1] == "18 artifacts are sound, 0 damaged\n"
     assert bucket in toy.main("store", "du", *stored)[1]
     checked = toy.main("doctor", *stored)[1]
-    assert "writable, knows conditional puts" in checked and "BAD  bucket" not in checked
+    assert "writable, with conditional puts" in checked and "BAD  bucket" not in checked
     assert "BAD  bucket" in toy.main("doctor", "--store", "s3://no-such-bucket")[1]
     told = toy.main("batch", "status", *stored)
     assert told[0] == 1 and f"the store {bucket} has no batch" in told[2]

@@ -259,8 +259,10 @@ def test_when_the_holder_of_a_lock_is_killed_the_waiter_proceeds_within_two_seco
 
 def test_verify_finds_every_damage_and_deep_also_a_wrong_digest(store: Store) -> None:
     folder = store.root / _put(store).ref.uri
-    outputs = {"toy": f"{__name__}:Result"}
+    outputs = {("toy", 1): f"{__name__}:Result"}
     assert [f.problem for f in maintenance.verify(store, outputs={}, deep=False)] == [""]
+    of_today = {("toy", 2): "nowhere:Nothing"}
+    assert [f.problem for f in maintenance.verify(store, outputs=of_today, deep=True)] == [""], "another schema"
     (folder / "files" / "picture.png").write_bytes(b"pictura")
     assert ["picture.png" in f.problem for f in maintenance.verify(store, outputs=outputs, deep=False)] == [True]
     assert list(maintenance.verify(store, outputs={}, deep=False)) == []

@@ -79,7 +79,7 @@ class Scene:
     ) -> PersonShotMotion:
         shot = Shot(0, 0, F, 0, None, (Appearance(0, 0, swapped),), ending)
         camera = ShotCamera(
-            0, F, self.R_shot_cam, np.zeros((F, 3)), self.K, "rotation_only", False, np.zeros((0, 3)), np.nan,
+            0, F, self.R_shot_cam, np.zeros((F, 3)), self.K, "rotation_only", False, np.nan,
         )  # fmt: skip
         (motion,) = fit_shot(ScenePeople(0, F, (track,)), shot, (Person(0, BETAS, 1.0),), TIME, camera).people
         return motion

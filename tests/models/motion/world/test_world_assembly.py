@@ -83,7 +83,7 @@ def shot_of(index: int, person: int = 0) -> tuple[Shot, ScenePeople, ShotCamera,
     start, end = int(frames[0]), int(frames[-1]) + 1
     still = ShotCamera(
         start, end, np.tile(np.eye(3), (LENGTH, 1, 1)), np.zeros((LENGTH, 3)),
-        np.tile(K_of(INTRINSICS), (LENGTH, 1, 1)), "static", True, np.zeros((0, 3)), float("nan"),
+        np.tile(K_of(INTRINSICS), (LENGTH, 1, 1)), "static", True, float("nan"),
     )  # fmt: skip
     began = Transition("cut", start, start, "scene") if index else None
     return (
@@ -94,7 +94,7 @@ def shot_of(index: int, person: int = 0) -> tuple[Shot, ScenePeople, ShotCamera,
     )
 
 
-def footage(people: tuple[int, ...] = (0, 0, 0)) -> ShotResults:
+def results(people: tuple[int, ...] = (0, 0, 0)) -> ShotResults:
     shots, scenes, cameras, motions = zip(*(shot_of(k, person) for k, person in enumerate(people)), strict=True)
     cast = tuple(Person(k, BETAS, 1.0) for k in sorted(set(people)))
     listed = ShotList(3 * LENGTH, shots, cast)
@@ -108,7 +108,7 @@ def turn_error_deg(world: WorldMotion, frame_a: int, frame_b: int) -> float:
 
 
 def test_exact_shots_give_back_cameras_and_motion() -> None:
-    world = align(footage())
+    world = align(results())
     assert [cut.linked for cut in world.cuts] == [True, True]
     # The cut is exact up to a degree or two: priors pull motion and bones a little.
     assert max(turn_error_deg(world, 19, 20), turn_error_deg(world, 39, 40)) < 4.0
@@ -120,7 +120,7 @@ def test_exact_shots_give_back_cameras_and_motion() -> None:
 
 
 def test_reported_turns_are_those_of_the_cameras() -> None:
-    world = align(footage())
+    world = align(results())
     for cut in world.cuts:
         turn = world.R_world_cam[cut.cut_frame - 1].T @ world.R_world_cam[cut.cut_frame]
         np.testing.assert_allclose(cut.R_before_after, turn)
@@ -128,7 +128,7 @@ def test_reported_turns_are_those_of_the_cameras() -> None:
 
 @pytest.mark.parametrize("lost", [0, 1, 2])
 def test_a_failed_shot_is_marked_and_the_others_keep_together(lost: int) -> None:
-    whole = footage()
+    whole = results()
     cameras = [None if k == lost else c for k, c in enumerate(whole.cameras)]
     motions = [None if k == lost else m for k, m in enumerate(whole.motions)]
     world = align(replace(whole, cameras=cameras, motions=motions))
@@ -143,7 +143,7 @@ def test_a_failed_shot_is_marked_and_the_others_keep_together(lost: int) -> None
 
 
 def test_a_shot_of_somebody_else_keeps_gravity_and_floor_and_says_so() -> None:
-    world = align(footage((0, 0, 1)))
+    world = align(results((0, 0, 1)))
     assert [cut.linked for cut in world.cuts] == [True, False]
     assert world.cuts[1].method == "none"
     stranger = world.people[1]
@@ -162,7 +162,7 @@ def within(motion: ShotMotion, clear: tuple[int, int]) -> ShotMotion:
 
 
 def test_frames_of_a_dissolve_are_not_observed_on_either_side() -> None:
-    whole = footage()
+    whole = results()
     dissolve = Transition("dissolve", 17, 23, "scene")
     first, second = replace(whole.shots.shots[0], ending=dissolve), replace(whole.shots.shots[1], transition=dissolve)
     shots = replace(whole.shots, shots=(first, second, whole.shots.shots[2]))
@@ -176,7 +176,7 @@ def test_frames_of_a_dissolve_are_not_observed_on_either_side() -> None:
 
 
 def test_a_shot_with_nobody_in_it_keeps_its_camera() -> None:
-    whole = footage()
+    whole = results()
     middle = whole.motions[1]
     assert middle is not None
     empty = replace(whole.shots.shots[1], people=())
@@ -189,14 +189,14 @@ def test_a_shot_with_nobody_in_it_keeps_its_camera() -> None:
 
 
 def test_the_papers_way_is_there_too() -> None:
-    world = align(footage(), method=align_by_eight_point)
+    world = align(results(), method=align_by_eight_point)
     assert {cut.method for cut in world.cuts} == {"eight-point"}
     assert max(turn_error_deg(world, 19, 20), turn_error_deg(world, 39, 40)) < 25.0
 
 
 def test_a_turn_that_is_known_is_taken_as_it_is_and_the_other_cut_is_still_solved() -> None:
     known = camera(0)[0].T @ camera(1)[0]
-    world = align(footage(), known_rotations={LENGTH: known})
+    world = align(results(), known_rotations={LENGTH: known})
     assert [cut.method for cut in world.cuts] == ["given", "bundle"]
     assert turn_error_deg(world, 19, 20) < 0.1  # levelling all shots together moves it by nothing
     assert turn_error_deg(world, 39, 40) < 4.0

@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from humanmm.config import Config, RunConfig, StageLimits
+from humanmm.config import SECTIONS_OF_NO_STAGE, Config, RunConfig, StageLimits
 from humanmm.errors import ResourceError, StageError, StoreError, TimeLimitError
 from humanmm.tasks import pipeline
 from humanmm.tasks.engine.budget import Budget, resources_of
@@ -290,6 +290,10 @@ def test_limits_can_be_written_as_a_flag_and_a_stage_that_does_not_exist_is_told
     assert done[0] == 0, done
     wrong = toy.main("recover", "film.mp4", "--dry-run", "--run.stages", "{camara = {limit_s = 60}}")
     assert wrong[0] == 2 and "'camara', which is no stage" in wrong[2]
+    for section in SECTIONS_OF_NO_STAGE:
+        with pytest.raises(ValueError, match="which is no stage"):
+            Config.model_validate({"run": {"stages": {section: {"limit_s": 60}}}})
+    Config.model_validate({"run": {"stages": {stage.name: {"limit_s": 60} for stage in pipeline.STAGES}}})
     with pytest.raises(ValueError, match="greater than 0"):
         Config.model_validate({"run": {"limit_s": 0}})
 

@@ -21,7 +21,7 @@ _FROZEN = 0.3
 
 
 @dataclass
-class Footage:
+class PictureWindow:
     """Small pictures of frames [first, end) and scalars of all frames so far; index = frame of the video."""
 
     time_s: np.ndarray

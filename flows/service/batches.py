@@ -1,0 +1,121 @@
+"""What `humanmm batch` has the service do: schedule videos, follow a folder, wait for the end, cancel.
+
+Prefect is imported when its server is up: it reads the server's address as it is imported.
+"""
+
+import contextlib
+import os
+import signal
+import time
+from collections.abc import Iterator, Sequence
+from datetime import datetime
+from pathlib import Path
+
+from humanmm.errors import UsageError
+from humanmm.flows.server.local_server import prefect_server, running_server, server_files
+from humanmm.flows.service.serve import bring_up, is_serving
+from humanmm.storage.batches.batch_table import BatchTable
+from humanmm.storage.batches.manifest import videos_in
+from humanmm.storage.batches.video_row import VideoRow
+from humanmm.tasks.batches.batch import Submission
+from humanmm.tasks.batches.request import BatchRequest
+from humanmm.tasks.batches.watch import Settled
+
+IDLE_S = 120.0
+"""A `humanmm serve` that a batch brought up ends after so many seconds without work."""
+POLL_S = 1.0
+LOOK_AFTER_S = 10.0
+CANCEL_LIMIT_S = 10.0
+
+
+def schedule(table: BatchTable, rows: Sequence[VideoRow], *, limit: int | None) -> None:
+    """Create the flow runs of these videos; start `humanmm serve` if none runs, with `limit` videos at a time."""
+    if not rows:
+        return
+    bring_up(limit=limit, idle_s=IDLE_S)
+    with prefect_server():
+        from humanmm.flows.server import flow_runs
+
+        flow_runs.schedule(table, rows)
+
+
+def set_schedule(request: BatchRequest, store: str, cron: str | None, *, limit: int | None) -> datetime | None:
+    """Submit the batch at the times of a cron line, in this machine's time zone; None ends that. Returns the next."""
+    parameters = {
+        "source": str(request.source.absolute()), "out": str(request.out.absolute()), "store": store,
+        "config": request.config.model_dump(mode="json"), "pattern": request.pattern, "priority": request.priority,
+        "tags": list(request.tags), "settle_s": request.settle_s,
+    }  # fmt: skip
+    bring_up(limit=limit, idle_s=IDLE_S)
+    with prefect_server():
+        from humanmm.flows.server import flow_runs
+
+        return flow_runs.set_schedule(request.batch, cron, _timezone(), parameters)
+
+
+def _timezone() -> str:
+    """The machine's time zone by its name."""
+    named = os.environ.get("TZ") or str(Path("/etc/localtime").resolve()).partition("zoneinfo/")[2]
+    return named if named.lstrip(":") and (Path("/usr/share/zoneinfo") / named).is_file() else "UTC"
+
+
+def watch(request: BatchRequest, table: BatchTable, *, limit: int | None) -> Iterator[Submission]:
+    """Submit again whenever a video has come or changed, and stopped growing; each submission. Never ends by itself."""
+    if not request.source.is_dir():
+        raise UsageError(f"--watch: {request.source} is no folder")
+    settled, taken = Settled(request.settle_s), dict[Path, str]()
+    while True:
+        found = videos_in(request.source, pattern=request.pattern)
+        quiet = settled.look(found, time.monotonic())
+        if not quiet.items() <= taken.items():
+            submission = request.submit(table, [entry for entry in found if entry.video in quiet])
+            yield submission
+            schedule(table, submission.to_schedule, limit=limit)
+            taken = quiet
+        time.sleep(min(max(request.settle_s / 5, 0.2), 5.0))
+
+
+def wait(table: BatchTable, name: str, *, limit: int | None) -> list[VideoRow]:
+    """The rows of a batch when every video has ended.
+
+    Should `humanmm serve` have ended, another one is started, and videos that wait are scheduled again.
+    """
+    looked = time.monotonic()
+    while True:
+        lost = table.find_lost(name)
+        waiting = table.rows(name, "scheduled", "running")
+        if not lost and not waiting:
+            return table.rows(name)
+        time.sleep(POLL_S)
+        if time.monotonic() - looked > LOOK_AFTER_S:
+            looked = time.monotonic()
+            if not is_serving(server_files()):
+                schedule(table, [row for row in waiting if row.state == "scheduled"], limit=limit)
+
+
+def cancel(table: BatchTable, name: str) -> list[VideoRow]:
+    """Cancel what waits, end the processes of what runs here; the rows that were cancelled, as they were before.
+
+    A process on another machine ends when it next renews its lease.
+    """
+    open_states = ("scheduled", "running")
+    cancelled = [
+        row
+        for row in table.rows(name, *open_states)
+        if table.change(row, only_from=open_states, state="cancelled", reason="humanmm batch cancel")
+    ]
+    running = [row for row in cancelled if row.state == "running"]
+    for number in (signal.SIGTERM, signal.SIGKILL):
+        for row in running:
+            if row.pid:
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(row.pid, number)
+        deadline = time.monotonic() + CANCEL_LIMIT_S
+        while time.monotonic() < deadline and any(row.pid for row in running):
+            time.sleep(0.1)
+    if cancelled and (os.environ.get("PREFECT_API_URL") or running_server(server_files())):
+        with prefect_server():
+            from humanmm.flows.server import flow_runs
+
+            flow_runs.cancel([table.row(name, row.video) or row for row in cancelled])
+    return cancelled

@@ -1,0 +1,30 @@
+"""How far a batch is, in words."""
+
+from humanmm.storage.batches.video_row import VideoRow
+from humanmm.tasks.batches.status import status_lines
+
+
+def _row(number: int, state: str, **more: object) -> VideoRow:
+    return VideoRow("night", f"/v/{number}.mp4", number, f"/r/{number}", "{}", "normal", "[]", "", "", 1, state, **more)  # type: ignore[arg-type]
+
+
+def test_the_speed_is_that_of_the_videos_that_ended_and_stages_come_in_their_order() -> None:
+    rows = [
+        _row(0, "done", seconds=20.0), _row(1, "done", seconds=40.0), _row(2, "running", stage="hmr · shot 1"),
+        _row(3, "running", stage="people · scene 0"), _row(4, "scheduled"),
+        _row(5, "failed", stage="decode", reason="it is empty", changed=1.0), _row(6, "failed", changed=2.0),
+    ]  # fmt: skip
+    assert list(status_lines("night", rows)) == [
+        "batch night: 7 videos, 1 scheduled, 2 running, 2 done, 2 failed",
+        "  30.0 s a video, 240 videos an hour, about 1 min left",
+        "  running: 1 in people, 1 in hmr",
+        "  failed: 1 in decode, 1 in no stage",
+        "  failed: /v/6.mp4 (no stage): ",
+        "  failed: /v/5.mp4 (decode): it is empty",
+    ]
+
+
+def test_of_many_failures_the_newest_ten_are_named() -> None:
+    lines = list(status_lines("night", [_row(k, "failed", changed=float(k)) for k in range(12)]))
+    assert "/v/11.mp4" in lines[2] and lines[-1] == "  and 2 more" and len(lines) == 13
+    assert list(status_lines("empty", [])) == ["batch empty: 0 videos, no video"]
