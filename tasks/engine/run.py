@@ -154,7 +154,7 @@ class VideoRun(UnitExecutor):
     def _note_failure(self, outcome: Outcome, error: Exception) -> HumanMMError:
         """The error in our own words, noted; one about the video names the video, which a stage does not know."""
         ours = as_ours(error, outcome.unit.label)
-        if isinstance(ours, VideoError | NoUsablePersonError):
+        if isinstance(ours, VideoError | NoUsablePersonError) and str(self.video.path) not in str(ours):
             ours = type(ours)(f"{self.video.path}: {ours}")
         outcome.state, outcome.error, outcome.reason = "failed", ours, in_words(ours)
         outcome.faults.append(outcome.reason)
