@@ -1,4 +1,4 @@
-"""Opening a video: an already open binary stream in, PyAV's container and its one video stream out.
+"""Opening a video: an already open binary stream in, PyAV's container and one video stream out.
 
 Only demuxers that read the bytes they are given are allowed: a playlist or a concat script named .mp4 would otherwise
 make the library open other files.
@@ -48,10 +48,9 @@ def open_video(stream: BinaryIO, *, max_side_px: int = 16384) -> Iterator[tuple[
     except av.error.FFmpegError as error:
         raise VideoError(f"the video cannot be opened ({error.strerror}); give a {_SUPPORTED} file") from error
     with container:
-        videos = [s for s in container.streams.video if not s.disposition & Disposition.attached_pic]
-        if not videos:
+        video = container.streams.best("video")  # of several the one with the most pictures
+        if not isinstance(video, VideoStream) or not moving_pictures(container):
             raise VideoError("the file holds no moving pictures (sound or a cover picture only); give a video")
-        video = videos[0]
         if video.codec_context is None:
             raise VideoError("the video's codec is unknown here; convert it to H.264, H.265, VP9, AV1 or MPEG-4")
         refuse_absurd_size(max(video.codec_context.width, video.codec_context.height), max_side_px)
@@ -59,6 +58,11 @@ def open_video(stream: BinaryIO, *, max_side_px: int = 16384) -> Iterator[tuple[
         video.codec_context.thread_count = _DECODER_THREADS
         video.codec_context.options = {"max_pixels": limit}
         yield container, video
+
+
+def moving_pictures(container: InputContainer) -> list[VideoStream]:
+    """The streams of pictures that are no cover."""
+    return [s for s in container.streams.video if not s.disposition & Disposition.attached_pic]
 
 
 def refuse_absurd_size(side_px: int, max_side_px: int) -> None:
@@ -76,6 +80,7 @@ class PacketLog:
 
     keyframe_pts: set[int] = field(default_factory=set)
     dts: list[int] = field(default_factory=list)
+    num_packets: int = 0
     broken: int = 0
     """Packets that the decoder rejected."""
     ended_early: bool = False
@@ -94,6 +99,7 @@ def decoded(container: InputContainer, video: VideoStream, log: PacketLog) -> It
             log.ended_early = True
             packet = None  # type: ignore[assignment]
         if packet is not None and packet.size:
+            log.num_packets += 1
             if packet.is_keyframe and packet.pts is not None:
                 log.keyframe_pts.add(packet.pts)
             if packet.dts is not None:

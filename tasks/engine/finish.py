@@ -196,8 +196,7 @@ def _record(run: VideoRun, state: str, started: float) -> dict[str, Any]:
         facts=run.read(Unit(run.stages[0]), VideoFacts),
         shots=run.read(Unit(shot_source), ShotList),
         cameras=[
-            run.read(unit, ShotCamera) if run.manifest(*unit.id) else None
-            for unit in run.units(camera_stage) or ()
+            run.read(unit, ShotCamera) if run.manifest(*unit.id) else None for unit in run.units(camera_stage) or ()
         ],
         motion=run.read(Unit(motion_source), WorldMotion) if motion_source else None,
         stages=stages,

@@ -111,6 +111,13 @@ def test_a_changed_weight_file_reruns_its_stage(toy: Any, monkeypatch: pytest.Mo
     assert _reasons(run, "people") == {"weight file changed: net.tflite"}
 
 
+def test_where_nobody_is_found_the_oddities_of_the_file_are_told(toy: Any) -> None:
+    toy.edit("shots", 'act("shots", inputs)', 'act("shots", inputs)\n    raise NoUsablePersonError("nobody")')
+    toy.edit("shots", "import numpy as np\n", "import numpy as np\n\nfrom humanmm.errors import NoUsablePersonError\n")
+    run = toy.run(expect_failure=True)
+    assert run.outcomes["shots", 0].reason.endswith("film.mp4: nobody (of the file: a toy)")
+
+
 CHANGES = {
     "grown": "path.write_bytes(old + b' ')",
     "truncated": "path.write_bytes(old[:5])",
