@@ -13,6 +13,7 @@ import av
 from av.container import InputContainer
 from av.packet import Packet
 from av.stream import Disposition
+from av.video.codeccontext import VideoCodecContext
 from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
 
@@ -24,6 +25,13 @@ DEMUXERS = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpegts,flv"
 
 _DECODER_THREADS = 4
 """Fixed, not the number of cores: how a decoder recovers from damage depends on it, and facts must fit every reader."""
+
+_DECODER_MB = 1200.0
+"""Beyond this the threads share one picture (slices): each thread that has a picture of its own keeps two more."""
+
+_PICTURES_KEPT = {"h264": 18, "hevc": 10, "vp8": 6, "vp9": 10, "av1": 12}
+"""Pictures that a decoder keeps at the same time: references, the current one and the one given out. H.264 allows 16
+references whatever the size, HEVC 6 of its largest size; decoders of other codecs keep 5 at most."""
 
 _SUPPORTED = "mp4, mov, mkv, webm or avi"
 
@@ -54,7 +62,8 @@ def open_video(stream: BinaryIO, *, max_side_px: int = 16384) -> Iterator[tuple[
         if video.codec_context is None:
             raise VideoError("the video's codec is unknown here; convert it to H.264, H.265, VP9, AV1 or MPEG-4")
         refuse_absurd_size(max(video.codec_context.width, video.codec_context.height), max_side_px)
-        video.thread_type = "AUTO"
+        kept_mb, picture_mb = decoder_mb(video.codec_context)
+        video.thread_type = "AUTO" if kept_mb + 2 * _DECODER_THREADS * picture_mb <= _DECODER_MB else "SLICE"
         video.codec_context.thread_count = _DECODER_THREADS
         video.codec_context.options = {"max_pixels": limit}
         yield container, video
@@ -71,6 +80,25 @@ def refuse_absurd_size(side_px: int, max_side_px: int) -> None:
         raise VideoError(
             f"the header declares a picture side of {side_px} px, more than decode.max_side_px = {max_side_px}; "
             "scale the video down, or raise that setting"
+        )
+
+
+def decoder_mb(codec: VideoCodecContext) -> tuple[float, float]:
+    """Memory that a decoder may need for all pictures that it keeps, and for one of them, MB."""
+    picture_format = codec.format
+    bits = picture_format.padded_bits_per_pixel if picture_format is not None else 12
+    picture_mb = codec.width * codec.height * bits / 8e6
+    return _PICTURES_KEPT.get(codec.name, 5) * picture_mb, picture_mb
+
+
+def refuse_absurd_memory(codec: VideoCodecContext, max_memory_mb: float) -> None:
+    """Raise VideoError for pictures of which a decoder may need more memory than the limit."""
+    kept_mb, picture_mb = decoder_mb(codec)
+    if kept_mb > max_memory_mb:
+        raise VideoError(
+            f"{codec.width} x {codec.height} px as {codec.pix_fmt} are {picture_mb:.0f} MB a picture, and a decoder of "
+            f"{codec.name} keeps up to {kept_mb / picture_mb:.0f}: {kept_mb:.0f} MB, more than decode.max_memory_mb = "
+            f"{max_memory_mb:.0f}; scale the video down, or raise that setting"
         )
 
 

@@ -20,7 +20,14 @@ from jaxtyping import Float
 
 from humanmm.errors import VideoError
 from humanmm.models.records.video import VideoFacts
-from humanmm.models.video.container import PacketLog, decoded, moving_pictures, open_video, refuse_absurd_size
+from humanmm.models.video.container import (
+    PacketLog,
+    decoded,
+    moving_pictures,
+    open_video,
+    refuse_absurd_memory,
+    refuse_absurd_size,
+)
 from humanmm.models.video.declared_size import count_movies
 from humanmm.models.video.frame_times import LONG_GAP_S, check_times, longest_gap_s
 
@@ -37,11 +44,12 @@ class _Pictures:
     damaged: int = 0
 
 
-def read_facts(stream: BinaryIO, *, max_side_px: int = 8192) -> VideoFacts:
+def read_facts(stream: BinaryIO, *, max_side_px: int = 8192, max_memory_mb: float = 1200) -> VideoFacts:
     """Facts of the video in an open, seekable binary stream. Raises VideoError when fewer than two frames decode, or
     when their time stamps cannot be true."""
     with open_video(stream, max_side_px=max_side_px) as (container, video):
-        pictures = _decode_all(container, video, max_side_px)
+        refuse_absurd_memory(video.codec_context, max_memory_mb)
+        pictures = _decode_all(container, video, max_side_px=max_side_px, max_memory_mb=max_memory_mb)
         first, time_base, pts = pictures.first, video.time_base, pictures.pts
         if first is None or time_base is None:
             what = (
@@ -83,14 +91,18 @@ def read_facts(stream: BinaryIO, *, max_side_px: int = 8192) -> VideoFacts:
     )
 
 
-def _decode_all(container: InputContainer, video: VideoStream, max_side_px: int) -> _Pictures:
+def _decode_all(container: InputContainer, video: VideoStream, *, max_side_px: int, max_memory_mb: float) -> _Pictures:
     found = _Pictures()
+    size = None
     if video.codec_context.name in ("h264", "hevc"):
         video.codec_context.options = video.codec_context.options | {"skip_loop_filter": "all"}
     for picture in decoded(container, video, found.log):
         if found.first is None:
             found.first = picture
-        refuse_absurd_size(max(picture.width, picture.height), max_side_px)
+        if (picture.width, picture.height, picture.format.name) != size:  # which may change inside the video
+            size = picture.width, picture.height, picture.format.name
+            refuse_absurd_size(max(size[:2]), max_side_px)
+            refuse_absurd_memory(video.codec_context, max_memory_mb)
         found.resized += (picture.width, picture.height) != (found.first.width, found.first.height)
         found.damaged += picture.is_corrupt
         found.pts.append(picture.pts)

@@ -2,6 +2,8 @@
 
 import io
 import struct
+import subprocess
+import sys
 from collections.abc import Callable
 from fractions import Fraction
 from pathlib import Path
@@ -11,6 +13,7 @@ import numpy as np
 import pytest
 
 from humanmm.errors import VideoError
+from humanmm.models.video import reading
 from humanmm.models.video.declared_size import declared_sides_px
 from humanmm.models.video.frames import frames
 from humanmm.models.video.reading import read_facts
@@ -147,6 +150,55 @@ def test_a_limit_below_the_pictures_own_size_refuses_every_container(clip: Clip)
         assert max(declared_sides_px(file)) == 128
         with pytest.raises(VideoError, match=r"128 px, more than decode\.max_side_px = 100"):
             read_facts(file, max_side_px=100)
+
+
+def test_pictures_that_need_more_memory_than_the_limit_are_refused_before_they_are_decoded(
+    clip: Clip, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = clip(num_frames=5, pix_fmt="yuv444p")
+    assert read_facts(file, max_memory_mb=0.7).num_frames == 5  # 18 pictures of 128 x 96 x 3 bytes
+    monkeypatch.setattr(reading, "decoded", None)
+    with pytest.raises(VideoError, match=r"keeps up to 18: 1 MB, more than decode\.max_memory_mb = 0; scale the video"):
+        read_facts(file, max_memory_mb=0.4)
+
+
+BLACK = """
+import resource, sys
+import av
+from fractions import Fraction
+from humanmm.errors import VideoError
+from humanmm.models.video.frames import frames, planar_frames
+from humanmm.models.video.reading import read_facts
+codec, form, side, path = sys.argv[1:]
+with av.open(path, "w") as out:
+    stream = out.add_stream(codec, rate=25, options={"g": "1"})
+    stream.width = stream.height = int(side)
+    stream.pix_fmt = form
+    stream.codec_context.thread_count = 1
+    picture = av.VideoFrame(int(side), int(side), form)
+    for number in range(8):
+        picture.pts, picture.time_base = number, Fraction(1, 25)
+        out.mux(stream.encode(picture))
+    out.mux(stream.encode(None))
+"""
+READ = """
+with open(path, "rb") as file:
+    facts = read_facts(file)
+    list(frames(file, facts, pixels="gray", max_side_px=640)), list(frames(file, facts, max_side_px=1920))
+    list(planar_frames(file, facts, 0, facts.num_frames, max_side_px=1280))
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("codec", "form"), [("mjpeg", "yuvj444p"), ("mpeg4", "yuv420p")])
+def test_the_largest_pictures_that_are_read_take_less_than_1500_mb(codec: str, form: str, tmp_path: Path) -> None:
+    path = str(tmp_path / "black.mkv")
+    arguments = [codec, form, "8192" if codec == "mjpeg" else "8176", path]
+    subprocess.run([sys.executable, "-c", BLACK, *arguments], check=True)
+    head = BLACK.partition("with av.open")[0]
+    done = subprocess.run([sys.executable, "-c", head + READ, *arguments], check=True, capture_output=True, text=True)
+    assert int(done.stdout) < 1500
 
 
 def test_frames_left_out_by_an_edit_list_are_not_announced(clip: Clip, number_of: NumberOf) -> None:
