@@ -40,9 +40,7 @@ def evaluate(
 def export(
     run_dir: RunDir,
     *,
-    format_name: Annotated[
-        FormatName, Option("--format", metavar="NAME", help=", ".join(FORMATS), show_default=False)
-    ],
+    format_name: Annotated[FormatName, Option("--format", metavar="NAME", help=", ".join(FORMATS), show_default=False)],
     force: Force = False,
 ) -> None:
     """Write a finished run in another tool's format: RUN_DIR/export/person_<nn>.<suffix>."""
