@@ -17,7 +17,7 @@ from prefect.states import Cancelled, Completed, Failed
 
 from humanmm.config import Config
 from humanmm.errors import HumanMMError
-from humanmm.flows.recover import DEFAULTS, EVERYTHING, opened, recover
+from humanmm.flows.recover import DEFAULTS, EVERYTHING, opened, recover, recover_stages
 from humanmm.flows.server.flow_runs import schedule
 from humanmm.logs import keeping_text, to_standard_error, wants_json
 from humanmm.storage.batches.batch_table import open_batches
@@ -75,7 +75,7 @@ def _recover_running(
     token = opened.set(watch)
     try:
         with keeping_text() as text:
-            state: State[Any] = recover.fn(video, out, config, store, selection)
+            state: State[Any] = recover_stages(video, out, config, store, selection)
     except Exception as error:  # recorded, then raised: this is the edge of the flow
         running.fail(error)
         if isinstance(error, HumanMMError):

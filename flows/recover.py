@@ -6,13 +6,16 @@ at the same time.
 """
 
 import contextvars
+import signal
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from prefect import flow
+from prefect.exceptions import TerminationSignal
 from prefect.runtime import flow_run
+from prefect.states import Cancelled
 
 from humanmm.config import Config
 from humanmm.flows.gpu import gpu_slot
@@ -42,7 +45,19 @@ def recover(
     store: Path | None = None,
     selection: Selection = EVERYTHING,
 ) -> Any:
-    """Recover the people and cameras of one video into a run folder (default: runs/<name of the video>)."""
+    """Recover the people and cameras of one video into a run folder (default: runs/<name of the video>).
+
+    A process that is told to stop leaves a flow run that is `Cancelled`: Prefect would call it `Crashed`.
+    """
+    try:
+        return recover_stages(video, out, config, store, selection)
+    except (KeyboardInterrupt, TerminationSignal) as stop:
+        number = stop.signal if isinstance(stop, TerminationSignal) else signal.SIGINT
+        return Cancelled(message=f"stopped by {signal.Signals(number).name}")
+
+
+def recover_stages(video: Path, out: Path | None, config: Config, store: Path | None, selection: Selection) -> Any:
+    """The stages of `recover` in a flow run that has begun; returns its final state."""
     begun = time.time()
     with StageTasks(_open(video, config, store, selection)) as stage:
         stage("decode")  # container facts, exact frame times

@@ -7,5 +7,6 @@ from humanmm.tasks.inputs import StageInputs
 
 def decode(inputs: StageInputs) -> VideoFacts:
     """Facts of the video."""
+    settings = inputs.config.decode
     with inputs.open_video() as stream:
-        return read_facts(stream, max_side_px=inputs.config.decode.max_side_px)
+        return read_facts(stream, max_side_px=settings.max_side_px, max_memory_mb=settings.max_memory_mb)

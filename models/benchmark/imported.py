@@ -15,6 +15,7 @@ from humanmm.errors import InputError
 from humanmm.models.body.body24 import JOINT_NAMES, load_body
 from humanmm.models.body.kinematics import forward_kinematics
 from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat, swing
+from humanmm.models.records.foreign_arrays import frame_numbers, numbers, rotations
 from humanmm.models.records.sequence import MotionSequence, PersonSequence
 
 Array = np.ndarray
@@ -43,42 +44,50 @@ class SystemResult:
 
 def gvhmr_result(parameters: Mapping[str, Any]) -> SystemResult:
     """From GVHMR's smpl_params_global: y up."""
-    orient, pose = _rows(parameters, "global_orient", 3), _rows(parameters, "body_pose", 63)
-    transl = _rows(parameters, "transl", 3)
-    frame = np.arange(len(orient))
-    return SystemResult(frame, rotvec_to_rotmat(orient), pose.reshape(len(pose), -1, 3), transl, Y_UP)
+    orient = numbers(parameters, "global_orient", (None, 3), finite=True)
+    pose = numbers(parameters, "body_pose", (len(orient), 63), finite=True).reshape(-1, 21, 3)
+    transl = numbers(parameters, "transl", (len(orient), 3), finite=True)
+    return SystemResult(np.arange(len(orient)), rotvec_to_rotmat(orient), pose, transl, Y_UP)
 
 
 def wham_result(tracks: Sequence[Mapping[str, Any]]) -> SystemResult:
     """From WHAM's longest track: y up."""
-    track = max(tracks, key=lambda one: len(one["frame_ids"]))
-    pose = _rows(track, "pose_world", 72).reshape(-1, 24, 3)
-    frame = np.asarray(track["frame_ids"]).astype(np.int64)
-    transl = _rows(track, "trans_world", 3)
+    track = max(tracks, key=lambda one: np.size(one.get("frame_ids", ())))
+    pose = numbers(track, "pose_world", (None, 72), finite=True).reshape(-1, 24, 3)
+    frame = frame_numbers(track, "frame_ids", len(pose))
+    transl = numbers(track, "trans_world", (len(pose), 3), finite=True)
     return SystemResult(frame, rotvec_to_rotmat(pose[:, 0]), pose[:, 1:], transl, Y_UP, _note(len(tracks)))
 
 
 def slahmr_result(arrays: Mapping[str, Array]) -> SystemResult:
     """From SLAHMR's first track, in the first camera's axes; its floor says what is up, if it has one."""
-    orient, pose, trans = (arrays[name].astype(np.float64) for name in ("root_orient", "pose_body", "trans"))
-    if orient.ndim == 2:  # a single track without its own axis
-        orient, pose, trans = orient[None], pose[None], trans[None]
+    given = {name: arrays[name] for name in ("root_orient", "pose_body", "trans") if name in arrays}
+    num_tracks = len(given["root_orient"]) if given["root_orient"].ndim == 3 else 1
+    first = {name: array[:1] if array.ndim == 3 else array for name, array in given.items()}
+    orient = numbers(first, "root_orient", (None, 3), finite=True)
+    pose = numbers(first, "pose_body", (len(orient), 63), finite=True).reshape(-1, 21, 3)
+    trans = numbers(first, "trans", (len(orient), 3), finite=True)
     up = CAMERA_UP
     if "floor_plane" in arrays:
-        normal = arrays["floor_plane"].astype(np.float64).reshape(-1, arrays["floor_plane"].shape[-1])[0, :3]
+        planes = numbers(
+            {"floor_plane": np.atleast_2d(arrays["floor_plane"])}, "floor_plane", (None, None), finite=True
+        )
+        if planes.shape[0] < 1 or planes.shape[1] < 3:
+            raise InputError(f"floor_plane has shape {planes.shape}; expected at least one row of three numbers")
+        normal = planes[0, :3]
         length = float(np.linalg.norm(normal))
         if length > 1e-6:
             up = normal / length * (1.0 if normal @ CAMERA_UP >= 0 else -1.0)
-    frame = np.arange(orient.shape[1])
-    body_pose = pose[0].reshape(len(frame), -1, 3)
-    return SystemResult(frame, rotvec_to_rotmat(orient[0]), body_pose, trans[0], up, _note(len(orient)))
+    return SystemResult(np.arange(len(orient)), rotvec_to_rotmat(orient), pose, trans, up, _note(num_tracks))
 
 
 def tram_result(arrays: Mapping[str, Array]) -> SystemResult:
     """From TRAM's person in camera axes and its camera."""
-    R_cam_body = arrays["pred_rotmat"].astype(np.float64).reshape(-1, 24, 3, 3)
-    trans, frame = arrays["pred_trans"].astype(np.float64).reshape(-1, 3), arrays["frame"].astype(np.int64).ravel()
-    R, t = arrays["pred_cam_R"].astype(np.float64)[frame], arrays["pred_cam_T"].astype(np.float64).reshape(-1, 3)[frame]
+    R_cam_body = rotations(arrays, "pred_rotmat", (None, 24, 3, 3), finite=True)
+    trans = numbers(arrays, "pred_trans", (len(R_cam_body), 3), finite=True)
+    cameras = rotations(arrays, "pred_cam_R", (None, 3, 3), finite=True)
+    frame = frame_numbers(arrays, "frame", len(R_cam_body), below=len(cameras))
+    R, t = cameras[frame], numbers(arrays, "pred_cam_T", (len(cameras), 3), finite=True)[frame]
     transl = (R @ (trans + SMPL_REST_PELVIS)[..., None])[..., 0] + t - SMPL_REST_PELVIS
     return SystemResult(frame, R @ R_cam_body[:, 0], rotmat_to_rotvec(R_cam_body[:, 1:]), transl, CAMERA_UP)
 
@@ -100,15 +109,6 @@ def imported_sequence(result: SystemResult, *, num_frames: int, fps: float) -> M
         R_world_root=R_root,
     )
     return MotionSequence(num_frames, fps, JOINT_NAMES, (person,), (), notes=result.notes)
-
-
-def _rows(arrays: Mapping[str, Any], name: str, width: int) -> Array:
-    if name not in arrays:
-        raise InputError(f"{name} is missing; expected {width} numbers a frame")
-    array = np.asarray(arrays[name], np.float64)
-    if array.shape[-1:] != (width,):
-        raise InputError(f"{name} has shape {array.shape}; expected {width} numbers a frame")
-    return array.reshape(-1, width)
 
 
 def _note(num_tracks: int) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""Opening a video: an already open binary stream in, PyAV's container and its one video stream out.
+"""Opening a video: an already open binary stream in, PyAV's container and one video stream out.
 
 Only demuxers that read the bytes they are given are allowed: a playlist or a concat script named .mp4 would otherwise
 make the library open other files.
@@ -13,6 +13,7 @@ import av
 from av.container import InputContainer
 from av.packet import Packet
 from av.stream import Disposition
+from av.video.codeccontext import VideoCodecContext
 from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
 
@@ -24,6 +25,13 @@ DEMUXERS = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpegts,flv"
 
 _DECODER_THREADS = 4
 """Fixed, not the number of cores: how a decoder recovers from damage depends on it, and facts must fit every reader."""
+
+_DECODER_MB = 1200.0
+"""Beyond this the threads share one picture (slices): each thread that has a picture of its own keeps two more."""
+
+_PICTURES_KEPT = {"h264": 18, "hevc": 10, "vp8": 6, "vp9": 10, "av1": 12}
+"""Pictures that a decoder keeps at the same time: references, the current one and the one given out. H.264 allows 16
+references whatever the size, HEVC 6 of its largest size; decoders of other codecs keep 5 at most."""
 
 _SUPPORTED = "mp4, mov, mkv, webm or avi"
 
@@ -48,17 +56,22 @@ def open_video(stream: BinaryIO, *, max_side_px: int = 16384) -> Iterator[tuple[
     except av.error.FFmpegError as error:
         raise VideoError(f"the video cannot be opened ({error.strerror}); give a {_SUPPORTED} file") from error
     with container:
-        videos = [s for s in container.streams.video if not s.disposition & Disposition.attached_pic]
-        if not videos:
+        video = container.streams.best("video")  # of several the one with the most pictures
+        if not isinstance(video, VideoStream) or not moving_pictures(container):
             raise VideoError("the file holds no moving pictures (sound or a cover picture only); give a video")
-        video = videos[0]
         if video.codec_context is None:
             raise VideoError("the video's codec is unknown here; convert it to H.264, H.265, VP9, AV1 or MPEG-4")
         refuse_absurd_size(max(video.codec_context.width, video.codec_context.height), max_side_px)
-        video.thread_type = "AUTO"
+        kept_mb, picture_mb = decoder_mb(video.codec_context)
+        video.thread_type = "AUTO" if kept_mb + 2 * _DECODER_THREADS * picture_mb <= _DECODER_MB else "SLICE"
         video.codec_context.thread_count = _DECODER_THREADS
         video.codec_context.options = {"max_pixels": limit}
         yield container, video
+
+
+def moving_pictures(container: InputContainer) -> list[VideoStream]:
+    """The streams of pictures that are no cover."""
+    return [s for s in container.streams.video if not s.disposition & Disposition.attached_pic]
 
 
 def refuse_absurd_size(side_px: int, max_side_px: int) -> None:
@@ -70,12 +83,32 @@ def refuse_absurd_size(side_px: int, max_side_px: int) -> None:
         )
 
 
+def decoder_mb(codec: VideoCodecContext) -> tuple[float, float]:
+    """Memory that a decoder may need for all pictures that it keeps, and for one of them, MB."""
+    picture_format = codec.format
+    bits = picture_format.padded_bits_per_pixel if picture_format is not None else 12
+    picture_mb = codec.width * codec.height * bits / 8e6
+    return _PICTURES_KEPT.get(codec.name, 5) * picture_mb, picture_mb
+
+
+def refuse_absurd_memory(codec: VideoCodecContext, max_memory_mb: float) -> None:
+    """Raise VideoError for pictures of which a decoder may need more memory than the limit."""
+    kept_mb, picture_mb = decoder_mb(codec)
+    if kept_mb > max_memory_mb:
+        raise VideoError(
+            f"{codec.width} x {codec.height} px as {codec.pix_fmt} are {picture_mb:.0f} MB a picture, and a decoder of "
+            f"{codec.name} keeps up to {kept_mb / picture_mb:.0f}: {kept_mb:.0f} MB, more than decode.max_memory_mb = "
+            f"{max_memory_mb:.0f}; scale the video down, or raise that setting"
+        )
+
+
 @dataclass
 class PacketLog:
     """Facts of the packets, noted while their pictures were decoded."""
 
     keyframe_pts: set[int] = field(default_factory=set)
     dts: list[int] = field(default_factory=list)
+    num_packets: int = 0
     broken: int = 0
     """Packets that the decoder rejected."""
     ended_early: bool = False
@@ -94,6 +127,7 @@ def decoded(container: InputContainer, video: VideoStream, log: PacketLog) -> It
             log.ended_early = True
             packet = None  # type: ignore[assignment]
         if packet is not None and packet.size:
+            log.num_packets += 1
             if packet.is_keyframe and packet.pts is not None:
                 log.keyframe_pts.add(packet.pts)
             if packet.dts is not None:

@@ -39,6 +39,24 @@ def declared_sides_px(stream: BinaryIO) -> tuple[int, ...]:
         stream.seek(0)
 
 
+def count_movies(stream: BinaryIO) -> int:
+    """How many whole mp4 or mov files lie one after the other in one file, of which only the first is read; 0 or 1
+    for other containers and for files in fragments. The stream's position is left at the start."""
+    size, at, kinds = stream.seek(0, 2), 0, list[bytes]()
+    try:
+        while at + 8 <= size and len(kinds) < _MAX_BOXES:
+            stream.seek(at)
+            length, kind = struct.unpack(">I4s", stream.read(8))
+            if length == 1:
+                (length,) = struct.unpack(">Q", stream.read(8))
+            kinds.append(kind)
+            at += length if length >= 8 else size
+    except struct.error:
+        pass
+    stream.seek(0)
+    return 1 if b"moof" in kinds else kinds.count(b"moov")
+
+
 def _mp4_sides(stream: BinaryIO, begin: int, end: int, budget: list[int]) -> Iterator[int]:
     """Sides in `tkhd` (track) and in the first sample entry of a visual track's `stsd` between two file positions."""
     visual = False

@@ -10,10 +10,37 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from humanmm.errors import VideoError
+
 Array = np.ndarray
 
 ROUNDING_S = 1e-6
 """Presentation times are multiples of a time base that carry a rounding error far below this."""
+
+
+LONG_GAP_S, MAX_GAP_S, MAX_RATE_HZ = 5.0, 3600.0, 2000.0
+_RESTAMP = (
+    "and motion needs true times: write new ones, for instance with `ffmpeg -i FILE -vf setpts=N/25/TB -an NEW.mp4`"
+)
+
+
+def check_times(time_s: Float[Array, " F"], *, num_pictures: int) -> None:
+    """Raise VideoError where the times that are left of `num_pictures` cannot be true."""
+    if len(time_s) < 2:
+        raise VideoError(f"all {num_pictures} pictures of the video have the same time stamp, {_RESTAMP}")
+    if np.median(np.diff(time_s)) * MAX_RATE_HZ < 1:
+        total_s = float(time_s[-1] - time_s[0])
+        raise VideoError(f"{len(time_s)} pictures in {total_s:.6f} s: the time stamps are wrong, {_RESTAMP}")
+    before, gap_s = longest_gap_s(time_s)
+    if gap_s > MAX_GAP_S:
+        raise VideoError(f"after {before:.2f} s no picture comes for {gap_s:.0f} s: a time stamp is wrong, {_RESTAMP}")
+
+
+def longest_gap_s(time_s: Float[Array, " F"]) -> tuple[float, float]:
+    """The time before the longest gap between two frames, and its length, seconds."""
+    gaps_s = np.diff(time_s)
+    longest = int(np.argmax(gaps_s))
+    return float(time_s[longest]), float(gaps_s[longest])
 
 
 def elapsed_s(time_s: Float[Array, " F"], first: int, last: int) -> float:

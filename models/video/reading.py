@@ -7,77 +7,80 @@ processor time a frame at 720p, and cannot change which frames come out.
 
 import struct
 from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import BinaryIO
 
 import numpy as np
+from av.container import InputContainer
 from av.sidedata.sidedata import SideData
 from av.video.frame import PictureType, VideoFrame
 from av.video.stream import VideoStream
+from jaxtyping import Float
 
 from humanmm.errors import VideoError
 from humanmm.models.records.video import VideoFacts
-from humanmm.models.video.container import PacketLog, decoded, open_video, refuse_absurd_size
+from humanmm.models.video.container import (
+    PacketLog,
+    decoded,
+    moving_pictures,
+    open_video,
+    refuse_absurd_memory,
+    refuse_absurd_size,
+)
+from humanmm.models.video.declared_size import count_movies
+from humanmm.models.video.frame_times import LONG_GAP_S, check_times, longest_gap_s
 
 
-def read_facts(stream: BinaryIO, *, max_side_px: int = 8192) -> VideoFacts:
-    """Facts of the video in an open, seekable binary stream. Raises VideoError when fewer than two frames decode."""
-    log = PacketLog()
+@dataclass
+class _Pictures:
+    """What decoding every picture once has shown."""
+
+    log: PacketLog = field(default_factory=PacketLog)
     first: VideoFrame | None = None
-    pts: list[int | None] = []
-    intra: set[int | None] = set()
-    resized, damaged = 0, 0
-    with open_video(stream, max_side_px=max_side_px) as (container, video):
-        if video.codec_context.name in ("h264", "hevc"):
-            video.codec_context.options = video.codec_context.options | {"skip_loop_filter": "all"}
-        for picture in decoded(container, video, log):
-            if first is None:
-                first = picture
-            refuse_absurd_size(max(picture.width, picture.height), max_side_px)
-            resized += (picture.width, picture.height) != (first.width, first.height)
-            damaged += picture.is_corrupt
-            pts.append(picture.pts)
-            if picture.pict_type == PictureType.I:
-                intra.add(picture.pts)
-        container_name = container.format.name
-        codec = video.codec_context.name
-        declared_frames = video.frames
-        counted = _times_are_guesses(pts, container_name, video)
-        time_base = video.time_base
-        sar = video.sample_aspect_ratio
-    if first is None or time_base is None:
-        raise VideoError("no picture of the video could be decoded; the file is damaged: give an intact copy")
-    if len(pts) == 1:
-        raise VideoError("the video holds one picture only; motion needs at least two frames")
+    pts: list[int | None] = field(default_factory=list)
+    intra: set[int | None] = field(default_factory=set)
+    resized: int = 0
+    damaged: int = 0
 
-    kept = _counted_pts(pts, log) if counted else _increasing_pts(pts)
+
+def read_facts(stream: BinaryIO, *, max_side_px: int = 8192, max_memory_mb: float = 1200) -> VideoFacts:
+    """Facts of the video in an open, seekable binary stream. Raises VideoError when fewer than two frames decode, or
+    when their time stamps cannot be true."""
+    with open_video(stream, max_side_px=max_side_px) as (container, video):
+        refuse_absurd_memory(video.codec_context, max_memory_mb)
+        pictures = _decode_all(container, video, max_side_px=max_side_px, max_memory_mb=max_memory_mb)
+        first, time_base, pts = pictures.first, video.time_base, pictures.pts
+        if first is None or time_base is None:
+            what = (
+                "could be decoded; the file is damaged" if pictures.log.num_packets else "is in it: its track is empty"
+            )
+            raise VideoError(f"no picture of the video {what}: give an intact copy")
+        if len(pts) == 1:
+            raise VideoError("the video holds one picture only; motion needs at least two frames")
+        counted = _times_are_guesses(pts, container.format.name, video)
+        kept = _counted_pts(pts, pictures.log) if counted else _increasing_pts(pts)
+        time_s = np.array([float(p * time_base) for p in kept])
+        check_times(time_s, num_pictures=len(pts))
+        warnings = [
+            *_warnings(pictures, video, time_s),
+            *_other_videos(stream, container, pictures, is_timed=not counted),
+        ]
+        if counted:
+            warnings.append("the container keeps no presentation times: a constant frame rate is assumed")
+        codec, container_name = video.codec_context.name, container.format.name
+
     # a stream with gradual intra refresh flags ordinary pictures as keyframes: decoding must not start there
-    keyframe = np.array([p in log.keyframe_pts and p in intra for p in kept])
+    keyframe = np.array([p in pictures.log.keyframe_pts and p in pictures.intra for p in kept])
     if counted:
         keyframe[:] = False
     keyframe[0] = True
     rotation_deg, mirrored = _orientation(first)
     on_its_side = rotation_deg in (90, 270)
-
-    warnings = []
-    if log.broken or damaged:
-        warnings.append(f"{log.broken} packets could not be decoded and {damaged} pictures are damaged")
-    if log.ended_early or declared_frames > len(pts) + log.broken:
-        at_s = float(kept[-1] * time_base)
-        of_declared = f"of {declared_frames} declared frames " if declared_frames else ""
-        warnings.append(f"the file is incomplete: {of_declared}{len(pts)} decode, the last at {at_s:.2f} s")
-    if len(kept) < len(pts):
-        warnings.append(f"{len(pts) - len(kept)} pictures whose time stamp repeats or runs backwards are left out")
-    if resized:
-        size = f"{first.width} x {first.height} px"
-        warnings.append(f"the picture size changes inside the video: {resized} frames are scaled to {size}")
-    if sar and sar != 1:
-        warnings.append(f"pixels are not square (aspect {sar}): bodies look too wide or narrow: convert the video")
-    if counted:
-        warnings.append("the container keeps no presentation times: a constant frame rate is assumed")
     return VideoFacts(
         width=first.height if on_its_side else first.width,
         height=first.width if on_its_side else first.height,
-        time_s=np.array([float(p * time_base) for p in kept]),
+        time_s=time_s,
         keyframe=keyframe,
         rotation_deg=rotation_deg,
         codec=codec,
@@ -86,6 +89,63 @@ def read_facts(stream: BinaryIO, *, max_side_px: int = 8192) -> VideoFacts:
         mirrored=mirrored,
         counted=counted,
     )
+
+
+def _decode_all(container: InputContainer, video: VideoStream, *, max_side_px: int, max_memory_mb: float) -> _Pictures:
+    found = _Pictures()
+    size = None
+    if video.codec_context.name in ("h264", "hevc"):
+        video.codec_context.options = video.codec_context.options | {"skip_loop_filter": "all"}
+    for picture in decoded(container, video, found.log):
+        if found.first is None:
+            found.first = picture
+        if (picture.width, picture.height, picture.format.name) != size:  # which may change inside the video
+            size = picture.width, picture.height, picture.format.name
+            refuse_absurd_size(max(size[:2]), max_side_px)
+            refuse_absurd_memory(video.codec_context, max_memory_mb)
+        found.resized += (picture.width, picture.height) != (found.first.width, found.first.height)
+        found.damaged += picture.is_corrupt
+        found.pts.append(picture.pts)
+        if picture.pict_type == PictureType.I:
+            found.intra.add(picture.pts)
+    return found
+
+
+def _warnings(pictures: _Pictures, video: VideoStream, time_s: Float[np.ndarray, " F"]) -> Iterator[str]:
+    """What is wrong with the pictures and their times, one sentence each."""
+    log, first, num_pictures = pictures.log, pictures.first, len(pictures.pts)
+    assert first is not None
+    if log.broken or pictures.damaged:
+        yield f"{log.broken} packets could not be decoded and {pictures.damaged} pictures are damaged"
+    if log.ended_early or video.frames > num_pictures + log.broken:
+        of_declared = f"of {video.frames} declared frames " if video.frames else ""
+        yield f"the file is incomplete: {of_declared}{num_pictures} decode, the last at {time_s[-1]:.2f} s"
+    if len(time_s) < num_pictures:
+        yield f"{num_pictures - len(time_s)} pictures whose time stamp repeats or runs backwards are left out"
+    before, gap_s = longest_gap_s(time_s)
+    if gap_s > LONG_GAP_S:
+        yield f"after {before:.2f} s no picture comes for {gap_s:.1f} s"
+    if pictures.resized:
+        size = f"{first.width} x {first.height} px"
+        yield f"the picture size changes inside the video: {pictures.resized} frames are scaled to {size}"
+    sar = video.sample_aspect_ratio
+    if sar and sar != 1:
+        yield f"pixels are not square (aspect {sar}): bodies look too wide or narrow: convert the video"
+
+
+def _other_videos(stream: BinaryIO, container: InputContainer, pictures: _Pictures, *, is_timed: bool) -> Iterator[str]:
+    """Whether the file holds more than the one video that is read, one sentence each."""
+    known = [p for p in pictures.pts if p is not None]
+    begins_again = any(p <= known[0] and after > p for p, after in pairwise(known[1:]))
+    if count_movies(stream) > 1 or (is_timed and begins_again):
+        yield (
+            "the file holds several videos one after the other, of which the first is read; "
+            "ffmpeg's concat demuxer joins them"
+        )
+    streams = moving_pictures(container)
+    if len(streams) > 1 and pictures.first is not None:
+        size = f"{pictures.first.width} x {pictures.first.height} px"
+        yield f"the file holds {len(streams)} streams of pictures; the one of {len(known)} pictures, {size}, is read"
 
 
 def _times_are_guesses(pts: list[int | None], container: str, video: VideoStream) -> bool:
@@ -114,6 +174,12 @@ def _increasing_pts(pts: list[int | None]) -> list[int]:
         if p is not None and (not kept or p > kept[-1]):
             kept.append(p)
     return kept
+
+
+def _begins_again(pts: list[int | None]) -> bool:
+    """Whether a picture that is not the first has the first's time stamp or an earlier one."""
+    known = [p for p in pts if p is not None]
+    return any(p <= known[0] for p in known[1:])
 
 
 def _orientation(picture: VideoFrame) -> tuple[int, bool]:

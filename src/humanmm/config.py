@@ -42,6 +42,10 @@ class DecodeConfig(Section):
     max_side_px: Annotated[int, Field(ge=64, le=16384)] = 8192
     """Largest picture side accepted, in pixels; a header that claims more is refused."""
 
+    max_memory_mb: Annotated[int, Field(ge=16)] = 1200
+    """Memory in MB that the decoder's pictures may need, by codec, size and format; a video that needs more is
+    refused."""
+
 
 class ScenesConfig(Section):
     """Colour-based cuts and gradual transitions (paper section 3.1, part 1)."""

@@ -63,6 +63,7 @@ def recover(  # noqa: PLR0913 (the flags of the command, as keywords)
 
     Raises:
         HumanMMError: see humanmm.errors; NoUsablePersonError if nobody can be recovered.
+        KeyboardInterrupt: if the process was told to stop, by Ctrl-C or by a signal, which the message names.
     """
     began = time.time()
     shorthands = {"person": person, "focal_px": focal_px, "fov_deg": fov_deg}
@@ -180,6 +181,8 @@ def _run_flow(run: "VideoRun", folder: Path, *, show_progress: bool) -> None:
             flow_module.opened.reset(token)
         if state.is_completed() or state.name == "Partial":
             return
+        if state.is_cancelled():
+            raise KeyboardInterrupt(state.message)
         error = state.result(raise_on_failure=False)
     raise error if isinstance(error, BaseException) else StoreError(f"the flow ended as {state.name}: {state.message}")
 

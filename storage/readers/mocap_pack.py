@@ -22,7 +22,7 @@ def read_pack(path: Path) -> tuple[MocapSequence, ...]:
     """All sequences, world z up. InputError says in one sentence what is wrong with the file."""
     try:
         arrays = {name: np.asarray(array) for name, array in NpzArrays(path).items() if name in (*_SHAPES, "parents")}
-    except (OSError, ValueError, KeyError, EOFError, TruthError) as error:
+    except (OSError, TruthError) as error:
         raise InputError(f"{path} cannot be read as a pack of motion capture (.npz): {error}") from error
     _check(arrays, path)
     return sequences_of_pack(arrays)
@@ -35,6 +35,8 @@ def _check(arrays: dict[str, np.ndarray], path: Path) -> None:
         found = arrays[name].shape
         if len(found) != len(shape) or any(want not in (None, have) for want, have in zip(shape, found, strict=True)):
             raise InputError(f"{path}: {name} has shape {found}, expected {shape}")
+        if name != "clip_name" and arrays[name].dtype.kind not in "iuf":
+            raise InputError(f"{path}: {name} has type {arrays[name].dtype}, expected numbers")
     n, clips = len(arrays["poses"]), len(arrays["clip_start"])
     if len(arrays["trans"]) != n or len(arrays["contacts"]) != n or len(arrays["clip_len"]) != clips:
         raise InputError(f"{path}: poses, trans and contacts, or clip_start and clip_len, differ in length")

@@ -12,17 +12,17 @@ files are pickled: `np.savez(out, **{k: np.asarray(v) for k, v in {**camera, **t
 np.load(…, allow_pickle=True).item() of its camera.npy and hps_track_0.npy. These three are experimental.
 """
 
-import pickle
+import zipfile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from humanmm.errors import InputError, TruthError
+from humanmm.errors import InputError
 from humanmm.models.benchmark.imported import gvhmr_result, imported_sequence, slahmr_result, tram_result, wham_result
 from humanmm.models.records.sequence import MotionSequence
-from humanmm.storage.readers.restricted_pickle import read_pickle
-from humanmm.storage.readers.truth import NpzArrays, read_sequence
+from humanmm.storage.readers.restricted_pickle import MAX_BYTES, read_pickle
+from humanmm.storage.readers.truth import NpzArrays, damage, read_sequence
 
 READER_VERSION = 1
 """Raised whenever a reader gives another motion for the same file: figures that were kept are then made again."""
@@ -48,15 +48,17 @@ def find_result(folder: Path, video: str) -> Path | None:
 def read_result(path: Path, *, num_frames: int, fps: float) -> MotionSequence:
     """The motion of the main person. InputError says in one sentence what is wrong with the file."""
     try:
-        sequence = _read(path, num_frames, fps)
-    except (InputError, TruthError):
-        raise
-    except (OSError, ValueError, KeyError, TypeError, IndexError, EOFError, RuntimeError) as error:
-        raise InputError(f"{path} cannot be read as another system's result: {_words(error)}") from error
+        with damage("it cannot be read as another system's result"):
+            sequence = _read(path, num_frames, fps)
+    except (InputError, OSError) as error:
+        words = str(error)
+        raise InputError(words if words.startswith(str(path)) else f"{path}: {words}") from error
     person = sequence.people[0] if sequence.people else None
-    if person is None or not len(person.frame) or not np.isfinite(person.joints).all():
-        raise InputError(f"{path} holds no person, or numbers that are not finite")
-    if person.frame[0] < 0 or person.frame[-1] >= num_frames + MAX_EXTRA_FRAMES or (np.diff(person.frame) <= 0).any():
+    if person is None or not len(person.frame):
+        raise InputError(f"{path} holds no person")
+    if not np.isfinite(person.joints).all():
+        raise InputError(f"{path} holds joints that are not finite numbers")
+    if person.frame[-1] >= num_frames + MAX_EXTRA_FRAMES:
         raise InputError(
             f"{path} holds frames {person.frame[0]} to {person.frame[-1]}, the video has {num_frames}: "
             "is it of another video, or was the video brought to another rate?"
@@ -83,22 +85,42 @@ def _read(path: Path, num_frames: int, fps: float) -> MotionSequence:
 def _gvhmr_parameters(path: Path) -> dict[str, Any]:
     import torch
 
-    try:
+    if zipfile.is_zipfile(path):
+        with damage("it is damaged"), zipfile.ZipFile(path) as file:
+            size = sum(member.file_size for member in file.infolist())
+        if size > MAX_BYTES:
+            raise InputError(f"it declares {size:,} bytes; expected at most {MAX_BYTES:,}")
+    with damage("it cannot be read: it is no file of torch, is damaged, or holds more than plain tensors"):
         tree = torch.load(path, map_location="cpu", weights_only=True)
-    except pickle.UnpicklingError:
-        raise InputError(f"{path} cannot be read: it is no file of torch, or holds more than plain tensors") from None
     if not isinstance(tree, dict) or not isinstance(tree.get("smpl_params_global"), dict):
-        raise InputError(f"{path} lacks smpl_params_global: it is no hmr4d_results.pt of GVHMR")
-    return dict(tree["smpl_params_global"])
+        raise InputError("it lacks smpl_params_global: it is no hmr4d_results.pt of GVHMR")
+    return {str(name): _array_of(str(name), value) for name, value in tree["smpl_params_global"].items()}
+
+
+def _array_of(name: str, value: Any) -> Any:
+    """A tensor as an array; what is no plain tensor of numbers is told by its name."""
+    import torch
+
+    if not isinstance(value, torch.Tensor):
+        return value
+    is_plain = not (value.is_nested or value.is_quantized) and value.layout == torch.strided
+    if not is_plain or value.device.type != "cpu":
+        kind = (
+            "nested"
+            if value.is_nested
+            else "quantized"
+            if value.is_quantized
+            else f"{value.device.type} {value.layout}"
+        )
+        raise InputError(f"{name} is a tensor of another kind ({kind}); expected plain numbers")
+    if value.numel() * 8 > MAX_BYTES:
+        raise InputError(f"{name} declares {value.numel():,} numbers")
+    return (value.detach().double() if value.is_floating_point() else value).numpy()
 
 
 def _wham_tracks(path: Path) -> list[dict[str, Any]]:
     tree = read_pickle(path)
     tracks = [t for t in tree.values() if isinstance(t, dict) and "pose_world" in t] if isinstance(tree, dict) else []
     if not tracks:
-        raise InputError(f"{path} holds no track with pose_world: it is no wham_output.pkl of WHAM")
+        raise InputError("it holds no track with pose_world: it is no wham_output.pkl of WHAM")
     return tracks
-
-
-def _words(error: Exception) -> str:
-    return (str(error).splitlines() or [type(error).__name__])[0][:200]

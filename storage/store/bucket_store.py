@@ -83,7 +83,8 @@ class BucketStore(Store):
         target = self.root / uri
         if _marker_of(target) == marker:
             return
-        lock = FileLock(self.root / "locks" / f"copy-{uri.replace('/', '-')}", name="copy")
+        path = self.root / "locks" / f"copy-{uri.replace('/', '-')}"
+        lock = FileLock(path, waiting=f"another process fetches {uri}; waiting for it")
         with self._writing("copy an artifact"), lock.held():
             if _marker_of(target) == marker:
                 return

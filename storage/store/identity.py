@@ -1,10 +1,16 @@
-"""The content hash of a video, computed once and cached in the store by path, size, modification time and inode."""
+"""The content hash of a video, computed once and cached in the store by path and state of the file.
 
+A stage reads the file for as long as it runs, and its key names the content by its hash: whatever is computed while the
+file changes must not be kept. The time of the last change of an inode (ctime) is what no program can set back.
+"""
+
+import contextlib
 import hashlib
 import json
 import os
 import stat
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
 from io import BufferedReader
 from pathlib import Path
 from typing import Any, BinaryIO, cast
@@ -12,43 +18,77 @@ from typing import Any, BinaryIO, cast
 from humanmm.errors import VideoError
 from humanmm.storage.store.store import Store
 
+_SAMPLES, _SAMPLE_BYTES = 16, 4096
+
+
+@dataclass(frozen=True)
+class FileState:
+    """What changes when a file is written to, truncated or replaced."""
+
+    size: int
+    mtime_ns: int
+    ctime_ns: int
+    inode: int
+    sample: str
+    """Hash of 16 pieces of 4 kB, from the first to the last: not every network file system keeps honest times."""
+
 
 @dataclass(frozen=True)
 class VideoIdentity:
-    """A file and its state when its content was hashed."""
+    """A file and its state when its content was hashed; None if only the hash is known."""
 
     path: Path
     sha256: str
-    size: int
-    mtime_ns: int
-    inode: int
+    state: FileState | None
 
     def open(self) -> BinaryIO:
         """The file's bytes; an error if it is no longer the file that was hashed."""
         file = open_video_file(self.path)
-        status = os.fstat(file.fileno())
-        if (status.st_size, status.st_mtime_ns, status.st_ino) != (self.size, self.mtime_ns, self.inode):
+        if _state_of(file) != self.state:
             file.close()
-            raise VideoError(f"{shown(self.path)} changed while it was being processed; run again")
+            raise VideoError(
+                f"{shown(self.path)} changed while it was read, and nothing that was computed of it meanwhile is kept; "
+                "run again when no other program writes to it"
+            )
         return file
+
+    @contextlib.contextmanager
+    def unchanged(self) -> Iterator[None]:
+        """Raise VideoError after the block, also in place of its own error, if the file changed since it was hashed."""
+        try:
+            yield
+        except Exception:
+            self.open().close()
+            raise
+        self.open().close()
 
 
 def identify(path: Path, store: Store) -> VideoIdentity:
-    """The content hash of a video. VideoError unless it is a readable, non-empty file."""
+    """The content hash of a video. VideoError unless it is a readable, non-empty file that does not change."""
     path = path.expanduser().absolute()
     with open_video_file(path) as file:
-        status = os.fstat(file.fileno())
-        facts = {"size": status.st_size, "mtime_ns": status.st_mtime_ns, "inode": status.st_ino}
+        state = _state_of(file)
         known = known_content(path, store)
-        if all(known.get(name) == value for name, value in facts.items()):
-            return VideoIdentity(path, str(known["sha256"]), **facts)
-        digest = hashlib.file_digest(cast(BufferedReader, file), "sha256").hexdigest()
-    store.write_text(_record(path, store), json.dumps({**facts, "sha256": digest}))
-    return VideoIdentity(path, digest, **facts)
+        if known == {**asdict(state), "sha256": known.get("sha256")}:
+            return VideoIdentity(path, str(known["sha256"]), state)
+        file.seek(0)
+        identity = VideoIdentity(path, hashlib.file_digest(cast(BufferedReader, file), "sha256").hexdigest(), state)
+    identity.open().close()
+    store.write_text(_record(path, store), json.dumps({**asdict(state), "sha256": identity.sha256}))
+    return identity
+
+
+def _state_of(file: BinaryIO) -> FileState:
+    status = os.fstat(file.fileno())
+    starts = {max(status.st_size - _SAMPLE_BYTES, 0) * i // (_SAMPLES - 1) for i in range(_SAMPLES)}
+    sample = hashlib.sha256()
+    for start in sorted(starts):
+        sample.update(os.pread(file.fileno(), _SAMPLE_BYTES, start))
+    return FileState(status.st_size, status.st_mtime_ns, status.st_ctime_ns, status.st_ino, sample.hexdigest())
 
 
 def known_content(path: Path, store: Store) -> dict[str, Any]:
-    """The cached sha256, size, mtime_ns and inode of a file; empty if this machine never hashed it."""
+    """The cached sha256 of a file and the fields of its state; empty if this machine never hashed it."""
     try:
         known: dict[str, Any] = json.loads(_record(path, store).read_text())
     except (OSError, ValueError):

@@ -1,4 +1,5 @@
-"""The right to compute one key: a flock on the disk of one host, a lease in a bucket for hosts that share no kernel.
+"""The right to compute one key, or to write one folder: a flock on the disk of one host, a lease in a bucket for hosts
+that share no kernel.
 
 The kernel frees a flock when its holder ends, however it ends. A lease is an object in the bucket with its holder and a
 count of renewals, or the word `free`. Every step is a conditional put: no two processes can take the same lease. A
@@ -38,9 +39,10 @@ _FREE = b"free"
 class FileLock:
     """A flock on one file, which all processes of this host share."""
 
-    def __init__(self, path: Path, *, name: str) -> None:
+    def __init__(self, path: Path, *, waiting: str, level: int = logging.INFO) -> None:
         self._path = path
-        self._name = name
+        self._waiting, self._level = waiting, level
+        """The line of the log while another process holds it."""
 
     @contextlib.contextmanager
     def held(self) -> Iterator[None]:
@@ -49,7 +51,7 @@ class FileLock:
             try:
                 fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
-                log.info("%s is being computed by another process; waiting for it", self._name)
+                log.log(self._level, self._waiting)
                 fcntl.flock(descriptor, fcntl.LOCK_EX)
             yield
 

@@ -167,7 +167,8 @@ class Store(VideoRecords):
         return self._lock_of(stage, key).tried()
 
     def _lock_of(self, stage: str, key: str) -> FileLock | Lease:
-        return FileLock(self.root / "locks" / f"{stage}-{key}", name=stage)
+        waiting = f"{stage} is being computed by another process; waiting for it"
+        return FileLock(self.root / "locks" / f"{stage}-{key}", waiting=waiting)
 
     @contextlib.contextmanager
     def new_folder(self) -> Iterator[Path]:

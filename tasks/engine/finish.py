@@ -19,6 +19,7 @@ from humanmm.models.records.video import VideoFacts
 from humanmm.storage.run_folder.run_record import StageRecord, read_run_record, run_record, write_run_record
 from humanmm.storage.store.codec import canonical_json
 from humanmm.storage.store.files import explain_os_error, replace_file
+from humanmm.storage.store.locks import FileLock
 from humanmm.storage.store.video_records import RunNote
 from humanmm.tasks.engine.run import VideoRun
 from humanmm.tasks.pipeline import Stage
@@ -34,6 +35,8 @@ if TYPE_CHECKING:  # importing it loads scipy, which an unchanged rerun does not
 
 log = logging.getLogger(__name__)
 RUN_LOG = "run.log"
+LOCK = ".lock"
+"""An empty file of the run folder, locked by the run that writes there."""
 
 
 def default_run_dir(video: Path) -> Path:
@@ -70,20 +73,24 @@ def has_result(run: VideoRun) -> bool:
 
 
 def write_results(run: VideoRun, run_dir: Path, *, started: float, log_text: str = "") -> str:
-    """Bring the run folder up to date; returns the state of the video, `done` or `partial`."""
+    """Bring the run folder up to date; returns the state of the video, `done` or `partial`.
+
+    Of two runs that write one folder the later waits for the other, and says so.
+    """
     state = "partial" if any(outcome.manifest is None for outcome in run.outcomes.values()) else "done"
     from humanmm.tasks.pictures import write_timeline
 
+    waiting = f"another run is writing {run_dir}; waiting for it"
     try:
-        run_dir.mkdir(parents=True, exist_ok=True)
-        recording = _write_folder(run, run_dir)
-        if log_text:
-            _append_log(run_dir / RUN_LOG, log_text)
-        record = _record(run, state, started)
-        write_timeline(run_dir, recording, record)
-        record["fingerprint"] = fingerprint(run)
-        record["files"] = _sizes(run_dir)
-        write_run_record(run_dir, record)
+        with FileLock(run_dir / LOCK, waiting=waiting, level=logging.WARNING).held():
+            recording = _write_folder(run, run_dir)
+            if log_text:
+                _append_log(run_dir / RUN_LOG, log_text)
+            record = _record(run, state, started)
+            write_timeline(run_dir, recording, record)
+            record["fingerprint"] = fingerprint(run)
+            record["files"] = _sizes(run_dir)
+            write_run_record(run_dir, record)
     except OSError as error:
         raise StoreError(explain_os_error(error, f"cannot write the run folder {run_dir}")) from error
     reasons = "; ".join(f"{outcome.unit.label}: {outcome.reason}" for outcome in failures(run))

@@ -154,11 +154,16 @@ class VideoRun(UnitExecutor):
     def _note_failure(self, outcome: Outcome, error: Exception) -> HumanMMError:
         """The error in our own words, noted; one about the video names the video, which a stage does not know."""
         ours = as_ours(error, outcome.unit.label)
-        if isinstance(ours, VideoError | NoUsablePersonError):
-            ours = type(ours)(f"{self.video.path}: {ours}")
+        if isinstance(ours, VideoError | NoUsablePersonError) and str(self.video.path) not in str(ours):
+            ours = type(ours)(f"{self.video.path}: {ours}{self._oddities(ours)}")
         outcome.state, outcome.error, outcome.reason = "failed", ours, in_words(ours)
         outcome.faults.append(outcome.reason)
         outcome.short_of_memory = ran_out_of_memory(error) or isinstance(error, ResourceError)
         if ends_run(ours):
             self._fatal = outcome
         return ours
+
+    def _oddities(self, error: HumanMMError) -> str:
+        """What is odd about the file: where nobody is found in it, that may be why."""
+        facts = self.read_once(Unit(self.stages[0]), VideoFacts) if isinstance(error, NoUsablePersonError) else None
+        return f" (of the file: {'; '.join(facts.warnings)})" if facts is not None and facts.warnings else ""

@@ -4,6 +4,7 @@ The flow's process has a `VideoRun` (`humanmm.tasks.engine.run`), which adds the
 mean; a child process or a worker has a `UnitExecutor` alone.
 """
 
+import contextlib
 import logging
 import time
 from collections.abc import Callable
@@ -120,7 +121,8 @@ class UnitExecutor(Artifacts):
                     progress=lambda done, total: self.report(unit, done, total),
                 )  # fmt: skip
                 began = time.monotonic()
-                value = self.imports.function(stage)(inputs)
+                with self.video.unchanged() if stage.reads_video else contextlib.nullcontext():
+                    value = self.imports.function(stage)(inputs)
                 manifest = self.store.commit(
                     folder, value, output_type(stage), recipe,
                     unit=unit.name, seconds=time.monotonic() - began, version=__version__,

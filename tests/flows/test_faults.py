@@ -87,6 +87,22 @@ def test_the_flow_run_of_a_killed_recover_does_not_stay_running(toy: Any, place:
     assert "its process was lost" in message[0]
 
 
+@server
+@pytest.mark.timeout(2400)
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP], ids=lambda number: number.name)
+def test_a_recover_that_is_told_to_stop_ends_its_flow_run_as_cancelled_and_says_so(
+    toy: Any, place: Any, number: signal.Signals
+) -> None:
+    process = _start(toy, "film.mp4", TOY_SLEEP="align=3000")
+    _wait_for(toy, place, "align")
+    process.send_signal(number)
+    output, _ = process.communicate(timeout=300)
+    assert f"stopped by {'SIGTERM' if number == signal.SIGHUP else number.name}" in output
+    assert "stays in the store" in output
+    assert process.returncode == 130
+    assert place.flow_runs() == [("film.mp4", "CANCELLED")]
+
+
 NEVER_TOLD = """
 import datetime
 from prefect import flow, task

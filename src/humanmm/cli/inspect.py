@@ -124,7 +124,7 @@ def _reopen(run_dir: Path, store: Path | None) -> tuple[dict[str, Any], "VideoRu
     try:
         identity = identify(video, artifacts)
     except VideoError:  # the store finds its artifacts by the hash of its content
-        identity = VideoIdentity(video, sha256, 0, 0, 0)
+        identity = VideoIdentity(video, sha256, None)
     return record, VideoRun(identity, config, artifacts)
 
 

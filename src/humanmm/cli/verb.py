@@ -1,7 +1,11 @@
 """How a verb is declared: the application, the options that verbs share, and how errors are reported."""
 
+import contextlib
 import inspect
 import logging
+import os
+import sys
+import threading
 from collections.abc import Callable
 from dataclasses import MISSING, Field, fields, is_dataclass
 from pathlib import Path
@@ -154,7 +158,17 @@ def _reported(run: Callable[[], int | None], *, verbose: bool) -> int:
             log.exception("where it happened")
         words, status = _outcome(error)
         say(words)
+        if isinstance(error, KeyboardInterrupt):
+            _leave(status)
         return status
+
+
+def _leave(status: int) -> None:
+    """End this process now if threads still compute: they cannot be stopped, and Python would wait for them."""
+    if any(not thread.daemon for thread in threading.enumerate() if thread is not threading.main_thread()):
+        with contextlib.suppress(OSError):
+            sys.stdout.flush()
+        os._exit(status)
 
 
 def _outcome(error: BaseException) -> tuple[str, int]:
@@ -165,6 +179,6 @@ def _outcome(error: BaseException) -> tuple[str, int]:
         case HumanMMError():
             return str(error), 1
         case KeyboardInterrupt():
-            return "interrupted; what was computed stays in the store", 130
+            return f"{error or 'interrupted'}; what was computed stays in the store", 130
         case _:
             return f"unexpected {type(error).__name__}: {error} (-v shows where)", 1

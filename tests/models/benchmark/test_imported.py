@@ -62,7 +62,7 @@ def test_trams_person_moves_with_its_camera() -> None:
 
 
 @pytest.mark.parametrize(("change", "sentence"), [
-    ({"body_pose": np.zeros((N, 60))}, r"body_pose has shape \(5, 60\); expected 63"),
+    ({"body_pose": np.zeros((N, 60))}, "body_pose has shape 5×60; expected 5×63"),
     ({"transl": None}, "transl is missing"),
 ])  # fmt: skip
 def test_wrong_parameters_are_named(change: dict[str, np.ndarray | None], sentence: str) -> None:

@@ -2,7 +2,10 @@
 
 import io
 import struct
+import subprocess
+import sys
 from collections.abc import Callable
+from fractions import Fraction
 from pathlib import Path
 
 import av
@@ -10,6 +13,7 @@ import numpy as np
 import pytest
 
 from humanmm.errors import VideoError
+from humanmm.models.video import reading
 from humanmm.models.video.declared_size import declared_sides_px
 from humanmm.models.video.frames import frames
 from humanmm.models.video.reading import read_facts
@@ -148,6 +152,55 @@ def test_a_limit_below_the_pictures_own_size_refuses_every_container(clip: Clip)
             read_facts(file, max_side_px=100)
 
 
+def test_pictures_that_need_more_memory_than_the_limit_are_refused_before_they_are_decoded(
+    clip: Clip, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = clip(num_frames=5, pix_fmt="yuv444p")
+    assert read_facts(file, max_memory_mb=0.7).num_frames == 5  # 18 pictures of 128 x 96 x 3 bytes
+    monkeypatch.setattr(reading, "decoded", None)
+    with pytest.raises(VideoError, match=r"keeps up to 18: 1 MB, more than decode\.max_memory_mb = 0; scale the video"):
+        read_facts(file, max_memory_mb=0.4)
+
+
+BLACK = """
+import resource, sys
+import av
+from fractions import Fraction
+from humanmm.errors import VideoError
+from humanmm.models.video.frames import frames, planar_frames
+from humanmm.models.video.reading import read_facts
+codec, form, side, path = sys.argv[1:]
+with av.open(path, "w") as out:
+    stream = out.add_stream(codec, rate=25, options={"g": "1"})
+    stream.width = stream.height = int(side)
+    stream.pix_fmt = form
+    stream.codec_context.thread_count = 1
+    picture = av.VideoFrame(int(side), int(side), form)
+    for number in range(8):
+        picture.pts, picture.time_base = number, Fraction(1, 25)
+        out.mux(stream.encode(picture))
+    out.mux(stream.encode(None))
+"""
+READ = """
+with open(path, "rb") as file:
+    facts = read_facts(file)
+    list(frames(file, facts, pixels="gray", max_side_px=640)), list(frames(file, facts, max_side_px=1920))
+    list(planar_frames(file, facts, 0, facts.num_frames, max_side_px=1280))
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("codec", "form"), [("mjpeg", "yuvj444p"), ("mpeg4", "yuv420p")])
+def test_the_largest_pictures_that_are_read_take_less_than_1500_mb(codec: str, form: str, tmp_path: Path) -> None:
+    path = str(tmp_path / "black.mkv")
+    arguments = [codec, form, "8192" if codec == "mjpeg" else "8176", path]
+    subprocess.run([sys.executable, "-c", BLACK, *arguments], check=True)
+    head = BLACK.partition("with av.open")[0]
+    done = subprocess.run([sys.executable, "-c", head + READ, *arguments], check=True, capture_output=True, text=True)
+    assert int(done.stdout) < 1500
+
+
 def test_frames_left_out_by_an_edit_list_are_not_announced(clip: Clip, number_of: NumberOf) -> None:
     data = bytearray(clip(options={"bf": "0", "x264-params": "keyint=12:scenecut=0"}).getvalue())
     at = data.index(b"elst")
@@ -161,3 +214,95 @@ def test_frames_left_out_by_an_edit_list_are_not_announced(clip: Clip, number_of
     assert numbers == list(range(15, 60))
     assert facts.time_s[0] == pytest.approx(0, abs=1e-6)
     assert [number_of(f.image) for f in frames(file, facts, 30, 32)] == [45, 46]
+
+
+def muxed(times: list[int], sizes: list[tuple[int, int]], container: str = "matroska") -> io.BytesIO:
+    """A file with one stream of pictures for each size; `times` of its packets are ms, whatever an encoder says."""
+    file = io.BytesIO()
+    with av.open(file, "w", format=container) as out:
+        streams = []
+        for width, height in sizes:
+            stream = out.add_stream("mpeg4", rate=25)
+            stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
+            streams.append(stream)
+        for number, time in enumerate(times):
+            for stream in streams:
+                picture = av.VideoFrame(stream.width, stream.height, "yuv420p")
+                picture.pts, picture.time_base = number, Fraction(1, 25)
+                for packet in stream.encode(picture):
+                    packet.pts = packet.dts = time
+                    packet.time_base = Fraction(1, 1000)
+                    out.mux(packet)
+    file.seek(0)
+    return file
+
+
+TEN_YEARS_MS = 315_360_000_000
+
+
+@pytest.mark.parametrize(
+    ("times", "told"),
+    [
+        ([0] * 20, "all 20 pictures of the video have the same time stamp"),
+        ([40 * i + TEN_YEARS_MS * (i >= 10) for i in range(20)], "after 0.36 s no picture comes for 315360000 s"),
+    ],
+)
+def test_time_stamps_that_cannot_be_true_are_told_for_what_they_are(times: list[int], told: str) -> None:
+    message = refusal(muxed(times, [(64, 48)]))
+    assert told in message
+    assert "ffmpeg" in message, "what to do"
+
+
+def test_a_rate_that_no_camera_has_is_told(clip: Clip) -> None:
+    file = clip("mp4", times=list(range(20)), time_base=Fraction(1, 1_000_000))
+    assert "20 pictures in 0.000019 s: the time stamps are wrong" in refusal(file)
+
+
+def test_a_track_without_pictures_is_told() -> None:
+    whole = muxed([0], [(64, 48)], "avi").getvalue()
+    assert "its track is empty" in refusal(io.BytesIO(whole.replace(b"00dc", b"JUNK")))
+
+
+def test_a_long_gap_is_a_warning() -> None:
+    facts = read_facts(muxed([40 * i + 60_000 * (i >= 10) for i in range(20)], [(64, 48)]))
+    assert facts.num_frames == 20
+    assert "after 0.36 s no picture comes for 60.0 s" in facts.warnings
+
+
+@pytest.mark.parametrize(("container", "codec"), [("mp4", "libx264"), ("matroska", "mpeg4"), ("mpegts", "mpeg4")])
+def test_of_videos_one_after_the_other_the_first_is_read_and_the_others_are_told(
+    container: str, codec: str, clip: Clip, number_of: NumberOf
+) -> None:
+    file = io.BytesIO(clip(container, codec).getvalue() * 2)
+    facts = read_facts(file)
+    assert [number_of(f.image) for f in frames(file, facts)] == list(range(60))
+    assert any("one after the other" in warning for warning in facts.warnings)
+
+
+def test_of_two_streams_one_is_read_and_the_other_is_told() -> None:
+    facts = read_facts(muxed([40 * i for i in range(20)], [(64, 48), (128, 96)]))
+    (warning,) = facts.warnings
+    assert "2 streams of pictures; the one of 20 pictures" in warning
+
+
+def test_a_cover_picture_beside_a_video_is_no_stream_of_pictures() -> None:
+    file, cover = io.BytesIO(), io.BytesIO()
+    with av.open(cover, "w", format="mjpeg") as out:
+        stream = out.add_stream("mjpeg", rate=1)
+        stream.width, stream.height, stream.pix_fmt = 64, 48, "yuvj420p"
+        out.mux(stream.encode(av.VideoFrame(64, 48, "yuvj420p")))
+        out.mux(stream.encode(None))
+    with av.open(file, "w", format="mp4") as out:
+        picture = out.add_stream("mjpeg", rate=1)
+        picture.width, picture.height, picture.pix_fmt = 64, 48, "yuvj420p"
+        picture.disposition = av.stream.Disposition.attached_pic
+        video = out.add_stream("mpeg4", rate=25)
+        video.width, video.height, video.pix_fmt = 128, 96, "yuv420p"
+        packet = av.Packet(cover.getvalue())
+        packet.stream, packet.pts, packet.dts, packet.time_base = picture, 0, 0, Fraction(1, 25)
+        out.mux(packet)
+        for _ in range(20):
+            out.mux(video.encode(av.VideoFrame(128, 96, "yuv420p")))
+        out.mux(video.encode(None))
+    facts = read_facts(file)
+    assert (facts.num_frames, facts.width, facts.warnings) == (20, 128, ())

@@ -108,6 +108,95 @@ def test_a_result_of_another_video_or_without_its_keys_is_one_plain_error(
         _read(tmp_path / "d.pkl")
 
 
+NAN, EYES = np.full((N, 3), np.nan), np.tile(np.eye(3), (N, 24, 1, 1))
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "sentence"),
+    [
+        ("transl", torch.zeros(N, 3, device="meta"), "transl is a tensor of another kind .meta"),
+        ("transl", torch.zeros(N, 3).to_sparse(), "transl is a tensor of another kind .cpu torch.sparse"),
+        ("transl", torch.zeros(1, 3).expand(10**9, 3), "transl declares 3,000,000,000 numbers"),
+        ("transl", torch.zeros(5, 3), "transl has shape 5×3; expected 12×3"),
+        ("transl", torch.zeros(N, 3, dtype=torch.complex64), "transl has type complex64; expected numbers"),
+        ("transl", "hello", "transl has a single value; expected 12×3"),
+        ("global_orient", torch.from_numpy(NAN), "global_orient holds numbers that are not finite, the first in row 0"),
+        ("body_pose", torch.zeros(N, 60), "body_pose has shape 12×60; expected 12×63"),
+    ],
+)
+def test_what_is_wrong_with_gvhmrs_tensors_is_told_by_key(
+    tmp_path: Path, key: str, value: object, sentence: str
+) -> None:
+    tree = torch.load(_gvhmr(tmp_path / "a.pt"))
+    tree["smpl_params_global"][key] = value
+    torch.save(tree, tmp_path / "a.pt")
+    with pytest.raises(InputError, match=f"a.pt: {sentence}"):
+        _read(tmp_path / "a.pt")
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "sentence"),
+    [
+        ("frame_ids", None, "frame_ids is missing"),
+        ("frame_ids", np.arange(N) - 3, "frame_ids holds the negative frame -3"),
+        ("frame_ids", np.zeros(N, int), "frame_ids does not rise strictly: 0 follows 0"),
+        ("frame_ids", np.arange(N) + 0.5, "frame_ids holds 0.5; expected whole numbers"),
+        ("frame_ids", 3, "frame_ids has a single value; expected 12"),
+        ("trans_world", np.zeros((5, 3)), "trans_world has shape 5×3; expected 12×3"),
+        ("pose_world", np.full((N, 72), np.nan), "pose_world holds numbers that are not finite"),
+    ],
+)
+def test_what_is_wrong_with_whams_arrays_is_told_by_key(
+    tmp_path: Path, dump_like_joblib: Dump, key: str, value: object, sentence: str
+) -> None:
+    track = {"pose_world": np.zeros((N, 72)), "trans_world": np.zeros((N, 3)), "frame_ids": np.arange(N), key: value}
+    dump_like_joblib({0: {name: value for name, value in track.items() if value is not None}}, tmp_path / "a.pkl")
+    with pytest.raises(InputError, match=f"a.pkl: {sentence}"):
+        _read(tmp_path / "a.pkl")
+
+
+@pytest.mark.parametrize(
+    ("write", "key", "value", "sentence"),
+    [
+        (_slahmr, "trans", None, "trans is missing"),
+        (_slahmr, "trans", np.zeros((1, 3, 3)), "trans has shape 3×3; expected 12×3"),
+        (_slahmr, "trans", np.full((1, N, 3), "x"), "trans has type <U1; expected numbers"),
+        (_slahmr, "root_orient", NAN[None], "root_orient holds numbers that are not finite"),
+        (_slahmr, "root_orient", np.zeros((0, N, 3)), "root_orient has shape 0×12×3; expected N×3"),
+        (_slahmr, "floor_plane", np.float64(1), "floor_plane has shape .1, 1.; expected at least one row"),
+        (_tram, "frame", np.arange(N) + 99_988, "frame goes to frame 99999; the frames end at 11"),
+        (_tram, "frame", np.arange(N) - 5, "frame holds the negative frame -5"),
+        (_tram, "pred_rotmat", EYES * 0, "pred_rotmat holds 288 matrices that are no rotations, the first in row 0"),
+        (_tram, "pred_rotmat", EYES * np.nan, "pred_rotmat holds numbers that are not finite"),
+        (_tram, "pred_cam_R", None, "pred_cam_R is missing"),
+        (_tram, "pred_cam_T", np.zeros((3, 3)), "pred_cam_T has shape 3×3; expected 12×3"),
+    ],
+)
+def test_what_is_wrong_with_the_arrays_of_an_npz_is_told_by_key(
+    tmp_path: Path, write: Callable[[Path], Path], key: str, value: np.ndarray | None, sentence: str
+) -> None:
+    with np.load(write(tmp_path / "a.npz")) as file:
+        arrays = {**file, key: value}
+    np.savez(tmp_path / "a.npz", **{name: array for name, array in arrays.items() if array is not None})
+    with pytest.raises(InputError, match=f"a.npz: {sentence}"):
+        _read(tmp_path / "a.npz")
+
+
+@pytest.mark.parametrize("name", ["gvhmr.pt", "slahmr.npz", "wham.pkl"])
+@pytest.mark.parametrize("damage", ["cut off", "empty", "flipped", "another file"])
+def test_a_damaged_result_is_told_without_the_words_of_a_library(
+    tmp_path: Path, dump_like_joblib: Dump, name: str, damage: str
+) -> None:
+    path = _wham(tmp_path / name, dump_like_joblib) if name == "wham.pkl" else WRITERS[name](tmp_path / name)
+    data = path.read_bytes()
+    flipped = bytes(byte ^ 0xFF if 100 <= at < 130 or at > len(data) - 70 else byte for at, byte in enumerate(data))
+    path.write_bytes({"cut off": data[: len(data) // 2], "empty": b"", "flipped": flipped}.get(damage, b"a" * 5000))
+    with pytest.raises(InputError, match=r"damaged") as raised:
+        _read(path)
+    assert str(raised.value).startswith(str(path))
+    assert not any(word in str(raised.value) for word in ("miniz", "codec", "Memo", "magic", "CRC", "central"))
+
+
 def test_a_torch_file_that_holds_code_is_refused(tmp_path: Path) -> None:
     class Trap:
         def __reduce__(self) -> tuple[object, tuple[str]]:

@@ -129,6 +129,25 @@ def test_a_truncated_npz_is_refused(tmp_path: Path, npz: dict[str, np.ndarray]) 
         read_sequence(path)
 
 
+@pytest.mark.parametrize("at", [100, 300, 700])
+def test_a_flipped_byte_is_told_by_key(tmp_path: Path, npz: dict[str, np.ndarray], at: int) -> None:
+    path = save(tmp_path / "t.npz", {"num_frames": npz["num_frames"], "cut_frames": npz["cut_frames"], **npz})
+    data = bytearray(path.read_bytes())
+    data[at] ^= 0xFF
+    path.write_bytes(bytes(data))
+    with pytest.raises(TruthError, match="is damaged, or not as numpy writes arrays") as raised:
+        read_sequence(path)
+    assert any(key in str(raised.value) for key in npz)
+
+
+def test_an_archive_of_many_files_is_refused(tmp_path: Path) -> None:
+    with zipfile.ZipFile(tmp_path / "t.npz", "w") as file:
+        for number in range(10_001):
+            file.writestr(f"{number}.npy", b"")
+    with pytest.raises(TruthError, match="holds 10,001 files; expected at most 10,000 arrays"):
+        read_sequence(tmp_path / "t.npz")
+
+
 def test_pickles_are_never_loaded(tmp_path: Path, npz: dict[str, np.ndarray]) -> None:
     npz["people/00/joints"] = np.array([{"a": 1}], dtype=object)
     with pytest.raises(TruthError, match="no pickles"):
@@ -152,12 +171,25 @@ def test_an_array_that_declares_terabytes_is_never_allocated(tmp_path: Path, npz
         ("people/00/joints", np.zeros((12, 24, 2)), "expected N×24×3"),
         ("people/00/joints", np.full((12, 24, 3), "x"), "expected numbers"),
         ("people/00/frame", np.arange(12)[::-1], "rise strictly"),
-        ("people/00/frame", np.arange(12) + 5, "rise strictly"),
+        ("people/00/frame", np.arange(12) + 5, "goes to frame 16; the frames end at 11"),
         ("cut_frames", np.array([6, 6]), "rising frame numbers"),
         ("cut_frames", np.array([0]), "rising frame numbers"),
         ("num_frames", np.array(-1), "num_frames is -1"),
         ("fps", np.array(np.nan), "fps is nan"),
         ("cameras/K", np.zeros((3, 3)), "expected 12×3×3"),
+        ("num_frames", np.array([12, 3]), "num_frames has shape 2; expected a single number"),
+        ("num_frames", np.array(11.5), "num_frames holds 11.5; expected whole numbers"),
+        ("fps", np.array("x"), "fps has type <U1; expected numbers"),
+        ("cut_frames", np.array([np.nan]), "cut_frames holds numbers that are not finite"),
+        ("cut_frames", np.array(["a"]), "cut_frames has type <U1; expected numbers"),
+        ("joint_names", np.array("x"), "expected a list of different names"),
+        ("joint_names", np.array(["pelvis"] * 24), "expected a list of different names"),
+        ("people/00/frame", np.arange(12) - 2, "people/00/frame holds the negative frame -2"),
+        ("people/00/frame", np.r_[0, 0:11], "people/00/frame does not rise strictly: 0 follows 0"),
+        ("people/00/root_orient", np.full((12, 3), np.nan), "root_orient holds numbers that are not finite"),
+        ("cameras/R_world_cam", np.full((12, 3, 3), 7.0), "12 matrices that are no rotations, the first in row 0"),
+        ("people/xx/joints", np.zeros((12, 24, 3)), "people are numbered people/00"),
+        ("people/0/joints", np.zeros((12, 24, 3)), "people/0/joints: people are numbered people/00"),
     ],
 )
 def test_what_is_wrong_is_named(

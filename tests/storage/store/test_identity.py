@@ -41,8 +41,35 @@ def test_a_file_that_changes_during_the_run_is_not_read_as_if_it_had_not(tmp_pat
     video.write_bytes(b"one")
     identity = identify(video, Store(tmp_path / "store"))
     video.write_bytes(b"other")
-    with pytest.raises(VideoError, match="changed while it was being processed"):
+    with pytest.raises(VideoError, match="changed while it was read"):
         identity.open()
+
+
+def test_content_that_was_changed_behind_an_old_time_is_read_again(tmp_path: Path) -> None:
+    video, store = tmp_path / "a.mp4", Store(tmp_path / "store")
+    video.write_bytes(b"one")
+    first, before = identify(video, store), video.stat()
+    video.write_bytes(b"two")
+    os.utime(video, ns=(before.st_atime_ns, before.st_mtime_ns))
+    with pytest.raises(VideoError, match="changed while it was read"):
+        first.open()
+    assert identify(video, store).sha256 != first.sha256
+
+
+def test_a_file_that_changes_while_it_is_hashed_gets_no_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    video, store = tmp_path / "a.mp4", Store(tmp_path / "store")
+    video.write_bytes(b"one")
+    digest = video_identity.hashlib.file_digest
+
+    def grow(file: object, kind: str) -> object:
+        with video.open("ab") as more:
+            more.write(b"two")
+        return digest(file, kind)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(video_identity.hashlib, "file_digest", grow)
+    with pytest.raises(VideoError, match="changed while it was read"):
+        identify(video, store)
+    assert video_identity.known_content(video, store) == {}
 
 
 def test_a_read_only_store_is_not_written(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from humanmm.errors import InputError, StageError, StoreError
+from humanmm.errors import InputError, StageError, StoreError, VideoError
 from humanmm.models.records.shots import ShotList
 from humanmm.models.records.video import VideoFacts
 from humanmm.storage.store import locks
@@ -112,6 +112,47 @@ def test_a_changed_weight_file_reruns_its_stage(toy: Any, monkeypatch: pytest.Mo
     run = toy.run()
     assert toy.executed() == ["hmr:0", "hmr:20", "hmr:40", "people:0", "people:20"]
     assert _reasons(run, "people") == {"weight file changed: net.tflite"}
+
+
+def test_where_nobody_is_found_the_oddities_of_the_file_are_told(toy: Any) -> None:
+    toy.edit("shots", 'act("shots", inputs)', 'act("shots", inputs)\n    raise NoUsablePersonError("nobody")')
+    toy.edit("shots", "import numpy as np\n", "import numpy as np\n\nfrom humanmm.errors import NoUsablePersonError\n")
+    run = toy.run(expect_failure=True)
+    assert run.outcomes["shots", 0].reason.endswith("film.mp4: nobody (of the file: a toy)")
+
+
+CHANGES = {
+    "grown": "path.write_bytes(old + b' ')",
+    "truncated": "path.write_bytes(old[:5])",
+    "replaced": "other.write_bytes(old.replace(b'20', b'30')); other.rename(path)",
+    "deleted": "path.unlink()",
+    "rewritten behind its old time": "path.write_bytes(old.replace(b'20', b'30')); restore(path)",
+    "rewritten and restored": "path.write_bytes(old.replace(b'20', b'30')); path.write_bytes(old); restore(path)",
+}
+"""Changes of the video `path`, whose bytes are `old`; `restore` gives it its old time."""
+
+CHANGING = """act("decode", inputs)
+    import os
+    from pathlib import Path
+    path = Path(os.environ["TOY_LOG"]).with_name("film.mp4")
+    old, other, status = path.read_bytes(), path.with_name("other"), path.stat()
+    restore = lambda path: os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns))
+"""
+
+
+@pytest.mark.parametrize("change", CHANGES)
+@pytest.mark.parametrize("when", ["before it is read", "after it is read"])
+def test_nothing_is_kept_of_a_video_that_changes_while_it_is_read(toy: Any, change: str, when: str) -> None:
+    hook = 'act("decode", inputs)\n' if when == "before it is read" else "    size = inputs"
+    changed = f"{CHANGING}    {CHANGES[change]}\n"
+    toy.edit("decode", hook, changed if when == "before it is read" else changed.partition("\n")[2] + hook)
+    run = toy.open()
+    told = "no such video" if change == "deleted" else "film.mp4 changed while it was read"
+    with pytest.raises(VideoError, match=told) as raised:
+        run.execute(run.unit("decode"))
+    assert str(raised.value).count("film.mp4") == 1
+    assert run.manifest("decode") is None
+    assert not list(toy.store.glob("artifacts/*/*/*")), "no artifact may be made of bytes that its key does not name"
 
 
 def test_another_cut_leaves_the_other_shots_alone(toy: Any, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,44 @@
+"""The run folder at the end of a run: written by one run at a time."""
+
+import logging
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from humanmm.storage.run_folder.motion_zarr import read_motion
+from humanmm.storage.store.locks import FileLock
+from humanmm.tasks.engine import finish
+
+
+def test_runs_into_one_folder_at_once_write_it_one_after_the_other(toy: Any) -> None:
+    toy.run()
+    runs = [toy.run() for _ in range(8)]
+    folder = toy.folder / "out"
+
+    def write(run: Any) -> str:
+        return finish.write_results(run, folder, started=time.time(), log_text="written\n")
+
+    with ThreadPoolExecutor(len(runs)) as threads:
+        assert list(threads.map(write, runs)) == ["done"] * len(runs)
+    assert read_motion(folder / "motion.zarr").num_frames == 60
+    assert (folder / "run.log").read_text() == "written\n" * len(runs), "no run loses the log of another"
+    assert not list(folder.rglob(".writing-*"))
+
+
+def test_a_run_whose_folder_is_being_written_waits_and_says_so(toy: Any, caplog: pytest.LogCaptureFixture) -> None:
+    run, folder = toy.run(), Path(toy.folder / "out")
+    caplog.set_level(logging.WARNING, "humanmm")
+    with FileLock(folder / finish.LOCK, waiting="").held():
+        writing = threading.Thread(target=finish.write_results, args=(run, folder), kwargs={"started": time.time()})
+        writing.start()
+        deadline = time.monotonic() + 60
+        while "another run is writing" not in caplog.text and time.monotonic() < deadline:
+            time.sleep(0.01)
+        assert not (folder / "run.json").exists()
+    writing.join()
+    assert (folder / "run.json").exists()
+    assert f"another run is writing {folder}; waiting for it" in caplog.text
