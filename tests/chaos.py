@@ -30,6 +30,8 @@ PATIENCE_S = 300.0
 """How long after the last fault it is looked whether losses are noticed."""
 PAUSE_S = (3.0, 9.0)
 """Between two faults."""
+END_S = 90.0
+"""How long what is supervised may take to end after SIGTERM, as systemd's `TimeoutStopSec`."""
 RESTART_S = 2.0
 """A supervisor waits so long before it starts again what has died."""
 PROCESSES = {
@@ -89,14 +91,15 @@ class Supervised:
             command, env=environment(), cwd=cwd, stdin=subprocess.PIPE, stdout=output, stderr=output,
             start_new_session=True,
         )  # fmt: skip
-        self._log, self._over = log, threading.Event()
+        self._log, self._over, self._is_late = log, threading.Event(), False
         self._thread = threading.Thread(target=self._keep_up, daemon=True)
         self._thread.start()
 
     def stop(self) -> None:
-        """Tell it to stop, and start it no more."""
+        """Tell it to stop, and start it no more; the test fails if it does not end in time."""
         self._over.set()
         self._thread.join()
+        assert not self._is_late, f"{self._log.stem} did not end within {END_S:g} s of SIGTERM; it was killed"
 
     def _keep_up(self) -> None:
         with self._log.open("ab") as output:
@@ -106,7 +109,12 @@ class Supervised:
                     pass
                 if process.poll() is None:
                     process.terminate()
-                    process.wait(90)
+                    try:
+                        process.wait(END_S)
+                    except subprocess.TimeoutExpired:
+                        self._is_late = True
+                        process.kill()
+                        process.wait()
                 if process.stdin is not None:
                     process.stdin.close()
                 self._over.wait(RESTART_S)
@@ -136,6 +144,7 @@ class Machine:
     def mounted(self) -> Iterator[bool]:
         """Have the small disk; False where this process may not mount one, and then nothing fills it."""
         self.disk.mkdir(parents=True)
+        (self.folder / "sitecustomize.py").write_text(COUNTING)  # once: changed code would end all forking
         mount = ["mount", "-t", "tmpfs", "-o", f"size={DISK_MB}m", "tmpfs", str(self.disk)]
         allowed = subprocess.run(mount, capture_output=True, check=False).returncode == 0
         try:
@@ -149,7 +158,6 @@ class Machine:
 
     def environment(self) -> dict[str, str]:
         """Of everything that runs here."""
-        (self.folder / "sitecustomize.py").write_text(COUNTING)
         own = {
             "PYTHONPATH": os.pathsep.join([str(self.folder), str(ROOT / "src")]),
             "HUMANMM_STORE": str(self.store),
@@ -176,15 +184,12 @@ class Machine:
     def served(self) -> Iterator[None]:
         """`humanmm serve` and a second worker, both supervised."""
         serve = [sys.executable, "-m", "humanmm.cli", "serve", "--limit", "2"]
-        supervised = [Supervised(serve, self.environment, self.folder / "serve.log", self.disk)]
-        try:
+        with contextlib.ExitStack() as stack:
+            stack.callback(Supervised(serve, self.environment, self.folder / "serve.log", self.disk).stop)
             wait_for(lambda: list((self.disk / "cache").glob("prefect-*/serving")), 240)
             second = [sys.executable, "-m", "humanmm.flows.service.worker", "humanmm", "2", "second"]
-            supervised.append(Supervised(second, self.worker_environment, self.folder / "second.log", self.disk))
+            stack.callback(Supervised(second, self.worker_environment, self.folder / "second.log", self.disk).stop)
             yield
-        finally:
-            for one in reversed(supervised):
-                one.stop()
 
     # ---- what goes wrong
 

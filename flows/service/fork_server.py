@@ -143,7 +143,14 @@ def versions(paths: Iterable[str]) -> Mapping[str, tuple[int, int]]:
 
 
 def _begin(environment: Environment, folder: Path, run: Callable[[], None] | None, answer: Connection | None) -> None:
-    """Run the flow run that the environment names. A fork first sends whether it is fit, and ends if it is not."""
+    """Run the flow run that the environment names. A fork first sends whether it is fit, and ends if it is not.
+
+    Before that it takes its name and no longer ignores SIGTERM, as its fork server does: a worker that is ending sends
+    one as soon as it knows the process, and then waits for its end.
+    """
+    name_process(VIDEO)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    treat_as_sigterm()
     if answer is not None:
         preloaded = getattr(sys.modules.get(PRELOAD), "PRELOADED", None)  # None: the imports failed
         is_fit = isinstance(preloaded, Preloaded) and preloaded.is_fit()
@@ -153,9 +160,6 @@ def _begin(environment: Environment, folder: Path, run: Callable[[], None] | Non
         answer.close()
         if not is_fit:
             return
-    name_process(VIDEO)
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    treat_as_sigterm()
     for name, value in environment.items():
         os.environ.pop(name, None)
         if value is not None:

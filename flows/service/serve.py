@@ -46,8 +46,8 @@ ROOM_BYTES = 32 << 20
 START_LIMIT_S = 240.0
 READY = "serving"
 """A file that exists while `humanmm serve` runs flow runs."""
-STOP_LIMIT_S = 10.0
-"""How long the worker may take to stop, once its videos have, before it is killed."""
+STOP_LIMIT_S = 15.0
+"""How long the worker may take to stop, once its videos have, before it is killed: longer than its own limit."""
 
 
 def is_serving(files: ServerFiles) -> bool:

@@ -1,6 +1,5 @@
 """Prefect's process worker: it queries its server while it has room for a video, and forks the process of each."""
 
-import asyncio
 import contextlib
 import os
 import signal
@@ -15,7 +14,6 @@ import anyio.abc
 from prefect.client.schemas.objects import FlowRun
 from prefect.runner import _starter_engine
 from prefect.runner._process_manager import ProcessHandle
-from prefect.utilities.processutils import setup_signal_handlers_worker
 from prefect.workers.process import ProcessWorker
 
 from humanmm.flows.service import fork_server
@@ -69,9 +67,6 @@ async def run_in_fork(
 
 
 async def work(pool: str, limit: int, name: str) -> None:
-    """Work for a pool until a signal ends it."""
+    """Work for a pool until cancelled."""
     setattr(_starter_engine, "run_process", run_in_fork)  # noqa: B010  # where Prefect's docstring has it replaced
-    worker = VideoWorker(work_pool_name=pool, limit=limit, name=name)
-    setup_signal_handlers_worker(os.getpid(), "the worker", print)
-    with contextlib.suppress(asyncio.CancelledError):  # by the signal
-        await worker.start()
+    await VideoWorker(work_pool_name=pool, limit=limit, name=name).start()

@@ -1,40 +1,46 @@
 """Prefect's process worker for `humanmm serve`: `python -m humanmm.flows.service.worker POOL LIMIT NAME`.
 
-It ends when its standard input ends, which it does when `humanmm serve` ends, however that came about. Before that it
-stops its videos with SIGTERM and gives them time to note that they are to be resumed: Prefect's worker, when it ends,
-kills them at once.
+It ends on a signal, and when its standard input ends, which it does when `humanmm serve` ends, however that came about.
+Before that it stops its videos with SIGTERM and gives them time to note that they are to be resumed: Prefect's worker,
+when it ends, kills them at once.
 """
 
 import asyncio
 import contextlib
+import faulthandler
 import os
 import signal
 import sys
 import threading
 import time
+from collections.abc import Coroutine
 from pathlib import Path
 from types import FrameType
+from typing import Any
 
 from humanmm.flows.server.local_server import hold_port_of_server
 from humanmm.flows.service.fork_server import VIDEO, launch
 
 SETTINGS = {"PREFECT_WORKER_QUERY_SECONDS": "2"}
 """Of the worker and its videos, in place of Prefect's."""
+STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGUSR1)
 STOP_LIMIT_S = 20.0
 """Seconds between SIGTERM and SIGKILL for a video."""
+END_LIMIT_S = 10.0
+"""Seconds that Prefect's worker may take to end, once its videos have. At the exit of Python, Prefect waits without a
+limit until the server has all events, and `multiprocessing` until each child has ended: with a server that does not
+respond the worker would stay for minutes or for ever."""
 
 
 def main(pool: str, limit: str, name: str) -> None:
     """Work until a signal stops it or standard input ends."""
-    for number in (signal.SIGUSR1, signal.SIGHUP, signal.SIGQUIT):
-        signal.signal(number, _stop)
     os.environ.update(SETTINGS)  # which the videos inherit
     hold_port_of_server()
     launch()
     threading.Thread(target=_stop_at_end_of_input, daemon=True).start()
     from humanmm.flows.service import video_worker  # imports Prefect, as the fork server does meanwhile
 
-    asyncio.run(video_worker.work(pool, int(limit), name))
+    asyncio.run(_until_stopped(video_worker.work(pool, int(limit), name)))
 
 
 def _stop_at_end_of_input() -> None:
@@ -43,10 +49,21 @@ def _stop_at_end_of_input() -> None:
     os.kill(os.getpid(), signal.SIGUSR1)
 
 
-def _stop(number: int, frame: FrameType | None) -> None:
-    """Runs in the main thread, so that Prefect's loop stands still and begins no other video meanwhile."""
-    stop_session(os.getsid(0))
-    os.kill(os.getpid(), signal.SIGTERM)
+async def _until_stopped(work: Coroutine[Any, Any, None]) -> None:
+    loop, task = asyncio.get_running_loop(), asyncio.ensure_future(work)
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        """Runs in the main thread, so that Prefect's loop stands still and begins no other video meanwhile."""
+        for again in STOP_SIGNALS:  # a supervisor may send several
+            signal.signal(again, lambda *_: None)
+        stop_session(os.getsid(0))
+        faulthandler.dump_traceback_later(END_LIMIT_S, exit=True)  # the log then says where it hung
+        loop.call_soon_threadsafe(task.cancel)
+
+    for number in STOP_SIGNALS:
+        signal.signal(number, stop)
+    with contextlib.suppress(asyncio.CancelledError):
+        await task
 
 
 def stop_session(session: int) -> None:

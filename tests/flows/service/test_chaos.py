@@ -1,6 +1,6 @@
 """A batch of 20 short videos, two workers, and everything going wrong for minutes: what must hold all the same.
 
-The long version is `pytest -m chaos -s tests/flows/test_chaos.py`; its figures stand in docs/operations.md.
+The long version is `pytest -m chaos -s tests/flows/service/test_chaos.py`; its figures stand in docs/operations.md.
 """
 
 import json

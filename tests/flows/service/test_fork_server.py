@@ -27,6 +27,8 @@ def wait(process, number):
     print(number, "ended", process.exitcode, flush=True)
 for number, line in enumerate(sys.stdin):
     process = fork_server.start(dict(BODY=line.strip(), HUMANMM_GONE=None), Path(os.environ["FOLDER"]), bodies.run)
+    if "at once" in line:
+        process.terminate()
     print(number, "pid", process.pid, flush=True)
     threading.Thread(target=wait, args=(process, number), daemon=True).start()
 os._exit(0)
@@ -139,6 +141,13 @@ def test_a_signal_reaches_the_fork_as_the_one_that_flows_note(worker: Worker, nu
     _until((worker.folder / "films/ready").exists)
     os.kill(pid, number)
     assert worker.line() == ["0", "ended", "3"]
+
+
+def test_a_fork_ends_by_a_signal_that_comes_as_soon_as_it_is_known(worker: Worker) -> None:
+    worker.line()
+    for number in range(5):
+        worker.start("time.sleep(5)  # is ended at once")
+        assert worker.line() == [str(number), "ended", "-15"]
 
 
 def test_the_fork_server_takes_its_forks_along_and_later_videos_start_without_it(worker: Worker) -> None:
