@@ -4,6 +4,7 @@ A task waits for the tasks whose artifacts it reads; the engine (`humanmm.tasks.
 """
 
 import contextlib
+import logging
 import os
 from pathlib import Path
 from types import TracebackType
@@ -18,15 +19,20 @@ from prefect.runtime import flow_run, task_run
 from prefect.states import Completed, Failed
 from prefect.task_runners import ThreadPoolTaskRunner
 
-from humanmm.errors import StoreError
+from humanmm.errors import HumanMMError, NoUsablePersonError, StoreError
 from humanmm.flows.server.dashboard import ProgressBoard, show_video
 from humanmm.flows.server.liveness import write_process_id
+from humanmm.models.records.tracks import ScenePeople
+from humanmm.models.records.video import VideoFacts
 from humanmm.tasks.engine.finish import default_run_dir, failures, fatal_error, has_result, remember, write_results
 from humanmm.tasks.engine.run import VideoRun
+from humanmm.tasks.pictures import write_candidates
 from humanmm.tasks.pipeline import Stage
 from humanmm.tasks.units.faults import is_infrastructure_fault
 from humanmm.tasks.units.process import treat_as_sigterm
 from humanmm.tasks.units.unit import Unit, UnitId
+
+log = logging.getLogger(__name__)
 
 MAX_WAITING = 32
 """Tasks that may wait for their inputs at the same time, at least; how many compute is `run.threads`."""
@@ -88,6 +94,8 @@ class StageTasks:
         if error is not None:
             with contextlib.suppress(StoreError):  # the fatal error is the one to raise
                 remember(self.run, "failed", run_dir=None, reason=str(error))
+            if isinstance(error, NoUsablePersonError):
+                error = self._with_picture(error, out or default_run_dir(self.run.video.path))
             raise error
         if not has_result(self.run):  # `--only` left the result as it was
             return Completed(message="nothing that depends on it has changed")
@@ -98,6 +106,21 @@ class StageTasks:
             lost = "; ".join(f"{outcome.unit.label}: {outcome.reason}" for outcome in failures(self.run))
             return Failed(name="Partial", message=lost)
         return Completed(message=os.fspath(run_dir))
+
+    def _with_picture(self, error: NoUsablePersonError, run_dir: Path) -> NoUsablePersonError:
+        """The error, with a picture of those who were seen and are not usable, if one can be written."""
+        path = run_dir.with_name(f"{run_dir.name}.seen.png")
+        read = self.run.read
+        try:
+            (decoded,) = self.run.units(self.run.stage("decode")) or ()
+            units = self.run.units(self.run.stage("people")) or ()
+            scenes = [read(unit, ScenePeople) for unit in units if self.run.manifest(*unit.id)]
+            with self.run.video.open() as stream:
+                write_candidates(path, stream, read(decoded, VideoFacts), scenes)
+        except (HumanMMError, OSError) as trouble:
+            log.warning("no picture of those who were seen: %s", trouble)
+            return error
+        return NoUsablePersonError(f"{error}; {path} shows who was seen")
 
     def _inputs(self, unit: Unit) -> list[PrefectFuture[Any]]:
         sources = [self.run.stage(name) for name in unit.stage.inputs]

@@ -8,10 +8,13 @@ import numpy as np
 
 from humanmm.config import DeliverConfig
 from humanmm.errors import InputError
+from humanmm.models.drawing.candidates import candidates, draw_candidate, side_by_side
 from humanmm.models.drawing.overlay import Mark, Overlay
 from humanmm.models.drawing.timeline import StageTime, timeline
 from humanmm.models.drawing.top_view import top_view
+from humanmm.models.perception.picture import Picture
 from humanmm.models.records.recording import Recording
+from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.records.video import VideoFacts
 from humanmm.models.video.colors import read_colors
 from humanmm.models.video.frames import PlanarFrame, joined, planar_frames, planar_size
@@ -25,6 +28,16 @@ from humanmm.storage.store.files import replace_file
 OVERLAY, TOP_VIEW, TIMELINE = "overlay.mp4", "top.png", "timeline.png"
 _PREFETCHED = 4
 """Pictures that wait for being drawn, and for being encoded."""
+
+
+def write_candidates(path: Path, stream: BinaryIO, facts: VideoFacts, scenes: Sequence[ScenePeople | None]) -> None:
+    """A picture of those who were seen in a video in which nobody could be recovered."""
+    shown = []
+    for candidate in candidates(scenes, facts.num_frames):
+        (frame,) = planar_frames(stream, facts, candidate.frame, candidate.frame + 1)
+        shown.append(draw_candidate(candidate, Picture(frame.planes, frame.colors), facts.width))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_png(path, side_by_side(shown))
 
 
 def write_overlay(

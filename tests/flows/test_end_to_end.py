@@ -11,6 +11,8 @@ import pytest
 import zarr
 
 from humanmm.cli import main
+from humanmm.models.video.colors import BT601
+from humanmm.storage.run_folder.picture_files import write_video
 
 ROOT = Path(__file__).resolve().parents[2]
 CLIP = ROOT / "examples/pose2sim_multishot/pose2sim_A_01-02-01.mp4"
@@ -55,3 +57,20 @@ def test_the_shipped_clip_is_recovered_and_a_second_run_has_nothing_to_do(
     assert main(recover) == 0
     again = capsys.readouterr()
     assert again.out == "run\n" and "up to date" in again.err
+
+
+@pytest.mark.usefixtures("server_cache")
+def test_a_video_without_people_is_refused_with_a_picture_of_what_was_seen(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("HUMANMM_STORE", str(tmp_path / "store"))
+    empty = np.full((180 * 3 // 2, 240), 128, np.uint8)
+    write_video(
+        tmp_path / "empty.mp4", [(k / 25, empty) for k in range(10)], width=240, height=180, fps=25, colors=BT601
+    )
+    assert main(["recover", "empty.mp4"]) == 1
+    told = capsys.readouterr().err
+    assert "no usable person: nobody is seen for long enough" in told
+    assert "runs/empty.seen.png shows who was seen" in told
+    assert [path.name for path in (tmp_path / "runs").iterdir()] == ["empty.seen.png"]
