@@ -16,4 +16,5 @@ def shots(inputs: StageInputs) -> ShotList:
         inputs.read_all("people", ScenePeople),
         only_person=settings.person,
         parts=settings.parts,
+        min_confidence=settings.min_confidence,
     )

@@ -58,7 +58,8 @@ def test_an_unknown_name_is_refused_in_one_sentence_with_those_that_there_are() 
     with pytest.raises(ConfigError) as refused:
         validate(MIRRORED)
     assert str(refused.value) == (
-        "people.pose has no part called 'mirrored'; installed are: blazepose-full (docs/extend.md adds others)"
+        "people.pose has no part called 'mirrored'; "
+        "installed are: best, blazepose-full, blazepose-heavy, fast (docs/extend.md adds others)"
     )
 
 

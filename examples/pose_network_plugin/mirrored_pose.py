@@ -9,16 +9,16 @@ from dataclasses import replace
 
 import numpy as np
 
+from humanmm.models.perception.blazepose import locate_full
 from humanmm.models.perception.interfaces import Landmarks
-from humanmm.models.perception.networks import BLAZEPOSE
 from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.regions import Region
 
 
 def locate(image: Picture, region: Region, *, mirrored: bool = False) -> Landmarks:
     """Landmarks of the person who fills a region of the picture (a `PoseNetwork` of humanmm)."""
-    plain = BLAZEPOSE.locate(image, region, mirrored=mirrored)
-    other = BLAZEPOSE.locate(image, region, mirrored=not mirrored)
+    plain = locate_full(image, region, mirrored=mirrored)
+    other = locate_full(image, region, mirrored=not mirrored)
     return replace(
         plain,
         keypoints=(plain.keypoints + other.keypoints) / 2,  # (33, 3): x, y in source pixels, visibility 0..1

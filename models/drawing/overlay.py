@@ -61,7 +61,7 @@ class Overlay:
         self._seen_in_shot = [set(recording.shot_index[p.frame[p.observed]].tolist()) for p in recording.people]
         self._surfaces = [PosedSurface(person) for person in recording.people]
         self._colors = colors
-        self._ramps = [self._ramp(palette.person_color(p.person)) for p in recording.people]
+        self._ramps = [self._ramp(palette.person_color(p)) for p in recording.people]
         self._pale_ramp = self._ramp(palette.NOT_OBSERVED)
         unit = max(11, round(min(width, height) / 38))
         self._text = Lettering(unit)
@@ -144,7 +144,7 @@ class Overlay:
         text = f"{person.person}" if observed else f"{person.person}  not observed"
         width = self._bold.width(text) + 2 * self._pad
         x, y = round(head[0, 0] - width / 2), round(head[0, 1] - self._bold.height)
-        color = palette.person_color(person.person) if observed else palette.NOT_OBSERVED
+        color = palette.person_color(person) if observed else palette.NOT_OBSERVED
         canvas.rectangle(x, y, x + width, y + self._bold.height + self._pad // 2, color, 0.85)
         canvas.stamp(x + self._pad, y + self._pad // 4, self._bold.mask(text), palette.INK)
 

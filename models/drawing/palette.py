@@ -3,6 +3,9 @@
 import numpy as np
 from jaxtyping import UInt8
 
+from humanmm.models.records.recording import RecordedPerson
+from humanmm.models.records.shots import DOUBTFUL
+
 RGB = tuple[int, int, int]
 
 PEOPLE: tuple[RGB, ...] = (
@@ -16,9 +19,9 @@ WHITE: RGB = (245, 246, 248)
 INK: RGB = (18, 20, 24)
 
 
-def person_color(person: int) -> RGB:
-    """Colour of a person, by number."""
-    return PEOPLE[person % len(PEOPLE)]
+def person_color(person: RecordedPerson) -> RGB:
+    """Colour of a person, by number; grey for somebody who may be nobody."""
+    return NOT_OBSERVED if person.probability < DOUBTFUL else PEOPLE[person.person % len(PEOPLE)]
 
 
 def shot_color(shot: int) -> RGB:

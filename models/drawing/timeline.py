@@ -121,7 +121,7 @@ def _draw_shots(axes: Axes, recording: Recording, marks: Sequence[Mark], edges: 
 
 def _draw_person(axes: Axes, person: RecordedPerson, edges: np.ndarray, top: float) -> None:
     first = int(person.frame[0]) if len(person.frame) else 0
-    color = hex_color(palette.person_color(person.person))
+    color = hex_color(palette.person_color(person))
     axes.broken_barh(_runs(person.observed, edges, first), (top - 0.16, 0.32), color=color, linewidth=0)
     axes.broken_barh(
         _runs(~person.observed, edges, first), (top - 0.16, 0.32), facecolor=hex_color(palette.NOT_OBSERVED),

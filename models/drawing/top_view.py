@@ -63,7 +63,7 @@ def _frame_axes(axes: Axes, recording: Recording) -> float:
 def _draw_person(axes: Axes, recording: Recording, person: RecordedPerson, side: float) -> None:
     if len(person.frame) == 0:
         return
-    color = hex_color(palette.person_color(person.person))
+    color = hex_color(palette.person_color(person))
     path = person.pelvis[:, :2]
     thin = slice(None, None, max(1, len(path) // _MOST_POINTS))
     hidden = np.where(person.observed[:, None], np.nan, path)
@@ -124,7 +124,7 @@ def _rows_every(time_s: np.ndarray, spacing_s: float) -> np.ndarray:
 
 def _legend(recording: Recording) -> list[Line2D]:
     handles = [
-        Line2D([], [], color=hex_color(palette.person_color(p.person)), linewidth=2.4, label=f"person {p.person}")
+        Line2D([], [], color=hex_color(palette.person_color(p)), linewidth=2.4, label=f"person {p.person}")
         for p in recording.people
     ]
     handles += [

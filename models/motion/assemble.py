@@ -45,6 +45,7 @@ def assemble(
 ) -> Recording:
     """The recording of one video. By person number: `rest_pelvis` is J0(betas), `joints_world` forward kinematics."""
     in_transition = transition_frames(shot_list)
+    probability = {person.person: person.probability for person in shot_list.people}
     people = []
     for person in sorted(motion.people, key=lambda p: p.person):
         keypoints2d, bbox, seen = _observations(person, shot_list, scenes)
@@ -64,6 +65,7 @@ def assemble(
                 keypoints2d=keypoints2d,
                 bbox=bbox,
                 confidence=person.confidence.astype(np.float32),
+                probability=probability[person.person],
             )
         )
     return Recording(

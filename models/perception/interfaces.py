@@ -2,8 +2,8 @@
 
 Positions are in source pixels, pixel centres at (0.5, 0.5).
 
-`people.detector`, `people.pose` and `lifting.method` choose them by name (docs/extend.md); the defaults are BlazePose
-(`networks`) and a network on keypoints (`lifting`).
+`people.detector`, `people.pose` and `lifting.method` choose them by name (docs/extend.md); the defaults are in
+`networks` and `lifting`.
 """
 
 from collections.abc import Sequence
@@ -25,7 +25,9 @@ class Detection:
     region: Region
     """Where to look for the landmarks."""
     box: Float[np.ndarray, " 4"]
-    """xyxy of the head and shoulders, source pixels."""
+    """xyxy of what the detector sees of the person, source pixels."""
+    keypoints: Float[np.ndarray, "17 3"] | None = None
+    """COCO keypoints (x, y in source pixels, score), if the detector gives any."""
 
 
 @dataclass(frozen=True)

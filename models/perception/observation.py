@@ -12,10 +12,10 @@ from humanmm.models.records import landmarks
 from humanmm.models.records.tracks import MASK_SIDE
 
 MIN_PRESENCE = 0.6
-MIN_TORSO_VISIBILITY = 0.6
+MIN_SHOULDER_VISIBILITY = 0.6
 MIN_TORSO = 0.05
 """Least distance from mid-shoulder to mid-hip as a fraction of the region's side; a standing person has 0.23."""
-MIN_CONFIDENCE = 0.25
+MIN_CONFIDENCE = 0.15
 VISIBLE = 0.5
 _MASK_ON = 128
 _MASK_REACH = 3
@@ -44,7 +44,7 @@ def observe(output: Landmarks, frame_size: tuple[int, int]) -> Observation | Non
     """The observation in a network's output, or None where the crop holds no usable person.
 
     Presence alone is no gate: a loudspeaker scores 0.95, and a face that fills the frame gives a confident body that
-    is not there. A usable person shows torso, hips and a thigh inside the frame, and the landmarks lie on the mask.
+    is not there. A usable person shows the shoulders inside the frame, and the landmarks lie on the mask.
     """
     mask = (output.mask >= _MASK_ON).astype(np.uint8)
     confidence = _confidence(output, mask, frame_size)
@@ -88,14 +88,12 @@ def _confidence(output: Landmarks, mask: UInt8[np.ndarray, "mask mask"], frame_s
     keypoints = output.keypoints
     seen = keypoints[:, 2] * inside(keypoints[:, :2], frame_size)
     torso = float(seen[list(landmarks.TORSO)].mean())
-    hips, knees = keypoints[list(landmarks.HIPS), :2], keypoints[list(landmarks.KNEES), :2]
-    shoulders = keypoints[list(landmarks.SHOULDERS), :2]
+    hips, shoulders = keypoints[list(landmarks.HIPS), :2], keypoints[list(landmarks.SHOULDERS), :2]
     trunk = float(np.linalg.norm(shoulders.mean(axis=0) - hips.mean(axis=0)))
     if (
         output.presence < MIN_PRESENCE
-        or torso < MIN_TORSO_VISIBILITY
+        or float(seen[list(landmarks.SHOULDERS)].mean()) < MIN_SHOULDER_VISIBILITY
         or trunk < MIN_TORSO * output.region.side
-        or not inside((hips + knees) / 2, frame_size).any()
     ):
         return 0.0
     legs = float(seen[[*landmarks.KNEES, *landmarks.ANKLES]].mean())

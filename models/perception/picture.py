@@ -32,6 +32,17 @@ class Picture:
         y, cb, cr = self.planes
         return Picture((y.copy(), cb.copy(), cr.copy()), self.colors)
 
+    def part(self, low: Float[np.ndarray, " 2"], high: Float[np.ndarray, " 2"]) -> "tuple[Picture, np.ndarray]":
+        """The pixels from corner low to corner high, rounded to even ones, not copied, and where they begin."""
+        (left, top), (right, bottom) = (np.round(np.asarray(corner) / 2).astype(int) for corner in (low, high))
+        y, cb, cr = self.planes
+        planes = (
+            y[2 * top : 2 * bottom, 2 * left : 2 * right],
+            cb[top:bottom, left:right],
+            cr[top:bottom, left:right],
+        )
+        return Picture(planes, self.colors), np.array([2.0 * left, 2.0 * top])
+
     def warped(
         self, target_to_source: Float[np.ndarray, "2 3"], size: tuple[int, int]
     ) -> UInt8[np.ndarray, "height width 3"]:

@@ -13,6 +13,9 @@ from jaxtyping import Float
 BODY_MARGIN = 1.25
 """Side of a person's region over the diameter of the circle about the hips that holds the body, as in training."""
 
+HEIGHT_OF_SIDE = 1 / 1.6
+"""A standing person's height over the side of his region."""
+
 
 @dataclass(frozen=True)
 class Region:

@@ -41,6 +41,8 @@ class RecordedPerson:
     """(N,4) float32, xyxy, source pixels: the detector's, else that of the projected joints, else zero."""
     confidence: np.ndarray
     """(N,) float32, 0..1."""
+    probability: float = 1.0
+    """That this is a person at all (`records.shots.Person`)."""
 
     def __post_init__(self) -> None:
         num_frames = len(self.frame)

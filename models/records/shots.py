@@ -71,6 +71,10 @@ class Shot:
         return start, max(start, end)
 
 
+DOUBTFUL = 0.5
+"""Probability of being a person below which somebody is delivered as doubtful."""
+
+
 @dataclass(frozen=True)
 class Person:
     """One human being of the video; number 0 is the main subject (largest summed visible area)."""
@@ -80,6 +84,13 @@ class Person:
     """(10,) float32 shape of body24, from bone proportions over all shots."""
     area: float
     """Summed visible area, pixels × frames."""
+    probability: float = 1.0
+    """That this is a person at all; below DOUBTFUL he is delivered as doubtful, and joins no shots."""
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether this may well be nobody."""
+        return self.probability < DOUBTFUL
 
 
 @dataclass(frozen=True)
@@ -89,3 +100,4 @@ class ShotList:
     num_frames: int
     shots: tuple[Shot, ...]
     people: tuple[Person, ...]
+    warnings: tuple[str, ...] = ()

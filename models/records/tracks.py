@@ -85,9 +85,10 @@ class PersonTrack:
     """(S,) int32: frames at which the clothing colours were taken, a few a second."""
     color_histogram: np.ndarray
     """(S,B) float32: clothing colours, upper and lower body; rows sum to about 1."""
-    side_votes: np.ndarray = field(default_factory=lambda: np.zeros(0, np.float32))
-    """(N,) float32: log-odds that left and right are named rightly, from second looks at an upright crop; 0 in frames
-    without one, empty where nobody looked. Labels are already consistent along the track (`perception.sides`)."""
+    probability: float = 1.0
+    """That this is a person at all, and not a bag, a poster or nothing (`perception.tracking.personhood`)."""
+    evidence: np.ndarray = field(default_factory=lambda: np.zeros(0, np.float32))
+    """(4,) float32, what the probability was made of: detector, trust, steadiness, motion; empty if unknown."""
     lifted: bool = False
     """The detector gives COCO keypoints only: `landmarks3d` was made from them (`perception.lifting`)."""
 

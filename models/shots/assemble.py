@@ -24,24 +24,22 @@ def detect_shots(
     people: Sequence[ScenePeople | None],
     *,
     only_person: int | None = None,
+    min_confidence: float = 0.2,
     parts: Parts = "keypoints",
 ) -> ShotList:
     """Shots of the whole video with everybody in them (or with one person); `people` has None for a failed scene.
 
     `parts` says how much of the three-part detector is used: colours, boxes, keypoints. Left and right are told apart
-    with a rough K, for the focal length is estimated later. Raises NoUsablePersonError when nobody, or not the wanted
-    person, is in the video.
+    with a rough K, for the focal length is estimated later. Who is a person with a lower probability than
+    `min_confidence` is left out. Raises NoUsablePersonError when nobody, or not the wanted person, is in the video.
     """
     time_s = facts.time_s
     K = K_from_focal(default_focal_px(facts.width, facts.height), facts.width, facts.height)
     transitions = split_scenes(scenes, people, time_s=time_s, parts=parts)
     shots = _empty_shots(scenes, transitions)
-    cast = identify(shots, people, time_s=time_s)
+    cast = identify(shots, people, time_s=time_s, min_confidence=min_confidence)
     if not cast.people:
-        raise NoUsablePersonError(
-            "no usable person: nobody is seen clearly enough for long enough; "
-            "give a video in which at least one whole body is visible"
-        )
+        raise NoUsablePersonError(_nobody(cast, min_confidence))
     if only_person is not None:
         cast = _only(cast, only_person)
     faults = _detector_faults(shots, people, cast, time_s, K)
@@ -49,7 +47,27 @@ def detect_shots(
         replace(shot, people=tuple(_marked(a, faults.get((shot.index, a.person))) for a in appearances))
         for shot, appearances in zip(shots, cast.appearances, strict=True)
     )
-    return ShotList(scenes.num_frames, inhabited, cast.people)
+    return ShotList(scenes.num_frames, inhabited, cast.people, _doubts(cast))
+
+
+def _nobody(cast: Cast, min_confidence: float) -> str:
+    if not cast.refused:
+        return (
+            "no usable person: nobody is seen for long enough; give a video in which somebody's shoulders are visible"
+        )
+    return (
+        f"no usable person: the likeliest of {len(cast.refused)} is one with a probability of {cast.refused[0]:.2f}, "
+        f"less than {min_confidence:g}; --min-confidence {0.9 * cast.refused[0]:.2g} admits him"
+    )
+
+
+def _doubts(cast: Cast) -> tuple[str, ...]:
+    """A warning for everybody who may be nobody."""
+    return tuple(
+        f"person {person.person} may be no person: the probability is {person.probability:.2f}"
+        for person in cast.people
+        if person.doubtful
+    )
 
 
 def _empty_shots(scenes: Scenes, transitions: Sequence[Transition]) -> list[Shot]:

@@ -14,6 +14,7 @@ from functools import lru_cache
 import numpy as np
 from jaxtyping import Float
 from scipy.optimize import linear_sum_assignment
+from scipy.special import expit, logit
 
 from humanmm.models.body.body24 import JOINT_NAMES, Body, load_body
 from humanmm.models.body.landmarks import load_landmarks
@@ -21,7 +22,7 @@ from humanmm.models.geometry.alignment import umeyama_alignment
 from humanmm.models.geometry.intervals import in_intervals
 from humanmm.models.perception.clothing import colour_distance, mean_colours
 from humanmm.models.records import landmarks
-from humanmm.models.records.shots import Appearance, Person, Shot
+from humanmm.models.records.shots import DOUBTFUL, Appearance, Person, Shot
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
 from humanmm.models.video.frame_times import ROUNDING_S, shown_s
 
@@ -35,7 +36,7 @@ CUT_GAP_FRAMES = 3
 """A pose this many frames from a cut still counts as the pose at the cut."""
 POSE_FRAMES = 5
 
-MIN_SEEN_S, MIN_CONFIDENCE = 0.3, 0.45
+MIN_SEEN_S = 0.3
 BONE_NOISE = 0.1
 """Standard deviation of a bone's logarithmic length in the detector's 3D landmarks, mostly bias."""
 BONE_BIAS = np.array([-0.08, -0.08, -0.07, -0.16, -0.09, -0.03, 0.01])
@@ -49,6 +50,8 @@ class Cast:
 
     people: tuple[Person, ...]
     appearances: tuple[tuple[Appearance, ...], ...]
+    refused: tuple[float, ...] = ()
+    """Probabilities of those left out as no persons, largest first."""
 
 
 @dataclass(frozen=True)
@@ -65,14 +68,22 @@ class Sighting:
     num_frames: int
     seen_s: float
     """How long those frames are shown."""
-    confidence: float
+    log_odds: float
+    """Of being a person."""
     bones: Float[np.ndarray, "frames 7"]
     """Lengths of confident frames, metres, as the pose network measures them."""
 
 
-def identify(shots: Sequence[Shot], scenes: Sequence[ScenePeople | None], *, time_s: Float[np.ndarray, " F"]) -> Cast:
-    """Number the people of a video; a failed scene is None. Who is seen for a moment only, or badly, is left out.
+def identify(
+    shots: Sequence[Shot],
+    scenes: Sequence[ScenePeople | None],
+    *,
+    time_s: Float[np.ndarray, " F"],
+    min_confidence: float = 0.2,
+) -> Cast:
+    """Number the people of a video, the doubtful ones last; a failed scene is None.
 
+    Left out is who is seen for a moment only, and who is a person with a lower probability than `min_confidence`.
     `time_s` holds the presentation times of all frames.
     """
     people: list[list[Sighting]] = []
@@ -85,18 +96,25 @@ def identify(shots: Sequence[Shot], scenes: Sequence[ScenePeople | None], *, tim
                 people[known].append(sightings[new])
             else:
                 people.append([sightings[new]])
-    kept = [person for person in people if _reliable(person)]
-    kept.sort(key=lambda person: -sum(s.area for s in person))
+    long_seen = [person for person in people if _is_long_seen(person)]
+    kept = [person for person in long_seen if probability(person) >= min_confidence]
+    kept.sort(key=lambda person: (probability(person) < DOUBTFUL, -sum(s.area for s in person)))
     body = load_body()
     numbered = tuple(
-        Person(number, shape_from_bones(np.concatenate([s.bones for s in person]), body), sum(s.area for s in person))
+        Person(
+            number,
+            shape_from_bones(np.concatenate([s.bones for s in person]), body),
+            sum(s.area for s in person),
+            probability(person),
+        )
         for number, person in enumerate(kept)
     )
     appearances: list[list[Appearance]] = [[] for _ in shots]
     for number, person in enumerate(kept):
         for s in person:
             appearances[s.shot].append(Appearance(number, s.track))
-    return Cast(numbered, tuple(tuple(shot) for shot in appearances))
+    refused = tuple(sorted((p for p in map(probability, long_seen) if p < min_confidence), reverse=True))
+    return Cast(numbered, tuple(tuple(shot) for shot in appearances), refused)
 
 
 def sighting(
@@ -119,7 +137,7 @@ def sighting(
         area=float((boxes[:, 2:] - boxes[:, :2]).prod(axis=1).sum()),
         num_frames=len(inside),
         seen_s=float(shown_s(time_s, track.frame[inside]).sum()),
-        confidence=float(confidence.mean()),
+        log_odds=float(logit(np.clip(track.probability, 1e-4, 1 - 1e-4))),
         bones=_in_detector_convention(bones, lifted=track.lifted),
     )
 
@@ -180,11 +198,14 @@ def _after_rotation(a: Float[np.ndarray, "n 3"], b: Float[np.ndarray, "n 3"]) ->
     return float(np.sqrt(np.square(aligned - b).sum() / len(a)))
 
 
-def _reliable(person: Sequence[Sighting]) -> bool:
-    frames = sum(s.num_frames for s in person)
-    confidence = sum(s.confidence * s.num_frames for s in person) / frames
-    long_enough = frames >= 2 and sum(s.seen_s for s in person) >= MIN_SEEN_S - ROUNDING_S
-    return long_enough and confidence >= MIN_CONFIDENCE
+def _is_long_seen(person: Sequence[Sighting]) -> bool:
+    return sum(s.num_frames for s in person) >= 2 and sum(s.seen_s for s in person) >= MIN_SEEN_S - ROUNDING_S
+
+
+def probability(person: Sequence[Sighting]) -> float:
+    """That somebody is a person, from all his tracks, each counting by its frames."""
+    odds = np.average([s.log_odds for s in person], weights=[s.num_frames for s in person])
+    return float(expit(odds))
 
 
 def _in_detector_convention(bones: Float[np.ndarray, "frames 7"], *, lifted: bool) -> Float[np.ndarray, "frames 7"]:

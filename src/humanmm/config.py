@@ -54,11 +54,12 @@ class ScenesConfig(Section):
 class PeopleConfig(Section):
     """Person detection, 2D/3D pose, masks, tracking."""
 
-    detector: Annotated[str, _part("people.detector")] = "blazepose"
+    detector: Annotated[str, _part("people.detector")] = "movenet-multipose"
     """Network that finds people in a picture, by name."""
 
-    pose: Annotated[str, _part("people.pose")] = "blazepose-full"
-    """Network that finds a person's landmarks and mask, by name."""
+    pose: Annotated[str, _part("people.pose")] = "best"
+    """Networks that find a person's landmarks and mask, by name: `best` (BlazePose heavy and MoveNet Thunder), `fast`
+    (BlazePose full and MoveNet Thunder), or BlazePose alone (`blazepose-heavy`, `blazepose-full`)."""
 
     max_people: Annotated[int, Field(ge=1, le=32)] = 6
     """Largest number of people tracked at the same time."""
@@ -80,6 +81,10 @@ class ShotsConfig(Section):
     parts: Literal["scenes", "boxes", "keypoints"] = "keypoints"
     """How much of the three-part detector looks for cuts: `scenes` (colours alone), `boxes` (and people's boxes) or
     `keypoints` (and their keypoints)."""
+
+    min_confidence: Annotated[float, Field(ge=0, le=1)] = 0.2
+    """Probability of being a person, and not a bag, a poster or nothing, from which somebody is recovered; below 0.5 he
+    is marked as doubtful."""
 
     person: Annotated[int, Field(ge=0)] | None = None
     """Keep only this person (0 is the main subject); all people when not given."""

@@ -14,8 +14,13 @@ from typing import Any
 from humanmm.errors import ConfigError
 
 BUILT_IN: Mapping[str, Mapping[str, str]] = {
-    "people.detector": {"blazepose": "humanmm.models.perception.networks:detect"},
-    "people.pose": {"blazepose-full": "humanmm.models.perception.networks:locate"},
+    "people.detector": {"movenet-multipose": "humanmm.models.perception.movenet:detect"},
+    "people.pose": {
+        "best": "humanmm.models.perception.fusion:locate_best",
+        "fast": "humanmm.models.perception.fusion:locate_fast",
+        "blazepose-heavy": "humanmm.models.perception.blazepose:locate_heavy",
+        "blazepose-full": "humanmm.models.perception.blazepose:locate_full",
+    },
     "points.tracker": {"klt": "humanmm.models.camera.klt:klt_tracks"},
     "lifting.method": {"residual-network": "humanmm.models.perception.lifting:lift"},
     "camera.estimator": {"bundle": "humanmm.models.camera.estimate:camera_from_points"},

@@ -64,6 +64,7 @@ def write_motion(path: Path, recording: Recording) -> None:
             name = f"people/{person.person:02d}"
             for field, dtype in _PERSON_ARRAYS.items():
                 _put(group, f"{name}/{field}", getattr(person, field), dtype)
+            group[name].attrs["probability"] = person.probability
             array = group[f"{name}/keypoints2d"]
             array.attrs["keypoint_names"] = list(recording.keypoint_names)
 
@@ -83,7 +84,11 @@ def read_motion(path: Path) -> Recording:
         fields = {field: _get(group, key) for key, (field, _) in _VIDEO_ARRAYS.items()}
         numbers = sorted(int(name) for name in group["people"].group_keys()) if "people" in group else []  # type: ignore[union-attr]
         people = tuple(
-            RecordedPerson(person=n, **{field: _get(group, f"people/{n:02d}/{field}") for field in _PERSON_ARRAYS})
+            RecordedPerson(
+                person=n,
+                **{field: _get(group, f"people/{n:02d}/{field}") for field in _PERSON_ARRAYS},
+                probability=float(group[f"people/{n:02d}"].attrs.get("probability", 1.0)),  # type: ignore[arg-type]
+            )
             for n in numbers
         )
         names = group[f"people/{numbers[0]:02d}/keypoints2d"].attrs["keypoint_names"] if numbers else ()

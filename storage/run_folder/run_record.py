@@ -185,6 +185,7 @@ def _people(shots: ShotList, motion: WorldMotion | None) -> list[dict[str, Any]]
     for person in shots.people:
         entry: dict[str, Any] = {
             "person": person.person,
+            "probability": round(person.probability, 4),
             "shots": [shot.index for shot in shots.shots if person.person in {a.person for a in shot.people}],
         }
         recovered = moved.get(person.person)

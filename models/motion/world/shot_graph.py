@@ -55,6 +55,8 @@ def cut_edge(
     )
     before, after = results.cameras[earlier], results.cameras[later]
     shared = sorted(here.keys() & motions_of(results, earlier).keys())
+    certain = {person.person for person in results.shots.people if not person.doubtful}
+    shared = [person for person in shared if person in certain] or shared
     people = []
     for person in shared:
         first = _side(results, earlier, person, last=True)

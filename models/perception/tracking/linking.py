@@ -65,6 +65,7 @@ def joined(tracks: Sequence[TrackBuilder]) -> list[TrackBuilder]:
         first, second = pair
         second.rows.update(first.rows)
         second.colours.update(first.colours)
+        second.detector_scores.update(first.detector_scores)
         pool = [track for track in pool if track is not first]
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from humanmm.models.perception.interfaces import Networks
-from humanmm.models.perception.networks import BLAZEPOSE
+from humanmm.models.perception.networks import BEST
 from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.tracking.tracker import track_pictures
 from humanmm.models.records.tracks import ScenePeople
@@ -18,7 +18,7 @@ def track_people(
     *,
     max_people: int = 6,
     max_side_px: int = 1920,
-    networks: Networks = BLAZEPOSE,
+    networks: Networks = BEST,
     progress: Progress = silent,
 ) -> ScenePeople:
     """Boxes, keypoints, 3D landmarks, masks and clothing colours of everybody in the frames [start, end) of one scene.

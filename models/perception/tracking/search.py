@@ -1,18 +1,24 @@
-"""Finding everybody in one frame: the detector, the detector again with the found painted out, tiles, and HOG boxes."""
+"""Finding everybody in one frame: the detector, and the detector again with the found painted out."""
 
-from functools import lru_cache
+from collections.abc import Sequence
 
 import cv2
 import numpy as np
 from jaxtyping import UInt8
 
-from humanmm.models.perception.interfaces import Networks, PoseNetwork
+from humanmm.models.perception.interfaces import Detection, Networks, PoseNetwork
 from humanmm.models.perception.observation import Observation, observe, similarity
 from humanmm.models.perception.picture import Picture, whole
-from humanmm.models.perception.regions import Region, transform, warp
+from humanmm.models.perception.regions import HEIGHT_OF_SIDE, Region, warp
+from humanmm.models.records import landmarks
 
 SETTLE_ROUNDS = 3
 DUPLICATE_SIMILARITY = 0.5
+OTHER_BODY = 0.08
+"""Median distance of the limbs, as a fraction of the height, from which a pose is not that of the person detected."""
+WIDE = 1.3
+"""Width over height (or the other way) of a frame whose parts are as high as it is."""
+SAME_REGION_SHIFT, SAME_REGION_RATIO = 0.25, 1.6
 MAX_COVERED = 0.4
 """A painted-out silhouette still looks like a person: whoever lies largely on paint is nobody new."""
 _PAINT = 127
@@ -22,27 +28,27 @@ def find_people(
     networks: Networks,
     image: Picture,
     known: list[Observation],
-    places: list[Region],
+    detections: Sequence[Detection],
     *,
-    upright: bool,
+    behind: bool,
+    closer: bool,
     limit: int,
 ) -> list[Observation]:
     """People in the frame who are not among the known, at most `limit` of them.
 
-    The detector mostly returns one person a picture and misses people below a quarter of its height: it looks at each
-    of the `places` again with the found painted out; `upright` adds a search for standing people by another method.
+    `detections` are of the whole frame. `behind` looks at it again with everybody known and found painted out: somebody
+    nearly hidden shows then. `closer` looks at enlarged parts of the frame: somebody small shows then.
     """
     search = _Search(networks, image, known)
-    for within in places:
-        while len(search.found) < limit:
-            regions = [detection.region for detection in networks.detect(search.canvas, within)]
-            if not any([search.take(region) for region in regions[: limit - len(search.found)]]):
-                break
-    if upright:
-        for region in _upright_boxes(search.canvas):
+    seen = detections
+    places = [*([whole(image)] if behind else []), *(tiles(image) if closer else [])]
+    while True:
+        for detection in seen:
             if len(search.found) < limit:
-                search.take(region)
-    return search.found
+                search.take(detection)
+        if not places or len(search.found) >= limit:
+            return search.found
+        seen = networks.detect(search.canvas, places.pop(0))
 
 
 class _Search:
@@ -58,21 +64,22 @@ class _Search:
         for person in known:
             paint_out(self.canvas, person, self._painted)
 
-    def take(self, region: Region) -> bool:
-        """Look at a region; True when it holds somebody new, who is then painted out."""
-        person = settle(self._networks.locate, self.canvas, region)
+    def take(self, detection: Detection) -> None:
+        """Look at a detection; if it is somebody new, note and paint him out."""
+        if any(lies_on(other, detection) for other in [*self._known, *self.found]):
+            return
+        person = settle(self._networks.locate, self.canvas, detection)
         if person is None or any(same_person(person, other) for other in [*self._known, *self.found]):
-            return False
+            return
         if self.found or self._known:
             # A body put together from what the paint left over falls apart when it is looked at without the paint.
             bare = observe(self._networks.locate(self._image, person.region), self._image.size)
             if bare is None or any(same_person(bare, other) for other in [*self._known, *self.found]):
-                return False
+                return
             if max(covered_fraction(self._painted, person), covered_fraction(self._painted, bare)) > MAX_COVERED:
-                return False
+                return
         self.found.append(person)
         paint_out(self.canvas, person, self._painted)
-        return True
 
 
 def covered_fraction(painted: UInt8[np.ndarray, "height width"], person: Observation) -> float:
@@ -82,16 +89,28 @@ def covered_fraction(painted: UInt8[np.ndarray, "height width"], person: Observa
     return float((paint * person.mask).sum() / max(int(person.mask.sum()), 1))
 
 
-def settle(locate: PoseNetwork, image: Picture, region: Region) -> Observation | None:
-    """The person in a region, looked at until the crop follows from its own output."""
-    seen = None
+def settle(locate: PoseNetwork, image: Picture, detection: Detection) -> Observation | None:
+    """The detected person, looked at until the crop follows from its own output, but not beyond where it slides away
+    to somebody else than the detector saw."""
+    seen, region = None, detection.region
     for _ in range(SETTLE_ROUNDS):
         output = locate(image, region)
-        seen = observe(output, image.size)
-        if seen is None:
+        now = observe(output, image.size)
+        if now is None:
             return None
-        region = output.next_region
+        if not lies_on(now, detection):
+            break
+        seen, region = now, output.next_region
     return seen
+
+
+def lies_on(seen: Observation, detection: Detection) -> bool:
+    """True where a pose is that of the person detected, as far as the detector's keypoints say (or else its region)."""
+    if detection.keypoints is None:
+        return not seen.next_region.outlier_of(detection.region, shift=SAME_REGION_SHIFT, ratio=SAME_REGION_RATIO)
+    limbs = detection.keypoints[5:]
+    distance = np.linalg.norm(seen.keypoints[list(landmarks.LIMBS), :2] - limbs[:, :2], axis=1)
+    return bool(np.median(distance) < OTHER_BODY * HEIGHT_OF_SIDE * seen.region.side)
 
 
 def same_person(a: Observation, b: Observation) -> bool:
@@ -121,48 +140,13 @@ def paint_out(
         np.maximum(marked, covered, out=marked)
 
 
-def places_to_look(image: Picture, turn: int, *, thorough: bool) -> list[Region]:
-    """Where to look in one search: everywhere, or alternately the whole frame and a large tile, and one small tile."""
-    large, small = tiles(image)
-    if thorough:
-        return [whole(image), *large, *small]
-    wide = [whole(image)] if turn % 2 or not large else [large[turn // 2 % len(large)]]
-    return [*wide, *([small[turn % len(small)]] if small else [])]
-
-
-def tiles(image: Picture) -> tuple[list[Region], list[Region]]:
-    """Overlapping squares that enlarge parts of the frame: large ones of the frame's shorter side, and of its half."""
+def tiles(image: Picture) -> list[Region]:
+    """Overlapping squares of the frame's shorter side (its half where the frame is no wider), side by side."""
     width, height = image.size
-    short = min(height, width)
-    both: tuple[list[Region], list[Region]] = ([], [])
-    for side, found in zip((float(short), short / 2), both, strict=True):
-        if side < 96:
-            continue
-        columns, rows = (int(np.ceil((extent - side) / (0.7 * side))) + 1 for extent in (width, height))
-        for y in np.linspace(side / 2, height - side / 2, rows) if rows > 1 else [height / 2]:
-            for x in np.linspace(side / 2, width - side / 2, columns) if columns > 1 else [width / 2]:
-                found.append(Region(float(x), float(y), side))
-    return both
-
-
-@lru_cache(maxsize=1)
-def _hog() -> cv2.HOGDescriptor:
-    hog = cv2.HOGDescriptor()
-    hog.setSVMDetector(cv2.HOGDescriptor_getDefaultPeopleDetector())  # type: ignore[attr-defined]
-    return hog
-
-
-def _upright_boxes(image: Picture) -> list[Region]:
-    """Regions of standing people by histograms of gradients, best first."""
-    scale = min(1.0, 640 / max(image.size))
-    small = image.reduced(scale)
-    if small.shape[0] < 128 or small.shape[1] < 64:
-        return []
-    boxes, weights = _hog().detectMultiScale(small, winStride=(8, 8), padding=(8, 8), scale=1.08)
-    order = np.argsort(-np.ravel(weights), kind="stable")
-    identity = np.array([[1 / scale, 0, 0], [0, 1 / scale, 0]])
-    regions = []
-    for x, y, w, h in np.reshape(boxes, (-1, 4))[order][:8]:
-        centre = transform(identity, np.array([x + w / 2, y + h / 2]))
-        regions.append(Region(float(centre[0]), float(centre[1]), float(h) / scale))
-    return regions
+    side = float(min(height, width)) * (1.0 if max(image.size) >= WIDE * min(image.size) else 0.6)
+    columns, rows = (int(np.ceil((extent - side) / (0.7 * side))) + 1 for extent in (width, height))
+    return [
+        Region(float(x), float(y), side)
+        for y in np.linspace(side / 2, height - side / 2, rows)
+        for x in np.linspace(side / 2, width - side / 2, columns)
+    ]

@@ -7,7 +7,8 @@ from jaxtyping import Float, Int
 
 from humanmm.models.perception.clothing import mean_colours
 from humanmm.models.perception.observation import Observation
-from humanmm.models.perception.regions import Region
+from humanmm.models.perception.regions import HEIGHT_OF_SIDE, Region
+from humanmm.models.perception.tracking.personhood import Evidence, mean_score, person_probability, pose_change
 from humanmm.models.perception.tracking.sides import left_right_swaps
 from humanmm.models.records import landmarks
 from humanmm.models.records.tracks import PersonTrack, Silhouettes, deflated_mask
@@ -82,6 +83,8 @@ class TrackBuilder:
     """Of the region, pixels per second, forward in time, whichever way frames are taken."""
     rows: dict[int, Row] = field(default_factory=dict)
     colours: dict[int, np.ndarray] = field(default_factory=dict)
+    detector_scores: dict[int, float] = field(default_factory=dict)
+    """What the detector gave this person in the frames of a search, 0 where it did not see him."""
     lost_since: int | None = None
     """First frame in which the person was looked for and not seen; None while he is seen."""
     active: bool = True
@@ -127,6 +130,8 @@ class TrackBuilder:
             halves[f >= frame].rows[f] = row
         for f, colours in self.colours.items():
             halves[f >= frame].colours[f] = colours
+        for f, score in self.detector_scores.items():
+            halves[f >= frame].detector_scores[f] = score
         return halves[0], halves[1]
 
     def finished(self) -> PersonTrack:
@@ -147,19 +152,27 @@ class TrackBuilder:
         time_s = self.time_s[frames]
         is_swapped = left_right_swaps(keypoints, poses, votes, time_s, side)
         keypoints = landmarks.with_sides_swapped(keypoints, is_swapped)
-        confidence = seen_confidence * steadiness(keypoints, frames, side, time_s)
+        steady = steadiness(keypoints, frames, side, time_s)
+        evidence = Evidence(
+            detector=mean_score(self.detector_scores.values()),
+            trust=float(seen_confidence.mean()),
+            steadiness=float(steady.mean()),
+            pose_change=pose_change(keypoints, HEIGHT_OF_SIDE * side),
+            seen_s=float(shown_s(self.time_s, frames).sum()),
+        )
         sampled = sorted(self.colours)
         return PersonTrack(
             frame=frames,
             keypoints2d=keypoints,
             landmarks3d=landmarks.with_sides_swapped(poses, is_swapped),
             bbox=bbox,
-            confidence=confidence.astype(np.float32),
-            side_votes=np.where(is_swapped, -votes, votes).astype(np.float32),
+            confidence=(seen_confidence * steady).astype(np.float32),
             masks=Silhouettes.of(masks),
             mask_affine=mask_affine,
             color_frame=np.array(sampled, np.int32),
             color_histogram=np.stack([self.colours[f] for f in sampled]).astype(np.float32),
+            probability=person_probability(evidence),
+            evidence=evidence.features().astype(np.float32),
         )
 
 

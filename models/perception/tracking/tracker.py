@@ -13,17 +13,17 @@ from jaxtyping import Float
 from humanmm.models.geometry.boxes import box_iou
 from humanmm.models.perception.clothing import clothing_histogram, colour_distance
 from humanmm.models.perception.interfaces import Landmarks, Networks, PoseNetwork
-from humanmm.models.perception.networks import BLAZEPOSE
+from humanmm.models.perception.networks import BEST
 from humanmm.models.perception.observation import Observation, averaged, observe, similarity
-from humanmm.models.perception.picture import Picture
+from humanmm.models.perception.picture import Picture, whole
 from humanmm.models.perception.regions import Region
 from humanmm.models.perception.tracking.linking import joined, untangled
 from humanmm.models.perception.tracking.search import (
     MAX_COVERED,
     covered_fraction,
     find_people,
+    lies_on,
     paint_out,
-    places_to_look,
     same_person,
     settle,
 )
@@ -35,9 +35,9 @@ from humanmm.models.video.frame_times import ROUNDING_S, elapsed_s, nearest_fram
 Array = np.ndarray
 
 SEARCH_PERIOD_S = 0.33
-THOROUGH_EVERY = 3
-"""While nobody is seen, or somebody was lost, every third search looks at all tiles of the frame; else a few at a
-time."""
+CLOSER_EVERY = 3
+"""Every third search looks for people behind those seen, and if nobody is seen or somebody was lost, also at enlarged
+parts of the frame."""
 LOST_S = 3.0
 KEPT_S, MIN_KEPT_FRAMES, MAX_KEPT_FRAMES = 0.7, 3, 20
 """How far back a person found late is followed."""
@@ -59,7 +59,7 @@ MISSING_HANDICAP = 0.3
 TENURE_BONUS = 0.3
 """For a track that has followed the person for TENURE_S or more."""
 TENURE_S = 1.0
-MIN_TRACK_S, MIN_TRACK_CONFIDENCE = 0.25, 0.5
+MIN_TRACK_S = 0.25
 
 
 class SceneTracker:
@@ -94,7 +94,6 @@ class SceneTracker:
         shortest_s = min(MIN_TRACK_S, 0.5 * scene_s) - ROUNDING_S
         people = joined(untangled(self._tracks))
         tracks = [track.finished() for track in people if track.seen_s >= shortest_s]
-        tracks = [track for track in tracks if track.confidence.mean() >= MIN_TRACK_CONFIDENCE]
         tracks.sort(key=lambda t: -float((t.bbox[:, 2:] - t.bbox[:, :2]).prod(axis=1).sum()))
         return ScenePeople(self._start, self._end, tuple(tracks))
 
@@ -159,7 +158,7 @@ class SceneTracker:
             return found or (self._look(frame, image, region) if hiding else None)
         if found is None and self._local_search_due(track.lost_since, frame):
             for detection in self._networks.detect(canvas, Region(region.x, region.y, 1.8 * region.side)):
-                person = settle(self._networks.locate, canvas, detection.region)
+                person = settle(self._networks.locate, canvas, detection)
                 if person is not None and not person.region.outlier_of(region, shift=0.6, ratio=1.6):
                     found = person, 0.0
                     break
@@ -201,16 +200,23 @@ class SceneTracker:
         return place - clothes + TENURE_BONUS * tenure - (0.0 if track.lost_since is None else MISSING_HANDICAP)
 
     def _search(self, frame: int, image: Picture, seen: list[Observation]) -> None:
+        """Ask the detector for everybody: who is new is followed from here, who is known gets its testimony."""
+        detections = self._networks.detect(image, whole(image))
+        for known in self._tracks:
+            if frame in known.rows:
+                scores = [one.score for one in detections if lies_on(known.last, one)]
+                known.detector_scores[frame] = max(scores, default=0.0)
         limit = self._max_people - len(seen)
         if limit <= 0:
             return
-        first = self._searches == 0
         lost = any(0 < elapsed_s(self._time_s, track.last_frame, frame) < LOST_S for track in self._tracks)
-        due = self._searches % THOROUGH_EVERY == 0
-        thorough = first or (due and (lost or not seen))
-        places = places_to_look(image, self._searches, thorough=thorough)
+        closer = self._searches % CLOSER_EVERY == 0
         self._searches += 1
-        for person in find_people(self._networks, image, seen, places, upright=first, limit=limit):
+        people = find_people(
+            self._networks, image, seen, detections,
+            behind=lost or closer, closer=closer and (lost or not seen or self._searches == 1), limit=limit,
+        )  # fmt: skip
+        for person in people:
             track = self._resumed(frame, image, person)
             if track is None:
                 track = TrackBuilder(self._time_s, person, frame)
@@ -272,7 +278,7 @@ def track_pictures(
     time_s: Float[Array, " F"],
     size: tuple[int, int],
     max_people: int,
-    networks: Networks = BLAZEPOSE,
+    networks: Networks = BEST,
 ) -> ScenePeople:
     """Everybody in the frames [start, end) of one scene.
 

@@ -27,6 +27,7 @@ def recover(  # noqa: PLR0913 (one a flag)
     out: Annotated[Path | None, Option(metavar="RUN_DIR", help="default: runs/<name of the video>")] = None,
     store: Store = None,
     person: Annotated[str | None, Option(metavar="N|all", help="one person, 0 the main one (default: all)")] = None,
+    min_confidence: Annotated[float | None, Option(metavar="P", help="least probability of being a person")] = None,
     focal_px: Annotated[float | None, Option(metavar="F", help="focal length in pixels of the video")] = None,
     fov_deg: Annotated[float | None, Option(metavar="D", help="horizontal field of view in degrees")] = None,
     dry_run: Annotated[bool, Option("--dry-run", help="list what would run and why; write nothing")] = False,
@@ -41,7 +42,7 @@ def recover(  # noqa: PLR0913 (one a flag)
         raise UsageError("--json goes with --dry-run")
     if focal_px is not None and fov_deg is not None:
         raise UsageError("--focal-px and --fov-deg exclude each other")
-    config = settings.config(**_shorthands(person, focal_px, fov_deg))
+    config = settings.config(**_shorthands(person, min_confidence=min_confidence, focal_px=focal_px, fov_deg=fov_deg))
     wanted: dict[str, Any] = {"store": store, "force": force, "start": start, "only": only, "shot": shot}
     if dry_run:
         plan = humanmm.forecast(video, config=config, **wanted)
@@ -78,8 +79,7 @@ def _report(run: "Run", store: Path | None) -> int:
     return PARTIAL if run.origin == "computed" and run.state == "partial" else 0
 
 
-def _shorthands(person: str | None, focal_px: float | None, fov_deg: float | None) -> dict[str, Any]:
-    given = {"focal_px": focal_px, "fov_deg": fov_deg}
+def _shorthands(person: str | None, **given: float | None) -> dict[str, Any]:
     shorthands: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
     if person is not None:
         if person != "all" and not person.removeprefix("-").isdecimal():

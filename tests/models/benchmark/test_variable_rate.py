@@ -21,7 +21,6 @@ def kept_track(track: PersonTrack, kept: np.ndarray) -> PersonTrack:
         frame=np.searchsorted(kept, track.frame[rows]).astype(np.int32),
         color_frame=np.searchsorted(kept, track.color_frame).astype(np.int32),
         masks=track.masks.chosen(rows),
-        side_votes=track.side_votes[rows] if len(track.side_votes) else track.side_votes,
         **{name: getattr(track, name)[rows] for name in names},
     )
 

@@ -69,7 +69,9 @@ def rendered() -> Callable[[str], tuple[Recording, list[np.ndarray]]]:
             K = truth["cameras/K"].astype(np.float32)
             K[:, :2, 2] += 0.5  # these files have pixel centres at integers
             num_frames = int(truth["num_frames"])
-            fields = [f for f in RecordedPerson.__dataclass_fields__ if f not in ("person", "keypoints2d")]
+            fields = [
+                f for f in RecordedPerson.__dataclass_fields__ if f not in ("person", "keypoints2d", "probability")
+            ]
             people = tuple(
                 RecordedPerson(
                     person=int(n),

@@ -34,18 +34,28 @@ def test_a_whole_body_is_trusted_and_its_box_holds_the_mask() -> None:
     np.testing.assert_allclose(seen.bbox, [72 + 2 * 44 + 1, 72 + 2 * 26 + 1, 72 + 2 * 84 - 1, 72 + 2 * 118 - 1])
 
 
-@pytest.mark.parametrize("fault", ["presence", "mask", "hips outside", "no trunk"])
-def test_what_is_no_whole_body_is_no_observation(fault: str) -> None:
+@pytest.mark.parametrize("fault", ["presence", "mask", "shoulders outside", "no trunk"])
+def test_what_is_no_body_is_no_observation(fault: str) -> None:
     output = standing()
     if fault == "presence":
         output = replace(output, presence=0.3)
     if fault == "mask":
         output = replace(output, mask=np.roll(output.mask, 60, axis=1))
-    if fault == "hips outside":
-        output.keypoints[[23, 24, 25, 26], 1] += 300
+    if fault == "shoulders outside":
+        output.keypoints[[11, 12, 13, 14], 1] -= 300
     if fault == "no trunk":
         output.keypoints[[23, 24], 1] = 152
     assert observe(output, SIZE) is None
+
+
+def test_an_upper_body_is_an_observation_that_is_trusted_less() -> None:
+    output = standing()
+    output.keypoints[[25, 26, 27, 28], 1] += 300
+    without_legs = observe(output, SIZE)
+    output.keypoints[[23, 24], 1] += 300
+    without_hips = observe(output, SIZE)
+    assert without_legs is not None and without_legs.confidence == pytest.approx(0.4)
+    assert without_hips is not None and without_hips.confidence == pytest.approx(0.2)
 
 
 def test_similarity_falls_like_a_gaussian_of_the_distance() -> None:

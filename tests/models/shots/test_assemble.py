@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from humanmm.errors import NoUsablePersonError
+from humanmm.models.perception.clothing import HISTOGRAM_BINS
 from humanmm.models.records.shots import Scenes, Shot, Transition
-from humanmm.models.records.tracks import ScenePeople
+from humanmm.models.records.tracks import PersonTrack, ScenePeople, Silhouettes
 from humanmm.models.records.video import VideoFacts
 from humanmm.models.shots.assemble import detect_shots
 
@@ -17,6 +18,30 @@ FACTS = VideoFacts(960, 540, np.arange(60) / 30, np.arange(60) == 0, 0, "h264", 
 def test_a_video_in_which_nobody_is_seen_is_an_error_in_plain_words(people: list[ScenePeople | None]) -> None:
     with pytest.raises(NoUsablePersonError, match="no usable person"):
         detect_shots(FACTS, SCENES, people)
+
+
+def test_if_all_are_hardly_people_the_error_says_which_setting_admits_the_likeliest() -> None:
+    rng = np.random.default_rng(0)
+    hardly = PersonTrack(
+        frame=np.arange(30, dtype=np.int32),
+        keypoints2d=np.tile(rng.uniform(100, 300, (33, 3)), (30, 1, 1)).astype(np.float32),
+        landmarks3d=np.tile(rng.normal(size=(33, 3)), (30, 1, 1)).astype(np.float32),
+        bbox=np.tile(np.float32([100, 100, 300, 300]), (30, 1)),
+        confidence=np.full(30, 0.9, np.float32),
+        masks=Silhouettes.pack(np.zeros((30, 128, 128))),
+        mask_affine=np.zeros((30, 2, 3), np.float32),
+        color_frame=np.zeros(1, np.int32),
+        color_histogram=np.full((1, HISTOGRAM_BINS), 1 / HISTOGRAM_BINS, np.float32),
+        probability=0.1,
+    )
+    people = [ScenePeople(0, 30, (hardly,)), ScenePeople(30, 60, ())]
+    with pytest.raises(
+        NoUsablePersonError, match=r"likeliest of 1 .* 0.10, less than 0.2; --min-confidence 0.09 admits"
+    ):
+        detect_shots(FACTS, SCENES, people)
+    listed = detect_shots(FACTS, SCENES, people, min_confidence=0.09)
+    assert listed.people[0].doubtful
+    assert listed.warnings == ("person 0 may be no person: the probability is 0.10",)
 
 
 def test_frames_that_a_dissolve_mixes_are_outside_transitions_in_neither_shot() -> None:

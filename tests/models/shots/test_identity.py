@@ -26,7 +26,7 @@ def standing(arm: float = 0.0) -> np.ndarray:
 
 
 def track(
-    first: int, last: int, colours: np.ndarray, *, size: float = 100.0, arm: float = 0.0, confidence: float = 0.9
+    first: int, last: int, colours: np.ndarray, *, size: float = 100.0, arm: float = 0.0, probability: float = 0.9
 ) -> PersonTrack:
     count = last - first
     box = np.array([10, 10, 10 + size / 2, 10 + size])
@@ -37,12 +37,12 @@ def track(
         keypoints2d=np.ones((count, NUM_LANDMARKS, 3), np.float32),
         landmarks3d=np.repeat(standing(arm)[None], count, axis=0).astype(np.float32),
         bbox=np.repeat(box[None], count, axis=0).astype(np.float32),
-        confidence=np.full(count, confidence, np.float32),
-        side_votes=np.zeros(count, np.float32),
+        confidence=np.full(count, 0.9, np.float32),
         masks=Silhouettes.pack(np.zeros((count, 128, 128))),
         mask_affine=np.zeros((count, 2, 3), np.float32),
         color_frame=np.linspace(first, last - 1, 3).astype(np.int32),
         color_histogram=(histogram / histogram.sum(axis=1, keepdims=True)).astype(np.float32),
+        probability=probability,
     )
 
 
@@ -80,9 +80,16 @@ def test_person_zero_has_the_largest_summed_area_not_the_first_appearance() -> N
     assert cast_of([track(0, 30, RED, size=60)], [track(30, 60, BLUE, size=200)]) == [[(1, 0)], [(0, 0)]]
 
 
-def test_who_is_seen_for_a_blink_or_never_clearly_is_left_out() -> None:
-    people = [track(0, 30, RED), track(10, 14, BLUE), track(0, 30, GREEN, confidence=0.2)]
+def test_who_is_seen_for_a_blink_or_is_hardly_a_person_is_left_out() -> None:
+    people = [track(0, 30, RED), track(10, 14, BLUE), track(0, 30, GREEN, probability=0.1)]
     assert cast_of(people) == [[(0, 0)]]
+
+
+def test_who_may_be_no_person_comes_last_and_a_better_view_of_him_counts() -> None:
+    doubtful = [track(0, 30, RED, size=200, probability=0.3), track(0, 30, BLUE)]
+    assert cast_of(doubtful) == [[(0, 1), (1, 0)]]
+    seen_better = [track(30, 60, RED, size=200, probability=0.95)]
+    assert cast_of(doubtful, seen_better) == [[(0, 0), (1, 1)], [(0, 0)]]
 
 
 def test_a_track_that_spans_a_cut_inside_its_scene_gives_one_person_in_both_shots() -> None:

@@ -95,7 +95,7 @@ def test_a_weight_file_counts_when_its_name_is_in_the_code(package: Path) -> Non
 def test_every_real_stage_has_a_digest_that_leaves_out_what_is_no_science() -> None:
     stages = import_module("humanmm.tasks.pipeline").STAGES
     people = code_digest("humanmm.tasks.people")
-    assert {"pose_detection.tflite", "pose_landmark_full.tflite"} <= set(people.weights)
+    assert {"movenet-multipose.tflite", "movenet-thunder.tflite", "pose_landmark_heavy.tflite"} <= set(people.weights)
     for stage in stages:
         names = code_digest(stage.function[0]).modules
         assert stage.function[0] in names

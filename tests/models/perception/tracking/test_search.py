@@ -3,18 +3,20 @@
 import numpy as np
 import pytest
 
-from humanmm.models.perception.networks import BLAZEPOSE
+from humanmm.models.perception.interfaces import Detection
+from humanmm.models.perception.networks import BEST
 from humanmm.models.perception.observation import Observation
 from humanmm.models.perception.picture import Picture, whole
 from humanmm.models.perception.regions import Region
 from humanmm.models.perception.tracking.search import (
     covered_fraction,
     find_people,
+    lies_on,
     paint_out,
-    places_to_look,
     same_person,
     tiles,
 )
+from humanmm.models.records import landmarks
 
 
 def gray(width: int, height: int, value: int = 60) -> Picture:
@@ -31,22 +33,14 @@ def person(x: float, y: float, side: float = 128.0) -> Observation:
 
 
 @pytest.mark.parametrize("size", [(640, 360), (360, 640), (1920, 1080), (320, 320)])
-def test_the_tiles_of_either_size_cover_the_frame(size: tuple[int, int]) -> None:
-    for squares in tiles(gray(*size)):
-        covered = np.zeros(size[::-1], bool)
-        for tile in squares:
-            left, top = (round(max(0.0, c - tile.side / 2)) for c in (tile.x, tile.y))
-            covered[top : round(tile.y + tile.side / 2), left : round(tile.x + tile.side / 2)] = True
-        assert covered.all()
-
-
-def test_searches_that_are_not_thorough_look_at_every_tile_in_time() -> None:
-    image = gray(1280, 720)
-    everywhere = places_to_look(image, 0, thorough=True)
-    looked = [place for turn in range(60) for place in places_to_look(image, turn, thorough=False)]
-    assert set(looked) == set(everywhere)
-    assert whole(image) in everywhere
-    assert max(len(places_to_look(image, turn, thorough=False)) for turn in range(60)) == 2
+def test_the_tiles_cover_the_frame_and_enlarge_its_parts(size: tuple[int, int]) -> None:
+    image = gray(*size)
+    covered = np.zeros(size[::-1], bool)
+    for tile in tiles(image):
+        assert tile.side <= whole(image).side / 1.3
+        left, top = (round(max(0.0, c - tile.side / 2)) for c in (tile.x, tile.y))
+        covered[top : round(tile.y + tile.side / 2), left : round(tile.x + tile.side / 2)] = True
+    assert covered.all()
 
 
 def test_who_is_painted_out_is_covered_and_who_stands_beside_is_not() -> None:
@@ -67,4 +61,15 @@ def test_one_body_seen_twice_is_the_same_person() -> None:
 
 def test_nobody_is_found_in_an_empty_picture() -> None:
     image = gray(320, 240)
-    assert find_people(BLAZEPOSE, image, [], [whole(image)], upright=True, limit=3) == []
+    assert find_people(BEST, image, [], [], behind=True, closer=True, limit=3) == []
+
+
+def test_a_pose_lies_on_a_detection_by_its_keypoints_or_else_by_its_region() -> None:
+    seen = person(100, 100)
+    keypoints = np.zeros((17, 3))
+    keypoints[5:, :2] = seen.keypoints[list(landmarks.LIMBS), :2] + 3.0
+    beside = np.add(keypoints, [60.0, 0.0, 0.0])
+    assert lies_on(seen, Detection(0.5, Region(300, 300, 10), seen.bbox, keypoints))
+    assert not lies_on(seen, Detection(0.5, seen.region, seen.bbox, beside))
+    assert lies_on(seen, Detection(0.5, Region(110, 100, 150), seen.bbox))
+    assert not lies_on(seen, Detection(0.5, Region(180, 100, 128), seen.bbox))

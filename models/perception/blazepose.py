@@ -1,0 +1,73 @@
+"""The BlazePose landmark networks on LiteRT: 33 landmarks and a mask for one person's crop.
+
+Outputs are decoded to source pixels (centres at (0.5, 0.5)).
+"""
+
+import cv2
+import numpy as np
+from jaxtyping import UInt8
+
+from humanmm.models.perception.interfaces import Landmarks
+from humanmm.models.perception.litert import pool
+from humanmm.models.perception.picture import Picture
+from humanmm.models.perception.regions import Region, body_region, transform
+from humanmm.models.records import landmarks
+from humanmm.models.records.tracks import MASK_SIDE
+
+LANDMARK_SIDE = 256
+FULL, HEAVY = "pose_landmark_full.tflite", "pose_landmark_heavy.tflite"
+_VALUES_PER_LANDMARK = 5
+_AUXILIARY = slice(33, 35)
+"""Landmarks 33 and 34 are no body parts: hip centre and a point on the circle that holds the body."""
+
+
+def _sigmoid(x: np.ndarray) -> np.ndarray:
+    result: np.ndarray = 1 / (1 + np.exp(-np.clip(x, -80, 80)))
+    return result
+
+
+def locate_full(image: Picture, region: Region, *, mirrored: bool = False) -> Landmarks:
+    """Landmarks and mask by the middle one of the three networks; see `PoseNetwork`."""
+    return decode(FULL, crop_of(image, region, mirrored=mirrored), region, mirrored=mirrored)
+
+
+def locate_heavy(image: Picture, region: Region, *, mirrored: bool = False) -> Landmarks:
+    """Landmarks and mask by the largest of the three networks; see `PoseNetwork`."""
+    return decode(HEAVY, crop_of(image, region, mirrored=mirrored), region, mirrored=mirrored)
+
+
+def crop_of(image: Picture, region: Region, *, mirrored: bool) -> UInt8[np.ndarray, "256 256 3"]:
+    """What the networks are shown of a region."""
+    crop = image.crop(region, LANDMARK_SIDE)
+    return np.ascontiguousarray(crop[:, ::-1]) if mirrored else crop
+
+
+def decode(model: str, crop: UInt8[np.ndarray, "256 256 3"], region: Region, *, mirrored: bool) -> Landmarks:
+    """Landmarks and mask of the person in a crop of a region, by one of the networks.
+
+    Landmarks of a mirrored crop are given in the unmirrored picture, with left and right named as seen there.
+    """
+    image_points, presence, mask_logits, world_points = pool(model).run(
+        np.divide(crop[None], np.float32(255), dtype=np.float32), ("Identity", "Identity_1", "Identity_2", "Identity_4")
+    )
+    raw = image_points.reshape(-1, _VALUES_PER_LANDMARK)
+    world = world_points.reshape(-1, 3)[: landmarks.NUM_LANDMARKS].astype(np.float64)
+    logits = mask_logits[0, :, :, 0]
+    points, visibility = raw[:35, :2].astype(np.float64), _sigmoid(raw[: landmarks.NUM_LANDMARKS, 3])
+    if mirrored:
+        points = np.column_stack([LANDMARK_SIDE - points[:, 0], points[:, 1]])
+        points[: landmarks.NUM_LANDMARKS] = points[landmarks.SWAP]
+        world = (world * [-1, 1, 1])[landmarks.SWAP]
+        visibility, logits = visibility[landmarks.SWAP], logits[:, ::-1]
+    in_source = transform(region.to_source(LANDMARK_SIDE), points)
+    c, s = np.cos(region.angle), np.sin(region.angle)
+    rotated = np.column_stack([c * world[:, 0] - s * world[:, 1], s * world[:, 0] + c * world[:, 1], world[:, 2]])
+    mask = cv2.resize(np.ascontiguousarray(logits), (MASK_SIDE, MASK_SIDE), interpolation=cv2.INTER_AREA)
+    return Landmarks(
+        keypoints=np.column_stack([in_source[: landmarks.NUM_LANDMARKS], visibility]),
+        landmarks3d=rotated,
+        presence=float(presence.item()),
+        mask=(255 * _sigmoid(mask)).astype(np.uint8),
+        region=region,
+        next_region=body_region(*in_source[_AUXILIARY]),
+    )

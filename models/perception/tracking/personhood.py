@@ -1,0 +1,79 @@
+"""Whether a track shows a person at all: a probability from what the detector, the limbs and their motion say.
+
+Bags, furniture and hands become bodies whose limbs jump and that the detector does not confirm; posters, statues and
+screens are confirmed, but never change their pose. Weights: `scripts/fit_person_probability`, on labelled tracks.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from humanmm.models.records import landmarks
+
+Array = np.ndarray
+
+BIAS, DETECTOR, TRUST, STEADINESS, MOTION = -13.1, 5.2, 1.3, 10.2, 4.4
+DETECTOR_UNKNOWN = 0.3
+"""Taken for a track so short that the detector was never asked."""
+STILL_S = 10.0
+"""After this time without any change of pose somebody counts as a picture as much as he ever will."""
+MOTION_UNKNOWN = 0.5
+"""Feature of somebody who was still, but was seen for a moment only: people mostly are."""
+MOVED = 0.02
+"""Change of pose, as a fraction of the body's height, that noise alone hardly makes."""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What is known of one track."""
+
+    detector: float
+    """Mean score that the detector gave in the frames in which it looked, 0 where it did not see the person."""
+    trust: float
+    """Mean over frames of how far the pose can be trusted (`observation`)."""
+    steadiness: float
+    """Mean of `track_builder.steadiness`."""
+    pose_change: float
+    """How far limbs moved against the body, as a fraction of its height."""
+    seen_s: float
+    """How long it was seen."""
+
+    def features(self) -> Float[Array, " 4"]:
+        """What the weights multiply, each 0 to 1, but motion −1 for a body that was still for long."""
+        motion = np.tanh(np.log(max(self.pose_change, 1e-4) / MOVED))
+        if motion < MOTION_UNKNOWN:
+            motion += (MOTION_UNKNOWN - motion) * (1 - min(self.seen_s / STILL_S, 1))
+        return np.array([self.detector, self.trust, self.steadiness, motion])
+
+
+def person_probability(evidence: Evidence) -> float:
+    """Probability that a track is a person's."""
+    odds = BIAS + float(np.array([DETECTOR, TRUST, STEADINESS, MOTION]) @ evidence.features())
+    return float(1 / (1 + np.exp(-odds)))
+
+
+def mean_score(scores: Iterable[float]) -> float:
+    """What the detector says of a track, also of one that it was never asked about."""
+    values = list(scores)
+    return float(np.mean(values)) if values else DETECTOR_UNKNOWN
+
+
+def pose_change(keypoints: Float[Array, "n 33 3"], height: Float[Array, " n"]) -> float:
+    """How much the pose varies: spread of the visible limbs about their mean place on the body, in heights.
+
+    `keypoints` x, y, visibility in pixels, `height` the person's, pixels; place and size in the picture play no part.
+    The limb that moves most counts (the second of twelve, for one may be guessed).
+    """
+    limbs = keypoints[:, list(landmarks.LIMBS)]
+    places = (limbs[..., :2] - keypoints[:, list(landmarks.TORSO), :2].mean(axis=1, keepdims=True)) / height[
+        :, None, None
+    ]
+    visible = limbs[..., 2] > 0.5
+    spread = []
+    for limb in range(places.shape[1]):
+        own = places[visible[:, limb], limb]
+        if len(own) > 2:
+            spread.append(float(np.sqrt(own.var(axis=0).sum())))
+    return sorted(spread)[-2] if len(spread) > 1 else 0.0

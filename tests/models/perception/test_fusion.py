@@ -1,0 +1,45 @@
+"""How the limbs of two networks become one."""
+
+import numpy as np
+
+from humanmm.models.perception.fusion import fused
+from humanmm.models.perception.regions import HEIGHT_OF_SIDE
+from humanmm.models.records import landmarks
+
+SIDE = 100 / HEIGHT_OF_SIDE  # of the region of a person 100 pixels tall
+LIMBS = list(landmarks.LIMBS)
+
+
+def body() -> np.ndarray:
+    rng = np.random.default_rng(0)
+    return np.column_stack([rng.uniform(0, 40, 33), rng.uniform(0, 100, 33), np.full(33, 0.9)])
+
+
+def thunder(keypoints: np.ndarray) -> np.ndarray:
+    return np.column_stack([keypoints[LIMBS, :2], np.full(12, 0.8)])
+
+
+def test_limbs_lie_between_both_and_the_rest_is_blazeposes() -> None:
+    own = body()
+    limbs = np.add(thunder(own), [2.0, 0.0, 0.0])
+    both = fused(own, limbs, SIDE, weight=0.5)
+    np.testing.assert_allclose(both[LIMBS, :2] - own[LIMBS, :2], np.tile([1.0, 0.0], (12, 1)))
+    others = [k for k in range(33) if k not in LIMBS]
+    np.testing.assert_array_equal(both[others], own[others])
+    np.testing.assert_array_equal(both[:, 2], own[:, 2])
+
+
+def test_far_apart_thunder_is_believed_if_it_is_sure_of_itself() -> None:
+    own = body()
+    limbs = thunder(own)
+    limbs[[0, 1], 0] += 20.0
+    limbs[1, 2] = 0.1
+    both = fused(own, limbs, SIDE, weight=0.5)
+    np.testing.assert_allclose(both[LIMBS[0], :2], limbs[0, :2])
+    np.testing.assert_allclose(both[LIMBS[1], :2], own[LIMBS[1], :2])
+
+
+def test_left_and_right_are_named_as_the_network_with_the_depths_names_them() -> None:
+    own = body()
+    exchanged = thunder(own).reshape(6, 2, 3)[:, ::-1].reshape(12, 3)
+    np.testing.assert_allclose(fused(own, exchanged, SIDE, weight=0.5), own, atol=1e-9)
