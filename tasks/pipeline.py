@@ -83,7 +83,7 @@ STAGES: tuple[Stage, ...] = (
     ),
     Stage(
         "people", "scene", ("decode", "scenes"), ("people",), "humanmm.models.records.tracks:ScenePeople",
-        schema_version=2, reads_video=True, resources=_memory(150, 30, 5),
+        schema_version=3, reads_video=True, resources=_memory(390, 40, 5),
     ),
     Stage(
         "points", "scene", ("decode", "scenes"), ("points",), "humanmm.models.records.camera:PointTracks",
@@ -91,7 +91,7 @@ STAGES: tuple[Stage, ...] = (
     ),
     Stage(
         "shots", "video", ("decode", "scenes", "people"), ("shots",), "humanmm.models.records.shots:ShotList",
-        schema_version=2, defines="shot", resources=_memory(10, 0, 8),
+        schema_version=3, defines="shot", resources=_memory(10, 0, 8),
     ),
     Stage(
         "keyframes", "video", ("decode", "people", "shots"), (),
@@ -125,7 +125,7 @@ STAGES: tuple[Stage, ...] = (
     Stage(
         "deliver", "video", ("decode", "people", "shots", "refine"), ("deliver",),
         "humanmm.models.records.recording:Delivery",
-        reads_video=True, resources=_memory(50, 20, 10),
+        schema_version=2, reads_video=True, resources=_memory(50, 20, 10),
     ),
 )  # fmt: skip
 
