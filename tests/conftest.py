@@ -30,6 +30,13 @@ from humanmm.tasks import pipeline
 from humanmm.tasks.engine.run import VideoRun
 from humanmm.tasks.units.selection import Selection
 
+# A shell that starts the tests in the background, or nohup, leaves signals ignored, and programs inherit that.
+for _number, _action in {
+    signal.SIGINT: signal.default_int_handler, signal.SIGQUIT: signal.SIG_DFL, signal.SIGHUP: signal.SIG_DFL
+}.items():  # fmt: skip
+    if signal.getsignal(_number) is signal.SIG_IGN:
+        signal.signal(_number, _action)
+
 ROOT = Path(__file__).resolve().parent.parent
 
 
