@@ -2,7 +2,7 @@
 
 import zlib
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -87,8 +87,8 @@ class PersonTrack:
     """(S,B) float32: clothing colours, upper and lower body; rows sum to about 1."""
     probability: float = 1.0
     """That this is a person at all, and not a bag, a poster or nothing (`perception.tracking.personhood`)."""
-    evidence: np.ndarray = field(default_factory=lambda: np.zeros(0, np.float32))
-    """(4,) float32, what the probability was made of: detector, trust, steadiness, motion; empty if unknown."""
+    evidence: tuple[float, ...] = ()
+    """What the probability was made of: detector, trust, steadiness, motion; empty if unknown."""
     lifted: bool = False
     """The detector gives COCO keypoints only: `landmarks3d` was made from them (`perception.lifting`)."""
 

@@ -172,7 +172,7 @@ class TrackBuilder:
             color_frame=np.array(sampled, np.int32),
             color_histogram=np.stack([self.colours[f] for f in sampled]).astype(np.float32),
             probability=person_probability(evidence),
-            evidence=evidence.features().astype(np.float32),
+            evidence=tuple(evidence.features().tolist()),
         )
 
 
