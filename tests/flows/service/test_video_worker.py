@@ -52,7 +52,8 @@ def test_its_process_gets_what_differs_and_ends_with_its_flow_run(
     monkeypatch.setenv("KEPT", "same")
     monkeypatch.setenv("GONE", "1")
     sent: list[dict[str, str | None]] = []
-    process = multiprocessing.get_context("fork").Process(target=time.sleep, args=(60.0 if cancelled else 0.0,))
+    # a fork of a test process that has run hundreds of tests inherits whatever they left
+    process = multiprocessing.get_context("spawn").Process(target=time.sleep, args=(60.0 if cancelled else 0.0,))
 
     def start(changes: dict[str, str | None], folder: Path) -> Any:
         sent.append(changes)
