@@ -16,10 +16,10 @@ from humanmm.flows.server import local_server
 server = pytest.mark.server
 
 
-def _start(toy: Any, *arguments: str, **environment: str) -> subprocess.Popen[str]:
+def _start(toy: Any, *arguments: str, output: int = subprocess.DEVNULL, **environment: str) -> subprocess.Popen[str]:
     return subprocess.Popen(
         toy.command_line("recover", *arguments), cwd=toy.folder, env=toy.environment(**environment),
-        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, text=True,
+        stdout=output, stderr=subprocess.STDOUT, text=True,
     )  # fmt: skip
 
 
@@ -93,7 +93,7 @@ def test_the_flow_run_of_a_killed_recover_does_not_stay_running(toy: Any, place:
 def test_a_recover_that_is_told_to_stop_ends_its_flow_run_as_cancelled_and_says_so(
     toy: Any, place: Any, number: signal.Signals
 ) -> None:
-    process = _start(toy, "film.mp4", TOY_SLEEP="align=3000")
+    process = _start(toy, "film.mp4", output=subprocess.PIPE, TOY_SLEEP="align=3000")
     _wait_for(toy, place, "align")
     process.send_signal(number)
     output, _ = process.communicate(timeout=300)
