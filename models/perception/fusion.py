@@ -23,7 +23,6 @@ CREDIBLE = 0.35
 """Score from which Thunder is believed."""
 CROSSED = 0.02
 """Fraction of the height by which Thunder's limbs must fit better with left and right exchanged."""
-_COCO_LIMBS = np.arange(5, 17)
 _LIMBS = np.array(landmarks.LIMBS)
 _EXCHANGED = np.arange(12).reshape(6, 2)[:, ::-1].ravel()
 
@@ -42,7 +41,9 @@ def _located(model: str, weight: float, image: Picture, region: Region, *, mirro
     crop = crop_of(image, region, mirrored=mirrored)
     output = decode(model, crop, region, mirrored=mirrored)
     coco = movenet.coco_keypoints(crop, region, mirrored=mirrored)
-    return replace(output, keypoints=fused(output.keypoints, coco[_COCO_LIMBS], region.side, weight=weight))
+    return replace(
+        output, keypoints=fused(output.keypoints, coco[list(landmarks.COCO_LIMBS)], region.side, weight=weight)
+    )
 
 
 def fused(

@@ -52,7 +52,13 @@ class InterpreterPool:
 @lru_cache(maxsize=16)
 def pool(name: str, shape: tuple[int, ...] | None = None) -> InterpreterPool:
     """The process's interpreters of one shipped network; `shape` of the input where the network leaves it open."""
-    return InterpreterPool(read_weights(name), min(2, len(os.sched_getaffinity(0))), shape)
+    return InterpreterPool(_weights(name), min(2, len(os.sched_getaffinity(0))), shape)
+
+
+@lru_cache(maxsize=4)
+def _weights(name: str) -> bytes:
+    """Read and checked once, however many shapes its input takes."""
+    return read_weights(name)
 
 
 @contextmanager

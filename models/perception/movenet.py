@@ -11,6 +11,7 @@ from humanmm.models.perception.interfaces import Detection
 from humanmm.models.perception.litert import pool
 from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.regions import Region, transform
+from humanmm.models.records.landmarks import COCO_SWAP
 
 LONG_SIDE = 384
 """Of MultiPose's input: people 80 to 250 pixels tall are found best (recall 0.93 at 384, 0.87 at 256)."""
@@ -77,10 +78,6 @@ def coco_keypoints(
     points[:, :2] *= THUNDER_SIDE
     if mirrored:
         points[:, 0] = THUNDER_SIDE - points[:, 0]
-        points = points[_SWAP]
+        points = points[COCO_SWAP]
     points[:, :2] = transform(region.to_source(THUNDER_SIDE), points[:, :2])
     return points
-
-
-_SWAP = np.array([0, 2, 1, 4, 3, 6, 5, 8, 7, 10, 9, 12, 11, 14, 13, 16, 15])
-"""Counterparts on the other side."""

@@ -42,6 +42,10 @@ LIMBS = tuple(
 COCO_LANDMARKS = (0, 2, 5, 7, 8, 11, 12, 13, 14, 15, 16, 23, 24, 25, 26, 27, 28)
 """Of COCO's 17 keypoints, in their order, the landmark with the same name."""
 COCO_NAMES = tuple(NAMES[k] for k in COCO_LANDMARKS)
+COCO_SWAP = np.array([COCO_LANDMARKS.index(SWAP[k]) for k in COCO_LANDMARKS])
+"""As SWAP, of COCO's keypoints."""
+COCO_LIMBS = tuple(COCO_LANDMARKS.index(k) for k in LIMBS)
+"""Of LIMBS, in their order, COCO's keypoint."""
 
 
 def with_sides_swapped(points: np.ndarray, is_swapped: np.ndarray) -> np.ndarray:

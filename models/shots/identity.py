@@ -96,24 +96,19 @@ def identify(
                 people[known].append(sightings[new])
             else:
                 people.append([sightings[new]])
-    long_seen = [person for person in people if _is_long_seen(person)]
-    kept = [person for person in long_seen if probability(person) >= min_confidence]
-    kept.sort(key=lambda person: (probability(person) < DOUBTFUL, -sum(s.area for s in person)))
+    candidates = [(probability(p), sum(s.area for s in p), p) for p in people if _is_long_seen(p)]
+    kept = [candidate for candidate in candidates if candidate[0] >= min_confidence]
+    kept.sort(key=lambda candidate: (candidate[0] < DOUBTFUL, -candidate[1]))
     body = load_body()
     numbered = tuple(
-        Person(
-            number,
-            shape_from_bones(np.concatenate([s.bones for s in person]), body),
-            sum(s.area for s in person),
-            probability(person),
-        )
-        for number, person in enumerate(kept)
+        Person(number, shape_from_bones(np.concatenate([s.bones for s in person]), body), area, likelihood)
+        for number, (likelihood, area, person) in enumerate(kept)
     )
     appearances: list[list[Appearance]] = [[] for _ in shots]
-    for number, person in enumerate(kept):
+    for number, (_, _, person) in enumerate(kept):
         for s in person:
             appearances[s.shot].append(Appearance(number, s.track))
-    refused = tuple(sorted((p for p in map(probability, long_seen) if p < min_confidence), reverse=True))
+    refused = tuple(sorted((p for p, _, _ in candidates if p < min_confidence), reverse=True))
     return Cast(numbered, tuple(tuple(shot) for shot in appearances), refused)
 
 

@@ -1,7 +1,8 @@
 """Whether a track shows a person at all: a probability from what the detector, the limbs and their motion say.
 
 Bags, furniture and hands become bodies whose limbs jump and that the detector does not confirm; posters, statues and
-screens are confirmed, but never change their pose. Weights: `scripts/fit_person_probability`, on labelled tracks.
+screens are confirmed, but never change their pose. The weights are a logistic regression on 53 labelled tracks
+(docs/method.md says which).
 """
 
 from collections.abc import Iterable

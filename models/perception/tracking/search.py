@@ -108,7 +108,7 @@ def lies_on(seen: Observation, detection: Detection) -> bool:
     """True where a pose is that of the person detected, as far as the detector's keypoints say (or else its region)."""
     if detection.keypoints is None:
         return not seen.next_region.outlier_of(detection.region, shift=SAME_REGION_SHIFT, ratio=SAME_REGION_RATIO)
-    limbs = detection.keypoints[5:]
+    limbs = detection.keypoints[list(landmarks.COCO_LIMBS)]
     distance = np.linalg.norm(seen.keypoints[list(landmarks.LIMBS), :2] - limbs[:, :2], axis=1)
     return bool(np.median(distance) < OTHER_BODY * HEIGHT_OF_SIDE * seen.region.side)
 
