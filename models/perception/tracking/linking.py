@@ -22,6 +22,8 @@ SIZE_SPREAD = 0.3
 RETURN_ODDS, RETURN_ODDS_PER_S = -1.5, -0.5
 """Log-odds that somebody who appears some time after another left is the same, before the clothes are compared: people
 who come in one after the other often dress alike, and one wrong join is worse than a new number."""
+LINGER_S = 1.0
+"""So long may a track go on where its person was (a jump was too fast for it) while he is followed anew elsewhere."""
 
 
 def untangled(tracks: Sequence[TrackBuilder]) -> list[TrackBuilder]:
@@ -63,16 +65,27 @@ def joined(tracks: Sequence[TrackBuilder]) -> list[TrackBuilder]:
         if pair is None:
             return pool
         first, second = pair
-        second.rows.update(first.rows)
-        second.colours.update(first.colours)
-        second.detector_scores.update(first.detector_scores)
+        before, _ = first.split(min(second.rows))
+        second.rows.update(before.rows)
+        second.colours.update(before.colours)
+        second.detector_scores.update(before.detector_scores)
         pool = [track for track in pool if track is not first]
 
 
+def _still_there(track: TrackBuilder, frame: int) -> bool:
+    """Whether a track has its person in or after a frame, and not only lingers where he was."""
+    last = max(track.rows)
+    if last < frame:
+        return False
+    scores = [score for f, score in track.detector_scores.items() if f >= frame]
+    return not scores or max(scores) > 0 or elapsed_s(track.time_s, frame, last) > LINGER_S
+
+
 def continuation_odds(a: TrackBuilder, b: TrackBuilder) -> float:
-    """Log-odds that b goes on where a ended; −∞ where they overlap in time or b comes first."""
-    end, start = max(a.rows), min(b.rows)
-    if end >= start:
+    """Log-odds that b goes on where a ended; −∞ where b comes first, or a is still seen when b is."""
+    start = min(b.rows)
+    end = max((frame for frame in a.rows if frame < start), default=None)
+    if end is None or _still_there(a, start):
         return -np.inf
     distance = colour_distance(
         mean_colours(np.stack(list(a.colours.values()))), mean_colours(np.stack(list(b.colours.values())))

@@ -41,6 +41,18 @@ def test_people_in_other_clothes_or_at_the_same_time_are_not_joined() -> None:
     assert len(joined([track(range(0, 30), 300, RED), track(range(20, 60), 300, RED)])) == 2
 
 
+def test_a_track_that_lingers_where_its_person_was_ends_where_he_is_found_again() -> None:
+    lingering, found_again = track(range(0, 40), 300, RED), track(range(32, 70), 420, RED)
+    lingering.detector_scores = {0: 0.8, 10: 0.7, 33: 0.0}
+    found_again.detector_scores = {33: 0.6}
+    (one,) = joined([lingering, found_again])
+    assert spans([one]) == [(0, 69)]
+    assert one.rows[35].bbox[0] == 380  # where he is, not where the first track lingers
+    seen_still, other = track(range(0, 40), 300, RED), track(range(32, 70), 420, RED)
+    seen_still.detector_scores = {0: 0.8, 33: 0.5}
+    assert len(joined([seen_still, other])) == 2
+
+
 def test_whoever_enters_long_after_another_left_is_a_new_person() -> None:
     assert len(joined([track(range(0, 30), 300, RED), track(range(400, 430), 300, RED)])) == 2
 
