@@ -46,6 +46,8 @@ class Landmarks:
     """The crop."""
     next_region: Region
     """Where the network sees the body: the crop for the next frame."""
+    side_odds: float = 0.0
+    """Log-odds that left and right are named rightly, from whoever else was asked; 0 if nobody was."""
 
 
 class PersonDetector(Protocol):

@@ -41,6 +41,34 @@ class ShotMotion:
 
 
 @dataclass(frozen=True)
+class CutHypothesis:
+    """One rotation of the camera at a cut that may be the true one."""
+
+    R_before_after: np.ndarray
+    """(3,3) float64, as in `CutAlignment`."""
+    sigma_deg: float
+    """Expected error if this is the true one."""
+    probability: float
+    """That it is; those of a cut may add up to less than 1, the rest is for none of them."""
+    source: str
+    """Whose evidence it is, for the record."""
+
+
+@dataclass(frozen=True)
+class RotationEvidence:
+    """What became of one piece of evidence about the rotation between two shots."""
+
+    shot_a: int
+    shot_b: int
+    source: str
+    num_points: int
+    """Background points that support it; 0 for evidence from people."""
+    used: bool
+    reason: str
+    """Why it was not used; empty if it was."""
+
+
+@dataclass(frozen=True)
 class CutAlignment:
     """How two neighbouring shots were joined."""
 
@@ -53,7 +81,7 @@ class CutAlignment:
     residual_px: float
     """Robust reprojection residual of the winning hypothesis, pixels."""
     uncertainty_deg: float
-    """Expected rotation error, degrees, from the spread of hypotheses and windows."""
+    """The rotation lies within this angle of the true one with a probability of 68 %."""
     gap_s: float
     """Time between the last and the first observation used."""
     linked: bool
@@ -61,6 +89,10 @@ class CutAlignment:
     warnings: tuple[str, ...] = ()
     background_inliers: int = 0
     """Points of the background that also tell how the two shots stand to each other; 0 if none do."""
+    hypotheses: tuple[CutHypothesis, ...] = ()
+    """All rotations that the people allow, likeliest first; empty if the method knows one only."""
+    probability: float = 1.0
+    """That the rotation is the right one of all that the evidence allows."""
 
 
 @dataclass(frozen=True)
@@ -101,3 +133,5 @@ class WorldMotion:
     people: tuple[PersonMotion, ...]
     cuts: tuple[CutAlignment, ...]
     warnings: tuple[str, ...] = ()
+    evidence: tuple[RotationEvidence, ...] = ()
+    """Everything that spoke for a rotation between two shots, and whether it was believed."""

@@ -11,7 +11,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.models.camera.background.frame_edges import MIN_MATCHES, FrameEdge, find_frame_edge, match_features
+from humanmm.models.camera.background.frame_edges import (
+    MIN_MATCHES,
+    FrameEdge,
+    ViewHypothesis,
+    find_frame_edge,
+    match_features,
+)
 from humanmm.models.camera.background.keyframes import FrameFeatures
 from humanmm.models.geometry.rotations import rotation_angle
 
@@ -22,26 +28,25 @@ REACH = 40
 QUICK_FEATURES = 400
 FULL_COMPARISONS = 3
 """Pairs of key frames of two shots that are compared in full: those that look most alike at a quick look."""
+LEAST_DEG, INLIER_DEG = 3.0, 300.0
+"""Error of a rotation from many inliers, and from one; n of them leave one n-th of it open."""
 
 
 @dataclass(frozen=True)
 class ShotEdge:
-    """Relative pose of the cameras at two frames of different shots, from the background alone."""
+    """What the background says of the cameras of two shots, at up to FULL_COMPARISONS pairs of their key frames."""
 
     shot_a: int
     shot_b: int
-    frames: FrameEdge
-    sigma_deg: float
-    """Expected rotation error: few inliers, and a focal length that is not known, make it larger."""
+    frames: tuple[FrameEdge, ...]
 
 
 def find_shot_edges(
-    key_frames: Sequence[Sequence[FrameFeatures]], *, K: Float[np.ndarray, "3 3"], focal_uncertainty: float
+    key_frames: Sequence[Sequence[FrameFeatures]], *, K: Float[np.ndarray, "3 3"]
 ) -> tuple[ShotEdge, ...]:
     """Edges between the shots whose key frames (people left out, see `without_people`) show the same background.
 
-    `key_frames[k]` are the features of shot k, empty where the shot failed; `focal_uncertainty` is the standard
-    deviation of the focal length as a fraction of it.
+    `key_frames[k]` are the features of shot k, empty where the shot failed.
     """
     edges = []
     for b in range(1, len(key_frames)):
@@ -49,39 +54,40 @@ def find_shot_edges(
             first, second = key_frames[a], key_frames[b]
             if b - a > 1 and len(key_frames) > COMPARE_ALL and not _may_share_a_background(first, second):
                 continue
-            frames = _strongest(first, second, K)
-            if frames is not None:
-                edges.append(ShotEdge(a, b, frames, sigma_deg(frames, focal_uncertainty)))
+            frames = _compared(first, second, K)
+            if frames:
+                edges.append(ShotEdge(a, b, frames))
     return tuple(edges)
 
 
-def sigma_deg(edge: FrameEdge, focal_uncertainty: float) -> float:
-    """Expected rotation error of an edge, degrees.
+def sigma_deg(hypothesis: ViewHypothesis, focal_uncertainty: float) -> float:
+    """68 % of the rotations of such hypotheses are off by less than this, degrees, when they are true.
 
-    With a focal length wrong by a fraction e, a rotation by α is estimated as about (1 + e) α, since both are read off
-    the same image displacement; below that lies what few inliers leave open (400° / inliers: of rendered and real
-    pairs with 15 to 30 inliers most are off by more than 15°, with 40 and more by less than 3°).
+    With a focal length wrong by a fraction e (`focal_uncertainty`, its standard deviation), a rotation by α is
+    estimated as about (1 + e) α, since both are read off the same image displacement; few inliers leave more open.
     """
-    if edge.same_camera:
-        return 0.1
-    angle = np.degrees(rotation_angle(edge.R_a_b))
-    return float(np.sqrt(1.0 + (angle * focal_uncertainty) ** 2 + (400.0 / edge.num_inliers) ** 2))
+    if hypothesis.source == "same camera":
+        return 0.2
+    angle = np.degrees(rotation_angle(hypothesis.R_a_b))
+    return float(np.sqrt(LEAST_DEG**2 + (angle * focal_uncertainty) ** 2 + (INLIER_DEG / hypothesis.num_inliers) ** 2))
 
 
-def _strongest(a: Sequence[FrameFeatures], b: Sequence[FrameFeatures], K: Float[np.ndarray, "3 3"]) -> FrameEdge | None:
-    """The edge with most inliers over the most alike pairs of key frames; a recurring camera ends the search."""
+def _compared(
+    a: Sequence[FrameFeatures], b: Sequence[FrameFeatures], K: Float[np.ndarray, "3 3"]
+) -> tuple[FrameEdge, ...]:
+    """The most alike pairs of key frames compared; a recurring camera ends the search."""
     # a's last and b's first key frame are closest in time: they come first among equals.
     pairs = [(frame_a, frame_b) for frame_a in reversed(a) for frame_b in b]
     alike = [-len(match_features(_quick(frame_a), _quick(frame_b))[0]) for frame_a, frame_b in pairs]
-    best = None
+    found: list[FrameEdge] = []
     for index in np.argsort(alike, kind="stable")[:FULL_COMPARISONS]:
         frame_a, frame_b = pairs[index]
         edge = find_frame_edge(frame_a, frame_b, K)
-        if edge is not None and (best is None or edge.num_inliers > best.num_inliers):
-            best = edge
-        if best is not None and best.same_camera:
-            return best
-    return best
+        if edge is not None and edge.same_camera:
+            return (edge,)
+        if edge is not None:
+            found.append(edge)
+    return tuple(found)
 
 
 def _quick(frame: FrameFeatures) -> FrameFeatures:

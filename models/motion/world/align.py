@@ -14,14 +14,14 @@ from jaxtyping import Float
 from humanmm.models.cuts.camera_rotation import CutMethod, align_by_bundle
 from humanmm.models.geometry.intrinsics import K_of
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
-from humanmm.models.motion.world.levelling import levelled
+from humanmm.models.motion.world.levelling import levelled, upright_of
 from humanmm.models.motion.world.people import Part, concatenated
-from humanmm.models.motion.world.shot_graph import BackgroundEdges, CutEdge, background_edges, cut_edge, people_edge
+from humanmm.models.motion.world.shot_graph import BackgroundEdges, CutEdge, background_edges, cut_edge, people_edges
 from humanmm.models.motion.world.shot_results import ShotResults, camera_of, motions_of, posed, usable
-from humanmm.models.motion.world.shot_rotations import ShotRotations, average_rotations
-from humanmm.models.motion.world.solver import SameCamera, ShotRig, ShotTrajectory, Solution, solve
+from humanmm.models.motion.world.shot_rotations import ShotRotations, solve_rotations
+from humanmm.models.motion.world.solver import CameraEdge, SameCamera, ShotRig, ShotTrajectory, Solution, solve
 from humanmm.models.records.camera import SOURCES
-from humanmm.models.records.motion import CutAlignment, PersonShotMotion, WorldMotion
+from humanmm.models.records.motion import CutAlignment, PersonShotMotion, RotationEvidence, WorldMotion
 
 __all__ = ["ShotResults", "align"]
 
@@ -46,8 +46,11 @@ def align(
         if usable(results, later)
     ]
     background = background_edges(results)
-    rotations = average_rotations(
-        len(results.shots.shots), [people_edge(results, edge) for edge in edges if edge.cut.linked], background.edges
+    num_shots = len(results.shots.shots)
+    rotations = solve_rotations(
+        num_shots,
+        [*(one for edge in edges if edge.cut.linked for one in people_edges(results, edge)), *background.edges],
+        [upright_of(results, shot) if usable(results, shot) else None for shot in range(num_shots)],
     )
     groups = _groups(results, rotations)
     F = len(results.time_s)
@@ -62,7 +65,8 @@ def align(
     for group in groups:
         warnings += _solve_group(results, group, rotations, background, world)
     _fill_cameras(results, world)
-    warnings += [warning for edge in edges for warning in edge.cut.warnings]
+    cuts = _reported(results, edges, rotations, world)
+    warnings += [warning for cut in cuts for warning in cut.warnings]
     warnings += _lifted(results)
     if len(groups) > 1:
         names = ", ".join(str(group[0]) for group in groups[1:])
@@ -73,8 +77,9 @@ def align(
         K=world.K,
         camera_source=world.source,
         people=tuple(concatenated(person, parts) for person, parts in sorted(world.people.items())),
-        cuts=tuple(_reported(results, edges, rotations, world)),
+        cuts=tuple(cuts),
         warnings=tuple(warnings),
+        evidence=_evidence(rotations),
     )
 
 
@@ -90,6 +95,10 @@ def _lifted(results: ShotResults) -> list[str]:
         f"person {person}: the detector gives 2D keypoints only; depth and orientation were lifted from them, rougher"
         for person in sorted(people)
     ]
+
+
+LEAST_STD_DEG = 0.1
+"""Standard deviation of a rotation between two shots: no less is believed."""
 
 
 @dataclass(frozen=True)
@@ -126,14 +135,15 @@ def _solve_group(
     rigs = [_rig(results, shot, R_world_shot[shot]) for shot in group]
     index = {shot: k for k, shot in enumerate(group)}
     edges = [
-        replace(edge, a=index[edge.a], b=index[edge.b])
-        for edge in rotations.believed
-        if edge.a in index and edge.b in index
+        CameraEdge(index[one.edge.a], index[one.edge.b], max(one.hypothesis.sigma_deg, LEAST_STD_DEG))
+        for one in rotations.believed
+        if one.edge.a in index and one.edge.b in index
     ]
+    trusted = {(one.edge.a, one.edge.b) for one in rotations.believed if one.edge.source == "same camera"}
     same = [
-        SameCamera(index[edge.shot_a], edge.frames.frame_a, index[edge.shot_b], edge.frames.frame_b)
+        SameCamera(index[edge.shot_a], edge.frames[0].frame_a, index[edge.shot_b], edge.frames[0].frame_b)
         for edge in background.same
-        if edge.shot_a in index and edge.shot_b in index
+        if (edge.shot_a, edge.shot_b) in trusted and edge.shot_a in index and edge.shot_b in index
     ]
     solution = solve(trajectories, rigs, edges, same)
     solution = _at_origin(solution, trajectories, R_world_shot[group[0]])
@@ -221,21 +231,57 @@ def _reported(
     results: ShotResults, edges: Sequence[CutEdge], rotations: ShotRotations, world: _World
 ) -> list[CutAlignment]:
     """The cuts with the relative rotation that the finished world has."""
-    found = {edge.later: edge.cut for edge in edges}
+    found = {edge.later: edge for edge in edges}
     cuts = []
     for index, shot in enumerate(results.shots.shots[1:], start=1):
         failed = CutAlignment(shot.start, "none", np.eye(3), float("nan"), 180.0, float("nan"), False)
-        cut = found.get(index, failed)
+        edge = found.get(index)
+        cut = edge.cut if edge is not None else failed
         background = [
-            edge for edge in rotations.believed if edge.num_inliers and {edge.a, edge.b} == {index - 1, index}
+            one.edge.num_inliers
+            for one in rotations.believed
+            if one.edge.num_inliers and {one.edge.a, one.edge.b} == {index - 1, index}
         ]
-        cuts.append(
-            replace(
-                cut,
-                R_before_after=world.R[shot.start - 1].T @ world.R[shot.start],
-                uncertainty_deg=min([cut.uncertainty_deg, *(edge.sigma_deg for edge in background)]),
-                linked=usable(results, index) and rotations.group[index] != index,
-                background_inliers=max([0, *(edge.num_inliers for edge in background)]),
-            )
+        certainty = rotations.certainty[index]
+        cut = replace(
+            cut,
+            R_before_after=world.R[shot.start - 1].T @ world.R[shot.start],
+            uncertainty_deg=certainty.sigma_deg if certainty is not None else 180.0,
+            probability=certainty.probability if certainty is not None else 0.0,
+            linked=usable(results, index) and rotations.group[index] != index,
+            background_inliers=max([0, *background]),
         )
+        cuts.append(replace(cut, warnings=(*cut.warnings, *_doubts(cut))))
     return cuts
+
+
+DOUBTFUL_DEG, DOUBTFUL_PROBABILITY = 30.0, 0.8
+"""A camera rotation that is less certain than this is told."""
+
+
+def _doubts(cut: CutAlignment) -> list[str]:
+    """A warning where the rotation at a cut is hardly known."""
+    if not cut.linked or (cut.uncertainty_deg <= DOUBTFUL_DEG and cut.probability >= DOUBTFUL_PROBABILITY):
+        return []
+    return [
+        f"cut at frame {cut.cut_frame}: the camera's rotation across it is uncertain (probability "
+        f"{cut.probability:.2f}, 68 % within {cut.uncertainty_deg:.0f}°): the shots on both sides may be rotated "
+        "against each other"
+    ]
+
+
+def _evidence(rotations: ShotRotations) -> tuple[RotationEvidence, ...]:
+    """Everything that spoke for a rotation between two shots, for the record."""
+    used = [
+        RotationEvidence(one.edge.a, one.edge.b, one.edge.source, one.edge.num_inliers, True, "")
+        for one in rotations.believed
+    ]
+    unused = [
+        RotationEvidence(
+            one.edge.a, one.edge.b, one.edge.source, one.edge.num_inliers, False,
+            "nothing else connects the two shots" if np.isnan(one.off_deg)
+            else f"its nearest rotation is {one.off_deg:.0f}° from what all evidence together says",
+        )
+        for one in rotations.refused
+    ]  # fmt: skip
+    return tuple(sorted([*used, *unused], key=lambda one: (one.shot_a, one.shot_b, one.source)))

@@ -15,9 +15,15 @@ from humanmm.models.motion.world.gravity import (
     up_direction,
 )
 from humanmm.models.motion.world.shot_results import ShotResults, camera_of, motions_of, posed
+from humanmm.models.motion.world.shot_rotations import Upright
 from humanmm.models.records.camera import ShotCamera
 
 Array = np.ndarray
+
+PICTURE_SIGMA_DEG = 25.0
+"""The picture's own vertical hardly tells which way is up."""
+SHOT_SIGMA_DEG = 6.0
+"""Error of a shot's own vertical besides that of its people: two shots see them from two sides."""
 
 
 def levelled(
@@ -40,12 +46,29 @@ def levelled(
                 level_sigma.append(2 * PAN_SIGMA_DEG)
         # The picture's own vertical: hardly informed, but never upside down.
         up.append(R @ camera.R_shot_cam[0] @ np.array([0.0, -1.0, 0.0]))
-        up_sigma.append(25.0)
+        up_sigma.append(PICTURE_SIGMA_DEG)
     z = up_direction(UprightEvidence(np.array(up), np.array(up_sigma), np.array(level), np.array(level_sigma)))
     first = camera_of(results, group[0])
     y = _heading(first.R_shot_cam[0], z)
     R_world_first = np.stack([np.cross(y, z), y, z])
     return [R_world_first @ R for R in R_first_shot]
+
+
+def upright_of(results: ShotResults, shot: int) -> Upright:
+    """Where up is in a shot's own axes, from its people and its camera alone."""
+    camera = camera_of(results, shot)
+    axes = _standing_axes(results, shot)
+    picture = camera.R_shot_cam[0] @ np.array([0.0, -1.0, 0.0])
+    up = up_direction(
+        UprightEvidence(
+            up=np.array([*(axis for axis, _ in axes), picture]),
+            up_sigma_deg=np.array([*(sigma for _, sigma in axes), PICTURE_SIGMA_DEG]),
+            level=_mean_x(camera)[None],
+            level_sigma_deg=np.array([ROLL_SIGMA_DEG]),
+        )
+    )
+    best = min([sigma for _, sigma in axes], default=PICTURE_SIGMA_DEG)
+    return Upright(up, float(np.hypot(min(best, PICTURE_SIGMA_DEG), SHOT_SIGMA_DEG)))
 
 
 def _heading(R_cam: Float[Array, "3 3"], z: Float[Array, "3"]) -> Float[Array, "3"]:

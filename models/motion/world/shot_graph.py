@@ -7,30 +7,41 @@ import numpy as np
 from jaxtyping import Float
 
 from humanmm.models.camera.background.keyframes import FrameFeatures
-from humanmm.models.camera.background.shot_edges import ShotEdge, find_shot_edges
+from humanmm.models.camera.background.shot_edges import ShotEdge, find_shot_edges, sigma_deg
 from humanmm.models.cuts.camera_rotation import CutCameras, CutMethod, CutPerson, SideTrack
 from humanmm.models.geometry.intervals import in_intervals
 from humanmm.models.geometry.intrinsics import K_of
+from humanmm.models.geometry.rotations import rotation_angle
 from humanmm.models.motion.world.shot_results import ShotResults, camera_of, motions_of, usable
-from humanmm.models.motion.world.shot_rotations import RotationEdge
+from humanmm.models.motion.world.shot_rotations import RotationEdge, RotationHypothesis
 from humanmm.models.records.camera import ShotCamera, through_lens
-from humanmm.models.records.motion import CutAlignment
+from humanmm.models.records.motion import CutAlignment, CutHypothesis
 
 Array = np.ndarray
 
 SIDE_S = 0.5
 """So much of a track on each side is handed to the alignment of a cut."""
-LEAST_STD_DEG = 4.0
-"""Standard deviation of a cut's rotation from people: no less than this is believed."""
+CLUSTER_DEG = 6.0
+"""Hypotheses of two shots' backgrounds that lie closer together are one, found at several pairs of key frames."""
+DEPENDENCE = 0.5
+"""Several pairs of key frames of the same two shots are no independent witnesses: each counts as half of one."""
+CONNECTING = 0.6
+"""Probability from which a background alone shows that two shots belong to one world."""
 
 
 @dataclass(frozen=True)
 class CutEdge:
-    """The edge from shot `earlier` to shot `later`, by the people whom both see."""
+    """What the people whom both see tell of shots `earlier` and `later`, each person alone."""
 
     earlier: int
     later: int
-    cut: CutAlignment
+    cuts: tuple[CutAlignment, ...]
+    """One for each person, the one that tells most first; one that is not `linked` where there is nobody."""
+
+    @property
+    def cut(self) -> CutAlignment:
+        """That of the person who tells most."""
+        return self.cuts[0]
 
 
 @dataclass(frozen=True)
@@ -67,16 +78,21 @@ def cut_edge(
     if people and earlier == later - 1 and shot.start in known_rotations:
         gap_s = min(float(p.after.time_s[0] - p.before.time_s[-1]) for p in people)
         R = known_rotations[shot.start]
-        return CutEdge(earlier, later, CutAlignment(shot.start, "given", R, float("nan"), 0.0, gap_s, True))
+        return CutEdge(earlier, later, (CutAlignment(shot.start, "given", R, float("nan"), 0.0, gap_s, True),))
     cameras = CutCameras(
         K_before=before.K[-1] if before is not None else K_of(results.intrinsics),
         K_after=after.K[0] if after is not None else K_of(results.intrinsics),
         moving=any(camera is not None and camera.source == "tracked" for camera in (before, after)),
     )
-    middle = 0.5 * float(results.time_s[max(shot.start - 1, 0)] + results.time_s[shot.start])
-    if people:
-        middle = 0.5 * (max(p.before.time_s[-1] for p in people) + min(p.after.time_s[0] for p in people))
-    return CutEdge(earlier, later, method(people, cameras, cut_frame=shot.start, cut_time_s=middle))
+    cuts = []
+    for one in people:
+        middle = 0.5 * float(one.before.time_s[-1] + one.after.time_s[0])
+        cuts.append(method([one], cameras, cut_frame=shot.start, cut_time_s=middle))
+    cuts.sort(key=lambda cut: (not cut.linked, cut.uncertainty_deg))
+    if not cuts:
+        middle = 0.5 * float(results.time_s[max(shot.start - 1, 0)] + results.time_s[shot.start])
+        cuts = [method([], cameras, cut_frame=shot.start, cut_time_s=middle)]
+    return CutEdge(earlier, later, tuple(cuts))
 
 
 def _side(results: ShotResults, shot_index: int, person: int, *, last: bool) -> SideTrack | None:
@@ -112,11 +128,23 @@ def _side(results: ShotResults, shot_index: int, person: int, *, last: bool) -> 
     )
 
 
-def people_edge(results: ShotResults, edge: CutEdge) -> RotationEdge:
-    """The same between the axes of the two shots instead of the cameras at the cut."""
+def people_edges(results: ShotResults, edge: CutEdge) -> list[RotationEdge]:
+    """The same between the axes of the two shots instead of the cameras at the cut; one edge a person."""
     before, after = camera_of(results, edge.earlier), camera_of(results, edge.later)
-    R = before.R_shot_cam[-1] @ edge.cut.R_before_after @ after.R_shot_cam[0].T
-    return RotationEdge(edge.earlier, edge.later, R, max(edge.cut.uncertainty_deg, LEAST_STD_DEG))
+    R_before, R_after = before.R_shot_cam[-1], after.R_shot_cam[0]
+    edges = []
+    for cut in edge.cuts:
+        if not cut.linked:
+            continue
+        hypotheses = cut.hypotheses or (
+            CutHypothesis(cut.R_before_after, cut.uncertainty_deg, 1.0 if cut.method == "given" else 0.9, cut.method),
+        )
+        inside_shots = tuple(
+            RotationHypothesis(R_before @ one.R_before_after @ R_after.T, one.sigma_deg, one.probability)
+            for one in hypotheses
+        )
+        edges.append(RotationEdge(edge.earlier, edge.later, inside_shots))
+    return edges
 
 
 def background_edges(results: ShotResults) -> BackgroundEdges:
@@ -126,24 +154,58 @@ def background_edges(results: ShotResults) -> BackgroundEdges:
         [_with_lens(frame, camera_of(results, k), K) for frame in frames] if usable(results, k) else []
         for k, frames in enumerate(results.key_frames)
     ]
-    shot_edges = find_shot_edges(key_frames, K=K, focal_uncertainty=intrinsics.relative_uncertainty)
-    edges = []
-    for edge in shot_edges:
-        R_a, R_b = (
-            camera_of(results, shot).R_shot_cam[frame - results.shots.shots[shot].start]
-            for shot, frame in ((edge.shot_a, edge.frames.frame_a), (edge.shot_b, edge.frames.frame_b))
+    shot_edges = find_shot_edges(key_frames, K=K)
+    edges = tuple(_in_shot_axes(results, edge, intrinsics.relative_uncertainty) for edge in shot_edges)
+    return BackgroundEdges(edges, tuple(edge for edge in shot_edges if edge.frames[0].same_camera))
+
+
+def _in_shot_axes(results: ShotResults, edge: ShotEdge, focal_uncertainty: float) -> RotationEdge:
+    """All hypotheses of two shots' key frames as rotations between the shots; those that agree are one."""
+    R_a, R_b = (camera_of(results, shot).R_shot_cam for shot in (edge.shot_a, edge.shot_b))
+    first_a, first_b = (results.shots.shots[shot].start for shot in (edge.shot_a, edge.shot_b))
+    found = [
+        (
+            one,
+            RotationHypothesis(
+                R_a[frames.frame_a - first_a] @ one.R_a_b @ R_b[frames.frame_b - first_b].T,
+                sigma_deg(one, focal_uncertainty),
+                one.probability,
+            ),
         )
-        edges.append(
-            RotationEdge(
-                edge.shot_a,
-                edge.shot_b,
-                R_a @ edge.frames.R_a_b @ R_b.T,
-                edge.sigma_deg,
-                num_inliers=edge.frames.num_inliers,
-                same_camera=edge.frames.same_camera,
-            )
+        for frames in edge.frames
+        for one in frames.hypotheses
+    ]
+    found.sort(key=lambda pair: pair[1].sigma_deg)
+    clusters: list[list[RotationHypothesis]] = []
+    for _, one in found:
+        near = next((c for c in clusters if _apart_deg(c[0].R_a_b, one.R_a_b) < CLUSTER_DEG), None)
+        if near is None:
+            clusters.append([one])
+        else:
+            near.append(one)
+    merged = [
+        replace(
+            cluster[0],
+            probability=1
+            - (1 - cluster[0].probability) * float(np.prod([1 - c.probability for c in cluster[1:]])) ** DEPENDENCE,
         )
-    return BackgroundEdges(tuple(edges), tuple(edge for edge in shot_edges if edge.frames.same_camera))
+        for cluster in clusters
+    ]
+    total = sum(one.probability for one in merged)
+    share = min(1.0, max(frames.probability for frames in edge.frames) / total)
+    sources = {one.source for one, _ in found}
+    return RotationEdge(
+        edge.shot_a,
+        edge.shot_b,
+        tuple(replace(one, probability=one.probability * share) for one in merged),
+        source="same camera" if edge.frames[0].same_camera else " and ".join(sorted(sources)),
+        num_inliers=max(one.num_inliers for one, _ in found),
+        connects=total * share >= CONNECTING,
+    )
+
+
+def _apart_deg(R_a: Float[Array, "3 3"], R_b: Float[Array, "3 3"]) -> float:
+    return float(np.degrees(rotation_angle(R_a.T @ R_b)))
 
 
 def _with_lens(features: FrameFeatures, camera: ShotCamera, K: Float[Array, "3 3"]) -> FrameFeatures:

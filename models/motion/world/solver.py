@@ -22,7 +22,6 @@ from jaxtyping import Float, Int
 from humanmm.models.geometry.robust import huber_weight
 from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat, skew
 from humanmm.models.motion.world.equations import CAMERA_UNKNOWNS, WorldEquations, segments_of
-from humanmm.models.motion.world.shot_rotations import RotationEdge
 
 Array = np.ndarray
 
@@ -53,6 +52,15 @@ class ShotRig:
     scale: float
     """Metres per unit of `path`."""
     scale_known: bool
+
+
+@dataclass(frozen=True)
+class CameraEdge:
+    """Two shots whose rotation against each other is known."""
+
+    a: int
+    b: int
+    sigma_deg: float
 
 
 @dataclass(frozen=True)
@@ -105,7 +113,7 @@ class Solution:
 def solve(
     trajectories: Sequence[ShotTrajectory],
     rigs: Sequence[ShotRig],
-    edges: Sequence[RotationEdge],
+    edges: Sequence[CameraEdge],
     same: Sequence[SameCamera] = (),
 ) -> Solution:
     """Positions of people and cameras, the scale of each camera's path and small corrections of each shot's
@@ -140,7 +148,7 @@ class _State:
 def _step(
     trajectories: Sequence[ShotTrajectory],
     rigs: Sequence[ShotRig],
-    edges: Sequence[RotationEdge],
+    edges: Sequence[CameraEdge],
     same: Sequence[SameCamera],
     state: _State,
     options: SolveSettings,
@@ -302,7 +310,7 @@ _ACCELERATION_S = 0.3
 """A push lasts about so long: over longer times velocity changes like a random walk."""
 
 
-def _levels(equations: WorldEquations, edges: Sequence[RotationEdge], state: _State, options: SolveSettings) -> None:
+def _levels(equations: WorldEquations, edges: Sequence[CameraEdge], state: _State, options: SolveSettings) -> None:
     """Every shot stays about as level as it came, neighbouring shots rotated against each other as their edge says."""
     of_rotation = np.eye(CAMERA_UNKNOWNS)[3:6]
     for shot, rotation in enumerate(state.rotation):

@@ -185,10 +185,10 @@ class SceneTracker:
         seen = observe(output, image.size)
         if seen is None:
             return None
-        vote = 0.0
+        vote = output.side_odds
         if LEANING_RAD < abs(seen.region.angle) < LYING_RAD and (careful or self._side_look_due[frame]):
             upright = self._networks.locate(image, replace(seen.region, angle=0.0))
-            vote = side_vote(seen.keypoints, upright.keypoints, seen.region.side)
+            vote += side_vote(seen.keypoints, upright.keypoints, seen.region.side)
         return seen, vote
 
     def _claim(self, frame: int, image: Picture, track: TrackBuilder, seen: Observation) -> float:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from humanmm.models.perception.fusion import fused
+from humanmm.models.perception.fusion import fused, is_crossed
 from humanmm.models.perception.regions import HEIGHT_OF_SIDE
 from humanmm.models.records import landmarks
 
@@ -43,3 +43,4 @@ def test_left_and_right_are_named_as_the_network_with_the_depths_names_them() ->
     own = body()
     exchanged = thunder(own).reshape(6, 2, 3)[:, ::-1].reshape(12, 3)
     np.testing.assert_allclose(fused(own, exchanged, SIDE, weight=0.5), own, atol=1e-9)
+    assert is_crossed(own, exchanged, SIDE) and not is_crossed(own, thunder(own), SIDE)

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from humanmm.models.camera.background.frame_edges import find_frame_edge
+from humanmm.models.camera.background.frame_edges import essential_probability, find_frame_edge, plane_probability
 from humanmm.models.camera.background.keyframes import describe_frame
 
 K = np.array([[700.0, 0, 320], [0, 700.0, 240], [0, 0, 1]])
@@ -39,7 +39,10 @@ def test_a_turned_camera_is_recovered_within_half_a_degree() -> None:
     edge = find_frame_edge(describe_frame(3, seen_by(wall, np.eye(3))), describe_frame(8, seen_by(wall, R_b_a)), K)
     assert edge is not None and not edge.same_camera
     assert (edge.frame_a, edge.frame_b) == (3, 8)
-    assert angle_deg(edge.R_a_b @ R_b_a) < 0.5  # SIFT's localisation, about 0.5 px at f = 700 px
+    off = {one.source: angle_deg(one.R_a_b @ R_b_a) for one in reversed(edge.hypotheses)}
+    # SIFT's localisation, about 0.5 px at f = 700 px
+    assert off["essential matrix"] < 0.5 and off["plane"] < 0.5
+    assert edge.probability > 0.9
 
 
 def test_a_camera_that_did_not_move_is_recognised() -> None:
@@ -47,7 +50,7 @@ def test_a_camera_that_did_not_move_is_recognised() -> None:
     noisy = np.clip(picture + np.random.default_rng(0).normal(0, 4, picture.shape), 0, 255).astype(np.uint8)
     edge = find_frame_edge(describe_frame(0, picture), describe_frame(1, noisy), K)
     assert edge is not None and edge.same_camera
-    np.testing.assert_array_equal(edge.R_a_b, np.eye(3))
+    np.testing.assert_array_equal(edge.hypotheses[0].R_a_b, np.eye(3))
 
 
 def test_different_scenes_give_no_edge() -> None:
@@ -59,3 +62,20 @@ def test_different_scenes_give_no_edge() -> None:
 def test_an_empty_picture_gives_no_features_and_no_edge(gray: np.ndarray) -> None:
     features = describe_frame(0, gray)
     assert len(features.xy) == 0 and find_frame_edge(features, features, K) is None
+
+
+def test_a_plane_seen_from_two_places_gives_both_of_its_rotations() -> None:
+    wall, R_b_a = textured_wall(4), turn(20.0, 0.0)
+    normal, shift = np.array([0.0, 0.0, 1.0]), np.array([-0.35, 0.0, 0.05])
+    H = K @ (R_b_a + np.outer(shift, normal)) @ np.linalg.inv(K)
+    first = seen_by(wall, np.eye(3))
+    second = cv2.warpPerspective(first, H, (640, 480))
+    edge = find_frame_edge(describe_frame(0, first), describe_frame(1, second), K)
+    assert edge is not None
+    planes = [one for one in edge.hypotheses if one.source == "plane"][:2]
+    assert len(planes) == 2 and min(angle_deg(one.R_a_b @ R_b_a) for one in planes) < 2.0
+
+
+def test_few_inliers_are_hardly_believed() -> None:
+    assert essential_probability(20) < 0.1 and essential_probability(90) > 0.8
+    assert plane_probability(10) < 0.15 and 0.8 < plane_probability(40) < 0.9

@@ -10,8 +10,8 @@ from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.motion.world import gravity as world_gravity
 from humanmm.models.motion.world.align import _at_origin
 from humanmm.models.motion.world.people import interpolate_rotmats, rows_before
-from humanmm.models.motion.world.shot_rotations import RotationEdge
 from humanmm.models.motion.world.solver import (
+    CameraEdge,
     SameCamera,
     ShotRig,
     ShotTrajectory,
@@ -21,7 +21,7 @@ from humanmm.models.motion.world.solver import (
 )
 
 FPS = 30.0
-EDGE = RotationEdge(0, 1, np.eye(3), 8.0)
+EDGE = CameraEdge(0, 1, 8.0)
 
 
 def stride(num_frames: int) -> tuple[np.ndarray, np.ndarray]:
