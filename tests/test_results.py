@@ -70,8 +70,8 @@ def test_files_of_a_run_are_refused_and_replaced(toy: Any) -> None:
     with pytest.raises(InputError, match="exists already"):
         run.export("csv")
     assert run.export("csv", force=True) == (path,)
-    with pytest.raises(InputError, match="no format 'fbx'"):
-        run.export("fbx")
+    with pytest.raises(InputError, match="no format 'blend'"):
+        run.export("blend")
     assert run._repr_png_() is None, "the toy draws none"
     assert {path.name for path in run.draw()} == {"overlay.mp4", "top.png", "timeline.png"}
     assert run._repr_png_() is not None

@@ -60,7 +60,7 @@ def test_export_refuses_to_overwrite_in_one_plain_line(run_dir: Path, capsys: py
 
 
 def test_a_format_that_does_not_exist_is_a_usage_error(run_dir: Path) -> None:
-    assert main(["export", str(run_dir), "--format", "fbx"]) == 2
+    assert main(["export", str(run_dir), "--format", "blend"]) == 2
 
 
 @pytest.mark.parametrize("verb", [["view"], ["export", "--format", "amass"]])
