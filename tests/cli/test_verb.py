@@ -80,7 +80,7 @@ def test_the_shell_completes_verbs_flags_and_formats() -> None:
     assert completed("humanmm rec") == ["recover"]
     assert completed("humanmm recover --camera.st") == ["--camera.static"]
     assert completed("humanmm export runs/film --format ") == list(FORMATS)
-    assert completed("humanmm export runs/film --format b") == ["blender", "bvh"]
+    assert completed("humanmm export runs/film --format b") == ["bvh", "blender"]
 
 
 def test_the_traceback_is_for_those_who_ask(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

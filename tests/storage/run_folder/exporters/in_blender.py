@@ -22,6 +22,8 @@ if suffix == ".glb":
     bpy.ops.import_scene.gltf(filepath=file)
 elif suffix == ".fbx":
     bpy.ops.import_scene.fbx(filepath=file)
+    for lens in bpy.data.cameras:
+        lens.sensor_fit = "HORIZONTAL"  # docs/export.md: Blender takes the width of an upright film for its height
 elif suffix == ".bvh":
     bpy.ops.import_anim.bvh(filepath=file, global_scale=0.01)
 elif suffix == ".usdc":

@@ -3,6 +3,7 @@
 `$HUMANMM_BPY` names a Python that can import bpy (pip install bpy, for Python 3.11); this one is tried otherwise.
 """
 
+import dataclasses
 import importlib.util
 import json
 import os
@@ -17,10 +18,12 @@ import pytest
 import two_people
 
 from humanmm.models.body.body24 import JOINT_NAMES
+from humanmm.models.records.recording import Recording
 from humanmm.storage.run_folder.exporters import export
 
 pytestmark = pytest.mark.slow
 RECORDING = two_people.recording(fps=29.97)
+PORTRAIT = dataclasses.replace(RECORDING, width=720, height=1280, K=RECORDING.K[:, [1, 0, 2]][:, :, [1, 0, 2]])
 FRAMES = (0, 6, 24, 25, 33)
 SCRIPT = Path(__file__).with_name("in_blender.py")
 
@@ -54,11 +57,14 @@ def counted(first: int) -> Frames:
     return lambda row: float(row + first)
 
 
-def opened(python: str, file: Path, frames: Frames, *, rows: tuple[int, ...] = FRAMES) -> dict[str, Any]:
+def opened(
+    python: str, file: Path, frames: Frames, *, rows: tuple[int, ...] = FRAMES, recording: Recording = RECORDING
+) -> dict[str, Any]:
     """What Blender has of a file in some frames of the video."""
     out = file.with_suffix(".json")
     asked = ",".join(str(frames(row)) for row in rows)
-    command = [python, str(SCRIPT), str(file), "30", "1280", "720", asked, str(out)]
+    width, height = (str(side) for side in (recording.width, recording.height))
+    command = [python, str(SCRIPT), str(file), "30", width, height, asked, str(out)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     found: dict[str, Any] = json.loads(out.read_text())
@@ -84,17 +90,18 @@ def _ending(bones: dict[str, Any], name: str) -> Any:
     return found
 
 
-def worst_pixel(found: dict[str, Any], frames: Frames) -> float:
+def worst_pixel(found: dict[str, Any], frames: Frames, recording: Recording = RECORDING) -> float:
     """The largest distance, in pixels, between a joint's place in the view of a camera in Blender and in ours."""
     worst = 0.0
     for row in FRAMES:
-        shot = int(RECORDING.shot_index[row])
+        shot = int(recording.shot_index[row])
         (name,) = (name for name in found["cameras"] if name.startswith(f"camera_shot_{shot:03d}"))
         view = np.array(found["cameras"][name][str(frames(row))])
-        points = RECORDING.people[0].joints[row].astype(float)
+        points = recording.people[0].joints[row].astype(float)
         clip = np.concatenate([points, np.ones((24, 1))], axis=1) @ view.T
-        pixels = np.stack([640 * (1 + clip[:, 0] / clip[:, 3]), 360 * (1 - clip[:, 1] / clip[:, 3])], axis=1)
-        cam = (points - RECORDING.t_world_cam[row]) @ RECORDING.R_world_cam[row] @ RECORDING.K[row].T
+        half = np.array([recording.width, recording.height]) / 2
+        pixels = half * (1 + clip[:, :2] / clip[:, 3:] * (1, -1))
+        cam = (points - recording.t_world_cam[row]) @ recording.R_world_cam[row] @ recording.K[row].T
         worst = max(worst, float(np.abs(pixels - cam[:, :2] / cam[:, 2:]).max()))
     return worst
 
@@ -110,6 +117,13 @@ def test_a_scene_has_all_people_and_cameras_where_they_are(
     assert worst_joint_mm(found, 0, frames) < 0.1
     assert worst_joint_mm(found, 1, frames) < 0.1
     assert worst_pixel(found, frames) < 0.1
+
+
+@pytest.mark.parametrize(("name", "frames"), [("glb", timed), ("fbx", timed_from_1), ("blender", counted(1))])
+def test_an_upright_picture_is_seen_as_it_is(tmp_path: Path, bpy_python: str, name: str, frames: Frames) -> None:
+    (file,) = export(PORTRAIT, tmp_path, name)
+    found = opened(bpy_python, file, frames, recording=PORTRAIT)
+    assert worst_pixel(found, frames, PORTRAIT) < 0.1
 
 
 def test_bvh_files_have_the_joints_of_their_people(tmp_path: Path, bpy_python: str) -> None:
