@@ -9,7 +9,7 @@ import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -33,6 +33,8 @@ UNITS_PER_METRE: dict[Unit, float] = {"m": 1.0, "cm": 100.0, "mm": 1000.0}
 MAX_FPS = 1000.0
 
 _SAME_TIME_S = 1e-6
+_SAME_RATE = 1e-5
+"""Relative: 29.97 is 30000/1001."""
 _SINGLE_FRAME_HZ = 30.0
 """Stated where there is but one frame and no rate."""
 _R_CV_SCENE = np.diag([1.0, -1.0, -1.0])
@@ -125,12 +127,16 @@ def excerpt(recording: Recording, wishes: Wishes, *, up: Up, unit: Unit, fps: fl
     frames = _frames_between(recording.time_s, wishes.start_s, wishes.end_s)
     part = _slice(_with_people(recording, wishes.people), frames)
     source_frame = np.arange(frames.start, frames.stop)
-    resampled = rate is not None and part.num_frames > 1 and not (is_steady(part) and np.isclose(rate, part.fps, 1e-6))
+    resampled = (
+        rate is not None and part.num_frames > 1 and not (is_steady(part) and np.isclose(rate, part.fps, _SAME_RATE))
+    )
     if resampled:
         assert rate is not None
         part, before = resample(part, rate)
         source_frame = source_frame[before]
     up, unit = wishes.up or up, wishes.unit or unit
+    if up not in get_args(Up) or unit not in UNITS_PER_METRE:
+        raise InputError(f"{up!r} cannot be up, or {unit!r} is no unit; expected y or z, and m, cm or mm")
     R_file_world, R_file_body = (np.eye(3), R_ZUP_YUP) if up == "z" else (R_ZUP_YUP.T, np.eye(3))
     shown_hz = rate or part.fps or _SINGLE_FRAME_HZ
     return Excerpt(part, source_frame, resampled, shown_hz, up, unit, R_file_world, R_file_body)

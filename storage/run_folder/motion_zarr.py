@@ -48,7 +48,8 @@ def write_run_folder(run_dir: Path, delivery: Delivery, blob_dir: Path) -> None:
     for name in delivery.files:
         copy_file(blob_dir / name, run_dir / "view" / name)
     export_dir, recording = run_dir / EXPORT, delivery.recording
-    written = export(recording, export_dir, "amass", force=True) if recording.people else ()
+    anybody = any(len(person.frame) for person in recording.people)
+    written = export(recording, export_dir, "amass", force=True) if anybody else ()
     for stale in set(export_dir.glob(ALWAYS_PATTERN)) - set(written):
         stale.unlink()
     remove_stale(export_dir, recording)

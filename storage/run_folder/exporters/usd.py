@@ -12,6 +12,7 @@ import numpy as np
 from humanmm.errors import InputError
 from humanmm.models.body.body24 import JOINT_NAMES, NUM_JOINTS, PARENTS, load_body
 from humanmm.models.drawing.palette import person_color
+from humanmm.models.drawing.surface import vertex_normals
 from humanmm.models.geometry.rotations import rotmat_to_unitquat_wxyz
 from humanmm.models.motion.excerpt import Excerpt
 from humanmm.models.records.recording import RecordedPerson
@@ -83,6 +84,9 @@ def _add_person(stage: Any, excerpt: Excerpt, person: RecordedPerson) -> None:
     mesh.CreateFaceVertexCountsAttr(Vt.IntArray([3] * len(body.faces)))
     mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(body.faces.reshape(-1).astype(np.int32)))
     mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+    normals = vertex_normals(body, body.rest_vertices(person.betas)) @ excerpt.R_file_body.T
+    mesh.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(normals.astype(np.float32)))
+    mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
     color = [(channel / 255) ** 2.2 for channel in person_color(person)]
     mesh.CreateDisplayColorAttr([Gf.Vec3f(*color)])
     bound = UsdSkel.BindingAPI.Apply(mesh.GetPrim())

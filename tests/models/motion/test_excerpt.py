@@ -30,6 +30,8 @@ def test_without_wishes_every_number_stays_as_it_is() -> None:
 
 
 def test_the_rate_of_the_video_is_no_other_rate() -> None:
+    ntsc = two_people.recording(fps=30000 / 1001)
+    assert not part(ntsc, fps=29.97).resampled and part(ntsc, fps=30.0).resampled
     same = part(fps=29.97)
     assert not same.resampled
     np.testing.assert_array_equal(same.recording.people[0].joints, RECORDING.people[0].joints)
@@ -121,6 +123,8 @@ def test_rotations_and_rest_pose_of_a_file_give_its_joints(up: str) -> None:
         ({"fps": 0.0}, "0 frames per second"),
         ({"fps": float("nan")}, "frames per second"),
         ({"start_s": 9.0}, "no frame from 9 s to"),
+        ({"up": "x"}, "expected y or z"),
+        ({"unit": "inch"}, "m, cm or mm"),
         ({"start_s": 0.5, "end_s": 0.2}, "no frame from 0.5 s to 0.2 s"),
     ],
 )
