@@ -15,6 +15,8 @@ from humanmm.models.body.body24 import JOINT_NAMES, NUM_JOINTS
 from humanmm.models.motion.excerpt import Excerpt
 from humanmm.models.records.recording import RecordedPerson
 
+MAX_FRAMES = 65535
+"""The header counts frames in 16 bits, and ezc3d reads no more."""
 _AXES = {"y": ("+X", "+Y"), "z": ("+X", "+Z")}
 _MEASURED = 1.0
 """A residual above zero says "measured"; how well we do not claim to know."""
@@ -27,6 +29,10 @@ def write_c3d(excerpt: Excerpt, person: RecordedPerson, path: Path) -> None:
     except ImportError:
         raise InputError("c3d files need the package ezc3d: pip install 'humanmm[c3d]'") from None
     recording = excerpt.recording
+    if recording.num_frames > MAX_FRAMES:
+        raise InputError(
+            f"c3d counts to {MAX_FRAMES} frames, these are {recording.num_frames}; take a part with --start and --end"
+        )
     points = np.full((4, NUM_JOINTS, recording.num_frames), np.nan)
     points[:3, :, person.frame] = excerpt.points(person.joints).transpose(2, 1, 0)
     points[3] = 1.0

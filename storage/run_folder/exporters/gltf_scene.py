@@ -50,7 +50,7 @@ class _Scene:
         body = load_body()
         faces = self.arrays.add(body.faces.reshape(-1).astype(np.uint16), target=INDICES) if self.people else -1
         of_people = [self.add_person(person, faces) for person in self.people]
-        of_cameras = [self.add_camera(index, frames) for index, frames in enumerate(self.excerpt.shots())]
+        of_cameras = [self.add_camera(frames) for frames in self.excerpt.shots()]
         moves = {"scene": [channel for one in (*of_people, *of_cameras) for channel in one]}
         if len(self.people) > 1:
             moves |= {_name(person): one for person, one in zip(self.people, of_people, strict=True)}
@@ -87,7 +87,7 @@ class _Scene:
         for joint, name in enumerate(JOINT_NAMES):
             offset = pelvis[0] if joint == 0 else rest[joint] - rest[PARENTS[joint]]
             children = [first + child for child in range(NUM_JOINTS) if PARENTS[child] == joint]
-            node = {"name": f"{name}", "translation": _floats(offset), "rotation": _floats(quaternions[0, joint])}
+            node = {"name": name, "translation": _floats(offset), "rotation": _floats(quaternions[0, joint])}
             self.add_node({**node, **({"children": children} if children else {})})
         self.nodes[skeleton]["children"] = [first]
         self.add_mesh(person, rest, faces, joints=range(first, first + NUM_JOINTS))
@@ -153,7 +153,7 @@ class _Scene:
 
     # ---- cameras
 
-    def add_camera(self, index: int, frames: slice) -> Animation:
+    def add_camera(self, frames: slice) -> Animation:
         """The camera of one shot; returns how it moves."""
         recording = self.excerpt.recording
         K = np.median(recording.K[frames].astype(np.float64), axis=0)

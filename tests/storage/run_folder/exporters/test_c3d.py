@@ -41,6 +41,13 @@ def test_axes_and_unit_are_as_asked(tmp_path: Path) -> None:
     assert file["parameters"]["POINT"]["Y_SCREEN"]["value"] == ["+Y"]
 
 
+def test_more_frames_than_the_format_counts_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("ezc3d", reason="pip install 'humanmm[c3d]'")
+    monkeypatch.setattr("humanmm.storage.run_folder.exporters.c3d.MAX_FRAMES", 39)
+    with pytest.raises(InputError, match="counts to 39 frames, these are 40; take a part"):
+        export(RECORDING, tmp_path, "c3d")
+
+
 def test_without_ezc3d_a_sentence_says_how_to_get_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "ezc3d", None)
     with pytest.raises(InputError, match=r"pip install 'humanmm\[c3d\]'"):
