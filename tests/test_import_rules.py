@@ -39,7 +39,7 @@ TOWER = (
 SIZES = {
     "models.evaluation": "one file for each kind of metric",
     "cli": "one file for each subject of verbs, and what they share",
-    "models.motion": "holds rooms; its one file puts their results together",
+    "models.motion": "holds rooms; its two files put their results together and take parts of them out",
     "models.weights": "holds the files of weights; one module reads them",
     "tasks": "one file for each of the 12 stages, and what they share",
 }
@@ -61,6 +61,7 @@ CROSS_CUTTING = {
     "models/motion/world/test_world_assembly.py": "the whole room on shots with known cameras",
     "models/evaluation/test_golden.py": "parity with the functions that WHAM and GVHMR publish",
     "models/perception/test_variable_rate.py": "the whole perception room on a variable frame rate",
+    "storage/run_folder/exporters/test_blender.py": "files of five exporters, opened in Blender",
     "models/video/test_bad_input.py": "the whole video room on files that are no video",
     "models/video/test_real.py": "the whole video room on real clips",
 }

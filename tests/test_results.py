@@ -61,6 +61,19 @@ def test_a_run_is_evaluated_against_itself_by_value_or_by_path(toy: Any) -> None
         humanmm.evaluate(run, toy.video)
 
 
+def test_a_users_exports_are_no_part_of_the_run(toy: Any) -> None:
+    toy.run()
+    assert toy.main("recover", "film.mp4")[0] == 0
+    run = humanmm.load(toy.folder / "runs" / "film")
+    written = run.export("tum", person=0)
+    (run.folder / "motion.zarr" / "time_s" / "zarr.json").unlink()
+    assert toy.main("recover", "film.mp4")[2].endswith("nothing had to be computed\n"), "the motion is restored"
+    assert all(path.is_file() for path in written), "they are exports of the same motion"
+    for path in (*written, run.folder / "export" / "exports.json"):
+        path.unlink()
+    assert toy.main("recover", "film.mp4")[2].endswith("were in the store\n"), "nothing of the run is missing"
+
+
 def test_files_of_a_run_are_refused_and_replaced(toy: Any) -> None:
     toy.run()
     assert toy.main("recover", "film.mp4")[0] == 0
@@ -70,8 +83,8 @@ def test_files_of_a_run_are_refused_and_replaced(toy: Any) -> None:
     with pytest.raises(InputError, match="exists already"):
         run.export("csv")
     assert run.export("csv", force=True) == (path,)
-    with pytest.raises(InputError, match="no format 'fbx'"):
-        run.export("fbx")
+    with pytest.raises(InputError, match="no format 'blend'"):
+        run.export("blend")
     assert run._repr_png_() is None, "the toy draws none"
     assert {path.name for path in run.draw()} == {"overlay.mp4", "top.png", "timeline.png"}
     assert run._repr_png_() is not None

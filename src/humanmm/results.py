@@ -4,7 +4,8 @@ Everything is read when it is first asked for, so that `load` costs nothing and 
 """
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -140,14 +141,43 @@ class Run:
 
         return validate(self.record["config"], origin=str(self.folder / "run.json"))
 
-    def export(self, format_name: str, *, force: bool = False) -> tuple[Path, ...]:
-        """Write every person for another tool (`amass`, `csv`, `trc`) into `folder/export`; paths of the files.
+    def export(
+        self,
+        format_name: str,
+        *,
+        person: int | Sequence[int] | None = None,
+        start: float | None = None,
+        end: float | None = None,
+        fps: float | None = None,
+        up: Literal["y", "z"] | None = None,
+        unit: Literal["m", "cm", "mm"] | None = None,
+        out: "str | os.PathLike[str] | None" = None,
+        force: bool = False,
+    ) -> tuple[Path, ...]:
+        """Write the run for another tool (docs/export.md lists the formats); paths of the files.
 
-        InputError if a file exists already and `force` is not given.
+        `person` and the frames with `start` ≤ time < `end` (seconds) alone, at `fps` frames per second (rotations by
+        slerp), with `up` up and in `unit`; what is None is the run's or the format's own. `out` is a folder instead of
+        the run's `export`. InputError if a file exists already and `force` is not given.
         """
+        from humanmm.models.motion.excerpt import Wishes
         from humanmm.storage.run_folder import exporters
+        from humanmm.storage.run_folder.motion_zarr import EXPORT, MOTION, read_motion
 
-        return exporters.export(self.recording, self.folder / "export", format_name, force=force)
+        people = () if person is None else (person,) if isinstance(person, int) else tuple(person)
+        wishes = Wishes(fps=fps, people=people, start_s=start, end_s=end, up=up, unit=unit)
+        folder = self.folder / EXPORT if out is None else Path(out)
+        with self._unchanging() if out is None else nullcontext():
+            recording = read_motion(self.folder / MOTION)  # afresh: what was read before may have been replaced
+            return exporters.export(recording, folder, format_name, wishes=wishes, force=force)
+
+    def _unchanging(self) -> AbstractContextManager[None]:
+        """While nobody else writes the folder."""
+        from humanmm.storage.store.locks import FileLock
+        from humanmm.tasks.engine.finish import LOCK
+
+        waiting = f"another run is writing {self.folder}; waiting for it"
+        return FileLock(self.folder / LOCK, waiting=waiting).held()
 
     def draw(self, *, force: bool = False) -> tuple[Path, ...]:
         """Draw the pictures in `folder/view` that are missing, with `force` all of them; paths of all pictures."""

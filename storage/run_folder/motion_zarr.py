@@ -14,11 +14,13 @@ from zarr.codecs import BytesCodec, Crc32cCodec, ZstdCodec
 from humanmm.errors import InputError
 from humanmm.models.body.body24 import JOINT_NAMES, PARENTS
 from humanmm.models.records.recording import Delivery, RecordedPerson, Recording
-from humanmm.storage.run_folder.exporters import export
+from humanmm.storage.run_folder.exporters import ALWAYS_PATTERN, export
+from humanmm.storage.run_folder.exporters.index import remove_stale
 from humanmm.storage.store.files import copy_file, replace_folder, sweep
 
 SCHEMA = "humanmm.motion/1"
 MOTION = "motion.zarr"
+EXPORT = "export"
 WORLD = "z-up, metres, first person's first pelvis above the origin, floor at z=0"
 
 _PERSON_ARRAYS: dict[str, str] = {
@@ -40,15 +42,17 @@ def write_run_folder(run_dir: Path, delivery: Delivery, blob_dir: Path) -> None:
     """Everything in a run folder but run.json, run.log and timeline.png, which the flow writes.
 
     `blob_dir` holds the delivery's pictures. Each file appears only when complete; AMASS files of people who are no
-    longer in the recording go away.
+    longer in the recording go away, and so do exports of another recording.
     """
     sweep(run_dir)
     for name in delivery.files:
         copy_file(blob_dir / name, run_dir / "view" / name)
-    export_dir = run_dir / "export"
-    written = export(delivery.recording, export_dir, "amass", force=True)
-    for stale in set(export_dir.glob("person_[0-9][0-9].npz")) - set(written):
+    export_dir, recording = run_dir / EXPORT, delivery.recording
+    anybody = any(len(person.frame) for person in recording.people)
+    written = export(recording, export_dir, "amass", force=True) if anybody else ()
+    for stale in set(export_dir.glob(ALWAYS_PATTERN)) - set(written):
         stale.unlink()
+    remove_stale(export_dir, recording)
     write_motion(run_dir / MOTION, delivery.recording)
 
 

@@ -175,8 +175,12 @@ def _write_folder(run: VideoRun, run_dir: Path) -> "Recording":
 
 
 def _sizes(run_dir: Path) -> dict[str, int]:
-    """Path → size of every file of the delivery in the folder."""
-    parts = [path for name in ("motion.zarr", "export", "view") for path in (run_dir / name).rglob("*")]
+    """Path → size of every file of the delivery in the folder; other exports are the user's."""
+    from humanmm.storage.run_folder.exporters import ALWAYS_PATTERN
+    from humanmm.storage.run_folder.motion_zarr import EXPORT
+
+    parts = [*(run_dir / EXPORT).glob(ALWAYS_PATTERN)]
+    parts += [path for name in ("motion.zarr", "view") for path in (run_dir / name).rglob("*")]
     return {str(path.relative_to(run_dir)): path.stat().st_size for path in sorted(parts) if path.is_file()}
 
 

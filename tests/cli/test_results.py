@@ -51,6 +51,19 @@ def test_export_says_where_the_file_is(run_dir: Path, capsys: pytest.CaptureFixt
     assert path.is_file()
 
 
+def test_export_takes_people_span_rate_axes_unit_and_folder(
+    run_dir: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    wishes = ["--person", "0", "--start", "0.03", "--end", "1", "--fps", "60", "--up", "z", "--unit", "m"]
+    assert main(["export", str(run_dir), "--format", "bvh", *wishes, "--out", str(tmp_path / "out")]) == 0
+    text = (tmp_path / "out" / "person_00.bvh").read_text()
+    assert "Frames: 3\nFrame Time: 0.016666667" in text and not (run_dir / "export").exists()
+    capsys.readouterr()
+    assert main(["export", str(run_dir), "--format", "csv", "--person", "0", "--person", "7"]) == 1
+    assert capsys.readouterr().err == "humanmm: there is no person 7; the run has 0\n"
+    assert main(["export", str(run_dir), "--format", "csv", "--up", "x"]) == 2
+
+
 def test_export_refuses_to_overwrite_in_one_plain_line(run_dir: Path, capsys: pytest.CaptureFixture[str]) -> None:
     main(["export", str(run_dir), "--format", "trc"])
     capsys.readouterr()
@@ -60,7 +73,7 @@ def test_export_refuses_to_overwrite_in_one_plain_line(run_dir: Path, capsys: py
 
 
 def test_a_format_that_does_not_exist_is_a_usage_error(run_dir: Path) -> None:
-    assert main(["export", str(run_dir), "--format", "fbx"]) == 2
+    assert main(["export", str(run_dir), "--format", "blend"]) == 2
 
 
 @pytest.mark.parametrize("verb", [["view"], ["export", "--format", "amass"]])

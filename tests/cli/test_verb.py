@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from humanmm.cli import main
+from humanmm.cli.results import FORMATS
 from humanmm.cli.verb import app, verb
 from humanmm.flows.bench import tables
 from humanmm.flows.bench.tables import TableRequest
@@ -78,7 +79,8 @@ def test_the_shell_completes_verbs_flags_and_formats() -> None:
 
     assert completed("humanmm rec") == ["recover"]
     assert completed("humanmm recover --camera.st") == ["--camera.static"]
-    assert completed("humanmm export runs/film --format ") == ["amass", "csv", "trc"]
+    assert completed("humanmm export runs/film --format ") == list(FORMATS)
+    assert completed("humanmm export runs/film --format b") == ["bvh", "blender"]
 
 
 def test_the_traceback_is_for_those_who_ask(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

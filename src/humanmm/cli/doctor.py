@@ -13,7 +13,7 @@ from humanmm.cli.verb import STORE, Json, Store, app, verb
 from humanmm.errors import ConfigError, HumanMMError, WeightsError
 
 MIN_FREE_BYTES = 1 << 30
-VARIABLES = ("CACHE", "DATA", "DATABASE_URL", "LOG", "SERVER_IDLE_S", "STORE")
+VARIABLES = ("BLENDER", "CACHE", "DATA", "DATABASE_URL", "LOG", "SERVER_IDLE_S", "STORE")
 """The environment variables that humanmm reads, without HUMANMM_."""
 _INSTALL = "install humanmm again: pip install -c constraints.txt humanmm"
 

@@ -9,7 +9,7 @@ import humanmm
 from humanmm.cli.terminal import write, write_json
 from humanmm.cli.verb import RESULTS, Force, Json, RunDir, app, verb
 
-FORMATS = ("amass", "csv", "trc")
+FORMATS = ("amass", "bvh", "glb", "fbx", "usd", "csv", "trc", "c3d", "gvhmr", "tum", "colmap", "blender")
 """What `storage.run_folder.exporters.FORMATS` holds, named here so that --help loads no science (a test compares)."""
 if TYPE_CHECKING:
     FormatName = str
@@ -41,10 +41,23 @@ def export(
     run_dir: RunDir,
     *,
     format_name: Annotated[FormatName, Option("--format", metavar="NAME", help=", ".join(FORMATS), show_default=False)],
+    person: Annotated[list[int] | None, Option(metavar="N", min=0, help="this person alone; may be repeated")] = None,
+    start: Annotated[float | None, Option(metavar="S", help="from this second of the video on")] = None,
+    end: Annotated[float | None, Option(metavar="S", help="up to this second of the video")] = None,
+    fps: Annotated[float | None, Option(metavar="HZ", help="frames per second, by interpolation")] = None,
+    up: Annotated[Literal["y", "z"] | None, Option(metavar="y|z", help="axis that points up")] = None,
+    unit: Annotated[Literal["m", "cm", "mm"] | None, Option(metavar="m|cm|mm", help="unit of length")] = None,
+    out: Annotated[Path | None, Option(metavar="DIR", help="folder (default: RUN_DIR/export)")] = None,
     force: Force = False,
 ) -> None:
-    """Write a finished run in another tool's format: RUN_DIR/export/person_<nn>.<suffix>."""
-    write(*humanmm.load(run_dir).export(format_name, force=force))
+    """Write a finished run in another tool's format; docs/export.md has a table of the formats.
+
+    What is left out of --fps, --up and --unit is the format's own.
+    """
+    run = humanmm.load(run_dir)
+    write(
+        *run.export(format_name, person=person, start=start, end=end, fps=fps, up=up, unit=unit, out=out, force=force)
+    )
 
 
 @verb(app, "view", panel=RESULTS)

@@ -1,0 +1,265 @@
+"""A part of a recording for other tools: some of its people, a span of time, another frame rate, other axes and units.
+
+Without another rate every number stays as it is. At another rate rotations are interpolated on the sphere (slerp), the
+pelvis and the camera's centre on straight lines, joints follow by forward kinematics. People move on through a cut;
+cameras do not: between the last frame of one shot and the first of the next the camera stays where it was.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Literal, get_args
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from humanmm.errors import InputError
+from humanmm.models.body.body24 import NUM_JOINTS, load_body
+from humanmm.models.body.kinematics import chunks, forward_kinematics, local_rotations
+from humanmm.models.geometry.axes import R_ZUP_YUP
+from humanmm.models.geometry.rotations import (
+    interpolate_rotations,
+    rotmat_to_rotvec,
+    rotmat_to_unitquat_wxyz,
+    rotvec_to_rotmat,
+)
+from humanmm.models.motion.assemble import continuous_rotvec
+from humanmm.models.records.recording import RecordedPerson, Recording
+
+Up = Literal["y", "z"]
+Unit = Literal["m", "cm", "mm"]
+UNITS_PER_METRE: dict[Unit, float] = {"m": 1.0, "cm": 100.0, "mm": 1000.0}
+MAX_FPS = 1000.0
+
+_SAME_TIME_S = 1e-6
+_SAME_RATE = 1e-5
+"""Relative: 29.97 is 30000/1001."""
+_SINGLE_FRAME_HZ = 30.0
+"""Stated where there is but one frame and no rate."""
+_R_CV_SCENE = np.diag([1.0, -1.0, -1.0])
+_STEADY = 0.1
+"""Share of a frame by which the times of a video with a constant rate may differ from that rate."""
+
+
+@dataclass(frozen=True)
+class Wishes:
+    """What a user asks of an export; None and () leave it as it is."""
+
+    fps: float | None = None
+    people: tuple[int, ...] = ()
+    start_s: float | None = None
+    end_s: float | None = None
+    """Frames with start ≤ time < end are kept; seconds of the video (`time_s`)."""
+    up: Up | None = None
+    unit: Unit | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Excerpt:
+    """People and cameras as they go into a file: F frames from 0 on. The recording itself stays z up, in metres."""
+
+    recording: Recording
+    source_frame: Int[np.ndarray, " F"]
+    """Frame of the video that is shown at each time."""
+    resampled: bool
+    fps: float
+    """Rate of the frames for files that state only one; the mean where it varies."""
+    up: Up
+    unit: Unit
+    R_file_world: Float[np.ndarray, "3 3"]
+    """World axes (z up) to those of the file. With y up: x stays, z becomes y, y becomes −z."""
+    R_file_body: Float[np.ndarray, "3 3"]
+    """Axes of the body at rest (y up) to those of the file, so that the rest pose stands upright there."""
+
+    @property
+    def scale(self) -> float:
+        """Units of the file per metre."""
+        return UNITS_PER_METRE[self.unit]
+
+    @property
+    def seconds(self) -> Float[np.ndarray, " F"]:
+        """Time of each frame from the excerpt's first."""
+        return np.asarray(self.recording.time_s - self.recording.time_s[0])
+
+    def points(self, points_world: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 3"]:
+        """World points, metres, in the axes and the unit of the file, float64."""
+        return np.asarray(self.scale * (np.asarray(points_world, np.float64) @ self.R_file_world.T))
+
+    def rest_joints(self, person: RecordedPerson) -> Float[np.ndarray, "24 3"]:
+        """Joints of the person's rest pose in the axes and the unit of the file. InputError for another body model."""
+        self._expect_body24()
+        return np.asarray(self.scale * load_body().rest_joints(person.betas) @ self.R_file_body.T)
+
+    def local_rotations(self, person: RecordedPerson, rows: slice) -> Float[np.ndarray, "n 24 3 3"]:
+        """Each joint relative to its parent, the pelvis to the file's axes; they pose `rest_joints`."""
+        A = self.R_file_body
+        R = local_rotations(rotvec_to_rotmat(person.root_orient[rows]), person.body_pose[rows])
+        R = A @ R @ A.T
+        R[:, 0] = self.R_file_world @ rotvec_to_rotmat(person.root_orient[rows]) @ A.T
+        return np.asarray(R)
+
+    def cameras(self, frames: slice) -> tuple[Float[np.ndarray, "n 3 3"], Float[np.ndarray, "n 3"]]:
+        """Rotation and centre of cameras in the file. Camera axes are those of glTF, USD and Blender: y up, z back."""
+        R_world_cam = self.recording.R_world_cam[frames].astype(np.float64)
+        return self.R_file_world @ R_world_cam @ _R_CV_SCENE, self.points(self.recording.t_world_cam[frames])
+
+    def shots(self) -> list[slice]:
+        """Frames of each shot."""
+        edges = [0, *self.recording.cut_frames, self.recording.num_frames]
+        return [slice(a, b) for a, b in pairwise(edges)]
+
+    def _expect_body24(self) -> None:
+        if self.recording.body_model != "body24":
+            raise InputError(
+                f"the run has the body model {self.recording.body_model!r}; a skeleton can be written of body24 alone"
+            )
+
+
+def excerpt(recording: Recording, wishes: Wishes, *, up: Up, unit: Unit, fps: float | None = None) -> Excerpt:
+    """The part of a recording that a user wishes. `up`, `unit` and `fps` are the format's own, for what he leaves open.
+
+    `fps` None keeps the frames of the video. InputError if there is no such person, rate or time.
+    """
+    rate = wishes.fps if wishes.fps is not None else fps
+    if rate is not None and not 0 < rate <= MAX_FPS:
+        raise InputError(f"{rate:g} frames per second cannot be written; expected more than 0, at most {MAX_FPS:g}")
+    frames = _frames_between(recording.time_s, wishes.start_s, wishes.end_s)
+    part = _slice(_with_people(recording, wishes.people), frames)
+    source_frame = np.arange(frames.start, frames.stop)
+    resampled = (
+        rate is not None and part.num_frames > 1 and not (is_steady(part) and np.isclose(rate, part.fps, _SAME_RATE))
+    )
+    if resampled:
+        assert rate is not None
+        part, before = resample(part, rate)
+        source_frame = source_frame[before]
+    up, unit = wishes.up or up, wishes.unit or unit
+    if up not in get_args(Up) or unit not in UNITS_PER_METRE:
+        raise InputError(f"{up!r} cannot be up, or {unit!r} is no unit; expected y or z, and m, cm or mm")
+    R_file_world, R_file_body = (np.eye(3), R_ZUP_YUP) if up == "z" else (R_ZUP_YUP.T, np.eye(3))
+    shown_hz = rate or part.fps or _SINGLE_FRAME_HZ
+    return Excerpt(part, source_frame, resampled, shown_hz, up, unit, R_file_world, R_file_body)
+
+
+def is_steady(recording: Recording) -> bool:
+    """Whether the frames come at a constant rate, to a tenth of a frame."""
+    steps = np.arange(recording.num_frames)
+    late = (recording.time_s - recording.time_s[0]) * recording.fps - steps
+    return bool(np.abs(late).max() <= _STEADY)
+
+
+def resample(recording: Recording, fps: float) -> tuple[Recording, Int[np.ndarray, " n"]]:
+    """The recording at a constant rate, from its first frame on, and the frame that is shown at each new one.
+
+    Contacts are interpolated too; what is neither a position nor a rotation comes from the nearest frame.
+    """
+    known_s = recording.time_s
+    count = int((known_s[-1] - known_s[0]) * fps + _SAME_TIME_S * fps) + 1
+    at_s = np.minimum(known_s[0] + np.arange(count) / fps, known_s[-1])
+    before = np.clip(np.searchsorted(known_s, at_s + _SAME_TIME_S, side="right") - 1, 0, len(known_s) - 1)
+    shot_index = recording.shot_index[before]
+    R, t, K = (
+        np.array(array[before], np.float64) for array in (recording.R_world_cam, recording.t_world_cam, recording.K)
+    )
+    for shot in np.unique(shot_index):
+        new, old = shot_index == shot, recording.shot_index == shot
+        R[new] = interpolate_rotations(at_s[new], known_s[old], np.asarray(recording.R_world_cam[old], np.float64))
+        t[new] = _linear(at_s[new], known_s[old], recording.t_world_cam[old])
+        K[new] = _linear(at_s[new], known_s[old], recording.K[old])
+    resampled = dataclasses.replace(
+        recording,
+        time_s=at_s,
+        shot_index=shot_index,
+        cut_frames=_cut_frames(shot_index),
+        R_world_cam=R.astype(np.float32),
+        t_world_cam=t.astype(np.float32),
+        K=K.astype(np.float32),
+        camera_source=recording.camera_source[before],
+        people=tuple(_resampled_person(person, at_s, known_s) for person in recording.people),
+    )
+    return resampled, before
+
+
+def continuous_quaternions(R: Float[np.ndarray, "n *joints 3 3"]) -> Float[np.ndarray, "n *joints 4"]:
+    """Unit quaternions (w, x, y, z) over time, with signs that make neighbours agree: the short way between them."""
+    wxyz = rotmat_to_unitquat_wxyz(R)
+    agree = np.sum(wxyz[1:] * wxyz[:-1], axis=-1) >= 0
+    wxyz[1:] *= np.cumprod(np.where(agree, 1.0, -1.0), axis=0)[..., None]
+    return wxyz
+
+
+def _resampled_person(person: RecordedPerson, at_s: np.ndarray, known_s: np.ndarray) -> RecordedPerson:
+    own_s = known_s[person.frame]
+    inside = (at_s >= own_s[0] - _SAME_TIME_S) & (at_s <= own_s[-1] + _SAME_TIME_S)
+    if not inside.any():  # all his frames lie between two new ones
+        inside[np.argmin(np.abs(at_s - own_s[0]))] = True
+    frame = np.flatnonzero(inside)
+    new_s = at_s[frame]
+    R_root = interpolate_rotations(new_s, own_s, rotvec_to_rotmat(person.root_orient))
+    pose = np.empty((len(frame), NUM_JOINTS - 1, 3))
+    for joint in range(NUM_JOINTS - 1):
+        R = interpolate_rotations(new_s, own_s, rotvec_to_rotmat(person.body_pose[:, joint]))
+        pose[:, joint] = rotmat_to_rotvec(R)
+    pelvis = _linear(new_s, own_s, person.pelvis)
+    rest = load_body().rest_joints(person.betas)
+    joints = np.empty((len(frame), NUM_JOINTS, 3), np.float32)
+    for rows in chunks(len(frame)):
+        joints[rows] = forward_kinematics(rest, R_root[rows], pose[rows], pelvis[rows])[0]
+    nearest = np.searchsorted((own_s[:-1] + own_s[1:]) / 2, new_s)
+    return dataclasses.replace(
+        person,
+        frame=frame.astype(np.int32),
+        root_orient=continuous_rotvec(R_root).astype(np.float32),
+        body_pose=pose.astype(np.float32),
+        transl=_linear(new_s, own_s, person.transl).astype(np.float32),
+        joints=joints,
+        contacts=_linear(new_s, own_s, person.contacts).astype(np.float32),
+        **{name: getattr(person, name)[nearest] for name in ("observed", "keypoints2d", "bbox", "confidence")},
+    )
+
+
+def _linear(at: np.ndarray, known_at: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Values interpolated on straight lines over the first axis; the ends are held."""
+    flat = np.asarray(values, np.float64).reshape(len(known_at), -1)
+    columns = [np.interp(at, known_at, column) for column in flat.T]
+    return np.stack(columns, axis=1).reshape(len(at), *values.shape[1:])
+
+
+def _with_people(recording: Recording, numbers: Sequence[int]) -> Recording:
+    there = {person.person: person for person in recording.people}
+    for number in numbers:
+        if number not in there:
+            raise InputError(f"there is no person {number}; the run has {', '.join(map(str, there)) or 'nobody'}")
+    return dataclasses.replace(recording, people=tuple(there[n] for n in there if n in numbers or not numbers))
+
+
+def _frames_between(times: Float[np.ndarray, " F"], start_s: float | None, end_s: float | None) -> slice:
+    first = 0 if start_s is None else int(np.searchsorted(times, start_s - _SAME_TIME_S))
+    stop = len(times) if end_s is None else int(np.searchsorted(times, end_s - _SAME_TIME_S))
+    if first >= stop:
+        start, end = times[0] if start_s is None else start_s, times[-1] if end_s is None else end_s
+        known = f"the video runs from {times[0]:.2f} s to {times[-1]:.2f} s"
+        raise InputError(f"there is no frame from {start:g} s to {end:g} s; {known}")
+    return slice(first, stop)
+
+
+def _slice(recording: Recording, frames: slice) -> Recording:
+    people = []
+    for person in recording.people:
+        rows = (person.frame >= frames.start) & (person.frame < frames.stop)
+        if rows.any():
+            over_time = {name: values[rows] for name, values in vars(person).items() if _is_over_time(name)}
+            over_time["frame"] = (over_time["frame"] - frames.start).astype(np.int32)
+            people.append(dataclasses.replace(person, **over_time))
+    names = ("time_s", "shot_index", "R_world_cam", "t_world_cam", "K", "camera_source")
+    arrays = {name: getattr(recording, name)[frames] for name in names}
+    return dataclasses.replace(recording, people=tuple(people), cut_frames=_cut_frames(arrays["shot_index"]), **arrays)
+
+
+def _is_over_time(name: str) -> bool:
+    return name not in ("person", "betas", "probability")
+
+
+def _cut_frames(shot_index: np.ndarray) -> tuple[int, ...]:
+    return tuple(int(frame) for frame in np.flatnonzero(np.diff(shot_index)) + 1)

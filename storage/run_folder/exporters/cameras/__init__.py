@@ -1,0 +1,1 @@
+"""The cameras alone: trajectories, a COLMAP model, a script for Blender."""
