@@ -53,6 +53,23 @@ _SOLES = [INDEX[name] for name in ("left_heel", "right_heel", "left_foot_index",
 _EARS = [INDEX["left_ear"], INDEX["right_ear"]]
 
 
+KINDS: dict[str, str] = {
+    "found": "the body of each person lies on him",
+    "one number": "he keeps his number",
+    "strangers": "no two people have one number",
+    "elsewhere": "nobody is where nobody is",
+    "points": "landmarks lie where the eye puts them",
+    "facing": "chests point where the eye sees them point",
+    "upright": "who stands upright does so in the world",
+    "feet": "feet are at their height above the floor",
+    "camera": "static or moving",
+    "tilt": "how the camera is tilted",
+    "cuts": "cuts are found, and no others",
+    "linked": "what is joined to the shots before",
+}
+"""Kinds of expectations, and what each says."""
+
+
 @dataclass(frozen=True)
 class SeenClip:
     """What was recovered of a clip."""
@@ -79,12 +96,12 @@ class Verdict:
     """One expectation and what was found instead."""
 
     kind: str
-    """found, one number, elsewhere, strangers, camera, cuts, linked, facing, points, upright, feet, tilt."""
+    """One of KINDS."""
     about: str
     expected: str
     found: str
     figure: float
-    """What was measured, in the unit that `found` names; NaN if nothing could be."""
+    """How far `found` is from `expected`, 0 where it is as it should be; NaN if that cannot be told."""
     holds: bool
 
 
@@ -203,7 +220,7 @@ def _people(clip: GoldenClip, matches: Matches, seen: SeenClip) -> Iterator[Verd
             on_him = matches.body_of[k][required]
             share = float((on_him >= 0).mean())
             text = f"in {share:.0%} of {required.sum()} frames" if seen.recording else seen.ending
-            yield Verdict("found", person.who, f"in {person.share:.0%}", text, share, share >= person.share)
+            yield Verdict("found", person.who, f"in {person.share:.0%}", text, 1 - share, share >= person.share)
             yield _one_number(person, on_him, matches)
         yield from _details(person, k, matches, seen)
 
@@ -211,39 +228,43 @@ def _people(clip: GoldenClip, matches: Matches, seen: SeenClip) -> Iterator[Verd
 def _one_number(person: ExpectedPerson, on_him: np.ndarray, matches: Matches) -> Verdict:
     numbers = [matches.bodies[index].person.person for index in on_him if index >= 0]
     if not numbers:
-        return Verdict("one number", person.who, f"{ONE_NUMBER:.0%}", "not found", float("nan"), False)
+        return _untold("one number", person.who, f"{ONE_NUMBER:.0%}")
     values, counts = np.unique(numbers, return_counts=True)
     share = float(counts.max() / counts.sum())
     order = np.argsort(-counts)
     text = ", ".join(f"{values[i]}: {counts[i]}" for i in order)
-    return Verdict("one number", person.who, f"{ONE_NUMBER:.0%}", f"frames by number {text}", share, share >= ONE_NUMBER)
+    return Verdict(
+        "one number", person.who, f"{ONE_NUMBER:.0%}", f"frames by number {text}", 1 - share, share >= ONE_NUMBER
+    )
 
 
 def _details(person: ExpectedPerson, k: int, matches: Matches, seen: SeenClip) -> Iterator[Verdict]:
     """What is expected of single frames."""
-    recording = seen.recording
-    asked = [("facing", frame, value) for frame, value in person.facing.items()]
-    asked += [("upright", frame, "") for frame in person.upright]
-    asked += [("feet", frame, "") for frame in person.feet_m]
-    for kind, frame, value in asked:
-        about = f"{person.who}, frame {frame}"
-        there = matches.rows(k, frame)
-        if there is None or recording is None:
-            yield Verdict(kind, about, value, "not found", float("nan"), False)
-        elif kind == "facing":
-            yield _facing(about, value, *there)
-        elif kind == "upright":
-            yield _upright(about, *there)
-        else:
-            yield _feet(about, person.feet_m[frame], *there)
+    for frame, value in person.facing.items():
+        about, there = f"{person.who}, frame {frame}", matches.rows(k, frame)
+        yield _facing(about, value, *there) if there else _untold("facing", about, value)
+    for frame in person.upright:
+        about, there = f"{person.who}, frame {frame}", matches.rows(k, frame)
+        yield _upright(about, *there) if there else _untold("upright", about, f"within {UPRIGHT_DEG:g}°")
+    for frame, bounds in person.feet_m.items():
+        about, there = f"{person.who}, frame {frame}", matches.rows(k, frame)
+        yield (
+            _between("feet", about, float(there[0].soles_m[there[1]]), bounds, " m")
+            if there
+            else _untold("feet", about, f"{bounds[0]:g} to {bounds[1]:g} m")
+        )
     for frame, points in person.points.items():
         there = matches.rows(k, frame)
         for name, at in points.items():
             about = f"{person.who}, frame {frame}, {name}"
-            if there is None or recording is None:
-                yield Verdict("points", about, f"within {POINT_PCT:g} %", "not found", float("nan"), False)
+            if there is None or seen.recording is None:
+                yield _untold("points", about, f"within {POINT_PCT:g} %")
             else:
-                yield _point(about, name, at, *there, recording)
+                yield _point(about, name, at, *there, seen.recording)
+
+
+def _untold(kind: str, about: str, expected: str) -> Verdict:
+    return Verdict(kind, about, expected, "not found", float("nan"), False)
 
 
 def _facing(about: str, value: str, body: _Body, row: int) -> Verdict:
@@ -260,13 +281,6 @@ def _upright(about: str, body: _Body, row: int) -> Verdict:
     above = body.neck_above[row]
     off = float(np.degrees(np.arccos(np.clip(above[2] / np.linalg.norm(above), -1, 1))))
     return Verdict("upright", about, f"within {UPRIGHT_DEG:g}°", f"{off:.0f}° off", off, off <= UPRIGHT_DEG)
-
-
-def _feet(about: str, bounds: tuple[float, float], body: _Body, row: int) -> Verdict:
-    """The lower sole above z = 0, where `refine` puts the floor."""
-    low, high = bounds
-    height = float(body.soles_m[row])
-    return Verdict("feet", about, f"{low:g} to {high:g} m", f"{height:.2f} m", height, low <= height <= high)
 
 
 def _point(about: str, name: str, at: tuple[float, float], body: _Body, row: int, recording: Recording) -> Verdict:
@@ -316,22 +330,26 @@ def _camera(clip: GoldenClip, recording: Recording | None) -> Iterator[Verdict]:
         sources = [] if recording is None else [SOURCES[code] for code in recording.camera_source]
         share = float(np.mean([name in names for name in sources])) if sources else float("nan")
         text = ", ".join(dict.fromkeys(sources)) or "not told"
-        yield Verdict("camera", "", clip.camera, text, share, share == 1.0)
+        yield Verdict("camera", "", clip.camera, text, 1 - share, share == 1.0)
     if recording is None:
         told = [("down", frame) for frame in clip.down_deg] + [("roll", frame) for frame in clip.roll_deg]
-        yield from (Verdict("tilt", f"{way}, frame {frame}", "", "not told", float("nan"), False) for way, frame in told)
+        yield from (
+            Verdict("tilt", f"{way}, frame {frame}", "", "not told", float("nan"), False) for way, frame in told
+        )
         return
     for frame, bounds in clip.down_deg.items():
         down = float(np.degrees(np.arcsin(np.clip(-recording.R_world_cam[frame][2, 2], -1, 1))))
-        yield _tilt(f"down, frame {frame}", down, bounds)
+        yield _between("tilt", f"down, frame {frame}", down, bounds, "°")
     for frame, bounds in clip.roll_deg.items():
         R = recording.R_world_cam[frame]
-        yield _tilt(f"roll, frame {frame}", float(np.degrees(np.arctan2(-R[2, 0], -R[2, 1]))), bounds)
+        roll = float(np.degrees(np.arctan2(-R[2, 0], -R[2, 1])))
+        yield _between("tilt", f"roll, frame {frame}", roll, bounds, "°")
 
 
-def _tilt(about: str, value: float, bounds: tuple[float, float]) -> Verdict:
+def _between(kind: str, about: str, value: float, bounds: tuple[float, float], unit: str) -> Verdict:
     low, high = bounds
-    return Verdict("tilt", about, f"{low:g}° to {high:g}°", f"{value:.1f}°", value, low <= value <= high)
+    off = max(low - value, value - high, 0.0)
+    return Verdict(kind, about, f"{low:g} to {high:g}{unit}", f"{value:.2g}{unit}", off, off == 0)
 
 
 def _cuts(clip: GoldenClip, seen: SeenClip) -> Iterator[Verdict]:
@@ -356,6 +374,5 @@ def _cuts(clip: GoldenClip, seen: SeenClip) -> Iterator[Verdict]:
         expected = "linked" if cut.linked else "not linked"
         linked = None if at is None else seen.linked[at]
         text = "no cut" if linked is None else "linked" if linked else "not linked"
-        figure = float("nan") if linked is None else float(linked)
+        figure = float("nan") if linked is None else float(linked is not cut.linked)
         yield Verdict("linked", f"frame {cut.start}", expected, text, figure, linked is cut.linked)
-

@@ -152,15 +152,16 @@ def overlay_error(people: Sequence[PersonOverlay], names: Sequence[str] = ()) ->
     return _summary([person.error_pct[:, chosen] for person in people])
 
 
-def fast_overlay_error(people: Sequence[PersonOverlay], names: Sequence[str] = ()) -> OverlayError | None:
-    """The same in the FASTEST share of person-frames; None if no wrist's speed is known."""
-    speeds = np.concatenate([np.zeros(0), *(person.wrist_speed for person in people)])
-    known = speeds[np.isfinite(speeds)]
-    if not len(known):
-        return None
-    least = np.quantile(known, 1 - FASTEST)
+def fast_overlay_error(clips: Sequence[Sequence[PersonOverlay]], names: Sequence[str] = ()) -> OverlayError | None:
+    """The same in the FASTEST share of the person-frames of each clip; None if no wrist's speed is known."""
     chosen = np.array([INDEX[name] for name in names]) if names else COUNTED
-    return _summary([person.error_pct[person.wrist_speed >= least][:, chosen] for person in people])
+    errors = []
+    for people in clips:
+        speeds = np.concatenate([np.zeros(0), *(person.wrist_speed for person in people)])
+        known = speeds[np.isfinite(speeds)]
+        least = np.quantile(known, 1 - FASTEST) if len(known) else np.inf
+        errors += [person.error_pct[person.wrist_speed >= least][:, chosen] for person in people]
+    return _summary(errors)
 
 
 def _summary(errors: Sequence[Array]) -> OverlayError | None:
