@@ -349,7 +349,7 @@ def _camera(clip: GoldenClip, recording: Recording | None) -> Iterator[Verdict]:
 def _between(kind: str, about: str, value: float, bounds: tuple[float, float], unit: str) -> Verdict:
     low, high = bounds
     off = max(low - value, value - high, 0.0)
-    return Verdict(kind, about, f"{low:g} to {high:g}{unit}", f"{value:.2g}{unit}", off, off == 0)
+    return Verdict(kind, about, f"{low:g} to {high:g}{unit}", f"{round(value, 2) + 0.0:g}{unit}", off, off == 0)
 
 
 def _cuts(clip: GoldenClip, seen: SeenClip) -> Iterator[Verdict]:
