@@ -26,6 +26,9 @@ Array = np.ndarray
 
 LEAST_IOU = 0.3
 """A body whose box overlaps the box of a person less than this does not lie on him: boxes by eye are rough."""
+NEAR_IOU = 0.1
+"""A body that lies on nobody, but overlaps the box of somebody without a body this much, is a bad one of his and not
+elsewhere: it fails once."""
 IN_CROWD = 0.5
 """Share of a body's box inside the box of a crowd from which it is one of them."""
 ELSEWHERE = 0.02
@@ -200,7 +203,9 @@ def match(clip: GoldenClip, bodies: Sequence[_Body], num_frames: int) -> Matches
         for row, column in zip(rows, columns, strict=True):
             if overlap[row, column] >= LEAST_IOU:
                 body_of[there[row], frame] = here[column]
-                strays[here[column], frame] = False
+        found = body_of[there, frame]
+        near = (overlap[found < 0] >= NEAR_IOU).any(axis=0)
+        strays[here, frame] = ~near & ~np.isin(here, found)
         for k in np.flatnonzero(crowd & np.isfinite(wanted[:, frame, 0])):
             strays[here, frame] &= _share_inside(boxes[here, frame], wanted[k, frame]) < IN_CROWD
     return Matches(bodies, body_of, strays, boxes)
