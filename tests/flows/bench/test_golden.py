@@ -8,6 +8,7 @@ import pytest
 from standing_person import HEIGHT, NUM_FRAMES, WIDTH, recording_of, standing_person
 
 from humanmm.cli import main
+from humanmm.config import Config
 from humanmm.errors import InputError
 from humanmm.flows.bench import golden
 from humanmm.models.benchmark.golden import SeenClip
@@ -57,13 +58,18 @@ def test_the_table_has_a_row_a_clip_and_says_what_is_left_out(
     assert main([*command, "--report", str(folder / "report")]) == 0
     told = capsys.readouterr()
     assert "b.mp4" in told.err
-    assert "3 of 5" not in told.out
+    assert "6 of 7 expectations hold" in told.out
     assert "| piece | elsewhere |" in told.out
     rows = {row["split"]: row for row in json.loads((folder / "report/results.json").read_text())["rows"]}
     assert (rows["whole"]["n"], rows["whole"]["failed"]) == (5, 0)
     assert (rows["piece"]["n"], rows["piece"]["failed"]) == (2, 1)
     assert "What holds" in (folder / "report/README.md").read_text()
     assert main([*command, "--check", str(folder / "report/results.json")]) == 0
+
+
+def test_a_size_is_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bench", "golden", "--data", str(folder), "--size", "tiny"]) == 2
+    assert "golden takes no --size" in capsys.readouterr().err
 
 
 def test_a_piece_is_cut_once(folder: Path) -> None:
@@ -80,7 +86,5 @@ def test_without_a_list_of_its_own_a_folder_has_the_repositorys(tmp_path: Path) 
 
 def test_a_folder_without_the_videos_is_told(tmp_path: Path, folder: Path) -> None:
     (folder / "a.mp4").unlink()
-    from humanmm.config import Config
-
     with pytest.raises(InputError, match="holds none of the videos"):
         golden.checked_clips(folder, Config(), Store(tmp_path / "store"))
