@@ -113,7 +113,7 @@ def verdicts(clip: GoldenClip, seen: SeenClip) -> list[Verdict]:
     recording = seen.recording
     bodies = [] if recording is None else [_Body.of(person, recording) for person in _trusted(recording)]
     matches = match(clip, bodies, seen.num_frames)
-    found = [*_people(clip, matches, seen), _elsewhere(clip, matches, seen.num_frames), *_strangers(clip, matches)]
+    found = [*_people(clip, matches, seen), _elsewhere(clip, matches, seen), *_strangers(clip, matches)]
     found += [*_camera(clip, recording), *_cuts(clip, seen)]
     return found
 
@@ -295,9 +295,11 @@ def _point(about: str, name: str, at: tuple[float, float], body: _Body, row: int
     return Verdict("points", about, f"within {POINT_PCT:g} %", f"{off:.1f} % off", off, off <= POINT_PCT)
 
 
-def _elsewhere(clip: GoldenClip, matches: Matches, num_frames: int) -> Verdict:
-    count = int(matches.strays.sum())
-    share = count / num_frames
+def _elsewhere(clip: GoldenClip, matches: Matches, seen: SeenClip) -> Verdict:
+    expected = "no body" if not clip.people else "no other body"
+    if seen.ending == "failed":
+        return Verdict("elsewhere", "", expected, seen.refused, float("nan"), False)
+    share = float(matches.strays.sum()) / seen.num_frames
     where = []
     for index, body in enumerate(matches.bodies):
         frames = np.flatnonzero(matches.strays[index])
@@ -307,7 +309,6 @@ def _elsewhere(clip: GoldenClip, matches: Matches, num_frames: int) -> Verdict:
                 f"number {body.person.person} in {len(frames)} of frames {frames[0]}–{frames[-1]} at "
                 f"{x0:.2f} {y0:.2f} {x1:.2f} {y1:.2f}"
             )
-    expected = "no body" if not clip.people else "no other body"
     return Verdict("elsewhere", "", expected, "; ".join(where) or "none", share, share <= ELSEWHERE)
 
 

@@ -114,3 +114,6 @@ def test_a_refused_video_is_right_only_where_nobody_is() -> None:
     assert refused.ending == "refused"
     assert not failing(verdicts(GoldenClip(name="bags", shows="", parts=PARTS), refused))
     assert failing(verdicts(one(camera="static"), refused)) == ["found woman", "one number woman", "camera"]
+    broken = seen(None, refused="hmr · shot 0 failed: out of memory")
+    assert broken.ending == "failed"
+    assert failing(verdicts(GoldenClip(name="bags", shows="", parts=PARTS), broken)) == ["elsewhere"]
