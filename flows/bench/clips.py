@@ -1,26 +1,36 @@
 """`humanmm bench ms-render | ms-real`: a folder of clips with truths, from their pixels.
 
 The stages up to `points` are those of `humanmm recover`, on the same store; from there on all methods run in memory.
+What the stage `people` finds in the clips, beside their truths: see scripts/measure_detector.
 """
 
 import functools
 import hashlib
 import logging
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TypeVar
 
 from humanmm.config import Config
-from humanmm.errors import InputError, StageError
-from humanmm.flows.bench.jobs import SETTINGS, Job
+from humanmm.errors import HumanMMError, InputError, StageError
+from humanmm.flows.bench.motion import SETTINGS, Job
+from humanmm.models.benchmark.golden import SeenClip
+from humanmm.models.benchmark.methods import run_methods
+from humanmm.models.benchmark.scores import score
 from humanmm.models.benchmark.tables.statistics import SetStatistics, statistics_of
 from humanmm.models.camera.background.keyframes import KeyFrameFeatures
-from humanmm.models.records.camera import PointTracks
+from humanmm.models.motion.assemble import record_motion
+from humanmm.models.records.camera import PointTracks, ShotCamera
+from humanmm.models.records.motion import WorldMotion
 from humanmm.models.records.sequence import MotionSequence
-from humanmm.models.records.shots import Scenes
+from humanmm.models.records.shots import Scenes, ShotList
 from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.records.video import VideoFacts
+from humanmm.models.synthetic.detector_errors import MeasuredClip, person_errors
+from humanmm.models.synthetic.detector_noise import fitted_noise
 from humanmm.models.synthetic.multishot import BenchVideo, split_name
+from humanmm.models.synthetic.resimulated import resimulated
+from humanmm.models.video.reading import read_facts
 from humanmm.storage.readers.truth import read_sequence
 from humanmm.storage.store.identity import identify
 from humanmm.storage.store.store import Store
@@ -32,6 +42,9 @@ T = TypeVar("T")
 
 OF_PIXELS = ("decode", "scenes", "people", "shots", "keyframes", "points")
 """Stages whose results the methods start from."""
+OF_PEOPLE = ("decode", "scenes", "people")
+"""Stages that find people."""
+_SEED = 1
 
 
 def run_stages(video: Path, names: Sequence[str], config: Config, store: Store) -> VideoRun:
@@ -49,6 +62,31 @@ def results_of(run: VideoRun, stage: str, output: type[T]) -> Sequence[T]:
     """What the units of a stage have left in the store."""
     manifests = [run.manifest(*unit.id) for unit in run.units(run.stage(stage)) or ()]
     return [run.store.read(manifest.ref, output) for manifest in manifests if manifest is not None]
+
+
+def recovered(video: Path, config: Config, store: Store) -> SeenClip:
+    """What `humanmm recover` makes of a video, without its pictures; a video that it refuses has a reason instead."""
+    names = [stage.name for stage in STAGES if stage.name != "deliver"]
+    try:
+        run = run_stages(video, names, config, store)
+    except HumanMMError as error:
+        with video.open("rb") as stream:
+            num_frames = read_facts(stream).num_frames
+        return SeenClip(num_frames, None, {}, refused=str(error).removeprefix(f"{video}: "))
+    (facts,), (shots,) = results_of(run, "decode", VideoFacts), results_of(run, "shots", ShotList)
+    (motion,) = results_of(run, "refine", WorldMotion)
+    cameras = results_of(run, "camera", ShotCamera)
+    return SeenClip(
+        num_frames=facts.num_frames,
+        recording=record_motion(facts, shots, results_of(run, "people", ScenePeople), motion),
+        linked={cut.cut_frame: cut.linked for cut in motion.cuts},
+        warnings=(
+            *facts.warnings,
+            *shots.warnings,
+            *(text for one in cameras for text in one.warnings),
+            *motion.warnings,
+        ),
+    )
 
 
 def clip_set(folder: Path, store: Store) -> tuple[list[Job], SetStatistics]:
@@ -106,3 +144,37 @@ def _make(video: Path, truth: Path, split: str, config: Config, store: Store) ->
         key_frames=tuple(one for shot in results_of(run, "keyframes", KeyFrameFeatures)[0].of_shot for one in shot),
         truth=read_sequence(truth),
     )
+
+
+def measured_clips(folder: Path, config: Config, store: Store) -> list[MeasuredClip]:
+    """All clips of a folder; what the store has is not computed again."""
+    jobs, _ = clip_set(folder, store)
+    clips = []
+    for job in jobs:
+        assert job.video is not None and job.truth is not None
+        run = run_stages(job.video, OF_PEOPLE, config, store)
+        sequence = read_sequence(job.truth)
+        clips.append(MeasuredClip(sequence, person_errors(sequence, results_of(run, "people", ScenePeople), job.name)))
+    return clips
+
+
+def compared_clips(folder: Path, config: Config, store: Store) -> Iterator[tuple[dict[str, float], dict[str, float]]]:
+    """The whole pipeline's figures on every clip of one person: from what the network saw, and from simulated
+    detections on the same clip."""
+    jobs, _ = clip_set(folder, store)
+    for job in jobs:
+        assert job.truth is not None
+        if len(read_sequence(job.truth).people) != 1:
+            continue
+        video = job.make(config, store)
+        seen = _figures(video, config)
+        simulated = _figures(resimulated(video, fitted_noise(), _SEED), config)
+        if seen and simulated:
+            yield seen, simulated
+        else:
+            log.warning("%s is left out: nobody was found in it", job.name)
+
+
+def _figures(video: BenchVideo, config: Config) -> dict[str, float]:
+    measured = score(video, run_methods(video, config, ("humanmm",))).methods[0]
+    return {figure.name: figure.value for figure in measured.figures}

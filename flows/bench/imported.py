@@ -7,8 +7,7 @@ from pathlib import Path
 
 from humanmm.config import Config
 from humanmm.errors import HumanMMError, InputError
-from humanmm.flows.bench.jobs import Job
-from humanmm.flows.bench.motion import FIGURE_CODE, code_of, kept, recipe, settings_of
+from humanmm.flows.bench.motion import FIGURE_CODE, Job, code_of, kept, recipe, settings_of
 from humanmm.models.benchmark.methods import ABLATIONS, METHODS
 from humanmm.models.benchmark.scores import MethodFigures, VideoFigures, score_sequence
 from humanmm.parts import chosen

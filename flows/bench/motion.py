@@ -8,16 +8,17 @@ reads figures only.
 import functools
 import logging
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, TypeVar
 
 from humanmm.config import Config
 from humanmm.errors import HumanMMError, StoreError
-from humanmm.flows.bench.jobs import Job
 from humanmm.models.benchmark.methods import METHODS, VideoMotions, run_methods
 from humanmm.models.benchmark.scores import MethodFigures, VideoFigures, score, sequence_of
 from humanmm.models.benchmark.traces import VideoTraces, trace_video
+from humanmm.models.synthetic.multishot import BenchVideo
 from humanmm.parts import Part, chosen
 from humanmm.storage.store.open import open_store
 from humanmm.storage.store.recipe import Recipe
@@ -29,10 +30,35 @@ from humanmm.version import __version__
 log = logging.getLogger(__name__)
 T = TypeVar("T")
 
+SETTINGS = ("shots", "intrinsics", "camera", "hmr", "align", "refine")
+"""Sections of the configuration that change a motion here."""
+
 MOTION_CODE, FIGURE_CODE = "humanmm.models.benchmark.methods", "humanmm.models.benchmark.scores"
 TRACE_CODE = "humanmm.models.benchmark.traces"
 FEW = 3
 """So many videos are computed in this process: starting others would take longer."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """One video of a benchmark's set before it is made; jobs of all sets differ in these values alone."""
+
+    name: str
+    split: str
+    parameters: Mapping[str, Any]
+    """Everything that the video is made of, as json."""
+    inputs: Mapping[str, str]
+    """Digests of the data that it is made of."""
+    make: Callable[[Config, Store], BenchVideo]
+    """The video; raises HumanMMError where it cannot be had, which counts as a failure of all methods."""
+    modules: tuple[str, ...] = ()
+    """Modules whose code makes the video, besides the methods' own."""
+    settings: tuple[str, ...] = SETTINGS
+    """Sections of the configuration that change its motions."""
+    video: Path | None = None
+    """Its pictures, if it has any."""
+    truth: Path | None = None
+    """Its truth, if it is a file."""
 
 
 @dataclass(frozen=True)

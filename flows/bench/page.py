@@ -6,8 +6,7 @@ from pathlib import Path
 
 from humanmm.config import Config
 from humanmm.errors import HumanMMError
-from humanmm.flows.bench.jobs import Job
-from humanmm.flows.bench.motion import recipes_of, traces_of
+from humanmm.flows.bench.motion import Job, recipes_of, traces_of
 from humanmm.models.benchmark.methods import VideoMotions
 from humanmm.models.benchmark.scores import VideoFigures, recording_of
 from humanmm.models.benchmark.tables.charts import charts_of

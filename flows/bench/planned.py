@@ -11,7 +11,7 @@ import numpy as np
 
 from humanmm.config import Config
 from humanmm.errors import InputError
-from humanmm.flows.bench.jobs import SETTINGS, Job
+from humanmm.flows.bench.motion import SETTINGS, Job
 from humanmm.models.benchmark.aist import AistSequence, build_aist
 from humanmm.models.benchmark.tables.statistics import SetStatistics, statistics_of
 from humanmm.models.synthetic.mocap import MocapSequence

@@ -7,9 +7,10 @@ from pathlib import Path
 from humanmm.config import Config
 from humanmm.errors import InputError, UsageError
 from humanmm.flows.bench.clips import clip_set
+from humanmm.flows.bench.golden import checked_clips
 from humanmm.flows.bench.imported import parse_system, with_imported
-from humanmm.flows.bench.jobs import Job
-from humanmm.flows.bench.motion import figures_of
+from humanmm.flows.bench.motion import Job, figures_of
+from humanmm.flows.bench.overlay import overlays
 from humanmm.flows.bench.page import report_page
 from humanmm.flows.bench.planned import aist_set, mocap_set
 from humanmm.flows.bench.render_set import own_set
@@ -19,7 +20,9 @@ from humanmm.models.benchmark.methods import ABLATIONS, CAMERAS, METHODS
 from humanmm.models.benchmark.scores import VideoFigures
 from humanmm.models.benchmark.tables import shots
 from humanmm.models.benchmark.tables.charts import OF_CUTS, bars_of
+from humanmm.models.benchmark.tables.golden import all_verdicts, golden_tables, rows_of_golden
 from humanmm.models.benchmark.tables.layout import MAIN, OF_ABLATION, OF_CAMERAS, plain_table, tables_of
+from humanmm.models.benchmark.tables.overlay import overlay_rows, overlay_tables
 from humanmm.models.benchmark.tables.rows import Row, rows_of, summarise
 from humanmm.models.benchmark.tables.statistics import SetStatistics
 from humanmm.models.records.table import Table
@@ -33,6 +36,7 @@ SAMPLE = Path("examples/aist")
 MODULES = {"ablation": (ABLATIONS, OF_ABLATION), "camera": (CAMERAS, OF_CAMERAS)}
 """Tables of parts of the pipeline: their methods and figures."""
 CLIPS = ("ms-render", "ms-real")
+WITHOUT_TRUTH = ("golden", "overlay")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,13 +75,15 @@ def measure(request: TableRequest, config: Config, *, announce: Callable[[str], 
     """Measure a table; `announce` is called with the set in numbers before what takes long begins."""
     if request.data is not None and request.table in CLIPS and request.size is not None:
         raise UsageError("--size is for sets that are made here; a folder of clips has the size that it has")
+    if request.table in WITHOUT_TRUTH and (request.size is not None or request.imported):
+        raise UsageError(f"{request.table} takes no --size and no --imported: the videos are those of the folder")
     if request.table != "speed" and (request.runs is not None or request.minutes):
         raise UsageError("--runs and --minutes are for the table speed")
     data = request.data or own_data(request, config)
     if request.table == "speed":
         return _speed(request, data, config)
-    table = _shots if request.table == "shots" else _motion
-    return table(request, data, config, announce)
+    makers = {"shots": _shots, "golden": _golden, "overlay": _overlay}
+    return makers.get(request.table, _motion)(request, data, config, announce)
 
 
 def report(request: TableRequest, folder: Path, measured: Measured) -> Path:
@@ -133,6 +139,22 @@ def _shots(request: TableRequest, data: Path, config: Config, announce: Callable
     methods = [row.method for row in rows]
     page = Page("shots", command, f"{facts.sentence()}.", tables, methods=methods, charts=bars_of(rows, OF_CUTS))
     return Measured(rows, tables, command, page=lambda: page)
+
+
+def _golden(request: TableRequest, data: Path, config: Config, announce: Callable[[str], None]) -> Measured:
+    clips, left_out = checked_clips(data, config, open_store(request.store))
+    command = " ".join(["humanmm", "bench", "golden", *request.settings])
+    tables = golden_tables(clips)
+    page = Page("golden", command, "", [*tables, all_verdicts(clips)])
+    return Measured(rows_of_golden(clips), tables, command, failures=left_out, page=lambda: page)
+
+
+def _overlay(request: TableRequest, data: Path, config: Config, announce: Callable[[str], None]) -> Measured:
+    videos, refused = overlays(data, config, open_store(request.store))
+    command = " ".join(["humanmm", "bench", "overlay", *request.settings])
+    rows, tables = overlay_rows(videos, [sentence.split(":")[0] for sentence in refused]), overlay_tables(videos)
+    page = Page("overlay", command, "", tables)
+    return Measured(rows, tables, command, failures=refused, page=lambda: page)
 
 
 def _motion(request: TableRequest, data: Path, config: Config, announce: Callable[[str], None]) -> Measured:

@@ -9,7 +9,7 @@ from humanmm.config import Config
 from humanmm.errors import InputError
 from humanmm.flows.bench import imported as imported_benchmark
 from humanmm.flows.bench.imported import System, parse_system, with_imported
-from humanmm.flows.bench.jobs import Job
+from humanmm.flows.bench.motion import Job
 from humanmm.flows.bench.planned import aist_set
 from humanmm.models.benchmark.scores import MethodFigures, VideoFigures
 from humanmm.storage.store.store import Store

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from standing_person import changed, standing
 
 from humanmm.models.body.body24 import JOINT_NAMES, load_body
 from humanmm.models.body.kinematics import forward_kinematics
@@ -10,6 +11,8 @@ from humanmm.models.evaluation.people import projected_boxes
 from humanmm.models.geometry.alignment import yaw_to_rotmat
 from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
 from humanmm.models.records.sequence import BodyParameters, CameraSequence, MotionSequence, PersonSequence
+
+__all__ = ["changed", "standing"]
 
 NUM_FRAMES = 130
 CUT = 60
