@@ -29,6 +29,7 @@ BlazePose swapped 12, of which Thunder told 7, and it disagreed in 6 others: odd
 wrong together."""
 _LIMBS = np.array(landmarks.LIMBS)
 _EXCHANGED = np.arange(12).reshape(6, 2)[:, ::-1].ravel()
+_ARMS, _LEGS = slice(0, 6), slice(6, 12)
 
 
 def locate_best(image: Picture, region: Region, *, mirrored: bool = False) -> Landmarks:
@@ -52,10 +53,15 @@ def _located(model: str, weight: float, image: Picture, region: Region, *, mirro
     )
 
 
-def is_crossed(keypoints: Float[np.ndarray, "33 3"], limbs: Float[np.ndarray, "12 3"], side: float) -> bool:
-    """Whether Thunder's limbs fit BlazePose's better with left and right exchanged; `side` is the region's."""
-    own = keypoints[_LIMBS, :2]
-    kept, crossed = (np.median(np.linalg.norm(limbs[order, :2] - own, axis=1)) for order in (np.arange(12), _EXCHANGED))
+def is_crossed(
+    keypoints: Float[np.ndarray, "33 3"], limbs: Float[np.ndarray, "12 3"], side: float, among: slice = slice(12)
+) -> bool:
+    """Whether Thunder's limbs (all, or those `among` them) fit BlazePose's better with left and right exchanged; `side`
+    is the region's."""
+    own = keypoints[_LIMBS, :2][among]
+    kept, crossed = (
+        np.median(np.linalg.norm(limbs[order[among], :2] - own, axis=1)) for order in (np.arange(12), _EXCHANGED)
+    )
     return bool(crossed + CROSSED * HEIGHT_OF_SIDE * side < kept)
 
 
@@ -68,8 +74,10 @@ def fused(
     named as BlazePose does, because the 3D landmarks are.
     """
     own = keypoints[_LIMBS, :2]
-    if is_crossed(keypoints, limbs, side):
-        limbs = limbs[_EXCHANGED]
+    limbs = limbs.copy()
+    for pairs in (_ARMS, _LEGS):  # the networks disagree about the legs alone about as often as about the whole body
+        if is_crossed(keypoints, limbs, side, pairs):
+            limbs[pairs] = limbs[_EXCHANGED[pairs]]
     apart = np.linalg.norm(limbs[:, :2] - own, axis=1)
     share = np.where(apart > APART * HEIGHT_OF_SIDE * side, 1.0, weight) * (limbs[:, 2] > CREDIBLE)
     result = keypoints.copy()

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from humanmm.errors import InputError
-from humanmm.models.records.motion import CutAlignment, WorldMotion
+from humanmm.models.records.motion import CutAlignment, RotationEvidence, WorldMotion
 from humanmm.models.records.shots import ShotList, Transition
 from humanmm.models.records.video import VideoFacts
 from humanmm.storage.store.codec import Json
@@ -122,6 +122,7 @@ def _shots(
     shots: ShotList, cameras: Sequence["ShotCamera | None"], motion: WorldMotion | None, stages: Sequence[StageRecord]
 ) -> list[dict[str, Any]]:
     joins = {cut.cut_frame: cut for cut in motion.cuts} if motion else {}
+    evidence = motion.evidence if motion else ()
     failed = {record.shot for record in stages if record.state in ("failed", "skipped")}
     return [
         {
@@ -129,7 +130,7 @@ def _shots(
             "end": shot.end,
             "transition": _transition(shot.transition),
             "linked": shot.start not in joins or joins[shot.start].linked,
-            "join": _join(joins.get(shot.start)),
+            "join": _join(joins.get(shot.start), [one for one in evidence if one.shot_b == shot.index]),
             "people": [appearance.person for appearance in shot.people],
             "failed": shot.index in failed,
             "camera": _camera(camera),
@@ -138,7 +139,7 @@ def _shots(
     ]
 
 
-def _join(cut: CutAlignment | None) -> dict[str, Json] | None:
+def _join(cut: CutAlignment | None, evidence: Sequence[RotationEvidence]) -> dict[str, Json] | None:
     """How a shot was joined to those before it; null for the first."""
     if cut is None:
         return None
@@ -147,7 +148,18 @@ def _join(cut: CutAlignment | None) -> dict[str, Json] | None:
         "residual_px": _figure(cut.residual_px),
         "uncertainty_deg": _figure(cut.uncertainty_deg),
         "gap_s": _figure(cut.gap_s),
+        "probability": _figure(cut.probability),
         "background_points": cut.background_inliers,
+        "evidence": [
+            {
+                "shot": one.shot_a,
+                "source": one.source,
+                "background_points": one.num_points,
+                "used": one.used,
+                "reason": one.reason,
+            }
+            for one in evidence
+        ],
     }
 
 

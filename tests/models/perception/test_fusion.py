@@ -43,4 +43,7 @@ def test_left_and_right_are_named_as_the_network_with_the_depths_names_them() ->
     own = body()
     exchanged = thunder(own).reshape(6, 2, 3)[:, ::-1].reshape(12, 3)
     np.testing.assert_allclose(fused(own, exchanged, SIDE, weight=0.5), own, atol=1e-9)
+    legs_alone = thunder(own)
+    legs_alone[6:] = exchanged[6:]
+    np.testing.assert_allclose(fused(own, legs_alone, SIDE, weight=0.5), own, atol=1e-9)
     assert is_crossed(own, exchanged, SIDE) and not is_crossed(own, thunder(own), SIDE)
