@@ -54,10 +54,13 @@ def _draw_panel(sample: Sample, view: View, panel: Panel, *, solid: bool) -> Non
     size = (x1 - x0, y1 - y0)
     lod, inverse_depth = _level_of_detail(view, panel, size, (x0, y0))
     picture = _warp(panel.texture.levels, panel.texture.px_per_m, to_plane, lod, size)
+    where = mask.view(bool)
+    if picture.shape[2] == 4:  # a cut-out
+        where = where & (picture[..., 3] > 127)
+        picture = np.ascontiguousarray(picture[..., :3])
     if panel.light != 1.0:
         picture = cv2.convertScaleAbs(picture, alpha=panel.light)
     part = (slice(y0, y1), slice(x0, x1))
-    where = mask.view(bool)
     if solid:
         full = cv2.resize(inverse_depth, size, interpolation=cv2.INTER_LINEAR)
         where = where & (full > sample.inverse_depth[part])

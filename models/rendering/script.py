@@ -96,6 +96,10 @@ class Clip:
     crf: int
     """x264's constant rate factor."""
     texture_seed: tuple[int, ...]
+    subjects: int | None = None
+    """How many of the actors, the first ones, the clip is about; the others pass by. None: all."""
+    mesh: Literal["full", "drawn"] = "full"
+    """Which triangles of a body are drawn: all 27,420, or the 2,000 of overlays."""
 
     @property
     def num_frames(self) -> int:
