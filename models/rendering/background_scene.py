@@ -101,6 +101,8 @@ class BackgroundScene:
     shell: tuple[Panel, ...]
     blocks: tuple[Block, ...]
     light: Light
+    cutouts: tuple[Panel, ...] = ()
+    """Upright panels that may hide people but cast no shadow: figures of a crowd, signs."""
 
 
 def build_room(keep_in: Float[Array, "n 3"], paths: Float[Array, "m 2"], rng: np.random.Generator) -> BackgroundScene:

@@ -33,6 +33,9 @@ def draw_background(view: View, scene: BackgroundScene) -> Sample:
         for panel in block.panels:
             if np.cross(panel.along, panel.across) @ (eye - panel.corner) < 0:  # the panel faces the camera
                 _draw_panel(sample, view, panel, solid=True)
+    for panel in scene.cutouts:
+        if np.cross(panel.along, panel.across) @ (eye - panel.corner) < 0:
+            _draw_panel(sample, view, panel, solid=True)
     return sample
 
 

@@ -49,7 +49,13 @@ class ClothedActor:
     """One actor's clothed mesh over a clip."""
 
     def __init__(
-        self, actor: Actor, body: Body, rng: np.random.Generator, *, mesh: Literal["full", "drawn"] = "full"
+        self,
+        actor: Actor,
+        body: Body,
+        rng: np.random.Generator,
+        *,
+        mesh: Literal["full", "drawn"] = "full",
+        loose: float = 1.0,
     ) -> None:
         clothing = random_clothing(body, rng)
         kept, faces = np.arange(len(body.v_template)), body.faces
@@ -58,7 +64,7 @@ class ClothedActor:
         rest = body.rest_vertices(actor.betas)
         normals = vertex_normals(body, rest)
         self._normals = normals[kept]
-        self._rest = (rest + clothing.displacement_m[:, None] * normals)[kept]
+        self._rest = (rest + loose * clothing.displacement_m[:, None] * normals)[kept]
         self._weights = dense_weights(body, kept)
         self._transforms = skinning_transforms(body.rest_joints(actor.betas), actor.joints, actor.R_world_joint)
         template = body.v_template.astype(np.float64)[kept]
@@ -91,7 +97,7 @@ def render_frames(clip: Clip) -> Iterator[Frame]:
     """All frames of a clip, in order."""
     body = load_body()
     actors = [
-        ClothedActor(actor, body, np.random.default_rng((*clip.texture_seed, number)), mesh=clip.mesh)
+        ClothedActor(actor, body, np.random.default_rng((*clip.texture_seed, number)), mesh=clip.mesh, loose=clip.loose)
         for number, actor in enumerate(clip.actors)
     ]
     rng = np.random.default_rng((*clip.plan.seed, 2))
