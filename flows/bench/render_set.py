@@ -38,6 +38,8 @@ SPLITS: Mapping[str, frozenset[str]] = {
 
 Routines of `synthetic.choreography` fill up what these do not show."""
 SPLIT_SEEDS = {"dev": 31, "test": 62, "train": 93}
+RENDERERS = ("humanmm.models.rendering.rendered_clip", "humanmm.models.rendering.places.plan")
+"""Modules that decide what a clip shows."""
 PACKS = ("cmu_test.npz", "cmu_val.npz")
 """Of data/mocap in the repository: motion that no shipped network was trained on."""
 
@@ -99,7 +101,7 @@ class SetPlan:
     def identity(self) -> dict[str, Any]:
         """What the clips are made of, as json: packs, size, seed and the renderer's code."""
         packs = {pack.name: hashlib.sha256(pack.read_bytes()).hexdigest() for pack in self.packs}
-        modules = code_digest("humanmm.storage.run_folder.clip_files").modules
+        modules = {name: code_digest(name).modules for name in RENDERERS}
         code = hashlib.sha256(json.dumps(modules, sort_keys=True).encode())
         return {
             "size": self.name,
@@ -181,7 +183,7 @@ def render_one(clip: ClipPlan, plan: SetPlan, folder: Path) -> str:
 def _rendered(clip: ClipPlan, sequences: Sequence[MocapSequence], plan: SetPlan) -> RenderedClip:
     if plan.size != "places":
         return RenderedClip(plan_clip(sequences, clip))
-    edit = plan_edit(Library(takes_of(sequences, plan.split)), clip)
+    edit = plan_edit(Library(takes_of(sequences, plan.split)), clip, split=plan.split)
     return RenderedClip(*edit.parts, features=edit.features, lost_s=edit.lost_s)
 
 

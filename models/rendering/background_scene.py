@@ -111,7 +111,10 @@ def build_room(keep_in: Float[Array, "n 3"], paths: Float[Array, "m 2"], rng: np
     low, high = box_about(keep_in, yaw, margin=rng.uniform(0.8, 2.0))
     height = max(2.7, float(keep_in[:, 2].max()) + 0.5)
     wall, floor = pick(textures.WALLS, rng), pick(textures.FLOORS, rng)
-    shell = [floor_panel(low, high, yaw, floor, light), ceiling_panel(low, high, yaw, height, textures.plaster(rng), light)]
+    shell = [
+        floor_panel(low, high, yaw, floor, light),
+        ceiling_panel(low, high, yaw, height, textures.plaster(rng), light),
+    ]
     for side in range(4):
         own = wall if rng.random() < 0.7 else pick(textures.WALLS, rng)
         panel = wall_panel(low, high, yaw, side, height, own, light)
@@ -247,7 +250,9 @@ def add_block(
             return
 
 
-def faces_of_block(centre: Array, half: Array, height: float, yaw: float, texture: Texture, light: Light) -> tuple[Panel, ...]:
+def faces_of_block(
+    centre: Array, half: Array, height: float, yaw: float, texture: Texture, light: Light
+) -> tuple[Panel, ...]:
     """The four sides and the top of a block."""
     x, y = np.append(rotation_2d(yaw)[:, 0], 0.0), np.append(rotation_2d(yaw)[:, 1], 0.0)
     down, up = np.array([0.0, 0.0, -1.0]), np.array([0.0, 0.0, 1.0])

@@ -85,7 +85,9 @@ def truth_arrays(
     return arrays
 
 
-def joined(parts: Sequence[Mapping[str, Array]], *, lost_s: Sequence[float], features: Mapping[str, Any]) -> dict[str, Array]:
+def joined(
+    parts: Sequence[Mapping[str, Array]], *, lost_s: Sequence[float], features: Mapping[str, Any]
+) -> dict[str, Array]:
     """The truth of a clip whose parts show different people in different places: each part has a world of its own.
 
     `linked` (T,) tells the cuts inside a part from those between parts.
@@ -94,7 +96,9 @@ def joined(parts: Sequence[Mapping[str, Array]], *, lost_s: Sequence[float], fea
     linked = [True] * len(parts[0]["cut_frames"])
     for part in parts[1:]:
         frames, shots = int(whole["num_frames"]), len(whole["shot_kinds"])
-        counts = {kind: len({key.split("/")[1] for key in whole if key.startswith(f"{kind}/")}) for kind in _OF_SOME_FRAMES}
+        counts = {
+            kind: len({key.split("/")[1] for key in whole if key.startswith(f"{kind}/")}) for kind in _OF_SOME_FRAMES
+        }
         linked += [False] + [True] * len(part["cut_frames"])
         first = np.array([frames], np.int32)
         whole["cut_frames"] = np.concatenate([whole["cut_frames"], first, part["cut_frames"] + frames]).astype(np.int32)

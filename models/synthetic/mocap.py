@@ -112,9 +112,7 @@ def random_shape(body: Body, rng: np.random.Generator) -> Float[Array, " 10"]:
             return np.asarray(betas)
 
 
-def pose_actor(
-    sequence: MocapSequence, rng: np.random.Generator, *, betas: Float[Array, " 10"] | None = None
-) -> Actor:
+def pose_actor(sequence: MocapSequence, rng: np.random.Generator, *, betas: Float[Array, " 10"] | None = None) -> Actor:
     """The sequence on a body of this shape (None: a random adult's), standing on the floor z = 0."""
     body = load_body()
     betas = random_shape(body, rng) if betas is None else betas

@@ -10,6 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from humanmm.models.body.body24 import load_body
 from humanmm.models.geometry.rotations import rotation_angle
 from humanmm.models.rendering.background_scene import BackgroundScene, Block, faces_of_block
 from humanmm.models.rendering.places import figures, surfaces
@@ -75,8 +76,8 @@ class Edit:
     """Time lost at every cut."""
 
 
-def plan_edit(library: Library, plan: ClipPlan) -> Edit:
-    """Everything about a clip but its pixels."""
+def plan_edit(library: Library, plan: ClipPlan, *, split: str = "") -> Edit:
+    """Everything about a clip but its pixels; `split` is only written down."""
     rng = np.random.default_rng(plan.seed)
     number = plan.seed[-1]
     size = plan.size or SIZES[int(rng.choice(len(SIZES), p=SIZE_PROBABILITIES))]
@@ -103,6 +104,7 @@ def plan_edit(library: Library, plan: ClipPlan) -> Edit:
     shutter, noise = rng.uniform(0.15, 0.9), rng.uniform(0.5, 3.5)
     clips = tuple(replace(clip, crf=rate, shutter=shutter, noise=noise) for clip in clips)
     features = {
+        "split": split,
         "parts": [part[1] for part in parts],
         "cuts": _describe(clips, cuts, fps),
         "crf": rate,
@@ -234,7 +236,9 @@ def _film_all(
             before = shots[-1] if cut.kind == "jump" else shots[-2]
             slight = 0.0 if cut.kind == "return" or rng.random() < 0.5 else rng.uniform(-6, 6)
             repeated = again(before, span, rng, turned_deg=slight)
-            if share_in_view(actors[0].joints[slice(*span)], repeated, lens) > 0.7 and holds([actors[0]], repeated, lens):
+            if share_in_view(actors[0].joints[slice(*span)], repeated, lens) > 0.7 and holds(
+                [actors[0]], repeated, lens
+            ):
                 shots.append(repeated)
                 continue
         if k:
@@ -253,7 +257,11 @@ def _passers_by(
     library: Library, shots: Sequence[Shot], actors: Sequence[Actor], lens: Lens, rng: np.random.Generator
 ) -> list[Actor]:
     """People who walk through the picture, before the first actor or behind, each in one shot."""
-    walks = [take for take in library.of("walk") if duration_s(take) >= 2.0 and np.ptp(take.pelvis[:, :2], axis=0).max() > 1.5]
+    walks = [
+        take
+        for take in library.of("walk")
+        if duration_s(take) >= 2.0 and np.ptp(take.pelvis[:, :2], axis=0).max() > 1.5
+    ]
     passing: list[Actor] = []
     for shot in shots:
         if not walks or rng.random() > 0.3:
@@ -301,7 +309,10 @@ def _place(
         for f in (0.2, 0.4, 0.6, 0.8)
     ]  # fmt: skip
     paths = np.concatenate([everybody[:, :2], eyes[:, :2], *clear])
-    models = [perform(choose_take(library, kind, rng, shortest_s=2.0), 2.0, 10.0, rng).actor for kind in ("everyday", "dance", "kick")]
+    models = [
+        perform(choose_take(library, kind, rng, shortest_s=2.0), 2.0, 10.0, rng).actor
+        for kind in ("everyday", "dance", "kick")
+    ]
     crowd = [] if rng.random() > CROWDED else [
         figures.cut_out(one, frame, rng) for one in models for frame in (3, 14)
     ]  # fmt: skip
@@ -359,6 +370,4 @@ def _describe(clips: Sequence[Clip], cuts: Sequence[Cut], fps: float) -> list[di
 
 
 def _height(one: Performance) -> float:
-    from humanmm.models.body.body24 import load_body
-
     return round(float(np.ptp(load_body().rest_vertices(one.actor.betas)[:, 1])), 2)

@@ -64,7 +64,9 @@ class _Hall:
     light: Light
 
     @classmethod
-    def about(cls, ground: Ground, light: Light, *, margin: float, lowest_m: float, rng: np.random.Generator) -> "_Hall":
+    def about(
+        cls, ground: Ground, light: Light, *, margin: float, lowest_m: float, rng: np.random.Generator
+    ) -> "_Hall":
         yaw = rng.uniform(0, 2 * np.pi)
         low, high = box_about(ground.keep_in, yaw, margin=margin)
         return cls(low, high, yaw, max(lowest_m, float(ground.keep_in[:, 2].max()) + 0.6), light)
@@ -80,7 +82,11 @@ class _Hall:
     def shell(self, floor: Texture, walls: Sequence[Texture], ceiling: Texture) -> list[Panel]:
         """Floor, ceiling and four walls; the walls repeat if there are fewer than four textures."""
         sides = [self.wall(side, walls[side % len(walls)]) for side in range(4)]
-        return [self.floor(floor), ceiling_panel(self.low, self.high, self.yaw, self.height, ceiling, self.light), *sides]
+        return [
+            self.floor(floor),
+            ceiling_panel(self.low, self.high, self.yaw, self.height, ceiling, self.light),
+            *sides,
+        ]
 
 
 def build_place(kind: str, ground: Ground, rng: np.random.Generator) -> BackgroundScene:
@@ -189,7 +195,9 @@ def _stage(ground: Ground, rng: np.random.Generator) -> BackgroundScene:
 def _classroom(ground: Ground, rng: np.random.Generator) -> BackgroundScene:
     """Rows of the same chair and desk, the same window on two sides, a board with letters."""
     hall = _Hall.about(ground, _indoors(rng), margin=rng.uniform(2.5, 4.0), lowest_m=2.9, rng=rng)
-    shell = hall.shell(_one(rng, surfaces.tiling, surfaces.court, textures.carpet), [textures.plaster(rng)], textures.plaster(rng))
+    shell = hall.shell(
+        _one(rng, surfaces.tiling, surfaces.court, textures.carpet), [textures.plaster(rng)], textures.plaster(rng)
+    )
     pane = surfaces.window(rng)
     for side in (0, 2):
         shell += _row(shell[2 + side], [pane], (1.3, 1.3), 1.9, 0.6)
@@ -272,7 +280,10 @@ def _sky(hall: _Hall, light: Light, sky: Texture) -> list[Panel]:
     stretched = Texture(sky.image, sky.image.shape[0] / SKY_HEIGHT_M)
     sides = [wall_panel(low, high, hall.yaw, side, SKY_HEIGHT_M, stretched, light) for side in range(4)]
     zenith = Texture(np.ascontiguousarray(np.repeat(sky.image[:2], 128, axis=0)), 2.0)
-    return [*(replace(panel, light=1.0) for panel in sides), ceiling_panel(low, high, hall.yaw, SKY_HEIGHT_M, zenith, light)]
+    return [
+        *(replace(panel, light=1.0) for panel in sides),
+        ceiling_panel(low, high, hall.yaw, SKY_HEIGHT_M, zenith, light),
+    ]
 
 
 def _wide_floor(hall: _Hall, texture: Texture) -> Panel:
@@ -387,7 +398,12 @@ def _houses(
         for _ in range(5):
             spot = rotation_2d(hall.yaw) @ rng.uniform(hall.low, hall.high)
             if np.linalg.norm(ground.paths - spot, axis=1).min() > 1.2:
-                for axis in (np.array([1.0, 0, 0]), np.array([-1.0, 0, 0]), np.array([0, 1.0, 0]), np.array([0, -1.0, 0])):
+                for axis in (
+                    np.array([1.0, 0, 0]),
+                    np.array([-1.0, 0, 0]),
+                    np.array([0, 1.0, 0]),
+                    np.array([0, -1.0, 0]),
+                ):
                     corner = np.append(spot, 3.4) - axis * 0.15
                     signs.append(Panel(corner, axis, np.array([0, 0, -1.0]), (0.3, 0.3), lamp, 1.0))
     area = (hall.low, hall.high, hall.yaw)

@@ -135,7 +135,9 @@ def lit_facade(rng: np.random.Generator) -> Texture:
     return Texture(_bytes(image), 40)
 
 
-def _write(image: Array, word: str, box: tuple[int, int, int, int], ink: tuple[int, ...], rng: np.random.Generator) -> None:
+def _write(
+    image: Array, word: str, box: tuple[int, int, int, int], ink: tuple[int, ...], rng: np.random.Generator
+) -> None:
     """A word as large as fits into x, y, width, height."""
     font = int(_FONTS[int(rng.integers(len(_FONTS)))])
     (width, height), _ = cv2.getTextSize(word, font, 1.0, 2)

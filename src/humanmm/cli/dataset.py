@@ -51,7 +51,9 @@ def ms_render(
     if seconds and not 0 < seconds[0] <= seconds[1]:
         raise UsageError(f"--seconds {seconds}: two rising positive numbers are needed")
     packs = tuple(mocap) if mocap else shipped_packs()
-    plan = SetPlan(packs, size, SEED if seed is None else seed, count, seconds=seconds, resolution=resolution, split=split)
+    plan = SetPlan(
+        packs, size, SEED if seed is None else seed, count, seconds=seconds, resolution=resolution, split=split
+    )
     write(build_set(plan, out, threads=threads, force=force))
 
 
