@@ -31,8 +31,8 @@ log = logging.getLogger(__name__)
 SEED = 2025
 Split = Literal["dev", "test", "train"]
 SPLITS: Mapping[str, frozenset[str]] = {
-    "dev": frozenset({"03", "06", "11"}),
-    "test": frozenset({"12", "135"}),
+    "dev": frozenset({"03", "06", "11", *(f"idle-{k:03d}" for k in range(0, 16, 2))}),
+    "test": frozenset({"12", "135", *(f"idle-{k:03d}" for k in range(1, 16, 2))}),
 }
 """Subjects of motion in each split of `places`; nobody in dev or test moved for a shipped network. `train`: all others.
 
@@ -42,6 +42,12 @@ RENDERERS = ("humanmm.models.rendering.rendered_clip", "humanmm.models.rendering
 """Modules that decide what a clip shows."""
 PACKS = ("cmu_test.npz", "cmu_val.npz")
 """Of data/mocap in the repository: motion that no shipped network was trained on."""
+PACKS_OF = {
+    "dev": (*PACKS, "reactidle.npz"),
+    "test": (*PACKS, "reactidle.npz"),
+    "train": ("cmu_train.npz", "cmu_extra.npz"),
+}
+"""What the splits of `places` take their motion from."""
 
 
 @dataclass(frozen=True)
@@ -113,12 +119,13 @@ class SetPlan:
         }
 
 
-def shipped_packs() -> tuple[Path, ...]:
-    """The packs in data/mocap of the repository that this code was installed from."""
+def shipped_packs(size: str = "standard", split: Split = "dev") -> tuple[Path, ...]:
+    """The packs of a set, in data/mocap of the repository that this code was installed from."""
     folder = Path(package_file).resolve().parents[2] / "data" / "mocap"
-    packs = tuple(folder / name for name in PACKS)
+    names = PACKS_OF[split] if size == "places" else PACKS
+    packs = tuple(folder / name for name in names)
     if not all(pack.is_file() for pack in packs):
-        raise InputError(f"{folder} holds no {' and '.join(PACKS)}; name packs of motion capture with --mocap FILE")
+        raise InputError(f"{folder} holds no {' and '.join(names)}; name packs of motion capture with --mocap FILE")
     return packs
 
 
@@ -154,7 +161,7 @@ def _features(truth: Path) -> Any:
 
 def own_set(size: str, *, threads: int = 2) -> Path:
     """The set of `bench ms-render` without --data: found in the cache, or built there."""
-    plan = SetPlan(shipped_packs(), size)
+    plan = SetPlan(shipped_packs(size), size)
     key = hashlib.sha256(json.dumps(plan.identity(), sort_keys=True).encode()).hexdigest()
     return build_set(plan, cache_folder() / "ms-render" / f"{size}-{key[:16]}", threads=threads)
 
@@ -207,7 +214,13 @@ fraction of joints in the picture that neither another person nor a block hides;
 visible silhouette, zero where there is none. `contacts` are 1 where a foot joint is slower than 0.25 m/s and its
 sole less than 5 cm above the floor.
 
-Motion: CMU Graphics Lab Motion Capture Database, free for all uses. The data used in this project was obtained from
+Sets of the size `places` have more in each truth: `features` (json, also in set.json: place, people, motions, cameras,
+and of every cut its kind, angle and lost time), `lost_s` (T,) seconds of the motion that a cut leaves out, `linked` (T,):
+false where other people are shown in another place, whose world has nothing to do with the one before, and
+`passers_by/<nn>`: `frame`, `joints`, `bbox`, `visibility` of people who only walk through. Their mask holds the frames of
+the person's part.
+
+Motion: ReActIdle (MIT, (c) 2025 RSAIT; changed: put on body24's joints) and CMU Graphics Lab Motion Capture Database, free for all uses. The data used in this project was obtained from
 mocap.cs.cmu.edu. The database was created with funding from NSF EIA-0196217. Bodies: body24, derived from Anny
 (Apache-2.0, CC0). Everything else is procedural.
 """

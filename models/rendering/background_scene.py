@@ -5,6 +5,7 @@ that stand on the floor and may hide people. World: z up, metres, floor at z = 0
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -33,6 +34,14 @@ class Panel:
     light: float
     """What the texture's colours are multiplied with."""
     is_floor: bool = False
+
+    def faces(self, eye: Float[Array, "3"]) -> bool:
+        """Whether it is seen from its front."""
+        return bool(self._normal @ (eye - self.corner) < 0)
+
+    @cached_property
+    def _normal(self) -> Float[Array, "3"]:
+        return np.cross(self.along, self.across)
 
     @property
     def corners(self) -> Float[Array, "4 3"]:
@@ -162,6 +171,7 @@ def build_outdoors(
 def random_lamp(
     rng: np.random.Generator, *, ambient: tuple[float, float], lamp: tuple[float, float], elevation: tuple[float, float]
 ) -> Light:
+    """A lamp or the sun somewhere at these elevations, degrees, with strengths in these ranges."""
     up, azimuth = np.deg2rad(rng.uniform(*elevation)), rng.uniform(0, 2 * np.pi)
     direction = np.array([np.cos(up) * np.cos(azimuth), np.cos(up) * np.sin(azimuth), np.sin(up)])
     strength = rng.uniform(*lamp)
@@ -169,11 +179,13 @@ def random_lamp(
 
 
 def pick(kinds: tuple, rng: np.random.Generator) -> Texture:  # type: ignore[type-arg]
+    """A texture of one of these kinds."""
     texture: Texture = kinds[int(rng.integers(len(kinds)))](rng)
     return texture
 
 
 def rotation_2d(yaw: float) -> Float[Array, "2 2"]:
+    """Counter-clockwise seen from above."""
     c, s = np.cos(yaw), np.sin(yaw)
     return np.array([[c, -s], [s, c]])
 
@@ -189,6 +201,7 @@ def _world(yaw: float, x: float, y: float, z: float) -> Float[Array, "3"]:
 
 
 def floor_panel(low: Array, high: Array, yaw: float, texture: Texture, light: Light) -> Panel:
+    """A rectangle on the floor, in axes rotated by `yaw`."""
     size = (float(high[0] - low[0]), float(high[1] - low[1]))
     up = np.array([0.0, 0.0, 1.0])
     along, across = _world(yaw, 1, 0, 0), _world(yaw, 0, 1, 0)
@@ -196,6 +209,7 @@ def floor_panel(low: Array, high: Array, yaw: float, texture: Texture, light: Li
 
 
 def ceiling_panel(low: Array, high: Array, yaw: float, height: float, texture: Texture, light: Light) -> Panel:
+    """The rectangle above the floor."""
     floor = floor_panel(low, high, yaw, texture, light)
     return Panel(floor.corner + np.array([0, 0, height]), floor.along, floor.across, floor.size, texture, 1.0)
 

@@ -31,10 +31,10 @@ def draw_background(view: View, scene: BackgroundScene) -> Sample:
     eye = view.t_world_cam
     for block in sorted(scene.blocks, key=lambda b: -float(np.linalg.norm(b.centre - eye[:2]))):
         for panel in block.panels:
-            if np.cross(panel.along, panel.across) @ (eye - panel.corner) < 0:  # the panel faces the camera
+            if panel.faces(eye):
                 _draw_panel(sample, view, panel, solid=True)
     for panel in scene.cutouts:
-        if np.cross(panel.along, panel.across) @ (eye - panel.corner) < 0:
+        if panel.faces(eye):
             _draw_panel(sample, view, panel, solid=True)
     return sample
 

@@ -29,10 +29,10 @@ _SMOOTH_S = 0.03
 _TREMOR_DEG = 1.5
 _CONTACT_M = 0.02
 """Parts so far above the lowest one carry the body too (1/e)."""
-_RADIUS_M = np.array(
-    [0.12, 0.10, 0.10, 0.11, 0.06, 0.06, 0.11, 0.08, 0.08, 0.12, 0.025, 0.025, 0.06, 0.07, 0.07, 0.13, 0.07, 0.07]
-    + [0.05, 0.05, 0.03, 0.03, 0.025, 0.025]
-)
+_RADIUS_M = np.array([
+    0.12, 0.10, 0.10, 0.11, 0.06, 0.06, 0.11, 0.08, 0.08, 0.12, 0.025, 0.025, 0.06, 0.07, 0.07, 0.13, 0.07, 0.07,
+    0.05, 0.05, 0.03, 0.03, 0.025, 0.025,
+])  # fmt: skip
 """From each joint to the skin below it."""
 
 Side = tuple[float, float, float]

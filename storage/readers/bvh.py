@@ -1,7 +1,7 @@
 """Reads motion capture in Biovision's BVH with the joints of ReActIdle, and turns it into a pack.
 
 Rest poses of both skeletons are T-poses that face +z with y up, so every joint of body24 takes the world rotation of
-the joint that it corresponds to. Bones that change their length (ReActIdle's have positions in every frame) are ignored.
+the joint that it corresponds to. Bones that change their length (ReActIdle's have positions in every frame) do not.
 """
 
 import re

@@ -6,14 +6,14 @@ Places, motions and angles of cuts are not drawn at random: the clips of a set g
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
-from humanmm.models.body.body24 import load_body
-from humanmm.models.geometry.rotations import rotation_angle
 from humanmm.models.rendering.background_scene import BackgroundScene, Block, faces_of_block
 from humanmm.models.rendering.places import figures, surfaces
+from humanmm.models.rendering.places.features import CutKind, cuts_of, person_of, shot_of
 from humanmm.models.rendering.places.filming import (
     FILMINGS,
     PROBABILITIES,
@@ -24,7 +24,8 @@ from humanmm.models.rendering.places.filming import (
     holds,
     share_in_view,
 )
-from humanmm.models.rendering.places.sites import HIGH, PLACES, Ground, build_place
+from humanmm.models.rendering.places.furnishing import Ground
+from humanmm.models.rendering.places.sites import HIGH, PLACES, build_place
 from humanmm.models.rendering.places.takes import (
     AWAY_M,
     MOTIONS,
@@ -52,8 +53,9 @@ CROWDED = 0.6
 """How often a place that may have a crowd has one."""
 LOST_S = (0.04, 0.3)
 JUMP_LOST_S = (0.15, 0.9)
-
-CutKind = Literal["angle", "jump", "return", "match"]
+LEAST_LOST = 3
+"""Frames without which nobody sees a cut of a camera that stays."""
+ANOTHER_CAMERA_M = 0.8
 
 
 @dataclass(frozen=True)
@@ -103,10 +105,11 @@ def plan_edit(library: Library, plan: ClipPlan, *, split: str = "") -> Edit:
     rate = int(rng.integers(31, 38)) if rng.random() < 0.35 else int(rng.integers(20, 29))
     shutter, noise = rng.uniform(0.15, 0.9), rng.uniform(0.5, 3.5)
     clips = tuple(replace(clip, crf=rate, shutter=shutter, noise=noise) for clip in clips)
+    kinds = [kind for number, part in enumerate(parts) for kind in ["match"] * (number > 0) + part[1].pop("kinds")]
     features = {
         "split": split,
         "parts": [part[1] for part in parts],
-        "cuts": _describe(clips, cuts, fps),
+        "cuts": cuts_of(clips, kinds, [cut.lost_frames / fps for cut in cuts]),
         "crf": rate,
         "shutter": round(shutter, 2),
         "noise": round(noise, 1),
@@ -162,7 +165,7 @@ def _part(
     origin = cast[0].actor.joints[0, 0, :2]
     cast = [_shifted(one, -origin) for one in cast]
     actors = [chosen_frames(one.actor, rows) for one in cast]
-    shots = _film_all(actors, lengths, cuts, place, lens, number, rng)
+    shots, kinds = _film_all(actors, lengths, cuts, place, lens, number, rng)
     passing = _passers_by(library, shots, actors, lens, rng)
     scene, near = _place(library, place, actors, passing, shots, lens, rng)
     starts = np.cumsum([0, *lengths])
@@ -172,20 +175,17 @@ def _part(
         shutter=0.5, noise=1.0, crf=23, texture_seed=(*plan.seed, 1, int(rng.integers(1 << 30))),
         subjects=len(actors), mesh="drawn", loose=float(rng.choice([1.0, 1.0, 2.2])),
     )  # fmt: skip
+    figures_about = sum(panel.texture.image.shape[2] == 4 for panel in scene.cutouts)
     features = {
         "place": place,
-        "people": [
-            {"motion": p.motion, "take": p.take, "subject": p.subject, "body": p.body, "height_m": _height(p)} for p in cast
-        ],
+        "people": [person_of(one) for one in cast],
         "passers_by": len(passing),
-        "standing_about": sum(panel.texture.image.shape[2] == 4 for panel in scene.cutouts),
+        "standing_about": figures_about,
         "near_objects": near,
         "loose_clothes": clip.loose > 1.0,
-        "shots": [
-            {"camera": s.kind, "height_m": round(float(s.t_world_cam[:, 2].mean()), 2), "gain": round(float(s.gain.mean()), 2)}
-            for s in shots
-        ],
-    }  # fmt: skip
+        "shots": [shot_of(shot) for shot in shots],
+        "kinds": kinds,
+    }
     return clip, features
 
 
@@ -224,33 +224,50 @@ def _film_all(
     lens: Lens,
     number: int,
     rng: np.random.Generator,
-) -> list[Shot]:
-    """A shot after the other; angles of the cuts of a set spread evenly over 0 to 180 degrees."""
+) -> tuple[list[Shot], list[CutKind]]:
+    """A shot after the other, and what the cuts between them are in the end.
+
+    Angles of the cuts of a set spread evenly over 0 to 180 degrees. A camera that lost the person would not return.
+    """
     starts = np.cumsum([0, *lengths])
     azimuth = rng.uniform(0, 2 * np.pi)
     shots: list[Shot] = []
-    for k, (start, end) in enumerate(zip(starts[:-1], starts[1:], strict=True)):
+    kinds: list[CutKind] = []
+    for k, (start, end) in enumerate(pairwise(starts)):
         span = (int(start), int(end))
-        cut = cuts[k - 1] if k else None
-        if cut is not None and cut.kind in ("jump", "return"):
-            before = shots[-1] if cut.kind == "jump" else shots[-2]
-            slight = 0.0 if cut.kind == "return" or rng.random() < 0.5 else rng.uniform(-6, 6)
-            repeated = again(before, span, rng, turned_deg=slight)
-            if share_in_view(actors[0].joints[slice(*span)], repeated, lens) > 0.7 and holds(
-                [actors[0]], repeated, lens
-            ):
-                shots.append(repeated)
-                continue
         if k:
-            angle = np.pi * ((0.5 + GOLDEN * (4 * number + k)) % 1.0)
-            if cut is not None and cut.kind == "jump":
-                angle = np.deg2rad(rng.uniform(3, 28))
+            repeated = _repeated(shots, cuts[k - 1], span, rng)
+            kept = repeated is not None and share_in_view(actors[0].joints[slice(*span)], repeated, lens) > 0.7
+            if repeated is not None and kept and holds([actors[0]], repeated, lens):
+                shots.append(repeated)
+                kinds.append(cuts[k - 1].kind)
+                continue
+            angle, kind = np.pi * ((0.5 + GOLDEN * (4 * number + k)) % 1.0), cuts[k - 1].kind
+            if kind == "jump":
+                angle = np.deg2rad(rng.uniform(8, 28))
             azimuth += angle * rng.choice([-1, 1])
-        kinds = [kind for kind in FILMINGS if kind != "drone" or place in HIGH]
-        weights = np.array([p for kind, p in zip(FILMINGS, PROBABILITIES, strict=True) if kind in kinds])
-        kind: Filming = kinds[int(rng.choice(len(kinds), p=weights / weights.sum()))]
-        shots.append(film(actors, span, azimuth, kind, lens, rng))
-    return shots
+            kinds.append("jump" if kind == "jump" else "angle")
+        allowed = [one for one in FILMINGS if one != "drone" or place in HIGH]
+        weights = np.array([p for one, p in zip(FILMINGS, PROBABILITIES, strict=True) if one in allowed])
+        filming: Filming = allowed[int(rng.choice(len(allowed), p=weights / weights.sum()))]
+        shots.append(film(actors, span, azimuth, filming, lens, rng))
+    return shots, kinds
+
+
+def _repeated(shots: Sequence[Shot], cut: Cut, span: tuple[int, int], rng: np.random.Generator) -> Shot | None:
+    """The camera of the shot before, with time lost or turned a little, or one that the shot before did not have."""
+    last = shots[-1]
+    if cut.kind == "jump":
+        turned = 0.0 if cut.lost_frames >= LEAST_LOST else rng.uniform(3, 7) * rng.choice([-1, 1])
+        return again(last, span, rng, turned_deg=turned)
+    if cut.kind == "return":
+        others = [
+            shot
+            for shot in shots[:-1]
+            if np.linalg.norm(shot.t_world_cam[-1] - last.t_world_cam[-1]) > ANOTHER_CAMERA_M
+        ]
+        return again(others[-1], span, rng) if others else None
+    return None
 
 
 def _passers_by(
@@ -308,16 +325,16 @@ def _place(
         for shot in shots
         for f in (0.2, 0.4, 0.6, 0.8)
     ]  # fmt: skip
-    paths = np.concatenate([everybody[:, :2], eyes[:, :2], *clear])
+    walked = np.concatenate([everybody[:, :2], eyes[:, :2]])
     models = [
-        perform(choose_take(library, kind, rng, shortest_s=2.0), 2.0, 10.0, rng).actor
+        figures.Model.dressed(perform(choose_take(library, kind, rng, shortest_s=2.0), 2.0, 10.0, rng).actor, rng)
         for kind in ("everyday", "dance", "kick")
     ]
     crowd = [] if rng.random() > CROWDED else [
         figures.cut_out(one, frame, rng) for one in models for frame in (3, 14)
     ]  # fmt: skip
     shown = [figures.picture(one, int(rng.integers(2, 18)), rng) for one in models]
-    ground = Ground(np.concatenate([everybody, eyes]), paths, crowd, shown)
+    ground = Ground(np.concatenate([everybody, eyes]), np.concatenate([walked, *clear]), walked, crowd, shown)
     scene = build_place(place, ground, rng)
     scene, near = _with_near_objects(scene, shots, actors[0], rng)
     kept = [block for block in scene.blocks if hidden_fraction(block, actors[0], shots) < MOST_HIDDEN]
@@ -344,30 +361,3 @@ def _with_near_objects(
                 faces = faces_of_block(spot, half, height, 0.3, texture, scene.light)
                 blocks.append(Block(spot, half, height, 0.3, faces))
     return replace(scene, blocks=(*scene.blocks, *blocks)), len(blocks)
-
-
-def _describe(clips: Sequence[Clip], cuts: Sequence[Cut], fps: float) -> list[dict[str, Any]]:
-    """What every cut is: its frame, kind, true angle between the cameras, and the time that it loses."""
-    described, before, k = [], 0, 0
-    for number, clip in enumerate(clips):
-        for place, shot in enumerate(clip.shots):
-            if number or place:
-                last = clip.shots[place - 1] if place else clips[number - 1].shots[-1]
-                R = last.R_world_cam[-1].T @ shot.R_world_cam[0]
-                linked = place > 0
-                described.append(
-                    {
-                        "frame": before + shot.start,
-                        "kind": cuts[k].kind,
-                        "angle_deg": round(float(np.rad2deg(rotation_angle(R))), 1) if linked else None,
-                        "lost_s": round(cuts[k].lost_frames / fps, 3),
-                        "linked": linked,
-                    }
-                )
-                k += 1
-        before += clip.num_frames
-    return described
-
-
-def _height(one: Performance) -> float:
-    return round(float(np.ptp(load_body().rest_vertices(one.actor.betas)[:, 1])), 2)

@@ -19,8 +19,8 @@ Array = np.ndarray
 MOTIONS = ("kick", "walk", "spin", "floor", "dance", "jump", "everyday", "acrobatics")
 BODIES = ("adult", "tall", "short", "heavy", "child")
 BODY_PROBABILITIES = (0.5, 0.12, 0.12, 0.14, 0.12)
-CAPTURED = 0.55
-"""How often a captured take is used where there is one of the kind."""
+CAPTURED = 0.75
+"""How often a captured take is used where there is one of the kind; else a routine."""
 AWAY_M = 5000.0
 """Who is not in the scene is so far below it."""
 
@@ -30,9 +30,9 @@ _KINDS_OF_TAKES = (
     ("floor", r"crawl|lie|sit|climb|ground"),
     ("kick", r"kick|martial|punch|sword|box(ing)?\b|form|extended|roundhouse|strike"),
     ("dance", r"dance|salsa|charleston|lambada|pirouette|jete"),
-    ("jump", r"jump|hop|leap|skip|bounce|run|basketball"),
+    ("jump", r"jump|hop|leap|skip|bounce"),
     ("spin", r"spin|turnaround|turn around"),
-    ("walk", r"walk|sidestep|advance|retreat"),
+    ("walk", r"walk|run|dribble|sidestep|advance|retreat"),
 )
 """Classes of takes by their name or description; what fits none is `everyday`."""
 

@@ -50,7 +50,7 @@ def ms_render(
         raise UsageError(f"--resolution {resolution}: two even numbers of at least 16 are needed")
     if seconds and not 0 < seconds[0] <= seconds[1]:
         raise UsageError(f"--seconds {seconds}: two rising positive numbers are needed")
-    packs = tuple(mocap) if mocap else shipped_packs()
+    packs = tuple(mocap) if mocap else shipped_packs(size, split)
     plan = SetPlan(
         packs, size, SEED if seed is None else seed, count, seconds=seconds, resolution=resolution, split=split
     )
