@@ -98,7 +98,7 @@ def _figures_table(title: str, columns: Sequence[tuple[str, Sequence[MethodFigur
 
 def _cuts_table(done: Sequence[tuple[ClipLabels, MethodFigures]], splits: Sequence[str]) -> Table:
     """A line a group of cuts: how many, the camera's rotation, the root after the cut, and how many failed."""
-    head = ["cuts"]
+    head = ["group"]
     for split in splits:
         name = f"{split}: " if split else ""
         head += [

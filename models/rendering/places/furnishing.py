@@ -128,7 +128,9 @@ def stands(
     hall: Hall, ground: Ground, boards: Sequence[Texture], rng: np.random.Generator, *, sides: Sequence[int], rows: int
 ) -> tuple[list[Block], list[Panel]]:
     """Steps with seats behind a row of boards, and people on them."""
-    seat, blocks, crowd = surfaces.seats(rng), [], []
+    seat = surfaces.seats(rng)
+    blocks: list[Block] = []
+    crowd: list[Panel] = []
     full = rng.uniform(0.15, 0.5)
     for side in sides:
         line = replace(hall.wall(side, seat), texture=seat)

@@ -57,13 +57,11 @@ def _tiled_hall(ground: Ground, rng: np.random.Generator) -> BackgroundScene:
     hall = Hall.about(ground, _indoors(rng), margin=rng.uniform(1.0, 2.5), lowest_m=3.0, rng=rng)
     pair = [_one(rng, surfaces.bricks, surfaces.wall_panels, surfaces.tiling) for _ in range(2)]
     shell = hall.shell(surfaces.tiling(rng), pair, textures.plaster(rng))
-    for side, seen in enumerate(shell[2:]):
-        if side < 2:
-            hung = [_one(rng, textures.poster, surfaces.window), textures.poster(rng)][: int(rng.integers(1, 3))]
-            wide, pitch, top = rng.uniform(0.7, 1.2), rng.uniform(1.6, 2.8), rng.uniform(0.5, 1.0)
-            twins = [(0, hung, wide, pitch, top)] if side == 0 else [*twins, (1, hung, wide, pitch, top)]
-        _, hung, wide, pitch, top = twins[side % 2]
-        shell += row_along(seen, hung, (wide, wide), pitch, top)
+    for twins in (shell[2:6:2], shell[3:6:2]):
+        hung = [_one(rng, textures.poster, surfaces.window), textures.poster(rng)][: int(rng.integers(1, 3))]
+        wide, pitch, top = rng.uniform(0.7, 1.2), rng.uniform(1.6, 2.8), rng.uniform(0.5, 1.0)
+        for wall in twins:
+            shell += row_along(wall, hung, (wide, wide), pitch, top)
     return BackgroundScene("", tuple(shell), tuple(columns(hall, ground, rng)), hall.light)
 
 
