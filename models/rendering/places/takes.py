@@ -27,7 +27,7 @@ AWAY_M = 5000.0
 _ROUTINE = "routine: "
 _KINDS_OF_TAKES = (
     ("acrobatics", r"cartwheel|handstand"),
-    ("floor", r"crawl|lie|sit|climb|ground"),
+    ("floor", r"crawl|lie\b|lieto|tolie|liedown|liet2|sit|ground"),
     ("kick", r"kick|martial|punch|sword|box(ing)?\b|form|extended|roundhouse|strike"),
     ("dance", r"dance|salsa|charleston|lambada|pirouette|jete"),
     ("jump", r"jump|hop|leap|skip|bounce"),
@@ -35,6 +35,8 @@ _KINDS_OF_TAKES = (
     ("walk", r"walk|run|dribble|sidestep|advance|retreat"),
 )
 """Classes of takes by their name or description; what fits none is `everyday`."""
+_PROPS = "climb|hang|stool|ladder|playground|steps|uneven"
+"""What is done with things that are not drawn."""
 
 
 @dataclass(frozen=True)
@@ -56,8 +58,8 @@ class Library:
     takes: tuple[MocapSequence, ...]
 
     def of(self, motion: str) -> list[MocapSequence]:
-        """The takes that show a class of motion."""
-        return [take for take in self.takes if motion_of(take) == motion]
+        """The takes that show a class of motion on an empty floor."""
+        return [take for take in self.takes if motion_of(take) == motion and not re.search(_PROPS, take.action.lower())]
 
 
 def motion_of(take: MocapSequence) -> str:

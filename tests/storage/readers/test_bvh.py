@@ -10,8 +10,8 @@ from humanmm.storage.readers.bvh import SOURCES, pack_arrays, parse_bvh
 
 SIX = "CHANNELS 6 Xposition Yposition Zposition Xrotation Yrotation Zrotation"
 ORDER = (
-    "pelvis", "spine", "spine.001", "neck", "face", "shoulder.L", "upper_arm.L", "forearm.L", "shoulder.R", "upper_arm.R",
-    "forearm.R", "thigh.L", "shin.L", "foot.L", "thigh.R", "shin.R", "foot.R",
+    "pelvis", "spine", "spine.001", "neck", "face", "shoulder.L", "upper_arm.L", "forearm.L", "shoulder.R",
+    "upper_arm.R", "forearm.R", "thigh.L", "shin.L", "foot.L", "thigh.R", "shin.R", "foot.R",
 )  # fmt: skip
 
 
@@ -34,7 +34,9 @@ def test_rotations_and_the_root_are_those_of_the_world() -> None:
     assert motion.leg_m == pytest.approx(0.66)
     np.testing.assert_allclose(motion.pelvis[0], [0.1, 0.9, 0.0])
     thigh = motion.R_world_joint[0, motion.names.index("thigh.L")]
-    np.testing.assert_allclose(thigh @ [0, 0, 1], [np.cos(np.pi / 6), -0.5, 0], atol=1e-9)  # +z, down by 30°, then to +x
+    np.testing.assert_allclose(
+        thigh @ [0, 0, 1], [np.cos(np.pi / 6), -0.5, 0], atol=1e-9
+    )  # +z, down by 30°, then to +x
 
 
 def test_a_pack_has_every_joint_and_the_rest_pose_is_zero() -> None:

@@ -43,9 +43,9 @@ def test_splits_stand_side_by_side() -> None:
     cuts, whole, motions, *_ = spread_tables([video("a", [(2, 0.1)]), video("b", [(50, 0.1)] * 2)], labels)
     assert len(cuts.head) == 11
     lines = {row[0]: row[1:] for row in cuts.rows}
-    assert lines["kind: jump"] == ("1", "2 / 2 / 2", "0 %", "0.1 / 0.1 / 0.1", "0 %", "2", "50 / 50 / 50", "100 %") + (
-        "0.1 / 0.1 / 0.1", "0 %",
-    )  # fmt: skip
+    dev = ("1", "2 / 2 / 2", "0 %", "0.1 / 0.1 / 0.1", "0 %")
+    test = ("2", "50 / 50 / 50", "100 %", "0.1 / 0.1 / 0.1", "0 %")
+    assert lines["kind: jump"] == (*dev, *test)
     assert {"lost: 0.1-0.35 s", "motion: kick", "place: street", "camera: pan"} <= set(lines)
     assert whole.head == ("median / mean / 90 %", "all, dev, n = 1", "all, test, n = 1")
     assert motions.head == ("median / mean / 90 %", "kick, dev, n = 1", "kick, test, n = 1")
