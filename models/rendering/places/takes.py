@@ -19,8 +19,8 @@ Array = np.ndarray
 MOTIONS = ("kick", "walk", "spin", "floor", "dance", "jump", "everyday", "acrobatics")
 BODIES = ("adult", "tall", "short", "heavy", "child")
 BODY_PROBABILITIES = (0.5, 0.12, 0.12, 0.14, 0.12)
-CAPTURED = 0.75
-"""How often a captured take is used where there is one of the kind; else a routine."""
+ROUTINES = 2
+"""So many takes of a class are shown as often as routines: few takes are not shown again and again."""
 AWAY_M = 5000.0
 """Who is not in the scene is so far below it."""
 
@@ -73,7 +73,7 @@ def motion_of(take: MocapSequence) -> str:
 def choose_take(library: Library, motion: str, rng: np.random.Generator, *, shortest_s: float) -> MocapSequence:
     """A captured take of a class of motion, or a routine where there is none, or by chance."""
     fits = [take for take in library.of(motion) if duration_s(take) >= shortest_s]
-    if fits and (motion not in KINDS or rng.random() < CAPTURED):
+    if fits and (motion not in KINDS or rng.random() < len(fits) / (len(fits) + ROUTINES)):
         return fits[int(rng.integers(len(fits)))]
     kind = motion if motion in KINDS else KINDS[int(rng.integers(len(KINDS)))]
     return choreography(kind, f"{_ROUTINE}{kind}", 12.0, rng)

@@ -26,7 +26,7 @@ app.add_typer(dataset, name="dataset", rich_help_panel=BENCHMARK)
 dataset.add_typer(build, name="build")
 
 
-_SIZES = "one clip of 2 s, 60 clips of 7 to 12 s, or 80 short clips of all that makes shots hard to join"
+_SIZES = "one clip of 2 s, 60 clips of 7 to 12 s, or 96 short clips of all that makes shots hard to join"
 
 
 @verb(build, "ms-render")
