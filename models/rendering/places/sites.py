@@ -228,7 +228,9 @@ def _houses(
     shell = [*sky_panels(hall, light, sky), wide_floor(hall, floor)]
     if glow > 1.0:
         shell = [replace(panel, light=min(panel.light, 1.0)) for panel in shell]
-    letters, blocks, signs = surfaces.sign(rng), [], []
+    letters = surfaces.sign(rng)
+    blocks: list[Block] = []
+    lamps: list[Panel] = []
     for side in range(4):
         line = hall.wall(side, facade)
         inside = inwards(line.along)
@@ -240,13 +242,12 @@ def _houses(
                 start = foot + line.along * at
                 house = box_along(start, line.along, -6.0, (wide, 6.0), storey * storeys, hall, facade)
                 lit = tuple(replace(panel, light=min(1.1, panel.light * glow)) for panel in house.panels)
-                blocks.append(replace(house, panels=lit))
                 if rng.random() < 0.6:
-                    corner = start + line.along * 0.5 + inside * 0.12 + np.array([0, 0, 3.1])
+                    corner = start + line.along * 0.5 + inwards(line.along) * 0.12 + np.array([0, 0, 3.1])
                     fitted = Texture(letters.image, letters.image.shape[1] / 3.2)
-                    signs.append(
-                        Panel(corner, line.along, line.across, (3.2, 0.8), fitted, min(1.1, line.light * glow * 1.5))
-                    )
+                    shine = min(1.1, line.light * glow * 1.5)
+                    lit = (*lit, Panel(corner, line.along, line.across, (3.2, 0.8), fitted, shine))
+                blocks.append(replace(house, panels=lit))
             at += wide + float(rng.choice([0.0, 0.0, 2.5]))
     if glow > 1.0:
         lamp = Texture(np.full((16, 16, 3), (255, 240, 200), np.uint8), 64)
@@ -260,10 +261,10 @@ def _houses(
                     np.array([0, -1.0, 0]),
                 ):
                     corner = np.append(spot, 3.4) - axis * 0.15
-                    signs.append(Panel(corner, axis, np.array([0, 0, -1.0]), (0.3, 0.3), lamp, 1.0))
+                    lamps.append(Panel(corner, axis, np.array([0, 0, -1.0]), (0.3, 0.3), lamp, 1.0))
     area = (hall.low, hall.high, hall.yaw)
     crate = textures.foliage(rng) if rng.random() < 0.5 else surfaces.bricks(rng)
     for _ in range(int(rng.integers(2, 7))):
         half = rng.uniform([0.3, 0.2], [1.5, 0.4])
         add_block(blocks, half, rng.uniform(0.4, 1.2), area, ground.paths, 0.9, crate, light, rng)
-    return BackgroundScene("", tuple(shell), tuple(blocks), light, tuple(signs))
+    return BackgroundScene("", tuple(shell), tuple(blocks), light, tuple(lamps))
