@@ -243,7 +243,7 @@ def _houses(
                 house = box_along(start, line.along, -6.0, (wide, 6.0), storey * storeys, hall, facade)
                 lit = tuple(replace(panel, light=min(1.1, panel.light * glow)) for panel in house.panels)
                 if rng.random() < 0.6:
-                    corner = start + line.along * 0.5 + inwards(line.along) * 0.12 + np.array([0, 0, 3.1])
+                    corner = start + line.along * 0.5 + inside * 0.12 + np.array([0, 0, 3.1])
                     fitted = Texture(letters.image, letters.image.shape[1] / 3.2)
                     shine = min(1.1, line.light * glow * 1.5)
                     lit = (*lit, Panel(corner, line.along, line.across, (3.2, 0.8), fitted, shine))
