@@ -31,6 +31,7 @@ TOWER = (
     "drawing",
     "synthetic",
     "rendering",
+    "rendering.places",
     "benchmark",
     "benchmark.tables",
 )

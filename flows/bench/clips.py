@@ -6,6 +6,7 @@ What the stage `people` finds in the clips, beside their truths: see scripts/mea
 
 import functools
 import hashlib
+import json
 import logging
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -17,6 +18,7 @@ from humanmm.flows.bench.motion import SETTINGS, Job
 from humanmm.models.benchmark.golden import SeenClip
 from humanmm.models.benchmark.methods import run_methods
 from humanmm.models.benchmark.scores import score
+from humanmm.models.benchmark.tables.groups import ClipLabels, labels_of
 from humanmm.models.benchmark.tables.statistics import SetStatistics, statistics_of
 from humanmm.models.camera.background.keyframes import KeyFrameFeatures
 from humanmm.models.motion.assemble import record_motion
@@ -31,7 +33,7 @@ from humanmm.models.synthetic.detector_noise import fitted_noise
 from humanmm.models.synthetic.multishot import BenchVideo, split_name
 from humanmm.models.synthetic.resimulated import resimulated
 from humanmm.models.video.reading import read_facts
-from humanmm.storage.readers.truth import read_sequence
+from humanmm.storage.readers.truth import NpzArrays, read_sequence
 from humanmm.storage.store.identity import identify
 from humanmm.storage.store.store import Store
 from humanmm.tasks.engine.run import VideoRun
@@ -90,11 +92,14 @@ def recovered(video: Path, config: Config, store: Store) -> SeenClip:
 
 
 def clip_set(folder: Path, store: Store) -> tuple[list[Job], SetStatistics]:
-    """All pairs <name>.mp4 and <name>_gt.npz of a folder, by name, and the set in numbers."""
+    """All pairs <name>.mp4 and <name>_gt.npz of a folder, by name, and the set in numbers.
+
+    A folder without any holds sets in its subfolders: `dev` beside `test`.
+    """
     if not folder.is_dir():
         raise InputError(f"{folder} is not a folder; give one that holds <name>.mp4 beside <name>_gt.npz")
     truths: dict[Path, MotionSequence] = {}
-    for path in sorted(folder.glob("*_gt.npz")):
+    for path in sorted(folder.glob("*_gt.npz")) or sorted(folder.glob("*/*_gt.npz")):
         video = _video_of(path)
         if not video.is_file():
             log.warning("%s has no video %s beside it and is left out", path.name, video.name)
@@ -107,6 +112,16 @@ def clip_set(folder: Path, store: Store) -> tuple[list[Job], SetStatistics]:
     )
     ordered = sorted(truths, key=lambda path: (len(truths[path].transitions), path.name))
     return [_job(path, truths[path], store) for path in ordered], statistics_of(lengths, rates, transitions)
+
+
+def labels_of_jobs(jobs: Sequence[Job]) -> dict[str, ClipLabels]:
+    """What the clips show whose truth says so, by name."""
+    found = {}
+    for job in jobs:
+        arrays = NpzArrays(job.truth) if job.truth is not None and job.truth.suffix == ".npz" else {}
+        if "features" in arrays:
+            found[job.name] = labels_of(json.loads(str(arrays["features"])))
+    return found
 
 
 def _job(path: Path, truth: MotionSequence, store: Store) -> Job:

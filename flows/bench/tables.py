@@ -6,7 +6,7 @@ from pathlib import Path
 
 from humanmm.config import Config
 from humanmm.errors import InputError, UsageError
-from humanmm.flows.bench.clips import clip_set
+from humanmm.flows.bench.clips import clip_set, labels_of_jobs
 from humanmm.flows.bench.golden import checked_clips
 from humanmm.flows.bench.imported import parse_system, with_imported
 from humanmm.flows.bench.motion import Job, figures_of
@@ -21,6 +21,7 @@ from humanmm.models.benchmark.scores import VideoFigures
 from humanmm.models.benchmark.tables import shots
 from humanmm.models.benchmark.tables.charts import OF_CUTS, bars_of
 from humanmm.models.benchmark.tables.golden import all_verdicts, golden_tables, rows_of_golden
+from humanmm.models.benchmark.tables.groups import spread_tables
 from humanmm.models.benchmark.tables.layout import MAIN, OF_ABLATION, OF_CAMERAS, plain_table, tables_of
 from humanmm.models.benchmark.tables.overlay import overlay_rows, overlay_tables
 from humanmm.models.benchmark.tables.rows import Row, rows_of, summarise
@@ -105,7 +106,7 @@ def own_data(request: TableRequest, config: Config) -> Path:
     if request.table != "ms-render":
         raise UsageError(f"{request.table} needs --data PATH")
     if request.size == "ms20":
-        raise UsageError("ms-render comes in the sizes tiny and standard")
+        raise UsageError("ms-render comes in the sizes tiny, standard and places")
     return own_set(request.size or "standard", threads=config.run.threads)
 
 
@@ -172,6 +173,8 @@ def _motion(request: TableRequest, data: Path, config: Config, announce: Callabl
         tables = tables_of(rows, paper=request.table, figures=shown, lines="methods")
     else:
         tables = tables_of(rows, paper="ms-Motion (20)" if request.size == "ms20" else "ms-AIST", figures=shown)
+    if request.table in CLIPS:
+        tables += spread_tables(figures_shown, labels_of_jobs(jobs))
     named = [word for system in systems for word in ("--imported", system.name)]
     command = " ".join(["humanmm", "bench", request.table, *size, *named, *request.settings])
 
@@ -190,6 +193,8 @@ def _set(request: TableRequest, data: Path, store: Store) -> tuple[Sequence[Job]
     if request.table in CLIPS or (request.table in MODULES and data.is_dir()):
         return *clip_set(data, store), ["--size", request.size] if request.size else []
     size = request.size or "standard"
+    if size == "places":
+        raise UsageError("the size places is for ms-render")
     made = aist_set(data, size) if request.table == "ms-aist" else mocap_set(data, size)
     return *made, ["--size", size]
 

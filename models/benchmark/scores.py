@@ -7,6 +7,7 @@ import numpy as np
 from humanmm.models.benchmark.methods import MethodMotion, VideoMotions
 from humanmm.models.benchmark.oracles import with_true_cuts
 from humanmm.models.body.body24 import JOINT_NAMES, load_body
+from humanmm.models.evaluation.after_cuts import root_errors_after_cuts_m
 from humanmm.models.evaluation.cameras import errors_inside_shots_m, known
 from humanmm.models.evaluation.evaluate import evaluate
 from humanmm.models.evaluation.report import Report
@@ -36,11 +37,15 @@ class Figure:
 
 @dataclass(frozen=True)
 class CutError:
-    """Error of a camera's rotation at a true cut."""
+    """What is wrong at a true cut between shots of one place."""
 
     angle_deg: float
     """True angle between the two cameras."""
-    error_deg: float
+    error_deg: float | None
+    """Of the camera's rotation; None where no camera was found."""
+    root_m: float | None = None
+    """Of the root after the cut, aligned before it; None where nobody was found on both sides."""
+    frame: int = 0
 
 
 @dataclass(frozen=True)
@@ -91,8 +96,13 @@ def score_sequence(method: str, predicted: MotionSequence, truth: MotionSequence
     if found:
         figures.append(Figure("cam_cut_rot_deg", float(np.mean(found))))
     figures += _inside_shots(predicted, truth)
-    angles = cut_angles_deg(truth)
-    cuts = [CutError(a, e) for a, e in zip(angles, errors, strict=False) if e is not None]
+    cuts = [
+        CutError(angle, error, root, cut)
+        for angle, error, root, cut in zip(
+            cut_angles_deg(truth), errors, root_errors_after_cuts_m(predicted, truth), truth.cut_frames, strict=False
+        )
+        if cut not in truth.unlinked_cuts
+    ]
     return MethodFigures(method, tuple(figures), tuple(cuts))
 
 

@@ -33,8 +33,8 @@ def fill_polygons(
 ) -> UInt8[np.ndarray, "height width"]:
     """`value` inside convex polygons, 0 elsewhere."""
     mask = np.zeros((height, width), np.uint8)
-    for polygon in polygons:
-        cv2.fillConvexPoly(mask, _fixed_point(polygon), value, cv2.LINE_8, _SHIFT)
+    for fixed in _fixed_point(polygons) if isinstance(polygons, np.ndarray) else map(_fixed_point, polygons):
+        cv2.fillConvexPoly(mask, fixed, value, cv2.LINE_8, _SHIFT)
     return mask
 
 

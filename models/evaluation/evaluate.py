@@ -268,10 +268,19 @@ def _cameras(prediction: MotionSequence, truth: MotionSequence, problems: Proble
         lambda: cameras.relative_pose_errors(predicted, true, shots=shots, usable=usable),
     )
     at_cuts = cameras.cut_rotation_errors_deg(predicted, true, cut_frames=truth.cut_frames, usable=usable)
-    if None in at_cuts:
+    if truth.unlinked_cuts:
+        problems.note(
+            "The shots lie in worlds that nothing joins: cam_ate_m is missing, cam_cut_rot_deg null between them."
+        )
+        at_cuts = [
+            None if cut in truth.unlinked_cuts else error for cut, error in zip(truth.cut_frames, at_cuts, strict=True)
+        ]
+    elif None in at_cuts:
         problems.note("cam_cut_rot_deg: the camera is not known on both sides of every cut; those are null.")
     return CameraFigures(
-        cam_ate_m=problems.figure(
+        cam_ate_m=None
+        if truth.unlinked_cuts
+        else problems.figure(
             "cam_ate_m",
             lambda: cameras.absolute_trajectory_error_m(predicted.t_world_cam[usable], true.t_world_cam[usable]),
         ),

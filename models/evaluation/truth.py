@@ -68,7 +68,11 @@ def contract_sequence(arrays: Arrays, *, transitions: tuple[tuple[int, int], ...
         _contract_person(arrays, number, num_frames=num_frames, joint_names=joint_names, model=model, cameras=cameras)
         for number in _people(arrays)
     )
-    return MotionSequence(num_frames, fps or 1.0, joint_names, people, spans, cameras)
+    linked = np.ones(len(cut_frames), bool)
+    if "linked" in arrays:
+        linked = whole_numbers({"linked": arrays["linked"].astype(np.int64)}, "linked", (len(cut_frames),)).astype(bool)
+    unlinked = tuple(cut for cut, joined in zip(cut_frames, linked, strict=True) if not joined)
+    return MotionSequence(num_frames, fps or 1.0, joint_names, people, spans, cameras, unlinked_cuts=unlinked)
 
 
 def _cut_frames(arrays: Arrays, num_frames: int) -> tuple[int, ...]:

@@ -65,6 +65,8 @@ class MotionSequence:
     cameras: CameraSequence | None = None
     notes: tuple[str, ...] = ()
     """Sentences about what was left out on reading."""
+    unlinked_cuts: tuple[int, ...] = ()
+    """First frames of shots that show other people in another place: nothing joins them to the shot before."""
 
     @property
     def cut_frames(self) -> tuple[int, ...]:

@@ -30,7 +30,7 @@ def resample(sequence: MocapSequence, start_s: float, num_frames: int, fps: floa
     root = Slerp(np.arange(sequence.num_frames), Rotation.from_matrix(sequence.R_world_root))(at).as_matrix()
     pelvis = (1 - fraction) * sequence.pelvis[before] + fraction * sequence.pelvis[before + 1]
     contacts = sequence.contacts[np.rint(at).astype(int)]
-    return MocapSequence(sequence.name, fps, root, pose, pelvis, contacts, sequence.leg_m)
+    return replace(sequence, fps=fps, R_world_root=root, body_pose=pose, pelvis=pelvis, contacts=contacts)
 
 
 def _slerp(vectors: Float[Array, "N 3"], at: Float[Array, " n"]) -> Float[Array, "n 3"]:

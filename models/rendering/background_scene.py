@@ -5,6 +5,7 @@ that stand on the floor and may hide people. World: z up, metres, floor at z = 0
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -34,6 +35,14 @@ class Panel:
     """What the texture's colours are multiplied with."""
     is_floor: bool = False
 
+    def faces(self, eye: Float[Array, "3"]) -> bool:
+        """Whether it is seen from its front."""
+        return bool(self._normal @ (eye - self.corner) < 0)
+
+    @cached_property
+    def _normal(self) -> Float[Array, "3"]:
+        return np.cross(self.along, self.across)
+
     @property
     def corners(self) -> Float[Array, "4 3"]:
         a, b = self.along * self.size[0], self.across * self.size[1]
@@ -57,7 +66,7 @@ class Block:
     def hides(self, eye: Float[Array, "n 3"], target: Float[Array, "n 3"]) -> Bool[Array, " n"]:
         """Whether the block stands between each eye and its target (slabs: Kay and Kajiya 1986)."""
         R = np.eye(3)
-        R[:2, :2] = _rotation(self.yaw)
+        R[:2, :2] = rotation_2d(self.yaw)
         middle = np.append(self.centre, self.height / 2)
         start, end = (eye - middle) @ R, (target - middle) @ R
         ray = np.where(np.abs(end - start) < 1e-9, 1e-9, end - start)
@@ -68,7 +77,7 @@ class Block:
 
     @property
     def top_corners(self) -> Float[Array, "4 3"]:
-        R = _rotation(self.yaw)
+        R = rotation_2d(self.yaw)
         ground = self.centre + np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * self.half @ R.T
         return np.concatenate([ground, np.full((4, 1), self.height)], axis=1)
 
@@ -101,25 +110,30 @@ class BackgroundScene:
     shell: tuple[Panel, ...]
     blocks: tuple[Block, ...]
     light: Light
+    cutouts: tuple[Panel, ...] = ()
+    """Upright panels that may hide people but cast no shadow: figures of a crowd, signs."""
 
 
 def build_room(keep_in: Float[Array, "n 3"], paths: Float[Array, "m 2"], rng: np.random.Generator) -> BackgroundScene:
     """A furnished room that holds the points `keep_in`; nothing stands on the `paths` of people and cameras."""
-    yaw, light = rng.uniform(0, 2 * np.pi), _lamp(rng, ambient=(0.55, 0.75), lamp=(0.25, 0.5), elevation=(58, 80))
-    low, high = _box_about(keep_in, yaw, margin=rng.uniform(0.8, 2.0))
+    yaw, light = rng.uniform(0, 2 * np.pi), random_lamp(rng, ambient=(0.55, 0.75), lamp=(0.25, 0.5), elevation=(58, 80))
+    low, high = box_about(keep_in, yaw, margin=rng.uniform(0.8, 2.0))
     height = max(2.7, float(keep_in[:, 2].max()) + 0.5)
-    wall, floor = _pick(textures.WALLS, rng), _pick(textures.FLOORS, rng)
-    shell = [_floor(low, high, yaw, floor, light), _ceiling(low, high, yaw, height, textures.plaster(rng), light)]
+    wall, floor = pick(textures.WALLS, rng), pick(textures.FLOORS, rng)
+    shell = [
+        floor_panel(low, high, yaw, floor, light),
+        ceiling_panel(low, high, yaw, height, textures.plaster(rng), light),
+    ]
     for side in range(4):
-        own = wall if rng.random() < 0.7 else _pick(textures.WALLS, rng)
-        panel = _wall(low, high, yaw, side, height, own, light)
+        own = wall if rng.random() < 0.7 else pick(textures.WALLS, rng)
+        panel = wall_panel(low, high, yaw, side, height, own, light)
         shell.append(panel)
         shell += _hangings(panel, rng)
     blocks: list[Block] = []
     for _ in range(int(rng.integers(5, 11))):
         half = rng.uniform([0.2, 0.15], [0.9, 0.4])
-        _add_block(
-            blocks, half, rng.uniform(0.4, 2.0), (low, high, yaw), paths, 0.7, _pick(textures.SURFACES, rng), light, rng
+        add_block(
+            blocks, half, rng.uniform(0.4, 2.0), (low, high, yaw), paths, 0.7, pick(textures.SURFACES, rng), light, rng
         )
     return BackgroundScene("room", tuple(shell), tuple(blocks), light)
 
@@ -128,74 +142,79 @@ def build_outdoors(
     keep_in: Float[Array, "n 3"], paths: Float[Array, "m 2"], rng: np.random.Generator
 ) -> BackgroundScene:
     """A square or a meadow between houses and hedges under the sky."""
-    yaw, light = rng.uniform(0, 2 * np.pi), _lamp(rng, ambient=(0.5, 0.65), lamp=(0.45, 0.65), elevation=(38, 68))
-    low, high = _box_about(keep_in, yaw, margin=0.0)
+    yaw, light = rng.uniform(0, 2 * np.pi), random_lamp(rng, ambient=(0.5, 0.65), lamp=(0.45, 0.65), elevation=(38, 68))
+    low, high = box_about(keep_in, yaw, margin=0.0)
     middle = (low + high) / 2
     low, high = middle - SKY_M / 2, middle + SKY_M / 2
-    near_low, near_high = _box_about(keep_in, yaw, margin=12.0)
+    near_low, near_high = box_about(keep_in, yaw, margin=12.0)
     clouds = textures.sky(rng)
     shell = []
     for side in range(4):
-        panel = _wall(low, high, yaw, side, SKY_HEIGHT_M, clouds, light)
+        panel = wall_panel(low, high, yaw, side, SKY_HEIGHT_M, clouds, light)
         stretched = Texture(clouds.image, clouds.image.shape[0] / SKY_HEIGHT_M)
         shell.append(Panel(panel.corner, panel.along, panel.across, panel.size, stretched, 1.0))
     zenith = Texture(np.ascontiguousarray(np.repeat(clouds.image[:2], 128, axis=0)), 2.0)
-    shell.append(_ceiling(low, high, yaw, SKY_HEIGHT_M, zenith, light))
-    shell.append(_floor(low, high, yaw, _pick(textures.GROUNDS, rng), light))
+    shell.append(ceiling_panel(low, high, yaw, SKY_HEIGHT_M, zenith, light))
+    shell.append(floor_panel(low, high, yaw, pick(textures.GROUNDS, rng), light))
     blocks: list[Block] = []
     for _ in range(int(rng.integers(4, 8))):  # houses
         half = rng.uniform([3.0, 2.5], [7.0, 4.0])
         wide = (near_low - 10, near_high + 10, yaw)
-        _add_block(blocks, half, 3.2 * int(rng.integers(2, 6)), wide, paths, 6.0, textures.facade(rng), light, rng)
+        add_block(blocks, half, 3.2 * int(rng.integers(2, 6)), wide, paths, 6.0, textures.facade(rng), light, rng)
     for _ in range(int(rng.integers(4, 10))):  # hedges, walls, crates
         half, height = rng.uniform([0.3, 0.2], [2.0, 0.5]), rng.uniform(0.5, 2.2)
-        texture = textures.foliage(rng) if rng.random() < 0.4 else _pick(textures.SURFACES, rng)
-        _add_block(blocks, half, height, (near_low, near_high, yaw), paths, 1.0, texture, light, rng)
+        texture = textures.foliage(rng) if rng.random() < 0.4 else pick(textures.SURFACES, rng)
+        add_block(blocks, half, height, (near_low, near_high, yaw), paths, 1.0, texture, light, rng)
     return BackgroundScene("outdoors", tuple(shell), tuple(blocks), light)
 
 
-def _lamp(
+def random_lamp(
     rng: np.random.Generator, *, ambient: tuple[float, float], lamp: tuple[float, float], elevation: tuple[float, float]
 ) -> Light:
+    """A lamp or the sun somewhere at these elevations, degrees, with strengths in these ranges."""
     up, azimuth = np.deg2rad(rng.uniform(*elevation)), rng.uniform(0, 2 * np.pi)
     direction = np.array([np.cos(up) * np.cos(azimuth), np.cos(up) * np.sin(azimuth), np.sin(up)])
     strength = rng.uniform(*lamp)
     return Light(direction, strength, rng.uniform(*ambient))
 
 
-def _pick(kinds: tuple, rng: np.random.Generator) -> Texture:  # type: ignore[type-arg]
+def pick(kinds: tuple, rng: np.random.Generator) -> Texture:  # type: ignore[type-arg]
+    """A texture of one of these kinds."""
     texture: Texture = kinds[int(rng.integers(len(kinds)))](rng)
     return texture
 
 
-def _rotation(yaw: float) -> Float[Array, "2 2"]:
+def rotation_2d(yaw: float) -> Float[Array, "2 2"]:
+    """Counter-clockwise seen from above."""
     c, s = np.cos(yaw), np.sin(yaw)
     return np.array([[c, -s], [s, c]])
 
 
-def _box_about(points: Float[Array, "n 3"], yaw: float, *, margin: float) -> tuple[Array, Array]:
+def box_about(points: Float[Array, "n 3"], yaw: float, *, margin: float) -> tuple[Array, Array]:
     """Lowest and highest x, y of the points in axes rotated by `yaw`."""
-    own = points[:, :2] @ _rotation(yaw)
+    own = points[:, :2] @ rotation_2d(yaw)
     return own.min(axis=0) - margin, own.max(axis=0) + margin
 
 
 def _world(yaw: float, x: float, y: float, z: float) -> Float[Array, "3"]:
-    return np.append(_rotation(yaw) @ [x, y], z)
+    return np.append(rotation_2d(yaw) @ [x, y], z)
 
 
-def _floor(low: Array, high: Array, yaw: float, texture: Texture, light: Light) -> Panel:
+def floor_panel(low: Array, high: Array, yaw: float, texture: Texture, light: Light) -> Panel:
+    """A rectangle on the floor, in axes rotated by `yaw`."""
     size = (float(high[0] - low[0]), float(high[1] - low[1]))
     up = np.array([0.0, 0.0, 1.0])
     along, across = _world(yaw, 1, 0, 0), _world(yaw, 0, 1, 0)
     return Panel(_world(yaw, low[0], low[1], 0.0), along, across, size, texture, float(light.on(up)), is_floor=True)
 
 
-def _ceiling(low: Array, high: Array, yaw: float, height: float, texture: Texture, light: Light) -> Panel:
-    floor = _floor(low, high, yaw, texture, light)
+def ceiling_panel(low: Array, high: Array, yaw: float, height: float, texture: Texture, light: Light) -> Panel:
+    """The rectangle above the floor."""
+    floor = floor_panel(low, high, yaw, texture, light)
     return Panel(floor.corner + np.array([0, 0, height]), floor.along, floor.across, floor.size, texture, 1.0)
 
 
-def _wall(low: Array, high: Array, yaw: float, side: int, height: float, texture: Texture, light: Light) -> Panel:
+def wall_panel(low: Array, high: Array, yaw: float, side: int, height: float, texture: Texture, light: Light) -> Panel:
     """Wall number `side` of the box, seen from inside; the texture's top is the wall's."""
     corners = [(low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1])]
     first, second = corners[side], corners[(side + 1) % 4]
@@ -222,7 +241,7 @@ def _hangings(wall: Panel, rng: np.random.Generator) -> list[Panel]:
     return hangings
 
 
-def _add_block(
+def add_block(
     blocks: list[Block],
     half: Array,
     height: float,
@@ -237,17 +256,19 @@ def _add_block(
     low, high, yaw_of_area = area
     reach = float(np.hypot(*half))
     for _ in range(30):
-        centre = _rotation(yaw_of_area) @ rng.uniform(low, high)
+        centre = rotation_2d(yaw_of_area) @ rng.uniform(low, high)
         free = np.linalg.norm(paths - centre, axis=1).min() > reach + clear_m
         if free and all(np.linalg.norm(b.centre - centre) > b.reach + reach for b in blocks):
             yaw = yaw_of_area + rng.normal(0, 0.15)
-            blocks.append(Block(centre, half, height, yaw, _faces(centre, half, height, yaw, texture, light)))
+            blocks.append(Block(centre, half, height, yaw, faces_of_block(centre, half, height, yaw, texture, light)))
             return
 
 
-def _faces(centre: Array, half: Array, height: float, yaw: float, texture: Texture, light: Light) -> tuple[Panel, ...]:
+def faces_of_block(
+    centre: Array, half: Array, height: float, yaw: float, texture: Texture, light: Light
+) -> tuple[Panel, ...]:
     """The four sides and the top of a block."""
-    x, y = np.append(_rotation(yaw)[:, 0], 0.0), np.append(_rotation(yaw)[:, 1], 0.0)
+    x, y = np.append(rotation_2d(yaw)[:, 0], 0.0), np.append(rotation_2d(yaw)[:, 1], 0.0)
     down, up = np.array([0.0, 0.0, -1.0]), np.array([0.0, 0.0, 1.0])
     middle = np.append(centre, height)
     faces = []

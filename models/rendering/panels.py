@@ -31,8 +31,11 @@ def draw_background(view: View, scene: BackgroundScene) -> Sample:
     eye = view.t_world_cam
     for block in sorted(scene.blocks, key=lambda b: -float(np.linalg.norm(b.centre - eye[:2]))):
         for panel in block.panels:
-            if np.cross(panel.along, panel.across) @ (eye - panel.corner) < 0:  # the panel faces the camera
+            if panel.faces(eye):
                 _draw_panel(sample, view, panel, solid=True)
+    for panel in scene.cutouts:
+        if panel.faces(eye):
+            _draw_panel(sample, view, panel, solid=True)
     return sample
 
 
@@ -54,10 +57,13 @@ def _draw_panel(sample: Sample, view: View, panel: Panel, *, solid: bool) -> Non
     size = (x1 - x0, y1 - y0)
     lod, inverse_depth = _level_of_detail(view, panel, size, (x0, y0))
     picture = _warp(panel.texture.levels, panel.texture.px_per_m, to_plane, lod, size)
+    where = mask.view(bool)
+    if picture.shape[2] == 4:  # a cut-out
+        where = where & (picture[..., 3] > 127)
+        picture = np.ascontiguousarray(picture[..., :3])
     if panel.light != 1.0:
         picture = cv2.convertScaleAbs(picture, alpha=panel.light)
     part = (slice(y0, y1), slice(x0, x1))
-    where = mask.view(bool)
     if solid:
         full = cv2.resize(inverse_depth, size, interpolation=cv2.INTER_LINEAR)
         where = where & (full > sample.inverse_depth[part])

@@ -6,6 +6,7 @@ Each picture is the mean of samples at several instants while the shutter is ope
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -47,19 +48,31 @@ class Frame:
 class ClothedActor:
     """One actor's clothed mesh over a clip."""
 
-    def __init__(self, actor: Actor, body: Body, rng: np.random.Generator) -> None:
+    def __init__(
+        self,
+        actor: Actor,
+        body: Body,
+        rng: np.random.Generator,
+        *,
+        mesh: Literal["full", "drawn"] = "full",
+        loose: float = 1.0,
+    ) -> None:
         clothing = random_clothing(body, rng)
+        kept, faces = np.arange(len(body.v_template)), body.faces
+        if mesh == "drawn":
+            kept, faces = load_drawn_mesh().vertices, load_drawn_mesh().faces
         rest = body.rest_vertices(actor.betas)
-        self._normals = vertex_normals(body, rest)
-        self._rest = rest + clothing.displacement_m[:, None] * self._normals
-        self._weights = dense_weights(body, np.arange(len(rest)))
+        normals = vertex_normals(body, rest)
+        self._normals = normals[kept]
+        self._rest = (rest + loose * clothing.displacement_m[:, None] * normals)[kept]
+        self._weights = dense_weights(body, kept)
         self._transforms = skinning_transforms(body.rest_joints(actor.betas), actor.joints, actor.R_world_joint)
-        template = body.v_template.astype(np.float64)
-        corners = template[body.faces]
-        atlas_px = atlas_coordinates(template)[body.faces]
+        template = body.v_template.astype(np.float64)[kept]
+        corners = template[faces]
+        atlas_px = atlas_coordinates(template)[faces]
         backward = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2] < 0
         atlas_px[backward, :, 0] += WIDTH
-        self._faces, self._atlas_px, self._atlas = body.faces, atlas_px.astype(np.float32), clothing.atlas
+        self._faces, self._atlas_px, self._atlas = faces, atlas_px.astype(np.float32), clothing.atlas
         self._kept: dict[int, tuple[Array, Array]] = {}
 
     def at(self, frame: float) -> PosedPerson:
@@ -84,7 +97,7 @@ def render_frames(clip: Clip) -> Iterator[Frame]:
     """All frames of a clip, in order."""
     body = load_body()
     actors = [
-        ClothedActor(actor, body, np.random.default_rng((*clip.texture_seed, number)))
+        ClothedActor(actor, body, np.random.default_rng((*clip.texture_seed, number)), mesh=clip.mesh, loose=clip.loose)
         for number, actor in enumerate(clip.actors)
     ]
     rng = np.random.default_rng((*clip.plan.seed, 2))
@@ -143,12 +156,14 @@ def _expose(
     total = np.zeros((clip.height, clip.width, 3), np.float32)
     counts = np.zeros((len(actors), clip.height, clip.width), np.uint8)
     coarse = load_drawn_mesh()
-    shadow_faces = coarse.vertices[coarse.faces]
+    shadow_faces = coarse.faces if clip.mesh == "drawn" else coarse.vertices[coarse.faces]
     seen = np.zeros((len(actors), 24), bool)
     for number in range(len(SAMPLES)):
         view = background.view(frame, number)
         sample = background.sample(frame, number)
-        people = [actor.at(frame + SAMPLES[number][0] * clip.shutter) for actor in actors]
+        shot = background.shot  # a motion goes on over a cut, but its blur does not
+        instant = float(np.clip(frame + SAMPLES[number][0] * clip.shutter, shot.start, shot.end - 1))
+        people = [actor.at(instant) for actor in actors]
         for person in people:
             draw_person_shadow(sample, view, person.vertices, shadow_faces, clip.scene)
         for index, person in enumerate(people):

@@ -96,6 +96,12 @@ class Clip:
     crf: int
     """x264's constant rate factor."""
     texture_seed: tuple[int, ...]
+    subjects: int | None = None
+    """How many of the actors, the first ones, the clip is about; the others pass by. None: all."""
+    mesh: Literal["full", "drawn"] = "full"
+    """Which triangles of a body are drawn: all 27,420, or the 2,000 of overlays."""
+    loose: float = 1.0
+    """How many times farther than usual clothes are from the skin."""
 
     @property
     def num_frames(self) -> int:
@@ -244,11 +250,11 @@ def _build_scene(actors: Sequence[Actor], shots: Sequence[Shot], rng: np.random.
     clear = [] if rng.random() < 0.33 else lines
     paths = [bodies[:, :2], eyes[:, :2], *clear]
     scene = build(np.concatenate([bodies, eyes]), np.concatenate(paths), rng)
-    kept = [block for block in scene.blocks if _hidden_fraction(block, actors[0], shots) < MOST_HIDDEN]
+    kept = [block for block in scene.blocks if hidden_fraction(block, actors[0], shots) < MOST_HIDDEN]
     return replace(scene, blocks=tuple(kept))
 
 
-def _hidden_fraction(block: Block, actor: Actor, shots: Sequence[Shot]) -> float:
+def hidden_fraction(block: Block, actor: Actor, shots: Sequence[Shot]) -> float:
     """Fraction of frames with a hidden chest, in the shot where the block hides it longest."""
     fractions = [block.hides(shot.t_world_cam, actor.joints[shot.start : shot.end, CHEST]).mean() for shot in shots]
     return float(max(fractions))

@@ -21,7 +21,8 @@ MOST_LEVELS = 8
 class Texture:
     """A picture that covers `image.shape / px_per_m` metres and repeats."""
 
-    image: UInt8[Array, "h w 3"]
+    image: UInt8[Array, "h w c"]
+    """RGB; a fourth channel above 127 says where there is anything."""
     px_per_m: float
 
     @cached_property

@@ -1,5 +1,9 @@
 """The exact truth of a rendered clip, as arrays with motion.zarr's names."""
 
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any
+
 import numpy as np
 from jaxtyping import Bool, Float
 
@@ -24,7 +28,7 @@ def truth_arrays(
     clip: Clip, joint_seen: Bool[Array, "F people 24"], boxes: Float[Array, "people F 4"]
 ) -> dict[str, Array]:
     """The arrays by name. The world's origin lies under the first pelvis of person 00; pixel centres are at .5."""
-    order = person_order(boxes)
+    order = person_order(boxes[: clip.subjects])
     origin = clip.actors[order[0]].joints[0, 0] * [1, 1, 0]
     shot_index = clip.shot_index()
     shots = [clip.shots[k] for k in shot_index]
@@ -68,4 +72,52 @@ def truth_arrays(
             "confidence": visibility.astype(np.float32),
         }
         arrays |= {f"people/{rank:02d}/{name}": value for name, value in values.items()}
+    for rank, person in enumerate(range(len(order), len(clip.actors))):
+        visibility = joint_seen[:, person].mean(axis=1)
+        frames = np.flatnonzero(boxes[person].any(axis=1))
+        values = {
+            "frame": frames.astype(np.int32),
+            "joints": (clip.actors[person].joints[frames] - origin).astype(np.float32),
+            "visibility": visibility[frames].astype(np.float32),
+            "bbox": boxes[person][frames].astype(np.float32),
+        }
+        arrays |= {f"passers_by/{rank:02d}/{name}": value for name, value in values.items()}
     return arrays
+
+
+def joined(
+    parts: Sequence[Mapping[str, Array]], *, lost_s: Sequence[float], features: Mapping[str, Any]
+) -> dict[str, Array]:
+    """The truth of a clip whose parts show different people in different places: each part has a world of its own.
+
+    `linked` (T,) tells the cuts inside a part from those between parts.
+    """
+    whole = dict(parts[0])
+    linked = [True] * len(parts[0]["cut_frames"])
+    for part in parts[1:]:
+        frames, shots = int(whole["num_frames"]), len(whole["shot_kinds"])
+        counts = {
+            kind: len({key.split("/")[1] for key in whole if key.startswith(f"{kind}/")}) for kind in _OF_SOME_FRAMES
+        }
+        linked += [False] + [True] * len(part["cut_frames"])
+        first = np.array([frames], np.int32)
+        whole["cut_frames"] = np.concatenate([whole["cut_frames"], first, part["cut_frames"] + frames]).astype(np.int32)
+        spans = part["transitions"] + frames
+        whole["transitions"] = np.concatenate([whole["transitions"], [[frames, frames]], spans]).astype(np.int32)
+        whole["shot_index"] = np.concatenate([whole["shot_index"], part["shot_index"] + shots]).astype(np.int32)
+        for name in ("shot_kinds", "cameras/K", "cameras/R_world_cam", "cameras/t_world_cam"):
+            whole[name] = np.concatenate([whole[name], part[name]])
+        whole["num_frames"] = np.array(frames + int(part["num_frames"]))
+        whole["time_s"] = np.arange(int(whole["num_frames"])) / float(whole["fps"])
+        for key, value in part.items():
+            kind, *rest = key.split("/")
+            if kind in _OF_SOME_FRAMES:
+                shifted = value + np.int32(frames) if rest[1] == "frame" else value
+                whole[f"{kind}/{int(rest[0]) + counts[kind]:02d}/{rest[1]}"] = shifted
+    whole["linked"] = np.array(linked, bool)
+    whole["lost_s"] = np.array(lost_s, np.float64)
+    whole["features"] = np.array(json.dumps(features, ensure_ascii=False))
+    return whole
+
+
+_OF_SOME_FRAMES = ("people", "passers_by")

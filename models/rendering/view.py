@@ -51,7 +51,10 @@ class View:
             (0, f[1], cy + _MARGIN_PX, 0),
             (0, -f[1], self.height + _MARGIN_PX - cy, 0),
         )
-        for *normal, offset in planes:
+        distances = polygon @ np.array([plane[:3] for plane in planes]).T + np.array([plane[3] for plane in planes])
+        if (distances < 0).all(axis=0).any():
+            return None
+        for *normal, offset in planes if (distances < 0).any() else ():
             polygon = clip_polygon(polygon, polygon @ normal + offset)
             if len(polygon) < 3:
                 return None

@@ -6,7 +6,7 @@ the floor. World: z up, metres.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -40,6 +40,10 @@ class MocapSequence:
     contacts: Float[Array, "N 4"]
     leg_m: float
     """Thigh and shank of the pack's skeleton."""
+    action: str = ""
+    """What is done, in the pack's words."""
+    subject: str = ""
+    """Whose motion it is."""
 
     @property
     def num_frames(self) -> int:
@@ -48,9 +52,9 @@ class MocapSequence:
     def cropped(self, start: int, num_frames: int) -> "MocapSequence":
         """A run of frames."""
         rows = slice(start, start + num_frames)
-        return MocapSequence(
-            self.name, self.fps, self.R_world_root[rows], self.body_pose[rows], self.pelvis[rows],
-            self.contacts[rows], self.leg_m,
+        return replace(
+            self, R_world_root=self.R_world_root[rows], body_pose=self.body_pose[rows], pelvis=self.pelvis[rows],
+            contacts=self.contacts[rows],
         )  # fmt: skip
 
 
@@ -72,8 +76,10 @@ def sequences_of_pack(arrays: Mapping[str, Array]) -> tuple[MocapSequence, ...]:
     leg_m = leg_length(arrays["rest_joints"].astype(np.float64))
     R = rotvec_to_rotmat(arrays["poses"][:, :3])
     names, starts, lengths = (arrays[key].tolist() for key in ("clip_name", "clip_start", "clip_len"))
+    unknown = np.full(len(names), "")
+    actions, subjects = (arrays.get(key, unknown).tolist() for key in ("clip_action", "clip_subject"))
     sequences = []
-    for name, start, length in zip(names, starts, lengths, strict=True):
+    for name, start, length, action, subject in zip(names, starts, lengths, actions, subjects, strict=True):
         rows = slice(start, start + length, step)
         sequences.append(
             MocapSequence(
@@ -84,6 +90,8 @@ def sequences_of_pack(arrays: Mapping[str, Array]) -> tuple[MocapSequence, ...]:
                 pelvis=arrays["trans"][rows].astype(np.float64) @ R_ZUP_YUP.T,
                 contacts=arrays["contacts"][rows].astype(np.float64),
                 leg_m=leg_m,
+                action=str(action),
+                subject=str(subject),
             )
         )
     return tuple(sequences)
@@ -104,10 +112,10 @@ def random_shape(body: Body, rng: np.random.Generator) -> Float[Array, " 10"]:
             return np.asarray(betas)
 
 
-def pose_actor(sequence: MocapSequence, rng: np.random.Generator) -> Actor:
-    """The sequence on a random body, standing on the floor z = 0."""
+def pose_actor(sequence: MocapSequence, rng: np.random.Generator, *, betas: Float[Array, " 10"] | None = None) -> Actor:
+    """The sequence on a body of this shape (None: a random adult's), standing on the floor z = 0."""
     body = load_body()
-    betas = random_shape(body, rng)
+    betas = random_shape(body, rng) if betas is None else betas
     rest = body.rest_joints(betas)
     pelvis = sequence.pelvis * (leg_length(rest) / sequence.leg_m)
     joints, R = forward_kinematics(rest, sequence.R_world_root, sequence.body_pose, pelvis)

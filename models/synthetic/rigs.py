@@ -101,8 +101,8 @@ def move_camera(
         eye += away[:, None] * slide
         target += away[:, None] * slide
     elif kind == "hand-held":  # breathing hands and shoulders: centimetres and a degree, below 2 Hz
-        eye += 0.04 * _wander(rng, n, 0.4 * fps)
-        shake = np.deg2rad(1.2) * _wander(rng, n, 0.3 * fps)
+        eye += 0.04 * wander(rng, n, 0.4 * fps)
+        shake = np.deg2rad(1.2) * wander(rng, n, 0.3 * fps)
     elif kind == "orbit":
         yaw = np.deg2rad(rng.uniform(8.0, 20.0)) * rng.choice([-1.0, 1.0]) * away
         arm = eye - target
@@ -111,7 +111,7 @@ def move_camera(
     return ClipCamera(kind, look_at(eye, target) @ rotvec_to_rotmat(shake), eye)
 
 
-def _wander(rng: np.random.Generator, n: int, sigma_frames: float) -> Float[Array, "n 3"]:
+def wander(rng: np.random.Generator, n: int, sigma_frames: float) -> Float[Array, "n 3"]:
     """Smooth noise of about unit variance."""
     margin = math.ceil(4 * sigma_frames)
     rough = rng.normal(size=(n + 2 * margin, 3))

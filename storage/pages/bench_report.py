@@ -13,7 +13,7 @@ from humanmm.storage.pages.markdown import as_markdown, code, escaped
 from humanmm.storage.pages.spreadsheet import as_csv
 from humanmm.storage.store.files import replace_text
 
-_COLUMNS = ("method", "split", "n", "failed", "metric", "mean", "median", "ci95_low", "ci95_high")
+_COLUMNS = ("method", "split", "n", "failed", "metric", "mean", "median", "p90", "ci95_low", "ci95_high")
 
 
 def write_report(folder: Path, table: str, created_by: str, rows: Sequence[Row], *, page: Page | None = None) -> None:
@@ -58,7 +58,10 @@ def _row_tree(row: Row) -> dict[str, object]:
 def _figures(rows: Sequence[Row]) -> list[tuple[object, ...]]:
     """One line a row and figure, as _COLUMNS names them."""
     return [
-        (row.method, row.split, row.n, row.failed, key, *(_rounded(value) for value in (m.mean, m.median, *m.ci95)))
+        (
+            *(row.method, row.split, row.n, row.failed, key),
+            *("" if value is None else _rounded(value) for value in (m.mean, m.median, m.p90, *m.ci95)),
+        )
         for row in rows
         for key, m in row.metrics.items()
     ]

@@ -16,12 +16,13 @@ _SHAPES: dict[str, tuple[int | None, ...]] = {
     "poses": (None, 3 * NUM_JOINTS), "trans": (None, 3), "contacts": (None, 4), "clip_start": (None,),
     "clip_len": (None,), "clip_name": (None,), "rest_joints": (NUM_JOINTS, 3), "fps": (),
 }  # fmt: skip
+_OPTIONAL = ("parents", "clip_action", "clip_subject")
 
 
 def read_pack(path: Path) -> tuple[MocapSequence, ...]:
     """All sequences, world z up. InputError says in one sentence what is wrong with the file."""
     try:
-        arrays = {name: np.asarray(array) for name, array in NpzArrays(path).items() if name in (*_SHAPES, "parents")}
+        arrays = {name: np.asarray(array) for name, array in NpzArrays(path).items() if name in (*_SHAPES, *_OPTIONAL)}
     except (OSError, TruthError) as error:
         raise InputError(f"{path} cannot be read as a pack of motion capture (.npz): {error}") from error
     _check(arrays, path)
@@ -42,6 +43,8 @@ def _check(arrays: dict[str, np.ndarray], path: Path) -> None:
         raise InputError(f"{path}: poses, trans and contacts, or clip_start and clip_len, differ in length")
     if len(arrays["clip_name"]) != clips or clips == 0:
         raise InputError(f"{path}: {clips} sequences but {len(arrays['clip_name'])} names; at least one is needed")
+    if any(key in arrays and arrays[key].shape != (clips,) for key in ("clip_action", "clip_subject")):
+        raise InputError(f"{path}: clip_action and clip_subject must have one entry for each of the {clips} sequences")
     start, length = arrays["clip_start"], arrays["clip_len"]
     if (start < 0).any() or (length < 1).any() or (start + length > n).any():
         raise InputError(f"{path}: a sequence lies outside the {n} frames of the pack")

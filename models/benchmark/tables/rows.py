@@ -26,6 +26,8 @@ class Metric:
     median: float
     ci95: tuple[float, float]
     """Bootstrap interval of the mean."""
+    p90: float | None = None
+    """What nine in ten samples do not exceed; None where the figure is not of samples."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,8 @@ def summarise(samples: Sequence[float]) -> Metric:
     """Mean, median, and the bootstrap's 95 % interval of the mean (fixed seed; one sample is its own interval)."""
     values = np.asarray(samples, np.float64)
     low, high = np.percentile(values[_drawn(len(values))].mean(axis=1), [2.5, 97.5])
-    return Metric(float(values.mean()), float(np.median(values)), (float(low), float(high)))
+    p90 = float(np.percentile(values, 90))
+    return Metric(float(values.mean()), float(np.median(values)), (float(low), float(high)), p90)
 
 
 @lru_cache(maxsize=32)
@@ -74,7 +77,7 @@ def _row(method: str, split: str, done: Sequence[MethodFigures]) -> Row:
     cuts = [cut for one in good for cut in one.cuts]
     for low, high in pairwise(ANGLES_DEG):
         end = high if high < ANGLES_DEG[-1] else 181  # 180° belongs to the last group
-        found = [cut.error_deg for cut in cuts if low <= cut.angle_deg < end]
+        found = [cut.error_deg for cut in cuts if cut.error_deg is not None and low <= cut.angle_deg < end]
         if found:
             samples[angle_key(low, high)] = found
     metrics = {name: summarise(values) for name, values in samples.items()}

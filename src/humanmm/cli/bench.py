@@ -35,7 +35,7 @@ ms-render, ms-real: a folder of <name>.mp4 beside <name>_gt.npz (ms-render rende
 camera: either; shots: a folder of videos beside <name>.json or <name>_gt.npz, or BBC Planet Earth; golden, overlay: a
 folder of videos; speed: a video"""
 _SIZE = """ms-mocap, ms-aist: tiny, standard (60 videos each with 2, 3 and 4 transitions; default), ms20 (20 sequences,
-each with 2, 3 and 4); ms-render without --data: tiny (one clip of 2 s), standard (60 clips)"""
+each with 2, 3 and 4); ms-render without --data: tiny (one clip of 2 s), standard (60 clips), places (96 clips)"""
 _IMPORTED = """tables of motion: a row of another system, whose result for each video lies in DIR: <video>.pt (GVHMR),
 .pkl (WHAM) or .npz (SLAHMR, TRAM, or motion.zarr's names); may be given again"""
 _REPORT = "also write results.json, results.csv, README.md, index.html"
@@ -49,7 +49,7 @@ class Options:
     table: Annotated[Table, Argument(metavar="NAME", show_default=False, help=_TABLES)]
     settings: Settings
     data: Annotated[Path | None, Option(metavar="PATH", help=_DATA)] = None
-    size: Annotated[Literal["tiny", "standard", "ms20"] | None, Option(metavar="SIZE", help=_SIZE)] = None
+    size: Annotated[Literal["tiny", "standard", "ms20", "places"] | None, Option(metavar="SIZE", help=_SIZE)] = None
     check: Annotated[Path | None, Option(metavar="FILE", help="a results.json; exit 1 if a figure is worse")] = None
     imported: Annotated[list[str], Option(metavar="NAME=DIR", help=_IMPORTED)] = field(default_factory=list)
     runs: Annotated[int | None, Option(metavar="N", min=1, help="speed: how often to measure (default: 1)")] = None

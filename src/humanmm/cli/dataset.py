@@ -26,11 +26,15 @@ app.add_typer(dataset, name="dataset", rich_help_panel=BENCHMARK)
 dataset.add_typer(build, name="build")
 
 
+_SIZES = "one clip of 2 s, 60 clips of 7 to 12 s, or 96 short clips of all that makes shots hard to join"
+
+
 @verb(build, "ms-render")
 def ms_render(
     *,
     out: Out,
-    size: Annotated[Literal["tiny", "standard"], Option(help="one clip of 2 s, or 60 clips of 7 to 12 s")] = "standard",
+    size: Annotated[Literal["tiny", "standard", "places"], Option(help=_SIZES)] = "standard",
+    split: Annotated[Literal["dev", "test", "train"], Option(help="whose motion places shows")] = "dev",
     count: Annotated[int | None, Option(metavar="N", min=1, help="so many clips instead")] = None,
     seconds: Annotated[tuple[float, float] | None, Option(metavar="LOW HIGH", help="clips of such lengths")] = None,
     resolution: Annotated[tuple[int, int] | None, Option(metavar="W H", help="all clips of this size, pixels")] = None,
@@ -46,8 +50,10 @@ def ms_render(
         raise UsageError(f"--resolution {resolution}: two even numbers of at least 16 are needed")
     if seconds and not 0 < seconds[0] <= seconds[1]:
         raise UsageError(f"--seconds {seconds}: two rising positive numbers are needed")
-    packs = tuple(mocap) if mocap else shipped_packs()
-    plan = SetPlan(packs, size, SEED if seed is None else seed, count, seconds=seconds, resolution=resolution)
+    packs = tuple(mocap) if mocap else shipped_packs(size, split)
+    plan = SetPlan(
+        packs, size, SEED if seed is None else seed, count, seconds=seconds, resolution=resolution, split=split
+    )
     write(build_set(plan, out, threads=threads, force=force))
 
 

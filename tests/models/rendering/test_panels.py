@@ -1,12 +1,14 @@
 """Panels lie where the camera sees them, and the floor is known as the floor."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from humanmm.models.rendering.background_scene import BackgroundScene, Light, Panel
 from humanmm.models.rendering.panels import draw_background
 from humanmm.models.rendering.textures import Texture
-from humanmm.models.rendering.view import FLOOR, SKY, View
+from humanmm.models.rendering.view import BLOCK, FLOOR, SKY, View
 
 
 def test_a_panel_lands_where_its_corners_are_projected() -> None:
@@ -32,6 +34,22 @@ def test_the_floor_is_known_as_floor() -> None:
     owner = draw_background(_view(np.array([0.0, 0.0, 1.5])), BackgroundScene("test", (floor,), (), _LIGHT)).owner
     assert (owner[-1] == FLOOR).all()
     assert (owner[0] == SKY).all()
+
+
+def test_a_cut_out_hides_only_where_it_is_and_only_from_its_front() -> None:
+    image = np.full((100, 100, 4), 255, np.uint8)
+    image[:, :50, 3] = 0
+    figure = Panel(
+        np.array([-0.5, 4.0, 1.5]), np.array([1.0, 0, 0]), np.array([0, 0, -1.0]), (1.0, 1.0), Texture(image, 100), 1.0
+    )
+    scene = BackgroundScene("test", (), (), _LIGHT, (figure,))
+    sample = draw_background(_view(np.array([0.0, 0.0, 1.0])), scene)
+    assert sample.owner[60, 90] == BLOCK
+    assert sample.inverse_depth[60, 90] == pytest.approx(0.25)
+    assert sample.owner[60, 70] == SKY
+    behind = replace(figure, corner=np.array([0.5, 4.0, 1.5]), along=np.array([-1.0, 0, 0]))
+    turned = replace(scene, cutouts=(behind,))
+    assert not draw_background(_view(np.array([0.0, 0.0, 1.0])), turned).owner.any()
 
 
 _LIGHT = Light(np.array([0.2, 0.1, 0.97]) / np.linalg.norm([0.2, 0.1, 0.97]), 0.5, 0.5)

@@ -5,7 +5,7 @@ import pytest
 
 from humanmm.models.evaluation.truth import contract_sequence
 from humanmm.models.rendering.script import Clip
-from humanmm.models.rendering.truth import person_order, truth_arrays
+from humanmm.models.rendering.truth import joined, person_order, truth_arrays
 
 
 @pytest.fixture(scope="module")
@@ -49,3 +49,17 @@ def test_the_evaluation_reads_it_and_keypoints_are_the_projected_joints(
     pixels = projected[..., :2] / projected[..., 2:]
     far = in_camera[..., 2] > 0.5
     np.testing.assert_allclose(arrays["people/00/keypoints2d"][..., :2][far], pixels[far], atol=0.05)
+
+
+def test_parts_are_joined_one_after_the_other_and_their_people_are_others(arrays: dict[str, np.ndarray]) -> None:
+    n, cuts = int(arrays["num_frames"]), len(arrays["cut_frames"])
+    whole = joined([arrays, arrays], lost_s=[0.0] * (2 * cuts + 1), features={"split": "dev"})
+    sequence = contract_sequence(whole)
+    assert sequence.num_frames == 2 * n
+    assert sequence.unlinked_cuts == (n,)
+    assert [person.person for person in sequence.people] == [0, 1, 2, 3]
+    assert sequence.people[2].frame.tolist() == list(range(n, 2 * n))
+    np.testing.assert_array_equal(sequence.people[2].joints, sequence.people[0].joints)
+    assert sequence.cameras is not None
+    np.testing.assert_array_equal(sequence.cameras.K[n:], sequence.cameras.K[:n])
+    assert whole["shot_index"].tolist() == [*arrays["shot_index"], *(arrays["shot_index"] + len(arrays["shot_kinds"]))]
