@@ -52,12 +52,14 @@ INDEPENDENT_S = 0.5
 CUT_WINDOW_S = 0.5
 CUT_GAP_S = 0.1
 """A gap this long between two shots halves the evidence of the cut."""
+DOUBTFUL_COST = 25.0
+"""A cut that costs so much with either labels tells half as much of them: something else is wrong there."""
 MAX_CUT_GAP_S = 1.0
 """Longer gaps between shots carry no pose across."""
 HELD = 50.0
 KEEP_PRIOR = 2.0
 """Energy of half a second swapped: the tracks come with sides put right, and 97 % of their frames are."""
-CHANGE = 4.0
+CHANGE = 8.0
 """Energy of a change within a shot: the track's own frames have been compared before."""
 
 
@@ -230,6 +232,7 @@ def _across_cut(
         cuts.continuation_cost(cuts.CutPerson(first, _near_cut(after, state, near)), K)
         for state in (state_after, ~state_after)
     ]
+    trust /= 1.0 + (min(costs) / DOUBTFUL_COST) ** 2
     return trust * costs[0], trust * costs[1]
 
 
