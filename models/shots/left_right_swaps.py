@@ -43,7 +43,7 @@ SETTLE_RATIO = 0.9
 """A frame changes its state if that brings it closer to its neighbours' median by this factor."""
 
 FORWARD_M, FORWARD_SIGMA_M = 0.08, 0.035
-"""Feet and knees of a rightly labelled body lie this far forward of heels and legs (4,600 frames of 26 rendered clips)."""
+"""Feet and knees of a rightly labelled body lie this far forward of heels and legs (4,600 frames, rendered)."""
 FORWARD_OUTLIERS, FORWARD_RANGE_M = 0.05, 0.23
 """So many rightly labelled frames lie anywhere within this range, as all swapped ones do (from -0.11 to 0.12 m)."""
 INDEPENDENT_S = 0.5

@@ -23,7 +23,7 @@ RATIO = 0.8
 """Lowe's ratio test."""
 MIN_MATCHES = 12
 MIN_INLIERS = 15
-"""Below this, wrong poses are as frequent as right ones (docs/method.md, "Background links")."""
+"""Below this, wrong poses are as frequent as right ones (docs/method.md, "Background edges")."""
 MAX_ERROR_SHARE = 2.0 / 1280
 """Largest reprojection error of an inlier, as a fraction of the picture's longer side (2 px at 1280)."""
 MAX_TRIALS = 1000
