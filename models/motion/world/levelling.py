@@ -14,8 +14,8 @@ from humanmm.models.motion.world.gravity import (
     standing_axis,
     up_direction,
 )
+from humanmm.models.motion.world.rotation_mixtures import Upright
 from humanmm.models.motion.world.shot_results import ShotResults, camera_of, motions_of, posed
-from humanmm.models.motion.world.shot_rotations import Upright
 from humanmm.models.records.camera import ShotCamera
 
 Array = np.ndarray

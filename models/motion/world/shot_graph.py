@@ -12,8 +12,8 @@ from humanmm.models.cuts.camera_rotation import CutCameras, CutMethod, CutPerson
 from humanmm.models.geometry.intervals import in_intervals
 from humanmm.models.geometry.intrinsics import K_of
 from humanmm.models.geometry.rotations import rotation_angle
+from humanmm.models.motion.world.rotation_mixtures import RotationEdge, RotationHypothesis
 from humanmm.models.motion.world.shot_results import ShotResults, camera_of, motions_of, usable
-from humanmm.models.motion.world.shot_rotations import RotationEdge, RotationHypothesis
 from humanmm.models.records.camera import ShotCamera, through_lens
 from humanmm.models.records.motion import CutAlignment, CutHypothesis
 
