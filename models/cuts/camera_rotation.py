@@ -81,6 +81,7 @@ FAR_DEG = 60.0
 """The answer at a cut and the fitted bodies are averaged up to this angle."""
 SWAPPED, SWAPPED_STARTS = 0.15, 3
 """Probability that left and right are swapped on one side of a cut although they were put right before."""
+SIDES_SWAPPED = "left and right swapped"
 DISTINCT_DEG = 20.0
 """Answers closer together than this are one answer."""
 
@@ -162,7 +163,7 @@ def align_by_bundle(
     if len(people) == 1:
         swapped = CutPerson(people[0].before, people[0].after.sides_swapped())
         other, _ = _adjusted([swapped], cameras, cut_time_s, most_starts=SWAPPED_STARTS)
-        found += _hypotheses(other, "people, left and right swapped", gap)
+        found += _hypotheses(other, f"people, {SIDES_SWAPPED}", gap)
     hypotheses = _weighed(found, gap, len(people))
     focal = 0.5 * (cameras.K_before[0, 0] + cameras.K_after[0, 0])
     return CutAlignment(

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.models.cuts.camera_rotation import CutMethod, align_by_bundle
+from humanmm.models.cuts.camera_rotation import SIDES_SWAPPED, CutMethod, align_by_bundle
 from humanmm.models.geometry.intrinsics import K_of
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.motion.world.levelling import levelled, upright_of
@@ -67,6 +67,7 @@ def align(
     _fill_cameras(results, world)
     cuts = _reported(results, edges, rotations, world)
     warnings += [warning for cut in cuts for warning in cut.warnings]
+    warnings += _swapped(rotations)
     warnings += _lifted(results)
     if len(groups) > 1:
         names = ", ".join(str(group[0]) for group in groups[1:])
@@ -270,10 +271,22 @@ def _doubts(cut: CutAlignment) -> list[str]:
     ]
 
 
+def _swapped(rotations: ShotRotations) -> list[str]:
+    """Who may face the wrong way, because his sides as they were found do not fit the rest of the video."""
+    return [
+        f"shots {one.edge.a} and {one.edge.b} fit best if left and right of {one.edge.source} are swapped in one: "
+        "the body may face the wrong way there"
+        for one in rotations.believed
+        if one.hypothesis.source.endswith(SIDES_SWAPPED)
+    ]
+
+
 def _evidence(rotations: ShotRotations) -> tuple[RotationEvidence, ...]:
     """Everything that spoke for a rotation between two shots, for the record."""
     used = [
-        RotationEvidence(one.edge.a, one.edge.b, one.edge.source, one.edge.num_inliers, True, "")
+        RotationEvidence(
+            one.edge.a, one.edge.b, one.hypothesis.source or one.edge.source, one.edge.num_inliers, True, ""
+        )
         for one in rotations.believed
     ]
     unused = [

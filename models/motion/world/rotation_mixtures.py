@@ -44,6 +44,8 @@ class RotationHypothesis:
     sigma_deg: float
     """68 % of such rotations are off by less, when they are true."""
     probability: float
+    source: str = ""
+    """What it assumes or rests on, for the record."""
 
 
 @dataclass(frozen=True)

@@ -37,6 +37,8 @@ class CutEdge:
     later: int
     cuts: tuple[CutAlignment, ...]
     """One for each person, the one that tells most first; one that is not `linked` where there is nobody."""
+    people: tuple[int, ...] = ()
+    """Their numbers, as far as they are known."""
 
     @property
     def cut(self) -> CutAlignment:
@@ -68,15 +70,15 @@ def cut_edge(
     shared = sorted(here.keys() & motions_of(results, earlier).keys())
     certain = {person.person for person in results.shots.people if not person.doubtful}
     shared = [person for person in shared if person in certain] or shared
-    people = []
+    people: list[tuple[int, CutPerson]] = []
     for person in shared:
         first = _side(results, earlier, person, last=True)
         second = _side(results, later, person, last=False)
         if first is not None and second is not None:
-            people.append(CutPerson(first, second))
+            people.append((person, CutPerson(first, second)))
     shot = results.shots.shots[later]
     if people and earlier == later - 1 and shot.start in known_rotations:
-        gap_s = min(float(p.after.time_s[0] - p.before.time_s[-1]) for p in people)
+        gap_s = min(float(p.after.time_s[0] - p.before.time_s[-1]) for _, p in people)
         R = known_rotations[shot.start]
         return CutEdge(earlier, later, (CutAlignment(shot.start, "given", R, float("nan"), 0.0, gap_s, True),))
     cameras = CutCameras(
@@ -84,15 +86,15 @@ def cut_edge(
         K_after=after.K[0] if after is not None else K_of(results.intrinsics),
         moving=any(camera is not None and camera.source == "tracked" for camera in (before, after)),
     )
-    cuts = []
-    for one in people:
+    cuts: list[tuple[int, CutAlignment]] = []
+    for person, one in people:
         middle = 0.5 * float(one.before.time_s[-1] + one.after.time_s[0])
-        cuts.append(method([one], cameras, cut_frame=shot.start, cut_time_s=middle))
-    cuts.sort(key=lambda cut: (not cut.linked, cut.uncertainty_deg))
+        cuts.append((person, method([one], cameras, cut_frame=shot.start, cut_time_s=middle)))
+    cuts.sort(key=lambda cut: (not cut[1].linked, cut[1].uncertainty_deg))
     if not cuts:
         middle = 0.5 * float(results.time_s[max(shot.start - 1, 0)] + results.time_s[shot.start])
-        cuts = [method([], cameras, cut_frame=shot.start, cut_time_s=middle)]
-    return CutEdge(earlier, later, tuple(cuts))
+        return CutEdge(earlier, later, (method([], cameras, cut_frame=shot.start, cut_time_s=middle),))
+    return CutEdge(earlier, later, tuple(cut for _, cut in cuts), tuple(person for person, _ in cuts))
 
 
 def _side(results: ShotResults, shot_index: int, person: int, *, last: bool) -> SideTrack | None:
@@ -133,17 +135,23 @@ def people_edges(results: ShotResults, edge: CutEdge) -> list[RotationEdge]:
     before, after = camera_of(results, edge.earlier), camera_of(results, edge.later)
     R_before, R_after = before.R_shot_cam[-1], after.R_shot_cam[0]
     edges = []
-    for cut in edge.cuts:
+    for k, cut in enumerate(edge.cuts):
         if not cut.linked:
             continue
+        source = f"person {edge.people[k]}" if edge.people else "people"
         hypotheses = cut.hypotheses or (
             CutHypothesis(cut.R_before_after, cut.uncertainty_deg, 1.0 if cut.method == "given" else 0.9, cut.method),
         )
         inside_shots = tuple(
-            RotationHypothesis(R_before @ one.R_before_after @ R_after.T, one.sigma_deg, one.probability)
+            RotationHypothesis(
+                R_before @ one.R_before_after @ R_after.T,
+                one.sigma_deg,
+                one.probability,
+                one.source.replace("people", source),
+            )
             for one in hypotheses
         )
-        edges.append(RotationEdge(edge.earlier, edge.later, inside_shots))
+        edges.append(RotationEdge(edge.earlier, edge.later, inside_shots, source))
     return edges
 
 
@@ -170,6 +178,7 @@ def _in_shot_axes(results: ShotResults, edge: ShotEdge, focal_uncertainty: float
                 R_a[frames.frame_a - first_a] @ one.R_a_b @ R_b[frames.frame_b - first_b].T,
                 sigma_deg(one, focal_uncertainty),
                 one.probability,
+                one.source,
             ),
         )
         for frames in edge.frames

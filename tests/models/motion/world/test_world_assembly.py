@@ -1,6 +1,8 @@
 """From shots to one world: cuts are joined, failed shots are marked, strangers are kept apart."""
 
+from collections.abc import Sequence
 from dataclasses import fields, replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,12 +10,19 @@ import pytest
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.kinematics import forward_kinematics
 from humanmm.models.body.landmarks import load_landmarks
-from humanmm.models.cuts.camera_rotation import align_by_eight_point, viewing_axes
+from humanmm.models.cuts.camera_rotation import (
+    SIDES_SWAPPED,
+    CutCameras,
+    CutPerson,
+    align_by_bundle,
+    align_by_eight_point,
+    viewing_axes,
+)
 from humanmm.models.geometry.intrinsics import K_of
 from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
 from humanmm.models.motion.world.align import ShotResults, align
 from humanmm.models.records.camera import Intrinsics, ShotCamera
-from humanmm.models.records.motion import PersonShotMotion, ShotMotion, WorldMotion
+from humanmm.models.records.motion import CutAlignment, PersonShotMotion, ShotMotion, WorldMotion
 from humanmm.models.records.shots import Appearance, Person, Shot, ShotList, Transition
 from humanmm.models.records.tracks import PersonTrack, ScenePeople, Silhouettes
 
@@ -124,6 +133,26 @@ def test_reported_turns_are_those_of_the_cameras() -> None:
     for cut in world.cuts:
         turn = world.R_world_cam[cut.cut_frame - 1].T @ world.R_world_cam[cut.cut_frame]
         np.testing.assert_allclose(cut.R_before_after, turn)
+
+
+def test_every_piece_of_evidence_is_told_and_how_certain_a_cut_is() -> None:
+    world = align(results())
+    assert [(one.shot_a, one.shot_b, one.source, one.used) for one in world.evidence] == [
+        (0, 1, "person 0", True),
+        (1, 2, "person 0", True),
+    ]
+    assert all(cut.uncertainty_deg < 30 and cut.probability > 0.8 for cut in world.cuts) and not world.warnings
+
+
+def test_somebody_whose_sides_do_not_fit_the_rest_is_told() -> None:
+    def torn(people: Sequence[CutPerson], cameras: CutCameras, **when: Any) -> CutAlignment:
+        cut = align_by_bundle(people, cameras, **when)
+        swapped = replace(cut.hypotheses[0], source=f"people, {SIDES_SWAPPED}")
+        return replace(cut, hypotheses=(swapped,))
+
+    world = align(results(), method=torn)
+    assert world.evidence[0].source == "person 0, left and right swapped"
+    assert any("face the wrong way" in warning for warning in world.warnings)
 
 
 @pytest.mark.parametrize("lost", [0, 1, 2])
