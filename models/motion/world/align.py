@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.models.cuts.camera_rotation import SIDES_SWAPPED, CutMethod, align_by_bundle
+from humanmm.models.cuts.camera_rotation import GAP_WARNING_S, SIDES_SWAPPED, CutMethod, align_by_bundle
 from humanmm.models.geometry.intrinsics import K_of
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.motion.world.levelling import levelled, upright_of
@@ -252,7 +252,7 @@ def _reported(
             linked=usable(results, index) and rotations.group[index] != index,
             background_inliers=max([0, *background]),
         )
-        cuts.append(replace(cut, warnings=(*cut.warnings, *_doubts(cut))))
+        cuts.append(replace(cut, warnings=tuple(_doubts(cut)) or cut.warnings))
     return cuts
 
 
@@ -264,8 +264,9 @@ def _doubts(cut: CutAlignment) -> list[str]:
     """A warning where the rotation at a cut is hardly known."""
     if not cut.linked or (cut.uncertainty_deg <= DOUBTFUL_DEG and cut.probability >= DOUBTFUL_PROBABILITY):
         return []
+    unseen = f" after {cut.gap_s:.2f} s without anyone seen" if cut.gap_s > GAP_WARNING_S else ""
     return [
-        f"cut at frame {cut.cut_frame}: the camera's rotation across it is uncertain (probability "
+        f"cut at frame {cut.cut_frame}{unseen}: the camera's rotation across it is uncertain (probability "
         f"{cut.probability:.2f}, 68 % within {cut.uncertainty_deg:.0f}°): the shots on both sides may be rotated "
         "against each other"
     ]

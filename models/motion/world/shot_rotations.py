@@ -41,9 +41,9 @@ DISTINCT_DEG = 3.0
 """Joint hypotheses whose newest rotations differ by less are one."""
 ELSEWHERE_DEG = 15.0
 """Rotations further apart than this are different answers, not the same one with an error."""
-ITERATIONS = 20
-REFINED = 6
-"""So many alternatives at a cut, the likeliest, are averaged before they are weighed."""
+ITERATIONS, CONVERGED_RAD = 20, 1e-6
+REFINED, REFINING = 6, 4
+"""So many alternatives at a cut, the likeliest, are averaged for so many iterations before they are weighed."""
 MOVES = 20
 """Largest number of single changes after the beam search."""
 
@@ -85,7 +85,7 @@ class ShotRotations:
     believed: tuple[Believed, ...]
     refused: tuple[Refused, ...]
     certainty: tuple[Certainty | None, ...]
-    """Of each shot's rotation against the shot before; None for the first, and where the two are not connected."""
+    """Of each shot's rotation against the shot of its group before it; None for a group's first."""
 
 
 def solve_rotations(
@@ -140,8 +140,8 @@ class _Group:
     def solve(self) -> Float[Array, "shots 3 3"]:
         """The rotations of largest posterior probability, the first shot's the identity."""
         states = self._beam()
-        refined = [self._averaged(R) for R in states[:4]]
-        best = max(refined, key=lambda R: float(self._score(R[None])[0]))
+        refined = [self._averaged(R, REFINING) for R in states[:4]]
+        best = self._averaged(max(refined, key=lambda R: float(self._score(R[None])[0])))
         for _ in range(MOVES):
             moved = [R for k in range(1, len(self.shots)) for _, R in self._alternatives(best, k)]
             if not moved:
@@ -254,9 +254,9 @@ class _Group:
 
     # ---- rotation averaging
 
-    def _averaged(self, R: Float[Array, "shots 3 3"]) -> Float[Array, "shots 3 3"]:
+    def _averaged(self, R: Float[Array, "shots 3 3"], iterations: int = ITERATIONS) -> Float[Array, "shots 3 3"]:
         """The nearest maximum of the posterior: Gauss-Newton on the hypotheses in their present shares."""
-        for _ in range(ITERATIONS):
+        for _ in range(iterations):
             H, g = self._normal(R)
             step = np.zeros((len(R), 3))
             if len(R) > 1:
@@ -264,7 +264,7 @@ class _Group:
             length = np.linalg.norm(step, axis=1, keepdims=True)
             step *= np.minimum(1.0, 0.3 / np.maximum(length, 1e-12))
             R = R @ rotvec_to_rotmat(step)
-            if np.abs(step).max() < 1e-9:
+            if np.abs(step).max() < CONVERGED_RAD:
                 break
         return R
 
@@ -293,7 +293,7 @@ class _Group:
     # ---- how certain they are
 
     def certainty(self, R: Float[Array, "shots 3 3"]) -> dict[int, Certainty]:
-        """Of the rotation between every two neighbouring shots of the group, by the later one."""
+        """Of the rotation between every two shots of the group that follow on one another in it, by the later one."""
         if len(R) < 2:
             return {}
         H, _ = self._normal(R)
@@ -302,8 +302,6 @@ class _Group:
         here = float(self._score(R[None])[0])
         found = {}
         for k in range(1, len(R)):
-            if self.shots[k] != self.shots[k - 1] + 1:
-                continue
             J = np.zeros((3, 3 * len(R)))
             J[:, 3 * k - 3 : 3 * k], J[:, 3 * k : 3 * k + 3] = -R[k].T @ R[k - 1], np.eye(3)
             sigma_deg = QUANTILE_68 * float(np.degrees(np.sqrt(np.trace(J @ covariance @ J.T) / 3)))
@@ -318,7 +316,7 @@ class _Group:
         if others:
             scores = self._score(np.stack([moved for _, moved in others]))
             for which in np.argsort(-scores)[:REFINED]:
-                moved = self._averaged(others[which][1])
+                moved = self._averaged(others[which][1], REFINING)
                 relative = moved[k - 1].T @ moved[k]
                 apart = [chosen, *(mode for mode, _ in modes)]
                 if all(float(rotation_angle(one.T @ relative)) > elsewhere for one in apart):
