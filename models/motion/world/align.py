@@ -14,7 +14,7 @@ from jaxtyping import Float
 from humanmm.models.cuts.camera_rotation import GAP_WARNING_S, SIDES_SWAPPED, CutMethod, align_by_bundle
 from humanmm.models.geometry.intrinsics import K_of
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
-from humanmm.models.motion.world.levelling import levelled, upright_of
+from humanmm.models.motion.world.levelling import StandingAxis, levelled, standing_axes, upright_of
 from humanmm.models.motion.world.people import Part, concatenated
 from humanmm.models.motion.world.shot_graph import BackgroundEdges, CutEdge, background_edges, cut_edge, people_edges
 from humanmm.models.motion.world.shot_results import ShotResults, camera_of, motions_of, posed, usable
@@ -47,10 +47,11 @@ def align(
     ]
     background = background_edges(results)
     num_shots = len(results.shots.shots)
+    standing = {shot: standing_axes(results, shot) for shot in range(num_shots) if usable(results, shot)}
     rotations = solve_rotations(
         num_shots,
         [*(one for edge in edges if edge.cut.linked for one in people_edges(results, edge)), *background.edges],
-        [upright_of(results, shot) if usable(results, shot) else None for shot in range(num_shots)],
+        [upright_of(camera_of(results, k), standing[k]) if k in standing else None for k in range(num_shots)],
     )
     groups = _groups(results, rotations)
     F = len(results.time_s)
@@ -63,7 +64,7 @@ def align(
     )
     warnings: list[str] = []
     for group in groups:
-        warnings += _solve_group(results, group, rotations, background, world)
+        warnings += _solve_group(results, group, rotations, background, standing, world)
     _fill_cameras(results, world)
     cuts = _reported(results, edges, rotations, world)
     warnings += [warning for cut in cuts for warning in cut.warnings]
@@ -123,11 +124,16 @@ def _groups(results: ShotResults, rotations: ShotRotations) -> list[list[int]]:
 
 
 def _solve_group(
-    results: ShotResults, group: Sequence[int], rotations: ShotRotations, background: BackgroundEdges, world: _World
+    results: ShotResults,
+    group: Sequence[int],
+    rotations: ShotRotations,
+    background: BackgroundEdges,
+    standing: Mapping[int, Sequence[StandingAxis]],
+    world: _World,
 ) -> list[str]:
     """Level the shots of one group, solve for their positions, and write them into the world; returns warnings."""
     R_first_shot = [rotations.R_group_shot[group[0]].T @ rotations.R_group_shot[shot] for shot in group]
-    R_world_shot = {k: R for k, R in zip(group, levelled(results, group, R_first_shot), strict=True)}
+    R_world_shot = {k: R for k, R in zip(group, levelled(results, group, R_first_shot, standing), strict=True)}
     trajectories, owners = [], []
     for k, shot in enumerate(group):
         for motion in motions_of(results, shot).values():

@@ -1,6 +1,7 @@
 """Levels the shots of one group: gravity from the evidence of all (`gravity`), heading from the first camera."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import TypeAlias
 
 import numpy as np
 from jaxtyping import Float
@@ -20,6 +21,9 @@ from humanmm.models.records.camera import ShotCamera
 
 Array = np.ndarray
 
+StandingAxis: TypeAlias = tuple[Float[Array, "3"], float]
+"""A person's mean standing axis in a shot, shot axes, and its standard deviation in degrees."""
+
 PICTURE_SIGMA_DEG = 25.0
 """The picture's own vertical hardly tells which way is up."""
 SHOT_SIGMA_DEG = 6.0
@@ -27,13 +31,19 @@ SHOT_SIGMA_DEG = 6.0
 
 
 def levelled(
-    results: ShotResults, group: Sequence[int], R_first_shot: Sequence[Float[Array, "3 3"]]
+    results: ShotResults,
+    group: Sequence[int],
+    R_first_shot: Sequence[Float[Array, "3 3"]],
+    standing: Mapping[int, Sequence[StandingAxis]],
 ) -> list[Float[Array, "3 3"]]:
-    """Each shot's axes to world axes: gravity from the evidence of all shots, +y where the first camera looks."""
+    """Each shot's axes to world axes: gravity from the evidence of all shots, +y where the first camera looks.
+
+    `standing`: the `standing_axes` of every shot of the group.
+    """
     up, up_sigma, level, level_sigma = [], [], [], []
     for shot, R in zip(group, R_first_shot, strict=True):
         camera = camera_of(results, shot)
-        for axis, sigma in _standing_axes(results, shot):
+        for axis, sigma in standing[shot]:
             up.append(R @ axis)
             up_sigma.append(sigma)
         level.append(R @ _mean_x(camera))
@@ -54,10 +64,8 @@ def levelled(
     return [R_world_first @ R for R in R_first_shot]
 
 
-def upright_of(results: ShotResults, shot: int) -> Upright:
-    """Where up is in a shot's own axes, from its people and its camera alone."""
-    camera = camera_of(results, shot)
-    axes = _standing_axes(results, shot)
+def upright_of(camera: ShotCamera, axes: Sequence[StandingAxis]) -> Upright:
+    """Where up is in a shot's own axes, from its camera and its people's standing axes alone."""
     picture = camera.R_shot_cam[0] @ np.array([0.0, -1.0, 0.0])
     up = up_direction(
         UprightEvidence(
@@ -85,7 +93,7 @@ def _mean_x(camera: ShotCamera) -> Float[Array, "3"]:
     return np.asarray(x / max(float(np.linalg.norm(x)), 1e-9))
 
 
-def _standing_axes(results: ShotResults, shot: int) -> list[tuple[Float[Array, "3"], float]]:
+def standing_axes(results: ShotResults, shot: int) -> list[StandingAxis]:
     """Mean standing axis of each person of a shot, shot axes, with its sigma in degrees."""
     camera = camera_of(results, shot)
     found = []

@@ -131,12 +131,12 @@ class Mixture:
 
     def log_density(self, shares: Float[Array, "*n h+1"]) -> Float[Array, "*n"]:
         """Logarithm of the density, as far as this edge is a witness of its own."""
-        return self.weight * log_sum(shares)
+        return np.asarray(self.weight * np.logaddexp.reduce(shares, axis=-1))
 
     def precision(self, shares: Float[Array, "*n h+1"]) -> tuple[Float[Array, "*n"], Float[Array, "*n"]]:
         """Expected inverse variance of the rotation, under the hypotheses in these shares: of all axes, and what comes
         to it of the two level axes."""
-        weight = np.exp(shares - log_sum(shares)[..., None])
+        weight = np.exp(shares - np.logaddexp.reduce(shares, axis=-1, keepdims=True))
         level = 0.0 if self.up_a is None or self.up_b is None else WRONG_UPRIGHT / math.radians(WRONG_TILT_DEG) ** 2
         return (weight[..., :-1] / self.sigma**2).sum(axis=-1), level * weight[..., -1]
 
@@ -166,12 +166,6 @@ def _weights(edges: Sequence[RotationEdge]) -> list[float]:
     ]
 
 
-def log_sum(x: Float[Array, "*n h"]) -> Float[Array, "*n"]:
-    """Logarithm of the sum of exponentials over the last axis."""
-    top = x.max(axis=-1)
-    return np.asarray(top + np.log(np.exp(x - top[..., None]).sum(axis=-1)))
-
-
 @dataclass(frozen=True, eq=False)
 class Volume:
     """How far all rotations but the first are determined: precisions as Laplacians of the graph of shots."""
@@ -190,5 +184,13 @@ class Volume:
     def log(self) -> Float[Array, " n"]:
         """Logarithm of the volume within which the rotations lie, as a fraction of all there are."""
         vertical, level = self.every[:, 1:, 1:], (self.every + self.level)[:, 1:, 1:]
-        determinant = 0.5 * np.linalg.slogdet(vertical)[1] + np.linalg.slogdet(level)[1]
-        return np.asarray(vertical.shape[1] * (1.5 * math.log(2 * math.pi) - LOG_VOLUME) - determinant)
+        return log_volume(np.linalg.slogdet(vertical)[1], np.linalg.slogdet(level)[1], vertical.shape[1])
+
+
+def log_volume(log_vertical: Float[Array, "*n"], log_level: Float[Array, "*n"], num: int = 1) -> Float[Array, "*n"]:
+    """Logarithm of the volume of `num` normal rotations, as a fraction of all there are.
+
+    `log_vertical` and `log_level` are the logarithms of the determinants of their precisions, about the vertical and
+    about each level axis.
+    """
+    return np.asarray(num * (1.5 * math.log(2 * math.pi) - LOG_VOLUME) - 0.5 * log_vertical - log_level)

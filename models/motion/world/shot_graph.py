@@ -8,10 +8,9 @@ from jaxtyping import Float
 
 from humanmm.models.camera.background.keyframes import FrameFeatures
 from humanmm.models.camera.background.shot_edges import ShotEdge, find_shot_edges, sigma_deg
-from humanmm.models.cuts.camera_rotation import CutCameras, CutMethod, CutPerson, SideTrack
+from humanmm.models.cuts.camera_rotation import CutCameras, CutMethod, CutPerson, SideTrack, angle_deg
 from humanmm.models.geometry.intervals import in_intervals
 from humanmm.models.geometry.intrinsics import K_of
-from humanmm.models.geometry.rotations import rotation_angle
 from humanmm.models.motion.world.rotation_mixtures import RotationEdge, RotationHypothesis
 from humanmm.models.motion.world.shot_results import ShotResults, camera_of, motions_of, usable
 from humanmm.models.records.camera import ShotCamera, through_lens
@@ -187,7 +186,7 @@ def _in_shot_axes(results: ShotResults, edge: ShotEdge, focal_uncertainty: float
     found.sort(key=lambda pair: pair[1].sigma_deg)
     clusters: list[list[RotationHypothesis]] = []
     for _, one in found:
-        near = next((c for c in clusters if _apart_deg(c[0].R_a_b, one.R_a_b) < CLUSTER_DEG), None)
+        near = next((c for c in clusters if angle_deg(c[0].R_a_b, one.R_a_b) < CLUSTER_DEG), None)
         if near is None:
             clusters.append([one])
         else:
@@ -211,10 +210,6 @@ def _in_shot_axes(results: ShotResults, edge: ShotEdge, focal_uncertainty: float
         num_inliers=max(one.num_inliers for one, _ in found),
         connects=total * share >= CONNECTING,
     )
-
-
-def _apart_deg(R_a: Float[Array, "3 3"], R_b: Float[Array, "3 3"]) -> float:
-    return float(np.degrees(rotation_angle(R_a.T @ R_b)))
 
 
 def _with_lens(features: FrameFeatures, camera: ShotCamera, K: Float[Array, "3 3"]) -> FrameFeatures:

@@ -21,7 +21,6 @@ from jaxtyping import Float
 from humanmm.models.geometry.rotations import rotation_angle, rotmat_to_rotvec, rotvec_to_rotmat
 from humanmm.models.motion.world.rotation_mixtures import (
     DEGREES_OF_FREEDOM,
-    LOG_VOLUME,
     QUANTILE_68,
     UNKNOWN_PRECISION,
     Mixture,
@@ -29,7 +28,7 @@ from humanmm.models.motion.world.rotation_mixtures import (
     RotationHypothesis,
     Upright,
     Volume,
-    log_sum,
+    log_volume,
     mixtures,
 )
 
@@ -187,7 +186,7 @@ class _Group:
             open_edges = [
                 (float(edge.log_peak.max()), -max(a, b), a if b in done else b)
                 for edge, a, b in self.edges
-                if (a in done) != (b in done) and (edge.edge.connects)
+                if (a in done) != (b in done) and edge.edge.connects
             ]
             _, _, node = max(open_edges)
             order.append(node)
@@ -223,10 +222,8 @@ class _Group:
                 length, before = np.linalg.norm(mean, axis=-1), np.linalg.norm(kappa_mean, axis=-1)[:, None]
                 own = _log_sinhc(np.array([self.kappa[node]]))[0]
                 gained += _log_sinhc(length) - _log_sinhc(before) - own
-            volume = 1.5 * math.log(2 * math.pi) - LOG_VOLUME - 0.5 * np.log(every) - np.log(every + level)
-            total = score[:, None] + gained + volume
-            chosen = _distinct(total, candidates)
-            parent, child = chosen
+            total = score[:, None] + gained + log_volume(np.log(every), np.log(every + level))
+            parent, child = _distinct(total, candidates)
             R, score, kappa_mean = R[parent], total[parent, child], mean[parent, child]
             R[:, node] = candidates[parent, child]
             done.append(node)
@@ -278,7 +275,7 @@ class _Group:
         for edge, a, b in self.edges:
             relative = R[a].T @ R[b]
             shares = edge.components(relative)
-            share = np.exp(shares - log_sum(shares))[:-1]
+            share = np.exp(shares - np.logaddexp.reduce(shares))[:-1]
             residual = rotmat_to_rotvec(np.swapaxes(edge.R, -1, -2) @ relative)
             squared = (residual**2).sum(axis=1) / edge.sigma**2
             # weight of the t distribution (Lange, Little and Taylor 1989)
