@@ -1,5 +1,6 @@
 """Stage `intrinsics`: one focal length for all shots."""
 
+from humanmm.models.camera.background.keyframes import KeyFrameFeatures
 from humanmm.models.camera.intrinsics import estimate_intrinsics
 from humanmm.models.records.camera import Intrinsics, PointTracks
 from humanmm.models.records.shots import ShotList
@@ -16,6 +17,7 @@ def intrinsics(inputs: StageInputs) -> Intrinsics:
         inputs.read("shots", ShotList),
         inputs.read_all("people", ScenePeople),
         inputs.read_all("points", PointTracks),
+        inputs.read("keyframes", KeyFrameFeatures),
         focal_px=settings.focal_px,
         fov_deg=settings.fov_deg,
     )

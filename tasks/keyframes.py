@@ -1,4 +1,4 @@
-"""Stage `keyframes`: features of the background in every shot's key frames, by which shots of one scene are joined."""
+"""Stage `keyframes`: features and straight edges of the background in every shot's key frames."""
 
 from humanmm.models.camera.background.keyframes import KeyFrameFeatures, describe_key_frames
 from humanmm.models.records.shots import ShotList
@@ -9,7 +9,7 @@ from humanmm.tasks.inputs import StageInputs
 
 
 def keyframes(inputs: StageInputs) -> KeyFrameFeatures:
-    """Features of all shots' key frames, people left out; none where there is nothing to join."""
+    """Features and edges of all shots' key frames, people left out."""
     with inputs.open_video() as stream:
         return describe_key_frames(
             Video(stream, inputs.read("decode", VideoFacts)),

@@ -96,10 +96,10 @@ STAGES: tuple[Stage, ...] = (
     Stage(
         "keyframes", "video", ("decode", "people", "shots"), (),
         "humanmm.models.camera.background.keyframes:KeyFrameFeatures",
-        reads_video=True, resources=_memory(250, 20),
+        schema_version=2, reads_video=True, resources=_memory(250, 20),
     ),
     Stage(
-        "intrinsics", "video", ("decode", "people", "shots", "points"), ("intrinsics",),
+        "intrinsics", "video", ("decode", "people", "shots", "points", "keyframes"), ("intrinsics",),
         "humanmm.models.records.camera:Intrinsics",
         resources=_memory(10, 0, 6),
     ),

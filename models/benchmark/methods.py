@@ -13,7 +13,7 @@ import numpy as np
 from humanmm.config import Config
 from humanmm.errors import HumanMMError
 from humanmm.models.benchmark.oracles import true_cameras, true_rotations, with_true_cuts, yaw_rotations
-from humanmm.models.camera.intrinsics import ShotPoints, given_intrinsics, intrinsics_from_points
+from humanmm.models.camera.intrinsics import ShotPoints, given_intrinsics, intrinsics_from_background
 from humanmm.models.camera.masking import without_transitions
 from humanmm.models.cuts.camera_rotation import align_by_eight_point
 from humanmm.models.motion.fit.hmr import NoiseModel, fit_shot
@@ -321,7 +321,7 @@ def _focal_length(video: BenchVideo, config: Config, shots: ShotList, tracks: Se
     usable = [
         ShotPoints(points, video.people[shot.scene].tracks) for shot, points in zip(shots.shots, tracks, strict=True)
     ]
-    return intrinsics_from_points(usable, facts.width, facts.height)
+    return intrinsics_from_background(usable, facts.width, facts.height)
 
 
 def _as_labelled(shot: Shot) -> Shot:

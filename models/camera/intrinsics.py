@@ -3,9 +3,10 @@
 The prior. `geometry.intrinsics` says where its centre comes from; one standard deviation spans 25 to 55 mm full-frame
 equivalent.
 
-The evidence. Every shot whose camera rotates or moves tells its focal length with an uncertainty (`self_calibration`).
-Prior and evidence are multiplied on a grid of ln(focal); evidence has heavy tails, so that a shot with a lens of its
-own, or one that was misread, does not drag the rest away.
+The evidence. Every shot whose camera rotates or moves tells its focal length with an uncertainty (`self_calibration`),
+and so do straight edges of walls and floors wherever they are seen, also by a static camera (`walls_focal`). Prior and
+evidence are multiplied on a grid of ln(focal); evidence has heavy tails, so that a shot with a lens of its own, or one
+that was misread, does not drag the rest away.
 """
 
 import math
@@ -15,6 +16,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
+from humanmm.models.camera.background.keyframes import FrameFeatures, KeyFrameFeatures
+from humanmm.models.camera.background.walls_focal import LOG_SCALES, focal_log_likelihood
 from humanmm.models.camera.masking import background_points
 from humanmm.models.camera.model_choice import HINT_SHARE, choose_model
 from humanmm.models.camera.odometry.keyframe_odometry import EXACT_SHARE, MIN_POINTS
@@ -35,9 +38,12 @@ TAIL_DEGREES = 3.0
 MAX_FRAMES = 600
 """Recorded frames of a shot that are looked at."""
 MAX_SHOTS = 4
-"""Shots that are used, those with most points over most frames first."""
-ENOUGH_RELATIVE_SIGMA = 0.02
-"""Once this sure, no further shot is used."""
+"""Shots whose points are used, those with most points over most frames first."""
+MAX_PICTURES = 6
+"""Shots whose straight edges are used, those with the longest first."""
+LEAST_RELATIVE_SIGMA = 0.02
+"""No result claims to be surer, since all evidence shares the model's error; once it is that sure, no further shot is
+used."""
 NARROWED = 0.5
 """The result is called estimated if its standard deviation is below this fraction of the prior's."""
 
@@ -63,6 +69,7 @@ def estimate_intrinsics(
     shots: ShotList,
     people: Sequence[ScenePeople | None],
     points: Sequence[PointTracks | None],
+    key_frames: KeyFrameFeatures,
     *,
     focal_px: float | None = None,
     fov_deg: float | None = None,
@@ -80,13 +87,29 @@ def estimate_intrinsics(
         for shot in shots.shots
         if (tracks := points[shot.scene]) is not None and (scene := people[shot.scene]) is not None
     ]
-    return intrinsics_from_points(usable, facts.width, facts.height)
+    return intrinsics_from_background(usable, facts.width, facts.height, middle_frames(key_frames))
 
 
-def intrinsics_from_points(shots: Sequence[ShotPoints], width: int, height: int) -> Intrinsics:
-    """The focal length that prior and background agree on; source "default" where the background hardly tells."""
+def middle_frames(key_frames: KeyFrameFeatures) -> list[FrameFeatures]:
+    """One key frame of each shot; of those with the longest straight edges."""
+    middle = [frames[len(frames) // 2] for frames in key_frames.of_shot if frames]
+    length = [float(np.linalg.norm(f.segments[:, 2:] - f.segments[:, :2], axis=1).sum()) for f in middle]
+    return [middle[k] for k in np.argsort(-np.array(length), kind="stable")[:MAX_PICTURES]]
+
+
+def intrinsics_from_background(
+    shots: Sequence[ShotPoints], width: int, height: int, pictures: Sequence[FrameFeatures] = ()
+) -> Intrinsics:
+    """The focal length that prior and background agree on; source "default" where the background hardly tells.
+
+    `pictures`: key frames whose straight edges are used.
+    """
     default = default_focal_px(width, height)
-    evidence: list[FocalEvidence] = []
+    evidence: list[FocalEvidence | EdgeEvidence] = [
+        EdgeEvidence(default, likelihood)
+        for picture in pictures
+        if (likelihood := focal_log_likelihood(picture.segments, default, width, height)) is not None
+    ]
     result = combine(evidence, default, width, height)
     for shot in sorted(shots, key=lambda shot: -len(shot.points.frame))[:MAX_SHOTS]:
         background = arrange(background_points(_beginning(shot.points), shot.people), width, height)
@@ -94,7 +117,7 @@ def intrinsics_from_points(shots: Sequence[ShotPoints], width: int, height: int)
         if found is not None:
             evidence.append(found)
             result = combine(evidence, default, width, height)
-        if result.relative_uncertainty < ENOUGH_RELATIVE_SIGMA:
+        if result.relative_uncertainty <= LEAST_RELATIVE_SIGMA:
             break
     return result
 
@@ -118,6 +141,25 @@ class FocalEvidence:
     focal_px: float
     log_sigma: float
     """Standard deviation of ln(focal)."""
+
+    def log_likelihood(self, log_focal: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Up to a constant, at ln(focal)."""
+        sigma = math.hypot(self.log_sigma, MODEL_RELATIVE_SIGMA)
+        scaled = (log_focal - math.log(self.focal_px)) / sigma
+        return np.asarray(-0.5 * (TAIL_DEGREES + 1) * np.log1p(scaled**2 / TAIL_DEGREES))
+
+
+@dataclass(frozen=True, eq=False)
+class EdgeEvidence:
+    """What the straight edges of one shot say about the focal length (`walls_focal`)."""
+
+    default_px: float
+    values: Float[np.ndarray, " scales"]
+    """Log likelihood of default_px · exp(LOG_SCALES)."""
+
+    def log_likelihood(self, log_focal: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Up to a constant, at ln(focal)."""
+        return np.asarray(np.interp(log_focal - math.log(self.default_px), LOG_SCALES, self.values))
 
 
 def focal_evidence(shot: TrackedShot, assumed: Intrinsics) -> FocalEvidence | None:
@@ -148,23 +190,17 @@ def _evidence(calibrated: FocalTrack) -> FocalEvidence:
     return FocalEvidence(middle_px, float(np.hypot(calibrated.log_focal_sigma, np.ptp(views.log_zoom))))
 
 
-def combine(evidence: Sequence[FocalEvidence], default_px: float, width: int, height: int) -> Intrinsics:
+def combine(evidence: Sequence[FocalEvidence | EdgeEvidence], default_px: float, width: int, height: int) -> Intrinsics:
     """Mean and spread of prior times evidence over ln(focal)."""
     log_focal = math.log(default_px) + np.linspace(-2.0, 2.0, 8001)
     log_density = -0.5 * ((log_focal - math.log(default_px)) / DEFAULT_RELATIVE_SIGMA) ** 2
     for one in evidence:
-        log_density = log_density + _log_likelihood(log_focal, one)
+        log_density = log_density + one.log_likelihood(log_focal)
     density = np.exp(log_density - log_density.max())
     density /= density.sum()
     mean = float((density * log_focal).sum())
-    sigma = float(np.sqrt((density * (log_focal - mean) ** 2).sum()))
+    sigma = max(float(np.sqrt((density * (log_focal - mean) ** 2).sum())), LEAST_RELATIVE_SIGMA)
     narrowed = sigma < NARROWED * DEFAULT_RELATIVE_SIGMA
     if not narrowed:
         return Intrinsics(default_px, width, height, "default", DEFAULT_RELATIVE_SIGMA)
     return Intrinsics(math.exp(mean), width, height, "estimated", sigma)
-
-
-def _log_likelihood(log_focal: Float[np.ndarray, " n"], evidence: FocalEvidence) -> Float[np.ndarray, " n"]:
-    sigma = math.hypot(evidence.log_sigma, MODEL_RELATIVE_SIGMA)
-    scaled = (log_focal - math.log(evidence.focal_px)) / sigma
-    return np.asarray(-0.5 * (TAIL_DEGREES + 1) * np.log1p(scaled**2 / TAIL_DEGREES))

@@ -14,12 +14,13 @@ from jaxtyping import Float
 from humanmm.models.cuts.camera_rotation import GAP_WARNING_S, SIDES_SWAPPED, CutMethod, align_by_bundle
 from humanmm.models.geometry.intrinsics import K_of
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
-from humanmm.models.motion.world.levelling import StandingAxis, levelled, standing_axes, upright_of
+from humanmm.models.motion.world.levelling import UpDirection, levelled, standing_axes, upright_of
 from humanmm.models.motion.world.people import Part, concatenated
 from humanmm.models.motion.world.shot_graph import BackgroundEdges, CutEdge, background_edges, cut_edge, people_edges
 from humanmm.models.motion.world.shot_results import ShotResults, camera_of, motions_of, posed, usable
 from humanmm.models.motion.world.shot_rotations import ShotRotations, solve_rotations
 from humanmm.models.motion.world.solver import CameraEdge, SameCamera, ShotRig, ShotTrajectory, Solution, solve
+from humanmm.models.motion.world.walls import wall_edges, walls_of
 from humanmm.models.records.camera import SOURCES
 from humanmm.models.records.motion import CutAlignment, PersonShotMotion, RotationEvidence, WorldMotion
 
@@ -48,11 +49,18 @@ def align(
     background = background_edges(results)
     num_shots = len(results.shots.shots)
     standing = {shot: standing_axes(results, shot) for shot in range(num_shots) if usable(results, shot)}
+    walls = walls_of(results, standing)
+    up_of_walls = {shot: one.up for shot, one in walls.items()}
+    from_people = (one for edge in edges if edge.cut.linked for one in people_edges(results, edge))
     rotations = solve_rotations(
         num_shots,
-        [*(one for edge in edges if edge.cut.linked for one in people_edges(results, edge)), *background.edges],
-        [upright_of(camera_of(results, k), standing[k]) if k in standing else None for k in range(num_shots)],
+        [*from_people, *background.edges, *wall_edges(walls)],
+        [
+            upright_of(camera_of(results, k), standing[k], up_of_walls.get(k)) if k in standing else None
+            for k in range(num_shots)
+        ],
     )
+    verticals = {k: [*axes, *([up_of_walls[k]] if k in up_of_walls else [])] for k, axes in standing.items()}
     groups = _groups(results, rotations)
     F = len(results.time_s)
     world = _World(
@@ -64,7 +72,7 @@ def align(
     )
     warnings: list[str] = []
     for group in groups:
-        warnings += _solve_group(results, group, rotations, background, standing, world)
+        warnings += _solve_group(results, group, rotations, background, verticals, world)
     _fill_cameras(results, world)
     cuts = _reported(results, edges, rotations, world)
     warnings += [warning for cut in cuts for warning in cut.warnings]
@@ -128,12 +136,12 @@ def _solve_group(
     group: Sequence[int],
     rotations: ShotRotations,
     background: BackgroundEdges,
-    standing: Mapping[int, Sequence[StandingAxis]],
+    verticals: Mapping[int, Sequence[UpDirection]],
     world: _World,
 ) -> list[str]:
     """Level the shots of one group, solve for their positions, and write them into the world; returns warnings."""
     R_first_shot = [rotations.R_group_shot[group[0]].T @ rotations.R_group_shot[shot] for shot in group]
-    R_world_shot = {k: R for k, R in zip(group, levelled(results, group, R_first_shot, standing), strict=True)}
+    R_world_shot = {k: R for k, R in zip(group, levelled(results, group, R_first_shot, verticals), strict=True)}
     trajectories, owners = [], []
     for k, shot in enumerate(group):
         for motion in motions_of(results, shot).values():

@@ -1,7 +1,7 @@
 """Levels the shots of one group: gravity from the evidence of all (`gravity`), heading from the first camera."""
 
 from collections.abc import Mapping, Sequence
-from typing import TypeAlias
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
@@ -21,31 +21,40 @@ from humanmm.models.records.camera import ShotCamera
 
 Array = np.ndarray
 
-StandingAxis: TypeAlias = tuple[Float[Array, "3"], float]
-"""A person's mean standing axis in a shot, shot axes, and its standard deviation in degrees."""
+
+@dataclass(frozen=True, eq=False)
+class UpDirection:
+    """A direction that should be up, shot axes."""
+
+    axis: Float[Array, "3"]
+    sigma_deg: float
+    """Standard deviation."""
+
 
 PICTURE_SIGMA_DEG = 25.0
 """The picture's own vertical hardly tells which way is up."""
 SHOT_SIGMA_DEG = 6.0
 """Error of a shot's own vertical besides that of its people: two shots see them from two sides."""
+OVERRULED_SIGMAS = 3.0
+"""Walls whose vertical lies further than this from what all evidence says are overruled."""
 
 
 def levelled(
     results: ShotResults,
     group: Sequence[int],
     R_first_shot: Sequence[Float[Array, "3 3"]],
-    standing: Mapping[int, Sequence[StandingAxis]],
+    verticals: Mapping[int, Sequence[UpDirection]],
 ) -> list[Float[Array, "3 3"]]:
     """Each shot's axes to world axes: gravity from the evidence of all shots, +y where the first camera looks.
 
-    `standing`: the `standing_axes` of every shot of the group.
+    `verticals`: of every shot of the group, what people and walls say is up.
     """
     up, up_sigma, level, level_sigma = [], [], [], []
     for shot, R in zip(group, R_first_shot, strict=True):
         camera = camera_of(results, shot)
-        for axis, sigma in standing[shot]:
-            up.append(R @ axis)
-            up_sigma.append(sigma)
+        for vertical in verticals[shot]:
+            up.append(R @ vertical.axis)
+            up_sigma.append(vertical.sigma_deg)
         level.append(R @ _mean_x(camera))
         level_sigma.append(ROLL_SIGMA_DEG)
         turned_about = pan_axis(camera.R_shot_cam)
@@ -64,19 +73,25 @@ def levelled(
     return [R_world_first @ R for R in R_first_shot]
 
 
-def upright_of(camera: ShotCamera, axes: Sequence[StandingAxis]) -> Upright:
-    """Where up is in a shot's own axes, from its camera and its people's standing axes alone."""
-    picture = camera.R_shot_cam[0] @ np.array([0.0, -1.0, 0.0])
+def upright_of(camera: ShotCamera, standing: Sequence[UpDirection], walls: UpDirection | None = None) -> Upright:
+    """Where up is in a shot's own axes, from its camera, its people's standing axes and its walls alone."""
+    picture = UpDirection(camera.R_shot_cam[0] @ np.array([0.0, -1.0, 0.0]), PICTURE_SIGMA_DEG)
+    directions = [*standing, picture, *([walls] if walls is not None else [])]
     up = up_direction(
         UprightEvidence(
-            up=np.array([*(axis for axis, _ in axes), picture]),
-            up_sigma_deg=np.array([*(sigma for _, sigma in axes), PICTURE_SIGMA_DEG]),
+            up=np.array([one.axis for one in directions]),
+            up_sigma_deg=np.array([one.sigma_deg for one in directions]),
             level=_mean_x(camera)[None],
             level_sigma_deg=np.array([ROLL_SIGMA_DEG]),
         )
     )
-    best = min([sigma for _, sigma in axes], default=PICTURE_SIGMA_DEG)
-    return Upright(up, float(np.hypot(min(best, PICTURE_SIGMA_DEG), SHOT_SIGMA_DEG)))
+    of_people = float(np.hypot(min(one.sigma_deg for one in (*standing, picture)), SHOT_SIGMA_DEG))
+    if (
+        walls is None
+        or float(np.degrees(np.arccos(np.clip(up @ walls.axis, -1, 1)))) > OVERRULED_SIGMAS * walls.sigma_deg
+    ):
+        return Upright(up, of_people)
+    return Upright(up, min(of_people, walls.sigma_deg))
 
 
 def _heading(R_cam: Float[Array, "3 3"], z: Float[Array, "3"]) -> Float[Array, "3"]:
@@ -93,8 +108,8 @@ def _mean_x(camera: ShotCamera) -> Float[Array, "3"]:
     return np.asarray(x / max(float(np.linalg.norm(x)), 1e-9))
 
 
-def standing_axes(results: ShotResults, shot: int) -> list[StandingAxis]:
-    """Mean standing axis of each person of a shot, shot axes, with its sigma in degrees."""
+def standing_axes(results: ShotResults, shot: int) -> list[UpDirection]:
+    """Mean standing axis of each person of a shot."""
     camera = camera_of(results, shot)
     found = []
     for motion in motions_of(results, shot).values():
@@ -104,5 +119,5 @@ def standing_axes(results: ShotResults, shot: int) -> list[StandingAxis]:
         R_shot_cam = camera.R_shot_cam[motion.frame - camera.start]
         joints, _ = posed(motion, R_shot_cam)
         axis, weight = standing_axis(joints[seen])
-        found.append(mean_axis(axis, weight))
+        found.append(UpDirection(*mean_axis(axis, weight)))
     return found

@@ -60,6 +60,8 @@ class RotationEdge:
     """Background points; 0 for edges from people."""
     connects: bool = True
     """Whether it shows by itself that the two shots belong to one world."""
+    weight: float = 1.0
+    """How far it is a witness of its own; backgrounds that match count less besides (`BACKGROUND_VOICES`)."""
 
 
 @dataclass(frozen=True)
@@ -161,7 +163,7 @@ def _weights(edges: Sequence[RotationEdge]) -> list[float]:
         if edge.num_inliers:
             degree[edge.a], degree[edge.b] = degree.get(edge.a, 0) + 1, degree.get(edge.b, 0) + 1
     return [
-        min(1.0, BACKGROUND_VOICES / math.sqrt(degree[edge.a] * degree[edge.b])) if edge.num_inliers else 1.0
+        min(1.0, BACKGROUND_VOICES / math.sqrt(degree[edge.a] * degree[edge.b])) if edge.num_inliers else edge.weight
         for edge in edges
     ]
 

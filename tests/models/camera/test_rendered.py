@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from humanmm.models.camera.estimate import camera_from_points
-from humanmm.models.camera.intrinsics import ShotPoints, intrinsics_from_points
+from humanmm.models.camera.intrinsics import ShotPoints, intrinsics_from_background
 from humanmm.models.camera.klt import klt_tracks
 from humanmm.models.geometry import rotations
 from humanmm.models.records.tracks import PersonTrack, Silhouettes
@@ -62,7 +62,7 @@ def test_the_camera_drifts_less_than_a_degree_with_the_focal_length_unknown(clip
             size = (facts.width, facts.height)
             points = klt_tracks(pictures, start=start, source_size=size)
             shots.append(ShotPoints(points, people))
-    intrinsics = intrinsics_from_points(shots, facts.width, facts.height)
+    intrinsics = intrinsics_from_background(shots, facts.width, facts.height)
     assert intrinsics.source == "estimated"
     assert intrinsics.focal_px == pytest.approx(focal_px, rel=0.03)
     for shot, expected in zip(shots, CLIPS[clip], strict=True):

@@ -16,7 +16,9 @@ def features(frame: int) -> FrameFeatures:
     """Features all over a picture of 640 x 480, each unlike the others."""
     random = np.random.default_rng(4)
     xy = random.uniform([0, 0], [640, 480], (500, 2)).astype(np.float32)
-    return FrameFeatures(frame, xy, random.integers(0, 256, (500, 128)).astype(np.uint8))
+    descriptors = random.integers(0, 256, (500, 128)).astype(np.uint8)
+    segments = np.array([[150, 150, 160, 290], [300, 20, 310, 400]], np.float32)  # the first on the person
+    return FrameFeatures(frame, xy, descriptors, segments)
 
 
 def person(frame: int) -> PersonTrack:
@@ -35,6 +37,7 @@ def test_features_on_people_take_no_part() -> None:
     assert 0 < len(kept.xy) < len(everything.xy)
     _, index = match_features(kept, everything)
     assert outside[index].all()
+    np.testing.assert_array_equal(kept.segments, everything.segments[1:])
 
 
 def test_a_box_of_long_ago_hides_nothing() -> None:

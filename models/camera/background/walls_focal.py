@@ -1,0 +1,54 @@
+"""The focal length from straight edges: with the right one, walls, floors and edges stand at right angles.
+
+Three directions at right angles have vanishing points that fix the focal length of a camera whose principal point is
+known (Caprile and Torre, "Using vanishing points for camera calibration", IJCV 1990). Here it need not be known which
+segment vanishes where: for every focal length of a grid the likeliest Manhattan frame is found.
+"""
+
+import numpy as np
+from jaxtyping import Float
+
+from humanmm.models.camera.background.manhattan import LEAST_SEGMENTS, log_density, settled, start_frames
+from humanmm.models.camera.background.segments import Segments
+from humanmm.models.geometry.intrinsics import K_from_focal
+
+Array = np.ndarray
+
+LOG_SCALES = np.arange(-8, 9) * 0.07
+"""Focal lengths that are tried: logarithm of their ratio to the default."""
+SEARCHED = (2, 8, 14)
+"""Those at which frames are searched; the others begin with the frames of the nearest."""
+STARTS = 4
+PICTURE_KAPPA = 1 / np.radians(15.0) ** 2
+"""Concentration of the vertical about the picture's own."""
+TEMPER = 0.1
+"""Segments are no independent witnesses (a tiled floor has hundreds that are wrong together): what each counts for."""
+LARGEST = 4.0
+"""No picture says more than exp(−4) against any focal length."""
+UP_CAM = np.array([0.0, -1.0, 0.0])
+
+
+def focal_log_likelihood(
+    ends: Float[Array, "segments 4"], default_px: float, width: int, height: int
+) -> Float[Array, " scales"] | None:
+    """What one picture's segments (pixels) say of focal lengths default_px · exp(LOG_SCALES); 0 is the likeliest.
+
+    None with too few segments.
+    """
+    if len(ends) < LEAST_SEGMENTS:
+        return None
+
+    def seen_with(scale: float) -> Segments:
+        return Segments.of([ends], [K_from_focal(default_px * float(np.exp(scale)), width, height)], [np.eye(3)])
+
+    starts = {k: start_frames(seen_with(LOG_SCALES[k]), UP_CAM, PICTURE_KAPPA)[:STARTS] for k in SEARCHED}
+    values = []
+    for k, scale in enumerate(LOG_SCALES):
+        seen = seen_with(scale)
+        begin = starts[min(SEARCHED, key=lambda searched: abs(searched - k))]
+        frames = [settled(seen, axes, UP_CAM, PICTURE_KAPPA) for axes in begin]
+        values.append(
+            max(log_density(seen, axes) + PICTURE_KAPPA * (float(axes[:, 2] @ UP_CAM) - 1) for axes in frames)
+        )
+    likelihood = TEMPER * np.array(values)
+    return np.asarray(np.maximum(likelihood - likelihood.max(), -LARGEST))

@@ -1,0 +1,87 @@
+"""What straight edges of the background say: where up is in each shot, and how two shots' cameras head apart.
+
+Every shot that shows a built place has a Manhattan frame (`camera.background.manhattan`). Its vertical is a witness of
+gravity that no pose of a body bends. Two shots of one place share the frame up to quarter turns: four hypotheses of the
+rotation between them, each precise to a degree or two, between which people choose.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from humanmm.models.camera.background.manhattan import QUARTER_TURNS, ManhattanFrame, find_manhattan_frame
+from humanmm.models.camera.background.segments import Segments
+from humanmm.models.motion.world.levelling import UpDirection, upright_of
+from humanmm.models.motion.world.rotation_mixtures import QUANTILE_68, RotationEdge, RotationHypothesis
+from humanmm.models.motion.world.shot_results import ShotResults, camera_of
+
+SURE, MARGIN_HALF = 0.92, 5.0
+"""A frame is the right one with a probability of SURE · m / (m + MARGIN_HALF), m its margin: measured on development
+clips (docs/method.md)."""
+ONE_PLACE = 0.95
+"""Probability that two shots that people or backgrounds connect show walls of one Manhattan frame."""
+FRAME_SIGMA_DEG = 1.0
+"""Error of a right frame besides what its segments say: focal length, lens, walls that are not at right angles."""
+LEAST_PROBABILITY = 0.4
+"""Frames that are less likely say nothing."""
+
+
+@dataclass(frozen=True)
+class ShotWalls:
+    """A shot's Manhattan frame, and the probability that it is the right one."""
+
+    frame: ManhattanFrame
+    probability: float
+
+    @property
+    def sigma_deg(self) -> float:
+        """Standard deviation of a rotation about one axis, if it is the right one."""
+        return float(np.hypot(self.frame.sigma_deg, FRAME_SIGMA_DEG))
+
+    @property
+    def up(self) -> UpDirection:
+        """Its vertical, shot axes."""
+        return UpDirection(self.frame.up, self.sigma_deg)
+
+
+def walls_of(results: ShotResults, standing: Mapping[int, list[UpDirection]]) -> dict[int, ShotWalls]:
+    """By shot, the frames that are likely enough; `standing`: the shots that have a motion, with people's axes."""
+    found = {}
+    for shot, axes in standing.items():
+        camera, key_frames = camera_of(results, shot), results.key_frames[shot]
+        rows = [frame.frame - camera.start for frame in key_frames]
+        if not rows:
+            continue
+        seen = Segments.of(
+            [frame.segments for frame in key_frames], list(camera.K[rows]), list(camera.R_shot_cam[rows])
+        )
+        upright = upright_of(camera, axes)
+        frame = find_manhattan_frame(seen, upright.direction, upright.sigma_deg)
+        if frame is None:
+            continue
+        probability = SURE * frame.margin / (frame.margin + MARGIN_HALF)
+        if probability >= LEAST_PROBABILITY:
+            found[shot] = ShotWalls(frame, probability)
+    return found
+
+
+def wall_edges(walls: Mapping[int, ShotWalls]) -> list[RotationEdge]:
+    """Four hypotheses of the rotation between any two shots that have frames.
+
+    All pairs of n shots know no more than n - 1 of them: each counts for 2 / n of a witness.
+    """
+    edges = []
+    for a, b in combinations(sorted(walls), 2):
+        first, second = walls[a], walls[b]
+        probability = ONE_PLACE * first.probability * second.probability
+        sigma_deg = QUANTILE_68 * float(np.hypot(first.sigma_deg, second.sigma_deg))
+        hypotheses = tuple(
+            RotationHypothesis(
+                first.frame.R_axes_walls @ turn @ second.frame.R_axes_walls.T, sigma_deg, probability / 4, "walls"
+            )
+            for turn in QUARTER_TURNS
+        )
+        edges.append(RotationEdge(a, b, hypotheses, "walls", connects=False, weight=2 / len(walls)))
+    return edges
