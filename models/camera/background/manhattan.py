@@ -26,6 +26,8 @@ HEADINGS = 45
 """Headings that are tried in a quarter turn."""
 CANDIDATES, ITERATIONS = 12, 12
 LEAST_SEGMENTS = 12
+CHANCE_SIGMAS = 4.0
+"""A segment that runs anywhere counts for an axis if it comes within about so many standard deviations, both sides."""
 DISTINCT_DEG = 4.0
 """Frames that lie closer together are one."""
 QUARTER_TURNS = rotvec_to_rotmat(np.outer(np.arange(4) * math.pi / 2, [0.0, 0.0, 1.0]))
@@ -131,26 +133,27 @@ def _densities(seen: Segments, axes: Float[Array, "3 3"]) -> Float[Array, "n 3"]
     return ALONG * _against_anywhere(residual, seen.sigma[:, None])
 
 
+def support(seen: Segments, axes: Float[Array, "3 3"]) -> tuple[Float[Array, "n 3"], Float[Array, "3"]]:
+    """Probability of each segment to run along each axis, and the fraction of them that chance does not explain.
+
+    Segments that run anywhere come to lie along an axis now and then: a number of them within two standard deviations
+    of what chance brings says nothing of the axis.
+    """
+    density = _densities(seen, axes)
+    shares = density / (density.sum(axis=1, keepdims=True) + 1 - 3 * ALONG)
+    counts, chance = seen.weight @ shares, float(seen.weight @ (CHANCE_SIGMAS * seen.sigma / math.pi))
+    return shares, np.clip((counts - chance - 2 * math.sqrt(chance)) / np.maximum(counts, 1e-9), 0.0, 1.0)
+
+
 def _normal_equations(
     seen: Segments, axes: Float[Array, "3 3"], up: Float[Array, "3"], kappa: float
 ) -> tuple[Float[Array, "3 3"], Float[Array, "3"]]:
-    """Gauss-Newton matrix and gradient of a small rotation of the axes, every segment in its shares.
-
-    Segments that lie along an axis by chance tell nothing of it: an axis counts by the share of its segments that are
-    more than chance brings.
-    """
+    """Gauss-Newton matrix and gradient of a small rotation of the axes, every segment in its shares."""
     residual, beside = seen.residuals(axes)
-    density = ALONG * _against_anywhere(residual, seen.sigma[:, None])
-    shares = density / (density.sum(axis=1, keepdims=True) + 1 - 3 * ALONG)
-    counts, chance = seen.weight @ shares, float(seen.weight @ (CHANCE_SIGMAS * seen.sigma / math.pi))
-    real = np.clip((counts - chance - 2 * math.sqrt(chance)) / np.maximum(counts, 1e-9), 0.0, 1.0)
+    shares, real = support(seen, axes)
     J = np.cross(axes.T[None], seen.normal[:, None]) / beside[..., None]
     weight = seen.weight[:, None] * shares * real / seen.sigma[:, None] ** 2
     H = np.einsum("nj,nja,njb->ab", weight, J, J)
     g = np.einsum("nj,nja,nj->a", weight, J, np.sin(residual))
     z = axes[:, 2]
     return H + kappa * (np.eye(3) - np.outer(z, z)) + 1e-3 * np.eye(3), g - kappa * np.cross(z, up)
-
-
-CHANCE_SIGMAS = 4.0
-"""A segment that runs anywhere counts for an axis if it comes within about so many standard deviations, both sides."""

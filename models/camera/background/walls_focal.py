@@ -8,7 +8,7 @@ segment vanishes where: for every focal length of a grid the likeliest Manhattan
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.models.camera.background.manhattan import LEAST_SEGMENTS, log_density, settled, start_frames
+from humanmm.models.camera.background.manhattan import LEAST_SEGMENTS, log_density, settled, start_frames, support
 from humanmm.models.camera.background.segments import Segments
 from humanmm.models.geometry.intrinsics import K_from_focal
 
@@ -23,6 +23,8 @@ PICTURE_KAPPA = 1 / np.radians(15.0) ** 2
 """Concentration of the vertical about the picture's own."""
 TEMPER = 0.1
 """Segments are no independent witnesses (a tiled floor has hundreds that are wrong together): what each counts for."""
+LEAST_SUPPORT = 0.3
+"""Fraction of the segments along the second axis that chance must not explain."""
 LARGEST = 4.0
 """No picture says more than exp(−4) against any focal length."""
 UP_CAM = np.array([0.0, -1.0, 0.0])
@@ -33,7 +35,8 @@ def focal_log_likelihood(
 ) -> Float[Array, " scales"] | None:
     """What one picture's segments (pixels) say of focal lengths default_px · exp(LOG_SCALES); 0 is the likeliest.
 
-    None with too few segments.
+    None with too few segments, or where they run along one direction alone: those vanish at one point, which tells
+    nothing of the focal length.
     """
     if len(ends) < LEAST_SEGMENTS:
         return None
@@ -42,13 +45,15 @@ def focal_log_likelihood(
         return Segments.of([ends], [K_from_focal(default_px * float(np.exp(scale)), width, height)], [np.eye(3)])
 
     starts = {k: start_frames(seen_with(LOG_SCALES[k]), UP_CAM, PICTURE_KAPPA)[:STARTS] for k in SEARCHED}
-    values = []
+    found = []
     for k, scale in enumerate(LOG_SCALES):
         seen = seen_with(scale)
         begin = starts[min(SEARCHED, key=lambda searched: abs(searched - k))]
         frames = [settled(seen, axes, UP_CAM, PICTURE_KAPPA) for axes in begin]
-        values.append(
-            max(log_density(seen, axes) + PICTURE_KAPPA * (float(axes[:, 2] @ UP_CAM) - 1) for axes in frames)
-        )
-    likelihood = TEMPER * np.array(values)
-    return np.asarray(np.maximum(likelihood - likelihood.max(), -LARGEST))
+        posterior = [log_density(seen, axes) + PICTURE_KAPPA * (float(axes[:, 2] @ UP_CAM) - 1) for axes in frames]
+        best = int(np.argmax(posterior))
+        found.append((posterior[best], np.sort(support(seen, frames[best])[1])[1]))
+    value, second_axis = np.array(found).T
+    if second_axis[int(value.argmax())] < LEAST_SUPPORT:
+        return None
+    return np.asarray(np.maximum(TEMPER * (value - value.max()), -LARGEST))

@@ -14,7 +14,7 @@ from jaxtyping import Float
 from humanmm.models.cuts.camera_rotation import GAP_WARNING_S, SIDES_SWAPPED, CutMethod, align_by_bundle
 from humanmm.models.geometry.intrinsics import K_of
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
-from humanmm.models.motion.world.levelling import UpDirection, levelled, standing_axes, upright_of
+from humanmm.models.motion.world.levelling import ShotVertical, levelled, standing_axes, vertical_of
 from humanmm.models.motion.world.people import Part, concatenated
 from humanmm.models.motion.world.shot_graph import BackgroundEdges, CutEdge, background_edges, cut_edge, people_edges
 from humanmm.models.motion.world.shot_results import ShotResults, camera_of, motions_of, posed, usable
@@ -50,17 +50,16 @@ def align(
     num_shots = len(results.shots.shots)
     standing = {shot: standing_axes(results, shot) for shot in range(num_shots) if usable(results, shot)}
     walls = walls_of(results, standing)
-    up_of_walls = {shot: one.up for shot, one in walls.items()}
+    verticals = {
+        shot: vertical_of(camera_of(results, shot), axes, walls[shot].up if shot in walls else None)
+        for shot, axes in standing.items()
+    }
     from_people = (one for edge in edges if edge.cut.linked for one in people_edges(results, edge))
     rotations = solve_rotations(
         num_shots,
         [*from_people, *background.edges, *wall_edges(walls)],
-        [
-            upright_of(camera_of(results, k), standing[k], up_of_walls.get(k)) if k in standing else None
-            for k in range(num_shots)
-        ],
+        [verticals[shot].upright if shot in verticals else None for shot in range(num_shots)],
     )
-    verticals = {k: [*axes, *([up_of_walls[k]] if k in up_of_walls else [])] for k, axes in standing.items()}
     groups = _groups(results, rotations)
     F = len(results.time_s)
     world = _World(
@@ -136,7 +135,7 @@ def _solve_group(
     group: Sequence[int],
     rotations: ShotRotations,
     background: BackgroundEdges,
-    verticals: Mapping[int, Sequence[UpDirection]],
+    verticals: Mapping[int, ShotVertical],
     world: _World,
 ) -> list[str]:
     """Level the shots of one group, solve for their positions, and write them into the world; returns warnings."""
@@ -147,7 +146,7 @@ def _solve_group(
         for motion in motions_of(results, shot).values():
             trajectories.append(_trajectory(results, k, shot, motion, R_world_shot[shot]))
             owners.append((shot, motion))
-    rigs = [_rig(results, shot, R_world_shot[shot]) for shot in group]
+    rigs = [_rig(results, shot, R_world_shot[shot], verticals[shot].upright.sigma_deg) for shot in group]
     index = {shot: k for k, shot in enumerate(group)}
     edges = [
         CameraEdge(index[one.edge.a], index[one.edge.b], max(one.hypothesis.sigma_deg, LEAST_STD_DEG))
@@ -197,13 +196,14 @@ def _trajectory(
     )
 
 
-def _rig(results: ShotResults, shot: int, R_world_shot: Float[Array, "3 3"]) -> ShotRig:
+def _rig(results: ShotResults, shot: int, R_world_shot: Float[Array, "3 3"], level_deg: float) -> ShotRig:
     camera = camera_of(results, shot)
     return ShotRig(
         path=camera.t_shot_cam @ R_world_shot.T,
         start=camera.start,
         scale=1.0,
         scale_known=camera.metric or not np.any(camera.t_shot_cam),
+        level_deg=level_deg,
     )
 
 

@@ -31,6 +31,14 @@ class UpDirection:
     """Standard deviation."""
 
 
+@dataclass(frozen=True)
+class ShotVertical:
+    """Where up is in one shot: all that says so, and what it says together."""
+
+    directions: tuple[UpDirection, ...]
+    upright: Upright
+
+
 PICTURE_SIGMA_DEG = 25.0
 """The picture's own vertical hardly tells which way is up."""
 SHOT_SIGMA_DEG = 6.0
@@ -43,18 +51,18 @@ def levelled(
     results: ShotResults,
     group: Sequence[int],
     R_first_shot: Sequence[Float[Array, "3 3"]],
-    verticals: Mapping[int, Sequence[UpDirection]],
+    verticals: Mapping[int, ShotVertical],
 ) -> list[Float[Array, "3 3"]]:
     """Each shot's axes to world axes: gravity from the evidence of all shots, +y where the first camera looks.
 
-    `verticals`: of every shot of the group, what people and walls say is up.
+    `verticals`: of every shot of the group.
     """
     up, up_sigma, level, level_sigma = [], [], [], []
     for shot, R in zip(group, R_first_shot, strict=True):
         camera = camera_of(results, shot)
-        for vertical in verticals[shot]:
-            up.append(R @ vertical.axis)
-            up_sigma.append(vertical.sigma_deg)
+        for one in verticals[shot].directions:
+            up.append(R @ one.axis)
+            up_sigma.append(one.sigma_deg)
         level.append(R @ _mean_x(camera))
         level_sigma.append(ROLL_SIGMA_DEG)
         turned_about = pan_axis(camera.R_shot_cam)
@@ -63,9 +71,6 @@ def levelled(
             for across in np.linalg.svd(turned_about[None])[2][1:]:
                 level.append(R @ across)
                 level_sigma.append(2 * PAN_SIGMA_DEG)
-        # The picture's own vertical: hardly informed, but never upside down.
-        up.append(R @ camera.R_shot_cam[0] @ np.array([0.0, -1.0, 0.0]))
-        up_sigma.append(PICTURE_SIGMA_DEG)
     z = up_direction(UprightEvidence(np.array(up), np.array(up_sigma), np.array(level), np.array(level_sigma)))
     first = camera_of(results, group[0])
     y = _heading(first.R_shot_cam[0], z)
@@ -73,10 +78,11 @@ def levelled(
     return [R_world_first @ R for R in R_first_shot]
 
 
-def upright_of(camera: ShotCamera, standing: Sequence[UpDirection], walls: UpDirection | None = None) -> Upright:
+def vertical_of(camera: ShotCamera, standing: Sequence[UpDirection], walls: UpDirection | None = None) -> ShotVertical:
     """Where up is in a shot's own axes, from its camera, its people's standing axes and its walls alone."""
+    # The picture's own vertical: hardly informed, but never upside down.
     picture = UpDirection(camera.R_shot_cam[0] @ np.array([0.0, -1.0, 0.0]), PICTURE_SIGMA_DEG)
-    directions = [*standing, picture, *([walls] if walls is not None else [])]
+    directions = (*standing, picture, *([walls] if walls is not None else []))
     up = up_direction(
         UprightEvidence(
             up=np.array([one.axis for one in directions]),
@@ -85,13 +91,10 @@ def upright_of(camera: ShotCamera, standing: Sequence[UpDirection], walls: UpDir
             level_sigma_deg=np.array([ROLL_SIGMA_DEG]),
         )
     )
-    of_people = float(np.hypot(min(one.sigma_deg for one in (*standing, picture)), SHOT_SIGMA_DEG))
-    if (
-        walls is None
-        or float(np.degrees(np.arccos(np.clip(up @ walls.axis, -1, 1)))) > OVERRULED_SIGMAS * walls.sigma_deg
-    ):
-        return Upright(up, of_people)
-    return Upright(up, min(of_people, walls.sigma_deg))
+    sigma_deg = float(np.hypot(min(one.sigma_deg for one in (*standing, picture)), SHOT_SIGMA_DEG))
+    if walls is not None and np.degrees(np.arccos(min(1.0, up @ walls.axis))) < OVERRULED_SIGMAS * walls.sigma_deg:
+        sigma_deg = min(sigma_deg, walls.sigma_deg)
+    return ShotVertical(directions, Upright(up, sigma_deg))
 
 
 def _heading(R_cam: Float[Array, "3 3"], z: Float[Array, "3"]) -> Float[Array, "3"]:

@@ -13,6 +13,7 @@ scale of its path. All of it is linear but for the small rotations and the robus
 iteratively reweighted residuals. Time and memory grow linearly with the video.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -52,6 +53,8 @@ class ShotRig:
     scale: float
     """Metres per unit of `path`."""
     scale_known: bool
+    level_deg: float = math.inf
+    """Standard deviation of its vertical by its own evidence."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +94,7 @@ class SolveSettings:
     """Height of a sole point that bears the body; the four points of a body err together."""
     acceleration_ms2: float = 6.0
     level_deg: float = 4.0
-    """Error of a shot's vertical before the solve."""
+    """Error of a shot's vertical before the solve, where its own evidence claims no less."""
     iterations: int = 12
 
 
@@ -172,7 +175,7 @@ def _step(
         own = [(k, segment) for k, segment in zip(order, segments, strict=True) if trajectories[k].person == person]
         time_s = np.concatenate([trajectories[k].time_s for k, _ in own])
         _inertia(equations, np.concatenate([state.pelvis[k] for k, _ in own]), time_s, own[0][1].start, options)
-    _levels(equations, edges, state, options)
+    _levels(equations, rigs, edges, state, options)
     _same_cameras(equations, rigs, same, state)
 
     damping = np.full((len(rigs), CAMERA_UNKNOWNS), _DAMPING)
@@ -310,12 +313,19 @@ _ACCELERATION_S = 0.3
 """A push lasts about so long: over longer times velocity changes like a random walk."""
 
 
-def _levels(equations: WorldEquations, edges: Sequence[CameraEdge], state: _State, options: SolveSettings) -> None:
+def _levels(
+    equations: WorldEquations,
+    rigs: Sequence[ShotRig],
+    edges: Sequence[CameraEdge],
+    state: _State,
+    options: SolveSettings,
+) -> None:
     """Every shot stays about as level as it came, neighbouring shots rotated against each other as their edge says."""
     of_rotation = np.eye(CAMERA_UNKNOWNS)[3:6]
     for shot, rotation in enumerate(state.rotation):
-        w = 1 / np.deg2rad(options.level_deg)
-        equations.add_cameras(w * rotmat_to_rotvec(rotation), (shot, w * of_rotation))
+        tilt_deg = min(rigs[shot].level_deg, options.level_deg)
+        w_axes = 1 / np.deg2rad([tilt_deg, tilt_deg, options.level_deg])
+        equations.add_cameras(w_axes * rotmat_to_rotvec(rotation), (shot, w_axes[:, None] * of_rotation))
     for edge in edges:
         w = 1 / np.deg2rad(edge.sigma_deg)
         difference = rotmat_to_rotvec(state.rotation[edge.b]) - rotmat_to_rotvec(state.rotation[edge.a])

@@ -13,7 +13,7 @@ import numpy as np
 
 from humanmm.models.camera.background.manhattan import QUARTER_TURNS, ManhattanFrame, find_manhattan_frame
 from humanmm.models.camera.background.segments import Segments
-from humanmm.models.motion.world.levelling import UpDirection, upright_of
+from humanmm.models.motion.world.levelling import UpDirection, vertical_of
 from humanmm.models.motion.world.rotation_mixtures import QUANTILE_68, RotationEdge, RotationHypothesis
 from humanmm.models.motion.world.shot_results import ShotResults, camera_of
 
@@ -57,7 +57,7 @@ def walls_of(results: ShotResults, standing: Mapping[int, list[UpDirection]]) ->
         seen = Segments.of(
             [frame.segments for frame in key_frames], list(camera.K[rows]), list(camera.R_shot_cam[rows])
         )
-        upright = upright_of(camera, axes)
+        upright = vertical_of(camera, axes).upright
         frame = find_manhattan_frame(seen, upright.direction, upright.sigma_deg)
         if frame is None:
             continue

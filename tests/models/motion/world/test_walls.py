@@ -6,7 +6,7 @@ from room_edges import camera_towards
 
 from humanmm.models.camera.background.manhattan import ManhattanFrame
 from humanmm.models.geometry.rotations import rotation_angle, rotvec_to_rotmat
-from humanmm.models.motion.world.levelling import UpDirection, upright_of
+from humanmm.models.motion.world.levelling import UpDirection, vertical_of
 from humanmm.models.motion.world.rotation_mixtures import RotationEdge, RotationHypothesis
 from humanmm.models.motion.world.shot_rotations import solve_rotations
 from humanmm.models.motion.world.walls import ONE_PLACE, ShotWalls, wall_edges
@@ -70,7 +70,7 @@ def test_walls_tell_the_vertical_better_than_somebody_who_leans() -> None:
         0, 2, np.tile(np.eye(3), (2, 1, 1)), np.zeros((2, 3)), np.tile(np.eye(3), (2, 1, 1)), "static", True, 0.0
     )
     leaning = UpDirection(rotvec_to_rotmat(np.radians([9.0, 0.0, 0.0])) @ R.T[:, 2], 8.0)
-    alone, with_walls = upright_of(camera, [leaning]), upright_of(camera, [leaning], walls()[0].up)
+    alone, with_walls = (vertical_of(camera, [leaning], up).upright for up in (None, walls()[0].up))
     off = [np.degrees(np.arccos(min(1.0, one.direction @ R.T[:, 2]))) for one in (alone, with_walls)]
     assert off[0] > 5 and off[1] < 1.5
     assert with_walls.sigma_deg < 2 < alone.sigma_deg
