@@ -15,11 +15,20 @@ from jaxtyping import Float
 
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.landmarks import load_landmarks
-from humanmm.models.motion.fit.equations import REFERENCE_HZ, NormalEquations, Term, cauchy, memoised, portions
+from humanmm.models.geometry.rotations import skew
+from humanmm.models.motion.fit.equations import (
+    REFERENCE_HZ,
+    NormalEquations,
+    Term,
+    cauchy,
+    frame_weights,
+    memoised,
+    portions,
+)
 from humanmm.models.motion.fit.evidence import LongEvidence, Sighting, bone_lengths
 from humanmm.models.motion.fit.hmr import EvidenceTerms, NoiseModel, pelvis_depths
 from humanmm.models.motion.fit.solver import SolverSettings, solve_windows
-from humanmm.models.motion.fit.state import CameraPath, LongMotion, Motion, Skeleton
+from humanmm.models.motion.fit.state import ROOT, CameraPath, LongMotion, Motion, Skeleton
 from humanmm.models.records.recording import CONTACT_JOINTS
 from humanmm.models.records.shots import ShotList
 from humanmm.models.records.tracks import ScenePeople
@@ -28,6 +37,10 @@ Array = np.ndarray
 
 PLANTED_SPEED_MS = 0.1
 """Speed that an estimated foot keeps while it stands, m/s: about what motion capture skates."""
+
+UPRIGHT_SIGMA_RAD = 0.12
+"""Standard deviation of a pelvis about upright, radians: of 0.2, 0.12 and 0.07 the best on five development clips.
+On 23 of them, against no such term: ROE 37.5 -> 36.4 degrees, MPJPE 124.3 -> 122.9, W 474 -> 471 mm (means)."""
 
 SETTINGS = SolverSettings(max_iterations=6, first_damping=1e-6)
 """The start is a fit already: a few steps settle it. Damping goes by the diagonal, which planted feet make large:
@@ -94,6 +107,37 @@ class PlantedFeet:
             equations.gradient[last] += (later_T @ right[steps])[..., 0]
 
 
+@dataclass(frozen=True, eq=False)
+class Uprightness:
+    """Pelves are upright more often than a pose network believes: z × (R_world_root e_y) / σ, robust for each frame.
+
+    On development clips (gravity from the truth) the pitch of the pelvis, as seen, scatters by 7.8° about upright where
+    the truth scatters by 6.3°, and is wrong by 8.3°: most of what looks like a lean is an error.
+    """
+
+    weight: Float[Array, " N"]
+    sigma_rad: float = UPRIGHT_SIGMA_RAD
+    robust_scale: float = 1.5
+
+    def _residual(self, motion: Motion) -> tuple[Float[Array, "N 2"], Float[Array, " N"]]:
+        up = motion.R_ref_root[:, :, 1]
+        return up[:, :2] / self.sigma_rad, np.where(up[:, 2] > 0, self.weight, 0.0)
+
+    def cost(self, motion: Motion) -> float:
+        """Half the robust sum of squares."""
+        residual, weight = self._residual(motion)
+        loss, _ = cauchy(np.sum(residual**2, axis=-1), self.robust_scale)
+        return float(np.sum(weight * loss))
+
+    def add(self, motion: Motion, equations: NormalEquations) -> None:
+        """Add gradient and curvature."""
+        residual, weight = self._residual(motion)
+        _, trust = cauchy(np.sum(residual**2, axis=-1), self.robust_scale)
+        root = np.sqrt(weight * trust)
+        rows = -(motion.R_ref_root @ skew(np.array([0.0, 1.0, 0.0])))[:, :2] * (root / self.sigma_rad)[:, None, None]
+        equations.add_rows(slice(None), rows, root[:, None] * residual, ROOT)
+
+
 def person_skeleton(betas: Float[Array, " 10"]) -> Skeleton:
     """The person's rest joints with the 33 landmarks on them."""
     model = load_landmarks()
@@ -135,6 +179,7 @@ def fit_world(
 
     def terms(frames: slice) -> list[Term]:
         planted = PlantedFeet(feet, clip.time_s[frames], contacts[frames])
-        return [*of_evidence(frames), planted]
+        upright = Uprightness(np.where(clip.seen, frame_weights(clip.time_s), 0.0)[frames])
+        return [*of_evidence(frames), planted, upright]
 
     return solve_windows(start, terms, SETTINGS)

@@ -17,9 +17,9 @@ from humanmm.models.motion.world.levelling import UpDirection, vertical_of
 from humanmm.models.motion.world.rotation_mixtures import QUANTILE_68, RotationEdge, RotationHypothesis
 from humanmm.models.motion.world.shot_results import ShotResults, camera_of
 
-SURE, MARGIN_HALF = 0.92, 5.0
-"""A frame is the right one with a probability of SURE · m / (m + MARGIN_HALF), m its margin: measured on development
-clips (docs/method.md)."""
+SURE, MARGIN_HALF = 0.93, 9.0
+"""A frame of margin m is the right one with probability SURE / (1 + (MARGIN_HALF / m)⁴). Of 67 shots of development
+clips the frames of those with margins below 6, from 6 to 10 and above were right in 1 of 4, 6 of 10 and 50 of 53."""
 ONE_PLACE = 0.95
 """Probability that two shots that people or backgrounds connect show walls of one Manhattan frame."""
 FRAME_SIGMA_DEG = 1.0
@@ -61,10 +61,15 @@ def walls_of(results: ShotResults, standing: Mapping[int, list[UpDirection]]) ->
         frame = find_manhattan_frame(seen, upright.direction, upright.sigma_deg)
         if frame is None:
             continue
-        probability = SURE * frame.margin / (frame.margin + MARGIN_HALF)
+        probability = frame_probability(frame.margin)
         if probability >= LEAST_PROBABILITY:
             found[shot] = ShotWalls(frame, probability)
     return found
+
+
+def frame_probability(margin: float) -> float:
+    """That a Manhattan frame is the right one."""
+    return SURE / (1 + (MARGIN_HALF / max(margin, 1e-3)) ** 4)
 
 
 def wall_edges(walls: Mapping[int, ShotWalls]) -> list[RotationEdge]:

@@ -7,7 +7,7 @@ from humanmm.models.body.body24 import load_body
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.motion.fit.equations import NormalEquations
 from humanmm.models.motion.fit.state import NUM_PARAMETERS, Motion, Skeleton
-from humanmm.models.motion.refine.fit import PlantedFeet
+from humanmm.models.motion.refine.fit import PlantedFeet, Uprightness
 from humanmm.models.records.recording import CONTACT_JOINTS
 
 N = 5
@@ -52,3 +52,30 @@ def test_feet_that_do_not_stand_do_not_count(motion: Motion) -> None:
     contacts = np.ones((N, 4))
     contacts[1::2] = 0.0  # never two frames in a row
     assert PlantedFeet(FEET, TIME, contacts).cost(motion) == 0.0
+
+
+def leaning(motion: Motion, degrees: float) -> Motion:
+    """The same body about upright, leaning forward."""
+    upright = rotvec_to_rotmat(np.array([np.pi / 2, 0.0, 0.0]))  # the body's y axis along the world's z
+    R_root = np.tile(rotvec_to_rotmat(np.radians([0.0, degrees, 0.0])) @ upright, (N, 1, 1))
+    return Motion(FEET, R_root, motion.pelvis_ref, motion.R_body)
+
+
+def test_the_gradient_of_uprightness_is_that_of_its_cost(motion: Motion) -> None:
+    term, at = Uprightness(np.linspace(0.5, 1.0, N)), leaning(motion, 14.0)
+    equations = NormalEquations(N)
+    term.add(at, equations)
+    direction = np.random.default_rng(3).normal(size=(N, NUM_PARAMETERS))
+    ahead, behind = (term.cost(at.moved(sign * 1e-6 * direction)) for sign in (1, -1))
+    assert np.sum(equations.gradient * direction) == pytest.approx((ahead - behind) / 2e-6, rel=1e-4)
+
+
+def test_a_small_lean_is_drawn_upright_and_who_lies_or_stands_on_his_head_is_left_alone(motion: Motion) -> None:
+    def pull(degrees: float) -> float:
+        equations = NormalEquations(N)
+        Uprightness(np.ones(N)).add(leaning(motion, degrees), equations)
+        return float(np.abs(equations.gradient).max())
+
+    assert pull(0.0) == pytest.approx(0.0, abs=1e-9)
+    assert pull(10.0) > 2 * pull(80.0)  # beyond its scale a Cauchy kernel lets go
+    assert pull(170.0) == 0.0
