@@ -3,7 +3,7 @@
 Video settings are chosen for speed: on one core a 720p picture takes about 4 ms to encode.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from fractions import Fraction
 from pathlib import Path
 
@@ -34,16 +34,17 @@ def write_video(
     fps: float,
     colors: Colors,
     quality: int = 22,
+    options: Mapping[str, str] = {},
 ) -> None:
     """Encode yuv420p pictures (even sides, the planes one after the other) with their times in seconds.
 
     A picture may be overwritten once the next one is taken. Times rise; the first becomes zero. `quality` is x264's
-    constant rate factor (lower is better).
+    constant rate factor (lower is better), `options` are more of the encoder's options.
     """
     with av.open(str(path), "w", format="mp4", options={"movflags": "+faststart"}) as container:
         stream = container.add_stream("libx264", rate=Fraction(max(fps, 1.0)).limit_denominator(1001))
         stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
-        stream.options = {**_FAST, "crf": str(quality)}
+        stream.options = {**_FAST, "crf": str(quality), **options}
         codec = stream.codec_context
         codec.time_base = TIME_BASE
         codec.thread_count = _THREADS
