@@ -1,6 +1,8 @@
-"""The pictures of a run folder: drawn by stage `deliver`, at the end of every run, and again by `humanmm view`."""
+"""Pictures and page of a run folder: made by stage `deliver`, at the end of every run, again by `humanmm view`."""
 
+import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -24,8 +26,10 @@ from humanmm.storage.run_folder.motion_zarr import MOTION, read_motion
 from humanmm.storage.run_folder.picture_files import write_png, write_video
 from humanmm.storage.run_folder.run_record import read_run_record
 from humanmm.storage.store.files import replace_file
+from humanmm.storage.view.embedded_video import write_embedded
+from humanmm.storage.view.page import write_page
 
-OVERLAY, TOP_VIEW, TIMELINE = "overlay.mp4", "top.png", "timeline.png"
+OVERLAY, TOP_VIEW, TIMELINE, SCENE = "overlay.mp4", "top.png", "timeline.png", "scene.html"
 _PREFETCHED = 4
 """Pictures that wait for being drawn, and for being encoded."""
 
@@ -53,7 +57,7 @@ def write_overlay(
     """Decode the video once more, draw the people on every frame, and encode it: three threads, a few pictures."""
     width, height = planar_size(facts, settings.overlay_max_side_px)
     colors = read_colors(stream)
-    overlay = Overlay(recording, tuple(marks), width, height, colors)
+    overlay = Overlay(recording, tuple(marks), width, height, colors, opacity=settings.overlay_opacity)
 
     canvases = [np.empty((height * 3 // 2, width), np.uint8) for _ in range(_PREFETCHED)]
 
@@ -78,6 +82,27 @@ def write_timeline(run_dir: Path, recording: Recording, record: Mapping[str, Any
     replace_file(run_dir / "view" / TIMELINE, lambda fresh: write_png(fresh, image))
 
 
+def write_scene(run_dir: Path, recording: Recording, record: Mapping[str, Any]) -> None:
+    """Write view/scene.html, in which overlay.mp4 is embedded; none for a video that is longer than the settings allow.
+
+    `record` is the tree of run.json, whose warnings and shots the page tells: like the timeline, it is never cached.
+    """
+    scene, overlay = run_dir / "view" / SCENE, run_dir / "view" / OVERLAY
+    settings = DeliverConfig.model_validate(record["config"]["deliver"])
+    if float(recording.time_s[-1] - recording.time_s[0]) < settings.scene_max_s and overlay.is_file():
+        write_page_of(scene, overlay, recording, record)
+    else:
+        scene.unlink(missing_ok=True)
+
+
+def write_page_of(page: Path, overlay: Path, recording: Recording, record: Mapping[str, Any]) -> None:
+    """The page of a run, with a small copy of an overlay inside."""
+    with tempfile.TemporaryDirectory(prefix="humanmm-page-") as folder:
+        video = Path(folder) / OVERLAY
+        write_embedded(overlay, video)
+        write_page(page, recording, record, video)
+
+
 def draw_again(run_dir: Path, *, force: bool) -> tuple[Path, ...]:
     """Draw those pictures of a finished run that are missing (all of them with `force`); paths of all pictures."""
     record = read_run_record(run_dir)
@@ -93,7 +118,9 @@ def draw_again(run_dir: Path, *, force: bool) -> tuple[Path, ...]:
         replace_file(view / TOP_VIEW, lambda fresh: write_png(fresh, top_view(recording)))
     if is_wanted(TIMELINE):
         write_timeline(run_dir, recording, record)
-    return tuple(view / name for name in (OVERLAY, TOP_VIEW, TIMELINE))
+    if is_wanted(SCENE):
+        write_scene(run_dir, recording, record)
+    return tuple(view / name for name in (OVERLAY, TOP_VIEW, TIMELINE, SCENE) if (view / name).is_file())
 
 
 def marks_in(record: Mapping[str, Any]) -> tuple[Mark, ...]:
@@ -120,8 +147,16 @@ def stage_times(record: Mapping[str, Any]) -> list[StageTime]:
 
 
 def _draw_overlay_again(path: Path, recording: Recording, record: Mapping[str, Any]) -> None:
-    video = Path(record["video"]["path"])
     settings = DeliverConfig.model_validate(record["config"]["deliver"])
+    with source_video(recording, record) as (stream, facts):
+        marks = marks_in(record)
+        replace_file(path, lambda fresh: write_overlay(fresh, stream, facts, recording, marks, settings=settings))
+
+
+@contextmanager
+def source_video(recording: Recording, record: Mapping[str, Any]) -> Iterator[tuple[BinaryIO, VideoFacts]]:
+    """The video of a run, open, and what is known of it. InputError if it is gone, or another one now."""
+    video = Path(record["video"]["path"])
     try:
         stream = video.open("rb")
     except OSError as error:
@@ -130,5 +165,4 @@ def _draw_overlay_again(path: Path, recording: Recording, record: Mapping[str, A
         facts = read_facts(stream)
         if not np.array_equal(facts.time_s, recording.time_s):
             raise InputError(f"{video} is not the video of this run any more; recover it again")
-        marks = marks_in(record)
-        replace_file(path, lambda fresh: write_overlay(fresh, stream, facts, recording, marks, settings=settings))
+        yield stream, facts

@@ -1,7 +1,7 @@
 """The page scene.html: one file with everything in it, for a browser without server and network.
 
-The scripts in `page/` are read as they are; three.min.js is three.js (scripts/build_three makes it). Names and messages of
-users are JSON inside a script element, in which `<`, `>` and `&` are escaped, and the scripts show them as text alone.
+The scripts in `page/` are read as they are; three.min.js is three.js (scripts/build_three makes it). Names and messages
+of users are JSON inside a script element, in which `<`, `>` and `&` are escaped; the scripts show them as text alone.
 """
 
 import base64

@@ -1,7 +1,7 @@
 """What the page shows, as a tree for JSON: numbers of the recording, and what run.json says of shots and doubts.
 
-Arrays are base64 of little-endian numbers; rotations are quaternions of 16 bits (0.2 mm at the end of a limb), the body's
-vertices 16 bits (0.1 mm). All that is drawn comes from here; storage/view/page/recording.js reads it.
+Arrays are base64 of little-endian numbers; rotations are quaternions of 16 bits (0.2 mm at the end of a limb), the
+body's vertices 16 bits (0.1 mm). All that is drawn comes from here; storage/view/page/recording.js reads it.
 """
 
 import base64
@@ -134,7 +134,8 @@ def _person(recording: Recording, person: RecordedPerson, place_of: Sequence[int
 def _place_of(recording: Recording, person: RecordedPerson, place_of: Sequence[int]) -> int:
     """The place in which he was observed most."""
     seen = person.frame[person.observed] if person.observed.any() else person.frame
-    return Counter(place_of[shot] for shot in recording.shot_index[seen].tolist()).most_common(1)[0][0]
+    places = Counter(place_of[shot] for shot in recording.shot_index[seen].tolist())
+    return max(places, key=lambda place: places[place])
 
 
 def _places(recording: Recording, place_of: Sequence[int]) -> list[dict[str, Any]]:

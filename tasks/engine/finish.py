@@ -78,7 +78,7 @@ def write_results(run: VideoRun, run_dir: Path, *, started: float, log_text: str
     Of two runs that write one folder the later waits for the other, and says so.
     """
     state = "partial" if any(outcome.manifest is None for outcome in run.outcomes.values()) else "done"
-    from humanmm.tasks.pictures import write_timeline
+    from humanmm.tasks.pictures import write_scene, write_timeline
 
     waiting = f"another run is writing {run_dir}; waiting for it"
     try:
@@ -88,6 +88,7 @@ def write_results(run: VideoRun, run_dir: Path, *, started: float, log_text: str
                 _append_log(run_dir / RUN_LOG, log_text)
             record = _record(run, state, started)
             write_timeline(run_dir, recording, record)
+            write_scene(run_dir, recording, record)
             record["fingerprint"] = fingerprint(run)
             record["files"] = _sizes(run_dir)
             write_run_record(run_dir, record)
@@ -154,10 +155,11 @@ def _settings(run: VideoRun) -> dict[str, Any]:
 @functools.cache
 def _writer_digest() -> str:
     """Digest of the code that writes run folders."""
-    folder = Path(__file__).resolve().parents[2] / "storage" / "run_folder"
+    storage = Path(__file__).resolve().parents[2] / "storage"
     total = hashlib.sha256(Path(__file__).read_bytes())
-    for path in sorted(folder.rglob("*.py")):
-        total.update(path.read_bytes())
+    for folder in ("run_folder", "view", "pages"):
+        for path in sorted(path for path in (storage / folder).rglob("*") if path.suffix in (".py", ".js", ".html")):
+            total.update(path.read_bytes())
     return total.hexdigest()
 
 

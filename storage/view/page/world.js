@@ -202,7 +202,7 @@ class World {
     this.bodies = recording.people.map((person) => new Body(recording, person, this.scene));
     this.cameras = recording.shots.map((_, index) => new ShotCamera(recording, index, this.scene, this.picture));
     this.signs = recording.places.slice(1).map((place) => {
-      const sign = labelOf(`another place: ${place.title}`, 0xffb454, 0.024);
+      const sign = labelOf(`apart: ${place.title}`, 0xffb454, 0.024);
       sign.position.set(place.offset[0] + place.center[0], place.offset[1] + place.center[1], 0);
       this.scene.add(sign);
       return sign;
