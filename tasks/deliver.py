@@ -1,4 +1,4 @@
-"""Stage `deliver`: the recording as it is handed out, the overlay video and the top view."""
+"""Stage `deliver`: the recording as it is handed out, the overlay video, its small copy and the top view."""
 
 from humanmm.models.drawing.overlay import marks_of
 from humanmm.models.drawing.top_view import top_view
@@ -9,8 +9,9 @@ from humanmm.models.records.shots import ShotList
 from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.records.video import VideoFacts
 from humanmm.storage.run_folder.picture_files import write_png
+from humanmm.storage.view.embedded_video import write_embedded
 from humanmm.tasks.inputs import StageInputs
-from humanmm.tasks.pictures import OVERLAY, TOP_VIEW, write_overlay
+from humanmm.tasks.pictures import EMBEDDED, OVERLAY, TOP_VIEW, write_overlay
 
 
 def deliver(inputs: StageInputs) -> Delivery:
@@ -29,5 +30,8 @@ def deliver(inputs: StageInputs) -> Delivery:
             settings=inputs.config.deliver,
             progress=inputs.progress,
         )
+    settings = inputs.config.deliver
+    if float(facts.time_s[-1] - facts.time_s[0]) < settings.scene_max_s:
+        write_embedded(inputs.blob_dir / OVERLAY, inputs.blob_dir / EMBEDDED)
     write_png(inputs.blob_dir / TOP_VIEW, top_view(recording))
     return Delivery(recording, (OVERLAY, TOP_VIEW))

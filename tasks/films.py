@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO, Literal
+from typing import BinaryIO
 
 import numpy as np
 
@@ -17,7 +17,6 @@ from humanmm.models.video.frames import PlanarFrame, joined, planar_frames, plan
 from humanmm.models.video.prefetch import prefetched
 from humanmm.storage.run_folder.picture_files import write_video
 
-Film = Literal["world", "side-by-side"]
 WORLD_SIZE = 1280, 720
 _SIDE_PX, _TALL_PX = 640, 720
 """Largest side of the original beside the world: of a wide video, of a tall one."""

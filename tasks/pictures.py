@@ -30,6 +30,8 @@ from humanmm.storage.view.embedded_video import write_embedded
 from humanmm.storage.view.page import write_page
 
 OVERLAY, TOP_VIEW, TIMELINE, SCENE = "overlay.mp4", "top.png", "timeline.png", "scene.html"
+EMBEDDED = "embedded.mp4"
+"""The video inside scene.html, beside the pictures in the artifact of `deliver`; not in the run folder."""
 _PREFETCHED = 4
 """Pictures that wait for being drawn, and for being encoded."""
 
@@ -82,15 +84,14 @@ def write_timeline(run_dir: Path, recording: Recording, record: Mapping[str, Any
     replace_file(run_dir / "view" / TIMELINE, lambda fresh: write_png(fresh, image))
 
 
-def write_scene(run_dir: Path, recording: Recording, record: Mapping[str, Any]) -> None:
-    """Write view/scene.html, in which overlay.mp4 is embedded; none for a video that is longer than the settings allow.
+def write_scene(run_dir: Path, recording: Recording, record: Mapping[str, Any], video: Path) -> None:
+    """Write view/scene.html with a video that `write_embedded` made, or remove it if there is no such file.
 
     `record` is the tree of run.json, whose warnings and shots the page tells: like the timeline, it is never cached.
     """
-    scene, overlay = run_dir / "view" / SCENE, run_dir / "view" / OVERLAY
-    settings = DeliverConfig.model_validate(record["config"]["deliver"])
-    if float(recording.time_s[-1] - recording.time_s[0]) < settings.scene_max_s and overlay.is_file():
-        write_page_of(scene, overlay, recording, record)
+    scene = run_dir / "view" / SCENE
+    if video.is_file():
+        write_page(scene, recording, record, video)
     else:
         scene.unlink(missing_ok=True)
 
@@ -98,9 +99,8 @@ def write_scene(run_dir: Path, recording: Recording, record: Mapping[str, Any]) 
 def write_page_of(page: Path, overlay: Path, recording: Recording, record: Mapping[str, Any]) -> None:
     """The page of a run, with a small copy of an overlay inside."""
     with tempfile.TemporaryDirectory(prefix="humanmm-page-") as folder:
-        video = Path(folder) / OVERLAY
-        write_embedded(overlay, video)
-        write_page(page, recording, record, video)
+        write_embedded(overlay, Path(folder) / EMBEDDED)
+        write_page(page, recording, record, Path(folder) / EMBEDDED)
 
 
 def draw_again(run_dir: Path, *, force: bool) -> tuple[Path, ...]:
@@ -118,9 +118,7 @@ def draw_again(run_dir: Path, *, force: bool) -> tuple[Path, ...]:
         replace_file(view / TOP_VIEW, lambda fresh: write_png(fresh, top_view(recording)))
     if is_wanted(TIMELINE):
         write_timeline(run_dir, recording, record)
-    if is_wanted(SCENE):
-        write_scene(run_dir, recording, record)
-    return tuple(view / name for name in (OVERLAY, TOP_VIEW, TIMELINE, SCENE) if (view / name).is_file())
+    return tuple(view / name for name in (OVERLAY, TOP_VIEW, TIMELINE))
 
 
 def marks_in(record: Mapping[str, Any]) -> tuple[Mark, ...]:

@@ -78,17 +78,17 @@ def write_results(run: VideoRun, run_dir: Path, *, started: float, log_text: str
     Of two runs that write one folder the later waits for the other, and says so.
     """
     state = "partial" if any(outcome.manifest is None for outcome in run.outcomes.values()) else "done"
-    from humanmm.tasks.pictures import write_scene, write_timeline
+    from humanmm.tasks.pictures import EMBEDDED, write_scene, write_timeline
 
     waiting = f"another run is writing {run_dir}; waiting for it"
     try:
         with FileLock(run_dir / LOCK, waiting=waiting, level=logging.WARNING).held():
-            recording = _write_folder(run, run_dir)
+            recording, blob_dir = _write_folder(run, run_dir)
             if log_text:
                 _append_log(run_dir / RUN_LOG, log_text)
             record = _record(run, state, started)
             write_timeline(run_dir, recording, record)
-            write_scene(run_dir, recording, record)
+            write_scene(run_dir, recording, record, blob_dir / EMBEDDED)
             record["fingerprint"] = fingerprint(run)
             record["files"] = _sizes(run_dir)
             write_run_record(run_dir, record)
@@ -163,8 +163,8 @@ def _writer_digest() -> str:
     return total.hexdigest()
 
 
-def _write_folder(run: VideoRun, run_dir: Path) -> "Recording":
-    """Write the delivery's files; returns the recording that they hold."""
+def _write_folder(run: VideoRun, run_dir: Path) -> "tuple[Recording, Path]":
+    """Write the delivery's files; returns the recording that they hold, and the folder of its artifact's files."""
     from humanmm.models.records.recording import Delivery
     from humanmm.storage.run_folder.motion_zarr import write_run_folder
 
@@ -172,8 +172,9 @@ def _write_folder(run: VideoRun, run_dir: Path) -> "Recording":
     manifest = run.manifest(last.name)
     assert manifest is not None
     delivery: Delivery = run.read(Unit(last), output_type(last))
-    write_run_folder(run_dir, delivery, run.store.files_of(manifest.ref))
-    return delivery.recording
+    blob_dir = run.store.files_of(manifest.ref)
+    write_run_folder(run_dir, delivery, blob_dir)
+    return delivery.recording, blob_dir
 
 
 def _sizes(run_dir: Path) -> dict[str, int]:

@@ -90,8 +90,8 @@ def view(
     if mp4 is not None or rerun:
         return write(run.view(mp4 or "rerun", out=out, opacity=opacity, force=force))
     if out is None and opacity is None:
-        write(*(path for path in run.draw(force=force) if path.suffix != ".html"))
-    page = run.view(out=out, opacity=opacity, force=force and (out is not None or opacity is not None))
+        write(*run.draw(force=force))
+    page = run.view(out=out, opacity=opacity, force=force)
     write(page)
     if show:
         open_in_browser(page)
