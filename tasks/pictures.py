@@ -2,7 +2,7 @@
 
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -11,6 +11,7 @@ import numpy as np
 from humanmm.config import DeliverConfig
 from humanmm.errors import InputError
 from humanmm.models.drawing.candidates import candidates, draw_candidate, side_by_side
+from humanmm.models.drawing.canvas import Canvas
 from humanmm.models.drawing.overlay import Mark, Overlay
 from humanmm.models.drawing.timeline import StageTime, timeline
 from humanmm.models.drawing.top_view import top_view
@@ -26,7 +27,7 @@ from humanmm.storage.run_folder.motion_zarr import MOTION, read_motion
 from humanmm.storage.run_folder.picture_files import write_png, write_video
 from humanmm.storage.run_folder.run_record import read_run_record
 from humanmm.storage.store.files import replace_file
-from humanmm.storage.view.embedded_video import write_embedded
+from humanmm.storage.view.embedded_video import EmbeddedVideo, write_embedded
 from humanmm.storage.view.page import write_page
 
 OVERLAY, TOP_VIEW, TIMELINE, SCENE = "overlay.mp4", "top.png", "timeline.png", "scene.html"
@@ -55,8 +56,12 @@ def write_overlay(
     *,
     settings: DeliverConfig,
     progress: Callable[[int, int], None] = lambda done, total: None,
+    embedded: Path | None = None,
 ) -> None:
-    """Decode the video once more, draw the people on every frame, and encode it: three threads, a few pictures."""
+    """Decode the video once more, draw the people on every frame, and encode it: three threads, a few pictures.
+
+    `embedded` is where the small copy for the page goes.
+    """
     width, height = planar_size(facts, settings.overlay_max_side_px)
     colors = read_colors(stream)
     overlay = Overlay(recording, tuple(marks), width, height, colors, opacity=settings.overlay_opacity)
@@ -67,11 +72,16 @@ def write_overlay(
         for frame in decoded:
             image = joined(frame.planes, canvases[frame.index % _PREFETCHED])
             overlay.draw(image, frame.index)
+            if small is not None:
+                small.add(frame.time_s, Canvas(image, colors).planes)
             progress(frame.index + 1, facts.num_frames)
             yield frame.time_s, image
 
     planes = planar_frames(stream, facts, 0, facts.num_frames, max_side_px=settings.overlay_max_side_px)
-    with prefetched(planes, _PREFETCHED) as decoded, prefetched(drawn(decoded), _PREFETCHED) as pictures:
+    with ExitStack() as stack:
+        small = None if embedded is None else stack.enter_context(EmbeddedVideo(embedded, facts, colors))
+        decoded = stack.enter_context(prefetched(planes, _PREFETCHED))
+        pictures = stack.enter_context(prefetched(drawn(decoded), _PREFETCHED))
         write_video(
             path, pictures, width=width, height=height, fps=facts.fps, colors=colors, quality=settings.overlay_quality
         )

@@ -132,7 +132,12 @@ def run_dir(given: Given, tmp_path: Path) -> Path:
         "config": given.config.model_dump(mode="json"),
         "shots": [
             {
-                "start": shot.start, "end": shot.end, "linked": True, "failed": False, "people": [0], "join": None,
+                "start": shot.start,
+                "end": shot.end,
+                "linked": True,
+                "failed": False,
+                "people": [0],
+                "join": None,
                 "transition": None if shot.transition is None else dataclasses.asdict(shot.transition),
             }
             for shot in shots
