@@ -164,8 +164,7 @@ class Overlay:
     def _draw_status(self, canvas: Canvas, frame: int) -> None:
         recording = self._recording
         shot = int(recording.shot_index[frame])
-        num_shots = len(recording.cut_frames) + 1
-        title = f"shot {shot + 1} of {num_shots}"
+        title = f"shot {shot}"
         detail = f"frame {frame}   {recording.time_s[frame] - recording.time_s[0]:.2f} s"
         pad, line = self._pad, self._text.height
         width = max(self._bold.width(title), self._text.width(detail)) + 3 * pad

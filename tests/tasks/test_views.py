@@ -1,4 +1,4 @@
-"""What `humanmm view` writes: films with the frames and times of the video, and files that nobody overwrites unasked."""
+"""What `humanmm view` writes: films with the frames and times of the video, and nothing over a file unasked."""
 
 from pathlib import Path
 from typing import Any

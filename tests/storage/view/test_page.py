@@ -1,4 +1,4 @@
-"""The page: one file, without network, whatever names are in it; and in a browser, the same numbers as the recording."""
+"""The page: one file, without network, whatever names are in it; in a browser, the same numbers as the recording."""
 
 import base64
 import itertools
