@@ -85,11 +85,11 @@ class Timeline {
     recording.people.forEach((person, index) => this.drawPerson(context, person, this.rows + this.person * index));
   }
 
-  name(context, text, y, color, size = 11) {
+  name(context, text, y, color, size = 11, right = 8) {
     context.font = `${size}px system-ui, sans-serif`;
     context.textAlign = "right";
     context.fillStyle = color;
-    context.fillText(text, GUTTER - 8, y, GUTTER - 10);
+    context.fillText(text, GUTTER - right, y, GUTTER - right - 2);
   }
 
   drawAxis(context) {
@@ -166,7 +166,7 @@ class Timeline {
     const bar = this.person - 2 * FOOT - 7;
     context.fillStyle = LINE;
     context.fillRect(0, y, this.width, 1);
-    this.name(context, person.probability < 0.5 ? `${person.name}?` : person.name, y + 3 + bar / 2, css(person.color));
+    this.name(context, person.probability < 0.5 ? `${person.name}?` : person.name, y + this.person / 2, css(person.color), 11, 20);
     context.fillStyle = css(person.color);
     for (const run of runsOf(person.count, (row) => person.observed[row])) context.fillRect(...span(run, y + 3, bar));
     for (const run of runsOf(person.count, (row) => !person.observed[row])) hatch(context, ...span(run, y + 3, bar), css(NOT_OBSERVED));

@@ -30,8 +30,9 @@ class Views {
     this.mode = mode;
     this.controls.enabled = mode !== "shot";
     this.place = this.recording.shotAt(frame).place;
-    const directions = { side: [0, -1, 0.12], "other side": [0, 1, 0.12], top: [0, -0.001, 1], free: [-0.55, -0.8, 0.38] };
-    if (directions[mode]) this.fit(this.boxOf(this.paths(frame, mode === "free")), new THREE.Vector3(...directions[mode]), mode);
+    const box = this.boxOf(this.paths(frame, mode === "free"));
+    const direction = this.directionOf(mode, frame, box.along);
+    if (direction) this.fit(box, direction, mode === "top");
     if (mode === "follow") this.startFollowing(frame);
     this.show(frame);
   }
@@ -55,15 +56,29 @@ class Views {
     return undefined;
   }
 
-  // Side views look across the main direction of the paths: the eye turns with it.
-  fit(box, direction, mode) {
-    const { center, along, half } = box;
-    const turned = direction.clone().applyAxisAngle(UP, mode === "top" ? 0 : Math.atan2(along.y, along.x)).normalize();
+  // From the middle of the people to the eye: across the main direction in which they move; freely, from behind the shot's
+  // camera, a little to its side.
+  directionOf(mode, frame, along) {
+    if (mode === "top") return new THREE.Vector3(0, -0.001, 1).normalize();
+    if (mode === "free") {
+      const r = this.recording.R.subarray(9 * frame, 9 * frame + 9);
+      const back = new THREE.Vector3(-r[2], -r[5], 0);
+      if (back.length() < 0.1) back.set(0, -1, 0);
+      return back.normalize().applyAxisAngle(UP, 0.65).setZ(0.42).normalize();
+    }
+    const side = { side: 1, "other side": -1 }[mode];
+    return side && new THREE.Vector3(side * along.y, -side * along.x, 0.12).normalize();
+  }
+
+  fit({ center, along, half }, direction, above) {
+    const right = new THREE.Vector3(-direction.y, direction.x, 0).normalize();
+    const ahead = Math.abs(right.x * along.x + right.y * along.y), aside = Math.sqrt(Math.max(0, 1 - ahead * ahead));
+    const wide = above ? half.x : ahead * half.length + aside * half.depth;
+    const deep = above ? 2 : aside * half.length + ahead * half.depth + 0.4;
     const tan = Math.tan((FIELD_DEG * Math.PI) / 360);
-    const wide = mode === "top" ? half.x : half.length, high = mode === "top" ? half.y : 1.15;
-    const distance = Math.max(wide / (tan * this.eye.aspect), high / tan, 2.2) + (mode === "top" ? 2 : half.depth + 0.4);
+    const distance = Math.max(wide / (tan * this.eye.aspect), (above ? half.y : 1.15) / tan, 2.2) + 0.6 * deep;
     this.controls.target.copy(center);
-    this.eye.position.copy(center).addScaledVector(turned, distance * 1.08);
+    this.eye.position.copy(center).addScaledVector(direction, distance * 1.08);
     this.controls.update();
   }
 
@@ -121,7 +136,7 @@ class Views {
     const root = this.smoothRoot(frame);
     if (!root) return;
     const back = this.eye.position.clone().sub(this.controls.target);
-    if (back.z > 0.7 * back.length()) back.set(-0.55, -0.8, 0.38); // seen from above so far
+    if (back.z > 0.7 * back.length()) back.copy(this.directionOf("free", frame)); // seen from above so far
     back.setLength(4.5);
     this.controls.target.copy(root);
     this.eye.position.copy(root).add(back);

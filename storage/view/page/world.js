@@ -240,7 +240,10 @@ class World {
     for (const body of this.bodies) body.show(frame, !(through && this.pictureShown)); // the picture has numbers
     const active = this.recording.shotOf[frame];
     this.cameras.forEach((camera, index) => camera.show(frame, index === active, through, this.pictureShown));
-    for (const sign of this.signs) sign.visible = !through;
+    this.signs.forEach((sign, index) => {
+      sign.visible = !through;
+      sign.material.opacity = this.recording.shotAt(frame).place === index + 1 ? 1 : 0.35;
+    });
     const center = this.center(frame);
     this.sun.target.position.copy(center);
     this.sun.position.copy(center).add(new THREE.Vector3(-3.5, -4.5, 9));
