@@ -178,13 +178,17 @@ def _write_folder(run: VideoRun, run_dir: Path) -> "tuple[Recording, Path]":
 
 
 def _sizes(run_dir: Path) -> dict[str, int]:
-    """Path → size of every file of the delivery in the folder; other exports are the user's."""
+    """Path → size of every file of the delivery in the folder; other exports and films are the user's."""
     from humanmm.storage.run_folder.exporters import ALWAYS_PATTERN
-    from humanmm.storage.run_folder.motion_zarr import EXPORT
+    from humanmm.storage.run_folder.motion_zarr import ASKED_VIEWS, EXPORT
 
     parts = [*(run_dir / EXPORT).glob(ALWAYS_PATTERN)]
     parts += [path for name in ("motion.zarr", "view") for path in (run_dir / name).rglob("*")]
-    return {str(path.relative_to(run_dir)): path.stat().st_size for path in sorted(parts) if path.is_file()}
+    return {
+        str(path.relative_to(run_dir)): path.stat().st_size
+        for path in sorted(parts)
+        if path.is_file() and path.name not in ASKED_VIEWS
+    }
 
 
 def _record(run: VideoRun, state: str, started: float) -> dict[str, Any]:
