@@ -134,7 +134,7 @@ def _person(recording: Recording, person: RecordedPerson, place_of: Sequence[int
 def _place_of(recording: Recording, person: RecordedPerson, place_of: Sequence[int]) -> int:
     """The place in which he was observed most."""
     seen = person.frame[person.observed] if person.observed.any() else person.frame
-    places = Counter(place_of[shot] for shot in recording.shot_index[seen].tolist())
+    places: Counter[int] = Counter(place_of[shot] for shot in recording.shot_index[seen].tolist())
     return max(places, key=lambda place: places[place])
 
 
