@@ -47,19 +47,16 @@ _NEAR_M = 0.3
 _SUN = np.array([0.45, 0.35, 1.0])
 """Direction to the light."""
 _SHADOW = 0.4
-_BONES = tuple(
-    (a, b, radius)
-    for a, b, radius in (
-        (0, 9, 0.13), (9, 15, 0.09), (15, 15, 0.12), (16, 18, 0.05), (18, 20, 0.045), (20, 22, 0.04), (17, 19, 0.05),
-        (19, 21, 0.045), (21, 23, 0.04), (1, 4, 0.08), (4, 7, 0.06), (7, 10, 0.05), (2, 5, 0.08), (5, 8, 0.06),
-        (8, 11, 0.05), (16, 17, 0.08),
-    )
+_BONES = (
+    (0, 9, 0.13), (9, 15, 0.09), (15, 15, 0.12), (16, 18, 0.05), (18, 20, 0.045), (20, 22, 0.04), (17, 19, 0.05),
+    (19, 21, 0.045), (21, 23, 0.04), (1, 4, 0.08), (4, 7, 0.06), (7, 10, 0.05), (2, 5, 0.08), (5, 8, 0.06),
+    (8, 11, 0.05), (16, 17, 0.08),
 )  # fmt: skip
 """Joints between which a shadow falls, and its half width in metres."""
 
 
 @dataclasses.dataclass(frozen=True)
-class Path:
+class FloorPath:
     """Where somebody's root is on the floor; N rows."""
 
     frame: np.ndarray
@@ -86,7 +83,7 @@ class WorldView:
         self._seen = self._side_cameras()
         self._bodies = Overlay(self._seen, (), width, height, colors, opacity=opacity)
         self._paths = [
-            Path(p.frame, np.column_stack([p.pelvis[:, :2], np.zeros(len(p.frame))]), palette.person_color(p))
+            FloorPath(p.frame, np.column_stack([p.pelvis[:, :2], np.zeros(len(p.frame))]), palette.person_color(p))
             for p in recording.people
         ]
         self._empty = np.empty((height * 3 // 2, width), np.uint8)
@@ -232,7 +229,7 @@ class WorldView:
     def _is_in_place(self, person: RecordedPerson, frame: int) -> bool:
         return bool((self._place[person.frame[person.observed]] == self._place[frame]).any())
 
-    def _draw_path(self, canvas: Canvas, frame: int, path: Path) -> None:
+    def _draw_path(self, canvas: Canvas, frame: int, path: FloorPath) -> None:
         """The way of a root in this place, up to this frame."""
         rows = (path.frame <= frame) & (self._place[path.frame] == self._place[frame])
         points = path.points[rows]
