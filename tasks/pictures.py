@@ -1,6 +1,8 @@
-"""The pictures of a run folder: drawn by stage `deliver`, at the end of every run, and again by `humanmm view`."""
+"""Pictures and page of a run folder: made by stage `deliver`, at the end of every run, again by `humanmm view`."""
 
+import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -9,6 +11,7 @@ import numpy as np
 from humanmm.config import DeliverConfig
 from humanmm.errors import InputError
 from humanmm.models.drawing.candidates import candidates, draw_candidate, side_by_side
+from humanmm.models.drawing.canvas import Canvas
 from humanmm.models.drawing.overlay import Mark, Overlay
 from humanmm.models.drawing.timeline import StageTime, timeline
 from humanmm.models.drawing.top_view import top_view
@@ -24,8 +27,12 @@ from humanmm.storage.run_folder.motion_zarr import MOTION, read_motion
 from humanmm.storage.run_folder.picture_files import write_png, write_video
 from humanmm.storage.run_folder.run_record import read_run_record
 from humanmm.storage.store.files import replace_file
+from humanmm.storage.view.embedded_video import EmbeddedVideo, write_embedded
+from humanmm.storage.view.page import write_page
 
-OVERLAY, TOP_VIEW, TIMELINE = "overlay.mp4", "top.png", "timeline.png"
+OVERLAY, TOP_VIEW, TIMELINE, SCENE = "overlay.mp4", "top.png", "timeline.png", "scene.html"
+EMBEDDED = "embedded.mp4"
+"""The video inside scene.html, beside the pictures in the artifact of `deliver`; not in the run folder."""
 _PREFETCHED = 4
 """Pictures that wait for being drawn, and for being encoded."""
 
@@ -49,11 +56,15 @@ def write_overlay(
     *,
     settings: DeliverConfig,
     progress: Callable[[int, int], None] = lambda done, total: None,
+    embedded: Path | None = None,
 ) -> None:
-    """Decode the video once more, draw the people on every frame, and encode it: three threads, a few pictures."""
+    """Decode the video once more, draw the people on every frame, and encode it: three threads, a few pictures.
+
+    `embedded` is where the small copy for the page goes.
+    """
     width, height = planar_size(facts, settings.overlay_max_side_px)
     colors = read_colors(stream)
-    overlay = Overlay(recording, tuple(marks), width, height, colors)
+    overlay = Overlay(recording, tuple(marks), width, height, colors, opacity=settings.overlay_opacity)
 
     canvases = [np.empty((height * 3 // 2, width), np.uint8) for _ in range(_PREFETCHED)]
 
@@ -61,11 +72,16 @@ def write_overlay(
         for frame in decoded:
             image = joined(frame.planes, canvases[frame.index % _PREFETCHED])
             overlay.draw(image, frame.index)
+            if small is not None:
+                small.add(frame.time_s, Canvas(image, colors).planes)
             progress(frame.index + 1, facts.num_frames)
             yield frame.time_s, image
 
     planes = planar_frames(stream, facts, 0, facts.num_frames, max_side_px=settings.overlay_max_side_px)
-    with prefetched(planes, _PREFETCHED) as decoded, prefetched(drawn(decoded), _PREFETCHED) as pictures:
+    with ExitStack() as stack:
+        small = None if embedded is None else stack.enter_context(EmbeddedVideo(embedded, facts, colors))
+        decoded = stack.enter_context(prefetched(planes, _PREFETCHED))
+        pictures = stack.enter_context(prefetched(drawn(decoded), _PREFETCHED))
         write_video(
             path, pictures, width=width, height=height, fps=facts.fps, colors=colors, quality=settings.overlay_quality
         )
@@ -76,6 +92,25 @@ def write_timeline(run_dir: Path, recording: Recording, record: Mapping[str, Any
     failures = [f"{f['stage']}, {f['unit']}: {f['reason']}" for f in record["failures"]]
     image = timeline(recording, marks_in(record), stage_times(record), [*failures, *record["warnings"]])
     replace_file(run_dir / "view" / TIMELINE, lambda fresh: write_png(fresh, image))
+
+
+def write_scene(run_dir: Path, recording: Recording, record: Mapping[str, Any], video: Path) -> None:
+    """Write view/scene.html with a video that `write_embedded` made, or remove it if there is no such file.
+
+    `record` is the tree of run.json, whose warnings and shots the page tells: like the timeline, it is never cached.
+    """
+    scene = run_dir / "view" / SCENE
+    if video.is_file():
+        write_page(scene, recording, record, video)
+    else:
+        scene.unlink(missing_ok=True)
+
+
+def write_page_of(page: Path, overlay: Path, recording: Recording, record: Mapping[str, Any]) -> None:
+    """The page of a run, with a small copy of an overlay inside."""
+    with tempfile.TemporaryDirectory(prefix="humanmm-page-") as folder:
+        write_embedded(overlay, Path(folder) / EMBEDDED)
+        write_page(page, recording, record, Path(folder) / EMBEDDED)
 
 
 def draw_again(run_dir: Path, *, force: bool) -> tuple[Path, ...]:
@@ -120,8 +155,16 @@ def stage_times(record: Mapping[str, Any]) -> list[StageTime]:
 
 
 def _draw_overlay_again(path: Path, recording: Recording, record: Mapping[str, Any]) -> None:
-    video = Path(record["video"]["path"])
     settings = DeliverConfig.model_validate(record["config"]["deliver"])
+    with source_video(recording, record) as (stream, facts):
+        marks = marks_in(record)
+        replace_file(path, lambda fresh: write_overlay(fresh, stream, facts, recording, marks, settings=settings))
+
+
+@contextmanager
+def source_video(recording: Recording, record: Mapping[str, Any]) -> Iterator[tuple[BinaryIO, VideoFacts]]:
+    """The video of a run, open, and what is known of it. InputError if it is gone, or another one now."""
+    video = Path(record["video"]["path"])
     try:
         stream = video.open("rb")
     except OSError as error:
@@ -130,5 +173,4 @@ def _draw_overlay_again(path: Path, recording: Recording, record: Mapping[str, A
         facts = read_facts(stream)
         if not np.array_equal(facts.time_s, recording.time_s):
             raise InputError(f"{video} is not the video of this run any more; recover it again")
-        marks = marks_in(record)
-        replace_file(path, lambda fresh: write_overlay(fresh, stream, facts, recording, marks, settings=settings))
+        yield stream, facts

@@ -125,7 +125,7 @@ STAGES: tuple[Stage, ...] = (
     Stage(
         "deliver", "video", ("decode", "people", "shots", "refine"), ("deliver",),
         "humanmm.models.records.recording:Delivery",
-        schema_version=2, reads_video=True, resources=_memory(50, 20, 10),
+        schema_version=2, reads_video=True, resources=_memory(60, 20, 10),
     ),
 )  # fmt: skip
 

@@ -48,6 +48,8 @@ def test_every_module_and_weight_file_is_in_the_wheel(wheel: Path) -> None:
     assert {f"humanmm/models/weights/{entry['name']}" for entry in weights["files"]} <= inside
     templates = {path.name for path in (ROOT / "storage/pages/templates").iterdir()}
     assert {f"humanmm/storage/pages/templates/{name}" for name in templates} <= inside
+    scripts = {path.name for path in (ROOT / "storage/view/page").iterdir()}
+    assert {f"humanmm/storage/view/page/{name}" for name in scripts} <= inside
 
 
 def test_what_is_installed_from_the_wheel_recovers_a_clip_and_talks_to_loopback_alone(

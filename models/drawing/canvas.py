@@ -4,6 +4,7 @@ Drawing there costs half of what it costs in RGB, and saves converting every pic
 the whole picture, rectangles are [x0, x1) × [y0, y1), and what lies outside is cut off.
 """
 
+from collections.abc import Sequence
 from functools import lru_cache
 
 import cv2
@@ -12,6 +13,7 @@ from jaxtyping import Float, UInt8
 
 from humanmm.models.drawing.palette import RGB
 from humanmm.models.video.colors import Colors
+from humanmm.models.video.frames import Planes
 
 _SHIFT = 4
 """Fractional bits of the corners of polygons."""
@@ -64,6 +66,23 @@ class Canvas:
             cv2.fillConvexPoly(plane, corners, inside, cv2.LINE_AA, _SHIFT)
             if outline is not None:
                 cv2.polylines(plane, [corners], True, edge, 1, cv2.LINE_AA, _SHIFT)
+
+    def lines(self, lines: Sequence[Float[np.ndarray, "P 2"]], color: RGB, thickness: int = 1) -> None:
+        """Draw lines from point to point, with soft edges."""
+        for plane, sample, fine in zip(self._planes, _samples(self.colors, color), _FINENESS, strict=True):
+            points = [np.rint((line / fine - 0.5) * (1 << _SHIFT)).astype(np.int32) for line in lines]
+            cv2.polylines(plane, points, False, sample, max(1, thickness // fine), cv2.LINE_AA, _SHIFT)
+
+    def put(self, x: int, y: int, planes: Planes) -> None:
+        """Put a whole picture of even sides with its upper left corner at (x, y), both even."""
+        for plane, part, fine in zip(self._planes, planes, _FINENESS, strict=True):
+            height, width = part.shape
+            plane[y // fine : y // fine + height, x // fine : x // fine + width] = part
+
+    @property
+    def planes(self) -> Planes:
+        """Y, Cb and Cr, to be drawn on."""
+        return self._planes
 
     def stamp(self, x: int, y: int, mask: UInt8[np.ndarray, "h w"], color: RGB) -> None:
         """Paint with the coverage 0..255 that `mask` gives, its upper left corner at (x, y)."""

@@ -20,7 +20,8 @@ from humanmm.models.records.shots import ShotList
 from humanmm.models.video.colors import BT601, Colors
 
 OPACITY = 0.9
-OPACITY_NOT_OBSERVED = 0.5
+NOT_OBSERVED = 0.5 / OPACITY
+"""How opaque a body is that was not observed, as a part of one that was."""
 CONTACT_PROBABILITY = 0.5
 _TOE_BASE = {7: 10, 10: 10, 8: 11, 11: 11}
 """The toe base of the foot that a joint belongs to; ankles rise over a foot that still touches the floor."""
@@ -51,11 +52,19 @@ class Overlay:
     """Draws one recording onto the pictures of a video, scaled to width × height (even). One thread at a time."""
 
     def __init__(
-        self, recording: Recording, marks: tuple[Mark, ...], width: int, height: int, colors: Colors = BT601
+        self,
+        recording: Recording,
+        marks: tuple[Mark, ...],
+        width: int,
+        height: int,
+        colors: Colors = BT601,
+        *,
+        opacity: float = OPACITY,
     ) -> None:
         self._recording = recording
         self._marks = marks
         self._size = width, height
+        self._opacity = opacity
         scale = np.array([width / recording.width, height / recording.height, 1.0])
         self._K = recording.K * scale[:, None]
         self._seen_in_shot = [set(recording.shot_index[p.frame[p.observed]].tolist()) for p in recording.people]
@@ -72,17 +81,21 @@ class Overlay:
     def draw(self, image: UInt8[np.ndarray, "HplusHalf W"], frame: int) -> None:
         """Draw everything that belongs to one frame of the video into its planes (as `Canvas` takes them)."""
         canvas = Canvas(image, self._colors)
+        self.draw_people(canvas, frame)
+        self._draw_status(canvas, frame)
+
+    def draw_people(self, canvas: Canvas, frame: int) -> None:
+        """Draw the bodies of one frame, where they stand, and their numbers."""
         people, shot = self._recording.people, int(self._recording.shot_index[frame])
         rows = [frame - int(p.frame[0]) if len(p.frame) else -1 for p in people]
         present = [i for i, p in enumerate(people) if 0 <= rows[i] < len(p.frame) and shot in self._seen_in_shot[i]]
         for index in present:
             self._draw_contacts(canvas, frame, self._recording.people[index], rows[index])
-        self._draw_people(canvas, frame, present, rows)
+        self._draw_bodies(canvas, frame, present, rows)
         for index in present:
             self._label(canvas, frame, self._recording.people[index], rows[index])
-        self._draw_status(canvas, frame)
 
-    def _draw_people(self, canvas: Canvas, frame: int, present: list[int], rows: list[int]) -> None:
+    def _draw_bodies(self, canvas: Canvas, frame: int, present: list[int], rows: list[int]) -> None:
         R, t, K = self._recording.R_world_cam[frame], self._recording.t_world_cam[frame], self._K[frame]
         triangles = []
         for index in present:
@@ -106,7 +119,7 @@ class Overlay:
     def _weight(self, region: Region, observed: bool, only: int | None) -> Float[np.ndarray, "h w"]:
         """Opacity 0..1 of a region's surfaces (of one of them): pale and hatched where nobody was observed."""
         weight = region.coverage.astype(np.float32)
-        weight *= (OPACITY if observed else OPACITY_NOT_OBSERVED) / 255
+        weight *= self._opacity * (1.0 if observed else NOT_OBSERVED) / 255
         if only is not None:
             weight *= region.surface == only
         if not observed:
@@ -151,8 +164,7 @@ class Overlay:
     def _draw_status(self, canvas: Canvas, frame: int) -> None:
         recording = self._recording
         shot = int(recording.shot_index[frame])
-        num_shots = len(recording.cut_frames) + 1
-        title = f"shot {shot + 1} of {num_shots}"
+        title = f"shot {shot}"
         detail = f"frame {frame}   {recording.time_s[frame] - recording.time_s[0]:.2f} s"
         pad, line = self._pad, self._text.height
         width = max(self._bold.width(title), self._text.width(detail)) + 3 * pad

@@ -103,10 +103,10 @@ def _draw_shots(axes: Axes, recording: Recording, marks: Sequence[Mark], edges: 
         left, width = edges[start], edges[end] - edges[start]
         axes.broken_barh([(left, width)], (-0.22, 0.44), color=hex_color(palette.shot_color(shot)))
         source = SOURCES[int(np.bincount(recording.camera_source[start:end]).argmax())].replace("_", " ")
-        name = f"{shot + 1}  {source}"
+        name = f"{shot}  {source}"
         room = width / (edges[-1] - edges[0]) * WIDTH_PX * 0.88
         if room > 20:
-            text = name if room > 7.5 * len(name) else str(shot + 1)
+            text = name if room > 7.5 * len(name) else str(shot)
             axes.text(left + width / 2, 0, text, color="white", fontsize=8.5, ha="center", va="center", weight="bold")
     for mark in marks:
         color = hex_color(palette.CUT)

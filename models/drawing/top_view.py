@@ -101,7 +101,7 @@ def _draw_cameras(axes: Axes, recording: Recording, side: float) -> None:
         axes.add_patch(Polygon(corners, closed=True, facecolor=color, edgecolor=color, alpha=0.35, zorder=2))
         back = corners[0] - (corners[1:].mean(0) - corners[0]) * 0.28
         axes.annotate(
-            str(shot + 1), back, color="white", fontsize=8, fontweight="bold", ha="center", va="center", zorder=8,
+            str(shot), back, color="white", fontsize=8, fontweight="bold", ha="center", va="center", zorder=8,
             bbox={"boxstyle": "circle,pad=0.25", "facecolor": color, "edgecolor": "white", "linewidth": 0.8},
         )  # fmt: skip
 

@@ -169,6 +169,12 @@ class DeliverConfig(Section):
     overlay_quality: Annotated[int, Field(ge=10, le=40)] = 22
     """Constant rate factor of overlay.mp4: smaller is better and larger in bytes."""
 
+    overlay_opacity: Annotated[float, Field(ge=0, le=1)] = 0.9
+    """Opacity of the bodies on the video: 0 is invisible, 1 hides what is behind them."""
+
+    scene_max_s: Annotated[float, Field(ge=0)] = 600.0
+    """Longest video, in seconds, for which view/scene.html is written; 0 writes none."""
+
 
 class StageLimits(Section):
     """What one unit of a stage may use; what is not given is as in the table of stages."""

@@ -185,6 +185,28 @@ class Run:
 
         return draw_again(self.folder, force=force)
 
+    def view(
+        self,
+        kind: Literal["page", "world", "side-by-side", "rerun"] = "page",
+        *,
+        out: "str | os.PathLike[str] | None" = None,
+        opacity: float | None = None,
+        force: bool = False,
+    ) -> Path:
+        """The run to look at, as one file (docs/view.md): an HTML page with the video beside the world in 3D, a film of
+        the world, one with the original, the overlay and the world, or an .rrd for rerun's viewer; its path.
+
+        The page that `recover` wrote is taken as it is, unless `out`, `opacity` or `force` asks for another. `opacity`
+        (0..1) is that of the bodies on the video. InputError if a file exists already and `force` is not given.
+        """
+        from humanmm.tasks.views import FILES, write_view
+
+        path = self.folder / "view" / FILES[kind]
+        if kind == "page" and path.is_file() and out is None and opacity is None and not force:
+            return path
+        with self._unchanging() if out is None else nullcontext():
+            return write_view(self.folder, kind, out=None if out is None else Path(out), opacity=opacity, force=force)
+
     def _repr_png_(self) -> bytes | None:
         """The view from above, for notebooks; None if it was not drawn."""
         try:

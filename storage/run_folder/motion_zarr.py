@@ -15,11 +15,13 @@ from humanmm.errors import InputError
 from humanmm.models.body.body24 import JOINT_NAMES, PARENTS
 from humanmm.models.records.recording import Delivery, RecordedPerson, Recording
 from humanmm.storage.run_folder.exporters import ALWAYS_PATTERN, export
-from humanmm.storage.run_folder.exporters.index import remove_stale
+from humanmm.storage.run_folder.exporters.index import motion_digest, remove_stale
 from humanmm.storage.store.files import copy_file, replace_folder, sweep
 
 SCHEMA = "humanmm.motion/1"
 MOTION = "motion.zarr"
+ASKED_VIEWS = ("world.mp4", "side-by-side.mp4", "run.rrd")
+"""What `humanmm view` writes into `view` when it is asked to, of the motion that is there then."""
 EXPORT = "export"
 WORLD = "z-up, metres, first person's first pelvis above the origin, floor at z=0"
 
@@ -42,9 +44,12 @@ def write_run_folder(run_dir: Path, delivery: Delivery, blob_dir: Path) -> None:
     """Everything in a run folder but run.json, run.log and timeline.png, which the flow writes.
 
     `blob_dir` holds the delivery's pictures. Each file appears only when complete; AMASS files of people who are no
-    longer in the recording go away, and so do exports of another recording.
+    longer in the recording go away, and so do exports and films of another recording.
     """
     sweep(run_dir)
+    if not _holds(run_dir / MOTION, delivery.recording):
+        for name in ASKED_VIEWS:
+            (run_dir / "view" / name).unlink(missing_ok=True)
     for name in delivery.files:
         copy_file(blob_dir / name, run_dir / "view" / name)
     export_dir, recording = run_dir / EXPORT, delivery.recording
@@ -54,6 +59,14 @@ def write_run_folder(run_dir: Path, delivery: Delivery, blob_dir: Path) -> None:
         stale.unlink()
     remove_stale(export_dir, recording)
     write_motion(run_dir / MOTION, delivery.recording)
+
+
+def _holds(path: Path, recording: Recording) -> bool:
+    """Whether a motion.zarr holds this recording already."""
+    try:
+        return motion_digest(read_motion(path)) == motion_digest(recording)
+    except InputError:
+        return False
 
 
 def write_motion(path: Path, recording: Recording) -> None:

@@ -3,7 +3,7 @@
 Video settings are chosen for speed: on one core a 720p picture takes about 4 ms to encode.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from fractions import Fraction
 from pathlib import Path
 
@@ -25,6 +25,57 @@ _THREADS = 1
 _LIMITED_RANGE = 1
 
 
+class VideoFile:
+    """An mp4 that is being written, as a context manager: `with VideoFile(path, …) as video: video.add(time_s, image)`.
+
+    Pictures are yuv420p of even sides, the planes one after the other; they may be overwritten after `add`. Times, in
+    seconds, rise; the first becomes zero. `quality` is x264's constant rate factor (lower is better), `options` are
+    more of the encoder's options.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        *,
+        width: int,
+        height: int,
+        fps: float,
+        colors: Colors,
+        quality: int = 22,
+        options: Mapping[str, str] = {},
+    ) -> None:
+        self._container = av.open(str(path), "w", format="mp4", options={"movflags": "+faststart"})
+        self._stream = self._container.add_stream("libx264", rate=Fraction(max(fps, 1.0)).limit_denominator(1001))
+        self._stream.width, self._stream.height, self._stream.pix_fmt = width, height, "yuv420p"
+        self._stream.options = {**_FAST, "crf": str(quality), **options}
+        codec = self._stream.codec_context
+        codec.time_base = TIME_BASE
+        codec.thread_count = _THREADS
+        codec.colorspace, codec.color_primaries, codec.color_trc = colors.matrix, colors.primaries, colors.transfer
+        codec.color_range = _LIMITED_RANGE
+        # the path without a copy misplaces the second plane of chroma that ends in the middle of a row
+        self._to_frame = av.VideoFrame.from_ndarray if height % 4 else av.VideoFrame.from_numpy_buffer
+        self._first: float | None = None
+
+    def __enter__(self) -> "VideoFile":
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *error: object) -> None:
+        try:
+            if kind is None:
+                self._container.mux(self._stream.encode(None))
+        finally:
+            self._container.close()
+
+    def add(self, time_s: float, image: UInt8[np.ndarray, "HplusHalf W"]) -> None:
+        """Encode one more picture."""
+        self._first = time_s if self._first is None else self._first
+        picture = self._to_frame(np.ascontiguousarray(image), format="yuv420p")
+        picture.pts = round((time_s - self._first) / TIME_BASE)
+        picture.time_base = TIME_BASE
+        self._container.mux(self._stream.encode(picture))
+
+
 def write_video(
     path: Path,
     pictures: Iterable[tuple[float, UInt8[np.ndarray, "HplusHalf W"]]],
@@ -35,30 +86,10 @@ def write_video(
     colors: Colors,
     quality: int = 22,
 ) -> None:
-    """Encode yuv420p pictures (even sides, the planes one after the other) with their times in seconds.
-
-    A picture may be overwritten once the next one is taken. Times rise; the first becomes zero. `quality` is x264's
-    constant rate factor (lower is better).
-    """
-    with av.open(str(path), "w", format="mp4", options={"movflags": "+faststart"}) as container:
-        stream = container.add_stream("libx264", rate=Fraction(max(fps, 1.0)).limit_denominator(1001))
-        stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
-        stream.options = {**_FAST, "crf": str(quality)}
-        codec = stream.codec_context
-        codec.time_base = TIME_BASE
-        codec.thread_count = _THREADS
-        codec.colorspace, codec.color_primaries, codec.color_trc = colors.matrix, colors.primaries, colors.transfer
-        codec.color_range = _LIMITED_RANGE
-        # the path without a copy misplaces the second plane of chroma that ends in the middle of a row
-        to_frame = av.VideoFrame.from_ndarray if height % 4 else av.VideoFrame.from_numpy_buffer
-        first: float | None = None
+    """Encode pictures with their times, as `VideoFile` takes them."""
+    with VideoFile(path, width=width, height=height, fps=fps, colors=colors, quality=quality) as video:
         for time_s, image in pictures:
-            first = time_s if first is None else first
-            picture = to_frame(np.ascontiguousarray(image), format="yuv420p")
-            picture.pts = round((time_s - first) / TIME_BASE)
-            picture.time_base = TIME_BASE
-            container.mux(stream.encode(picture))
-        container.mux(stream.encode(None))
+            video.add(time_s, image)
 
 
 def write_png(path: Path, image: UInt8[np.ndarray, "H W 3"]) -> None:

@@ -78,16 +78,17 @@ def write_results(run: VideoRun, run_dir: Path, *, started: float, log_text: str
     Of two runs that write one folder the later waits for the other, and says so.
     """
     state = "partial" if any(outcome.manifest is None for outcome in run.outcomes.values()) else "done"
-    from humanmm.tasks.pictures import write_timeline
+    from humanmm.tasks.pictures import EMBEDDED, write_scene, write_timeline
 
     waiting = f"another run is writing {run_dir}; waiting for it"
     try:
         with FileLock(run_dir / LOCK, waiting=waiting, level=logging.WARNING).held():
-            recording = _write_folder(run, run_dir)
+            recording, blob_dir = _write_folder(run, run_dir)
             if log_text:
                 _append_log(run_dir / RUN_LOG, log_text)
             record = _record(run, state, started)
             write_timeline(run_dir, recording, record)
+            write_scene(run_dir, recording, record, blob_dir / EMBEDDED)
             record["fingerprint"] = fingerprint(run)
             record["files"] = _sizes(run_dir)
             write_run_record(run_dir, record)
@@ -154,15 +155,16 @@ def _settings(run: VideoRun) -> dict[str, Any]:
 @functools.cache
 def _writer_digest() -> str:
     """Digest of the code that writes run folders."""
-    folder = Path(__file__).resolve().parents[2] / "storage" / "run_folder"
+    storage = Path(__file__).resolve().parents[2] / "storage"
     total = hashlib.sha256(Path(__file__).read_bytes())
-    for path in sorted(folder.rglob("*.py")):
-        total.update(path.read_bytes())
+    for folder in ("run_folder", "view", "pages"):
+        for path in sorted(path for path in (storage / folder).rglob("*") if path.suffix in (".py", ".js", ".html")):
+            total.update(path.read_bytes())
     return total.hexdigest()
 
 
-def _write_folder(run: VideoRun, run_dir: Path) -> "Recording":
-    """Write the delivery's files; returns the recording that they hold."""
+def _write_folder(run: VideoRun, run_dir: Path) -> "tuple[Recording, Path]":
+    """Write the delivery's files; returns the recording that they hold, and the folder of its artifact's files."""
     from humanmm.models.records.recording import Delivery
     from humanmm.storage.run_folder.motion_zarr import write_run_folder
 
@@ -170,18 +172,23 @@ def _write_folder(run: VideoRun, run_dir: Path) -> "Recording":
     manifest = run.manifest(last.name)
     assert manifest is not None
     delivery: Delivery = run.read(Unit(last), output_type(last))
-    write_run_folder(run_dir, delivery, run.store.files_of(manifest.ref))
-    return delivery.recording
+    blob_dir = run.store.files_of(manifest.ref)
+    write_run_folder(run_dir, delivery, blob_dir)
+    return delivery.recording, blob_dir
 
 
 def _sizes(run_dir: Path) -> dict[str, int]:
-    """Path → size of every file of the delivery in the folder; other exports are the user's."""
+    """Path → size of every file of the delivery in the folder; other exports and films are the user's."""
     from humanmm.storage.run_folder.exporters import ALWAYS_PATTERN
-    from humanmm.storage.run_folder.motion_zarr import EXPORT
+    from humanmm.storage.run_folder.motion_zarr import ASKED_VIEWS, EXPORT
 
     parts = [*(run_dir / EXPORT).glob(ALWAYS_PATTERN)]
     parts += [path for name in ("motion.zarr", "view") for path in (run_dir / name).rglob("*")]
-    return {str(path.relative_to(run_dir)): path.stat().st_size for path in sorted(parts) if path.is_file()}
+    return {
+        str(path.relative_to(run_dir)): path.stat().st_size
+        for path in sorted(parts)
+        if path.is_file() and path.name not in ASKED_VIEWS
+    }
 
 
 def _record(run: VideoRun, state: str, started: float) -> dict[str, Any]:

@@ -1,5 +1,6 @@
 """`humanmm export`, `view` and `bench` as a user types them."""
 
+import webbrowser
 from pathlib import Path
 
 import numpy as np
@@ -92,3 +93,26 @@ def test_bench_refuses_a_video_that_is_not_there_and_a_report_that_is(
     (tmp_path / "results.json").write_text("{}")
     assert main(["bench", "speed", "--data", str(missing), "--report", str(tmp_path)]) == 1
     assert "--force" in capsys.readouterr().err.splitlines()[-1]
+
+
+def test_view_opens_the_page_for_who_sits_at_a_terminal_with_a_screen_alone(
+    run_dir: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened: list[str] = []
+    monkeypatch.setattr(webbrowser, "open", opened.append)
+    monkeypatch.setattr("humanmm.results.Run.draw", lambda run, *, force: (run.folder / "view" / "top.png",))
+    page = run_dir / "view" / "scene.html"
+    page.parent.mkdir()
+    page.write_text("the page")
+    monkeypatch.setenv("DISPLAY", ":0")
+    assert main(["view", str(run_dir)]) == 0
+    assert capsys.readouterr().out.splitlines() == [str(page.with_name("top.png")), str(page)]
+    assert opened == [], "standard output is no terminal"
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True)
+    assert main(["view", str(run_dir), "--no-open"]) == 0 and opened == []
+    assert main(["view", str(run_dir)]) == 0 and opened == [page.as_uri()]
+
+
+@pytest.mark.parametrize("wrong", [["--mp4", "world", "--rerun"], ["--mp4", "sideways"], ["--opacity", "2"]])
+def test_what_view_cannot_write_is_a_usage_error(run_dir: Path, wrong: list[str]) -> None:
+    assert main(["view", str(run_dir), *wrong]) == 2

@@ -1,5 +1,6 @@
 """Stage `deliver`, and the run folder that comes of it, on a small made-up video with a variable rate."""
 
+import base64
 import dataclasses
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -18,9 +19,9 @@ from humanmm.models.video.colors import BT601
 from humanmm.models.video.reading import read_facts
 from humanmm.storage.run_folder.motion_zarr import read_motion, write_run_folder
 from humanmm.storage.run_folder.picture_files import write_video
-from humanmm.storage.run_folder.run_record import write_run_record
+from humanmm.storage.run_folder.run_record import read_run_record, write_run_record
 from humanmm.tasks.deliver import deliver
-from humanmm.tasks.pictures import draw_again, write_timeline
+from humanmm.tasks.pictures import EMBEDDED, draw_again, write_scene, write_timeline
 
 F = 24
 
@@ -124,12 +125,23 @@ def run_dir(given: Given, tmp_path: Path) -> Path:
     run_dir = tmp_path / "run"
     delivery = deliver(given)
     write_run_folder(run_dir, delivery, given.blob_dir)
-    transitions = [shot.transition for shot in given.results["shots"].shots]
+    shots = given.results["shots"].shots
     record = {
         "schema": "humanmm.run/1",
         "video": {"path": str(given.video)},
         "config": given.config.model_dump(mode="json"),
-        "shots": [{"transition": None if t is None else dataclasses.asdict(t)} for t in transitions],
+        "shots": [
+            {
+                "start": shot.start,
+                "end": shot.end,
+                "linked": True,
+                "failed": False,
+                "people": [0],
+                "join": None,
+                "transition": None if shot.transition is None else dataclasses.asdict(shot.transition),
+            }
+            for shot in shots
+        ],
         "warnings": [],
         "failures": [],
         "stages": [{"stage": "deliver", "unit": "video", "seconds": 1.0, "state": "computed"}],
@@ -146,6 +158,24 @@ def test_pictures_drawn_again_from_the_run_folder_are_those_of_the_run(run_dir: 
         (run_dir / "view" / name).unlink()
     paths = draw_again(run_dir, force=False)
     assert {path.name: path.read_bytes() for path in paths} == before
+
+
+def test_the_page_is_written_with_a_small_copy_of_the_overlay_unless_the_video_is_too_long(
+    run_dir: Path, given: Given
+) -> None:
+    recording, record = read_motion(run_dir / "motion.zarr"), read_run_record(run_dir)
+    embedded = given.blob_dir / EMBEDDED
+    with av.open(str(embedded)) as container:
+        times = [frame.time for frame in container.decode(video=0)]
+    np.testing.assert_allclose(times, recording.time_s - recording.time_s[0], atol=1e-4)
+    write_scene(run_dir, recording, record, embedded)
+    assert base64.b64encode(embedded.read_bytes()) in (run_dir / "view" / "scene.html").read_bytes()
+    embedded.unlink()
+    given.config = Config.model_validate({"deliver": {"scene_max_s": 0.5}})
+    deliver(given)
+    assert not embedded.exists()
+    write_scene(run_dir, recording, record, embedded)
+    assert not (run_dir / "view" / "scene.html").exists(), "that of an earlier result"
 
 
 def test_pictures_that_are_there_are_left_alone_unless_forced(run_dir: Path) -> None:

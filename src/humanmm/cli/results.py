@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from typer import Argument, Option
 
 import humanmm
-from humanmm.cli.terminal import write, write_json
+from humanmm.cli.terminal import open_in_browser, write, write_json
 from humanmm.cli.verb import RESULTS, Force, Json, RunDir, app, verb
+from humanmm.errors import UsageError
 
 FORMATS = ("amass", "bvh", "glb", "fbx", "usd", "csv", "trc", "c3d", "gvhmr", "tum", "colmap", "blender")
 """What `storage.run_folder.exporters.FORMATS` holds, named here so that --help loads no science (a test compares)."""
@@ -61,6 +62,37 @@ def export(
 
 
 @verb(app, "view", panel=RESULTS)
-def view(run_dir: RunDir, *, force: Force = False) -> None:
-    """Say where a finished run's pictures are; draw those that are missing, with --force all of them."""
-    write(*humanmm.load(run_dir).draw(force=force))
+def view(
+    run_dir: RunDir,
+    *,
+    mp4: Annotated[
+        Literal["world", "side-by-side"] | None,
+        Option(
+            "--mp4",
+            metavar="world|side-by-side",
+            help="a film of the world, or of the video, the overlay and the world",
+        ),
+    ] = None,
+    rerun: Annotated[bool, Option("--rerun", help="a file for rerun's viewer (.rrd)")] = False,
+    opacity: Annotated[float | None, Option(metavar="0…1", min=0, max=1, help="of the bodies on the video")] = None,
+    out: Annotated[Path | None, Option(metavar="FILE", help="where to write it (default: into RUN_DIR/view)")] = None,
+    show: Annotated[bool, Option("--open/--no-open", help="open the page in the browser")] = True,
+    force: Force = False,
+) -> None:
+    """Open a finished run in the browser: the video beside the world in 3D, in one file; docs/view.md describes it.
+
+    Draws the pictures of the run that are missing, with --force all of them, and says where they are. With --mp4 or
+    --rerun it writes a film or an .rrd instead.
+    """
+    run = humanmm.load(run_dir)
+    if mp4 is not None and rerun:
+        raise UsageError("--mp4 and --rerun are two files; ask for one at a time")
+    if mp4 is not None or rerun:
+        return write(run.view(mp4 or "rerun", out=out, opacity=opacity, force=force))
+    if out is None and opacity is None:
+        write(*run.draw(force=force))
+    page = run.view(out=out, opacity=opacity, force=force)
+    write(page)
+    if show:
+        open_in_browser(page)
+    return None

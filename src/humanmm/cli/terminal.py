@@ -44,6 +44,15 @@ def write_path(path: Path) -> None:
     sys.stdout.buffer.flush()
 
 
+def open_in_browser(page: Path) -> None:
+    """Open a file in the user's browser, if he sits at a terminal of a machine with a screen; else do nothing."""
+    has_screen = sys.platform == "darwin" or any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
+    if sys.stdout.isatty() and has_screen:
+        import webbrowser
+
+        webbrowser.open(page.absolute().as_uri())
+
+
 def in_bytes(count: float) -> str:
     """A size as people read it."""
     for unit in ("B", "kB", "MB"):

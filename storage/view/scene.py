@@ -1,0 +1,202 @@
+"""What the page shows, as a tree for JSON: numbers of the recording, and what run.json says of shots and doubts.
+
+Arrays are base64 of little-endian numbers; rotations are quaternions of 16 bits (0.2 mm at the end of a limb), the
+body's vertices 16 bits (0.1 mm). All that is drawn comes from here; storage/view/page/recording.js reads it.
+"""
+
+import base64
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import PurePath
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from scipy.spatial.transform import Rotation
+
+from humanmm.errors import InputError
+from humanmm.models.body.body24 import JOINT_NAMES, PARENTS, load_body
+from humanmm.models.body.kinematics import chunks
+from humanmm.models.drawing.palette import RGB, person_color, shot_color
+from humanmm.models.records.camera import SOURCES
+from humanmm.models.records.recording import CONTACT_JOINTS, RecordedPerson, Recording
+
+_APART_M = 3.0
+"""Room between places that nothing links."""
+_NEAR_M = 12.0
+"""A camera farther from its people than this makes no more room for its place."""
+_LARGEST = 32767
+
+
+def scene_tree(recording: Recording, record: Mapping[str, Any]) -> dict[str, Any]:
+    """The tree; `record` is that of run.json. Strings of users (names, warnings) are in it as they are."""
+    if recording.body_model != "body24":
+        raise InputError(f"the run has the body model {recording.body_model!r}; only body24 can be shown")
+    place_of = places_of(record["shots"])
+    body = load_body()
+    joint, weight = _top_weights()
+    return {
+        "name": PurePath(record["video"]["path"]).name,
+        "width": recording.width,
+        "height": recording.height,
+        "time": _packed(recording.time_s - recording.time_s[0], "float64"),
+        "jointNames": JOINT_NAMES,
+        "parents": PARENTS,
+        "contactJoints": CONTACT_JOINTS,
+        "body": {"faces": _packed(body.faces, "uint16"), "joint": _packed(joint, "uint8"), "weight": weight},
+        "cameras": {
+            "R": _packed(recording.R_world_cam, "float32"),
+            "t": _packed(recording.t_world_cam, "float32"),
+            "K": _packed(recording.K, "float32"),
+        },
+        "shots": [_shot(recording, shot, index, place_of[index]) for index, shot in enumerate(record["shots"])],
+        "people": [_person(recording, person, place_of) for person in recording.people if len(person.frame)],
+        "places": _places(recording, place_of),
+        "warnings": [{"text": text, "frame": frame_of(text, record["shots"])} for text in _doubts(record)],
+    }
+
+
+def places_of(shots: Sequence[Mapping[str, Any]]) -> list[int]:
+    """The place of every shot, counted from 0; shots that people or backgrounds link are in one place.
+
+    `shots` is that of run.json: a shot whose `linked` is false begins a place; one that is linked is where the earlier
+    shot is that its evidence names, or people that it shares.
+    """
+    places: list[int] = []
+    for index, shot in enumerate(shots):
+        if index == 0 or not shot["linked"]:
+            places.append(max(places, default=-1) + 1)
+            continue
+        join = shot.get("join") or {}
+        earlier = [one["shot"] for one in join.get("evidence", ()) if one["used"] and one["shot"] < index]
+        people = set(shot["people"])
+        earlier += [other for other in reversed(range(index)) if people & set(shots[other]["people"])]
+        places.append(places[earlier[0] if earlier else index - 1])
+    return places
+
+
+def frame_of(warning: str, shots: Sequence[Mapping[str, Any]]) -> int | None:
+    """The frame that a warning speaks of: one that it names, or the first of the shot that it names."""
+    named = re.search(r"\bframe (\d+)", warning)
+    num_frames = int(shots[-1]["end"]) if shots else 0
+    if named and int(named[1]) < num_frames:
+        return int(named[1])
+    shot = re.search(r"\bshot (\d+)", warning)
+    if shot and int(shot[1]) < len(shots):
+        return int(shots[int(shot[1])]["start"])
+    return None
+
+
+def _doubts(record: Mapping[str, Any]) -> list[str]:
+    failures = [f"{one['stage']}, {one['unit']}: {one['reason']}" for one in record["failures"]]
+    return [*failures, *record.get("fallbacks", ()), *record["warnings"]]
+
+
+def _shot(recording: Recording, shot: Mapping[str, Any], index: int, place: int) -> dict[str, Any]:
+    start, end = int(shot["start"]), int(shot["end"])
+    source = SOURCES[int(np.bincount(recording.camera_source[start:end]).argmax())].replace("_", " ")
+    join = shot.get("join")
+    return {
+        "start": start,
+        "end": end,
+        "source": source,
+        "color": _hex(shot_color(index)),
+        "place": place,
+        "failed": bool(shot["failed"]),
+        "transition": shot["transition"],
+        "join": join
+        and {
+            "linked": bool(shot["linked"]),
+            "uncertainty": join["uncertainty_deg"],
+            "probability": join.get("probability"),
+        },
+    }
+
+
+def _person(recording: Recording, person: RecordedPerson, place_of: Sequence[int]) -> dict[str, Any]:
+    body = load_body()
+    return {
+        "person": person.person,
+        "color": _hex(person_color(person)),
+        "probability": float(person.probability),
+        "place": _place_of(recording, person, place_of),
+        "first": int(person.frame[0]),
+        "restJoints": body.rest_joints(person.betas).round(6).tolist(),
+        "vertices": _scaled(body.rest_vertices(person.betas)),
+        "pelvis": _packed(person.pelvis, "float32"),
+        "turns": _scaled(_quaternions_xyzw(person), largest=1.0),
+        "observed": _packed(person.observed, "uint8"),
+        "contacts": _packed(np.rint(person.contacts * 255), "uint8"),
+    }
+
+
+def _place_of(recording: Recording, person: RecordedPerson, place_of: Sequence[int]) -> int:
+    """The place in which he was observed most."""
+    seen = person.frame[person.observed] if person.observed.any() else person.frame
+    places: Counter[int] = Counter(place_of[shot] for shot in recording.shot_index[seen].tolist())
+    return max(places, key=lambda place: places[place])
+
+
+def _places(recording: Recording, place_of: Sequence[int]) -> list[dict[str, Any]]:
+    """Each place with its shots, its middle, and the offset along x by which it stands beside those before it."""
+    places: list[dict[str, Any]] = []
+    edge = 0.0
+    for place in range(max(place_of) + 1):
+        shots = [shot for shot, other in enumerate(place_of) if other == place]
+        frames = np.flatnonzero(np.isin(recording.shot_index, shots))
+        points = _points(recording, frames)
+        low, high = points.min(axis=0), points.max(axis=0)
+        offset = 0.0 if place == 0 else edge + _APART_M - float(low[0])
+        edge = float(high[0]) + offset
+        title = f"shot{'s' * (len(shots) > 1)} {', '.join(map(str, shots))}"
+        center = ((low + high) / 2).round(3).tolist()
+        places.append({"offset": [round(offset, 3), 0.0, 0.0], "center": center, "shots": shots, "title": title})
+    return places
+
+
+def _points(recording: Recording, frames: np.ndarray) -> Float[np.ndarray, "n 2"]:
+    """Where people and cameras are on the floor in some frames."""
+    inside = [person.pelvis[np.isin(person.frame, frames) & person.observed, :2] for person in recording.people]
+    people = np.concatenate([*inside, np.zeros((0, 2))])
+    cameras = recording.t_world_cam[frames, :2]
+    middle = people.mean(axis=0) if len(people) else cameras.mean(axis=0)
+    cameras = cameras[np.linalg.norm(cameras - middle, axis=1) < _NEAR_M]
+    return np.concatenate([people, cameras, middle[None]]).astype(np.float64)
+
+
+def _quaternions_xyzw(person: RecordedPerson) -> Float[np.ndarray, "N 24 4"]:
+    """Of every joint relative to its parent; the pelvis's to the world."""
+    turns = np.empty((len(person.frame), len(PARENTS), 4), np.float32)
+    for rows in chunks(len(turns)):
+        vectors = np.concatenate([person.root_orient[rows, None], person.body_pose[rows]], axis=1)
+        turns[rows] = Rotation.from_rotvec(vectors.reshape(-1, 3)).as_quat().reshape(-1, len(PARENTS), 4)
+    return turns
+
+
+def _top_weights() -> tuple[np.ndarray, dict[str, Any]]:
+    """(V,4) joints of every vertex, and their weights of 255."""
+    body = load_body()
+    weight = np.rint(body.skin_weight * 255)
+    strongest = body.skin_weight.argmax(axis=1)[:, None]
+    rest = np.take_along_axis(weight, strongest, axis=1) + 255 - weight.sum(axis=1, keepdims=True)
+    np.put_along_axis(weight, strongest, rest, axis=1)  # rounded weights still sum to 1
+    return np.where(weight > 0, body.skin_joint, 0), _packed(weight, "uint8")
+
+
+def _packed(values: np.ndarray, dtype: str) -> dict[str, Any]:
+    """An array as JSON holds it."""
+    data = np.ascontiguousarray(values, np.dtype(dtype).newbyteorder("<")).tobytes()
+    return {"dtype": dtype, "base64": base64.b64encode(data).decode()}
+
+
+def _scaled(values: np.ndarray, *, largest: float | None = None) -> dict[str, Any]:
+    """An array as 16-bit numbers and their unit."""
+    scale = (float(np.abs(values).max()) if largest is None else largest) / _LARGEST
+    return {**_packed(np.rint(values / scale), "int16"), "scale": scale}
+
+
+def _hex(color: RGB) -> int:
+    """0xrrggbb."""
+    red, green, blue = color
+    return red << 16 | green << 8 | blue
