@@ -3,12 +3,12 @@
 import zlib
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, reduce
 
 import numpy as np
 
 from humanmm.models.records.landmarks import with_sides_swapped
-from humanmm.models.records.shots import Appearance
+from humanmm.models.records.shots import Appearance, TrackPart
 
 Intervals = tuple[tuple[int, int], ...]
 
@@ -103,6 +103,35 @@ class PersonTrack:
             landmarks3d=with_sides_swapped(self.landmarks3d, is_swapped),
         )
 
+    def within(self, start: int, end: int) -> "PersonTrack":
+        """The track in frames [start, end)."""
+        rows = slice(*np.searchsorted(self.frame, (start, end)))
+        colours = slice(*np.searchsorted(self.color_frame, (start, end)))
+        return replace(
+            self,
+            **{name: getattr(self, name)[rows] for name in _PER_ROW},
+            masks=self.masks.chosen(np.arange(rows.start, rows.stop)),
+            color_frame=self.color_frame[colours],
+            color_histogram=self.color_histogram[colours],
+        )
+
+    def then(self, later: "PersonTrack") -> "PersonTrack":
+        """This track, and after it another one of the same person; each counts by its frames for whether he is one."""
+        num_frames = max(len(self.frame) + len(later.frame), 1)
+        probability = (self.probability * len(self.frame) + later.probability * len(later.frame)) / num_frames
+        names = (*_PER_ROW, "color_frame", "color_histogram")
+        return replace(
+            self,
+            **{name: np.concatenate([getattr(self, name), getattr(later, name)]) for name in names},
+            masks=self.masks.then(later.masks),
+            probability=probability,
+            lifted=self.lifted or later.lifted,
+        )
+
+
+_PER_ROW = ("frame", "keypoints2d", "landmarks3d", "bbox", "confidence", "mask_affine")
+"""Arrays of a track with a row for each observation."""
+
 
 @dataclass(frozen=True)
 class ScenePeople:
@@ -115,16 +144,22 @@ class ScenePeople:
     def track_of(self, appearance: Appearance) -> PersonTrack:
         """The track of a person in a shot, with left and right as they are, not as the detector swapped them.
 
-        All later stages take keypoints and landmarks from here; nobody else puts sides right.
+        All later stages take keypoints and landmarks from here; nobody else puts sides right or parts together.
         """
-        if not appearance.left_right_swapped:
+        if not appearance.left_right_swapped and not appearance.parts:
             return self.tracks[appearance.track]
-        key = appearance.track, appearance.left_right_swapped
+        key = appearance.track, appearance.parts, appearance.left_right_swapped
         if key not in self._put_right:
-            self._put_right[key] = self.tracks[appearance.track].with_sides_swapped(appearance.left_right_swapped)
+            self._put_right[key] = self._whole(appearance).with_sides_swapped(appearance.left_right_swapped)
         return self._put_right[key]
 
+    def _whole(self, appearance: Appearance) -> PersonTrack:
+        """The track as the detector saw it, put together from its parts."""
+        parts = sorted(appearance.parts, key=lambda part: part.start)
+        pieces = [self.tracks[part.track].within(part.start, part.end) for part in parts]
+        return reduce(PersonTrack.then, pieces) if pieces else self.tracks[appearance.track]
+
     @cached_property
-    def _put_right(self) -> dict[tuple[int, Intervals], PersonTrack]:
+    def _put_right(self) -> dict[tuple[int, tuple[TrackPart, ...], Intervals], PersonTrack]:
         """Tracks that were put right, so that a long one is copied once."""
         return {}

@@ -7,10 +7,25 @@ from humanmm.models.perception.clothing import HISTOGRAM_BINS
 from humanmm.models.records.landmarks import INDEX, NUM_LANDMARKS, SWAP
 from humanmm.models.records.shots import Shot, Transition
 from humanmm.models.records.tracks import PersonTrack, ScenePeople, Silhouettes
-from humanmm.models.shots.identity import bone_lengths, identify, pose_at, pose_residual_m, shape_from_bones
+from humanmm.models.shots import identity
+from humanmm.models.shots.identity import (
+    Candidate,
+    Cast,
+    bone_lengths,
+    matched_people,
+    pose_at,
+    pose_residual_m,
+    shape_from_bones,
+)
 
 TIME_S = np.arange(150) / 30
 RED, BLUE, GREEN = (np.eye(HISTOGRAM_BINS)[k] for k in (3, 17, 30))
+
+
+def identify(shots: list[Shot], people: list[ScenePeople | None], *, time_s: np.ndarray) -> Cast:
+    """The people of some shots, numbered."""
+    found = matched_people(shots, people, time_s=time_s)
+    return identity.cast_of([Candidate(tuple(person)) for person in found], len(shots))
 
 
 def standing(arm: float = 0.0) -> np.ndarray:
