@@ -61,12 +61,11 @@ def _corrected(
     scenes: Scenes, transitions: Sequence[Transition], corrections: Corrections
 ) -> tuple[Sequence[Transition], list[CorrectionNote]]:
     """The transitions without those of people that the user removes, and what became of all corrections of cuts."""
-    done = [note for note in scenes.corrections if note.applied]
-    misfits = {note.identity: note for note in scenes.corrections if not note.applied}
-    found = {note.identity for note in done}
-    left = [one for one in corrections.of(RemoveCut) if one.identity not in found]
-    kept, notes = removed(transitions, left, fixed=scenes.transitions)
-    return kept, [*done, *(misfits | {note.identity: note for note in notes}).values()]
+    kept, notes = removed(transitions, corrections.of(RemoveCut), fixed=scenes.transitions)
+    # what colours and people show is removed in two places, and a correction fits if it does in one of them
+    done = {note.identity: note for note in (*scenes.corrections, *notes) if note.applied}
+    misfits = {note.identity: note for note in (*scenes.corrections, *notes) if note.identity not in done}
+    return kept, [*done.values(), *misfits.values()]
 
 
 def _nobody(cast: Cast, min_confidence: float) -> str:

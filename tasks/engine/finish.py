@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from humanmm.config import Config
+from humanmm.corrections import Corrections
 from humanmm.errors import HumanMMError, StageError, StoreError
 from humanmm.models.records.motion import WorldMotion
 from humanmm.models.records.shots import ShotList
@@ -152,7 +153,11 @@ def fingerprint(run: VideoRun) -> str:
 
 
 def _settings(run: VideoRun) -> dict[str, Any]:
-    return run.config.model_dump(mode="json")
+    """The configuration; where no correction is asked for, nothing is said of where one was looked for."""
+    config = run.config
+    if not config.corrections.correction:
+        config = config.model_copy(update={"corrections": Corrections()})
+    return config.model_dump(mode="json")
 
 
 @functools.cache

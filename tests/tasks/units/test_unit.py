@@ -5,7 +5,7 @@ import pytest
 
 from humanmm.models.records.shots import Appearance, Person, Scenes, Shot, ShotList, Transition
 from humanmm.tasks.pipeline import Stage, UnitKind
-from humanmm.tasks.units.unit import Unit, seen_shot_list, read_by, units_of
+from humanmm.tasks.units.unit import Unit, read_by, seen_shot_list, units_of
 
 CUTS = tuple(Transition("cut", frame, frame, "scene") for frame in (20, 40))
 SCENES = Scenes(60, CUTS[:1])
