@@ -141,6 +141,9 @@ class Corrector:
                 if x0 <= x <= x1 and y0 <= y <= y1:
                     number = person.person
                     break
+        width, height = self.recording.width, self.recording.height
+        if not (0 <= x <= width and 0 <= y <= height):
+            raise InputError(f"{x:g}, {y:g} is not in the picture, which is {width} x {height} pixels")
         return Main(who=Who(frame=frame, x=x, y=y, number=number))
 
     # ---- the world

@@ -120,7 +120,7 @@ def read_run_record(run_dir: Path) -> dict[str, Any]:
     """The tree of run.json; InputError if the folder is no run folder."""
     path = run_dir / FILE
     try:
-        record = json.loads(path.read_text())
+        record = json.loads(path.read_text(encoding="utf-8", errors="surrogateescape"))  # as it is written
     except OSError as error:
         raise InputError(f"{run_dir} is no run folder: {FILE} cannot be read ({error.strerror})") from None
     except ValueError:

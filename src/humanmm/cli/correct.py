@@ -147,7 +147,10 @@ def main(
         raise UsageError("give --time S or --frame FRAME, one of them")
     corrector = _corrector()
     at = frame if frame is not None else corrector.frame_at(time or 0.0)
-    return _write([corrector.main(x, y, at)], then)
+    correction = corrector.main(x, y, at)
+    if correction.who.number is None:
+        say(f"nobody of the run is at {x:g}, {y:g} in frame {at}; somebody who was left out of it may be")
+    return _write([correction], then)
 
 
 # ---- the world

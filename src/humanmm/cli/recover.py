@@ -62,9 +62,12 @@ def recover(  # noqa: PLR0913 (one a flag)
 
 def report(run: "Run", store: Path | None) -> int:
     """Say how it went; the path of the result; exit status."""
-    misfits = [one for one in run.corrections if not one.applied] if run.folder.exists() else []
-    for one in misfits:
-        say(f"warning: this correction does not fit any more: {one.text}: {one.reason}")
+    corrections = run.corrections if run.folder.exists() else ()
+    for number, one in enumerate(corrections, start=1):
+        if not one.applied:
+            say(f"warning: correction {number} does not fit ({one.text}): {one.reason}")
+        elif one.reason:
+            say(f"correction {number} ({one.text}): {one.reason}")
     if run.origin == "unchanged":
         say(f"{run.folder} is up to date: all {len(run.record['stages'])} results were in the store")
     elif run.origin == "restored":
@@ -78,7 +81,7 @@ def report(run: "Run", store: Path | None) -> int:
         for failure in run.failures:
             say(str(failure))
     else:
-        warnings = run.warnings[len(misfits) :]  # theirs come first
+        warnings = [warning for warning in run.warnings if not warning.startswith("correction ")]  # told above
         for warning in warnings[:SHOWN_WARNINGS]:
             say(f"warning: {warning}")
         more = len(warnings) - SHOWN_WARNINGS
