@@ -105,32 +105,39 @@ class PersonTrack:
 
     def within(self, start: int, end: int) -> "PersonTrack":
         """The track in frames [start, end)."""
-        rows = slice(*np.searchsorted(self.frame, (start, end)))
-        colours = slice(*np.searchsorted(self.color_frame, (start, end)))
+        rows = slice(*np.searchsorted(self.frame, (start, end)).tolist())
+        colours = slice(*np.searchsorted(self.color_frame, (start, end)).tolist())
         return replace(
             self,
-            **{name: getattr(self, name)[rows] for name in _PER_ROW},
+            frame=self.frame[rows],
+            keypoints2d=self.keypoints2d[rows],
+            landmarks3d=self.landmarks3d[rows],
+            bbox=self.bbox[rows],
+            confidence=self.confidence[rows],
             masks=self.masks.chosen(np.arange(rows.start, rows.stop)),
+            mask_affine=self.mask_affine[rows],
             color_frame=self.color_frame[colours],
             color_histogram=self.color_histogram[colours],
         )
 
     def then(self, later: "PersonTrack") -> "PersonTrack":
         """This track, and after it another one of the same person; each counts by its frames for whether he is one."""
-        num_frames = max(len(self.frame) + len(later.frame), 1)
-        probability = (self.probability * len(self.frame) + later.probability * len(later.frame)) / num_frames
-        names = (*_PER_ROW, "color_frame", "color_histogram")
+        counts = (len(self.frame), len(later.frame))
+        total = self.probability * counts[0] + later.probability * counts[1]
         return replace(
             self,
-            **{name: np.concatenate([getattr(self, name), getattr(later, name)]) for name in names},
+            frame=np.concatenate([self.frame, later.frame]),
+            keypoints2d=np.concatenate([self.keypoints2d, later.keypoints2d]),
+            landmarks3d=np.concatenate([self.landmarks3d, later.landmarks3d]),
+            bbox=np.concatenate([self.bbox, later.bbox]),
+            confidence=np.concatenate([self.confidence, later.confidence]),
             masks=self.masks.then(later.masks),
-            probability=probability,
+            mask_affine=np.concatenate([self.mask_affine, later.mask_affine]),
+            color_frame=np.concatenate([self.color_frame, later.color_frame]),
+            color_histogram=np.concatenate([self.color_histogram, later.color_histogram]),
+            probability=total / sum(counts) if sum(counts) else self.probability,
             lifted=self.lifted or later.lifted,
         )
-
-
-_PER_ROW = ("frame", "keypoints2d", "landmarks3d", "bbox", "confidence", "mask_affine")
-"""Arrays of a track with a row for each observation."""
 
 
 @dataclass(frozen=True)

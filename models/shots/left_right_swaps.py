@@ -171,7 +171,7 @@ def _told(fixed: Int[Array, "n"]) -> Float[Array, "n 2"]:
 def _within_shot(sighting: Sighting, fixed: Int[Array, "n"]) -> Bool[Array, "n"]:
     """States of the frames of one shot, from the motion between them and each frame's own evidence."""
     if len(sighting.frame) < 2:
-        return fixed == 1
+        return np.asarray(fixed == 1)
     return two_state_chain(_frame_evidence(sighting) + _told(fixed), step_energies(sighting))
 
 

@@ -115,10 +115,9 @@ class Corrector:
             axis=-1
         )
         row, joint = np.unravel_index(int(apart.argmax()), apart.shape)
-        (right_x, right_y), (left_x, left_y) = keypoints[row, joint, :, :2].tolist()  # as found, which is wrong
+        right, left = keypoints[row, joint, :, :2].round(1).tolist()  # as found, which is wrong
         who = self._at(person, int(rows[row]))
-        places = {"left": (round(left_x, 1), round(left_y, 1)), "right": (round(right_x, 1), round(right_y, 1))}
-        return Sides(who=who, start=start, end=end, joint=SIDES[int(joint)], **places)
+        return Sides(who=who, start=start, end=end, joint=SIDES[int(joint)], left=tuple(left), right=tuple(right))
 
     def height(self, number: int, metres: float) -> Height:
         """How tall one of the run's people is."""
@@ -223,8 +222,8 @@ def _seen(person: "RecordedPerson") -> np.ndarray:
 
 def contrary(correction: Correction, among: Sequence[Correction]) -> int | None:
     """Number, from 1, of the correction that says the opposite of this one: taking it out is enough."""
-    opposite = {AddCut: RemoveCut, RemoveCut: AddCut}.get(type(correction))
     for number, one in enumerate(among, start=1):
-        if opposite is not None and type(one) is opposite and one.frame == getattr(correction, "frame", None):  # type: ignore[attr-defined]
+        cuts = isinstance(correction, AddCut | RemoveCut) and isinstance(one, AddCut | RemoveCut)
+        if cuts and one.kind != correction.kind and one.facts["frame"] == correction.facts["frame"]:
             return number
     return None

@@ -255,7 +255,7 @@ class Corrections(_Entry):
 
     @model_validator(mode="after")
     def _once(self) -> "Corrections":
-        kinds = [one.kind for one in self.correction]
+        kinds: list[str] = [one.kind for one in self.correction]
         for kind in ONCE:
             if kinds.count(kind) > 1:
                 raise ValueError(f"there are {kinds.count(kind)} corrections of kind {kind}; keep one of them")
