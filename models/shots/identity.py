@@ -291,21 +291,20 @@ def shape_from_bones(
     return np.asarray(betas if height_m is None else _as_tall(betas, normal, body, height_m), np.float32)
 
 
-def _as_tall(betas: Float[np.ndarray, " betas"], normal: np.ndarray, body: Body, height_m: float) -> np.ndarray:
+def _as_tall(
+    betas: Float[np.ndarray, " betas"], normal: np.ndarray, body: Body, height_m: float
+) -> Float[np.ndarray, " betas"]:
     """The likeliest shape of one height: Newton's steps on the constraint, each the shortest by the metric `normal`."""
+    found: np.ndarray = betas
     for _ in range(20):
-        missing = height_m - body.standing_height(betas)
+        missing = height_m - body.standing_height(found)
         if abs(missing) < 1e-4:
             break
-        slope = (
-            np.array(
-                [body.standing_height(betas + d) - body.standing_height(betas - d) for d in 0.05 * np.eye(len(betas))]
-            )
-            / 0.1
-        )
+        ends = [[body.standing_height(found + side * unit) for side in (-0.05, 0.05)] for unit in np.eye(len(found))]
+        slope = np.diff(ends, axis=1)[:, 0] / 0.1
         direction = np.linalg.solve(normal, slope)
-        betas = betas + direction * missing / (slope @ direction)
-    return betas
+        found = found + direction * missing / (slope @ direction)
+    return found
 
 
 def _body_bones(body: Body, betas: Float[np.ndarray, " betas"]) -> Float[np.ndarray, " 7"]:
