@@ -283,7 +283,7 @@ def shape_from_bones(
             for unit in np.eye(body.num_betas)
         ]
     )
-    trust = np.eye(len(wanted)) / BONE_NOISE**2
+    trust: np.ndarray = np.eye(len(wanted)) / BONE_NOISE**2
     if height_m is not None:
         trust = np.linalg.inv(BONE_NOISE**2 * np.eye(len(wanted)) + SCALE_NOISE**2)
     normal = jacobian.T @ trust @ jacobian + np.eye(body.num_betas)
