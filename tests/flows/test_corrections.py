@@ -25,7 +25,7 @@ def test_corrections_of_a_real_run_do_what_they_say(tmp_path: Path, monkeypatch:
     monkeypatch.setenv("HUMANMM_STORE", str(tmp_path / "store"))
     before = humanmm.recover("film.mp4", "before", progress=False)
     make = Corrector(before.recording, before.record)
-    world = (make.static_shot(0), make.height(0, 1.90), make.exclude(18, 22), make.floor(-0.5))
+    world = (make.static_shot(0), make.height(0, 1.90), make.exclude(18, 22))
     after = humanmm.recover("film.mp4", "after", corrections=Corrections(correction=world), progress=False)
     assert all(one.applied and not one.reason for one in after.corrections)
     person, plain = after.people[0], before.people[0]
@@ -34,8 +34,6 @@ def test_corrections_of_a_real_run_do_what_they_say(tmp_path: Path, monkeypatch:
     assert not person.observed[unseen].any() and person.observed[~unseen].all()
     assert np.isfinite(person.joints).all()
     assert set(after.cameras.source[:CUT].tolist()) == {3} and 3 not in after.cameras.source[CUT:]
-    lowest = np.median(person.joints[:, [10, 11], 2].min(axis=1)) - np.median(plain.joints[:, [10, 11], 2].min(axis=1))
-    assert lowest == pytest.approx(0.5, abs=0.05)
     first = slice(0, CUT)
     depth = [
         np.linalg.norm((one.people[0].pelvis - one.cameras.t_world_cam)[first], axis=1).mean()
