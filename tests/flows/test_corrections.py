@@ -44,10 +44,13 @@ def test_corrections_of_a_real_run_do_what_they_say(tmp_path: Path, monkeypatch:
     computed = {entry["stage"] for entry in after.record["stages"] if entry["state"] == "computed"}
     assert not computed & {"decode", "scenes", "people", "points", "keyframes", "intrinsics"}
 
-    sides = humanmm.recover(
-        "film.mp4", corrections=Corrections(correction=tuple(make.sides(0, CUT, 28))), progress=False
-    )
-    (turned,) = sides.people
+    floor = Corrections(correction=(make.floor(-0.5),))
+    raised = humanmm.recover("film.mp4", "raised", corrections=floor, progress=False)
+    np.testing.assert_allclose(raised.people[0].joints - plain.joints, np.tile([0, 0, 0.5], (28, 24, 1)), atol=1e-5)
+    assert {e["stage"] for e in raised.record["stages"] if e["state"] == "computed"} == {"refine", "deliver"}
+
+    sides = Corrections(correction=tuple(make.sides(0, CUT, 28)))
+    turned = humanmm.recover("film.mp4", "sides", corrections=sides, progress=False).people[0]
     np.testing.assert_array_equal(turned.keypoints2d[CUT:], plain.keypoints2d[CUT:][:, SWAP])
 
     one_shot = Corrections(correction=(make.remove_cut(CUT),))
