@@ -90,6 +90,10 @@ def test_a_floor_is_relative_to_the_world_that_was_delivered(corrector: Correcto
     assert Corrector(corrector.recording, {"shots": SHOTS, "config": before}).floor(0.2) == Floor(metres=-0.3)
 
 
+def test_a_height_is_written_down_and_the_one_before_is_known(corrector: Corrector) -> None:
+    assert corrector.height(1, 1.8).metres == 1.8 and 1.4 < corrector.height_of(1) < 2.1
+
+
 def test_adding_and_removing_a_cut_are_contraries() -> None:
     sides = Sides(who=Who(frame=1, x=1, y=1), start=0, end=5)
     assert contrary(AddCut(frame=9), [sides, RemoveCut(frame=8), RemoveCut(frame=9)]) == 3

@@ -26,6 +26,7 @@ from humanmm.corrections import (
     Who,
 )
 from humanmm.errors import InputError
+from humanmm.models.body.body24 import load_body
 from humanmm.models.records.landmarks import INDEX
 
 if TYPE_CHECKING:
@@ -122,6 +123,10 @@ class Corrector:
     def height(self, number: int, metres: float) -> Height:
         """How tall one of the run's people is."""
         return Height(who=self.place(number), metres=metres)
+
+    def height_of(self, number: int) -> float:
+        """How tall one of the run's people stands, metres."""
+        return load_body().standing_height(self._person(number).betas)
 
     def exclude(self, start: int, end: int, number: int | None = None) -> Exclude:
         """Frames in which nothing is to be believed of one of the run's people, or of anybody."""

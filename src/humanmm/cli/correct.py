@@ -118,7 +118,10 @@ def height(
     then: Then,
 ) -> int:
     """PERSON is so many METRES tall."""
-    return _write([_corrector().height(person, metres)], then)
+    corrector = _corrector()
+    correction = corrector.height(person, metres)
+    say(f"person {person} stands {corrector.height_of(person):.2f} m tall in the run")
+    return _write([correction], then)
 
 
 @verb(correct, "exclude")
