@@ -28,6 +28,8 @@ _HEAD = re.compile(r"^\[\[\s*correction\s*\]\]")
 
 def read_file(path: Path) -> Corrections:
     """The corrections of a file. ConfigError names the file and what is wrong in it."""
+    if not path.is_file():
+        raise ConfigError(f"there is no file {path}; `humanmm correct RUN_DIR` writes corrections into the run folder")
     return read_corrections(read_toml(path), origin=str(path))
 
 

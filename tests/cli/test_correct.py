@@ -124,3 +124,4 @@ def test_a_mistake_in_the_file_ends_recover_with_a_sentence_and_none_leaves_it_a
     (finished.folder / "mine.toml").write_text('[[correction]]\nkind = "floor"\nmetres = 1.0\n')
     out = _ok(finished, "recover", "film.mp4", "--corrections", "mine.toml", "--dry-run")
     assert any(line.startswith("refine") and "will run: setting changed: corrections.1" in line for line in out)
+    assert "there is no file gone.toml; " in finished.main("recover", "film.mp4", "--corrections", "gone.toml")[2]
