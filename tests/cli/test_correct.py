@@ -89,30 +89,28 @@ def test_a_correction_is_taken_out_by_undo_and_by_its_contrary(finished: Any) ->
     assert finished.main("correct", "runs/film", "undo")[0] == 1
 
 
-@pytest.mark.parametrize(
-    ("words", "status", "told"),
-    [
-        (["runs/film", "remove-cut", "33"], 1, "the run has no cut at frame 33; its cuts are at 20, 40"),
-        (["runs/film", "add-cut", "60"], 1, "the video has no frame 60; it has 0 to 59"),
-        (["runs/film", "static-shot", "3"], 1, "the run has no shot 3; it has 3, numbered from 0"),
-        (["runs/film", "same-person", "0", "4"], 1, "person 0 was nowhere seen"),
-        (["runs/film", "nobody", "4"], 1, "the run has no person 4; it has 0"),
-        (["runs/film", "swap", "0", "1", "--from", "9", "--to", "9"], 1, "frames 9 to 9 are none"),
-        (["runs/film", "main", "4", "4"], 2, "give --time S or --frame FRAME, one of them"),
-        (["runs/film", "main", "4", "4", "--time", "99"], 1, "99 s is outside"),
-        (["runs/film", "floor"], 2, "give --raise M or --lower M, one of them"),
-        (["runs/film", "flor", "--raise", "1"], 2, "Did you mean 'floor'?"),
-        (["runs/film", "exclude", "9"], 2, "Missing argument 'TO'"),
-        (["nowhere"], 1, "nowhere is no run folder"),
-        ([], 2, "Missing argument 'RUN_DIR'"),
-    ],
+WRONG = (
+    (["runs/film", "remove-cut", "33"], 1, "the run has no cut at frame 33; its cuts are at 20, 40"),
+    (["runs/film", "add-cut", "60"], 1, "the video has no frame 60; it has 0 to 59"),
+    (["runs/film", "static-shot", "3"], 1, "the run has no shot 3; it has 3, numbered from 0"),
+    (["runs/film", "same-person", "0", "4"], 1, "person 0 was nowhere seen"),
+    (["runs/film", "nobody", "4"], 1, "the run has no person 4; it has 0"),
+    (["runs/film", "swap", "0", "1", "--from", "9", "--to", "9"], 1, "frames 9 to 9 are none"),
+    (["runs/film", "main", "4", "4"], 2, "give --time S or --frame FRAME, one of them"),
+    (["runs/film", "main", "4", "4", "--time", "99"], 1, "99 s is outside"),
+    (["runs/film", "floor"], 2, "give --raise M or --lower M, one of them"),
+    (["runs/film", "flor", "--raise", "1"], 2, "Did you mean 'floor'?"),
+    (["runs/film", "exclude", "9"], 2, "Missing argument 'TO'"),
+    (["nowhere"], 1, "nowhere is no run folder"),
+    ([], 2, "Missing argument 'RUN_DIR'"),
 )
-def test_what_the_run_does_not_have_is_told_in_one_line_and_nothing_is_written(
-    finished: Any, words: list[str], status: int, told: str
-) -> None:
-    answer = finished.main("correct", *words)
-    (line,) = answer[2].splitlines()
-    assert (answer[0], answer[1]) == (status, "") and told in line, answer
+
+
+def test_what_the_run_does_not_have_is_told_in_one_line_and_nothing_is_written(finished: Any) -> None:
+    for words, status, told in WRONG:
+        answer = finished.main("correct", *words)
+        (line,) = answer[2].splitlines()
+        assert (answer[0], answer[1]) == (status, "") and told in line, answer
     assert not (finished.folder / FILE).exists()
 
 
