@@ -20,8 +20,10 @@ from prefect.states import Cancelled
 from humanmm.config import Config
 from humanmm.flows.gpu import gpu_slot
 from humanmm.flows.stage_tasks import StageTasks
+from humanmm.storage.run_folder.corrections_file import decided
 from humanmm.storage.store.identity import identify
 from humanmm.storage.store.open import open_store
+from humanmm.tasks.engine.finish import default_run_dir
 from humanmm.tasks.engine.run import VideoRun
 from humanmm.tasks.engine.runners.runner import check_runner
 from humanmm.tasks.units.process import prepare_process
@@ -59,6 +61,7 @@ def recover(
 def recover_stages(video: Path, out: Path | None, config: Config, store: Path | None, selection: Selection) -> Any:
     """The stages of `recover` in a flow run that has begun; returns its final state."""
     begun = time.time()
+    config = decided(config, out or default_run_dir(video))
     with StageTasks(_open(video, config, store, selection)) as stage:
         stage("decode")  # container facts, exact frame times
         stage("scenes")  # section 3.1: colour-based cuts and gradual transitions

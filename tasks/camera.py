@@ -1,5 +1,6 @@
 """Stage `camera`: the camera of one shot."""
 
+from humanmm.corrections import StaticShot
 from humanmm.errors import StageError
 from humanmm.models.camera.shot_camera import estimate_camera
 from humanmm.models.records.camera import Intrinsics, PointTracks, ShotCamera
@@ -18,6 +19,6 @@ def camera(inputs: StageInputs) -> ShotCamera:
         inputs.read("points", PointTracks),
         inputs.read("people", ScenePeople),
         inputs.read("intrinsics", Intrinsics),
-        static=settings.static,
+        static=settings.static or bool(inputs.corrections.of(StaticShot)),
         estimator=load("camera.estimator", settings.estimator),
     )

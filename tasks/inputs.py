@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import BinaryIO, Protocol, TypeVar
 
 from humanmm.config import Config
+from humanmm.corrections import Corrections
 from humanmm.models.records.shots import Shot
 
 T = TypeVar("T")
@@ -15,6 +16,8 @@ class StageInputs(Protocol):
 
     config: Config
     """Only the sections that the stage names in `pipeline.STAGES` may be read (others raise)."""
+    corrections: Corrections
+    """The user's corrections that concern this unit: of the kinds that the stage names, of its own shot."""
     span: tuple[int, int]
     """Frames [start, end) of this unit: the whole video, the scene or the shot."""
     shot: Shot | None
@@ -26,7 +29,8 @@ class StageInputs(Protocol):
         """The artifact of a stage for this unit (same unit or the coarser one that holds it).
 
         A stage per shot that reads `shots` sees its own shot alone, as number 0, and the people in it, their `area` 0:
-        what it cannot see need not be computed again when it changes. A stage per scene has its scene in `span`.
+        what it cannot see need not be computed again when it changes. A stage that does not see who is in the shots
+        finds nobody in them. A stage per scene has its scene in `span`.
         """
         ...
 

@@ -1,5 +1,6 @@
 """Stage `intrinsics`: one focal length for all shots."""
 
+from humanmm.corrections import Focal
 from humanmm.models.camera.background.keyframes import KeyFrameFeatures
 from humanmm.models.camera.intrinsics import estimate_intrinsics
 from humanmm.models.records.camera import Intrinsics, PointTracks
@@ -12,12 +13,13 @@ from humanmm.tasks.inputs import StageInputs
 def intrinsics(inputs: StageInputs) -> Intrinsics:
     """The user's focal length, or what the background tells, or the default."""
     settings = inputs.config.intrinsics
+    corrected_px = next((one.px for one in inputs.corrections.of(Focal)), None)
     return estimate_intrinsics(
         inputs.read("decode", VideoFacts),
         inputs.read("shots", ShotList),
         inputs.read_all("people", ScenePeople),
         inputs.read_all("points", PointTracks),
         inputs.read("keyframes", KeyFrameFeatures),
-        focal_px=settings.focal_px,
+        focal_px=settings.focal_px if corrected_px is None else corrected_px,
         fov_deg=settings.fov_deg,
     )

@@ -53,10 +53,14 @@ class Stage:
     settings: tuple[str, ...]
     """Sections of the configuration that are part of its key."""
     output: str
+    corrections: tuple[str, ...] = ()
+    """Kinds of the user's corrections that are part of its key; of those about one shot, a unit's own."""
     schema_version: int = 1
     reads_video: bool = False
     defines: Literal["scene", "shot"] | None = None
     """The kind of unit whose spans its artifact lists. A stage per that kind depends on its own span alone."""
+    sees_people_of_shots: bool = True
+    """Whether the list of shots tells it who is in them; if not, a change of people alone is nothing to it."""
     module: str = ""
     """Where its function is; `humanmm.tasks.<name>` unless given."""
     resources: Resources = Resources()
@@ -79,7 +83,8 @@ STAGES: tuple[Stage, ...] = (
     ),
     Stage(
         "scenes", "video", ("decode",), ("scenes",), "humanmm.models.records.shots:Scenes",
-        reads_video=True, defines="scene", resources=_memory(20, 20, 15),
+        corrections=("add-cut", "remove-cut"),
+        schema_version=2, reads_video=True, defines="scene", resources=_memory(20, 20, 15),
     ),
     Stage(
         "people", "scene", ("decode", "scenes"), ("people",), "humanmm.models.records.tracks:ScenePeople",
@@ -91,22 +96,23 @@ STAGES: tuple[Stage, ...] = (
     ),
     Stage(
         "shots", "video", ("decode", "scenes", "people"), ("shots",), "humanmm.models.records.shots:ShotList",
-        schema_version=3, defines="shot", resources=_memory(10, 0, 8),
+        corrections=("remove-cut", "same-person", "nobody", "swap", "sides", "height", "exclude", "main"),
+        schema_version=4, defines="shot", resources=_memory(10, 0, 8),
     ),
     Stage(
         "keyframes", "video", ("decode", "people", "shots"), (),
         "humanmm.models.camera.background.keyframes:KeyFrameFeatures",
-        schema_version=2, reads_video=True, resources=_memory(250, 20),
+        schema_version=2, reads_video=True, sees_people_of_shots=False, resources=_memory(250, 20),
     ),
     Stage(
         "intrinsics", "video", ("decode", "people", "shots", "points", "keyframes"), ("intrinsics",),
         "humanmm.models.records.camera:Intrinsics",
-        resources=_memory(10, 0, 6),
+        corrections=("focal",), sees_people_of_shots=False, resources=_memory(10, 0, 6),
     ),
     Stage(
         "camera", "shot", ("people", "shots", "points", "intrinsics"), ("camera",),
         "humanmm.models.records.camera:ShotCamera",
-        schema_version=2, resources=_memory(10, 0, 6),
+        corrections=("static-shot",), schema_version=2, sees_people_of_shots=False, resources=_memory(10, 0, 6),
     ),
     Stage(
         "hmr", "shot", ("decode", "people", "shots", "camera"), ("hmr",), "humanmm.models.records.motion:ShotMotion",
@@ -120,7 +126,7 @@ STAGES: tuple[Stage, ...] = (
     Stage(
         "refine", "video", ("decode", "people", "shots", "align"), ("refine",),
         "humanmm.models.records.motion:WorldMotion",
-        schema_version=2, resources=_memory(35, 0, 12),
+        corrections=("floor",), schema_version=2, resources=_memory(35, 0, 12),
     ),
     Stage(
         "deliver", "video", ("decode", "people", "shots", "refine"), ("deliver",),

@@ -1,5 +1,6 @@
 """Stage `refine`: one motion over all shots."""
 
+from humanmm.corrections import Floor
 from humanmm.models.motion.refine.refine import RefineSettings
 from humanmm.models.motion.refine.refine import refine as refine_motion
 from humanmm.models.records.motion import WorldMotion
@@ -22,5 +23,6 @@ def refine(inputs: StageInputs) -> WorldMotion:
             close_seams=config.close_seams,
             refit=config.refit,
             foot_lock=config.foot_lock,
+            floor_m=sum(one.metres for one in inputs.corrections.of(Floor)),
         ),
     )

@@ -10,4 +10,5 @@ from humanmm.tasks.inputs import StageInputs
 def scenes(inputs: StageInputs) -> Scenes:
     """Scenes of the whole video."""
     with inputs.open_video() as stream:
-        return detect_scenes(Video(stream, inputs.read("decode", VideoFacts)), progress=inputs.progress)
+        video = Video(stream, inputs.read("decode", VideoFacts))
+        return detect_scenes(video, corrections=inputs.corrections, progress=inputs.progress)

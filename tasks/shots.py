@@ -17,4 +17,5 @@ def shots(inputs: StageInputs) -> ShotList:
         only_person=settings.person,
         parts=settings.parts,
         min_confidence=settings.min_confidence,
+        corrections=inputs.corrections,
     )

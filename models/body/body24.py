@@ -57,6 +57,11 @@ class Body:
         """Skin of the rest pose of one shape, float32."""
         return self.v_template + np.tensordot(np.asarray(betas, np.float32), self.shapedirs, axes=1)
 
+    def standing_height(self, betas: Float[Array, " B"]) -> float:
+        """From the soles to the top of the head in the rest pose, metres."""
+        up = self.v_template[:, 1] + np.tensordot(np.asarray(betas, np.float32), self.shapedirs[..., 1], axes=1)
+        return float(np.ptp(up))
+
 
 @lru_cache(maxsize=1)
 def load_body() -> Body:

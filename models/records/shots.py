@@ -14,7 +14,7 @@ class Transition:
     start: int
     end: int
     evidence: str
-    """Which part of the detector found it: scene, bbox or keypoints."""
+    """Which part of the detector found it: scene, bbox or keypoints; or user."""
 
     @property
     def cut_frame(self) -> int:
@@ -23,16 +23,38 @@ class Transition:
 
 
 @dataclass(frozen=True)
+class CorrectionNote:
+    """What became of one correction of the user's."""
+
+    identity: str
+    """What it says (`humanmm.corrections.Correction.identity`)."""
+    applied: bool
+    reason: str = ""
+    """Why it does not fit, or what is to be known although it does."""
+
+
+@dataclass(frozen=True)
 class Scenes:
     """Colour-based boundaries of a video of num_frames; scene k runs [starts[k], starts[k+1])."""
 
     num_frames: int
     transitions: tuple[Transition, ...]
+    corrections: tuple[CorrectionNote, ...] = ()
+    """What became of the corrections of cuts; a cut to be removed that is not here may be one that people show."""
 
     @property
     def spans(self) -> tuple[tuple[int, int], ...]:
         starts = [0, *(t.cut_frame for t in self.transitions)]
         return tuple(zip(starts, [*starts[1:], self.num_frames], strict=True))
+
+
+@dataclass(frozen=True)
+class TrackPart:
+    """The rows of one track of a scene in frames [start, end)."""
+
+    track: int
+    start: int
+    end: int
 
 
 @dataclass(frozen=True)
@@ -46,6 +68,8 @@ class Appearance:
     """Frames [start, end) in which the detector has swapped left and right; `ScenePeople.track_of` puts them right."""
     tracking_failures: tuple[tuple[int, int], ...] = ()
     """Frames [start, end) in which the detector's pose is not to be trusted, although the person is seen."""
+    parts: tuple[TrackPart, ...] = ()
+    """What belongs to him where that is not all of `track`, by the user's corrections; no frame is in two of them."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +105,7 @@ class Person:
 
     person: int
     betas: np.ndarray
-    """(10,) float32 shape of body24, from bone proportions over all shots."""
+    """(10,) float32 shape of body24, from bone proportions over all shots, and his height if the user gave it."""
     area: float
     """Summed visible area, pixels × frames."""
     probability: float = 1.0
@@ -101,3 +125,5 @@ class ShotList:
     shots: tuple[Shot, ...]
     people: tuple[Person, ...]
     warnings: tuple[str, ...] = ()
+    corrections: tuple[CorrectionNote, ...] = ()
+    """What became of the corrections of cuts and people."""

@@ -3,12 +3,12 @@
 import zlib
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, reduce
 
 import numpy as np
 
 from humanmm.models.records.landmarks import with_sides_swapped
-from humanmm.models.records.shots import Appearance
+from humanmm.models.records.shots import Appearance, TrackPart
 
 Intervals = tuple[tuple[int, int], ...]
 
@@ -103,6 +103,42 @@ class PersonTrack:
             landmarks3d=with_sides_swapped(self.landmarks3d, is_swapped),
         )
 
+    def within(self, start: int, end: int) -> "PersonTrack":
+        """The track in frames [start, end)."""
+        rows = slice(*np.searchsorted(self.frame, (start, end)).tolist())
+        colours = slice(*np.searchsorted(self.color_frame, (start, end)).tolist())
+        return replace(
+            self,
+            frame=self.frame[rows],
+            keypoints2d=self.keypoints2d[rows],
+            landmarks3d=self.landmarks3d[rows],
+            bbox=self.bbox[rows],
+            confidence=self.confidence[rows],
+            masks=self.masks.chosen(np.arange(rows.start, rows.stop)),
+            mask_affine=self.mask_affine[rows],
+            color_frame=self.color_frame[colours],
+            color_histogram=self.color_histogram[colours],
+        )
+
+    def then(self, later: "PersonTrack") -> "PersonTrack":
+        """This track, and after it another one of the same person; each counts by its frames for whether he is one."""
+        counts = (len(self.frame), len(later.frame))
+        total = self.probability * counts[0] + later.probability * counts[1]
+        return replace(
+            self,
+            frame=np.concatenate([self.frame, later.frame]),
+            keypoints2d=np.concatenate([self.keypoints2d, later.keypoints2d]),
+            landmarks3d=np.concatenate([self.landmarks3d, later.landmarks3d]),
+            bbox=np.concatenate([self.bbox, later.bbox]),
+            confidence=np.concatenate([self.confidence, later.confidence]),
+            masks=self.masks.then(later.masks),
+            mask_affine=np.concatenate([self.mask_affine, later.mask_affine]),
+            color_frame=np.concatenate([self.color_frame, later.color_frame]),
+            color_histogram=np.concatenate([self.color_histogram, later.color_histogram]),
+            probability=total / sum(counts) if sum(counts) else self.probability,
+            lifted=self.lifted or later.lifted,
+        )
+
 
 @dataclass(frozen=True)
 class ScenePeople:
@@ -115,16 +151,22 @@ class ScenePeople:
     def track_of(self, appearance: Appearance) -> PersonTrack:
         """The track of a person in a shot, with left and right as they are, not as the detector swapped them.
 
-        All later stages take keypoints and landmarks from here; nobody else puts sides right.
+        All later stages take keypoints and landmarks from here; nobody else puts sides right or parts together.
         """
-        if not appearance.left_right_swapped:
+        if not appearance.left_right_swapped and not appearance.parts:
             return self.tracks[appearance.track]
-        key = appearance.track, appearance.left_right_swapped
+        key = appearance.track, appearance.parts, appearance.left_right_swapped
         if key not in self._put_right:
-            self._put_right[key] = self.tracks[appearance.track].with_sides_swapped(appearance.left_right_swapped)
+            self._put_right[key] = self._whole(appearance).with_sides_swapped(appearance.left_right_swapped)
         return self._put_right[key]
 
+    def _whole(self, appearance: Appearance) -> PersonTrack:
+        """The track as the detector saw it, put together from its parts."""
+        parts = sorted(appearance.parts, key=lambda part: part.start)
+        pieces = [self.tracks[part.track].within(part.start, part.end) for part in parts]
+        return reduce(PersonTrack.then, pieces) if pieces else self.tracks[appearance.track]
+
     @cached_property
-    def _put_right(self) -> dict[tuple[int, Intervals], PersonTrack]:
+    def _put_right(self) -> dict[tuple[int, tuple[TrackPart, ...], Intervals], PersonTrack]:
         """Tracks that were put right, so that a long one is copied once."""
         return {}

@@ -5,13 +5,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from humanmm.corrections import NONE, Corrections, RemoveCut
 from humanmm.errors import NoUsablePersonError
 from humanmm.models.geometry.intervals import Interval, frame_intervals, in_intervals
 from humanmm.models.geometry.intrinsics import K_from_focal, default_focal_px
-from humanmm.models.records.shots import Appearance, Scenes, Shot, ShotList, Transition
+from humanmm.models.records.shots import Appearance, CorrectionNote, Scenes, Shot, ShotList, Transition
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
 from humanmm.models.records.video import VideoFacts
-from humanmm.models.shots.identity import Cast, identify
+from humanmm.models.shots.corrected_cuts import removed
+from humanmm.models.shots.corrected_people import corrected_people
+from humanmm.models.shots.identity import Cast, cast_of, matched_people
 from humanmm.models.shots.left_right_swaps import Sighting, left_right_swaps
 from humanmm.models.shots.people_cuts import Parts, split_scenes
 from humanmm.models.shots.tracking_failures import failed_frames
@@ -26,18 +29,22 @@ def detect_shots(
     only_person: int | None = None,
     min_confidence: float = 0.2,
     parts: Parts = "keypoints",
+    corrections: Corrections = NONE,
 ) -> ShotList:
     """Shots of the whole video with everybody in them (or with one person); `people` has None for a failed scene.
 
     `parts` says how much of the three-part detector is used: colours, boxes, keypoints. Left and right are told apart
     with a rough K, for the focal length is estimated later. Who is a person with a lower probability than
-    `min_confidence` is left out. Raises NoUsablePersonError when nobody, or not the wanted person, is in the video.
+    `min_confidence` is left out. `corrections`: what the user knows better of cuts and people; the result says which
+    of them fit. Raises NoUsablePersonError when nobody, or not the wanted person, is in the video.
     """
     time_s = facts.time_s
     K = K_from_focal(default_focal_px(facts.width, facts.height), facts.width, facts.height)
-    transitions = split_scenes(scenes, people, time_s=time_s, parts=parts)
+    transitions, notes = _corrected(scenes, split_scenes(scenes, people, time_s=time_s, parts=parts), corrections)
     shots = _empty_shots(scenes, transitions)
-    cast = identify(shots, people, time_s=time_s, min_confidence=min_confidence)
+    groups = matched_people(shots, people, time_s=time_s)
+    candidates, of_people = corrected_people(groups, shots, people, corrections, time_s=time_s)
+    cast = cast_of(candidates, len(shots), min_confidence=min_confidence)
     if not cast.people:
         raise NoUsablePersonError(_nobody(cast, min_confidence))
     if only_person is not None:
@@ -47,7 +54,18 @@ def detect_shots(
         replace(shot, people=tuple(_marked(a, faults.get((shot.index, a.person))) for a in appearances))
         for shot, appearances in zip(shots, cast.appearances, strict=True)
     )
-    return ShotList(scenes.num_frames, inhabited, cast.people, _doubts(cast))
+    return ShotList(scenes.num_frames, inhabited, cast.people, _doubts(cast), (*notes, *of_people))
+
+
+def _corrected(
+    scenes: Scenes, transitions: Sequence[Transition], corrections: Corrections
+) -> tuple[Sequence[Transition], list[CorrectionNote]]:
+    """The transitions without those of people that the user removes, and what became of all corrections of cuts."""
+    kept, notes = removed(transitions, corrections.of(RemoveCut), fixed=scenes.transitions)
+    # what colours and people show is removed in two places, and a correction fits if it does in one of them
+    done = {note.identity: note for note in (*scenes.corrections, *notes) if note.applied}
+    misfits = {note.identity: note for note in (*scenes.corrections, *notes) if note.identity not in done}
+    return kept, [*done.values(), *misfits.values()]
 
 
 def _nobody(cast: Cast, min_confidence: float) -> str:
@@ -95,7 +113,8 @@ def _only(cast: Cast, number: int) -> Cast:
         raise NoUsablePersonError(
             f"person {number} is not in the video: it has {len(cast.people)}, numbered from 0; choose another"
         )
-    return Cast(kept, tuple(tuple(a for a in shot if a.person == number) for shot in cast.appearances))
+    told = tuple(told for person, told in zip(cast.people, cast.told, strict=True) if person.person == number)
+    return Cast(kept, tuple(tuple(a for a in shot if a.person == number) for shot in cast.appearances), told=told)
 
 
 @dataclass(frozen=True)
@@ -115,7 +134,7 @@ def _detector_faults(
 ) -> dict[tuple[int, int], _Faults]:
     """By (shot, person). Left-right swaps are solved over the whole video, without the tracking failures."""
     faults: dict[tuple[int, int], _Faults] = {}
-    for person in cast.people:
+    for person, told in zip(cast.people, cast.told, strict=True):
         seen: list[tuple[int, Sighting]] = []
         for shot, appearances in zip(shots, cast.appearances, strict=True):
             track = _track(people[shot.scene], appearances, person.person)
@@ -123,7 +142,8 @@ def _detector_faults(
                 seen.append((shot.index, _sighting(track, shot, time_s)))
         failed = [failed_frames(sighting) for _, sighting in seen]
         trusted = [sighting.only(~lost) for (_, sighting), lost in zip(seen, failed, strict=True)]
-        for (index, sighting), lost, swapped in zip(seen, failed, left_right_swaps(trusted, K), strict=True):
+        swaps = left_right_swaps(trusted, K, told.sides)
+        for (index, sighting), lost, swapped in zip(seen, failed, swaps, strict=True):
             faults[index, person.person] = _Faults(swapped, frame_intervals(sighting.frame, lost))
     return faults
 
@@ -136,8 +156,8 @@ def _marked(appearance: Appearance, faults: _Faults | None) -> Appearance:
 
 def _track(scene: ScenePeople | None, shot: Sequence[Appearance], person: int) -> PersonTrack | None:
     """A person's track in one shot."""
-    number = next((a.track for a in shot if a.person == person), None)
-    return None if scene is None or number is None else scene.tracks[number]
+    own = next((a for a in shot if a.person == person), None)
+    return None if scene is None or own is None else scene.track_of(own)
 
 
 def _sighting(track: PersonTrack, shot: Shot, time_s: np.ndarray) -> Sighting:

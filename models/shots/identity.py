@@ -22,8 +22,9 @@ from humanmm.models.geometry.alignment import umeyama_alignment
 from humanmm.models.geometry.intervals import in_intervals
 from humanmm.models.perception.clothing import colour_distance, mean_colours
 from humanmm.models.records import landmarks
-from humanmm.models.records.shots import DOUBTFUL, Appearance, Person, Shot
+from humanmm.models.records.shots import DOUBTFUL, Appearance, Person, Shot, TrackPart
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
+from humanmm.models.shots.left_right_swaps import KnownSides
 from humanmm.models.video.frame_times import ROUNDING_S, shown_s
 
 SAME_COLOURS = 0.62
@@ -39,9 +40,30 @@ POSE_FRAMES = 5
 MIN_SEEN_S = 0.3
 BONE_NOISE = 0.1
 """Standard deviation of a bone's logarithmic length in the detector's 3D landmarks, mostly bias."""
+SCALE_NOISE = 0.3
+"""Standard deviation of the common factor (its logarithm) of all bones of somebody whose height the user gave."""
 BONE_BIAS = np.array([-0.08, -0.08, -0.07, -0.16, -0.09, -0.03, 0.01])
 """Logarithm of the detector's bone lengths over body24's, for `bone_lengths` of one and the same person: its landmarks
 lie elsewhere than the joints (measured on renderings of 300 random bodies; real clips agree)."""
+
+
+@dataclass(frozen=True)
+class Told:
+    """What the user says of somebody."""
+
+    main: bool = False
+    """He is person 0, and a person for sure."""
+    height_m: float | None = None
+    sides: tuple[KnownSides, ...] = ()
+    """Frames in which his left and right are known."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """Everything that was seen of somebody who may be a person."""
+
+    sightings: tuple["Sighting", ...]
+    told: Told = Told()
 
 
 @dataclass(frozen=True)
@@ -52,6 +74,8 @@ class Cast:
     appearances: tuple[tuple[Appearance, ...], ...]
     refused: tuple[float, ...] = ()
     """Probabilities of those left out as no persons, largest first."""
+    told: tuple[Told, ...] = ()
+    """What the user says of each of the people."""
 
 
 @dataclass(frozen=True)
@@ -72,18 +96,15 @@ class Sighting:
     """Of being a person."""
     bones: Float[np.ndarray, "frames 7"]
     """Lengths of confident frames, metres, as the pose network measures them."""
+    parts: tuple[TrackPart, ...] = ()
+    """As in `Appearance`."""
 
 
-def identify(
-    shots: Sequence[Shot],
-    scenes: Sequence[ScenePeople | None],
-    *,
-    time_s: Float[np.ndarray, " F"],
-    min_confidence: float = 0.2,
-) -> Cast:
-    """Number the people of a video, the doubtful ones last; a failed scene is None.
+def matched_people(
+    shots: Sequence[Shot], scenes: Sequence[ScenePeople | None], *, time_s: Float[np.ndarray, " F"]
+) -> list[list[Sighting]]:
+    """All sightings, those of one and the same person together; a failed scene is None.
 
-    Left out is who is seen for a moment only, and who is a person with a lower probability than `min_confidence`.
     `time_s` holds the presentation times of all frames.
     """
     people: list[list[Sighting]] = []
@@ -96,20 +117,37 @@ def identify(
                 people[known].append(sightings[new])
             else:
                 people.append([sightings[new]])
-    candidates = [(probability(p), sum(s.area for s in p), p) for p in people if _is_long_seen(p)]
+    return people
+
+
+def cast_of(people: Sequence[Candidate], num_shots: int, *, min_confidence: float = 0.2) -> Cast:
+    """Number the people of `num_shots` shots: the main one first, the doubtful ones last.
+
+    Left out is who is seen for a moment only, and who is a person with a lower probability than `min_confidence`.
+    """
+    candidates = [
+        (1.0 if p.told.main else probability(p.sightings), sum(s.area for s in p.sightings), p)
+        for p in people
+        if _is_long_seen(p.sightings)
+    ]
     kept = [candidate for candidate in candidates if candidate[0] >= min_confidence]
-    kept.sort(key=lambda candidate: (candidate[0] < DOUBTFUL, -candidate[1]))
+    kept.sort(key=lambda candidate: (not candidate[2].told.main, candidate[0] < DOUBTFUL, -candidate[1]))
     body = load_body()
     numbered = tuple(
-        Person(number, shape_from_bones(np.concatenate([s.bones for s in person]), body), area, likelihood)
-        for number, (likelihood, area, person) in enumerate(kept)
+        Person(
+            number,
+            shape_from_bones(np.concatenate([s.bones for s in p.sightings]), body, height_m=p.told.height_m),
+            area,
+            likelihood,
+        )
+        for number, (likelihood, area, p) in enumerate(kept)
     )
-    appearances: list[list[Appearance]] = [[] for _ in shots]
-    for number, (_, _, person) in enumerate(kept):
-        for s in person:
-            appearances[s.shot].append(Appearance(number, s.track))
+    appearances: list[list[Appearance]] = [[] for _ in range(num_shots)]
+    for number, (_, _, p) in enumerate(kept):
+        for s in p.sightings:
+            appearances[s.shot].append(Appearance(number, s.track, parts=s.parts))
     refused = tuple(sorted((p for p, _, _ in candidates if p < min_confidence), reverse=True))
-    return Cast(numbered, tuple(tuple(shot) for shot in appearances), refused)
+    return Cast(numbered, tuple(map(tuple, appearances)), refused, tuple(p.told for _, _, p in kept))
 
 
 def sighting(
@@ -229,8 +267,14 @@ def bone_lengths(poses: Float[np.ndarray, "frames 33 3"]) -> Float[np.ndarray, "
     return _lengths(point)
 
 
-def shape_from_bones(bones: Float[np.ndarray, "frames 7"], body: Body) -> Float[np.ndarray, " betas"]:
-    """Shape whose bone lengths are likeliest: ridge regression of log lengths, prior N(0, 1) on every component."""
+def shape_from_bones(
+    bones: Float[np.ndarray, "frames 7"], body: Body, *, height_m: float | None = None
+) -> Float[np.ndarray, " betas"]:
+    """Shape whose bone lengths are likeliest: ridge regression of log lengths, prior N(0, 1) on every component.
+
+    With a known height the shape stands exactly so tall; the bones then tell proportions, their common factor is free
+    within SCALE_NOISE.
+    """
     wanted = np.log(np.median(bones, axis=0) / _body_bones(body, np.zeros(body.num_betas))) - BONE_BIAS
     step = 0.5
     jacobian = np.column_stack(
@@ -239,8 +283,28 @@ def shape_from_bones(bones: Float[np.ndarray, "frames 7"], body: Body) -> Float[
             for unit in np.eye(body.num_betas)
         ]
     )
-    normal = jacobian.T @ jacobian / BONE_NOISE**2 + np.eye(body.num_betas)
-    return np.asarray(np.linalg.solve(normal, jacobian.T @ wanted / BONE_NOISE**2), np.float32)
+    trust: np.ndarray = np.eye(len(wanted)) / BONE_NOISE**2
+    if height_m is not None:
+        trust = np.linalg.inv(BONE_NOISE**2 * np.eye(len(wanted)) + SCALE_NOISE**2)
+    normal = jacobian.T @ trust @ jacobian + np.eye(body.num_betas)
+    betas = np.linalg.solve(normal, jacobian.T @ trust @ wanted)
+    return np.asarray(betas if height_m is None else _as_tall(betas, normal, body, height_m), np.float32)
+
+
+def _as_tall(
+    betas: Float[np.ndarray, " betas"], normal: np.ndarray, body: Body, height_m: float
+) -> Float[np.ndarray, " betas"]:
+    """The likeliest shape of one height: Newton's steps on the constraint, each the shortest by the metric `normal`."""
+    found: np.ndarray = betas
+    for _ in range(20):
+        missing = height_m - body.standing_height(found)
+        if abs(missing) < 1e-4:
+            break
+        ends = [[body.standing_height(found + side * unit) for side in (-0.05, 0.05)] for unit in np.eye(len(found))]
+        slope = np.diff(ends, axis=1)[:, 0] / 0.1
+        direction = np.linalg.solve(normal, slope)
+        found = found + direction * missing / (slope @ direction)
+    return found
 
 
 def _body_bones(body: Body, betas: Float[np.ndarray, " betas"]) -> Float[np.ndarray, " 7"]:

@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float, Int
 
 from humanmm.models.cuts import camera_rotation as cuts
 from humanmm.models.geometry.chains import two_state_chain
-from humanmm.models.geometry.intervals import Interval, frame_intervals
+from humanmm.models.geometry.intervals import Interval, frame_intervals, in_intervals
 from humanmm.models.records.landmarks import NUM_LANDMARKS, SWAP, with_sides_swapped
 
 Array = np.ndarray
@@ -81,21 +81,74 @@ class Sighting:
         )
 
 
-def left_right_swaps(sightings: Sequence[Sighting], K: Float[Array, "3 3"]) -> tuple[tuple[Interval, ...], ...]:
+@dataclass(frozen=True)
+class KnownSides:
+    """What the user says of one person's left and right in frames [start, end)."""
+
+    start: int
+    end: int
+    frame: int
+    """The frame that `pair` and `places` belong to."""
+    pair: tuple[int, int] | None = None
+    """A left and a right landmark; None: whatever is found in these frames is the wrong way round."""
+    places: Float[Array, "2 2"] | None = None
+    """Where these two truly are in that frame, source pixels."""
+
+    def is_wrong(self, sighting: Sighting, state: Bool[Array, "n"]) -> bool | None:
+        """Whether these states of a shot contradict the user; None if the shot does not hold the frame."""
+        if self.pair is None or self.places is None:
+            return True
+        row = int(np.searchsorted(sighting.frame, self.frame))
+        if row == len(sighting.frame) or sighting.frame[row] != self.frame:
+            return None
+        labelled = with_sides_swapped(sighting.keypoints2d[[row]], state[[row]])[0][list(self.pair), :2]
+        kept, crossed = (np.linalg.norm(labelled - places, axis=1).sum() for places in (self.places, self.places[::-1]))
+        return bool(crossed < kept)
+
+
+def left_right_swaps(
+    sightings: Sequence[Sighting], K: Float[Array, "3 3"], known: Sequence[KnownSides] = ()
+) -> tuple[tuple[Interval, ...], ...]:
     """For each shot of one person, in time order: the frames [start, end) with left and right swapped.
 
-    K may be rough: a focal length wrong by 30 % changes nothing here.
+    K may be rough: a focal length wrong by 30 % changes nothing here. What the user knows holds; the other frames
+    follow from it.
     """
-    states = _swapped_frames(sightings, K)
+    states = _swapped_frames(sightings, K, [np.full(len(sighting.frame), FREE) for sighting in sightings])
+    if known:
+        states = _swapped_frames(sightings, K, _fixed_states(sightings, states, known))
     return tuple(frame_intervals(sighting.frame, state) for sighting, state in zip(sightings, states, strict=True))
 
 
-def _swapped_frames(sightings: Sequence[Sighting], K: Float[Array, "3 3"]) -> list[Bool[Array, "n"]]:
-    """For each shot of one person, which frames have left and right swapped."""
+FREE = -1
+"""In place of a state: nobody knows it."""
+KNOWN = 1e6
+"""Energy of contradicting the user."""
+
+
+def _fixed_states(
+    sightings: Sequence[Sighting], found: Sequence[Bool[Array, "n"]], known: Sequence[KnownSides]
+) -> list[Int[Array, "n"]]:
+    """The state of each frame by what the user knows, or FREE: as `found`, or the other one where that is wrong."""
+    fixed = [np.full(len(sighting.frame), FREE) for sighting in sightings]
+    for one in known:
+        answers = [one.is_wrong(sighting, state) for sighting, state in zip(sightings, found, strict=True)]
+        wrong = next((answer for answer in answers if answer is not None), True)
+        for sighting, state, own in zip(sightings, found, fixed, strict=True):
+            inside = in_intervals(sighting.frame, [(one.start, one.end)])
+            own[inside] = state[inside] ^ wrong
+    return fixed
+
+
+def _swapped_frames(
+    sightings: Sequence[Sighting], K: Float[Array, "3 3"], fixed: Sequence[Int[Array, "n"]]
+) -> list[Bool[Array, "n"]]:
+    """For each shot of one person, which frames have left and right swapped; `fixed` has those that are known."""
+    told = [states for sighting, states in zip(sightings, fixed, strict=True) if len(sighting.frame)]
     seen = [sighting for sighting in sightings if len(sighting.frame)]
     if not seen:
         return [np.zeros(0, dtype=bool) for _ in sightings]
-    relative = [_settled(sighting, _within_shot(sighting)) for sighting in seen]
+    relative = [_settled(sighting, _within_shot(sighting, own), own) for sighting, own in zip(seen, told, strict=True)]
     pairs: list[Array] = []
     for k, (sighting, state) in enumerate(zip(seen, relative, strict=True)):
         pairs.append(step_energies(sighting) + _held_at_cuts(sighting, state, first=k == 0, last=k + 1 == len(seen)))
@@ -103,26 +156,33 @@ def _swapped_frames(sightings: Sequence[Sighting], K: Float[Array, "3 3"]) -> li
             as_found, one_swapped = _across_cut(sighting, state, seen[k + 1], relative[k + 1], K)
             agreed = state[-1] == relative[k + 1][0]
             pairs.append(np.array([[as_found, one_swapped] if agreed else [one_swapped, as_found]]))
-    unary = np.concatenate([_frame_evidence(sighting) for sighting in seen])
+    unary = np.concatenate([_frame_evidence(sighting) + _told(own) for sighting, own in zip(seen, told, strict=True)])
     whole = two_state_chain(unary, np.concatenate(pairs))
     states = np.split(whole, np.cumsum([len(sighting.frame) for sighting in seen])[:-1])
-    parts = iter([_settled(sighting, state) for sighting, state in zip(seen, states, strict=True)])
+    parts = iter([_settled(*one) for one in zip(seen, states, told, strict=True)])
     return [next(parts) if len(sighting.frame) else np.zeros(0, dtype=bool) for sighting in sightings]
 
 
-def _within_shot(sighting: Sighting) -> Bool[Array, "n"]:
+def _told(fixed: Int[Array, "n"]) -> Float[Array, "n 2"]:
+    """Energy of each frame as labelled and swapped, from what the user knows."""
+    return np.asarray(KNOWN * np.stack([fixed == 1, fixed == 0], axis=1))
+
+
+def _within_shot(sighting: Sighting, fixed: Int[Array, "n"]) -> Bool[Array, "n"]:
     """States of the frames of one shot, from the motion between them and each frame's own evidence."""
     if len(sighting.frame) < 2:
-        return np.zeros(len(sighting.frame), dtype=bool)
-    return two_state_chain(_frame_evidence(sighting), step_energies(sighting))
+        return np.asarray(fixed == 1)
+    return two_state_chain(_frame_evidence(sighting) + _told(fixed), step_energies(sighting))
 
 
-def _settled(sighting: Sighting, state: Bool[Array, "n"]) -> Bool[Array, "n"]:
+def _settled(sighting: Sighting, state: Bool[Array, "n"], fixed: Int[Array, "n"]) -> Bool[Array, "n"]:
     """The states with single frames put right by the median of their neighbours.
 
     A picture in which the network mixes both sides looks wrong next to either neighbour, so the chain may pass it in
     the wrong state; against the median of its surroundings it shows where it belongs.
     """
+    if (fixed != FREE).all():
+        return state
     for _ in range(2):
         flat, _ = _normalised(with_sides_swapped(sighting.keypoints2d, state))
         solid = with_sides_swapped(sighting.landmarks3d, state).astype(np.float64)
@@ -130,7 +190,7 @@ def _settled(sighting: Sighting, state: Bool[Array, "n"]) -> Bool[Array, "n"]:
         for k, now in enumerate(sighting.time_s):
             first, last = np.searchsorted(sighting.time_s, [now - NEIGHBOUR_S - 1e-9, now + NEIGHBOUR_S + 1e-9])
             others = np.r_[first:k, k + 1 : last]
-            if len(others) < 4:
+            if len(others) < 4 or fixed[k] != FREE:
                 continue
             usual = (np.median(flat[others], axis=0), np.median(solid[others], axis=0))
             kept, swapped = (

@@ -9,8 +9,10 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
+from humanmm.corrections import NONE, Corrections
 from humanmm.models.geometry.intervals import Interval, merged
 from humanmm.models.records.shots import Scenes, Transition
+from humanmm.models.shots.corrected_cuts import corrected_scenes
 from humanmm.models.shots.gradual import (
     DISSOLVE_S,
     dissolves,
@@ -109,8 +111,9 @@ def proposals(change: Sequence[float]) -> Iterator[int]:
             yield middle
 
 
-def detect_scenes(video: Video, *, progress: Progress = silent) -> Scenes:
-    """Scenes of the whole video by colour, from pictures of SIDE_PX."""
+def detect_scenes(video: Video, *, corrections: Corrections = NONE, progress: Progress = silent) -> Scenes:
+    """Scenes of the whole video by colour, from pictures of SIDE_PX, with the cuts that the user adds and without
+    those that he removes."""
     facts = video.facts
 
     def pictures(decoded: Iterator[Frame]) -> Iterator[np.ndarray]:
@@ -119,7 +122,7 @@ def detect_scenes(video: Video, *, progress: Progress = silent) -> Scenes:
             progress(frame.index + 1, facts.num_frames)
 
     with prefetched(frames(video.stream, facts, pixels="bgr", max_side_px=SIDE_PX)) as decoded:
-        return find_scenes(pictures(decoded), facts.time_s)
+        return corrected_scenes(find_scenes(pictures(decoded), facts.time_s), corrections)
 
 
 def find_scenes(pictures: Iterable[np.ndarray], time_s: np.ndarray) -> Scenes:

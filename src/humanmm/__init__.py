@@ -16,11 +16,13 @@ from humanmm.version import __version__
 
 if TYPE_CHECKING:
     from humanmm.config import Config
+    from humanmm.corrections import Corrections
     from humanmm.recovery import forecast, recover
     from humanmm.results import Run, evaluate, load
 
 _MODULES = {
     "Config": "humanmm.config",
+    "Corrections": "humanmm.corrections",
     "forecast": "humanmm.recovery",
     "recover": "humanmm.recovery",
     "Run": "humanmm.results",
@@ -29,7 +31,7 @@ _MODULES = {
 }
 """Public name → the module that defines it."""
 
-__all__ = ["Config", "HumanMMError", "Run", "__version__", "evaluate", "forecast", "load", "recover"]
+__all__ = ["Config", "Corrections", "HumanMMError", "Run", "__version__", "evaluate", "forecast", "load", "recover"]
 
 
 def __getattr__(name: str) -> Any:

@@ -11,6 +11,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validat
 from pydantic_core import PydanticCustomError
 
 from humanmm import parts
+from humanmm.corrections import Corrections
 from humanmm.errors import ConfigError
 
 
@@ -27,7 +28,7 @@ def _part(setting: str) -> AfterValidator:
 
 
 STAGES_WITHOUT_SECTION = {"keyframes"}
-SECTIONS_OF_NO_STAGE = {"lifting", "run"}
+SECTIONS_OF_NO_STAGE = {"lifting", "run", "corrections"}
 
 
 class Section(BaseModel):
@@ -243,6 +244,7 @@ class Config(Section):
     refine: RefineConfig = RefineConfig()
     deliver: DeliverConfig = DeliverConfig()
     run: RunConfig = RunConfig()
+    corrections: Corrections = Corrections()
 
     @model_validator(mode="after")
     def _known_stages(self) -> "Config":

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from prefect.client.schemas.objects import State
 
     from humanmm.config import Config
+    from humanmm.corrections import Corrections
     from humanmm.tasks.engine.plan import Forecast
     from humanmm.tasks.engine.run import VideoRun
     from humanmm.tasks.units.selection import Selection
@@ -35,6 +36,7 @@ def recover(  # noqa: PLR0913 (the flags of the command, as keywords)
     person: int | None = None,
     focal_px: float | None = None,
     fov_deg: float | None = None,
+    corrections: "Corrections | Mapping[str, Any] | str | os.PathLike[str] | None" = None,
     store: "str | os.PathLike[str] | None" = None,
     force: bool = False,
     start: str | None = None,
@@ -54,6 +56,8 @@ def recover(  # noqa: PLR0913 (the flags of the command, as keywords)
         person: keep this person alone, 0 is the main one (default: all, or as `config` says).
         focal_px: focal length in pixels of the source video; it is then not estimated.
         fov_deg: horizontal field of view in degrees, in place of `focal_px`.
+        corrections: what you know better (docs/correct.md), as Corrections, a tree, or the path of a TOML file
+            (default: `corrections.toml` in the run folder, if there is one).
         store: artifact store, a folder or s3://… (default: $HUMANMM_STORE, ~/.cache/humanmm/store).
         force: compute every stage again.
         start: compute this stage and all after it again.
@@ -68,14 +72,14 @@ def recover(  # noqa: PLR0913 (the flags of the command, as keywords)
     began = time.time()
     shorthands = {"person": person, "focal_px": focal_px, "fov_deg": fov_deg}
     selection = _selection(force=force, start=start, only=only, shot=shot)
-    run = _open(video, _settings(config, shorthands), selection, store)
+    folder = _run_dir(video, out)
+    run = _open(video, _settings(config, shorthands, corrections, folder), selection, store)
     from humanmm.tasks.engine import finish
     from humanmm.tasks.engine.plan import check_upstream, forecast, is_complete
 
     plan = forecast(run)
     if only is not None:
         check_upstream(run, plan, only)
-    folder = Path(out) if out is not None else finish.default_run_dir(run.video.path)
     check_writable(folder)
     if not is_complete(plan):
         _run_flow(run, folder, show_progress=progress)
@@ -88,13 +92,15 @@ def recover(  # noqa: PLR0913 (the flags of the command, as keywords)
     return Run(folder, "restored")
 
 
-def forecast(
+def forecast(  # noqa: PLR0913 (as `recover`)
     video: "str | os.PathLike[str]",
+    out: "str | os.PathLike[str] | None" = None,
     *,
     config: "Config | Mapping[str, Any] | str | os.PathLike[str] | None" = None,
     person: int | None = None,
     focal_px: float | None = None,
     fov_deg: float | None = None,
+    corrections: "Corrections | Mapping[str, Any] | str | os.PathLike[str] | None" = None,
     store: "str | os.PathLike[str] | None" = None,
     force: bool = False,
     start: str | None = None,
@@ -109,7 +115,18 @@ def forecast(
 
     shorthands = {"person": person, "focal_px": focal_px, "fov_deg": fov_deg}
     selection = _selection(force=force, start=start, only=only, shot=shot)
-    return forecast_run(_open(video, _settings(config, shorthands), selection, store, read_only=True))
+    settings = _settings(config, shorthands, corrections, _run_dir(video, out))
+    return forecast_run(_open(video, settings, selection, store, read_only=True))
+
+
+def _run_dir(video: "str | os.PathLike[str]", out: "str | os.PathLike[str] | None") -> Path:
+    """The run folder."""
+    from humanmm.tasks.units.process import prepare_process
+
+    prepare_process()  # before numpy is loaded
+    from humanmm.tasks.engine.finish import default_run_dir
+
+    return Path(out) if out is not None else default_run_dir(Path(video))
 
 
 def check_writable(folder: Path) -> None:
@@ -124,11 +141,37 @@ def check_writable(folder: Path) -> None:
 
 
 def _settings(
-    config: "Config | Mapping[str, Any] | str | os.PathLike[str] | None", shorthands: Mapping[str, Any]
+    config: "Config | Mapping[str, Any] | str | os.PathLike[str] | None",
+    shorthands: Mapping[str, Any],
+    corrections: "Corrections | Mapping[str, Any] | str | os.PathLike[str] | None",
+    folder: Path,
 ) -> "Config":
+    """The configuration with the corrections: those that are given, in place of those that the run folder holds."""
     from humanmm.config_reading import resolve
+    from humanmm.storage.run_folder.corrections_file import decided
 
-    return resolve(config, {name: value for name, value in shorthands.items() if value is not None})
+    settings = resolve(config, {name: value for name, value in shorthands.items() if value is not None})
+    if corrections is not None:
+        settings = settings.model_copy(update={"corrections": _corrections(corrections)})
+    settings = decided(settings, folder)
+    found = settings.corrections
+    if found.correction:
+        number = len(found.correction)
+        log.warning("%d correction%s of %s", number, "s" if number > 1 else "", found.origin or "the caller")
+    return settings
+
+
+def _corrections(given: "Corrections | Mapping[str, Any] | str | os.PathLike[str]") -> "Corrections":
+    from humanmm.corrections import NONE, Corrections, read_corrections
+    from humanmm.storage.run_folder.corrections_file import read_file
+
+    if isinstance(given, Corrections):
+        found = given
+    elif isinstance(given, Mapping):
+        found = read_corrections(given)
+    else:
+        found = NONE if os.fspath(given) == "none" else read_file(Path(given))
+    return found if found.is_decided else NONE
 
 
 def _selection(**wanted: Any) -> "Selection":

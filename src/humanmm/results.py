@@ -69,6 +69,19 @@ class Failure:
 
 
 @dataclass(frozen=True)
+class AppliedCorrection:
+    """What became of one of the user's corrections."""
+
+    correction: Mapping[str, Any]
+    """As it stands in corrections.toml."""
+    text: str
+    """In words."""
+    applied: bool
+    reason: str
+    """Why it does not fit; or what is to be known although it does."""
+
+
+@dataclass(frozen=True)
 class Run:
     """One run folder."""
 
@@ -128,6 +141,11 @@ class Run:
     def warnings(self) -> tuple[str, ...]:
         """Where the result is usable but worse than usual, a sentence each."""
         return tuple(self.record["warnings"])
+
+    @cached_property
+    def corrections(self) -> tuple[AppliedCorrection, ...]:
+        """The user's corrections of this run, in order, and which of them fit (docs/correct.md)."""
+        return tuple(AppliedCorrection(**one) for one in self.record.get("corrections", ()))
 
     @property
     def video(self) -> Path:

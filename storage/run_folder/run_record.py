@@ -19,6 +19,7 @@ if TYPE_CHECKING:  # importing it loads the numerical libraries, which `status` 
     from humanmm.models.records.camera import ShotCamera
 
 SCHEMA = "humanmm.run/1"
+OTHER_VIDEO = "it was written for another video"
 FILE = "run.json"
 
 
@@ -48,6 +49,19 @@ class StageRecord:
     warnings: tuple[str, ...]
 
 
+@dataclass(frozen=True)
+class CorrectionRecord:
+    """What became of one correction of the user's."""
+
+    correction: Mapping[str, Json]
+    """As it stands in corrections.toml."""
+    text: str
+    """In words."""
+    applied: bool
+    reason: str
+    """Why it does not fit; or what is to be known although it does."""
+
+
 def run_record(  # noqa: PLR0913 (one a section of run.json)
     *,
     state: str,
@@ -60,6 +74,7 @@ def run_record(  # noqa: PLR0913 (one a section of run.json)
     cameras: Sequence["ShotCamera | None"],
     motion: WorldMotion | None,
     stages: Sequence[StageRecord],
+    corrections: Sequence[CorrectionRecord],
     started: str,
     seconds: float,
     versions: Mapping[str, str],
@@ -82,7 +97,8 @@ def run_record(  # noqa: PLR0913 (one a section of run.json)
         "config": dict(config),
         "shots": _shots(shots, cameras, motion, stages),
         "people": _people(shots, motion),
-        "warnings": _warnings(stages),
+        "corrections": [dict(one.__dict__) for one in corrections],
+        "warnings": [*_misfits(corrections), *_warnings(stages)],
         "fallbacks": _fallbacks(shots, motion),
         "failures": [
             {"stage": r.stage, "unit": r.unit, "shot": r.shot, "reason": r.reason}
@@ -104,7 +120,7 @@ def read_run_record(run_dir: Path) -> dict[str, Any]:
     """The tree of run.json; InputError if the folder is no run folder."""
     path = run_dir / FILE
     try:
-        record = json.loads(path.read_text())
+        record = json.loads(path.read_text(encoding="utf-8", errors="surrogateescape"))  # as it is written
     except OSError as error:
         raise InputError(f"{run_dir} is no run folder: {FILE} cannot be read ({error.strerror})") from None
     except ValueError:
@@ -229,6 +245,17 @@ def _warnings(stages: Sequence[StageRecord]) -> list[str]:
         for warning in record.warnings:
             first.setdefault((record.unit, warning), _sentence(record, warning))
     return list(first.values())
+
+
+def _misfits(corrections: Sequence[CorrectionRecord]) -> list[str]:
+    """Corrections that do not fit, or were meant for another video."""
+    found = []
+    for number, one in enumerate(corrections, start=1):
+        if not one.applied:
+            found.append(f"correction {number} does not fit ({one.text}): {one.reason}; `humanmm correct` takes it out")
+        elif one.reason == OTHER_VIDEO:
+            found.append(f"correction {number} ({one.text}): {one.reason}")
+    return found
 
 
 def _sentence(record: StageRecord, warning: str) -> str:

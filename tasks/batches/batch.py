@@ -22,6 +22,8 @@ from humanmm.parts import Part, chosen
 from humanmm.storage.batches.batch_table import BatchTable
 from humanmm.storage.batches.manifest import Entry
 from humanmm.storage.batches.video_row import VideoRow, facts_of, has_run_record
+from humanmm.storage.run_folder.corrections_file import FILE as CORRECTIONS
+from humanmm.storage.run_folder.corrections_file import decided
 from humanmm.storage.store.identity import identify, known_content
 from humanmm.storage.store.store import Store
 from humanmm.tasks import pipeline
@@ -109,7 +111,7 @@ def _rows(
     name: str, entries: Sequence[Entry], config: Config, out: Path, store: Store, before: Mapping[str, VideoRow]
 ) -> list[VideoRow]:
     code_of_parts: dict[tuple[Part, ...], str] = {}
-    resolved: dict[str, tuple[str, str]] = {}  # overrides → configuration as json, recipe
+    resolved: dict[str, tuple[Config, str, str, str]] = {}  # overrides → configuration, as json, code, recipe
     base = config.model_dump(mode="json")
     folders = _RunFolders(out, store, before)
     rows = []
@@ -123,17 +125,29 @@ def _rows(
             parts = chosen(settings, base)
             if parts not in code_of_parts:
                 code_of_parts[parts] = finish.code_of(pipeline.STAGES, partial(_code_of_stage, settings))
-            recipe = finish.recipe_of(code_of_parts[parts], settings)
-            resolved[overrides] = json.dumps(settings.model_dump(mode="json")), recipe
-        settings_json, recipe = resolved[overrides]
+            code = code_of_parts[parts]
+            as_json, recipe = json.dumps(settings.model_dump(mode="json")), finish.recipe_of(code, settings)
+            resolved[overrides] = settings, as_json, code, recipe
+        settings, settings_json, code, recipe = resolved[overrides]
+        run_dir = folders.folder(entry)
+        if (Path(run_dir) / CORRECTIONS).is_file():
+            recipe = finish.recipe_of(code, _corrected(settings, run_dir))
         rows.append(
             VideoRow(
-                batch=name, video=video, position=position, run_dir=folders.folder(entry), config=settings_json,
+                batch=name, video=video, position=position, run_dir=run_dir, config=settings_json,
                 priority=entry.priority or "normal", tags=json.dumps(entry.tags), facts=facts_of(entry.video),
                 recipe=recipe,
             )
         )  # fmt: skip
     return rows
+
+
+def _corrected(settings: Config, run_dir: str) -> Config:
+    """The settings with the corrections in the run folder; a mistake there is told when the video is computed."""
+    try:
+        return decided(settings, Path(run_dir))
+    except InputError:
+        return settings
 
 
 def _code_of_stage(settings: Config, stage: Stage) -> CodeDigest:
@@ -194,7 +208,8 @@ def _finished_on(row: VideoRow, finished: Mapping[tuple[str, str, str], tuple[st
     if wanted == made and not _is_gone(row.run_dir, last.host):
         return last.host
     began = time.time()
-    run = VideoRun(identify(Path(row.video), store), Config.model_validate_json(row.config), store)
+    config = _corrected(Config.model_validate_json(row.config), row.run_dir)
+    run = VideoRun(identify(Path(row.video), store), config, store)
     if not is_complete(forecast(run)):
         return None
     folder = Path(row.run_dir)

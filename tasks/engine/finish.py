@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from humanmm.config import Config
+from humanmm.corrections import Corrections
 from humanmm.errors import HumanMMError, StageError, StoreError
 from humanmm.models.records.motion import WorldMotion
 from humanmm.models.records.shots import ShotList
@@ -21,6 +22,7 @@ from humanmm.storage.store.codec import canonical_json
 from humanmm.storage.store.files import explain_os_error, replace_file
 from humanmm.storage.store.locks import FileLock
 from humanmm.storage.store.video_records import RunNote
+from humanmm.tasks.engine.corrections import outcomes
 from humanmm.tasks.engine.run import VideoRun
 from humanmm.tasks.pipeline import Stage
 from humanmm.tasks.units.artifacts import Outcome
@@ -126,7 +128,9 @@ def code_of(stages: Sequence[Stage], code: Callable[[Stage], CodeDigest]) -> str
 
 def recipe_of(code: str, config: Config) -> str:
     """Digest of everything beside the video that decides its results: with an equal one they need no new run."""
-    kept = {section: values for section, values in config.model_dump(mode="json").items() if section != "run"}
+    kept = {s: values for s, values in config.model_dump(mode="json").items() if s not in ("run", "corrections")}
+    if config.corrections.correction:
+        kept["corrections"] = config.corrections.facts
     return hashlib.sha256(f"{code}{canonical_json(kept)}".encode()).hexdigest()
 
 
@@ -149,7 +153,11 @@ def fingerprint(run: VideoRun) -> str:
 
 
 def _settings(run: VideoRun) -> dict[str, Any]:
-    return run.config.model_dump(mode="json")
+    """The configuration; where no correction is asked for, nothing is said of where one was looked for."""
+    config = run.config
+    if not config.corrections.correction:
+        config = config.model_copy(update={"corrections": Corrections()})
+    return config.model_dump(mode="json")
 
 
 @functools.cache
@@ -196,6 +204,7 @@ def _record(run: VideoRun, state: str, started: float) -> dict[str, Any]:
 
     camera_stage = next(stage for stage in run.stages if stage.output.endswith(":ShotCamera"))
     shot_source = next(stage for stage in run.stages if stage.defines == "shot")
+    shots = run.read(Unit(shot_source), ShotList)
     motion_source = next((stage for stage in reversed(run.stages) if stage.output.endswith(":WorldMotion")), None)
     stages = [stage_record(outcome) for outcome in _in_order(run)]
     return run_record(
@@ -205,12 +214,13 @@ def _record(run: VideoRun, state: str, started: float) -> dict[str, Any]:
         store=run.store.location,
         config=_settings(run),
         facts=run.read(Unit(run.stages[0]), VideoFacts),
-        shots=run.read(Unit(shot_source), ShotList),
+        shots=shots,
         cameras=[
             run.read(unit, ShotCamera) if run.manifest(*unit.id) else None for unit in run.units(camera_stage) or ()
         ],
         motion=run.read(Unit(motion_source), WorldMotion) if motion_source else None,
         stages=stages,
+        corrections=outcomes(run.config, shots, video=run.video.sha256),
         started=time.strftime("%Y-%m-%dT%H:%M:%S%z", time.localtime(started)),
         seconds=time.time() - started,
         versions=_versions(run),

@@ -1,6 +1,7 @@
 """What a stage's function is given, cut down to what its key is made of (see `humanmm.tasks.inputs.StageInputs`)."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, BinaryIO, TypeVar, cast
 
@@ -10,7 +11,8 @@ from humanmm.models.records.shots import Scenes, Shot, ShotList
 from humanmm.storage.store.identity import VideoIdentity
 from humanmm.tasks.pipeline import Stage
 from humanmm.tasks.units.artifacts import Artifacts
-from humanmm.tasks.units.unit import Unit, own_shot_list
+from humanmm.tasks.units.keys import corrections_of
+from humanmm.tasks.units.unit import Unit, seen_shot_list
 
 T = TypeVar("T")
 
@@ -34,7 +36,10 @@ class UnitInputs:
         self.blob_dir = blob_dir
         self._progress = progress
         self.shot: Shot | None = unit.shot
+        if unit.shot is not None and not unit.stage.sees_people_of_shots:
+            self.shot = replace(unit.shot, people=())
         self.config = cast(Config, _NamedSettings(config, unit.stage))
+        self.corrections = corrections_of(config, unit)
         self.span = unit.span if unit.stage.per != "video" else (0, self._num_frames())
 
     def read(self, stage: str, output: type[T]) -> T:
@@ -44,8 +49,8 @@ class UnitInputs:
         if source.per != "video" and self._unit.stage.per == "video":
             raise StageError(f"{self._unit.stage.name} reads {stage}, which is per {source.per}: use read_all")
         value = self._artifacts.read(self._artifacts.inputs_of(self._unit, source)[0], output)
-        if source.defines == "shot" and self._unit.stage.per == "shot":
-            return cast(T, own_shot_list(cast(ShotList, value), self._unit))
+        if source.defines == "shot":
+            return cast(T, seen_shot_list(cast(ShotList, value), self._unit))
         return value
 
     def read_all(self, stage: str, output: type[T]) -> Sequence[T | None]:

@@ -6,16 +6,22 @@ Equal keys mean equal results; nothing else may influence a result (`humanmm.tas
 import threading
 
 from humanmm.config import Config
+from humanmm.corrections import Corrections
 from humanmm.errors import MissingInputError
 from humanmm.models.records.shots import ShotList
 from humanmm.parts import chosen
-from humanmm.storage.store.codec import encode
+from humanmm.storage.store.codec import Json, encode
 from humanmm.storage.store.identity import VideoIdentity
 from humanmm.storage.store.recipe import Recipe
 from humanmm.tasks.pipeline import Stage
 from humanmm.tasks.units.artifacts import Artifacts
 from humanmm.tasks.units.digest import CodeDigest, code_digest
-from humanmm.tasks.units.unit import Unit, own_shot_list
+from humanmm.tasks.units.unit import Unit, seen_shot_list
+
+
+def corrections_of(config: Config, unit: Unit) -> Corrections:
+    """The user's corrections that concern a unit."""
+    return config.corrections.chosen(unit.stage.corrections, unit.span if unit.stage.per == "shot" else None)
 
 
 class Keys:
@@ -46,17 +52,24 @@ class Keys:
             modules=code.modules,
             weights=code.weights,
             libraries=code.libraries,
-            settings={name: getattr(self._config, name).model_dump(mode="json") for name in stage.settings},
+            settings=self._settings(unit),
             inputs=self._input_digests(unit),
         )
+
+    def _settings(self, unit: Unit) -> dict[str, dict[str, Json]]:
+        """Section → its values; the corrections that concern the unit are one, if there are any."""
+        found = {name: getattr(self._config, name).model_dump(mode="json") for name in unit.stage.settings}
+        corrections = corrections_of(self._config, unit).facts
+        return found | ({"corrections": corrections} if corrections else {})
 
     def _input_digests(self, unit: Unit) -> dict[str, str]:
         digests = {"video": self._video.sha256} if unit.stage.reads_video else {}
         for name in unit.stage.inputs:
             source = self._artifacts.stage(name)
+            if source.defines == "shot":
+                digests["shot" if unit.stage.per == "shot" else name] = self._shot_digest(unit)
+                continue
             if source.defines == unit.stage.per:
-                if source.defines == "shot":
-                    digests["shot"] = self._shot_digest(unit)
                 continue  # a scene is its frames, which stand in `unit`
             for needed in self._artifacts.inputs_of(unit, source):
                 label = needed.label if unit.stage.per == "video" else name
@@ -73,4 +86,4 @@ class Keys:
         shots = self._artifacts.definition("shot", ShotList)
         if shots is None:
             raise MissingInputError("the list of shots is not in the store")
-        return encode(own_shot_list(shots, unit), ShotList).digest()
+        return encode(seen_shot_list(shots, unit), ShotList).digest()

@@ -75,9 +75,19 @@ def read_by(unit: Unit, source: Stage, units: Sequence[Unit]) -> Sequence[Unit]:
     raise ValueError(f"{unit.stage.name} is per {unit.stage.per} and cannot read {source.name}, which is per shot")
 
 
-def own_shot_list(shots: ShotList, unit: Unit) -> ShotList:
-    """The shot list as a stage per shot sees it: its shot as number 0, its people without their video-wide area."""
-    assert unit.shot is not None
-    present = {appearance.person for appearance in unit.shot.people}
-    people = tuple(replace(person, area=0.0) for person in shots.people if person.person in present)
-    return replace(shots, shots=(unit.shot,), people=people)
+def seen_shot_list(shots: ShotList, unit: Unit) -> ShotList:
+    """The list of shots as a unit sees it, without what became of corrections.
+
+    A stage per shot sees its shot alone, as number 0, and the people in it without their video-wide area; a stage that
+    does not see people finds nobody.
+    """
+    shots = replace(shots, corrections=())
+    if unit.stage.per == "shot":
+        assert unit.shot is not None
+        present = {appearance.person for appearance in unit.shot.people}
+        people = tuple(replace(person, area=0.0) for person in shots.people if person.person in present)
+        shots = replace(shots, shots=(unit.shot,), people=people)
+    if unit.stage.sees_people_of_shots:
+        return shots
+    empty = tuple(replace(shot, people=()) for shot in shots.shots)
+    return replace(shots, shots=empty, people=(), warnings=())

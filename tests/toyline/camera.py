@@ -19,7 +19,8 @@ def camera(inputs: StageInputs) -> ShotCamera:
     assert len(inputs.read("points", PointTracks).frame) >= n
     inputs.read("people", ScenePeople)
     K = K_of(inputs.read("intrinsics", Intrinsics))
-    moves = np.zeros((n, 3)) if inputs.config.camera.static else np.cumsum(np.ones((n, 3)), 0)
+    static = inputs.config.camera.static or inputs.corrections.correction
+    moves = np.zeros((n, 3)) if static else np.cumsum(np.ones((n, 3)), 0)
     return filled(
         ShotCamera, n, start=start, end=end, t_shot_cam=moves, K=np.tile(K, (n, 1, 1)), source="static",
         warnings=("it does not move",),

@@ -4,6 +4,7 @@ import json
 
 from humanmm.models.records.shots import Scenes, Transition
 from humanmm.models.records.video import VideoFacts
+from humanmm.models.shots.corrected_cuts import corrected_scenes
 from humanmm.tasks.inputs import StageInputs
 from toyline.behaviour import act
 
@@ -13,4 +14,5 @@ def scenes(inputs: StageInputs) -> Scenes:
     with inputs.open_video() as file:
         cuts = json.load(file)["cuts"][::2]
     num_frames = inputs.read("decode", VideoFacts).num_frames
-    return Scenes(num_frames, tuple(Transition("cut", cut, cut, "scene") for cut in cuts))
+    found = Scenes(num_frames, tuple(Transition("cut", cut, cut, "scene") for cut in cuts))
+    return corrected_scenes(found, inputs.corrections)

@@ -4,6 +4,7 @@ import os
 
 import numpy as np
 
+from humanmm.corrections import Height
 from humanmm.models.records.shots import Appearance, Person, Scenes, Shot, ShotList, Transition
 from humanmm.models.records.tracks import ScenePeople
 from humanmm.tasks.inputs import StageInputs
@@ -24,4 +25,6 @@ def shots(inputs: StageInputs) -> ShotList:
         how = Transition("cut", start, start, "scene") if index else None
         listed.append(Shot(index, start, end, scene, how, seen))
     area = float(sum(scene.end - scene.start for scene in scenes if scene is not None))
-    return ShotList(found.num_frames, tuple(listed), (Person(0, np.zeros(10, np.float32), area),))
+    height = sum(one.metres for one in inputs.corrections.of(Height))
+    person = Person(0, np.full(10, height, np.float32), area)
+    return ShotList(found.num_frames, tuple(listed), (person,), (), found.corrections)

@@ -48,6 +48,8 @@ class RefineSettings:
     close_seams: bool = True
     refit: bool = True
     foot_lock: bool = True
+    floor_m: float = 0.0
+    """How much higher the floor is than the standing feet say, metres; the user knows."""
     contacts: ContactModel = field(default_factory=ContactModel)
     lock: LockSettings = field(default_factory=LockSettings)
 
@@ -95,7 +97,7 @@ def refine_world(
         for person in world.people
         if person.observed.any()
     }
-    rise = floor_height(list(drafts.values()))
+    rise = floor_height(list(drafts.values())) + settings.floor_m
     people = []
     for person in world.people:
         one = drafts.pop(person.person, None)

@@ -4,7 +4,7 @@ import importlib
 import os
 from collections.abc import Sequence
 
-SUBJECTS = ("recover", "results", "inspect", "batch", "serve", "bench", "dataset", "maintain", "doctor")
+SUBJECTS = ("recover", "correct", "results", "inspect", "batch", "serve", "bench", "dataset", "maintain", "doctor")
 """Files of verbs, in the order of `humanmm --help`."""
 
 

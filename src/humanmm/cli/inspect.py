@@ -28,7 +28,7 @@ def status(
     from humanmm.tasks.engine.finish import is_up_to_date
     from humanmm.tasks.engine.plan import forecast
 
-    record, run = _reopen(run_dir, store)
+    record, run = reopen(run_dir, store)
     plan = forecast(run)
     stale = [entry for entry in plan if entry.state != "cached"]
     fresh = not stale and is_up_to_date(run, run_dir)
@@ -58,7 +58,7 @@ def explain(
     """Say what a stage's result was computed from, and whether it would be computed again."""
     from humanmm.tasks.engine.plan import forecast
 
-    record, run = _reopen(run_dir, store)
+    record, run = reopen(run_dir, store)
     if shot is not None and run.stage(stage).per != "shot":
         raise UsageError(f"{stage} is not computed per shot; leave --shot out")
     chosen = [entry for entry in forecast(run) if entry.stage == stage and shot in (None, entry.shot)]
@@ -105,9 +105,11 @@ def _lines(entry: Mapping[str, Any]) -> Iterator[str]:
 _DIGESTS = ("inputs", "weights", "modules")
 
 
-def _reopen(run_dir: Path, store: Path | None) -> tuple[dict[str, Any], "VideoRun"]:
-    """The record of a run folder, and a run of the same video with the same settings. Writes nothing."""
+def reopen(run_dir: Path, store: Path | None) -> tuple[dict[str, Any], "VideoRun"]:
+    """The record of a run folder, and a run of the same video with the same settings and with the corrections that
+    the folder holds now. Writes nothing."""
     from humanmm.config_reading import validate
+    from humanmm.storage.run_folder.corrections_file import corrected
     from humanmm.storage.run_folder.run_record import read_run_record
     from humanmm.storage.store.identity import VideoIdentity, identify
     from humanmm.storage.store.open import open_store
@@ -115,7 +117,7 @@ def _reopen(run_dir: Path, store: Path | None) -> tuple[dict[str, Any], "VideoRu
 
     record = read_run_record(run_dir)
     try:
-        config = validate(record["config"], origin=str(run_dir / "run.json"))
+        config = corrected(validate(record["config"], origin=str(run_dir / "run.json")), run_dir)
         artifacts = open_store(store or Path(record["store"]), read_only=True)
         video = Path(record["video"]["path"])
         sha256 = str(record["video"]["sha256"])

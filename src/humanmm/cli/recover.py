@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 PARTIAL = 3
 SHOWN_WARNINGS = 3
+_CORRECTIONS = "what you know better (default: corrections.toml in RUN_DIR, see humanmm correct)"
 _FROM = f"compute STAGE and all after it; stages: {', '.join(STAGES)}"
 
 
@@ -24,7 +25,10 @@ def recover(  # noqa: PLR0913 (one a flag)
     video: Annotated[Path, Argument(metavar="VIDEO", show_default=False)],
     settings: Settings,
     *,
-    out: Annotated[Path | None, Option(metavar="RUN_DIR", help="default: runs/<name of the video>")] = None,
+    out: Annotated[
+        Path | None, Option("--out", "-o", metavar="RUN_DIR", help="default: runs/<name of the video>")
+    ] = None,
+    corrections: Annotated[Path | None, Option(metavar="FILE|none", help=_CORRECTIONS)] = None,
     store: Store = None,
     person: Annotated[str | None, Option(metavar="N|all", help="one person, 0 the main one (default: all)")] = None,
     min_confidence: Annotated[float | None, Option(metavar="P", help="least probability of being a person")] = None,
@@ -44,19 +48,26 @@ def recover(  # noqa: PLR0913 (one a flag)
         raise UsageError("--focal-px and --fov-deg exclude each other")
     config = settings.config(**_shorthands(person, min_confidence=min_confidence, focal_px=focal_px, fov_deg=fov_deg))
     wanted: dict[str, Any] = {"store": store, "force": force, "start": start, "only": only, "shot": shot}
+    wanted["corrections"] = corrections
     if dry_run:
-        plan = humanmm.forecast(video, config=config, **wanted)
+        plan = humanmm.forecast(video, out, config=config, **wanted)
         if json:
             write_json({"stages": [entry.to_json() for entry in plan]})
         else:
             width = max(len(entry.stage) for entry in plan)
             write(*(f"{entry.stage:<{width}}  {entry.unit:<11}  {entry.sentence}" for entry in plan))
         return 0
-    return _report(humanmm.recover(video, out, config=config, **wanted), store)
+    return report(humanmm.recover(video, out, config=config, **wanted), store)
 
 
-def _report(run: "Run", store: Path | None) -> int:
+def report(run: "Run", store: Path | None) -> int:
     """Say how it went; the path of the result; exit status."""
+    corrections = run.corrections if run.folder.exists() else ()
+    for number, one in enumerate(corrections, start=1):
+        if not one.applied:
+            say(f"warning: correction {number} does not fit ({one.text}): {one.reason}")
+        elif one.reason:
+            say(f"correction {number} ({one.text}): {one.reason}")
     if run.origin == "unchanged":
         say(f"{run.folder} is up to date: all {len(run.record['stages'])} results were in the store")
     elif run.origin == "restored":
@@ -70,9 +81,10 @@ def _report(run: "Run", store: Path | None) -> int:
         for failure in run.failures:
             say(str(failure))
     else:
-        for warning in run.warnings[:SHOWN_WARNINGS]:
+        warnings = [warning for warning in run.warnings if not warning.startswith("correction ")]  # told above
+        for warning in warnings[:SHOWN_WARNINGS]:
             say(f"warning: {warning}")
-        more = len(run.warnings) - SHOWN_WARNINGS
+        more = len(warnings) - SHOWN_WARNINGS
         if more > 0:
             say(f"and {more} more warnings, see {run.folder / 'run.json'}")
     write_path(run.folder)

@@ -45,6 +45,8 @@ class Settings:
         text = "settings, e.g. a section \\[camera] with static = true; flags win over it"
         yield _option("config", Path, Option("--config", metavar="FILE.toml", help=text))
         for section, info in Config.model_fields.items():
+            if section == "corrections":  # they come from a file of their own
+                continue
             model = info.annotation
             assert isinstance(model, type) and issubclass(model, BaseModel)
             panel = f"{section}: {_short(model.__doc__ or '')}"

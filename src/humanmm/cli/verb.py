@@ -109,7 +109,7 @@ def verb(parent: typer.Typer, name: str, *, panel: str | None = None) -> Callabl
         def run(**given: Any) -> int:
             verbose = given.pop("verbose")
             values = {parameter.name: _built(parameter.name, kinds[parameter.name], given) for parameter in own}
-            return _reported(lambda: function(**values), verbose=verbose)
+            return reported(lambda: function(**values), verbose=verbose)
 
         declared = [one for p in own for one in _declared(p.name, kinds[p.name], p.default)]
         verbose = inspect.Parameter("verbose", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=_VERBOSE)
@@ -146,7 +146,7 @@ def _built(name: str, kind: Any, given: dict[str, Any]) -> Any:
     return given[name]
 
 
-def _reported(run: Callable[[], int | None], *, verbose: bool) -> int:
+def reported(run: Callable[[], int | None], *, verbose: bool) -> int:
     """The exit status; an error becomes one plain line on standard error, with -v its traceback before it."""
     to_standard_error(verbose=verbose)
     try:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from humanmm.models.records.landmarks import NUM_LANDMARKS, SWAP
-from humanmm.models.records.shots import Appearance
+from humanmm.models.records.shots import Appearance, TrackPart
 from humanmm.models.records.tracks import PersonTrack, ScenePeople, Silhouettes
 
 FRAMES = np.array([4, 5, 7, 8, 9, 20], np.int32)
@@ -54,3 +54,18 @@ def test_masks_come_back_as_they_were_packed() -> None:
     masks = np.random.default_rng(1).random((3, 128, 128)) > 0.3
     packed = Silhouettes.pack(masks[:1]).then(Silhouettes.pack(masks[1:])).chosen(np.array([2, 0]))
     np.testing.assert_array_equal([packed.mask(0), packed.mask(1)], masks[[2, 0]])
+
+
+def test_a_person_who_was_taken_for_another_is_put_together_from_parts_of_both_tracks() -> None:
+    other = replace(track(), frame=FRAMES + 1, bbox=track().bbox + 100, probability=0.5)
+    people = ScenePeople(0, 30, (track(), other))
+    parts = (TrackPart(1, 8, 11), TrackPart(0, 4, 8), TrackPart(0, 20, 30))
+    whole = people.track_of(Appearance(0, 0, parts=parts, left_right_swapped=((8, 10),)))
+    np.testing.assert_array_equal(whole.frame, [4, 5, 7, 8, 9, 10, 20])
+    rows = ((0, 0), (0, 1), (0, 2), (1, 2), (1, 3), (1, 4), (0, 5))
+    for row, (number, source) in enumerate(rows):
+        np.testing.assert_array_equal(whole.bbox[row], people.tracks[number].bbox[source])
+        np.testing.assert_array_equal(whole.masks.mask(row), people.tracks[number].masks.mask(source))
+    np.testing.assert_array_equal(whole.keypoints2d[3], other.keypoints2d[2][SWAP])
+    np.testing.assert_array_equal(whole.keypoints2d[5], other.keypoints2d[4])
+    assert 0.5 < whole.probability < 1.0

@@ -3,12 +3,14 @@
 import numpy as np
 import pytest
 
+from humanmm.corrections import Corrections, RemoveCut
 from humanmm.errors import NoUsablePersonError
 from humanmm.models.perception.clothing import HISTOGRAM_BINS
-from humanmm.models.records.shots import Scenes, Shot, Transition
+from humanmm.models.records.shots import CorrectionNote, Scenes, Shot, Transition
 from humanmm.models.records.tracks import PersonTrack, ScenePeople, Silhouettes
 from humanmm.models.records.video import VideoFacts
-from humanmm.models.shots.assemble import detect_shots
+from humanmm.models.shots.assemble import _corrected, detect_shots
+from humanmm.models.shots.corrected_cuts import corrected_scenes
 
 SCENES = Scenes(60, (Transition("cut", 30, 30, "scene"),))
 FACTS = VideoFacts(960, 540, np.arange(60) / 30, np.arange(60) == 0, 0, "h264", "mp4")
@@ -55,3 +57,22 @@ def test_frames_that_a_dissolve_mixes_are_outside_transitions_in_neither_shot() 
 def test_a_shot_between_two_long_dissolves_may_have_no_frame_outside_transitions() -> None:
     shot = Shot(1, 30, 40, 1, Transition("dissolve", 22, 38, "scene"), (), Transition("fade", 36, 44, "scene"))
     assert shot.outside_transitions == (38, 38)
+
+
+def test_a_cut_that_people_show_and_the_user_removes_is_gone_and_one_that_nobody_shows_does_not_fit() -> None:
+    colours = Transition("cut", 30, 30, "scene")
+    people = Transition("cut", 45, 45, "bbox")
+    one_scene = corrected_scenes(Scenes(60, (colours,)), gone := Corrections(correction=(RemoveCut(frame=30),)))
+    again = Transition("cut", 30, 30, "bbox")  # once the colours' cut is removed, people show it all the same
+    assert _corrected(one_scene, [again, people], gone) == (
+        [people],
+        [CorrectionNote(gone.correction[0].identity, True)],
+    )
+    misfit = Corrections(correction=(RemoveCut(frame=50), RemoveCut(frame=44)))
+    scenes = corrected_scenes(Scenes(60, (colours,)), misfit)
+    kept, notes = _corrected(scenes, [colours, people], misfit)
+    assert kept == [colours]
+    assert [(note.applied, note.reason) for note in notes] == [
+        (True, ""),
+        (False, "no cut is found there; the nearest is at frame 45"),
+    ]

@@ -2,11 +2,12 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from walking import K, case, sighting
 
-from humanmm.models.records.landmarks import SWAP
-from humanmm.models.shots.left_right_swaps import Sighting, left_right_swaps
+from humanmm.models.records.landmarks import INDEX, SWAP
+from humanmm.models.shots.left_right_swaps import KnownSides, Sighting, left_right_swaps
 
 
 def swapped(s: Sighting, frames: slice) -> Sighting:
@@ -32,3 +33,41 @@ def test_a_whole_shot_with_left_and_right_swapped_is_found_by_the_cut(angle_deg:
     first, second = sighting(person.before), sighting(person.after)
     spans = left_right_swaps([first, swapped(second, slice(None))], K)
     assert spans == ((), ((int(second.frame[0]), int(second.frame[-1]) + 1),))
+
+
+def _told(s: Sighting, row: int, *, wrong: bool) -> KnownSides:
+    """What a user says who sees in one row where left and right are, of a track whose labels are right or wrong."""
+    pair = INDEX["left_hip"], INDEX["right_hip"]
+    places = s.keypoints2d[row, list(pair), :2].astype(float)
+    first = int(s.frame[0])
+    return KnownSides(first, first + 3, int(s.frame[row]), pair, places[::-1] if wrong else places)
+
+
+def test_what_the_user_says_of_a_few_frames_holds_and_the_rest_of_the_shot_follows() -> None:
+    person, _ = case(50.0)
+    s = sighting(person.before)
+    assert left_right_swaps([s], K, [_told(s, 1, wrong=True)]) == (((int(s.frame[0]), int(s.frame[-1]) + 1),),)
+
+
+def test_sides_that_are_found_as_the_user_says_stay_as_they_are() -> None:
+    person, _ = case(50.0)
+    s = swapped(sighting(person.before), slice(4, 9))
+    assert left_right_swaps([s], K, [_told(s, 1, wrong=False)]) == left_right_swaps([s], K)
+
+
+def test_without_a_place_what_is_found_is_swapped_in_all_those_frames() -> None:
+    person, _ = case(130.0)
+    first, second = sighting(person.before), sighting(person.after)
+    whole = (int(first.frame[0]), int(second.frame[-1]) + 1)
+    spans = left_right_swaps([first, second], K, [KnownSides(*whole, frame=whole[0])])
+    assert spans == tuple(((int(s.frame[0]), int(s.frame[-1]) + 1),) for s in (first, second))
+
+
+def test_only_frames_in_the_span_are_held_and_none_of_them_gives_way() -> None:
+    person, _ = case(50.0)
+    s = sighting(person.before)
+    first, last = int(s.frame[4]), int(s.frame[7])
+    known = [KnownSides(first, last, first), KnownSides(last, int(s.frame[-1]) + 1, last)]
+    ((span,),) = left_right_swaps([s], K, known)
+    state = np.isin(s.frame, np.arange(*span))
+    assert state[4:].all()

@@ -79,6 +79,20 @@ def test_a_new_video_a_changed_one_and_changed_settings_are_scheduled(toy: Any, 
     assert _submit(toy, table, films, camera={"static": True}, run={"threads": 1}).finished == 3, "same result"
 
 
+def test_corrections_in_a_run_folder_make_its_video_be_computed_once_more(toy: Any, table: BatchTable) -> None:
+    films = _films(toy, "a.mp4", "b.mp4")
+    for row in _submit(toy, table, films).to_schedule:
+        _end(table, row, "done")
+    path = toy.folder / "runs" / "b" / "corrections.toml"
+    path.write_text('[[correction]]\nkind = "floor"\nmetres = 0.5\n')
+    (again,) = _submit(toy, table, films).to_schedule
+    assert Path(again.video).name == "b.mp4"
+    table.change(again, state="done")
+    assert not _submit(toy, table, films).to_schedule
+    path.write_text("[[correction]]\n")  # a mistake: told when the video is computed
+    assert len(_submit(toy, table, films).to_schedule) == 1
+
+
 def test_a_video_that_recover_finished_is_not_scheduled_and_its_folder_is_written(toy: Any, table: BatchTable) -> None:
     toy.run()
     films = toy.folder / "films"

@@ -5,7 +5,7 @@ import pytest
 
 from humanmm.models.records.shots import Appearance, Person, Scenes, Shot, ShotList, Transition
 from humanmm.tasks.pipeline import Stage, UnitKind
-from humanmm.tasks.units.unit import Unit, own_shot_list, read_by, units_of
+from humanmm.tasks.units.unit import Unit, read_by, seen_shot_list, units_of
 
 CUTS = tuple(Transition("cut", frame, frame, "scene") for frame in (20, 40))
 SCENES = Scenes(60, CUTS[:1])
@@ -64,7 +64,7 @@ def test_a_stage_per_scene_cannot_read_one_per_shot() -> None:
 
 
 def test_a_shot_list_of_one_shot_says_nothing_of_the_others() -> None:
-    own = own_shot_list(SHOTS, _units("shot")[1])
+    own = seen_shot_list(SHOTS, _units("shot")[1])
     (shot,) = own.shots
     assert (shot.index, shot.scene, shot.start, shot.end) == (0, 0, 20, 40)
     assert [(person.person, person.area) for person in own.people] == [(1, 0.0)]

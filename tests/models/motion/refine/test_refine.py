@@ -240,3 +240,18 @@ def test_sixty_frames_a_second_give_the_same_motion_as_thirty() -> None:
         after = refine_world(noisy, seen(world), time_s=time, cut_frames=())
         ends.append(np.ptp(after.people[0].pelvis_world[: round(1.5 * fps), 1]))
     assert ends[0] == pytest.approx(ends[1], abs=0.01)
+
+
+def test_a_floor_that_the_user_knows_is_z_zero_and_everything_else_moves_with_it() -> None:
+    world, time = standing()
+    plain = refined(world, time)
+    raised = refine_world(world, None, time_s=time, cut_frames=(), settings=RefineSettings(floor_m=-0.4))
+    np.testing.assert_allclose(joints(raised) - joints(plain), np.tile([0.0, 0.0, 0.4], (N, 24, 1)), atol=1e-6)
+    np.testing.assert_allclose(raised.t_world_cam[:, 2] - plain.t_world_cam[:, 2], 0.4, atol=1e-9)
+
+
+def test_feet_that_stand_near_a_floor_that_the_user_knows_are_put_on_it() -> None:
+    world, time = standing()
+    raised = refine_world(world, None, time_s=time, cut_frames=(), settings=RefineSettings(floor_m=0.02))
+    soles = joints(raised)[:, list(CONTACT_JOINTS), 2] - sole_heights(load_body(), BETAS)
+    assert np.abs(soles[10:-10]).max() < 0.004

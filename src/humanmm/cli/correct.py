@@ -1,0 +1,311 @@
+"""`humanmm correct RUN_DIR …`: writes down what the user knows better; `humanmm recover` then computes what changes."""
+
+from collections.abc import Sequence
+from contextvars import ContextVar
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from typer import Argument, Option
+
+from humanmm.cli.terminal import say, write, write_path
+from humanmm.cli.verb import RESULTS, Store, app, group, reported, verb
+from humanmm.errors import InputError, UsageError
+
+if TYPE_CHECKING:
+    from humanmm.correcting import Corrector
+    from humanmm.corrections import Correction, Corrections
+    from humanmm.tasks.engine.plan import Forecast
+
+correct = group("Put right what a run got wrong: cuts, people, left and right, camera, height, floor.")
+app.add_typer(correct, name="correct", rich_help_panel=RESULTS)
+_folder: ContextVar[Path] = ContextVar("run folder that is corrected")
+
+Number = Annotated[int, Argument(metavar="PERSON", help="number of a person", show_default=False)]
+Other = Annotated[int, Argument(metavar="OTHER", help="number of another person", show_default=False)]
+FrameNumber = Annotated[int, Argument(metavar="FRAME", help="frame, from 0", show_default=False)]
+From = Annotated[int, Option("--from", metavar="FRAME", help="first frame", show_default=False)]
+To = Annotated[int, Option("--to", metavar="FRAME", help="first frame after them", show_default=False)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Then:
+    """What is done once the correction is written."""
+
+    recover: Annotated[bool, Option("--recover", help="compute at once what changes")] = False
+    store: Store = None
+
+
+@correct.callback(invoke_without_command=True)
+def _root(
+    context: typer.Context,
+    run_dir: Annotated[Path, Argument(metavar="RUN_DIR", help="a run folder", show_default=False)],
+) -> int | None:
+    """Put right what a run got wrong. Without a command: list the corrections of a run.
+
+    Corrections stand in RUN_DIR/corrections.toml, which `humanmm recover` reads (docs/correct.md).
+    """
+    _folder.set(run_dir)
+    return reported(_list, verbose=False) if context.invoked_subcommand is None else None
+
+
+# ---- cuts and shots
+
+
+@verb(correct, "add-cut")
+def add_cut(
+    frame: FrameNumber,
+    then: Then,
+    *,
+    to: Annotated[int | None, Option("--to", metavar="FRAME", help="of a dissolve: first frame after it")] = None,
+) -> int:
+    """A cut was missed: FRAME is the first of the new shot."""
+    return _write([_corrector().add_cut(frame, to)], then)
+
+
+@verb(correct, "remove-cut")
+def remove_cut(frame: FrameNumber, then: Then) -> int:
+    """There is no cut at FRAME."""
+    return _write([_corrector().remove_cut(frame)], then)
+
+
+@verb(correct, "static-shot")
+def static_shot(
+    shot: Annotated[int, Argument(metavar="SHOT", help="number of a shot, from 0", show_default=False)], then: Then
+) -> int:
+    """The camera stands still in SHOT."""
+    return _write([_corrector().static_shot(shot)], then)
+
+
+# ---- people
+
+
+@verb(correct, "same-person")
+def same_person(person: Number, other: Other, then: Then) -> int:
+    """PERSON and OTHER are one."""
+    return _write([_corrector().same_person(person, other)], then)
+
+
+@verb(correct, "nobody")
+def nobody(person: Number, then: Then) -> int:
+    """PERSON is nobody: a bag, a poster, a reflection."""
+    return _write([_corrector().nobody(person)], then)
+
+
+@verb(correct, "swap")
+def swap(person: Number, other: Other, then: Then, *, start: From, end: To) -> int:
+    """PERSON and OTHER were taken for each other in some frames."""
+    return _write([_corrector().swap(person, other, start, end)], then)
+
+
+@verb(correct, "sides")
+def sides(
+    person: Number,
+    then: Then,
+    *,
+    start: Annotated[int | None, Option("--from", metavar="FRAME", help="first frame (default: all of his)")] = None,
+    end: Annotated[int | None, Option("--to", metavar="FRAME", help="first frame after them")] = None,
+) -> int:
+    """Left and right of PERSON are the wrong way round."""
+    return _write(_corrector().sides(person, start, end), then)
+
+
+@verb(correct, "height")
+def height(
+    person: Number,
+    metres: Annotated[float, Argument(metavar="METRES", help="standing, without shoes", show_default=False)],
+    then: Then,
+) -> int:
+    """PERSON is so many METRES tall."""
+    corrector = _corrector()
+    correction = corrector.height(person, metres)
+    say(f"person {person} stands {corrector.height_of(person):.2f} m tall in the run")
+    return _write([correction], then)
+
+
+@verb(correct, "exclude")
+def exclude(
+    start: Annotated[int, Argument(metavar="FROM", help="first frame", show_default=False)],
+    end: Annotated[int, Argument(metavar="TO", help="first frame after them", show_default=False)],
+    then: Then,
+    *,
+    person: Annotated[int | None, Option(metavar="N", help="of this person alone (default: of everybody)")] = None,
+) -> int:
+    """Believe nothing that was seen in some frames: they are filled in."""
+    return _write([_corrector().exclude(start, end, person)], then)
+
+
+@verb(correct, "main")
+def main(
+    x: Annotated[float, Argument(metavar="X", help="a pixel on the person", show_default=False)],
+    y: Annotated[float, Argument(metavar="Y", show_default=False)],
+    then: Then,
+    *,
+    time: Annotated[float | None, Option(metavar="S", help="when, in seconds of the video")] = None,
+    frame: Annotated[int | None, Option(metavar="FRAME", help="or in which frame")] = None,
+) -> int:
+    """The main person, number 0, is at X, Y."""
+    if (time is None) == (frame is None):
+        raise UsageError("give --time S or --frame FRAME, one of them")
+    corrector = _corrector()
+    at = frame if frame is not None else corrector.frame_at(time or 0.0)
+    correction = corrector.main(x, y, at)
+    if correction.who.number is None:
+        say(f"nobody of the run is at {x:g}, {y:g} in frame {at}; somebody who was left out of it may be")
+    return _write([correction], then)
+
+
+# ---- the world
+
+
+@verb(correct, "focal")
+def focal(
+    px: Annotated[float, Argument(metavar="PX", help="pixels of the video", show_default=False)], then: Then
+) -> int:
+    """The focal length is PX."""
+    from humanmm.corrections import Focal
+
+    return _write([Focal(px=px)], then)
+
+
+@verb(correct, "floor")
+def floor(
+    then: Then,
+    *,
+    rise: Annotated[float | None, Option("--raise", metavar="M", help="it is M metres higher than z = 0")] = None,
+    lower: Annotated[float | None, Option("--lower", metavar="M", help="it is M metres lower than z = 0")] = None,
+) -> int:
+    """The floor is higher or lower than z = 0 of the run."""
+    if (rise is None) == (lower is None):
+        raise UsageError("give --raise M or --lower M, one of them")
+    return _write([_corrector().floor(rise if rise is not None else -(lower or 0.0))], then)
+
+
+# ---- what was written
+
+
+@verb(correct, "undo")
+def undo(
+    then: Then,
+    *,
+    number: Annotated[
+        int | None, Argument(metavar="NUMBER", help="as listed by `humanmm correct RUN_DIR` (default: the last)")
+    ] = None,
+) -> int:
+    """Take a correction out again."""
+    from humanmm.storage.run_folder.corrections_file import remove
+
+    entries = _asked().correction
+    if not entries:
+        raise InputError(f"{_path()} holds no correction")
+    chosen = len(entries) if number is None else number
+    if not 1 <= chosen <= len(entries):
+        raise InputError(f"there is no correction {chosen}; there are {len(entries)}, numbered from 1")
+    remove(_path(), chosen)
+    write(f"taken out: {entries[chosen - 1]}")
+    return _then(then)
+
+
+def _list() -> None:
+    from humanmm.storage.run_folder.run_record import read_run_record
+
+    done = {str(one["correction"]): one for one in read_run_record(_folder.get()).get("corrections", ())}
+    entries = _asked().correction
+    for number, one in enumerate(entries, start=1):
+        found = done.get(str(one.model_dump(mode="json", exclude_none=True)))
+        state = "not computed yet" if found is None else "applied" if found["applied"] else "does not fit"
+        remark = f": {found['reason']}" if found is not None and found["reason"] else ""
+        write(f"{number}  {one}  [{state}{remark}]")
+    if not entries:
+        say(f"{_folder.get()} has no corrections; `humanmm correct --help` lists what can be corrected")
+
+
+def _path() -> Path:
+    from humanmm.storage.run_folder.corrections_file import FILE
+
+    return _folder.get() / FILE
+
+
+def _asked() -> "Corrections":
+    from humanmm.corrections import NONE
+    from humanmm.storage.run_folder.corrections_file import read_file
+
+    return read_file(_path()) if _path().is_file() else NONE
+
+
+def _corrector() -> "Corrector":
+    import humanmm
+    from humanmm.correcting import Corrector
+
+    run = humanmm.load(_folder.get())
+    return Corrector(run.recording, run.record)
+
+
+def _write(corrections: "Sequence[Correction]", then: Then) -> int:
+    """Put corrections into the file; one that takes an earlier one back, or may be there once, replaces it."""
+    from humanmm.correcting import contrary
+    from humanmm.corrections import ONCE
+    from humanmm.storage.run_folder.corrections_file import append, remove
+    from humanmm.storage.run_folder.run_record import read_run_record
+
+    video = str(read_run_record(_folder.get())["video"]["sha256"])
+    for correction in corrections:
+        before = _asked().correction
+        number = contrary(correction, before)
+        if number is not None:
+            remove(_path(), number)
+            write(f"taken out: {before[number - 1]}")
+            continue
+        if any(one.facts == correction.facts for one in before):
+            say(f"{_path()} says so already: {correction}")
+            continue
+        for number, one in reversed(list(enumerate(before, start=1))):
+            if correction.kind in ONCE and one.kind == correction.kind:
+                remove(_path(), number)
+                write(f"taken out: {one}")
+        append(_path(), correction, video=video, remark=str(correction))
+        write(f"correction {len(_asked().correction)}: {correction}")
+    return _then(then)
+
+
+def _then(then: Then) -> int:
+    """Say what the corrections change, or compute it."""
+    import humanmm
+    from humanmm.cli.inspect import reopen
+    from humanmm.cli.recover import report
+    from humanmm.tasks.engine.plan import forecast
+
+    folder = _folder.get()
+    record, run = reopen(folder, then.store)
+    if then.recover:
+        store: Any = then.store or record["store"]
+        return report(humanmm.recover(run.video.path, folder, config=run.config, store=store), then.store)
+    for line in _plan(forecast(run)):
+        write(line)
+    say(f"`humanmm recover {run.video.path} --out {folder}` computes it, with the flags of the run; or --recover here")
+    write_path(_path())
+    return 0
+
+
+def _plan(entries: "Sequence[Forecast]") -> list[str]:
+    """What will run, what may follow, and what stays, in three lines at most."""
+    found: dict[str, list[str]] = {}
+    for entry in entries:
+        units = [] if entry.unit in ("video", "every shot", "every scene") else [entry.unit]
+        known = found.setdefault(f"{entry.state}:{entry.stage}", [])
+        known += units
+    lines = []
+    for state, title in (
+        ("will run", "computed"),
+        ("depends", "then, as far as their inputs change"),
+        ("cached", "kept"),
+    ):
+        names = [
+            key.partition(":")[2] + (f" ({', '.join(units)})" if units and state == "will run" else "")
+            for key, units in found.items()
+            if key.startswith(f"{state}:")
+        ]
+        if names:
+            lines.append(f"{title}: {', '.join(names)}")
+    return lines

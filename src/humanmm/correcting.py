@@ -1,0 +1,234 @@
+"""Makes corrections of a finished run: numbers of its people become places in its pictures, and stay right for later
+runs, in which people may have other numbers.
+
+What is asked for is checked against the run first: a person, shot, cut or frame that it does not have is an error.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from humanmm.corrections import (
+    AddCut,
+    Correction,
+    Exclude,
+    Floor,
+    Height,
+    Main,
+    Nobody,
+    RemoveCut,
+    SamePerson,
+    Sides,
+    StaticShot,
+    Swap,
+    Who,
+)
+from humanmm.errors import InputError
+from humanmm.models.body.body24 import load_body
+from humanmm.models.records.landmarks import INDEX
+
+if TYPE_CHECKING:
+    from humanmm.models.records.recording import RecordedPerson, Recording
+
+SIDES: tuple[Literal["shoulder", "wrist", "hip", "knee", "ankle"], ...] = ("shoulder", "wrist", "hip", "knee", "ankle")
+"""Joints whose left and right may tell the sides apart."""
+ALONE = 1.5
+"""Somebody this many times his own size away from all others cannot be taken for one of them."""
+NEAR_FRAMES = 2
+
+
+@dataclass(frozen=True)
+class Corrector:
+    """Makes corrections of one run."""
+
+    recording: "Recording"
+    record: Mapping[str, Any]
+    """Its run.json."""
+
+    # ---- cuts and shots
+
+    def add_cut(self, frame: int, end: int | None = None) -> AddCut:
+        """A cut, or with `end` a gradual transition in [frame, end)."""
+        self._check_frame(frame)
+        if frame == 0:
+            raise InputError("there is nothing before frame 0; a cut is the first frame of the later shot")
+        if end is not None:
+            self._check_span(frame, end)
+        return AddCut(frame=frame, end=end)
+
+    def remove_cut(self, frame: int) -> RemoveCut:
+        """One of the run's cuts, or a frame of one of its gradual transitions."""
+        found = [shot["transition"] for shot in self.record["shots"] if shot["transition"]]
+        if not any(one["start"] - NEAR_FRAMES <= frame <= one["end"] + NEAR_FRAMES for one in found):
+            cuts = ", ".join(str(shot["start"]) for shot in self.record["shots"][1:]) or "none"
+            raise InputError(f"the run has no cut at frame {frame}; its cuts are at {cuts}")
+        return RemoveCut(frame=frame)
+
+    def static_shot(self, number: int) -> StaticShot:
+        """A shot of the run."""
+        shots = self.record["shots"]
+        if not 0 <= number < len(shots):
+            raise InputError(f"the run has no shot {number}; it has {len(shots)}, numbered from 0")
+        return StaticShot(frame=(shots[number]["start"] + shots[number]["end"]) // 2)
+
+    # ---- people
+
+    def same_person(self, number: int, other: int) -> SamePerson:
+        """Two people of the run."""
+        if number == other:
+            raise InputError(f"person {number} is one already; name two people")
+        return SamePerson(who=self.place(number), other=self.place(other))
+
+    def nobody(self, number: int) -> Nobody:
+        """One of the run's people."""
+        return Nobody(who=self.place(number))
+
+    def swap(self, number: int, other: int, start: int, end: int) -> Swap:
+        """Two people of the run who change places in [start, end)."""
+        self._check_span(start, end)
+        if number == other:
+            raise InputError(f"person {number} cannot change places with himself; name two people")
+        return Swap(who=self.place(number), other=self.place(other), start=start, end=end)
+
+    def sides(self, number: int, start: int | None = None, end: int | None = None) -> list[Sides]:
+        """One of the run's people in [start, end), or wherever he is seen: a correction for each shot."""
+        person = self._person(number)
+        first = int(person.frame[0]) if start is None else start
+        last = int(person.frame[-1]) + 1 if end is None else end
+        self._check_span(first, last)
+        spans = [(max(first, shot["start"]), min(last, shot["end"])) for shot in self.record["shots"]]
+        found = [self._sides(person, *span) for span in spans if span[0] < span[1]]
+        known = [one for one in found if one is not None]
+        if not known:
+            raise InputError(f"person {number} is not seen in frames {first} to {last - 1}")
+        return known
+
+    def _sides(self, person: "RecordedPerson", start: int, end: int) -> Sides | None:
+        """Where the true left and right of one joint are: the wrong way round, where they are farthest apart."""
+        rows = np.flatnonzero(_seen(person) & (person.frame >= start) & (person.frame < end))
+        if not len(rows):
+            return None
+        pairs = np.array([[INDEX[f"left_{joint}"], INDEX[f"right_{joint}"]] for joint in SIDES])
+        keypoints = person.keypoints2d[rows][:, pairs].astype(float)
+        apart = np.linalg.norm(keypoints[:, :, 0, :2] - keypoints[:, :, 1, :2], axis=-1) * keypoints[..., 2].min(
+            axis=-1
+        )
+        row, joint = np.unravel_index(int(apart.argmax()), apart.shape)
+        right, left = keypoints[row, joint, :, :2].round(1).tolist()  # as found, which is wrong
+        who = self._at(person, int(rows[row]))
+        return Sides(who=who, start=start, end=end, joint=SIDES[int(joint)], left=tuple(left), right=tuple(right))
+
+    def height(self, number: int, metres: float) -> Height:
+        """How tall one of the run's people is."""
+        return Height(who=self.place(number), metres=metres)
+
+    def height_of(self, number: int) -> float:
+        """How tall one of the run's people stands, metres."""
+        return load_body().standing_height(self._person(number).betas)
+
+    def exclude(self, start: int, end: int, number: int | None = None) -> Exclude:
+        """Frames in which nothing is to be believed of one of the run's people, or of anybody."""
+        self._check_span(start, end)
+        who = None if number is None else self.place(number)
+        return Exclude(who=who, start=start, end=end)
+
+    def main(self, x: float, y: float, frame: int) -> Main:
+        """Whoever is at a place."""
+        self._check_frame(frame)
+        number = None
+        for person in self.recording.people:
+            row = frame - int(person.frame[0])
+            if 0 <= row < len(person.frame):
+                x0, y0, x1, y1 = person.bbox[row]
+                if x0 <= x <= x1 and y0 <= y <= y1:
+                    number = person.person
+                    break
+        width, height = self.recording.width, self.recording.height
+        if not (0 <= x <= width and 0 <= y <= height):
+            raise InputError(f"{x:g}, {y:g} is not in the picture, which is {width} x {height} pixels")
+        return Main(who=Who(frame=frame, x=x, y=y, number=number))
+
+    # ---- the world
+
+    def floor(self, rise_m: float) -> Floor:
+        """The floor so much higher than z = 0 of the run: the sum of what was corrected before and this."""
+        asked = self.record["config"].get("corrections", {}).get("correction", ())
+        before = sum(one["metres"] for one in asked if one["kind"] == "floor")
+        return Floor(metres=round(before + rise_m, 4))
+
+    # ---- where and when
+
+    def frame_at(self, time_s: float) -> int:
+        """The frame that is shown at a time of the video, seconds."""
+        times = self.recording.time_s
+        if not times[0] - 1e-6 <= time_s <= times[-1] + 1.0:
+            raise InputError(f"the video lasts from {times[0]:.2f} to {times[-1]:.2f} s; {time_s:g} s is outside")
+        return int(np.searchsorted(times, time_s + 1e-6, side="right")) - 1
+
+    def place(self, number: int) -> Who:
+        """Where one of the run's people can be told from all others: seen, and far from them."""
+        person = self._person(number)
+        rows = np.flatnonzero(_seen(person))
+        if not len(rows):
+            raise InputError(f"person {number} was nowhere seen")
+        # not where people were told apart by hand: there it depends on the order of corrections who is who
+        asked = self.record["config"].get("corrections", {}).get("correction", ())
+        swapped = np.zeros(len(rows), bool)
+        for one in asked:
+            if one["kind"] == "swap":
+                swapped |= (person.frame[rows] >= one["start"]) & (person.frame[rows] < one["end"])
+        rows = rows[~swapped] if not swapped.all() else rows
+        alone = np.minimum(np.array([self._distance(person, int(row)) for row in rows]), ALONE)
+        middle = np.abs(rows - rows[len(rows) // 2]) / max(len(person.frame), 1)
+        return self._at(person, int(rows[int((alone - 0.1 * middle).argmax())]))
+
+    def _at(self, person: "RecordedPerson", row: int) -> Who:
+        x0, y0, x1, y1 = person.bbox[row].astype(float)
+        x, y = round((x0 + x1) / 2, 1), round((y0 + y1) / 2, 1)
+        return Who(frame=int(person.frame[row]), x=x, y=y, number=person.person)
+
+    def _distance(self, person: "RecordedPerson", row: int) -> float:
+        """From one person to the nearest other in a frame, in his own sizes."""
+        frame, own = int(person.frame[row]), person.bbox[row].astype(float)
+        size = max(float(np.sqrt(np.prod(own[2:] - own[:2]))), 1.0)
+        nearest = np.inf
+        for other in self.recording.people:
+            at = frame - int(other.frame[0])
+            if other is not person and 0 <= at < len(other.frame):
+                box = other.bbox[at].astype(float)
+                nearest = min(nearest, float(np.linalg.norm((own[:2] + own[2:] - box[:2] - box[2:]) / 2)) / size)
+        return nearest
+
+    def _person(self, number: int) -> "RecordedPerson":
+        for person in self.recording.people:
+            if person.person == number:
+                return person
+        numbers = ", ".join(str(person.person) for person in self.recording.people)
+        raise InputError(f"the run has no person {number}; it has {numbers}")
+
+    def _check_frame(self, frame: int) -> None:
+        last = self.recording.num_frames - 1
+        if not 0 <= frame <= last:
+            raise InputError(f"the video has no frame {frame}; it has 0 to {last}")
+
+    def _check_span(self, start: int, end: int) -> None:
+        self._check_frame(start)
+        self._check_frame(end - 1)
+        if end <= start:
+            raise InputError(f"frames {start} to {end} are none: --to is the first frame after them")
+
+
+def _seen(person: "RecordedPerson") -> np.ndarray:
+    """(N,) bool: the detector saw him there."""
+    return np.asarray(person.observed & (person.keypoints2d[..., 2] > 0).any(axis=1))
+
+
+def contrary(correction: Correction, among: Sequence[Correction]) -> int | None:
+    """Number, from 1, of the correction that says the opposite of this one: taking it out is enough."""
+    for number, one in enumerate(among, start=1):
+        cuts = isinstance(correction, AddCut | RemoveCut) and isinstance(one, AddCut | RemoveCut)
+        if cuts and one.kind != correction.kind and one.facts["frame"] == correction.facts["frame"]:
+            return number
+    return None

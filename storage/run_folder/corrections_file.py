@@ -1,0 +1,95 @@
+"""corrections.toml: read as a whole, written one correction at a time, so that what people wrote in it stays.
+
+[[correction]]
+kind = "remove-cut"
+frame = 84
+"""
+
+import re
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from humanmm.config import Config
+from humanmm.config_reading import read_toml
+from humanmm.corrections import NONE, Correction, Corrections, read_corrections
+from humanmm.errors import ConfigError
+from humanmm.storage.store.files import replace_text
+
+FILE = "corrections.toml"
+_TITLE = """\
+# Corrections of this video, in the order in which they apply: `humanmm recover` reads them.
+# `humanmm correct RUN_DIR` writes them; docs/correct.md shows every kind. Frames count from 0, end is the first frame
+# after a span, pixels are those of the upright video.
+"""
+_HEAD = re.compile(r"^\[\[\s*correction\s*\]\]")
+
+
+def read_file(path: Path) -> Corrections:
+    """The corrections of a file. ConfigError names the file and what is wrong in it."""
+    if not path.is_file():
+        raise ConfigError(f"there is no file {path}; `humanmm correct RUN_DIR` writes corrections into the run folder")
+    return read_corrections(read_toml(path), origin=str(path))
+
+
+def decided(config: Config, run_dir: Path) -> Config:
+    """The configuration with the corrections that it asks for, or else those that the run folder holds, or none."""
+    if config.corrections.is_decided:
+        return config
+    path = run_dir / FILE
+    return config.model_copy(update={"corrections": read_file(path) if path.is_file() else NONE})
+
+
+def corrected(config: Config, run_dir: Path) -> Config:
+    """The configuration of a run with the corrections that its folder holds now, if it holds any."""
+    path = run_dir / FILE
+    if path.is_file():
+        return config.model_copy(update={"corrections": read_file(path)})
+    came_from_there = config.corrections.origin == str(path)
+    return config.model_copy(update={"corrections": NONE}) if came_from_there else config
+
+
+def append(path: Path, correction: Correction, *, video: str, remark: str = "") -> None:
+    """Add a correction at the end of a file, which is made if there is none; `remark`: a comment above it."""
+    text = path.read_text(encoding="utf-8") if path.is_file() else f'{_TITLE}video = "{video}"\n'
+    comment = f"# {' '.join(remark.split())}\n" if remark else ""
+    values = correction.model_dump(mode="json", exclude_none=True)
+    lines = "".join(f"{name} = {_toml(value)}\n" for name, value in values.items())
+    _replace(path, f"{text.rstrip()}\n\n{comment}[[correction]]\n{lines}")
+
+
+def remove(path: Path, number: int) -> None:
+    """Take a correction, counted from 1, out of a file, with the comments right above it; all else stays."""
+    lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
+    begins = [_begin(lines, k) for k, line in enumerate(lines) if _HEAD.match(line)]
+    if not 1 <= number <= len(begins):
+        raise ConfigError(f"{path} has {len(begins)} tables [[correction]]; there is no number {number} to take out")
+    end = begins[number] if number < len(begins) else len(lines)
+    _replace(path, "".join(lines[: begins[number - 1]] + lines[end:]).rstrip() + "\n")
+
+
+def _begin(lines: list[str], head: int) -> int:
+    """The first line of a correction: the comments right above its table belong to it."""
+    while head and lines[head - 1].startswith("#"):
+        head -= 1
+    return head
+
+
+def _replace(path: Path, text: str) -> None:
+    """Write the file if it can be read again."""
+    try:
+        read_corrections(tomllib.loads(text), origin=str(path))
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"{path} would not be TOML any more: {error}; put it right by hand") from None
+    replace_text(path, text)
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{name} = {_toml(one)}" for name, one in value.items()) + " }"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(_toml, value)) + "]"
+    if isinstance(value, str):
+        return f'"{value}"'
+    return repr(round(value, 4) if isinstance(value, float) else value)
