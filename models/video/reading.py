@@ -96,9 +96,7 @@ def read_facts(stream: BinaryIO, *, max_side_px: int = 8192, max_memory_mb: floa
     )
 
 
-def _decode_all(
-    container: InputContainer, video: VideoStream, memory: DecoderMemory, *, max_side_px: int
-) -> _Pictures:
+def _decode_all(container: InputContainer, video: VideoStream, memory: DecoderMemory, *, max_side_px: int) -> _Pictures:
     found = _Pictures()
     if video.codec_context.name in ("h264", "hevc"):
         video.codec_context.options = video.codec_context.options | {"skip_loop_filter": "all"}

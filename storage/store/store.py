@@ -333,8 +333,8 @@ def _last_use(artifact: Path) -> float:
 
 
 def _size(path: Path) -> int:
-    """Bytes of the disk that a folder takes, in whole blocks and with its folders, as du(1) counts them: an artifact is a
-    dozen files of less than a block. Where the file system counts no blocks, the lengths of files stand for them."""
+    """Bytes of the disk that a folder takes, in whole blocks and with its folders, as du(1) counts them: an artifact is
+    a dozen files of less than a block. Where the file system counts no blocks, the lengths of files stand for them."""
     total = 0
     for folder, _, names in os.walk(path):
         for name in ("", *names):
