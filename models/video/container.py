@@ -41,7 +41,7 @@ _LEAST_PICTURES = 3
 """That a decoder keeps of any codec: a reference, the current one and the one given out."""
 
 _SIDE_BYTES = {"h264": 0.5, "hevc": 0.75, "vvc": 2.0, "vp9": 0.2, "av1": 0.1, "jpeg2000": 8.0}
-"""Bytes beside each pixel of a picture, as measured: motion vectors (12 bytes for 4 x 4 pixels of HEVC), coefficients."""
+"""Bytes beside each pixel of a picture, as measured: motion vectors (HEVC: 12 bytes for 4 x 4 pixels), coefficients."""
 
 _SUPPORTED = "mp4, mov, mkv, webm or avi"
 
