@@ -16,6 +16,7 @@ import subprocess
 import sys
 import threading
 import time
+import uuid
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -31,8 +32,8 @@ from humanmm.flows.server.local_server import (
     stop_unused_server,
 )
 from humanmm.flows.service.lost_runs import crash_lost_runs, resume_lost_videos
+from humanmm.flows.service.worker import MARK, stop_videos
 from humanmm.flows.service.worker import STOP_LIMIT_S as VIDEOS_LIMIT_S
-from humanmm.flows.service.worker import stop_session
 from humanmm.storage.batches.batch_table import open_batches
 
 if TYPE_CHECKING:
@@ -113,7 +114,9 @@ def serve(*, limit: int, idle_s: float | None = None, on_ready: Any = None) -> N
     with _signals(leave), _only_one(files):
         if not _has_room(files, leave):
             return
-        with prefect_server() as url:
+        with prefect_server(is_wanted=lambda: not leave.is_set()) as url:
+            if leave.is_set():
+                return
             if url == "ephemeral":
                 raise StoreError(f"no Prefect server could be started; {files.log} says why")
             asyncio.run(_deploy(limit, Path.cwd()))
@@ -160,7 +163,7 @@ class Worker:
     def __init__(self, files: ServerFiles, limit: int) -> None:
         self._log, self._limit = files.home / "worker.log", limit
         self._process: subprocess.Popen[bytes] | None = None
-        self._died: list[int] = []
+        self._mark = uuid.uuid4().hex
 
     def start(self) -> None:
         from humanmm.flows.server.flow_runs import POOL
@@ -169,14 +172,14 @@ class Worker:
         command = [sys.executable, "-m", "humanmm.flows.service.worker", POOL, str(self._limit), name]
         with self._log.open("ab") as output:
             self._process = subprocess.Popen(
-                command, stdin=subprocess.PIPE, stdout=output, stderr=output, start_new_session=True
-            )
+                command, env={**os.environ, MARK: self._mark},
+                stdin=subprocess.PIPE, stdout=output, stderr=output, start_new_session=True,
+            )  # fmt: skip
 
     def keep_up(self) -> None:
         """Start it again if it has died. Its videos go on without it."""
         if self._process is not None and self._process.poll() is not None:
             log.warning("the worker has ended (%s); it is started again", self._process.returncode)
-            self._died.append(self._process.pid)
             self._close()
             self.start()
 
@@ -185,14 +188,12 @@ class Worker:
         if self._process is None:
             return
         self._close()  # at the end of its input it stops its videos and itself
-        for session in self._died:
-            stop_session(session)
         try:
             self._process.wait(VIDEOS_LIMIT_S + STOP_LIMIT_S)
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
-            stop_session(self._process.pid)
+        stop_videos(self._mark)
 
     def _close(self) -> None:
         if self._process is not None and self._process.stdin is not None:
