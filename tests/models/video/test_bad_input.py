@@ -325,7 +325,10 @@ def test_a_long_gap_is_a_warning() -> None:
     assert "after 0.36 s no picture comes for 60.0 s" in facts.warnings
 
 
-@pytest.mark.parametrize(("container", "codec"), [("mp4", "libx264"), ("matroska", "mpeg4"), ("mpegts", "mpeg4")])
+@pytest.mark.parametrize(
+    ("container", "codec"),
+    [("mp4", "libx264"), ("matroska", "mpeg4"), ("mpegts", "mpeg4"), ("flv", "libx264")],
+)
 def test_of_videos_one_after_the_other_the_first_is_read_and_the_others_are_told(
     container: str, codec: str, clip: Clip, number_of: NumberOf
 ) -> None:
