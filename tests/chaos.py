@@ -1,8 +1,8 @@
 """A machine on which everything goes wrong: two workers on a batch, faults at random times from one seed, accounts.
 
 `humanmm serve` and a second worker run as they would under an operator's supervisor, which starts again what has died.
-The store (or the copies of what is in a bucket), the run folders and Prefect's database share one small disk. Executions are counted where they happen: in the
-child processes that compute one stage × unit each.
+The store (or the copies of what is in a bucket), the run folders and Prefect's database share one small disk.
+Executions are counted where they happen: in the child processes that compute one stage × unit each.
 """
 
 import contextlib
