@@ -22,6 +22,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 from uuid import UUID
 
+import httpx
+
 from humanmm.errors import InputError, StoreError
 from humanmm.flows.server.known_stores import known_stores
 from humanmm.flows.server.local_server import (
@@ -35,6 +37,7 @@ from humanmm.flows.service.lost_runs import crash_lost_runs, resume_lost_videos
 from humanmm.flows.service.worker import MARK, stop_videos
 from humanmm.flows.service.worker import STOP_LIMIT_S as VIDEOS_LIMIT_S
 from humanmm.storage.batches.batch_table import open_batches
+from humanmm.tasks.units.faults import in_words, is_infrastructure_fault
 
 if TYPE_CHECKING:
     from prefect.client.orchestration import SyncPrefectClient
@@ -112,28 +115,41 @@ def serve(*, limit: int, idle_s: float | None = None, on_ready: Any = None) -> N
     files = server_files()
     leave = threading.Event()
     with _signals(leave), _only_one(files):
-        if not _has_room(files, leave):
-            return
-        with prefect_server(is_wanted=lambda: not leave.is_set()) as url:
-            if leave.is_set():
-                return
-            if url == "ephemeral":
-                raise StoreError(f"no Prefect server could be started; {files.log} says why")
-            asyncio.run(_deploy(limit, Path.cwd()))
-            worker = Worker(files, limit)
+        while _has_room(files, leave):
             try:
-                worker.start()
-                (files.home / READY).write_text(url)
-                if on_ready is not None:
-                    with contextlib.suppress(OSError):  # standard output may be closed: the service goes on
-                        on_ready(url.removesuffix("/api"))
-                _look_after(files, worker, leave, idle_s)
-            finally:
-                (files.home / READY).unlink(missing_ok=True)
-                worker.stop()
-                with contextlib.suppress(Exception):  # the server may be the one that is gone
-                    _crash_all()
+                _serve_until_told(files, leave, limit, idle_s, on_ready)
+                break
+            except (OSError, httpx.TransportError) as error:  # the disk has filled up, the server has died
+                if isinstance(error, OSError) and not is_infrastructure_fault(error):
+                    raise
+                log.warning("%s: humanmm serve starts again", in_words(error))
+                if leave.wait(LOOK_EVERY_S):
+                    break
         stop_unused_server(files)
+
+
+def _serve_until_told(
+    files: ServerFiles, leave: threading.Event, limit: int, idle_s: float | None, on_ready: Any
+) -> None:
+    with prefect_server(is_wanted=lambda: not leave.is_set()) as url:
+        if leave.is_set():
+            return
+        if url == "ephemeral":
+            raise StoreError(f"no Prefect server could be started; {files.log} says why")
+        asyncio.run(_deploy(limit, Path.cwd()))
+        worker = Worker(files, limit)
+        try:
+            worker.start()
+            (files.home / READY).write_text(url)
+            if on_ready is not None:
+                with contextlib.suppress(OSError):  # standard output may be closed: the service goes on
+                    on_ready(url.removesuffix("/api"))
+            _look_after(files, worker, leave, idle_s)
+        finally:
+            (files.home / READY).unlink(missing_ok=True)
+            worker.stop()
+            with contextlib.suppress(Exception):  # the server may be the one that is gone
+                _crash_all()
 
 
 def _has_room(files: ServerFiles, leave: threading.Event) -> bool:
