@@ -26,7 +26,7 @@ from humanmm.storage.store.open import open_store
 from humanmm.tasks.engine.finish import default_run_dir
 from humanmm.tasks.engine.run import VideoRun
 from humanmm.tasks.engine.runners.runner import check_runner
-from humanmm.tasks.units.process import prepare_process
+from humanmm.tasks.units.process import passed_on, prepare_process
 from humanmm.tasks.units.selection import Selection
 
 DEFAULTS, EVERYTHING = Config(), Selection()
@@ -55,7 +55,7 @@ def recover(
         return recover_stages(video, out, config, store, selection)
     except (KeyboardInterrupt, TerminationSignal) as stop:
         number = stop.signal if isinstance(stop, TerminationSignal) else signal.SIGINT
-        return Cancelled(message=f"stopped by {signal.Signals(number).name}")
+        return Cancelled(message=f"stopped by {(passed_on() or signal.Signals(number)).name}")
 
 
 def recover_stages(video: Path, out: Path | None, config: Config, store: Path | None, selection: Selection) -> Any:

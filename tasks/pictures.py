@@ -33,6 +33,7 @@ from humanmm.storage.view.page import write_page
 OVERLAY, TOP_VIEW, TIMELINE, SCENE = "overlay.mp4", "top.png", "timeline.png", "scene.html"
 EMBEDDED = "embedded.mp4"
 """The video inside scene.html, beside the pictures in the artifact of `deliver`; not in the run folder."""
+_CANDIDATE_PX = 1920
 _PREFETCHED = 4
 """Pictures that wait for being drawn, and for being encoded."""
 
@@ -41,7 +42,8 @@ def write_candidates(path: Path, stream: BinaryIO, facts: VideoFacts, scenes: Se
     """A picture of those who were seen in a video in which nobody could be recovered."""
     shown = []
     for candidate in candidates(scenes, facts.num_frames):
-        (frame,) = planar_frames(stream, facts, candidate.frame, candidate.frame + 1)
+        at = candidate.frame
+        (frame,) = planar_frames(stream, facts, at, at + 1, max_side_px=_CANDIDATE_PX)
         shown.append(draw_candidate(candidate, Picture(frame.planes, frame.colors), facts.width))
     path.parent.mkdir(parents=True, exist_ok=True)
     write_png(path, side_by_side(shown))

@@ -1,8 +1,8 @@
 """A machine on which everything goes wrong: two workers on a batch, faults at random times from one seed, accounts.
 
 `humanmm serve` and a second worker run as they would under an operator's supervisor, which starts again what has died.
-The store, the run folders and Prefect's database share one small disk. Executions are counted where they happen: in the
-child processes that compute one stage × unit each.
+The store (or the copies of what is in a bucket), the run folders and Prefect's database share one small disk.
+Executions are counted where they happen: in the child processes that compute one stage × unit each.
 """
 
 import contextlib
@@ -126,6 +126,8 @@ class Machine:
 
     folder: Path
     seed: int
+    bucket: str | None = None
+    """`s3://…` of the store, unless it lies on the disk."""
     faults: list[Fault] = field(default_factory=list)
 
     @property
@@ -160,7 +162,8 @@ class Machine:
         """Of everything that runs here."""
         own = {
             "PYTHONPATH": os.pathsep.join([str(self.folder), str(ROOT / "src")]),
-            "HUMANMM_STORE": str(self.store),
+            "HUMANMM_STORE": self.bucket or str(self.store),
+            "XDG_DATA_HOME": str(self.disk / "data"),  # batches of a bucket
             "HUMANMM_CACHE": str(self.disk / "cache"),
             "CHAOS_EXECUTIONS": str(self.executions),
         }
@@ -239,7 +242,8 @@ class Machine:
             self.faults.append(Fault(kind, time.time(), str(pid), flow_runs))
 
     def _flip(self, luck: float) -> None:
-        files = sorted(path for path in self.store.glob("artifacts/*/??/*/**/*") if path.is_file())
+        stores = [self.store] if self.bucket is None else list((self.disk / "cache/buckets").glob("*"))
+        files = sorted(path for at in stores for path in at.glob("**/artifacts/*/??/*/**/*") if path.is_file())
         if not files:
             return
         path = files[int(luck * len(files))]
@@ -249,7 +253,8 @@ class Machine:
             byte = file.read(1)
             file.seek(at)
             file.write(bytes([byte[0] ^ 0x40]) if byte else b"x")
-            self.faults.append(Fault("flip", time.time(), "/".join(path.relative_to(self.store).parts[:4])))
+            begin = path.parts.index("artifacts")
+            self.faults.append(Fault("flip", time.time(), "/".join(path.parts[begin : begin + 4])))
 
     def _fill(self, seconds: float) -> None:
         filler = self.disk / "filler"

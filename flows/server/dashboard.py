@@ -36,7 +36,8 @@ class ProgressBoard:
     def __init__(self, flow_run: UUID) -> None:
         self._flow_run = flow_run
         self._begun: dict[str, tuple[UUID, float]] = {}
-        self._now: dict[str, float] = {}
+        self._now: dict[str, tuple[float, float]] = {}
+        """The percentage of each, and how many seconds after its begin that was."""
         self._sent: dict[str, tuple[UUID, float, float]] = {}
         """The artifact of each, its percentage, and when that was sent (monotonic seconds)."""
         self._over = threading.Event()
@@ -48,7 +49,8 @@ class ProgressBoard:
 
     def report(self, unit: Unit, done: int, total: int) -> None:
         """Note the progress of a stage."""
-        self._now[unit.label] = 100.0 * done / max(total, 1)
+        _, begun = self._begun.get(unit.label, (None, time.monotonic()))
+        self._now[unit.label] = 100.0 * done / max(total, 1), time.monotonic() - begun
         if self._thread is None:
             self._thread = threading.Thread(target=self._send, name="progress", daemon=True)
             self._thread.start()
@@ -70,16 +72,16 @@ class ProgressBoard:
                 try:
                     client = client or stack.enter_context(get_client(sync_client=True))
                     for label in due:
-                        self._show(client, label, self._now[label])
+                        self._show(client, label, self._now[label][0])
                 except Exception as error:  # a picture of the progress is worth no failure
                     log.info("progress could not be shown: %s", error)
 
     def _is_due(self, label: str, *, over: bool) -> bool:
-        now = time.monotonic()
-        if label in self._sent:
-            _, percent, at = self._sent[label]
-            return percent != self._now[label] and (over or now - at >= EVERY_S)
-        return not over and label in self._begun and now - self._begun[label][1] > LONG_S
+        percent, lasted_s = self._now[label]
+        if label not in self._sent:
+            return lasted_s > LONG_S
+        _, sent, at = self._sent[label]
+        return percent != sent and (over or time.monotonic() - at >= EVERY_S)
 
     def _show(self, client: SyncPrefectClient, label: str, percent: float) -> None:
         if label in self._sent:

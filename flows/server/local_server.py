@@ -21,7 +21,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -100,8 +100,10 @@ def server_files() -> ServerFiles:
 
 
 @contextlib.contextmanager
-def prefect_server() -> Iterator[str]:
+def prefect_server(is_wanted: Callable[[], bool] = lambda: True) -> Iterator[str]:
     """Environment for Prefect and the address of a server, held for the duration of a run.
+
+    A server that is not up yet when it is no longer wanted is ended, and not waited for.
 
     $PREFECT_API_URL, if set, names the user's own server and is left alone. Must be entered before `import prefect`.
     ConfigError if Prefect refuses a PREFECT_ variable.
@@ -119,10 +121,10 @@ def prefect_server() -> Iterator[str]:
         return
     with files.users.open("a+") as users:
         fcntl.flock(users, fcntl.LOCK_SH)
-        url = running_server(files) or _start(files)
+        url = running_server(files) or _start(files, is_wanted)
         if url:
             os.environ["PREFECT_API_URL"] = url
-        else:
+        elif is_wanted():
             log.warning("no Prefect server could be started (see %s); this run brings its own: slower", files.log)
             os.environ["PREFECT_SERVER_ALLOW_EPHEMERAL_MODE"] = "true"
         if "prefect.context" in sys.modules:
@@ -275,8 +277,9 @@ def _is_healthy(port: int) -> bool:
 # ---- its start
 
 
-def _start(files: ServerFiles) -> str | None:
-    """Start the server unless another run is doing so; wait until it responds."""
+def _start(files: ServerFiles, is_wanted: Callable[[], bool] = lambda: True) -> str | None:
+    """Start the server unless another run is doing so; wait until it responds. One that was started here and is not up
+    yet is ended when it is no longer wanted, or when an exception such as Ctrl-C ends the waiting."""
     with files.starting.open("a+") as starting:
         fcntl.flock(starting, fcntl.LOCK_EX)
         url = running_server(files) or _slow_server(files)
@@ -284,16 +287,22 @@ def _start(files: ServerFiles) -> str | None:
             return url
         files.state.unlink(missing_ok=True)
         pid, deadline = None, time.monotonic() + START_LIMIT_S
-        while time.monotonic() < deadline:
-            if pid is None or not _is_alive(pid):
-                if pid is not None:  # it was killed, or could not write its files
-                    time.sleep(START_PAUSE_S)
-                log.info("starting the local Prefect server")
-                pid = _start_process(files)
-            url = running_server(files)
-            if url:
-                return url
-            time.sleep(0.1)
+        is_given_up = True
+        try:
+            while is_wanted():
+                if pid is None or not _is_alive(pid):
+                    if pid is not None:  # it was killed, or could not write its files
+                        time.sleep(START_PAUSE_S)
+                    log.info("starting the local Prefect server")
+                    pid = _start_process(files)
+                url = running_server(files)
+                if url or time.monotonic() > deadline:
+                    is_given_up = False
+                    return url
+                time.sleep(0.1)
+        finally:
+            if is_given_up and pid is not None and _is_alive(pid):
+                os.kill(pid, signal.SIGKILL)  # it is importing, and would end by SIGTERM with a traceback
     return None
 
 

@@ -16,10 +16,13 @@ import subprocess
 import sys
 import threading
 import time
+import uuid
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 from uuid import UUID
+
+import httpx
 
 from humanmm.errors import InputError, StoreError
 from humanmm.flows.server.known_stores import known_stores
@@ -31,9 +34,10 @@ from humanmm.flows.server.local_server import (
     stop_unused_server,
 )
 from humanmm.flows.service.lost_runs import crash_lost_runs, resume_lost_videos
+from humanmm.flows.service.worker import MARK, stop_videos
 from humanmm.flows.service.worker import STOP_LIMIT_S as VIDEOS_LIMIT_S
-from humanmm.flows.service.worker import stop_session
 from humanmm.storage.batches.batch_table import open_batches
+from humanmm.tasks.units.faults import in_words, is_infrastructure_fault
 
 if TYPE_CHECKING:
     from prefect.client.orchestration import SyncPrefectClient
@@ -111,26 +115,41 @@ def serve(*, limit: int, idle_s: float | None = None, on_ready: Any = None) -> N
     files = server_files()
     leave = threading.Event()
     with _signals(leave), _only_one(files):
-        if not _has_room(files, leave):
-            return
-        with prefect_server() as url:
-            if url == "ephemeral":
-                raise StoreError(f"no Prefect server could be started; {files.log} says why")
-            asyncio.run(_deploy(limit, Path.cwd()))
-            worker = Worker(files, limit)
+        while _has_room(files, leave):
             try:
-                worker.start()
-                (files.home / READY).write_text(url)
-                if on_ready is not None:
-                    with contextlib.suppress(OSError):  # standard output may be closed: the service goes on
-                        on_ready(url.removesuffix("/api"))
-                _look_after(files, worker, leave, idle_s)
-            finally:
-                (files.home / READY).unlink(missing_ok=True)
-                worker.stop()
-                with contextlib.suppress(Exception):  # the server may be the one that is gone
-                    _crash_all()
+                _serve_until_told(files, leave, limit, idle_s, on_ready)
+                break
+            except (OSError, httpx.TransportError) as error:  # the disk has filled up, the server has died
+                if isinstance(error, OSError) and not is_infrastructure_fault(error):
+                    raise
+                log.warning("%s: humanmm serve starts again", in_words(error))
+                if leave.wait(LOOK_EVERY_S):
+                    break
         stop_unused_server(files)
+
+
+def _serve_until_told(
+    files: ServerFiles, leave: threading.Event, limit: int, idle_s: float | None, on_ready: Any
+) -> None:
+    with prefect_server(is_wanted=lambda: not leave.is_set()) as url:
+        if leave.is_set():
+            return
+        if url == "ephemeral":
+            raise StoreError(f"no Prefect server could be started; {files.log} says why")
+        asyncio.run(_deploy(limit, Path.cwd()))
+        worker = Worker(files, limit)
+        try:
+            worker.start()
+            (files.home / READY).write_text(url)
+            if on_ready is not None:
+                with contextlib.suppress(OSError):  # standard output may be closed: the service goes on
+                    on_ready(url.removesuffix("/api"))
+            _look_after(files, worker, leave, idle_s)
+        finally:
+            (files.home / READY).unlink(missing_ok=True)
+            worker.stop()
+            with contextlib.suppress(Exception):  # the server may be the one that is gone
+                _crash_all()
 
 
 def _has_room(files: ServerFiles, leave: threading.Event) -> bool:
@@ -160,7 +179,7 @@ class Worker:
     def __init__(self, files: ServerFiles, limit: int) -> None:
         self._log, self._limit = files.home / "worker.log", limit
         self._process: subprocess.Popen[bytes] | None = None
-        self._died: list[int] = []
+        self._mark = uuid.uuid4().hex
 
     def start(self) -> None:
         from humanmm.flows.server.flow_runs import POOL
@@ -169,14 +188,14 @@ class Worker:
         command = [sys.executable, "-m", "humanmm.flows.service.worker", POOL, str(self._limit), name]
         with self._log.open("ab") as output:
             self._process = subprocess.Popen(
-                command, stdin=subprocess.PIPE, stdout=output, stderr=output, start_new_session=True
-            )
+                command, env={**os.environ, MARK: self._mark},
+                stdin=subprocess.PIPE, stdout=output, stderr=output, start_new_session=True,
+            )  # fmt: skip
 
     def keep_up(self) -> None:
         """Start it again if it has died. Its videos go on without it."""
         if self._process is not None and self._process.poll() is not None:
             log.warning("the worker has ended (%s); it is started again", self._process.returncode)
-            self._died.append(self._process.pid)
             self._close()
             self.start()
 
@@ -185,14 +204,12 @@ class Worker:
         if self._process is None:
             return
         self._close()  # at the end of its input it stops its videos and itself
-        for session in self._died:
-            stop_session(session)
         try:
             self._process.wait(VIDEOS_LIMIT_S + STOP_LIMIT_S)
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
-            stop_session(self._process.pid)
+        stop_videos(self._mark)
 
     def _close(self) -> None:
         if self._process is not None and self._process.stdin is not None:

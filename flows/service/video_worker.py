@@ -17,6 +17,7 @@ from prefect.runner._process_manager import ProcessHandle
 from prefect.workers.process import ProcessWorker
 
 from humanmm.flows.service import fork_server
+from humanmm.tasks.units.process import release_memory
 
 FULL_S = 30.0
 """Seconds between queries while there is no room: the dashboard calls a pool ready whose worker queries each minute."""
@@ -64,6 +65,7 @@ async def run_in_fork(
             os.kill(process.pid, signal.SIGTERM)  # as Prefect's `run_process` does
         raise
     await anyio.to_thread.run_sync(process.join, limiter=_ONE_AT_A_TIME)
+    release_memory()  # what a video leaves in pieces would grow for as long as the worker lives
 
 
 async def work(pool: str, limit: int, name: str) -> None:

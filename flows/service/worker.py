@@ -13,6 +13,7 @@ import signal
 import sys
 import threading
 import time
+import uuid
 from collections.abc import Coroutine
 from pathlib import Path
 from types import FrameType
@@ -26,6 +27,9 @@ SETTINGS = {"PREFECT_WORKER_QUERY_SECONDS": "2"}
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGUSR1)
 STOP_LIMIT_S = 20.0
 """Seconds between SIGTERM and SIGKILL for a video."""
+MARK = "HUMANMM_WORKER"
+"""Variable by which a worker's videos are told from others: a session may have several workers, and a number of a
+process is given again."""
 END_LIMIT_S = 10.0
 """Seconds that Prefect's worker may take to end, once its videos have. At the exit of Python, Prefect waits without a
 limit until the server has all events, and `multiprocessing` until each child has ended: with a server that does not
@@ -35,6 +39,7 @@ respond the worker would stay for minutes or for ever."""
 def main(pool: str, limit: str, name: str) -> None:
     """Work until a signal stops it or standard input ends."""
     os.environ.update(SETTINGS)  # which the videos inherit
+    os.environ.setdefault(MARK, uuid.uuid4().hex)
     hold_port_of_server()
     launch()
     threading.Thread(target=_stop_at_end_of_input, daemon=True).start()
@@ -56,7 +61,7 @@ async def _until_stopped(work: Coroutine[Any, Any, None]) -> None:
         """Runs in the main thread, so that Prefect's loop stands still and begins no other video meanwhile."""
         for again in STOP_SIGNALS:  # a supervisor may send several
             signal.signal(again, lambda *_: None)
-        stop_session(os.getsid(0))
+        stop_videos(os.environ[MARK])
         faulthandler.dump_traceback_later(END_LIMIT_S, exit=True)  # the log then says where it hung
         loop.call_soon_threadsafe(task.cancel)
 
@@ -66,27 +71,28 @@ async def _until_stopped(work: Coroutine[Any, Any, None]) -> None:
         await task
 
 
-def stop_session(session: int) -> None:
-    """Stop the videos of a worker, also of one that is gone: they are processes of its session."""
-    videos = _videos_of(session)
+def stop_videos(mark: str) -> None:
+    """Stop the videos of the workers with a mark, also of one that is gone."""
+    videos = _videos_of(mark)
     for number, limit_s in ((signal.SIGTERM, STOP_LIMIT_S), (signal.SIGKILL, 1.0)):
         for video in videos:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(video, number)
         deadline = time.monotonic() + limit_s
-        while (videos := [pid for pid in videos if pid in _videos_of(session)]) and time.monotonic() < deadline:
+        while (videos := [pid for pid in videos if pid in _videos_of(mark)]) and time.monotonic() < deadline:
             time.sleep(0.1)
 
 
-def _videos_of(session: int) -> list[int]:
-    """Living processes of a session that compute a video."""
+def _videos_of(mark: str) -> list[int]:
+    """Living processes of this user that compute a video for workers with a mark."""
     found = []
-    for stat in Path("/proc").glob("[0-9]*/stat"):
-        with contextlib.suppress(OSError, ValueError, IndexError):
-            head, _, tail = stat.read_text().rpartition(")")
-            state, _, _, its_session = tail.split()[:4]
-            if int(its_session) == session and state not in "ZX" and head.partition("(")[2] == VIDEO:
-                found.append(int(stat.parent.name))
+    for process in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):  # it has ended, or is another user's
+            state = (process / "stat").read_text().rpartition(")")[2].split()[0]
+            if state in "ZX" or (process / "comm").read_text().strip() != VIDEO:
+                continue
+            if f"{MARK}={mark}".encode() in (process / "environ").read_bytes().split(b"\0"):
+                found.append(int(process.name))
     return found
 
 

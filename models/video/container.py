@@ -4,9 +4,11 @@ Only demuxers that read the bytes they are given are allowed: a playlist or a co
 make the library open other files.
 """
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import BinaryIO
 
 import av
@@ -26,12 +28,20 @@ DEMUXERS = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpegts,flv"
 _DECODER_THREADS = 4
 """Fixed, not the number of cores: how a decoder recovers from damage depends on it, and facts must fit every reader."""
 
-_DECODER_MB = 1200.0
+_THREADS_MB = 1200.0
 """Beyond this the threads share one picture (slices): each thread that has a picture of its own keeps two more."""
 
-_PICTURES_KEPT = {"h264": 18, "hevc": 10, "vp8": 6, "vp9": 10, "av1": 12}
-"""Pictures that a decoder keeps at the same time: references, the current one and the one given out. H.264 allows 16
-references whatever the size, HEVC 6 of its largest size; decoders of other codecs keep 5 at most."""
+_ALIAS = {"libdav1d": "av1", "libaom-av1": "av1"}
+
+_KEPT_PICTURES = {"h264": 18, "hevc": 18, "vvc": 18, "vp8": 6, "vp9": 10, "av1": 10}
+"""Pictures that a decoder keeps at most at the same time: references, the current one and the one given out. H.264 and
+HEVC allow 16 references, whatever a level says. Decoders of other codecs keep 5."""
+
+_LEAST_PICTURES = 3
+"""That a decoder keeps of any codec: a reference, the current one and the one given out."""
+
+_SIDE_BYTES = {"h264": 0.5, "hevc": 0.75, "vvc": 2.0, "vp9": 0.2, "av1": 0.1, "jpeg2000": 8.0}
+"""Bytes beside each pixel of a picture, as measured: motion vectors (HEVC: 12 bytes for 4 x 4 pixels), coefficients."""
 
 _SUPPORTED = "mp4, mov, mkv, webm or avi"
 
@@ -62,9 +72,7 @@ def open_video(stream: BinaryIO, *, max_side_px: int = 16384) -> Iterator[tuple[
         if video.codec_context is None:
             raise VideoError("the video's codec is unknown here; convert it to H.264, H.265, VP9, AV1 or MPEG-4")
         refuse_absurd_size(max(video.codec_context.width, video.codec_context.height), max_side_px)
-        kept_mb, picture_mb = decoder_mb(video.codec_context)
-        video.thread_type = "AUTO" if kept_mb + 2 * _DECODER_THREADS * picture_mb <= _DECODER_MB else "SLICE"
-        video.codec_context.thread_count = _DECODER_THREADS
+        set_threads(video)
         video.codec_context.options = {"max_pixels": limit}
         yield container, video
 
@@ -83,23 +91,59 @@ def refuse_absurd_size(side_px: int, max_side_px: int) -> None:
         )
 
 
+def set_threads(video: VideoStream) -> None:
+    """Threads for a decoder: each with a picture of its own while these are small, else all at one picture. dav1d knows
+    no slices: at large pictures it has one thread."""
+    most_mb, picture_mb = decoder_mb(video.codec_context)
+    is_small = most_mb + 2 * _DECODER_THREADS * picture_mb <= _THREADS_MB
+    video.thread_type = "AUTO" if is_small else "SLICE"
+    video.codec_context.thread_count = _DECODER_THREADS if is_small or _codec(video.codec_context) != "av1" else 1
+
+
 def decoder_mb(codec: VideoCodecContext) -> tuple[float, float]:
-    """Memory that a decoder may need for all pictures that it keeps, and for one of them, MB."""
+    """Memory that a decoder may need at most for the pictures that it keeps, and for one of them, MB."""
     picture_format = codec.format
     bits = picture_format.padded_bits_per_pixel if picture_format is not None else 12
-    picture_mb = codec.width * codec.height * bits / 8e6
-    return _PICTURES_KEPT.get(codec.name, 5) * picture_mb, picture_mb
+    name = _codec(codec)
+    picture_mb = codec.width * codec.height * (bits / 8 + _SIDE_BYTES.get(name, 0.0)) / 1e6
+    return _KEPT_PICTURES.get(name, 5) * picture_mb, picture_mb
 
 
-def refuse_absurd_memory(codec: VideoCodecContext, max_memory_mb: float) -> None:
-    """Raise VideoError for pictures of which a decoder may need more memory than the limit."""
-    kept_mb, picture_mb = decoder_mb(codec)
-    if kept_mb > max_memory_mb:
-        raise VideoError(
-            f"{codec.width} x {codec.height} px as {codec.pix_fmt} are {picture_mb:.0f} MB a picture, and a decoder of "
-            f"{codec.name} keeps up to {kept_mb / picture_mb:.0f}: {kept_mb:.0f} MB, more than decode.max_memory_mb = "
-            f"{max_memory_mb:.0f}; scale the video down, or raise that setting"
-        )
+def _codec(codec: VideoCodecContext) -> str:
+    return _ALIAS.get(codec.name, codec.name)
+
+
+class DecoderMemory:
+    """Watches what a decoder takes while a video is decoded for the first time.
+
+    How many pictures a decoder keeps, the stream says in places that PyAV does not show, and may say wrongly. Small
+    pictures cannot exceed the limit. Of large ones the growth of this process is compared with it, packet by packet.
+    """
+
+    def __init__(self, codec: VideoCodecContext, max_memory_mb: float) -> None:
+        self._codec, self._max_mb = codec, max_memory_mb
+        self._before_mb = resident_mb()
+
+    def check(self) -> None:
+        """Raise VideoError for pictures of which a decoder needs more memory than the limit."""
+        most_mb, picture_mb = decoder_mb(self._codec)
+        if most_mb <= self._max_mb:
+            return
+        needed_mb = max(_LEAST_PICTURES * picture_mb, resident_mb() - self._before_mb)
+        if needed_mb > self._max_mb:
+            raise VideoError(
+                f"{self._codec.width} x {self._codec.height} px as {self._codec.pix_fmt} are {picture_mb:.0f} MB a "
+                f"picture, of which a decoder of {_codec(self._codec)} keeps several: {needed_mb:.0f} MB are more than "
+                f"decode.max_memory_mb = {self._max_mb:.0f}; scale the video down, or raise that setting"
+            )
+
+
+def resident_mb() -> float:
+    """Memory of this process, MB; 0 where the system does not tell."""
+    try:
+        return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+    except (OSError, ValueError):
+        return 0.0
 
 
 @dataclass
@@ -115,7 +159,9 @@ class PacketLog:
     """The container's bytes stopped making sense before its end."""
 
 
-def decoded(container: InputContainer, video: VideoStream, log: PacketLog) -> Iterator[VideoFrame]:
+def decoded(
+    container: InputContainer, video: VideoStream, log: PacketLog, memory: DecoderMemory | None = None
+) -> Iterator[VideoFrame]:
     """Every picture that decodes from here on, in presentation order; damage is logged and stepped over."""
     packets = container.demux(video)
     while True:
@@ -138,5 +184,7 @@ def decoded(container: InputContainer, video: VideoStream, log: PacketLog) -> It
             return
         except (av.error.InvalidDataError, av.error.PatchWelcomeError, av.error.BugError):
             log.broken += 1
+        if memory is not None:
+            memory.check()
         if packet is None:
             return

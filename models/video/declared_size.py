@@ -14,6 +14,8 @@ _EBML_SEGMENT, _EBML_TRACKS, _EBML_ENTRY, _EBML_VIDEO = 0x18538067, 0x1654AE6B, 
 _EBML_WIDTH, _EBML_HEIGHT = 0xB0, 0xBA
 _MAX_BOXES = 10_000
 """No sane header has more; a crafted one must not keep us busy."""
+_MAX_TAGS = 1_000_000
+"""Pictures and pieces of sound of an flv of four hours; they are read in a second or two."""
 
 
 def declared_sides_px(stream: BinaryIO) -> tuple[int, ...]:
@@ -40,9 +42,12 @@ def declared_sides_px(stream: BinaryIO) -> tuple[int, ...]:
 
 
 def count_movies(stream: BinaryIO) -> int:
-    """How many whole mp4 or mov files lie one after the other in one file, of which only the first is read; 0 or 1
+    """How many whole mp4, mov or flv files lie one after the other in one file, of which only the first is read; 0 or 1
     for other containers and for files in fragments. The stream's position is left at the start."""
     size, at, kinds = stream.seek(0, 2), 0, list[bytes]()
+    stream.seek(0)
+    if stream.read(3) == b"FLV":
+        return _count_flv(stream)
     try:
         while at + 8 <= size and len(kinds) < _MAX_BOXES:
             stream.seek(at)
@@ -55,6 +60,23 @@ def count_movies(stream: BinaryIO) -> int:
         pass
     stream.seek(0)
     return 1 if b"moof" in kinds else kinds.count(b"moov")
+
+
+def _count_flv(stream: BinaryIO) -> int:
+    """How many flv files lie one after the other; each is a header and then tags with their length before and after."""
+    at, count = 0, 0
+    for _ in range(_MAX_TAGS):
+        stream.seek(at)
+        head = stream.read(9)
+        if len(head) < 9:
+            break
+        if head[:3] == b"FLV":
+            count += 1
+            at += int.from_bytes(head[5:9], "big") + 4
+        else:
+            at += 11 + int.from_bytes(head[1:4], "big") + 4
+    stream.seek(0)
+    return count
 
 
 def _mp4_sides(stream: BinaryIO, begin: int, end: int, budget: list[int]) -> Iterator[int]:

@@ -5,6 +5,7 @@ frames that a truncated or damaged file no longer holds. Decoding without the in
 processor time a frame at 720p, and cannot change which frames come out.
 """
 
+import gc
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -21,11 +22,11 @@ from jaxtyping import Float
 from humanmm.errors import VideoError
 from humanmm.models.records.video import VideoFacts
 from humanmm.models.video.container import (
+    DecoderMemory,
     PacketLog,
     decoded,
     moving_pictures,
     open_video,
-    refuse_absurd_memory,
     refuse_absurd_size,
 )
 from humanmm.models.video.declared_size import count_movies
@@ -37,21 +38,24 @@ class _Pictures:
     """What decoding every picture once has shown."""
 
     log: PacketLog = field(default_factory=PacketLog)
-    first: VideoFrame | None = None
+    size: tuple[int, int] = (0, 0)
+    """Width and height of the first, as it is stored."""
+    orientation: tuple[int, bool] = (0, False)
     pts: list[int | None] = field(default_factory=list)
     intra: set[int | None] = field(default_factory=set)
     resized: int = 0
     damaged: int = 0
 
 
-def read_facts(stream: BinaryIO, *, max_side_px: int = 8192, max_memory_mb: float = 1200) -> VideoFacts:
+def read_facts(stream: BinaryIO, *, max_side_px: int = 8192, max_memory_mb: float = 850) -> VideoFacts:
     """Facts of the video in an open, seekable binary stream. Raises VideoError when fewer than two frames decode, or
     when their time stamps cannot be true."""
     with open_video(stream, max_side_px=max_side_px) as (container, video):
-        refuse_absurd_memory(video.codec_context, max_memory_mb)
-        pictures = _decode_all(container, video, max_side_px=max_side_px, max_memory_mb=max_memory_mb)
-        first, time_base, pts = pictures.first, video.time_base, pictures.pts
-        if first is None or time_base is None:
+        memory = DecoderMemory(video.codec_context, max_memory_mb)
+        memory.check()
+        pictures = _decode_all(container, video, memory, max_side_px=max_side_px)
+        time_base, pts = video.time_base, pictures.pts
+        if not pts or time_base is None:
             what = (
                 "could be decoded; the file is damaged" if pictures.log.num_packets else "is in it: its track is empty"
             )
@@ -75,11 +79,12 @@ def read_facts(stream: BinaryIO, *, max_side_px: int = 8192, max_memory_mb: floa
     if counted:
         keyframe[:] = False
     keyframe[0] = True
-    rotation_deg, mirrored = _orientation(first)
-    on_its_side = rotation_deg in (90, 270)
+    rotation_deg, mirrored = pictures.orientation
+    width, height = pictures.size[::-1] if rotation_deg in (90, 270) else pictures.size
+    gc.collect()  # PyAV ties a picture and its side data in a circle, which would keep the decoder's pictures
     return VideoFacts(
-        width=first.height if on_its_side else first.width,
-        height=first.width if on_its_side else first.height,
+        width=width,
+        height=height,
         time_s=time_s,
         keyframe=keyframe,
         rotation_deg=rotation_deg,
@@ -91,19 +96,16 @@ def read_facts(stream: BinaryIO, *, max_side_px: int = 8192, max_memory_mb: floa
     )
 
 
-def _decode_all(container: InputContainer, video: VideoStream, *, max_side_px: int, max_memory_mb: float) -> _Pictures:
+def _decode_all(container: InputContainer, video: VideoStream, memory: DecoderMemory, *, max_side_px: int) -> _Pictures:
     found = _Pictures()
-    size = None
     if video.codec_context.name in ("h264", "hevc"):
         video.codec_context.options = video.codec_context.options | {"skip_loop_filter": "all"}
-    for picture in decoded(container, video, found.log):
-        if found.first is None:
-            found.first = picture
-        if (picture.width, picture.height, picture.format.name) != size:  # which may change inside the video
-            size = picture.width, picture.height, picture.format.name
-            refuse_absurd_size(max(size[:2]), max_side_px)
-            refuse_absurd_memory(video.codec_context, max_memory_mb)
-        found.resized += (picture.width, picture.height) != (found.first.width, found.first.height)
+    for picture in decoded(container, video, found.log, memory):
+        size = picture.width, picture.height  # which may change inside the video
+        if not found.pts:
+            found.size, found.orientation = size, _orientation(picture)
+        refuse_absurd_size(max(size), max_side_px)
+        found.resized += size != found.size
         found.damaged += picture.is_corrupt
         found.pts.append(picture.pts)
         if picture.pict_type == PictureType.I:
@@ -113,8 +115,7 @@ def _decode_all(container: InputContainer, video: VideoStream, *, max_side_px: i
 
 def _warnings(pictures: _Pictures, video: VideoStream, time_s: Float[np.ndarray, " F"]) -> Iterator[str]:
     """What is wrong with the pictures and their times, one sentence each."""
-    log, first, num_pictures = pictures.log, pictures.first, len(pictures.pts)
-    assert first is not None
+    log, num_pictures = pictures.log, len(pictures.pts)
     if log.broken or pictures.damaged:
         yield f"{log.broken} packets could not be decoded and {pictures.damaged} pictures are damaged"
     if log.ended_early or video.frames > num_pictures + log.broken:
@@ -126,7 +127,7 @@ def _warnings(pictures: _Pictures, video: VideoStream, time_s: Float[np.ndarray,
     if gap_s > LONG_GAP_S:
         yield f"after {before:.2f} s no picture comes for {gap_s:.1f} s"
     if pictures.resized:
-        size = f"{first.width} x {first.height} px"
+        size = f"{pictures.size[0]} x {pictures.size[1]} px"
         yield f"the picture size changes inside the video: {pictures.resized} frames are scaled to {size}"
     sar = video.sample_aspect_ratio
     if sar and sar != 1:
@@ -143,8 +144,8 @@ def _other_videos(stream: BinaryIO, container: InputContainer, pictures: _Pictur
             "ffmpeg's concat demuxer joins them"
         )
     streams = moving_pictures(container)
-    if len(streams) > 1 and pictures.first is not None:
-        size = f"{pictures.first.width} x {pictures.first.height} px"
+    if len(streams) > 1:
+        size = f"{pictures.size[0]} x {pictures.size[1]} px"
         yield f"the file holds {len(streams)} streams of pictures; the one of {len(known)} pictures, {size}, is read"
 
 

@@ -43,9 +43,8 @@ class DecodeConfig(Section):
     max_side_px: Annotated[int, Field(ge=64, le=16384)] = 8192
     """Largest picture side accepted, in pixels; a header that claims more is refused."""
 
-    max_memory_mb: Annotated[int, Field(ge=16)] = 1200
-    """Memory in MB that the decoder's pictures may need, by codec, size and format; a video that needs more is
-    refused."""
+    max_memory_mb: Annotated[int, Field(ge=16)] = 850
+    """Memory in MB that the pictures of the video's decoder may take; a video that takes more is refused."""
 
 
 class ScenesConfig(Section):
@@ -206,7 +205,8 @@ class RunConfig(Section):
     """Stages of one video that run at the same time, over all workers together."""
 
     memory_mb: Annotated[int, Field(ge=1)] | None = None
-    """Memory in MB that stages of one video may use together: one more waits while it would not fit (default: any)."""
+    """Memory in MB that stages of one video may use together: one more waits while it would not fit (default: 640 for
+    each of `run.threads`; any on Dask and Ray)."""
 
     limit_s: Annotated[float, Field(gt=0)] | None = None
     """Seconds that one unit of a stage may take; one that takes longer is ended and fails (default: any)."""

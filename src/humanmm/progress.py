@@ -1,5 +1,6 @@
 """Progress bars, one for each stage at work: on a terminal and in a notebook, nothing anywhere else."""
 
+import contextlib
 import sys
 import threading
 from collections.abc import Iterator
@@ -29,10 +30,14 @@ def progress_bars(*, shown: bool = True) -> "Iterator[Callable[[Unit, int, int],
     lock = threading.Lock()
 
     def report(unit: "Unit", done: int, total: int) -> None:
-        with lock:
+        with lock, contextlib.suppress(OSError):  # the terminal may have been closed: the run goes on
             if unit.label not in rows:
                 rows[unit.label] = bars.add_task(unit.label, total=total)
             bars.update(rows[unit.label], completed=done, total=total, visible=done < total)
 
-    with bars:
+    bars.start()
+    try:
         yield report
+    finally:
+        with contextlib.suppress(OSError):
+            bars.stop()

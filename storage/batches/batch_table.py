@@ -16,6 +16,7 @@ import os
 import re
 import socket
 import sqlite3
+import threading
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import fields
@@ -61,6 +62,7 @@ VIDEOS = sa.Table(
     sa.Column("renewed", sa.Double),  # the owner's lease, seconds since 1970 by the clock of the database
     sa.Column("created", sa.Double),
 )
+_OPENING = threading.Lock()
 _BY_STATE = sa.Index("humanmm_videos_by_state", VIDEOS.c.store, VIDEOS.c.state, VIDEOS.c.batch)
 _FIELDS = {field.name: field.default for field in fields(VideoRow) if field.name != "unrenewed_s"}
 _REPLACED = [name for name in _FIELDS if name not in ("batch", "video", "owner")]
@@ -300,8 +302,13 @@ def _shared_url(text: str) -> sa.URL:
     return url.set(drivername="postgresql+pg8000") if backend == "postgresql" else url
 
 
-@functools.cache
 def _engine(url: sa.URL) -> sa.Engine:
+    with _OPENING:  # two threads would each make one, and the connections of the one that is forgotten stay open
+        return _opened(url)
+
+
+@functools.cache
+def _opened(url: sa.URL) -> sa.Engine:
     if url.get_backend_name() == "sqlite":
         engine = sa.create_engine(url, poolclass=sa.NullPool, connect_args={"timeout": TIMEOUT_S})
         sa.event.listen(engine, "connect", _prepare_file)
@@ -310,9 +317,13 @@ def _engine(url: sa.URL) -> sa.Engine:
         engine = sa.create_engine(url, pool_pre_ping=True, connect_args={"timeout": TIMEOUT_S})
     except ModuleNotFoundError:
         raise ConfigError(f"${DATABASE_URL} needs pg8000: pip install 'humanmm[team]'") from None
-    with engine.begin() as connection:
-        connection.execute(sa.text("select pg_advisory_xact_lock(hashtext('humanmm_videos'))"))  # one host makes it
-        VIDEOS.metadata.create_all(connection)
+    try:
+        with engine.begin() as connection:
+            connection.execute(sa.text("select pg_advisory_xact_lock(hashtext('humanmm_videos'))"))  # one host makes it
+            VIDEOS.metadata.create_all(connection)
+    except BaseException:
+        engine.dispose()
+        raise
     return engine
 
 

@@ -53,13 +53,15 @@ def verify(store: Store, *, outputs: Mapping[tuple[str, int], str], deep: bool) 
 
 
 def usage(store: Store) -> dict[str, tuple[int, int]]:
-    """Stage → number of artifacts, bytes they take; `(damaged)`, `(unfinished)` and `(copy)` for the rest."""
+    """Stage → number of artifacts, bytes they take; `(damaged)`, `(unfinished)`, `(copy)` and `(records)` for the rest:
+    together what a store on a disk takes of it."""
     totals: dict[str, tuple[int, int]] = {}
     for entry in store.entries():
         name = entry.stage if entry.kind == "artifact" else f"({entry.kind})"
         count, size = totals.get(name, (0, 0))
         totals[name] = (count + 1, size + entry.measure())
-    return totals
+    records = store.measure() - sum(size for _, size in totals.values())
+    return totals | ({"(records)": (0, records)} if records > 0 else {})
 
 
 def removable(store: Store, *, unused_days: float, with_runs: bool = False) -> list[Removable]:

@@ -7,6 +7,9 @@ from collections.abc import Iterator
 from humanmm.config import RunConfig
 from humanmm.tasks.pipeline import Resources, Stage
 
+THREAD_MB = 640
+"""Memory for each stage that may run at the same time: two that read 1080p, and at 8192 x 8192 one alone."""
+
 
 def resources_of(stage: Stage, settings: RunConfig, *, megapixels: float = 0.0, num_frames: int = 0) -> Resources:
     """What one unit of a stage may use, by the size of the picture and its frames: the table's figures, with the user's
@@ -16,6 +19,15 @@ def resources_of(stage: Stage, settings: RunConfig, *, megapixels: float = 0.0, 
     if settings.limit_s is not None:
         given.setdefault("limit_s", settings.limit_s)
     return stage.resources.for_unit(megapixels, num_frames).with_values(given)
+
+
+def budget_of(settings: RunConfig) -> "Budget":
+    """The budget that the settings give. Without one for memory, stages that read large pictures run one at a time on
+    this machine; workers elsewhere have memory of their own."""
+    memory_mb = settings.memory_mb
+    if memory_mb is None and settings.runner == "threads":
+        memory_mb = THREAD_MB * settings.threads
+    return Budget(threads=settings.threads, memory_mb=memory_mb)
 
 
 class Budget:

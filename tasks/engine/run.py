@@ -16,7 +16,7 @@ from humanmm.errors import HumanMMError, NoUsablePersonError, ResourceError, Sta
 from humanmm.models.records.video import VideoFacts
 from humanmm.storage.store.identity import VideoIdentity
 from humanmm.storage.store.store import Store
-from humanmm.tasks.engine.budget import Budget, resources_of
+from humanmm.tasks.engine.budget import budget_of, resources_of
 from humanmm.tasks.engine.runners.job import Job, Setting
 from humanmm.tasks.engine.runners.runner import workers_of
 from humanmm.tasks.pipeline import Resources, Stage
@@ -51,7 +51,7 @@ class VideoRun(UnitExecutor):
         """Gives the log of this run; a caller that keeps it sets this."""
         self.gpu: Callable[[], AbstractContextManager[None]] = contextlib.nullcontext
         """Held while a stage computes that needs an accelerator; a caller that shares it with other runs sets this."""
-        self._budget = Budget(threads=config.run.threads, memory_mb=config.run.memory_mb)
+        self._budget = budget_of(config.run)
         self._workers = workers_of(Setting(video, config, store, self.selection, self.stages))
         self._workers_lock = threading.Lock()
         self._is_closed = False

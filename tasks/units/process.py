@@ -10,6 +10,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from types import FrameType
 from typing import Any, TypeVar
 
 log = logging.getLogger(__name__)
@@ -100,5 +101,18 @@ def treat_as_sigterm() -> None:
     if threading.current_thread() is not threading.main_thread():
         return  # only that one may set handlers
     for number in (signal.SIGHUP, signal.SIGQUIT, signal.SIGUSR1):
-        if signal.getsignal(number) is signal.SIG_DFL:
-            signal.signal(number, lambda *_: os.kill(os.getpid(), signal.SIGTERM))
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, _pass_on)
+
+
+def passed_on() -> signal.Signals | None:
+    """The signal that came in place of the SIGTERM that ends this process, if one did."""
+    return _passed_on[-1] if _passed_on else None
+
+
+_passed_on: list[signal.Signals] = []
+
+
+def _pass_on(number: int, frame: FrameType | None) -> None:
+    _passed_on.append(signal.Signals(number))
+    os.kill(os.getpid(), signal.SIGTERM)

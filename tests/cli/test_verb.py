@@ -133,3 +133,14 @@ def test_every_verb_has_a_sentence() -> None:
     found = leaves(typer.main.get_command(app))
     assert len(found) >= 22 and all(command.help for command in found)
     assert callable(verb)
+
+
+@pytest.mark.parametrize("verbs", ["--version", "store du", "doctor --json"])
+def test_a_reader_that_has_left_costs_no_error(verbs: str, tmp_path: Path) -> None:
+    command = [sys.executable, "-c", "import sys; from humanmm.cli import main; sys.exit(main())", *verbs.split()]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT / "src"), "HUMANMM_STORE": str(tmp_path), "BASH_ENV": ""}
+    shell = 'set -o pipefail; "$@" | sleep 0'
+    done = subprocess.run(
+        ["bash", "-c", shell, "bash", *command], env=environment, capture_output=True, text=True, check=False
+    )
+    assert "Traceback" not in done.stderr and "Broken" not in done.stderr

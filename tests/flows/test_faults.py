@@ -14,6 +14,7 @@ import pytest
 from humanmm.flows.server import local_server
 
 server = pytest.mark.server
+STOPPING = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGUSR1]
 
 
 def _start(toy: Any, *arguments: str, output: int = subprocess.DEVNULL, **environment: str) -> subprocess.Popen[str]:
@@ -89,7 +90,7 @@ def test_the_flow_run_of_a_killed_recover_does_not_stay_running(toy: Any, place:
 
 @server
 @pytest.mark.timeout(2400)
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP], ids=lambda number: number.name)
+@pytest.mark.parametrize("number", STOPPING, ids=lambda number: number.name)
 def test_a_recover_that_is_told_to_stop_ends_its_flow_run_as_cancelled_and_says_so(
     toy: Any, place: Any, number: signal.Signals
 ) -> None:
@@ -97,10 +98,54 @@ def test_a_recover_that_is_told_to_stop_ends_its_flow_run_as_cancelled_and_says_
     _wait_for(toy, place, "align")
     process.send_signal(number)
     output, _ = process.communicate(timeout=300)
-    assert f"stopped by {'SIGTERM' if number == signal.SIGHUP else number.name}" in output
+    assert f"stopped by {number.name}" in output
     assert "stays in the store" in output
     assert process.returncode == 130
     assert place.flow_runs() == [("film.mp4", "CANCELLED")]
+
+
+@pytest.mark.parametrize("number", STOPPING[1:], ids=lambda number: number.name)
+def test_a_command_that_is_told_to_stop_before_its_flow_begins_says_so(toy: Any, number: signal.Signals) -> None:
+    (toy.folder / "sitecustomize.py").write_text(
+        "import os, signal\n"
+        "from humanmm.flows.server import local_server\n"
+        f"local_server.server_files = lambda: os.kill(os.getpid(), {number:d})\n"
+    )
+    done = toy.command("recover", "film.mp4")
+    assert (done.returncode, done.stdout) == (130, "")
+    assert done.stderr == f"humanmm: stopped by {number.name}; what was computed stays in the store\n"
+
+
+@server
+@pytest.mark.timeout(2400)
+def test_a_recover_that_nobody_listens_to_any_more_goes_on_to_its_end(toy: Any, place: Any) -> None:
+    """As in `humanmm recover film.mp4 | head -0`, when a terminal is closed, and with `>&-`."""
+    process = _start(toy, "film.mp4", output=subprocess.PIPE, TOY_SLEEP="align=5", TOY_FAIL="camera:20=stage")
+    assert process.stdout is not None
+    process.stdout.close()
+    assert process.wait(timeout=300) == 3, "partial, as if its messages had been read"
+    whole = [*toy.command_line("recover", "film.mp4", "--hmr.smoothness", "2")]
+    closed = subprocess.run(
+        ["/bin/sh", "-c", 'exec "$@" <&- >&- 2>&-', "sh", *whole], cwd=toy.folder, env=toy.environment(), check=False
+    )
+    assert closed.returncode == 0
+    assert [state for _, state in place.flow_runs()] == ["COMPLETED", "FAILED"]
+    record = json.loads((toy.folder / "runs/film/run.json").read_text())
+    assert record["state"] == "done"
+    assert toy.command("verify", "--deep").returncode == 0, "nothing was written into a file in place of a stream"
+
+
+@server
+@pytest.mark.timeout(2400)
+def test_a_recover_that_was_suspended_goes_on(toy: Any, place: Any) -> None:
+    process = _start(toy, "film.mp4", TOY_SLEEP="align=3")
+    _wait_for(toy, place, "align")
+    process.send_signal(signal.SIGSTOP)
+    time.sleep(40)  # longer than any lease, and several looks of the server after lost processes
+    assert place.flow_runs() == [("film.mp4", "RUNNING")]
+    process.send_signal(signal.SIGCONT)
+    assert process.wait(timeout=300) == 0
+    assert place.flow_runs() == [("film.mp4", "COMPLETED")]
 
 
 NEVER_TOLD = """

@@ -12,9 +12,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns its exit status."""
     for library in ("OMP", "OPENBLAS", "MKL"):  # small tensors, stages side by side: one thread each; before numpy
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+    from humanmm.cli.terminal import accept_all_characters, open_standard_streams, say
+
+    open_standard_streams()  # before a file is opened
     import typer
 
-    from humanmm.cli.terminal import accept_all_characters, say
     from humanmm.cli.verb import app
 
     accept_all_characters()

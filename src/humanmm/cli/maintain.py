@@ -69,6 +69,6 @@ def du(*, store: Store = None) -> None:
     order = {name: index for index, name in enumerate(STAGES)}
     for name in sorted(totals, key=lambda n: (order.get(n, len(order)), n)):
         count, size = totals[name]
-        write(f"{name:<14} {count:>7}  {in_bytes(size):>9}")
+        write(f"{name:<14} {count or '':>7}  {in_bytes(size):>9}")
     count, size = (sum(column) for column in zip(*totals.values(), strict=True)) if totals else (0, 0)
     write(f"{'total':<14} {count:>7}  {in_bytes(size):>9}  {artifacts.location}")

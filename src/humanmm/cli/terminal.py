@@ -1,12 +1,40 @@
 """What verbs print: results on standard output, one plain line for everything else on standard error."""
 
+import contextlib
+import errno
 import io
 import json
 import os
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
+
+_NOBODY_READS = (errno.EPIPE, errno.EIO)
+"""The reader of a pipe has left; a terminal was closed."""
+
+
+def open_standard_streams() -> None:
+    """Give /dev/null to a standard stream that is closed: the next file that is opened would take its number."""
+    for number, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.dup2(os.open(os.devnull, os.O_RDWR), number)
+        if getattr(sys, name) is None:
+            setattr(sys, name, os.fdopen(number, mode, closefd=False))
+
+
+@contextlib.contextmanager
+def even_unread(stream: TextIO) -> Iterator[None]:
+    """Write to a stream that perhaps nobody reads any more: a command goes on, and ends with its own status."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno not in _NOBODY_READS:
+            raise
+        with open(os.devnull, "wb") as nowhere:  # noqa: PTH123  # what is written later, and at the exit of Python
+            os.dup2(nowhere.fileno(), stream.fileno())
 
 
 def accept_all_characters() -> None:
@@ -18,7 +46,9 @@ def accept_all_characters() -> None:
 
 def say(text: str) -> None:
     """One line on standard error."""
-    sys.stderr.write(f"humanmm: {' '.join(text.split())}\n")
+    with even_unread(sys.stderr):
+        sys.stderr.write(f"humanmm: {' '.join(text.split())}\n")
+        sys.stderr.flush()
 
 
 def write(*lines: object) -> None:
@@ -28,20 +58,22 @@ def write(*lines: object) -> None:
 
 def write_all(lines: Iterable[object]) -> None:
     """Lines on standard output."""
-    sys.stdout.write("".join(f"{line}\n" for line in lines))
-    sys.stdout.flush()
+    with even_unread(sys.stdout):
+        sys.stdout.write("".join(f"{line}\n" for line in lines))
+        sys.stdout.flush()
 
 
 def write_json(tree: Mapping[str, Any], *, indent: int | None = 1) -> None:
     """One JSON object on standard output."""
-    sys.stdout.write(json.dumps(tree, indent=indent, allow_nan=False) + "\n")
+    write(json.dumps(tree, indent=indent, allow_nan=False))
 
 
 def write_path(path: Path) -> None:
     """The path of a result, byte by byte: a file's name need not be text."""
-    sys.stdout.flush()
-    sys.stdout.buffer.write(os.fsencode(path) + b"\n")
-    sys.stdout.buffer.flush()
+    with even_unread(sys.stdout):
+        sys.stdout.flush()
+        sys.stdout.buffer.write(os.fsencode(path) + b"\n")
+        sys.stdout.buffer.flush()
 
 
 def open_in_browser(page: Path) -> None:

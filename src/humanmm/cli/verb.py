@@ -4,11 +4,13 @@ import contextlib
 import inspect
 import logging
 import os
+import signal
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import MISSING, Field, fields, is_dataclass
 from pathlib import Path
+from types import FrameType
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_type_hints
 
 import typer
@@ -27,6 +29,7 @@ F = TypeVar("F", bound=Callable[..., int | None])
 STAGES = [stage.name for stage in pipeline.STAGES]
 RECOVERY, RESULTS, BATCHES, STORE, BENCHMARK = "One video", "Results", "Many videos", "Store and machine", "Benchmark"
 """Panels of `humanmm --help`."""
+STOP_SIGNALS = (signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGUSR1)
 
 # ---- options that several verbs have
 
@@ -150,8 +153,9 @@ def reported(run: Callable[[], int | None], *, verbose: bool) -> int:
     """The exit status; an error becomes one plain line on standard error, with -v its traceback before it."""
     to_standard_error(verbose=verbose)
     try:
-        return run() or 0
-    except BrokenPipeError:  # Typer ends quietly when the reader of our output has left
+        with _interrupted_by_signals():
+            return run() or 0
+    except BrokenPipeError:  # Typer ends quietly when the reader of its own output has left
         raise
     except (Exception, KeyboardInterrupt) as error:
         if verbose:
@@ -161,6 +165,25 @@ def reported(run: Callable[[], int | None], *, verbose: bool) -> int:
         if isinstance(error, KeyboardInterrupt):
             _leave(status)
         return status
+
+
+@contextlib.contextmanager
+def _interrupted_by_signals() -> Iterator[None]:
+    """Have signals that would end the process without a word interrupt it as Ctrl-C does, and be named."""
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        raise KeyboardInterrupt(f"stopped by {signal.Signals(number).name}")
+
+    numbers = [number for number in STOP_SIGNALS if signal.getsignal(number) is signal.SIG_DFL]
+    if threading.current_thread() is not threading.main_thread():
+        numbers = []  # only that one may set handlers
+    for number in numbers:
+        signal.signal(number, stop)
+    try:
+        yield
+    finally:
+        for number in numbers:
+            signal.signal(number, signal.SIG_DFL)
 
 
 def _leave(status: int) -> None:

@@ -4,6 +4,7 @@ The long version is `pytest -m chaos -s tests/flows/service/test_chaos.py`; its 
 """
 
 import json
+import os
 import sys
 import time
 from collections import Counter
@@ -32,12 +33,19 @@ pytestmark = pytest.mark.timeout(7200)
 
 
 @pytest.mark.parametrize(
-    "minutes", [pytest.param(2.0, marks=pytest.mark.server), pytest.param(15.0, marks=pytest.mark.chaos)]
+    ("minutes", "where"),
+    [
+        pytest.param(2.0, "disk", marks=pytest.mark.server),
+        pytest.param(15.0, "disk", marks=pytest.mark.chaos),
+        pytest.param(15.0, "bucket", marks=pytest.mark.chaos),
+    ],
 )
 def test_whatever_is_killed_damaged_or_full_every_video_ends_well_and_nothing_runs_twice(
-    tmp_path: Path, minutes: float
+    tmp_path: Path, request: pytest.FixtureRequest, minutes: float, where: str
 ) -> None:
-    machine = Machine(tmp_path / "machine", SEED)
+    minutes = float(os.environ.get("CHAOS_MINUTES", minutes))
+    bucket = request.getfixturevalue("bucket") if where == "bucket" else None
+    machine = Machine(tmp_path / "machine", SEED, bucket)
     with machine.mounted() as small:
         _cut_clips(machine.disk / "clips", max(24, round(FRAMES_A_MINUTE * minutes)))
         with machine.served():

@@ -58,18 +58,28 @@ MAINTAIN = """
 deployment = await client.read_deployment_by_name("maintain/maintain")
 await client.create_flow_run_from_deployment(deployment.id, name="upkeep")
 """
+SUBMITTING = """
+import datetime
+from prefect.states import Pending, Scheduled
+deployment = await client.read_deployment_by_name("recover-batch/recover-batch")
+later = Scheduled(scheduled_time=datetime.datetime.now(datetime.UTC) + datetime.timedelta(days=1))
+run = await client.create_flow_run_from_deployment(deployment.id, name="upkeep", state=later)
+await client.set_flow_run_state(run.id, Pending(name="Submitting"), force=True)
+"""
 
 
 @pytest.mark.server
 @pytest.mark.timeout(2400)
+@pytest.mark.parametrize("lost", [MAINTAIN, SUBMITTING], ids=["a maintain that runs", "a batch in Submitting"])
+@pytest.mark.parametrize("any_toy", ["disk"], indirect=True)
 def test_a_slot_whose_flow_run_was_lost_with_everything_is_free_soon_after_the_next_start(
-    farm: Any, place: Any, states: Callable[[], dict[str, dict[str, Any]]]
+    farm: Any, place: Any, states: Callable[[], dict[str, dict[str, Any]]], lost: str
 ) -> None:
     serving = subprocess.Popen(
         farm.command_line("serve", "--limit", "1"), env=farm.environment(), stdout=subprocess.DEVNULL
     )
     place.until(lambda: list(place.folder.glob("prefect-*/serving")), 120)
-    place.client(MAINTAIN)
+    place.client(lost)
     at_work = ("PENDING", "RUNNING")
     place.until(lambda: place.ask("select 1 from flow_run where state_type in (?, ?)", *at_work), 60)
     place.end("-m toyline serve", signal.SIGKILL)

@@ -1,13 +1,20 @@
-"""`humanmm serve` on a full disk, and when a signal stops it."""
+"""`humanmm serve` on a full disk, with a wrong setting, and when a signal stops it, also before it is up."""
 
+import contextlib
+import errno
 import os
+import resource
 import shutil
 import signal
+import subprocess
 import threading
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
+import httpx
 import pytest
 
 from humanmm.flows.server.local_server import ServerFiles
@@ -31,6 +38,28 @@ def test_it_can_be_stopped_while_it_waits_for_room(tmp_path: Path, monkeypatch: 
     assert not serve._has_room(ServerFiles(tmp_path), leave)
 
 
+@pytest.mark.parametrize(
+    "fault", [OSError(errno.ENOSPC, "No space left on device"), httpx.ConnectError("All connection attempts failed")]
+)
+def test_a_disk_that_fills_up_or_a_server_that_dies_while_it_starts_does_not_end_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, fault: Exception
+) -> None:
+    faults: Iterator[Exception] = iter([fault, fault])
+    monkeypatch.setenv("HUMANMM_CACHE", str(tmp_path))
+    monkeypatch.setattr(serve, "LOOK_EVERY_S", 0.0)
+
+    def begin(*_: object) -> None:
+        for one in faults:
+            raise one
+
+    monkeypatch.setattr(serve, "_serve_until_told", begin)
+    serve.serve(limit=1)
+    assert sum("humanmm serve starts again" in record.getMessage() for record in caplog.records) == 2
+    monkeypatch.setattr(serve, "_serve_until_told", lambda *_: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        serve.serve(limit=1)
+
+
 @pytest.mark.parametrize("number", ["SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGUSR1"])
 def test_signals_stop_it_in_order(number: str) -> None:
     leave = threading.Event()
@@ -42,3 +71,73 @@ def test_signals_stop_it_in_order(number: str) -> None:
             time.sleep(0.01)
         assert leave.is_set()
     assert signal.getsignal(signal.Signals[number]) == before
+
+
+@pytest.mark.server
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize("any_toy", ["disk"], indirect=True)
+@pytest.mark.parametrize("verb", ["serve", "recover film.mp4", "batch submit films"])
+def test_a_variable_that_prefect_refuses_is_told_within_five_seconds(farm: Any, place: Any, verb: str) -> None:
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    done = farm.command(*verb.split(), PREFECT_SERVER_API_PORT="high")
+    spent = resource.getrusage(resource.RUSAGE_CHILDREN)
+    spent_s = spent.ru_utime + spent.ru_stime - before.ru_utime - before.ru_stime
+    assert spent_s < 5, "processor time: a busy machine lets nobody begin"
+    assert done.returncode == 1 and done.stdout == ""
+    (line,) = [line for line in done.stderr.splitlines() if "PREFECT" in line]
+    assert line.startswith("humanmm: PREFECT_SERVER_API_PORT = 'high': "), done.stderr
+    assert place.pids("humanmm.flows.") == []
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A disk of 200 MB at the cache folder of `place`."""
+    folder = tmp_path / "cache"
+    folder.mkdir()
+    mounted = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=200m,mode=700", "tmpfs", str(folder)], capture_output=True, check=False
+    )
+    if mounted.returncode != 0:
+        pytest.skip("this process may not mount a small disk")
+    yield folder
+    subprocess.run(["umount", "--lazy", str(folder)], check=True)
+
+
+@pytest.mark.server
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize("any_toy", ["disk"], indirect=True)
+def test_on_a_full_disk_it_starts_once_there_is_room(small_disk: Path, farm: Any, place: Any) -> None:
+    filler = small_disk / "filler"
+    with contextlib.suppress(OSError), filler.open("wb", buffering=0) as file:
+        while True:  # to the last byte: ENOSPC ends it
+            file.write(bytes(1 << 20))
+    log = (farm.folder / "log").open("w")
+    with (
+        log,
+        subprocess.Popen(
+            farm.command_line("serve"), env=farm.environment(), stdout=subprocess.DEVNULL, stderr=log
+        ) as serving,
+    ):
+        place.until(lambda: "the server starts when it has 32" in (farm.folder / "log").read_text(), 60)
+        assert serving.poll() is None and place.pids("humanmm.flows.server") == []
+        filler.unlink()
+        place.until(lambda: list(place.folder.glob("prefect-*/serving")), 90)
+        serving.terminate()
+        assert serving.wait(timeout=120) == 0
+
+
+@pytest.mark.server
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize("any_toy", ["disk"], indirect=True)
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_told_to_stop_while_its_server_is_not_up_it_ends_with_it(farm: Any, place: Any, number: int) -> None:
+    (farm.folder / "sitecustomize.py").write_text(
+        "import sys, time\nif any('server_process' in part for part in sys.orig_argv):\n    time.sleep(600)\n"
+    )
+    with subprocess.Popen(farm.command_line("serve"), env=farm.environment(), stdout=subprocess.DEVNULL) as serving:
+        place.until(lambda: place.pids("humanmm.flows.server.server_process"), 60)
+        serving.send_signal(number)
+        began = time.monotonic()
+        assert serving.wait(timeout=60) == 0
+        assert time.monotonic() - began < 20
+    assert place.pids("humanmm.flows.") == []

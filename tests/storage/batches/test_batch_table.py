@@ -16,6 +16,7 @@ from typing import Any
 import pytest
 
 from humanmm.errors import ConfigError, StoreError
+from humanmm.storage.batches import batch_table
 from humanmm.storage.batches import owner as owners
 from humanmm.storage.batches.batch_table import DATABASE_URL, FILE, BatchTable, open_batches
 from humanmm.storage.batches.owner import LEASE_S, Owner
@@ -37,6 +38,25 @@ def process(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.
     if request.param == "postgres":
         monkeypatch.setenv(DATABASE_URL, request.getfixturevalue("postgres_url"))
     return lambda: open_batches(tmp_path / "store")
+
+
+def test_threads_that_open_a_database_at_once_share_its_connections(process: Process) -> None:
+    """A second engine would be forgotten with its connections open: an unclosed socket, found by a later test."""
+    batch_table._engine(process()._url).dispose()
+    batch_table._opened.cache_clear()
+    made: list[int] = []
+    create = batch_table.sa.create_engine
+
+    def slow(*given: Any, **named: Any) -> Any:
+        made.append(1)
+        time.sleep(0.2)
+        return create(*given, **named)
+
+    with pytest.MonkeyPatch.context() as patched, ThreadPoolExecutor(4) as threads:
+        patched.setattr(batch_table.sa, "create_engine", slow)
+        list(threads.map(lambda table: table.names(), [process() for _ in range(4)]))
+        list(threads.map(lambda table: table.put(_rows(1)), [process() for _ in range(4)]))
+    assert len(made) == 1
 
 
 def test_two_who_submit_the_same_batch_at_once_leave_every_video_once(process: Process) -> None:

@@ -8,7 +8,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -176,6 +176,15 @@ def test_usage_counts_every_artifact_and_its_bytes(any_store: Store) -> None:
     _put(any_store, recipe=OTHER)
     count, total = maintenance.usage(any_store)["toy"]
     assert count == 2 and total > 2 * size
+
+
+def test_usage_is_what_the_disk_has_less(store: Store) -> None:
+    for number in range(20):
+        _put(store, Result(np.arange(100.0 + number), "fine"), replace(RECIPE, schema_version=number))
+    store.note("latest/video/run.json", "{}")
+    told = sum(size for _, size in maintenance.usage(store).values())
+    du = subprocess.run(["du", "-sk", str(store.root)], capture_output=True, text=True, check=True)
+    assert told == pytest.approx(1024 * int(du.stdout.split()[0]), rel=0.02)
 
 
 @pytest.mark.parametrize("fault", [errno.ENOSPC, errno.EIO, errno.EDQUOT])
