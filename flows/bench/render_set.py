@@ -61,7 +61,7 @@ class SetSize:
 
 
 SIZES = {
-    "tiny": SetSize(1, (2.0, 2.0), (320, 180), (1, 1)),
+    "tiny": SetSize(1, (1.2, 1.2), (320, 180), (1, 1)),
     "standard": SetSize(60, (7.0, 12.0), None, (1, 4)),
     "places": SetSize(96, (4.0, 7.0), None, (1, 3)),
 }

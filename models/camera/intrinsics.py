@@ -44,7 +44,7 @@ MAX_PICTURES = 6
 LEAST_RELATIVE_SIGMA = 0.02
 """No result claims to be surer, since all evidence shares the model's error; once it is that sure, no further shot is
 used."""
-NARROWED = 0.4
+NARROWED = 0.5
 """The result is called estimated if its standard deviation is below this fraction of the prior's."""
 
 
