@@ -28,6 +28,7 @@ from humanmm.errors import InputError, StoreError
 from humanmm.flows.server.known_stores import known_stores
 from humanmm.flows.server.local_server import (
     ServerFiles,
+    check_settings,
     ensure_server,
     prefect_server,
     server_files,
@@ -74,6 +75,7 @@ def bring_up(*, limit: int | None, idle_s: float) -> None:
     while not (is_serving(files) and (files.home / READY).exists()):
         if not started and not is_serving(files):
             started = True
+            check_settings()  # else nobody would tell why it is never ready
             log.info("starting humanmm serve in the background")
             command = [sys.executable, "-m", "humanmm.flows.service.serve", str(limit or default_limit()), str(idle_s)]
             with (files.home / "serve.log").open("ab") as output:
