@@ -41,6 +41,7 @@ def test_a_camera_that_shows_nothing_of_its_lens_leaves_the_default(scene_of: Ca
     assert found.source == "default"
     assert found.focal_px == default_focal_px(scene.intrinsics.width, scene.intrinsics.height)
     assert found.relative_uncertainty > 0.2
+    assert "--focal-px" in found.warnings[0]
 
 
 def test_shots_agree_on_one_focal_length(scene_of: Callable[..., Any]) -> None:
