@@ -202,5 +202,9 @@ def combine(evidence: Sequence[FocalEvidence | EdgeEvidence], default_px: float,
     sigma = max(float(np.sqrt((density * (log_focal - mean) ** 2).sum())), LEAST_RELATIVE_SIGMA)
     narrowed = sigma < NARROWED * DEFAULT_RELATIVE_SIGMA
     if not narrowed:
-        return Intrinsics(default_px, width, height, "default", DEFAULT_RELATIVE_SIGMA)
+        warning = (
+            f"the focal length is assumed ({default_px:.0f} px, known to {DEFAULT_RELATIVE_SIGMA:.0%}): neither the "
+            "camera's motion nor straight edges tell it, and distances are as uncertain; give --focal-px or --fov-deg"
+        )
+        return Intrinsics(default_px, width, height, "default", DEFAULT_RELATIVE_SIGMA, (warning,))
     return Intrinsics(math.exp(mean), width, height, "estimated", sigma)

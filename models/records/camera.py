@@ -44,6 +44,7 @@ class Intrinsics:
     source: Literal["given", "metadata", "estimated", "default"]
     relative_uncertainty: float
     """Standard deviation of the focal length, as a fraction of it."""
+    warnings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

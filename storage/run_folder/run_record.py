@@ -16,7 +16,7 @@ from humanmm.storage.store.codec import Json
 from humanmm.storage.store.files import replace_file
 
 if TYPE_CHECKING:  # importing it loads the numerical libraries, which `status` does not need
-    from humanmm.models.records.camera import ShotCamera
+    from humanmm.models.records.camera import Intrinsics, ShotCamera
 
 SCHEMA = "humanmm.run/1"
 OTHER_VIDEO = "it was written for another video"
@@ -71,6 +71,7 @@ def run_record(  # noqa: PLR0913 (one a section of run.json)
     config: Mapping[str, Any],
     facts: VideoFacts,
     shots: ShotList,
+    intrinsics: "Intrinsics",
     cameras: Sequence["ShotCamera | None"],
     motion: WorldMotion | None,
     stages: Sequence[StageRecord],
@@ -95,6 +96,11 @@ def run_record(  # noqa: PLR0913 (one a section of run.json)
         },
         "store": store,
         "config": dict(config),
+        "focal": {
+            "px": _figure(intrinsics.focal_px),
+            "source": intrinsics.source,
+            "relative_uncertainty": _figure(intrinsics.relative_uncertainty),
+        },
         "shots": _shots(shots, cameras, motion, stages),
         "people": _people(shots, motion),
         "corrections": [dict(one.__dict__) for one in corrections],

@@ -200,8 +200,9 @@ def _sizes(run_dir: Path) -> dict[str, int]:
 
 
 def _record(run: VideoRun, state: str, started: float) -> dict[str, Any]:
-    from humanmm.models.records.camera import ShotCamera
+    from humanmm.models.records.camera import Intrinsics, ShotCamera
 
+    intrinsics = next(stage for stage in run.stages if stage.output.endswith(":Intrinsics"))
     camera_stage = next(stage for stage in run.stages if stage.output.endswith(":ShotCamera"))
     shot_source = next(stage for stage in run.stages if stage.defines == "shot")
     shots = run.read(Unit(shot_source), ShotList)
@@ -215,6 +216,7 @@ def _record(run: VideoRun, state: str, started: float) -> dict[str, Any]:
         config=_settings(run),
         facts=run.read(Unit(run.stages[0]), VideoFacts),
         shots=shots,
+        intrinsics=run.read(Unit(intrinsics), Intrinsics),
         cameras=[
             run.read(unit, ShotCamera) if run.manifest(*unit.id) else None for unit in run.units(camera_stage) or ()
         ],

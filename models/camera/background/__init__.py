@@ -1,1 +1,1 @@
-"""Key-frame features of the background, and the edges between the cameras of shots that show one background."""
+"""Key frames of the background: edges between the cameras of shots that show one place, and what its walls tell."""

@@ -1,15 +1,22 @@
 """The focal length is the user's, or what the background tells, or an honest prior."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
+from room_edges import camera_towards, edges_of_a_room, seen_by
 
-from humanmm.models.camera.intrinsics import ShotPoints, given_intrinsics, intrinsics_from_background
-from humanmm.models.geometry.intrinsics import default_focal_px
+from humanmm.models.camera.background.keyframes import FrameFeatures, KeyFrameFeatures
+from humanmm.models.camera.intrinsics import (
+    ShotPoints,
+    given_intrinsics,
+    intrinsics_from_background,
+    middle_frames,
+)
+from humanmm.models.geometry.intrinsics import K_from_focal, default_focal_px
 
 
 def test_a_field_of_view_is_horizontal() -> None:
@@ -34,6 +41,7 @@ def test_a_camera_that_shows_nothing_of_its_lens_leaves_the_default(scene_of: Ca
     assert found.source == "default"
     assert found.focal_px == default_focal_px(scene.intrinsics.width, scene.intrinsics.height)
     assert found.relative_uncertainty > 0.2
+    assert "--focal-px" in found.warnings[0]
 
 
 def test_shots_agree_on_one_focal_length(scene_of: Callable[..., Any]) -> None:
@@ -50,3 +58,35 @@ def test_a_zoom_makes_the_focal_length_uncertain_not_wrong(scene_of: Callable[..
     found = intrinsics_from_background([ShotPoints(points, ())], scene.intrinsics.width, scene.intrinsics.height)
     assert 0.1 < found.relative_uncertainty < 0.3
     assert found.focal_px == pytest.approx(scene.intrinsics.focal_px, rel=0.15)
+
+
+def wall_pictures(focal_px: float, headings_deg: Sequence[float]) -> list[FrameFeatures]:
+    """Key frames of a room, as cameras that never move see it."""
+    K = K_from_focal(focal_px, 960, 540)
+    pictures = []
+    for frame, heading in enumerate(headings_deg):
+        ends = edges_of_a_room(np.random.default_rng(frame), each=20)
+        segments = seen_by(ends, camera_towards(heading, 12.0), K).astype(np.float32)
+        pictures.append(FrameFeatures(frame, np.zeros((0, 2), np.float32), np.zeros((0, 128), np.uint8), segments))
+    return pictures
+
+
+def test_walls_tell_the_focal_length_of_cameras_that_never_move() -> None:
+    true_px = 1.25 * default_focal_px(960, 540)
+    found = intrinsics_from_background([], 960, 540, wall_pictures(true_px, [30.0, 75.0, 140.0]))
+    assert found.source == "estimated"
+    assert abs(np.log(found.focal_px / true_px)) < 2 * found.relative_uncertainty < 0.25
+
+
+def test_a_picture_of_another_lens_does_not_drag_the_rest_away() -> None:
+    true_px = default_focal_px(960, 540)
+    pictures = [*wall_pictures(true_px, [30.0, 75.0, 140.0]), *wall_pictures(1.6 * true_px, [50.0])]
+    found = intrinsics_from_background([], 960, 540, pictures)
+    assert abs(np.log(found.focal_px / true_px)) < 0.1
+
+
+def test_of_each_shot_the_middle_key_frame_is_used_those_with_the_longest_edges_first() -> None:
+    few, many, none = (picture for picture in wall_pictures(800.0, [10.0, 20.0, 30.0]))
+    few = replace(few, segments=few.segments[:3])
+    of_shot = ((many, few, many), (none, many), ())
+    assert [picture.frame for picture in middle_frames(KeyFrameFeatures(of_shot))] == [many.frame, few.frame]
