@@ -37,7 +37,7 @@ def given_camera(shot: Shot, intrinsics: Intrinsics) -> ShotCamera | None:
     focal_px = cameras.focal_px[inside]
     if np.isfinite(focal_px).all() and np.isclose(np.nanmedian(cameras.focal_px), intrinsics.focal_px):
         K[:, [0, 1], [0, 1]] = np.interp(at, known, focal_px)[:, None]
-    warnings = ()
+    warnings: tuple[str, ...] = ()
     if len(known) < num_frames:
         warnings = (f"the given cameras are of {len(known)} of its {num_frames} frames: interpolated between them",)
     return ShotCamera(
