@@ -77,10 +77,10 @@ def link(
                 distance = _distance(keypoints[person[-1]], keypoints[row]) / (REACH + REACH_PER_S * gap_s)
                 cost[i, j] = distance if distance < 1 else FAR
         taken = set()
-        for i, j in zip(*linear_sum_assignment(cost), strict=True):
-            if cost[i, j] < FAR:
-                near[i].append(int(rows[j]))
-                taken.add(int(rows[j]))
+        for person_index, column in zip(*linear_sum_assignment(cost), strict=True):
+            if cost[person_index, column] < FAR:
+                near[person_index].append(int(rows[column]))
+                taken.add(int(rows[column]))
         people += [[int(row)] for row in rows if int(row) not in taken]
     return [np.array(person) for person in people]
 
