@@ -7,6 +7,7 @@ from humanmm.models.records.camera import Intrinsics, PointTracks
 from humanmm.models.records.shots import ShotList
 from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.records.video import VideoFacts
+from humanmm.storage.readers.cameras import read_cameras
 from humanmm.tasks.inputs import StageInputs
 
 
@@ -14,12 +15,14 @@ def intrinsics(inputs: StageInputs) -> Intrinsics:
     """The user's focal length, or what the background tells, or the default."""
     settings = inputs.config.intrinsics
     corrected_px = next((one.px for one in inputs.corrections.of(Focal)), None)
+    facts = inputs.read("decode", VideoFacts)
     return estimate_intrinsics(
-        inputs.read("decode", VideoFacts),
+        facts,
         inputs.read("shots", ShotList),
         inputs.read_all("people", ScenePeople),
         inputs.read_all("points", PointTracks),
         inputs.read("keyframes", KeyFrameFeatures),
         focal_px=settings.focal_px if corrected_px is None else corrected_px,
         fov_deg=settings.fov_deg,
+        cameras=read_cameras(settings.cameras_from, facts) if settings.cameras_from else None,
     )

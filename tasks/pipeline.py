@@ -87,7 +87,7 @@ STAGES: tuple[Stage, ...] = (
         schema_version=2, reads_video=True, defines="scene", resources=_memory(20, 20, 15),
     ),
     Stage(
-        "people", "scene", ("decode", "scenes"), ("people",), "humanmm.models.records.tracks:ScenePeople",
+        "people", "scene", ("decode", "scenes"), ("people", "lifting"), "humanmm.models.records.tracks:ScenePeople",
         schema_version=3, reads_video=True, resources=_memory(390, 40, 5),
     ),
     Stage(
@@ -107,7 +107,7 @@ STAGES: tuple[Stage, ...] = (
     Stage(
         "intrinsics", "video", ("decode", "people", "shots", "points", "keyframes"), ("intrinsics",),
         "humanmm.models.records.camera:Intrinsics",
-        corrections=("focal",), sees_people_of_shots=False, resources=_memory(10, 0, 6),
+        schema_version=2, corrections=("focal",), sees_people_of_shots=False, resources=_memory(10, 0, 6),
     ),
     Stage(
         "camera", "shot", ("people", "shots", "points", "intrinsics"), ("camera",),

@@ -25,7 +25,7 @@ from humanmm.models.camera.odometry.tracked_shot import TrackedShot, arrange
 from humanmm.models.camera.self_calibration import FocalTrack
 from humanmm.models.camera.shot_points import points_of_shot
 from humanmm.models.geometry.intrinsics import default_focal_px
-from humanmm.models.records.camera import Intrinsics, PointTracks
+from humanmm.models.records.camera import GivenCameras, Intrinsics, PointTracks
 from humanmm.models.records.shots import ShotList
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
 from humanmm.models.records.video import VideoFacts
@@ -73,21 +73,25 @@ def estimate_intrinsics(
     *,
     focal_px: float | None = None,
     fov_deg: float | None = None,
+    cameras: GivenCameras | None = None,
 ) -> Intrinsics:
     """One focal length for all shots: the user's (`focal_px` in pixels, or the horizontal `fov_deg` in degrees), or
-    what the background tells, or the default.
+    that of the given cameras, or what the background tells, or the default.
 
-    `people` and `points`: one a scene, None where it failed.
+    `people` and `points`: one a scene, None where it failed. `cameras` are passed on to the shots.
     """
     given = given_intrinsics(facts.width, facts.height, focal_px=focal_px, fov_deg=fov_deg)
+    if given is None and cameras is not None and np.isfinite(cameras.focal_px).any():
+        given = Intrinsics(float(np.nanmedian(cameras.focal_px)), facts.width, facts.height, "given", 0.0)
     if given is not None:
-        return given
+        return replace(given, cameras=cameras)
     usable = [
         ShotPoints(points_of_shot(tracks, shot), scene.tracks)
         for shot in shots.shots
         if (tracks := points[shot.scene]) is not None and (scene := people[shot.scene]) is not None
     ]
-    return intrinsics_from_background(usable, facts.width, facts.height, middle_frames(key_frames))
+    found = intrinsics_from_background(usable, facts.width, facts.height, middle_frames(key_frames))
+    return replace(found, cameras=cameras)
 
 
 def middle_frames(key_frames: KeyFrameFeatures) -> list[FrameFeatures]:

@@ -1,9 +1,11 @@
 """The camera of one shot: what a camera estimator takes and returns, and its run on a shot's part of the scene."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Protocol
 
 from humanmm.models.camera.estimate import camera_from_points
+from humanmm.models.camera.given import given_camera
 from humanmm.models.camera.shot_points import points_of_shot
 from humanmm.models.records.camera import Intrinsics, PointTracks, ShotCamera
 from humanmm.models.records.shots import Shot
@@ -35,6 +37,13 @@ def estimate_camera(
 ) -> ShotCamera:
     """Camera of every frame of a shot, in the axes of its first camera, from the points and people of its scene.
 
-    `static`: the user says that the camera is static.
+    `static`: the user says that the camera is static. Where he gives the cameras themselves, nothing is estimated.
     """
-    return estimator(points_of_shot(points, shot), people.tracks, intrinsics, static=static)
+    given = given_camera(shot, intrinsics)
+    if given is not None and not static:
+        return given
+    camera = estimator(points_of_shot(points, shot), people.tracks, intrinsics, static=static)
+    if intrinsics.cameras is None or static:
+        return camera
+    said = f"the given cameras do not cover it (frames {shot.start} to {shot.end - 1}): its camera was estimated"
+    return replace(camera, warnings=(said, *camera.warnings))

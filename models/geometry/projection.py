@@ -72,3 +72,20 @@ def ray_axes(ray: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3 3"]:
     In these axes the pose network gives its landmarks: orthographic about the crop's centre.
     """
     return swing(np.broadcast_to([0.0, 0.0, 1.0], ray.shape), ray)
+
+
+def start_position(
+    points: Float[Array, "N K 3"], rays: Float[Array, "N K 2"], weight: Float[Array, "N K"]
+) -> Float[Array, "N 3"]:
+    """Translation that brings points (camera axes) onto their viewing rays (x/z, y/z): linear least squares.
+
+    (p_x + t_x) − u (p_z + t_z) = 0, and the same for y.
+    """
+    n, k = weight.shape
+    A = np.zeros((n, k, 2, 3))
+    A[..., 0, 0] = A[..., 1, 1] = 1
+    A[..., 2] = -rays
+    b = rays * points[..., 2:] - points[..., :2]
+    rows, right = A.reshape(n, 2 * k, 3), b.reshape(n, 2 * k, 1)
+    weighted = np.swapaxes(rows * np.repeat(weight, 2, axis=1)[..., None], -1, -2)
+    return np.asarray(np.linalg.solve(weighted @ rows + 1e-9 * np.eye(3), weighted @ right)[..., 0])

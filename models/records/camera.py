@@ -35,6 +35,21 @@ class PointTracks:
 
 
 @dataclass(frozen=True)
+class GivenCameras:
+    """Cameras of M of the video's frames that the user gives, in one world of their own."""
+
+    frame: np.ndarray
+    """(M,) int32, strictly increasing index into the video."""
+    R_given_cam: np.ndarray
+    """(M,3,3) float64, camera (x right, y down, z forward) to that world."""
+    t_given_cam: np.ndarray
+    """(M,3) float64, camera centres there, in any unit."""
+    focal_px: np.ndarray
+    """(M,) float64, pixels of the video; nan where not given."""
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class Intrinsics:
     """One pinhole camera for all shots, its principal point in the middle (`geometry.intrinsics.K_of`)."""
 
@@ -45,6 +60,8 @@ class Intrinsics:
     relative_uncertainty: float
     """Standard deviation of the focal length, as a fraction of it."""
     warnings: tuple[str, ...] = ()
+    cameras: GivenCameras | None = None
+    """Cameras that the user gives; none unless he does."""
 
 
 @dataclass(frozen=True)
@@ -80,6 +97,11 @@ class ShotCamera:
     """Median reprojection error of the background points, pixels; nan if there are none."""
     cross_check: CrossCheck = CrossCheck()
     warnings: tuple[str, ...] = ()
+
+    @property
+    def travels(self) -> bool:
+        """Its centre moves."""
+        return bool(np.any(self.t_shot_cam))
 
     @property
     def zooms(self) -> bool:

@@ -4,15 +4,17 @@ Every field has bounds, a unit and one sentence; that sentence is the command li
 docs. A section's values are part of the store key of the stages that name it (see `humanmm.tasks.pipeline`).
 """
 
+import hashlib
 from collections.abc import Mapping
-from typing import Annotated, Literal
+from pathlib import Path
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from humanmm import parts
 from humanmm.corrections import Corrections
-from humanmm.errors import ConfigError
+from humanmm.errors import ConfigError, InputError
 
 
 def _part(setting: str) -> AfterValidator:
@@ -22,7 +24,7 @@ def _part(setting: str) -> AfterValidator:
         try:
             return parts.find(setting, name).name
         except ConfigError as error:
-            raise PydanticCustomError("part", "{reason}", {"reason": str(error)}) from None
+            raise PydanticCustomError("told", "{reason}", {"reason": str(error)}) from None
 
     return AfterValidator(check)
 
@@ -35,6 +37,63 @@ class Section(BaseModel):
     """Base of all sections: frozen, unknown keys are errors."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+
+
+MAX_GIVEN_BYTES = 2**31
+
+
+class GivenFile(Section):
+    """A file, or a folder of files, that another program made: where it is, and its content. Its path alone will do."""
+
+    path: str
+    """Where it is."""
+
+    sha256: str
+    """Of its content: of every file's name and bytes if it is a folder. A run stops if it is no longer this content."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_path(cls, given: Any) -> Any:
+        tree = {"path": str(given)} if isinstance(given, str | Path) else given
+        if not isinstance(tree, Mapping) or "path" not in tree or "sha256" in tree:
+            return tree
+        path = Path(str(tree["path"])).expanduser().absolute()
+        try:
+            return {"path": str(path), "sha256": _digest(_contents(path))}
+        except InputError as error:
+            raise PydanticCustomError("told", "{reason}", {"reason": str(error)}) from None
+
+    def read(self) -> dict[str, bytes]:
+        """Name → bytes of each file; InputError if the content is no longer that of `sha256`."""
+        contents = _contents(Path(self.path))
+        if _digest(contents) != self.sha256:
+            raise InputError(
+                f"{self.path} has changed since its content was noted; run again with the file as it is now"
+            )
+        return contents
+
+
+def _contents(path: Path) -> dict[str, bytes]:
+    try:
+        files = [path] if path.is_file() else sorted(p for p in path.iterdir() if p.suffix in (".json", ".txt"))
+        if sum(file.stat().st_size for file in files) > MAX_GIVEN_BYTES:
+            raise InputError(f"{path} is larger than {MAX_GIVEN_BYTES:,} bytes")
+        contents = {file.name: file.read_bytes() for file in files if file.is_file()}
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror}") from None
+    if not contents:
+        raise InputError(f"{path} holds no .json or .txt file")
+    return contents
+
+
+def _digest(contents: Mapping[str, bytes]) -> str:
+    """A single file's sha256 is that of its bytes, whatever its name."""
+    if len(contents) == 1:
+        return hashlib.sha256(next(iter(contents.values()))).hexdigest()
+    total = hashlib.sha256()
+    for name, content in contents.items():
+        total.update(f"{name}\0{hashlib.sha256(content).hexdigest()}\n".encode())
+    return total.hexdigest()
 
 
 class DecodeConfig(Section):
@@ -67,9 +126,13 @@ class PeopleConfig(Section):
     max_side_px: Annotated[int, Field(ge=320, le=8192)] = 1920
     """Largest side of the picture that the detector works on; larger videos are looked at reduced, in pixels."""
 
+    keypoints_from: GivenFile | None = None
+    """File or folder of keypoints that another program found, in place of detector and pose network: OpenPose, MMPose,
+    Sports2D, Pose2Sim, AlphaPose or COCO json."""
+
 
 class LiftingConfig(Section):
-    """3D landmarks of people of whom a detector gives 2D keypoints alone (benchmark ms-aist)."""
+    """3D landmarks of people of whom 2D keypoints alone are given (people.keypoints_from, benchmark ms-aist)."""
 
     method: Annotated[str, _part("lifting.method")] = "residual-network"
     """What finds 3D landmarks for 2D keypoints, by name."""
@@ -111,6 +174,10 @@ class IntrinsicsConfig(Section):
 
     fov_deg: Annotated[float, Field(gt=1, lt=179)] | None = None
     """Horizontal field of view in degrees, used when focal_px is not given."""
+
+    cameras_from: GivenFile | None = None
+    """Cameras that another program found, in place of our estimate: a TUM trajectory, or a folder with COLMAP's
+    cameras.txt and images.txt, whose focal length is used as well."""
 
 
 class CameraConfig(Section):

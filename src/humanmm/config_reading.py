@@ -40,7 +40,14 @@ def with_values(tree: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str,
     return changed
 
 
-SHORTHANDS = {"person": "shots.person", "focal_px": "intrinsics.focal_px", "fov_deg": "intrinsics.fov_deg"}
+SHORTHANDS = {
+    "person": "shots.person",
+    "min_confidence": "shots.min_confidence",
+    "focal_px": "intrinsics.focal_px",
+    "fov_deg": "intrinsics.fov_deg",
+    "keypoints_from": "people.keypoints_from",
+    "cameras_from": "intrinsics.cameras_from",
+}
 """Short name, of a flag or an argument → setting."""
 
 
@@ -79,7 +86,7 @@ def _first(error: ValidationError) -> str:
         close = difflib.get_close_matches(str(first["loc"][-1]), known, n=1)
         hint = f"did you mean {close[0]}?" if close else f"known: {', '.join(known) or 'none'}"
         return f"unknown setting {place}; {hint}"
-    if first["type"] == "part":
+    if first["type"] == "told":
         return first["msg"]
     message = first["msg"][:1].lower() + first["msg"][1:]
     return f"setting {place}: {message}, not {first['input']!r}"

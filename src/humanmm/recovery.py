@@ -37,6 +37,8 @@ def recover(  # noqa: PLR0913 (the flags of the command, as keywords)
     focal_px: float | None = None,
     fov_deg: float | None = None,
     corrections: "Corrections | Mapping[str, Any] | str | os.PathLike[str] | None" = None,
+    keypoints_from: "str | os.PathLike[str] | None" = None,
+    cameras_from: "str | os.PathLike[str] | None" = None,
     store: "str | os.PathLike[str] | None" = None,
     force: bool = False,
     start: str | None = None,
@@ -58,6 +60,8 @@ def recover(  # noqa: PLR0913 (the flags of the command, as keywords)
         fov_deg: horizontal field of view in degrees, in place of `focal_px`.
         corrections: what you know better (docs/correct.md), as Corrections, a tree, or the path of a TOML file
             (default: `corrections.toml` in the run folder, if there is one).
+        keypoints_from: file or folder of keypoints that another program found; nobody is then looked for.
+        cameras_from: TUM trajectory or COLMAP's text model; these cameras are then not estimated.
         store: artifact store, a folder or s3://… (default: $HUMANMM_STORE, ~/.cache/humanmm/store).
         force: compute every stage again.
         start: compute this stage and all after it again.
@@ -70,7 +74,10 @@ def recover(  # noqa: PLR0913 (the flags of the command, as keywords)
         KeyboardInterrupt: if the process was told to stop, by Ctrl-C or by a signal, which the message names.
     """
     began = time.time()
-    shorthands = {"person": person, "focal_px": focal_px, "fov_deg": fov_deg}
+    shorthands = {
+        "person": person, "focal_px": focal_px, "fov_deg": fov_deg,
+        "keypoints_from": keypoints_from, "cameras_from": cameras_from,
+    }  # fmt: skip
     selection = _selection(force=force, start=start, only=only, shot=shot)
     folder = _run_dir(video, out)
     run = _open(video, _settings(config, shorthands, corrections, folder), selection, store)
@@ -101,6 +108,8 @@ def forecast(  # noqa: PLR0913 (as `recover`)
     focal_px: float | None = None,
     fov_deg: float | None = None,
     corrections: "Corrections | Mapping[str, Any] | str | os.PathLike[str] | None" = None,
+    keypoints_from: "str | os.PathLike[str] | None" = None,
+    cameras_from: "str | os.PathLike[str] | None" = None,
     store: "str | os.PathLike[str] | None" = None,
     force: bool = False,
     start: str | None = None,
@@ -113,7 +122,10 @@ def forecast(  # noqa: PLR0913 (as `recover`)
     """
     from humanmm.tasks.engine.plan import forecast as forecast_run
 
-    shorthands = {"person": person, "focal_px": focal_px, "fov_deg": fov_deg}
+    shorthands = {
+        "person": person, "focal_px": focal_px, "fov_deg": fov_deg,
+        "keypoints_from": keypoints_from, "cameras_from": cameras_from,
+    }  # fmt: skip
     selection = _selection(force=force, start=start, only=only, shot=shot)
     settings = _settings(config, shorthands, corrections, _run_dir(video, out))
     return forecast_run(_open(video, settings, selection, store, read_only=True))

@@ -1,10 +1,10 @@
 """The code that a stage's result depends on, found without importing any of it.
 
 Starting at the stage's module, its imports are followed by reading the syntax trees. Of our own package the folder
-models/ and the files tasks/*.py count, and the module that writes pictures; the rest decides when a result is computed,
-never what it is, or stands in the key by its values (config). A module's digest (`module_facts`) leaves out comments,
-docstrings and line numbers, so that a reworded text recomputes nothing. Weight files count when a visited module names
-them; numerical libraries count by version when a visited module imports them.
+models/, the files tasks/*.py, the readers of files and the module that writes pictures count; the rest decides when a
+result is computed, never what it is, or stands in the key by its values (config). A module's digest (`module_facts`)
+leaves out comments, docstrings and line numbers, so that a reworded text recomputes nothing. Weight files count when a
+visited module names them; numerical libraries count by version when a visited module imports them.
 
 Replaceable parts (`humanmm.parts`) are loaded by name, which no import shows: those that the configuration names are
 visited too, and an external one counts by its distribution's version and the files beside its code as well.
@@ -23,6 +23,8 @@ from humanmm.parts import Part
 from humanmm.tasks.units.module_facts import known_modules
 
 PACKAGE = "humanmm"
+_READERS = Path("storage/readers")
+"""Read what users give along with a video."""
 _WRITES_ARTIFACTS = Path("storage/run_folder/picture_files.py")
 """Writes pictures that are part of an artifact."""
 
@@ -92,7 +94,7 @@ def _decides_results(path: Path, package: Path) -> bool:
     if not path.is_relative_to(package):  # a stage of another package
         return True
     inner = path.relative_to(package)
-    return inner.parts[0] == "models" or inner.parent == Path("tasks") or inner == _WRITES_ARTIFACTS
+    return inner.parts[0] == "models" or inner.parent in (Path("tasks"), _READERS) or inner == _WRITES_ARTIFACTS
 
 
 def _source_of(name: str) -> Path | None:

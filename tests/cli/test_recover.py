@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -115,6 +116,28 @@ def test_flags_win_over_the_file_and_the_file_over_defaults(toy: Any) -> None:
     )  # fmt: skip
     assert status == 0
     assert {entry["state"] for entry in json.loads(out)["stages"]} == {"cached"}
+
+
+def test_files_of_other_programs_are_part_of_the_key_by_their_content_and_stand_in_run_json(toy: Any) -> None:
+    given, cameras = toy.folder / "keypoints.json", toy.folder / "way.tum"
+    given.write_text("[]")
+    cameras.write_text("0 0 0 0 0 0 0 1\n")
+    flags = ["--keypoints-from", "keypoints.json", "--cameras-from", "way.tum", "--min-confidence", "0.3"]
+    toy.run(
+        people={"keypoints_from": str(given)}, intrinsics={"cameras_from": str(cameras)}, shots={"min_confidence": 0.3}
+    )
+    toy.executed()
+    assert toy.main("recover", "film.mp4", "--out", "out", *flags)[0] == 0
+    assert toy.executed() == []
+    config = json.loads((toy.folder / "out/run.json").read_text())["config"]
+    assert config["people"]["keypoints_from"] == {"path": str(given), "sha256": sha256(b"[]").hexdigest()}
+    assert config["intrinsics"]["cameras_from"]["path"] == str(cameras)
+    given.write_text("[{}]")
+    status, out, _ = toy.main("recover", "film.mp4", "--dry-run", "--json", *flags)
+    states = {(entry["stage"], entry["state"]) for entry in json.loads(out)["stages"]}
+    assert status == 0 and ("people", "cached") not in states
+    assert {("decode", "cached"), ("scenes", "cached"), ("points", "cached")} <= states
+    assert "cannot read" in _told(toy.main("recover", "film.mp4", "--keypoints-from", "nowhere"), 2)
 
 
 def test_a_dry_run_lists_every_unit_and_writes_nothing(toy: Any) -> None:

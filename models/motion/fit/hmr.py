@@ -14,10 +14,10 @@ from jaxtyping import Float
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.kinematics import chunks
 from humanmm.models.body.landmarks import load_landmarks
-from humanmm.models.geometry.projection import inverse_pose, ray_axes, viewing_rays, world_to_camera
+from humanmm.models.geometry.projection import inverse_pose, ray_axes, start_position, viewing_rays, world_to_camera
 from humanmm.models.motion.fit.equations import Term, frame_weights
 from humanmm.models.motion.fit.evidence import BONE_END, BONE_START, BONES, Evidence, LongEvidence, bone_lengths, gather
-from humanmm.models.motion.fit.initial import InitialPose, interpolated, start_pose, start_position
+from humanmm.models.motion.fit.initial import InitialPose, interpolated, start_pose
 from humanmm.models.motion.fit.pose_prior import load_pose_statistics
 from humanmm.models.motion.fit.solver import solve_windows
 from humanmm.models.motion.fit.state import NUM_PARAMETERS, PELVIS, CameraPath, LongMotion, Motion, Skeleton

@@ -83,7 +83,7 @@ def cut_edge(
     cameras = CutCameras(
         K_before=before.K[-1] if before is not None else K_of(results.intrinsics),
         K_after=after.K[0] if after is not None else K_of(results.intrinsics),
-        moving=any(camera is not None and camera.source == "tracked" for camera in (before, after)),
+        moving=any(camera is not None and camera.travels for camera in (before, after)),
     )
     cuts: list[tuple[int, CutAlignment]] = []
     for person, one in people:

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 PARTIAL = 3
 SHOWN_WARNINGS = 3
 _CORRECTIONS = "what you know better (default: corrections.toml in RUN_DIR, see humanmm correct)"
+_KEYPOINTS = "keypoints of another program: a folder of OpenPose's, Sports2D's json, MMPose's, COCO's json"
+_CAMERAS = "cameras of another program: a TUM trajectory, a folder with COLMAP's cameras.txt and images.txt"
 _FROM = f"compute STAGE and all after it; stages: {', '.join(STAGES)}"
 
 
@@ -34,6 +36,8 @@ def recover(  # noqa: PLR0913 (one a flag)
     min_confidence: Annotated[float | None, Option(metavar="P", help="least probability of being a person")] = None,
     focal_px: Annotated[float | None, Option(metavar="F", help="focal length in pixels of the video")] = None,
     fov_deg: Annotated[float | None, Option(metavar="D", help="horizontal field of view in degrees")] = None,
+    keypoints_from: Annotated[Path | None, Option(metavar="PATH", help=_KEYPOINTS)] = None,
+    cameras_from: Annotated[Path | None, Option(metavar="PATH", help=_CAMERAS)] = None,
     dry_run: Annotated[bool, Option("--dry-run", help="list what would run and why; write nothing")] = False,
     json: Json = False,
     force: Annotated[bool, Option("--force", help="compute every stage again")] = False,
@@ -46,7 +50,8 @@ def recover(  # noqa: PLR0913 (one a flag)
         raise UsageError("--json goes with --dry-run")
     if focal_px is not None and fov_deg is not None:
         raise UsageError("--focal-px and --fov-deg exclude each other")
-    config = settings.config(**_shorthands(person, min_confidence=min_confidence, focal_px=focal_px, fov_deg=fov_deg))
+    given = {"focal_px": focal_px, "fov_deg": fov_deg, "keypoints_from": keypoints_from, "cameras_from": cameras_from}
+    config = settings.config(**_shorthands(person, min_confidence=min_confidence, **given))
     wanted: dict[str, Any] = {"store": store, "force": force, "start": start, "only": only, "shot": shot}
     wanted["corrections"] = corrections
     if dry_run:
@@ -91,7 +96,7 @@ def report(run: "Run", store: Path | None) -> int:
     return PARTIAL if run.origin == "computed" and run.state == "partial" else 0
 
 
-def _shorthands(person: str | None, **given: float | None) -> dict[str, Any]:
+def _shorthands(person: str | None, **given: float | Path | None) -> dict[str, Any]:
     shorthands: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
     if person is not None:
         if person != "all" and not person.removeprefix("-").isdecimal():

@@ -10,6 +10,7 @@ from humanmm.models.geometry.projection import (
     inverse_pose,
     project,
     ray_axes,
+    start_position,
     viewing_rays,
     world_to_camera,
 )
@@ -53,3 +54,11 @@ def test_points_behind_the_camera_have_finite_pixels_and_are_said_to_be_behind()
 def test_the_axes_of_a_ray_look_along_it() -> None:
     ray = POINTS[:, 0] / np.linalg.norm(POINTS[:, 0], axis=-1, keepdims=True)
     np.testing.assert_allclose(ray_axes(POINTS[:, 0])[..., 2], ray, atol=1e-12)
+
+
+def test_the_position_that_puts_points_on_their_rays_is_found() -> None:
+    rng = np.random.default_rng(0)
+    points, origin = rng.normal(0, 0.5, (20, 33, 3)), rng.uniform([-1, -1, 3], [1, 1, 8], (20, 3))
+    placed = points + origin[:, None]
+    found = start_position(points, placed[..., :2] / placed[..., 2:], rng.uniform(0.1, 1.0, (20, 33)))
+    np.testing.assert_allclose(found, origin, atol=1e-6)

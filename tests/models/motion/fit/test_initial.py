@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.landmarks import load_landmarks
-from humanmm.models.motion.fit.initial import interpolated, start_pose, start_position
+from humanmm.models.motion.fit.initial import interpolated, start_pose
 from humanmm.models.motion.fit.state import LongMotion, Motion, Skeleton
 
 N = 12
@@ -37,13 +37,6 @@ def test_landmarks_of_a_body_give_a_pose_whose_landmarks_they_nearly_are(bend: f
     error = np.linalg.norm(found.points - truth.points, axis=-1)
     assert np.median(error) < 0.02
     assert error.max() < 0.15  # a straight limb's twist is open, and with it where its end's landmarks ride
-
-
-def test_the_position_that_puts_points_on_their_rays_is_found(rng: np.random.Generator) -> None:
-    points, origin = rng.normal(0, 0.5, (N, 33, 3)), rng.uniform([-1, -1, 3], [1, 1, 8], (N, 3))
-    placed = points + origin[:, None]
-    found = start_position(points, placed[..., :2] / placed[..., 2:], rng.uniform(0.1, 1.0, (N, 33)))
-    np.testing.assert_allclose(found, origin, atol=1e-6)
 
 
 def test_unknown_frames_lie_on_the_way_between_known_ones_in_time() -> None:

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 import torch
 
-from humanmm.models.benchmark.coco import coco_track
 from humanmm.models.perception.lifting import LiftingNetwork, features, lift
+from humanmm.models.perception.tracking.coco import coco_track
 from humanmm.models.records.landmarks import COCO_LANDMARKS, SWAP
 from humanmm.models.records.tracks import PersonTrack
 from humanmm.storage.readers.aist import read_aist_sequence
 
-SEQUENCE = read_aist_sequence(Path(__file__).parents[3] / "examples" / "aist" / "gBR_sBM_cAll_d06_mBR2_ch06.npz")
+SEQUENCE = read_aist_sequence(Path(__file__).parents[4] / "examples" / "aist" / "gBR_sBM_cAll_d06_mBR2_ch06.npz")
 N = 30
 TIME_S = np.arange(N) / 30
 K = SEQUENCE.K[0]

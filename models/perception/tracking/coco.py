@@ -1,4 +1,4 @@
-"""Tracks of a detector that names COCO's 17 keypoints and no depth (ViTPose, HRNet, OpenPose's COCO model, …).
+"""A track of a detector that names COCO's 17 keypoints and no depth (ViTPose, HRNet, OpenPose's COCO model, …).
 
 The rest of a `PersonTrack` is made up for from them: 3D landmarks by a lifter, landmarks that COCO does not name by
 projecting those (visibility 0: no evidence), a mask drawn about the bones. Colours stay unknown.
@@ -7,8 +7,7 @@ projecting those (visibility 0: no evidence), a mask drawn about the bones. Colo
 import numpy as np
 from jaxtyping import Float, Int
 
-from humanmm.models.geometry.projection import project, ray_axes, viewing_rays
-from humanmm.models.motion.fit.initial import start_position
+from humanmm.models.geometry.projection import project, ray_axes, start_position, viewing_rays
 from humanmm.models.perception.clothing import HISTOGRAM_BINS
 from humanmm.models.perception.interfaces import SEEN, Lifter
 from humanmm.models.perception.silhouettes import silhouettes

@@ -1,0 +1,94 @@
+"""Everybody in one scene from the keypoints that another program found in every picture, who is who unknown."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.optimize import linear_sum_assignment
+
+from humanmm.models.geometry.intrinsics import K_from_focal, default_focal_px
+from humanmm.models.perception.interfaces import SEEN, Lifter
+from humanmm.models.perception.tracking.coco import FEWEST, coco_track
+from humanmm.models.perception.tracking.tracker import MIN_TRACK_S
+from humanmm.models.records.tracks import ScenePeople
+from humanmm.models.records.video import VideoFacts
+from humanmm.models.video.frame_times import ROUNDING_S, elapsed_s, shown_s
+
+Array = np.ndarray
+
+REACH, REACH_PER_S = 0.25, 1.0
+"""How far a person's keypoints get between two pictures, mean of all, in sides of his box: at once, and by moving."""
+LOST_S = 1.0
+"""Whoever is not seen for longer comes back as somebody else; the search for the same people across cuts may join
+them."""
+FAR = 1e6
+
+
+@dataclass(frozen=True, eq=False)
+class PictureKeypoints:
+    """People in pictures, one a row: COCO's 17 keypoints, source pixels and score 0..1 (0: not found)."""
+
+    frame: Int[Array, " M"]
+    """Not decreasing."""
+    keypoints: Float[Array, "M 17 3"]
+
+
+def people_of_keypoints(
+    found: PictureKeypoints, facts: VideoFacts, span: tuple[int, int], *, max_people: int, lifter: Lifter
+) -> ScenePeople:
+    """The tracks of one scene's frames [start, end), largest first: people who lie near each other in successive
+    pictures are one.
+
+    Colours are unknown, masks are drawn about the bones, 3D landmarks are the lifter's.
+    """
+    start, end = span
+    rows = slice(*np.searchsorted(found.frame, (start, end)))
+    time_s, size = facts.time_s, (facts.width, facts.height)
+    K = K_from_focal(default_focal_px(*size), *size)
+    scene_s = float(shown_s(time_s, np.arange(start, end)).sum())
+    shortest_s = min(MIN_TRACK_S, 0.5 * scene_s) - ROUNDING_S
+    tracks = []
+    for linked in link(found.frame[rows], found.keypoints[rows], time_s, max_people=max_people):
+        frame, keypoints = found.frame[rows][linked], found.keypoints[rows][linked]
+        if float(shown_s(time_s, frame).sum()) >= shortest_s:
+            tracks.append(coco_track(frame, keypoints, time_s=time_s[frame], K=K, size=size, lifter=lifter))
+    tracks.sort(key=lambda t: -float((t.bbox[:, 2:] - t.bbox[:, :2]).prod(axis=1).sum()))
+    return ScenePeople(start, end, tuple(tracks))
+
+
+def link(
+    frame: Int[Array, " M"], keypoints: Float[Array, "M 17 3"], time_s: Float[Array, " F"], *, max_people: int
+) -> list[Int[Array, " n"]]:
+    """Of every person the rows that are his, at most one a frame; rows of hardly a keypoint are nobody's.
+
+    In each picture the `max_people` with the best scores are taken.
+    """
+    usable = (keypoints[..., 2] >= SEEN).sum(axis=1) >= FEWEST
+    score = np.where(usable, keypoints[..., 2].sum(axis=1), 0.0)
+    people: list[list[int]] = []
+    for f in np.unique(frame):
+        rows = np.flatnonzero((frame == f) & usable)
+        rows = np.sort(rows[np.argsort(-score[rows], kind="stable")[:max_people]])
+        near = [person for person in people if elapsed_s(time_s, int(frame[person[-1]]), int(f)) <= LOST_S]
+        cost = np.full((len(near), len(rows)), FAR)
+        for i, person in enumerate(near):
+            gap_s = elapsed_s(time_s, int(frame[person[-1]]), int(f))
+            for j, row in enumerate(rows):
+                distance = _distance(keypoints[person[-1]], keypoints[row]) / (REACH + REACH_PER_S * gap_s)
+                cost[i, j] = distance if distance < 1 else FAR
+        taken = set()
+        for person_index, column in zip(*linear_sum_assignment(cost), strict=True):
+            if cost[person_index, column] < FAR:
+                near[person_index].append(int(rows[column]))
+                taken.add(int(rows[column]))
+        people += [[int(row)] for row in rows if int(row) not in taken]
+    return [np.array(person) for person in people]
+
+
+def _distance(a: Float[Array, "17 3"], b: Float[Array, "17 3"]) -> float:
+    """Mean distance of the keypoints that both have, in sides of the larger box; ∞ if they share hardly one."""
+    both = (a[:, 2] >= SEEN) & (b[:, 2] >= SEEN)
+    if both.sum() < FEWEST // 2:
+        return np.inf
+    side = max(float(np.ptp(one[one[:, 2] >= SEEN, :2], axis=0).max()) for one in (a, b))
+    return float(np.linalg.norm(a[both, :2] - b[both, :2], axis=1).mean()) / max(side, 1.0)

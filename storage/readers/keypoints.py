@@ -1,0 +1,213 @@
+"""Keypoints in the picture that another program found, as COCO's 17.
+
+| program | what it writes | frame |
+|---|---|---|
+| OpenPose (`--write_json`), Sports2D, Pose2Sim | a json a frame: people[].pose_keypoints_2d | last number of its name |
+| MMPose (`pred_out_dir`, `--save-predictions`) | one json: [].instances[].keypoints, keypoint_scores | frame_id |
+| AlphaPose, COCO results | one json: [].image_id, keypoints | number, or last number of a name |
+| COCO annotations | one json: images[], annotations[].keypoints | last number of file_name |
+
+How many keypoints there are tells the set: 17, 26 (Halpe), 133 (whole body) and 136 (Halpe whole body) begin with
+COCO's 17; 18 are OpenPose's COCO model; 25 are BODY_25, or BODY_25B where the middle of neck and hips lies elsewhere.
+Frames count from 0; where the first is 1 and the last one the number of frames, from 1.
+"""
+
+import json
+import re
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from humanmm.config import GivenFile
+from humanmm.errors import InputError
+from humanmm.models.perception.interfaces import SEEN
+from humanmm.models.perception.tracking.keypoint_tracks import PictureKeypoints
+from humanmm.models.records.foreign_arrays import numbers
+
+Array = np.ndarray
+
+FIRST_17 = tuple(range(17))
+OPENPOSE_COCO = (0, 15, 14, 17, 16, 5, 2, 6, 3, 7, 4, 11, 8, 12, 9, 13, 10)
+BODY_25 = (0, 16, 15, 18, 17, 5, 2, 6, 3, 7, 4, 12, 9, 13, 10, 14, 11)
+"""Of COCO's 17 keypoints, in their order, the number in OpenPose's sets."""
+SETS = {17: FIRST_17, 18: OPENPOSE_COCO, 26: FIRST_17, 133: FIRST_17, 136: FIRST_17}
+"""Number of keypoints → COCO's 17 among them; 25 are looked at."""
+BODY_25_MIDDLES = ((1, 2, 5), (8, 9, 12))
+"""Neck and mid-hip, each with the two keypoints that it lies between."""
+BESIDE = 0.08
+"""Fraction of a person's box by which they may lie beside the middle, median."""
+MAX_EXTRA_FRAMES = 2
+"""Decoders disagree about the last frames of a video."""
+OUTSIDE, MARGIN = 0.2, 0.1
+"""Share of keypoints that may lie further outside the picture than this fraction of its sides."""
+
+
+@lru_cache(maxsize=1)
+def read_keypoints(given: GivenFile, num_frames: int, size: tuple[int, int]) -> PictureKeypoints:
+    """Everybody in every frame of a video with pictures of `size` (width, height).
+
+    InputError says in one sentence what is wrong.
+    """
+    try:
+        rows = [row for name, content in given.read().items() for row in _rows(name, content)]
+        frames = _frames([frame for frame, _ in rows], num_frames)
+        people = [points for _, points in rows]
+        keypoints = _as_coco([points for points in people if points is not None])
+        frame = np.array([f for f, points in zip(frames, people, strict=True) if points is not None], np.int64)
+        _check_pixels(keypoints, size)
+    except InputError as error:
+        words = str(error)
+        raise InputError(words if given.path in words else f"{given.path}: {words}") from None
+    order = np.argsort(frame, kind="stable")
+    order = order[frame[order] < num_frames]
+    return PictureKeypoints(frame[order], keypoints[order])
+
+
+Row = tuple[int, Float[Array, "K 3"] | None]
+"""Frame as the file numbers it, and a person's keypoints; None for a frame, whoever is in it."""
+
+
+def _rows(name: str, content: bytes) -> list[Row]:
+    if not name.endswith(".json"):
+        raise InputError(f"{name} is no .json file")
+    try:
+        tree = json.loads(content)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{name} is not json: {error}") from None
+    try:
+        return _rows_of(tree, name)
+    except (KeyError, TypeError, AttributeError, IndexError, OverflowError) as error:
+        raise InputError(f"{name} is laid out like no known program's keypoints ({error!r})") from None
+    except InputError as error:
+        raise InputError(f"{name}: {error}") from None
+
+
+def _rows_of(tree: Any, name: str) -> list[Row]:
+    match tree:
+        case {"people": list(people)}:
+            return _openpose(people, _number_in(name))
+        case {"instance_info": list(frames)}:
+            return _mmpose(frames)
+        case [{"instances": _}, *_]:
+            return _mmpose(tree)
+        case {"annotations": list(annotations), "images": list(images)}:
+            return _annotations(annotations, images)
+        case [{"image_id": _}, *_]:
+            return [(_frame_of(one["image_id"]), _triples(one["keypoints"])) for one in tree]
+        case [{"keypoints": _, "keypoint_scores": _}, *_] | []:  # MMPose, of one picture
+            return [(_number_in(name), None), *((_number_in(name), _scored(one)) for one in tree)]
+    raise InputError("it is laid out like no known program's keypoints (OpenPose, MMPose, AlphaPose, COCO)")
+
+
+def _openpose(people: list[Any], frame: int) -> list[Row]:
+    found = [person.get("pose_keypoints_2d", person.get("pose_keypoints")) for person in people]
+    return [(frame, None), *((frame, _triples(points)) for points in found if points)]
+
+
+def _mmpose(frames: list[Any]) -> list[Row]:
+    seen: list[Row] = [(int(frame["frame_id"]), None) for frame in frames]
+    return seen + [(int(frame["frame_id"]), _scored(one)) for frame in frames for one in frame["instances"]]
+
+
+def _annotations(annotations: list[Any], images: list[Any]) -> list[Row]:
+    """Visibility 2 is seen, 1 hidden: scores 1 and 0.5."""
+    number = {image["id"]: _number_in(image["file_name"]) for image in images}
+    people = [one for one in annotations if any(one.get("keypoints", ()))]
+    seen: list[Row] = [(frame, None) for frame in number.values()]
+    return seen + [(number[one["image_id"]], _triples(one["keypoints"]) * [1.0, 1.0, 0.5]) for one in people]
+
+
+def _frame_of(image: Any) -> int:
+    return image if isinstance(image, int) else _number_in(image)
+
+
+def _number_in(name: str) -> int:
+    found = re.findall(r"\d+", re.sub(r"_keypoints$", "", name.rsplit("/", 1)[-1].rsplit(".", 1)[0]))
+    if not found:
+        raise InputError(f"no number in the name {name!r} says which frame it is")
+    return int(found[-1])
+
+
+def _triples(values: Any) -> Float[Array, "K 3"]:
+    flat = np.asarray(values, dtype=object).ravel() if isinstance(values, list) else values
+    points = numbers({"keypoints": list(flat)}, "keypoints", (None,))
+    if len(points) % 3:
+        raise InputError(f"a person has {len(points)} numbers; expected x, y and score of each keypoint")
+    return points.reshape(-1, 3)
+
+
+def _scored(instance: Mapping[str, Any]) -> Float[Array, "K 3"]:
+    xy = numbers(instance, "keypoints", (None, 2))
+    return np.column_stack([xy, numbers(instance, "keypoint_scores", (len(xy),))])
+
+
+def _frames(given: list[int], num_frames: int) -> list[int]:
+    """From 0 on."""
+    if not given:
+        raise InputError("it holds no frame")
+    first, last = min(given), max(given)
+    if first == 1 and last == num_frames:
+        return [frame - 1 for frame in given]
+    if first < 0 or last >= num_frames + MAX_EXTRA_FRAMES:
+        raise InputError(
+            f"it holds frames {first} to {last}, the video has {num_frames} (0 to {num_frames - 1}): is it of another "
+            "video, or was the video brought to another rate?"
+        )
+    return given
+
+
+def _as_coco(people: list[Float[Array, "K 3"]]) -> Float[Array, "M 17 3"]:
+    if not people:
+        raise InputError("it holds nobody")
+    counts = sorted({len(points) for points in people})
+    if len(counts) > 1:
+        raise InputError(f"people have {' and '.join(map(str, counts))} keypoints; expected one set for all")
+    points = np.stack(people)
+    unknown = ~np.isfinite(points).all(axis=-1)
+    points[unknown] = 0.0
+    if counts[0] == 25:
+        chosen = BODY_25 if _is_body_25(points) else FIRST_17
+    elif counts[0] in SETS:
+        chosen = SETS[counts[0]]
+    else:
+        known = ", ".join(map(str, sorted([*SETS, 25])))
+        raise InputError(f"a person has {counts[0]} keypoints; known are the sets of {known}")
+    points = points[:, list(chosen)]
+    points[..., 2] = np.clip(points[..., 2], 0.0, 1.0)
+    return points
+
+
+def _is_body_25(points: Float[Array, "M 25 3"]) -> bool:
+    """Neck and mid-hip lie where BODY_25 has them; BODY_25B has an eye and an elbow there."""
+    beside = []
+    for middle, a, b in BODY_25_MIDDLES:
+        seen = (points[:, [middle, a, b], 2] >= SEEN).all(axis=1)
+        side = np.maximum(_box_sides(points[seen]), 1e-9)
+        off = np.linalg.norm(points[seen, middle, :2] - (points[seen, a, :2] + points[seen, b, :2]) / 2, axis=1)
+        beside.append(off / side)
+    together = np.concatenate(beside)
+    return not len(together) or float(np.median(together)) <= BESIDE
+
+
+def _box_sides(points: Float[Array, "M K 3"]) -> Float[Array, " M"]:
+    seen = points[..., 2:] >= SEEN
+    low = np.where(seen, points[..., :2], np.inf).min(axis=1)
+    high = np.where(seen, points[..., :2], -np.inf).max(axis=1)
+    return np.asarray((high - low).max(axis=1))
+
+
+def _check_pixels(keypoints: Float[Array, "M 17 3"], size: tuple[int, int]) -> None:
+    xy = keypoints[keypoints[..., 2] >= SEEN, :2]
+    if not len(xy):
+        raise InputError(f"no keypoint has a score of {SEEN} or more")
+    if np.abs(xy).max() <= 2.0:
+        raise InputError("its keypoints are fractions of the picture; expected pixels of the video")
+    outside = ((xy < -MARGIN * np.array(size)) | (xy > (1 + MARGIN) * np.array(size))).any(axis=1).mean()
+    if outside > OUTSIDE:
+        raise InputError(
+            f"{100 * outside:.0f} % of its keypoints lie outside of the video's pictures ({size[0]}×{size[1]}): "
+            "are they of another video, or of one of another size?"
+        )

@@ -1,0 +1,75 @@
+"""Cameras that the user gives become a shot's camera, in the axes of its first frame."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from humanmm.models.camera.given import given_camera
+from humanmm.models.camera.intrinsics import estimate_intrinsics
+from humanmm.models.camera.shot_camera import estimate_camera
+from humanmm.models.records.camera import GivenCameras, Intrinsics
+from humanmm.models.records.shots import Shot
+from humanmm.models.records.tracks import ScenePeople
+
+N = 60
+SHOT = Shot(1, 20, 50, 0, None, ())
+WORLD = Rotation.from_euler("zyx", [20, 30, 40], degrees=True).as_matrix()
+
+
+def _cameras(scene: Any, *, step: int = 1, focal_px: float = np.nan) -> GivenCameras:
+    frame = np.arange(0, N, step)
+    R, t = WORLD @ scene.R_shot_cam[frame], scene.t_shot_cam[frame] @ WORLD.T * 7 + [1.0, 2.0, 3.0]
+    return GivenCameras(frame.astype(np.int32), R, t, np.full(len(frame), focal_px))
+
+
+def test_a_shots_camera_is_the_given_one_from_its_first_frame_on(scene_of: Callable[..., Any]) -> None:
+    scene = scene_of("orbit", num_frames=N)
+    camera = given_camera(SHOT, replace(scene.intrinsics, cameras=_cameras(scene)))
+    assert camera is not None and camera.source == "given" and not camera.metric and camera.travels
+    first = scene.R_shot_cam[20].T
+    np.testing.assert_allclose(camera.R_shot_cam, first @ scene.R_shot_cam[20:50], atol=1e-9)
+    expected = 7 * (scene.t_shot_cam[20:50] - scene.t_shot_cam[20]) @ first.T
+    np.testing.assert_allclose(camera.t_shot_cam, expected, atol=1e-9)
+    np.testing.assert_allclose(camera.K[:, 0, 0], scene.intrinsics.focal_px)
+
+
+def test_frames_that_are_not_given_lie_between_those_that_are(scene_of: Callable[..., Any]) -> None:
+    scene = scene_of("pan", num_frames=N)
+    camera = given_camera(SHOT, replace(scene.intrinsics, cameras=_cameras(scene, step=4)))
+    assert camera is not None and camera.metric and not camera.travels
+    np.testing.assert_allclose(camera.R_shot_cam[:29], scene.R_shot_cam[20].T @ scene.R_shot_cam[20:49], atol=1e-6)
+    assert camera.warnings == ("the given cameras are of 8 of its 30 frames: interpolated between them",)
+
+
+def test_a_shot_that_is_not_covered_is_estimated_with_a_warning(scene_of: Callable[..., Any]) -> None:
+    scene = scene_of("pan", num_frames=N)
+    whole = _cameras(scene)
+    few = GivenCameras(whole.frame[:30], whole.R_given_cam[:30], whole.t_given_cam[:30], whole.focal_px[:30])
+    intrinsics = replace(scene.intrinsics, cameras=few)
+    assert given_camera(SHOT, intrinsics) is None
+    camera = estimate_camera(SHOT, scene.points, ScenePeople(0, N, ()), intrinsics)
+    assert (
+        camera.source == "rotation_only" and "the given cameras do not cover it (frames 20 to 49)" in camera.warnings[0]
+    )
+    covered = estimate_camera(Shot(0, 0, 30, 0, None, ()), scene.points, ScenePeople(0, N, ()), intrinsics)
+    assert covered.source == "given"
+
+
+def test_a_given_focal_length_is_every_shots_unless_the_user_says_another(scene_of: Callable[..., Any]) -> None:
+    scene = scene_of("pan", num_frames=N)
+    cameras = replace(_cameras(scene), focal_px=np.linspace(1000, 1200, N))
+    facts: Any = type("Facts", (), {"width": 960, "height": 540})
+    nothing: Any = None
+
+    def found(**more: float) -> Intrinsics:
+        return estimate_intrinsics(facts, nothing, [], [], nothing, cameras=cameras, **more)
+
+    assert found().focal_px == 1100 and found().source == "given" and found().cameras is cameras
+    zooming = given_camera(SHOT, found())
+    assert zooming is not None and zooming.zooms
+    np.testing.assert_allclose(zooming.K[:, 1, 1], cameras.focal_px[20:50])
+    fixed = given_camera(SHOT, found(focal_px=800.0))
+    assert fixed is not None and not fixed.zooms and fixed.K[0, 0, 0] == 800

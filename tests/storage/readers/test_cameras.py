@@ -1,0 +1,137 @@
+"""Cameras in TUM's and COLMAP's layouts, as pycolmap, evo and our own exports write them."""
+
+from pathlib import Path
+
+import numpy as np
+import pycolmap
+import pytest
+from scipy.spatial.transform import Rotation
+from two_people import recording
+
+from humanmm.config import GivenFile
+from humanmm.errors import InputError
+from humanmm.models.motion.excerpt import Wishes, excerpt
+from humanmm.models.records.camera import GivenCameras
+from humanmm.models.records.video import VideoFacts
+from humanmm.storage.readers.cameras import read_cameras
+from humanmm.storage.run_folder.exporters.cameras.colmap import colmap_files
+from humanmm.storage.run_folder.exporters.cameras.tum import tum_files
+
+N = 8
+FACTS = VideoFacts(1280, 720, np.arange(N) / 25, np.ones(N, bool), 0, "h264", "mp4")
+R = Rotation.from_euler("yx", np.c_[np.linspace(0, 40, N), np.linspace(5, 0, N)], degrees=True).as_matrix()
+T = np.stack([np.linspace(0, 2, N), np.zeros(N), np.linspace(1, 3, N)], axis=1)
+
+
+def _tum(path: Path, moments: np.ndarray) -> Path:
+    rows = np.column_stack([moments, T, Rotation.from_matrix(R).as_quat()])
+    path.write_text("# timestamp tx ty tz qx qy qz qw\n" + "\n".join(" ".join(f"{v:.9f}" for v in r) for r in rows))
+    return path
+
+
+def _colmap(folder: Path, *, model: str = "PINHOLE", scale: float = 0.5, first: int = 0, step: int = 1) -> Path:
+    """By pycolmap: pictures at half the video's size."""
+    model_of = pycolmap.Reconstruction()
+    width, height = int(1280 * scale), int(720 * scale)
+    parameters = {"PINHOLE": [450.0, 450.0, 320.0, 180.0], "SIMPLE_RADIAL": [450.0, 320.0, 180.0, 0.1]}[model]
+    camera = pycolmap.Camera(model=model, width=width, height=height, params=parameters, camera_id=1)
+    model_of.add_camera_with_trivial_rig(camera)
+    for k in range(0, N, step):
+        image = pycolmap.Image(name=f"frames/{k + first:05d}.png", camera_id=1, image_id=k + 1)
+        image.points2D = pycolmap.Point2DList([pycolmap.Point2D(np.array([1.0, 2.0]))] if k % 2 else [])
+        pose = pycolmap.Rigid3d(pycolmap.Rotation3d(R[k].T), -R[k].T @ T[k])
+        model_of.add_image_with_trivial_frame(image, pose)
+    folder.mkdir()
+    model_of.write_text(str(folder))
+    return folder
+
+
+def _read(path: Path, facts: VideoFacts = FACTS) -> GivenCameras:
+    return read_cameras(GivenFile.model_validate(path), facts)
+
+
+def _check(found: GivenCameras, frames: list[int]) -> None:
+    assert found.frame.tolist() == frames
+    np.testing.assert_allclose(found.R_given_cam, R[frames], atol=1e-7)
+    np.testing.assert_allclose(found.t_given_cam, T[frames], atol=1e-7)
+
+
+@pytest.mark.parametrize("moments", [np.arange(N) / 25, np.arange(N) / 25 + 0.004, np.arange(float(N))])
+def test_a_tum_trajectory_in_seconds_or_frames(tmp_path: Path, moments: np.ndarray) -> None:
+    found = _read(_tum(tmp_path / "way.txt", moments))
+    _check(found, list(range(N)))
+    assert np.isnan(found.focal_px).all()
+
+
+def test_of_a_tum_trajectory_times_between_frames_are_left_out(tmp_path: Path) -> None:
+    facts = VideoFacts(1280, 720, np.array([0.0, 0.04, 0.08, 0.2, 0.24, 0.28]), np.ones(6, bool), 0, "h264", "mp4")
+    found = _read(_tum(tmp_path / "way.tum", np.arange(N) / 25), facts)
+    assert found.frame.tolist() == [0, 1, 2, 3, 4, 5]
+    np.testing.assert_allclose(found.t_given_cam, T[[0, 1, 2, 5, 6, 7]], atol=1e-7)
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_a_colmap_model_that_pycolmap_wrote(tmp_path: Path, first: int) -> None:
+    found = _read(_colmap(tmp_path / "sparse", first=first))
+    _check(found, list(range(N)))
+    np.testing.assert_allclose(found.focal_px, 900.0)
+    assert not found.warnings
+
+
+def test_a_lens_that_distorts_is_told_and_frames_may_be_missing(tmp_path: Path) -> None:
+    found = _read(_colmap(tmp_path / "sparse", model="SIMPLE_RADIAL", step=3))
+    _check(found, [0, 3, 6])
+    assert found.warnings == ("the given lens distorts; it is taken for one that does not",)
+
+
+def test_our_own_exports_come_back(tmp_path: Path) -> None:
+    own = recording()
+    taken = excerpt(own, Wishes(), up="z", unit="m")
+    facts = VideoFacts(own.width, own.height, own.time_s, np.ones(40, bool), 0, "h264", "mp4")
+    (tmp_path / "colmap").mkdir()
+    for name, write in {**colmap_files(taken), **tum_files(taken)}.items():
+        write(tmp_path / name)
+    found = _read(tmp_path / "colmap", facts)
+    np.testing.assert_allclose(found.R_given_cam, own.R_world_cam, atol=1e-5)
+    np.testing.assert_allclose(found.t_given_cam, own.t_world_cam, atol=1e-5)
+    np.testing.assert_allclose(found.focal_px, own.K[:, 0, 0], rtol=1e-6)
+    first = _read(tmp_path / "shot_000.tum", facts)
+    assert first.frame.tolist() == list(range(25))
+    np.testing.assert_allclose(first.t_given_cam, own.t_world_cam[:25], atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("0 1 2 3\n", "a line of a TUM trajectory reads '0 1 2 3'; expected 8 numbers"),
+        ("# nothing\n", "holds no camera"),
+        ("0 0 0 0 0 0 0 2\n", "a quaternion of length 2"),
+        ("1700000000.5 0 0 0 0 0 0 1\n", "its times go to 1.7e+09 s, the video ends at 0.280 s"),
+        ("0 0 0 nan 0 0 0 1\n", "expected 8 numbers"),
+    ],
+)
+def test_what_is_wrong_with_a_trajectory_is_told(tmp_path: Path, text: str, told: str) -> None:
+    (tmp_path / "way.tum").write_text(text)
+    with pytest.raises(InputError) as caught:
+        _read(tmp_path / "way.tum")
+    assert told in str(caught.value) and str(tmp_path) in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new", "told"),
+    [
+        ("cameras.txt", "PINHOLE", "FISHEYE", "expected one of SIMPLE_PINHOLE"),
+        ("cameras.txt", "640 360", "640 640", "has pictures of 640×640, the video of 1280×720"),
+        ("images.txt", "00007.png", "00700.png", "are of frames 0 to 700, the video has 8"),
+        ("images.txt", "00007.png", "last.png", "no number in the name 'frames/last.png'"),
+        ("images.txt", " 1 frames/00007", " 4 frames/00007", "expected an image of a camera in cameras.txt"),
+    ],
+)
+def test_what_is_wrong_with_a_model_is_told(tmp_path: Path, name: str, old: str, new: str, told: str) -> None:
+    path = _colmap(tmp_path / "sparse") / name
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new))
+    with pytest.raises(InputError) as caught:
+        _read(tmp_path / "sparse")
+    assert told in str(caught.value)
