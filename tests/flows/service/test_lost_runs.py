@@ -63,7 +63,9 @@ import datetime
 from prefect.states import Pending, Scheduled
 deployment = await client.read_deployment_by_name("recover-batch/recover-batch")
 later = Scheduled(scheduled_time=datetime.datetime.now(datetime.UTC) + datetime.timedelta(days=1))
-run = await client.create_flow_run_from_deployment(deployment.id, name="upkeep", state=later, parameters={"source": "films"})
+run = await client.create_flow_run_from_deployment(
+    deployment.id, name="upkeep", state=later, parameters={"source": "films"}
+)
 await client.set_flow_run_state(run.id, Pending(name="Submitting"), force=True)
 """
 
