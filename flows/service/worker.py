@@ -27,9 +27,9 @@ SETTINGS = {"PREFECT_WORKER_QUERY_SECONDS": "2"}
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGUSR1)
 STOP_LIMIT_S = 20.0
 """Seconds between SIGTERM and SIGKILL for a video."""
-MARK = "HUMANMM_WORKER"
-"""Variable by which a worker's videos are told from others: a session may have several workers, and a number of a
-process is given again."""
+MARK = "WORKER_OF_HUMANMM"
+"""Variable, no setting, by which a worker's videos are told from others: a session may have several workers, and a
+number of a process is given again."""
 END_LIMIT_S = 10.0
 """Seconds that Prefect's worker may take to end, once its videos have. At the exit of Python, Prefect waits without a
 limit until the server has all events, and `multiprocessing` until each child has ended: with a server that does not
