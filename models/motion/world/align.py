@@ -266,12 +266,21 @@ def _reported(
             linked=usable(results, index) and rotations.group[index] != index,
             background_inliers=max([0, *background]),
         )
-        cuts.append(replace(cut, warnings=tuple(_doubts(cut)) or cut.warnings))
+        cuts.append(replace(cut, warnings=() if _is_known(cut) else tuple(_doubts(cut)) or cut.warnings))
     return cuts
 
 
 DOUBTFUL_DEG, DOUBTFUL_PROBABILITY = 30.0, 0.8
 """A camera rotation that is less certain than this is told."""
+
+
+KNOWN_DEG = 5.0
+"""A rotation that is this certain is told by walls or a background, whatever people lack: they alone claim 10° at best."""
+
+
+def _is_known(cut: CutAlignment) -> bool:
+    """Whether more than people tells the rotation, so that what is wrong with them there is no matter."""
+    return cut.linked and cut.uncertainty_deg <= KNOWN_DEG and cut.probability >= DOUBTFUL_PROBABILITY
 
 
 def _doubts(cut: CutAlignment) -> list[str]:
