@@ -275,7 +275,7 @@ DOUBTFUL_DEG, DOUBTFUL_PROBABILITY = 30.0, 0.8
 
 
 KNOWN_DEG = 5.0
-"""A rotation that is this certain is told by walls or a background, whatever people lack: they alone claim 10° at best."""
+"""A rotation this certain is told by walls or a background, whatever people lack: they alone claim 10° at best."""
 
 
 def _is_known(cut: CutAlignment) -> bool:
