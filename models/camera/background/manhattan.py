@@ -58,7 +58,7 @@ def find_manhattan_frame(seen: Segments, up: Float[Array, "3"], up_sigma_deg: fl
     found: list[tuple[float, Array]] = []
     for start in start_frames(seen, up, kappa):
         axes = settled(seen, start, up, kappa)
-        found.append((log_density(seen, axes) + kappa * (float(axes[:, 2] @ up) - 1), axes))
+        found.append((log_posterior(seen, axes, up, kappa), axes))
     found.sort(key=lambda one: -one[0])
     best, axes = found[0]
     others = [value for value, other in found if off_deg(axes, other) > DISTINCT_DEG]
@@ -72,15 +72,19 @@ def off_deg(first: Float[Array, "3 3"], second: Float[Array, "3 3"]) -> float:
     return float(np.degrees(rotation_angle(first.T @ second @ QUARTER_TURNS).min()))
 
 
-def log_density(seen: Segments, axes: Float[Array, "3 3"]) -> float:
-    """Of all segments, given the directions, against running anywhere."""
-    return float(np.log(_densities(seen, axes).sum(axis=1) + 1 - 3 * ALONG) @ seen.weight)
+def log_posterior(seen: Segments, axes: Float[Array, "3 3"], up: Float[Array, "3"], kappa: float) -> float:
+    """Of all segments, given the directions, against running anywhere; and of the vertical (von Mises-Fisher)."""
+    residual, _ = seen.residuals(axes)
+    likelihood = float(np.log(_densities(seen, residual).sum(axis=1) + 1 - 3 * ALONG) @ seen.weight)
+    return likelihood + kappa * (float(axes[:, 2] @ up) - 1)
 
 
-def start_frames(seen: Segments, up: Float[Array, "3"], kappa: float) -> list[Float[Array, "3 3"]]:
+def start_frames(
+    seen: Segments, up: Float[Array, "3"], kappa: float, *, count: int = CANDIDATES
+) -> list[Float[Array, "3 3"]]:
     """Frames along which many segments run, best first: a grid of verticals, and for each a histogram of headings.
 
-    `kappa`: concentration of the vertical about `up`.
+    `kappa`: concentration of the vertical about `up`; `count`: no more frames than this.
     """
     reach = np.radians(np.arange(-SEARCH_DEG, SEARCH_DEG + STEP_DEG / 2, STEP_DEG))
     tilt = np.stack(np.meshgrid(reach, reach, [0.0]), axis=-1).reshape(-1, 3)
@@ -106,7 +110,7 @@ def start_frames(seen: Segments, up: Float[Array, "3"], kappa: float) -> list[Fl
         axes = verticals[which] @ rotvec_to_rotmat(np.array([0.0, 0.0, (column + 0.5) / HEADINGS * quarter]))
         if all(off_deg(axes, other) > DISTINCT_DEG for other in starts):
             starts.append(axes)
-            if len(starts) == CANDIDATES:
+            if len(starts) == count:
                 break
     return starts
 
@@ -128,18 +132,17 @@ def _against_anywhere(residual: Float[Array, "n a"], sigma: Float[Array, "n 1"])
     return np.asarray(np.exp(-0.5 * (residual / sigma) ** 2) * math.sqrt(math.pi / 2) / sigma)
 
 
-def _densities(seen: Segments, axes: Float[Array, "3 3"]) -> Float[Array, "n 3"]:
-    residual, _ = seen.residuals(axes)
+def _densities(seen: Segments, residual: Float[Array, "n 3"]) -> Float[Array, "n 3"]:
     return ALONG * _against_anywhere(residual, seen.sigma[:, None])
 
 
-def support(seen: Segments, axes: Float[Array, "3 3"]) -> tuple[Float[Array, "n 3"], Float[Array, "3"]]:
+def support(seen: Segments, residual: Float[Array, "n 3"]) -> tuple[Float[Array, "n 3"], Float[Array, "3"]]:
     """Probability of each segment to run along each axis, and the fraction of them that chance does not explain.
 
-    Segments that run anywhere come to lie along an axis now and then: a number of them within two standard deviations
-    of what chance brings says nothing of the axis.
+    `residual`: of the segments against the axes. Segments that run anywhere come to lie along an axis now and then: a
+    number of them within two standard deviations of what chance brings says nothing of the axis.
     """
-    density = _densities(seen, axes)
+    density = _densities(seen, residual)
     shares = density / (density.sum(axis=1, keepdims=True) + 1 - 3 * ALONG)
     counts, chance = seen.weight @ shares, float(seen.weight @ (CHANCE_SIGMAS * seen.sigma / math.pi))
     return shares, np.clip((counts - chance - 2 * math.sqrt(chance)) / np.maximum(counts, 1e-9), 0.0, 1.0)
@@ -150,7 +153,7 @@ def _normal_equations(
 ) -> tuple[Float[Array, "3 3"], Float[Array, "3"]]:
     """Gauss-Newton matrix and gradient of a small rotation of the axes, every segment in its shares."""
     residual, beside = seen.residuals(axes)
-    shares, real = support(seen, axes)
+    shares, real = support(seen, residual)
     J = np.cross(axes.T[None], seen.normal[:, None]) / beside[..., None]
     weight = seen.weight[:, None] * shares * real / seen.sigma[:, None] ** 2
     H = np.einsum("nj,nja,njb->ab", weight, J, J)

@@ -8,7 +8,7 @@ segment vanishes where: for every focal length of a grid the likeliest Manhattan
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.models.camera.background.manhattan import LEAST_SEGMENTS, log_density, settled, start_frames, support
+from humanmm.models.camera.background.manhattan import LEAST_SEGMENTS, log_posterior, settled, start_frames, support
 from humanmm.models.camera.background.segments import Segments
 from humanmm.models.geometry.intrinsics import K_from_focal
 
@@ -44,15 +44,16 @@ def focal_log_likelihood(
     def seen_with(scale: float) -> Segments:
         return Segments.of([ends], [K_from_focal(default_px * float(np.exp(scale)), width, height)], [np.eye(3)])
 
-    starts = {k: start_frames(seen_with(LOG_SCALES[k]), UP_CAM, PICTURE_KAPPA)[:STARTS] for k in SEARCHED}
+    starts = {k: start_frames(seen_with(LOG_SCALES[k]), UP_CAM, PICTURE_KAPPA, count=STARTS) for k in SEARCHED}
     found = []
     for k, scale in enumerate(LOG_SCALES):
         seen = seen_with(scale)
         begin = starts[min(SEARCHED, key=lambda searched: abs(searched - k))]
         frames = [settled(seen, axes, UP_CAM, PICTURE_KAPPA) for axes in begin]
-        posterior = [log_density(seen, axes) + PICTURE_KAPPA * (float(axes[:, 2] @ UP_CAM) - 1) for axes in frames]
+        posterior = [log_posterior(seen, axes, UP_CAM, PICTURE_KAPPA) for axes in frames]
         best = int(np.argmax(posterior))
-        found.append((posterior[best], np.sort(support(seen, frames[best])[1])[1]))
+        _, real = support(seen, seen.residuals(frames[best])[0])
+        found.append((posterior[best], np.sort(real)[1]))
     value, second_axis = np.array(found).T
     if second_axis[int(value.argmax())] < LEAST_SUPPORT:
         return None

@@ -177,9 +177,10 @@ def fit_world(
     of_evidence = EvidenceTerms(clip, bone_lengths(start.skeleton), camera, depths, NoiseModel())
     feet = Skeleton(start.skeleton.rest_joints, np.array(CONTACT_JOINTS), np.zeros((len(CONTACT_JOINTS), 3)))
 
+    seen_weight = np.where(clip.seen, frame_weights(clip.time_s), 0.0)
+
     def terms(frames: slice) -> list[Term]:
         planted = PlantedFeet(feet, clip.time_s[frames], contacts[frames])
-        upright = Uprightness(np.where(clip.seen, frame_weights(clip.time_s), 0.0)[frames])
-        return [*of_evidence(frames), planted, upright]
+        return [*of_evidence(frames), planted, Uprightness(seen_weight[frames])]
 
     return solve_windows(start, terms, SETTINGS)
