@@ -60,8 +60,8 @@ class RotationEdge:
     """Background points; 0 for edges from people."""
     connects: bool = True
     """Whether it shows by itself that the two shots belong to one world."""
-    weight: float = 1.0
-    """How far it is a witness of its own; backgrounds that match count less besides (`BACKGROUND_VOICES`)."""
+    pooled: bool = False
+    """Made of what each of the two shots says by itself: all pairs of n shots know no more than n - 1 of them."""
 
 
 @dataclass(frozen=True)
@@ -144,11 +144,10 @@ class Mixture:
 
 
 def mixtures(edges: Sequence[RotationEdge], upright: Sequence[Upright | None]) -> list[Mixture]:
-    """All edges that have hypotheses, compiled; `upright`: one a shot."""
-    usable = [edge for edge in edges if edge.hypotheses]
+    """All edges between the shots of one world, compiled; `upright`: one a shot of the video."""
     return [
         Mixture.of(edge, weight, (upright[edge.a], upright[edge.b]))
-        for edge, weight in zip(usable, _weights(usable), strict=True)
+        for edge, weight in zip(edges, _weights(edges), strict=True)
     ]
 
 
@@ -156,16 +155,21 @@ def _weights(edges: Sequence[RotationEdge]) -> list[float]:
     """How far each edge is a witness of its own.
 
     In a room whose walls are alike, a camera that is rotated by 90° sees what all other cameras see: the backgrounds of
-    a shot agree with one another about the wrong rotation. All together they count for BACKGROUND_VOICES.
+    a shot agree with one another about the wrong rotation. All together they count for BACKGROUND_VOICES. Of pooled
+    edges between n shots each counts for 2 / n.
     """
     degree: dict[int, int] = {}
     for edge in edges:
         if edge.num_inliers:
             degree[edge.a], degree[edge.b] = degree.get(edge.a, 0) + 1, degree.get(edge.b, 0) + 1
-    return [
-        min(1.0, BACKGROUND_VOICES / math.sqrt(degree[edge.a] * degree[edge.b])) if edge.num_inliers else edge.weight
-        for edge in edges
-    ]
+    pooled = {shot for edge in edges if edge.pooled for shot in (edge.a, edge.b)}
+    weights = []
+    for edge in edges:
+        if edge.num_inliers:
+            weights.append(min(1.0, BACKGROUND_VOICES / math.sqrt(degree[edge.a] * degree[edge.b])))
+        else:
+            weights.append(2 / len(pooled) if edge.pooled else 1.0)
+    return weights
 
 
 @dataclass(frozen=True, eq=False)

@@ -92,22 +92,25 @@ def solve_rotations(
 ) -> ShotRotations:
     """Rotations of all shots from all edges together; `upright`: one a shot, or none at all."""
     ups = [*upright, *[None] * (num_shots - len(upright))]
-    compiled = mixtures(edges, ups)
+    usable = [edge for edge in edges if edge.hypotheses]
     R, group = np.tile(np.eye(3), (num_shots, 1, 1)), list(range(num_shots))
     certainty: list[Certainty | None] = [None] * num_shots
-    for shots in _groups(num_shots, compiled):
-        own = [edge for edge in compiled if edge.a in shots and edge.b in shots]
+    compiled: list[Mixture] = []
+    for shots in _groups(num_shots, usable):
+        own = mixtures([edge for edge in usable if edge.a in shots and edge.b in shots], ups)
+        compiled += own
         world = _Group(shots, own, [ups[shot] for shot in shots])
         found = world.solve()
         for shot, rotation in zip(shots, found, strict=True):
             R[shot], group[shot] = found[0].T @ rotation, shots[0]
         for shot, one in world.certainty(found).items():
             certainty[shot] = one
-    believed, refused = _sorted_out(R, group, compiled)
-    return ShotRotations(R, tuple(group), believed, refused, tuple(certainty))
+    between = [Refused(edge, float("nan")) for edge in usable if group[edge.a] != group[edge.b]]
+    believed, refused = _sorted_out(R, compiled)
+    return ShotRotations(R, tuple(group), believed, (*refused, *between), tuple(certainty))
 
 
-def _groups(num_shots: int, edges: Sequence[Mixture]) -> list[list[int]]:
+def _groups(num_shots: int, edges: Sequence[RotationEdge]) -> list[list[int]]:
     """Shots that edges connect, each group in order."""
     root = list(range(num_shots))
 
@@ -117,7 +120,7 @@ def _groups(num_shots: int, edges: Sequence[Mixture]) -> list[list[int]]:
         return shot
 
     for edge in edges:
-        if edge.edge.connects:
+        if edge.connects:
             first, second = sorted((find(edge.a), find(edge.b)))
             root[second] = first
     groups: dict[int, list[int]] = {}
@@ -379,15 +382,12 @@ def _distinct(score: Float[Array, "n c"], R: Float[Array, "n c 3 3"]) -> tuple[l
 
 
 def _sorted_out(
-    R: Float[Array, "shots 3 3"], group: Sequence[int], edges: Sequence[Mixture]
+    R: Float[Array, "shots 3 3"], edges: Sequence[Mixture]
 ) -> tuple[tuple[Believed, ...], tuple[Refused, ...]]:
     """The edges of which a hypothesis is likelier than none, with that hypothesis, and the others."""
     believed: list[Believed] = []
     refused: list[Refused] = []
     for edge in edges:
-        if group[edge.a] != group[edge.b]:
-            refused.append(Refused(edge.edge, float("nan")))
-            continue
         relative = R[edge.a].T @ R[edge.b]
         shares = edge.components(relative)
         likeliest = int(shares.argmax())

@@ -73,10 +73,7 @@ def frame_probability(margin: float) -> float:
 
 
 def wall_edges(walls: Mapping[int, ShotWalls]) -> list[RotationEdge]:
-    """Four hypotheses of the rotation between any two shots that have frames.
-
-    All pairs of n shots know no more than n - 1 of them: each counts for 2 / n of a witness.
-    """
+    """Four hypotheses of the rotation between any two shots that have frames."""
     edges = []
     for a, b in combinations(sorted(walls), 2):
         first, second = walls[a], walls[b]
@@ -88,5 +85,5 @@ def wall_edges(walls: Mapping[int, ShotWalls]) -> list[RotationEdge]:
             )
             for turn in QUARTER_TURNS
         )
-        edges.append(RotationEdge(a, b, hypotheses, "walls", connects=False, weight=2 / len(walls)))
+        edges.append(RotationEdge(a, b, hypotheses, "walls", connects=False, pooled=True))
     return edges
