@@ -15,9 +15,9 @@ def people(inputs: StageInputs) -> ScenePeople:
     """The tracks of all people in the scene's frames."""
     settings = inputs.config.people
     facts = inputs.read("decode", VideoFacts)
+    lifter = load("lifting.method", inputs.config.lifting.method)
     if settings.keypoints_from is not None:
         keypoints = read_keypoints(settings.keypoints_from, facts.num_frames, (facts.width, facts.height))
-        lifter = load("lifting.method", inputs.config.lifting.method)
         return people_of_keypoints(keypoints, facts, inputs.span, max_people=settings.max_people, lifter=lifter)
     networks = Networks(load("people.detector", settings.detector), load("people.pose", settings.pose))
     with inputs.open_video() as stream:
@@ -27,5 +27,6 @@ def people(inputs: StageInputs) -> ScenePeople:
             max_people=settings.max_people,
             max_side_px=settings.max_side_px,
             networks=networks,
+            lifter=lifter,
             progress=inputs.progress,
         )

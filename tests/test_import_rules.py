@@ -17,6 +17,7 @@ TOWER = (
     "weights",
     "body",
     "perception",
+    "perception.lifting",
     "perception.tracking",
     "cuts",
     "shots",
@@ -32,6 +33,7 @@ TOWER = (
     "synthetic",
     "rendering",
     "rendering.places",
+    "learning",
     "benchmark",
     "benchmark.tables",
 )

@@ -3,7 +3,7 @@
 Positions are in source pixels, pixel centres at (0.5, 0.5).
 
 `people.detector`, `people.pose` and `lifting.method` choose them by name (docs/extend.md); the defaults are in
-`networks` and `lifting`.
+`networks` and `lifting.lift`.
 """
 
 from collections.abc import Sequence
@@ -15,6 +15,7 @@ from jaxtyping import Float, UInt8
 
 from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.regions import Region
+from humanmm.models.records.tracks import PoseEstimates
 
 
 @dataclass(frozen=True)
@@ -82,15 +83,40 @@ SEEN = 0.1
 """A keypoint with a lower score counts as unseen. Scores above are not calibrated between detectors."""
 
 
+@dataclass(frozen=True, eq=False)
+class PersonFrames:
+    """One person in n frames of one scene, in the order of their times; frames may be missing between them."""
+
+    time_s: Float[np.ndarray, " n"]
+    keypoints: Float[np.ndarray, "n 33 3"]
+    """x, y in source pixels, visibility 0..1; 0 for landmarks that the detector does not name."""
+    landmarks3d: Float[np.ndarray, "n 33 3"] | None
+    """The pose network's, metres about the mid-hip, axes of the viewing ray; None where keypoints are all there is."""
+    centre: Float[np.ndarray, "n 2"]
+    """Of the crop that the network saw, source pixels."""
+    side: Float[np.ndarray, " n"]
+    """Of the crop, source pixels."""
+
+    def chosen(self, rows: slice) -> "PersonFrames":
+        """A run of frames."""
+        landmarks3d = self.landmarks3d[rows] if self.landmarks3d is not None else None
+        return PersonFrames(self.time_s[rows], self.keypoints[rows], landmarks3d, self.centre[rows], self.side[rows])
+
+
+@dataclass(frozen=True, eq=False)
+class Lifted:
+    """One person in space, n frames."""
+
+    landmarks3d: Float[np.ndarray, "n 33 3"]
+    """Metres about the mid-hip, axes of the viewing ray through each frame's crop: x right, y down, z away."""
+    pose: PoseEstimates | None = None
+    """Joint rotations, from a lifter that knows them."""
+
+
 class Lifter(Protocol):
-    """Finds 3D landmarks for a person of whom a detector gives COCO's 17 keypoints alone."""
+    """Finds a person in space from what the pose networks saw of him over time."""
 
-    def __call__(
-        self, keypoints: Float[np.ndarray, "n 17 3"], time_s: Float[np.ndarray, " n"], K: Float[np.ndarray, "3 3"]
-    ) -> Float[np.ndarray, "n 33 3"]:
-        """33 landmarks (`records.landmarks`) in metres about the mid-hip, camera axes, in each of n frames.
-
-        Keypoints (pixels and score 0..1) are one person's, in the order of their times, seconds; frames may be missing
-        between them. K may be rough.
-        """
+    def __call__(self, frames: PersonFrames, K: Float[np.ndarray, "3 3"]) -> Lifted:
+        """Landmarks (`records.landmarks`) and poses in each frame, left and right named as they are in `frames`; K may
+        be rough."""
         ...

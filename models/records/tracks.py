@@ -60,6 +60,36 @@ def deflated_mask(mask: np.ndarray) -> bytes:
 
 
 @dataclass(frozen=True)
+class PoseEstimates:
+    """Joint rotations of one person in N frames, as the lifter estimates them."""
+
+    vectors: np.ndarray
+    """(N,20,3) float32, rotation vectors: the root's in the axes of the viewing ray through the crop's centre, and
+    those of `body24.FREE_JOINTS` relative to their parents."""
+    sigma: np.ndarray
+    """(N,20) float32: expected errors, radians; UNKNOWN_RAD where nothing is known."""
+    swap_odds: np.ndarray
+    """(N,) float32: log-odds that left and right of the keypoints are swapped."""
+
+    def chosen(self, rows: "slice | np.ndarray") -> "PoseEstimates":
+        """Those of some rows."""
+        return PoseEstimates(self.vectors[rows], self.sigma[rows], self.swap_odds[rows])
+
+    def then(self, other: "PoseEstimates") -> "PoseEstimates":
+        """These, and others after them."""
+        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
+        return PoseEstimates(*(np.concatenate(pair) for pair in pairs))
+
+    def with_sides_swapped(self, is_swapped: np.ndarray) -> "PoseEstimates":
+        """Estimates of frames whose left and right turn out to be swapped are of a body that is not there."""
+        sigma = np.where(is_swapped[:, None], np.float32(UNKNOWN_RAD), self.sigma)
+        return PoseEstimates(self.vectors, sigma, np.where(is_swapped, -self.swap_odds, self.swap_odds))
+
+
+UNKNOWN_RAD = 10.0
+
+
+@dataclass(frozen=True)
 class PersonTrack:
     """Observations of one person; N frames, strictly increasing, holes allowed (frames where the person is not seen).
 
@@ -71,8 +101,8 @@ class PersonTrack:
     keypoints2d: np.ndarray
     """(N,33,3) float32: x, y in source pixels, visibility 0..1; order as in `landmarks.NAMES`."""
     landmarks3d: np.ndarray
-    """(N,33,3) float32: metres about the mid-hip, as the network gives them but rotated back by the crop's in-plane
-    angle: orthographic about the crop's centre, axes parallel to the viewing ray's (x right, y down, z away)."""
+    """(N,33,3) float32: metres about the mid-hip, in the axes of the viewing ray through the crop's centre (x right, y
+    down, z away): the lifter's, or without one the pose network's, rotated back by the crop's in-plane angle."""
     bbox: np.ndarray
     """(N,4) float32: xyxy, source pixels, of the visible body."""
     confidence: np.ndarray
@@ -91,6 +121,8 @@ class PersonTrack:
     """What the probability was made of: detector, trust, steadiness, motion; empty if unknown."""
     lifted: bool = False
     """The detector gives COCO keypoints only: `landmarks3d` was made from them (`perception.lifting`)."""
+    pose: PoseEstimates | None = None
+    """Joint rotations by the lifter; None without one."""
 
     def with_sides_swapped(self, intervals: Intervals) -> "PersonTrack":
         """The track with left and right of keypoints and landmarks swapped in the frames of some intervals."""
@@ -101,6 +133,7 @@ class PersonTrack:
             self,
             keypoints2d=with_sides_swapped(self.keypoints2d, is_swapped),
             landmarks3d=with_sides_swapped(self.landmarks3d, is_swapped),
+            pose=self.pose.with_sides_swapped(is_swapped) if self.pose is not None else None,
         )
 
     def within(self, start: int, end: int) -> "PersonTrack":
@@ -112,6 +145,7 @@ class PersonTrack:
             frame=self.frame[rows],
             keypoints2d=self.keypoints2d[rows],
             landmarks3d=self.landmarks3d[rows],
+            pose=self.pose.chosen(rows) if self.pose is not None else None,
             bbox=self.bbox[rows],
             confidence=self.confidence[rows],
             masks=self.masks.chosen(np.arange(rows.start, rows.stop)),
@@ -137,6 +171,7 @@ class PersonTrack:
             color_histogram=np.concatenate([self.color_histogram, later.color_histogram]),
             probability=total / sum(counts) if sum(counts) else self.probability,
             lifted=self.lifted or later.lifted,
+            pose=self.pose.then(later.pose) if self.pose is not None and later.pose is not None else None,
         )
 
 

@@ -132,10 +132,10 @@ class PeopleConfig(Section):
 
 
 class LiftingConfig(Section):
-    """3D landmarks of people of whom 2D keypoints alone are given (people.keypoints_from, benchmark ms-aist)."""
+    """Landmarks in space and joint rotations from what the pose network sees over time."""
 
-    method: Annotated[str, _part("lifting.method")] = "residual-network"
-    """What finds 3D landmarks for 2D keypoints, by name."""
+    method: Annotated[str, _part("lifting.method")] = "transformer"
+    """What lifts people, by name; `none` keeps the pose network's own landmarks."""
 
 
 class ShotsConfig(Section):

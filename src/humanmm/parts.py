@@ -22,7 +22,10 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "blazepose-full": "humanmm.models.perception.blazepose:locate_full",
     },
     "points.tracker": {"klt": "humanmm.models.camera.klt:klt_tracks"},
-    "lifting.method": {"residual-network": "humanmm.models.perception.lifting:lift"},
+    "lifting.method": {
+        "transformer": "humanmm.models.perception.lifting.lift:lift",
+        "none": "humanmm.models.perception.lifting.lift:keep",
+    },
     "camera.estimator": {"bundle": "humanmm.models.camera.estimate:camera_from_points"},
     "hmr.initial_pose": {"inverse-kinematics": "humanmm.models.motion.fit.initial:start_pose"},
     "align.method": {

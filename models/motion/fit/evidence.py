@@ -13,10 +13,10 @@ from jaxtyping import Bool, Float, Int
 from humanmm.models.body.kinematics import chunks
 from humanmm.models.geometry.intervals import in_intervals
 from humanmm.models.geometry.projection import ray_axes, viewing_rays
-from humanmm.models.geometry.rotations import unit
-from humanmm.models.motion.fit.state import Skeleton
+from humanmm.models.geometry.rotations import rotvec_to_rotmat, unit
+from humanmm.models.motion.fit.state import NUM_ROTATIONS, Skeleton
 from humanmm.models.records.landmarks import NUM_LANDMARKS
-from humanmm.models.records.tracks import MASK_SIDE, PersonTrack
+from humanmm.models.records.tracks import MASK_SIDE, UNKNOWN_RAD, PersonTrack
 
 Array = np.ndarray
 
@@ -109,14 +109,20 @@ class Sighting:
         evidence.landmarks_cam[at] = landmarks_cam
         evidence.bones[at] = (landmarks_cam[:, BONE_END] - landmarks_cam[:, BONE_START]) / self.bone_lengths[:, None]
         evidence.ray[at] = ray
-        evidence.lifted[at] = self.track.lifted
+        evidence.lifted[at] = self.track.lifted or self.track.pose is not None
+        if self.track.pose is not None:
+            pose = self.track.pose.chosen(rows)
+            rotations = rotvec_to_rotmat(pose.vectors.astype(np.float64))
+            rotations[:, 0] = ray_axes(ray) @ rotations[:, 0]
+            evidence.rotations_cam[at] = rotations
+            evidence.rotation_sigma[at] = pose.sigma / np.sqrt(trust)[:, None]
 
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
     """One person's observations on every frame of a run, dense: weight zero where nothing was seen. N frames.
 
-    Keypoints, visibility, landmarks and bones in single precision, as the network gives them.
+    Keypoints, visibility, landmarks, bones and rotations in single precision, as the network gives them.
     """
 
     seen: Bool[Array, " N"]
@@ -129,7 +135,11 @@ class Evidence:
     ray: Float[Array, "N 3"]
     """Unit viewing ray of the crop's centre."""
     lifted: Bool[Array, " N"]
-    """Where the landmarks were made from the keypoints."""
+    """Where the landmarks are the lifter's."""
+    rotations_cam: Float[Array, "N 20 3 3"]
+    """The lifter's: the root's in camera axes, the free joints' relative to their parents."""
+    rotation_sigma: Float[Array, "N 20"]
+    """Their expected errors, radians; UNKNOWN_RAD where nobody lifted."""
 
     @classmethod
     def empty(cls, num_frames: int) -> "Evidence":
@@ -143,6 +153,8 @@ class Evidence:
             bones=np.zeros((n, len(BONES), 3), np.float32),
             ray=np.tile([0.0, 0.0, 1.0], (n, 1)),
             lifted=np.zeros(n, bool),
+            rotations_cam=np.tile(np.eye(3, dtype=np.float32), (n, NUM_ROTATIONS, 1, 1)),
+            rotation_sigma=np.full((n, NUM_ROTATIONS), UNKNOWN_RAD, np.float32),
         )
 
 
@@ -177,6 +189,7 @@ class LongEvidence:
             sighting.enter(evidence, int(self.frame[chosen][0]))
         evidence.seen[~seen] = False
         evidence.visibility[~seen] = 0
+        evidence.rotation_sigma[~seen] = UNKNOWN_RAD
         return evidence
 
 

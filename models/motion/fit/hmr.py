@@ -24,6 +24,7 @@ from humanmm.models.motion.fit.state import NUM_PARAMETERS, PELVIS, CameraPath, 
 from humanmm.models.motion.fit.terms import (
     Anchor,
     Bones,
+    EstimatedRotations,
     PosePrior,
     Reprojection,
     Smoothness,
@@ -31,7 +32,7 @@ from humanmm.models.motion.fit.terms import (
 from humanmm.models.records.camera import ShotCamera
 from humanmm.models.records.motion import PersonShotMotion, ShotMotion
 from humanmm.models.records.shots import Person, Shot
-from humanmm.models.records.tracks import ScenePeople
+from humanmm.models.records.tracks import UNKNOWN_RAD, ScenePeople
 
 Array = np.ndarray
 
@@ -73,6 +74,8 @@ class NoiseModel:
     """The same for rotations."""
     joint_limit_rad: float = 0.1
     """Softness of the ends of joint ranges."""
+    rotations: float = 0.1
+    """Weight of the lifter's rotations: their errors last for a second, and count once, not in each frame."""
     smoothness: float = 1.0
     """Expected accelerations, in units of the motion-capture statistic."""
 
@@ -208,6 +211,10 @@ class EvidenceTerms:
         )
         smooth = Smoothness(time_s[frames], statistics.acceleration * noise.smoothness)
         terms: list[Term] = [self.reprojection(e, frames), self.lifted(e, frames), prior, smooth]
+        if (e.rotation_sigma < UNKNOWN_RAD).any():
+            R_ref = e.rotations_cam.astype(np.float64)
+            R_ref[:, 0] = np.swapaxes(self.camera.R_cam_ref[frames], -1, -2) @ R_ref[:, 0]
+            terms.append(EstimatedRotations(R_ref, e.rotation_sigma, noise.rotations * np.where(e.seen, time, 0.0)))
         if self.anchor is not None and not e.seen.all():
             anchor_std = np.full(NUM_PARAMETERS, noise.anchor_rad)
             anchor_std[PELVIS] = noise.anchor_m

@@ -14,8 +14,9 @@ from functools import cached_property, lru_cache
 import numpy as np
 from jaxtyping import Float
 
+from humanmm.models.body.body24 import FREE_JOINTS
 from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
-from humanmm.models.motion.fit.state import BODY, FREE_JOINTS, NUM_PARAMETERS, PELVIS, ROOT
+from humanmm.models.motion.fit.state import BODY, NUM_PARAMETERS, PELVIS, ROOT
 from humanmm.models.weights.shipped import read_weights
 
 Array = np.ndarray

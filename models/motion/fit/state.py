@@ -15,17 +15,16 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy.typing import DTypeLike
 
-from humanmm.models.body.body24 import NUM_JOINTS, PARENTS
+from humanmm.models.body.body24 import FREE_JOINTS, NUM_JOINTS, PARENTS
 from humanmm.models.body.kinematics import compose
 from humanmm.models.geometry.projection import camera_to_world
 from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
 
 Array = np.ndarray
 
-FREE_JOINTS = tuple(j for j in range(1, NUM_JOINTS) if j not in (10, 11, 22, 23))
-"""Body joints that a fit rotates, in the order of their parameters."""
-
 NUM_PARAMETERS = 6 + 3 * len(FREE_JOINTS)
+NUM_ROTATIONS = 1 + len(FREE_JOINTS)
+"""The root's and the free joints'."""
 
 ROOT, PELVIS, BODY = slice(0, 3), slice(3, 6), slice(6, NUM_PARAMETERS)
 """Where the parts of a step stand."""
@@ -100,7 +99,7 @@ class Motion:
     def moved(self, step: Float[Array, "N 63"]) -> "Motion":
         """The motion after one step."""
         rotated = self.free_rotations @ rotvec_to_rotmat(
-            np.concatenate([step[:, ROOT], step[:, BODY]], axis=1).reshape(-1, 20, 3)
+            np.concatenate([step[:, ROOT], step[:, BODY]], axis=1).reshape(-1, NUM_ROTATIONS, 3)
         )
         R = self.R_local.copy()
         R[:, _TURNING] = rotated

@@ -219,6 +219,37 @@ class PosePrior:
 
 
 @dataclass(frozen=True, eq=False)
+class EstimatedRotations:
+    """Rotations of the root and the free joints that a network estimates, robust for each joint: log(Rᵀ R_now) / σ."""
+
+    R_ref: Float[Array, "N 20 3 3"]
+    """The root's in the reference frame, the joints' relative to their parents."""
+    sigma_rad: Float[Array, "N 20"]
+    weight: Float[Array, " N"]
+    robust_scale: float = 3.0
+
+    @memoised
+    def _residual(self, motion: Motion) -> tuple[Array, Array, Array]:
+        """Rotation vectors (N, 20, 3), robust costs and weights (N, 20)."""
+        vectors = rotmat_to_rotvec(np.swapaxes(self.R_ref, -1, -2) @ motion.free_rotations)
+        return vectors, *cauchy(np.sum((vectors / self.sigma_rad[..., None]) ** 2, axis=-1), self.robust_scale)
+
+    def cost(self, motion: Motion) -> float:
+        return float(np.sum(self.weight[:, None] * self._residual(motion)[1]))
+
+    def add(self, motion: Motion, equations: NormalEquations) -> None:
+        vectors, _, trust = self._residual(motion)
+        chain = _inverse_right_jacobian(vectors)
+        precision = self.weight[:, None] * trust / self.sigma_rad**2
+        transposed = np.swapaxes(chain, -1, -2) * precision[..., None, None]
+        gradient = (transposed @ vectors[..., None])[..., 0]
+        equations.rotation_blocks[:, 0] += transposed[:, 0] @ chain[:, 0]
+        equations.rotation_blocks[:, 2:] += transposed[:, 1:] @ chain[:, 1:]
+        equations.gradient[:, ROOT] += gradient[:, 0]
+        equations.gradient[:, BODY] += gradient[:, 1:].reshape(len(vectors), -1)
+
+
+@dataclass(frozen=True, eq=False)
 class Anchor:
     """Frames that stay near a reference motion: in a long hole, smoothness alone flies off with the last velocity."""
 

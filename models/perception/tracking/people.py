@@ -2,7 +2,8 @@
 
 from collections.abc import Iterator
 
-from humanmm.models.perception.interfaces import Networks
+from humanmm.models.perception.interfaces import Lifter, Networks
+from humanmm.models.perception.lifting.lift import lift, lifted_people
 from humanmm.models.perception.networks import BEST
 from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.tracking.tracker import track_pictures
@@ -19,6 +20,7 @@ def track_people(
     max_people: int = 6,
     max_side_px: int = 1920,
     networks: Networks = BEST,
+    lifter: Lifter = lift,
     progress: Progress = silent,
 ) -> ScenePeople:
     """Boxes, keypoints, 3D landmarks, masks and clothing colours of everybody in the frames [start, end) of one scene.
@@ -33,7 +35,7 @@ def track_people(
             progress(frame.index + 1 - start, end - start)
 
     with prefetched(planar_frames(video.stream, video.facts, start, end, max_side_px=max_side_px)) as decoded:
-        return track_pictures(
+        people = track_pictures(
             pictures(decoded),
             start=start,
             end=end,
@@ -42,3 +44,4 @@ def track_people(
             max_people=max_people,
             networks=networks,
         )
+    return lifted_people(people, lifter, video.facts.time_s, video.size)

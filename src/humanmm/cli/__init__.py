@@ -4,7 +4,19 @@ import importlib
 import os
 from collections.abc import Sequence
 
-SUBJECTS = ("recover", "correct", "results", "inspect", "batch", "serve", "bench", "dataset", "maintain", "doctor")
+SUBJECTS = (
+    "recover",
+    "correct",
+    "results",
+    "inspect",
+    "batch",
+    "serve",
+    "bench",
+    "dataset",
+    "train",
+    "maintain",
+    "doctor",
+)
 """Files of verbs, in the order of `humanmm --help`."""
 
 

@@ -9,7 +9,7 @@ from humanmm.config import Config
 from humanmm.errors import InputError
 from humanmm.models.benchmark.aist import build_aist
 from humanmm.models.benchmark.methods import run_methods
-from humanmm.models.perception.lifting import lift
+from humanmm.models.perception.lifting.lift import lift
 from humanmm.models.synthetic.multishot import plan_videos
 from humanmm.storage.readers.aist import read_aist, read_aist_sequence
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from humanmm.models.perception.lifting import lift
+from humanmm.models.perception.lifting.lift import lift
 from humanmm.models.perception.tracking.keypoint_tracks import PictureKeypoints, link, people_of_keypoints
 from humanmm.models.records.video import VideoFacts
 from humanmm.storage.readers.aist import read_aist_sequence

@@ -1,0 +1,1 @@
+"""Training of the shipped networks: sets of pairs, the lifter, its card."""

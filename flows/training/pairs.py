@@ -1,0 +1,90 @@
+"""A set of pairs for the lifter: rendered people, and what the shipped pose networks see of them; resumes."""
+
+import hashlib
+import json
+import logging
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from prefect import flow
+
+from humanmm.flows.bench.render_set import Split, shipped_packs, takes_of
+from humanmm.models.learning.pairs import PairSource
+from humanmm.models.perception.blazepose import HEAVY
+from humanmm.models.rendering.places.takes import Library
+from humanmm.models.synthetic.mocap import MocapSequence
+from humanmm.models.weights.shipped import manifest
+from humanmm.storage.readers.mocap_pack import read_pack
+from humanmm.storage.training.pair_set import PairSet
+from humanmm.tasks.units.digest import code_digest
+from humanmm.tasks.units.process import in_processes, prepare_process
+
+log = logging.getLogger(__name__)
+
+GROUP = 16
+"""Windows of a group: a minute or two of work, which is lost if the process is killed."""
+SEEDS: dict[Split, int] = {"train": 7, "dev": 8, "test": 9}
+MODULE = "humanmm.models.learning.pairs"
+NETWORKS = (HEAVY, "movenet-thunder.tflite")
+
+
+@dataclass(frozen=True)
+class PairPlan:
+    """Which pairs."""
+
+    split: Split
+    count: int
+    """Windows of 32 frames."""
+    packs: tuple[Path, ...]
+
+    def identity(self) -> str:
+        """Digest of the code, networks, motions and seed that decide a window."""
+        parts = {
+            "code": code_digest(MODULE).modules,
+            "networks": [manifest()[name].sha256 for name in NETWORKS],
+            "packs": [hashlib.sha256(pack.read_bytes()).hexdigest() for pack in self.packs],
+            "seed": SEEDS[self.split],
+        }
+        return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
+
+    def groups(self) -> list[tuple[str, range]]:
+        """Name and numbers of each group."""
+        starts = range(0, self.count, GROUP)
+        return [(f"{self.split}-{k:05d}", range(s, min(s + GROUP, self.count))) for k, s in enumerate(starts)]
+
+
+@flow(name="build-pairs", persist_result=False)
+def build_pairs(split: Split, count: int, out: Path, packs: tuple[Path, ...] = (), threads: int = 2) -> Path:
+    """Make all windows that the folder lacks; returns the folder."""
+    plan = PairPlan(split, count, packs or shipped_packs("places", split))
+    pair_set = PairSet(out, plan.identity())
+    out.mkdir(parents=True, exist_ok=True)
+    missing = [(name, numbers) for name, numbers in plan.groups() if not pair_set.has(name)]
+    log.info("%s: %d of %d groups are to be made", out, len(missing), len(plan.groups()))
+    calls = [(plan, pair_set, name, numbers) for name, numbers in missing]
+    for done, name in enumerate(_made(calls, threads), start=1):
+        log.info("%s: %d of %d groups", name, done, len(missing))
+    return out
+
+
+def _made(calls: list[tuple[PairPlan, PairSet, str, range]], threads: int) -> Iterator[str]:
+    if threads == 1 or len(calls) == 1:
+        yield from (make_group(*call) for call in calls)
+        return
+    make: Callable[..., Any] = make_group
+    for _, name in in_processes(make, calls, threads):
+        yield name
+
+
+def make_group(plan: PairPlan, pair_set: PairSet, name: str, numbers: range) -> str:
+    """Render and look at the windows of one group; returns its name. Runs in a process of its own."""
+    prepare_process()
+    sequences: list[MocapSequence] = [sequence for pack in plan.packs for sequence in read_pack(pack)]
+    source = PairSource(Library(takes_of(sequences, plan.split)), SEEDS[plan.split])
+    windows, facts = zip(*(source.window(number) for number in numbers), strict=True)
+    packed = [window.packed() for window in windows]
+    pair_set.write(name, {key: np.stack([one[key] for one in packed]) for key in packed[0]}, list(facts))
+    return name

@@ -1,0 +1,132 @@
+"""What the lifter is trained for, and how good it is."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from humanmm.models.geometry.alignment import umeyama_alignment
+from humanmm.models.geometry.rotations import rotation_angle
+from humanmm.models.learning.windows import Windows
+from humanmm.models.perception.lifting.network import JOINTS, LifterInput, LifterNetwork, LifterOutput
+from humanmm.models.records.landmarks import COCO_LANDMARKS, LIMBS, TORSO
+
+Array = np.ndarray
+
+IMPORTANCE = torch.tensor([0.15] * 11 + [1.0] * 6 + [0.25] * 6 + [1.0] * 6 + [0.5] * 4)
+"""Of each landmark: face, arms, hands, legs, feet."""
+ROOT_IMPORTANCE = 3.0
+BONES = torch.tensor([
+    (12, 11), (24, 23), (23, 11), (24, 12), (11, 13), (12, 14), (13, 15), (14, 16), (15, 17), (16, 18), (15, 19),
+    (16, 20), (23, 25), (24, 26), (25, 27), (26, 28), (29, 31), (30, 32), (8, 7), (7, 0), (8, 0),
+])  # fmt: skip
+
+
+def loss(found: LifterOutput, wanted: Windows) -> Tensor:
+    """Distances of landmarks, bones and their steps in time, angles of joints with their likelihood under the stated
+    errors (Laplace), sides, contacts."""
+    exists = wanted.exists.float()
+
+    def mean(of_frame: Tensor, weight: Tensor = exists) -> Tensor:
+        return (of_frame * weight).sum() / weight.sum().clamp_min(1.0)
+
+    gap = found.landmarks - wanted.truth
+    of_landmark = IMPORTANCE.to(gap.device)
+    distance = (gap.norm(dim=-1) * of_landmark).sum(dim=-1) / of_landmark.sum()
+    bones = (gap[:, :, BONES[:, 1]] - gap[:, :, BONES[:, 0]]).norm(dim=-1).mean(dim=-1)
+    step = (gap[:, 1:, list(LIMBS)] - gap[:, :-1, list(LIMBS)]).norm(dim=-1).mean(dim=-1)
+    steady = exists[:, 1:] * exists[:, :-1] * (wanted.swapped[:, 1:] == wanted.swapped[:, :-1])
+
+    # nobody's joints are those of a body with left and right swapped
+    known = exists * ~wanted.swapped
+    importance = torch.ones(JOINTS, device=gap.device)
+    importance[0] = ROOT_IMPORTANCE
+    angle = ((found.pose - wanted.pose) ** 2).sum(dim=(-1, -2)).div(2).add(1e-8).sqrt()
+    log_sigma = found.pose_log_sigma
+    unlikely = angle.detach() * torch.exp(-log_sigma) + log_sigma
+
+    def mean_joint(of_joint: Tensor) -> Tensor:
+        return mean((of_joint * importance).sum(dim=-1) / importance.sum(), known)
+
+    binary = nn.functional.binary_cross_entropy_with_logits
+    sides = binary(found.swapped, wanted.swapped.float(), reduction="none")
+    contacts = binary(found.contacts, wanted.contacts, reduction="none").mean(dim=-1)
+    return (
+        10 * mean(distance) + 5 * mean(bones) + 2 * mean(step, steady) + 2 * mean_joint(angle)
+        + 0.2 * mean_joint(unlikely) + 0.3 * mean(sides, exists * wanted.clear) + 0.1 * mean(contacts)
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class LifterScore:
+    """Errors over the frames of windows in which somebody was seen: median, mean."""
+
+    mpjpe_mm: tuple[float, float]
+    """12 limb joints about the mid-hip."""
+    pa_mpjpe_mm: tuple[float, float]
+    torso_deg: tuple[float, float]
+    root_deg: tuple[float, float]
+    """Of the pelvis, in frames with left and right as they are."""
+    swaps_told: float
+    """Fraction of the frames with left and right swapped beyond doubt that are told."""
+    swaps_false: float
+
+
+def score(network: LifterNetwork | None, windows: Windows, *, coco: bool = False) -> LifterScore:
+    """How good a network is on windows; None: the pose network's own landmarks. `coco`: from COCO's keypoints alone."""
+    rows: list[Array] = []
+    for start in range(0, len(windows), 64):
+        part = windows.chosen(torch.arange(start, min(start + 64, len(windows))))
+        rows.append(_rows(network, part, _given(part, coco=coco)))
+    mpjpe, pa, torso, root, told, swapped, clear = np.concatenate(rows).T
+
+    def both(values: Array) -> tuple[float, float]:
+        return (float(np.median(values)), float(values.mean())) if len(values) else (float("nan"), float("nan"))
+
+    wrong, right = (swapped > 0) & (clear > 0), (swapped == 0) & (clear > 0)
+    return LifterScore(
+        both(mpjpe), both(pa), both(torso), both(root[swapped == 0]),
+        float(told[wrong].mean()) if wrong.any() else float("nan"), float(told[right].mean()) if right.any() else 0.0,
+    )  # fmt: skip
+
+
+def _given(windows: Windows, *, coco: bool) -> LifterInput:
+    if not coco:
+        return windows.given()
+    given = windows.given(torch.zeros(len(windows), dtype=torch.bool))
+    named = torch.zeros(given.visibility.shape[-1])
+    named[list(COCO_LANDMARKS)] = 1.0
+    return LifterInput(
+        given.time_s, given.exists, given.points, torch.ceil(given.visibility) * named,
+        given.landmarks, given.has_landmarks, given.size,
+    )  # fmt: skip
+
+
+def _rows(network: LifterNetwork | None, windows: Windows, given: LifterInput) -> Float[Array, "n 7"]:
+    seen = windows.exists
+    if network is None:
+        landmarks, odds = given.landmarks, torch.zeros_like(given.time_s)
+        root = torch.full_like(windows.pose[:, :, 0], torch.nan)  # it gives none
+    else:
+        with torch.inference_mode():
+            found = network(given)
+        landmarks, root, odds = found.landmarks, found.pose[:, :, 0], found.swapped
+    a, b = (x[seen].double().numpy() for x in (landmarks, windows.truth))
+    limbs, torso = list(LIMBS), list(TORSO)
+    aligned = umeyama_alignment(a[:, limbs], b[:, limbs], unique=False).apply(a[:, limbs])
+    R_torso = umeyama_alignment(a[:, torso], b[:, torso], unique=False).R_target_source
+    R_root = (root[seen].transpose(-1, -2) @ windows.pose[:, :, 0][seen]).double().numpy()
+    return np.stack(
+        [
+            1000 * np.linalg.norm(a[:, limbs] - b[:, limbs], axis=-1).mean(axis=1),
+            1000 * np.linalg.norm(aligned - b[:, limbs], axis=-1).mean(axis=1),
+            np.degrees(rotation_angle(R_torso)),
+            np.degrees(rotation_angle(R_root)),
+            (odds[seen] > 0).numpy(),
+            windows.swapped[seen].numpy(),
+            windows.clear[seen].numpy(),
+        ],
+        axis=1,
+    )

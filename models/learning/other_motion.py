@@ -1,0 +1,128 @@
+"""More motion than was rendered: takes of motion capture before the cameras of rendered windows, with their errors.
+
+A pose network's errors of one window are laid on another motion. That is not what it would have said, for errors depend
+on the pose; but a take costs nothing this way, and how people move is learnt from all of them.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from humanmm.models.body.body24 import FREE_JOINTS
+from humanmm.models.body.landmarks import load_landmarks
+from humanmm.models.geometry.projection import project, world_to_camera
+from humanmm.models.geometry.rotations import rotvec_to_rotmat
+from humanmm.models.learning.windows import NEAREST_M, PairErrors, Windows
+from humanmm.models.perception.lifting.features import points_in_view, view_axes
+from humanmm.models.perception.regions import BODY_MARGIN
+from humanmm.models.rendering.places.takes import BODIES, BODY_PROBABILITIES, shape
+from humanmm.models.synthetic.choreography import KINDS, choreography
+from humanmm.models.synthetic.mocap import MocapSequence, pose_actor
+
+Array = np.ndarray
+
+BODIES_A_TAKE = 2
+ROUTINES, ROUTINE_S = 120, 12.0
+TEMPO = (0.75, 1.35)
+ERROR_SCALE = (0.3, 1.0, 1.6)
+"""Errors of 3D landmarks are laid on with a factor: smallest, mean, largest."""
+MOSTLY_SEEN = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Take:
+    """A take on one body, world axes."""
+
+    fps: float
+    landmarks: Float[Array, "N 33 3"]
+    rotations: Float[Array, "N 20 3 3"]
+    contacts: Float[Array, "N 4"]
+
+
+def takes_on_bodies(sequences: Sequence[MocapSequence], rng: np.random.Generator) -> list[Take]:
+    """Every sequence on a few random bodies, and routines."""
+    model, takes = load_landmarks(), []
+    routines = [choreography(KINDS[k % len(KINDS)], "routine", ROUTINE_S, rng) for k in range(ROUTINES)]
+    for sequence in [*np.repeat(np.array(sequences, object), BODIES_A_TAKE), *routines]:
+        body = BODIES[int(rng.choice(len(BODIES), p=BODY_PROBABILITIES))]
+        actor = pose_actor(sequence, rng, betas=shape(body, rng))
+        joints = rotvec_to_rotmat(actor.body_pose[:, [joint - 1 for joint in FREE_JOINTS]])
+        takes.append(
+            Take(
+                float(sequence.fps),
+                model.place(actor.betas, actor.joints, actor.R_world_joint).astype(np.float32),
+                np.concatenate([actor.R_world_joint[:, :1], joints], axis=1).astype(np.float32),
+                actor.contacts.astype(np.float32),
+            )
+        )
+    return [take for take in takes if len(take.landmarks) > 8]
+
+
+class OtherMotion:
+    """Draws windows; `arrays` are those of the rendered ones."""
+
+    def __init__(
+        self, takes: Sequence[Take], arrays: Mapping[str, Array], windows: Windows, errors: PairErrors
+    ) -> None:
+        self._takes, self._arrays, self._windows, self._errors = takes, arrays, windows, errors
+        seconds = np.array([len(take.landmarks) / take.fps for take in takes])
+        self._probability = seconds / seconds.sum()
+        self._usable = np.flatnonzero(windows.exists.float().mean(dim=1).numpy() > MOSTLY_SEEN)
+
+    def draw(self, count: int, rng: np.random.Generator) -> Windows:
+        """So many windows."""
+        which = self._usable[rng.integers(len(self._usable), size=count)]
+        chosen = rng.choice(len(self._takes), size=count, p=self._probability)
+        parts = [self._placed(int(w), self._takes[int(k)], rng) for w, k in zip(which, chosen, strict=True)]
+        in_camera, rotations, contacts = (np.stack(part) for part in zip(*parts, strict=True))
+        B, n = in_camera.shape[:2]
+        landmarks = in_camera.reshape(B * n, 33, 3)
+        K = self._arrays["K"][which].reshape(-1, 3, 3).astype(np.float64)
+        pixels = project(landmarks, K, near_m=NEAREST_M)
+        hips = pixels[:, [23, 24]].mean(axis=1)
+        reach = np.linalg.norm(pixels - hips[:, None], axis=-1).max(axis=1).reshape(B, n)
+        side = (2 * BODY_MARGIN * reach * np.exp(rng.normal(0, 0.05, (B, 1)))).ravel()
+        R_cam_view, size = view_axes(hips, K), side / K[:, 0, 0]
+        points = points_in_view(pixels, R_cam_view, size, K)
+        truth = (landmarks - landmarks[:, [23, 24]].mean(axis=1, keepdims=True)) @ R_cam_view
+        rotations = rotations.reshape(B * n, -1, 3, 3)
+        rotations[:, 0] = np.swapaxes(R_cam_view, -1, -2) @ rotations[:, 0]
+
+        def tensor(array: Array) -> Tensor:
+            return torch.from_numpy(np.ascontiguousarray(array, dtype=np.float32).reshape(B, n, *array.shape[1:]))
+
+        smallest, mean, largest = ERROR_SCALE
+        scale = np.clip(rng.normal(mean, 0.25, (B, 1, 1, 1)), smallest, largest).astype(np.float32)
+        index, nothing = torch.from_numpy(which), torch.zeros(B, n, dtype=torch.bool)
+        return Windows(
+            time_s=self._windows.time_s[index], exists=self._windows.exists[index],
+            points=tensor(points) + self._errors.points[index], visibility=self._windows.visibility[index],
+            landmarks=tensor(truth) + torch.from_numpy(scale) * self._errors.landmarks[index], size=tensor(size),
+            truth=tensor(truth), pose=tensor(rotations), swapped=nothing, clear=nothing,
+            contacts=torch.from_numpy(contacts),
+        )  # fmt: skip
+
+    def _placed(self, window: int, take: Take, rng: np.random.Generator) -> tuple[Array, Array, Array]:
+        """A part of a take where the window's person was, heading anywhere: landmarks in camera axes, rotations (the
+        root's in camera axes), contacts."""
+        arrays = self._arrays
+        R_world_cam, t_world_cam = (arrays[name][window].astype(np.float64) for name in ("R_world_cam", "t_world_cam"))
+        hips_cam = arrays["truth_cam"][window][:, [23, 24]].mean(axis=1)
+        there = (np.einsum("nij,nj->ni", R_world_cam, hips_cam) + t_world_cam).mean(axis=0)
+        at = arrays["time_s"][window] * rng.uniform(*TEMPO) * take.fps
+        room = len(take.landmarks) - 1 - at[-1]
+        at = np.clip(at + (rng.uniform(0, room) if room > 0 else 0.0), 0, len(take.landmarks) - 1.001)
+        before, nearest = at.astype(int), np.rint(at).astype(int)
+        fraction = (at - before)[:, None, None]
+        landmarks = (1 - fraction) * take.landmarks[before] + fraction * take.landmarks[before + 1]
+        R = rotvec_to_rotmat(np.array([0.0, 0.0, rng.uniform(0, 2 * np.pi)]))
+        level = np.array([1.0, 1.0, 0.0])
+        here = landmarks[:, [23, 24]].mean(axis=(0, 1))
+        landmarks = (landmarks - here * level) @ R.T + there * level
+        rotations = take.rotations[nearest].astype(np.float64)
+        rotations[:, 0] = np.swapaxes(R_world_cam, -1, -2) @ (R @ rotations[:, 0])
+        return world_to_camera(landmarks, R_world_cam, t_world_cam), rotations, take.contacts[nearest]

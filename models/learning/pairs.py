@@ -1,0 +1,206 @@
+"""What the shipped pose networks see of a rendered person, frame by frame, beside what is true.
+
+One window is a few seconds of one person in one shot: a captured motion on a random body, clothed, in a place, seen by
+a camera. The networks look at crops as the tracker hands them on, each where the last frame's landmarks say; what they
+return is kept as it is, with every lean, left-right swap and lost limb.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from humanmm.models.body.body24 import load_body
+from humanmm.models.body.landmarks import load_landmarks
+from humanmm.models.geometry.projection import project, world_to_camera
+from humanmm.models.learning.crops import CropRenderer, Degradation
+from humanmm.models.perception.blazepose import HEAVY, decode
+from humanmm.models.perception.fusion import fused, is_crossed
+from humanmm.models.perception.movenet import coco_keypoints
+from humanmm.models.perception.observation import observe
+from humanmm.models.perception.regions import Region, body_region
+from humanmm.models.records import landmarks
+from humanmm.models.rendering.places.filming import FILMINGS, PROBABILITIES, Lens, film
+from humanmm.models.rendering.places.furnishing import Ground
+from humanmm.models.rendering.places.sites import PLACES, build_place
+from humanmm.models.rendering.places.takes import MOTIONS, Library, Performance, choose_take, perform, turned
+from humanmm.models.rendering.textures import poster
+from humanmm.models.synthetic.mocap import Actor
+
+Array = np.ndarray
+
+FRAMES = 32
+STRIDES, STRIDE_PROBABILITIES = (1, 2, 3), (0.35, 0.3, 0.35)
+"""Frames of 1/30 s from one frame of a window to the next."""
+TEMPO = (0.75, 1.35)
+SIZES = ((640, 360), (960, 540), (1280, 720), (540, 960))
+VIEW_DEG = (28.0, 78.0)
+OTHERS = 0.25
+"""How often somebody else is near."""
+PLACE_M = 9.0
+"""Half the width of a place."""
+JITTER = 0.03
+"""Standard deviation of the first region's centre, as a fraction of its side."""
+LOST = 0.35
+"""Distance from the person, in sides of his region, at which a crop has lost him."""
+NEAREST_M = 0.3
+CUT_OFF = 0.15
+"""How often the picture ends within the person."""
+
+
+@dataclass(frozen=True, eq=False)
+class PairWindow:
+    """FRAMES frames of one person: n is FRAMES."""
+
+    time_s: Float[Array, " n"]
+    K: Float[Array, "n 3 3"]
+    size: Float[Array, " 2"]
+    """Width and height of the picture."""
+    R_world_cam: Float[Array, "n 3 3"]
+    t_world_cam: Float[Array, "n 3"]
+    keypoints: Float[Array, "n 33 3"]
+    """The networks': x, y in pixels of the picture, visibility."""
+    landmarks3d: Float[Array, "n 33 3"]
+    """The network's, metres about the mid-hip, axes of the picture."""
+    region: Float[Array, "n 4"]
+    """What the networks were shown: x, y, side, angle."""
+    presence: Float[Array, " n"]
+    confidence: Float[Array, " n"]
+    """As the tracker gives it; 0 where it would not have believed this frame."""
+    is_crossed: Bool[Array, " n"]
+    """The two networks name left and right differently."""
+    betas: Float[Array, " 10"]
+    body_pose: Float[Array, "n 23 3"]
+    R_cam_root: Float[Array, "n 3 3"]
+    joints_cam: Float[Array, "n 24 3"]
+    truth_cam: Float[Array, "n 33 3"]
+    """The landmarks of the true body in camera axes, metres."""
+    contacts: Float[Array, "n 4"]
+
+    def packed(self) -> dict[str, Array]:
+        """Its arrays, in single precision."""
+        arrays = {field.name: np.asarray(getattr(self, field.name)) for field in fields(self)}
+        return {k: v if v.dtype == bool else v.astype(np.float32) for k, v in arrays.items()}
+
+
+@dataclass(frozen=True)
+class PairSource:
+    """Where windows are drawn from; the same seed and number give the same window."""
+
+    library: Library
+    seed: int
+
+    def window(self, number: int) -> tuple[PairWindow, Mapping[str, Any]]:
+        """One window, and what it shows."""
+        rng = np.random.default_rng((self.seed, number))
+        stride = int(rng.choice(STRIDES, p=STRIDE_PROBABILITIES))
+        fps = 30.0 / stride
+        motion = MOTIONS[number % len(MOTIONS)]
+        seconds = (FRAMES + 1) / fps
+        first = self._performance(motion, seconds, fps, rng)
+        actors = [_placed(first.actor, rng)]
+        if rng.random() < OTHERS:
+            other = self._performance(MOTIONS[int(rng.integers(len(MOTIONS)))], seconds, fps, rng)
+            actors.append(_beside(other.actor, actors[0], rng))
+        lens, shot = _filmed(actors, fps, rng)
+        place = tuple(PLACES)[int(rng.integers(len(PLACES)))]
+        scene = build_place(place, _ground(actors, shot.t_world_cam, rng), rng)
+        renderer = CropRenderer(
+            actors=tuple(actors), body=load_body(), shot=shot, scene=scene, size=(lens.width, lens.height),
+            degradation=Degradation.random(rng), seed=(self.seed, number),
+        )  # fmt: skip
+        window = _observed(renderer, fps, rng)
+        facts = {
+            "number": number, "motion": first.motion, "take": first.take, "subject": first.subject, "body": first.body,
+            "stride": stride, "camera": shot.kind, "place": place, "people": len(actors),
+        }  # fmt: skip
+        return window, facts
+
+    def _performance(self, motion: str, seconds: float, fps: float, rng: np.random.Generator) -> Performance:
+        """A part of a take at another tempo."""
+        tempo = rng.uniform(*TEMPO)
+        take = choose_take(self.library, motion, rng, shortest_s=0.7)
+        return perform(replace(take, fps=take.fps * tempo), seconds, fps, rng)
+
+
+def _placed(actor: Actor, rng: np.random.Generator) -> Actor:
+    return turned(actor, rng.uniform(0, 2 * np.pi), np.zeros(2))
+
+
+def _beside(actor: Actor, first: Actor, rng: np.random.Generator) -> Actor:
+    """Somebody half a metre to two metres away from the first."""
+    angle, away = rng.uniform(0, 2 * np.pi), rng.uniform(0.5, 2.2)
+    return turned(actor, rng.uniform(0, 2 * np.pi), away * np.array([np.cos(angle), np.sin(angle)]))
+
+
+def _filmed(actors: list[Actor], fps: float, rng: np.random.Generator) -> tuple[Lens, Any]:
+    """A camera that shows the first actor; sometimes the picture ends within him."""
+    size = SIZES[int(rng.integers(len(SIZES)))]
+    focal = max(size) / 2 / np.tan(np.deg2rad(rng.uniform(*VIEW_DEG)) / 2)
+    lens = Lens(*size, float(focal), fps)
+    kind = FILMINGS[int(rng.choice(len(FILMINGS), p=PROBABILITIES))]
+    shot = film(actors[:1], (0, FRAMES), rng.uniform(0, 2 * np.pi), kind, lens, rng)
+    if rng.random() < CUT_OFF:
+        shot = replace(shot, focal_px=shot.focal_px * rng.uniform(1.3, 2.2))
+    return lens, shot
+
+
+def _ground(actors: list[Actor], eyes: Float[Array, "n 3"], rng: np.random.Generator) -> Ground:
+    """What the place has to hold."""
+    walked = np.concatenate([*(actor.joints[:, 0, :2] for actor in actors), eyes[:, :2]])
+    everybody = np.concatenate([actor.joints.reshape(-1, 3) for actor in actors])
+    towards = np.linspace(eyes[::8, :2], np.zeros_like(eyes[::8, :2]), 7).reshape(-1, 2)
+    return Ground(np.concatenate([everybody, eyes]), np.concatenate([walked, towards]), walked, (), (poster(rng),))
+
+
+def _observed(renderer: CropRenderer, fps: float, rng: np.random.Generator) -> PairWindow:
+    """Every frame rendered and looked at."""
+    actor, shot = renderer.actors[0], renderer.shot
+    rows = slice(0, FRAMES)
+    K = np.stack([renderer.intrinsics(frame) for frame in range(FRAMES)])
+    joints = world_to_camera(actor.joints[rows], shot.R_world_cam, shot.t_world_cam)
+    R_cam_joint = np.swapaxes(shot.R_world_cam, -1, -2)[:, None] @ actor.R_world_joint[rows]
+    truth = load_landmarks().place(actor.betas, joints, R_cam_joint)
+    pixels = project(truth, K, near_m=NEAREST_M)
+    seen: list[dict[str, Any]] = []
+    region: Region | None = None
+    for frame in range(FRAMES):
+        own = _true_region(pixels[frame])
+        if region is None or region.outlier_of(own, shift=LOST, ratio=1.6):
+            side = own.side
+            region = Region(
+                own.x + side * rng.normal(0, JITTER), own.y + side * rng.normal(0, JITTER),
+                side * float(np.exp(rng.normal(0, 0.05))), own.angle + rng.normal(0, 0.08),
+            )  # fmt: skip
+        crop = renderer.crop(frame, region, rng)
+        output = decode(HEAVY, crop, region, mirrored=False)
+        limbs = coco_keypoints(crop, region)[list(landmarks.COCO_LIMBS)]
+        crossed = is_crossed(output.keypoints, limbs, region.side)
+        output = replace(output, keypoints=fused(output.keypoints, limbs, region.side, weight=0.5))
+        found = observe(output, renderer.size)
+        seen.append({
+            "keypoints": output.keypoints, "landmarks3d": output.landmarks3d, "presence": output.presence,
+            "region": (region.x, region.y, region.side, region.angle), "is_crossed": crossed,
+            "confidence": found.confidence if found else 0.0,
+        })  # fmt: skip
+        following = output.next_region
+        if frame + 1 < FRAMES:
+            step = _true_region(pixels[frame + 1])
+            region = following.moved(step.x - own.x, step.y - own.y)
+    columns = {name: np.array([row[name] for row in seen]) for name in seen[0]}
+    return PairWindow(
+        time_s=np.arange(FRAMES) / fps, K=K, size=np.array(renderer.size, float), R_world_cam=shot.R_world_cam,
+        t_world_cam=shot.t_world_cam, betas=actor.betas, body_pose=actor.body_pose[rows],
+        R_cam_root=R_cam_joint[:, 0], joints_cam=joints, truth_cam=truth, contacts=actor.contacts[rows], **columns,
+    )  # fmt: skip
+
+
+def _true_region(pixels: Float[Array, "33 2"]) -> Region:
+    """Where BlazePose would look: a circle about the hips that holds the body, upright along the trunk."""
+    hips, shoulders = (pixels[list(pair)].mean(axis=0) for pair in (landmarks.HIPS, landmarks.SHOULDERS))
+    radius = float(np.linalg.norm(pixels - hips, axis=1).max())
+    along = shoulders - hips
+    along = along / max(float(np.linalg.norm(along)), 1e-6)
+    return body_region(hips, hips + radius * along)

@@ -1,0 +1,112 @@
+"""The training of the lifter: AdamW, one cosine of the rate, the mean of the last weights; resumes where it stopped."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+
+from humanmm.models.learning.objective import loss
+from humanmm.models.learning.other_motion import OtherMotion
+from humanmm.models.learning.windows import Variation, Windows, varied
+from humanmm.models.perception.lifting.network import LifterNetwork
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """Everything that decides the weights, besides the pairs."""
+
+    steps: int = 12_000
+    batch: int = 24
+    rate: float = 8e-4
+    warm_up: int = 200
+    weight_decay: float = 0.05
+    averaged: float = 0.998
+    """Of the weights delivered, what each step leaves of those before."""
+    other_motion: float = 0.5
+    """Fraction of the batches that show other motion than was rendered."""
+    coco: tuple[float, float] = (0.15, 0.5)
+    """Windows with COCO's keypoints alone: of rendered and of other motion."""
+    seed: int = 0
+
+
+class LifterTraining:
+    """The state of a training; `state` and `restored` carry it over the end of a process."""
+
+    def __init__(self, recipe: Recipe, windows: Windows, other: OtherMotion, *, device: str = "cpu") -> None:
+        torch.manual_seed(recipe.seed)
+        self.recipe, self._windows, self._other, self._device = recipe, windows, other, device
+        self.network = LifterNetwork()
+        with torch.no_grad():
+            self.network.mean.copy_(windows.truth[windows.exists].mean(dim=0))
+        self.network.to(device)
+        self.optimiser = torch.optim.AdamW(
+            self.network.parameters(), recipe.rate, weight_decay=recipe.weight_decay, betas=(0.9, 0.98)
+        )
+        self.averaged = {name: value.clone() for name, value in self.network.state_dict().items()}
+        self.generator = torch.Generator().manual_seed(recipe.seed + 1)
+        self.rng = np.random.default_rng(recipe.seed + 2)
+        self.step = 0
+        self.losses: list[float] = []
+        """Mean loss of each hundred steps."""
+        self._recent: list[float] = []
+
+    def run(self, steps: int, progress: Callable[[int, int], None]) -> None:
+        """So many steps more, or to the end."""
+        for _ in range(min(steps, self.recipe.steps - self.step)):
+            self._one_step()
+            progress(self.step, self.recipe.steps)
+
+    def _one_step(self) -> None:
+        recipe = self.recipe
+        warm = min(1.0, (self.step + 1) / recipe.warm_up)
+        rate = recipe.rate * warm * (0.5 * (1 + math.cos(math.pi * self.step / recipe.steps)) + 0.01)
+        for group in self.optimiser.param_groups:
+            group["lr"] = rate
+        if self.rng.random() < recipe.other_motion:
+            drawn, coco = self._other.draw(recipe.batch, self.rng), recipe.coco[1]
+        else:
+            index = torch.randint(len(self._windows), (recipe.batch,), generator=self.generator)
+            drawn, coco = self._windows.chosen(index), recipe.coco[0]
+        wanted, given = varied(drawn, Variation(coco=coco), self.generator)
+        value = loss(self.network(given.to(self._device)), wanted.to(self._device))
+        self.optimiser.zero_grad()
+        value.backward()  # type: ignore[no-untyped-call]
+        torch.nn.utils.clip_grad_norm_(self.network.parameters(), 1.0)
+        self.optimiser.step()
+        self.step += 1
+        keep = min(recipe.averaged, (1 + self.step) / (10 + self.step))
+        with torch.no_grad():
+            for name, weights in self.network.state_dict().items():
+                self.averaged[name].lerp_(weights, 1 - keep)
+        self._recent.append(float(value.detach()))
+        if len(self._recent) == 100:
+            self.losses.append(float(np.mean(self._recent)))
+            self._recent.clear()
+
+    @property
+    def result(self) -> LifterNetwork:
+        """The network with the mean of the last weights, as it would be delivered now."""
+        network = LifterNetwork()
+        network.load_state_dict({name: value.cpu() for name, value in self.averaged.items()})
+        return network.eval()
+
+    def state(self) -> dict[str, Any]:
+        """All that the next step depends on: tensors, numbers and strings."""
+        return {
+            "network": self.network.state_dict(), "averaged": self.averaged, "optimiser": self.optimiser.state_dict(),
+            "generator": self.generator.get_state(), "dropout": torch.get_rng_state(),
+            "rng": self.rng.bit_generator.state, "step": self.step, "losses": self.losses, "recent": self._recent,
+        }  # fmt: skip
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on where a state was taken; the next weights are the same bytes."""
+        self.network.load_state_dict(state["network"])
+        self.optimiser.load_state_dict(state["optimiser"])
+        self.averaged = {name: value.to(self._device) for name, value in state["averaged"].items()}
+        self.generator.set_state(state["generator"])
+        torch.set_rng_state(state["dropout"])
+        self.rng.bit_generator.state = state["rng"]
+        self.step, self.losses, self._recent = state["step"], list(state["losses"]), list(state["recent"])

@@ -1,0 +1,166 @@
+"""The lifter's network.
+
+A temporal transformer over the frames of one person in one shot. Its positions are the frames' times (rotary embedding:
+Su et al. 2021); its attention reaches a second, so that the cost grows linearly with a video's length. It predicts
+residuals to the 3D landmarks that it is given; without any (COCO keypoints alone) it predicts them whole.
+"""
+
+import math
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor, nn
+
+from humanmm.models.body.body24 import FREE_JOINTS
+from humanmm.models.records.landmarks import NUM_LANDMARKS
+
+JOINTS = 1 + len(FREE_JOINTS)
+"""The root and the joints whose rotation can be seen."""
+REACH_S = 1.01
+"""Frames farther apart than this do not see each other (a little more than a second, which is a multiple of many frame
+intervals: rounding would decide)."""
+FASTEST_S, SLOWEST_S = 0.03, 8.0
+"""Shortest and longest wavelength of the rotary embedding, about."""
+
+
+@dataclass(frozen=True)
+class LifterInput:
+    """One person's frames, B people or windows of n frames; axes of each frame's viewing ray (x right, y down, z away).
+
+    Numbers of what is not there are zero.
+    """
+
+    time_s: Tensor
+    """(B,n)."""
+    exists: Tensor
+    """(B,n) bool: frames in which the person was seen."""
+    points: Tensor
+    """(B,n,33,2): keypoints about the ray, in units of the crop's side."""
+    visibility: Tensor
+    """(B,n,33): 0..1; 0 for keypoints that nobody gave."""
+    landmarks: Tensor
+    """(B,n,33,3): the pose network's, metres about the mid-hip."""
+    has_landmarks: Tensor
+    """(B,n) bool."""
+    size: Tensor
+    """(B,n): the crop's side, seen from the camera (side over focal length)."""
+
+    def to(self, device: str) -> "LifterInput":
+        """The same on another device."""
+        return LifterInput(*(value.to(device) for value in vars(self).values()))
+
+    def features(self) -> Tensor:
+        """(B,n,c): what the network reads."""
+        seen = (self.visibility > 0).to(self.points.dtype)
+        has = self.has_landmarks[..., None].to(self.points.dtype)
+        parts = [
+            (self.points * seen[..., None]).flatten(2),
+            self.visibility,
+            (self.landmarks * has[..., None]).flatten(2),
+            has,
+            torch.log(self.size.clamp_min(1e-3))[..., None] + 1.0,
+        ]
+        return torch.cat(parts, dim=-1)
+
+
+FEATURES = NUM_LANDMARKS * 6 + 1 + 1
+
+
+@dataclass(frozen=True)
+class LifterOutput:
+    """Of every frame."""
+
+    landmarks: Tensor
+    """(B,n,33,3): metres about the mid-hip, view axes."""
+    pose: Tensor
+    """(B,n,20,3,3): rotations of the root (view axes) and of the joints that a fit rotates (to their parents)."""
+    pose_log_sigma: Tensor
+    """(B,n,20): logarithm of their expected errors, radians."""
+    swapped: Tensor
+    """(B,n): log-odds that left and right of the keypoints are swapped."""
+    contacts: Tensor
+    """(B,n,4): log-odds of ankles and toes standing."""
+
+
+_PARTS = (NUM_LANDMARKS * 3, JOINTS * 6, JOINTS, 1, 4)
+
+
+class LifterNetwork(nn.Module):
+    """See the module."""
+
+    def __init__(self, width: int = 192, depth: int = 5, heads: int = 6) -> None:
+        super().__init__()
+        self.inward = nn.Sequential(nn.Linear(FEATURES, 2 * width), nn.GELU(), nn.Linear(2 * width, width))
+        self.blocks = nn.ModuleList(_Block(width, heads) for _ in range(depth))
+        self.norm = nn.LayerNorm(width)
+        self.outward = nn.Linear(width, sum(_PARTS))
+        nn.init.zeros_(self.outward.weight)
+        nn.init.zeros_(self.outward.bias)
+        self.mean = nn.Parameter(torch.zeros(NUM_LANDMARKS, 3))
+        self.mean_pose = nn.Parameter(torch.tensor([1.0, 0, 0, 0, 1, 0]).repeat(JOINTS, 1))
+
+    @property
+    def reach_s(self) -> float:
+        """How far from a frame lies what it depends on."""
+        return len(self.blocks) * REACH_S
+
+    def forward(self, given: LifterInput) -> LifterOutput:
+        """What is there in every frame."""
+        h = self.inward(given.features())
+        rotary = _rotary(given.time_s, h.shape[-1] // self.blocks[0].heads)
+        near = (given.time_s[:, :, None] - given.time_s[:, None]).abs() <= REACH_S
+        mask = (near & given.exists[:, None]) | torch.eye(near.shape[1], dtype=torch.bool, device=near.device)
+        for block in self.blocks:
+            h = block(h, rotary, mask[:, None])
+        raw = self.outward(self.norm(h))
+        delta, pose, pose_log_sigma, swapped, contacts = raw.split(_PARTS, dim=-1)
+        has = given.has_landmarks[..., None, None].to(h.dtype)
+        start = has * given.landmarks + (1 - has) * self.mean
+        return LifterOutput(
+            start + delta.unflatten(-1, (NUM_LANDMARKS, 3)),
+            rotations_of(pose.unflatten(-1, (JOINTS, 6)) + self.mean_pose),
+            pose_log_sigma - 1.5,
+            swapped[..., 0] - 3.0,
+            contacts,
+        )
+
+
+def rotations_of(six: Tensor) -> Tensor:
+    """(…,6) → (…,3,3): two columns made orthonormal (Zhou et al. 2019)."""
+    a, b = six[..., :3], six[..., 3:]
+    x = nn.functional.normalize(a, dim=-1)
+    y = nn.functional.normalize(b - (x * b).sum(-1, keepdim=True) * x, dim=-1)
+    return torch.stack([x, y, torch.linalg.cross(x, y)], dim=-1)
+
+
+class _Block(nn.Module):
+    def __init__(self, width: int, heads: int) -> None:
+        super().__init__()
+        self.heads = heads
+        self.norm1, self.norm2 = nn.LayerNorm(width), nn.LayerNorm(width)
+        self.qkv, self.out = nn.Linear(width, 3 * width), nn.Linear(width, width)
+        self.mlp = nn.Sequential(nn.Linear(width, 3 * width), nn.GELU(), nn.Linear(3 * width, width))
+        self.dropout = nn.Dropout(0.1)
+
+    def forward(self, h: Tensor, rotary: tuple[Tensor, Tensor], mask: Tensor) -> Tensor:
+        B, n, width = h.shape
+        q, k, v = self.qkv(self.norm1(h)).reshape(B, n, 3, self.heads, -1).permute(2, 0, 3, 1, 4)
+        q, k = _rotated(q, rotary), _rotated(k, rotary)
+        attended = nn.functional.scaled_dot_product_attention(q, k, v, attn_mask=mask)
+        h = h + self.dropout(self.out(attended.transpose(1, 2).reshape(B, n, width)))
+        h = h + self.dropout(self.mlp(self.norm2(h)))
+        return torch.as_tensor(h)
+
+
+def _rotary(time_s: Tensor, size: int) -> tuple[Tensor, Tensor]:
+    """Cosines and sines (B,1,n,size/2) of each frame's phase."""
+    count = size // 2
+    wavelength = torch.exp(torch.linspace(math.log(FASTEST_S * 4), math.log(SLOWEST_S), count, device=time_s.device))
+    phase = 2 * math.pi * time_s[:, None, :, None] / wavelength
+    return torch.cos(phase), torch.sin(phase)
+
+
+def _rotated(x: Tensor, rotary: tuple[Tensor, Tensor]) -> Tensor:
+    c, s = rotary
+    a, b = x.chunk(2, dim=-1)
+    return torch.cat([a * c - b * s, a * s + b * c], dim=-1)

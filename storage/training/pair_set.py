@@ -1,0 +1,64 @@
+"""A set of pairs on a disk: one zarr group for every few windows, whole or not there at all."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import zarr
+from zarr.codecs import Crc32cCodec, ZstdCodec
+
+from humanmm.errors import InputError
+from humanmm.storage.store.files import replace_folder
+
+Array = np.ndarray
+
+SCHEMA = "humanmm.pairs/1"
+IDENTITY, FACTS = "identity", "facts"
+
+
+@dataclass(frozen=True)
+class PairSet:
+    """A folder of groups `<split>-<number>.zarr`; `identity` says what the pairs are made of."""
+
+    folder: Path
+    identity: str
+
+    def has(self, name: str) -> bool:
+        """Whether a group of this identity is there."""
+        path = self._path(name)
+        return (path / "zarr.json").is_file() and zarr.open_group(path, mode="r").attrs.get(IDENTITY) == self.identity
+
+    def write(self, name: str, arrays: Mapping[str, Array], facts: Sequence[Mapping[str, Any]]) -> None:
+        """Add a group; what was there under its name is replaced."""
+
+        def fill(fresh: Path) -> None:
+            group = zarr.open_group(fresh, mode="w")
+            for key, array in arrays.items():
+                group.create_array(key, data=array, chunks=array.shape, compressors=[ZstdCodec(level=3), Crc32cCodec()])
+            group.attrs.update({"schema": SCHEMA, IDENTITY: self.identity, FACTS: json.dumps(list(facts))})
+
+        replace_folder(self._path(name), fill)
+
+    def _path(self, name: str) -> Path:
+        return self.folder / f"{name}.zarr"
+
+
+def read_pairs(folder: Path, split: str) -> tuple[dict[str, Array], list[dict[str, Any]]]:
+    """All windows of a split: arrays (W, …), and what each window shows. InputError where there are none."""
+    paths = sorted(folder.glob(f"{split}-*.zarr"))
+    if not paths:
+        raise InputError(f"{folder} holds no pairs of the split {split}; make them with humanmm dataset build pairs")
+    columns: dict[str, list[Array]] = {}
+    facts: list[dict[str, Any]] = []
+    for path in paths:
+        group = zarr.open_group(path, mode="r")
+        if group.attrs.get("schema") != SCHEMA:
+            found = group.attrs.get("schema")
+            raise InputError(f"{path} is no group of pairs: its schema is {found!r}, not {SCHEMA!r}")
+        for key, array in group.arrays():
+            columns.setdefault(key, []).append(np.asarray(array[:]))
+        facts += json.loads(str(group.attrs[FACTS]))
+    return {key: np.concatenate(parts) for key, parts in columns.items()}, facts

@@ -1,0 +1,56 @@
+"""The shipped lifter on tracks: pieces join exactly, sides stay as they are named."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from humanmm.errors import InputError
+from humanmm.models.perception.interfaces import PersonFrames
+from humanmm.models.perception.lifting import lift as lifting
+from humanmm.models.perception.lifting.lift import keep, lift
+from humanmm.models.records.landmarks import SWAP
+
+K = np.array([[600.0, 0, 320], [0, 600, 180], [0, 0, 1]])
+
+
+def somebody(n: int) -> PersonFrames:
+    """Landmarks of a standing body that sways, seen from the front."""
+    rng = np.random.default_rng(0)
+    height = np.concatenate(
+        [np.full(11, 0.6), np.full(2, 0.45), [0.2, 0.2], np.zeros(8), [0, 0], [-0.4, -0.4], [-0.8] * 6]
+    )
+    across = np.array([0.1 if k % 2 else -0.1 for k in range(33)])
+    body = np.stack([across, -height, np.zeros(33)], axis=1)
+    time_s = np.arange(n) / 30
+    landmarks = body + 0.05 * np.sin(2 * time_s)[:, None, None] + rng.normal(0, 0.01, (n, 33, 3))
+    pixels = np.array([320.0, 180.0]) + 120 * landmarks[..., :2]
+    keypoints = np.concatenate([pixels, np.full((n, 33, 1), 0.9)], axis=-1)
+    return PersonFrames(time_s, keypoints, landmarks, np.tile([320.0, 180.0], (n, 1)), np.full(n, 300.0))
+
+
+def test_a_long_track_is_lifted_in_pieces_as_if_it_were_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    frames = somebody(480)
+    pieces = lift(frames, K)
+    monkeypatch.setattr(lifting, "CHUNK_S", 1000.0)
+    whole = lift(frames, K)
+    assert np.abs(pieces.landmarks3d - whole.landmarks3d).max() < 1e-5
+    assert pieces.pose is not None and whole.pose is not None
+    assert np.abs(pieces.pose.vectors - whole.pose.vectors).max() < 1e-4
+
+
+def test_landmarks_stay_named_as_they_are_given() -> None:
+    """With left and right swapped in the input they are swapped in the output: who is right decides later."""
+    frames = somebody(20)
+    assert frames.landmarks3d is not None
+    swapped = replace(frames, keypoints=frames.keypoints[:, SWAP], landmarks3d=frames.landmarks3d[:, SWAP])
+    one, other = lift(frames, K).landmarks3d, lift(swapped, K).landmarks3d
+    same, crossed = (np.linalg.norm((other - x)[:, 11:29], axis=-1).mean() for x in (one[:, SWAP], one))
+    assert same < crossed
+
+
+def test_without_a_lifter_landmarks_are_kept_and_keypoints_alone_are_refused() -> None:
+    frames = somebody(3)
+    assert keep(frames, K).landmarks3d is frames.landmarks3d and keep(frames, K).pose is None
+    with pytest.raises(InputError, match=r"lifting\.method"):
+        keep(replace(frames, landmarks3d=None), K)
