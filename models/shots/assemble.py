@@ -164,4 +164,7 @@ def _sighting(track: PersonTrack, shot: Shot, time_s: np.ndarray) -> Sighting:
     """The rows of a track in a shot, outside transitions."""
     inside = in_intervals(track.frame, [shot.outside_transitions])
     frame = track.frame[inside]
-    return Sighting(time_s[frame], shown_s(time_s, frame), frame, track.keypoints2d[inside], track.landmarks3d[inside])
+    return Sighting(
+        time_s[frame], shown_s(time_s, frame), frame, track.keypoints2d[inside], track.landmarks3d[inside],
+        track.pose.swap_odds[inside] if track.pose is not None else None,
+    )  # fmt: skip

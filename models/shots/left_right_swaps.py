@@ -49,6 +49,10 @@ FORWARD_OUTLIERS, FORWARD_RANGE_M = 0.05, 0.23
 INDEPENDENT_S = 0.5
 """Evidence within a single frame is nearly the same in neighbouring frames: it counts once in this time."""
 
+ODDS_TRUST = 2.0
+"""Weight of the lifter's odds beside that. On 26 rendered development clips (4,437 frames beyond doubt) 96 frames come out
+with the wrong sides without a lifter, 109 with it at weights up to 1, 91 at 2 and 4."""
+
 CUT_WINDOW_S = 0.5
 CUT_GAP_S = 0.1
 """A gap this long between two shots halves the evidence of the cut."""
@@ -73,12 +77,16 @@ class Sighting:
     frame: Int[Array, "n"]
     keypoints2d: Float[Array, "n 33 3"]
     landmarks3d: Float[Array, "n 33 3"]
+    swap_odds: Float[Array, "n"] | None = None
+    """The lifter's log-odds that left and right are swapped."""
 
     def only(self, rows: Array) -> "Sighting":
         """Some of the observations."""
+        swap_odds = self.swap_odds[rows] if self.swap_odds is not None else None
         return Sighting(
-            self.time_s[rows], self.shown_s[rows], self.frame[rows], self.keypoints2d[rows], self.landmarks3d[rows]
-        )
+            self.time_s[rows], self.shown_s[rows], self.frame[rows], self.keypoints2d[rows], self.landmarks3d[rows],
+            swap_odds,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -244,7 +252,11 @@ def _frame_evidence(sighting: Sighting) -> Float[Array, "n 2"]:
     normal = np.exp(-0.5 * off**2) / (FORWARD_SIGMA_M * np.sqrt(2 * np.pi))
     right = -np.log((1 - FORWARD_OUTLIERS) * normal * FORWARD_RANGE_M + FORWARD_OUTLIERS)
     weight = np.minimum(1.0, sighting.shown_s / INDEPENDENT_S)
-    return np.asarray(weight[:, None] * np.stack([right, np.full(len(right), KEEP_PRIOR)], axis=1))
+    energies = np.stack([right, np.full(len(right), KEEP_PRIOR)], axis=1)
+    if sighting.swap_odds is not None:
+        odds = np.stack([sighting.swap_odds, -sighting.swap_odds], axis=1).astype(np.float64)
+        energies = energies + ODDS_TRUST * np.logaddexp(0.0, odds)
+    return np.asarray(weight[:, None] * energies)
 
 
 def forwardness(landmarks3d: Float[Array, "n 33 3"]) -> Float[Array, "n"]:
