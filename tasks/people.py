@@ -15,10 +15,10 @@ def people(inputs: StageInputs) -> ScenePeople:
     """The tracks of all people in the scene's frames."""
     settings = inputs.config.people
     facts = inputs.read("decode", VideoFacts)
-    lifter = load("lifting.method", inputs.config.lifting.method)
     if settings.keypoints_from is not None:
         keypoints = read_keypoints(settings.keypoints_from, facts.num_frames, (facts.width, facts.height))
-        return people_of_keypoints(keypoints, facts, inputs.span, max_people=settings.max_people, lifter=lifter)
+        lift_keypoints = load("lifting.keypoints", inputs.config.lifting.keypoints)
+        return people_of_keypoints(keypoints, facts, inputs.span, max_people=settings.max_people, lifter=lift_keypoints)
     networks = Networks(load("people.detector", settings.detector), load("people.pose", settings.pose))
     with inputs.open_video() as stream:
         return track_people(
@@ -27,6 +27,6 @@ def people(inputs: StageInputs) -> ScenePeople:
             max_people=settings.max_people,
             max_side_px=settings.max_side_px,
             networks=networks,
-            lifter=lifter,
+            lifter=load("lifting.method", inputs.config.lifting.method),
             progress=inputs.progress,
         )

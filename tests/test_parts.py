@@ -83,8 +83,11 @@ def test_the_lifter_is_part_of_the_key_where_there_are_2d_keypoints_alone() -> N
     sample = PLUGIN.parent / "aist"
     (of_keypoints, *_), _ = aist_set(sample, "tiny")
     recipe = recipes_of(of_keypoints, Config(), ("humanmm",)).motions
-    assert recipe.settings["lifting"] == {"method": "transformer"}
-    assert "humanmm.models.perception.lifting.lift" in recipe.modules and "lifter.safetensors" in recipe.weights
+    assert recipe.settings["lifting"] == {"method": "transformer", "keypoints": "residual-network"}
+    assert (
+        "humanmm.models.perception.lifting.keypoints" in recipe.modules
+        and "keypoint_lifter.safetensors" in recipe.weights
+    )
     assert "humanmm.models.camera.estimate" in recipe.modules, "named by camera.estimator alone"
     assert [stage.name for stage in pipeline.STAGES if "lifting" in stage.settings] == ["people"], "keypoints_from"
 

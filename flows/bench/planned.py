@@ -97,4 +97,4 @@ def _make_mocap(sequence: MocapSequence, plan: VideoPlan, config: Config, store:
 
 
 def _make_aist(sequence: AistSequence, plan: VideoPlan, config: Config, store: Store) -> BenchVideo:
-    return build_aist(sequence, plan, lifter=load("lifting.method", config.lifting.method))
+    return build_aist(sequence, plan, lifter=load("lifting.keypoints", config.lifting.keypoints))

@@ -14,7 +14,7 @@ from humanmm.models.evaluation.people import projected_boxes
 from humanmm.models.geometry.axes import R_ZUP_YUP, zup_camera_pose
 from humanmm.models.geometry.intrinsics import K_from_focal, default_focal_px
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
-from humanmm.models.perception.interfaces import Lifter
+from humanmm.models.perception.interfaces import KeypointLifter
 from humanmm.models.perception.tracking.coco import coco_track
 from humanmm.models.records.camera import PointTracks
 from humanmm.models.records.landmarks import COCO_NAMES
@@ -81,7 +81,7 @@ def aist_sequence(name: str, sha256: str, arrays: Mapping[str, Array], *, joints
     )
 
 
-def build_aist(sequence: AistSequence, plan: VideoPlan, *, lifter: Lifter) -> BenchVideo:
+def build_aist(sequence: AistSequence, plan: VideoPlan, *, lifter: KeypointLifter) -> BenchVideo:
     """The video of a plan; the same plan gives the same video. Cuts are given, as in ms-Mocap."""
     rng = np.random.default_rng((*plan.seed, plan.num_transitions))
     n = min(sequence.num_frames, plan.longest)

@@ -2,8 +2,8 @@
 
 Positions are in source pixels, pixel centres at (0.5, 0.5).
 
-`people.detector`, `people.pose` and `lifting.method` choose them by name (docs/extend.md); the defaults are in
-`networks` and `lifting.lift`.
+`people.detector`, `people.pose`, `lifting.method` and `lifting.keypoints` choose them by name (docs/extend.md); the
+defaults are in `networks` and `lifting`.
 """
 
 from collections.abc import Sequence
@@ -89,9 +89,9 @@ class PersonFrames:
 
     time_s: Float[np.ndarray, " n"]
     keypoints: Float[np.ndarray, "n 33 3"]
-    """x, y in source pixels, visibility 0..1; 0 for landmarks that the detector does not name."""
-    landmarks3d: Float[np.ndarray, "n 33 3"] | None
-    """The pose network's, metres about the mid-hip, axes of the viewing ray; None where keypoints are all there is."""
+    """x, y in source pixels, visibility 0..1."""
+    landmarks3d: Float[np.ndarray, "n 33 3"]
+    """The pose network's, metres about the mid-hip, axes of the viewing ray."""
     centre: Float[np.ndarray, "n 2"]
     """Of the crop that the network saw, source pixels."""
     side: Float[np.ndarray, " n"]
@@ -99,8 +99,7 @@ class PersonFrames:
 
     def chosen(self, rows: slice) -> "PersonFrames":
         """A run of frames."""
-        landmarks3d = self.landmarks3d[rows] if self.landmarks3d is not None else None
-        return PersonFrames(self.time_s[rows], self.keypoints[rows], landmarks3d, self.centre[rows], self.side[rows])
+        return PersonFrames(*(array[rows] for array in vars(self).values()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,4 +118,18 @@ class Lifter(Protocol):
     def __call__(self, frames: PersonFrames, K: Float[np.ndarray, "3 3"]) -> Lifted:
         """Landmarks (`records.landmarks`) and poses in each frame, left and right named as they are in `frames`; K may
         be rough."""
+        ...
+
+
+class KeypointLifter(Protocol):
+    """Finds 3D landmarks for a person of whom a detector gives COCO's 17 keypoints alone."""
+
+    def __call__(
+        self, keypoints: Float[np.ndarray, "n 17 3"], time_s: Float[np.ndarray, " n"], K: Float[np.ndarray, "3 3"]
+    ) -> Float[np.ndarray, "n 33 3"]:
+        """33 landmarks (`records.landmarks`) in metres about the mid-hip, camera axes, in each of n frames.
+
+        Keypoints (pixels and score 0..1) are one person's, in the order of their times, seconds; frames may be missing
+        between them. K may be rough.
+        """
         ...

@@ -50,8 +50,8 @@ INDEPENDENT_S = 0.5
 """Evidence within a single frame is nearly the same in neighbouring frames: it counts once in this time."""
 
 ODDS_TRUST = 2.0
-"""Weight of the lifter's odds beside that. On 26 rendered development clips (4,437 frames beyond doubt) 96 frames come out
-with the wrong sides without a lifter, 109 with it at weights up to 1, 91 at 2 and 4."""
+"""Weight of the lifter's odds beside that. On 26 rendered development clips (4,437 frames beyond doubt) 96 frames have
+the wrong sides without a lifter, 109 with it at weights up to 1, 91 at 2 and 4."""
 
 CUT_WINDOW_S = 0.5
 CUT_GAP_S = 0.1

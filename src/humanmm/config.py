@@ -137,6 +137,9 @@ class LiftingConfig(Section):
     method: Annotated[str, _part("lifting.method")] = "transformer"
     """What lifts people, by name; `none` keeps the pose network's own landmarks."""
 
+    keypoints: Annotated[str, _part("lifting.keypoints")] = "residual-network"
+    """What finds 3D landmarks of 2D keypoints alone (people.keypoints_from, benchmark ms-aist), by name."""
+
 
 class ShotsConfig(Section):
     """Cuts from boxes and keypoints (paper section 3.1, parts 2 and 3) and identities across cuts."""

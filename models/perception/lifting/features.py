@@ -40,18 +40,14 @@ def lifter_input(frames: PersonFrames, K: Float[Array, "*n 3 3"]) -> LifterInput
     """One person's frames as the network takes them (B = 1); K, one or one a frame, may be rough."""
     R_cam_view, size = view_axes(frames.centre, K), frames.side / K[..., 0, 0]
     visibility = frames.keypoints[..., 2]
-    visibility = np.where(visibility > 0, np.clip(visibility, LEAST_VISIBILITY, 1), 0.0)
-    has = frames.landmarks3d is not None
-    if not has:  # scores of other detectors mean something else
-        visibility = np.ceil(visibility)
-    landmarks = frames.landmarks3d if frames.landmarks3d is not None else np.zeros_like(frames.keypoints)
+    visibility = np.clip(visibility, LEAST_VISIBILITY, 1)
     return LifterInput(
         time_s=_tensor(frames.time_s - frames.time_s[0]),
         exists=torch.ones(1, len(size), dtype=torch.bool),
         points=_tensor(points_in_view(frames.keypoints[..., :2].astype(np.float64), R_cam_view, size, K)),
         visibility=_tensor(visibility),
-        landmarks=_tensor(landmarks),
-        has_landmarks=torch.full((1, len(size)), has),
+        landmarks=_tensor(frames.landmarks3d),
+        has_landmarks=torch.ones(1, len(size), dtype=torch.bool),
         size=_tensor(size),
     )
 

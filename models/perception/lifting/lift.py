@@ -13,7 +13,6 @@ import torch
 from jaxtyping import Float
 from safetensors.torch import load
 
-from humanmm.errors import InputError
 from humanmm.models.geometry.intrinsics import K_from_focal, default_focal_px
 from humanmm.models.geometry.rotations import rotmat_to_rotvec
 from humanmm.models.perception.interfaces import Lifted, Lifter, PersonFrames
@@ -50,9 +49,7 @@ def lift(frames: PersonFrames, K: Float[Array, "3 3"]) -> Lifted:
 
 
 def keep(frames: PersonFrames, K: Float[Array, "3 3"]) -> Lifted:
-    """The pose network's own landmarks, as they are (a `Lifter`). InputError where it gives none."""
-    if frames.landmarks3d is None:
-        raise InputError("lifting.method = none: keypoints alone tell no depth; choose another lifting.method")
+    """The pose network's own landmarks, as they are (a `Lifter`)."""
     return Lifted(frames.landmarks3d)
 
 

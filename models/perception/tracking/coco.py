@@ -4,20 +4,15 @@ The rest of a `PersonTrack` is made up for from them: 3D landmarks by a lifter, 
 projecting those (visibility 0: no evidence), a mask drawn about the bones. Colours stay unknown.
 """
 
-from dataclasses import replace
-
 import numpy as np
 from jaxtyping import Float, Int
 
 from humanmm.models.geometry.projection import project, ray_axes, start_position, viewing_rays
-from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
 from humanmm.models.perception.clothing import HISTOGRAM_BINS
-from humanmm.models.perception.interfaces import SEEN, Lifter, PersonFrames
-from humanmm.models.perception.lifting.features import view_axes
-from humanmm.models.perception.regions import BODY_MARGIN
+from humanmm.models.perception.interfaces import SEEN, KeypointLifter
 from humanmm.models.perception.silhouettes import silhouettes
-from humanmm.models.records.landmarks import COCO_LANDMARKS, LIMBS, NUM_LANDMARKS
-from humanmm.models.records.tracks import MASK_SIDE, PersonTrack, PoseEstimates
+from humanmm.models.records.landmarks import COCO_LANDMARKS, LIMBS
+from humanmm.models.records.tracks import MASK_SIDE, PersonTrack
 
 Array = np.ndarray
 
@@ -26,8 +21,6 @@ FEWEST = 6
 FLESH = 0.05
 """How far a body reaches beyond its keypoints, fraction of their box."""
 NEAREST_M = 0.3
-_HIPS = (11, 12)
-"""COCO's."""
 
 
 def coco_track(
@@ -37,7 +30,7 @@ def coco_track(
     time_s: Float[Array, " n"],
     K: Float[Array, "3 3"],
     size: tuple[int, int],
-    lifter: Lifter,
+    lifter: KeypointLifter,
 ) -> PersonTrack:
     """One person's keypoints (source pixels, score 0..1) in some frames of a scene, in order; K may be rough.
 
@@ -46,9 +39,7 @@ def coco_track(
     usable = (keypoints[..., 2] >= SEEN).sum(axis=1) >= FEWEST
     frame, keypoints, time_s = frame[usable], keypoints[usable].astype(np.float64), time_s[usable]
     seen = keypoints[..., 2] >= SEEN
-    crop = _crop(keypoints, seen, time_s)
-    R_cam_view, lifted = view_axes(crop.centre, K), lifter(crop, K)
-    landmarks_cam = lifted.landmarks3d @ np.swapaxes(R_cam_view, -1, -2)
+    landmarks_cam = lifter(keypoints, time_s, K)
     points = _all_points(landmarks_cam, keypoints, seen, K)
     masks, affine = silhouettes(points)
     centre = affine.astype(np.float64) @ np.array([MASK_SIDE / 2, MASK_SIDE / 2, 1.0])
@@ -64,28 +55,7 @@ def coco_track(
         color_frame=np.zeros(0, np.int32),
         color_histogram=np.zeros((0, HISTOGRAM_BINS), np.float32),
         lifted=True,
-        pose=_rotated(lifted.pose, np.swapaxes(R_cam_ray, -1, -2) @ R_cam_view) if lifted.pose is not None else None,
     )
-
-
-def _crop(keypoints: Float[Array, "n 17 3"], seen: Array, time_s: Float[Array, " n"]) -> PersonFrames:
-    """The keypoints as the lifter takes them, in the crop that a pose network would look at: about the hips, or about
-    what is seen."""
-    weight = np.zeros(seen.shape)
-    weight[:, _HIPS] = seen[:, _HIPS]
-    weight = np.where(weight.any(axis=1, keepdims=True), weight, seen)
-    centre = np.einsum("nk,nkc->nc", weight, keypoints[..., :2]) / weight.sum(axis=1, keepdims=True)
-    reach = np.where(seen, np.linalg.norm(keypoints[..., :2] - centre[:, None], axis=-1), 0.0).max(axis=1)
-    points = np.zeros((len(keypoints), NUM_LANDMARKS, 3))
-    points[:, list(COCO_LANDMARKS)] = np.where(seen[..., None], np.clip(keypoints, None, [np.inf, np.inf, 1]), 0.0)
-    return PersonFrames(time_s, points, None, centre, 2 * BODY_MARGIN * np.maximum(reach, 1.0))
-
-
-def _rotated(pose: PoseEstimates, R_b_a: Float[Array, "n 3 3"]) -> PoseEstimates:
-    """Estimates with the root in other axes."""
-    vectors = pose.vectors.copy()
-    vectors[:, 0] = rotmat_to_rotvec(R_b_a @ rotvec_to_rotmat(pose.vectors[:, 0].astype(np.float64)))
-    return replace(pose, vectors=vectors)
 
 
 def _all_points(

@@ -7,7 +7,7 @@ from jaxtyping import Float, Int
 from scipy.optimize import linear_sum_assignment
 
 from humanmm.models.geometry.intrinsics import K_from_focal, default_focal_px
-from humanmm.models.perception.interfaces import SEEN, Lifter
+from humanmm.models.perception.interfaces import SEEN, KeypointLifter
 from humanmm.models.perception.tracking.coco import FEWEST, coco_track
 from humanmm.models.perception.tracking.tracker import MIN_TRACK_S
 from humanmm.models.records.tracks import ScenePeople
@@ -34,7 +34,7 @@ class PictureKeypoints:
 
 
 def people_of_keypoints(
-    found: PictureKeypoints, facts: VideoFacts, span: tuple[int, int], *, max_people: int, lifter: Lifter
+    found: PictureKeypoints, facts: VideoFacts, span: tuple[int, int], *, max_people: int, lifter: KeypointLifter
 ) -> ScenePeople:
     """The tracks of one scene's frames [start, end), largest first: people who lie near each other in successive
     pictures are one.

@@ -9,7 +9,7 @@ from humanmm.config import Config
 from humanmm.errors import InputError
 from humanmm.models.benchmark.aist import build_aist
 from humanmm.models.benchmark.methods import run_methods
-from humanmm.models.perception.lifting.lift import lift
+from humanmm.models.perception.lifting.keypoints import lift_keypoints
 from humanmm.models.synthetic.multishot import plan_videos
 from humanmm.storage.readers.aist import read_aist, read_aist_sequence
 
@@ -19,7 +19,7 @@ SAMPLE = Path(__file__).parents[3] / "examples" / "aist"
 def test_a_person_of_2d_keypoints_alone_is_recovered_with_a_warning() -> None:
     (sequence,) = read_aist(SAMPLE)
     plan = plan_videos([sequence], 1, seed=1, transitions=(1,), longest=45)[0]
-    video = build_aist(sequence, plan, lifter=lift)
+    video = build_aist(sequence, plan, lifter=lift_keypoints)
     assert all(track.lifted for scene in video.people for track in scene.tracks)
     (done,) = run_methods(video, Config(), ("humanmm without refine",)).motions
     assert done.motion is not None, done.reason

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from humanmm.errors import InputError
 from humanmm.models.perception.interfaces import PersonFrames
 from humanmm.models.perception.lifting import lift as lifting
 from humanmm.models.perception.lifting.lift import keep, lift
@@ -42,15 +41,12 @@ def test_a_long_track_is_lifted_in_pieces_as_if_it_were_whole(monkeypatch: pytes
 def test_landmarks_stay_named_as_they_are_given() -> None:
     """With left and right swapped in the input they are swapped in the output: who is right decides later."""
     frames = somebody(20)
-    assert frames.landmarks3d is not None
     swapped = replace(frames, keypoints=frames.keypoints[:, SWAP], landmarks3d=frames.landmarks3d[:, SWAP])
     one, other = lift(frames, K).landmarks3d, lift(swapped, K).landmarks3d
     same, crossed = (np.linalg.norm((other - x)[:, 11:29], axis=-1).mean() for x in (one[:, SWAP], one))
     assert same < crossed
 
 
-def test_without_a_lifter_landmarks_are_kept_and_keypoints_alone_are_refused() -> None:
+def test_without_a_lifter_landmarks_are_kept() -> None:
     frames = somebody(3)
     assert keep(frames, K).landmarks3d is frames.landmarks3d and keep(frames, K).pose is None
-    with pytest.raises(InputError, match=r"lifting\.method"):
-        keep(replace(frames, landmarks3d=None), K)

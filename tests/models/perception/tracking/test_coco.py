@@ -3,12 +3,13 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
+import torch
 
-from humanmm.models.perception.lifting.features import view_axes
-from humanmm.models.perception.lifting.lift import lift
+from humanmm.models.perception.lifting.keypoints import KeypointLiftingNetwork, features, lift_keypoints
 from humanmm.models.perception.tracking.coco import coco_track
 from humanmm.models.records.landmarks import COCO_LANDMARKS, SWAP
-from humanmm.models.records.tracks import MASK_SIDE, PersonTrack
+from humanmm.models.records.tracks import PersonTrack
 from humanmm.storage.readers.aist import read_aist_sequence
 
 SEQUENCE = read_aist_sequence(Path(__file__).parents[4] / "examples" / "aist" / "gBR_sBM_cAll_d06_mBR2_ch06.npz")
@@ -19,32 +20,34 @@ COCO_MIRROR = [0, 2, 1, 4, 3, 6, 5, 8, 7, 10, 9, 12, 11, 14, 13, 16, 15]
 
 
 def _track(keypoints: np.ndarray) -> PersonTrack:
-    return coco_track(np.arange(N), keypoints, time_s=TIME_S, K=K, size=SEQUENCE.size, lifter=lift)
-
-
-def _landmarks_cam(track: PersonTrack, K: np.ndarray) -> np.ndarray:
-    centre = track.mask_affine.astype(np.float64) @ np.array([MASK_SIDE / 2, MASK_SIDE / 2, 1.0])
-    return np.asarray(track.landmarks3d @ np.swapaxes(view_axes(centre, K), -1, -2))
+    return coco_track(np.arange(N), keypoints, time_s=TIME_S, K=K, size=SEQUENCE.size, lifter=lift_keypoints)
 
 
 def test_lifted_poses_are_near_the_true_ones() -> None:
     for camera in range(0, 9, 2):
-        K = SEQUENCE.K[camera]
-        track = coco_track(
-            np.arange(N), SEQUENCE.keypoints[camera, :N], time_s=TIME_S, K=K, size=SEQUENCE.size, lifter=lift
-        )
-        found = _landmarks_cam(track, K)[:, list(COCO_LANDMARKS)]
+        found = lift_keypoints(SEQUENCE.keypoints[camera, :N], TIME_S, SEQUENCE.K[camera])[:, list(COCO_LANDMARKS)]
         true = (SEQUENCE.joints[:N] - SEQUENCE.t_world_cam[camera]) @ SEQUENCE.R_world_cam[camera]
         true = true - true[:, [11, 12]].mean(axis=1, keepdims=True)
         scale = np.linalg.norm(true) / np.linalg.norm(found)
         assert np.linalg.norm(scale * found - true, axis=-1)[:, 5:].mean() < 0.15
 
 
+def test_lifting_depends_neither_on_place_in_the_picture_nor_on_size() -> None:
+    rng = np.random.default_rng(0)
+    rays, seen = rng.normal(0, 0.05, (1, 7, 17, 2)), np.ones((1, 7, 17), bool)
+    inputs, R = features(rays, seen)
+    far, _ = features(rays * 0.5, seen)
+    # The turn to the torso's ray bends a picture by what the body's angle is: small for a small body.
+    assert np.abs(inputs - far).max() < 0.05
+    assert np.allclose(R[0] @ R[0].T, np.eye(3))
+
+
 def test_a_mirrored_picture_gives_nearly_the_mirrored_pose() -> None:
     keypoints = SEQUENCE.keypoints[0, :N]
     mirrored = keypoints[:, COCO_MIRROR].copy()
     mirrored[..., 0] = SEQUENCE.size[0] - mirrored[..., 0]
-    one, other = _track(keypoints).landmarks3d, _track(mirrored).landmarks3d[:, SWAP] * [-1, 1, 1]
+    one = lift_keypoints(keypoints, TIME_S, K)
+    other = lift_keypoints(mirrored, TIME_S, K)[:, SWAP] * [-1, 1, 1]
     assert np.linalg.norm(one - other, axis=-1).mean() < 0.06
 
 
@@ -66,3 +69,18 @@ def test_frames_that_show_nobody_are_left_out() -> None:
     keypoints = SEQUENCE.keypoints[0, :N].copy()
     keypoints[10:13, :, 2] = 0
     assert np.array_equal(_track(keypoints).frame, np.r_[0:10, 13:N])
+
+
+def test_the_network_is_what_its_docstring_says() -> None:
+    torch.manual_seed(0)
+    network = KeypointLiftingNetwork(hidden=8, blocks=1)
+    w = {name: value.numpy().astype(np.float64) for name, value in network.state_dict().items()}
+    x = np.random.default_rng(1).normal(size=(2, w["inward.weight"].shape[1]))
+    h = np.maximum(x @ w["inward.weight"].T + w["inward.bias"], 0)
+    inner = h @ w["u.0.weight"].T + w["u.0.bias"]
+    inner = (inner - inner.mean(axis=1, keepdims=True)) / np.sqrt(inner.var(axis=1, keepdims=True) + 1e-5)
+    h = h + np.maximum(inner, 0) @ w["v.0.weight"].T + w["v.0.bias"]
+    expected = h @ w["outward.weight"].T + w["outward.bias"]
+    with torch.inference_mode():
+        found = network(torch.from_numpy(x.astype(np.float32))).numpy()
+    assert found.reshape(2, -1) == pytest.approx(expected, rel=1e-4, abs=1e-5)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from humanmm.models.perception.lifting.lift import lift
+from humanmm.models.perception.lifting.keypoints import lift_keypoints
 from humanmm.models.perception.tracking.keypoint_tracks import PictureKeypoints, link, people_of_keypoints
 from humanmm.models.records.video import VideoFacts
 from humanmm.storage.readers.aist import read_aist_sequence
@@ -49,7 +49,7 @@ def test_of_a_limited_number_of_people_the_best_are_taken() -> None:
 def test_tracks_of_one_scene_begin_and_end_with_it() -> None:
     frame, keypoints, _ = _two()
     facts = VideoFacts(*SEQUENCE.size, TIME_S, np.ones(N, bool), 0, "h264", "mp4")
-    scene = people_of_keypoints(PictureKeypoints(frame, keypoints), facts, (5, 35), max_people=6, lifter=lift)
+    scene = people_of_keypoints(PictureKeypoints(frame, keypoints), facts, (5, 35), max_people=6, lifter=lift_keypoints)
     assert (scene.start, scene.end) == (5, 35)
     assert sorted(len(track.frame) for track in scene.tracks) == [20, 30]
     for track in scene.tracks:
@@ -60,4 +60,4 @@ def test_tracks_of_one_scene_begin_and_end_with_it() -> None:
 def test_a_scene_without_people_is_empty() -> None:
     facts = VideoFacts(*SEQUENCE.size, TIME_S, np.ones(N, bool), 0, "h264", "mp4")
     nobody = PictureKeypoints(np.zeros(0, np.int64), np.zeros((0, 17, 3)))
-    assert people_of_keypoints(nobody, facts, (0, N), max_people=6, lifter=lift).tracks == ()
+    assert people_of_keypoints(nobody, facts, (0, N), max_people=6, lifter=lift_keypoints).tracks == ()
