@@ -24,7 +24,7 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
     "points.tracker": {"klt": "humanmm.models.camera.klt:klt_tracks"},
     "lifting.method": {
         "transformer": "humanmm.models.perception.lifting.lift:lift",
-        "none": "humanmm.models.perception.lifting.lift:keep",
+        "none": "humanmm.models.perception.lifting.lifted:keep",
     },
     "lifting.keypoints": {"residual-network": "humanmm.models.perception.lifting.keypoints:lift_keypoints"},
     "camera.estimator": {"bundle": "humanmm.models.camera.estimate:camera_from_points"},

@@ -1,9 +1,9 @@
 """3D landmarks for people of whom a detector gives only COCO's 17 keypoints in the picture.
 
 A small network (two residual blocks on the keypoints of seven moments about a frame, `scripts/train_keypoint_lifter`,
-model card weights/keypoint_lifter.md) predicts the output of the pose network: 33 landmarks in metres about the mid-hip.
-It is rougher than a network that sees the picture; `PersonTrack.lifted` marks its tracks. It gets which keypoints are
-seen, not their scores.
+model card weights/keypoint_lifter.md) predicts the output of the pose network: 33 landmarks in metres about the
+mid-hip. It is rougher than a network that sees the picture; `PersonTrack.lifted` marks its tracks. It gets which
+keypoints are seen, not their scores.
 """
 
 from functools import lru_cache

@@ -5,7 +5,6 @@ in every frame. The lifter has seen what these networks say of rendered people w
 weights/lifter.md), and looks at a second before and after each frame.
 """
 
-from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -13,12 +12,11 @@ import torch
 from jaxtyping import Float
 from safetensors.torch import load
 
-from humanmm.models.geometry.intrinsics import K_from_focal, default_focal_px
 from humanmm.models.geometry.rotations import rotmat_to_rotvec
-from humanmm.models.perception.interfaces import Lifted, Lifter, PersonFrames
+from humanmm.models.perception.interfaces import Lifted, PersonFrames
 from humanmm.models.perception.lifting.features import lifter_input
 from humanmm.models.perception.lifting.network import LifterNetwork
-from humanmm.models.records.tracks import MASK_SIDE, PersonTrack, PoseEstimates, ScenePeople
+from humanmm.models.records.tracks import PoseEstimates
 from humanmm.models.weights.shipped import read_weights
 
 Array = np.ndarray
@@ -46,32 +44,6 @@ def lift(frames: PersonFrames, K: Float[Array, "3 3"]) -> Lifted:
     landmarks, pose, log_sigma, swap_odds = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
     vectors = rotmat_to_rotvec(pose.astype(np.float64)).astype(np.float32)
     return Lifted(landmarks, PoseEstimates(vectors, np.exp(log_sigma), swap_odds))
-
-
-def keep(frames: PersonFrames, K: Float[Array, "3 3"]) -> Lifted:
-    """The pose network's own landmarks, as they are (a `Lifter`)."""
-    return Lifted(frames.landmarks3d)
-
-
-def lifted_people(
-    people: ScenePeople, lifter: Lifter, time_s: Float[Array, " F"], size: tuple[int, int]
-) -> ScenePeople:
-    """Everybody's tracks with the lifter's landmarks and poses; `size` is the picture's width and height."""
-    K = K_from_focal(default_focal_px(*size), *size)
-    return replace(people, tracks=tuple(_lifted(track, lifter, time_s, K) for track in people.tracks))
-
-
-def _lifted(track: PersonTrack, lifter: Lifter, time_s: Float[Array, " F"], K: Float[Array, "3 3"]) -> PersonTrack:
-    affine = track.mask_affine.astype(np.float64)
-    frames = PersonFrames(
-        time_s=time_s[track.frame],
-        keypoints=track.keypoints2d.astype(np.float64),
-        landmarks3d=track.landmarks3d.astype(np.float64),
-        centre=affine @ np.array([MASK_SIDE / 2, MASK_SIDE / 2, 1.0]),
-        side=np.linalg.norm(affine[:, :, 0], axis=1) * MASK_SIDE,
-    )
-    found = lifter(frames, K)
-    return replace(track, landmarks3d=found.landmarks3d, pose=found.pose)
 
 
 @lru_cache(maxsize=1)

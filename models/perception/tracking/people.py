@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from humanmm.models.perception.interfaces import Lifter, Networks
-from humanmm.models.perception.lifting.lift import lift, lifted_people
+from humanmm.models.perception.lifting.lifted import lifted_people
 from humanmm.models.perception.networks import BEST
 from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.tracking.tracker import track_pictures
@@ -20,12 +20,13 @@ def track_people(
     max_people: int = 6,
     max_side_px: int = 1920,
     networks: Networks = BEST,
-    lifter: Lifter = lift,
+    lifter: Lifter | None = None,
     progress: Progress = silent,
 ) -> ScenePeople:
     """Boxes, keypoints, 3D landmarks, masks and clothing colours of everybody in the frames [start, end) of one scene.
 
-    `max_side_px` is the largest side of the pictures that the networks work on; results are in source pixels.
+    `max_side_px` is the largest side of the pictures that the networks work on; results are in source pixels. The
+    lifter is by default the shipped one.
     """
     start, end = span
 
@@ -44,4 +45,6 @@ def track_people(
             max_people=max_people,
             networks=networks,
         )
+    if lifter is None:  # only now: torch takes two seconds to import
+        from humanmm.models.perception.lifting.lift import lift as lifter
     return lifted_people(people, lifter, video.facts.time_s, video.size)

@@ -7,7 +7,7 @@ import pytest
 
 from humanmm.models.perception.interfaces import PersonFrames
 from humanmm.models.perception.lifting import lift as lifting
-from humanmm.models.perception.lifting.lift import keep, lift
+from humanmm.models.perception.lifting.lift import lift
 from humanmm.models.records.landmarks import SWAP
 
 K = np.array([[600.0, 0, 320], [0, 600, 180], [0, 0, 1]])
@@ -45,8 +45,3 @@ def test_landmarks_stay_named_as_they_are_given() -> None:
     one, other = lift(frames, K).landmarks3d, lift(swapped, K).landmarks3d
     same, crossed = (np.linalg.norm((other - x)[:, 11:29], axis=-1).mean() for x in (one[:, SWAP], one))
     assert same < crossed
-
-
-def test_without_a_lifter_landmarks_are_kept() -> None:
-    frames = somebody(3)
-    assert keep(frames, K).landmarks3d is frames.landmarks3d and keep(frames, K).pose is None
