@@ -1,4 +1,4 @@
-"""Camera of one shot: of the model that `choose_model` chooses, in every frame (paper section 3.2).
+"""Camera of one shot: of the model that was chosen for it, in every frame (paper section 3.2).
 
 Whatever had to be assumed for want of evidence is said in the result's warnings, with `source="fallback"`.
 """
@@ -12,7 +12,15 @@ from jaxtyping import Float
 
 from humanmm.models.camera.cross_check import cross_check, warnings_of
 from humanmm.models.camera.masking import background_points
-from humanmm.models.camera.model_choice import MOVING, MOVING_ZOOMING, ROTATING, ZOOMING, ModelChoice, choose_model
+from humanmm.models.camera.model_choice import (
+    MOVING,
+    MOVING_ZOOMING,
+    ROTATING,
+    ZOOMING,
+    ModelChoice,
+    choose_model,
+    track_model,
+)
 from humanmm.models.camera.odometry.bundle import Freedom, Views
 from humanmm.models.camera.odometry.keyframe_odometry import (
     EXACT_SHARE,
@@ -62,7 +70,9 @@ def camera_from_points(
         said = f"only {found} background points a frame (at least {MIN_POINTS} needed): the camera is taken as static"
         return _static(points, intrinsics, "fallback", said)
     warnings = () if enough else ("in some frames almost no background is in view: the camera is interpolated there",)
-    choice = choose_model(shot, intrinsics)
+    settled = intrinsics.model_of(points.start, points.end)
+    tracked = None if settled is None else track_model(shot, intrinsics, settled)
+    choice = choose_model(shot, intrinsics) if tracked is None else tracked
     if choice.rotating is None:
         return replace(_static(points, intrinsics, "static"), warnings=warnings)
     estimate = _chosen(shot, choice, choice.rotating.track, intrinsics)

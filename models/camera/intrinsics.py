@@ -19,13 +19,13 @@ from jaxtyping import Float
 from humanmm.models.camera.background.keyframes import FrameFeatures, KeyFrameFeatures
 from humanmm.models.camera.background.walls_focal import LOG_SCALES, focal_log_likelihood
 from humanmm.models.camera.masking import background_points
-from humanmm.models.camera.model_choice import HINT_SHARE, choose_model
+from humanmm.models.camera.model_choice import HINT_SHARE, ModelChoice, choose_model, settled_model
 from humanmm.models.camera.odometry.keyframe_odometry import EXACT_SHARE, MIN_POINTS
 from humanmm.models.camera.odometry.tracked_shot import TrackedShot, arrange
 from humanmm.models.camera.self_calibration import FocalTrack
 from humanmm.models.camera.shot_points import points_of_shot
 from humanmm.models.geometry.intrinsics import default_focal_px
-from humanmm.models.records.camera import GivenCameras, Intrinsics, PointTracks
+from humanmm.models.records.camera import ChosenModel, GivenCameras, Intrinsics, PointTracks
 from humanmm.models.records.shots import ShotList
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
 from humanmm.models.records.video import VideoFacts
@@ -115,15 +115,26 @@ def intrinsics_from_background(
         if (likelihood := focal_log_likelihood(picture.segments, default, width, height)) is not None
     ]
     result = combine(evidence, default, width, height)
+    asked: list[tuple[TrackedShot, ModelChoice]] = []
     for shot in sorted(shots, key=lambda shot: -len(shot.points.frame))[:MAX_SHOTS]:
-        background = arrange(background_points(_beginning(shot.points), shot.people), width, height)
-        found = focal_evidence(background, result)
-        if found is not None:
-            evidence.append(found)
-            result = combine(evidence, default, width, height)
+        beginning = _beginning(shot.points)
+        background = arrange(background_points(beginning, shot.people), width, height)
+        if background.num_images >= 3 and float(np.median(np.diff(background.begins))) >= MIN_POINTS:
+            choice = choose_model(background, result, calibrate=True)
+            if beginning is shot.points:
+                asked.append((background, choice))
+            found = focal_evidence(background, choice)
+            if found is not None:
+                evidence.append(found)
+                result = combine(evidence, default, width, height)
         if result.relative_uncertainty <= LEAST_RELATIVE_SIGMA:
             break
-    return result
+    models = tuple(
+        ChosenModel(shot.start, shot.end, model)
+        for shot, choice in asked
+        if (model := settled_model(choice, shot, result)) is not None
+    )
+    return replace(result, models=models)
 
 
 def _beginning(points: PointTracks) -> PointTracks:
@@ -166,15 +177,12 @@ class EdgeEvidence:
         return np.asarray(np.interp(log_focal - math.log(self.default_px), LOG_SCALES, self.values))
 
 
-def focal_evidence(shot: TrackedShot, assumed: Intrinsics) -> FocalEvidence | None:
-    """Focal length of a shot whose camera rotates or moves; None where it is static or shows too little.
+def focal_evidence(shot: TrackedShot, choice: ModelChoice) -> FocalEvidence | None:
+    """Focal length of a shot from its model; None where the camera is static or fits badly.
 
-    `assumed` is where the search begins. Of a shot that zooms the answer is the middle of its range, as uncertain as
-    the zoom is large; a rotation that fits roughly counts as much less certain.
+    Of a shot that zooms the answer is the middle of its range, as uncertain as the zoom is large; a rotation that fits
+    roughly counts as much less certain.
     """
-    if shot.num_images < 3 or float(np.median(np.diff(shot.begins))) < MIN_POINTS:
-        return None
-    choice = choose_model(shot, assumed, calibrate=True)
     if choice.rotating is None:
         return None
     if choice.model == "moving" and choice.moving is not None:

@@ -5,12 +5,13 @@ In this order: static, rotation only, rotation and zoom, moving. A tripod and a 
 because odometry on them is ill-posed: it would make a translation out of noise. A zoom looks much like a step forward;
 only points at different distances tell them apart.
 
-The choice is made twice, with two questions: `intrinsics` asks it with a focal length of the shot's own
-(`calibrate`), to learn that focal length; `camera` with the one that the whole video agrees on.
+Each shot is asked once. `intrinsics` asks the shots that it needs, each with a focal length of its own (`calibrate`).
+Its answer is settled (`settled_model`) unless the video's focal length came out different, the shot is longer than what
+was looked at, or it zooms: those shots, and the ones that were not needed, are asked in `camera`, with the focal length
+of the video.
 """
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Int
@@ -28,7 +29,7 @@ from humanmm.models.camera.odometry.keyframe_odometry import (
 from humanmm.models.camera.odometry.tracked_shot import TrackedShot, choose_keyframes
 from humanmm.models.camera.self_calibration import FocalTrack, with_own_focal
 from humanmm.models.camera.static import is_static
-from humanmm.models.records.camera import Intrinsics
+from humanmm.models.records.camera import CameraModel, Intrinsics
 
 HINT_SHARE = 0.0015
 """A rotating camera that fits within this fraction of the diagonal gives a good first focal length for a moving one."""
@@ -43,8 +44,6 @@ SAME_FOCAL = 0.05
 ROTATING, ZOOMING = Freedom(translation=False), Freedom(translation=False, zoom=True)
 MOVING, MOVING_ZOOMING = Freedom(translation=True), Freedom(translation=True, zoom=True)
 
-CameraModel = Literal["static", "rotation only", "rotation and zoom", "moving"]
-
 
 @dataclass(frozen=True)
 class ModelChoice:
@@ -58,6 +57,33 @@ class ModelChoice:
     moving: FocalTrack | None = None
     """Also where it does not explain the shot well enough to be chosen."""
     focal_is_known: bool = False
+
+
+def settled_model(choice: ModelChoice, shot: TrackedShot, intrinsics: Intrinsics) -> CameraModel | None:
+    """The model of a shot that was chosen with a focal length of its own, if the video's focal length cannot change it.
+
+    None where the two focal lengths differ, where only the beginning of the shot was looked at, and of a zoom; also
+    where a zoom came close and the video's focal length is too uncertain to rule it out.
+    """
+    track = choice.moving if choice.model == "moving" else choice.rotating
+    if track is None or track.track.keyframes[-1] != shot.num_images - 1:
+        return None
+    known = intrinsics.relative_uncertainty < KNOWN_FOCAL
+    if choice.zooming is not None and not (known and choice.model == "moving"):
+        return None
+    same = abs(np.log(track.track.views.focal_px / intrinsics.focal_px)) < SAME_FOCAL
+    return choice.model if same else None
+
+
+def track_model(shot: TrackedShot, intrinsics: Intrinsics, model: CameraModel) -> ModelChoice | None:
+    """The tracks of a settled model with the video's focal length; None where the odometry of a moving camera fails."""
+    keyframes = choose_keyframes(shot)
+    known = intrinsics.relative_uncertainty < KNOWN_FOCAL
+    only_rotating = rotating(shot, keyframes, intrinsics.focal_px, freedom=ROTATING)
+    if model == "rotation only":
+        return ModelChoice(model, _kept(only_rotating), focal_is_known=known)
+    track = moving(shot, only_rotating)
+    return None if track is None else ModelChoice(model, _kept(only_rotating), None, _kept(track), known)
 
 
 def choose_model(shot: TrackedShot, intrinsics: Intrinsics, *, calibrate: bool = False) -> ModelChoice:

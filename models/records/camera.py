@@ -11,6 +11,8 @@ SOURCES = ("static", "tracked", "rotation_only", "given", "fallback")
 
 CameraSource = Literal["static", "tracked", "rotation_only", "given", "fallback"]
 
+CameraModel = Literal["static", "rotation only", "rotation and zoom", "moving"]
+
 
 @dataclass(frozen=True)
 class PointTracks:
@@ -50,6 +52,15 @@ class GivenCameras:
 
 
 @dataclass(frozen=True)
+class ChosenModel:
+    """The camera model of one shot [start, end)."""
+
+    start: int
+    end: int
+    model: CameraModel
+
+
+@dataclass(frozen=True)
 class Intrinsics:
     """One pinhole camera for all shots, its principal point in the middle (`geometry.intrinsics.K_of`)."""
 
@@ -62,6 +73,12 @@ class Intrinsics:
     warnings: tuple[str, ...] = ()
     cameras: GivenCameras | None = None
     """Cameras that the user gives; none unless he does."""
+    models: tuple[ChosenModel, ...] = ()
+    """Of the shots whose model was settled in estimating the focal length."""
+
+    def model_of(self, start: int, end: int) -> CameraModel | None:
+        """The model of the shot [start, end) if it is settled."""
+        return next((one.model for one in self.models if (one.start, one.end) == (start, end)), None)
 
 
 @dataclass(frozen=True)

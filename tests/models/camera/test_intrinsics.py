@@ -48,6 +48,7 @@ def test_shots_agree_on_one_focal_length(scene_of: Callable[..., Any]) -> None:
     shots = [scene_of(kind, seed=seed) for seed, kind in enumerate(["static", "hand-held", "pan"])]
     found = intrinsics_from_background([ShotPoints(shot.points, ()) for shot in shots], 960, 540)
     assert found.focal_px == pytest.approx(shots[0].intrinsics.focal_px, rel=0.03)
+    assert {one.model for one in found.models} <= {"moving", "rotation only"} and found.models
 
 
 def test_a_zoom_makes_the_focal_length_uncertain_not_wrong(scene_of: Callable[..., Any]) -> None:
