@@ -28,9 +28,9 @@ def maintain(
     damaged = [finding for finding in findings if finding.problem]
     items = maintenance.removable(artifacts, unused_days=unused_days, with_runs=with_runs)
     if remove:
-        freed = f"{maintenance.remove(artifacts, items) / 1e6:.1f} MB freed"
+        freed = f"{maintenance.in_bytes(maintenance.remove(artifacts, items))} freed"
     else:
-        freed = f"{sum(item.num_bytes for item in items) / 1e6:.1f} MB could go"
+        freed = f"{maintenance.in_bytes(sum(item.num_bytes for item in items))} could go"
     summary = f"{len(findings) - len(damaged)} artifacts are sound, {len(damaged)} damaged; {freed}"
     if damaged:
         return Failed(message=summary + "; " + "; ".join(f"{f.uri}: {f.problem}" for f in damaged[:10]))

@@ -5,7 +5,7 @@ They are what `bench ms-real --data` reads.
 
 import functools
 import logging
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import cv2
@@ -18,6 +18,7 @@ from humanmm.models.synthetic.multishot import split_name
 from humanmm.models.video.colors import BT601, Colors, read_colors
 from humanmm.models.video.frames import joined, planar_frames, planar_size
 from humanmm.models.video.reading import read_facts
+from humanmm.storage.readers.datasets import aistpp
 from humanmm.storage.run_folder.clip_files import write_arrays
 from humanmm.storage.run_folder.picture_files import write_video
 from humanmm.storage.store.files import replace_file
@@ -26,17 +27,23 @@ log = logging.getLogger(__name__)
 
 QUALITY = 18
 """x264's constant rate factor: hardly different from the source."""
+TRANSITIONS = (2, 3, 4)
+SEED = 2025
 
 
-def build_set(
-    sequences: Iterator[MultiviewSequence], folder: Path, *, transitions: Sequence[int], seed: int
-) -> SetStatistics:
+def write_sequences(root: Path, names: Sequence[str], folder: Path) -> None:
+    """The annotations of AIST++ below `root`, one file for each sequence: what `bench ms-aist --data` reads."""
+    for name in names:
+        replace_file(folder / f"{name}.npz", functools.partial(write_arrays, arrays=aistpp.read_arrays(root, name)))
+
+
+def build_set(sequences: Iterable[MultiviewSequence], folder: Path) -> SetStatistics:
     """Each performance once with every number of cuts; where it is too short it is left out, with a warning."""
     built = []
     for sequence in sequences:
-        for count in transitions:
+        for count in TRANSITIONS:
             try:
-                path, num_frames, fps = build_clip(sequence, count, folder, seed=seed)
+                path, num_frames, fps = build_clip(sequence, count, folder, seed=SEED)
             except InputError as error:
                 log.warning("left out with %s: %s", split_name(count), error)
                 continue

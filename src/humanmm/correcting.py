@@ -6,11 +6,13 @@ What is asked for is checked against the run first: a person, shot, cut or frame
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from humanmm.corrections import (
+    ONCE,
     AddCut,
     Correction,
     Exclude,
@@ -28,6 +30,8 @@ from humanmm.corrections import (
 from humanmm.errors import InputError
 from humanmm.models.body.body24 import load_body
 from humanmm.models.records.landmarks import INDEX
+from humanmm.storage.run_folder.corrections_file import FILE, append, of_folder, remove
+from humanmm.storage.run_folder.run_record import read_run_record
 
 if TYPE_CHECKING:
     from humanmm.models.records.recording import RecordedPerson, Recording
@@ -232,3 +236,57 @@ def contrary(correction: Correction, among: Sequence[Correction]) -> int | None:
         if cuts and one.kind != correction.kind and one.facts["frame"] == correction.facts["frame"]:
             return number
     return None
+
+
+@dataclass(frozen=True)
+class Entered:
+    """What became of a correction in the file of a run."""
+
+    removed: tuple[Correction, ...]
+    """What it took out: its contrary, or what may be there once."""
+    number: int | None
+    """Its own number, from 1; None if it is not there: taking out was enough, or the file had it already."""
+
+
+def enter(run_dir: Path, correction: Correction) -> Entered:
+    """Write a correction into the file of a run; one that takes an earlier one back, or may be there once, replaces
+    it."""
+    path, before = run_dir / FILE, of_folder(run_dir).correction
+    number = contrary(correction, before)
+    if number is not None:
+        remove(path, number)
+        return Entered((before[number - 1],), None)
+    if any(one.facts == correction.facts for one in before):
+        return Entered((), None)
+    replaced = [n for n, one in enumerate(before, start=1) if correction.kind in ONCE and one.kind == correction.kind]
+    for number in reversed(replaced):
+        remove(path, number)
+    video = str(read_run_record(run_dir)["video"]["sha256"])
+    append(path, correction, video=video, remark=str(correction))
+    return Entered(tuple(before[n - 1] for n in reversed(replaced)), len(before) - len(replaced) + 1)
+
+
+def take_out(run_dir: Path, number: int | None = None) -> Correction:
+    """Take a correction, counted from 1, or the last one out of the file of a run."""
+    entries = of_folder(run_dir).correction
+    if not entries:
+        raise InputError(f"{run_dir / FILE} holds no correction")
+    chosen = len(entries) if number is None else number
+    if not 1 <= chosen <= len(entries):
+        raise InputError(f"there is no correction {chosen}; there are {len(entries)}, numbered from 1")
+    remove(run_dir / FILE, chosen)
+    return entries[chosen - 1]
+
+
+def states(run_dir: Path) -> list[tuple[Correction, str]]:
+    """The corrections in the file of a run, each with what the last run made of it."""
+    done = {str(one["correction"]): one for one in read_run_record(run_dir).get("corrections", ())}
+
+    def state(one: Correction) -> str:
+        found = done.get(str(one.model_dump(mode="json", exclude_none=True)))
+        if found is None:
+            return "not computed yet"
+        remark = f": {found['reason']}" if found["reason"] else ""
+        return f"{'applied' if found['applied'] else 'does not fit'}{remark}"
+
+    return [(one, state(one)) for one in of_folder(run_dir).correction]

@@ -33,12 +33,17 @@ def read_file(path: Path) -> Corrections:
     return read_corrections(read_toml(path), origin=str(path))
 
 
+def of_folder(run_dir: Path) -> Corrections:
+    """The corrections that a run folder holds; none without a file."""
+    path = run_dir / FILE
+    return read_file(path) if path.is_file() else NONE
+
+
 def decided(config: Config, run_dir: Path) -> Config:
     """The configuration with the corrections that it asks for, or else those that the run folder holds, or none."""
     if config.corrections.is_decided:
         return config
-    path = run_dir / FILE
-    return config.model_copy(update={"corrections": read_file(path) if path.is_file() else NONE})
+    return config.model_copy(update={"corrections": of_folder(run_dir)})
 
 
 def corrected(config: Config, run_dir: Path) -> Config:

@@ -108,3 +108,12 @@ def _check_content(folder: Path, manifest: Manifest, output: str) -> None:
     files = {path: sha for path, (_, sha) in manifest.files.items() if path.startswith("files/")}
     if encode(decode(read_encoded(folder, manifest), kind), kind).digest(files) != manifest.digest:
         raise DamageError("its decoded content does not have its content digest")
+
+
+def in_bytes(count: float) -> str:
+    """A size as people read it."""
+    for unit in ("B", "kB", "MB"):
+        if count < 1000:
+            return f"{count:.0f} {unit}"
+        count /= 1000
+    return f"{count:.1f} GB"

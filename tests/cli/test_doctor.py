@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from humanmm.cli import doctor
+from humanmm import installation
 
 
 def _checks(toy: Any, *arguments: str, **environment: str) -> tuple[int, dict[str, dict[str, Any]]]:
@@ -25,7 +25,7 @@ def test_this_installation_is_sound_and_every_line_has_a_cure(toy: Any) -> None:
 
 
 def test_a_full_disk_a_misspelt_variable_and_a_dead_server_are_found(toy: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(doctor, "MIN_FREE_BYTES", 1 << 60)
+    monkeypatch.setattr(installation, "MIN_FREE_BYTES", 1 << 60)
     status, checks = _checks(toy, HUMANMM_STROE="x", PREFECT_API_URL="http://127.0.0.1:9/api")
     assert status == 1
     assert {name for name, check in checks.items() if not check["ok"]} == {
@@ -52,4 +52,4 @@ def test_every_variable_that_the_code_reads_is_known_to_doctor() -> None:
     files = [path for name in ("src/humanmm", "flows", "tasks", "storage") for path in (root / name).rglob("*.py")]
     text = "".join(path.read_text() for path in files)
     read = set(re.findall(r"HUMANMM_([A-Z_]+)", text))
-    assert read <= set(doctor.VARIABLES) and {"STORE", "LOG"} <= read
+    assert read <= set(installation.VARIABLES) and {"STORE", "LOG"} <= read

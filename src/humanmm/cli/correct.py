@@ -11,11 +11,11 @@ from typer import Argument, Option
 
 from humanmm.cli.terminal import say, write, write_path
 from humanmm.cli.verb import RESULTS, Store, app, group, reported, verb
-from humanmm.errors import InputError, UsageError
+from humanmm.errors import UsageError
 
 if TYPE_CHECKING:
     from humanmm.correcting import Corrector
-    from humanmm.corrections import Correction, Corrections
+    from humanmm.corrections import Correction
     from humanmm.tasks.engine.plan import Forecast
 
 correct = group("Put right what a run got wrong: cuts, people, left and right, camera, height, floor.")
@@ -194,29 +194,18 @@ def undo(
     ] = None,
 ) -> int:
     """Take a correction out again."""
-    from humanmm.storage.run_folder.corrections_file import remove
+    from humanmm.correcting import take_out
 
-    entries = _asked().correction
-    if not entries:
-        raise InputError(f"{_path()} holds no correction")
-    chosen = len(entries) if number is None else number
-    if not 1 <= chosen <= len(entries):
-        raise InputError(f"there is no correction {chosen}; there are {len(entries)}, numbered from 1")
-    remove(_path(), chosen)
-    write(f"taken out: {entries[chosen - 1]}")
+    write(f"taken out: {take_out(_folder.get(), number)}")
     return _then(then)
 
 
 def _list() -> None:
-    from humanmm.storage.run_folder.run_record import read_run_record
+    from humanmm.correcting import states
 
-    done = {str(one["correction"]): one for one in read_run_record(_folder.get()).get("corrections", ())}
-    entries = _asked().correction
-    for number, one in enumerate(entries, start=1):
-        found = done.get(str(one.model_dump(mode="json", exclude_none=True)))
-        state = "not computed yet" if found is None else "applied" if found["applied"] else "does not fit"
-        remark = f": {found['reason']}" if found is not None and found["reason"] else ""
-        write(f"{number}  {one}  [{state}{remark}]")
+    entries = states(_folder.get())
+    for number, (one, state) in enumerate(entries, start=1):
+        write(f"{number}  {one}  [{state}]")
     if not entries:
         say(f"{_folder.get()} has no corrections; `humanmm correct --help` lists what can be corrected")
 
@@ -225,13 +214,6 @@ def _path() -> Path:
     from humanmm.storage.run_folder.corrections_file import FILE
 
     return _folder.get() / FILE
-
-
-def _asked() -> "Corrections":
-    from humanmm.corrections import NONE
-    from humanmm.storage.run_folder.corrections_file import read_file
-
-    return read_file(_path()) if _path().is_file() else NONE
 
 
 def _corrector() -> "Corrector":
@@ -243,38 +225,25 @@ def _corrector() -> "Corrector":
 
 
 def _write(corrections: "Sequence[Correction]", then: Then) -> int:
-    """Put corrections into the file; one that takes an earlier one back, or may be there once, replaces it."""
-    from humanmm.correcting import contrary
-    from humanmm.corrections import ONCE
-    from humanmm.storage.run_folder.corrections_file import append, remove
-    from humanmm.storage.run_folder.run_record import read_run_record
+    from humanmm.correcting import enter
 
-    video = str(read_run_record(_folder.get())["video"]["sha256"])
     for correction in corrections:
-        before = _asked().correction
-        number = contrary(correction, before)
-        if number is not None:
-            remove(_path(), number)
-            write(f"taken out: {before[number - 1]}")
-            continue
-        if any(one.facts == correction.facts for one in before):
+        entered = enter(_folder.get(), correction)
+        for one in entered.removed:
+            write(f"taken out: {one}")
+        if entered.number is not None:
+            write(f"correction {entered.number}: {correction}")
+        elif not entered.removed:
             say(f"{_path()} says so already: {correction}")
-            continue
-        for number, one in reversed(list(enumerate(before, start=1))):
-            if correction.kind in ONCE and one.kind == correction.kind:
-                remove(_path(), number)
-                write(f"taken out: {one}")
-        append(_path(), correction, video=video, remark=str(correction))
-        write(f"correction {len(_asked().correction)}: {correction}")
     return _then(then)
 
 
 def _then(then: Then) -> int:
     """Say what the corrections change, or compute it."""
     import humanmm
-    from humanmm.cli.inspect import reopen
     from humanmm.cli.recover import report
     from humanmm.tasks.engine.plan import forecast
+    from humanmm.tasks.engine.reopened import reopen
 
     folder = _folder.get()
     record, run = reopen(folder, then.store)

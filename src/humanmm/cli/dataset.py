@@ -16,9 +16,6 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-TRANSITIONS = (2, 3, 4)
-SEED = 2025
-
 Out = Annotated[Path, Option(metavar="DIR", help="where the data set is written", show_default=False)]
 dataset = group("Build the data sets of the benchmark.")
 build = group("Build one data set.")
@@ -91,17 +88,12 @@ def ms_aist(
 
     --root holds keypoints2d, keypoints3d, cameras, ignore_list.txt; --videos <sequence>.mp4, with c01 … c09 for cAll.
     """
-    from functools import partial
-
+    from humanmm.flows.bench.dataset_builder import write_sequences
     from humanmm.storage.readers.datasets import aistpp
-    from humanmm.storage.run_folder.clip_files import write_arrays
-    from humanmm.storage.store.files import replace_file
 
     source.check()
     names = source.first(aistpp.sequence_names(source.root))
-    for name in names:
-        write_file = partial(write_arrays, arrays=aistpp.read_arrays(source.root, name))
-        replace_file(source.out / f"{name}.npz", write_file)
+    write_sequences(source.root, names, source.out)
     write(f"{len(names)} sequences; measure with: humanmm bench ms-aist --data {source.out}")
     if videos is not None:
         _cut((aistpp.read_multiview(source.root, videos, name) for name in names), source.out / "clips")
@@ -179,7 +171,7 @@ def rich(
 def _cut(sequences: "Iterator[MultiviewSequence]", folder: Path) -> None:
     from humanmm.flows.bench.dataset_builder import build_set
 
-    facts = build_set(sequences, folder, transitions=TRANSITIONS, seed=SEED)
+    facts = build_set(sequences, folder)
     write(facts.sentence(), f"measure with: humanmm bench ms-real --data {folder}")
 
 

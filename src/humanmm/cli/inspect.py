@@ -2,17 +2,13 @@
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from typer import Argument, Option
 
 from humanmm.cli.terminal import write_all, write_json
 from humanmm.cli.verb import RESULTS, Json, RunDir, StageName, Store, app, verb
-from humanmm.errors import InputError, UsageError, VideoError
-
-if TYPE_CHECKING:
-    from humanmm.tasks.engine.plan import Forecast
-    from humanmm.tasks.engine.run import VideoRun
+from humanmm.errors import InputError, UsageError
 
 
 @verb(app, "status", panel=RESULTS)
@@ -27,6 +23,7 @@ def status(
         return _store_status(store, as_json=json)
     from humanmm.tasks.engine.finish import is_up_to_date
     from humanmm.tasks.engine.plan import forecast
+    from humanmm.tasks.engine.reopened import reopen
 
     record, run = reopen(run_dir, store)
     plan = forecast(run)
@@ -56,34 +53,17 @@ def explain(
     json: Json = False,
 ) -> None:
     """Say what a stage's result was computed from, and whether it would be computed again."""
-    from humanmm.tasks.engine.plan import forecast
+    from humanmm.tasks.engine import reopened
 
-    record, run = reopen(run_dir, store)
+    record, run = reopened.reopen(run_dir, store)
     if shot is not None and run.stage(stage).per != "shot":
         raise UsageError(f"{stage} is not computed per shot; leave --shot out")
-    chosen = [entry for entry in forecast(run) if entry.stage == stage and shot in (None, entry.shot)]
-    if not chosen:
+    entries = reopened.explain(record, run, stage, shot)
+    if not entries:
         raise InputError(f"--shot {shot}: the video has {len(record['shots'])} shots")
-    entries = [_explained(record, run, entry) for entry in chosen]
     if json:
         return write_json({"run_dir": str(run_dir), "stage": stage, "units": entries})
     return write_all(line for entry in entries for line in _lines(entry))
-
-
-def _explained(record: Mapping[str, Any], run: "VideoRun", entry: "Forecast") -> dict[str, Any]:
-    unit = (entry.stage, entry.unit)
-    then = next((s for s in record["stages"] if (s["stage"], s["unit"]) == unit), None)
-    found = next((o for o in run.outcomes.values() if (o.unit.stage.name, o.unit.name) == unit), None)
-    manifest = found.manifest if found else None
-    return {
-        **entry.to_json(),
-        "now": entry.sentence,
-        "in_this_run": then,
-        "artifact": manifest.ref.uri if manifest else None,
-        "bytes": manifest.num_bytes if manifest else None,
-        "created": manifest.created if manifest else None,
-        "recipe": manifest.recipe.to_json() if manifest else None,
-    }
 
 
 def _lines(entry: Mapping[str, Any]) -> Iterator[str]:
@@ -103,31 +83,6 @@ def _lines(entry: Mapping[str, Any]) -> Iterator[str]:
 
 
 _DIGESTS = ("inputs", "weights", "modules")
-
-
-def reopen(run_dir: Path, store: Path | None) -> tuple[dict[str, Any], "VideoRun"]:
-    """The record of a run folder, and a run of the same video with the same settings and with the corrections that
-    the folder holds now. Writes nothing."""
-    from humanmm.config_reading import validate
-    from humanmm.storage.run_folder.corrections_file import corrected
-    from humanmm.storage.run_folder.run_record import read_run_record
-    from humanmm.storage.store.identity import VideoIdentity, identify
-    from humanmm.storage.store.open import open_store
-    from humanmm.tasks.engine.run import VideoRun
-
-    record = read_run_record(run_dir)
-    try:
-        config = corrected(validate(record["config"], origin=str(run_dir / "run.json")), run_dir)
-        artifacts = open_store(store or Path(record["store"]), read_only=True)
-        video = Path(record["video"]["path"])
-        sha256 = str(record["video"]["sha256"])
-    except (KeyError, TypeError) as error:
-        raise InputError(f"{run_dir / 'run.json'} lacks {error}; `humanmm recover` writes it anew") from None
-    try:
-        identity = identify(video, artifacts)
-    except VideoError:  # the store finds its artifacts by the hash of its content
-        identity = VideoIdentity(video, sha256, None)
-    return record, VideoRun(identity, config, artifacts)
 
 
 def _store_status(location: Path | None, *, as_json: bool) -> None:

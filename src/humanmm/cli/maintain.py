@@ -4,7 +4,7 @@ from typing import Annotated
 
 from typer import Option
 
-from humanmm.cli.terminal import in_bytes, write
+from humanmm.cli.terminal import write
 from humanmm.cli.verb import STAGES, STORE, Store, app, group, verb
 from humanmm.tasks import pipeline
 
@@ -46,6 +46,7 @@ def gc(
 ) -> None:
     """List what the store no longer needs; --yes removes it."""
     from humanmm.storage.store import maintenance
+    from humanmm.storage.store.maintenance import in_bytes
     from humanmm.storage.store.open import open_store
 
     artifacts = open_store(store)
@@ -62,6 +63,7 @@ def gc(
 def du(*, store: Store = None) -> None:
     """Artifacts and bytes per stage."""
     from humanmm.storage.store import maintenance
+    from humanmm.storage.store.maintenance import in_bytes
     from humanmm.storage.store.open import open_store
 
     artifacts = open_store(store, read_only=True)

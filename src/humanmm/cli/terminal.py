@@ -83,12 +83,3 @@ def open_in_browser(page: Path) -> None:
         import webbrowser
 
         webbrowser.open(page.absolute().as_uri())
-
-
-def in_bytes(count: float) -> str:
-    """A size as people read it."""
-    for unit in ("B", "kB", "MB"):
-        if count < 1000:
-            return f"{count:.0f} {unit}"
-        count /= 1000
-    return f"{count:.1f} GB"
