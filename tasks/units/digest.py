@@ -64,10 +64,14 @@ def code_digest(module: str, parts: Iterable[Part] = (), *, weights_dir: Path | 
     libraries = {"python": "{}.{}".format(*sys.version_info)}
     libraries |= {part.distribution: part.version for part in parts if part.distribution}
     foreign = {part.module.split(".")[0] for part in parts if part.distribution}
+    visited: set[str] = set()
     while waiting:
         name = waiting.pop()
+        if name in visited:
+            continue
+        visited.add(name)
         path = _source_of(name)
-        if name in modules or path is None or not _decides_results(path, package):
+        if path is None or not _decides_results(path, package):
             continue
         facts = known.facts(path.read_bytes(), name if path.name == "__init__.py" else name.rpartition(".")[0])
         modules[name] = facts.digest
