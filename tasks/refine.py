@@ -20,7 +20,7 @@ def refine(inputs: StageInputs) -> WorldMotion:
         time_s=inputs.read("decode", VideoFacts).time_s,
         settings=RefineSettings(
             cutoff_hz=config.cutoff_hz,
-            close_seams=config.close_seams,
+            remove_discontinuities=config.remove_discontinuities,
             refit=config.refit,
             foot_lock=config.foot_lock,
             floor_m=sum(one.metres for one in inputs.corrections.of(Floor)),

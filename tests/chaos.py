@@ -1,4 +1,4 @@
-"""A machine on which everything goes wrong: two workers on a batch, faults at random times from one seed, accounts.
+"""A machine on which everything goes wrong: two workers on a batch, faults at random times from one seed.
 
 `humanmm serve` and a second worker run as they would under an operator's supervisor, which starts again what has died.
 The store (or the copies of what is in a bucket), the run folders and Prefect's database share one small disk.
@@ -139,7 +139,7 @@ class Machine:
         return self.disk / "store"
 
     @property
-    def executions(self) -> Path:
+    def execution_log(self) -> Path:
         return self.folder / "executions"
 
     @contextlib.contextmanager
@@ -165,7 +165,7 @@ class Machine:
             "HUMANMM_STORE": self.bucket or str(self.store),
             "XDG_DATA_HOME": str(self.disk / "data"),  # batches of a bucket
             "HUMANMM_CACHE": str(self.disk / "cache"),
-            "CHAOS_EXECUTIONS": str(self.executions),
+            "CHAOS_EXECUTIONS": str(self.execution_log),
         }
         return {**os.environ, **own}
 
@@ -333,17 +333,17 @@ class Machine:
         assert answer.returncode == 0, answer.stderr
         return list(json.loads(answer.stdout)["videos"])
 
-    def account(self) -> "Account":
+    def executions(self) -> "Executions":
         """Every execution of a stage × unit, by how it ended."""
         events: dict[tuple[str, str], list[dict[str, Any]]] = {}
-        for line in self.executions.read_text().splitlines():
+        for line in self.execution_log.read_text().splitlines():
             event = json.loads(line)
             events.setdefault((event["video"], event["unit"]), []).append(event)
-        return Account(events)
+        return Executions(events)
 
 
 @dataclass(frozen=True)
-class Account:
+class Executions:
     """Executions by video and unit, in the order in which they began and ended."""
 
     events: Mapping[tuple[str, str], list[dict[str, Any]]]

@@ -12,6 +12,7 @@ import pytest
 import zarr
 
 import humanmm
+from humanmm.config_reading import validate
 from humanmm.errors import InputError, StageError, UsageError
 
 NUM_UNITS = 18
@@ -110,6 +111,10 @@ def test_settings_come_as_a_tree_a_config_a_file_or_arguments(here: Any) -> None
         plan = humanmm.forecast("film.mp4", config=config, person=0, focal_px=900.0)
         assert {entry.state for entry in plan} == {"cached"}
     assert humanmm.forecast("film.mp4", config=tree)[-1].state != "cached"
+
+
+def test_settings_of_an_older_run_are_read_by_the_names_that_they_had() -> None:
+    assert not validate({"refine": {"close_seams": False}}).refine.remove_discontinuities
 
 
 def test_a_forecast_writes_nothing(here: Any) -> None:

@@ -32,7 +32,7 @@ elsewhere: it fails once."""
 IN_CROWD = 0.5
 """Share of a body's box inside the box of a crowd from which it is one of them."""
 ELSEWHERE = 0.02
-"""Frames with somebody where nobody is, as a share of the clip's, that pass: a flicker."""
+"""Frames with somebody where nobody is, as a fraction of the clip's, that pass: a flicker."""
 ONE_NUMBER = 0.95
 """Share of the frames with a person that his commonest number must have."""
 FEW = 0.1
@@ -207,11 +207,11 @@ def match(clip: GoldenClip, bodies: Sequence[_Body], num_frames: int) -> Matches
         near = (overlap[found < 0] >= NEAR_IOU).any(axis=0)
         strays[here, frame] = ~near & ~np.isin(here, found)
         for k in np.flatnonzero(crowd & np.isfinite(wanted[:, frame, 0])):
-            strays[here, frame] &= _share_inside(boxes[here, frame], wanted[k, frame]) < IN_CROWD
+            strays[here, frame] &= _fraction_inside(boxes[here, frame], wanted[k, frame]) < IN_CROWD
     return Matches(bodies, body_of, strays, boxes)
 
 
-def _share_inside(boxes: Float[Array, "n 4"], zone: Float[Array, " 4"]) -> Float[Array, " n"]:
+def _fraction_inside(boxes: Float[Array, "n 4"], zone: Float[Array, " 4"]) -> Float[Array, " n"]:
     """How much of each box lies in the zone."""
     sides = np.minimum(boxes[:, 2:], zone[2:]) - np.maximum(boxes[:, :2], zone[:2])
     area = (boxes[:, 2:] - boxes[:, :2]).prod(axis=1)

@@ -33,7 +33,7 @@ METHODS: tuple[str, ...] = (
     "humanmm",
     "concat",
     "humanmm with eight-point",
-    "humanmm without flip decision",
+    "humanmm without swap correction",
     "humanmm without refine",
     "oracle cuts",
     "oracle yaw",
@@ -46,10 +46,10 @@ ABLATIONS: tuple[str, ...] = (
     "humanmm",
     "humanmm with eight-point",
     "humanmm without orientation alignment",
-    "humanmm without flip decision",
+    "humanmm without swap correction",
     "humanmm without background links",
     "humanmm without pose prior",
-    "humanmm without closed seams",
+    "humanmm without discontinuity removal",
     "humanmm without refit",
     "humanmm without foot lock",
     "humanmm without refine",
@@ -60,13 +60,13 @@ background links shots are joined by people alone."""
 CAMERAS: tuple[str, ...] = (
     "humanmm",
     "humanmm without masks",
-    "humanmm with standing cameras",
+    "humanmm with static cameras",
     "oracle camera",
 )
 """Where the camera inside a shot comes from: our odometry on the background; the same on all points, people's too;
-every camera taken for a standing one; the truth."""
+every camera taken for a static one; the truth."""
 _PARTS_OF_REFINE = {
-    "humanmm without closed seams": "close_seams",
+    "humanmm without discontinuity removal": "remove_discontinuities",
     "humanmm without refit": "refit",
     "humanmm without foot lock": "foot_lock",
 }
@@ -121,8 +121,8 @@ class _SharedStages:
 
     @functools.cached_property
     def as_labelled(self) -> Beginning:
-        """The beginning without the flip decision."""
-        return without_flip_decision(self.video, self.config, self.start)
+        """The beginning without the correction of left-right swaps."""
+        return without_swap_correction(self.video, self.config, self.start)
 
     @functools.cached_property
     def without_prior(self) -> Beginning:
@@ -186,7 +186,7 @@ class _SharedStages:
             cut_frames=tuple(shot.start for shot in start.shots.shots[1:]),
             settings=RefineSettings(
                 cutoff_hz=settings.cutoff_hz,
-                close_seams=settings.close_seams,
+                remove_discontinuities=settings.remove_discontinuities,
                 refit=settings.refit,
                 foot_lock=settings.foot_lock,
             ),
@@ -202,7 +202,7 @@ def _attempt(method: str, stages: _SharedStages) -> MethodMotion:
 
 def _start_of(method: str, stages: _SharedStages) -> Beginning:
     """What a method's world was made of."""
-    if method == "humanmm without flip decision":
+    if method == "humanmm without swap correction":
         return stages.as_labelled
     if method == "oracle cuts":
         return stages.cut_truly.start
@@ -216,7 +216,7 @@ def _in_words(error: Exception) -> str:
 _OTHER_BEGINNINGS: Mapping[str, Callable[[_SharedStages], Beginning]] = {
     "humanmm without pose prior": lambda stages: stages.without_prior,
     "humanmm without masks": lambda stages: stages.without_masks,
-    "humanmm with standing cameras": lambda stages: stages.with_static_cameras,
+    "humanmm with static cameras": lambda stages: stages.with_static_cameras,
 }
 """Methods that differ before `align`."""
 
@@ -244,7 +244,7 @@ def _recovered(method: str, stages: _SharedStages) -> WorldMotion:  # noqa: PLR0
     if method in _OTHER_BEGINNINGS:
         start = _OTHER_BEGINNINGS[method](stages)
         return stages.refine(start, align(shot_results_of(stages.video, start), method=how))
-    if method == "humanmm without flip decision":
+    if method == "humanmm without swap correction":
         if not _any_left_right_swap(stages.start.shots):
             return stages.refined
         return stages.refine(stages.as_labelled, align(shot_results_of(stages.video, stages.as_labelled), method=how))
@@ -286,7 +286,7 @@ def points_of_shots(video: BenchVideo, shots: ShotList) -> list[PointTracks]:
     ]
 
 
-def without_flip_decision(video: BenchVideo, config: Config, start: Beginning) -> Beginning:
+def without_swap_correction(video: BenchVideo, config: Config, start: Beginning) -> Beginning:
     """The same with left and right as the detector named them; only what differs is fitted again."""
     shots = replace(start.shots, shots=tuple(_as_labelled(shot) for shot in start.shots.shots))
     motions = tuple(

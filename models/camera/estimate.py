@@ -23,7 +23,7 @@ from humanmm.models.camera.model_choice import (
 )
 from humanmm.models.camera.odometry.bundle import Freedom, Views
 from humanmm.models.camera.odometry.keyframe_odometry import (
-    EXACT_SHARE,
+    EXACT_FRACTION,
     MIN_POINTS,
     Track,
     all_images,
@@ -37,7 +37,7 @@ from humanmm.models.geometry.intrinsics import K_of
 from humanmm.models.records.camera import CameraSource, CrossCheck, Intrinsics, PointTracks, ShotCamera
 from humanmm.models.records.tracks import PersonTrack
 
-POOR_SHARE = 0.004
+POOR_FRACTION = 0.004
 """A fit worse than this fraction of the diagonal is no measurement any more."""
 
 
@@ -109,7 +109,7 @@ def _moving(shot: TrackedShot, moved: Track, *, focal_is_known: bool) -> _Estima
 
     A wrong focal length bends the path of a moving camera much as a zoom does: what fits better then is no proof.
     """
-    if moved.error_px < EXACT_SHARE * shot.diagonal_px:
+    if moved.error_px < EXACT_FRACTION * shot.diagonal_px:
         return _estimate(shot, moved, MOVING, "tracked")
     zooming = also_zooming(moved)
     if not zooms_in(zooming, moved):
@@ -140,7 +140,7 @@ def _estimate(shot: TrackedShot, track: Track, freedom: Freedom, source: CameraS
             f"hardly any point survives frame {said}: the camera's motion there is assumed to go on as before",
         )
     error = float(np.median(residual)) if len(residual) else float("inf")
-    if error > POOR_SHARE * shot.diagonal_px:
+    if error > POOR_FRACTION * shot.diagonal_px:
         source = "fallback"
         said = f"the background fits no camera well (median error {error:.1f} px): rotation is a rough estimate"
         warnings = (*warnings, said)

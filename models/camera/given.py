@@ -7,7 +7,7 @@ from humanmm.models.geometry.rotations import interpolate_rotations
 from humanmm.models.records.camera import Intrinsics, ShotCamera
 from humanmm.models.records.shots import Shot
 
-LEAST_SHARE = 0.5
+LEAST_FRACTION = 0.5
 """Of a shot's frames from the first given camera to the last one; with less the shot counts as not covered."""
 STILL = 1e-9
 """A centre that moves by less stands still; files have 6 to 9 decimals."""
@@ -25,7 +25,7 @@ def given_camera(shot: Shot, intrinsics: Intrinsics) -> ShotCamera | None:
     inside = (cameras.frame >= shot.start) & (cameras.frame < shot.end)
     known = cameras.frame[inside].astype(np.float64)
     num_frames = shot.end - shot.start
-    if not len(known) or known[-1] - known[0] + 1 < LEAST_SHARE * num_frames:
+    if not len(known) or known[-1] - known[0] + 1 < LEAST_FRACTION * num_frames:
         return None
     at = np.arange(shot.start, shot.end, dtype=np.float64)
     R_given_cam = interpolate_rotations(at, known, cameras.R_given_cam[inside])

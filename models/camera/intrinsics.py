@@ -19,8 +19,8 @@ from jaxtyping import Float
 from humanmm.models.camera.background.keyframes import FrameFeatures, KeyFrameFeatures
 from humanmm.models.camera.background.walls_focal import LOG_SCALES, focal_log_likelihood
 from humanmm.models.camera.masking import background_points
-from humanmm.models.camera.model_choice import HINT_SHARE, ModelChoice, choose_model, settled_model
-from humanmm.models.camera.odometry.keyframe_odometry import EXACT_SHARE, MIN_POINTS
+from humanmm.models.camera.model_choice import HINT_FRACTION, ModelChoice, choose_model, settled_model
+from humanmm.models.camera.odometry.keyframe_odometry import EXACT_FRACTION, MIN_POINTS
 from humanmm.models.camera.odometry.tracked_shot import TrackedShot, arrange
 from humanmm.models.camera.self_calibration import FocalTrack
 from humanmm.models.camera.shot_points import points_of_shot
@@ -189,11 +189,11 @@ def focal_evidence(shot: TrackedShot, choice: ModelChoice) -> FocalEvidence | No
         return _evidence(choice.moving)
     if choice.zooming is not None and math.isfinite(choice.zooming.log_focal_sigma):
         return _evidence(choice.zooming)
-    noise_share = choice.rotating.track.adjusted.noise_px / shot.diagonal_px
-    if noise_share >= HINT_SHARE:
+    noise_fraction = choice.rotating.track.adjusted.noise_px / shot.diagonal_px
+    if noise_fraction >= HINT_FRACTION:
         return None
     found = _evidence(choice.rotating)
-    return replace(found, log_sigma=found.log_sigma * max(1.0, noise_share / EXACT_SHARE))
+    return replace(found, log_sigma=found.log_sigma * max(1.0, noise_fraction / EXACT_FRACTION))
 
 
 def _evidence(calibrated: FocalTrack) -> FocalEvidence:

@@ -16,10 +16,10 @@ from humanmm.models.records.tracks import MASK_SIDE, PersonTrack
 
 HELD_FRAMES = 5
 """Frames for which a mask is held before a person's first and after the last observation."""
-MASK_ERROR_SHARE = 0.015
-"""Expected error of a silhouette, as a share of the crop's side."""
-MAX_MASKED_SHARE = 0.4
-"""A track with a larger share of its observations on people is taken for a point of a person."""
+MASK_ERROR_FRACTION = 0.015
+"""Expected error of a silhouette, as a fraction of the crop's side."""
+MAX_MASKED_FRACTION = 0.4
+"""A track with a larger fraction of its observations on people is taken for a point of a person."""
 
 
 def background_points(points: PointTracks, people: Sequence[PersonTrack]) -> PointTracks:
@@ -36,7 +36,7 @@ def background_points(points: PointTracks, people: Sequence[PersonTrack]) -> Poi
             continue
         for frame, begin, stop in zip(frames, first, ends, strict=True):
             masked[begin:stop] |= _on_person(person, int(frame), points.xy[begin:stop], points.window_px)
-    return _without(points, masked, mostly=MAX_MASKED_SHARE)
+    return _without(points, masked, mostly=MAX_MASKED_FRACTION)
 
 
 def without_transitions(points: PointTracks, clear: tuple[int, int]) -> PointTracks:
@@ -75,7 +75,7 @@ def _inside(
         margin = window_px / 2
         low, high = bbox_xyxy[:2] - margin, bbox_xyxy[2:] + margin
         return np.asarray(((xy >= low) & (xy <= high)).all(1))
-    radius = window_px / 2 / px_per_mask_px + MASK_ERROR_SHARE * MASK_SIDE
+    radius = window_px / 2 / px_per_mask_px + MASK_ERROR_FRACTION * MASK_SIDE
     cell = np.floor(np.linalg.solve(linear, (xy - affine[:, 2]).T).T).astype(int)
     return _near(mask, cell, round(radius))
 
@@ -98,7 +98,7 @@ def _near(mask: np.ndarray, cell: np.ndarray, radius: int) -> Bool[np.ndarray, "
 
 
 def _without(points: PointTracks, masked: Bool[np.ndarray, " m"], *, mostly: float) -> PointTracks:
-    """Drop masked observations, split the tracks they interrupt, drop tracks masked for more than the share
+    """Drop masked observations, split the tracks they interrupt, drop tracks masked for more than the fraction
     `mostly`."""
     if not masked.any():
         return points

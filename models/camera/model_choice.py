@@ -18,7 +18,7 @@ from jaxtyping import Int
 
 from humanmm.models.camera.odometry.bundle import Freedom
 from humanmm.models.camera.odometry.keyframe_odometry import (
-    EXACT_SHARE,
+    EXACT_FRACTION,
     MOVING_GAIN,
     Track,
     also_zooming,
@@ -31,7 +31,7 @@ from humanmm.models.camera.self_calibration import FocalTrack, with_own_focal
 from humanmm.models.camera.static import is_static
 from humanmm.models.records.camera import CameraModel, Intrinsics
 
-HINT_SHARE = 0.0015
+HINT_FRACTION = 0.0015
 """A rotating camera that fits within this fraction of the diagonal gives a good first focal length for a moving one."""
 KNOWN_FOCAL = 0.1
 """A focal length with a relative uncertainty below this is known, for the purpose of telling zoom from travel."""
@@ -96,7 +96,7 @@ def choose_model(shot: TrackedShot, intrinsics: Intrinsics, *, calibrate: bool =
     if is_static(shot):
         return ModelChoice("static")
     keyframes = choose_keyframes(shot)[: MAX_KEYFRAMES if calibrate else None]
-    exact_px, hint_px = EXACT_SHARE * shot.diagonal_px, HINT_SHARE * shot.diagonal_px
+    exact_px, hint_px = EXACT_FRACTION * shot.diagonal_px, HINT_FRACTION * shot.diagonal_px
     focal_px, known = intrinsics.focal_px, intrinsics.relative_uncertainty < KNOWN_FOCAL
 
     only_rotating = _followed(rotating(shot, keyframes, focal_px, freedom=ROTATING), ROTATING, calibrate=calibrate)

@@ -53,7 +53,7 @@ def with_own_focal(track: Track, freedom: Freedom) -> FocalTrack:
 
 
 def _correlation(observations: Observations) -> float:
-    """Factor on sigma: a tracker's error stays with the point, so a track counts as one observation, not as many."""
+    """Factor on the standard deviation: a tracker's error stays with the point, so a track is one observation."""
     lengths = np.bincount(observations.point)
     lengths = lengths[lengths > 0]
     return float(np.sqrt(lengths.mean())) if len(lengths) else 1.0

@@ -71,8 +71,8 @@ BIAS_DEG = 12.0
 """68 % of rotations are off by less where one motion explains both sides: nothing at the cut betrays the pose network's
 bias of one posture seen from two sides."""
 GOOD_COST, DEG_PER_COST, MAX_SIGMA_DEG = 8.0, 0.7, 45.0
-"""A motion that explains both sides costs about GOOD_COST (½ Σ of squared sigmas); what it costs more, the rotation is
-off by more (24 cuts of rendered clips)."""
+"""A motion that explains both sides costs about GOOD_COST (½ Σ of squared normalised residuals); what it costs
+more, the rotation is off by more (24 cuts of rendered clips)."""
 WRONG, WRONG_COST, WRONG_GAP_S = 0.07, 60.0, 0.6
 """Probability that no hypothesis is true at a cut like most; cost and gap at which it is one half and 0.63."""
 COST_TEMPERATURE = 1.5
@@ -274,7 +274,7 @@ def _contemporary(people: Sequence[CutPerson], cut_frame: int) -> tuple[list[Cut
 
 
 def continuation_cost(person: CutPerson, K: Float[Array, "3 3"]) -> float:
-    """How badly one person's two sides fit one motion seen by two cameras (a cost: ½ Σ of squared sigmas)."""
+    """How badly one person's two sides fit one motion seen by two cameras: ½ Σ of squared normalised residuals."""
     # The cameras may move, and by how much is not asked: a velocity between them is allowed.
     item = _prepare(person, CutCameras(K, K, True), 0.5 * float(person.before.time_s[-1] + person.after.time_s[0]))
     starts = _distinct(_starts(item, person))

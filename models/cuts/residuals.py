@@ -58,7 +58,7 @@ class PersonAtCut:
 
 @dataclass(frozen=True)
 class BundleSettings:
-    """Sigmas of the measurements and priors."""
+    """Standard deviations of the measurements and priors."""
 
     point_m: float = 0.08
     """Error of the estimator's 3D points, which hardly averages out over the window."""
@@ -73,7 +73,7 @@ class BundleSettings:
 
 
 HUBER = 1.5
-"""In sigmas: beyond it an image residual counts linearly."""
+"""In standard deviations: beyond it an image residual counts linearly."""
 
 
 CAMERA_UNKNOWNS = 9
@@ -148,7 +148,7 @@ class CutProblem:
         return 0.5 * (total + float((camera.velocity**2).sum()) / self.settings.camera_velocity_ms**2)
 
     def image_residual(self, states: list[PersonState], camera: CameraState) -> float:
-        """Weighted median length of the image residuals, in sigmas of one frame."""
+        """Weighted median length of the image residuals, in standard deviations of one frame."""
         sizes = []
         for person, state in zip(self.people, states, strict=True):
             for side, view in enumerate((person.before, person.after)):

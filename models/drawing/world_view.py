@@ -230,7 +230,7 @@ class WorldView:
         return bool((self._place[person.frame[person.observed]] == self._place[frame]).any())
 
     def _draw_path(self, canvas: Canvas, frame: int, path: FloorPath) -> None:
-        """The way of a root in this place, up to this frame."""
+        """The path of a root in this place, up to this frame."""
         rows = (path.frame <= frame) & (self._place[path.frame] == self._place[frame])
         points = path.points[rows]
         pixels = self._project(frame, points[:: max(1, len(points) // 400)])

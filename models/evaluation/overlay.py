@@ -153,7 +153,7 @@ def overlay_error(people: Sequence[PersonOverlay], names: Sequence[str] = ()) ->
 
 
 def fast_overlay_error(clips: Sequence[Sequence[PersonOverlay]], names: Sequence[str] = ()) -> OverlayError | None:
-    """The same in the FASTEST share of the person-frames of each clip; None if no wrist's speed is known."""
+    """The same in the FASTEST fraction of the person-frames of each clip; None if no wrist's speed is known."""
     chosen = np.array([INDEX[name] for name in names]) if names else COUNTED
     errors = []
     for people in clips:

@@ -22,7 +22,7 @@ from humanmm.models.perception.movenet import coco_keypoints
 from humanmm.models.perception.observation import observe
 from humanmm.models.perception.regions import Region, body_region
 from humanmm.models.records import landmarks
-from humanmm.models.rendering.places.filming import FILMINGS, PROBABILITIES, Lens, film
+from humanmm.models.rendering.places.cameras import CAMERA_KINDS, PROBABILITIES, Lens, film_shot
 from humanmm.models.rendering.places.furnishing import Ground
 from humanmm.models.rendering.places.sites import PLACES, build_place
 from humanmm.models.rendering.places.takes import MOTIONS, Library, Performance, choose_take, perform, turned
@@ -140,8 +140,8 @@ def _filmed(actors: list[Actor], fps: float, rng: np.random.Generator) -> tuple[
     size = SIZES[int(rng.integers(len(SIZES)))]
     focal = max(size) / 2 / np.tan(np.deg2rad(rng.uniform(*VIEW_DEG)) / 2)
     lens = Lens(*size, float(focal), fps)
-    kind = FILMINGS[int(rng.choice(len(FILMINGS), p=PROBABILITIES))]
-    shot = film(actors[:1], (0, FRAMES), rng.uniform(0, 2 * np.pi), kind, lens, rng)
+    kind = CAMERA_KINDS[int(rng.choice(len(CAMERA_KINDS), p=PROBABILITIES))]
+    shot = film_shot(actors[:1], (0, FRAMES), rng.uniform(0, 2 * np.pi), kind, lens, rng)
     if rng.random() < CUT_OFF:
         shot = replace(shot, focal_px=shot.focal_px * rng.uniform(1.3, 2.2))
     return lens, shot

@@ -90,7 +90,7 @@ class CrossCheck:
     bundle_deg: float = float("nan")
     """Rotations after its bundle adjustment, largest."""
     bundle_travel: float = float("nan")
-    """Camera centres after its bundle adjustment and the best similarity, largest, as a share of their extent."""
+    """Camera centres after its bundle adjustment and the best similarity, largest, as a fraction of their extent."""
 
 
 @dataclass(frozen=True)

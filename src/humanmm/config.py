@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, AliasChoices, BaseModel, ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from humanmm import parts
@@ -220,8 +220,10 @@ class RefineConfig(Section):
     cutoff_hz: Annotated[float, Field(ge=1, le=60)] = 8.0
     """Band limit of the joints' rotations, in Hz; quicker motion is taken for noise."""
 
-    close_seams: bool = True
-    """Share out the change of posture at a cut between both shots."""
+    remove_discontinuities: Annotated[
+        bool, Field(validation_alias=AliasChoices("remove_discontinuities", "close_seams"))  # its name in older runs
+    ] = True
+    """Distribute the jump of posture at a cut over both shots."""
 
     refit: bool = True
     """Fit the body once more to the evidence of all shots together, with standing feet held."""

@@ -166,14 +166,14 @@ class Sides(_InSpan):
 
 
 class StaticShot(Correction):
-    """A camera that stands still."""
+    """A static camera."""
 
     kind: Literal["static-shot"] = "static-shot"
     frame: Frame
     """A frame of the shot."""
 
     def __str__(self) -> str:
-        return f"the camera stands still in the shot of frame {self.frame}"
+        return f"the camera is static in the shot of frame {self.frame}"
 
 
 class Focal(Correction):

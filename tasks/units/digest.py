@@ -54,10 +54,10 @@ class CodeDigest:
 def code_digest(module: str, parts: Iterable[Part] = (), *, weights_dir: Path | None = None) -> CodeDigest:
     """Digest of a stage's module, of the parts that are chosen for it, and of all of their packages that these import,
     directly or not."""
-    weights_dir = weights_dir or _place_of(PACKAGE) / "models" / "weights"
+    weights_dir = weights_dir or _location_of(PACKAGE) / "models" / "weights"
     if _source_of(module) is None:
         raise ModuleNotFoundError(f"there is no module {module}")
-    known, package = known_modules(), _place_of(PACKAGE)
+    known, package = known_modules(), _location_of(PACKAGE)
     parts = tuple(parts)
     waiting, modules, weights = [module, *(part.module for part in parts)], {}, {}
     roots = {PACKAGE, *(name.split(".")[0] for name in waiting)}
@@ -104,7 +104,7 @@ def _decides_results(path: Path, package: Path) -> bool:
 def _source_of(name: str) -> Path | None:
     """The file of a module; None for a name that is no module, such as a function imported from one."""
     root, *rest = name.split(".")
-    base = _place_of(root)
+    base = _location_of(root)
     if base.is_file():
         return None if rest else base
     base = base.joinpath(*rest)
@@ -114,7 +114,7 @@ def _source_of(name: str) -> Path | None:
     return path if rest and path.is_file() else None
 
 
-def _place_of(root: str) -> Path:
+def _location_of(root: str) -> Path:
     """The folder of a package, or the file of a module that is none."""
     spec = importlib.util.find_spec(root)
     if spec is not None and spec.submodule_search_locations:

@@ -30,7 +30,7 @@ def test_the_ablation_turns_every_module_off_and_each_leaves_its_mark(
     metrics = {name: row["metrics"] for name, row in whole.items()}
     for without, figure in (("orientation alignment", "roe_deg"), ("refine", "jitter")):
         assert metrics[f"humanmm without {without}"][figure]["mean"] > metrics["humanmm"][figure]["mean"]
-    for part in ("pose prior", "closed seams", "refit", "foot lock"):
+    for part in ("pose prior", "discontinuity removal", "refit", "foot lock"):
         assert metrics[f"humanmm without {part}"] != metrics["humanmm"]
     # No picture, no place that could be recognised.
     assert metrics["humanmm without background links"] == metrics["humanmm"]

@@ -78,7 +78,7 @@ def test_a_correction_is_taken_out_by_undo_and_by_its_contrary(finished: Any) ->
     assert _ok(finished, "correct", "runs/film", "undo")[0] == "taken out: the focal length is 950 px"
     assert (
         _ok(finished, "correct", "runs/film", "undo", "2")[0]
-        == "taken out: the camera stands still in the shot of frame 50"
+        == "taken out: the camera is static in the shot of frame 50"
     )
     assert _ok_text(finished, "correct", "runs/film").startswith("1  a cut at frame 50")
     assert _ok(finished, "correct", "runs/film", "undo")[0] == "taken out: a cut at frame 50"

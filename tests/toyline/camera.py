@@ -1,4 +1,4 @@
-"""A camera that stands still."""
+"""A static camera."""
 
 import numpy as np
 

@@ -47,10 +47,10 @@ def rows_of_golden(clips: Sequence[CheckedClip]) -> list[Row]:
 def golden_tables(clips: Sequence[CheckedClip]) -> list[Table]:
     """Clips by kinds, then what fails, a line each."""
     kinds = [kind for kind in KINDS if any(clip.counts(kind)[1] for clip in clips)]
-    lines = [(clip.name, clip.ending, *(_share(*clip.counts(kind)) for kind in kinds)) for clip in clips]
+    lines = [(clip.name, clip.ending, *(_count_of(*clip.counts(kind)) for kind in kinds)) for clip in clips]
     totals = [[sum(of) for of in zip(*(clip.counts(kind) for clip in clips), strict=True)] for kind in kinds]
     whole = sum(held == number for held, number in (clip.counts() for clip in clips))
-    lines.append((f"all {len(clips)} clips", f"{whole} whole", *(_share(held, number) for held, number in totals)))
+    lines.append((f"all {len(clips)} clips", f"{whole} whole", *(_count_of(held, number) for held, number in totals)))
     held, number = (sum(of) for of in zip(*totals, strict=True))
     summary = Table(("clip", "run", *kinds), tuple(lines), f"{held} of {number} expectations hold")
     return [summary, _detail("What does not hold", clips, holds=False)]
@@ -71,7 +71,7 @@ def _detail(title: str, clips: Sequence[CheckedClip], *, holds: bool) -> Table:
     return Table(("clip", "expectation", "of", "expected", "found"), lines, title)
 
 
-def _share(held: int, number: int) -> str:
+def _count_of(held: int, number: int) -> str:
     if not number:
         return ""
     return f"{held} of {number}" if held < number else f"{number}"

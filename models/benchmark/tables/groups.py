@@ -140,7 +140,7 @@ def _cells(cuts: Sequence[CutError]) -> list[str]:
     roots = [cut.root_m for cut in cuts if cut.root_m is not None]
     turned = len(cuts) - sum(angle <= FAILED_DEG for angle in angles)
     away = len(cuts) - sum(root <= FAILED_M for root in roots)
-    return [str(len(cuts)), _spread(angles), _share(turned, len(cuts)), _spread(roots), _share(away, len(cuts))]
+    return [str(len(cuts)), _spread(angles), _fraction(turned, len(cuts)), _spread(roots), _fraction(away, len(cuts))]
 
 
 def _spread(values: Sequence[float]) -> str:
@@ -149,7 +149,7 @@ def _spread(values: Sequence[float]) -> str:
     return " / ".join(f"{value:.3g}" for value in (np.median(values), np.mean(values), np.percentile(values, 90)))
 
 
-def _share(count: int, of: int) -> str:
+def _fraction(count: int, of: int) -> str:
     return f"{100 * count / of:.0f} %"
 
 

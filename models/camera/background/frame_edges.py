@@ -24,12 +24,12 @@ RATIO = 0.8
 MIN_MATCHES = 12
 MIN_INLIERS = 15
 """Below this nearly all poses are wrong (docs/method.md, "Background edges")."""
-MAX_ERROR_SHARE = 2.0 / 1280
+MAX_ERROR_FRACTION = 2.0 / 1280
 """Largest reprojection error of an inlier, as a fraction of the picture's longer side (2 px at 1280)."""
 MAX_TRIALS = 1000
 """Samples of the robust estimator: enough where a third of the matches is right, and fewer make no edge to be
 trusted."""
-SAME_CAMERA_SHARE = 1.0 / 640
+SAME_CAMERA_FRACTION = 1.0 / 640
 """Features that moved less than this fraction of the longer side count as unmoved: one static camera."""
 SAME_CAMERA_PROBABILITY = 0.97
 MAX_PLANES, MIN_PLANE_INLIERS, PLANE_TRIALS = 3, 10, 3000
@@ -88,11 +88,11 @@ def find_frame_edge(a: FrameFeatures, b: FrameFeatures, K: Float[np.ndarray, "3 
     xy_a, xy_b = a.xy[index_a].astype(np.float64), b.xy[index_b].astype(np.float64)
     longer_side = 2 * max(K[0, 2], K[1, 2])
     moved = np.linalg.norm(xy_a - xy_b, axis=1)
-    still = moved < SAME_CAMERA_SHARE * longer_side
+    still = moved < SAME_CAMERA_FRACTION * longer_side
     if still.sum() >= 2 * MIN_INLIERS and still.mean() > 0.6:
         same = ViewHypothesis(np.eye(3), int(still.sum()), SAME_CAMERA_PROBABILITY, "same camera")
         return FrameEdge(a.frame, b.frame, (same,))
-    max_error_px = MAX_ERROR_SHARE * longer_side
+    max_error_px = MAX_ERROR_FRACTION * longer_side
     found = (*_of_essential_matrix(xy_a, xy_b, K, max_error_px), *_of_planes(xy_a, xy_b, K, max_error_px))
     return FrameEdge(a.frame, b.frame, found) if found else None
 

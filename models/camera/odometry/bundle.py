@@ -308,7 +308,7 @@ class _System:
         return Points(direction / length[:, None], rho / length, points.anchor)
 
     def focal_step(self) -> tuple[float, float]:
-        """Undamped step of ln(focal) and its sigma, after views and points are eliminated."""
+        """Undamped step of ln(focal) and its standard deviation, after views and points are eliminated."""
         S, right, V_inverse, Y = self._reduced(0.0)
         free = self._free()
         side = (self.focal_image.reshape(-1) - Y @ self.focal_point.reshape(-1))[free]

@@ -24,7 +24,7 @@ WINDOW_STEP = 5
 MAX_GLOBAL_KEYFRAMES = 100
 """Longer shots keep the windowed result: the last adjustment over all keyframes would grow with the cube of their
 number."""
-EXACT_SHARE = 0.0003
+EXACT_FRACTION = 0.0003
 """A camera that fits within this fraction of the diagonal (standard deviation) needs no other explanation."""
 MOVING_GAIN = 0.6
 """A moving camera must bring the residuals below this fraction of the rotating camera's: it has one more unknown per
@@ -40,7 +40,7 @@ LASTING, MIN_LASTING = 4, 100
 ZOOM_ITERATIONS = 40
 """Zoom and travel look much alike: the valley between them is long and flat."""
 OUTLIER_SIGMA = 4.0
-"""Sightings further off than this many sigma after an adjustment are dropped (LEAP-VO drops above 5 px)."""
+"""Sightings off by more standard deviations than this after an adjustment are dropped (LEAP-VO: above 5 px)."""
 IMAGES_AT_ONCE = 200
 MIN_POINTS = 12
 """Fewer background points in a keyframe than this cannot carry a pose."""
@@ -126,7 +126,7 @@ def moving(shot: TrackedShot, guide: Track, *, max_starts: int = 3) -> Track | N
         track = run.finish()
         if best is None or track.error_px < best.error_px:
             best = track
-        if best.error_px < EXACT_SHARE * shot.diagonal_px:
+        if best.error_px < EXACT_FRACTION * shot.diagonal_px:
             break
     return best
 

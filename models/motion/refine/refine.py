@@ -45,7 +45,7 @@ class RefineSettings:
     """What can be set, and what can be left out (for ablations)."""
 
     cutoff_hz: float = 8.0
-    close_seams: bool = True
+    remove_discontinuities: bool = True
     refit: bool = True
     foot_lock: bool = True
     floor_m: float = 0.0
@@ -185,7 +185,7 @@ def draft(
     """Discontinuities at cuts closed, rotations smoothed, gaps filled, feet that stand found once."""
     vectors = np.empty((len(person.frame), NUM_JOINTS, 3), np.float32)
     vectors[:, 0], vectors[:, 1:] = by_chunks(rotmat_to_rotvec, person.R_world_root), person.body_pose
-    if settings.close_seams:
+    if settings.remove_discontinuities:
         vectors = close_discontinuities(
             vectors, frame=person.frame, observed=person.observed, time_s=time_s, cut_frames=cut_frames
         )

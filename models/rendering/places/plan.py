@@ -13,17 +13,17 @@ import numpy as np
 
 from humanmm.models.rendering.background_scene import BackgroundScene, Block, faces_of_block
 from humanmm.models.rendering.places import figures, surfaces
-from humanmm.models.rendering.places.features import CutKind, cuts_of, person_of, shot_of
-from humanmm.models.rendering.places.filming import (
-    FILMINGS,
+from humanmm.models.rendering.places.cameras import (
+    CAMERA_KINDS,
     PROBABILITIES,
-    Filming,
+    CameraKind,
     Lens,
     again,
-    film,
+    film_shot,
+    fraction_in_view,
     holds,
-    share_in_view,
 )
+from humanmm.models.rendering.places.features import CutKind, cuts_of, person_of, shot_of
 from humanmm.models.rendering.places.furnishing import Ground
 from humanmm.models.rendering.places.sites import HIGH, PLACES, build_place
 from humanmm.models.rendering.places.takes import (
@@ -237,7 +237,7 @@ def _film_all(
         span = (int(start), int(end))
         if k:
             repeated = _repeated(shots, cuts[k - 1], span, rng)
-            kept = repeated is not None and share_in_view(actors[0].joints[slice(*span)], repeated, lens) > 0.7
+            kept = repeated is not None and fraction_in_view(actors[0].joints[slice(*span)], repeated, lens) > 0.7
             if repeated is not None and kept and holds([actors[0]], repeated, lens):
                 shots.append(repeated)
                 kinds.append(cuts[k - 1].kind)
@@ -247,10 +247,10 @@ def _film_all(
                 angle = np.deg2rad(rng.uniform(8, 28))
             azimuth += angle * rng.choice([-1, 1])
             kinds.append("jump" if kind == "jump" else "angle")
-        allowed = [one for one in FILMINGS if one != "drone" or place in HIGH]
-        weights = np.array([p for one, p in zip(FILMINGS, PROBABILITIES, strict=True) if one in allowed])
-        filming: Filming = allowed[int(rng.choice(len(allowed), p=weights / weights.sum()))]
-        shots.append(film(actors, span, azimuth, filming, lens, rng))
+        allowed = [one for one in CAMERA_KINDS if one != "drone" or place in HIGH]
+        weights = np.array([p for one, p in zip(CAMERA_KINDS, PROBABILITIES, strict=True) if one in allowed])
+        camera_kind: CameraKind = allowed[int(rng.choice(len(allowed), p=weights / weights.sum()))]
+        shots.append(film_shot(actors, span, azimuth, camera_kind, lens, rng))
     return shots, kinds
 
 

@@ -74,7 +74,7 @@ def remove_cut(frame: FrameNumber, then: Then) -> int:
 def static_shot(
     shot: Annotated[int, Argument(metavar="SHOT", help="number of a shot, from 0", show_default=False)], then: Then
 ) -> int:
-    """The camera stands still in SHOT."""
+    """The camera is static in SHOT."""
     return _write([_corrector().static_shot(shot)], then)
 
 

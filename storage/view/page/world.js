@@ -57,7 +57,7 @@ class Body {
     this.group.add(this.mesh);
   }
 
-  // The way of the root: a ribbon on the floor, faint before it is walked and dashed where it was filled in.
+  // The path of the root: a ribbon on the floor, faint before it is walked and dashed where it was filled in.
   addPath() {
     const { person } = this;
     const corners = new Float32Array(person.count * 6), index = [];

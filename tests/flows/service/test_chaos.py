@@ -58,16 +58,16 @@ def test_whatever_is_killed_damaged_or_full_every_video_ends_well_and_nothing_ru
             lasted_s = time.monotonic() - began
             failed = [video for video in machine.videos() if video["state"] != "done"]
             wait_for(lambda: not machine.at_work(), NOTICED_S)
-            account = machine.account()
+            executions = machine.executions()
             _report(machine, small=small, lasted_s=lasted_s, ended=ended, failed=failed)
 
             assert all(video["state"] in ("failed", "partial") and video["reason"] for video in failed), failed
             late = [f for f in machine.faults if f.noticed_s is not None and f.noticed_s > NOTICED_S]
             assert not late + machine.unnoticed(), "lost workers are noticed within two minutes"
             flips = [fault for fault in machine.faults if fault.kind == "flip"]
-            assert account.needless() == [] and len(account.again()) <= len(flips)
+            assert executions.needless() == [] and len(executions.again()) <= len(flips)
             most = sum(AT_WORK.get(fault.kind, 0) for fault in machine.faults)
-            assert account.count()["cut short"] <= most, "what nobody had to interrupt was not interrupted"
+            assert executions.count()["cut short"] <= most, "what nobody had to interrupt was not interrupted"
 
             _check_store(machine)
             healed = machine.humanmm("batch", "retry-failed", "--wait")
@@ -120,9 +120,9 @@ def _report(
             )
     lines.append(f"videos when the faults ended: {dict(ended)}; all ended after {lasted_s:.0f} s")
     lines += [f"{Path(video['video']).name}: {video['state']}: {video['reason']}" for video in failed]
-    account = machine.account()
-    lines.append(f"executions: {dict(account.count())}")
-    lines.append(f"computed again after damage: {len(account.again())}, needlessly: {len(account.needless())}")
+    executions = machine.executions()
+    lines.append(f"executions: {dict(executions.count())}")
+    lines.append(f"computed again after damage: {len(executions.again())}, needlessly: {len(executions.needless())}")
     sys.stdout.write("\n".join(["", *lines, ""]))
 
 

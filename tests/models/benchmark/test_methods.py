@@ -23,7 +23,7 @@ def test_every_method_is_scored_and_the_baseline_is_bad_in_the_papers_way(
     assert _value(ours, "wa_mpjpe100_mm") < 150
     assert _value(concat, "wa_mpjpe100_mm") > _value(ours, "wa_mpjpe100_mm")
     assert _value(concat, "roe_deg") > 30
-    # The solver may turn a shot by a little even when the turn is known.
+    # The solver may rotate a shot a little even when the rotation is known.
     assert _value(oracle, "cam_cut_rot_deg") < 2
     assert _value(scored["oracle camera"], "cam_cut_rot_deg") < 2
     assert _value(scored["oracle camera"], "focal_err_pct") < 0.1

@@ -1,4 +1,4 @@
-"""What the oracles are told: a wrong cut undone, a missed one made, the turn about the vertical alone put right."""
+"""What the oracles are told: a wrong cut undone, a missed one made, the rotation about the vertical alone put right."""
 
 from dataclasses import replace
 
@@ -69,7 +69,7 @@ def test_yaw_rotations_leave_the_tilt_that_was_found(video: BenchVideo, motion_o
     turns = yaw_rotations(video, done.shots, done.motion)
     before, after = done.motion.R_world_cam[start - 1 : start + 1]
     told = before @ turns[start]
-    assert np.allclose(told[2], after[2])  # heights of the camera's axes: what a turn about the vertical leaves
+    assert np.allclose(told[2], after[2])  # heights of the camera's axes: what a rotation about the vertical leaves
     again = yaw_rotations(
         video, done.shots, replace(done.motion, R_world_cam=_turned_after(done.motion.R_world_cam, start))
     )

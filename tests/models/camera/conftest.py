@@ -1,4 +1,4 @@
-"""Synthetic shots with known cameras: random points before a camera that stands, turns, or moves."""
+"""Synthetic shots with known cameras: random points before a static, rotating or moving camera."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

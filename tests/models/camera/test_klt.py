@@ -81,7 +81,7 @@ def test_a_change_that_stays_is_recorded_on_both_sides() -> None:
 
 @pytest.mark.parametrize("focal_px", [600.0])
 def test_a_cut_inside_a_tracked_scene_leaves_a_good_camera_on_both_sides(focal_px: float) -> None:
-    turn = np.radians(0.3) * np.r_[np.arange(25), np.zeros(15)]  # a pan, then a standing camera elsewhere
+    turn = np.radians(0.3) * np.r_[np.arange(25), np.zeros(15)]  # a pan, then a static camera elsewhere
     wide = cv2.resize(texture(2), None, fx=2, fy=2)
     pictures = [_turned(texture(3) if k >= 25 else wide, angle, focal_px) for k, angle in enumerate(turn)]
     scene = klt_tracks(pictures, start=0, source_size=(WIDTH, HEIGHT))

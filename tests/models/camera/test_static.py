@@ -12,7 +12,7 @@ from humanmm.models.camera.static import is_static
 
 
 def moved(scene: Any, displacement: np.ndarray, share: float) -> Any:
-    """Observations with (frames, 2) added for this share of the tracks."""
+    """Observations with (frames, 2) added for this fraction of the tracks."""
     chosen = scene.points.track % 100 < 100 * share
     xy = scene.points.xy + np.where(chosen[:, None], displacement[scene.points.frame], 0.0).astype(np.float32)
     return arrange(replace(scene.points, xy=xy), scene.intrinsics.width, scene.intrinsics.height)

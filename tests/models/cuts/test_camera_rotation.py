@@ -1,4 +1,4 @@
-"""Cuts: the bundle adjustment finds the turn, the essential matrix agrees with OpenCV."""
+"""Cuts: the bundle adjustment finds the rotation, the essential matrix agrees with OpenCV."""
 
 from dataclasses import replace
 

@@ -13,7 +13,7 @@ from humanmm.tasks.pictures import stage_times
 STAGES = [StageTime("decode", 0.4, 1, 1, 0), StageTime("people", 3.0, 2, 0, 0)]
 
 
-def _share(image: np.ndarray, color: palette.RGB) -> float:
+def _fraction(image: np.ndarray, color: palette.RGB) -> float:
     return float((image == np.array(color)).all(-1).mean())
 
 
@@ -25,7 +25,7 @@ def test_the_timeline_grows_with_its_people_and_warnings(standing: Recording) ->
     crowded = timeline(dataclasses.replace(standing, people=(*standing.people, second)), marks, STAGES, [])
     assert warned.shape[0] > plain.shape[0] + 50
     assert crowded.shape[0] > plain.shape[0] + 50
-    assert _share(crowded, palette.person_color(second)) > 0.005
+    assert _fraction(crowded, palette.person_color(second)) > 0.005
 
 
 def test_units_of_a_stage_are_added_up() -> None:

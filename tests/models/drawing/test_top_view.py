@@ -11,17 +11,17 @@ from humanmm.models.drawing.top_view import top_view
 from humanmm.models.records.recording import Recording
 
 
-def _share(image: np.ndarray, color: palette.RGB) -> float:
+def _fraction(image: np.ndarray, color: palette.RGB) -> float:
     return float((image == np.array(color)).all(-1).mean())
 
 
 def test_the_top_view_shows_the_path_of_everybody_and_the_cuts(standing: Recording) -> None:
     image = top_view(standing)
     assert image.shape == (1000, 1000, 3)
-    assert _share(image, palette.person_color(standing.people[0])) > 1e-4
-    assert _share(image, palette.CUT) > 1e-5
+    assert _fraction(image, palette.person_color(standing.people[0])) > 1e-4
+    assert _fraction(image, palette.CUT) > 1e-5
     uncut = dataclasses.replace(standing, cut_frames=(), shot_index=np.zeros(40, np.int32))
-    assert _share(top_view(uncut), palette.CUT) == 0
+    assert _fraction(top_view(uncut), palette.CUT) == 0
 
 
 def test_the_top_view_takes_a_person_without_frames_and_a_camera_that_looks_down(standing: Recording) -> None:
@@ -32,7 +32,7 @@ def test_the_top_view_takes_a_person_without_frames_and_a_camera_that_looks_down
     empty = dataclasses.replace(standing.people[0], **{**nobody, "person": 1})
     down = np.tile(np.float32([[1, 0, 0], [0, -1, 0], [0, 0, -1]]), (40, 1, 1))
     image = top_view(dataclasses.replace(standing, people=(standing.people[0], empty), R_world_cam=down))
-    assert _share(image, palette.person_color(standing.people[0])) > 1e-4
+    assert _fraction(image, palette.person_color(standing.people[0])) > 1e-4
     alone = top_view(dataclasses.replace(standing, R_world_cam=down))
     differing = np.argwhere((image != alone).any(axis=-1))
     assert len(differing) < 0.01 * image[..., 0].size, "who has no frames is in the legend alone"

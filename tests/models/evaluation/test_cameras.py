@@ -91,7 +91,7 @@ def test_frames_without_a_camera_are_left_out(truth: CameraSequence) -> None:
     assert errors == [None, pytest.approx(0.0, abs=1e-6)]
 
 
-def test_the_focal_error_is_a_share_of_the_true_one(truth: CameraSequence, noisy: CameraSequence) -> None:
+def test_the_focal_error_is_a_fraction_of_the_true_one(truth: CameraSequence, noisy: CameraSequence) -> None:
     assert cameras.focal_error_pct(noisy.K, truth.K) == pytest.approx(10.0)
 
 

@@ -36,7 +36,7 @@ def with_person(sequence: MotionSequence, **changes: object) -> MotionSequence:
 
 
 def moved(sequence: MotionSequence, *, yaw: float, shift: np.ndarray) -> MotionSequence:
-    """The same sequence in a world that is turned about the vertical and shifted."""
+    """The same sequence in a world that is rotated about the vertical and shifted."""
     R, person, cameras = yaw_to_rotmat(yaw), sequence.people[0], sequence.cameras
     assert cameras is not None and person.R_world_root is not None
     cameras = dataclasses.replace(

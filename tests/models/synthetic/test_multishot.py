@@ -91,7 +91,7 @@ def test_noise_has_the_size_that_it_is_said_to_have(sequences: tuple[MocapSequen
     assert np.std(np.concatenate(errors)) == pytest.approx(0.02, rel=0.1)
 
 
-def test_points_of_a_standing_camera_stand_and_masked_ones_are_none(sequences: tuple[MocapSequence, ...]) -> None:
+def test_points_of_a_static_camera_stand_and_masked_ones_are_none(sequences: tuple[MocapSequence, ...]) -> None:
     plans = plan_videos(sequences, 6, seed=1, transitions=(3,))
     for plan in plans:
         video = build_video(sequences[plan.sequence], plan)

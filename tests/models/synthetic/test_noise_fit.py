@@ -31,7 +31,7 @@ KNOWN = replace(
 
 
 def measured(sequence: MocapSequence, number: int) -> MeasuredClip:
-    """A standing camera at a random height and roll, and the detector of the known noise."""
+    """A static camera at a random height and roll, and the detector of the known noise."""
     rng = np.random.default_rng(number)
     actor = pose_actor(sequence, rng)
     n, fps, K = len(actor.joints), sequence.fps, np.array([[1200.0, 0, 960], [0, 1200, 540], [0, 0, 1]])

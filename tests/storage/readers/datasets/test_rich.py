@@ -79,7 +79,7 @@ def root(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_each_standing_camera_becomes_a_video_beside_a_truth_in_the_upright_world(root: Path, tmp_path: Path) -> None:
+def test_each_static_camera_becomes_a_video_beside_a_truth_in_the_upright_world(root: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     command = ["dataset", "build", "rich", "--root", str(root), "--split", "test", "--smplx", str(root / "models")]
     assert main([*command, "--out", str(out)]) == 0

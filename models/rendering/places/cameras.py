@@ -1,4 +1,4 @@
-"""How a clip is filmed: cameras that stand, pan, roll in the hand, fly, zoom and pass near objects."""
+"""The cameras of a clip: static, panning, hand-held, flying and zooming cameras, and some that pass near objects."""
 
 import math
 from dataclasses import dataclass
@@ -14,8 +14,17 @@ from humanmm.models.synthetic.rigs import Kind, look_at, move_camera, wander
 
 Array = np.ndarray
 
-Filming = Literal["static", "pan", "dolly", "hand-held", "orbit", "rolling", "drone", "past objects"]
-FILMINGS: tuple[Filming, ...] = ("static", "pan", "dolly", "hand-held", "orbit", "rolling", "drone", "past objects")
+CameraKind = Literal["static", "pan", "dolly", "hand-held", "orbit", "rolling", "drone", "past objects"]
+CAMERA_KINDS: tuple[CameraKind, ...] = (
+    "static",
+    "pan",
+    "dolly",
+    "hand-held",
+    "orbit",
+    "rolling",
+    "drone",
+    "past objects",
+)
 PROBABILITIES = (0.24, 0.14, 0.1, 0.14, 0.1, 0.1, 0.09, 0.09)
 _RIGS: dict[str, Kind] = {"past objects": "dolly", "rolling": "hand-held", "drone": "orbit"}
 PERSON_M = 1.7
@@ -32,8 +41,8 @@ class Lens:
     fps: float
 
 
-def film(
-    actors: list[Actor], span: tuple[int, int], azimuth: float, kind: Filming, lens: Lens, rng: np.random.Generator
+def film_shot(
+    actors: list[Actor], span: tuple[int, int], azimuth: float, kind: CameraKind, lens: Lens, rng: np.random.Generator
 ) -> Shot:
     """A camera of this kind at this azimuth that holds the first actor, far enough from everybody."""
     n = span[1] - span[0]
@@ -87,10 +96,10 @@ def holds(actors: list[Actor], shot: Shot, lens: Lens) -> bool:
     """Whether nobody is too near, and the first actor is in the picture."""
     rows = slice(shot.start, shot.end)
     gaps = [np.linalg.norm((actor.joints[rows, 0] - shot.t_world_cam)[:, :2], axis=1).min() for actor in actors]
-    return min(gaps) > CLEAR_M and share_in_view(actors[0].joints[rows], shot, lens) >= LEAST_IN_VIEW
+    return min(gaps) > CLEAR_M and fraction_in_view(actors[0].joints[rows], shot, lens) >= LEAST_IN_VIEW
 
 
-def share_in_view(joints: Float[Array, "n 24 3"], shot: Shot, lens: Lens) -> float:
+def fraction_in_view(joints: Float[Array, "n 24 3"], shot: Shot, lens: Lens) -> float:
     """Fraction of joints in the picture."""
     size = (lens.width, lens.height)
     pixels, depth = in_view(joints, shot, slice(None), size)
