@@ -15,6 +15,7 @@ from humanmm.models.drawing import palette
 from humanmm.models.drawing.canvas import Canvas
 from humanmm.models.drawing.overlay import OPACITY, Overlay
 from humanmm.models.geometry import projection
+from humanmm.models.geometry.intrinsics import K_from_focal
 from humanmm.models.geometry.rotations import unit
 from humanmm.models.records.recording import RecordedPerson, Recording
 from humanmm.models.video.colors import BT601, Colors
@@ -108,7 +109,7 @@ class WorldView:
         """The recording with cameras of ours, and places instead of shots: `Overlay` shows whom a place shows."""
         recording, (width, height) = self._recording, self._size
         focal = max(width, height) / 2 / _FIELD
-        K = np.array([[focal, 0, width / 2], [0, focal, height / 2], [0, 0, 1]], np.float32)
+        K = K_from_focal(focal, width, height).astype(np.float32)
         R, t = np.empty((recording.num_frames, 3, 3)), np.empty((recording.num_frames, 3))
         for place in np.unique(self._place):
             frames = np.flatnonzero(self._place == place)

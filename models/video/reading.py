@@ -177,12 +177,6 @@ def _increasing_pts(pts: list[int | None]) -> list[int]:
     return kept
 
 
-def _begins_again(pts: list[int | None]) -> bool:
-    """Whether a picture that is not the first has the first's time stamp or an earlier one."""
-    known = [p for p in pts if p is not None]
-    return any(p <= known[0] for p in known[1:])
-
-
 def _orientation(picture: VideoFrame) -> tuple[int, bool]:
     """Clockwise rotation (0, 90, 180, 270) and left-right flip that make the stored picture upright.
 

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 
 from humanmm.models.body.body24 import load_body
+from humanmm.models.geometry.intrinsics import K_from_focal
 from humanmm.models.rendering.background_scene import Light
 from humanmm.models.rendering.people import draw_person
 from humanmm.models.rendering.renderer import ClothedActor
@@ -61,7 +62,7 @@ def _drawn(model: Model, frame: int, height_px: int, *, turned: float) -> tuple[
     away = 9.0
     eye = middle + away * np.array([np.cos(heading), np.sin(heading), 0.0])
     focal = height * away / FIGURE_M
-    K = np.array([[focal, 0, width / 2], [0, focal, height / 2], [0, 0, 1.0]])
+    K = K_from_focal(focal, width, height)
     view = View(look_at(eye, middle), eye, K, width, height)
     sample = Sample.empty(view)
     draw_person(sample, view, model.clothed.at(float(frame)), _LIGHT, FIRST_PERSON)
