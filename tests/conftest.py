@@ -19,14 +19,17 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from short_clip import recover_film
 
 from humanmm.config import Config
 from humanmm.storage.store import artifact
+from humanmm.storage.store import store as artifacts
 from humanmm.storage.store.identity import identify
 from humanmm.storage.store.open import open_store
 from humanmm.storage.store.store import Store
-from humanmm.tasks import pipeline
+from humanmm.tasks import pictures, pipeline
 from humanmm.tasks.engine.run import VideoRun
 from humanmm.tasks.units.selection import Selection
 
@@ -153,6 +156,16 @@ def server_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 
 @pytest.fixture(scope="session")
+def recovered_film(server_cache: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a few frames of the shipped clip, `film.mp4`, its truth, and its `run` and `store`: recovered once
+    for all tests, in whichever process of theirs."""
+    base = tmp_path_factory.getbasetemp()
+    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "recovered"
+    recover_film(folder)
+    return folder
+
+
+@pytest.fixture(scope="session")
 def s3_server() -> Iterator[str]:
     """Address of an S3 server of this process alone."""
     server = pytest.importorskip("moto.server", reason="an S3 server to test against: pip install 'humanmm[dev]'")
@@ -191,6 +204,8 @@ def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFi
     monkeypatch.setenv("TOY_LOG", str(tmp_path / "executed"))
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
     monkeypatch.setattr(artifact, "_sync", lambda folder: None)  # no test pulls the plug, and a busy disk is slow
+    monkeypatch.setattr(artifacts, "sync_to_disk", lambda folder: None)
+    monkeypatch.setattr(pictures, "timeline", lambda *told: np.full((8, 8, 3), 255, np.uint8))  # test_deliver draws it
     _forget()
     monkeypatch.setattr(pipeline, "STAGES", import_module("toyline.table").STAGES)
     yield Toy(tmp_path, video, tmp_path / "store", tmp_path / "executed", capfd)

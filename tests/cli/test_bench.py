@@ -15,13 +15,15 @@ from humanmm.models.video.colors import BT601
 from humanmm.storage.run_folder.picture_files import write_video
 
 PACK = Path(__file__).parents[2] / "data" / "mocap" / "cmu_test.npz"
+QUICK = ["--intrinsics.fov_deg", "60", "--camera.static", "true"]
+"""Neither focal length nor odometry, of which these tests say nothing."""
 
 
 def test_the_ablation_turns_every_module_off_and_each_leaves_its_mark(
     short_videos: Callable[..., None], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     short_videos(1)
-    command = ["bench", "ablation", "--data", str(PACK), "--size", "tiny", "--store", str(tmp_path / "store")]
+    command = ["bench", "ablation", "--data", str(PACK), "--size", "tiny", "--store", str(tmp_path / "store"), *QUICK]
     assert main([*command, "--report", str(tmp_path / "report")]) == 0
     rows = json.loads((tmp_path / "report" / "results.json").read_text())["rows"]
     whole = {row["method"]: row for row in rows}
@@ -49,7 +51,8 @@ def test_a_camera_that_fails_is_told_and_counted_and_takes_no_other_method_with_
         raise StageError("no luck")
 
     monkeypatch.setattr(methods, "true_cameras", unlucky)
-    assert main(["bench", "camera", "--data", str(PACK), "--size", "tiny", "--store", str(tmp_path)]) == 0
+    command = ["bench", "camera", "--data", str(PACK), "--size", "tiny", "--store", str(tmp_path), *QUICK[:2]]
+    assert main(command) == 0
     told = capsys.readouterr()
     failures = [line for line in told.err.splitlines() if "failed" in line]
     assert len(failures) == 1

@@ -21,7 +21,8 @@ def act(stage: str, inputs: StageInputs) -> None:
     log = Path(os.environ["TOY_LOG"])
     with log.open("a") as file:
         file.write(f"{name}\n")
-    time.sleep(float(_told("TOY_SLEEP", name) or 0))
+    if pause_s := _told("TOY_SLEEP", name):
+        time.sleep(float(pause_s))
     kind, _, times = (_told("TOY_FAIL", name) or "").partition(":")
     if kind == "stage" and (not times or log.read_text().split().count(name) <= int(times)):
         raise StageError(f"{name} cannot be done")

@@ -24,6 +24,7 @@ def test_tiny_is_computed_once_and_then_the_same_to_the_byte(
 ) -> None:  # fmt: skip
     short_videos(1)
     command = ["bench", "ms-mocap", "--data", str(pack), "--size", "tiny", "--store", str(tmp_path / "store")]
+    command += ["--intrinsics.fov_deg", "60"]  # the focal length is not what this test is about
     first, second = tmp_path / "first", tmp_path / "second"
     assert main([*command, "--report", str(first)]) == 0
     told = capsys.readouterr().out
