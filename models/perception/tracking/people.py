@@ -46,5 +46,7 @@ def track_people(
             networks=networks,
         )
     if lifter is None:  # only now: torch takes two seconds to import
-        from humanmm.models.perception.lifting.lift import lift as lifter
+        from humanmm.models.perception.lifting.lift import lift
+
+        lifter = lift
     return lifted_people(people, lifter, video.facts.time_s, video.size)
