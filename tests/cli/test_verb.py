@@ -33,7 +33,7 @@ def _run(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str
         (["batch", "submt"], "Did you mean 'submit'?"),
         (["recover", "film.mp4", "--people.max_peeple", "3"], "--people.max_people"),
         (["explain", "runs/film", "camra"], "'camera'"),
-        (["recover"], "Missing argument 'VIDEO'"),
+        (["recover"], "Missing argument 'VIDEO…'"),
         (["recover", "film.mp4", "--focal-px", "long"], "--focal-px"),
         (["batch", "status", "--limit", "1"], "No such option"),
         (["serve", "--limit", "0"], "--limit"),
@@ -117,7 +117,7 @@ def test_ctrl_c_before_a_verb_begins_is_one_line(
 
     monkeypatch.setattr("humanmm.cli.terminal.open_standard_streams", interrupted)
     assert main(["recover", "film.mp4"]) == 130
-    assert capsys.readouterr().err == "humanmm: interrupted\n"
+    assert capsys.readouterr().err == "\rhumanmm: interrupted; resumable with the same command\n"
 
 
 def test_an_unexpected_error_and_an_interrupt_are_one_line(

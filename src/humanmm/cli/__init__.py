@@ -26,16 +26,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return _run(arguments)
     except KeyboardInterrupt:  # before a verb has begun: nothing is computed yet
-        sys.stderr.write("humanmm: interrupted\n")
+        sys.stderr.write("\rhumanmm: interrupted; resumable with the same command\n")
         return 130
 
 
 def _run(arguments: Sequence[str] | None) -> int:
     for library in ("OMP", "OPENBLAS", "MKL"):  # small tensors, stages side by side: one thread each; before numpy
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
-    from humanmm.cli.terminal import accept_all_characters, open_standard_streams, say
+    from humanmm.cli.terminal import accept_all_characters, open_standard_streams, say, say_it_starts
 
     open_standard_streams()  # before a file is opened
+    words = sys.argv[1:] if arguments is None else arguments
+    if "recover" in words[:1] and not {"-h", "--help"} & set(words):
+        say_it_starts()
     import typer
 
     from humanmm.cli.verb import app
