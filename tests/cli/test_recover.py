@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from terminal import on_terminal
 
 from humanmm.cli import main
-from terminal import on_terminal
 
 
 def _told(answer: tuple[int, str, str], status: int) -> str:
