@@ -25,7 +25,7 @@ def _run(folder: Path, content: bytes) -> Path:
 def test_a_truth_of_another_length_or_rate_is_refused_and_a_frame_at_the_end_is_not(tmp_path: Path) -> None:
     truth = tmp_path / "truth.npz"
     check_same_video(tmp_path, truth, _sequence(98), _sequence(100))
-    with pytest.raises(TruthError, match="another video than that of .*: the run has 80 frames and the truth 100"):
+    with pytest.raises(TruthError, match=r"another video than that of .*: the run has 80 frames and the truth 100"):
         check_same_video(tmp_path, truth, _sequence(80), _sequence(100))
     with pytest.raises(TruthError, match=r"25\.000 frames a second and the truth 30\.000"):
         check_same_video(tmp_path, truth, _sequence(fps=25.0), _sequence(fps=30.0))
@@ -41,5 +41,5 @@ def test_equally_long_videos_are_told_apart_by_their_content(tmp_path: Path) -> 
     (tmp_path / "clip.mp4").write_bytes(b"film")
     check_same_video(run, truth, _sequence(), _sequence())
     (tmp_path / "clip.mp4").write_bytes(b"another film")
-    with pytest.raises(TruthError, match="clip_gt.npz is the truth of another video"):
+    with pytest.raises(TruthError, match=r"clip_gt\.npz is the truth of another video"):
         check_same_video(run, truth, _sequence(), _sequence())
