@@ -118,25 +118,30 @@ class Watch:
     # ---- what is shown
 
     def __rich_console__(self, console: "Console", options: "ConsoleOptions") -> "RenderResult":
+        from rich.text import Text
+
         with self._lock:
-            yield self._table(options.max_height - 1)
+            elapsed, left = time.monotonic() - self._begun, self.clock.left_s(self._by_stage(), self._whole())
+            ahead = f", about {in_time(left)} left" if left is not None else ""
+            step = f"▸ {self._step} …  {in_time(time.monotonic() - self._step_begun)}" if self._step else ""
+            table = self._table(options.max_height - 3)
+        yield Text(
+            f"{self.title or 'video'}: {in_time(elapsed)}{ahead}", style="bold", no_wrap=True, overflow="ellipsis"
+        )
+        yield table
+        if step:
+            yield Text(f" {step}", style="bold", no_wrap=True, overflow="ellipsis")
 
     def _table(self, height: int) -> "Table":
+        """At most so many lines of stages and units."""
         from rich.table import Table
-        from rich.text import Text
 
         table = Table(box=None, padding=(0, 1), show_header=False)
         for name in ("mark", "what", "frames", "speed", "left"):
             table.add_column(name, justify="right" if name in ("frames", "speed", "left") else "left", no_wrap=True)
-        elapsed = time.monotonic() - self._begun
-        left = self.clock.left_s(self._by_stage(), self._whole())
-        title = Text(self.title or "video", overflow="ellipsis", style="bold")
-        table.add_row("", title, "", in_time(elapsed), f"about {in_time(left)} left" if left is not None else "")
         rows = [row for stage in self.stages for row in self._rows(stage)]
-        for row, style in rows[: max(0, height - 2)]:
+        for row, style in rows[: max(0, height)]:
             table.add_row(*row, style=style)
-        if self._step:
-            table.add_row("▸", f"{self._step} …", "", in_time(time.monotonic() - self._step_begun), "", style="bold")
         return table
 
     def _whole(self) -> int:

@@ -81,7 +81,7 @@ def recover(  # noqa: PLR0913 (the flags of the command, as keywords)
         "keypoints_from": keypoints_from, "cameras_from": cameras_from,
     }  # fmt: skip
     selection = _selection(force=force, start=start, only=only, shot=shot)
-    with watching(os.fspath(video), shown=progress) as watch:
+    with watching(Path(video).name, shown=progress) as watch:
         return _recover(video, out, config, shorthands, corrections, store, selection, watch)
 
 
