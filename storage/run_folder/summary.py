@@ -87,7 +87,7 @@ def _look_at(record: Mapping[str, Any]) -> str:
     if not doubts:
         return "nothing is doubtful"
     more = len(doubts) - 1
-    return doubts[0] + (f" (and {more} more in run.json)" if more else "")
+    return str(doubts[0]) + (f" (and {more} more in run.json)" if more else "")
 
 
 def _failed(record: Mapping[str, Any]) -> list[Mapping[str, Any]]:
