@@ -110,8 +110,8 @@ def _thumbnail(overlay: Path) -> str:
             container.seek((container.duration or 0) // 2)
             frame = next(container.decode(stream))
             scale = THUMBNAIL_PX / max(frame.width, frame.height)
-            size = [max(2, round(scale * side / 2) * 2) for side in (frame.width, frame.height)]
-            picture = frame.reformat(*size, "bgr24").to_ndarray()
+            width, height = (max(2, round(scale * side / 2) * 2) for side in (frame.width, frame.height))
+            picture = frame.reformat(width=width, height=height, format="bgr24").to_ndarray()
     except (av.FFmpegError, OSError, StopIteration, IndexError):
         return ""
     _, encoded = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])

@@ -1,9 +1,7 @@
 """Whether a truth belongs to the video of a run: figures against the truth of another video mean nothing."""
 
 import hashlib
-from io import BufferedReader
 from pathlib import Path
-from typing import cast
 
 from humanmm.errors import InputError, TruthError
 from humanmm.models.records.sequence import MotionSequence
@@ -47,4 +45,4 @@ def _digest_of_truth(truth: Path) -> str | None:
     if found is None or name == truth.stem:
         return None
     with found.open("rb") as file:
-        return hashlib.file_digest(cast(BufferedReader, file), "sha256").hexdigest()
+        return hashlib.file_digest(file, "sha256").hexdigest()

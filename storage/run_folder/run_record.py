@@ -231,7 +231,7 @@ def _people(
 
     moved = {person.person: person for person in motion.people} if motion else {}
     identities = guesses.identities if guesses is not None else ()
-    given = [float(one.correction["metres"]) for one in _applied(corrections, "height")]
+    given = [float(str(one.correction["metres"])) for one in _applied(corrections, "height")]
     people = []
     for person in shots.people:
         entry: dict[str, Any] = {
