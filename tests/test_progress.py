@@ -98,16 +98,14 @@ def test_times_are_as_people_read_them(seconds: float, told: str) -> None:
 
 
 LONGEST_S = 2.0
-STARTED_S = 5.0
-"""Until Python and the command line are loaded on a busy machine; 0.5 s on a quiet one."""
 
 
 def test_the_terminal_is_never_blank_not_even_while_the_first_server_starts(toy: Any, tmp_path: Path) -> None:
     environment = toy.environment(HUMANMM_CACHE=str(tmp_path / "cache"), HUMANMM_SERVER_IDLE_S="1")
     session = on_terminal(toy.command_line("recover", "film.mp4"), cwd=toy.folder, env=environment)
     assert session.status == 0, session.text
-    assert session.pieces[0][0] < STARTED_S
-    assert session.longest_silence_s < LONGEST_S
+    assert session.pieces[0][0] < LONGEST_S + _load()
+    assert session.longest_silence_s < LONGEST_S + _load()
     assert "starting Prefect's server" in session.text and "60 of 60 frames" in session.text
     assert "Traceback" not in session.text
 
