@@ -70,7 +70,7 @@ def _recover_running(
 
     def watch(run: VideoRun) -> None:
         running.run = run
-        run.watch(lambda unit, done, total: None, log_text=text.getvalue)
+        run.log_text = text.getvalue
 
     token = opened.set(watch)
     try:

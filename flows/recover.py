@@ -19,7 +19,7 @@ from prefect.states import Cancelled
 
 from humanmm.config import Config
 from humanmm.flows.gpu import gpu_slot
-from humanmm.flows.stage_tasks import StageTasks
+from humanmm.flows.stage_tasks import StageTasks, showing_failure
 from humanmm.storage.run_folder.corrections_file import decided
 from humanmm.storage.store.identity import identify
 from humanmm.storage.store.open import open_store
@@ -60,9 +60,12 @@ def recover(
 
 def recover_stages(video: Path, out: Path | None, config: Config, store: Path | None, selection: Selection) -> Any:
     """The stages of `recover` in a flow run that has begun; returns its final state."""
-    begun = time.time()
-    config = decided(config, out or default_run_dir(video))
-    with StageTasks(_open(video, config, store, selection)) as stage:
+    begun, run_dir = time.time(), out or default_run_dir(video)
+    with (
+        showing_failure(video, run_dir) as failed,
+        StageTasks(_open(video, config, run_dir, store, selection)) as stage,
+    ):
+        failed.run = stage.run
         stage("decode")  # container facts, exact frame times
         stage("scenes")  # section 3.1: colour-based cuts and gradual transitions
         stage("people")  # per scene: boxes, 2D keypoints, 3D landmarks, masks, tracks
@@ -79,8 +82,9 @@ def recover_stages(video: Path, out: Path | None, config: Config, store: Path | 
         return stage.finish(out, begun)
 
 
-def _open(video: Path, config: Config, store: Path | None, selection: Selection) -> VideoRun:
+def _open(video: Path, config: Config, run_dir: Path, store: Path | None, selection: Selection) -> VideoRun:
     prepare_process()
+    config = decided(config, run_dir)
     check_runner(config.run)
     artifacts = open_store(store)
     artifacts.sweep()

@@ -6,6 +6,8 @@ A task waits for the tasks whose artifacts it reads; the engine (`humanmm.tasks.
 import contextlib
 import logging
 import os
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -20,15 +22,23 @@ from prefect.states import Completed, Failed
 from prefect.task_runners import ThreadPoolTaskRunner
 
 from humanmm.errors import HumanMMError, NoUsablePersonError, StoreError
-from humanmm.flows.server.dashboard import ProgressBoard, show_video
+from humanmm.flows.server.dashboard import ProgressBoard, show_failure, show_video
 from humanmm.flows.server.liveness import write_process_id
 from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.records.video import VideoFacts
-from humanmm.tasks.engine.finish import default_run_dir, failures, fatal_error, has_result, remember, write_results
+from humanmm.tasks.engine.finish import (
+    default_run_dir,
+    failures,
+    fatal_error,
+    has_result,
+    remember,
+    stage_record,
+    write_results,
+)
 from humanmm.tasks.engine.run import VideoRun
 from humanmm.tasks.pictures import write_candidates
 from humanmm.tasks.pipeline import Stage
-from humanmm.tasks.units.faults import is_infrastructure_fault
+from humanmm.tasks.units.faults import in_words, is_infrastructure_fault
 from humanmm.tasks.units.process import treat_as_sigterm
 from humanmm.tasks.units.unit import Unit, UnitId
 
@@ -142,13 +152,34 @@ class StageTasks:
                 future.wait()
 
 
+@dataclass
+class Failing:
+    """The run of a video that may fail; None until it was opened."""
+
+    run: VideoRun | None = None
+
+
+@contextlib.contextmanager
+def showing_failure(video: Path, run_dir: Path) -> Iterator[Failing]:
+    """Put a page on the dashboard if the video ends with an error, as a finished one has."""
+    failing = Failing()
+    try:
+        yield failing
+    except Exception as error:
+        run = failing.run
+        stages = [] if run is None else [asdict(stage_record(outcome)) for outcome in run.outcomes.values()]
+        sha256 = None if run is None else run.video.sha256
+        show_failure(video, in_words(error), stages, run_dir.absolute(), UUID(str(flow_run.id)), sha256=sha256)
+        raise
+
+
 def stage_task(run: VideoRun, stage: str, index: int, board: ProgressBoard) -> Any:
     """Find or compute one unit; the state of the task says which, its result is a small reference."""
     unit = run.unit(stage, index)
     board.begin(unit, UUID(str(task_run.id)))
     outcome = run.execute(unit)
-    if outcome.manifest is None:
-        return Failed(name="Skipped", message=outcome.reason)
+    if outcome.manifest is None:  # Prefect has no type for it; one that failed is not what this is
+        return Completed(name="Skipped", message=outcome.reason)
     if outcome.state == "cached":
         return Completed(name="Cached", data=outcome.manifest.ref)
     return Completed(message=outcome.reason, data=outcome.manifest.ref)

@@ -3,6 +3,7 @@
 from humanmm.models.drawing.overlay import marks_of
 from humanmm.models.drawing.top_view import top_view
 from humanmm.models.motion.assemble import record_motion
+from humanmm.models.motion.guesses import guesses_of
 from humanmm.models.records.motion import WorldMotion
 from humanmm.models.records.recording import Delivery
 from humanmm.models.records.shots import ShotList
@@ -33,4 +34,5 @@ def deliver(inputs: StageInputs) -> Delivery:
             embedded=inputs.blob_dir / EMBEDDED if has_page else None,
         )
     write_png(inputs.blob_dir / TOP_VIEW, top_view(recording))
-    return Delivery(recording, (OVERLAY, TOP_VIEW))
+    guesses = guesses_of(shot_list, scenes, inputs.read("align", WorldMotion), time_s=facts.time_s)
+    return Delivery(recording, (OVERLAY, TOP_VIEW), guesses)

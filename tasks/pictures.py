@@ -91,7 +91,11 @@ def write_overlay(
 
 def write_timeline(run_dir: Path, recording: Recording, record: Mapping[str, Any]) -> None:
     """Draw view/timeline.png; `record` is the tree of run.json. It shows what this run took, so it is never cached."""
-    failures = [f"{f['stage']}, {f['unit']}: {f['reason']}" for f in record["failures"]]
+    failures = [
+        f"{one['stage']}, {one['unit']} {one['state']}: {one['reason']}"
+        for one in record["stages"]
+        if one["state"] in ("failed", "skipped")
+    ]
     image = timeline(recording, marks_in(record), stage_times(record), [*failures, *record["warnings"]])
     replace_file(run_dir / "view" / TIMELINE, lambda fresh: write_png(fresh, image))
 

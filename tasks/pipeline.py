@@ -129,9 +129,9 @@ STAGES: tuple[Stage, ...] = (
         corrections=("floor",), schema_version=2, resources=_memory(35, 0, 12),
     ),
     Stage(
-        "deliver", "video", ("decode", "people", "shots", "refine"), ("deliver",),
+        "deliver", "video", ("decode", "people", "shots", "align", "refine"), ("deliver",),
         "humanmm.models.records.recording:Delivery",
-        schema_version=2, reads_video=True, resources=_memory(60, 20, 10),
+        schema_version=3, reads_video=True, resources=_memory(60, 20, 10),
     ),
 )  # fmt: skip
 

@@ -42,7 +42,6 @@ TOWER = (
 SIZES = {
     "models.evaluation": "one file for each kind of metric",
     "cli": "one file for each subject of verbs, and what they share",
-    "models.motion": "holds rooms; its two files put their results together and take parts of them out",
     "models.weights": "holds the files of weights; one module reads them",
     "tasks": "one file for each of the 12 stages, and what they share",
 }

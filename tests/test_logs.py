@@ -1,12 +1,14 @@
 """Log lines for machines."""
 
+import io
 import json
 import logging
+import sys
 from typing import Any
 
 import pytest
 
-from humanmm.logs import JsonLines
+from humanmm.logs import JsonLines, to_standard_error
 
 
 def test_a_line_is_one_object_with_what_the_caller_knows() -> None:
@@ -45,3 +47,17 @@ def test_a_run_tells_every_stage_to_machines_and_nothing_to_people(toy: Any) -> 
     assert all(line.startswith("humanmm: ") for line in told if line not in lines)
     plain = toy.main("recover", "film.mp4", "--out", "again")[2]
     assert not any(line.startswith("{") for line in plain.splitlines())
+
+
+def test_a_line_goes_where_standard_error_is_now(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A run that is shown on a terminal replaces sys.stderr, so that lines do not tear what is shown."""
+    logger = logging.getLogger("humanmm")
+    before = logger.handlers, logger.level, logger.propagate
+    try:
+        to_standard_error(verbose=False)
+        shown = io.StringIO()
+        monkeypatch.setattr(sys, "stderr", shown)
+        logger.warning("the disk is slow")
+        assert shown.getvalue() == "humanmm: the disk is slow\n"
+    finally:
+        logger.handlers, logger.level, logger.propagate = before

@@ -6,8 +6,9 @@ import logging
 import re
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 from uuid import UUID
 
 from prefect import get_client
@@ -17,7 +18,7 @@ from prefect.client.schemas.filters import ArtifactFilter, ArtifactFilterKey
 
 from humanmm.storage.batches.video_row import VideoRow, counts_in_words
 from humanmm.storage.pages.markdown import escaped
-from humanmm.storage.pages.video_page import batch_table, video_page
+from humanmm.storage.pages.video_page import batch_table, failure_page, video_page
 from humanmm.storage.run_folder.run_record import read_run_record
 from humanmm.tasks.units.unit import Unit
 
@@ -99,13 +100,39 @@ class ProgressBoard:
 def show_video(run_dir: Path, flow_run: UUID) -> None:
     """Put a page of a finished video on the dashboard, under its flow run and under a key of its own."""
     record = read_run_record(run_dir)
-    page = ArtifactCreate(
-        key=f"video-{_key(run_dir.name)}-{record['video']['sha256'][:8]}",
-        type="markdown",
-        description=f"{escaped(Path(record['video']['path']).name)}: {record['state']}",
-        data=video_page(record, run_dir),
-        flow_run_id=flow_run,
+    video = record["video"]
+    _show_page(
+        key=_page_key(run_dir, video["sha256"]),
+        title=f"{escaped(Path(video['path']).name)}: {record['state']}",
+        text=video_page(record, run_dir),
+        flow_run=flow_run,
     )
+
+
+def show_failure(
+    video: Path,
+    reason: str,
+    stages: Sequence[Mapping[str, Any]],
+    run_dir: Path,
+    flow_run: UUID,
+    *,
+    sha256: str | None = None,
+) -> None:
+    """Put a page of a video that failed on the dashboard; `stages`: as run.json has them, as far as it came."""
+    _show_page(
+        key=_page_key(run_dir, sha256 or ""),
+        title=f"{escaped(video.name)}: failed",
+        text=failure_page(video, reason, stages, run_dir),
+        flow_run=flow_run,
+    )
+
+
+def _page_key(run_dir: Path, sha256: str) -> str:
+    return "-".join(filter(None, ("video", _key(run_dir.name), sha256[:8])))
+
+
+def _show_page(*, key: str, title: str, text: str, flow_run: UUID) -> None:
+    page = ArtifactCreate(key=key, type="markdown", description=title, data=text, flow_run_id=flow_run)
     try:
         with get_client(sync_client=True) as client:
             client.create_artifact(page)

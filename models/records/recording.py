@@ -114,8 +114,34 @@ class Recording:
 
 
 @dataclass(frozen=True)
+class IdentityGuess:
+    """How sure it is that somebody in a shot is who he is said to be."""
+
+    person: int
+    shot: int
+    probability: float
+    """From clothes and the pose at the cut, against the best other answer."""
+
+
+HEIGHT_ERROR = 0.08
+"""Heights from bones are wrong by less in 68 %, by less than 0.15 in 90 % (35 people in 22 rendered clips)."""
+
+
+@dataclass(frozen=True)
+class Guesses:
+    """What no picture shows by itself, and how sure it is (`motion.guesses`)."""
+
+    floor_m: float
+    """68 % of the standing soles lie within this distance of the floor before they are put on it; nan if too few
+    stand."""
+    standing_soles: int
+    identities: tuple[IdentityGuess, ...] = ()
+
+
+@dataclass(frozen=True)
 class Delivery:
     """What the stage `deliver` leaves: the recording, and the names of its pictures among the artifact's files."""
 
     recording: Recording
     files: tuple[str, ...]
+    guesses: Guesses | None = None

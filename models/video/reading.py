@@ -116,13 +116,19 @@ def _decode_all(container: InputContainer, video: VideoStream, memory: DecoderMe
 def _warnings(pictures: _Pictures, video: VideoStream, time_s: Float[np.ndarray, " F"]) -> Iterator[str]:
     """What is wrong with the pictures and their times, one sentence each."""
     log, num_pictures = pictures.log, len(pictures.pts)
-    if log.broken or pictures.damaged:
-        yield f"{log.broken} packets could not be decoded and {pictures.damaged} pictures are damaged"
+    if log.broken:
+        yield f"the file is damaged: {log.broken} packets could not be decoded, and what they held is missing"
+    if pictures.damaged:
+        yield f"the file is damaged: {pictures.damaged} pictures decode with errors, and people may look torn in them"
     if log.ended_early or video.frames > num_pictures + log.broken:
         of_declared = f"of {video.frames} declared frames " if video.frames else ""
         yield f"the file is incomplete: {of_declared}{num_pictures} decode, the last at {time_s[-1]:.2f} s"
     if len(time_s) < num_pictures:
-        yield f"{num_pictures - len(time_s)} pictures whose time stamp repeats or runs backwards are left out"
+        equal, backwards = _unusable_times(pictures.pts)
+        if equal:
+            yield f"{equal} pictures have the time stamp of the one before and are left out: motion there is less dense"
+        if backwards:
+            yield f"{backwards} pictures have an earlier time stamp than the one before and are left out"
     before, gap_s = longest_gap_s(time_s)
     if gap_s > LONG_GAP_S:
         yield f"after {before:.2f} s no picture comes for {gap_s:.1f} s"
@@ -175,6 +181,20 @@ def _increasing_pts(pts: list[int | None]) -> list[int]:
         if p is not None and (not kept or p > kept[-1]):
             kept.append(p)
     return kept
+
+
+def _unusable_times(pts: list[int | None]) -> tuple[int, int]:
+    """How many pictures have the time stamp of the last one that counts, and how many an earlier one."""
+    equal = backwards = 0
+    latest: int | None = None
+    for p in pts:
+        if p is None or (latest is not None and p < latest):
+            backwards += 1
+        elif p == latest:
+            equal += 1
+        else:
+            latest = p
+    return equal, backwards
 
 
 def _orientation(picture: VideoFrame) -> tuple[int, bool]:

@@ -11,6 +11,7 @@ import os
 import sys
 import time
 from collections.abc import Iterator
+from typing import TextIO
 
 VARIABLE = "HUMANMM_LOG"
 _OWN = frozenset(vars(logging.makeLogRecord({}))) | {"message", "asctime", "taskName"}
@@ -34,6 +35,14 @@ class JsonLines(logging.Formatter):
         return json.dumps(entry, default=str)
 
 
+class _StandardError(logging.StreamHandler[TextIO]):
+    """Writes to sys.stderr as it is now: while a run is shown on a terminal, lines go above what is shown."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self.setStream(sys.stderr)
+        super().emit(record)
+
+
 def wants_json() -> bool:
     """Whether log lines are for machines."""
     return os.environ.get(VARIABLE) == "json"
@@ -41,7 +50,7 @@ def wants_json() -> bool:
 
 def to_standard_error(*, verbose: bool) -> None:
     """Write our log to standard error: warnings, or everything if `verbose` or for machines."""
-    handler = logging.StreamHandler(sys.stderr)
+    handler = _StandardError(sys.stderr)
     if wants_json():
         handler.setFormatter(JsonLines())
     else:

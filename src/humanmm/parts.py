@@ -5,6 +5,7 @@ packages add parts by entry points: the group is `humanmm.` and the setting's na
 value. docs/extend.md lists the Protocol of each. Importing this module imports no part.
 """
 
+import difflib
 import importlib.metadata
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -54,8 +55,11 @@ def find(setting: str, name: str) -> Part:
     """The part that a setting names; ConfigError lists those that there are."""
     part = _built_in(setting).get(name) or _installed(setting).get(name)
     if part is None:
-        known = ", ".join(sorted({**_built_in(setting), **_installed(setting)}))
-        raise ConfigError(f"{setting} has no part called {name!r}; installed are: {known} (docs/extend.md adds others)")
+        known = sorted({**_built_in(setting), **_installed(setting)})
+        close = difflib.get_close_matches(name, known, n=1)
+        meant = f"did you mean {close[0]!r}? " if close else ""
+        installed = f"installed are: {', '.join(known)} (docs/extend.md adds others)"
+        raise ConfigError(f"{setting} has no part called {name!r}; {meant}{installed}")
     return part
 
 

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     from humanmm.config import Config
     from humanmm.corrections import Corrections
+    from humanmm.progress import Watch
     from humanmm.tasks.engine.plan import Forecast
     from humanmm.tasks.engine.run import VideoRun
     from humanmm.tasks.units.selection import Selection
@@ -73,23 +74,41 @@ def recover(  # noqa: PLR0913 (the flags of the command, as keywords)
         HumanMMError: see humanmm.errors; NoUsablePersonError if nobody can be recovered.
         KeyboardInterrupt: if the process was told to stop, by Ctrl-C or by a signal, which the message names.
     """
-    began = time.time()
+    from humanmm.progress import watching
+
     shorthands = {
         "person": person, "focal_px": focal_px, "fov_deg": fov_deg,
         "keypoints_from": keypoints_from, "cameras_from": cameras_from,
     }  # fmt: skip
     selection = _selection(force=force, start=start, only=only, shot=shot)
+    with watching(Path(video).name, shown=progress) as watch:
+        return _recover(video, out, config, shorthands, corrections, store, selection, watch)
+
+
+def _recover(
+    video: "str | os.PathLike[str]",
+    out: "str | os.PathLike[str] | None",
+    config: "Config | Mapping[str, Any] | str | os.PathLike[str] | None",
+    shorthands: Mapping[str, Any],
+    corrections: "Corrections | Mapping[str, Any] | str | os.PathLike[str] | None",
+    store: "str | os.PathLike[str] | None",
+    selection: "Selection",
+    watch: "Watch",
+) -> Run:
+    began = time.time()
+    watch.step("reading the video")
     folder = _run_dir(video, out)
     run = _open(video, _settings(config, shorthands, corrections, folder), selection, store)
+    watch.step("looking into the store")
     from humanmm.tasks.engine import finish
     from humanmm.tasks.engine.plan import check_upstream, forecast, is_complete
 
     plan = forecast(run)
-    if only is not None:
-        check_upstream(run, plan, only)
+    if selection.only is not None:
+        check_upstream(run, plan, selection.only)
     check_writable(folder)
     if not is_complete(plan):
-        _run_flow(run, folder, show_progress=progress)
+        _run_flow(run, folder, watch)
         return Run(folder, "computed")
     if finish.is_up_to_date(run, folder):
         log.info("nothing to do")
@@ -215,20 +234,25 @@ def _open(
     return VideoRun(identify(Path(video), artifacts), config, artifacts, selection=selection)
 
 
-def _run_flow(run: "VideoRun", folder: Path, *, show_progress: bool) -> None:
+def _run_flow(run: "VideoRun", folder: Path, watch: "Watch") -> None:
     """Run the Prefect flow on what `run` names. Raises the error that ended it; a partial result is no error."""
     from humanmm.flows.server.local_server import prefect_server
     from humanmm.logs import keeping_text
-    from humanmm.progress import progress_bars
 
-    with (
-        _outside_event_loop(), keeping_text() as text, progress_bars(shown=show_progress) as report, prefect_server(),
-    ):  # fmt: skip
+    watch.step("starting Prefect's server, if none runs yet")
+    with _outside_event_loop(), keeping_text() as text, prefect_server():
+        watch.step("loading Prefect")
         if "prefect" in sys.modules:  # it read its settings before the server had an address
             sys.modules["prefect.context"].refresh_global_settings_context()
         from humanmm.flows import recover as flow_module
 
-        token = flow_module.opened.set(lambda opened: opened.watch(report, log_text=text.getvalue))
+        def opened(opened_run: "VideoRun") -> None:
+            opened_run.log_text = text.getvalue
+            watch.follow(opened_run)
+            watch.step("loading the stages")
+
+        watch.step("beginning the flow")
+        token = flow_module.opened.set(opened)
         try:
             arguments = {"out": folder, "config": run.config, "store": run.store.location, "selection": run.selection}
             state = cast("State[Any]", flow_module.recover(run.video.path, **arguments, return_state=True))

@@ -263,10 +263,15 @@ def load(folder: "str | os.PathLike[str]") -> Run:
 
 
 def evaluate(run: "Run | str | os.PathLike[str]", truth: "Run | str | os.PathLike[str]") -> "Report":
-    """Every metric of a run against its truth (docs/metrics.md), a run folder or an `.npz` file. Raises TruthError."""
+    """Every metric of a run against its truth (docs/metrics.md), a run folder or an `.npz` file.
+
+    Raises TruthError, also if the truth is that of another video.
+    """
     from humanmm.models.evaluation.evaluate import evaluate as figures_of
+    from humanmm.storage.readers.same_video import check_same_video
     from humanmm.storage.readers.truth import read_sequence
 
-    paths = (side.folder if isinstance(side, Run) else Path(side) for side in (run, truth))
-    prediction, reference = map(read_sequence, paths)
+    folder, other = (side.folder if isinstance(side, Run) else Path(side) for side in (run, truth))
+    prediction, reference = read_sequence(folder), read_sequence(other)
+    check_same_video(folder, other, prediction, reference)
     return figures_of(prediction, reference)

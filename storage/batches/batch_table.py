@@ -69,9 +69,9 @@ _REPLACED = [name for name in _FIELDS if name not in ("batch", "video", "owner")
 """What another attempt changes: whoever owns the video still has to release it."""
 
 
-def open_batches(location: Path | str | None = None) -> "BatchTable":
+def open_batches(location: Path | str | None = None, *, read_only: bool = False) -> "BatchTable":
     """Open the batches of the store in a folder or in a bucket, else of the user's own store."""
-    return BatchTable(open_store(location))
+    return BatchTable(open_store(location, read_only=read_only))
 
 
 class BatchTable:

@@ -1,5 +1,9 @@
-"""The report of a batch: one row a video, as HTML to look at and as CSV to compute with."""
+"""The report of a batch: one row a video, as HTML to look at and as CSV to compute with.
 
+The page has a picture and the warnings of every video, and sorts and filters its rows by itself: no server is needed.
+"""
+
+import base64
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,7 +11,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from humanmm.errors import InputError
-from humanmm.storage.batches.video_row import VideoRow, counts_in_words
+from humanmm.storage.batches.video_row import VideoRow, counts, counts_in_words
 from humanmm.storage.pages.html import fill
 from humanmm.storage.pages.spreadsheet import as_csv
 from humanmm.storage.run_folder.run_record import read_run_record
@@ -32,13 +36,23 @@ class _Result:
     warnings: tuple[str, ...] = ()
     overlay: str = ""
     overlay_link: str = ""
+    scene_link: str = ""
+    thumbnail: str = ""
+    """A small picture of the overlay's middle as a data URL; empty if there is none."""
+
+
+THUMBNAIL_PX = 160
+"""Longest side."""
+JPEG_QUALITY = 60
+MOST_THUMBNAILS = 2000
+"""About 5 kB each: the page of a larger batch has none."""
 
 
 def write_report(folder: Path, name: str, rows: Sequence[VideoRow]) -> list[Path]:
     """Write report.html and report.csv into a folder; returns their paths."""
-    videos = [(row, _result(row, folder)) for row in rows]
+    pictured = len(rows) <= MOST_THUMBNAILS
+    videos = [(row, _result(row, folder, pictured=pictured)) for row in rows]
     summary = counts_in_words(rows)
-    shown = [column for column in COLUMNS if column != "run_dir"]
     lines = [
         (
             row.video, row.state, row.stage or "", row.reason, result.frames, result.shots, result.people,
@@ -47,7 +61,7 @@ def write_report(folder: Path, name: str, rows: Sequence[VideoRow]) -> list[Path
         for row, result in videos
     ]  # fmt: skip
     texts = {
-        "report.html": fill("batch.html", name=name, videos=videos, summary=summary, columns=shown),
+        "report.html": fill("batch.html", name=name, videos=videos, summary=summary, states=counts(rows)),
         "report.csv": as_csv([COLUMNS, *lines]),
     }
     for file, text in texts.items():
@@ -55,7 +69,7 @@ def write_report(folder: Path, name: str, rows: Sequence[VideoRow]) -> list[Path
     return [folder / file for file in texts]
 
 
-def _result(row: VideoRow, folder: Path) -> _Result:
+def _result(row: VideoRow, folder: Path, *, pictured: bool) -> _Result:
     name = Path(row.video).name
     if row.state not in ("done", "partial"):
         return _Result(name)
@@ -64,6 +78,7 @@ def _result(row: VideoRow, folder: Path) -> _Result:
         record = read_run_record(Path(row.run_dir))
         overlay = Path(row.run_dir) / "view" / "overlay.mp4"
         has_overlay = overlay.is_file()
+        scene = Path(row.run_dir) / "view" / "scene.html"
         return _Result(
             name=name,
             link=link,
@@ -73,12 +88,34 @@ def _result(row: VideoRow, folder: Path) -> _Result:
             warnings=tuple(str(warning) for warning in record["warnings"]),
             overlay=str(overlay) if has_overlay else "",
             overlay_link=_link(str(overlay), folder) if has_overlay else "",
+            scene_link=_link(str(scene), folder) if scene.is_file() else "",
+            thumbnail=_thumbnail(overlay) if has_overlay and pictured else "",
         )
     except InputError as error:
         reason = f"its run folder is on {row.host}" if row.is_elsewhere else f"its run folder cannot be read: {error}"
         return _Result(name, link, warnings=(reason,))
     except (KeyError, TypeError, ValueError) as error:
         return _Result(name, link, warnings=(f"its run folder cannot be read: {error}",))
+
+
+def _thumbnail(overlay: Path) -> str:
+    """The picture of the middle of a film, small, as a data URL; empty if it cannot be read."""
+    import av
+    import cv2
+
+    try:
+        with av.open(str(overlay)) as container:
+            stream = container.streams.video[0]
+            stream.codec_context.skip_frame = "NONKEY"
+            container.seek((container.duration or 0) // 2)
+            frame = next(container.decode(stream))
+            scale = THUMBNAIL_PX / max(frame.width, frame.height)
+            width, height = (max(2, round(scale * side / 2) * 2) for side in (frame.width, frame.height))
+            picture = frame.reformat(width=width, height=height, format="bgr24").to_ndarray()
+    except (av.FFmpegError, OSError, StopIteration, IndexError):
+        return ""
+    _, encoded = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+    return f"data:image/jpeg;base64,{base64.b64encode(encoded.tobytes()).decode()}"
 
 
 def _link(path: str, folder: Path) -> str:

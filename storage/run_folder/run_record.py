@@ -3,7 +3,7 @@
 import json
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,6 +17,7 @@ from humanmm.storage.store.files import replace_file
 
 if TYPE_CHECKING:  # importing it loads the numerical libraries, which `status` does not need
     from humanmm.models.records.camera import Intrinsics, ShotCamera
+    from humanmm.models.records.recording import Guesses
 
 SCHEMA = "humanmm.run/1"
 OTHER_VIDEO = "it was written for another video"
@@ -76,11 +77,13 @@ def run_record(  # noqa: PLR0913 (one a section of run.json)
     motion: WorldMotion | None,
     stages: Sequence[StageRecord],
     corrections: Sequence[CorrectionRecord],
+    guesses: "Guesses | None" = None,
     started: str,
     seconds: float,
     versions: Mapping[str, str],
 ) -> dict[str, Any]:
     """The tree of run.json."""
+    people, fallbacks = _people(shots, motion, guesses, corrections), _fallbacks(shots, motion)
     return {
         "schema": SCHEMA,
         "state": state,
@@ -101,11 +104,18 @@ def run_record(  # noqa: PLR0913 (one a section of run.json)
             "source": intrinsics.source,
             "relative_uncertainty": _figure(intrinsics.relative_uncertainty),
         },
+        "floor": _floor(guesses, corrections),
+        "scale": _scale(people),
         "shots": _shots(shots, cameras, motion, stages),
-        "people": _people(shots, motion),
+        "people": people,
         "corrections": [dict(one.__dict__) for one in corrections],
-        "warnings": [*_misfits(corrections), *_warnings(stages)],
-        "fallbacks": _fallbacks(shots, motion),
+        "warnings": [
+            *_misfits(corrections),
+            *_warnings(stages),
+            *_doubts(intrinsics, guesses, corrections),
+            *fallbacks,
+        ],
+        "fallbacks": fallbacks,
         "failures": [
             {"stage": r.stage, "unit": r.unit, "shot": r.shot, "reason": r.reason}
             for r in stages
@@ -213,8 +223,15 @@ def _transition(transition: Transition | None) -> dict[str, Json] | None:
     return {"type": transition.type, "start": transition.start, "end": transition.end, "evidence": transition.evidence}
 
 
-def _people(shots: ShotList, motion: WorldMotion | None) -> list[dict[str, Any]]:
+def _people(
+    shots: ShotList, motion: WorldMotion | None, guesses: "Guesses | None", corrections: Sequence[CorrectionRecord]
+) -> list[dict[str, Any]]:
+    from humanmm.models.body.body24 import load_body
+    from humanmm.models.records.recording import HEIGHT_ERROR
+
     moved = {person.person: person for person in motion.people} if motion else {}
+    identities = guesses.identities if guesses is not None else ()
+    given = [float(str(one.correction["metres"])) for one in _applied(corrections, "height")]
     people = []
     for person in shots.people:
         entry: dict[str, Any] = {
@@ -226,11 +243,81 @@ def _people(shots: ShotList, motion: WorldMotion | None) -> list[dict[str, Any]]
         if recovered is not None and len(recovered.frame):
             entry["start"], entry["end"] = int(recovered.frame[0]), int(recovered.frame[-1]) + 1
             entry["observed_frames"] = int(recovered.observed.sum())
+            height_m = load_body().standing_height(recovered.betas)
+            known = any(abs(height_m - wanted) < SAME_HEIGHT_M for wanted in given)
+            entry["height_m"] = round(height_m, 3)
+            entry["height_uncertainty_m"] = 0.0 if known else round(height_m * HEIGHT_ERROR, 3)
+        entry["identity"] = [
+            {"shot": one.shot, "probability": round(one.probability, 4)}
+            for one in identities
+            if one.person == person.person
+        ]
         own = [a for shot in shots.shots for a in shot.people if a.person == person.person]
         entry["sides_exchanged"] = [list(span) for appearance in own for span in appearance.left_right_swapped]
         entry["lapses"] = [list(span) for appearance in own for span in appearance.tracking_failures]
         people.append(entry)
     return people
+
+
+SAME_HEIGHT_M = 0.005
+
+
+def _applied(corrections: Sequence[CorrectionRecord], *kinds: str) -> list[CorrectionRecord]:
+    return [one for one in corrections if one.applied and one.correction.get("kind") in kinds]
+
+
+def _floor(guesses: "Guesses | None", corrections: Sequence[CorrectionRecord]) -> dict[str, Json]:
+    """What tells the floor, and how sure it is; its height is 0 by definition."""
+    given = bool(_applied(corrections, "floor"))
+    feet = guesses is not None and not math.isnan(guesses.floor_m)
+    return {
+        "source": "given" if given else "feet" if feet else "assumed",
+        "uncertainty_m": _figure(guesses.floor_m) if guesses is not None and not given else None,
+        "standing_soles": guesses.standing_soles if guesses is not None else 0,
+    }
+
+
+def _scale(people: Sequence[Mapping[str, Any]]) -> dict[str, Json]:
+    """What tells how large the world is: somebody's height, given or estimated from his bones."""
+    known = [one for one in people if "height_m" in one]
+    shares = [one["height_uncertainty_m"] / one["height_m"] for one in known]
+    if not shares:
+        return {"source": "assumed", "relative_uncertainty": None}
+    return {"source": "bones" if min(shares) > 0 else "given", "relative_uncertainty": _figure(min(shares))}
+
+
+DOUBTFUL_FOCAL = 0.2
+DOUBTFUL_FLOOR_M = 0.1
+DOUBTFUL_IDENTITY = 0.7
+"""What is less certain than these is a warning: nothing doubtful is left without one."""
+
+
+def _doubts(
+    intrinsics: "Intrinsics", guesses: "Guesses | None", corrections: Sequence[CorrectionRecord]
+) -> Iterator[str]:
+    """A warning for each guess that is doubtful, unless the user has told it."""
+    if intrinsics.source == "estimated" and intrinsics.relative_uncertainty > DOUBTFUL_FOCAL:
+        yield (
+            f"intrinsics: the focal length is uncertain by {100 * intrinsics.relative_uncertainty:.0f} %: "
+            "--focal-px or --fov-deg tells it"
+        )
+    if guesses is None:
+        return
+    if not _applied(corrections, "floor"):
+        if math.isnan(guesses.floor_m):
+            yield "deliver: hardly anybody is seen standing: the height of the floor is a guess"
+        elif guesses.floor_m > DOUBTFUL_FLOOR_M:
+            yield (
+                f"deliver: standing feet differ in height by ± {guesses.floor_m:.2f} m: people stand on something, or "
+                "the floor is wrong"
+            )
+    if not _applied(corrections, "same-person", "swap"):
+        for one in guesses.identities:
+            if one.probability < DOUBTFUL_IDENTITY:
+                yield (
+                    f"shots: person {one.person} in shot {one.shot} may be somebody else than it says (probability "
+                    f"{one.probability:.2f} that it is right)"
+                )
 
 
 def _fallbacks(shots: ShotList, motion: WorldMotion | None) -> list[str]:

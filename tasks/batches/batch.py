@@ -93,6 +93,54 @@ def submit(table: BatchTable, name: str, entries: Sequence[Entry], config: Confi
     )
 
 
+@dataclass(frozen=True)
+class Planned:
+    """What submitting a batch would do with one video."""
+
+    row: VideoRow
+    state: str
+    """`to do`, `finished`, or the state that it keeps."""
+    reason: str
+
+    @property
+    def sentence(self) -> str:
+        return f"{self.state}{f': {self.reason}' if self.reason else ''}"
+
+    def to_json(self) -> dict[str, Any]:
+        return {"video": self.row.video, "run_dir": self.row.run_dir, "state": self.state, "reason": self.reason}
+
+
+def forecast_submission(
+    table: BatchTable, name: str, entries: Sequence[Entry], config: Config, out: Path
+) -> list[Planned]:
+    """What `submit` would do with each video. Writes nothing, if the store of the table is opened to read only."""
+    before = {row.video: row for row in table.rows(name)}
+    finished = table.finished()
+    return [
+        _planned(row, before.get(row.video), finished, table.store)
+        for row in _rows(name, entries, config, out.absolute(), table.store, before)
+    ]
+
+
+def _planned(
+    row: VideoRow, known: VideoRow | None, finished: Mapping[tuple[str, str, str], tuple[str, str]], store: Store
+) -> Planned:
+    if not row.facts:
+        return Planned(row, "to do", "there is no such file: it will fail")
+    if known is not None and known.same_work(row):
+        if known.state != "done":
+            words = {"scheduled": "to do", "failed": "failed before", "partial": "partial before"}
+            return Planned(row, words.get(known.state, known.state), known.reason)
+        if not _is_gone(known.run_dir, known.host):
+            return Planned(row, "finished", "")
+    if _finished_on(row, finished, store, write=False) is not None:
+        return Planned(row, "finished", "the store has everything")
+    if known is None:
+        return Planned(row, "to do", "it is new")
+    changed = "the file has changed" if known.facts != row.facts else "code, settings or corrections have changed"
+    return Planned(row, "to do", changed if known.run_dir == row.run_dir else "its run folder has changed")
+
+
 def retry(table: BatchTable, name: str, *, stage: str | None = None) -> list[VideoRow]:
     """Schedule again what failed, is partial or was cancelled; with `stage`, only what failed there."""
     fresh: dict[str, Any] = {"state": "scheduled", "stage": None, "reason": "", "seconds": None, "flow_run": None}
@@ -193,8 +241,10 @@ def _is_gone(run_dir: str, host: str) -> bool:
     return host in ("", socket.gethostname()) and not has_run_record(run_dir)
 
 
-def _finished_on(row: VideoRow, finished: Mapping[tuple[str, str, str], tuple[str, str]], store: Store) -> str | None:
-    """Where its run folder is if nothing has to be computed; one that is missing is then written from the store."""
+def _finished_on(
+    row: VideoRow, finished: Mapping[tuple[str, str, str], tuple[str, str]], store: Store, *, write: bool = True
+) -> str | None:
+    """Where its run folder is if nothing has to be computed; `write` one that is missing from the store."""
     if not row.facts:
         return None
     run_dir, host = finished.get((row.video, row.facts, row.recipe), ("", ""))
@@ -213,7 +263,7 @@ def _finished_on(row: VideoRow, finished: Mapping[tuple[str, str, str], tuple[st
     if not is_complete(forecast(run)):
         return None
     folder = Path(row.run_dir)
-    if not finish.is_up_to_date(run, folder):
+    if write and not finish.is_up_to_date(run, folder):
         finish.write_results(run, folder, started=began, log_text="written from the store alone\n")
     return socket.gethostname()
 

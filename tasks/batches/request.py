@@ -7,7 +7,7 @@ from pathlib import Path
 from humanmm.config import Config
 from humanmm.storage.batches.batch_table import BatchTable
 from humanmm.storage.batches.manifest import Entry, read_batch
-from humanmm.tasks.batches.batch import Submission, batch_name, submit
+from humanmm.tasks.batches.batch import Planned, Submission, batch_name, forecast_submission, submit
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,5 +41,11 @@ class BatchRequest:
 
     def submit(self, table: BatchTable, videos: Sequence[Entry]) -> Submission:
         """Write the rows of these videos."""
-        entries = [video.with_defaults(priority=self.priority, tags=self.tags) for video in videos]
-        return submit(table, self.batch, entries, self.config, self.out)
+        return submit(table, self.batch, self._entries(videos), self.config, self.out)
+
+    def forecast(self, table: BatchTable, videos: Sequence[Entry]) -> list[Planned]:
+        """What `submit` would do with these videos."""
+        return forecast_submission(table, self.batch, self._entries(videos), self.config, self.out)
+
+    def _entries(self, videos: Sequence[Entry]) -> list[Entry]:
+        return [video.with_defaults(priority=self.priority, tags=self.tags) for video in videos]

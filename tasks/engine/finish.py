@@ -33,7 +33,7 @@ from humanmm.tasks.units.unit import Unit
 from humanmm.version import __version__
 
 if TYPE_CHECKING:  # importing it loads scipy, which an unchanged rerun does not need
-    from humanmm.models.records.recording import Recording
+    from humanmm.models.records.recording import Delivery
 
 log = logging.getLogger(__name__)
 RUN_LOG = "run.log"
@@ -85,10 +85,11 @@ def write_results(run: VideoRun, run_dir: Path, *, started: float, log_text: str
     waiting = f"another run is writing {run_dir}; waiting for it"
     try:
         with FileLock(run_dir / LOCK, waiting=waiting, level=logging.WARNING).held():
-            recording, blob_dir = _write_folder(run, run_dir)
+            delivery, blob_dir = _write_folder(run, run_dir)
+            recording = delivery.recording
             if log_text:
                 _append_log(run_dir / RUN_LOG, log_text)
-            record = _record(run, state, started)
+            record = _record(run, state, started, delivery)
             write_timeline(run_dir, recording, record)
             write_scene(run_dir, recording, record, blob_dir / EMBEDDED)
             record["fingerprint"] = fingerprint(run)
@@ -171,9 +172,8 @@ def _writer_digest() -> str:
     return total.hexdigest()
 
 
-def _write_folder(run: VideoRun, run_dir: Path) -> "tuple[Recording, Path]":
-    """Write the delivery's files; returns the recording that they hold, and the folder of its artifact's files."""
-    from humanmm.models.records.recording import Delivery
+def _write_folder(run: VideoRun, run_dir: Path) -> "tuple[Delivery, Path]":
+    """Write the delivery's files; returns the delivery, and the folder of its artifact's files."""
     from humanmm.storage.run_folder.motion_zarr import write_run_folder
 
     last = run.stages[-1]
@@ -182,7 +182,7 @@ def _write_folder(run: VideoRun, run_dir: Path) -> "tuple[Recording, Path]":
     delivery: Delivery = run.read(Unit(last), output_type(last))
     blob_dir = run.store.files_of(manifest.ref)
     write_run_folder(run_dir, delivery, blob_dir)
-    return delivery.recording, blob_dir
+    return delivery, blob_dir
 
 
 def _sizes(run_dir: Path) -> dict[str, int]:
@@ -199,7 +199,7 @@ def _sizes(run_dir: Path) -> dict[str, int]:
     }
 
 
-def _record(run: VideoRun, state: str, started: float) -> dict[str, Any]:
+def _record(run: VideoRun, state: str, started: float, delivery: "Delivery") -> dict[str, Any]:
     from humanmm.models.records.camera import Intrinsics, ShotCamera
 
     intrinsics = next(stage for stage in run.stages if stage.output.endswith(":Intrinsics"))
@@ -223,6 +223,7 @@ def _record(run: VideoRun, state: str, started: float) -> dict[str, Any]:
         motion=run.read(Unit(motion_source), WorldMotion) if motion_source else None,
         stages=stages,
         corrections=outcomes(run.config, shots, video=run.video.sha256),
+        guesses=delivery.guesses,
         started=time.strftime("%Y-%m-%dT%H:%M:%S%z", time.localtime(started)),
         seconds=time.time() - started,
         versions=_versions(run),

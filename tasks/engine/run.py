@@ -21,7 +21,7 @@ from humanmm.tasks.engine.runners.job import Job, Setting
 from humanmm.tasks.engine.runners.runner import workers_of
 from humanmm.tasks.pipeline import Resources, Stage
 from humanmm.tasks.units.artifacts import Outcome
-from humanmm.tasks.units.execute import Progress, Result, UnitExecutor
+from humanmm.tasks.units.execute import Result, UnitExecutor
 from humanmm.tasks.units.faults import as_ours, ends_run, in_words, ran_out_of_memory
 from humanmm.tasks.units.process import release_memory
 from humanmm.tasks.units.selection import Selection
@@ -51,6 +51,10 @@ class VideoRun(UnitExecutor):
         """Gives the log of this run; a caller that keeps it sets this."""
         self.gpu: Callable[[], AbstractContextManager[None]] = contextlib.nullcontext
         """Held while a stage computes that needs an accelerator; a caller that shares it with other runs sets this."""
+        self.on_begin: Callable[[Unit], None] = lambda unit: None
+        self.on_end: Callable[[Outcome], None] = lambda outcome: None
+        """Called when a unit begins to be computed, and when it is known what became of it; a caller that shows the run
+        sets them."""
         self._budget = budget_of(config.run)
         self._workers = workers_of(Setting(video, config, store, self.selection, self.stages))
         self._workers_lock = threading.Lock()
@@ -58,13 +62,14 @@ class VideoRun(UnitExecutor):
         self._fatal: Outcome | None = None
         """The outcome that makes all further units pointless: bad input, missing weights."""
 
-    def watch(self, progress: Progress, *, log_text: Callable[[], str]) -> None:
-        """Report progress to a listener, and take the log of this run from it."""
-        self.listen(progress)
-        self.log_text = log_text
-
     def execute(self, unit: Unit) -> Outcome:
         """Find or compute one unit. Raises what the stage raises, after noting it in `outcomes`."""
+        try:
+            return self._execute(unit)
+        finally:
+            self.on_end(self.outcomes[unit.id])
+
+    def _execute(self, unit: Unit) -> Outcome:
         outcome = self.outcomes.setdefault(unit.id, Outcome(unit))
         if outcome.manifest is not None:
             return outcome
@@ -87,6 +92,7 @@ class VideoRun(UnitExecutor):
             with self._budget.taken(needed, alone=outcome.short_of_memory), gpu:
                 started = time.monotonic()
                 outcome.began = outcome.began or time.time()
+                self.on_begin(unit)
                 result = self._compute_away(unit, needed.limit_s) if away else self.compute(unit)
         except Exception as error:  # noted, then raised: this is the edge of the stages
             ours = self._note_failure(outcome, error)

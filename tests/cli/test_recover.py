@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from terminal import on_terminal
 
 from humanmm.cli import main
 
@@ -30,7 +31,7 @@ def _left(toy: Any) -> set[str]:
     ("name", "make", "told"),
     [
         ("missing.mp4", lambda path: None, "no such video: "),
-        ("folder.mp4", lambda path: path.mkdir(), "is a folder, not a video"),
+        ("folder.mp4", lambda path: path.mkdir(), "is a folder without a video"),
         ("empty.mp4", lambda path: path.touch(), "is empty"),
     ],
 )
@@ -221,6 +222,54 @@ def test_a_run_folder_that_lost_something_is_written_again_from_the_store(toy: A
     assert toy.executed() == []
 
 
+def test_several_videos_and_folders_are_recovered_one_after_the_other(toy: Any) -> None:
+    folder = toy.folder / "clips" / "day"
+    folder.mkdir(parents=True)
+    for name in ("a.mp4", "film.mp4"):
+        (folder / name).write_bytes(toy.video.read_bytes())
+    (folder / "broken.mp4").touch()
+    toy.run()
+    status, out, told = toy.main("recover", "film.mp4", "clips", "clips/day/a.mp4", "--out", "results")
+    lines = out.split()
+    assert lines[:2] == ["results/film", "results/a"] and lines[2].startswith("results/film-"), "each once"
+    assert status == 1, "one of them is no video"
+    assert "humanmm: 1 of 4, film.mp4: done: 1 person, 3 shots" in told
+    assert "humanmm: 3 of 4, clips/day/broken.mp4: " in told and "is empty" in told
+    assert all((toy.folder / line / "run.json").is_file() for line in lines)
+    (folder / "broken.mp4").unlink()
+    assert toy.main("recover", "film.mp4", "clips", "--out", "results")[0] == 0
+
+
+def test_a_dry_run_of_several_videos_names_them(toy: Any) -> None:
+    (toy.folder / "other.mp4").write_text(json.dumps({"num_frames": 40, "cuts": [20]}))
+    toy.run()
+    before = sorted(toy.folder.rglob("*"))
+    status, out, _ = toy.main("recover", "film.mp4", "other.mp4", "--dry-run")
+    assert status == 0 and "film.mp4:\n" in out and "other.mp4:\n" in out
+    trees = json.loads(toy.main("recover", "film.mp4", "other.mp4", "--dry-run", "--json")[1])["videos"]
+    assert [tree["video"] for tree in trees] == ["film.mp4", "other.mp4"]
+    assert sorted(toy.folder.rglob("*")) == before
+
+
+def test_a_pipe_gets_the_path_alone_and_a_line_of_what_to_look_at(toy: Any) -> None:
+    toy.run()
+    (toy.folder / "runs").mkdir()
+    done = toy.command("recover", "film.mp4", "--hmr.smoothness", "2")
+    assert (done.returncode, done.stdout) == (0, "runs/film\n")
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("humanmm: done: 1 person, 3 shots, ") and "run.json" in line
+
+
+def test_a_terminal_gets_five_lines(toy: Any) -> None:
+    toy.run()
+    session = on_terminal(toy.command_line("recover", "film.mp4"), cwd=toy.folder, env=toy.environment())
+    assert session.status == 0
+    lines = [line for line in session.last_lines if not line.startswith("humanmm: ")]
+    assert [line.split()[0] for line in lines] == ["people", "shots", "sure", "look", "result"]
+    assert "focal" in lines[2] and "scale" in lines[2] and "floor" in lines[2]
+    assert "runs/film" in lines[4]
+
+
 def test_an_output_folder_that_cannot_be_made_is_told_before_anything_runs(toy: Any) -> None:
     (toy.folder / "file").write_text("mine")
     assert "is a file" in _told(toy.main("recover", "film.mp4", "--out", "file/run"), 1)
@@ -250,5 +299,5 @@ def test_help_names_every_setting_with_its_sentence_and_no_verb_that_is_missing(
     status, out, _ = toy.main("--help")
     for verb in ("recover", "batch", "serve", "status", "explain", "verify", "gc", "store", "doctor", "eval"):
         assert verb in out
-    for later in ("train", "camera VIDEO"):
+    for later in ("camera VIDEO",):
         assert later not in out

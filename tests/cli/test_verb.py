@@ -27,10 +27,13 @@ def _run(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str
     ("arguments", "told"),
     [
         (["recovr"], "Did you mean 'recover'?"),
+        (["recover", "film.mp4", "--focl-px", "3"], "Did you mean '--focal-px'"),
+        (["recover", "film.mp4", "--from", "cam"], "Did you mean 'camera'?"),
+        (["export", "runs/film", "--format", "bhv"], "Did you mean 'bvh'?"),
         (["batch", "submt"], "Did you mean 'submit'?"),
         (["recover", "film.mp4", "--people.max_peeple", "3"], "--people.max_people"),
         (["explain", "runs/film", "camra"], "'camera'"),
-        (["recover"], "Missing argument 'VIDEO'"),
+        (["recover"], "Missing argument 'VIDEO…'"),
         (["recover", "film.mp4", "--focal-px", "long"], "--focal-px"),
         (["batch", "status", "--limit", "1"], "No such option"),
         (["serve", "--limit", "0"], "--limit"),
@@ -63,7 +66,19 @@ def test_help_groups_verbs_and_settings_and_loads_no_science() -> None:
     )
     for arguments, shown in (
         (["--help"], ["One video", "Results", "Many videos", "Benchmark", "Store and machine", "recover", "doctor"]),
-        (["recover", "-h"], ["people: Person detection", "--people.max_people", "default: 8.0", "[run.stages.c"]),
+        (
+            ["recover", "-h"],
+            [
+                "people: Person detection",
+                "--people.max_people",
+                "≥ 1, ≤ 32",
+                "true|false",
+                "scenes|boxes|keypoints",
+                "default: 8.0",
+                "[run.stages.c",
+                "Examples",
+            ],
+        ),
     ):
         command = [sys.executable, "-c", script, *arguments]
         environment = {**os.environ, "PYTHONPATH": str(ROOT / "src"), "COLUMNS": "100"}
@@ -79,6 +94,9 @@ def test_the_shell_completes_verbs_flags_and_formats() -> None:
 
     assert completed("humanmm rec") == ["recover"]
     assert completed("humanmm recover --camera.st") == ["--camera.static"]
+    assert completed("humanmm recover --camera.static ") == ["true", "false"]
+    assert completed("humanmm recover --people.pose b") == ["best", "blazepose-heavy", "blazepose-full"]
+    assert completed("humanmm recover --from c") == ["camera"]
     assert completed("humanmm export runs/film --format ") == list(FORMATS)
     assert completed("humanmm export runs/film --format b") == ["bvh", "blender"]
 
@@ -89,6 +107,17 @@ def test_the_traceback_is_for_those_who_ask(tmp_path: Path, capsys: pytest.Captu
     assert main(["status", str(tmp_path), "-v"]) == 1
     lines = capsys.readouterr().err.splitlines()
     assert any("Traceback" in line for line in lines) and lines[-1].startswith("humanmm: ")
+
+
+def test_ctrl_c_before_a_verb_begins_is_one_line(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted() -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("humanmm.cli.terminal.open_standard_streams", interrupted)
+    assert main(["recover", "film.mp4"]) == 130
+    assert capsys.readouterr().err == "\rhumanmm: interrupted; resumable with the same command\n"
 
 
 def test_an_unexpected_error_and_an_interrupt_are_one_line(

@@ -113,7 +113,8 @@ def test_a_command_that_is_told_to_stop_before_its_flow_begins_says_so(toy: Any,
     )
     done = toy.command("recover", "film.mp4")
     assert (done.returncode, done.stdout) == (130, "")
-    assert done.stderr == f"humanmm: stopped by {number.name}; what was computed stays in the store\n"
+    told = "resumable with the same command, what was computed stays in the store"
+    assert done.stderr == f"humanmm: stopped by {number.name}; {told}\n"
 
 
 @server

@@ -88,8 +88,9 @@ def test_a_failed_shot_makes_the_video_partial(toy: Any, server_cache: Path) -> 
     }  # fmt: skip
     (failed,) = [s for s in record["stages"] if s["stage"] == "camera" and s["shot"] == 1]
     assert (failed["state"], failed["attempts"]) == ("failed", 1), "a stage that cannot do it is not asked twice"
-    states = {name: state for name, _, state in _settled(server_cache, NUM_UNITS)}
-    assert (states["camera · shot 1"], states["hmr · shot 1"]) == ("Failed", "Skipped")
+    states = {name: (kind, state) for name, kind, state in _settled(server_cache, NUM_UNITS)}
+    assert states["camera · shot 1"] == ("FAILED", "Failed")
+    assert states["hmr · shot 1"] == ("COMPLETED", "Skipped"), "apart from what failed"
     with sqlite3.connect(next(server_cache.glob("prefect-*/prefect.db"))) as connection:
         last = connection.execute("select state_type, state_name from flow_run order by created desc limit 1")
         assert last.fetchone() == ("FAILED", "Partial")
@@ -142,10 +143,17 @@ def test_a_shot_whose_retries_are_exhausted_is_failed_with_its_attempts_and_the_
     assert (state, attempts) == ("Failed", 2) and "Input/output error" in message
 
 
-def test_an_error_of_a_stage_for_the_whole_video_ends_the_run_and_leaves_no_folder(toy: Any) -> None:
+def test_an_error_of_a_stage_for_the_whole_video_ends_the_run_and_leaves_no_folder(
+    toy: Any, server_cache: Path
+) -> None:
     done = toy.main("recover", "film.mp4", TOY_FAIL="align=stage")
     assert done[:2] == (1, "")
     assert done[2] == "humanmm: align cannot be done\n"
+    with sqlite3.connect(next(server_cache.glob("prefect-*/prefect.db"))) as connection:
+        query = "select description, data from artifact where type = 'markdown' order by created desc limit 1"
+        ((title, page),) = connection.execute(query).fetchall()
+    assert title == "film.mp4: failed", "it has a page as a finished one has"
+    assert "**align cannot be done**" in json.loads(page) and "| refine | 1 | 0 | 0 | 0 | 1 |" in json.loads(page)
     assert not (toy.folder / "runs").exists()
     toy.executed()
     assert toy.main("recover", "film.mp4")[0] == 0

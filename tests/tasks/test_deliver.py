@@ -92,7 +92,7 @@ def given(tmp_path: Path) -> Given:
     )
     blobs = tmp_path / "blobs"
     blobs.mkdir()
-    results = {"decode": facts, "shots": shots, "people": [None, None], "refine": motion}
+    results = {"decode": facts, "shots": shots, "people": [None, None], "align": motion, "refine": motion}
     return Given(results, video, blobs)
 
 

@@ -2,6 +2,7 @@
 
 import importlib
 import os
+import sys
 from collections.abc import Sequence
 
 SUBJECTS = (
@@ -22,11 +23,22 @@ SUBJECTS = (
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns its exit status."""
+    try:
+        return _run(arguments)
+    except KeyboardInterrupt:  # before a verb has begun: nothing is computed yet
+        sys.stderr.write("\rhumanmm: interrupted; resumable with the same command\n")
+        return 130
+
+
+def _run(arguments: Sequence[str] | None) -> int:
     for library in ("OMP", "OPENBLAS", "MKL"):  # small tensors, stages side by side: one thread each; before numpy
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
-    from humanmm.cli.terminal import accept_all_characters, open_standard_streams, say
+    from humanmm.cli.terminal import accept_all_characters, open_standard_streams, say, say_it_starts
 
     open_standard_streams()  # before a file is opened
+    words = sys.argv[1:] if arguments is None else arguments
+    if "recover" in words[:1] and not {"-h", "--help"} & set(words):
+        say_it_starts()
     import typer
 
     from humanmm.cli.verb import app
@@ -37,7 +49,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return typer.main.get_command(app).main(arguments, prog_name="humanmm", standalone_mode=False) or 0
     except typer.TyperException as error:  # what the user typed names no verb, lacks a value, …
-        context = getattr(error, "ctx", None)
-        message = error.format_message().replace("Value error, ", "")  # pydantic's, which checks choices for Typer
-        say(f"{message} (see `{context.command_path if context else 'humanmm'} --help`)")
+        from humanmm.cli.mistakes import told
+
+        say(told(error, "humanmm"))
         return error.exit_code

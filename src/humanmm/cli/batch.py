@@ -47,6 +47,8 @@ class Submission:
     schedule: Annotated[str | None, Option(metavar="CRON", help=_CRON)] = None
     settle: Annotated[float, Option(metavar="S", help=_SETTLE)] = 30.0
     wait: Wait = False
+    dry_run: Annotated[bool, Option("--dry-run", help="list what would be scheduled and why; write nothing")] = False
+    json: Annotated[bool, Option("--json", help="with --dry-run: one json object on standard output")] = False
     limit: Limit = None
     store: Store = None
 
@@ -68,7 +70,11 @@ def submit(options: Submission) -> int:
 
     if options.watch and options.schedule is not None:
         raise UsageError("--watch and --schedule exclude each other")
-    request, table = options.request(), open_batches(options.store)
+    if options.json and not options.dry_run:
+        raise UsageError("--json goes with --dry-run")
+    request, table = options.request(), open_batches(options.store, read_only=options.dry_run)
+    if options.dry_run:
+        return _write_plan(request, table, as_json=options.json)
     check_writable(options.out)
     if table.is_of_this_host:
         where = f"batches of {table.store.location} are kept on this host, in {table.path}"
@@ -141,6 +147,19 @@ def report(
     if (folder / "report.html").exists() and not force:
         raise InputError(f"{folder / 'report.html'} exists already; give --force to replace it")
     write(*write_report(folder, name, rows))
+
+
+def _write_plan(request: "BatchRequest", table: "BatchTable", *, as_json: bool) -> int:
+    """Say what submitting would do, a line a video."""
+    plan = request.forecast(table, request.videos())
+    if as_json:
+        write_json({"batch": request.batch, "videos": [one.to_json() for one in plan]})
+        return 0
+    width = max(len(one.row.video) for one in plan)
+    write(*(f"{one.row.video:<{width}}  {one.sentence}" for one in plan))
+    to_do = sum(one.state == "to do" for one in plan)
+    say(f"batch {request.batch}: {to_do} of {len(plan)} videos would be scheduled; nothing was written")
+    return 0
 
 
 def _watch(table: "BatchTable", request: "BatchRequest", limit: int | None) -> int:

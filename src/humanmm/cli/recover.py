@@ -1,5 +1,9 @@
-"""`humanmm recover VIDEO`: one video, end to end."""
+"""`humanmm recover VIDEO …`: one video, or several one after the other, end to end."""
 
+import hashlib
+import os
+import sys
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -7,29 +11,29 @@ from typer import Argument, Option
 
 import humanmm
 from humanmm.cli.settings import Settings
-from humanmm.cli.terminal import say, write, write_json, write_path
+from humanmm.cli.terminal import say, take_back_start, write, write_json, write_path
 from humanmm.cli.verb import RECOVERY, STAGES, Json, StageName, Store, app, verb
-from humanmm.errors import UsageError
+from humanmm.errors import HumanMMError, InputError, UsageError
 
 if TYPE_CHECKING:
     from humanmm.results import Run
+    from humanmm.tasks.engine.plan import Forecast
 
 PARTIAL = 3
-SHOWN_WARNINGS = 3
 _CORRECTIONS = "what you know better (default: corrections.toml in RUN_DIR, see humanmm correct)"
 _KEYPOINTS = "keypoints of another program: a folder of OpenPose's, Sports2D's json, MMPose's, COCO's json"
 _CAMERAS = "cameras of another program: a TUM trajectory, a folder with COLMAP's cameras.txt and images.txt"
+_VIDEOS = "a video; several, and all videos of a folder, are recovered one after the other"
+_OUT = "default: runs/<name of the video>; of several videos the folder that gets a run folder for each"
 _FROM = f"compute STAGE and all after it; stages: {', '.join(STAGES)}"
 
 
 @verb(app, "recover", panel=RECOVERY)
 def recover(  # noqa: PLR0913 (one a flag)
-    video: Annotated[Path, Argument(metavar="VIDEO", show_default=False)],
+    videos: Annotated[list[Path], Argument(metavar="VIDEO…", help=_VIDEOS, show_default=False)],
     settings: Settings,
     *,
-    out: Annotated[
-        Path | None, Option("--out", "-o", metavar="RUN_DIR", help="default: runs/<name of the video>")
-    ] = None,
+    out: Annotated[Path | None, Option("--out", "-o", metavar="RUN_DIR", help=_OUT)] = None,
     corrections: Annotated[Path | None, Option(metavar="FILE|none", help=_CORRECTIONS)] = None,
     store: Store = None,
     person: Annotated[str | None, Option(metavar="N|all", help="one person, 0 the main one (default: all)")] = None,
@@ -45,7 +49,10 @@ def recover(  # noqa: PLR0913 (one a flag)
     only: Annotated[StageName | None, Option(metavar="STAGE", help="compute STAGE and what its change affects")] = None,
     shot: Annotated[int | None, Option(metavar="N", help="restrict --from or --only to one shot, 0-based")] = None,
 ) -> int:
-    """Recover people and cameras from one video."""
+    """Recover people and cameras from a video, or from several one after the other.
+
+    Run it again to go on where it was stopped. Exit status: 0 done, 1 an error, 2 a wrong flag, 3 partial, 130 stopped.
+    """
     if json and not dry_run:
         raise UsageError("--json goes with --dry-run")
     if focal_px is not None and fov_deg is not None:
@@ -54,46 +61,123 @@ def recover(  # noqa: PLR0913 (one a flag)
     config = settings.config(**_shorthands(person, min_confidence=min_confidence, **given))
     wanted: dict[str, Any] = {"store": store, "force": force, "start": start, "only": only, "shot": shot}
     wanted["corrections"] = corrections
+    asked = _asked(videos, out)
     if dry_run:
-        plan = humanmm.forecast(video, out, config=config, **wanted)
-        if json:
-            write_json({"stages": [entry.to_json() for entry in plan]})
-        else:
-            width = max(len(entry.stage) for entry in plan)
-            write(*(f"{entry.stage:<{width}}  {entry.unit:<11}  {entry.sentence}" for entry in plan))
+        plans = [humanmm.forecast(video, folder, config=config, **wanted) for video, folder in asked]
+        return _write_plans([video for video, _ in asked], plans, as_json=json)
+    take_back_start()
+    if len(asked) == 1:
+        ((video, folder),) = asked
+        return report(humanmm.recover(video, folder, config=config, **wanted), store)
+    return _recover_each(asked, lambda video, folder: humanmm.recover(video, folder, config=config, **wanted))
+
+
+def _asked(videos: Sequence[Path], out: Path | None) -> list[tuple[Path, Path | None]]:
+    """Each video once, folders opened, with its run folder; None: the default one. InputError names an empty folder."""
+    from humanmm.storage.batches.manifest import SUFFIXES, videos_in
+    from humanmm.tasks.engine.finish import default_run_dir
+
+    found: dict[Path, Path] = {}
+    for path in videos:
+        inside = [Path(os.path.relpath(entry.video)) for entry in videos_in(path)] if path.is_dir() else [path]
+        if not inside:
+            raise InputError(f"{path} is a folder without a video; videos end in {', '.join(sorted(SUFFIXES))}")
+        for video in inside:
+            found.setdefault(video.absolute(), video)
+    if len(found) == 1 and not videos[0].is_dir():
+        return [(video, out) for video in found.values()]
+    folders: dict[Path, Path] = {}
+    for video in found.values():
+        plain = (out or Path("runs")) / default_run_dir(video).name
+        digits = hashlib.sha256(os.fsencode(video.absolute())).hexdigest()[:8]
+        folders[plain.with_name(f"{plain.name}-{digits}") if plain in folders else plain] = video
+    return [(video, folder) for folder, video in folders.items()]
+
+
+def _write_plans(videos: Sequence[Path], plans: "Sequence[Sequence[Forecast]]", *, as_json: bool) -> int:
+    """What would run; the videos are named where there are several."""
+    if as_json:
+        trees = [{"stages": [entry.to_json() for entry in plan]} for plan in plans]
+        named = [{"video": str(video), **tree} for video, tree in zip(videos, trees, strict=True)]
+        write_json(trees[0] if len(trees) == 1 else {"videos": named})
         return 0
-    return report(humanmm.recover(video, out, config=config, **wanted), store)
+    for video, plan in zip(videos, plans, strict=True):
+        width = max(len(entry.stage) for entry in plan)
+        title = [f"{video}:"] if len(plans) > 1 else []
+        write(*title, *(f"{entry.stage:<{width}}  {entry.unit:<11}  {entry.sentence}" for entry in plan))
+    return 0
+
+
+def _recover_each(asked: Sequence[tuple[Path, Path | None]], recovered: "Callable[[Path, Path | None], Run]") -> int:
+    """One video after the other, a line each; an error of one does not end the others. The gravest exit status."""
+    from humanmm.storage.run_folder.summary import one_line
+
+    statuses = [0]
+    for number, (video, folder) in enumerate(asked, start=1):
+        place = f"{number} of {len(asked)}, {video}"
+        try:
+            run = recovered(video, folder)
+        except HumanMMError as error:
+            say(f"{place}: {error}")
+            statuses.append(1)
+            continue
+        say(f"{place}: {one_line(run.record)}")
+        write_path(run.folder)
+        statuses.append(PARTIAL if run.state == "partial" else 0)
+    return 1 if 1 in statuses else max(statuses)
 
 
 def report(run: "Run", store: Path | None) -> int:
-    """Say how it went; the path of the result; exit status."""
-    corrections = run.corrections if run.folder.exists() else ()
-    for number, one in enumerate(corrections, start=1):
-        if not one.applied:
-            say(f"warning: correction {number} does not fit ({one.text}): {one.reason}")
-        elif one.reason:
-            say(f"correction {number} ({one.text}): {one.reason}")
-    if run.origin == "unchanged":
-        say(f"{run.folder} is up to date: all {len(run.record['stages'])} results were in the store")
-    elif run.origin == "restored":
-        say(f"{run.folder} written from the store: nothing had to be computed")
-    elif not run.folder.exists():  # `--only` changed nothing, and nobody wants a folder
+    """Say how it went, in five lines on a terminal and in one elsewhere; exit status.
+
+    Where standard output is no terminal it gets the path of the result, alone.
+    """
+    if not run.folder.exists():  # `--only` changed nothing, and nobody wants a folder
         from humanmm.storage.store.open import open_store
 
         write(open_store(store).location)
         return 0
-    elif run.state == "partial":
-        for failure in run.failures:
-            say(str(failure))
+    from humanmm.storage.run_folder.summary import five_lines
+
+    _say_corrections(run)
+    if run.origin == "unchanged":
+        say(f"{run.folder} is up to date: all {len(run.record['stages'])} results were in the store")
+    elif run.origin == "restored":
+        say(f"{run.folder} written from the store: nothing had to be computed")
+    lines = five_lines(run.record, run.folder)
+    if sys.stdout.isatty():
+        write(*lines)
+    elif sys.stderr.isatty():
+        for line in lines[:-1]:
+            say(line)
+        write_path(run.folder)
     else:
-        warnings = [warning for warning in run.warnings if not warning.startswith("correction ")]  # told above
-        for warning in warnings[:SHOWN_WARNINGS]:
-            say(f"warning: {warning}")
-        more = len(warnings) - SHOWN_WARNINGS
-        if more > 0:
-            say(f"and {more} more warnings, see {run.folder / 'run.json'}")
-    write_path(run.folder)
+        _say_in_one_line(run)
+        write_path(run.folder)
     return PARTIAL if run.origin == "computed" and run.state == "partial" else 0
+
+
+def _say_corrections(run: "Run") -> None:
+    """What became of what the user knows better, where there is something to say."""
+    for number, one in enumerate(run.corrections, start=1):
+        if not one.applied:
+            say(f"warning: correction {number} does not fit ({one.text}): {one.reason}")
+        elif one.reason:
+            say(f"correction {number} ({one.text}): {one.reason}")
+
+
+def _say_in_one_line(run: "Run") -> None:
+    """What failed, or what to look at; nothing where nothing is doubtful."""
+    if run.origin != "computed":
+        return  # told already
+    from humanmm.storage.run_folder.summary import one_line
+
+    if run.state == "partial":
+        say("; ".join(map(str, run.failures)))
+    elif warnings := [one for one in run.warnings if not one.startswith("correction ")]:  # told above
+        more = len(warnings) - 1
+        rest = f" (and {more} more, see {run.folder / 'run.json'})" if more else ""
+        say(f"{one_line(run.record)}: {warnings[0]}{rest}")
 
 
 def _shorthands(person: str | None, **given: float | Path | None) -> dict[str, Any]:

@@ -2,15 +2,18 @@
 
 import inspect
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from types import UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic import BaseModel
+from pydantic.fields import FieldInfo
 from typer import Option
 
-from humanmm.config import Config
+from humanmm import parts
+from humanmm.config import Config, GivenFile
 from humanmm.config_reading import resolve, value_of
 from humanmm.errors import ConfigError, UsageError
 
@@ -51,9 +54,13 @@ class Settings:
             assert isinstance(model, type) and issubclass(model, BaseModel)
             panel = f"{section}: {_short(model.__doc__ or '')}"
             for name, field in model.model_fields.items():
-                default = "" if field.default is None else f" (default: {field.default})"
-                text = f"{field.description}{default}".replace("[", "\\[")  # rich would take it for markup
-                flag = Option(f"--{section}.{name}", metavar="VALUE", help=text, rich_help_panel=panel)
+                values = Values.of(f"{section}.{name}", field)
+                default = "" if field.default is None else f" (default: {_as_typed(field.default)})"
+                text = f"{field.description}{values.note}{default}".replace("[", "\\[")  # rich would take it for markup
+                flag = Option(
+                    f"--{section}.{name}", metavar=values.metavar, help=text, rich_help_panel=panel,
+                    autocompletion=values.complete,
+                )  # fmt: skip
                 yield _option(f"{section}__{name}", str, flag)
 
     @classmethod
@@ -61,6 +68,71 @@ class Settings:
         """What the user gave, from the values of `declared`."""
         flags = {name.replace("__", ".", 1): text for name, text in arguments.items() if "__" in name and text}
         return cls(arguments["config"], flags)
+
+
+@dataclass(frozen=True)
+class Values:
+    """What a setting takes, as help and completion say it."""
+
+    metavar: str
+    choices: tuple[str, ...] = ()
+    note: str = ""
+    """What does not fit into the metavar: choices of a long list, bounds."""
+
+    @classmethod
+    def of(cls, setting: str, field: FieldInfo) -> "Values":
+        """The values of the field that a setting (`section.field`) stands for."""
+        kind = _plain_type(field.annotation)
+        if setting in parts.BUILT_IN:
+            return cls._one_of(tuple(parts.BUILT_IN[setting]))
+        if get_origin(kind) is Literal:
+            return cls._one_of(get_args(kind))
+        if kind is bool:
+            return cls._one_of(("true", "false"))
+        names = {int: "INT", float: "FLOAT", str: "TEXT", GivenFile: "PATH"}
+        bounds = _bounds(field.metadata or _metadata(field.annotation))
+        return cls(names.get(kind, "VALUE"), note=f" ({bounds})" if bounds else "")
+
+    @classmethod
+    def _one_of(cls, choices: tuple[str, ...]) -> "Values":
+        named = "|".join(choices)
+        return cls(named, choices) if len(named) <= _WIDEST else cls("NAME", choices, f" ({', '.join(choices)})")
+
+    def complete(self, incomplete: str) -> list[str]:
+        """The choices that begin like what was typed."""
+        return [choice for choice in self.choices if choice.startswith(incomplete)]
+
+
+_WIDEST = 24
+
+
+def _plain_type(annotation: Any) -> Any:
+    """The type without `Annotated` and without None."""
+    while get_origin(annotation) is Annotated:
+        annotation = get_args(annotation)[0]
+    inner = [one for one in get_args(annotation) if one is not type(None)]
+    if get_origin(annotation) in (Union, UnionType) and len(inner) == 1:
+        return _plain_type(inner[0])
+    return annotation
+
+
+def _metadata(annotation: Any) -> tuple[Any, ...]:
+    """What `Annotated` adds to a type that may also be None."""
+    if get_origin(annotation) is Annotated:
+        return tuple(get_args(annotation)[1:])
+    return tuple(one for inner in get_args(annotation) for one in _metadata(inner))
+
+
+def _bounds(metadata: Iterable[Any]) -> str:
+    signs = {"ge": "≥", "gt": ">", "le": "≤", "lt": "<"}
+    flat = [one for item in metadata for one in (getattr(item, "metadata", None) or [item])]
+    found = [f"{sign} {getattr(one, name)}" for one in flat for name, sign in signs.items() if hasattr(one, name)]
+    return ", ".join(found)
+
+
+def _as_typed(value: Any) -> str:
+    """A default as the user would type it."""
+    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def _short(sentence: str) -> str:

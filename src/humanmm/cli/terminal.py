@@ -25,6 +25,26 @@ def open_standard_streams() -> None:
             setattr(sys, name, os.fdopen(number, mode, closefd=False))
 
 
+def say_it_starts() -> None:
+    """Say at once that a long command has begun: loading it may take seconds on a busy machine."""
+    if sys.stderr.isatty() and os.environ.get("TERM") != "dumb":
+        _first_line.append("humanmm: loading …")
+        sys.stderr.write(_first_line[-1])
+        sys.stderr.flush()
+
+
+def take_back_start() -> None:
+    """Clear what `say_it_starts` wrote: something else comes in its place."""
+    if _first_line:
+        _first_line.clear()
+        with even_unread(sys.stderr):
+            sys.stderr.write("\r\x1b[K")
+            sys.stderr.flush()
+
+
+_first_line: list[str] = []
+
+
 @contextlib.contextmanager
 def even_unread(stream: TextIO) -> Iterator[None]:
     """Write to a stream that perhaps nobody reads any more: a command goes on, and ends with its own status."""
@@ -46,6 +66,7 @@ def accept_all_characters() -> None:
 
 def say(text: str) -> None:
     """One line on standard error."""
+    take_back_start()
     with even_unread(sys.stderr):
         sys.stderr.write(f"humanmm: {' '.join(text.split())}\n")
         sys.stderr.flush()
@@ -58,6 +79,7 @@ def write(*lines: object) -> None:
 
 def write_all(lines: Iterable[object]) -> None:
     """Lines on standard output."""
+    take_back_start()
     with even_unread(sys.stdout):
         sys.stdout.write("".join(f"{line}\n" for line in lines))
         sys.stdout.flush()
@@ -70,6 +92,7 @@ def write_json(tree: Mapping[str, Any], *, indent: int | None = 1) -> None:
 
 def write_path(path: Path) -> None:
     """The path of a result, byte by byte: a file's name need not be text."""
+    take_back_start()
     with even_unread(sys.stdout):
         sys.stdout.flush()
         sys.stdout.buffer.write(os.fsencode(path) + b"\n")

@@ -17,6 +17,7 @@ import typer
 from typer import Argument, Option
 from typer.core import TyperCommand
 
+from humanmm.cli.examples import epilog
 from humanmm.cli.settings import Settings
 from humanmm.cli.terminal import say
 from humanmm.errors import HumanMMError, UsageError
@@ -118,10 +119,17 @@ def verb(parent: typer.Typer, name: str, *, panel: str | None = None) -> Callabl
         verbose = inspect.Parameter("verbose", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=_VERBOSE)
         run.__signature__ = inspect.Signature([*declared, verbose])  # type: ignore[attr-defined]
         run.__doc__ = function.__doc__
-        parent.command(name, cls=_Command, rich_help_panel=panel)(run)
+        named = _named(parent, name)
+        parent.command(name, cls=_Command, rich_help_panel=panel, epilog=epilog(named))(run)
         return function
 
     return declare
+
+
+def _named(parent: typer.Typer, name: str) -> str:
+    """A verb with the words of the groups that hold it."""
+    word = next((one.name for one in app.registered_groups if one.typer_instance is parent), None)
+    return f"{word} {name}" if word else name
 
 
 def _declared(name: str, kind: Any, default: Any) -> list[inspect.Parameter]:
@@ -202,6 +210,7 @@ def _outcome(error: BaseException) -> tuple[str, int]:
         case HumanMMError():
             return str(error), 1
         case KeyboardInterrupt():
-            return f"{error or 'interrupted'}; what was computed stays in the store", 130
+            stopped = str(error) or "interrupted"
+            return f"{stopped}; resumable with the same command, what was computed stays in the store", 130
         case _:
             return f"unexpected {type(error).__name__}: {error} (-v shows where)", 1

@@ -319,6 +319,14 @@ def test_a_track_without_pictures_is_told() -> None:
     assert "its track is empty" in refusal(io.BytesIO(whole.replace(b"00dc", b"JUNK")))
 
 
+def test_equal_time_stamps_are_told_from_such_that_run_backwards() -> None:
+    facts = read_facts(muxed([40 * (i - (i == 7)) for i in range(20)], [(64, 48)]))
+    assert facts.num_frames == 19
+    assert any(one.startswith("1 pictures have the time stamp of the one before") for one in facts.warnings)
+    assert not any("earlier" in one for one in facts.warnings)
+    assert reading._unusable_times([0, 40, 40, 80, 60, 120]) == (1, 1), "no muxer of ours writes the second kind"
+
+
 def test_a_long_gap_is_a_warning() -> None:
     facts = read_facts(muxed([40 * i + 60_000 * (i >= 10) for i in range(20)], [(64, 48)]))
     assert facts.num_frames == 20

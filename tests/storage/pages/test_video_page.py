@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from humanmm.storage.batches.video_row import VideoRow
-from humanmm.storage.pages.video_page import SHOWN_ROWS, batch_table, video_page
+from humanmm.storage.pages.video_page import SHOWN_ROWS, batch_table, failure_page, video_page
 
 RECORD: dict[str, Any] = {
     "state": "partial",
@@ -25,8 +25,9 @@ RECORD: dict[str, Any] = {
     "fallbacks": ["shot 1: the camera is a fallback (source 4)"],
     "warnings": [f"hmr: warning {number}" for number in range(30)],
     "stages": [
-        {"stage": "camera", "state": "computed", "seconds": 1.5},
-        {"stage": "camera", "state": "failed", "seconds": 0.25},
+        {"stage": "camera", "unit": "shot 0", "state": "computed", "reason": "", "seconds": 1.5},
+        {"stage": "camera", "unit": "shot 1", "state": "failed", "reason": "no | points", "seconds": 0.25},
+        {"stage": "hmr", "unit": "shot 1", "state": "skipped", "reason": "camera failed", "seconds": 0.0},
     ],
 }
 
@@ -36,10 +37,22 @@ def test_a_page_tells_failures_shots_stages_and_the_first_warnings(tmp_path: Pat
     assert "Run folder: `" in page
     assert page.startswith("# a \\<b\\>\\*.mp4: partial\n")
     assert "- **camera, shot 1**: no \\| points" in page
-    assert "| 1 | 60–100 | cut | nobody | no | failed |" in page
+    assert "- 1 more were skipped because of that" in page
+    assert "| 1 | 60 to 99 | cut | nobody | no | failed |" in page
     assert "person 0 is observed in 55 of 60 frames" in page
-    assert "| camera | 2 | 1 | 0 | 1 | 1.8 |" in page
-    assert "- hmr: warning 18\n" in page and "warning 19" not in page and "and 11 more in run.json" in page
+    assert "| camera | 2 | 1 | 0 | 1 | 0 | 1.8 |" in page
+    assert "| hmr | 1 | 0 | 0 | 0 | 1 | 0.0 |" in page
+    assert "- hmr: warning 18\n" in page and "warning 19\n" in page and "warning 20" not in page
+    assert "and 10 more in run.json" in page
+
+
+def test_a_video_that_failed_has_a_page_that_says_why_how_far_it_came_and_what_to_do(tmp_path: Path) -> None:
+    page = failure_page(Path("/films/dark.mp4"), "no usable person", RECORD["stages"], tmp_path / "dark")
+    assert page.startswith("# dark.mp4: failed\n") and "**no usable person**" in page
+    assert "- **camera, shot 1**: no \\| points" in page and "| hmr | 1 | 0 | 0 | 0 | 1 | 0.0 |" in page
+    assert "humanmm batch retry-failed" in page and "data:image" not in page
+    cv2.imwrite(str(tmp_path / "dark.seen.png"), np.zeros((90, 160, 3), np.uint8))
+    assert "![who was seen](data:image" in failure_page(Path("/films/dark.mp4"), "no", [], tmp_path / "dark")
 
 
 def test_its_pictures_are_small_and_whole(tmp_path: Path) -> None:
@@ -65,9 +78,10 @@ def test_a_table_has_what_needs_somebody_first_and_is_bounded() -> None:
 
 def test_nothing_that_a_user_named_marks_anything_up(tmp_path: Path) -> None:
     evil = "<img src=x onerror=alert(1)> [x](http://evil.example) `"
-    failure = {"stage": "camera", "unit": evil, "shot": 1, "reason": evil}
+    failure = {"stage": "camera", "unit": evil, "shot": 1, "state": "failed", "reason": evil, "seconds": 1.0}
     video = {**RECORD["video"], "path": f"/films/{evil.replace('/', '')}.mp4"}
-    page = video_page({**RECORD, "video": video, "failures": [failure], "warnings": [evil]}, tmp_path / "a`b<i>")
+    page = video_page({**RECORD, "video": video, "stages": [failure], "warnings": [evil]}, tmp_path / "a`b<i>")
+    page += failure_page(Path(video["path"]), evil, [failure, {**failure, "reason": f"2 {evil}"}], tmp_path / "a`b<i>")
     outside_code = re.sub(r"(`+) .*? \1", "", page)
     assert not re.search(r"(?<!\\)<", outside_code)
     assert not re.search(r"(?<!\\)\]\(http", outside_code)

@@ -63,6 +63,30 @@ def test_the_same_batch_twice_schedules_nothing_new(toy: Any, table: BatchTable)
     assert (again.finished, again.failed) == (1, 1)
 
 
+def test_a_dry_run_says_what_a_submission_does_and_writes_nothing(toy: Any, table: BatchTable) -> None:
+    films = _films(toy, "a.mp4", "b.mp4", "c.mp4")
+
+    def there() -> list[Path]:
+        own = ("cache", "data")  # of a store in a bucket: copies of what was read
+        return sorted(path for path in toy.folder.rglob("*") if path.relative_to(toy.folder).parts[0] not in own)
+
+    def told() -> dict[str, str]:
+        before = there()
+        reading = open_batches(toy.store, read_only=True)
+        plan = batches.forecast_submission(reading, "test", read_batch(films), Config(), toy.folder / "runs")
+        assert there() == before
+        return {Path(one.row.video).name: one.sentence for one in plan}
+
+    assert told() == dict.fromkeys(("a.mp4", "b.mp4", "c.mp4"), "to do: it is new")
+    first = _submit(toy, table, films)
+    _end(table, first.to_schedule[0], "done")
+    _end(table, first.to_schedule[1], "failed", "no people")
+    assert told() == {"a.mp4": "finished", "b.mp4": "failed before: no people", "c.mp4": "to do"}
+    (films / "a.mp4").write_text(json.dumps({"num_frames": 50, "cuts": [20]}))
+    assert told()["a.mp4"] == "to do: the file has changed"
+    assert [Path(row.video).name for row in _submit(toy, table, films).to_schedule] == ["a.mp4", "c.mp4"]
+
+
 def test_a_new_video_a_changed_one_and_changed_settings_are_scheduled(toy: Any, table: BatchTable) -> None:
     films = _films(toy, "a.mp4", "b.mp4")
     for row in _submit(toy, table, films).to_schedule:

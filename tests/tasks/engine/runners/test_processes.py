@@ -151,7 +151,7 @@ def test_errors_warnings_and_progress_come_out_of_a_child_as_they_are(
     toy.edit("people", "inputs.progress(n, n)", f"inputs.progress(1, n)\n    {warning}")
     seen: list[tuple[str, int]] = []
     run = toy.open(run={"isolate": True})
-    run.watch(lambda unit, done, total: seen.append((unit.label, done)), log_text=str)
+    run.listen(lambda unit, done, total: seen.append((unit.label, done)))
     monkeypatch.setattr(logging.getLogger("humanmm"), "propagate", True)
     for stage in run.stages[:2]:
         run.execute(run.unit(stage.name))

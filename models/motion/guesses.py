@@ -1,0 +1,95 @@
+"""How sure a recording is of what no picture shows by itself: where the floor is, and who is who across cuts.
+
+The uncertainty of the focal length is that of its estimate (`camera.intrinsics`), the scale is that of the bodies
+(`HEIGHT_ERROR`).
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+from scipy.special import expit
+
+from humanmm.models.body.body24 import load_body
+from humanmm.models.motion.assemble import world_joints
+from humanmm.models.motion.refine.refine import FEWEST_STANDING, sole_heights
+from humanmm.models.records.motion import WorldMotion
+from humanmm.models.records.recording import CONTACT_JOINTS, Guesses, IdentityGuess
+from humanmm.models.records.shots import ShotList
+from humanmm.models.records.tracks import ScenePeople
+from humanmm.models.shots.identity import Sighting, same_person_odds, sighting
+
+Array = np.ndarray
+STANDING = 0.5
+"""Probability from which a sole stands on something."""
+FURNITURE_M = 0.5
+"""Soles farther from the floor stand on something else."""
+
+
+def guesses_of(
+    shot_list: ShotList, scenes: Sequence[ScenePeople | None], aligned: WorldMotion, *, time_s: Float[Array, " F"]
+) -> Guesses:
+    """What a recording guesses; `aligned`: the world before feet are put on the floor (stage `align`).
+
+    `scenes`: what the detector saw, one a scene, None where it failed.
+    """
+    soles = standing_soles(aligned)
+    low, high = np.percentile(soles, (16, 84)) if len(soles) >= FEWEST_STANDING else (np.nan, np.nan)
+    return Guesses(
+        floor_m=float(high - low) / 2,
+        standing_soles=len(soles),
+        identities=tuple(identity_guesses(shot_list, scenes, time_s=time_s)),
+    )
+
+
+def standing_soles(world: WorldMotion) -> Float[Array, " n"]:
+    """Heights above z = 0 of all observed soles that stand near the floor, metres."""
+    body, found = load_body(), [np.zeros(0)]
+    for person in world.people:
+        joints = world_joints(person, body.rest_joints(person.betas))
+        heights = joints[:, list(CONTACT_JOINTS), 2] - sole_heights(body, person.betas)
+        found.append(heights[(person.contacts >= STANDING) & person.observed[:, None]])
+    soles = np.concatenate(found)
+    return np.asarray(soles[np.abs(soles) < FURNITURE_M])
+
+
+def identity_guesses(
+    shot_list: ShotList, scenes: Sequence[ScenePeople | None], *, time_s: Float[Array, " F"]
+) -> list[IdentityGuess]:
+    """For everybody in each shot after the first in which anybody is seen: how sure it is that he is who he is said to
+    be, from the log-odds of `shots.identity` against the best other answer."""
+    known: dict[int, list[Sighting]] = {}
+    found = []
+    for shot in shot_list.shots:
+        scene = scenes[shot.scene]
+        seen = {
+            one.person: view
+            for one in shot.people
+            if scene is not None
+            and (view := sighting(shot.index, shot, one.track, scene.track_of(one), time_s)) is not None
+        }
+        if known:
+            odds = {
+                (person, new): same_person_odds(sightings, view)
+                for person, sightings in known.items()
+                for new, view in seen.items()
+            }
+            found += [IdentityGuess(new, shot.index, float(expit(_margin(new, seen, known, odds)))) for new in seen]
+        for person, view in seen.items():
+            known.setdefault(person, []).append(view)
+    return found
+
+
+def _margin(
+    new: int, seen: dict[int, Sighting], known: dict[int, list[Sighting]], odds: dict[tuple[int, int], float]
+) -> float:
+    """Log-odds of the answer for somebody in a shot against the best other one: that he is new, or somebody else, who
+    would then be he if he is seen in the shot as well."""
+    own = odds.get((new, new), 0.0)  # 0: nobody who was known
+    others = [0.0] if new in known else []
+    for person in known.keys() - {new}:
+        if person in seen:
+            others.append(odds[person, new] + max(0.0, odds.get((new, person), 0.0)) - odds[person, person])
+        else:
+            others.append(odds[person, new])
+    return own - max(others, default=-np.inf)

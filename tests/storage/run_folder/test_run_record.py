@@ -1,0 +1,54 @@
+"""What run.json says of guesses, and which of them are warnings."""
+
+import math
+
+import pytest
+
+from humanmm.models.records.camera import Intrinsics
+from humanmm.models.records.recording import Guesses, IdentityGuess
+from humanmm.storage.run_folder.run_record import CorrectionRecord, _doubts, _floor, _scale
+
+SURE = Guesses(0.02, 300, (IdentityGuess(0, 1, 0.97),))
+
+
+def _intrinsics(uncertainty: float, source: str = "estimated") -> Intrinsics:
+    return Intrinsics(900.0, 1280, 720, source, uncertainty)  # type: ignore[arg-type]
+
+
+def _correction(kind: str, *, applied: bool = True) -> CorrectionRecord:
+    return CorrectionRecord({"kind": kind}, kind, applied, "")
+
+
+def test_what_is_sure_has_no_warning() -> None:
+    assert list(_doubts(_intrinsics(0.05), SURE, ())) == []
+    assert _floor(SURE, ()) == {"source": "feet", "uncertainty_m": 0.02, "standing_soles": 300}
+
+
+@pytest.mark.parametrize(
+    ("uncertainty", "guesses", "told"),
+    [
+        (0.31, SURE, "the focal length is uncertain by 31 %"),
+        (0.05, Guesses(math.nan, 3), "hardly anybody is seen standing"),
+        (0.05, Guesses(0.14, 300), r"standing feet differ in height by ± 0.14 m"),
+        (0.05, Guesses(0.02, 300, (IdentityGuess(1, 2, 0.55),)), "person 1 in shot 2 may be somebody else"),
+    ],
+)
+def test_what_is_doubtful_is_a_warning(uncertainty: float, guesses: Guesses, told: str) -> None:
+    (warning,) = _doubts(_intrinsics(uncertainty), guesses, ())
+    assert told in warning
+
+
+def test_a_correction_takes_its_warning_away_if_it_fits() -> None:
+    doubtful = Guesses(math.nan, 3, (IdentityGuess(1, 2, 0.55),))
+    assert len(list(_doubts(_intrinsics(0.05), doubtful, ()))) == 2
+    assert list(_doubts(_intrinsics(0.05), doubtful, [_correction("floor"), _correction("swap")])) == []
+    assert len(list(_doubts(_intrinsics(0.05), doubtful, [_correction("floor", applied=False)]))) == 2
+    assert _floor(doubtful, [_correction("floor")])["source"] == "given"
+    assert _floor(doubtful, ())["source"] == "assumed"
+
+
+def test_one_known_height_tells_the_scale() -> None:
+    bones = {"height_m": 1.75, "height_uncertainty_m": 0.14}
+    assert _scale([bones]) == {"source": "bones", "relative_uncertainty": 0.08}
+    assert _scale([bones, {**bones, "height_uncertainty_m": 0.0}]) == {"source": "given", "relative_uncertainty": 0.0}
+    assert _scale([{"person": 0}])["source"] == "assumed"
