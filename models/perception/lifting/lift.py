@@ -23,8 +23,8 @@ Array = np.ndarray
 
 CORRECTION = 0.6
 """How much of the network's correction of landmarks is made. It has learnt from rendered people, whom the pose networks
-see worse than real ones: with 1.0, 0.7 and 0.5 rendered development clips have a PA-MPJPE of 56.7, 57.6 and 59.4 mm (65.6
-without), the real clip A of 59.4, 56.2 and 54.4 (60.7)."""
+see worse than real ones: with 1.0, 0.7 and 0.5 eleven rendered development clips have a PA-MPJPE of 56.7, 57.6 and
+59.4 mm (65.6 without), the real clip A of 59.4, 56.2 and 54.4 (60.7)."""
 CHUNK_S = 8.0
 """A long track is lifted in pieces; each sees as far beyond its ends as the network can."""
 
