@@ -61,3 +61,18 @@ def test_a_line_goes_where_standard_error_is_now(monkeypatch: pytest.MonkeyPatch
         assert shown.getvalue() == "humanmm: the disk is slow\n"
     finally:
         logger.handlers, logger.level, logger.propagate = before
+
+
+def test_a_standard_error_that_was_closed_does_not_matter(monkeypatch: pytest.MonkeyPatch) -> None:
+    before, now = io.StringIO(), io.StringIO()
+    logger = logging.getLogger("humanmm")
+    kept = logger.handlers, logger.level, logger.propagate
+    monkeypatch.setattr(sys, "stderr", before)
+    to_standard_error(verbose=False)
+    try:
+        before.close()
+        monkeypatch.setattr(sys, "stderr", now)
+        logger.warning("the lamp is out")
+    finally:
+        logger.handlers, logger.level, logger.propagate = kept
+    assert now.getvalue() == "humanmm: the lamp is out\n"

@@ -39,7 +39,7 @@ class _StandardError(logging.StreamHandler[TextIO]):
     """Writes to sys.stderr as it is now: while a run is shown on a terminal, lines go above what is shown."""
 
     def emit(self, record: logging.LogRecord) -> None:
-        self.setStream(sys.stderr)
+        self.stream = sys.stderr  # setStream would flush the one before, which may be closed
         super().emit(record)
 
 
