@@ -39,8 +39,7 @@ def points_in_view(
 def lifter_input(frames: PersonFrames, K: Float[Array, "*n 3 3"]) -> LifterInput:
     """One person's frames as the network takes them (B = 1); K, one or one a frame, may be rough."""
     R_cam_view, size = view_axes(frames.centre, K), frames.side / K[..., 0, 0]
-    visibility = frames.keypoints[..., 2]
-    visibility = np.clip(visibility, LEAST_VISIBILITY, 1)
+    visibility = np.clip(frames.keypoints[..., 2], LEAST_VISIBILITY, 1)
     return LifterInput(
         time_s=_tensor(frames.time_s - frames.time_s[0]),
         exists=torch.ones(1, len(size), dtype=torch.bool),

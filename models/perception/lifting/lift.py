@@ -5,6 +5,7 @@ in every frame. The lifter has seen what these networks say of rendered people w
 weights/lifter.md), and looks at a second before and after each frame.
 """
 
+from collections.abc import Iterator
 from functools import lru_cache
 
 import numpy as np
@@ -25,20 +26,17 @@ CORRECTION = 0.6
 """How much of the network's correction of landmarks is made. It has learnt from rendered people, whom the pose networks
 see worse than real ones: with 1.0, 0.7 and 0.5 eleven rendered development clips have a PA-MPJPE of 56.7, 57.6 and
 59.4 mm (65.6 without), the real clip A of 59.4, 56.2 and 54.4 (60.7)."""
-CHUNK_S = 8.0
-"""A long track is lifted in pieces; each sees as far beyond its ends as the network can."""
+CHUNK_S, CHUNK_FRAMES = 8.0, 512
+"""A long track is lifted in pieces no longer than this; each sees as far beyond its ends as the network can."""
+MOST_BEYOND = 768
+"""Frames beyond either end at most: rates up to 150 Hz see all."""
 
 
 def lift(frames: PersonFrames, K: Float[Array, "3 3"]) -> Lifted:
     """Landmarks and joint rotations of one person, by the shipped network (a `Lifter`)."""
-    network, time_s = load_lifter(), frames.time_s
+    network = load_lifter()
     pieces = []
-    for start_s in np.arange(time_s[0], time_s[-1] + 1e-6, CHUNK_S):
-        own = slice(*np.searchsorted(time_s, (start_s - 1e-6, start_s + CHUNK_S - 1e-6)))
-        if own.start == own.stop:
-            continue
-        reach = time_s[own][0] - network.reach_s, time_s[own][-1] + network.reach_s
-        seen = slice(*np.searchsorted(time_s, (reach[0] - 1e-6, reach[1] + 1e-6)))
+    for own, seen in _pieces(frames.time_s, network.reach_s):
         with torch.inference_mode():
             found = network(lifter_input(frames.chosen(seen), K))
         inner = slice(own.start - seen.start, own.stop - seen.start)
@@ -49,6 +47,17 @@ def lift(frames: PersonFrames, K: Float[Array, "3 3"]) -> Lifted:
     vectors = rotmat_to_rotvec(pose.astype(np.float64)).astype(np.float32)
     landmarks = frames.landmarks3d + CORRECTION * (landmarks - frames.landmarks3d)
     return Lifted(landmarks.astype(np.float32), PoseEstimates(vectors, np.exp(log_sigma), swap_odds))
+
+
+def _pieces(time_s: Float[Array, " n"], reach_s: float) -> Iterator[tuple[slice, slice]]:
+    """Frames to be lifted together, and the frames that these depend on."""
+    start = 0
+    while start < len(time_s):
+        stop = int(np.searchsorted(time_s, time_s[start] + CHUNK_S))
+        stop = min(max(stop, start + 1), start + CHUNK_FRAMES)
+        first, last = np.searchsorted(time_s, [time_s[start] - reach_s, time_s[stop - 1] + reach_s]).tolist()
+        yield slice(start, stop), slice(max(first, start - MOST_BEYOND), min(max(last, stop), stop + MOST_BEYOND))
+        start = stop
 
 
 @lru_cache(maxsize=1)

@@ -32,6 +32,7 @@ def test_a_long_track_is_lifted_in_pieces_as_if_it_were_whole(monkeypatch: pytes
     frames = somebody(480)
     pieces = lift(frames, K)
     monkeypatch.setattr(lifting, "CHUNK_S", 1000.0)
+    monkeypatch.setattr(lifting, "CHUNK_FRAMES", 1000)
     whole = lift(frames, K)
     assert np.abs(pieces.landmarks3d - whole.landmarks3d).max() < 1e-5
     assert pieces.pose is not None and whole.pose is not None
@@ -45,3 +46,14 @@ def test_landmarks_stay_named_as_they_are_given() -> None:
     one, other = lift(frames, K).landmarks3d, lift(swapped, K).landmarks3d
     same, crossed = (np.linalg.norm((other - x)[:, 11:29], axis=-1).mean() for x in (one[:, SWAP], one))
     assert same < crossed
+
+
+def test_a_gap_of_ten_years_and_equal_time_stamps_cost_no_more_than_their_frames() -> None:
+    frames = somebody(40)
+    time_s = frames.time_s.copy()
+    time_s[20:] += 3e8
+    time_s[:5] = 0.0
+    found = lift(replace(frames, time_s=time_s), K)
+    assert found.landmarks3d.shape == (40, 33, 3) and np.isfinite(found.landmarks3d).all()
+    assert len(list(lifting._pieces(np.zeros(2000), 5.0))) == 4
+    assert max(seen.stop - seen.start for _, seen in lifting._pieces(np.zeros(5000), 5.0)) == 2048
