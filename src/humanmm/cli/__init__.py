@@ -2,6 +2,7 @@
 
 import importlib
 import os
+import signal
 import sys
 from collections.abc import Sequence
 
@@ -19,15 +20,20 @@ SUBJECTS = (
     "doctor",
 )
 """Files of verbs, in the order of `humanmm --help`."""
+INTERRUPTED = 130
+"""Exit status of a process that SIGINT has ended, as shells count it."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns its exit status."""
     try:
-        return _run(arguments)
+        status = _run(arguments)
     except KeyboardInterrupt:  # before a verb has begun: nothing is computed yet
         sys.stderr.write("\rhumanmm: interrupted; resumable with the same command\n")
-        return 130
+        status = INTERRUPTED
+    if status == INTERRUPTED and arguments is None:  # this process ends: pressed again, Ctrl-C changes nothing
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+    return status
 
 
 def _run(arguments: Sequence[str] | None) -> int:
