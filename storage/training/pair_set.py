@@ -50,7 +50,7 @@ def read_pairs(folder: Path, split: str) -> tuple[dict[str, Array], list[dict[st
     """All windows of a split: arrays (W, …), and what each window shows. InputError where there are none."""
     paths = sorted(folder.glob(f"{split}-*.zarr"))
     if not paths:
-        raise InputError(f"{folder} holds no pairs of the split {split}; make them with humanmm dataset build pairs")
+        raise InputError(f"{folder} holds no pairs of the split {split}; make them with humanmm train pairs")
     columns: dict[str, list[Array]] = {}
     facts: list[dict[str, Any]] = []
     for path in paths:
