@@ -1,6 +1,7 @@
 """Whose requests our server serves: those of its own user, sent to its own name, by no page but its own."""
 
 import asyncio
+import contextlib
 import http.client
 import os
 import socket
@@ -191,9 +192,9 @@ def test_our_server_serves_its_user_and_no_other(server_cache: Path) -> None:
         port = int(url.split(":")[2].split("/")[0])
 
         def ask() -> None:
-            connection = http.client.HTTPConnection("127.0.0.1", port, timeout=10)
-            connection.request("GET", "/api/health")
-            assert connection.getresponse().read() == b"true"
+            with contextlib.closing(http.client.HTTPConnection("127.0.0.1", port, timeout=10)) as connection:
+                connection.request("GET", "/api/health")
+                assert connection.getresponse().read() == b"true"
 
         ask()
         assert not _as_nobody(ask)
