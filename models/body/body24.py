@@ -29,6 +29,8 @@ PARENTS = (-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18,
 
 FREE_JOINTS = tuple(j for j in range(1, NUM_JOINTS) if j not in (10, 11, 22, 23))
 """Joints whose rotation can be seen: toes and hands move no landmark by themselves."""
+ROTATED_JOINTS = (0, *FREE_JOINTS)
+"""These and the root, in the order in which fits and the lifter have their rotations."""
 
 
 @dataclass(frozen=True, eq=False)

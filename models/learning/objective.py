@@ -1,6 +1,6 @@
 """What the lifter is trained for, and how good it is."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -9,19 +9,16 @@ from torch import Tensor, nn
 
 from humanmm.models.geometry.alignment import umeyama_alignment
 from humanmm.models.geometry.rotations import rotation_angle
-from humanmm.models.learning.windows import Windows
+from humanmm.models.learning.windows import Windows, coco_visibility
+from humanmm.models.motion.fit.evidence import BONE_END, BONE_START
 from humanmm.models.perception.lifting.network import JOINTS, LifterInput, LifterNetwork, LifterOutput
-from humanmm.models.records.landmarks import COCO_LANDMARKS, LIMBS, TORSO
+from humanmm.models.records.landmarks import LIMBS, TORSO
 
 Array = np.ndarray
 
 IMPORTANCE = torch.tensor([0.15] * 11 + [1.0] * 6 + [0.25] * 6 + [1.0] * 6 + [0.5] * 4)
 """Of each landmark: face, arms, hands, legs, feet."""
 ROOT_IMPORTANCE = 3.0
-BONES = torch.tensor([
-    (12, 11), (24, 23), (23, 11), (24, 12), (11, 13), (12, 14), (13, 15), (14, 16), (15, 17), (16, 18), (15, 19),
-    (16, 20), (23, 25), (24, 26), (25, 27), (26, 28), (29, 31), (30, 32), (8, 7), (7, 0), (8, 0),
-])  # fmt: skip
 
 
 def loss(found: LifterOutput, wanted: Windows) -> Tensor:
@@ -35,7 +32,7 @@ def loss(found: LifterOutput, wanted: Windows) -> Tensor:
     gap = found.landmarks - wanted.truth
     of_landmark = IMPORTANCE.to(gap.device)
     distance = (gap.norm(dim=-1) * of_landmark).sum(dim=-1) / of_landmark.sum()
-    bones = (gap[:, :, BONES[:, 1]] - gap[:, :, BONES[:, 0]]).norm(dim=-1).mean(dim=-1)
+    bones = (gap[:, :, BONE_END] - gap[:, :, BONE_START]).norm(dim=-1).mean(dim=-1)
     step = (gap[:, 1:, list(LIMBS)] - gap[:, :-1, list(LIMBS)]).norm(dim=-1).mean(dim=-1)
     steady = exists[:, 1:] * exists[:, :-1] * (wanted.swapped[:, 1:] == wanted.swapped[:, :-1])
 
@@ -96,12 +93,7 @@ def _given(windows: Windows, *, coco: bool) -> LifterInput:
     if not coco:
         return windows.given()
     given = windows.given(torch.zeros(len(windows), dtype=torch.bool))
-    named = torch.zeros(given.visibility.shape[-1])
-    named[list(COCO_LANDMARKS)] = 1.0
-    return LifterInput(
-        given.time_s, given.exists, given.points, torch.ceil(given.visibility) * named,
-        given.landmarks, given.has_landmarks, given.size,
-    )  # fmt: skip
+    return replace(given, visibility=coco_visibility(given.visibility))
 
 
 def _rows(network: LifterNetwork | None, windows: Windows, given: LifterInput) -> Float[Array, "n 7"]:

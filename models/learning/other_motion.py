@@ -16,7 +16,8 @@ from humanmm.models.body.body24 import FREE_JOINTS
 from humanmm.models.body.landmarks import load_landmarks
 from humanmm.models.geometry.projection import project, world_to_camera
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
-from humanmm.models.learning.windows import NEAREST_M, PairErrors, Windows
+from humanmm.models.learning.pairs import NEAREST_M, TEMPO
+from humanmm.models.learning.windows import PairErrors, Windows
 from humanmm.models.perception.lifting.features import points_in_view, view_axes
 from humanmm.models.perception.regions import BODY_MARGIN
 from humanmm.models.rendering.places.takes import BODIES, BODY_PROBABILITIES, shape
@@ -27,7 +28,6 @@ Array = np.ndarray
 
 BODIES_A_TAKE = 2
 ROUTINES, ROUTINE_S = 120, 12.0
-TEMPO = (0.75, 1.35)
 ERROR_SCALE = (0.3, 1.0, 1.6)
 """Errors of 3D landmarks are laid on with a factor: smallest, mean, largest."""
 MOSTLY_SEEN = 0.5

@@ -16,9 +16,7 @@ from humanmm.models.body.body24 import load_body
 from humanmm.models.body.landmarks import load_landmarks
 from humanmm.models.geometry.projection import project, world_to_camera
 from humanmm.models.learning.crops import CropRenderer, Degradation
-from humanmm.models.perception.blazepose import HEAVY, decode
-from humanmm.models.perception.fusion import fused, is_crossed
-from humanmm.models.perception.movenet import coco_keypoints
+from humanmm.models.perception.fusion import CROSSED_ODDS, located_in
 from humanmm.models.perception.observation import observe
 from humanmm.models.perception.regions import Region, body_region
 from humanmm.models.records import landmarks
@@ -39,8 +37,6 @@ SIZES = ((640, 360), (960, 540), (1280, 720), (540, 960))
 VIEW_DEG = (28.0, 78.0)
 OTHERS = 0.25
 """How often somebody else is near."""
-PLACE_M = 9.0
-"""Half the width of a place."""
 JITTER = 0.03
 """Standard deviation of the first region's centre, as a fraction of its side."""
 LOST = 0.35
@@ -89,7 +85,7 @@ class PairWindow:
 class PairSource:
     """Where windows are drawn from; the same seed and number give the same window."""
 
-    library: Library
+    takes: Library
     seed: int
 
     def window(self, number: int) -> tuple[PairWindow, Mapping[str, Any]]:
@@ -121,7 +117,7 @@ class PairSource:
     def _performance(self, motion: str, seconds: float, fps: float, rng: np.random.Generator) -> Performance:
         """A part of a take at another tempo."""
         tempo = rng.uniform(*TEMPO)
-        take = choose_take(self.library, motion, rng, shortest_s=0.7)
+        take = choose_take(self.takes, motion, rng, shortest_s=0.7)
         return perform(replace(take, fps=take.fps * tempo), seconds, fps, rng)
 
 
@@ -175,14 +171,11 @@ def _observed(renderer: CropRenderer, fps: float, rng: np.random.Generator) -> P
                 side * float(np.exp(rng.normal(0, 0.05))), own.angle + rng.normal(0, 0.08),
             )  # fmt: skip
         crop = renderer.crop(frame, region, rng)
-        output = decode(HEAVY, crop, region, mirrored=False)
-        limbs = coco_keypoints(crop, region)[list(landmarks.COCO_LIMBS)]
-        crossed = is_crossed(output.keypoints, limbs, region.side)
-        output = replace(output, keypoints=fused(output.keypoints, limbs, region.side, weight=0.5))
+        output = located_in(crop, region)
         found = observe(output, renderer.size)
         seen.append({
             "keypoints": output.keypoints, "landmarks3d": output.landmarks3d, "presence": output.presence,
-            "region": (region.x, region.y, region.side, region.angle), "is_crossed": crossed,
+            "region": (region.x, region.y, region.side, region.angle), "is_crossed": output.side_odds == CROSSED_ODDS,
             "confidence": found.confidence if found else 0.0,
         })  # fmt: skip
         following = output.next_region

@@ -33,7 +33,7 @@ class Recipe:
 
 
 class LifterTraining:
-    """The state of a training; `state` and `restored` carry it over the end of a process."""
+    """The state of a training; `state` and `restore` carry it over the end of a process."""
 
     def __init__(self, recipe: Recipe, windows: Windows, other: OtherMotion, *, device: str = "cpu") -> None:
         torch.manual_seed(recipe.seed)

@@ -8,9 +8,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from humanmm.models.body.body24 import FREE_JOINTS, JOINT_NAMES
+from humanmm.models.body.body24 import FREE_JOINTS, JOINT_NAMES, ROTATED_JOINTS
 from humanmm.models.geometry.projection import project
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
+from humanmm.models.learning.pairs import NEAREST_M
 from humanmm.models.perception.lifting.features import points_in_view, view_axes
 from humanmm.models.perception.lifting.network import JOINTS, LifterInput
 from humanmm.models.perception.observation import MIN_CONFIDENCE
@@ -21,7 +22,6 @@ Array = np.ndarray
 SWAPPED, CLEAR = 0.004, 0.01
 """Sides of the crop by which the keypoints fit the truth better with left and right swapped: to count as swapped, and
 to be sure of it."""
-NEAREST_M = 0.3
 _MIRROR = torch.tensor([-1.0, 1.0, 1.0])
 
 
@@ -29,8 +29,7 @@ def _other_side(name: str) -> str:
     return name.replace("L_", "R_") if name.startswith("L_") else name.replace("R_", "L_")
 
 
-_TURNING = (0, *FREE_JOINTS)
-_JOINT_SWAP = [_TURNING.index(JOINT_NAMES.index(_other_side(JOINT_NAMES[joint]))) for joint in _TURNING]
+_JOINT_SWAP = [ROTATED_JOINTS.index(JOINT_NAMES.index(_other_side(JOINT_NAMES[joint]))) for joint in ROTATED_JOINTS]
 _CONTACT_SWAP = [2, 3, 0, 1]
 
 
@@ -186,13 +185,18 @@ def varied(windows: Windows, variation: Variation, generator: torch.Generator) -
         runs[window, start : start + length + 1] = True
     windows = _renamed(windows, runs)
     has_landmarks = chance(B) >= variation.coco
-    named = torch.zeros(k)
-    named[list(COCO_LANDMARKS)] = 1.0
-    visibility = torch.where(has_landmarks[:, None, None], windows.visibility, (windows.visibility > 0) * named)
+    visibility = torch.where(has_landmarks[:, None, None], windows.visibility, coco_visibility(windows.visibility))
     visibility = visibility * (chance(B, 1, k) >= variation.hidden)
     holes = chance(B, n) < 0.2 * chance(B, 1)
     windows = replace(windows, visibility=visibility, exists=windows.exists & ~holes)
     return windows, windows.given(has_landmarks)
+
+
+def coco_visibility(visibility: Tensor) -> Tensor:
+    """The visibility (…,33) where COCO's keypoints are given alone, whose scores say nothing."""
+    named = torch.zeros(NUM_LANDMARKS)
+    named[list(COCO_LANDMARKS)] = 1.0
+    return (visibility > 0) * named
 
 
 def _mirrored(windows: Windows, which: Tensor) -> Windows:

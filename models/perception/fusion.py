@@ -8,7 +8,7 @@ at next.
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, UInt8
 
 from humanmm.models.perception import movenet
 from humanmm.models.perception.blazepose import FULL, HEAVY, crop_of, decode
@@ -43,7 +43,18 @@ def locate_fast(image: Picture, region: Region, *, mirrored: bool = False) -> La
 
 
 def _located(model: str, weight: float, image: Picture, region: Region, *, mirrored: bool) -> Landmarks:
-    crop = crop_of(image, region, mirrored=mirrored)
+    return located_in(crop_of(image, region, mirrored=mirrored), region, model=model, weight=weight, mirrored=mirrored)
+
+
+def located_in(
+    crop: UInt8[np.ndarray, "256 256 3"],
+    region: Region,
+    *,
+    model: str = HEAVY,
+    weight: float = 0.5,
+    mirrored: bool = False,
+) -> Landmarks:
+    """The same of the region's crop; by default the networks of `locate_best`."""
     output = decode(model, crop, region, mirrored=mirrored)
     limbs = movenet.coco_keypoints(crop, region, mirrored=mirrored)[list(landmarks.COCO_LIMBS)]
     return replace(

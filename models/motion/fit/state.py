@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy.typing import DTypeLike
 
-from humanmm.models.body.body24 import FREE_JOINTS, NUM_JOINTS, PARENTS
+from humanmm.models.body.body24 import FREE_JOINTS, NUM_JOINTS, PARENTS, ROTATED_JOINTS
 from humanmm.models.body.kinematics import compose
 from humanmm.models.geometry.projection import camera_to_world
 from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
@@ -23,7 +23,7 @@ from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
 Array = np.ndarray
 
 NUM_PARAMETERS = 6 + 3 * len(FREE_JOINTS)
-NUM_ROTATIONS = 1 + len(FREE_JOINTS)
+NUM_ROTATIONS = len(ROTATED_JOINTS)
 """The root's and the free joints'."""
 
 ROOT, PELVIS, BODY = slice(0, 3), slice(3, 6), slice(6, NUM_PARAMETERS)
@@ -32,15 +32,14 @@ ROOT, PELVIS, BODY = slice(0, 3), slice(3, 6), slice(6, NUM_PARAMETERS)
 
 def _movers() -> np.ndarray:
     """(24, 20) bool: whether joint k moves when the root or free joint i rotates; its own position never does."""
-    rotating = (0, *FREE_JOINTS)
-    moves = np.zeros((NUM_JOINTS, len(rotating)), bool)
+    moves = np.zeros((NUM_JOINTS, NUM_ROTATIONS), bool)
     for k in range(1, NUM_JOINTS):
-        moves[k] = moves[PARENTS[k]] | (np.array(rotating) == PARENTS[k])
+        moves[k] = moves[PARENTS[k]] | (np.array(ROTATED_JOINTS) == PARENTS[k])
     return moves
 
 
 _MOVES_JOINT = _movers()
-_TURNING = np.array((0, *FREE_JOINTS))
+_TURNING = np.array(ROTATED_JOINTS)
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
-from humanmm.models.body.body24 import FREE_JOINTS
+from humanmm.models.body.body24 import ROTATED_JOINTS
 from humanmm.models.records.landmarks import NUM_LANDMARKS
 
-JOINTS = 1 + len(FREE_JOINTS)
+JOINTS = len(ROTATED_JOINTS)
 """The root and the joints whose rotation can be seen."""
 REACH_S = 1.01
 """Frames farther apart than this do not see each other (a little more than a second, which is a multiple of many frame
