@@ -7,6 +7,7 @@ from humanmm.models.body.body24 import load_body
 from humanmm.models.body.kinematics import forward_kinematics
 from humanmm.models.body.landmarks import load_landmarks
 from humanmm.models.cuts import camera_rotation as cuts
+from humanmm.models.cuts.sides import CutPerson, SideTrack
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.shots.left_right_swaps import Sighting
 
@@ -45,7 +46,7 @@ def camera(azimuth_deg: float, target: np.ndarray, distance: float = 4.0) -> tup
 
 def observed(
     points: np.ndarray, R: np.ndarray, centre: np.ndarray, frames: np.ndarray, *, tilt_deg: float = 0.0, seed: int = 0
-) -> cuts.SideTrack:
+) -> SideTrack:
     """What a pose network would say: noisy pixels, 3D points about the mid-hip turned by `tilt_deg`."""
     rng = np.random.default_rng(seed)
     cam = (points[frames] - centre) @ R
@@ -56,7 +57,7 @@ def observed(
     relative = relative @ rotvec_to_rotmat(np.radians(tilt_deg) * np.array([0.6, 0.8, 0.0])).T
     relative += rng.normal(0, 0.02, relative.shape)
     rays = cuts.viewing_axes(keypoints, K)
-    return cuts.SideTrack(
+    return SideTrack(
         time_s=frames / FPS,
         keypoints2d=keypoints,
         landmarks3d=np.einsum("nba,njb->nja", rays, relative),
@@ -65,7 +66,7 @@ def observed(
     )
 
 
-def case(angle_deg: float, *, tilt_deg: float = 0.0, seed: int = 0) -> tuple[cuts.CutPerson, np.ndarray]:
+def case(angle_deg: float, *, tilt_deg: float = 0.0, seed: int = 0) -> tuple[CutPerson, np.ndarray]:
     """A cut at frame 20 between two cameras that stand `angle_deg` apart, and the true R_before_after."""
     points = walker(40)
     target = points[20, [23, 24]].mean(axis=0)
@@ -73,10 +74,10 @@ def case(angle_deg: float, *, tilt_deg: float = 0.0, seed: int = 0) -> tuple[cut
     R2, c2 = camera(20.0 + angle_deg, target, 3.5)
     before = observed(points, R1, c1, np.arange(8, 20), tilt_deg=tilt_deg, seed=seed)
     after = observed(points, R2, c2, np.arange(20, 32), tilt_deg=-tilt_deg, seed=seed + 1)
-    return cuts.CutPerson(before, after), R1.T @ R2
+    return CutPerson(before, after), R1.T @ R2
 
 
-def sighting(track: cuts.SideTrack) -> Sighting:
+def sighting(track: SideTrack) -> Sighting:
     """The same observations, as the stage `shots` takes them."""
     frame = np.round(track.time_s * FPS).astype(np.int32)
     return Sighting(track.time_s, np.full(len(frame), 1 / FPS), frame, track.keypoints2d, track.landmarks3d)

@@ -16,13 +16,14 @@ from humanmm.flows.bench.planned import aist_set, mocap_set
 from humanmm.flows.bench.render_set import own_set
 from humanmm.flows.bench.shots import shot_rows
 from humanmm.flows.bench.speed import growth_rows, measure_speed
-from humanmm.models.benchmark.methods import ABLATIONS, CAMERAS, METHODS
+from humanmm.models.benchmark.methods import ABLATIONS, CAMERAS, CUTS, METHODS
 from humanmm.models.benchmark.scores import VideoFigures
 from humanmm.models.benchmark.tables import shots
 from humanmm.models.benchmark.tables.charts import OF_CUTS, bars_of
+from humanmm.models.benchmark.tables.cuts import cut_tables
 from humanmm.models.benchmark.tables.golden import all_verdicts, golden_tables, rows_of_golden
 from humanmm.models.benchmark.tables.groups import spread_tables
-from humanmm.models.benchmark.tables.layout import MAIN, OF_ABLATION, OF_CAMERAS, plain_table, tables_of
+from humanmm.models.benchmark.tables.layout import MAIN, OF_ABLATION, OF_CAMERAS, OF_JOINTS, plain_table, tables_of
 from humanmm.models.benchmark.tables.overlay import overlay_rows, overlay_tables
 from humanmm.models.benchmark.tables.rows import Row, rows_of, summarise
 from humanmm.models.benchmark.tables.statistics import SetStatistics
@@ -34,7 +35,7 @@ from humanmm.storage.store.store import Store
 
 SAMPLE = Path("examples/aist")
 """What ms-aist reads unless told otherwise: the sequence that the repository holds."""
-MODULES = {"ablation": (ABLATIONS, OF_ABLATION), "camera": (CAMERAS, OF_CAMERAS)}
+MODULES = {"ablation": (ABLATIONS, OF_ABLATION), "camera": (CAMERAS, OF_CAMERAS), "cuts": (CUTS, OF_JOINTS)}
 """Tables of parts of the pipeline: their methods and figures."""
 CLIPS = ("ms-render", "ms-real")
 WITHOUT_TRUTH = ("golden", "overlay")
@@ -173,6 +174,8 @@ def _motion(request: TableRequest, data: Path, config: Config, announce: Callabl
         tables = tables_of(rows, paper=request.table, figures=shown, lines="methods")
     else:
         tables = tables_of(rows, paper="ms-Motion (20)" if request.size == "ms20" else "ms-AIST", figures=shown)
+    if request.table == "cuts":
+        tables = [*cut_tables(figures_shown, labels_of_jobs(jobs)), *tables]
     if request.table in CLIPS:
         tables += spread_tables(figures_shown, labels_of_jobs(jobs))
     named = [word for system in systems for word in ("--imported", system.name)]

@@ -18,7 +18,7 @@ from humanmm.models.camera.masking import without_transitions
 from humanmm.models.cuts.camera_rotation import align_by_eight_point
 from humanmm.models.motion.fit.hmr import NoiseModel, fit_shot
 from humanmm.models.motion.refine.refine import Observations, RefineSettings, refine_world
-from humanmm.models.motion.world.align import ShotResults, align
+from humanmm.models.motion.world.align import WITNESSES, ShotResults, align
 from humanmm.models.records.camera import Intrinsics, PointTracks, ShotCamera
 from humanmm.models.records.motion import PersonMotion, ShotMotion, WorldMotion
 from humanmm.models.records.shots import Shot, ShotList
@@ -57,6 +57,15 @@ ABLATIONS: tuple[str, ...] = (
 )
 """Every module off in turn. Without orientation alignment the worlds of the baseline are refined as ours are; without
 background links shots are joined by people alone."""
+_WITNESS_LEFT_OUT = {
+    "humanmm without people at cuts": "people",
+    "humanmm without positions": "positions",
+    "humanmm without background links": "background",
+    "humanmm without walls": "walls",
+}
+"""What is not heard where the rotations at cuts are decided (`align.WITNESSES`)."""
+CUTS: tuple[str, ...] = ("humanmm", *_WITNESS_LEFT_OUT, "humanmm with eight-point", "oracle camera rotation")
+"""How the shots are joined: each witness left out in turn, the paper's essential matrix, the true rotations."""
 CAMERAS: tuple[str, ...] = (
     "humanmm",
     "humanmm without masks",
@@ -236,11 +245,11 @@ def _recovered(method: str, stages: _SharedStages) -> WorldMotion:  # noqa: PLR0
         return stages.refine(stages.start, concatenated(results))
     if method == "humanmm with eight-point":
         return stages.refine(stages.start, align(results, method=align_by_eight_point))
-    if method == "humanmm without background links":
-        if not any(results.key_frames):
+    if method in _WITNESS_LEFT_OUT:
+        witness = _WITNESS_LEFT_OUT[method]
+        if witness in ("background", "walls") and not any(results.key_frames):
             return stages.refined
-        without = replace(results, key_frames=[[] for _ in results.key_frames])
-        return stages.refine(stages.start, align(without, method=how))
+        return stages.refine(stages.start, align(results, method=how, witnesses=WITNESSES - {witness}))
     if method in _OTHER_BEGINNINGS:
         start = _OTHER_BEGINNINGS[method](stages)
         return stages.refine(start, align(shot_results_of(stages.video, start), method=how))

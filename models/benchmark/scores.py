@@ -1,5 +1,6 @@
 """One method's motion of one video against the truth."""
 
+from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -7,12 +8,15 @@ import numpy as np
 from humanmm.models.benchmark.methods import MethodMotion, VideoMotions
 from humanmm.models.benchmark.oracles import with_true_cuts
 from humanmm.models.body.body24 import JOINT_NAMES, load_body
-from humanmm.models.evaluation.after_cuts import root_errors_after_cuts_m
+from humanmm.models.evaluation.after_cuts import anchor_mpjpe_mm, root_errors_after_cuts_m
 from humanmm.models.evaluation.cameras import errors_inside_shots_m, known
+from humanmm.models.evaluation.cuts import GRADUAL_TOLERANCE_FRAMES
 from humanmm.models.evaluation.evaluate import evaluate
+from humanmm.models.evaluation.people import identity_f1
 from humanmm.models.evaluation.report import Report
 from humanmm.models.geometry.rotations import rotmat_to_rotvec
 from humanmm.models.motion.assemble import assemble, world_joints
+from humanmm.models.records.motion import WorldMotion
 from humanmm.models.records.recording import Recording
 from humanmm.models.records.sequence import (
     BodyParameters,
@@ -46,6 +50,10 @@ class CutError:
     root_m: float | None = None
     """Of the root after the cut, aligned before it; None where nobody was found on both sides."""
     frame: int = 0
+    stated_deg: float | None = None
+    """Below which the error was said to be with a probability of 68 %; None where nothing was said."""
+    probability: float | None = None
+    """That the rotation was said to be the right one."""
 
 
 @dataclass(frozen=True)
@@ -96,6 +104,9 @@ def score_sequence(method: str, predicted: MotionSequence, truth: MotionSequence
     if found:
         figures.append(Figure("cam_cut_rot_deg", float(np.mean(found))))
     figures += _inside_shots(predicted, truth)
+    figures.append(Figure("idf1", identity_f1(predicted.people, truth.people)))
+    with suppress(UndefinedFigureError):
+        figures.append(Figure("anchor_mpjpe_mm", anchor_mpjpe_mm(predicted, truth)))
     cuts = [
         CutError(angle, error, root, cut)
         for angle, error, root, cut in zip(
@@ -131,7 +142,17 @@ def cut_angles_deg(truth: MotionSequence) -> list[float]:
 def _score(video: BenchVideo, done: MethodMotion) -> MethodFigures:
     if done.motion is None:
         return MethodFigures(done.method, (), (), done.reason)
-    return score_sequence(done.method, sequence_of(video, done), video.truth)
+    found = score_sequence(done.method, sequence_of(video, done), video.truth)
+    return replace(found, cuts=tuple(_as_stated(cut, done.motion) for cut in found.cuts))
+
+
+def _as_stated(cut: CutError, motion: WorldMotion) -> CutError:
+    """With what the motion says of the rotation at the cut."""
+    near = [one for one in motion.cuts if abs(one.cut_frame - cut.frame) <= GRADUAL_TOLERANCE_FRAMES]
+    if not near:
+        return cut
+    said = min(near, key=lambda one: abs(one.cut_frame - cut.frame))
+    return replace(cut, stated_deg=said.uncertainty_deg, probability=said.probability)
 
 
 def recording_of(video: BenchVideo, done: MethodMotion) -> Recording:

@@ -8,7 +8,6 @@ wins. `eight-point`: the paper's method, an essential matrix from the keypoints 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from typing import Protocol
 
 import cv2
@@ -17,16 +16,13 @@ from jaxtyping import Float, Int
 
 from humanmm.models.cuts import bundle as cut_bundle
 from humanmm.models.cuts import epipolar
+from humanmm.models.cuts.hypotheses import fitted_body_rotation, hypotheses_of
 from humanmm.models.cuts.residuals import BodyPoints, BundleSettings, PersonAtCut, SideView
+from humanmm.models.cuts.sides import CutCameras, CutPerson, SideTrack
 from humanmm.models.geometry.alignment import kabsch
 from humanmm.models.geometry.projection import ray_axes, viewing_rays
-from humanmm.models.geometry.rotations import (
-    nearest_rotation,
-    rotmat_to_rotvec,
-    rotvec_to_rotmat,
-)
-from humanmm.models.records.landmarks import with_sides_swapped
-from humanmm.models.records.motion import CutAlignment, CutHypothesis
+from humanmm.models.geometry.rotations import angle_between_deg, nearest_rotation, rotvec_to_rotmat
+from humanmm.models.records.motion import CutAlignment
 
 Array = np.ndarray
 
@@ -64,69 +60,8 @@ GAP_WARNING_S = 0.2
 """Beyond it the motion across the cut is a guess."""
 CONTEMPORARY_S = 0.15
 """Who is lost for longer than this at a cut has no say beside those who are not."""
-ROTATION_DEG_S = 80.0
-"""Rotation error that each second without an observation adds (simulated: 25° at 0.17 s and 65° at 0.5 s in nine of
-ten)."""
-BIAS_DEG = 12.0
-"""68 % of rotations are off by less where one motion explains both sides: nothing at the cut betrays the pose network's
-bias of one posture seen from two sides."""
-GOOD_COST, DEG_PER_COST, MAX_SIGMA_DEG = 8.0, 0.7, 45.0
-"""A motion that explains both sides costs about GOOD_COST (½ Σ of squared normalised residuals); what it costs
-more, the rotation is off by more (24 cuts of rendered clips)."""
-WRONG, WRONG_COST, WRONG_GAP_S = 0.07, 60.0, 0.6
-"""Probability that no hypothesis is true at a cut like most; cost and gap at which it is one half and 0.63."""
-COST_TEMPERATURE = 1.5
-"""Costs count by so much when hypotheses are compared: the errors of one body's landmarks hang together."""
-FAR_DEG = 60.0
-"""The answer at a cut and the fitted bodies are averaged up to this angle."""
-SWAPPED, SWAPPED_STARTS = 0.15, 3
-"""Probability that left and right are swapped on one side of a cut although they were put right before."""
-SIDES_SWAPPED = "left and right swapped"
-DISTINCT_DEG = 20.0
-"""Answers closer together than this are one answer."""
-
-
-@dataclass(frozen=True)
-class SideTrack:
-    """One person near one side of a cut, left and right resolved, oldest frame first."""
-
-    time_s: Float[Array, "n"]
-    keypoints2d: Float[Array, "n 33 3"]
-    """Source pixels and visibility."""
-    landmarks3d: Float[Array, "n 33 3"]
-    """Metres about the mid-hip, axes parallel to the viewing ray (as the pose network gives them)."""
-    R_cam_root: Float[Array, "n 3 3"] | None
-    """Fitted root orientation in camera axes, if there is one."""
-    R_cut_cam: Float[Array, "n 3 3"]
-    """Axes of each frame's camera to those of this side's camera at the cut."""
-
-    def sides_swapped(self) -> "SideTrack":
-        """The same with left and right swapped, and without the body that was fitted to them."""
-        swapped = np.ones(len(self.time_s), bool)
-        return replace(
-            self,
-            keypoints2d=with_sides_swapped(self.keypoints2d, swapped),
-            landmarks3d=with_sides_swapped(self.landmarks3d, swapped),
-            R_cam_root=None,
-        )
-
-
-@dataclass(frozen=True)
-class CutPerson:
-    """One person on both sides of a cut."""
-
-    before: SideTrack
-    after: SideTrack
-
-
-@dataclass(frozen=True)
-class CutCameras:
-    """What is known of the two cameras at a cut."""
-
-    K_before: Float[Array, "3 3"]
-    K_after: Float[Array, "3 3"]
-    moving: bool
-    """Either camera travels (not only rotates) near the cut."""
+SWAPPED_STARTS = 3
+"""So many starts are tried with left and right swapped."""
 
 
 def viewing_axes(keypoints2d: Float[Array, "n 33 3"], K: Float[Array, "3 3"]) -> Float[Array, "n 3 3"]:
@@ -156,22 +91,19 @@ def align_by_bundle(
     if not people:
         return _unlinked(cut_frame)
     people, gap, warnings = _contemporary(people, cut_frame)
-    best, sigma_ray = _adjusted(people, cameras, cut_time_s)
-    found = _hypotheses(best, "people", gap)
+    answers, sigma_ray = _adjusted(people, cameras, cut_time_s)
+    swapped: list[cut_bundle.BundleResult] = []
     if len(people) == 1:
-        found = [(cost, _with_fitted_body(one, people[0])) for cost, one in found]
-    if len(people) == 1:
-        swapped = CutPerson(people[0].before, people[0].after.sides_swapped())
-        other, _ = _adjusted([swapped], cameras, cut_time_s, most_starts=SWAPPED_STARTS)
-        found += _hypotheses(other, f"people, {SIDES_SWAPPED}", gap)
-    hypotheses = _weighed(found, gap, len(people))
+        other = CutPerson(people[0].before, people[0].after.sides_swapped())
+        swapped, _ = _adjusted([other], cameras, cut_time_s, most_starts=SWAPPED_STARTS)
+    hypotheses = hypotheses_of(people, answers, swapped, gap)
     focal = 0.5 * (cameras.K_before[0, 0] + cameras.K_after[0, 0])
     return CutAlignment(
         cut_frame=cut_frame,
         method="bundle",
-        R_before_after=best[0].R_before_after,
-        residual_px=float(best[0].residual_px_ratio * focal * sigma_ray),
-        uncertainty_deg=_sigma_deg(best[0].cost / len(people), gap),
+        R_before_after=hypotheses[0].R_before_after,
+        residual_px=float(answers[0].residual_px_ratio * focal * sigma_ray),
+        uncertainty_deg=hypotheses[0].sigma_deg,
         gap_s=gap,
         linked=True,
         warnings=warnings,
@@ -189,64 +121,6 @@ def _adjusted(
     starts = np.concatenate([_starts(item, person) for item, person in zip(prepared, people, strict=True)])
     sigma_ray = float(np.mean([view.sigma_ray for item in prepared for view in (item.before, item.after)]))
     return cut_bundle.adjust(prepared, _BODY, _distinct(starts)[:most_starts], options), sigma_ray
-
-
-def _sigma_deg(cost: float, gap_s: float) -> float:
-    """68 % of rotations that cost so much are off by less than this, degrees."""
-    of_cost = DEG_PER_COST * max(cost - GOOD_COST, 0.0)
-    return float(min(np.hypot(np.hypot(BIAS_DEG, of_cost), ROTATION_DEG_S * gap_s), MAX_SIGMA_DEG))
-
-
-def _hypotheses(
-    results: Sequence[cut_bundle.BundleResult], source: str, gap_s: float
-) -> list[tuple[float, CutHypothesis]]:
-    """The different answers of one bundle adjustment, each with its cost; their probabilities are still open."""
-    kept: list[tuple[float, CutHypothesis]] = []
-    for result in results:
-        if all(angle_deg(result.R_before_after, other.R_before_after) > DISTINCT_DEG for _, other in kept):
-            sigma = _sigma_deg(result.cost, gap_s)
-            kept.append((result.cost, CutHypothesis(result.R_before_after, sigma, 0.0, source)))
-    return kept
-
-
-def _with_fitted_body(hypothesis: CutHypothesis, person: CutPerson) -> CutHypothesis:
-    """The mean of an answer and of the rotation that carries the fitted body over the cut, where the two are near.
-
-    The body is fitted to a whole shot, the answer to the frames at the cut: their errors differ (41 cuts of rendered
-    clips: median 12.0° and 11.8°, of the mean 9.5°), and how far they are apart tells how far they are off.
-    """
-    R_body = _body_rotation(person)
-    if R_body is None:
-        return hypothesis
-    between = rotmat_to_rotvec(hypothesis.R_before_after.T @ R_body)
-    apart_deg = float(np.degrees(np.linalg.norm(between)))
-    if apart_deg > FAR_DEG:
-        return hypothesis
-    return replace(
-        hypothesis,
-        R_before_after=hypothesis.R_before_after @ rotvec_to_rotmat(0.5 * between),
-        sigma_deg=float(np.hypot(hypothesis.sigma_deg, 0.5 * apart_deg)),
-    )
-
-
-def _body_rotation(person: CutPerson) -> Float[Array, "3 3"] | None:
-    """The camera's rotation if the fitted body does not rotate between its last and its first observation."""
-    if person.before.R_cam_root is None or person.after.R_cam_root is None:
-        return None
-    before = person.before.R_cut_cam[-1] @ person.before.R_cam_root[-1]
-    return np.asarray(before @ (person.after.R_cut_cam[0] @ person.after.R_cam_root[0]).T)
-
-
-def _weighed(found: Sequence[tuple[float, CutHypothesis]], gap_s: float, num_people: int) -> tuple[CutHypothesis, ...]:
-    """The hypotheses with their probabilities, likeliest first."""
-    costs = np.array([cost for cost, _ in found])
-    prior = np.where([one.source == "people" for _, one in found], 1.0, SWAPPED)
-    weights = prior * np.exp(-COST_TEMPERATURE * (costs - costs.min()))
-    cost = float(costs.min()) / num_people
-    true = (1 - WRONG) * float(np.exp(-gap_s / WRONG_GAP_S)) / (1 + (cost / WRONG_COST) ** 2)
-    weights *= true / weights.sum()
-    order = np.argsort(-weights, kind="stable")
-    return tuple(replace(found[k][1], probability=float(weights[k])) for k in order if weights[k] > 1e-4)
 
 
 def align_by_eight_point(
@@ -350,7 +224,7 @@ def _starts(item: PersonAtCut, person: CutPerson) -> Float[Array, "s 3 3"]:
     trunk = before[3:5].mean(axis=0)
     trunk /= max(float(np.linalg.norm(trunk)), 1e-6)
     starts = [R_people, *(rotvec_to_rotmat(trunk * angle) @ R_people for angle in np.deg2rad([-30.0, 30.0]))]
-    R_body = _body_rotation(person)
+    R_body = fitted_body_rotation(person)
     if R_body is not None:
         starts.append(R_body)
     camera_after, camera_before = _pnp(before, item.after, 0), _pnp(after, item.before, -1)
@@ -374,14 +248,9 @@ def _distinct(R: Float[Array, "s 3 3"]) -> Float[Array, "m 3 3"]:
     """Starts that differ by more than 8° from those before them."""
     kept: list[Array] = []
     for candidate in R:
-        if all(angle_deg(candidate, other) > 8.0 for other in kept):
+        if all(angle_between_deg(candidate, other) > 8.0 for other in kept):
             kept.append(candidate)
     return np.stack(kept)
-
-
-def angle_deg(R_a: Float[Array, "3 3"], R_b: Float[Array, "3 3"]) -> float:
-    """Angle between two rotations, degrees."""
-    return float(np.rad2deg(np.linalg.norm(rotmat_to_rotvec(R_a.T @ R_b))))
 
 
 def _eight_point(

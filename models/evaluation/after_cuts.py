@@ -31,6 +31,29 @@ def root_errors_after_cuts_m(prediction: MotionSequence, truth: MotionSequence) 
     return errors
 
 
+def anchor_mpjpe_mm(prediction: MotionSequence, truth: MotionSequence) -> float:
+    """Mean joint error of the shots after the first, millimetres, after a rigid alignment over the first alone: how far
+    the joints drift apart from cut to cut. The mean over the people who are in the first shot of both sequences.
+
+    UndefinedFigureError where nobody is seen in the first shot and after it.
+    """
+    first = truth.shots[0][1]
+    errors = []
+    for pair in _pairs(prediction, truth):
+        inside = pair.frame < first
+        if min(np.count_nonzero(inside), np.count_nonzero(~inside)) < LEAST_FRAMES:
+            continue
+        predicted, true = pair.joints_predicted, pair.joints_truth
+        rigid = umeyama_alignment(
+            predicted[inside].reshape(-1, 3), true[inside].reshape(-1, 3), with_scale=False, unique=False
+        )
+        moved = rigid.apply(predicted[~inside].reshape(-1, 3))
+        errors.append(float(np.linalg.norm(moved - true[~inside].reshape(-1, 3), axis=-1).mean()))
+    if not errors:
+        raise UndefinedFigureError("nobody is seen in the first shot and after it")
+    return 1000 * float(np.mean(errors))
+
+
 def _pairs(prediction: MotionSequence, truth: MotionSequence) -> list[Pair]:
     pairs = []
     for index, matched in match_people(prediction.people, truth.people).items():

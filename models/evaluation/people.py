@@ -12,6 +12,8 @@ from humanmm.models.records.sequence import CameraSequence, PersonSequence
 
 NEAR_M = 0.1
 """Joints nearer to the camera's plane than this are not seen."""
+SAME_BOX = 0.5
+"""IoU from which a predicted box is a true one."""
 LEAST_MEAN_IOU = 0.1
 """A pair whose boxes overlap less than this over their common frames is not the same person."""
 
@@ -30,6 +32,26 @@ def match_people(predicted: Sequence[PersonSequence], truth: Sequence[PersonSequ
                 total[row, column], mean[row, column] = overlaps.sum(), overlaps.mean()
     rows, columns = linear_sum_assignment(total, maximize=True)
     return {int(r): int(c) for r, c in zip(rows, columns, strict=True) if mean[r, c] >= LEAST_MEAN_IOU}
+
+
+def identity_f1(predicted: Sequence[PersonSequence], truth: Sequence[PersonSequence]) -> float:
+    """IDF1 (Ristani et al., ECCV workshops 2016): the F1 of boxes that bear one identity throughout, 0..1.
+
+    A box is found where its IoU with the truth's is at least SAME_BOX; identities are matched one to one so that most
+    boxes are. Boxes count in frames in which the person is observed. Nobody to find and nobody found is 1.
+    """
+    found = np.array([[_found(one, true) for one in predicted] for true in truth]).reshape(len(truth), len(predicted))
+    boxes = sum(int(person.observed.sum()) for person in (*predicted, *truth))
+    rows, columns = linear_sum_assignment(found, maximize=True)
+    return 2.0 * float(found[rows, columns].sum()) / boxes if boxes else 1.0
+
+
+def _found(one: PersonSequence, true: PersonSequence) -> int:
+    if one.bbox_xyxy is None or true.bbox_xyxy is None:
+        return 0
+    _, i, j = np.intersect1d(one.frame, true.frame, assume_unique=True, return_indices=True)
+    both = one.observed[i] & true.observed[j] & _is_box(one.bbox_xyxy[i]) & _is_box(true.bbox_xyxy[j])
+    return int((box_iou(one.bbox_xyxy[i][both], true.bbox_xyxy[j][both]) >= SAME_BOX).sum())
 
 
 def projected_boxes(

@@ -113,6 +113,11 @@ def rotation_angle(R: Float[Array, "*batch 3 3"]) -> Float[Array, "*batch"]:
     return np.asarray(np.arctan2(sine, 0.5 * (np.trace(R, axis1=-2, axis2=-1) - 1.0)))
 
 
+def angle_between_deg(R_a: Float[Array, "3 3"], R_b: Float[Array, "3 3"]) -> float:
+    """Angle between two rotations, degrees."""
+    return float(np.rad2deg(rotation_angle(R_a.T @ R_b)))
+
+
 def interpolate_rotations(
     at: Float[Array, " n"], known_at: Float[Array, " k"], R: Float[Array, "k 3 3"]
 ) -> Float[Array, "n 3 3"]:

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float
-from scipy.special import expit
 
 from humanmm.models.body.body24 import load_body
 from humanmm.models.motion.assemble import world_joints
@@ -17,7 +16,7 @@ from humanmm.models.records.motion import WorldMotion
 from humanmm.models.records.recording import CONTACT_JOINTS, Guesses, IdentityGuess
 from humanmm.models.records.shots import ShotList
 from humanmm.models.records.tracks import ScenePeople
-from humanmm.models.shots.identity import Sighting, same_person_odds, sighting
+from humanmm.models.shots.identity import identity_probabilities
 
 Array = np.ndarray
 STANDING = 0.5
@@ -57,39 +56,6 @@ def identity_guesses(
     shot_list: ShotList, scenes: Sequence[ScenePeople | None], *, time_s: Float[Array, " F"]
 ) -> list[IdentityGuess]:
     """For everybody in each shot after the first in which anybody is seen: how sure it is that he is who he is said to
-    be, from the log-odds of `shots.identity` against the best other answer."""
-    known: dict[int, list[Sighting]] = {}
-    found = []
-    for shot in shot_list.shots:
-        scene = scenes[shot.scene]
-        seen = {
-            one.person: view
-            for one in shot.people
-            if scene is not None
-            and (view := sighting(shot.index, shot, one.track, scene.track_of(one), time_s)) is not None
-        }
-        if known:
-            odds = {
-                (person, new): same_person_odds(sightings, view)
-                for person, sightings in known.items()
-                for new, view in seen.items()
-            }
-            found += [IdentityGuess(new, shot.index, float(expit(_margin(new, seen, known, odds)))) for new in seen]
-        for person, view in seen.items():
-            known.setdefault(person, []).append(view)
-    return found
-
-
-def _margin(
-    new: int, seen: dict[int, Sighting], known: dict[int, list[Sighting]], odds: dict[tuple[int, int], float]
-) -> float:
-    """Log-odds of the answer for somebody in a shot against the best other one: that he is new, or somebody else, who
-    would then be he if he is seen in the shot as well."""
-    own = odds.get((new, new), 0.0)  # 0: nobody who was known
-    others = [0.0] if new in known else []
-    for person in known.keys() - {new}:
-        if person in seen:
-            others.append(odds[person, new] + max(0.0, odds.get((new, person), 0.0)) - odds[person, person])
-        else:
-            others.append(odds[person, new])
-    return own - max(others, default=-np.inf)
+    be."""
+    found = identity_probabilities(shot_list.shots, scenes, time_s)
+    return [IdentityGuess(person, shot, probability) for (person, shot), probability in found.items()]

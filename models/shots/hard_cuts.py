@@ -31,6 +31,8 @@ _JUMP_STANDS_OUT = 3.0
 """A jump inside one place is so many times larger than the changes next to it: PySceneDetect's adaptive threshold;"""
 _JUMP = 0.025
 """it moves the picture by at least this fraction of its width,"""
+_FARTHEST = 0.3
+"""Fraction of its width by which a picture may move in one frame; two views of a room may share a distant wall."""
 _JUMP_TIMES = 5.0
 """and this many times farther than the camera usually moves around it in the same time."""
 _FLASH_FRAMES = 8
@@ -61,7 +63,7 @@ def _is_cut(window: PictureWindow, frame: int, start: int, end: int) -> bool:
     """Whether a new shot begins at `frame`, judged by [start, frame) and [frame, end)."""
     motion = window.motion(frame - 1, frame)
     displacement = window.displacement(frame - 1, frame)
-    if motion.match < MATCHED and displacement is None:
+    if motion.match < MATCHED and (displacement is None or displacement > _FARTHEST):
         return _is_new_place(window, frame, start, end)
     jump = motion.flow if displacement is None else displacement
     if jump < _JUMP or _jump_outstanding(window, frame) < _JUMP_STANDS_OUT:

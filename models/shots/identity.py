@@ -220,6 +220,50 @@ def same_person_odds(person: Sequence[Sighting], new: Sighting) -> float:
     return odds
 
 
+def identity_probabilities(
+    shots: Sequence[Shot], scenes: Sequence[ScenePeople | None], time_s: Float[np.ndarray, " F"]
+) -> dict[tuple[int, int], float]:
+    """By person and shot, of every shot after the first in which anybody is seen: that he is who he is said to be.
+
+    From the log-odds of this answer against the best other one. `scenes`: None where the detector failed.
+    """
+    known: dict[int, list[Sighting]] = {}
+    found = {}
+    for shot in shots:
+        scene = scenes[shot.scene]
+        seen = {
+            one.person: view
+            for one in shot.people
+            if scene is not None
+            and (view := sighting(shot.index, shot, one.track, scene.track_of(one), time_s)) is not None
+        }
+        if known:
+            odds = {
+                (person, new): same_person_odds(sightings, view)
+                for person, sightings in known.items()
+                for new, view in seen.items()
+            }
+            found.update({(new, shot.index): float(expit(_margin(new, seen, known, odds))) for new in seen})
+        for person, view in seen.items():
+            known.setdefault(person, []).append(view)
+    return found
+
+
+def _margin(
+    new: int, seen: dict[int, Sighting], known: dict[int, list[Sighting]], odds: dict[tuple[int, int], float]
+) -> float:
+    """Log-odds of the answer for somebody in a shot against the best other one: that he is new, or somebody else, who
+    would then be he if he is seen in the shot as well."""
+    own = odds.get((new, new), 0.0)  # 0: nobody who was known
+    others = [0.0] if new in known else []
+    for person in known.keys() - {new}:
+        if person in seen:
+            others.append(odds[person, new] + max(0.0, odds.get((new, person), 0.0)) - odds[person, person])
+        else:
+            others.append(odds[person, new])
+    return own - max(others, default=-np.inf)
+
+
 def pose_residual_m(a: Float[np.ndarray, "33 3"], b: Float[np.ndarray, "33 3"]) -> float:
     """Root mean square distance of the limbs after the best rotation, left and right swapped or not."""
     limbs = list(landmarks.LIMBS)

@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from humanmm.models.cuts import camera_rotation as cuts
+from humanmm.models.cuts.sides import CutPerson, SideTrack
 from humanmm.models.geometry.chains import two_state_chain
 from humanmm.models.geometry.intervals import Interval, frame_intervals, in_intervals
 from humanmm.models.records.landmarks import NUM_LANDMARKS, SWAP, with_sides_swapped
@@ -301,15 +302,15 @@ def _across_cut(
     near = after.time_s <= after.time_s[0] + CUT_WINDOW_S
     trust = 1.0 / (1.0 + (gap / CUT_GAP_S) ** 2)
     costs = [
-        cuts.continuation_cost(cuts.CutPerson(first, _near_cut(after, state, near)), K)
+        cuts.continuation_cost(CutPerson(first, _near_cut(after, state, near)), K)
         for state in (state_after, ~state_after)
     ]
     trust /= 1.0 + (min(costs) / DOUBTFUL_COST) ** 2
     return trust * costs[0], trust * costs[1]
 
 
-def _near_cut(sighting: Sighting, state: Bool[Array, "n"], near: Bool[Array, "n"]) -> cuts.SideTrack:
-    return cuts.SideTrack(
+def _near_cut(sighting: Sighting, state: Bool[Array, "n"], near: Bool[Array, "n"]) -> SideTrack:
+    return SideTrack(
         time_s=sighting.time_s[near],
         keypoints2d=with_sides_swapped(sighting.keypoints2d[near], state[near]),
         landmarks3d=with_sides_swapped(sighting.landmarks3d[near], state[near]),

@@ -24,6 +24,11 @@ OF_CAMERAS: tuple[str, ...] = (
 )  # fmt: skip
 """What the table of cameras shows: ATE and RPE inside shots, then of the whole video, then the motion that comes of
 them."""
+OF_JOINTS: tuple[str, ...] = (
+    "anchor_mpjpe_mm", "wa_mpjpe100_mm", "w_mpjpe100_mm", "rte_pct", "roe_deg", "cut_jump_m", "cut_jump_deg",
+    "cam_cut_rot_deg", "idf1", "cut_f1", "coverage",
+)  # fmt: skip
+"""What the table of cuts shows beside `tables.cuts`."""
 
 
 def tables_of(

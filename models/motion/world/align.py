@@ -5,17 +5,19 @@ and floor and gets an origin of its own. World axes: z up, floor at z = 0, +y th
 the first person's first pelvis above the origin.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.models.cuts.camera_rotation import GAP_WARNING_S, SIDES_SWAPPED, CutMethod, align_by_bundle
+from humanmm.models.cuts.camera_rotation import GAP_WARNING_S, CutMethod, align_by_bundle
+from humanmm.models.cuts.hypotheses import SIDES_SWAPPED
 from humanmm.models.geometry.intrinsics import K_of
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.motion.world.levelling import ShotVertical, levelled, standing_axes, vertical_of
 from humanmm.models.motion.world.people import Part, concatenated
+from humanmm.models.motion.world.positions import position_edge
 from humanmm.models.motion.world.shot_graph import BackgroundEdges, CutEdge, background_edges, cut_edge, people_edges
 from humanmm.models.motion.world.shot_results import ShotResults, camera_of, motions_of, posed, usable
 from humanmm.models.motion.world.shot_rotations import ShotRotations, solve_rotations
@@ -23,10 +25,15 @@ from humanmm.models.motion.world.solver import CameraEdge, SameCamera, ShotRig, 
 from humanmm.models.motion.world.walls import wall_edges, walls_of
 from humanmm.models.records.camera import SOURCES
 from humanmm.models.records.motion import CutAlignment, PersonShotMotion, RotationEvidence, WorldMotion
+from humanmm.models.shots.identity import identity_probabilities
 
-__all__ = ["ShotResults", "align"]
+__all__ = ["WITNESSES", "ShotResults", "align"]
 
 Array = np.ndarray
+
+WITNESSES = frozenset({"people", "positions", "background", "walls"})
+"""What may speak for a camera's rotation between two shots: bodies seen on both sides, where people stand to one
+another, a background that both show, the straight edges of built places."""
 
 
 def align(
@@ -34,30 +41,38 @@ def align(
     *,
     method: CutMethod = align_by_bundle,
     known_rotations: Mapping[int, Float[Array, "3 3"]] | None = None,
+    witnesses: Set[str] = WITNESSES,
 ) -> WorldMotion:
     """People and cameras of the whole video in one world.
 
     `method` finds how the camera rotated at a cut. `known_rotations`: by first frame of a shot, camera axes of that
     frame to those of the frame before, where they are known from elsewhere; neighbouring shots that share people are
-    joined by them.
+    joined by them. Of WITNESSES all but `witnesses` are not heard; shots are one world all the same where they share
+    somebody.
     """
     edges = [
         cut_edge(results, later, method, known_rotations or {})
         for later in range(1, len(results.shots.shots))
         if usable(results, later)
     ]
-    background = background_edges(results)
+    background = background_edges(results) if "background" in witnesses else BackgroundEdges((), ())
     num_shots = len(results.shots.shots)
     standing = {shot: standing_axes(results, shot) for shot in range(num_shots) if usable(results, shot)}
-    walls = walls_of(results, standing)
+    walls = walls_of(results, standing) if "walls" in witnesses else {}
     verticals = {
         shot: vertical_of(camera_of(results, shot), axes, walls[shot].up if shot in walls else None)
         for shot, axes in standing.items()
     }
-    from_people = (one for edge in edges if edge.cut.linked for one in people_edges(results, edge))
+    linked = [edge for edge in edges if edge.cut.linked]
+    identities = identity_probabilities(results.shots.shots, results.scenes, results.time_s)
+    from_people = [one for edge in linked for one in people_edges(results, edge, identities)]
+    if "people" not in witnesses:
+        from_people = [edge.silent() for edge in from_people]
+    placed = (position_edge(results, edge.earlier, edge.later, verticals, identities) for edge in linked)
+    from_positions = (edge for edge in placed if edge is not None and "positions" in witnesses)
     rotations = solve_rotations(
         num_shots,
-        [*from_people, *background.edges, *wall_edges(walls)],
+        [*from_people, *from_positions, *background.edges, *wall_edges(walls)],
         [verticals[shot].upright if shot in verticals else None for shot in range(num_shots)],
     )
     groups = _groups(results, rotations)

@@ -6,7 +6,7 @@ rotations about the vertical. Densities are relative to that of all rotations be
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -63,6 +63,10 @@ class RotationEdge:
     pooled: bool = False
     """Made of what each of the two shots says by itself: all pairs of n shots know no more than n - 1 of them."""
 
+    def silent(self) -> "RotationEdge":
+        """The same connection, of whose hypotheses none is believed."""
+        return replace(self, hypotheses=tuple(replace(one, probability=0.0) for one in self.hypotheses))
+
 
 @dataclass(frozen=True)
 class Upright:
@@ -117,6 +121,11 @@ class Mixture:
         tail = np.log1p((angle / self.sigma) ** 2 / DEGREES_OF_FREEDOM)
         shares = self.log_peak - 0.5 * (DEGREES_OF_FREEDOM + 3) * tail
         return np.concatenate([shares, self._none(R_a_b)[..., None]], axis=-1)
+
+    def likeliest(self, R_a_b: Float[Array, "3 3"]) -> int | None:
+        """The hypothesis that a rotation most likely is; None where it is likelier none of them."""
+        likeliest = int(self.components(R_a_b).argmax())
+        return likeliest if likeliest < len(self.R) else None
 
     def _none(self, R_a_b: Float[Array, "*n 3 3"]) -> Float[Array, "*n"]:
         """Logarithm of the share of none of the hypotheses.

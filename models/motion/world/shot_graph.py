@@ -8,9 +8,11 @@ from jaxtyping import Float
 
 from humanmm.models.camera.background.keyframes import FrameFeatures
 from humanmm.models.camera.background.shot_edges import ShotEdge, find_shot_edges, sigma_deg
-from humanmm.models.cuts.camera_rotation import CutCameras, CutMethod, CutPerson, SideTrack, angle_deg
+from humanmm.models.cuts.camera_rotation import CutMethod
+from humanmm.models.cuts.sides import CutCameras, CutPerson, SideTrack
 from humanmm.models.geometry.intervals import in_intervals
 from humanmm.models.geometry.intrinsics import K_of
+from humanmm.models.geometry.rotations import angle_between_deg
 from humanmm.models.motion.world.rotation_mixtures import RotationEdge, RotationHypothesis
 from humanmm.models.motion.world.shot_results import ShotResults, camera_of, motions_of, usable
 from humanmm.models.records.camera import ShotCamera, through_lens
@@ -129,8 +131,14 @@ def _side(results: ShotResults, shot_index: int, person: int, *, last: bool) -> 
     )
 
 
-def people_edges(results: ShotResults, edge: CutEdge) -> list[RotationEdge]:
-    """The same between the axes of the two shots instead of the cameras at the cut; one edge a person."""
+def people_edges(
+    results: ShotResults, edge: CutEdge, identities: Mapping[tuple[int, int], float]
+) -> list[RotationEdge]:
+    """The same between the axes of the two shots instead of the cameras at the cut; one edge a person.
+
+    `identities`: by person and shot, the probability that he is who he is said to be. A body that is somebody else's
+    tells nothing.
+    """
     before, after = camera_of(results, edge.earlier), camera_of(results, edge.later)
     R_before, R_after = before.R_shot_cam[-1], after.R_shot_cam[0]
     edges = []
@@ -138,6 +146,7 @@ def people_edges(results: ShotResults, edge: CutEdge) -> list[RotationEdge]:
         if not cut.linked:
             continue
         source = f"person {edge.people[k]}" if edge.people else "people"
+        same = identities.get((edge.people[k], edge.later), 1.0) if edge.people else 1.0
         hypotheses = cut.hypotheses or (
             CutHypothesis(cut.R_before_after, cut.uncertainty_deg, 1.0 if cut.method == "given" else 0.9, cut.method),
         )
@@ -145,7 +154,7 @@ def people_edges(results: ShotResults, edge: CutEdge) -> list[RotationEdge]:
             RotationHypothesis(
                 R_before @ one.R_before_after @ R_after.T,
                 one.sigma_deg,
-                one.probability,
+                same * one.probability,
                 one.source.replace("people", source),
             )
             for one in hypotheses
@@ -186,7 +195,7 @@ def _in_shot_axes(results: ShotResults, edge: ShotEdge, focal_uncertainty: float
     found.sort(key=lambda pair: pair[1].sigma_deg)
     clusters: list[list[RotationHypothesis]] = []
     for _, one in found:
-        near = next((c for c in clusters if angle_deg(c[0].R_a_b, one.R_a_b) < CLUSTER_DEG), None)
+        near = next((c for c in clusters if angle_between_deg(c[0].R_a_b, one.R_a_b) < CLUSTER_DEG), None)
         if near is None:
             clusters.append([one])
         else:

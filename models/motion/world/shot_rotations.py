@@ -17,6 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 
 from humanmm.models.geometry.rotations import rotation_angle, rotmat_to_rotvec, rotvec_to_rotmat
 from humanmm.models.motion.world.rotation_mixtures import (
@@ -41,7 +43,7 @@ DISTINCT_DEG = 3.0
 ELSEWHERE_DEG = 15.0
 """Rotations further apart than this are different answers, not the same one with an error."""
 ITERATIONS, CONVERGED_RAD = 20, 1e-6
-REFINED, REFINING = 6, 4
+REFINED, REFINING = 12, 4
 """So many alternatives at a cut, the likeliest, are averaged for so many iterations before they are weighed."""
 MOVES = 20
 """Largest number of single changes after the beam search."""
@@ -112,21 +114,18 @@ def solve_rotations(
 
 def _groups(num_shots: int, edges: Sequence[RotationEdge]) -> list[list[int]]:
     """Shots that edges connect, each group in order."""
-    root = list(range(num_shots))
-
-    def find(shot: int) -> int:
-        while root[shot] != shot:
-            shot = root[shot]
-        return shot
-
-    for edge in edges:
-        if edge.connects:
-            first, second = sorted((find(edge.a), find(edge.b)))
-            root[second] = first
+    labels = _connected(num_shots, [(edge.a, edge.b) for edge in edges if edge.connects])
     groups: dict[int, list[int]] = {}
-    for shot in range(num_shots):
-        groups.setdefault(find(shot), []).append(shot)
+    for shot, label in enumerate(labels):
+        groups.setdefault(label, []).append(shot)
     return list(groups.values())
+
+
+def _connected(num_shots: int, pairs: Sequence[tuple[int, int]]) -> list[int]:
+    """A number for each shot, the same for all that pairs of them join."""
+    a, b = np.array(pairs, int).reshape(-1, 2).T
+    graph = csr_array((np.ones(len(a)), (a, b)), shape=(num_shots, num_shots))
+    return [int(label) for label in connected_components(graph, directed=False)[1]]
 
 
 class _Group:
@@ -143,16 +142,28 @@ class _Group:
         """The rotations of largest posterior probability, the first shot's the identity."""
         states = self._beam()
         refined = [self._averaged(R, REFINING) for R in states[:4]]
-        best = self._averaged(max(refined, key=lambda R: float(self._score(R[None])[0])))
+        best = self._averaged(self._best(np.stack(refined)))
         for _ in range(MOVES):
-            moved = [R for k in range(1, len(self.shots)) for _, R in self._alternatives(best, k)]
-            if not moved:
+            moved = [best, *(R for k in range(1, len(self.shots)) for _, R in self._alternatives(best, k))]
+            better = self._best(np.stack(moved))
+            if np.array_equal(better, best):
                 break
-            scores = self._score(np.stack(moved))
-            if scores.max() <= float(self._score(best[None])[0]) + 1e-6:
-                break
-            best = self._averaged(moved[int(scores.argmax())])
+            best = self._averaged(better)
         return best
+
+    def _best(self, R: Float[Array, "n shots 3 3"]) -> Float[Array, "shots 3 3"]:
+        """The likeliest of these in which evidence that is believed joins all shots; without any, the likeliest.
+
+        Where it is likelier that nothing is true than that any one thing is, that nothing is true is no answer.
+        """
+        scores = self._score(R)
+        order = np.argsort(-scores, kind="stable")
+        return np.asarray(R[next((k for k in order if self._is_joined(R[k])), order[0])])
+
+    def _is_joined(self, R: Float[Array, "shots 3 3"]) -> bool:
+        """Whether edges of which a hypothesis is likelier than none join all shots."""
+        believed = [(a, b) for edge, a, b in self.edges if edge.likeliest(R[a].T @ R[b]) is not None]
+        return len(set(_connected(len(R), believed))) == 1
 
     # ---- how good rotations are
 
@@ -389,9 +400,8 @@ def _sorted_out(
     refused: list[Refused] = []
     for edge in edges:
         relative = R[edge.a].T @ R[edge.b]
-        shares = edge.components(relative)
-        likeliest = int(shares.argmax())
-        if likeliest < len(edge.R):
+        likeliest = edge.likeliest(relative)
+        if likeliest is not None:
             believed.append(Believed(edge.edge, edge.edge.hypotheses[likeliest]))
         else:
             off = rotation_angle(np.swapaxes(edge.R, -1, -2) @ relative)

@@ -10,12 +10,14 @@ from walking import FPS, K, case
 from humanmm.models.cuts import bundle as cut_bundle
 from humanmm.models.cuts import camera_rotation as cuts
 from humanmm.models.cuts import epipolar, residuals
-from humanmm.models.geometry.rotations import rotvec_to_rotmat
+from humanmm.models.cuts.sides import CutCameras, CutPerson
+from humanmm.models.geometry.rotations import angle_between_deg, rotvec_to_rotmat
+from humanmm.models.records.motion import CutAlignment
 
-CAMERAS = cuts.CutCameras(K, K, moving=False)
+CAMERAS = CutCameras(K, K, moving=False)
 
 
-def align(person: cuts.CutPerson, method: cuts.CutMethod = cuts.align_by_bundle) -> cuts.CutAlignment:
+def align(person: CutPerson, method: cuts.CutMethod = cuts.align_by_bundle) -> CutAlignment:
     return method([person], CAMERAS, cut_frame=20, cut_time_s=19.5 / FPS)
 
 
@@ -24,7 +26,7 @@ def test_the_turn_at_a_cut_is_found_at_every_angle(angle_deg: float) -> None:
     person, truth = case(angle_deg)
     found = align(person)
     # 3 px and 2 cm of noise over a window leave two to three degrees.
-    assert cuts.angle_deg(found.R_before_after, truth) < 5.0
+    assert angle_between_deg(found.R_before_after, truth) < 5.0
     assert found.linked and found.residual_px < 10.0
 
 
@@ -32,10 +34,10 @@ def test_the_bundle_mends_a_tilted_pose_estimator_that_turning_alone_believes() 
     bundle, turned = [], []
     for seed, angle_deg in enumerate([40.0, 80.0, 120.0, 160.0]):
         person, truth = case(angle_deg, tilt_deg=8.0, seed=10 * seed)
-        bundle.append(cuts.angle_deg(align(person).R_before_after, truth))
+        bundle.append(angle_between_deg(align(person).R_before_after, truth))
         item = cuts._prepare(person, CAMERAS, 19.5 / FPS)
         start = cuts._starts(item, person)[0]
-        turned.append(cuts.angle_deg(start, truth))
+        turned.append(angle_between_deg(start, truth))
     assert np.mean(bundle) < 0.7 * np.mean(turned)
 
 
@@ -70,7 +72,7 @@ def test_the_analytic_jacobian_is_that_of_the_residuals() -> None:
 def test_a_long_gap_is_told() -> None:
     person, _ = case(60.0)
     late = replace(person.after, time_s=person.after.time_s + 0.5)
-    found = align(cuts.CutPerson(person.before, late))
+    found = align(CutPerson(person.before, late))
     assert found.gap_s > 0.5 and any("uncertain" in warning for warning in found.warnings)
 
 
@@ -106,13 +108,13 @@ def test_the_eight_point_step_survives_wrong_matches_like_opencv() -> None:
     E, _ = cv2.findEssentialMat(first, second, np.eye(3), method=cv2.RANSAC, threshold=2e-3)
     _, R_after_before, _, _ = cv2.recoverPose(E, first, second, np.eye(3))
     # Both find it; 3e-4 of noise on rays allows a degree.
-    assert cuts.angle_deg(view.R_before_after, R) < 1.0
-    assert cuts.angle_deg(R_after_before.T, view.R_before_after) < 2.0
+    assert angle_between_deg(view.R_before_after, R) < 1.0
+    assert angle_between_deg(R_after_before.T, view.R_before_after) < 2.0
 
 
 def test_the_papers_way_needs_eight_keypoints_seen_on_both_sides() -> None:
     person, _ = case(60.0)
     hidden = person.after.keypoints2d.copy()
     hidden[:, 13:, 2] = 0.0
-    found = align(cuts.CutPerson(person.before, replace(person.after, keypoints2d=hidden)), cuts.align_by_eight_point)
+    found = align(CutPerson(person.before, replace(person.after, keypoints2d=hidden)), cuts.align_by_eight_point)
     assert found.method == "none" and "eight are needed" in found.warnings[-1]

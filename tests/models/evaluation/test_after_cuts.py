@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from humanmm.models.evaluation.after_cuts import root_errors_after_cuts_m
+from humanmm.models.evaluation.after_cuts import anchor_mpjpe_mm, root_errors_after_cuts_m
 from humanmm.models.geometry.alignment import yaw_to_rotmat
-from humanmm.models.records.sequence import MotionSequence
+from humanmm.models.records.sequence import MotionSequence, UndefinedFigureError
 
 
 def moved(sequence: MotionSequence, R: np.ndarray, shift: np.ndarray, *, start: int) -> MotionSequence:
@@ -38,3 +38,17 @@ def test_an_unlinked_cut_and_one_that_nobody_crosses_have_no_error(sequence: Mot
         bbox_xyxy=None if person.bbox_xyxy is None else person.bbox_xyxy[:cut],
     )  # fmt: skip
     assert root_errors_after_cuts_m(replace(sequence, people=(first,)), sequence) == [None]
+
+
+def test_the_first_shot_is_the_anchor_of_all_others(sequence: MotionSequence) -> None:
+    cut = sequence.cut_frames[0]
+    whole = moved(sequence, yaw_to_rotmat(1.0), np.array([3.0, 0, 0]), start=0)
+    assert anchor_mpjpe_mm(whole, sequence) == pytest.approx(0, abs=1e-3)
+    assert anchor_mpjpe_mm(moved(whole, np.eye(3), np.array([0, 0.7, 0]), start=cut), sequence) == pytest.approx(700)
+    person = sequence.people[0]
+    late = replace(
+        person, frame=person.frame[cut:], observed=person.observed[cut:], joints=person.joints[cut:],
+        bbox_xyxy=None if person.bbox_xyxy is None else person.bbox_xyxy[cut:],
+    )  # fmt: skip
+    with pytest.raises(UndefinedFigureError, match="first shot"):
+        anchor_mpjpe_mm(replace(sequence, people=(late,)), sequence)

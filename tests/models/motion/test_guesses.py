@@ -5,12 +5,12 @@ import pytest
 from standing_person import NUM_FRAMES, standing_person
 
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
-from humanmm.models.motion import guesses
 from humanmm.models.motion.guesses import guesses_of, identity_guesses, standing_soles
 from humanmm.models.records.motion import PersonMotion, WorldMotion
 from humanmm.models.records.recording import IdentityGuess
 from humanmm.models.records.shots import Appearance, Shot, ShotList
 from humanmm.models.records.tracks import ScenePeople
+from humanmm.models.shots import identity
 
 TIME_S = np.arange(NUM_FRAMES) / 30
 
@@ -85,8 +85,8 @@ def test_an_identity_is_as_sure_as_it_is_better_than_the_best_other_answer(
     def view(shot_index: int, shot: Shot, track: int, *rest: object) -> tuple[int, int]:
         return shot_index, track
 
-    monkeypatch.setattr(guesses, "sighting", view)
-    monkeypatch.setattr(guesses, "same_person_odds", lambda known, new: odds.get((seen[known[0]], seen[new]), -9.0))
+    monkeypatch.setattr(identity, "sighting", view)
+    monkeypatch.setattr(identity, "same_person_odds", lambda known, new: odds.get((seen[known[0]], seen[new]), -9.0))
     scenes = [ScenePeople(0, NUM_FRAMES, ()) for _ in people]
     monkeypatch.setattr(ScenePeople, "track_of", lambda scene, appearance: None)
     found = identity_guesses(shots, scenes, time_s=TIME_S)

@@ -29,3 +29,9 @@ def test_a_steady_pan_whose_recorder_stalls_is_no_cut() -> None:
 
 def test_a_jump_in_that_pan_is_one() -> None:
     assert cuts(pan(jump_px=15.0), TIME_S) == [50]
+
+
+def test_a_cut_to_another_part_of_the_same_wall_is_found_while_the_camera_pans() -> None:
+    """The views overlap, so that a displacement is found, and the pan's own changes hide the size of the cut's."""
+    offsets = 3.0 * np.arange(60) + 60.0 * (np.arange(60) >= 30)
+    assert cuts([marbled(float(offset)) for offset in offsets], np.arange(60) / 30) == [30]

@@ -123,3 +123,14 @@ def test_a_long_video_is_solved_shot_by_shot() -> None:
     R = rotations(60)
     found = solve_rotations(60, [people(R, k, k + 1, off_deg=0.0) for k in range(59)])
     assert error_deg(found, R, 59) < 0.1 and len(found.believed) == 59
+
+
+def test_what_is_doubtful_is_still_the_answer_rather_than_no_hypothesis_at_all() -> None:
+    """Bodies that tilt differently on the two sides make it likelier that nobody is right; the doubt is told."""
+    R, tilt = about_y(50.0), np.radians(30.0)
+    upright = [Upright(np.array([0.0, -1.0, 0.0]), 5.0), Upright(np.array([np.sin(tilt), -np.cos(tilt), 0.0]), 8.0)]
+    level = about_y(170.0) @ rotvec_to_rotmat(np.array([0.0, 0.0, -tilt]))
+    edge = RotationEdge(0, 1, (RotationHypothesis(R, 25.0, 0.3), RotationHypothesis(level, 25.0, 1e-4)))
+    found = solve_rotations(2, [edge], upright)
+    assert error_deg(found, np.stack([np.eye(3), R]), 1) < 1.0
+    assert found.certainty[1] is not None and found.certainty[1].probability < 0.6

@@ -10,14 +10,9 @@ import pytest
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.kinematics import forward_kinematics
 from humanmm.models.body.landmarks import load_landmarks
-from humanmm.models.cuts.camera_rotation import (
-    SIDES_SWAPPED,
-    CutCameras,
-    CutPerson,
-    align_by_bundle,
-    align_by_eight_point,
-    viewing_axes,
-)
+from humanmm.models.cuts.camera_rotation import align_by_bundle, align_by_eight_point, viewing_axes
+from humanmm.models.cuts.hypotheses import SIDES_SWAPPED
+from humanmm.models.cuts.sides import CutCameras, CutPerson
 from humanmm.models.geometry.intrinsics import K_of
 from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
 from humanmm.models.motion.world.align import ShotResults, align
