@@ -7,7 +7,7 @@ from humanmm.models.records.camera import Intrinsics, PointTracks
 from humanmm.models.records.shots import ShotList
 from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.records.video import VideoFacts
-from humanmm.storage.readers.cameras import read_cameras
+from humanmm.storage.readers.given.cameras import read_cameras
 from humanmm.tasks.inputs import StageInputs
 
 

@@ -98,7 +98,9 @@ def _lifted(results: ShotResults) -> list[str]:
         appearance.person
         for shot in results.shots.shots
         for appearance in shot.people
-        if (scene := results.scenes[shot.scene]) is not None and scene.tracks[appearance.track].lifted
+        if (scene := results.scenes[shot.scene]) is not None
+        and (track := scene.tracks[appearance.track]).lifted
+        and track.pose is None
     }
     return [
         f"person {person}: the detector gives 2D keypoints only; depth and orientation were lifted from them, rougher"
