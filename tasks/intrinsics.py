@@ -25,4 +25,5 @@ def intrinsics(inputs: StageInputs) -> Intrinsics:
         focal_px=settings.focal_px if corrected_px is None else corrected_px,
         fov_deg=settings.fov_deg,
         cameras=read_cameras(settings.cameras_from, facts) if settings.cameras_from else None,
+        progress=inputs.progress,
     )

@@ -23,6 +23,7 @@ from humanmm.models.motion.world.solver import CameraEdge, SameCamera, ShotRig, 
 from humanmm.models.motion.world.walls import wall_edges, walls_of
 from humanmm.models.records.camera import SOURCES
 from humanmm.models.records.motion import CutAlignment, PersonShotMotion, RotationEvidence, WorldMotion
+from humanmm.models.video.progress import Progress, silent
 
 __all__ = ["ShotResults", "align"]
 
@@ -34,6 +35,7 @@ def align(
     *,
     method: CutMethod = align_by_bundle,
     known_rotations: Mapping[int, Float[Array, "3 3"]] | None = None,
+    progress: Progress = silent,
 ) -> WorldMotion:
     """People and cameras of the whole video in one world.
 
@@ -41,11 +43,11 @@ def align(
     frame to those of the frame before, where they are known from elsewhere; neighbouring shots that share people are
     joined by them.
     """
-    edges = [
-        cut_edge(results, later, method, known_rotations or {})
-        for later in range(1, len(results.shots.shots))
-        if usable(results, later)
-    ]
+    edges = []
+    for later, shot in enumerate(results.shots.shots):
+        if later > 0 and usable(results, later):
+            edges.append(cut_edge(results, later, method, known_rotations or {}))
+            progress(shot.start, len(results.time_s))
     background = background_edges(results)
     num_shots = len(results.shots.shots)
     standing = {shot: standing_axes(results, shot) for shot in range(num_shots) if usable(results, shot)}

@@ -11,8 +11,9 @@ from humanmm.models.perception.tracking.given_regions import GivenRegions, track
 from humanmm.models.perception.tracking.tracker import track_pictures
 from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.video.frames import PlanarFrame, planar_frames
-from humanmm.models.video.opened import Progress, Video, silent
+from humanmm.models.video.opened import Video
 from humanmm.models.video.prefetch import prefetched
+from humanmm.models.video.progress import Progress, silent
 
 
 def track_people(
