@@ -134,13 +134,13 @@ def _colmap_binary(own: Own, folder: Path) -> list[str]:
 
 
 KINDS: dict[str, tuple[Callable[[Own, Path], list[str]], float, float]] = {
-    "GVHMR's bodies": (_gvhmr, 30, 20),
-    "SAM 3D Body's places": (_sam_3d_body, 60, 40),
-    "OpenPose's keypoints": (_openpose, 120, 80),
+    "GVHMR's bodies": (_gvhmr, 20, 12),
+    "SAM 3D Body's places": (_sam_3d_body, 30, 20),
+    "OpenPose's keypoints": (_openpose, 80, 65),
     "a tracker's boxes": (_mot, 60, 40),
     "masks": (_masks, 60, 40),
-    "TUM trajectories": (_tum, 40, 20),
-    "a binary COLMAP model": (_colmap_binary, 40, 20),
+    "TUM trajectories": (_tum, 5, 5),
+    "a binary COLMAP model": (_colmap_binary, 5, 5),
 }
 """Writer, and how far joints may lie from the run's own on average, mm: after one rigid motion of the whole path, and
 after one of every frame. Bodies hold everything; places lack the twist of the limbs; keypoints lack the depth; boxes
