@@ -23,4 +23,4 @@ def align(inputs: StageInputs) -> WorldMotion:
         intrinsics=inputs.read("intrinsics", Intrinsics),
         key_frames=inputs.read("keyframes", KeyFrameFeatures).of_shot,
     )
-    return align_shots(results, method=load("align.method", inputs.config.align.method))
+    return align_shots(results, method=load("align.method", inputs.config.align.method), progress=inputs.progress)

@@ -21,4 +21,5 @@ def camera(inputs: StageInputs) -> ShotCamera:
         inputs.read("intrinsics", Intrinsics),
         static=settings.static or bool(inputs.corrections.of(StaticShot)),
         estimator=load("camera.estimator", settings.estimator),
+        progress=inputs.progress,
     )

@@ -25,4 +25,5 @@ def hmr(inputs: StageInputs) -> ShotMotion:
         inputs.read("camera", ShotCamera),
         noise=NoiseModel(prior=settings.pose_prior, smoothness=settings.smoothness),
         initial_pose=load("hmr.initial_pose", settings.initial_pose),
+        progress=inputs.progress,
     )

@@ -7,7 +7,7 @@ from humanmm.models.records.camera import Intrinsics, PointTracks
 from humanmm.models.records.shots import ShotList
 from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.records.video import VideoFacts
-from humanmm.storage.readers.cameras import read_cameras
+from humanmm.storage.readers.given.cameras import read_cameras
 from humanmm.tasks.inputs import StageInputs
 
 
@@ -25,4 +25,5 @@ def intrinsics(inputs: StageInputs) -> Intrinsics:
         focal_px=settings.focal_px if corrected_px is None else corrected_px,
         fov_deg=settings.fov_deg,
         cameras=read_cameras(settings.cameras_from, facts) if settings.cameras_from else None,
+        progress=inputs.progress,
     )

@@ -15,4 +15,5 @@ def keyframes(inputs: StageInputs) -> KeyFrameFeatures:
             Video(stream, inputs.read("decode", VideoFacts)),
             inputs.read("shots", ShotList),
             inputs.read_all("people", ScenePeople),
+            progress=inputs.progress,
         )

@@ -1,24 +1,36 @@
 """Stage `people`: keypoints, 3D landmarks, masks and tracks of everybody in one scene."""
 
 from humanmm.models.perception.interfaces import Networks
+from humanmm.models.perception.tracking.given_bodies import people_of_bodies
 from humanmm.models.perception.tracking.keypoint_tracks import people_of_keypoints
 from humanmm.models.perception.tracking.people import track_people
 from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.records.video import VideoFacts
 from humanmm.models.video.opened import Video
 from humanmm.parts import load
-from humanmm.storage.readers.keypoints import read_keypoints
+from humanmm.storage.readers.given.bodies import read_bodies
+from humanmm.storage.readers.given.keypoints import read_keypoints
+from humanmm.storage.readers.given.regions import read_detections, read_masks
 from humanmm.tasks.inputs import StageInputs
 
 
 def people(inputs: StageInputs) -> ScenePeople:
-    """The tracks of all people in the scene's frames."""
+    """The tracks of all people in the scene's frames; what the user brought along takes the place of what finds it."""
     settings = inputs.config.people
     facts = inputs.read("decode", VideoFacts)
+    video = facts.num_frames, (facts.width, facts.height)
     if settings.keypoints_from is not None:
-        keypoints = read_keypoints(settings.keypoints_from, facts.num_frames, (facts.width, facts.height))
+        keypoints = read_keypoints(settings.keypoints_from, *video)
         lift_keypoints = load("lifting.keypoints", inputs.config.lifting.keypoints)
         return people_of_keypoints(keypoints, facts, inputs.span, max_people=settings.max_people, lifter=lift_keypoints)
+    if settings.hmr_from is not None:
+        bodies = read_bodies(settings.hmr_from, *video)
+        return people_of_bodies(bodies, facts, inputs.span, max_people=settings.max_people)
+    given = None
+    if settings.detections_from is not None:
+        given = read_detections(settings.detections_from, *video)
+    elif settings.masks_from is not None:
+        given = read_masks(settings.masks_from, *video)
     networks = Networks(load("people.detector", settings.detector), load("people.pose", settings.pose))
     with inputs.open_video() as stream:
         return track_people(
@@ -28,5 +40,6 @@ def people(inputs: StageInputs) -> ScenePeople:
             max_side_px=settings.max_side_px,
             networks=networks,
             lifter=load("lifting.method", inputs.config.lifting.method),
+            given=given,
             progress=inputs.progress,
         )

@@ -21,5 +21,6 @@ def points(inputs: StageInputs) -> PointTracks:
                 max_side_px=settings.max_side_px,
                 num_points=settings.num_points,
                 tracker=load("points.tracker", settings.tracker),
+                progress=inputs.progress,
             )
         )

@@ -25,4 +25,5 @@ def refine(inputs: StageInputs) -> WorldMotion:
             foot_lock=config.foot_lock,
             floor_m=sum(one.metres for one in inputs.corrections.of(Floor)),
         ),
+        progress=inputs.progress,
     )

@@ -20,7 +20,7 @@ def modules() -> Mapping[str, Path]:
     return found
 
 
-BASE = frozenset({"config", "config_reading", "corrections", "errors", "logs", "parts", "version"})
+BASE = frozenset({"config", "config_reading", "corrections", "errors", "logs", "machine", "parts", "version"})
 """Files of `src/humanmm` that every layer may import; the other files there are the Python API, above all layers."""
 
 

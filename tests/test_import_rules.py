@@ -54,6 +54,7 @@ CROSS_CUTTING = {
     "flows/service/test_chaos.py": "all of it under random faults",
     "flows/service/test_schedule.py": "schedules through server and worker",
     "flows/service/test_team_server.py": "the services of deploy/compose.yaml",
+    "flows/test_brought_along.py": "the whole flow with results of other programs, on a real clip",
     "flows/test_corrections.py": "the whole flow with corrections, on a real clip",
     "flows/test_end_to_end.py": "the whole flow on the real clip",
     "flows/test_faults.py": "killed processes, whatever they ran",

@@ -34,7 +34,6 @@ from prefect.exceptions import PrefectException
 from prefect.states import Completed, Crashed, Failed
 
 from humanmm.storage.batches.batch_table import BatchTable, open_batches
-from humanmm.storage.batches.owner import process_age_s
 from humanmm.storage.batches.video_row import VideoRow
 
 log = logging.getLogger(__name__)
@@ -150,7 +149,7 @@ def _has_living_process(run: FlowRun, age_s: float) -> bool | None:
     """Whether the process lives that a flow run names; None if it names none. `age_s` is the age of its state."""
     if not (run.infrastructure_pid or "").isdecimal():
         return None
-    process_s = process_age_s(int(run.infrastructure_pid or 0))
+    process_s = age_s(int(run.infrastructure_pid or 0))
     return process_s is not None and process_s > age_s - YOUNGER_S
 
 

@@ -26,6 +26,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from humanmm.errors import ConfigError
+from humanmm.machine import command_line, is_alive
 from humanmm.storage.store.store import cache_folder
 
 log = logging.getLogger(__name__)
@@ -209,7 +210,7 @@ def stop_unused_server(files: ServerFiles) -> bool:
         files.state.unlink()
         os.kill(pid, signal.SIGTERM)
         deadline = time.monotonic() + 20
-        while time.monotonic() < deadline and Path(f"/proc/{pid}").exists():
+        while time.monotonic() < deadline and is_alive(pid):
             time.sleep(0.05)
         return True
     return False
@@ -290,7 +291,7 @@ def _start(files: ServerFiles, is_wanted: Callable[[], bool] = lambda: True) -> 
         is_given_up = True
         try:
             while is_wanted():
-                if pid is None or not _is_alive(pid):
+                if pid is None or not is_alive(pid):
                     if pid is not None:  # it was killed, or could not write its files
                         time.sleep(START_PAUSE_S)
                     log.info("starting the local Prefect server")
@@ -312,7 +313,7 @@ def _slow_server(files: ServerFiles) -> str | None:
     deadline = time.monotonic() + SLOW_LIMIT_S
     with contextlib.suppress(OSError, ValueError, KeyError):
         pid = int(json.loads(files.state.read_text())["pid"])
-        while _is_alive(pid) and os.fsencode(files.home) in Path(f"/proc/{pid}/cmdline").read_bytes():
+        while is_alive(pid) and os.fsencode(files.home) in command_line(pid):
             url = running_server(files)
             if url:
                 return url
@@ -334,13 +335,6 @@ def _start_process(files: ServerFiles) -> int:
             start_new_session=True, check=True, cwd="/",
         )  # fmt: skip
     return int(begun.stdout)
-
-
-def _is_alive(pid: int) -> bool:
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
-    except OSError:
-        return False
 
 
 def replace_file(path: Path, text: str) -> None:

@@ -25,6 +25,7 @@ from pathlib import Path
 from typing import Any
 
 from humanmm.flows.server.local_server import hold_port_of_server
+from humanmm.machine import num_threads
 from humanmm.tasks.units.process import end_with_parent, name_process, prepare_process, treat_as_sigterm
 
 log = logging.getLogger(__name__)
@@ -108,7 +109,7 @@ class Preloaded:
         if self._is_mixed or versions(self._files) != self._files:
             log.info("code that the fork server has loaded was changed on the disk")
             return False
-        if len(list(Path(f"/proc/{self.pid}/task").iterdir())) > 1:
+        if num_threads(self.pid) > 1:
             log.warning("a library has started a thread in the fork server: videos start in fresh processes")
             return False
         return True

@@ -37,6 +37,7 @@ from humanmm.flows.server.local_server import (
 from humanmm.flows.service.lost_runs import crash_lost_runs, resume_lost_videos
 from humanmm.flows.service.worker import MARK, stop_videos
 from humanmm.flows.service.worker import STOP_LIMIT_S as VIDEOS_LIMIT_S
+from humanmm.machine import num_processors
 from humanmm.storage.batches.batch_table import open_batches
 from humanmm.tasks.units.faults import in_words, is_infrastructure_fault
 
@@ -106,7 +107,7 @@ def has_workers_elsewhere() -> bool:
 
 def default_limit() -> int:
     """Videos at the same time: each may run two stages at once."""
-    return max(1, len(os.sched_getaffinity(0)) // 2)
+    return max(1, num_processors() // 2)
 
 
 def serve(*, limit: int, idle_s: float | None = None, on_ready: Any = None) -> None:

@@ -14,6 +14,7 @@ from jaxtyping import Float, Int
 from humanmm.errors import InputError
 from humanmm.models.body.body24 import JOINT_NAMES, load_body
 from humanmm.models.body.kinematics import forward_kinematics
+from humanmm.models.body.smpl_joints import SMPL_REST_PELVIS
 from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat, swing
 from humanmm.models.records.foreign_arrays import frame_numbers, numbers, rotations
 from humanmm.models.records.sequence import MotionSequence, PersonSequence
@@ -22,8 +23,6 @@ Array = np.ndarray
 
 NUM_JOINTS = 23
 """Body joints of SMPL; systems that end at the wrists leave the last two at rest."""
-SMPL_REST_PELVIS = np.array([-0.0018, -0.2233, 0.0282])
-"""Pelvis joint of SMPL's neutral template about its origin, metres, as published with the model."""
 Y_UP, CAMERA_UP = np.array([0.0, 1.0, 0.0]), np.array([0.0, -1.0, 0.0])
 
 

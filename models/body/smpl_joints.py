@@ -12,6 +12,11 @@ from jaxtyping import Float
 from humanmm.models.body.kinematics import forward_kinematics
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
 
+SMPL_REST_PELVIS = np.array([-0.0018, -0.2233, 0.0282])
+SMPLX_REST_PELVIS = np.array([0.00312326, -0.35140747, 0.01203655])
+"""Pelvis joint of the neutral bodies of SMPL and SMPL-X with zero betas about their origins, metres, as published with
+the models: the pelvis is `transl` plus this, whatever the rotation of the root."""
+
 
 @dataclass(frozen=True)
 class SmplJoints:

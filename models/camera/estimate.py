@@ -36,6 +36,7 @@ from humanmm.models.geometry import rotations
 from humanmm.models.geometry.intrinsics import K_of
 from humanmm.models.records.camera import CameraSource, CrossCheck, Intrinsics, PointTracks, ShotCamera
 from humanmm.models.records.tracks import PersonTrack
+from humanmm.models.video.progress import Progress, parts_of, silent
 
 POOR_FRACTION = 0.004
 """A fit worse than this fraction of the diagonal is no measurement any more."""
@@ -52,14 +53,20 @@ class _Estimate:
 
 
 def camera_from_points(
-    points: PointTracks, people: Sequence[PersonTrack], intrinsics: Intrinsics, *, static: bool = False
+    points: PointTracks,
+    people: Sequence[PersonTrack],
+    intrinsics: Intrinsics,
+    *,
+    static: bool = False,
+    progress: Progress = silent,
 ) -> ShotCamera:
     """Camera of every frame of the shot that `points` were tracked in, from those that lie on nobody (a
     `CameraEstimator`); `static`: the user says that the camera is static."""
     num_frames = points.end - points.start
     if static:
         return _static(points, intrinsics, "given")
-    background = background_points(points, people)
+    masking, odometry = parts_of(progress, num_frames, (1, 3))
+    background = background_points(points, people, progress=masking)
     shot = arrange(background, intrinsics.width, intrinsics.height)
     seen = np.diff(shot.begins)
     if num_frames == 1:
@@ -71,8 +78,8 @@ def camera_from_points(
         return _static(points, intrinsics, "fallback", said)
     warnings = () if enough else ("in some frames almost no background is in view: the camera is interpolated there",)
     settled = intrinsics.model_of(points.start, points.end)
-    tracked = None if settled is None else track_model(shot, intrinsics, settled)
-    choice = choose_model(shot, intrinsics) if tracked is None else tracked
+    tracked = None if settled is None else track_model(shot, intrinsics, settled, progress=odometry)
+    choice = choose_model(shot, intrinsics, progress=odometry) if tracked is None else tracked
     if choice.rotating is None:
         return replace(_static(points, intrinsics, "static"), warnings=warnings)
     estimate = _chosen(shot, choice, choice.rotating.track, intrinsics)

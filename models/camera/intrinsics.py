@@ -29,6 +29,7 @@ from humanmm.models.records.camera import ChosenModel, GivenCameras, Intrinsics,
 from humanmm.models.records.shots import ShotList
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
 from humanmm.models.records.video import VideoFacts
+from humanmm.models.video.progress import Progress, parts_of, silent
 
 DEFAULT_RELATIVE_SIGMA = 0.4
 MODEL_RELATIVE_SIGMA = 0.03
@@ -74,6 +75,7 @@ def estimate_intrinsics(
     focal_px: float | None = None,
     fov_deg: float | None = None,
     cameras: GivenCameras | None = None,
+    progress: Progress = silent,
 ) -> Intrinsics:
     """One focal length for all shots: the user's (`focal_px` in pixels, or the horizontal `fov_deg` in degrees), or
     that of the given cameras, or what the background tells, or the default.
@@ -90,7 +92,8 @@ def estimate_intrinsics(
         for shot in shots.shots
         if (tracks := points[shot.scene]) is not None and (scene := people[shot.scene]) is not None
     ]
-    found = intrinsics_from_background(usable, facts.width, facts.height, middle_frames(key_frames))
+    (by_shots,) = parts_of(progress, facts.num_frames, (1,))
+    found = intrinsics_from_background(usable, facts.width, facts.height, middle_frames(key_frames), progress=by_shots)
     return replace(found, cameras=cameras)
 
 
@@ -102,7 +105,12 @@ def middle_frames(key_frames: KeyFrameFeatures) -> list[FrameFeatures]:
 
 
 def intrinsics_from_background(
-    shots: Sequence[ShotPoints], width: int, height: int, pictures: Sequence[FrameFeatures] = ()
+    shots: Sequence[ShotPoints],
+    width: int,
+    height: int,
+    pictures: Sequence[FrameFeatures] = (),
+    *,
+    progress: Progress = silent,
 ) -> Intrinsics:
     """The focal length that prior and background agree on; source "default" where the background hardly tells.
 
@@ -116,7 +124,9 @@ def intrinsics_from_background(
     ]
     result = combine(evidence, default, width, height)
     asked: list[tuple[TrackedShot, ModelChoice]] = []
-    for shot in sorted(shots, key=lambda shot: -len(shot.points.frame))[:MAX_SHOTS]:
+    longest = sorted(shots, key=lambda shot: -len(shot.points.frame))[:MAX_SHOTS]
+    for done, shot in enumerate(longest):
+        progress(done, len(longest))
         beginning = _beginning(shot.points)
         background = arrange(background_points(beginning, shot.people), width, height)
         if background.num_images >= 3 and float(np.median(np.diff(background.begins))) >= MIN_POINTS:

@@ -13,6 +13,7 @@ from jaxtyping import Bool, Float
 
 from humanmm.models.records.camera import PointTracks
 from humanmm.models.records.tracks import MASK_SIDE, PersonTrack
+from humanmm.models.video.progress import Progress, silent
 
 HELD_FRAMES = 5
 """Frames for which a mask is held before a person's first and after the last observation."""
@@ -22,7 +23,9 @@ MAX_MASKED_FRACTION = 0.4
 """A track with a larger fraction of its observations on people is taken for a point of a person."""
 
 
-def background_points(points: PointTracks, people: Sequence[PersonTrack]) -> PointTracks:
+def background_points(
+    points: PointTracks, people: Sequence[PersonTrack], *, progress: Progress = silent
+) -> PointTracks:
     """The observations that lie on nobody; a track interrupted by a person goes on under a new number.
 
     A track that spends much of its life on people is dropped whole: its other observations are most likely a
@@ -31,11 +34,11 @@ def background_points(points: PointTracks, people: Sequence[PersonTrack]) -> Poi
     masked = np.zeros(len(points.frame), bool)
     frames, first = np.unique(points.frame, return_index=True)
     ends = np.append(first, len(points.frame))[1:]
-    for person in people:
-        if not len(person.frame):
-            continue
-        for frame, begin, stop in zip(frames, first, ends, strict=True):
+    people = [person for person in people if len(person.frame)]
+    for done, (frame, begin, stop) in enumerate(zip(frames, first, ends, strict=True), start=1):
+        for person in people:
             masked[begin:stop] |= _on_person(person, int(frame), points.xy[begin:stop], points.window_px)
+        progress(done, len(frames))
     return _without(points, masked, mostly=MAX_MASKED_FRACTION)
 
 

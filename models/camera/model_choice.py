@@ -30,6 +30,7 @@ from humanmm.models.camera.odometry.tracked_shot import TrackedShot, choose_keyf
 from humanmm.models.camera.self_calibration import FocalTrack, with_own_focal
 from humanmm.models.camera.static import is_static
 from humanmm.models.records.camera import CameraModel, Intrinsics
+from humanmm.models.video.progress import Progress, silent
 
 HINT_FRACTION = 0.0015
 """A rotating camera that fits within this fraction of the diagonal gives a good first focal length for a moving one."""
@@ -75,18 +76,22 @@ def settled_model(choice: ModelChoice, shot: TrackedShot, intrinsics: Intrinsics
     return choice.model if same else None
 
 
-def track_model(shot: TrackedShot, intrinsics: Intrinsics, model: CameraModel) -> ModelChoice | None:
+def track_model(
+    shot: TrackedShot, intrinsics: Intrinsics, model: CameraModel, *, progress: Progress = silent
+) -> ModelChoice | None:
     """The tracks of a settled model with the video's focal length; None where the odometry of a moving camera fails."""
     keyframes = choose_keyframes(shot)
     known = intrinsics.relative_uncertainty < KNOWN_FOCAL
     only_rotating = rotating(shot, keyframes, intrinsics.focal_px, freedom=ROTATING)
     if model == "rotation only":
         return ModelChoice(model, _kept(only_rotating), focal_is_known=known)
-    track = moving(shot, only_rotating)
+    track = moving(shot, only_rotating, progress=progress)
     return None if track is None else ModelChoice(model, _kept(only_rotating), None, _kept(track), known)
 
 
-def choose_model(shot: TrackedShot, intrinsics: Intrinsics, *, calibrate: bool = False) -> ModelChoice:
+def choose_model(
+    shot: TrackedShot, intrinsics: Intrinsics, *, calibrate: bool = False, progress: Progress = silent
+) -> ModelChoice:
     """The simplest camera that explains the background of a shot.
 
     `intrinsics` holds the focal length to assume; with `calibrate` every model gets the focal length that fits its
@@ -124,7 +129,7 @@ def choose_model(shot: TrackedShot, intrinsics: Intrinsics, *, calibrate: bool =
         else:
             same = focal_px == only_rotating.track.views.focal_px
             guide = only_rotating.track if same else rotating(shot, keyframes, focal_px, freedom=ROTATING)
-            track = moving(shot, guide)
+            track = moving(shot, guide, progress=progress)
             moved = None if track is None else _kept(track)
     if moved is not None and moved.track.error_px < MOVING_GAIN * best.track.error_px:
         return ModelChoice("moving", only_rotating, found, moved, known)

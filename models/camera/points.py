@@ -10,8 +10,9 @@ from jaxtyping import UInt8
 from humanmm.models.camera.klt import NUM_POINTS, klt_tracks
 from humanmm.models.records.camera import PointTracks
 from humanmm.models.video.frames import frames
-from humanmm.models.video.opened import Progress, Video, silent
+from humanmm.models.video.opened import Video
 from humanmm.models.video.prefetch import prefetched
+from humanmm.models.video.progress import Progress, silent
 
 
 class PointTracker(Protocol):

@@ -10,13 +10,20 @@ from humanmm.models.camera.shot_points import points_of_shot
 from humanmm.models.records.camera import Intrinsics, PointTracks, ShotCamera
 from humanmm.models.records.shots import Shot
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
+from humanmm.models.video.progress import Progress, silent
 
 
 class CameraEstimator(Protocol):
     """Estimates the camera of one shot from tracked points."""
 
     def __call__(
-        self, points: PointTracks, people: Sequence[PersonTrack], intrinsics: Intrinsics, *, static: bool
+        self,
+        points: PointTracks,
+        people: Sequence[PersonTrack],
+        intrinsics: Intrinsics,
+        *,
+        static: bool,
+        progress: Progress = silent,
     ) -> ShotCamera:
         """Camera of every frame of [points.start, points.end), in the axes of the shot's first camera.
 
@@ -34,6 +41,7 @@ def estimate_camera(
     *,
     static: bool = False,
     estimator: CameraEstimator = camera_from_points,
+    progress: Progress = silent,
 ) -> ShotCamera:
     """Camera of every frame of a shot, in the axes of its first camera, from the points and people of its scene.
 
@@ -42,7 +50,7 @@ def estimate_camera(
     given = given_camera(shot, intrinsics)
     if given is not None and not static:
         return given
-    camera = estimator(points_of_shot(points, shot), people.tracks, intrinsics, static=static)
+    camera = estimator(points_of_shot(points, shot), people.tracks, intrinsics, static=static, progress=progress)
     if intrinsics.cameras is None or static:
         return camera
     said = f"the given cameras do not cover it (frames {shot.start} to {shot.end - 1}): its camera was estimated"

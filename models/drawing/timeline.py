@@ -18,7 +18,7 @@ from humanmm.models.records.camera import SOURCES
 from humanmm.models.records.recording import RecordedPerson, Recording
 
 WIDTH_PX = 1500
-_LEFT_PX, _RIGHT_PX = 76, 10
+_LEFT_PX, _RIGHT_PX = 92, 10
 """Room for the names of rows, and for half of the last tick's label."""
 _TITLE_PX, _TICKS_PX, _LABEL_PX = 32, 24, 44
 """Room above each row of the picture; below one with ticks; below one with ticks and a label."""

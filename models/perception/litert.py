@@ -9,6 +9,7 @@ from threading import Lock
 import numpy as np
 from ai_edge_litert.interpreter import Interpreter
 
+from humanmm.machine import num_processors
 from humanmm.models.weights.shipped import read_weights
 
 _BUILDING = Lock()
@@ -52,7 +53,7 @@ class InterpreterPool:
 @lru_cache(maxsize=16)
 def pool(name: str, shape: tuple[int, ...] | None = None) -> InterpreterPool:
     """The process's interpreters of one shipped network; `shape` of the input where the network leaves it open."""
-    return InterpreterPool(_weights(name), min(2, len(os.sched_getaffinity(0))), shape)
+    return InterpreterPool(_weights(name), min(2, num_processors()), shape)
 
 
 @lru_cache(maxsize=4)

@@ -120,9 +120,10 @@ class PersonTrack:
     evidence: tuple[float, ...] = ()
     """What the probability was made of: detector, trust, steadiness, motion; empty if unknown."""
     lifted: bool = False
-    """The detector gives COCO keypoints only: `landmarks3d` was made from them (`perception.lifting`)."""
+    """`landmarks3d` lie where `body.landmarks` has them: they were made from COCO keypoints (then `pose` is None), or
+    from a body that another system found."""
     pose: PoseEstimates | None = None
-    """Joint rotations by the lifter; None without one."""
+    """Joint rotations, by the lifter or another system; None without either."""
 
     def with_sides_swapped(self, intervals: Intervals) -> "PersonTrack":
         """The track with left and right of keypoints and landmarks swapped in the frames of some intervals."""

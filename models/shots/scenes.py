@@ -25,8 +25,9 @@ from humanmm.models.shots.hard_cuts import REACH, hard_cuts
 from humanmm.models.shots.picture_window import SIDE_PX, PictureWindow
 from humanmm.models.video.frame_times import elapsed_s
 from humanmm.models.video.frames import Frame, frames
-from humanmm.models.video.opened import Progress, Video, silent
+from humanmm.models.video.opened import Video
 from humanmm.models.video.prefetch import prefetched
+from humanmm.models.video.progress import Progress, silent
 
 _CONTENT_THRESHOLD = 20.0
 """PySceneDetect's default is 27; proposals are verified, so that a lower one costs only time."""

@@ -4,11 +4,9 @@ Only demuxers that read the bytes they are given are allowed: a playlist or a co
 make the library open other files.
 """
 
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import BinaryIO
 
 import av
@@ -20,6 +18,7 @@ from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
 
 from humanmm.errors import VideoError
+from humanmm.machine import resident_mb
 from humanmm.models.video.declared_size import declared_sides_px
 
 DEMUXERS = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpegts,flv"
@@ -136,14 +135,6 @@ class DecoderMemory:
                 f"picture, of which a decoder of {_codec(self._codec)} keeps several: {needed_mb:.0f} MB are more than "
                 f"decode.max_memory_mb = {self._max_mb:.0f}; scale the video down, or raise that setting"
             )
-
-
-def resident_mb() -> float:
-    """Memory of this process, MB; 0 where the system does not tell."""
-    try:
-        return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
-    except (OSError, ValueError):
-        return 0.0
 
 
 @dataclass

@@ -1,17 +1,9 @@
 """A video as the stages take it: its bytes, opened for reading, and what is known of its frames."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import BinaryIO
 
 from humanmm.models.records.video import VideoFacts
-
-Progress = Callable[[int, int], None]
-"""Called with the number of frames done, and of all."""
-
-
-def silent(done: int, total: int) -> None:
-    """Progress that nobody reads."""
 
 
 @dataclass(frozen=True)

@@ -40,6 +40,8 @@ class Section(BaseModel):
 
 
 MAX_GIVEN_BYTES = 2**31
+GIVEN_SUFFIXES = (".json", ".txt", ".bin", ".png", ".pt", ".pkl", ".npz")
+"""Of a folder, files with other endings are left alone."""
 
 
 class GivenFile(Section):
@@ -75,14 +77,14 @@ class GivenFile(Section):
 
 def _contents(path: Path) -> dict[str, bytes]:
     try:
-        files = [path] if path.is_file() else sorted(p for p in path.iterdir() if p.suffix in (".json", ".txt"))
+        files = [path] if path.is_file() else sorted(p for p in path.iterdir() if p.suffix in GIVEN_SUFFIXES)
         if sum(file.stat().st_size for file in files) > MAX_GIVEN_BYTES:
             raise InputError(f"{path} is larger than {MAX_GIVEN_BYTES:,} bytes")
         contents = {file.name: file.read_bytes() for file in files if file.is_file()}
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror}") from None
     if not contents:
-        raise InputError(f"{path} holds no .json or .txt file")
+        raise InputError(f"{path} holds no file that is read ({', '.join(GIVEN_SUFFIXES)})")
     return contents
 
 
@@ -129,6 +131,25 @@ class PeopleConfig(Section):
     keypoints_from: GivenFile | None = None
     """File or folder of keypoints that another program found, in place of detector and pose network: OpenPose, MMPose,
     Sports2D, Pose2Sim, AlphaPose or COCO json."""
+
+    hmr_from: GivenFile | None = None
+    """File or folder of bodies that another system found, in place of detector, pose network and lifter: GVHMR; also
+    GEM, PromptHMR, WHAM, TRAM, SLAHMR, SAM 3D Body (experimental)."""
+
+    detections_from: GivenFile | None = None
+    """File of people's boxes that another program found, in place of the detector: MOT text or COCO results json."""
+
+    masks_from: GivenFile | None = None
+    """Folder of pictures of people's masks, one a frame, in place of the detector: a pixel's value is the person's
+    number, 0 is nobody."""
+
+    @model_validator(mode="after")
+    def _one_source(self) -> "PeopleConfig":
+        names = ("keypoints_from", "hmr_from", "detections_from", "masks_from")
+        given = [name for name in names if getattr(self, name) is not None]
+        if len(given) > 1:
+            raise PydanticCustomError("told", "{reason}", {"reason": f"{' and '.join(given)} exclude each other"})
+        return self
 
 
 class LiftingConfig(Section):
@@ -179,8 +200,8 @@ class IntrinsicsConfig(Section):
     """Horizontal field of view in degrees, used when focal_px is not given."""
 
     cameras_from: GivenFile | None = None
-    """Cameras that another program found, in place of our estimate: a TUM trajectory, or a folder with COLMAP's
-    cameras.txt and images.txt, whose focal length is used as well."""
+    """Cameras that another program found, in place of our estimate: a TUM trajectory (or a folder of one a shot), or a
+    folder with COLMAP's model, text or binary, whose focal length is used as well."""
 
 
 class CameraConfig(Section):

@@ -45,7 +45,10 @@ SHORTHANDS = {
     "min_confidence": "shots.min_confidence",
     "focal_px": "intrinsics.focal_px",
     "fov_deg": "intrinsics.fov_deg",
+    "hmr_from": "people.hmr_from",
     "keypoints_from": "people.keypoints_from",
+    "detections_from": "people.detections_from",
+    "masks_from": "people.masks_from",
     "cameras_from": "intrinsics.cameras_from",
 }
 """Short name, of a flag or an argument → setting."""

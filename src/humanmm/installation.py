@@ -9,6 +9,7 @@ from pathlib import Path
 
 from humanmm import parts
 from humanmm.errors import ConfigError, HumanMMError, WeightsError
+from humanmm.machine import available_bytes, num_processors
 from humanmm.storage.store.maintenance import in_bytes
 
 MIN_FREE_BYTES = 1 << 30
@@ -117,12 +118,12 @@ def _store(store: Path) -> Iterator[Check]:
 
 
 def _machine() -> Iterator[Check]:
-    cores = len(os.sched_getaffinity(0))
+    cores = num_processors()
     yield Check("processors", True, str(cores), f"`--run.threads {cores}` for one video, `serve --limit` for many")
-    facts = dict(line.split(":", 1) for line in Path("/proc/meminfo").read_text().splitlines() if ":" in line)
-    available = int(facts["MemAvailable"].split()[0]) * 1024
+    available = available_bytes()
     cure = "close other programs, or use `--run.threads 1` and `serve --limit 1`"
-    yield Check("free memory", available > 2 << 30, in_bytes(available), cure)
+    told = "the system does not tell" if available is None else in_bytes(available)
+    yield Check("free memory", available is None or available > 2 << 30, told, cure)
     devices = sorted(Path("/dev").glob("nvidia[0-9]*"))
     cure = "no stage needs one; with `[run.stages.NAME] gpu = true` a stage waits until one is free"
     yield Check("accelerators", True, str(len(devices)), cure)

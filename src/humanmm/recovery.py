@@ -38,7 +38,10 @@ def recover(  # noqa: PLR0913 (the flags of the command, as keywords)
     focal_px: float | None = None,
     fov_deg: float | None = None,
     corrections: "Corrections | Mapping[str, Any] | str | os.PathLike[str] | None" = None,
+    hmr_from: "str | os.PathLike[str] | None" = None,
     keypoints_from: "str | os.PathLike[str] | None" = None,
+    detections_from: "str | os.PathLike[str] | None" = None,
+    masks_from: "str | os.PathLike[str] | None" = None,
     cameras_from: "str | os.PathLike[str] | None" = None,
     store: "str | os.PathLike[str] | None" = None,
     force: bool = False,
@@ -61,8 +64,11 @@ def recover(  # noqa: PLR0913 (the flags of the command, as keywords)
         fov_deg: horizontal field of view in degrees, in place of `focal_px`.
         corrections: what you know better (docs/correct.md), as Corrections, a tree, or the path of a TOML file
             (default: `corrections.toml` in the run folder, if there is one).
+        hmr_from: file or folder of bodies that another system found, which are then joined and refined (docs/bring.md).
         keypoints_from: file or folder of keypoints that another program found; nobody is then looked for.
-        cameras_from: TUM trajectory or COLMAP's text model; these cameras are then not estimated.
+        detections_from: file of people's boxes; our pose network looks there alone.
+        masks_from: folder of people's masks; the same.
+        cameras_from: TUM trajectory or COLMAP's model; these cameras are then not estimated.
         store: artifact store, a folder or s3://… (default: $HUMANMM_STORE, ~/.cache/humanmm/store).
         force: compute every stage again.
         start: compute this stage and all after it again.
@@ -78,7 +84,8 @@ def recover(  # noqa: PLR0913 (the flags of the command, as keywords)
 
     shorthands = {
         "person": person, "focal_px": focal_px, "fov_deg": fov_deg,
-        "keypoints_from": keypoints_from, "cameras_from": cameras_from,
+        "hmr_from": hmr_from, "keypoints_from": keypoints_from, "detections_from": detections_from,
+        "masks_from": masks_from, "cameras_from": cameras_from,
     }  # fmt: skip
     selection = _selection(force=force, start=start, only=only, shot=shot)
     with watching(Path(video).name, shown=progress) as watch:
@@ -127,7 +134,10 @@ def forecast(  # noqa: PLR0913 (as `recover`)
     focal_px: float | None = None,
     fov_deg: float | None = None,
     corrections: "Corrections | Mapping[str, Any] | str | os.PathLike[str] | None" = None,
+    hmr_from: "str | os.PathLike[str] | None" = None,
     keypoints_from: "str | os.PathLike[str] | None" = None,
+    detections_from: "str | os.PathLike[str] | None" = None,
+    masks_from: "str | os.PathLike[str] | None" = None,
     cameras_from: "str | os.PathLike[str] | None" = None,
     store: "str | os.PathLike[str] | None" = None,
     force: bool = False,
@@ -143,7 +153,8 @@ def forecast(  # noqa: PLR0913 (as `recover`)
 
     shorthands = {
         "person": person, "focal_px": focal_px, "fov_deg": fov_deg,
-        "keypoints_from": keypoints_from, "cameras_from": cameras_from,
+        "hmr_from": hmr_from, "keypoints_from": keypoints_from, "detections_from": detections_from,
+        "masks_from": masks_from, "cameras_from": cameras_from,
     }  # fmt: skip
     selection = _selection(force=force, start=start, only=only, shot=shot)
     settings = _settings(config, shorthands, corrections, _run_dir(video, out))

@@ -25,11 +25,19 @@ def read_pickle(path: Path) -> Any:
         if path.stat().st_size > MAX_BYTES:
             raise InputError(f"it is larger than {MAX_BYTES:,} bytes")
         with path.open("rb") as stream:
-            return _Reader(stream).load()
-    except (OSError, InputError) as error:
+            return load_pickle(stream, str(path))
+    except OSError as error:
         raise InputError(f"{path} cannot be read as a pickle of plain arrays: {error}") from error
+
+
+def load_pickle(stream: BinaryIO, name: str) -> Any:
+    """The same from a stream that errors call by a name."""
+    try:
+        return _Reader(stream).load()
+    except InputError as error:
+        raise InputError(f"{name} cannot be read as a pickle of plain arrays: {error}") from error
     except Exception as error:  # a damaged pickle calls for anything
-        raise InputError(f"{path} cannot be read as a pickle of plain arrays: it is none, or it is damaged") from error
+        raise InputError(f"{name} cannot be read as a pickle of plain arrays: it is none, or it is damaged") from error
 
 
 class _ArrayNote:

@@ -12,7 +12,6 @@ files are pickled: `np.savez(out, **{k: np.asarray(v) for k, v in {**camera, **t
 np.load(…, allow_pickle=True).item() of its camera.npy and hps_track_0.npy. These three are experimental.
 """
 
-import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +20,8 @@ import numpy as np
 from humanmm.errors import InputError
 from humanmm.models.benchmark.imported import gvhmr_result, imported_sequence, slahmr_result, tram_result, wham_result
 from humanmm.models.records.sequence import MotionSequence
-from humanmm.storage.readers.restricted_pickle import MAX_BYTES, read_pickle
+from humanmm.storage.readers.restricted_pickle import read_pickle
+from humanmm.storage.readers.torch_tensors import read_tensors
 from humanmm.storage.readers.truth import NpzArrays, damage, read_sequence
 
 READER_VERSION = 1
@@ -83,39 +83,11 @@ def _read(path: Path, num_frames: int, fps: float) -> MotionSequence:
 
 
 def _gvhmr_parameters(path: Path) -> dict[str, Any]:
-    import torch
-
-    if zipfile.is_zipfile(path):
-        with damage("it is damaged"), zipfile.ZipFile(path) as file:
-            size = sum(member.file_size for member in file.infolist())
-        if size > MAX_BYTES:
-            raise InputError(f"it declares {size:,} bytes; expected at most {MAX_BYTES:,}")
-    with damage("it cannot be read: it is no file of torch, is damaged, or holds more than plain tensors"):
-        tree = torch.load(path, map_location="cpu", weights_only=True)
-    if not isinstance(tree, dict) or not isinstance(tree.get("smpl_params_global"), dict):
+    with path.open("rb") as file:
+        tree = read_tensors(file, "smpl_params_global")
+    if not isinstance(tree.get("smpl_params_global"), dict):
         raise InputError("it lacks smpl_params_global: it is no hmr4d_results.pt of GVHMR")
-    return {str(name): _array_of(str(name), value) for name, value in tree["smpl_params_global"].items()}
-
-
-def _array_of(name: str, value: Any) -> Any:
-    """A tensor as an array; what is no plain tensor of numbers is told by its name."""
-    import torch
-
-    if not isinstance(value, torch.Tensor):
-        return value
-    is_plain = not (value.is_nested or value.is_quantized) and value.layout == torch.strided
-    if not is_plain or value.device.type != "cpu":
-        kind = (
-            "nested"
-            if value.is_nested
-            else "quantized"
-            if value.is_quantized
-            else f"{value.device.type} {value.layout}"
-        )
-        raise InputError(f"{name} is a tensor of another kind ({kind}); expected plain numbers")
-    if value.numel() * 8 > MAX_BYTES:
-        raise InputError(f"{name} declares {value.numel():,} numbers")
-    return (value.detach().double() if value.is_floating_point() else value).numpy()
+    return dict(tree["smpl_params_global"])
 
 
 def _wham_tracks(path: Path) -> list[dict[str, Any]]:

@@ -10,7 +10,7 @@ import math
 import zipfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import zarr
@@ -72,10 +72,12 @@ def damage(what: str) -> Iterator[None]:
 class NpzArrays(Mapping[str, np.ndarray]):
     """The arrays of an npz by name, each read when it is used, after a check of its header."""
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        with damage(f"{path.name} is no .npz, or it is damaged"), zipfile.ZipFile(path) as file:
-            names = file.namelist()
+    def __init__(self, file: Path | BinaryIO, name: str = "") -> None:
+        """`name` is what errors call a stream."""
+        self._file = file
+        name = file.name if isinstance(file, Path) else name
+        with damage(f"{name} is no .npz, or it is damaged"), zipfile.ZipFile(file) as archive:
+            names = archive.namelist()
         if len(names) > MAX_ARRAYS:
             raise TruthError(f"holds {len(names):,} files; expected at most {MAX_ARRAYS:,} arrays")
         self._names = {name.removesuffix(".npy"): name for name in names if name.endswith(".npy")}
@@ -83,7 +85,7 @@ class NpzArrays(Mapping[str, np.ndarray]):
     def __getitem__(self, key: str) -> np.ndarray:
         name = self._names[key]
         what = f"{key} is damaged, or not as numpy writes arrays"
-        with damage(what), zipfile.ZipFile(self._path) as file, file.open(name) as member:
+        with damage(what), zipfile.ZipFile(self._file) as archive, archive.open(name) as member:
             version = np.lib.format.read_magic(member)
             if version == (1, 0):
                 shape, _, dtype = np.lib.format.read_array_header_1_0(member)

@@ -19,6 +19,7 @@ from humanmm.models.records.tracks import PersonTrack, ScenePeople
 from humanmm.models.video.frames import frames_at
 from humanmm.models.video.opened import Video
 from humanmm.models.video.prefetch import prefetched
+from humanmm.models.video.progress import Progress, silent
 
 MAX_FEATURES = 2500
 MAX_SIDE_PX = 1280
@@ -47,7 +48,9 @@ class KeyFrameFeatures:
     """By shot, in order of time; empty where a shot failed or shows nothing clearly."""
 
 
-def describe_key_frames(video: Video, shots: ShotList, people: Sequence[ScenePeople | None]) -> KeyFrameFeatures:
+def describe_key_frames(
+    video: Video, shots: ShotList, people: Sequence[ScenePeople | None], *, progress: Progress = silent
+) -> KeyFrameFeatures:
     """Features and straight edges of the background in every shot's key frames, in source pixels.
 
     Of the only shot of a video edges alone: there is nothing in which its features could be recognised. `people`: one
@@ -63,6 +66,7 @@ def describe_key_frames(video: Video, shots: ShotList, people: Sequence[ScenePeo
         picture = next(pictures)
         found = describe_frame(picture.index, picture.image, features=len(shots.shots) > 1)
         scale = np.float32(video.facts.width / picture.image.shape[1])
+        progress(picture.index + 1, video.facts.num_frames)
         in_source = replace(found, xy=found.xy * scale, segments=found.segments * scale)
         return without_people(in_source, scene.tracks if scene is not None else ())
 

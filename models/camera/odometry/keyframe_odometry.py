@@ -16,6 +16,7 @@ from humanmm.models.camera.odometry.resection import resect
 from humanmm.models.camera.odometry.tracked_shot import TrackedShot
 from humanmm.models.camera.odometry.two_view import Pair, rays, relative_pose, starting_pairs, wahba_rotation
 from humanmm.models.geometry import rotations
+from humanmm.models.video.progress import Progress, silent
 
 WINDOW = 15
 """Keyframes in an adjustment while the odometry runs (LEAP-VO: 15)."""
@@ -108,7 +109,7 @@ def _seen_twice(observations: Observations) -> Observations:
     return observations.select(np.bincount(observations.point)[observations.point] >= 2)
 
 
-def moving(shot: TrackedShot, guide: Track, *, max_starts: int = 3) -> Track | None:
+def moving(shot: TrackedShot, guide: Track, *, max_starts: int = 3, progress: Progress = silent) -> Track | None:
     """The track of a camera that moves, over the keyframes of `guide`, which predicts its rotations.
 
     A two-view pose from noisy points may be the wrong one of several that look alike; while the result does not fit as
@@ -121,8 +122,10 @@ def moving(shot: TrackedShot, guide: Track, *, max_starts: int = 3) -> Track | N
             continue
         for k in range(pair.second + 1, len(guide.keyframes)):
             run.take(k, k - 1)
+            progress(int(run.placed.sum()), len(run.placed))
         for k in range(pair.first - 1, -1, -1):
             run.take(k, k + 1)
+            progress(int(run.placed.sum()), len(run.placed))
         track = run.finish()
         if best is None or track.error_px < best.error_px:
             best = track

@@ -33,6 +33,7 @@ from humanmm.models.records.camera import ShotCamera
 from humanmm.models.records.motion import PersonShotMotion, ShotMotion
 from humanmm.models.records.shots import Person, Shot
 from humanmm.models.records.tracks import UNKNOWN_RAD, ScenePeople
+from humanmm.models.video.progress import Progress, parts_of, silent
 
 Array = np.ndarray
 
@@ -93,6 +94,7 @@ def fit_shot(
     *,
     noise: NoiseModel | None = None,
     initial_pose: InitialPose = start_pose,
+    progress: Progress = silent,
 ) -> ShotMotion:
     """Everybody in one shot, where no transition mixes it with another; people who are not seen there are left out.
 
@@ -101,14 +103,16 @@ def fit_shot(
     """
     betas = {person.person: person.betas for person in people}
     motions = []
-    for appearance in shot.people:
+    parts = parts_of(progress, shot.end - shot.start, [1.0] * len(shot.people))
+    for appearance, part in zip(shot.people, parts, strict=True):
         first, last = span = shot.outside_transitions
         K = camera.K[first - camera.start : last - camera.start]
         evidence = gather(scene.track_of(appearance), span, time_s, K, tracking_failures=appearance.tracking_failures)
         if evidence is not None:
             path = camera_path(camera, evidence.frame)
             person, shape = appearance.person, betas[appearance.person]
-            motions.append(fit_person(person, evidence, shape, path, noise=noise, initial_pose=initial_pose))
+            fitted = fit_person(person, evidence, shape, path, noise=noise, initial_pose=initial_pose, progress=part)
+            motions.append(fitted)
     return ShotMotion(shot.start, shot.end, tuple(motions))
 
 
@@ -127,6 +131,7 @@ def fit_person(
     *,
     noise: NoiseModel | None = None,
     initial_pose: InitialPose = start_pose,
+    progress: Progress = silent,
 ) -> PersonShotMotion:
     """θ, Γ and τ of every frame, in the axes of its camera."""
     noise = noise or NoiseModel()
@@ -135,7 +140,7 @@ def fit_person(
     motion = _start(skeleton, evidence, camera, initial_pose)
     depths = pelvis_depths(motion, camera)
     terms = EvidenceTerms(evidence, bone_lengths(skeleton), camera, depths, noise, anchor=motion)
-    motion = solve_windows(motion, terms)
+    motion = solve_windows(motion, terms, progress=progress)
     return _result(person, evidence, betas, camera, motion, terms)
 
 

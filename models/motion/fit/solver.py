@@ -14,6 +14,7 @@ from jaxtyping import Bool
 from humanmm.models.geometry.levenberg_marquardt import Schedule, levenberg_marquardt
 from humanmm.models.motion.fit.equations import NormalEquations, Term
 from humanmm.models.motion.fit.state import LongMotion, Motion
+from humanmm.models.video.progress import Progress, silent
 
 Array = np.ndarray
 
@@ -36,6 +37,8 @@ def solve_windows(
     motion: LongMotion,
     terms_of: Callable[[slice], Sequence[Term]],
     settings: SolverSettings | None = None,
+    *,
+    progress: Progress = silent,
 ) -> LongMotion:
     """The motion that minimises the terms, started from `motion`; `terms_of(frames)` builds the terms of one window.
 
@@ -53,6 +56,7 @@ def solve_windows(
         held = np.arange(frames.start, frames.stop) < settled
         result.put(frames, minimise(result.frames(frames), terms_of(frames), held=held, settings=settings))
         settled = last
+        progress(settled, motion.num_frames)
     return result
 
 

@@ -32,6 +32,7 @@ from humanmm.models.motion.fit.state import ROOT, CameraPath, LongMotion, Motion
 from humanmm.models.records.recording import CONTACT_JOINTS
 from humanmm.models.records.shots import ShotList
 from humanmm.models.records.tracks import ScenePeople
+from humanmm.models.video.progress import Progress, silent
 
 Array = np.ndarray
 
@@ -171,6 +172,8 @@ def fit_world(
     clip: LongEvidence,
     camera: CameraPath,
     contacts: Float[Array, "N 4"],
+    *,
+    progress: Progress = silent,
 ) -> LongMotion:
     """The motion in the world that agrees best with all shots' evidence and with the feet that stand."""
     depths = pelvis_depths(start, camera)
@@ -183,4 +186,4 @@ def fit_world(
         planted = PlantedFeet(feet, clip.time_s[frames], contacts[frames])
         return [*of_evidence(frames), planted, Uprightness(seen_weight[frames])]
 
-    return solve_windows(start, terms, SETTINGS)
+    return solve_windows(start, terms, SETTINGS, progress=progress)

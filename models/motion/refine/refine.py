@@ -27,6 +27,7 @@ from humanmm.models.records.motion import PersonMotion, WorldMotion
 from humanmm.models.records.recording import CONTACT_JOINTS
 from humanmm.models.records.shots import ShotList
 from humanmm.models.records.tracks import ScenePeople
+from humanmm.models.video.progress import Progress, parts_of, silent
 
 Array = np.ndarray
 
@@ -70,13 +71,15 @@ def refine(
     *,
     time_s: Float[Array, " F"],
     settings: RefineSettings | None = None,
+    progress: Progress = silent,
 ) -> WorldMotion:
     """One smooth motion over all shots: contacts, planted feet, filled gaps; floor at z = 0.
 
     `people`: what was seen, one a scene, None where it failed; `time_s`: times of all frames of the video, seconds.
     """
     cut_frames = tuple(shot.start for shot in shots.shots[1:])
-    return refine_world(world, Observations(shots, people), time_s=time_s, cut_frames=cut_frames, settings=settings)
+    seen = Observations(shots, people)
+    return refine_world(world, seen, time_s=time_s, cut_frames=cut_frames, settings=settings, progress=progress)
 
 
 def refine_world(
@@ -86,6 +89,7 @@ def refine_world(
     time_s: Float[Array, " F"],
     cut_frames: tuple[int, ...],
     settings: RefineSettings | None = None,
+    progress: Progress = silent,
 ) -> WorldMotion:
     """All people refined; floor at z = 0, first person's first pelvis above the origin.
 
@@ -99,7 +103,8 @@ def refine_world(
     }
     rise = floor_height(list(drafts.values())) + settings.floor_m
     people = []
-    for person in world.people:
+    parts = parts_of(progress, len(time_s), [len(person.frame) for person in world.people])
+    for person, part in zip(world.people, parts, strict=True):
         one = drafts.pop(person.person, None)
         if one is None:
             people.append(person)
@@ -114,7 +119,7 @@ def refine_world(
                 time_s=time_s,
                 K=world.K,
             )
-            one = one if clip is None else one.fitted(clip).with_contacts(settings.contacts)
+            one = one if clip is None else one.fitted(clip, progress=part).with_contacts(settings.contacts)
         people.append(finish(one, settings=settings))
     return at_origin(replace(world, people=tuple(people), t_world_cam=world.t_world_cam - [0.0, 0.0, rise]))
 
@@ -162,11 +167,11 @@ class Draft:
         )
         return replace(self, contacts=found)
 
-    def fitted(self, clip: LongEvidence) -> "Draft":
+    def fitted(self, clip: LongEvidence, *, progress: Progress = silent) -> "Draft":
         """Fitted once more to the evidence of all shots; frames without any are filled in again."""
         camera = CameraPath(*inverse_pose(self.R_world_cam, self.camera_centre), self.K)
         seen = self.person.observed
-        motion = fit_world(self.motion, clip.believed(seen), camera, self.contacts)
+        motion = fit_world(self.motion, clip.believed(seen), camera, self.contacts, progress=progress)
         if not seen.all():
             vectors, pelvis = motion.vectors, motion.pelvis_ref
             vectors[~seen] = smooth_rotations(vectors, seen * 1.0, self.time_s, cutoff_hz=FILL_HZ)[~seen]

@@ -26,6 +26,7 @@ from humanmm.models.motion.world.walls import wall_edges, walls_of
 from humanmm.models.records.camera import SOURCES
 from humanmm.models.records.motion import CutAlignment, PersonShotMotion, RotationEvidence, WorldMotion
 from humanmm.models.shots.identity import identity_probabilities
+from humanmm.models.video.progress import Progress, silent
 
 __all__ = ["WITNESSES", "ShotResults", "align"]
 
@@ -42,6 +43,7 @@ def align(
     method: CutMethod = align_by_bundle,
     known_rotations: Mapping[int, Float[Array, "3 3"]] | None = None,
     witnesses: Set[str] = WITNESSES,
+    progress: Progress = silent,
 ) -> WorldMotion:
     """People and cameras of the whole video in one world.
 
@@ -50,11 +52,11 @@ def align(
     joined by them. Of WITNESSES all but `witnesses` are not heard; shots are one world all the same where they share
     somebody.
     """
-    edges = [
-        cut_edge(results, later, method, known_rotations or {})
-        for later in range(1, len(results.shots.shots))
-        if usable(results, later)
-    ]
+    edges = []
+    for later, shot in enumerate(results.shots.shots):
+        if later > 0 and usable(results, later):
+            edges.append(cut_edge(results, later, method, known_rotations or {}))
+            progress(shot.start, len(results.time_s))
     background = background_edges(results) if "background" in witnesses else BackgroundEdges((), ())
     num_shots = len(results.shots.shots)
     standing = {shot: standing_axes(results, shot) for shot in range(num_shots) if usable(results, shot)}
@@ -113,7 +115,9 @@ def _lifted(results: ShotResults) -> list[str]:
         appearance.person
         for shot in results.shots.shots
         for appearance in shot.people
-        if (scene := results.scenes[shot.scene]) is not None and scene.tracks[appearance.track].lifted
+        if (scene := results.scenes[shot.scene]) is not None
+        and (track := scene.tracks[appearance.track]).lifted
+        and track.pose is None
     }
     return [
         f"person {person}: the detector gives 2D keypoints only; depth and orientation were lifted from them, rougher"

@@ -290,10 +290,11 @@ def track_pictures(
     for frame, image in frames:
         scale = np.array(size) / image.size
         tracker.step(frame, image)
-    return _in_source_pixels(tracker.finish(), scale)
+    return in_source_pixels(tracker.finish(), scale)
 
 
-def _in_source_pixels(people: ScenePeople, scale: np.ndarray) -> ScenePeople:
+def in_source_pixels(people: ScenePeople, scale: np.ndarray) -> ScenePeople:
+    """What was found in smaller pictures, in pixels of the video: `scale` (2,) is its sides over theirs."""
     if (scale == 1).all():
         return people
 

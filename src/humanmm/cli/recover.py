@@ -22,7 +22,10 @@ if TYPE_CHECKING:
 PARTIAL = 3
 _CORRECTIONS = "what you know better (default: corrections.toml in RUN_DIR, see humanmm correct)"
 _KEYPOINTS = "keypoints of another program: a folder of OpenPose's, Sports2D's json, MMPose's, COCO's json"
-_CAMERAS = "cameras of another program: a TUM trajectory, a folder with COLMAP's cameras.txt and images.txt"
+_HMR = "bodies of another system: GVHMR's .pt; experimental: GEM, PromptHMR, WHAM, TRAM, SLAHMR, SAM 3D Body"
+_DETECTIONS = "people's boxes of another program: MOT text, COCO results json (experimental)"
+_MASKS = "people's masks: a folder of png, one a frame, a pixel's value is the person's number (experimental)"
+_CAMERAS = "cameras of another program: TUM trajectories, a folder with COLMAP's model, text or binary"
 _VIDEOS = "a video; several, and all videos of a folder, are recovered one after the other"
 _OUT = "default: runs/<name of the video>; of several videos the folder that gets a run folder for each"
 _FROM = f"compute STAGE and all after it; stages: {', '.join(STAGES)}"
@@ -40,7 +43,10 @@ def recover(  # noqa: PLR0913 (one a flag)
     min_confidence: Annotated[float | None, Option(metavar="P", help="least probability of being a person")] = None,
     focal_px: Annotated[float | None, Option(metavar="F", help="focal length in pixels of the video")] = None,
     fov_deg: Annotated[float | None, Option(metavar="D", help="horizontal field of view in degrees")] = None,
+    hmr_from: Annotated[Path | None, Option(metavar="PATH", help=_HMR)] = None,
     keypoints_from: Annotated[Path | None, Option(metavar="PATH", help=_KEYPOINTS)] = None,
+    detections_from: Annotated[Path | None, Option(metavar="FILE", help=_DETECTIONS)] = None,
+    masks_from: Annotated[Path | None, Option(metavar="DIR", help=_MASKS)] = None,
     cameras_from: Annotated[Path | None, Option(metavar="PATH", help=_CAMERAS)] = None,
     dry_run: Annotated[bool, Option("--dry-run", help="list what would run and why; write nothing")] = False,
     json: Json = False,
@@ -57,8 +63,12 @@ def recover(  # noqa: PLR0913 (one a flag)
         raise UsageError("--json goes with --dry-run")
     if focal_px is not None and fov_deg is not None:
         raise UsageError("--focal-px and --fov-deg exclude each other")
-    given = {"focal_px": focal_px, "fov_deg": fov_deg, "keypoints_from": keypoints_from, "cameras_from": cameras_from}
-    config = settings.config(**_shorthands(person, min_confidence=min_confidence, **given))
+    given: dict[str, float | Path | None] = {
+        "min_confidence": min_confidence, "focal_px": focal_px, "fov_deg": fov_deg, "hmr_from": hmr_from,
+        "keypoints_from": keypoints_from, "detections_from": detections_from, "masks_from": masks_from,
+        "cameras_from": cameras_from,
+    }  # fmt: skip
+    config = settings.config(**_shorthands(person, **given))
     wanted: dict[str, Any] = {"store": store, "force": force, "start": start, "only": only, "shot": shot}
     wanted["corrections"] = corrections
     asked = _asked(videos, out)

@@ -11,11 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
+from humanmm.models.body.smpl_joints import SMPLX_REST_PELVIS
 from humanmm.models.motion.excerpt import Excerpt
 from humanmm.models.records.recording import RecordedPerson, Recording
-
-SMPLX_REST_PELVIS = np.array([0.00312326, -0.35140747, 0.01203655])
-"""Pelvis joint of the neutral SMPL-X body with zero betas, metres: a reader adds it to `trans`."""
 
 NUM_BETAS = 16
 BODY_JOINTS = 21

@@ -9,11 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
+from humanmm.models.body.smpl_joints import SMPLX_REST_PELVIS
 from humanmm.models.geometry.projection import world_to_camera
 from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
 from humanmm.models.motion.excerpt import Excerpt
 from humanmm.models.records.recording import RecordedPerson
-from humanmm.storage.run_folder.exporters.amass import BODY_JOINTS, SMPLX_REST_PELVIS
+from humanmm.storage.run_folder.exporters.amass import BODY_JOINTS
 
 _NUM_BETAS = 10
 

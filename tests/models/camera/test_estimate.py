@@ -41,7 +41,9 @@ def test_a_pan_is_in_the_rotation_alone(scene_of: Callable[..., Any]) -> None:
 @pytest.mark.parametrize("kind", ["dolly", "orbit", "forward", "hand-held"])
 def test_a_moving_camera_is_followed(scene_of: Callable[..., Any], kind: str) -> None:
     scene = scene_of(kind)
-    camera = camera_from_points(scene.points, (), scene.intrinsics)
+    told: list[int] = []
+    camera = camera_from_points(scene.points, (), scene.intrinsics, progress=lambda done, total: told.append(done))
+    assert told == sorted(set(told)) and len(told) > 10 and told[-1] == scene.points.end - scene.points.start
     assert camera.source == "tracked" and not camera.metric
     assert not camera.zooms and not camera.warnings
     assert rotation_errors_deg(camera, scene.R_shot_cam).max() < 0.3  # 0.3 px of noise is 0.02 degrees a point

@@ -10,6 +10,7 @@ from humanmm.models.camera.shot_camera import estimate_camera
 from humanmm.models.records.camera import Intrinsics, PointTracks, ShotCamera
 from humanmm.models.records.shots import Shot, Transition
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
+from humanmm.models.video.progress import Progress, silent
 
 
 def test_another_estimator_gets_the_shots_own_points(scene_of: Callable[..., Any]) -> None:
@@ -19,10 +20,15 @@ def test_another_estimator_gets_the_shots_own_points(scene_of: Callable[..., Any
     seen: list[PointTracks] = []
 
     def estimator(
-        points: PointTracks, people: Sequence[PersonTrack], intrinsics: Intrinsics, *, static: bool
+        points: PointTracks,
+        people: Sequence[PersonTrack],
+        intrinsics: Intrinsics,
+        *,
+        static: bool,
+        progress: Progress = silent,
     ) -> ShotCamera:
         seen.append(points)
-        return camera_from_points(points, people, intrinsics, static=static)
+        return camera_from_points(points, people, intrinsics, static=static, progress=progress)
 
     camera = estimate_camera(shot, scene.points, ScenePeople(0, 60, ()), scene.intrinsics, estimator=estimator)
     assert (camera.start, camera.end) == (20, 60) and camera.source == "rotation_only"

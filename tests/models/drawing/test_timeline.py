@@ -9,6 +9,7 @@ from humanmm.models.drawing.overlay import Mark
 from humanmm.models.drawing.timeline import StageTime, timeline
 from humanmm.models.records.recording import Recording
 from humanmm.tasks.pictures import stage_times
+from humanmm.tasks.pipeline import STAGES as STAGE_TABLE
 
 STAGES = [StageTime("decode", 0.4, 1, 1, 0), StageTime("people", 3.0, 2, 0, 0)]
 
@@ -37,3 +38,9 @@ def test_units_of_a_stage_are_added_up() -> None:
         ]
     }
     assert stage_times(record) == [StageTime("hmr", 3.5, 2, 1, 1), StageTime("align", 0.5, 1, 0, 0)]
+
+
+def test_no_name_of_a_stage_is_cut_off(standing: Recording) -> None:
+    names = [stage.name for stage in STAGE_TABLE]
+    image = timeline(standing, [], [StageTime(name, 1.0, 1, 0, 0) for name in names], [])
+    assert (image[:, :2] == image[0, 0]).all(), "something is drawn at the very edge"

@@ -136,14 +136,18 @@ def test_windows_give_what_one_solve_of_everything_gives() -> None:
     exact = {"max_iterations": 15, "relative_decrease": 1e-7}
     start = LongMotion.empty(truth.skeleton, num_frames)
     start.put(slice(None), truth)
+    told: list[tuple[int, int]] = []
     whole, parts = (
-        solve_windows(start, terms_of, SolverSettings(**exact, **windows)).frames(slice(None))
+        solve_windows(
+            start, terms_of, SolverSettings(**exact, **windows), progress=lambda *so_far: told.append(so_far)
+        ).frames(slice(None))
         for windows in ({"window": 1000}, {"window": 20, "lookahead": 20})
     )
     # What a window cannot see lies 20 frames ahead: a twentieth remains of noise of 20 mm, and no jump at a seam.
     gap = np.linalg.norm(whole.points - parts.points, axis=-1)
     assert gap.mean() < 1e-3
     assert np.abs(np.diff(gap, axis=0)).max() < 2e-3
+    assert told == [(60, 60), (20, 60), (40, 60), (60, 60)]
 
 
 def test_a_long_motion_gives_back_what_was_put_in() -> None:

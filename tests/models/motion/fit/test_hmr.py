@@ -81,7 +81,13 @@ class Scene:
         camera = ShotCamera(
             0, F, self.R_shot_cam, np.zeros((F, 3)), self.K, "rotation_only", False, np.nan,
         )  # fmt: skip
-        (motion,) = fit_shot(ScenePeople(0, F, (track,)), shot, (Person(0, BETAS, 1.0),), TIME, camera).people
+        told: list[tuple[int, int]] = []
+        fitted = fit_shot(
+            ScenePeople(0, F, (track,)), shot, (Person(0, BETAS, 1.0),), TIME, camera,
+            progress=lambda *so_far: told.append(so_far),
+        )  # fmt: skip
+        (motion,) = fitted.people
+        assert told[-1] == (F, F)
         return motion
 
     def error_m(self, motion: PersonShotMotion) -> np.ndarray:

@@ -106,7 +106,9 @@ def test_feet_that_stand_take_away_the_error_of_the_distance() -> None:
     world, time = standing()
     drift = 0.06 * np.sin(2 * np.pi * 0.5 * time)[:, None] * np.array([0.0, 1.0, 0.0])
     noisy = with_person(world, pelvis_world=world.people[0].pelvis_world + drift)
-    after = refine_world(noisy, seen(world), time_s=time, cut_frames=())
+    told: list[tuple[int, int]] = []
+    after = refine_world(noisy, seen(world), time_s=time, cut_frames=(), progress=lambda *so_far: told.append(so_far))
+    assert told[-1] == (N, N)
     feet = joints(after)[:, CONTACT_JOINTS]
     assert np.ptp(after.people[0].pelvis_world[:, 1]) < 0.02
     assert np.linalg.norm(np.diff(feet, axis=0), axis=-1).max() < 0.002

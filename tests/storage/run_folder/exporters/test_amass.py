@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 import two_people
 
+from humanmm.models.body.smpl_joints import SMPLX_REST_PELVIS
 from humanmm.models.motion.excerpt import Wishes
 from humanmm.storage.run_folder.exporters import export
-from humanmm.storage.run_folder.exporters.amass import SMPLX_REST_PELVIS, reader_rate
+from humanmm.storage.run_folder.exporters.amass import reader_rate
 
 RECORDING = two_people.recording(fps=30.0)
 N = 40

@@ -7,11 +7,10 @@ import torch
 import two_people
 from scipy.spatial.transform import Rotation
 
-from humanmm.models.body.smpl_joints import SmplJoints
+from humanmm.models.body.smpl_joints import SMPLX_REST_PELVIS, SmplJoints
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.storage.readers.systems import read_result
 from humanmm.storage.run_folder.exporters import export
-from humanmm.storage.run_folder.exporters.amass import SMPLX_REST_PELVIS
 
 RECORDING = two_people.recording()
 

@@ -10,10 +10,10 @@ import pytest
 
 from humanmm.config import GivenFile
 from humanmm.errors import InputError
-from humanmm.storage.readers.keypoints import BODY_25, OPENPOSE_COCO, read_keypoints
+from humanmm.storage.readers.given.keypoints import BODY_25, OPENPOSE_COCO, read_keypoints
 
 N, SIZE = 5, (1280, 720)
-CLIP = Path(__file__).parents[3] / "examples/pose2sim_multishot"
+CLIP = Path(__file__).parents[4] / "examples/pose2sim_multishot"
 
 
 def _people() -> np.ndarray:

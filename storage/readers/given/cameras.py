@@ -1,9 +1,9 @@
-"""Cameras that another program found: a TUM trajectory, or a COLMAP model as text.
+"""Cameras that another program found: TUM trajectories, or a COLMAP model as text or binary.
 
 | file | what is read | frame |
 |---|---|---|
-| TUM trajectory | `time tx ty tz qx qy qz qw` a line, camera to world | nearest time (*) |
-| COLMAP's cameras.txt and images.txt | focal length, world to camera | last number of the image's name |
+| TUM trajectories, one or a folder | `time tx ty tz qx qy qz qw` a line, camera to world | nearest time (*) |
+| COLMAP's cameras and images, .txt or .bin | focal length, world to camera | last number of the image's name |
 
 (*) in seconds of the video; whole numbers that go beyond its end are frames. Lenses are taken for pinholes with the
 principal point in the middle; what that leaves out is said in a warning.
@@ -20,13 +20,10 @@ from humanmm.errors import InputError
 from humanmm.models.geometry.projection import inverse_pose
 from humanmm.models.records.camera import GivenCameras
 from humanmm.models.records.video import VideoFacts
+from humanmm.storage.readers.given.colmap import FILES, ColmapCamera, ColmapModel, colmap_model
 
 Array = np.ndarray
 
-FOCALS = {
-    "SIMPLE_PINHOLE": 1, "PINHOLE": 2, "SIMPLE_RADIAL": 1, "RADIAL": 1, "OPENCV": 2, "FULL_OPENCV": 2,
-}  # fmt: skip
-"""Model of COLMAP → how many focal lengths come first; then the principal point, then distortion."""
 OFF_CENTRE = 0.02
 """Fraction of the width by which a principal point may lie beside the middle without a warning."""
 OTHER_SHAPE = 0.01
@@ -37,12 +34,10 @@ UNIT_NORM = 0.02
 def read_cameras(given: GivenFile, facts: VideoFacts) -> GivenCameras:
     """The cameras of those frames that the file names. InputError says in one sentence what is wrong."""
     try:
-        texts = {name: _text(name, content) for name, content in given.read().items()}
-        if {"cameras.txt", "images.txt"} <= texts.keys():
-            return _colmap(texts["cameras.txt"], texts["images.txt"], facts)
-        if len(texts) == 1:
-            return _tum(next(iter(texts.values())), facts)
-        raise InputError("it holds no cameras.txt and images.txt of COLMAP; a TUM trajectory is one file")
+        contents = given.read()
+        if any(all(name in contents for name in names) for names in FILES):
+            return _colmap(colmap_model(contents), facts)
+        return _tum([_text(name, content) for name, content in contents.items()], facts)
     except InputError as error:
         words = str(error)
         raise InputError(words if given.path in words else f"{given.path}: {words}") from None
@@ -55,16 +50,17 @@ def _text(name: str, content: bytes) -> str:
         raise InputError(f"{name} is no text") from None
 
 
-def _tum(text: str, facts: VideoFacts) -> GivenCameras:
-    lines = [line.replace(",", " ").split() for line in text.splitlines() if line.strip() and line.lstrip()[0] != "#"]
-    rows = np.array([_floats(line, 8, "a line of a TUM trajectory") for line in lines]).reshape(-1, 8)
-    if not len(rows):
+def _tum(texts: list[str], facts: VideoFacts) -> GivenCameras:
+    lines = [line.replace(",", " ").split() for text in texts for line in text.splitlines()]
+    rows = [_floats(line, 8, "a line of a TUM trajectory") for line in lines if line and not line[0].startswith("#")]
+    if not rows:
         raise InputError("it holds no camera")
-    frame, near = _frames_at(rows[:, 0], facts.time_s)
+    values = np.array(rows)
+    frame, near = _frames_at(values[:, 0], facts.time_s)
     frame, first = np.unique(frame[near], return_index=True)
-    rows = rows[near][first]
-    R = _rotations(rows[:, [4, 5, 6, 7]])
-    return GivenCameras(frame.astype(np.int32), R, rows[:, 1:4], np.full(len(frame), np.nan))
+    values = values[near][first]
+    R = _rotations(values[:, [4, 5, 6, 7]])
+    return GivenCameras(frame.astype(np.int32), R, values[:, 1:4], np.full(len(frame), np.nan))
 
 
 def _frames_at(moments: Float[Array, " n"], time_s: Float[Array, " F"]) -> tuple[Int[Array, " n"], Array]:
@@ -98,28 +94,20 @@ def _nearest(moments: Float[Array, " n"], time_s: Float[Array, " F"]) -> Int[Arr
     return np.where(moments - time_s[after - 1] <= time_s[after] - moments, after - 1, after)
 
 
-def _colmap(cameras: str, images: str, facts: VideoFacts) -> GivenCameras:
-    focal_of: dict[str, float] = {}
+def _colmap(model: ColmapModel, facts: VideoFacts) -> GivenCameras:
     warnings: list[str] = []
-    for line in cameras.splitlines():
-        if line.strip() and not line.startswith("#"):
-            name, focal_px, said = _lens(line.split(), facts)
-            focal_of[name] = focal_px
-            warnings += [sentence for sentence in said if sentence not in warnings]
+    focal_of: dict[int, float] = {}
+    for camera in model.cameras:
+        focal_of[camera.number], said = _lens(camera, facts)
+        warnings += [sentence for sentence in said if sentence not in warnings]
     rows: dict[int, list[float]] = {}
-    lines = iter(images.splitlines())
-    for line in lines:
-        if not line.strip() or line.startswith("#"):
-            continue
-        words = line.split(maxsplit=9)
-        next(lines, None)  # its points
-        if len(words) != 10 or words[8] not in focal_of:
-            raise InputError(f"images.txt has the line {line[:80]!r}; expected an image of a camera in cameras.txt")
-        rows[_number_in(words[9])] = [*_floats(words[1:8], 7, "an image in images.txt"), focal_of[words[8]]]
+    for image in model.images:
+        if image.camera not in focal_of:
+            raise InputError(f"image {image.name!r} is of camera {image.camera}, which the model does not hold")
+        rows[_number_in(image.name)] = [*image.quat_wxyz, *image.t_cam_world, focal_of[image.camera]]
     if not rows:
-        raise InputError("images.txt holds no image")
-    frame = np.array(sorted(rows))
-    frame = _from_zero(frame, facts.num_frames)
+        raise InputError("the model holds no image")
+    frame = _from_zero(np.array(sorted(rows)), facts.num_frames)
     values = np.array([rows[number] for number in sorted(rows)])[frame < facts.num_frames]
     R_cam_given = _rotations(values[:, [1, 2, 3, 0]])
     R, t = inverse_pose(R_cam_given, values[:, 4:7])
@@ -127,18 +115,12 @@ def _colmap(cameras: str, images: str, facts: VideoFacts) -> GivenCameras:
     return GivenCameras(kept, R, t, values[:, 7], tuple(warnings))
 
 
-def _lens(words: list[str], facts: VideoFacts) -> tuple[str, float, list[str]]:
-    """Its number, focal length in pixels of the video, and what a pinhole leaves out."""
-    if len(words) < 5 or words[1] not in FOCALS:
-        shown = " ".join(words)[:60]
-        raise InputError(f"cameras.txt has the line {shown!r}; expected one of {', '.join(FOCALS)}")
-    width, height, *parameters = _floats(words[2:], len(words) - 2, "a camera in cameras.txt")
-    count = FOCALS[words[1]]
-    if len(parameters) < count + 2 or min(width, height, *parameters[:count]) <= 0:
-        raise InputError(f"camera {words[0]} of cameras.txt lacks parameters, or some are not positive")
+def _lens(camera: ColmapCamera, facts: VideoFacts) -> tuple[float, list[str]]:
+    """Its focal length in pixels of the video, and what a pinhole leaves out."""
+    width, height, parameters, count = camera.width, camera.height, camera.parameters, camera.num_focals
     if abs(width / height * facts.height / facts.width - 1) > OTHER_SHAPE:
         raise InputError(
-            f"camera {words[0]} of cameras.txt has pictures of {width:.0f}×{height:.0f}, the video of "
+            f"camera {camera.number} of COLMAP's model has pictures of {width:.0f}×{height:.0f}, the video of "
             f"{facts.width}×{facts.height}: is it of another video?"
         )
     said = []
@@ -147,7 +129,7 @@ def _lens(words: list[str], facts: VideoFacts) -> tuple[str, float, list[str]]:
         said.append("the given principal point is not in the middle of the picture; it is taken to be there")
     if np.abs(parameters[count + 2 :]).max(initial=0) > 0:
         said.append("the given lens distorts; it is taken for one that does not")
-    return words[0], float(np.mean(parameters[:count])) * facts.width / width, said
+    return float(np.mean(parameters[:count])) * facts.width / width, said
 
 
 def _from_zero(frame: Int[Array, " n"], num_frames: int) -> Int[Array, " n"]:

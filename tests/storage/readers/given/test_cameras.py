@@ -13,7 +13,7 @@ from humanmm.errors import InputError
 from humanmm.models.motion.excerpt import Wishes, excerpt
 from humanmm.models.records.camera import GivenCameras
 from humanmm.models.records.video import VideoFacts
-from humanmm.storage.readers.cameras import read_cameras
+from humanmm.storage.readers.given.cameras import read_cameras
 from humanmm.storage.run_folder.exporters.cameras.colmap import colmap_files
 from humanmm.storage.run_folder.exporters.cameras.tum import tum_files
 
@@ -29,7 +29,9 @@ def _tum(path: Path, moments: np.ndarray) -> Path:
     return path
 
 
-def _colmap(folder: Path, *, model: str = "PINHOLE", scale: float = 0.5, first: int = 0, step: int = 1) -> Path:
+def _colmap(
+    folder: Path, *, model: str = "PINHOLE", scale: float = 0.5, first: int = 0, step: int = 1, binary: bool = False
+) -> Path:
     """By pycolmap: pictures at half the video's size."""
     model_of = pycolmap.Reconstruction()
     width, height = int(1280 * scale), int(720 * scale)
@@ -42,7 +44,7 @@ def _colmap(folder: Path, *, model: str = "PINHOLE", scale: float = 0.5, first: 
         pose = pycolmap.Rigid3d(pycolmap.Rotation3d(R[k].T), -R[k].T @ T[k])
         model_of.add_image_with_trivial_frame(image, pose)
     folder.mkdir()
-    model_of.write_text(str(folder))
+    (model_of.write_binary if binary else model_of.write_text)(str(folder))
     return folder
 
 
@@ -70,9 +72,18 @@ def test_of_a_tum_trajectory_times_between_frames_are_left_out(tmp_path: Path) -
     np.testing.assert_allclose(found.t_given_cam, T[[0, 1, 2, 5, 6, 7]], atol=1e-7)
 
 
+def test_several_tum_trajectories_are_one_a_shot(tmp_path: Path) -> None:
+    rows = _tum(tmp_path / "whole.txt", np.arange(N) / 25).read_text().splitlines()
+    (tmp_path / "shots").mkdir()
+    (tmp_path / "shots" / "a.txt").write_text("\n".join(rows[1:5]))
+    (tmp_path / "shots" / "b.txt").write_text("\n".join(rows[5:]))
+    _check(_read(tmp_path / "shots"), list(range(N)))
+
+
+@pytest.mark.parametrize("binary", [False, True])
 @pytest.mark.parametrize("first", [0, 1])
-def test_a_colmap_model_that_pycolmap_wrote(tmp_path: Path, first: int) -> None:
-    found = _read(_colmap(tmp_path / "sparse", first=first))
+def test_a_colmap_model_that_pycolmap_wrote(tmp_path: Path, first: int, binary: bool) -> None:
+    found = _read(_colmap(tmp_path / "sparse", first=first, binary=binary))
     _check(found, list(range(N)))
     np.testing.assert_allclose(found.focal_px, 900.0)
     assert not found.warnings
@@ -124,7 +135,12 @@ def test_what_is_wrong_with_a_trajectory_is_told(tmp_path: Path, text: str, told
         ("cameras.txt", "640 360", "640 640", "has pictures of 640×640, the video of 1280×720"),
         ("images.txt", "00007.png", "00700.png", "are of frames 0 to 700, the video has 8"),
         ("images.txt", "00007.png", "last.png", "no number in the name 'frames/last.png'"),
-        ("images.txt", " 1 frames/00007", " 4 frames/00007", "expected an image of a camera in cameras.txt"),
+        (
+            "images.txt",
+            " 1 frames/00007",
+            " 4 frames/00007",
+            "image 'frames/00007.png' is of camera 4, which the model does not",
+        ),
     ],
 )
 def test_what_is_wrong_with_a_model_is_told(tmp_path: Path, name: str, old: str, new: str, told: str) -> None:

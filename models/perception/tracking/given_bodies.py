@@ -1,0 +1,128 @@
+"""Everybody in one scene from the bodies that another system found: its motion, in the axes of its camera.
+
+Its rotations are put on body24 and shown to the later stages as if our networks had seen them: landmarks in the picture
+by its own camera, landmarks in space, joint rotations. So identities, joining and refinement work as always. SMPL's
+shape basis is not here: bodies are of average build, unless body24's own shape is given.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from humanmm.models.body.body24 import FREE_JOINTS, NUM_JOINTS, ROTATED_JOINTS, load_body
+from humanmm.models.body.kinematics import compose, local_rotations
+from humanmm.models.body.landmarks import load_landmarks
+from humanmm.models.geometry.projection import in_front, project, ray_axes, viewing_rays
+from humanmm.models.geometry.rotations import rotmat_to_rotvec
+from humanmm.models.perception.clothing import HISTOGRAM_BINS
+from humanmm.models.perception.silhouettes import silhouettes
+from humanmm.models.perception.tracking.coco import FEWEST, FLESH, NEAREST_M
+from humanmm.models.perception.tracking.tracker import MIN_TRACK_S
+from humanmm.models.records.landmarks import HIPS, LIMBS, NUM_LANDMARKS
+from humanmm.models.records.tracks import MASK_SIDE, UNKNOWN_RAD, PersonTrack, PoseEstimates, ScenePeople
+from humanmm.models.records.video import VideoFacts
+from humanmm.models.video.frame_times import ROUNDING_S, shown_s
+
+Array = np.ndarray
+
+GIVEN_RAD = 0.03
+"""Expected error of a given joint rotation: less than any network's, so that the fit keeps to it."""
+
+
+@dataclass(frozen=True, eq=False)
+class GivenBody:
+    """One person in n frames of a video, as another system has him; camera axes x right, y down, z forward, metres."""
+
+    frame: Int[Array, " n"]
+    """Rising strictly."""
+    landmarks_cam: Float[Array, "n 33 3"]
+    known: Bool[Array, " 33"]
+    """Which landmarks the system tells; the others are anything finite."""
+    K: Float[Array, "n 3 3"]
+    """The system's own camera, pixels of the video."""
+    R_local: Float[Array, "n 24 3 3"] | None = None
+    """The root's rotation to camera axes, the joints' to their parents; None where only joints' places are known."""
+
+
+def smpl_body(
+    frame: Int[Array, " n"],
+    R_cam_root: Float[Array, "n 3 3"],
+    body_pose: Float[Array, "n j 3"],
+    pelvis_cam: Float[Array, "n 3"],
+    K: Float[Array, "n 3 3"],
+    *,
+    betas: Float[Array, " 10"] | None = None,
+) -> GivenBody:
+    """SMPL's rotations (axis-angle, the first j of its 23 joints) on body24; `betas` are body24's, if known."""
+    body, model = load_body(), load_landmarks()
+    shape = np.zeros(body.num_betas) if betas is None else betas
+    pose = np.zeros((len(frame), NUM_JOINTS - 1, 3))
+    given = body_pose[:, : NUM_JOINTS - 1]
+    pose[:, : given.shape[1]] = given
+    R_local = local_rotations(R_cam_root, pose)
+    joints, R = compose(body.rest_joints(shape), R_local, pelvis_cam)
+    return GivenBody(frame, model.place(shape, joints, R), np.ones(NUM_LANDMARKS, bool), K, R_local)
+
+
+def people_of_bodies(
+    bodies: Sequence[GivenBody], facts: VideoFacts, span: tuple[int, int], *, max_people: int
+) -> ScenePeople:
+    """The tracks of one scene's frames [start, end), largest first.
+
+    Masks are drawn about the bones; colours are unknown.
+    """
+    start, end = span
+    scene_s = float(shown_s(facts.time_s, np.arange(start, end)).sum())
+    shortest_s = min(MIN_TRACK_S, 0.5 * scene_s) - ROUNDING_S
+    found = [_track(body, slice(*np.searchsorted(body.frame, span)), (facts.width, facts.height)) for body in bodies]
+    tracks = [one for one in found if float(shown_s(facts.time_s, one.frame).sum()) >= shortest_s]
+    tracks.sort(key=lambda one: -float((one.bbox[:, 2:] - one.bbox[:, :2]).prod(axis=1).sum()))
+    return ScenePeople(start, end, tuple(tracks[:max_people]))
+
+
+def _track(body: GivenBody, rows: slice, size: tuple[int, int]) -> PersonTrack:
+    """A person in some rows, without the frames in which hardly a landmark of his is in the picture."""
+    pixels = project(body.landmarks_cam[rows], body.K[rows], near_m=NEAREST_M)
+    inside = ((pixels >= 0) & (pixels <= np.array(size))).all(axis=-1)
+    seen = inside & in_front(body.landmarks_cam[rows], NEAREST_M) & body.known
+    chosen = np.arange(rows.start, rows.stop)[seen.sum(axis=1) >= FEWEST]
+    pixels, seen = pixels[chosen - rows.start], seen[chosen - rows.start]
+    points = np.concatenate([pixels, seen[..., None]], axis=-1)
+    masks, affine = silhouettes(points)
+    centre = affine.astype(np.float64) @ np.array([MASK_SIDE / 2, MASK_SIDE / 2, 1.0])
+    R_cam_ray = ray_axes(viewing_rays(centre[:, None], body.K[chosen])[:, 0])
+    landmarks_cam = body.landmarks_cam[chosen]
+    about_hips = landmarks_cam - landmarks_cam[:, list(HIPS)].mean(axis=1, keepdims=True)
+    return PersonTrack(
+        frame=body.frame[chosen].astype(np.int32),
+        keypoints2d=points.astype(np.float32),
+        landmarks3d=(about_hips @ R_cam_ray).astype(np.float32),
+        bbox=_boxes(pixels, seen, size).astype(np.float32),
+        confidence=seen[:, list(LIMBS)].mean(axis=1, dtype=np.float32),
+        masks=masks,
+        mask_affine=affine,
+        color_frame=np.zeros(0, np.int32),
+        color_histogram=np.zeros((0, HISTOGRAM_BINS), np.float32),
+        lifted=True,
+        pose=_pose(None if body.R_local is None else body.R_local[chosen], R_cam_ray),
+    )
+
+
+def _pose(R_local: Float[Array, "n 24 3 3"] | None, R_cam_ray: Float[Array, "n 3 3"]) -> PoseEstimates:
+    """The rotations, as sure as given ones are; none that says anything where only places are known."""
+    count = len(R_cam_ray)
+    vectors = np.zeros((count, len(ROTATED_JOINTS), 3))
+    if R_local is not None:
+        vectors[:, 0] = rotmat_to_rotvec(np.swapaxes(R_cam_ray, -1, -2) @ R_local[:, 0])
+        vectors[:, 1:] = rotmat_to_rotvec(R_local[:, list(FREE_JOINTS)])
+    sigma = np.full(vectors.shape[:2], UNKNOWN_RAD if R_local is None else GIVEN_RAD, np.float32)
+    return PoseEstimates(vectors.astype(np.float32), sigma, np.zeros(count, np.float32))
+
+
+def _boxes(pixels: Float[Array, "n 33 2"], seen: Bool[Array, "n 33"], size: tuple[int, int]) -> Float[Array, "n 4"]:
+    low = np.where(seen[..., None], pixels, np.inf).min(axis=1)
+    high = np.where(seen[..., None], pixels, -np.inf).max(axis=1)
+    margin = FLESH * (high - low)
+    return np.concatenate([np.clip(low - margin, 0, size), np.clip(high + margin, 0, size)], axis=1)

@@ -1,0 +1,161 @@
+"""Everybody in one scene where another program found him: our pose network looks at the people in given boxes or masks.
+
+Nobody else is looked for. Whoever has a number keeps it; boxes without numbers are one person's where they overlap from
+picture to picture. A given mask takes the place of the pose network's own.
+"""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.optimize import linear_sum_assignment
+
+from humanmm.models.geometry.boxes import box_iou
+from humanmm.models.perception.clothing import clothing_histogram
+from humanmm.models.perception.interfaces import Landmarks, Networks
+from humanmm.models.perception.observation import Observation, observe
+from humanmm.models.perception.picture import Picture
+from humanmm.models.perception.regions import HEIGHT_OF_SIDE, Region, warp
+from humanmm.models.perception.tracking.track_builder import TrackBuilder
+from humanmm.models.perception.tracking.tracker import COLOUR_PERIOD_S, MIN_TRACK_S, in_source_pixels
+from humanmm.models.records.tracks import MASK_SIDE, ScenePeople
+from humanmm.models.video.frame_times import ROUNDING_S, elapsed_s, shown_s
+
+Array = np.ndarray
+
+LOST_S = 1.0
+"""A box without a number goes on in a track that ended no longer ago."""
+SAME_BOX = 0.3
+"""Overlap of boxes from which they are one person's in successive pictures."""
+SAME_BODY = 0.2
+"""Overlap with the given box below which the pose network looked at somebody else."""
+
+
+@dataclass(frozen=True, eq=False)
+class GivenRegions:
+    """People's boxes in pictures, one a row."""
+
+    frame: Int[Array, " M"]
+    """Not decreasing."""
+    person: Int[Array, " M"]
+    """Whose it is; −1 where nobody said."""
+    box: Float[Array, "M 4"]
+    """xyxy, pixels of the video."""
+    score: Float[Array, " M"]
+    """0..1."""
+    labels: Callable[[int], Array] | None = None
+    """The picture of a frame's masks (height, width), a pixel's value is `person`; may be smaller than the video's."""
+
+
+def track_regions(
+    pictures: Iterable[tuple[int, Picture]],
+    given: GivenRegions,
+    *,
+    span: tuple[int, int],
+    time_s: Float[Array, " F"],
+    size: tuple[int, int],
+    max_people: int,
+    networks: Networks,
+) -> ScenePeople:
+    """The tracks of one scene's frames, largest first; of more people than `max_people` those in the largest boxes.
+
+    `time_s` holds the presentation times of all frames of the video; pictures may be smaller than `size`.
+    """
+    start, end = span
+    rows = np.arange(*np.searchsorted(given.frame, span))
+    owner = _owners(given, rows, time_s)
+    areas = (given.box[rows, 2:] - given.box[rows, :2]).prod(axis=1)
+    total = np.bincount(owner, weights=areas) if len(rows) else np.zeros(0)
+    kept = set(np.argsort(-total, kind="stable")[:max_people].tolist())
+    builders: dict[int, TrackBuilder] = {}
+    scale = np.ones(2)
+    for frame, image in pictures:
+        scale = np.array(size) / image.size
+        for row in rows[given.frame[rows] == frame]:
+            person = int(owner[row - rows[0]])
+            if person in kept:
+                _look(builders, person, frame, image, given, int(row), networks, scale, time_s)
+    scene_s = float(shown_s(time_s, np.arange(start, end)).sum())
+    shortest_s = min(MIN_TRACK_S, 0.5 * scene_s) - ROUNDING_S
+    tracks = [one.finished() for one in builders.values() if one.seen_s >= shortest_s]
+    tracks.sort(key=lambda t: -float((t.bbox[:, 2:] - t.bbox[:, :2]).prod(axis=1).sum()))
+    return in_source_pixels(ScenePeople(start, end, tuple(tracks)), scale)
+
+
+def _look(
+    builders: dict[int, TrackBuilder],
+    person: int,
+    frame: int,
+    image: Picture,
+    given: GivenRegions,
+    row: int,
+    networks: Networks,
+    scale: Float[Array, " 2"],
+    time_s: Float[Array, " F"],
+) -> None:
+    """See the person in one box, where the pose network sees one there, and add him to his track."""
+    box = given.box[row] / np.concatenate([scale, scale])
+    known = builders.get(person)
+    regions = [_region(box)] if known is None else [known.predicted(frame), _region(box)]
+    for region in regions:
+        output = networks.locate(image, region)
+        if output.next_region.outlier_of(region, shift=0.12, ratio=1.3):
+            output = networks.locate(image, output.next_region)
+        if given.labels is not None:
+            output = _with_mask(output, given.labels(frame), int(given.person[row]), image)
+        seen = observe(output, image.size)
+        if seen is not None and box_iou(seen.bbox, box) >= SAME_BODY:
+            _add(builders, person, frame, image, seen, time_s)
+            builders[person].detector_scores[frame] = float(given.score[row])
+            return
+
+
+def _add(
+    builders: dict[int, TrackBuilder],
+    person: int,
+    frame: int,
+    image: Picture,
+    seen: Observation,
+    time_s: Float[Array, " F"],
+) -> None:
+    track = builders.setdefault(person, TrackBuilder(time_s, seen, frame))
+    track.add(frame, seen)
+    if not track.colours or elapsed_s(time_s, max(track.colours), frame) >= COLOUR_PERIOD_S:
+        track.colours[frame] = clothing_histogram(image, seen).astype(np.float32)
+
+
+def _region(box: Float[Array, " 4"]) -> Region:
+    """Where the landmarks of whoever fills a box are looked for first."""
+    side = float(max(box[2] - box[0], box[3] - box[1])) / HEIGHT_OF_SIDE
+    return Region(float(box[0] + box[2]) / 2, float(box[1] + box[3]) / 2, max(side, 8.0))
+
+
+def _with_mask(output: Landmarks, labels: Array, person: int, image: Picture) -> Landmarks:
+    """The same with the given mask in the crop."""
+    scale = np.array([labels.shape[1], labels.shape[0]]) / image.size
+    to_labels = output.region.to_source(MASK_SIDE) * scale[:, None]
+    mask = warp((labels == person).astype(np.uint8), to_labels, (MASK_SIDE, MASK_SIDE), nearest=True)
+    return replace(output, mask=mask * np.uint8(255))
+
+
+def _owners(given: GivenRegions, rows: Int[Array, " n"], time_s: Float[Array, " F"]) -> Int[Array, " n"]:
+    """Number of the track that each row belongs to, from 0 on."""
+    if (given.person[rows] >= 0).all():
+        return np.unique(given.person[rows], return_inverse=True)[1]
+    owner = np.full(len(rows), -1)
+    last: list[int] = []
+    for frame in np.unique(given.frame[rows]):
+        here = np.flatnonzero(given.frame[rows] == frame)
+        near = [k for k, row in enumerate(last) if elapsed_s(time_s, int(given.frame[row]), int(frame)) <= LOST_S]
+        overlap = box_iou(given.box[[last[k] for k in near]][:, None], given.box[rows[here]][None])
+        for k, column in zip(*linear_sum_assignment(-overlap), strict=True):
+            if overlap[k, column] >= SAME_BOX:
+                owner[here[column]] = near[k]
+        for at in here:
+            if owner[at] < 0:
+                owner[at] = len(last)
+                last.append(int(rows[at]))
+            else:
+                last[owner[at]] = int(rows[at])
+    return owner

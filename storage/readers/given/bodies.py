@@ -1,0 +1,281 @@
+"""Bodies that another system found, in the axes of its camera, as `GivenBody`.
+
+| system | file | keys that are read | body |
+|---|---|---|---|
+| GVHMR | hmr4d_results.pt | smpl_params_incam: global_orient, body_pose (F,63), transl; K_fullimg (F,3,3) | SMPL-X |
+| GEM (with SMPL bodies) | smpl_params.pt | body_params_incam: the same; K_fullimg | SMPL-X |
+| PromptHMR | results.pkl (joblib) | people[]: smplx_cam (pose (N,66+), trans), frames; camera: focal, centre | SMPL-X |
+| WHAM | wham_output.pkl (joblib) | of each track: pose (N,72), trans (N,3), frame_ids (N,) | SMPL |
+| TRAM | .npz, as in `readers.systems` | pred_rotmat (N,24,3,3), pred_trans, frame, img_focal, img_center | SMPL |
+| SLAHMR | …_world_results.npz | root_orient (B,T,3), pose_body, trans; cam_R (B,T,3,3), cam_t; intrins (4,) | SMPL-H |
+| SAM 3D Body | .npz (*) | pred_keypoints_3d (N,70,3), pred_cam_t (N,3), focal_length, frame, person (N,) | places |
+
+(*) It writes none itself: what it returns of each person, stacked. Of MHR's rotations none are read: its joints are
+others than SMPL's.
+
+`transl` moves the body's origin; the pelvis lies SMPL's rest pelvis beside it. WHAM's camera is the one that it assumes
+without a calibration: the picture's diagonal for its focal length. A file is of the whole video, or of a clip of it:
+its name then ends in @ and the clip's first frame (`walk@000120.pt`). Written from what the projects publish; no file
+that one of them wrote was at hand: experimental.
+"""
+
+import io
+import re
+from collections.abc import Callable, Iterator, Mapping
+from functools import lru_cache, partial
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from humanmm.config import GivenFile
+from humanmm.errors import InputError
+from humanmm.models.body.smpl_joints import SMPL_REST_PELVIS, SMPLX_REST_PELVIS
+from humanmm.models.geometry.intrinsics import K_from_focal
+from humanmm.models.geometry.projection import project
+from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
+from humanmm.models.perception.tracking.given_bodies import GivenBody, smpl_body
+from humanmm.models.records.foreign_arrays import frame_numbers, numbers, rotations, whole_numbers
+from humanmm.models.records.landmarks import INDEX, NUM_LANDMARKS
+from humanmm.storage.readers.restricted_pickle import load_pickle
+from humanmm.storage.readers.torch_tensors import read_tensors
+from humanmm.storage.readers.truth import NpzArrays, damage
+
+Array = np.ndarray
+Size = tuple[int, int]
+Tree = Mapping[str, Any]
+
+MAX_EXTRA_FRAMES = 2
+"""Decoders disagree about the last frames of a video."""
+OTHER_SHAPE = 0.03
+"""By how much the sides of the system's pictures may differ in their proportion from the video's."""
+MAX_OFF_PX = 0.02
+"""How far a keypoint in space may be projected beside the same in the picture, median, in sides of the picture."""
+MHR70 = {
+    "nose": 0, "left_eye": 1, "right_eye": 2, "left_ear": 3, "right_ear": 4, "left_shoulder": 5, "right_shoulder": 6,
+    "left_elbow": 7, "right_elbow": 8, "left_hip": 9, "right_hip": 10, "left_knee": 11, "right_knee": 12,
+    "left_ankle": 13, "right_ankle": 14, "left_foot_index": 15, "left_heel": 17, "right_foot_index": 18,
+    "right_heel": 20, "right_index": 28, "right_pinky": 40, "right_wrist": 41, "left_index": 49, "left_pinky": 61,
+    "left_wrist": 62,
+}  # fmt: skip
+"""Our landmark → its number among MHR's 70 keypoints (SAM 3D Body)."""
+
+
+@lru_cache(maxsize=1)
+def read_bodies(given: GivenFile, num_frames: int, size: Size) -> tuple[GivenBody, ...]:
+    """Everybody in a video of so many frames with pictures of `size` (width, height).
+
+    InputError says in one sentence what is wrong.
+    """
+    try:
+        found: list[GivenBody] = []
+        for name, content in given.read().items():
+            first, is_clip = _first_frame(name)
+            try:
+                with damage("it cannot be read as another system's result"):
+                    bodies = _read(name, content, size, whole=None if is_clip else num_frames)
+                    found += [_within(body, first, num_frames) for body in bodies]
+            except InputError as error:
+                raise InputError(str(error) if name in str(error) else f"{name}: {error}") from error
+        if not found:
+            raise InputError("it holds nobody")
+    except InputError as error:
+        words = str(error)
+        raise InputError(words if given.path in words else f"{given.path}: {words}") from error
+    return tuple(found)
+
+
+def _first_frame(name: str) -> tuple[int, bool]:
+    """The frame of the video at which the file's clip begins, and whether it is of a clip."""
+    at = re.search(r"@(\d+)$", name.rsplit(".", 1)[0])
+    return (int(at[1]), True) if at else (0, False)
+
+
+def _from_the_first(count: int, whole: int | None) -> Int[Array, " n"]:
+    """Frames of a file that names none: those of the video or clip, all of them."""
+    if whole is not None and count < whole - MAX_EXTRA_FRAMES:
+        raise InputError(
+            f"it has {count} frames and does not say which, the video has {whole}: was the video brought to another "
+            "rate? The name of a clip ends in @ and its first frame: clip@000120.pt"
+        )
+    return np.arange(count)
+
+
+def _within(body: GivenBody, first: int, num_frames: int) -> GivenBody:
+    """The body in frames of the video; what goes a little beyond its end is cut off."""
+    frame = body.frame + first
+    if not len(frame):
+        raise InputError("it holds a person without a frame")
+    if frame[-1] >= num_frames + MAX_EXTRA_FRAMES:
+        raise InputError(
+            f"it holds frames {frame[0]} to {frame[-1]}, the video has {num_frames} (0 to {num_frames - 1}): is it of "
+            "another video, or was the video brought to another rate?"
+        )
+    kept = frame < num_frames
+    R_local = None if body.R_local is None else body.R_local[kept]
+    return GivenBody(frame[kept], body.landmarks_cam[kept], body.known, body.K[kept], R_local)
+
+
+def _read(name: str, content: bytes, size: Size, *, whole: int | None) -> Iterator[GivenBody]:
+    """`whole`: frames of the video, None for a clip."""
+    if name.endswith(".pt"):
+        yield _of_tensors(content, size, whole)
+    elif name.endswith(".pkl"):
+        yield from _of_pickle(load_pickle(io.BytesIO(content), name), size)
+    elif name.endswith(".npz"):
+        arrays = NpzArrays(io.BytesIO(content), name)
+        known: dict[str, Callable[[Tree, Size], Iterator[GivenBody]]] = {
+            "pred_rotmat": _tram, "pose_body": partial(_slahmr, whole=whole), "pred_keypoints_3d": _sam_3d_body
+        }  # fmt: skip
+        for key, reader in known.items():
+            if key in arrays:
+                yield from reader(arrays, size)
+                return
+        raise InputError(f"holds {', '.join(sorted(arrays)[:6]) or 'nothing'}; expected one of {', '.join(known)}")
+    else:
+        raise InputError("is no .pt, .pkl or .npz")
+
+
+def _of_tensors(content: bytes, size: Size, whole: int | None) -> GivenBody:
+    """GVHMR's and GEM's file, and our own `export --format gvhmr`, which adds frames and body24's shape."""
+    tree = read_tensors(
+        io.BytesIO(content), "smpl_params_incam", "body_params_incam", "K_fullimg", "frame", "betas_body24", "observed"
+    )
+    parameters = tree.get("smpl_params_incam", tree.get("body_params_incam"))
+    if not isinstance(parameters, dict):
+        raise InputError("it lacks smpl_params_incam (GVHMR) and body_params_incam (GEM): it is of neither")
+    pose = numbers(parameters, "body_pose", (None, None), finite=True)
+    if pose.shape[1] != 63:
+        raise InputError(
+            f"body_pose has {pose.shape[1]} columns; expected 63, those of SMPL's body"
+            + (": a body of another kind, as GEM-X's SOMA, is not read" if pose.shape[1] > 63 else "")
+        )
+    count = len(pose)
+    frame = frame_numbers(tree, "frame", count) if "frame" in tree else _from_the_first(count, whole)
+    K = _in_video(numbers(tree, "K_fullimg", (count, 3, 3), finite=True), size, "K_fullimg")
+    betas = numbers(tree, "betas_body24", (10,), finite=True) if "betas_body24" in tree else None
+    seen = np.asarray(tree["observed"], bool) if "observed" in tree else np.ones(count, bool)
+    if seen.shape != (count,):
+        raise InputError(f"observed has shape {seen.shape}; expected {count}")
+    return smpl_body(
+        frame[seen],
+        rotvec_to_rotmat(numbers(parameters, "global_orient", (count, 3), finite=True))[seen],
+        pose.reshape(count, 21, 3)[seen],
+        (numbers(parameters, "transl", (count, 3), finite=True) + SMPLX_REST_PELVIS)[seen],
+        K[seen],
+        betas=betas,
+    )
+
+
+def _of_pickle(tree: Any, size: Size) -> Iterator[GivenBody]:
+    if isinstance(tree, dict) and isinstance(tree.get("people"), dict):
+        yield from _prompthmr(tree, size)
+        return
+    tracks = [one for one in tree.values() if isinstance(one, dict) and "pose" in one] if isinstance(tree, dict) else []
+    if not tracks:
+        raise InputError("it holds neither people (PromptHMR) nor tracks with pose (WHAM)")
+    for track in tracks:
+        pose = numbers(track, "pose", (None, 72), finite=True).reshape(-1, 24, 3)
+        trans = numbers(track, "trans", (len(pose), 3), finite=True)
+        frame = frame_numbers(track, "frame_ids", len(pose))
+        K = np.tile(K_from_focal(float(np.hypot(*size)), *size), (len(pose), 1, 1))
+        yield smpl_body(frame, rotvec_to_rotmat(pose[:, 0]), pose[:, 1:], trans + SMPL_REST_PELVIS, K)
+
+
+def _prompthmr(tree: Tree, size: Size) -> Iterator[GivenBody]:
+    camera = tree.get("camera")
+    if not isinstance(camera, dict):
+        raise InputError("it lacks camera, which has PromptHMR's focal length")
+    for number, person in tree["people"].items():
+        parameters = person.get("smplx_cam") if isinstance(person, dict) else None
+        if not isinstance(parameters, dict):
+            raise InputError(f"person {number} lacks smplx_cam")
+        pose = numbers(parameters, "pose", (None, None), finite=True)
+        if pose.shape[1] < 66:
+            raise InputError(f"pose of person {number} has {pose.shape[1]} columns; expected 66 or more")
+        count = len(pose)
+        frame = frame_numbers(person, "frames", count)
+        pelvis = numbers(parameters, "trans", (count, 3), finite=True) + SMPLX_REST_PELVIS
+        R_root, body = rotvec_to_rotmat(pose[:, :3]), pose[:, 3:66].reshape(count, 21, 3)
+        yield smpl_body(frame, R_root, body, pelvis, _focal_and_centre(camera, size, count))
+
+
+def _tram(arrays: Tree, size: Size) -> Iterator[GivenBody]:
+    R = rotations(arrays, "pred_rotmat", (None, 24, 3, 3), finite=True)
+    trans = numbers(arrays, "pred_trans", (len(R), 3), finite=True)
+    frame = frame_numbers(arrays, "frame", len(R))
+    K = _focal_and_centre(arrays, size, len(R))
+    yield smpl_body(frame, R[:, 0], rotmat_to_rotvec(R[:, 1:]), trans + SMPL_REST_PELVIS, K)
+
+
+def _slahmr(arrays: Tree, size: Size, *, whole: int | None) -> Iterator[GivenBody]:
+    orient = numbers(arrays, "root_orient", (None, None, 3), finite=True)
+    tracks, count = orient.shape[:2]
+    frame = _from_the_first(count, whole)
+    pose = numbers(arrays, "pose_body", (tracks, count, 63), finite=True).reshape(tracks, count, 21, 3)
+    trans = numbers(arrays, "trans", (tracks, count, 3), finite=True)
+    R_cam = rotations(arrays, "cam_R", (None, count, 3, 3), finite=True)
+    t_cam = numbers(arrays, "cam_t", (len(R_cam), count, 3), finite=True)
+    fx, fy, cx, cy = numbers(arrays, "intrins", (4,), finite=True)
+    K = np.tile(_in_video(np.array([[[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]]]), size, "intrins"), (count, 1, 1))
+    for track in range(tracks):
+        R, t = R_cam[min(track, len(R_cam) - 1)], t_cam[min(track, len(R_cam) - 1)]
+        pelvis = (R @ (trans[track] + SMPL_REST_PELVIS)[..., None])[..., 0] + t
+        yield smpl_body(frame, R @ rotvec_to_rotmat(orient[track]), pose[track], pelvis, K)
+
+
+def _sam_3d_body(arrays: Tree, size: Size) -> Iterator[GivenBody]:
+    """Places of keypoints alone; rows of one person are those with the same number in `person`."""
+    points = numbers(arrays, "pred_keypoints_3d", (None, 70, 3), finite=True)
+    count = len(points)
+    points = points + numbers(arrays, "pred_cam_t", (count, 3), finite=True)[:, None]
+    focal_px = numbers(arrays, "focal_length", (count,), finite=True)
+    frame = whole_numbers(arrays, "frame", (count,))
+    person = whole_numbers(arrays, "person", (count,)) if "person" in arrays else np.zeros(count, np.int64)
+    K = np.stack([K_from_focal(max(one, 1.0), *size) for one in focal_px]) if count else np.zeros((0, 3, 3))
+    if "pred_keypoints_2d" in arrays:
+        _check_projection(points, K, numbers(arrays, "pred_keypoints_2d", (count, 70, 2), finite=True), size)
+    landmarks, known = np.zeros((count, NUM_LANDMARKS, 3)), np.zeros(NUM_LANDMARKS, bool)
+    for name, number in MHR70.items():
+        landmarks[:, INDEX[name]], known[INDEX[name]] = points[:, number], True
+    hips = landmarks[:, [INDEX["left_hip"], INDEX["right_hip"]]].mean(axis=1, keepdims=True)
+    landmarks[:, ~known] = hips
+    for number in np.unique(person):
+        rows = np.flatnonzero(person == number)
+        rows = rows[np.argsort(frame[rows], kind="stable")]
+        frame_numbers({"frame": frame[rows]}, "frame", len(rows))
+        yield GivenBody(frame[rows], landmarks[rows], known, K[rows])
+
+
+def _check_projection(points: Array, K: Array, pixels: Array, size: Size) -> None:
+    off = np.linalg.norm(project(points, K, near_m=0.1) - pixels, axis=-1)
+    if len(off) and np.median(off) > MAX_OFF_PX * max(size):
+        raise InputError(
+            f"pred_keypoints_3d + pred_cam_t are projected {np.median(off):.0f} pixels beside pred_keypoints_2d: "
+            "is it of a video of another size?"
+        )
+
+
+def _focal_and_centre(tree: Tree, size: Size, count: int) -> Float[Array, "n 3 3"]:
+    focal_px = float(numbers(tree, "img_focal", (), finite=True))
+    cx, cy = numbers(tree, "img_center", (2,), finite=True)
+    K = np.array([[[focal_px, 0, cx], [0, focal_px, cy], [0, 0, 1.0]]])
+    return np.tile(_in_video(K, size, "img_center"), (count, 1, 1))
+
+
+def _in_video(K: Float[Array, "n 3 3"], size: Size, key: str) -> Float[Array, "n 3 3"]:
+    """K in pixels of the video, the principal point in its middle: systems work on pictures of their own size."""
+    width, height = np.array(size, np.float64)
+    cx, cy, fx, fy = K[:, 0, 2], K[:, 1, 2], K[:, 0, 0], K[:, 1, 1]
+    if not (np.minimum(np.minimum(cx, cy), np.minimum(fx, fy)) > 0).all():
+        raise InputError(f"{key} holds a focal length or a principal point that is not above zero")
+    if np.abs(cx / cy * height / width - 1).max(initial=0) > OTHER_SHAPE:
+        raise InputError(
+            f"{key} has the middle of the picture at ({cx[0]:.0f}, {cy[0]:.0f}), the video at ({width / 2:.0f}, "
+            f"{height / 2:.0f}): is it of another video?"
+        )
+    scale = width / 2 / cx
+    scaled = np.zeros_like(K)
+    scaled[:, 0, 0], scaled[:, 1, 1], scaled[:, 2, 2] = fx * scale, fy * scale, 1.0
+    scaled[:, 0, 2], scaled[:, 1, 2] = width / 2, height / 2
+    return scaled

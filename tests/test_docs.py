@@ -1,0 +1,83 @@
+"""The pages of docs: links lead somewhere, settings are those of the configuration, examples run, the site builds."""
+
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from humanmm.models.camera.shot_camera import estimate_camera
+from humanmm.models.perception.picture import Picture
+from humanmm.models.perception.regions import Region
+from humanmm.models.records.camera import Intrinsics, PointTracks
+from humanmm.models.records.shots import Shot
+from humanmm.models.records.tracks import ScenePeople
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_links_and_pictures_of_a_page_lead_somewhere(page: Path) -> None:
+    links = re.findall(r"\]\(([^)#\s]+)", page.read_text())
+    gone = [link for link in links if "://" not in link and not (page.parent / link).exists()]
+    assert not gone
+
+
+def test_every_page_is_in_the_sites_contents() -> None:
+    contents = (ROOT / "mkdocs.yml").read_text()
+    assert [page.name for page in (ROOT / "docs").glob("*.md") if f": {page.name}\n" not in contents] == []
+
+
+def test_the_page_of_settings_is_that_of_the_configuration(tmp_path: Path) -> None:
+    for part in ("scripts/write_settings_page", "docs"):
+        (tmp_path / part).parent.mkdir(parents=True, exist_ok=True)
+    (tmp_path / "docs").mkdir()
+    shutil.copy2(ROOT / "scripts/write_settings_page", tmp_path / "scripts")
+    subprocess.run([sys.executable, tmp_path / "scripts/write_settings_page"], check=True)
+    assert (tmp_path / "docs/settings.md").read_text() == (ROOT / "docs/settings.md").read_text(), (
+        "run scripts/write_settings_page"
+    )
+
+
+@pytest.fixture(scope="module")
+def examples() -> dict[str, Any]:
+    """What docs/extend.md defines."""
+    names: dict[str, Any] = {}
+    for block in re.findall(r"```python\n(.*?)```", (ROOT / "docs/extend.md").read_text(), re.S):
+        exec(compile(block, "docs/extend.md", "exec"), names)
+    return names
+
+
+def test_the_detector_of_the_docs_finds_boxes_in_source_pixels(examples: dict[str, Any]) -> None:
+    light = np.full((480, 640), 128, np.uint8)
+    light[100:400, 300:360] = 20
+    image = Picture((light, np.full((240, 320), 128, np.uint8), np.full((240, 320), 128, np.uint8)))
+    found = examples["upright"](image, Region(320, 240, 640))
+    assert all(0 <= one.score <= 1 and one.box.shape == (4,) for one in found)
+    assert [one.score for one in found] == sorted((one.score for one in found), reverse=True)
+
+
+def test_the_camera_estimator_of_the_docs_stands_still(examples: dict[str, Any]) -> None:
+    nothing = np.zeros(0)
+    points = PointTracks(0, 20, nothing.astype(np.int32), nothing.astype(np.int32), np.zeros((0, 2)), nothing, 21.0)
+    intrinsics = Intrinsics(900.0, 1280, 720, "given", 0.0)
+    shot = Shot(0, 5, 15, 0, None, ())
+    camera = estimate_camera(shot, points, ScenePeople(0, 20, ()), intrinsics, estimator=examples["standing"])
+    assert (camera.start, camera.end, camera.source) == (5, 15, "static")
+    assert camera.K.shape == (10, 3, 3) and (camera.K[:, 0, 0] == 900).all()
+
+
+@pytest.mark.slow
+def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
+    mkdocs = shutil.which("mkdocs")
+    if mkdocs is None:
+        pytest.skip("needs mkdocs: pip install -e '.[docs]'")
+    command = [mkdocs, "build", "--strict", "--site-dir", str(tmp_path / "site")]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "site/blender/index.html").is_file()

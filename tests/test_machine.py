@@ -1,0 +1,57 @@
+"""What the machine says of its processes, by /proc and, as on macOS, by ps alone."""
+
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from humanmm import machine
+
+
+@pytest.fixture(params=["proc", "ps"])
+def way(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+    if request.param == "ps":
+        monkeypatch.setattr(machine, "PROC", Path("/nowhere"))
+    return str(request.param)
+
+
+@pytest.mark.usefixtures("way")
+def test_a_living_process_is_told_from_one_that_has_ended_also_before_it_is_waited_for() -> None:
+    child = subprocess.Popen(["sleep", "60"])
+    began = machine.started(child.pid)
+    assert began is not None and machine.is_alive(child.pid) and machine.started(child.pid) == began
+    assert b"sleep" in machine.command_line(child.pid)
+    child.kill()
+    deadline = time.monotonic() + 10
+    while machine.is_alive(child.pid):
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    child.wait()
+    assert machine.started(child.pid) is None and machine.age_s(child.pid) is None
+    assert machine.command_line(child.pid) == b""
+
+
+def test_the_age_of_a_process_grows_with_time(way: str) -> None:
+    before = machine.age_s(os.getpid())
+    time.sleep(0.3)
+    after = machine.age_s(os.getpid())
+    assert before is not None and after is not None and 0.1 < after - before < 5
+    assert after > 0 and (way == "proc" or before > -1), "ps counts whole seconds"
+
+
+def test_memory_threads_and_processors_are_numbers_wherever_they_are_known(way: str) -> None:
+    assert 10 < machine.resident_mb() < 100_000
+    assert machine.num_threads(os.getpid()) >= 1 and machine.num_processors() >= 1
+    available = machine.available_bytes()
+    assert (available is None) == (way == "ps") and (available or 1) > 0
+
+
+def test_the_machine_has_one_name_for_all_its_processes() -> None:
+    other = subprocess.run(
+        [sys.executable, "-c", "from humanmm.machine import machine_name; print(machine_name())"],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert other.stdout.strip() == machine.machine_name()
