@@ -10,6 +10,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, TextIO
 
+from humanmm.logs import printable
+
 _NOBODY_READS = (errno.EPIPE, errno.EIO)
 """The reader of a pipe has left; a terminal was closed."""
 
@@ -68,7 +70,7 @@ def say(text: str) -> None:
     """One line on standard error."""
     take_back_start()
     with even_unread(sys.stderr):
-        sys.stderr.write(f"humanmm: {' '.join(text.split())}\n")
+        sys.stderr.write(f"humanmm: {printable(' '.join(text.split()))}\n")
         sys.stderr.flush()
 
 
