@@ -66,9 +66,11 @@ def open_video(stream: BinaryIO, *, max_side_px: int = 16384) -> Iterator[tuple[
     except av.error.FFmpegError as error:
         raise VideoError(f"the video cannot be opened ({error.strerror}); give a {_SUPPORTED} file") from error
     with container:
-        video = container.streams.best("video")  # of several the one with the most pictures
+        video = container.streams.best("video")
         if not isinstance(video, VideoStream) or not moving_pictures(container):
             raise VideoError("the file holds no moving pictures (sound or a cover picture only); give a video")
+        if video.frames == 1:  # a cover that does not say that it is one
+            video = max(moving_pictures(container), key=lambda stream: stream.frames)
         if video.codec_context is None:
             raise VideoError("the video's codec is unknown here; convert it to H.264, H.265, VP9, AV1 or MPEG-4")
         refuse_absurd_size(max(video.codec_context.width, video.codec_context.height), max_side_px)
@@ -155,6 +157,8 @@ class PacketLog:
     num_packets: int = 0
     broken: int = 0
     """Packets that the decoder rejected."""
+    left_out: int = 0
+    """Packets that the container's edit list does not show."""
     ended_early: bool = False
     """The container's bytes stopped making sense before its end."""
 
@@ -174,6 +178,7 @@ def decoded(
             packet = None  # type: ignore[assignment]
         if packet is not None and packet.size:
             log.num_packets += 1
+            log.left_out += packet.is_discard
             if packet.is_keyframe and packet.pts is not None:
                 log.keyframe_pts.add(packet.pts)
             if packet.dts is not None:

@@ -353,24 +353,63 @@ def test_of_two_streams_one_is_read_and_the_other_is_told() -> None:
     assert "2 streams of pictures; the one of 20 pictures" in warning
 
 
-def test_a_cover_picture_beside_a_video_is_no_stream_of_pictures() -> None:
-    file, cover = io.BytesIO(), io.BytesIO()
-    with av.open(cover, "w", format="mjpeg") as out:
+JPEG_PX = 640, 480
+
+
+def picture_file() -> bytes:
+    """A JPEG picture."""
+    file = io.BytesIO()
+    with av.open(file, "w", format="mjpeg") as out:
         stream = out.add_stream("mjpeg", rate=1)
-        stream.width, stream.height, stream.pix_fmt = 64, 48, "yuvj420p"
-        out.mux(stream.encode(av.VideoFrame(64, 48, "yuvj420p")))
+        (stream.width, stream.height), stream.pix_fmt = JPEG_PX, "yuvj420p"
+        out.mux(stream.encode(av.VideoFrame(*JPEG_PX, "yuvj420p")))
         out.mux(stream.encode(None))
-    with av.open(file, "w", format="mp4") as out:
-        picture = out.add_stream("mjpeg", rate=1)
-        picture.width, picture.height, picture.pix_fmt = 64, 48, "yuvj420p"
-        picture.disposition = av.stream.Disposition.attached_pic
-        video = out.add_stream("mpeg4", rate=25)
-        video.width, video.height, video.pix_fmt = 128, 96, "yuv420p"
-        packet = av.Packet(cover.getvalue())
-        packet.stream, packet.pts, packet.dts, packet.time_base = picture, 0, 0, Fraction(1, 25)
-        out.mux(packet)
-        for _ in range(20):
-            out.mux(video.encode(av.VideoFrame(128, 96, "yuv420p")))
-        out.mux(video.encode(None))
-    facts = read_facts(file)
-    assert (facts.num_frames, facts.width, facts.warnings) == (20, 128, ())
+    return file.getvalue()
+
+
+@pytest.mark.parametrize("with_video", [True, False])
+@pytest.mark.parametrize("is_flagged", [True, False])
+@pytest.mark.parametrize("container", ["mp4", "mov", "matroska"])
+def test_a_cover_picture_beside_a_video_is_not_taken_for_it(
+    container: str, is_flagged: bool, with_video: bool
+) -> None:
+    file = io.BytesIO()
+    with av.open(file, "w", format=container) as out:
+        if container == "matroska" and is_flagged:
+            out.add_attachment("cover.jpg", "image/jpeg", picture_file())
+            picture = None
+        else:
+            picture = out.add_stream("mjpeg", rate=1)
+            (picture.width, picture.height), picture.pix_fmt = JPEG_PX, "yuvj420p"
+            if is_flagged:
+                picture.disposition = av.stream.Disposition.attached_pic
+        if with_video:
+            video = out.add_stream("mpeg4", rate=25)
+            video.width, video.height, video.pix_fmt = 128, 96, "yuv420p"
+        else:
+            sound = out.add_stream("aac", rate=44100, layout="mono")
+        if picture is not None:
+            packet = av.Packet(picture_file())
+            packet.stream, packet.pts, packet.dts, packet.time_base = picture, 0, 0, Fraction(1, 25)
+            out.mux(packet)
+        if with_video:
+            for _ in range(20):
+                out.mux(video.encode(av.VideoFrame(128, 96, "yuv420p")))
+            out.mux(video.encode(None))
+        else:
+            for number in range(3):
+                samples = av.AudioFrame.from_ndarray(np.zeros((1, 1024), np.float32), "fltp", "mono")
+                samples.sample_rate, samples.pts = 44100, 1024 * number
+                out.mux(sound.encode(samples))
+            out.mux(sound.encode(None))
+    if with_video:
+        facts = read_facts(file)
+        assert (facts.num_frames, facts.width) == (20, 128)
+        assert len(list(frames(file, facts))) == 20
+        assert len(facts.warnings) == (0 if is_flagged else 1)
+    else:
+        assert ("no moving pictures" if is_flagged else "one picture only") in refusal(file)
+
+
+def test_an_edit_list_that_shows_nothing_is_told() -> None:
+    assert "edit list leaves out all of them" in refusal(muxed([-2000 + 40 * i for i in range(20)], [(64, 48)], "mp4"))
