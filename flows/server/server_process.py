@@ -63,6 +63,7 @@ App = Callable[[Any, Any, Callable[[Any], Awaitable[None]]], Awaitable[None]]
 
 def serve(files: ServerFiles) -> None:
     """Run the server until nobody has used it for a while."""
+    os.umask(0o077)  # what its database says of flow runs is for this user alone, wherever the file is copied to
     idle_s = float(os.environ.get("HUMANMM_SERVER_IDLE_S", IDLE_S))
     listener = bind(last_port(files)) or bind(0)
     assert listener is not None

@@ -126,12 +126,13 @@ class DecoderMemory:
         self._codec, self._max_mb = codec, max_memory_mb
         self._before_mb = resident_mb()
 
-    def check(self) -> None:
-        """Raise VideoError for pictures of which a decoder needs more memory than the limit."""
+    def check(self, packet_bytes: int = 0) -> None:
+        """Raise VideoError for pictures of which a decoder needs more memory than the limit. What is hardly or not
+        compressed is in memory once more, as the packet that it came in."""
         most_mb, picture_mb = decoder_mb(self._codec)
         if most_mb <= self._max_mb:
             return
-        needed_mb = max(_LEAST_PICTURES * picture_mb, resident_mb() - self._before_mb)
+        needed_mb = max(_LEAST_PICTURES * picture_mb + packet_bytes / 1e6, resident_mb() - self._before_mb)
         if needed_mb > self._max_mb:
             raise VideoError(
                 f"{self._codec.width} x {self._codec.height} px as {self._codec.pix_fmt} are {picture_mb:.0f} MB a "
@@ -178,6 +179,8 @@ def decoded(
             packet = None  # type: ignore[assignment]
         if packet is not None and packet.size:
             log.num_packets += 1
+            if memory is not None:
+                memory.check(packet.size)
             log.left_out += packet.is_discard
             if packet.is_keyframe and packet.pts is not None:
                 log.keyframe_pts.add(packet.pts)

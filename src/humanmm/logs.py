@@ -37,7 +37,7 @@ class JsonLines(logging.Formatter):
 
 def printable(text: str) -> str:
     """A text without what a terminal obeys, such as colours and titles in the name of a file: written as escapes."""
-    return "".join(one if one.isprintable() or one == "\n" else ascii(one)[1:-1] for one in text)
+    return "".join(one if one.isprintable() or one in "\n\t" else ascii(one)[1:-1] for one in text)
 
 
 class _Printable(logging.Formatter):

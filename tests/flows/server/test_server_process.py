@@ -211,3 +211,4 @@ def test_our_server_serves_its_user_and_no_other(server_cache: Path) -> None:
         assert not _as_nobody(ask)
         (home,) = server_cache.glob("prefect-*")
         assert home.stat().st_mode & 0o777 == 0o700
+        assert (home / "prefect.db").stat().st_mode & 0o777 == 0o600

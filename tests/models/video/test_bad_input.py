@@ -239,6 +239,8 @@ NETWORKS_MB = 370
     [
         ("mjpeg", "yuvj444p", 8192, 8192, "read"),
         ("mpeg4", "yuv420p", 8176, 8176, "read"),
+        ("rawvideo", "bgra", 8192, 8192, "refused"),
+        ("rawvideo", "yuv444p", 8192, 8192, "read"),
         ("libx264", "yuv444p", 8192, 8192, "refused"),
         ("libx264", "yuv420p", 8192, 8192, "read"),
         ("libx265", "yuv444p", 8192, 8192, "refused"),
@@ -250,7 +252,7 @@ NETWORKS_MB = 370
 def test_the_largest_pictures_take_less_than_1500_mb_or_are_refused(
     codec: str, form: str, width: int, height: int, outcome: str, kind: str, tmp_path: Path
 ) -> None:
-    path = str(tmp_path / "large.mkv")
+    path = str(tmp_path / ("large.avi" if codec == "rawvideo" else "large.mkv"))
     subprocess.run([sys.executable, "-c", WRITE, codec, form, str(width), str(height), kind, path], check=True)
     done = subprocess.run([sys.executable, "-c", READ, path], check=True, capture_output=True, text=True)
     found, peak_mb = done.stdout.split()
@@ -370,9 +372,7 @@ def picture_file() -> bytes:
 @pytest.mark.parametrize("with_video", [True, False])
 @pytest.mark.parametrize("is_flagged", [True, False])
 @pytest.mark.parametrize("container", ["mp4", "mov", "matroska"])
-def test_a_cover_picture_beside_a_video_is_not_taken_for_it(
-    container: str, is_flagged: bool, with_video: bool
-) -> None:
+def test_a_cover_picture_beside_a_video_is_not_taken_for_it(container: str, is_flagged: bool, with_video: bool) -> None:
     file = io.BytesIO()
     with av.open(file, "w", format=container) as out:
         if container == "matroska" and is_flagged:
@@ -413,3 +413,12 @@ def test_a_cover_picture_beside_a_video_is_not_taken_for_it(
 
 def test_an_edit_list_that_shows_nothing_is_told() -> None:
     assert "edit list leaves out all of them" in refusal(muxed([-2000 + 40 * i for i in range(20)], [(64, 48)], "mp4"))
+
+
+def test_a_packet_that_is_as_large_as_its_picture_counts_too(clip: Clip, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A picture of 128 x 96 px is 49 kB as bgra."""
+    monkeypatch.setattr(opening, "resident_mb", lambda: 0.0)
+    file = clip("avi", "rawvideo", num_frames=3, pix_fmt="bgra")
+    assert read_facts(file, max_memory_mb=0.2).num_frames == 3
+    with pytest.raises(VideoError, match=r"decode\.max_memory_mb"):
+        read_facts(file, max_memory_mb=0.19)
