@@ -4,11 +4,13 @@ import io
 import json
 import logging
 import sys
+from pathlib import Path
 from typing import Any
 
 import pytest
 
-from humanmm.logs import JsonLines, to_standard_error
+from humanmm.cli.terminal import say, write, write_path
+from humanmm.logs import JsonLines, printable, to_standard_error
 
 
 def test_a_line_is_one_object_with_what_the_caller_knows() -> None:
@@ -76,3 +78,17 @@ def test_a_standard_error_that_was_closed_does_not_matter(monkeypatch: pytest.Mo
     finally:
         logger.handlers, logger.level, logger.propagate = kept
     assert now.getvalue() == "humanmm: the lamp is out\n"
+
+
+def test_what_a_terminal_obeys_is_written_as_escapes(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert printable("a\tb\n\x1b]0;title\x07 \u202e \udcff é") == "a\tb\n\\x1b]0;title\\x07 \\u202e \\udcff é"
+    say("no such video: \x1b[31m.mp4")
+    assert capsys.readouterr().err == "humanmm: no such video: \\x1b[31m.mp4\n"
+    write("\x1b[31m.mp4")
+    assert capsys.readouterr().out == "\x1b[31m.mp4\n", "the next program gets what there is"
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    write("\x1b[31m.mp4")
+    write_path(Path("\x1b[31m.mp4"))
+    assert capsys.readouterr().out == "\\x1b[31m.mp4\n" * 2

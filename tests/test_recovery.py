@@ -1,6 +1,7 @@
 """`humanmm.recover` and `humanmm.forecast` with toy stages: what they return, raise, write and leave alone."""
 
 import asyncio
+import contextlib
 import logging
 import subprocess
 import sys
@@ -13,7 +14,7 @@ import zarr
 
 import humanmm
 from humanmm.config_reading import validate
-from humanmm.errors import InputError, StageError, UsageError
+from humanmm.errors import InputError, ResourceError, StageError, UsageError
 
 NUM_UNITS = 18
 """Stages × units of the toy's film."""
@@ -78,6 +79,23 @@ def test_what_ends_a_run_is_raised_as_it_is(
     with pytest.raises(error):
         humanmm.recover("film.mp4")
     assert not (here.folder / "runs").exists()
+
+
+@pytest.mark.parametrize(
+    "words", ["Failed to reach API at http://127.0.0.1:1/api/", "Timed out while attempting to connect to ephemeral"]
+)
+def test_a_server_that_ended_as_the_flow_began_is_told_as_that(
+    toy: Any, monkeypatch: pytest.MonkeyPatch, words: str
+) -> None:
+    def fail(*args: Any, **kwargs: Any) -> None:
+        raise RuntimeError(words)
+
+    monkeypatch.chdir(toy.folder)
+    monkeypatch.setenv("HUMANMM_STORE", str(toy.store))
+    monkeypatch.setattr("humanmm.flows.server.local_server.prefect_server", contextlib.nullcontext)
+    monkeypatch.setattr("humanmm.flows.recover.recover", fail)
+    with pytest.raises(ResourceError, match="Prefect's server does not respond"):
+        humanmm.recover("film.mp4", progress=False)
 
 
 def test_it_runs_inside_an_event_loop_as_in_a_notebook(here: Any, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -33,7 +33,8 @@ from humanmm.models.synthetic.detector_noise import fitted_noise
 from humanmm.models.synthetic.multishot import BenchVideo, split_name
 from humanmm.models.synthetic.resimulated import resimulated
 from humanmm.models.video.reading import read_facts
-from humanmm.storage.readers.truth import NpzArrays, read_sequence
+from humanmm.storage.readers.archives import NpzArrays
+from humanmm.storage.readers.truth import read_sequence
 from humanmm.storage.store.identity import identify
 from humanmm.storage.store.store import Store
 from humanmm.tasks.engine.run import VideoRun
@@ -120,7 +121,10 @@ def labels_of_jobs(jobs: Sequence[Job]) -> dict[str, ClipLabels]:
     for job in jobs:
         arrays = NpzArrays(job.truth) if job.truth is not None and job.truth.suffix == ".npz" else {}
         if "features" in arrays:
-            found[job.name] = labels_of(json.loads(str(arrays["features"])))
+            try:
+                found[job.name] = labels_of(json.loads(str(arrays["features"])))
+            except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+                raise InputError(f"{job.truth}: features are not what `humanmm dataset build` writes") from None
     return found
 
 

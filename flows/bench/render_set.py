@@ -18,8 +18,8 @@ from humanmm.models.rendering.places.takes import Library
 from humanmm.models.rendering.rendered_clip import RenderedClip
 from humanmm.models.rendering.script import ClipPlan, plan_clip
 from humanmm.models.synthetic.mocap import MocapSequence
+from humanmm.storage.readers.archives import NpzArrays
 from humanmm.storage.readers.mocap_pack import read_pack
-from humanmm.storage.readers.truth import NpzArrays
 from humanmm.storage.run_folder.clip_files import write_clip
 from humanmm.storage.store.store import cache_folder
 from humanmm.tasks.units.digest import code_digest

@@ -63,6 +63,7 @@ App = Callable[[Any, Any, Callable[[Any], Awaitable[None]]], Awaitable[None]]
 
 def serve(files: ServerFiles) -> None:
     """Run the server until nobody has used it for a while."""
+    os.umask(0o077)  # what its database says of flow runs is for this user alone, wherever the file is copied to
     idle_s = float(os.environ.get("HUMANMM_SERVER_IDLE_S", IDLE_S))
     listener = bind(last_port(files)) or bind(0)
     assert listener is not None
@@ -111,7 +112,9 @@ def for_own_pages(app: App, port: int) -> App:
     """The same server, for requests that name it as their host and come from no page but its own.
 
     A web page of another origin cannot start flows by a simple POST then, nor read anything through a name of its own
-    that it has the browser resolve to 127.0.0.1 (DNS rebinding).
+    that it has the browser resolve to 127.0.0.1 (DNS rebinding), nor show our pages in a frame of its own for the user
+    to click on. Browsers name the page in `Origin`, and what is requested without one in `Sec-Fetch-Site`; a link that
+    the user follows may come from anywhere.
     """
     from starlette.datastructures import Headers
     from starlette.middleware.trustedhost import TrustedHostMiddleware
@@ -119,8 +122,14 @@ def for_own_pages(app: App, port: int) -> App:
 
     own = origins_of(port)
 
+    def is_own(scope: Any) -> bool:
+        headers = Headers(scope=scope)
+        is_link = scope.get("method") == "GET" and headers.get("sec-fetch-dest") == "document"
+        is_near = headers.get("sec-fetch-site", "none") in ("none", "same-origin")
+        return set(headers.getlist("origin")) <= {*own} and (is_link or is_near)
+
     async def check_origin(scope: Any, receive: Any, send: Callable[[Any], Awaitable[None]]) -> None:
-        if scope["type"] in ("http", "websocket") and Headers(scope=scope).get("origin", own[0]) not in own:
+        if scope["type"] in ("http", "websocket") and not is_own(scope):
             await PlainTextResponse("a page of another origin may not use this server", 403)(scope, receive, send)
         else:
             await app(scope, receive, send)

@@ -3,6 +3,9 @@
 from dataclasses import asdict, dataclass, fields
 
 from rich.table import Table
+from rich.text import Text
+
+from humanmm.logs import printable
 
 
 @dataclass(frozen=True)
@@ -97,7 +100,10 @@ MEANINGS = {
 
 def report_table(report: Report, *, title: str) -> Table:
     """The figures as a table of name, value and meaning; problems stand in the caption."""
-    table = Table(title=title, title_justify="left", caption="\n".join(report.problems) or None, caption_justify="left")
+    problems = (
+        Text(printable("\n".join(report.problems))) if report.problems else None
+    )  # no markup, whatever they quote
+    table = Table(title=Text(printable(title)), title_justify="left", caption=problems, caption_justify="left")
     table.add_column("figure")
     table.add_column("value", justify="right")
     table.add_column("what")

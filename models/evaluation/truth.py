@@ -13,7 +13,15 @@ from humanmm.models.evaluation.people import projected_boxes
 from humanmm.models.evaluation.skeleton import LIMB_NAMES, SMPL_NAMES, pick
 from humanmm.models.geometry.axes import R_ZUP_YUP, zup_camera_pose
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
-from humanmm.models.records.foreign_arrays import MAX_ROWS, frame_numbers, numbers, rotations, whole_numbers
+from humanmm.models.records.foreign_arrays import (
+    MAX_NUMBERS,
+    MAX_ROWS,
+    frame_numbers,
+    numbers,
+    rotations,
+    shown,
+    whole_numbers,
+)
 from humanmm.models.records.sequence import BodyParameters, CameraSequence, MotionSequence, PersonSequence
 
 Arrays = Mapping[str, np.ndarray]
@@ -50,45 +58,69 @@ def contract_sequence(arrays: Arrays, *, transitions: tuple[tuple[int, int], ...
     num_frames = int(whole_numbers(arrays, "num_frames", ()))
     if not 0 < num_frames <= MAX_ROWS:
         raise TruthError(f"num_frames is {num_frames}; expected 1 to {MAX_ROWS}")
-    fps = float(numbers(arrays, "fps", ()))
-    if not (np.isfinite(fps) and fps > 0) and num_frames > 1:
-        raise TruthError(f"fps is {fps}; expected a positive number")
+    fps = _fps(arrays) if num_frames > 1 else 1.0
     cut_frames = _cut_frames(arrays, num_frames)
-    spans = tuple((cut, cut) for cut in cut_frames)
     if transitions is None and "transitions" in arrays:
         transitions = tuple((int(start), int(end)) for start, end in whole_numbers(arrays, "transitions", (None, 2)))
+    spans = tuple((cut, cut) for cut in cut_frames)
     if transitions is not None:
-        if tuple((start + end) // 2 for start, end in transitions) != cut_frames:
-            raise TruthError(f"the transitions {transitions} disagree with the cuts {cut_frames}")
-        spans = transitions
+        spans = _spans(transitions, cut_frames, num_frames)
     joint_names = _joint_names(arrays) if "joint_names" in arrays else SMPL_NAMES
     cameras = _contract_cameras(arrays, num_frames)
     model = str(arrays["body_model"]) if "body_model" in arrays else ""
-    people = tuple(
-        _contract_person(arrays, number, num_frames=num_frames, joint_names=joint_names, model=model, cameras=cameras)
-        for number in _people(arrays)
-    )
+    people: list[PersonSequence] = []
+    for number in _people(arrays):
+        person = _contract_person(
+            arrays, number, num_frames=num_frames, joint_names=joint_names, model=model, cameras=cameras
+        )
+        people.append(person)
+        if sum(one.joints.size for one in people) > MAX_NUMBERS:
+            raise TruthError(f"its people have more than {MAX_NUMBERS:,} coordinates")
     linked = np.ones(len(cut_frames), bool)
     if "linked" in arrays:
-        linked = whole_numbers({"linked": arrays["linked"].astype(np.int64)}, "linked", (len(cut_frames),)).astype(bool)
+        linked = whole_numbers(arrays, "linked", (len(cut_frames),)).astype(bool)
     unlinked = tuple(cut for cut, joined in zip(cut_frames, linked, strict=True) if not joined)
-    return MotionSequence(num_frames, fps or 1.0, joint_names, people, spans, cameras, unlinked_cuts=unlinked)
+    return MotionSequence(num_frames, fps, joint_names, tuple(people), spans, cameras, unlinked_cuts=unlinked)
+
+
+def _fps(arrays: Arrays) -> float:
+    fps = float(numbers(arrays, "fps", ()))
+    if not (np.isfinite(fps) and fps > 0):
+        raise TruthError(f"fps is {fps}; expected a positive number")
+    return fps
 
 
 def _cut_frames(arrays: Arrays, num_frames: int) -> tuple[int, ...]:
     given = {"cut_frames": np.atleast_1d(arrays["cut_frames"])} if "cut_frames" in arrays else {}
     cut_frames = tuple(whole_numbers(given, "cut_frames", (None,)).tolist())
     if list(cut_frames) != sorted(set(cut_frames)) or any(not 0 < cut < num_frames for cut in cut_frames):
-        shown = ", ".join(map(str, cut_frames[:6])) + (", …" if len(cut_frames) > 6 else "")
-        raise TruthError(f"cut_frames are {shown}; expected rising frame numbers between 1 and {num_frames - 1}")
+        raise TruthError(
+            f"cut_frames are {_listed(cut_frames)}; expected rising frame numbers between 1 and {num_frames - 1}"
+        )
     return cut_frames
+
+
+def _spans(
+    transitions: tuple[tuple[int, int], ...], cut_frames: tuple[int, ...], num_frames: int
+) -> tuple[tuple[int, int], ...]:
+    """The transitions, which have the cuts in their middles."""
+    middles = tuple((start + end) // 2 for start, end in transitions)
+    if middles != cut_frames or any(not 0 <= start <= end <= num_frames for start, end in transitions):
+        raise TruthError(f"the transitions {_listed(transitions)} disagree with the cuts {_listed(cut_frames)}")
+    return transitions
+
+
+def _listed(values: Sequence[object]) -> str:
+    return ", ".join(map(str, values[:6])) + (", …" if len(values) > 6 else "")
 
 
 def _joint_names(arrays: Arrays) -> tuple[str, ...]:
     found = arrays["joint_names"] if "joint_names" in arrays else np.array("")
     names = tuple(str(name) for name in np.atleast_1d(found))
     if found.ndim != 1 or len(set(names)) != len(names):
-        raise TruthError(f"joint_names are {', '.join(names[:6]) or 'missing'}; expected a list of different names")
+        raise TruthError(
+            f"joint_names are {', '.join(map(shown, names[:6])) or 'missing'}; expected a list of different names"
+        )
     return names
 
 
@@ -98,7 +130,7 @@ def _people(arrays: Arrays) -> list[int]:
     names = sorted(key[1] for key in keys if len(key) == 3 and key[0] == "people" and key[2] == "joints")
     for name in names:
         if not re.fullmatch("[0-9]{2,6}", name) or name != f"{int(name):02d}":
-            raise TruthError(f"people/{name}/joints: people are numbered people/00, people/01, …")
+            raise TruthError(f"people/{shown(name)}/joints: people are numbered people/00, people/01, …")
     return [int(name) for name in names]
 
 
@@ -177,6 +209,4 @@ def pose2sim_sequence(arrays: Arrays) -> MotionSequence:
         bbox_xyxy=projected_boxes(joints, frame, cameras),
     )
     transitions = tuple((cut, cut) for cut in _cut_frames(arrays, num_frames))
-    return MotionSequence(
-        num_frames, float(numbers(arrays, "fps", (), finite=True)), joint_names, (person,), transitions, cameras
-    )
+    return MotionSequence(num_frames, _fps(arrays), joint_names, (person,), transitions, cameras)

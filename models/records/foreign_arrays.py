@@ -11,6 +11,12 @@ from humanmm.errors import InputError
 Array = np.ndarray
 
 MAX_ROWS = 2_000_000
+MAX_NUMBERS = 2**27
+"""1 GiB as float64, whatever the file takes for a number: an hour of video at 60 fps stays below this."""
+LARGEST = 1e12
+"""Neither metres nor pixels, seconds or turns: products of larger numbers end as infinity."""
+SHOWN = 60
+"""Characters of a stranger's word that a message quotes at most."""
 ROUNDING = 0.02
 """By how much R Rᵀ of a rotation may differ from the identity: half floats, and text of three decimals."""
 
@@ -27,11 +33,17 @@ def numbers(
         found = f"shape {_sides(array.shape)}" if array.ndim else "a single value"
         raise InputError(f"{key} has {found}; expected {_sides(shape) or 'a single number'}")
     if array.dtype.kind not in "fiub":
-        raise InputError(f"{key} has type {array.dtype}; expected numbers")
+        raise InputError(f"{key} has type {shown(str(array.dtype))}; expected numbers")
+    if array.size > MAX_NUMBERS:
+        raise InputError(f"{key} holds {array.size:,} numbers; expected at most {MAX_NUMBERS:,}")
     if finite and not np.isfinite(array).all():
         row = int(np.argwhere(~np.isfinite(np.atleast_1d(array)))[0][0])
         raise InputError(f"{key} holds numbers that are not finite, the first in row {row}")
-    return array.astype(np.float64)
+    array = array.astype(np.float64)
+    beyond = np.isfinite(array) & (np.abs(array) > LARGEST)
+    if beyond.any():
+        raise InputError(f"{key} holds {array[beyond][0]:g}; expected numbers up to {LARGEST:g}")
+    return array
 
 
 def whole_numbers(arrays: Mapping[str, Any], key: str, shape: tuple[int | None, ...]) -> Int[Array, "..."]:
@@ -76,8 +88,14 @@ def _needed(arrays: Mapping[str, Any], key: str) -> Array:
         raise InputError(f"{key} is missing")
     try:
         return np.asarray(arrays[key])
-    except (ValueError, TypeError):
+    except (ValueError, TypeError, RecursionError):
         raise InputError(f"{key} is no array of numbers") from None
+
+
+def shown(word: str) -> str:
+    """A stranger's word as a short, printable piece of a message: it may be long, or hold what a terminal obeys."""
+    short = word if len(word) <= SHOWN else f"{word[: SHOWN - 1]}…"
+    return short if short.isprintable() else ascii(short)
 
 
 def _sides(shape: tuple[int | None, ...]) -> str:

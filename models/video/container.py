@@ -65,9 +65,11 @@ def open_video(stream: BinaryIO, *, max_side_px: int = 16384) -> Iterator[tuple[
     except av.error.FFmpegError as error:
         raise VideoError(f"the video cannot be opened ({error.strerror}); give a {_SUPPORTED} file") from error
     with container:
-        video = container.streams.best("video")  # of several the one with the most pictures
+        video = container.streams.best("video")
         if not isinstance(video, VideoStream) or not moving_pictures(container):
             raise VideoError("the file holds no moving pictures (sound or a cover picture only); give a video")
+        if video.frames == 1:  # a cover that does not say that it is one
+            video = max(moving_pictures(container), key=lambda stream: stream.frames)
         if video.codec_context is None:
             raise VideoError("the video's codec is unknown here; convert it to H.264, H.265, VP9, AV1 or MPEG-4")
         refuse_absurd_size(max(video.codec_context.width, video.codec_context.height), max_side_px)
@@ -123,12 +125,13 @@ class DecoderMemory:
         self._codec, self._max_mb = codec, max_memory_mb
         self._before_mb = resident_mb()
 
-    def check(self) -> None:
-        """Raise VideoError for pictures of which a decoder needs more memory than the limit."""
+    def check(self, packet_bytes: int = 0) -> None:
+        """Raise VideoError for pictures of which a decoder needs more memory than the limit. What is hardly or not
+        compressed is in memory once more, as the packet that it came in."""
         most_mb, picture_mb = decoder_mb(self._codec)
         if most_mb <= self._max_mb:
             return
-        needed_mb = max(_LEAST_PICTURES * picture_mb, resident_mb() - self._before_mb)
+        needed_mb = max(_LEAST_PICTURES * picture_mb + packet_bytes / 1e6, resident_mb() - self._before_mb)
         if needed_mb > self._max_mb:
             raise VideoError(
                 f"{self._codec.width} x {self._codec.height} px as {self._codec.pix_fmt} are {picture_mb:.0f} MB a "
@@ -146,6 +149,8 @@ class PacketLog:
     num_packets: int = 0
     broken: int = 0
     """Packets that the decoder rejected."""
+    left_out: int = 0
+    """Packets that the container's edit list does not show."""
     ended_early: bool = False
     """The container's bytes stopped making sense before its end."""
 
@@ -165,6 +170,9 @@ def decoded(
             packet = None  # type: ignore[assignment]
         if packet is not None and packet.size:
             log.num_packets += 1
+            if memory is not None:
+                memory.check(packet.size)
+            log.left_out += packet.is_discard
             if packet.is_keyframe and packet.pts is not None:
                 log.keyframe_pts.add(packet.pts)
             if packet.dts is not None:

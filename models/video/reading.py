@@ -56,10 +56,7 @@ def read_facts(stream: BinaryIO, *, max_side_px: int = 8192, max_memory_mb: floa
         pictures = _decode_all(container, video, memory, max_side_px=max_side_px)
         time_base, pts = video.time_base, pictures.pts
         if not pts or time_base is None:
-            what = (
-                "could be decoded; the file is damaged" if pictures.log.num_packets else "is in it: its track is empty"
-            )
-            raise VideoError(f"no picture of the video {what}: give an intact copy")
+            raise VideoError(f"no picture of the video {_why_none(pictures.log)}")
         if len(pts) == 1:
             raise VideoError("the video holds one picture only; motion needs at least two frames")
         counted = _times_are_guesses(pts, container.format.name, video)
@@ -111,6 +108,17 @@ def _decode_all(container: InputContainer, video: VideoStream, memory: DecoderMe
         if picture.pict_type == PictureType.I:
             found.intra.add(picture.pts)
     return found
+
+
+def _why_none(log: PacketLog) -> str:
+    if not log.num_packets:
+        return "is in it: its track is empty: give an intact copy"
+    if log.left_out == log.num_packets:
+        return (
+            "is to be shown: the file's edit list leaves out all of them; write it anew, for instance with "
+            "`ffmpeg -ignore_editlist 1 -i FILE -c copy NEW.mp4`"
+        )
+    return "could be decoded; the file is damaged: give an intact copy"
 
 
 def _warnings(pictures: _Pictures, video: VideoStream, time_s: Float[np.ndarray, " F"]) -> Iterator[str]:

@@ -35,6 +35,18 @@ class JsonLines(logging.Formatter):
         return json.dumps(entry, default=str)
 
 
+def printable(text: str) -> str:
+    """A text without what a terminal obeys, such as colours and titles in the name of a file: written as escapes."""
+    return "".join(one if one.isprintable() or one in "\n\t" else ascii(one)[1:-1] for one in text)
+
+
+class _Printable(logging.Formatter):
+    """Lines for a terminal."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        return printable(super().format(record))
+
+
 class _StandardError(logging.StreamHandler[TextIO]):
     """Writes to sys.stderr as it is now: while a run is shown on a terminal, lines go above what is shown."""
 
@@ -54,9 +66,7 @@ def to_standard_error(*, verbose: bool) -> None:
     if wants_json():
         handler.setFormatter(JsonLines())
     else:
-        handler.setFormatter(
-            logging.Formatter("%(levelname)s %(name)s: %(message)s" if verbose else "humanmm: %(message)s")
-        )
+        handler.setFormatter(_Printable("%(levelname)s %(name)s: %(message)s" if verbose else "humanmm: %(message)s"))
     handler.setLevel(logging.DEBUG if verbose else logging.INFO if wants_json() else logging.WARNING)
     logger = logging.getLogger("humanmm")
     logger.handlers = [handler]

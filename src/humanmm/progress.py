@@ -14,6 +14,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
+from humanmm.logs import printable
+
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderResult
     from rich.table import Table
@@ -126,7 +128,10 @@ class Watch:
             step = f"▸ {self._step} …  {in_time(time.monotonic() - self._step_begun)}" if self._step else ""
             table = self._table(options.max_height - 3)
         yield Text(
-            f"{self.title or 'video'}: {in_time(elapsed)}{ahead}", style="bold", no_wrap=True, overflow="ellipsis"
+            f"{printable(self.title or 'video')}: {in_time(elapsed)}{ahead}",
+            style="bold",
+            no_wrap=True,
+            overflow="ellipsis",
         )
         yield table
         if step:

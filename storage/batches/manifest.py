@@ -115,7 +115,7 @@ def _read_json_lines(text: str, source: Path) -> Iterator[Entry]:
         origin = f"{source}, line {number}"
         try:
             tree = json.loads(line)
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             raise InputError(f"{origin}: {error}") from None
         if not isinstance(tree, dict):
             raise InputError(f"{origin}: a line is one object with `video`")

@@ -34,7 +34,7 @@ def read_results(path: Path) -> dict[str, Any]:
     """The tree of a results.json; InputError if the file holds none."""
     try:
         tree = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise InputError(f"{path} cannot be read as a results.json: {error}") from None
     if not isinstance(tree, dict):
         raise InputError(f"{path} is not a results.json: it holds no object")

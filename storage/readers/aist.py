@@ -12,7 +12,7 @@ import numpy as np
 
 from humanmm.errors import InputError, TruthError
 from humanmm.models.benchmark.aist import AistSequence, aist_sequence
-from humanmm.storage.readers.truth import NpzArrays
+from humanmm.storage.readers.archives import NpzArrays
 
 _SHAPES: dict[str, tuple[int | None, ...]] = {
     "keypoints2d": (None, None, 17, 3), "cam_K": (None, 3, 3), "cam_rotvec": (None, 3), "cam_t": (None, 3),

@@ -19,7 +19,7 @@ def read_golden_list(path: Path) -> tuple[GoldenClip, ...]:
     """All clips in their order; InputError that names the first thing that is wrong."""
     try:
         clips = _List.model_validate(tomllib.loads(path.read_text(encoding="utf-8"))).clip
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
         raise InputError(f"{path} cannot be read: {error}") from None
     except ValidationError as error:
         first = error.errors(include_url=False)[0]

@@ -10,7 +10,7 @@ import numpy as np
 from humanmm.errors import InputError, TruthError
 from humanmm.models.body.body24 import NUM_JOINTS, PARENTS
 from humanmm.models.synthetic.mocap import MocapSequence, sequences_of_pack
-from humanmm.storage.readers.truth import NpzArrays
+from humanmm.storage.readers.archives import NpzArrays
 
 _SHAPES: dict[str, tuple[int | None, ...]] = {
     "poses": (None, 3 * NUM_JOINTS), "trans": (None, 3), "contacts": (None, 4), "clip_start": (None,),

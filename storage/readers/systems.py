@@ -20,9 +20,10 @@ import numpy as np
 from humanmm.errors import InputError
 from humanmm.models.benchmark.imported import gvhmr_result, imported_sequence, slahmr_result, tram_result, wham_result
 from humanmm.models.records.sequence import MotionSequence
+from humanmm.storage.readers.archives import NpzArrays, damage
 from humanmm.storage.readers.restricted_pickle import read_pickle
 from humanmm.storage.readers.torch_tensors import read_tensors
-from humanmm.storage.readers.truth import NpzArrays, damage, read_sequence
+from humanmm.storage.readers.truth import read_sequence
 
 READER_VERSION = 1
 """Raised whenever a reader gives another motion for the same file: figures that were kept are then made again."""

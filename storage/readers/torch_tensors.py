@@ -4,8 +4,8 @@ import zipfile
 from typing import Any, BinaryIO
 
 from humanmm.errors import InputError
+from humanmm.storage.readers.archives import damage
 from humanmm.storage.readers.restricted_pickle import MAX_BYTES
-from humanmm.storage.readers.truth import damage
 
 
 def read_tensors(file: BinaryIO, *wanted: str) -> dict[str, Any]:

@@ -139,7 +139,7 @@ def read_run_record(run_dir: Path) -> dict[str, Any]:
         record = json.loads(path.read_text(encoding="utf-8", errors="surrogateescape"))  # as it is written
     except OSError as error:
         raise InputError(f"{run_dir} is no run folder: {FILE} cannot be read ({error.strerror})") from None
-    except ValueError:
+    except (ValueError, RecursionError):
         raise InputError(f"{path} is not json; `humanmm recover` writes it anew") from None
     if not isinstance(record, dict) or record.get("schema") != SCHEMA:
         raise InputError(f"{path} has another schema than {SCHEMA!r}; `humanmm recover` writes it anew")

@@ -10,6 +10,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, TextIO
 
+from humanmm.logs import printable
+
 _NOBODY_READS = (errno.EPIPE, errno.EIO)
 """The reader of a pipe has left; a terminal was closed."""
 
@@ -68,7 +70,7 @@ def say(text: str) -> None:
     """One line on standard error."""
     take_back_start()
     with even_unread(sys.stderr):
-        sys.stderr.write(f"humanmm: {' '.join(text.split())}\n")
+        sys.stderr.write(f"humanmm: {printable(' '.join(text.split()))}\n")
         sys.stderr.flush()
 
 
@@ -81,7 +83,8 @@ def write_all(lines: Iterable[object]) -> None:
     """Lines on standard output."""
     take_back_start()
     with even_unread(sys.stdout):
-        sys.stdout.write("".join(f"{line}\n" for line in lines))
+        text = "".join(f"{line}\n" for line in lines)
+        sys.stdout.write(printable(text) if sys.stdout.isatty() else text)
         sys.stdout.flush()
 
 
@@ -91,7 +94,10 @@ def write_json(tree: Mapping[str, Any], *, indent: int | None = 1) -> None:
 
 
 def write_path(path: Path) -> None:
-    """The path of a result, byte by byte: a file's name need not be text."""
+    """The path of a result, byte by byte for the next program: a file's name need not be text."""
+    if sys.stdout.isatty():
+        write(path)
+        return
     take_back_start()
     with even_unread(sys.stdout):
         sys.stdout.flush()

@@ -85,7 +85,7 @@ def _cameras(root: Path, name: str) -> dict[str, np.ndarray]:
             "cam_t": np.array([one["translation"] for one in cameras], np.float64).reshape(-1, 3),
             "cam_dist": np.array([one["distortions"] for one in cameras], np.float64),
         }
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
         raise InputError(f"{path} is no list of AIST++ cameras: {error!r}") from None
 
 

@@ -203,7 +203,7 @@ def _world(path: Path) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, "3"]
         tree = json.loads(path.read_text(encoding="utf-8"))
         R = np.asarray(tree["R"], np.float64).reshape(3, 3).T
         shift = np.asarray(tree["t"], np.float64).reshape(3) / float(tree["c"])
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         raise InputError(f"{path} is missing or holds no R, t and c ({error}); {OBTAIN}") from None
     R_world_rig: np.ndarray = nearest_rotation(R)  # some have three decimals
     return R_world_rig, shift

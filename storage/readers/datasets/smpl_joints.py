@@ -7,7 +7,7 @@ import numpy as np
 
 from humanmm.errors import InputError, TruthError
 from humanmm.models.body.smpl_joints import SmplJoints
-from humanmm.storage.readers.truth import NpzArrays
+from humanmm.storage.readers.archives import NpzArrays
 
 _FINGERS = (28, 43)
 """SMPL-X's left_middle1 and right_middle1."""

@@ -37,9 +37,9 @@ from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
 from humanmm.models.perception.tracking.given_bodies import GivenBody, smpl_body
 from humanmm.models.records.foreign_arrays import frame_numbers, numbers, rotations, whole_numbers
 from humanmm.models.records.landmarks import INDEX, NUM_LANDMARKS
+from humanmm.storage.readers.archives import NpzArrays, damage
 from humanmm.storage.readers.restricted_pickle import load_pickle
 from humanmm.storage.readers.torch_tensors import read_tensors
-from humanmm.storage.readers.truth import NpzArrays, damage
 
 Array = np.ndarray
 Size = tuple[int, int]

@@ -25,7 +25,7 @@ from humanmm.config import GivenFile
 from humanmm.errors import InputError
 from humanmm.models.perception.interfaces import SEEN
 from humanmm.models.perception.tracking.keypoint_tracks import PictureKeypoints
-from humanmm.models.records.foreign_arrays import numbers
+from humanmm.models.records.foreign_arrays import numbers, shown
 
 Array = np.ndarray
 
@@ -75,14 +75,14 @@ def _rows(name: str, content: bytes) -> list[Row]:
         raise InputError(f"{name} is no .json file")
     try:
         tree = json.loads(content)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{name} is not json: {error}") from None
+    except (ValueError, RecursionError):
+        raise InputError(f"{name} is not json, or holds lists in lists without end") from None
     try:
         return _rows_of(tree, name)
-    except (KeyError, TypeError, AttributeError, IndexError, OverflowError) as error:
-        raise InputError(f"{name} is laid out like no known program's keypoints ({error!r})") from None
     except InputError as error:
         raise InputError(f"{name}: {error}") from None
+    except (KeyError, TypeError, AttributeError, IndexError, OverflowError, ValueError) as error:
+        raise InputError(f"{name} is laid out like no known program's keypoints ({shown(repr(error))})") from None
 
 
 def _rows_of(tree: Any, name: str) -> list[Row]:

@@ -53,6 +53,17 @@ def test_a_page_of_another_origin_is_refused(kind: str, origin: str) -> None:
         assert status_of({"host": f"127.0.0.1:{PORT}", "origin": origin}, kind=kind, method=method) == 403
 
 
+@pytest.mark.parametrize("site", ["cross-site", "same-site"])
+def test_what_a_page_of_another_origin_embeds_is_refused_and_a_link_to_the_dashboard_is_not(site: str) -> None:
+    headers = {"host": f"127.0.0.1:{PORT}", "sec-fetch-site": site}
+    for shown_as in ("iframe", "image", "script", "empty", "object"):
+        assert status_of({**headers, "sec-fetch-dest": shown_as}) == 403
+    assert status_of({**headers, "sec-fetch-dest": "document"}) == 200
+    assert status_of({**headers, "sec-fetch-dest": "document"}, method="POST") == 403, "a form"
+    for own in ("same-origin", "none"):
+        assert status_of({**headers, "sec-fetch-site": own, "sec-fetch-dest": "empty"}, method="POST") == 200
+
+
 @pytest.mark.parametrize("kind", ["http", "websocket"])
 @pytest.mark.parametrize("host", ["evil.example", f"evil.example:{PORT}", "127.0.0.1.evil.example", ""])
 def test_another_name_that_leads_to_us_is_refused(kind: str, host: str) -> None:
@@ -200,3 +211,4 @@ def test_our_server_serves_its_user_and_no_other(server_cache: Path) -> None:
         assert not _as_nobody(ask)
         (home,) = server_cache.glob("prefect-*")
         assert home.stat().st_mode & 0o777 == 0o700
+        assert (home / "prefect.db").stat().st_mode & 0o777 == 0o600

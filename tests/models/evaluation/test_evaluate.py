@@ -207,4 +207,8 @@ def test_the_report_is_plain_json_with_every_figure_explained(sequence: MotionSe
     report = evaluate(sequence, sequence)
     assert json.loads(json.dumps(report.to_json(), allow_nan=False))["coverage"] == 1.0
     assert set(MEANINGS) == set(report.to_json()) - {"problems"}
-    assert report_table(report, title="sequence").row_count == len(MEANINGS)
+    table = report_table(dataclasses.replace(report, problems=("[/] \x1b[31m",)), title="[/x] \x1b]0;title\x07")
+    assert table.row_count == len(MEANINGS)
+    assert [str(table.title), str(table.caption)] == [r"[/x] \x1b]0;title\x07", r"[/] \x1b[31m"], (
+        "no markup, no commands"
+    )

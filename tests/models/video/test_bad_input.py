@@ -193,6 +193,7 @@ options = {
     "libx265": {"preset": "ultrafast", "x265-params": "log-level=none:ref=1:pools=1:frame-threads=1"},
     "libvpx-vp9": {"deadline": "realtime", "cpu-used": "8"},
     "libsvtav1": {"preset": "13"},
+    "mjpeg": {"flags": "+qscale", "global_quality": "3658", "qmin": "31", "qmax": "31"},  # it can write noise then
 }
 noise = np.random.default_rng(0).integers(0, 256, 1 << 22, dtype=np.uint8).tobytes()
 with av.open(path, "w") as out:
@@ -236,8 +237,10 @@ NETWORKS_MB = 370
 @pytest.mark.parametrize(
     ("codec", "form", "width", "height", "outcome"),
     [
-        ("mjpeg", "yuvj444p", 8192, 8192, "refused"),
+        ("mjpeg", "yuvj444p", 8192, 8192, "read"),
         ("mpeg4", "yuv420p", 8176, 8176, "read"),
+        ("rawvideo", "bgra", 8192, 8192, "refused"),
+        ("rawvideo", "yuv444p", 8192, 8192, "read"),
         ("libx264", "yuv444p", 8192, 8192, "refused"),
         ("libx264", "yuv420p", 8192, 8192, "read"),
         ("libx265", "yuv444p", 8192, 8192, "refused"),
@@ -249,7 +252,7 @@ NETWORKS_MB = 370
 def test_the_largest_pictures_take_less_than_1500_mb_or_are_refused(
     codec: str, form: str, width: int, height: int, outcome: str, kind: str, tmp_path: Path
 ) -> None:
-    path = str(tmp_path / "large.mkv")
+    path = str(tmp_path / ("large.avi" if codec == "rawvideo" else "large.mkv"))
     subprocess.run([sys.executable, "-c", WRITE, codec, form, str(width), str(height), kind, path], check=True)
     done = subprocess.run([sys.executable, "-c", READ, path], check=True, capture_output=True, text=True)
     found, peak_mb = done.stdout.split()
@@ -352,24 +355,70 @@ def test_of_two_streams_one_is_read_and_the_other_is_told() -> None:
     assert "2 streams of pictures; the one of 20 pictures" in warning
 
 
-def test_a_cover_picture_beside_a_video_is_no_stream_of_pictures() -> None:
-    file, cover = io.BytesIO(), io.BytesIO()
-    with av.open(cover, "w", format="mjpeg") as out:
+JPEG_PX = 640, 480
+
+
+def picture_file() -> bytes:
+    """A JPEG picture."""
+    file = io.BytesIO()
+    with av.open(file, "w", format="mjpeg") as out:
         stream = out.add_stream("mjpeg", rate=1)
-        stream.width, stream.height, stream.pix_fmt = 64, 48, "yuvj420p"
-        out.mux(stream.encode(av.VideoFrame(64, 48, "yuvj420p")))
+        (stream.width, stream.height), stream.pix_fmt = JPEG_PX, "yuvj420p"
+        out.mux(stream.encode(av.VideoFrame(*JPEG_PX, "yuvj420p")))
         out.mux(stream.encode(None))
-    with av.open(file, "w", format="mp4") as out:
-        picture = out.add_stream("mjpeg", rate=1)
-        picture.width, picture.height, picture.pix_fmt = 64, 48, "yuvj420p"
-        picture.disposition = av.stream.Disposition.attached_pic
-        video = out.add_stream("mpeg4", rate=25)
-        video.width, video.height, video.pix_fmt = 128, 96, "yuv420p"
-        packet = av.Packet(cover.getvalue())
-        packet.stream, packet.pts, packet.dts, packet.time_base = picture, 0, 0, Fraction(1, 25)
-        out.mux(packet)
-        for _ in range(20):
-            out.mux(video.encode(av.VideoFrame(128, 96, "yuv420p")))
-        out.mux(video.encode(None))
-    facts = read_facts(file)
-    assert (facts.num_frames, facts.width, facts.warnings) == (20, 128, ())
+    return file.getvalue()
+
+
+@pytest.mark.parametrize("with_video", [True, False])
+@pytest.mark.parametrize("is_flagged", [True, False])
+@pytest.mark.parametrize("container", ["mp4", "mov", "matroska"])
+def test_a_cover_picture_beside_a_video_is_not_taken_for_it(container: str, is_flagged: bool, with_video: bool) -> None:
+    file = io.BytesIO()
+    with av.open(file, "w", format=container) as out:
+        if container == "matroska" and is_flagged:
+            out.add_attachment("cover.jpg", "image/jpeg", picture_file())
+            picture = None
+        else:
+            picture = out.add_stream("mjpeg", rate=1)
+            (picture.width, picture.height), picture.pix_fmt = JPEG_PX, "yuvj420p"
+            if is_flagged:
+                picture.disposition = av.stream.Disposition.attached_pic
+        if with_video:
+            video = out.add_stream("mpeg4", rate=25)
+            video.width, video.height, video.pix_fmt = 128, 96, "yuv420p"
+        else:
+            sound = out.add_stream("aac", rate=44100, layout="mono")
+        if picture is not None:
+            packet = av.Packet(picture_file())
+            packet.stream, packet.pts, packet.dts, packet.time_base = picture, 0, 0, Fraction(1, 25)
+            out.mux(packet)
+        if with_video:
+            for _ in range(20):
+                out.mux(video.encode(av.VideoFrame(128, 96, "yuv420p")))
+            out.mux(video.encode(None))
+        else:
+            for number in range(3):
+                samples = av.AudioFrame.from_ndarray(np.zeros((1, 1024), np.float32), "fltp", "mono")
+                samples.sample_rate, samples.pts = 44100, 1024 * number
+                out.mux(sound.encode(samples))
+            out.mux(sound.encode(None))
+    if with_video:
+        facts = read_facts(file)
+        assert (facts.num_frames, facts.width) == (20, 128)
+        assert len(list(frames(file, facts))) == 20
+        assert len(facts.warnings) == (0 if is_flagged else 1)
+    else:
+        assert ("no moving pictures" if is_flagged else "one picture only") in refusal(file)
+
+
+def test_an_edit_list_that_shows_nothing_is_told() -> None:
+    assert "edit list leaves out all of them" in refusal(muxed([-2000 + 40 * i for i in range(20)], [(64, 48)], "mp4"))
+
+
+def test_a_packet_that_is_as_large_as_its_picture_counts_too(clip: Clip, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A picture of 128 x 96 px is 49 kB as bgra."""
+    monkeypatch.setattr(opening, "resident_mb", lambda: 0.0)
+    file = clip("avi", "rawvideo", num_frames=3, pix_fmt="bgra")
+    assert read_facts(file, max_memory_mb=0.2).num_frames == 3
+    with pytest.raises(VideoError, match=r"decode\.max_memory_mb"):
+        read_facts(file, max_memory_mb=0.19)

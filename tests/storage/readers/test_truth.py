@@ -1,16 +1,16 @@
 """Truth files and run folders, ours and others', whole and broken."""
 
-import io
 import json
-import zipfile
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from humanmm.errors import TruthError
+from humanmm.models.evaluation import truth
 from humanmm.models.evaluation.evaluate import evaluate
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
+from humanmm.models.records import foreign_arrays
 from humanmm.models.records.recording import Recording
 from humanmm.models.records.sequence import MotionSequence
 from humanmm.storage.readers.truth import read_sequence
@@ -129,40 +129,10 @@ def test_a_truncated_npz_is_refused(tmp_path: Path, npz: dict[str, np.ndarray]) 
         read_sequence(path)
 
 
-@pytest.mark.parametrize("at", [100, 300, 700])
-def test_a_flipped_byte_is_told_by_key(tmp_path: Path, npz: dict[str, np.ndarray], at: int) -> None:
-    path = save(tmp_path / "t.npz", {"num_frames": npz["num_frames"], "cut_frames": npz["cut_frames"], **npz})
-    data = bytearray(path.read_bytes())
-    data[at] ^= 0xFF
-    path.write_bytes(bytes(data))
-    with pytest.raises(TruthError, match="is damaged, or not as numpy writes arrays") as raised:
-        read_sequence(path)
-    assert any(key in str(raised.value) for key in npz)
-
-
-def test_an_archive_of_many_files_is_refused(tmp_path: Path) -> None:
-    with zipfile.ZipFile(tmp_path / "t.npz", "w") as file:
-        for number in range(10_001):
-            file.writestr(f"{number}.npy", b"")
-    with pytest.raises(TruthError, match="holds 10,001 files; expected at most 10,000 arrays"):
-        read_sequence(tmp_path / "t.npz")
-
-
 def test_pickles_are_never_loaded(tmp_path: Path, npz: dict[str, np.ndarray]) -> None:
     npz["people/00/joints"] = np.array([{"a": 1}], dtype=object)
     with pytest.raises(TruthError, match="no pickles"):
         read_sequence(save(tmp_path / "t.npz", npz))
-
-
-def test_an_array_that_declares_terabytes_is_never_allocated(tmp_path: Path, npz: dict[str, np.ndarray]) -> None:
-    path = save(tmp_path / "t.npz", {k: v for k, v in npz.items() if k != "people/00/joints"})
-    header = io.BytesIO()
-    description = {"descr": "<f4", "fortran_order": False, "shape": (10**9, 24, 3)}
-    np.lib.format.write_array_header_1_0(header, description)
-    with zipfile.ZipFile(path, "a") as file:
-        file.writestr("people/00/joints.npy", header.getvalue())
-    with pytest.raises(TruthError, match="declares 288,000,000,000 bytes"):
-        read_sequence(path)
 
 
 @pytest.mark.parametrize(
@@ -190,6 +160,13 @@ def test_an_array_that_declares_terabytes_is_never_allocated(tmp_path: Path, npz
         ("cameras/R_world_cam", np.full((12, 3, 3), 7.0), "12 matrices that are no rotations, the first in row 0"),
         ("people/xx/joints", np.zeros((12, 24, 3)), "people are numbered people/00"),
         ("people/0/joints", np.zeros((12, 24, 3)), "people/0/joints: people are numbered people/00"),
+        ("people/00/joints", np.full((12, 24, 3), 1e308), "joints holds 1e.308; expected numbers up to 1e.12"),
+        ("people/00/root_orient", np.full((12, 3), -1e300), "root_orient holds -1e.300; expected numbers up to"),
+        ("linked", np.array(["x"]), "linked has type <U1; expected numbers"),
+        ("linked", np.array([np.nan]), "linked holds numbers that are not finite"),
+        ("transitions", np.array([[9, 3]]), "the transitions .9, 3. disagree with the cuts 6"),
+        ("transitions", np.array([[-4, 17]]), "the transitions .-4, 17. disagree with the cuts 6"),
+        ("joint_names", np.array(["\x1b[31m" + "x" * 99_999] * 2), r"joint_names are '\\x1b\[31mx+\\u2026', "),
     ],
 )
 def test_what_is_wrong_is_named(
@@ -203,3 +180,52 @@ def test_what_is_wrong_is_named(
 def test_strange_arrays_are_named(tmp_path: Path) -> None:
     with pytest.raises(TruthError, match="found a, b"):
         read_sequence(save(tmp_path / "t.npz", {"a": np.zeros(1), "b": np.zeros(1)}))
+
+
+@pytest.mark.parametrize("fps", [0.0, -5.0, np.nan, np.inf])
+def test_a_pose2sim_truth_has_a_rate(tmp_path: Path, fps: float) -> None:
+    with np.load(CLIP_A) as arrays, pytest.raises(TruthError, match=r"fps is .*; expected a positive number"):
+        read_sequence(save(tmp_path / "t.npz", {**arrays, "fps": np.array(fps)}))
+
+
+def test_small_numbers_count_for_the_memory_that_they_take_as_large_ones(
+    tmp_path: Path, npz: dict[str, np.ndarray], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(foreign_arrays, "MAX_NUMBERS", 12 * 24 * 3 - 1)
+    with pytest.raises(TruthError, match="people/00/joints holds 864 numbers; expected at most 863"):
+        read_sequence(save(tmp_path / "t.npz", {**npz, "people/00/joints": np.zeros((12, 24, 3), np.int8)}))
+    monkeypatch.undo()
+    monkeypatch.setattr(truth, "MAX_NUMBERS", 22 * 24 * 3 - 1)
+    with pytest.raises(TruthError, match="its people have more than 1,583 coordinates"):
+        read_sequence(save(tmp_path / "t.npz", {**npz, "people/01/joints": np.zeros((10, 24, 3), np.int8)}))
+
+
+def test_names_of_strangers_are_shortened_and_their_control_characters_shown(tmp_path: Path) -> None:
+    strange = {"\x1b]0;title\x07": np.zeros(1), "k" * 50_000: np.zeros(1)}
+    with pytest.raises(TruthError) as raised:
+        read_sequence(save(tmp_path / "t.npz", strange))
+    assert str(raised.value).isprintable() and len(str(raised.value)) < 600
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("[" * 200_000, "is not json, or holds lists in lists without end"),
+        ("{", "is not json"),
+        ("[]", "has no list of shots"),
+        ('{"shots": 5}', "has no list of shots"),
+        ('{"shots": [1, 2]}', "shot 1 of run.json is no table with a start"),
+        ('{"shots": [{}, {}]}', "shot 1 of run.json has no whole frame numbers"),
+        ('{"shots": [{}, {"start": "x"}]}', "has no whole frame numbers"),
+        ('{"shots": [{}, {"start": 1e999}]}', "has no whole frame numbers"),
+        ('{"shots": [{}, {"transition": 5}]}', "has no whole frame numbers"),
+        ('{"shots": [{}, {"start": 5}]}', "the transitions .5, 5. disagree with the cuts 6"),
+    ],
+)
+def test_what_is_wrong_with_the_shots_of_a_run_folder_is_told(
+    tmp_path: Path, recording: Recording, text: str, sentence: str
+) -> None:
+    write_motion(tmp_path / "run" / "motion.zarr", recording)
+    (tmp_path / "run" / "run.json").write_text(text)
+    with pytest.raises(TruthError, match=sentence):
+        read_sequence(tmp_path / "run")

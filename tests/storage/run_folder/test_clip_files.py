@@ -9,7 +9,8 @@ import pytest
 from humanmm.errors import InputError
 from humanmm.flows.bench.render_set import SetPlan, build_set
 from humanmm.models.evaluation.evaluate import evaluate
-from humanmm.storage.readers.truth import NpzArrays, read_sequence
+from humanmm.storage.readers.archives import NpzArrays
+from humanmm.storage.readers.truth import read_sequence
 
 PACK = Path(__file__).parents[3] / "data" / "mocap" / "cmu_val.npz"
 PLAN = SetPlan((PACK,), "tiny", seed=5, seconds=(0.4, 0.4))
