@@ -5,17 +5,21 @@ import os
 # Two workers share two cores, and the matrices are small: a second thread of BLAS or torch only waits for the first.
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy and torch are imported, here and in processes of tests
 
+import fcntl
 import json
 import logging
 import shutil
 import signal
+import sqlite3
 import subprocess
 import sys
 import urllib.request
 import uuid
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from dataclasses import dataclass
 from importlib import import_module
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -141,11 +145,28 @@ def short_videos(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
 
 
 @pytest.fixture(scope="session")
-def server_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """A cache folder whose Prefect server all tests share; the server leaves by itself soon after the last one."""
+def for_all_processes(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder that all processes of the tests share."""
+    base = tmp_path_factory.getbasetemp()
+    return base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+
+
+@pytest.fixture(scope="session")
+def server_cache(tmp_path_factory: pytest.TempPathFactory, for_all_processes: Path) -> Iterator[Path]:
+    """A cache folder whose Prefect server all tests of this process share."""
     folder = tmp_path_factory.mktemp("cache")
     before = {name: os.environ.get(name) for name in ("HUMANMM_CACHE", "HUMANMM_SERVER_IDLE_S")}
-    os.environ.update({"HUMANMM_CACHE": str(folder), "HUMANMM_SERVER_IDLE_S": "60"})
+    os.environ.update({"HUMANMM_CACHE": str(folder), "HUMANMM_SERVER_IDLE_S": "300"})
+    with (for_all_processes / "database.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        empty = for_all_processes / "prefect.db"
+        if empty.exists():
+            give_database(folder, empty)
+        else:
+            start = "from humanmm.flows.server.local_server import prefect_server\nwith prefect_server(): pass\n"
+            own = {**os.environ, "PYTHONPATH": str(ROOT / "src")}
+            subprocess.run([sys.executable, "-c", start], env=own, check=True, capture_output=True)
+            copy_database(next(folder.glob("prefect-*/prefect.db")), empty)
     yield folder
     for name, value in before.items():
         os.environ.pop(name)
@@ -155,14 +176,32 @@ def server_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         os.kill(json.loads(state.read_text())["pid"], signal.SIGTERM)
 
 
+@pytest.fixture
+def new_cache(tmp_path: Path, server_cache: Path, for_all_processes: Path) -> Path:
+    """A cache folder of one test, whose Prefect server has still to be started."""
+    give_database(tmp_path / "cache", for_all_processes / "prefect.db")
+    return tmp_path / "cache"
+
+
+def give_database(cache: Path, empty: Path) -> None:
+    """Give a cache folder Prefect's database: making it anew takes a server 8 s of a processor."""
+    folder = cache / f"prefect-{version('prefect')}"
+    folder.mkdir(parents=True, mode=0o700)
+    shutil.copy2(empty, folder / "prefect.db")
+
+
+def copy_database(source: Path, target: Path) -> None:
+    """A database as it is now, also while a server uses it."""
+    with closing(sqlite3.connect(source)) as one, closing(sqlite3.connect(target)) as other:
+        one.backup(other)
+
+
 @pytest.fixture(scope="session")
-def recovered_film(server_cache: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def recovered_film(server_cache: Path, for_all_processes: Path) -> Path:
     """A folder with a few frames of the shipped clip, `film.mp4`, its truth, and its `run` and `store`: recovered once
     for all tests, in whichever process of theirs."""
-    base = tmp_path_factory.getbasetemp()
-    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "recovered"
-    recover_film(folder)
-    return folder
+    recover_film(for_all_processes / "recovered")
+    return for_all_processes / "recovered"
 
 
 @pytest.fixture(scope="session")

@@ -100,8 +100,8 @@ def test_times_are_as_people_read_them(seconds: float, told: str) -> None:
 LONGEST_S = 2.0
 
 
-def test_the_terminal_is_never_blank_not_even_while_the_first_server_starts(toy: Any, tmp_path: Path) -> None:
-    environment = toy.environment(HUMANMM_CACHE=str(tmp_path / "cache"), HUMANMM_SERVER_IDLE_S="1")
+def test_the_terminal_is_never_blank_not_even_while_a_server_starts(toy: Any, new_cache: Path) -> None:
+    environment = toy.environment(HUMANMM_CACHE=str(new_cache), HUMANMM_SERVER_IDLE_S="1")
     session = on_terminal(toy.command_line("recover", "film.mp4"), cwd=toy.folder, env=environment)
     assert session.status == 0, session.text
     assert session.pieces[0][0] < LONGEST_S + _load()

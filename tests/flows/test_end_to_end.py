@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import zarr
-from short_clip import CUTS, FILM
+from short_clip import FILM_CUTS, FILM_LENGTH
 
 from humanmm.cli import main
 from humanmm.models.video.colors import BT601
@@ -21,7 +21,7 @@ def test_the_shipped_clip_is_recovered_and_a_second_run_has_nothing_to_do(
     monkeypatch.setenv("HUMANMM_STORE", str(recovered_film / "store"))
     run = recovered_film / "run"
     assert (recovered_film / "stdout").read_text() == "run\n"
-    first, second, end = (frame - FILM[0] for frame in (*CUTS, FILM[1]))
+    first, second, end = (*FILM_CUTS, FILM_LENGTH)
     record = json.loads((run / "run.json").read_text())
     assert [(shot["start"], shot["end"]) for shot in record["shots"]] == [(0, first), (first, second), (second, end)]
     assert record["failures"] == []
