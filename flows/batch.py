@@ -94,7 +94,7 @@ def _recover_running(
 
 
 def _end_stopped(running: RunningVideo) -> None:
-    """Record why its process was told to stop: cancelled from the dashboard, else to be resumed by `humanmm serve`."""
+    """Record why its process received SIGTERM: cancelled from the dashboard, else to be resumed by `humanmm serve`."""
     try:
         with get_client(httpx_settings={"timeout": QUERY_LIMIT_S}, sync_client=True) as client:
             state = client.read_flow_run(UUID(running.flow_run)).state

@@ -49,7 +49,7 @@ def recover(
 ) -> Any:
     """Recover the people and cameras of one video into a run folder (default: runs/<name of the video>).
 
-    A process that is told to stop leaves a flow run that is `Cancelled`: Prefect would call it `Crashed`.
+    A process that receives SIGTERM leaves a flow run that is `Cancelled`: Prefect would call it `Crashed`.
     """
     try:
         return recover_stages(video, out, config, store, selection)

@@ -244,7 +244,7 @@ def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFi
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
     monkeypatch.setattr(artifact, "_sync", lambda folder: None)  # no test pulls the plug, and a busy disk is slow
     monkeypatch.setattr(artifacts, "sync_to_disk", lambda folder: None)
-    monkeypatch.setattr(pictures, "timeline", lambda *told: np.full((8, 8, 3), 255, np.uint8))  # test_deliver draws it
+    monkeypatch.setattr(pictures, "timeline", lambda *_: np.full((8, 8, 3), 255, np.uint8))  # test_deliver draws it
     _forget()
     monkeypatch.setattr(pipeline, "STAGES", import_module("toyline.table").STAGES)
     yield Toy(tmp_path, video, tmp_path / "store", tmp_path / "executed", capfd)

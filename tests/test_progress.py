@@ -68,7 +68,9 @@ def test_every_stage_and_shot_is_shown_with_its_frames_speed_and_time(toy: Any) 
     assert "left" in _shown(watch)[0]
 
 
-def test_what_failed_was_skipped_or_was_in_the_store_is_told_apart(toy: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_failed_was_skipped_or_was_in_the_store_is_distinguished(
+    toy: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
     toy.run()
     monkeypatch.setenv("TOY_FAIL", "camera=stage")
     run = toy.open(camera={"static": True})
@@ -92,9 +94,9 @@ def test_many_shots_do_not_push_the_rest_off_the_screen(toy: Any) -> None:
     assert len(captured.get().splitlines()) <= 10
 
 
-@pytest.mark.parametrize(("seconds", "told"), [(6.6, "0:07"), (750, "12:30"), (3723, "1:02:03")])
-def test_times_are_as_people_read_them(seconds: float, told: str) -> None:
-    assert in_time(seconds) == told
+@pytest.mark.parametrize(("seconds", "message"), [(6.6, "0:07"), (750, "12:30"), (3723, "1:02:03")])
+def test_times_are_as_people_read_them(seconds: float, message: str) -> None:
+    assert in_time(seconds) == message
 
 
 LONGEST_S = 2.0

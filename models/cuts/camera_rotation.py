@@ -213,7 +213,7 @@ def _with_fitted_body(hypothesis: CutHypothesis, person: CutPerson) -> CutHypoth
     """The mean of an answer and of the rotation that carries the fitted body over the cut, where the two are near.
 
     The body is fitted to a whole shot, the answer to the frames at the cut: their errors differ (41 cuts of rendered
-    clips: median 12.0° and 11.8°, of the mean 9.5°), and how far they are apart tells how far they are off.
+    clips: median 12.0° and 11.8°, of the mean 9.5°), and their distance from each other is a measure of their error.
     """
     R_body = _body_rotation(person)
     if R_body is None:
@@ -275,7 +275,7 @@ def _contemporary(people: Sequence[CutPerson], cut_frame: int) -> tuple[list[Cut
 
 def continuation_cost(person: CutPerson, K: Float[Array, "3 3"]) -> float:
     """How badly one person's two sides fit one motion seen by two cameras: ½ Σ of squared normalised residuals."""
-    # The cameras may move, and by how much is not asked: a velocity between them is allowed.
+    # The cameras may move by an unknown amount: a velocity between them is allowed.
     item = _prepare(person, CutCameras(K, K, True), 0.5 * float(person.before.time_s[-1] + person.after.time_s[0]))
     starts = _distinct(_starts(item, person))
     return cut_bundle.adjust([item], _BODY, starts, BundleSettings(camera_velocity_ms=0.3))[0].cost

@@ -57,7 +57,7 @@ CUT_WINDOW_S = 0.5
 CUT_GAP_S = 0.1
 """A gap this long between two shots halves the evidence of the cut."""
 DOUBTFUL_COST = 25.0
-"""A cut that costs so much with either labels tells half as much of them: something else is wrong there."""
+"""A cut that costs so much with either labels counts half as much: something else is wrong there."""
 MAX_CUT_GAP_S = 1.0
 """Longer gaps between shots carry no pose across."""
 HELD = 50.0
@@ -152,11 +152,11 @@ def _swapped_frames(
     sightings: Sequence[Sighting], K: Float[Array, "3 3"], fixed: Sequence[Int[Array, "n"]]
 ) -> list[Bool[Array, "n"]]:
     """For each shot of one person, which frames have left and right swapped; `fixed` has those that are known."""
-    told = [states for sighting, states in zip(sightings, fixed, strict=True) if len(sighting.frame)]
+    held = [states for sighting, states in zip(sightings, fixed, strict=True) if len(sighting.frame)]
     seen = [sighting for sighting in sightings if len(sighting.frame)]
     if not seen:
         return [np.zeros(0, dtype=bool) for _ in sightings]
-    relative = [_settled(sighting, _within_shot(sighting, own), own) for sighting, own in zip(seen, told, strict=True)]
+    relative = [_settled(sighting, _within_shot(sighting, own), own) for sighting, own in zip(seen, held, strict=True)]
     pairs: list[Array] = []
     for k, (sighting, state) in enumerate(zip(seen, relative, strict=True)):
         pairs.append(step_energies(sighting) + _held_at_cuts(sighting, state, first=k == 0, last=k + 1 == len(seen)))
@@ -164,14 +164,14 @@ def _swapped_frames(
             as_found, one_swapped = _across_cut(sighting, state, seen[k + 1], relative[k + 1], K)
             agreed = state[-1] == relative[k + 1][0]
             pairs.append(np.array([[as_found, one_swapped] if agreed else [one_swapped, as_found]]))
-    unary = np.concatenate([_frame_evidence(sighting) + _told(own) for sighting, own in zip(seen, told, strict=True)])
+    unary = np.concatenate([_frame_evidence(sighting) + _given(own) for sighting, own in zip(seen, held, strict=True)])
     whole = two_state_chain(unary, np.concatenate(pairs))
     states = np.split(whole, np.cumsum([len(sighting.frame) for sighting in seen])[:-1])
-    parts = iter([_settled(*one) for one in zip(seen, states, told, strict=True)])
+    parts = iter([_settled(*one) for one in zip(seen, states, held, strict=True)])
     return [next(parts) if len(sighting.frame) else np.zeros(0, dtype=bool) for sighting in sightings]
 
 
-def _told(fixed: Int[Array, "n"]) -> Float[Array, "n 2"]:
+def _given(fixed: Int[Array, "n"]) -> Float[Array, "n 2"]:
     """Energy of each frame as labelled and swapped, from what the user knows."""
     return np.asarray(KNOWN * np.stack([fixed == 1, fixed == 0], axis=1))
 
@@ -180,7 +180,7 @@ def _within_shot(sighting: Sighting, fixed: Int[Array, "n"]) -> Bool[Array, "n"]
     """States of the frames of one shot, from the motion between them and each frame's own evidence."""
     if len(sighting.frame) < 2:
         return np.asarray(fixed == 1)
-    return two_state_chain(_frame_evidence(sighting) + _told(fixed), step_energies(sighting))
+    return two_state_chain(_frame_evidence(sighting) + _given(fixed), step_energies(sighting))
 
 
 def _settled(sighting: Sighting, state: Bool[Array, "n"], fixed: Int[Array, "n"]) -> Bool[Array, "n"]:

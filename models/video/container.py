@@ -139,7 +139,7 @@ class DecoderMemory:
 
 
 def resident_mb() -> float:
-    """Memory of this process, MB; 0 where the system does not tell."""
+    """Memory of this process, MB; 0 where the system does not report it."""
     try:
         return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
     except (OSError, ValueError):

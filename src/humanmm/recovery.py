@@ -50,7 +50,7 @@ def recover(  # noqa: PLR0913 (the flags of the command, as keywords)
     """Recover the people and the cameras of one video, and write the run folder.
 
     What the store holds is not computed again: a second call with the same arguments takes about a second. If a stage
-    failed on some shots, the run's `state` is "partial" and its `failures` tell why.
+    failed on some shots, the run's `state` is "partial" and its `failures` say why.
 
     Args:
         video: the video file.
@@ -72,7 +72,7 @@ def recover(  # noqa: PLR0913 (the flags of the command, as keywords)
 
     Raises:
         HumanMMError: see humanmm.errors; NoUsablePersonError if nobody can be recovered.
-        KeyboardInterrupt: if the process was told to stop, by Ctrl-C or by a signal, which the message names.
+        KeyboardInterrupt: at Ctrl-C or a signal, which the message names.
     """
     from humanmm.progress import watching
 

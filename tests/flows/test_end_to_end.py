@@ -60,7 +60,7 @@ def test_a_video_without_people_is_refused_with_a_picture_of_what_was_seen(
         tmp_path / "empty.mp4", [(k / 25, empty) for k in range(10)], width=240, height=180, fps=25, colors=BT601
     )
     assert main(["recover", "empty.mp4"]) == 1
-    told = capsys.readouterr().err
-    assert "no usable person: nobody is seen for long enough" in told
-    assert "runs/empty.seen.png shows who was seen" in told
+    message = capsys.readouterr().err
+    assert "no usable person: nobody is seen for long enough" in message
+    assert "runs/empty.seen.png shows who was seen" in message
     assert [path.name for path in (tmp_path / "runs").iterdir()] == ["empty.seen.png"]

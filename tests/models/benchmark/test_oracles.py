@@ -16,8 +16,8 @@ from humanmm.models.synthetic.multishot import BenchVideo, hard_cuts
 
 def _wrongly_cut(video: BenchVideo, cuts: tuple[int, ...]) -> BenchVideo:
     """The same video as if other cuts had been found: tracks end there, also one that goes through a true cut."""
-    told = with_true_cuts(replace(video, truth=replace(video.truth, transitions=tuple((c, c) for c in cuts))))
-    return replace(told, scenes=hard_cuts(len(video.facts.time_s), cuts), truth=video.truth, cuts_known=False)
+    message = with_true_cuts(replace(video, truth=replace(video.truth, transitions=tuple((c, c) for c in cuts))))
+    return replace(message, scenes=hard_cuts(len(video.facts.time_s), cuts), truth=video.truth, cuts_known=False)
 
 
 def test_a_wrong_cut_is_undone_to_the_last_observation(video: BenchVideo) -> None:
@@ -68,8 +68,8 @@ def test_yaw_rotations_leave_the_tilt_that_was_found(video: BenchVideo, motion_o
     start = video.truth.cut_frames[0]
     turns = yaw_rotations(video, done.shots, done.motion)
     before, after = done.motion.R_world_cam[start - 1 : start + 1]
-    told = before @ turns[start]
-    assert np.allclose(told[2], after[2])  # heights of the camera's axes: what a rotation about the vertical leaves
+    message = before @ turns[start]
+    assert np.allclose(message[2], after[2])  # heights of the camera's axes: what a rotation about the vertical leaves
     again = yaw_rotations(
         video, done.shots, replace(done.motion, R_world_cam=_turned_after(done.motion.R_world_cam, start))
     )

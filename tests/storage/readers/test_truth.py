@@ -70,7 +70,7 @@ def test_gradual_transitions_come_from_run_json(tmp_path: Path, recording: Recor
     assert read_sequence(tmp_path).transitions == ((4, 9),)
 
 
-def test_a_pose2sim_truth_is_turned_upright() -> None:
+def test_a_pose2sim_truth_is_rotated_upright() -> None:
     sequence = read_sequence(CLIP_A)
     person = sequence.people[0]
     ankles = [sequence.joint_names.index(name) for name in ("LAnkle", "RAnkle")]
@@ -130,7 +130,7 @@ def test_a_truncated_npz_is_refused(tmp_path: Path, npz: dict[str, np.ndarray]) 
 
 
 @pytest.mark.parametrize("at", [100, 300, 700])
-def test_a_flipped_byte_is_told_by_key(tmp_path: Path, npz: dict[str, np.ndarray], at: int) -> None:
+def test_a_changed_byte_is_reported_by_key(tmp_path: Path, npz: dict[str, np.ndarray], at: int) -> None:
     path = save(tmp_path / "t.npz", {"num_frames": npz["num_frames"], "cut_frames": npz["cut_frames"], **npz})
     data = bytearray(path.read_bytes())
     data[at] ^= 0xFF

@@ -21,7 +21,7 @@ from humanmm.models.records.motion import CutAlignment, ShotMotion, WorldMotion
 from humanmm.models.records.shots import Transition
 
 
-def turn_error_deg(world: WorldMotion, frame_a: int, frame_b: int) -> float:
+def rotation_error_deg(world: WorldMotion, frame_a: int, frame_b: int) -> float:
     found = world.R_world_cam[frame_a].T @ world.R_world_cam[frame_b]
     true = camera(frame_a // LENGTH)[0].T @ camera(frame_b // LENGTH)[0]
     return float(np.degrees(np.linalg.norm(rotmat_to_rotvec(found.T @ true))))
@@ -31,7 +31,7 @@ def test_exact_shots_give_back_cameras_and_motion() -> None:
     world = align(results())
     assert [cut.linked for cut in world.cuts] == [True, True]
     # The cut is exact up to a degree or two: priors pull motion and bones a little.
-    assert max(turn_error_deg(world, 19, 20), turn_error_deg(world, 39, 40)) < 4.0
+    assert max(rotation_error_deg(world, 19, 20), rotation_error_deg(world, 39, 40)) < 4.0
     person = world.people[0]
     assert person.observed.all() and len(person.frame) == 3 * LENGTH
     np.testing.assert_allclose(person.pelvis_world, np.tile([0, 0, 0.95], (60, 1)), atol=0.08)
@@ -39,14 +39,14 @@ def test_exact_shots_give_back_cameras_and_motion() -> None:
     assert abs(forward[0]) < 1e-6 and forward[1] > 0.9
 
 
-def test_reported_turns_are_those_of_the_cameras() -> None:
+def test_reported_rotations_are_those_of_the_cameras() -> None:
     world = align(results())
     for cut in world.cuts:
         turn = world.R_world_cam[cut.cut_frame - 1].T @ world.R_world_cam[cut.cut_frame]
         np.testing.assert_allclose(cut.R_before_after, turn)
 
 
-def test_every_piece_of_evidence_is_told_and_how_certain_a_cut_is() -> None:
+def test_every_piece_of_evidence_is_reported_and_how_certain_a_cut_is() -> None:
     world = align(results())
     assert [(one.shot_a, one.shot_b, one.source, one.used) for one in world.evidence] == [
         (0, 1, "person 0", True),
@@ -55,7 +55,7 @@ def test_every_piece_of_evidence_is_told_and_how_certain_a_cut_is() -> None:
     assert all(cut.uncertainty_deg < 30 and cut.probability > 0.8 for cut in world.cuts) and not world.warnings
 
 
-def test_somebody_whose_sides_do_not_fit_the_rest_is_told() -> None:
+def test_somebody_whose_sides_do_not_fit_the_rest_is_reported() -> None:
     def torn(people: Sequence[CutPerson], cameras: CutCameras, **when: Any) -> CutAlignment:
         cut = align_by_bundle(people, cameras, **when)
         swapped = replace(cut.hypotheses[0], source=f"people, {SIDES_SWAPPED}")
@@ -128,15 +128,15 @@ def test_a_shot_with_nobody_in_it_keeps_its_camera() -> None:
     assert (world.camera_source[20:40] == 0).all()
 
 
-def test_the_papers_way_is_there_too() -> None:
+def test_the_papers_method_is_there_too() -> None:
     world = align(results(), method=align_by_eight_point)
     assert {cut.method for cut in world.cuts} == {"eight-point"}
-    assert max(turn_error_deg(world, 19, 20), turn_error_deg(world, 39, 40)) < 25.0
+    assert max(rotation_error_deg(world, 19, 20), rotation_error_deg(world, 39, 40)) < 25.0
 
 
-def test_a_turn_that_is_known_is_taken_as_it_is_and_the_other_cut_is_still_solved() -> None:
+def test_a_rotation_that_is_known_is_taken_as_it_is_and_the_other_cut_is_still_solved() -> None:
     known = camera(0)[0].T @ camera(1)[0]
     world = align(results(), known_rotations={LENGTH: known})
     assert [cut.method for cut in world.cuts] == ["given", "bundle"]
-    assert turn_error_deg(world, 19, 20) < 0.1  # levelling all shots together moves it by nothing
-    assert turn_error_deg(world, 39, 40) < 4.0
+    assert rotation_error_deg(world, 19, 20) < 0.1  # levelling all shots together moves it by nothing
+    assert rotation_error_deg(world, 39, 40) < 4.0
