@@ -113,13 +113,20 @@ def test_the_terminal_is_never_blank_not_even_while_a_server_starts(toy: Any, ne
 
 
 @pytest.mark.usefixtures("server_cache")
-@pytest.mark.parametrize("times", [1, 3], ids=["once", "thrice"])
 @pytest.mark.parametrize(
-    ("seen", "sleep"),
-    [("decode", ""), ("Prefect", ""), ("people", "people=30"), ("align", "align=30")],
-    ids=["at the beginning", "at the server", "in a stage", "in the last stages"],
+    ("seen", "sleep", "times"),
+    [
+        pytest.param("decode", "", 1, id="at the beginning"),
+        pytest.param("Prefect", "", 1, id="at the server"),
+        pytest.param("people", "people=30", 1, id="in a stage"),
+        pytest.param("align", "align=30", 1, id="in the last stages"),
+        pytest.param("people", "people=30", 3, id="thrice in a stage"),
+        pytest.param("decode", "", 3, id="thrice at the beginning", marks=pytest.mark.slow),
+        pytest.param("Prefect", "", 3, id="thrice at the server", marks=pytest.mark.slow),
+        pytest.param("align", "align=30", 3, id="thrice in the last stages", marks=pytest.mark.slow),
+    ],
 )
-def test_ctrl_c_ends_a_run_within_two_seconds_in_one_line(toy: Any, times: int, seen: str, sleep: str) -> None:
+def test_ctrl_c_ends_a_run_within_two_seconds_in_one_line(toy: Any, seen: str, sleep: str, times: int) -> None:
     def reached(text: str) -> bool:
         begun = not sleep or (toy.log.exists() and seen in toy.log.read_text())
         return seen in text and begun

@@ -256,9 +256,9 @@ def test_a_dry_run_of_several_videos_names_them(toy: Any) -> None:
 def test_a_pipe_gets_the_path_alone_and_a_line_of_what_to_look_at(toy: Any) -> None:
     toy.run()
     (toy.folder / "runs").mkdir()
-    done = toy.command("recover", "film.mp4", "--hmr.smoothness", "2")
-    assert (done.returncode, done.stdout) == (0, "runs/film\n")
-    (line,) = done.stderr.splitlines()
+    status, out, message = toy.main("recover", "film.mp4", "--hmr.smoothness", "2")
+    assert (status, out) == (0, "runs/film\n")
+    (line,) = message.splitlines()
     assert line.startswith("humanmm: done: 1 person, 3 shots, ") and "run.json" in line
 
 

@@ -22,8 +22,8 @@ def _unpacked(packed: dict[str, Any]) -> np.ndarray:
 
 
 def _shot(linked: bool, people: list[int], *evidence: int) -> dict[str, Any]:
-    message = [{"shot": shot, "used": True} for shot in evidence]
-    return {"start": 0, "end": 10, "linked": linked, "people": people, "join": {"evidence": message}}
+    used = [{"shot": shot, "used": True} for shot in evidence]
+    return {"start": 0, "end": 10, "linked": linked, "people": people, "join": {"evidence": used}}
 
 
 def test_the_joints_of_the_rounded_rotations_are_those_of_the_recording(
@@ -64,8 +64,8 @@ def test_a_shot_that_nothing_links_begins_a_place_and_a_linked_one_goes_where_it
 
 
 def test_places_stand_beside_each_other_and_everybody_in_his_own(recording: Recording, record: dict[str, Any]) -> None:
-    record["shots"][1]["linked"] = False
-    tree = scene_tree(recording, record)
+    first_shot, second_shot = record["shots"]
+    tree = scene_tree(recording, record | {"shots": [first_shot, second_shot | {"linked": False}]})
     first, second = tree["places"]
     assert first["offset"] == [0, 0, 0] and second["offset"][0] > 3 and second["title"] == "shot 1"
     assert [person["place"] for person in tree["people"]] == [0, 0], "where he was seen most"
