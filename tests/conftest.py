@@ -35,6 +35,7 @@ from humanmm.storage.store.open import open_store
 from humanmm.storage.store.store import Store
 from humanmm.tasks import pictures, pipeline
 from humanmm.tasks.engine.run import VideoRun
+from humanmm.tasks.units import module_facts
 from humanmm.tasks.units.selection import Selection
 
 # A shell that starts the tests in the background, or nohup, leaves signals ignored, and programs inherit that.
@@ -233,7 +234,9 @@ def bucket(request: pytest.FixtureRequest, s3_server: str, tmp_path: Path, monke
 
 
 @pytest.fixture
-def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Iterator[Toy]:
+def toy(
+    tmp_path: Path, for_all_processes: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> Iterator[Toy]:
     """A fresh toy: three shots [0, 20), [20, 40), [40, 60) in two scenes [0, 20), [20, 60)."""
     source = Path(__file__).parent / "toyline"
     shutil.copytree(source, tmp_path / "toyline", ignore=shutil.ignore_patterns("__pycache__"))
@@ -244,11 +247,19 @@ def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFi
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
     monkeypatch.setattr(artifact, "_sync", lambda folder: None)  # no test pulls the plug, and a busy disk is slow
     monkeypatch.setattr(artifacts, "sync_to_disk", lambda folder: None)
+    monkeypatch.setattr(artifact, "INLINE_BYTES", 1 << 20)  # zarr takes longer than all stages; `in_zarr` has it
+    monkeypatch.setattr(module_facts, "cache_folder", lambda: for_all_processes)  # each module is parsed once
     monkeypatch.setattr(pictures, "timeline", lambda *_: np.full((8, 8, 3), 255, np.uint8))  # test_deliver draws it
     _forget()
     monkeypatch.setattr(pipeline, "STAGES", import_module("toyline.table").STAGES)
     yield Toy(tmp_path, video, tmp_path / "store", tmp_path / "executed", capfd)
     _forget()
+
+
+@pytest.fixture
+def in_zarr(toy: Toy, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The toy's artifacts keep their arrays in zarr, as real ones do."""
+    monkeypatch.setattr(artifact, "INLINE_BYTES", 512)
 
 
 @pytest.fixture(params=["disk", "bucket"])

@@ -209,6 +209,7 @@ def test_a_store_copied_to_another_bucket_is_found(toy: Any, bucket: str) -> Non
     assert again.manifest("deliver").digest == run.manifest("deliver").digest
 
 
+@pytest.mark.usefixtures("in_zarr")
 @pytest.mark.parametrize("harm", ["flip", *(pytest.param(h, marks=slow) for h in ("truncate", "delete", "remove all"))])
 def test_a_damaged_artifact_in_a_bucket_is_computed_again_with_the_reason(toy: Any, bucket: str, harm: str) -> None:
     run = toy.run_on(open_store(bucket))
@@ -227,6 +228,7 @@ def test_a_damaged_artifact_in_a_bucket_is_computed_again_with_the_reason(toy: A
     assert ("gone from the store" if harm == "remove all" else "damaged artifact: ") in reason
 
 
+@pytest.mark.usefixtures("in_zarr")
 @pytest.mark.parametrize("harm", ["flip", "truncate", "delete", "remove all"])
 def test_a_damaged_artifact_is_computed_again_with_the_reason(toy: Any, harm: str) -> None:
     run = toy.run()
