@@ -35,11 +35,12 @@ opened: contextvars.ContextVar[Callable[[VideoRun], None] | None] = contextvars.
 """Called with the run when the flow begins; the caller of the flow sets it to follow progress and log."""
 
 
-def _flow_run_name() -> str:
+def video_name() -> str:
+    """What the flow run is called."""
     return Path(flow_run.parameters.get("video", "video")).name[:100]
 
 
-@flow(name="recover", flow_run_name=_flow_run_name, persist_result=False)
+@flow(name="recover", flow_run_name=video_name, persist_result=False)
 def recover(
     video: Path,
     out: Path | None = None,

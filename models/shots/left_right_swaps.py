@@ -16,6 +16,7 @@ from jaxtyping import Bool, Float, Int
 from humanmm.models.cuts import camera_rotation as cuts
 from humanmm.models.geometry.chains import two_state_chain
 from humanmm.models.geometry.intervals import Interval, frame_intervals, in_intervals
+from humanmm.models.geometry.rotations import unit
 from humanmm.models.records.landmarks import NUM_LANDMARKS, SWAP, with_sides_swapped
 
 Array = np.ndarray
@@ -264,8 +265,8 @@ def forwardness(landmarks3d: Float[Array, "n 33 3"]) -> Float[Array, "n"]:
     shoulders."""
     x = landmarks3d.astype(np.float64)
     up = x[:, [11, 12]].mean(axis=1) - x[:, [23, 24]].mean(axis=1)
-    left = _unit(x[:, 11] - x[:, 12]) + _unit(x[:, 23] - x[:, 24])
-    forward = _unit(np.cross(left, up))
+    left = unit(x[:, 11] - x[:, 12]) + unit(x[:, 23] - x[:, 24])
+    forward = unit(np.cross(left, up))
     toes = 0.5 * (x[:, 31] - x[:, 29] + x[:, 32] - x[:, 30])
     knees = 0.5 * (x[:, 25] + x[:, 26]) - 0.25 * (x[:, 23] + x[:, 24] + x[:, 27] + x[:, 28])
     return np.asarray(0.5 * ((toes + knees) * forward).sum(axis=1))
@@ -320,7 +321,3 @@ def _near_cut(sighting: Sighting, state: Bool[Array, "n"], near: Bool[Array, "n"
 
 def _capped(distance: Float[Array, "*n"], deviation: Float[Array, "*n"]) -> Float[Array, "*n"]:
     return np.asarray(np.minimum((distance / deviation) ** 2, CAP))
-
-
-def _unit(v: Float[Array, "n 3"]) -> Float[Array, "n 3"]:
-    return np.asarray(v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-9))
