@@ -17,7 +17,7 @@ from prefect.states import Cancelled, Completed, Failed
 
 from humanmm.config import Config
 from humanmm.errors import HumanMMError
-from humanmm.flows.recover import DEFAULTS, EVERYTHING, opened, recover, recover_stages
+from humanmm.flows.recover import DEFAULTS, EVERYTHING, opened, recover, recover_stages, video_name
 from humanmm.flows.server.flow_runs import schedule
 from humanmm.logs import keeping_text, to_standard_error, wants_json
 from humanmm.storage.batches.batch_table import open_batches
@@ -34,11 +34,7 @@ QUERY_LIMIT_S = 5.0
 """Seconds to query the reason for a SIGTERM; SIGKILL follows."""
 
 
-def _video_name() -> str:
-    return Path(flow_run.parameters.get("video", "video")).name[:100]
-
-
-@flow(name="recover-video", flow_run_name=_video_name, persist_result=False)
+@flow(name="recover-video", flow_run_name=video_name, persist_result=False)
 def recover_video(
     video: Path,
     out: Path | None = None,
@@ -94,7 +90,7 @@ def _recover_running(
 
 
 def _end_stopped(running: RunningVideo) -> None:
-    """Record why its process was told to stop: cancelled from the dashboard, else to be resumed by `humanmm serve`."""
+    """Record why its process received SIGTERM: cancelled from the dashboard, else to be resumed by `humanmm serve`."""
     try:
         with get_client(httpx_settings={"timeout": QUERY_LIMIT_S}, sync_client=True) as client:
             state = client.read_flow_run(UUID(running.flow_run)).state

@@ -35,11 +35,12 @@ opened: contextvars.ContextVar[Callable[[VideoRun], None] | None] = contextvars.
 """Called with the run when the flow begins; the caller of the flow sets it to follow progress and log."""
 
 
-def _flow_run_name() -> str:
+def video_name() -> str:
+    """What the flow run is called."""
     return Path(flow_run.parameters.get("video", "video")).name[:100]
 
 
-@flow(name="recover", flow_run_name=_flow_run_name, persist_result=False)
+@flow(name="recover", flow_run_name=video_name, persist_result=False)
 def recover(
     video: Path,
     out: Path | None = None,
@@ -49,7 +50,7 @@ def recover(
 ) -> Any:
     """Recover the people and cameras of one video into a run folder (default: runs/<name of the video>).
 
-    A process that is told to stop leaves a flow run that is `Cancelled`: Prefect would call it `Crashed`.
+    A process that receives SIGTERM leaves a flow run that is `Cancelled`: Prefect would call it `Crashed`.
     """
     try:
         return recover_stages(video, out, config, store, selection)

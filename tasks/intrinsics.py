@@ -12,7 +12,7 @@ from humanmm.tasks.inputs import StageInputs
 
 
 def intrinsics(inputs: StageInputs) -> Intrinsics:
-    """The user's focal length, or what the background tells, or the default."""
+    """The user's focal length, or the background's estimate, or the default."""
     settings = inputs.config.intrinsics
     corrected_px = next((one.px for one in inputs.corrections.of(Focal)), None)
     facts = inputs.read("decode", VideoFacts)

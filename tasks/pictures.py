@@ -103,7 +103,7 @@ def write_timeline(run_dir: Path, recording: Recording, record: Mapping[str, Any
 def write_scene(run_dir: Path, recording: Recording, record: Mapping[str, Any], video: Path) -> None:
     """Write view/scene.html with a video that `write_embedded` made, or remove it if there is no such file.
 
-    `record` is the tree of run.json, whose warnings and shots the page tells: like the timeline, it is never cached.
+    `record` is the tree of run.json, whose warnings and shots the page shows: like the timeline, it is never cached.
     """
     scene = run_dir / "view" / SCENE
     if video.is_file():

@@ -60,7 +60,7 @@ class Stage:
     defines: Literal["scene", "shot"] | None = None
     """The kind of unit whose spans its artifact lists. A stage per that kind depends on its own span alone."""
     sees_people_of_shots: bool = True
-    """Whether the list of shots tells it who is in them; if not, a change of people alone is nothing to it."""
+    """Whether it reads who is in the shots; if not, a change of people alone is nothing to it."""
     module: str = ""
     """Where its function is; `humanmm.tasks.<name>` unless given."""
     resources: Resources = Resources()

@@ -368,7 +368,11 @@ class Executions:
 
     def needless(self) -> list[str]:
         """What was computed again although its result was there, undamaged."""
-        return [told for told in self.again() if "damaged artifact" not in told and "artifact is gone" not in told]
+        return [
+            message
+            for message in self.again()
+            if "damaged artifact" not in message and "artifact is gone" not in message
+        ]
 
 
 def _parent(pid: int) -> int | None:

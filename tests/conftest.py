@@ -5,17 +5,21 @@ import os
 # Two workers share two cores, and the matrices are small: a second thread of BLAS or torch only waits for the first.
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy and torch are imported, here and in processes of tests
 
+import fcntl
 import json
 import logging
 import shutil
 import signal
+import sqlite3
 import subprocess
 import sys
 import urllib.request
 import uuid
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from dataclasses import dataclass
 from importlib import import_module
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +35,7 @@ from humanmm.storage.store.open import open_store
 from humanmm.storage.store.store import Store
 from humanmm.tasks import pictures, pipeline
 from humanmm.tasks.engine.run import VideoRun
+from humanmm.tasks.units import module_facts
 from humanmm.tasks.units.selection import Selection
 
 # A shell that starts the tests in the background, or nohup, leaves signals ignored, and programs inherit that.
@@ -141,11 +146,28 @@ def short_videos(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
 
 
 @pytest.fixture(scope="session")
-def server_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """A cache folder whose Prefect server all tests share; the server leaves by itself soon after the last one."""
+def for_all_processes(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder that all processes of the tests share."""
+    base = tmp_path_factory.getbasetemp()
+    return base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+
+
+@pytest.fixture(scope="session")
+def server_cache(tmp_path_factory: pytest.TempPathFactory, for_all_processes: Path) -> Iterator[Path]:
+    """A cache folder whose Prefect server all tests of this process share."""
     folder = tmp_path_factory.mktemp("cache")
     before = {name: os.environ.get(name) for name in ("HUMANMM_CACHE", "HUMANMM_SERVER_IDLE_S")}
-    os.environ.update({"HUMANMM_CACHE": str(folder), "HUMANMM_SERVER_IDLE_S": "60"})
+    os.environ.update({"HUMANMM_CACHE": str(folder), "HUMANMM_SERVER_IDLE_S": "300"})
+    with (for_all_processes / "database.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        empty = for_all_processes / "prefect.db"
+        if empty.exists():
+            give_database(folder, empty)
+        else:
+            start = "from humanmm.flows.server.local_server import prefect_server\nwith prefect_server(): pass\n"
+            own = {**os.environ, "PYTHONPATH": str(ROOT / "src")}
+            subprocess.run([sys.executable, "-c", start], env=own, check=True, capture_output=True)
+            copy_database(next(folder.glob("prefect-*/prefect.db")), empty)
     yield folder
     for name, value in before.items():
         os.environ.pop(name)
@@ -155,14 +177,32 @@ def server_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         os.kill(json.loads(state.read_text())["pid"], signal.SIGTERM)
 
 
+@pytest.fixture
+def new_cache(tmp_path: Path, server_cache: Path, for_all_processes: Path) -> Path:
+    """A cache folder of one test, whose Prefect server has still to be started."""
+    give_database(tmp_path / "cache", for_all_processes / "prefect.db")
+    return tmp_path / "cache"
+
+
+def give_database(cache: Path, empty: Path) -> None:
+    """Give a cache folder Prefect's database: making it anew takes a server 8 s of a processor."""
+    folder = cache / f"prefect-{version('prefect')}"
+    folder.mkdir(parents=True, mode=0o700)
+    shutil.copy2(empty, folder / "prefect.db")
+
+
+def copy_database(source: Path, target: Path) -> None:
+    """A database as it is now, also while a server uses it."""
+    with closing(sqlite3.connect(source)) as one, closing(sqlite3.connect(target)) as other:
+        one.backup(other)
+
+
 @pytest.fixture(scope="session")
-def recovered_film(server_cache: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def recovered_film(server_cache: Path, for_all_processes: Path) -> Path:
     """A folder with a few frames of the shipped clip, `film.mp4`, its truth, and its `run` and `store`: recovered once
     for all tests, in whichever process of theirs."""
-    base = tmp_path_factory.getbasetemp()
-    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "recovered"
-    recover_film(folder)
-    return folder
+    recover_film(for_all_processes / "recovered")
+    return for_all_processes / "recovered"
 
 
 @pytest.fixture(scope="session")
@@ -194,7 +234,9 @@ def bucket(request: pytest.FixtureRequest, s3_server: str, tmp_path: Path, monke
 
 
 @pytest.fixture
-def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Iterator[Toy]:
+def toy(
+    tmp_path: Path, for_all_processes: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> Iterator[Toy]:
     """A fresh toy: three shots [0, 20), [20, 40), [40, 60) in two scenes [0, 20), [20, 60)."""
     source = Path(__file__).parent / "toyline"
     shutil.copytree(source, tmp_path / "toyline", ignore=shutil.ignore_patterns("__pycache__"))
@@ -205,11 +247,19 @@ def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFi
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
     monkeypatch.setattr(artifact, "_sync", lambda folder: None)  # no test pulls the plug, and a busy disk is slow
     monkeypatch.setattr(artifacts, "sync_to_disk", lambda folder: None)
-    monkeypatch.setattr(pictures, "timeline", lambda *told: np.full((8, 8, 3), 255, np.uint8))  # test_deliver draws it
+    monkeypatch.setattr(artifact, "INLINE_BYTES", 1 << 20)  # zarr takes longer than all stages; `in_zarr` has it
+    monkeypatch.setattr(module_facts, "cache_folder", lambda: for_all_processes)  # each module is parsed once
+    monkeypatch.setattr(pictures, "timeline", lambda *_: np.full((8, 8, 3), 255, np.uint8))  # test_deliver draws it
     _forget()
     monkeypatch.setattr(pipeline, "STAGES", import_module("toyline.table").STAGES)
     yield Toy(tmp_path, video, tmp_path / "store", tmp_path / "executed", capfd)
     _forget()
+
+
+@pytest.fixture
+def in_zarr(toy: Toy, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The toy's artifacts keep their arrays in zarr, as real ones do."""
+    monkeypatch.setattr(artifact, "INLINE_BYTES", 512)
 
 
 @pytest.fixture(params=["disk", "bucket"])

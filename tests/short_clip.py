@@ -18,30 +18,37 @@ CLIP = ROOT / "examples/pose2sim_multishot/pose2sim_A_01-02-01.mp4"
 TRUTH = CLIP.with_name(f"{CLIP.stem}_gt.npz")
 CUTS = (36, 70)
 FILM = (24, 82)
-"""Frames of the clip that the recovered film shows; both cuts are in it."""
+"""Frames of the clip, which has 60 a second, that the recovered film shows; both cuts are in it."""
+STEP = 2
+"""Every second of them: what recovering costs is by the frame."""
+FILM_CUTS = tuple((cut - FILM[0]) // STEP for cut in CUTS)
+FILM_LENGTH = (FILM[1] - FILM[0]) // STEP
 
 
-def write_short_clip(path: Path, *, frames: tuple[int, int], max_side_px: int) -> float:
-    """Frames [start, end) of the clip, reduced; it is cut at `CUTS`. Returns pixels for one pixel of the clip."""
+def write_short_clip(path: Path, *, frames: tuple[int, int], max_side_px: int, step: int = 1) -> float:
+    """Every step-th of the frames [start, end) of the clip, reduced; it is cut at `CUTS`. Returns pixels for one pixel
+    of the clip."""
     with CLIP.open("rb") as stream:
         facts = read_facts(stream)
         width, height = planar_size(facts, max_side_px)
         pictures = (
-            (f.time_s, joined(f.planes)) for f in planar_frames(stream, facts, *frames, max_side_px=max_side_px)
+            (f.time_s, joined(f.planes))
+            for f in planar_frames(stream, facts, *frames, max_side_px=max_side_px)
+            if (f.index - frames[0]) % step == 0
         )
         colors = read_colors(stream)
-        write_video(path, pictures, width=width, height=height, fps=facts.fps, colors=colors, quality=18)
+        write_video(path, pictures, width=width, height=height, fps=facts.fps / step, colors=colors, quality=18)
     return width / facts.width
 
 
-def write_short_truth(path: Path, *, frames: tuple[int, int], scale: float) -> None:
-    """The truth of a short clip."""
-    start, end = frames
+def write_film_truth(path: Path, *, scale: float) -> None:
+    """The truth of the film."""
+    shown = slice(*FILM, STEP)
     with np.load(TRUTH) as truth:
-        arrays = {name: truth[name][start:end] if truth[name].shape[:1] == (100,) else truth[name] for name in truth}
+        arrays = {name: truth[name][shown] if truth[name].shape[:1] == (100,) else truth[name] for name in truth}
     arrays["K"][:, :2] *= scale
     arrays["openpose2d"][..., :2] *= scale
-    arrays["cut_frames"] = np.array([cut - start for cut in CUTS if start < cut < end])
+    arrays |= {"cut_frames": np.array(FILM_CUTS), "fps": arrays["fps"] / STEP}
     np.savez(path, **arrays)
 
 
@@ -56,8 +63,8 @@ def recover_film(folder: Path) -> str:
     with (folder / "lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not said.exists():
-            scale = write_short_clip(folder / "film.mp4", frames=FILM, max_side_px=640)
-            write_short_truth(folder / "truth.npz", frames=FILM, scale=scale)
+            scale = write_short_clip(folder / "film.mp4", frames=FILM, max_side_px=640, step=STEP)
+            write_film_truth(folder / "truth.npz", scale=scale)
             environment = {**os.environ, "PYTHONPATH": str(ROOT / "src"), "HUMANMM_STORE": str(folder / "store")}
             done = subprocess.run(
                 [sys.executable, "-m", "humanmm.cli", "recover", "film.mp4", "--out", "run"],

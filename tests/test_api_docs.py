@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from short_clip import CUTS, FILM
+from short_clip import FILM_CUTS, FILM_LENGTH
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -35,7 +35,7 @@ def test_every_example_runs_in_order(folder: Path) -> None:
         exec(code, names)
     run, report = names["run"], names["report"]
     assert run.folder == Path("runs/film") and (folder / "runs/film/motion.zarr").is_dir()
-    first, second, end = (frame - FILM[0] for frame in (*CUTS, FILM[1]))
+    first, second, end = (*FILM_CUTS, FILM_LENGTH)
     assert [(shot.start, shot.end) for shot in run.shots] == [(0, first), (first, second), (second, end)]
     x0, y0, x1, y1 = names["person"].bbox[0]
     x, y = names["joints_px"].mean(axis=0)

@@ -60,7 +60,7 @@ def test_it_is_not_chosen_where_people_changed_places_by_hand(corrector: Correct
     assert not who.frame - 3 <= Corrector(corrector.recording, record).place(1).frame < who.frame + 3
 
 
-def test_wrong_sides_are_told_in_each_shot_by_where_the_farthest_joint_truly_is(
+def test_wrong_sides_are_reported_in_each_shot_by_where_the_farthest_joint_truly_is(
     corrector: Corrector,
 ) -> None:
     first, second = corrector.sides(0, 10, 40)

@@ -30,7 +30,7 @@ def test_every_kind_can_be_read_and_says_what_it_means() -> None:
 
 
 @pytest.mark.parametrize(
-    ("entries", "told"),
+    ("entries", "message"),
     [
         ([{"kind": "focal", "px": 9}, {"kind": "add_cut", "frame": 3}], "correction 2: kind 'add_cut' is unknown; did"),
         ([{"frame": 3}], "correction 1: it has no kind; kinds are add-cut, "),
@@ -44,12 +44,12 @@ def test_every_kind_can_be_read_and_says_what_it_means() -> None:
         ([{"kind": "add-cut", "frame": "soon"}], "(add-cut): frame: input should be a valid integer"),
     ],
 )  # fmt: skip
-def test_a_mistake_is_told_in_one_sentence_that_names_the_file_and_the_correction(
-    entries: list[dict[str, object]], told: str
+def test_a_mistake_is_reported_in_one_sentence_that_names_the_file_and_the_correction(
+    entries: list[dict[str, object]], message: str
 ) -> None:
     with pytest.raises(ConfigError) as caught:
         read_corrections({"correction": entries}, origin="runs/film/corrections.toml")
-    assert str(caught.value).startswith("runs/film/corrections.toml") and told in str(caught.value)
+    assert str(caught.value).startswith("runs/film/corrections.toml") and message in str(caught.value)
     assert "\n" not in str(caught.value)
 
 

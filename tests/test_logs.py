@@ -41,12 +41,12 @@ def test_an_error_says_where_it_came_from() -> None:
 
 @pytest.mark.usefixtures("server_cache")
 def test_a_run_tells_every_stage_to_machines_and_nothing_to_people(toy: Any) -> None:
-    told = toy.main("recover", "film.mp4", HUMANMM_LOG="json")[2].splitlines()
-    lines = [line for line in told if line.startswith("{")]
+    reported = toy.main("recover", "film.mp4", HUMANMM_LOG="json")[2].splitlines()
+    lines = [line for line in reported if line.startswith("{")]
     entries = [json.loads(line) for line in lines]
     stages = {(entry.get("stage"), entry.get("unit")) for entry in entries}
     assert {("decode", "video"), ("camera", "shot 1"), ("people", "scene 0")} <= stages
-    assert all(line.startswith("humanmm: ") for line in told if line not in lines)
+    assert all(line.startswith("humanmm: ") for line in reported if line not in lines)
     plain = toy.main("recover", "film.mp4", "--out", "again")[2]
     assert not any(line.startswith("{") for line in plain.splitlines())
 

@@ -68,7 +68,9 @@ def test_every_stage_and_shot_is_shown_with_its_frames_speed_and_time(toy: Any) 
     assert "left" in _shown(watch)[0]
 
 
-def test_what_failed_was_skipped_or_was_in_the_store_is_told_apart(toy: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_failed_was_skipped_or_was_in_the_store_is_distinguished(
+    toy: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
     toy.run()
     monkeypatch.setenv("TOY_FAIL", "camera=stage")
     run = toy.open(camera={"static": True})
@@ -92,16 +94,16 @@ def test_many_shots_do_not_push_the_rest_off_the_screen(toy: Any) -> None:
     assert len(captured.get().splitlines()) <= 10
 
 
-@pytest.mark.parametrize(("seconds", "told"), [(6.6, "0:07"), (750, "12:30"), (3723, "1:02:03")])
-def test_times_are_as_people_read_them(seconds: float, told: str) -> None:
-    assert in_time(seconds) == told
+@pytest.mark.parametrize(("seconds", "message"), [(6.6, "0:07"), (750, "12:30"), (3723, "1:02:03")])
+def test_times_are_as_people_read_them(seconds: float, message: str) -> None:
+    assert in_time(seconds) == message
 
 
 LONGEST_S = 2.0
 
 
-def test_the_terminal_is_never_blank_not_even_while_the_first_server_starts(toy: Any, tmp_path: Path) -> None:
-    environment = toy.environment(HUMANMM_CACHE=str(tmp_path / "cache"), HUMANMM_SERVER_IDLE_S="1")
+def test_the_terminal_is_never_blank_not_even_while_a_server_starts(toy: Any, new_cache: Path) -> None:
+    environment = toy.environment(HUMANMM_CACHE=str(new_cache), HUMANMM_SERVER_IDLE_S="1")
     session = on_terminal(toy.command_line("recover", "film.mp4"), cwd=toy.folder, env=environment)
     assert session.status == 0, session.text
     assert session.pieces[0][0] < LONGEST_S + _load()
@@ -111,13 +113,20 @@ def test_the_terminal_is_never_blank_not_even_while_the_first_server_starts(toy:
 
 
 @pytest.mark.usefixtures("server_cache")
-@pytest.mark.parametrize("times", [1, 3], ids=["once", "thrice"])
 @pytest.mark.parametrize(
-    ("seen", "sleep"),
-    [("decode", ""), ("Prefect", ""), ("people", "people=30"), ("align", "align=30")],
-    ids=["at the beginning", "at the server", "in a stage", "in the last stages"],
+    ("seen", "sleep", "times"),
+    [
+        pytest.param("decode", "", 1, id="at the beginning"),
+        pytest.param("Prefect", "", 1, id="at the server"),
+        pytest.param("people", "people=30", 1, id="in a stage"),
+        pytest.param("align", "align=30", 1, id="in the last stages"),
+        pytest.param("people", "people=30", 3, id="thrice in a stage"),
+        pytest.param("decode", "", 3, id="thrice at the beginning", marks=pytest.mark.slow),
+        pytest.param("Prefect", "", 3, id="thrice at the server", marks=pytest.mark.slow),
+        pytest.param("align", "align=30", 3, id="thrice in the last stages", marks=pytest.mark.slow),
+    ],
 )
-def test_ctrl_c_ends_a_run_within_two_seconds_in_one_line(toy: Any, times: int, seen: str, sleep: str) -> None:
+def test_ctrl_c_ends_a_run_within_two_seconds_in_one_line(toy: Any, seen: str, sleep: str, times: int) -> None:
     def reached(text: str) -> bool:
         begun = not sleep or (toy.log.exists() and seen in toy.log.read_text())
         return seen in text and begun

@@ -21,7 +21,7 @@ def _folder(folder: Path, **record: Any) -> Path:
     return folder
 
 
-def test_a_folder_that_holds_no_run_is_told(tmp_path: Path) -> None:
+def test_a_folder_that_holds_no_run_is_reported(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="is no run folder"):
         humanmm.load(tmp_path)
     with pytest.raises(InputError, match="is no run folder"):

@@ -88,7 +88,7 @@ class Speed:
 
 
 def growth_rows(video: Path, config: Config, minutes: Sequence[float]) -> list[Row]:
-    """A row for the video looped to each length, measured in a process of its own; the longest tells how the peak
+    """A row for the video looped to each length, measured in a process of its own; the longest shows how the peak
     memory grew from the shortest on."""
     measured = {length: _measure_looped(video, config, length) for length in sorted(set(minutes))}
     shortest, longest = measured[min(measured)], measured[max(measured)]

@@ -34,7 +34,7 @@ from humanmm.storage.store.open import open_store
 from humanmm.storage.store.store import Store
 
 SAMPLE = Path("examples/aist")
-"""What ms-aist reads unless told otherwise: the sequence that the repository holds."""
+"""What ms-aist reads by default: the sequence that the repository holds."""
 MODULES = {"ablation": (ABLATIONS, OF_ABLATION), "camera": (CAMERAS, OF_CAMERAS), "cuts": (CUTS, OF_JOINTS)}
 """Tables of parts of the pipeline: their methods and figures."""
 CLIPS = ("ms-render", "ms-real")

@@ -33,6 +33,7 @@ from prefect.context import FlowRunContext
 from prefect.exceptions import PrefectException
 from prefect.states import Completed, Crashed, Failed
 
+from humanmm import machine
 from humanmm.storage.batches.batch_table import BatchTable, open_batches
 from humanmm.storage.batches.video_row import VideoRow
 
@@ -149,7 +150,7 @@ def _has_living_process(run: FlowRun, age_s: float) -> bool | None:
     """Whether the process lives that a flow run names; None if it names none. `age_s` is the age of its state."""
     if not (run.infrastructure_pid or "").isdecimal():
         return None
-    process_s = age_s(int(run.infrastructure_pid or 0))
+    process_s = machine.age_s(int(run.infrastructure_pid or 0))
     return process_s is not None and process_s > age_s - YOUNGER_S
 
 

@@ -302,7 +302,7 @@ def _start(files: ServerFiles, is_wanted: Callable[[], bool] = lambda: True) -> 
                     return url
                 time.sleep(0.1)
         finally:
-            if is_given_up and pid is not None and _is_alive(pid):
+            if is_given_up and pid is not None and is_alive(pid):
                 os.kill(pid, signal.SIGKILL)  # it is importing, and would end by SIGTERM with a traceback
     return None
 

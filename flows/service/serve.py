@@ -76,7 +76,7 @@ def bring_up(*, limit: int | None, idle_s: float) -> None:
     while not (is_serving(files) and (files.home / READY).exists()):
         if not started and not is_serving(files):
             started = True
-            check_settings()  # else nobody would tell why it is never ready
+            check_settings()  # else nothing would say why it is never ready
             log.info("starting humanmm serve in the background")
             command = [sys.executable, "-m", "humanmm.flows.service.serve", str(limit or default_limit()), str(idle_s)]
             with (files.home / "serve.log").open("ab") as output:
@@ -156,7 +156,7 @@ def _serve_until_told(
 
 
 def _has_room(files: ServerFiles, leave: threading.Event) -> bool:
-    """Wait until the disk has room for a server's files; False if told to leave before."""
+    """Wait until the disk has room for a server's files; False if it received a signal to end before."""
     while (free := shutil.disk_usage(files.home).free) < ROOM_BYTES:
         log.warning(
             "%d MB are free on the disk of %s; the server starts when it has %d",

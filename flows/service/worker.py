@@ -28,7 +28,7 @@ STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, si
 STOP_LIMIT_S = 20.0
 """Seconds between SIGTERM and SIGKILL for a video."""
 MARK = "WORKER_OF_HUMANMM"
-"""Variable, no setting, by which a worker's videos are told from others: a session may have several workers, and a
+"""Variable, no setting, that marks a worker's videos: a session may have several workers, and a
 number of a process is given again."""
 END_LIMIT_S = 10.0
 """Seconds that Prefect's worker may take to end, once its videos have. At the exit of Python, Prefect waits without a

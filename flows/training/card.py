@@ -53,11 +53,11 @@ def lifter_card(
         f"Trained on {train} windows of 32 frames, measured on {dev} windows of other subjects; recipe:",
         "`" + ", ".join(f"{name} {value}" for name, value in asdict(recipe).items()) + "`.",
         "",
-        "| median, mean | PA-MPJPE, mm | MPJPE, mm | torso, ° | root, ° | swaps told, false |",
+        "| median, mean | PA-MPJPE, mm | MPJPE, mm | torso, ° | root, ° | swaps found, false |",
         "|---|---:|---:|---:|---:|---:|",
     ]
     for name, one in rows.items():
         errors = (one.pa_mpjpe_mm, one.mpjpe_mm, one.torso_deg, one.root_deg)
         cells = [f"{median:.0f}, {mean:.0f}" for median, mean in errors]
-        lines.append(f"| {name} | {' | '.join(cells)} | {one.swaps_told:.2f}, {one.swaps_false:.2f} |")
+        lines.append(f"| {name} | {' | '.join(cells)} | {one.swaps_found:.2f}, {one.swaps_false:.2f} |")
     return "\n".join(lines) + "\n"

@@ -117,7 +117,7 @@ class GoldenClip(_Entry):
     down_deg: dict[Frame, tuple[float, float]] = {}
     """By how much the camera looks below the horizon, least and most."""
     roll_deg: dict[Frame, tuple[float, float]] = {}
-    """By how much the camera is turned clockwise about its viewing direction, least and most."""
+    """By how much the camera is rotated clockwise about its viewing direction, least and most."""
 
     @property
     def is_cut(self) -> bool:

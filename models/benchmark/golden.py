@@ -40,7 +40,7 @@ FEW = 0.1
 CUT_FRAMES, GRADUAL_FRAMES = 2, 3
 """How far a cut may be from a hard cut, and outside a gradual transition."""
 FACING_DEG = 60.0
-"""How far a direction may be from one of the eight that the eye tells apart."""
+"""How far a direction may be from one of the eight that the eye distinguishes."""
 POINT_PCT = 5.0
 """How far a landmark may be from its place, percent of the standing height: half a hand's breadth of a man, and half
 for the eye's error."""
@@ -104,7 +104,7 @@ class Verdict:
     expected: str
     found: str
     figure: float
-    """How far `found` is from `expected`, 0 where it is as it should be; NaN if that cannot be told."""
+    """How far `found` is from `expected`, 0 where it is as it should be; NaN if that is unknown."""
     holds: bool
 
 
@@ -335,12 +335,12 @@ def _camera(clip: GoldenClip, recording: Recording | None) -> Iterator[Verdict]:
         names = {"static": ("static",), "moving": ("tracked", "rotation_only")}[clip.camera]
         sources = [] if recording is None else [SOURCES[code] for code in recording.camera_source]
         share = float(np.mean([name in names for name in sources])) if sources else float("nan")
-        text = ", ".join(dict.fromkeys(sources)) or "not told"
+        text = ", ".join(dict.fromkeys(sources)) or "unknown"
         yield Verdict("camera", "", clip.camera, text, 1 - share, share == 1.0)
     if recording is None:
-        told = [("down", frame) for frame in clip.down_deg] + [("roll", frame) for frame in clip.roll_deg]
+        angles = [("down", frame) for frame in clip.down_deg] + [("roll", frame) for frame in clip.roll_deg]
         yield from (
-            Verdict("tilt", f"{way}, frame {frame}", "", "not told", float("nan"), False) for way, frame in told
+            Verdict("tilt", f"{way}, frame {frame}", "", "unknown", float("nan"), False) for way, frame in angles
         )
         return
     for frame, bounds in clip.down_deg.items():
@@ -361,7 +361,7 @@ def _between(kind: str, about: str, value: float, bounds: tuple[float, float], u
 def _cuts(clip: GoldenClip, seen: SeenClip) -> Iterator[Verdict]:
     if seen.recording is None:
         if clip.cuts:
-            yield Verdict("cuts", "", f"{len(clip.cuts)}", "not told", float("nan"), False)
+            yield Verdict("cuts", "", f"{len(clip.cuts)}", "unknown", float("nan"), False)
         return
     left = list(seen.recording.cut_frames)
     placed: list[tuple[ExpectedCut, int | None]] = []
@@ -373,9 +373,9 @@ def _cuts(clip: GoldenClip, seen: SeenClip) -> Iterator[Verdict]:
         if at is not None:
             left.remove(at)
     missed = [str(cut.start) for cut, at in placed if at is None]
-    told = [*(f"missed at {frame}" for frame in missed), *(f"false at {frame}" for frame in left)]
+    errors = [*(f"missed at {frame}" for frame in missed), *(f"false at {frame}" for frame in left)]
     wrong = len(missed) + len(left)
-    yield Verdict("cuts", "", f"{len(clip.cuts)}", "; ".join(told) or "the same", wrong, wrong == 0)
+    yield Verdict("cuts", "", f"{len(clip.cuts)}", "; ".join(errors) or "the same", wrong, wrong == 0)
     for cut, at in placed:
         expected = "linked" if cut.linked else "not linked"
         linked = None if at is None else seen.linked[at]

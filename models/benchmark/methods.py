@@ -55,8 +55,8 @@ ABLATIONS: tuple[str, ...] = (
     "humanmm without refine",
     "concat",
 )
-"""Every module off in turn. Without orientation alignment the worlds of the baseline are refined as ours are; without
-background links shots are joined by people alone."""
+"""Each module off, one at a time. Without orientation alignment the worlds of the baseline are refined as ours are;
+without background links shots are joined by people alone."""
 _WITNESS_LEFT_OUT = {
     "humanmm without people at cuts": "people",
     "humanmm without positions": "positions",

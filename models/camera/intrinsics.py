@@ -3,7 +3,7 @@
 The prior. `geometry.intrinsics` says where its centre comes from; one standard deviation spans 25 to 55 mm full-frame
 equivalent.
 
-The evidence. Every shot whose camera rotates or moves tells its focal length with an uncertainty (`self_calibration`),
+The evidence. Every shot whose camera rotates or moves gives its focal length with an uncertainty (`self_calibration`),
 and so do straight edges of walls and floors wherever they are seen, also by a static camera (`walls_focal`). Prior and
 evidence are multiplied on a grid of ln(focal); evidence has heavy tails, so that a shot with a lens of its own, or one
 that was misread, does not drag the rest away.
@@ -78,7 +78,7 @@ def estimate_intrinsics(
     progress: Progress = silent,
 ) -> Intrinsics:
     """One focal length for all shots: the user's (`focal_px` in pixels, or the horizontal `fov_deg` in degrees), or
-    that of the given cameras, or what the background tells, or the default.
+    that of the given cameras, or the background's estimate, or the default.
 
     `people` and `points`: one a scene, None where it failed. `cameras` are passed on to the shots.
     """
@@ -112,7 +112,7 @@ def intrinsics_from_background(
     *,
     progress: Progress = silent,
 ) -> Intrinsics:
-    """The focal length that prior and background agree on; source "default" where the background hardly tells.
+    """The focal length that prior and background agree on; source "default" where the background says too little.
 
     `pictures`: key frames whose straight edges are used.
     """
@@ -123,7 +123,7 @@ def intrinsics_from_background(
         if (likelihood := focal_log_likelihood(picture.segments, default, width, height)) is not None
     ]
     result = combine(evidence, default, width, height)
-    asked: list[tuple[TrackedShot, ModelChoice]] = []
+    chosen: list[tuple[TrackedShot, ModelChoice]] = []
     longest = sorted(shots, key=lambda shot: -len(shot.points.frame))[:MAX_SHOTS]
     for done, shot in enumerate(longest):
         progress(done, len(longest))
@@ -132,7 +132,7 @@ def intrinsics_from_background(
         if background.num_images >= 3 and float(np.median(np.diff(background.begins))) >= MIN_POINTS:
             choice = choose_model(background, result, calibrate=True)
             if beginning is shot.points:
-                asked.append((background, choice))
+                chosen.append((background, choice))
             found = focal_evidence(background, choice)
             if found is not None:
                 evidence.append(found)
@@ -141,7 +141,7 @@ def intrinsics_from_background(
             break
     models = tuple(
         ChosenModel(shot.start, shot.end, model)
-        for shot, choice in asked
+        for shot, choice in chosen
         if (model := settled_model(choice, shot, result)) is not None
     )
     return replace(result, models=models)

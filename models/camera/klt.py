@@ -38,7 +38,7 @@ BORDER_PX = 4.0
 
 
 NUM_POINTS = 200
-"""Cells of the grid over the picture that are each kept supplied with a point, unless told otherwise."""
+"""Cells of the grid over the picture that are each kept supplied with a point by default."""
 STILL_PX = 0.25
 """A frame whose points moved less than this since the last recorded frame is not recorded; pixels of the tracking
 picture."""

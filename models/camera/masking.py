@@ -86,7 +86,7 @@ def _inside(
 def _near(mask: np.ndarray, cell: np.ndarray, radius: int) -> Bool[np.ndarray, " n"]:
     """Which cells (column, row) lie in a mask widened by OpenCV's ellipse of a radius in cells.
 
-    Only what is asked for is looked at, a row of the ellipse at a time by sums along the mask's rows: a person who is
+    Only the given points are looked at, a row of the ellipse at a time by sums along the mask's rows: a person who is
     small in the picture has the mask widened by half its side, which takes seconds a frame for the whole of it.
     """
     height, width = mask.shape

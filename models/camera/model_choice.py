@@ -1,14 +1,14 @@
 """Which camera took a shot: the simplest that explains its background (paper section 3.2, with the simple answers
 first).
 
-In this order: static, rotation only, rotation and zoom, moving. A tripod and a pan are told apart from a moving camera
-because odometry on them is ill-posed: it would make a translation out of noise. A zoom looks much like a step forward;
-only points at different distances tell them apart.
+In this order: static, rotation only, rotation and zoom, moving. Odometry on a tripod or a pan is ill-posed: it would
+make a translation out of noise. A zoom looks much like a step forward; only points at different distances distinguish
+them.
 
-Each shot is asked once. `intrinsics` asks the shots that it needs, each with a focal length of its own (`calibrate`).
-Its answer is settled (`settled_model`) unless the video's focal length came out different, the shot is longer than what
-was looked at, or it zooms: those shots, and the ones that were not needed, are asked in `camera`, with the focal length
-of the video.
+The model of a shot is chosen once. `intrinsics` chooses for the shots that it needs, each with a focal length of its
+own (`calibrate`). Its choice is settled (`settled_model`) unless the video's focal length came out different, the shot
+is longer than the part that was used, or it zooms: for those shots, and the ones that were not needed, `camera`
+chooses, with the focal length of the video.
 """
 
 from dataclasses import dataclass

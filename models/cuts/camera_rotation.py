@@ -149,7 +149,7 @@ def _contemporary(people: Sequence[CutPerson], cut_frame: int) -> tuple[list[Cut
 
 def continuation_cost(person: CutPerson, K: Float[Array, "3 3"]) -> float:
     """How badly one person's two sides fit one motion seen by two cameras: ½ Σ of squared normalised residuals."""
-    # The cameras may move, and by how much is not asked: a velocity between them is allowed.
+    # The cameras may move by an unknown amount: a velocity between them is allowed.
     item = _prepare(person, CutCameras(K, K, True), 0.5 * float(person.before.time_s[-1] + person.after.time_s[0]))
     starts = _distinct(_starts(item, person))
     return cut_bundle.adjust([item], _BODY, starts, BundleSettings(camera_velocity_ms=0.3))[0].cost

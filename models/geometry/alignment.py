@@ -9,7 +9,7 @@ from humanmm.models.geometry.rotations import nearest_rotation
 
 
 class DegenerateAlignmentError(ValueError):
-    """Many alignments of these points are equally good; the message says which points would tell them apart."""
+    """Many alignments of these points are equally good; the message says which further points would decide."""
 
 
 @dataclass(frozen=True)

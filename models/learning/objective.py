@@ -66,8 +66,8 @@ class LifterScore:
     torso_deg: tuple[float, float]
     root_deg: tuple[float, float]
     """Of the pelvis, in frames with left and right as they are."""
-    swaps_told: float
-    """Fraction of the frames with left and right swapped beyond doubt that are told."""
+    swaps_found: float
+    """Fraction of the frames with left and right swapped beyond doubt that are found."""
     swaps_false: float
 
 
@@ -77,7 +77,7 @@ def score(network: LifterNetwork | None, windows: Windows, *, coco: bool = False
     for start in range(0, len(windows), 64):
         part = windows.chosen(torch.arange(start, min(start + 64, len(windows))))
         rows.append(_rows(network, part, _given(part, coco=coco)))
-    mpjpe, pa, torso, root, told, swapped, clear = np.concatenate(rows).T
+    mpjpe, pa, torso, root, seen, swapped, clear = np.concatenate(rows).T
 
     def both(values: Array) -> tuple[float, float]:
         return (float(np.median(values)), float(values.mean())) if len(values) else (float("nan"), float("nan"))
@@ -85,7 +85,7 @@ def score(network: LifterNetwork | None, windows: Windows, *, coco: bool = False
     wrong, right = (swapped > 0) & (clear > 0), (swapped == 0) & (clear > 0)
     return LifterScore(
         both(mpjpe), both(pa), both(torso), both(root[swapped == 0]),
-        float(told[wrong].mean()) if wrong.any() else float("nan"), float(told[right].mean()) if right.any() else 0.0,
+        float(seen[wrong].mean()) if wrong.any() else float("nan"), float(seen[right].mean()) if right.any() else 0.0,
     )  # fmt: skip
 
 

@@ -23,7 +23,7 @@ from humanmm.models.records import landmarks
 from humanmm.models.rendering.places.cameras import CAMERA_KINDS, PROBABILITIES, Lens, film_shot
 from humanmm.models.rendering.places.furnishing import Ground
 from humanmm.models.rendering.places.sites import PLACES, build_place
-from humanmm.models.rendering.places.takes import MOTIONS, Library, Performance, choose_take, perform, turned
+from humanmm.models.rendering.places.takes import MOTIONS, Library, Performance, choose_take, perform, rotated
 from humanmm.models.rendering.textures import poster
 from humanmm.models.synthetic.mocap import Actor
 
@@ -122,13 +122,13 @@ class PairSource:
 
 
 def _placed(actor: Actor, rng: np.random.Generator) -> Actor:
-    return turned(actor, rng.uniform(0, 2 * np.pi), np.zeros(2))
+    return rotated(actor, rng.uniform(0, 2 * np.pi), np.zeros(2))
 
 
 def _beside(actor: Actor, first: Actor, rng: np.random.Generator) -> Actor:
     """Somebody half a metre to two metres away from the first."""
     angle, away = rng.uniform(0, 2 * np.pi), rng.uniform(0.5, 2.2)
-    return turned(actor, rng.uniform(0, 2 * np.pi), away * np.array([np.cos(angle), np.sin(angle)]))
+    return rotated(actor, rng.uniform(0, 2 * np.pi), away * np.array([np.cos(angle), np.sin(angle)]))
 
 
 def _filmed(actors: list[Actor], fps: float, rng: np.random.Generator) -> tuple[Lens, Any]:

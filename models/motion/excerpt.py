@@ -44,7 +44,7 @@ _STEADY = 0.1
 
 @dataclass(frozen=True)
 class Wishes:
-    """What a user asks of an export; None and () leave it as it is."""
+    """What a user wants of an export; None and () leave it as it is."""
 
     fps: float | None = None
     people: tuple[int, ...] = ()

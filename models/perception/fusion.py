@@ -25,7 +25,7 @@ CROSSED = 0.02
 """Fraction of the height by which Thunder's limbs must fit better with left and right exchanged."""
 AGREED_ODDS, CROSSED_ODDS = 0.1, -0.5
 """Log-odds, a frame, that left and right are BlazePose's, if Thunder agrees and if it does not. In 498 rendered frames
-BlazePose swapped 12, of which Thunder told 7, and it disagreed in 6 others: odds of 0.02; but whole runs of frames are
+BlazePose swapped 12, of which Thunder found 7, and it disagreed in 6 others: odds of 0.02; but whole runs of frames are
 wrong together."""
 _LIMBS = np.array(landmarks.LIMBS)
 _EXCHANGED = np.arange(12).reshape(6, 2)[:, ::-1].ravel()

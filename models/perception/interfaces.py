@@ -48,7 +48,7 @@ class Landmarks:
     next_region: Region
     """Where the network sees the body: the crop for the next frame."""
     side_odds: float = 0.0
-    """Log-odds that left and right are named rightly, from whoever else was asked; 0 if nobody was."""
+    """Log-odds that left and right are named rightly, from any other network; 0 if there was none."""
 
 
 class PersonDetector(Protocol):

@@ -107,7 +107,7 @@ class ShotCamera:
     rotation only."""
     K: np.ndarray
     """(F,3,3) float64: the shared intrinsics in every frame; of a camera that zooms, its own focal lengths where the
-    points tell them, else such that the shared one is the middle of their range."""
+    points determine them, else such that the shared one is the middle of their range."""
     source: CameraSource
     metric: bool
     reprojection_px: float

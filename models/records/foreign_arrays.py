@@ -1,4 +1,4 @@
-"""Arrays of strangers' files: what does not fit is told by its key, with what was expected and what was found."""
+"""Arrays of strangers' files: the error names the key, what was expected and what was found."""
 
 from collections.abc import Mapping
 from typing import Any

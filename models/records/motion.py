@@ -88,7 +88,7 @@ class CutAlignment:
     """People or a common background connect the two shots."""
     warnings: tuple[str, ...] = ()
     background_inliers: int = 0
-    """Points of the background that also tell how the two shots stand to each other; 0 if none do."""
+    """Points of the background that also determine how the two cameras are rotated; 0 if none do."""
     hypotheses: tuple[CutHypothesis, ...] = ()
     """All rotations that the people allow, likeliest first; empty if the method knows one only."""
     probability: float = 1.0

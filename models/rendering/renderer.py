@@ -1,4 +1,4 @@
-"""Renders a clip frame by frame, with what only the pictures tell: silhouettes and visible joints.
+"""Renders a clip frame by frame, with what only the pictures show: silhouettes and visible joints.
 
 Each picture is the mean of samples at several instants while the shutter is open and several positions inside the pixel
 (the accumulation buffer of Haeberli and Akeley 1990): one sum gives motion blur and smooth edges.

@@ -85,7 +85,7 @@ def planks(rng: np.random.Generator) -> Texture:
         image[first : first + 1] *= 0.45
         joint = int(rng.integers(size))
         image[first : first + board, joint : joint + 2] *= 0.5
-    return Texture(_bytes(image * (1 + 0.08 * grain[..., None])), 160)
+    return Texture(as_bytes(image * (1 + 0.08 * grain[..., None])), 160)
 
 
 def tiles(rng: np.random.Generator) -> Texture:
@@ -161,7 +161,7 @@ def sky(rng: np.random.Generator) -> Texture:
     roofs = 8 + 10 * (np.repeat(rng.random(32), width // 32) ** 2)
     town = np.arange(height)[:, None] > height - roofs[None]
     haze = colour(rng, value=(0.45, 0.6), saturation=(0.05, 0.2))
-    return Texture(_bytes(np.where(town[..., None], haze * (1 + 0.05 * rng.normal(size=(1, width, 1))), image)), 1)
+    return Texture(as_bytes(np.where(town[..., None], haze * (1 + 0.05 * rng.normal(size=(1, width, 1))), image)), 1)
 
 
 def poster(rng: np.random.Generator) -> Texture:
@@ -192,15 +192,16 @@ SURFACES = (planks, plaster, tiles, brick, poster)
 
 
 def _painted(paint: Colour, stains: Float[Array, "h w"], px_per_m: float) -> Texture:
-    return Texture(_bytes(paint * (1 + stains[..., None])), px_per_m)
+    return Texture(as_bytes(paint * (1 + stains[..., None])), px_per_m)
 
 
 def _roughened(
     rng: np.random.Generator, image: Array, strength: float, px_per_m: float, *, slope: float = 0.8
 ) -> Texture:
     height, width = image.shape[:2]
-    return Texture(_bytes(image * (1 + strength * fractal(rng, height, width, slope=slope)[..., None])), px_per_m)
+    return Texture(as_bytes(image * (1 + strength * fractal(rng, height, width, slope=slope)[..., None])), px_per_m)
 
 
-def _bytes(image: Array) -> UInt8[Array, "h w 3"]:
+def as_bytes(image: Array) -> UInt8[Array, "h w 3"]:
+    """Grey levels rounded and kept within 0 to 255."""
     return np.asarray(np.clip(np.rint(image), 0, 255).astype(np.uint8))

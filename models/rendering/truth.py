@@ -90,7 +90,7 @@ def joined(
 ) -> dict[str, Array]:
     """The truth of a clip whose parts show different people in different places: each part has a world of its own.
 
-    `linked` (T,) tells the cuts inside a part from those between parts.
+    `linked` (T,) is true at cuts inside a part and false between parts.
     """
     whole = dict(parts[0])
     linked = [True] * len(parts[0]["cut_frames"])

@@ -33,8 +33,8 @@ def detect_shots(
 ) -> ShotList:
     """Shots of the whole video with everybody in them (or with one person); `people` has None for a failed scene.
 
-    `parts` says how much of the three-part detector is used: colours, boxes, keypoints. Left and right are told apart
-    with a rough K, for the focal length is estimated later. Who is a person with a lower probability than
+    `parts` says how much of the three-part detector is used: colours, boxes, keypoints. Left and right are
+    distinguished with a rough K, for the focal length is estimated later. Who is a person with a lower probability than
     `min_confidence` is left out. `corrections`: what the user knows better of cuts and people; the result says which
     of them fit. Raises NoUsablePersonError when nobody, or not the wanted person, is in the video.
     """
@@ -113,8 +113,8 @@ def _only(cast: Cast, number: int) -> Cast:
         raise NoUsablePersonError(
             f"person {number} is not in the video: it has {len(cast.people)}, numbered from 0; choose another"
         )
-    told = tuple(told for person, told in zip(cast.people, cast.told, strict=True) if person.person == number)
-    return Cast(kept, tuple(tuple(a for a in shot if a.person == number) for shot in cast.appearances), told=told)
+    given = tuple(given for person, given in zip(cast.people, cast.given, strict=True) if person.person == number)
+    return Cast(kept, tuple(tuple(a for a in shot if a.person == number) for shot in cast.appearances), given=given)
 
 
 @dataclass(frozen=True)
@@ -134,7 +134,7 @@ def _detector_faults(
 ) -> dict[tuple[int, int], _Faults]:
     """By (shot, person). Left-right swaps are solved over the whole video, without the tracking failures."""
     faults: dict[tuple[int, int], _Faults] = {}
-    for person, told in zip(cast.people, cast.told, strict=True):
+    for person, given in zip(cast.people, cast.given, strict=True):
         seen: list[tuple[int, Sighting]] = []
         for shot, appearances in zip(shots, cast.appearances, strict=True):
             track = _track(people[shot.scene], appearances, person.person)
@@ -142,7 +142,7 @@ def _detector_faults(
                 seen.append((shot.index, _sighting(track, shot, time_s)))
         failed = [failed_frames(sighting) for _, sighting in seen]
         trusted = [sighting.only(~lost) for (_, sighting), lost in zip(seen, failed, strict=True)]
-        swaps = left_right_swaps(trusted, K, told.sides)
+        swaps = left_right_swaps(trusted, K, given.sides)
         for (index, sighting), lost, swapped in zip(seen, failed, swaps, strict=True):
             faults[index, person.person] = _Faults(swapped, frame_intervals(sighting.frame, lost))
     return faults

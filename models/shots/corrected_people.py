@@ -25,7 +25,7 @@ from humanmm.corrections import (
 from humanmm.models.records.landmarks import INDEX
 from humanmm.models.records.shots import Appearance, CorrectionNote, Shot, TrackPart
 from humanmm.models.records.tracks import ScenePeople
-from humanmm.models.shots.identity import Candidate, Sighting, Told, sighting
+from humanmm.models.shots.identity import Candidate, GivenFacts, Sighting, sighting
 from humanmm.models.shots.left_right_swaps import KnownSides
 
 NEAR_FRAMES = 3
@@ -46,7 +46,7 @@ class _Group:
 
     parts: dict[int, Parts]
     """By shot."""
-    told: Told = field(default_factory=Told)
+    given: GivenFacts = field(default_factory=GivenFacts)
 
 
 def corrected_people(
@@ -64,7 +64,7 @@ def corrected_people(
     room = _Room(shots, scenes, [_Group({s.shot: (_whole(s, shots),) for s in person}) for person in people])
     notes = [note for one in corrections.correction if (note := room.note(one)) is not None]
     known = {(s.shot, s.track): s for person in people for s in person}
-    found = [Candidate(_sightings(group, shots, scenes, known, time_s), group.told) for group in room.groups]
+    found = [Candidate(_sightings(group, shots, scenes, known, time_s), group.given) for group in room.groups]
     return [candidate for candidate in found if candidate.sightings], notes
 
 
@@ -124,9 +124,9 @@ class _Room:
             mine = first.parts.get(index, ())
             first.parts[index], shared = self.joined(index, mine, parts)
             both += shared
-        told = first.told
-        first.told = Told(
-            told.main or second.told.main, told.height_m or second.told.height_m, told.sides + second.told.sides
+        given = first.given
+        first.given = GivenFacts(
+            given.main or second.given.main, given.height_m or second.given.height_m, given.sides + second.given.sides
         )
         self.groups.remove(second)
         return f"both are seen in {both} frames; what was seen of the first one counts there" if both else ""
@@ -161,13 +161,13 @@ class _Room:
 
     def main(self, one: Main) -> str:
         person = self.find(one.who)
-        person.told = replace(person.told, main=True)
+        person.given = replace(person.given, main=True)
         return ""
 
     def height(self, one: Height) -> str:
         person = self.find(one.who)
-        again = person.told.height_m
-        person.told = replace(person.told, height_m=one.metres)
+        again = person.given.height_m
+        person.given = replace(person.given, height_m=one.metres)
         return "" if again is None else f"it takes the place of {again:.2f} m, which another correction says"
 
     def sides(self, one: Sides) -> str:
@@ -184,7 +184,7 @@ class _Room:
             pair = INDEX[f"left_{one.joint}"], INDEX[f"right_{one.joint}"]
             places = np.array([one.left, one.right])
         known = KnownSides(one.start, one.end, one.who.frame, pair, places)
-        person.told = replace(person.told, sides=(*person.told.sides, known))
+        person.given = replace(person.given, sides=(*person.given.sides, known))
         return ""
 
     # ---- who and where

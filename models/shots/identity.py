@@ -48,7 +48,7 @@ lie elsewhere than the joints (measured on renderings of 300 random bodies; real
 
 
 @dataclass(frozen=True)
-class Told:
+class GivenFacts:
     """What the user says of somebody."""
 
     main: bool = False
@@ -63,7 +63,7 @@ class Candidate:
     """Everything that was seen of somebody who may be a person."""
 
     sightings: tuple["Sighting", ...]
-    told: Told = Told()
+    given: GivenFacts = GivenFacts()
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class Cast:
     appearances: tuple[tuple[Appearance, ...], ...]
     refused: tuple[float, ...] = ()
     """Probabilities of those left out as no persons, largest first."""
-    told: tuple[Told, ...] = ()
+    given: tuple[GivenFacts, ...] = ()
     """What the user says of each of the people."""
 
 
@@ -126,17 +126,17 @@ def cast_of(people: Sequence[Candidate], num_shots: int, *, min_confidence: floa
     Left out is who is seen for a moment only, and who is a person with a lower probability than `min_confidence`.
     """
     candidates = [
-        (1.0 if p.told.main else probability(p.sightings), sum(s.area for s in p.sightings), p)
+        (1.0 if p.given.main else probability(p.sightings), sum(s.area for s in p.sightings), p)
         for p in people
         if _is_long_seen(p.sightings)
     ]
     kept = [candidate for candidate in candidates if candidate[0] >= min_confidence]
-    kept.sort(key=lambda candidate: (not candidate[2].told.main, candidate[0] < DOUBTFUL, -candidate[1]))
+    kept.sort(key=lambda candidate: (not candidate[2].given.main, candidate[0] < DOUBTFUL, -candidate[1]))
     body = load_body()
     numbered = tuple(
         Person(
             number,
-            shape_from_bones(np.concatenate([s.bones for s in p.sightings]), body, height_m=p.told.height_m),
+            shape_from_bones(np.concatenate([s.bones for s in p.sightings]), body, height_m=p.given.height_m),
             area,
             likelihood,
         )
@@ -147,7 +147,7 @@ def cast_of(people: Sequence[Candidate], num_shots: int, *, min_confidence: floa
         for s in p.sightings:
             appearances[s.shot].append(Appearance(number, s.track, parts=s.parts))
     refused = tuple(sorted((p for p, _, _ in candidates if p < min_confidence), reverse=True))
-    return Cast(numbered, tuple(map(tuple, appearances)), refused, tuple(p.told for _, _, p in kept))
+    return Cast(numbered, tuple(map(tuple, appearances)), refused, tuple(p.given for _, _, p in kept))
 
 
 def sighting(
@@ -316,7 +316,7 @@ def shape_from_bones(
 ) -> Float[np.ndarray, " betas"]:
     """Shape whose bone lengths are likeliest: ridge regression of log lengths, prior N(0, 1) on every component.
 
-    With a known height the shape stands exactly so tall; the bones then tell proportions, their common factor is free
+    With a known height the shape stands exactly so tall; the bones then give proportions, their common factor is free
     within SCALE_NOISE.
     """
     wanted = np.log(np.median(bones, axis=0) / _body_bones(body, np.zeros(body.num_betas))) - BONE_BIAS

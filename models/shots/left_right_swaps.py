@@ -17,6 +17,7 @@ from humanmm.models.cuts import camera_rotation as cuts
 from humanmm.models.cuts.sides import CutPerson, SideTrack
 from humanmm.models.geometry.chains import two_state_chain
 from humanmm.models.geometry.intervals import Interval, frame_intervals, in_intervals
+from humanmm.models.geometry.rotations import unit
 from humanmm.models.records.landmarks import NUM_LANDMARKS, SWAP, with_sides_swapped
 
 Array = np.ndarray
@@ -58,7 +59,7 @@ CUT_WINDOW_S = 0.5
 CUT_GAP_S = 0.1
 """A gap this long between two shots halves the evidence of the cut."""
 DOUBTFUL_COST = 25.0
-"""A cut that costs so much with either labels tells half as much of them: something else is wrong there."""
+"""A cut that costs so much with either labels counts half as much: something else is wrong there."""
 MAX_CUT_GAP_S = 1.0
 """Longer gaps between shots carry no pose across."""
 HELD = 50.0
@@ -153,11 +154,11 @@ def _swapped_frames(
     sightings: Sequence[Sighting], K: Float[Array, "3 3"], fixed: Sequence[Int[Array, "n"]]
 ) -> list[Bool[Array, "n"]]:
     """For each shot of one person, which frames have left and right swapped; `fixed` has those that are known."""
-    told = [states for sighting, states in zip(sightings, fixed, strict=True) if len(sighting.frame)]
+    held = [states for sighting, states in zip(sightings, fixed, strict=True) if len(sighting.frame)]
     seen = [sighting for sighting in sightings if len(sighting.frame)]
     if not seen:
         return [np.zeros(0, dtype=bool) for _ in sightings]
-    relative = [_settled(sighting, _within_shot(sighting, own), own) for sighting, own in zip(seen, told, strict=True)]
+    relative = [_settled(sighting, _within_shot(sighting, own), own) for sighting, own in zip(seen, held, strict=True)]
     pairs: list[Array] = []
     for k, (sighting, state) in enumerate(zip(seen, relative, strict=True)):
         pairs.append(step_energies(sighting) + _held_at_cuts(sighting, state, first=k == 0, last=k + 1 == len(seen)))
@@ -165,14 +166,14 @@ def _swapped_frames(
             as_found, one_swapped = _across_cut(sighting, state, seen[k + 1], relative[k + 1], K)
             agreed = state[-1] == relative[k + 1][0]
             pairs.append(np.array([[as_found, one_swapped] if agreed else [one_swapped, as_found]]))
-    unary = np.concatenate([_frame_evidence(sighting) + _told(own) for sighting, own in zip(seen, told, strict=True)])
+    unary = np.concatenate([_frame_evidence(sighting) + _given(own) for sighting, own in zip(seen, held, strict=True)])
     whole = two_state_chain(unary, np.concatenate(pairs))
     states = np.split(whole, np.cumsum([len(sighting.frame) for sighting in seen])[:-1])
-    parts = iter([_settled(*one) for one in zip(seen, states, told, strict=True)])
+    parts = iter([_settled(*one) for one in zip(seen, states, held, strict=True)])
     return [next(parts) if len(sighting.frame) else np.zeros(0, dtype=bool) for sighting in sightings]
 
 
-def _told(fixed: Int[Array, "n"]) -> Float[Array, "n 2"]:
+def _given(fixed: Int[Array, "n"]) -> Float[Array, "n 2"]:
     """Energy of each frame as labelled and swapped, from what the user knows."""
     return np.asarray(KNOWN * np.stack([fixed == 1, fixed == 0], axis=1))
 
@@ -181,7 +182,7 @@ def _within_shot(sighting: Sighting, fixed: Int[Array, "n"]) -> Bool[Array, "n"]
     """States of the frames of one shot, from the motion between them and each frame's own evidence."""
     if len(sighting.frame) < 2:
         return np.asarray(fixed == 1)
-    return two_state_chain(_frame_evidence(sighting) + _told(fixed), step_energies(sighting))
+    return two_state_chain(_frame_evidence(sighting) + _given(fixed), step_energies(sighting))
 
 
 def _settled(sighting: Sighting, state: Bool[Array, "n"], fixed: Int[Array, "n"]) -> Bool[Array, "n"]:
@@ -265,8 +266,8 @@ def forwardness(landmarks3d: Float[Array, "n 33 3"]) -> Float[Array, "n"]:
     shoulders."""
     x = landmarks3d.astype(np.float64)
     up = x[:, [11, 12]].mean(axis=1) - x[:, [23, 24]].mean(axis=1)
-    left = _unit(x[:, 11] - x[:, 12]) + _unit(x[:, 23] - x[:, 24])
-    forward = _unit(np.cross(left, up))
+    left = unit(x[:, 11] - x[:, 12]) + unit(x[:, 23] - x[:, 24])
+    forward = unit(np.cross(left, up))
     toes = 0.5 * (x[:, 31] - x[:, 29] + x[:, 32] - x[:, 30])
     knees = 0.5 * (x[:, 25] + x[:, 26]) - 0.25 * (x[:, 23] + x[:, 24] + x[:, 27] + x[:, 28])
     return np.asarray(0.5 * ((toes + knees) * forward).sum(axis=1))
@@ -321,7 +322,3 @@ def _near_cut(sighting: Sighting, state: Bool[Array, "n"], near: Bool[Array, "n"
 
 def _capped(distance: Float[Array, "*n"], deviation: Float[Array, "*n"]) -> Float[Array, "*n"]:
     return np.asarray(np.minimum((distance / deviation) ** 2, CAP))
-
-
-def _unit(v: Float[Array, "n 3"]) -> Float[Array, "n 3"]:
-    return np.asarray(v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-9))

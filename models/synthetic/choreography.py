@@ -107,8 +107,8 @@ def choreography(kind: str, name: str, seconds: float, rng: np.random.Generator)
         if rng.random() < 0.5:
             added = [replace(step, posture=mirrored(step.posture)) for step in added]
         base = np.array(steps[-1].posture.root)
-        turned = [heading, *(360 * np.rint(base[1:] / 360))]
-        steps += [replace(s, posture=replace(s.posture, root=tuple(turned + np.array(s.posture.root)))) for s in added]
+        ended = [heading, *(360 * np.rint(base[1:] / 360))]
+        steps += [replace(s, posture=replace(s.posture, root=tuple(ended + np.array(s.posture.root)))) for s in added]
         heading = steps[-1].posture.root[0]
     return performed(steps, name, rng)
 

@@ -78,7 +78,7 @@ class BenchVideo:
     static_cameras: bool = False
     """The user knows that all cameras are static."""
     cuts_known: bool = False
-    """`scenes` has every cut: people are not asked for more."""
+    """`scenes` has every cut: people are not searched for more."""
 
     def points_of(self, start: int, end: int) -> PointTracks:
         """Point tracks of a shot [start, end)."""

@@ -24,7 +24,7 @@ def _part(setting: str) -> AfterValidator:
         try:
             return parts.find(setting, name).name
         except ConfigError as error:
-            raise PydanticCustomError("told", "{reason}", {"reason": str(error)}) from None
+            raise PydanticCustomError("stated", "{reason}", {"reason": str(error)}) from None
 
     return AfterValidator(check)
 
@@ -63,7 +63,7 @@ class GivenFile(Section):
         try:
             return {"path": str(path), "sha256": _digest(_contents(path))}
         except InputError as error:
-            raise PydanticCustomError("told", "{reason}", {"reason": str(error)}) from None
+            raise PydanticCustomError("stated", "{reason}", {"reason": str(error)}) from None
 
     def read(self) -> dict[str, bytes]:
         """Name → bytes of each file; InputError if the content is no longer that of `sha256`."""

@@ -1,4 +1,4 @@
-"""Settings from what people write: TOML files, flags, manifest columns; what is wrong is told in one sentence."""
+"""Settings from what people write: TOML files, flags, manifest columns; an error is one sentence."""
 
 import difflib
 import os
@@ -26,7 +26,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def validate(tree: Mapping[str, Any], *, origin: str = "") -> Config:
-    """The configuration of a tree; ConfigError tells the first thing that is wrong with it, in one sentence."""
+    """The configuration of a tree; ConfigError names the first thing that is wrong with it, in one sentence."""
     try:
         return Config.model_validate(tree)
     except ValidationError as error:
@@ -91,7 +91,7 @@ def _first(error: ValidationError) -> str:
         close = difflib.get_close_matches(str(first["loc"][-1]), known, n=1)
         hint = f"did you mean {close[0]}?" if close else f"known: {', '.join(known) or 'none'}"
         return f"unknown setting {place}; {hint}"
-    if first["type"] == "told":
+    if first["type"] == "stated":
         return first["msg"]
     message = first["msg"][:1].lower() + first["msg"][1:]
     return f"setting {place}: {message}, not {first['input']!r}"

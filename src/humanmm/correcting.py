@@ -1,7 +1,7 @@
 """Makes corrections of a finished run: numbers of its people become places in its pictures, and stay right for later
 runs, in which people may have other numbers.
 
-What is asked for is checked against the run first: a person, shot, cut or frame that it does not have is an error.
+A correction is checked against the run first: a person, shot, cut or frame that it does not have is an error.
 """
 
 from collections.abc import Mapping, Sequence
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from humanmm.models.records.recording import RecordedPerson, Recording
 
 SIDES: tuple[Literal["shoulder", "wrist", "hip", "knee", "ankle"], ...] = ("shoulder", "wrist", "hip", "knee", "ankle")
-"""Joints whose left and right may tell the sides apart."""
+"""Joints whose left and right may distinguish the sides."""
 ALONE = 1.5
 """Somebody this many times his own size away from all others cannot be taken for one of them."""
 NEAR_FRAMES = 2
@@ -158,8 +158,8 @@ class Corrector:
 
     def floor(self, rise_m: float) -> Floor:
         """The floor so much higher than z = 0 of the run: the sum of what was corrected before and this."""
-        asked = self.record["config"].get("corrections", {}).get("correction", ())
-        before = sum(one["metres"] for one in asked if one["kind"] == "floor")
+        given = self.record["config"].get("corrections", {}).get("correction", ())
+        before = sum(one["metres"] for one in given if one["kind"] == "floor")
         return Floor(metres=round(before + rise_m, 4))
 
     # ---- where and when
@@ -172,15 +172,15 @@ class Corrector:
         return int(np.searchsorted(times, time_s + 1e-6, side="right")) - 1
 
     def place(self, number: int) -> Who:
-        """Where one of the run's people can be told from all others: seen, and far from them."""
+        """Where one of the run's people can be distinguished from all others: seen, and far from them."""
         person = self._person(number)
         rows = np.flatnonzero(_seen(person))
         if not len(rows):
             raise InputError(f"person {number} was nowhere seen")
-        # not where people were told apart by hand: there it depends on the order of corrections who is who
-        asked = self.record["config"].get("corrections", {}).get("correction", ())
+        # not where people were distinguished by hand: there it depends on the order of corrections who is who
+        given = self.record["config"].get("corrections", {}).get("correction", ())
         swapped = np.zeros(len(rows), bool)
-        for one in asked:
+        for one in given:
             if one["kind"] == "swap":
                 swapped |= (person.frame[rows] >= one["start"]) & (person.frame[rows] < one["end"])
         rows = rows[~swapped] if not swapped.all() else rows

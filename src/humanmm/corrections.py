@@ -291,7 +291,7 @@ NONE = Corrections(origin="none")
 
 
 def read_corrections(tree: Mapping[str, Any], *, origin: str = "") -> Corrections:
-    """The corrections that a tree holds; ConfigError tells the first mistake, where it is, and what to do."""
+    """The corrections that a tree holds; ConfigError names the first mistake, where it is, and what to do."""
     place = origin or "corrections"
     try:
         return Corrections.model_validate({**tree, "origin": origin or tree.get("origin", "")})
@@ -312,18 +312,18 @@ def _first(error: ValidationError, tree: Mapping[str, Any]) -> str:
     number = int(at[1]) + 1
     entries = tree.get("correction")
     entry = entries[number - 1] if isinstance(entries, list | tuple) else None
-    told = entry.get("kind") if isinstance(entry, Mapping) else None
+    named = entry.get("kind") if isinstance(entry, Mapping) else None
     if kind in ("union_tag_invalid", "union_tag_not_found"):
-        if told is None:
+        if named is None:
             return f", correction {number}: it has no kind; kinds are {', '.join(NAMES)}"
-        close = difflib.get_close_matches(str(told), NAMES, n=1)
+        close = difflib.get_close_matches(str(named), NAMES, n=1)
         hint = f"did you mean {close[0]}?" if close else f"kinds are {', '.join(NAMES)}"
-        return f", correction {number}: kind {told!r} is unknown; {hint}"
-    where, key = f", correction {number} ({told})", ".".join(str(part) for part in at[3:])
+        return f", correction {number}: kind {named!r} is unknown; {hint}"
+    where, key = f", correction {number} ({named})", ".".join(str(part) for part in at[3:])
     if kind == "missing":
         return f"{where}: {key} is missing; add it (docs/correct.md shows the kind)"
     if kind == "extra_forbidden":
-        known = _fields_of(str(told), at[3:-1])
+        known = _fields_of(str(named), at[3:-1])
         return f"{where}: unknown key {key}; keys are {', '.join(known)}"
     shown = f", not {value!r}" if key else ""
     return f"{where}: {key + ': ' if key else ''}{message}{shown}"

@@ -19,7 +19,7 @@ A message says what was wrong (with the value), what was expected, and what to d
 
 
 class HumanMMError(Exception):
-    """Base of all errors that are told in plain words, without a traceback."""
+    """Base of all errors that are reported in plain words, without a traceback."""
 
 
 class InputError(HumanMMError):

@@ -29,7 +29,7 @@ COST_MS = {
     "decode": 1.0, "scenes": 4.0, "people": 210.0, "points": 11.0, "shots": 4.0, "keyframes": 3.0, "intrinsics": 12.0,
     "camera": 25.0, "hmr": 12.0, "align": 15.0, "refine": 10.0, "deliver": 9.0,
 }  # fmt: skip
-"""Milliseconds a frame of each stage on two busy cores: their relation tells the time left before a stage began."""
+"""Milliseconds a frame of each stage on two busy cores: their ratios forecast the time of stages that are to come."""
 REFRESH_HZ = 4.0
 MEASURED_S = 1.0
 """A rate measured for less time says nothing."""
@@ -210,7 +210,7 @@ class Clock:
     """How long a run will take: from the rates that stages report, and from what stages usually cost."""
 
     def stage_left_s(self, works: Sequence[_Work], total: int) -> float | None:
-        """Seconds until a stage is done with all `total` frames; None if nothing tells."""
+        """Seconds until a stage is done with all `total` frames; None if unknown."""
         at_work = [work for work in works if work.state == "working"]
         if not at_work or not total:
             return None

@@ -53,7 +53,7 @@ def recover(  # noqa: PLR0913 (the flags of the command, as keywords)
     """Recover the people and the cameras of one video, and write the run folder.
 
     What the store holds is not computed again: a second call with the same arguments takes about a second. If a stage
-    failed on some shots, the run's `state` is "partial" and its `failures` tell why.
+    failed on some shots, the run's `state` is "partial" and its `failures` say why.
 
     Args:
         video: the video file.
@@ -78,7 +78,7 @@ def recover(  # noqa: PLR0913 (the flags of the command, as keywords)
 
     Raises:
         HumanMMError: see humanmm.errors; NoUsablePersonError if nobody can be recovered.
-        KeyboardInterrupt: if the process was told to stop, by Ctrl-C or by a signal, which the message names.
+        KeyboardInterrupt: at Ctrl-C or a signal, which the message names.
     """
     from humanmm.progress import watching
 
@@ -280,8 +280,10 @@ def _run_flow(run: "VideoRun", folder: Path, watch: "Watch") -> None:
             return
         if state.is_cancelled():
             raise KeyboardInterrupt(state.message)
-        error = state.result(raise_on_failure=False)
-    raise error if isinstance(error, BaseException) else StoreError(f"the flow ended as {state.name}: {state.message}")
+        raised = state.result(raise_on_failure=False)
+    if isinstance(raised, BaseException):
+        raise raised
+    raise StoreError(f"the flow ended as {state.name}: {state.message}")
 
 
 @contextlib.contextmanager

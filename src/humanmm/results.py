@@ -1,6 +1,6 @@
 """A finished run as a Python value: the arrays of its motion.zarr, what its run.json says, its files and figures.
 
-Everything is read when it is first asked for, so that `load` costs nothing and loads no library.
+Everything is read at its first use, so that `load` costs nothing and loads no library.
 """
 
 import os
@@ -127,7 +127,7 @@ class Run:
 
     @property
     def state(self) -> Literal["done", "partial"]:
-        """`partial` if a stage failed on a scene or shot: `failures` tells why."""
+        """`partial` if a stage failed on a scene or shot: `failures` says why."""
         state: Literal["done", "partial"] = self.record["state"]
         return state
 
@@ -214,7 +214,7 @@ class Run:
         """The run to look at, as one file (docs/view.md): an HTML page with the video beside the world in 3D, a film of
         the world, one with the original, the overlay and the world, or an .rrd for rerun's viewer; its path.
 
-        The page that `recover` wrote is taken as it is, unless `out`, `opacity` or `force` asks for another. `opacity`
+        The page that `recover` wrote is taken as it is, unless `out`, `opacity` or `force` wants another. `opacity`
         (0..1) is that of the bodies on the video. InputError if a file exists already and `force` is not given.
         """
         from humanmm.tasks.views import FILES, write_view

@@ -359,5 +359,5 @@ def _tables(connection: sqlite3.Connection) -> set[str]:
 def _in_words(error: Exception) -> str:
     """What the database's driver says, without the statement and its values."""
     cause = getattr(error, "orig", None) or error
-    told = cause.args[0] if cause.args else ""
-    return str(told["M"] if isinstance(told, dict) and "M" in told else cause)
+    detail = cause.args[0] if cause.args else ""
+    return str(detail["M"] if isinstance(detail, dict) and "M" in detail else cause)

@@ -28,7 +28,7 @@ _COLUMNS = ("video", "priority", "tags", "out")
 
 @dataclass(frozen=True)
 class Entry:
-    """One video of a batch as it was asked for."""
+    """One video of a batch as the user wants it."""
 
     video: Path
     """Absolute."""
@@ -40,7 +40,7 @@ class Entry:
     settings: Mapping[str, Any] = field(default_factory=dict)
     """A tree of settings that differ from the batch's."""
     origin: str = ""
-    """Where it was asked for, for error messages."""
+    """The file and line that names it, for error messages."""
 
     def with_defaults(self, *, priority: str, tags: Sequence[str]) -> "Entry":
         """The same with what it does not name itself."""
@@ -55,7 +55,7 @@ def read_batch(source: Path, *, pattern: str | None = None) -> list[Entry]:
     else:
         if pattern is not None:
             raise InputError("--glob goes with a folder; a manifest has its patterns in `video`")
-        entries = [entry for asked in _read_manifest(source) for entry in _expanded(asked, source)]
+        entries = [entry for listed in _read_manifest(source) for entry in _expanded(listed, source)]
         hint = f"{source} lists no video"
     if not entries:
         raise InputError(f"{hint}; videos end in {', '.join(sorted(SUFFIXES))}")
@@ -137,15 +137,15 @@ def _entry(columns: Mapping[str, Any], tags: tuple[str, ...], settings: Mapping[
     return Entry(Path(video), priority, tags, columns.get("out") or None, settings, origin)
 
 
-def _expanded(asked: Entry, source: Path) -> Iterator[Entry]:
+def _expanded(listed: Entry, source: Path) -> Iterator[Entry]:
     """An entry per file that its pattern names; a file that is not there stays, and fails with its reason."""
     folder = source.absolute().parent
-    path = folder / asked.video.expanduser()
+    path = folder / listed.video.expanduser()
     found = [path]
-    if not path.exists() and any(c in str(asked.video) for c in "*?["):
+    if not path.exists() and any(c in str(listed.video) for c in "*?["):
         anchor = Path(path.anchor)
         found = sorted(match for match in anchor.glob(str(path.relative_to(anchor))) if match.is_file())
-        if asked.out is not None and len(found) > 1:
-            raise InputError(f"{asked.origin}: `out` names one run folder, {asked.video} {len(found)} videos")
+        if listed.out is not None and len(found) > 1:
+            raise InputError(f"{listed.origin}: `out` names one run folder, {listed.video} {len(found)} videos")
     for match in found:
-        yield Entry(match, asked.priority, asked.tags, asked.out, asked.settings, asked.origin)
+        yield Entry(match, listed.priority, listed.tags, listed.out, listed.settings, listed.origin)

@@ -71,7 +71,7 @@ def _change(shot: Any, number: int) -> tuple[int, int]:
     if not isinstance(shot, dict):
         raise TruthError(f"{where} is no table with a start")
     change = shot.get("transition") or {"start": shot.get("start"), "end": shot.get("start")}
-    frames = [change.get(name) for name in ("start", "end")] if isinstance(change, dict) else []
-    if len(frames) != 2 or not all(type(frame) is int and frame >= 0 for frame in frames):
+    start, end = (change.get(name) for name in ("start", "end")) if isinstance(change, dict) else (None, None)
+    if type(start) is not int or type(end) is not int or min(start, end) < 0:
         raise TruthError(f"{where} has no whole frame numbers where it begins")
-    return frames[0], frames[1]
+    return start, end

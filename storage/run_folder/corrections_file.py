@@ -40,7 +40,7 @@ def of_folder(run_dir: Path) -> Corrections:
 
 
 def decided(config: Config, run_dir: Path) -> Config:
-    """The configuration with the corrections that it asks for, or else those that the run folder holds, or none."""
+    """The configuration with the corrections that it names, or else those that the run folder holds, or none."""
     if config.corrections.is_decided:
         return config
     return config.model_copy(update={"corrections": of_folder(run_dir)})

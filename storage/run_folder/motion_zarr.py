@@ -21,7 +21,7 @@ from humanmm.storage.store.files import copy_file, replace_folder, sweep
 SCHEMA = "humanmm.motion/1"
 MOTION = "motion.zarr"
 ASKED_VIEWS = ("world.mp4", "side-by-side.mp4", "run.rrd")
-"""What `humanmm view` writes into `view` when it is asked to, of the motion that is there then."""
+"""What `humanmm view` writes into `view` on request, of the motion that is there then."""
 EXPORT = "export"
 WORLD = "z-up, metres, first person's first pelvis above the origin, floor at z=0"
 

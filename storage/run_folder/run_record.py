@@ -267,7 +267,7 @@ def _applied(corrections: Sequence[CorrectionRecord], *kinds: str) -> list[Corre
 
 
 def _floor(guesses: "Guesses | None", corrections: Sequence[CorrectionRecord]) -> dict[str, Json]:
-    """What tells the floor, and how sure it is; its height is 0 by definition."""
+    """The evidence for the floor, and how sure it is; its height is 0 by definition."""
     given = bool(_applied(corrections, "floor"))
     feet = guesses is not None and not math.isnan(guesses.floor_m)
     return {
@@ -278,7 +278,7 @@ def _floor(guesses: "Guesses | None", corrections: Sequence[CorrectionRecord]) -
 
 
 def _scale(people: Sequence[Mapping[str, Any]]) -> dict[str, Json]:
-    """What tells how large the world is: somebody's height, given or estimated from his bones."""
+    """The evidence for the scale of the world: somebody's height, given or estimated from his bones."""
     known = [one for one in people if "height_m" in one]
     shares = [one["height_uncertainty_m"] / one["height_m"] for one in known]
     if not shares:
@@ -295,7 +295,7 @@ DOUBTFUL_IDENTITY = 0.7
 def _doubts(
     intrinsics: "Intrinsics", guesses: "Guesses | None", corrections: Sequence[CorrectionRecord]
 ) -> Iterator[str]:
-    """A warning for each guess that is doubtful, unless the user has told it."""
+    """A warning for each guess that is doubtful, unless the user gave it."""
     if intrinsics.source == "estimated" and intrinsics.relative_uncertainty > DOUBTFUL_FOCAL:
         yield (
             f"intrinsics: the focal length is uncertain by {100 * intrinsics.relative_uncertainty:.0f} %: "

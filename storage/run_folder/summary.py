@@ -59,13 +59,13 @@ def certainty(record: Mapping[str, Any]) -> list[str]:
 
 
 def _people(people: Sequence[Mapping[str, Any]]) -> str:
-    told = []
+    parts = []
     for person in people[:SHOWN]:
         frames = person.get("end", 0) - person.get("start", 0)
         seen = f"seen in {person['observed_frames']} of {frames} frames" if frames else "in no frame"
         doubt = f", doubtful ({100 * person['probability']:.0f} %)" if person["probability"] < DOUBTFUL else ""
-        told.append(f"person {person['person']} {seen}{doubt}")
-    return _listed(len(people), told)
+        parts.append(f"person {person['person']} {seen}{doubt}")
+    return _listed(len(people), parts)
 
 
 DOUBTFUL = 0.5
@@ -73,12 +73,12 @@ DOUBTFUL = 0.5
 
 
 def _shots(shots: Sequence[Mapping[str, Any]], num_frames: int) -> str:
-    told = []
+    parts = []
     for index, shot in enumerate(shots[:SHOWN]):
         place = "" if shot["linked"] else ", a world of its own"
         failed = ", failed" if shot["failed"] else ""
-        told.append(f"shot {index} frames {shot['start']} to {shot['end'] - 1}{place}{failed}")
-    return f"{_listed(len(shots), told)}; {num_frames} frames in all"
+        parts.append(f"shot {index} frames {shot['start']} to {shot['end'] - 1}{place}{failed}")
+    return f"{_listed(len(shots), parts)}; {num_frames} frames in all"
 
 
 def _look_at(record: Mapping[str, Any]) -> str:
@@ -95,9 +95,9 @@ def _failed(record: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     return [stage for stage in record["stages"] if stage["state"] == "failed"]
 
 
-def _listed(count: int, told: Sequence[str]) -> str:
-    more = f" and {count - len(told)} more" if count > len(told) else ""
-    return f"{count}: {', '.join(told)}{more}"
+def _listed(count: int, parts: Sequence[str]) -> str:
+    more = f" and {count - len(parts)} more" if count > len(parts) else ""
+    return f"{count}: {', '.join(parts)}{more}"
 
 
 def _percent(share: float | None) -> str:

@@ -22,7 +22,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 from humanmm.storage.store.codec import Encoded, warnings_in
-from humanmm.storage.store.files import sync_to_disk
+from humanmm.storage.store.files import file_sha256, sync_to_disk
 from humanmm.storage.store.recipe import Recipe
 
 SCHEMA = "humanmm.artifact/1"
@@ -109,7 +109,7 @@ def write_artifact(
         _write_arrays(folder / "arrays.zarr", large)
     if (folder / "files").is_dir() and not any((folder / "files").iterdir()):
         (folder / "files").rmdir()
-    files = {path: ((folder / path).stat().st_size, _sha256(folder / path)) for path in _files_in(folder)}
+    files = {path: ((folder / path).stat().st_size, file_sha256(folder / path)) for path in _files_in(folder)}
     digest = encoded.digest({path: sha for path, (_, sha) in files.items() if path.startswith("files/")})
     manifest = Manifest(
         recipe, unit, digest, files, round(seconds, 3), created, version, tuple(warnings_in(encoded.tree))
@@ -142,7 +142,7 @@ def check_files(folder: Path, manifest: Manifest) -> None:
             found = (folder / path).stat().st_size
             if found != size:
                 raise DamageError(f"{path} has {found} bytes, expected {size}")
-            if _sha256(folder / path) != sha:
+            if file_sha256(folder / path) != sha:
                 raise DamageError(f"{path} has changed (sha256 differs)")
         except FileNotFoundError as error:
             raise DamageError(f"{path} is missing") from error
@@ -157,7 +157,7 @@ def read_encoded(folder: Path, manifest: Manifest) -> Encoded:
     zarr checks chunks against their crc32c; the json files are checked here.
     """
     for path, (_, sha) in manifest.files.items():
-        if path.endswith(".json") and not path.startswith("files/") and _sha256(folder / path) != sha:
+        if path.endswith(".json") and not path.startswith("files/") and file_sha256(folder / path) != sha:
             raise DamageError(f"{path} has changed (sha256 differs)")
     tree = json.loads((folder / "result.json").read_bytes())
     small = {path: _from_inline(array) for path, array in tree["arrays"].items()}
@@ -203,11 +203,6 @@ def _read_arrays(path: Path) -> dict[str, np.ndarray]:
 
 def _files_in(folder: Path) -> list[str]:
     return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
-
-
-def _sha256(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _sync(folder: Path) -> None:

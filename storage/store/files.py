@@ -2,6 +2,7 @@
 
 import contextlib
 import errno
+import hashlib
 import os
 import shutil
 import uuid
@@ -48,6 +49,12 @@ def replace_text(path: Path, text: str) -> None:
         fresh.write_text(text, encoding="utf-8", errors="backslashreplace")
 
     replace_file(path, fill)
+
+
+def file_sha256(path: Path) -> str:
+    """sha256 of a file's bytes, as hexadecimal digits."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def sync_to_disk(path: Path) -> None:

@@ -191,7 +191,7 @@ def _rows(
 
 
 def _corrected(settings: Config, run_dir: str) -> Config:
-    """The settings with the corrections in the run folder; a mistake there is told when the video is computed."""
+    """The settings with the corrections in the run folder; a mistake there is an error when the video is computed."""
     try:
         return decided(settings, Path(run_dir))
     except InputError:
@@ -237,7 +237,7 @@ class _RunFolders:
 
 
 def _is_gone(run_dir: str, host: str) -> bool:
-    """Whether a finished run folder is no longer there; of another machine's that cannot be told."""
+    """Whether a finished run folder is no longer there; of another machine's that is unknown."""
     return host in ("", socket.gethostname()) and not has_run_record(run_dir)
 
 

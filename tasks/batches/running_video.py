@@ -75,7 +75,7 @@ class RunningVideo:
             self.end("partial", reason)
 
     def resume_later(self, reason: str) -> None:
-        """Have it wait for another attempt: its process was told to stop."""
+        """Have it wait for another attempt: its process received SIGTERM."""
         retried(lambda: self.table.try_again(self.row, reason))
 
     def _lose(self, state: str, reason: str) -> None:

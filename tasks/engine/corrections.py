@@ -9,11 +9,11 @@ from humanmm.storage.run_folder.run_record import OTHER_VIDEO, CorrectionRecord
 def outcomes(config: Config, shots: ShotList, *, video: str) -> list[CorrectionRecord]:
     """One entry for each correction, in their order; `video` is the sha256 of the video of the run."""
     notes = {note.identity: (note.applied, note.reason) for note in shots.corrections}
-    asked = config.corrections
-    other = "" if asked.video in (None, video) else OTHER_VIDEO
+    wanted = config.corrections
+    other = "" if wanted.video in (None, video) else OTHER_VIDEO
     return [
         CorrectionRecord(one.model_dump(mode="json", exclude_none=True), str(one), applied, reason or other)
-        for one in asked.correction
+        for one in wanted.correction
         for applied, reason in [notes.get(one.identity) or _judged(one, config, shots)]
     ]
 

@@ -154,7 +154,7 @@ def fingerprint(run: VideoRun) -> str:
 
 
 def _settings(run: VideoRun) -> dict[str, Any]:
-    """The configuration; where no correction is asked for, nothing is said of where one was looked for."""
+    """The configuration; without corrections, it does not say where they were looked for."""
     config = run.config
     if not config.corrections.correction:
         config = config.model_copy(update={"corrections": Corrections()})

@@ -1,7 +1,7 @@
 """One run on one video: each unit is found in the store, skipped, or computed within the run's budget.
 
 Prefect is not needed here: `humanmm.flows.recover` makes a task of each `VideoRun.execute`, and
-`humanmm.tasks.engine.plan` asks the same object what would happen.
+`humanmm.tasks.engine.plan` forecasts with the same object.
 """
 
 import contextlib

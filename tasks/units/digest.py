@@ -11,7 +11,6 @@ visited too, and an external one counts by its distribution's version and the fi
 """
 
 import functools
-import hashlib
 import importlib.metadata
 import importlib.util
 import sys
@@ -20,6 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from humanmm.parts import Part
+from humanmm.storage.store.files import file_sha256
 from humanmm.tasks.units.module_facts import known_modules
 
 PACKAGE = "humanmm"
@@ -137,5 +137,4 @@ def _version(root: str) -> str:
 @functools.lru_cache(maxsize=64)
 def _file_sha256(path: Path, changed_ns: int) -> str:
     """sha256 of a file that several stages name; `changed_ns` is when it was last changed."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+    return file_sha256(path)

@@ -36,12 +36,12 @@ def test_the_ablation_turns_every_module_off_and_each_leaves_its_mark(
         assert metrics[f"humanmm without {part}"] != metrics["humanmm"]
     # No picture, no place that could be recognised.
     assert metrics["humanmm without background links"] == metrics["humanmm"]
-    told = capsys.readouterr().out
-    assert "| paper: w/o OAM, EMDB-1 (other data) |" in told
-    assert "| humanmm without refit (failed 0) |" in told
+    message = capsys.readouterr().out
+    assert "| paper: w/o OAM, EMDB-1 (other data) |" in message
+    assert "| humanmm without refit (failed 0) |" in message
 
 
-def test_a_camera_that_fails_is_told_and_counted_and_takes_no_other_method_with_it(
+def test_a_camera_that_fails_is_reported_and_counted_and_takes_no_other_method_with_it(
     short_videos: Callable[..., None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip
@@ -53,11 +53,11 @@ def test_a_camera_that_fails_is_told_and_counted_and_takes_no_other_method_with_
     monkeypatch.setattr(methods, "true_cameras", unlucky)
     command = ["bench", "camera", "--data", str(PACK), "--size", "tiny", "--store", str(tmp_path), *QUICK[:2]]
     assert main(command) == 0
-    told = capsys.readouterr()
-    failures = [line for line in told.err.splitlines() if "failed" in line]
+    message = capsys.readouterr()
+    failures = [line for line in message.err.splitlines() if "failed" in line]
     assert len(failures) == 1
     assert all(line.endswith(": oracle camera failed: no luck") for line in failures)
-    table = told.out[told.out.index("## 1 transition") :].splitlines()
+    table = message.out[message.out.index("## 1 transition") :].splitlines()
     lines = {line[2:].split(" (")[0]: line for line in table if "(failed" in line}
     assert tuple(lines) == CAMERAS
     assert "oracle camera (failed 1) |  |" in lines["oracle camera"]

@@ -19,8 +19,8 @@ def finished(toy: Any) -> Any:
 
 
 def _ok(toy: Any, *words: str) -> list[str]:
-    status, out, told = toy.main(*words)
-    assert status == 0, told
+    status, out, message = toy.main(*words)
+    assert status == 0, message
     return list(out.splitlines())
 
 
@@ -45,8 +45,8 @@ def test_recover_finds_the_corrections_of_its_folder_and_a_floor_adds_to_what_wa
     _ok(finished, "correct", "runs/film", "floor", "--lower", "0.4")
     finished.run(corrections={"correction": [{"kind": "floor", "metres": -0.4}]})
     assert finished.executed() == ["deliver", "refine"]
-    status, _, told = finished.main("recover", "film.mp4", "-o", "runs/film")
-    assert status == 0 and "1 correction of runs/film/corrections.toml" in told
+    status, _, message = finished.main("recover", "film.mp4", "-o", "runs/film")
+    assert status == 0 and "1 correction of runs/film/corrections.toml" in message
     record = json.loads((finished.folder / "runs/film/run.json").read_text())
     assert [(one["text"], one["applied"]) for one in record["corrections"]] == [
         ("the floor is 0.4 m below the one that is found", True)
@@ -59,13 +59,13 @@ def test_recover_finds_the_corrections_of_its_folder_and_a_floor_adds_to_what_wa
     ]
 
 
-def test_a_correction_that_does_not_fit_is_told_at_the_end_of_every_run(finished: Any) -> None:
+def test_a_correction_that_does_not_fit_is_reported_at_the_end_of_every_run(finished: Any) -> None:
     (finished.folder / FILE).write_text('[[correction]]\nkind = "remove-cut"\nframe = 31\n')
     finished.run(corrections={"correction": [{"kind": "remove-cut", "frame": 31}]})
     for _ in range(2):  # written from the store, then found unchanged
-        status, _, told = finished.main("recover", "film.mp4")
+        status, _, message = finished.main("recover", "film.mp4")
         assert status == 0
-        assert "warning: correction 1 does not fit (no cut at frame 31): no cut is found there; the nearest" in told
+        assert "warning: correction 1 does not fit (no cut at frame 31): no cut is found there; the nearest" in message
     assert "[does not fit: no cut is found there" in _ok_text(finished, "correct", "runs/film")
     assert "correction 1 does not fit" in _ok_text(finished, "status", "runs/film")
 
@@ -84,8 +84,8 @@ def test_a_correction_is_taken_out_by_undo_and_by_its_contrary(finished: Any) ->
     assert _ok(finished, "correct", "runs/film", "undo")[0] == "taken out: a cut at frame 50"
     _ok(finished, "correct", "runs/film", "remove-cut", "20")
     assert _ok(finished, "correct", "runs/film", "add-cut", "20")[0] == "taken out: no cut at frame 20"
-    status, out, told = finished.main("correct", "runs/film")
-    assert (status, out) == (0, "") and "has no corrections" in told
+    status, out, message = finished.main("correct", "runs/film")
+    assert (status, out) == (0, "") and "has no corrections" in message
     assert finished.main("correct", "runs/film", "undo")[0] == 1
 
 
@@ -106,18 +106,18 @@ WRONG = (
 )
 
 
-def test_what_the_run_does_not_have_is_told_in_one_line_and_nothing_is_written(finished: Any) -> None:
-    for words, status, told in WRONG:
+def test_what_the_run_does_not_have_is_reported_in_one_line_and_nothing_is_written(finished: Any) -> None:
+    for words, status, message in WRONG:
         answer = finished.main("correct", *words)
         (line,) = answer[2].splitlines()
-        assert (answer[0], answer[1]) == (status, "") and told in line, answer
+        assert (answer[0], answer[1]) == (status, "") and message in line, answer
     assert not (finished.folder / FILE).exists()
 
 
 def test_a_mistake_in_the_file_ends_recover_with_a_sentence_and_none_leaves_it_aside(finished: Any) -> None:
     Path(finished.folder / FILE).write_text('[[correction]]\nkind = "flor"\nmetres = 1.0\n')
-    status, _, told = finished.main("recover", "film.mp4")
-    assert status == 1 and told == (f"humanmm: {FILE}, correction 1: kind 'flor' is unknown; did you mean floor?\n")
+    status, _, message = finished.main("recover", "film.mp4")
+    assert status == 1 and message == (f"humanmm: {FILE}, correction 1: kind 'flor' is unknown; did you mean floor?\n")
     assert finished.main("recover", "film.mp4", "--corrections", "none")[0] == 0
     (finished.folder / "mine.toml").write_text('[[correction]]\nkind = "floor"\nmetres = 1.0\n')
     out = _ok(finished, "recover", "film.mp4", "--corrections", "mine.toml", "--dry-run")

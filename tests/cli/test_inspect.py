@@ -46,9 +46,9 @@ def test_status_without_a_folder_lists_the_videos_of_the_store(finished: Any) ->
     assert tree["videos"][0]["run_dir"] == str(finished.folder / "runs/film")
 
 
-def test_a_folder_that_is_no_run_is_told(toy: Any) -> None:
-    status, out, told = toy.main("status", ".")
-    assert (status, out) == (1, "") and "is no run folder" in told
+def test_a_folder_that_is_no_run_is_reported(toy: Any) -> None:
+    status, out, message = toy.main("status", ".")
+    assert (status, out) == (1, "") and "is no run folder" in message
     (toy.folder / "run.json").write_text("{}")
     assert "another schema" in toy.main("explain", ".", "camera")[2]
 
@@ -67,8 +67,8 @@ def test_explain_names_everything_a_result_was_made_of(finished: Any) -> None:
 
 def test_explain_refuses_a_shot_that_makes_no_sense(finished: Any) -> None:
     assert finished.main("explain", "runs/film", "align", "--shot", "1")[0] == 2
-    status, _, told = finished.main("explain", "runs/film", "camera", "--shot", "7")
-    assert status == 1 and "the video has 3 shots" in told
+    status, _, message = finished.main("explain", "runs/film", "camera", "--shot", "7")
+    assert status == 1 and "the video has 3 shots" in message
 
 
 def test_verify_ends_with_status_1_and_the_next_run_repairs(finished: Any) -> None:
@@ -83,7 +83,7 @@ def test_verify_ends_with_status_1_and_the_next_run_repairs(finished: Any) -> No
     assert len(finished.executed()) == 1
 
 
-def test_gc_removes_nothing_before_it_is_told_to(finished: Any) -> None:
+def test_gc_removes_nothing_before_it_is_reported_to(finished: Any) -> None:
     status, out, _ = finished.main("gc", "--unused-days", "0", "--with-runs")
     assert status == 0 and "18 items could go; nothing was removed" in out
     assert len(list(finished.store.glob("artifacts/*/*/*"))) == 18
@@ -114,5 +114,5 @@ def test_eval_prints_one_flat_object(finished: Any) -> None:
     tree = json.loads(out)
     assert status == 0
     assert tree["cut_f1"] == 1.0 and isinstance(tree["problems"], list)
-    status, out, told = finished.main("eval", "runs/film", "film.mp4", "--json")
-    assert (status, out) == (1, "") and "film.mp4" in told
+    status, out, message = finished.main("eval", "runs/film", "film.mp4", "--json")
+    assert (status, out) == (1, "") and "film.mp4" in message

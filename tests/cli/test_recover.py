@@ -14,7 +14,7 @@ from terminal import on_terminal
 from humanmm.cli import main
 
 
-def _told(answer: tuple[int, str, str], status: int) -> str:
+def _reported(answer: tuple[int, str, str], status: int) -> str:
     """The one plain line on standard error of a command that ended with this status and printed nothing else."""
     assert answer[0] == status, answer
     assert answer[1] == ""
@@ -28,32 +28,34 @@ def _left(toy: Any) -> set[str]:
 
 
 @pytest.mark.parametrize(
-    ("name", "make", "told"),
+    ("name", "make", "message"),
     [
         ("missing.mp4", lambda path: None, "no such video: "),
         ("folder.mp4", lambda path: path.mkdir(), "is a folder without a video"),
         ("empty.mp4", lambda path: path.touch(), "is empty"),
     ],
 )
-def test_what_is_no_video_is_told_in_one_line_and_nothing_is_left(toy: Any, name: str, make: Any, told: str) -> None:
+def test_what_is_no_video_is_reported_in_one_line_and_nothing_is_left(
+    toy: Any, name: str, make: Any, message: str
+) -> None:
     make(toy.folder / name)
-    assert told in _told(toy.main("recover", name, "--out", "out"), 1)
+    assert message in _reported(toy.main("recover", name, "--out", "out"), 1)
     assert _left(toy) <= {name}
 
 
 @pytest.mark.usefixtures("server_cache")
-def test_text_renamed_to_mp4_is_told_by_the_real_decoder_and_nothing_is_left(
+def test_text_renamed_to_mp4_is_reported_by_the_real_decoder_and_nothing_is_left(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "notes.mp4").write_text("these are notes\n" * 100)
     status = main(["recover", "notes.mp4", "--out", "out", "--store", "store"])
-    _told((status, *capfd.readouterr()), 1)
+    _reported((status, *capfd.readouterr()), 1)
     assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         ("[people]\nmax_peeple = 3\n", "unknown setting people.max_peeple; did you mean max_people?"),
         ("[peopel]\nmax_people = 3\n", "unknown setting peopel; did you mean people?"),
@@ -63,15 +65,15 @@ def test_text_renamed_to_mp4_is_told_by_the_real_decoder_and_nothing_is_left(
         ("camera = 3\n", "setting camera: "),
     ],
 )
-def test_a_bad_settings_file_is_told_in_one_line(toy: Any, text: str, told: str) -> None:
+def test_a_bad_settings_file_is_reported_in_one_line(toy: Any, text: str, message: str) -> None:
     (toy.folder / "settings.toml").write_text(text)
-    line = _told(toy.main("recover", "film.mp4", "--config", "settings.toml"), 1)
-    assert told in line and "settings.toml" in line
+    line = _reported(toy.main("recover", "film.mp4", "--config", "settings.toml"), 1)
+    assert message in line and "settings.toml" in line
     assert _left(toy) == {"settings.toml"}
 
 
-def test_a_settings_file_that_is_not_there_is_told(toy: Any) -> None:
-    line = _told(toy.main("recover", "film.mp4", "--config", "none.toml"), 1)
+def test_a_settings_file_that_is_not_there_is_reported(toy: Any) -> None:
+    line = _reported(toy.main("recover", "film.mp4", "--config", "none.toml"), 1)
     assert "cannot read the settings file none.toml" in line
 
 
@@ -87,7 +89,7 @@ def test_a_settings_file_that_is_not_there_is_told(toy: Any) -> None:
     ],
 )
 def test_a_bad_flag_is_a_usage_error_in_one_line(toy: Any, arguments: list[str]) -> None:
-    _told(toy.main("recover", "film.mp4", *arguments), 2)
+    _reported(toy.main("recover", "film.mp4", *arguments), 2)
     assert not toy.store.exists() or not list(toy.store.glob("artifacts"))
 
 
@@ -103,9 +105,9 @@ def test_a_bad_flag_is_a_usage_error_in_one_line(toy: Any, arguments: list[str])
     ],
 )
 def test_an_unknown_flag_is_a_usage_error(toy: Any, arguments: list[str]) -> None:
-    status, out, told = toy.main("recover", "film.mp4", *arguments)
+    status, out, message = toy.main("recover", "film.mp4", *arguments)
     assert (status, out) == (2, "")
-    assert "Traceback" not in told
+    assert "Traceback" not in message
 
 
 def test_flags_win_over_the_file_and_the_file_over_defaults(toy: Any) -> None:
@@ -138,14 +140,14 @@ def test_files_of_other_programs_are_part_of_the_key_by_their_content_and_stand_
     states = {(entry["stage"], entry["state"]) for entry in json.loads(out)["stages"]}
     assert status == 0 and ("people", "cached") not in states
     assert {("decode", "cached"), ("scenes", "cached"), ("points", "cached")} <= states
-    assert "cannot read" in _told(toy.main("recover", "film.mp4", "--keypoints-from", "nowhere"), 2)
+    assert "cannot read" in _reported(toy.main("recover", "film.mp4", "--keypoints-from", "nowhere"), 2)
 
 
 def test_a_dry_run_lists_every_unit_and_writes_nothing(toy: Any) -> None:
     toy.run()
     before = sorted(toy.folder.rglob("*"))
-    status, out, told = toy.main("recover", "film.mp4", "--dry-run", "--camera.static", "true")
-    assert (status, told) == (0, "")
+    status, out, message = toy.main("recover", "film.mp4", "--dry-run", "--camera.static", "true")
+    assert (status, message) == (0, "")
     lines = {f"{line.split()[0]}|{line[11:24].strip()}": line for line in out.splitlines()}
     assert len(lines) == 18
     assert lines["camera|shot 1"].endswith("will run: setting changed: camera.static False → True")
@@ -215,8 +217,8 @@ def test_a_run_folder_that_lost_something_is_written_again_from_the_store(toy: A
     (toy.folder / "runs/film/view/overlay.mp4").unlink()
     (toy.folder / "runs/film/motion.zarr/time_s/zarr.json").unlink()
     toy.executed()
-    status, _, told = toy.main("recover", "film.mp4")
-    assert status == 0 and "written from the store" in told
+    status, _, message = toy.main("recover", "film.mp4")
+    assert status == 0 and "written from the store" in message
     assert (toy.folder / "runs/film/view/overlay.mp4").exists()
     assert (toy.folder / "runs/film/motion.zarr/time_s/zarr.json").exists()
     assert toy.executed() == []
@@ -229,12 +231,12 @@ def test_several_videos_and_folders_are_recovered_one_after_the_other(toy: Any) 
         (folder / name).write_bytes(toy.video.read_bytes())
     (folder / "broken.mp4").touch()
     toy.run()
-    status, out, told = toy.main("recover", "film.mp4", "clips", "clips/day/a.mp4", "--out", "results")
+    status, out, message = toy.main("recover", "film.mp4", "clips", "clips/day/a.mp4", "--out", "results")
     lines = out.split()
     assert lines[:2] == ["results/film", "results/a"] and lines[2].startswith("results/film-"), "each once"
     assert status == 1, "one of them is no video"
-    assert "humanmm: 1 of 4, film.mp4: done: 1 person, 3 shots" in told
-    assert "humanmm: 3 of 4, clips/day/broken.mp4: " in told and "is empty" in told
+    assert "humanmm: 1 of 4, film.mp4: done: 1 person, 3 shots" in message
+    assert "humanmm: 3 of 4, clips/day/broken.mp4: " in message and "is empty" in message
     assert all((toy.folder / line / "run.json").is_file() for line in lines)
     (folder / "broken.mp4").unlink()
     assert toy.main("recover", "film.mp4", "clips", "--out", "results")[0] == 0
@@ -254,9 +256,9 @@ def test_a_dry_run_of_several_videos_names_them(toy: Any) -> None:
 def test_a_pipe_gets_the_path_alone_and_a_line_of_what_to_look_at(toy: Any) -> None:
     toy.run()
     (toy.folder / "runs").mkdir()
-    done = toy.command("recover", "film.mp4", "--hmr.smoothness", "2")
-    assert (done.returncode, done.stdout) == (0, "runs/film\n")
-    (line,) = done.stderr.splitlines()
+    status, out, message = toy.main("recover", "film.mp4", "--hmr.smoothness", "2")
+    assert (status, out) == (0, "runs/film\n")
+    (line,) = message.splitlines()
     assert line.startswith("humanmm: done: 1 person, 3 shots, ") and "run.json" in line
 
 
@@ -270,26 +272,26 @@ def test_a_terminal_gets_five_lines(toy: Any) -> None:
     assert "runs/film" in lines[4]
 
 
-def test_an_output_folder_that_cannot_be_made_is_told_before_anything_runs(toy: Any) -> None:
+def test_an_output_folder_that_cannot_be_made_is_reported_before_anything_runs(toy: Any) -> None:
     (toy.folder / "file").write_text("mine")
-    assert "is a file" in _told(toy.main("recover", "film.mp4", "--out", "file/run"), 1)
+    assert "is a file" in _reported(toy.main("recover", "film.mp4", "--out", "file/run"), 1)
     assert toy.executed() == []
     assert (toy.folder / "file").read_text() == "mine"
 
 
-def test_a_folder_without_the_right_to_write_is_told_before_anything_runs(toy: Any) -> None:
+def test_a_folder_without_the_right_to_write_is_reported_before_anything_runs(toy: Any) -> None:
     if os.geteuid() == 0:
         pytest.skip("root may write everywhere")
     locked = toy.folder / "locked"
     locked.mkdir(mode=0o500)
-    assert "not writable" in _told(toy.main("recover", "film.mp4", "--out", "locked/run"), 1)
-    assert "permission denied" in _told(toy.main("recover", "film.mp4", "--store", "locked/store"), 1)
+    assert "not writable" in _reported(toy.main("recover", "film.mp4", "--out", "locked/run"), 1)
+    assert "permission denied" in _reported(toy.main("recover", "film.mp4", "--store", "locked/store"), 1)
     assert toy.executed() == []
 
 
-def test_a_store_that_cannot_be_made_is_told(toy: Any) -> None:
+def test_a_store_that_cannot_be_made_is_reported(toy: Any) -> None:
     (toy.folder / "file").write_text("mine")
-    assert "a part of the path is a file" in _told(toy.main("recover", "film.mp4", "--store", "file/store"), 1)
+    assert "a part of the path is a file" in _reported(toy.main("recover", "film.mp4", "--store", "file/store"), 1)
 
 
 def test_help_names_every_setting_with_its_sentence_and_no_verb_that_is_missing(toy: Any) -> None:

@@ -78,7 +78,7 @@ def test_a_format_that_does_not_exist_is_a_usage_error(run_dir: Path) -> None:
 
 
 @pytest.mark.parametrize("verb", [["view"], ["export", "--format", "amass"]])
-def test_a_folder_that_is_no_run_is_told_in_one_line(
+def test_a_folder_that_is_no_run_is_reported_in_one_line(
     tmp_path: Path, verb: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main([*verb, str(tmp_path)]) == 1

@@ -24,7 +24,7 @@ def _run(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "message"),
     [
         (["recovr"], "Did you mean 'recover'?"),
         (["recover", "film.mp4", "--focl-px", "3"], "Did you mean '--focal-px'"),
@@ -42,13 +42,13 @@ def _run(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str
     ],
 )
 def test_a_wrong_word_is_answered_in_one_line_with_what_was_meant(
-    capsys: pytest.CaptureFixture[str], arguments: list[str], told: str
+    capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
 ) -> None:
     assert main(arguments) == 2
     captured = capsys.readouterr()
     assert captured.out == ""
     (line,) = captured.err.splitlines()
-    assert line.startswith("humanmm: ") and told in line and "--help`)" in line
+    assert line.startswith("humanmm: ") and message in line and "--help`)" in line
 
 
 def test_the_version_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
@@ -123,7 +123,10 @@ def test_ctrl_c_before_a_verb_begins_is_one_line(
 def test_an_unexpected_error_and_an_interrupt_are_one_line(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for error, status, told in ((ZeroDivisionError("a defect"), 1, "a defect"), (KeyboardInterrupt(), 130, "stays in")):
+    for error, status, message in (
+        (ZeroDivisionError("a defect"), 1, "a defect"),
+        (KeyboardInterrupt(), 130, "stays in"),
+    ):
 
         def fail(*arguments: Any, error: BaseException = error) -> Any:
             raise error
@@ -131,7 +134,7 @@ def test_an_unexpected_error_and_an_interrupt_are_one_line(
         monkeypatch.setattr("humanmm.load", fail)
         assert main(["view", "."]) == status
         (line,) = capsys.readouterr().err.splitlines()
-        assert line.startswith("humanmm: ") and told in line
+        assert line.startswith("humanmm: ") and message in line
 
 
 def test_a_reader_that_leaves_is_no_error() -> None:

@@ -23,7 +23,7 @@ DEPLOYMENTS: list[dict[str, Any]] = yaml.safe_load((DEPLOY / "prefect.yaml").rea
 ASKED = dict.fromkeys(re.findall(r"\$\{(\w+):\?", (DEPLOY / "compose.yaml").read_text()))
 
 
-def _told(script: str) -> Any:
+def _reported(script: str) -> Any:
     """What a script prints as json, in a process of its own: Prefect must not be imported here without our settings."""
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     return json.loads(done.stdout)
@@ -32,7 +32,7 @@ def _told(script: str) -> Any:
 def test_every_prefect_variable_is_a_setting_that_prefect_has() -> None:
     if importlib.util.find_spec("prefect_redis") is None:
         pytest.skip("the extra `team` is not installed")
-    known = _told(
+    known = _reported(
         "import json\n"
         "from prefect.settings import Settings\n"
         "from prefect.settings.legacy import _get_settings_fields\n"
@@ -84,7 +84,7 @@ def test_compose_itself_accepts_the_file() -> None:
 
 def test_the_deployments_are_those_of_serve_with_parameters_that_the_flows_have() -> None:
     entries = [deployment["entrypoint"] for deployment in DEPLOYMENTS]
-    flows = _told(
+    flows = _reported(
         "import json\n"
         "from prefect.utilities.importtools import import_object\n"
         f"flows = [import_object(name) for name in {entries}]\n"

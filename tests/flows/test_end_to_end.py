@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import zarr
-from short_clip import CUTS, FILM
+from short_clip import FILM_CUTS, FILM_LENGTH
 
 from humanmm.cli import main
 from humanmm.models.video.colors import BT601
@@ -21,7 +21,7 @@ def test_the_shipped_clip_is_recovered_and_a_second_run_has_nothing_to_do(
     monkeypatch.setenv("HUMANMM_STORE", str(recovered_film / "store"))
     run = recovered_film / "run"
     assert (recovered_film / "stdout").read_text() == "run\n"
-    first, second, end = (frame - FILM[0] for frame in (*CUTS, FILM[1]))
+    first, second, end = (*FILM_CUTS, FILM_LENGTH)
     record = json.loads((run / "run.json").read_text())
     assert [(shot["start"], shot["end"]) for shot in record["shots"]] == [(0, first), (first, second), (second, end)]
     assert record["failures"] == []
@@ -60,7 +60,7 @@ def test_a_video_without_people_is_refused_with_a_picture_of_what_was_seen(
         tmp_path / "empty.mp4", [(k / 25, empty) for k in range(10)], width=240, height=180, fps=25, colors=BT601
     )
     assert main(["recover", "empty.mp4"]) == 1
-    told = capsys.readouterr().err
-    assert "no usable person: nobody is seen for long enough" in told
-    assert "runs/empty.seen.png shows who was seen" in told
+    message = capsys.readouterr().err
+    assert "no usable person: nobody is seen for long enough" in message
+    assert "runs/empty.seen.png shows who was seen" in message
     assert [path.name for path in (tmp_path / "runs").iterdir()] == ["empty.seen.png"]

@@ -91,7 +91,7 @@ def test_the_flow_run_of_a_killed_recover_does_not_stay_running(toy: Any, place:
 @server
 @pytest.mark.timeout(2400)
 @pytest.mark.parametrize("number", STOPPING, ids=lambda number: number.name)
-def test_a_recover_that_is_told_to_stop_ends_its_flow_run_as_cancelled_and_says_so(
+def test_a_recover_that_is_reported_to_stop_ends_its_flow_run_as_cancelled_and_says_so(
     toy: Any, place: Any, number: signal.Signals
 ) -> None:
     process = _start(toy, "film.mp4", output=subprocess.PIPE, TOY_SLEEP="align=3000")
@@ -105,7 +105,7 @@ def test_a_recover_that_is_told_to_stop_ends_its_flow_run_as_cancelled_and_says_
 
 
 @pytest.mark.parametrize("number", STOPPING[1:], ids=lambda number: number.name)
-def test_a_command_that_is_told_to_stop_before_its_flow_begins_says_so(toy: Any, number: signal.Signals) -> None:
+def test_a_command_that_is_reported_to_stop_before_its_flow_begins_says_so(toy: Any, number: signal.Signals) -> None:
     (toy.folder / "sitecustomize.py").write_text(
         "import os, signal\n"
         "from humanmm.flows.server import local_server\n"
@@ -113,8 +113,8 @@ def test_a_command_that_is_told_to_stop_before_its_flow_begins_says_so(toy: Any,
     )
     done = toy.command("recover", "film.mp4")
     assert (done.returncode, done.stdout) == (130, "")
-    told = "resumable with the same command, what was computed stays in the store"
-    assert done.stderr == f"humanmm: stopped by {number.name}; {told}\n"
+    reported = "resumable with the same command, what was computed stays in the store"
+    assert done.stderr == f"humanmm: stopped by {number.name}; {reported}\n"
 
 
 @server

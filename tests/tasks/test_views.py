@@ -1,5 +1,6 @@
 """What `humanmm view` writes: films with the frames and times of the video, and nothing over a file unasked."""
 
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -21,10 +22,10 @@ from humanmm.tasks.films import layout_of
 from humanmm.tasks.views import FILES
 
 
-@pytest.fixture
-def video(tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def video(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """40 white pictures at a variable rate."""
-    path = tmp_path / "film.mp4"
+    path = tmp_path_factory.mktemp("video") / "film.mp4"
     white = np.full((1080, 1280), 128, np.uint8)
     white[:720] = 200
     times = np.cumsum(np.random.default_rng(0).uniform(0.02, 0.05, 40))
@@ -32,18 +33,19 @@ def video(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def recording(video: Path) -> Recording:
     """Two people at the times of the video."""
     with video.open("rb") as stream:
         return two_people.recording(time_s=read_facts(stream).time_s)
 
 
-@pytest.fixture
-def run_dir(recording: Recording, video: Path, tmp_path: Path) -> Path:
-    """A finished run of that video."""
-    run_dir = tmp_path / "run"
-    write_run_folder(run_dir, Delivery(recording, ()), tmp_path)
+@pytest.fixture(scope="module")
+def viewed(recording: Recording, video: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A finished run of that video, with both of its films."""
+    folder = tmp_path_factory.mktemp("viewed")
+    run_dir = folder / "run"
+    write_run_folder(run_dir, Delivery(recording, ()), folder)
     shots = [
         {"start": 0, "end": 25, "transition": None, "linked": True, "join": None, "people": [0, 1], "failed": False},
         {"start": 25, "end": 40, "transition": None, "linked": True, "join": None, "people": [0, 1], "failed": False},
@@ -53,7 +55,15 @@ def run_dir(recording: Recording, video: Path, tmp_path: Path) -> Path:
         "config": Config().model_dump(mode="json"),
     }  # fmt: skip
     write_run_record(run_dir, record)
+    for kind in ("world", "side-by-side"):
+        assert humanmm.load(run_dir).view(kind) == run_dir / "view" / f"{kind}.mp4"
     return run_dir
+
+
+@pytest.fixture
+def run_dir(viewed: Path, tmp_path: Path) -> Path:
+    """A copy of it."""
+    return Path(shutil.copytree(viewed, tmp_path / "run"))
 
 
 def _frames(path: Path) -> list[Any]:
@@ -62,10 +72,8 @@ def _frames(path: Path) -> list[Any]:
 
 
 @pytest.mark.parametrize("kind", ["world", "side-by-side"])
-def test_a_film_has_the_frames_and_times_of_the_video(run_dir: Path, recording: Recording, kind: Any) -> None:
-    path = humanmm.load(run_dir).view(kind)
-    assert path == run_dir / "view" / f"{kind}.mp4"
-    frames = _frames(path)
+def test_a_film_has_the_frames_and_times_of_the_video(viewed: Path, recording: Recording, kind: str) -> None:
+    frames = _frames(viewed / "view" / f"{kind}.mp4")
     assert (frames[0].width, frames[0].height) == (1280, 720)
     np.testing.assert_allclose([f.time for f in frames], recording.time_s - recording.time_s[0], atol=1e-4)
     picture = frames[20].to_ndarray(format="rgb24").astype(int)
@@ -73,8 +81,8 @@ def test_a_film_has_the_frames_and_times_of_the_video(run_dir: Path, recording: 
     assert (blue > 60).any()
 
 
-def test_side_by_side_shows_the_original_over_the_overlay_left_of_the_world(run_dir: Path) -> None:
-    picture = _frames(humanmm.load(run_dir).view("side-by-side"))[20].to_ndarray(format="rgb24").astype(int)
+def test_side_by_side_shows_the_original_over_the_overlay_left_of_the_world(viewed: Path) -> None:
+    picture = _frames(viewed / "view" / "side-by-side.mp4")[20].to_ndarray(format="rgb24").astype(int)
     original, overlay, world = picture[:360, :640], picture[360:, :640], picture[:, 640:]
     assert original.min() > 190, "white, without anybody"
     assert overlay.min() < 100 and np.median(overlay) > 190
@@ -105,15 +113,14 @@ def test_a_page_is_written_where_there_is_none_and_kept_where_there_is_one(run_d
 
 def test_a_film_that_is_there_is_replaced_only_when_asked(run_dir: Path) -> None:
     run = humanmm.load(run_dir)
-    path = run.view("world")
     with pytest.raises(InputError, match="--force"):
         run.view("world")
-    assert run.view("world", force=True) == path
+    assert run.view("world", force=True) == run_dir / "view" / "world.mp4"
 
 
 def test_films_of_a_motion_that_is_replaced_go_away(run_dir: Path, recording: Recording, tmp_path: Path) -> None:
     assert set(ASKED_VIEWS) == set(FILES.values()) - {"scene.html"}
-    film = humanmm.load(run_dir).view("world")
+    film = run_dir / "view" / "world.mp4"
     write_run_folder(run_dir, Delivery(recording, ()), tmp_path)
     assert film.exists(), "the same motion"
     write_run_folder(run_dir, Delivery(two_people.recording(), ()), tmp_path)

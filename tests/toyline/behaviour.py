@@ -21,9 +21,9 @@ def act(stage: str, inputs: StageInputs) -> None:
     log = Path(os.environ["TOY_LOG"])
     with log.open("a") as file:
         file.write(f"{name}\n")
-    if pause_s := _told("TOY_SLEEP", name):
+    if pause_s := _reported("TOY_SLEEP", name):
         time.sleep(float(pause_s))
-    kind, _, times = (_told("TOY_FAIL", name) or "").partition(":")
+    kind, _, times = (_reported("TOY_FAIL", name) or "").partition(":")
     if kind == "stage" and (not times or log.read_text().split().count(name) <= int(times)):
         raise StageError(f"{name} cannot be done")
     if kind == "input":
@@ -43,7 +43,7 @@ def filled(cls: type[T], n: int, **given: object) -> T:
     return cls(**given, **{f.name: blank.get(f.type, ()) for f in missing})  # type: ignore[arg-type]
 
 
-def _told(variable: str, name: str) -> str | None:
+def _reported(variable: str, name: str) -> str | None:
     for entry in os.environ.get(variable, "").split(";"):
         who, _, what = entry.partition("=")
         if who in (name, name.partition(":")[0]):

@@ -15,8 +15,8 @@ def shots(inputs: StageInputs) -> ShotList:
     act("shots", inputs)
     found = inputs.read("scenes", Scenes)
     scenes = inputs.read_all("people", ScenePeople)
-    told = {int(cut) for cut in os.environ.get("TOY_CUTS", "40").split(",")}
-    cuts = sorted({transition.cut_frame for transition in found.transitions} | told)
+    message = {int(cut) for cut in os.environ.get("TOY_CUTS", "40").split(",")}
+    cuts = sorted({transition.cut_frame for transition in found.transitions} | message)
     starts, ends = [0, *cuts], [*cuts, found.num_frames]
     listed = []
     for index, (start, end) in enumerate(zip(starts, ends, strict=True)):

@@ -138,9 +138,9 @@ def _cells(cuts: Sequence[CutError]) -> list[str]:
         return ["", "", "", "", ""]
     angles = [cut.error_deg for cut in cuts if cut.error_deg is not None]
     roots = [cut.root_m for cut in cuts if cut.root_m is not None]
-    turned = len(cuts) - sum(angle <= FAILED_DEG for angle in angles)
+    failed = len(cuts) - sum(angle <= FAILED_DEG for angle in angles)
     away = len(cuts) - sum(root <= FAILED_M for root in roots)
-    return [str(len(cuts)), _spread(angles), _fraction(turned, len(cuts)), _spread(roots), _fraction(away, len(cuts))]
+    return [str(len(cuts)), _spread(angles), _fraction(failed, len(cuts)), _spread(roots), _fraction(away, len(cuts))]
 
 
 def _spread(values: Sequence[float]) -> str:

@@ -1,1 +1,1 @@
-"""Key frames of the background: edges between the cameras of shots that show one place, and what its walls tell."""
+"""Key frames of the background: edges between the cameras of shots of one place, and directions of its walls."""

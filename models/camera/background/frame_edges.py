@@ -81,7 +81,7 @@ def match_features(a: FrameFeatures, b: FrameFeatures) -> tuple[np.ndarray, np.n
 
 
 def find_frame_edge(a: FrameFeatures, b: FrameFeatures, K: Float[np.ndarray, "3 3"]) -> FrameEdge | None:
-    """The rotations that two frames taken with the same lens K allow, or None where the background does not tell."""
+    """The rotations that two frames taken with the same lens K allow, or None where the background determines none."""
     index_a, index_b = match_features(a, b)
     if len(index_a) < MIN_MATCHES:
         return None

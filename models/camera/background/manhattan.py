@@ -3,7 +3,7 @@
 Coughlan and Yuille, "Manhattan world", ICCV 1999: most straight edges of a built place run along three directions at
 right angles. A segment is the image of an edge along one of them, or along none; the rotation of largest posterior
 probability is searched on a grid of verticals about where up is thought to be, and settled by iteratively reweighted
-least squares. It tells where up is, and the camera's heading against the walls up to quarter turns: two cameras that
+least squares. It gives the vertical, and the camera's heading against the walls up to quarter turns: two cameras that
 look at opposite walls of a room share no point, but they share its directions.
 """
 

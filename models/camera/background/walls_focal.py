@@ -35,7 +35,7 @@ def focal_log_likelihood(
 ) -> Float[Array, " scales"] | None:
     """What one picture's segments (pixels) say of focal lengths default_px · exp(LOG_SCALES); 0 is the likeliest.
 
-    None with too few segments, or where they run along one direction alone: those vanish at one point, which tells
+    None with too few segments, or where they run along one direction alone: those vanish at one point, which determines
     nothing of the focal length.
     """
     if len(ends) < LEAST_SEGMENTS:

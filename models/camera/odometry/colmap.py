@@ -1,7 +1,7 @@
 """pycolmap without its handler of SIGTERM: `from humanmm.models.camera.odometry.colmap import pycolmap`.
 
 Its logging takes that signal while it is imported, and from then on ends the process with a stack trace: nothing else
-could note any more that a run was told to stop. Python neither knows of such a handler nor sets one outside its main
+could note any more that a run received it. Python neither knows of such a handler nor sets one outside its main
 thread, hence C's own way.
 """
 

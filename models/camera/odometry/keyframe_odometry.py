@@ -67,7 +67,7 @@ class Track:
         """Median reprojection error over all lasting points (if there are any), whether the map was fitted to them or
         not.
 
-        A point seen twice fits any moving camera; only one seen more often can tell models apart.
+        A point seen twice fits any moving camera; only one seen more often distinguishes models.
         """
         residual_px = residuals(self.views, self.points, self.all_sightings)
         lasting = np.bincount(self.all_sightings.point)[self.all_sightings.point] >= LASTING

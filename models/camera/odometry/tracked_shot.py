@@ -81,7 +81,7 @@ def arrange(points: PointTracks, width: int, height: int) -> TrackedShot:
 
 
 def choose_keyframes(shot: TrackedShot) -> Int[np.ndarray, " k"]:
-    """Images for the bundle adjustment, first and last included: as many as the picture's motion asks for."""
+    """Images for the bundle adjustment, first and last included: as many as the picture's motion needs."""
     if shot.num_images <= 2:
         return np.arange(shot.num_images)
     threshold = KEYFRAME_MOVE_FRACTION * shot.diagonal_px

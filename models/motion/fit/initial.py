@@ -1,6 +1,6 @@
 """Where a fit starts: closed-form inverse kinematics from 33 landmarks, and the pelvis from their projections.
 
-Torso and head by Kabsch, limbs bone by bone; where an elbow or knee is bent, its hinge tells the twist of the bone
+Torso and head by Kabsch, limbs bone by bone; where an elbow or knee is bent, its hinge determines the twist of the bone
 above it. All frames at once; no iteration.
 """
 

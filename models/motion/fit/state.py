@@ -61,7 +61,7 @@ class Skeleton:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """N frames of one person in a reference frame; `posed` properties are computed when first asked for."""
+    """N frames of one person in a reference frame; `posed` properties are computed at their first use."""
 
     skeleton: Skeleton
     R_ref_root: Float[Array, "N 3 3"]

@@ -2,8 +2,8 @@
 
 `hmr` fits each shot by itself and `align` puts the shots into one world. Here one person's keypoints and 3D landmarks
 of all shots are seen by cameras that now stand in one world, motion runs on through the cuts, and a planted foot has
-the same position in every frame: what one view cannot tell (how far away, how the body is tilted) the leg and the
-neighbouring shot tell.
+the same position in every frame: what one view leaves open (how far away, how the body is tilted) the leg and the
+neighbouring shot decide.
 """
 
 from collections.abc import Sequence

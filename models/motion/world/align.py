@@ -290,15 +290,15 @@ def _reported(
 
 
 DOUBTFUL_DEG, DOUBTFUL_PROBABILITY = 30.0, 0.8
-"""A camera rotation that is less certain than this is told."""
+"""A camera rotation that is less certain than this gets a warning."""
 
 
 KNOWN_DEG = 5.0
-"""A rotation this certain is told by walls or a background, whatever people lack: they alone claim 10° at best."""
+"""A rotation this certain comes from walls or a background: people alone reach 10° at best."""
 
 
 def _is_known(cut: CutAlignment) -> bool:
-    """Whether more than people tells the rotation, so that what is wrong with them there is no matter."""
+    """Whether walls or a background determine the rotation, so that errors of the people there do not matter."""
     return cut.linked and cut.uncertainty_deg <= KNOWN_DEG and cut.probability >= DOUBTFUL_PROBABILITY
 
 

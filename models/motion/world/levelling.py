@@ -40,7 +40,7 @@ class ShotVertical:
 
 
 PICTURE_SIGMA_DEG = 25.0
-"""The picture's own vertical hardly tells which way is up."""
+"""The picture's own vertical is weak evidence of the vertical."""
 SHOT_SIGMA_DEG = 6.0
 """Error of a shot's own vertical besides that of its people: two shots see them from two sides."""
 OVERRULED_SIGMAS = 3.0

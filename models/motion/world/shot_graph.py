@@ -32,18 +32,18 @@ CONNECTING = 0.6
 
 @dataclass(frozen=True)
 class CutEdge:
-    """What the people whom both see tell of shots `earlier` and `later`, each person alone."""
+    """The rotation between shots `earlier` and `later` by each person whom both show."""
 
     earlier: int
     later: int
     cuts: tuple[CutAlignment, ...]
-    """One for each person, the one that tells most first; one that is not `linked` where there is nobody."""
+    """One for each person, the most certain first; one that is not `linked` where there is nobody."""
     people: tuple[int, ...] = ()
     """Their numbers, as far as they are known."""
 
     @property
     def cut(self) -> CutAlignment:
-        """That of the person who tells most."""
+        """The most certain one."""
         return self.cuts[0]
 
 

@@ -375,13 +375,13 @@ def _put_on_floor(trajectories: Sequence[ShotTrajectory], state: _State, options
 
 
 _SCALE_SAMPLES = 500
-"""Pairs of frames of a person that are enough to tell a scale."""
+"""Pairs of frames of a person that are enough to determine a scale."""
 
 
 def start_scale(rig: ShotRig, shot: int, trajectories: Sequence[ShotTrajectory]) -> float:
     """Metres per unit of a moving camera's path under which somebody's slower foot stands still most of the time.
 
-    Only the motion across the line of sight is asked, where depth errors do not reach.
+    Only the motion across the line of sight is used, where depth errors do not reach.
     """
     costs, unit = [], 0.0
     candidates = np.zeros(0)

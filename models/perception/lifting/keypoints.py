@@ -85,8 +85,8 @@ def features(
     centre = np.einsum("ntk,ntkc->ntc", weight, rays) / total[..., None]
     towards = np.concatenate([centre, np.ones((*centre.shape[:2], 1))], axis=-1)
     R_cam_torso = swing(np.broadcast_to([0.0, 0.0, 1.0], towards.shape), towards)
-    turned = np.concatenate([rays, np.ones((*rays.shape[:-1], 1))], axis=-1) @ R_cam_torso
-    flat = turned[..., :2] / np.maximum(turned[..., 2:], 0.1) * seen[..., None]
+    rotated = np.concatenate([rays, np.ones((*rays.shape[:-1], 1))], axis=-1) @ R_cam_torso
+    flat = rotated[..., :2] / np.maximum(rotated[..., 2:], 0.1) * seen[..., None]
     size = np.sqrt((flat**2).sum(axis=(1, 2, 3)) / np.maximum(seen.sum(axis=(1, 2)), 1))
     flat = flat / np.maximum(size, 1e-6)[:, None, None, None]
     inputs = np.concatenate([flat, seen[..., None]], axis=-1).reshape(len(rays), -1)

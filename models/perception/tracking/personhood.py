@@ -17,7 +17,7 @@ Array = np.ndarray
 
 BIAS, DETECTOR, TRUST, STEADINESS, MOTION = -13.1, 5.2, 1.3, 10.2, 4.4
 DETECTOR_UNKNOWN = 0.3
-"""Taken for a track so short that the detector was never asked."""
+"""Taken for a track so short that the detector never ran on it."""
 STILL_S = 10.0
 """After this time without any change of pose somebody counts as a picture as much as he ever will."""
 MOTION_UNKNOWN = 0.5
@@ -56,7 +56,7 @@ def person_probability(evidence: Evidence) -> float:
 
 
 def mean_score(scores: Iterable[float]) -> float:
-    """What the detector says of a track, also of one that it was never asked about."""
+    """What the detector says of a track, also of one that it never ran on."""
     values = list(scores)
     return float(np.mean(values)) if values else DETECTOR_UNKNOWN
 

@@ -82,10 +82,10 @@ def film_shot(
     return shot
 
 
-def again(shot: Shot, span: tuple[int, int], rng: np.random.Generator, *, turned_deg: float = 0.0) -> Shot:
-    """The camera of a shot where it stood at the end, or a little turned; it does not move now."""
+def again(shot: Shot, span: tuple[int, int], rng: np.random.Generator, *, rotated_deg: float = 0.0) -> Shot:
+    """The camera of a shot where it stood at the end, or a little rotated; it does not move now."""
     n = span[1] - span[0]
-    R = shot.R_world_cam[-1] @ rotvec_to_rotmat(np.deg2rad([0.0, turned_deg, 0.0]))
+    R = shot.R_world_cam[-1] @ rotvec_to_rotmat(np.deg2rad([0.0, rotated_deg, 0.0]))
     return Shot(
         *span, "static", np.tile(R, (n, 1, 1)), np.tile(shot.t_world_cam[-1], (n, 1)),
         np.full(n, shot.focal_px[-1]), shot.gain * rng.uniform(0.97, 1.03),

@@ -38,7 +38,7 @@ class Model:
 
 def picture(model: Model, frame: int, rng: np.random.Generator, *, height_px: int = 160) -> Texture:
     """A poster or a screen with the person before a coloured ground; as wide as 0.7 of its height."""
-    rgb, alpha = _drawn(model, frame, height_px, turned=rng.uniform(-1.2, 1.2))
+    rgb, alpha = _drawn(model, frame, height_px, yaw=rng.uniform(-1.2, 1.2))
     ground = colour(rng, value=(0.3, 1.0), saturation=(0.1, 0.8))
     shades = ground * (1 + 0.1 * fractal(rng, *alpha.shape, slope=1.5)[..., None])
     image = np.clip(np.where(alpha[..., None] > 127, rgb, shades), 0, 255).astype(np.uint8)
@@ -48,16 +48,16 @@ def picture(model: Model, frame: int, rng: np.random.Generator, *, height_px: in
 
 def cut_out(model: Model, frame: int, rng: np.random.Generator, *, height_px: int = 96) -> Texture:
     """The person alone, seen from the front: 0.7 × FIGURE_M wide, FIGURE_M high."""
-    rgb, alpha = _drawn(model, frame, height_px, turned=rng.uniform(-0.6, 0.6))
+    rgb, alpha = _drawn(model, frame, height_px, yaw=rng.uniform(-0.6, 0.6))
     return Texture(np.dstack([rgb, alpha]), height_px / FIGURE_M)
 
 
-def _drawn(model: Model, frame: int, height_px: int, *, turned: float) -> tuple[Array, Array]:
+def _drawn(model: Model, frame: int, height_px: int, *, yaw: float) -> tuple[Array, Array]:
     """Colours and coverage (0..255), h × 0.7 h, the soles at the lower edge."""
     height, width = _FINER * height_px, _FINER * round(0.7 * height_px)
     pelvis = model.actor.joints[frame, 0]
     facing = model.actor.R_world_root[frame][:, 2]
-    heading = np.arctan2(facing[1], facing[0]) + turned
+    heading = np.arctan2(facing[1], facing[0]) + yaw
     middle = np.append(pelvis[:2], FIGURE_M / 2 - 0.02)
     away = 9.0
     eye = middle + away * np.array([np.cos(heading), np.sin(heading), 0.0])

@@ -35,7 +35,7 @@ from humanmm.models.rendering.places.takes import (
     chosen_frames,
     duration_s,
     perform,
-    turned,
+    rotated,
 )
 from humanmm.models.rendering.script import MOST_HIDDEN, Change, Clip, ClipPlan, Shot, hidden_fraction
 from humanmm.models.synthetic.mocap import Actor
@@ -205,7 +205,7 @@ def _beside(one: Performance, cast: Sequence[Performance], rng: np.random.Genera
     for _ in range(200):
         away = rng.uniform(0, 2 * np.pi)
         spot = middle + rng.uniform(0.7, 2.2) * np.array([np.cos(away), np.sin(away)])
-        moved = turned(one.actor, rng.uniform(0, 2 * np.pi), spot)
+        moved = rotated(one.actor, rng.uniform(0, 2 * np.pi), spot)
         gaps = [np.linalg.norm((moved.joints - other.actor.joints)[:, 0, :2], axis=1) for other in cast]
         if min(gap.min() for gap in gaps) > 0.75 and gaps[0].mean() < 2.6:
             return replace(one, actor=moved)
@@ -255,11 +255,11 @@ def _film_all(
 
 
 def _repeated(shots: Sequence[Shot], cut: Cut, span: tuple[int, int], rng: np.random.Generator) -> Shot | None:
-    """The camera of the shot before, with time lost or turned a little, or one that the shot before did not have."""
+    """The camera of the shot before, with time lost or rotated a little, or one that the shot before did not have."""
     last = shots[-1]
     if cut.kind == "jump":
-        turned = 0.0 if cut.lost_frames >= LEAST_LOST else rng.uniform(3, 7) * rng.choice([-1, 1])
-        return again(last, span, rng, turned_deg=turned)
+        yaw_deg = 0.0 if cut.lost_frames >= LEAST_LOST else rng.uniform(3, 7) * rng.choice([-1, 1])
+        return again(last, span, rng, rotated_deg=yaw_deg)
     if cut.kind == "return":
         others = [
             shot
@@ -293,7 +293,7 @@ def _passers_by(
         across = (chest - eye)[::-1] * [1, -1] * rng.choice([-1, 1])
         yaw = np.arctan2(across[1], across[0]) - np.arctan2(travel[1], travel[0]) + rng.normal(0, 0.2)
         spot = eye + fraction * (chest - eye)
-        moved = turned(walker, float(yaw), spot)
+        moved = rotated(walker, float(yaw), spot)
         count = len(moved.joints)
         first = shot.start + (n - count) // 2
         rows = np.clip(np.arange(len(actors[0].joints)) - first, 0, count - 1)

@@ -6,7 +6,7 @@ Those of `rendering.textures` are stained, so that no two tiles are the same; th
 import cv2
 import numpy as np
 
-from humanmm.models.rendering.textures import Texture, colour, concrete, fractal, plaster
+from humanmm.models.rendering.textures import Texture, as_bytes, colour, concrete, fractal, plaster
 
 Array = np.ndarray
 
@@ -29,7 +29,7 @@ def tiling(rng: np.random.Generator) -> Texture:
     joint = 255 * rng.uniform(0.15, 0.75)
     for line in (0, px):
         image[line : line + 2], image[:, line : line + 2] = joint, joint
-    return Texture(_bytes(image), px / side_m)
+    return Texture(as_bytes(image), px / side_m)
 
 
 def bricks(rng: np.random.Generator) -> Texture:
@@ -43,7 +43,7 @@ def bricks(rng: np.random.Generator) -> Texture:
         course[np.arange(2 * width) % width < joint] = image[0, 0]
         image[row * height + joint : (row + 1) * height] = np.roll(course, row * width // 2, axis=0)
     image *= 1 + 0.05 * fractal(rng, 2 * height, 2 * width, slope=0.6)[..., None]
-    return Texture(_bytes(image), 200 / float(rng.choice([1, 1, 2])))
+    return Texture(as_bytes(image), 200 / float(rng.choice([1, 1, 2])))
 
 
 def wall_panels(rng: np.random.Generator) -> Texture:
@@ -57,13 +57,13 @@ def wall_panels(rng: np.random.Generator) -> Texture:
     for x in (12, px - 10):
         for y in (12, px - 10):
             cv2.circle(image, (x, y), 3, (50, 50, 50), -1)
-    return Texture(_bytes(image), px / side_m)
+    return Texture(as_bytes(image), px / side_m)
 
 
 def nothing(rng: np.random.Generator, *, value: tuple[float, float] = (0.86, 0.97)) -> Texture:
     """Paint without a mark on it: a studio's walls and floor."""
     paint = colour(rng, value=value, saturation=(0.0, 0.04))
-    return Texture(_bytes(paint * (1 + 0.006 * fractal(rng, 256, 256, slope=1.8)[..., None])), 32)
+    return Texture(as_bytes(paint * (1 + 0.006 * fractal(rng, 256, 256, slope=1.8)[..., None])), 32)
 
 
 def court(rng: np.random.Generator) -> Texture:
@@ -72,7 +72,7 @@ def court(rng: np.random.Generator) -> Texture:
     image[:] = 255 * rng.uniform(0.5, 0.8) * np.array([1.0, 0.78, 0.52])
     image *= 1 + 0.06 * cv2.resize(fractal(rng, 64, 32, slope=0.7), (256, 64))[..., None]
     image[::16] *= 0.75
-    return Texture(_bytes(image), 160)
+    return Texture(as_bytes(image), 160)
 
 
 def asphalt(rng: np.random.Generator) -> Texture:
@@ -89,7 +89,7 @@ def seats(rng: np.random.Generator) -> Texture:
     cv2.rectangle(image, (6, 4), (px - 7, 30), shell.tolist(), -1)
     cv2.rectangle(image, (6, 31), (px - 7, 38), (0.6 * shell).tolist(), -1)
     cv2.rectangle(image, (10, 39), (px - 11, px - 1), (45, 45, 45), -1)
-    return Texture(_bytes(image), 2 * px)
+    return Texture(as_bytes(image), 2 * px)
 
 
 def window(rng: np.random.Generator) -> Texture:
@@ -101,7 +101,7 @@ def window(rng: np.random.Generator) -> Texture:
     cv2.rectangle(image, (0, 0), (127, 127), frame, 14)
     cv2.line(image, (64, 0), (64, 127), frame, 6)
     cv2.line(image, (0, 50), (127, 50), frame, 6)
-    return Texture(_bytes(image), 128)
+    return Texture(as_bytes(image), 128)
 
 
 def board(rng: np.random.Generator) -> Texture:
@@ -132,7 +132,7 @@ def lit_facade(rng: np.random.Generator) -> Texture:
         lit = rng.random() < 0.35
         glass = (250, 215, 140) if lit else (18, 20, 28)
         cv2.rectangle(image, (64 * column + 14, 34), (64 * column + 50, 92), glass, -1)
-    return Texture(_bytes(image), 40)
+    return Texture(as_bytes(image), 40)
 
 
 def _write(
@@ -144,7 +144,3 @@ def _write(
     scale = min(box[2] / width, box[3] / height)
     at = (box[0], box[1] + (box[3] + int(height * scale)) // 2)
     cv2.putText(image, word, at, font, scale, ink, max(2, round(2.5 * scale)), cv2.LINE_AA)
-
-
-def _bytes(image: Array) -> Array:
-    return np.asarray(np.clip(np.rint(image), 0, 255).astype(np.uint8))

@@ -139,7 +139,7 @@ def lowest_point(actor: Actor, body: Body) -> Float[Array, " N"]:
     return lowest
 
 
-def turned(actor: Actor, yaw: float, middle: Float[Array, "2"]) -> Actor:
+def rotated(actor: Actor, yaw: float, middle: Float[Array, "2"]) -> Actor:
     """The actor rotated about the vertical, the middle of its path at a point of the floor."""
     c, s = np.cos(yaw), np.sin(yaw)
     R = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]])

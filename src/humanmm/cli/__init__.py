@@ -55,7 +55,7 @@ def _run(arguments: Sequence[str] | None) -> int:
     try:
         return typer.main.get_command(app).main(arguments, prog_name="humanmm", standalone_mode=False) or 0
     except typer.TyperException as error:  # what the user typed names no verb, lacks a value, …
-        from humanmm.cli.mistakes import told
+        from humanmm.cli.mistakes import usage_message
 
-        say(told(error, "humanmm"))
+        say(usage_message(error, "humanmm"))
         return error.exit_code

@@ -16,7 +16,7 @@ SYNONYMS = {
 """What other programs call it → what it is called here."""
 
 
-def told(error: Any, program: str) -> str:
+def usage_message(error: Any, program: str) -> str:
     """An error of Typer in one sentence, with the word that was probably meant, and where help is."""
     context = getattr(error, "ctx", None)
     message = _without_suggestion(error)

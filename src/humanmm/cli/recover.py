@@ -71,18 +71,18 @@ def recover(  # noqa: PLR0913 (one a flag)
     config = settings.config(**_shorthands(person, **given))
     wanted: dict[str, Any] = {"store": store, "force": force, "start": start, "only": only, "shot": shot}
     wanted["corrections"] = corrections
-    asked = _asked(videos, out)
+    jobs = _jobs(videos, out)
     if dry_run:
-        plans = [humanmm.forecast(video, folder, config=config, **wanted) for video, folder in asked]
-        return _write_plans([video for video, _ in asked], plans, as_json=json)
+        plans = [humanmm.forecast(video, folder, config=config, **wanted) for video, folder in jobs]
+        return _write_plans([video for video, _ in jobs], plans, as_json=json)
     take_back_start()
-    if len(asked) == 1:
-        ((video, folder),) = asked
+    if len(jobs) == 1:
+        ((video, folder),) = jobs
         return report(humanmm.recover(video, folder, config=config, **wanted), store)
-    return _recover_each(asked, lambda video, folder: humanmm.recover(video, folder, config=config, **wanted))
+    return _recover_each(jobs, lambda video, folder: humanmm.recover(video, folder, config=config, **wanted))
 
 
-def _asked(videos: Sequence[Path], out: Path | None) -> list[tuple[Path, Path | None]]:
+def _jobs(videos: Sequence[Path], out: Path | None) -> list[tuple[Path, Path | None]]:
     """Each video once, folders opened, with its run folder; None: the default one. InputError names an empty folder."""
     from humanmm.storage.batches.manifest import SUFFIXES, videos_in
     from humanmm.tasks.engine.finish import default_run_dir
@@ -118,13 +118,13 @@ def _write_plans(videos: Sequence[Path], plans: "Sequence[Sequence[Forecast]]", 
     return 0
 
 
-def _recover_each(asked: Sequence[tuple[Path, Path | None]], recovered: "Callable[[Path, Path | None], Run]") -> int:
+def _recover_each(jobs: Sequence[tuple[Path, Path | None]], recovered: "Callable[[Path, Path | None], Run]") -> int:
     """One video after the other, a line each; an error of one does not end the others. The gravest exit status."""
     from humanmm.storage.run_folder.summary import one_line
 
     statuses = [0]
-    for number, (video, folder) in enumerate(asked, start=1):
-        place = f"{number} of {len(asked)}, {video}"
+    for number, (video, folder) in enumerate(jobs, start=1):
+        place = f"{number} of {len(jobs)}, {video}"
         try:
             run = recovered(video, folder)
         except HumanMMError as error:
@@ -179,12 +179,12 @@ def _say_corrections(run: "Run") -> None:
 def _say_in_one_line(run: "Run") -> None:
     """What failed, or what to look at; nothing where nothing is doubtful."""
     if run.origin != "computed":
-        return  # told already
+        return  # said already
     from humanmm.storage.run_folder.summary import one_line
 
     if run.state == "partial":
         say("; ".join(map(str, run.failures)))
-    elif warnings := [one for one in run.warnings if not one.startswith("correction ")]:  # told above
+    elif warnings := [one for one in run.warnings if not one.startswith("correction ")]:  # said above
         more = len(warnings) - 1
         rest = f" (and {more} more, see {run.folder / 'run.json'})" if more else ""
         say(f"{one_line(run.record)}: {warnings[0]}{rest}")

@@ -86,7 +86,7 @@ def view(
     """
     run = humanmm.load(run_dir)
     if mp4 is not None and rerun:
-        raise UsageError("--mp4 and --rerun are two files; ask for one at a time")
+        raise UsageError("--mp4 and --rerun are two files; write one at a time")
     if mp4 is not None or rerun:
         return write(run.view(mp4 or "rerun", out=out, opacity=opacity, force=force))
     if out is None and opacity is None:

@@ -1,4 +1,4 @@
-"""`humanmm serve`: the server, the deployments and a worker, until it is told to stop."""
+"""`humanmm serve`: the server, the deployments and a worker, until Ctrl-C or SIGTERM."""
 
 from typing import Annotated
 

@@ -7,7 +7,7 @@
 | AlphaPose, COCO results | one json: [].image_id, keypoints | number, or last number of a name |
 | COCO annotations | one json: images[], annotations[].keypoints | last number of file_name |
 
-How many keypoints there are tells the set: 17, 26 (Halpe), 133 (whole body) and 136 (Halpe whole body) begin with
+The number of keypoints determines the set: 17, 26 (Halpe), 133 (whole body) and 136 (Halpe whole body) begin with
 COCO's 17; 18 are OpenPose's COCO model; 25 are BODY_25, or BODY_25B where the middle of neck and hips lies elsewhere.
 Frames count from 0; where the first is 1 and the last one the number of frames, from 1.
 """

@@ -1,4 +1,4 @@
-"""C3D, the biomechanists' binary marker file, through ezc3d (MIT, needs numpy alone): z up, millimetres unless asked
+"""C3D, the biomechanists' binary marker file, through ezc3d (MIT, needs numpy alone): z up, millimetres unless set
 otherwise.
 
 Every frame of the excerpt is there. Where the person is not, points are not a number and their residual is −1, the

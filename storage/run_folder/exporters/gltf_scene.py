@@ -210,7 +210,7 @@ class _Scene:
 
 
 def _skin_weights() -> tuple[np.ndarray, np.ndarray]:
-    """(V,4) uint8 joints and float32 weights that sum to 1; an unused place names joint 0, as the standard asks."""
+    """(V,4) uint8 joints and float32 weights that sum to 1; an unused place names joint 0, as the standard requires."""
     body = load_body()
     weight = body.skin_weight.astype(np.float32)
     return np.where(weight > 0, body.skin_joint, 0).astype(np.uint8), weight / weight.sum(axis=1, keepdims=True)

@@ -31,7 +31,7 @@ def note(folder: Path, names: Iterable[str], facts: dict[str, Any]) -> None:
 
 
 def facts_of(excerpt: Excerpt, recording: Recording, format_name: str) -> dict[str, Any]:
-    """What is told of the files of one export. Frames of the video are counted from 0; spans are [start, end)."""
+    """The entry of the files of one export. Frames of the video are counted from 0; spans are [start, end)."""
     part = excerpt.recording
     return {
         "format": format_name,

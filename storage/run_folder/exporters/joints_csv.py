@@ -1,4 +1,4 @@
-"""Joints for spreadsheets: one row a frame and joint; the header names the unit. z up unless asked otherwise."""
+"""Joints for spreadsheets: one row a frame and joint; the header names the unit. z up by default."""
 
 import csv
 from pathlib import Path

@@ -1,6 +1,6 @@
 """Universal Scene Description, through usd-core (Pixar's own package): skinned people and cameras in one scene.
 
-z up, metres unless asked otherwise. Time codes are frames at the mean rate; times stay exact. A person is invisible
+z up, metres by default. Time codes are frames at the mean rate; times stay exact. A person is invisible
 before his first frame and after his last; a camera has its focal length in every frame.
 """
 

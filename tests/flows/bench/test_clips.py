@@ -23,7 +23,7 @@ def test_a_clip_is_a_video_beside_its_truth(tmp_path: Path) -> None:
     assert (facts.videos, facts.transitions) == (1, (2,))
 
 
-def test_a_truth_without_its_video_is_left_out_and_an_empty_folder_is_told(tmp_path: Path) -> None:
+def test_a_truth_without_its_video_is_left_out_and_an_empty_folder_is_reported(tmp_path: Path) -> None:
     shutil.copy(EXAMPLE / f"{NAME}_gt.npz", tmp_path)
     with pytest.raises(InputError, match=r"no <name>\.mp4"):
         clip_set(tmp_path, Store(tmp_path / "store"))

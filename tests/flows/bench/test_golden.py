@@ -56,10 +56,10 @@ def test_the_table_has_a_row_a_clip_and_says_what_is_left_out(
     monkeypatch.setattr(golden, "recovered", lambda video, config, store: seen)
     command = ["bench", "golden", "--data", str(folder), "--store", str(folder / "store")]
     assert main([*command, "--report", str(folder / "report")]) == 0
-    told = capsys.readouterr()
-    assert "b.mp4" in told.err
-    assert "6 of 7 expectations hold" in told.out
-    assert "| piece | elsewhere |" in told.out
+    message = capsys.readouterr()
+    assert "b.mp4" in message.err
+    assert "6 of 7 expectations hold" in message.out
+    assert "| piece | elsewhere |" in message.out
     rows = {row["split"]: row for row in json.loads((folder / "report/results.json").read_text())["rows"]}
     assert (rows["whole"]["n"], rows["whole"]["failed"]) == (5, 0)
     assert (rows["piece"]["n"], rows["piece"]["failed"]) == (2, 1)
@@ -84,7 +84,7 @@ def test_without_a_list_of_its_own_a_folder_has_the_repositorys(tmp_path: Path) 
     assert len(golden.golden_list(tmp_path)) >= 25
 
 
-def test_a_folder_without_the_videos_is_told(tmp_path: Path, folder: Path) -> None:
+def test_a_folder_without_the_videos_is_reported(tmp_path: Path, folder: Path) -> None:
     (folder / "a.mp4").unlink()
     with pytest.raises(InputError, match="holds none of the videos"):
         golden.checked_clips(folder, Config(), Store(tmp_path / "store"))

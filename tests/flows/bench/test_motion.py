@@ -27,8 +27,8 @@ def test_tiny_is_computed_once_and_then_the_same_to_the_byte(
     command += ["--intrinsics.fov_deg", "60"]  # the focal length is not what this test is about
     first, second = tmp_path / "first", tmp_path / "second"
     assert main([*command, "--report", str(first)]) == 0
-    told = capsys.readouterr().out
-    assert "1 videos, 30 fps, longest 40 frames" in told
+    message = capsys.readouterr().out
+    assert "1 videos, 30 fps, longest 40 frames" in message
     tree = json.loads((first / "results.json").read_text())
     assert {row["method"] for row in tree["rows"]} == set(METHODS)
     assert {row["split"] for row in tree["rows"]} == {"1 transition"}
@@ -80,7 +80,7 @@ def test_a_setting_another_video_or_other_methods_make_other_motions(pack: Path)
     assert len({recipe.motions.key for recipe in recipes}) == 4 * len(jobs)
 
 
-def test_a_pack_that_is_none_is_told_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_pack_that_is_none_is_reported_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "pack.npz").write_bytes(b"no zip")
     assert main(["bench", "ms-mocap", "--data", str(tmp_path / "pack.npz")]) == 1
     assert len(capsys.readouterr().err.splitlines()) == 1

@@ -17,7 +17,7 @@ from humanmm.storage.store.store import Store
 __all__ = ["standing"]
 
 
-def test_every_video_below_the_folder_has_a_row_and_a_refused_one_is_told(
+def test_every_video_below_the_folder_has_a_row_and_a_refused_one_is_reported(
     standing: Recording, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     seen = {
@@ -37,6 +37,6 @@ def test_every_video_below_the_folder_has_a_row_and_a_refused_one_is_told(
     assert {"all", "fastest 5 %"} <= set(rows)
 
 
-def test_a_folder_without_videos_is_told(tmp_path: Path) -> None:
+def test_a_folder_without_videos_is_reported(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no folder that holds videos"):
         overlay.overlays(tmp_path, Config(), Store(tmp_path / "store"))

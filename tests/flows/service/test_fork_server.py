@@ -111,7 +111,7 @@ def test_a_fork_has_the_code_the_environment_and_the_folder_that_it_should_have(
     pid = worker.start(f"tell({facts}); sys.exit('gone')")
     assert worker.line() == ["0", "ended", "1"]
     films = worker.folder / "films"
-    assert (films / "told").read_text().split() == ["42", str(films), str(server), "False"]
+    assert (films / "message").read_text().split() == ["42", str(films), str(server), "False"]
     assert not _is_there(pid)
     worker.start("sys.exit(0)")
     assert worker.line() == ["1", "ended", "0"]
@@ -179,15 +179,15 @@ def test_a_fork_server_whose_code_has_changed_forks_no_more_and_ends_after_its_f
     server = int(worker.line()[0])
     before = worker.start("wait()")
     (worker.folder / "some_code.py").write_text("answer = 'another'\n")
-    told = "import some_code; tell(os.getppid(), some_code.answer)"
-    worker.start(told)
+    message = "import some_code; tell(os.getppid(), some_code.answer)"
+    worker.start(message)
     assert worker.line() == ["1", "ended", "0"]
     assert (worker.folder / "films/told").read_text().split() == [str(worker.process.pid), "another"], "a fresh process"
     assert _is_there(server) and _is_there(before)
     (worker.folder / "films/over").touch()
     assert worker.line() == ["0", "ended", "0"]
     _until(lambda: not _is_there(server))
-    worker.start(told)
+    worker.start(message)
     assert worker.line() == ["2", "ended", "0"]
     parent, answer = (worker.folder / "films/told").read_text().split()
     assert int(parent) not in (server, worker.process.pid) and answer == "another", "a fork of a new fork server"

@@ -14,7 +14,7 @@ pytestmark = [pytest.mark.server, pytest.mark.timeout(2400)]
 States = Callable[[], dict[str, dict[str, Any]]]
 
 
-def test_a_schedule_fires_and_survives_a_restart_and_ends_when_told_to(farm: Any, place: Any, states: States) -> None:
+def test_a_schedule_fires_and_survives_a_restart_and_ends_by_signal(farm: Any, place: Any, states: States) -> None:
     (farm.folder / "films/empty.mp4").unlink()
     wrong = farm.command("batch", "submit", "films", "--schedule", "at night")
     assert wrong.returncode == 1 and "is no cron line such as '0 2 * * *'" in wrong.stderr, wrong.stderr

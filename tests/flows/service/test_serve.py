@@ -77,7 +77,7 @@ def test_signals_stop_it_in_order(number: str) -> None:
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize("any_toy", ["disk"], indirect=True)
 @pytest.mark.parametrize("verb", ["serve", "recover film.mp4", "batch submit films"])
-def test_a_variable_that_prefect_refuses_is_told_within_five_seconds(farm: Any, place: Any, verb: str) -> None:
+def test_a_variable_that_prefect_refuses_is_reported_within_five_seconds(farm: Any, place: Any, verb: str) -> None:
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     done = farm.command(*verb.split(), PREFECT_SERVER_API_PORT="high")
     spent = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -130,7 +130,7 @@ def test_on_a_full_disk_it_starts_once_there_is_room(small_disk: Path, farm: Any
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize("any_toy", ["disk"], indirect=True)
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_told_to_stop_while_its_server_is_not_up_it_ends_with_it(farm: Any, place: Any, number: int) -> None:
+def test_stopped_while_its_server_is_not_up_it_ends_with_it(farm: Any, place: Any, number: int) -> None:
     (farm.folder / "sitecustomize.py").write_text(
         "import sys, time\nif any('server_process' in part for part in sys.orig_argv):\n    time.sleep(600)\n"
     )

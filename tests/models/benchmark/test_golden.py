@@ -98,7 +98,7 @@ def test_cuts_within_two_frames_hold_and_say_what_is_linked() -> None:
     assert failing(verdicts(clip, seen(late, linked={13: False}))) == ["cuts", "linked frame 10"]
 
 
-def test_the_camera_is_static_level_and_not_turned() -> None:
+def test_the_camera_is_static_level_and_not_rolled() -> None:
     asked = {"camera": "static", "down_deg": {0: (-1.0, 1.0)}, "roll_deg": {0: (-1.0, 1.0)}}
     recording = recording_of(WOMAN)
     assert not failing(verdicts(one(**asked), seen(recording)))

@@ -11,7 +11,7 @@ def _value(figures: MethodFigures, name: str) -> float:
     return next(figure.value for figure in figures.figures if figure.name == name)
 
 
-def test_every_method_is_scored_and_the_baseline_is_bad_in_the_papers_way(
+def test_every_method_is_scored_and_the_baseline_is_bad_as_in_the_paper(
     video: BenchVideo, motions: VideoMotions
 ) -> None:
     *known, unknown = score(video, motions).methods

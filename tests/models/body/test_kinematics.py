@@ -37,7 +37,7 @@ def test_bone_lengths_do_not_depend_on_the_pose() -> None:
     np.testing.assert_allclose(lengths, np.broadcast_to(expected, lengths.shape), atol=1e-12)
 
 
-def test_turning_the_root_turns_everything_about_the_pelvis() -> None:
+def test_rotating_the_root_rotates_everything_about_the_pelvis() -> None:
     rest = load_body().rest_joints(BETAS)
     R_root, body_pose, pelvis = random_pose(4)
     turn = rotvec_to_rotmat([0.3, -1.2, 0.5])

@@ -59,7 +59,7 @@ def test_a_long_shot_is_checked_in_stretches_and_repeatably(
     assert first.bundle_deg < 0.3
 
 
-def test_a_turning_camera_is_checked_by_homographies_alone(scene_of: Callable[..., Any]) -> None:
+def test_a_rotating_camera_is_checked_by_homographies_alone(scene_of: Callable[..., Any]) -> None:
     scene = scene_of("pan")
     shot = arrange(scene.points, scene.intrinsics.width, scene.intrinsics.height)
     track = rotating(shot, choose_keyframes(shot), scene.intrinsics.focal_px, freedom=Freedom(translation=False))

@@ -98,7 +98,7 @@ def test_a_zoom_is_not_taken_for_motion_and_every_frame_has_its_focal_length(sce
     assert rotation_errors_deg(camera, scene.R_shot_cam).max() < 0.5
 
 
-def test_a_zoom_without_a_turn_tells_no_focal_length_and_keeps_the_videos_in_its_middle(
+def test_a_zoom_without_a_rotation_determines_no_focal_length_and_keeps_the_videos_in_its_middle(
     scene_of: Callable[..., Any],
 ) -> None:
     scene = scene_of("static")
@@ -111,7 +111,7 @@ def test_a_zoom_without_a_turn_tells_no_focal_length_and_keeps_the_videos_in_its
     assert rotation_errors_deg(camera, scene.R_shot_cam).max() < 0.1
 
 
-def test_a_zoom_in_the_hand_is_told_from_the_hands_motion(scene_of: Callable[..., Any]) -> None:
+def test_a_zoom_in_the_hand_is_reported_from_the_hands_motion(scene_of: Callable[..., Any]) -> None:
     scene = scene_of("hand-held")
     camera = camera_from_points(zoomed(scene), (), scene.intrinsics)
     assert camera.source == "tracked"

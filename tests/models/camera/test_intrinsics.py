@@ -26,7 +26,7 @@ def test_a_field_of_view_is_horizontal() -> None:
 
 
 @pytest.mark.parametrize("kind", ["pan", "hand-held", "orbit", "dolly"])
-def test_a_camera_that_turns_or_moves_tells_its_focal_length(scene_of: Callable[..., Any], kind: str) -> None:
+def test_a_camera_that_rotates_or_moves_determines_its_focal_length(scene_of: Callable[..., Any], kind: str) -> None:
     scene = scene_of(kind)
     found = intrinsics_from_background([ShotPoints(scene.points, ())], scene.intrinsics.width, scene.intrinsics.height)
     assert found.source == "estimated"
@@ -72,7 +72,7 @@ def wall_pictures(focal_px: float, headings_deg: Sequence[float]) -> list[FrameF
     return pictures
 
 
-def test_walls_tell_the_focal_length_of_cameras_that_never_move() -> None:
+def test_walls_determine_the_focal_length_of_cameras_that_never_move() -> None:
     true_px = 1.25 * default_focal_px(960, 540)
     found = intrinsics_from_background([], 960, 540, wall_pictures(true_px, [30.0, 75.0, 140.0]))
     assert found.source == "estimated"

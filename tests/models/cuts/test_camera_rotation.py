@@ -22,7 +22,7 @@ def align(person: CutPerson, method: cuts.CutMethod = cuts.align_by_bundle) -> C
 
 
 @pytest.mark.parametrize("angle_deg", [5.0, 60.0, 120.0, 178.0])
-def test_the_turn_at_a_cut_is_found_at_every_angle(angle_deg: float) -> None:
+def test_the_rotation_at_a_cut_is_found_at_every_angle(angle_deg: float) -> None:
     person, truth = case(angle_deg)
     found = align(person)
     # 3 px and 2 cm of noise over a window leave two to three degrees.
@@ -30,7 +30,7 @@ def test_the_turn_at_a_cut_is_found_at_every_angle(angle_deg: float) -> None:
     assert found.linked and found.residual_px < 10.0
 
 
-def test_the_bundle_mends_a_tilted_pose_estimator_that_turning_alone_believes() -> None:
+def test_the_bundle_mends_a_tilted_pose_estimator_that_rotation_alone_believes() -> None:
     bundle, turned = [], []
     for seed, angle_deg in enumerate([40.0, 80.0, 120.0, 160.0]):
         person, truth = case(angle_deg, tilt_deg=8.0, seed=10 * seed)
@@ -69,7 +69,7 @@ def test_the_analytic_jacobian_is_that_of_the_residuals() -> None:
     np.testing.assert_allclose(analytic, numeric * np.concatenate(robust), rtol=1e-4, atol=1e-4)
 
 
-def test_a_long_gap_is_told() -> None:
+def test_a_long_gap_is_reported() -> None:
     person, _ = case(60.0)
     late = replace(person.after, time_s=person.after.time_s + 0.5)
     found = align(CutPerson(person.before, late))

@@ -65,7 +65,7 @@ def test_a_camera_that_never_moves_has_no_absolute_error() -> None:
         cameras.absolute_trajectory_error_m(still, still)
 
 
-def test_a_wrong_turn_at_the_cut_is_found_whatever_the_world(truth: CameraSequence) -> None:
+def test_a_wrong_rotation_at_the_cut_is_found_whatever_the_world(truth: CameraSequence) -> None:
     R = rotvec_to_rotmat([0.1, 0.5, -0.2]) @ truth.R_world_cam
     R[60:] = R[60:] @ rotvec_to_rotmat([0.0, np.radians(25), 0.0])
     wrong = dataclasses.replace(truth, R_world_cam=R)

@@ -104,7 +104,7 @@ def test_sliding_is_the_way_of_the_feet_that_stand_in_the_truth(sequence: Motion
     assert report.foot_sliding_mm == pytest.approx(2.0)  # 4 mm a frame at the ankle, none at the toes
 
 
-def test_missing_frames_cost_coverage_and_are_told(sequence: MotionSequence) -> None:
+def test_missing_frames_cost_coverage_and_are_reported(sequence: MotionSequence) -> None:
     report = evaluate(kept(sequence, np.r_[0:60, 73:130]), sequence)
     assert report.coverage == pytest.approx(0.9)
     assert any("13 of 130 frames" in sentence for sentence in report.problems)
@@ -160,7 +160,7 @@ def test_a_partial_truth_is_compared_on_the_twelve_limb_joints(sequence: MotionS
     assert any(sentence.startswith("pve_mm") for sentence in report.problems)
 
 
-def test_frames_with_unknown_true_joints_are_told(sequence: MotionSequence) -> None:
+def test_frames_with_unknown_true_joints_are_reported(sequence: MotionSequence) -> None:
     joints = sequence.people[0].joints.copy()
     joints[5:9, 18] = np.nan
     report = evaluate(sequence, with_person(sequence, joints=joints))

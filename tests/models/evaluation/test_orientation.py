@@ -24,14 +24,14 @@ def test_another_world_costs_nothing(R: np.ndarray) -> None:
     assert orientation.heading_error_deg(yaw_to_rotmat(2.0) @ R, R) == pytest.approx(0.0, abs=1e-9)
 
 
-def test_a_wrong_turn_at_a_cut_is_paid_in_every_later_frame(R: np.ndarray) -> None:
+def test_a_wrong_rotation_at_a_cut_is_paid_in_every_later_frame(R: np.ndarray) -> None:
     wrong = R.copy()
     wrong[65:] = yaw_to_rotmat(np.radians(40)) @ wrong[65:]
     assert orientation.root_orientation_error_deg(wrong, R) == pytest.approx(20.0)
     assert orientation.heading_error_deg(wrong, R) == pytest.approx(20.0)
 
 
-def test_a_turn_of_nearly_two_right_angles_does_not_wrap(R: np.ndarray) -> None:
+def test_a_rotation_of_nearly_two_right_angles_does_not_wrap(R: np.ndarray) -> None:
     wrong = R.copy()
     wrong[1:] = yaw_to_rotmat(np.radians(179)) @ wrong[1:]
     expected = 179.0 * (len(R) - 1) / len(R)

@@ -18,7 +18,7 @@ from humanmm.models.geometry.rotations import (
 )
 
 
-def test_exponential_map_agrees_with_scipy_from_zero_to_a_full_turn(rng: np.random.Generator) -> None:
+def test_exponential_map_agrees_with_scipy_from_zero_to_a_full_rotation(rng: np.random.Generator) -> None:
     vectors = rng.normal(size=(500, 3)) * np.geomspace(1e-12, 3, 500)[:, None]
     np.testing.assert_allclose(rotvec_to_rotmat(vectors), Rotation.from_rotvec(vectors).as_matrix(), atol=1e-12)
 

@@ -27,4 +27,4 @@ def test_the_pose_networks_own_landmarks_are_scored() -> None:
     windows, _ = windows_of(pair_arrays())
     found = score(None, windows)
     assert 20 < found.mpjpe_mm[0] < 60 and found.pa_mpjpe_mm[0] < found.mpjpe_mm[0]
-    assert np.isnan(found.root_deg[0]) and found.swaps_told == 0
+    assert np.isnan(found.root_deg[0]) and found.swaps_found == 0

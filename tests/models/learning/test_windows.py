@@ -19,7 +19,7 @@ def test_truth_is_named_as_the_input_and_swaps_are_known() -> None:
     assert errors.landmarks.std() < 0.06 and errors.points.abs().max() < 0.05
 
 
-def test_the_root_turns_the_body_that_the_landmarks_show() -> None:
+def test_the_root_rotates_the_body_that_the_landmarks_show() -> None:
     """The body's left is where its left hip is."""
     windows, _ = windows_of(pair_arrays())
     left = windows.truth[:3, :, 23] - windows.truth[:3, :, 24]

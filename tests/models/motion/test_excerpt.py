@@ -128,7 +128,7 @@ def test_rotations_and_rest_pose_of_a_file_give_its_joints(up: str) -> None:
         ({"start_s": 0.5, "end_s": 0.2}, "no frame from 0.5 s to 0.2 s"),
     ],
 )
-def test_what_is_not_there_is_told_in_one_sentence(wishes: dict[str, object], words: str) -> None:
+def test_what_is_not_there_is_reported_in_one_sentence(wishes: dict[str, object], words: str) -> None:
     with pytest.raises(InputError, match=words):
         part(**wishes)
 

@@ -64,7 +64,7 @@ def test_feet_that_hang_or_stand_on_a_table_say_nothing_about_the_floor() -> Non
 
 
 @pytest.mark.parametrize(
-    ("odds", "people", "told"),
+    ("odds", "people", "message"),
     [
         ({(0, 0): 3.0}, ((0,), (0,)), {(0, 1): 3.0}),  # against being new
         ({(0, 1): -2.0}, ((0,), (1,)), {(1, 1): 2.0}),  # new, against being person 0
@@ -76,7 +76,7 @@ def test_an_identity_is_as_sure_as_it_is_better_than_the_best_other_answer(
     monkeypatch: pytest.MonkeyPatch,
     odds: dict[tuple[int, int], float],
     people: tuple[tuple[int, ...], ...],
-    told: dict[tuple[int, int], float],
+    message: dict[tuple[int, int], float],
 ) -> None:
     """`odds`: (who was known, who is seen) → log-odds that they are the same."""
     shots = _shots(*people)
@@ -90,7 +90,7 @@ def test_an_identity_is_as_sure_as_it_is_better_than_the_best_other_answer(
     scenes = [ScenePeople(0, NUM_FRAMES, ()) for _ in people]
     monkeypatch.setattr(ScenePeople, "track_of", lambda scene, appearance: None)
     found = identity_guesses(shots, scenes, time_s=TIME_S)
-    expected = [IdentityGuess(person, shot, 1 / (1 + np.exp(-margin))) for (person, shot), margin in told.items()]
+    expected = [IdentityGuess(person, shot, 1 / (1 + np.exp(-margin))) for (person, shot), margin in message.items()]
     assert [(one.person, one.shot) for one in found] == [(one.person, one.shot) for one in expected]
     for one, other in zip(found, expected, strict=True):
         assert one.probability == pytest.approx(other.probability)

@@ -68,6 +68,6 @@ def test_a_sequence_at_its_own_rate_stays_as_it_is(sequences: tuple[MocapSequenc
     assert np.allclose(again.R_world_root, sequence.R_world_root, atol=1e-9)
 
 
-def test_too_short_takes_are_told(sequences: tuple[MocapSequence, ...]) -> None:
+def test_too_short_takes_are_reported(sequences: tuple[MocapSequence, ...]) -> None:
     with pytest.raises(ValueError, match="no sequence is as long"):
         plan_clip(sequences, replace(PLAN, seconds=(60.0, 61.0)))

@@ -35,7 +35,7 @@ def test_a_whole_shot_with_left_and_right_swapped_is_found_by_the_cut(angle_deg:
     assert spans == ((), ((int(second.frame[0]), int(second.frame[-1]) + 1),))
 
 
-def _told(s: Sighting, row: int, *, wrong: bool) -> KnownSides:
+def _reported(s: Sighting, row: int, *, wrong: bool) -> KnownSides:
     """What a user says who sees in one row where left and right are, of a track whose labels are right or wrong."""
     pair = INDEX["left_hip"], INDEX["right_hip"]
     places = s.keypoints2d[row, list(pair), :2].astype(float)
@@ -46,13 +46,13 @@ def _told(s: Sighting, row: int, *, wrong: bool) -> KnownSides:
 def test_what_the_user_says_of_a_few_frames_holds_and_the_rest_of_the_shot_follows() -> None:
     person, _ = case(50.0)
     s = sighting(person.before)
-    assert left_right_swaps([s], K, [_told(s, 1, wrong=True)]) == (((int(s.frame[0]), int(s.frame[-1]) + 1),),)
+    assert left_right_swaps([s], K, [_reported(s, 1, wrong=True)]) == (((int(s.frame[0]), int(s.frame[-1]) + 1),),)
 
 
 def test_sides_that_are_found_as_the_user_says_stay_as_they_are() -> None:
     person, _ = case(50.0)
     s = swapped(sighting(person.before), slice(4, 9))
-    assert left_right_swaps([s], K, [_told(s, 1, wrong=False)]) == left_right_swaps([s], K)
+    assert left_right_swaps([s], K, [_reported(s, 1, wrong=False)]) == left_right_swaps([s], K)
 
 
 def test_without_a_place_what_is_found_is_swapped_in_all_those_frames() -> None:

@@ -100,7 +100,7 @@ def test_an_error_of_the_detector_is_no_cut() -> None:
     assert cuts(track) == []
 
 
-def test_a_body_turned_upside_down_is_no_cut() -> None:
+def test_a_body_rotated_upside_down_is_no_cut() -> None:
     track = walker(0, 60, (100, 200), speed_px=0)
     track.keypoints2d[30:, :, 1] = 400 - track.keypoints2d[30:, :, 1]
     assert cuts(track) == []

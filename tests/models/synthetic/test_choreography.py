@@ -21,7 +21,7 @@ def routine(request: pytest.FixtureRequest) -> MocapSequence:
     return choreography(request.param, request.param, 4.0, np.random.default_rng(3))
 
 
-def test_it_is_as_long_as_asked_and_stays_on_the_floor(routine: MocapSequence) -> None:
+def test_it_is_as_long_as_requested_and_stays_on_the_floor(routine: MocapSequence) -> None:
     assert routine.num_frames / RATE_HZ >= 4.0
     lowest = joints_of(routine)[..., 2].min(axis=1)
     assert lowest.min() > -0.06

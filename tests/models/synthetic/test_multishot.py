@@ -109,19 +109,19 @@ def test_points_of_a_static_camera_stand_and_masked_ones_are_none(sequences: tup
             assert np.median(np.linalg.norm(moved, axis=1)) < 1.5
 
 
-def test_a_set_is_told_in_the_numbers_of_the_papers_table() -> None:
+def test_a_set_is_reported_in_the_numbers_of_the_papers_table() -> None:
     facts = statistics_of([300, 600], [30.0, 30.0], [2, 4])
     assert (facts.duration_s, facts.videos, facts.longest, facts.shortest) == (15.0, 2, 600, 300)
     assert facts.transitions == (2, 4)
 
 
-def test_a_pack_is_turned_from_y_up_to_z_up(sequences: tuple[MocapSequence, ...]) -> None:
+def test_a_pack_is_rotated_from_y_up_to_z_up(sequences: tuple[MocapSequence, ...]) -> None:
     assert [sequence.num_frames for sequence in sequences] == [100, 150]
     assert np.allclose(sequences[0].pelvis[:, 2], 0.92)
     assert np.allclose(sequences[0].R_world_root[0] @ [0, 1, 0], [0, 0, 1])
 
 
-def test_a_pack_that_lacks_an_array_is_told_in_one_sentence(tmp_path: Path) -> None:
+def test_a_pack_that_lacks_an_array_is_reported_in_one_sentence(tmp_path: Path) -> None:
     np.savez(tmp_path / "bad.npz", poses=np.zeros((4, 72)))
     with pytest.raises(InputError, match="lacks trans"):
         read_pack(tmp_path / "bad.npz")

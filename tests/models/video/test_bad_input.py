@@ -300,29 +300,29 @@ TEN_YEARS_MS = 315_360_000_000
 
 
 @pytest.mark.parametrize(
-    ("times", "told"),
+    ("times", "reported"),
     [
         ([0] * 20, "all 20 pictures of the video have the same time stamp"),
         ([40 * i + TEN_YEARS_MS * (i >= 10) for i in range(20)], "after 0.36 s no picture comes for 315360000 s"),
     ],
 )
-def test_time_stamps_that_cannot_be_true_are_told_for_what_they_are(times: list[int], told: str) -> None:
+def test_time_stamps_that_cannot_be_true_are_reported_for_what_they_are(times: list[int], reported: str) -> None:
     message = refusal(muxed(times, [(64, 48)]))
-    assert told in message
+    assert reported in message
     assert "ffmpeg" in message, "what to do"
 
 
-def test_a_rate_that_no_camera_has_is_told(clip: Clip) -> None:
+def test_a_rate_that_no_camera_has_is_reported(clip: Clip) -> None:
     file = clip("mp4", times=list(range(20)), time_base=Fraction(1, 1_000_000))
     assert "20 pictures in 0.000019 s: the time stamps are wrong" in refusal(file)
 
 
-def test_a_track_without_pictures_is_told() -> None:
+def test_a_track_without_pictures_is_reported() -> None:
     whole = muxed([0], [(64, 48)], "avi").getvalue()
     assert "its track is empty" in refusal(io.BytesIO(whole.replace(b"00dc", b"JUNK")))
 
 
-def test_equal_time_stamps_are_told_from_such_that_run_backwards() -> None:
+def test_equal_time_stamps_are_reported_from_such_that_run_backwards() -> None:
     facts = read_facts(muxed([40 * (i - (i == 7)) for i in range(20)], [(64, 48)]))
     assert facts.num_frames == 19
     assert any(one.startswith("1 pictures have the time stamp of the one before") for one in facts.warnings)
@@ -340,7 +340,7 @@ def test_a_long_gap_is_a_warning() -> None:
     ("container", "codec"),
     [("mp4", "libx264"), ("matroska", "mpeg4"), ("mpegts", "mpeg4"), ("flv", "libx264")],
 )
-def test_of_videos_one_after_the_other_the_first_is_read_and_the_others_are_told(
+def test_of_videos_one_after_the_other_the_first_is_read_and_the_others_are_reported(
     container: str, codec: str, clip: Clip, number_of: NumberOf
 ) -> None:
     file = io.BytesIO(clip(container, codec).getvalue() * 2)
@@ -349,7 +349,7 @@ def test_of_videos_one_after_the_other_the_first_is_read_and_the_others_are_told
     assert any("one after the other" in warning for warning in facts.warnings)
 
 
-def test_of_two_streams_one_is_read_and_the_other_is_told() -> None:
+def test_of_two_streams_one_is_read_and_the_other_is_reported() -> None:
     facts = read_facts(muxed([40 * i for i in range(20)], [(64, 48), (128, 96)]))
     (warning,) = facts.warnings
     assert "2 streams of pictures; the one of 20 pictures" in warning

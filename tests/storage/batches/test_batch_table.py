@@ -323,9 +323,9 @@ def test_a_file_that_is_no_database_and_a_database_that_is_not_there_are_one_cle
         open_batches(tmp_path)
     pytest.importorskip("pg8000")
     monkeypatch.setenv(DATABASE_URL, "postgresql://me:secret@127.0.0.1:1/none")
-    with pytest.raises(StoreError, match="cannot write the batches of the store, postgresql") as told:
+    with pytest.raises(StoreError, match="cannot write the batches of the store, postgresql") as message:
         open_batches(tmp_path).put(_rows(1))
-    assert "secret" not in str(told.value)
+    assert "secret" not in str(message.value)
 
 
 def _age_lease(table: BatchTable, row: VideoRow, seconds: float) -> None:

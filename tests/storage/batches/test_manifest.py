@@ -50,7 +50,7 @@ def test_a_json_lines_manifest_means_the_same(videos: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "text", "told"),
+    ("name", "text", "message"),
     [
         ("m.csv", "video,prio\na.mp4,high\n", "line 2: unknown column 'prio'"),
         ("m.csv", "video,priority\na.mp4,urgent\n", "priority 'urgent' is none of"),
@@ -63,11 +63,11 @@ def test_a_json_lines_manifest_means_the_same(videos: Path) -> None:
         ("m.txt", "a.mp4\n", "neither a folder nor a .csv or .jsonl"),
     ],
 )
-def test_a_bad_manifest_is_told_with_its_line(videos: Path, name: str, text: str, told: str) -> None:
+def test_a_bad_manifest_is_reported_with_its_line(videos: Path, name: str, text: str, message: str) -> None:
     (videos / name).write_text(text)
     with pytest.raises(InputError) as caught:
         read_batch(videos / name)
-    assert told in str(caught.value)
+    assert message in str(caught.value)
 
 
 def test_a_pattern_with_one_run_folder_for_many_videos_is_refused(videos: Path) -> None:
@@ -77,7 +77,7 @@ def test_a_pattern_with_one_run_folder_for_many_videos_is_refused(videos: Path) 
         read_batch(videos / "m.csv")
 
 
-def test_a_missing_manifest_and_an_empty_folder_are_told(tmp_path: Path) -> None:
+def test_a_missing_manifest_and_an_empty_folder_are_reported(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="cannot read"):
         read_batch(tmp_path / "none.csv")
     with pytest.raises(InputError, match="holds no video"):

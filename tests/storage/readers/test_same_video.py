@@ -31,7 +31,7 @@ def test_a_truth_of_another_length_or_rate_is_refused_and_a_frame_at_the_end_is_
         check_same_video(tmp_path, truth, _sequence(fps=25.0), _sequence(fps=30.0))
 
 
-def test_equally_long_videos_are_told_apart_by_their_content(tmp_path: Path) -> None:
+def test_equally_long_videos_are_distinguished_by_their_content(tmp_path: Path) -> None:
     run, other = _run(tmp_path / "run", b"film"), _run(tmp_path / "other", b"another film")
     check_same_video(run, run, _sequence(), _sequence())
     with pytest.raises(TruthError, match="differ in content"):

@@ -86,7 +86,7 @@ def test_every_system_gives_the_same_person_upright(tmp_path: Path, name: str, d
     assert pa_mpjpe_mm(person.joints, expected.joints) < 1e-3
 
 
-def test_the_longest_track_is_taken_and_the_others_are_told(tmp_path: Path, dump_like_joblib: Dump) -> None:
+def test_the_longest_track_is_taken_and_the_others_are_reported(tmp_path: Path, dump_like_joblib: Dump) -> None:
     sequence = _read(_wham(tmp_path / "wham.pkl", dump_like_joblib))
     assert len(sequence.people[0].frame) == N
     assert sequence.notes == ("2 tracks were found; one is compared.",)
@@ -124,7 +124,7 @@ NAN, EYES = np.full((N, 3), np.nan), np.tile(np.eye(3), (N, 24, 1, 1))
         ("body_pose", torch.zeros(N, 60), "body_pose has shape 12×60; expected 12×63"),
     ],
 )
-def test_what_is_wrong_with_gvhmrs_tensors_is_told_by_key(
+def test_what_is_wrong_with_gvhmrs_tensors_is_reported_by_key(
     tmp_path: Path, key: str, value: object, sentence: str
 ) -> None:
     tree = torch.load(_gvhmr(tmp_path / "a.pt"))
@@ -146,7 +146,7 @@ def test_what_is_wrong_with_gvhmrs_tensors_is_told_by_key(
         ("pose_world", np.full((N, 72), np.nan), "pose_world holds numbers that are not finite"),
     ],
 )
-def test_what_is_wrong_with_whams_arrays_is_told_by_key(
+def test_what_is_wrong_with_whams_arrays_is_reported_by_key(
     tmp_path: Path, dump_like_joblib: Dump, key: str, value: object, sentence: str
 ) -> None:
     track = {"pose_world": np.zeros((N, 72)), "trans_world": np.zeros((N, 3)), "frame_ids": np.arange(N), key: value}
@@ -172,7 +172,7 @@ def test_what_is_wrong_with_whams_arrays_is_told_by_key(
         (_tram, "pred_cam_T", np.zeros((3, 3)), "pred_cam_T has shape 3×3; expected 12×3"),
     ],
 )
-def test_what_is_wrong_with_the_arrays_of_an_npz_is_told_by_key(
+def test_what_is_wrong_with_the_arrays_of_an_npz_is_reported_by_key(
     tmp_path: Path, write: Callable[[Path], Path], key: str, value: np.ndarray | None, sentence: str
 ) -> None:
     with np.load(write(tmp_path / "a.npz")) as file:
@@ -184,7 +184,7 @@ def test_what_is_wrong_with_the_arrays_of_an_npz_is_told_by_key(
 
 @pytest.mark.parametrize("name", ["gvhmr.pt", "slahmr.npz", "wham.pkl"])
 @pytest.mark.parametrize("damage", ["cut off", "empty", "flipped", "another file"])
-def test_a_damaged_result_is_told_without_the_words_of_a_library(
+def test_a_damaged_result_is_reported_without_the_words_of_a_library(
     tmp_path: Path, dump_like_joblib: Dump, name: str, damage: str
 ) -> None:
     path = _wham(tmp_path / name, dump_like_joblib) if name == "wham.pkl" else WRITERS[name](tmp_path / name)

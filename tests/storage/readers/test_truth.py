@@ -70,7 +70,7 @@ def test_gradual_transitions_come_from_run_json(tmp_path: Path, recording: Recor
     assert read_sequence(tmp_path).transitions == ((4, 9),)
 
 
-def test_a_pose2sim_truth_is_turned_upright() -> None:
+def test_a_pose2sim_truth_is_rotated_upright() -> None:
     sequence = read_sequence(CLIP_A)
     person = sequence.people[0]
     ankles = [sequence.joint_names.index(name) for name in ("LAnkle", "RAnkle")]

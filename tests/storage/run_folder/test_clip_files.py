@@ -13,7 +13,7 @@ from humanmm.storage.readers.archives import NpzArrays
 from humanmm.storage.readers.truth import read_sequence
 
 PACK = Path(__file__).parents[3] / "data" / "mocap" / "cmu_val.npz"
-PLAN = SetPlan((PACK,), "tiny", seed=5, seconds=(0.4, 0.4))
+PLAN = SetPlan((PACK,), "tiny", seed=5, seconds=(0.3, 0.3), resolution=(160, 90))
 
 
 @pytest.fixture(scope="module")
@@ -42,13 +42,13 @@ def test_video_truth_and_masks_have_the_same_frames(folder: Path) -> None:
     with av.open(str(video)) as container:
         frames = [frame for frame in container.decode(video=0)]
     assert len(frames) == int(arrays["num_frames"]) == len(NpzArrays(masks)["people/00/mask"])
-    assert (frames[0].width, frames[0].height) == (320, 180)
+    assert (frames[0].width, frames[0].height) == (160, 90)
     assert float(frames[-1].time) == pytest.approx(arrays["time_s"][-1], abs=1e-4)
 
 
 def test_boxes_are_those_of_the_masks(folder: Path) -> None:
     (truth,), (masks,) = (list(folder.glob(kind)) for kind in ("*_gt.npz", "*_masks.npz"))
-    mask = np.unpackbits(NpzArrays(masks)["people/00/mask"][3], axis=-1)[:, :320]
+    mask = np.unpackbits(NpzArrays(masks)["people/00/mask"][3], axis=-1)[:, :160]
     rows, columns = np.nonzero(mask)
     box = NpzArrays(truth)["people/00/bbox"][3]
     assert box.tolist() == [columns.min(), rows.min(), columns.max() + 1, rows.max() + 1]

@@ -66,7 +66,7 @@ def test_a_picture_fills_another_shape_and_loses_both_sides() -> None:
     assert (filled > 150).all()
 
 
-def test_frames_that_a_video_lacks_are_told(folder: Path) -> None:
+def test_frames_that_a_video_lacks_are_reported(folder: Path) -> None:
     with pytest.raises(InputError, match=r"frames 5 to 90 are wanted of a\.mp4, which has 12"):
         write_cut_clip(folder / "cut.mp4", [Part(video="a.mp4", frames=(5, 90))], folder)
     poster = Poster(video="b.mp4", frame=90, at=(0, 0, 1, 1))

@@ -34,7 +34,7 @@ EVERYWHERE = [name for name in FORMATS if name not in ("amass", "fbx", "usd", "c
 
 
 @pytest.mark.parametrize("name", EVERYWHERE)
-def test_an_export_is_not_overwritten_unasked(tmp_path: Path, name: str, recording: Recording) -> None:
+def test_an_export_is_not_overwritten_unrequested(tmp_path: Path, name: str, recording: Recording) -> None:
     first = export(recording, tmp_path, name)
     before = [path.read_bytes() for path in first]
     with pytest.raises(InputError, match="--force"):
@@ -65,7 +65,7 @@ def test_what_a_format_cannot_do_is_refused_in_one_sentence(
     assert not list(tmp_path.iterdir())
 
 
-def test_a_format_may_be_asked_for_its_own_axes_and_unit(tmp_path: Path) -> None:
+def test_a_format_may_be_written_in_its_own_axes_and_unit(tmp_path: Path) -> None:
     assert export(two_people.recording(), tmp_path, "glb", wishes=Wishes(up="y", unit="m"))
 
 

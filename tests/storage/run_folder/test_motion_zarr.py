@@ -65,7 +65,7 @@ def test_reading_gives_back_what_was_written(tmp_path: Path, recording: Recordin
             np.testing.assert_array_equal(getattr(other, field.name), getattr(person, field.name))
 
 
-def test_a_flipped_byte_is_an_error_not_another_motion(tmp_path: Path, recording: Recording) -> None:
+def test_a_changed_byte_is_an_error_not_another_motion(tmp_path: Path, recording: Recording) -> None:
     write_motion(tmp_path / "motion.zarr", recording)
     (chunk,) = [p for p in (tmp_path / "motion.zarr/people/00/joints/c").rglob("*") if p.is_file()]
     damaged = bytearray(chunk.read_bytes())

@@ -25,7 +25,7 @@ def test_what_is_sure_has_no_warning() -> None:
 
 
 @pytest.mark.parametrize(
-    ("uncertainty", "guesses", "told"),
+    ("uncertainty", "guesses", "message"),
     [
         (0.31, SURE, "the focal length is uncertain by 31 %"),
         (0.05, Guesses(math.nan, 3), "hardly anybody is seen standing"),
@@ -33,9 +33,9 @@ def test_what_is_sure_has_no_warning() -> None:
         (0.05, Guesses(0.02, 300, (IdentityGuess(1, 2, 0.55),)), "person 1 in shot 2 may be somebody else"),
     ],
 )
-def test_what_is_doubtful_is_a_warning(uncertainty: float, guesses: Guesses, told: str) -> None:
+def test_what_is_doubtful_is_a_warning(uncertainty: float, guesses: Guesses, message: str) -> None:
     (warning,) = _doubts(_intrinsics(uncertainty), guesses, ())
-    assert told in warning
+    assert message in warning
 
 
 def test_a_correction_takes_its_warning_away_if_it_fits() -> None:

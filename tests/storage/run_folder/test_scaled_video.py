@@ -9,7 +9,7 @@ import numpy as np
 from humanmm.storage.run_folder.scaled_video import write_scaled
 
 
-def test_it_goes_there_and_back_in_another_size_for_as_long_as_asked(tmp_path: Path) -> None:
+def test_it_goes_there_and_back_in_another_size_for_as_long_as_requested(tmp_path: Path) -> None:
     source, target = tmp_path / "source.mp4", tmp_path / "target.mkv"
     shades = np.linspace(40, 200, 10)
     with av.open(str(source), "w") as container:

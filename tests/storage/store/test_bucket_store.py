@@ -281,8 +281,8 @@ def test_a_video_recovered_on_one_host_is_known_on_another(toy: Any, bucket: str
     checked = toy.main("doctor", *stored)[1]
     assert "writable, with conditional puts" in checked and "BAD  bucket" not in checked
     assert "BAD  bucket" in toy.main("doctor", "--store", "s3://no-such-bucket")[1]
-    told = toy.main("batch", "status", *stored)
-    assert told[0] == 1 and f"the store {bucket} has no batch" in told[2]
+    message = toy.main("batch", "status", *stored)
+    assert message[0] == 1 and f"the store {bucket} has no batch" in message[2]
 
 
 def test_du_verify_and_gc_tell_and_do_what_they_do_on_a_disk(toy: Any, bucket: str, tmp_path: Path) -> None:
@@ -291,15 +291,15 @@ def test_du_verify_and_gc_tell_and_do_what_they_do_on_a_disk(toy: Any, bucket: s
     toy.executed()
     objects = Bucket(bucket)
     (pack,) = [found for found in objects.list(run.manifest("refine").ref.uri) if found.name.endswith(".tar")]
-    told = toy.main("store", "du", **elsewhere)[1]
-    assert re.search(rf"^refine +1 +{round((pack.num_bytes + 64) / 1000)} kB$", told, re.MULTILINE), told
-    assert re.search(rf"^total +18 .* {bucket}$", told, re.MULTILINE), told
+    message = toy.main("store", "du", **elsewhere)[1]
+    assert re.search(rf"^refine +1 +{round((pack.num_bytes + 64) / 1000)} kB$", message, re.MULTILINE), message
+    assert re.search(rf"^total +18 .* {bucket}$", message, re.MULTILINE), message
 
     content = bytearray((objects.read(pack.name) or (b"",))[0])
     content[content.index(b"result.json") + 600] ^= 1
     objects.write(pack.name, bytes(content))
-    status, told, _ = toy.main("verify", **elsewhere)
-    assert status == 1 and told.startswith(f"damaged: {run.manifest('refine').ref.uri}: result.json"), told
+    status, message, _ = toy.main("verify", **elsewhere)
+    assert status == 1 and message.startswith(f"damaged: {run.manifest('refine').ref.uri}: result.json"), message
     assert toy.main("verify", "--deep", **elsewhere)[:2] == (0, "17 artifacts are sound, 0 damaged\n")
 
     listed = toy.main("gc", **elsewhere)[1]
@@ -313,7 +313,7 @@ def test_du_verify_and_gc_tell_and_do_what_they_do_on_a_disk(toy: Any, bucket: s
         toy.main("gc", "--yes", "--unused-days", "0", **elsewhere)
     left = {found.name.rpartition("/")[0] for found in objects.list("artifacts")}
     assert left == {run.manifest("people", 1).ref.uri}, "what somebody holds stays"
-    assert "1 videos" not in told and f"store {bucket}" in toy.main("status", **elsewhere)[1]
+    assert "1 videos" not in message and f"store {bucket}" in toy.main("status", **elsewhere)[1]
 
 
 @pytest.mark.parametrize("name", ["../out", "/out", "inside/../../out"])

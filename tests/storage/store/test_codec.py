@@ -100,7 +100,7 @@ def test_files_of_the_stage_are_part_of_the_digest() -> None:
 
 
 @pytest.mark.parametrize(
-    ("wrong", "told"),
+    ("wrong", "message"),
     [
         (replace(VALUE, number="3"), "number must be int"),
         (replace(VALUE, kind="c"), "kind must be one of"),
@@ -109,6 +109,6 @@ def test_files_of_the_stage_are_part_of_the_digest() -> None:
         (replace(VALUE, many=(Inner("x", np.array([object()])),)), "many/0/values has dtype object"),
     ],
 )
-def test_a_field_of_the_wrong_type_is_named(wrong: Outer, told: str) -> None:
-    with pytest.raises(TypeError, match=told):
+def test_a_field_of_the_wrong_type_is_named(wrong: Outer, message: str) -> None:
+    with pytest.raises(TypeError, match=message):
         encode(wrong, Outer)

@@ -80,7 +80,7 @@ def test_a_read_only_store_is_not_written(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("make", "told"),
+    ("make", "message"),
     [
         (lambda path: None, "no such video"),
         (lambda path: path.mkdir(), "is a folder"),
@@ -88,15 +88,15 @@ def test_a_read_only_store_is_not_written(tmp_path: Path) -> None:
         (lambda path: os.mkfifo(path), "not a regular file"),
     ],
 )
-def test_what_is_no_video_file_is_told_in_one_sentence(tmp_path: Path, make: object, told: str) -> None:
+def test_what_is_no_video_file_is_reported_in_one_sentence(tmp_path: Path, make: object, message: str) -> None:
     path = tmp_path / "x.mp4"
     make(path)  # type: ignore[operator]
-    with pytest.raises(VideoError, match=told):
+    with pytest.raises(VideoError, match=message):
         identify(path, Store(tmp_path / "store"))
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may read everything")
-def test_a_file_that_may_not_be_read_is_told(tmp_path: Path) -> None:
+def test_a_file_that_may_not_be_read_is_reported(tmp_path: Path) -> None:
     path = tmp_path / "x.mp4"
     path.write_bytes(b"x")
     path.chmod(0)

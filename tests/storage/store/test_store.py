@@ -182,9 +182,9 @@ def test_usage_is_what_the_disk_has_less(store: Store) -> None:
     for number in range(20):
         _put(store, Result(np.arange(100.0 + number), "fine"), replace(RECIPE, schema_version=number))
     store.note("latest/video/run.json", "{}")
-    told = sum(size for _, size in maintenance.usage(store).values())
+    message = sum(size for _, size in maintenance.usage(store).values())
     du = subprocess.run(["du", "-sk", str(store.root)], capture_output=True, text=True, check=True)
-    assert told == pytest.approx(1024 * int(du.stdout.split()[0]), rel=0.02)
+    assert message == pytest.approx(1024 * int(du.stdout.split()[0]), rel=0.02)
 
 
 @pytest.mark.parametrize("fault", [errno.ENOSPC, errno.EIO, errno.EDQUOT])
@@ -219,7 +219,7 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
 
 
 @pytest.mark.parametrize("kind", ["disk", "bucket"])
-def test_a_disk_that_is_really_full_is_told_and_leaves_nothing(
+def test_a_disk_that_is_really_full_is_reported_and_leaves_nothing(
     small_disk: Path, kind: str, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     place = small_disk / "store" if kind == "disk" else request.getfixturevalue("bucket")

@@ -21,7 +21,7 @@ def test_a_checkpoint_comes_back(tmp_path: Path) -> None:
     )
 
 
-def test_a_damaged_checkpoint_is_told(tmp_path: Path) -> None:
+def test_a_damaged_checkpoint_is_reported(tmp_path: Path) -> None:
     (tmp_path / CHECKPOINT).write_bytes(b"PK\x03\x04 nothing")
     with pytest.raises(InputError, match="is no checkpoint"):
         read_checkpoint(tmp_path)

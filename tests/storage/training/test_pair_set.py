@@ -26,7 +26,7 @@ def test_groups_of_another_identity_are_made_again(tmp_path: Path) -> None:
     assert not PairSet(tmp_path, "a").has("dev-00001")
 
 
-def test_an_empty_or_foreign_folder_is_told(tmp_path: Path) -> None:
+def test_an_empty_or_foreign_folder_is_reported(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="holds no pairs of the split train"):
         read_pairs(tmp_path, "train")
     zarr.open_group(tmp_path / "train-00000.zarr", mode="w")

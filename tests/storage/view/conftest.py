@@ -15,13 +15,13 @@ BITS, CELL_PX = 8, 32
 HOSTILE = "</script><script>document.title='stolen'</script><img src=x onerror=alert(1)>&amp;\u2028.mp4"
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def recording() -> Recording:
     """40 frames at a variable rate, a cut, two people."""
     return two_people.recording(time_s=3.0 + np.cumsum(np.random.default_rng(0).uniform(0.02, 0.07, 40)))
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def record(recording: Recording) -> dict[str, Any]:
     """What the page reads of run.json."""
     cut = recording.cut_frames[0]
@@ -44,10 +44,10 @@ def record(recording: Recording) -> dict[str, Any]:
     }  # fmt: skip
 
 
-@pytest.fixture
-def numbered_video(recording: Recording, tmp_path: Path) -> Path:
+@pytest.fixture(scope="session")
+def numbered_video(recording: Recording, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """An mp4 at the times of the recording; the upper left corner of each picture is its number in black and white."""
-    path = tmp_path / "numbered.mp4"
+    path = tmp_path_factory.mktemp("video") / "numbered.mp4"
 
     def picture(number: int) -> np.ndarray:
         planes = np.full((1080, 1280), 128, np.uint8)

@@ -22,12 +22,14 @@ from humanmm.storage.view.scene import scene_tree
 from .conftest import BITS, HOSTILE
 
 
-@pytest.fixture
-def page(recording: Recording, record: dict[str, Any], numbered_video: Path, tmp_path: Path) -> Path:
-    path = tmp_path / "scene.html"
-    write_embedded(numbered_video, tmp_path / "small.mp4")
-    write_page(path, recording, record, tmp_path / "small.mp4")
-    return path
+@pytest.fixture(scope="module")
+def page(
+    recording: Recording, record: dict[str, Any], numbered_video: Path, tmp_path_factory: pytest.TempPathFactory
+) -> Path:
+    folder = tmp_path_factory.mktemp("page")
+    write_embedded(numbered_video, folder / "small.mp4")
+    write_page(folder / "scene.html", recording, record, folder / "small.mp4")
+    return folder / "scene.html"
 
 
 class _Elements(HTMLParser):
@@ -75,9 +77,9 @@ def test_names_and_messages_stay_text(page: Path, recording: Recording, record: 
     assert tree == json.loads(json.dumps(scene_tree(recording, record)))
 
 
-def test_the_video_is_inside(page: Path, tmp_path: Path) -> None:
+def test_the_video_is_inside(page: Path) -> None:
     (data,) = [text for tag, found, text in _elements(page) if found.get("id") == "video-data"]
-    assert base64.b64decode("".join(data)) == (tmp_path / "small.mp4").read_bytes()
+    assert base64.b64decode("".join(data)) == page.with_name("small.mp4").read_bytes()
 
 
 # ---- in a browser

@@ -22,21 +22,21 @@ def _unpacked(packed: dict[str, Any]) -> np.ndarray:
 
 
 def _shot(linked: bool, people: list[int], *evidence: int) -> dict[str, Any]:
-    told = [{"shot": shot, "used": True} for shot in evidence]
-    return {"start": 0, "end": 10, "linked": linked, "people": people, "join": {"evidence": told}}
+    used = [{"shot": shot, "used": True} for shot in evidence]
+    return {"start": 0, "end": 10, "linked": linked, "people": people, "join": {"evidence": used}}
 
 
 def test_the_joints_of_the_rounded_rotations_are_those_of_the_recording(
     recording: Recording, record: dict[str, Any]
 ) -> None:
     tree = json.loads(json.dumps(scene_tree(recording, record)))
-    for told, person in zip(tree["people"], recording.people, strict=True):
-        turns = Rotation.from_quat(_unpacked(told["turns"]).reshape(-1, 4)).as_matrix().reshape(-1, 24, 3, 3)
-        joints, _ = compose(np.array(told["restJoints"]), turns, _unpacked(told["pelvis"]).reshape(-1, 3))
+    for message, person in zip(tree["people"], recording.people, strict=True):
+        turns = Rotation.from_quat(_unpacked(message["turns"]).reshape(-1, 4)).as_matrix().reshape(-1, 24, 3, 3)
+        joints, _ = compose(np.array(message["restJoints"]), turns, _unpacked(message["pelvis"]).reshape(-1, 3))
         assert np.abs(joints - person.joints).max() < 1e-3
         vertices = load_body().rest_vertices(person.betas)
-        assert np.abs(_unpacked(told["vertices"]).reshape(-1, 3) - vertices).max() < 1e-4
-        assert (_unpacked(told["observed"]) == person.observed).all() and told["first"] == person.frame[0]
+        assert np.abs(_unpacked(message["vertices"]).reshape(-1, 3) - vertices).max() < 1e-4
+        assert (_unpacked(message["observed"]) == person.observed).all() and message["first"] == person.frame[0]
 
 
 def test_skinning_weights_of_a_vertex_still_sum_to_one(recording: Recording, record: dict[str, Any]) -> None:
@@ -64,8 +64,8 @@ def test_a_shot_that_nothing_links_begins_a_place_and_a_linked_one_goes_where_it
 
 
 def test_places_stand_beside_each_other_and_everybody_in_his_own(recording: Recording, record: dict[str, Any]) -> None:
-    record["shots"][1]["linked"] = False
-    tree = scene_tree(recording, record)
+    first_shot, second_shot = record["shots"]
+    tree = scene_tree(recording, record | {"shots": [first_shot, second_shot | {"linked": False}]})
     first, second = tree["places"]
     assert first["offset"] == [0, 0, 0] and second["offset"][0] > 3 and second["title"] == "shot 1"
     assert [person["place"] for person in tree["people"]] == [0, 0], "where he was seen most"

@@ -70,20 +70,20 @@ def test_a_dry_run_says_what_a_submission_does_and_writes_nothing(toy: Any, tabl
         own = ("cache", "data")  # of a store in a bucket: copies of what was read
         return sorted(path for path in toy.folder.rglob("*") if path.relative_to(toy.folder).parts[0] not in own)
 
-    def told() -> dict[str, str]:
+    def message() -> dict[str, str]:
         before = there()
         reading = open_batches(toy.store, read_only=True)
         plan = batches.forecast_submission(reading, "test", read_batch(films), Config(), toy.folder / "runs")
         assert there() == before
         return {Path(one.row.video).name: one.sentence for one in plan}
 
-    assert told() == dict.fromkeys(("a.mp4", "b.mp4", "c.mp4"), "to do: it is new")
+    assert message() == dict.fromkeys(("a.mp4", "b.mp4", "c.mp4"), "to do: it is new")
     first = _submit(toy, table, films)
     _end(table, first.to_schedule[0], "done")
     _end(table, first.to_schedule[1], "failed", "no people")
-    assert told() == {"a.mp4": "finished", "b.mp4": "failed before: no people", "c.mp4": "to do"}
+    assert message() == {"a.mp4": "finished", "b.mp4": "failed before: no people", "c.mp4": "to do"}
     (films / "a.mp4").write_text(json.dumps({"num_frames": 50, "cuts": [20]}))
-    assert told()["a.mp4"] == "to do: the file has changed"
+    assert message()["a.mp4"] == "to do: the file has changed"
     assert [Path(row.video).name for row in _submit(toy, table, films).to_schedule] == ["a.mp4", "c.mp4"]
 
 
@@ -172,7 +172,7 @@ def test_copies_of_one_video_under_one_name_still_get_a_folder_each(toy: Any, ta
     assert len({row.run_dir for row in _submit(toy, table, films).to_schedule}) == 3
 
 
-def test_settings_of_one_video_reach_it_alone_and_a_bad_one_is_told(toy: Any, table: BatchTable) -> None:
+def test_settings_of_one_video_reach_it_alone_and_a_bad_one_is_reported(toy: Any, table: BatchTable) -> None:
     films = _films(toy, "a.mp4", "b.mp4")
     (films / "m.csv").write_text("video,camera.static,shots.person\na.mp4,true,\nb.mp4,,1\n")
     first, second = _submit(toy, table, films / "m.csv", shots={"person": 0}).to_schedule
@@ -209,7 +209,7 @@ def test_a_video_that_another_machine_has_finished_is_finished_here(toy: Any, ta
     assert "its run folder is on another" in page.read_text()
 
 
-def test_of_two_who_submit_at_once_the_first_counts_and_the_second_is_told(
+def test_of_two_who_submit_at_once_the_first_counts_and_the_second_is_reported(
     toy: Any, table: BatchTable, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     films = _films(toy, "a.mp4", "b.mp4")
@@ -251,13 +251,15 @@ def test_a_video_that_is_lost_again_and_again_fails(toy: Any, table: BatchTable)
     assert (again.attempt, again.losses) == (4, 0)
 
 
-def test_what_comes_of_a_fault_of_the_machine_is_told_as_that_fault(toy: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_comes_of_a_fault_of_the_machine_is_reported_as_that_fault(
+    toy: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("TOY_FAIL", "people:0=disk:9;shots=input")
-    told = finish.fatal_error(toy.run(expect_failure=True))
-    assert isinstance(told, StoreError) and "people · scene 0" in str(told)
+    message = finish.fatal_error(toy.run(expect_failure=True))
+    assert isinstance(message, StoreError) and "people · scene 0" in str(message)
     monkeypatch.setenv("TOY_FAIL", "people:0=stage;shots=input")
-    told = finish.fatal_error(toy.run(expect_failure=True))
-    assert isinstance(told, InputError) and "shots does not like its input" in str(told)
+    message = finish.fatal_error(toy.run(expect_failure=True))
+    assert isinstance(message, InputError) and "shots does not like its input" in str(message)
 
 
 def test_two_thousand_finished_videos_are_known_within_four_seconds(toy: Any, table: BatchTable) -> None:

@@ -79,8 +79,10 @@ def test_what_became_of_corrections_stands_in_the_record_and_a_misfit_among_the_
     cut, late, static, floor = (one.reason for one in done.corrections)
     assert cut == "no cut is found there; the nearest is at frame 20"
     assert late == "the video ends with frame 59" and static.startswith("frame 99 does not exist") and floor == ""
-    told = [warning for warning in done.warnings if "does not fit" in warning]
-    assert len(told) == 3 and told[0].startswith("correction 1 does not fit (no cut at frame 31): no cut is found")
+    message = [warning for warning in done.warnings if "does not fit" in warning]
+    assert len(message) == 3 and message[0].startswith(
+        "correction 1 does not fit (no cut at frame 31): no cut is found"
+    )
     assert done.corrections[3].correction == fits and done.config.corrections.correction[3].kind == "floor"
 
 

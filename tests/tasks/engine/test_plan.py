@@ -121,7 +121,7 @@ def test_a_shot_that_does_not_exist_is_refused(toy: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("selection", "told"),
+    ("selection", "message"),
     [
         (Selection(start="nothing"), "there is no stage 'nothing'"),
         (Selection(start="hmr", force=True), "choose one"),
@@ -129,8 +129,8 @@ def test_a_shot_that_does_not_exist_is_refused(toy: Any) -> None:
         (Selection(only="hmr", shot=-1), "negative"),
     ],
 )
-def test_selections_that_make_no_sense_are_refused(toy: Any, selection: Selection, told: str) -> None:
-    with pytest.raises(InputError, match=told):
+def test_selections_that_make_no_sense_are_refused(toy: Any, selection: Selection, message: str) -> None:
+    with pytest.raises(InputError, match=message):
         selection.check(toy.open().stages)
 
 

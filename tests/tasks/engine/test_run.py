@@ -114,7 +114,7 @@ def test_a_changed_weight_file_reruns_its_stage(toy: Any, monkeypatch: pytest.Mo
     assert _reasons(run, "people") == {"weight file changed: net.tflite"}
 
 
-def test_where_nobody_is_found_the_oddities_of_the_file_are_told(toy: Any) -> None:
+def test_where_nobody_is_found_the_oddities_of_the_file_are_reported(toy: Any) -> None:
     toy.edit("shots", 'act("shots", inputs)', 'act("shots", inputs)\n    raise NoUsablePersonError("nobody")')
     toy.edit("shots", "import numpy as np\n", "import numpy as np\n\nfrom humanmm.errors import NoUsablePersonError\n")
     run = toy.run(expect_failure=True)
@@ -147,8 +147,8 @@ def test_nothing_is_kept_of_a_video_that_changes_while_it_is_read(toy: Any, chan
     changed = f"{CHANGING}    {CHANGES[change]}\n"
     toy.edit("decode", hook, changed if when == "before it is read" else changed.partition("\n")[2] + hook)
     run = toy.open()
-    told = "no such video" if change == "deleted" else "film.mp4 changed while it was read"
-    with pytest.raises(VideoError, match=told) as raised:
+    message = "no such video" if change == "deleted" else "film.mp4 changed while it was read"
+    with pytest.raises(VideoError, match=message) as raised:
         run.execute(run.unit("decode"))
     assert str(raised.value).count("film.mp4") == 1
     assert run.manifest("decode") is None
@@ -209,6 +209,7 @@ def test_a_store_copied_to_another_bucket_is_found(toy: Any, bucket: str) -> Non
     assert again.manifest("deliver").digest == run.manifest("deliver").digest
 
 
+@pytest.mark.usefixtures("in_zarr")
 @pytest.mark.parametrize("harm", ["flip", *(pytest.param(h, marks=slow) for h in ("truncate", "delete", "remove all"))])
 def test_a_damaged_artifact_in_a_bucket_is_computed_again_with_the_reason(toy: Any, bucket: str, harm: str) -> None:
     run = toy.run_on(open_store(bucket))
@@ -227,6 +228,7 @@ def test_a_damaged_artifact_in_a_bucket_is_computed_again_with_the_reason(toy: A
     assert ("gone from the store" if harm == "remove all" else "damaged artifact: ") in reason
 
 
+@pytest.mark.usefixtures("in_zarr")
 @pytest.mark.parametrize("harm", ["flip", "truncate", "delete", "remove all"])
 def test_a_damaged_artifact_is_computed_again_with_the_reason(toy: Any, harm: str) -> None:
     run = toy.run()
@@ -351,7 +353,7 @@ def test_a_failed_shot_leaves_the_others_and_is_tried_again(any_toy: Any, monkey
     assert toy.executed() == ["align", "camera:20", "deliver", "hmr:20", "refine"]
 
 
-def test_bad_input_ends_the_run_and_a_defect_is_told_as_one(toy: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_bad_input_ends_the_run_and_a_defect_is_reported_as_one(toy: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TOY_FAIL", "points:0=input")
     run = toy.run(expect_failure=True)
     assert {run.outcomes[stage, 0].state for stage in ("shots", "align", "deliver")} == {"skipped"}
@@ -363,7 +365,7 @@ def test_bad_input_ends_the_run_and_a_defect_is_told_as_one(toy: Any, monkeypatc
 
 
 @pytest.mark.parametrize(
-    ("body", "told"),
+    ("body", "message"),
     [
         ('inputs.read("camera", ShotList)', "reads camera without naming it"),
         ('inputs.read("people", ShotList)', "use read_all"),
@@ -372,10 +374,10 @@ def test_bad_input_ends_the_run_and_a_defect_is_told_as_one(toy: Any, monkeypatc
         ("return 3", "must be ShotList, is int"),
     ],
 )
-def test_a_stage_gets_only_what_its_key_is_made_of(toy: Any, body: str, told: str) -> None:
+def test_a_stage_gets_only_what_its_key_is_made_of(toy: Any, body: str, message: str) -> None:
     toy.edit("shots", 'act("shots", inputs)', body)
     run = toy.run(expect_failure=True)
-    assert told in run.outcomes["shots", 0].reason
+    assert message in run.outcomes["shots", 0].reason
 
 
 def test_a_video_that_changes_is_another_video(toy: Any) -> None:

@@ -113,11 +113,11 @@ def test_another_checkout_has_the_same_digests(tmp_path: Path) -> None:
         "from humanmm.tasks.pipeline import STAGES\n"
         "print([repr(code_digest(stage.function[0])) for stage in STAGES])\n"
     )
-    told = [
+    message = [
         subprocess.run(
             [sys.executable, "-c", script], env={**os.environ, "PYTHONPATH": str(place / "src")}, check=True,
             capture_output=True, text=True,
         ).stdout
         for place in (root, tmp_path / "elsewhere")
     ]  # fmt: skip
-    assert told[0] == told[1] and ".tflite" in told[0]
+    assert message[0] == message[1] and ".tflite" in message[0]

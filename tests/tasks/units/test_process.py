@@ -63,8 +63,8 @@ if __name__ == "__main__":
 @pytest.mark.skipif(sys.platform != "linux", reason="the kernel of Linux is asked for it")
 def test_processes_end_with_the_one_that_started_them_even_when_it_is_killed(tmp_path: Path) -> None:
     (tmp_path / "waits.py").write_text(_WAITS, encoding="utf-8")
-    told = [tmp_path / "first", tmp_path / "second"]
-    parent = subprocess.Popen([sys.executable, tmp_path / "waits.py", *told])
+    message = [tmp_path / "first", tmp_path / "second"]
+    parent = subprocess.Popen([sys.executable, tmp_path / "waits.py", *message])
 
     def until(holds: Callable[[], bool]) -> None:
         end = time.monotonic() + 60
@@ -72,8 +72,8 @@ def test_processes_end_with_the_one_that_started_them_even_when_it_is_killed(tmp
             assert time.monotonic() < end
             time.sleep(0.05)
 
-    until(lambda: all(path.is_file() and path.read_text() for path in told))
-    children = [int(path.read_text()) for path in told]
+    until(lambda: all(path.is_file() and path.read_text() for path in message))
+    children = [int(path.read_text()) for path in message]
     parent.kill()
     parent.wait()
     until(lambda: not any(_runs(child) for child in children))

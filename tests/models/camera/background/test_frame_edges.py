@@ -34,7 +34,7 @@ def angle_deg(R: np.ndarray) -> float:
     return float(np.degrees(np.arccos(np.clip((np.trace(R) - 1) / 2, -1, 1))))
 
 
-def test_a_turned_camera_is_recovered_within_half_a_degree() -> None:
+def test_a_rotated_camera_is_recovered_within_half_a_degree() -> None:
     wall, R_b_a = textured_wall(0), turn(9.0, 5.0)
     edge = find_frame_edge(describe_frame(3, seen_by(wall, np.eye(3))), describe_frame(8, seen_by(wall, R_b_a)), K)
     assert edge is not None and not edge.same_camera

@@ -16,6 +16,6 @@ os.kill(os.getpid(), signal.SIGTERM)
 """
 
 
-def test_a_process_that_has_imported_it_is_told_of_sigterm_as_before() -> None:
+def test_a_process_that_has_imported_it_is_reported_of_sigterm_as_before() -> None:
     done = subprocess.run([sys.executable, "-c", SCRIPT], capture_output=True, text=True, check=False)
     assert (done.stdout, done.stderr, done.returncode) == ("told\n", "", -signal.SIGTERM)

@@ -57,7 +57,7 @@ def test_a_handful_of_frames_is_smoothed_too(count: int) -> None:
     np.testing.assert_allclose(smooth(values, np.ones(count), np.arange(count) / 30, cutoff_hz=8.0), values)
 
 
-def test_a_steady_turn_passes_unchanged_through_several_revolutions() -> None:
+def test_a_steady_rotation_passes_unchanged_through_several_revolutions() -> None:
     time = np.arange(120) / 30
     R = rotvec_to_rotmat(time[:, None, None] * [0.0, 5.0, 0.0])
     smoothed = rotvec_to_rotmat(smooth_rotations(rotmat_to_rotvec(R), np.ones(120), time, cutoff_hz=8.0))

@@ -74,7 +74,7 @@ def test_exact_evidence_gives_the_exact_world() -> None:
     assert np.abs(placed(solution, pelvis)).max() < 0.03
 
 
-def test_standing_feet_tell_the_scale_of_a_cameras_path_whatever_its_unit() -> None:
+def test_standing_feet_determine_the_scale_of_a_cameras_path_whatever_its_unit() -> None:
     for scale in (0.01, 1.0, 50.0):
         trajectories, rigs, _ = scene(scale=scale, noise=0.02)
         assert abs(start_scale(rigs[0], 0, trajectories) / scale - 1) < 0.25
@@ -100,7 +100,7 @@ def test_all_shots_share_one_floor_even_if_they_come_at_different_heights() -> N
     assert np.abs(lowest).max() < 0.06
 
 
-def test_a_standing_camera_that_returns_is_at_its_old_place() -> None:
+def test_a_static_camera_that_returns_is_at_its_old_place() -> None:
     trajectories, rigs, _ = scene(noise=0.03, cut=20, num_frames=60)
     first = ShotRig(np.zeros((20, 3)), 0, 1.0, scale_known=True)
     solution = solve(trajectories, [first, rigs[1]], [EDGE], [SameCamera(0, 0, 1, 40)])
@@ -132,7 +132,7 @@ def test_up_comes_from_those_who_stand_and_not_from_the_one_who_bends() -> None:
     assert np.degrees(np.arccos(up @ true)) < 3.0
 
 
-def test_a_pan_tells_its_axis_and_a_standing_camera_does_not() -> None:
+def test_a_pan_has_an_axis_and_a_static_camera_has_none() -> None:
     axis = np.array([0.1, -0.98, 0.17])
     axis /= np.linalg.norm(axis)
     found = world_gravity.pan_axis(rotvec_to_rotmat(np.outer(np.linspace(0, 0.5, 30), axis)))
@@ -149,7 +149,7 @@ def test_the_world_begins_above_the_origin_and_looks_along_y() -> None:
     assert abs(ahead[0]) < 1e-9 and ahead[1] > 0.9
 
 
-def test_holes_are_bridged_along_the_shortest_turn() -> None:
+def test_holes_are_interpolated_along_the_shortest_rotation() -> None:
     known = np.array([3, 4, 8])
     row, fraction = rows_before(known, np.arange(3, 9))
     np.testing.assert_allclose(known[row] + fraction * (np.array([4, 8, 8])[row] - known[row]), np.arange(3, 9))

@@ -97,7 +97,7 @@ def test_swapped_sides_are_found_by_the_rest_of_the_video() -> None:
     assert error_deg(found, R, 1) < 3.0
 
 
-def test_two_answers_that_are_as_likely_are_told() -> None:
+def test_two_rotations_that_are_as_likely_are_reported() -> None:
     R = rotations(2)
     torn = RotationEdge(0, 1, tuple(hypothesis(R[0].T @ R[1], 8.0, 0.45, off) for off in (0.0, 120.0)))
     certainty = solve_rotations(2, [torn]).certainty[1]

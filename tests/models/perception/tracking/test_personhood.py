@@ -27,7 +27,7 @@ def test_who_never_moves_is_taken_for_a_picture_in_the_end(seen_s: float, doubtf
     assert (person_probability(still) < 0.5) == doubtful
 
 
-def test_a_track_that_the_detector_was_never_asked_about_is_neither_seen_nor_unseen() -> None:
+def test_a_track_that_the_detector_was_never_run_on_is_neither_seen_nor_unseen() -> None:
     assert mean_score([0.0, 0.6]) == pytest.approx(0.3)
     assert 0 < mean_score([]) < 0.5
 

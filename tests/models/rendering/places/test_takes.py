@@ -14,8 +14,8 @@ from humanmm.models.rendering.places.takes import (
     lowest_point,
     motion_of,
     perform,
+    rotated,
     shape,
-    turned,
 )
 from humanmm.models.synthetic.choreography import KINDS, choreography
 from humanmm.models.synthetic.mocap import Actor
@@ -70,8 +70,8 @@ def test_a_short_take_is_played_there_and_back_without_a_jump(library: Library) 
     assert steps.max() < 0.2
 
 
-def test_turning_keeps_the_pose_and_puts_the_path_where_asked(actor: Actor) -> None:
-    moved = turned(actor, 1.0, np.array([2.0, -3.0]))
+def test_rotating_keeps_the_pose_and_puts_the_path_where_requested(actor: Actor) -> None:
+    moved = rotated(actor, 1.0, np.array([2.0, -3.0]))
     path = moved.joints[:, 0, :2]
     np.testing.assert_allclose((path.min(axis=0) + path.max(axis=0)) / 2, [2, -3], atol=1e-9)
     np.testing.assert_allclose(moved.joints[..., 2], actor.joints[..., 2], atol=1e-12)

@@ -107,7 +107,7 @@ def _read(root: Path) -> object:
 
 
 @pytest.mark.parametrize(
-    ("gone", "told"),
+    ("gone", "message"),
     [
         ("multicam2world/LectureHall_chair_multicam2world.json", "multicam2world.json is missing"),
         ("scan_calibration/LectureHall/calibration/000.xml", "no camera of .* has a file in scan_calibration"),
@@ -115,10 +115,10 @@ def _read(root: Path) -> object:
         ("models/SMPLX_MALE.npz", "get SMPL-X"),
     ],
 )
-def test_what_is_missing_is_named(root: Path, gone: str, told: str) -> None:
+def test_what_is_missing_is_named(root: Path, gone: str, message: str) -> None:
     (root / "scan_calibration" / "LectureHall" / "calibration" / "002.xml").unlink()
     (root / gone).unlink()
-    with pytest.raises(InputError, match=told):
+    with pytest.raises(InputError, match=message):
         _read(root)
 
 

@@ -89,7 +89,7 @@ def test_a_colmap_model_that_pycolmap_wrote(tmp_path: Path, first: int, binary: 
     assert not found.warnings
 
 
-def test_a_lens_that_distorts_is_told_and_frames_may_be_missing(tmp_path: Path) -> None:
+def test_a_lens_that_distorts_is_reported_and_frames_may_be_missing(tmp_path: Path) -> None:
     found = _read(_colmap(tmp_path / "sparse", model="SIMPLE_RADIAL", step=3))
     _check(found, [0, 3, 6])
     assert found.warnings == ("the given lens distorts; it is taken for one that does not",)
@@ -112,7 +112,7 @@ def test_our_own_exports_come_back(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         ("0 1 2 3\n", "a line of a TUM trajectory reads '0 1 2 3'; expected 8 numbers"),
         ("# nothing\n", "holds no camera"),
@@ -121,15 +121,15 @@ def test_our_own_exports_come_back(tmp_path: Path) -> None:
         ("0 0 0 nan 0 0 0 1\n", "expected 8 numbers"),
     ],
 )
-def test_what_is_wrong_with_a_trajectory_is_told(tmp_path: Path, text: str, told: str) -> None:
+def test_what_is_wrong_with_a_trajectory_is_reported(tmp_path: Path, text: str, message: str) -> None:
     (tmp_path / "way.tum").write_text(text)
     with pytest.raises(InputError) as caught:
         _read(tmp_path / "way.tum")
-    assert told in str(caught.value) and str(tmp_path) in str(caught.value)
+    assert message in str(caught.value) and str(tmp_path) in str(caught.value)
 
 
 @pytest.mark.parametrize(
-    ("name", "old", "new", "told"),
+    ("name", "old", "new", "message"),
     [
         ("cameras.txt", "PINHOLE", "FISHEYE", "expected one of SIMPLE_PINHOLE"),
         ("cameras.txt", "640 360", "640 640", "has pictures of 640×640, the video of 1280×720"),
@@ -143,11 +143,11 @@ def test_what_is_wrong_with_a_trajectory_is_told(tmp_path: Path, text: str, told
         ),
     ],
 )
-def test_what_is_wrong_with_a_model_is_told(tmp_path: Path, name: str, old: str, new: str, told: str) -> None:
+def test_what_is_wrong_with_a_model_is_reported(tmp_path: Path, name: str, old: str, new: str, message: str) -> None:
     path = _colmap(tmp_path / "sparse") / name
     text = path.read_text()
     assert old in text
     path.write_text(text.replace(old, new))
     with pytest.raises(InputError) as caught:
         _read(tmp_path / "sparse")
-    assert told in str(caught.value)
+    assert message in str(caught.value)

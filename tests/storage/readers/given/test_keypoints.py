@@ -161,7 +161,7 @@ def _one(points: Any) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize(
-    ("content", "told"),
+    ("content", "message"),
     [
         ("{", "is not json"),
         ({"persons": []}, "laid out like no known program's"),
@@ -176,10 +176,12 @@ def _one(points: Any) -> dict[str, Any]:
         ([{"instances": []}], "laid out like no known program's keypoints (KeyError('frame_id'))"),
     ],
 )
-def test_what_is_wrong_is_told_in_one_sentence_with_the_files_name(tmp_path: Path, content: Any, told: str) -> None:
+def test_what_is_wrong_is_reported_in_one_sentence_with_the_files_name(
+    tmp_path: Path, content: Any, message: str
+) -> None:
     with pytest.raises(InputError) as caught:
         _read(_wrong(tmp_path / "given", content))
-    assert told in str(caught.value) and str(tmp_path / "given") in str(caught.value)
+    assert message in str(caught.value) and str(tmp_path / "given") in str(caught.value)
     assert "\n" not in str(caught.value)
 
 

@@ -33,7 +33,7 @@ def test_ezc3d_reads_the_joints_and_the_frames_without_the_person(tmp_path: Path
     assert np.ravel(events["TIMES"]["value"])[1] == pytest.approx(two_people.CUT / 29.97)
 
 
-def test_axes_and_unit_are_as_asked(tmp_path: Path) -> None:
+def test_axes_and_unit_are_as_requested(tmp_path: Path) -> None:
     ezc3d = pytest.importorskip("ezc3d", reason="pip install 'humanmm[c3d]'")
     file = ezc3d.c3d(str(export(RECORDING, tmp_path, "c3d", wishes=Wishes(up="y", unit="m"))[0]))
     x, y, z = np.moveaxis(RECORDING.people[0].joints, -1, 0)

@@ -21,7 +21,7 @@ def test_without_blender_a_sentence_says_so(tmp_path: Path, monkeypatch: pytest.
         export(RECORDING, tmp_path / "out", "fbx")
 
 
-def test_a_blender_that_fails_is_told_with_its_last_word(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_blender_that_fails_is_reported_with_its_last_word(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     program = tmp_path / "blender"
     program.write_text("#!/bin/sh\necho one >&2\necho 'no module fbx' >&2\nexit 3\n")
     program.chmod(0o755)

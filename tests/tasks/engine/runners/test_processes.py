@@ -197,13 +197,13 @@ _OutOfMemoryError.__name__, _OutOfMemoryError.__module__ = "OutOfMemoryError", "
 
 
 @pytest.mark.parametrize(
-    ("error", "told"),
+    ("error", "message"),
     [(MemoryError("2 GB"), "memory ran out"), (_OutOfMemoryError("CUDA"), "the accelerator's memory ran out")],
 )
-def test_lack_of_memory_is_an_infrastructure_fault(error: Exception, told: str) -> None:
+def test_lack_of_memory_is_an_infrastructure_fault(error: Exception, message: str) -> None:
     assert ran_out_of_memory(error)
     ours = as_ours(error, "hmr · shot 1")
-    assert isinstance(ours, ResourceError) and is_infrastructure_fault(ours) and told in str(ours)
+    assert isinstance(ours, ResourceError) and is_infrastructure_fault(ours) and message in str(ours)
     assert not ran_out_of_memory(RuntimeError("a defect"))
     assert isinstance(as_ours(RuntimeError("a defect"), "hmr"), StageError)
     assert isinstance(as_ours(OSError(5, "disk"), "hmr"), StoreError)
@@ -285,7 +285,7 @@ def test_the_budget_counts_the_size_of_the_picture_and_the_frames(toy: Any, monk
     assert list(asked.values()) == [125]  # 100, 0.48 Mpx, 20 frames
 
 
-def test_limits_can_be_written_as_a_flag_and_a_stage_that_does_not_exist_is_told(toy: Any) -> None:
+def test_limits_can_be_written_as_a_flag_and_a_stage_that_does_not_exist_is_reported(toy: Any) -> None:
     done = toy.main("recover", "film.mp4", "--dry-run", "--run.stages", "{camera = {limit_s = 60}}")
     assert done[0] == 0, done
     wrong = toy.main("recover", "film.mp4", "--dry-run", "--run.stages", "{camara = {limit_s = 60}}")

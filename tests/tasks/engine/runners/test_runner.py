@@ -34,7 +34,7 @@ CLIP = ROOT / "examples/pose2sim_multishot/pose2sim_A_01-02-01.mp4"
 # ---- without an engine
 
 
-def test_an_engine_that_is_not_installed_is_told_with_its_cure(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_engine_that_is_not_installed_is_reported_with_its_cure(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     check_runner(RunConfig())
     for kind in ("dask", "ray"):
@@ -80,8 +80,8 @@ def test_a_worker_tells_what_it_logs_how_far_it_is_and_its_answer(toy: Any) -> N
     assert isinstance(done, Result) and done.state == "computed"
     records = [message.getMessage() for message in sent if isinstance(message, logging.LogRecord)]
     assert records == ["dark room"]
-    told = [message for message in sent if isinstance(message, tuple)]
-    assert told[-1] == (999, 999) and len(told) < 20, "now and then, not a thousand times"
+    reported = [message for message in sent if isinstance(message, tuple)]
+    assert reported[-1] == (999, 999) and len(reported) < 20, "now and then, not a thousand times"
     assert logging.getLogger("humanmm").handlers == handlers
 
 
@@ -95,11 +95,11 @@ def test_the_error_of_a_stage_on_a_worker_travels(toy: Any, monkeypatch: pytest.
     setting, job = _job(toy, "camera", 1)
     for kind, expected in (("stage", StageError), ("bug", StageError), ("memory:9", ResourceError)):
         monkeypatch.setenv("TOY_FAIL", f"camera:20={kind}")
-        told = perform(setting, job, "camera · shot 1", isolated=False, limit_s=None, send=lambda message: None)
-        assert type(pickle.loads(pickle.dumps(told))) is expected
+        reported = perform(setting, job, "camera · shot 1", isolated=False, limit_s=None, send=lambda message: None)
+        assert type(pickle.loads(pickle.dumps(reported))) is expected
 
 
-def test_a_worker_that_is_not_as_this_process_is_told(toy: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_worker_that_is_not_as_this_process_is_reported(toy: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     other = toy.open(camera={"static": True})
     monkeypatch.setenv("TOY_FAIL", "")
     run = toy.open(run={"isolate": True}, decode={"max_side_px": 4096})
@@ -218,8 +218,8 @@ def _worker_at(toy: Any, process: subprocess.Popen[str], unit: str) -> int:
 @pytest.fixture
 def telling(toy: Any) -> Any:
     """The toy, whose stages write down which process computes them."""
-    told = "(log.parent / f'at-{name}').write_text(str(os.getpid()))\n    time.sleep("
-    toy.edit("behaviour", "time.sleep(", told)
+    reported = "(log.parent / f'at-{name}').write_text(str(os.getpid()))\n    time.sleep("
+    toy.edit("behaviour", "time.sleep(", reported)
     return toy
 
 
@@ -229,8 +229,8 @@ def telling(toy: Any) -> Any:
 def test_a_killed_worker_costs_one_attempt_of_one_unit(telling: Any, engine: str) -> None:
     process = _start(telling, engine, "--run.threads", "2", TOY_SLEEP="camera:20=5")
     os.kill(_worker_at(telling, process, "camera:20"), signal.SIGKILL)
-    _, told = process.communicate(timeout=900)
-    assert process.returncode == 0, told
+    _, reported = process.communicate(timeout=900)
+    assert process.returncode == 0, reported
     unit = _unit(_record(telling), "camera", 1)
     assert (unit["state"], unit["attempts"]) == ("computed", 2)
     assert "its worker was lost" in unit["faults"][0]
@@ -244,9 +244,9 @@ def test_a_stage_over_its_limit_on_a_worker_is_really_ended(telling: Any, engine
     limits = ("--run.stages", "{camera = {limit_s = 20}}")
     process = _start(telling, engine, *limits, TOY_SLEEP="camera:20=600")
     child = _worker_at(telling, process, "camera:20")
-    _, told = process.communicate(timeout=900)
-    assert process.returncode == 3, told
-    assert "camera · shot 1 took longer than its limit of 20 s" in told
+    _, reported = process.communicate(timeout=900)
+    assert process.returncode == 3, reported
+    assert "camera · shot 1 took longer than its limit of 20 s" in reported
     assert not _is_there(child)
     assert _unit(_record(telling), "camera", 1)["attempts"] == 1
 
@@ -276,8 +276,8 @@ def test_workers_of_our_own_listen_on_loopback_alone(telling: Any, engine: str) 
     worker = _worker_at(telling, process, "camera:20")
     started = _below(process.pid)
     places = _listening([process.pid, *started])
-    _, told = process.communicate(timeout=900)
-    assert process.returncode == 0, told
+    _, reported = process.communicate(timeout=900)
+    assert process.returncode == 0, reported
     assert worker in started and len(places) > 2
     assert {place for place in places if not ip_address(place).is_loopback} == set()
 

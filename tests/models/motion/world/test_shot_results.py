@@ -1,0 +1,37 @@
+"""What the alignment reads of shots: which can be used, who moves in them, and bodies in rotated axes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from three_shots import results
+
+from humanmm.models.geometry.rotations import rotvec_to_rotmat
+from humanmm.models.motion.world.shot_results import SOLES, camera_of, motions_of, posed, usable
+
+
+def test_a_shot_without_camera_or_motion_is_not_usable() -> None:
+    whole = results()
+    lost = replace(whole, cameras=[None, *whole.cameras[1:]], motions=[*whole.motions[:2], None])
+    assert [usable(lost, shot) for shot in range(3)] == [False, True, False]
+    assert motions_of(lost, 2) == {}
+    with pytest.raises(ValueError, match="shot 0 has no camera"):
+        camera_of(lost, 0)
+
+
+def test_motions_are_found_by_the_number_of_the_person() -> None:
+    whole = results((4, 0, 4))
+    assert [list(motions_of(whole, shot)) for shot in range(3)] == [[4], [0], [4]]
+    assert camera_of(whole, 1) is whole.cameras[1]
+
+
+def test_a_body_is_posed_about_its_pelvis_in_the_axes_that_are_given() -> None:
+    motion = motions_of(results(), 0)[0]
+    plain = np.tile(np.eye(3), (len(motion.frame), 1, 1))
+    R = np.tile(rotvec_to_rotmat(np.array([0.3, -0.8, 0.2])), (len(motion.frame), 1, 1))
+    (joints, soles), (rotated_joints, rotated_soles) = posed(motion, plain), posed(motion, R)
+    assert joints.shape == (20, 24, 3) and soles.shape == (20, len(SOLES), 3)
+    np.testing.assert_allclose(joints[:, 0], 0, atol=1e-9)
+    np.testing.assert_allclose(rotated_joints, np.einsum("nab,njb->nja", R, joints), atol=1e-6)
+    np.testing.assert_allclose(rotated_soles, np.einsum("nab,njb->nja", R, soles), atol=1e-6)
+    assert soles[..., 1].min() > joints[:, :20, 1].max() - 0.15  # y is down in the camera, and the body stands
