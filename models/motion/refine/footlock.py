@@ -129,11 +129,15 @@ def ankle_targets(
         position = leg.ankle if by_ankle else toe
         height = sole_height[0 if by_ankle else 1]
         anchor = _anchor(position[start:end], height, settings)
+        handed_over = np.zeros(3)
         if previous is not None and previous[0] == start:
-            # The foot rolls from heel to ball (or back) within one contact: the new pivot is where the old one left it.
+            # The foot rolls from heel to ball (or back) within one contact: the new pivot is where the old one left it,
+            # and comes to its own height in the time of a fade.
             carried = position[start] + previous[1]
             anchor = np.array([carried[0], carried[1], anchor[2]])
-        correction = anchor - position[start:end]
+            handed_over[2] = carried[2] - anchor[2]
+        since = time_s[start:end] - time_s[max(start - 1, 0)]
+        correction = anchor - position[start:end] + fade(since / settings.fade_s)[:, None] * handed_over
         if np.linalg.norm(correction, axis=-1).max() > settings.farthest_m:
             previous = None
             continue

@@ -114,6 +114,16 @@ def test_the_heel_lifts_while_the_ball_of_the_foot_stands() -> None:
     assert np.linalg.norm(np.diff(toes, axis=0), axis=1).max() < 0.02
 
 
+def test_a_heel_that_was_held_too_long_does_not_snap_up_when_the_ball_takes_over() -> None:
+    leg = make_leg(np.stack([0 * TIME, 0 * TIME, np.full(N, 0.87)], axis=1), np.full(N, 0.25))
+    rise = 0.04 * np.clip((TIME - 0.8) / 0.4, 0, 1)[:, None] * [0.0, 0.0, 1.0]  # 27 mm of it before the heel lets go
+    leg = replace(leg, ankle=leg.ankle + rise)
+    contacts = np.ones((N, 2))
+    contacts[32:, 0] = 0.0
+    target, _ = ankle_targets(leg, contacts, SOLE, time_s=TIME)
+    assert np.linalg.norm(np.diff(target, axis=0), axis=1).max() < 0.015
+
+
 def test_a_contact_that_is_far_off_is_not_believed() -> None:
     leg = make_leg(np.stack([1.0 * TIME, 0 * TIME, np.full(N, 0.87)], axis=1), np.full(N, 0.25))
     after = locked(leg, np.ones((N, 2)))

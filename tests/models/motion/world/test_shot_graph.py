@@ -56,25 +56,25 @@ def test_who_was_away_joins_the_shot_in_which_he_was_last_seen() -> None:
 def test_shots_that_share_nobody_are_not_linked() -> None:
     edge = cut_edge(results((0, 1, 1)), 1, align_by_bundle, {})
     assert (edge.earlier, edge.people, edge.cut.linked) == (0, (), False)
-    assert people_edges(results((0, 1, 1)), edge) == []
+    assert people_edges(results((0, 1, 1)), edge, {}) == []
 
 
 def test_a_rotation_that_the_user_gives_is_taken_without_an_estimate() -> None:
     given = rotation(0, 70, 0)
     edge = cut_edge(results(), 1, unused, {LENGTH: given})
     assert edge.cut.method == "given" and edge.cut.R_before_after is given
-    (found,) = people_edges(results(), edge)
+    (found,) = people_edges(results(), edge, {})
     assert [(one.probability, one.source) for one in found.hypotheses] == [(1.0, "given")]
 
 
-def test_a_cut_between_cameras_is_expressed_in_the_axes_of_their_shots() -> None:
+def test_a_cut_is_expressed_in_the_axes_of_its_shots_and_believed_as_far_as_the_identity() -> None:
     R_cut, R_last = rotation(0, 40, 10), rotation(0, 25, 0)
     hypothesis = CutHypothesis(R_cut, 7.0, 0.8, "people, bundle")
     cut = CutAlignment(LENGTH, "bundle", R_cut, 7.0, 0.0, 0.03, True, hypotheses=(hypothesis,))
-    (edge,) = people_edges(panned(results(), 0, R_last), CutEdge(0, 1, (cut,), (3,)))
+    (edge,) = people_edges(panned(results(), 0, R_last), CutEdge(0, 1, (cut,), (3,)), {(3, 1): 0.5})
     (one,) = edge.hypotheses
     np.testing.assert_allclose(one.R_a_b, R_last @ R_cut, atol=1e-12)
-    assert (one.sigma_deg, one.probability, one.source, edge.source) == (7.0, 0.8, "person 3, bundle", "person 3")
+    assert (one.sigma_deg, one.probability, one.source, edge.source) == (7.0, 0.4, "person 3, bundle", "person 3")
 
 
 # ---- backgrounds
