@@ -43,8 +43,10 @@ FITTED_BODY = 0.2
 """Probability of the fitted body's own rotation."""
 SPIN_S = 0.2
 """Span over which a body's angular velocity at a cut is measured, seconds."""
-LOST_S, NOTHING_LOST = 0.3, 0.7
+LOST_S, NOTHING_LOST = 0.3, 0.6
 """So much time may be missing between two shots beyond what their time stamps say; probability that none is."""
+UNLIKELY = 0.05
+"""Hypotheses that are less likely are not followed through lost time."""
 SPIN_STEP_DEG = 20.0
 """Rotation of the body from one hypothesis of the lost time to the next."""
 SPIN_ERROR = 0.15
@@ -132,12 +134,12 @@ def _through_lost_time(hypothesis: CutHypothesis, person: CutPerson) -> Iterator
     """The hypothesis, and what it becomes if the body rotated on while nobody filmed.
 
     A lost time l adds the rotation ω l of the body, half of it at the angular velocity ω before the cut, half at that
-    after it. A body that hardly spins leaves one hypothesis.
+    after it. A body that hardly spins, and an unlikely answer, leave one hypothesis.
     """
     before, after = _angular_velocity(person.before, last=True), _angular_velocity(person.after, last=False)
     turned_deg = float(np.degrees(0.5 * LOST_S * (np.linalg.norm(before) + np.linalg.norm(after))))
     steps = int(np.ceil(turned_deg / SPIN_STEP_DEG))
-    if steps <= 1:
+    if steps <= 1 or hypothesis.probability < UNLIKELY:
         yield hypothesis
         return
     yield replace(hypothesis, probability=NOTHING_LOST * hypothesis.probability)

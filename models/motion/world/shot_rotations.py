@@ -42,7 +42,7 @@ DISTINCT_DEG = 3.0
 """Joint hypotheses whose newest rotations differ by less are one."""
 ELSEWHERE_DEG = 15.0
 """Rotations further apart than this are different answers, not the same one with an error."""
-ITERATIONS, CONVERGED_RAD = 20, 1e-6
+ITERATIONS, CONVERGED_RAD = 20, 1e-4
 REFINED, REFINING = 12, 4
 """So many alternatives at a cut, the likeliest, are averaged for so many iterations before they are weighed."""
 MOVES = 20
