@@ -143,6 +143,21 @@ def test_files_of_other_programs_are_part_of_the_key_by_their_content_and_stand_
     assert "cannot read" in _reported(toy.main("recover", "film.mp4", "--keypoints-from", "nowhere"), 2)
 
 
+@pytest.mark.parametrize("flag", ["hmr", "detections", "masks"])
+def test_what_finds_people_elsewhere_is_part_of_the_key_and_comes_alone(toy: Any, flag: str) -> None:
+    given, other = toy.folder / "given.txt", toy.folder / "keypoints.json"
+    given.write_text("1,1,10,10,20,40,1\n")
+    other.write_text("[]")
+    toy.run(people={f"{flag}_from": str(given)})
+    toy.executed()
+    assert toy.main("recover", "film.mp4", "--out", "out", f"--{flag}-from", "given.txt")[0] == 0
+    assert toy.executed() == []
+    config = json.loads((toy.folder / "out/run.json").read_text())["config"]
+    assert config["people"][f"{flag}_from"]["sha256"] == sha256(given.read_bytes()).hexdigest()
+    both = toy.main("recover", "film.mp4", f"--{flag}-from", "given.txt", "--keypoints-from", "keypoints.json")
+    assert f"keypoints_from and {flag}_from exclude each other" in _told(both, 2)
+
+
 def test_a_dry_run_lists_every_unit_and_writes_nothing(toy: Any) -> None:
     toy.run()
     before = sorted(toy.folder.rglob("*"))

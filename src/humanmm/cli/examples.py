@@ -8,6 +8,7 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
         ("humanmm recover a.mp4 b.mp4 clips --out results", "two videos and all of a folder, one after the other"),
         ("humanmm recover film.mp4 --dry-run", "says what would be computed, and why"),
         ("humanmm recover film.mp4 --person 0 --fov-deg 65", "the main person alone, with a known lens"),
+        ("humanmm recover film.mp4 --hmr-from hmr4d_results.pt", "bodies of another system, joined and refined"),
         ("humanmm recover film.mp4 --only camera --shot 1", "one stage of one shot again, then what it changes"),
         ("humanmm recover film.mp4 --people.pose fast", "a setting; --config FILE.toml holds many"),
     ),

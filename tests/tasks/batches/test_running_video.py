@@ -83,7 +83,7 @@ def test_a_process_ends_whose_video_was_cancelled_from_another_machine(
     assert running.host == socket.gethostname() and not running.is_elsewhere
     table.change(running, host="another", flow_run=None)
     with monkeypatch.context() as elsewhere:
-        elsewhere.setattr(owners, "_machine", lambda: "the machine of who cancels")
+        elsewhere.setattr(owners, "machine_name", lambda: "the machine of who cancels")
         done = toy.main("batch", "cancel", HUMANMM_CACHE=str(toy.folder / "cache"))
     assert done[0] == 0 and "1 on other machines end within a minute" in done[2], done
     assert worker.wait(timeout=60) == -signal.SIGTERM

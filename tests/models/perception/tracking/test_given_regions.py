@@ -1,0 +1,90 @@
+"""People in given boxes and masks, on real pixels: the shipped clip, boxes about an independent detector's points."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from humanmm.models.geometry.boxes import box_iou
+from humanmm.models.perception.networks import FAST
+from humanmm.models.perception.picture import Picture
+from humanmm.models.perception.tracking.given_regions import GivenRegions, _owners, track_regions
+from humanmm.models.records import landmarks
+from humanmm.models.records.tracks import ScenePeople
+from humanmm.models.video.frames import planar_frames
+from humanmm.models.video.reading import read_facts
+
+EXAMPLES = Path(__file__).parents[4] / "examples" / "pose2sim_multishot"
+TIME_S = np.arange(100) / 60
+SPAN, SIZE = (36, 44), (720, 1280)
+
+
+@lru_cache(maxsize=1)
+def pictures() -> tuple[tuple[int, Picture], ...]:
+    def decoded() -> Iterator[tuple[int, Picture]]:
+        with (EXAMPLES / "pose2sim_A_01-02-01.mp4").open("rb") as stream:
+            for frame in planar_frames(stream, read_facts(stream), *SPAN):
+                yield frame.index, Picture(frame.planes, frame.colors)
+
+    return tuple(decoded())
+
+
+@lru_cache(maxsize=1)
+def boxes() -> np.ndarray:
+    """(8, 4) xyxy of the man."""
+    with np.load(EXAMPLES / "pose2sim_A_01-02-01_gt.npz") as truth:
+        points = truth["openpose2d"][slice(*SPAN), :, :2]
+    low, high = np.nanmin(points, axis=1), np.nanmax(points, axis=1)
+    return np.concatenate([low, high], axis=1) + np.array([-15, -40, 15, 15])
+
+
+def given(person: int = 7) -> GivenRegions:
+    """The man, and a box in which nobody is."""
+    frame = np.repeat(np.arange(*SPAN), 2)
+    empty = np.tile([20.0, 700, 90, 800], (len(boxes()), 1))
+    box = np.stack([boxes(), empty], axis=1).reshape(-1, 4)
+    who = np.tile([person, person + 1 if person >= 0 else -1], len(boxes()))
+    return GivenRegions(frame, who, box, np.full(len(frame), 0.9))
+
+
+def _tracked(regions: GivenRegions) -> ScenePeople:
+    return track_regions(pictures(), regions, span=SPAN, time_s=TIME_S, size=SIZE, max_people=3, networks=replace(FAST))
+
+
+def test_whoever_fills_a_box_is_followed_and_nobody_is_found_in_an_empty_one() -> None:
+    for regions in (given(), given(-1)):
+        (track,) = _tracked(regions).tracks
+        np.testing.assert_array_equal(track.frame, np.arange(*SPAN))
+        assert (box_iou(track.bbox, boxes()) > 0.6).all()
+        hips = track.keypoints2d[:, list(landmarks.HIPS), :2].mean(axis=1)
+        assert ((hips > boxes()[:, :2]) & (hips < boxes()[:, 2:])).all()
+        assert len(track.color_frame) > 0 and track.probability > 0.5
+
+
+def test_a_given_mask_takes_the_place_of_the_networks_own() -> None:
+    half = 2  # masks of half the size
+
+    def labels(frame: int) -> np.ndarray:
+        picture = np.zeros((SIZE[1] // half, SIZE[0] // half), np.int32)
+        x0, y0, x1, y1 = (boxes()[frame - SPAN[0]] / half).astype(int)
+        picture[y0:y1, x0:x1] = 7
+        return picture
+
+    (track,) = _tracked(replace(given(), labels=labels)).tracks
+    rows, columns = np.nonzero(track.masks.mask(3))
+    pixels = np.column_stack([columns, rows]) + 0.5
+    pixels = pixels @ track.mask_affine[3, :, :2].T + track.mask_affine[3, :, 2]
+    found = np.concatenate([pixels.min(axis=0), pixels.max(axis=0)])
+    assert box_iou(found, boxes()[3]) > 0.9, "the whole box is the mask"
+
+
+def test_boxes_without_numbers_are_linked_by_overlap_until_a_second_has_passed() -> None:
+    frame = np.array([0, 0, 1, 1, 2, 90, 91])
+    left, right = [10.0, 10, 60, 110], [200.0, 10, 260, 110]
+    box = np.array([left, right, right, left, left, left, right])
+    found = GivenRegions(frame, np.full(7, -1), box, np.ones(7))
+    assert _owners(found, np.arange(7), TIME_S).tolist() == [0, 1, 1, 0, 0, 2, 3]
+    numbered = replace(found, person=np.array([5, 9, 9, 5, 5, 5, 9]))
+    assert _owners(numbered, np.arange(7), TIME_S).tolist() == [0, 1, 1, 0, 0, 0, 1]
