@@ -25,14 +25,15 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from humanmm.errors import ConfigError
+from humanmm.errors import ConfigError, ResourceError
 from humanmm.machine import command_line, is_alive
 from humanmm.storage.store.store import cache_folder
 
 log = logging.getLogger(__name__)
 
-START_LIMIT_S = 180.0
-"""A first start creates the database, which takes up to 25 s on a busy machine."""
+START_LIMIT_S = 600.0
+"""A first start creates the database, which takes up to 25 s on a busy machine, and minutes where ten processes share a
+core."""
 SLOW_LIMIT_S = 90.0
 """Seconds to wait for a response of a server that lives: SQLite waits for a lock for up to 60 s."""
 START_PAUSE_S = 2.0
@@ -104,7 +105,9 @@ def server_files() -> ServerFiles:
 def prefect_server(is_wanted: Callable[[], bool] = lambda: True) -> Iterator[str]:
     """Environment for Prefect and the address of a server, held for the duration of a run.
 
-    A server that is not up yet when it is no longer wanted is ended, and not waited for.
+    A server that is not up yet when it is no longer wanted is ended, and not waited for: the address is empty then.
+    ResourceError if none can be started: the one that Prefect would bring along in its place, on a port of its own,
+    serves every user and every web page.
 
     $PREFECT_API_URL, if set, names the user's own server and is left alone. Must be entered before `import prefect`.
     ConfigError if Prefect refuses a PREFECT_ variable.
@@ -126,12 +129,11 @@ def prefect_server(is_wanted: Callable[[], bool] = lambda: True) -> Iterator[str
         if url:
             os.environ["PREFECT_API_URL"] = url
         elif is_wanted():
-            log.warning("no Prefect server could be started (see %s); this run brings its own: slower", files.log)
-            os.environ["PREFECT_SERVER_ALLOW_EPHEMERAL_MODE"] = "true"
+            raise ResourceError(f"no Prefect server could be started within {START_LIMIT_S:g} s; {files.log} says why")
         if "prefect.context" in sys.modules:
             sys.modules["prefect.context"].refresh_global_settings_context()
         try:
-            yield url or "ephemeral"
+            yield url or ""
         finally:
             os.utime(users.fileno())
             os.environ.pop("PREFECT_API_URL", None)
@@ -166,6 +168,7 @@ def private_environment(files: ServerFiles) -> None:
         os.environ.pop(name, None)
     os.environ["PREFECT_HOME"] = str(files.home)
     os.environ["PREFECT_PROFILES_PATH"] = str(files.home / "profiles.toml")
+    os.environ["PREFECT_SERVER_ALLOW_EPHEMERAL_MODE"] = "false"
     os.environ.update(CLIENT_SETTINGS)
 
 

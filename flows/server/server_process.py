@@ -80,7 +80,7 @@ def serve(files: ServerFiles) -> None:
             "PREFECT_API_URL": f"http://{HOST}:{port}/api",
             "PREFECT_SERVER_API_HOST": HOST,
             "PREFECT_SERVER_API_PORT": str(port),
-            "PREFECT_SERVER_CORS_ALLOWED_ORIGINS": ",".join(origins_of(port)),
+            "PREFECT_SERVER_CORS_ALLOWED_ORIGINS": origin_of(port),
             "PREFECT_SERVER_UI_STATIC_DIRECTORY": str(files.home / "ui"),
             "PREFECT_SERVER_CONCURRENCY_LEASE_STORAGE": "prefect.server.concurrency.lease_storage.filesystem",
             "PREFECT_LOGGING_SERVER_LEVEL": "WARNING",
@@ -103,9 +103,9 @@ def serve(files: ServerFiles) -> None:
 # ---- whose requests are served
 
 
-def origins_of(port: int) -> list[str]:
-    """The origins of our own pages."""
-    return [f"http://{host}:{port}" for host in (HOST, "localhost")]
+def origin_of(port: int) -> str:
+    """The origin of our own pages. Not `localhost`: browsers ask ::1 for it first, where another user may listen."""
+    return f"http://{HOST}:{port}"
 
 
 def for_own_pages(app: App, port: int) -> App:
@@ -120,13 +120,13 @@ def for_own_pages(app: App, port: int) -> App:
     from starlette.middleware.trustedhost import TrustedHostMiddleware
     from starlette.responses import PlainTextResponse
 
-    own = origins_of(port)
+    own = origin_of(port)
 
     def is_own(scope: Any) -> bool:
         headers = Headers(scope=scope)
         is_link = scope.get("method") == "GET" and headers.get("sec-fetch-dest") == "document"
         is_near = headers.get("sec-fetch-site", "none") in ("none", "same-origin")
-        return set(headers.getlist("origin")) <= {*own} and (is_link or is_near)
+        return set(headers.getlist("origin")) <= {own} and (is_link or is_near)
 
     async def check_origin(scope: Any, receive: Any, send: Callable[[Any], Awaitable[None]]) -> None:
         if scope["type"] in ("http", "websocket") and not is_own(scope):
@@ -134,7 +134,7 @@ def for_own_pages(app: App, port: int) -> App:
         else:
             await app(scope, receive, send)
 
-    return TrustedHostMiddleware(check_origin, allowed_hosts=[HOST, "localhost"], www_redirect=False)
+    return TrustedHostMiddleware(check_origin, allowed_hosts=[HOST], www_redirect=False)
 
 
 def _knows_users(listener: socket.socket) -> bool:

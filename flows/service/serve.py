@@ -135,10 +135,8 @@ def _serve_until_told(
     files: ServerFiles, leave: threading.Event, limit: int, idle_s: float | None, on_ready: Any
 ) -> None:
     with prefect_server(is_wanted=lambda: not leave.is_set()) as url:
-        if leave.is_set():
+        if not url or leave.is_set():
             return
-        if url == "ephemeral":
-            raise StoreError(f"no Prefect server could be started; {files.log} says why")
         asyncio.run(_deploy(limit, Path.cwd()))
         worker = Worker(files, limit)
         try:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from humanmm.errors import ResourceError
 from humanmm.flows.server import local_server
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -45,3 +46,19 @@ def test_a_folder_that_another_user_has_prepared_is_not_used(tmp_path: Path, mon
     monkeypatch.setenv("HUMANMM_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr(local_server.tempfile, "gettempdir", lambda: str(tmp_path))
     assert local_server.server_files().home.parent == tmp_path / f"humanmm-{os.getuid()}"
+
+
+def test_where_no_server_can_be_started_prefect_brings_none_along(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Prefect's own would serve every user of the machine and every web page."""
+    for name in [name for name in os.environ if name.startswith("PREFECT_")]:
+        monkeypatch.delenv(name)
+    monkeypatch.setenv("HUMANMM_CACHE", str(tmp_path))
+    monkeypatch.setattr(os, "environ", {**os.environ})
+    monkeypatch.setattr(local_server, "_start", lambda files, is_wanted: None)
+    with pytest.raises(ResourceError, match=r"no Prefect server could be started within 600 s; .*server.log says"):
+        local_server.prefect_server().__enter__()
+    assert os.environ["PREFECT_SERVER_ALLOW_EPHEMERAL_MODE"] == "false"
+    with local_server.prefect_server(is_wanted=lambda: False) as url:
+        assert url == ""
