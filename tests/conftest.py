@@ -189,6 +189,7 @@ def give_database(cache: Path, empty: Path) -> None:
     folder = cache / f"prefect-{version('prefect')}"
     folder.mkdir(parents=True, mode=0o700)
     shutil.copy2(empty, folder / "prefect.db")
+    (folder / "prefect.db").chmod(0o600)  # as the server makes it
 
 
 def copy_database(source: Path, target: Path) -> None:

@@ -63,7 +63,7 @@ _WITNESS_LEFT_OUT = {
     "humanmm without background links": "background",
     "humanmm without walls": "walls",
 }
-"""What is not heard where the rotations at cuts are decided (`align.WITNESSES`)."""
+"""Evidence that is not used where the rotations at cuts are decided (`align.WITNESSES`)."""
 CUTS: tuple[str, ...] = ("humanmm", *_WITNESS_LEFT_OUT, "humanmm with eight-point", "oracle camera rotation")
 """How the shots are joined: each witness left out in turn, the paper's essential matrix, the true rotations."""
 CAMERAS: tuple[str, ...] = (

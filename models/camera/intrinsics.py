@@ -226,7 +226,7 @@ def combine(evidence: Sequence[FocalEvidence | EdgeEvidence], default_px: float,
     if not narrowed:
         warning = (
             f"the focal length is assumed ({default_px:.0f} px, known to {DEFAULT_RELATIVE_SIGMA:.0%}): neither the "
-            "camera's motion nor straight edges tell it, and distances are as uncertain; give --focal-px or --fov-deg"
+            "camera's motion nor straight edges give it, and distances are as uncertain; give --focal-px or --fov-deg"
         )
         return Intrinsics(default_px, width, height, "default", DEFAULT_RELATIVE_SIGMA, (warning,))
     return Intrinsics(math.exp(mean), width, height, "estimated", sigma)

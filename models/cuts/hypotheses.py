@@ -105,7 +105,7 @@ def _with_fitted_body(hypothesis: CutHypothesis, person: CutPerson) -> CutHypoth
     """The mean of an answer and of the rotation that carries the fitted body over the cut, where the two are near.
 
     The body is fitted to a whole shot, the answer to the frames at the cut: their errors differ (41 cuts of rendered
-    clips: median 12.0° and 11.8°, of the mean 9.5°), and how far they are apart tells how far they are off.
+    clips: median 12.0° and 11.8°, of the mean 9.5°), and their distance from each other is a measure of their error.
     """
     R_body = fitted_body_rotation(person)
     if R_body is None:

@@ -148,7 +148,7 @@ class PeopleConfig(Section):
         names = ("keypoints_from", "hmr_from", "detections_from", "masks_from")
         given = [name for name in names if getattr(self, name) is not None]
         if len(given) > 1:
-            raise PydanticCustomError("told", "{reason}", {"reason": f"{' and '.join(given)} exclude each other"})
+            raise PydanticCustomError("stated", "{reason}", {"reason": f"{' and '.join(given)} exclude each other"})
         return self
 
 

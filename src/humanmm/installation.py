@@ -122,8 +122,8 @@ def _machine() -> Iterator[Check]:
     yield Check("processors", True, str(cores), f"`--run.threads {cores}` for one video, `serve --limit` for many")
     available = available_bytes()
     cure = "close other programs, or use `--run.threads 1` and `serve --limit 1`"
-    told = "the system does not tell" if available is None else in_bytes(available)
-    yield Check("free memory", available is None or available > 2 << 30, told, cure)
+    found = "the system does not report it" if available is None else in_bytes(available)
+    yield Check("free memory", available is None or available > 2 << 30, found, cure)
     devices = sorted(Path("/dev").glob("nvidia[0-9]*"))
     cure = "no stage needs one; with `[run.stages.NAME] gpu = true` a stage waits until one is free"
     yield Check("accelerators", True, str(len(devices)), cure)

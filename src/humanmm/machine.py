@@ -31,7 +31,7 @@ def machine_name() -> str:
 
 
 def started(pid: int) -> int | None:
-    """When a living process was started, which tells it from a later one of the same number; None if there is none.
+    """When a living process was started, unlike that of a later one of the same number; None if there is none.
 
     Clock ticks since the system was started (proc(5), field 22 of /proc/PID/stat), or seconds since 1970.
     """
@@ -72,7 +72,7 @@ def command_line(pid: int) -> bytes:
 
 
 def num_threads(pid: int) -> int:
-    """Threads of a process; 1 where the system does not tell."""
+    """Threads of a process; 1 where the system does not report it."""
     try:
         return len(list((PROC / str(pid) / "task").iterdir()))
     except OSError:
@@ -80,7 +80,7 @@ def num_threads(pid: int) -> int:
 
 
 def resident_mb() -> float:
-    """Memory of this process, MB; 0 where the system does not tell."""
+    """Memory of this process, MB; 0 where the system does not report it."""
     try:
         return int((PROC / "self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
     except (OSError, ValueError):
@@ -88,7 +88,7 @@ def resident_mb() -> float:
 
 
 def available_bytes() -> int | None:
-    """Memory that programs may still take; None where the system does not tell."""
+    """Memory that programs may still take; None where the system does not report it."""
     try:
         facts = dict(line.split(":", 1) for line in (PROC / "meminfo").read_text().splitlines() if ":" in line)
         return int(facts["MemAvailable"].split()[0]) * 1024

@@ -36,7 +36,7 @@ def _arrays_of(tree: dict[Any, Any]) -> dict[str, Any]:
 
 
 def _array_of(name: str, value: Any) -> Any:
-    """A tensor as an array; what is no plain tensor of numbers is told by its name."""
+    """A tensor as an array; the error for anything else names it."""
     import torch
 
     if not isinstance(value, torch.Tensor):

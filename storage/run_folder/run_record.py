@@ -299,7 +299,7 @@ def _doubts(
     if intrinsics.source == "estimated" and intrinsics.relative_uncertainty > DOUBTFUL_FOCAL:
         yield (
             f"intrinsics: the focal length is uncertain by {100 * intrinsics.relative_uncertainty:.0f} %: "
-            "--focal-px or --fov-deg tells it"
+            "--focal-px or --fov-deg sets it"
         )
     if guesses is None:
         return

@@ -1,6 +1,6 @@
 """The background in a few key frames of every shot: features, and straight edges.
 
-By its features (SIFT, Lowe 2004) a place is recognised in another shot; its straight edges (`segments`) tell the focal
+By its features (SIFT, Lowe 2004) a place is recognised in another shot; its straight edges (`segments`) give the focal
 length, the vertical and the camera's heading. A shot is represented by its first, middle and last frame outside
 transitions: neighbouring shots meet in the outer ones, and a camera that moves shows most in all three. Pixels have
 their centres at (0.5, 0.5).

@@ -49,7 +49,7 @@ def align(
 
     `method` finds how the camera rotated at a cut. `known_rotations`: by first frame of a shot, camera axes of that
     frame to those of the frame before, where they are known from elsewhere; neighbouring shots that share people are
-    joined by them. Of WITNESSES all but `witnesses` are not heard; shots are one world all the same where they share
+    joined by them. Of WITNESSES all but `witnesses` are not used; shots are one world all the same where they share
     somebody.
     """
     edges = []
@@ -192,7 +192,7 @@ def _solve_group(
         R_root = world.R[motion.frame] @ motion.R_cam_root
         world.people.setdefault(motion.person, []).append(Part(motion, R_root, pelvis, contacts))
     return [
-        f"shot {shot}: nobody's feet tell the scale of the camera's path; its unit is taken for a metre"
+        f"shot {shot}: nobody's feet determine the scale of the camera's path; its unit is taken for a metre"
         for shot, rig in zip(group, rigs, strict=True)
         if not rig.scale_known and not motions_of(results, shot)
     ]

@@ -28,7 +28,7 @@ MOST_SIGMA_DEG = 40.0
 RIGHT, SWAPPED = 0.85, 0.06
 """Probability that positions are right if identities are; that two people have swapped identities."""
 LEAST_IDENTITY = 0.6
-"""Who is less likely than this to be who he is said to be is not asked where he stands."""
+"""The positions of a person whose identity is less probable than this are not used."""
 SPREAD_ERROR = 0.5
 """Logarithm of the ratio of the distances between people before and after a cut at which the positions are half as
 likely to be theirs."""

@@ -137,7 +137,7 @@ def people_edges(
     """The same between the axes of the two shots instead of the cameras at the cut; one edge a person.
 
     `identities`: by person and shot, the probability that he is who he is said to be. A body that is somebody else's
-    tells nothing.
+    gives no edge.
     """
     before, after = camera_of(results, edge.earlier), camera_of(results, edge.later)
     R_before, R_after = before.R_shot_cam[-1], after.R_shot_cam[0]

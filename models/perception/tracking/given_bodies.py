@@ -39,7 +39,7 @@ class GivenBody:
     """Rising strictly."""
     landmarks_cam: Float[Array, "n 33 3"]
     known: Bool[Array, " 33"]
-    """Which landmarks the system tells; the others are anything finite."""
+    """The landmarks that the system gives; the others are anything finite."""
     K: Float[Array, "n 3 3"]
     """The system's own camera, pixels of the video."""
     R_local: Float[Array, "n 24 3 3"] | None = None

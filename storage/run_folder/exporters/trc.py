@@ -1,5 +1,5 @@
 """OpenSim's marker file (TRC), as Pose2Sim writes and reads it: joints as markers, tab-separated; y up, metres unless
-asked otherwise."""
+set otherwise."""
 
 from pathlib import Path
 

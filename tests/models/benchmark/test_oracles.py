@@ -13,14 +13,11 @@ from humanmm.models.benchmark.scores import score
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.synthetic.multishot import BenchVideo, hard_cuts
 
-QUICK = Config.model_validate({"intrinsics": {"fov_deg": 60.0}, "camera": {"static": True}})
-"""Neither focal length nor odometry, which decide nothing here."""
-
 
 def _wrongly_cut(video: BenchVideo, cuts: tuple[int, ...]) -> BenchVideo:
     """The same video as if other cuts had been found: tracks end there, also one that goes through a true cut."""
-    message = with_true_cuts(replace(video, truth=replace(video.truth, transitions=tuple((c, c) for c in cuts))))
-    return replace(message, scenes=hard_cuts(len(video.facts.time_s), cuts), truth=video.truth, cuts_known=False)
+    told = with_true_cuts(replace(video, truth=replace(video.truth, transitions=tuple((c, c) for c in cuts))))
+    return replace(told, scenes=hard_cuts(len(video.facts.time_s), cuts), truth=video.truth, cuts_known=False)
 
 
 def test_a_wrong_cut_is_undone_to_the_last_observation(video: BenchVideo) -> None:
@@ -43,7 +40,7 @@ def test_a_wrong_cut_is_undone_to_the_last_observation(video: BenchVideo) -> Non
 def test_oracle_cuts_recover_what_wrong_cuts_cost(video: BenchVideo) -> None:
     first, last = video.truth.cut_frames
     wrong = _wrongly_cut(video, (first, first + 6, last))
-    found = run_methods(wrong, QUICK, ("humanmm without refine", "oracle cuts"))
+    found = run_methods(wrong, Config(), ("humanmm without refine", "oracle cuts"))
     without, oracle = (
         next(figure.value for figure in one.figures if figure.name == "cut_f1") for one in score(wrong, found).methods
     )
@@ -71,8 +68,8 @@ def test_yaw_rotations_leave_the_tilt_that_was_found(video: BenchVideo, motion_o
     start = video.truth.cut_frames[0]
     turns = yaw_rotations(video, done.shots, done.motion)
     before, after = done.motion.R_world_cam[start - 1 : start + 1]
-    message = before @ turns[start]
-    assert np.allclose(message[2], after[2])  # heights of the camera's axes: what a rotation about the vertical leaves
+    told = before @ turns[start]
+    assert np.allclose(told[2], after[2])  # heights of the camera's axes: what a rotation about the vertical leaves
     again = yaw_rotations(
         video, done.shots, replace(done.motion, R_world_cam=_turned_after(done.motion.R_world_cam, start))
     )
@@ -90,5 +87,5 @@ def test_a_truth_without_cameras_is_a_failure_of_the_oracles_alone(video: BenchV
     blind = replace(video, truth=replace(video.truth, cameras=None))
     with pytest.raises(StageError, match="does not know the camera"):
         true_rotations(blind, None)  # type: ignore[arg-type]
-    found = run_methods(blind, QUICK, ("humanmm without refine", "oracle camera", "oracle yaw")).motions
+    found = run_methods(blind, Config(), ("humanmm without refine", "oracle camera", "oracle yaw")).motions
     assert [done.motion is None for done in found] == [False, True, True]

@@ -16,7 +16,7 @@ from humanmm.tasks.engine import finish
 
 def test_runs_into_one_folder_at_once_write_it_one_after_the_other(toy: Any) -> None:
     toy.run()
-    runs = [toy.run() for _ in range(8)]
+    runs = [toy.run() for _ in range(4)]
     folder = toy.folder / "out"
 
     def write(run: Any) -> str:

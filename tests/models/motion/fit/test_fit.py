@@ -89,7 +89,7 @@ def test_a_term_s_gradient_is_the_slope_of_its_cost(name: str) -> None:
             step = np.zeros((N, NUM_PARAMETERS))
             step[frame, k] = h
             numeric[frame, k] = (term.cost(motion.moved(step)) - term.cost(motion.moved(-step))) / (2 * h)
-    # Smoothness takes small turns as commuting: exact to the size of one frame's turn (here some 1 %).
+    # Smoothness takes small rotations as commuting: exact to the size of one frame's rotation (here some 1 %).
     # The inner rotation of Bones comes from three rounds of reweighting: nearly, not quite, its minimum.
     tolerance = {"smoothness": 3e-2, "bones": 3e-2}.get(name, 1e-5)
     np.testing.assert_allclose(equations.gradient, numeric, atol=tolerance * np.abs(numeric).max())
@@ -143,7 +143,7 @@ def test_windows_give_what_one_solve_of_everything_gives() -> None:
         ).frames(slice(None))
         for windows in ({"window": 1000}, {"window": 20, "lookahead": 20})
     )
-    # What a window cannot see lies 20 frames ahead: a twentieth remains of noise of 20 mm, and no jump at a seam.
+    # What a window cannot see lies 20 frames ahead: a twentieth remains of noise of 20 mm, and no jump between windows.
     gap = np.linalg.norm(whole.points - parts.points, axis=-1)
     assert gap.mean() < 1e-3
     assert np.abs(np.diff(gap, axis=0)).max() < 2e-3

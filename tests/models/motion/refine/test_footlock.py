@@ -169,5 +169,5 @@ def test_legs_of_a_motion_are_those_of_the_whole_body() -> None:
         leg = Leg.of(motion, side, slice(100, 110))
         places = np.stack([leg.hip, leg.knee, leg.ankle, leg.toe], axis=1)
         np.testing.assert_allclose(places, joints[100:110, [hip, knee, ankle, toe]], atol=1e-9)
-        turns = np.stack([leg.R_pelvis, leg.R_hip, leg.R_knee, leg.R_ankle], axis=1)
-        np.testing.assert_allclose(turns, R[100:110, [0, hip, knee, ankle]], atol=1e-9)
+        rotations = np.stack([leg.R_pelvis, leg.R_hip, leg.R_knee, leg.R_ankle], axis=1)
+        np.testing.assert_allclose(rotations, R[100:110, [0, hip, knee, ankle]], atol=1e-9)

@@ -173,8 +173,8 @@ def test_the_jump_of_posture_at_a_cut_is_shared_out() -> None:
     R[CUT:] = R[CUT:] @ rotvec_to_rotmat([0.1, 0.2, 0.0])
     pose[CUT:, 17] = [0.0, 0.4, 0.0]
     after = refined(with_person(world, R_world_root=R, body_pose=pose), time, cuts=(CUT,))
-    turn = np.swapaxes(after.people[0].R_world_root[:-1], -1, -2) @ after.people[0].R_world_root[1:]
-    assert np.degrees(rotation_angle(turn)).max() < 3.0
+    R_step = np.swapaxes(after.people[0].R_world_root[:-1], -1, -2) @ after.people[0].R_world_root[1:]
+    assert np.degrees(rotation_angle(R_step)).max() < 3.0
     assert np.abs(np.diff(after.people[0].body_pose[:, 17, 1])).max() < 0.08
     far = after.people[0].R_world_root[[10, N - 10]]
     assert np.degrees(rotation_angle(np.swapaxes(far, -1, -2) @ R[[10, N - 10]])).max() < 1.0
@@ -190,8 +190,8 @@ def test_a_time_out_of_view_is_filled_without_a_swing() -> None:
     after = refined(with_person(world, observed=observed, pelvis_world=pelvis, R_world_root=R), time).people[0]
     assert after.pelvis_world[:, 0].min() > -0.05
     assert after.pelvis_world[:, 0].max() < 1.05
-    turn = np.swapaxes(after.R_world_root[:-1], -1, -2) @ after.R_world_root[1:]
-    assert np.degrees(rotation_angle(turn)).max() < 6.0
+    R_step = np.swapaxes(after.R_world_root[:-1], -1, -2) @ after.R_world_root[1:]
+    assert np.degrees(rotation_angle(R_step)).max() < 6.0
     assert not after.observed[40:80].any()
     assert (after.contacts[45:75] == 0).all()
 

@@ -42,7 +42,7 @@ def stride(num_frames: int) -> tuple[np.ndarray, np.ndarray]:
 def scene(
     *, scale: float = 1.0, noise: float = 0.0, cut: int = 30, num_frames: int = 60
 ) -> tuple[list[ShotTrajectory], list[ShotRig], np.ndarray]:
-    """One walker in two shots: a travelling camera of unknown scale, then a standing one; and the true pelvis."""
+    """One walker in two shots: a moving camera of unknown scale, then a static one; and the true pelvis."""
     rng = np.random.default_rng(0)
     pelvis, feet = stride(num_frames)
     frames = np.arange(num_frames, dtype=np.int32)

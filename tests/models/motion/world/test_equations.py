@@ -36,8 +36,8 @@ def test_the_step_is_the_one_that_a_dense_solve_finds() -> None:
         weight, moved, lever = rng.uniform(size=n - 1), rng.normal(size=(n - 1, 3)), rng.normal(size=(n - 1, 3, 3))
         equations.add_still(segment.start, segment.shot, weight, moved, lever)
         for k, w in enumerate(weight):
-            at, turn = 3 * (segment.start + k), camera(segment.shot) + 3
-            note(w * moved[k], {at: -w * np.eye(3), at + 3: w * np.eye(3), turn: w * lever[k]})
+            at, rotation = 3 * (segment.start + k), camera(segment.shot) + 3
+            note(w * moved[k], {at: -w * np.eye(3), at + 3: w * np.eye(3), rotation: w * lever[k]})
     for person in (0, 1):
         own = [segment for segment, owner in zip(segments, persons, strict=True) if owner == person]
         at = np.arange(own[0].start, own[-1].stop - 2)

@@ -1,4 +1,4 @@
-"""Rotations of all shots from hypotheses: exact evidence is met, nobody is believed alone, doubt is told."""
+"""Rotations of all shots from hypotheses: exact evidence is met, no hypothesis decides alone, doubt is a warning."""
 
 import numpy as np
 import roma

@@ -19,10 +19,10 @@ CAMERAS = [camera_towards(heading, 8.0) for heading in HEADINGS]
 
 def walls(sure: float = 0.9) -> dict[int, ShotWalls]:
     """Each shot's frame, known only up to quarter turns."""
-    turns = [rotvec_to_rotmat(np.array([0.0, 0.0, k * np.pi / 2])) for k in (0, 3, 1)]
+    rotations = [rotvec_to_rotmat(np.array([0.0, 0.0, k * np.pi / 2])) for k in (0, 3, 1)]
     return {
-        k: ShotWalls(ManhattanFrame(R.T @ turn, sigma_deg=0.3, margin=50.0), sure)
-        for k, (R, turn) in enumerate(zip(CAMERAS, turns, strict=True))
+        k: ShotWalls(ManhattanFrame(R.T @ R_quarter, sigma_deg=0.3, margin=50.0), sure)
+        for k, (R, R_quarter) in enumerate(zip(CAMERAS, rotations, strict=True))
     }
 
 

@@ -38,8 +38,8 @@ def test_exact_shots_give_back_cameras_and_motion() -> None:
 def test_reported_rotations_are_those_of_the_cameras() -> None:
     world = align(results())
     for cut in world.cuts:
-        turn = world.R_world_cam[cut.cut_frame - 1].T @ world.R_world_cam[cut.cut_frame]
-        np.testing.assert_allclose(cut.R_before_after, turn)
+        R = world.R_world_cam[cut.cut_frame - 1].T @ world.R_world_cam[cut.cut_frame]
+        np.testing.assert_allclose(cut.R_before_after, R)
 
 
 def test_every_piece_of_evidence_is_reported_and_how_certain_a_cut_is() -> None:
