@@ -48,27 +48,26 @@ def position_edge(
     """
     before, after = motions_of(results, earlier), motions_of(results, later)
     certain = {person.person for person in results.shots.people if not person.doubtful}
-    same = {person: identities.get((person, later), 1.0) for person in sorted(before.keys() & after.keys() & certain)}
-    ends = [
-        (_at_cut(results, earlier, before[person], last=True), _at_cut(results, later, after[person], last=False), odds)
-        for person, odds in same.items()
-        if odds >= LEAST_IDENTITY
-    ]
-    placed = [(a, b) for a, b, _ in ends if a is not None and b is not None]
-    if len(placed) < 2:
+    places, right = [], RIGHT
+    for person in sorted(before.keys() & after.keys() & certain):
+        identity = identities.get((person, later), 1.0)
+        a = _at_cut(results, earlier, before[person], last=True)
+        b = _at_cut(results, later, after[person], last=False)
+        if identity >= LEAST_IDENTITY and a is not None and b is not None:
+            places.append((a, b))
+            right = min(right, RIGHT * identity)
+    if len(places) < 2:
         return None
-    right = min(odds for a, b, odds in ends if a is not None and b is not None)
     upright = verticals[earlier].upright, verticals[later].upright
     level = [_level_axes(one.direction) for one in upright]
-    a, b = (np.stack(points) @ R for points, R in zip(zip(*placed, strict=True), level, strict=True))
+    a, b = (np.stack(points) @ R for points, R in zip(zip(*places, strict=True), level, strict=True))
     depth = 0.5 * (np.linalg.norm(a, axis=1).mean() + np.linalg.norm(b, axis=1).mean())
     a, b = (points[:, :2] - points[:, :2].mean(axis=0) for points in (a, b))
     # Horizontal Procrustes: the heading about the vertical that carries b to a.
     heading = np.arctan2((b[:, 0] * a[:, 1] - b[:, 1] * a[:, 0]).sum(), (a * b).sum())
-    apart = np.log(np.linalg.norm(a) / max(float(np.linalg.norm(b)), 1e-9))
-    right *= RIGHT / (1 + (apart / SPREAD_ERROR) ** 2)
-    spread = float(np.sqrt(np.linalg.norm(a) * np.linalg.norm(b) / len(placed)))
-    of_depth = np.degrees(np.arctan2(DEPTH_ERROR * depth, spread))
+    spread_a, spread_b = (max(float(np.sqrt((points**2).sum() / len(places))), 1e-6) for points in (a, b))
+    right /= 1 + (np.log(spread_a / spread_b) / SPREAD_ERROR) ** 2
+    of_depth = np.degrees(np.arctan2(DEPTH_ERROR * depth, np.sqrt(spread_a * spread_b)))
     sigma_deg = float(np.linalg.norm([LEAST_SIGMA_DEG, of_depth, *(one.sigma_deg for one in upright)]))
     if sigma_deg > MOST_SIGMA_DEG:
         return None
@@ -78,7 +77,7 @@ def position_edge(
         return RotationHypothesis(R, sigma_deg, probability, source)
 
     hypotheses = [hypothesis(float(heading), right, "positions")]
-    if len(placed) == 2:
+    if len(places) == 2:
         hypotheses.append(hypothesis(float(heading + np.pi), SWAPPED, "positions, identities swapped"))
     return RotationEdge(earlier, later, tuple(hypotheses), "positions", connects=False)
 
