@@ -13,7 +13,6 @@ from itertools import pairwise
 from pathlib import Path
 
 from humanmm.errors import InputError
-from humanmm.models.records.foreign_arrays import shown
 from humanmm.storage.readers.truth import read_sequence
 
 VIDEOS = (".mp4", ".mkv", ".avi", ".mov", ".webm")
@@ -53,8 +52,8 @@ def _ours(video: Path) -> CutClip | None:
     try:
         tree = json.loads(table.read_text(encoding="utf-8"))
         spans = tuple((int(one["start"]), int(one["end"])) for one in tree["transitions"])
-    except (OSError, ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
-        raise InputError(f"{table} is no list of transitions with start and end: {shown(repr(error))}") from None
+    except (OSError, ValueError, KeyError, TypeError, OverflowError, RecursionError):
+        raise InputError(f"{table} is no list of transitions, each with whole numbers start and end") from None
     return CutClip(video, _checked(spans, table))
 
 

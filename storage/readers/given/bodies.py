@@ -35,7 +35,7 @@ from humanmm.models.geometry.intrinsics import K_from_focal
 from humanmm.models.geometry.projection import project
 from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
 from humanmm.models.perception.tracking.given_bodies import GivenBody, smpl_body
-from humanmm.models.records.foreign_arrays import frame_numbers, numbers, rotations, whole_numbers
+from humanmm.models.records.foreign_arrays import frame_numbers, numbers, rotations, shown, whole_numbers
 from humanmm.models.records.landmarks import INDEX, NUM_LANDMARKS
 from humanmm.storage.readers.archives import NpzArrays, damage
 from humanmm.storage.readers.restricted_pickle import load_pickle
@@ -131,7 +131,9 @@ def _read(name: str, content: bytes, size: Size, *, whole: int | None) -> Iterat
             if key in arrays:
                 yield from reader(arrays, size)
                 return
-        raise InputError(f"holds {', '.join(sorted(arrays)[:6]) or 'nothing'}; expected one of {', '.join(known)}")
+        raise InputError(
+            f"holds {', '.join(map(shown, sorted(arrays)[:6])) or 'nothing'}; expected one of {', '.join(known)}"
+        )
     else:
         raise InputError("is no .pt, .pkl or .npz")
 

@@ -81,8 +81,12 @@ def _rows(name: str, content: bytes) -> list[Row]:
         return _rows_of(tree, name)
     except InputError as error:
         raise InputError(f"{name}: {error}") from None
-    except (KeyError, TypeError, AttributeError, IndexError, OverflowError, ValueError) as error:
-        raise InputError(f"{name} is laid out like no known program's keypoints ({shown(repr(error))})") from None
+    except KeyError as error:
+        missing = shown(repr(error.args[0]))
+        raise InputError(f"{name} is laid out like no known program's keypoints: {missing} is missing") from None
+    except (TypeError, AttributeError, IndexError, OverflowError, ValueError):
+        what = "a frame is no number, or a table or list is something else"
+        raise InputError(f"{name} is laid out like no known program's keypoints: {what}") from None
 
 
 def _rows_of(tree: Any, name: str) -> list[Row]:

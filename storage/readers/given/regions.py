@@ -30,7 +30,8 @@ Size = tuple[int, int]
 PERSON = 1
 """COCO's category of people."""
 MAX_EXTRA_FRAMES = 2
-MAX_PIXELS = 16384**2
+MAX_PEOPLE = 255
+"""In one picture of masks; one of 16 bits could number 65,535."""
 OTHER_SHAPE = 0.01
 OUTSIDE = 0.2
 """Share of boxes whose middle may lie outside of the picture."""
@@ -112,9 +113,9 @@ def _coco_rows(content: bytes) -> Float[Array, "M 7"]:
     try:
         tree = json.loads(content)
         rows = [_coco_row(one) for one in tree if one.get("category_id", PERSON) == PERSON]
-    except (ValueError, RecursionError, KeyError, TypeError, AttributeError) as error:
+    except (ValueError, RecursionError, KeyError, TypeError, AttributeError, OverflowError):
         raise InputError(
-            f"it is no list of COCO results ({error!r}); expected image_id, bbox, score and category_id of each box"
+            "it is no list of COCO results; expected image_id, bbox, score and category_id of each box"
         ) from None
     return np.array(rows, np.float64).reshape(-1, 7)
 
@@ -144,8 +145,12 @@ def _masks(given: GivenFile, num_frames: int, size: Size) -> GivenRegions:
     for frame in sorted(frame for frame in name_of if frame < num_frames):
         labels = _labels(name_of[frame], contents[name_of[frame]], size)
         to_video = np.array(size) / (labels.shape[1], labels.shape[0])
-        for person in np.unique(labels[labels > 0]):
-            y, x = np.nonzero(labels == person)
+        people = np.unique(labels[labels > 0])
+        if len(people) > MAX_PEOPLE:
+            raise InputError(f"{name_of[frame]} holds {len(people):,} people; expected at most {MAX_PEOPLE}")
+        for person in people:
+            shape = labels == person
+            y, x = np.flatnonzero(shape.any(axis=1)), np.flatnonzero(shape.any(axis=0))
             low, high = np.array([x.min(), y.min()]) * to_video, (np.array([x.max(), y.max()]) + 1) * to_video
             rows.append([frame, int(person), *low, *high])
     if not rows:
@@ -165,8 +170,11 @@ def _labels(name: str, content: bytes, size: Size) -> Array:
     """(height, width), a pixel's number; the numbers themselves where the file has a palette."""
     try:
         with Image.open(io.BytesIO(content), formats=["PNG"]) as picture:
-            if picture.width * picture.height > MAX_PIXELS:
-                raise InputError(f"{name} has pictures of {picture.width}×{picture.height}; expected the video's")
+            sides = f"{picture.width}×{picture.height} pixels, the video {size[0]}×{size[1]}"
+            if abs(picture.width / picture.height * size[1] / size[0] - 1) > OTHER_SHAPE:
+                raise InputError(f"{name} has {sides}: is it of another video?")
+            if picture.width > size[0]:
+                raise InputError(f"{name} has {sides}; expected as many or fewer")
             if picture.mode not in ("1", "L", "P", "I", "I;16"):
                 raise InputError(
                     f"{name} has colours ({picture.mode}); expected one number a pixel, grey or with a palette"
@@ -174,11 +182,6 @@ def _labels(name: str, content: bytes, size: Size) -> Array:
             labels = np.asarray(picture).astype(np.int32)
     except (UnidentifiedImageError, OSError, SyntaxError, Image.DecompressionBombError):
         raise InputError(f"{name} is no png, or it is damaged") from None
-    if abs(labels.shape[1] / labels.shape[0] * size[1] / size[0] - 1) > OTHER_SHAPE:
-        raise InputError(
-            f"{name} has {labels.shape[1]}×{labels.shape[0]} pixels, the video {size[0]}×{size[1]}: is it of another "
-            "video?"
-        )
     return labels
 
 

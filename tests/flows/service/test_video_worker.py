@@ -2,10 +2,12 @@
 
 import asyncio
 import functools
+import gc
 import multiprocessing
 import os
 import signal
 import time
+import weakref
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -43,6 +45,23 @@ def test_it_asks_while_it_has_room_and_now_and_then_when_it_has_none(
     for at, room in ((100.0, 2), (102.0, 1), (104.0, 0), (130.0, 0), (133.0, 0), (135.0, 0), (137.0, 1)):
         look(worker, monkeypatch, at=at, room=room)
     assert asked == [100.0, 102.0, 133.0, 137.0]
+
+
+def test_what_a_video_leaves_in_circles_does_not_stay_until_python_looks(monkeypatch: pytest.MonkeyPatch) -> None:
+    process = multiprocessing.get_context("spawn").Process(target=time.sleep, args=(0.0,))
+    monkeypatch.setattr(video_worker.fork_server, "start", lambda *_: process.start() or process)
+    left: Any = type("Left", (), {})()
+    left.itself, still_there = left, weakref.ref(left)
+    status = SimpleNamespace(started=lambda handle: None)
+    gc.disable()
+    try:
+        del left
+        asyncio.run(
+            video_worker.run_in_fork(task_status=status, task_status_handler=lambda p: p, env={}, cwd=None)  # type: ignore[arg-type]
+        )
+        assert still_there() is None
+    finally:
+        gc.enable()
 
 
 @pytest.mark.parametrize("cancelled", [False, True])

@@ -46,3 +46,15 @@ def test_shots_that_overlap_are_refused(tmp_path: Path) -> None:
     (tmp_path / "film.json").write_text(json.dumps({"transitions": spans}))
     with pytest.raises(InputError, match="must rise"):
         read_cut_clips(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "text", ["{", "[" * 200_000, '{"transitions": 5}', '{"transitions": [{"start": 1e999, "end": 2}]}', '{"a": [1]}']
+)
+def test_a_list_that_is_none_is_told_without_the_words_of_a_library(tmp_path: Path, text: str) -> None:
+    (tmp_path / "film.mp4").touch()
+    (tmp_path / "film.json").write_text(text)
+    with pytest.raises(
+        InputError, match=r"film\.json is no list of transitions, each with whole numbers start and end$"
+    ):
+        read_cut_clips(tmp_path)

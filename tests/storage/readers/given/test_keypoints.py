@@ -173,7 +173,12 @@ def _one(points: Any) -> dict[str, Any]:
         (_one(["a", 1, 2] * 17), "expected numbers"),
         ({"people": []}, "holds nobody"),
         ([{"frame_id": 9, "instances": []}], "holds frames 9 to 9, the video has 5 (0 to 4)"),
-        ([{"instances": []}], "laid out like no known program's keypoints (KeyError('frame_id'))"),
+        ([{"instances": []}], "laid out like no known program's keypoints: 'frame_id' is missing"),
+        ([{"instances": [], "frame_id": "abc"}], "a frame is no number, or a table or list is something else"),
+        ('[{"instances": [], "frame_id": 1e999}]', "a frame is no number"),
+        ({"people": [5]}, "a table or list is something else"),
+        ("[" * 200_000, "is not json, or holds lists in lists without end"),
+        (_one([1e308] * 51), "keypoints holds 1e+308; expected numbers up to 1e+12"),
     ],
 )
 def test_what_is_wrong_is_reported_in_one_sentence_with_the_files_name(

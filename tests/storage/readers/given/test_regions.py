@@ -102,6 +102,9 @@ def test_what_is_wrong_with_masks_is_told(tmp_path: Path) -> None:
 
     assert "has colours (RGB); expected one number a pixel" in told(np.zeros((360, 640, 3), np.uint8))
     assert "has 640×480 pixels, the video 640×360" in told(np.zeros((480, 640), np.uint8))
+    assert "has 1280×720 pixels, the video 640×360; expected as many or fewer" in told(np.zeros((720, 1280), np.uint8))
+    many = np.arange(640 * 360, dtype=np.uint32).reshape(360, 640) % 60_000
+    assert "holds 59,999 people; expected at most 255" in told(many.astype(np.uint16))
     assert "every pixel is 0" in told(np.zeros((360, 640), np.uint8))
     assert "no number in the name 'last.png'" in told(np.zeros((360, 640), np.uint8), "last.png")
     assert "holds frames 9 to 9" in told(np.zeros((360, 640), np.uint8), "00009.png")
