@@ -137,7 +137,7 @@ class _Background:
         R = nearest_rotation((1 - fraction) * shot.R_world_cam[row] + fraction * shot.R_world_cam[other])
         K = self.clip.K(shot, frame).copy()
         K[0, 0] = K[1, 1] = (1 - fraction) * shot.focal_px[row] + fraction * shot.focal_px[other]
-        K[:2, 2] += SAMPLES[(number + 2) % len(SAMPLES)][0], SAMPLES[number][1]
+        K[:2, 2] += SAMPLES[(number + 2) % 4][0], SAMPLES[number][1]
         return View(R, t, K, self.clip.width, self.clip.height)
 
     def sample(self, frame: int, number: int) -> Sample:
