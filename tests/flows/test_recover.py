@@ -42,8 +42,8 @@ def _settled(cache: Path, expected: int) -> list[tuple[str, str, str]]:
 
 
 def test_a_run_writes_its_folder_and_prefect_shows_every_unit_by_name(toy: Any, server_cache: Path) -> None:
-    done = toy.command("recover", "film.mp4", "--out", "out dir")
-    assert (done.returncode, done.stdout) == (0, "out dir\n"), done.stderr
+    status, out, message = toy.main("recover", "film.mp4", "--out", "out dir")
+    assert (status, out) == (0, "out dir\n"), message
     rows = _settled(server_cache, NUM_UNITS)
     assert [name for name, _, _ in rows][1:4] == ["camera · shot 0", "camera · shot 1", "camera · shot 2"]
     assert {state for _, state, _ in rows} == {"COMPLETED"}

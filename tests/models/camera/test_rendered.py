@@ -29,6 +29,10 @@ CLIPS = {
 }
 
 
+SLOW = ("martial_3shot",)
+"""The others have each source of a camera too."""
+
+
 def people_of(folder: Path, clip: str) -> list[PersonTrack]:
     """The true silhouettes, scaled down to a track's masks that span the whole picture."""
     tracks = []
@@ -49,7 +53,9 @@ def people_of(folder: Path, clip: str) -> list[PersonTrack]:
     return tracks
 
 
-@pytest.mark.parametrize("clip", CLIPS)
+@pytest.mark.parametrize(
+    "clip", [pytest.param(clip, marks=pytest.mark.slow) if clip in SLOW else clip for clip in CLIPS]
+)
 def test_the_camera_drifts_less_than_a_degree_with_the_focal_length_unknown(clip: str) -> None:
     folder = Path(DATA or "") / "render_dev"
     people = people_of(folder, clip)
