@@ -43,16 +43,16 @@ def read_detections(given: GivenFile, num_frames: int, size: Size) -> GivenRegio
 
     InputError says in one sentence what is wrong.
     """
-    return _told(given, lambda: _detections(given, num_frames, size))
+    return _with_name(given, lambda: _detections(given, num_frames, size))
 
 
 @lru_cache(maxsize=1)
 def read_masks(given: GivenFile, num_frames: int, size: Size) -> GivenRegions:
     """People's masks, and boxes about them, in the same."""
-    return _told(given, lambda: _masks(given, num_frames, size))
+    return _with_name(given, lambda: _masks(given, num_frames, size))
 
 
-def _told(given: GivenFile, read: Callable[[], GivenRegions]) -> GivenRegions:
+def _with_name(given: GivenFile, read: Callable[[], GivenRegions]) -> GivenRegions:
     try:
         return read()
     except InputError as error:
