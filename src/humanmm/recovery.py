@@ -267,13 +267,13 @@ def _run_flow(run: "VideoRun", folder: Path, watch: "Watch") -> None:
         try:
             arguments = {"out": folder, "config": run.config, "store": run.store.location, "selection": run.selection}
             state = cast("State[Any]", flow_module.recover(run.video.path, **arguments, return_state=True))
-        except RuntimeError as error:
-            if not str(error).startswith(("Failed to reach API", "Timed out while attempting to connect")):
+        except RuntimeError as lost:
+            if not str(lost).startswith(("Failed to reach API", "Timed out while attempting to connect")):
                 raise
             raise ResourceError(
                 "Prefect's server does not respond: it was ended, or this machine is too busy to start one; run again, "
                 "what was computed stays in the store"
-            ) from error
+            ) from lost
         finally:
             flow_module.opened.reset(token)
         if state.is_completed() or state.name == "Partial":
