@@ -155,7 +155,7 @@ def test_what_finds_people_elsewhere_is_part_of_the_key_and_comes_alone(toy: Any
     config = json.loads((toy.folder / "out/run.json").read_text())["config"]
     assert config["people"][f"{flag}_from"]["sha256"] == sha256(given.read_bytes()).hexdigest()
     both = toy.main("recover", "film.mp4", f"--{flag}-from", "given.txt", "--keypoints-from", "keypoints.json")
-    assert f"keypoints_from and {flag}_from exclude each other" in _told(both, 2)
+    assert f"keypoints_from and {flag}_from exclude each other" in _reported(both, 2)
 
 
 def test_a_dry_run_lists_every_unit_and_writes_nothing(toy: Any) -> None:
