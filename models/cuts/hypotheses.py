@@ -43,7 +43,7 @@ FITTED_BODY = 0.2
 """Probability of the fitted body's own rotation."""
 SPIN_S = 0.2
 """Span over which a body's angular velocity at a cut is measured, seconds."""
-LOST_S, NOTHING_LOST = 0.3, 0.6
+LOST_S, NOTHING_LOST = 0.3, 0.7
 """So much time may be missing between two shots beyond what their time stamps say; probability that none is."""
 UNLIKELY = 0.05
 """Hypotheses that are less likely are not followed through lost time."""
