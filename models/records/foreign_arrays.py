@@ -49,7 +49,7 @@ def numbers(
 def whole_numbers(arrays: Mapping[str, Any], key: str, shape: tuple[int | None, ...]) -> Int[Array, "..."]:
     """An array as int64."""
     array = numbers(arrays, key, shape, finite=True)
-    wrong = (array != np.rint(array)) | (np.abs(array) > 2**53)
+    wrong = array != np.rint(array)
     if wrong.any():
         raise InputError(f"{key} holds {array[wrong][0]}; expected whole numbers")
     return array.astype(np.int64)
@@ -74,7 +74,7 @@ def rotations(
     """Rotation matrices; those that are not finite are not known, unless `finite` numbers are wanted."""
     R = numbers(arrays, key, shape, finite=finite)
     known = np.isfinite(R).all(axis=(-1, -2))
-    with np.errstate(over="ignore", invalid="ignore"):
+    with np.errstate(invalid="ignore"):
         differs = np.abs(R @ np.swapaxes(R, -1, -2) - np.eye(3)).max(axis=(-1, -2))
         wrong = known & (~(differs <= ROUNDING) | (np.linalg.det(np.where(known[..., None, None], R, 0)) < 0))
     if wrong.any():

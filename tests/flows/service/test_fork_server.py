@@ -38,8 +38,8 @@ import os, sys, time
 def wait():
     while not os.path.exists("over"):
         time.sleep(0.02)
-def tell(*facts):
-    with open("told", "w") as file:
+def write(*facts):
+    with open("message", "w") as file:
         print(*facts, file=file)
 def run():
     exec(os.environ["BODY"], globals())
@@ -108,7 +108,7 @@ def _is_there(pid: int) -> bool:
 def test_a_fork_has_the_code_the_environment_and_the_folder_that_it_should_have(worker: Worker) -> None:
     server = int(worker.line()[0])
     facts = "sys.modules['some_code'].answer, os.getcwd(), os.getppid(), 'HUMANMM_GONE' in os.environ"
-    pid = worker.start(f"tell({facts}); sys.exit('gone')")
+    pid = worker.start(f"write({facts}); sys.exit('gone')")
     assert worker.line() == ["0", "ended", "1"]
     films = worker.folder / "films"
     assert (films / "message").read_text().split() == ["42", str(films), str(server), "False"]
@@ -179,17 +179,17 @@ def test_a_fork_server_whose_code_has_changed_forks_no_more_and_ends_after_its_f
     server = int(worker.line()[0])
     before = worker.start("wait()")
     (worker.folder / "some_code.py").write_text("answer = 'another'\n")
-    message = "import some_code; tell(os.getppid(), some_code.answer)"
+    message = "import some_code; write(os.getppid(), some_code.answer)"
     worker.start(message)
     assert worker.line() == ["1", "ended", "0"]
-    assert (worker.folder / "films/told").read_text().split() == [str(worker.process.pid), "another"], "a fresh process"
+    assert (worker.folder / "films/message").read_text().split() == [str(worker.process.pid), "another"], "a fresh process"
     assert _is_there(server) and _is_there(before)
     (worker.folder / "films/over").touch()
     assert worker.line() == ["0", "ended", "0"]
     _until(lambda: not _is_there(server))
     worker.start(message)
     assert worker.line() == ["2", "ended", "0"]
-    parent, answer = (worker.folder / "films/told").read_text().split()
+    parent, answer = (worker.folder / "films/message").read_text().split()
     assert int(parent) not in (server, worker.process.pid) and answer == "another", "a fork of a new fork server"
 
 
@@ -201,6 +201,6 @@ def test_a_fork_server_with_a_second_thread_does_not_fork(worker: Worker) -> Non
     time.sleep(0.02)
     (worker.folder / "some_code.py").write_text("answer = 'another'\n")
     for number in (0, 1):
-        worker.start("tell(os.getppid())")
+        worker.start("write(os.getppid())")
         assert worker.line() == [str(number), "ended", "0"]
-        assert int((worker.folder / "films/told").read_text()) == worker.process.pid, "a fresh process"
+        assert int((worker.folder / "films/message").read_text()) == worker.process.pid, "a fresh process"

@@ -134,7 +134,7 @@ def test_a_video_of_another_machine_is_taken_over_when_its_lease_has_run_out_and
     table = process()
     (row,) = table.put(_rows(1))
     with monkeypatch.context() as there:
-        there.setattr(owners, "_machine", lambda: "another")
+        there.setattr(owners, "machine_name", lambda: "another")
         assert table.claim(row)
         assert table.renew(row)
     assert table.find_lost("b") == [] and not table.claim(row), "its lease is fresh"
@@ -144,7 +144,7 @@ def test_a_video_of_another_machine_is_taken_over_when_its_lease_has_run_out_and
     (again,) = table.unscheduled()
     assert table.claim(again)
     with monkeypatch.context() as there:
-        there.setattr(owners, "_machine", lambda: "another")
+        there.setattr(owners, "machine_name", lambda: "another")
         assert not table.renew(row), "an owner that was suspended sees that it is no longer wanted"
         table.release(row, seconds=1.0)
     (now,) = table.rows("b")
@@ -171,7 +171,7 @@ def test_the_clock_of_the_database_counts_and_not_those_of_hosts(
     table = open_batches(tmp_path / "store")
     (row,) = table.put(_rows(1))
     with monkeypatch.context() as there:
-        there.setattr(owners, "_machine", lambda: "another")
+        there.setattr(owners, "machine_name", lambda: "another")
         assert table.claim(row)
     clock = time.time
     monkeypatch.setattr(time, "time", lambda: clock() + 7200)
