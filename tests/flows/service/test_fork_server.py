@@ -182,7 +182,9 @@ def test_a_fork_server_whose_code_has_changed_forks_no_more_and_ends_after_its_f
     message = "import some_code; write(os.getppid(), some_code.answer)"
     worker.start(message)
     assert worker.line() == ["1", "ended", "0"]
-    assert (worker.folder / "films/message").read_text().split() == [str(worker.process.pid), "another"], "a fresh process"
+    assert (worker.folder / "films/message").read_text().split() == [str(worker.process.pid), "another"], (
+        "a fresh process"
+    )
     assert _is_there(server) and _is_there(before)
     (worker.folder / "films/over").touch()
     assert worker.line() == ["0", "ended", "0"]
@@ -203,4 +205,4 @@ def test_a_fork_server_with_a_second_thread_does_not_fork(worker: Worker) -> Non
     for number in (0, 1):
         worker.start("write(os.getppid())")
         assert worker.line() == [str(number), "ended", "0"]
-        assert int((worker.folder / "films/message").read_text()) == worker.process.pid, "a fresh process"
+        assert int((worker.folder / "films/message").read_text()) == worker.process.pid
