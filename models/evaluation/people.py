@@ -40,18 +40,12 @@ def identity_f1(predicted: Sequence[PersonSequence], truth: Sequence[PersonSeque
     A box is found where its IoU with the truth's is at least SAME_BOX; identities are matched one to one so that most
     boxes are. Boxes count in frames in which the person is observed. Nobody to find and nobody found is 1.
     """
-    found = np.array([[_found(one, true) for one in predicted] for true in truth]).reshape(len(truth), len(predicted))
+    found = np.array(
+        [[(_overlaps(one, true, observed=True) >= SAME_BOX).sum() for one in predicted] for true in truth]
+    ).reshape(len(truth), len(predicted))
     boxes = sum(int(person.observed.sum()) for person in (*predicted, *truth))
     rows, columns = linear_sum_assignment(found, maximize=True)
     return 2.0 * float(found[rows, columns].sum()) / boxes if boxes else 1.0
-
-
-def _found(one: PersonSequence, true: PersonSequence) -> int:
-    if one.bbox_xyxy is None or true.bbox_xyxy is None:
-        return 0
-    _, i, j = np.intersect1d(one.frame, true.frame, assume_unique=True, return_indices=True)
-    both = one.observed[i] & true.observed[j] & _is_box(one.bbox_xyxy[i]) & _is_box(true.bbox_xyxy[j])
-    return int((box_iou(one.bbox_xyxy[i][both], true.bbox_xyxy[j][both]) >= SAME_BOX).sum())
 
 
 def projected_boxes(
@@ -68,12 +62,15 @@ def projected_boxes(
     return boxes
 
 
-def _overlaps(one: PersonSequence, other: PersonSequence) -> Float[np.ndarray, "frames"]:
+def _overlaps(one: PersonSequence, other: PersonSequence, *, observed: bool = False) -> Float[np.ndarray, "frames"]:
+    """IoU in the frames in which both have a box; `observed`: only where both are observed."""
     if one.bbox_xyxy is None or other.bbox_xyxy is None:
         return np.zeros(0)
     _, i, j = np.intersect1d(one.frame, other.frame, assume_unique=True, return_indices=True)
     one_xyxy, other_xyxy = one.bbox_xyxy[i], other.bbox_xyxy[j]
     usable = _is_box(one_xyxy) & _is_box(other_xyxy)
+    if observed:
+        usable &= one.observed[i] & other.observed[j]
     return box_iou(one_xyxy[usable], other_xyxy[usable])
 
 
