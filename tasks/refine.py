@@ -7,6 +7,7 @@ from humanmm.models.records.motion import WorldMotion
 from humanmm.models.records.shots import ShotList
 from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.records.video import VideoFacts
+from humanmm.parts import load
 from humanmm.tasks.inputs import StageInputs
 
 
@@ -23,6 +24,7 @@ def refine(inputs: StageInputs) -> WorldMotion:
             remove_discontinuities=config.remove_discontinuities,
             refit=config.refit,
             foot_lock=config.foot_lock,
+            networks=load("refine.networks", config.networks),
             floor_m=sum(one.metres for one in inputs.corrections.of(Floor)),
         ),
         progress=inputs.progress,

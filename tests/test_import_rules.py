@@ -25,6 +25,7 @@ TOWER = (
     "camera.background",
     "camera",
     "motion.fit",
+    "motion.networks",
     "motion.world",
     "motion.refine",
     "motion",

@@ -3,11 +3,11 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from humanmm.models.learning.motion_objective import PoseScore, TrajectoryScore
 from humanmm.models.learning.objective import LifterScore
 from humanmm.models.learning.training import Recipe
 from humanmm.storage.store.files import replace_file
@@ -18,15 +18,8 @@ class Validation:
     """How good the network was after some steps."""
 
     step: int
-    score: LifterScore
-
-    @classmethod
-    def read(cls, tree: Mapping[str, Any]) -> "Validation":
-        """From json."""
-        values: dict[str, Any] = {
-            name: tuple(value) if isinstance(value, list) else value for name, value in tree["score"].items()
-        }
-        return cls(int(tree["step"]), LifterScore(**values))
+    errors: Mapping[str, float]
+    """Of the development split, by name with unit."""
 
 
 def draw_curve(path: Path, losses: Sequence[float], validations: Sequence[Validation]) -> None:
@@ -37,8 +30,8 @@ def draw_curve(path: Path, losses: Sequence[float], validations: Sequence[Valida
     left.plot([100 * (k + 1) for k in range(len(losses))], losses)
     left.set(title="loss, training", xlabel="steps")
     steps = [one.step for one in validations]
-    right.plot(steps, [one.score.pa_mpjpe_mm[0] for one in validations], label="PA-MPJPE, mm")
-    right.plot(steps, [one.score.mpjpe_mm[0] for one in validations], label="MPJPE, mm")
+    for name in validations[-1].errors:
+        right.plot(steps, [one.errors[name] for one in validations], label=name)
     right.set(title="median error, development split", xlabel="steps", ylim=(0, None))
     right.legend()
     replace_file(path, lambda fresh: figure.savefig(fresh, format="png", dpi=110))
@@ -47,12 +40,10 @@ def draw_curve(path: Path, losses: Sequence[float], validations: Sequence[Valida
 def lifter_card(
     recipe: Recipe, train: int, dev: int, *, own: LifterScore, lifted: LifterScore, coco: LifterScore
 ) -> str:
-    """The figures of the model card (Markdown)."""
+    """The figures of the lifter's model card (Markdown)."""
     rows = {"the pose network's landmarks": own, "lifted": lifted, "lifted from COCO keypoints alone": coco}
     lines = [
-        f"Trained on {train} windows of 32 frames, measured on {dev} windows of other subjects; recipe:",
-        "`" + ", ".join(f"{name} {value}" for name, value in asdict(recipe).items()) + "`.",
-        "",
+        *_made_with(recipe, f"{train} windows of 32 frames, measured on {dev} windows of other subjects"),
         "| median, mean | PA-MPJPE, mm | MPJPE, mm | torso, ° | root, ° | swaps found, false |",
         "|---|---:|---:|---:|---:|---:|",
     ]
@@ -61,3 +52,35 @@ def lifter_card(
         cells = [f"{median:.0f}, {mean:.0f}" for median, mean in errors]
         lines.append(f"| {name} | {' | '.join(cells)} | {one.swaps_found:.2f}, {one.swaps_false:.2f} |")
     return "\n".join(lines) + "\n"
+
+
+def pose_card(recipe: Recipe, data: str, rows: Mapping[str, PoseScore]) -> str:
+    """The figures of ms-HMR's card (Markdown)."""
+    lines = [
+        *_made_with(recipe, data),
+        "| median, mean | MPJPE about the pelvis, mm | root, ° | acceleration, m/s² |",
+        "|---|---:|---:|---:|",
+    ]
+    for name, one in rows.items():
+        cells = [f"{median:.1f}, {mean:.1f}" for median, mean in (one.mpjpe_mm, one.root_deg, one.acceleration)]
+        lines.append(f"| {name} | {' | '.join(cells)} |")
+    return "\n".join(lines) + "\n"
+
+
+def trajectory_card(recipe: Recipe, data: str, rows: Mapping[str, TrajectoryScore]) -> str:
+    """The figures of the trajectory networks' cards (Markdown)."""
+    lines = [
+        *_made_with(recipe, data),
+        "| median, mean | contact F1 | velocity of the root, m/s | path of a second, m |",
+        "|---|---:|---:|---:|",
+    ]
+    for name, one in rows.items():
+        cells = [f"{median:.3f}, {mean:.3f}" for median, mean in (one.velocity_ms, one.second_m)]
+        f1 = f"{one.contact_f1:.2f}" if one.contact_f1 else "none given"
+        lines.append(f"| {name} | {f1} | {' | '.join(cells)} |")
+    return "\n".join(lines) + "\n"
+
+
+def _made_with(recipe: Recipe, data: str) -> list[str]:
+    parts = ", ".join(f"{name} {value}" for name, value in asdict(recipe).items())
+    return [f"Trained on {data}; recipe:", f"`{parts}`.", ""]

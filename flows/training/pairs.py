@@ -1,7 +1,6 @@
 """A set of pairs for the lifter: rendered people, and what the shipped pose networks see of them; resumes."""
 
 import hashlib
-import json
 import logging
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -18,7 +17,7 @@ from humanmm.models.rendering.places.takes import Library
 from humanmm.models.synthetic.mocap import MocapSequence
 from humanmm.models.weights.shipped import manifest
 from humanmm.storage.readers.mocap_pack import read_pack
-from humanmm.storage.training.pair_set import PairSet
+from humanmm.storage.training.pair_set import PairSet, identity_of
 from humanmm.tasks.units.digest import code_digest
 from humanmm.tasks.units.process import in_processes, prepare_process
 
@@ -42,13 +41,14 @@ class PairPlan:
 
     def identity(self) -> str:
         """Digest of the code, networks, motions and seed that decide a window."""
-        parts = {
-            "code": code_digest(MODULE).modules,
-            "networks": [manifest()[name].sha256 for name in NETWORKS],
-            "packs": [hashlib.sha256(pack.read_bytes()).hexdigest() for pack in self.packs],
-            "seed": SEEDS[self.split],
-        }
-        return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
+        return identity_of(
+            {
+                "code": code_digest(MODULE).modules,
+                "networks": [manifest()[name].sha256 for name in NETWORKS],
+                "packs": [hashlib.sha256(pack.read_bytes()).hexdigest() for pack in self.packs],
+                "seed": SEEDS[self.split],
+            }
+        )
 
     def groups(self) -> list[tuple[str, range]]:
         """Name and numbers of each group."""

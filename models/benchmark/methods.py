@@ -50,6 +50,8 @@ ABLATIONS: tuple[str, ...] = (
     "humanmm without background links",
     "humanmm without pose prior",
     "humanmm without discontinuity removal",
+    "humanmm without trajectory networks",
+    "humanmm with ms-HMR",
     "humanmm without refit",
     "humanmm without foot lock",
     "humanmm without refine",
@@ -74,11 +76,14 @@ CAMERAS: tuple[str, ...] = (
 )
 """Where the camera inside a shot comes from: our odometry on the background; the same on all points, people's too;
 every camera taken for a static one; the truth."""
-_PARTS_OF_REFINE = {
-    "humanmm without discontinuity removal": "remove_discontinuities",
-    "humanmm without refit": "refit",
-    "humanmm without foot lock": "foot_lock",
+_REFINED_OTHERWISE: Mapping[str, Mapping[str, bool | str]] = {
+    "humanmm without discontinuity removal": {"remove_discontinuities": False},
+    "humanmm without trajectory networks": {"networks": "none"},
+    "humanmm with ms-HMR": {"networks": "all"},
+    "humanmm without refit": {"refit": False},
+    "humanmm without foot lock": {"foot_lock": False},
 }
+"""Settings of `refine` that a method has of its own."""
 
 
 @dataclass(frozen=True)
@@ -183,11 +188,9 @@ class _SharedStages:
         """What `refine` makes of that: the pipeline's own result."""
         return self.refine(self.start, self.world)
 
-    def refine(self, start: Beginning, world: WorldMotion, *, without: str | None = None) -> WorldMotion:
-        """The stage `refine` with the user's settings, `without` one of its parts."""
-        settings = self.config.refine
-        if without is not None:
-            settings = settings.model_copy(update={without: False})
+    def refine(self, start: Beginning, world: WorldMotion, **otherwise: bool | str) -> WorldMotion:
+        """The stage `refine` with the user's settings, some of them `otherwise`."""
+        settings = self.config.refine.model_copy(update=otherwise)
         return refine_world(
             world,
             Observations(start.shots, self.video.people),
@@ -195,6 +198,7 @@ class _SharedStages:
             cut_frames=tuple(shot.start for shot in start.shots.shots[1:]),
             settings=RefineSettings(
                 cutoff_hz=settings.cutoff_hz,
+                networks=load("refine.networks", settings.networks),
                 remove_discontinuities=settings.remove_discontinuities,
                 refit=settings.refit,
                 foot_lock=settings.foot_lock,
@@ -237,8 +241,8 @@ def _recovered(method: str, stages: _SharedStages) -> WorldMotion:  # noqa: PLR0
         return stages.refined
     if method == "humanmm without refine":
         return stages.world
-    if method in _PARTS_OF_REFINE:
-        return stages.refine(stages.start, stages.world, without=_PARTS_OF_REFINE[method])
+    if method in _REFINED_OTHERWISE:
+        return stages.refine(stages.start, stages.world, **_REFINED_OTHERWISE[method])
     if method == "concat":
         return concatenated(results)
     if method == "humanmm without orientation alignment":

@@ -1,47 +1,46 @@
-"""The training of the lifter: AdamW, one cosine of the rate, the mean of the last weights; resumes where it stopped."""
+"""The training of a network: AdamW, one cosine of the rate, the mean of the last weights; resumes where it stopped."""
 
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 import torch
+from torch import Tensor, nn
 
-from humanmm.models.learning.objective import loss
-from humanmm.models.learning.other_motion import OtherMotion
-from humanmm.models.learning.windows import Variation, Windows, varied
-from humanmm.models.perception.lifting.network import LifterNetwork
+Net = TypeVar("Net", bound=nn.Module)
 
 
 @dataclass(frozen=True)
 class Recipe:
-    """Everything that decides the weights, besides the pairs."""
+    """Everything that decides the weights, besides the data."""
 
-    steps: int = 12_000
+    steps: int
     batch: int = 24
     rate: float = 8e-4
     warm_up: int = 200
     weight_decay: float = 0.05
     averaged: float = 0.998
     """Of the weights delivered, what each step leaves of those before."""
-    other_motion: float = 0.5
-    """Fraction of the batches that show other motion than was rendered."""
-    coco: tuple[float, float] = (0.15, 0.5)
-    """Windows with COCO's keypoints alone: of rendered and of other motion."""
     seed: int = 0
 
 
-class LifterTraining:
+class Training(Generic[Net]):
     """The state of a training; `state` and `restore` carry it over the end of a process."""
 
-    def __init__(self, recipe: Recipe, windows: Windows, other: OtherMotion, *, device: str = "cpu") -> None:
+    def __init__(
+        self,
+        recipe: Recipe,
+        build: Callable[[], Net],
+        loss: Callable[[Net, np.random.Generator, torch.Generator], Tensor],
+        *,
+        device: str = "cpu",
+    ) -> None:
+        """`loss` draws a batch, from these two generators alone, and measures a network on it."""
         torch.manual_seed(recipe.seed)
-        self.recipe, self._windows, self._other, self._device = recipe, windows, other, device
-        self.network = LifterNetwork()
-        with torch.no_grad():
-            self.network.mean.copy_(windows.truth[windows.exists].mean(dim=0))
-        self.network.to(device)
+        self.recipe, self._build, self._loss, self._device = recipe, build, loss, device
+        self.network = build().to(device)
         self.optimiser = torch.optim.AdamW(
             self.network.parameters(), recipe.rate, weight_decay=recipe.weight_decay, betas=(0.9, 0.98)
         )
@@ -65,16 +64,10 @@ class LifterTraining:
         rate = recipe.rate * warm * (0.5 * (1 + math.cos(math.pi * self.step / recipe.steps)) + 0.01)
         for group in self.optimiser.param_groups:
             group["lr"] = rate
-        if self.rng.random() < recipe.other_motion:
-            drawn, coco = self._other.draw(recipe.batch, self.rng), recipe.coco[1]
-        else:
-            index = torch.randint(len(self._windows), (recipe.batch,), generator=self.generator)
-            drawn, coco = self._windows.chosen(index), recipe.coco[0]
-        wanted, given = varied(drawn, Variation(coco=coco), self.generator)
-        value = loss(self.network(given.to(self._device)), wanted.to(self._device))
+        value = self._loss(self.network, self.rng, self.generator)
         self.optimiser.zero_grad()
         value.backward()  # type: ignore[no-untyped-call]
-        torch.nn.utils.clip_grad_norm_(self.network.parameters(), 1.0)
+        nn.utils.clip_grad_norm_(self.network.parameters(), 1.0)
         self.optimiser.step()
         self.step += 1
         keep = min(recipe.averaged, (1 + self.step) / (10 + self.step))
@@ -87,9 +80,9 @@ class LifterTraining:
             self._recent.clear()
 
     @property
-    def result(self) -> LifterNetwork:
+    def result(self) -> Net:
         """The network with the mean of the last weights, as it would be delivered now."""
-        network = LifterNetwork()
+        network = self._build()
         network.load_state_dict({name: value.cpu() for name, value in self.averaged.items()})
         return network.eval()
 

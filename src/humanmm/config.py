@@ -246,6 +246,10 @@ class RefineConfig(Section):
     ] = True
     """Distribute the jump of posture at a cut over both shots."""
 
+    networks: Annotated[str, _part("refine.networks")] = "trajectory"
+    """What is learnt of motion, by name: `trajectory` (trajectory predictor and refiner say how fast the root goes),
+    `all` (ms-HMR corrects poses besides) or `none`."""
+
     refit: bool = True
     """Fit the body once more to the evidence of all shots together, with standing feet held."""
 

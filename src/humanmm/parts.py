@@ -34,6 +34,11 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "bundle": "humanmm.models.cuts.camera_rotation:align_by_bundle",
         "eight-point": "humanmm.models.cuts.camera_rotation:align_by_eight_point",
     },
+    "refine.networks": {
+        "trajectory": "humanmm.models.motion.networks.integrate:trajectory",
+        "all": "humanmm.models.motion.networks.integrate:all_networks",
+        "none": "humanmm.models.motion.networks.interfaces:nothing",
+    },
 }
 """Setting → name → module:attribute."""
 

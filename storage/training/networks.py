@@ -1,14 +1,28 @@
-"""The network that a training delivers."""
+"""Networks that trainings deliver."""
 
 from pathlib import Path
+from typing import TypeVar
 
 import torch
-from safetensors.torch import save_file
+from safetensors import SafetensorError
+from safetensors.torch import load_file, save_file
 
+from humanmm.errors import InputError
 from humanmm.storage.store.files import replace_file
+
+Net = TypeVar("Net", bound=torch.nn.Module)
 
 
 def write_network(path: Path, network: torch.nn.Module) -> None:
     """Its numbers in half precision, as safetensors."""
     numbers = {name: value.half().contiguous() for name, value in network.state_dict().items()}
     replace_file(path, lambda fresh: save_file(numbers, fresh))
+
+
+def read_network(path: Path, network: Net) -> Net:
+    """The network with the numbers of a file that `write_network` wrote; InputError where they do not fit."""
+    try:
+        network.load_state_dict({name: value.float() for name, value in load_file(path).items()})
+    except (OSError, SafetensorError, RuntimeError) as error:
+        raise InputError(f"{path} is no {type(network).__name__}: {error}") from None
+    return network.eval()

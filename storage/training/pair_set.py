@@ -1,5 +1,6 @@
 """A set of pairs on a disk: one zarr group for every few windows, whole or not there at all."""
 
+import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -54,11 +55,22 @@ def read_pairs(folder: Path, split: str) -> tuple[dict[str, Array], list[dict[st
     columns: dict[str, list[Array]] = {}
     facts: list[dict[str, Any]] = []
     for path in paths:
-        group = zarr.open_group(path, mode="r")
-        if group.attrs.get("schema") != SCHEMA:
-            found = group.attrs.get("schema")
-            raise InputError(f"{path} is no group of pairs: its schema is {found!r}, not {SCHEMA!r}")
-        for key, array in group.arrays():
-            columns.setdefault(key, []).append(np.asarray(array[:]))
-        facts += json.loads(str(group.attrs[FACTS]))
+        arrays, own = read_group(path)
+        for key, array in arrays.items():
+            columns.setdefault(key, []).append(array)
+        facts += own
     return {key: np.concatenate(parts) for key, parts in columns.items()}, facts
+
+
+def read_group(path: Path) -> tuple[dict[str, Array], list[dict[str, Any]]]:
+    """The windows of one group. InputError where it is something else."""
+    group = zarr.open_group(path, mode="r")
+    if group.attrs.get("schema") != SCHEMA:
+        found = group.attrs.get("schema")
+        raise InputError(f"{path} is no group of pairs: its schema is {found!r}, not {SCHEMA!r}")
+    return {key: np.asarray(array[:]) for key, array in group.arrays()}, json.loads(str(group.attrs[FACTS]))
+
+
+def identity_of(parts: Mapping[str, Any]) -> str:
+    """Digest of what decides the content of a set."""
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]

@@ -6,7 +6,7 @@ the same position in every frame: what one view leaves open (how far away, how t
 neighbouring shot decide.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -28,7 +28,7 @@ from humanmm.models.motion.fit.equations import (
 from humanmm.models.motion.fit.evidence import LongEvidence, Sighting, bone_lengths
 from humanmm.models.motion.fit.hmr import EvidenceTerms, NoiseModel, pelvis_depths
 from humanmm.models.motion.fit.solver import SolverSettings, solve_windows
-from humanmm.models.motion.fit.state import ROOT, CameraPath, LongMotion, Motion, Skeleton
+from humanmm.models.motion.fit.state import PELVIS, ROOT, CameraPath, LongMotion, Motion, Skeleton
 from humanmm.models.records.recording import CONTACT_JOINTS
 from humanmm.models.records.shots import ShotList
 from humanmm.models.records.tracks import ScenePeople
@@ -139,6 +139,51 @@ class Uprightness:
         equations.add_rows(slice(None), rows, root[:, None] * residual, ROOT)
 
 
+@dataclass(frozen=True, eq=False)
+class RootVelocity:
+    """The pelvis goes as the networks say: R_rootᵀ ((p_(t+1) − p_t) / Δt − v_t) / σ, robust for each step."""
+
+    R_world_root: Float[Array, "N 3 3"]
+    velocity: Float[Array, "N 3"]
+    """From each frame to the next, root axes, m/s; the last frame's is unused."""
+    sigma: Float[Array, "N 3"]
+    time_s: Float[Array, " N"]
+    weight: float
+    robust_scale: float = 2.0
+
+    @cached_property
+    def _span(self) -> Float[Array, " M"]:
+        return np.diff(self.time_s)
+
+    @memoised
+    def _residual(self, motion: Motion) -> tuple[Float[Array, "M 3"], Float[Array, " M"], Float[Array, " M"]]:
+        """Residuals, robust costs and weights."""
+        steps = np.diff(motion.pelvis_ref, axis=0) / self._span[:, None]
+        own = np.einsum("nji,nj->ni", self.R_world_root[:-1], steps) - self.velocity[:-1]
+        residual = own / self.sigma[:-1]
+        loss, trust = cauchy(np.sum(residual**2, axis=-1), self.robust_scale)
+        weight = self.weight * self._span * REFERENCE_HZ
+        return residual, weight * loss, weight * trust
+
+    def cost(self, motion: Motion) -> float:
+        """Half the robust sum of squares."""
+        return float(np.sum(self._residual(motion)[1])) if len(self.time_s) > 1 else 0.0
+
+    def add(self, motion: Motion, equations: NormalEquations) -> None:
+        """Add gradient and curvature."""
+        if len(self.time_s) < 2:
+            return
+        residual, _, trust = self._residual(motion)
+        rows = np.swapaxes(self.R_world_root[:-1], -1, -2) / (self.sigma[:-1] * self._span[:, None])[..., None]
+        transposed = np.swapaxes(rows, -1, -2) * trust[:, None, None]
+        block, gradient = transposed @ rows, (transposed @ residual[..., None])[..., 0]
+        equations.own[:-1, PELVIS, PELVIS] += block
+        equations.own[1:, PELVIS, PELVIS] += block
+        equations.next_one[:-1, PELVIS, PELVIS] -= block
+        equations.gradient[:-1, PELVIS] -= gradient
+        equations.gradient[1:, PELVIS] += gradient
+
+
 def person_skeleton(betas: Float[Array, " 10"]) -> Skeleton:
     """The person's rest joints with the 33 landmarks on them."""
     model = load_landmarks()
@@ -173,9 +218,11 @@ def fit_world(
     camera: CameraPath,
     contacts: Float[Array, "N 4"],
     *,
+    learned: Callable[[slice], Sequence[Term]] | None = None,
     progress: Progress = silent,
 ) -> LongMotion:
-    """The motion in the world that agrees best with all shots' evidence and with the feet that stand."""
+    """The motion in the world that agrees best with all shots' evidence, with the feet that stand, and with the terms
+    that the motion networks add (`learned`)."""
     depths = pelvis_depths(start, camera)
     of_evidence = EvidenceTerms(clip, bone_lengths(start.skeleton), camera, depths, NoiseModel())
     feet = Skeleton(start.skeleton.rest_joints, np.array(CONTACT_JOINTS), np.zeros((len(CONTACT_JOINTS), 3)))
@@ -184,6 +231,6 @@ def fit_world(
 
     def terms(frames: slice) -> list[Term]:
         planted = PlantedFeet(feet, clip.time_s[frames], contacts[frames])
-        return [*of_evidence(frames), planted, Uprightness(seen_weight[frames])]
+        return [*of_evidence(frames), planted, Uprightness(seen_weight[frames]), *(learned(frames) if learned else ())]
 
     return solve_windows(start, terms, SETTINGS, progress=progress)

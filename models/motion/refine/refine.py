@@ -2,8 +2,9 @@
 
 In order: the poses of neighbouring shots are made one at the cut; rotations are smoothed and gaps filled in; feet that
 stand are found, and the floor is put under them; the body is fitted once more to the evidence of all shots together,
-with those feet held; then they are found again and locked by inverse kinematics. Cameras keep their rotations; their
-centres move with the floor and the origin alone.
+with those feet held, and with the root's velocity as the trajectory networks read it from the limbs; then they are
+found again and locked by inverse kinematics. Cameras keep their rotations; their centres move with the floor and the
+origin alone.
 """
 
 from collections.abc import Sequence
@@ -18,10 +19,12 @@ from humanmm.models.geometry.projection import inverse_pose
 from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
 from humanmm.models.motion.fit.evidence import LongEvidence
 from humanmm.models.motion.fit.state import CameraPath, LongMotion
+from humanmm.models.motion.networks.interfaces import MotionNetworks
 from humanmm.models.motion.refine.contacts import ContactModel, confirmed, contact_probabilities
 from humanmm.models.motion.refine.discontinuities import close_discontinuities
 from humanmm.models.motion.refine.fit import fit_world, gather_clip, person_skeleton
 from humanmm.models.motion.refine.footlock import LockSettings, contact_positions, lock_feet
+from humanmm.models.motion.refine.learned import Learned
 from humanmm.models.motion.refine.smoothing import smooth, smooth_rotations
 from humanmm.models.records.motion import PersonMotion, WorldMotion
 from humanmm.models.records.recording import CONTACT_JOINTS
@@ -51,6 +54,9 @@ class RefineSettings:
     foot_lock: bool = True
     floor_m: float = 0.0
     """How much higher the floor is than the standing feet say, metres; the user knows."""
+    networks: MotionNetworks | None = None
+    """What they say of the root's velocity, and of poses if they correct these, has a part in the fit; None: the
+    shipped networks of the trajectory."""
     contacts: ContactModel = field(default_factory=ContactModel)
     lock: LockSettings = field(default_factory=LockSettings)
 
@@ -119,9 +125,17 @@ def refine_world(
                 time_s=time_s,
                 K=world.K,
             )
-            one = one if clip is None else one.fitted(clip, progress=part).with_contacts(settings.contacts)
+            if clip is not None:
+                learned = one.learned(settings.networks or _shipped_networks(), cut_frames)
+                one = one.fitted(clip, learned, progress=part).with_contacts(settings.contacts)
         people.append(finish(one, settings=settings))
     return at_origin(replace(world, people=tuple(people), t_world_cam=world.t_world_cam - [0.0, 0.0, rise]))
+
+
+def _shipped_networks() -> MotionNetworks:
+    from humanmm.models.motion.networks.integrate import trajectory  # only now: torch takes two seconds to import
+
+    return trajectory
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,15 +181,22 @@ class Draft:
         )
         return replace(self, contacts=found)
 
-    def fitted(self, clip: LongEvidence, *, progress: Progress = silent) -> "Draft":
+    def learned(self, networks: MotionNetworks, cut_frames: tuple[int, ...]) -> Learned:
+        """The networks, ready for this person."""
+        shot = np.searchsorted(np.array(cut_frames, int), self.person.frame, side="right")
+        confidence = np.clip(self.person.confidence, 0.0, 1.0)
+        return Learned(networks, self.time_s, self.person.observed, confidence, shot)
+
+    def fitted(self, clip: LongEvidence, learned: Learned, *, progress: Progress = silent) -> "Draft":
         """Fitted once more to the evidence of all shots; frames without any are filled in again."""
         camera = CameraPath(*inverse_pose(self.R_world_cam, self.camera_centre), self.K)
-        seen = self.person.observed
-        motion = fit_world(self.motion, clip.believed(seen), camera, self.contacts, progress=progress)
+        seen, terms = self.person.observed, learned.terms(self.motion)
+        motion = fit_world(self.motion, clip.believed(seen), camera, self.contacts, learned=terms, progress=progress)
         if not seen.all():
             vectors, pelvis = motion.vectors, motion.pelvis_ref
             vectors[~seen] = smooth_rotations(vectors, seen * 1.0, self.time_s, cutoff_hz=FILL_HZ)[~seen]
             pelvis[~seen] = smooth(pelvis, seen * 1.0, self.time_s, cutoff_hz=FILL_HZ)[~seen]
+        motion = learned.corrected(motion)
         return replace(self, motion=motion, feet=contact_positions(motion))
 
 

@@ -91,7 +91,7 @@ class LifterNetwork(nn.Module):
     def __init__(self, width: int = 192, depth: int = 5, heads: int = 6) -> None:
         super().__init__()
         self.inward = nn.Sequential(nn.Linear(FEATURES, 2 * width), nn.GELU(), nn.Linear(2 * width, width))
-        self.blocks = nn.ModuleList(_Block(width, heads) for _ in range(depth))
+        self.blocks = nn.ModuleList(Block(width, heads) for _ in range(depth))
         self.norm = nn.LayerNorm(width)
         self.outward = nn.Linear(width, sum(_PARTS))
         nn.init.zeros_(self.outward.weight)
@@ -107,11 +107,11 @@ class LifterNetwork(nn.Module):
     def forward(self, given: LifterInput) -> LifterOutput:
         """What is there in every frame."""
         h = self.inward(given.features())
-        rotary = _rotary(given.time_s, h.shape[-1] // self.blocks[0].heads)
+        turning = rotary(given.time_s, h.shape[-1] // self.blocks[0].heads)
         near = (given.time_s[:, :, None] - given.time_s[:, None]).abs() <= REACH_S
         mask = (near & given.exists[:, None]) | torch.eye(near.shape[1], dtype=torch.bool, device=near.device)
         for block in self.blocks:
-            h = block(h, rotary, mask[:, None])
+            h = block(h, turning, mask[:, None])
         raw = self.outward(self.norm(h))
         delta, pose, pose_log_sigma, swapped, contacts = raw.split(_PARTS, dim=-1)
         has = given.has_landmarks[..., None, None].to(h.dtype)
@@ -133,7 +133,9 @@ def rotations_of(six: Tensor) -> Tensor:
     return torch.stack([x, y, torch.linalg.cross(x, y)], dim=-1)
 
 
-class _Block(nn.Module):
+class Block(nn.Module):
+    """Attention and a perceptron, normalised before (Xiong et al. 2020), over frames with rotary positions."""
+
     def __init__(self, width: int, heads: int) -> None:
         super().__init__()
         self.heads = heads
@@ -142,17 +144,18 @@ class _Block(nn.Module):
         self.mlp = nn.Sequential(nn.Linear(width, 3 * width), nn.GELU(), nn.Linear(3 * width, width))
         self.dropout = nn.Dropout(0.1)
 
-    def forward(self, h: Tensor, rotary: tuple[Tensor, Tensor], mask: Tensor) -> Tensor:
+    def forward(self, h: Tensor, positions: tuple[Tensor, Tensor], mask: Tensor) -> Tensor:
+        """(B,n,width) to the same; `positions` by `rotary`, `mask` true where a frame sees another."""
         B, n, width = h.shape
         q, k, v = self.qkv(self.norm1(h)).reshape(B, n, 3, self.heads, -1).permute(2, 0, 3, 1, 4)
-        q, k = _rotated(q, rotary), _rotated(k, rotary)
+        q, k = _rotated(q, positions), _rotated(k, positions)
         attended = nn.functional.scaled_dot_product_attention(q, k, v, attn_mask=mask)
         h = h + self.dropout(self.out(attended.transpose(1, 2).reshape(B, n, width)))
         h = h + self.dropout(self.mlp(self.norm2(h)))
         return torch.as_tensor(h)
 
 
-def _rotary(time_s: Tensor, size: int) -> tuple[Tensor, Tensor]:
+def rotary(time_s: Tensor, size: int) -> tuple[Tensor, Tensor]:
     """Cosines and sines (B,1,n,size/2) of each frame's phase."""
     count = size // 2
     wavelength = torch.exp(torch.linspace(math.log(FASTEST_S * 4), math.log(SLOWEST_S), count, device=time_s.device))
@@ -160,7 +163,7 @@ def _rotary(time_s: Tensor, size: int) -> tuple[Tensor, Tensor]:
     return torch.cos(phase), torch.sin(phase)
 
 
-def _rotated(x: Tensor, rotary: tuple[Tensor, Tensor]) -> Tensor:
-    c, s = rotary
+def _rotated(x: Tensor, positions: tuple[Tensor, Tensor]) -> Tensor:
+    c, s = positions
     a, b = x.chunk(2, dim=-1)
     return torch.cat([a * c - b * s, a * s + b * c], dim=-1)

@@ -1,12 +1,15 @@
 """`humanmm train`: the shipped networks from the repository's motion capture."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from typer import Option
 
 from humanmm.cli.terminal import write
 from humanmm.cli.verb import BENCHMARK, app, group, verb
+
+if TYPE_CHECKING:
+    from humanmm.models.learning.motion_training import MotionRecipe
 
 Packs = Annotated[list[Path], Option(metavar="FILE…", help="motion capture (default: data/mocap's packs)")]
 
@@ -31,19 +34,89 @@ def pairs(
     write(build_pairs.fn(split, count, out, tuple(mocap), threads))
 
 
+Pairs = Annotated[Path, Option(metavar="DIR", help="pairs of the splits train and dev", show_default=False)]
+Out = Annotated[Path, Option(metavar="DIR", help="checkpoint, curve, network and card", show_default=False)]
+Steps = Annotated[int | None, Option(metavar="N", min=1, help="so many steps instead of the recipe's")]
+Seed = Annotated[int, Option(metavar="S", help="another seed gives other weights")]
+Device = Annotated[str, Option(metavar="NAME", help="cpu or cuda")]
+MsHmrFile = Annotated[
+    Path | None, Option("--ms-hmr", metavar="FILE", help="what train ms-hmr made (default: the shipped network)")
+]
+PredictorFile = Annotated[
+    Path | None, Option("--predictor", metavar="FILE", help="what train trajectory made (default: the shipped network)")
+]
+
+
 @verb(train, "lifter")
 def lifter(
     *,
-    pairs: Annotated[Path, Option(metavar="DIR", help="pairs of the splits train and dev", show_default=False)],
-    out: Annotated[Path, Option(metavar="DIR", help="checkpoint, curve, network and card", show_default=False)],
-    steps: Annotated[int | None, Option(metavar="N", min=1, help="so many steps instead of the recipe's")] = None,
-    seed: Annotated[int, Option(metavar="S", help="another seed gives other weights")] = 0,
+    pairs: Pairs,
+    out: Out,
+    steps: Steps = None,
+    seed: Seed = 0,
     mocap: Packs = [],  # noqa: B006
-    device: Annotated[str, Option(metavar="NAME", help="cpu or cuda")] = "cpu",
+    device: Device = "cpu",
 ) -> None:
     """Train the network that lifts people from the pictures into space; goes on from its last checkpoint."""
     from humanmm.flows.training.lifter import train_lifter
-    from humanmm.models.learning.training import Recipe
+    from humanmm.models.learning.lifter_training import LifterRecipe
 
-    recipe = Recipe(seed=seed) if steps is None else Recipe(seed=seed, steps=steps)
+    recipe = LifterRecipe(seed=seed) if steps is None else LifterRecipe(seed=seed, steps=steps)
     write(train_lifter.fn(pairs, out, recipe, tuple(mocap), device))
+
+
+@verb(train, "ms-hmr")
+def ms_hmr(
+    *,
+    pairs: Pairs,
+    out: Out,
+    steps: Steps = None,
+    seed: Seed = 0,
+    mocap: Packs = [],  # noqa: B006
+    device: Device = "cpu",
+) -> None:
+    """Train the encoder that corrects poses over all shots; goes on from its last checkpoint."""
+    from humanmm.flows.training.motion import Material, train_ms_hmr
+
+    write(train_ms_hmr.fn(Material(pairs, tuple(mocap)), out, _motion_recipe(steps, seed), device))
+
+
+@verb(train, "trajectory")
+def trajectory(
+    *,
+    pairs: Pairs,
+    out: Out,
+    ms_hmr: MsHmrFile = None,
+    steps: Steps = None,
+    seed: Seed = 0,
+    mocap: Packs = [],  # noqa: B006
+    device: Device = "cpu",
+) -> None:
+    """Train the network that says from limbs how people go and which feet stand; goes on from its last checkpoint."""
+    from humanmm.flows.training.motion import Material, train_trajectory
+
+    write(train_trajectory.fn(Material(pairs, tuple(mocap)), out, ms_hmr, _motion_recipe(steps, seed), device))
+
+
+@verb(train, "refiner")
+def refiner(
+    *,
+    pairs: Pairs,
+    out: Out,
+    ms_hmr: MsHmrFile = None,
+    predictor: PredictorFile = None,
+    steps: Steps = None,
+    seed: Seed = 0,
+    mocap: Packs = [],  # noqa: B006
+    device: Device = "cpu",
+) -> None:
+    """Train the network that weighs that against what the cameras show; goes on from its last checkpoint."""
+    from humanmm.flows.training.motion import Material, train_refiner
+
+    write(train_refiner.fn(Material(pairs, tuple(mocap)), out, ms_hmr, predictor, _motion_recipe(steps, seed), device))
+
+
+def _motion_recipe(steps: int | None, seed: int) -> "MotionRecipe":
+    from humanmm.models.learning.motion_training import MotionRecipe
+
+    return MotionRecipe(seed=seed) if steps is None else MotionRecipe(seed=seed, steps=steps)

@@ -1,4 +1,4 @@
-"""The planted-feet term: its derivatives, and what it counts."""
+"""The terms of the fit over the whole clip: their derivatives, and what they count."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from humanmm.models.body.body24 import load_body
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.motion.fit.equations import NormalEquations
 from humanmm.models.motion.fit.state import NUM_PARAMETERS, Motion, Skeleton
-from humanmm.models.motion.refine.fit import PlantedFeet, Uprightness
+from humanmm.models.motion.refine.fit import PlantedFeet, RootVelocity, Uprightness
 from humanmm.models.records.recording import CONTACT_JOINTS
 
 N = 5
@@ -79,3 +79,18 @@ def test_a_small_lean_is_drawn_upright_and_who_lies_or_stands_on_his_head_is_lef
     assert pull(0.0) == pytest.approx(0.0, abs=1e-9)
     assert pull(10.0) > 2 * pull(80.0)  # beyond its scale a Cauchy kernel lets go
     assert pull(170.0) == 0.0
+
+
+def test_the_root_s_velocity_draws_the_path_and_its_gradient_is_that_of_its_cost(motion: Motion) -> None:
+    velocity = np.random.default_rng(4).normal(0, 0.3, (N, 3))
+    term = RootVelocity(motion.R_ref_root, velocity, np.full((N, 3), 0.2), TIME, weight=2.0)
+    equations = NormalEquations(N)
+    term.add(motion, equations)
+    direction = np.random.default_rng(5).normal(size=(N, NUM_PARAMETERS))
+    direction[:, :3] = 0  # the axes are those in which the network looked
+    ahead, behind = (term.cost(motion.moved(sign * 1e-6 * direction)) for sign in (1, -1))
+    assert np.sum(equations.gradient * direction) == pytest.approx((ahead - behind) / 2e-6, rel=1e-4)
+    span = np.diff(TIME)[:, None]
+    steps = np.einsum("nij,nj->ni", motion.R_ref_root[:-1], velocity[:-1]) * span
+    path = np.concatenate([motion.pelvis_ref[:1], motion.pelvis_ref[:1] + np.cumsum(steps, axis=0)])
+    assert term.cost(Motion(FEET, motion.R_ref_root, path, motion.R_body)) == pytest.approx(0.0, abs=1e-12)

@@ -1,0 +1,101 @@
+"""What `hmr` makes of rendered windows: the errors that ms-HMR, trajectory predictor and refiner have to live with."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from humanmm.models.body.body24 import FREE_JOINTS, load_body
+from humanmm.models.geometry.projection import inverse_pose
+from humanmm.models.geometry.rotations import rotvec_to_rotmat
+from humanmm.models.motion.fit.evidence import gather
+from humanmm.models.motion.fit.hmr import fit_person
+from humanmm.models.motion.fit.state import CameraPath
+from humanmm.models.perception.interfaces import Lifter
+from humanmm.models.perception.lifting.lifted import lifted_people
+from humanmm.models.perception.observation import MIN_CONFIDENCE
+from humanmm.models.perception.regions import Region
+from humanmm.models.records.tracks import MASK_SIDE, PersonTrack, ScenePeople, Silhouettes
+from humanmm.models.shots.identity import bone_lengths, shape_from_bones
+
+Array = np.ndarray
+
+FEWEST_FRAMES = 8
+"""A window in which a person is seen less often is not fitted."""
+
+
+@dataclass(frozen=True, eq=False)
+class FittedWindow:
+    """One window of `learning.pairs.PairWindow`, n frames; zeros where nothing was fitted."""
+
+    observed: Bool[Array, " n"]
+    fitted: Bool[Array, " n"]
+    """From the first observed frame to the last."""
+    R_cam_root_fitted: Float[Array, "n 3 3"]
+    body_pose_fitted: Float[Array, "n 23 3"]
+    pelvis_cam_fitted: Float[Array, "n 3"]
+    confidence_fitted: Float[Array, " n"]
+    betas_fitted: Float[Array, " 10"]
+
+    def packed(self) -> dict[str, Array]:
+        """Its arrays, in single precision."""
+        arrays = {field.name: np.asarray(getattr(self, field.name)) for field in fields(self)}
+        return {k: v if v.dtype == bool else v.astype(np.float32) for k, v in arrays.items()}
+
+
+def fit_window(window: Mapping[str, Array], lifter: Lifter) -> FittedWindow:
+    """The body fitted to what the networks saw in one window of pairs (its arrays), with its true camera."""
+    arrays = {name: values.astype(np.float64) for name, values in window.items()}
+    n = len(arrays["time_s"])
+    empty = FittedWindow(
+        np.zeros(n, bool), np.zeros(n, bool), np.tile(np.eye(3), (n, 1, 1)), np.zeros((n, 23, 3)), np.zeros((n, 3)),
+        np.zeros(n), np.zeros(10),
+    )  # fmt: skip
+    seen = np.flatnonzero(arrays["confidence"] >= MIN_CONFIDENCE)
+    if len(seen) < FEWEST_FRAMES:
+        return empty
+    size = (int(arrays["size"][0]), int(arrays["size"][1]))
+    people = ScenePeople(0, n, (_track(arrays, seen),))
+    track = lifted_people(people, lifter, arrays["time_s"], size).tracks[0]
+    betas = shape_from_bones(bone_lengths(track.landmarks3d.astype(np.float64)), load_body()).astype(np.float64)
+    evidence = gather(track, (0, n), arrays["time_s"], arrays["K"])
+    if evidence is None:
+        return empty
+    R_first, t_first = arrays["R_world_cam"][0], arrays["t_world_cam"][0]
+    R, t = R_first.T @ arrays["R_world_cam"], (arrays["t_world_cam"] - t_first) @ R_first
+    rows = slice(int(evidence.frame[0]), int(evidence.frame[-1]) + 1)
+    fit = fit_person(0, evidence, betas, CameraPath(*inverse_pose(R[rows], t[rows]), arrays["K"][rows]))
+    empty.observed[fit.frame], empty.fitted[fit.frame] = fit.observed, True
+    empty.R_cam_root_fitted[fit.frame], empty.body_pose_fitted[fit.frame] = fit.R_cam_root, fit.body_pose
+    empty.pelvis_cam_fitted[fit.frame], empty.confidence_fitted[fit.frame] = fit.pelvis_cam, fit.confidence
+    empty.betas_fitted[:] = fit.betas
+    return empty
+
+
+def _track(window: Mapping[str, Array], seen: Array) -> PersonTrack:
+    """What the networks saw, as a tracker would hand it on."""
+    n = len(seen)
+    affine = np.stack([Region(*row).to_source(MASK_SIDE) for row in window["region"][seen].tolist()])
+    return PersonTrack(
+        frame=seen.astype(np.int32),
+        keypoints2d=window["keypoints"][seen].astype(np.float32),
+        landmarks3d=window["landmarks3d"][seen].astype(np.float32),
+        bbox=np.zeros((n, 4), np.float32),
+        confidence=window["confidence"][seen].astype(np.float32),
+        masks=Silhouettes(np.zeros(0, np.uint8), np.zeros(n, np.int64)),
+        mask_affine=affine,
+        color_frame=np.zeros(0, np.int32),
+        color_histogram=np.zeros((0, 1), np.float32),
+    )
+
+
+def rotations_of_windows(
+    R_world_cam: Float[Array, "*batch 3 3"],
+    R_cam_root: Float[Array, "*batch 3 3"],
+    body_pose: Float[Array, "*batch 23 3"],
+) -> Float[Array, "*batch 20 3 3"]:
+    """Rotations of the root in the world and of the free joints."""
+    root = R_world_cam.astype(np.float64) @ R_cam_root
+    joints = rotvec_to_rotmat(body_pose.astype(np.float64)[..., [joint - 1 for joint in FREE_JOINTS], :])
+    return np.concatenate([root[..., None, :, :], joints], axis=-3)

@@ -1,0 +1,47 @@
+"""The training of the lifter: rendered windows, and other motion with their errors."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from humanmm.models.learning.objective import loss
+from humanmm.models.learning.other_motion import OtherMotion
+from humanmm.models.learning.training import Recipe, Training
+from humanmm.models.learning.windows import Variation, Windows, varied
+from humanmm.models.perception.lifting.network import LifterNetwork
+
+
+@dataclass(frozen=True)
+class LifterRecipe(Recipe):
+    """See `Recipe`."""
+
+    steps: int = 12_000
+    other_motion: float = 0.5
+    """Fraction of the batches that show other motion than was rendered."""
+    coco: tuple[float, float] = (0.15, 0.5)
+    """Windows with COCO's keypoints alone: of rendered and of other motion."""
+
+
+def lifter_training(
+    recipe: LifterRecipe, windows: Windows, other: OtherMotion, *, device: str = "cpu"
+) -> Training[LifterNetwork]:
+    """A training at its first step."""
+
+    def build() -> LifterNetwork:
+        network = LifterNetwork()
+        with torch.no_grad():
+            network.mean.copy_(windows.truth[windows.exists].mean(dim=0))
+        return network
+
+    def batch_loss(network: LifterNetwork, rng: np.random.Generator, generator: torch.Generator) -> Tensor:
+        if rng.random() < recipe.other_motion:
+            drawn, coco = other.draw(recipe.batch, rng), recipe.coco[1]
+        else:
+            index = torch.randint(len(windows), (recipe.batch,), generator=generator)
+            drawn, coco = windows.chosen(index), recipe.coco[0]
+        wanted, given = varied(drawn, Variation(coco=coco), generator)
+        return loss(network(given.to(device)), wanted.to(device))
+
+    return Training(recipe, build, batch_loss, device=device)
