@@ -47,7 +47,8 @@ def pair_arrays() -> dict[str, np.ndarray]:
             "t_world_cam": np.tile(eye, (FRAMES, 1)), "keypoints": keypoints, "landmarks3d": landmarks,
             "region": np.column_stack([centre, side, np.zeros(FRAMES)]), "confidence": np.full(FRAMES, 0.9),
             "betas": betas, "body_pose": pose, "R_cam_root": R_WORLD_CAM.T @ R[:, 0], "truth_cam": truth,
-            "contacts": np.zeros((FRAMES, 4)),
+            "contacts": np.zeros((FRAMES, 4)), "size": np.array([640.0, 360.0]),
+            "joints_cam": (joints - eye) @ R_WORLD_CAM,
         }  # fmt: skip
         for name, value in values.items():
             rows.setdefault(name, []).append(value.astype(np.float32))

@@ -1,9 +1,7 @@
 """Body fits of a set of pairs, made once and kept beside them: ms-HMR and the trajectory networks learn from them."""
 
 import logging
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -13,7 +11,7 @@ from humanmm.models.perception.lifting.lift import lift
 from humanmm.models.weights.shipped import manifest
 from humanmm.storage.training.pair_set import PairSet, identity_of, read_group, read_pairs
 from humanmm.tasks.units.digest import code_digest
-from humanmm.tasks.units.process import in_processes, prepare_process
+from humanmm.tasks.units.process import made_in_processes, prepare_process
 
 log = logging.getLogger(__name__)
 
@@ -28,8 +26,7 @@ def fitted_pairs(pairs: Path, split: Split, threads: int = 2) -> dict[str, np.nd
     fits.folder.mkdir(exist_ok=True)
     names = [path.stem for path in sorted(pairs.glob(f"{split}-*.zarr"))]
     missing = [(pairs, fits, name) for name in names if not fits.has(name)]
-    make: Callable[..., Any] = fit_group
-    for done, (_, name) in enumerate(in_processes(make, missing, threads), start=1):
+    for done, name in enumerate(made_in_processes(fit_group, missing, threads), start=1):
         log.info("%s: fits of %d of %d groups", name, done, len(missing))
     return arrays | read_pairs(fits.folder, split)[0]
 

@@ -2,10 +2,8 @@
 
 import hashlib
 import logging
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from prefect import flow
@@ -19,7 +17,7 @@ from humanmm.models.weights.shipped import manifest
 from humanmm.storage.readers.mocap_pack import read_pack
 from humanmm.storage.training.pair_set import PairSet, identity_of
 from humanmm.tasks.units.digest import code_digest
-from humanmm.tasks.units.process import in_processes, prepare_process
+from humanmm.tasks.units.process import made_in_processes, prepare_process
 
 log = logging.getLogger(__name__)
 
@@ -65,18 +63,9 @@ def build_pairs(split: Split, count: int, out: Path, packs: tuple[Path, ...] = (
     missing = [(name, numbers) for name, numbers in plan.groups() if not pair_set.has(name)]
     log.info("%s: %d of %d groups are to be made", out, len(missing), len(plan.groups()))
     calls = [(plan, pair_set, name, numbers) for name, numbers in missing]
-    for done, name in enumerate(_made(calls, threads), start=1):
+    for done, name in enumerate(made_in_processes(make_group, calls, threads), start=1):
         log.info("%s: %d of %d groups", name, done, len(missing))
     return out
-
-
-def _made(calls: list[tuple[PairPlan, PairSet, str, range]], threads: int) -> Iterator[str]:
-    if threads == 1 or len(calls) == 1:
-        yield from (make_group(*call) for call in calls)
-        return
-    make: Callable[..., Any] = make_group
-    for _, name in in_processes(make, calls, threads):
-        yield name
 
 
 def make_group(plan: PairPlan, pair_set: PairSet, name: str, numbers: range) -> str:

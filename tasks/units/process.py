@@ -76,6 +76,15 @@ def in_processes(
             raise
 
 
+def made_in_processes(function: Callable[..., T], calls: Sequence[tuple[Any, ...]], processes: int) -> Iterator[T]:
+    """The results alone; in this process where there is one call or one process to make it in."""
+    if processes == 1 or len(calls) == 1:
+        yield from (function(*call) for call in calls)
+        return
+    for _, result in in_processes(function, calls, processes):
+        yield result
+
+
 def _begin_child(parent: int) -> None:
     end_with_parent(parent)
     prepare_process()

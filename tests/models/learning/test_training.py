@@ -5,16 +5,18 @@ import io
 import torch
 from pair_windows import pair_arrays, walk
 
+from humanmm.models.learning.lifter_training import LifterRecipe, lifter_training
 from humanmm.models.learning.other_motion import OtherMotion
-from humanmm.models.learning.training import LifterTraining, Recipe
+from humanmm.models.learning.training import Training
 from humanmm.models.learning.windows import windows_of
+from humanmm.models.perception.lifting.network import LifterNetwork
 
-RECIPE = Recipe(steps=6, batch=2, warm_up=2)
+RECIPE = LifterRecipe(steps=6, batch=2, warm_up=2)
 
 
-def training() -> LifterTraining:
+def training() -> Training[LifterNetwork]:
     windows, errors = windows_of(pair_arrays())
-    return LifterTraining(RECIPE, windows, OtherMotion([walk()], pair_arrays(), windows, errors))
+    return lifter_training(RECIPE, windows, OtherMotion([walk()], pair_arrays(), windows, errors))
 
 
 def test_a_restored_training_gives_the_same_weights() -> None:

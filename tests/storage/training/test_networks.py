@@ -2,12 +2,27 @@
 
 from pathlib import Path
 
+import pytest
 import torch
 from safetensors.torch import load_file
 
-from humanmm.storage.training.networks import write_network
+from humanmm.errors import InputError
+from humanmm.storage.training.networks import read_network, write_network
 
 
 def test_a_network_is_written_in_half_precision(tmp_path: Path) -> None:
     write_network(tmp_path / "n.safetensors", torch.nn.Linear(3, 2))
     assert {value.dtype for value in load_file(tmp_path / "n.safetensors").values()} == {torch.float16}
+
+
+def test_a_network_comes_back_and_another_is_refused(tmp_path: Path) -> None:
+    torch.manual_seed(0)
+    network = torch.nn.Linear(3, 2)
+    write_network(tmp_path / "n.safetensors", network)
+    torch.testing.assert_close(
+        read_network(tmp_path / "n.safetensors", torch.nn.Linear(3, 2)).weight, network.weight, atol=1e-3, rtol=0
+    )
+    with pytest.raises(InputError, match="is no Linear"):
+        read_network(tmp_path / "n.safetensors", torch.nn.Linear(4, 2))
+    with pytest.raises(InputError, match=r"none\.safetensors is no Linear"):
+        read_network(tmp_path / "none.safetensors", torch.nn.Linear(3, 2))
