@@ -41,5 +41,6 @@ def people(inputs: StageInputs) -> ScenePeople:
             networks=networks,
             lifter=load("lifting.method", inputs.config.lifting.method),
             given=given,
+            hands=settings.hands,
             progress=inputs.progress,
         )

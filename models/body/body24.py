@@ -35,12 +35,13 @@ ROTATED_JOINTS = (0, *FREE_JOINTS)
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """A shaped, skinned kinematic tree. V vertices, F triangles, B shape components."""
+    """A shaped, skinned kinematic tree. J joints (24, with fingers 52), V vertices, F triangles, B shape components."""
 
+    joint_names: tuple[str, ...]
     parents: tuple[int, ...]
     """Parent of each joint; the root's is −1; parents come before children."""
-    J_template: Float[Array, "24 3"]
-    J_shapedirs: Float[Array, "B 24 3"]
+    J_template: Float[Array, "J 3"]
+    J_shapedirs: Float[Array, "B J 3"]
     v_template: Float[Array, "V 3"]
     shapedirs: Float[Array, "B V 3"]
     skin_joint: Int[Array, "V 4"]
@@ -54,7 +55,7 @@ class Body:
         """Length of the shape vector."""
         return len(self.J_shapedirs)
 
-    def rest_joints(self, betas: Float[Array, " B"]) -> Float[Array, "24 3"]:
+    def rest_joints(self, betas: Float[Array, " B"]) -> Float[Array, "J 3"]:
         """Joints of the rest pose of one shape, metres, y up."""
         return self.J_template + np.tensordot(np.asarray(betas, np.float64), self.J_shapedirs, axes=1)
 
@@ -74,6 +75,7 @@ def load_body() -> Body:
     with np.load(io.BytesIO(read_weights("body24.npz"))) as file:
         weight = file["wval"].astype(np.float32)
         body = Body(
+            joint_names=JOINT_NAMES,
             parents=tuple(int(p) if p >= 0 else -1 for p in file["parents"]),
             J_template=file["J_template"].astype(np.float64),
             J_shapedirs=file["J_shapedirs"].astype(np.float64),

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.models.body.body24 import NUM_JOINTS, PARENTS
+from humanmm.models.body.body24 import PARENTS
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
 
 Array = np.ndarray
@@ -36,42 +36,47 @@ def by_chunks(function: Callable[[Array], Array], values: Array) -> Array:
 
 
 def local_rotations(
-    R_root: Float[Array, "frames 3 3"], body_pose: Float[Array, "frames 23 3"]
-) -> Float[Array, "frames 24 3 3"]:
+    R_root: Float[Array, "frames 3 3"], body_pose: Float[Array, "frames J-1 3"]
+) -> Float[Array, "frames J 3 3"]:
     """Every joint's rotation relative to its parent; the root's is R_root."""
     return np.concatenate([np.asarray(R_root, np.float64)[:, None], rotvec_to_rotmat(body_pose)], axis=1)
 
 
 def compose(
-    rest_joints: Float[Array, "24 3"], R_local: Float[Array, "frames 24 3 3"], pelvis: Float[Array, "frames 3"]
-) -> tuple[Float[Array, "frames 24 3"], Float[Array, "frames 24 3 3"]]:
-    """Joint positions and joint rotations from local rotations."""
+    rest_joints: Float[Array, "J 3"],
+    R_local: Float[Array, "frames J 3 3"],
+    pelvis: Float[Array, "frames 3"],
+    parents: tuple[int, ...] = PARENTS,
+) -> tuple[Float[Array, "frames J 3"], Float[Array, "frames J 3 3"]]:
+    """Joint positions and joint rotations from local rotations; `parents` are the body's."""
     R = np.empty_like(R_local)
-    joints = np.empty((len(R_local), NUM_JOINTS, 3))
+    joints = np.empty((len(R_local), len(parents), 3))
     R[:, 0], joints[:, 0] = R_local[:, 0], pelvis
-    for j in range(1, NUM_JOINTS):
-        parent = PARENTS[j]
+    for j in range(1, len(parents)):
+        parent = parents[j]
         R[:, j] = R[:, parent] @ R_local[:, j]
         joints[:, j] = joints[:, parent] + R[:, parent] @ (rest_joints[j] - rest_joints[parent])
     return joints, R
 
 
 def forward_kinematics(
-    rest_joints: Float[Array, "24 3"],
+    rest_joints: Float[Array, "J 3"],
     R_root: Float[Array, "frames 3 3"],
-    body_pose: Float[Array, "frames 23 3"],
+    body_pose: Float[Array, "frames J-1 3"],
     pelvis: Float[Array, "frames 3"],
-) -> tuple[Float[Array, "frames 24 3"], Float[Array, "frames 24 3 3"]]:
+    parents: tuple[int, ...] = PARENTS,
+) -> tuple[Float[Array, "frames J 3"], Float[Array, "frames J 3 3"]]:
     """Joint positions (metres) and joint rotations from the pose parameters of `models.motion.results`.
 
     `rest_joints` is `body.rest_joints(betas)`; only differences of it are used, so `pelvis` is the pelvis joint itself.
+    J is 24, or 52 with fingers; `parents` are the body's.
     """
-    return compose(rest_joints, local_rotations(R_root, body_pose), pelvis)
+    return compose(rest_joints, local_rotations(R_root, body_pose), pelvis, parents)
 
 
 def skinning_transforms(
-    rest_joints: Float[Array, "24 3"], joints: Float[Array, "frames 24 3"], R: Float[Array, "frames 24 3 3"]
-) -> Float[Array, "frames 24 3 4"]:
+    rest_joints: Float[Array, "J 3"], joints: Float[Array, "frames J 3"], R: Float[Array, "frames J 3 3"]
+) -> Float[Array, "frames J 3 4"]:
     """[R | t] of each joint that takes a rest-pose point to the posed body: x = R x_rest + t."""
     t = joints - np.einsum("njab,jb->nja", R, rest_joints)
     return np.concatenate([R, t[..., None]], axis=-1)

@@ -1,8 +1,8 @@
-"""The surface that is drawn: body24 with 2,000 of its triangles, posed frame by frame in camera axes.
+"""The surface that is drawn: body24 with 2,000 triangles, with fingers 3,200, posed frame by frame in camera axes.
 
-`weights/body24_drawn.npz` names the kept vertices (scripts/build_drawn_mesh makes it: the body without tongue and
-eyeballs, decimated). Normals come from the full mesh at rest and rotate with the skinning, so that the small mesh is
-shaded like the big one.
+`weights/body24_drawn.npz` and `body52_drawn.npz` name the kept vertices (scripts/build_drawn_mesh makes them: the body
+without tongue and eyeballs, decimated). Normals come from the full mesh at rest and rotate with the skinning, so that
+the small mesh is shaded like the big one.
 """
 
 import io
@@ -12,7 +12,8 @@ from functools import lru_cache
 import numpy as np
 from jaxtyping import Float, Int
 
-from humanmm.models.body.body24 import NUM_JOINTS, Body, load_body
+from humanmm.models.body.body24 import Body
+from humanmm.models.body.fingers import body_of
 from humanmm.models.body.kinematics import forward_kinematics, skinning_transforms
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.records.recording import RecordedPerson
@@ -32,10 +33,10 @@ class DrawnMesh:
     """Indices into `vertices`, counter-clockwise seen from outside."""
 
 
-@lru_cache(maxsize=1)
-def load_drawn_mesh() -> DrawnMesh:
-    """The shipped small mesh."""
-    with np.load(io.BytesIO(read_weights("body24_drawn.npz"))) as file:
+@lru_cache(maxsize=2)
+def load_drawn_mesh(name: str = "body24_drawn.npz") -> DrawnMesh:
+    """One of the shipped small meshes."""
+    with np.load(io.BytesIO(read_weights(name))) as file:
         return DrawnMesh(file["vertices"].astype(np.int64), file["faces"].astype(np.int64))
 
 
@@ -43,15 +44,17 @@ class PosedSurface:
     """One recorded person's drawn surface over time."""
 
     def __init__(self, person: RecordedPerson) -> None:
-        body, mesh = load_body(), load_drawn_mesh()
+        body = body_of(person)
+        mesh = load_drawn_mesh("body24_drawn.npz" if person.hand_pose is None else "body52_drawn.npz")
         rest = body.rest_vertices(person.betas)
         self.faces = mesh.faces
         self._person = person
+        self._parents = body.parents
         self._rest_joints = body.rest_joints(person.betas)
         self._rest = rest[mesh.vertices].astype(np.float32)
         self._normals = vertex_normals(body, rest)[mesh.vertices]
         self._weights = dense_weights(body, mesh.vertices)
-        self._window = (0, np.zeros((0, NUM_JOINTS, 12), np.float32))
+        self._window = (0, np.zeros((0, len(body.parents), 12), np.float32))
 
     def in_camera(
         self, row: int, R_world_cam: Float[np.ndarray, "3 3"], t_world_cam: Float[np.ndarray, "3"]
@@ -78,16 +81,17 @@ class PosedSurface:
         joints, R = forward_kinematics(
             self._rest_joints,
             rotvec_to_rotmat(person.root_orient[rows].astype(np.float64)),
-            person.body_pose[rows].astype(np.float64),
+            person.pose(rows).astype(np.float64),
             person.pelvis[rows].astype(np.float64),
+            self._parents,
         )
         transforms = skinning_transforms(self._rest_joints, joints, R)
-        return transforms.astype(np.float32).reshape(len(transforms), NUM_JOINTS, 12)
+        return transforms.astype(np.float32).reshape(*transforms.shape[:2], 12)
 
 
 def dense_weights(body: Body, vertices: np.ndarray) -> np.ndarray:
-    """(n,24) float32 skinning weight of each joint for the chosen vertices."""
-    weights = np.zeros((len(vertices), NUM_JOINTS), np.float32)
+    """(n,J) float32 skinning weight of each joint for the chosen vertices."""
+    weights = np.zeros((len(vertices), len(body.parents)), np.float32)
     np.add.at(weights, (np.arange(len(vertices))[:, None], body.skin_joint[vertices]), body.skin_weight[vertices])
     return weights
 

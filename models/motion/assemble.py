@@ -1,6 +1,7 @@
 """Assembles the recording: the only module where world motion, the detector's observations and the shot list meet."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
@@ -9,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.kinematics import forward_kinematics
 from humanmm.models.geometry.projection import in_front, project, world_to_camera
+from humanmm.models.motion.hands.recorded import RecordedHands, recorded_hands
 from humanmm.models.records import landmarks
 from humanmm.models.records.motion import PersonMotion, WorldMotion
 from humanmm.models.records.recording import RecordedPerson, Recording
@@ -27,11 +29,17 @@ def record_motion(
 
     `scenes`: what the detector saw, one a scene, None where it failed.
     """
-    body = load_body()
+    body, hands = load_body(), {}
+    if any(track.hands is not None for scene in scenes if scene is not None for track in scene.tracks):
+        for person in motion.people:
+            tracks = [(shot, track) for shot in shot_list.shots if (track := _track_of(person.person, shot, scenes))]
+            hands[person.person] = recorded_hands(person, motion, facts.time_s, tracks)
+        bent = (replace(person, body_pose=hands[person.person].body_pose) for person in motion.people)
+        motion = replace(motion, people=tuple(bent))
     rest = {person.person: body.rest_joints(person.betas) for person in motion.people}
     joints = {person.person: world_joints(person, rest[person.person]) for person in motion.people}
     pelvis = {number: joints_at_rest[0] for number, joints_at_rest in rest.items()}
-    return assemble(facts, shot_list, scenes, motion, rest_pelvis=pelvis, joints_world=joints)
+    return assemble(facts, shot_list, scenes, motion, rest_pelvis=pelvis, joints_world=joints, hands=hands)
 
 
 def assemble(
@@ -42,8 +50,10 @@ def assemble(
     *,
     rest_pelvis: Mapping[int, Float[np.ndarray, "3"]],
     joints_world: Mapping[int, Float[np.ndarray, "frames 24 3"]],
+    hands: Mapping[int, RecordedHands] | None = None,
 ) -> Recording:
-    """The recording of one video. By person number: `rest_pelvis` is J0(betas), `joints_world` forward kinematics."""
+    """The recording of one video. By person number: `rest_pelvis` is J0(betas), `joints_world` forward kinematics, and
+    `hands` if anybody looked at them."""
     in_transition = transition_frames(shot_list)
     probability = {person.person: person.probability for person in shot_list.people}
     people = []
@@ -51,6 +61,7 @@ def assemble(
         keypoints2d, bbox, seen = _observations(person, shot_list, scenes)
         joints = np.asarray(joints_world[person.person], np.float32)
         bbox[~seen] = _projected_boxes(joints[~seen], motion, person.frame[~seen])
+        fingers = (hands or {}).get(person.person)
         people.append(
             RecordedPerson(
                 person=person.person,
@@ -66,6 +77,8 @@ def assemble(
                 bbox=bbox,
                 confidence=person.confidence.astype(np.float32),
                 probability=probability[person.person],
+                hand_pose=fingers.hand_pose.astype(np.float32) if fingers is not None else None,
+                hand_confidence=fingers.confidence.astype(np.float32) if fingers is not None else None,
             )
         )
     return Recording(

@@ -9,13 +9,14 @@ import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from humanmm.errors import InputError
 from humanmm.models.body.body24 import NUM_JOINTS, load_body
+from humanmm.models.body.fingers import body_of
 from humanmm.models.body.kinematics import chunks, forward_kinematics, local_rotations
 from humanmm.models.geometry.axes import R_ZUP_YUP
 from humanmm.models.geometry.rotations import (
@@ -86,15 +87,18 @@ class Excerpt:
         """World points, metres, in the axes and the unit of the file, float64."""
         return np.asarray(self.scale * (np.asarray(points_world, np.float64) @ self.R_file_world.T))
 
-    def rest_joints(self, person: RecordedPerson) -> Float[np.ndarray, "24 3"]:
-        """Joints of the person's rest pose in the axes and the unit of the file. InputError for another body model."""
-        self._expect_body24()
-        return np.asarray(self.scale * load_body().rest_joints(person.betas) @ self.R_file_body.T)
+    def rest_joints(self, person: RecordedPerson) -> Float[np.ndarray, "J 3"]:
+        """Joints of the rest pose of the person's body (`body_of`) in the axes and the unit of the file.
 
-    def local_rotations(self, person: RecordedPerson, rows: slice) -> Float[np.ndarray, "n 24 3 3"]:
+        InputError for another body model.
+        """
+        self._expect_body24()
+        return np.asarray(self.scale * body_of(person).rest_joints(person.betas) @ self.R_file_body.T)
+
+    def local_rotations(self, person: RecordedPerson, rows: slice) -> Float[np.ndarray, "n J 3 3"]:
         """Each joint relative to its parent, the pelvis to the file's axes; they pose `rest_joints`."""
         A = self.R_file_body
-        R = local_rotations(rotvec_to_rotmat(person.root_orient[rows]), person.body_pose[rows])
+        R = local_rotations(rotvec_to_rotmat(person.root_orient[rows]), person.pose(rows))
         R = A @ R @ A.T
         R[:, 0] = self.R_file_world @ rotvec_to_rotmat(person.root_orient[rows]) @ A.T
         return np.asarray(R)
@@ -197,10 +201,7 @@ def _resampled_person(person: RecordedPerson, at_s: np.ndarray, known_s: np.ndar
     frame = np.flatnonzero(inside)
     new_s = at_s[frame]
     R_root = interpolate_rotations(new_s, own_s, rotvec_to_rotmat(person.root_orient))
-    pose = np.empty((len(frame), NUM_JOINTS - 1, 3))
-    for joint in range(NUM_JOINTS - 1):
-        R = interpolate_rotations(new_s, own_s, rotvec_to_rotmat(person.body_pose[:, joint]))
-        pose[:, joint] = rotmat_to_rotvec(R)
+    pose = _resampled_rotations(person.body_pose, new_s, own_s)
     pelvis = _linear(new_s, own_s, person.pelvis)
     rest = load_body().rest_joints(person.betas)
     joints = np.empty((len(frame), NUM_JOINTS, 3), np.float32)
@@ -215,8 +216,28 @@ def _resampled_person(person: RecordedPerson, at_s: np.ndarray, known_s: np.ndar
         transl=_linear(new_s, own_s, person.transl).astype(np.float32),
         joints=joints,
         contacts=_linear(new_s, own_s, person.contacts).astype(np.float32),
+        **_resampled_hands(person, new_s, own_s),
         **{name: getattr(person, name)[nearest] for name in ("observed", "keypoints2d", "bbox", "confidence")},
     )
+
+
+def _resampled_rotations(
+    vectors: Float[np.ndarray, "N joints 3"], new_s: np.ndarray, own_s: np.ndarray
+) -> Float[np.ndarray, "n joints 3"]:
+    resampled = np.empty((len(new_s), *vectors.shape[1:]))
+    for joint in range(vectors.shape[1]):
+        R = interpolate_rotations(new_s, own_s, rotvec_to_rotmat(vectors[:, joint]))
+        resampled[:, joint] = rotmat_to_rotvec(R)
+    return resampled
+
+
+def _resampled_hands(person: RecordedPerson, new_s: np.ndarray, own_s: np.ndarray) -> dict[str, Any]:
+    if person.hand_pose is None or person.hand_confidence is None:
+        return {}
+    return {
+        "hand_pose": _resampled_rotations(person.hand_pose, new_s, own_s).astype(np.float32),
+        "hand_confidence": _linear(new_s, own_s, person.hand_confidence).astype(np.float32),
+    }
 
 
 def _linear(at: np.ndarray, known_at: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -249,7 +270,8 @@ def _slice(recording: Recording, frames: slice) -> Recording:
     for person in recording.people:
         rows = (person.frame >= frames.start) & (person.frame < frames.stop)
         if rows.any():
-            over_time = {name: values[rows] for name, values in vars(person).items() if _is_over_time(name)}
+            arrays_of = {name: values for name, values in vars(person).items() if _is_over_time(name)}
+            over_time = {name: values[rows] for name, values in arrays_of.items() if values is not None}
             over_time["frame"] = (over_time["frame"] - frames.start).astype(np.int32)
             people.append(dataclasses.replace(person, **over_time))
     names = ("time_s", "shot_index", "R_world_cam", "t_world_cam", "K", "camera_source")

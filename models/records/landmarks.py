@@ -26,6 +26,7 @@ SWAP = np.array([INDEX[_counterpart(name)] for name in NAMES])
 """SWAP[k] is landmark k's counterpart on the other side: `keypoints[SWAP]` swaps left and right."""
 
 SHOULDERS = (INDEX["left_shoulder"], INDEX["right_shoulder"])
+WRISTS = (INDEX["left_wrist"], INDEX["right_wrist"])
 HIPS = (INDEX["left_hip"], INDEX["right_hip"])
 TORSO = (*SHOULDERS, *HIPS)
 KNEES = (INDEX["left_knee"], INDEX["right_knee"])

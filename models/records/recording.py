@@ -43,6 +43,11 @@ class RecordedPerson:
     """(N,) float32, 0..1."""
     probability: float = 1.0
     """That this is a person at all (`records.shots.Person`)."""
+    hand_pose: np.ndarray | None = None
+    """(N,30,3) float32, axis-angle of the finger joints (`body.fingers`), those of the left hand first; None where
+    nobody asked for hands."""
+    hand_confidence: np.ndarray | None = None
+    """(N,2) float32, 0..1, left and right; 0 where the hand was not seen and is drawn at ease."""
 
     def __post_init__(self) -> None:
         num_frames = len(self.frame)
@@ -51,12 +56,20 @@ class RecordedPerson:
             "body_pose": (num_frames, 23, 3), "betas": (10,), "transl": (num_frames, 3), "joints": (num_frames, 24, 3),
             "contacts": (num_frames, 4), "bbox": (num_frames, 4), "confidence": (num_frames,),
         }  # fmt: skip
+        if self.hand_pose is not None:
+            shapes |= {"hand_pose": (num_frames, 30, 3), "hand_confidence": (num_frames, 2)}
         for name, shape in shapes.items():
-            found = getattr(self, name).shape
+            found = np.shape(getattr(self, name))
             if found != shape:
                 raise ValueError(f"person {self.person}: {name} has shape {found}, expected {shape}")
         if num_frames and not np.array_equal(self.frame, np.arange(self.frame[0], self.frame[0] + num_frames)):
             raise ValueError(f"person {self.person}: frames must rise by one without holes")
+
+    def pose(self, rows: slice = slice(None)) -> np.ndarray:
+        """(n,23,3) axis-angle of all joints below the root; with fingers (n,51,3): 21 of the body, 30 of the hands."""
+        if self.hand_pose is None:
+            return self.body_pose[rows]
+        return np.concatenate([self.body_pose[rows, :21], self.hand_pose[rows]], axis=1)
 
     @property
     def pelvis(self) -> np.ndarray:

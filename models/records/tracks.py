@@ -7,6 +7,7 @@ from functools import cached_property, reduce
 
 import numpy as np
 
+from humanmm.models.records.hands import HandTracks, not_looked
 from humanmm.models.records.landmarks import with_sides_swapped
 from humanmm.models.records.shots import Appearance, TrackPart
 
@@ -124,6 +125,8 @@ class PersonTrack:
     from a body that another system found."""
     pose: PoseEstimates | None = None
     """Joint rotations, by the lifter or another system; None without either."""
+    hands: HandTracks | None = None
+    """Both hands; None where nobody asked for them."""
 
     def with_sides_swapped(self, intervals: Intervals) -> "PersonTrack":
         """The track with left and right of keypoints and landmarks swapped in the frames of some intervals."""
@@ -135,6 +138,7 @@ class PersonTrack:
             keypoints2d=with_sides_swapped(self.keypoints2d, is_swapped),
             landmarks3d=with_sides_swapped(self.landmarks3d, is_swapped),
             pose=self.pose.with_sides_swapped(is_swapped) if self.pose is not None else None,
+            hands=self.hands.with_sides_swapped(is_swapped) if self.hands is not None else None,
         )
 
     def within(self, start: int, end: int) -> "PersonTrack":
@@ -147,6 +151,7 @@ class PersonTrack:
             keypoints2d=self.keypoints2d[rows],
             landmarks3d=self.landmarks3d[rows],
             pose=self.pose.chosen(rows) if self.pose is not None else None,
+            hands=self.hands.chosen(rows) if self.hands is not None else None,
             bbox=self.bbox[rows],
             confidence=self.confidence[rows],
             masks=self.masks.chosen(np.arange(rows.start, rows.stop)),
@@ -173,7 +178,13 @@ class PersonTrack:
             probability=total / sum(counts) if sum(counts) else self.probability,
             lifted=self.lifted or later.lifted,
             pose=self.pose.then(later.pose) if self.pose is not None and later.pose is not None else None,
+            hands=self._hands_then(later),
         )
+
+    def _hands_then(self, later: "PersonTrack") -> HandTracks | None:
+        if self.hands is None and later.hands is None:
+            return None
+        return (self.hands or not_looked(len(self.frame))).then(later.hands or not_looked(len(later.frame)))
 
 
 @dataclass(frozen=True)

@@ -128,6 +128,9 @@ class PeopleConfig(Section):
     max_side_px: Annotated[int, Field(ge=320, le=8192)] = 1920
     """Largest side of the picture that the detector works on; larger videos are looked at reduced, in pixels."""
 
+    hands: bool = False
+    """Look at everybody's hands as well, for the joints of the fingers."""
+
     keypoints_from: GivenFile | None = None
     """File or folder of keypoints that another program found, in place of detector and pose network: OpenPose, MMPose,
     Sports2D, Pose2Sim, AlphaPose or COCO json."""
@@ -149,6 +152,9 @@ class PeopleConfig(Section):
         given = [name for name in names if getattr(self, name) is not None]
         if len(given) > 1:
             raise PydanticCustomError("stated", "{reason}", {"reason": f"{' and '.join(given)} exclude each other"})
+        if self.hands and given and given[0] in ("keypoints_from", "hmr_from"):
+            reason = f"hands are looked for beside our own pose network: leave hands out with {given[0]}"
+            raise PydanticCustomError("stated", "{reason}", {"reason": reason})
         return self
 
 

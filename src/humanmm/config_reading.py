@@ -47,6 +47,7 @@ SHORTHANDS = {
     "min_confidence": "shots.min_confidence",
     "focal_px": "intrinsics.focal_px",
     "fov_deg": "intrinsics.fov_deg",
+    "hands": "people.hands",
     "hmr_from": "people.hmr_from",
     "keypoints_from": "people.keypoints_from",
     "detections_from": "people.detections_from",

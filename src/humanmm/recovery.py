@@ -37,6 +37,7 @@ def recover(  # noqa: PLR0913 (the flags of the command, as keywords)
     person: int | None = None,
     focal_px: float | None = None,
     fov_deg: float | None = None,
+    hands: bool | None = None,
     corrections: "Corrections | Mapping[str, Any] | str | os.PathLike[str] | None" = None,
     hmr_from: "str | os.PathLike[str] | None" = None,
     keypoints_from: "str | os.PathLike[str] | None" = None,
@@ -62,6 +63,7 @@ def recover(  # noqa: PLR0913 (the flags of the command, as keywords)
         person: keep this person alone, 0 is the main one (default: all, or as `config` says).
         focal_px: focal length in pixels of the source video; it is then not estimated.
         fov_deg: horizontal field of view in degrees, in place of `focal_px`.
+        hands: look at everybody's hands as well, for the joints of the fingers (docs/hands.md).
         corrections: what you know better (docs/correct.md), as Corrections, a tree, or the path of a TOML file
             (default: `corrections.toml` in the run folder, if there is one).
         hmr_from: file or folder of bodies that another system found, which are then joined and refined (docs/bring.md).
@@ -83,7 +85,7 @@ def recover(  # noqa: PLR0913 (the flags of the command, as keywords)
     from humanmm.progress import watching
 
     shorthands = {
-        "person": person, "focal_px": focal_px, "fov_deg": fov_deg,
+        "person": person, "focal_px": focal_px, "fov_deg": fov_deg, "hands": hands,
         "hmr_from": hmr_from, "keypoints_from": keypoints_from, "detections_from": detections_from,
         "masks_from": masks_from, "cameras_from": cameras_from,
     }  # fmt: skip
@@ -133,6 +135,7 @@ def forecast(  # noqa: PLR0913 (as `recover`)
     person: int | None = None,
     focal_px: float | None = None,
     fov_deg: float | None = None,
+    hands: bool | None = None,
     corrections: "Corrections | Mapping[str, Any] | str | os.PathLike[str] | None" = None,
     hmr_from: "str | os.PathLike[str] | None" = None,
     keypoints_from: "str | os.PathLike[str] | None" = None,
@@ -152,7 +155,7 @@ def forecast(  # noqa: PLR0913 (as `recover`)
     from humanmm.tasks.engine.plan import forecast as forecast_run
 
     shorthands = {
-        "person": person, "focal_px": focal_px, "fov_deg": fov_deg,
+        "person": person, "focal_px": focal_px, "fov_deg": fov_deg, "hands": hands,
         "hmr_from": hmr_from, "keypoints_from": keypoints_from, "detections_from": detections_from,
         "masks_from": masks_from, "cameras_from": cameras_from,
     }  # fmt: skip

@@ -13,6 +13,7 @@ from zarr.codecs import BytesCodec, Crc32cCodec, ZstdCodec
 
 from humanmm.errors import InputError
 from humanmm.models.body.body24 import JOINT_NAMES, PARENTS
+from humanmm.models.body.fingers import FINGER_NAMES
 from humanmm.models.records.recording import Delivery, RecordedPerson, Recording
 from humanmm.storage.run_folder.exporters import ALWAYS_PATTERN, export
 from humanmm.storage.run_folder.exporters.index import motion_digest, remove_stale
@@ -30,6 +31,8 @@ _PERSON_ARRAYS: dict[str, str] = {
     "transl": "float32", "joints": "float32", "contacts": "float32", "keypoints2d": "float32", "bbox": "float32",
     "confidence": "float32",
 }  # fmt: skip
+_HAND_ARRAYS = {"hand_pose": "float32", "hand_confidence": "float32"}
+"""Of runs with hands."""
 _VIDEO_ARRAYS: dict[str, tuple[str, str]] = {
     "time_s": ("time_s", "float64"),
     "shot_index": ("shot_index", "int32"),
@@ -81,6 +84,10 @@ def write_motion(path: Path, recording: Recording) -> None:
             name = f"people/{person.person:02d}"
             for field, dtype in _PERSON_ARRAYS.items():
                 _put(group, f"{name}/{field}", getattr(person, field), dtype)
+            if person.hand_pose is not None:
+                for field, dtype in _HAND_ARRAYS.items():
+                    _put(group, f"{name}/{field}", getattr(person, field), dtype)
+                group[f"{name}/hand_pose"].attrs["joint_names"] = list(FINGER_NAMES)
             group[name].attrs["probability"] = person.probability
             array = group[f"{name}/keypoints2d"]
             array.attrs["keypoint_names"] = list(recording.keypoint_names)
@@ -104,6 +111,7 @@ def read_motion(path: Path) -> Recording:
             RecordedPerson(
                 person=n,
                 **{field: _get(group, f"people/{n:02d}/{field}") for field in _PERSON_ARRAYS},
+                **{field: _get(group, f"people/{n:02d}/{field}") for field in _HAND_ARRAYS if _has(group, n, field)},
                 probability=float(group[f"people/{n:02d}"].attrs.get("probability", 1.0)),  # type: ignore[arg-type]
             )
             for n in numbers
@@ -146,6 +154,10 @@ def _put(group: zarr.Group, key: str, values: np.ndarray, dtype: str) -> None:
         serializer=BytesCodec(endian="little" if array.dtype.itemsize > 1 else None),
         compressors=[ZstdCodec(level=3), Crc32cCodec()],
     )
+
+
+def _has(group: zarr.Group, person: int, field: str) -> bool:
+    return f"people/{person:02d}/{field}" in group
 
 
 def _get(group: zarr.Group, key: str) -> np.ndarray:

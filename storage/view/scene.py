@@ -16,7 +16,8 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from humanmm.errors import InputError
-from humanmm.models.body.body24 import JOINT_NAMES, PARENTS, load_body
+from humanmm.models.body.body24 import Body, load_body
+from humanmm.models.body.fingers import body_of
 from humanmm.models.body.kinematics import chunks
 from humanmm.models.drawing.palette import RGB, person_color, shot_color
 from humanmm.models.records.camera import SOURCES
@@ -34,15 +35,15 @@ def scene_tree(recording: Recording, record: Mapping[str, Any]) -> dict[str, Any
     if recording.body_model != "body24":
         raise InputError(f"the run has the body model {recording.body_model!r}; only body24 can be shown")
     place_of = places_of(record["shots"])
-    body = load_body()
-    joint, weight = _top_weights()
+    body = body_of(recording.people[0]) if recording.people else load_body()
+    joint, weight = _top_weights(body)
     return {
         "name": PurePath(record["video"]["path"]).name,
         "width": recording.width,
         "height": recording.height,
         "time": _packed(recording.time_s - recording.time_s[0], "float64"),
-        "jointNames": JOINT_NAMES,
-        "parents": PARENTS,
+        "jointNames": body.joint_names,
+        "parents": body.parents,
         "contactJoints": CONTACT_JOINTS,
         "body": {"faces": _packed(body.faces, "uint16"), "joint": _packed(joint, "uint8"), "weight": weight},
         "cameras": {
@@ -115,7 +116,7 @@ def _shot(recording: Recording, shot: Mapping[str, Any], index: int, place: int)
 
 
 def _person(recording: Recording, person: RecordedPerson, place_of: Sequence[int]) -> dict[str, Any]:
-    body = load_body()
+    body = body_of(person)
     return {
         "person": person.person,
         "color": _hex(person_color(person)),
@@ -165,18 +166,18 @@ def _points(recording: Recording, frames: np.ndarray) -> Float[np.ndarray, "n 2"
     return np.concatenate([people, cameras, middle[None]]).astype(np.float64)
 
 
-def _quaternions_xyzw(person: RecordedPerson) -> Float[np.ndarray, "N 24 4"]:
+def _quaternions_xyzw(person: RecordedPerson) -> Float[np.ndarray, "N J 4"]:
     """Of every joint relative to its parent; the pelvis's to the world."""
-    turns = np.empty((len(person.frame), len(PARENTS), 4), np.float32)
+    pose = person.pose()
+    turns = np.empty((len(pose), 1 + pose.shape[1], 4), np.float32)
     for rows in chunks(len(turns)):
-        vectors = np.concatenate([person.root_orient[rows, None], person.body_pose[rows]], axis=1)
-        turns[rows] = Rotation.from_rotvec(vectors.reshape(-1, 3)).as_quat().reshape(-1, len(PARENTS), 4)
+        vectors = np.concatenate([person.root_orient[rows, None], pose[rows]], axis=1)
+        turns[rows] = Rotation.from_rotvec(vectors.reshape(-1, 3)).as_quat().reshape(-1, *turns.shape[1:])
     return turns
 
 
-def _top_weights() -> tuple[np.ndarray, dict[str, Any]]:
+def _top_weights(body: Body) -> tuple[np.ndarray, dict[str, Any]]:
     """(V,4) joints of every vertex, and their weights of 255."""
-    body = load_body()
     weight = np.rint(body.skin_weight * 255)
     strongest = body.skin_weight.argmax(axis=1)[:, None]
     rest = np.take_along_axis(weight, strongest, axis=1) + 255 - weight.sum(axis=1, keepdims=True)

@@ -158,6 +158,20 @@ def test_what_finds_people_elsewhere_is_part_of_the_key_and_comes_alone(toy: Any
     assert f"keypoints_from and {flag}_from exclude each other" in _reported(both, 2)
 
 
+def test_hands_are_part_of_the_key_and_need_our_own_pose_network(toy: Any) -> None:
+    toy.run()
+    toy.executed()
+    _, out, _ = toy.main("recover", "film.mp4", "--hands", "--dry-run", "--json")
+    assert ("people", "cached") not in {(entry["stage"], entry["state"]) for entry in json.loads(out)["stages"]}
+    toy.run(people={"hands": True})
+    toy.executed()
+    assert toy.main("recover", "film.mp4", "--hands", "--out", "out")[0] == 0
+    assert toy.executed() == []
+    (toy.folder / "keypoints.json").write_text("[]")
+    both = toy.main("recover", "film.mp4", "--hands", "--keypoints-from", "keypoints.json")
+    assert "leave hands out with keypoints_from" in _reported(both, 2)
+
+
 def test_a_dry_run_lists_every_unit_and_writes_nothing(toy: Any) -> None:
     toy.run()
     before = sorted(toy.folder.rglob("*"))

@@ -13,6 +13,7 @@ from scipy.optimize import linear_sum_assignment
 
 from humanmm.models.geometry.boxes import box_iou
 from humanmm.models.perception.clothing import clothing_histogram
+from humanmm.models.perception.hands.follow import due_frames
 from humanmm.models.perception.interfaces import Landmarks, Networks
 from humanmm.models.perception.observation import Observation, observe
 from humanmm.models.perception.picture import Picture
@@ -57,10 +58,12 @@ def track_regions(
     size: tuple[int, int],
     max_people: int,
     networks: Networks,
+    hands: bool = False,
 ) -> ScenePeople:
     """The tracks of one scene's frames, largest first; of more people than `max_people` those in the largest boxes.
 
-    `time_s` holds the presentation times of all frames of the video; pictures may be smaller than `size`.
+    `time_s` holds the presentation times of all frames of the video; pictures may be smaller than `size`. With `hands`
+    the people's hands are looked at as well.
     """
     start, end = span
     rows = np.arange(*np.searchsorted(given.frame, span))
@@ -69,6 +72,7 @@ def track_regions(
     total = np.bincount(owner, weights=areas) if len(rows) else np.zeros(0)
     kept = set(np.argsort(-total, kind="stable")[:max_people].tolist())
     builders: dict[int, TrackBuilder] = {}
+    hands_due = due_frames(time_s[:end]) if hands else None
     scale = np.ones(2)
     for frame, image in pictures:
         scale = np.array(size) / image.size
@@ -76,6 +80,8 @@ def track_regions(
             person = int(owner[row - rows[0]])
             if person in kept:
                 _look(builders, person, frame, image, given, int(row), networks, scale, time_s)
+                if person in builders and frame in builders[person].rows:
+                    builders[person].look_at_hands(frame, image, hands_due)
     scene_s = float(shown_s(time_s, np.arange(start, end)).sum())
     shortest_s = min(MIN_TRACK_S, 0.5 * scene_s) - ROUNDING_S
     tracks = [one.finished() for one in builders.values() if one.seen_s >= shortest_s]

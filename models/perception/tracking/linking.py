@@ -69,6 +69,7 @@ def joined(tracks: Sequence[TrackBuilder]) -> list[TrackBuilder]:
         second.rows.update(before.rows)
         second.colours.update(before.colours)
         second.detector_scores.update(before.detector_scores)
+        second.hands.update(before.hands)
         pool = [track for track in pool if track is not first]
 
 

@@ -25,12 +25,14 @@ def track_people(
     networks: Networks = BEST,
     lifter: Lifter | None = None,
     given: GivenRegions | None = None,
+    hands: bool = False,
     progress: Progress = silent,
 ) -> ScenePeople:
     """Boxes, keypoints, 3D landmarks, masks and clothing colours of everybody in the frames [start, end) of one scene.
 
     `max_side_px` is the largest side of the pictures that the networks work on; results are in source pixels. The
-    lifter is by default the shipped one. People are looked for where they are `given` alone, if they are.
+    lifter is by default the shipped one. People are looked for where they are `given` alone, if they are. With `hands`
+    their hands are looked at as well.
     """
     start, end = span
 
@@ -40,7 +42,9 @@ def track_people(
             progress(frame.index + 1 - start, end - start)
 
     with prefetched(planar_frames(video.stream, video.facts, start, end, max_side_px=max_side_px)) as decoded:
-        scene: dict[str, Any] = {"time_s": video.facts.time_s, "size": video.size, "max_people": max_people}
+        scene: dict[str, Any] = {
+            "time_s": video.facts.time_s, "size": video.size, "max_people": max_people, "hands": hands,
+        }  # fmt: skip
         if given is None:
             people = track_pictures(pictures(decoded), start=start, end=end, networks=networks, **scene)
         else:

@@ -1,12 +1,15 @@
 """A track being built, frame by frame, and the finished track at the end of the scene."""
 
 from dataclasses import dataclass, field
+from itertools import islice
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from humanmm.models.perception.clothing import mean_colours
+from humanmm.models.perception.hands.follow import Looks, hand_tracks, look_at_hands
 from humanmm.models.perception.observation import Observation
+from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.regions import HEIGHT_OF_SIDE, Region
 from humanmm.models.perception.tracking.personhood import Evidence, mean_score, person_probability, pose_change
 from humanmm.models.perception.tracking.sides import left_right_swaps
@@ -25,6 +28,8 @@ UNSTEADY = 0.07
 1/30 s apart or less: people measured 0.005 to 0.035, bodies seen in furniture, pictures and hands 0.03 to 0.11."""
 UNSTEADY_INTERVAL_S = 1 / 30
 _STEADY_FRAMES = 7
+_HAND_REACH = 13
+"""Frames from which a hand is no longer looked for where it was."""
 STEADINESS_UNKNOWN = 0.8
 """Of a track without three frames in a row."""
 
@@ -85,6 +90,8 @@ class TrackBuilder:
     colours: dict[int, np.ndarray] = field(default_factory=dict)
     detector_scores: dict[int, float] = field(default_factory=dict)
     """What the detector gave this person in the frames of a search, 0 where it did not see him."""
+    hands: dict[int, Looks] = field(default_factory=dict)
+    """What was seen of both hands, if they are looked for."""
     lost_since: int | None = None
     """First frame in which the person was looked for and not seen; None while he is seen."""
     active: bool = True
@@ -123,6 +130,14 @@ class TrackBuilder:
         self.last, self.last_frame, self.lost_since, self.active = seen, frame, None, True
         self.rows[frame] = Row.of(seen, vote)
 
+    def look_at_hands(self, frame: int, image: Picture, due: Bool[Array, "F 2"] | None) -> None:
+        """Look at the hands that are `due` in a frame of the track; nothing is if `due` is None."""
+        if due is None or not due[frame].any():
+            return
+        near = (f for step in range(1, _HAND_REACH) for f in (frame - step, frame + step) if f in self.hands)
+        before = [(self.rows[f].keypoints, self.hands[f]) for f in islice(near, 2)]
+        self.hands[frame] = look_at_hands(image, self.rows[frame].keypoints, due[frame], before)
+
     def split(self, frame: int) -> tuple["TrackBuilder", "TrackBuilder"]:
         """The track before a frame, and from that frame on."""
         halves = tuple(TrackBuilder(self.time_s, self.last, self.last_frame) for _ in range(2))
@@ -132,6 +147,8 @@ class TrackBuilder:
             halves[f >= frame].colours[f] = colours
         for f, score in self.detector_scores.items():
             halves[f >= frame].detector_scores[f] = score
+        for f, looks in self.hands.items():
+            halves[f >= frame].hands[f] = looks
         return halves[0], halves[1]
 
     def finished(self) -> PersonTrack:
@@ -149,6 +166,7 @@ class TrackBuilder:
             keypoints[k], poses[k], bbox[k], mask_affine[k] = row.keypoints, row.landmarks3d, row.bbox, row.mask_affine
             votes[k], side[k], seen_confidence[k] = row.vote, row.side, row.confidence
             masks.append(row.mask)
+        hands = hand_tracks([self.hands.get(frame) for frame in frames.tolist()]) if self.hands else None
         time_s = self.time_s[frames]
         is_swapped = left_right_swaps(keypoints, poses, votes, time_s, side)
         keypoints = landmarks.with_sides_swapped(keypoints, is_swapped)
@@ -173,6 +191,7 @@ class TrackBuilder:
             color_histogram=np.stack([self.colours[f] for f in sampled]).astype(np.float32),
             probability=person_probability(evidence),
             evidence=tuple(evidence.features().tolist()),
+            hands=hands.with_sides_swapped(is_swapped) if hands is not None else None,
         )
 
 

@@ -12,6 +12,7 @@ from jaxtyping import Float
 
 from humanmm.models.geometry.boxes import box_iou
 from humanmm.models.perception.clothing import clothing_histogram, colour_distance
+from humanmm.models.perception.hands.follow import due_frames
 from humanmm.models.perception.interfaces import Landmarks, Networks, PoseNetwork
 from humanmm.models.perception.networks import BEST
 from humanmm.models.perception.observation import Observation, averaged, observe, similarity
@@ -69,7 +70,14 @@ class SceneTracker:
     """
 
     def __init__(
-        self, *, start: int, end: int, time_s: Float[Array, " F"], max_people: int, networks: Networks
+        self,
+        *,
+        start: int,
+        end: int,
+        time_s: Float[Array, " F"],
+        max_people: int,
+        networks: Networks,
+        hands: bool = False,
     ) -> None:
         self._networks = networks
         self._start, self._end = start, end
@@ -79,6 +87,7 @@ class SceneTracker:
         self._recent: deque[tuple[int, Picture]] = deque()
         self._search_due = sampled_every(time_s[start:end], SEARCH_PERIOD_S)
         self._side_look_due = sampled_every(time_s[:end], SIDE_LOOK_S)
+        self._hands_due = due_frames(time_s[:end]) if hands else None
         self._searches = 0
 
     def step(self, frame: int, image: Picture) -> None:
@@ -128,6 +137,7 @@ class SceneTracker:
                 continue
             track.add(frame, *found)
             self._note_colours(track, frame, image)
+            track.look_at_hands(frame, image, self._hands_due)
             seen[k] = found[0]
         return list(seen.values())
 
@@ -136,6 +146,7 @@ class SceneTracker:
         track = self._tracks[number]
         track.rows.pop(frame, None)
         track.colours.pop(frame, None)
+        track.hands.pop(frame, None)
         track.lost_since = frame
 
     def _look_behind(
@@ -223,6 +234,7 @@ class SceneTracker:
                 self._tracks.append(track)
             track.add(frame, person)
             self._note_colours(track, frame, image)
+            track.look_at_hands(frame, image, self._hands_due)
             self._follow_back(frame, track)
 
     def _resumed(self, frame: int, image: Picture, person: Observation) -> TrackBuilder | None:
@@ -256,6 +268,7 @@ class SceneTracker:
             ):
                 break
             track.add(earlier, *looked)
+            track.look_at_hands(earlier, image, self._hands_due)
         track.last, track.last_frame = found, frame
 
     def _note_colours(self, track: TrackBuilder, frame: int, image: Picture) -> None:
@@ -279,13 +292,14 @@ def track_pictures(
     size: tuple[int, int],
     max_people: int,
     networks: Networks = BEST,
+    hands: bool = False,
 ) -> ScenePeople:
-    """Everybody in the frames [start, end) of one scene.
+    """Everybody in the frames [start, end) of one scene, and their hands if asked for.
 
     `time_s` holds the presentation times of all frames of the video. Pictures may be smaller than the source (`size` is
     its width and height): results are in source pixels.
     """
-    tracker = SceneTracker(start=start, end=end, time_s=time_s, max_people=max_people, networks=networks)
+    tracker = SceneTracker(start=start, end=end, time_s=time_s, max_people=max_people, networks=networks, hands=hands)
     scale = np.ones(2)
     for frame, image in frames:
         scale = np.array(size) / image.size
@@ -304,6 +318,7 @@ def in_source_pixels(people: ScenePeople, scale: np.ndarray) -> ScenePeople:
             keypoints2d=(track.keypoints2d * [*scale, 1]).astype(np.float32),
             bbox=(track.bbox * [*scale, *scale]).astype(np.float32),
             mask_affine=(track.mask_affine * scale[:, None]).astype(np.float32),
+            hands=track.hands.scaled(scale) if track.hands is not None else None,
         )
 
     return replace(people, tracks=tuple(scaled(track) for track in people.tracks))

@@ -39,6 +39,7 @@ class Submission:
     name: Annotated[str | None, Option(help="name of the batch (default: made of the source)")] = None
     out: Annotated[Path, Option(metavar="DIR", help="where the run folders go")] = Path("runs")
     glob: Annotated[str | None, Option(metavar="PATTERN", help="only such names of a folder: 'cam1_*.mp4'")] = None
+    hands: Annotated[bool, Option("--hands", help="look at everybody's hands as well")] = False
     priority: Annotated[Literal["high", "normal", "low"], Option(help="of videos that name none")] = "normal"
     tag: Annotated[list[str], Option(metavar="TAG", help="on every flow run; may be repeated")] = field(
         default_factory=list
@@ -57,8 +58,8 @@ class Submission:
         from humanmm.tasks.batches.request import BatchRequest
 
         return BatchRequest(
-            source=self.source, out=self.out, config=self.settings.config(), name=self.name, pattern=self.glob,
-            priority=self.priority, tags=self.tag, settle_s=self.settle,
+            source=self.source, out=self.out, config=self.settings.config(**{"hands": True} if self.hands else {}),
+            name=self.name, pattern=self.glob, priority=self.priority, tags=self.tag, settle_s=self.settle,
         )  # fmt: skip
 
 

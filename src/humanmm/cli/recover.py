@@ -26,6 +26,7 @@ _HMR = "bodies of another system: GVHMR's .pt; experimental: GEM, PromptHMR, WHA
 _DETECTIONS = "people's boxes of another program: MOT text, COCO results json (experimental)"
 _MASKS = "people's masks: a folder of png, one a frame, a pixel's value is the person's number (experimental)"
 _CAMERAS = "cameras of another program: TUM trajectories, a folder with COLMAP's model, text or binary"
+_HANDS = "look at everybody's hands as well, for the joints of the fingers"
 _VIDEOS = "a video; several, and all videos of a folder, are recovered one after the other"
 _OUT = "default: runs/<name of the video>; of several videos the folder that gets a run folder for each"
 _FROM = f"compute STAGE and all after it; stages: {', '.join(STAGES)}"
@@ -43,6 +44,7 @@ def recover(  # noqa: PLR0913 (one a flag)
     min_confidence: Annotated[float | None, Option(metavar="P", help="least probability of being a person")] = None,
     focal_px: Annotated[float | None, Option(metavar="F", help="focal length in pixels of the video")] = None,
     fov_deg: Annotated[float | None, Option(metavar="D", help="horizontal field of view in degrees")] = None,
+    hands: Annotated[bool, Option("--hands", help=_HANDS)] = False,
     hmr_from: Annotated[Path | None, Option(metavar="PATH", help=_HMR)] = None,
     keypoints_from: Annotated[Path | None, Option(metavar="PATH", help=_KEYPOINTS)] = None,
     detections_from: Annotated[Path | None, Option(metavar="FILE", help=_DETECTIONS)] = None,
@@ -63,10 +65,10 @@ def recover(  # noqa: PLR0913 (one a flag)
         raise UsageError("--json goes with --dry-run")
     if focal_px is not None and fov_deg is not None:
         raise UsageError("--focal-px and --fov-deg exclude each other")
-    given: dict[str, float | Path | None] = {
-        "min_confidence": min_confidence, "focal_px": focal_px, "fov_deg": fov_deg, "hmr_from": hmr_from,
-        "keypoints_from": keypoints_from, "detections_from": detections_from, "masks_from": masks_from,
-        "cameras_from": cameras_from,
+    given: dict[str, float | Path | bool | None] = {
+        "min_confidence": min_confidence, "focal_px": focal_px, "fov_deg": fov_deg, "hands": hands or None,
+        "hmr_from": hmr_from, "keypoints_from": keypoints_from, "detections_from": detections_from,
+        "masks_from": masks_from, "cameras_from": cameras_from,
     }  # fmt: skip
     config = settings.config(**_shorthands(person, **given))
     wanted: dict[str, Any] = {"store": store, "force": force, "start": start, "only": only, "shot": shot}
@@ -190,7 +192,7 @@ def _say_in_one_line(run: "Run") -> None:
         say(f"{one_line(run.record)}: {warnings[0]}{rest}")
 
 
-def _shorthands(person: str | None, **given: float | Path | None) -> dict[str, Any]:
+def _shorthands(person: str | None, **given: float | Path | bool | None) -> dict[str, Any]:
     shorthands: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
     if person is not None:
         if person != "all" and not person.removeprefix("-").isdecimal():

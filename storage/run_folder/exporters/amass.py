@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from humanmm.models.body.fingers import from_flat_hands
 from humanmm.models.body.smpl_joints import SMPLX_REST_PELVIS
 from humanmm.models.motion.excerpt import Excerpt
 from humanmm.models.records.recording import RecordedPerson, Recording
@@ -74,8 +75,13 @@ def _over_time(person: RecordedPerson) -> dict[str, tuple[int, Callable[[slice],
     def body(rows: slice) -> np.ndarray:
         return person.body_pose[rows, :BODY_JOINTS].reshape(rows.stop - rows.start, -1)
 
+    def hands(rows: slice) -> np.ndarray:
+        if person.hand_pose is None:
+            return zeros(90)[1](rows)
+        return from_flat_hands(person.hand_pose[rows]).reshape(rows.stop - rows.start, -1)
+
     def poses(rows: slice) -> np.ndarray:
-        return np.concatenate([person.root_orient[rows], body(rows), zeros(3 + 6 + 90)[1](rows)], axis=1)
+        return np.concatenate([person.root_orient[rows], body(rows), zeros(3 + 6)[1](rows), hands(rows)], axis=1)
 
     return {
         "trans": (3, lambda rows: person.pelvis[rows].astype(np.float64) - SMPLX_REST_PELVIS),
@@ -84,5 +90,5 @@ def _over_time(person: RecordedPerson) -> dict[str, tuple[int, Callable[[slice],
         "pose_body": (3 * BODY_JOINTS, body),
         "pose_jaw": zeros(3),
         "pose_eye": zeros(6),
-        "pose_hand": zeros(90),
+        "pose_hand": (90, hands),
     }

@@ -10,25 +10,27 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.models.body.body24 import JOINT_NAMES, NUM_JOINTS, PARENTS, load_body
+from humanmm.models.body.body24 import Body
+from humanmm.models.body.fingers import NUM_BODY_JOINTS, body_of
 from humanmm.models.body.kinematics import chunks
+from humanmm.models.geometry.rotations import unit
 from humanmm.models.motion.excerpt import Excerpt
 from humanmm.models.records.recording import RecordedPerson
 
 _TIPS = {"Head": (0, 1, 0), "L_Foot": (0, 0, 1), "R_Foot": (0, 0, 1), "L_Hand": (1, 0, 0), "R_Hand": (-1, 0, 0)}
-"""Direction from the last joint of a limb to its end, in the axes of the body."""
+"""Direction from the last joint of a limb to its end, in the axes of the body; a finger goes on as it is."""
 
 
 def write_bvh(excerpt: Excerpt, person: RecordedPerson, path: Path) -> None:
     """One person as bvh: the pelvis' position and every joint's angles about z, x, y, in this order (R = Rz Rx Ry)."""
-    rest = excerpt.rest_joints(person)
-    offsets = np.array([rest[j] - rest[PARENTS[j]] if j else np.zeros(3) for j in range(NUM_JOINTS)])
-    order = list(_depth_first(0))
+    body, rest = body_of(person), excerpt.rest_joints(person)
+    offsets = np.array([rest[j] - rest[parent] if j else np.zeros(3) for j, parent in enumerate(body.parents)])
+    order = list(_depth_first(body, 0))
     num_frames = len(person.frame)
     with path.open("w", encoding="ascii", newline="\n") as file:
-        file.write("\n".join(["HIERARCHY", *_joint_lines(0, offsets, _tips(excerpt, person), 0)]))
+        file.write("\n".join(["HIERARCHY", *_joint_lines(body, 0, offsets, _tips(excerpt, person), 0)]))
         file.write(f"\nMOTION\nFrames: {num_frames}\nFrame Time: {1 / excerpt.fps:.9f}\n")
-        angles = np.zeros(3 * NUM_JOINTS)
+        angles = np.zeros(3 * len(order))
         for rows in chunks(num_frames):
             zxy = euler_zxy_deg(excerpt.local_rotations(person, rows)[:, order])
             positions = excerpt.points(person.pelvis[rows])
@@ -58,22 +60,22 @@ def nearest_angles(zxy: Float[np.ndarray, "n 3"], before: Float[np.ndarray, "n 3
     return np.asarray(both[better, np.arange(len(zxy))])
 
 
-def _depth_first(joint: int) -> Iterator[int]:
+def _depth_first(body: Body, joint: int) -> Iterator[int]:
     yield joint
-    for child in range(NUM_JOINTS):
-        if PARENTS[child] == joint:
-            yield from _depth_first(child)
+    for child, parent in enumerate(body.parents):
+        if parent == joint:
+            yield from _depth_first(body, child)
 
 
-def _joint_lines(joint: int, offsets: np.ndarray, tips: dict[int, np.ndarray], depth: int) -> Iterator[str]:
+def _joint_lines(body: Body, joint: int, offsets: np.ndarray, tips: dict[int, np.ndarray], depth: int) -> Iterator[str]:
     indent = "\t" * depth
     channels = "Zrotation Xrotation Yrotation"
-    yield f"{indent}{'JOINT' if depth else 'ROOT'} {JOINT_NAMES[joint]}"
+    yield f"{indent}{'JOINT' if depth else 'ROOT'} {body.joint_names[joint]}"
     yield f"{indent}{{"
     yield f"{indent}\tOFFSET {_numbers(offsets[joint])}"
     yield f"{indent}\tCHANNELS " + (f"3 {channels}" if depth else f"6 Xposition Yposition Zposition {channels}")
-    for child in (child for child in range(NUM_JOINTS) if PARENTS[child] == joint):
-        yield from _joint_lines(child, offsets, tips, depth + 1)
+    for child in (child for child, parent in enumerate(body.parents) if parent == joint):
+        yield from _joint_lines(body, child, offsets, tips, depth + 1)
     if joint in tips:
         yield from (
             f"{indent}\tEnd Site",
@@ -86,14 +88,16 @@ def _joint_lines(joint: int, offsets: np.ndarray, tips: dict[int, np.ndarray], d
 
 def _tips(excerpt: Excerpt, person: RecordedPerson) -> dict[int, np.ndarray]:
     """From each last joint to the furthest point of its skin along the limb."""
-    body = load_body()
+    body = body_of(person)
     vertices, joints = body.rest_vertices(person.betas), body.rest_joints(person.betas)
     owner = body.skin_joint[np.arange(len(vertices)), body.skin_weight.argmax(axis=1)]
+    directions = {j: np.array(_TIPS[name]) for j, name in enumerate(body.joint_names) if name in _TIPS}
+    last_of_fingers = range(NUM_BODY_JOINTS + 2, len(joints), 3) if person.hand_pose is not None else ()
+    directions |= {j: unit(joints[j] - joints[j - 1]) for j in last_of_fingers}
     tips = {}
-    for name, direction in _TIPS.items():
-        joint = JOINT_NAMES.index(name)
-        reach = ((vertices[owner == joint] - joints[joint]) @ np.array(direction)).max()
-        tips[joint] = excerpt.scale * excerpt.R_file_body @ (reach * np.array(direction))
+    for joint, direction in directions.items():
+        reach = ((vertices[owner == joint] - joints[joint]) @ direction).max()
+        tips[joint] = excerpt.scale * excerpt.R_file_body @ (reach * direction)
     return tips
 
 

@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from humanmm.models.body.body24 import JOINT_NAMES, NUM_JOINTS, PARENTS, load_body
+from humanmm.models.body.body24 import Body, load_body
+from humanmm.models.body.fingers import body_of
 from humanmm.models.body.kinematics import chunks
 from humanmm.models.drawing.palette import person_color
 from humanmm.models.drawing.surface import vertex_normals
@@ -84,18 +85,19 @@ class _Scene:
         first = len(self.nodes)
         rest = self.excerpt.rest_joints(person)
         quaternions, pelvis = self.rotations(person), self.excerpt.points(person.pelvis).astype(np.float32)
-        for joint, name in enumerate(JOINT_NAMES):
-            offset = pelvis[0] if joint == 0 else rest[joint] - rest[PARENTS[joint]]
-            children = [first + child for child in range(NUM_JOINTS) if PARENTS[child] == joint]
+        body = body_of(person)
+        for joint, name in enumerate(body.joint_names):
+            offset = pelvis[0] if joint == 0 else rest[joint] - rest[body.parents[joint]]
+            children = [first + child for child, parent in enumerate(body.parents) if parent == joint]
             node = {"name": name, "translation": _floats(offset), "rotation": _floats(quaternions[0, joint])}
             self.add_node({**node, **({"children": children} if children else {})})
         self.nodes[skeleton]["children"] = [first]
-        self.add_mesh(person, rest, faces, joints=range(first, first + NUM_JOINTS))
+        self.add_mesh(person, rest, faces, joints=range(first, first + len(rest)))
         times = self.add_times(self.excerpt.seconds[person.frame])
         moves = self.hidden(person, skeleton)
         if np.ptp(pelvis, axis=0).max() > _STILL:
             moves.append((first, "translation", times, self.arrays.add(pelvis), "LINEAR"))
-        for joint in range(NUM_JOINTS):
+        for joint in range(len(rest)):
             if np.ptp(quaternions[:, joint], axis=0).max() > _STILL:
                 turns = self.arrays.add(np.ascontiguousarray(quaternions[:, joint]))
                 moves.append((first + joint, "rotation", times, turns, "LINEAR"))
@@ -107,17 +109,17 @@ class _Scene:
         return {"first_frame": int(person.frame[0]), "observed_frames": seen, "probability": float(person.probability)}
 
     def rotations(self, person: RecordedPerson) -> np.ndarray:
-        """(N,24,4) float32 quaternions (x, y, z, w) of the joints, without changes of sign over time."""
-        R = np.empty((len(person.frame), NUM_JOINTS, 3, 3), np.float32)
+        """(N,J,4) float32 quaternions (x, y, z, w) of the joints, without changes of sign over time."""
+        R = np.empty((len(person.frame), len(body_of(person).parents), 3, 3), np.float32)
         for rows in chunks(len(person.frame)):
             R[rows] = self.excerpt.local_rotations(person, rows)
         return _xyzw(R)
 
     def add_mesh(self, person: RecordedPerson, rest: np.ndarray, faces: int, *, joints: range) -> None:
-        body = load_body()
+        body = body_of(person)
         vertices = body.rest_vertices(person.betas).astype(np.float32)
-        joint, weight = _skin_weights()
-        inverse_bind = np.tile(np.eye(4, dtype=np.float32), (NUM_JOINTS, 1, 1))
+        joint, weight = _skin_weights(body)
+        inverse_bind = np.tile(np.eye(4, dtype=np.float32), (len(rest), 1, 1))
         inverse_bind[:, :3, 3] = -rest
         add = self.arrays.add
         attributes = {
@@ -209,9 +211,8 @@ class _Scene:
         return self.times[key]
 
 
-def _skin_weights() -> tuple[np.ndarray, np.ndarray]:
+def _skin_weights(body: Body) -> tuple[np.ndarray, np.ndarray]:
     """(V,4) uint8 joints and float32 weights that sum to 1; an unused place names joint 0, as the standard requires."""
-    body = load_body()
     weight = body.skin_weight.astype(np.float32)
     return np.where(weight > 0, body.skin_joint, 0).astype(np.uint8), weight / weight.sum(axis=1, keepdims=True)
 

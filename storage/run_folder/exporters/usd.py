@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from humanmm.errors import InputError
-from humanmm.models.body.body24 import JOINT_NAMES, NUM_JOINTS, PARENTS, load_body
+from humanmm.models.body.fingers import body_of
 from humanmm.models.drawing.palette import person_color
 from humanmm.models.drawing.surface import vertex_normals
 from humanmm.models.geometry.rotations import rotmat_to_unitquat_wxyz
@@ -55,18 +55,18 @@ def _add_person(stage: Any, excerpt: Excerpt, person: RecordedPerson) -> None:
     place = f"/humanmm/person_{person.person:02d}"
     root = UsdSkel.Root.Define(stage, place)
     _show(root, excerpt, person)
-    rest = excerpt.rest_joints(person)
+    body, rest = body_of(person), excerpt.rest_joints(person)
     names: list[str] = []
-    for name, parent in zip(JOINT_NAMES, PARENTS, strict=True):
+    for name, parent in zip(body.joint_names, body.parents, strict=True):
         names.append(f"{names[parent]}/{name}" if parent >= 0 else name)
-    offsets = np.array([rest[j] - rest[PARENTS[j]] if j else rest[j] for j in range(NUM_JOINTS)])
+    offsets = np.array([rest[j] - rest[parent] if j else rest[j] for j, parent in enumerate(body.parents)])
     skeleton = UsdSkel.Skeleton.Define(stage, f"{place}/skeleton")
     skeleton.CreateJointsAttr(names)
     skeleton.CreateBindTransformsAttr([Gf.Matrix4d(1).SetTranslate(Gf.Vec3d(*p)) for p in rest.tolist()])
     skeleton.CreateRestTransformsAttr([Gf.Matrix4d(1).SetTranslate(Gf.Vec3d(*p)) for p in offsets.tolist()])
     animation = UsdSkel.Animation.Define(stage, f"{place}/skeleton/motion")
     animation.CreateJointsAttr(names)
-    animation.CreateScalesAttr(Vt.Vec3hArray([Gf.Vec3h(1)] * NUM_JOINTS))
+    animation.CreateScalesAttr(Vt.Vec3hArray([Gf.Vec3h(1)] * len(names)))
     turns, steps = animation.CreateRotationsAttr(), animation.CreateTranslationsAttr()
     pelvis = excerpt.points(person.pelvis)
     for row, code in enumerate(_codes(excerpt, person.frame)):
@@ -77,7 +77,6 @@ def _add_person(stage: Any, excerpt: Excerpt, person: RecordedPerson) -> None:
     binding = UsdSkel.BindingAPI.Apply(skeleton.GetPrim())
     binding.CreateAnimationSourceRel().SetTargets([animation.GetPath()])
 
-    body = load_body()
     mesh = UsdGeom.Mesh.Define(stage, f"{place}/body")
     vertices = excerpt.scale * body.rest_vertices(person.betas) @ excerpt.R_file_body.T
     mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(vertices.astype(np.float32)))

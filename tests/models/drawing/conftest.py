@@ -69,9 +69,8 @@ def rendered() -> Callable[[str], tuple[Recording, list[np.ndarray]]]:
             K = truth["cameras/K"].astype(np.float32)
             K[:, :2, 2] += 0.5  # these files have pixel centres at integers
             num_frames = int(truth["num_frames"])
-            fields = [
-                f for f in RecordedPerson.__dataclass_fields__ if f not in ("person", "keypoints2d", "probability")
-            ]
+            absent = ("person", "keypoints2d", "probability", "hand_pose", "hand_confidence")
+            fields = [f for f in RecordedPerson.__dataclass_fields__ if f not in absent]
             people = tuple(
                 RecordedPerson(
                     person=int(n),

@@ -67,7 +67,7 @@ def test_the_small_mesh_has_the_outline_of_the_full_one(standing: Recording, mon
     small = _silhouettes(standing, 5, [PosedSurface(standing.people[0])]) >= 0
     body = load_body()
     everything = DrawnMesh(np.arange(len(body.v_template)), body.faces.astype(np.int64))
-    monkeypatch.setattr("humanmm.models.drawing.surface.load_drawn_mesh", lambda: everything)
+    monkeypatch.setattr("humanmm.models.drawing.surface.load_drawn_mesh", lambda name: everything)
     full = _silhouettes(standing, 5, [PosedSurface(standing.people[0])]) >= 0
     assert (small & full).sum() / (small | full).sum() > 0.97
 

@@ -1,12 +1,15 @@
 """The recording: where world motion, observations and shots meet."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.kinematics import forward_kinematics
-from humanmm.models.motion.assemble import assemble, continuous_rotvec, world_joints
+from humanmm.models.motion.assemble import assemble, continuous_rotvec, record_motion, world_joints
+from humanmm.models.records.hands import not_looked
 from humanmm.models.records.landmarks import INDEX
 from humanmm.models.records.motion import PersonMotion, WorldMotion
 from humanmm.models.records.recording import Recording
@@ -34,11 +37,9 @@ def test_no_rotation_is_the_zero_vector() -> None:
     np.testing.assert_array_equal(continuous_rotvec(np.tile(np.eye(3), (3, 1, 1))), np.zeros((3, 3)))
 
 
-@pytest.fixture(scope="module")
-def assembled() -> Recording:
+def seen_twice() -> tuple[VideoFacts, ShotList, list[ScenePeople | None], WorldMotion]:
     """One person, seen in frames 0-4 and 12-19, before and after a dissolve over [8, 12); labels swapped after it."""
     rng = np.random.default_rng(3)
-    body = load_body()
     betas = rng.normal(size=10) * 0.3
     R = Rotation.from_euler("zx", [[0.1 * i, 1.5] for i in range(F)]).as_matrix()
     pose = rng.normal(size=(F, 23, 3)) * 0.2
@@ -66,10 +67,16 @@ def assembled() -> Recording:
         ),
         people=(Person(0, betas.astype(np.float32), 1.0),),
     )
-    scenes = [ScenePeople(0, 10, (tracks[0],)), ScenePeople(10, F, (tracks[1],))]
+    scenes: list[ScenePeople | None] = [ScenePeople(0, 10, (tracks[0],)), ScenePeople(10, F, (tracks[1],))]
     facts = VideoFacts(640, 360, np.arange(F) / 25, np.ones(F, bool), 0, "h264", "mp4")
-    rest = {0: body.rest_joints(betas)[0]}
-    joints = {0: world_joints(motion.people[0], body.rest_joints(betas), window=7)}
+    return facts, shots, scenes, motion
+
+
+@pytest.fixture(scope="module")
+def assembled() -> Recording:
+    facts, shots, scenes, motion = seen_twice()
+    at_rest = load_body().rest_joints(motion.people[0].betas)
+    rest, joints = {0: at_rest[0]}, {0: world_joints(motion.people[0], at_rest, window=7)}
     return assemble(facts, shots, scenes, motion, rest_pelvis=rest, joints_world=joints)
 
 
@@ -120,3 +127,15 @@ def test_a_recording_with_a_hole_in_a_persons_frames_is_refused(assembled: Recor
     fields = {**vars(person), "frame": np.r_[0:10, 11:21].astype(np.int32)}
     with pytest.raises(ValueError, match="holes"):
         type(person)(**fields)
+
+
+def test_hands_that_were_looked_at_in_one_shot_are_in_the_whole_recording() -> None:
+    facts, shots, scenes, motion = seen_twice()
+    assert record_motion(facts, shots, scenes, motion).people[0].hand_pose is None
+    first = scenes[0]
+    assert first is not None
+    track = replace(first.tracks[0], hands=not_looked(len(first.tracks[0].frame)))
+    (person,) = record_motion(facts, shots, [replace(first, tracks=(track,)), scenes[1]], motion).people
+    assert person.hand_pose is not None and person.hand_pose.shape == (F, 30, 3)
+    assert person.hand_confidence is not None and not person.hand_confidence.any()
+    np.testing.assert_allclose(person.body_pose, motion.people[0].body_pose, atol=1e-6)

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 import two_people
+from hand_points import with_hands
 from scipy.spatial.transform import Rotation, Slerp
 
 from humanmm.errors import InputError
@@ -144,3 +145,18 @@ def test_quaternions_over_time_take_the_short_way() -> None:
     found = continuous_quaternions(np.stack([R, R], axis=1))
     assert found.shape == (60, 2, 4) and (np.sum(found[1:] * found[:-1], axis=-1) > 0.9).all()
     assert continuous_quaternions(R[:1]).shape == (1, 4)
+
+
+def test_fingers_are_cut_and_resampled_with_their_person() -> None:
+    recording = with_hands(two_people.recording())
+    part = excerpt(recording, Wishes(start_s=0.2, end_s=0.9, fps=60), up="z", unit="m")
+    person, source = part.recording.people[0], recording.people[0]
+    assert person.hand_pose is not None and source.hand_pose is not None and person.hand_confidence is not None
+    assert person.hand_pose.shape == (len(person.frame), 30, 3)
+    before = part.source_frame[0]
+    np.testing.assert_allclose(person.hand_pose[0], source.hand_pose[before], atol=1e-5)
+    between = (source.hand_pose[before] + source.hand_pose[before + 1]) / 2
+    np.testing.assert_allclose(person.hand_pose[1], between, atol=5e-3)
+    np.testing.assert_allclose(person.hand_confidence, np.tile([0.9, 0], (len(person.frame), 1)), atol=1e-6)
+    assert part.rest_joints(person).shape == (52, 3)
+    assert part.local_rotations(person, slice(0, 4)).shape == (4, 52, 3, 3)

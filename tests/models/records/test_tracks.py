@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from humanmm.models.records.hands import HandTracks
 from humanmm.models.records.landmarks import NUM_LANDMARKS, SWAP
 from humanmm.models.records.shots import Appearance, TrackPart
 from humanmm.models.records.tracks import PersonTrack, ScenePeople, Silhouettes
@@ -69,3 +70,13 @@ def test_a_person_who_was_taken_for_another_is_put_together_from_parts_of_both_t
     np.testing.assert_array_equal(whole.keypoints2d[3], other.keypoints2d[2][SWAP])
     np.testing.assert_array_equal(whole.keypoints2d[5], other.keypoints2d[4])
     assert 0.5 < whole.probability < 1.0
+
+
+def test_parts_of_which_one_was_not_looked_at_for_hands_go_together() -> None:
+    seen = replace(
+        track(), hands=HandTracks(np.ones((6, 2), np.float32), *(np.ones((6, 2, 21, k), np.float32) for k in (2, 3)))
+    )
+    whole = seen.then(track())
+    assert whole.hands is not None
+    assert (whole.hands.confidence[:6] == 1).all() and np.isnan(whole.hands.confidence[6:]).all()
+    assert track().then(track()).hands is None

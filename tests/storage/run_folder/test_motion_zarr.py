@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import zarr
+from hand_points import with_hands
 
 from humanmm.errors import InputError
 from humanmm.models.records.recording import Delivery, Recording
@@ -127,3 +128,16 @@ def _unused_pid() -> int:
         os._exit(0)
     os.waitpid(pid, 0)
     return pid
+
+
+def test_hands_are_stored_with_the_names_of_their_joints_and_come_back(tmp_path: Path, recording: Recording) -> None:
+    hands = with_hands(recording)
+    write_motion(tmp_path / "motion.zarr", hands)
+    group = zarr.open_group(tmp_path / "motion.zarr", mode="r")
+    array = group["people/00/hand_pose"]
+    assert isinstance(array, zarr.Array) and array.shape == (N, 30, 3)
+    assert list(array.attrs["joint_names"])[:4] == ["L_Index1", "L_Index2", "L_Index3", "L_Middle1"]  # type: ignore[arg-type]
+    again = read_motion(tmp_path / "motion.zarr")
+    for found, person in zip(again.people, hands.people, strict=True):
+        np.testing.assert_array_equal(found.hand_pose, person.hand_pose)
+        np.testing.assert_array_equal(found.hand_confidence, person.hand_confidence)

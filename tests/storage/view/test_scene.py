@@ -7,10 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hand_points import with_hands
 from scipy.spatial.transform import Rotation
 
 from humanmm.errors import InputError
 from humanmm.models.body.body24 import load_body
+from humanmm.models.body.fingers import JOINT_NAMES_52, PARENTS_52
 from humanmm.models.body.kinematics import compose
 from humanmm.models.records.recording import Recording
 from humanmm.storage.view.scene import frame_of, places_of, scene_tree
@@ -81,3 +83,13 @@ def test_a_warning_knows_the_frame_that_it_names_or_the_first_of_its_shot() -> N
 def test_another_body_model_is_refused(recording: Recording, record: dict[str, Any]) -> None:
     with pytest.raises(InputError, match="body24"):
         scene_tree(dataclasses.replace(recording, body_model="smpl-neutral"), record)
+
+
+def test_the_page_has_the_fingers_where_hands_were_asked_for(recording: Recording, record: dict[str, Any]) -> None:
+    hands = with_hands(recording)
+    tree = json.loads(json.dumps(scene_tree(hands, record)))
+    assert tree["jointNames"] == list(JOINT_NAMES_52) and tree["parents"] == list(PARENTS_52)
+    assert _unpacked(tree["body"]["joint"]).max() == 51
+    for message, person in zip(tree["people"], hands.people, strict=True):
+        turns = Rotation.from_quat(_unpacked(message["turns"]).reshape(-1, 4)).as_rotvec().reshape(-1, 52, 3)
+        assert np.abs(turns[:, 22:] - person.hand_pose).max() < 1e-3

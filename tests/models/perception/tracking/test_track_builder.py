@@ -4,16 +4,20 @@ import numpy as np
 import pytest
 
 from humanmm.models.perception.clothing import HISTOGRAM_BINS
+from humanmm.models.perception.hands.follow import NUMBERS
 from humanmm.models.perception.observation import Observation
+from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.regions import Region
 from humanmm.models.perception.tracking.track_builder import STEADINESS_UNKNOWN, TrackBuilder, steadiness
 from humanmm.models.records.landmarks import SWAP
+from humanmm.models.records.tracks import PersonTrack
 
 STEPS_S = np.random.default_rng(5).choice([0.01, 0.02, 0.05, 0.12], 80)
 TIME_S = 3.0 + np.cumsum(STEPS_S)
 MEAN_RATE_TIME_S = 3.0 + np.arange(80) * STEPS_S.mean()
 SPEED_PX_S = 150.0
 SIDE_PX = 200.0
+BLACK = Picture((np.zeros((4, 4), np.uint8), np.zeros((2, 2), np.uint8), np.zeros((2, 2), np.uint8)))
 POSE = np.concatenate([np.random.default_rng(6).normal(0, 40, (33, 2)), np.ones((33, 1))], axis=1)
 
 
@@ -97,3 +101,40 @@ def test_a_finished_track_is_in_order_with_left_and_right_named_alike() -> None:
     np.testing.assert_array_equal(finished.frame, np.arange(20, 40))
     np.testing.assert_allclose(finished.keypoints2d, np.tile(at(30).keypoints, (20, 1, 1)), rtol=1e-6)
     assert not track.rows
+
+
+def test_hands_that_were_looked_at_are_in_the_track_and_change_sides_with_the_body(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    due = np.zeros((80, 2), bool)
+    due[10:20:2, 0] = due[11:20:2, 1] = True
+    known: list[int] = []
+
+    def look(image: object, keypoints: object, wanted: np.ndarray, before: list[object]) -> np.ndarray:
+        known.append(len(before))
+        looks = np.full((2, NUMBERS), 0.5, np.float32)
+        looks[~wanted, 0] = np.nan
+        return looks
+
+    monkeypatch.setattr("humanmm.models.perception.tracking.track_builder.look_at_hands", look)
+    track = TrackBuilder(TIME_S, at(10), 10)
+    for frame in range(10, 20):
+        track.add(frame, at(frame))
+        track.colours[frame] = np.ones(HISTOGRAM_BINS)
+        track.look_at_hands(frame, BLACK, due)
+    assert known == [0, 1, 2, 2, 2, 2, 2, 2, 2, 2]
+    first, second = track.split(14)
+    assert sorted(first.hands) == [10, 11, 12, 13] and min(second.hands) == 14
+    hands = track.finished().hands
+    assert hands is not None
+    assert np.flatnonzero(hands.confidence[:, 0] > 0).tolist() == [0, 2, 4, 6, 8]
+    assert built_without_hands().hands is None
+
+
+def built_without_hands() -> PersonTrack:
+    track = TrackBuilder(TIME_S, at(10), 10)
+    for frame in range(10, 20):
+        track.add(frame, at(frame))
+        track.colours[frame] = np.ones(HISTOGRAM_BINS)
+        track.look_at_hands(frame, BLACK, None)
+    return track.finished()

@@ -5,7 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import two_people
+from hand_points import with_hands
 
+from humanmm.models.body.fingers import from_flat_hands
 from humanmm.models.body.smpl_joints import SMPLX_REST_PELVIS
 from humanmm.models.motion.excerpt import Wishes
 from humanmm.storage.run_folder.exporters import export
@@ -75,3 +77,12 @@ def test_the_user_may_ask_for_the_rate_of_the_video(tmp_path: Path) -> None:
     with np.load(export(recording, tmp_path, "amass", wishes=Wishes(fps=25.0))[0]) as file:
         assert file["mocap_frame_rate"].item() == 25.0
         np.testing.assert_array_equal(file["pose_body"], recording.people[0].body_pose[:, :21].reshape(40, -1))
+
+
+def test_hands_are_those_of_a_body_whose_hands_are_flat_at_rest(tmp_path: Path) -> None:
+    recording = with_hands(RECORDING)
+    pose = recording.people[0].hand_pose
+    assert pose is not None
+    with np.load(export(recording, tmp_path, "amass")[0]) as file:
+        np.testing.assert_allclose(file["pose_hand"], from_flat_hands(pose).reshape(N, 90), atol=1e-6)
+        np.testing.assert_array_equal(file["poses"][:, 75:], file["pose_hand"])

@@ -5,9 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import two_people
+from hand_points import with_hands
 from scipy.spatial.transform import Rotation
 
 from humanmm.models.body.body24 import JOINT_NAMES
+from humanmm.models.body.fingers import JOINT_NAMES_52, load_body52
+from humanmm.models.body.kinematics import forward_kinematics
+from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.motion.excerpt import Wishes
 from humanmm.storage.run_folder.exporters import export
 from humanmm.storage.run_folder.exporters.bvh import euler_zxy_deg, nearest_angles
@@ -129,3 +133,18 @@ def test_the_nearest_angles_are_the_same_rotation() -> None:
     as_matrix = [Rotation.from_euler("ZXY", one, degrees=True).as_matrix() for one in (angles, near)]
     np.testing.assert_allclose(*as_matrix, atol=1e-9)
     assert (np.abs(near - before).sum(1) <= np.abs(angles - before).sum(1) + 1e-9).all()
+
+
+def test_hands_make_a_skeleton_of_52_joints_whose_fingers_are_where_ours_are(tmp_path: Path) -> None:
+    recording = with_hands(two_people.recording())
+    person, body = recording.people[0], load_body52()
+    joints = Bvh(export(recording, tmp_path, "bvh", wishes=Wishes(up="z", unit="m"))[0]).joints()
+    assert [name for name in joints if not name.endswith("_End")] != list(JOINT_NAMES_52)  # depth first, as in any BVH
+    assert {name for name in joints if not name.endswith("_End")} == set(JOINT_NAMES_52)
+    R_root = rotvec_to_rotmat(person.root_orient)
+    rest = body.rest_joints(person.betas)
+    ours, _ = forward_kinematics(rest, R_root, person.pose(), person.pelvis, body.parents)
+    for j, name in enumerate(JOINT_NAMES_52):
+        assert np.abs(joints[name] - ours[:, j]).max() < 1e-3
+    tip = joints["L_Index3_End"] - joints["L_Index3"]
+    assert 0.01 < np.linalg.norm(tip, axis=1).mean() < 0.04

@@ -10,9 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 import two_people
+from hand_points import with_hands
 from scipy.spatial.transform import Rotation, Slerp
 
 from humanmm.models.body.body24 import JOINT_NAMES, load_body
+from humanmm.models.body.fingers import JOINT_NAMES_52, load_body52
 from humanmm.models.body.kinematics import forward_kinematics, skinning_transforms
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.motion.excerpt import Wishes
@@ -207,8 +209,8 @@ validator.validateBytes(data).then((report) => console.log(JSON.stringify(report
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "recording",
-    [RECORDING, two_people.recording(num_frames=1), two_people.recording(num_frames=20)],
-    ids=["two shots", "one frame", "one shot"],
+    [RECORDING, two_people.recording(num_frames=1), two_people.recording(num_frames=20), with_hands(RECORDING)],
+    ids=["two shots", "one frame", "one shot", "hands"],
 )
 def test_the_khronos_validator_finds_no_error_and_no_warning(tmp_path: Path, recording: Recording) -> None:
     package = os.environ.get("HUMANMM_GLTF_VALIDATOR")
@@ -220,3 +222,20 @@ def test_the_khronos_validator_finds_no_error_and_no_warning(tmp_path: Path, rec
     )  # fmt: skip
     issues = json.loads(done.stdout)
     assert (issues["numErrors"], issues["numWarnings"]) == (0, 0), issues["messages"]
+
+
+def test_hands_are_skinned_fingers_in_the_same_scene(tmp_path: Path) -> None:
+    recording = with_hands(RECORDING)
+    scene = Scene(export(recording, tmp_path, "glb")[0])
+    (skin,) = (one for one in scene.tree["skins"] if one["name"] == "person_00")
+    assert [scene.nodes[joint]["name"] for joint in skin["joints"]] == list(JOINT_NAMES_52)
+    (primitive,) = scene.tree["meshes"][0]["primitives"]
+    joint, weight = (scene.array(primitive["attributes"][name]) for name in ("JOINTS_0", "WEIGHTS_0"))
+    assert set(range(22, 52)) <= set(joint[weight > 0.5].tolist())
+    person, body = recording.people[0], load_body52()
+    rest = body.rest_joints(person.betas)
+    R_root = rotvec_to_rotmat(person.root_orient[[10]])
+    ours, _ = forward_kinematics(rest, R_root, person.pose(slice(10, 11)), person.pelvis[[10]], body.parents)
+    matrices = scene.world(RECORDING.time_s[10])
+    found = np.stack([matrices[joint][:3, 3] for joint in skin["joints"]])
+    assert np.abs(found - ours[0] @ YUP.T).max() < 1e-4

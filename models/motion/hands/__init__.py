@@ -1,0 +1,1 @@
+"""Joint rotations of the fingers from the landmarks of hands."""
