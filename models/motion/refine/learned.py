@@ -16,7 +16,9 @@ from humanmm.models.motion.refine.fit import RootVelocity
 
 Array = np.ndarray
 
-VELOCITY_WEIGHT = 2.0
+VELOCITY_WEIGHT = 3.0
+LEAST_SIGMA_MS = 0.15
+"""What the stated error of a velocity leaves out: somebody who stands is said to drift by a centimetre a second."""
 MS_HMR_SHARE = 0.5
 """How much of ms-HMR's correction is made."""
 _ROTATED = list(ROTATED_JOINTS)
@@ -41,7 +43,7 @@ class Learned:
         R_root = (given.rotations if found.rotations is None else found.rotations)[:, 0]
 
         def of_frames(frames: slice) -> Sequence[Term]:
-            velocity, sigma = found.velocity[frames], found.velocity_sigma[frames]
+            velocity, sigma = found.velocity[frames], np.hypot(found.velocity_sigma[frames], LEAST_SIGMA_MS)
             return [RootVelocity(R_root[frames], velocity, sigma, self.time_s[frames], VELOCITY_WEIGHT)]
 
         return of_frames
