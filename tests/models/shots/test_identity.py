@@ -1,9 +1,7 @@
 """Who is who across cuts."""
 
 import numpy as np
-import pytest
 
-from humanmm.models.body.body24 import load_body
 from humanmm.models.perception.clothing import HISTOGRAM_BINS
 from humanmm.models.records.landmarks import INDEX, NUM_LANDMARKS, SWAP
 from humanmm.models.records.shots import Shot, Transition
@@ -12,11 +10,9 @@ from humanmm.models.shots import identity
 from humanmm.models.shots.identity import (
     Candidate,
     Cast,
-    bone_lengths,
     matched_people,
     pose_at,
     pose_residual_m,
-    shape_from_bones,
 )
 
 TIME_S = np.arange(150) / 30
@@ -136,14 +132,6 @@ def test_the_pose_residual_ignores_rotation_and_swapped_sides() -> None:
     assert pose_residual_m(standing(0.0), standing(2.8)) > 0.1
 
 
-def test_longer_bones_give_a_shape_with_longer_bones_but_less_than_measured() -> None:
-    body = load_body()
-    usual = bone_lengths(standing()[None])
-    lengths = [body.rest_joints(shape_from_bones(usual * scale, body)) for scale in (1.0, 1.15)]
-    height = [float(joints[:, 1].max() - joints[:, 1].min()) for joints in lengths]
-    assert 1.03 < height[1] / height[0] < 1.15
-
-
 def test_a_person_must_be_seen_for_seconds_not_for_frames() -> None:
     people = ScenePeople(0, 60, (track(0, 60, RED, size=120), track(10, 16, BLUE)))
     shots = [Shot(0, 0, 60, 0, None, ())]
@@ -160,20 +148,3 @@ def test_a_pose_is_carried_to_the_cut_in_time() -> None:
     seen.landmarks3d[:] = standing() + velocity * time_s[:18, None, None]
     carried = pose_at(seen, np.arange(13, 18), 19, time_s)
     np.testing.assert_allclose(carried, standing() + velocity * time_s[19], atol=1e-5)
-
-
-@pytest.mark.parametrize("height_m", [1.05, 1.60, 1.82, 2.05])
-def test_a_known_height_is_that_of_the_shape_and_bones_tell_its_proportions(height_m: float) -> None:
-    body = load_body()
-    bones = bone_lengths(np.repeat(standing()[None], 5, axis=0))
-    betas = shape_from_bones(bones, body, height_m=height_m)
-    assert body.standing_height(betas) == pytest.approx(height_m, abs=0.001)
-
-    def legs(betas: np.ndarray) -> float:
-        return float(np.linalg.norm(np.diff(body.rest_joints(betas)[[1, 4, 7]], axis=0), axis=1).sum()) / height_m
-
-    size = np.zeros(body.num_betas)
-    size[0] = (height_m - body.standing_height(size)) / (
-        body.standing_height(np.eye(10)[0]) - body.standing_height(size)
-    )
-    assert legs(betas) == pytest.approx(legs(size), abs=0.01), "no part of the body takes the difference alone"
