@@ -35,7 +35,7 @@ class ColourModel:
     clothes: float
     """For a Hellinger distance of 1 between the histograms of the clothes."""
     parts: float = 0.0
-    """For a distance of 1 between the colours of the body's parts."""
+    """For a factor of e between the distances of the body's parts."""
     ground: float = 0.0
     """For a distance of 1 between the colours of the ground that they stand on."""
 
@@ -44,11 +44,16 @@ class ColourModel:
         return self.constant + self.clothes * clothes + self.parts * parts + self.ground * ground
 
 
-SAME_COLOURS, SAME_CLOTHES = ColourModel(7.0, -4.8, -0.79), ColourModel(5.1, -8.2)
-"""With and without colours of the parts."""
+SAME_COLOURS, SAME_CLOTHES = ColourModel(-0.08, -2.82, -8.96, -0.05), ColourModel(3.83, -10.54)
+"""With and without colours of the parts, fitted by `scripts/fit_identity`. Both are 1.5 below what that gives: there as
+many pairs are of one person as of two."""
 COLOUR_LIMIT = 5.0
-_FEWEST_PARTS = 3
-PART_LIMIT = 30.0
+_FEWEST_PARTS, _DOUBTED_PARTS = 3, 4
+SAME_APART = -0.3
+PART_LIMIT = 40.0
+"""A part that is further apart counts as this: a limb that lies elsewhere, a sleeve on one side only."""
+_NOISE, _LEAST_CONTRAST = 2.0, 5.0
+"""Added to both distances, so that neither is taken for smaller than it can be measured."""
 _OF_LIGHT, _WEIGHT = np.array([1, 0.5, 0.5]), np.array([0.7, 1, 1])
 """Of L*, a*, b*: how much of what all parts have in common is the light's (at most LIGHT_LIMIT of L*); how much a
 difference counts."""
@@ -56,6 +61,10 @@ LIGHT_LIMIT = 20.0
 _GROUND_WEIGHT = np.array([0.5, 1, 1])
 GROUND_LIMIT, GROUND_UNKNOWN = 20.0, 10.0
 """Ground that is further apart is another one; what counts where it is not seen, between the same and another."""
+SAME_POSE_M, POSE_SPREAD_M, POSE_LIMIT = 0.17, 0.22, 1.0
+CUT_GAP_FRAMES = 3
+"""A pose this many frames from a cut still counts as the pose at the cut."""
+POSE_FRAMES = 5
 
 MIN_SEEN_S = 0.3
 
@@ -236,11 +245,9 @@ def same_person_odds(person: Sequence[Sighting], new: Sighting) -> float:
     """Log-odds that a sighting shows a known person: best colours of any of the person's shots, pose at the cut."""
     odds = max(colour_odds(old, new) for old in person)
     before = person[-1]
-    if before.shot == new.shot - 1:
-        odds += NEIGHBOUR_ODDS
-        if before.last is not None and new.first is not None:
-            residual = pose_residual_m(before.last, new.first)
-            odds += float(np.clip((SAME_POSE_M - residual) / POSE_SPREAD_M, -POSE_LIMIT, POSE_LIMIT))
+    if before.shot == new.shot - 1 and before.last is not None and new.first is not None:
+        residual = pose_residual_m(before.last, new.first)
+        odds += float(np.clip((SAME_POSE_M - residual) / POSE_SPREAD_M, -POSE_LIMIT, POSE_LIMIT))
     return odds
 
 
@@ -257,19 +264,23 @@ def colour_odds(a: Sighting, b: Sighting) -> float:
 
 
 def part_distance(a: Float[np.ndarray, "9 3"], b: Float[np.ndarray, "9 3"]) -> float | None:
-    """How far the colours of two bodies are apart, mean over the parts that both show; None if they are too few.
+    """Logarithm of how far the colours of two bodies are apart over how much their own parts differ, above SAME_APART
+    and the less the fewer parts both show; None if they are too few.
 
-    A camera's exposure and white balance change all parts alike: what the parts' differences have in common is taken
-    away, of colour a half, since people also dress in one colour. One part counts no more than PART_LIMIT: a bare arm
-    on one side of a cut and a sleeve on the other, or a limb that lies elsewhere.
+    Two people in black from head to foot are near each other and yet not likely one; two with the same red shirt above
+    the same blue trousers are. A camera's exposure and white balance change all parts alike: what the parts'
+    differences have in common is taken away, of colour a half, since people also dress in one colour.
     """
     seen = np.isfinite(a[:GROUND, 0]) & np.isfinite(b[:GROUND, 0])
     if np.count_nonzero(seen) < _FEWEST_PARTS:
         return None
-    difference = a[:GROUND][seen].astype(np.float64) - b[:GROUND][seen]
-    light = np.clip(np.median(difference, axis=0), -LIGHT_LIMIT, LIGHT_LIMIT)
-    difference -= _OF_LIGHT * light
-    return float(np.minimum(np.linalg.norm(_WEIGHT * difference, axis=1), PART_LIMIT).mean())
+    a, b = a[:GROUND][seen].astype(np.float64), b[:GROUND][seen].astype(np.float64)
+    contrast = float(np.linalg.norm(((a + b) / 2).std(axis=0)))
+    light = np.clip(np.median(a - b, axis=0), -LIGHT_LIMIT, LIGHT_LIMIT)
+    apart = np.linalg.norm(_WEIGHT * (a - b - _OF_LIGHT * light), axis=1)
+    ratio = float(np.log((np.minimum(apart, PART_LIMIT).mean() + _NOISE) / (contrast + _LEAST_CONTRAST)))
+    count = np.count_nonzero(seen)
+    return (ratio - SAME_APART) * count / (count + _DOUBTED_PARTS)
 
 
 def ground_distance(a: Float[np.ndarray, "9 3"], b: Float[np.ndarray, "9 3"]) -> float:
