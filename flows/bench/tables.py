@@ -16,12 +16,12 @@ from humanmm.flows.bench.planned import aist_set, mocap_set
 from humanmm.flows.bench.render_set import own_set
 from humanmm.flows.bench.shots import shot_rows
 from humanmm.flows.bench.speed import growth_rows, measure_speed
-from humanmm.models.benchmark.identity import cut_pairs, identity_rows, identity_tables, linked
+from humanmm.models.benchmark.identity import cut_pairs, linked
 from humanmm.models.benchmark.methods import ABLATIONS, CAMERAS, CUTS, METHODS
 from humanmm.models.benchmark.scores import VideoFigures
 from humanmm.models.benchmark.tables import shots
 from humanmm.models.benchmark.tables.charts import OF_CUTS, bars_of
-from humanmm.models.benchmark.tables.cuts import cut_tables
+from humanmm.models.benchmark.tables.cuts import cut_tables, identity_rows, identity_tables
 from humanmm.models.benchmark.tables.golden import all_verdicts, golden_tables, rows_of_golden
 from humanmm.models.benchmark.tables.groups import spread_tables
 from humanmm.models.benchmark.tables.layout import MAIN, OF_ABLATION, OF_CAMERAS, OF_JOINTS, plain_table, tables_of

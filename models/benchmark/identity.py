@@ -11,11 +11,9 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.models.benchmark.tables.rows import ALL, Metric, Row, summarise
 from humanmm.models.geometry.boxes import box_iou
 from humanmm.models.geometry.intervals import in_intervals
 from humanmm.models.records.shots import Shot
-from humanmm.models.records.table import Table
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
 from humanmm.models.shots.identity import Sighting, answer_probabilities, match, sighting
 
@@ -29,8 +27,6 @@ LEAST_IOU = 0.3
 LEAST_SHARE, CLEAR_SHARE = 0.2, 0.7
 """Of a track's frames, how many must lie on somebody for it to be his: less than the first, it is nobody's; more than
 the second, his; else it is left out."""
-SURE = 0.9
-BINS = (0.0, 0.5, 0.7, 0.9, 0.97, 1.0)
 
 Boxes = Mapping[str, Float[Array, "frames 4"]]
 """Of everybody in a clip, by name: his box in every frame of it, source pixels, NaN where he is not in view."""
@@ -133,53 +129,6 @@ def linked(pair: CutPair) -> PairFigures:
             made.append(Link(sure[known], a == b))
     there = [{one.who for one in view.people} - {None} for view in (pair.before, pair.after)]
     return PairFigures(pair.unrelated, len(there[0] & there[1]), tuple(made))
-
-
-def identity_rows(figures: Sequence[PairFigures]) -> list[Row]:
-    """A row for all pairs and one for each kind; `n` counts pairs."""
-    return [Row("humanmm", name, len(chosen), 0, _metrics(chosen)) for name, chosen in _kinds(figures).items()]
-
-
-def identity_tables(figures: Sequence[PairFigures]) -> list[Table]:
-    """Links by kind of pair, and how often those that were made with some probability are right."""
-    head = ("", "cut pairs", "true links", "links made", "precision", "recall", f"wrong with > {SURE:g}")
-    lines = []
-    for name, chosen in _kinds(figures).items():
-        made = [link for one in chosen for link in one.made]
-        right = sum(link.right for link in made)
-        true = sum(one.true for one in chosen)
-        lines.append(
-            (
-                name, str(len(chosen)), str(true), str(len(made)),
-                f"{right / len(made):.3f}" if made else "", f"{right / true:.3f}" if true else "",
-                str(sum(link.probability > SURE and not link.right for link in made)),
-            )
-        )  # fmt: skip
-    made = [link for one in figures for link in one.made]
-    bins = []
-    for low, high in pairwise(BINS):
-        inside = [link for link in made if low < link.probability <= high]
-        said = np.mean([link.probability for link in inside]) if inside else np.nan
-        right_share = np.mean([link.right for link in inside]) if inside else np.nan
-        bins.append((f"{low:g} to {high:g}", str(len(inside)), f"{said:.3f}", f"{right_share:.3f}"))
-    calibration = Table(("probability", "links", "said, mean", "right"), tuple(bins), "How sure a link is")
-    return [Table(head, tuple(lines), "Identity across cuts"), calibration]
-
-
-def _kinds(figures: Sequence[PairFigures]) -> dict[str, list[PairFigures]]:
-    return {
-        ALL: list(figures),
-        "of one recording": [one for one in figures if not one.unrelated],
-        "of unrelated recordings": [one for one in figures if one.unrelated],
-    }
-
-
-def _metrics(figures: Sequence[PairFigures]) -> dict[str, Metric]:
-    made = [link for one in figures for link in one.made]
-    right, true = [float(link.right) for link in made], sum(one.true for one in figures)
-    found = [1.0] * round(sum(right)) + [0.0] * (true - round(sum(right)))
-    samples = {"link_precision": right, "link_recall": found}
-    return {name: summarise(values) for name, values in samples.items() if values}
 
 
 _UNCLEAR = "?"
