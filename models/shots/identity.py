@@ -2,9 +2,9 @@
 
 Every shot × track is a sighting. Shots are taken in order, and each shot's sightings are matched one to one with the
 people known so far (Hungarian); a sighting that fits nobody better than chance starts a new person. The score is a sum
-of log-odds, positive for "the same": clothing colours carry most; the 3D pose on both sides of a cut, compared up to
-any rotation because the camera's is not known yet, adds a little; the detector's bone lengths hardly differ between
-people (within 5 % of its mean person on bodies that differ by 20 %) and are not used.
+of log-odds, positive for "the same". The colours of the body's parts carry most, as far as they are not of one colour
+themselves; then the clothes' histograms and the ground; the 3D pose on both sides of a cut, compared up to any rotation
+because the camera's is not known yet, adds a little. Bone lengths say nothing (`body.proportions`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -44,9 +44,9 @@ class ColourModel:
         return self.constant + self.clothes * clothes + self.parts * parts + self.ground * ground
 
 
-SAME_COLOURS, SAME_CLOTHES = ColourModel(-0.08, -2.82, -8.96, -0.05), ColourModel(3.83, -10.54)
-"""With and without colours of the parts, fitted by `scripts/fit_identity`. Both are 1.5 below what that gives: there as
-many pairs are of one person as of two."""
+SAME_COLOURS, SAME_CLOTHES = ColourModel(0.67, -2.82, -8.96, -0.05), ColourModel(4.58, -10.54)
+"""With and without colours of the parts, fitted by `scripts/fit_identity`. Constants are 0.75 below what is likeliest
+there, where as many pairs are of one person as of two."""
 COLOUR_LIMIT = 5.0
 _FEWEST_PARTS, _DOUBTED_PARTS = 3, 4
 SAME_APART = -0.3
