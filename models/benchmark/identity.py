@@ -108,7 +108,7 @@ def cut_pairs(views: Sequence[View]) -> list[CutPair]:
     related = [CutPair(a, b) for a, b in pairwise(views) if a.recording == b.recording]
     unrelated = []
     for k, view in enumerate(views):
-        others = [other for other in views[k:] + views[:k] if other.recording != view.recording]
+        others = [other for other in [*views[k:], *views[:k]] if other.recording != view.recording]
         if others:
             unrelated.append(CutPair(view, others[7 * k % len(others)]))
     return related + unrelated

@@ -107,8 +107,8 @@ def _parts_of_crop(
     found = {part: np.zeros((MASK_SIDE, MASK_SIDE), np.uint8) for part in PARTS}
 
     def draw(part: str, a: np.ndarray, b: np.ndarray, width: float) -> None:
-        ends = ((16 * (np.clip(end, -MASK_SIDE, 2 * MASK_SIDE) - 0.5)).astype(int).tolist() for end in (a, b))
-        cv2.line(found[part], *ends, 1, max(3, round(2 * width * height)), shift=4)
+        first, last = ((16 * (np.clip(end, -MASK_SIDE, 2 * MASK_SIDE) - 0.5)).astype(int).tolist() for end in (a, b))
+        cv2.line(found[part], first, last, 1, max(3, round(2 * width * height)), shift=4)
 
     for part, first, last, hidden, width in _LIMBS:
         for side in ("left", "right"):
@@ -119,9 +119,11 @@ def _parts_of_crop(
     shoulders, hips = (points[list(pair)].mean(axis=0) for pair in (landmarks.SHOULDERS, landmarks.HIPS))
     ears = points[[INDEX["left_ear"], INDEX["right_ear"]]].mean(axis=0)
     up = (ears - shoulders) / max(float(np.linalg.norm(ears - shoulders)), 1e-6)
-    draw("hair", *(ears + up * distance * height for distance in _HAIR), _HAIR_WIDTH)
+    low, high = (ears + up * distance * height for distance in _HAIR)
+    draw("hair", low, high, _HAIR_WIDTH)
+    trunk = hips - shoulders
     for part, top, bottom in (("chest", 0.15, 0.5), ("belly", 0.5, 0.9)):
-        draw(part, *(shoulders + way * (hips - shoulders) for way in (top, bottom)), _TRUNK_WIDTH)
+        draw(part, shoulders + top * trunk, shoulders + bottom * trunk, _TRUNK_WIDTH)
         found[part][(found["upper arms"] | found["forearms"]) > 0] = 0
     return [pixels > 0 for pixels in found.values()]
 

@@ -73,13 +73,13 @@ def dissolves(window: PictureWindow, begin: int, end: int, longest: int) -> list
             continue
         if window.motion(start - 1, stop).match > _UNRELATED or window.displacement(start - 1, stop) is not None:
             continue
-        if _is_pan(window, start - 1, stop):
+        if is_pan(window, start - 1, stop):
             continue
         found.append(Interval(start, stop))
     return sorted(found)
 
 
-def _is_pan(window: PictureWindow, before: int, after: int) -> bool:
+def is_pan(window: PictureWindow, before: int, after: int) -> bool:
     """Whether the camera moves through one place from a frame to another, step by step."""
     steps = np.linspace(before, after, 5).round().astype(int).tolist()
     shifts = [window.displacement(a, b) for a, b in pairwise(steps)]
