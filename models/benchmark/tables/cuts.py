@@ -121,9 +121,9 @@ def identity_tables(figures: Sequence[PairFigures]) -> list[Table]:
     bins = []
     for low, high in pairwise(BINS):
         inside = [link for link in made if low < link.probability <= high]
-        said = np.mean([link.probability for link in inside]) if inside else np.nan
-        right_share = np.mean([link.right for link in inside]) if inside else np.nan
-        bins.append((f"{low:g} to {high:g}", str(len(inside)), f"{said:.3f}", f"{right_share:.3f}"))
+        columns = ([link.probability for link in inside], [link.right for link in inside])
+        shares = [f"{np.mean(column):.3f}" if column else "" for column in columns]
+        bins.append((f"{low:g} to {high:g}", str(len(inside)), *shares))
     calibration = Table(("probability", "links", "said, mean", "right"), tuple(bins), "How sure a link is")
     return [Table(head, tuple(lines), "Identity across cuts"), calibration]
 
