@@ -1,4 +1,7 @@
-"""`humanmm bench golden`: clips that somebody looked at, and whether what was recovered is what he saw.
+"""`humanmm bench golden` and `overlay`: real clips without truths.
+
+Golden: clips that somebody looked at, and whether what was recovered is what he saw. Overlay: how far bodies lie from
+the people of the picture.
 
 DIR/golden.toml lists the clips; without one, the list of the repository is checked on the videos of DIR. A clip that
 is cut from them is made once and kept in the cache.
@@ -16,6 +19,8 @@ from humanmm.flows.bench.clips import recovered
 from humanmm.models.benchmark.expectations import GoldenClip
 from humanmm.models.benchmark.golden import verdicts
 from humanmm.models.benchmark.tables.golden import CheckedClip
+from humanmm.models.evaluation.overlay import PersonOverlay, overlay_of
+from humanmm.storage.readers.cut_truth import VIDEOS
 from humanmm.storage.readers.golden_list import read_golden_list
 from humanmm.storage.run_folder.cut_clip import write_cut_clip
 from humanmm.storage.store.files import replace_file
@@ -79,3 +84,21 @@ def _videos(clip: GoldenClip) -> Sequence[str]:
     """Every video that its parts name, once."""
     named = [(part.video, part.poster.video if part.poster else part.video) for part in clip.parts]
     return list(dict.fromkeys(video for pair in named for video in pair))
+
+
+def overlays(folder: Path, config: Config, store: Store) -> tuple[dict[str, list[PersonOverlay]], list[str]]:
+    """By video, below the folder and the folders in it: its people; and a sentence for each that was refused."""
+    prepare_process()
+    videos = sorted(path for path in folder.rglob("*") if path.suffix.lower() in VIDEOS) if folder.is_dir() else []
+    if not videos:
+        raise InputError(f"{folder} is no folder that holds videos")
+    found, refused = {}, []
+    for number, video in enumerate(videos, start=1):
+        name = str(video.relative_to(folder).with_suffix(""))
+        seen = recovered(video, config, store)
+        if seen.recording is None:
+            refused.append(f"{name}: {seen.refused}")
+        else:
+            found[name] = overlay_of(seen.recording)
+        log.info("%s: %d of %d videos", name, number, len(videos))
+    return found, refused

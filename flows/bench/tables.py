@@ -7,20 +7,21 @@ from pathlib import Path
 from humanmm.config import Config
 from humanmm.errors import InputError, UsageError
 from humanmm.flows.bench.clips import clip_set, labels_of_jobs
-from humanmm.flows.bench.golden import checked_clips
+from humanmm.flows.bench.golden import checked_clips, overlays
+from humanmm.flows.bench.identity import identity_views
 from humanmm.flows.bench.imported import parse_system, with_imported
 from humanmm.flows.bench.motion import Job, figures_of
-from humanmm.flows.bench.overlay import overlays
 from humanmm.flows.bench.page import report_page
 from humanmm.flows.bench.planned import aist_set, mocap_set
 from humanmm.flows.bench.render_set import own_set
 from humanmm.flows.bench.shots import shot_rows
 from humanmm.flows.bench.speed import growth_rows, measure_speed
+from humanmm.models.benchmark.identity import cut_pairs, linked
 from humanmm.models.benchmark.methods import ABLATIONS, CAMERAS, CUTS, METHODS
 from humanmm.models.benchmark.scores import VideoFigures
 from humanmm.models.benchmark.tables import shots
 from humanmm.models.benchmark.tables.charts import OF_CUTS, bars_of
-from humanmm.models.benchmark.tables.cuts import cut_tables
+from humanmm.models.benchmark.tables.cuts import cut_tables, identity_rows, identity_tables
 from humanmm.models.benchmark.tables.golden import all_verdicts, golden_tables, rows_of_golden
 from humanmm.models.benchmark.tables.groups import spread_tables
 from humanmm.models.benchmark.tables.layout import MAIN, OF_ABLATION, OF_CAMERAS, OF_JOINTS, plain_table, tables_of
@@ -38,7 +39,7 @@ SAMPLE = Path("examples/aist")
 MODULES = {"ablation": (ABLATIONS, OF_ABLATION), "camera": (CAMERAS, OF_CAMERAS), "cuts": (CUTS, OF_JOINTS)}
 """Tables of parts of the pipeline: their methods and figures."""
 CLIPS = ("ms-render", "ms-real")
-WITHOUT_TRUTH = ("golden", "overlay")
+WITHOUT_SIZE = ("golden", "overlay", "identity")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,14 +78,14 @@ def measure(request: TableRequest, config: Config, *, announce: Callable[[str], 
     """Measure a table; `announce` is called with the set in numbers before what takes long begins."""
     if request.data is not None and request.table in CLIPS and request.size is not None:
         raise UsageError("--size is for sets that are made here; a folder of clips has the size that it has")
-    if request.table in WITHOUT_TRUTH and (request.size is not None or request.imported):
+    if request.table in WITHOUT_SIZE and (request.size is not None or request.imported):
         raise UsageError(f"{request.table} takes no --size and no --imported: the videos are those of the folder")
     if request.table != "speed" and (request.runs is not None or request.minutes):
         raise UsageError("--runs and --minutes are for the table speed")
     data = request.data or own_data(request, config)
     if request.table == "speed":
         return _speed(request, data, config)
-    makers = {"shots": _shots, "golden": _golden, "overlay": _overlay}
+    makers = {"shots": _shots, "golden": _golden, "overlay": _overlay, "identity": _identity}
     return makers.get(request.table, _motion)(request, data, config, announce)
 
 
@@ -157,6 +158,15 @@ def _overlay(request: TableRequest, data: Path, config: Config, announce: Callab
     rows, tables = overlay_rows(videos, [sentence.split(":")[0] for sentence in refused]), overlay_tables(videos)
     page = Page("overlay", command, "", tables)
     return Measured(rows, tables, command, failures=refused, page=lambda: page)
+
+
+def _identity(request: TableRequest, data: Path, config: Config, announce: Callable[[str], None]) -> Measured:
+    views, failed = identity_views(data, config, open_store(request.store))
+    figures = [linked(pair) for pair in cut_pairs(views)]
+    command = " ".join(["humanmm", "bench", "identity", *request.settings])
+    tables = identity_tables(figures)
+    page = Page("identity", command, "", tables)
+    return Measured(identity_rows(figures), tables, command, failures=failed, page=lambda: page)
 
 
 def _motion(request: TableRequest, data: Path, config: Config, announce: Callable[[str], None]) -> Measured:

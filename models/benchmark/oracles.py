@@ -107,7 +107,7 @@ def _tracks(scenes: Sequence[ScenePeople], start: int, end: int) -> tuple[Person
 def _between(track: PersonTrack, start: int, end: int) -> PersonTrack:
     rows = (track.frame >= start) & (track.frame < end)
     samples = (track.color_frame >= start) & (track.color_frame < end)
-    chosen = {"color_frame": samples, "color_histogram": samples}
+    chosen = {"color_frame": samples, "color_histogram": samples, "color_parts": samples}
     cut: dict[str, Any] = {
         field.name: getattr(track, field.name)[chosen.get(field.name, rows)]
         for field in fields(track)

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from humanmm.models.body.body24 import FREE_JOINTS, load_body
+from humanmm.models.body.proportions import bone_lengths, shape_from_bones
 from humanmm.models.geometry.projection import inverse_pose
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.motion.fit.evidence import gather
@@ -17,7 +18,6 @@ from humanmm.models.perception.lifting.lifted import lifted_people
 from humanmm.models.perception.observation import MIN_CONFIDENCE
 from humanmm.models.perception.regions import Region
 from humanmm.models.records.tracks import MASK_SIDE, PersonTrack, ScenePeople, Silhouettes
-from humanmm.models.shots.identity import bone_lengths, shape_from_bones
 
 Array = np.ndarray
 

@@ -116,6 +116,9 @@ class PersonTrack:
     """(S,) int32: frames at which the clothing colours were taken, a few a second."""
     color_histogram: np.ndarray
     """(S,B) float32: clothing colours, upper and lower body; rows sum to about 1."""
+    color_parts: np.ndarray | None = None
+    """(S,9,3) float32: L*a*b* of the parts of the body in these frames (`perception.clothing.PARTS`) and of the ground
+    about the feet, NaN where not seen; None where nobody looked."""
     probability: float = 1.0
     """That this is a person at all, and not a bag, a poster or nothing (`perception.tracking.personhood`)."""
     evidence: tuple[float, ...] = ()
@@ -158,6 +161,7 @@ class PersonTrack:
             mask_affine=self.mask_affine[rows],
             color_frame=self.color_frame[colours],
             color_histogram=self.color_histogram[colours],
+            color_parts=self.color_parts[colours] if self.color_parts is not None else None,
         )
 
     def then(self, later: "PersonTrack") -> "PersonTrack":
@@ -175,6 +179,9 @@ class PersonTrack:
             mask_affine=np.concatenate([self.mask_affine, later.mask_affine]),
             color_frame=np.concatenate([self.color_frame, later.color_frame]),
             color_histogram=np.concatenate([self.color_histogram, later.color_histogram]),
+            color_parts=np.concatenate([self.color_parts, later.color_parts])
+            if self.color_parts is not None and later.color_parts is not None
+            else None,
             probability=total / sum(counts) if sum(counts) else self.probability,
             lifted=self.lifted or later.lifted,
             pose=self.pose.then(later.pose) if self.pose is not None and later.pose is not None else None,

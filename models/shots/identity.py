@@ -2,49 +2,71 @@
 
 Every shot × track is a sighting. Shots are taken in order, and each shot's sightings are matched one to one with the
 people known so far (Hungarian); a sighting that fits nobody better than chance starts a new person. The score is a sum
-of log-odds, positive for "the same": clothing colours carry most; the 3D pose on both sides of a cut, compared up to
-any rotation because the camera's is not known yet, adds a little; the detector's bone lengths hardly differ between
-people (within 5 % of its mean person on bodies that differ by 20 %) and are not used.
+of log-odds, positive for "the same". The colours of the body's parts carry most, as far as they are not of one colour
+themselves; then the clothes' histograms and the ground; the 3D pose on both sides of a cut, compared up to any rotation
+because the camera's is not known yet, adds a little. Bone lengths say nothing (`body.proportions`).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from jaxtyping import Float
 from scipy.optimize import linear_sum_assignment
 from scipy.special import expit, logit
 
-from humanmm.models.body.body24 import JOINT_NAMES, Body, load_body
-from humanmm.models.body.landmarks import load_landmarks
+from humanmm.models.body.body24 import load_body
+from humanmm.models.body.proportions import bone_lengths, in_detector_convention, shape_from_bones
 from humanmm.models.geometry.alignment import umeyama_alignment
 from humanmm.models.geometry.intervals import in_intervals
-from humanmm.models.perception.clothing import colour_distance, mean_colours
+from humanmm.models.perception.clothing import GROUND, colour_distance, mean_colours
 from humanmm.models.records import landmarks
 from humanmm.models.records.shots import DOUBTFUL, Appearance, Person, Shot, TrackPart
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
 from humanmm.models.shots.left_right_swaps import KnownSides
 from humanmm.models.video.frame_times import ROUNDING_S, shown_s
 
-SAME_COLOURS = 0.62
-"""Hellinger distance of two clothing histograms at which the same and another person are equally likely."""
-COLOUR_SPREAD, COLOUR_LIMIT = 0.06, 4.0
-SAME_POSE_M, POSE_SPREAD_M, POSE_LIMIT = 0.2, 0.1, 1.0
-NEIGHBOUR_ODDS = 0.5
-"""Log-odds for being the same across a cut before anything is seen: a cut mostly shows the same scene."""
+
+@dataclass(frozen=True)
+class ColourModel:
+    """A logistic regression: log-odds for the same person."""
+
+    constant: float
+    clothes: float
+    """For a Hellinger distance of 1 between the histograms of the clothes."""
+    parts: float = 0.0
+    """For a factor of e between the distances of the body's parts."""
+    ground: float = 0.0
+    """For a distance of 1 between the colours of the ground that they stand on."""
+
+    def odds(self, clothes: float, parts: float = 0.0, ground: float = 0.0) -> float:
+        """For these distances."""
+        return self.constant + self.clothes * clothes + self.parts * parts + self.ground * ground
+
+
+SAME_COLOURS, SAME_CLOTHES = ColourModel(0.67, -2.82, -8.96, -0.05), ColourModel(4.58, -10.54)
+"""With and without colours of the parts, fitted by `scripts/fit_identity`. Constants are 0.75 below what is likeliest
+there, where as many pairs are of one person as of two."""
+COLOUR_LIMIT = 5.0
+_FEWEST_PARTS, _DOUBTED_PARTS = 3, 4
+SAME_APART = -0.3
+PART_LIMIT = 40.0
+"""A part that is further apart counts as this: a limb that lies elsewhere, a sleeve on one side only."""
+_NOISE, _LEAST_CONTRAST = 2.0, 5.0
+"""Added to both distances, so that neither is taken for smaller than it can be measured."""
+_OF_LIGHT, _WEIGHT = np.array([1, 0.5, 0.5]), np.array([0.7, 1, 1])
+"""Of L*, a*, b*: how much of what all parts have in common is the light's (at most LIGHT_LIMIT of L*); how much a
+difference counts."""
+LIGHT_LIMIT = 20.0
+_GROUND_WEIGHT = np.array([0.5, 1, 1])
+GROUND_LIMIT, GROUND_UNKNOWN = 20.0, 10.0
+"""Ground that is further apart is another one; what counts where it is not seen, between the same and another."""
+SAME_POSE_M, POSE_SPREAD_M, POSE_LIMIT = 0.17, 0.22, 1.0
 CUT_GAP_FRAMES = 3
 """A pose this many frames from a cut still counts as the pose at the cut."""
 POSE_FRAMES = 5
 
 MIN_SEEN_S = 0.3
-BONE_NOISE = 0.1
-"""Standard deviation of a bone's logarithmic length in the detector's 3D landmarks, mostly bias."""
-SCALE_NOISE = 0.3
-"""Standard deviation of the common factor (its logarithm) of all bones of somebody whose height the user gave."""
-BONE_BIAS = np.array([-0.08, -0.08, -0.07, -0.16, -0.09, -0.03, 0.01])
-"""Logarithm of the detector's bone lengths over body24's, for `bone_lengths` of one and the same person: its landmarks
-lie elsewhere than the joints (measured on renderings of 300 random bodies; real clips agree)."""
 
 
 @dataclass(frozen=True)
@@ -88,6 +110,8 @@ class Sighting:
     """3D pose at the shot's first frame; None when not seen there."""
     last: Float[np.ndarray, "33 3"] | None
     colours: Float[np.ndarray, " bins"]
+    part_colours: Float[np.ndarray, "9 3"]
+    """Median over the shot of `clothing.PARTS` and of the ground about the feet; NaN where not seen."""
     area: float
     num_frames: int
     seen_s: float
@@ -167,11 +191,12 @@ def sighting(
         first=pose_at(track, inside[:POSE_FRAMES], shot.start, time_s),
         last=pose_at(track, inside[-POSE_FRAMES:], shot.end - 1, time_s),
         colours=_colours(track, shot),
+        part_colours=_part_colours(track, shot),
         area=float((boxes[:, 2:] - boxes[:, :2]).prod(axis=1).sum()),
         num_frames=len(inside),
         seen_s=float(shown_s(time_s, track.frame[inside]).sum()),
         log_odds=float(logit(np.clip(track.probability, 1e-4, 1 - 1e-4))),
-        bones=_in_detector_convention(bones, lifted=track.lifted),
+        bones=in_detector_convention(bones, lifted=track.lifted),
     )
 
 
@@ -180,6 +205,16 @@ def _colours(track: PersonTrack, shot: Shot) -> Float[np.ndarray, " bins"]:
     inside = in_intervals(track.color_frame, [shot.outside_transitions])
     chosen = track.color_histogram[inside] if inside.any() else track.color_histogram
     return mean_colours(chosen)
+
+
+def _part_colours(track: PersonTrack, shot: Shot) -> Float[np.ndarray, "9 3"]:
+    """Median inside the shot; of the whole track when none were taken there."""
+    if track.color_parts is None or not len(track.color_parts):
+        return np.full((GROUND + 1, 3), np.nan)
+    inside = in_intervals(track.color_frame, [shot.outside_transitions])
+    chosen = track.color_parts[inside] if inside.any() else track.color_parts
+    seen = np.isfinite(chosen).any(axis=0)
+    return np.where(seen, np.nanmedian(np.where(seen, chosen, 0.0), axis=0), np.nan)
 
 
 def pose_at(
@@ -208,16 +243,50 @@ def match(people: Sequence[Sequence[Sighting]], sightings: Sequence[Sighting]) -
 
 def same_person_odds(person: Sequence[Sighting], new: Sighting) -> float:
     """Log-odds that a sighting shows a known person: best colours of any of the person's shots, pose at the cut."""
-    dressed = [old.colours for old in person if old.colours.any()] if new.colours.any() else []
-    distance = min((colour_distance(old, new.colours) for old in dressed), default=SAME_COLOURS)  # else no evidence
-    odds = float(np.clip((SAME_COLOURS - distance) / COLOUR_SPREAD, -COLOUR_LIMIT, COLOUR_LIMIT))
+    odds = max(colour_odds(old, new) for old in person)
     before = person[-1]
-    if before.shot == new.shot - 1:
-        odds += NEIGHBOUR_ODDS
-        if before.last is not None and new.first is not None:
-            residual = pose_residual_m(before.last, new.first)
-            odds += float(np.clip((SAME_POSE_M - residual) / POSE_SPREAD_M, -POSE_LIMIT, POSE_LIMIT))
+    if before.shot == new.shot - 1 and before.last is not None and new.first is not None:
+        residual = pose_residual_m(before.last, new.first)
+        odds += float(np.clip((SAME_POSE_M - residual) / POSE_SPREAD_M, -POSE_LIMIT, POSE_LIMIT))
     return odds
+
+
+def colour_odds(a: Sighting, b: Sighting) -> float:
+    """Log-odds of the colours of two sightings: of clothes, and of the body's parts where both show some."""
+    if not (a.colours.any() and b.colours.any()):
+        return 0.0
+    clothes, parts = colour_distance(a.colours, b.colours), part_distance(a.part_colours, b.part_colours)
+    if parts is None:
+        odds = SAME_CLOTHES.odds(clothes)
+    else:
+        odds = SAME_COLOURS.odds(clothes, parts, ground_distance(a.part_colours, b.part_colours))
+    return float(np.clip(odds, -COLOUR_LIMIT, COLOUR_LIMIT))
+
+
+def part_distance(a: Float[np.ndarray, "9 3"], b: Float[np.ndarray, "9 3"]) -> float | None:
+    """Logarithm of how far the colours of two bodies are apart over how much their own parts differ, above SAME_APART
+    and the less the fewer parts both show; None if they are too few.
+
+    Two people in black from head to foot are near each other and yet not likely one; two with the same red shirt above
+    the same blue trousers are. A camera's exposure and white balance change all parts alike: what the parts'
+    differences have in common is taken away, of colour a half, since people also dress in one colour.
+    """
+    seen = np.isfinite(a[:GROUND, 0]) & np.isfinite(b[:GROUND, 0])
+    if np.count_nonzero(seen) < _FEWEST_PARTS:
+        return None
+    a, b = a[:GROUND][seen].astype(np.float64), b[:GROUND][seen].astype(np.float64)
+    contrast = float(np.linalg.norm(((a + b) / 2).std(axis=0)))
+    light = np.clip(np.median(a - b, axis=0), -LIGHT_LIMIT, LIGHT_LIMIT)
+    apart = np.linalg.norm(_WEIGHT * (a - b - _OF_LIGHT * light), axis=1)
+    ratio = float(np.log((np.minimum(apart, PART_LIMIT).mean() + _NOISE) / (contrast + _LEAST_CONTRAST)))
+    count = np.count_nonzero(seen)
+    return (ratio - SAME_APART) * count / (count + _DOUBTED_PARTS)
+
+
+def ground_distance(a: Float[np.ndarray, "9 3"], b: Float[np.ndarray, "9 3"]) -> float:
+    """How far the colours of the ground under two people are apart: whether the place may be the same."""
+    distance = float(np.linalg.norm(_GROUND_WEIGHT * (a[GROUND].astype(np.float64) - b[GROUND])))
+    return min(distance, GROUND_LIMIT) if np.isfinite(distance) else GROUND_UNKNOWN
 
 
 def identity_probabilities(
@@ -225,7 +294,7 @@ def identity_probabilities(
 ) -> dict[tuple[int, int], float]:
     """By person and shot, of every shot after the first in which anybody is seen: that he is who he is said to be.
 
-    From the log-odds of this answer against the best other one. `scenes`: None where the detector failed.
+    `scenes`: None where the detector failed.
     """
     known: dict[int, list[Sighting]] = {}
     found = {}
@@ -238,19 +307,30 @@ def identity_probabilities(
             and (view := sighting(shot.index, shot, one.track, scene.track_of(one), time_s)) is not None
         }
         if known:
-            odds = {
-                (person, new): same_person_odds(sightings, view)
-                for person, sightings in known.items()
-                for new, view in seen.items()
-            }
-            found.update({(new, shot.index): float(expit(_margin(new, seen, known, odds))) for new in seen})
+            found.update({(new, shot.index): p for new, p in answer_probabilities(known, seen).items()})
         for person, view in seen.items():
             known.setdefault(person, []).append(view)
     return found
 
 
+def answer_probabilities(known: Mapping[int, Sequence[Sighting]], seen: Mapping[int, Sighting]) -> dict[int, float]:
+    """For everybody seen in a shot, by number: that he is the one of this number, or nobody known if there is none.
+
+    From the log-odds of this answer against the best other one.
+    """
+    odds = {
+        (person, new): same_person_odds(sightings, view)
+        for person, sightings in known.items()
+        for new, view in seen.items()
+    }
+    return {new: float(expit(_margin(new, seen, known, odds))) for new in seen}
+
+
 def _margin(
-    new: int, seen: dict[int, Sighting], known: dict[int, list[Sighting]], odds: dict[tuple[int, int], float]
+    new: int,
+    seen: Mapping[int, Sighting],
+    known: Mapping[int, Sequence[Sighting]],
+    odds: Mapping[tuple[int, int], float],
 ) -> float:
     """Log-odds of the answer for somebody in a shot against the best other one: that he is new, or somebody else, who
     would then be he if he is seen in the shot as well."""
@@ -283,89 +363,3 @@ def probability(person: Sequence[Sighting]) -> float:
     """That somebody is a person, from all his tracks, each counting by its frames."""
     odds = np.average([s.log_odds for s in person], weights=[s.num_frames for s in person])
     return float(expit(odds))
-
-
-def _in_detector_convention(bones: Float[np.ndarray, "frames 7"], *, lifted: bool) -> Float[np.ndarray, "frames 7"]:
-    """Lifted landmarks lie where `body.landmarks` has them: their bones differ from body24's by that alone."""
-    return bones * np.exp(BONE_BIAS - _lifted_bias()) if lifted else bones
-
-
-@lru_cache(maxsize=1)
-def _lifted_bias() -> Float[np.ndarray, " 7"]:
-    """Logarithm of the average body's bones between landmarks over those between joints."""
-    body, model, shape = load_body(), load_landmarks(), np.zeros(load_body().num_betas)
-    points = body.rest_joints(shape)[model.joint] + model.offsets(shape)
-    return np.asarray(np.log(bone_lengths(points[None])[0] / _body_bones(body, shape)))
-
-
-_PAIRS = (("shoulder", "elbow"), ("elbow", "wrist"), ("hip", "knee"), ("knee", "ankle"))
-_JOINT_OF = {"shoulder": "Shoulder", "elbow": "Elbow", "wrist": "Wrist", "hip": "Hip", "knee": "Knee", "ankle": "Ankle"}
-
-
-def bone_lengths(poses: Float[np.ndarray, "frames 33 3"]) -> Float[np.ndarray, "frames 7"]:
-    """Upper arm, forearm, thigh, shank (mean of both sides), shoulders, hips, trunk of landmarks, metres."""
-
-    def point(side: str, name: str) -> np.ndarray:
-        return poses[:, landmarks.INDEX[f"{side}_{name}"]]
-
-    return _lengths(point)
-
-
-def shape_from_bones(
-    bones: Float[np.ndarray, "frames 7"], body: Body, *, height_m: float | None = None
-) -> Float[np.ndarray, " betas"]:
-    """Shape whose bone lengths are likeliest: ridge regression of log lengths, prior N(0, 1) on every component.
-
-    With a known height the shape stands exactly so tall; the bones then give proportions, their common factor is free
-    within SCALE_NOISE.
-    """
-    wanted = np.log(np.median(bones, axis=0) / _body_bones(body, np.zeros(body.num_betas))) - BONE_BIAS
-    step = 0.5
-    jacobian = np.column_stack(
-        [
-            np.log(_body_bones(body, step * unit) / _body_bones(body, -step * unit)) / (2 * step)
-            for unit in np.eye(body.num_betas)
-        ]
-    )
-    trust: np.ndarray = np.eye(len(wanted)) / BONE_NOISE**2
-    if height_m is not None:
-        trust = np.linalg.inv(BONE_NOISE**2 * np.eye(len(wanted)) + SCALE_NOISE**2)
-    normal = jacobian.T @ trust @ jacobian + np.eye(body.num_betas)
-    betas = np.linalg.solve(normal, jacobian.T @ trust @ wanted)
-    return np.asarray(betas if height_m is None else _as_tall(betas, normal, body, height_m), np.float32)
-
-
-def _as_tall(
-    betas: Float[np.ndarray, " betas"], normal: np.ndarray, body: Body, height_m: float
-) -> Float[np.ndarray, " betas"]:
-    """The likeliest shape of one height: Newton's steps on the constraint, each the shortest by the metric `normal`."""
-    found: np.ndarray = betas
-    for _ in range(20):
-        missing = height_m - body.standing_height(found)
-        if abs(missing) < 1e-4:
-            break
-        ends = [[body.standing_height(found + side * unit) for side in (-0.05, 0.05)] for unit in np.eye(len(found))]
-        slope = np.diff(ends, axis=1)[:, 0] / 0.1
-        direction = np.linalg.solve(normal, slope)
-        found = found + direction * missing / (slope @ direction)
-    return found
-
-
-def _body_bones(body: Body, betas: Float[np.ndarray, " betas"]) -> Float[np.ndarray, " 7"]:
-    joints = body.rest_joints(betas)
-
-    def point(side: str, name: str) -> np.ndarray:
-        return np.asarray(joints[None, JOINT_NAMES.index(f"{side[0].upper()}_{_JOINT_OF[name]}")])
-
-    return np.asarray(_lengths(point)[0])
-
-
-def _lengths(point: Callable[[str, str], np.ndarray]) -> Float[np.ndarray, "frames 7"]:
-    def length(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        return np.asarray(np.linalg.norm(a - b, axis=-1))
-
-    sides = ("left", "right")
-    limbs = [np.mean([length(point(side, a), point(side, b)) for side in sides], axis=0) for a, b in _PAIRS]
-    shoulders, hips = [[point(side, name) for side in sides] for name in ("shoulder", "hip")]
-    trunk = length((shoulders[0] + shoulders[1]) / 2, (hips[0] + hips[1]) / 2)
-    return np.stack([*limbs, length(*shoulders), length(*hips), trunk], axis=-1)

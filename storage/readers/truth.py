@@ -8,6 +8,8 @@ import zipfile
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from humanmm.errors import InputError, TruthError
 from humanmm.models.evaluation.truth import contract_sequence, pose2sim_sequence
 from humanmm.models.records.foreign_arrays import shown
@@ -26,6 +28,26 @@ def read_sequence(path: Path) -> MotionSequence:
         raise TruthError(f"{path}: {error}") from error
     except OSError as error:
         raise TruthError(f"{path}: cannot be read as a run folder or truth ({error.strerror or 'damaged'})") from error
+
+
+def read_boxes(path: Path, num_frames: int) -> dict[str, np.ndarray] | None:
+    """By name, the box (num_frames, 4) of everybody in an npz truth, passers-by too; NaN where nobody set one.
+
+    Source pixels, xyxy. None where a truth has no boxes.
+    """
+    try:
+        with damage("cannot be read as a truth: it is damaged"):
+            arrays = NpzArrays(path)
+            names = [key.removesuffix("/bbox") for key in arrays if key.endswith("/bbox")]
+            found = {}
+            for name in names:
+                frame = arrays[f"{name}/frame"]
+                inside = (frame >= 0) & (frame < num_frames)
+                found[name] = np.full((num_frames, 4), np.nan)
+                found[name][frame[inside]] = arrays[f"{name}/bbox"][inside]
+            return found or None
+    except InputError as error:
+        raise TruthError(f"{path}: {error}") from error
 
 
 def _read(path: Path) -> MotionSequence:

@@ -1,15 +1,21 @@
-"""The table of joints: what every way of joining shots comes to at the cuts, and how far its own doubts hold."""
+"""The tables of joints, by way of joining shots, and of identities: how they are at cuts, and how far doubts hold."""
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 
 import numpy as np
 
+from humanmm.models.benchmark.identity import PairFigures
 from humanmm.models.benchmark.scores import CutError, MethodFigures, VideoFigures
 from humanmm.models.benchmark.tables.groups import FAILED_DEG, ClipLabels
+from humanmm.models.benchmark.tables.rows import ALL, Metric, Row, summarise
 from humanmm.models.records.table import Table
 
 SURE = 0.8
 """A rotation that is said to be right with a higher probability is claimed."""
+SURE_LINK = 0.9
+BINS = (0.0, 0.5, 0.7, 0.9, 0.97, 1.0)
+"""Bounds of the groups of a link's probability."""
 PUBLISHED = (
     ("Shot3R", 49.5, 36.0),
     ("Human3R", 59.1, 50.0),
@@ -89,3 +95,50 @@ def _middle(values: Sequence[float], digits: int) -> str:
 
 def _mean(values: Sequence[float]) -> str:
     return f"{np.mean(values):.2f}" if values else ""
+
+
+def identity_rows(figures: Sequence[PairFigures]) -> list[Row]:
+    """A row for all pairs and one for each kind; `n` counts pairs."""
+    return [Row("humanmm", name, len(chosen), 0, _metrics(chosen)) for name, chosen in _kinds(figures).items()]
+
+
+def identity_tables(figures: Sequence[PairFigures]) -> list[Table]:
+    """Links by kind of pair, and how often those that were made with some probability are right."""
+    head = ("", "cut pairs", "true links", "links made", "precision", "recall", f"wrong with > {SURE_LINK:g}")
+    lines = []
+    for name, chosen in _kinds(figures).items():
+        made = [link for one in chosen for link in one.made]
+        right = sum(link.right for link in made)
+        true = sum(one.true for one in chosen)
+        lines.append(
+            (
+                name, str(len(chosen)), str(true), str(len(made)),
+                f"{right / len(made):.3f}" if made else "", f"{right / true:.3f}" if true else "",
+                str(sum(link.probability > SURE_LINK and not link.right for link in made)),
+            )
+        )  # fmt: skip
+    made = [link for one in figures for link in one.made]
+    bins = []
+    for low, high in pairwise(BINS):
+        inside = [link for link in made if low < link.probability <= high]
+        columns = ([link.probability for link in inside], [link.right for link in inside])
+        shares = [f"{np.mean(column):.3f}" if column else "" for column in columns]
+        bins.append((f"{low:g} to {high:g}", str(len(inside)), *shares))
+    calibration = Table(("probability", "links", "said, mean", "right"), tuple(bins), "How sure a link is")
+    return [Table(head, tuple(lines), "Identity across cuts"), calibration]
+
+
+def _kinds(figures: Sequence[PairFigures]) -> dict[str, list[PairFigures]]:
+    return {
+        ALL: list(figures),
+        "of one recording": [one for one in figures if not one.unrelated],
+        "of unrelated recordings": [one for one in figures if one.unrelated],
+    }
+
+
+def _metrics(figures: Sequence[PairFigures]) -> dict[str, Metric]:
+    made = [link for one in figures for link in one.made]
+    right, true = [float(link.right) for link in made], sum(one.true for one in figures)
+    found = [1.0] * round(sum(right)) + [0.0] * (true - round(sum(right)))
+    samples = {"link_precision": right, "link_recall": found}
+    return {name: summarise(values) for name, values in samples.items() if values}

@@ -12,14 +12,13 @@ from jaxtyping import Float, Int
 from scipy.optimize import linear_sum_assignment
 
 from humanmm.models.geometry.boxes import box_iou
-from humanmm.models.perception.clothing import clothing_histogram
 from humanmm.models.perception.hands.follow import due_frames
 from humanmm.models.perception.interfaces import Landmarks, Networks
 from humanmm.models.perception.observation import Observation, observe
 from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.regions import HEIGHT_OF_SIDE, Region, warp
 from humanmm.models.perception.tracking.track_builder import TrackBuilder
-from humanmm.models.perception.tracking.tracker import COLOUR_PERIOD_S, MIN_TRACK_S, in_source_pixels
+from humanmm.models.perception.tracking.tracker import MIN_TRACK_S, in_source_pixels
 from humanmm.models.records.tracks import MASK_SIDE, ScenePeople
 from humanmm.models.video.frame_times import ROUNDING_S, elapsed_s, shown_s
 
@@ -127,8 +126,7 @@ def _add(
 ) -> None:
     track = builders.setdefault(person, TrackBuilder(time_s, seen, frame))
     track.add(frame, seen)
-    if not track.colours or elapsed_s(time_s, max(track.colours), frame) >= COLOUR_PERIOD_S:
-        track.colours[frame] = clothing_histogram(image, seen).astype(np.float32)
+    track.note_colours(frame, image)
 
 
 def _region(box: Float[Array, " 4"]) -> Region:

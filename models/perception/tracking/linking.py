@@ -68,6 +68,7 @@ def joined(tracks: Sequence[TrackBuilder]) -> list[TrackBuilder]:
         before, _ = first.split(min(second.rows))
         second.rows.update(before.rows)
         second.colours.update(before.colours)
+        second.parts.update(before.parts)
         second.detector_scores.update(before.detector_scores)
         second.hands.update(before.hands)
         pool = [track for track in pool if track is not first]

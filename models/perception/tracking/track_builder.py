@@ -6,7 +6,7 @@ from itertools import islice
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from humanmm.models.perception.clothing import mean_colours
+from humanmm.models.perception.clothing import clothing_histogram, mean_colours, part_colours
 from humanmm.models.perception.hands.follow import Looks, hand_tracks, look_at_hands
 from humanmm.models.perception.observation import Observation
 from humanmm.models.perception.picture import Picture
@@ -15,10 +15,12 @@ from humanmm.models.perception.tracking.personhood import Evidence, mean_score, 
 from humanmm.models.perception.tracking.sides import left_right_swaps
 from humanmm.models.records import landmarks
 from humanmm.models.records.tracks import PersonTrack, Silhouettes, deflated_mask
-from humanmm.models.video.frame_times import shown_s
+from humanmm.models.video.frame_times import elapsed_s, shown_s
 
 Array = np.ndarray
 
+COLOUR_PERIOD_S = 0.2
+"""Colours are taken no more often than this."""
 MAX_STEP = 0.1
 """Largest motion of the region that is carried on to the next frame, as a fraction of its side."""
 FADE = 0.8
@@ -88,6 +90,9 @@ class TrackBuilder:
     """Of the region, pixels per second, forward in time, whichever way frames are taken."""
     rows: dict[int, Row] = field(default_factory=dict)
     colours: dict[int, np.ndarray] = field(default_factory=dict)
+    """Histograms of the clothes, a few a second."""
+    parts: dict[int, np.ndarray] = field(default_factory=dict)
+    """Colours of the body's parts in the same frames."""
     detector_scores: dict[int, float] = field(default_factory=dict)
     """What the detector gave this person in the frames of a search, 0 where it did not see him."""
     hands: dict[int, Looks] = field(default_factory=dict)
@@ -121,6 +126,17 @@ class TrackBuilder:
         """Clothing so far; None before anything is known."""
         return mean_colours(np.stack(list(self.colours.values()))) if self.colours else None
 
+    def note_colours(self, frame: int, image: Picture) -> None:
+        """Take the colours of the last observation, unless that was done a moment ago."""
+        if not self.colours or elapsed_s(self.time_s, max(self.colours), frame) >= COLOUR_PERIOD_S:
+            self.colours[frame] = clothing_histogram(image, self.last).astype(np.float32)
+            self.parts[frame] = part_colours(image, self.last).astype(np.float32)
+
+    def forget_colours(self, frame: int) -> None:
+        """They turned out to be somebody else's."""
+        self.colours.pop(frame, None)
+        self.parts.pop(frame, None)
+
     def add(self, frame: int, seen: Observation, vote: float = 0.0) -> None:
         """Take an observation in; frames may come in either direction."""
         if frame != self.last_frame:
@@ -145,6 +161,7 @@ class TrackBuilder:
             halves[f >= frame].rows[f] = row
         for f, colours in self.colours.items():
             halves[f >= frame].colours[f] = colours
+            halves[f >= frame].parts[f] = self.parts[f]
         for f, score in self.detector_scores.items():
             halves[f >= frame].detector_scores[f] = score
         for f, looks in self.hands.items():
@@ -189,6 +206,7 @@ class TrackBuilder:
             mask_affine=mask_affine,
             color_frame=np.array(sampled, np.int32),
             color_histogram=np.stack([self.colours[f] for f in sampled]).astype(np.float32),
+            color_parts=np.stack([self.parts[f] for f in sampled]).astype(np.float32),
             probability=person_probability(evidence),
             evidence=tuple(evidence.features().tolist()),
             hands=hands.with_sides_swapped(is_swapped) if hands is not None else None,

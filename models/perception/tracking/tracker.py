@@ -42,7 +42,6 @@ parts of the frame."""
 LOST_S = 3.0
 KEPT_S, MIN_KEPT_FRAMES, MAX_KEPT_FRAMES = 0.7, 3, 20
 """How far back a person found late is followed."""
-COLOUR_PERIOD_S = 0.2
 PATIENCE_S = 0.7
 """How long a person who is not seen is looked for where he would be."""
 RESUMED_S = 1.0
@@ -136,7 +135,7 @@ class SceneTracker:
                 track.active = elapsed_s(self._time_s, track.lost_since - 1, frame) <= PATIENCE_S
                 continue
             track.add(frame, *found)
-            self._note_colours(track, frame, image)
+            track.note_colours(frame, image)
             track.look_at_hands(frame, image, self._hands_due)
             seen[k] = found[0]
         return list(seen.values())
@@ -145,7 +144,7 @@ class SceneTracker:
         """Take back a frame's observation from a track that lost it to a better claim."""
         track = self._tracks[number]
         track.rows.pop(frame, None)
-        track.colours.pop(frame, None)
+        track.forget_colours(frame)
         track.hands.pop(frame, None)
         track.lost_since = frame
 
@@ -233,7 +232,7 @@ class SceneTracker:
                 track = TrackBuilder(self._time_s, person, frame)
                 self._tracks.append(track)
             track.add(frame, person)
-            self._note_colours(track, frame, image)
+            track.note_colours(frame, image)
             track.look_at_hands(frame, image, self._hands_due)
             self._follow_back(frame, track)
 
@@ -270,10 +269,6 @@ class SceneTracker:
             track.add(earlier, *looked)
             track.look_at_hands(earlier, image, self._hands_due)
         track.last, track.last_frame = found, frame
-
-    def _note_colours(self, track: TrackBuilder, frame: int, image: Picture) -> None:
-        if not track.colours or elapsed_s(self._time_s, max(track.colours), frame) >= COLOUR_PERIOD_S:
-            track.colours[frame] = clothing_histogram(image, track.last).astype(np.float32)
 
 
 def _second_look(locate: PoseNetwork, image: Picture, output: Landmarks) -> Landmarks:

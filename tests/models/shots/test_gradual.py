@@ -6,7 +6,8 @@ import pytest
 from places import HEIGHT, WIDTH, Place
 
 from humanmm.models.geometry.intervals import Interval
-from humanmm.models.shots.gradual import fade_around, meeting_blends, most_frames, uniform_runs
+from humanmm.models.shots.gradual import fade_around, is_pan, meeting_blends, most_frames, uniform_runs
+from humanmm.models.shots.picture_window import PictureWindow
 from humanmm.models.shots.scenes import find_scenes
 
 STEPS_S = np.random.default_rng(1).choice([0.02, 0.03, 0.08], 110)
@@ -71,3 +72,20 @@ def test_a_uniform_picture_for_a_moment_between_two_views_of_one_place_is_no_fad
     # five frames: 0.17 s at 30 Hz are a blink, 1 s at 5 Hz are a fade
     assert changes(pictures, np.arange(40) / 30) == []
     assert [kind for kind, _, _ in changes(pictures, np.arange(40) / 5)] == ["fade"]
+
+
+def test_a_long_pan_is_no_dissolve_however_little_its_ends_have_in_common() -> None:
+    place = Place(3)
+    window = PictureWindow(np.arange(60) / 30)
+    for frame in range(60):
+        window.append(place.picture(0, offset=(0.7 * WIDTH * frame / 59, 0)))
+    assert is_pan(window, 0, 59)
+    assert not is_pan(window, 0, 4)  # hardly moves
+
+
+def test_a_dissolve_between_two_places_is_no_pan() -> None:
+    one, two = Place(1), Place(2)
+    window = PictureWindow(np.arange(20) / 30)
+    for frame in range(20):
+        window.append(blended(one.picture(frame), two.picture(frame), frame / 19))
+    assert not is_pan(window, 0, 19)

@@ -1,22 +1,21 @@
 """Who is who across cuts."""
 
 import numpy as np
-import pytest
 
-from humanmm.models.body.body24 import load_body
 from humanmm.models.perception.clothing import HISTOGRAM_BINS
 from humanmm.models.records.landmarks import INDEX, NUM_LANDMARKS, SWAP
 from humanmm.models.records.shots import Shot, Transition
 from humanmm.models.records.tracks import PersonTrack, ScenePeople, Silhouettes
 from humanmm.models.shots import identity
 from humanmm.models.shots.identity import (
+    GROUND_UNKNOWN,
     Candidate,
     Cast,
-    bone_lengths,
+    ground_distance,
     matched_people,
+    part_distance,
     pose_at,
     pose_residual_m,
-    shape_from_bones,
 )
 
 TIME_S = np.arange(150) / 30
@@ -136,14 +135,6 @@ def test_the_pose_residual_ignores_rotation_and_swapped_sides() -> None:
     assert pose_residual_m(standing(0.0), standing(2.8)) > 0.1
 
 
-def test_longer_bones_give_a_shape_with_longer_bones_but_less_than_measured() -> None:
-    body = load_body()
-    usual = bone_lengths(standing()[None])
-    lengths = [body.rest_joints(shape_from_bones(usual * scale, body)) for scale in (1.0, 1.15)]
-    height = [float(joints[:, 1].max() - joints[:, 1].min()) for joints in lengths]
-    assert 1.03 < height[1] / height[0] < 1.15
-
-
 def test_a_person_must_be_seen_for_seconds_not_for_frames() -> None:
     people = ScenePeople(0, 60, (track(0, 60, RED, size=120), track(10, 16, BLUE)))
     shots = [Shot(0, 0, 60, 0, None, ())]
@@ -162,18 +153,32 @@ def test_a_pose_is_carried_to_the_cut_in_time() -> None:
     np.testing.assert_allclose(carried, standing() + velocity * time_s[19], atol=1e-5)
 
 
-@pytest.mark.parametrize("height_m", [1.05, 1.60, 1.82, 2.05])
-def test_a_known_height_is_that_of_the_shape_and_bones_tell_its_proportions(height_m: float) -> None:
-    body = load_body()
-    bones = bone_lengths(np.repeat(standing()[None], 5, axis=0))
-    betas = shape_from_bones(bones, body, height_m=height_m)
-    assert body.standing_height(betas) == pytest.approx(height_m, abs=0.001)
+def body_colours(seed: int = 0) -> np.ndarray:
+    """L*a*b* of the parts and of the ground of somebody in many colours."""
+    return np.random.default_rng(seed).uniform([10, -40, -40], [90, 40, 40], (9, 3))
 
-    def legs(betas: np.ndarray) -> float:
-        return float(np.linalg.norm(np.diff(body.rest_joints(betas)[[1, 4, 7]], axis=0), axis=1).sum()) / height_m
 
-    size = np.zeros(body.num_betas)
-    size[0] = (height_m - body.standing_height(size)) / (
-        body.standing_height(np.eye(10)[0]) - body.standing_height(size)
-    )
-    assert legs(betas) == pytest.approx(legs(size), abs=0.01), "no part of the body takes the difference alone"
+def test_the_light_may_change_between_two_shots_but_not_the_clothes() -> None:
+    one, another = body_colours(), body_colours(1)
+    same = one + np.array([10, 3, -3]) + np.random.default_rng(2).normal(0, 2, one.shape)
+    assert part_distance(one, same) < -0.5 < 0 < part_distance(one, another)
+
+
+def test_two_people_in_black_are_less_likely_one_than_two_in_the_same_colours() -> None:
+    noise = np.random.default_rng(0).normal(0, 3, (9, 3))
+    black, colourful = np.full((9, 3), [10.0, 0.0, 0.0]), body_colours()
+    assert part_distance(black, black + noise) > part_distance(colourful, colourful + noise) + 0.5
+
+
+def test_few_parts_say_less_and_too_few_nothing() -> None:
+    one = body_colours()
+    few, fewer = one.copy(), one.copy()
+    few[3:8], fewer[2:8] = np.nan, np.nan
+    assert part_distance(one, one) < part_distance(one, few) < 0
+    assert part_distance(one, fewer) is None
+
+
+def test_another_ground_speaks_against_one_person_and_an_unseen_one_says_nothing() -> None:
+    grass, carpet, unseen = (np.full((9, 3), colour) for colour in ([50.0, -30, 30], [50.0, 10, 0], [np.nan] * 3))
+    assert ground_distance(grass, grass) == 0
+    assert ground_distance(grass, unseen) == GROUND_UNKNOWN < ground_distance(grass, carpet)

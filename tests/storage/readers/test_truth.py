@@ -13,7 +13,7 @@ from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.records import foreign_arrays
 from humanmm.models.records.recording import Recording
 from humanmm.models.records.sequence import MotionSequence
-from humanmm.storage.readers.truth import read_sequence
+from humanmm.storage.readers.truth import read_boxes, read_sequence
 from humanmm.storage.run_folder.motion_zarr import write_motion
 
 CLIP_A = Path(__file__).parents[3] / "examples" / "pose2sim_multishot" / "pose2sim_A_01-02-01_gt.npz"
@@ -229,3 +229,15 @@ def test_what_is_wrong_with_the_shots_of_a_run_folder_is_told(
     (tmp_path / "run" / "run.json").write_text(text)
     with pytest.raises(TruthError, match=sentence):
         read_sequence(tmp_path / "run")
+
+
+def test_boxes_are_those_of_people_and_passers_by_and_unknown_where_nobody_set_one(tmp_path: Path) -> None:
+    box = np.array([[1.0, 2, 3, 4]])
+    arrays = {"people/00/frame": np.array([1]), "people/00/bbox": box}
+    arrays |= {"passers_by/00/frame": np.array([2]), "passers_by/00/bbox": 2 * box}
+    np.savez(tmp_path / "a_gt.npz", **arrays)  # type: ignore[arg-type]
+    found = read_boxes(tmp_path / "a_gt.npz", 3)
+    assert found is not None and set(found) == {"people/00", "passers_by/00"}
+    np.testing.assert_array_equal(found["people/00"], [[np.nan] * 4, box[0], [np.nan] * 4])
+    np.savez(tmp_path / "b_gt.npz", joints=np.zeros(3))
+    assert read_boxes(tmp_path / "b_gt.npz", 3) is None

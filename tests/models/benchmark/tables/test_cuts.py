@@ -1,7 +1,10 @@
 """The table of joints: what is wrong, what of it was claimed, and whether stated deviations hold."""
 
+import pytest
+
+from humanmm.models.benchmark.identity import Link, PairFigures
 from humanmm.models.benchmark.scores import CutError, Figure, MethodFigures, VideoFigures
-from humanmm.models.benchmark.tables.cuts import PUBLISHED, cut_tables
+from humanmm.models.benchmark.tables.cuts import PUBLISHED, cut_tables, identity_rows, identity_tables
 from humanmm.models.benchmark.tables.groups import ClipLabels
 
 
@@ -34,3 +37,19 @@ def test_splits_are_apart_and_failures_are_no_coverage() -> None:
 def test_a_method_without_any_cut_has_an_empty_line() -> None:
     line = cut_tables([video("a", [])], {})[0].rows[0]
     assert line[:6] == ("humanmm", "0", "", "", "0", "")
+
+
+def test_links_are_counted_by_kind_of_pair_and_by_probability() -> None:
+    figures = [
+        PairFigures(False, 2, (Link(0.99, True),)),
+        PairFigures(False, 0, (Link(0.6, False),)),
+        PairFigures(True, 0, (Link(0.95, False), Link(0.8, True))),
+    ]
+    rows = {row.split: row for row in identity_rows(figures)}
+    assert rows["all"].n == 3
+    assert rows["all"].metrics["link_precision"].mean == pytest.approx(0.5)
+    assert rows["of one recording"].metrics["link_recall"].mean == 0.5
+    table, calibration = identity_tables(figures)
+    assert table.rows[0] == ("all", "3", "2", "4", "0.500", "1.000", "1")
+    assert [row[1] for row in calibration.rows] == ["0", "1", "1", "1", "1"]
+    assert calibration.rows[-1][2:] == ("0.990", "1.000")

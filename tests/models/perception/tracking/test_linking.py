@@ -9,6 +9,7 @@ from humanmm.models.perception.tracking.linking import joined, untangled
 from humanmm.models.perception.tracking.track_builder import TrackBuilder
 
 TIME_S = np.arange(500) / 30
+UNSEEN = np.full((9, 3), np.nan)
 RED, BLUE = np.eye(HISTOGRAM_BINS)[3], np.eye(HISTOGRAM_BINS)[17]
 
 
@@ -25,6 +26,7 @@ def track(frames: range, x: float, colours: np.ndarray, time_s: np.ndarray = TIM
         result.add(frame, seen_at(x))
         if frame % 5 == 0:
             result.colours[frame] = colours
+            result.parts[frame] = UNSEEN
     return result
 
 
@@ -61,6 +63,7 @@ def test_a_track_that_moved_on_to_somebody_else_is_cut_where_the_clothes_change(
     mixed = track(range(0, 60), 300, RED)
     for frame in range(30, 60, 5):
         mixed.colours[frame] = BLUE
+        mixed.parts[frame] = UNSEEN
     assert spans(untangled([mixed])) == [(0, 29), (30, 59)]
 
 

@@ -97,6 +97,7 @@ def test_a_finished_track_is_in_order_with_left_and_right_named_alike() -> None:
                                seen.next_region)  # fmt: skip
         track.add(frame, seen)
     track.colours[30] = np.ones(HISTOGRAM_BINS)
+    track.parts[30] = np.full((9, 3), np.nan)
     finished = track.finished()
     np.testing.assert_array_equal(finished.frame, np.arange(20, 40))
     np.testing.assert_allclose(finished.keypoints2d, np.tile(at(30).keypoints, (20, 1, 1)), rtol=1e-6)

@@ -1,0 +1,78 @@
+"""`humanmm bench identity`: who is who across cuts, on clips whose people are known.
+
+They are known in clips beside a truth with boxes, and in whole videos of the golden set, by the boxes that somebody
+set. Scenes, people and shots come from the stages of `humanmm recover`, on the same store.
+"""
+
+import logging
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from humanmm.config import Config
+from humanmm.errors import HumanMMError, InputError
+from humanmm.flows.bench.clips import results_of, run_stages
+from humanmm.flows.bench.golden import golden_list
+from humanmm.models.benchmark.expectations import GoldenClip
+from humanmm.models.benchmark.identity import Boxes, View, views_of
+from humanmm.models.records.shots import ShotList
+from humanmm.models.records.tracks import ScenePeople
+from humanmm.models.records.video import VideoFacts
+from humanmm.storage.readers.truth import read_boxes
+from humanmm.storage.store.store import Store
+from humanmm.tasks.units.process import prepare_process
+
+log = logging.getLogger(__name__)
+
+STAGES = ("decode", "scenes", "people", "shots")
+
+
+@dataclass(frozen=True)
+class KnownClip:
+    """A video, and where its people are known from."""
+
+    video: Path
+    recording: str
+    source: Path | GoldenClip
+
+    def boxes(self, facts: VideoFacts) -> Boxes:
+        """Everybody's box in every frame."""
+        if isinstance(self.source, Path):
+            return read_boxes(self.source, facts.num_frames) or {}
+        size = np.array([facts.width, facts.height] * 2)
+        return {one.who: one.boxes(facts.num_frames) * size for one in self.source.people if not one.crowd}
+
+
+def identity_views(folder: Path, config: Config, store: Store) -> tuple[list[View], list[str]]:
+    """What is seen of the known people of a folder's clips; and a sentence for each clip that failed."""
+    prepare_process()
+    clips = list(known_clips(folder))
+    if not clips:
+        raise InputError(f"{folder} holds no video beside a <name>_gt.npz, and none of the golden set's")
+    views, failed = [], []
+    for number, clip in enumerate(clips, start=1):
+        try:
+            run = run_stages(clip.video, STAGES, config, store)
+            (facts,), (shots,) = results_of(run, "decode", VideoFacts), results_of(run, "shots", ShotList)
+            scenes = results_of(run, "people", ScenePeople)
+            views += views_of(clip.recording, shots.shots, scenes, clip.boxes(facts), facts.time_s)
+        except HumanMMError as error:
+            failed.append(f"{clip.video.relative_to(folder)}: {error}")
+        log.info("%s: %d of %d videos", clip.video.stem, number, len(clips))
+    return views, failed
+
+
+def known_clips(folder: Path) -> Iterator[KnownClip]:
+    """Clips of a folder whose people are known, by name."""
+    for truth in sorted(folder.rglob("*_gt.npz")):
+        video = truth.with_name(f"{truth.name.removesuffix('_gt.npz')}.mp4")
+        if video.is_file() and read_boxes(truth, 0) is not None:
+            yield KnownClip(video, str(video.relative_to(folder).with_suffix("")), truth)
+    for clip in golden_list(folder):
+        name = clip.parts[0].video
+        # people of a video that joins several recordings are also in these
+        joined = any(not cut.linked for cut in clip.cuts)
+        if not clip.is_cut and not joined and (folder / name).is_file():
+            yield KnownClip(folder / name, str(Path(name).parent) if "/" in name else name, clip)
