@@ -176,3 +176,16 @@ def test_a_reader_that_has_left_costs_no_error(verbs: str, tmp_path: Path) -> No
         ["bash", "-c", shell, "bash", *command], env=environment, capture_output=True, text=True, check=False
     )
     assert "Traceback" not in done.stderr and "Broken" not in done.stderr
+
+
+def test_ctrl_c_inside_a_text_that_is_executed_ends_with_the_status_of_ctrl_c(tmp_path: Path) -> None:
+    """As in an import that makes dataclasses: `python -m` would kill itself with SIGINT at its end."""
+    (tmp_path / "pressed.py").write_text(
+        "import sys\nfrom humanmm import cli\n"
+        "cli._run = lambda arguments: exec('raise KeyboardInterrupt')\n"
+        "sys.exit(cli.main())"
+    )
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT / "src"), str(tmp_path)])}
+    command = [sys.executable, "-m", "pressed"]
+    ended = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert ended.returncode == 130 and "resumable with the same command" in ended.stderr

@@ -1,5 +1,7 @@
 """The command line: `verb.py` declares a verb, each other file holds the verbs of one subject."""
 
+import atexit
+import contextlib
 import importlib
 import os
 import signal
@@ -26,6 +28,8 @@ INTERRUPTED = 130
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns its exit status."""
+    if arguments is None:
+        atexit.register(_end_interrupted)  # the first to be registered is the last to run
     try:
         status = _run(arguments)
     except KeyboardInterrupt:  # before a verb has begun: nothing is computed yet
@@ -33,7 +37,25 @@ def main(arguments: Sequence[str] | None = None) -> int:
         status = INTERRUPTED
     if status == INTERRUPTED and arguments is None:  # this process ends: pressed again, Ctrl-C changes nothing
         signal.signal(signal.SIGINT, signal.SIG_IGN)
+        _ended_by.append(status)
     return status
+
+
+_ended_by: list[int] = []
+"""The status of a command that was interrupted."""
+
+
+def _end_interrupted() -> None:
+    """Leave with the status of an interrupted command.
+
+    Python kills itself by SIGINT at its end if a KeyboardInterrupt ever went through `exec` of a text, as the standard
+    library's dataclasses use it: whoever presses Ctrl-C while libraries are imported would see a killed process.
+    """
+    if _ended_by:
+        for stream in (sys.stdout, sys.stderr):
+            with contextlib.suppress(OSError, ValueError):
+                stream.flush()
+        os._exit(_ended_by[0])
 
 
 def _run(arguments: Sequence[str] | None) -> int:

@@ -121,7 +121,7 @@ def test_hands_that_were_looked_at_are_in_the_track_and_change_sides_with_the_bo
     track = TrackBuilder(TIME_S, at(10), 10)
     for frame in range(10, 20):
         track.add(frame, at(frame))
-        track.colours[frame] = np.ones(HISTOGRAM_BINS)
+        track.note_colours(frame, BLACK)
         track.look_at_hands(frame, BLACK, due)
     assert known == [0, 1, 2, 2, 2, 2, 2, 2, 2, 2]
     first, second = track.split(14)
@@ -136,6 +136,6 @@ def built_without_hands() -> PersonTrack:
     track = TrackBuilder(TIME_S, at(10), 10)
     for frame in range(10, 20):
         track.add(frame, at(frame))
-        track.colours[frame] = np.ones(HISTOGRAM_BINS)
+        track.note_colours(frame, BLACK)
         track.look_at_hands(frame, BLACK, None)
     return track.finished()
