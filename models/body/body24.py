@@ -25,6 +25,11 @@ JOINT_NAMES = (
 
 NUM_JOINTS = 24
 
+OTHER_SIDE = tuple(
+    JOINT_NAMES.index({"L": "R", "R": "L"}[name[0]] + name[1:] if name[1] == "_" else name) for name in JOINT_NAMES
+)
+"""The joint that a mirror image shows in the place of each joint."""
+
 PARENTS = (-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21)
 
 FREE_JOINTS = tuple(j for j in range(1, NUM_JOINTS) if j not in (10, 11, 22, 23))

@@ -13,10 +13,11 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from humanmm.models.body.body24 import FREE_JOINTS, JOINT_NAMES, ROTATED_JOINTS, load_body
+from humanmm.models.body.body24 import FREE_JOINTS, OTHER_SIDE, load_body
 from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
 from humanmm.models.learning.body_fits import rotations_of_windows
 from humanmm.models.learning.pairs import TEMPO
+from humanmm.models.learning.windows import CONTACT_SWAP, JOINT_SWAP
 from humanmm.models.motion.networks.sequence import RATE_HZ, MotionSequence
 from humanmm.models.rendering.actors import with_contacts
 from humanmm.models.rendering.places.takes import BODIES, BODY_PROBABILITIES, shape
@@ -289,26 +290,22 @@ def _orthonormal(R: Float[Array, "*batch 3 3"]) -> Float[Array, "*batch 3 3"]:
     return np.stack([x, y, np.cross(x, y)], axis=-1).astype(np.float64)
 
 
-def _other_side(name: str) -> str:
-    return name.replace("L_", "R_") if name.startswith("L_") else name.replace("R_", "L_")
-
-
-_SWAP24 = [JOINT_NAMES.index(_other_side(name)) for name in JOINT_NAMES]
-_SWAP20 = [ROTATED_JOINTS.index(_SWAP24[joint]) for joint in ROTATED_JOINTS]
 _MIRROR = torch.tensor([-1.0, 1.0, 1.0])
 
 
 def mirrored(clips: MotionClips, which: Tensor) -> MotionClips:
     """Clips `which` (B,) bool as a mirror shows them."""
-    contacts = torch.where(which[:, None, None], clips.contacts[..., [2, 3, 0, 1]], clips.contacts)
+    contacts = torch.where(which[:, None, None], clips.contacts[..., CONTACT_SWAP], clips.contacts)
     return replace(clips, given=_mirrored(clips.given, which), true=_mirrored(clips.true, which), contacts=contacts)
 
 
 def _mirrored(motion: MotionSequence, which: Tensor) -> MotionSequence:
-    rotations = motion.rotations[:, :, _SWAP20] * _MIRROR[:, None] * _MIRROR
+    rotations = motion.rotations[:, :, JOINT_SWAP] * _MIRROR[:, None] * _MIRROR
     return replace(
         motion,
         rotations=torch.where(which[:, None, None, None, None], rotations, motion.rotations),
         pelvis=torch.where(which[:, None, None], motion.pelvis * _MIRROR, motion.pelvis),
-        rest_joints=torch.where(which[:, None, None], motion.rest_joints[:, _SWAP24] * _MIRROR, motion.rest_joints),
+        rest_joints=torch.where(
+            which[:, None, None], motion.rest_joints[:, list(OTHER_SIDE)] * _MIRROR, motion.rest_joints
+        ),
     )

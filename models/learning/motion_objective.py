@@ -15,6 +15,7 @@ from humanmm.models.motion.networks.sequence import (
     joints_of,
     product,
     rotated,
+    small_rotvec,
 )
 from humanmm.models.motion.networks.trajectory import (
     RefinedTrajectory,
@@ -79,8 +80,8 @@ def true_velocity(motion: MotionSequence) -> Tensor:
 
 def _turn(clips: MotionClips) -> Tensor:
     """(B,n,3): what the given root lacks, as the rotation vector of a small rotation."""
-    R = product(clips.given.rotations[:, :, 0].transpose(-1, -2), clips.true.rotations[:, :, 0])
-    return torch.stack([R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]], -1) / 2
+    R_given_true = product(clips.given.rotations[:, :, 0].transpose(-1, -2), clips.true.rotations[:, :, 0])
+    return small_rotvec(R_given_true)
 
 
 def _steps(clips: MotionClips, *, within_shots: bool) -> Tensor:

@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from humanmm.models.body.body24 import FREE_JOINTS, JOINT_NAMES, ROTATED_JOINTS
+from humanmm.models.body.body24 import FREE_JOINTS, OTHER_SIDE, ROTATED_JOINTS
 from humanmm.models.geometry.projection import project
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.learning.pairs import NEAREST_M
@@ -25,12 +25,8 @@ to be sure of it."""
 _MIRROR = torch.tensor([-1.0, 1.0, 1.0])
 
 
-def _other_side(name: str) -> str:
-    return name.replace("L_", "R_") if name.startswith("L_") else name.replace("R_", "L_")
-
-
-_JOINT_SWAP = [ROTATED_JOINTS.index(JOINT_NAMES.index(_other_side(JOINT_NAMES[joint]))) for joint in ROTATED_JOINTS]
-_CONTACT_SWAP = [2, 3, 0, 1]
+JOINT_SWAP = [ROTATED_JOINTS.index(OTHER_SIDE[joint]) for joint in ROTATED_JOINTS]
+CONTACT_SWAP = [2, 3, 0, 1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,7 +201,7 @@ def _mirrored(windows: Windows, which: Tensor) -> Windows:
     def pick(mirror: Tensor, own: Tensor) -> Tensor:
         return torch.where(which.reshape(-1, *[1] * (own.ndim - 1)), mirror, own)
 
-    pose = (_MIRROR[:, None] * windows.pose * _MIRROR)[:, :, _JOINT_SWAP]
+    pose = (_MIRROR[:, None] * windows.pose * _MIRROR)[:, :, JOINT_SWAP]
     return replace(
         windows,
         points=pick((windows.points * _MIRROR[:2])[:, :, SWAP], windows.points),
@@ -213,7 +209,7 @@ def _mirrored(windows: Windows, which: Tensor) -> Windows:
         landmarks=pick((windows.landmarks * _MIRROR)[:, :, SWAP], windows.landmarks),
         truth=pick((windows.truth * _MIRROR)[:, :, SWAP], windows.truth),
         pose=pick(pose, windows.pose),
-        contacts=pick(windows.contacts[..., _CONTACT_SWAP], windows.contacts),
+        contacts=pick(windows.contacts[..., CONTACT_SWAP], windows.contacts),
     )
 
 

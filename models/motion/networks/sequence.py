@@ -51,15 +51,7 @@ class MotionSequence:
         """(B,n,c): the body's pose, how it stands against gravity and turns, and where its feet are in its own axes."""
         R = self.rotations[:, :, 0]
         relative = product(R[:, :-1].transpose(-1, -2), R[:, 1:])
-        turn = torch.stack(
-            [
-                relative[..., 2, 1] - relative[..., 1, 2],
-                relative[..., 0, 2] - relative[..., 2, 0],
-                relative[..., 1, 0] - relative[..., 0, 1],
-            ],
-            dim=-1,
-        )
-        turn = _limited(turn * (RATE_HZ / 2), FASTEST_TURN) * self.steps_within_shots[..., None]
+        turn = _limited(small_rotvec(relative) * RATE_HZ, FASTEST_TURN) * self.steps_within_shots[..., None]
         feet = rotated(R.transpose(-1, -2)[:, :, None], feet_of(self) - self.pelvis[:, :, None])
         parts = [sixes(self.rotations[:, :, 1:]).flatten(2), self.up, _padded(turn) / 5, feet.flatten(2)]
         return torch.cat(parts, dim=-1)
@@ -108,6 +100,12 @@ def _padded(steps: Tensor) -> Tensor:
 def sixes(R: Tensor) -> Tensor:
     """(…,3,3) → (…,6): the first two columns (Zhou et al. 2019)."""
     return torch.cat([R[..., 0], R[..., 1]], dim=-1)
+
+
+def small_rotvec(R: Tensor) -> Tensor:
+    """(…,3,3) → (…,3): the rotation vector, times sin(angle) / angle; exact for small rotations."""
+    x, y, z = R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]
+    return torch.stack([x, y, z], dim=-1) / 2
 
 
 def product(A: Tensor, B: Tensor) -> Tensor:
