@@ -1,4 +1,4 @@
-"""The shipped motion networks on one person's aligned motion: corrected poses, contacts, velocity of the root."""
+"""The shipped motion networks on one person's aligned motion: corrected poses, velocity of the root."""
 
 from collections.abc import Iterator
 from functools import lru_cache
@@ -13,7 +13,7 @@ from torch import Tensor, nn
 from humanmm.models.geometry.rotations import interpolate_rotations
 from humanmm.models.motion.networks.interfaces import AlignedMotion, Integrated
 from humanmm.models.motion.networks.ms_hmr import MsHmr
-from humanmm.models.motion.networks.sequence import RATE_HZ, MotionSequence
+from humanmm.models.motion.networks.sequence import RATE_HZ, MotionSequence, product
 from humanmm.models.motion.networks.trajectory import TrajectoryPredictor, TrajectoryRefiner
 from humanmm.models.weights.shipped import read_weights
 
@@ -41,33 +41,40 @@ def integrate(
     time_s = motion.time_s
     count = max(2, int(np.ceil((time_s[-1] - time_s[0]) * RATE_HZ - 1e-6)) + 1)
     grid = time_s[0] + np.arange(count) / RATE_HZ
-    nearest = nearest_rows(grid, time_s)
-    joints = range(motion.rotations.shape[1])
-    even = np.stack([interpolate_rotations(grid, time_s, motion.rotations[:, k]) for k in joints], axis=1)
-    path = np.stack([np.interp(grid, time_s, column) for column in motion.pelvis.T], axis=1)
     parts = []
     for own, seen in _chunks(count):
-        rows = nearest[seen]
-        sequence = MotionSequence(
-            _tensor(even[seen]), _tensor(path[seen]), _tensor(motion.rest_joints),
-            torch.from_numpy(motion.known[rows])[None], _tensor(motion.confidence[rows]),
-            torch.from_numpy(motion.shot[rows].astype(np.int64))[None],
-        )  # fmt: skip
+        even = _at(grid[seen], motion)
         with torch.inference_mode():
-            corrected = sequence if ms_hmr is None else sequence.rotated_to(ms_hmr(sequence).rotations)
+            corrected = even if ms_hmr is None else even.rotated_to(ms_hmr(even).rotations)
             found = refiner(corrected, predictor(corrected))
+            change = product(even.rotations.transpose(-1, -2), corrected.rotations)
         inner = slice(own.start - seen.start, own.stop - seen.start)
-        columns = corrected.rotations, found.velocity, torch.exp(found.log_sigma), torch.sigmoid(found.contacts)
-        parts.append([column[0, inner].double().numpy() for column in columns])
-    rotations, *columns_even = (np.concatenate(column) for column in zip(*parts, strict=True))
-    velocity, sigma, contacts = (
-        np.stack([np.interp(time_s, grid, column) for column in values.T], axis=1) for values in columns_even
-    )
+        columns = found.velocity, torch.exp(found.log_sigma), change if ms_hmr else change[:, :, :1]
+        parts.append([column[0, inner].numpy() for column in columns])
+    velocity, sigma, changes = (np.concatenate(column) for column in zip(*parts, strict=True))
+    velocity, sigma = (np.stack([np.interp(time_s, grid, one) for one in values.T], 1) for values in (velocity, sigma))
+    R_root = motion.rotations[:, 0].astype(np.float64) @ interpolate_rotations(time_s, grid, changes[:, 0])
     if ms_hmr is None:
-        return Integrated(velocity, sigma, contacts)
-    residual = np.swapaxes(even, -1, -2) @ rotations
-    at_frames = np.stack([interpolate_rotations(time_s, grid, residual[:, k]) for k in joints], axis=1)
-    return Integrated(velocity, sigma, contacts, motion.rotations @ at_frames)
+        return Integrated(R_root, velocity, sigma)
+    rotations = np.empty_like(motion.rotations)
+    for joint in range(rotations.shape[1]):
+        rotations[:, joint] = motion.rotations[:, joint] @ interpolate_rotations(time_s, grid, changes[:, joint])
+    return Integrated(R_root, velocity, sigma, rotations)
+
+
+def _at(moments: Float[Array, " n"], motion: AlignedMotion) -> MotionSequence:
+    """The motion at some moments, from the frames around them alone."""
+    first = max(int(np.searchsorted(motion.time_s, moments[0], side="right")) - 1, 0)
+    frames = slice(first, int(np.searchsorted(motion.time_s, moments[-1])) + 1)
+    time_s, R = motion.time_s[frames], motion.rotations[frames].astype(np.float64)
+    rotations = np.stack([interpolate_rotations(moments, time_s, R[:, k]) for k in range(R.shape[1])], axis=1)
+    pelvis = np.stack([np.interp(moments, time_s, column) for column in motion.pelvis[frames].T], axis=1)
+    rows = nearest_rows(moments, time_s)
+    return MotionSequence(
+        _tensor(rotations), _tensor(pelvis), _tensor(motion.rest_joints),
+        torch.from_numpy(motion.known[frames][rows])[None], _tensor(motion.confidence[frames][rows]),
+        torch.from_numpy(motion.shot[frames][rows].astype(np.int64))[None],
+    )  # fmt: skip
 
 
 def nearest_rows(at: Float[Array, " n"], time_s: Float[Array, " N"]) -> Int[Array, " n"]:

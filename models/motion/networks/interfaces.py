@@ -14,7 +14,7 @@ class AlignedMotion:
     """One person in N frames over all shots, in one world: z up, metres."""
 
     rotations: Float[Array, "N 20 3 3"]
-    """Of the root in the world, and of `body24.FREE_JOINTS` relative to their parents."""
+    """Of the root in the world, and of `body24.FREE_JOINTS` relative to their parents; float32."""
     pelvis: Float[Array, "N 3"]
     rest_joints: Float[Array, "24 3"]
     time_s: Float[Array, " N"]
@@ -29,14 +29,14 @@ class AlignedMotion:
 class Integrated:
     """What the networks say of these frames."""
 
+    R_world_root: Float[Array, "N 3 3"]
+    """The root's axes as the networks see them."""
     velocity: Float[Array, "N 3"]
-    """Of the pelvis from each frame to the next, in the root's axes, m/s."""
+    """Of the pelvis from each frame to the next, in these axes, m/s."""
     velocity_sigma: Float[Array, "N 3"]
     """Expected errors."""
-    contacts: Float[Array, "N 4"]
-    """Probabilities that `recording.CONTACT_JOINTS` stand."""
     rotations: Float[Array, "N 20 3 3"] | None = None
-    """Corrected; None: as they are."""
+    """Corrected, float32; None: as they are."""
 
 
 class MotionNetworks(Protocol):

@@ -218,7 +218,7 @@ def fit_world(
     camera: CameraPath,
     contacts: Float[Array, "N 4"],
     *,
-    learned: Callable[[slice], Sequence[Term]] | None = None,
+    learned: Callable[[slice], Sequence[Term]] = lambda _: (),
     progress: Progress = silent,
 ) -> LongMotion:
     """The motion in the world that agrees best with all shots' evidence, with the feet that stand, and with the terms
@@ -231,6 +231,6 @@ def fit_world(
 
     def terms(frames: slice) -> list[Term]:
         planted = PlantedFeet(feet, clip.time_s[frames], contacts[frames])
-        return [*of_evidence(frames), planted, Uprightness(seen_weight[frames]), *(learned(frames) if learned else ())]
+        return [*of_evidence(frames), planted, Uprightness(seen_weight[frames]), *learned(frames)]
 
     return solve_windows(start, terms, SETTINGS, progress=progress)

@@ -9,6 +9,7 @@ origin alone.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from jaxtyping import Float
@@ -190,13 +191,15 @@ class Draft:
     def fitted(self, clip: LongEvidence, learned: Learned, *, progress: Progress = silent) -> "Draft":
         """Fitted once more to the evidence of all shots; frames without any are filled in again."""
         camera = CameraPath(*inverse_pose(self.R_world_cam, self.camera_centre), self.K)
-        seen, terms = self.person.observed, learned.terms(self.motion)
+        seen, found = self.person.observed, learned.read(self.motion)
+        terms = partial(learned.terms, found)
         motion = fit_world(self.motion, clip.believed(seen), camera, self.contacts, learned=terms, progress=progress)
         if not seen.all():
             vectors, pelvis = motion.vectors, motion.pelvis_ref
             vectors[~seen] = smooth_rotations(vectors, seen * 1.0, self.time_s, cutoff_hz=FILL_HZ)[~seen]
             pelvis[~seen] = smooth(pelvis, seen * 1.0, self.time_s, cutoff_hz=FILL_HZ)[~seen]
-        motion = learned.corrected(motion)
+        if found is not None and found.rotations is not None:
+            motion = learned.corrected(motion)
         return replace(self, motion=motion, feet=contact_positions(motion))
 
 

@@ -24,7 +24,7 @@ def turned(given: AlignedMotion) -> Integrated:
     """Every joint is a fifth of a radian further; the pelvis goes a metre a second forwards."""
     rotations = given.rotations @ rotvec_to_rotmat(np.array([0.0, 0.2, 0.0]))
     velocity = np.tile([0.0, 0.0, 1.0], (N, 1))
-    return Integrated(velocity, np.full((N, 3), 0.1), np.zeros((N, 4)), rotations)
+    return Integrated(given.rotations[:, 0], velocity, np.full((N, 3), 0.1), rotations)
 
 
 def learned(networks: object) -> Learned:
@@ -40,13 +40,12 @@ def test_a_share_of_the_correction_of_poses_is_made() -> None:
 
 
 def test_the_velocity_is_that_of_the_frames_of_a_window() -> None:
-    terms = learned(turned).terms(motion())
-    assert terms is not None
-    (term,) = terms(slice(3, 9))
+    one = learned(turned)
+    (term,) = one.terms(one.read(motion()), slice(3, 9))
     assert isinstance(term, RootVelocity) and len(term.velocity) == 6
     np.testing.assert_array_equal(term.time_s, aligned(N).time_s[3:9])
 
 
 def test_no_network_says_nothing() -> None:
-    given = motion()
-    assert learned(nothing).terms(given) is None and learned(nothing).corrected(given) is given
+    given, one = motion(), learned(nothing)
+    assert one.read(given) is None and one.terms(None, slice(0, 4)) == () and one.corrected(given) is given
