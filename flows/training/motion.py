@@ -12,7 +12,7 @@ from humanmm.flows.bench.render_set import Split, shipped_packs, takes_of
 from humanmm.flows.training.card import pose_card, trajectory_card
 from humanmm.flows.training.course import train_to_end
 from humanmm.flows.training.fits import fitted_pairs
-from humanmm.models.learning.motion_clips import ClipSource, MotionClips, error_windows, motion_takes
+from humanmm.models.learning.motion_clips import ROUTINES, ClipSource, MotionClips, error_windows, motion_takes
 from humanmm.models.learning.motion_objective import pose_score, trajectory_score
 from humanmm.models.learning.motion_training import (
     MotionRecipe,
@@ -129,7 +129,7 @@ def _sources(material: Material, recipe: MotionRecipe) -> tuple[ClipSource, list
     def source(split: Split) -> ClipSource:
         files = material.packs if material.packs and split == "train" else shipped_packs("places", split)
         sequences = [sequence for pack in files for sequence in takes_of(read_pack(pack), split)]
-        takes = motion_takes(sequences, np.random.default_rng((recipe.seed, len(split))))
+        takes = motion_takes(sequences, np.random.default_rng((recipe.seed, len(split))), routines=ROUTINES)
         windows = error_windows(fitted_pairs(material.pairs, split, material.threads))
         return ClipSource(takes, windows, whole=WHOLE_WINDOWS, varied=split == "train")
 

@@ -54,9 +54,7 @@ class Take:
     rest_joints: Float[Array, "24 3"]
 
 
-def motion_takes(
-    sequences: Sequence[MocapSequence], rng: np.random.Generator, *, routines: int = ROUTINES
-) -> list[Take]:
+def motion_takes(sequences: Sequence[MocapSequence], rng: np.random.Generator, *, routines: int) -> list[Take]:
     """Every sequence on a random body, and routines: kicks, spins, floor work."""
     made = [choreography(KINDS[k % len(KINDS)], "routine", ROUTINE_S, rng) for k in range(routines)]
     takes = []
