@@ -1,7 +1,7 @@
 """What `hmr` makes of rendered windows: the errors that ms-HMR, trajectory predictor and refiner have to live with."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -10,6 +10,7 @@ from humanmm.models.body.body24 import FREE_JOINTS, load_body
 from humanmm.models.body.proportions import bone_lengths, shape_from_bones
 from humanmm.models.geometry.projection import inverse_pose
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
+from humanmm.models.learning.pairs import WindowArrays
 from humanmm.models.motion.fit.evidence import gather
 from humanmm.models.motion.fit.hmr import fit_person
 from humanmm.models.motion.fit.state import CameraPath
@@ -26,7 +27,7 @@ FEWEST_FRAMES = 8
 
 
 @dataclass(frozen=True, eq=False)
-class FittedWindow:
+class FittedWindow(WindowArrays):
     """One window of `learning.pairs.PairWindow`, n frames; zeros where nothing was fitted."""
 
     observed: Bool[Array, " n"]
@@ -37,11 +38,6 @@ class FittedWindow:
     pelvis_cam_fitted: Float[Array, "n 3"]
     confidence_fitted: Float[Array, " n"]
     betas_fitted: Float[Array, " 10"]
-
-    def packed(self) -> dict[str, Array]:
-        """Its arrays, in single precision."""
-        arrays = {field.name: np.asarray(getattr(self, field.name)) for field in fields(self)}
-        return {k: v if v.dtype == bool else v.astype(np.float32) for k, v in arrays.items()}
 
 
 def fit_window(window: Mapping[str, Array], lifter: Lifter) -> FittedWindow:

@@ -7,7 +7,7 @@ return is kept as it is, with every lean, left-right swap and lost limb.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -26,6 +26,9 @@ from humanmm.models.rendering.places.sites import PLACES, build_place
 from humanmm.models.rendering.places.takes import MOTIONS, Library, Performance, choose_take, perform, rotated
 from humanmm.models.rendering.textures import poster
 from humanmm.models.synthetic.mocap import Actor
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
 
 Array = np.ndarray
 
@@ -46,8 +49,17 @@ CUT_OFF = 0.15
 """How often the picture ends within the person."""
 
 
+class WindowArrays:
+    """A dataclass of arrays, one a field."""
+
+    def packed(self: "DataclassInstance") -> dict[str, Array]:
+        """Its arrays, in single precision."""
+        arrays = {field.name: np.asarray(getattr(self, field.name)) for field in fields(self)}
+        return {k: v if v.dtype == bool else v.astype(np.float32) for k, v in arrays.items()}
+
+
 @dataclass(frozen=True, eq=False)
-class PairWindow:
+class PairWindow(WindowArrays):
     """FRAMES frames of one person: n is FRAMES."""
 
     time_s: Float[Array, " n"]
@@ -74,11 +86,6 @@ class PairWindow:
     truth_cam: Float[Array, "n 33 3"]
     """The landmarks of the true body in camera axes, metres."""
     contacts: Float[Array, "n 4"]
-
-    def packed(self) -> dict[str, Array]:
-        """Its arrays, in single precision."""
-        arrays = {field.name: np.asarray(getattr(self, field.name)) for field in fields(self)}
-        return {k: v if v.dtype == bool else v.astype(np.float32) for k, v in arrays.items()}
 
 
 @dataclass(frozen=True)
