@@ -6,8 +6,8 @@ import numpy as np
 from pair_windows import pair_arrays
 
 from humanmm.models.body.body24 import load_body
+from humanmm.models.body.kinematics import seen_rotations
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
-from humanmm.models.learning.body_fits import rotations_of_windows
 from humanmm.models.learning.motion_clips import ClipSource, Take, error_windows
 
 OFF_RAD, OFF_M = 0.1, 0.1
@@ -33,7 +33,7 @@ def fitted_arrays() -> dict[str, np.ndarray]:
 def source(*, varied: bool = False) -> ClipSource:
     """Clips of these windows and of a take: the first window's motion, longer."""
     arrays = fitted_arrays()
-    R = rotations_of_windows(arrays["R_world_cam"][0], arrays["R_cam_root"][0], arrays["body_pose"][0])
+    R = seen_rotations(arrays["R_world_cam"][0] @ arrays["R_cam_root"][0], arrays["body_pose"][0])
     pelvis = np.einsum("nij,nj->ni", arrays["R_world_cam"][0], arrays["joints_cam"][0, :, 0])
     rest = load_body().rest_joints(np.zeros(10)).astype(np.float32)
     order = np.tile(np.r_[0 : len(R), len(R) - 2 : 0 : -1], 12)

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.models.body.body24 import PARENTS
+from humanmm.models.body.body24 import FREE_JOINTS, PARENTS
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
 
 Array = np.ndarray
@@ -40,6 +40,14 @@ def local_rotations(
 ) -> Float[Array, "frames J 3 3"]:
     """Every joint's rotation relative to its parent; the root's is R_root."""
     return np.concatenate([np.asarray(R_root, np.float64)[:, None], rotvec_to_rotmat(body_pose)], axis=1)
+
+
+def seen_rotations(
+    R_root: Float[Array, "*batch 3 3"], body_pose: Float[Array, "*batch 23 3"]
+) -> Float[Array, "*batch 20 3 3"]:
+    """R_root and the free joints' local rotations: those that can be seen, in the order of `body24.ROTATED_JOINTS`."""
+    free = rotvec_to_rotmat(np.asarray(body_pose, np.float64)[..., [joint - 1 for joint in FREE_JOINTS], :])
+    return np.concatenate([np.asarray(R_root, np.float64)[..., None, :, :], free], axis=-3)
 
 
 def compose(

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
-from humanmm.models.body.body24 import FREE_JOINTS, load_body
+from humanmm.models.body.body24 import load_body
 from humanmm.models.body.proportions import bone_lengths, shape_from_bones
 from humanmm.models.geometry.projection import inverse_pose
-from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.learning.pairs import WindowArrays
 from humanmm.models.motion.fit.evidence import gather
 from humanmm.models.motion.fit.hmr import fit_person
@@ -84,14 +83,3 @@ def _track(window: Mapping[str, Array], seen: Array) -> PersonTrack:
         color_frame=np.zeros(0, np.int32),
         color_histogram=np.zeros((0, 1), np.float32),
     )
-
-
-def rotations_of_windows(
-    R_world_cam: Float[Array, "*batch 3 3"],
-    R_cam_root: Float[Array, "*batch 3 3"],
-    body_pose: Float[Array, "*batch 23 3"],
-) -> Float[Array, "*batch 20 3 3"]:
-    """Rotations of the root in the world and of the free joints."""
-    root = R_world_cam.astype(np.float64) @ R_cam_root
-    joints = rotvec_to_rotmat(body_pose.astype(np.float64)[..., [joint - 1 for joint in FREE_JOINTS], :])
-    return np.concatenate([root[..., None, :, :], joints], axis=-3)

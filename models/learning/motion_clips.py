@@ -13,14 +13,14 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from humanmm.models.body.body24 import FREE_JOINTS, OTHER_SIDE, load_body
+from humanmm.models.body.body24 import OTHER_SIDE, load_body
+from humanmm.models.body.kinematics import seen_rotations
 from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
-from humanmm.models.learning.body_fits import rotations_of_windows
 from humanmm.models.learning.pairs import TEMPO
 from humanmm.models.learning.windows import CONTACT_SWAP, JOINT_SWAP
 from humanmm.models.motion.networks.sequence import RATE_HZ, MotionSequence
 from humanmm.models.rendering.actors import with_contacts
-from humanmm.models.rendering.places.takes import BODIES, BODY_PROBABILITIES, shape
+from humanmm.models.rendering.places.takes import random_body, shape
 from humanmm.models.synthetic.choreography import KINDS, choreography
 from humanmm.models.synthetic.mocap import MocapSequence, pose_actor
 
@@ -59,10 +59,8 @@ def motion_takes(sequences: Sequence[MocapSequence], rng: np.random.Generator, *
     made = [choreography(KINDS[k % len(KINDS)], "routine", ROUTINE_S, rng) for k in range(routines)]
     takes = []
     for sequence in [*sequences, *made]:
-        body = BODIES[int(rng.choice(len(BODIES), p=BODY_PROBABILITIES))]
-        actor = with_contacts(pose_actor(sequence, rng, betas=shape(body, rng)), sequence.fps)
-        free = rotvec_to_rotmat(actor.body_pose[:, [joint - 1 for joint in FREE_JOINTS]])
-        rotations = np.concatenate([actor.R_world_root[:, None], free], axis=1).astype(np.float32)
+        actor = with_contacts(pose_actor(sequence, rng, betas=shape(random_body(rng), rng)), sequence.fps)
+        rotations = seen_rotations(actor.R_world_root, actor.body_pose).astype(np.float32)
         rest = load_body().rest_joints(actor.betas).astype(np.float32)
         takes.append(Take(sequence.fps, rotations, actor.joints[:, 0], actor.contacts, rest))
     return [take for take in takes if len(take.pelvis) > SHORTEST]
@@ -94,9 +92,9 @@ def error_windows(arrays: Mapping[str, Array]) -> list[ErrorWindow]:
             continue
         of_frame = (name for name, values in arrays.items() if values.shape[1:2] == arrays["time_s"].shape[1:])
         one = {name: arrays[name][w][rows] for name in of_frame}
-        R_world_cam = one["R_world_cam"]
-        true = rotations_of_windows(R_world_cam, one["R_cam_root"], one["body_pose"])
-        fit = rotations_of_windows(R_world_cam, one["R_cam_root_fitted"], one["body_pose_fitted"])
+        R_world_cam = one["R_world_cam"].astype(np.float64)
+        true = seen_rotations(R_world_cam @ one["R_cam_root"], one["body_pose"])
+        fit = seen_rotations(R_world_cam @ one["R_cam_root_fitted"], one["body_pose_fitted"])
         turned = rotmat_to_rotvec(np.swapaxes(true, -1, -2) @ fit)
         if np.median(np.linalg.norm(turned[:, 0], axis=-1)) > SWAPPED_RAD:
             continue

@@ -12,7 +12,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from humanmm.models.body.body24 import FREE_JOINTS
+from humanmm.models.body.kinematics import seen_rotations
 from humanmm.models.body.landmarks import load_landmarks
 from humanmm.models.geometry.projection import project, world_to_camera
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
@@ -20,13 +20,15 @@ from humanmm.models.learning.pairs import NEAREST_M, TEMPO
 from humanmm.models.learning.windows import PairErrors, Windows
 from humanmm.models.perception.lifting.features import points_in_view, view_axes
 from humanmm.models.perception.regions import BODY_MARGIN
-from humanmm.models.rendering.places.takes import BODIES, BODY_PROBABILITIES, shape
+from humanmm.models.rendering.places.recombination import with_arms_of
+from humanmm.models.rendering.places.takes import random_body, shape
 from humanmm.models.synthetic.choreography import KINDS, choreography
 from humanmm.models.synthetic.mocap import MocapSequence, pose_actor
 
 Array = np.ndarray
 
 BODIES_A_TAKE = 2
+"""So often each take is shown as it is, and so often with the arms of another."""
 ROUTINES, ROUTINE_S = 120, 12.0
 ERROR_SCALE = (0.3, 1.0, 1.6)
 """Errors of 3D landmarks are laid on with a factor: smallest, mean, largest."""
@@ -44,18 +46,18 @@ class Take:
 
 
 def takes_on_bodies(sequences: Sequence[MocapSequence], rng: np.random.Generator) -> list[Take]:
-    """Every sequence on a few random bodies, and routines."""
+    """Every sequence on a few random bodies, also with arms of others, and routines."""
     model, takes = load_landmarks(), []
     routines = [choreography(KINDS[k % len(KINDS)], "routine", ROUTINE_S, rng) for k in range(ROUTINES)]
-    for sequence in [*np.repeat(np.array(sequences, object), BODIES_A_TAKE), *routines]:
-        body = BODIES[int(rng.choice(len(BODIES), p=BODY_PROBABILITIES))]
-        actor = pose_actor(sequence, rng, betas=shape(body, rng))
-        joints = rotvec_to_rotmat(actor.body_pose[:, [joint - 1 for joint in FREE_JOINTS]])
+    again = [take for take in sequences for _ in range(BODIES_A_TAKE)]
+    mixed = [with_arms_of(take, sequences[int(rng.integers(len(sequences)))], rng) for take in again]
+    for sequence in [*again, *(take for take in mixed if take is not None), *routines]:
+        actor = pose_actor(sequence, rng, betas=shape(random_body(rng), rng))
         takes.append(
             Take(
                 float(sequence.fps),
                 model.place(actor.betas, actor.joints, actor.R_world_joint).astype(np.float32),
-                np.concatenate([actor.R_world_joint[:, :1], joints], axis=1).astype(np.float32),
+                seen_rotations(actor.R_world_joint[:, 0], actor.body_pose).astype(np.float32),
                 actor.contacts.astype(np.float32),
             )
         )

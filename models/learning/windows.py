@@ -8,9 +8,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from humanmm.models.body.body24 import FREE_JOINTS, OTHER_SIDE, ROTATED_JOINTS
+from humanmm.models.body.body24 import OTHER_SIDE, ROTATED_JOINTS
+from humanmm.models.body.kinematics import seen_rotations
 from humanmm.models.geometry.projection import project
-from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.learning.pairs import NEAREST_M
 from humanmm.models.perception.lifting.features import points_in_view, view_axes
 from humanmm.models.perception.lifting.network import JOINTS, LifterInput
@@ -96,8 +96,7 @@ def windows_of(arrays: Mapping[str, Array]) -> tuple[Windows, PairErrors]:
     pixels = np.where(swapped[:, None, None], pixels[:, SWAP], pixels)
     points, true_points = (points_in_view(one, R_cam_view, size, K) for one in (keypoints[..., :2], pixels))
     root = np.swapaxes(R_cam_view, -1, -2) @ flat["R_cam_root"]
-    joints = rotvec_to_rotmat(flat["body_pose"].astype(np.float64)[:, [joint - 1 for joint in FREE_JOINTS]])
-    pose = np.concatenate([root[:, None], joints], axis=1)
+    pose = seen_rotations(root, flat["body_pose"])
     landmarks = flat["landmarks3d"]
 
     def tensor(array: Array) -> Tensor:

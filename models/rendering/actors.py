@@ -5,9 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
-from scipy.spatial.transform import Rotation, Slerp
 
-from humanmm.models.body.body24 import NUM_JOINTS, load_body
+from humanmm.models.body.body24 import load_body
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.motion.refine.refine import sole_heights
 from humanmm.models.records.recording import CONTACT_JOINTS
@@ -19,22 +18,6 @@ NEAREST_M, FARTHEST_M = 0.75, 2.2
 """Between pelvises: nobody walks through somebody else, and people stay near enough to share a picture."""
 CONTACT_SPEED_MS, CONTACT_HEIGHT_M = 0.25, 0.05
 """A foot joint touches the floor if it is slower than this and its sole no higher above the floor."""
-
-
-def resample(sequence: MocapSequence, start_s: float, num_frames: int, fps: float) -> MocapSequence:
-    """`num_frames` at another frame rate from `start_s` on; rotations are interpolated by slerp (Shoemake 1985)."""
-    at = np.clip((start_s + np.arange(num_frames) / fps) * sequence.fps, 0, sequence.num_frames - 1)
-    before = np.minimum(at.astype(int), sequence.num_frames - 2)
-    fraction = (at - before)[:, None]
-    pose = np.stack([_slerp(sequence.body_pose[:, j], at) for j in range(NUM_JOINTS - 1)], axis=1)
-    root = Slerp(np.arange(sequence.num_frames), Rotation.from_matrix(sequence.R_world_root))(at).as_matrix()
-    pelvis = (1 - fraction) * sequence.pelvis[before] + fraction * sequence.pelvis[before + 1]
-    contacts = sequence.contacts[np.rint(at).astype(int)]
-    return replace(sequence, fps=fps, R_world_root=root, body_pose=pose, pelvis=pelvis, contacts=contacts)
-
-
-def _slerp(vectors: Float[Array, "N 3"], at: Float[Array, " n"]) -> Float[Array, "n 3"]:
-    return np.asarray(Slerp(np.arange(len(vectors)), Rotation.from_rotvec(vectors))(at).as_rotvec())
 
 
 def place_actors(sequences: Sequence[MocapSequence], rng: np.random.Generator) -> list[Actor]:

@@ -11,9 +11,9 @@ from jaxtyping import Float
 from humanmm.models.geometry.intrinsics import K_from_focal
 from humanmm.models.geometry.projection import world_to_camera
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
-from humanmm.models.rendering.actors import place_actors, resample, shifted
+from humanmm.models.rendering.actors import place_actors, shifted
 from humanmm.models.rendering.background_scene import BackgroundScene, Block, build_outdoors, build_room
-from humanmm.models.synthetic.mocap import Actor, MocapSequence
+from humanmm.models.synthetic.mocap import Actor, MocapSequence, resample
 from humanmm.models.synthetic.rigs import Kind, move_camera
 
 Array = np.ndarray

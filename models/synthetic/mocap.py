@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
+from scipy.spatial.transform import Rotation, Slerp
 
 from humanmm.models.body.body24 import NUM_JOINTS, Body, load_body
 from humanmm.models.body.kinematics import forward_kinematics
@@ -95,6 +96,22 @@ def sequences_of_pack(arrays: Mapping[str, Array]) -> tuple[MocapSequence, ...]:
             )
         )
     return tuple(sequences)
+
+
+def resample(sequence: MocapSequence, start_s: float, num_frames: int, fps: float) -> MocapSequence:
+    """`num_frames` at another frame rate from `start_s` on; rotations are interpolated by slerp (Shoemake 1985)."""
+    at = np.clip((start_s + np.arange(num_frames) / fps) * sequence.fps, 0, sequence.num_frames - 1)
+    before = np.minimum(at.astype(int), sequence.num_frames - 2)
+    fraction = (at - before)[:, None]
+    pose = np.stack([_slerp(sequence.body_pose[:, j], at) for j in range(NUM_JOINTS - 1)], axis=1)
+    root = Slerp(np.arange(sequence.num_frames), Rotation.from_matrix(sequence.R_world_root))(at).as_matrix()
+    pelvis = (1 - fraction) * sequence.pelvis[before] + fraction * sequence.pelvis[before + 1]
+    contacts = sequence.contacts[np.rint(at).astype(int)]
+    return replace(sequence, fps=fps, R_world_root=root, body_pose=pose, pelvis=pelvis, contacts=contacts)
+
+
+def _slerp(vectors: Float[Array, "N 3"], at: Float[Array, " n"]) -> Float[Array, "n 3"]:
+    return np.asarray(Slerp(np.arange(len(vectors)), Rotation.from_rotvec(vectors))(at).as_rotvec())
 
 
 def leg_length(rest_joints: Float[Array, "24 3"]) -> float:

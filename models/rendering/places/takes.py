@@ -10,9 +10,9 @@ from jaxtyping import Float
 from humanmm.models.body.body24 import Body, load_body
 from humanmm.models.body.kinematics import skinning_transforms
 from humanmm.models.drawing.surface import dense_weights, load_drawn_mesh
-from humanmm.models.rendering.actors import resample, with_contacts
+from humanmm.models.rendering.actors import with_contacts
 from humanmm.models.synthetic.choreography import KINDS, choreography
-from humanmm.models.synthetic.mocap import Actor, MocapSequence, pose_actor, random_shape
+from humanmm.models.synthetic.mocap import Actor, MocapSequence, pose_actor, random_shape, resample
 
 Array = np.ndarray
 
@@ -87,7 +87,7 @@ def perform(
         take = _there_and_back(take, seconds)
     start = rng.uniform(0, max(0.0, duration_s(take) - seconds))
     part = resample(take, start, round(seconds * fps), fps)
-    chosen = body or BODIES[int(rng.choice(len(BODIES), p=BODY_PROBABILITIES))]
+    chosen = body or random_body(rng)
     actor = on_the_floor(pose_actor(part, rng, betas=shape(chosen, rng)), fps)
     return Performance(motion_of(take), take.name, take.subject or "nobody", chosen, actor)
 
@@ -95,6 +95,11 @@ def perform(
 def duration_s(take: MocapSequence) -> float:
     """From the first frame to the last."""
     return (take.num_frames - 1) / take.fps
+
+
+def random_body(rng: np.random.Generator) -> str:
+    """A kind of body, as often as it is among people who are filmed."""
+    return BODIES[int(rng.choice(len(BODIES), p=BODY_PROBABILITIES))]
 
 
 def shape(body: str, rng: np.random.Generator) -> Float[Array, " 10"]:

@@ -1,7 +1,9 @@
 """`humanmm train`: the shipped networks from the repository's motion capture."""
 
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
 
 from typer import Option
 
@@ -9,8 +11,9 @@ from humanmm.cli.terminal import write
 from humanmm.cli.verb import BENCHMARK, app, group, verb
 
 if TYPE_CHECKING:
-    from humanmm.models.learning.motion_training import MotionRecipe
+    from humanmm.models.learning.training import Recipe
 
+Made = TypeVar("Made", bound="Recipe")
 Packs = Annotated[list[Path], Option(metavar="FILE…", help="motion capture (default: data/mocap's packs)")]
 
 train = group("Train the shipped networks.")
@@ -34,13 +37,24 @@ def pairs(
     write(build_pairs.fn(split, count, out, tuple(mocap), threads))
 
 
-Pairs = Annotated[Path, Option(metavar="DIR", help="pairs of the splits train and dev", show_default=False)]
-Out = Annotated[Path, Option(metavar="DIR", help="checkpoint, curve, network and card", show_default=False)]
-Steps = Annotated[int | None, Option(metavar="N", min=1, help="so many steps instead of the recipe's")]
-Seed = Annotated[int, Option(metavar="S", help="another seed gives other weights")]
-Device = Annotated[str, Option(metavar="NAME", help="cpu or cuda")]
+@dataclass(frozen=True, kw_only=True)
+class Training:
+    """The options of every training."""
+
+    pairs: Annotated[Path, Option(metavar="DIR", help="pairs of the splits train and dev", show_default=False)]
+    out: Annotated[Path, Option(metavar="DIR", help="checkpoint, curve, network and card", show_default=False)]
+    steps: Annotated[int | None, Option(metavar="N", min=1, help="so many steps instead of the recipe's")] = None
+    seed: Annotated[int, Option(metavar="S", help="another seed gives other weights")] = 0
+    mocap: Packs = field(default_factory=list)
+    device: Annotated[str, Option(metavar="NAME", help="cpu or cuda")] = "cpu"
+
+    def recipe(self, kind: "Callable[..., Made]") -> "Made":
+        """The recipe of one network, with the user's seed and steps."""
+        return kind(seed=self.seed) if self.steps is None else kind(seed=self.seed, steps=self.steps)
+
+
 MsHmrFile = Annotated[
-    Path | None, Option("--ms-hmr", metavar="FILE", help="what train ms-hmr made (default: the shipped network)")
+    Path | None, Option("--ms-hmr", metavar="FILE", help="what train ms-hmr made (default: poses are as fitted)")
 ]
 PredictorFile = Annotated[
     Path | None, Option("--predictor", metavar="FILE", help="what train trajectory made (default: the shipped network)")
@@ -48,75 +62,40 @@ PredictorFile = Annotated[
 
 
 @verb(train, "lifter")
-def lifter(
-    *,
-    pairs: Pairs,
-    out: Out,
-    steps: Steps = None,
-    seed: Seed = 0,
-    mocap: Packs = [],  # noqa: B006
-    device: Device = "cpu",
-) -> None:
+def lifter(*, training: Training) -> None:
     """Train the network that lifts people from the pictures into space; goes on from its last checkpoint."""
     from humanmm.flows.training.lifter import train_lifter
     from humanmm.models.learning.lifter_training import LifterRecipe
 
-    recipe = LifterRecipe(seed=seed) if steps is None else LifterRecipe(seed=seed, steps=steps)
-    write(train_lifter.fn(pairs, out, recipe, tuple(mocap), device))
+    recipe = training.recipe(LifterRecipe)
+    write(train_lifter.fn(training.pairs, training.out, recipe, tuple(training.mocap), training.device))
 
 
 @verb(train, "ms-hmr")
-def ms_hmr(
-    *,
-    pairs: Pairs,
-    out: Out,
-    steps: Steps = None,
-    seed: Seed = 0,
-    mocap: Packs = [],  # noqa: B006
-    device: Device = "cpu",
-) -> None:
+def ms_hmr(*, training: Training) -> None:
     """Train the encoder that corrects poses over all shots; goes on from its last checkpoint."""
     from humanmm.flows.training.motion import Material, train_ms_hmr
+    from humanmm.models.learning.motion_training import MotionRecipe
 
-    write(train_ms_hmr.fn(Material(pairs, tuple(mocap)), out, _motion_recipe(steps, seed), device))
+    material = Material(training.pairs, tuple(training.mocap))
+    write(train_ms_hmr.fn(material, training.out, training.recipe(MotionRecipe), training.device))
 
 
 @verb(train, "trajectory")
-def trajectory(
-    *,
-    pairs: Pairs,
-    out: Out,
-    ms_hmr: MsHmrFile = None,
-    steps: Steps = None,
-    seed: Seed = 0,
-    mocap: Packs = [],  # noqa: B006
-    device: Device = "cpu",
-) -> None:
+def trajectory(*, training: Training, ms_hmr: MsHmrFile = None) -> None:
     """Train the network that says from limbs how people go and which feet stand; goes on from its last checkpoint."""
     from humanmm.flows.training.motion import Material, train_trajectory
+    from humanmm.models.learning.motion_training import MotionRecipe
 
-    write(train_trajectory.fn(Material(pairs, tuple(mocap)), out, ms_hmr, _motion_recipe(steps, seed), device))
+    material = Material(training.pairs, tuple(training.mocap))
+    write(train_trajectory.fn(material, training.out, ms_hmr, training.recipe(MotionRecipe), training.device))
 
 
 @verb(train, "refiner")
-def refiner(
-    *,
-    pairs: Pairs,
-    out: Out,
-    ms_hmr: MsHmrFile = None,
-    predictor: PredictorFile = None,
-    steps: Steps = None,
-    seed: Seed = 0,
-    mocap: Packs = [],  # noqa: B006
-    device: Device = "cpu",
-) -> None:
+def refiner(*, training: Training, ms_hmr: MsHmrFile = None, predictor: PredictorFile = None) -> None:
     """Train the network that weighs that against what the cameras show; goes on from its last checkpoint."""
     from humanmm.flows.training.motion import Material, train_refiner
-
-    write(train_refiner.fn(Material(pairs, tuple(mocap)), out, ms_hmr, predictor, _motion_recipe(steps, seed), device))
-
-
-def _motion_recipe(steps: int | None, seed: int) -> "MotionRecipe":
     from humanmm.models.learning.motion_training import MotionRecipe
 
-    return MotionRecipe(seed=seed) if steps is None else MotionRecipe(seed=seed, steps=steps)
+    material = Material(training.pairs, tuple(training.mocap))
+    write(train_refiner.fn(material, training.out, ms_hmr, predictor, training.recipe(MotionRecipe), training.device))

@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from humanmm.models.body.body24 import JOINT_NAMES, PARENTS, load_body
-from humanmm.models.body.kinematics import forward_kinematics, skinning_transforms
+from humanmm.models.body.body24 import FREE_JOINTS, JOINT_NAMES, PARENTS, load_body
+from humanmm.models.body.kinematics import forward_kinematics, local_rotations, seen_rotations, skinning_transforms
 from humanmm.models.body.landmarks import load_landmarks
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.records.landmarks import SWAP
@@ -26,6 +26,14 @@ def test_the_rest_pose_is_upright_faces_plus_z_and_has_its_left_on_plus_x() -> N
     assert at["L_Wrist"][0] > 0.5 > 0 > at["R_Wrist"][0]
     assert at["L_Foot"][2] > at["L_Ankle"][2] + 0.1
     assert 1.6 < np.ptp(body.v_template[:, 1]) < 1.9
+
+
+def test_seen_rotations_are_the_root_and_the_free_joints_in_any_batch() -> None:
+    R_root, body_pose, _ = random_pose(6)
+    expected = local_rotations(R_root, body_pose)[:, [0, *FREE_JOINTS]]
+    np.testing.assert_array_equal(seen_rotations(R_root, body_pose), expected)
+    batch = seen_rotations(R_root.reshape(2, 3, 3, 3), body_pose.reshape(2, 3, 23, 3))
+    np.testing.assert_array_equal(batch, expected.reshape(2, 3, 20, 3, 3))
 
 
 def test_bone_lengths_do_not_depend_on_the_pose() -> None:

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from humanmm.models.rendering.actors import NEAREST_M, resample
+from humanmm.models.rendering.actors import NEAREST_M
 from humanmm.models.rendering.script import CLEAR_M, Clip, ClipPlan, in_view, plan_clip
-from humanmm.models.synthetic.mocap import MocapSequence
+from humanmm.models.synthetic.mocap import MocapSequence, resample
 
 PLAN = ClipPlan("plan", (0, 0), seconds=(3.0, 4.0))
 
