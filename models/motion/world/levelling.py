@@ -43,6 +43,9 @@ PICTURE_SIGMA_DEG = 25.0
 """The picture's own vertical is weak evidence of the vertical."""
 SHOT_SIGMA_DEG = 6.0
 """Error of a shot's own vertical besides that of its people: two shots see them from two sides."""
+HEAD_DOWN = -0.5
+"""Cosine between somebody's long axis and the picture's vertical: below it he stands on his hands or the fit is wrong,
+for nobody holds a camera upside down. A drone that looks straight down has 0."""
 OVERRULED_SIGMAS = 3.0
 """Walls whose vertical lies further than this from what all evidence says are overruled."""
 
@@ -112,7 +115,7 @@ def _mean_x(camera: ShotCamera) -> Float[Array, "3"]:
 
 
 def standing_axes(results: ShotResults, shot: int) -> list[UpDirection]:
-    """Mean standing axis of each person of a shot."""
+    """Mean standing axis of each person of a shot who is not upside down in all of it."""
     camera = camera_of(results, shot)
     found = []
     for motion in motions_of(results, shot).values():
@@ -122,5 +125,8 @@ def standing_axes(results: ShotResults, shot: int) -> list[UpDirection]:
         R_shot_cam = camera.R_shot_cam[motion.frame - camera.start]
         joints, _ = posed(motion, R_shot_cam)
         axis, weight = standing_axis(joints[seen])
-        found.append(UpDirection(*mean_axis(axis, weight)))
+        picture = R_shot_cam[seen] @ np.array([0.0, -1.0, 0.0])
+        weight = weight * ((axis * picture).sum(axis=1) > HEAD_DOWN)
+        if weight.any():
+            found.append(UpDirection(*mean_axis(axis, weight)))
     return found

@@ -1,0 +1,52 @@
+"""Where up is in a shot: from who stands, never from who is upside down."""
+
+from dataclasses import replace
+
+import numpy as np
+from three_shots import LENGTH, camera, results
+
+from humanmm.models.geometry.rotations import rotvec_to_rotmat
+from humanmm.models.motion.world.levelling import standing_axes, vertical_of
+from humanmm.models.motion.world.shot_results import ShotResults, camera_of
+
+HEAD_OVER_HEELS = rotvec_to_rotmat(np.array([0.0, 0.0, np.pi]))
+"""About the camera's axis."""
+TRUE_UP = camera(0)[0].T @ np.array([0.0, 0.0, 1.0])
+"""In the axes of the first shot, which are those of its camera."""
+
+
+def upside_down(frames: slice) -> ShotResults:
+    """The first shot's person on his hands in some of the frames."""
+    whole = results()
+    shot = whole.motions[0]
+    assert shot is not None
+    R = shot.people[0].R_cam_root.copy()
+    R[frames] = HEAD_OVER_HEELS @ R[frames]
+    person = replace(shot.people[0], R_cam_root=R)
+    return replace(whole, motions=[replace(shot, people=(person,)), *whole.motions[1:]])
+
+
+def off_deg(given: ShotResults) -> float:
+    """Between the true vertical and that of the first shot."""
+    camera_0 = camera_of(given, 0)
+    up = vertical_of(camera_0, standing_axes(given, 0)).upright.direction
+    return float(np.degrees(np.arccos(np.clip(up @ TRUE_UP, -1, 1))))
+
+
+def test_who_stands_says_where_up_is() -> None:
+    assert len(standing_axes(results(), 0)) == 1
+    assert off_deg(results()) < 6
+
+
+def test_a_handstand_does_not_turn_the_world_over() -> None:
+    handstand = upside_down(slice(None))
+    assert not standing_axes(handstand, 0)
+    assert off_deg(handstand) < 30  # the picture's own vertical is left
+
+
+def test_who_turns_cartwheels_counts_while_he_stands() -> None:
+    cartwheel = upside_down(slice(0, 3 * LENGTH // 4))
+    (axis,) = standing_axes(cartwheel, 0)
+    (standing,) = standing_axes(results(), 0)
+    assert axis.axis @ standing.axis > np.cos(np.deg2rad(5)) and axis.sigma_deg > standing.sigma_deg
+    assert off_deg(cartwheel) < 10
