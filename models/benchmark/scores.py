@@ -10,6 +10,7 @@ from humanmm.models.benchmark.oracles import with_true_cuts
 from humanmm.models.body.body24 import JOINT_NAMES, load_body
 from humanmm.models.evaluation.after_cuts import anchor_mpjpe_mm, root_errors_after_cuts_m
 from humanmm.models.evaluation.cameras import errors_inside_shots_m, known
+from humanmm.models.evaluation.contacts import contact_f1
 from humanmm.models.evaluation.cuts import GRADUAL_TOLERANCE_FRAMES
 from humanmm.models.evaluation.evaluate import evaluate
 from humanmm.models.evaluation.people import identity_f1
@@ -105,6 +106,8 @@ def score_sequence(method: str, predicted: MotionSequence, truth: MotionSequence
         figures.append(Figure("cam_cut_rot_deg", float(np.mean(found))))
     figures += _inside_shots(predicted, truth)
     figures.append(Figure("idf1", identity_f1(predicted.people, truth.people)))
+    with suppress(UndefinedFigureError):
+        figures.append(Figure("contact_f1", contact_f1(predicted, truth)))
     with suppress(UndefinedFigureError):
         figures.append(Figure("anchor_mpjpe_mm", anchor_mpjpe_mm(predicted, truth)))
     cuts = [

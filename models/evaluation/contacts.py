@@ -1,11 +1,12 @@
-"""Foot sliding: how far feet move while the truth says that they stand."""
+"""Feet that stand: how far they move while the truth says so, and whether the prediction says it too."""
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from humanmm.models.evaluation.people import match_people
 from humanmm.models.evaluation.pose import METRES_TO_MM
 from humanmm.models.evaluation.smoothness import consecutive
-from humanmm.models.records.sequence import UndefinedFigureError
+from humanmm.models.records.sequence import MotionSequence, UndefinedFigureError
 
 CONTACT_PROBABILITY = 0.5
 STANDING_SPEED_MS = 0.3
@@ -33,3 +34,24 @@ def foot_sliding_mm(feet: Float[np.ndarray, "frames feet 3"], standing: Bool[np.
     if not standing.any():
         raise UndefinedFigureError("the truth has no foot standing in two consecutive common frames")
     return METRES_TO_MM * float(np.linalg.norm(np.diff(feet, axis=0), axis=-1)[standing].mean())
+
+
+def contact_f1(prediction: MotionSequence, truth: MotionSequence) -> float:
+    """F1 of the contacts of ankles and toe bases, 0..1: over the frames in which a person is in both sequences and is
+    observed in the prediction, all people together.
+
+    UndefinedFigureError where the truth has no contacts, or no foot that stands in either.
+    """
+    both = either = 0
+    for index, matched in match_people(prediction.people, truth.people).items():
+        one, true = prediction.people[matched], truth.people[index]
+        if one.contacts is None or true.contacts is None:
+            continue
+        _, i, j = np.intersect1d(one.frame[one.observed], true.frame, assume_unique=True, return_indices=True)
+        said = one.contacts[one.observed][i] >= CONTACT_PROBABILITY
+        stands = true.contacts[j] >= CONTACT_PROBABILITY
+        both += int((said & stands).sum())
+        either += int(said.sum() + stands.sum())
+    if not either:
+        raise UndefinedFigureError("no contacts are known")
+    return 2 * both / either

@@ -24,6 +24,8 @@ class Recipe:
     averaged: float = 0.998
     """Of the weights delivered, what each step leaves of those before."""
     seed: int = 0
+    patience: int = 8
+    """Validations in a row without a better error that end a training."""
 
 
 class Training(Generic[Net]):
@@ -79,11 +81,10 @@ class Training(Generic[Net]):
             self.losses.append(float(np.mean(self._recent)))
             self._recent.clear()
 
-    @property
-    def result(self) -> Net:
-        """The network with the mean of the last weights, as it would be delivered now."""
+    def with_weights(self, weights: Mapping[str, Tensor]) -> Net:
+        """The network with other weights, as it would be delivered: `averaged` are those of now."""
         network = self._build()
-        network.load_state_dict({name: value.cpu() for name, value in self.averaged.items()})
+        network.load_state_dict({name: value.cpu() for name, value in weights.items()})
         return network.eval()
 
     def state(self) -> dict[str, Any]:

@@ -1,10 +1,12 @@
-"""Foot sliding: known answers."""
+"""Foot sliding and the F1 of contacts: known answers."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from humanmm.models.evaluation.contacts import foot_sliding_mm, slow_steps, standing_steps
-from humanmm.models.records.sequence import UndefinedFigureError
+from humanmm.models.evaluation.contacts import contact_f1, foot_sliding_mm, slow_steps, standing_steps
+from humanmm.models.records.sequence import MotionSequence, UndefinedFigureError
 
 FRAME = np.array([0, 1, 2, 5, 6])
 
@@ -30,3 +32,22 @@ def test_sliding_is_the_mean_path_of_the_standing_feet() -> None:
 def test_without_a_standing_foot_the_figure_is_undefined() -> None:
     with pytest.raises(UndefinedFigureError, match="no foot standing"):
         foot_sliding_mm(np.zeros((3, 1, 3)), np.zeros((2, 1), bool))
+
+
+def test_contacts_are_scored_where_the_prediction_is_observed(sequence: MotionSequence) -> None:
+    person = sequence.people[0]
+    true = np.zeros((len(person.frame), 4))
+    true[::2] = 1.0
+    truth = replace(sequence, people=(replace(person, contacts=true),))
+    assert contact_f1(truth, truth) == 1.0
+    always = replace(person, contacts=np.ones_like(true))
+    recall_of_all = 2 * true.mean() / (1 + true.mean())
+    assert contact_f1(replace(sequence, people=(always,)), truth) == pytest.approx(recall_of_all)
+    on_even = replace(always, observed=np.arange(len(person.frame)) % 2 == 0)
+    assert contact_f1(replace(sequence, people=(on_even,)), truth) == 1.0
+
+
+def test_without_contacts_in_the_truth_there_is_no_f1(sequence: MotionSequence) -> None:
+    nothing = replace(sequence, people=(replace(sequence.people[0], contacts=None),))
+    with pytest.raises(UndefinedFigureError, match="no contacts"):
+        contact_f1(sequence, nothing)

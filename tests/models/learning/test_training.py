@@ -32,5 +32,5 @@ def test_a_restored_training_gives_the_same_weights() -> None:
     second.restore(torch.load(file, weights_only=True))
     second.run(100, lambda _, __: None)
     assert seen == [1, 2, 3, 4, 5, 6] and second.step == 6
-    for name, weights in whole.result.state_dict().items():
-        assert torch.equal(weights, second.result.state_dict()[name]), name
+    for name, weights in whole.averaged.items():
+        assert torch.equal(weights, second.averaged[name]), name
