@@ -1,6 +1,6 @@
 """Films of a finished run: the world from the side, alone or in one picture with the original and the overlay."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
@@ -49,7 +49,14 @@ def layout_of(facts: VideoFacts) -> Layout:
     )
 
 
-def write_world(path: Path, recording: Recording, place_of_shot: Sequence[int], *, opacity: float = OPACITY) -> None:
+def write_world(
+    path: Path,
+    recording: Recording,
+    place_of_shot: Sequence[int],
+    *,
+    opacity: float = OPACITY,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> None:
     """The world alone, from the side, at the times of the video's frames."""
     width, height = WORLD_SIZE
     world = WorldView(recording, place_of_shot, width, height, opacity=opacity)
@@ -59,6 +66,7 @@ def write_world(path: Path, recording: Recording, place_of_shot: Sequence[int], 
         for frame, time_s in enumerate(recording.time_s):
             image = canvases[frame % _PREFETCHED]
             world.draw(image, frame)
+            progress(frame + 1, len(recording.time_s))
             yield float(time_s), image
 
     with prefetched(drawn(), _PREFETCHED) as pictures:
@@ -74,6 +82,7 @@ def write_side_by_side(
     place_of_shot: Sequence[int],
     *,
     opacity: float = OPACITY,
+    progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> None:
     """The original, the overlay and the world in one picture; three threads, as for the overlay."""
     layout, colors = layout_of(facts), read_colors(stream)
@@ -91,6 +100,7 @@ def write_side_by_side(
             canvas.put(*layout.overlay, Canvas(cell, colors).planes)
             world.draw(side, frame.index)
             canvas.put(*layout.world, Canvas(side, colors).planes)
+            progress(frame.index + 1, facts.num_frames)
             yield frame.time_s, image
 
     planes = planar_frames(stream, facts, 0, facts.num_frames, max_side_px=max(layout.cell))

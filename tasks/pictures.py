@@ -119,7 +119,9 @@ def write_page_of(page: Path, overlay: Path, recording: Recording, record: Mappi
         write_page(page, recording, record, Path(folder) / EMBEDDED)
 
 
-def draw_again(run_dir: Path, *, force: bool) -> tuple[Path, ...]:
+def draw_again(
+    run_dir: Path, *, force: bool, progress: Callable[[int, int], None] = lambda done, total: None
+) -> tuple[Path, ...]:
     """Draw those pictures of a finished run that are missing (all of them with `force`); paths of all pictures."""
     record = read_run_record(run_dir)
     recording = read_motion(run_dir / MOTION)
@@ -129,7 +131,13 @@ def draw_again(run_dir: Path, *, force: bool) -> tuple[Path, ...]:
         return force or not (view / name).exists()
 
     if is_wanted(OVERLAY):
-        _draw_overlay_again(view / OVERLAY, recording, record)
+        settings = DeliverConfig.model_validate(record["config"]["deliver"])
+        with source_video(recording, record) as (stream, facts):
+
+            def fill(fresh: Path) -> None:
+                write_overlay(fresh, stream, facts, recording, marks_in(record), settings=settings, progress=progress)
+
+            replace_file(view / OVERLAY, fill)
     if is_wanted(TOP_VIEW):
         replace_file(view / TOP_VIEW, lambda fresh: write_png(fresh, top_view(recording)))
     if is_wanted(TIMELINE):
@@ -158,13 +166,6 @@ def stage_times(record: Mapping[str, Any]) -> list[StageTime]:
         )
         for stage, units in rows.items()
     ]
-
-
-def _draw_overlay_again(path: Path, recording: Recording, record: Mapping[str, Any]) -> None:
-    settings = DeliverConfig.model_validate(record["config"]["deliver"])
-    with source_video(recording, record) as (stream, facts):
-        marks = marks_in(record)
-        replace_file(path, lambda fresh: write_overlay(fresh, stream, facts, recording, marks, settings=settings))
 
 
 @contextmanager

@@ -1,6 +1,7 @@
 """What `humanmm view` writes of a finished run: the page, films, and a file for rerun's viewer."""
 
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Literal
 
@@ -21,14 +22,19 @@ FILES: dict[View, str] = {
 
 
 def write_view(
-    run_dir: Path, view: View, *, out: Path | None = None, opacity: float | None = None, force: bool = False
+    run_dir: Path,
+    view: View,
+    path: Path,
+    *,
+    opacity: float | None = None,
+    force: bool = False,
+    progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> Path:
-    """Write one view of a run to `out` (default: into the run's folder `view`); its path.
+    """Write one view of a run to a file; its path. `progress` is called with the frames drawn and all frames.
 
     `opacity` (0..1) of the bodies on the video instead of the run's own. InputError if the file exists already and
     `force` is not given.
     """
-    path = run_dir / "view" / FILES[view] if out is None else out
     if path.exists() and not force:
         raise InputError(f"{path} exists already; --force replaces it")
     record, recording = read_run_record(run_dir), read_motion(run_dir / MOTION)
@@ -38,14 +44,14 @@ def write_view(
     places, marks = places_of(record["shots"]), marks_in(record)
     path.parent.mkdir(parents=True, exist_ok=True)
     if view == "world":
-        replace_file(
-            path, lambda fresh: write_world(fresh, recording, places, opacity=1.0 if opacity is None else opacity)
-        )
+        shade = 1.0 if opacity is None else opacity
+        replace_file(path, lambda fresh: write_world(fresh, recording, places, opacity=shade, progress=progress))
     elif view == "side-by-side":
         with source_video(recording, record) as (stream, facts):
 
             def fill(fresh: Path) -> None:
-                write_side_by_side(fresh, stream, facts, recording, marks, places, opacity=settings.overlay_opacity)
+                shade = settings.overlay_opacity
+                write_side_by_side(fresh, stream, facts, recording, marks, places, opacity=shade, progress=progress)
 
             replace_file(path, fill)
     else:
@@ -54,7 +60,7 @@ def write_view(
             if opacity is not None or not overlay.is_file():
                 overlay = Path(folder) / OVERLAY
                 with source_video(recording, record) as (stream, facts):
-                    write_overlay(overlay, stream, facts, recording, marks, settings=settings)
+                    write_overlay(overlay, stream, facts, recording, marks, settings=settings, progress=progress)
             if view == "rerun":
                 write_rrd(path, recording, record, overlay)
             else:

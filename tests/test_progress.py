@@ -11,7 +11,7 @@ import pytest
 from rich.console import Console
 from terminal import on_terminal
 
-from humanmm.progress import Watch, in_time, watching
+from humanmm.progress import Watch, counted, in_time, watching
 
 
 class _Terminal(io.StringIO):
@@ -44,6 +44,21 @@ def test_nothing_is_written_where_nobody_watches(capfd: pytest.CaptureFixture[st
     with watching("film.mp4") as watch:
         watch.step("reading the video")
     assert capfd.readouterr() == ("", "")
+
+
+def test_what_is_drawn_frame_by_frame_has_a_bar_for_who_watches(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    with counted("world.mp4") as progress:
+        progress(3, 10)
+    assert capfd.readouterr() == ("", "")
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setattr(sys, "stderr", _Terminal())
+    terminal = sys.stderr
+    with counted("world.mp4") as progress:
+        progress(5, 10)
+    shown = terminal.getvalue()  # type: ignore[attr-defined]
+    assert "world.mp4" in shown and "50%" in shown
 
 
 def test_every_stage_and_shot_is_shown_with_its_frames_speed_and_time(toy: Any) -> None:

@@ -9,7 +9,7 @@ import contextlib
 import sys
 import threading
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
@@ -260,7 +260,7 @@ def watching(title: str = "", *, shown: bool = True) -> Iterator[Watch]:
     from humanmm.tasks import pipeline
 
     watch = Watch(title, [stage.name for stage in pipeline.STAGES])
-    if not shown or not (sys.stderr.isatty() or "ipykernel" in sys.modules):
+    if not shown or not _is_watched():
         yield watch
         return
     from rich.console import Console
@@ -276,3 +276,27 @@ def watching(title: str = "", *, shown: bool = True) -> Iterator[Watch]:
     finally:
         with contextlib.suppress(OSError):
             live.stop()
+
+
+@contextmanager
+def counted(what: str) -> Iterator[Callable[[int, int], None]]:
+    """A bar while something is drawn, if somebody watches: call it with the frames done and all frames."""
+    if not _is_watched():
+        yield lambda done, total: None
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    bar = Progress(console=Console(stderr=True), transient=True, redirect_stdout=False)
+    task = bar.add_task(printable(what), total=None)
+    try:
+        with contextlib.suppress(OSError):
+            bar.start()
+        yield lambda done, total: bar.update(task, completed=done, total=total)
+    finally:
+        with contextlib.suppress(OSError):
+            bar.stop()
+
+
+def _is_watched() -> bool:
+    return sys.stderr.isatty() or "ipykernel" in sys.modules

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from humanmm.errors import InputError
+from humanmm.progress import counted
 
 if TYPE_CHECKING:
     import numpy as np
@@ -201,7 +202,8 @@ class Run:
         """Draw the pictures in `folder/view` that are missing, with `force` all of them; paths of all pictures."""
         from humanmm.tasks.pictures import draw_again
 
-        return draw_again(self.folder, force=force)
+        with counted("overlay.mp4") as progress:
+            return draw_again(self.folder, force=force, progress=progress)
 
     def view(
         self,
@@ -222,8 +224,9 @@ class Run:
         path = self.folder / "view" / FILES[kind]
         if kind == "page" and path.is_file() and out is None and opacity is None and not force:
             return path
-        with self._unchanging() if out is None else nullcontext():
-            return write_view(self.folder, kind, out=None if out is None else Path(out), opacity=opacity, force=force)
+        path = path if out is None else Path(out)
+        with self._unchanging() if out is None else nullcontext(), counted(path.name) as progress:
+            return write_view(self.folder, kind, path, opacity=opacity, force=force, progress=progress)
 
     def _repr_png_(self) -> bytes | None:
         """The view from above, for notebooks; None if it was not drawn."""
