@@ -23,13 +23,10 @@ from humanmm.models.camera.model_choice import (
 )
 from humanmm.models.camera.odometry.bundle import Freedom, Views
 from humanmm.models.camera.odometry.keyframe_odometry import (
-    EXACT_FRACTION,
     MIN_POINTS,
     Track,
     all_images,
-    also_zooming,
     rotating,
-    zooms_in,
 )
 from humanmm.models.camera.odometry.tracked_shot import TrackedShot, arrange
 from humanmm.models.geometry import rotations
@@ -98,7 +95,7 @@ def _static(points: PointTracks, intrinsics: Intrinsics, source: CameraSource, *
 def _chosen(shot: TrackedShot, choice: ModelChoice, rotating_track: Track, intrinsics: Intrinsics) -> _Estimate:
     """The camera of the chosen model; `rotating_track` is the track of the camera that only rotates."""
     if choice.model == "moving" and choice.moving is not None:
-        return _moving(shot, choice.moving.track, focal_is_known=choice.focal_is_known)
+        return _moving(shot, choice.moving.track)
     if choice.zooming is None:
         return _estimate(shot, rotating_track, ROTATING, "rotation_only")
     zooming = choice.zooming.track
@@ -111,24 +108,11 @@ def _chosen(shot: TrackedShot, choice: ModelChoice, rotating_track: Track, intri
     return _estimate(shot, zooming, ZOOMING, "rotation_only", said)
 
 
-def _moving(shot: TrackedShot, moved: Track, *, focal_is_known: bool) -> _Estimate:
-    """A moving camera; one that zooms as well only if the focal length is known.
-
-    A wrong focal length bends the path of a moving camera much as a zoom does: what fits better then is no proof.
-    """
-    if moved.error_px < EXACT_FRACTION * shot.diagonal_px:
+def _moving(shot: TrackedShot, moved: Track) -> _Estimate:
+    """A moving camera, perhaps one that zooms as well."""
+    if not np.ptp(moved.views.log_zoom):
         return _estimate(shot, moved, MOVING, "tracked")
-    zooming = also_zooming(moved)
-    if not zooms_in(zooming, moved):
-        return _estimate(shot, moved, MOVING, "tracked")
-    if focal_is_known:
-        said = f"the camera zooms as it travels: {_range(zooming)}"
-        return _estimate(shot, zooming, MOVING_ZOOMING, "tracked", said)
-    said = (
-        f"the points fit better ({zooming.error_px:.1f} instead of {moved.error_px:.1f} px) if the focal length "
-        "changes within the shot, but as it is not known, travel alone is taken: give the focal length"
-    )
-    return _estimate(shot, moved, MOVING, "tracked", said)
+    return _estimate(shot, moved, MOVING_ZOOMING, "tracked", f"the camera zooms as it travels: {_range(moved)}")
 
 
 def _range(zooming: Track) -> str:

@@ -19,11 +19,13 @@ from jaxtyping import Int
 from humanmm.models.camera.odometry.bundle import Freedom
 from humanmm.models.camera.odometry.keyframe_odometry import (
     EXACT_FRACTION,
+    MIN_ZOOM,
     MOVING_GAIN,
     Track,
-    also_zooming,
     moving,
+    moving_and_zooming,
     rotating,
+    zooms_as_it_moves,
     zooms_in,
 )
 from humanmm.models.camera.odometry.tracked_shot import TrackedShot, choose_keyframes
@@ -56,21 +58,19 @@ class ModelChoice:
     zooming: FocalTrack | None = None
     """None unless a zoom explains the shot clearly better than a rotation alone."""
     moving: FocalTrack | None = None
-    """Also where it does not explain the shot well enough to be chosen."""
-    focal_is_known: bool = False
+    """Also where it does not explain the shot well enough to be chosen; with a zoom if it zooms as it moves."""
 
 
 def settled_model(choice: ModelChoice, shot: TrackedShot, intrinsics: Intrinsics) -> CameraModel | None:
     """The model of a shot that was chosen with a focal length of its own, if the video's focal length cannot change it.
 
-    None where the two focal lengths differ, where only the beginning of the shot was looked at, and of a zoom; also
-    where a zoom came close and the video's focal length is too uncertain to rule it out.
+    None where the two focal lengths differ, where only the beginning of the shot was looked at, and where it zooms or a
+    zoom explains it better than a rotation.
     """
     track = choice.moving if choice.model == "moving" else choice.rotating
     if track is None or track.track.keyframes[-1] != shot.num_images - 1:
         return None
-    known = intrinsics.relative_uncertainty < KNOWN_FOCAL
-    if choice.zooming is not None and not (known and choice.model == "moving"):
+    if choice.zooming is not None or (choice.moving is not None and np.ptp(choice.moving.track.views.log_zoom) > 0):
         return None
     same = abs(np.log(track.track.views.focal_px / intrinsics.focal_px)) < SAME_FOCAL
     return choice.model if same else None
@@ -81,12 +81,11 @@ def track_model(
 ) -> ModelChoice | None:
     """The tracks of a settled model with the video's focal length; None where the odometry of a moving camera fails."""
     keyframes = choose_keyframes(shot)
-    known = intrinsics.relative_uncertainty < KNOWN_FOCAL
     only_rotating = rotating(shot, keyframes, intrinsics.focal_px, freedom=ROTATING)
     if model == "rotation only":
-        return ModelChoice(model, _kept(only_rotating), focal_is_known=known)
+        return ModelChoice(model, _kept(only_rotating))
     track = moving(shot, only_rotating, progress=progress)
-    return None if track is None else ModelChoice(model, _kept(only_rotating), None, _kept(track), known)
+    return None if track is None else ModelChoice(model, _kept(only_rotating), None, _kept(track))
 
 
 def choose_model(
@@ -106,7 +105,7 @@ def choose_model(
 
     only_rotating = _followed(rotating(shot, keyframes, focal_px, freedom=ROTATING), ROTATING, calibrate=calibrate)
     if only_rotating.track.adjusted.noise_px < exact_px:
-        return ModelChoice("rotation only", only_rotating, focal_is_known=known)
+        return ModelChoice("rotation only", only_rotating)
     if calibrate and only_rotating.track.adjusted.noise_px < hint_px:
         focal_px = only_rotating.track.views.focal_px
 
@@ -117,27 +116,32 @@ def choose_model(
         if calibrate or own.log_focal_sigma < KNOWN_FOCAL:
             zooming = own
             if calibrate or not known:
-                focal_px, known = own.track.views.focal_px, True
+                focal_px = own.track.views.focal_px
     best = zooming if zooms else only_rotating
     found = zooming if zooms else None
 
     moved: FocalTrack | None = None
     if not (zooms and best.track.adjusted.noise_px < exact_px):
         if calibrate:
-            zooms_known = zooms and np.isfinite(zooming.log_focal_sigma)
-            moved = _moving_calibrated(shot, keyframes, focal_px, best.track.error_px, zooms=bool(zooms_known))
+            moved = _moving_calibrated(shot, keyframes, focal_px, best.track.error_px)
         else:
             same = focal_px == only_rotating.track.views.focal_px
             guide = only_rotating.track if same else rotating(shot, keyframes, focal_px, freedom=ROTATING)
             track = moving(shot, guide, progress=progress)
             moved = None if track is None else _kept(track)
+        views = zooming.track.views
+        if np.ptp(views.log_zoom) > MIN_ZOOM and (zooms or moved is None or moved.track.error_px > exact_px):
+            first_px = views.focal_px
+            if not np.isfinite(zooming.log_focal_sigma) and intrinsics.source != "given":
+                first_px = focal_px * float(np.exp(-views.log_zoom.mean()))  # the video's is the middle of the zoom
+            moved = _also_zooming(shot, zooming.track, first_px, moved, calibrate=calibrate)
     if moved is not None and moved.track.error_px < MOVING_GAIN * best.track.error_px:
-        return ModelChoice("moving", only_rotating, found, moved, known)
-    return ModelChoice("rotation and zoom" if zooms else "rotation only", only_rotating, found, moved, known)
+        return ModelChoice("moving", only_rotating, found, moved)
+    return ModelChoice("rotation and zoom" if zooms else "rotation only", only_rotating, found, moved)
 
 
 def _moving_calibrated(
-    shot: TrackedShot, keyframes: Int[np.ndarray, " k"], focal_px: float, rotated_error_px: float, *, zooms: bool
+    shot: TrackedShot, keyframes: Int[np.ndarray, " k"], focal_px: float, rotated_error_px: float
 ) -> FocalTrack | None:
     """A moving camera's track with its own focal length; None where it explains the points no better than rotation."""
     found: FocalTrack | None = None
@@ -145,7 +149,7 @@ def _moving_calibrated(
         track = moving(shot, rotating(shot, keyframes, focal_px, freedom=ROTATING), max_starts=1)
         if track is None:
             break
-        own = with_own_focal(also_zooming(track), MOVING_ZOOMING) if zooms else with_own_focal(track, MOVING)
+        own = with_own_focal(track, MOVING)
         if not own.track.error_px < MOVING_GAIN * rotated_error_px:
             break
         found = own
@@ -154,6 +158,16 @@ def _moving_calibrated(
             break
         focal_px = own_px
     return found
+
+
+def _also_zooming(
+    shot: TrackedShot, zooming: Track, first_px: float, moved: FocalTrack | None, *, calibrate: bool
+) -> FocalTrack | None:
+    """The moving camera with the zoom that a rotating one showed, if it zooms as it moves; else as it was."""
+    both = moving_and_zooming(shot, zooming.keyframes, first_px, zooming.views.log_zoom, max_starts=1)
+    if both is None or not (moved is None or zooms_as_it_moves(both, moved.track)):
+        return moved
+    return with_own_focal(both, MOVING_ZOOMING) if calibrate else _kept(both)
 
 
 def _kept(track: Track) -> FocalTrack:

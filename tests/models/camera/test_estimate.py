@@ -9,6 +9,7 @@ import pytest
 
 from humanmm.models.camera.estimate import camera_from_points
 from humanmm.models.geometry import rotations
+from humanmm.models.geometry.alignment import umeyama_alignment
 from humanmm.models.records.camera import PointTracks, ShotCamera
 
 
@@ -118,6 +119,20 @@ def test_a_zoom_in_the_hand_is_reported_from_the_hands_motion(scene_of: Callable
     assert "the camera zooms as it travels" in camera.warnings[0]
     np.testing.assert_allclose(camera.K[:, 0, 0], scene.intrinsics.focal_px * ZOOM, rtol=0.02)
     assert rotation_errors_deg(camera, scene.R_shot_cam).max() < 0.5
+
+
+@pytest.mark.parametrize(("kind", "wrong"), [("dolly", 1.0), ("orbit", 1.0), ("dolly", 1.25)])
+def test_a_zoom_on_the_way_is_found_beside_the_travel(scene_of: Callable[..., Any], kind: str, wrong: float) -> None:
+    """Also with a wrong focal length: the zoom is a ratio."""
+    scene = scene_of(kind)
+    assumed = replace(scene.intrinsics, focal_px=wrong * scene.intrinsics.focal_px)
+    camera = camera_from_points(zoomed(scene), (), assumed)
+    assert camera.source == "tracked" and "zooms as it travels" in camera.warnings[0]
+    focals = camera.K[:, 0, 0]
+    np.testing.assert_allclose(focals[-1] / focals[0], ZOOM[-1], rtol=0.05)
+    if wrong == 1.0:
+        moved = umeyama_alignment(camera.t_shot_cam, scene.t_shot_cam, unique=False).apply(camera.t_shot_cam)
+        assert np.abs(moved - scene.t_shot_cam).max() < 0.05 * np.ptp(scene.t_shot_cam, axis=0).max()
 
 
 def test_the_users_word_settles_it(scene_of: Callable[..., Any]) -> None:
