@@ -92,17 +92,21 @@ def _sources(folder: Path) -> Iterator[Path]:
 
 
 def _imports_of(name: str) -> Iterator[str]:
-    path = modules()[name]
-    for node in ast.walk(ast.parse(path.read_bytes())):
-        if isinstance(node, ast.Import):
-            named = [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{path} has a relative import"
-            whole = [f"{node.module}.{alias.name}" for alias in node.names]
-            named = [each if _short(each) in modules() else str(node.module) for each in whole]
-        else:
-            continue
-        yield from (short for each in named if (short := _short(each)) in modules() and short != name)
+    for node in ast.walk(ast.parse(modules()[name].read_bytes())):
+        yield from (imported for imported in imported_by(node) if imported != name)
+
+
+def imported_by(node: ast.AST) -> Iterator[str]:
+    """Those of our modules that a statement imports."""
+    if isinstance(node, ast.Import):
+        named = [alias.name for alias in node.names]
+    elif isinstance(node, ast.ImportFrom):
+        assert node.level == 0, f"a relative import in line {node.lineno}"
+        whole = [f"{node.module}.{alias.name}" for alias in node.names]
+        named = [each if _short(each) in modules() else str(node.module) for each in whole]
+    else:
+        return
+    yield from (short for each in named if (short := _short(each)) in modules())
 
 
 def _short(name: str) -> str | None:

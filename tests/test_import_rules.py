@@ -5,7 +5,7 @@ import re
 from collections.abc import Mapping
 from pathlib import Path
 
-from import_graph import BASE, ROOT, circles, imports, modules, packages, room_of, rooms
+from import_graph import BASE, ROOT, circles, imported_by, imports, modules, packages, room_of, rooms
 
 LAYERS = ("models", "storage", "tasks", "flows")
 """Each imports only itself and those before it. The API and the command line (`src/humanmm`) may import all."""
@@ -73,6 +73,16 @@ CROSS_CUTTING = {
     "models/video/test_real.py": "the whole video room on real clips",
 }
 """Tests of a room without a module of their name, and what they test."""
+
+UNTESTED = {
+    "flows.stage_tasks": "the tasks of the flow recover alone: test_recover has every way in which they end",
+    "flows.bench.page": "the page of a report: test_bench_render opens it with its overlays",
+    "flows.bench.shots": "one table: tests/cli/test_bench.py makes it from videos",
+    "cli.maintain": "tests/cli/test_inspect.py and test_bucket_store.py type its verbs",
+    "tasks.engine.runners.dask_runner": "test_runner has it where Dask is installed",
+    "tasks.engine.runners.ray_runner": "test_runner has it where Ray is installed",
+}
+"""Modules that no test imports or is named after, and which test has what they do."""
 
 KNOWN: Mapping[str, frozenset[str]] = {
     "layers": frozenset(),
@@ -158,6 +168,19 @@ def test_every_test_of_a_room_is_named_after_a_module_of_it() -> None:
     strays = {str(path) for path in of_rooms if _tested_by(path) not in modules()}
     assert not set(CROSS_CUTTING) - strays, "these have a module of their name now, take them out of CROSS_CUTTING"
     _expect("tests", strays - set(CROSS_CUTTING))
+
+
+def test_every_module_that_does_something_is_imported_by_a_test_or_has_one_of_its_name() -> None:
+    trees = {path: ast.parse(path.read_bytes()) for path in (ROOT / "tests").rglob("*.py")}
+    named = {_tested_by(path.relative_to(ROOT / "tests")) for path in trees if path.stem.startswith("test_")}
+    imported = {name for tree in trees.values() for node in ast.walk(tree) for name in imported_by(node)}
+    untested = {
+        module
+        for module, path in modules().items()
+        if module not in named | imported and re.search(r"^(async def|def|class) ", path.read_text(), re.M)
+    }
+    assert not set(UNTESTED) - untested, "these have a test now, take them out of UNTESTED"
+    assert untested == set(UNTESTED), f"no test imports {sorted(untested - set(UNTESTED))}"
 
 
 def test_every_folder_of_tests_is_a_room() -> None:

@@ -19,8 +19,7 @@ from humanmm.storage.readers.given.bodies import MHR70, read_bodies
 Dump = Callable[[object, Path], None]
 
 N, SIZE, FOCAL = 12, (1280, 720), 900.0
-RNG = np.random.default_rng(0)
-POSE = RNG.normal(0, 0.2, (N, 23, 3))
+POSE = np.random.default_rng(0).normal(0, 0.2, (N, 23, 3))
 POSE[:, 21:] = 0
 ROOT = rotvec_to_rotmat(np.stack([np.full(N, np.pi), np.linspace(0, 1, N), np.zeros(N)], axis=1))
 PELVIS = np.stack([np.linspace(-1, 1, N), np.full(N, 0.1), np.full(N, 5.0)], axis=1)

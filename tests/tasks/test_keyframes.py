@@ -1,0 +1,35 @@
+"""Stage `keyframes`: what the background of each shot looks like, without its people."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import three_shots
+from held_results import inputs_of
+
+from humanmm.models.records.shots import Scenes, Shot, ShotList, Transition
+from humanmm.models.records.tracks import ScenePeople
+from humanmm.tasks.keyframes import keyframes
+
+
+def test_features_lie_on_nobody_and_a_scene_that_failed_has_none(film: Any) -> None:
+    cut, end = Transition("cut", film.CUT, film.CUT, "scene"), film.facts.num_frames
+    shots = ShotList(end, (Shot(0, 0, film.CUT, 0, None, ()), Shot(1, film.CUT, end, 1, cut, ())), ())
+    x0, y0, x1, y1 = box = (60.0, 20.0, 120.0, 100.0)
+    (track,) = three_shots.shot_of(0)[1].tracks
+    somebody = replace(track.within(0, film.CUT), bbox=np.tile(np.float32(box), (film.CUT, 1)))
+
+    def described(*people: ScenePeople | None) -> Any:
+        results = {"decode": film.facts, "scenes": Scenes(end, (cut,)), "people": list(people), "shots": shots}
+        return keyframes(inputs_of("keyframes", results, video=film.video)).of_shot
+
+    def on_him(of_frame: Any) -> np.ndarray:
+        x, y = of_frame.xy.T
+        return (x > x0) & (x < x1) & (y > y0) & (y < y1)
+
+    nobody = ScenePeople(0, film.CUT, ())
+    first, _ = described(nobody, ScenePeople(film.CUT, end, ()))
+    assert [one.frame for one in first] == [0, 7, 13] and all(on_him(one).any() for one in first)
+    without_him, failed = described(ScenePeople(0, film.CUT, (somebody,)), None)
+    assert failed == ()
+    assert not any(on_him(one).any() for one in without_him) and all(len(one.xy) for one in without_him)
