@@ -92,16 +92,17 @@ def _sources(folder: Path) -> Iterator[Path]:
 
 
 def _imports_of(name: str) -> Iterator[str]:
-    for node in ast.walk(ast.parse(modules()[name].read_bytes())):
+    path = modules()[name]
+    for node in ast.walk(ast.parse(path.read_bytes())):
+        assert not getattr(node, "level", 0), f"{path} has a relative import"
         yield from (imported for imported in imported_by(node) if imported != name)
 
 
 def imported_by(node: ast.AST) -> Iterator[str]:
-    """Those of our modules that a statement imports."""
+    """Those of our modules that a statement imports by their whole names."""
     if isinstance(node, ast.Import):
         named = [alias.name for alias in node.names]
-    elif isinstance(node, ast.ImportFrom):
-        assert node.level == 0, f"a relative import in line {node.lineno}"
+    elif isinstance(node, ast.ImportFrom) and not node.level:
         whole = [f"{node.module}.{alias.name}" for alias in node.names]
         named = [each if _short(each) in modules() else str(node.module) for each in whole]
     else:

@@ -77,14 +77,17 @@ def test_what_was_submitted_is_scheduled_with_its_settings_and_the_batch_is_the_
 
 @pytest.mark.parametrize(("state", "status"), [("done", 0), ("partial", 3), ("failed", 3)])
 def test_with_wait_the_exit_status_says_whether_everything_was_recovered(
-    submitted: Any, monkeypatch: pytest.MonkeyPatch, state: str, status: int
+    films: Any, scheduled: list[Any], monkeypatch: pytest.MonkeyPatch, state: str, status: int
 ) -> None:
-    for name in "abc":
-        _end(submitted, name, "done")
-    _end(submitted, "b", state, reason="it is dark")
-    monkeypatch.setattr(batches, "wait", lambda table, name, *, limit: list(table.rows(name)))
-    done = submitted.main("batch", "submit", "films", "--name", "films", "--wait")
-    assert done[:2] == (status, "films\n")
+    def wait(table: BatchTable, name: str, *, limit: int | None) -> Sequence[VideoRow]:
+        for video in "ac":
+            _end(films, video, "done")
+        _end(films, "b", state, reason="it is dark")
+        return table.rows(name)
+
+    monkeypatch.setattr(batches, "wait", wait)
+    done = films.main("batch", "submit", "films", "--name", "films", "--wait")
+    assert done[:2] == (status, "films\n") and len(scheduled) == 1
     assert ("it is dark" in done[2]) is (status == 3), "why, of each video that has no whole result"
 
 

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from humanmm.config import Config
+from humanmm.flows.server.local_server import prefect_server
 from humanmm.storage.batches.batch_table import BatchTable, open_batches
 from humanmm.storage.batches.video_row import VideoRow
 from humanmm.tasks.batches.request import BatchRequest
@@ -28,11 +29,10 @@ def _submitted(toy: Any, table: BatchTable) -> VideoRow:
 
 def _run(toy: Any, row: VideoRow, *, attempt: int | None = None) -> Any:
     """The final state of the flow run of one attempt at a video."""
-    from humanmm.flows.batch import recover_video  # after `server_cache`: Prefect reads its settings on import
-    from humanmm.flows.server.local_server import prefect_server
-
     given = {"batch": row.batch, "attempt": row.attempt if attempt is None else attempt}
     with prefect_server():
+        from humanmm.flows.batch import recover_video  # only now: Prefect reads its settings on import
+
         return recover_video(Path(row.video), Path(row.run_dir), store=toy.store, **given, return_state=True)
 
 
