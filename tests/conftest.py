@@ -145,6 +145,14 @@ def short_videos(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
     return set_cuts
 
 
+@pytest.fixture
+def two_methods(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Has `bench` run ours and the baseline alone; `tests/flows/bench/test_motion.py` runs all."""
+    from humanmm.flows.bench import tables
+
+    monkeypatch.setattr(tables, "METHODS", ("humanmm", "concat"))
+
+
 @pytest.fixture(scope="session")
 def for_all_processes(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder that all processes of the tests share."""

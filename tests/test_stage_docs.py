@@ -13,7 +13,7 @@ HEADING = "## The stages by themselves"
 
 
 def test_the_stages_chain_without_store_or_server(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    write_short_clip(tmp_path / "film.mp4", frames=(24, 48), max_side_px=640, step=2)  # the cut at 36 is in the middle
+    write_short_clip(tmp_path / "film.mp4", frames=(26, 46), max_side_px=640, step=2)  # the cut at 36 is in the middle
     monkeypatch.chdir(tmp_path)
     page = (ROOT / "docs" / "api.md").read_text()
     text = page[page.index(HEADING) :]
@@ -21,9 +21,9 @@ def test_the_stages_chain_without_store_or_server(tmp_path: Path, monkeypatch: p
     for block in re.finditer(r"```python\n(.*?)```", text, re.S):
         line = page[: page.index(HEADING) + block.start()].count("\n") + 1
         exec(compile("\n" * line + block[1], "docs/api.md", "exec"), names)
-    assert [(shot.start, shot.end) for shot in names["shots"].shots] == [(0, 6), (6, 12)]
+    assert [(shot.start, shot.end) for shot in names["shots"].shots] == [(0, 5), (5, 10)]
     recording = names["recording"]
     person = recording.people[0]
-    assert person.joints.shape == (12, 24, 3) and np.isfinite(person.joints).all()
+    assert person.joints.shape == (10, 24, 3) and np.isfinite(person.joints).all()
     assert names["world"].cuts[0].linked
     assert list(tmp_path.iterdir()) == [tmp_path / "film.mp4"], "nothing is written"

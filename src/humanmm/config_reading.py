@@ -5,7 +5,8 @@ import os
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from types import NoneType
+from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
@@ -72,9 +73,10 @@ def resolve(
     return validate(with_values(tree, {SHORTHANDS.get(name, name): value for name, value in (values or {}).items()}))
 
 
-def value_of(text: str) -> Any:
-    """A flag's text; `none` clears a value, lists and tables are written as in TOML, pydantic reads the rest."""
-    if text.lower() == "none":
+def value_of(setting: str, text: str) -> Any:
+    """A flag's text as a value of the setting `section.field`; `none` clears a value that need not be given (of others
+    it may be a name), lists and tables are written as in TOML, pydantic reads the rest."""
+    if text.lower() == "none" and _may_be_missing(setting):
         return None
     if text.startswith(("[", "{")):
         try:
@@ -82,6 +84,13 @@ def value_of(text: str) -> Any:
         except (tomllib.TOMLDecodeError, RecursionError):
             return text
     return text
+
+
+def _may_be_missing(setting: str) -> bool:
+    section, _, name = setting.partition(".")
+    info = Config.model_fields.get(section)
+    fields = getattr(info.annotation, "model_fields", {}) if info else {}
+    return name in fields and NoneType in get_args(fields[name].annotation)
 
 
 def _first(error: ValidationError) -> str:

@@ -101,7 +101,7 @@ def _read_csv(text: str, source: Path) -> Iterator[Entry]:
             unknown = [name for name in columns if name not in _COLUMNS and "." not in name]
             if unknown:
                 raise InputError(f"{origin}: unknown column {unknown[0]!r}; known: {', '.join(_COLUMNS)}, STAGE.FIELD")
-            values = {name: value_of(value) for name, value in columns.items() if "." in name and value}
+            values = {name: value_of(name, value) for name, value in columns.items() if "." in name and value}
             tags = tuple(filter(None, (tag.strip() for tag in columns.get("tags", "").split(";"))))
             yield _entry(columns, tags, with_values({}, values), origin)
     except csv.Error as error:

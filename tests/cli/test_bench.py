@@ -52,6 +52,7 @@ def test_a_camera_that_fails_is_reported_and_counted_and_takes_no_other_method_w
 
     monkeypatch.setattr(methods, "true_cameras", unlucky)
     command = ["bench", "camera", "--data", str(PACK), "--size", "tiny", "--store", str(tmp_path), *QUICK[:2]]
+    command += ["--refine.refit", "false", "--refine.networks", "none"]
     assert main(command) == 0
     message = capsys.readouterr()
     failures = [line for line in message.err.splitlines() if "failed" in line]

@@ -64,3 +64,14 @@ def test_flags_win_over_the_file_and_shorthands_over_flags(tmp_path: Path) -> No
     assert settings.words() == ["--config", "mine.toml", "--run.threads", "5"]
     with pytest.raises(UsageError, match="threads"):
         Settings(None, {"run.threads": "many"}).config()
+
+
+def test_none_clears_what_need_not_be_given_and_is_a_name_elsewhere(tmp_path: Path) -> None:
+    file = tmp_path / "mine.toml"
+    file.write_text("[intrinsics]\nfocal_px = 900.0\n[run]\nlimit_s = 5\n")
+    flags = {"intrinsics.focal_px": "None", "run.limit_s": "none", "lifting.method": "none", "refine.networks": "none"}
+    config = Settings(file, flags).config()
+    assert (config.intrinsics.focal_px, config.run.limit_s) == (None, None)
+    assert (config.lifting.method, config.refine.networks) == ("none", "none"), "as docs/method.md has it"
+    with pytest.raises(UsageError, match=r"align\.method has no part called 'none'"):
+        Settings(None, {"align.method": "none"}).config()

@@ -17,12 +17,6 @@ from humanmm.flows.bench.tables import TableRequest
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def _run(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-c", "import sys; from humanmm.cli import main; sys.exit(main())", *arguments]
-    environment = {**os.environ, "PYTHONPATH": str(ROOT / "src"), **environment}
-    return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -87,10 +81,18 @@ def test_help_groups_verbs_and_settings_and_loads_no_science() -> None:
         assert all(text in done.stdout for text in shown), done.stdout
 
 
-def test_the_shell_completes_verbs_flags_and_formats() -> None:
+def test_the_shell_completes_verbs_flags_and_formats(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("_HUMANMM_COMPLETE", "complete_bash")
+
     def completed(words: str) -> list[str]:
-        count = str(len(words.split()) - (not words.endswith(" ")))
-        return _run(_HUMANMM_COMPLETE="complete_bash", COMP_WORDS=words, COMP_CWORD=count).stdout.split()
+        monkeypatch.setenv("COMP_WORDS", words)
+        monkeypatch.setenv("COMP_CWORD", str(len(words.split()) - (not words.endswith(" "))))
+        with pytest.raises(SystemExit) as ended:
+            main([])
+        assert ended.value.code == 0
+        return capsys.readouterr().out.split()
 
     assert completed("humanmm rec") == ["recover"]
     assert completed("humanmm recover --camera.st") == ["--camera.static"]

@@ -1,12 +1,10 @@
 """What deploy/ promises is checked without Docker: names that exist, settings that Prefect knows, nothing published."""
 
 import importlib.util
-import json
 import os
 import re
 import shutil
 import subprocess
-import sys
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -23,23 +21,16 @@ DEPLOYMENTS: list[dict[str, Any]] = yaml.safe_load((DEPLOY / "prefect.yaml").rea
 ASKED = dict.fromkeys(re.findall(r"\$\{(\w+):\?", (DEPLOY / "compose.yaml").read_text()))
 
 
-def _reported(script: str) -> Any:
-    """What a script prints as json, in a process of its own: Prefect must not be imported here without our settings."""
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    return json.loads(done.stdout)
-
-
+@pytest.mark.usefixtures("server_cache")
 def test_every_prefect_variable_is_a_setting_that_prefect_has() -> None:
     if importlib.util.find_spec("prefect_redis") is None:
         pytest.skip("the extra `team` is not installed")
-    known = _reported(
-        "import json\n"
-        "from prefect.settings import Settings\n"
-        "from prefect.settings.legacy import _get_settings_fields\n"
-        "from prefect_redis.client import RedisMessagingSettings as Redis\n"
-        "names = [f'PREFECT_REDIS_MESSAGING_{name}'.upper() for name in Redis.model_fields]\n"
-        "print(json.dumps([*_get_settings_fields(Settings), *names]))\n"
-    )
+    from prefect.settings import Settings  # only now: Prefect reads its settings on import
+    from prefect.settings.legacy import _get_settings_fields
+    from prefect_redis.client import RedisMessagingSettings
+
+    of_redis = [f"PREFECT_REDIS_MESSAGING_{name}".upper() for name in RedisMessagingSettings.model_fields]
+    known = [*_get_settings_fields(Settings), *of_redis]
     named = {name for service in SERVICES.values() for name in service.get("environment", {}) if "PREFECT" in name}
     assert len(named) > 10 and named <= set(known), named - set(known)
 
@@ -82,17 +73,14 @@ def test_compose_itself_accepts_the_file() -> None:
     assert refused.returncode != 0, "without its secrets it does not start"
 
 
+@pytest.mark.usefixtures("server_cache")
 def test_the_deployments_are_those_of_serve_with_parameters_that_the_flows_have() -> None:
-    entries = [deployment["entrypoint"] for deployment in DEPLOYMENTS]
-    flows = _reported(
-        "import json\n"
-        "from prefect.utilities.importtools import import_object\n"
-        f"flows = [import_object(name) for name in {entries}]\n"
-        "print(json.dumps([[flow.name, sorted(flow.parameters.model_dump()['properties'])] for flow in flows]))\n"
-    )
-    for deployment, (name, parameters) in zip(DEPLOYMENTS, flows, strict=True):
-        assert deployment["name"] == name and deployment["work_pool"]["name"] == "humanmm"
-        assert set(deployment.get("parameters", {})) <= set(parameters)
+    from prefect.utilities.importtools import import_object  # only now: Prefect reads its settings on import
+
+    for deployment in DEPLOYMENTS:
+        flow = import_object(deployment["entrypoint"])
+        assert deployment["name"] == flow.name and deployment["work_pool"]["name"] == "humanmm"
+        assert set(deployment.get("parameters", {})) <= set(flow.parameters.model_dump()["properties"])
     assert {deployment["name"] for deployment in DEPLOYMENTS} == {"recover-video", "recover-batch", "maintain"}
 
 

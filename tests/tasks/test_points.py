@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+import pytest
 from held_results import inputs_of
 
 from humanmm.models.records.camera import PointTracks
@@ -25,6 +26,7 @@ def test_points_of_a_scene_move_as_the_camera_pans(film: Any) -> None:
     follows = (np.diff(track) == 0) & (np.diff(frame) == 1)
     steps = np.diff(xy, axis=0)[follows]
     np.testing.assert_allclose(np.median(steps, axis=0), [-film.PAN_PX, 0.0], atol=0.1)
+    assert found.window_px == pytest.approx(film.SIZE[0] / 160 * _tracked(film, 1).window_px), "larger in the video"
 
 
 def test_about_as_many_points_are_followed_as_the_user_wants(film: Any) -> None:

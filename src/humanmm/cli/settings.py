@@ -33,7 +33,7 @@ class Settings:
         """
         from_file = resolve(self.file)
         try:
-            return resolve(from_file, {name: value_of(text) for name, text in self.flags.items()} | shorthands)
+            return resolve(from_file, {name: value_of(name, text) for name, text in self.flags.items()} | shorthands)
         except ConfigError as error:
             raise UsageError(str(error)) from None
 

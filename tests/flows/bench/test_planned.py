@@ -11,6 +11,7 @@ from humanmm.cli import main
 ROOT = Path(__file__).parents[3]
 
 
+@pytest.mark.usefixtures("two_methods")
 def test_tiny_runs_from_the_shipped_sequence_and_its_baseline_is_bad(
     short_videos: Callable[..., None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],

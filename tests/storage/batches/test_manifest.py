@@ -42,6 +42,12 @@ def test_a_csv_manifest_gives_settings_tags_and_patterns(videos: Path) -> None:
     assert third.video == videos / "missing.mp4", "it fails later, with its reason, and the others run"
 
 
+def test_none_in_a_column_clears_what_need_not_be_given_and_is_a_name_elsewhere(videos: Path) -> None:
+    (videos / "batch.csv").write_text("video,intrinsics.focal_px,refine.networks\na.mp4,none,none\n")
+    (entry,) = read_batch(videos / "batch.csv")
+    assert entry.settings == {"intrinsics": {"focal_px": None}, "refine": {"networks": "none"}}
+
+
 def test_a_json_lines_manifest_means_the_same(videos: Path) -> None:
     manifest = videos / "batch.jsonl"
     manifest.write_text('{"video": "a.mp4", "tags": ["gym"], "settings": {"camera": {"static": true}}}\n\n')
