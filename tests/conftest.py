@@ -6,6 +6,7 @@ import os
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy and torch are imported, here and in processes of tests
 
 import fcntl
+import gc
 import json
 import logging
 import shutil
@@ -46,6 +47,13 @@ for _number, _action in {
         signal.signal(_number, _action)
 
 ROOT = Path(__file__).resolve().parent.parent
+
+
+def pytest_collection_finish() -> None:
+    """Leave what the libraries hold, some million objects, out of every later search for garbage: `read_facts` alone
+    makes one for each video."""
+    gc.collect()
+    gc.freeze()
 
 
 @dataclass
@@ -160,6 +168,12 @@ def for_all_processes(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
 
 
+@pytest.fixture
+def parsed_once(for_all_processes: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each module of ours is parsed once for all tests, and not for each test with a cache folder of its own."""
+    monkeypatch.setattr(module_facts, "cache_folder", lambda: for_all_processes)
+
+
 @pytest.fixture(scope="session")
 def server_cache(tmp_path_factory: pytest.TempPathFactory, for_all_processes: Path) -> Iterator[Path]:
     """A cache folder whose Prefect server all tests of this process share."""
@@ -244,7 +258,7 @@ def bucket(request: pytest.FixtureRequest, s3_server: str, tmp_path: Path, monke
 
 @pytest.fixture
 def toy(
-    tmp_path: Path, for_all_processes: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+    tmp_path: Path, parsed_once: None, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> Iterator[Toy]:
     """A fresh toy: three shots [0, 20), [20, 40), [40, 60) in two scenes [0, 20), [20, 60)."""
     source = Path(__file__).parent / "toyline"
@@ -257,7 +271,6 @@ def toy(
     monkeypatch.setattr(artifact, "_sync", lambda folder: None)  # no test pulls the plug, and a busy disk is slow
     monkeypatch.setattr(artifacts, "sync_to_disk", lambda folder: None)
     monkeypatch.setattr(artifact, "INLINE_BYTES", 1 << 20)  # zarr takes longer than all stages; `in_zarr` has it
-    monkeypatch.setattr(module_facts, "cache_folder", lambda: for_all_processes)  # each module is parsed once
     monkeypatch.setattr(pictures, "timeline", lambda *_: np.full((8, 8, 3), 255, np.uint8))  # test_deliver draws it
     _forget()
     monkeypatch.setattr(pipeline, "STAGES", import_module("toyline.table").STAGES)

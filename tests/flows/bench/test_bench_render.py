@@ -6,15 +6,11 @@ from pathlib import Path
 import pytest
 
 from humanmm.cli import main
-from humanmm.tasks.units import module_facts
 
 
-@pytest.mark.usefixtures("two_methods")
-def test_tiny_makes_its_clip_and_its_table_and_repeats_both(
-    tmp_path: Path, for_all_processes: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.mark.usefixtures("two_methods", "parsed_once")
+def test_tiny_makes_its_clip_and_its_table_and_repeats_both(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HUMANMM_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr(module_facts, "cache_folder", lambda: for_all_processes)  # each module is parsed once
     command = ["bench", "ms-render", "--size", "tiny", "--store", str(tmp_path / "store"), "--people.pose", "fast"]
     assert main([*command, "--report", str(tmp_path / "one")]) == 0
     assert main([*command, "--report", str(tmp_path / "two")]) == 0

@@ -15,6 +15,7 @@ from humanmm.storage.store.open import open_store
 PACKS = shipped_packs()
 
 
+@pytest.mark.usefixtures("parsed_once")
 def test_the_own_set_is_made_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HUMANMM_CACHE", str(tmp_path))
     monkeypatch.setitem(SIZES, "tiny", SIZES["tiny"].__class__(1, (0.2, 0.2), (64, 36), (0, 0)))

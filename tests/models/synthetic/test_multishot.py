@@ -92,7 +92,7 @@ def test_noise_has_the_size_that_it_is_said_to_have(sequences: tuple[MocapSequen
 
 
 def test_points_of_a_static_camera_stand_and_masked_ones_are_none(sequences: tuple[MocapSequence, ...]) -> None:
-    plans = plan_videos(sequences, 6, seed=1, transitions=(3,), longest=120)
+    plans, still = plan_videos(sequences, 6, seed=1, transitions=(3,), longest=120), 0
     for plan in plans:
         video = build_video(sequences[plan.sequence], plan)
         assert video.truth.cameras is not None
@@ -107,6 +107,10 @@ def test_points_of_a_static_camera_stand_and_masked_ones_are_none(sequences: tup
             _, i, j = np.intersect1d(first, last, return_indices=True)
             moved = points.xy[points.frame == end - 1][j] - points.xy[points.frame == start][i]
             assert np.median(np.linalg.norm(moved, axis=1)) < 1.5
+            still += 1
+        if still >= 2:
+            return
+    raise AssertionError("hardly any camera is static")
 
 
 def test_a_set_is_reported_in_the_numbers_of_the_papers_table() -> None:

@@ -13,7 +13,7 @@ from humanmm.storage.readers.archives import NpzArrays
 from humanmm.storage.readers.truth import read_sequence
 
 PACK = Path(__file__).parents[3] / "data" / "mocap" / "cmu_val.npz"
-PLAN = SetPlan((PACK,), "tiny", seed=5, seconds=(0.3, 0.3), resolution=(160, 90))
+PLAN = SetPlan((PACK,), "tiny", seed=5, seconds=(0.15, 0.15), resolution=(160, 90))
 
 
 @pytest.fixture(scope="module")
