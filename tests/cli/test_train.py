@@ -52,7 +52,7 @@ def test_a_network_is_trained_on_those_before_it(given: Typed) -> None:
     before = ["--predictor", "p", "--ms-hmr", "m"]
     refiner = given("motion.train_refiner", "refiner", *where, *before)
     assert refiner == (material, Path("out"), Path("m"), Path("p"), recipe, "cpu")
-    assert given("motion.train_refiner", "refiner", *where)[2:4] == (None, None), "the shipped ones"
+    assert given("motion.train_refiner", "refiner", *where)[2:4] == (None, None), "the flow's defaults"
 
 
 def test_pairs_are_made_of_the_split_that_is_asked_for(given: Typed) -> None:

@@ -16,6 +16,8 @@ def test_tiny_makes_its_clip_and_its_table_and_repeats_both(tmp_path: Path, monk
     assert main([*command, "--report", str(tmp_path / "two")]) == 0
     one, two = ((tmp_path / name / "results.json").read_bytes() for name in ("one", "two"))
     assert one == two
+    (film,) = (tmp_path / "one" / "overlays").glob("*.mp4")
+    assert film.stat().st_size > 0 and f"overlays/{film.name}" in (tmp_path / "one" / "index.html").read_text()
     rows = {row["method"]: row["metrics"] for row in json.loads(one)["rows"] if row["n"] == 1}
     assert rows["humanmm"]["coverage"]["mean"] > 0.9
     assert rows["humanmm"]["roe_deg"]["mean"] < rows["concat"]["roe_deg"]["mean"]
