@@ -191,6 +191,8 @@ def server_cache(tmp_path_factory: pytest.TempPathFactory, for_all_processes: Pa
             subprocess.run([sys.executable, "-c", start], env=own, check=True, capture_output=True)
             copy_database(next(folder.glob("prefect-*/prefect.db")), empty)
     yield folder
+    if "prefect.logging.handlers" in sys.modules:  # what it has still to send, it would try to send for a minute
+        sys.modules["prefect.logging.handlers"].APILogWorker.drain_all()
     for name, value in before.items():
         os.environ.pop(name)
         if value is not None:

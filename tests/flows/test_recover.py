@@ -166,13 +166,15 @@ def test_bad_input_in_one_shot_is_no_partial_result(toy: Any) -> None:
     assert not (toy.folder / "runs").exists()
 
 
-def test_only_one_stage_runs_and_what_its_change_affects(toy: Any) -> None:
+def test_only_one_stage_runs_and_what_its_change_affects(toy: Any, server_cache: Path) -> None:
     toy.run()
     assert toy.main("recover", "film.mp4")[0] == 0
     toy.executed()
     done = toy.main("recover", "film.mp4", "--only", "camera", "--shot", "1")
     assert done[:2] == (0, "runs/film\n"), done[2]
     assert toy.executed() == ["camera:20"], "its output did not change, so nothing after it runs"
+    shown = {name.split(" · ")[0] for name, _, _ in _settled(server_cache, 12)}
+    assert "camera" in shown and not shown & {"hmr", "align", "refine", "deliver"}
     done = toy.main("recover", "film.mp4", "--only", "shots", TOY_CUTS="30")
     assert done[0] == 0, done[2]
     executed = toy.executed()

@@ -4,10 +4,12 @@ import json
 from pathlib import Path
 
 import pytest
+from grey_clothing import grey_clothing
 
 from humanmm.cli import main
 from humanmm.flows.bench.clips import clip_set, labels_of_jobs
 from humanmm.flows.bench.render_set import SIZES, SPLITS, SetPlan, build_set, own_set, shipped_packs, takes_of
+from humanmm.models.rendering import renderer
 from humanmm.storage.readers.mocap_pack import read_pack
 from humanmm.storage.readers.truth import read_sequence
 from humanmm.storage.store.open import open_store
@@ -51,7 +53,8 @@ def test_splits_of_places_share_no_subject_and_train_has_all_others() -> None:
         assert not takes_of(sequences, "train")
 
 
-def test_a_clip_of_places_says_what_it_has(tmp_path: Path) -> None:
+def test_a_clip_of_places_says_what_it_has(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(renderer, "random_clothing", grey_clothing)
     plan = SetPlan(
         shipped_packs("places", "dev"), "places", seed=4, count=1, seconds=(2.4, 2.4), resolution=(96, 54), split="dev"
     )

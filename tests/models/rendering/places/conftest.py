@@ -5,10 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from grey_clothing import grey_clothing
 
-from humanmm.models.body.body24 import Body
 from humanmm.models.rendering import renderer
-from humanmm.models.rendering.clothing import HEIGHT, WIDTH, Clothing
 from humanmm.models.rendering.places.plan import Edit, plan_edit
 from humanmm.models.rendering.places.takes import Library
 from humanmm.models.rendering.script import ClipPlan
@@ -32,12 +31,9 @@ def actor(library: Library) -> Actor:
 def planned(library: Library) -> Callable[[int], Edit]:
     """Plans clip k of a set, with one to three cuts; whoever is on its walls wears grey, which is drawn quickly."""
 
-    def grey(body: Body, rng: np.random.Generator) -> Clothing:
-        return Clothing(np.full((HEIGHT, 2 * WIDTH, 3), 128, np.uint8), np.zeros(len(body.v_template)))
-
     def plan(number: int) -> Edit:
         with pytest.MonkeyPatch.context() as patched:
-            patched.setattr(renderer, "random_clothing", grey)
+            patched.setattr(renderer, "random_clothing", grey_clothing)
             clip = ClipPlan(f"c{number}", (5, number), (3.0, 4.0), (192, 108), (1, 3))
             return plan_edit(library, clip, split="dev")
 
