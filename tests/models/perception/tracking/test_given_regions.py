@@ -18,7 +18,7 @@ from humanmm.models.video.reading import read_facts
 
 EXAMPLES = Path(__file__).parents[4] / "examples" / "pose2sim_multishot"
 TIME_S = np.arange(100) / 60
-SPAN, SIZE = (36, 44), (720, 1280)
+SPAN, SIZE = (36, 41), (720, 1280)
 
 
 @lru_cache(maxsize=1)
@@ -33,7 +33,7 @@ def pictures() -> tuple[tuple[int, Picture], ...]:
 
 @lru_cache(maxsize=1)
 def boxes() -> np.ndarray:
-    """(8, 4) xyxy of the man."""
+    """(5, 4) xyxy of the man."""
     with np.load(EXAMPLES / "pose2sim_A_01-02-01_gt.npz") as truth:
         points = truth["openpose2d"][slice(*SPAN), :, :2]
     low, high = np.nanmin(points, axis=1), np.nanmax(points, axis=1)

@@ -18,7 +18,7 @@ from humanmm.models.video.reading import read_facts
 EXAMPLES = Path(__file__).parents[4] / "examples" / "pose2sim_multishot"
 CLIP = EXAMPLES / "pose2sim_A_01-02-01.mp4"
 TIME_S = np.arange(100) / 60
-SCENE = (36, 56)
+SCENE = (36, 50)
 """Frames in which the man leans by 40°: the network alone swaps left and right in half of them."""
 
 
@@ -92,9 +92,9 @@ def test_reduced_pictures_give_the_same_places_in_source_pixels() -> None:
 
 
 def test_the_same_frames_give_the_same_tracks_again() -> None:
-    few = pictures()[:3]
+    few = pictures()[:2]
     one, two = (
-        track_pictures(few, start=36, end=39, time_s=TIME_S, size=(720, 1280), max_people=2, networks=FAST).tracks[0]
+        track_pictures(few, start=36, end=38, time_s=TIME_S, size=(720, 1280), max_people=2, networks=FAST).tracks[0]
         for _ in range(2)
     )
     np.testing.assert_array_equal(one.keypoints2d, two.keypoints2d)
