@@ -28,6 +28,27 @@ def test_links_and_pictures_of_a_page_lead_somewhere(page: Path) -> None:
     assert not gone
 
 
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_files_that_a_page_names_are_there(page: Path) -> None:
+    named = re.findall(r"[ `]((?:deploy|examples|flows|models|src|storage|tasks|tests)/[\w./-]*\w)", page.read_text())
+    files = {path for path in named if "/test_" not in path and "NAME" not in path}
+    assert sorted(path for path in files if not list(ROOT.glob(f"{path}*"))) == []
+
+
+def test_tests_that_the_docs_name_are_there() -> None:
+    """As `test_name`, `room/test_file` or `room/test_file: test_name`."""
+    folder, names = ROOT / "tests", r"def (test_\w+)"
+    files = {
+        str(path.relative_to(folder).with_suffix("")): set(re.findall(names, path.read_text()))
+        for path in folder.rglob("test_*.py")
+    }
+    known = {name.rpartition("/")[2] for name in files}.union(*files.values())
+    for page in PAGES:
+        for file, name in re.findall(r"(?<![\w/])(?:tests/)?((?:\w+/)*test_\w+)(?:: (test_\w+))?", page.read_text()):
+            assert file in (files if "/" in file else known), f"{page.name}: there is no {file}"
+            assert not name or name in files.get(file, known), f"{page.name}: {file} has no {name}"
+
+
 def test_every_page_is_in_the_sites_contents() -> None:
     contents = (ROOT / "mkdocs.yml").read_text()
     assert [page.name for page in (ROOT / "docs").glob("*.md") if f": {page.name}\n" not in contents] == []
