@@ -22,6 +22,7 @@ from humanmm.models.cuts.residuals import (
     CutProblem,
     PersonAtCut,
     PersonState,
+    basis_at,
 )
 from humanmm.models.geometry.levenberg_marquardt import Schedule, levenberg_marquardt
 
@@ -65,29 +66,26 @@ def _damped_step(
     return [-(answer[:, n] + answer[:, :n] @ camera) for answer in solved], camera
 
 
-def _quadratic(time_s: Float[Array, "n"], values: Float[Array, "n J 3"], damping: float) -> Float[Array, "J 3 3"]:
-    basis = np.stack([np.ones_like(time_s), time_s, 0.5 * time_s**2], axis=-1)
+def _quadratic(time_s: Float[Array, "n"], values: Float[Array, "n J 3"], damping: float) -> Float[Array, "3 J 3"]:
+    """Position, velocity and acceleration at the cut of the parabolas through the values."""
+    basis = basis_at(time_s)
     normal = basis.T @ basis + np.diag([0.0, 1e-2 * damping, 1e-4 * damping])
-    return (
-        np.linalg.solve(normal, np.einsum("nk,njc->kjc", basis, values).reshape(3, -1))
-        .reshape(3, *values.shape[1:])
-        .transpose(1, 0, 2)
-    )
+    return np.linalg.solve(normal, basis.T @ values.reshape(len(values), -1)).reshape(3, *values.shape[1:])
 
 
 def _start(person: PersonAtCut, R_before_after: Float[Array, "3 3"]) -> tuple[PersonState, Float[Array, "3"]]:
     """Motion through both sides' 3D points once the second is rotated into the first's axes, and the camera's shift."""
     before, after = person.before, person.after
-    hip_before = _quadratic(before.time_s, before.origin[:, None], 10.0)[0]
-    hip_after = _quadratic(after.time_s, after.origin[:, None], 10.0)[0]
+    hip_before = _quadratic(before.time_s, before.origin[:, None], 10.0)[:, 0]
+    hip_after = _quadratic(after.time_s, after.origin[:, None], 10.0)[:, 0]
     origin_before = hip_before[0]
     # Velocity carried on: mean of both sides' at the cut.
     velocity = 0.5 * (hip_before[1] + R_before_after @ hip_after[1])
     time_s = np.concatenate([before.time_s, after.time_s])
     points = np.concatenate([before.points, after.points @ R_before_after.T])
     motion = _quadratic(time_s, points, 1.0)
-    motion[:, 0] += origin_before
-    motion[:, 1] += velocity
+    motion[0] += origin_before
+    motion[1] += velocity
     shift = hip_after[0] - R_before_after.T @ origin_before
     return PersonState(motion, np.stack([np.eye(3), np.eye(3)])), shift
 

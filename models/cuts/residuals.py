@@ -84,14 +84,14 @@ CAMERA_UNKNOWNS = 9
 class PersonState:
     """What is unknown of one person."""
 
-    motion: Float[Array, "J 3 3"]
+    motion: Float[Array, "3 J 3"]
     """Position, velocity and acceleration of each point at the cut, in the axes of the camera before it."""
     correction: Float[Array, "2 3 3"]
 
     def moved(self, step: Float[Array, "unknowns"]) -> "PersonState":
-        num = len(self.motion)
-        rotations = rotvec_to_rotmat(step[9 * num :].reshape(2, 3))
-        return PersonState(self.motion + step[: 9 * num].reshape(num, 3, 3), rotations @ self.correction)
+        of_motion, of_correction = np.split(step, [self.motion.size])
+        rotations = rotvec_to_rotmat(of_correction.reshape(2, 3))
+        return PersonState(self.motion + of_motion.reshape(self.motion.shape), rotations @ self.correction)
 
 
 @dataclass(frozen=True)
@@ -110,30 +110,25 @@ class CameraState:
 
 
 class CutProblem:
-    """Residuals and Jacobians. Unknowns of a person (motion of each point, two corrections) meet only in the
-    camera's nine, so that each person has a Jacobian of its own: own unknowns first, then the camera's."""
+    """Cost and Gauss-Newton equations.
+
+    Unknowns of a person (motion of each point, two corrections) meet only in the camera's nine, so that each person has
+    equations of his own: own unknowns first, then the camera's. A residual of one moment sees the motion only by where
+    the points are then: derivatives are taken by these positions, and by corrections and camera (`_OTHERS`); the
+    positions of all moments are expanded to the motion at the end.
+    """
 
     def __init__(self, people: list[PersonAtCut], body: BodyPoints, settings: BundleSettings) -> None:
-        self.people, self.body, self.settings = people, body, settings
+        self.people, self.settings = people, settings
         self.num_points = people[0].before.rays.shape[1]
-        self.per_person = 9 * self.num_points + 6
-        self.num_unknowns = self.per_person + CAMERA_UNKNOWNS
-        self.bone_a = np.array([a for a, _ in body.bones])
-        self.bone_b = np.array([b for _, b in body.bones])
-
-    def linearise(
-        self, person: PersonAtCut, state: PersonState, camera: CameraState
-    ) -> tuple[Float[Array, "m"], Float[Array, "m unknowns"]]:
-        """One person's whitened residuals (robust weights folded in) and their Jacobian."""
-        residuals, jacobians = [], []
-        for side, view in enumerate((person.before, person.after)):
-            r, J = self._side(view, side, state, camera)
-            residuals += r
-            jacobians += J
-        for r_one, J_one in (self._bones(person, state), self._prior(state)):
-            residuals.append(r_one)
-            jacobians.append(J_one)
-        return np.concatenate(residuals), np.concatenate(jacobians)
+        self.bone_a, self.bone_b = np.array(body.bones).T
+        self.about_hips = np.eye(self.num_points)
+        """(J, J): times points, these about the mid-hip."""
+        self.about_hips[:, body.hips] -= 0.5
+        rotation = np.full(6, np.sqrt(3) / np.deg2rad(settings.orientation_deg))
+        of_motion = np.repeat([0.0, 1 / settings.velocity_ms, 1 / settings.acceleration_ms2], 3 * self.num_points)
+        self.prior_weights = np.concatenate([of_motion, rotation])
+        """Of a person's unknowns: moderate velocities, accelerations and corrections."""
 
     def cost(self, states: list[PersonState], camera: CameraState) -> float:
         """½ Σ ρ(residual²), with Huber on the image points."""
@@ -143,8 +138,8 @@ class CutProblem:
                 image, point = self._side_residuals(view, side, state, camera)
                 size = np.linalg.norm(image, axis=-1)
                 total += float(huber_loss(size, HUBER).sum() + (point**2).sum())
-            total += float((self._bone_residuals(person, state) ** 2).sum())
-            total += float((self._prior(state)[0] ** 2).sum())
+            total += float((self._bones(person, state)[0] ** 2).sum())
+            total += float((self._prior(state) ** 2).sum())
         return 0.5 * (total + float((camera.velocity**2).sum()) / self.settings.camera_velocity_ms**2)
 
     def image_residual(self, states: list[PersonState], camera: CameraState) -> float:
@@ -159,15 +154,45 @@ class CutProblem:
         values = np.concatenate(sizes)
         return float(np.median(values)) if len(values) else float("nan")
 
-    def _moving(self, state: PersonState, time_s: Float[Array, "n"]) -> Float[Array, "n J 3"]:
-        basis = np.stack([np.ones_like(time_s), time_s, 0.5 * time_s**2], axis=-1)
-        return np.asarray(np.einsum("nk,jkc->njc", basis, state.motion))
+    def normal(
+        self, states: list[PersonState], camera: CameraState
+    ) -> list[tuple[Float[Array, "unknowns"], Float[Array, "unknowns unknowns"]]]:
+        """Gradient and Gauss-Newton Hessian of each person; the camera's prior is added to the first."""
+        parts = [self._normal_of(person, state, camera) for person, state in zip(self.people, states, strict=True)]
+        weight = 1 / self.settings.camera_velocity_ms**2
+        gradient, hessian = parts[0]
+        gradient[-3:] += weight * camera.velocity
+        hessian[-3:, -3:] += weight * np.eye(3)
+        return parts
+
+    def _normal_of(
+        self, person: PersonAtCut, state: PersonState, camera: CameraState
+    ) -> tuple[Float[Array, "unknowns"], Float[Array, "unknowns unknowns"]]:
+        """One person's gradient and Gauss-Newton Hessian (robust weights folded in), with his prior."""
+        views = (person.before, person.after)
+        parts = [
+            *(self._side(view, side, state, camera) for side, view in enumerate(views)),
+            self._bones(person, state),
+        ]
+        basis = basis_at(np.concatenate([*(view.time_s for view in views), _bone_times(person)]))
+        by_moment = np.concatenate([(residual[:, None] @ rows)[:, 0] for residual, rows in parts])
+        squared = np.concatenate([np.swapaxes(rows, -1, -2) @ rows for _, rows in parts])
+        num = 3 * self.num_points
+        gradient = np.concatenate([(basis.T @ by_moment[:, :num]).ravel(), by_moment[:, num:].sum(axis=0)])
+        of_motion = np.tensordot(basis[:, :, None] * basis[:, None], squared[:, :num, :num], (0, 0))
+        mixed = np.tensordot(basis, squared[:, :num, num:], (0, 0)).reshape(3 * num, -1)
+        of_motion = np.swapaxes(of_motion, 1, 2).reshape(3 * num, 3 * num)
+        hessian = np.block([[of_motion, mixed], [mixed.T, squared[:, num:, num:].sum(axis=0)]])
+        own = np.arange(len(self.prior_weights))
+        gradient[own] += self.prior_weights * self._prior(state)
+        hessian[own, own] += self.prior_weights**2
+        return gradient, hessian
 
     def _camera_points(
         self, view: SideView, side: int, state: PersonState, camera: CameraState
     ) -> tuple[Float[Array, "n J 3"], Float[Array, "n J 3"]]:
         """Points in the side's camera, and the same without the translation (for the Jacobian)."""
-        X = self._moving(state, view.time_s)
+        X = _moving(state, view.time_s)
         if side == 0:
             return X, X
         rotated = (X + camera.velocity * view.time_s[:, None, None]) @ camera.R_before_after
@@ -186,99 +211,71 @@ class CutProblem:
         Y, rotated = self._camera_points(view, side, state, camera)
         ray_scale, point_scale = self._scales(view)
         image = (Y[..., :2] / np.maximum(Y[..., 2:], 0.1) - view.rays) * ray_scale
-        a, b = self.body.hips
-        relative = rotated - 0.5 * (rotated[:, a : a + 1] + rotated[:, b : b + 1])
-        return image, (relative @ state.correction[side].T - view.points) * point_scale
+        return image, (self.about_hips @ rotated @ state.correction[side].T - view.points) * point_scale
 
     def _side(
         self, view: SideView, side: int, state: PersonState, camera: CameraState
-    ) -> tuple[list[Array], list[Array]]:
+    ) -> tuple[Float[Array, "n 5J"], Float[Array, "n 5J 3J+15"]]:
+        """A side's whitened residuals in each frame, robust weights folded in, and their derivatives."""
         n, num = view.weight.shape
         Y, rotated = self._camera_points(view, side, state, camera)
         ray_scale, point_scale = self._scales(view)
         image, point = self._side_residuals(view, side, state, camera)
         robust = np.sqrt(huber_weight(np.linalg.norm(image, axis=-1, keepdims=True), HUBER))
-        image, ray_scale = image * robust, ray_scale * robust
         z = np.maximum(Y[..., 2], 0.1)
         projection = np.zeros((n, num, 2, 3))
         projection[..., 0, 0] = projection[..., 1, 1] = 1 / z
         projection[..., 0, 2], projection[..., 1, 2] = -Y[..., 0] / z**2, -Y[..., 1] / z**2
-        projection *= ray_scale[..., None]
+        projection *= (ray_scale * robust)[..., None]
         to_camera = np.eye(3) if side == 0 else camera.R_before_after.T
-        basis = np.stack([np.ones(n), view.time_s, 0.5 * view.time_s**2], axis=-1)
+        C, relative, each = state.correction[side], self.about_hips @ rotated, np.arange(num)
 
-        J_image = np.zeros((n, num, 2, self.num_unknowns))
-        J_point = np.zeros((n, num, 3, self.num_unknowns))
-        shared = self.per_person
-        C = state.correction[side]
+        by_position, by_other = np.zeros((n, num, 5, num, 3)), np.zeros((n, num, 5, _OTHERS))
+        by_image, by_point = by_other[:, :, :2], by_other[:, :, 2:]
         d_image = projection @ to_camera
-        d_point = np.broadcast_to(C @ to_camera, (n, num, 3, 3)) * point_scale[..., None]
-        block = np.einsum("njac,nk->njakc", d_image, basis).reshape(n, num, 2, 9)
-        block3 = np.einsum("njac,nk->njakc", d_point, basis).reshape(n, num, 3, 9)
-        for j in range(num):
-            J_image[:, j, :, 9 * j : 9 * j + 9] = block[:, j]
-            J_point[:, j, :, 9 * j : 9 * j + 9] = block3[:, j]
-        for hip in self.body.hips:
-            J_point[..., 9 * hip : 9 * hip + 9] -= 0.5 * block3
-        a, b = self.body.hips
-        relative = rotated - 0.5 * (rotated[:, a : a + 1] + rotated[:, b : b + 1])
-        rotation = slice(9 * num + 3 * side, 9 * num + 3 * side + 3)
-        J_point[..., rotation] = -skew(relative @ C.T) * point_scale[..., None]
+        by_position[:, each, :2, each] = np.swapaxes(d_image, 0, 1)
+        by_position[:, :, 2:] = (self.about_hips * point_scale)[:, :, None, :, None] * (C @ to_camera)[:, None]
+        by_point[..., 3 * side : 3 * side + 3] = -skew(relative @ C.T) * point_scale[..., None]
         if side == 1:
-            J_image[..., shared : shared + 3] = projection @ skew(rotated)
-            J_image[..., shared + 3 : shared + 6] = projection
-            J_image[..., shared + 6 : shared + 9] = d_image * view.time_s[:, None, None, None]
-            J_point[..., shared : shared + 3] = C @ skew(relative) * point_scale[..., None]
-        return [image.ravel(), point.ravel()], [
-            J_image.reshape(-1, self.num_unknowns),
-            J_point.reshape(-1, self.num_unknowns),
-        ]
+            by_image[..., -9:-6] = projection @ skew(rotated)
+            by_image[..., -6:-3] = projection
+            by_image[..., -3:] = d_image * view.time_s[:, None, None, None]
+            by_point[..., -9:-6] = C @ skew(relative) * point_scale[..., None]
+        residual = np.concatenate([image * robust, point], axis=-1)
+        rows = np.concatenate([by_position.reshape(n, 5 * num, -1), by_other.reshape(n, 5 * num, -1)], axis=-1)
+        return residual.reshape(n, -1), rows
 
-    def _bone_times(self, person: PersonAtCut) -> Float[Array, "3"]:
-        return np.array([person.before.time_s[0], 0.0, person.after.time_s[-1]])
-
-    def _bone_residuals(self, person: PersonAtCut, state: PersonState) -> Float[Array, "3 B"]:
-        X = self._moving(state, self._bone_times(person))
-        length = np.linalg.norm(X[:, self.bone_a] - X[:, self.bone_b], axis=-1)
-        return np.asarray((length - person.bone_lengths) / self.settings.bone_m)
-
-    def _bones(self, person: PersonAtCut, state: PersonState) -> tuple[Float[Array, "m"], Float[Array, "m unknowns"]]:
-        times = self._bone_times(person)
-        X = self._moving(state, times)
+    def _bones(self, person: PersonAtCut, state: PersonState) -> tuple[Float[Array, "3 B"], Float[Array, "3 B 3J+15"]]:
+        """Whitened residuals of the bones' lengths at three moments, and their derivatives."""
+        X = _moving(state, _bone_times(person))
         offset = X[:, self.bone_a] - X[:, self.bone_b]
-        length = np.maximum(np.linalg.norm(offset, axis=-1, keepdims=True), 1e-3)
-        direction = offset / length / self.settings.bone_m
-        basis = np.stack([np.ones(3), times, 0.5 * times**2], axis=-1)
-        block = np.einsum("tbc,tk->tbkc", direction, basis).reshape(3, -1, 9)
-        J = np.zeros((3, len(self.bone_a), self.num_unknowns))
-        for bone, (a, b) in enumerate(self.body.bones):
-            J[:, bone, 9 * a : 9 * a + 9] = block[:, bone]
-            J[:, bone, 9 * b : 9 * b + 9] = -block[:, bone]
-        return self._bone_residuals(person, state).ravel(), J.reshape(-1, self.num_unknowns)
+        length = np.linalg.norm(offset, axis=-1)
+        direction = offset / np.maximum(length, 1e-3)[..., None] / self.settings.bone_m
+        bones = np.arange(len(self.bone_a))
+        by_position = np.zeros((3, len(bones), self.num_points, 3))
+        by_position[:, bones, self.bone_a], by_position[:, bones, self.bone_b] = direction, -direction
+        rows = np.concatenate([by_position.reshape(3, len(bones), -1), np.zeros((3, len(bones), _OTHERS))], axis=-1)
+        return (length - person.bone_lengths) / self.settings.bone_m, rows
 
-    def _prior(self, state: PersonState) -> tuple[Float[Array, "m"], Float[Array, "m unknowns"]]:
-        """Moderate velocities, accelerations and corrections."""
-        settings = self.settings
-        weight = np.zeros((self.num_points, 3, 3))
-        weight[:, 1], weight[:, 2] = 1 / settings.velocity_ms, 1 / settings.acceleration_ms2
-        rotation = np.full(6, np.sqrt(3) / np.deg2rad(settings.orientation_deg))
-        weights = np.concatenate([weight.ravel(), rotation])
-        values = np.concatenate([state.motion.ravel(), rotmat_to_rotvec(state.correction).ravel()])
-        used = np.flatnonzero(weights)
-        J = np.zeros((len(used), self.num_unknowns))
-        J[np.arange(len(used)), used] = weights[used]
-        return weights[used] * values[used], J
+    def _prior(self, state: PersonState) -> Float[Array, "own"]:
+        """Whitened velocities, accelerations and corrections."""
+        return self.prior_weights * np.concatenate([state.motion.ravel(), rotmat_to_rotvec(state.correction).ravel()])
 
-    def normal(
-        self, states: list[PersonState], camera: CameraState
-    ) -> list[tuple[Float[Array, "unknowns"], Float[Array, "unknowns unknowns"]]]:
-        """Gradient and Gauss-Newton Hessian of each person; the camera's prior is added to the first."""
-        parts = []
-        for person, state in zip(self.people, states, strict=True):
-            residuals, J = self.linearise(person, state, camera)
-            parts.append((J.T @ residuals, J.T @ J))
-        weight = 1 / self.settings.camera_velocity_ms**2
-        gradient, hessian = parts[0]
-        gradient[-3:] += weight * camera.velocity
-        hessian[-3:, -3:] += weight * np.eye(3)
-        return parts
+
+_OTHERS = 6 + CAMERA_UNKNOWNS
+"""Unknowns besides the motion: a person's two corrections, and the camera."""
+
+
+def _bone_times(person: PersonAtCut) -> Float[Array, "3"]:
+    """Moments at which bones have their length: first and last picture, and the cut."""
+    return np.array([person.before.time_s[0], 0.0, person.after.time_s[-1]])
+
+
+def basis_at(time_s: Float[Array, " n"]) -> Float[Array, "n 3"]:
+    """What position, velocity and acceleration at the cut count for at a moment."""
+    return np.stack([np.ones_like(time_s), time_s, 0.5 * time_s**2], axis=-1)
+
+
+def _moving(state: PersonState, time_s: Float[Array, " n"]) -> Float[Array, "n J 3"]:
+    """Where the points are at each moment."""
+    return np.tensordot(basis_at(time_s), state.motion, (1, 0))

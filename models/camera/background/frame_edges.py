@@ -71,13 +71,15 @@ def match_features(a: FrameFeatures, b: FrameFeatures) -> tuple[np.ndarray, np.n
     if len(a.xy) < 2 or len(b.xy) < 2:
         return nothing, nothing
     similarity = _hellinger(a.descriptors) @ _hellinger(b.descriptors).T
-    nearest = np.argpartition(-similarity, 1, axis=1)[:, :2]
-    best = np.sort(np.take_along_axis(similarity, nearest, axis=1), axis=1)[:, ::-1]
-    nearest_b = similarity.argmax(axis=1)
-    distance = np.sqrt(np.maximum(2 - 2 * best, 0))
-    mutual = similarity.argmax(axis=0)[nearest_b] == np.arange(len(a.xy))
-    index_a = np.flatnonzero(mutual & (distance[:, 0] < RATIO * distance[:, 1]))
-    return index_a, nearest_b[index_a]
+    every = np.arange(len(similarity))
+    nearest = similarity.argmax(axis=1)
+    best = similarity[every, nearest]
+    similarity[every, nearest] = -1.0  # less than any: the largest is now the second
+    second = similarity.max(axis=1)
+    similarity[every, nearest] = best
+    distinct = np.flatnonzero(np.sqrt(np.maximum(2 - 2 * best, 0)) < RATIO * np.sqrt(np.maximum(2 - 2 * second, 0)))
+    mutual = similarity[:, nearest[distinct]].argmax(axis=0) == distinct
+    return distinct[mutual], nearest[distinct[mutual]]
 
 
 def find_frame_edge(a: FrameFeatures, b: FrameFeatures, K: Float[np.ndarray, "3 3"]) -> FrameEdge | None:

@@ -11,6 +11,7 @@ from humanmm.models.cuts import bundle as cut_bundle
 from humanmm.models.cuts import camera_rotation as cuts
 from humanmm.models.cuts import epipolar, residuals
 from humanmm.models.cuts.sides import CutCameras, CutPerson
+from humanmm.models.geometry.robust import huber_weight
 from humanmm.models.geometry.rotations import angle_between_deg, rotvec_to_rotmat
 from humanmm.models.records.motion import CutAlignment
 
@@ -41,32 +42,34 @@ def test_the_bundle_mends_a_tilted_pose_estimator_that_rotation_alone_believes()
     assert np.mean(bundle) < 0.7 * np.mean(turned)
 
 
-def test_the_analytic_jacobian_is_that_of_the_residuals() -> None:
+def test_the_normal_equations_are_those_of_the_residuals() -> None:
     person, truth = case(70.0, tilt_deg=5.0)
     item = cuts._prepare(person, CAMERAS, 19.5 / FPS)
     problem = residuals.CutProblem([item], cuts._BODY, residuals.BundleSettings())
     state, shift = cut_bundle._start(item, truth)
-    view = residuals.CameraState(truth, shift, np.zeros(3))
-    _, J = problem.linearise(item, state, view)
-    rng = np.random.default_rng(0)
-    direction = rng.normal(size=problem.num_unknowns)
-    h = 1e-6
-    ends = []
-    for sign in (1.0, -1.0):
-        step = sign * h * direction
+    view = residuals.CameraState(truth, shift, np.full(3, 0.01))
+
+    def all_residuals(step: np.ndarray) -> np.ndarray:
         moved, seen = state.moved(step[:-9]), view.moved(step[-9:])
-        image = [problem._side_residuals(v, k, moved, seen) for k, v in enumerate((item.before, item.after))]
-        ends.append(np.concatenate([part.ravel() for pair in image for part in pair]))
-    numeric = (ends[0] - ends[1]) / (2 * h)
-    image = [problem._side_residuals(v, k, state, view) for k, v in enumerate((item.before, item.after))]
+        sides = [problem._side_residuals(one, k, moved, seen) for k, one in enumerate((item.before, item.after))]
+        of_velocity = seen.velocity / problem.settings.camera_velocity_ms
+        parts = [*(part for side in sides for part in side), problem._bones(item, moved)[0], problem._prior(moved)]
+        return np.concatenate([*(part.ravel() for part in parts), of_velocity])
+
+    h, num = 1e-6, 9 * problem.num_points + 15
+    J = np.stack([all_residuals(step) - all_residuals(-step) for step in h * np.eye(num)], axis=1) / (2 * h)
+    here = all_residuals(np.zeros(num))
     # The robust weight scales image residuals and their derivatives alike.
-    robust = []
-    for part in image:
-        size = np.linalg.norm(part[0], axis=-1, keepdims=True)
-        factor = np.sqrt(np.minimum(1.0, residuals.HUBER / np.maximum(size, 1e-9)))
-        robust += [np.broadcast_to(factor, part[0].shape).ravel(), np.ones(part[1].size)]
-    analytic = J[: len(numeric)] @ direction
-    np.testing.assert_allclose(analytic, numeric * np.concatenate(robust), rtol=1e-4, atol=1e-4)
+    weight, at = np.ones(len(here)), 0
+    for side, one in enumerate((item.before, item.after)):
+        image, point = problem._side_residuals(one, side, state, view)
+        size = np.linalg.norm(image, axis=-1, keepdims=True)
+        weight[at : at + image.size] = np.broadcast_to(huber_weight(size, residuals.HUBER), image.shape).ravel()
+        at += image.size + point.size
+    assert (weight < 1).any()
+    gradient, hessian = problem.normal([state], view)[0]
+    np.testing.assert_allclose(gradient, J.T @ (weight * here), rtol=1e-4, atol=1e-4)
+    np.testing.assert_allclose(hessian, J.T @ (weight[:, None] * J), rtol=1e-4, atol=1e-3)
 
 
 def test_a_long_gap_is_reported() -> None:
