@@ -1,4 +1,4 @@
-"""Residuals and Jacobians of the bundle adjustment through a cut (`bundle`), and what it is given.
+"""Residuals and their derivatives of the bundle adjustment through a cut (`bundle`), and what it is given.
 
 Measured are the image points of both sides (robust), the pose estimator's 3D points about the mid-hip, and bone lengths
 (constant, the same left and right); expected are moderate velocities, accelerations and corrections.
@@ -82,67 +82,69 @@ CAMERA_UNKNOWNS = 9
 
 @dataclass(frozen=True)
 class PersonState:
-    """What is unknown of one person."""
+    """What is unknown of one person, in S runs."""
 
-    motion: Float[Array, "3 J 3"]
+    motion: Float[Array, "S 3 J 3"]
     """Position, velocity and acceleration of each point at the cut, in the axes of the camera before it."""
-    correction: Float[Array, "2 3 3"]
+    correction: Float[Array, "S 2 3 3"]
 
-    def moved(self, step: Float[Array, "unknowns"]) -> "PersonState":
-        of_motion, of_correction = np.split(step, [self.motion.size])
-        rotations = rotvec_to_rotmat(of_correction.reshape(2, 3))
+    def moved(self, step: Float[Array, "S own"]) -> "PersonState":
+        of_motion, of_correction = step[:, :-6], step[:, -6:]
+        rotations = rotvec_to_rotmat(of_correction.reshape(-1, 2, 3))
         return PersonState(self.motion + of_motion.reshape(self.motion.shape), rotations @ self.correction)
 
 
 @dataclass(frozen=True)
 class CameraState:
-    """What is unknown of the camera after the cut."""
+    """What is unknown of the camera after the cut, in S runs."""
 
-    R_before_after: Float[Array, "3 3"]
-    shift: Float[Array, "3"]
+    R_before_after: Float[Array, "S 3 3"]
+    shift: Float[Array, "S 3"]
     """x_after = R_before_afterᵀ x_before + shift."""
-    velocity: Float[Array, "3"]
+    velocity: Float[Array, "S 3"]
 
-    def moved(self, step: Float[Array, "9"]) -> "CameraState":
+    def moved(self, step: Float[Array, "S 9"]) -> "CameraState":
         return CameraState(
-            self.R_before_after @ rotvec_to_rotmat(step[:3]), self.shift + step[3:6], self.velocity + step[6:9]
+            self.R_before_after @ rotvec_to_rotmat(step[:, :3]), self.shift + step[:, 3:6], self.velocity + step[:, 6:]
         )
 
 
 class CutProblem:
-    """Cost and Gauss-Newton equations.
+    """Cost and Newton equations, of S runs at once.
 
     Unknowns of a person (motion of each point, two corrections) meet only in the camera's nine, so that each person has
-    equations of his own: own unknowns first, then the camera's. A residual of one moment sees the motion only by where
-    the points are then: derivatives are taken by these positions, and by corrections and camera (`_OTHERS`); the
-    positions of all moments are expanded to the motion at the end.
+    equations of his own: own unknowns first, then the camera's. At any moment, pictures and bones see the motion only
+    by where the points are then: derivatives are taken by these positions, and expanded to the motion at the end.
     """
 
     def __init__(self, people: list[PersonAtCut], body: BodyPoints, settings: BundleSettings) -> None:
         self.people, self.settings = people, settings
-        self.num_points = people[0].before.rays.shape[1]
-        self.bone_a, self.bone_b = np.array(body.bones).T
-        self.about_hips = np.eye(self.num_points)
+        self.num_points = num = people[0].before.rays.shape[1]
+        self.about_hips = np.eye(num)
         """(J, J): times points, these about the mid-hip."""
         self.about_hips[:, body.hips] -= 0.5
+        bone = np.arange(len(body.bones))[:, None]
+        self.along_bone = np.zeros((len(body.bones), num))
+        """(B, J): times points, the vectors of the bones."""
+        self.along_bone[bone, body.bones] = 1.0, -1.0
         rotation = np.full(6, np.sqrt(3) / np.deg2rad(settings.orientation_deg))
-        of_motion = np.repeat([0.0, 1 / settings.velocity_ms, 1 / settings.acceleration_ms2], 3 * self.num_points)
+        of_motion = np.repeat([0.0, 1 / settings.velocity_ms, 1 / settings.acceleration_ms2], 3 * num)
         self.prior_weights = np.concatenate([of_motion, rotation])
         """Of a person's unknowns: moderate velocities, accelerations and corrections."""
+        self.of_points = [self._of_points(person) for person in people]
 
-    def cost(self, states: list[PersonState], camera: CameraState) -> float:
+    def cost(self, states: list[PersonState], camera: CameraState) -> Float[Array, " S"]:
         """½ Σ ρ(residual²), with Huber on the image points."""
-        total = 0.0
+        total = (camera.velocity**2).sum(axis=-1) / self.settings.camera_velocity_ms**2
         for person, state in zip(self.people, states, strict=True):
             for side, view in enumerate((person.before, person.after)):
                 image, point = self._side_residuals(view, side, state, camera)
                 size = np.linalg.norm(image, axis=-1)
-                total += float(huber_loss(size, HUBER).sum() + (point**2).sum())
-            total += float((self._bones(person, state)[0] ** 2).sum())
-            total += float((self._prior(state) ** 2).sum())
-        return 0.5 * (total + float((camera.velocity**2).sum()) / self.settings.camera_velocity_ms**2)
+                total += huber_loss(size, HUBER).sum(axis=(1, 2)) + (point**2).sum(axis=(1, 2, 3))
+            total += (self._bones(person, state)[0] ** 2).sum(axis=(1, 2)) + (self._prior(state) ** 2).sum(axis=1)
+        return np.asarray(0.5 * total)
 
-    def image_residual(self, states: list[PersonState], camera: CameraState) -> float:
+    def image_residual(self, states: list[PersonState], camera: CameraState) -> Float[Array, " S"]:
         """Weighted median length of the image residuals, in standard deviations of one frame."""
         sizes = []
         for person, state in zip(self.people, states, strict=True):
@@ -150,53 +152,83 @@ class CutProblem:
                 image, _ = self._side_residuals(view, side, state, camera)
                 seen = view.weight > 0.2
                 root_n = np.sqrt(len(view.time_s))
-                sizes.append(np.linalg.norm(image, axis=-1)[seen] * root_n / np.sqrt(view.weight[seen]))
-        values = np.concatenate(sizes)
-        return float(np.median(values)) if len(values) else float("nan")
+                sizes.append(np.linalg.norm(image, axis=-1)[:, seen] * root_n / np.sqrt(view.weight[seen]))
+        values = np.concatenate(sizes, axis=1)
+        return np.median(values, axis=1) if values.size else np.full(len(values), np.nan)
 
     def normal(
         self, states: list[PersonState], camera: CameraState
-    ) -> list[tuple[Float[Array, "unknowns"], Float[Array, "unknowns unknowns"]]]:
-        """Gradient and Gauss-Newton Hessian of each person; the camera's prior is added to the first."""
-        parts = [self._normal_of(person, state, camera) for person, state in zip(self.people, states, strict=True)]
+    ) -> list[tuple[Float[Array, "S unknowns"], Float[Array, "S unknowns unknowns"]]]:
+        """Gradient and Hessian of each person; the camera's prior is added to the first.
+
+        The Hessian is that of Gauss and Newton; stretched bones have their second derivative as well, without which
+        points that turn about their neighbour overshoot.
+        """
+        parts = [self._normal_of(k, state, camera) for k, state in enumerate(states)]
         weight = 1 / self.settings.camera_velocity_ms**2
         gradient, hessian = parts[0]
-        gradient[-3:] += weight * camera.velocity
-        hessian[-3:, -3:] += weight * np.eye(3)
+        gradient[:, -3:] += weight * camera.velocity
+        hessian[:, -3:, -3:] += weight * np.eye(3)
         return parts
 
     def _normal_of(
-        self, person: PersonAtCut, state: PersonState, camera: CameraState
-    ) -> tuple[Float[Array, "unknowns"], Float[Array, "unknowns unknowns"]]:
-        """One person's gradient and Gauss-Newton Hessian (robust weights folded in), with his prior."""
-        views = (person.before, person.after)
-        parts = [
-            *(self._side(view, side, state, camera) for side, view in enumerate(views)),
-            self._bones(person, state),
-        ]
-        basis = basis_at(np.concatenate([*(view.time_s for view in views), _bone_times(person)]))
-        by_moment = np.concatenate([(residual[:, None] @ rows)[:, 0] for residual, rows in parts])
-        squared = np.concatenate([np.swapaxes(rows, -1, -2) @ rows for _, rows in parts])
-        num = 3 * self.num_points
-        gradient = np.concatenate([(basis.T @ by_moment[:, :num]).ravel(), by_moment[:, num:].sum(axis=0)])
-        of_motion = np.tensordot(basis[:, :, None] * basis[:, None], squared[:, :num, :num], (0, 0))
-        mixed = np.tensordot(basis, squared[:, :num, num:], (0, 0)).reshape(3 * num, -1)
-        of_motion = np.swapaxes(of_motion, 1, 2).reshape(3 * num, 3 * num)
-        hessian = np.block([[of_motion, mixed], [mixed.T, squared[:, num:, num:].sum(axis=0)]])
+        self, number: int, state: PersonState, camera: CameraState
+    ) -> tuple[Float[Array, "S unknowns"], Float[Array, "S unknowns unknowns"]]:
+        """One person's gradient and Hessian (robust weights folded in), with his prior."""
+        person, num = self.people[number], self.num_points
+        runs, each = len(state.motion), np.arange(num)
+        motion = np.repeat(self.of_points[number][None], runs, axis=0)
+        mixed, others = np.zeros((runs, 3, num, 3, _OTHERS + 1)), np.zeros((runs, _OTHERS + 1, _OTHERS + 1))
+        for side, view in enumerate((person.before, person.after)):
+            basis = basis_at(view.time_s)
+            by_image, by_point, by_other = self._side(view, side, state, camera)
+            by_position = np.swapaxes(by_image, -1, -2) @ by_other[..., :2, :]
+            about_hips = np.swapaxes(by_point, -1, -2) @ by_other[..., 2:, :]
+            by_position += (self.about_hips.T @ about_hips.reshape(*about_hips.shape[:3], -1)).reshape(about_hips.shape)
+            mixed += _weighted(basis, by_position)
+            of_image = _weighted(_pairs(basis), np.swapaxes(by_image, -1, -2) @ by_image)
+            motion[:, :, each, :, :, each] += of_image.reshape(runs, 3, 3, num, 3, 3).transpose(3, 0, 1, 4, 2, 5)
+            rows = by_other.reshape(runs, -1, _OTHERS + 1)
+            others += np.swapaxes(rows, -1, -2) @ rows
+        residual, direction, curvature = self._bones(person, state)
+        basis = basis_at(_bone_times(person))
+        mixed[..., -1] += _weighted(basis, self.along_bone.T @ (residual[..., None] * direction))
+        between = self.along_bone[:, :, None] * self.along_bone[:, None]
+        of_bones = between.reshape(len(between), -1).T @ curvature.reshape(*residual.shape, 9)
+        of_bones = _weighted(_pairs(basis), of_bones).reshape(runs, 3, 3, num, num, 3, 3)
+        motion += of_bones.transpose(0, 1, 3, 5, 2, 4, 6)
+
+        mixed = mixed.reshape(runs, 9 * num, -1)
+        gradient = np.concatenate([mixed[..., -1], others[:, :-1, -1]], axis=-1)
+        hessian = np.empty((runs, gradient.shape[1], gradient.shape[1]))
+        hessian[:, : 9 * num, : 9 * num] = motion.reshape(runs, 9 * num, -1)
+        hessian[:, : 9 * num, 9 * num :] = mixed[..., :-1]
+        hessian[:, 9 * num :, : 9 * num] = np.swapaxes(mixed[..., :-1], -1, -2)
+        hessian[:, 9 * num :, 9 * num :] = others[:, :-1, :-1]
         own = np.arange(len(self.prior_weights))
-        gradient[own] += self.prior_weights * self._prior(state)
-        hessian[own, own] += self.prior_weights**2
+        gradient[:, own] += self.prior_weights * self._prior(state)
+        hessian[:, own, own] += self.prior_weights**2
         return gradient, hessian
+
+    def _of_points(self, person: PersonAtCut) -> Float[Array, "3 J 3 3 J 3"]:
+        """Hessian of the motion from the 3D points alone: all else in it are rotations, which do not count."""
+        total = np.zeros((3, 3, self.num_points, self.num_points))
+        for view in (person.before, person.after):
+            scaled = self._scales(view)[1] * self.about_hips
+            total += np.tensordot(_pairs(basis_at(view.time_s)), np.swapaxes(scaled, -1, -2) @ scaled, (0, 0)).reshape(
+                total.shape
+            )
+        return np.einsum("klij,cd->kicljd", total, np.eye(3))
 
     def _camera_points(
         self, view: SideView, side: int, state: PersonState, camera: CameraState
-    ) -> tuple[Float[Array, "n J 3"], Float[Array, "n J 3"]]:
-        """Points in the side's camera, and the same without the translation (for the Jacobian)."""
-        X = _moving(state, view.time_s)
+    ) -> tuple[Float[Array, "S n J 3"], Float[Array, "S n J 3"]]:
+        """Points in the side's camera, and the same without the translation (for the derivatives)."""
+        X = moving(state, view.time_s)
         if side == 0:
             return X, X
-        rotated = (X + camera.velocity * view.time_s[:, None, None]) @ camera.R_before_after
-        return rotated + camera.shift, rotated
+        rotated = (X + camera.velocity[:, None, None] * view.time_s[:, None, None]) @ camera.R_before_after[:, None]
+        return rotated + camera.shift[:, None, None], rotated
 
     def _scales(self, view: SideView) -> tuple[Float[Array, "n J 1"], Float[Array, "n J 1"]]:
         # Errors of neighbouring frames are nearly the same error: n frames together weigh like one.
@@ -207,59 +239,67 @@ class CutProblem:
 
     def _side_residuals(
         self, view: SideView, side: int, state: PersonState, camera: CameraState
-    ) -> tuple[Float[Array, "n J 2"], Float[Array, "n J 3"]]:
+    ) -> tuple[Float[Array, "S n J 2"], Float[Array, "S n J 3"]]:
         Y, rotated = self._camera_points(view, side, state, camera)
         ray_scale, point_scale = self._scales(view)
         image = (Y[..., :2] / np.maximum(Y[..., 2:], 0.1) - view.rays) * ray_scale
-        return image, (self.about_hips @ rotated @ state.correction[side].T - view.points) * point_scale
+        corrected = self.about_hips @ rotated @ np.swapaxes(state.correction[:, None, side], -1, -2)
+        return image, (corrected - view.points) * point_scale
 
     def _side(
         self, view: SideView, side: int, state: PersonState, camera: CameraState
-    ) -> tuple[Float[Array, "n 5J"], Float[Array, "n 5J 3J+15"]]:
-        """A side's whitened residuals in each frame, robust weights folded in, and their derivatives."""
-        n, num = view.weight.shape
+    ) -> tuple[Float[Array, "S n J 2 3"], Float[Array, "S n J 3 3"], Float[Array, "S n J 5 16"]]:
+        """Derivatives of a side's whitened residuals, robust weights folded in.
+
+        Of the image points by the points' positions, of the 3D points by the positions about the mid-hip, and of both
+        together by `_OTHERS`; the last column holds the residuals.
+        """
         Y, rotated = self._camera_points(view, side, state, camera)
         ray_scale, point_scale = self._scales(view)
         image, point = self._side_residuals(view, side, state, camera)
         robust = np.sqrt(huber_weight(np.linalg.norm(image, axis=-1, keepdims=True), HUBER))
         z = np.maximum(Y[..., 2], 0.1)
-        projection = np.zeros((n, num, 2, 3))
+        projection = np.zeros((*z.shape, 2, 3))
         projection[..., 0, 0] = projection[..., 1, 1] = 1 / z
         projection[..., 0, 2], projection[..., 1, 2] = -Y[..., 0] / z**2, -Y[..., 1] / z**2
         projection *= (ray_scale * robust)[..., None]
-        to_camera = np.eye(3) if side == 0 else camera.R_before_after.T
-        C, relative, each = state.correction[side], self.about_hips @ rotated, np.arange(num)
-
-        by_position, by_other = np.zeros((n, num, 5, num, 3)), np.zeros((n, num, 5, _OTHERS))
-        by_image, by_point = by_other[:, :, :2], by_other[:, :, 2:]
-        d_image = projection @ to_camera
-        by_position[:, each, :2, each] = np.swapaxes(d_image, 0, 1)
-        by_position[:, :, 2:] = (self.about_hips * point_scale)[:, :, None, :, None] * (C @ to_camera)[:, None]
-        by_point[..., 3 * side : 3 * side + 3] = -skew(relative @ C.T) * point_scale[..., None]
+        C, relative = state.correction[:, None, None, side], self.about_hips @ rotated
+        by_image, by_point = projection, C * point_scale[..., None]
+        by_other = np.zeros((*z.shape, 5, _OTHERS + 1))
+        of_image, of_point = by_other[..., :2, :], by_other[..., 2:, :]
+        of_point[..., 3 * side : 3 * side + 3] = -skew((C @ relative[..., None])[..., 0]) * point_scale[..., None]
         if side == 1:
-            by_image[..., -9:-6] = projection @ skew(rotated)
-            by_image[..., -6:-3] = projection
-            by_image[..., -3:] = d_image * view.time_s[:, None, None, None]
-            by_point[..., -9:-6] = C @ skew(relative) * point_scale[..., None]
-        residual = np.concatenate([image * robust, point], axis=-1)
-        rows = np.concatenate([by_position.reshape(n, 5 * num, -1), by_other.reshape(n, 5 * num, -1)], axis=-1)
-        return residual.reshape(n, -1), rows
+            to_camera = np.swapaxes(camera.R_before_after, -1, -2)[:, None, None]
+            by_image, by_point = projection @ to_camera, by_point @ to_camera
+            of_image[..., 6:9], of_image[..., 9:12] = projection @ skew(rotated), projection
+            of_image[..., 12:15] = by_image * view.time_s[:, None, None, None]
+            of_point[..., 6:9] = C @ skew(relative) * point_scale[..., None]
+        of_image[..., -1], of_point[..., -1] = image * robust, point
+        return by_image, by_point, by_other
 
-    def _bones(self, person: PersonAtCut, state: PersonState) -> tuple[Float[Array, "3 B"], Float[Array, "3 B 3J+15"]]:
-        """Whitened residuals of the bones' lengths at three moments, and their derivatives."""
-        X = _moving(state, _bone_times(person))
-        offset = X[:, self.bone_a] - X[:, self.bone_b]
+    def _bones(
+        self, person: PersonAtCut, state: PersonState
+    ) -> tuple[Float[Array, "S 3 B"], Float[Array, "S 3 B 3"], Float[Array, "S 3 B 3 3"]]:
+        """Whitened residuals of the bones' lengths at three moments, and first and second derivative by the bones'
+        vectors of half their squares."""
+        offset = self.along_bone @ moving(state, _bone_times(person))
         length = np.linalg.norm(offset, axis=-1)
-        direction = offset / np.maximum(length, 1e-3)[..., None] / self.settings.bone_m
-        bones = np.arange(len(self.bone_a))
-        by_position = np.zeros((3, len(bones), self.num_points, 3))
-        by_position[:, bones, self.bone_a], by_position[:, bones, self.bone_b] = direction, -direction
-        rows = np.concatenate([by_position.reshape(3, len(bones), -1), np.zeros((3, len(bones), _OTHERS))], axis=-1)
-        return (length - person.bone_lengths) / self.settings.bone_m, rows
+        residual = (length - person.bone_lengths) / self.settings.bone_m
+        safe = np.maximum(length, 1e-3)[..., None]
+        direction = offset / safe / self.settings.bone_m
+        along = direction[..., :, None] * direction[..., None, :]
+        across = np.eye(3) / self.settings.bone_m**2 - along
+        # A bone that is too short is pushed apart: its curvature is negative, and left out.
+        stretch = np.maximum(residual[..., None], 0) * self.settings.bone_m / safe
+        return residual, direction, along + stretch[..., None] * across
 
-    def _prior(self, state: PersonState) -> Float[Array, "own"]:
+    def _prior(self, state: PersonState) -> Float[Array, "S own"]:
         """Whitened velocities, accelerations and corrections."""
-        return self.prior_weights * np.concatenate([state.motion.ravel(), rotmat_to_rotvec(state.correction).ravel()])
+        runs = len(state.motion)
+        correction = rotmat_to_rotvec(state.correction)
+        return self.prior_weights * np.concatenate(
+            [state.motion.reshape(runs, -1), correction.reshape(runs, -1)], axis=1
+        )
 
 
 _OTHERS = 6 + CAMERA_UNKNOWNS
@@ -276,6 +316,17 @@ def basis_at(time_s: Float[Array, " n"]) -> Float[Array, "n 3"]:
     return np.stack([np.ones_like(time_s), time_s, 0.5 * time_s**2], axis=-1)
 
 
-def _moving(state: PersonState, time_s: Float[Array, " n"]) -> Float[Array, "n J 3"]:
+def moving(state: PersonState, time_s: Float[Array, " n"]) -> Float[Array, "S n J 3"]:
     """Where the points are at each moment."""
-    return np.tensordot(basis_at(time_s), state.motion, (1, 0))
+    return _weighted(basis_at(time_s).T, state.motion)
+
+
+def _pairs(basis: Float[Array, "n 3"]) -> Float[Array, "n 9"]:
+    """What pairs of them count for."""
+    return (basis[:, :, None] * basis[:, None]).reshape(len(basis), 9)
+
+
+def _weighted(weights: Float[Array, "n m"], values: Float[Array, "S n *rest"]) -> Float[Array, "S m *rest"]:
+    """Sums over the second axis."""
+    runs, n, *rest = values.shape
+    return (weights.T @ values.reshape(runs, n, -1)).reshape(runs, -1, *rest)

@@ -42,34 +42,55 @@ def test_the_bundle_mends_a_tilted_pose_estimator_that_rotation_alone_believes()
     assert np.mean(bundle) < 0.7 * np.mean(turned)
 
 
-def test_the_normal_equations_are_those_of_the_residuals() -> None:
+@pytest.mark.parametrize("bones", [0.8, 1.25])
+def test_the_equations_are_derivatives_of_the_residuals(bones: float) -> None:
+    """Of Gauss and Newton; where all bones are stretched (0.8), theirs are the whole second derivative."""
     person, truth = case(70.0, tilt_deg=5.0)
     item = cuts._prepare(person, CAMERAS, 19.5 / FPS)
+    item = replace(item, bone_lengths=bones * item.bone_lengths)
     problem = residuals.CutProblem([item], cuts._BODY, residuals.BundleSettings())
-    state, shift = cut_bundle._start(item, truth)
-    view = residuals.CameraState(truth, shift, np.full(3, 0.01))
+    h, num = 1e-4, 9 * problem.num_points + 15
+    steps = h * np.concatenate([np.zeros((1, num)), np.eye(num), -np.eye(num)])
+    at = cut_bundle.starts_of([item], np.repeat(truth[None], len(steps), axis=0))
+    state, camera = at.people[0].moved(steps[:, :-9]), at.camera.moved(steps[:, -9:])
 
-    def all_residuals(step: np.ndarray) -> np.ndarray:
-        moved, seen = state.moved(step[:-9]), view.moved(step[-9:])
-        sides = [problem._side_residuals(one, k, moved, seen) for k, one in enumerate((item.before, item.after))]
-        of_velocity = seen.velocity / problem.settings.camera_velocity_ms
-        parts = [*(part for side in sides for part in side), problem._bones(item, moved)[0], problem._prior(moved)]
-        return np.concatenate([*(part.ravel() for part in parts), of_velocity])
+    def derivative(values: np.ndarray) -> np.ndarray:
+        return (values[1 : num + 1] - values[num + 1 :]).reshape(num, -1).T / (2 * h)
 
-    h, num = 1e-6, 9 * problem.num_points + 15
-    J = np.stack([all_residuals(step) - all_residuals(-step) for step in h * np.eye(num)], axis=1) / (2 * h)
-    here = all_residuals(np.zeros(num))
-    # The robust weight scales image residuals and their derivatives alike.
-    weight, at = np.ones(len(here)), 0
-    for side, one in enumerate((item.before, item.after)):
-        image, point = problem._side_residuals(one, side, state, view)
-        size = np.linalg.norm(image, axis=-1, keepdims=True)
-        weight[at : at + image.size] = np.broadcast_to(huber_weight(size, residuals.HUBER), image.shape).ravel()
-        at += image.size + point.size
-    assert (weight < 1).any()
-    gradient, hessian = problem.normal([state], view)[0]
-    np.testing.assert_allclose(gradient, J.T @ (weight * here), rtol=1e-4, atol=1e-4)
-    np.testing.assert_allclose(hessian, J.T @ (weight[:, None] * J), rtol=1e-4, atol=1e-3)
+    gradient, hessian = (np.zeros(shape) for shape in (num, (num, num)))
+    sides = [problem._side_residuals(view, k, state, camera) for k, view in enumerate((item.before, item.after))]
+    of_velocity = camera.velocity / problem.settings.camera_velocity_ms
+    for values in (*(part for side in sides for part in side), problem._prior(state), of_velocity):
+        J = derivative(values)
+        size = np.linalg.norm(values[0], axis=-1, keepdims=True)
+        # The robust weight scales image residuals and their derivatives alike.
+        robust = huber_weight(size, residuals.HUBER) if values.shape[-1] == 2 else np.ones_like(size)
+        weight = np.broadcast_to(robust, values[0].shape).ravel()
+        gradient += J.T @ (weight * values[0].ravel())
+        hessian += J.T @ (weight[:, None] * J)
+    length, direction, _ = problem._bones(item, state)
+    J = derivative(length)
+    gradient += J.T @ length[0].ravel()
+    hessian += J.T @ J
+    if bones < 1:
+        assert (length[0] > 0).all()
+        by_vector = derivative(direction).reshape(*direction.shape[1:], num)
+        vectors = derivative(problem.along_bone @ residuals.moving(state, residuals._bone_times(item)))
+        hessian += np.einsum("tb,tbcu,tbcv->uv", length[0], by_vector, vectors.reshape(by_vector.shape))
+    found, square = problem.normal([at.people[0]], at.camera)[0]
+    np.testing.assert_allclose(found[0], gradient, rtol=1e-4, atol=1e-3)
+    np.testing.assert_allclose(square[0], hessian, rtol=1e-4, atol=1e-2)
+
+
+def test_runs_side_by_side_are_those_alone() -> None:
+    person, truth = case(70.0)
+    item = cuts._prepare(person, CAMERAS, 19.5 / FPS)
+    starts = truth @ rotvec_to_rotmat(np.radians([[0.0, 0.0, 0.0], [0.0, 40.0, 0.0], [30.0, 0.0, 0.0]]))
+    settings = residuals.BundleSettings()
+    together = [one.R_before_after for one in cut_bundle.adjust([item], cuts._BODY, starts, settings)]
+    for start in starts:
+        (alone,) = cut_bundle.adjust([item], cuts._BODY, start[None], settings)
+        assert min(angle_between_deg(alone.R_before_after, R) for R in together) < 0.5  # stopped a little earlier
 
 
 def test_a_long_gap_is_reported() -> None:
