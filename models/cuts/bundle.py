@@ -21,6 +21,7 @@ from humanmm.models.cuts.residuals import (
     CameraState,
     CutProblem,
     PersonAtCut,
+    PersonEquations,
     PersonState,
     basis_at,
 )
@@ -58,29 +59,33 @@ class _Runs:
 
 
 def _damped_step(
-    parts: list[tuple[Float[Array, "S unknowns"], Float[Array, "S unknowns unknowns"]]], damping: Float[Array, " S"]
+    parts: list[PersonEquations], damping: Float[Array, " S"]
 ) -> tuple[list[Float[Array, "S own"]], Float[Array, "S 9"]]:
-    """Levenberg-Marquardt step of every person and of the camera; people are eliminated one by one (Schur
-    complement)."""
-    n = CAMERA_UNKNOWNS
-    reduced = _damped(np.sum([hessian[:, -n:, -n:] for _, hessian in parts], axis=0), damping)
-    right = np.sum([gradient[:, -n:] for gradient, _ in parts], axis=0)
+    """Levenberg-Marquardt step of every person and of the camera; the motions are eliminated (Schur complement)."""
+    runs, num = len(damping), 6 * len(parts)
+    reduced = np.zeros((runs, num + CAMERA_UNKNOWNS, num + CAMERA_UNKNOWNS + 1))
+    own = [np.concatenate([np.arange(6 * k, 6 * k + 6), np.arange(num, reduced.shape[2])]) for k in range(len(parts))]
     solved = []
-    for gradient, hessian in parts:
-        own, mixed = _damped(hessian[:, :-n, :-n], damping), hessian[:, :-n, -n:]
-        answer = np.linalg.solve(own, np.concatenate([mixed, gradient[:, :-n, None]], axis=-1))
-        through = np.swapaxes(mixed, -1, -2) @ answer
-        reduced, right = reduced - through[..., :n], right - through[..., n]
+    for part, rows in zip(parts, own, strict=True):
+        reduced[:, rows[:-1, None], rows] += part.others[:, :-1]
+    _damp(reduced, damping)
+    for part, rows in zip(parts, own, strict=True):
+        _damp(part.motion, damping)
+        answer = np.linalg.solve(part.motion, part.mixed)
+        reduced[:, rows[:-1, None], rows] -= np.swapaxes(part.mixed[..., :-1], -1, -2) @ answer
         solved.append(answer)
-    camera = -np.linalg.solve(reduced, right[..., None])
-    return [-(answer[..., n:] + answer[..., :n] @ camera)[..., 0] for answer in solved], camera[..., 0]
+    others = -np.linalg.solve(reduced[..., :-1], reduced[..., -1:])
+    steps = [
+        np.concatenate([-(answer[..., -1:] + answer[..., :-1] @ others[:, rows[:-1]]), others[:, rows[:6]]], axis=1)
+        for answer, rows in zip(solved, own, strict=True)
+    ]
+    return [step[..., 0] for step in steps], others[:, num:, 0]
 
 
-def _damped(hessian: Float[Array, "S k k"], damping: Float[Array, " S"]) -> Float[Array, "S k k"]:
-    """The matrices with each diagonal element enlarged by the fraction `damping`."""
-    out, each = hessian.copy(), np.arange(hessian.shape[-1])
-    out[:, each, each] += damping[:, None] * (out[:, each, each] + 1e-6)
-    return out
+def _damp(hessian: Float[Array, "S k m"], damping: Float[Array, " S"]) -> None:
+    """Enlarge each diagonal element by the fraction `damping`."""
+    each = np.arange(hessian.shape[1])
+    hessian[:, each, each] += damping[:, None] * (hessian[:, each, each] + 1e-6)
 
 
 def _quadratic(time_s: Float[Array, "n"], values: Float[Array, "n J 3"], damping: float) -> Float[Array, "3 J 3"]:
@@ -146,7 +151,7 @@ def _minimise(problem: CutProblem, runs: _Runs, iterations: int) -> Float[Array,
     going = np.arange(len(cost))
     for _ in range(iterations):
         at = runs[going]
-        steps, camera_step = _damped_step(problem.normal(at.people, at.camera), damping[going])
+        steps, camera_step = _damped_step(problem.equations(at.people, at.camera), damping[going])
         moved = _Runs(
             [person.moved(step) for person, step in zip(at.people, steps, strict=True)], at.camera.moved(camera_step)
         )

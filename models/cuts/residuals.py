@@ -109,12 +109,23 @@ class CameraState:
         )
 
 
+@dataclass(frozen=True)
+class PersonEquations:
+    """Blocks of the Hessian of one person's unknowns and the camera's, in S runs; the last column is the gradient."""
+
+    motion: Float[Array, "S 9J 9J"]
+    mixed: Float[Array, "S 9J 16"]
+    """Motion and others: two corrections (6), the camera (9)."""
+    others: Float[Array, "S 16 16"]
+    """The last row is unused."""
+
+
 class CutProblem:
     """Cost and Newton equations, of S runs at once.
 
-    Unknowns of a person (motion of each point, two corrections) meet only in the camera's nine, so that each person has
-    equations of his own: own unknowns first, then the camera's. At any moment, pictures and bones see the motion only
-    by where the points are then: derivatives are taken by these positions, and expanded to the motion at the end.
+    Unknowns of a person (motion of each point, two corrections) meet others' only in the camera's nine. At any moment,
+    pictures and bones see the motion only by where the points are then: derivatives are taken by these positions, and
+    expanded to the motion at the end.
     """
 
     def __init__(self, people: list[PersonAtCut], body: BodyPoints, settings: BundleSettings) -> None:
@@ -123,10 +134,10 @@ class CutProblem:
         self.about_hips = np.eye(num)
         """(J, J): times points, these about the mid-hip."""
         self.about_hips[:, body.hips] -= 0.5
-        bone = np.arange(len(body.bones))[:, None]
-        self.along_bone = np.zeros((len(body.bones), num))
+        self.bones = np.array(body.bones).T
+        """(2, B): the points that bones join."""
+        self.along_bone = np.eye(num)[self.bones[0]] - np.eye(num)[self.bones[1]]
         """(B, J): times points, the vectors of the bones."""
-        self.along_bone[bone, body.bones] = 1.0, -1.0
         rotation = np.full(6, np.sqrt(3) / np.deg2rad(settings.orientation_deg))
         of_motion = np.repeat([0.0, 1 / settings.velocity_ms, 1 / settings.acceleration_ms2], 3 * num)
         self.prior_weights = np.concatenate([of_motion, rotation])
@@ -156,29 +167,29 @@ class CutProblem:
         values = np.concatenate(sizes, axis=1)
         return np.median(values, axis=1) if values.size else np.full(len(values), np.nan)
 
-    def normal(
-        self, states: list[PersonState], camera: CameraState
-    ) -> list[tuple[Float[Array, "S unknowns"], Float[Array, "S unknowns unknowns"]]]:
-        """Gradient and Hessian of each person; the camera's prior is added to the first.
+    def equations(self, states: list[PersonState], camera: CameraState) -> list["PersonEquations"]:
+        """Of each person; the camera's prior is added to the first.
 
         The Hessian is that of Gauss and Newton; stretched bones have their second derivative as well, without which
         points that turn about their neighbour overshoot.
         """
-        parts = [self._normal_of(k, state, camera) for k, state in enumerate(states)]
+        parts = [self._equations_of(k, state, camera) for k, state in enumerate(states)]
         weight = 1 / self.settings.camera_velocity_ms**2
-        gradient, hessian = parts[0]
-        gradient[:, -3:] += weight * camera.velocity
-        hessian[:, -3:, -3:] += weight * np.eye(3)
+        of_velocity = parts[0].others[:, _VELOCITY]
+        of_velocity[:, :, -1] += weight * camera.velocity
+        of_velocity[:, :, _VELOCITY] += weight * np.eye(3)
         return parts
 
-    def _normal_of(
-        self, number: int, state: PersonState, camera: CameraState
-    ) -> tuple[Float[Array, "S unknowns"], Float[Array, "S unknowns unknowns"]]:
-        """One person's gradient and Hessian (robust weights folded in), with his prior."""
+    def _equations_of(self, number: int, state: PersonState, camera: CameraState) -> "PersonEquations":
+        """One person's equations (robust weights folded in), with his prior."""
         person, num = self.people[number], self.num_points
         runs, each = len(state.motion), np.arange(num)
-        motion = np.repeat(self.of_points[number][None], runs, axis=0)
+        residual, direction, curvature = self._bones(person, state)
+        basis = basis_at(_bone_times(person))
         mixed, others = np.zeros((runs, 3, num, 3, _OTHERS + 1)), np.zeros((runs, _OTHERS + 1, _OTHERS + 1))
+        mixed[..., -1] = _weighted(basis, self.along_bone.T @ (residual[..., None] * direction))
+        of_bones = _weighted(_pairs(basis), curvature.reshape(*residual.shape, 9))
+        of_each = np.abs(self.along_bone).T @ of_bones
         for side, view in enumerate((person.before, person.after)):
             basis = basis_at(view.time_s)
             by_image, by_point, by_other = self._side(view, side, state, camera)
@@ -186,29 +197,22 @@ class CutProblem:
             about_hips = np.swapaxes(by_point, -1, -2) @ by_other[..., 2:, :]
             by_position += (self.about_hips.T @ about_hips.reshape(*about_hips.shape[:3], -1)).reshape(about_hips.shape)
             mixed += _weighted(basis, by_position)
-            of_image = _weighted(_pairs(basis), np.swapaxes(by_image, -1, -2) @ by_image)
-            motion[:, :, each, :, :, each] += of_image.reshape(runs, 3, 3, num, 3, 3).transpose(3, 0, 1, 4, 2, 5)
+            squared = np.swapaxes(by_image, -1, -2) @ by_image
+            of_each += _weighted(_pairs(basis), squared.reshape(*squared.shape[:3], 9))
             rows = by_other.reshape(runs, -1, _OTHERS + 1)
             others += np.swapaxes(rows, -1, -2) @ rows
-        residual, direction, curvature = self._bones(person, state)
-        basis = basis_at(_bone_times(person))
-        mixed[..., -1] += _weighted(basis, self.along_bone.T @ (residual[..., None] * direction))
-        between = self.along_bone[:, :, None] * self.along_bone[:, None]
-        of_bones = between.reshape(len(between), -1).T @ curvature.reshape(*residual.shape, 9)
-        of_bones = _weighted(_pairs(basis), of_bones).reshape(runs, 3, 3, num, num, 3, 3)
-        motion += of_bones.transpose(0, 1, 3, 5, 2, 4, 6)
-
-        mixed = mixed.reshape(runs, 9 * num, -1)
-        gradient = np.concatenate([mixed[..., -1], others[:, :-1, -1]], axis=-1)
-        hessian = np.empty((runs, gradient.shape[1], gradient.shape[1]))
-        hessian[:, : 9 * num, : 9 * num] = motion.reshape(runs, 9 * num, -1)
-        hessian[:, : 9 * num, 9 * num :] = mixed[..., :-1]
-        hessian[:, 9 * num :, : 9 * num] = np.swapaxes(mixed[..., :-1], -1, -2)
-        hessian[:, 9 * num :, 9 * num :] = others[:, :-1, :-1]
-        own = np.arange(len(self.prior_weights))
-        gradient[:, own] += self.prior_weights * self._prior(state)
-        hessian[:, own, own] += self.prior_weights**2
-        return gradient, hessian
+        motion = np.repeat(self.of_points[number][None], runs, axis=0)
+        for first, second, blocks in ((each, each, of_each), (*self.bones, -of_bones), (*self.bones[::-1], -of_bones)):
+            by_pair = blocks.reshape(runs, 3, 3, -1, 3, 3).transpose(3, 0, 1, 4, 2, 5)
+            motion[:, :, first, :, :, second] += by_pair
+        motion, mixed = motion.reshape(runs, 9 * num, -1), mixed.reshape(runs, 9 * num, -1)
+        of_prior, weights = self.prior_weights * self._prior(state), self.prior_weights
+        every, turned = np.arange(9 * num), np.arange(6)
+        motion[:, every, every] += weights[:-6] ** 2
+        mixed[..., -1] += of_prior[:, :-6]
+        others[:, turned, turned] += weights[-6:] ** 2
+        others[:, :6, -1] += of_prior[:, -6:]
+        return PersonEquations(motion, mixed, others)
 
     def _of_points(self, person: PersonAtCut) -> Float[Array, "3 J 3 3 J 3"]:
         """Hessian of the motion from the 3D points alone: all else in it are rotations, which do not count."""
@@ -304,6 +308,8 @@ class CutProblem:
 
 _OTHERS = 6 + CAMERA_UNKNOWNS
 """Unknowns besides the motion: a person's two corrections, and the camera."""
+_VELOCITY = slice(_OTHERS - 3, _OTHERS)
+"""The camera's velocity among them."""
 
 
 def _bone_times(person: PersonAtCut) -> Float[Array, "3"]:

@@ -271,8 +271,7 @@ def _feet(
     step = np.diff(trajectory.time_s)[:, None]
     weight = np.sqrt(still) / (options.still_ms * step) / np.sqrt(correlated)
     moved, swing = np.diff(pair, axis=0), np.diff(rotated, axis=0)
-    for foot in range(4):
-        equations.add_still(first, trajectory.shot, weight[:, foot], moved[:, foot], -skew(swing[:, foot]))
+    equations.add_still(first, trajectory.shot, weight, moved, -skew(swing))
     if not floor:
         return
     below = pair[..., 2] < 0
@@ -321,14 +320,14 @@ def _levels(
     options: SolveSettings,
 ) -> None:
     """Every shot stays about as level as it came, neighbouring shots rotated against each other as their edge says."""
-    of_rotation = np.eye(CAMERA_UNKNOWNS)[3:6]
-    for shot, rotation in enumerate(state.rotation):
-        tilt_deg = min(rigs[shot].level_deg, options.level_deg)
+    of_rotation, rotated = np.eye(CAMERA_UNKNOWNS)[3:6], rotmat_to_rotvec(state.rotation)
+    for shot, rig in enumerate(rigs):
+        tilt_deg = min(rig.level_deg, options.level_deg)
         w_axes = 1 / np.deg2rad([tilt_deg, tilt_deg, options.level_deg])
-        equations.add_cameras(w_axes * rotmat_to_rotvec(rotation), (shot, w_axes[:, None] * of_rotation))
+        equations.add_cameras(w_axes * rotated[shot], (shot, w_axes[:, None] * of_rotation))
     for edge in edges:
         w = 1 / np.deg2rad(edge.sigma_deg)
-        difference = rotmat_to_rotvec(state.rotation[edge.b]) - rotmat_to_rotvec(state.rotation[edge.a])
+        difference = rotated[edge.b] - rotated[edge.a]
         equations.add_cameras(w * difference, (edge.b, w * of_rotation), (edge.a, -w * of_rotation))
 
 

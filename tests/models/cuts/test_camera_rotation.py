@@ -77,9 +77,13 @@ def test_the_equations_are_derivatives_of_the_residuals(bones: float) -> None:
         by_vector = derivative(direction).reshape(*direction.shape[1:], num)
         vectors = derivative(problem.along_bone @ residuals.moving(state, residuals._bone_times(item)))
         hessian += np.einsum("tb,tbcu,tbcv->uv", length[0], by_vector, vectors.reshape(by_vector.shape))
-    found, square = problem.normal([at.people[0]], at.camera)[0]
-    np.testing.assert_allclose(found[0], gradient, rtol=1e-4, atol=1e-3)
-    np.testing.assert_allclose(square[0], hessian, rtol=1e-4, atol=1e-2)
+    (found,) = problem.equations(at.people, at.camera)
+    motion, others = slice(0, -15), slice(-15, None)
+    both = np.concatenate([hessian, gradient[:, None]], axis=1)
+    np.testing.assert_allclose(found.motion[0], hessian[motion, motion], rtol=1e-4, atol=1e-2)
+    np.testing.assert_allclose(found.mixed[0, :, :-1], hessian[motion, others], rtol=1e-4, atol=1e-2)
+    np.testing.assert_allclose(found.mixed[0, :, -1], gradient[motion], rtol=1e-4, atol=1e-3)
+    np.testing.assert_allclose(found.others[0, :-1], both[others, -16:], rtol=1e-4, atol=1e-2)
 
 
 def test_runs_side_by_side_are_those_alone() -> None:
