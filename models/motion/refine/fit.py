@@ -93,19 +93,21 @@ class PlantedFeet:
         scale = np.repeat(root / (self.speed_ms * self._span)[:, None], 3, axis=1)
         right = (root[..., None] * residual).reshape(len(root), -1, 1)
         axes, which = np.tile(np.eye(3), (root.shape[1], 1)), np.repeat(np.arange(root.shape[1]), 3)
+        legs = np.flatnonzero(self.feet.moves_point.any(axis=0))  # nothing else moves a foot
+        block = legs[:, None], legs
         for steps in portions(len(root)):
             if not root[steps].any():
                 continue
             first, last = slice(steps.start, steps.stop), slice(steps.start + 1, steps.stop + 1)
             frames = slice(first.start, last.stop)
-            J = feet.point_rows(frames, which, np.broadcast_to(axes, (last.stop - first.start, *axes.shape)))
+            J = feet.point_rows(frames, which, np.broadcast_to(axes, (last.stop - first.start, *axes.shape)))[..., legs]
             now, later = (rows * scale[steps, :, None] for rows in (J[:-1], J[1:]))
             now_T, later_T = np.swapaxes(now, -1, -2), np.swapaxes(later, -1, -2)
-            equations.own[first] += now_T @ now
-            equations.own[last] += later_T @ later
-            equations.next_one[first] -= now_T @ later
-            equations.gradient[first] -= (now_T @ right[steps])[..., 0]
-            equations.gradient[last] += (later_T @ right[steps])[..., 0]
+            equations.own[first, *block] += now_T @ now
+            equations.own[last, *block] += later_T @ later
+            equations.next_one[first, *block] -= now_T @ later
+            equations.gradient[first, legs] -= (now_T @ right[steps])[..., 0]
+            equations.gradient[last, legs] += (later_T @ right[steps])[..., 0]
 
 
 @dataclass(frozen=True, eq=False)
