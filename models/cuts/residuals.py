@@ -10,7 +10,7 @@ panning camera is already undone; what is left of its translation is one constan
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from humanmm.models.geometry.robust import huber_loss, huber_weight
 from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat, skew
@@ -110,10 +110,34 @@ class CameraState:
 
 
 @dataclass(frozen=True)
+class MotionHessian:
+    """Second derivatives of S runs by the motion of one person, as long as possible without the large matrices."""
+
+    constant: Float[Array, "3 J 3 3 J 3"]
+    """What is the same in all states: of the 3D points, whose other unknowns are rotations, and of the prior."""
+    of_points: Float[Array, "S 9 J 9"]
+    """Each point's with itself, by pairs of position, velocity and acceleration and by pairs of axes."""
+    of_bones: Float[Array, "S 9 B 9"]
+    """The same of the points at the two ends of each bone, but for the sign."""
+    bones: Int[Array, "2 B"]
+
+    def matrix(self, run: int) -> Float[Array, "9J 9J"]:
+        """All of one run."""
+        motion, each = self.constant.copy(), np.arange(self.constant.shape[1])
+        of_points, of_bones = (
+            part[run].reshape(3, 3, -1, 3, 3).transpose(2, 0, 3, 1, 4) for part in (self.of_points, self.of_bones)
+        )
+        motion[:, each, :, :, each] += of_points
+        for first, second in (self.bones, self.bones[::-1]):
+            motion[:, first, :, :, second] -= of_bones
+        return motion.reshape(9 * len(each), -1)
+
+
+@dataclass(frozen=True)
 class PersonEquations:
     """Blocks of the Hessian of one person's unknowns and the camera's, in S runs; the last column is the gradient."""
 
-    motion: Float[Array, "S 9J 9J"]
+    motion: MotionHessian
     mixed: Float[Array, "S 9J 16"]
     """Motion and others: two corrections (6), the camera (9)."""
     others: Float[Array, "S 16 16"]
@@ -142,7 +166,7 @@ class CutProblem:
         of_motion = np.repeat([0.0, 1 / settings.velocity_ms, 1 / settings.acceleration_ms2], 3 * num)
         self.prior_weights = np.concatenate([of_motion, rotation])
         """Of a person's unknowns: moderate velocities, accelerations and corrections."""
-        self.of_points = [self._of_points(person) for person in people]
+        self.constant = [self._constant(person) for person in people]
 
     def cost(self, states: list[PersonState], camera: CameraState) -> Float[Array, " S"]:
         """½ Σ ρ(residual²), with Huber on the image points."""
@@ -183,13 +207,13 @@ class CutProblem:
     def _equations_of(self, number: int, state: PersonState, camera: CameraState) -> "PersonEquations":
         """One person's equations (robust weights folded in), with his prior."""
         person, num = self.people[number], self.num_points
-        runs, each = len(state.motion), np.arange(num)
+        runs = len(state.motion)
         residual, direction, curvature = self._bones(person, state)
         basis = basis_at(_bone_times(person))
         mixed, others = np.zeros((runs, 3, num, 3, _OTHERS + 1)), np.zeros((runs, _OTHERS + 1, _OTHERS + 1))
         mixed[..., -1] = _weighted(basis, self.along_bone.T @ (residual[..., None] * direction))
         of_bones = _weighted(_pairs(basis), curvature.reshape(*residual.shape, 9))
-        of_each = np.abs(self.along_bone).T @ of_bones
+        of_points = np.abs(self.along_bone).T @ of_bones
         for side, view in enumerate((person.before, person.after)):
             basis = basis_at(view.time_s)
             by_image, by_point, by_other = self._side(view, side, state, camera)
@@ -198,31 +222,27 @@ class CutProblem:
             by_position += (self.about_hips.T @ about_hips.reshape(*about_hips.shape[:3], -1)).reshape(about_hips.shape)
             mixed += _weighted(basis, by_position)
             squared = np.swapaxes(by_image, -1, -2) @ by_image
-            of_each += _weighted(_pairs(basis), squared.reshape(*squared.shape[:3], 9))
+            of_points += _weighted(_pairs(basis), squared.reshape(*squared.shape[:3], 9))
             rows = by_other.reshape(runs, -1, _OTHERS + 1)
             others += np.swapaxes(rows, -1, -2) @ rows
-        motion = np.repeat(self.of_points[number][None], runs, axis=0)
-        for first, second, blocks in ((each, each, of_each), (*self.bones, -of_bones), (*self.bones[::-1], -of_bones)):
-            by_pair = blocks.reshape(runs, 3, 3, -1, 3, 3).transpose(3, 0, 1, 4, 2, 5)
-            motion[:, :, first, :, :, second] += by_pair
-        motion, mixed = motion.reshape(runs, 9 * num, -1), mixed.reshape(runs, 9 * num, -1)
-        of_prior, weights = self.prior_weights * self._prior(state), self.prior_weights
-        every, turned = np.arange(9 * num), np.arange(6)
-        motion[:, every, every] += weights[:-6] ** 2
+        mixed = mixed.reshape(runs, 9 * num, -1)
+        of_prior, turned = self.prior_weights * self._prior(state), np.arange(6)
         mixed[..., -1] += of_prior[:, :-6]
-        others[:, turned, turned] += weights[-6:] ** 2
+        others[:, turned, turned] += self.prior_weights[-6:] ** 2
         others[:, :6, -1] += of_prior[:, -6:]
+        motion = MotionHessian(self.constant[number], of_points, of_bones, self.bones)
         return PersonEquations(motion, mixed, others)
 
-    def _of_points(self, person: PersonAtCut) -> Float[Array, "3 J 3 3 J 3"]:
-        """Hessian of the motion from the 3D points alone: all else in it are rotations, which do not count."""
-        total = np.zeros((3, 3, self.num_points, self.num_points))
+    def _constant(self, person: PersonAtCut) -> Float[Array, "3 J 3 3 J 3"]:
+        """See `MotionHessian`."""
+        num = self.num_points
+        total = np.zeros((3, 3, num, num))
         for view in (person.before, person.after):
             scaled = self._scales(view)[1] * self.about_hips
-            total += np.tensordot(_pairs(basis_at(view.time_s)), np.swapaxes(scaled, -1, -2) @ scaled, (0, 0)).reshape(
-                total.shape
-            )
-        return np.einsum("klij,cd->kicljd", total, np.eye(3))
+            of_view = np.tensordot(_pairs(basis_at(view.time_s)), np.swapaxes(scaled, -1, -2) @ scaled, (0, 0))
+            total += of_view.reshape(total.shape)
+        of_points = np.einsum("klij,cd->kicljd", total, np.eye(3))
+        return of_points + np.diag(self.prior_weights[:-6] ** 2).reshape(of_points.shape)
 
     def _camera_points(
         self, view: SideView, side: int, state: PersonState, camera: CameraState

@@ -96,6 +96,8 @@ class SolveSettings:
     level_deg: float = 4.0
     """Error of a shot's vertical before the solve, where its own evidence claims no less."""
     iterations: int = 12
+    converged_m: float = 3e-4
+    """Nobody moves further in the last step, metres: what is left to go is below a millimetre."""
 
 
 @dataclass(frozen=True)
@@ -131,7 +133,10 @@ def solve(
     for iteration in range(options.iterations):
         if iteration == _FLOOR_FROM:
             state = _put_on_floor(trajectories, state, options)
-        state = _step(trajectories, rigs, edges, same, state, options, iteration)
+        before, state = state, _step(trajectories, rigs, edges, same, state, options, iteration)
+        moved = max((float(np.abs(a - b).max()) for a, b in zip(state.pelvis, before.pelvis, strict=True)), default=0.0)
+        if iteration > _FLOOR_FROM and moved < options.converged_m:
+            break
     contacts = tuple(_hold(trajectory, state, k, options)[1] for k, trajectory in enumerate(trajectories))
     return Solution(tuple(state.pelvis), contacts, state.rotation, state.origin, state.scale)
 

@@ -80,7 +80,7 @@ def test_the_equations_are_derivatives_of_the_residuals(bones: float) -> None:
     (found,) = problem.equations(at.people, at.camera)
     motion, others = slice(0, -15), slice(-15, None)
     both = np.concatenate([hessian, gradient[:, None]], axis=1)
-    np.testing.assert_allclose(found.motion[0], hessian[motion, motion], rtol=1e-4, atol=1e-2)
+    np.testing.assert_allclose(found.motion.matrix(0), hessian[motion, motion], rtol=1e-4, atol=1e-2)
     np.testing.assert_allclose(found.mixed[0, :, :-1], hessian[motion, others], rtol=1e-4, atol=1e-2)
     np.testing.assert_allclose(found.mixed[0, :, -1], gradient[motion], rtol=1e-4, atol=1e-3)
     np.testing.assert_allclose(found.others[0, :-1], both[others, -16:], rtol=1e-4, atol=1e-2)
