@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from humanmm.models.camera.background.segments import Segments
-from humanmm.models.geometry.rotations import rotvec_to_rotmat, swing
+from humanmm.models.geometry.rotations import rotation_angle, rotvec_to_rotmat, swing
 
 Array = np.ndarray
 
@@ -66,10 +66,7 @@ def find_manhattan_frame(seen: Segments, up: Float[Array, "3"], up_sigma_deg: fl
 
 def off_deg(first: Float[Array, "3 3"], second: Float[Array, "*s 3 3"]) -> Float[Array, "*s"]:
     """Angle between a frame and others, up to quarter turns about the vertical, degrees."""
-    R = first.T @ second
-    # Traces of R times the four quarter turns; the largest belongs to the smallest angle.
-    level = np.maximum(np.abs(R[..., 0, 0] + R[..., 1, 1]), np.abs(R[..., 0, 1] - R[..., 1, 0]))
-    return np.asarray(np.degrees(np.arccos(np.clip((level + R[..., 2, 2] - 1) / 2, -1, 1))))
+    return np.asarray(np.degrees(rotation_angle((first.T @ second)[..., None, :, :] @ QUARTER_TURNS).min(axis=-1)))
 
 
 def log_posterior(
