@@ -9,7 +9,7 @@ complement (Triggs et al. 2000, "Bundle adjustment: a modern synthesis", section
 which all run side by side.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -54,9 +54,12 @@ class _Runs:
 
     def put(self, chosen: Int[Array, " s"], runs: "_Runs") -> None:
         """Overwrite some runs."""
-        for own, new in zip([*self.people, self.camera], [*runs.people, runs.camera], strict=True):
-            for field in fields(own):
-                getattr(own, field.name)[chosen] = getattr(new, field.name)
+        for own, new in zip(self._arrays(), runs._arrays(), strict=True):
+            own[chosen] = new
+
+    def _arrays(self) -> list[Array]:
+        of_people = [array for one in self.people for array in (one.motion, one.correction)]
+        return [self.camera.R_before_after, self.camera.shift, self.camera.velocity, *of_people]
 
 
 def _damped_step(

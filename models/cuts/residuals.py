@@ -225,13 +225,12 @@ class CutProblem:
             of_points += _weighted(_pairs(basis), squared.reshape(*squared.shape[:3], 9))
             rows = by_other.reshape(runs, -1, _OTHERS + 1)
             others += np.swapaxes(rows, -1, -2) @ rows
-        mixed = mixed.reshape(runs, 9 * num, -1)
         of_prior, turned = self.prior_weights * self._prior(state), np.arange(6)
-        mixed[..., -1] += of_prior[:, :-6]
+        mixed[..., -1] += of_prior[:, :-6].reshape(runs, 3, num, 3)
         others[:, turned, turned] += self.prior_weights[-6:] ** 2
         others[:, :6, -1] += of_prior[:, -6:]
         motion = MotionHessian(self.constant[number], of_points, of_bones, self.bones)
-        return PersonEquations(motion, mixed, others)
+        return PersonEquations(motion, mixed.reshape(runs, 9 * num, -1), others)
 
     def _constant(self, person: PersonAtCut) -> Float[Array, "3 J 3 3 J 3"]:
         """See `MotionHessian`."""
@@ -242,7 +241,7 @@ class CutProblem:
             of_view = np.tensordot(_pairs(basis_at(view.time_s)), np.swapaxes(scaled, -1, -2) @ scaled, (0, 0))
             total += of_view.reshape(total.shape)
         of_points = np.einsum("klij,cd->kicljd", total, np.eye(3))
-        return of_points + np.diag(self.prior_weights[:-6] ** 2).reshape(of_points.shape)
+        return np.asarray(of_points + np.diag(self.prior_weights[:-6] ** 2).reshape(of_points.shape))
 
     def _camera_points(
         self, view: SideView, side: int, state: PersonState, camera: CameraState
@@ -321,9 +320,8 @@ class CutProblem:
         """Whitened velocities, accelerations and corrections."""
         runs = len(state.motion)
         correction = rotmat_to_rotvec(state.correction)
-        return self.prior_weights * np.concatenate(
-            [state.motion.reshape(runs, -1), correction.reshape(runs, -1)], axis=1
-        )
+        values = np.concatenate([state.motion.reshape(runs, -1), correction.reshape(runs, -1)], axis=1)
+        return np.asarray(self.prior_weights * values)
 
 
 _OTHERS = 6 + CAMERA_UNKNOWNS
@@ -349,10 +347,10 @@ def moving(state: PersonState, time_s: Float[Array, " n"]) -> Float[Array, "S n 
 
 def _pairs(basis: Float[Array, "n 3"]) -> Float[Array, "n 9"]:
     """What pairs of them count for."""
-    return (basis[:, :, None] * basis[:, None]).reshape(len(basis), 9)
+    return np.asarray((basis[:, :, None] * basis[:, None]).reshape(len(basis), 9))
 
 
 def _weighted(weights: Float[Array, "n m"], values: Float[Array, "S n *rest"]) -> Float[Array, "S m *rest"]:
     """Sums over the second axis."""
     runs, n, *rest = values.shape
-    return (weights.T @ values.reshape(runs, n, -1)).reshape(runs, -1, *rest)
+    return np.asarray((weights.T @ values.reshape(runs, n, -1)).reshape(runs, -1, *rest))

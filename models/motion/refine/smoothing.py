@@ -55,7 +55,7 @@ def _roughness(time_s: Float[Array, " N"], known: Bool[Array, " N"], cutoff_hz: 
     strength = gain ** (-2 * ORDER) * REFERENCE_HZ
     rough = _accumulate(time_s, ORDER, np.full(max(len(time_s) - ORDER, 0), strength))
     in_gap = ~(known[1:] & known[:-1])
-    return rough + _accumulate(time_s, 1, np.where(in_gap, strength / CARRY_ON_S ** (2 * (ORDER - 1)), 0.0))
+    return np.asarray(rough + _accumulate(time_s, 1, np.where(in_gap, strength / CARRY_ON_S ** (2 * (ORDER - 1)), 0.0)))
 
 
 def _accumulate(time_s: Float[Array, " N"], order: int, strength: Float[Array, " M"]) -> Float[Array, "4 N"]:

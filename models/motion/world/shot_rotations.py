@@ -113,8 +113,11 @@ def solve_rotations(
             R[shot], group[shot] = found[0].T @ rotation, shots[0]
         for shot, one in world.certainty(found).items():
             certainty[shot] = one
-        for verdict in world.sorted_out(found):
-            (believed if isinstance(verdict, Believed) else refused).append(verdict)
+        for edge, verdict in world.sorted_out(found):
+            if isinstance(verdict, RotationHypothesis):
+                believed.append(Believed(edge, verdict))
+            else:
+                refused.append(Refused(edge, verdict))
     between = [Refused(edge, float("nan")) for edge in usable if group[edge.a] != group[edge.b]]
     return ShotRotations(R, tuple(group), tuple(believed), (*refused, *between), tuple(certainty))
 
@@ -153,7 +156,7 @@ class _Group:
             if np.array_equal(better, best):
                 break
             best = self._averaged(better[None])[0]
-        return best
+        return np.asarray(best)
 
     def _best(self, R: Float[Array, "n S 3 3"]) -> Float[Array, "S 3 3"]:
         """The likeliest of these in which evidence that is believed joins all shots; without any, the likeliest.
@@ -173,7 +176,7 @@ class _Group:
     def _relative(self, R: Float[Array, "*n S 3 3"]) -> Float[Array, "*n E 3 3"]:
         """Rotations from each edge's shot b to its shot a."""
         a, b = self.ends.T
-        return np.swapaxes(R[..., a, :, :], -1, -2) @ R[..., b, :, :]
+        return np.asarray(np.swapaxes(R[..., a, :, :], -1, -2) @ R[..., b, :, :])
 
     def _shares(self, R: Float[Array, "*n S 3 3"]) -> Shares:
         return self.edges.shares(self._relative(R))
@@ -302,10 +305,8 @@ class _Group:
         weight /= (DEGREES_OF_FREEDOM + squared) * edges.sigma**2
         a, b = self.ends.T
         pull = R[:, b] @ np.add.reduceat(weight[..., None] * residual, edges.first, axis=1)[..., None]
-        gradient = np.zeros((len(R), num, 3))
-        np.add.at(gradient, (slice(None), b), pull[..., 0])
-        np.subtract.at(gradient, (slice(None), a), pull[..., 0])
-        return laplacian(self.ends, np.add.reduceat(weight, edges.first, axis=1), num), gradient
+        incidence = np.eye(num)[b] - np.eye(num)[a]
+        return laplacian(self.ends, np.add.reduceat(weight, edges.first, axis=1), num), incidence.T @ pull[..., 0]
 
     # ---- how certain they are
 
@@ -323,7 +324,7 @@ class _Group:
         """The error that 68 % stay below: of the rotation chosen, and of the others by their probabilities."""
 
         def at_cut(every: Float[Array, "n S 3 3"]) -> Float[Array, "n 3 3"]:
-            return np.swapaxes(every[:, k - 1], -1, -2) @ every[:, k]
+            return np.asarray(np.swapaxes(every[:, k - 1], -1, -2) @ every[:, k])
 
         here, elsewhere = float(self._score(R[None])[0]), np.radians(ELSEWHERE_DEG)
         (chosen,) = at_cut(R[None])
@@ -355,17 +356,17 @@ class _Group:
         gravity = float(self._gravity(R[None])[0]) if len(R) > 2 else 0.0
         return gravity + float(density @ self.edges.weight + self._log_volume(self.ends[~across], every, level))
 
-    def sorted_out(self, R: Float[Array, "S 3 3"]) -> Iterator[Believed | Refused]:
-        """Each edge of which a hypothesis is likelier than none, with that hypothesis, or why it is refused."""
+    def sorted_out(self, R: Float[Array, "S 3 3"]) -> Iterator[tuple[RotationEdge, RotationHypothesis | float]]:
+        """Each edge with its hypothesis that is likelier than none, or with how far its nearest one is off, degrees."""
         edges, relative = self.edges, self._relative(R)
         shares = edges.shares(relative)
         off = np.degrees(rotation_distance(edges.R, relative[edges.of_edge]))
         starts = zip(edges.first, [*edges.first[1:], len(off)], strict=True)
         for edge, believed, (first, end) in zip(edges.edges, edges.believed(shares), starts, strict=True):
             if believed:
-                yield Believed(edge, edge.hypotheses[int(shares.hypotheses[first:end].argmax())])
+                yield edge, edge.hypotheses[int(shares.hypotheses[first:end].argmax())]
             else:
-                yield Refused(edge, float(off[first:end].min()))
+                yield edge, float(off[first:end].min())
 
 
 def _normal_inside(angle: Float[Array, " n"], sigma_deg: float, distant: bool) -> Float[Array, " n"]:
