@@ -72,7 +72,7 @@ class PlantedFeet:
 
     @memoised
     def _feet(self, motion: Motion) -> Motion:
-        return Motion.of(self.feet, motion.R_local, motion.pelvis_ref)
+        return motion.with_points(self.feet)
 
     @memoised
     def _residual(self, feet: Motion) -> Float[Array, "M 4 3"]:
