@@ -145,7 +145,7 @@ def adjust(
 
 
 SCREENING = 4
-"""Iterations after which runs are compared: on 27 development clips, 6 give the same rotations."""
+"""Iterations after which runs are compared: on 27 development clips 6 are no better."""
 FIRST_DAMPING, RAISE_BY, LOWER_BY, LEAST_DAMPING = 1e-3, 6.0, 4.0, 1e-9
 RELATIVE_DECREASE = 1e-3
 """A step that lowers the cost by less than this fraction of it is the last one of its run."""
