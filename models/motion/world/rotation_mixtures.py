@@ -11,6 +11,7 @@ from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from scipy.sparse import csr_array
 
 from humanmm.models.geometry.rotations import rotation_distance
 
@@ -205,11 +206,13 @@ def _weights(edges: Sequence[RotationEdge]) -> list[float]:
 
 def laplacian(ends: Int[Array, "E 2"], weight: Float[Array, "*n E"], num: int) -> Float[Array, "*n num num"]:
     """Σ w (x_a − x_b)² over the edges of a graph, as a quadratic form of x: precisions of edges as one of shots."""
-    form = np.zeros((num, num, *weight.shape[:-1]))
-    for (a, b), own in zip(ends, np.moveaxis(weight, -1, 0), strict=True):
-        for row, column, sign in ((a, a, 1), (b, b, 1), (a, b, -1), (b, a, -1)):
-            form[row, column] += sign * own
-    return np.moveaxis(form, (0, 1), (-2, -1))
+    a, b = ends.T
+    rows, signs = (
+        np.concatenate([a * num + a, b * num + b, a * num + b, b * num + a]),
+        np.repeat([1.0, -1.0], 2 * len(a)),
+    )
+    of_edges = csr_array((signs, (rows, np.tile(np.arange(len(a)), 4))), shape=(num * num, len(a)))
+    return np.asarray((of_edges @ weight.reshape(-1, len(a)).T).T.reshape(*weight.shape[:-1], num, num))
 
 
 def log_graph_volume(

@@ -188,18 +188,14 @@ class _Group:
         if len(R) > at_once:
             return np.concatenate([self._score(R[k : k + at_once]) for k in range(0, len(R), at_once)])
         shares = self._shares(R)
-        volume = self._log_volume(self.ends, *self.edges.precision(shares))
+        volume = self._log_volume(*self.edges.precision(shares))
         return np.asarray(self._gravity(R) + self.edges.log_density(shares) + volume)
 
-    def _log_volume(
-        self, ends: Int[Array, "e 2"], every: Float[Array, "*n e"], level: Float[Array, "*n e"]
-    ) -> Float[Array, "*n"]:
+    def _log_volume(self, every: Float[Array, "*n E"], level: Float[Array, "*n E"]) -> Float[Array, "*n"]:
         """Of what gravity and edges of these precisions leave open."""
         num = len(self.shots)
-        unknown = UNKNOWN_PRECISION * np.eye(num)
-        return log_graph_volume(
-            unknown + laplacian(ends, every, num), np.diag(self.kappa) + laplacian(ends, level, num)
-        )
+        unknown = UNKNOWN_PRECISION * np.eye(num) + laplacian(self.ends, every, num)
+        return log_graph_volume(unknown, np.diag(self.kappa) + laplacian(self.ends, level, num))
 
     def _gravity(self, R: Float[Array, "n S 3 3"]) -> Float[Array, " n"]:
         """How well the shots' own verticals agree (von Mises-Fisher; the vertical itself is integrated out)."""
@@ -352,9 +348,9 @@ class _Group:
         across = (self.ends < k).sum(axis=1) == 1
         shares = self._shares(R)
         density = np.where(across, self.edges.log_none, shares.density)  # of those across: anywhere
-        every, level = (precision[~across] for precision in self.edges.precision(shares))
+        every, level = (np.where(across, 0.0, precision) for precision in self.edges.precision(shares))
         gravity = float(self._gravity(R[None])[0]) if len(R) > 2 else 0.0
-        return gravity + float(density @ self.edges.weight + self._log_volume(self.ends[~across], every, level))
+        return gravity + float(density @ self.edges.weight + self._log_volume(every, level))
 
     def sorted_out(self, R: Float[Array, "S 3 3"]) -> Iterator[tuple[RotationEdge, RotationHypothesis | float]]:
         """Each edge with its hypothesis that is likelier than none, or with how far its nearest one is off, degrees."""
