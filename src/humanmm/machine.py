@@ -5,8 +5,15 @@ import os
 import socket
 import subprocess
 import time
-from functools import cache
+from collections.abc import Callable
+from functools import cache, wraps
 from pathlib import Path
+from typing import ParamSpec, TypeVar
+
+from threadpoolctl import threadpool_limits
+
+P = ParamSpec("P")
+T = TypeVar("T")
 
 PROC = Path("/proc")
 _GONE = "ZX"
@@ -45,6 +52,20 @@ def started(pid: int) -> int | None:
     if not words or words[0][0] in _GONE:
         return None
     return int(time.mktime(time.strptime(" ".join(words[1:]), "%a %b %d %H:%M:%S %Y")))
+
+
+def single_threaded(function: Callable[P, T]) -> Callable[P, T]:
+    """The function, while which the libraries of linear algebra use one thread each.
+
+    Small matrices gain nothing from more; threads that wait for one another on busy cores cost ten times the work.
+    """
+
+    @wraps(function)
+    def alone(*args: P.args, **kwargs: P.kwargs) -> T:
+        with threadpool_limits(limits=1):
+            return function(*args, **kwargs)
+
+    return alone
 
 
 def age_s(pid: int) -> float | None:

@@ -13,6 +13,8 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from types import FrameType
 from typing import Any, TypeVar
 
+from threadpoolctl import threadpool_limits
+
 log = logging.getLogger(__name__)
 T = TypeVar("T")
 
@@ -37,6 +39,8 @@ def prepare_process() -> None:
     """
     for library in ("OMP", "OPENBLAS", "MKL"):
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+    if "numpy" in sys.modules:  # a program that calls humanmm has loaded it, and its libraries have read the above
+        threadpool_limits(limits=1)
     _set_heap()
     if "torch" in sys.modules:
         sys.modules["torch"].set_num_threads(1)

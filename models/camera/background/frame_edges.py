@@ -13,7 +13,7 @@ from typing import Literal
 
 import cv2
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float, Int
 
 from humanmm.models.camera.background.keyframes import FrameFeatures
 from humanmm.models.camera.odometry.colmap import pycolmap
@@ -65,24 +65,28 @@ class FrameEdge:
         return 1.0 - float(np.prod([1.0 - one.probability for one in self.hypotheses]))
 
 
-def match_features(a: FrameFeatures, b: FrameFeatures) -> tuple[np.ndarray, np.ndarray]:
-    """Indices into a and b of mutual nearest neighbours that pass the ratio test."""
+def match_features(
+    a: Float[np.ndarray, "m 128"], b: Float[np.ndarray, "n 128"]
+) -> tuple[Int[np.ndarray, " matches"], Int[np.ndarray, " matches"]]:
+    """Indices into a and b (`FrameFeatures.roots`) of mutual nearest neighbours that pass the ratio test."""
     nothing = np.zeros(0, np.int64)
-    if len(a.xy) < 2 or len(b.xy) < 2:
+    if len(a) < 2 or len(b) < 2:
         return nothing, nothing
-    similarity = _hellinger(a.descriptors) @ _hellinger(b.descriptors).T
-    nearest = np.argpartition(-similarity, 1, axis=1)[:, :2]
-    best = np.sort(np.take_along_axis(similarity, nearest, axis=1), axis=1)[:, ::-1]
-    nearest_b = similarity.argmax(axis=1)
-    distance = np.sqrt(np.maximum(2 - 2 * best, 0))
-    mutual = similarity.argmax(axis=0)[nearest_b] == np.arange(len(a.xy))
-    index_a = np.flatnonzero(mutual & (distance[:, 0] < RATIO * distance[:, 1]))
-    return index_a, nearest_b[index_a]
+    similarity = a @ b.T
+    every = np.arange(len(similarity))
+    nearest = similarity.argmax(axis=1)
+    best = similarity[every, nearest]
+    similarity[every, nearest] = -1.0  # less than any: the largest is now the second
+    second = similarity.max(axis=1)
+    similarity[every, nearest] = best
+    distinct = np.flatnonzero(np.sqrt(np.maximum(2 - 2 * best, 0)) < RATIO * np.sqrt(np.maximum(2 - 2 * second, 0)))
+    mutual = similarity[:, nearest[distinct]].argmax(axis=0) == distinct
+    return distinct[mutual], nearest[distinct[mutual]]
 
 
 def find_frame_edge(a: FrameFeatures, b: FrameFeatures, K: Float[np.ndarray, "3 3"]) -> FrameEdge | None:
     """The rotations that two frames taken with the same lens K allow, or None where the background determines none."""
-    index_a, index_b = match_features(a, b)
+    index_a, index_b = match_features(a.roots, b.roots)
     if len(index_a) < MIN_MATCHES:
         return None
     xy_a, xy_b = a.xy[index_a].astype(np.float64), b.xy[index_b].astype(np.float64)
@@ -114,6 +118,10 @@ def _of_essential_matrix(
     options.ransac.max_error = max_error_px
     options.ransac.random_seed = 0
     options.ransac.max_num_trials = MAX_TRIALS
+    # An essential matrix is a fundamental matrix too, which takes a quarter of the time to look for.
+    fundamental = pycolmap.estimate_fundamental_matrix(xy_a, xy_b, options.ransac)
+    if fundamental is None or fundamental["num_inliers"] < MIN_INLIERS:
+        return ()
     pairs = np.repeat(np.arange(len(xy_a), dtype=np.uint32)[:, None], 2, axis=1)
     geometry = pycolmap.estimate_calibrated_two_view_geometry(camera, xy_a, camera, xy_b, pairs, options)
     b_from_a = geometry.cam2_from_cam1
@@ -169,9 +177,3 @@ def plane_probability(num_inliers: int) -> float:
     """That one of a plane's rotations is true (216 planes of the same pairs, within 20°: 8 % with fewer than 10
     inliers, 35 % with 10 to 12, 59 % with 13 to 15, 78 % with 16 to 25, 94 % with more)."""
     return float(0.85 / (1 + np.exp(-(num_inliers - 15.5) / 2.5)))
-
-
-def _hellinger(descriptors: UInt8[np.ndarray, "features 128"]) -> Float[np.ndarray, "features 128"]:
-    values = descriptors.astype(np.float32)
-    roots: np.ndarray = np.sqrt(values / np.maximum(values.sum(axis=1, keepdims=True), 1e-9))
-    return roots

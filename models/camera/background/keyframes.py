@@ -8,6 +8,7 @@ their centres at (0.5, 0.5).
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -38,6 +39,13 @@ class FrameFeatures:
     descriptors: UInt8[np.ndarray, "features 128"]
     segments: Float[np.ndarray, "segments 4"]
     """float32, x0 y0 x1 y1, source pixels, longest first."""
+
+    @cached_property
+    def roots(self) -> Float[np.ndarray, "features 128"]:
+        """Square roots of the descriptors at sum 1, float32: their products are the Hellinger kernel (Arandjelović and
+        Zisserman 2012)."""
+        values = self.descriptors.astype(np.float32)
+        return np.asarray(np.sqrt(values / np.maximum(values.sum(axis=1, keepdims=True), 1e-9)))
 
 
 @dataclass(frozen=True)

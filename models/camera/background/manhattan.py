@@ -55,33 +55,32 @@ def find_manhattan_frame(seen: Segments, up: Float[Array, "3"], up_sigma_deg: fl
     if len(seen.normal) < LEAST_SEGMENTS:
         return None
     kappa = 1 / math.radians(up_sigma_deg) ** 2
-    found: list[tuple[float, Array]] = []
-    for start in start_frames(seen, up, kappa):
-        axes = settled(seen, start, up, kappa)
-        found.append((log_posterior(seen, axes, up, kappa), axes))
-    found.sort(key=lambda one: -one[0])
-    best, axes = found[0]
-    others = [value for value, other in found if off_deg(axes, other) > DISTINCT_DEG]
-    H, _ = _normal_equations(seen, axes, up, kappa)
+    frames = settled(seen, start_frames(seen, up, kappa), up, kappa)
+    value = log_posterior(seen, frames, up, kappa)
+    best = int(value.argmax())
+    others = value[off_deg(frames[best], frames) > DISTINCT_DEG]
+    H, _ = _normal_equations(seen, frames[best], up, kappa)
     sigma = math.sqrt(float(np.trace(np.linalg.inv(H))) / 3)
-    return ManhattanFrame(axes, math.degrees(sigma), best - max(others, default=0.0))
+    return ManhattanFrame(frames[best], math.degrees(sigma), float(value[best] - max(others, default=0.0)))
 
 
-def off_deg(first: Float[Array, "3 3"], second: Float[Array, "3 3"]) -> float:
-    """Angle between two frames, up to quarter turns about the vertical, degrees."""
-    return float(np.degrees(rotation_angle(first.T @ second @ QUARTER_TURNS).min()))
+def off_deg(first: Float[Array, "3 3"], second: Float[Array, "*s 3 3"]) -> Float[Array, "*s"]:
+    """Angle between a frame and others, up to quarter turns about the vertical, degrees."""
+    return np.asarray(np.degrees(rotation_angle((first.T @ second)[..., None, :, :] @ QUARTER_TURNS).min(axis=-1)))
 
 
-def log_posterior(seen: Segments, axes: Float[Array, "3 3"], up: Float[Array, "3"], kappa: float) -> float:
+def log_posterior(
+    seen: Segments, axes: Float[Array, "*s 3 3"], up: Float[Array, "3"], kappa: float
+) -> Float[Array, "*s"]:
     """Of all segments, given the directions, against running anywhere; and of the vertical (von Mises-Fisher)."""
     residual, _ = seen.residuals(axes)
-    likelihood = float(np.log(_densities(seen, residual).sum(axis=1) + 1 - 3 * ALONG) @ seen.weight)
-    return likelihood + kappa * (float(axes[:, 2] @ up) - 1)
+    likelihood = np.log(_densities(seen, residual).sum(axis=-1) + 1 - 3 * ALONG) @ seen.weight
+    return np.asarray(likelihood + kappa * (axes[..., 2] @ up - 1))
 
 
 def start_frames(
     seen: Segments, up: Float[Array, "3"], kappa: float, *, count: int = CANDIDATES
-) -> list[Float[Array, "3 3"]]:
+) -> Float[Array, "s 3 3"]:
     """Frames along which many segments run, best first: a grid of verticals, and for each a histogram of headings.
 
     `kappa`: concentration of the vertical about `up`; `count`: no more frames than this.
@@ -104,25 +103,27 @@ def start_frames(
     # Poisson: how much likelier so many votes are than those of headings at random.
     peak = np.where(smooth > expected, smooth * np.log(np.maximum(smooth, 1e-9) / expected) - smooth + expected, 0.0)
     vertical = seen.weight @ np.log(upright + 1 - ALONG) + kappa * (verticals[:, :, 2] @ up - 1)
+    likeliest = np.argsort(-(vertical[:, None] + peak), axis=None, kind="stable")[: 40 * CANDIDATES]
+    which, column = np.divmod(likeliest, HEADINGS)
+    left = verticals[which] @ rotvec_to_rotmat((column[:, None] + 0.5) / HEADINGS * quarter * np.array([0.0, 0.0, 1.0]))
     starts: list[Array] = []
-    for index in np.argsort(-(vertical[:, None] + peak), axis=None, kind="stable")[: 40 * CANDIDATES]:
-        which, column = divmod(int(index), HEADINGS)
-        axes = verticals[which] @ rotvec_to_rotmat(np.array([0.0, 0.0, (column + 0.5) / HEADINGS * quarter]))
-        if all(off_deg(axes, other) > DISTINCT_DEG for other in starts):
-            starts.append(axes)
-            if len(starts) == count:
-                break
-    return starts
+    while len(left) and len(starts) < count:
+        starts.append(left[0])
+        left = left[off_deg(left[0], left) > DISTINCT_DEG]
+    return np.stack(starts)
 
 
-def settled(seen: Segments, axes: Float[Array, "3 3"], up: Float[Array, "3"], kappa: float) -> Float[Array, "3 3"]:
-    """The maximum of the posterior near a frame."""
+def settled(seen: Segments, axes: Float[Array, "s 3 3"], up: Float[Array, "3"], kappa: float) -> Float[Array, "s 3 3"]:
+    """The maxima of the posterior near some frames."""
+    axes, moving = axes.copy(), np.arange(len(axes))
     for _ in range(ITERATIONS):
-        H, g = _normal_equations(seen, axes, up, kappa)
-        step = -np.linalg.solve(H, g)
-        step *= min(1.0, 0.1 / max(float(np.linalg.norm(step)), 1e-12))
-        axes = rotvec_to_rotmat(step) @ axes
-        if float(np.linalg.norm(step)) < 1e-4:
+        H, g = _normal_equations(seen, axes[moving], up, kappa)
+        step = -np.linalg.solve(H, g[..., None])[..., 0]
+        length = np.linalg.norm(step, axis=-1)
+        step *= np.minimum(1.0, 0.1 / np.maximum(length, 1e-12))[:, None]
+        axes[moving] = rotvec_to_rotmat(step) @ axes[moving]
+        moving = moving[length >= 1e-4]
+        if not len(moving):
             break
     return axes
 
@@ -132,31 +133,33 @@ def _against_anywhere(residual: Float[Array, "n a"], sigma: Float[Array, "n 1"])
     return np.asarray(np.exp(-0.5 * (residual / sigma) ** 2) * math.sqrt(math.pi / 2) / sigma)
 
 
-def _densities(seen: Segments, residual: Float[Array, "n 3"]) -> Float[Array, "n 3"]:
+def _densities(seen: Segments, residual: Float[Array, "*s n 3"]) -> Float[Array, "*s n 3"]:
     return ALONG * _against_anywhere(residual, seen.sigma[:, None])
 
 
-def support(seen: Segments, residual: Float[Array, "n 3"]) -> tuple[Float[Array, "n 3"], Float[Array, "3"]]:
+def support(seen: Segments, residual: Float[Array, "*s n 3"]) -> tuple[Float[Array, "*s n 3"], Float[Array, "*s 3"]]:
     """Probability of each segment to run along each axis, and the fraction of them that chance does not explain.
 
     `residual`: of the segments against the axes. Segments that run anywhere come to lie along an axis now and then: a
     number of them within two standard deviations of what chance brings says nothing of the axis.
     """
     density = _densities(seen, residual)
-    shares = density / (density.sum(axis=1, keepdims=True) + 1 - 3 * ALONG)
+    shares = density / (density.sum(axis=-1, keepdims=True) + 1 - 3 * ALONG)
     counts, chance = seen.weight @ shares, float(seen.weight @ (CHANCE_SIGMAS * seen.sigma / math.pi))
     return shares, np.clip((counts - chance - 2 * math.sqrt(chance)) / np.maximum(counts, 1e-9), 0.0, 1.0)
 
 
 def _normal_equations(
-    seen: Segments, axes: Float[Array, "3 3"], up: Float[Array, "3"], kappa: float
-) -> tuple[Float[Array, "3 3"], Float[Array, "3"]]:
+    seen: Segments, axes: Float[Array, "*s 3 3"], up: Float[Array, "3"], kappa: float
+) -> tuple[Float[Array, "*s 3 3"], Float[Array, "*s 3"]]:
     """Gauss-Newton matrix and gradient of a small rotation of the axes, every segment in its shares."""
     residual, beside = seen.residuals(axes)
     shares, real = support(seen, residual)
-    J = np.cross(axes.T[None], seen.normal[:, None]) / beside[..., None]
-    weight = seen.weight[:, None] * shares * real / seen.sigma[:, None] ** 2
-    H = np.einsum("nj,nja,njb->ab", weight, J, J)
-    g = np.einsum("nj,nja,nj->a", weight, J, np.sin(residual))
-    z = axes[:, 2]
-    return H + kappa * (np.eye(3) - np.outer(z, z)) + 1e-3 * np.eye(3), g - kappa * np.cross(z, up)
+    J = np.cross(np.swapaxes(axes, -1, -2)[..., None, :, :], seen.normal[:, None]) / beside[..., None]
+    weight = seen.weight[:, None] * shares * real[..., None, :] / seen.sigma[:, None] ** 2
+    rows, flat = (*axes.shape[:-2], -1, 3), (*axes.shape[:-2], -1, 1)
+    weighted = np.swapaxes((weight[..., None] * J).reshape(rows), -1, -2)
+    z = axes[..., 2]
+    H = weighted @ J.reshape(rows) + kappa * (np.eye(3) - z[..., :, None] * z[..., None, :]) + 1e-3 * np.eye(3)
+    g = (weighted @ np.sin(residual).reshape(flat))[..., 0] - kappa * np.cross(z, up)
+    return H, g

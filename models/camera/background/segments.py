@@ -71,7 +71,7 @@ class Segments:
             parts.append((normal, unit(rays.sum(axis=1)) @ R.T, sigma, np.full(len(xyxy), 1 / len(ends))))
         return cls(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
-    def residuals(self, axes: Float[Array, "3 a"]) -> tuple[Float[Array, "n a"], Float[Array, "n a"]]:
+    def residuals(self, axes: Float[Array, "*s 3 a"]) -> tuple[Float[Array, "*s n a"], Float[Array, "*s n a"]]:
         """Angle in the picture between every segment and every axis (a column), radians, and the sine of the angle
         between the axis and the segment's viewing ray."""
         beside = np.sqrt(np.maximum(1 - (self.middle @ axes) ** 2, NEAREST_SINE**2))

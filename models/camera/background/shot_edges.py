@@ -6,7 +6,7 @@ its square times the cost of a full comparison.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
@@ -78,7 +78,7 @@ def _compared(
     """The most alike pairs of key frames compared; a recurring camera ends the search."""
     # a's last and b's first key frame are closest in time: they come first among equals.
     pairs = [(frame_a, frame_b) for frame_a in reversed(a) for frame_b in b]
-    alike = [-len(match_features(_quick(frame_a), _quick(frame_b))[0]) for frame_a, frame_b in pairs]
+    alike = [-_num_alike(frame_a, frame_b) for frame_a, frame_b in pairs]
     found: list[FrameEdge] = []
     for index in np.argsort(alike, kind="stable")[:FULL_COMPARISONS]:
         frame_a, frame_b = pairs[index]
@@ -90,10 +90,10 @@ def _compared(
     return tuple(found)
 
 
-def _quick(frame: FrameFeatures) -> FrameFeatures:
-    """Its strongest features only."""
-    return replace(frame, xy=frame.xy[:QUICK_FEATURES], descriptors=frame.descriptors[:QUICK_FEATURES])
+def _num_alike(a: FrameFeatures, b: FrameFeatures) -> int:
+    """Matches of their strongest features alone."""
+    return len(match_features(a.roots[:QUICK_FEATURES], b.roots[:QUICK_FEATURES])[0])
 
 
 def _may_share_a_background(a: Sequence[FrameFeatures], b: Sequence[FrameFeatures]) -> bool:
-    return bool(a and b) and len(match_features(_quick(a[-1]), _quick(b[0]))[0]) >= MIN_MATCHES
+    return bool(a and b) and _num_alike(a[-1], b[0]) >= MIN_MATCHES

@@ -49,8 +49,8 @@ def focal_log_likelihood(
     for k, scale in enumerate(LOG_SCALES):
         seen = seen_with(scale)
         begin = starts[min(SEARCHED, key=lambda searched: abs(searched - k))]
-        frames = [settled(seen, axes, UP_CAM, PICTURE_KAPPA) for axes in begin]
-        posterior = [log_posterior(seen, axes, UP_CAM, PICTURE_KAPPA) for axes in frames]
+        frames = settled(seen, begin, UP_CAM, PICTURE_KAPPA)
+        posterior = log_posterior(seen, frames, UP_CAM, PICTURE_KAPPA)
         best = int(np.argmax(posterior))
         _, real = support(seen, seen.residuals(frames[best])[0])
         found.append((posterior[best], np.sort(real)[1]))

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from humanmm.machine import single_threaded
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.kinematics import chunks
 from humanmm.models.body.landmarks import load_landmarks
@@ -85,6 +86,7 @@ class NoiseModel:
     """Expected accelerations, in units of the motion-capture statistic."""
 
 
+@single_threaded
 def fit_shot(
     scene: ScenePeople,
     shot: Shot,

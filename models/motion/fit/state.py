@@ -76,6 +76,12 @@ class Motion:
         motion.__dict__["R_local"] = R_local
         return motion
 
+    def with_points(self, skeleton: Skeleton) -> "Motion":
+        """The same motion of the same body with other tracked points."""
+        motion = Motion.of(skeleton, self.R_local, self.pelvis_ref)
+        motion.__dict__["posed"] = self.posed
+        return motion
+
     @property
     def num_frames(self) -> int:
         return len(self.pelvis_ref)

@@ -202,20 +202,18 @@ class PosePrior:
         vectors = self._vectors(motion)
         chosen, residuals, _ = self._likeliest(motion)
         chain = _inverse_right_jacobian(vectors)  # from rotation vectors to steps, joint by joint
-        root = np.sqrt(self.weight)
-        right = (root[:, None] * residuals).astype(np.float32)
-        roots = self._roots.astype(np.float32)
-        for frames in portions(len(vectors)):
-            portion = chain[frames]
-            tilting = np.zeros((*portion.shape[:3], *portion.shape[1:3]), np.float32)  # block-diagonal
-            np.einsum("njajb->njab", tilting)[...] = root[frames, None, None, None] * portion
-            rows = roots[chosen[frames]] @ tilting.reshape(len(portion), self.means.shape[1], -1)
-            equations.add_rows(frames, rows, right[frames], BODY)
+        transposed = np.swapaxes(chain, -1, -2).astype(np.float32)
+        hessian = self.precisions.astype(np.float32)[chosen] * self.weight.astype(np.float32)[:, None, None]
+        for _ in range(2):  # H → chainᵀ H chain: from the left, for H is symmetric
+            hessian = transposed @ hessian.reshape(*vectors.shape, -1)
+            hessian = np.swapaxes(hessian.reshape(len(vectors), self.means.shape[1], -1), -1, -2)
+        equations.own[:, BODY, BODY] += hessian
         beyond = self._beyond(vectors.reshape(len(vectors), -1)).reshape(vectors.shape)
         stiff = self.joint_limit * self.weight[:, None, None] * (beyond != 0)
-        transposed = np.swapaxes(chain, -1, -2)
         equations.rotation_blocks[:, 2:] += transposed @ (stiff[..., None] * chain)
-        equations.gradient[:, BODY] += (transposed @ (stiff * beyond)[..., None]).reshape(len(vectors), -1)
+        pull = (residuals[:, None] @ self._roots[chosen]).reshape(vectors.shape) * self.weight[:, None, None]
+        of_steps = np.swapaxes(chain, -1, -2) @ (pull + stiff * beyond)[..., None]
+        equations.gradient[:, BODY] += of_steps.reshape(len(vectors), -1)
 
 
 @dataclass(frozen=True, eq=False)

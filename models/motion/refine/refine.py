@@ -14,6 +14,7 @@ from functools import partial
 import numpy as np
 from jaxtyping import Float
 
+from humanmm.machine import single_threaded
 from humanmm.models.body.body24 import NUM_JOINTS, Body, load_body
 from humanmm.models.body.kinematics import by_chunks
 from humanmm.models.geometry.projection import inverse_pose
@@ -89,6 +90,7 @@ def refine(
     return refine_world(world, seen, time_s=time_s, cut_frames=cut_frames, settings=settings, progress=progress)
 
 
+@single_threaded
 def refine_world(
     world: WorldMotion,
     observations: Observations | None,

@@ -7,11 +7,10 @@ long gap is crossed without a swing.
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.linalg import solveh_banded
+from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.spatial.transform import Rotation
 
 from humanmm.models.motion.fit.equations import REFERENCE_HZ, frame_weights
@@ -25,24 +24,38 @@ CARRY_ON_S = 0.25
 """How long a motion keeps its velocity in a gap."""
 
 
-@dataclass(frozen=True, eq=False)
-class Roughness:
-    """The quadratic form of jerk (and speed in gaps) of N samples: a symmetric matrix with ORDER upper diagonals."""
+class Smoother:
+    """The filter of N samples with these weights: its matrix is factorised once, for however many values."""
 
-    diagonals: Float[Array, "4 N"]
-    """diagonals[k, i] stands at (i, i + k)."""
+    def __init__(self, weight: Float[Array, " N"], time_s: Float[Array, " N"], *, cutoff_hz: float) -> None:
+        self._known = weight > 0
+        self._data = weight * frame_weights(time_s)
+        upper = _roughness(time_s, self._known, cutoff_hz)
+        upper[0] += self._data + 1e-12 * self._data.max()
+        bands, n = upper.shape
+        packed = np.zeros_like(upper)
+        for k in range(bands):  # scipy keeps (i, j) at [bands − 1 + i − j, j]
+            packed[bands - 1 - k, k:] = upper[k, : max(n - k, 0)]
+        self._factor = cholesky_banded(packed) if self._known.any() else packed
 
-    @classmethod
-    def of(cls, time_s: Float[Array, " N"], known: Bool[Array, " N"], *, cutoff_hz: float) -> "Roughness":
-        """The form whose weight makes it a low-pass filter of this cut-off for evidence of weight 1 per 1/30 s."""
-        step = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 1 / REFERENCE_HZ
-        # A difference quotient is smaller than the derivative: this is its gain at the cut-off.
-        gain = 2 / step * np.sin(np.pi * min(cutoff_hz * step, 0.5))
-        strength = gain ** (-2 * ORDER) * REFERENCE_HZ
-        rough = _accumulate(time_s, ORDER, np.full(max(len(time_s) - ORDER, 0), strength))
-        in_gap = ~(known[1:] & known[:-1])
-        rough += _accumulate(time_s, 1, np.where(in_gap, strength / CARRY_ON_S ** (2 * (ORDER - 1)), 0.0))
-        return cls(rough)
+    def __call__(self, values: Float[Array, "N C"]) -> Float[Array, "N C"]:
+        """The smooth path nearest to the values; frames of weight 0 are filled in. No weight: the values themselves."""
+        if not self._known.any():
+            return values.copy()
+        right = self._data[:, None] * np.where(self._known[:, None], values, 0.0)
+        return np.asarray(cho_solve_banded((self._factor, False), right))
+
+
+def _roughness(time_s: Float[Array, " N"], known: Bool[Array, " N"], cutoff_hz: float) -> Float[Array, "4 N"]:
+    """The quadratic form of jerk (and speed in gaps) whose weight makes it a low-pass filter of this cut-off for
+    evidence of weight 1 per 1/30 s: diagonals[k, i] stands at (i, i + k)."""
+    step = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 1 / REFERENCE_HZ
+    # A difference quotient is smaller than the derivative: this is its gain at the cut-off.
+    gain = 2 / step * np.sin(np.pi * min(cutoff_hz * step, 0.5))
+    strength = gain ** (-2 * ORDER) * REFERENCE_HZ
+    rough = _accumulate(time_s, ORDER, np.full(max(len(time_s) - ORDER, 0), strength))
+    in_gap = ~(known[1:] & known[:-1])
+    return np.asarray(rough + _accumulate(time_s, 1, np.where(in_gap, strength / CARRY_ON_S ** (2 * (ORDER - 1)), 0.0)))
 
 
 def _accumulate(time_s: Float[Array, " N"], order: int, strength: Float[Array, " M"]) -> Float[Array, "4 N"]:
@@ -67,25 +80,11 @@ def fade(x: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
     return np.asarray(1 - x * x * x * (10 - 15 * x + 6 * x * x))
 
 
-def solve_banded(upper: Float[Array, "bands N"], right: Float[Array, "N C"]) -> Float[Array, "N C"]:
-    """Solution of a symmetric positive definite system whose diagonals[k, i] stand at (i, i + k)."""
-    bands, n = upper.shape
-    packed = np.zeros_like(upper)
-    for k in range(bands):  # scipy keeps (i, j) at [bands − 1 + i − j, j]
-        packed[bands - 1 - k, k:] = upper[k, : max(n - k, 0)]
-    return np.asarray(solveh_banded(packed, right))
-
-
 def smooth(
     values: Float[Array, "N C"], weight: Float[Array, " N"], time_s: Float[Array, " N"], *, cutoff_hz: float
 ) -> Float[Array, "N C"]:
-    """The smooth path nearest to the values; frames of weight 0 are filled in. No weight: the values as they are."""
-    if not (weight > 0).any():
-        return values.copy()
-    data = weight * frame_weights(time_s)
-    upper = Roughness.of(time_s, weight > 0, cutoff_hz=cutoff_hz).diagonals
-    upper[0] += data + 1e-12 * data.max()
-    return solve_banded(upper, data[:, None] * np.where((weight > 0)[:, None], values, 0.0))
+    """The values through the `Smoother` of these weights."""
+    return Smoother(weight, time_s, cutoff_hz=cutoff_hz)(values)
 
 
 def smooth_rotations(
@@ -96,7 +95,7 @@ def smooth_rotations(
     Within the reach of the filter (a tenth of a second) a joint rotates little, so that smoothing the four numbers and
     putting them back to length 1 is smoothing on the sphere; across a gap it is the spherical path, to first order.
     """
-    smoothed = np.empty_like(vectors)
+    smoothed, smoother = np.empty_like(vectors), Smoother(weight, time_s, cutoff_hz=cutoff_hz)
     known = np.flatnonzero(weight > 0)
     for joint in range(vectors.shape[1]):  # one at a time: the numbers between are many times as large as the result
         quaternions = Rotation.from_rotvec(vectors[:, joint]).as_quat(scalar_first=True)
@@ -104,6 +103,5 @@ def smooth_rotations(
         flips = np.where(np.sum(along[1:] * along[:-1], axis=-1) < 0, -1.0, 1.0)
         along[1:] *= np.cumprod(flips)[:, None]
         quaternions[known] = along
-        path = smooth(quaternions, weight, time_s, cutoff_hz=cutoff_hz)
-        smoothed[:, joint] = Rotation.from_quat(path, scalar_first=True).as_rotvec()
+        smoothed[:, joint] = Rotation.from_quat(smoother(quaternions), scalar_first=True).as_rotvec()
     return smoothed

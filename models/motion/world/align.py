@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
+from humanmm.machine import single_threaded
 from humanmm.models.cuts.camera_rotation import GAP_WARNING_S, CutMethod, align_by_bundle
 from humanmm.models.cuts.hypotheses import SIDES_SWAPPED
 from humanmm.models.geometry.intrinsics import K_of
@@ -37,6 +38,7 @@ WITNESSES = frozenset({"people", "positions", "background", "walls"})
 another, a background that both show, the straight edges of built places."""
 
 
+@single_threaded
 def align(
     results: ShotResults,
     *,

@@ -98,19 +98,24 @@ class WorldEquations:
         self,
         first: int,
         shot: int,
-        weight: Float[Array, " n"],
-        moved: Float[Array, "n 3"],
-        lever: Float[Array, "n 3 3"],
+        weight: Float[Array, "n k"],
+        moved: Float[Array, "n k 3"],
+        lever: Float[Array, "n k 3 3"],
     ) -> None:
         """Add Σ r² / 2 with r = weight · (position[i + 1] − position[i] + lever · rotation of the camera).
 
-        i runs from `first` on; `moved` is what r is now, without the weight.
+        i runs from `first` on; k residuals each, `moved` is what they are now, without the weight.
         """
-        residual, by_camera = weight[:, None] * moved, np.zeros((len(weight), 3, CAMERA_UNKNOWNS))
-        self.add_chain(first + np.arange(len(weight)), np.stack([-weight, weight], axis=1), residual)
-        by_camera[..., 3:6] = weight[:, None, None] * lever
+        residual, by_camera = weight[..., None] * moved, np.zeros((*moved.shape, CAMERA_UNKNOWNS))
+        by_camera[..., 3:6] = weight[..., None, None] * lever
+        total = (weight**2).sum(axis=1)
+        pull, of_camera = (np.einsum("nk,nk...->n...", weight, one) for one in (residual, by_camera))
         for offset, sign in ((0, -1), (1, 1)):
-            self.mixed[first + offset : first + offset + len(weight)] += sign * weight[:, None, None] * by_camera
+            rows = slice(first + offset, first + offset + len(weight))
+            self.own[rows] += total[:, None, None] * np.eye(3)
+            self.gradient[rows] += sign * pull
+            self.mixed[rows] += sign * of_camera
+        self.next[1, first : first + len(weight)] -= total
         self._add_camera(shot, residual, by_camera)
 
     def add_cameras(self, residual: Float[Array, " m"], *blocks: tuple[int, Float[Array, "m 7"]]) -> None:

@@ -82,35 +82,25 @@ def pan_axis(R_shot_cam: Float[Array, "frames 3 3"]) -> Float[Array, "3"] | None
 
 
 def up_direction(evidence: UprightEvidence) -> Float[Array, "3"]:
-    """Unit vector opposite to gravity: robust Gauss-Newton over directions, from several starts."""
+    """Unit vector opposite to gravity: robust Gauss-Newton over directions, from each that should be up."""
     if not len(evidence.up):
         raise ValueError("no direction is known to point up")
-    best, best_cost = evidence.up[0], np.inf
-    for start in evidence.up:
-        up, cost = _refine(unit(start), evidence)
-        if cost < best_cost:
-            best, best_cost = up, cost
-    return np.asarray(best)
-
-
-def _refine(up: Float[Array, "3"], evidence: UprightEvidence) -> tuple[Float[Array, "3"], float]:
-    cost = np.inf
+    up = unit(evidence.up)
+    sigma_up, sigma_level = np.deg2rad(evidence.up_sigma_deg), np.deg2rad(evidence.level_sigma_deg)
     for _ in range(20):
-        tangent = np.linalg.svd(up[None])[2][1:]
-        toward = evidence.up - up
-        r_up = (toward @ tangent.T) / np.deg2rad(evidence.up_sigma_deg)[:, None]
-        r_level = (evidence.level @ up) / np.deg2rad(evidence.level_sigma_deg)
+        tangent = np.swapaxes(np.linalg.svd(up[:, None])[2][:, 1:], -1, -2)
+        r_up = (evidence.up - up[:, None]) @ tangent / sigma_up[:, None]
+        r_level = up @ evidence.level.T / sigma_level
         # Behind the equator the tangent plane lies: count the true angle.
-        length = np.rad2deg(np.arccos(np.clip(evidence.up @ up, -1, 1))) / evidence.up_sigma_deg
+        length = np.arccos(np.clip(up @ evidence.up.T, -1, 1)) / sigma_up
         w_up, w_level = cauchy_weight(length**2 / 4), cauchy_weight(r_level**2 / 4)
-        cost = float(cauchy_loss(length**2 / 4).sum() + cauchy_loss(r_level**2 / 4).sum())
-        A = (w_up / np.deg2rad(evidence.up_sigma_deg) ** 2).sum() * np.eye(2) + 1e-9 * np.eye(2)
-        b = (w_up[:, None] * r_up / np.deg2rad(evidence.up_sigma_deg)[:, None]).sum(axis=0)
-        J = (evidence.level @ tangent.T) / np.deg2rad(evidence.level_sigma_deg)[:, None]
-        A = A + np.einsum("m,ma,mb->ab", w_level, J, J)
-        b = b - np.einsum("m,ma,m->a", w_level, J, r_level)
-        step = np.linalg.solve(A, b) @ tangent
+        cost = cauchy_loss(length**2 / 4).sum(axis=1) + cauchy_loss(r_level**2 / 4).sum(axis=1)
+        J = evidence.level @ tangent / sigma_level[:, None]
+        weighted = np.swapaxes(J * w_level[..., None], -1, -2)
+        A = weighted @ J + ((w_up / sigma_up**2).sum(axis=1) + 1e-9)[:, None, None] * np.eye(2)
+        b = ((w_up / sigma_up)[:, None] @ r_up)[:, 0] - (weighted @ r_level[..., None])[..., 0]
+        step = (tangent @ np.linalg.solve(A, b[..., None]))[..., 0]
         up = unit(up + step)
-        if np.linalg.norm(step) < 1e-6:
+        if np.linalg.norm(step, axis=1).max() < 1e-6:
             break
-    return up, cost
+    return np.asarray(up[cost.argmin()])

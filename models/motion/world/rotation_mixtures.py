@@ -7,11 +7,13 @@ rotations about the vertical. Densities are relative to that of all rotations be
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
+from scipy.sparse import csr_array
 
-from humanmm.models.geometry.rotations import rotation_angle
+from humanmm.models.geometry.rotations import rotation_distance
 
 Array = np.ndarray
 
@@ -77,87 +79,108 @@ class Upright:
 
 
 @dataclass(frozen=True, eq=False)
-class Mixture:
-    """An edge with its hypotheses as arrays."""
+class Shares:
+    """Logarithms of what has a part in the densities of E edges with H hypotheses, at some rotations."""
 
-    edge: RotationEdge
-    a: int
-    b: int
-    R: Float[Array, "h 3 3"]
-    sigma: Float[Array, " h"]
+    hypotheses: Float[Array, "*n H"]
+    none: Float[Array, "*n E"]
+    """Of none of an edge's hypotheses."""
+    density: Float[Array, "*n E"]
+    """Of all together."""
+
+
+@dataclass(frozen=True, eq=False)
+class Mixtures:
+    """E edges between the shots of one world, each with a hypothesis or more; all H hypotheses in one row."""
+
+    edges: tuple[RotationEdge, ...]
+    weight: Float[Array, " E"]
+    """What a logarithm of an edge's density counts for."""
+    log_none: Float[Array, " E"]
+    up: Float[Array, "2 E 3"]
+    """Where up is in the edge's shots a and b; 0 where that is not known of both."""
+    of_edge: Int[Array, " H"]
+    """The edge of each hypothesis; those of one edge stand together."""
+    R: Float[Array, "H 3 3"]
+    sigma: Float[Array, " H"]
     """Standard deviation of one axis, radians."""
-    log_peak: Float[Array, " h"]
+    log_peak: Float[Array, " H"]
     """Logarithm of a hypothesis' density at its own rotation, times its probability; density 1 is uniform."""
-    log_none: float
-    weight: float
-    """What a logarithm of its density counts for."""
-    up_a: Float[Array, "3"] | None
-    up_b: Float[Array, "3"] | None
 
     @classmethod
-    def of(cls, edge: RotationEdge, weight: float, upright: tuple[Upright | None, Upright | None]) -> "Mixture":
-        """Compile an edge; `upright` of both of its shots."""
-        probability = np.array([h.probability for h in edge.hypotheses])
-        probability = probability * min(1.0, (1 - LEAST_NONE) / max(float(probability.sum()), 1e-9))
-        sigma = np.radians([max(h.sigma_deg, 0.05) for h in edge.hypotheses]) / QUANTILE_68
-        log_peak = np.log(np.maximum(probability, 1e-12)) + _LOG_T_PEAK + LOG_VOLUME - 3 * np.log(sigma)
-        none = max(1 - float(probability.sum()), LEAST_NONE)
-        R = np.stack([h.R_a_b for h in edge.hypotheses])
+    def of(cls, edges: Sequence[RotationEdge], upright: Sequence[Upright | None]) -> "Mixtures":
+        """Compile edges; `upright`: one a shot of the video."""
+        hypotheses = [one for edge in edges for one in edge.hypotheses]
+        of_edge = np.repeat(np.arange(len(edges)), [len(edge.hypotheses) for edge in edges])
+        probability = np.array([one.probability for one in hypotheses])
+        total = np.bincount(of_edge, probability, len(edges))
+        fraction = np.minimum(1.0, (1 - LEAST_NONE) / np.maximum(total, 1e-9))
+        sigma = np.radians([max(one.sigma_deg, 0.05) for one in hypotheses]) / QUANTILE_68
+        log_probability = np.log(np.maximum(fraction[of_edge] * probability, 1e-12))
         return cls(
-            edge,
-            edge.a,
-            edge.b,
-            R,
-            sigma,
-            log_peak,
-            math.log(none),
-            weight,
-            *(up.direction if up is not None else None for up in upright),
+            edges=tuple(edges),
+            weight=np.array(_weights(edges)),
+            log_none=np.log(np.maximum(1 - fraction * total, LEAST_NONE)),
+            up=np.array([_both_up(upright[edge.a], upright[edge.b]) for edge in edges])
+            .reshape(-1, 2, 3)
+            .swapaxes(0, 1),
+            of_edge=of_edge,
+            R=np.array([one.R_a_b for one in hypotheses]).reshape(-1, 3, 3),
+            sigma=sigma,
+            log_peak=log_probability + _LOG_T_PEAK + LOG_VOLUME - 3 * np.log(sigma),
         )
 
-    def components(self, R_a_b: Float[Array, "*n 3 3"]) -> Float[Array, "*n h+1"]:
-        """Logarithm of each hypothesis' share of the density at a rotation, that of none of them last."""
-        angle = rotation_angle(np.swapaxes(self.R, -1, -2) @ R_a_b[..., None, :, :])
+    def some(self, chosen: Int[Array, " e"]) -> "Mixtures":
+        """Some of the edges, in order."""
+        kept = np.isin(self.of_edge, chosen)
+        return Mixtures(
+            tuple(self.edges[k] for k in chosen), self.weight[chosen], self.log_none[chosen], self.up[:, chosen],
+            np.searchsorted(chosen, self.of_edge[kept]), self.R[kept], self.sigma[kept], self.log_peak[kept],
+        )  # fmt: skip
+
+    @cached_property
+    def first(self) -> Int[Array, " E"]:
+        """Each edge's first hypothesis."""
+        return np.searchsorted(self.of_edge, np.arange(len(self.edges)))
+
+    def shares(self, R_a_b: Float[Array, "*n E 3 3"]) -> Shares:
+        """What the edges and their hypotheses say of a rotation for each edge."""
+        angle = rotation_distance(self.R, R_a_b[..., self.of_edge, :, :])
         tail = np.log1p((angle / self.sigma) ** 2 / DEGREES_OF_FREEDOM)
-        shares = self.log_peak - 0.5 * (DEGREES_OF_FREEDOM + 3) * tail
-        return np.concatenate([shares, self._none(R_a_b)[..., None]], axis=-1)
+        hypotheses = self.log_peak - 0.5 * (DEGREES_OF_FREEDOM + 3) * tail
+        none = self._none(R_a_b)
+        return Shares(hypotheses, none, np.logaddexp(np.logaddexp.reduceat(hypotheses, self.first, axis=-1), none))
 
-    def likeliest(self, R_a_b: Float[Array, "3 3"]) -> int | None:
-        """The hypothesis that a rotation most likely is; None where it is likelier none of them."""
-        likeliest = int(self.components(R_a_b).argmax())
-        return likeliest if likeliest < len(self.R) else None
+    def believed(self, shares: Shares) -> Bool[Array, "*n E"]:
+        """The edges of which a hypothesis is likelier than none."""
+        return np.asarray(np.maximum.reduceat(shares.hypotheses, self.first, axis=-1) >= shares.none)
 
-    def _none(self, R_a_b: Float[Array, "*n 3 3"]) -> Float[Array, "*n"]:
+    def _none(self, R_a_b: Float[Array, "*n E 3 3"]) -> Float[Array, "*n E"]:
         """Logarithm of the share of none of the hypotheses.
 
         Wrong rotations are not spread evenly: bodies stand and cameras are held level in all shots, so that most are
         rotations about the vertical. Two that are wrong agree by chance far more often than two random ones.
         """
-        if self.up_a is None or self.up_b is None:
-            return np.full(R_a_b.shape[:-2], self.log_none)
         kappa = 1 / math.radians(WRONG_TILT_DEG) ** 2
-        cosine = (R_a_b @ self.up_b) @ self.up_a
-        upright = 2 * kappa * np.exp(kappa * (cosine - 1))
+        cosine = np.einsum("ea,...eab,eb->...e", self.up[0], R_a_b, self.up[1])
+        upright = np.where(self.up[0].any(axis=-1), 2 * kappa * np.exp(kappa * (cosine - 1)), 1.0)
         return np.asarray(self.log_none + np.log(WRONG_UPRIGHT * upright + 1 - WRONG_UPRIGHT))
 
-    def log_density(self, shares: Float[Array, "*n h+1"]) -> Float[Array, "*n"]:
-        """Logarithm of the density, as far as this edge is a witness of its own."""
-        return np.asarray(self.weight * np.logaddexp.reduce(shares, axis=-1))
+    def log_density(self, shares: Shares) -> Float[Array, "*n"]:
+        """Logarithm of the density of all edges, as far as each is a witness of its own."""
+        return np.asarray(shares.density @ self.weight)
 
-    def precision(self, shares: Float[Array, "*n h+1"]) -> tuple[Float[Array, "*n"], Float[Array, "*n"]]:
-        """Expected inverse variance of the rotation, under the hypotheses in these shares: of all axes, and what comes
-        to it of the two level axes."""
-        weight = np.exp(shares - np.logaddexp.reduce(shares, axis=-1, keepdims=True))
-        level = 0.0 if self.up_a is None or self.up_b is None else WRONG_UPRIGHT / math.radians(WRONG_TILT_DEG) ** 2
-        return (weight[..., :-1] / self.sigma**2).sum(axis=-1), level * weight[..., -1]
+    def precision(self, shares: Shares) -> tuple[Float[Array, "*n E"], Float[Array, "*n E"]]:
+        """Expected inverse variance of each edge's rotation, under its hypotheses in these shares: of all axes, and
+        what comes to it of the two level axes."""
+        fraction = np.exp(shares.hypotheses - shares.density[..., self.of_edge])
+        level = np.where(self.up[0].any(axis=-1), WRONG_UPRIGHT / math.radians(WRONG_TILT_DEG) ** 2, 0.0)
+        every = np.add.reduceat(fraction / self.sigma**2, self.first, axis=-1)
+        return every, level * np.exp(shares.none - shares.density)
 
 
-def mixtures(edges: Sequence[RotationEdge], upright: Sequence[Upright | None]) -> list[Mixture]:
-    """All edges between the shots of one world, compiled; `upright`: one a shot of the video."""
-    return [
-        Mixture.of(edge, weight, (upright[edge.a], upright[edge.b]))
-        for edge, weight in zip(edges, _weights(edges), strict=True)
-    ]
+def _both_up(a: Upright | None, b: Upright | None) -> Float[Array, "2 3"]:
+    return np.zeros((2, 3)) if a is None or b is None else np.stack([a.direction, b.direction])
 
 
 def _weights(edges: Sequence[RotationEdge]) -> list[float]:
@@ -181,25 +204,27 @@ def _weights(edges: Sequence[RotationEdge]) -> list[float]:
     return weights
 
 
-@dataclass(frozen=True, eq=False)
-class Volume:
-    """How far all rotations but the first are determined: precisions as Laplacians of the graph of shots."""
+def laplacian(ends: Int[Array, "E 2"], weight: Float[Array, "*n E"], num: int) -> Float[Array, "*n num num"]:
+    """Σ w (x_a − x_b)² over the edges of a graph, as a quadratic form of x: precisions of edges as one of shots."""
+    a, b = ends.T
+    rows, signs = (
+        np.concatenate([a * num + a, b * num + b, a * num + b, b * num + a]),
+        np.repeat([1.0, -1.0], 2 * len(a)),
+    )
+    of_edges = csr_array((signs, (rows, np.tile(np.arange(len(a)), 4))), shape=(num * num, len(a)))
+    return np.asarray((of_edges @ weight.reshape(-1, len(a)).T).T.reshape(*weight.shape[:-1], num, num))
 
-    every: Float[Array, "n shots shots"]
-    """Of all three axes."""
-    level: Float[Array, "n shots shots"]
-    """What comes to it of the two level axes: rotations about them move the vertical."""
 
-    def connect(self, a: int, b: int, every: Float[Array, " n"], level: Float[Array, " n"]) -> None:
-        """Add the precision of an edge."""
-        for laplacian, precision in ((self.every, every), (self.level, level)):
-            for row, column, sign in ((a, a, 1), (b, b, 1), (a, b, -1), (b, a, -1)):
-                laplacian[:, row, column] += sign * precision
+def log_graph_volume(
+    every: Float[Array, "*n shots shots"], level: Float[Array, "*n shots shots"]
+) -> Float[Array, "*n"]:
+    """Logarithm of the volume within which all rotations but the first lie, as a fraction of all there are.
 
-    def log(self) -> Float[Array, " n"]:
-        """Logarithm of the volume within which the rotations lie, as a fraction of all there are."""
-        vertical, level = self.every[:, 1:, 1:], (self.every + self.level)[:, 1:, 1:]
-        return log_volume(np.linalg.slogdet(vertical)[1], np.linalg.slogdet(level)[1], vertical.shape[1])
+    `every`: precisions of all three axes; `level`: what comes to them of the two level axes, rotations about which move
+    the vertical.
+    """
+    vertical, level = every[..., 1:, 1:], (every + level)[..., 1:, 1:]
+    return log_volume(np.linalg.slogdet(vertical)[1], np.linalg.slogdet(level)[1], vertical.shape[-1])
 
 
 def log_volume(log_vertical: Float[Array, "*n"], log_level: Float[Array, "*n"], num: int = 1) -> Float[Array, "*n"]:

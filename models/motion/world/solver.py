@@ -96,6 +96,8 @@ class SolveSettings:
     level_deg: float = 4.0
     """Error of a shot's vertical before the solve, where its own evidence claims no less."""
     iterations: int = 12
+    converged_m: float = 3e-4
+    """Nobody moves further in the last step, metres: what is left to go is below a millimetre."""
 
 
 @dataclass(frozen=True)
@@ -131,7 +133,10 @@ def solve(
     for iteration in range(options.iterations):
         if iteration == _FLOOR_FROM:
             state = _put_on_floor(trajectories, state, options)
-        state = _step(trajectories, rigs, edges, same, state, options, iteration)
+        before, state = state, _step(trajectories, rigs, edges, same, state, options, iteration)
+        moved = max((float(np.abs(a - b).max()) for a, b in zip(state.pelvis, before.pelvis, strict=True)), default=0.0)
+        if iteration > _FLOOR_FROM and moved < options.converged_m:
+            break
     contacts = tuple(_hold(trajectory, state, k, options)[1] for k, trajectory in enumerate(trajectories))
     return Solution(tuple(state.pelvis), contacts, state.rotation, state.origin, state.scale)
 
@@ -271,8 +276,7 @@ def _feet(
     step = np.diff(trajectory.time_s)[:, None]
     weight = np.sqrt(still) / (options.still_ms * step) / np.sqrt(correlated)
     moved, swing = np.diff(pair, axis=0), np.diff(rotated, axis=0)
-    for foot in range(4):
-        equations.add_still(first, trajectory.shot, weight[:, foot], moved[:, foot], -skew(swing[:, foot]))
+    equations.add_still(first, trajectory.shot, weight, moved, -skew(swing))
     if not floor:
         return
     below = pair[..., 2] < 0
@@ -321,14 +325,14 @@ def _levels(
     options: SolveSettings,
 ) -> None:
     """Every shot stays about as level as it came, neighbouring shots rotated against each other as their edge says."""
-    of_rotation = np.eye(CAMERA_UNKNOWNS)[3:6]
-    for shot, rotation in enumerate(state.rotation):
-        tilt_deg = min(rigs[shot].level_deg, options.level_deg)
+    of_rotation, rotated = np.eye(CAMERA_UNKNOWNS)[3:6], rotmat_to_rotvec(state.rotation)
+    for shot, rig in enumerate(rigs):
+        tilt_deg = min(rig.level_deg, options.level_deg)
         w_axes = 1 / np.deg2rad([tilt_deg, tilt_deg, options.level_deg])
-        equations.add_cameras(w_axes * rotmat_to_rotvec(rotation), (shot, w_axes[:, None] * of_rotation))
+        equations.add_cameras(w_axes * rotated[shot], (shot, w_axes[:, None] * of_rotation))
     for edge in edges:
         w = 1 / np.deg2rad(edge.sigma_deg)
-        difference = rotmat_to_rotvec(state.rotation[edge.b]) - rotmat_to_rotvec(state.rotation[edge.a])
+        difference = rotated[edge.b] - rotated[edge.a]
         equations.add_cameras(w * difference, (edge.b, w * of_rotation), (edge.a, -w * of_rotation))
 
 

@@ -11,6 +11,7 @@ from humanmm.models.cuts import bundle as cut_bundle
 from humanmm.models.cuts import camera_rotation as cuts
 from humanmm.models.cuts import epipolar, residuals
 from humanmm.models.cuts.sides import CutCameras, CutPerson
+from humanmm.models.geometry.robust import huber_weight
 from humanmm.models.geometry.rotations import angle_between_deg, rotvec_to_rotmat
 from humanmm.models.records.motion import CutAlignment
 
@@ -41,32 +42,59 @@ def test_the_bundle_mends_a_tilted_pose_estimator_that_rotation_alone_believes()
     assert np.mean(bundle) < 0.7 * np.mean(turned)
 
 
-def test_the_analytic_jacobian_is_that_of_the_residuals() -> None:
+@pytest.mark.parametrize("bones", [0.8, 1.25])
+def test_the_equations_are_derivatives_of_the_residuals(bones: float) -> None:
+    """Of Gauss and Newton; where all bones are stretched (0.8), theirs are the whole second derivative."""
     person, truth = case(70.0, tilt_deg=5.0)
     item = cuts._prepare(person, CAMERAS, 19.5 / FPS)
+    item = replace(item, bone_lengths=bones * item.bone_lengths)
     problem = residuals.CutProblem([item], cuts._BODY, residuals.BundleSettings())
-    state, shift = cut_bundle._start(item, truth)
-    view = residuals.CameraState(truth, shift, np.zeros(3))
-    _, J = problem.linearise(item, state, view)
-    rng = np.random.default_rng(0)
-    direction = rng.normal(size=problem.num_unknowns)
-    h = 1e-6
-    ends = []
-    for sign in (1.0, -1.0):
-        step = sign * h * direction
-        moved, seen = state.moved(step[:-9]), view.moved(step[-9:])
-        image = [problem._side_residuals(v, k, moved, seen) for k, v in enumerate((item.before, item.after))]
-        ends.append(np.concatenate([part.ravel() for pair in image for part in pair]))
-    numeric = (ends[0] - ends[1]) / (2 * h)
-    image = [problem._side_residuals(v, k, state, view) for k, v in enumerate((item.before, item.after))]
-    # The robust weight scales image residuals and their derivatives alike.
-    robust = []
-    for part in image:
-        size = np.linalg.norm(part[0], axis=-1, keepdims=True)
-        factor = np.sqrt(np.minimum(1.0, residuals.HUBER / np.maximum(size, 1e-9)))
-        robust += [np.broadcast_to(factor, part[0].shape).ravel(), np.ones(part[1].size)]
-    analytic = J[: len(numeric)] @ direction
-    np.testing.assert_allclose(analytic, numeric * np.concatenate(robust), rtol=1e-4, atol=1e-4)
+    h, num = 1e-4, 9 * problem.num_points + 15
+    steps = h * np.concatenate([np.zeros((1, num)), np.eye(num), -np.eye(num)])
+    at = cut_bundle.starts_of([item], np.repeat(truth[None], len(steps), axis=0))
+    state, camera = at.people[0].moved(steps[:, :-9]), at.camera.moved(steps[:, -9:])
+
+    def derivative(values: np.ndarray) -> np.ndarray:
+        return (values[1 : num + 1] - values[num + 1 :]).reshape(num, -1).T / (2 * h)
+
+    gradient, hessian = (np.zeros(shape) for shape in (num, (num, num)))
+    sides = [problem._side_residuals(view, k, state, camera) for k, view in enumerate((item.before, item.after))]
+    of_velocity = camera.velocity / problem.settings.camera_velocity_ms
+    for values in (*(part for side in sides for part in side), problem._prior(state), of_velocity):
+        J = derivative(values)
+        size = np.linalg.norm(values[0], axis=-1, keepdims=True)
+        # The robust weight scales image residuals and their derivatives alike.
+        robust = huber_weight(size, residuals.HUBER) if values.shape[-1] == 2 else np.ones_like(size)
+        weight = np.broadcast_to(robust, values[0].shape).ravel()
+        gradient += J.T @ (weight * values[0].ravel())
+        hessian += J.T @ (weight[:, None] * J)
+    length, direction, _ = problem._bones(item, state)
+    J = derivative(length)
+    gradient += J.T @ length[0].ravel()
+    hessian += J.T @ J
+    if bones < 1:
+        assert (length[0] > 0).all()
+        by_vector = derivative(direction).reshape(*direction.shape[1:], num)
+        vectors = derivative(problem.along_bone @ residuals.moving(state, residuals._bone_times(item)))
+        hessian += np.einsum("tb,tbcu,tbcv->uv", length[0], by_vector, vectors.reshape(by_vector.shape))
+    (found,) = problem.equations(at.people, at.camera)
+    motion, others = slice(0, -15), slice(-15, None)
+    both = np.concatenate([hessian, gradient[:, None]], axis=1)
+    np.testing.assert_allclose(found.motion.matrix(0), hessian[motion, motion], rtol=1e-4, atol=1e-2)
+    np.testing.assert_allclose(found.mixed[0, :, :-1], hessian[motion, others], rtol=1e-4, atol=1e-2)
+    np.testing.assert_allclose(found.mixed[0, :, -1], gradient[motion], rtol=1e-4, atol=1e-3)
+    np.testing.assert_allclose(found.others[0, :-1], both[others, -16:], rtol=1e-4, atol=1e-2)
+
+
+def test_runs_side_by_side_are_those_alone() -> None:
+    person, truth = case(70.0)
+    item = cuts._prepare(person, CAMERAS, 19.5 / FPS)
+    starts = truth @ rotvec_to_rotmat(np.radians([[0.0, 0.0, 0.0], [0.0, 40.0, 0.0], [30.0, 0.0, 0.0]]))
+    settings = residuals.BundleSettings()
+    together = [one.R_before_after for one in cut_bundle.adjust([item], cuts._BODY, starts, settings)]
+    for start in starts:
+        (alone,) = cut_bundle.adjust([item], cuts._BODY, start[None], settings)
+        assert min(angle_between_deg(alone.R_before_after, R) for R in together) < 0.5  # stopped a little earlier
 
 
 def test_a_long_gap_is_reported() -> None:

@@ -1,5 +1,6 @@
 """The process in which stages run returns pictures to the system, and its children end with it."""
 
+import os
 import subprocess
 import sys
 import time
@@ -34,6 +35,25 @@ def resident_mb(how: str) -> int:
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc/self/status")
 def test_pictures_that_are_dropped_are_given_back() -> None:
     assert resident_mb("prepared") < resident_mb("as it is") - 100  # of 180 MB of pictures
+
+
+@pytest.mark.parametrize("prepare", ["prepare_process()", "single_threaded(print_threads)()"])
+def test_a_program_that_has_loaded_numpy_uses_one_thread_for_small_matrices(prepare: str) -> None:
+    program = f"""
+import numpy
+from threadpoolctl import threadpool_info
+from humanmm.machine import single_threaded
+from humanmm.tasks.units.process import prepare_process
+def print_threads():
+    print(*(library["num_threads"] for library in threadpool_info()))
+{prepare}
+print_threads()
+"""
+    threads = {f"{library}_NUM_THREADS": "2" for library in ("OMP", "OPENBLAS", "MKL")}
+    run = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True, env=os.environ | threads
+    )
+    assert "1" in run.stdout.splitlines()[0] and "2" not in run.stdout.splitlines()[0]
 
 
 def test_work_in_processes_comes_back_with_its_number() -> None:

@@ -35,7 +35,7 @@ def test_features_on_people_take_no_part() -> None:
     outside = ((everything.xy <= low) | (everything.xy >= high)).any(axis=1)
     np.testing.assert_array_equal(kept.xy, everything.xy[outside])
     assert 0 < len(kept.xy) < len(everything.xy)
-    _, index = match_features(kept, everything)
+    _, index = match_features(kept.roots, everything.roots)
     assert outside[index].all()
     np.testing.assert_array_equal(kept.segments, everything.segments[1:])
 

@@ -33,11 +33,11 @@ def test_the_step_is_the_one_that_a_dense_solve_finds() -> None:
         equations.add_positions(segment.start, segment.shot, residual, by_position, by_camera)
         for k in range(n):
             note(residual[k], {3 * (segment.start + k): by_position[k], camera(segment.shot): by_camera[k]})
-        weight, moved, lever = rng.uniform(size=n - 1), rng.normal(size=(n - 1, 3)), rng.normal(size=(n - 1, 3, 3))
+        weight, moved, lever = rng.uniform(size=(n - 1, 2)), *(rng.normal(size=(n - 1, 2, *s)) for s in ((3,), (3, 3)))
         equations.add_still(segment.start, segment.shot, weight, moved, lever)
-        for k, w in enumerate(weight):
-            at, rotation = 3 * (segment.start + k), camera(segment.shot) + 3
-            note(w * moved[k], {at: -w * np.eye(3), at + 3: w * np.eye(3), rotation: w * lever[k]})
+        for k, foot in np.ndindex(weight.shape):
+            w, at, rotation = weight[k, foot], 3 * (segment.start + k), camera(segment.shot) + 3
+            note(w * moved[k, foot], {at: -w * np.eye(3), at + 3: w * np.eye(3), rotation: w * lever[k, foot]})
     for person in (0, 1):
         own = [segment for segment, owner in zip(segments, persons, strict=True) if owner == person]
         at = np.arange(own[0].start, own[-1].stop - 2)

@@ -45,6 +45,13 @@ def test_consistent_edges_are_met_exactly() -> None:
     assert set(found.group) == {0} and not found.refused
 
 
+def test_one_edge_alone_decides_and_says_how_surely() -> None:
+    R = rotations(2)
+    found = solve_rotations(2, [people(R, 0, 1)])
+    certainty = found.certainty[1]
+    assert error_deg(found, R, 1) < 1e-3 and certainty is not None and 0.8 < certainty.probability < 0.95
+
+
 def test_a_background_takes_the_error_out_of_a_cut() -> None:
     R = rotations(2)
     found = solve_rotations(2, [people(R, 0, 1, off_deg=12.0), background(R, 0, 1, 0.0)])

@@ -7,7 +7,7 @@ from room_edges import camera_towards
 from humanmm.models.camera.background.manhattan import ManhattanFrame
 from humanmm.models.geometry.rotations import rotation_angle, rotvec_to_rotmat
 from humanmm.models.motion.world.levelling import UpDirection, vertical_of
-from humanmm.models.motion.world.rotation_mixtures import RotationEdge, RotationHypothesis, mixtures
+from humanmm.models.motion.world.rotation_mixtures import Mixtures, RotationEdge, RotationHypothesis
 from humanmm.models.motion.world.shot_rotations import solve_rotations
 from humanmm.models.motion.world.walls import ONE_PLACE, ShotWalls, wall_edges
 from humanmm.models.records.camera import ShotCamera
@@ -46,8 +46,8 @@ def test_one_of_the_four_headings_is_the_true_one_and_none_is_likelier_than_anot
 
 
 def test_all_pairs_of_shots_are_as_many_witnesses_as_there_are_rotations_to_find() -> None:
-    found = mixtures(wall_edges(walls()), [None] * len(CAMERAS))
-    assert sum(mixture.weight for mixture in found) == pytest.approx(len(CAMERAS) - 1)
+    found = Mixtures.of(wall_edges(walls()), [None] * len(CAMERAS))
+    assert found.weight.sum() == pytest.approx(len(CAMERAS) - 1)
 
 
 def test_scenes_that_are_not_connected_take_nothing_from_the_walls_of_one() -> None:
