@@ -190,12 +190,12 @@ class EdgeEvidence:
 def focal_evidence(shot: TrackedShot, choice: ModelChoice) -> FocalEvidence | None:
     """Focal length of a shot from its model; None where the camera is static or fits badly.
 
-    Of a shot that zooms the answer is the middle of its range, as uncertain as the zoom is large; a rotation that fits
-    roughly counts as much less certain.
+    Of a shot that zooms the answer is the middle of its range, as uncertain as the zoom is large; if it moves as well,
+    that of a camera which only rotates and zooms. A rotation that fits roughly counts as much less certain.
     """
     if choice.rotating is None:
         return None
-    if choice.model == "moving" and choice.moving is not None:
+    if choice.model == "moving" and choice.moving is not None and math.isfinite(choice.moving.log_focal_sigma):
         return _evidence(choice.moving)
     if choice.zooming is not None and math.isfinite(choice.zooming.log_focal_sigma):
         return _evidence(choice.zooming)

@@ -56,7 +56,7 @@ class ModelChoice:
     rotating: FocalTrack | None = None
     """None of a static camera."""
     zooming: FocalTrack | None = None
-    """None unless a zoom explains the shot clearly better than a rotation alone."""
+    """None unless a zoom explains the shot clearly better than a rotation alone, or the camera zooms as it moves."""
     moving: FocalTrack | None = None
     """Also where it does not explain the shot well enough to be chosen; with a zoom if it zooms as it moves."""
 
@@ -65,12 +65,12 @@ def settled_model(choice: ModelChoice, shot: TrackedShot, intrinsics: Intrinsics
     """The model of a shot that was chosen with a focal length of its own, if the video's focal length cannot change it.
 
     None where the two focal lengths differ, where only the beginning of the shot was looked at, and where it zooms or a
-    zoom explains it better than a rotation.
+    zoom explains it better than a rotation alone.
     """
     track = choice.moving if choice.model == "moving" else choice.rotating
     if track is None or track.track.keyframes[-1] != shot.num_images - 1:
         return None
-    if choice.zooming is not None or (choice.moving is not None and np.ptp(choice.moving.track.views.log_zoom) > 0):
+    if choice.zooming is not None:
         return None
     same = abs(np.log(track.track.views.focal_px / intrinsics.focal_px)) < SAME_FOCAL
     return choice.model if same else None
@@ -129,15 +129,17 @@ def choose_model(
             guide = only_rotating.track if same else rotating(shot, keyframes, focal_px, freedom=ROTATING)
             track = moving(shot, guide, progress=progress)
             moved = None if track is None else _kept(track)
-        views = zooming.track.views
-        if np.ptp(views.log_zoom) > MIN_ZOOM and (zooms or moved is None or moved.track.error_px > exact_px):
-            first_px = views.focal_px
-            if not np.isfinite(zooming.log_focal_sigma) and intrinsics.source != "given":
-                first_px = focal_px * float(np.exp(-views.log_zoom.mean()))  # the video's is the middle of the zoom
-            moved = _also_zooming(shot, zooming.track, first_px, moved, calibrate=calibrate)
-    if moved is not None and moved.track.error_px < MOVING_GAIN * best.track.error_px:
-        return ModelChoice("moving", only_rotating, found, moved)
-    return ModelChoice("rotation and zoom" if zooms else "rotation only", only_rotating, found, moved)
+    if moved is None or moved.track.error_px >= MOVING_GAIN * best.track.error_px:
+        return ModelChoice("rotation and zoom" if zooms else "rotation only", only_rotating, found, moved)
+    views = zooming.track.views
+    if np.ptp(views.log_zoom) > MIN_ZOOM and (zooms or moved.track.error_px > exact_px):
+        first_px = views.focal_px
+        if not np.isfinite(zooming.log_focal_sigma) and intrinsics.source != "given":
+            first_px = focal_px * float(np.exp(-views.log_zoom.mean()))  # the video's is the middle of the zoom
+        both = moving_and_zooming(shot, keyframes, first_px, views.log_zoom, max_starts=1)
+        if both is not None and zooms_as_it_moves(both, moved.track):
+            return ModelChoice("moving", only_rotating, zooming, _kept(both))
+    return ModelChoice("moving", only_rotating, found, moved)
 
 
 def _moving_calibrated(
@@ -158,16 +160,6 @@ def _moving_calibrated(
             break
         focal_px = own_px
     return found
-
-
-def _also_zooming(
-    shot: TrackedShot, zooming: Track, first_px: float, moved: FocalTrack | None, *, calibrate: bool
-) -> FocalTrack | None:
-    """The moving camera with the zoom that a rotating one showed, if it zooms as it moves; else as it was."""
-    both = moving_and_zooming(shot, zooming.keyframes, first_px, zooming.views.log_zoom, max_starts=1)
-    if both is None or not (moved is None or zooms_as_it_moves(both, moved.track)):
-        return moved
-    return with_own_focal(both, MOVING_ZOOMING) if calibrate else _kept(both)
 
 
 def _kept(track: Track) -> FocalTrack:
