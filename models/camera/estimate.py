@@ -19,6 +19,7 @@ from humanmm.models.camera.model_choice import (
     ZOOMING,
     ModelChoice,
     choose_model,
+    first_focal_px,
     track_model,
 )
 from humanmm.models.camera.odometry.bundle import Freedom, Views
@@ -99,8 +100,8 @@ def _chosen(shot: TrackedShot, choice: ModelChoice, rotating_track: Track, intri
     if choice.zooming is None:
         return _estimate(shot, rotating_track, ROTATING, "rotation_only")
     zooming = choice.zooming.track
-    if not np.isfinite(choice.zooming.log_focal_sigma):  # the video's focal length is the middle of the zoom
-        first_px = intrinsics.focal_px * float(np.exp(-zooming.views.log_zoom.mean()))
+    if not np.isfinite(choice.zooming.log_focal_sigma):
+        first_px = first_focal_px(zooming, shot, intrinsics)
         zooming = rotating(shot, zooming.keyframes, first_px, freedom=ZOOMING)
     said = f"the camera zooms: {_range(zooming)}"
     if choice.moving is not None and choice.moving.track.error_px < choice.zooming.track.error_px:

@@ -25,7 +25,7 @@ from humanmm.models.camera.odometry.tracked_shot import TrackedShot, arrange
 from humanmm.models.camera.self_calibration import FocalTrack
 from humanmm.models.camera.shot_points import points_of_shot
 from humanmm.models.geometry.intrinsics import default_focal_px
-from humanmm.models.records.camera import ChosenModel, GivenCameras, Intrinsics, PointTracks
+from humanmm.models.records.camera import ChosenModel, EdgeEvidence, GivenCameras, Intrinsics, PointTracks
 from humanmm.models.records.shots import ShotList
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
 from humanmm.models.records.video import VideoFacts
@@ -117,11 +117,13 @@ def intrinsics_from_background(
     `pictures`: key frames whose straight edges are used.
     """
     default = default_focal_px(width, height)
-    evidence: list[FocalEvidence | EdgeEvidence] = [
-        EdgeEvidence(default, likelihood)
+    log_focal = math.log(default) + LOG_SCALES
+    edges = tuple(
+        EdgeEvidence(picture.frame, log_focal, likelihood)
         for picture in pictures
         if (likelihood := focal_log_likelihood(picture.segments, default, width, height)) is not None
-    ]
+    )
+    evidence: list[FocalEvidence | EdgeEvidence] = list(edges)
     result = combine(evidence, default, width, height)
     chosen: list[tuple[TrackedShot, ModelChoice]] = []
     longest = sorted(shots, key=lambda shot: -len(shot.points.frame))[:MAX_SHOTS]
@@ -144,7 +146,7 @@ def intrinsics_from_background(
         for shot, choice in chosen
         if (model := settled_model(choice, shot, result)) is not None
     )
-    return replace(result, models=models)
+    return replace(result, models=models, edges=edges)
 
 
 def _beginning(points: PointTracks) -> PointTracks:
@@ -172,19 +174,6 @@ class FocalEvidence:
         sigma = math.hypot(self.log_sigma, MODEL_RELATIVE_SIGMA)
         scaled = (log_focal - math.log(self.focal_px)) / sigma
         return np.asarray(-0.5 * (TAIL_DEGREES + 1) * np.log1p(scaled**2 / TAIL_DEGREES))
-
-
-@dataclass(frozen=True, eq=False)
-class EdgeEvidence:
-    """What the straight edges of one shot say about the focal length (`walls_focal`)."""
-
-    default_px: float
-    values: Float[np.ndarray, " scales"]
-    """Log likelihood of default_px · exp(LOG_SCALES)."""
-
-    def log_likelihood(self, log_focal: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Up to a constant, at ln(focal)."""
-        return np.asarray(np.interp(log_focal - math.log(self.default_px), LOG_SCALES, self.values))
 
 
 def focal_evidence(shot: TrackedShot, choice: ModelChoice) -> FocalEvidence | None:

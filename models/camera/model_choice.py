@@ -40,6 +40,8 @@ KNOWN_FOCAL = 0.1
 """A focal length with a relative uncertainty below this is known, for the purpose of telling zoom from travel."""
 MAX_KEYFRAMES = 24
 """Keyframes of a shot that are used to calibrate it: more would cost time and add little."""
+ZOOM_SPREAD = 0.25
+"""Of the logarithm of the focal length in the middle of a zoom about the video's."""
 MAX_ROUNDS = 2
 SAME_FOCAL = 0.05
 """A moving camera is tracked anew if its focal length came out further from the first guess than this."""
@@ -135,11 +137,28 @@ def choose_model(
     if np.ptp(views.log_zoom) > MIN_ZOOM and (zooms or moved.track.error_px > exact_px):
         first_px = views.focal_px
         if not np.isfinite(zooming.log_focal_sigma) and intrinsics.source != "given":
-            first_px = focal_px * float(np.exp(-views.log_zoom.mean()))  # the video's is the middle of the zoom
+            first_px = first_focal_px(zooming.track, shot, intrinsics)
         both = moving_and_zooming(shot, keyframes, first_px, views.log_zoom, max_starts=1)
         if both is not None and zooms_as_it_moves(both, moved.track):
             return ModelChoice("moving", only_rotating, zooming, _kept(both))
     return ModelChoice("moving", only_rotating, found, moved)
+
+
+def first_focal_px(zooming: Track, shot: TrackedShot, intrinsics: Intrinsics) -> float:
+    """Focal length in the first keyframe of a shot that zooms, where its points do not determine it.
+
+    The focal length of the video is somewhere in the range of the zoom, most likely in its middle (ZOOM_SPREAD);
+    straight edges in one of the shot's frames tell more.
+    """
+    frames, log_zoom = shot.frame[zooming.keyframes], zooming.views.log_zoom
+    off = np.linspace(-3, 3, 121) * ZOOM_SPREAD
+    log_first = np.log(intrinsics.focal_px) - log_zoom.mean() + off
+    log_posterior = -0.5 * (off / ZOOM_SPREAD) ** 2
+    for edges in intrinsics.edges:
+        if frames[0] <= edges.frame <= frames[-1]:
+            log_posterior += edges.log_likelihood(log_first + np.interp(edges.frame, frames, log_zoom))
+    weight = np.exp(log_posterior - log_posterior.max())
+    return float(np.exp((weight * log_first).sum() / weight.sum()))
 
 
 def _moving_calibrated(

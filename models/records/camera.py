@@ -60,6 +60,21 @@ class ChosenModel:
     model: CameraModel
 
 
+@dataclass(frozen=True, eq=False)
+class EdgeEvidence:
+    """What the straight edges of one frame say of its focal length."""
+
+    frame: int
+    log_focal: np.ndarray
+    """(n,) float64, increasing: ln(focal in pixels)."""
+    values: np.ndarray
+    """(n,) float64, their log likelihood; 0 is the likeliest."""
+
+    def log_likelihood(self, log_focal: np.ndarray) -> np.ndarray:
+        """(m,) at other focal lengths; beyond the ends as there."""
+        return np.asarray(np.interp(log_focal, self.log_focal, self.values))
+
+
 @dataclass(frozen=True)
 class Intrinsics:
     """One pinhole camera for all shots, its principal point in the middle (`geometry.intrinsics.K_of`)."""
@@ -75,6 +90,8 @@ class Intrinsics:
     """Cameras that the user gives; none unless he does."""
     models: tuple[ChosenModel, ...] = ()
     """Of the shots whose model was settled in estimating the focal length."""
+    edges: tuple[EdgeEvidence, ...] = ()
+    """Of a key frame of some shots: one that zooms has a focal length of its own there."""
 
     def model_of(self, start: int, end: int) -> CameraModel | None:
         """The model of the shot [start, end) if it is settled."""

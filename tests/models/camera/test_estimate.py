@@ -10,7 +10,7 @@ import pytest
 from humanmm.models.camera.estimate import camera_from_points
 from humanmm.models.geometry import rotations
 from humanmm.models.geometry.alignment import umeyama_alignment
-from humanmm.models.records.camera import PointTracks, ShotCamera
+from humanmm.models.records.camera import EdgeEvidence, PointTracks, ShotCamera
 
 
 def rotation_errors_deg(camera: ShotCamera, R_true: np.ndarray) -> np.ndarray:
@@ -110,6 +110,19 @@ def test_a_zoom_without_a_rotation_determines_no_focal_length_and_keeps_the_vide
     np.testing.assert_allclose(focals / focals[0], ZOOM, rtol=0.005)
     assert np.exp(np.log(focals).mean()) == pytest.approx(1100.0, rel=0.05)
     assert rotation_errors_deg(camera, scene.R_shot_cam).max() < 0.1
+
+
+def test_straight_edges_tell_where_in_its_range_a_zoom_begins(scene_of: Callable[..., Any]) -> None:
+    """A standing camera's zoom has a ratio, no focal length: the walls of one frame have."""
+    scene = scene_of("static")
+    log_focal = np.log(900.0) + np.linspace(-0.5, 0.5, 41)
+    sharp = -0.5 * ((log_focal - np.log(900.0 * ZOOM[30])) / 0.03) ** 2
+    elsewhere = EdgeEvidence(80, log_focal, -0.5 * ((log_focal - np.log(700.0)) / 0.03) ** 2)
+    known = replace(scene.intrinsics, source="estimated", relative_uncertainty=0.03)
+    for edges, first in (((EdgeEvidence(30, log_focal, sharp), elsewhere), 900.0), ((elsewhere,), 900.0 / 1.14)):
+        camera = camera_from_points(zoomed(scene), (), replace(known, edges=edges))
+        assert camera.K[0, 0, 0] == pytest.approx(first, rel=0.03)
+        np.testing.assert_allclose(camera.K[:, 0, 0] / camera.K[0, 0, 0], ZOOM, rtol=0.005)
 
 
 def test_a_zoom_in_the_hand_is_reported_from_the_hands_motion(scene_of: Callable[..., Any]) -> None:
