@@ -2,7 +2,6 @@
 
 import signal
 import subprocess
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from types import SimpleNamespace
@@ -90,7 +89,5 @@ def test_a_slot_whose_flow_run_was_lost_with_everything_is_free_soon_after_the_n
     ((name, state),) = place.flow_runs()
     assert name == "upkeep" and state in at_work, "it holds the one slot"
     assert farm.command("batch", "submit", "films", "--limit", "1").returncode == 0
-    ready = time.monotonic()
-    place.until(lambda: {"running", "done"} & {video["state"] for video in states().values()}, 60)
-    assert time.monotonic() - ready < 60, "30 s on a quiet machine"
+    place.until(lambda: {"running", "done"} & {video["state"] for video in states().values()}, 30)
     assert ("upkeep", "CRASHED") in place.flow_runs()
