@@ -17,7 +17,7 @@ from humanmm.models.body.body24 import OTHER_SIDE, load_body
 from humanmm.models.body.kinematics import seen_rotations
 from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
 from humanmm.models.learning.pairs import TEMPO
-from humanmm.models.learning.windows import CONTACT_SWAP, JOINT_SWAP
+from humanmm.models.learning.windows import CONTACT_SWAP, JOINT_SWAP, MIRROR
 from humanmm.models.motion.networks.sequence import RATE_HZ, MotionSequence
 from humanmm.models.rendering.actors import with_contacts
 from humanmm.models.rendering.places.takes import random_body, shape
@@ -286,9 +286,6 @@ def _orthonormal(R: Float[Array, "*batch 3 3"]) -> Float[Array, "*batch 3 3"]:
     return np.stack([x, y, np.cross(x, y)], axis=-1).astype(np.float64)
 
 
-_MIRROR = torch.tensor([-1.0, 1.0, 1.0])
-
-
 def mirrored(clips: MotionClips, which: Tensor) -> MotionClips:
     """Clips `which` (B,) bool as a mirror shows them."""
     contacts = torch.where(which[:, None, None], clips.contacts[..., CONTACT_SWAP], clips.contacts)
@@ -296,12 +293,12 @@ def mirrored(clips: MotionClips, which: Tensor) -> MotionClips:
 
 
 def _mirrored(motion: MotionSequence, which: Tensor) -> MotionSequence:
-    rotations = motion.rotations[:, :, JOINT_SWAP] * _MIRROR[:, None] * _MIRROR
+    rotations = motion.rotations[:, :, JOINT_SWAP] * MIRROR[:, None] * MIRROR
     return replace(
         motion,
         rotations=torch.where(which[:, None, None, None, None], rotations, motion.rotations),
-        pelvis=torch.where(which[:, None, None], motion.pelvis * _MIRROR, motion.pelvis),
+        pelvis=torch.where(which[:, None, None], motion.pelvis * MIRROR, motion.pelvis),
         rest_joints=torch.where(
-            which[:, None, None], motion.rest_joints[:, list(OTHER_SIDE)] * _MIRROR, motion.rest_joints
+            which[:, None, None], motion.rest_joints[:, list(OTHER_SIDE)] * MIRROR, motion.rest_joints
         ),
     )

@@ -22,7 +22,7 @@ Array = np.ndarray
 SWAPPED, CLEAR = 0.004, 0.01
 """Sides of the crop by which the keypoints fit the truth better with left and right swapped: to count as swapped, and
 to be sure of it."""
-_MIRROR = torch.tensor([-1.0, 1.0, 1.0])
+MIRROR = torch.tensor([-1.0, 1.0, 1.0])
 
 
 JOINT_SWAP = [ROTATED_JOINTS.index(OTHER_SIDE[joint]) for joint in ROTATED_JOINTS]
@@ -200,13 +200,13 @@ def _mirrored(windows: Windows, which: Tensor) -> Windows:
     def pick(mirror: Tensor, own: Tensor) -> Tensor:
         return torch.where(which.reshape(-1, *[1] * (own.ndim - 1)), mirror, own)
 
-    pose = (_MIRROR[:, None] * windows.pose * _MIRROR)[:, :, JOINT_SWAP]
+    pose = (MIRROR[:, None] * windows.pose * MIRROR)[:, :, JOINT_SWAP]
     return replace(
         windows,
-        points=pick((windows.points * _MIRROR[:2])[:, :, SWAP], windows.points),
+        points=pick((windows.points * MIRROR[:2])[:, :, SWAP], windows.points),
         visibility=pick(windows.visibility[:, :, SWAP], windows.visibility),
-        landmarks=pick((windows.landmarks * _MIRROR)[:, :, SWAP], windows.landmarks),
-        truth=pick((windows.truth * _MIRROR)[:, :, SWAP], windows.truth),
+        landmarks=pick((windows.landmarks * MIRROR)[:, :, SWAP], windows.landmarks),
+        truth=pick((windows.truth * MIRROR)[:, :, SWAP], windows.truth),
         pose=pick(pose, windows.pose),
         contacts=pick(windows.contacts[..., CONTACT_SWAP], windows.contacts),
     )
