@@ -38,6 +38,7 @@ def people(inputs: StageInputs) -> ScenePeople:
             inputs.span,
             max_people=settings.max_people,
             max_side_px=settings.max_side_px,
+            max_rate_hz=settings.looks_hz,
             networks=networks,
             lifter=load("lifting.method", inputs.config.lifting.method),
             given=given,

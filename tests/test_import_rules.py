@@ -67,6 +67,7 @@ CROSS_CUTTING = {
     "models/motion/fit/test_fit.py": "equations, terms and solver of the fit together",
     "models/motion/world/test_world_assembly.py": "the whole room on shots with known cameras",
     "models/evaluation/test_golden.py": "parity with the functions that WHAM and GVHMR publish",
+    "models/perception/test_pose_networks.py": "every detector and pose network that is shipped",
     "models/perception/test_variable_rate.py": "the whole perception room on a variable frame rate",
     "storage/run_folder/exporters/test_blender.py": "files of five exporters, opened in Blender",
     "models/video/test_bad_input.py": "the whole video room on files that are no video",

@@ -1,7 +1,7 @@
 """`humanmm bench speed`: how long one video takes, stage by stage, beside the least that it could take.
 
-The floor is decoding plus one pass of the pose networks for each person in each frame, measured just before the run, in
-the same process, with the same threads. The run is forced: an empty store of its own, and a run folder that is thrown
+The floor is decoding plus one pass of the pose networks for each person in each frame that is looked at, measured just
+before the run, in the same process, with the same threads. The run is forced: an empty store of its own, and a run folder that is thrown
 away.
 """
 
@@ -21,6 +21,8 @@ from humanmm.config import Config
 from humanmm.errors import StageError
 from humanmm.models.benchmark.tables.rows import Row, summarise
 from humanmm.models.perception.picture import Picture, whole
+from humanmm.models.perception.tracking.between_looks import looked_at
+from humanmm.models.perception.tracking.tracker import CAREFUL_FRAMES
 from humanmm.models.records.video import VideoFacts
 from humanmm.models.video.frames import planar_frames
 from humanmm.models.video.reading import read_facts
@@ -38,10 +40,12 @@ class Floor:
     decode_ms: float
     locate_ms: float
     """One pass of the pose networks, for one person."""
+    looks: float
+    """Frames that are looked at, of all frames."""
 
     def total_ms(self, people: float) -> float:
         """With so many people in a frame."""
-        return self.decode_ms + people * self.locate_ms
+        return self.decode_ms + people * self.looks * self.locate_ms
 
 
 @dataclass(frozen=True)
@@ -77,6 +81,7 @@ class Speed:
             "floor_ms_per_frame": floor_ms,
             "floor_decode_ms_per_frame": self.floor.decode_ms,
             "floor_landmarks_ms_per_person": self.floor.locate_ms,
+            "looks_per_frame": self.floor.looks,
             "ratio_to_floor": self.wall_ms / floor_ms,
             "ratio_to_duration": self.wall_s / self.duration_s,
             "wall_s": self.wall_s,
@@ -156,7 +161,8 @@ def measure_floor(video: Path, facts: VideoFacts, config: Config) -> Floor:
             locate(picture, region)
             seconds += [clock[1] - clock[0], time.perf_counter() - begun]
     decode_ms, locate_ms = (1000 * seconds / facts.num_frames).tolist()
-    return Floor(decode_ms, locate_ms)
+    looks = looked_at(facts.time_s, (0, facts.num_frames), max_rate_hz=config.people.looks_hz, every=CAREFUL_FRAMES)
+    return Floor(decode_ms, locate_ms, len(looks) / facts.num_frames)
 
 
 def stage_milliseconds(record: Mapping[str, Any], num_frames: int) -> dict[str, float]:

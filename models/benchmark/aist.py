@@ -15,7 +15,7 @@ from humanmm.models.geometry.axes import R_ZUP_YUP, zup_camera_pose
 from humanmm.models.geometry.intrinsics import K_from_focal, default_focal_px
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.perception.interfaces import KeypointLifter
-from humanmm.models.perception.tracking.coco import coco_track
+from humanmm.models.perception.lifting.coco import coco_track
 from humanmm.models.records.camera import PointTracks
 from humanmm.models.records.landmarks import COCO_NAMES
 from humanmm.models.records.sequence import CameraSequence, MotionSequence, PersonSequence

@@ -96,31 +96,41 @@ def _static(points: PointTracks, intrinsics: Intrinsics, source: CameraSource, *
 def _chosen(shot: TrackedShot, choice: ModelChoice, rotating_track: Track, intrinsics: Intrinsics) -> _Estimate:
     """The camera of the chosen model; `rotating_track` is the track of the camera that only rotates."""
     if choice.model == "moving" and choice.moving is not None:
-        return _moving(shot, choice.moving.track)
+        return _moving(shot, choice, choice.moving.track, intrinsics)
     if choice.zooming is None:
         return _estimate(shot, rotating_track, ROTATING, "rotation_only")
     zooming = choice.zooming.track
     if not np.isfinite(choice.zooming.log_focal_sigma):
-        first_px = first_focal_px(zooming, shot, intrinsics)
+        first_px, _ = first_focal_px(zooming, shot, intrinsics)
         zooming = rotating(shot, zooming.keyframes, first_px, freedom=ZOOMING)
-    said = f"the camera zooms: {_range(zooming)}"
+    said = f"the camera zooms: {_range(zooming, _zoom_sigma(shot, choice, intrinsics))}"
     if choice.moving is not None and choice.moving.track.error_px < choice.zooming.track.error_px:
         said += "; a camera that travels would explain the points about as well"
     return _estimate(shot, zooming, ZOOMING, "rotation_only", said)
 
 
-def _moving(shot: TrackedShot, moved: Track) -> _Estimate:
+def _moving(shot: TrackedShot, choice: ModelChoice, moved: Track, intrinsics: Intrinsics) -> _Estimate:
     """A moving camera, perhaps one that zooms as well."""
     if not np.ptp(moved.views.log_zoom):
         return _estimate(shot, moved, MOVING, "tracked")
-    return _estimate(shot, moved, MOVING_ZOOMING, "tracked", f"the camera zooms as it travels: {_range(moved)}")
+    said = f"the camera zooms as it travels: {_range(moved, _zoom_sigma(shot, choice, intrinsics))}"
+    return _estimate(shot, moved, MOVING_ZOOMING, "tracked", said)
 
 
-def _range(zooming: Track) -> str:
-    """The focal lengths of a zoom, in words."""
-    focals_px = zooming.views.focals_px
-    percent = 100 * (focals_px.max() / focals_px.min() - 1)
-    return f"its focal length changes by {percent:.0f} % ({focals_px.min():.0f} to {focals_px.max():.0f} px)"
+def _zoom_sigma(shot: TrackedShot, choice: ModelChoice, intrinsics: Intrinsics) -> float:
+    """How well it is known where a zoom lies: standard deviation of ln(focal)."""
+    if choice.zooming is None or intrinsics.source == "given":
+        return intrinsics.relative_uncertainty
+    if np.isfinite(choice.zooming.log_focal_sigma):
+        return choice.zooming.log_focal_sigma
+    return first_focal_px(choice.zooming.track, shot, intrinsics)[1]
+
+
+def _range(zooming: Track, log_sigma: float) -> str:
+    """The focal lengths of a zoom, in words; `log_sigma` is the standard deviation of their logarithm."""
+    least, most = zooming.views.focals_px.min(), zooming.views.focals_px.max()
+    known = f"both known to {100 * max(log_sigma, 0.01):.0f} %"
+    return f"its focal length changes by {100 * (most / least - 1):.0f} % ({least:.0f} to {most:.0f} px, {known})"
 
 
 def _estimate(shot: TrackedShot, track: Track, freedom: Freedom, source: CameraSource, *warnings: str) -> _Estimate:

@@ -137,15 +137,16 @@ def choose_model(
     if np.ptp(views.log_zoom) > MIN_ZOOM and (zooms or moved.track.error_px > exact_px):
         first_px = views.focal_px
         if not np.isfinite(zooming.log_focal_sigma) and intrinsics.source != "given":
-            first_px = first_focal_px(zooming.track, shot, intrinsics)
+            first_px, _ = first_focal_px(zooming.track, shot, intrinsics)
         both = moving_and_zooming(shot, keyframes, first_px, views.log_zoom, max_starts=1)
         if both is not None and zooms_as_it_moves(both, moved.track):
             return ModelChoice("moving", only_rotating, zooming, _kept(both))
     return ModelChoice("moving", only_rotating, found, moved)
 
 
-def first_focal_px(zooming: Track, shot: TrackedShot, intrinsics: Intrinsics) -> float:
-    """Focal length in the first keyframe of a shot that zooms, where its points do not determine it.
+def first_focal_px(zooming: Track, shot: TrackedShot, intrinsics: Intrinsics) -> tuple[float, float]:
+    """Focal length in the first keyframe of a shot that zooms, where its points do not determine it, and the standard
+    deviation of its logarithm.
 
     The focal length of the video is somewhere in the range of the zoom, most likely in its middle (ZOOM_SPREAD);
     straight edges in one of the shot's frames tell more.
@@ -154,11 +155,14 @@ def first_focal_px(zooming: Track, shot: TrackedShot, intrinsics: Intrinsics) ->
     off = np.linspace(-3, 3, 121) * ZOOM_SPREAD
     log_first = np.log(intrinsics.focal_px) - log_zoom.mean() + off
     log_posterior = -0.5 * (off / ZOOM_SPREAD) ** 2
-    for edges in intrinsics.edges:
-        if frames[0] <= edges.frame <= frames[-1]:
-            log_posterior += edges.log_likelihood(log_first + np.interp(edges.frame, frames, log_zoom))
+    seen = [edges for edges in intrinsics.edges if frames[0] <= edges.frame <= frames[-1]]
+    for edges in seen:
+        log_posterior += edges.log_likelihood(log_first + np.interp(edges.frame, frames, log_zoom))
     weight = np.exp(log_posterior - log_posterior.max())
-    return float(np.exp((weight * log_first).sum() / weight.sum()))
+    weight /= weight.sum()
+    mean = float((weight * log_first).sum())
+    sigma = float(np.sqrt((weight * (log_first - mean) ** 2).sum()))
+    return float(np.exp(mean)), sigma if seen else float(np.hypot(sigma, intrinsics.relative_uncertainty))
 
 
 def _moving_calibrated(

@@ -11,8 +11,8 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from humanmm.models.perception import movenet
-from humanmm.models.perception.blazepose import FULL, HEAVY, crop_of, decode
-from humanmm.models.perception.interfaces import Landmarks
+from humanmm.models.perception.blazepose import HEAVY, crop_of, decode
+from humanmm.models.perception.interfaces import Landmarks, Networks
 from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.regions import HEIGHT_OF_SIDE, Region
 from humanmm.models.records import landmarks
@@ -34,32 +34,21 @@ _ARMS, _LEGS = slice(0, 6), slice(6, 12)
 
 def locate_best(image: Picture, region: Region, *, mirrored: bool = False) -> Landmarks:
     """Landmarks by BlazePose heavy, limbs in the picture by it and Thunder; see `PoseNetwork`."""
-    return _located(HEAVY, 0.5, image, region, mirrored=mirrored)
-
-
-def locate_fast(image: Picture, region: Region, *, mirrored: bool = False) -> Landmarks:
-    """Landmarks by BlazePose full, limbs in the picture by Thunder where it is sure; see `PoseNetwork`."""
-    return _located(FULL, 1.0, image, region, mirrored=mirrored)
-
-
-def _located(model: str, weight: float, image: Picture, region: Region, *, mirrored: bool) -> Landmarks:
-    return located_in(crop_of(image, region, mirrored=mirrored), region, model=model, weight=weight, mirrored=mirrored)
+    return located_in(crop_of(image, region, mirrored=mirrored), region, mirrored=mirrored)
 
 
 def located_in(
     crop: UInt8[np.ndarray, "256 256 3"],
     region: Region,
     *,
-    model: str = HEAVY,
-    weight: float = 0.5,
     mirrored: bool = False,
 ) -> Landmarks:
-    """The same of the region's crop; by default the networks of `locate_best`."""
-    output = decode(model, crop, region, mirrored=mirrored)
+    """The same of the region's crop."""
+    output = decode(HEAVY, crop, region, mirrored=mirrored)
     limbs = movenet.coco_keypoints(crop, region, mirrored=mirrored)[list(landmarks.COCO_LIMBS)]
     return replace(
         output,
-        keypoints=fused(output.keypoints, limbs, region.side, weight=weight),
+        keypoints=fused(output.keypoints, limbs, region.side),
         side_odds=CROSSED_ODDS if is_crossed(output.keypoints, limbs, region.side) else AGREED_ODDS,
     )
 
@@ -77,9 +66,9 @@ def is_crossed(
 
 
 def fused(
-    keypoints: Float[np.ndarray, "33 3"], limbs: Float[np.ndarray, "12 3"], side: float, *, weight: float
+    keypoints: Float[np.ndarray, "33 3"], limbs: Float[np.ndarray, "12 3"], side: float
 ) -> Float[np.ndarray, "33 3"]:
-    """BlazePose's keypoints with the limbs moved towards Thunder's by `weight`; `side` is the region's.
+    """BlazePose's keypoints with the limbs in the middle between them and Thunder's; `side` is the region's.
 
     Where Thunder's score is low BlazePose's stays, where the two are far apart Thunder's is taken. Left and right are
     named as BlazePose does, because the 3D landmarks are.
@@ -90,7 +79,11 @@ def fused(
         if is_crossed(keypoints, limbs, side, pairs):
             limbs[pairs] = limbs[_EXCHANGED[pairs]]
     apart = np.linalg.norm(limbs[:, :2] - own, axis=1)
-    share = np.where(apart > APART * HEIGHT_OF_SIDE * side, 1.0, weight) * (limbs[:, 2] > CREDIBLE)
+    share = np.where(apart > APART * HEIGHT_OF_SIDE * side, 1.0, 0.5) * (limbs[:, 2] > CREDIBLE)
     result = keypoints.copy()
     result[_LIMBS, :2] = own + share[:, None] * (limbs[:, :2] - own)
     return result
+
+
+BEST = Networks(movenet.detect, locate_best)
+"""What `people.detector` and `people.pose` name when nothing is set."""

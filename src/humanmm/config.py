@@ -112,6 +112,11 @@ class ScenesConfig(Section):
     """Colour-based cuts and gradual transitions (paper section 3.1, part 1)."""
 
 
+BEST_HZ, FAST_HZ = 30.0, 15.0
+"""What `people.max_rate_hz` is unless it is given. Bodies at 60, 30 and 15 Hz are as good (docs/accuracy.md), left and
+right are surer with more looks."""
+
+
 class PeopleConfig(Section):
     """Person detection, 2D/3D pose, masks, tracking."""
 
@@ -120,13 +125,17 @@ class PeopleConfig(Section):
 
     pose: Annotated[str, _part("people.pose")] = "best"
     """Networks that find a person's landmarks and mask, by name: `best` (BlazePose heavy and MoveNet Thunder), `fast`
-    (BlazePose full and MoveNet Thunder), or BlazePose alone (`blazepose-heavy`, `blazepose-full`)."""
+    (the same, half as often), or BlazePose alone (`blazepose-heavy`, `blazepose-full`)."""
 
     max_people: Annotated[int, Field(ge=1, le=32)] = 6
     """Largest number of people tracked at the same time."""
 
     max_side_px: Annotated[int, Field(ge=320, le=8192)] = 1920
     """Largest side of the picture that the detector works on; larger videos are looked at reduced, in pixels."""
+
+    max_rate_hz: Annotated[float, Field(ge=5, le=1000)] | None = None
+    """Frames a second that are looked at, at most: 30, with `people.pose` `fast` 15, unless it is given. What lies
+    between two looks at a person is interpolated."""
 
     hands: bool = False
     """Look at everybody's hands as well, for the joints of the fingers."""
@@ -145,6 +154,11 @@ class PeopleConfig(Section):
     masks_from: GivenFile | None = None
     """Folder of pictures of people's masks, one a frame, in place of the detector: a pixel's value is the person's
     number, 0 is nobody."""
+
+    @property
+    def looks_hz(self) -> float:
+        """Frames a second that are looked at, at most."""
+        return self.max_rate_hz or (FAST_HZ if self.pose == "fast" else BEST_HZ)
 
     @model_validator(mode="after")
     def _one_source(self) -> "PeopleConfig":

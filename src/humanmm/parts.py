@@ -18,7 +18,7 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
     "people.detector": {"movenet-multipose": "humanmm.models.perception.movenet:detect"},
     "people.pose": {
         "best": "humanmm.models.perception.fusion:locate_best",
-        "fast": "humanmm.models.perception.fusion:locate_fast",
+        "fast": "humanmm.models.perception.fusion:locate_best",
         "blazepose-heavy": "humanmm.models.perception.blazepose:locate_heavy",
         "blazepose-full": "humanmm.models.perception.blazepose:locate_full",
     },

@@ -78,7 +78,7 @@ def test_boxes_of_another_program_say_where_people_are_looked_for(clip: Path, tm
 
     def looked(**settings: Any) -> ScenePeople:
         results = {"decode": facts, "scenes": Scenes(3, ())}
-        given = {"pose": "fast", **settings}
+        given = {"pose": "blazepose-full", **settings}
         return people(inputs_of("people", results, video=identity_of(clip), people=given, lifting={"method": "none"}))
 
     track = max(looked().tracks, key=lambda track: float(np.ptp(track.bbox[0, 1::2])))

@@ -17,8 +17,8 @@ from humanmm.models.body.landmarks import load_landmarks
 from humanmm.models.geometry.projection import in_front, project, ray_axes, viewing_rays
 from humanmm.models.geometry.rotations import rotmat_to_rotvec
 from humanmm.models.perception.clothing import HISTOGRAM_BINS
+from humanmm.models.perception.lifting.coco import FEWEST, FLESH, NEAREST_M
 from humanmm.models.perception.silhouettes import silhouettes
-from humanmm.models.perception.tracking.coco import FEWEST, FLESH, NEAREST_M
 from humanmm.models.perception.tracking.tracker import MIN_TRACK_S
 from humanmm.models.records.landmarks import HIPS, LIMBS, NUM_LANDMARKS
 from humanmm.models.records.tracks import MASK_SIDE, UNKNOWN_RAD, PersonTrack, PoseEstimates, ScenePeople

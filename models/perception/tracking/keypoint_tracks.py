@@ -8,7 +8,7 @@ from scipy.optimize import linear_sum_assignment
 
 from humanmm.models.geometry.intrinsics import K_from_focal, default_focal_px
 from humanmm.models.perception.interfaces import SEEN, KeypointLifter
-from humanmm.models.perception.tracking.coco import FEWEST, coco_track
+from humanmm.models.perception.lifting.coco import FEWEST, coco_track
 from humanmm.models.perception.tracking.tracker import MIN_TRACK_S
 from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.records.video import VideoFacts

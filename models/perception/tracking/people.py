@@ -3,12 +3,16 @@
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
+from jaxtyping import Int
+
+from humanmm.models.perception.fusion import BEST
 from humanmm.models.perception.interfaces import Lifter, Networks
 from humanmm.models.perception.lifting.lifted import lifted_people
-from humanmm.models.perception.networks import BEST
 from humanmm.models.perception.picture import Picture
+from humanmm.models.perception.tracking.between_looks import in_frames, looked_at, times_of
 from humanmm.models.perception.tracking.given_regions import GivenRegions, track_regions
-from humanmm.models.perception.tracking.tracker import track_pictures
+from humanmm.models.perception.tracking.tracker import CAREFUL_FRAMES, track_pictures
 from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.video.frames import PlanarFrame, planar_frames
 from humanmm.models.video.opened import Video
@@ -22,6 +26,7 @@ def track_people(
     *,
     max_people: int = 6,
     max_side_px: int = 1920,
+    max_rate_hz: float = 30.0,
     networks: Networks = BEST,
     lifter: Lifter | None = None,
     given: GivenRegions | None = None,
@@ -30,27 +35,49 @@ def track_people(
 ) -> ScenePeople:
     """Boxes, keypoints, 3D landmarks, masks and clothing colours of everybody in the frames [start, end) of one scene.
 
-    `max_side_px` is the largest side of the pictures that the networks work on; results are in source pixels. The
-    lifter is by default the shipped one. People are looked for where they are `given` alone, if they are. With `hands`
-    their hands are looked at as well.
+    `max_side_px` is the largest side of the pictures that the networks work on; results are in source pixels. Of a
+    second no more than about `max_rate_hz` frames are looked at, what lies between is interpolated. The lifter is by
+    default the shipped one. People are looked for where they are `given` alone, if they are. With `hands` their hands
+    are looked at as well.
     """
     start, end = span
+    time_s = video.facts.time_s
+    looks = looked_at(time_s, span, max_rate_hz=max_rate_hz, every=CAREFUL_FRAMES)
 
     def pictures(decoded: Iterator[PlanarFrame]) -> Iterator[tuple[int, Picture]]:
+        look = 0
         for frame in decoded:
-            yield frame.index, Picture(frame.planes, frame.colors)
+            if look < len(looks) and frame.index == looks[look]:
+                yield look, Picture(frame.planes, frame.colors)
+                look += 1
             progress(frame.index + 1 - start, end - start)
 
     with prefetched(planar_frames(video.stream, video.facts, start, end, max_side_px=max_side_px)) as decoded:
         scene: dict[str, Any] = {
-            "time_s": video.facts.time_s, "size": video.size, "max_people": max_people, "hands": hands,
+            "time_s": times_of(looks, end, time_s), "size": video.size, "max_people": max_people, "hands": hands,
         }  # fmt: skip
         if given is None:
-            people = track_pictures(pictures(decoded), start=start, end=end, networks=networks, **scene)
+            seen = track_pictures(pictures(decoded), start=0, end=len(looks), networks=networks, **scene)
         else:
-            people = track_regions(pictures(decoded), given, span=span, networks=networks, **scene)
+            seen = track_regions(
+                pictures(decoded), _of_looks(given, looks), span=(0, len(looks)), networks=networks, **scene
+            )
+    people = in_frames(seen, looks, span, time_s)
     if lifter is None:  # only now: torch takes two seconds to import
         from humanmm.models.perception.lifting.lift import lift
 
         lifter = lift
-    return lifted_people(people, lifter, video.facts.time_s, video.size)
+    return lifted_people(people, lifter, time_s, video.size)
+
+
+def _of_looks(given: GivenRegions, looks: Int[np.ndarray, " L"]) -> GivenRegions:
+    """The regions in the frames that are looked at, which are numbered from 0 on."""
+    rows = np.isin(given.frame, looks)
+    labels = given.labels
+    return GivenRegions(
+        np.searchsorted(looks, given.frame[rows]),
+        given.person[rows],
+        given.box[rows],
+        given.score[rows],
+        None if labels is None else lambda look: labels(int(looks[look])),
+    )

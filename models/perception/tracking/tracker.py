@@ -12,9 +12,9 @@ from jaxtyping import Float
 
 from humanmm.models.geometry.boxes import box_iou
 from humanmm.models.perception.clothing import clothing_histogram, colour_distance
+from humanmm.models.perception.fusion import BEST
 from humanmm.models.perception.hands.follow import due_frames
 from humanmm.models.perception.interfaces import Landmarks, Networks, PoseNetwork
-from humanmm.models.perception.networks import BEST
 from humanmm.models.perception.observation import Observation, averaged, observe, similarity
 from humanmm.models.perception.picture import Picture, whole
 from humanmm.models.perception.regions import Region

@@ -11,7 +11,16 @@ from humanmm.cli import main
 @pytest.mark.usefixtures("two_methods", "parsed_once")
 def test_tiny_makes_its_clip_and_its_table_and_repeats_both(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HUMANMM_CACHE", str(tmp_path / "cache"))
-    command = ["bench", "ms-render", "--size", "tiny", "--store", str(tmp_path / "store"), "--people.pose", "fast"]
+    command = [
+        "bench",
+        "ms-render",
+        "--size",
+        "tiny",
+        "--store",
+        str(tmp_path / "store"),
+        "--people.pose",
+        "blazepose-full",
+    ]
     assert main([*command, "--report", str(tmp_path / "one")]) == 0
     assert main([*command, "--report", str(tmp_path / "two")]) == 0
     one, two = ((tmp_path / name / "results.json").read_bytes() for name in ("one", "two"))

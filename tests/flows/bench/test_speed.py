@@ -29,7 +29,7 @@ def test_a_run_that_computed_nothing_has_no_speed() -> None:
 
 
 def test_the_ratio_to_the_floor_is_wall_a_frame_over_the_least_a_frame() -> None:
-    speed = Speed(100, 4.0, {"decode": 10.0}, 3.0, 4.5, 5.0, 800.0, Floor(3.0, 4.5), 2.0)
+    speed = Speed(100, 4.0, {"decode": 10.0}, 3.0, 4.5, 5.0, 800.0, Floor(3.0, 9.0, 0.5), 2.0)
     metrics = speed.metrics()
     assert metrics["wall_ms_per_frame"] == pytest.approx(30.0)
     assert metrics["ratio_to_floor"] == pytest.approx(2.5)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from humanmm.models.camera.estimate import camera_from_points
+from humanmm.models.camera.model_choice import ZOOM_SPREAD
 from humanmm.models.geometry import rotations
 from humanmm.models.geometry.alignment import umeyama_alignment
 from humanmm.models.records.camera import EdgeEvidence, PointTracks, ShotCamera
@@ -119,8 +120,12 @@ def test_straight_edges_tell_where_in_its_range_a_zoom_begins(scene_of: Callable
     sharp = -0.5 * ((log_focal - np.log(900.0 * ZOOM[30])) / 0.03) ** 2
     elsewhere = EdgeEvidence(80, log_focal, -0.5 * ((log_focal - np.log(700.0)) / 0.03) ** 2)
     known = replace(scene.intrinsics, source="estimated", relative_uncertainty=0.03)
-    for edges, first in (((EdgeEvidence(30, log_focal, sharp), elsewhere), 900.0), ((elsewhere,), 900.0 / 1.14)):
+    for edges, first, known_to in (
+        ((EdgeEvidence(30, log_focal, sharp), elsewhere), 900.0, 3),
+        ((elsewhere,), 900.0 / 1.14, round(100 * np.hypot(ZOOM_SPREAD, 0.03))),
+    ):
         camera = camera_from_points(zoomed(scene), (), replace(known, edges=edges))
+        assert f"px, both known to {known_to} %" in camera.warnings[0]
         assert camera.K[0, 0, 0] == pytest.approx(first, rel=0.03)
         np.testing.assert_allclose(camera.K[:, 0, 0] / camera.K[0, 0, 0], ZOOM, rtol=0.005)
 

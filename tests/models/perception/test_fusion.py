@@ -22,7 +22,7 @@ def thunder(keypoints: np.ndarray) -> np.ndarray:
 def test_limbs_lie_between_both_and_the_rest_is_blazeposes() -> None:
     own = body()
     limbs = np.add(thunder(own), [2.0, 0.0, 0.0])
-    both = fused(own, limbs, SIDE, weight=0.5)
+    both = fused(own, limbs, SIDE)
     np.testing.assert_allclose(both[LIMBS, :2] - own[LIMBS, :2], np.tile([1.0, 0.0], (12, 1)))
     others = [k for k in range(33) if k not in LIMBS]
     np.testing.assert_array_equal(both[others], own[others])
@@ -34,7 +34,7 @@ def test_far_apart_thunder_is_believed_if_it_is_sure_of_itself() -> None:
     limbs = thunder(own)
     limbs[[0, 1], 0] += 20.0
     limbs[1, 2] = 0.1
-    both = fused(own, limbs, SIDE, weight=0.5)
+    both = fused(own, limbs, SIDE)
     np.testing.assert_allclose(both[LIMBS[0], :2], limbs[0, :2])
     np.testing.assert_allclose(both[LIMBS[1], :2], own[LIMBS[1], :2])
 
@@ -42,8 +42,8 @@ def test_far_apart_thunder_is_believed_if_it_is_sure_of_itself() -> None:
 def test_left_and_right_are_named_as_the_network_with_the_depths_names_them() -> None:
     own = body()
     exchanged = thunder(own).reshape(6, 2, 3)[:, ::-1].reshape(12, 3)
-    np.testing.assert_allclose(fused(own, exchanged, SIDE, weight=0.5), own, atol=1e-9)
+    np.testing.assert_allclose(fused(own, exchanged, SIDE), own, atol=1e-9)
     legs_alone = thunder(own)
     legs_alone[6:] = exchanged[6:]
-    np.testing.assert_allclose(fused(own, legs_alone, SIDE, weight=0.5), own, atol=1e-9)
+    np.testing.assert_allclose(fused(own, legs_alone, SIDE), own, atol=1e-9)
     assert is_crossed(own, exchanged, SIDE) and not is_crossed(own, thunder(own), SIDE)

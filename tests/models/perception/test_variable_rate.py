@@ -7,8 +7,8 @@ from pathlib import Path
 
 import av
 import numpy as np
+from quick_networks import QUICK
 
-from humanmm.models.perception.networks import FAST
 from humanmm.models.perception.tracking.people import track_people
 from humanmm.models.perception.tracking.track_builder import steadiness
 from humanmm.models.records import landmarks
@@ -46,7 +46,7 @@ def tracked(video: bytes, num_frames: int) -> tuple[PersonTrack, np.ndarray]:
     """The man, and the presentation times of the video's frames."""
     stream = io.BytesIO(video)
     facts = read_facts(stream)
-    people = track_people(Video(stream, facts), (0, num_frames), max_people=1, networks=FAST)
+    people = track_people(Video(stream, facts), (0, num_frames), max_people=1, networks=QUICK)
     return people.tracks[0], facts.time_s
 
 

@@ -6,9 +6,9 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
+from quick_networks import QUICK
 
 from humanmm.models.geometry.boxes import box_iou
-from humanmm.models.perception.networks import FAST
 from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.tracking.given_regions import GivenRegions, _owners, track_regions
 from humanmm.models.records import landmarks
@@ -50,7 +50,9 @@ def given(person: int = 7) -> GivenRegions:
 
 
 def _tracked(regions: GivenRegions) -> ScenePeople:
-    return track_regions(pictures(), regions, span=SPAN, time_s=TIME_S, size=SIZE, max_people=3, networks=replace(FAST))
+    return track_regions(
+        pictures(), regions, span=SPAN, time_s=TIME_S, size=SIZE, max_people=3, networks=replace(QUICK)
+    )
 
 
 def test_whoever_fills_a_box_is_followed_and_nobody_is_found_in_an_empty_one() -> None:

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from humanmm.models.perception.fusion import BEST
 from humanmm.models.perception.interfaces import Detection
-from humanmm.models.perception.networks import BEST
 from humanmm.models.perception.observation import Observation
 from humanmm.models.perception.picture import Picture, whole
 from humanmm.models.perception.regions import Region

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from quick_networks import QUICK
 
-from humanmm.models.perception.networks import FAST
 from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.tracking.tracker import track_pictures
 from humanmm.models.records import landmarks
@@ -84,7 +84,7 @@ def test_reduced_pictures_give_the_same_places_in_source_pixels() -> None:
         (index, _of_planes(image, slice(None, None, 2), slice(None, None, 2))) for index, image in pictures()[:2]
     ]
     small = track_pictures(
-        reduced, start=36, end=38, time_s=TIME_S, size=(720, 1280), max_people=1, networks=FAST
+        reduced, start=36, end=38, time_s=TIME_S, size=(720, 1280), max_people=1, networks=QUICK
     ).tracks[0]
     limbs = list(landmarks.LIMBS)
     distance = np.linalg.norm(small.keypoints2d[0, limbs, :2] - scene().tracks[0].keypoints2d[0, limbs, :2], axis=-1)
@@ -94,7 +94,7 @@ def test_reduced_pictures_give_the_same_places_in_source_pixels() -> None:
 def test_the_same_frames_give_the_same_tracks_again() -> None:
     few = pictures()[:2]
     one, two = (
-        track_pictures(few, start=36, end=38, time_s=TIME_S, size=(720, 1280), max_people=2, networks=FAST).tracks[0]
+        track_pictures(few, start=36, end=38, time_s=TIME_S, size=(720, 1280), max_people=2, networks=QUICK).tracks[0]
         for _ in range(2)
     )
     np.testing.assert_array_equal(one.keypoints2d, two.keypoints2d)
@@ -107,7 +107,7 @@ def test_nobody_is_found_in_an_empty_picture(value: int) -> None:
     empty = [(index, Picture((np.full((240, 320), value, np.uint8), chroma, chroma))) for index in range(3)]
     assert (
         track_pictures(
-            empty, start=0, end=3, time_s=np.arange(3) / 30, size=(320, 240), max_people=4, networks=FAST
+            empty, start=0, end=3, time_s=np.arange(3) / 30, size=(320, 240), max_people=4, networks=QUICK
         ).tracks
         == ()
     )
@@ -116,5 +116,6 @@ def test_nobody_is_found_in_an_empty_picture(value: int) -> None:
 def test_a_close_up_without_hips_is_nobody() -> None:
     face = [(index, _of_planes(image, slice(300, 420), slice(300, 480))) for index, image in pictures()[:3]]
     assert (
-        track_pictures(face, start=36, end=39, time_s=TIME_S, size=(180, 120), max_people=4, networks=FAST).tracks == ()
+        track_pictures(face, start=36, end=39, time_s=TIME_S, size=(180, 120), max_people=4, networks=QUICK).tracks
+        == ()
     )

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import torch
 
+from humanmm.models.perception.lifting.coco import coco_track
 from humanmm.models.perception.lifting.keypoints import KeypointLiftingNetwork, features, lift_keypoints
-from humanmm.models.perception.tracking.coco import coco_track
 from humanmm.models.records.landmarks import COCO_LANDMARKS, SWAP
 from humanmm.models.records.tracks import PersonTrack
 from humanmm.storage.readers.aist import read_aist_sequence
