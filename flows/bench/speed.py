@@ -1,8 +1,8 @@
 """`humanmm bench speed`: how long one video takes, stage by stage, beside the least that it could take.
 
 The floor is decoding plus one pass of the pose networks for each person in each frame that is looked at, measured just
-before the run, in the same process, with the same threads. The run is forced: an empty store of its own, and a run folder that is thrown
-away.
+before the run, in the same process, with the same threads. The run is forced: an empty store of its own, and a run
+folder that is thrown away.
 """
 
 import multiprocessing

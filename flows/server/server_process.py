@@ -11,6 +11,7 @@ import json
 import logging
 import os
 import socket
+import sqlite3
 import struct
 import sys
 import threading
@@ -34,6 +35,8 @@ log = logging.getLogger(__name__)
 
 IDLE_S = 900.0
 """The server ends after this many seconds without a run; $HUMANMM_SERVER_IDLE_S sets another value."""
+DATABASE_CACHE_BYTES = 32 * 2**20
+"""Of all connections together. Prefect lets each keep 80 MB of pages: the server grew with its database."""
 RETRY_AFTER_S = b"0.5"
 OWN_SETTINGS = {
     "PREFECT_SERVER_SERVICES_TASK_RUN_RECORDER_BATCH_SIZE": "100",
@@ -86,6 +89,7 @@ def serve(files: ServerFiles) -> None:
             "PREFECT_LOGGING_SERVER_LEVEL": "WARNING",
         }
     )
+    limit_database_cache(DATABASE_CACHE_BYTES)
     import uvicorn
     from prefect.server.api.server import create_app
 
@@ -98,6 +102,12 @@ def serve(files: ServerFiles) -> None:
     replace_file(files.state, json.dumps(state))
     threading.Thread(target=_stop_when_idle, args=(server, files, port, idle_s), daemon=True).start()
     server.run(sockets=[listener])
+
+
+def limit_database_cache(size: int) -> None:
+    """Have SQLite keep about `size` bytes in memory, over all connections of the process that are or will be there."""
+    with contextlib.closing(sqlite3.connect(":memory:")) as database:
+        database.execute(f"PRAGMA soft_heap_limit = {size:d}")
 
 
 # ---- whose requests are served

@@ -5,6 +5,8 @@ import contextlib
 import http.client
 import os
 import socket
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -216,3 +218,36 @@ def test_our_server_serves_its_user_and_no_other(server_cache: Path) -> None:
         (home,) = server_cache.glob("prefect-*")
         assert home.stat().st_mode & 0o777 == 0o700
         assert (home / "prefect.db").stat().st_mode & 0o777 == 0o600
+
+
+def test_the_databases_pages_stay_in_memory_up_to_a_limit_for_all_connections_together(tmp_path: Path) -> None:
+    """In a process of its own: the limit is the process's."""
+    script = """
+import sqlite3, sys
+from humanmm.flows.server.server_process import limit_database_cache
+from humanmm.machine import resident_mb
+
+def grown_mb(path):
+    before = resident_mb()
+    for connection in [sqlite3.connect(path) for _ in range(4)]:
+        connection.execute("PRAGMA cache_size = 20000")
+        connection.execute("SELECT sum(unicode(page)) FROM pages").fetchall()
+        kept.append(connection)
+    return resident_mb() - before
+
+kept = []
+with sqlite3.connect(sys.argv[1]) as database:
+    database.execute("PRAGMA cache_size = 100")
+    database.execute("CREATE TABLE pages (page BLOB)")
+    database.executemany("INSERT INTO pages VALUES (?)", (("x" * 3000,) for _ in range(6000)))
+limit_database_cache(4 * 2**20)
+limited = grown_mb(sys.argv[1])
+kept.clear()
+limit_database_cache(0)
+print(limited, grown_mb(sys.argv[1]))
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", script, tmp_path / "pages.db"], capture_output=True, text=True, check=True
+    )
+    limited, unlimited = map(float, done.stdout.split())
+    assert limited < 12 and unlimited > 50
