@@ -15,7 +15,9 @@ from humanmm.models.records import landmarks
 
 Array = np.ndarray
 
-BIAS, DETECTOR, TRUST, STEADINESS, MOTION = -13.1, 5.2, 1.3, 10.2, 4.4
+BIAS = -13.1
+WEIGHTS = (5.2, 1.3, 10.2, 4.4, 0.0)
+"""Of `Evidence.features`: detector, trust, steadiness, motion, own motion (scripts/fit_person_probability)."""
 DETECTOR_UNKNOWN = 0.3
 """Taken for a track so short that the detector never ran on it."""
 STILL_S = 10.0
@@ -24,6 +26,8 @@ MOTION_UNKNOWN = 0.5
 """Feature of somebody who was still, but was seen for a moment only: people mostly are."""
 MOVED = 0.02
 """Change of pose, as a fraction of the body's height, that noise alone hardly makes."""
+SITS_STILL_S = 2.0
+"""People may move no more than a picture for so long."""
 
 
 @dataclass(frozen=True)
@@ -40,18 +44,25 @@ class Evidence:
     """How far limbs moved against the body, as a fraction of its height."""
     seen_s: float
     """How long it was seen."""
+    own_motion: float | None = None
+    """How far what is seen of him moved against what is around him in about a second: below 1 as pictures do, above 1
+    as people (`own_motion.of_track`); None if that cannot be told."""
 
-    def features(self) -> Float[Array, " 4"]:
-        """What the weights multiply, each 0 to 1, but motion −1 for a body that was still for long."""
+    def features(self) -> Float[Array, " 5"]:
+        """What the weights multiply, each 0 to 1, but motion −1 for a body that was still for long, and own motion −1
+        for one that moves with what is around him alone; 0 where that cannot be told."""
         motion = np.tanh(np.log(max(self.pose_change, 1e-4) / MOVED))
         if motion < MOTION_UNKNOWN:
             motion += (MOTION_UNKNOWN - motion) * (1 - min(self.seen_s / STILL_S, 1))
-        return np.array([self.detector, self.trust, self.steadiness, motion])
+        alone = 0.0 if self.own_motion is None else np.tanh(np.log(max(self.own_motion, 1e-6)))
+        if alone < 0:
+            alone *= min(self.seen_s / SITS_STILL_S, 1)
+        return np.array([self.detector, self.trust, self.steadiness, motion, alone])
 
 
 def person_probability(evidence: Evidence) -> float:
     """Probability that a track is a person's."""
-    odds = BIAS + float(np.array([DETECTOR, TRUST, STEADINESS, MOTION]) @ evidence.features())
+    odds = BIAS + float(np.array(WEIGHTS) @ evidence.features())
     return float(1 / (1 + np.exp(-odds)))
 
 
