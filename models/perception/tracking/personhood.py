@@ -26,8 +26,8 @@ MOTION_UNKNOWN = 0.5
 """Feature of somebody who was still, but was seen for a moment only: people mostly are."""
 MOVED = 0.02
 """Change of pose, as a fraction of the body's height, that noise alone hardly makes."""
-SITS_STILL_S = 2.0
-"""People may move no more than a picture for so long."""
+SITS_STILL_S, STILL_MOST = 2.0, 2.0
+"""People may move no more than a picture for so long; after STILL_MOST times as long it counts as much as it ever will."""
 
 
 @dataclass(frozen=True)
@@ -49,14 +49,20 @@ class Evidence:
     as people (`own_motion.of_track`); None if that cannot be told."""
 
     def features(self) -> Float[Array, " 5"]:
-        """What the weights multiply, each 0 to 1, but motion −1 for a body that was still for long, and own motion −1
-        for one that moves with what is around him alone; 0 where that cannot be told."""
+        """What the weights multiply: detector, trust, steadiness, motion, own motion.
+
+        The first three are 0 to 1. Motion is −1 for a body that was still for long to 1. Own motion is 1 for somebody
+        who moves, 0 where it cannot be told, and for who moves with what is around him alone less the longer he is
+        seen, −STILL_MOST at last; his limbs may then jump by the network's noise only, and motion is not above
+        MOTION_UNKNOWN.
+        """
         motion = np.tanh(np.log(max(self.pose_change, 1e-4) / MOVED))
         if motion < MOTION_UNKNOWN:
             motion += (MOTION_UNKNOWN - motion) * (1 - min(self.seen_s / STILL_S, 1))
         alone = 0.0 if self.own_motion is None else np.tanh(np.log(max(self.own_motion, 1e-6)))
         if alone < 0:
-            alone *= min(self.seen_s / SITS_STILL_S, 1)
+            alone *= min(self.seen_s / SITS_STILL_S, STILL_MOST)
+            motion = min(motion, MOTION_UNKNOWN)
         return np.array([self.detector, self.trust, self.steadiness, motion, alone])
 
 
