@@ -1,8 +1,8 @@
 """Whether a track shows a person at all: a probability from what the detector, the limbs and their motion say.
 
-Bags, furniture and hands become bodies whose limbs jump and that the detector does not confirm; posters, statues and
-screens are confirmed, but never change their pose. The weights are a logistic regression on 53 labelled tracks
-(docs/method.md says which).
+Bags, furniture and hands become bodies whose limbs jump and that the detector does not confirm; posters and statues are
+confirmed, but never change their pose, and move with their wall alone. The weights are a logistic regression on labelled
+tracks (docs/method.md says which).
 """
 
 from collections.abc import Iterable
@@ -15,8 +15,8 @@ from humanmm.models.records import landmarks
 
 Array = np.ndarray
 
-BIAS = -13.1
-WEIGHTS = (5.2, 1.3, 10.2, 4.4, 0.0)
+BIAS = -13.20
+WEIGHTS = (5.69, 1.48, 10.27, 3.36, 2.94)
 """Of `Evidence.features`: detector, trust, steadiness, motion, own motion (scripts/fit_person_probability)."""
 DETECTOR_UNKNOWN = 0.3
 """Taken for a track so short that the detector never ran on it."""
@@ -27,7 +27,8 @@ MOTION_UNKNOWN = 0.5
 MOVED = 0.02
 """Change of pose, as a fraction of the body's height, that noise alone hardly makes."""
 SITS_STILL_S, STILL_MOST = 2.0, 2.0
-"""People may move no more than a picture for so long; after STILL_MOST times as long it counts as much as it ever will."""
+"""People may move no more than a picture for so long. What it counts grows with the square of the time (somebody still
+for four seconds is not twice as rare as for two), up to STILL_MOST."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,7 @@ class Evidence:
             motion += (MOTION_UNKNOWN - motion) * (1 - min(self.seen_s / STILL_S, 1))
         alone = 0.0 if self.own_motion is None else np.tanh(np.log(max(self.own_motion, 1e-6)))
         if alone < 0:
-            alone *= min(self.seen_s / SITS_STILL_S, STILL_MOST)
+            alone *= min((self.seen_s / SITS_STILL_S) ** 2, STILL_MOST)
             motion = min(motion, MOTION_UNKNOWN)
         return np.array([self.detector, self.trust, self.steadiness, motion, alone])
 
