@@ -122,7 +122,7 @@ class PersonTrack:
     probability: float = 1.0
     """That this is a person at all, and not a bag, a poster or nothing (`perception.tracking.personhood`)."""
     evidence: tuple[float, ...] = ()
-    """What the probability was made of: detector, trust, steadiness, motion; empty if unknown."""
+    """What the probability was made of: detector, trust, steadiness, motion, own motion; empty if unknown."""
     lifted: bool = False
     """`landmarks3d` lie where `body.landmarks` has them: they were made from COCO keypoints (then `pose` is None), or
     from a body that another system found."""

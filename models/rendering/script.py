@@ -141,7 +141,7 @@ def plan_clip(sequences: Sequence[MocapSequence], plan: ClipPlan) -> Clip:
     if height > width:
         focal = height / 2 / math.tan(math.radians(rng.uniform(50, 75)) / 2)
     shots = _plan_shots(actors, changes, num_frames, (width, height, focal, fps), rng)
-    scene = _build_scene(actors, shots, rng)
+    scene = build_scene(actors, shots, rng)
     return Clip(
         plan, width, height, fps, tuple(actors), shots, changes, scene,
         shutter=rng.uniform(0.15, 0.6), noise=rng.uniform(0.5, 3.5), crf=int(rng.integers(18, 29)),
@@ -237,7 +237,8 @@ def _holds(actors: Sequence[Actor], shot: Shot, size: tuple[int, int]) -> bool:
     return bool(min(gaps) > CLEAR_M and inside.mean() >= LEAST_IN_VIEW)
 
 
-def _build_scene(actors: Sequence[Actor], shots: Sequence[Shot], rng: np.random.Generator) -> BackgroundScene:
+def build_scene(actors: Sequence[Actor], shots: Sequence[Shot], rng: np.random.Generator) -> BackgroundScene:
+    """A room or open ground with the actors and the cameras in it, seldom with something between them."""
     bodies = np.concatenate([actor.joints[::5, 0] for actor in actors])
     eyes = np.concatenate([shot.t_world_cam[::5] for shot in shots])
     build = build_room if rng.random() < 0.6 else build_outdoors

@@ -127,6 +127,7 @@ def _add(
     track = builders.setdefault(person, TrackBuilder(time_s, seen, frame))
     track.add(frame, seen)
     track.note_colours(frame, image)
+    track.note_own_motion(frame, image)
 
 
 def _region(box: Float[Array, " 4"]) -> Region:

@@ -1,8 +1,8 @@
 """Whether a track shows a person at all: a probability from what the detector, the limbs and their motion say.
 
-Bags, furniture and hands become bodies whose limbs jump and that the detector does not confirm; posters, statues and
-screens are confirmed, but never change their pose. The weights are a logistic regression on 53 labelled tracks
-(docs/method.md says which).
+Bags, furniture and hands become bodies whose limbs jump and that the detector does not confirm; posters and statues are
+confirmed, but never change their pose, and move with their wall alone. The weights are a logistic regression on labelled
+tracks (docs/method.md says which).
 """
 
 from collections.abc import Iterable
@@ -15,7 +15,9 @@ from humanmm.models.records import landmarks
 
 Array = np.ndarray
 
-BIAS, DETECTOR, TRUST, STEADINESS, MOTION = -13.1, 5.2, 1.3, 10.2, 4.4
+BIAS = -13.20
+WEIGHTS = (5.69, 1.48, 10.27, 3.36, 2.94)
+"""Of `Evidence.features`: detector, trust, steadiness, motion, own motion (scripts/fit_person_probability)."""
 DETECTOR_UNKNOWN = 0.3
 """Taken for a track so short that the detector never ran on it."""
 STILL_S = 10.0
@@ -24,6 +26,9 @@ MOTION_UNKNOWN = 0.5
 """Feature of somebody who was still, but was seen for a moment only: people mostly are."""
 MOVED = 0.02
 """Change of pose, as a fraction of the body's height, that noise alone hardly makes."""
+SITS_STILL_S, STILL_MOST = 2.0, 2.0
+"""People may move no more than a picture for so long. What it counts grows with the square of the time (somebody still
+for four seconds is not twice as rare as for two), up to STILL_MOST."""
 
 
 @dataclass(frozen=True)
@@ -40,18 +45,31 @@ class Evidence:
     """How far limbs moved against the body, as a fraction of its height."""
     seen_s: float
     """How long it was seen."""
+    own_motion: float | None = None
+    """How far what is seen of him moved against what is around him in about a second: below 1 as pictures do, above 1
+    as people (`own_motion.of_track`); None if that cannot be told."""
 
-    def features(self) -> Float[Array, " 4"]:
-        """What the weights multiply, each 0 to 1, but motion −1 for a body that was still for long."""
+    def features(self) -> Float[Array, " 5"]:
+        """What the weights multiply: detector, trust, steadiness, motion, own motion.
+
+        The first three are 0 to 1. Motion is −1 for a body that was still for long to 1. Own motion is 1 for somebody
+        who moves, 0 where it cannot be told, and for who moves with what is around him alone less the longer he is
+        seen, −STILL_MOST at last; his limbs may then jump by the network's noise only, and motion is not above
+        MOTION_UNKNOWN.
+        """
         motion = np.tanh(np.log(max(self.pose_change, 1e-4) / MOVED))
         if motion < MOTION_UNKNOWN:
             motion += (MOTION_UNKNOWN - motion) * (1 - min(self.seen_s / STILL_S, 1))
-        return np.array([self.detector, self.trust, self.steadiness, motion])
+        alone = 0.0 if self.own_motion is None else np.tanh(np.log(max(self.own_motion, 1e-6)))
+        if alone < 0:
+            alone *= min((self.seen_s / SITS_STILL_S) ** 2, STILL_MOST)
+            motion = min(motion, MOTION_UNKNOWN)
+        return np.array([self.detector, self.trust, self.steadiness, motion, alone])
 
 
 def person_probability(evidence: Evidence) -> float:
     """Probability that a track is a person's."""
-    odds = BIAS + float(np.array([DETECTOR, TRUST, STEADINESS, MOTION]) @ evidence.features())
+    odds = BIAS + float(np.array(WEIGHTS) @ evidence.features())
     return float(1 / (1 + np.exp(-odds)))
 
 

@@ -1,5 +1,6 @@
 """A track being built, frame by frame, and the finished track at the end of the scene."""
 
+from collections import deque
 from dataclasses import dataclass, field
 from itertools import islice
 
@@ -11,6 +12,7 @@ from humanmm.models.perception.hands.follow import Looks, hand_tracks, look_at_h
 from humanmm.models.perception.observation import Observation
 from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.regions import HEIGHT_OF_SIDE, Region
+from humanmm.models.perception.tracking import own_motion
 from humanmm.models.perception.tracking.personhood import Evidence, mean_score, person_probability, pose_change
 from humanmm.models.perception.tracking.sides import left_right_swaps
 from humanmm.models.records import landmarks
@@ -95,11 +97,15 @@ class TrackBuilder:
     """Colours of the body's parts in the same frames."""
     detector_scores: dict[int, float] = field(default_factory=dict)
     """What the detector gave this person in the frames of a search, 0 where it did not see him."""
+    own_motions: dict[int, float] = field(default_factory=dict)
+    """How far he moved by himself up to a frame (`own_motion`), a few a second."""
     hands: dict[int, Looks] = field(default_factory=dict)
     """What was seen of both hands, if they are looked for."""
     lost_since: int | None = None
     """First frame in which the person was looked for and not seen; None while he is seen."""
     active: bool = True
+    _looks: deque[tuple[int, own_motion.Look]] = field(default_factory=deque)
+    """The last ones, oldest first."""
 
     @property
     def seen_s(self) -> float:
@@ -132,10 +138,29 @@ class TrackBuilder:
             self.colours[frame] = clothing_histogram(image, self.last).astype(np.float32)
             self.parts[frame] = part_colours(image, self.last).astype(np.float32)
 
-    def forget_colours(self, frame: int) -> None:
-        """They turned out to be somebody else's."""
+    def note_own_motion(self, frame: int, image: Picture) -> None:
+        """Compare the last observation with one about a second before, unless that was done a moment ago."""
+        if self._looks and elapsed_s(self.time_s, self._looks[-1][0], frame) < own_motion.PERIOD_S:
+            return
+        while self._looks and elapsed_s(self.time_s, self._looks[0][0], frame) > own_motion.BACK_S:
+            self._looks.popleft()
+        seen = own_motion.look(image, self.last)
+        for earlier, before in self._looks if len(self._looks) < 2 else (self._looks[0], self._looks[-1]):
+            moved = own_motion.own_motion(before, seen)
+            if moved is None:
+                continue  # somebody fast: try a shorter time
+            if moved > 1 or elapsed_s(self.time_s, earlier, frame) >= own_motion.LEAST_S:
+                self.own_motions[frame] = moved
+            break
+        self._looks.append((frame, seen))
+
+    def forget_appearance(self, frame: int) -> None:
+        """Colours and motion in a frame turned out to be somebody else's."""
         self.colours.pop(frame, None)
         self.parts.pop(frame, None)
+        self.own_motions.pop(frame, None)
+        if self._looks and self._looks[-1][0] == frame:
+            self._looks.pop()
 
     def add(self, frame: int, seen: Observation, vote: float = 0.0) -> None:
         """Take an observation in; frames may come in either direction."""
@@ -164,6 +189,8 @@ class TrackBuilder:
             halves[f >= frame].parts[f] = self.parts[f]
         for f, score in self.detector_scores.items():
             halves[f >= frame].detector_scores[f] = score
+        for f, moved in self.own_motions.items():
+            halves[f >= frame].own_motions[f] = moved
         for f, looks in self.hands.items():
             halves[f >= frame].hands[f] = looks
         return halves[0], halves[1]
@@ -194,6 +221,7 @@ class TrackBuilder:
             steadiness=float(steady.mean()),
             pose_change=pose_change(keypoints, HEIGHT_OF_SIDE * side),
             seen_s=float(shown_s(self.time_s, frames).sum()),
+            own_motion=own_motion.of_track(self.own_motions.values()),
         )
         sampled = sorted(self.colours)
         return PersonTrack(

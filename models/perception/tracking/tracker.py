@@ -136,6 +136,7 @@ class SceneTracker:
                 continue
             track.add(frame, *found)
             track.note_colours(frame, image)
+            track.note_own_motion(frame, image)
             track.look_at_hands(frame, image, self._hands_due)
             seen[k] = found[0]
         return list(seen.values())
@@ -144,7 +145,7 @@ class SceneTracker:
         """Take back a frame's observation from a track that lost it to a better claim."""
         track = self._tracks[number]
         track.rows.pop(frame, None)
-        track.forget_colours(frame)
+        track.forget_appearance(frame)
         track.hands.pop(frame, None)
         track.lost_since = frame
 
@@ -233,6 +234,7 @@ class SceneTracker:
                 self._tracks.append(track)
             track.add(frame, person)
             track.note_colours(frame, image)
+            track.note_own_motion(frame, image)
             track.look_at_hands(frame, image, self._hands_due)
             self._follow_back(frame, track)
 

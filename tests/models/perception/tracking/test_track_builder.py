@@ -132,6 +132,28 @@ def test_hands_that_were_looked_at_are_in_the_track_and_change_sides_with_the_bo
     assert built_without_hands().hands is None
 
 
+def test_own_motion_is_measured_over_a_second_and_goes_with_the_frames(monkeypatch: pytest.MonkeyPatch) -> None:
+    compared: list[tuple[float, float]] = []
+    time_s = np.arange(80) / 20
+
+    def moved(before: float, after: float) -> float:
+        compared.append((before, after))
+        return 0.5
+
+    builder = "humanmm.models.perception.tracking.track_builder.own_motion"
+    track = TrackBuilder(time_s, at(10), 10)
+    monkeypatch.setattr(f"{builder}.own_motion", moved)
+    for frame in range(10, 60):
+        monkeypatch.setattr(f"{builder}.look", lambda image, seen, frame=frame: time_s[frame])
+        track.add(frame, at(frame))
+        track.note_own_motion(frame, BLACK)
+    assert [round(after - before, 3) for before, after in compared] == [0.4, 0.8, 1.2, 1.2, 1.2, 1.2]
+    assert sorted(track.own_motions) == [26, 34, 42, 50, 58]  # after 0.4 s nobody has to have moved
+    track.forget_appearance(58)
+    first, second = track.split(40)
+    assert sorted(first.own_motions) == [26, 34] and sorted(second.own_motions) == [42, 50]
+
+
 def built_without_hands() -> PersonTrack:
     track = TrackBuilder(TIME_S, at(10), 10)
     for frame in range(10, 20):
