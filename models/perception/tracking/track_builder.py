@@ -7,12 +7,12 @@ from itertools import islice
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from humanmm.models.perception import own_motion
 from humanmm.models.perception.clothing import clothing_histogram, mean_colours, part_colours
 from humanmm.models.perception.hands.follow import Looks, hand_tracks, look_at_hands
 from humanmm.models.perception.observation import Observation
 from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.regions import HEIGHT_OF_SIDE, Region
-from humanmm.models.perception.tracking import own_motion
 from humanmm.models.perception.tracking.personhood import Evidence, mean_score, person_probability, pose_change
 from humanmm.models.perception.tracking.sides import left_right_swaps
 from humanmm.models.records import landmarks

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from humanmm.models.perception.observation import Observation
+from humanmm.models.perception.own_motion import LOST, look, of_track, own_motion
 from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.regions import Region
-from humanmm.models.perception.tracking.own_motion import LOST, look, of_track, own_motion
 
 SIZE = 400
 REGION = Region(200.0, 200.0, 240.0)
