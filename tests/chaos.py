@@ -21,7 +21,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from humanmm.flows.service.fork_server import PRELOAD, VIDEO
+from humanmm.flows.service.fork_server import PRELOAD
+from humanmm.flows.service.video_processes import VIDEO
 
 ROOT = Path(__file__).resolve().parents[1]
 DISK_MB = 2000

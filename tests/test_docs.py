@@ -1,6 +1,7 @@
 """The pages of docs: links lead somewhere, settings are those of the configuration, examples run, the site builds."""
 
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -9,7 +10,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+import typer
 
+from humanmm.cli import main
+from humanmm.cli.verb import app
 from humanmm.models.camera.shot_camera import estimate_camera
 from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.regions import Region
@@ -47,6 +51,37 @@ def test_tests_that_the_docs_name_are_there() -> None:
         for file, name in re.findall(r"(?<![\w/])(?:tests/)?((?:\w+/)*test_\w+)(?:: (test_\w+))?", page.read_text()):
             assert file in (files if "/" in file else known), f"{page.name}: there is no {file}"
             assert not name or name in files.get(file, known), f"{page.name}: {file} has no {name}"
+
+
+def _commands(page: Path) -> list[str]:
+    """What a page has its reader type: lines of blocks, and what stands in backticks; of alternatives the first."""
+    text = page.read_text()
+    lines = re.findall(r"^ {4}(?:\$ |[^\s`|]*bin/)?(humanmm [a-z][^\n]*)", text, re.M)
+    found = [line.partition(" #")[0] for line in lines] + re.findall(r"`(humanmm [a-z][^`\n]*)`", text)
+    parts = [re.sub(r"(?:\\?\|[^\s|]+)+", "", part.strip()) for line in found for part in line.split(" && ")]
+    return [re.sub(r"[\[\]]", "", part) for part in parts if "…" not in part.replace("FILE…", "FILE")]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_commands_of_a_page_are_read_by_the_command_line(page: Path) -> None:
+    main(["--version"])  # declares all verbs
+    stands_for = {"N": "3", "LOW": "1", "HIGH": "2", "W": "64", "H": "64", "S": "1", "STAGE": "refine"}
+    for line in _commands(page):
+        words = [
+            stands_for.get(word, word)
+            for word in shlex.split(line.replace("format NAME", "format bvh").replace("build NAME", "build emdb"))[1:]
+        ]
+        found: Any = typer.main.get_command(app)
+        name = "humanmm"
+        while words and hasattr(found, "commands") and words[0] in found.commands:
+            name = words.pop(0)
+            found = found.commands[name]
+        if not words or "--help" in words:
+            continue  # it is only named
+        try:
+            found.make_context(name, words)
+        except typer.TyperException as error:
+            pytest.fail(f"{page.name}: `{line}`: {error.format_message()}")
 
 
 def test_every_page_is_in_the_sites_contents() -> None:

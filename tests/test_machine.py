@@ -44,6 +44,7 @@ def test_the_age_of_a_process_grows_with_time(way: str) -> None:
 
 def test_memory_threads_and_processors_are_numbers_wherever_they_are_known(way: str) -> None:
     assert 10 < machine.resident_mb() < 100_000
+    assert machine.peak_memory_mb() > 0.9 * machine.resident_mb() * 1e6 / 2**20
     assert machine.num_threads(os.getpid()) >= 1 and machine.num_processors() >= 1
     available = machine.available_bytes()
     assert (available is None) == (way == "ps") and (available or 1) > 0

@@ -6,7 +6,6 @@ folder that is thrown away.
 """
 
 import multiprocessing
-import resource
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
@@ -19,6 +18,7 @@ import numpy as np
 
 from humanmm.config import Config
 from humanmm.errors import StageError
+from humanmm.machine import peak_memory_mb
 from humanmm.models.benchmark.tables.rows import Row, summarise
 from humanmm.models.perception.picture import Picture, whole
 from humanmm.models.perception.tracking.between_looks import looked_at
@@ -133,7 +133,7 @@ def measure_speed(video: Path, config: Config) -> Speed:
         wall_s=stages_wall_s(record),
         total_s=total_s,
         processor_s=processor_s,
-        peak_memory_mb=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+        peak_memory_mb=peak_memory_mb(),
         floor=floor,
         people=sum(person.get("observed_frames", 0) for person in record["people"]) / facts.num_frames,
     )

@@ -228,8 +228,11 @@ def hold_port(port: int) -> bool:
     """Keep the server's port from processes of other users for as long as this process lives; False if one has it.
 
     A socket that is bound beside the server's own and never listens. Linux lets only processes of one user share a
-    port by SO_REUSEPORT (socket(7)), so whatever listens there is this user's, also after our server has died.
+    port by SO_REUSEPORT (socket(7)), so whatever listens there is this user's, also after our server has died. On other
+    systems nothing is held: BSD and macOS may hand connections to the socket that was bound last, which would be this.
     """
+    if sys.platform != "linux":
+        return True
     if port not in _held and (holder := bind(port)) is not None:
         _held[port] = holder
         atexit.register(holder.close)

@@ -172,8 +172,11 @@ def _own_user_protocol() -> type[Any]:
 def user_of(client: tuple[str, int], server: tuple[str, int]) -> int | None:
     """The user whose process holds the client's end of a TCP connection over loopback; None if the kernel names none.
 
-    One request of sock_diag(7). A closed end is listed under root, so only an established one counts.
+    One request of sock_diag(7), which Linux alone has. A closed end is listed under root, so only an established one
+    counts.
     """
+    if sys.platform != "linux":
+        return None
     ports = struct.pack("!HH", client[1], server[1])
     addresses = b"".join(socket.inet_aton(host).ljust(16, b"\0") for host, _ in (client, server))
     length = _REQUEST.size + 48

@@ -4,6 +4,9 @@ That process is the fork server of Python's `multiprocessing`, with `preload` lo
 its socket lies in a folder of mode 0700. To import everything takes seconds of processor time, to fork a process that
 has done so hundredths, and loaded code is in memory once. A fork whose code was changed on the disk since it was loaded
 ends before it runs anything; its video gets a fresh process, and later videos are forks of a new fork server.
+
+On Linux only. The system libraries of macOS must not be used after a fork (Python's documentation, "Contexts and start
+methods" of `multiprocessing`): there every video gets a fresh process.
 """
 
 import contextlib
@@ -25,14 +28,13 @@ from pathlib import Path
 from typing import Any
 
 from humanmm.flows.server.local_server import hold_port_of_server
+from humanmm.flows.service.video_processes import VIDEO, begin_video
 from humanmm.machine import num_threads
-from humanmm.tasks.units.process import end_with_parent, name_process, prepare_process, treat_as_sigterm
+from humanmm.tasks.units.process import end_with_parent, prepare_process, treat_as_sigterm
 
 log = logging.getLogger(__name__)
 
 PRELOAD = "humanmm.flows.service.preload"
-VIDEO = "humanmm-video"
-"""Name of the process of a video, as `ps` and `top` show it."""
 _FORK, _FRESH = multiprocessing.get_context("forkserver"), multiprocessing.get_context("spawn")
 
 Environment = Mapping[str, str | None]
@@ -44,6 +46,8 @@ Environment = Mapping[str, str | None]
 
 def launch() -> None:
     """Start the fork server, unless it runs; it imports while this process goes on."""
+    if sys.platform != "linux":
+        return
     _FORK.set_forkserver_preload([PRELOAD])
     forkserver.ensure_running()
 
@@ -53,6 +57,19 @@ def start(environment: Environment, folder: Path, run: Callable[[], None] | None
 
     `run` takes the place of Prefect's engine. Not to be called by two threads at once.
     """
+    if sys.platform == "linux":
+        fork = _start_fork(environment, folder, run)
+        if fork is not None:
+            return fork
+        _retire()
+        launch()
+    fresh = _FRESH.Process(target=_begin, args=(environment, folder, run, None), name=VIDEO)
+    fresh.start()
+    return fresh
+
+
+def _start_fork(environment: Environment, folder: Path, run: Callable[[], None] | None) -> BaseProcess | None:
+    """A fork that runs it; None where a fork would not equal a fresh process, or the fork server was killed."""
     answer, sender = _FORK.Pipe(duplex=False)
     with contextlib.suppress(OSError, EOFError):  # the fork server was killed
         fork = _FORK.Process(target=_begin, args=(environment, folder, run, sender), name=VIDEO)
@@ -61,11 +78,7 @@ def start(environment: Environment, folder: Path, run: Callable[[], None] | None
         if answer.recv():
             return fork
         fork.join()
-    _retire()
-    launch()
-    fresh = _FRESH.Process(target=_begin, args=(environment, folder, run, None), name=VIDEO)
-    fresh.start()
-    return fresh
+    return None
 
 
 def _retire() -> None:
@@ -149,7 +162,7 @@ def _begin(environment: Environment, folder: Path, run: Callable[[], None] | Non
     Before that it takes its name and no longer ignores SIGTERM, as its fork server does: a worker that is ending sends
     one as soon as it knows the process, and then waits for its end.
     """
-    name_process(VIDEO)
+    begin_video()
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     treat_as_sigterm()
     if answer is not None:

@@ -35,8 +35,9 @@ from humanmm.flows.server.local_server import (
     stop_unused_server,
 )
 from humanmm.flows.service.lost_runs import crash_lost_runs, resume_lost_videos
-from humanmm.flows.service.worker import MARK, stop_videos
+from humanmm.flows.service.video_processes import MARK
 from humanmm.flows.service.worker import STOP_LIMIT_S as VIDEOS_LIMIT_S
+from humanmm.flows.service.worker import stop_videos
 from humanmm.machine import num_processors
 from humanmm.storage.batches.batch_table import open_batches
 from humanmm.tasks.units.faults import in_words, is_infrastructure_fault

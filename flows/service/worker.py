@@ -15,21 +15,18 @@ import threading
 import time
 import uuid
 from collections.abc import Coroutine
-from pathlib import Path
 from types import FrameType
 from typing import Any
 
 from humanmm.flows.server.local_server import hold_port_of_server
-from humanmm.flows.service.fork_server import VIDEO, launch
+from humanmm.flows.service.fork_server import launch
+from humanmm.flows.service.video_processes import MARK, videos_of
 
 SETTINGS = {"PREFECT_WORKER_QUERY_SECONDS": "2"}
 """Of the worker and its videos, in place of Prefect's."""
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGUSR1)
 STOP_LIMIT_S = 20.0
 """Seconds between SIGTERM and SIGKILL for a video."""
-MARK = "WORKER_OF_HUMANMM"
-"""Variable, no setting, that marks a worker's videos: a session may have several workers, and a
-number of a process is given again."""
 END_LIMIT_S = 10.0
 """Seconds that Prefect's worker may take to end, once its videos have. At the exit of Python, Prefect waits without a
 limit until the server has all events, and `multiprocessing` until each child has ended: with a server that does not
@@ -73,27 +70,14 @@ async def _until_stopped(work: Coroutine[Any, Any, None]) -> None:
 
 def stop_videos(mark: str) -> None:
     """Stop the videos of the workers with a mark, also of one that is gone."""
-    videos = _videos_of(mark)
+    videos = videos_of(mark)
     for number, limit_s in ((signal.SIGTERM, STOP_LIMIT_S), (signal.SIGKILL, 1.0)):
         for video in videos:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(video, number)
         deadline = time.monotonic() + limit_s
-        while (videos := [pid for pid in videos if pid in _videos_of(mark)]) and time.monotonic() < deadline:
+        while (videos := [pid for pid in videos if pid in videos_of(mark)]) and time.monotonic() < deadline:
             time.sleep(0.1)
-
-
-def _videos_of(mark: str) -> list[int]:
-    """Living processes of this user that compute a video for workers with a mark."""
-    found = []
-    for process in Path("/proc").glob("[0-9]*"):
-        with contextlib.suppress(OSError):  # it has ended, or is another user's
-            state = (process / "stat").read_text().rpartition(")")[2].split()[0]
-            if state in "ZX" or (process / "comm").read_text().strip() != VIDEO:
-                continue
-            if f"{MARK}={mark}".encode() in (process / "environ").read_bytes().split(b"\0"):
-                found.append(int(process.name))
-    return found
 
 
 if __name__ == "__main__":

@@ -4,6 +4,7 @@ Only demuxers that read the bytes they are given are allowed: a playlist or a co
 make the library open other files.
 """
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -147,12 +148,28 @@ class PacketLog:
     keyframe_pts: set[int] = field(default_factory=set)
     dts: list[int] = field(default_factory=list)
     num_packets: int = 0
+    end: int = 0
+    """When the last picture ends, in the stream's time base."""
     broken: int = 0
     """Packets that the decoder rejected."""
     left_out: int = 0
     """Packets that the container's edit list does not show."""
     ended_early: bool = False
     """The container's bytes stopped making sense before its end."""
+
+
+def declared_end_s(container: InputContainer, video: VideoStream) -> float | None:
+    """When the pictures end by the header of a Matroska file, seconds; None for other containers, and where the header
+    says it of several streams together."""
+    if "matroska" not in container.format.name:
+        return None
+    of_stream = re.fullmatch(r"(\d+):(\d\d):(\d\d(?:\.\d+)?)", video.metadata.get("DURATION", ""))
+    if of_stream:
+        hours, minutes, seconds = map(float, of_stream.groups())
+        return 3600 * hours + 60 * minutes + seconds
+    if len(container.streams) > 1 or container.duration is None:
+        return None
+    return container.duration / 1e6
 
 
 def decoded(
@@ -173,6 +190,8 @@ def decoded(
             if memory is not None:
                 memory.check(packet.size)
             log.left_out += packet.is_discard
+            if packet.pts is not None:
+                log.end = max(log.end, packet.pts + (packet.duration or 0))
             if packet.is_keyframe and packet.pts is not None:
                 log.keyframe_pts.add(packet.pts)
             if packet.dts is not None:

@@ -24,6 +24,7 @@ from humanmm.models.records.video import VideoFacts
 from humanmm.models.video.container import (
     DecoderMemory,
     PacketLog,
+    declared_end_s,
     decoded,
     moving_pictures,
     open_video,
@@ -31,6 +32,10 @@ from humanmm.models.video.container import (
 )
 from humanmm.models.video.declared_size import count_movies
 from humanmm.models.video.frame_times import LONG_GAP_S, check_times, longest_gap_s
+
+MISSING_S = 0.5
+"""Pictures that end this much before the container says that they do are missing: a declared end is off by a picture or
+two, and by the length of a packet of sound."""
 
 
 @dataclass
@@ -64,7 +69,7 @@ def read_facts(stream: BinaryIO, *, max_side_px: int = 8192, max_memory_mb: floa
         time_s = np.array([float(p * time_base) for p in kept])
         check_times(time_s, num_pictures=len(pts))
         warnings = [
-            *_warnings(pictures, video, time_s),
+            *_warnings(pictures, container, video, time_s),
             *_other_videos(stream, container, pictures, is_timed=not counted),
         ]
         if counted:
@@ -121,7 +126,9 @@ def _why_none(log: PacketLog) -> str:
     return "could be decoded; the file is damaged: give an intact copy"
 
 
-def _warnings(pictures: _Pictures, video: VideoStream, time_s: Float[np.ndarray, " F"]) -> Iterator[str]:
+def _warnings(
+    pictures: _Pictures, container: InputContainer, video: VideoStream, time_s: Float[np.ndarray, " F"]
+) -> Iterator[str]:
     """What is wrong with the pictures and their times, one sentence each."""
     log, num_pictures = pictures.log, len(pictures.pts)
     if log.broken:
@@ -131,6 +138,10 @@ def _warnings(pictures: _Pictures, video: VideoStream, time_s: Float[np.ndarray,
     if log.ended_early or video.frames > num_pictures + log.broken:
         of_declared = f"of {video.frames} declared frames " if video.frames else ""
         yield f"the file is incomplete: {of_declared}{num_pictures} decode, the last at {time_s[-1]:.2f} s"
+    else:
+        declared_s, end_s = declared_end_s(container, video), float(log.end * (video.time_base or 0))
+        if declared_s is not None and declared_s - end_s > MISSING_S:
+            yield f"the file is incomplete: it declares {declared_s:.2f} s of pictures, and they end at {end_s:.2f} s"
     if len(time_s) < num_pictures:
         equal, backwards = _unusable_times(pictures.pts)
         if equal:

@@ -146,7 +146,7 @@ class PeopleConfig(Section):
 
     hmr_from: GivenFile | None = None
     """File or folder of bodies that another system found, in place of detector, pose network and lifter: GVHMR; also
-    GEM, PromptHMR, WHAM, TRAM, SLAHMR, SAM 3D Body (experimental)."""
+    GEM, GEM-X, PromptHMR, WHAM, TRAM, SLAHMR, SAM 3D Body (experimental)."""
 
     detections_from: GivenFile | None = None
     """File of people's boxes that another program found, in place of the detector: MOT text or COCO results json."""

@@ -2,8 +2,10 @@
 
 import contextlib
 import os
+import resource
 import socket
 import subprocess
+import sys
 import time
 from collections.abc import Callable
 from functools import cache, wraps
@@ -106,6 +108,12 @@ def resident_mb() -> float:
         return int((PROC / "self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
     except (OSError, ValueError):
         return float(_ps(os.getpid(), "rss=") or 0) * 1024 / 1e6
+
+
+def peak_memory_mb() -> float:
+    """The most memory that this process has had, in 2^20 bytes: getrusage(2) counts in kB, on macOS in bytes."""
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak / (1 << 20 if sys.platform == "darwin" else 1 << 10)
 
 
 def available_bytes() -> int | None:

@@ -37,6 +37,8 @@ class _Result:
     overlay: str = ""
     overlay_link: str = ""
     scene_link: str = ""
+    seen_link: str = ""
+    """To the picture of who was seen, of a video in which nobody could be recovered."""
     thumbnail: str = ""
     """A small picture of the overlay's middle as a data URL; empty if there is none."""
 
@@ -72,7 +74,8 @@ def write_report(folder: Path, name: str, rows: Sequence[VideoRow]) -> list[Path
 def _result(row: VideoRow, folder: Path, *, pictured: bool) -> _Result:
     name = Path(row.video).name
     if row.state not in ("done", "partial"):
-        return _Result(name)
+        seen = Path(f"{row.run_dir}.seen.png")
+        return _Result(name, seen_link=_link(str(seen), folder) if row.run_dir and seen.is_file() else "")
     link = _link(row.run_dir, folder)
     try:
         record = read_run_record(Path(row.run_dir))

@@ -6,12 +6,14 @@ decoded inputs, pictures, the networks that it loads, and the result while it is
 
 import contextlib
 import multiprocessing
+import sys
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
 from humanmm.config import Config
+from humanmm.errors import UsageError
 from humanmm.storage.store.artifact import Ref
 from humanmm.storage.store.identity import identify
 from humanmm.storage.store.store import Store
@@ -34,7 +36,9 @@ class UnitMemory:
 
 
 def measure_memory(video: Path, config: Config, store: Store) -> Iterator[UnitMemory]:
-    """Compute every unit of a video, also those that the store has, and measure each."""
+    """Compute every unit of a video, also those that the store has, and measure each. On Linux only."""
+    if sys.platform != "linux":
+        raise UsageError(f"the memory of a stage is read from /proc, which {sys.platform} does not have: use Linux")
     selection = Selection(force=True)
     setting = Setting(identify(video, store), config, store, selection, pipeline.STAGES)
     executor = setting.open()

@@ -8,6 +8,7 @@ import os
 import signal
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from types import FrameType
@@ -24,6 +25,8 @@ _PICTURE_BYTES = 1 << 20
 _M_TRIM_THRESHOLD = -1
 """glibc's option: how much free memory may lie at the end of the heap before it is trimmed."""
 _SPARE_BYTES = 1 << 25
+PARENT_S = 0.5
+"""Seconds between two looks whether the parent of this process lives, on systems whose kernel does not tell."""
 _PR_SET_PDEATHSIG = 1
 _PR_SET_NAME = 15
 
@@ -95,12 +98,22 @@ def _begin_child(parent: int) -> None:
 
 
 def end_with_parent(parent: int) -> None:
-    """Have the kernel kill this process when its parent, process number `parent`, ends. On Linux only."""
-    if sys.platform != "linux":
-        return
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    """Have this process end at once when its parent, process number `parent`, does.
+
+    The kernel of Linux kills it; elsewhere a thread looks every PARENT_S.
+    """
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    else:
+        threading.Thread(target=_end_after, args=(parent,), daemon=True).start()
     if os.getppid() != parent:
         os._exit(1)
+
+
+def _end_after(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(PARENT_S)
+    os._exit(1)
 
 
 def name_process(name: str) -> None:

@@ -221,3 +221,12 @@ def test_the_flow_loads_as_a_prefect_entry_point() -> None:
     flow = load_flow_from_entrypoint("humanmm.flows.recover:recover")
     assert flow.name == "recover"
     assert sorted(flow.parameters.model_dump()["properties"]) == ["config", "out", "selection", "store", "video"]
+
+
+@pytest.mark.server
+def test_a_run_needs_nothing_that_linux_alone_has(toy: Any, new_cache: Path) -> None:
+    environment = toy.environment(HUMANMM_CACHE=str(new_cache), HUMANMM_SERVER_IDLE_S="5")
+    path = os.pathsep.join([str(Path(__file__).parents[1] / "no_linux"), environment["PYTHONPATH"]])
+    done = toy.command("recover", "film.mp4", **{**environment, "PYTHONPATH": path})
+    assert done.returncode == 0, done.stderr
+    assert len(_settled(new_cache, NUM_UNITS)) == NUM_UNITS

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 PARTIAL = 3
 _CORRECTIONS = "what you know better (default: corrections.toml in RUN_DIR, see humanmm correct)"
 _KEYPOINTS = "keypoints of another program: a folder of OpenPose's, Sports2D's json, MMPose's, COCO's json"
-_HMR = "bodies of another system: GVHMR's .pt; experimental: GEM, PromptHMR, WHAM, TRAM, SLAHMR, SAM 3D Body"
+_HMR = "bodies of another system: GVHMR's .pt; experimental: GEM, GEM-X, PromptHMR, WHAM, TRAM, SLAHMR, SAM 3D Body"
 _DETECTIONS = "people's boxes of another program: MOT text, COCO results json (experimental)"
 _MASKS = "people's masks: a folder of png, one a frame, a pixel's value is the person's number (experimental)"
 _CAMERAS = "cameras of another program: TUM trajectories, a folder with COLMAP's model, text or binary"

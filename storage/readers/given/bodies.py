@@ -9,8 +9,10 @@
 | TRAM | .npz, as in `readers.systems` | pred_rotmat (N,24,3,3), pred_trans, frame, img_focal, img_center | SMPL |
 | SLAHMR | …_world_results.npz | root_orient (B,T,3), pose_body, trans; cam_R (B,T,3,3), cam_t; intrins (4,) | SMPL-H |
 | SAM 3D Body | .npz (*) | pred_keypoints_3d (N,70,3), pred_cam_t (N,3), focal_length, frame, person (N,) | places |
+| GEM-X | .npz (*) | soma_joints (F,77,3) or (F,78,3), metres in the axes of the camera; K_fullimg (F,3,3) | places |
 
-(*) It writes none itself: what it returns of each person, stacked. Of MHR's rotations none are read: its joints are
+(*) They write none themselves: what SAM 3D Body returns of each person, stacked; the joints that GEM-X's body model
+gives for its result (docs/bring.md has the lines). Of MHR's and SOMA's rotations none are read: their joints are
 others than SMPL's.
 
 `transl` moves the body's origin; the pelvis lies SMPL's rest pelvis beside it. WHAM's camera is the one that it assumes
@@ -59,6 +61,21 @@ MHR70 = {
     "left_wrist": 62,
 }  # fmt: skip
 """Our landmark → its number among MHR's 70 keypoints (SAM 3D Body)."""
+SOMA77 = {
+    "left_eye": 9, "right_eye": 10, "left_shoulder": 12, "right_shoulder": 40, "left_elbow": 13, "right_elbow": 41,
+    "left_wrist": 14, "right_wrist": 42, "left_index": 20, "right_index": 48, "left_pinky": 35, "right_pinky": 63,
+    "left_hip": 67, "right_hip": 72, "left_knee": 68, "right_knee": 73, "left_ankle": 69, "right_ankle": 74,
+    "left_foot_index": 71, "right_foot_index": 76,
+}  # fmt: skip
+"""Our landmark → its number among the 77 joints of SOMA's skeleton in the order of GEM-X: Hips first, then spine, head,
+left arm, right arm, left leg, right leg. SOMA's own layer has its root before them, 78 in all."""
+SOMA_COLUMNS = 3 * 76
+SOMA_ADVICE = (
+    "it is GEM-X's SOMA body, whose rotations are of other joints; give the places of its joints as an npz instead, "
+    "docs/bring.md has the lines that write it"
+)
+SHANK_M = (0.15, 0.75)
+"""Lengths that a shank can have: joints in other units or in another order have others."""
 
 
 @lru_cache(maxsize=1)
@@ -125,7 +142,8 @@ def _read(name: str, content: bytes, size: Size, *, whole: int | None) -> Iterat
     elif name.endswith(".npz"):
         arrays = NpzArrays(io.BytesIO(content), name)
         known: dict[str, Callable[[Tree, Size], Iterator[GivenBody]]] = {
-            "pred_rotmat": _tram, "pose_body": partial(_slahmr, whole=whole), "pred_keypoints_3d": _sam_3d_body
+            "pred_rotmat": _tram, "pose_body": partial(_slahmr, whole=whole), "pred_keypoints_3d": _sam_3d_body,
+            "soma_joints": partial(_gem_x, whole=whole),
         }  # fmt: skip
         for key, reader in known.items():
             if key in arrays:
@@ -150,7 +168,7 @@ def _of_tensors(content: bytes, size: Size, whole: int | None) -> GivenBody:
     if pose.shape[1] != 63:
         raise InputError(
             f"body_pose has {pose.shape[1]} columns; expected 63, those of SMPL's body"
-            + (": a body of another kind, as GEM-X's SOMA, is not read" if pose.shape[1] > 63 else "")
+            + (f": {SOMA_ADVICE}" if pose.shape[1] == SOMA_COLUMNS else "")
         )
     count = len(pose)
     frame = frame_numbers(tree, "frame", count) if "frame" in tree else _from_the_first(count, whole)
@@ -237,16 +255,38 @@ def _sam_3d_body(arrays: Tree, size: Size) -> Iterator[GivenBody]:
     K = np.stack([K_from_focal(max(one, 1.0), *size) for one in focal_px]) if count else np.zeros((0, 3, 3))
     if "pred_keypoints_2d" in arrays:
         _check_projection(points, K, numbers(arrays, "pred_keypoints_2d", (count, 70, 2), finite=True), size)
-    landmarks, known = np.zeros((count, NUM_LANDMARKS, 3)), np.zeros(NUM_LANDMARKS, bool)
-    for name, number in MHR70.items():
-        landmarks[:, INDEX[name]], known[INDEX[name]] = points[:, number], True
-    hips = landmarks[:, [INDEX["left_hip"], INDEX["right_hip"]]].mean(axis=1, keepdims=True)
-    landmarks[:, ~known] = hips
+    landmarks, known = _landmarks(points, MHR70)
     for number in np.unique(person):
         rows = np.flatnonzero(person == number)
         rows = rows[np.argsort(frame[rows], kind="stable")]
         frame_numbers({"frame": frame[rows]}, "frame", len(rows))
         yield GivenBody(frame[rows], landmarks[rows], known, K[rows])
+
+
+def _gem_x(arrays: Tree, size: Size, *, whole: int | None) -> Iterator[GivenBody]:
+    """Places of joints alone, of one person."""
+    points = numbers(arrays, "soma_joints", (None, None, 3), finite=True)
+    if points.shape[1] not in (77, 78):
+        raise InputError(f"soma_joints has {points.shape[1]} joints; expected SOMA's 77, or 78 with its root")
+    points, count = points[:, points.shape[1] - 77 :], len(points)
+    shank_m = np.linalg.norm(points[:, SOMA77["left_knee"]] - points[:, SOMA77["left_ankle"]], axis=-1)
+    if not ((shank_m > SHANK_M[0]) & (shank_m < SHANK_M[1])).all():
+        raise InputError(
+            f"soma_joints has the left ankle {np.median(shank_m):.3g} from the left knee; expected metres, and the "
+            "joints in SOMA's order"
+        )
+    frame = frame_numbers(arrays, "frame", count) if "frame" in arrays else _from_the_first(count, whole)
+    K = _in_video(numbers(arrays, "K_fullimg", (count, 3, 3), finite=True), size, "K_fullimg")
+    yield GivenBody(frame, *_landmarks(points, SOMA77), K)
+
+
+def _landmarks(points: Float[Array, "n j 3"], number_of: Mapping[str, int]) -> tuple[Array, Array]:
+    """Our landmarks (n, 33, 3) and which of them are known (33,); the others lie between the hips."""
+    landmarks, known = np.zeros((len(points), NUM_LANDMARKS, 3)), np.zeros(NUM_LANDMARKS, bool)
+    for name, number in number_of.items():
+        landmarks[:, INDEX[name]], known[INDEX[name]] = points[:, number], True
+    landmarks[:, ~known] = landmarks[:, [INDEX["left_hip"], INDEX["right_hip"]]].mean(axis=1, keepdims=True)
+    return landmarks, known
 
 
 def _check_projection(points: Array, K: Array, pixels: Array, size: Size) -> None:

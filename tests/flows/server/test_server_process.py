@@ -157,6 +157,17 @@ def test_another_user_is_known_as_another(listener: socket.socket) -> None:
     os.waitpid(child, 0)
 
 
+def test_without_linux_no_user_is_named_and_no_port_is_held(
+    listener: socket.socket, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(local_server, "_held", {})
+    monkeypatch.setattr(sys, "platform", "darwin")
+    monkeypatch.delattr(socket, "AF_NETLINK")
+    with _connect(listener) as client:
+        assert user_of(client.getsockname(), listener.getsockname()) is None
+    assert local_server.hold_port(listener.getsockname()[1]) and not local_server._held
+
+
 @root
 def test_a_port_that_is_held_is_never_another_users(listener: socket.socket, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(local_server, "_held", {})

@@ -13,8 +13,8 @@ from typing import Any
 
 import pytest
 
-from humanmm.flows.service.fork_server import VIDEO
-from humanmm.flows.service.worker import END_LIMIT_S, MARK, STOP_LIMIT_S, stop_videos
+from humanmm.flows.service.video_processes import MARK, VIDEO
+from humanmm.flows.service.worker import END_LIMIT_S, STOP_LIMIT_S, stop_videos
 
 ROOT = Path(__file__).resolve().parents[3]
 NAMED = """

@@ -101,10 +101,15 @@ def test_of_a_truncated_video_all_that_decodes_is_recovered_with_a_warning(
     delivered = [number_of(f.image) for f in frames(file, facts)]
     assert len(delivered) == facts.num_frames
     assert delivered[:-1] == list(range(facts.num_frames - 1))
-    if container != "matroska":  # a matroska file does not say how much it should hold
-        assert any("incomplete" in warning for warning in facts.warnings)
+    assert any("incomplete" in warning for warning in facts.warnings)
     for start in (5, facts.num_frames - 2):
         assert len(list(frames(file, facts, start))) == facts.num_frames - start
+
+
+def test_a_last_picture_that_stays_is_not_missing(clip: Clip) -> None:
+    times = [*range(0, 800, 40), 5000]
+    whole = clip("matroska", "mpeg4", times=times).getvalue()
+    assert not any("incomplete" in warning for warning in read_facts(io.BytesIO(whole)).warnings)
 
 
 @pytest.mark.parametrize("codec", ["libx264", "mpeg4", "libx265"])

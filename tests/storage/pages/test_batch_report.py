@@ -40,6 +40,14 @@ def test_links_are_relative_and_quoted_and_only_of_finished_videos(tmp_path: Pat
     assert "a%23%3F.mp4" in text
 
 
+def test_a_video_in_which_nobody_was_found_links_the_picture_of_who_was_seen(tmp_path: Path) -> None:
+    (tmp_path / "empty.seen.png").touch()
+    rows = [replace(_row(name, "failed", "no usable person"), run_dir=str(tmp_path / name)) for name in ("empty", "c")]
+    page, _ = write_report(tmp_path / "report", "b", rows)
+    assert page.read_text().count("<a href") == 1
+    assert 'href="../empty.seen.png"' in page.read_text()
+
+
 def test_a_name_that_is_no_unicode_is_written_as_escapes(tmp_path: Path) -> None:
     page, table = write_report(tmp_path, "b", [_row("caf\udce9.mp4", "done")])
     assert "caf\\udce9.mp4" in page.read_text(encoding="utf-8")

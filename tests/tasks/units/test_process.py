@@ -11,6 +11,8 @@ import pytest
 
 from humanmm.tasks.units.process import in_processes
 
+TESTS = Path(__file__).resolve().parents[2]
+
 PINNED = """
 import numpy as np, sys
 if sys.argv[1] == "prepared":
@@ -70,6 +72,7 @@ _WAITS = """
 import os, sys, time
 from humanmm.tasks.units.process import in_processes
 
+
 def told(path):
     with open(path, "w") as stream:
         stream.write(str(os.getpid()))
@@ -80,11 +83,12 @@ if __name__ == "__main__":
 """
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="the kernel of Linux is asked for it")
-def test_processes_end_with_the_one_that_started_them_even_when_it_is_killed(tmp_path: Path) -> None:
+@pytest.mark.parametrize("system", ["here", "no_linux"])
+def test_processes_end_with_the_one_that_started_them_even_when_it_is_killed(tmp_path: Path, system: str) -> None:
     (tmp_path / "waits.py").write_text(_WAITS, encoding="utf-8")
     message = [tmp_path / "first", tmp_path / "second"]
-    parent = subprocess.Popen([sys.executable, tmp_path / "waits.py", *message])
+    path = os.pathsep.join([*([str(TESTS / system)] if system == "no_linux" else []), str(TESTS.parent / "src")])
+    parent = subprocess.Popen([sys.executable, tmp_path / "waits.py", *message], env={**os.environ, "PYTHONPATH": path})
 
     def until(holds: Callable[[], bool]) -> None:
         end = time.monotonic() + 60

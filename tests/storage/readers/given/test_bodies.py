@@ -14,7 +14,7 @@ from humanmm.models.body.smpl_joints import SMPL_REST_PELVIS, SMPLX_REST_PELVIS
 from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
 from humanmm.models.perception.tracking.given_bodies import GivenBody, smpl_body
 from humanmm.models.records.landmarks import INDEX
-from humanmm.storage.readers.given.bodies import MHR70, read_bodies
+from humanmm.storage.readers.given.bodies import MHR70, SOMA77, read_bodies
 
 Dump = Callable[[object, Path], None]
 
@@ -125,6 +125,24 @@ def test_sam_3d_body_gives_places_and_two_people(tmp_path: Path) -> None:
     np.testing.assert_allclose(bodies[0].landmarks_cam[:, INDEX["left_knee"]], expected)
 
 
+def _gem_x(path: Path, *, root: bool = False, unit: float = 1.0, joints: int = 77) -> None:
+    points = np.repeat(PELVIS[:, None], joints, axis=1)
+    for name, number in SOMA77.items():
+        if number < joints:
+            points[:, number] = BODY.landmarks_cam[:, INDEX[name]]
+    if root:
+        points = np.concatenate([np.zeros((N, 1, 3)), points], axis=1)
+    np.savez(path, soma_joints=unit * points, K_fullimg=K)
+
+
+@pytest.mark.parametrize("root", [False, True])
+def test_gem_x_gives_the_places_of_somas_joints(tmp_path: Path, root: bool) -> None:
+    _gem_x(tmp_path / "soma.npz", root=root)
+    (body,) = _read(tmp_path / "soma.npz")
+    assert body.R_local is None and body.known.sum() == len(SOMA77) and np.array_equal(body.frame, np.arange(N))
+    np.testing.assert_allclose(body.landmarks_cam[:, body.known], BODY.landmarks_cam[:, body.known])
+
+
 def test_clips_begin_at_the_frame_in_their_names(tmp_path: Path) -> None:
     _gvhmr(tmp_path / "walk@0000.pt", frames=slice(0, 7))
     _gvhmr(tmp_path / "walk@0007.pt", frames=slice(7, N))
@@ -153,7 +171,7 @@ def test_what_is_wrong_is_told_with_key_and_shape(tmp_path: Path, dump_like_jobl
     assert "lacks smpl_params_incam" in told(tmp_path / "b.pt")
     soma = {**_parameters(), "body_pose": torch.zeros(N, 228)}
     torch.save({"body_params_incam": soma, "K_fullimg": torch.from_numpy(K)}, tmp_path / "c.pt")
-    assert "body_pose has 228 columns; expected 63" in told(tmp_path / "c.pt")
+    assert "body_pose has 228 columns; expected 63, those of SMPL's body: it is GEM-X's SOMA" in told(tmp_path / "c.pt")
     torch.save({"smpl_params_incam": _parameters(), "K_fullimg": torch.from_numpy(K[:3])}, tmp_path / "d.pt")
     assert "K_fullimg has shape 3×3×3; expected 12×3×3" in told(tmp_path / "d.pt")
     other = torch.from_numpy(K * np.array([1, 2, 1])[:, None])
@@ -165,6 +183,10 @@ def test_what_is_wrong_is_told_with_key_and_shape(tmp_path: Path, dump_like_jobl
     assert "holds joints; expected one of pred_rotmat" in told(tmp_path / "g.npz")
     _sam_3d_body(tmp_path / "h.npz", focal_length=np.full(2 * N, 2 * FOCAL))
     assert "pixels beside pred_keypoints_2d" in told(tmp_path / "h.npz")
+    _gem_x(tmp_path / "k.npz", unit=100.0)
+    assert "expected metres, and the joints in SOMA's order" in told(tmp_path / "k.npz")
+    _gem_x(tmp_path / "l.npz", joints=70)
+    assert "soma_joints has 70 joints; expected SOMA's 77" in told(tmp_path / "l.npz")
     (tmp_path / "i.pt").write_bytes(b"nothing of torch")
     assert "cannot be read" in told(tmp_path / "i.pt")
     (tmp_path / "j.json").write_text("[]")
