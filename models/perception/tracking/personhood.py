@@ -26,6 +26,9 @@ MOTION_UNKNOWN = 0.5
 """Feature of somebody who was still, but was seen for a moment only: people mostly are."""
 MOVED = 0.02
 """Change of pose, as a fraction of the body's height, that noise alone hardly makes."""
+PICTURE = 0.3
+"""Own motion below which somebody moves as pictures do: posters before a static camera have 0.05 to 0.15, before a
+moving one 0.2 to 0.6, people who stand or sit still 0.25 to 0.6. From here to 1 it says nothing."""
 SITS_STILL_S, STILL_MOST = 2.0, 2.0
 """People may move no more than a picture for so long. What it counts grows with the square of the time (somebody still
 for four seconds is not twice as rare as for two), up to STILL_MOST."""
@@ -46,21 +49,23 @@ class Evidence:
     seen_s: float
     """How long it was seen."""
     own_motion: float | None = None
-    """How far what is seen of him moved against what is around him in about a second: below 1 as pictures do, above 1
-    as people (`own_motion.of_track`); None if that cannot be told."""
+    """How far what is seen of him moved against what is around him in about a second: below PICTURE as pictures do,
+    above 1 as people (`own_motion.of_track`); None if that cannot be told."""
 
     def features(self) -> Float[Array, " 5"]:
         """What the weights multiply: detector, trust, steadiness, motion, own motion.
 
         The first three are 0 to 1. Motion is −1 for a body that was still for long to 1. Own motion is 1 for somebody
-        who moves, 0 where it cannot be told, and for who moves with what is around him alone less the longer he is
+        who moves, 0 where it tells nothing, and for who moves with what is around him alone less the longer he is
         seen, −STILL_MOST at last; his limbs may then jump by the network's noise only, and motion is not above
         MOTION_UNKNOWN.
         """
         motion = np.tanh(np.log(max(self.pose_change, 1e-4) / MOVED))
         if motion < MOTION_UNKNOWN:
             motion += (MOTION_UNKNOWN - motion) * (1 - min(self.seen_s / STILL_S, 1))
-        alone = 0.0 if self.own_motion is None else np.tanh(np.log(max(self.own_motion, 1e-6)))
+        alone = 0.0
+        if self.own_motion is not None:
+            alone = float(np.tanh(np.log(max(self.own_motion, 1e-6) / np.clip(self.own_motion, PICTURE, 1.0))))
         if alone < 0:
             alone *= min((self.seen_s / SITS_STILL_S) ** 2, STILL_MOST)
             motion = min(motion, MOTION_UNKNOWN)

@@ -27,14 +27,14 @@ def test_who_never_moves_is_taken_for_a_picture_in_the_end(seen_s: float, doubtf
     assert (person_probability(still) < 0.5) == doubtful
 
 
-@pytest.mark.parametrize(("own_motion", "doubtful"), [(0.2, True), (None, False), (5.0, False)])
+@pytest.mark.parametrize(("own_motion", "doubtful"), [(0.1, True), (0.35, False), (None, False), (5.0, False)])
 def test_who_moves_only_with_the_wall_is_a_picture(own_motion: float | None, doubtful: bool) -> None:
     poster = replace(WALKING, pose_change=0.3 * MOVED, seen_s=4.0, own_motion=own_motion)
     assert (person_probability(poster) < 0.5) == doubtful
 
 
 def test_who_was_seen_for_a_moment_may_have_been_still() -> None:
-    moment, longer = (replace(WALKING, pose_change=MOVED, seen_s=s, own_motion=0.2) for s in (0.5, 3.0))
+    moment, longer = (replace(WALKING, pose_change=MOVED, seen_s=s, own_motion=0.1) for s in (0.5, 3.0))
     assert person_probability(moment) > person_probability(longer)
 
 
