@@ -1,12 +1,12 @@
 """Loaded by Python at its start where this folder is on its path: this process then lacks what only Linux has.
 
 `sys.platform` is that of macOS, /proc and /sys are not there, nor are the functions of `os`, `socket` and `signal` that
-Python has on Linux alone, nor prctl and glibc's functions. What was compiled for Linux stays.
+Python has on Linux alone, nor prctl and glibc's functions. What was compiled for Linux stays, and so does
+`platform.system()`, by which torch names its libraries.
 """
 
 import ctypes
 import os
-import platform
 import signal
 import socket
 import sys
@@ -70,5 +70,4 @@ _settings._get_proxy_settings = lambda: {"exclude_simple": True}
 _settings._get_proxies = dict
 sys.modules["_scproxy"] = _settings
 sysconfig.get_config_vars()  # of this Python, read by the name of its system
-platform.system = lambda: "Darwin"
 sys.platform = "darwin"
