@@ -1,5 +1,6 @@
 """Stage `align`: all shots in one world."""
 
+from humanmm.errors import NoUsablePersonError
 from humanmm.models.camera.background.keyframes import KeyFrameFeatures
 from humanmm.models.motion.world.align import ShotResults
 from humanmm.models.motion.world.align import align as align_shots
@@ -14,8 +15,13 @@ from humanmm.tasks.inputs import StageInputs
 
 def align(inputs: StageInputs) -> WorldMotion:
     """People and cameras of every shot, rotated, levelled and placed in one world."""
+    shots = inputs.read("shots", ShotList)
+    if not shots.people:
+        raise NoUsablePersonError(
+            "no usable person: nobody's motion can be recovered; `humanmm camera` gives the cameras"
+        )
     results = ShotResults(
-        shots=inputs.read("shots", ShotList),
+        shots=shots,
         scenes=inputs.read_all("people", ScenePeople),
         cameras=inputs.read_all("camera", ShotCamera),
         motions=inputs.read_all("hmr", ShotMotion),

@@ -17,5 +17,6 @@ def shots(inputs: StageInputs) -> ShotList:
         only_person=settings.person,
         parts=settings.parts,
         min_confidence=settings.min_confidence,
+        need_people=settings.need_people,
         corrections=inputs.corrections,
     )

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from humanmm.config import Config
-from humanmm.errors import HumanMMError, InputError, StageError
+from humanmm.errors import HumanMMError, InputError
 from humanmm.flows.bench.motion import SETTINGS, Job
 from humanmm.models.benchmark.golden import SeenClip
 from humanmm.models.benchmark.methods import run_methods
@@ -37,7 +37,7 @@ from humanmm.storage.readers.archives import NpzArrays
 from humanmm.storage.readers.truth import read_sequence
 from humanmm.storage.store.identity import identify
 from humanmm.storage.store.store import Store
-from humanmm.tasks.engine.run import VideoRun
+from humanmm.tasks.engine.some_stages import results_of, run_stages
 from humanmm.tasks.pipeline import STAGES
 
 log = logging.getLogger(__name__)
@@ -48,23 +48,6 @@ OF_PIXELS = ("decode", "scenes", "people", "shots", "keyframes", "points")
 OF_PEOPLE = ("decode", "scenes", "people")
 """Stages that find people."""
 _SEED = 1
-
-
-def run_stages(video: Path, names: Sequence[str], config: Config, store: Store) -> VideoRun:
-    """The run of a video after these stages; StageError if one fails on a part of it."""
-    run = VideoRun(identify(video, store), config, store)
-    for name in names:
-        for unit in run.units(run.stage(name)) or ():
-            outcome = run.execute(unit)
-            if outcome.manifest is None:
-                raise StageError(f"{video.stem}: {outcome.unit.label} failed: {outcome.reason}")
-    return run
-
-
-def results_of(run: VideoRun, stage: str, output: type[T]) -> Sequence[T]:
-    """What the units of a stage have left in the store."""
-    manifests = [run.manifest(*unit.id) for unit in run.units(run.stage(stage)) or ()]
-    return [run.store.read(manifest.ref, output) for manifest in manifests if manifest is not None]
 
 
 def recovered(video: Path, config: Config, store: Store) -> SeenClip:

@@ -13,7 +13,6 @@ import numpy as np
 
 from humanmm.config import Config
 from humanmm.errors import HumanMMError, InputError
-from humanmm.flows.bench.clips import results_of, run_stages
 from humanmm.flows.bench.golden import golden_list
 from humanmm.models.benchmark.expectations import GoldenClip
 from humanmm.models.benchmark.identity import Boxes, View, views_of
@@ -22,6 +21,7 @@ from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.records.video import VideoFacts
 from humanmm.storage.readers.truth import read_boxes
 from humanmm.storage.store.store import Store
+from humanmm.tasks.engine.some_stages import results_of, run_stages
 from humanmm.tasks.units.process import prepare_process
 
 log = logging.getLogger(__name__)

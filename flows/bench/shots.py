@@ -9,7 +9,6 @@ from pathlib import Path
 
 from humanmm.config import Config
 from humanmm.errors import HumanMMError, StageError
-from humanmm.flows.bench.clips import results_of, run_stages
 from humanmm.models.benchmark.tables.rows import ALL, Row
 from humanmm.models.benchmark.tables.shots import CutCounts, count_cuts, rows_of_cuts
 from humanmm.models.benchmark.tables.statistics import SetStatistics, statistics_of
@@ -18,6 +17,7 @@ from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.records.video import VideoFacts
 from humanmm.storage.readers.cut_truth import CutClip, read_cut_clips
 from humanmm.storage.store.store import Store
+from humanmm.tasks.engine.some_stages import results_of, run_stages
 from humanmm.tasks.units.process import prepare_process
 
 log = logging.getLogger(__name__)

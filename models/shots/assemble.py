@@ -28,6 +28,7 @@ def detect_shots(
     *,
     only_person: int | None = None,
     min_confidence: float = 0.2,
+    need_people: bool = True,
     parts: Parts = "keypoints",
     corrections: Corrections = NONE,
 ) -> ShotList:
@@ -45,7 +46,7 @@ def detect_shots(
     groups = matched_people(shots, people, time_s=time_s)
     candidates, of_people = corrected_people(groups, shots, people, corrections, time_s=time_s)
     cast = cast_of(candidates, len(shots), min_confidence=min_confidence)
-    if not cast.people:
+    if not cast.people and need_people:
         raise NoUsablePersonError(_nobody(cast, min_confidence))
     if only_person is not None:
         cast = _only(cast, only_person)

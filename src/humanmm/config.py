@@ -193,6 +193,9 @@ class ShotsConfig(Section):
     """Probability of being a person, and not a bag, a poster or nothing, from which somebody is recovered; below 0.5 he
     is marked as doubtful."""
 
+    need_people: bool = True
+    """Refuse a video in which nobody is seen; `humanmm camera` does not."""
+
     person: Annotated[int, Field(ge=0)] | None = None
     """Keep only this person (0 is the main subject); all people when not given."""
 

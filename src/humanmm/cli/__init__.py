@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 SUBJECTS = (
     "recover",
+    "camera",
     "correct",
     "results",
     "inspect",

@@ -12,6 +12,10 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
         ("humanmm recover film.mp4 --only camera --shot 1", "one stage of one shot again, then what it changes"),
         ("humanmm recover film.mp4 --people.pose fast", "a setting; --config FILE.toml holds many"),
     ),
+    "camera": (
+        ("humanmm camera film.mp4 --out cameras", "a TUM trajectory a shot, and cameras.json"),
+        ("humanmm camera empty_room.mp4 --fov-deg 65", "nobody need be in view"),
+    ),
     "eval": (("humanmm eval runs/film film_gt.npz --json", "every figure, for a program"),),
     "export": (
         ("humanmm export runs/film --format bvh", "one file a person into runs/film/export"),

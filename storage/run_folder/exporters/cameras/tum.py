@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from humanmm.models.geometry.rotations import rotmat_to_unitquat_wxyz
 from humanmm.models.motion.excerpt import Excerpt
@@ -26,12 +27,23 @@ def tum_files(excerpt: Excerpt) -> Mapping[str, Callable[[Path], None]]:
     return {**files, "cameras.json": partial(_write_facts, excerpt)}
 
 
+def write_trajectory(
+    path: Path, time_s: Float[np.ndarray, " n"], R: Float[np.ndarray, "n 3 3"], t: Float[np.ndarray, "n 3"]
+) -> None:
+    """A line for each of n frames; R and t are camera to world."""
+    wxyz = rotmat_to_unitquat_wxyz(R.astype(np.float64))
+    np.savetxt(path, np.column_stack([time_s, t, wxyz[:, 1:], wxyz[:, 0]]), fmt="%.9f")
+
+
+def focal_lengths(K: Float[np.ndarray, "n 3 3"]) -> float | list[float]:
+    """In pixels: one, or of a camera that zooms one a frame."""
+    return K[:, 1, 1].tolist() if np.ptp(K[:, 1, 1]) > 0 else float(K[0, 1, 1])
+
+
 def _write_trajectory(excerpt: Excerpt, frames: slice, path: Path) -> None:
     recording = excerpt.recording
-    t = excerpt.points(recording.t_world_cam[frames])
-    wxyz = rotmat_to_unitquat_wxyz(excerpt.R_file_world @ recording.R_world_cam[frames].astype(np.float64))
-    rows = np.column_stack([recording.time_s[frames], t, wxyz[:, 1:], wxyz[:, 0]])
-    np.savetxt(path, rows, fmt="%.9f")
+    R = excerpt.R_file_world @ recording.R_world_cam[frames].astype(np.float64)
+    write_trajectory(path, recording.time_s[frames], R, excerpt.points(recording.t_world_cam[frames]))
 
 
 def _write_facts(excerpt: Excerpt, path: Path) -> None:
@@ -45,7 +57,7 @@ def _write_facts(excerpt: Excerpt, path: Path) -> None:
             "end": int(excerpt.source_frame[frames.stop - 1]) + 1,
             "source": SOURCES[int(recording.camera_source[frames.start])],
             "K": K[0].tolist(),
-            "focal_px": K[:, 1, 1].tolist() if np.ptp(K[:, 1, 1]) > 0 else float(K[0, 1, 1]),
+            "focal_px": focal_lengths(K),
         }
 
     tree = {

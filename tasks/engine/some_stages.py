@@ -1,0 +1,40 @@
+"""Some stages of a video one after the other in this process, without a flow: for tables, and for cameras alone."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TypeVar
+
+from humanmm.config import Config
+from humanmm.errors import StageError
+from humanmm.storage.store.identity import identify
+from humanmm.storage.store.store import Store
+from humanmm.tasks.engine.run import VideoRun
+from humanmm.tasks.units.selection import Selection
+
+T = TypeVar("T")
+
+
+def run_stages(
+    video: Path,
+    names: Sequence[str],
+    config: Config,
+    store: Store,
+    *,
+    selection: Selection | None = None,
+    follow: Callable[[VideoRun], None] = lambda run: None,
+) -> VideoRun:
+    """The run of a video after these stages; StageError if one fails on a part of it. `follow` gets the run before."""
+    run = VideoRun(identify(video, store), config, store, selection=selection)
+    follow(run)
+    for name in names:
+        for unit in run.units(run.stage(name)) or ():
+            outcome = run.execute(unit)
+            if outcome.manifest is None:
+                raise StageError(f"{video.stem}: {outcome.unit.label} failed: {outcome.reason}")
+    return run
+
+
+def results_of(run: VideoRun, stage: str, output: type[T]) -> Sequence[T]:
+    """What the units of a stage have left in the store."""
+    manifests = [run.manifest(*unit.id) for unit in run.units(run.stage(stage)) or ()]
+    return [run.store.read(manifest.ref, output) for manifest in manifests if manifest is not None]
