@@ -1,8 +1,8 @@
 """Whether a track shows a person at all: a probability from what the detector, the limbs and their motion say.
 
 Bags, furniture and hands become bodies whose limbs jump and that the detector does not confirm; posters and statues are
-confirmed, but never change their pose, and move with their wall alone. The weights are a logistic regression on labelled
-tracks (docs/method.md says which).
+confirmed, but never change their pose, and move with their wall alone. The weights are a logistic regression on
+labelled tracks (docs/method.md says which).
 """
 
 from collections.abc import Iterable
