@@ -171,6 +171,11 @@ class TrackBuilder:
         self.last, self.last_frame, self.lost_since, self.active = seen, frame, None, True
         self.rows[frame] = Row.of(seen, vote)
 
+    def revise(self, frame: int, seen: Observation) -> None:
+        """Another look at the last frame's person takes the place of the first one."""
+        self.last = seen
+        self.rows[frame] = Row.of(seen, self.rows[frame].vote)
+
     def look_at_hands(self, frame: int, image: Picture, due: Bool[Array, "F 2"] | None) -> None:
         """Look at the hands that are `due` in a frame of the track; nothing is if `due` is None."""
         if due is None or not due[frame].any():

@@ -6,12 +6,14 @@ Frames come once, in order; the last few are kept, so that a person found late i
 from collections import deque
 from collections.abc import Iterable
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 from jaxtyping import Float
 
 from humanmm.models.geometry.boxes import box_iou
 from humanmm.models.perception.clothing import clothing_histogram, colour_distance
+from humanmm.models.perception.contact import looked_at_apart, touching
 from humanmm.models.perception.hands.follow import due_frames
 from humanmm.models.perception.interfaces import Landmarks, Networks, PoseNetwork
 from humanmm.models.perception.networks import BEST
@@ -139,6 +141,11 @@ class SceneTracker:
             track.note_own_motion(frame, image)
             track.look_at_hands(frame, image, self._hands_due)
             seen[k] = found[0]
+        for a, b in combinations(seen, 2):
+            if touching(seen[a], seen[b]) and (apart := looked_at_apart(self._networks, image, seen[a], seen[b])):
+                for k, again in zip((a, b), apart, strict=True):
+                    self._tracks[k].revise(frame, again)
+                    seen[k] = again
         return list(seen.values())
 
     def _forget(self, number: int, frame: int) -> None:
