@@ -54,17 +54,22 @@ def looked_at_apart(
     if bones is None:
         return None
     scale = min(1.0, WORKING_HEIGHT_PX / max(_height(a), _height(b)))
-    distance = [_distance(points, image.size, scale) for points in bones]
-    seen = []
-    for person, own, other in ((a, *distance), (b, *distance[::-1])):
-        theirs = ((other < own) & (other < REACH * _height(person))).astype(np.uint8)
-        even = image.width // 2 * 2, image.height // 2 * 2
-        canvas = image.copy()
-        canvas.paint(0, 0, np.asarray(cv2.resize(theirs, even, interpolation=cv2.INTER_NEAREST), np.uint8), PAINT)
-        again = observe(networks.locate(canvas, person.region), image.size)
-        alike = again is not None and similarity(again.keypoints, person.keypoints, person.region.side) >= SAME_POSE
-        seen.append(again if again is not None and alike else person)
-    return seen[0], seen[1]
+    of_a, of_b = (_distance(points, image.size, scale) for points in bones)
+    return _without(networks, image, a, of_a, of_b), _without(networks, image, b, of_b, of_a)
+
+
+def _without(
+    networks: Networks, image: Picture, person: Observation, own: Float[Array, "h w"], other: Float[Array, "h w"]
+) -> Observation:
+    """Another look at a person, with what is nearer to the other's bones painted out."""
+    theirs = ((other < own) & (other < REACH * _height(person))).astype(np.uint8)
+    even = image.width // 2 * 2, image.height // 2 * 2
+    canvas = image.copy()
+    canvas.paint(0, 0, np.asarray(cv2.resize(theirs, even, interpolation=cv2.INTER_NEAREST), np.uint8), PAINT)
+    again = observe(networks.locate(canvas, person.region), image.size)
+    if again is None or similarity(again.keypoints, person.keypoints, person.region.side) < SAME_POSE:
+        return person
+    return again
 
 
 def _height(person: Observation) -> float:
