@@ -1,5 +1,7 @@
 """Shots know where they begin, where they end, and which of their frames show them alone."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -22,9 +24,9 @@ def test_a_video_in_which_nobody_is_seen_is_an_error_in_plain_words(people: list
         detect_shots(FACTS, SCENES, people)
 
 
-def test_if_all_are_hardly_people_the_error_says_which_setting_admits_the_likeliest() -> None:
+def somebody() -> PersonTrack:
     rng = np.random.default_rng(0)
-    hardly = PersonTrack(
+    return PersonTrack(
         frame=np.arange(30, dtype=np.int32),
         keypoints2d=np.tile(rng.uniform(100, 300, (33, 3)), (30, 1, 1)).astype(np.float32),
         landmarks3d=np.tile(rng.normal(size=(33, 3)), (30, 1, 1)).astype(np.float32),
@@ -36,7 +38,10 @@ def test_if_all_are_hardly_people_the_error_says_which_setting_admits_the_likeli
         color_histogram=np.full((1, HISTOGRAM_BINS), 1 / HISTOGRAM_BINS, np.float32),
         probability=0.1,
     )
-    people = [ScenePeople(0, 30, (hardly,)), ScenePeople(30, 60, ())]
+
+
+def test_if_all_are_hardly_people_the_error_says_which_setting_admits_the_likeliest() -> None:
+    people = [ScenePeople(0, 30, (somebody(),)), ScenePeople(30, 60, ())]
     with pytest.raises(
         NoUsablePersonError, match=r"likeliest of 1 .* 0.10, less than 0.2; --min-confidence 0.09 admits"
     ):
@@ -44,6 +49,19 @@ def test_if_all_are_hardly_people_the_error_says_which_setting_admits_the_likeli
     listed = detect_shots(FACTS, SCENES, people, min_confidence=0.09)
     assert listed.people[0].doubtful
     assert listed.warnings == ("person 0 may be no person: the probability is 0.10",)
+
+
+@pytest.mark.parametrize(
+    ("confidence", "lifted", "warned"), [(0.3, False, True), (0.6, False, False), (0.3, True, False)]
+)
+def test_of_whom_much_is_never_in_view_a_warning_says_that_the_rest_is_guessed(
+    confidence: float, lifted: bool, warned: bool
+) -> None:
+    whole = somebody()
+    one = replace(whole, confidence=np.full(30, confidence, np.float32), probability=0.9, lifted=lifted)
+    people = [ScenePeople(0, 30, (one,)), ScenePeople(30, 60, ())]
+    said = "person 0 is seen in part (confidence 0.30): what is out of view or covered is a guess"
+    assert detect_shots(FACTS, SCENES, people).warnings == ((said,) if warned else ())
 
 
 def test_frames_that_a_dissolve_mixes_are_outside_transitions_in_neither_shot() -> None:
