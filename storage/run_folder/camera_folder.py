@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import shutil
 import tempfile
 from collections.abc import Sequence
@@ -16,6 +17,7 @@ from humanmm.models.records.video import VideoFacts
 from humanmm.storage.run_folder.exporters.cameras.tum import focal_lengths, write_trajectory
 
 FACTS = "cameras.json"
+OURS = r"cameras\.json|shot_\d+\.tum"
 
 
 def write_camera_folder(
@@ -34,8 +36,8 @@ def write_camera_folder(
     """
     if folder.exists() and not force:
         raise InputError(f"{folder} is there already; --force replaces it")
-    if folder.exists() and not (folder / FACTS).is_file():
-        raise InputError(f"{folder} is no folder of cameras, and is not replaced")
+    if folder.exists() and not _holds_cameras_alone(folder):
+        raise InputError(f"{folder} holds other things than cameras, and is not replaced")
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}-") as scratch:
@@ -51,6 +53,10 @@ def write_camera_folder(
             new.rename(folder)
     except OSError as error:
         raise InputError(f"cannot write {folder}: {error.strerror or error}") from error
+
+
+def _holds_cameras_alone(folder: Path) -> bool:
+    return folder.is_dir() and all(re.fullmatch(OURS, entry.name) for entry in folder.iterdir())
 
 
 def _file(number: int) -> str:

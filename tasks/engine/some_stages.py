@@ -9,7 +9,6 @@ from humanmm.errors import StageError
 from humanmm.storage.store.identity import identify
 from humanmm.storage.store.store import Store
 from humanmm.tasks.engine.run import VideoRun
-from humanmm.tasks.units.selection import Selection
 
 T = TypeVar("T")
 
@@ -20,11 +19,10 @@ def run_stages(
     config: Config,
     store: Store,
     *,
-    selection: Selection | None = None,
     follow: Callable[[VideoRun], None] = lambda run: None,
 ) -> VideoRun:
     """The run of a video after these stages; StageError if one fails on a part of it. `follow` gets the run before."""
-    run = VideoRun(identify(video, store), config, store, selection=selection)
+    run = VideoRun(identify(video, store), config, store)
     follow(run)
     for name in names:
         for unit in run.units(run.stage(name)) or ():

@@ -48,10 +48,10 @@ def test_what_is_there_is_replaced_by_force_alone_and_only_if_it_holds_cameras(t
     write(tmp_path / "cameras")
     with pytest.raises(InputError, match="--force"):
         write(tmp_path / "cameras")
-    (tmp_path / "cameras/old.txt").touch()
+    (tmp_path / "cameras/shot_007.tum").touch()
     write(tmp_path / "cameras", force=True)
-    assert not (tmp_path / "cameras/old.txt").exists()
-    (tmp_path / "holiday").mkdir()
-    with pytest.raises(InputError, match="no folder of cameras"):
-        write(tmp_path / "holiday", force=True)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["cameras", "holiday"]
+    assert not (tmp_path / "cameras/shot_007.tum").exists()
+    (tmp_path / "cameras/motion.bvh").touch()
+    with pytest.raises(InputError, match="other things"):
+        write(tmp_path / "cameras", force=True)
+    assert [path.name for path in tmp_path.iterdir()] == ["cameras"]
