@@ -27,9 +27,9 @@ def five_lines(record: Mapping[str, Any], run_dir: Path) -> list[str]:
 def one_line(record: Mapping[str, Any]) -> str:
     """The same in one line, without the place: `done: 2 people, 3 shots, 1 warning`."""
     counts = [
-        _counted(len(record["people"]), "person", "people"),
-        _counted(len(record["shots"]), "shot", "shots"),
-        _counted(len(record["warnings"]), "warning", "warnings") if record["warnings"] else "nothing doubtful",
+        counted(len(record["people"]), "person", "people"),
+        counted(len(record["shots"]), "shot", "shots"),
+        counted(len(record["warnings"]), "warning", "warnings") if record["warnings"] else "nothing doubtful",
     ]
     return f"{record['state']}: {', '.join(counts)}"
 
@@ -104,5 +104,6 @@ def _percent(share: float | None) -> str:
     return "" if share is None else f" ± {100 * share:.0f} %"
 
 
-def _counted(count: int, one: str, many: str) -> str:
+def counted(count: int, one: str, many: str) -> str:
+    """A number and what it counts: `1 shot`, `2 shots`."""
     return f"{count} {one if count == 1 else many}"

@@ -51,10 +51,13 @@ def camera(
 
         found = recover_cameras(video, config, open_store(store), follow=watch.follow)
     from humanmm.storage.run_folder.camera_folder import write_camera_folder
+    from humanmm.storage.run_folder.summary import counted
 
     write_camera_folder(folder, found.facts, found.shots, found.intrinsics, found.cameras, force=force)
     told = [f"shot {number}: {one.source}" for number, one in enumerate(found.cameras)]
-    say(f"done: {len(told)} shots, focal length {found.intrinsics.focal_px:.0f} px ({found.intrinsics.source})")
+    say(
+        f"done: {counted(len(told), 'shot', 'shots')}, focal length {found.intrinsics.focal_px:.0f} px ({found.intrinsics.source})"
+    )
     for line in (*told, *found.warnings):
         say(f"  {line}")
     write_path(folder)
