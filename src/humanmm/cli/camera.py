@@ -55,9 +55,8 @@ def camera(
 
     write_camera_folder(folder, found.facts, found.shots, found.intrinsics, found.cameras, force=force)
     told = [f"shot {number}: {one.source}" for number, one in enumerate(found.cameras)]
-    say(
-        f"done: {counted(len(told), 'shot', 'shots')}, focal length {found.intrinsics.focal_px:.0f} px ({found.intrinsics.source})"
-    )
+    shots, focal = counted(len(told), "shot", "shots"), found.intrinsics
+    say(f"done: {shots}, focal length {focal.focal_px:.0f} px ({focal.source})")
     for line in (*told, *found.warnings):
         say(f"  {line}")
     write_path(folder)
