@@ -10,7 +10,6 @@ import json
 import logging
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TypeVar
 
 from humanmm.config import Config
 from humanmm.errors import HumanMMError, InputError
@@ -41,7 +40,6 @@ from humanmm.tasks.engine.some_stages import results_of, run_stages
 from humanmm.tasks.pipeline import STAGES
 
 log = logging.getLogger(__name__)
-T = TypeVar("T")
 
 OF_PIXELS = ("decode", "scenes", "people", "shots", "keyframes", "points")
 """Stages whose results the methods start from."""

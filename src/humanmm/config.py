@@ -113,8 +113,7 @@ class ScenesConfig(Section):
 
 
 BEST_HZ, FAST_HZ = 30.0, 15.0
-"""What `people.max_rate_hz` is unless it is given. Bodies at 60, 30 and 15 Hz are as good (docs/accuracy.md), left and
-right are surer with more looks."""
+"""What `people.max_rate_hz` is unless it is given. Bodies at 60, 30 and 15 Hz are about as good (docs/accuracy.md)."""
 
 
 class PeopleConfig(Section):

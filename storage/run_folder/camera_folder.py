@@ -34,10 +34,7 @@ def write_camera_folder(
     Each shot is in the axes of its own first camera (x right, y down, z forward), `shot_000.tum` is camera to shot.
     Raises InputError if the folder is there, or cannot be written.
     """
-    if folder.exists() and not force:
-        raise InputError(f"{folder} is there already; --force replaces it")
-    if folder.exists() and not _holds_cameras_alone(folder):
-        raise InputError(f"{folder} holds other things than cameras, and is not replaced")
+    check_camera_folder(folder, force=force)
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}-") as scratch:
@@ -55,8 +52,14 @@ def write_camera_folder(
         raise InputError(f"cannot write {folder}: {error.strerror or error}") from error
 
 
-def _holds_cameras_alone(folder: Path) -> bool:
-    return folder.is_dir() and all(re.fullmatch(OURS, entry.name) for entry in folder.iterdir())
+def check_camera_folder(folder: Path, *, force: bool) -> None:
+    """InputError if the folder may not be written: to be called before anything is computed, too."""
+    if not folder.exists():
+        return
+    if not force:
+        raise InputError(f"{folder} is there already; --force replaces it")
+    if not folder.is_dir() or not all(re.fullmatch(OURS, entry.name) for entry in folder.iterdir()):
+        raise InputError(f"{folder} holds other things than cameras, and is not replaced")
 
 
 def _file(number: int) -> str:

@@ -8,7 +8,7 @@ from typer import Argument, Option
 from humanmm.cli.settings import Settings
 from humanmm.cli.terminal import say, take_back_start, write_path
 from humanmm.cli.verb import RECOVERY, Force, Store, app, verb
-from humanmm.errors import InputError, UsageError
+from humanmm.errors import UsageError
 
 _OUT = "the folder that is written (default: runs/<name of the video>-camera)"
 _CAMERAS = "cameras of another program: TUM trajectories, a folder with COLMAP's model, text or binary"
@@ -34,12 +34,13 @@ def camera(
     if focal_px is not None and fov_deg is not None:
         raise UsageError("--focal-px and --fov-deg exclude each other")
     from humanmm.progress import watching
+    from humanmm.storage.run_folder.camera_folder import check_camera_folder, write_camera_folder
+    from humanmm.storage.run_folder.summary import counted
     from humanmm.tasks.engine.finish import default_run_dir
 
     plain = default_run_dir(video)
     folder = out or plain.with_name(f"{plain.name}-camera")
-    if folder.exists() and not force:
-        raise InputError(f"{folder} is there already; --force replaces it")
+    check_camera_folder(folder, force=force)
     given = {"focal_px": focal_px, "fov_deg": fov_deg, "cameras_from": cameras_from}
     named = {name: value for name, value in given.items() if value is not None}
     config = settings.config(**named, **{"shots.need_people": False})
@@ -50,9 +51,6 @@ def camera(
         from humanmm.tasks.engine.cameras import recover_cameras
 
         found = recover_cameras(video, config, open_store(store), follow=watch.follow)
-    from humanmm.storage.run_folder.camera_folder import write_camera_folder
-    from humanmm.storage.run_folder.summary import counted
-
     write_camera_folder(folder, found.facts, found.shots, found.intrinsics, found.cameras, force=force)
     told = [f"shot {number}: {one.source}" for number, one in enumerate(found.cameras)]
     shots, focal = counted(len(told), "shot", "shots"), found.intrinsics
