@@ -1,4 +1,4 @@
-"""BlazePose and Thunder on one crop: each names what the other misses, and their disagreement says how sure they are.
+"""BlazePose and Thunder on one crop: each names what the other misses.
 
 Errors of the 12 limb keypoints on real frames, median and p90 in % of the person's height: BlazePose heavy 2.3 and
 4.9, Thunder 1.7 and 3.2, fused 1.7 and 3.1. BlazePose alone has depth, feet, hands, face, mask and the region to look

@@ -19,48 +19,14 @@ from humanmm.models.body.body24 import load_body
 from humanmm.models.body.proportions import bone_lengths, in_detector_convention, shape_from_bones
 from humanmm.models.geometry.alignment import umeyama_alignment
 from humanmm.models.geometry.intervals import in_intervals
-from humanmm.models.perception.clothing import GROUND, colour_distance, mean_colours
+from humanmm.models.perception.appearance import median_parts, same_look_odds
+from humanmm.models.perception.clothing import mean_colours
 from humanmm.models.records import landmarks
 from humanmm.models.records.shots import DOUBTFUL, Appearance, Person, Shot, TrackPart
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
 from humanmm.models.shots.left_right_swaps import KnownSides
 from humanmm.models.video.frame_times import ROUNDING_S, shown_s
 
-
-@dataclass(frozen=True)
-class ColourModel:
-    """A logistic regression: log-odds for the same person."""
-
-    constant: float
-    clothes: float
-    """For a Hellinger distance of 1 between the histograms of the clothes."""
-    parts: float = 0.0
-    """For a factor of e between the distances of the body's parts."""
-    ground: float = 0.0
-    """For a distance of 1 between the colours of the ground that they stand on."""
-
-    def odds(self, clothes: float, parts: float = 0.0, ground: float = 0.0) -> float:
-        """For these distances."""
-        return self.constant + self.clothes * clothes + self.parts * parts + self.ground * ground
-
-
-SAME_COLOURS, SAME_CLOTHES = ColourModel(0.67, -2.82, -8.96, -0.05), ColourModel(4.58, -10.54)
-"""With and without colours of the parts, fitted by `scripts/fit_identity`. Constants are 0.75 below what is likeliest
-there, where as many pairs are of one person as of two."""
-COLOUR_LIMIT = 5.0
-_FEWEST_PARTS, _DOUBTED_PARTS = 3, 4
-SAME_APART = -0.3
-PART_LIMIT = 40.0
-"""A part that is further apart counts as this: a limb that lies elsewhere, a sleeve on one side only."""
-_NOISE, _LEAST_CONTRAST = 2.0, 5.0
-"""Added to both distances, so that neither is taken for smaller than it can be measured."""
-_OF_LIGHT, _WEIGHT = np.array([1, 0.5, 0.5]), np.array([0.7, 1, 1])
-"""Of L*, a*, b*: how much of what all parts have in common is the light's (at most LIGHT_LIMIT of L*); how much a
-difference counts."""
-LIGHT_LIMIT = 20.0
-_GROUND_WEIGHT = np.array([0.5, 1, 1])
-GROUND_LIMIT, GROUND_UNKNOWN = 20.0, 10.0
-"""Ground that is further apart is another one; what counts where it is not seen, between the same and another."""
 SAME_POSE_M, POSE_SPREAD_M, POSE_LIMIT = 0.17, 0.22, 1.0
 CUT_GAP_FRAMES = 3
 """A pose this many frames from a cut still counts as the pose at the cut."""
@@ -122,6 +88,11 @@ class Sighting:
     """Lengths of confident frames, metres, as the pose network measures them."""
     parts: tuple[TrackPart, ...] = ()
     """As in `Appearance`."""
+
+    @property
+    def look(self) -> tuple[Float[np.ndarray, " bins"], Float[np.ndarray, "9 3"]]:
+        """Colours of the clothes and of the parts."""
+        return self.colours, self.part_colours
 
 
 def matched_people(
@@ -209,12 +180,10 @@ def _colours(track: PersonTrack, shot: Shot) -> Float[np.ndarray, " bins"]:
 
 def _part_colours(track: PersonTrack, shot: Shot) -> Float[np.ndarray, "9 3"]:
     """Median inside the shot; of the whole track when none were taken there."""
-    if track.color_parts is None or not len(track.color_parts):
-        return np.full((GROUND + 1, 3), np.nan)
+    if track.color_parts is None:
+        return median_parts([])
     inside = in_intervals(track.color_frame, [shot.outside_transitions])
-    chosen = track.color_parts[inside] if inside.any() else track.color_parts
-    seen = np.isfinite(chosen).any(axis=0)
-    return np.where(seen, np.nanmedian(np.where(seen, chosen, 0.0), axis=0), np.nan)
+    return median_parts(track.color_parts[inside] if inside.any() else track.color_parts)
 
 
 def pose_at(
@@ -243,50 +212,12 @@ def match(people: Sequence[Sequence[Sighting]], sightings: Sequence[Sighting]) -
 
 def same_person_odds(person: Sequence[Sighting], new: Sighting) -> float:
     """Log-odds that a sighting shows a known person: best colours of any of the person's shots, pose at the cut."""
-    odds = max(colour_odds(old, new) for old in person)
+    odds = max(same_look_odds(*old.look, *new.look) for old in person)
     before = person[-1]
     if before.shot == new.shot - 1 and before.last is not None and new.first is not None:
         residual = pose_residual_m(before.last, new.first)
         odds += float(np.clip((SAME_POSE_M - residual) / POSE_SPREAD_M, -POSE_LIMIT, POSE_LIMIT))
     return odds
-
-
-def colour_odds(a: Sighting, b: Sighting) -> float:
-    """Log-odds of the colours of two sightings: of clothes, and of the body's parts where both show some."""
-    if not (a.colours.any() and b.colours.any()):
-        return 0.0
-    clothes, parts = colour_distance(a.colours, b.colours), part_distance(a.part_colours, b.part_colours)
-    if parts is None:
-        odds = SAME_CLOTHES.odds(clothes)
-    else:
-        odds = SAME_COLOURS.odds(clothes, parts, ground_distance(a.part_colours, b.part_colours))
-    return float(np.clip(odds, -COLOUR_LIMIT, COLOUR_LIMIT))
-
-
-def part_distance(a: Float[np.ndarray, "9 3"], b: Float[np.ndarray, "9 3"]) -> float | None:
-    """Logarithm of how far the colours of two bodies are apart over how much their own parts differ, above SAME_APART
-    and the less the fewer parts both show; None if they are too few.
-
-    Two people in black from head to foot are near each other and yet not likely one; two with the same red shirt above
-    the same blue trousers are. A camera's exposure and white balance change all parts alike: what the parts'
-    differences have in common is taken away, of colour a half, since people also dress in one colour.
-    """
-    seen = np.isfinite(a[:GROUND, 0]) & np.isfinite(b[:GROUND, 0])
-    if np.count_nonzero(seen) < _FEWEST_PARTS:
-        return None
-    a, b = a[:GROUND][seen].astype(np.float64), b[:GROUND][seen].astype(np.float64)
-    contrast = float(np.linalg.norm(((a + b) / 2).std(axis=0)))
-    light = np.clip(np.median(a - b, axis=0), -LIGHT_LIMIT, LIGHT_LIMIT)
-    apart = np.linalg.norm(_WEIGHT * (a - b - _OF_LIGHT * light), axis=1)
-    ratio = float(np.log((np.minimum(apart, PART_LIMIT).mean() + _NOISE) / (contrast + _LEAST_CONTRAST)))
-    count = np.count_nonzero(seen)
-    return (ratio - SAME_APART) * count / (count + _DOUBTED_PARTS)
-
-
-def ground_distance(a: Float[np.ndarray, "9 3"], b: Float[np.ndarray, "9 3"]) -> float:
-    """How far the colours of the ground under two people are apart: whether the place may be the same."""
-    distance = float(np.linalg.norm(_GROUND_WEIGHT * (a[GROUND].astype(np.float64) - b[GROUND])))
-    return min(distance, GROUND_LIMIT) if np.isfinite(distance) else GROUND_UNKNOWN
 
 
 def identity_probabilities(

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from humanmm.models.perception.appearance import median_parts, same_look_odds
 from humanmm.models.perception.clothing import colour_distance, mean_colours
 from humanmm.models.perception.tracking.track_builder import TrackBuilder
 from humanmm.models.video.frame_times import elapsed_s
@@ -14,7 +15,7 @@ clothes changed by up to 0.42 within a scene; the step from one player to anothe
 STRETCH = 3
 """Colour samples in each of the two stretches compared."""
 
-SAME_COLOURS, COLOUR_SPREAD, COLOUR_LIMIT = 0.5, 0.06, 4.0
+PLACE_LIMIT = 4.0
 SHORT_GAP_S = 1.5
 REACH_SIDES, REACH_SIDES_PER_S = 0.3, 1.5
 """How far a person gets unseen, in sides of his region (about 1.6 body heights): at once, and by running."""
@@ -90,10 +91,11 @@ def continuation_odds(a: TrackBuilder, b: TrackBuilder) -> float:
     end = max((frame for frame in a.rows if frame < start), default=None)
     if end is None or _still_there(a, start):
         return -np.inf
-    distance = colour_distance(
-        mean_colours(np.stack(list(a.colours.values()))), mean_colours(np.stack(list(b.colours.values())))
-    )
-    odds = float(np.clip((SAME_COLOURS - distance) / COLOUR_SPREAD, -COLOUR_LIMIT, COLOUR_LIMIT))
+    looks = [
+        (mean_colours(np.stack(list(track.colours.values()))), median_parts(list(track.parts.values())))
+        for track in (a, b)
+    ]
+    odds = same_look_odds(*looks[0], *looks[1])
     gap_s = elapsed_s(a.time_s, end, start)
     if gap_s > SHORT_GAP_S:
         return odds + RETURN_ODDS + RETURN_ODDS_PER_S * (gap_s - SHORT_GAP_S)
@@ -101,5 +103,5 @@ def continuation_odds(a: TrackBuilder, b: TrackBuilder) -> float:
     middle_before, middle_after = before.mask_affine @ [64, 64, 1], after.mask_affine @ [64, 64, 1]
     travelled = float(np.linalg.norm(middle_after - middle_before)) / before.side
     reach = REACH_SIDES + REACH_SIDES_PER_S * gap_s
-    odds += float(np.clip(4 * (1 - travelled / reach), -COLOUR_LIMIT, 3.0))
+    odds += float(np.clip(4 * (1 - travelled / reach), -PLACE_LIMIT, 3.0))
     return odds - abs(float(np.log(after.side / before.side))) / SIZE_SPREAD

@@ -7,16 +7,7 @@ from humanmm.models.records.landmarks import INDEX, NUM_LANDMARKS, SWAP
 from humanmm.models.records.shots import Shot, Transition
 from humanmm.models.records.tracks import PersonTrack, ScenePeople, Silhouettes
 from humanmm.models.shots import identity
-from humanmm.models.shots.identity import (
-    GROUND_UNKNOWN,
-    Candidate,
-    Cast,
-    ground_distance,
-    matched_people,
-    part_distance,
-    pose_at,
-    pose_residual_m,
-)
+from humanmm.models.shots.identity import Candidate, Cast, matched_people, pose_at, pose_residual_m
 
 TIME_S = np.arange(150) / 30
 RED, BLUE, GREEN = (np.eye(HISTOGRAM_BINS)[k] for k in (3, 17, 30))
@@ -151,34 +142,3 @@ def test_a_pose_is_carried_to_the_cut_in_time() -> None:
     seen.landmarks3d[:] = standing() + velocity * time_s[:18, None, None]
     carried = pose_at(seen, np.arange(13, 18), 19, time_s)
     np.testing.assert_allclose(carried, standing() + velocity * time_s[19], atol=1e-5)
-
-
-def body_colours(seed: int = 0) -> np.ndarray:
-    """L*a*b* of the parts and of the ground of somebody in many colours."""
-    return np.random.default_rng(seed).uniform([10, -40, -40], [90, 40, 40], (9, 3))
-
-
-def test_the_light_may_change_between_two_shots_but_not_the_clothes() -> None:
-    one, another = body_colours(), body_colours(1)
-    same = one + np.array([10, 3, -3]) + np.random.default_rng(2).normal(0, 2, one.shape)
-    assert part_distance(one, same) < -0.5 < 0 < part_distance(one, another)
-
-
-def test_two_people_in_black_are_less_likely_one_than_two_in_the_same_colours() -> None:
-    noise = np.random.default_rng(0).normal(0, 3, (9, 3))
-    black, colourful = np.full((9, 3), [10.0, 0.0, 0.0]), body_colours()
-    assert part_distance(black, black + noise) > part_distance(colourful, colourful + noise) + 0.5
-
-
-def test_few_parts_say_less_and_too_few_nothing() -> None:
-    one = body_colours()
-    few, fewer = one.copy(), one.copy()
-    few[3:8], fewer[2:8] = np.nan, np.nan
-    assert part_distance(one, one) < part_distance(one, few) < 0
-    assert part_distance(one, fewer) is None
-
-
-def test_another_ground_speaks_against_one_person_and_an_unseen_one_says_nothing() -> None:
-    grass, carpet, unseen = (np.full((9, 3), colour) for colour in ([50.0, -30, 30], [50.0, 10, 0], [np.nan] * 3))
-    assert ground_distance(grass, grass) == 0
-    assert ground_distance(grass, unseen) == GROUND_UNKNOWN < ground_distance(grass, carpet)

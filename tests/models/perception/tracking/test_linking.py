@@ -30,6 +30,11 @@ def track(frames: range, x: float, colours: np.ndarray, time_s: np.ndarray = TIM
     return result
 
 
+def in_parts(track: TrackBuilder, parts: np.ndarray) -> TrackBuilder:
+    track.parts = dict.fromkeys(track.parts, parts)
+    return track
+
+
 def spans(tracks: list[TrackBuilder]) -> list[tuple[int, int]]:
     return sorted((min(t.rows), max(t.rows)) for t in tracks)
 
@@ -73,3 +78,11 @@ def test_how_long_somebody_was_away_is_measured_in_seconds() -> None:
     assert len(joined(pair)) == 2
     quick = np.arange(500) / 500  # 370 frames, but 0.74 s
     assert spans(joined([track(range(0, 30), 300, RED, quick), track(range(400, 430), 300, RED, quick)])) == [(0, 429)]
+
+
+def test_who_comes_in_after_somebody_in_the_same_colours_but_other_parts_is_another() -> None:
+    one, other = (np.random.default_rng(seed).uniform([10, -40, -40], [90, 40, 40], (9, 3)) for seed in (0, 1))
+    first, second = (in_parts(track(frames, 300, RED), one) for frames in (range(0, 30), range(85, 110)))
+    stranger = in_parts(track(range(85, 110), 300, RED), other)
+    assert spans(joined([first, second])) == [(0, 109)]  # behind something for two seconds
+    assert len(joined([in_parts(track(range(0, 30), 300, RED), one), stranger])) == 2
