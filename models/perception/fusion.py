@@ -21,6 +21,10 @@ APART = 0.08
 """Distance between the two, as a fraction of the height, from which Thunder alone is believed."""
 CREDIBLE = 0.35
 """Score from which Thunder is believed."""
+AGREED, DOUBT, LEAST_TRUST = 0.06, 25.0, 0.3
+"""Up to AGREED (a fraction of the height) apart a limb is as sure as BlazePose calls it; its visibility falls by DOUBT
+for a height more, to LEAST_TRUST of it. Of 10,170 visible limbs of three rendered clips the fused ones are off by 3 to 4 %
+of the height (root mean square) up to 6 % apart, by 6 % up to 8 %, by 11 % up to 12 %, by 18 % above."""
 CROSSED = 0.02
 """Fraction of the height by which Thunder's limbs must fit better with left and right exchanged."""
 AGREED_ODDS, CROSSED_ODDS = 0.1, -0.5
@@ -70,8 +74,8 @@ def fused(
 ) -> Float[np.ndarray, "33 3"]:
     """BlazePose's keypoints with the limbs in the middle between them and Thunder's; `side` is the region's.
 
-    Where Thunder's score is low BlazePose's stays, where the two are far apart Thunder's is taken. Left and right are
-    named as BlazePose does, because the 3D landmarks are.
+    Where Thunder's score is low BlazePose's stays, where the two are far apart Thunder's is taken; the farther apart, the
+    lower its visibility. Left and right are named as BlazePose does, because the 3D landmarks are.
     """
     own = keypoints[_LIMBS, :2]
     limbs = limbs.copy()
@@ -82,6 +86,7 @@ def fused(
     share = np.where(apart > APART * HEIGHT_OF_SIDE * side, 1.0, 0.5) * (limbs[:, 2] > CREDIBLE)
     result = keypoints.copy()
     result[_LIMBS, :2] = own + share[:, None] * (limbs[:, :2] - own)
+    result[_LIMBS, 2] *= np.clip(1 - DOUBT * (apart / (HEIGHT_OF_SIDE * side) - AGREED), LEAST_TRUST, 1)
     return result
 
 

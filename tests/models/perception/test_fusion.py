@@ -47,3 +47,12 @@ def test_left_and_right_are_named_as_the_network_with_the_depths_names_them() ->
     legs_alone[6:] = exchanged[6:]
     np.testing.assert_allclose(fused(own, legs_alone, SIDE), own, atol=1e-9)
     assert is_crossed(own, exchanged, SIDE) and not is_crossed(own, thunder(own), SIDE)
+
+
+def test_a_limb_is_the_less_visible_the_farther_apart_the_two_put_it() -> None:
+    own = body()
+    limbs = thunder(own)
+    limbs[:4, 0] += [5.0, 7.0, 8.0, 40.0]  # percent of the height
+    visibility = fused(own, limbs, SIDE)[LIMBS, 2]
+    np.testing.assert_allclose(visibility[:4], 0.9 * np.array([1.0, 0.75, 0.5, 0.3]))
+    np.testing.assert_allclose(visibility[4:], 0.9)
