@@ -23,8 +23,8 @@ CREDIBLE = 0.35
 """Score from which Thunder is believed."""
 AGREED, DOUBT, LEAST_TRUST = 0.06, 25.0, 0.3
 """Up to AGREED (a fraction of the height) apart a limb is as sure as BlazePose calls it; its visibility falls by DOUBT
-for a height more, to LEAST_TRUST of it. Of 10,170 visible limbs of three rendered clips the fused ones are off by 3 to 4 %
-of the height (root mean square) up to 6 % apart, by 6 % up to 8 %, by 11 % up to 12 %, by 18 % above."""
+for a height more, to LEAST_TRUST of it. Of 10,170 visible limbs of three rendered clips the fused ones are off by 3 to
+4 % of the height (root mean square) up to 6 % apart, by 6 % up to 8 %, by 11 % up to 12 %, by 18 % above."""
 CROSSED = 0.02
 """Fraction of the height by which Thunder's limbs must fit better with left and right exchanged."""
 AGREED_ODDS, CROSSED_ODDS = 0.1, -0.5
@@ -74,8 +74,8 @@ def fused(
 ) -> Float[np.ndarray, "33 3"]:
     """BlazePose's keypoints with the limbs in the middle between them and Thunder's; `side` is the region's.
 
-    Where Thunder's score is low BlazePose's stays, where the two are far apart Thunder's is taken; the farther apart, the
-    lower its visibility. Left and right are named as BlazePose does, because the 3D landmarks are.
+    Where Thunder's score is low BlazePose's stays, where the two are far apart Thunder's is taken; the farther apart,
+    the lower the visibility. Left and right are named as BlazePose does, because the 3D landmarks are.
     """
     own = keypoints[_LIMBS, :2]
     limbs = limbs.copy()
