@@ -29,14 +29,16 @@ from humanmm.flows.server.local_server import (
     quiet_environment,
     replace_file,
 )
-from humanmm.tasks.units.process import release_memory
+from humanmm.tasks.units.process import release_memory, share_heaps
 
 log = logging.getLogger(__name__)
 
 IDLE_S = 900.0
 """The server ends after this many seconds without a run; $HUMANMM_SERVER_IDLE_S sets another value."""
-DATABASE_CACHE_BYTES = 32 * 2**20
+DATABASE_CACHE_BYTES = 16 * 2**20
 """Of all connections together. Prefect lets each keep 80 MB of pages: the server grew with its database."""
+HEAPS = 2
+"""For all threads: each connection to the database is one."""
 RETRY_AFTER_S = b"0.5"
 OWN_SETTINGS = {
     "PREFECT_SERVER_SERVICES_TASK_RUN_RECORDER_BATCH_SIZE": "100",
@@ -89,6 +91,7 @@ def serve(files: ServerFiles) -> None:
             "PREFECT_LOGGING_SERVER_LEVEL": "WARNING",
         }
     )
+    share_heaps(HEAPS)
     limit_database_cache(DATABASE_CACHE_BYTES)
     import uvicorn
     from prefect.server.api.server import create_app

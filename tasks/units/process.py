@@ -25,6 +25,8 @@ _PICTURE_BYTES = 1 << 20
 _M_TRIM_THRESHOLD = -1
 """glibc's option: how much free memory may lie at the end of the heap before it is trimmed."""
 _SPARE_BYTES = 1 << 25
+_M_ARENA_MAX = -8
+"""glibc's option: how many heaps there may be."""
 PARENT_S = 0.5
 """Seconds between two looks whether the parent of this process lives, on systems whose kernel does not tell."""
 _PR_SET_PDEATHSIG = 1
@@ -56,6 +58,17 @@ def _set_heap() -> None:
         log.debug("this C library has no mallopt: memory may grow with the video")
     elif mallopt(_M_TRIM_THRESHOLD, _SPARE_BYTES) != 1:
         log.debug("mallopt refused M_TRIM_THRESHOLD: the heap is trimmed often, and stages are slower")
+
+
+def share_heaps(count: int) -> None:
+    """Have all threads take memory from so many heaps, where glibc gives each thread its own, up to eight a core.
+
+    To be called before there are threads. What is freed in one heap does not serve threads of another, so that a
+    process with many threads that come and go grows for hours.
+    """
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
+    if mallopt is None or mallopt(_M_ARENA_MAX, count) != 1:
+        log.debug("this C library has no mallopt for heaps: memory may grow with the number of threads")
 
 
 def release_memory() -> None:

@@ -1,5 +1,6 @@
 """The process in which stages run returns pictures to the system, and its children end with it."""
 
+import ctypes
 import os
 import subprocess
 import sys
@@ -108,3 +109,38 @@ def _runs(pid: int) -> bool:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except FileNotFoundError:
         return False
+
+
+@pytest.mark.skipif(not hasattr(ctypes.CDLL(None), "malloc_info"), reason="glibc alone says how many heaps it has")
+def test_many_threads_share_heaps(tmp_path: Path) -> None:
+    """In a process of its own: heaps that are there stay."""
+    script = """
+import ctypes, sys, threading
+from humanmm.tasks.units.process import share_heaps
+
+if int(sys.argv[2]):
+    share_heaps(int(sys.argv[2]))
+barrier = threading.Barrier(9)
+
+def work():
+    kept = [bytearray(100_000) for _ in range(3)]
+    barrier.wait()
+    barrier.wait()
+
+threads = [threading.Thread(target=work) for _ in range(8)]
+for thread in threads:
+    thread.start()
+barrier.wait()
+libc = ctypes.CDLL(None)
+libc.fopen.restype = ctypes.c_void_p
+report = ctypes.c_void_p(libc.fopen(sys.argv[1].encode(), b"w"))
+libc.malloc_info(0, report)
+libc.fclose(report)
+barrier.wait()
+"""
+    heaps = {}
+    for limit in (0, 2):
+        report = tmp_path / f"{limit}.xml"
+        subprocess.run([sys.executable, "-c", script, str(report), str(limit)], check=True)
+        heaps[limit] = report.read_text().count("<heap nr=")
+    assert heaps[2] <= 2 < heaps[0]
