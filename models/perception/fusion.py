@@ -50,9 +50,11 @@ def located_in(
     """The same of the region's crop."""
     output = decode(HEAVY, crop, region, mirrored=mirrored)
     limbs = movenet.coco_keypoints(crop, region, mirrored=mirrored)[list(landmarks.COCO_LIMBS)]
+    keypoints, agreement = fused(output.keypoints, limbs, region.side)
     return replace(
         output,
-        keypoints=fused(output.keypoints, limbs, region.side),
+        keypoints=keypoints,
+        agreement=agreement,
         side_odds=CROSSED_ODDS if is_crossed(output.keypoints, limbs, region.side) else AGREED_ODDS,
     )
 
@@ -71,11 +73,11 @@ def is_crossed(
 
 def fused(
     keypoints: Float[np.ndarray, "33 3"], limbs: Float[np.ndarray, "12 3"], side: float
-) -> Float[np.ndarray, "33 3"]:
-    """BlazePose's keypoints with the limbs in the middle between them and Thunder's; `side` is the region's.
+) -> tuple[Float[np.ndarray, "33 3"], Float[np.ndarray, " 33"]]:
+    """BlazePose's keypoints with the limbs in the middle between them and Thunder's, and factors of their visibility.
 
-    Where Thunder's score is low BlazePose's stays, where the two are far apart Thunder's is taken; the farther apart,
-    the lower the visibility. Left and right are named as BlazePose does, because the 3D landmarks are.
+    `side` is the region's. Where Thunder's score is low BlazePose's stays, where the two are far apart Thunder's is
+    taken; the farther apart, the lower the factor. Left and right are named as BlazePose does, because the 3D landmarks are.
     """
     own = keypoints[_LIMBS, :2]
     limbs = limbs.copy()
@@ -86,8 +88,9 @@ def fused(
     share = np.where(apart > APART * HEIGHT_OF_SIDE * side, 1.0, 0.5) * (limbs[:, 2] > CREDIBLE)
     result = keypoints.copy()
     result[_LIMBS, :2] = own + share[:, None] * (limbs[:, :2] - own)
-    result[_LIMBS, 2] *= np.clip(1 - DOUBT * (apart / (HEIGHT_OF_SIDE * side) - AGREED), LEAST_TRUST, 1)
-    return result
+    agreement = np.ones(len(result))
+    agreement[_LIMBS] = np.clip(1 - DOUBT * (apart / (HEIGHT_OF_SIDE * side) - AGREED), LEAST_TRUST, 1)
+    return result, agreement
 
 
 BEST = Networks(movenet.detect, locate_best)

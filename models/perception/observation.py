@@ -53,7 +53,10 @@ def observe(output: Landmarks, frame_size: tuple[int, int]) -> Observation | Non
     bbox = _visible_box(output.keypoints, mask, output.region, frame_size)
     if bbox is None:
         return None
-    return Observation(output.keypoints, output.landmarks3d, bbox, confidence, mask, output.region, output.next_region)
+    keypoints = output.keypoints
+    if output.agreement is not None:
+        keypoints = keypoints * np.column_stack([np.ones((len(keypoints), 2)), output.agreement])
+    return Observation(keypoints, output.landmarks3d, bbox, confidence, mask, output.region, output.next_region)
 
 
 def averaged(a: Landmarks, b: Landmarks) -> Landmarks:
@@ -63,6 +66,7 @@ def averaged(a: Landmarks, b: Landmarks) -> Landmarks:
         keypoints=(a.keypoints + b.keypoints) / 2,
         landmarks3d=(a.landmarks3d + b.landmarks3d) / 2,
         mask=((a.mask.astype(np.uint16) + b.mask) // 2).astype(np.uint8),
+        agreement=None if a.agreement is None or b.agreement is None else (a.agreement + b.agreement) / 2,
     )
 
 

@@ -22,7 +22,7 @@ def thunder(keypoints: np.ndarray) -> np.ndarray:
 def test_limbs_lie_between_both_and_the_rest_is_blazeposes() -> None:
     own = body()
     limbs = np.add(thunder(own), [2.0, 0.0, 0.0])
-    both = fused(own, limbs, SIDE)
+    both, _ = fused(own, limbs, SIDE)
     np.testing.assert_allclose(both[LIMBS, :2] - own[LIMBS, :2], np.tile([1.0, 0.0], (12, 1)))
     others = [k for k in range(33) if k not in LIMBS]
     np.testing.assert_array_equal(both[others], own[others])
@@ -34,7 +34,7 @@ def test_far_apart_thunder_is_believed_if_it_is_sure_of_itself() -> None:
     limbs = thunder(own)
     limbs[[0, 1], 0] += 20.0
     limbs[1, 2] = 0.1
-    both = fused(own, limbs, SIDE)
+    both, _ = fused(own, limbs, SIDE)
     np.testing.assert_allclose(both[LIMBS[0], :2], limbs[0, :2])
     np.testing.assert_allclose(both[LIMBS[1], :2], own[LIMBS[1], :2])
 
@@ -42,10 +42,10 @@ def test_far_apart_thunder_is_believed_if_it_is_sure_of_itself() -> None:
 def test_left_and_right_are_named_as_the_network_with_the_depths_names_them() -> None:
     own = body()
     exchanged = thunder(own).reshape(6, 2, 3)[:, ::-1].reshape(12, 3)
-    np.testing.assert_allclose(fused(own, exchanged, SIDE), own, atol=1e-9)
+    np.testing.assert_allclose(fused(own, exchanged, SIDE)[0], own, atol=1e-9)
     legs_alone = thunder(own)
     legs_alone[6:] = exchanged[6:]
-    np.testing.assert_allclose(fused(own, legs_alone, SIDE), own, atol=1e-9)
+    np.testing.assert_allclose(fused(own, legs_alone, SIDE)[0], own, atol=1e-9)
     assert is_crossed(own, exchanged, SIDE) and not is_crossed(own, thunder(own), SIDE)
 
 
@@ -53,6 +53,7 @@ def test_a_limb_is_the_less_visible_the_farther_apart_the_two_put_it() -> None:
     own = body()
     limbs = thunder(own)
     limbs[:4, 0] += [5.0, 7.0, 8.0, 40.0]  # percent of the height
-    visibility = fused(own, limbs, SIDE)[LIMBS, 2]
-    np.testing.assert_allclose(visibility[:4], 0.9 * np.array([1.0, 0.75, 0.5, 0.3]))
-    np.testing.assert_allclose(visibility[4:], 0.9)
+    keypoints, agreement = fused(own, limbs, SIDE)
+    np.testing.assert_allclose(agreement[LIMBS[:4]], [1.0, 0.75, 0.5, 0.3])
+    np.testing.assert_allclose(np.delete(agreement, LIMBS[:4]), 1.0)
+    np.testing.assert_allclose(keypoints[:, 2], 0.9)

@@ -80,3 +80,12 @@ def test_points_in_the_frame_and_on_the_mask() -> None:
     mask[64, 64] = 1  # the pixel at (201, 201); points within three cells of 2 px count
     found = on_mask(np.array([[201.0, 201.0], [207.0, 201.0], [210.0, 201.0], [900.0, 201.0]]), mask, REGION)
     np.testing.assert_array_equal(found, [True, True, False, False])
+
+
+def test_limbs_that_another_network_puts_elsewhere_are_less_visible_but_the_person_is_as_much_there() -> None:
+    alone = observe(standing(), SIZE)
+    doubted = observe(replace(standing(), agreement=np.full(33, 0.4)), SIZE)
+    assert alone is not None and doubted is not None
+    np.testing.assert_allclose(doubted.keypoints[:, 2], 0.4 * alone.keypoints[:, 2])
+    np.testing.assert_array_equal(doubted.bbox, alone.bbox)
+    assert doubted.confidence == alone.confidence
