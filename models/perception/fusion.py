@@ -77,7 +77,8 @@ def fused(
     """BlazePose's keypoints with the limbs in the middle between them and Thunder's, and factors of their visibility.
 
     `side` is the region's. Where Thunder's score is low BlazePose's stays, where the two are far apart Thunder's is
-    taken; the farther apart, the lower the factor. Left and right are named as BlazePose does, because the 3D landmarks are.
+    taken; the farther apart, the lower the factor. Left and right are named as BlazePose does, because the 3D landmarks
+    are.
     """
     own = keypoints[_LIMBS, :2]
     limbs = limbs.copy()
