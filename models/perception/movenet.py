@@ -29,11 +29,14 @@ _SHOULDERS, _HIPS = (5, 6), (11, 12)
 
 
 def detect(image: Picture, within: Region) -> list[Detection]:
-    """People in an upright square region of the picture, best first, one detection a person, with their keypoints."""
+    """People in an upright square region of the picture, best first, one detection a person, with their keypoints.
+
+    The region's side is the network's long side, also where the region is larger than the picture.
+    """
     low = np.maximum([within.x - within.side / 2, within.y - within.side / 2], 0)
     high = np.minimum([within.x + within.side / 2, within.y + within.side / 2], image.size)
     part, corner = image.part(low, high)
-    scale = LONG_SIDE / max(part.size)
+    scale = LONG_SIDE / within.side
     # shrunk by averaging; a picture smaller than the input is not enlarged by more than it must
     shown = part.reduced(min(scale, 1.0))
     height, width = (-(-side // _CELL) * _CELL for side in shown.shape[:2])

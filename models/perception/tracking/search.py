@@ -6,7 +6,8 @@ import cv2
 import numpy as np
 from jaxtyping import UInt8
 
-from humanmm.models.perception.interfaces import Detection, Networks, PoseNetwork
+from humanmm.models.geometry.boxes import box_iou
+from humanmm.models.perception.interfaces import SEEN, Detection, Networks, PersonDetector, PoseNetwork
 from humanmm.models.perception.observation import Observation, observe, similarity
 from humanmm.models.perception.picture import Picture, whole
 from humanmm.models.perception.regions import HEIGHT_OF_SIDE, Region, warp
@@ -16,12 +17,33 @@ SETTLE_ROUNDS = 3
 DUPLICATE_SIMILARITY = 0.5
 OTHER_BODY = 0.08
 """Median distance of the limbs, as a fraction of the height, from which a pose is not that of the person detected."""
+FEWEST_LIMBS = 3
+"""Of the limbs that the detector sees, for their distances to say so."""
+FARTHER, LARGE = 1.7, 0.65
+"""How much smaller the frame is shown a second time for people larger than LARGE of its longer side."""
+SAME_BOX = 0.6
 WIDE = 1.3
 """Width over height (or the other way) of a frame whose parts are as high as it is."""
 SAME_REGION_SHIFT, SAME_REGION_RATIO = 0.25, 1.6
 MAX_COVERED = 0.4
 """A painted-out silhouette still looks like a person: whoever lies largely on paint is nobody new."""
 _PAINT = 127
+
+
+def detections(detect: PersonDetector, image: Picture) -> list[Detection]:
+    """People in the whole frame, best first; who nearly fills it as the detector sees him from farther away.
+
+    Detectors see people well up to two thirds of a picture; somebody larger is missed, or scores little.
+    """
+    frame = whole(image)
+    found = list(detect(image, frame))
+    for large in detect(image, frame.scaled(FARTHER)):
+        if (large.box[2:] - large.box[:2]).max() < LARGE * frame.side:
+            continue
+        same = [one for one in found if box_iou(large.box, one.box[None])[0] > SAME_BOX]
+        if all(one.score < large.score for one in same):
+            found = [large, *(one for one in found if one not in same)]
+    return sorted(found, key=lambda one: -one.score)
 
 
 def find_people(
@@ -105,12 +127,14 @@ def settle(locate: PoseNetwork, image: Picture, detection: Detection) -> Observa
 
 
 def lies_on(seen: Observation, detection: Detection) -> bool:
-    """True where a pose is that of the person detected, as far as the detector's keypoints say (or else its region)."""
-    if detection.keypoints is None:
-        return not seen.next_region.outlier_of(detection.region, shift=SAME_REGION_SHIFT, ratio=SAME_REGION_RATIO)
-    limbs = detection.keypoints[list(landmarks.COCO_LIMBS)]
-    distance = np.linalg.norm(seen.keypoints[list(landmarks.LIMBS), :2] - limbs[:, :2], axis=1)
-    return bool(np.median(distance) < OTHER_BODY * HEIGHT_OF_SIDE * seen.region.side)
+    """True where a pose is that of the person detected, as far as the limbs say that the detector sees (or else its
+    region)."""
+    if detection.keypoints is not None:
+        limbs = detection.keypoints[list(landmarks.COCO_LIMBS)]
+        distance = np.linalg.norm(seen.keypoints[list(landmarks.LIMBS), :2] - limbs[:, :2], axis=1)[limbs[:, 2] > SEEN]
+        if len(distance) >= FEWEST_LIMBS:
+            return bool(np.median(distance) < OTHER_BODY * HEIGHT_OF_SIDE * seen.region.side)
+    return not seen.next_region.outlier_of(detection.region, shift=SAME_REGION_SHIFT, ratio=SAME_REGION_RATIO)
 
 
 def same_person(a: Observation, b: Observation) -> bool:

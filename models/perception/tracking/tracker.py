@@ -16,12 +16,13 @@ from humanmm.models.perception.fusion import BEST
 from humanmm.models.perception.hands.follow import due_frames
 from humanmm.models.perception.interfaces import Landmarks, Networks, PoseNetwork
 from humanmm.models.perception.observation import Observation, averaged, observe, similarity
-from humanmm.models.perception.picture import Picture, whole
+from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.regions import Region
 from humanmm.models.perception.tracking.linking import joined, untangled
 from humanmm.models.perception.tracking.search import (
     MAX_COVERED,
     covered_fraction,
+    detections,
     find_people,
     lies_on,
     paint_out,
@@ -212,10 +213,10 @@ class SceneTracker:
 
     def _search(self, frame: int, image: Picture, seen: list[Observation]) -> None:
         """Ask the detector for everybody: who is new is followed from here, who is known gets its testimony."""
-        detections = self._networks.detect(image, whole(image))
+        detected = detections(self._networks.detect, image)
         for known in self._tracks:
             if frame in known.rows:
-                scores = [one.score for one in detections if lies_on(known.last, one)]
+                scores = [one.score for one in detected if lies_on(known.last, one)]
                 known.detector_scores[frame] = max(scores, default=0.0)
         limit = self._max_people - len(seen)
         if limit <= 0:
@@ -224,7 +225,7 @@ class SceneTracker:
         closer = self._searches % CLOSER_EVERY == 0
         self._searches += 1
         people = find_people(
-            self._networks, image, seen, detections,
+            self._networks, image, seen, detected,
             behind=lost or closer, closer=closer and (lost or not seen or self._searches == 1), limit=limit,
         )  # fmt: skip
         for person in people:

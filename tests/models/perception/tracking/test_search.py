@@ -10,6 +10,7 @@ from humanmm.models.perception.picture import Picture, whole
 from humanmm.models.perception.regions import Region
 from humanmm.models.perception.tracking.search import (
     covered_fraction,
+    detections,
     find_people,
     lies_on,
     paint_out,
@@ -66,10 +67,46 @@ def test_nobody_is_found_in_an_empty_picture() -> None:
 
 def test_a_pose_lies_on_a_detection_by_its_keypoints_or_else_by_its_region() -> None:
     seen = person(100, 100)
-    keypoints = np.zeros((17, 3))
+    keypoints = np.ones((17, 3))
     keypoints[5:, :2] = seen.keypoints[list(landmarks.LIMBS), :2] + 3.0
     beside = np.add(keypoints, [60.0, 0.0, 0.0])
     assert lies_on(seen, Detection(0.5, Region(300, 300, 10), seen.bbox, keypoints))
     assert not lies_on(seen, Detection(0.5, seen.region, seen.bbox, beside))
     assert lies_on(seen, Detection(0.5, Region(110, 100, 150), seen.bbox))
     assert not lies_on(seen, Detection(0.5, Region(180, 100, 128), seen.bbox))
+
+
+def test_limbs_that_the_detector_does_not_see_do_not_say_whose_pose_it_is() -> None:
+    seen = person(100, 100)
+    keypoints = np.ones((17, 3))
+    keypoints[5:, :2] = seen.keypoints[list(landmarks.LIMBS), :2] + 3.0
+    keypoints[9:] = [400.0, 400.0, 0.05]  # of a close-up the legs are a guess
+    assert lies_on(seen, Detection(0.5, Region(300, 300, 10), seen.bbox, keypoints))
+    keypoints[6:, 2] = 0.0  # one limb says nothing; the region is far away
+    assert not lies_on(seen, Detection(0.5, Region(300, 300, 10), seen.bbox, keypoints))
+
+
+def test_who_fills_the_picture_is_looked_at_from_farther_away() -> None:
+    image = gray(400, 300)
+    large, better = np.array([20.0, 0.0, 300.0, 300.0]), np.array([25.0, 0.0, 300.0, 300.0])
+    small = np.array([310.0, 100.0, 360.0, 220.0])
+    region = Region(1, 1, 1)
+
+    def detect(_: Picture, within: Region) -> list[Detection]:
+        near = within.side == 400
+        return [Detection(0.3, region, large), Detection(0.4, region, small)] if near else [
+            Detection(0.7, region, better), Detection(0.9, region, small + 2)
+        ]  # fmt: skip
+
+    found = detections(detect, image)
+    assert [one.score for one in found] == [0.7, 0.4]
+    assert found[0].box is better and found[1].box is small
+
+
+def test_a_man_cut_at_the_knees_who_fills_the_picture_is_found_surely(clip_picture: Picture) -> None:
+    (man,) = detections(BEST.detect, clip_picture)
+    left, top, right, bottom = man.box
+    part, _ = clip_picture.part(np.array([left, top]), np.array([right, top + 0.7 * (bottom - top)]))
+    near = max((one.score for one in BEST.detect(part, whole(part))), default=0.0)
+    far = max(one.score for one in detections(BEST.detect, part))
+    assert far > near + 0.1
