@@ -13,9 +13,13 @@ from typing import Protocol
 import numpy as np
 from jaxtyping import Float, UInt8
 
+from humanmm.models.geometry.boxes import box_iou
 from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.regions import Region
 from humanmm.models.records.tracks import PoseEstimates
+
+SAME_BOX = 0.6
+"""Intersection over union from which two boxes of one picture are one person's."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +33,10 @@ class Detection:
     """xyxy of what the detector sees of the person, source pixels."""
     keypoints: Float[np.ndarray, "17 3"] | None = None
     """COCO keypoints (x, y in source pixels, score), if the detector gives any."""
+
+    def has_box(self, box: Float[np.ndarray, " 4"]) -> bool:
+        """True where a box of the same picture is of the same person."""
+        return bool(box_iou(self.box[None], box)[0] > SAME_BOX)
 
 
 @dataclass(frozen=True)
@@ -58,7 +66,10 @@ class PersonDetector(Protocol):
     """Finds people in a picture."""
 
     def __call__(self, image: Picture, within: Region) -> Sequence[Detection]:
-        """People in an upright square region of the picture, best first, one detection a person."""
+        """People in an upright square region, best first, one detection a person.
+
+        The region may reach beyond the picture: who fills the picture is also looked at as if from farther away.
+        """
         ...
 
 

@@ -6,7 +6,6 @@ Both give 17 COCO keypoints. Outputs are decoded to source pixels (centres at (0
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from humanmm.models.geometry.boxes import box_iou
 from humanmm.models.perception.interfaces import Detection
 from humanmm.models.perception.litert import pool
 from humanmm.models.perception.picture import Picture
@@ -17,7 +16,6 @@ LONG_SIDE = 384
 """Of MultiPose's input: people 80 to 250 pixels tall are found best (recall 0.93 at 384, 0.87 at 256)."""
 _CELL = 32
 MIN_SCORE = 0.2
-SAME_BOX = 0.6
 REACH = 2.8
 """Side of a person's region over the distance from his hips to the farthest of his keypoints: BlazePose's circle holds
 the body with arms stretched out."""
@@ -52,7 +50,7 @@ def detect(image: Picture, within: Region) -> list[Detection]:
         points[:, :2] = points[:, :2] * [width, height] * to_source + corner
         box = row[[52, 51, 54, 53]] * np.tile([width, height] * to_source, 2) + np.tile(corner, 2)
         region = region_of(points)
-        if region is None or any(box_iou(box, np.array([other.box]))[0] > SAME_BOX for other in found):
+        if region is None or any(other.has_box(box) for other in found):
             continue
         found.append(Detection(float(row[55]), region, box, points))
     return found

@@ -6,7 +6,6 @@ import cv2
 import numpy as np
 from jaxtyping import UInt8
 
-from humanmm.models.geometry.boxes import box_iou
 from humanmm.models.perception.interfaces import SEEN, Detection, Networks, PersonDetector, PoseNetwork
 from humanmm.models.perception.observation import Observation, observe, similarity
 from humanmm.models.perception.picture import Picture, whole
@@ -21,7 +20,6 @@ FEWEST_LIMBS = 3
 """Of the limbs that the detector sees, for their distances to say so."""
 FARTHER, LARGE = 1.7, 0.65
 """How much smaller the frame is shown a second time for people larger than LARGE of its longer side."""
-SAME_BOX = 0.6
 WIDE = 1.3
 """Width over height (or the other way) of a frame whose parts are as high as it is."""
 SAME_REGION_SHIFT, SAME_REGION_RATIO = 0.25, 1.6
@@ -36,14 +34,15 @@ def detections(detect: PersonDetector, image: Picture) -> list[Detection]:
     Detectors see people well up to two thirds of a picture; somebody larger is missed, or scores little.
     """
     frame = whole(image)
-    found = list(detect(image, frame))
-    for large in detect(image, frame.scaled(FARTHER)):
-        if (large.box[2:] - large.box[:2]).max() < LARGE * frame.side:
-            continue
-        same = [one for one in found if box_iou(large.box, one.box[None])[0] > SAME_BOX]
-        if all(one.score < large.score for one in same):
-            found = [large, *(one for one in found if one not in same)]
-    return sorted(found, key=lambda one: -one.score)
+    near = detect(image, frame)
+    large = [
+        one
+        for one in detect(image, frame.scaled(FARTHER))
+        if (one.box[2:] - one.box[:2]).max() >= LARGE * frame.side
+        and all(other.score < one.score for other in near if other.has_box(one.box))
+    ]
+    others = [one for one in near if not any(one.has_box(other.box) for other in large)]
+    return sorted([*large, *others], key=lambda one: -one.score)
 
 
 def find_people(
