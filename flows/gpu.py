@@ -3,12 +3,13 @@
 import contextlib
 import logging
 from collections.abc import Iterator
-from pathlib import Path
 
 from prefect.client.orchestration import PrefectClient
 from prefect.client.schemas.actions import GlobalConcurrencyLimitCreate
 from prefect.concurrency.sync import concurrency
 from prefect.exceptions import ObjectAlreadyExists
+
+from humanmm.machine import nvidia_devices
 
 log = logging.getLogger(__name__)
 
@@ -26,8 +27,7 @@ def gpu_slot() -> Iterator[None]:
 
 async def declare_gpus(client: PrefectClient) -> None:
     """Create the limit if the server has none: a slot per device of this machine, at least one."""
-    devices = len(list(Path("/dev").glob("nvidia[0-9]*")))
     with contextlib.suppress(ObjectAlreadyExists):
         await client.create_global_concurrency_limit(
-            GlobalConcurrencyLimitCreate(name=LIMIT, limit=max(1, devices), active=True)
+            GlobalConcurrencyLimitCreate(name=LIMIT, limit=max(1, nvidia_devices()), active=True)
         )

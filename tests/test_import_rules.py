@@ -16,6 +16,7 @@ TOWER = (
     "video",
     "weights",
     "body",
+    "perception.runtime",
     "perception",
     "perception.hands",
     "perception.lifting",

@@ -8,9 +8,9 @@ import numpy as np
 from jaxtyping import UInt8
 
 from humanmm.models.perception.interfaces import Landmarks
-from humanmm.models.perception.litert import pool
 from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.regions import Region, body_region, transform
+from humanmm.models.perception.runtime.networks import network
 from humanmm.models.records import landmarks
 from humanmm.models.records.tracks import MASK_SIDE
 
@@ -47,7 +47,7 @@ def decode(model: str, crop: UInt8[np.ndarray, "256 256 3"], region: Region, *, 
 
     Landmarks of a mirrored crop are given in the unmirrored picture, with left and right named as seen there.
     """
-    image_points, presence, mask_logits, world_points = pool(model).run(
+    image_points, presence, mask_logits, world_points = network(model).run(
         np.divide(crop[None], np.float32(255), dtype=np.float32), ("Identity", "Identity_1", "Identity_2", "Identity_4")
     )
     raw = image_points.reshape(-1, _VALUES_PER_LANDMARK)

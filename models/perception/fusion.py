@@ -18,7 +18,8 @@ from humanmm.models.perception.regions import HEIGHT_OF_SIDE, Region
 from humanmm.models.records import landmarks
 
 APART = 0.08
-"""Distance between the two, as a fraction of the height, from which Thunder alone is believed."""
+"""Distance between the two, as a fraction of the height, from which one alone is believed: of wrists BlazePose, nearer
+the truth in 76 % of 34 such (four rendered clips and a real one), of other limbs Thunder, nearer in 53 to 89 %."""
 CREDIBLE = 0.35
 """Score from which Thunder is believed."""
 AGREED, DOUBT, LEAST_TRUST = 0.06, 25.0, 0.3
@@ -33,6 +34,9 @@ BlazePose swapped 12, of which Thunder found 7, and it disagreed in 6 others: od
 wrong together."""
 _LIMBS = np.array(landmarks.LIMBS)
 _EXCHANGED = np.arange(12).reshape(6, 2)[:, ::-1].ravel()
+_IS_WRIST = np.isin(_LIMBS, landmarks.WRISTS)
+_ENDS = np.array([(end, landmarks.LIMBS.index(limb)) for limb, ends in landmarks.BEYOND.items() for end in ends])
+"""Landmarks of hands and feet (10,), and the limb of LIMBS that each hangs on."""
 _ARMS, _LEGS = slice(0, 6), slice(6, 12)
 
 
@@ -76,9 +80,9 @@ def fused(
 ) -> tuple[Float[np.ndarray, "33 3"], Float[np.ndarray, " 33"]]:
     """BlazePose's keypoints with the limbs in the middle between them and Thunder's, and factors of their visibility.
 
-    `side` is the region's. Where Thunder's score is low BlazePose's stays, where the two are far apart Thunder's is
-    taken; the farther apart, the lower the factor. Left and right are named as BlazePose does, because the 3D landmarks
-    are.
+    `side` is the region's. Where Thunder's score is low BlazePose's stays, where the two are far apart one is taken;
+    the farther apart, the lower the factor. Hands and feet move with their wrists and ankles. Left and right are named
+    as BlazePose does, because the 3D landmarks are.
     """
     own = keypoints[_LIMBS, :2]
     limbs = limbs.copy()
@@ -86,11 +90,15 @@ def fused(
         if is_crossed(keypoints, limbs, side, pairs):
             limbs[pairs] = limbs[_EXCHANGED[pairs]]
     apart = np.linalg.norm(limbs[:, :2] - own, axis=1)
-    share = np.where(apart > APART * HEIGHT_OF_SIDE * side, 1.0, 0.5) * (limbs[:, 2] > CREDIBLE)
-    result = keypoints.copy()
-    result[_LIMBS, :2] = own + share[:, None] * (limbs[:, :2] - own)
-    agreement = np.ones(len(result))
-    agreement[_LIMBS] = np.clip(1 - DOUBT * (apart / (HEIGHT_OF_SIDE * side) - AGREED), LEAST_TRUST, 1)
+    far = np.where(_IS_WRIST, 0.0, 1.0)
+    share = np.where(apart > APART * HEIGHT_OF_SIDE * side, far, 0.5) * (limbs[:, 2] > CREDIBLE)
+    shift = share[:, None] * (limbs[:, :2] - own)
+    trust = np.clip(1 - DOUBT * (apart / (HEIGHT_OF_SIDE * side) - AGREED), LEAST_TRUST, 1)
+    ends, limb_of_end = _ENDS.T
+    result, agreement = keypoints.copy(), np.ones(len(keypoints))
+    for at, limb in ((_LIMBS, slice(None)), (ends, limb_of_end)):
+        result[at, :2] += shift[limb]
+        agreement[at] = trust[limb]
     return result, agreement
 
 

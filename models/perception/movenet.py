@@ -7,9 +7,9 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from humanmm.models.perception.interfaces import Detection
-from humanmm.models.perception.litert import pool
 from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.regions import Region, transform
+from humanmm.models.perception.runtime.networks import network
 from humanmm.models.records.landmarks import COCO_SWAP
 
 LONG_SIDE = 384
@@ -40,7 +40,7 @@ def detect(image: Picture, within: Region) -> list[Detection]:
     height, width = (-(-side // _CELL) * _CELL for side in shown.shape[:2])
     tensor = np.zeros((1, height, width, 3), np.int32)
     tensor[0, : shown.shape[0], : shown.shape[1]] = shown
-    (rows,) = pool("movenet-multipose.tflite", tensor.shape).run(tensor)
+    (rows,) = network("movenet-multipose.tflite", tensor.shape).run(tensor)
     to_source = np.array(part.size) / [shown.shape[1], shown.shape[0]]
     found: list[Detection] = []
     for row in sorted(rows[0], key=lambda row: -row[55]):
@@ -74,7 +74,7 @@ def coco_keypoints(
 
     A `mirrored` crop is the mirror image of the region; its keypoints are given as in `PoseNetwork`.
     """
-    (rows,) = pool("movenet-thunder.tflite").run(crop[None].astype(np.int32))
+    (rows,) = network("movenet-thunder.tflite").run(crop[None].astype(np.int32))
     points = rows.reshape(17, 3)[:, [1, 0, 2]].astype(np.float64)
     points[:, :2] *= THUNDER_SIDE
     if mirrored:

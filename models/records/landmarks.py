@@ -39,6 +39,12 @@ LIMBS = tuple(
 )
 """The 12 landmarks that carry the body's pose: shoulders, elbows, wrists, hips, knees, ankles."""
 
+BEYOND: dict[int, tuple[int, ...]] = {
+    INDEX[f"{side}_{joint}"]: tuple(INDEX[f"{side}_{end}"] for end in ends)
+    for joint, ends in (("wrist", ("pinky", "index", "thumb")), ("ankle", ("heel", "foot_index")))
+    for side in ("left", "right")
+}
+"""The landmarks of the hand beyond each wrist, and of the foot beyond each ankle."""
 
 COCO_LANDMARKS = (0, 2, 5, 7, 8, 11, 12, 13, 14, 15, 16, 23, 24, 25, 26, 27, 28)
 """Of COCO's 17 keypoints, in their order, the landmark with the same name."""

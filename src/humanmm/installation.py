@@ -9,7 +9,7 @@ from pathlib import Path
 
 from humanmm import parts
 from humanmm.errors import ConfigError, HumanMMError, WeightsError
-from humanmm.machine import available_bytes, num_processors
+from humanmm.machine import available_bytes, num_processors, nvidia_devices
 from humanmm.storage.store.maintenance import in_bytes
 
 MIN_FREE_BYTES = 1 << 30
@@ -124,9 +124,21 @@ def _machine() -> Iterator[Check]:
     cure = "close other programs, or use `--run.threads 1` and `serve --limit 1`"
     found = "the system does not report it" if available is None else in_bytes(available)
     yield Check("free memory", available is None or available > 2 << 30, found, cure)
-    devices = sorted(Path("/dev").glob("nvidia[0-9]*"))
-    cure = "no stage needs one; with `[run.stages.NAME] gpu = true` a stage waits until one is free"
-    yield Check("accelerators", True, str(len(devices)), cure)
+    yield Check("accelerators", True, *_accelerators())
+
+
+def _accelerators() -> tuple[str, str]:
+    """What was found, and what can be changed about it."""
+    count = nvidia_devices()
+    if not count:
+        return "0", "no stage needs one"
+    import torch
+
+    if not torch.cuda.is_available():
+        reason = "not built for CUDA" if torch.version.cuda is None else "which sees none of them"
+        return f"{count}, not used by torch {torch.__version__}, {reason}", "install torch from its index for CUDA"
+    cure = "`CUDA_VISIBLE_DEVICES=` does without; with `[run.stages.people] gpu = true` a scene waits until one is free"
+    return f"{count}: {torch.cuda.get_device_name()} runs the pose networks", cure
 
 
 def _settings() -> Check:

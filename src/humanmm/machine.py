@@ -29,6 +29,11 @@ def num_processors() -> int:
     return os.cpu_count() or 1
 
 
+def nvidia_devices() -> int:
+    """Accelerators that NVIDIA's driver shows: its device files on Linux; on WSL there is a single one for all."""
+    return len(list(Path("/dev").glob("nvidia[0-9]*"))) or len(list(Path("/dev").glob("dxg")))
+
+
 @cache
 def machine_name() -> str:
     """The same for all processes that see each other's numbers: the system since it was started, and its container."""

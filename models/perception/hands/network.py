@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.models.perception.litert import pool
 from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.regions import Region, transform
+from humanmm.models.perception.runtime.networks import network
 from humanmm.models.records.hands import NUM_POINTS
 
 MODEL = "hand_landmark_lite.tflite"
@@ -41,7 +41,7 @@ class Hand:
 def look(image: Picture, region: Region) -> Hand:
     """The hand in a region of the picture."""
     crop = np.divide(image.crop(region, SIDE)[None], np.float32(255), dtype=np.float32)
-    points, presence, right, world = pool(MODEL).run(crop, ("Identity", "Identity_1", "Identity_2", "Identity_3"))
+    points, presence, right, world = network(MODEL).run(crop, ("Identity", "Identity_1", "Identity_2", "Identity_3"))
     in_crop = points.reshape(NUM_POINTS, 3)[:, :2].astype(np.float64)
     upright = world.reshape(NUM_POINTS, 3).astype(np.float64)
     c, s = np.cos(region.angle), np.sin(region.angle)

@@ -19,13 +19,12 @@ def thunder(keypoints: np.ndarray) -> np.ndarray:
     return np.column_stack([keypoints[LIMBS, :2], np.full(12, 0.8)])
 
 
-def test_limbs_lie_between_both_and_the_rest_is_blazeposes() -> None:
+def test_limbs_lie_between_both_hands_and_feet_move_along_and_the_face_is_blazeposes() -> None:
     own = body()
     limbs = np.add(thunder(own), [2.0, 0.0, 0.0])
     both, _ = fused(own, limbs, SIDE)
-    np.testing.assert_allclose(both[LIMBS, :2] - own[LIMBS, :2], np.tile([1.0, 0.0], (12, 1)))
-    others = [k for k in range(33) if k not in LIMBS]
-    np.testing.assert_array_equal(both[others], own[others])
+    np.testing.assert_allclose(both[11:, :2] - own[11:, :2], np.tile([1.0, 0.0], (22, 1)))
+    np.testing.assert_array_equal(both[:11], own[:11])
     np.testing.assert_array_equal(both[:, 2], own[:, 2])
 
 
@@ -37,6 +36,20 @@ def test_far_apart_thunder_is_believed_if_it_is_sure_of_itself() -> None:
     both, _ = fused(own, limbs, SIDE)
     np.testing.assert_allclose(both[LIMBS[0], :2], limbs[0, :2])
     np.testing.assert_allclose(both[LIMBS[1], :2], own[LIMBS[1], :2])
+
+
+def test_far_apart_wrists_are_blazeposes_and_a_foot_goes_where_its_ankle_goes() -> None:
+    own = body()
+    limbs = thunder(own)
+    wrist, ankle = landmarks.INDEX["left_wrist"], landmarks.INDEX["right_ankle"]
+    limbs[[LIMBS.index(wrist), LIMBS.index(ankle)], 0] += 20.0
+    both, agreement = fused(own, limbs, SIDE)
+    moved = [ankle, *landmarks.BEYOND[ankle]]
+    np.testing.assert_allclose(both[moved, 0] - own[moved, 0], 20.0)
+    np.testing.assert_array_equal(np.delete(both, moved, axis=0), np.delete(own, moved, axis=0))
+    doubtful = [*moved, wrist, *landmarks.BEYOND[wrist]]
+    np.testing.assert_allclose(agreement[doubtful], 0.3)
+    np.testing.assert_allclose(np.delete(agreement, doubtful), 1.0)
 
 
 def test_left_and_right_are_named_as_the_network_with_the_depths_names_them() -> None:

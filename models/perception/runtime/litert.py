@@ -1,16 +1,12 @@
-"""Running shipped networks on LiteRT: interpreters are built once per process and lent to one caller at a time."""
+"""Networks on the processor, by LiteRT: interpreters are built once and lent to one caller at a time."""
 
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import lru_cache
 from threading import Lock
 
 import numpy as np
 from ai_edge_litert.interpreter import Interpreter
-
-from humanmm.machine import num_processors
-from humanmm.models.weights.shipped import read_weights
 
 _BUILDING = Lock()
 """One interpreter is built at a time in the process: standard error is redirected meanwhile."""
@@ -49,17 +45,13 @@ class InterpreterPool:
             interpreter.invoke()
             return [interpreter.get_tensor(outputs[name]) for name in wanted or outputs]
 
-
-@lru_cache(maxsize=16)
-def pool(name: str, shape: tuple[int, ...] | None = None) -> InterpreterPool:
-    """The process's interpreters of one shipped network; `shape` of the input where the network leaves it open."""
-    return InterpreterPool(_weights(name), min(2, num_processors()), shape)
-
-
-@lru_cache(maxsize=4)
-def _weights(name: str) -> bytes:
-    """Read and checked once, however many shapes its input takes."""
-    return read_weights(name)
+    def sample_input(self) -> np.ndarray:
+        """A picture that the network takes, of noise: always the same."""
+        with self.lend() as interpreter:
+            (details,) = interpreter.get_input_details()
+        noise = np.random.default_rng(0).random(tuple(details["shape"]), np.float32)
+        whole_numbers = details["dtype"] != np.float32
+        return (255 * noise).astype(np.int32) if whole_numbers else noise
 
 
 @contextmanager

@@ -5,7 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from humanmm.models.perception.litert import InterpreterPool
+from humanmm.models.perception.runtime.litert import InterpreterPool
 from humanmm.models.weights.shipped import read_weights
 
 

@@ -1,0 +1,1 @@
+"""What runs the shipped networks of one picture: LiteRT on the processor, torch on a CUDA device."""

@@ -1,0 +1,82 @@
+"""The shipped networks that look at pictures, each where it is fastest: on a CUDA device if there is one, else on the
+processor.
+
+On a device runs what looks at one person's crop, many times a second; MultiPose, which looks at whole pictures three
+times a second, stays on the processor. Before a device is used its outputs for one picture are compared with the
+processor's, because no result may depend on where it was computed. `CUDA_VISIBLE_DEVICES=` (empty) keeps everything on
+the processor.
+"""
+
+import logging
+from functools import lru_cache
+from threading import Lock
+from typing import Protocol
+
+import numpy as np
+
+from humanmm.errors import StageError
+from humanmm.machine import num_processors, nvidia_devices
+from humanmm.models.perception.runtime.litert import InterpreterPool
+from humanmm.models.weights.shipped import read_weights
+
+log = logging.getLogger(__name__)
+
+OF_CROPS = frozenset(
+    ("pose_landmark_heavy.tflite", "pose_landmark_full.tflite", "movenet-thunder.tflite", "hand_landmark_lite.tflite")
+)
+"""Networks that run on a device if there is one."""
+TOLERANCE = 1e-3
+"""Largest difference between device and processor, as a fraction of an output's largest value: a quarter of a
+pixel of a crop, 1 mm of a body. Two ways of computing in float32 differ by 1e-5 to 3e-4 (mask)."""
+_LOADING = Lock()
+
+
+class Network(Protocol):
+    """One network; several threads may run it at the same time."""
+
+    def run(self, tensor: np.ndarray, wanted: tuple[str, ...] = ()) -> list[np.ndarray]:
+        """Outputs of one inference by tensor name (a network may have large ones that nobody needs); else all."""
+        ...
+
+
+def network(name: str, shape: tuple[int, ...] | None = None) -> Network:
+    """The process's one of that name; `shape` of the input where the network leaves it open.
+
+    Raises StageError if a device computes something else than the processor.
+    """
+    with _LOADING:
+        return _loaded(name, shape)
+
+
+@lru_cache(maxsize=16)
+def _loaded(name: str, shape: tuple[int, ...] | None) -> Network:
+    on_processor = InterpreterPool(_weights(name), min(2, num_processors()), shape)
+    if name not in OF_CROPS or not nvidia_devices():
+        return on_processor
+    from humanmm.models.perception.runtime import device  # imports torch, for which nobody without a device waits
+
+    if not device.is_there():
+        return on_processor
+    on_device = device.DeviceNetwork(_weights(name), device.CUDA)
+    assert_equal(name, on_device, on_processor)
+    log.info("%s runs on the CUDA device", name)
+    return on_device
+
+
+def assert_equal(name: str, on_device: Network, on_processor: InterpreterPool) -> None:
+    """Raises StageError unless a network's outputs for one picture are equal to within TOLERANCE."""
+    picture = on_processor.sample_input()
+    for one, other in zip(on_device.run(picture), on_processor.run(picture), strict=True):
+        difference = float(np.abs(one - other).max() / max(np.abs(other).max(), np.finfo(np.float32).tiny))
+        if not difference <= TOLERANCE:
+            raise StageError(
+                f"the CUDA device computes {name} otherwise than the processor (outputs differ by {difference:.1%}, "
+                f"allowed are {TOLERANCE:.1%}): run with CUDA_VISIBLE_DEVICES= (empty) to do without it, or renew its "
+                "driver and torch"
+            )
+
+
+@lru_cache(maxsize=8)
+def _weights(name: str) -> bytes:
+    """Read and checked once, however many shapes its input takes."""
+    return read_weights(name)
