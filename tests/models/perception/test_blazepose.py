@@ -32,7 +32,7 @@ class Network:
 
 @pytest.fixture(autouse=True)
 def _network(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(blazepose, "pool", lambda model: Network())
+    monkeypatch.setattr(blazepose, "network", lambda model: Network())
 
 
 def located(region: Region, *, mirrored: bool = False) -> Landmarks:
