@@ -129,7 +129,7 @@ def lies_on(seen: Observation, detection: Detection) -> bool:
     """True where a pose is that of the person detected, as far as the limbs say that the detector sees (or else its
     region).
 
-    Left and right may be named otherwise: detectors confuse them in people seen from behind.
+    Left and right may be named otherwise: detectors confuse them more often than pose networks do.
     """
     if detection.keypoints is not None:
         limbs = detection.keypoints[list(landmarks.COCO_LIMBS)]
