@@ -127,20 +127,12 @@ def settle(locate: PoseNetwork, image: Picture, detection: Detection) -> Observa
 
 def lies_on(seen: Observation, detection: Detection) -> bool:
     """True where a pose is that of the person detected, as far as the limbs say that the detector sees (or else its
-    region).
-
-    Left and right may be named otherwise: detectors confuse them more often than pose networks do.
-    """
+    region)."""
     if detection.keypoints is not None:
         limbs = detection.keypoints[list(landmarks.COCO_LIMBS)]
-        is_seen, own = limbs[:, 2] > SEEN, seen.keypoints[:, :2]
-        if is_seen.sum() >= FEWEST_LIMBS:
-            places = limbs[is_seen, :2]
-            distance = min(
-                float(np.median(np.linalg.norm(named[list(landmarks.LIMBS)][is_seen] - places, axis=1)))
-                for named in (own, own[landmarks.SWAP])
-            )
-            return distance < OTHER_BODY * HEIGHT_OF_SIDE * seen.region.side
+        distance = np.linalg.norm(seen.keypoints[list(landmarks.LIMBS), :2] - limbs[:, :2], axis=1)[limbs[:, 2] > SEEN]
+        if len(distance) >= FEWEST_LIMBS:
+            return bool(np.median(distance) < OTHER_BODY * HEIGHT_OF_SIDE * seen.region.side)
     return not seen.next_region.outlier_of(detection.region, shift=SAME_REGION_SHIFT, ratio=SAME_REGION_RATIO)
 
 

@@ -76,17 +76,6 @@ def test_a_pose_lies_on_a_detection_by_its_keypoints_or_else_by_its_region() -> 
     assert not lies_on(seen, Detection(0.5, Region(180, 100, 128), seen.bbox))
 
 
-def test_a_pose_lies_on_a_detection_that_names_left_and_right_otherwise() -> None:
-    seen = person(100, 100)
-    keypoints = np.ones((17, 3))
-    keypoints[5:, :2] = seen.keypoints[landmarks.SWAP][list(landmarks.LIMBS), :2] + 3.0
-    assert lies_on(seen, Detection(0.5, Region(300, 300, 10), seen.bbox, keypoints))
-    half = keypoints.copy()
-    half[5:11:2, :2] += 60.0
-    half[12::2, :2] -= 60.0
-    assert not lies_on(seen, Detection(0.5, Region(300, 300, 10), seen.bbox, half))
-
-
 def test_limbs_that_the_detector_does_not_see_do_not_say_whose_pose_it_is() -> None:
     seen = person(100, 100)
     keypoints = np.ones((17, 3))
