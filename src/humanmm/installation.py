@@ -135,8 +135,10 @@ def _accelerators() -> tuple[str, str]:
     import torch
 
     if not torch.cuda.is_available():
-        reason = "not built for CUDA" if torch.version.cuda is None else "which sees none of them"
-        return f"{count}, not used by torch {torch.__version__}, {reason}", "install torch from its index for CUDA"
+        found = f"{count}, not used: torch {torch.__version__} "
+        if torch.version.cuda is None:
+            return found + "is not built for CUDA", "to use it, install torch's build for CUDA"
+        return found + "sees none of them", "to use it, look at CUDA_VISIBLE_DEVICES and at the driver"
     cure = "`CUDA_VISIBLE_DEVICES=` does without; with `[run.stages.people] gpu = true` a scene waits until one is free"
     return f"{count}: {torch.cuda.get_device_name()} runs the pose networks", cure
 

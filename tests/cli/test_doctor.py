@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import torch
 
 from humanmm import installation
 
@@ -53,3 +54,21 @@ def test_every_variable_that_the_code_reads_is_known_to_doctor() -> None:
     text = "".join(path.read_text() for path in files)
     read = set(re.findall(r"HUMANMM_([A-Z_]+)", text))
     assert read <= set(installation.VARIABLES) and {"STORE", "LOG"} <= read
+
+
+@pytest.mark.parametrize(
+    ("built_for", "sees", "found"),
+    [
+        (None, False, "is not built for CUDA"),
+        ("12.6", False, "sees none of them"),
+        ("12.6", True, "X runs the pose networks"),
+    ],
+)
+def test_an_accelerator_is_told_with_what_uses_it(
+    monkeypatch: pytest.MonkeyPatch, built_for: str | None, sees: bool, found: str
+) -> None:
+    monkeypatch.setattr(installation, "nvidia_devices", lambda: 1)
+    monkeypatch.setattr(torch.version, "cuda", built_for)
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: sees)
+    monkeypatch.setattr(torch.cuda, "get_device_name", lambda: "X")
+    assert found in installation._accelerators()[0]
