@@ -1,4 +1,4 @@
-"""The BlazePose landmark networks on LiteRT: 33 landmarks and a mask for one person's crop.
+"""The BlazePose landmark networks: 33 landmarks and a mask for one person's crop.
 
 Outputs are decoded to source pixels (centres at (0.5, 0.5)).
 """

@@ -35,8 +35,10 @@ wrong together."""
 _LIMBS = np.array(landmarks.LIMBS)
 _EXCHANGED = np.arange(12).reshape(6, 2)[:, ::-1].ravel()
 _IS_WRIST = np.isin(_LIMBS, landmarks.WRISTS)
-_ENDS = np.array([(end, landmarks.LIMBS.index(limb)) for limb, ends in landmarks.BEYOND.items() for end in ends])
-"""Landmarks of hands and feet (10,), and the limb of LIMBS that each hangs on."""
+_ENDS = [(end, landmarks.LIMBS.index(limb)) for limb, ends in landmarks.BEYOND.items() for end in ends]
+_MOVED = np.array([*landmarks.LIMBS, *(end for end, _ in _ENDS)])
+_MOVED_WITH = np.array([*range(len(_LIMBS)), *(limb for _, limb in _ENDS)])
+"""Landmarks that Thunder moves (limbs, hands, feet), and the limb of LIMBS that each moves with."""
 _ARMS, _LEGS = slice(0, 6), slice(6, 12)
 
 
@@ -54,13 +56,15 @@ def located_in(
     """The same of the region's crop."""
     output = decode(HEAVY, crop, region, mirrored=mirrored)
     limbs = movenet.coco_keypoints(crop, region, mirrored=mirrored)[list(landmarks.COCO_LIMBS)]
-    keypoints, agreement = fused(output.keypoints, limbs, region.side)
-    return replace(
-        output,
-        keypoints=keypoints,
-        agreement=agreement,
-        side_odds=CROSSED_ODDS if is_crossed(output.keypoints, limbs, region.side) else AGREED_ODDS,
-    )
+    return joined(output, limbs)
+
+
+def joined(output: Landmarks, limbs: Float[np.ndarray, "12 3"]) -> Landmarks:
+    """BlazePose's output with what Thunder says of the limbs."""
+    side = output.region.side
+    keypoints, agreement = fused(output.keypoints, limbs, side)
+    side_odds = CROSSED_ODDS if is_crossed(output.keypoints, limbs, side) else AGREED_ODDS
+    return replace(output, keypoints=keypoints, agreement=agreement, side_odds=side_odds)
 
 
 def is_crossed(
@@ -98,15 +102,13 @@ def fused(
     own = keypoints[_LIMBS, :2]
     limbs = named_as(keypoints, limbs, side)
     apart = np.linalg.norm(limbs[:, :2] - own, axis=1)
-    far = np.where(_IS_WRIST, 0.0, 1.0)
-    share = np.where(apart > APART * HEIGHT_OF_SIDE * side, far, 0.5) * (limbs[:, 2] > CREDIBLE)
+    height = HEIGHT_OF_SIDE * side
+    share = np.where(apart > APART * height, ~_IS_WRIST, 0.5) * (limbs[:, 2] > CREDIBLE)
     shift = share[:, None] * (limbs[:, :2] - own)
-    trust = np.clip(1 - DOUBT * (apart / (HEIGHT_OF_SIDE * side) - AGREED), LEAST_TRUST, 1)
-    ends, limb_of_end = _ENDS.T
+    trust = np.clip(1 - DOUBT * (apart / height - AGREED), LEAST_TRUST, 1)
     result, agreement = keypoints.copy(), np.ones(len(keypoints))
-    for at, limb in ((_LIMBS, slice(None)), (ends, limb_of_end)):
-        result[at, :2] += shift[limb]
-        agreement[at] = trust[limb]
+    result[_MOVED, :2] += shift[_MOVED_WITH]
+    agreement[_MOVED] = trust[_MOVED_WITH]
     return result, agreement
 
 

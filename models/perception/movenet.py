@@ -1,4 +1,4 @@
-"""The MoveNet networks on LiteRT: MultiPose sees up to six people in a picture, Thunder one person in a crop.
+"""The MoveNet networks: MultiPose sees up to six people in a picture, Thunder one person in a crop.
 
 Both give 17 COCO keypoints. Outputs are decoded to source pixels (centres at (0.5, 0.5)).
 """

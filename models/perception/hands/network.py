@@ -1,4 +1,4 @@
-"""MediaPipe's hand landmark network on LiteRT: 21 landmarks of the hand in a crop, in the picture and in space.
+"""MediaPipe's hand landmark network: 21 landmarks of the hand in a crop, in the picture and in space.
 
 It is the smaller of MediaPipe's two: 4.8 ms instead of 9.8 on a core, its landmarks 2 % of the crop's side from the
 larger one's, as steady over time (two real clips). It takes left and right hands alike, and says which it sees (of a

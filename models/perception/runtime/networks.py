@@ -1,10 +1,10 @@
 """The shipped networks that look at pictures, each where it is fastest: on a CUDA device if there is one, else on the
 processor.
 
-On a device runs what looks at one person's crop, many times a second; MultiPose, which looks at whole pictures three
-times a second, stays on the processor. Before a device is used its outputs for one picture are compared with the
-processor's, because no result may depend on where it was computed. `CUDA_VISIBLE_DEVICES=` (empty) keeps everything on
-the processor.
+On a device runs what looks at one person's crop, of one size, many times a second; MultiPose, which looks at whole
+pictures of any shape three times a second, stays on the processor. Before a device is used its outputs for one picture
+are compared with the processor's, because no result may depend on where it was computed. `CUDA_VISIBLE_DEVICES=`
+(empty) keeps everything on the processor.
 """
 
 import logging
@@ -21,10 +21,6 @@ from humanmm.models.weights.shipped import read_weights
 
 log = logging.getLogger(__name__)
 
-OF_CROPS = frozenset(
-    ("pose_landmark_heavy.tflite", "pose_landmark_full.tflite", "movenet-thunder.tflite", "hand_landmark_lite.tflite")
-)
-"""Networks that run on a device if there is one."""
 TOLERANCE = 1e-3
 """Largest difference between device and processor, as a fraction of an output's largest value: a quarter of a
 pixel of a crop, 1 mm of a body. Two ways of computing in float32 differ by 1e-5 to 3e-4 (mask)."""
@@ -51,7 +47,7 @@ def network(name: str, shape: tuple[int, ...] | None = None) -> Network:
 @lru_cache(maxsize=16)
 def _loaded(name: str, shape: tuple[int, ...] | None) -> Network:
     on_processor = InterpreterPool(_weights(name), min(2, num_processors()), shape)
-    if name not in OF_CROPS or not nvidia_devices():
+    if shape is not None or not nvidia_devices():
         return on_processor
     from humanmm.models.perception.runtime import device  # imports torch, for which nobody without a device waits
 

@@ -188,8 +188,8 @@ def test_no_picture_stays_in_memory_when_a_video_has_been_read(clip: Clip) -> No
     assert _pictures() == before
 
 
-def _pictures() -> set[int]:
-    return {id(thing) for thing in gc.get_objects() if type(thing) is av.VideoFrame}
+def _pictures() -> set[av.VideoFrame]:
+    return {thing for thing in gc.get_objects() if type(thing) is av.VideoFrame}
 
 
 WRITE = """
