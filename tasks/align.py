@@ -20,6 +20,7 @@ def align(inputs: StageInputs) -> WorldMotion:
         raise NoUsablePersonError(
             "no usable person: nobody's motion can be recovered; `humanmm camera` gives the cameras"
         )
+    seen = inputs.read("keyframes", KeyFrameFeatures)
     results = ShotResults(
         shots=shots,
         scenes=inputs.read_all("people", ScenePeople),
@@ -27,6 +28,7 @@ def align(inputs: StageInputs) -> WorldMotion:
         motions=inputs.read_all("hmr", ShotMotion),
         time_s=inputs.read("decode", VideoFacts).time_s,
         intrinsics=inputs.read("intrinsics", Intrinsics),
-        key_frames=inputs.read("keyframes", KeyFrameFeatures).of_shot,
+        key_frames=seen.of_shot,
+        ground=seen.ground,
     )
     return align_shots(results, method=load("align.method", inputs.config.align.method), progress=inputs.progress)

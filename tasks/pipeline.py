@@ -102,7 +102,7 @@ STAGES: tuple[Stage, ...] = (
     Stage(
         "keyframes", "video", ("decode", "people", "shots"), (),
         "humanmm.models.camera.background.keyframes:KeyFrameFeatures",
-        schema_version=2, reads_video=True, sees_people_of_shots=False, resources=_memory(250, 20),
+        schema_version=3, reads_video=True, sees_people_of_shots=False, resources=_memory(250, 20),
     ),
     Stage(
         "intrinsics", "video", ("decode", "people", "shots", "points", "keyframes"), ("intrinsics",),

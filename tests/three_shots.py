@@ -8,7 +8,7 @@ from humanmm.models.body.landmarks import load_landmarks
 from humanmm.models.cuts.camera_rotation import viewing_axes
 from humanmm.models.geometry.intrinsics import K_of
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
-from humanmm.models.motion.world.shot_results import ShotResults
+from humanmm.models.motion.rotations.shot_results import ShotResults
 from humanmm.models.records.camera import Intrinsics, ShotCamera
 from humanmm.models.records.motion import PersonShotMotion, ShotMotion
 from humanmm.models.records.shots import Appearance, Person, Shot, ShotList, Transition

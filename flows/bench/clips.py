@@ -134,6 +134,7 @@ def _video_of(truth: Path) -> Path:
 def _make(video: Path, truth: Path, split: str, config: Config, store: Store) -> BenchVideo:
     """Observations from the clip's pixels; StageError if a stage fails on a part of it."""
     run = run_stages(video, OF_PIXELS, config, store)
+    (seen,) = results_of(run, "keyframes", KeyFrameFeatures)
     return BenchVideo(
         name=video.stem,
         split=split,
@@ -141,7 +142,8 @@ def _make(video: Path, truth: Path, split: str, config: Config, store: Store) ->
         scenes=results_of(run, "scenes", Scenes)[0],
         people=tuple(results_of(run, "people", ScenePeople)),
         points=tuple(results_of(run, "points", PointTracks)),
-        key_frames=tuple(one for shot in results_of(run, "keyframes", KeyFrameFeatures)[0].of_shot for one in shot),
+        key_frames=tuple(one for shot in seen.of_shot for one in shot),
+        ground=tuple(one for shot in seen.ground for one in shot),
         truth=read_sequence(truth),
     )
 

@@ -7,13 +7,15 @@ share the stages that they have in common.
 import functools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
 from humanmm.config import Config
 from humanmm.errors import HumanMMError
 from humanmm.models.benchmark.oracles import true_cameras, true_rotations, with_true_cuts, yaw_rotations
-from humanmm.models.camera.intrinsics import ShotPoints, given_intrinsics, intrinsics_from_background
+from humanmm.models.camera.background.keyframes import FrameFeatures
+from humanmm.models.camera.intrinsics import ShotPoints, given_intrinsics, intrinsics_from_background, middle_frames
 from humanmm.models.camera.masking import without_transitions
 from humanmm.models.cuts.camera_rotation import align_by_eight_point
 from humanmm.models.motion.fit.hmr import NoiseModel, fit_shot
@@ -22,10 +24,13 @@ from humanmm.models.motion.world.align import WITNESSES, ShotResults, align
 from humanmm.models.records.camera import Intrinsics, PointTracks, ShotCamera
 from humanmm.models.records.motion import PersonMotion, ShotMotion, WorldMotion
 from humanmm.models.records.shots import Shot, ShotList
+from humanmm.models.shadows.ground import GroundPicture
 from humanmm.models.shots.assemble import detect_shots
 from humanmm.models.shots.people_cuts import Parts
 from humanmm.models.synthetic.multishot import BenchVideo
 from humanmm.parts import load
+
+Picture = TypeVar("Picture", FrameFeatures, GroundPicture)
 
 Array = np.ndarray
 
@@ -64,6 +69,7 @@ _WITNESS_LEFT_OUT = {
     "humanmm without positions": "positions",
     "humanmm without background links": "background",
     "humanmm without walls": "walls",
+    "humanmm without shadows": "shadows",
 }
 """Evidence that is not used where the rotations at cuts are decided (`align.WITNESSES`)."""
 CUTS: tuple[str, ...] = ("humanmm", *_WITNESS_LEFT_OUT, "humanmm with eight-point", "oracle camera rotation")
@@ -251,7 +257,8 @@ def _recovered(method: str, stages: _SharedStages) -> WorldMotion:  # noqa: PLR0
         return stages.refine(stages.start, align(results, method=align_by_eight_point))
     if method in _WITNESS_LEFT_OUT:
         witness = _WITNESS_LEFT_OUT[method]
-        if witness in ("background", "walls") and not any(results.key_frames):
+        seen = {"background": results.key_frames, "walls": results.key_frames, "shadows": results.ground}
+        if not any(seen.get(witness, [True])):
             return stages.refined
         return stages.refine(stages.start, align(results, method=how, witnesses=WITNESSES - {witness}))
     if method in _OTHER_BEGINNINGS:
@@ -334,7 +341,8 @@ def _focal_length(video: BenchVideo, config: Config, shots: ShotList, tracks: Se
     usable = [
         ShotPoints(points, video.people[shot.scene].tracks) for shot, points in zip(shots.shots, tracks, strict=True)
     ]
-    return intrinsics_from_background(usable, facts.width, facts.height)
+    pictures = middle_frames(_by_shot(video.key_frames, shots))
+    return intrinsics_from_background(usable, facts.width, facts.height, pictures)
 
 
 def _as_labelled(shot: Shot) -> Shot:
@@ -344,8 +352,6 @@ def _as_labelled(shot: Shot) -> Shot:
 def shot_results_of(video: BenchVideo, start: Beginning) -> ShotResults:
     """What the stage `align` reads. Where there are no pictures there are no key frames either: shots are then joined
     by people alone, as in the paper."""
-    frames = video.key_frames
-    of_shot = [[one for one in frames if shot.start <= one.frame < shot.end] for shot in start.shots.shots]
     return ShotResults(
         shots=start.shots,
         scenes=video.people,
@@ -353,8 +359,13 @@ def shot_results_of(video: BenchVideo, start: Beginning) -> ShotResults:
         motions=start.motions,
         time_s=video.facts.time_s,
         intrinsics=start.intrinsics,
-        key_frames=of_shot,
+        key_frames=_by_shot(video.key_frames, start.shots),
+        ground=_by_shot(video.ground, start.shots) if video.ground else (),
     )
+
+
+def _by_shot(pictures: Sequence[Picture], shots: ShotList) -> list[list[Picture]]:
+    return [[one for one in pictures if shot.start <= one.frame < shot.end] for shot in shots.shots]
 
 
 def concatenated(results: ShotResults) -> WorldMotion:

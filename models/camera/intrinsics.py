@@ -93,13 +93,15 @@ def estimate_intrinsics(
         if (tracks := points[shot.scene]) is not None and (scene := people[shot.scene]) is not None
     ]
     (by_shots,) = parts_of(progress, facts.num_frames, (1,))
-    found = intrinsics_from_background(usable, facts.width, facts.height, middle_frames(key_frames), progress=by_shots)
+    found = intrinsics_from_background(
+        usable, facts.width, facts.height, middle_frames(key_frames.of_shot), progress=by_shots
+    )
     return replace(found, cameras=cameras)
 
 
-def middle_frames(key_frames: KeyFrameFeatures) -> list[FrameFeatures]:
+def middle_frames(of_shot: Sequence[Sequence[FrameFeatures]]) -> list[FrameFeatures]:
     """One key frame of each shot; of those with the longest straight edges."""
-    middle = [frames[len(frames) // 2] for frames in key_frames.of_shot if frames]
+    middle = [frames[len(frames) // 2] for frames in of_shot if frames]
     length = [float(np.linalg.norm(f.segments[:, 2:] - f.segments[:, :2], axis=1).sum()) for f in middle]
     return [middle[k] for k in np.argsort(-np.array(length), kind="stable")[:MAX_PICTURES]]
 

@@ -24,6 +24,7 @@ from humanmm.models.records.sequence import BodyParameters, CameraSequence, Moti
 from humanmm.models.records.shots import Scenes, Transition
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
 from humanmm.models.records.video import VideoFacts
+from humanmm.models.shadows.ground import GroundPicture
 from humanmm.models.synthetic.backgrounds import build_room, track, within
 from humanmm.models.synthetic.detector_noise import Detections, DetectorNoise, detect, fitted_noise, pitch_and_roll
 from humanmm.models.synthetic.mocap import Actor, MocapSequence, leg_length, pose_actor
@@ -75,6 +76,8 @@ class BenchVideo:
     truth: MotionSequence
     key_frames: tuple[FrameFeatures, ...] = ()
     """Features of the shots' key frames, people left out; none where there are no pictures."""
+    ground: tuple[GroundPicture, ...] = ()
+    """The ground around people in some frames of the shots."""
     static_cameras: bool = False
     """The user knows that all cameras are static."""
     cuts_known: bool = False

@@ -9,6 +9,7 @@ from held_results import inputs_of
 
 from humanmm.models.records.shots import Scenes, Shot, ShotList, Transition
 from humanmm.models.records.tracks import ScenePeople
+from humanmm.models.shadows.ground import HIDDEN
 from humanmm.tasks.keyframes import keyframes
 
 
@@ -33,3 +34,25 @@ def test_features_lie_on_nobody_and_a_scene_that_failed_has_none(film: Any) -> N
     without_him, failed = described(ScenePeople(0, film.CUT, (somebody,)), None)
     assert failed == ()
     assert not any(on_him(one).any() for one in without_him) and all(len(one.xy) for one in without_him)
+
+
+def test_the_ground_is_kept_around_people_and_of_several_shots_alone(film: Any) -> None:
+    end = film.facts.num_frames
+    (track,) = three_shots.shot_of(0)[1].tracks
+    box = np.tile(np.float32([60, 20, 120, 100]), (film.CUT, 1))
+    somebody = ScenePeople(0, film.CUT, (replace(track.within(0, film.CUT), bbox=box),))
+
+    def ground(shots: list[Shot], *people: ScenePeople) -> Any:
+        listed = ShotList(end, tuple(shots), ())
+        cuts = tuple(shot.transition for shot in shots if shot.transition is not None)
+        results = {"decode": film.facts, "scenes": Scenes(end, cuts), "people": list(people), "shots": listed}
+        return keyframes(inputs_of("keyframes", results, video=film.video)).ground
+
+    cut = Transition("cut", film.CUT, film.CUT, "scene")
+    both = [Shot(0, 0, film.CUT, 0, None, ()), Shot(1, film.CUT, end, 1, cut, ())]
+    first, second = ground(both, somebody, ScenePeople(film.CUT, end, ()))
+    frames = [picture.frame for picture in first]
+    assert frames == sorted(frames) and frames[0] == 0 and frames[-1] == film.CUT - 1 and len(frames) > 3
+    assert all((picture.gray == HIDDEN).any() and (picture.gray != HIDDEN).any() for picture in first)
+    assert second == ()  # nobody is in it
+    assert ground([Shot(0, 0, end, 0, None, ())], somebody) == ()

@@ -5,7 +5,7 @@ their relative camera rotation far more exactly, and a recurring camera gives it
 Hellinger kernel (Arandjelović and Zisserman 2012), mutual nearest neighbours with the ratio test (Lowe 2004), then
 pycolmap's two-view geometry and the homographies of the dominant planes. None of them is an answer: tiles, bricks,
 lettering and posters that occur twice give wrong geometries with a hundred inliers, and a plane has a twin. Each is a
-hypothesis with a probability, and `motion.world.shot_rotations` decides.
+hypothesis with a probability, and `motion.rotations.shot_rotations` decides.
 """
 
 from dataclasses import dataclass

@@ -1,11 +1,12 @@
-"""The background in a few key frames of every shot: features, and straight edges.
+"""The background in a few key frames of every shot: features, and straight edges; and the ground around people.
 
 By its features (SIFT, Lowe 2004) a place is recognised in another shot; its straight edges (`segments`) give the focal
-length, the vertical and the camera's heading. A shot is represented by its first, middle and last frame outside
-transitions: neighbouring shots meet in the outer ones, and a camera that moves shows most in all three. Pixels have
-their centres at (0.5, 0.5).
+length, the vertical and the camera's heading; on the ground people's shadows fall (`models.shadows`). A shot is
+represented by its first, middle and last frame outside transitions: neighbouring shots meet in the outer ones, and a
+camera that moves shows most in all three. The ground is seen in a few more. Pixels have their centres at (0.5, 0.5).
 """
 
+import itertools
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -17,6 +18,7 @@ from jaxtyping import Float, UInt8
 from humanmm.models.camera.background.segments import detect_segments
 from humanmm.models.records.shots import Shot, ShotList
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
+from humanmm.models.shadows.ground import GroundPicture, ground_around, ground_frames
 from humanmm.models.video.frames import frames_at
 from humanmm.models.video.opened import Video
 from humanmm.models.video.prefetch import prefetched
@@ -54,34 +56,65 @@ class KeyFrameFeatures:
 
     of_shot: tuple[tuple[FrameFeatures, ...], ...]
     """By shot, in order of time; empty where a shot failed or shows nothing clearly."""
+    ground: tuple[tuple[GroundPicture, ...], ...] = ()
+    """By shot, the ground around its people, in order of time; none of the only shot of a video."""
 
 
 def describe_key_frames(
     video: Video, shots: ShotList, people: Sequence[ScenePeople | None], *, progress: Progress = silent
 ) -> KeyFrameFeatures:
-    """Features and straight edges of the background in every shot's key frames, in source pixels.
+    """Features and straight edges of the background in every shot's key frames, in source pixels, and the ground around
+    its people.
 
     Of the only shot of a video edges alone: there is nothing in which its features could be recognised. `people`: one
-    a scene, None where it failed; their boxes are left out of the pictures.
+    a scene, None where it failed; their boxes are left out of the key frames.
     """
-    scenes = [people[shot.scene] for shot in shots.shots]
-    wanted = [key_frames(shot) if scene is not None else () for shot, scene in zip(shots.shots, scenes, strict=True)]
+    several = len(shots.shots) > 1
+    parts = [_ShotPart.of(shot, people[shot.scene], several=several) for shot in shots.shots]
     cv2.setNumThreads(1)
-    numbers = [frame for frames in wanted for frame in frames]
-    decoded = frames_at(video.stream, video.facts, numbers, pixels="gray", max_side_px=MAX_SIDE_PX)
-
-    def features(scene: ScenePeople | None) -> FrameFeatures:
-        picture = next(pictures)
-        found = describe_frame(picture.index, picture.image, features=len(shots.shots) > 1)
-        scale = np.float32(video.facts.width / picture.image.shape[1])
-        progress(picture.index + 1, video.facts.num_frames)
-        in_source = replace(found, xy=found.xy * scale, segments=found.segments * scale)
-        return without_people(in_source, scene.tracks if scene is not None else ())
-
+    wanted = [frame for part in parts for frame in part.frames]
+    decoded = frames_at(video.stream, video.facts, wanted, pixels="gray", max_side_px=MAX_SIDE_PX)
+    features, grounds = [], []
     with prefetched(decoded) as pictures:
-        return KeyFrameFeatures(
-            tuple(tuple(features(scene) for _ in frames) for scene, frames in zip(scenes, wanted, strict=True))
-        )
+        for part in parts:
+            described, around = [], []
+            for picture in itertools.islice(pictures, len(part.frames)):
+                scale = video.facts.width / picture.image.shape[1]
+                if picture.index in part.key_frames:
+                    found = describe_frame(picture.index, picture.image, features=several)
+                    described.append(without_people(_in_source(found, scale), part.tracks))
+                if picture.index in part.ground_frames:
+                    around.append(ground_around(picture.index, picture.image, part.tracks, scale))
+                progress(picture.index + 1, video.facts.num_frames)
+            features.append(tuple(described))
+            grounds.append(tuple(picture for picture in around if picture is not None))
+    return KeyFrameFeatures(tuple(features), tuple(grounds) if several else ())
+
+
+@dataclass(frozen=True)
+class _ShotPart:
+    """What is looked at of one shot."""
+
+    tracks: tuple[PersonTrack, ...]
+    key_frames: tuple[int, ...]
+    ground_frames: tuple[int, ...]
+
+    @classmethod
+    def of(cls, shot: Shot, scene: ScenePeople | None, *, several: bool) -> "_ShotPart":
+        """Nothing of a scene that failed; no ground of the only shot of a video, whose light compares with nothing."""
+        if scene is None:
+            return cls((), (), ())
+        return cls(tuple(scene.tracks), key_frames(shot), ground_frames(shot) if several else ())
+
+    @property
+    def frames(self) -> tuple[int, ...]:
+        """In order of time."""
+        return tuple(sorted({*self.key_frames, *self.ground_frames}))
+
+
+def _in_source(features: FrameFeatures, scale: float) -> FrameFeatures:
+    """The same in source pixels, of which one of the picture's is `scale` wide."""
+    return replace(features, xy=features.xy * np.float32(scale), segments=features.segments * np.float32(scale))
 
 
 def describe_frame(frame: int, gray: UInt8[np.ndarray, "height width"], *, features: bool = True) -> FrameFeatures:

@@ -1,1 +1,1 @@
-"""Aligns all shots into one world: camera rotations, gravity, positions, scale and floor (section 3.3)."""
+"""Aligns all shots into one world: their rotations, then positions, scale and floor (section 3.3)."""

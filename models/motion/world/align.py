@@ -16,14 +16,27 @@ from humanmm.models.cuts.camera_rotation import GAP_WARNING_S, CutMethod, align_
 from humanmm.models.cuts.hypotheses import SIDES_SWAPPED
 from humanmm.models.geometry.intrinsics import K_of
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
-from humanmm.models.motion.world.levelling import ShotVertical, levelled, standing_axes, vertical_of
+from humanmm.models.motion.rotations.levelling import (
+    ShotVertical,
+    levelled,
+    standing_axes,
+    upright_together,
+    vertical_of,
+)
+from humanmm.models.motion.rotations.positions import position_edge
+from humanmm.models.motion.rotations.shadows import light_edges, shot_lights
+from humanmm.models.motion.rotations.shot_graph import (
+    BackgroundEdges,
+    CutEdge,
+    background_edges,
+    cut_edge,
+    people_edges,
+)
+from humanmm.models.motion.rotations.shot_results import ShotResults, camera_of, motions_of, posed, usable
+from humanmm.models.motion.rotations.shot_rotations import ShotRotations, solve_rotations
+from humanmm.models.motion.rotations.walls import wall_edges, walls_of
 from humanmm.models.motion.world.people import Part, concatenated
-from humanmm.models.motion.world.positions import position_edge
-from humanmm.models.motion.world.shot_graph import BackgroundEdges, CutEdge, background_edges, cut_edge, people_edges
-from humanmm.models.motion.world.shot_results import ShotResults, camera_of, motions_of, posed, usable
-from humanmm.models.motion.world.shot_rotations import ShotRotations, solve_rotations
 from humanmm.models.motion.world.solver import CameraEdge, SameCamera, ShotRig, ShotTrajectory, Solution, solve
-from humanmm.models.motion.world.walls import wall_edges, walls_of
 from humanmm.models.records.camera import SOURCES
 from humanmm.models.records.motion import CutAlignment, PersonShotMotion, RotationEvidence, WorldMotion
 from humanmm.models.shots.identity import identity_probabilities
@@ -33,9 +46,9 @@ __all__ = ["WITNESSES", "ShotResults", "align"]
 
 Array = np.ndarray
 
-WITNESSES = frozenset({"people", "positions", "background", "walls"})
+WITNESSES = frozenset({"people", "positions", "background", "walls", "shadows"})
 """What may speak for a camera's rotation between two shots: bodies seen on both sides, where people stand to one
-another, a background that both show, the straight edges of built places."""
+another, a background that both show, the straight edges of built places, the shadows that people cast."""
 
 
 @single_threaded
@@ -74,11 +87,13 @@ def align(
         from_people = [edge.silent() for edge in from_people]
     placed = (position_edge(results, edge.earlier, edge.later, verticals, identities) for edge in linked)
     from_positions = (edge for edge in placed if edge is not None and "positions" in witnesses)
-    rotations = solve_rotations(
-        num_shots,
-        [*from_people, *from_positions, *background.edges, *wall_edges(walls)],
-        [verticals[shot].upright if shot in verticals else None for shot in range(num_shots)],
-    )
+    spoken = [*from_people, *from_positions, *background.edges, *wall_edges(walls)]
+    upright = [verticals[shot].upright if shot in verticals else None for shot in range(num_shots)]
+    rotations = solve_rotations(num_shots, spoken, upright)
+    if "shadows" in witnesses and results.ground:
+        # Where up is decides where a shadow falls: the lights are sought once all shots have said where it is.
+        lights = shot_lights(results, upright_together(results, rotations, verticals))
+        rotations = solve_rotations(num_shots, [*spoken, *light_edges(lights)], upright)
     groups = _groups(results, rotations)
     F = len(results.time_s)
     world = _World(

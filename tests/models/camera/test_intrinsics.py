@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from room_edges import camera_towards, edges_of_a_room, seen_by
 
-from humanmm.models.camera.background.keyframes import FrameFeatures, KeyFrameFeatures
+from humanmm.models.camera.background.keyframes import FrameFeatures
 from humanmm.models.camera.intrinsics import (
     ShotPoints,
     given_intrinsics,
@@ -90,4 +90,4 @@ def test_of_each_shot_the_middle_key_frame_is_used_those_with_the_longest_edges_
     few, many, none = (picture for picture in wall_pictures(800.0, [10.0, 20.0, 30.0]))
     few = replace(few, segments=few.segments[:3])
     of_shot = ((many, few, many), (none, many), ())
-    assert [picture.frame for picture in middle_frames(KeyFrameFeatures(of_shot))] == [many.frame, few.frame]
+    assert [picture.frame for picture in middle_frames(of_shot)] == [many.frame, few.frame]

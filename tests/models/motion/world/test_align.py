@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
-from humanmm.models.motion.world import gravity as world_gravity
+from humanmm.models.motion.rotations import gravity as world_gravity
 from humanmm.models.motion.world.align import _at_origin
 from humanmm.models.motion.world.people import interpolate_rotmats, rows_before
 from humanmm.models.motion.world.solver import (

@@ -22,7 +22,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.special import erf
 
 from humanmm.models.geometry.rotations import rotation_angle, rotation_distance, rotmat_to_rotvec, rotvec_to_rotmat
-from humanmm.models.motion.world.rotation_mixtures import (
+from humanmm.models.motion.rotations.rotation_mixtures import (
     DEGREES_OF_FREEDOM,
     QUANTILE_68,
     UNKNOWN_PRECISION,

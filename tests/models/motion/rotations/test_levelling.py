@@ -6,8 +6,16 @@ import numpy as np
 from three_shots import LENGTH, camera, results
 
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
-from humanmm.models.motion.world.levelling import standing_axes, vertical_of
-from humanmm.models.motion.world.shot_results import ShotResults, camera_of
+from humanmm.models.motion.rotations.levelling import (
+    ShotVertical,
+    UpDirection,
+    standing_axes,
+    upright_together,
+    vertical_of,
+)
+from humanmm.models.motion.rotations.rotation_mixtures import Upright
+from humanmm.models.motion.rotations.shot_results import ShotResults, camera_of
+from humanmm.models.motion.rotations.shot_rotations import ShotRotations
 
 HEAD_OVER_HEELS = rotvec_to_rotmat(np.array([0.0, 0.0, np.pi]))
 """About the camera's axis."""
@@ -50,3 +58,18 @@ def test_who_turns_cartwheels_counts_while_he_stands() -> None:
     (standing,) = standing_axes(results(), 0)
     assert axis.axis @ standing.axis > np.cos(np.deg2rad(5)) and axis.sigma_deg > standing.sigma_deg
     assert off_deg(cartwheel) < 10
+
+
+def test_a_shot_without_walls_takes_the_vertical_from_one_that_has_them() -> None:
+    whole = results()
+    true = [camera(k)[0].T @ np.array([0.0, 0, 1]) for k in range(3)]
+    leaning = rotvec_to_rotmat(np.radians([6.0, 0, 0])) @ true[1]
+    verticals = {
+        k: ShotVertical((UpDirection(up, sigma_deg),), Upright(up, sigma_deg))
+        for k, (up, sigma_deg) in enumerate([(true[0], 1.0), (leaning, 10.0), (true[2], 1.0)])
+    }
+    R = np.stack([camera(0)[0].T @ camera(k)[0] for k in range(3)])
+    found = upright_together(whole, ShotRotations(R, (0, 0, 2), (), (), (None, None, None)), verticals)
+    assert sorted(found) == [0, 1]  # the third shares a world with nobody
+    assert np.degrees(np.arccos(found[1].direction @ true[1])) < 1
+    assert found[0].sigma_deg == 1.0 and 1 < found[1].sigma_deg < 5

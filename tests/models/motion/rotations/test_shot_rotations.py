@@ -5,8 +5,8 @@ import roma
 import torch
 
 from humanmm.models.geometry.rotations import rotation_angle, rotvec_to_rotmat
-from humanmm.models.motion.world.rotation_mixtures import RotationEdge, RotationHypothesis, Upright
-from humanmm.models.motion.world.shot_rotations import ShotRotations, solve_rotations
+from humanmm.models.motion.rotations.rotation_mixtures import RotationEdge, RotationHypothesis, Upright
+from humanmm.models.motion.rotations.shot_rotations import ShotRotations, solve_rotations
 
 
 def rotations(count: int, seed: int = 0) -> np.ndarray:

@@ -5,7 +5,7 @@ import roma
 import torch
 
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
-from humanmm.models.motion.world.rotation_mixtures import (
+from humanmm.models.motion.rotations.rotation_mixtures import (
     LOG_VOLUME,
     Mixtures,
     RotationEdge,

@@ -13,9 +13,9 @@ from humanmm.models.camera.background.keyframes import FrameFeatures
 from humanmm.models.camera.background.shot_edges import ShotEdge
 from humanmm.models.cuts.camera_rotation import CutCameras, CutPerson, align_by_bundle
 from humanmm.models.geometry.rotations import rotation_angle, rotvec_to_rotmat
-from humanmm.models.motion.world import shot_graph
-from humanmm.models.motion.world.shot_graph import CutEdge, background_edges, cut_edge, people_edges
-from humanmm.models.motion.world.shot_results import ShotResults
+from humanmm.models.motion.rotations import shot_graph
+from humanmm.models.motion.rotations.shot_graph import CutEdge, background_edges, cut_edge, people_edges
+from humanmm.models.motion.rotations.shot_results import ShotResults
 from humanmm.models.records.motion import CutAlignment, CutHypothesis
 
 

@@ -7,7 +7,7 @@ import pytest
 from three_shots import results
 
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
-from humanmm.models.motion.world.shot_results import SOLES, camera_of, motions_of, posed, usable
+from humanmm.models.motion.rotations.shot_results import SOLES, camera_of, motions_of, posed, usable
 
 
 def test_a_shot_without_camera_or_motion_is_not_usable() -> None:

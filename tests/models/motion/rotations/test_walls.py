@@ -6,10 +6,10 @@ from room_edges import camera_towards
 
 from humanmm.models.camera.background.manhattan import ManhattanFrame
 from humanmm.models.geometry.rotations import rotation_angle, rotvec_to_rotmat
-from humanmm.models.motion.world.levelling import UpDirection, vertical_of
-from humanmm.models.motion.world.rotation_mixtures import Mixtures, RotationEdge, RotationHypothesis
-from humanmm.models.motion.world.shot_rotations import solve_rotations
-from humanmm.models.motion.world.walls import ONE_PLACE, ShotWalls, wall_edges
+from humanmm.models.motion.rotations.levelling import UpDirection, vertical_of
+from humanmm.models.motion.rotations.rotation_mixtures import Mixtures, RotationEdge, RotationHypothesis
+from humanmm.models.motion.rotations.shot_rotations import solve_rotations
+from humanmm.models.motion.rotations.walls import ONE_PLACE, ShotWalls, wall_edges
 from humanmm.models.records.camera import ShotCamera
 
 HEADINGS = (10.0, 130.0, 205.0)

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.models.motion.world.gravity import (
+from humanmm.models.geometry.rotations import unit
+from humanmm.models.motion.rotations.gravity import (
     PAN_SIGMA_DEG,
     ROLL_SIGMA_DEG,
     UprightEvidence,
@@ -15,8 +16,9 @@ from humanmm.models.motion.world.gravity import (
     standing_axis,
     up_direction,
 )
-from humanmm.models.motion.world.rotation_mixtures import Upright
-from humanmm.models.motion.world.shot_results import ShotResults, camera_of, motions_of, posed
+from humanmm.models.motion.rotations.rotation_mixtures import Upright
+from humanmm.models.motion.rotations.shot_results import ShotResults, camera_of, motions_of, posed
+from humanmm.models.motion.rotations.shot_rotations import ShotRotations
 from humanmm.models.records.camera import ShotCamera
 
 Array = np.ndarray
@@ -46,6 +48,8 @@ SHOT_SIGMA_DEG = 6.0
 HEAD_DOWN = -0.5
 """Cosine between somebody's long axis and the picture's vertical: below it he stands on his hands or the fit is wrong,
 for nobody holds a camera upside down. A drone that looks straight down has 0."""
+TILT_SIGMA_DEG = 3.0
+"""Error of the vertical that another shot of one world gives, about a level axis."""
 OVERRULED_SIGMAS = 3.0
 """Walls whose vertical lies further than this from what all evidence says are overruled."""
 
@@ -98,6 +102,30 @@ def vertical_of(camera: ShotCamera, standing: Sequence[UpDirection], walls: UpDi
     if walls is not None and np.degrees(np.arccos(min(1.0, up @ walls.axis))) < OVERRULED_SIGMAS * walls.sigma_deg:
         sigma_deg = min(sigma_deg, walls.sigma_deg)
     return ShotVertical(directions, Upright(up, sigma_deg))
+
+
+def upright_together(
+    results: ShotResults, rotations: ShotRotations, verticals: Mapping[int, ShotVertical]
+) -> dict[int, Upright]:
+    """Where up is in the shots of one world, from what all of them say; nothing of a shot that shares none."""
+    found = {}
+    for first in sorted(set(rotations.group)):
+        group = [shot for shot in verticals if rotations.group[shot] == first]
+        if len(group) < 2:
+            continue
+        R_group_shot = rotations.R_group_shot[group]
+        best_deg = min(verticals[shot].upright.sigma_deg for shot in group)
+        R_world_shot = levelled(results, group, list(R_group_shot[0].T @ R_group_shot), verticals)
+        for shot, R in zip(group, R_world_shot, strict=True):
+            sigma_deg = min(verticals[shot].upright.sigma_deg, float(np.hypot(best_deg, TILT_SIGMA_DEG)))
+            found[shot] = Upright(R[2], sigma_deg)
+    return found
+
+
+def level_axes(up: Float[Array, "3"]) -> Float[Array, "3 3"]:
+    """Axes with z up, as columns; where the level ones point is arbitrary."""
+    across = unit(np.cross(up, np.eye(3)[np.argmin(np.abs(up))]))
+    return np.stack([across, np.cross(up, across), up], axis=-1)
 
 
 def _heading(R_cam: Float[Array, "3 3"], z: Float[Array, "3"]) -> Float[Array, "3"]:

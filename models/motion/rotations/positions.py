@@ -9,10 +9,10 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.models.geometry.rotations import rotvec_to_rotmat, unit
-from humanmm.models.motion.world.levelling import ShotVertical
-from humanmm.models.motion.world.rotation_mixtures import RotationEdge, RotationHypothesis
-from humanmm.models.motion.world.shot_results import ShotResults, camera_of, motions_of
+from humanmm.models.geometry.rotations import rotvec_to_rotmat
+from humanmm.models.motion.rotations.levelling import ShotVertical, level_axes
+from humanmm.models.motion.rotations.rotation_mixtures import RotationEdge, RotationHypothesis
+from humanmm.models.motion.rotations.shot_results import ShotResults, camera_of, motions_of
 from humanmm.models.records.motion import PersonShotMotion
 
 Array = np.ndarray
@@ -59,7 +59,7 @@ def position_edge(
     if len(places) < 2:
         return None
     upright = verticals[earlier].upright, verticals[later].upright
-    level = [_level_axes(one.direction) for one in upright]
+    level = [level_axes(one.direction) for one in upright]
     a, b = (np.stack(points) @ R for points, R in zip(zip(*places, strict=True), level, strict=True))
     depth = 0.5 * (np.linalg.norm(a, axis=1).mean() + np.linalg.norm(b, axis=1).mean())
     a, b = (points[:, :2] - points[:, :2].mean(axis=0) for points in (a, b))
@@ -93,9 +93,3 @@ def _at_cut(results: ShotResults, shot: int, motion: PersonShotMotion, *, last: 
     rows = motion.frame[near] - camera.start
     in_axes = np.einsum("nab,nb->na", camera.R_shot_cam[rows], motion.pelvis_cam[near])
     return np.asarray(in_axes.mean(axis=0))
-
-
-def _level_axes(up: Float[Array, "3"]) -> Float[Array, "3 3"]:
-    """Axes with z up, as columns."""
-    across = unit(np.cross(up, np.eye(3)[np.argmin(np.abs(up))]))
-    return np.stack([across, np.cross(up, across), up], axis=-1)

@@ -13,9 +13,9 @@ import numpy as np
 
 from humanmm.models.camera.background.manhattan import QUARTER_TURNS, ManhattanFrame, find_manhattan_frame
 from humanmm.models.camera.background.segments import Segments
-from humanmm.models.motion.world.levelling import UpDirection, vertical_of
-from humanmm.models.motion.world.rotation_mixtures import QUANTILE_68, RotationEdge, RotationHypothesis
-from humanmm.models.motion.world.shot_results import ShotResults, camera_of
+from humanmm.models.motion.rotations.levelling import UpDirection, vertical_of
+from humanmm.models.motion.rotations.rotation_mixtures import QUANTILE_68, RotationEdge, RotationHypothesis
+from humanmm.models.motion.rotations.shot_results import ShotResults, camera_of
 
 SURE, MARGIN_HALF = 0.93, 9.0
 """A frame of margin m is the right one with probability SURE / (1 + (MARGIN_HALF / m)⁴). Of 67 shots of development

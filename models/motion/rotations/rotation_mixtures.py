@@ -5,6 +5,7 @@ rotations about the vertical. Densities are relative to that of all rotations be
 """
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -63,7 +64,8 @@ class RotationEdge:
     connects: bool = True
     """Whether it shows by itself that the two shots belong to one world."""
     pooled: bool = False
-    """Made of what each of the two shots says by itself: all pairs of n shots know no more than n - 1 of them."""
+    """Made of what each of the two shots says by itself: however many pairs of n shots there are, they know no more
+    than n - 1 of them."""
 
     def silent(self) -> "RotationEdge":
         """The same connection, of whose hypotheses none is believed."""
@@ -187,20 +189,24 @@ def _weights(edges: Sequence[RotationEdge]) -> list[float]:
     """How far each edge is a witness of its own.
 
     In a room whose walls are alike, a camera that is rotated by 90° sees what all other cameras see: the backgrounds of
-    a shot agree with one another about the wrong rotation. All together they count for BACKGROUND_VOICES. Of pooled
-    edges between n shots each counts for 2 / n.
+    a shot agree with one another about the wrong rotation. All together they count for BACKGROUND_VOICES. Pooled
+    edges of one source between n shots count for n - 1 together.
     """
     degree: dict[int, int] = {}
     for edge in edges:
         if edge.num_inliers:
             degree[edge.a], degree[edge.b] = degree.get(edge.a, 0) + 1, degree.get(edge.b, 0) + 1
-    pooled = {shot for edge in edges if edge.pooled for shot in (edge.a, edge.b)}
+    shots: dict[str, set[int]] = {}
+    for edge in edges:
+        if edge.pooled:
+            shots.setdefault(edge.source, set()).update((edge.a, edge.b))
+    count = Counter(edge.source for edge in edges if edge.pooled)
     weights = []
     for edge in edges:
         if edge.num_inliers:
             weights.append(min(1.0, BACKGROUND_VOICES / math.sqrt(degree[edge.a] * degree[edge.b])))
         else:
-            weights.append(2 / len(pooled) if edge.pooled else 1.0)
+            weights.append((len(shots[edge.source]) - 1) / count[edge.source] if edge.pooled else 1.0)
     return weights
 
 

@@ -14,6 +14,7 @@ from humanmm.models.records.camera import Intrinsics, ShotCamera
 from humanmm.models.records.motion import PersonShotMotion, ShotMotion
 from humanmm.models.records.shots import ShotList
 from humanmm.models.records.tracks import ScenePeople
+from humanmm.models.shadows.ground import GroundPicture
 
 Array = np.ndarray
 
@@ -33,6 +34,8 @@ class ShotResults:
     intrinsics: Intrinsics
     key_frames: Sequence[Sequence[FrameFeatures]]
     """Features of every shot's key frames, people left out; empty where there are none."""
+    ground: Sequence[Sequence[GroundPicture]] = ()
+    """Pictures of the ground around people, one entry a shot; none at all where there are no pictures."""
 
 
 def usable(results: ShotResults, shot: int) -> bool:

@@ -13,8 +13,8 @@ from humanmm.models.cuts.sides import CutCameras, CutPerson, SideTrack
 from humanmm.models.geometry.intervals import in_intervals
 from humanmm.models.geometry.intrinsics import K_of
 from humanmm.models.geometry.rotations import angle_between_deg
-from humanmm.models.motion.world.rotation_mixtures import RotationEdge, RotationHypothesis
-from humanmm.models.motion.world.shot_results import ShotResults, camera_of, motions_of, usable
+from humanmm.models.motion.rotations.rotation_mixtures import RotationEdge, RotationHypothesis
+from humanmm.models.motion.rotations.shot_results import ShotResults, camera_of, motions_of, usable
 from humanmm.models.records.camera import ShotCamera, through_lens
 from humanmm.models.records.motion import CutAlignment, CutHypothesis
 

@@ -6,10 +6,10 @@ import numpy as np
 
 from humanmm.models.geometry.intrinsics import K_of
 from humanmm.models.geometry.rotations import angle_between_deg, rotvec_to_rotmat
-from humanmm.models.motion.world.levelling import ShotVertical
-from humanmm.models.motion.world.positions import position_edge
-from humanmm.models.motion.world.rotation_mixtures import RotationEdge, Upright
-from humanmm.models.motion.world.shot_results import ShotResults
+from humanmm.models.motion.rotations.levelling import ShotVertical
+from humanmm.models.motion.rotations.positions import position_edge
+from humanmm.models.motion.rotations.rotation_mixtures import RotationEdge, Upright
+from humanmm.models.motion.rotations.shot_results import ShotResults
 from humanmm.models.records.camera import Intrinsics, ShotCamera
 from humanmm.models.records.motion import PersonShotMotion, ShotMotion
 from humanmm.models.records.shots import Person, Shot, ShotList

@@ -1,0 +1,110 @@
+"""Pictures of the ground around people, on which their shadows fall: a few a shot, small and grey."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float, UInt8
+
+from humanmm.models.geometry.boxes import box_area
+from humanmm.models.records.shots import Shot
+from humanmm.models.records.tracks import PersonTrack
+
+Array = np.ndarray
+
+FRAMES = 6
+"""Pictures a shot, evenly spread over its frames outside transitions."""
+MOST_PEOPLE = 3
+"""The ground around so many people is kept, the largest ones."""
+LEAST_HEIGHT_PX = 24
+"""Nobody whose box is lower casts a shadow that can be seen."""
+BESIDE, ABOVE, BELOW = 1.3, 1.1, 0.9
+"""How far the ground is kept from the bottom of a person's box, in heights of the box."""
+MAX_SIDE_PX = 320
+HIDDEN = 0
+"""Grey level of pixels that show somebody and no ground."""
+GROWN = 3
+"""Silhouettes are grown by half of so many pixels of 128: their error."""
+
+
+@dataclass(frozen=True)
+class GroundPicture:
+    """A part of a frame, reduced."""
+
+    frame: int
+    corner: Float[Array, "2"]
+    """float32: its upper left corner, source pixels (centres at .5)."""
+    scale: float
+    """Source pixels that one of its pixels is wide and high."""
+    gray: UInt8[Array, "height width"]
+    """HIDDEN where somebody is."""
+
+    @property
+    def from_source(self) -> Float[Array, "3 3"]:
+        """Pixels of the frame to its own, homogeneous."""
+        (x, y), scale = self.corner, self.scale
+        return np.array([[1 / scale, 0, -x / scale], [0, 1 / scale, -y / scale], [0, 0, 1]])
+
+    def in_picture(self, K: Float[Array, "3 3"]) -> Float[Array, "3 3"]:
+        """Intrinsics of the frame as those of this part of it."""
+        return np.asarray(self.from_source @ K)
+
+    def pixels(self, box: Float[Array, "4"]) -> Float[Array, "4"]:
+        """A box of the frame, xyxy in source pixels, in pixels of this part of it."""
+        return np.asarray((box - np.tile(self.corner, 2)) / self.scale)
+
+
+def ground_frames(shot: Shot) -> tuple[int, ...]:
+    """The frames of a shot whose ground is kept; none where transitions leave nothing of it."""
+    first, end = shot.outside_transitions
+    return tuple(sorted({int(f) for f in np.linspace(first, end - 1, FRAMES).round()})) if first < end else ()
+
+
+def ground_around(
+    frame: int, gray: UInt8[Array, "height width"], people: Sequence[PersonTrack], scale: float
+) -> GroundPicture | None:
+    """The ground around the people of a frame, or None without any.
+
+    `gray`: the whole frame; `scale`: source pixels that one of its pixels is wide.
+    """
+    seen = [(track, int(row)) for track in people for row in np.flatnonzero(track.frame == frame)]
+    tall = [track.bbox[row] for track, row in seen if track.bbox[row, 3] - track.bbox[row, 1] >= LEAST_HEIGHT_PX]
+    if not tall:
+        return None
+    largest = np.stack(sorted(tall, key=lambda box: -float(box_area(box)))[:MOST_PEOPLE]) / scale
+    height = largest[:, 3] - largest[:, 1]
+    middle = 0.5 * (largest[:, 0] + largest[:, 2])
+    low = np.array([(middle - BESIDE * height).min(), (largest[:, 3] - ABOVE * height).min()])
+    high = np.array([(middle + BESIDE * height).max(), (largest[:, 3] + BELOW * height).max()])
+    size = np.array(gray.shape[::-1])
+    x0, y0 = np.clip(np.floor(low), 0, size).astype(int)
+    x1, y1 = np.clip(np.ceil(high), 0, size).astype(int)
+    if min(x1 - x0, y1 - y0) < LEAST_HEIGHT_PX:
+        return None
+    part = gray[y0:y1, x0:x1]
+    smaller = max(1.0, max(part.shape) / MAX_SIDE_PX)
+    if smaller > 1:
+        # one factor for both sides: what does not fill a last pixel is cut off
+        h, w = (max(1, int(side / smaller)) for side in part.shape)
+        part = cv2.resize(part[: round(h * smaller), : round(w * smaller)], (w, h), interpolation=cv2.INTER_AREA)
+    corner = np.array([x0, y0], np.float32) * np.float32(scale)
+    picture = GroundPicture(frame, corner, float(scale * smaller), np.maximum(part, HIDDEN + 1))
+    for track, row in seen:
+        picture.gray[_silhouette(picture, track, row)] = HIDDEN
+    return picture
+
+
+def _silhouette(picture: GroundPicture, track: PersonTrack, row: int) -> Bool[Array, "height width"]:
+    """Where a person is, a little too large; where no silhouette is known, in his whole box."""
+    mask = track.masks.mask(row)
+    if not mask.any():
+        inside = np.zeros(picture.gray.shape, bool)
+        x0, y0, x1, y1 = np.maximum(np.round(picture.pixels(track.bbox[row])), 0).astype(int)
+        inside[y0:y1, x0:x1] = True
+        return inside
+    to_source = np.vstack([track.mask_affine[row].astype(np.float64), [0, 0, 1]])
+    half = np.array([[1, 0, 0.5], [0, 1, 0.5], [0, 0, 1]])  # OpenCV has the centres of pixels at integers
+    affine = np.linalg.inv(half) @ picture.from_source @ to_source @ half
+    grown = cv2.dilate(mask, np.ones((GROWN, GROWN), np.uint8))
+    return cv2.warpAffine(grown, affine[:2], picture.gray.shape[::-1], flags=cv2.INTER_NEAREST) > 0
