@@ -17,9 +17,9 @@ SURE_LINK = 0.9
 BINS = (0.0, 0.5, 0.7, 0.9, 0.97, 1.0)
 """Bounds of the groups of a link's probability."""
 PUBLISHED = (
-    ("Shot3R", 49.5, 36.0),
-    ("Human3R", 59.1, 50.0),
-    ("OnlineHMR", 74.4, 60.0),
+    ("Shot3R", 49.5, 50.0),
+    ("Human3R", 59.1, 60.0),
+    ("OnlineHMR", 74.4, 36.0),
     ("PromptHMR", 94.0, 44.0),
 )
 """Rotation of the camera and jump of the root's orientation at real cuts between cameras of AIST++, degrees, as
