@@ -118,6 +118,15 @@ class Person:
 
 
 @dataclass(frozen=True)
+class LeftOut:
+    """Somebody who is delivered nowhere, because he is a person with too low a probability."""
+
+    probability: float
+    shots: tuple[int, ...]
+    """In which he is seen."""
+
+
+@dataclass(frozen=True)
 class ShotList:
     """Final shots and the people in them."""
 
@@ -127,3 +136,5 @@ class ShotList:
     warnings: tuple[str, ...] = ()
     corrections: tuple[CorrectionNote, ...] = ()
     """What became of the corrections of cuts and people."""
+    left_out: tuple[LeftOut, ...] = ()
+    """Likeliest first."""

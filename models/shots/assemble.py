@@ -60,7 +60,7 @@ def detect_shots(
         for shot, appearances in zip(shots, cast.appearances, strict=True)
     )
     warnings = (*_doubts(cast), *_partly_seen(cast, inhabited, people))
-    return ShotList(scenes.num_frames, inhabited, cast.people, warnings, (*notes, *of_people))
+    return ShotList(scenes.num_frames, inhabited, cast.people, warnings, (*notes, *of_people), cast.left_out)
 
 
 def _corrected(
@@ -75,13 +75,14 @@ def _corrected(
 
 
 def _nobody(cast: Cast, min_confidence: float) -> str:
-    if not cast.refused:
+    if not cast.left_out:
         return (
             "no usable person: nobody is seen for long enough; give a video in which somebody's shoulders are visible"
         )
+    likeliest = cast.left_out[0].probability
     return (
-        f"no usable person: the likeliest of {len(cast.refused)} is one with a probability of {cast.refused[0]:.2f}, "
-        f"less than {min_confidence:g}; --min-confidence {0.9 * cast.refused[0]:.2g} admits him"
+        f"no usable person: the likeliest of {len(cast.left_out)} is one with a probability of {likeliest:.2f}, "
+        f"less than {min_confidence:g}; --min-confidence {0.9 * likeliest:.2g} admits him"
     )
 
 

@@ -22,7 +22,7 @@ from humanmm.models.geometry.intervals import in_intervals
 from humanmm.models.perception.appearance import median_parts, same_look_odds
 from humanmm.models.perception.clothing import mean_colours
 from humanmm.models.records import landmarks
-from humanmm.models.records.shots import DOUBTFUL, Appearance, Person, Shot, TrackPart
+from humanmm.models.records.shots import DOUBTFUL, Appearance, LeftOut, Person, Shot, TrackPart
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
 from humanmm.models.shots.left_right_swaps import KnownSides
 from humanmm.models.video.frame_times import ROUNDING_S, shown_s
@@ -60,8 +60,8 @@ class Cast:
 
     people: tuple[Person, ...]
     appearances: tuple[tuple[Appearance, ...], ...]
-    refused: tuple[float, ...] = ()
-    """Probabilities of those left out as no persons, largest first."""
+    left_out: tuple[LeftOut, ...] = ()
+    """Who is hardly a person, likeliest first."""
     given: tuple[GivenFacts, ...] = ()
     """What the user says of each of the people."""
 
@@ -141,8 +141,9 @@ def cast_of(people: Sequence[Candidate], num_shots: int, *, min_confidence: floa
     for number, (_, _, p) in enumerate(kept):
         for s in p.sightings:
             appearances[s.shot].append(Appearance(number, s.track, parts=s.parts))
-    refused = tuple(sorted((p for p, _, _ in candidates if p < min_confidence), reverse=True))
-    return Cast(numbered, tuple(map(tuple, appearances)), refused, tuple(p.given for _, _, p in kept))
+    hardly = sorted((one for one in candidates if one[0] < min_confidence), key=lambda one: -one[0])
+    left_out = tuple(LeftOut(likelihood, tuple(sorted({s.shot for s in p.sightings}))) for likelihood, _, p in hardly)
+    return Cast(numbered, tuple(map(tuple, appearances)), left_out, tuple(p.given for _, _, p in kept))
 
 
 def sighting(

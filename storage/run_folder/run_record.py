@@ -108,6 +108,7 @@ def run_record(  # noqa: PLR0913 (one a section of run.json)
         "scale": _scale(people),
         "shots": _shots(shots, cameras, motion, stages),
         "people": people,
+        "left_out": [{"probability": _figure(one.probability), "shots": list(one.shots)} for one in shots.left_out],
         "corrections": [dict(one.__dict__) for one in corrections],
         "warnings": [
             *_misfits(corrections),

@@ -47,8 +47,22 @@ def test_if_all_are_hardly_people_the_error_says_which_setting_admits_the_likeli
     ):
         detect_shots(FACTS, SCENES, people)
     listed = detect_shots(FACTS, SCENES, people, min_confidence=0.09)
-    assert listed.people[0].doubtful
+    assert listed.people[0].doubtful and listed.left_out == ()
     assert listed.warnings == ("person 0 may be no person: the probability is 0.10",)
+
+
+def test_who_is_left_out_is_recorded_with_his_probability_and_shots() -> None:
+    likely = replace(somebody(), probability=0.9, bbox=np.tile(np.float32([600, 100, 800, 300]), (30, 1)))
+    people = [ScenePeople(0, 30, ()), ScenePeople(30, 60, (later(likely), later(somebody())))]
+    listed = detect_shots(FACTS, SCENES, people)
+    assert len(listed.people) == 1 and not listed.warnings
+    (out,) = listed.left_out
+    assert out.probability == pytest.approx(0.1) and out.shots == (1,)
+
+
+def later(track: PersonTrack) -> PersonTrack:
+    """The same in the second scene."""
+    return replace(track, frame=track.frame + 30, color_frame=track.color_frame + 30)
 
 
 @pytest.mark.parametrize(
