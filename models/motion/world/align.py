@@ -92,8 +92,9 @@ def align(
     rotations = solve_rotations(num_shots, spoken, upright)
     if "shadows" in witnesses and results.ground:
         # Where up is decides where a shadow falls: the lights are sought once all shots have said where it is.
-        lights = shot_lights(results, upright_together(results, rotations, verticals))
-        rotations = solve_rotations(num_shots, [*spoken, *light_edges(lights)], upright)
+        from_shadows = light_edges(shot_lights(results, upright_together(results, rotations, verticals)))
+        if from_shadows:
+            rotations = solve_rotations(num_shots, [*spoken, *from_shadows], upright)
     groups = _groups(results, rotations)
     F = len(results.time_s)
     world = _World(
