@@ -11,13 +11,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.motion.rotations.levelling import level_axes
 from humanmm.models.motion.rotations.rotation_mixtures import RotationEdge, RotationHypothesis, Upright
 from humanmm.models.motion.rotations.shot_results import ShotResults, camera_of, motions_of, posed
 from humanmm.models.records.camera import ShotCamera
+from humanmm.models.records.landmarks import ANKLES, BEYOND
 from humanmm.models.records.motion import PersonShotMotion
 from humanmm.models.shadows.floor import PosedOnFloor, seen_floor
 from humanmm.models.shadows.light import AZIMUTHS_DEG, ELEVATIONS_DEG, STEP_DEG, light_log_likelihood
@@ -40,6 +41,8 @@ NEIGHBOURS = 3
 """Each shot's light is compared with those of so many shots after it: in a long video the cost grows with the shots."""
 LEAST_PROBABILITY = 0.15
 """Headings that are less likely are not named."""
+FEET = (*ANKLES, *(end for ankle in ANKLES for end in BEYOND[ankle]))
+LEAST_VISIBILITY = 0.5
 FLOOR_S, FLOOR_QUANTILE = 0.5, 0.2
 """The floor is as high as the lower soles in this quantile of the frames so near in time."""
 
@@ -101,9 +104,10 @@ def light_edges(lights: Mapping[int, ShotLight]) -> list[RotationEdge]:
 def _on_floor(
     results: ShotResults, shot: int, motion: PersonShotMotion, axes: Float[Array, "3 3"]
 ) -> PosedOnFloor | None:
-    """A person in the pictures of a shot's ground in which he is observed; None if there are none."""
+    """A person in the pictures of a shot's ground in which he stands in view; None if there are none."""
     pictures = {picture.frame: picture for picture in results.ground[shot]}
-    rows = [row for row in np.flatnonzero(motion.observed) if int(motion.frame[row]) in pictures]
+    standing = motion.observed & np.isin(motion.frame, _feet_in_view(results, shot, motion.person))
+    rows = [row for row in np.flatnonzero(standing) if int(motion.frame[row]) in pictures]
     if not rows:
         return None
     camera = camera_of(results, shot)
@@ -121,6 +125,14 @@ def _on_floor(
         K=np.stack([one.in_picture(camera.K[at[row]]) for one, row in zip(of_rows, rows, strict=True)]),
         pictures=[one.gray for one in of_rows],
     )
+
+
+def _feet_in_view(results: ShotResults, shot: int, person: int) -> Int[Array, " n"]:
+    """Frames in which a foot is seen: where the floor is below an upper body is a guess."""
+    scene = results.scenes[results.shots.shots[shot].scene]
+    tracks = [scene.track_of(one) for one in results.shots.shots[shot].people if one.person == person and scene]
+    seen = [track.frame[(track.keypoints2d[:, FEET, 2] >= LEAST_VISIBILITY).any(axis=1)] for track in tracks]
+    return np.concatenate([np.zeros(0, np.int32), *seen])
 
 
 def _floor_height(lowest: Float[Array, " n"], time_s: Float[Array, " n"], camera: ShotCamera) -> Float[Array, " n"]:

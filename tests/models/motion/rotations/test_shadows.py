@@ -9,7 +9,7 @@ from three_shots import camera, results
 
 from humanmm.models.geometry.rotations import angle_between_deg
 from humanmm.models.motion.rotations.rotation_mixtures import RotationEdge, Upright
-from humanmm.models.motion.rotations.shadows import NEIGHBOURS, ShotLight, light_edges, shot_lights
+from humanmm.models.motion.rotations.shadows import FEET, NEIGHBOURS, ShotLight, light_edges, shot_lights
 from humanmm.models.motion.rotations.shot_results import ShotResults
 from humanmm.models.records.shots import Person
 from humanmm.models.shadows.light import AZIMUTHS_DEG, ELEVATIONS_DEG
@@ -67,6 +67,17 @@ def test_the_shadow_of_somebody_doubtful_is_not_asked() -> None:
     whole = lit()
     doubtful = replace(whole.shots, people=(Person(0, np.zeros(10), 1.0, probability=0.3),))
     assert not shot_lights(replace(whole, shots=doubtful), upright())
+
+
+def test_whose_feet_are_never_in_view_stands_on_no_floor() -> None:
+    whole = lit()
+    scenes = []
+    for scene in whole.scenes:
+        assert scene is not None
+        keypoints = scene.tracks[0].keypoints2d.copy()
+        keypoints[:, FEET, 2] = 0.2
+        scenes.append(replace(scene, tracks=(replace(scene.tracks[0], keypoints2d=keypoints),)))
+    assert not shot_lights(replace(whole, scenes=scenes), upright())
 
 
 def light(azimuth: int, probability: float = 0.95) -> ShotLight:
