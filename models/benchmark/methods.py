@@ -257,8 +257,8 @@ def _recovered(method: str, stages: _SharedStages) -> WorldMotion:  # noqa: PLR0
         return stages.refine(stages.start, align(results, method=align_by_eight_point))
     if method in _WITNESS_LEFT_OUT:
         witness = _WITNESS_LEFT_OUT[method]
-        seen = {"background": results.key_frames, "walls": results.key_frames, "shadows": results.ground}
-        if not any(seen.get(witness, [True])):
+        pictures = {"background": results.key_frames, "walls": results.key_frames, "shadows": results.ground}
+        if witness in pictures and not any(pictures[witness]):
             return stages.refined
         return stages.refine(stages.start, align(results, method=how, witnesses=WITNESSES - {witness}))
     if method in _OTHER_BEGINNINGS:

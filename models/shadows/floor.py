@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
 from humanmm.models.body.body24 import PARENTS
+from humanmm.models.geometry.projection import project
 from humanmm.models.shadows.ground import HIDDEN
 
 Array = np.ndarray
@@ -97,8 +98,7 @@ def _in_picture(
 ) -> tuple[Float[Array, "*n 2"], Float[Array, "*n"]]:
     """Pixels of points about the camera in levelled axes, and their depths."""
     in_camera = points @ R_level_cam
-    image = in_camera @ K.T
-    return image[..., :2] / np.maximum(image[..., 2:], 1e-3), in_camera[..., 2]
+    return project(in_camera, K, near_m=1e-3), in_camera[..., 2]
 
 
 def _not_hidden(person: PosedOnFloor, k: int) -> UInt8[Array, "height width"]:

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
 from humanmm.models.geometry.boxes import box_area
+from humanmm.models.perception.regions import invert, warp
 from humanmm.models.records.shots import Shot
 from humanmm.models.records.tracks import PersonTrack
 
@@ -40,15 +41,12 @@ class GroundPicture:
     gray: UInt8[Array, "height width"]
     """HIDDEN where somebody is."""
 
-    @property
-    def from_source(self) -> Float[Array, "3 3"]:
-        """Pixels of the frame to its own, homogeneous."""
-        (x, y), scale = self.corner, self.scale
-        return np.array([[1 / scale, 0, -x / scale], [0, 1 / scale, -y / scale], [0, 0, 1]])
-
     def in_picture(self, K: Float[Array, "3 3"]) -> Float[Array, "3 3"]:
         """Intrinsics of the frame as those of this part of it."""
-        return np.asarray(self.from_source @ K)
+        reduced = K / self.scale
+        reduced[:2, 2] = (K[:2, 2] - self.corner) / self.scale
+        reduced[2] = K[2]
+        return np.asarray(reduced)
 
     def pixels(self, box: Float[Array, "4"]) -> Float[Array, "4"]:
         """A box of the frame, xyxy in source pixels, in pixels of this part of it."""
@@ -103,8 +101,9 @@ def _silhouette(picture: GroundPicture, track: PersonTrack, row: int) -> Bool[Ar
         x0, y0, x1, y1 = np.maximum(np.round(picture.pixels(track.bbox[row])), 0).astype(int)
         inside[y0:y1, x0:x1] = True
         return inside
-    to_source = np.vstack([track.mask_affine[row].astype(np.float64), [0, 0, 1]])
-    half = np.array([[1, 0, 0.5], [0, 1, 0.5], [0, 0, 1]])  # OpenCV has the centres of pixels at integers
-    affine = np.linalg.inv(half) @ picture.from_source @ to_source @ half
+    to_mask = invert(track.mask_affine[row].astype(np.float64))
+    to_mask[:, 2] += to_mask[:, :2] @ picture.corner
+    to_mask[:, :2] *= picture.scale
+    height, width = picture.gray.shape
     grown = cv2.dilate(mask, np.ones((GROWN, GROWN), np.uint8))
-    return cv2.warpAffine(grown, affine[:2], picture.gray.shape[::-1], flags=cv2.INTER_NEAREST) > 0
+    return np.asarray(warp(grown, to_mask, (width, height), nearest=True) > 0)

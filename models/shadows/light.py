@@ -58,8 +58,10 @@ def light_log_likelihood(person: PosedOnFloor, floor: SeenFloor) -> Float[Array,
     of_mean = weight * (mean - float(weight @ mean) / weight.sum())
     slope = np.where(seen, of_mean / times + beside / noise, 0.0).ravel().astype(np.float32)
     found = np.empty((len(AZIMUTHS_DEG), len(ELEVATIONS_DEG)))
+    *slanting, overhead = np.radians(ELEVATIONS_DEG)
+    below = cast_shadows(person, 0.0, overhead)  # the same for all azimuths
     for row, azimuth in enumerate(np.radians(AZIMUTHS_DEG)):
-        masks = np.stack([cast_shadows(person, azimuth, elevation) for elevation in np.radians(ELEVATIONS_DEG)])
+        masks = np.stack([*(cast_shadows(person, azimuth, elevation) for elevation in slanting), below])
         covered = masks.reshape(len(masks), *seen.shape) & seen
         darker = -(covered.reshape(len(masks), -1).astype(np.float32) @ slope)
         num = covered.sum(axis=1, dtype=np.uint8)

@@ -70,9 +70,9 @@ def shot_lights(results: ShotResults, upright: Mapping[int, Upright]) -> dict[in
     for shot, up in upright.items():
         axes = level_axes(up.direction)
         people = [
-            posed
+            person
             for motion in motions_of(results, shot).values()
-            if motion.person in certain and (posed := _on_floor(results, shot, motion, axes)) is not None
+            if motion.person in certain and (person := _on_floor(results, shot, motion, axes)) is not None
         ]
         if people:
             evidence = [_either(light_log_likelihood(person, seen_floor(person))) for person in people]
@@ -89,9 +89,9 @@ def light_edges(lights: Mapping[int, ShotLight]) -> list[RotationEdge]:
         first, second = lights[a], lights[b]
         both = ONE_LIGHT * first.probability * second.probability
         hypotheses = []
-        for heading_deg, sigma_deg, share in _peaks(_headings(first, second)):
+        for heading_deg, spread_deg, share in _peaks(_headings(first, second)):
             if both * share >= LEAST_PROBABILITY:
-                sigma_deg = float(np.linalg.norm([sigma_deg, first.sigma_deg, second.sigma_deg]))
+                sigma_deg = float(np.linalg.norm([spread_deg, first.sigma_deg, second.sigma_deg]))
                 R = rotvec_to_rotmat(np.array([0.0, 0.0, math.radians(heading_deg)]))
                 hypotheses.append(
                     RotationHypothesis(first.axes @ R @ second.axes.T, sigma_deg, both * share, "shadows")
@@ -106,8 +106,8 @@ def _on_floor(
 ) -> PosedOnFloor | None:
     """A person in the pictures of a shot's ground in which he stands in view; None if there are none."""
     pictures = {picture.frame: picture for picture in results.ground[shot]}
-    standing = motion.observed & np.isin(motion.frame, _feet_in_view(results, shot, motion.person))
-    rows = [row for row in np.flatnonzero(standing) if int(motion.frame[row]) in pictures]
+    in_view = motion.observed & np.isin(motion.frame, _feet_in_view(results, shot, motion.person))
+    rows = [row for row in np.flatnonzero(in_view) if int(motion.frame[row]) in pictures]
     if not rows:
         return None
     camera = camera_of(results, shot)
