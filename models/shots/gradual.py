@@ -11,6 +11,7 @@ import numpy as np
 
 from humanmm.models.geometry.intervals import Interval, merged, runs_of_true
 from humanmm.models.shots.picture_window import THUMB, PictureWindow
+from humanmm.models.shots.similarity import displacement
 from humanmm.models.video.frame_times import ROUNDING_S
 
 _MIN_LENGTH = 3
@@ -23,18 +24,20 @@ _WORST_RESIDUAL = 0.5
 """The same for each quarter of a window that may hold a dissolve. In the middle of a pan it is 0.87."""
 _MAX_RAMP_ERROR = 0.12
 """Root-mean-square deviation of the blend weight from a straight ramp; motion bends it."""
-_MAX_LEAP = 0.4
-"""No single frame of a dissolve makes more than this fraction of the change: that would be a hard cut."""
+_MAX_LEAP, _LEAP_TIMES = 0.4, 4.0
+"""No single frame of a dissolve makes more than this fraction of the change, or more than so many times the change that
+is even for its time: that would be a hard cut."""
 _UNRELATED = 0.28
 """The ends of a dissolve correlate less once motion is undone: 0.02 to 0.25 (30 dissolves); of spans that look like one
 but are none, 0.28 to 0.44, but for long pans."""
 _PAN = 0.2
 """Quarters of a span that each show one place with the next, shifted by so much of the width in all, are a pan: a long
 one, whose ends have nothing in common, is shifted by 0.41; those of dissolves by 0.11 at most."""
+_CARRIED, _AGREEING, _LEAST_AGREEING = 0.15, 0.5, 10
+"""More than this part of the features that the ends of a pan share, and so many at least, are as near as this fraction
+of the width to where its steps take them."""
 _FAIR_STEP = 0.5
 """Each frame of a dissolve makes at least this fraction of the change that is even for its time."""
-_UNIFORM = 4.0
-"""Contrast (grey levels) below which a picture is uniform: a black or white frame after coding."""
 _RAMP_RANGE = (0.15, 0.85)
 """Fractions of the full contrast between which a fade's ramp is fitted; coding noise bends its ends."""
 _DIM = 0.35
@@ -71,20 +74,28 @@ def dissolves(window: PictureWindow, begin: int, end: int, longest: int) -> list
         start, stop = window.first + span.start, window.first + span.end
         if any(start < s.end and s.start < stop for s in found):
             continue
-        if window.motion(start - 1, stop).match > _UNRELATED or window.displacement(start - 1, stop) is not None:
+        ends = start - 1, stop
+        if window.motion(*ends).match > _UNRELATED or window.displacement(*ends) is not None:
             continue
-        if is_pan(window, start - 1, stop):
+        if is_pan(window, *ends):
             continue
         found.append(Interval(start, stop))
     return sorted(found)
 
 
 def is_pan(window: PictureWindow, before: int, after: int) -> bool:
-    """Whether the camera moves through one place from a frame to another, step by step."""
+    """Whether the camera moves through one place from a frame to another, step by step: far, or so that features of the
+    last picture are where all steps together take those of the first."""
     steps = np.linspace(before, after, 5).round().astype(int).tolist()
-    shifts = [window.displacement(a, b) for a, b in pairwise(steps)]
-    known = [shift for shift in shifts if shift is not None]
-    return len(known) == len(shifts) and sum(known) > _PAN
+    whole, far = np.eye(3), 0.0
+    for a, b in pairwise(steps):
+        step = window.similarity(a, b, alike=False)
+        if step is None:
+            return False
+        whole = np.vstack([step, [0, 0, 1]]) @ whole
+        far += displacement(step, window.gray[0].shape)
+    agreeing, matched = window.agreeing(before, after, whole[:2], _CARRIED)
+    return far > _PAN or (agreeing >= _LEAST_AGREEING and agreeing > _AGREEING * matched)
 
 
 def _blends(thumbs: np.ndarray, time_s: np.ndarray, length: int) -> list[tuple[float, int, int]]:
@@ -144,13 +155,16 @@ def _ramp(thumbs: np.ndarray, time_s: np.ndarray, first: int, last: int, longest
     if not _MIN_LENGTH <= last - first - 1 <= longest or time_s[last - 1] - time_s[first + 1] > DISSOLVE_S:
         return None
     frame = np.arange(first + 1, last)
+    difference = thumbs[last] - thumbs[first]
+    energy = max(float(difference @ difference), 1e-6)
     weight = (thumbs[frame] - thumbs[first]) @ difference / energy
     straight = (time_s[frame] - time_s[first]) / (time_s[last] - time_s[first])
     error = float(np.sqrt(np.mean((weight - straight) ** 2)))
     left = thumbs[frame] - thumbs[first] - weight[:, None] * difference
     residual = float(np.sqrt((left**2).sum(axis=1) / energy).mean())
-    leap = float(np.diff(np.r_[0.0, weight, 1.0]).max())
-    ramp = error < _MAX_RAMP_ERROR and residual < _MAX_RESIDUAL and leap < _MAX_LEAP
+    steps, even_steps = (np.diff(np.r_[0.0, of_frame, 1.0]) for of_frame in (weight, straight))
+    leaps = bool((steps >= np.minimum(_MAX_LEAP, _LEAP_TIMES * even_steps)).any())
+    ramp = error < _MAX_RAMP_ERROR and residual < _MAX_RESIDUAL and not leaps
     return Interval(first + 1, last) if ramp else None
 
 
@@ -172,10 +186,10 @@ def most_frames(time_s: np.ndarray, duration_s: float) -> int:
     return int((first_after - np.arange(len(time_s))).max())
 
 
-def uniform_runs(contrast: Sequence[float]) -> list[Interval]:
+def uniform_runs(uniform: Sequence[bool]) -> list[Interval]:
     """Runs of uniform pictures that touch neither end of the video."""
-    runs = runs_of_true(np.asarray(contrast) < _UNIFORM)
-    return [run for run in runs if run.start > 0 and run.end < len(contrast)]
+    runs = runs_of_true(np.asarray(uniform, bool))
+    return [run for run in runs if run.start > 0 and run.end < len(uniform)]
 
 
 def fade_around(contrast: Sequence[float], run: Interval, time_s: np.ndarray) -> Interval:

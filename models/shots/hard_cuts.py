@@ -100,12 +100,13 @@ def _one_place(window: PictureWindow, frame: int, start: int, end: int, speed: f
 
 def _is_flash(window: PictureWindow, frame: int) -> bool:
     """Whether the change at `frame` is part of a flash: light is added (or taken away), then the view is back."""
+    speed = window.usual_speed(frame, REACH // 2)
     for before in range(frame - 1, max(window.first, frame - 1 - _FLASH_FRAMES) - 1, -1):
         for after in range(max(frame, before + 2), min(window.end, before + 2 + _FLASH_FRAMES)):
             lit = range(before + 1, after)
             if not (_one_sided(window, before, lit, 1) or _one_sided(window, before, lit, -1)):
                 break  # a longer stretch holds the same frames
-            if _same_view(window, before, after):
+            if _same_view(window, before, after, speed):
                 return True
     return False
 
@@ -119,10 +120,15 @@ def _one_sided(window: PictureWindow, before: int, lit: range, sign: int) -> boo
     return True
 
 
-def _same_view(window: PictureWindow, before: int, after: int) -> bool:
-    """Whether two frames show the same things, light and motion between them apart."""
+def _same_view(window: PictureWindow, before: int, after: int, speed: float) -> bool:
+    """Whether two frames show the same things, light apart, and moved no farther than the camera's usual speed (widths
+    a second) takes it in the time between them."""
+    farthest = _JUMP + speed * window.elapsed_s(before, after)
     motion = window.motion(before, after)
-    return motion.match >= MATCHED and motion.flow < _JUMP + 0.01 * (after - before)
+    if motion.match < MATCHED or motion.flow >= farthest:
+        return False
+    displacement = window.displacement(before, after)
+    return displacement is None or displacement < farthest
 
 
 def _neighbours(window: PictureWindow, frame: int, count: int) -> list[int]:

@@ -9,13 +9,24 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 
-from humanmm.models.shots.similarity import Landmarks, Motion, MotionMeter, PlaceRecogniser, color_histogram
+from humanmm.models.shots.similarity import (
+    Landmarks,
+    Motion,
+    MotionMeter,
+    PlaceRecogniser,
+    color_histogram,
+    displacement,
+)
 
 SIDE_PX = 192
 """Largest side of the pictures that are looked at."""
 THUMB = (32, 18)
 """Width and height of the thumbnails in which blends are looked for."""
 _BGR_TO_LUMA = np.array([0.114, 0.587, 0.299], np.float32)
+_UNIFORM = 4.0
+"""Contrast (grey levels) below which a picture is uniform: a black or white frame after coding."""
+_FEATURELESS = 5
+"""It has fewer features than this: black frames have none, a street at night of the same contrast 17 to 48."""
 _FROZEN = 0.3
 """A mean change (of 255) below which a frame repeats the one before it."""
 
@@ -37,6 +48,8 @@ class PictureWindow:
     """Fraction of the colour histogram that differs from the frame before, 0..1."""
     contrast: list[float] = field(default_factory=list)
     """Standard deviation of the luma of the thumbnail, grey levels."""
+    uniform: list[bool] = field(default_factory=list)
+    """Whether there is nothing to be seen: hardly any contrast, and no features (a street at night has some)."""
     _last: tuple[np.ndarray, np.ndarray] | None = None
     _motion: dict[tuple[int, int], Motion] = field(default_factory=dict)
     _landmarks: dict[int, Landmarks] = field(default_factory=dict)
@@ -62,6 +75,8 @@ class PictureWindow:
         self.gray.append(cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY))
         self.thumbs.append(thumb.astype(np.float32).ravel())
         self.contrast.append(float(cv2.cvtColor(thumb, cv2.COLOR_BGR2GRAY).std()))
+        low = self.contrast[-1] < _UNIFORM
+        self.uniform.append(low and len(self._features(self.end - 1).xy) < _FEATURELESS)
 
     def forget_before(self, frame: int) -> None:
         """Drop the pictures of frames before this one."""
@@ -90,8 +105,16 @@ class PictureWindow:
 
     def displacement(self, before: int, after: int) -> float | None:
         """Mean shift of the picture as a fraction of its width if both frames show one place, else None."""
-        shape = self.gray[0].shape
-        return self._places.displacement(self._features(before), self._features(after), (shape[0], shape[1]))
+        similarity = self.similarity(before, after)
+        return None if similarity is None else displacement(similarity, self.gray[0].shape)
+
+    def similarity(self, before: int, after: int, *, alike: bool = True) -> np.ndarray | None:
+        """(2,3): takes pixels of a frame to those of another if both show one place (`PlaceRecogniser.similarity`)."""
+        return self._places.similarity(self._features(before), self._features(after), alike=alike)
+
+    def agreeing(self, before: int, after: int, similarity: np.ndarray, within: float) -> tuple[int, int]:
+        """How many features of two frames agree on a transform, of how many (`PlaceRecogniser.agreeing`)."""
+        return self._places.agreeing(self._features(before), self._features(after), similarity, within)
 
     def _features(self, frame: int) -> Landmarks:
         if frame not in self._landmarks:

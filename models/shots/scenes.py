@@ -69,7 +69,11 @@ class SceneDetector:
         if self._window.end > self._decided:
             self._decide(self._window.end)
         contrast, time_s = self._window.contrast, self._window.time_s
-        fades = [fade_around(contrast, run, time_s) for run in uniform_runs(contrast) if run not in self._flickers]
+        fades = [
+            fade_around(contrast, run, time_s)
+            for run in uniform_runs(self._window.uniform)
+            if run not in self._flickers
+        ]
         blends, dim = meeting_blends(contrast, self._dissolves)
         # fades that touch are one: black, a flicker of grey, black
         return Scenes(self._window.end, _without_overlap(self._cuts, blends, merged([*fades, *dim])))
@@ -83,7 +87,7 @@ class SceneDetector:
         self._proposals = [p for p in self._proposals if p >= until]
         changes = [*self._cuts, *(s.end for s in self._dissolves if s.end <= begin)]
         self._cuts += hard_cuts(window, here, max(changes, default=0))
-        for run in uniform_runs(window.contrast):
+        for run in uniform_runs(window.uniform):
             is_short = elapsed_s(window.time_s, run.start, run.end) <= _FLICKER_S
             if begin <= run.end < until and is_short and self._same_place(run):
                 self._flickers.append(run)

@@ -41,14 +41,14 @@ def test_a_fade_reaches_as_far_as_its_light_changes_linearly_in_time(seconds: fl
     out_s, in_s = TIME_S[50], TIME_S[70]
     light = np.clip(np.maximum((out_s - TIME_S) / seconds, (TIME_S - in_s) / seconds), 0, 1)
     contrast = 40 * light
-    (run,) = uniform_runs(contrast.tolist())
+    (run,) = uniform_runs((contrast < 4).tolist())
     found = fade_around(contrast.tolist(), run, TIME_S)
     inside = np.flatnonzero(light < 1)
     assert abs(found.start - inside[0]) <= 1 and abs(found.end - inside[-1] - 1) <= 1
 
 
 def test_uniform_runs_touch_neither_end() -> None:
-    assert uniform_runs([0, 0, 30, 1, 2, 30, 0, 30, 0]) == [(3, 5), (6, 7)]
+    assert uniform_runs([True, True, False, True, True, False, True, False, True]) == [(3, 5), (6, 7)]
 
 
 def test_the_most_frames_in_a_duration_are_those_where_frames_are_densest() -> None:
@@ -80,7 +80,7 @@ def test_a_long_pan_is_no_dissolve_however_little_its_ends_have_in_common() -> N
     for frame in range(60):
         window.append(place.picture(0, offset=(0.7 * WIDTH * frame / 59, 0)))
     assert is_pan(window, 0, 59)
-    assert not is_pan(window, 0, 4)  # hardly moves
+    assert is_pan(window, 0, 12)  # not far, but what is seen moves on as it did from step to step
 
 
 def test_a_dissolve_between_two_places_is_no_pan() -> None:

@@ -1,7 +1,8 @@
 """Hard cuts in pans at irregular times: a long time between frames moves the picture far, and is no cut."""
 
+import cv2
 import numpy as np
-from places import marbled
+from places import Place, marbled
 
 from humanmm.models.shots.scenes import find_scenes
 
@@ -35,3 +36,12 @@ def test_a_cut_to_another_part_of_the_same_wall_is_found_while_the_camera_pans()
     """The views overlap, so that a displacement is found, and the pan's own changes hide the size of the cut's."""
     offsets = 3.0 * np.arange(60) + 60.0 * (np.arange(60) >= 30)
     assert cuts([marbled(float(offset)) for offset in offsets], np.arange(60) / 30) == [30]
+
+
+def test_a_view_that_is_lit_and_moved_at_once_is_a_cut_and_one_that_is_lit_is_none() -> None:
+    """Cameras of one room are exposed differently; their views overlap."""
+    place, time_s = Place(4), np.arange(60) / 30
+    lit = [cv2.add(place.picture(t), (50.0, 50.0, 50.0, 0)) for t in range(30, 60)]
+    moved = [cv2.add(place.picture(t, (12, 0)), (50.0, 50.0, 50.0, 0)) for t in range(30, 60)]
+    assert cuts(place.still(30) + lit, time_s) == []
+    assert cuts(place.still(30) + moved, time_s) == [30]

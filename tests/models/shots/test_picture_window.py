@@ -1,8 +1,9 @@
 """The window of small pictures and what is measured in it."""
 
+import cv2
 import numpy as np
 import pytest
-from places import WIDTH, Place
+from places import HEIGHT, WIDTH, Place
 
 from humanmm.models.shots.picture_window import PictureWindow
 
@@ -38,3 +39,15 @@ def test_pictures_that_are_forgotten_leave_the_numbers_and_the_later_pictures() 
     assert window.change == change
     np.testing.assert_array_equal(window.luma(9), luma)
     assert window.displacement(8, 11) is not None
+
+
+def test_a_street_at_night_is_not_uniform_as_a_black_picture_is() -> None:
+    black = np.random.default_rng(0).integers(0, 3, (HEIGHT, WIDTH, 3)).astype(np.uint8)
+    night = black.copy()
+    for k in range(12):
+        x, y = 10 + 15 * k, 12 + 37 * k % (HEIGHT - 24)
+        night[y : y + 6, x : x + 6] += 40
+    night = cv2.GaussianBlur(night, (0, 0), 1.0)
+    window = filmed([black, night])
+    assert max(window.contrast) < 4
+    assert window.uniform == [True, False]

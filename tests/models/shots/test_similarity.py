@@ -5,7 +5,13 @@ import numpy as np
 import pytest
 from places import HEIGHT, WIDTH, Place, marbled
 
-from humanmm.models.shots.similarity import MotionMeter, PlaceRecogniser, color_histogram, correlation
+from humanmm.models.shots.similarity import (
+    MotionMeter,
+    PlaceRecogniser,
+    color_histogram,
+    correlation,
+    displacement,
+)
 
 
 def gray(seed: int, offset: tuple[float, float] = (0, 0)) -> np.ndarray:
@@ -32,16 +38,30 @@ def test_motion_between_neighbours_is_the_cameras_shift(shift_px: float) -> None
 @pytest.mark.parametrize("offset", [(0.0, 0.0), (25.0, -6.0), (40.0, 8.0)])
 def test_a_place_is_recognised_with_its_displacement(offset: tuple[float, float]) -> None:
     recogniser, (first, second) = PlaceRecogniser(), (gray(4), gray(4, offset))
-    found = recogniser.displacement(recogniser.landmarks(first), recogniser.landmarks(second), (HEIGHT, WIDTH))
+    found = recogniser.similarity(recogniser.landmarks(first), recogniser.landmarks(second))
     assert found is not None
-    assert found * WIDTH == pytest.approx(np.hypot(*offset), abs=1.5)
+    assert displacement(found, first.shape) * WIDTH == pytest.approx(np.hypot(*offset), abs=1.5)
 
 
 def test_another_place_and_an_empty_picture_are_not_recognised() -> None:
     recogniser = PlaceRecogniser()
     here, there, nothing = (recogniser.landmarks(g) for g in (gray(5), gray(6), np.full((HEIGHT, WIDTH), 90, np.uint8)))
-    assert recogniser.displacement(here, there, (HEIGHT, WIDTH)) is None
-    assert recogniser.displacement(here, nothing, (HEIGHT, WIDTH)) is None
+    assert recogniser.similarity(here, there) is None
+    assert recogniser.similarity(here, nothing) is None
+
+
+def test_one_poster_in_two_places_does_not_make_them_one() -> None:
+    noise = np.random.default_rng(0).integers(0, 255, (3, HEIGHT, WIDTH), np.uint8)
+    here, there, elsewhere = (cv2.GaussianBlur(one, (0, 0), 1.5) for one in noise)
+    here[5:95, 20:75] = there[5:95, 30:85] = elsewhere[5:95, 20:75]
+    recogniser = PlaceRecogniser()
+    first, second = recogniser.landmarks(here), recogniser.landmarks(there)
+    poster = recogniser.similarity(first, second, alike=False)
+    assert poster is not None  # its features agree
+    np.testing.assert_allclose(poster, [[1, 0, 10], [0, 1, 0]], atol=1.5)
+    assert recogniser.similarity(first, second) is None
+    agreeing, matched = recogniser.agreeing(first, second, poster, 0.02)
+    assert 10 <= agreeing <= matched
 
 
 def test_a_colour_histogram_counts_pixels() -> None:
