@@ -11,7 +11,7 @@ import numpy as np
 
 from humanmm.models.geometry.intervals import Interval, merged, runs_of_true
 from humanmm.models.shots.picture_window import THUMB, PictureWindow
-from humanmm.models.shots.similarity import displacement
+from humanmm.models.shots.similarity import mean_shift
 from humanmm.models.video.frame_times import ROUNDING_S
 
 _MIN_LENGTH = 3
@@ -77,25 +77,35 @@ def dissolves(window: PictureWindow, begin: int, end: int, longest: int) -> list
         ends = start - 1, stop
         if window.motion(*ends).match > _UNRELATED or window.displacement(*ends) is not None:
             continue
-        if is_pan(window, *ends):
+        if is_pan(window, *ends) or is_carried_along(window, *ends):
             continue
         found.append(Interval(start, stop))
     return sorted(found)
 
 
 def is_pan(window: PictureWindow, before: int, after: int) -> bool:
-    """Whether the camera moves through one place from a frame to another, step by step: far, or so that features of the
-    last picture are where all steps together take those of the first."""
-    steps = np.linspace(before, after, 5).round().astype(int).tolist()
-    whole, far = np.eye(3), 0.0
-    for a, b in pairwise(steps):
-        step = window.similarity(a, b, alike=False)
-        if step is None:
-            return False
+    """Whether the camera moves through one place from a frame to another, step by step."""
+    shape = window.gray[0].shape
+    return sum(mean_shift(step, shape) for step in _place_steps(window, before, after)) > _PAN
+
+
+def is_carried_along(window: PictureWindow, before: int, after: int) -> bool:
+    """Whether features of one frame are, in another, where the steps through one place take them."""
+    steps, whole = _place_steps(window, before, after), np.eye(3)
+    if not steps:
+        return False
+    for step in steps:
         whole = np.vstack([step, [0, 0, 1]]) @ whole
-        far += displacement(step, window.gray[0].shape)
     agreeing, matched = window.agreeing(before, after, whole[:2], _CARRIED)
-    return far > _PAN or (agreeing >= _LEAST_AGREEING and agreeing > _AGREEING * matched)
+    return agreeing >= _LEAST_AGREEING and agreeing > _AGREEING * matched
+
+
+def _place_steps(window: PictureWindow, before: int, after: int) -> list[np.ndarray]:
+    """Transforms (2,3) from each quarter of a span to the next; none where two of them do not show one place."""
+    quarters = np.linspace(before, after, 5).round().astype(int).tolist()
+    steps = [window.similarity(a, b, alike=False) for a, b in pairwise(quarters)]
+    known = [step for step in steps if step is not None]
+    return known if len(known) == len(steps) else []
 
 
 def _blends(thumbs: np.ndarray, time_s: np.ndarray, length: int) -> list[tuple[float, int, int]]:

@@ -69,8 +69,8 @@ def _is_cut(window: PictureWindow, frame: int, start: int, end: int) -> bool:
     if jump < _JUMP or _jump_outstanding(window, frame) < _JUMP_STANDS_OUT:
         return False
     unseen_s = window.elapsed_s(frame - 1 - _frozen_before(window, frame), frame)
-    usual = window.usual_speed(frame, REACH // 2) * unseen_s
-    return jump >= _JUMP_TIMES * usual and not _is_flash(window, frame)
+    speed = window.usual_speed(frame, REACH // 2)
+    return jump >= _JUMP_TIMES * speed * unseen_s and not _is_flash(window, frame, speed)
 
 
 def _is_new_place(window: PictureWindow, frame: int, start: int, end: int) -> bool:
@@ -79,9 +79,11 @@ def _is_new_place(window: PictureWindow, frame: int, start: int, end: int) -> bo
     stands_out = window.change[frame] >= _STANDS_OUT * max(1.0, sum(quiet) / max(1, len(quiet)))
     usual_colors = min((window.color_change[t] for t in around), default=0.0)
     new_colors = window.color_change[frame] >= max(_NEW_COLORS, _STANDS_OUT * usual_colors)
-    if not (stands_out or new_colors) or _is_flash(window, frame):
+    if not (stands_out or new_colors):
         return False
     speed = window.usual_speed(frame, REACH // 2)
+    if _is_flash(window, frame, speed):
+        return False
     if speed * window.elapsed_s(frame - 1, frame) < _VIOLENT or window.color_change[frame] >= _OTHER_COLORS:
         return True
     return not _one_place(window, frame, start, end, speed)
@@ -93,14 +95,13 @@ def _one_place(window: PictureWindow, frame: int, start: int, end: int, speed: f
     for before in (frame - 1 - step for step in _STEPS if frame - 1 - step >= start):
         for after in (frame + step for step in _STEPS if frame + step < end):
             displacement = window.displacement(before, after)
-            if displacement is not None and displacement < _JUMP + speed * window.elapsed_s(before, after):
+            if displacement is not None and displacement < _farthest(window, before, after, speed):
                 return True
     return False
 
 
-def _is_flash(window: PictureWindow, frame: int) -> bool:
+def _is_flash(window: PictureWindow, frame: int, speed: float) -> bool:
     """Whether the change at `frame` is part of a flash: light is added (or taken away), then the view is back."""
-    speed = window.usual_speed(frame, REACH // 2)
     for before in range(frame - 1, max(window.first, frame - 1 - _FLASH_FRAMES) - 1, -1):
         for after in range(max(frame, before + 2), min(window.end, before + 2 + _FLASH_FRAMES)):
             lit = range(before + 1, after)
@@ -123,12 +124,17 @@ def _one_sided(window: PictureWindow, before: int, lit: range, sign: int) -> boo
 def _same_view(window: PictureWindow, before: int, after: int, speed: float) -> bool:
     """Whether two frames show the same things, light apart, and moved no farther than the camera's usual speed (widths
     a second) takes it in the time between them."""
-    farthest = _JUMP + speed * window.elapsed_s(before, after)
+    farthest = _farthest(window, before, after, speed)
     motion = window.motion(before, after)
     if motion.match < MATCHED or motion.flow >= farthest:
         return False
     displacement = window.displacement(before, after)
     return displacement is None or displacement < farthest
+
+
+def _farthest(window: PictureWindow, before: int, after: int, speed: float) -> float:
+    """How far a camera of this usual speed (widths a second) moves its picture between two frames, without a jump."""
+    return _JUMP + speed * window.elapsed_s(before, after)
 
 
 def _neighbours(window: PictureWindow, frame: int, count: int) -> list[int]:

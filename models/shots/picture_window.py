@@ -15,7 +15,7 @@ from humanmm.models.shots.similarity import (
     MotionMeter,
     PlaceRecogniser,
     color_histogram,
-    displacement,
+    mean_shift,
 )
 
 SIDE_PX = 192
@@ -106,7 +106,7 @@ class PictureWindow:
     def displacement(self, before: int, after: int) -> float | None:
         """Mean shift of the picture as a fraction of its width if both frames show one place, else None."""
         similarity = self.similarity(before, after)
-        return None if similarity is None else displacement(similarity, self.gray[0].shape)
+        return None if similarity is None else mean_shift(similarity, self.gray[0].shape)
 
     def similarity(self, before: int, after: int, *, alike: bool = True) -> np.ndarray | None:
         """(2,3): takes pixels of a frame to those of another if both show one place (`PlaceRecogniser.similarity`)."""

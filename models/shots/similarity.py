@@ -136,7 +136,7 @@ class PlaceRecogniser:
         return self._meter(first.gray, np.where(shown, moved, first.gray), shown).match
 
 
-def displacement(similarity: np.ndarray, shape: tuple[int, ...]) -> float:
+def mean_shift(similarity: np.ndarray, shape: tuple[int, ...]) -> float:
     """Mean shift of a (H,W) picture by a similarity transform (2,3), as a fraction of W."""
     height, width = shape
     corners = np.array([[x, y, 1] for x in (0, width / 2, width) for y in (0, height / 2, height)], np.float64)

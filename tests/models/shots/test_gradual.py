@@ -6,7 +6,14 @@ import pytest
 from places import HEIGHT, WIDTH, Place
 
 from humanmm.models.geometry.intervals import Interval
-from humanmm.models.shots.gradual import fade_around, is_pan, meeting_blends, most_frames, uniform_runs
+from humanmm.models.shots.gradual import (
+    fade_around,
+    is_carried_along,
+    is_pan,
+    meeting_blends,
+    most_frames,
+    uniform_runs,
+)
 from humanmm.models.shots.picture_window import PictureWindow
 from humanmm.models.shots.scenes import find_scenes
 
@@ -80,7 +87,8 @@ def test_a_long_pan_is_no_dissolve_however_little_its_ends_have_in_common() -> N
     for frame in range(60):
         window.append(place.picture(0, offset=(0.7 * WIDTH * frame / 59, 0)))
     assert is_pan(window, 0, 59)
-    assert is_pan(window, 0, 12)  # not far, but what is seen moves on as it did from step to step
+    assert not is_pan(window, 0, 4)  # hardly moves
+    assert is_carried_along(window, 0, 12)
 
 
 def test_a_dissolve_between_two_places_is_no_pan() -> None:
@@ -89,3 +97,4 @@ def test_a_dissolve_between_two_places_is_no_pan() -> None:
     for frame in range(20):
         window.append(blended(one.picture(frame), two.picture(frame), frame / 19))
     assert not is_pan(window, 0, 19)
+    assert not is_carried_along(window, 0, 19)

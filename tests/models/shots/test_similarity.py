@@ -10,7 +10,7 @@ from humanmm.models.shots.similarity import (
     PlaceRecogniser,
     color_histogram,
     correlation,
-    displacement,
+    mean_shift,
 )
 
 
@@ -40,7 +40,7 @@ def test_a_place_is_recognised_with_its_displacement(offset: tuple[float, float]
     recogniser, (first, second) = PlaceRecogniser(), (gray(4), gray(4, offset))
     found = recogniser.similarity(recogniser.landmarks(first), recogniser.landmarks(second))
     assert found is not None
-    assert displacement(found, first.shape) * WIDTH == pytest.approx(np.hypot(*offset), abs=1.5)
+    assert mean_shift(found, first.shape) * WIDTH == pytest.approx(np.hypot(*offset), abs=1.5)
 
 
 def test_another_place_and_an_empty_picture_are_not_recognised() -> None:
