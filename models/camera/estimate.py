@@ -29,6 +29,7 @@ from humanmm.models.camera.odometry.keyframe_odometry import (
     all_images,
     rotating,
 )
+from humanmm.models.camera.odometry.scenery import scenery_of
 from humanmm.models.camera.odometry.tracked_shot import TrackedShot, arrange
 from humanmm.models.geometry import rotations
 from humanmm.models.geometry.intrinsics import K_of
@@ -160,15 +161,16 @@ def _result(points: PointTracks, shot: TrackedShot, intrinsics: Intrinsics, esti
     at, known_at = np.arange(points.start, points.end, dtype=float), shot.frame.astype(float)
     R_shot_cam = rotations.interpolate_rotations(at, known_at, estimate.views.R_shot_cam)
     R_first = R_shot_cam[0].T
-    t_shot_cam = np.zeros((len(at), 3))
+    t_shot_cam, scenery = np.zeros((len(at), 3)), None
     if moves:
-        t_shot_cam = np.stack([np.interp(at, known_at, estimate.views.t_shot_cam[:, axis]) for axis in range(3)], 1)
-        t_shot_cam = (t_shot_cam - t_shot_cam[0]) @ R_first.T
+        t_map_cam = np.stack([np.interp(at, known_at, estimate.views.t_shot_cam[:, axis]) for axis in range(3)], 1)
+        t_shot_cam = (t_map_cam - t_map_cam[0]) @ R_first.T
+        scenery = scenery_of(estimate.track, t_map_cam[0], R_first)
     K = np.tile(K_of(intrinsics), (len(at), 1, 1))
     K[:, [0, 1], [0, 1]] = np.interp(at, known_at, estimate.views.focals_px)[:, None]
     check = cross_check(shot, estimate.track, translating=moves)
     return ShotCamera(
         points.start, points.end, R_first @ R_shot_cam, t_shot_cam, K, estimate.source, metric=not moves,
         reprojection_px=float(np.median(estimate.residual_px)), cross_check=check,
-        warnings=estimate.warnings + warnings_of(check),
+        warnings=estimate.warnings + warnings_of(check), scenery=scenery,
     )  # fmt: skip

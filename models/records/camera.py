@@ -110,6 +110,16 @@ class CrossCheck:
     """Camera centres after its bundle adjustment and the best similarity, largest, as a fraction of their extent."""
 
 
+@dataclass(frozen=True, eq=False)
+class Scenery:
+    """Points of the background that a camera which travels has placed in space."""
+
+    positions: np.ndarray
+    """(p,3) float32, shot frame, in the unit of the camera's path."""
+    relative_std: np.ndarray
+    """(p,) float32, standard deviation of their distance from the camera, as a fraction of it."""
+
+
 @dataclass(frozen=True)
 class ShotCamera:
     """Camera of one shot [start, end) in the frame of its own first camera ("shot" frame: x right, y down, z
@@ -131,6 +141,8 @@ class ShotCamera:
     """Median reprojection error of the background points, pixels; nan if there are none."""
     cross_check: CrossCheck = CrossCheck()
     warnings: tuple[str, ...] = ()
+    scenery: Scenery | None = None
+    """What a camera that was tracked as it travels has seen; None of all others."""
 
     @property
     def travels(self) -> bool:

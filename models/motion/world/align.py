@@ -36,7 +36,8 @@ from humanmm.models.motion.rotations.shot_results import ShotResults, camera_of,
 from humanmm.models.motion.rotations.shot_rotations import ShotRotations, solve_rotations
 from humanmm.models.motion.rotations.walls import wall_edges, walls_of
 from humanmm.models.motion.world.people import Part, concatenated
-from humanmm.models.motion.world.solver import CameraEdge, SameCamera, ShotRig, ShotTrajectory, Solution, solve
+from humanmm.models.motion.world.problem import CameraEdge, SameCamera, ShotRig, ShotTrajectory
+from humanmm.models.motion.world.solver import Solution, solve
 from humanmm.models.records.camera import SOURCES
 from humanmm.models.records.motion import CutAlignment, PersonShotMotion, RotationEvidence, WorldMotion
 from humanmm.models.shots.identity import identity_probabilities
@@ -235,13 +236,16 @@ def _trajectory(
 
 def _rig(results: ShotResults, shot: int, R_world_shot: Float[Array, "3 3"], level_deg: float) -> ShotRig:
     camera = camera_of(results, shot)
-    return ShotRig(
+    rig = ShotRig(
         path=camera.t_shot_cam @ R_world_shot.T,
         start=camera.start,
         scale=1.0,
-        scale_known=camera.metric or not np.any(camera.t_shot_cam),
+        scale_known=camera.metric or not camera.travels,
         level_deg=level_deg,
     )
+    if camera.scenery is None:
+        return rig
+    return replace(rig, scenery=camera.scenery.positions @ R_world_shot.T, relative_std=camera.scenery.relative_std)
 
 
 def _at_origin(

@@ -13,67 +13,19 @@ scale of its path. All of it is linear but for the small rotations and the robus
 iteratively reweighted residuals. Time and memory grow linearly with the video.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
-from humanmm.models.geometry.robust import huber_weight
+from humanmm.models.geometry.robust import cauchy_weight, huber_weight
 from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat, skew
 from humanmm.models.motion.world.equations import CAMERA_UNKNOWNS, WorldEquations, segments_of
+from humanmm.models.motion.world.problem import CameraEdge, SameCamera, ShotRig, ShotTrajectory
+from humanmm.models.motion.world.scale import LogScale, scale_from_feet, scale_from_floor
 
 Array = np.ndarray
-
-
-@dataclass(frozen=True)
-class ShotTrajectory:
-    """One person in one shot: n observed frames. World axes already, up to the small rotations to be found."""
-
-    person: int
-    shot: int
-    frame: Int[Array, "n"]
-    time_s: Float[Array, "n"]
-    offset: Float[Array, "n 3"]
-    """Pelvis from the camera's centre, metres, world axes."""
-    feet: Float[Array, "n 4 3"]
-    """Sole points (left heel, left toes, right heel, right toes) from the pelvis, metres, world axes."""
-    weight: Float[Array, "n"]
-    """Trust in the observation, 0..1."""
-
-
-@dataclass(frozen=True)
-class ShotRig:
-    """One shot's camera in world axes."""
-
-    path: Float[Array, "F 3"]
-    """Camera centre of each frame from the shot's origin, world axes, in the camera's own unit."""
-    start: int
-    scale: float
-    """Metres per unit of `path`."""
-    scale_known: bool
-    level_deg: float = math.inf
-    """Standard deviation of its vertical by its own evidence."""
-
-
-@dataclass(frozen=True)
-class CameraEdge:
-    """Two shots whose rotation against each other is known."""
-
-    a: int
-    b: int
-    sigma_deg: float
-
-
-@dataclass(frozen=True)
-class SameCamera:
-    """Two frames of different shots taken by one static camera."""
-
-    shot_a: int
-    frame_a: int
-    shot_b: int
-    frame_b: int
 
 
 @dataclass(frozen=True)
@@ -95,6 +47,8 @@ class SolveSettings:
     acceleration_ms2: float = 6.0
     level_deg: float = 4.0
     """Error of a shot's vertical before the solve, where its own evidence claims no less."""
+    floor_scale_reach: float = 3.0
+    """Standard deviations from which the scale that the floor gives counts less (the scale of a Cauchy kernel)."""
     iterations: int = 12
     converged_m: float = 3e-4
     """Nobody moves further in the last step, metres: what is left to go is below a millimetre."""
@@ -125,7 +79,13 @@ def solve(
     rotation."""
     options = SolveSettings()
     shots = len(rigs)
-    scale = np.array([r.scale if r.scale_known else start_scale(r, k, trajectories) for k, r in enumerate(rigs)])
+    floors, scale = list[LogScale | None](), np.ones(shots)
+    for shot, rig in enumerate(rigs):
+        own = [trajectory for trajectory in trajectories if trajectory.shot == shot]
+        floor = None if rig.scale_known else scale_from_floor(rig, own)
+        from_feet = rig.scale if rig.scale_known else scale_from_feet(rig, own)
+        scale[shot] = from_feet if floor is None else np.exp(floor.mean)
+        floors.append(floor)
     state = _State(
         [s.offset.copy() for s in trajectories], np.tile(np.eye(3), (shots, 1, 1)), np.zeros((shots, 3)), scale
     )
@@ -133,7 +93,7 @@ def solve(
     for iteration in range(options.iterations):
         if iteration == _FLOOR_FROM:
             state = _put_on_floor(trajectories, state, options)
-        before, state = state, _step(trajectories, rigs, edges, same, state, options, iteration)
+        before, state = state, _step(trajectories, rigs, floors, edges, same, state, options, iteration)
         moved = max((float(np.abs(a - b).max()) for a, b in zip(state.pelvis, before.pelvis, strict=True)), default=0.0)
         if iteration > _FLOOR_FROM and moved < options.converged_m:
             break
@@ -156,6 +116,7 @@ class _State:
 def _step(
     trajectories: Sequence[ShotTrajectory],
     rigs: Sequence[ShotRig],
+    floors: Sequence[LogScale | None],
     edges: Sequence[CameraEdge],
     same: Sequence[SameCamera],
     state: _State,
@@ -181,6 +142,7 @@ def _step(
         time_s = np.concatenate([trajectories[k].time_s for k, _ in own])
         _inertia(equations, np.concatenate([state.pelvis[k] for k, _ in own]), time_s, own[0][1].start, options)
     _levels(equations, rigs, edges, state, options)
+    _scales(equations, floors, state, options)
     _same_cameras(equations, rigs, same, state)
 
     damping = np.full((len(rigs), CAMERA_UNKNOWNS), _DAMPING)
@@ -336,6 +298,19 @@ def _levels(
         equations.add_cameras(w * difference, (edge.b, w * of_rotation), (edge.a, -w * of_rotation))
 
 
+def _scales(
+    equations: WorldEquations, floors: Sequence[LogScale | None], state: _State, options: SolveSettings
+) -> None:
+    """The scale of a camera's path is about what the floor says."""
+    of_scale = np.eye(CAMERA_UNKNOWNS)[6:]
+    for shot, floor in enumerate(floors):
+        if floor is None:
+            continue
+        off = (np.log(state.scale[shot]) - floor.mean) / floor.sigma
+        w = np.sqrt(cauchy_weight(np.square(off / options.floor_scale_reach)))
+        equations.add_cameras(np.array([w * off]), (shot, w / (floor.sigma * state.scale[shot]) * of_scale))
+
+
 def _same_cameras(
     equations: WorldEquations, rigs: Sequence[ShotRig], same: Sequence[SameCamera], state: _State
 ) -> None:
@@ -376,42 +351,6 @@ def _put_on_floor(trajectories: Sequence[ShotTrajectory], state: _State, options
         pelvis=[p - drop[trajectory.shot] for trajectory, p in zip(trajectories, state.pelvis, strict=True)],
         origin=state.origin - drop,
     )
-
-
-_SCALE_SAMPLES = 500
-"""Pairs of frames of a person that are enough to determine a scale."""
-
-
-def start_scale(rig: ShotRig, shot: int, trajectories: Sequence[ShotTrajectory]) -> float:
-    """Metres per unit of a moving camera's path under which somebody's slower foot stands still most of the time.
-
-    Only the motion across the line of sight is used, where depth errors do not reach.
-    """
-    costs, unit = [], 0.0
-    candidates = np.zeros(0)
-    velocity_path = np.diff(rig.path, axis=0)
-    for trajectory in trajectories:
-        own = np.flatnonzero(np.diff(trajectory.frame) == 1)
-        own = own[:: max(1, len(own) // _SCALE_SAMPLES)]
-        if trajectory.shot != shot or len(own) < 2:
-            continue
-        step = np.diff(trajectory.time_s)[own, None]
-        camera = velocity_path[trajectory.frame[own] - rig.start] / step
-        unit = max(unit, float(np.median(np.linalg.norm(camera, axis=1))))
-        if not len(candidates):
-            if unit <= 0:
-                return 1.0
-            candidates = np.geomspace(0.02, 8.0, 60) / unit
-        feet = trajectory.offset[:, None] + trajectory.feet
-        velocity = np.diff(feet, axis=0)[own] / step[..., None]
-        sight = trajectory.offset[own] / np.linalg.norm(trajectory.offset[own], axis=1, keepdims=True)
-        total = velocity[None] + candidates[:, None, None, None] * camera[None, :, None]
-        across = total - (total * sight[None, :, None]).sum(-1, keepdims=True) * sight[None, :, None]
-        slowest = np.linalg.norm(across, axis=-1).min(axis=2)
-        costs.append((slowest / (slowest + 0.3)).mean(axis=1))
-    if not costs:
-        return 1.0
-    return float(candidates[int(np.sum(costs, axis=0).argmin())])
 
 
 def _frame_step(time_s: Float[Array, "n"]) -> float:

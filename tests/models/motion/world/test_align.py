@@ -10,15 +10,9 @@ from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.motion.rotations import gravity as world_gravity
 from humanmm.models.motion.world.align import _at_origin
 from humanmm.models.motion.world.people import interpolate_rotmats, rows_before
-from humanmm.models.motion.world.solver import (
-    CameraEdge,
-    SameCamera,
-    ShotRig,
-    ShotTrajectory,
-    Solution,
-    solve,
-    start_scale,
-)
+from humanmm.models.motion.world.problem import CameraEdge, SameCamera, ShotRig, ShotTrajectory
+from humanmm.models.motion.world.scale import scale_from_feet
+from humanmm.models.motion.world.solver import Solution, solve
 
 FPS = 30.0
 EDGE = CameraEdge(0, 1, 8.0)
@@ -77,7 +71,7 @@ def test_exact_evidence_gives_the_exact_world() -> None:
 def test_standing_feet_determine_the_scale_of_a_cameras_path_whatever_its_unit() -> None:
     for scale in (0.01, 1.0, 50.0):
         trajectories, rigs, _ = scene(scale=scale, noise=0.02)
-        assert abs(start_scale(rigs[0], 0, trajectories) / scale - 1) < 0.25
+        assert abs(scale_from_feet(rigs[0], trajectories[:1]) / scale - 1) < 0.25
         found = solve(trajectories, rigs, [EDGE]).scale[0]
         assert abs(found / scale - 1) < 0.15
 

@@ -1,0 +1,62 @@
+"""What is known before the solve: people in front of cameras, the cameras' paths, what ties cameras to one another."""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float, Int
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class ShotTrajectory:
+    """One person in one shot: n observed frames. World axes already, up to the small rotations to be found."""
+
+    person: int
+    shot: int
+    frame: Int[Array, "n"]
+    time_s: Float[Array, "n"]
+    offset: Float[Array, "n 3"]
+    """Pelvis from the camera's centre, metres, world axes."""
+    feet: Float[Array, "n 4 3"]
+    """Sole points (left heel, left toes, right heel, right toes) from the pelvis, metres, world axes."""
+    weight: Float[Array, "n"]
+    """Trust in the observation, 0..1."""
+
+
+@dataclass(frozen=True)
+class ShotRig:
+    """One shot's camera in world axes."""
+
+    path: Float[Array, "F 3"]
+    """Camera centre of each frame from the shot's origin, world axes, in the camera's own unit."""
+    start: int
+    scale: float
+    """Metres per unit of `path`."""
+    scale_known: bool
+    level_deg: float = math.inf
+    """Standard deviation of its vertical by its own evidence."""
+    scenery: Float[Array, "p 3"] = field(default_factory=lambda: np.zeros((0, 3)))
+    """Points of the background, in the axes and the unit of `path`."""
+    relative_std: Float[Array, " p"] = field(default_factory=lambda: np.zeros(0))
+    """Standard deviation of their distance from the camera, as a fraction of it."""
+
+
+@dataclass(frozen=True)
+class CameraEdge:
+    """Two shots whose rotation against each other is known."""
+
+    a: int
+    b: int
+    sigma_deg: float
+
+
+@dataclass(frozen=True)
+class SameCamera:
+    """Two frames of different shots taken by one static camera."""
+
+    shot_a: int
+    frame_a: int
+    shot_b: int
+    frame_b: int
