@@ -47,6 +47,9 @@ class Points:
     rho: Float[np.ndarray, " p"]
     anchor: Float[np.ndarray, "p 3"]
 
+    def select(self, keep: np.ndarray) -> "Points":
+        return Points(self.direction[keep], self.rho[keep], self.anchor[keep])
+
     def positions(self) -> Float[np.ndarray, "p 3"]:
         """Points in the shot frame; meaningful where rho is clearly positive."""
         return np.asarray(self.anchor + self.direction / self.rho[:, None])

@@ -237,7 +237,7 @@ class _MovingRun:
         local = Observations(number[keep], point, self.observations.xy[index[keep]])
         fixed = np.arange(len(images)) < num_fixed
         window = _views_of(self.views, images)
-        result = adjust(window, _take(self.points, used), local, fixed=fixed, freedom=self.freedom, iterations=6)
+        result = adjust(window, self.points.select(used), local, fixed=fixed, freedom=self.freedom, iterations=6)
         self.views.R_shot_cam[images] = result.views.R_shot_cam
         self.views.t_shot_cam[images] = result.views.t_shot_cam
         self.points = _put(self.points, used, result.points)
@@ -362,7 +362,7 @@ def _adjust_window(
     fixed = np.zeros(stop - first, bool)
     fixed[: 1 if first == 0 else WINDOW // 3] = True
     window = _views_of(views, np.arange(first, stop))
-    result = adjust(window, _take(points, used), local, fixed=fixed, freedom=freedom, iterations=5)
+    result = adjust(window, points.select(used), local, fixed=fixed, freedom=freedom, iterations=5)
     views.R_shot_cam[first:stop] = result.views.R_shot_cam
     views.t_shot_cam[first:stop] = result.views.t_shot_cam
     views.log_zoom[first:stop] = result.views.log_zoom
@@ -371,10 +371,6 @@ def _adjust_window(
 
 def _views_of(views: Views, images: np.ndarray) -> Views:
     return Views(views.R_shot_cam[images], views.t_shot_cam[images], views.log_zoom[images], views.focal_px)
-
-
-def _take(points: Points, index: np.ndarray) -> Points:
-    return Points(points.direction[index], points.rho[index], points.anchor[index])
 
 
 def _put(points: Points, index: np.ndarray, values: Points) -> Points:

@@ -20,8 +20,7 @@ def scenery_of(track: Track, origin: Float[np.ndarray, "3"], R_shot_map: Float[n
     placed = np.flatnonzero(track.known & (track.points.rho > _NEARER_THAN_INFINITY))
     row = np.full(len(track.known), -1)
     row[placed] = np.arange(len(placed))
-    points = track.points
-    positions = points.anchor[placed] + points.direction[placed] / points.rho[placed, None]
+    positions = track.points.select(placed).positions()
     sightings = track.observations.select(row[track.observations.point] >= 0)
     of_point = row[sightings.point]
     ray = unit(positions[of_point] - track.views.t_shot_cam[sightings.image])

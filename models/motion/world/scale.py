@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
+from humanmm.models.geometry.robust import cauchy_loss
 from humanmm.models.geometry.rotations import rotvec_to_rotmat, unit
 from humanmm.models.motion.world.problem import ShotRig, ShotTrajectory
 
@@ -69,26 +70,24 @@ def scale_from_floor(rig: ShotRig, trajectories: Sequence[ShotTrajectory]) -> Lo
     if not people or len(known) < FEWEST_POINTS:
         return None
     known = _some(known)
-    centre = rig.path.mean(axis=0)
+    centre, level_rad = rig.path.mean(axis=0), np.deg2rad(min(rig.level_deg, LEVEL_DEG))
     ray, relative_std = rig.scenery[known] - centre, rig.relative_std[known]
     distance = np.linalg.norm(ray, axis=1)
-    away = np.concatenate([np.linalg.norm(person.offset, axis=1) for person in people])
-    log_scale = np.log(np.median(away) / np.median(distance)) + np.arange(*_REACH, _STEP)
+    away = [np.linalg.norm(person.offset, axis=1) for person in people]
+    log_scale = np.log(np.median(np.concatenate(away)) / np.median(distance)) + np.arange(*_REACH, _STEP)
     ahead = np.concatenate([person.offset for person in people]).mean(axis=0)
     pitch_axis = np.cross(unit(ahead), [0.0, 0.0, 1.0])
+    ups = [rotvec_to_rotmat(off * level_rad * pitch_axis)[2] for off in _PITCHES]
+    sights = [_Sight(distance, ray @ up / distance, relative_std) for up in ups]
     likelihoods = []
-    for deviation in _PITCHES:
-        pitch = deviation * np.deg2rad(min(rig.level_deg, LEVEL_DEG))
-        up = rotvec_to_rotmat(pitch * pitch_axis)[2]
-        sight = _Sight(distance, ray @ up / distance, relative_std)
-        for person in people:
-            seen = _some(np.flatnonzero(person.weight > 0))
-            path = (rig.path[person.frame[seen] - rig.start] - centre) @ up
+    for person, person_m in zip(people, away, strict=True):
+        seen = _some(np.flatnonzero(person.weight > 0))
+        path, log_trust = rig.path[person.frame[seen] - rig.start] - centre, np.log(person.weight.sum())
+        for off, up, sight in zip(_PITCHES, ups, sights, strict=True):
             soles = person.offset[seen] @ up + (person.feet[seen] @ up).min(axis=1)
-            floor = np.percentile(soles + np.exp(log_scale)[:, None] * path, LOWEST_PERCENT, axis=1)
-            person_m = float(np.median(np.linalg.norm(person.offset, axis=1)))
-            likely = sight.log_likelihood(log_scale, -floor, person_m)
-            likelihoods.append(likely + np.log(person.weight.sum()) - 0.5 * deviation**2)
+            floor = np.percentile(soles + np.exp(log_scale)[:, None] * (path @ up), LOWEST_PERCENT, axis=1)
+            likely = sight.log_likelihood(log_scale, -floor, float(np.median(person_m)))
+            likelihoods.append(likely + log_trust - 0.5 * off**2)
     log_posterior = np.logaddexp.reduce(likelihoods, axis=0)
     weight = np.exp(log_posterior - log_posterior.max())
     weight /= weight.sum()
@@ -97,7 +96,7 @@ def scale_from_floor(rig: ShotRig, trajectories: Sequence[ShotTrajectory]) -> Lo
 
 
 def _some(index: Int[Array, " n"]) -> Int[Array, " m"]:
-    """ENOUGH of them or a few more, spread evenly."""
+    """All of a few, else ENOUGH to twice as many, spread evenly."""
     return np.asarray(index[:: max(1, len(index) // ENOUGH)])
 
 
@@ -126,7 +125,7 @@ class _Sight:
             + BELOW_FLOOR * np.exp(-np.abs(beyond) / 3) / 6
         )
         far = (log_scale[:, None] + np.log(self.distance[~low] / person_m) - FAR_MEAN) / FAR_STD
-        total = np.log(density).sum(axis=1) - np.log1p(far**2).sum(axis=1)
+        total = np.log(density).sum(axis=1) - cauchy_loss(far**2).sum(axis=1)
         total *= min(1.0, EVIDENCE / len(self.distance))
         return np.asarray(np.where(height_m > LEAST_HEIGHT_M, total, total - 100.0))
 

@@ -6,6 +6,7 @@ depth, and the path of a moving camera up to its scale. What ties them together:
 - the person is where the picture shows: tightly across the line of sight, loosely along it;
 - a planted foot does not move, and one that bears the body is on the floor, z = 0;
 - bodies have inertia, also across a cut: that ties the shots together;
+- the floor that a moving camera sees gives its path a scale (`scale`);
 - every shot is about as level as its people and its camera say, and rotated against the others as the cuts say.
 
 Unknown are the pelvis of every person in every frame, and for each shot the camera's position, a small rotation and the
@@ -23,7 +24,7 @@ from humanmm.models.geometry.robust import cauchy_weight, huber_weight
 from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat, skew
 from humanmm.models.motion.world.equations import CAMERA_UNKNOWNS, WorldEquations, segments_of
 from humanmm.models.motion.world.problem import CameraEdge, SameCamera, ShotRig, ShotTrajectory
-from humanmm.models.motion.world.scale import LogScale, scale_from_feet, scale_from_floor
+from humanmm.models.motion.world.scale import LOWEST_PERCENT, LogScale, scale_from_feet, scale_from_floor
 
 Array = np.ndarray
 
@@ -79,13 +80,14 @@ def solve(
     rotation."""
     options = SolveSettings()
     shots = len(rigs)
-    floors, scale = list[LogScale | None](), np.ones(shots)
-    for shot, rig in enumerate(rigs):
-        own = [trajectory for trajectory in trajectories if trajectory.shot == shot]
-        floor = None if rig.scale_known else scale_from_floor(rig, own)
-        from_feet = rig.scale if rig.scale_known else scale_from_feet(rig, own)
-        scale[shot] = from_feet if floor is None else np.exp(floor.mean)
-        floors.append(floor)
+    of_shot: list[list[ShotTrajectory]] = [[] for _ in rigs]
+    for trajectory in trajectories:
+        of_shot[trajectory.shot].append(trajectory)
+    floors = [None if rig.scale_known else scale_from_floor(rig, own) for rig, own in zip(rigs, of_shot, strict=True)]
+    scale = np.array([
+        np.exp(floor.mean) if floor is not None else rig.scale if rig.scale_known else scale_from_feet(rig, own)
+        for rig, own, floor in zip(rigs, of_shot, floors, strict=True)
+    ])  # fmt: skip
     state = _State(
         [s.offset.copy() for s in trajectories], np.tile(np.eye(3), (shots, 1, 1)), np.zeros((shots, 3)), scale
     )
@@ -344,7 +346,7 @@ def _put_on_floor(trajectories: Sequence[ShotTrajectory], state: _State, options
         if heights:
             height, weight = np.concatenate(heights), np.concatenate(weights)
             grounded = height[weight > 0.5] if (weight > 0.5).sum() >= 3 else height
-            shift[shot] = np.percentile(grounded, 15)
+            shift[shot] = np.percentile(grounded, LOWEST_PERCENT)
     drop = shift[:, None] * np.array([0.0, 0.0, 1.0])
     return replace(
         state,
