@@ -39,6 +39,9 @@ from humanmm.models.video.progress import Progress, parts_of, silent
 
 POOR_FRACTION = 0.004
 """A fit worse than this fraction of the diagonal is no measurement any more."""
+ALIKE = 2.5
+"""A camera that zooms where it stands explains points nearly as well as one that travels if their residuals are no more
+than so many times as large; from 1 / MOVING_GAIN down it is preferred."""
 
 
 @dataclass(frozen=True)
@@ -113,7 +116,12 @@ def _chosen(shot: TrackedShot, choice: ModelChoice, rotating_track: Track, intri
 def _moving(shot: TrackedShot, choice: ModelChoice, moved: Track, intrinsics: Intrinsics) -> _Estimate:
     """A moving camera, perhaps one that zooms as well."""
     if not np.ptp(moved.views.log_zoom):
-        return _estimate(shot, moved, MOVING, "tracked")
+        zooming = choice.zooming.track if choice.zooming is not None else None
+        if zooming is None or zooming.error_px > ALIKE * moved.error_px:
+            return _estimate(shot, moved, MOVING, "tracked")
+        off = f"{zooming.error_px:.1f} px off instead of {moved.error_px:.1f}"
+        said = f"the camera travels, or zooms where it stands: that would explain the points nearly as well ({off})"
+        return _estimate(shot, moved, MOVING, "tracked", said)
     said = f"the camera zooms as it travels: {_range(moved, _zoom_sigma(shot, choice, intrinsics))}"
     return _estimate(shot, moved, MOVING_ZOOMING, "tracked", said)
 

@@ -4,6 +4,7 @@ World: z up, metres, floor at z = 0. Camera: x right, y down, z forward. Names R
 """
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -28,7 +29,9 @@ class PersonShotMotion:
     residual_px: np.ndarray
     """(N,) float32, robust mean reprojection error of the visible keypoints."""
     confidence: np.ndarray
-    """(N,) float32, 0..1."""
+    """(N,) float32, 0..1: how much of what was visible the fit explains, times 1 - misoriented."""
+    misoriented: np.ndarray
+    """(N,) float32: probability that R_cam_root is off by more than 45°."""
 
 
 @dataclass(frozen=True)
@@ -96,6 +99,29 @@ class CutAlignment:
 
 
 @dataclass(frozen=True)
+class PathScale:
+    """How well the scale of a moving camera's path is known."""
+
+    shot: int
+    source: Literal["floor", "feet", "assumed"]
+    """What gave it: the floor that the camera sees (feet as well), feet alone, or nothing: its unit is a metre."""
+    relative_uncertainty: float
+    """Standard deviation of its logarithm, against the size of the people; nan where it is assumed."""
+
+
+@dataclass(frozen=True)
+class Facing:
+    """Whether one person's body is turned the right way in one shot."""
+
+    person: int
+    shot: int
+    probability: float
+    """Mean over the frames in which he is seen: that his orientation is off by no more than 45°."""
+    doubtful: tuple[tuple[int, int], ...]
+    """Frames [start, end) in which that is hardly known."""
+
+
+@dataclass(frozen=True)
 class PersonMotion:
     """One person over the whole video, in the world. N frames without holes between first and last."""
 
@@ -135,3 +161,7 @@ class WorldMotion:
     warnings: tuple[str, ...] = ()
     evidence: tuple[RotationEvidence, ...] = ()
     """Everything that spoke for a rotation between two shots, and whether it was believed."""
+    path_scales: tuple[PathScale, ...] = ()
+    """Of every shot whose camera travels and whose scale was not given."""
+    facings: tuple[Facing, ...] = ()
+    """Of everybody in every shot."""

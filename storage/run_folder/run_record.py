@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from humanmm.errors import InputError
-from humanmm.models.records.motion import CutAlignment, RotationEvidence, WorldMotion
+from humanmm.models.records.motion import CutAlignment, Facing, PathScale, RotationEvidence, WorldMotion
 from humanmm.models.records.shots import ShotList, Transition
 from humanmm.models.records.video import VideoFacts
 from humanmm.storage.store.codec import Json
@@ -156,6 +156,8 @@ def _shots(
 ) -> list[dict[str, Any]]:
     joins = {cut.cut_frame: cut for cut in motion.cuts} if motion else {}
     evidence = motion.evidence if motion else ()
+    scales = {one.shot: one for one in motion.path_scales} if motion else {}
+    facings = motion.facings if motion else ()
     failed = {record.shot for record in stages if record.state in ("failed", "skipped")}
     return [
         {
@@ -165,8 +167,9 @@ def _shots(
             "linked": shot.start not in joins or joins[shot.start].linked,
             "join": _join(joins.get(shot.start), [one for one in evidence if one.shot_b == shot.index]),
             "people": [appearance.person for appearance in shot.people],
+            "facing": [_facing(one) for one in facings if one.shot == shot.index],
             "failed": shot.index in failed,
-            "camera": _camera(camera),
+            "camera": _camera(camera, scales.get(shot.index)),
         }
         for shot, camera in zip(shots.shots, cameras, strict=True)
     ]
@@ -196,8 +199,18 @@ def _join(cut: CutAlignment | None, evidence: Sequence[RotationEvidence]) -> dic
     }
 
 
-def _camera(camera: "ShotCamera | None") -> dict[str, Json] | None:
-    """How the camera of a shot was found, and how far another program's answer lies from it; null where it failed."""
+def _facing(facing: Facing) -> dict[str, Json]:
+    """Whether somebody is turned the right way in a shot, and where that is doubtful."""
+    return {
+        "person": facing.person,
+        "probability": _figure(facing.probability),
+        "doubtful": [list(frames) for frames in facing.doubtful],
+    }
+
+
+def _camera(camera: "ShotCamera | None", scale: PathScale | None) -> dict[str, Json] | None:
+    """How the camera of a shot was found, what gave its path a scale, and how far another program's answer lies from
+    it; null where it failed."""
     if camera is None:
         return None
     check = camera.cross_check
@@ -205,6 +218,9 @@ def _camera(camera: "ShotCamera | None") -> dict[str, Json] | None:
         "source": camera.source,
         "focal_px": [_figure(focal) for focal in camera.K[[0, -1], 0, 0]],
         "reprojection_px": _figure(camera.reprojection_px),
+        "path_scale": None
+        if scale is None
+        else {"source": scale.source, "relative_uncertainty": _figure(scale.relative_uncertainty)},
         "cross_check": {
             "two_view_deg": _figure(check.two_view_deg),
             "bundle_deg": _figure(check.bundle_deg),

@@ -19,6 +19,7 @@ from humanmm.models.geometry.projection import inverse_pose, ray_axes, start_pos
 from humanmm.models.motion.fit.equations import Term, frame_weights
 from humanmm.models.motion.fit.evidence import BONE_END, BONE_START, BONES, Evidence, LongEvidence, bone_lengths, gather
 from humanmm.models.motion.fit.initial import InitialPose, interpolated, start_pose
+from humanmm.models.motion.fit.orientation_doubt import misoriented
 from humanmm.models.motion.fit.pose_prior import load_pose_statistics
 from humanmm.models.motion.fit.solver import solve_windows
 from humanmm.models.motion.fit.state import NUM_PARAMETERS, PELVIS, CameraPath, LongMotion, Motion, Skeleton
@@ -244,6 +245,7 @@ def _result(
 ) -> PersonShotMotion:
     n = len(evidence.frame)
     residual, confidence = np.full(n, np.nan, np.float32), np.empty(n, np.float32)
+    doubt = np.empty(n, np.float32)
     R_cam_root = np.empty((n, 3, 3))
     for frames in chunks(n):
         e = evidence.frames(frames)
@@ -257,6 +259,7 @@ def _result(
         distances = np.where(visibility > 0.5, all_distances, np.nan)
         enough = np.isfinite(distances).any(axis=1)
         residual[frames][enough] = np.nanmedian(distances[enough], axis=1)
+        doubt[frames] = misoriented(R_cam_root[frames], e.rotations_cam[:, 0], e.rotation_sigma[:, 0])
     return PersonShotMotion(
         person=person,
         frame=evidence.frame,
@@ -266,5 +269,6 @@ def _result(
         betas=np.asarray(betas, np.float64),
         pelvis_cam=camera.to_camera(motion.pelvis_ref[:, None])[:, 0],
         residual_px=residual,
-        confidence=confidence,
+        confidence=confidence * (1 - doubt),
+        misoriented=doubt,
     )

@@ -12,8 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from humanmm.machine import single_threaded
-from humanmm.models.cuts.camera_rotation import GAP_WARNING_S, CutMethod, align_by_bundle
-from humanmm.models.cuts.hypotheses import SIDES_SWAPPED
+from humanmm.models.cuts.camera_rotation import CutMethod, align_by_bundle
 from humanmm.models.geometry.intrinsics import K_of
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.motion.rotations.levelling import (
@@ -35,11 +34,18 @@ from humanmm.models.motion.rotations.shot_graph import (
 from humanmm.models.motion.rotations.shot_results import ShotResults, camera_of, motions_of, posed, usable
 from humanmm.models.motion.rotations.shot_rotations import ShotRotations, solve_rotations
 from humanmm.models.motion.rotations.walls import wall_edges, walls_of
+from humanmm.models.motion.world import doubts
 from humanmm.models.motion.world.people import Part, concatenated
 from humanmm.models.motion.world.problem import CameraEdge, SameCamera, ShotRig, ShotTrajectory
 from humanmm.models.motion.world.solver import Solution, solve
 from humanmm.models.records.camera import SOURCES
-from humanmm.models.records.motion import CutAlignment, PersonShotMotion, RotationEvidence, WorldMotion
+from humanmm.models.records.motion import (
+    CutAlignment,
+    PathScale,
+    PersonShotMotion,
+    RotationEvidence,
+    WorldMotion,
+)
 from humanmm.models.shots.identity import identity_probabilities
 from humanmm.models.video.progress import Progress, silent
 
@@ -105,17 +111,21 @@ def align(
         source=np.full(F, SOURCES.index("fallback"), np.uint8),
         people={},
     )
-    warnings: list[str] = []
-    for group in groups:
-        warnings += _solve_group(results, group, rotations, background, verticals, world)
+    scales = [
+        scale for group in groups for scale in _solve_group(results, group, rotations, background, verticals, world)
+    ]
+    facings = doubts.facings_of(results)
     _fill_cameras(results, world)
     cuts = _reported(results, edges, rotations, world)
-    warnings += [warning for cut in cuts for warning in cut.warnings]
-    warnings += _swapped(rotations)
-    warnings += _lifted(results)
-    if len(groups) > 1:
-        names = ", ".join(str(group[0]) for group in groups[1:])
-        warnings.append(f"shots {names} share nobody with the shots before: from each on the world has a new origin")
+    path_m = [float(np.ptp(world.t[shot.start : shot.end], axis=0).max()) for shot in results.shots.shots]
+    warnings = [
+        *doubts.of_paths(scales, path_m),
+        *(warning for cut in cuts for warning in cut.warnings),
+        *doubts.of_facings(facings, results.shots.people),
+        *doubts.of_sides(rotations),
+        *doubts.of_lifted(results),
+        *doubts.of_groups(groups),
+    ]
     return WorldMotion(
         R_world_cam=world.R,
         t_world_cam=world.t,
@@ -125,23 +135,9 @@ def align(
         cuts=tuple(cuts),
         warnings=tuple(warnings),
         evidence=_evidence(rotations),
+        path_scales=tuple(scales),
+        facings=tuple(facings),
     )
-
-
-def _lifted(results: ShotResults) -> list[str]:
-    """Who is known from 2D keypoints alone."""
-    people = {
-        appearance.person
-        for shot in results.shots.shots
-        for appearance in shot.people
-        if (scene := results.scenes[shot.scene]) is not None
-        and (track := scene.tracks[appearance.track]).lifted
-        and track.pose is None
-    }
-    return [
-        f"person {person}: the detector gives 2D keypoints only; depth and orientation were lifted from them, rougher"
-        for person in sorted(people)
-    ]
 
 
 LEAST_STD_DEG = 0.1
@@ -175,8 +171,9 @@ def _solve_group(
     background: BackgroundEdges,
     verticals: Mapping[int, ShotVertical],
     world: _World,
-) -> list[str]:
-    """Level the shots of one group, solve for their positions, and write them into the world; returns warnings."""
+) -> list[PathScale]:
+    """Level the shots of one group, solve for their positions, and write them into the world; returns how well the
+    scales of the cameras' paths are known."""
     R_first_shot = [rotations.R_group_shot[group[0]].T @ rotations.R_group_shot[shot] for shot in group]
     R_world_shot = {k: R for k, R in zip(group, levelled(results, group, R_first_shot, verticals), strict=True)}
     trajectories, owners = [], []
@@ -211,10 +208,16 @@ def _solve_group(
         R_root = world.R[motion.frame] @ motion.R_cam_root
         world.people.setdefault(motion.person, []).append(Part(motion, R_root, pelvis, contacts))
     return [
-        f"shot {shot}: nobody's feet determine the scale of the camera's path; its unit is taken for a metre"
-        for shot, rig in zip(group, rigs, strict=True)
-        if not rig.scale_known and not motions_of(results, shot)
+        _path_scale(shot, solution, k, seen=bool(motions_of(results, shot)))
+        for k, (shot, rig) in enumerate(zip(group, rigs, strict=True))
+        if not rig.scale_known
     ]
+
+
+def _path_scale(shot: int, solution: Solution, index: int, *, seen: bool) -> PathScale:
+    if not seen:
+        return PathScale(shot, "assumed", float("nan"))
+    return PathScale(shot, "floor" if solution.from_floor[index] else "feet", float(solution.log_scale_std[index]))
 
 
 def _trajectory(
@@ -307,43 +310,8 @@ def _reported(
             linked=usable(results, index) and rotations.group[index] != index,
             background_inliers=max([0, *background]),
         )
-        cuts.append(replace(cut, warnings=() if _is_known(cut) else tuple(_doubts(cut)) or cut.warnings))
+        cuts.append(replace(cut, warnings=doubts.of_cut(cut)))
     return cuts
-
-
-DOUBTFUL_DEG, DOUBTFUL_PROBABILITY = 30.0, 0.8
-"""A camera rotation that is less certain than this gets a warning."""
-
-
-KNOWN_DEG = 5.0
-"""A rotation this certain comes from walls or a background: people alone reach 10° at best."""
-
-
-def _is_known(cut: CutAlignment) -> bool:
-    """Whether walls or a background determine the rotation, so that errors of the people there do not matter."""
-    return cut.linked and cut.uncertainty_deg <= KNOWN_DEG and cut.probability >= DOUBTFUL_PROBABILITY
-
-
-def _doubts(cut: CutAlignment) -> list[str]:
-    """A warning where the rotation at a cut is hardly known."""
-    if not cut.linked or (cut.uncertainty_deg <= DOUBTFUL_DEG and cut.probability >= DOUBTFUL_PROBABILITY):
-        return []
-    unseen = f" after {cut.gap_s:.2f} s without anyone seen" if cut.gap_s > GAP_WARNING_S else ""
-    return [
-        f"cut at frame {cut.cut_frame}{unseen}: the camera's rotation across it is uncertain (probability "
-        f"{cut.probability:.2f}, 68 % within {cut.uncertainty_deg:.0f}°): the shots on both sides may be rotated "
-        "against each other"
-    ]
-
-
-def _swapped(rotations: ShotRotations) -> list[str]:
-    """Who may face the wrong way, because his sides as they were found do not fit the rest of the video."""
-    return [
-        f"shots {one.edge.a} and {one.edge.b} fit best if left and right of {one.edge.source} are swapped in one: "
-        "the body may face the wrong way there"
-        for one in rotations.believed
-        if one.hypothesis.source.endswith(SIDES_SWAPPED)
-    ]
 
 
 def _evidence(rotations: ShotRotations) -> tuple[RotationEvidence, ...]:

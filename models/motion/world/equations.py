@@ -13,12 +13,14 @@ import numpy as np
 from jaxtyping import Float
 from scipy import sparse
 from scipy.linalg import lapack
-from scipy.sparse.linalg import splu
+from scipy.sparse.linalg import SuperLU, splu
 
 Array = np.ndarray
 
 CAMERA_UNKNOWNS = 7
 """Per shot: position (3), small rotation (3), scale (1)."""
+SCALE = 6
+"""The last of them."""
 
 _REACH = 2
 """Frames that a position meets on either side."""
@@ -69,6 +71,8 @@ class WorldEquations:
         self.camera_gradient = np.zeros((num_shots, CAMERA_UNKNOWNS))
         self.cameras: dict[tuple[int, int], Array] = {}
         """Blocks of two cameras."""
+        self._reduced: SuperLU | None = None
+        """What remains for the cameras, factorised by `step`."""
 
     def add_positions(
         self,
@@ -158,6 +162,15 @@ class WorldEquations:
             y[3 * segment.start : 3 * segment.horizon] -= Y @ cameras[segment.shot]
         return _through(band, y[:, None], transposed=True).reshape(-1, 3), cameras
 
+    def camera_std(self, unknown: int) -> Float[Array, " S"]:
+        """Standard deviation of one unknown of every camera, all others unknown too, after `step`."""
+        if self._reduced is None:
+            raise RuntimeError("the equations have not been solved yet")
+        index = np.arange(unknown, self.camera_gradient.size, CAMERA_UNKNOWNS)
+        unit = np.zeros((self.camera_gradient.size, len(index)))
+        unit[index, np.arange(len(index))] = 1.0
+        return np.sqrt(np.diagonal(self._reduced.solve(unit)[index]))
+
     def _add_camera(self, shot: int, residual: Float[Array, "n m"], by_camera: Float[Array, "n m 7"]) -> None:
         rows = by_camera.reshape(-1, CAMERA_UNKNOWNS)
         self.camera_gradient[shot] += rows.T @ residual.ravel()
@@ -189,8 +202,8 @@ class WorldEquations:
         row = np.broadcast_to(corners[:, 0, None, None] + inside[:, None], blocks.shape)
         column = np.broadcast_to(corners[:, 1, None, None] + inside, blocks.shape)
         whole = sparse.csc_matrix((blocks.ravel(), (row.ravel(), column.ravel())), shape=(right.size, right.size))
-        factor = splu(whole, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-        return np.asarray(factor.solve(right.ravel())).reshape(right.shape)
+        self._reduced = splu(whole, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+        return np.asarray(self._reduced.solve(right.ravel())).reshape(right.shape)
 
 
 def _through(band: Float[Array, "n 7"], right: Float[Array, "n c"], *, transposed: bool = False) -> Float[Array, "n c"]:

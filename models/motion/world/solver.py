@@ -18,11 +18,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from humanmm.models.geometry.robust import cauchy_weight, huber_weight
 from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat, skew
-from humanmm.models.motion.world.equations import CAMERA_UNKNOWNS, WorldEquations, segments_of
+from humanmm.models.motion.world.equations import CAMERA_UNKNOWNS, SCALE, WorldEquations, segments_of
 from humanmm.models.motion.world.problem import CameraEdge, SameCamera, ShotRig, ShotTrajectory
 from humanmm.models.motion.world.scale import LOWEST_PERCENT, LogScale, scale_from_feet, scale_from_floor
 
@@ -50,6 +50,9 @@ class SolveSettings:
     """Error of a shot's vertical before the solve, where its own evidence claims no less."""
     floor_scale_reach: float = 3.0
     """Standard deviations from which the scale that the floor gives counts less (the scale of a Cauchy kernel)."""
+    log_scale_std: float = 0.15
+    """Error of the logarithm of a path's scale besides what the solve knows of: paths have errors of their own shape
+    (see docs/accuracy.md)."""
     iterations: int = 12
     converged_m: float = 3e-4
     """Nobody moves further in the last step, metres: what is left to go is below a millimetre."""
@@ -68,6 +71,10 @@ class Solution:
     origin: Float[Array, "shots 3"]
     """Position of the shot's origin, metres."""
     scale: Float[Array, "shots"]
+    log_scale_std: Float[Array, "shots"]
+    """Standard deviation of the logarithm of the scale of a path that was not known, against the people's size."""
+    from_floor: Bool[Array, "shots"]
+    """Whether the floor gave the scale."""
 
 
 def solve(
@@ -95,12 +102,21 @@ def solve(
     for iteration in range(options.iterations):
         if iteration == _FLOOR_FROM:
             state = _put_on_floor(trajectories, state, options)
-        before, state = state, _step(trajectories, rigs, floors, edges, same, state, options, iteration)
+        before = state
+        state, equations = _step(trajectories, rigs, floors, edges, same, state, options, iteration)
         moved = max((float(np.abs(a - b).max()) for a, b in zip(state.pelvis, before.pelvis, strict=True)), default=0.0)
         if iteration > _FLOOR_FROM and moved < options.converged_m:
             break
     contacts = tuple(_hold(trajectory, state, k, options)[1] for k, trajectory in enumerate(trajectories))
-    return Solution(tuple(state.pelvis), contacts, state.rotation, state.origin, state.scale)
+    return Solution(
+        pelvis=tuple(state.pelvis),
+        contacts=contacts,
+        rotation=state.rotation,
+        origin=state.origin,
+        scale=state.scale,
+        log_scale_std=np.hypot(equations.camera_std(SCALE) / state.scale, options.log_scale_std),
+        from_floor=np.array([floor is not None for floor in floors]),
+    )
 
 
 _STILL_FROM, _FLOOR_FROM, _ROTATE_FROM = 1, 4, 4
@@ -124,7 +140,8 @@ def _step(
     state: _State,
     options: SolveSettings,
     iteration: int,
-) -> _State:
+) -> tuple[_State, WorldEquations]:
+    """The state after one Gauss-Newton step, and the equations that gave it."""
     order = sorted(range(len(trajectories)), key=lambda k: (trajectories[k].person, int(trajectories[k].frame[0])))
     segments = segments_of(
         [trajectories[k].person for k in order],
@@ -160,12 +177,13 @@ def _step(
     start = {k: segment.start for k, segment in zip(order, segments, strict=True)}
     # A scale neither changes sign nor runs away in one step.
     scale = np.clip(state.scale + moved[:, 6], 0.3 * state.scale, 3.0 * state.scale)
-    return _State(
+    after = _State(
         pelvis=[state.pelvis[k] + steps[start[k] : start[k] + len(state.pelvis[k])] for k in range(len(trajectories))],
         rotation=rotvec_to_rotmat(moved[:, 3:6]) @ state.rotation,
         origin=state.origin + moved[:, :3],
         scale=scale,
     )
+    return after, equations
 
 
 def _observations(

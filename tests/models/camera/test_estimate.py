@@ -100,6 +100,14 @@ def test_a_zoom_is_not_taken_for_motion_and_every_frame_has_its_focal_length(sce
     assert rotation_errors_deg(camera, scene.R_shot_cam).max() < 0.5
 
 
+def test_a_step_forward_that_a_zoom_explains_nearly_as_well_is_told(scene_of: Callable[..., Any]) -> None:
+    clear, noisy = (scene_of("forward", num_frames=40, noise_px=noise) for noise in (0.3, 2.0))
+    assert camera_from_points(clear.points, (), clear.intrinsics).warnings == ()
+    camera = camera_from_points(noisy.points, (), noisy.intrinsics)
+    assert camera.source == "tracked"
+    assert "or zooms where it stands" in camera.warnings[0]
+
+
 def test_a_zoom_without_a_rotation_determines_no_focal_length_and_keeps_the_videos_in_its_middle(
     scene_of: Callable[..., Any],
 ) -> None:

@@ -1,0 +1,124 @@
+"""What in a finished world is doubtful, in sentences for its user: nothing doubtful is left without one."""
+
+from collections.abc import Sequence
+
+from humanmm.models.cuts.camera_rotation import GAP_WARNING_S
+from humanmm.models.cuts.hypotheses import SIDES_SWAPPED
+from humanmm.models.geometry.intervals import frame_intervals, merged
+from humanmm.models.motion.rotations.shot_results import ShotResults, motions_of
+from humanmm.models.motion.rotations.shot_rotations import ShotRotations
+from humanmm.models.records.motion import CutAlignment, Facing, PathScale
+from humanmm.models.records.shots import Person
+
+DOUBTFUL_DEG, DOUBTFUL_PROBABILITY = 30.0, 0.8
+"""A camera rotation that is less certain than this gets a warning."""
+KNOWN_DEG = 5.0
+"""A rotation this certain comes from walls or a background: people alone reach 10° at best."""
+DOUBTFUL_SCALE, DOUBTFUL_PATH_M = 0.3, 0.1
+"""A camera's path whose scale is less certain than this gets a warning, if it may be off by so much."""
+CERTAIN_FACING = 0.925
+"""A body that is turned the right way with less than this probability gets a warning: in 24 rendered development clips
+eight of twelve such bodies are turned the wrong way in more than a fifth of their frames, and three of 68 others."""
+DOUBTFUL_FRAME = 0.2
+"""Probability of being turned the wrong way from which a frame is named in it."""
+APART_FRAMES = 5
+"""Doubtful frames closer together are named as one run,"""
+NAMED_RUNS = 3
+"""and so many runs, the longest ones."""
+
+
+def facings_of(results: ShotResults) -> list[Facing]:
+    """Whether everybody in every shot is turned the right way."""
+    facings = []
+    for shot in range(len(results.shots.shots)):
+        for person, motion in motions_of(results, shot).items():
+            doubt = motion.misoriented[motion.observed]
+            runs = frame_intervals(motion.frame[motion.observed], doubt > DOUBTFUL_FRAME)
+            probability = 1 - float(doubt.mean()) if len(doubt) else 1.0
+            facings.append(Facing(person, shot, probability, tuple(merged(runs, gap=APART_FRAMES))))
+    return facings
+
+
+def of_facings(facings: Sequence[Facing], people: Sequence[Person]) -> list[str]:
+    """Whose body may be turned the wrong way in part of a shot; who may be no person at all has his own warning."""
+    certain = {person.person for person in people if not person.doubtful}
+    return [_of_facing(one) for one in facings if one.person in certain and one.probability < CERTAIN_FACING]
+
+
+def _of_facing(facing: Facing) -> str:
+    longest = sorted(sorted(facing.doubtful, key=lambda run: run[0] - run[1])[:NAMED_RUNS])
+    frames = ", ".join(f"{start}" if end - start == 1 else f"{start}-{end - 1}" for start, end in longest)
+    where = f", above all in frames {frames}" if frames else ""
+    return (
+        f"shot {facing.shot}: which way person {facing.person} faces is doubtful{where}: one frame in "
+        f"{1 / (1 - facing.probability):.0f} is expected to be off by more than 45°"
+    )
+
+
+def of_paths(scales: Sequence[PathScale], path_m: Sequence[float]) -> list[str]:
+    """Whose camera's path may be much too long or too short; `path_m`: how far each shot's camera travels, metres."""
+    sentences = []
+    for one in scales:
+        length_m = path_m[one.shot]
+        if one.source == "assumed":
+            sentences.append(
+                f"shot {one.shot}: nobody's feet determine the scale of the camera's path; its unit is taken for a "
+                "metre"
+            )
+        elif one.relative_uncertainty > DOUBTFUL_SCALE and one.relative_uncertainty * length_m > DOUBTFUL_PATH_M:
+            witness = "the floor and the feet on it" if one.source == "floor" else "feet that stand still"
+            sentences.append(
+                f"shot {one.shot}: the camera travels {length_m:.1f} m ± {100 * one.relative_uncertainty:.0f} %: "
+                f"{witness} hardly give the scale of its path"
+            )
+    return sentences
+
+
+def of_cut(cut: CutAlignment) -> tuple[str, ...]:
+    """Whether the rotation at a cut is hardly known; else what its method has to say, unless walls or a background
+    determine the rotation: then errors of the people there do not matter."""
+    certain = cut.probability >= DOUBTFUL_PROBABILITY
+    if cut.linked and cut.uncertainty_deg <= KNOWN_DEG and certain:
+        return ()
+    if not cut.linked or (cut.uncertainty_deg <= DOUBTFUL_DEG and certain):
+        return cut.warnings
+    unseen = f" after {cut.gap_s:.2f} s without anyone seen" if cut.gap_s > GAP_WARNING_S else ""
+    return (
+        f"cut at frame {cut.cut_frame}{unseen}: the camera's rotation across it is uncertain (probability "
+        f"{cut.probability:.2f}, 68 % within {cut.uncertainty_deg:.0f}°): the shots on both sides may be rotated "
+        "against each other",
+    )
+
+
+def of_sides(rotations: ShotRotations) -> list[str]:
+    """Who may face the wrong way, because his sides as they were found do not fit the rest of the video."""
+    return [
+        f"shots {one.edge.a} and {one.edge.b} fit best if left and right of {one.edge.source} are swapped in one: "
+        "the body may face the wrong way there"
+        for one in rotations.believed
+        if one.hypothesis.source.endswith(SIDES_SWAPPED)
+    ]
+
+
+def of_lifted(results: ShotResults) -> list[str]:
+    """Who is known from 2D keypoints alone."""
+    people = {
+        appearance.person
+        for shot in results.shots.shots
+        for appearance in shot.people
+        if (scene := results.scenes[shot.scene]) is not None
+        and (track := scene.tracks[appearance.track]).lifted
+        and track.pose is None
+    }
+    return [
+        f"person {person}: the detector gives 2D keypoints only; depth and orientation were lifted from them, rougher"
+        for person in sorted(people)
+    ]
+
+
+def of_groups(groups: Sequence[Sequence[int]]) -> list[str]:
+    """Which shots are worlds of their own; `groups`: the shots of each world."""
+    if len(groups) < 2:
+        return []
+    names = ", ".join(str(group[0]) for group in groups[1:])
+    return [f"shots {names} share nobody with the shots before: from each on the world has a new origin"]

@@ -1,0 +1,48 @@
+"""What is doubtful in a world is said, what is certain is not."""
+
+from dataclasses import replace
+
+import numpy as np
+from three_shots import BETAS, LENGTH, results
+
+from humanmm.models.motion.world import doubts
+from humanmm.models.motion.world.align import align
+from humanmm.models.records.motion import Facing, PathScale, PersonShotMotion
+from humanmm.models.records.shots import Person
+
+
+def misoriented(motion: PersonShotMotion, frames: slice, probability: float) -> PersonShotMotion:
+    doubt = motion.misoriented.copy()
+    doubt[frames] = probability
+    return replace(motion, misoriented=doubt)
+
+
+def test_a_body_that_may_be_turned_the_wrong_way_is_named_with_its_frames() -> None:
+    three = results()
+    first, second, third = three.motions
+    assert second is not None
+    turned = replace(second, people=(misoriented(second.people[0], slice(2, 9), 0.8),))
+    world = align(replace(three, motions=(first, turned, third)))
+    doubtful = [facing for facing in world.facings if facing.probability < doubts.CERTAIN_FACING]
+    assert [(one.person, one.shot, one.doubtful) for one in doubtful] == [(0, 1, ((LENGTH + 2, LENGTH + 9),))]
+    (said,) = (sentence for sentence in world.warnings if "faces" in sentence)
+    assert "shot 1: which way person 0 faces" in said
+    assert f"frames {LENGTH + 2}-{LENGTH + 8}" in said
+
+
+def test_who_may_be_no_person_at_all_has_no_second_warning() -> None:
+    facing = Facing(3, 0, 0.5, ((4, 5),))
+    bag, woman = (Person(3, BETAS, 1.0, probability) for probability in (0.3, 0.9))
+    assert doubts.of_facings([facing], [bag]) == []
+    (said,) = doubts.of_facings([facing], [woman])
+    assert "frames 4:" in said and "one frame in 2 " in said
+
+
+def test_a_path_of_unknown_scale_is_doubtful_only_where_it_is_long_enough_to_matter() -> None:
+    unsure, sure = PathScale(0, "floor", 0.5), PathScale(0, "feet", 0.2)
+    (said,) = doubts.of_paths([unsure], [2.0])
+    assert "2.0 m ± 50 %" in said
+    assert doubts.of_paths([unsure], [0.1]) == []
+    assert doubts.of_paths([sure], [2.0]) == []
+    (assumed,) = doubts.of_paths([PathScale(0, "assumed", np.nan)], [0.01])
+    assert "taken for a metre" in assumed
