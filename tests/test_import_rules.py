@@ -47,6 +47,7 @@ TOWER = (
 
 SIZES = {
     "models.evaluation": "one file for each kind of metric",
+    "models.benchmark.tables": "one file for each kind of table, and what they share",
     "cli": "one file for each subject of verbs, and what they share",
     "models.weights": "holds the files of weights; one module reads them",
     "tasks": "one file for each of the 12 stages, and what they share",

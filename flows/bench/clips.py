@@ -8,6 +8,8 @@ import functools
 import hashlib
 import json
 import logging
+import tempfile
+import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -20,6 +22,7 @@ from humanmm.models.benchmark.scores import score
 from humanmm.models.benchmark.tables.groups import ClipLabels, labels_of
 from humanmm.models.benchmark.tables.statistics import SetStatistics, statistics_of
 from humanmm.models.camera.background.keyframes import KeyFrameFeatures
+from humanmm.models.evaluation.doubts import Judgement, judged
 from humanmm.models.motion.assemble import record_motion
 from humanmm.models.records.camera import PointTracks, ShotCamera
 from humanmm.models.records.motion import WorldMotion
@@ -34,10 +37,13 @@ from humanmm.models.synthetic.resimulated import resimulated
 from humanmm.models.video.reading import read_facts
 from humanmm.storage.readers.archives import NpzArrays
 from humanmm.storage.readers.truth import read_sequence
+from humanmm.storage.run_folder.run_record import read_run_record
 from humanmm.storage.store.identity import identify
 from humanmm.storage.store.store import Store
+from humanmm.tasks.engine.finish import write_results
 from humanmm.tasks.engine.some_stages import results_of, run_stages
 from humanmm.tasks.pipeline import STAGES
+from humanmm.tasks.units.process import prepare_process
 
 log = logging.getLogger(__name__)
 
@@ -94,6 +100,26 @@ def clip_set(folder: Path, store: Store) -> tuple[list[Job], SetStatistics]:
     )
     ordered = sorted(truths, key=lambda path: (len(truths[path].transitions), path.name))
     return [_job(path, truths[path], store) for path in ordered], statistics_of(lengths, rates, transitions)
+
+
+def judged_clips(folder: Path, config: Config, store: Store) -> tuple[list[Judgement], list[str]]:
+    """What is wrong and what was doubted in every clip of a folder, each recovered as `humanmm recover` does; and a
+    sentence for each that failed."""
+    prepare_process()
+    jobs, _ = clip_set(folder, store)
+    found, failed = [], []
+    for number, job in enumerate(jobs, start=1):
+        assert job.video is not None and job.truth is not None
+        try:
+            run = run_stages(job.video, [stage.name for stage in STAGES], config, store)
+            with tempfile.TemporaryDirectory(prefix="humanmm-doubts-") as out:
+                write_results(run, Path(out), started=time.time())
+                prediction = read_sequence(Path(out))
+                found += judged(read_run_record(Path(out)), prediction, read_sequence(job.truth))
+        except HumanMMError as error:
+            failed.append(f"{job.name}: {error}")
+        log.info("%s: %d of %d videos", job.name, number, len(jobs))
+    return found, failed
 
 
 def labels_of_jobs(jobs: Sequence[Job]) -> dict[str, ClipLabels]:

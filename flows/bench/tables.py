@@ -6,7 +6,7 @@ from pathlib import Path
 
 from humanmm.config import Config
 from humanmm.errors import InputError, UsageError
-from humanmm.flows.bench.clips import clip_set, labels_of_jobs
+from humanmm.flows.bench.clips import clip_set, judged_clips, labels_of_jobs
 from humanmm.flows.bench.golden import checked_clips, overlays
 from humanmm.flows.bench.identity import identity_views
 from humanmm.flows.bench.imported import parse_system, with_imported
@@ -22,6 +22,7 @@ from humanmm.models.benchmark.scores import VideoFigures
 from humanmm.models.benchmark.tables import shots
 from humanmm.models.benchmark.tables.charts import OF_CUTS, bars_of
 from humanmm.models.benchmark.tables.cuts import cut_tables, identity_rows, identity_tables
+from humanmm.models.benchmark.tables.doubts import doubts_table, rows_of_doubts
 from humanmm.models.benchmark.tables.golden import all_verdicts, golden_tables, rows_of_golden
 from humanmm.models.benchmark.tables.groups import spread_tables
 from humanmm.models.benchmark.tables.layout import MAIN, OF_ABLATION, OF_CAMERAS, OF_JOINTS, plain_table, tables_of
@@ -39,7 +40,7 @@ SAMPLE = Path("examples/aist")
 MODULES = {"ablation": (ABLATIONS, OF_ABLATION), "camera": (CAMERAS, OF_CAMERAS), "cuts": (CUTS, OF_JOINTS)}
 """Tables of parts of the pipeline: their methods and figures."""
 CLIPS = ("ms-render", "ms-real")
-WITHOUT_SIZE = ("golden", "overlay", "identity")
+WITHOUT_SIZE = ("golden", "overlay", "identity", "doubts")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,7 +86,7 @@ def measure(request: TableRequest, config: Config, *, announce: Callable[[str], 
     data = request.data or own_data(request, config)
     if request.table == "speed":
         return _speed(request, data, config)
-    makers = {"shots": _shots, "golden": _golden, "overlay": _overlay, "identity": _identity}
+    makers = {"shots": _shots, "golden": _golden, "overlay": _overlay, "identity": _identity, "doubts": _doubts}
     return makers.get(request.table, _motion)(request, data, config, announce)
 
 
@@ -167,6 +168,14 @@ def _identity(request: TableRequest, data: Path, config: Config, announce: Calla
     tables = identity_tables(figures)
     page = Page("identity", command, "", tables)
     return Measured(identity_rows(figures), tables, command, failures=failed, page=lambda: page)
+
+
+def _doubts(request: TableRequest, data: Path, config: Config, announce: Callable[[str], None]) -> Measured:
+    judgements, failed = judged_clips(data, config, open_store(request.store))
+    command = " ".join(["humanmm", "bench", "doubts", *request.settings])
+    rows, tables = rows_of_doubts(judgements, failed=len(failed)), [doubts_table(judgements)]
+    page = Page("doubts", command, "", tables)
+    return Measured(rows, tables, command, failures=failed, page=lambda: page)
 
 
 def _motion(request: TableRequest, data: Path, config: Config, announce: Callable[[str], None]) -> Measured:

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from humanmm.models.evaluation.pairs import Pair, make_pair
-from humanmm.models.evaluation.people import match_people
+from humanmm.models.evaluation.pairs import Pair, pairs_of
 from humanmm.models.geometry.alignment import umeyama_alignment
 from humanmm.models.records.sequence import MotionSequence, UndefinedFigureError
 
@@ -17,7 +16,7 @@ def root_errors_after_cuts_m(prediction: MotionSequence, truth: MotionSequence) 
 
     The worst over the people on both sides of the cut. None for a cut that nobody crosses in both sequences.
     """
-    pairs = _pairs(prediction, truth)
+    pairs = pairs_of(prediction, truth)
     window = max(LEAST_FRAMES, round(WINDOW_S * truth.fps))
     errors: list[float | None] = []
     for (start, cut), (_, end) in zip(truth.shots[:-1], truth.shots[1:], strict=True):
@@ -39,7 +38,7 @@ def anchor_mpjpe_mm(prediction: MotionSequence, truth: MotionSequence) -> float:
     """
     first = truth.shots[0][1]
     errors = []
-    for pair in _pairs(prediction, truth):
+    for pair in pairs_of(prediction, truth):
         inside = pair.frame < first
         if min(np.count_nonzero(inside), np.count_nonzero(~inside)) < LEAST_FRAMES:
             continue
@@ -52,20 +51,6 @@ def anchor_mpjpe_mm(prediction: MotionSequence, truth: MotionSequence) -> float:
     if not errors:
         raise UndefinedFigureError("nobody is seen in the first shot and after it")
     return 1000 * float(np.mean(errors))
-
-
-def _pairs(prediction: MotionSequence, truth: MotionSequence) -> list[Pair]:
-    pairs = []
-    for index, matched in match_people(prediction.people, truth.people).items():
-        try:
-            pairs.append(
-                make_pair(
-                    prediction.people[matched], truth.people[index], predicted_sequence=prediction, truth_sequence=truth
-                )
-            )
-        except UndefinedFigureError:
-            continue
-    return pairs
 
 
 def _error(pair: Pair, before: tuple[int, int], after: tuple[int, int]) -> float | None:

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from humanmm.models.evaluation.orientation import orientation_from_joints
+from humanmm.models.evaluation.people import match_people
 from humanmm.models.evaluation.skeleton import is_full, mid_hip, pick, shared_names
 from humanmm.models.records.sequence import MotionSequence, PersonSequence, UndefinedFigureError
 
@@ -95,3 +96,18 @@ def make_pair(
         ),
         joints_truth=pick(truth.joints[rows_truth], truth_sequence.joint_names, names).astype(np.float64),
     )
+
+
+def pairs_of(prediction: MotionSequence, truth: MotionSequence) -> list[Pair]:
+    """Everybody of the truth who was found, with whom he was found as; without those who share no frame or joint."""
+    pairs = []
+    for index, matched in match_people(prediction.people, truth.people).items():
+        try:
+            pairs.append(
+                make_pair(
+                    prediction.people[matched], truth.people[index], predicted_sequence=prediction, truth_sequence=truth
+                )
+            )
+        except UndefinedFigureError:
+            continue
+    return pairs

@@ -1,0 +1,90 @@
+"""What is wrong in a run is found against its truth, and whether run.json doubted it."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from humanmm.models.evaluation.doubts import CLIP, Judgement, judged
+from humanmm.models.geometry.alignment import yaw_to_rotmat
+from humanmm.models.records.sequence import MotionSequence
+
+
+def record_of(sequence: MotionSequence, *, facing: float = 0.99, probability: float = 0.95) -> dict[str, Any]:
+    """run.json of a run with one person, a travelling camera and no doubt but these."""
+    cut = sequence.cut_frames[0]
+    shots = [
+        {
+            "start": start,
+            "end": end,
+            "linked": True,
+            "join": {"uncertainty_deg": 3.0, "probability": probability} if start else None,
+            "facing": [{"person": 0, "probability": facing}],
+            "camera": {"path_scale": {"source": "floor", "relative_uncertainty": 0.2}},
+        }
+        for start, end in ((0, cut), (cut, sequence.num_frames))
+    ]
+    return {"shots": shots, "warnings": []}
+
+
+def wrong(found: list[Judgement]) -> set[str]:
+    return {one.kind for one in found if one.wrong}
+
+
+def test_a_perfect_run_is_wrong_in_nothing(sequence: MotionSequence) -> None:
+    found = judged(record_of(sequence), sequence, sequence)
+    kinds = [one.kind for one in found]
+    assert {kind: kinds.count(kind) for kind in kinds} == {
+        "facing": 2, "cut": 1, "focal": 2, "path": 2, "shots": 1, "people": 1, CLIP: 1,
+    }  # fmt: skip
+    assert not any(one.wrong or one.warned for one in found)
+
+
+@pytest.mark.parametrize("facing", [0.99, 0.7])
+def test_a_body_turned_round_is_wrong_whether_it_was_doubted_or_not(sequence: MotionSequence, facing: float) -> None:
+    cut, person = sequence.cut_frames[0], sequence.people[0]
+    assert person.R_world_root is not None
+    R = person.R_world_root.copy()
+    R[cut:] = R[cut:] @ np.diag([-1.0, 1.0, -1.0])
+    prediction = replace(sequence, people=(replace(person, R_world_root=R),))
+    first, second = [one for one in judged(record_of(sequence, facing=facing), prediction, sequence)][:2]
+    assert first == Judgement("facing", False, facing < 0.925)
+    assert second == Judgement("facing", True, facing < 0.925)
+
+
+def test_a_shot_rotated_at_its_cut_is_wrong_and_a_doubtful_probability_is_a_warning(sequence: MotionSequence) -> None:
+    cut, cameras = sequence.cut_frames[0], sequence.cameras
+    assert cameras is not None
+    turn = np.where((np.arange(sequence.num_frames) >= cut)[:, None, None], yaw_to_rotmat(1.0), np.eye(3))
+    prediction = replace(sequence, cameras=replace(cameras, R_world_cam=turn @ cameras.R_world_cam))
+    for probability, warned in ((0.95, False), (0.5, True)):
+        found = judged(record_of(sequence, probability=probability), prediction, sequence)
+        assert Judgement("cut", True, warned) in found
+
+
+def test_lenses_paths_cuts_and_people_are_held_against_the_truth(sequence: MotionSequence) -> None:
+    cameras, cut = sequence.cameras, sequence.cut_frames[0]
+    assert cameras is not None
+    zoomed = replace(sequence, cameras=replace(cameras, K=cameras.K * [[[1.4, 1, 1], [1, 1.4, 1], [1, 1, 1]]]))
+    assert wrong(judged(record_of(sequence), zoomed, sequence)) == {"focal", CLIP}
+    long = replace(sequence, cameras=replace(cameras, t_world_cam=2 * cameras.t_world_cam))
+    assert wrong(judged(record_of(sequence), long, sequence)) == {"path", CLIP}
+    assert wrong(judged(record_of(sequence), replace(sequence, transitions=()), sequence)) == {"shots", CLIP}
+    assert wrong(judged(record_of(sequence), replace(sequence, people=()), sequence)) == {"people", CLIP}
+    divided = [
+        one.kind for one in judged(record_of(sequence), sequence, replace(sequence, transitions=((cut + 9,) * 2,)))
+    ]
+    assert divided.count("focal") == 1, "a shot with a true cut in it has no lens of its own"
+
+
+def test_a_warning_is_counted_where_it_belongs(sequence: MotionSequence) -> None:
+    record = record_of(sequence)
+    record["warnings"] = [
+        "camera, shot 1: pycolmap's two-view rotations differ",
+        "intrinsics: the focal length is assumed",
+    ]
+    found = judged(record, sequence, sequence)
+    assert [one.warned for one in found if one.kind == "path"] == [False, True]
+    assert [one.warned for one in found if one.kind == "focal"] == [True, True]
+    assert [one.warned for one in found if one.kind == CLIP] == [True]
