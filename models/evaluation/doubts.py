@@ -15,15 +15,16 @@ from jaxtyping import Bool, Float
 
 from humanmm.models.evaluation.cuts import score_cuts
 from humanmm.models.evaluation.pairs import Pair, pairs_of
+from humanmm.models.geometry.intervals import runs_of_true
 from humanmm.models.geometry.rotations import angle_between_deg, rotation_distance
 from humanmm.models.motion.fit.orientation_doubt import MISORIENTED_DEG
-from humanmm.models.motion.world.doubts import CERTAIN_FACING, DOUBTFUL_DEG, DOUBTFUL_PROBABILITY
+from humanmm.models.motion.world.doubts import DOUBTFUL_DEG, DOUBTFUL_PROBABILITY, is_doubtful
 from humanmm.models.records.sequence import CameraSequence, MotionSequence
 
 Array = np.ndarray
 
-TURNED_SHARE = 0.2
-"""A body is turned the wrong way in a shot if it is in more of its frames than this."""
+TURNED_SHARE, TURNED_S = 0.2, 0.3
+"""A body is turned the wrong way in a shot if it is in more of its frames than this, or for so long without a break."""
 WRONG_FOCAL = 0.2
 WRONG_SCALE, WRONG_PATH_M = 0.3, 0.1
 """A path is wrong if it is longer or shorter than the true one by so much, as a fraction and in metres."""
@@ -31,7 +32,8 @@ LEAST_FRAMES = 5
 CLIP = "clip"
 
 KINDS: Mapping[str, str] = {
-    "facing": f"a body in a shot: more than {MISORIENTED_DEG:.0f}° off in {100 * TURNED_SHARE:.0f} % of its frames",
+    "facing": f"a body in a shot: more than {MISORIENTED_DEG:.0f}° off in {100 * TURNED_SHARE:.0f} % of its frames, "
+    f"or for {TURNED_S} s",
     "cut": f"the camera's rotation at a cut that was found: more than {DOUBTFUL_DEG:.0f}° off",
     "focal": f"the focal length of a shot: more than {100 * WRONG_FOCAL:.0f} % off",
     "path": f"the path of a travelling camera: {100 * WRONG_SCALE:.0f} % and {WRONG_PATH_M} m too long or too short",
@@ -78,8 +80,10 @@ def _facings(record: Mapping[str, Any], prediction: MotionSequence, truth: Motio
             inside = (pair.frame >= shot["start"]) & (pair.frame < shot["end"])
             inside &= pair.predicted.observed[pair.rows_predicted]
             if said is not None and inside.sum() >= LEAST_FRAMES:
-                share = float((off_deg[inside] > MISORIENTED_DEG).mean())
-                yield Judgement("facing", share > TURNED_SHARE, said["probability"] < CERTAIN_FACING)
+                turned = off_deg[inside] > MISORIENTED_DEG
+                longest = max((run.end - run.start for run in runs_of_true(turned)), default=0)
+                wrong = bool(turned.mean() > TURNED_SHARE) or longest >= TURNED_S * truth.fps
+                yield Judgement("facing", wrong, is_doubtful(said["probability"], said["worst_s"]))
 
 
 def _in_camera_deg(pair: Pair, predicted: CameraSequence, truth: CameraSequence) -> Float[Array, " n"]:

@@ -119,6 +119,8 @@ class Facing:
     """Mean over the frames in which he is seen: that his orientation is off by no more than 45°."""
     doubtful: tuple[tuple[int, int], ...]
     """Frames [start, end) in which that is hardly known."""
+    worst_s: float = 0.0
+    """Seconds that he is expected to be turned the wrong way in the worst of these."""
 
 
 @dataclass(frozen=True)

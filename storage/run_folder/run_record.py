@@ -205,6 +205,7 @@ def _facing(facing: Facing) -> dict[str, Json]:
         "person": facing.person,
         "probability": _figure(facing.probability),
         "doubtful": [list(frames) for frames in facing.doubtful],
+        "worst_s": _figure(facing.worst_s),
     }
 
 

@@ -2,9 +2,11 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from humanmm.models.cuts.camera_rotation import GAP_WARNING_S
 from humanmm.models.cuts.hypotheses import SIDES_SWAPPED
-from humanmm.models.geometry.intervals import frame_intervals, merged
+from humanmm.models.geometry.intervals import frame_intervals, in_intervals, merged
 from humanmm.models.motion.rotations.shot_results import ShotResults, motions_of
 from humanmm.models.motion.rotations.shot_rotations import ShotRotations
 from humanmm.models.records.motion import CutAlignment, Facing, PathScale
@@ -21,6 +23,9 @@ CERTAIN_FACING = 0.925
 eight of twelve such bodies are turned the wrong way in more than a fifth of their frames, and three of 68 others."""
 DOUBTFUL_FRAME = 0.2
 """Probability of being turned the wrong way from which a frame is named in it."""
+WORST_S = 0.15
+"""One run of doubtful frames in which a body is expected to be turned the wrong way for so long is a warning by itself:
+in a long shot it hardly changes the mean."""
 APART_FRAMES = 5
 """Doubtful frames closer together are named as one run,"""
 NAMED_RUNS = 3
@@ -32,17 +37,24 @@ def facings_of(results: ShotResults) -> list[Facing]:
     facings = []
     for shot in range(len(results.shots.shots)):
         for person, motion in motions_of(results, shot).items():
-            doubt = motion.misoriented[motion.observed]
-            runs = frame_intervals(motion.frame[motion.observed], doubt > DOUBTFUL_FRAME)
+            frame, doubt = motion.frame[motion.observed], motion.misoriented[motion.observed]
+            runs = merged(frame_intervals(frame, doubt > DOUBTFUL_FRAME), gap=APART_FRAMES)
             probability = 1 - float(doubt.mean()) if len(doubt) else 1.0
-            facings.append(Facing(person, shot, probability, tuple(merged(runs, gap=APART_FRAMES))))
+            frame_s = float(np.median(np.diff(results.time_s))) if len(results.time_s) > 1 else 0.0
+            worst_s = max((frame_s * float(doubt[in_intervals(frame, [run])].sum()) for run in runs), default=0.0)
+            facings.append(Facing(person, shot, probability, tuple(runs), worst_s))
     return facings
 
 
 def of_facings(facings: Sequence[Facing], people: Sequence[Person]) -> list[str]:
     """Whose body may be turned the wrong way in part of a shot; who may be no person at all has his own warning."""
     certain = {person.person for person in people if not person.doubtful}
-    return [_of_facing(one) for one in facings if one.person in certain and one.probability < CERTAIN_FACING]
+    return [_of_facing(one) for one in facings if one.person in certain and is_doubtful(one.probability, one.worst_s)]
+
+
+def is_doubtful(probability: float, worst_s: float) -> bool:
+    """Whether that of a `Facing` is a warning."""
+    return probability < CERTAIN_FACING or worst_s > WORST_S
 
 
 def _of_facing(facing: Facing) -> str:
@@ -51,7 +63,7 @@ def _of_facing(facing: Facing) -> str:
     where = f", above all in frames {frames}" if frames else ""
     return (
         f"shot {facing.shot}: which way person {facing.person} faces is doubtful{where}: one frame in "
-        f"{1 / (1 - facing.probability):.0f} is expected to be off by more than 45°"
+        f"{1 / max(1 - facing.probability, 1e-3):.0f} is expected to be off by more than 45°"
     )
 
 

@@ -11,7 +11,9 @@ from humanmm.models.geometry.alignment import yaw_to_rotmat
 from humanmm.models.records.sequence import MotionSequence
 
 
-def record_of(sequence: MotionSequence, *, facing: float = 0.99, probability: float = 0.95) -> dict[str, Any]:
+def record_of(
+    sequence: MotionSequence, *, facing: float = 0.99, worst_s: float = 0.0, probability: float = 0.95
+) -> dict[str, Any]:
     """run.json of a run with one person, a travelling camera and no doubt but these."""
     cut = sequence.cut_frames[0]
     shots = [
@@ -20,7 +22,7 @@ def record_of(sequence: MotionSequence, *, facing: float = 0.99, probability: fl
             "end": end,
             "linked": True,
             "join": {"uncertainty_deg": 3.0, "probability": probability} if start else None,
-            "facing": [{"person": 0, "probability": facing}],
+            "facing": [{"person": 0, "probability": facing, "worst_s": worst_s}],
             "camera": {"path_scale": {"source": "floor", "relative_uncertainty": 0.2}},
         }
         for start, end in ((0, cut), (cut, sequence.num_frames))
@@ -51,6 +53,16 @@ def test_a_body_turned_round_is_wrong_whether_it_was_doubted_or_not(sequence: Mo
     first, second = [one for one in judged(record_of(sequence, facing=facing), prediction, sequence)][:2]
     assert first == Judgement("facing", False, facing < 0.925)
     assert second == Judgement("facing", True, facing < 0.925)
+
+
+def test_a_body_turned_round_for_a_moment_of_a_long_shot_is_wrong_too(sequence: MotionSequence) -> None:
+    person, cut = sequence.people[0], sequence.cut_frames[0]
+    assert person.R_world_root is not None and sequence.num_frames - cut > 60
+    R = person.R_world_root.copy()
+    R[cut : cut + 10] = R[cut : cut + 10] @ np.diag([-1.0, 1.0, -1.0])
+    prediction = replace(sequence, people=(replace(person, R_world_root=R),))
+    found = judged(record_of(sequence, worst_s=0.2), prediction, sequence)
+    assert found[1] == Judgement("facing", True, True)
 
 
 def test_a_shot_rotated_at_its_cut_is_wrong_and_a_doubtful_probability_is_a_warning(sequence: MotionSequence) -> None:
