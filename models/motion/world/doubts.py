@@ -20,7 +20,7 @@ DOUBTFUL_SCALE, DOUBTFUL_PATH_M = 0.3, 0.1
 """A camera's path whose scale is less certain than this gets a warning, if it may be off by so much."""
 CERTAIN_FACING = 0.925
 """A body that is turned the right way with less than this probability gets a warning: in 24 rendered development clips
-eight of twelve such bodies are turned the wrong way in more than a fifth of their frames, and three of 68 others."""
+nine of twelve such bodies, and four of 68 others, are turned the wrong way in a fifth of their frames or for 0.3 s."""
 DOUBTFUL_FRAME = 0.2
 """Probability of being turned the wrong way from which a frame is named in it."""
 WORST_S = 0.15
