@@ -42,6 +42,19 @@ def replace_file(path: Path, fill: Callable[[Path], None]) -> None:
         fresh.unlink(missing_ok=True)
 
 
+@contextlib.contextmanager
+def no_empty_folder_left(folder: Path) -> Iterator[None]:
+    """Where what is done fails, `folder` and those around it that were not there before go again if they are empty."""
+    new = [one for one in (folder, *folder.parents) if not one.exists()]
+    try:
+        yield
+    except BaseException:
+        with contextlib.suppress(OSError):
+            for one in new:
+                one.rmdir()
+        raise
+
+
 def replace_text(path: Path, text: str) -> None:
     """Write a text file in UTF-8, visible only when complete; bytes of file names that are no UTF-8 become escapes."""
 

@@ -22,7 +22,7 @@ from humanmm.storage.run_folder.exporters.index import facts_of, note
 from humanmm.storage.run_folder.exporters.joints_csv import write_csv
 from humanmm.storage.run_folder.exporters.trc import write_trc
 from humanmm.storage.run_folder.exporters.usd import write_usd
-from humanmm.storage.store.files import replace_file
+from humanmm.storage.store.files import no_empty_folder_left, replace_file
 
 Writer = Callable[[Path], None]
 
@@ -119,8 +119,9 @@ def export(
         if format_name == ALWAYS_WRITTEN and all(_is_current(write, folder / name) for name, write in files.items()):
             return tuple(folder / name for name in files)
         raise InputError(f"{existing[0]} exists already; give --force to replace it")
-    for name, write in files.items():
-        replace_file(folder / name, write)
+    with no_empty_folder_left(folder):
+        for name, write in files.items():
+            replace_file(folder / name, write)
     if format_name != ALWAYS_WRITTEN:
         note(folder, files, facts_of(part, recording, format_name))
     return tuple(folder / name for name in files)

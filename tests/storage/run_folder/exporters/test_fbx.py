@@ -27,5 +27,9 @@ def test_a_blender_that_fails_is_reported_with_its_last_word(tmp_path: Path, mon
     program.chmod(0o755)
     monkeypatch.setenv("HUMANMM_BLENDER", str(program))
     with pytest.raises(InputError, match="could not write the fbx: no module fbx"):
+        export(RECORDING, tmp_path / "new" / "out", "fbx")
+    assert not (tmp_path / "new").exists()
+    (tmp_path / "out").mkdir()
+    with pytest.raises(InputError, match="could not write the fbx"):
         export(RECORDING, tmp_path / "out", "fbx")
-    assert not list((tmp_path / "out").glob("*"))
+    assert not list((tmp_path / "out").iterdir()), "a folder that was there stays, as empty as it was"
