@@ -8,7 +8,8 @@ are compared with the processor's, because no result may depend on where it was 
 """
 
 import logging
-from functools import lru_cache
+import os
+from functools import cache, lru_cache
 from threading import Lock
 from typing import Protocol
 
@@ -52,11 +53,19 @@ def _loaded(name: str, shape: tuple[int, ...] | None) -> Network:
     from humanmm.models.perception.runtime import device  # imports torch, for which nobody without a device waits
 
     if not device.is_there():
+        _tell_unused()
         return on_processor
     on_device = device.DeviceNetwork(_weights(name), device.CUDA)
     assert_equal(name, on_device, on_processor)
     log.info("%s runs on the CUDA device", name)
     return on_device
+
+
+@cache
+def _tell_unused() -> None:
+    """Log, once a process, that a device is there that does nothing, unless that is wished."""
+    if os.environ.get("CUDA_VISIBLE_DEVICES") != "":
+        log.warning("torch cannot use the NVIDIA device: the networks run on the processor; `humanmm doctor` says why")
 
 
 def assert_equal(name: str, on_device: Network, on_processor: InterpreterPool) -> None:
