@@ -1,6 +1,5 @@
 """Where networks run: on a device that is there and computes the same, else on the processor."""
 
-import logging
 from collections.abc import Iterator
 
 import numpy as np
@@ -58,20 +57,19 @@ def test_who_is_seen_on_a_real_frame_is_the_same_on_a_device(
 @pytest.mark.usefixtures("one_device")
 @pytest.mark.parametrize(("visible", "told"), [(None, 1), ("0", 1), ("", 0)])
 def test_without_a_device_that_torch_can_use_networks_run_on_the_processor_and_say_so_once(
-    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, visible: str | None, told: int
+    monkeypatch: pytest.MonkeyPatch, visible: str | None, told: int
 ) -> None:
     monkeypatch.setattr(device, "is_there", lambda: False)
     if visible is None:
         monkeypatch.delenv("CUDA_VISIBLE_DEVICES", raising=False)
     else:
         monkeypatch.setenv("CUDA_VISIBLE_DEVICES", visible)
-    monkeypatch.setattr(logging.getLogger("humanmm"), "propagate", True)
+    said: list[str] = []
+    monkeypatch.setattr(networks.log, "warning", said.append)
     networks._tell_unused.cache_clear()
     for name in (HAND, "movenet-thunder.tflite"):
         assert isinstance(networks.network(name), InterpreterPool)
-    assert [record.message.partition(":")[0] for record in caplog.records] == [
-        "torch cannot use the NVIDIA device"
-    ] * told
+    assert [sentence.partition(":")[0] for sentence in said] == ["torch cannot use the NVIDIA device"] * told
 
 
 @pytest.mark.usefixtures("one_device")
