@@ -6,7 +6,7 @@ paths of travelling cameras; and in those of which it knows no doubt: cuts that 
 not found.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,10 +18,12 @@ from humanmm.models.evaluation.pairs import Pair, pairs_of
 from humanmm.models.geometry.intervals import runs_of_true
 from humanmm.models.geometry.rotations import angle_between_deg, rotation_distance
 from humanmm.models.motion.fit.orientation_doubt import MISORIENTED_DEG
-from humanmm.models.motion.world.doubts import DOUBTFUL_DEG, DOUBTFUL_PROBABILITY, is_doubtful
+from humanmm.models.motion.world.doubts import DOUBTFUL_DEG, DOUBTFUL_PROBABILITY, is_doubtful_facing, is_doubtful_path
 from humanmm.models.records.sequence import CameraSequence, MotionSequence
 
 Array = np.ndarray
+Cameras = tuple[CameraSequence, CameraSequence]
+"""Of a prediction and of its truth."""
 
 TURNED_SHARE, TURNED_S = 0.2, 0.3
 """A body is turned the wrong way in a shot if it is in more of its frames than this, or for so long without a break."""
@@ -55,26 +57,22 @@ class Judgement:
 
 def judged(record: Mapping[str, Any], prediction: MotionSequence, truth: MotionSequence) -> list[Judgement]:
     """Everything in a run that can be held against its truth; `record`: its run.json."""
-    found = [
-        *_facings(record, prediction, truth),
-        *_cuts(record, prediction, truth),
-        *_cameras(record, prediction, truth),
-        Judgement("shots", score_cuts(_starts(prediction), truth.transitions).f1 < 1, False),
-        *_people(prediction, truth),
-    ]
+    pairs, cameras = pairs_of(prediction, truth), (prediction.cameras, truth.cameras)
+    starts = [start for start, _ in truth.transitions]
+    cuts_f1 = score_cuts([start for start, _ in prediction.transitions], truth.transitions).f1
+    found = [Judgement("shots", cuts_f1 < 1, False), *_people(pairs, truth)]
+    if cameras[0] is not None and cameras[1] is not None:
+        both = cameras[0], cameras[1]
+        found += _facings(record, pairs, both, truth.fps)
+        found += _cuts(record, both, [cut for cut in truth.cut_frames if cut not in truth.unlinked_cuts])
+        found += _lenses_and_paths(record, both, starts)
     wrong = any(one.wrong for one in found)
     return [*found, Judgement(CLIP, wrong, bool(record["warnings"]))]
 
 
-def _starts(sequence: MotionSequence) -> list[int]:
-    return [start for start, _ in sequence.transitions]
-
-
-def _facings(record: Mapping[str, Any], prediction: MotionSequence, truth: MotionSequence) -> Iterator[Judgement]:
-    if prediction.cameras is None or truth.cameras is None:
-        return
-    for pair in pairs_of(prediction, truth):
-        off_deg = _in_camera_deg(pair, prediction.cameras, truth.cameras)
+def _facings(record: Mapping[str, Any], pairs: Sequence[Pair], both: Cameras, fps: float) -> Iterator[Judgement]:
+    for pair in pairs:
+        off_deg = _in_camera_deg(pair, both)
         for shot in record["shots"]:
             said = next((one for one in shot["facing"] if one["person"] == pair.predicted.person), None)
             inside = (pair.frame >= shot["start"]) & (pair.frame < shot["end"])
@@ -82,56 +80,45 @@ def _facings(record: Mapping[str, Any], prediction: MotionSequence, truth: Motio
             if said is not None and inside.sum() >= LEAST_FRAMES:
                 turned = off_deg[inside] > MISORIENTED_DEG
                 longest = max((run.end - run.start for run in runs_of_true(turned)), default=0)
-                wrong = bool(turned.mean() > TURNED_SHARE) or longest >= TURNED_S * truth.fps
-                yield Judgement("facing", wrong, is_doubtful(said["probability"], said["worst_s"]))
+                wrong = bool(turned.mean() > TURNED_SHARE) or longest >= TURNED_S * fps
+                yield Judgement("facing", wrong, is_doubtful_facing(said["probability"], said["worst_s"]))
 
 
-def _in_camera_deg(pair: Pair, predicted: CameraSequence, truth: CameraSequence) -> Float[Array, " n"]:
+def _in_camera_deg(pair: Pair, both: Cameras) -> Float[Array, " n"]:
     """Error of the body's orientation as the camera sees it."""
-    of_predicted, of_truth = pair.orientations
     seen = (
         np.swapaxes(cameras.R_world_cam[pair.frame], -1, -2) @ R
-        for cameras, R in ((predicted, of_predicted), (truth, of_truth))
+        for cameras, R in zip(both, pair.orientations, strict=True)
     )
     return np.asarray(np.degrees(rotation_distance(*seen)))
 
 
-def _cuts(record: Mapping[str, Any], prediction: MotionSequence, truth: MotionSequence) -> Iterator[Judgement]:
-    if prediction.cameras is None or truth.cameras is None:
-        return
+def _cuts(record: Mapping[str, Any], both: Cameras, true_cuts: Sequence[int]) -> Iterator[Judgement]:
     for shot in record["shots"]:
-        cut = shot["start"]
-        if not shot["linked"] or shot["join"] is None or (cut, cut) not in truth.transitions:
-            continue
-        if cut not in truth.unlinked_cuts:
-            across = [cameras.R_world_cam[cut - 1].T @ cameras.R_world_cam[cut] for cameras in _both(prediction, truth)]
-            join = shot["join"]
+        cut, join = shot["start"], shot["join"]
+        if shot["linked"] and join is not None and cut in true_cuts:
+            across = [cameras.R_world_cam[cut - 1].T @ cameras.R_world_cam[cut] for cameras in both]
             warned = join["uncertainty_deg"] > DOUBTFUL_DEG or join["probability"] < DOUBTFUL_PROBABILITY
             yield Judgement("cut", angle_between_deg(*across) > DOUBTFUL_DEG, warned)
 
 
-def _cameras(record: Mapping[str, Any], prediction: MotionSequence, truth: MotionSequence) -> Iterator[Judgement]:
-    """Focal lengths and paths, in the frames of each shot that no true cut divides."""
-    if prediction.cameras is None or truth.cameras is None:
-        return
+def _lenses_and_paths(record: Mapping[str, Any], both: Cameras, true_starts: Sequence[int]) -> Iterator[Judgement]:
+    """Of each shot that no true cut divides."""
+    assumed = any(text.startswith("intrinsics:") for text in record["warnings"])
     for index, shot in enumerate(record["shots"]):
-        if shot["camera"] is None or any(shot["start"] < start < shot["end"] for start in _starts(truth)):
+        if shot["camera"] is None or any(shot["start"] < start < shot["end"] for start in true_starts):
             continue
         frames = slice(shot["start"], shot["end"])
         said = [text for text in record["warnings"] if text.startswith((f"camera, shot {index}:", f"shot {index}:"))]
-        log_focal = [np.log(cameras.K[frames, 0, 0]) for cameras in _both(prediction, truth)]
+        log_focal = [np.log(cameras.K[frames, 0, 0]) for cameras in both]
         off = float(np.median(np.abs(log_focal[0] - log_focal[1])))
-        assumed = any(text.startswith("intrinsics:") for text in record["warnings"])
         yield Judgement("focal", off > np.log1p(WRONG_FOCAL), assumed or any("zoom" in text for text in said))
-        if shot["camera"]["path_scale"] is not None:
-            path_m, true_m = (_extent_m(cameras.t_world_cam[frames]) for cameras in _both(prediction, truth))
+        scale = shot["camera"]["path_scale"]
+        if scale is not None:
+            path_m, true_m = (_extent_m(cameras.t_world_cam[frames]) for cameras in both)
             apart = abs(path_m - true_m) > max(WRONG_PATH_M, WRONG_SCALE * min(path_m, true_m))
-            yield Judgement("path", apart, bool(said))
-
-
-def _both(prediction: MotionSequence, truth: MotionSequence) -> tuple[CameraSequence, CameraSequence]:
-    assert prediction.cameras is not None and truth.cameras is not None
-    return prediction.cameras, truth.cameras
+            doubtful = is_doubtful_path(scale["source"], scale["relative_uncertainty"], both[0].t_world_cam[frames])
+            yield Judgement("path", apart, bool(said) or doubtful)
 
 
 def _extent_m(path: Float[Array, "n 3"]) -> float:
@@ -139,8 +126,8 @@ def _extent_m(path: Float[Array, "n 3"]) -> float:
     return 2 * float(np.linalg.norm(path - path.mean(axis=0), axis=1).max())
 
 
-def _people(prediction: MotionSequence, truth: MotionSequence) -> Iterator[Judgement]:
-    found = {pair.truth.person: pair for pair in pairs_of(prediction, truth)}
+def _people(pairs: Sequence[Pair], truth: MotionSequence) -> Iterator[Judgement]:
+    found = {pair.truth.person: pair for pair in pairs}
     for person in truth.people:
         seen = person.frame[person.observed]
         if len(seen) >= LEAST_FRAMES:

@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Sequence
 
-from humanmm.models.benchmark.tables.rows import Metric, Row
+from humanmm.models.benchmark.tables.rows import Row, exact
 from humanmm.models.evaluation.doubts import CLIP, KINDS, Judgement
 from humanmm.models.records.table import Table
 
@@ -37,7 +37,7 @@ def rows_of_doubts(judgements: Sequence[Judgement], *, failed: int) -> list[Row]
             "warned": (count["warned"], count["all"]),
             "wrong_without_warning": (count["wrong"] - count["both"], silent),
         }
-        metrics = {name: _metric(part / whole) for name, (part, whole) in shares.items() if whole}
+        metrics = {name: exact(part / whole) for name, (part, whole) in shares.items() if whole}
         rows.append(Row("humanmm", kind, count["all"], failed if kind == CLIP else 0, metrics))
     return rows
 
@@ -54,7 +54,3 @@ def _counts(judgements: Sequence[Judgement], kind: str) -> Counter[str]:
 
 def _share(part: int, whole: int) -> str:
     return f"{part} ({part / whole:.0%})".replace("%", " %") if whole else "0"
-
-
-def _metric(value: float) -> Metric:
-    return Metric(value, value, (value, value))

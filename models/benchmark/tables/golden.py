@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from humanmm.models.benchmark.golden import KINDS, Verdict
-from humanmm.models.benchmark.tables.rows import ALL, Metric, Row
+from humanmm.models.benchmark.tables.rows import ALL, Row, exact
 from humanmm.models.records.table import Table
 
 
@@ -30,7 +30,7 @@ def rows_of_golden(clips: Sequence[CheckedClip]) -> list[Row]:
     for clip in clips:
         held, number = clip.counts()
         metrics = {
-            " ".join(filter(None, (verdict.kind, verdict.about))): _single(verdict.figure)
+            " ".join(filter(None, (verdict.kind, verdict.about))): exact(verdict.figure)
             for verdict in clip.verdicts
             if math.isfinite(verdict.figure)
         }
@@ -39,7 +39,7 @@ def rows_of_golden(clips: Sequence[CheckedClip]) -> list[Row]:
     for kind in KINDS:
         held, number = (sum(of) for of in zip(*(clip.counts(kind) for clip in clips), strict=True))
         if number:
-            shares[f"failed {kind}"] = _single(float(number - held))
+            shares[f"failed {kind}"] = exact(float(number - held))
     rows.append(Row("humanmm", ALL, sum(row.n for row in rows), sum(row.failed for row in rows), shares))
     return rows
 
@@ -75,7 +75,3 @@ def _count_of(held: int, number: int) -> str:
     if not number:
         return ""
     return f"{held} of {number}" if held < number else f"{number}"
-
-
-def _single(value: float) -> Metric:
-    return Metric(value, value, (value, value))

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from humanmm.models.benchmark.tables.rows import ALL, Metric, Row
+from humanmm.models.benchmark.tables.rows import ALL, Metric, Row, exact
 from humanmm.models.evaluation.overlay import (
     FASTEST,
     JOINTS,
@@ -63,7 +63,7 @@ def _metrics(errors: Mapping[str, OverlayError]) -> dict[str, Metric]:
     metrics = {}
     for name, error in errors.items():
         for key, value in (("median_pct", error.median), ("p95_pct", error.p95)):
-            metrics["_".join(filter(None, (name, key)))] = Metric(value, value, (value, value))
+            metrics["_".join(filter(None, (name, key)))] = exact(value)
     return metrics
 
 

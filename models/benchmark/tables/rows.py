@@ -43,6 +43,11 @@ class Row:
     """Over the videos that did not fail."""
 
 
+def exact(value: float) -> Metric:
+    """A figure that is counted, not sampled."""
+    return Metric(value, value, (value, value))
+
+
 def summarise(samples: Sequence[float]) -> Metric:
     """Mean, median, and the bootstrap's 95 % interval of the mean (fixed seed; one sample is its own interval)."""
     values = np.asarray(samples, np.float64)

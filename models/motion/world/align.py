@@ -117,9 +117,9 @@ def align(
     facings = doubts.facings_of(results)
     _fill_cameras(results, world)
     cuts = _reported(results, edges, rotations, world)
-    path_m = [float(np.ptp(world.t[shot.start : shot.end], axis=0).max()) for shot in results.shots.shots]
+    paths = [world.t[shot.start : shot.end] for shot in results.shots.shots]
     warnings = [
-        *doubts.of_paths(scales, path_m),
+        *doubts.of_paths(scales, paths),
         *(warning for cut in cuts for warning in cut.warnings),
         *doubts.of_facings(facings, results.shots.people),
         *doubts.of_sides(rotations),

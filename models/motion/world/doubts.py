@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from jaxtyping import Float
 
 from humanmm.models.cuts.camera_rotation import GAP_WARNING_S
 from humanmm.models.cuts.hypotheses import SIDES_SWAPPED
@@ -11,6 +12,8 @@ from humanmm.models.motion.rotations.shot_results import ShotResults, motions_of
 from humanmm.models.motion.rotations.shot_rotations import ShotRotations
 from humanmm.models.records.motion import CutAlignment, Facing, PathScale
 from humanmm.models.records.shots import Person
+
+Array = np.ndarray
 
 DOUBTFUL_DEG, DOUBTFUL_PROBABILITY = 30.0, 0.8
 """A camera rotation that is less certain than this gets a warning."""
@@ -49,10 +52,12 @@ def facings_of(results: ShotResults) -> list[Facing]:
 def of_facings(facings: Sequence[Facing], people: Sequence[Person]) -> list[str]:
     """Whose body may be turned the wrong way in part of a shot; who may be no person at all has his own warning."""
     certain = {person.person for person in people if not person.doubtful}
-    return [_of_facing(one) for one in facings if one.person in certain and is_doubtful(one.probability, one.worst_s)]
+    return [
+        _of_facing(one) for one in facings if one.person in certain and is_doubtful_facing(one.probability, one.worst_s)
+    ]
 
 
-def is_doubtful(probability: float, worst_s: float) -> bool:
+def is_doubtful_facing(probability: float, worst_s: float) -> bool:
     """Whether that of a `Facing` is a warning."""
     return probability < CERTAIN_FACING or worst_s > WORST_S
 
@@ -67,23 +72,37 @@ def _of_facing(facing: Facing) -> str:
     )
 
 
-def of_paths(scales: Sequence[PathScale], path_m: Sequence[float]) -> list[str]:
-    """Whose camera's path may be much too long or too short; `path_m`: how far each shot's camera travels, metres."""
-    sentences = []
-    for one in scales:
-        length_m = path_m[one.shot]
-        if one.source == "assumed":
-            sentences.append(
-                f"shot {one.shot}: nobody's feet determine the scale of the camera's path; its unit is taken for a "
-                "metre"
-            )
-        elif one.relative_uncertainty > DOUBTFUL_SCALE and one.relative_uncertainty * length_m > DOUBTFUL_PATH_M:
-            witness = "the floor and the feet on it" if one.source == "floor" else "feet that stand still"
-            sentences.append(
-                f"shot {one.shot}: the camera travels {length_m:.1f} m ± {100 * one.relative_uncertainty:.0f} %: "
-                f"{witness} hardly give the scale of its path"
-            )
-    return sentences
+def of_paths(scales: Sequence[PathScale], paths: Sequence[Float[Array, "n 3"]]) -> list[str]:
+    """Whose camera's path may be much too long or too short; `paths`: of each shot's camera in the world, metres."""
+    return [
+        _of_path(one, _length_m(paths[one.shot]))
+        for one in scales
+        if is_doubtful_path(one.source, one.relative_uncertainty, paths[one.shot])
+    ]
+
+
+def is_doubtful_path(source: str, relative_uncertainty: float, path: Float[Array, "n 3"]) -> bool:
+    """Whether a path with such a `PathScale` may be much too long or too short."""
+    if source == "assumed":
+        return True
+    return relative_uncertainty > max(DOUBTFUL_SCALE, DOUBTFUL_PATH_M / max(_length_m(path), 1e-9))
+
+
+def _length_m(path: Float[Array, "n 3"]) -> float:
+    """How far it goes along one axis of the world."""
+    return float(np.ptp(path, axis=0).max())
+
+
+def _of_path(scale: PathScale, length_m: float) -> str:
+    if scale.source == "assumed":
+        return (
+            f"shot {scale.shot}: nobody's feet determine the scale of the camera's path; its unit is taken for a metre"
+        )
+    witness = "the floor and the feet on it" if scale.source == "floor" else "feet that stand still"
+    return (
+        f"shot {scale.shot}: the camera travels {length_m:.1f} m ± {100 * scale.relative_uncertainty:.0f} %: "
+        f"{witness} hardly give the scale of its path"
+    )
 
 
 def of_cut(cut: CutAlignment) -> tuple[str, ...]:

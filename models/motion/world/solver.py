@@ -172,11 +172,11 @@ def _step(
     if iteration < _ROTATE_FROM:
         damping[:, 3:6] = 1e8
     known = np.array([rig.scale_known or not np.any(rig.path) for rig in rigs])
-    damping[known, 6] = 1e8
+    damping[known, SCALE] = 1e8
     steps, moved = equations.step(_DAMPING, damping)
     start = {k: segment.start for k, segment in zip(order, segments, strict=True)}
     # A scale neither changes sign nor runs away in one step.
-    scale = np.clip(state.scale + moved[:, 6], 0.3 * state.scale, 3.0 * state.scale)
+    scale = np.clip(state.scale + moved[:, SCALE], 0.3 * state.scale, 3.0 * state.scale)
     after = _State(
         pelvis=[state.pelvis[k] + steps[start[k] : start[k] + len(state.pelvis[k])] for k in range(len(trajectories))],
         rotation=rotvec_to_rotmat(moved[:, 3:6]) @ state.rotation,
@@ -322,7 +322,7 @@ def _scales(
     equations: WorldEquations, floors: Sequence[LogScale | None], state: _State, options: SolveSettings
 ) -> None:
     """The scale of a camera's path is about what the floor says."""
-    of_scale = np.eye(CAMERA_UNKNOWNS)[6:]
+    of_scale = np.eye(CAMERA_UNKNOWNS)[SCALE:]
     for shot, floor in enumerate(floors):
         if floor is None:
             continue

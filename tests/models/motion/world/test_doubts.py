@@ -46,9 +46,10 @@ def test_a_doubtful_moment_of_a_long_shot_is_named_though_the_mean_is_high() -> 
 
 def test_a_path_of_unknown_scale_is_doubtful_only_where_it_is_long_enough_to_matter() -> None:
     unsure, sure = PathScale(0, "floor", 0.5), PathScale(0, "feet", 0.2)
-    (said,) = doubts.of_paths([unsure], [2.0])
+    far, near = np.array([[0.0, 0, 0], [2.0, 0, 0]]), np.array([[0.0, 0, 0], [0.1, 0, 0]])
+    (said,) = doubts.of_paths([unsure], [far])
     assert "2.0 m ± 50 %" in said
-    assert doubts.of_paths([unsure], [0.1]) == []
-    assert doubts.of_paths([sure], [2.0]) == []
-    (assumed,) = doubts.of_paths([PathScale(0, "assumed", np.nan)], [0.01])
+    assert doubts.of_paths([unsure], [near]) == []
+    assert doubts.of_paths([sure], [far]) == []
+    (assumed,) = doubts.of_paths([PathScale(0, "assumed", np.nan)], [near])
     assert "taken for a metre" in assumed
