@@ -12,6 +12,8 @@ import numpy as np
 from jaxtyping import Float
 
 from humanmm.machine import single_threaded
+from humanmm.models.body.body24 import load_body
+from humanmm.models.body.proportions import resized
 from humanmm.models.cuts.camera_rotation import CutMethod, align_by_bundle
 from humanmm.models.geometry.intrinsics import K_of
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
@@ -206,7 +208,8 @@ def _solve_group(
         world.source[frames] = SOURCES.index(camera.source)
     for (_, motion), pelvis, contacts in zip(owners, solution.pelvis, solution.contacts, strict=True):
         R_root = world.R[motion.frame] @ motion.R_cam_root
-        world.people.setdefault(motion.person, []).append(Part(motion, R_root, pelvis, contacts))
+        sized = replace(motion, betas=resized(motion.betas, load_body(), solution.size[motion.person]))
+        world.people.setdefault(motion.person, []).append(Part(sized, R_root, pelvis, contacts))
     return [
         _path_scale(shot, solution, k, seen=bool(motions_of(results, shot)))
         for k, (shot, rig) in enumerate(zip(group, rigs, strict=True))

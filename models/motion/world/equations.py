@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy import sparse
 from scipy.linalg import lapack
 from scipy.sparse.linalg import SuperLU, splu
@@ -21,6 +21,8 @@ CAMERA_UNKNOWNS = 7
 """Per shot: position (3), small rotation (3), scale (1)."""
 SCALE = 6
 """The last of them."""
+SHARED_UNKNOWNS = CAMERA_UNKNOWNS + 1
+"""What the positions of a segment share: their camera, and the logarithm of their person's size."""
 
 _REACH = 2
 """Frames that a position meets on either side."""
@@ -36,13 +38,14 @@ class Segment:
 
     start: int
     stop: int
+    person: int
     shot: int
     horizon: int
     """End of the positions, of the same person, that this segment's camera influences."""
 
 
 def segments_of(persons: Sequence[int], shots: Sequence[int], times: Sequence[Float[Array, " n"]]) -> list[Segment]:
-    """The segments of trajectories that are sorted by person, then by time."""
+    """The segments of trajectories that are sorted by person (numbered from 0), then by time."""
     segments = []
     starts = np.concatenate([[0], np.cumsum([len(time) for time in times])])
     for k, time in enumerate(times):
@@ -52,42 +55,57 @@ def segments_of(persons: Sequence[int], shots: Sequence[int], times: Sequence[Fl
             horizon += felt
             if felt < len(times[later]):
                 break
-        segments.append(Segment(int(starts[k]), int(starts[k + 1]), shots[k], horizon))
+        segments.append(Segment(int(starts[k]), int(starts[k + 1]), persons[k], shots[k], horizon))
     return segments
 
 
 class WorldEquations:
-    """H δ = −g of N positions (3 numbers each) and S cameras (7 each)."""
+    """H δ = −g of N positions (3 numbers each), S cameras (7 each) and the sizes of P people (1 each)."""
 
     def __init__(self, segments: Sequence[Segment], num_shots: int) -> None:
         self.segments = tuple(segments)
+        self.num_shots = num_shots
         n = segments[-1].stop if segments else 0
         self.gradient = np.zeros((n, 3))
         self.own = np.zeros((n, 3, 3))
-        self.next = np.zeros((_REACH + 1, n))
-        """next[d, i]: the block of positions i and i + d is this times the identity; d = 0 is unused."""
-        self.mixed = np.zeros((n, 3, CAMERA_UNKNOWNS))
-        """Blocks of each position and the camera of its shot."""
-        self.camera_gradient = np.zeros((num_shots, CAMERA_UNKNOWNS))
-        self.cameras: dict[tuple[int, int], Array] = {}
-        """Blocks of two cameras."""
+        self.next_one = np.zeros((n, 3, 3))
+        """Blocks of positions i and i + 1."""
+        self.next_two = np.zeros(n)
+        """The block of positions i and i + 2 is this times the identity."""
+        self.mixed = np.zeros((n, 3, SHARED_UNKNOWNS))
+        """Blocks of each position and what its segment shares."""
+        num_people = max((segment.person + 1 for segment in segments), default=0)
+        self.shared_gradient = np.zeros(CAMERA_UNKNOWNS * num_shots + num_people)
+        self._blocks: list[tuple[Array, Array, Array]] = []
+        """Rows, columns and values of the matrix of all that is shared."""
         self._reduced: SuperLU | None = None
-        """What remains for the cameras, factorised by `step`."""
+        """What remains for what is shared, factorised by `step`."""
+
+    def camera(self, shot: int) -> Int[Array, " 7"]:
+        """Where a shot's camera stands among what is shared."""
+        return np.arange(CAMERA_UNKNOWNS * shot, CAMERA_UNKNOWNS * (shot + 1))
+
+    def size(self, person: int) -> Int[Array, " 1"]:
+        """Where a person's size stands among what is shared."""
+        return np.array([CAMERA_UNKNOWNS * self.num_shots + person])
+
+    def _shared(self, segment: int) -> Int[Array, " 8"]:
+        return np.concatenate([self.camera(self.segments[segment].shot), self.size(self.segments[segment].person)])
 
     def add_positions(
         self,
-        first: int,
-        shot: int,
+        segment: int,
         residual: Float[Array, "n m"],
         by_position: Float[Array, "n m 3"],
-        by_camera: Float[Array, "n m 7"],
+        by_shared: Float[Array, "n m 8"],
     ) -> None:
-        """Add Σ r² / 2 of residuals that depend on one position each, from `first` on, and on the camera of a shot."""
+        """Add Σ r² / 2 of residuals that depend on one position of a segment each, and on what it shares."""
+        first = self.segments[segment].start
         rows, transposed = slice(first, first + len(residual)), np.swapaxes(by_position, -1, -2)
         self.own[rows] += transposed @ by_position
-        self.mixed[rows] += transposed @ by_camera
+        self.mixed[rows] += transposed @ by_shared
         self.gradient[rows] += (transposed @ residual[..., None])[..., 0]
-        self._add_camera(shot, residual, by_camera)
+        self._add_shared(segment, residual.reshape(-1), by_shared)
 
     def add_chain(self, at: Array, coefficients: Float[Array, "n d"], residual: Float[Array, "n 3"]) -> None:
         """Add Σ r² / 2 with r = Σ_k coefficients[:, k] · position[at + k], k < d ≤ 3."""
@@ -95,90 +113,89 @@ class WorldEquations:
             self.gradient[at + a] += coefficients[:, a, None] * residual
             for c in range(3):
                 self.own[at + a, c, c] += coefficients[:, a] ** 2
-            for b in range(a + 1, coefficients.shape[1]):
-                self.next[b - a, at + a] += coefficients[:, a] * coefficients[:, b]
+                if a + 1 < coefficients.shape[1]:
+                    self.next_one[at + a, c, c] += coefficients[:, a] * coefficients[:, a + 1]
+        if coefficients.shape[1] == _REACH + 1:
+            self.next_two[at] += coefficients[:, 0] * coefficients[:, 2]
 
     def add_still(
         self,
-        first: int,
-        shot: int,
-        weight: Float[Array, "n k"],
+        segment: int,
+        whiten: Float[Array, "n k 3 3"],
         moved: Float[Array, "n k 3"],
-        lever: Float[Array, "n k 3 3"],
+        by_shared: Float[Array, "n k 3 8"],
     ) -> None:
-        """Add Σ r² / 2 with r = weight · (position[i + 1] − position[i] + lever · rotation of the camera).
+        """Add Σ r² / 2 with r = whiten (position[i + 1] − position[i] + by_shared · what the segment shares).
 
-        i runs from `first` on; k residuals each, `moved` is what they are now, without the weight.
+        i are the positions of a segment but its last; k residuals each, `moved` is what they are now, not whitened.
         """
-        residual, by_camera = weight[..., None] * moved, np.zeros((*moved.shape, CAMERA_UNKNOWNS))
-        by_camera[..., 3:6] = weight[..., None, None] * lever
-        total = (weight**2).sum(axis=1)
-        pull, of_camera = (np.einsum("nk,nk...->n...", weight, one) for one in (residual, by_camera))
+        first, by_shared = self.segments[segment].start, whiten @ by_shared
+        residual, transposed = (whiten @ moved[..., None])[..., 0], np.swapaxes(whiten, -1, -2)
+        total = (transposed @ whiten).sum(axis=1)
+        pull, of_shared = (transposed @ residual[..., None])[..., 0].sum(axis=1), (transposed @ by_shared).sum(axis=1)
         for offset, sign in ((0, -1), (1, 1)):
-            rows = slice(first + offset, first + offset + len(weight))
-            self.own[rows] += total[:, None, None] * np.eye(3)
+            rows = slice(first + offset, first + offset + len(moved))
+            self.own[rows] += total
             self.gradient[rows] += sign * pull
-            self.mixed[rows] += sign * of_camera
-        self.next[1, first : first + len(weight)] -= total
-        self._add_camera(shot, residual, by_camera)
+            self.mixed[rows] += sign * of_shared
+        self.next_one[first : first + len(moved)] -= total
+        self._add_shared(segment, residual.reshape(-1), by_shared)
 
-    def add_cameras(self, residual: Float[Array, " m"], *blocks: tuple[int, Float[Array, "m 7"]]) -> None:
-        """Add Σ r² / 2 of residuals that depend on the cameras of some shots."""
+    def add_shared(self, residual: Float[Array, " m"], *blocks: tuple[Array, Float[Array, "m u"]]) -> None:
+        """Add Σ r² / 2 of residuals that depend on shared unknowns alone: which, and the derivatives by them."""
         for a, by_a in blocks:
-            self.camera_gradient[a] += by_a.T @ residual
+            self.shared_gradient[a] += by_a.T @ residual
             for b, by_b in blocks:
                 self._add_block(a, b, by_a.T @ by_b)
 
-    def step(
-        self, damping: float, camera_damping: Float[Array, "S 7"]
-    ) -> tuple[Float[Array, "N 3"], Float[Array, "S 7"]]:
-        """Gauss-Newton step of positions and cameras, the diagonal enlarged by these numbers."""
+    def step(self, damping: float, shared_damping: Float[Array, " U"]) -> tuple[Float[Array, "N 3"], Float[Array, " U"]]:
+        """Gauss-Newton step of positions and of what is shared, the diagonal enlarged by these numbers."""
         band = self._factor(damping)
         y = _through(band, -self.gradient.reshape(-1, 1))[:, 0]
         columns: list[Array] = []
-        right = -self.camera_gradient
-        for shot, extra in enumerate(camera_damping):
-            self._add_block(shot, shot, np.diag(extra))
+        right = -self.shared_gradient
+        all_shared = np.arange(len(right))
+        self._blocks.append((all_shared, all_shared, shared_damping))
         for k, segment in enumerate(self.segments):
-            B = np.zeros((segment.horizon - segment.start, 3, CAMERA_UNKNOWNS))
+            B = np.zeros((segment.horizon - segment.start, 3, SHARED_UNKNOWNS))
             B[: segment.stop - segment.start] = self.mixed[segment.start : segment.stop]
             rows = slice(3 * segment.start, 3 * segment.horizon)
-            Y = _through(band[rows], B.reshape(-1, CAMERA_UNKNOWNS))
-            right[segment.shot] -= Y.T @ y[rows]
-            self._add_block(segment.shot, segment.shot, -Y.T @ Y)
-            for earlier, its_Y in zip(self.segments[:k][::-1], columns[::-1], strict=True):
+            Y = _through(band[rows], B.reshape(-1, SHARED_UNKNOWNS))
+            own = self._shared(k)
+            right[own] -= Y.T @ y[rows]
+            self._add_block(own, own, -Y.T @ Y)
+            for before in range(k - 1, -1, -1):
+                earlier = self.segments[before]
                 if earlier.horizon <= segment.start:
                     break
-                first, shared = (
+                first, common = (
                     3 * (segment.start - earlier.start),
                     3 * (min(earlier.horizon, segment.horizon) - segment.start),
                 )
-                block = -its_Y[first : first + shared].T @ Y[:shared]
-                self._add_block(earlier.shot, segment.shot, block)
-                self._add_block(segment.shot, earlier.shot, block.T)
+                block = -columns[before][first : first + common].T @ Y[:common]
+                self._add_block(self._shared(before), own, block)
+                self._add_block(own, self._shared(before), block.T)
             columns.append(Y)
-        cameras = self._solve_cameras(right)
-        for segment, Y in zip(self.segments, columns, strict=True):
-            y[3 * segment.start : 3 * segment.horizon] -= Y @ cameras[segment.shot]
-        return _through(band, y[:, None], transposed=True).reshape(-1, 3), cameras
+        shared = self._solve_shared(right)
+        for k, (segment, Y) in enumerate(zip(self.segments, columns, strict=True)):
+            y[3 * segment.start : 3 * segment.horizon] -= Y @ shared[self._shared(k)]
+        return _through(band, y[:, None], transposed=True).reshape(-1, 3), shared
 
-    def camera_std(self, unknown: int) -> Float[Array, " S"]:
-        """Standard deviation of one unknown of every camera, all others unknown too, after `step`."""
+    def std(self, unknowns: Int[Array, " u"]) -> Float[Array, " u"]:
+        """Standard deviations of shared unknowns, all others unknown too, after `step`."""
         if self._reduced is None:
             raise RuntimeError("the equations have not been solved yet")
-        index = np.arange(unknown, self.camera_gradient.size, CAMERA_UNKNOWNS)
-        unit = np.zeros((self.camera_gradient.size, len(index)))
-        unit[index, np.arange(len(index))] = 1.0
-        return np.sqrt(np.diagonal(self._reduced.solve(unit)[index]))
+        unit = np.zeros((len(self.shared_gradient), len(unknowns)))
+        unit[unknowns, np.arange(len(unknowns))] = 1.0
+        return np.sqrt(np.diagonal(self._reduced.solve(unit)[unknowns]))
 
-    def _add_camera(self, shot: int, residual: Float[Array, "n m"], by_camera: Float[Array, "n m 7"]) -> None:
-        rows = by_camera.reshape(-1, CAMERA_UNKNOWNS)
-        self.camera_gradient[shot] += rows.T @ residual.ravel()
-        self._add_block(shot, shot, rows.T @ rows)
+    def _add_shared(self, segment: int, residual: Float[Array, " m"], by_shared: Float[Array, "n k 8"]) -> None:
+        rows, own = by_shared.reshape(-1, SHARED_UNKNOWNS), self._shared(segment)
+        self.shared_gradient[own] += rows.T @ residual
+        self._add_block(own, own, rows.T @ rows)
 
-    def _add_block(self, a: int, b: int, block: Float[Array, "7 7"]) -> None:
-        before = self.cameras.get((a, b))
-        self.cameras[a, b] = block if before is None else before + block
+    def _add_block(self, a: Array, b: Array, block: Float[Array, "a b"]) -> None:
+        self._blocks.append((np.repeat(a, len(b)), np.tile(b, len(a)), block.ravel()))
 
     def _factor(self, damping: float) -> Float[Array, "3N 7"]:
         """L of the positions' band: each column from its diagonal down, as LAPACK keeps it."""
@@ -187,8 +204,8 @@ class WorldEquations:
         for c in range(3):
             band[:, c, : 3 - c] = self.own[:, c:, c]
             band[:, c, 0] += damping
-            for d in range(1, _REACH + 1):
-                band[:, c, 3 * d] = self.next[d]
+            band[:, c, 3 - c : 6 - c] += self.next_one[:, c]
+            band[:, c, 6] = self.next_two
         if not n:
             return band.reshape(0, width)
         factor, failed = lapack.dpbtrf(band.reshape(-1, width).T, lower=1, overwrite_ab=1)
@@ -196,14 +213,11 @@ class WorldEquations:
             raise np.linalg.LinAlgError("what is known of the people's positions is not finite")
         return np.asarray(factor.T)
 
-    def _solve_cameras(self, right: Float[Array, "S 7"]) -> Float[Array, "S 7"]:
-        corners, blocks = np.array(list(self.cameras)) * CAMERA_UNKNOWNS, np.array(list(self.cameras.values()))
-        inside = np.arange(CAMERA_UNKNOWNS)
-        row = np.broadcast_to(corners[:, 0, None, None] + inside[:, None], blocks.shape)
-        column = np.broadcast_to(corners[:, 1, None, None] + inside, blocks.shape)
-        whole = sparse.csc_matrix((blocks.ravel(), (row.ravel(), column.ravel())), shape=(right.size, right.size))
+    def _solve_shared(self, right: Float[Array, " U"]) -> Float[Array, " U"]:
+        row, column, value = (np.concatenate(part) for part in zip(*self._blocks, strict=True))
+        whole = sparse.csc_matrix((value, (row, column)), shape=(right.size, right.size))
         self._reduced = splu(whole, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-        return np.asarray(self._reduced.solve(right.ravel())).reshape(right.shape)
+        return np.asarray(self._reduced.solve(right))
 
 
 def _through(band: Float[Array, "n 7"], right: Float[Array, "n c"], *, transposed: bool = False) -> Float[Array, "n c"]:

@@ -14,15 +14,21 @@ scale of its path. All of it is linear but for the small rotations and the robus
 iteratively reweighted residuals. Time and memory grow linearly with the video.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from humanmm.models.geometry.robust import cauchy_weight, huber_weight
-from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat, skew
-from humanmm.models.motion.world.equations import CAMERA_UNKNOWNS, SCALE, WorldEquations, segments_of
+from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat, skew, unit
+from humanmm.models.motion.world.equations import (
+    CAMERA_UNKNOWNS,
+    SCALE,
+    SHARED_UNKNOWNS,
+    WorldEquations,
+    segments_of,
+)
 from humanmm.models.motion.world.problem import CameraEdge, SameCamera, ShotRig, ShotTrajectory
 from humanmm.models.motion.world.scale import LOWEST_PERCENT, LogScale, scale_from_feet, scale_from_floor
 
@@ -35,14 +41,24 @@ class SolveSettings:
 
     across_m: float = 0.02
     """Error of the pelvis across the line of sight."""
-    depth_fraction: float = 0.02
+    depth_fraction: float = 0.016
     """Error of the pelvis along the line of sight that changes within a shot, as a fraction of the distance."""
+    size_std: float = 0.12
+    """Of the logarithm of a person's size, which all his distances go by: the bones that a pose network sees say little
+    about it."""
+    mean_size_std: float = 0.01
+    """Of the mean of these logarithms. Small: speeds and accelerations are least in a world that is shrunk, and would
+    shrink everybody."""
     correlation_s: float = 0.4
     """Errors of observations change this slowly."""
-    still_ms: float = 0.3
-    """Speed of a foot that stands still, with the noise of the fitted leg."""
-    moving_ms: float = 0.5
-    """A foot this fast certainly moves."""
+    still_ms: float = 0.15
+    """Speed of a foot that stands still across the line of sight, with the noise of the fitted leg."""
+    still_along_ms: float = 0.4
+    """The same along the line of sight."""
+    swing_fraction: float = 0.5
+    """How much of a step toward the camera or away from it the fitted legs may leave out."""
+    moving: float = 2.0
+    """A foot certainly moves that is so many times as fast."""
     floor_m: float = 0.1
     """Height of a sole point that bears the body; the four points of a body err together."""
     acceleration_ms2: float = 6.0
@@ -75,6 +91,8 @@ class Solution:
     """Standard deviation of the logarithm of the scale of a path that was not known, against the people's size."""
     from_floor: Bool[Array, "shots"]
     """Whether the floor gave the scale."""
+    size: Mapping[int, float]
+    """By person: how many times as large he is as his shots have him."""
 
 
 def solve(
@@ -96,7 +114,11 @@ def solve(
         for rig, own, floor in zip(rigs, of_shot, floors, strict=True)
     ])  # fmt: skip
     state = _State(
-        [s.offset.copy() for s in trajectories], np.tile(np.eye(3), (shots, 1, 1)), np.zeros((shots, 3)), scale
+        [s.offset.copy() for s in trajectories],
+        np.tile(np.eye(3), (shots, 1, 1)),
+        np.zeros((shots, 3)),
+        scale,
+        np.zeros(len(_people(trajectories))),
     )
     # The first steps join the shots by inertia alone; then feet that stand still count; then the floor.
     for iteration in range(options.iterations):
@@ -114,8 +136,12 @@ def solve(
         rotation=state.rotation,
         origin=state.origin,
         scale=state.scale,
-        log_scale_std=np.hypot(equations.camera_std(SCALE) / state.scale, options.log_scale_std),
+        log_scale_std=np.hypot(
+            equations.std(np.array([equations.camera(shot)[SCALE] for shot in range(shots)])) / state.scale,
+            options.log_scale_std,
+        ),
         from_floor=np.array([floor is not None for floor in floors]),
+        size=dict(zip(_people(trajectories), np.exp(state.log_size).tolist(), strict=True)),
     )
 
 
@@ -129,6 +155,13 @@ class _State:
     rotation: Array
     origin: Array
     scale: Array
+    log_size: Array
+    """Per person, in order of their numbers: logarithm of how much larger he is than `ShotTrajectory` has him."""
+
+
+def _people(trajectories: Sequence[ShotTrajectory]) -> list[int]:
+    """Everybody's number, in order."""
+    return sorted({trajectory.person for trajectory in trajectories})
 
 
 def _step(
@@ -143,37 +176,41 @@ def _step(
 ) -> tuple[_State, WorldEquations]:
     """The state after one Gauss-Newton step, and the equations that gave it."""
     order = sorted(range(len(trajectories)), key=lambda k: (trajectories[k].person, int(trajectories[k].frame[0])))
+    people = _people(trajectories)
     segments = segments_of(
-        [trajectories[k].person for k in order],
+        [people.index(trajectories[k].person) for k in order],
         [trajectories[k].shot for k in order],
         [trajectories[k].time_s for k in order],
     )
     equations = WorldEquations(segments, len(rigs))
-    for k, segment in zip(order, segments, strict=True):
+    for position, k in enumerate(order):
         trajectory = trajectories[k]
-        _observations(
-            equations, trajectory, rigs[trajectory.shot], state, k, segment.start, options, robust=iteration > 0
-        )
+        size = float(np.exp(state.log_size[segments[position].person]))
+        sized = replace(trajectory, offset=size * trajectory.offset)
+        _observations(equations, sized, rigs[trajectory.shot], state, k, position, options, robust=iteration > 0)
         if iteration >= _STILL_FROM:
-            _feet(equations, trajectory, state, k, segment.start, options, floor=iteration >= _FLOOR_FROM)
-    for person in sorted({trajectory.person for trajectory in trajectories}):
-        own = [(k, segment) for k, segment in zip(order, segments, strict=True) if trajectories[k].person == person]
+            _feet(equations, sized, state, k, position, options, floor=iteration >= _FLOOR_FROM)
+    for person in range(len(people)):
+        own = [(k, segment) for k, segment in zip(order, segments, strict=True) if segment.person == person]
         time_s = np.concatenate([trajectories[k].time_s for k, _ in own])
         _inertia(equations, np.concatenate([state.pelvis[k] for k, _ in own]), time_s, own[0][1].start, options)
+    _sizes(equations, state, options)
     _levels(equations, rigs, edges, state, options)
     _scales(equations, floors, state, options)
     _same_cameras(equations, rigs, same, state)
 
-    damping = np.full((len(rigs), CAMERA_UNKNOWNS), _DAMPING)
-    damping[0, :2] = 1e6  # the first camera stays where it is, but for its height
+    damping = np.full(len(equations.shared_gradient), _DAMPING)
+    by_camera = damping[: CAMERA_UNKNOWNS * len(rigs)].reshape(-1, CAMERA_UNKNOWNS)
+    by_camera[0, :2] = 1e6  # the first camera stays where it is, but for its height
     if iteration < _FLOOR_FROM:
-        damping[0, 2] = 1e6
-    damping[:, 5] = 1e8  # headings are the cuts' business: feet and inertia level a shot but do not change its heading
+        by_camera[0, 2] = 1e6
+    by_camera[:, 5] = 1e8  # headings are the cuts' business: feet and inertia level a shot but do not change its heading
     if iteration < _ROTATE_FROM:
-        damping[:, 3:6] = 1e8
+        by_camera[:, 3:6] = 1e8
     known = np.array([rig.scale_known or not np.any(rig.path) for rig in rigs])
-    damping[known, SCALE] = 1e8
-    steps, moved = equations.step(_DAMPING, damping)
+    by_camera[known, SCALE] = 1e8
+    steps, shared = equations.step(_DAMPING, damping)
+    moved = shared[: by_camera.size].reshape(-1, CAMERA_UNKNOWNS)
     start = {k: segment.start for k, segment in zip(order, segments, strict=True)}
     # A scale neither changes sign nor runs away in one step.
     scale = np.clip(state.scale + moved[:, SCALE], 0.3 * state.scale, 3.0 * state.scale)
@@ -182,6 +219,7 @@ def _step(
         rotation=rotvec_to_rotmat(moved[:, 3:6]) @ state.rotation,
         origin=state.origin + moved[:, :3],
         scale=scale,
+        log_size=state.log_size + shared[by_camera.size :],
     )
     return after, equations
 
@@ -192,14 +230,15 @@ def _observations(
     rig: ShotRig,
     state: _State,
     index: int,
-    first: int,
+    segment: int,
     options: SolveSettings,
     *,
     robust: bool,
 ) -> None:
     """The person is where the picture shows, loosely along the line of sight."""
     T = state.rotation[trajectory.shot]
-    path, offset = rig.path[trajectory.frame - rig.start] @ T.T, trajectory.offset @ T.T
+    path = rig.path[trajectory.frame - rig.start] @ T.T
+    offset = trajectory.offset @ T.T
     arm = state.scale[trajectory.shot] * path + offset
     error = state.pelvis[index] - state.origin[trajectory.shot] - arm
     distance = np.linalg.norm(offset, axis=1)
@@ -214,25 +253,31 @@ def _observations(
         size = np.linalg.norm(residual, axis=1) * np.sqrt(correlated)
         factor = np.sqrt(huber_weight(size, 2.0))[:, None]
         residual, whiten = residual * factor, whiten * factor[..., None]
-    by_camera = np.concatenate([-whiten, whiten @ skew(arm), -whiten @ path[..., None]], axis=-1)
-    equations.add_positions(first, trajectory.shot, residual, whiten, by_camera)
+    by_shared = [-whiten, whiten @ skew(arm), -whiten @ path[..., None], -whiten @ offset[..., None]]
+    equations.add_positions(segment, residual, whiten, np.concatenate(by_shared, axis=-1))
 
 
 def _hold(
     trajectory: ShotTrajectory, state: _State, index: int, options: SolveSettings
-) -> tuple[Float[Array, "n-1 4"], Float[Array, "n 4"]]:
-    """How surely each sole point stands still between frames, and how surely it stands on the floor in each frame."""
+) -> tuple[Float[Array, "n-1 4"], Float[Array, "n 4"], Float[Array, "n-1 3 3"]]:
+    """How surely each sole point stands still between frames, how surely it stands on the floor in each frame, and
+    what whitens the velocity of one that stands still."""
     feet = trajectory.feet @ state.rotation[trajectory.shot].T + state.pelvis[index][:, None]
     step = np.diff(trajectory.time_s)[:, None]
-    speed = np.linalg.norm(np.diff(feet, axis=0), axis=-1) / step
+    sight = unit(trajectory.offset[:-1] @ state.rotation[trajectory.shot].T)
+    coming = np.abs(np.sum(np.diff(state.pelvis[index], axis=0) / step * sight, axis=-1))
+    along_ms = np.hypot(options.still_along_ms, options.swing_fraction * coming)[:, None, None]
+    along = sight[:, :, None] @ sight[:, None]
+    whiten = (np.eye(3) - along) / options.still_ms + along / along_ms
+    speed = np.linalg.norm(np.einsum("nab,nkb->nka", whiten, np.diff(feet, axis=0)), axis=-1) / step
     # Over a hole in the track nothing is held.
-    still = 1 / (1 + (speed / options.moving_ms) ** 2) ** 2 * (step < _HOLE_S)
+    still = 1 / (1 + (speed / options.moving) ** 2) ** 2 * (step < _HOLE_S)
     in_frame = np.zeros((len(feet), 4))
     if len(feet) > 1:
         in_frame[:-1] = still
         in_frame[1:] = np.maximum(in_frame[1:], still)
     on_floor = in_frame / (1 + (feet[..., 2] / options.floor_m) ** 2) ** 2
-    return still, on_floor
+    return still, on_floor, whiten
 
 
 _HOLE_S = 0.1
@@ -243,7 +288,7 @@ def _feet(
     trajectory: ShotTrajectory,
     state: _State,
     index: int,
-    first: int,
+    segment: int,
     options: SolveSettings,
     *,
     floor: bool,
@@ -253,20 +298,31 @@ def _feet(
         return
     rotated = trajectory.feet @ state.rotation[trajectory.shot].T
     pair = rotated + state.pelvis[index][:, None]
-    still, on_floor = _hold(trajectory, state, index, options)
+    still, on_floor, whiten = _hold(trajectory, state, index, options)
     correlated = np.sqrt(max(1.0, options.correlation_s / _frame_step(trajectory.time_s)))
     step = np.diff(trajectory.time_s)[:, None]
-    weight = np.sqrt(still) / (options.still_ms * step) / np.sqrt(correlated)
+    weight = np.sqrt(still) / step / np.sqrt(correlated)
     moved, swing = np.diff(pair, axis=0), np.diff(rotated, axis=0)
-    equations.add_still(first, trajectory.shot, weight, moved, -skew(swing))
+    by_shared = np.zeros((*swing.shape, SHARED_UNKNOWNS))
+    by_shared[..., 3:6] = -skew(swing)
+    equations.add_still(segment, weight[..., None, None] * whiten[:, None], moved, by_shared)
     if not floor:
         return
     below = pair[..., 2] < 0
     bearing = np.sqrt(np.where(below, np.maximum(on_floor, 0.5), on_floor)) / options.floor_m / correlated
-    by_position, by_camera = np.zeros((*bearing.shape, 3)), np.zeros((*bearing.shape, CAMERA_UNKNOWNS))
+    by_position, by_shared = np.zeros((*bearing.shape, 3)), np.zeros((*bearing.shape, SHARED_UNKNOWNS))
     by_position[..., 2] = bearing
-    by_camera[..., 3:6] = bearing[..., None] * -skew(rotated)[..., 2, :]
-    equations.add_positions(first, trajectory.shot, bearing * pair[..., 2], by_position, by_camera)
+    by_shared[..., 3:6] = bearing[..., None] * -skew(rotated)[..., 2, :]
+    equations.add_positions(segment, bearing * pair[..., 2], by_position, by_shared)
+
+
+def _sizes(equations: WorldEquations, state: _State, options: SolveSettings) -> None:
+    """People differ in size, but by what factor all of them do, no picture says."""
+    num_people = len(state.log_size)
+    if not num_people:
+        return
+    rows = np.vstack([np.eye(num_people) / options.size_std, np.full(num_people, 1 / num_people / options.mean_size_std)])
+    equations.add_shared(rows @ state.log_size, (np.concatenate([equations.size(p) for p in range(num_people)]), rows))
 
 
 def _inertia(
@@ -311,11 +367,12 @@ def _levels(
     for shot, rig in enumerate(rigs):
         tilt_deg = min(rig.level_deg, options.level_deg)
         w_axes = 1 / np.deg2rad([tilt_deg, tilt_deg, options.level_deg])
-        equations.add_cameras(w_axes * rotated[shot], (shot, w_axes[:, None] * of_rotation))
+        equations.add_shared(w_axes * rotated[shot], (equations.camera(shot), w_axes[:, None] * of_rotation))
     for edge in edges:
         w = 1 / np.deg2rad(edge.sigma_deg)
         difference = rotated[edge.b] - rotated[edge.a]
-        equations.add_cameras(w * difference, (edge.b, w * of_rotation), (edge.a, -w * of_rotation))
+        blocks = ((equations.camera(edge.b), w * of_rotation), (equations.camera(edge.a), -w * of_rotation))
+        equations.add_shared(w * difference, *blocks)
 
 
 def _scales(
@@ -328,7 +385,8 @@ def _scales(
             continue
         off = (np.log(state.scale[shot]) - floor.mean) / floor.sigma
         w = np.sqrt(cauchy_weight(np.square(off / options.floor_scale_reach)))
-        equations.add_cameras(np.array([w * off]), (shot, w / (floor.sigma * state.scale[shot]) * of_scale))
+        by_scale = w / (floor.sigma * state.scale[shot]) * of_scale
+        equations.add_shared(np.array([w * off]), (equations.camera(shot), by_scale))
 
 
 def _same_cameras(
@@ -342,8 +400,8 @@ def _same_cameras(
             arm = state.scale[shot] * rigs[shot].path[frame - rigs[shot].start] @ state.rotation[shot].T
             difference = difference + sign * (state.origin[shot] + arm)
             by_camera = np.concatenate([np.eye(3), -skew(arm), np.zeros((3, 1))], axis=1)
-            blocks.append((shot, sign * w * by_camera))
-        equations.add_cameras(w * difference, *blocks)
+            blocks.append((equations.camera(shot), sign * w * by_camera))
+        equations.add_shared(w * difference, *blocks)
 
 
 _SAME_CAMERA_M = 0.02
