@@ -18,8 +18,8 @@ BONE_NOISE = 0.1
 """Standard deviation of a bone's logarithmic length in the detector's 3D landmarks, mostly bias."""
 SCALE_NOISE = 0.3
 """Standard deviation of the common factor (its logarithm) of all bones of somebody whose height the user gave."""
-RESIZED_RIDGE_M2 = 3e-3
-"""What a unit of shape costs against squared errors of joints, m²: bodies a tenth larger are then right to 1 cm."""
+RESIZED_RIDGE_M2 = 1e-3
+"""What a unit of shape costs against squared errors of joints, m²: bodies a tenth larger are then right to 15 mm."""
 BONE_BIAS = np.array([-0.08, -0.08, -0.07, -0.16, -0.09, -0.03, 0.01])
 """Logarithm of the detector's bone lengths over body24's, for `bone_lengths` of one and the same person: its landmarks
 lie elsewhere than the joints (measured on renderings of 300 random bodies; real clips agree)."""

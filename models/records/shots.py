@@ -111,6 +111,9 @@ class Person:
     probability: float = 1.0
     """That this is a person at all; below DOUBTFUL he is delivered as doubtful, and joins no shots."""
 
+    height_known: bool = False
+    """Whether the user gave his height."""
+
     @property
     def doubtful(self) -> bool:
         """Whether this may well be nobody."""

@@ -134,6 +134,7 @@ def cast_of(people: Sequence[Candidate], num_shots: int, *, min_confidence: floa
             shape_from_bones(np.concatenate([s.bones for s in p.sightings]), body, height_m=p.given.height_m),
             area,
             likelihood,
+            height_known=p.given.height_m is not None,
         )
         for number, (likelihood, area, p) in enumerate(kept)
     )

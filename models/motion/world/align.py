@@ -178,10 +178,12 @@ def _solve_group(
     scales of the cameras' paths are known."""
     R_first_shot = [rotations.R_group_shot[group[0]].T @ rotations.R_group_shot[shot] for shot in group]
     R_world_shot = {k: R for k, R in zip(group, levelled(results, group, R_first_shot, verticals), strict=True)}
+    known_heights = {person.person for person in results.shots.people if person.height_known}
     trajectories, owners = [], []
     for k, shot in enumerate(group):
         for motion in motions_of(results, shot).values():
-            trajectories.append(_trajectory(results, k, shot, motion, R_world_shot[shot]))
+            known = motion.person in known_heights
+            trajectories.append(_trajectory(results, k, shot, motion, R_world_shot[shot], size_known=known))
             owners.append((shot, motion))
     rigs = [_rig(results, shot, R_world_shot[shot], verticals[shot].upright.sigma_deg) for shot in group]
     index = {shot: k for k, shot in enumerate(group)}
@@ -224,7 +226,13 @@ def _path_scale(shot: int, solution: Solution, index: int, *, seen: bool) -> Pat
 
 
 def _trajectory(
-    results: ShotResults, index: int, shot: int, motion: PersonShotMotion, R_world_shot: Float[Array, "3 3"]
+    results: ShotResults,
+    index: int,
+    shot: int,
+    motion: PersonShotMotion,
+    R_world_shot: Float[Array, "3 3"],
+    *,
+    size_known: bool,
 ) -> ShotTrajectory:
     camera = camera_of(results, shot)
     R_world_cam = R_world_shot @ camera.R_shot_cam[motion.frame - camera.start]
@@ -237,6 +245,7 @@ def _trajectory(
         offset=np.einsum("nab,nb->na", R_world_cam, motion.pelvis_cam),
         feet=soles,
         weight=np.where(motion.observed, motion.confidence.astype(np.float64), 0.0),
+        size_known=size_known,
     )
 
 

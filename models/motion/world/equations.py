@@ -148,7 +148,9 @@ class WorldEquations:
             for b, by_b in blocks:
                 self._add_block(a, b, by_a.T @ by_b)
 
-    def step(self, damping: float, shared_damping: Float[Array, " U"]) -> tuple[Float[Array, "N 3"], Float[Array, " U"]]:
+    def step(
+        self, damping: float, shared_damping: Float[Array, " U"]
+    ) -> tuple[Float[Array, "N 3"], Float[Array, " U"]]:
         """Gauss-Newton step of positions and of what is shared, the diagonal enlarged by these numbers."""
         band = self._factor(damping)
         y = _through(band, -self.gradient.reshape(-1, 1))[:, 0]
@@ -187,7 +189,7 @@ class WorldEquations:
             raise RuntimeError("the equations have not been solved yet")
         unit = np.zeros((len(self.shared_gradient), len(unknowns)))
         unit[unknowns, np.arange(len(unknowns))] = 1.0
-        return np.sqrt(np.diagonal(self._reduced.solve(unit)[unknowns]))
+        return np.asarray(np.sqrt(np.diagonal(self._reduced.solve(unit)[unknowns])))
 
     def _add_shared(self, segment: int, residual: Float[Array, " m"], by_shared: Float[Array, "n k 8"]) -> None:
         rows, own = by_shared.reshape(-1, SHARED_UNKNOWNS), self._shared(segment)

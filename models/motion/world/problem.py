@@ -23,6 +23,8 @@ class ShotTrajectory:
     """Sole points (left heel, left toes, right heel, right toes) from the pelvis, metres, world axes."""
     weight: Float[Array, "n"]
     """Trust in the observation, 0..1."""
+    size_known: bool = False
+    """Whether the user gave the person's height."""
 
 
 @dataclass(frozen=True)

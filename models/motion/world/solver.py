@@ -4,14 +4,16 @@ The rotations are known up to a few degrees (from the cuts), each person's posit
 depth, and the path of a moving camera up to its scale. What ties them together:
 
 - the person is where the picture shows: tightly across the line of sight, loosely along it;
-- a planted foot does not move, and one that bears the body is on the floor, z = 0;
+- everybody has one size, which all his distances go by and which his picture hardly tells;
+- a planted foot does not move, and one that bears the body is on the floor, z = 0; along the line of sight fitted legs
+  swing too little, so that feet say less there the faster somebody comes or goes;
 - bodies have inertia, also across a cut: that ties the shots together;
 - the floor that a moving camera sees gives its path a scale (`scale`);
 - every shot is about as level as its people and its camera say, and rotated against the others as the cuts say.
 
-Unknown are the pelvis of every person in every frame, and for each shot the camera's position, a small rotation and the
-scale of its path. All of it is linear but for the small rotations and the robust weights: a few Gauss-Newton steps with
-iteratively reweighted residuals. Time and memory grow linearly with the video.
+Unknown are the pelvis of every person in every frame, everybody's size, and for each shot the camera's position, a
+small rotation and the scale of its path. All of it is linear but for the small rotations and the robust weights: a few
+Gauss-Newton steps with iteratively reweighted residuals. Time and memory grow linearly with the video.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,6 +21,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
+from scipy.ndimage import gaussian_filter1d
 
 from humanmm.models.geometry.robust import cauchy_weight, huber_weight
 from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat, skew, unit
@@ -46,17 +49,18 @@ class SolveSettings:
     size_std: float = 0.12
     """Of the logarithm of a person's size, which all his distances go by: the bones that a pose network sees say little
     about it."""
-    mean_size_std: float = 0.01
-    """Of the mean of these logarithms. Small: speeds and accelerations are least in a world that is shrunk, and would
-    shrink everybody."""
+    known_size_std: float = 0.01
+    """The same of somebody whose height is known. If nobody's is, the mean of all is taken for known: speeds and
+    accelerations are least in a world that is shrunk, and would shrink everybody."""
     correlation_s: float = 0.4
     """Errors of observations change this slowly."""
     still_ms: float = 0.15
     """Speed of a foot that stands still across the line of sight, with the noise of the fitted leg."""
     still_along_ms: float = 0.4
     """The same along the line of sight."""
-    swing_fraction: float = 0.5
-    """How much of a step toward the camera or away from it the fitted legs may leave out."""
+    swing_fraction: float = 1.0
+    """The same, as a fraction of the speed with which somebody comes or goes: fitted legs swing in depth by 0.4 to 0.7
+    of what they should (median), all points of both feet alike."""
     moving: float = 2.0
     """A foot certainly moves that is so many times as fast."""
     floor_m: float = 0.1
@@ -123,13 +127,15 @@ def solve(
     # The first steps join the shots by inertia alone; then feet that stand still count; then the floor.
     for iteration in range(options.iterations):
         if iteration == _FLOOR_FROM:
-            state = _put_on_floor(trajectories, state, options)
+            state = _put_on_floor(trajectories, rigs, state, options)
         before = state
         state, equations = _step(trajectories, rigs, floors, edges, same, state, options, iteration)
         moved = max((float(np.abs(a - b).max()) for a, b in zip(state.pelvis, before.pelvis, strict=True)), default=0.0)
         if iteration > _FLOOR_FROM and moved < options.converged_m:
             break
-    contacts = tuple(_hold(trajectory, state, k, options)[1] for k, trajectory in enumerate(trajectories))
+    contacts = tuple(
+        _hold(trajectory, rigs[trajectory.shot], state, k, options)[1] for k, trajectory in enumerate(trajectories)
+    )
     return Solution(
         pelvis=tuple(state.pelvis),
         contacts=contacts,
@@ -158,6 +164,10 @@ class _State:
     log_size: Array
     """Per person, in order of their numbers: logarithm of how much larger he is than `ShotTrajectory` has him."""
 
+    def ordered(self, order: Sequence[int]) -> "_State":
+        """The same with the trajectories in another order."""
+        return replace(self, pelvis=[self.pelvis[k] for k in order])
+
 
 def _people(trajectories: Sequence[ShotTrajectory]) -> list[int]:
     """Everybody's number, in order."""
@@ -176,52 +186,61 @@ def _step(
 ) -> tuple[_State, WorldEquations]:
     """The state after one Gauss-Newton step, and the equations that gave it."""
     order = sorted(range(len(trajectories)), key=lambda k: (trajectories[k].person, int(trajectories[k].frame[0])))
-    people = _people(trajectories)
-    segments = segments_of(
-        [people.index(trajectories[k].person) for k in order],
-        [trajectories[k].shot for k in order],
-        [trajectories[k].time_s for k in order],
-    )
-    equations = WorldEquations(segments, len(rigs))
-    for position, k in enumerate(order):
-        trajectory = trajectories[k]
-        size = float(np.exp(state.log_size[segments[position].person]))
-        sized = replace(trajectory, offset=size * trajectory.offset)
-        _observations(equations, sized, rigs[trajectory.shot], state, k, position, options, robust=iteration > 0)
-        if iteration >= _STILL_FROM:
-            _feet(equations, sized, state, k, position, options, floor=iteration >= _FLOOR_FROM)
-    for person in range(len(people)):
-        own = [(k, segment) for k, segment in zip(order, segments, strict=True) if segment.person == person]
-        time_s = np.concatenate([trajectories[k].time_s for k, _ in own])
-        _inertia(equations, np.concatenate([state.pelvis[k] for k, _ in own]), time_s, own[0][1].start, options)
-    _sizes(equations, state, options)
+    equations = _of_people([trajectories[k] for k in order], rigs, state.ordered(order), options, iteration)
     _levels(equations, rigs, edges, state, options)
     _scales(equations, floors, state, options)
     _same_cameras(equations, rigs, same, state)
 
     damping = np.full(len(equations.shared_gradient), _DAMPING)
-    by_camera = damping[: CAMERA_UNKNOWNS * len(rigs)].reshape(-1, CAMERA_UNKNOWNS)
-    by_camera[0, :2] = 1e6  # the first camera stays where it is, but for its height
+    of_cameras = damping[: CAMERA_UNKNOWNS * len(rigs)].reshape(-1, CAMERA_UNKNOWNS)
+    of_cameras[0, :2] = 1e6  # the first camera stays where it is, but for its height
     if iteration < _FLOOR_FROM:
-        by_camera[0, 2] = 1e6
-    by_camera[:, 5] = 1e8  # headings are the cuts' business: feet and inertia level a shot but do not change its heading
+        of_cameras[0, 2] = 1e6
+    of_cameras[:, 5] = 1e8  # headings are the cuts' business: feet and inertia level a shot, its heading they keep
     if iteration < _ROTATE_FROM:
-        by_camera[:, 3:6] = 1e8
+        of_cameras[:, 3:6] = 1e8
     known = np.array([rig.scale_known or not np.any(rig.path) for rig in rigs])
-    by_camera[known, SCALE] = 1e8
+    of_cameras[known, SCALE] = 1e8
     steps, shared = equations.step(_DAMPING, damping)
-    moved = shared[: by_camera.size].reshape(-1, CAMERA_UNKNOWNS)
-    start = {k: segment.start for k, segment in zip(order, segments, strict=True)}
-    # A scale neither changes sign nor runs away in one step.
-    scale = np.clip(state.scale + moved[:, SCALE], 0.3 * state.scale, 3.0 * state.scale)
+    moved = shared[: of_cameras.size].reshape(-1, CAMERA_UNKNOWNS)
+    pelvis = list(state.pelvis)
+    for k, segment in zip(order, equations.segments, strict=True):
+        pelvis[k] = pelvis[k] + steps[segment.start : segment.stop]
     after = _State(
-        pelvis=[state.pelvis[k] + steps[start[k] : start[k] + len(state.pelvis[k])] for k in range(len(trajectories))],
+        pelvis=pelvis,
         rotation=rotvec_to_rotmat(moved[:, 3:6]) @ state.rotation,
         origin=state.origin + moved[:, :3],
-        scale=scale,
-        log_size=state.log_size + shared[by_camera.size :],
+        # A scale neither changes sign nor runs away in one step.
+        scale=np.clip(state.scale + moved[:, SCALE], 0.3 * state.scale, 3.0 * state.scale),
+        log_size=state.log_size + shared[of_cameras.size :],
     )
     return after, equations
+
+
+def _of_people(
+    trajectories: Sequence[ShotTrajectory],
+    rigs: Sequence[ShotRig],
+    state: _State,
+    options: SolveSettings,
+    iteration: int,
+) -> WorldEquations:
+    """The equations with all that is known of people. `trajectories`: by person, then by time."""
+    people = _people(trajectories)
+    of_person = [people.index(trajectory.person) for trajectory in trajectories]
+    segments = segments_of(of_person, [one.shot for one in trajectories], [one.time_s for one in trajectories])
+    equations = WorldEquations(segments, len(rigs))
+    for k, trajectory in enumerate(trajectories):
+        sized = replace(trajectory, offset=np.exp(state.log_size[of_person[k]]) * trajectory.offset)
+        _observations(equations, sized, rigs[sized.shot], state, k, options, robust=iteration > 0)
+        if iteration >= _STILL_FROM:
+            _feet(equations, sized, rigs[sized.shot], state, k, options, floor=iteration >= _FLOOR_FROM)
+    for person in range(len(people)):
+        own = [k for k, owner in enumerate(of_person) if owner == person]
+        time_s = np.concatenate([trajectories[k].time_s for k in own])
+        _inertia(equations, np.concatenate([state.pelvis[k] for k in own]), time_s, segments[own[0]].start, options)
+    known = {trajectory.person for trajectory in trajectories if trajectory.size_known}
+    _sizes(equations, state, [person in known for person in people], options)
+    return equations
 
 
 def _observations(
@@ -230,7 +249,6 @@ def _observations(
     rig: ShotRig,
     state: _State,
     index: int,
-    segment: int,
     options: SolveSettings,
     *,
     robust: bool,
@@ -254,18 +272,18 @@ def _observations(
         factor = np.sqrt(huber_weight(size, 2.0))[:, None]
         residual, whiten = residual * factor, whiten * factor[..., None]
     by_shared = [-whiten, whiten @ skew(arm), -whiten @ path[..., None], -whiten @ offset[..., None]]
-    equations.add_positions(segment, residual, whiten, np.concatenate(by_shared, axis=-1))
+    equations.add_positions(index, residual, whiten, np.concatenate(by_shared, axis=-1))
 
 
 def _hold(
-    trajectory: ShotTrajectory, state: _State, index: int, options: SolveSettings
+    trajectory: ShotTrajectory, rig: ShotRig, state: _State, index: int, options: SolveSettings
 ) -> tuple[Float[Array, "n-1 4"], Float[Array, "n 4"], Float[Array, "n-1 3 3"]]:
     """How surely each sole point stands still between frames, how surely it stands on the floor in each frame, and
     what whitens the velocity of one that stands still."""
     feet = trajectory.feet @ state.rotation[trajectory.shot].T + state.pelvis[index][:, None]
     step = np.diff(trajectory.time_s)[:, None]
     sight = unit(trajectory.offset[:-1] @ state.rotation[trajectory.shot].T)
-    coming = np.abs(np.sum(np.diff(state.pelvis[index], axis=0) / step * sight, axis=-1))
+    coming = _coming(trajectory, rig, float(state.scale[trajectory.shot]))
     along_ms = np.hypot(options.still_along_ms, options.swing_fraction * coming)[:, None, None]
     along = sight[:, :, None] @ sight[:, None]
     whiten = (np.eye(3) - along) / options.still_ms + along / along_ms
@@ -283,12 +301,26 @@ def _hold(
 _HOLE_S = 0.1
 
 
+def _coming(trajectory: ShotTrajectory, rig: ShotRig, scale: float) -> Float[Array, "n-1"]:
+    """Speed along the line of sight at which the pictures show somebody come or go, m/s; fitted distances tremble, so
+    that it is a mean over some frames."""
+    seen = scale * rig.path[trajectory.frame - rig.start] + trajectory.offset
+    velocity = np.diff(seen, axis=0) / np.diff(trajectory.time_s)[:, None]
+    frames = _COMING_S / _frame_step(trajectory.time_s)
+    return np.asarray(
+        np.abs(np.sum(gaussian_filter1d(velocity, frames, axis=0) * unit(trajectory.offset[:-1]), axis=-1))
+    )
+
+
+_COMING_S = 0.15
+
+
 def _feet(
     equations: WorldEquations,
     trajectory: ShotTrajectory,
+    rig: ShotRig,
     state: _State,
     index: int,
-    segment: int,
     options: SolveSettings,
     *,
     floor: bool,
@@ -298,14 +330,14 @@ def _feet(
         return
     rotated = trajectory.feet @ state.rotation[trajectory.shot].T
     pair = rotated + state.pelvis[index][:, None]
-    still, on_floor, whiten = _hold(trajectory, state, index, options)
+    still, on_floor, whiten = _hold(trajectory, rig, state, index, options)
     correlated = np.sqrt(max(1.0, options.correlation_s / _frame_step(trajectory.time_s)))
     step = np.diff(trajectory.time_s)[:, None]
     weight = np.sqrt(still) / step / np.sqrt(correlated)
     moved, swing = np.diff(pair, axis=0), np.diff(rotated, axis=0)
     by_shared = np.zeros((*swing.shape, SHARED_UNKNOWNS))
     by_shared[..., 3:6] = -skew(swing)
-    equations.add_still(segment, weight[..., None, None] * whiten[:, None], moved, by_shared)
+    equations.add_still(index, weight[..., None, None] * whiten[:, None], moved, by_shared)
     if not floor:
         return
     below = pair[..., 2] < 0
@@ -313,16 +345,18 @@ def _feet(
     by_position, by_shared = np.zeros((*bearing.shape, 3)), np.zeros((*bearing.shape, SHARED_UNKNOWNS))
     by_position[..., 2] = bearing
     by_shared[..., 3:6] = bearing[..., None] * -skew(rotated)[..., 2, :]
-    equations.add_positions(segment, bearing * pair[..., 2], by_position, by_shared)
+    equations.add_positions(index, bearing * pair[..., 2], by_position, by_shared)
 
 
-def _sizes(equations: WorldEquations, state: _State, options: SolveSettings) -> None:
-    """People differ in size, but by what factor all of them do, no picture says."""
-    num_people = len(state.log_size)
-    if not num_people:
+def _sizes(equations: WorldEquations, state: _State, known: Sequence[bool], options: SolveSettings) -> None:
+    """People differ in size, but by what factor all of them do no picture says, unless somebody's height is known."""
+    if not known:
         return
-    rows = np.vstack([np.eye(num_people) / options.size_std, np.full(num_people, 1 / num_people / options.mean_size_std)])
-    equations.add_shared(rows @ state.log_size, (np.concatenate([equations.size(p) for p in range(num_people)]), rows))
+    rows = np.diag(1 / np.where(known, options.known_size_std, options.size_std))
+    if not any(known):
+        rows = np.vstack([rows, np.full(len(known), 1 / (len(known) * options.known_size_std))])
+    sizes = np.concatenate([equations.size(person) for person in range(len(known))])
+    equations.add_shared(rows @ state.log_size, (sizes, rows))
 
 
 def _inertia(
@@ -407,7 +441,9 @@ def _same_cameras(
 _SAME_CAMERA_M = 0.02
 
 
-def _put_on_floor(trajectories: Sequence[ShotTrajectory], state: _State, options: SolveSettings) -> _State:
+def _put_on_floor(
+    trajectories: Sequence[ShotTrajectory], rigs: Sequence[ShotRig], state: _State, options: SolveSettings
+) -> _State:
     """Every shot raised or lowered so that its lowest standing feet are at z = 0."""
     shift = np.zeros(len(state.origin))
     for shot in range(len(shift)):
@@ -416,7 +452,7 @@ def _put_on_floor(trajectories: Sequence[ShotTrajectory], state: _State, options
             if trajectory.shot == shot:
                 feet = trajectory.feet @ state.rotation[shot].T + state.pelvis[k][:, None]
                 lowest = feet[..., 2].min(axis=1)
-                still = _hold(trajectory, state, k, options)[0].max(axis=1, initial=0.0)
+                still = _hold(trajectory, rigs[trajectory.shot], state, k, options)[0].max(axis=1, initial=0.0)
                 heights.append(lowest)
                 weights.append(np.concatenate([still, still[-1:]]) if len(still) else np.ones(1))
         if heights:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from humanmm.models.body.body24 import load_body
-from humanmm.models.body.proportions import bone_lengths, shape_from_bones
+from humanmm.models.body.proportions import bone_lengths, resized, shape_from_bones
 from humanmm.models.records.landmarks import INDEX, NUM_LANDMARKS
 
 
@@ -41,3 +41,11 @@ def test_a_known_height_is_that_of_the_shape_and_bones_tell_its_proportions(heig
         body.standing_height(np.eye(10)[0]) - body.standing_height(size)
     )
     assert legs(betas) == pytest.approx(legs(size), abs=0.01), "no part of the body takes the difference alone"
+
+
+def test_a_resized_body_has_all_joints_as_many_times_as_far_apart() -> None:
+    body = load_body()
+    betas = np.random.default_rng(2).normal(0, 0.5, body.num_betas)
+    for factor in (0.9, 1.0, 1.1):
+        wanted = factor * body.rest_joints(betas)
+        assert np.abs(body.rest_joints(resized(betas, body, factor)) - wanted).max() < 0.015

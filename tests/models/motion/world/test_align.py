@@ -21,7 +21,7 @@ EDGE = CameraEdge(0, 1, 8.0)
 def stride(num_frames: int) -> tuple[np.ndarray, np.ndarray]:
     """Pelvis (n,3) and sole points from it (n,4,3) of somebody who walks along x, one foot standing at any time."""
     time_s = np.arange(num_frames) / FPS
-    pelvis = np.stack([1.2 * time_s, 0.1 * np.sin(2 * np.pi * time_s), 0.95 + 0 * time_s], axis=1)
+    pelvis = np.stack([1.2 * time_s, 0.03 * np.sin(2 * np.pi * time_s), 0.95 + 0 * time_s], axis=1)
     feet = np.zeros((num_frames, 4, 3))
     for side, phase in ((0, 0.0), (2, 0.5)):
         cycle = time_s + phase
@@ -108,6 +108,50 @@ def test_contacts_are_where_the_feet_stand() -> None:
     standing, swinging = (part > 0.1) & (part < 0.4), (part > 0.65) & (part < 0.85)
     assert contacts[standing, 0].min() > 0.6
     assert contacts[swinging, 0].max() < 0.3
+
+
+def two_people(*, second: float, size_known: bool = False) -> tuple[list[ShotTrajectory], list[ShotRig]]:
+    """Two who walk abreast, each with one foot standing, filmed from in front and from behind by static cameras; the
+    second is taken for `second` times as large as he is, and so for as far away."""
+    pelvis, feet = stride(40)
+    trajectories, rigs = [], []
+    for shot, (rows, camera) in enumerate(
+        ((np.arange(20), np.array([5.0, 0.5, 1.5])), (np.arange(20, 40), np.array([-4.0, 1.0, 1.3])))
+    ):
+        for person, (place, size) in enumerate((((0.0, 0.0, 0.0), 1.0), ((0.3, 1.2, 0.0), second))):
+            offset = size * (pelvis[rows] + place - camera)
+            trajectories.append(
+                ShotTrajectory(
+                    person, shot, rows, rows / FPS, offset, feet[rows], np.ones(20), size_known and person == 1
+                )
+            )
+        rigs.append(ShotRig(np.zeros((20, 3)), int(rows[0]), 1.0, scale_known=True))
+    return trajectories, rigs
+
+
+def test_two_people_in_one_world_tell_how_much_larger_the_one_is() -> None:
+    trajectories, rigs = two_people(second=0.85)
+    size = solve(trajectories, rigs, [EDGE]).size
+    assert abs(size[1] / size[0] - 1 / 0.85) < 0.03
+    # By what factor both are off, nobody can know.
+    assert abs(np.log(size[0] * size[1])) < 0.02
+
+
+def test_whose_height_is_known_keeps_his_size() -> None:
+    trajectories, rigs = two_people(second=0.85, size_known=True)
+    size = solve(trajectories, rigs, [EDGE]).size
+    assert abs(size[1] - 1) < 0.02
+    assert abs(size[0] - 0.85) < 0.03
+
+
+def test_legs_that_swing_too_little_do_not_hold_back_who_comes_toward_the_camera() -> None:
+    pelvis, feet = stride(30)
+    rows, camera = np.arange(30), np.array([4.0, 0.0, 1.4])
+    swing_lost = feet * np.array([0.5, 1.0, 1.0])  # he walks along x, the line of sight
+    seen = ShotTrajectory(0, 0, rows, rows / FPS, pelvis - camera, swing_lost, np.ones(30))
+    found = solve([seen], [ShotRig(np.zeros((30, 3)), 0, 1.0, scale_known=True)], []).pelvis[0]
+    # Feet that were believed along the line of sight as across it would leave 0.64 of the way.
+    assert np.ptp(found[:, 0]) > 0.85 * np.ptp(pelvis[:, 0])
 
 
 def test_up_comes_from_those_who_stand_and_not_from_the_one_who_bends() -> None:

@@ -1,8 +1,8 @@
-"""The banded solve of places and cameras, against the same least squares solved densely."""
+"""The banded solve of positions, cameras and sizes, against the same least squares solved densely."""
 
 import numpy as np
 
-from humanmm.models.motion.world.equations import CAMERA_UNKNOWNS, WorldEquations, segments_of
+from humanmm.models.motion.world.equations import CAMERA_UNKNOWNS, SHARED_UNKNOWNS, WorldEquations, segments_of
 
 STRANDS = ((0, 0, 6), (0, 1, 1), (0, 2, 2), (0, 1, 5), (1, 0, 4), (1, 2, 3))
 """Person, shot, frames: strands shorter than the reach of an acceleration, and a shot seen twice."""
@@ -17,8 +17,10 @@ def test_the_step_is_the_one_that_a_dense_solve_finds() -> None:
     equations, places = WorldEquations(segments, SHOTS), sum(counts)
     rows, right = [], []
 
+    num_shared = CAMERA_UNKNOWNS * SHOTS + 2
+
     def note(residual: np.ndarray, blocks: dict[int, np.ndarray]) -> None:
-        row = np.zeros((len(residual), 3 * places + CAMERA_UNKNOWNS * SHOTS))
+        row = np.zeros((len(residual), 3 * places + num_shared))
         for first, block in blocks.items():
             row[:, first : first + block.shape[1]] += block
         rows.append(row)
@@ -27,17 +29,22 @@ def test_the_step_is_the_one_that_a_dense_solve_finds() -> None:
     def camera(shot: int) -> int:
         return 3 * places + CAMERA_UNKNOWNS * shot
 
-    for segment in segments:
+    for number, segment in enumerate(segments):
         n = segment.stop - segment.start
-        residual, by_position, by_camera = (rng.normal(size=(n, 2, *size)) for size in ((), (3,), (CAMERA_UNKNOWNS,)))
-        equations.add_positions(segment.start, segment.shot, residual, by_position, by_camera)
+        size = 3 * places + CAMERA_UNKNOWNS * SHOTS + segment.person
+        residual, by_position, by_shared = (rng.normal(size=(n, 2, *size)) for size in ((), (3,), (SHARED_UNKNOWNS,)))
+        equations.add_positions(number, residual, by_position, by_shared)
         for k in range(n):
-            note(residual[k], {3 * (segment.start + k): by_position[k], camera(segment.shot): by_camera[k]})
-        weight, moved, lever = rng.uniform(size=(n - 1, 2)), *(rng.normal(size=(n - 1, 2, *s)) for s in ((3,), (3, 3)))
-        equations.add_still(segment.start, segment.shot, weight, moved, lever)
-        for k, foot in np.ndindex(weight.shape):
-            w, at, rotation = weight[k, foot], 3 * (segment.start + k), camera(segment.shot) + 3
-            note(w * moved[k, foot], {at: -w * np.eye(3), at + 3: w * np.eye(3), rotation: w * lever[k, foot]})
+            of_camera, of_size = by_shared[k, :, :-1], by_shared[k, :, -1:]
+            at = 3 * (segment.start + k)
+            note(residual[k], {at: by_position[k], camera(segment.shot): of_camera, size: of_size})
+        whiten, moved, by_shared = (rng.normal(size=(n - 1, 2, *s)) for s in ((3, 3), (3,), (3, SHARED_UNKNOWNS)))
+        equations.add_still(number, whiten, moved, by_shared)
+        for k, foot in np.ndindex(moved.shape[:2]):
+            W, at = whiten[k, foot], 3 * (segment.start + k)
+            of_shared = W @ by_shared[k, foot]
+            of_camera, of_size = of_shared[:, :-1], of_shared[:, -1:]
+            note(W @ moved[k, foot], {at: -W, at + 3: W, camera(segment.shot): of_camera, size: of_size})
     for person in (0, 1):
         own = [segment for segment, owner in zip(segments, persons, strict=True) if owner == person]
         at = np.arange(own[0].start, own[-1].stop - 2)
@@ -46,15 +53,15 @@ def test_the_step_is_the_one_that_a_dense_solve_finds() -> None:
         for k, first in enumerate(at):
             note(residual[k], {3 * (first + d): coefficients[k, d] * np.eye(3) for d in range(3)})
     between = rng.normal(size=(2, 3, CAMERA_UNKNOWNS))
-    equations.add_cameras(np.ones(3), (0, between[0]), (2, between[1]))
+    equations.add_shared(np.ones(3), (equations.camera(0), between[0]), (equations.camera(2), between[1]))
     note(np.ones(3), {camera(0): between[0], camera(2): between[1]})
 
-    extra = rng.uniform(0.1, 1, (SHOTS, CAMERA_UNKNOWNS))
+    extra = rng.uniform(0.1, 1, num_shared)
     J, r = np.concatenate(rows), np.concatenate(right)
-    dense = np.linalg.solve(J.T @ J + np.diag([*np.full(3 * places, 0.2), *extra.ravel()]), -J.T @ r)
-    moved, cameras = equations.step(0.2, extra)
+    dense = np.linalg.solve(J.T @ J + np.diag([*np.full(3 * places, 0.2), *extra]), -J.T @ r)
+    moved, shared = equations.step(0.2, extra)
     # Strands lie one second apart, far less than a camera's echo is followed: nothing is left out.
-    np.testing.assert_allclose(np.concatenate([moved.ravel(), cameras.ravel()]), dense, atol=1e-10)
+    np.testing.assert_allclose(np.concatenate([moved.ravel(), shared]), dense, atol=1e-10)
 
 
 def test_an_echo_ends_with_its_person() -> None:
