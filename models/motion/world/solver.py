@@ -196,7 +196,7 @@ def _step(
     of_cameras[0, :2] = 1e6  # the first camera stays where it is, but for its height
     if iteration < _FLOOR_FROM:
         of_cameras[0, 2] = 1e6
-    of_cameras[:, 5] = 1e8  # headings are the cuts' business: feet and inertia level a shot, its heading they keep
+    of_cameras[0, 5] = 1e8  # nor does it turn
     if iteration < _ROTATE_FROM:
         of_cameras[:, 3:6] = 1e8
     known = np.array([rig.scale_known or not np.any(rig.path) for rig in rigs])
