@@ -137,10 +137,12 @@ def people_edges(
     """The same between the axes of the two shots instead of the cameras at the cut; one edge a person.
 
     `identities`: by person and shot, the probability that he is who he is said to be. A body that is somebody else's
-    gives no edge.
+    gives no edge. The same camera sees all bodies, and what it makes the pose network get wrong they have in common:
+    together they are as certain as one of them.
     """
     before, after = camera_of(results, edge.earlier), camera_of(results, edge.later)
     R_before, R_after = before.R_shot_cam[-1], after.R_shot_cam[0]
+    shared = float(np.sqrt(max(1, sum(cut.linked for cut in edge.cuts))))
     edges = []
     for k, cut in enumerate(edge.cuts):
         if not cut.linked:
@@ -153,7 +155,7 @@ def people_edges(
         inside_shots = tuple(
             RotationHypothesis(
                 R_before @ one.R_before_after @ R_after.T,
-                one.sigma_deg,
+                shared * one.sigma_deg,
                 same * one.probability,
                 one.source.replace("people", source),
             )
