@@ -130,7 +130,8 @@ def refine_world(
             )
             if clip is not None:
                 learned = one.learned(settings.networks or _shipped_networks(), cut_frames)
-                one = one.fitted(clip, learned, progress=part).with_contacts(settings.contacts)
+                one = one.fitted(clip, learned, floor_m=-settings.floor_m, progress=part)
+                one = one.with_contacts(settings.contacts)
         people.append(finish(one, settings=settings))
     return at_origin(replace(world, people=tuple(people), t_world_cam=world.t_world_cam - [0.0, 0.0, rise]))
 
@@ -190,12 +191,18 @@ class Draft:
         confidence = np.clip(self.person.confidence, 0.0, 1.0)
         return Learned(networks, self.time_s, self.person.observed, confidence, shot)
 
-    def fitted(self, clip: LongEvidence, learned: Learned, *, progress: Progress = silent) -> "Draft":
-        """Fitted once more to the evidence of all shots; frames without any are filled in again."""
+    def fitted(
+        self, clip: LongEvidence, learned: Learned, *, floor_m: float = 0.0, progress: Progress = silent
+    ) -> "Draft":
+        """Fitted once more to the evidence of all shots, standing feet at the height `floor_m`; frames without any are
+        filled in again."""
         camera = CameraPath(*inverse_pose(self.R_world_cam, self.camera_centre), self.K)
         seen, found = self.person.observed, learned.read(self.motion)
         terms = partial(learned.terms, found)
-        motion = fit_world(self.motion, clip.believed(seen), camera, self.contacts, learned=terms, progress=progress)
+        standing = self.sole_height + floor_m
+        motion = fit_world(
+            self.motion, clip.believed(seen), camera, self.contacts, standing, learned=terms, progress=progress
+        )
         if not seen.all():
             vectors, pelvis = motion.vectors, motion.pelvis_ref
             vectors[~seen] = smooth_rotations(vectors, seen * 1.0, self.time_s, cutoff_hz=FILL_HZ)[~seen]

@@ -7,7 +7,7 @@ from humanmm.models.body.body24 import load_body
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.motion.fit.equations import NormalEquations
 from humanmm.models.motion.fit.state import NUM_PARAMETERS, Motion, Skeleton
-from humanmm.models.motion.refine.fit import PlantedFeet, RootVelocity, Uprightness
+from humanmm.models.motion.refine.fit import FeetOnFloor, PlantedFeet, RootVelocity, Uprightness
 from humanmm.models.records.recording import CONTACT_JOINTS
 
 N = 5
@@ -52,6 +52,32 @@ def test_feet_that_do_not_stand_do_not_count(motion: Motion) -> None:
     contacts = np.ones((N, 4))
     contacts[1::2] = 0.0  # never two frames in a row
     assert PlantedFeet(FEET, TIME, contacts).cost(motion) == 0.0
+
+
+def test_the_gradient_of_feet_on_the_floor_is_that_of_its_cost(motion: Motion) -> None:
+    rng = np.random.default_rng(4)
+    lowest = motion.with_points(FEET).points[..., 2].mean(axis=0)
+    term = FeetOnFloor(FEET, lowest + rng.normal(0, 0.05, 4), rng.uniform(0.0, 1.0, (N, 4)))
+    equations = NormalEquations(N)
+    term.add(motion, equations)
+    direction = rng.normal(size=(N, NUM_PARAMETERS))
+    ahead, behind = (term.cost(motion.moved(sign * 1e-6 * direction)) for sign in (1, -1))
+    assert np.sum(equations.gradient * direction) == pytest.approx((ahead - behind) / 2e-6, rel=1e-4)
+
+
+def test_a_foot_on_the_floor_is_drawn_to_its_height_and_one_on_a_table_is_left_alone(motion: Motion) -> None:
+    heights = motion.with_points(FEET).points[0, :, 2]
+
+    def pull(above_m: float) -> float:
+        standing = np.zeros((N, 4))
+        standing[0] = 1.0
+        equations = NormalEquations(N)
+        FeetOnFloor(FEET, heights - above_m, standing).add(motion, equations)
+        return float(equations.gradient[0, 5])  # by the pelvis' height
+
+    assert pull(0.0) == pytest.approx(0.0, abs=1e-9)
+    assert pull(0.05) > 2 * pull(0.75) > 0
+    assert pull(-0.05) == pytest.approx(-pull(0.05))
 
 
 def leaning(motion: Motion, degrees: float) -> Motion:
