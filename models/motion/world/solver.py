@@ -46,9 +46,10 @@ class SolveSettings:
     """Error of the pelvis across the line of sight."""
     depth_fraction: float = 0.016
     """Error of the pelvis along the line of sight that changes within a shot, as a fraction of the distance."""
-    size_std: float = 0.12
+    taller_std: float = 0.07
+    smaller_std: float = 0.12
     """Of the logarithm of a person's size, which all his distances go by: the bones that a pose network sees say little
-    about it."""
+    about it. Somebody may be a child."""
     known_size_std: float = 0.01
     """The same of somebody whose height is known. If nobody's is, the mean of all is taken for known: speeds and
     accelerations are least in a world that is shrunk, and would shrink everybody."""
@@ -352,11 +353,16 @@ def _sizes(equations: WorldEquations, state: _State, known: Sequence[bool], opti
     """People differ in size, but by what factor all of them do no picture says, unless somebody's height is known."""
     if not known:
         return
-    rows = np.diag(1 / np.where(known, options.known_size_std, options.size_std))
+    size = state.log_size
+    sigma = np.where(known, options.known_size_std, np.where(size > 0, options.taller_std, options.smaller_std))
+    # Evidence that asks for more than twice that is rather wrong: the cost grows with the sixth power.
+    steep = (size / (2 * sigma)) ** 2
+    residual, rows = size / sigma * (1 + steep), np.diag((1 + 3 * steep) / sigma)
     if not any(known):
-        rows = np.vstack([rows, np.full(len(known), 1 / (len(known) * options.known_size_std))])
-    sizes = np.concatenate([equations.size(person) for person in range(len(known))])
-    equations.add_shared(rows @ state.log_size, (sizes, rows))
+        mean = np.full(len(known), 1 / (len(known) * options.known_size_std))
+        residual, rows = np.append(residual, mean @ size), np.vstack([rows, mean])
+    people = np.concatenate([equations.size(person) for person in range(len(known))])
+    equations.add_shared(residual, (people, rows))
 
 
 def _inertia(
