@@ -69,6 +69,10 @@ class SolveSettings:
     acceleration_ms2: float = 6.0
     level_deg: float = 4.0
     """Error of a shot's vertical before the solve, where its own evidence claims no less."""
+    heading_trust: float = 2.0
+    """How many times as certain of its heading a shot is held to be: feet and paths of people who spin or roll on the
+    floor are mostly wrong. With 1 cameras of clips in which people walk turn less wrongly (5.9 instead of 6.2° in the
+    mean), those of acrobats more."""
     floor_scale_reach: float = 3.0
     """Standard deviations from which the scale that the floor gives counts less (the scale of a Cauchy kernel)."""
     log_scale_std: float = 0.15
@@ -406,13 +410,12 @@ def _levels(
     of_rotation, rotated = np.eye(CAMERA_UNKNOWNS)[3:6], rotmat_to_rotvec(state.rotation)
     for shot, rig in enumerate(rigs):
         tilt_deg = min(rig.level_deg, options.level_deg)
-        w_axes = 1 / np.deg2rad([tilt_deg, tilt_deg, options.level_deg])
+        w_axes = 1 / np.deg2rad([tilt_deg, tilt_deg, options.level_deg / options.heading_trust])
         equations.add_shared(w_axes * rotated[shot], (equations.camera(shot), w_axes[:, None] * of_rotation))
     for edge in edges:
-        w = 1 / np.deg2rad(edge.sigma_deg)
-        difference = rotated[edge.b] - rotated[edge.a]
-        blocks = ((equations.camera(edge.b), w * of_rotation), (equations.camera(edge.a), -w * of_rotation))
-        equations.add_shared(w * difference, *blocks)
+        w_axes = np.array([1.0, 1.0, options.heading_trust]) / np.deg2rad(edge.sigma_deg)
+        difference, by_b = rotated[edge.b] - rotated[edge.a], w_axes[:, None] * of_rotation
+        equations.add_shared(w_axes * difference, (equations.camera(edge.b), by_b), (equations.camera(edge.a), -by_b))
 
 
 def _scales(
