@@ -21,7 +21,13 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 from scipy.special import erf
 
-from humanmm.models.geometry.rotations import rotation_angle, rotation_distance, rotmat_to_rotvec, rotvec_to_rotmat
+from humanmm.models.geometry.rotations import (
+    nearest_rotation,
+    rotation_angle,
+    rotation_distance,
+    rotmat_to_rotvec,
+    rotvec_to_rotmat,
+)
 from humanmm.models.motion.rotations.rotation_mixtures import (
     DEGREES_OF_FREEDOM,
     QUANTILE_68,
@@ -284,7 +290,8 @@ class _Group:
             R = rotvec_to_rotmat(step) @ R
             if np.abs(step).max(initial=0.0) < CONVERGED_RAD:
                 break
-        return R
+        # Alternatives are products of rotations that were alternatives before: rounding would grow with every one.
+        return nearest_rotation(R)
 
     def _normal(self, R: Float[Array, "n S 3 3"]) -> tuple[Float[Array, "n S S"], Float[Array, "n S 3"]]:
         """Gauss-Newton matrix of each axis and gradient, of rotation vectors on the left of R.

@@ -5,8 +5,8 @@ import roma
 import torch
 
 from humanmm.models.geometry.rotations import rotation_angle, rotvec_to_rotmat
-from humanmm.models.motion.rotations.rotation_mixtures import RotationEdge, RotationHypothesis, Upright
-from humanmm.models.motion.rotations.shot_rotations import ShotRotations, solve_rotations
+from humanmm.models.motion.rotations.rotation_mixtures import Mixtures, RotationEdge, RotationHypothesis, Upright
+from humanmm.models.motion.rotations.shot_rotations import ShotRotations, _Group, solve_rotations
 
 
 def rotations(count: int, seed: int = 0) -> np.ndarray:
@@ -141,3 +141,11 @@ def test_what_is_doubtful_is_still_the_answer_rather_than_no_hypothesis_at_all()
     found = solve_rotations(2, [edge], upright)
     assert error_deg(found, np.stack([np.eye(3), R]), 1) < 1.0
     assert found.certainty[1] is not None and found.certainty[1].probability < 0.6
+
+
+def test_averaging_takes_out_what_rounding_has_left_of_a_rotation() -> None:
+    R = rotations(4)
+    edges = [people(R, k, k + 1) for k in range(3)]
+    group = _Group(range(4), Mixtures.of(edges, [None] * 4), [None] * 4)
+    found = group._averaged((R @ (np.eye(3) + 1e-5))[None])
+    assert np.abs(np.swapaxes(found, -1, -2) @ found - np.eye(3)).max() < 1e-12
