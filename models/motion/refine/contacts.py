@@ -16,9 +16,6 @@ from humanmm.models.geometry.intervals import runs_of_true
 
 Array = np.ndarray
 
-STILL_M = 0.008
-"""What may be left of the movement of a standing foot, to either side, metres."""
-
 
 @dataclass(frozen=True)
 class ContactModel:
@@ -85,21 +82,6 @@ def support_height(lowest: Float[Array, " N"], time_s: Float[Array, " N"], windo
     frame_s = (time_s[-1] - time_s[0]) / max(n - 1, 1)
     reach = max(1, round(window_s / frame_s)) if frame_s > 0 else 1
     return np.asarray(minimum_filter1d(lowest, 2 * min(reach, n) + 1, mode="nearest"))
-
-
-def confirmed(contacts: Float[Array, "N 4"], feet: Float[Array, "N 4 3"]) -> Float[Array, "N 4"]:
-    """The probabilities, below one half where a joint has left the middle of its contact after all.
-
-    A foot that rotates on the spot or that the leg cannot hold does not stand: while a contact lasts, nothing moves by
-    more than twice STILL_M.
-    """
-    out = contacts.copy()
-    for joint in range(contacts.shape[1]):
-        for start, end in runs_of_true(contacts[:, joint] >= 0.5):
-            path = feet[start:end, joint]
-            left = np.linalg.norm(path - np.median(path, axis=0), axis=-1) > STILL_M
-            out[start:end, joint][left] = np.minimum(out[start:end, joint][left], 0.499)
-    return out
 
 
 def _settled(probability: Float[Array, " N"], time_s: Float[Array, " N"], model: ContactModel) -> Float[Array, " N"]:

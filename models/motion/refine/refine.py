@@ -22,7 +22,7 @@ from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
 from humanmm.models.motion.fit.evidence import LongEvidence
 from humanmm.models.motion.fit.state import CameraPath, LongMotion
 from humanmm.models.motion.networks.interfaces import MotionNetworks
-from humanmm.models.motion.refine.contacts import ContactModel, confirmed, contact_probabilities
+from humanmm.models.motion.refine.contacts import ContactModel, contact_probabilities
 from humanmm.models.motion.refine.discontinuities import close_discontinuities
 from humanmm.models.motion.refine.fit import fit_world, gather_clip, person_skeleton
 from humanmm.models.motion.refine.footlock import LockSettings, contact_positions, lock_feet
@@ -248,17 +248,16 @@ def draft(
 
 
 def finish(one: Draft, *, settings: RefineSettings) -> PersonMotion:
-    """Feet locked; contacts of feet that really stand."""
-    motion, contacts = one.motion, one.contacts
+    """Feet locked."""
+    motion = one.motion
     if settings.foot_lock:
-        motion = lock_feet(motion, contacts, one.sole_height, time_s=one.time_s, settings=settings.lock)
-        contacts = confirmed(contacts, contact_positions(motion))
+        motion = lock_feet(motion, one.contacts, one.sole_height, time_s=one.time_s, settings=settings.lock)
     return replace(
         one.person,
         R_world_root=by_chunks(rotvec_to_rotmat, motion.vectors[:, 0]),
         body_pose=motion.vectors[:, 1:],
         pelvis_world=motion.pelvis_ref,
-        contacts=contacts.astype(np.float32),
+        contacts=one.contacts.astype(np.float32),
     )
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from humanmm.models.geometry.intervals import runs_of_true
-from humanmm.models.motion.refine.contacts import ContactModel, confirmed, contact_probabilities, velocities
+from humanmm.models.motion.refine.contacts import ContactModel, contact_probabilities, velocities
 
 SOLE = np.array([0.08, 0.03, 0.08, 0.03])
 FORWARD = np.array([0.0, 1.0, 0.0])
@@ -90,15 +90,6 @@ def test_a_contact_lasts_and_is_not_interrupted_by_one_frame() -> None:
         assert all(end - start >= 6 for start, end in runs_of_true(column))
         assert len(runs_of_true(column)) <= 7
     assert np.mean(contacts == truth) > 0.85
-
-
-def test_a_place_that_leaves_its_contact_is_not_said_to_stand() -> None:
-    feet = np.zeros((40, 4, 3))
-    feet[30:, 1, 0] = 0.05
-    contacts = confirmed(np.full((40, 4), 0.9), feet)
-    assert (contacts[:30] == 0.9).all()
-    assert (contacts[30:, 1] < 0.5).all()
-    assert (contacts[30:, [0, 2, 3]] == 0.9).all()
 
 
 def test_velocities_are_those_of_a_steady_walk_at_uneven_times() -> None:
