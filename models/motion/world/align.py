@@ -210,7 +210,8 @@ def _solve_group(
         world.source[frames] = SOURCES.index(camera.source)
     for (_, motion), pelvis, contacts in zip(owners, solution.pelvis, solution.contacts, strict=True):
         R_root = world.R[motion.frame] @ motion.R_cam_root
-        sized = replace(motion, betas=resized(motion.betas, load_body(), solution.size[motion.person]))
+        factor = 1.0 if motion.person in known_heights else solution.size[motion.person]
+        sized = replace(motion, betas=resized(motion.betas, load_body(), factor))
         world.people.setdefault(motion.person, []).append(Part(sized, R_root, pelvis, contacts))
     return [
         _path_scale(shot, solution, k, seen=bool(motions_of(results, shot)))

@@ -168,6 +168,7 @@ def test_a_height_is_that_of_the_person_and_of_nobody_else() -> None:
     assert note.applied
     assert load_body().standing_height(listed.people[1].betas) == pytest.approx(1.93, abs=0.001)
     np.testing.assert_array_equal(listed.people[0].betas, plain.people[0].betas)
+    assert [person.height_known for person in listed.people[:2]] == [False, True]
 
 
 def test_sides_that_the_user_says_are_wrong_are_the_other_way_round() -> None:
