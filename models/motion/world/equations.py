@@ -158,12 +158,13 @@ class WorldEquations:
         right = -self.shared_gradient
         all_shared = np.arange(len(right))
         self._blocks.append((all_shared, all_shared, shared_damping))
+        of_segment = [self._shared(k) for k in range(len(self.segments))]
         for k, segment in enumerate(self.segments):
             B = np.zeros((segment.horizon - segment.start, 3, SHARED_UNKNOWNS))
             B[: segment.stop - segment.start] = self.mixed[segment.start : segment.stop]
             rows = slice(3 * segment.start, 3 * segment.horizon)
             Y = _through(band[rows], B.reshape(-1, SHARED_UNKNOWNS))
-            own = self._shared(k)
+            own = of_segment[k]
             right[own] -= Y.T @ y[rows]
             self._add_block(own, own, -Y.T @ Y)
             for before in range(k - 1, -1, -1):
@@ -175,12 +176,12 @@ class WorldEquations:
                     3 * (min(earlier.horizon, segment.horizon) - segment.start),
                 )
                 block = -columns[before][first : first + common].T @ Y[:common]
-                self._add_block(self._shared(before), own, block)
-                self._add_block(own, self._shared(before), block.T)
+                self._add_block(of_segment[before], own, block)
+                self._add_block(own, of_segment[before], block.T)
             columns.append(Y)
         shared = self._solve_shared(right)
-        for k, (segment, Y) in enumerate(zip(self.segments, columns, strict=True)):
-            y[3 * segment.start : 3 * segment.horizon] -= Y @ shared[self._shared(k)]
+        for segment, own, Y in zip(self.segments, of_segment, columns, strict=True):
+            y[3 * segment.start : 3 * segment.horizon] -= Y @ shared[own]
         return _through(band, y[:, None], transposed=True).reshape(-1, 3), shared
 
     def std(self, unknowns: Int[Array, " u"]) -> Float[Array, " u"]:
