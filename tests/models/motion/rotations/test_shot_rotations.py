@@ -49,7 +49,7 @@ def test_one_edge_alone_decides_and_says_how_surely() -> None:
     R = rotations(2)
     found = solve_rotations(2, [people(R, 0, 1)])
     certainty = found.certainty[1]
-    assert error_deg(found, R, 1) < 1e-3 and certainty is not None and 0.8 < certainty.probability < 0.95
+    assert error_deg(found, R, 1) < 1e-3 and certainty is not None and 0.6 < certainty.probability < 0.8
 
 
 def test_a_background_takes_the_error_out_of_a_cut() -> None:
@@ -111,10 +111,11 @@ def test_two_rotations_that_are_as_likely_are_reported() -> None:
     assert certainty is not None and certainty.probability < 0.6 and certainty.sigma_deg > 60
 
 
-def test_one_good_witness_is_as_certain_as_it_says() -> None:
+def test_one_good_witness_alone_is_believed_less_than_it_says() -> None:
+    """People say 0.9 of themselves, and are right less often where nobody else speaks (docs/accuracy.md)."""
     R = rotations(2)
     certainty = solve_rotations(2, [people(R, 0, 1, sigma_deg=9.0)]).certainty[1]
-    assert certainty is not None and 8.0 < certainty.sigma_deg < 15.0 and 0.75 < certainty.probability < 0.9
+    assert certainty is not None and 12.0 < certainty.sigma_deg < 25.0 and 0.6 < certainty.probability < 0.8
 
 
 def test_shots_that_share_nothing_stay_in_groups_of_their_own() -> None:
