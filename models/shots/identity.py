@@ -28,6 +28,8 @@ from humanmm.models.shots.left_right_swaps import KnownSides
 from humanmm.models.video.frame_times import ROUNDING_S, shown_s
 
 SAME_POSE_M, POSE_SPREAD_M, POSE_LIMIT = 0.17, 0.22, 1.0
+NO_COLOURS = 1.5
+"""Log-odds of one person where nobody's colours are known (keypoints without pictures): the pose alone parts nobody."""
 CUT_GAP_FRAMES = 3
 """A pose this many frames from a cut still counts as the pose at the cut."""
 POSE_FRAMES = 5
@@ -214,7 +216,9 @@ def match(people: Sequence[Sequence[Sighting]], sightings: Sequence[Sighting]) -
 
 def same_person_odds(person: Sequence[Sighting], new: Sighting) -> float:
     """Log-odds that a sighting shows a known person: best colours of any of the person's shots, pose at the cut."""
-    odds = max(same_look_odds(*old.look, *new.look) for old in person)
+    looks = [old.look for old in person if old.colours.any()]
+    known = looks and new.colours.any()
+    odds = max(same_look_odds(*look, *new.look) for look in looks) if known else NO_COLOURS
     before = person[-1]
     if before.shot == new.shot - 1 and before.last is not None and new.first is not None:
         residual = pose_residual_m(before.last, new.first)
