@@ -48,10 +48,24 @@ def lifter_card(
         "|---|---:|---:|---:|---:|---:|",
     ]
     for name, one in rows.items():
-        errors = (one.pa_mpjpe_mm, one.mpjpe_mm, one.torso_deg, one.root_deg)
-        cells = [f"{median:.0f}, {mean:.0f}" for median, mean in errors]
-        lines.append(f"| {name} | {' | '.join(cells)} | {one.swaps_found:.2f}, {one.swaps_false:.2f} |")
+        lines.append(f"| {name} | {_errors(one)} | {one.swaps_found:.2f}, {one.swaps_false:.2f} |")
     return "\n".join(lines) + "\n"
+
+
+def keypoint_card(recipe: Recipe, dev: int, lifted: LifterScore) -> str:
+    """The figures of the keypoint lifter's model card (Markdown)."""
+    lines = [
+        *_made_with(recipe, f"motion capture, measured on {dev} windows of 32 frames of other subjects"),
+        "| median, mean | PA-MPJPE, mm | MPJPE, mm | torso, ° | root, ° |",
+        "|---|---:|---:|---:|---:|",
+        f"| lifted from COCO keypoints | {_errors(lifted)} |",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _errors(one: LifterScore) -> str:
+    errors = (one.pa_mpjpe_mm, one.mpjpe_mm, one.torso_deg, one.root_deg)
+    return " | ".join(f"{median:.0f}, {mean:.0f}" for median, mean in errors)
 
 
 def pose_card(recipe: Recipe, data: str, rows: Mapping[str, PoseScore]) -> str:

@@ -1,4 +1,4 @@
-"""The training of the lifter as a flow: the network, its curve and its card."""
+"""The trainings of the lifters as flows: a network, its curve and its card."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -6,12 +6,13 @@ from pathlib import Path
 import numpy as np
 from prefect import flow
 
-from humanmm.flows.bench.render_set import shipped_packs, takes_of
-from humanmm.flows.training.card import lifter_card
+from humanmm.flows.bench.render_set import Split, shipped_packs, takes_of
+from humanmm.flows.training.card import keypoint_card, lifter_card
 from humanmm.flows.training.course import train_to_end
-from humanmm.models.learning.lifter_training import LifterRecipe, lifter_training
+from humanmm.models.learning.keypoint_motion import KeypointMotion
+from humanmm.models.learning.lifter_training import KeypointRecipe, LifterRecipe, keypoint_training, lifter_training
 from humanmm.models.learning.objective import score
-from humanmm.models.learning.other_motion import OtherMotion, takes_on_bodies
+from humanmm.models.learning.other_motion import OtherMotion, Take, takes_on_bodies
 from humanmm.models.learning.windows import windows_of
 from humanmm.models.perception.lifting.network import LifterNetwork
 from humanmm.storage.readers.mocap_pack import read_pack
@@ -20,7 +21,9 @@ from humanmm.storage.training.networks import write_network
 from humanmm.storage.training.pair_set import read_pairs
 from humanmm.tasks.units.process import prepare_process
 
-SHIPPED = "lifter.safetensors"
+SHIPPED, SHIPPED_KEYPOINTS = "lifter.safetensors", "keypoint_lifter.safetensors"
+MEASURED = 256
+"""Windows of other subjects that the keypoint lifter is measured on."""
 
 
 @flow(name="train-lifter", persist_result=False)
@@ -36,12 +39,7 @@ def train_lifter(
     arrays, _ = read_pairs(pairs, "train")
     windows, errors = windows_of(arrays)
     dev, _ = windows_of(read_pairs(pairs, "dev")[0])
-    sequences = [
-        sequence
-        for pack in packs or shipped_packs("places", "train")
-        for sequence in takes_of(read_pack(pack), "train")
-    ]
-    takes = takes_on_bodies(sequences, np.random.default_rng(recipe.seed))
+    takes = _takes(packs, "train", recipe.seed)
     training = lifter_training(recipe, windows, OtherMotion(takes, arrays, windows, errors), device=device)
 
     def measured(network: LifterNetwork) -> Mapping[str, float]:
@@ -56,3 +54,35 @@ def train_lifter(
     )  # fmt: skip
     replace_text(out / "lifter.md", card)
     return out / SHIPPED
+
+
+@flow(name="train-keypoints", persist_result=False)
+def train_keypoints(
+    out: Path, recipe: KeypointRecipe | None = None, packs: tuple[Path, ...] = (), device: str = "cpu"
+) -> Path:
+    """Train the lifter of COCO's keypoints on the takes of the split train, measure on those of dev; returns the
+    network's file.
+
+    A training that was stopped goes on from its last checkpoint in `out`.
+    """
+    prepare_process()
+    recipe = recipe or KeypointRecipe()
+    dev = KeypointMotion(_takes(packs, "dev", recipe.seed + 1)).draw(MEASURED, np.random.default_rng(recipe.seed))
+    training = keypoint_training(recipe, KeypointMotion(_takes(packs, "train", recipe.seed)), device=device)
+
+    def measured(network: LifterNetwork) -> Mapping[str, float]:
+        found = score(network, dev, coco=True)
+        return {"PA-MPJPE, mm": found.pa_mpjpe_mm[0], "MPJPE, mm": found.mpjpe_mm[0]}
+
+    network = train_to_end(training, out, measured)
+    write_network(out / SHIPPED_KEYPOINTS, network)
+    replace_text(out / "keypoint_lifter.md", keypoint_card(recipe, len(dev), score(network, dev, coco=True)))
+    return out / SHIPPED_KEYPOINTS
+
+
+def _takes(packs: tuple[Path, ...], split: Split, seed: int) -> list[Take]:
+    """All takes of a split on random bodies."""
+    sequences = [
+        sequence for pack in packs or shipped_packs("places", split) for sequence in takes_of(read_pack(pack), split)
+    ]
+    return takes_on_bodies(sequences, np.random.default_rng(seed))

@@ -1,11 +1,13 @@
-"""The training of the lifter: rendered windows, and other motion with their errors."""
+"""The trainings of the lifters: of pictures by rendered windows and other motion with their errors, of COCO's keypoints
+alone by motion capture."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
 from torch import Tensor
 
+from humanmm.models.learning.keypoint_motion import KeypointMotion
 from humanmm.models.learning.objective import loss
 from humanmm.models.learning.other_motion import OtherMotion
 from humanmm.models.learning.training import Recipe, Training
@@ -42,6 +44,35 @@ def lifter_training(
             index = torch.randint(len(windows), (recipe.batch,), generator=generator)
             drawn, coco = windows.chosen(index), recipe.coco[0]
         wanted, given = varied(drawn, Variation(coco=coco), generator)
+        return loss(network(given.to(device)), wanted.to(device))
+
+    return Training(recipe, build, batch_loss, device=device)
+
+
+@dataclass(frozen=True)
+class KeypointRecipe(Recipe):
+    """See `Recipe`."""
+
+    steps: int = 16_000
+
+
+def keypoint_training(
+    recipe: KeypointRecipe, motion: KeypointMotion, *, device: str = "cpu"
+) -> Training[LifterNetwork]:
+    """A training at its first step."""
+    variation = Variation(
+        roll_rad=0.0, points=(0.0, 0.0), landmarks_m=(0.0, 0.0), size=0.3, tempo=0.0, swapped=0.2, hidden=0.0, coco=1.0
+    )
+
+    def build() -> LifterNetwork:
+        network = LifterNetwork()
+        with torch.no_grad():
+            network.mean.copy_(motion.draw(256, np.random.default_rng(recipe.seed)).truth.mean(dim=(0, 1)))
+        return network
+
+    def batch_loss(network: LifterNetwork, rng: np.random.Generator, generator: torch.Generator) -> Tensor:
+        wanted, given = varied(motion.draw(recipe.batch, rng), variation, generator)
+        given = replace(given, landmarks=torch.zeros_like(given.landmarks))
         return loss(network(given.to(device)), wanted.to(device))
 
     return Training(recipe, build, batch_loss, device=device)

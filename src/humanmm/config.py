@@ -177,7 +177,7 @@ class LiftingConfig(Section):
     method: Annotated[str, _part("lifting.method")] = "transformer"
     """What lifts people, by name; `none` keeps the pose network's own landmarks."""
 
-    keypoints: Annotated[str, _part("lifting.keypoints")] = "residual-network"
+    keypoints: Annotated[str, _part("lifting.keypoints")] = "transformer"
     """What finds 3D landmarks of 2D keypoints alone (people.keypoints_from, benchmark ms-aist), by name."""
 
 

@@ -27,7 +27,7 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "transformer": "humanmm.models.perception.lifting.lift:lift",
         "none": "humanmm.models.perception.lifting.lifted:keep",
     },
-    "lifting.keypoints": {"residual-network": "humanmm.models.perception.lifting.keypoints:lift_keypoints"},
+    "lifting.keypoints": {"transformer": "humanmm.models.perception.lifting.keypoints:lift_keypoints"},
     "camera.estimator": {"bundle": "humanmm.models.camera.estimate:camera_from_points"},
     "hmr.initial_pose": {"inverse-kinematics": "humanmm.models.motion.fit.initial:start_pose"},
     "align.method": {

@@ -9,7 +9,7 @@ import pytest
 
 from humanmm.cli import main
 from humanmm.flows.training.motion import Material
-from humanmm.models.learning.lifter_training import LifterRecipe
+from humanmm.models.learning.lifter_training import KeypointRecipe, LifterRecipe
 from humanmm.models.learning.motion_training import MotionRecipe
 
 Typed = Callable[..., tuple[Any, ...]]
@@ -40,6 +40,8 @@ def test_a_network_is_trained_by_the_recipe_unless_steps_or_seed_are_given(given
     assert given("lifter.train_lifter", "lifter", *where) == (Path("pairs"), Path("out"), LifterRecipe(), (), "cpu")
     changed = given("lifter.train_lifter", "lifter", *where, "--steps", "5", "--seed", "7", "--device", "cuda")
     assert changed[2:] == (LifterRecipe(steps=5, seed=7), (), "cuda")
+    lifted = given("lifter.train_keypoints", "keypoints", "--out", "out", "--steps", "5", "--mocap", "a")
+    assert lifted == (Path("out"), KeypointRecipe(steps=5), (Path("a"),), "cpu")
     found = given("motion.train_ms_hmr", "ms-hmr", *where, "--steps", "5", "--seed", "7", "--mocap", "a", "b")
     assert found == (Material(Path("pairs"), (Path("a"), Path("b"))), Path("out"), MotionRecipe(steps=5, seed=7), "cpu")
 

@@ -56,9 +56,9 @@ REFINED, REFINING = 12, 4
 MOVES = 20
 """Largest number of single changes after the beam search."""
 EVIDENCE_COUNTS, LEFT_OPEN, SPREAD = 0.5, 0.03, 1.4
-"""How far evidence says how certain it is. Witnesses of one video share their errors (a pose network's bias, alike walls),
-so that logarithms of odds count by half; a rotation may be wrong in a way that no witness shows; errors about a right
-rotation are larger than the witnesses' own. Measured on 192 cuts of 116 development clips (docs/accuracy.md)."""
+"""How far evidence says how certain it is. Witnesses of one video share their errors (a pose network's bias, walls that
+are alike), so that logarithms of odds count by half; a rotation may be wrong in a way that no witness shows; errors
+about a right rotation are larger than the witnesses' own. Measured on 192 cuts of 116 clips (docs/accuracy.md)."""
 AT_ONCE = 200_000
 """Hypotheses that are weighed together: so many rotation matrices take 14 MB."""
 

@@ -35,21 +35,21 @@ MOST_BEYOND = 768
 def lift(frames: PersonFrames, K: Float[Array, "3 3"]) -> Lifted:
     """Landmarks and joint rotations of one person, by the shipped network (a `Lifter`)."""
     network = load_lifter()
-    pieces = []
-    for own, seen in _pieces(frames.time_s, network.reach_s):
+    lifted = []
+    for own, seen in pieces(frames.time_s, network.reach_s):
         with torch.inference_mode():
             found = network(lifter_input(frames.chosen(seen), K))
         inner = slice(own.start - seen.start, own.stop - seen.start)
-        pieces.append([
+        lifted.append([
             part[0, inner].numpy() for part in (found.landmarks, found.pose, found.pose_log_sigma, found.swapped)
         ])  # fmt: skip
-    landmarks, pose, log_sigma, swap_odds = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
+    landmarks, pose, log_sigma, swap_odds = (np.concatenate(parts) for parts in zip(*lifted, strict=True))
     vectors = rotmat_to_rotvec(pose.astype(np.float64)).astype(np.float32)
     landmarks = frames.landmarks3d + CORRECTION * (landmarks - frames.landmarks3d)
     return Lifted(landmarks.astype(np.float32), PoseEstimates(vectors, np.exp(log_sigma), swap_odds))
 
 
-def _pieces(time_s: Float[Array, " n"], reach_s: float) -> Iterator[tuple[slice, slice]]:
+def pieces(time_s: Float[Array, " n"], reach_s: float) -> Iterator[tuple[slice, slice]]:
     """Frames to be lifted together, and the frames that these depend on."""
     start = 0
     while start < len(time_s):

@@ -41,7 +41,6 @@ def pairs(
 class Training:
     """The options of every training."""
 
-    pairs: Annotated[Path, Option(metavar="DIR", help="pairs of the splits train and dev", show_default=False)]
     out: Annotated[Path, Option(metavar="DIR", help="checkpoint, curve, network and card", show_default=False)]
     steps: Annotated[int | None, Option(metavar="N", min=1, help="so many steps instead of the recipe's")] = None
     seed: Annotated[int, Option(metavar="S", help="another seed gives other weights")] = 0
@@ -53,6 +52,8 @@ class Training:
         return kind(seed=self.seed) if self.steps is None else kind(seed=self.seed, steps=self.steps)
 
 
+Pairs = Annotated[Path, Option(metavar="DIR", help="pairs of the splits train and dev", show_default=False)]
+
 MsHmrFile = Annotated[
     Path | None, Option("--ms-hmr", metavar="FILE", help="what train ms-hmr made (default: poses are as fitted)")
 ]
@@ -62,40 +63,50 @@ PredictorFile = Annotated[
 
 
 @verb(train, "lifter")
-def lifter(*, training: Training) -> None:
+def lifter(*, pairs: Pairs, training: Training) -> None:
     """Train the network that lifts people from the pictures into space; goes on from its last checkpoint."""
     from humanmm.flows.training.lifter import train_lifter
     from humanmm.models.learning.lifter_training import LifterRecipe
 
     recipe = training.recipe(LifterRecipe)
-    write(train_lifter.fn(training.pairs, training.out, recipe, tuple(training.mocap), training.device))
+    write(train_lifter.fn(pairs, training.out, recipe, tuple(training.mocap), training.device))
+
+
+@verb(train, "keypoints")
+def keypoints(*, training: Training) -> None:
+    """Train the network that lifts people from COCO's keypoints alone; goes on from its last checkpoint."""
+    from humanmm.flows.training.lifter import train_keypoints
+    from humanmm.models.learning.lifter_training import KeypointRecipe
+
+    recipe = training.recipe(KeypointRecipe)
+    write(train_keypoints.fn(training.out, recipe, tuple(training.mocap), training.device))
 
 
 @verb(train, "ms-hmr")
-def ms_hmr(*, training: Training) -> None:
+def ms_hmr(*, pairs: Pairs, training: Training) -> None:
     """Train the encoder that corrects poses over all shots; goes on from its last checkpoint."""
     from humanmm.flows.training.motion import Material, train_ms_hmr
     from humanmm.models.learning.motion_training import MotionRecipe
 
-    material = Material(training.pairs, tuple(training.mocap))
+    material = Material(pairs, tuple(training.mocap))
     write(train_ms_hmr.fn(material, training.out, training.recipe(MotionRecipe), training.device))
 
 
 @verb(train, "trajectory")
-def trajectory(*, training: Training, ms_hmr: MsHmrFile = None) -> None:
+def trajectory(*, pairs: Pairs, training: Training, ms_hmr: MsHmrFile = None) -> None:
     """Train the network that says from limbs how people go and which feet stand; goes on from its last checkpoint."""
     from humanmm.flows.training.motion import Material, train_trajectory
     from humanmm.models.learning.motion_training import MotionRecipe
 
-    material = Material(training.pairs, tuple(training.mocap))
+    material = Material(pairs, tuple(training.mocap))
     write(train_trajectory.fn(material, training.out, ms_hmr, training.recipe(MotionRecipe), training.device))
 
 
 @verb(train, "refiner")
-def refiner(*, training: Training, ms_hmr: MsHmrFile = None, predictor: PredictorFile = None) -> None:
+def refiner(*, pairs: Pairs, training: Training, ms_hmr: MsHmrFile = None, predictor: PredictorFile = None) -> None:
     """Train the network that weighs that against what the cameras show; goes on from its last checkpoint."""
     from humanmm.flows.training.motion import Material, train_refiner
     from humanmm.models.learning.motion_training import MotionRecipe
 
-    material = Material(training.pairs, tuple(training.mocap))
+    material = Material(pairs, tuple(training.mocap))
     write(train_refiner.fn(material, training.out, ms_hmr, predictor, training.recipe(MotionRecipe), training.device))

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 
+from humanmm.models.perception.lifting import lift
 from humanmm.models.perception.lifting.coco import coco_track
-from humanmm.models.perception.lifting.keypoints import KeypointLiftingNetwork, features, lift_keypoints
+from humanmm.models.perception.lifting.keypoints import keypoint_input, lift_keypoints
 from humanmm.models.records.landmarks import COCO_LANDMARKS, SWAP
 from humanmm.models.records.tracks import PersonTrack
 from humanmm.storage.readers.aist import read_aist_sequence
@@ -33,13 +33,21 @@ def test_lifted_poses_are_near_the_true_ones() -> None:
 
 
 def test_lifting_depends_neither_on_place_in_the_picture_nor_on_size() -> None:
-    rng = np.random.default_rng(0)
-    rays, seen = rng.normal(0, 0.05, (1, 7, 17, 2)), np.ones((1, 7, 17), bool)
-    inputs, R = features(rays, seen)
-    far, _ = features(rays * 0.5, seen)
+    given, R = keypoint_input(SEQUENCE.keypoints[0, :N], TIME_S, K)
+    smaller = SEQUENCE.keypoints[0, :N].copy()
+    smaller[..., :2] = 0.5 * (smaller[..., :2] - K[:2, 2]) + K[:2, 2]
+    far, _ = keypoint_input(smaller, TIME_S, K)
     # The turn to the torso's ray bends a picture by what the body's angle is: small for a small body.
-    assert np.abs(inputs - far).max() < 0.05
-    assert np.allclose(R[0] @ R[0].T, np.eye(3))
+    assert (given.points - far.points).abs().max() < 0.05
+    assert (far.size / given.size - 0.5).abs().max() < 0.03
+    assert np.allclose(R @ np.swapaxes(R, 1, 2), np.eye(3))
+
+
+def test_a_long_track_is_lifted_in_pieces_as_if_it_were_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    keypoints, time_s = np.tile(SEQUENCE.keypoints[0, :240], (2, 1, 1)), np.arange(480) / 30
+    parts = lift_keypoints(keypoints, time_s, K)
+    monkeypatch.setattr(lift, "CHUNK_S", 1000.0)
+    assert np.abs(parts - lift_keypoints(keypoints, time_s, K)).max() < 1e-5
 
 
 def test_a_mirrored_picture_gives_nearly_the_mirrored_pose() -> None:
@@ -69,18 +77,3 @@ def test_frames_that_show_nobody_are_left_out() -> None:
     keypoints = SEQUENCE.keypoints[0, :N].copy()
     keypoints[10:13, :, 2] = 0
     assert np.array_equal(_track(keypoints).frame, np.r_[0:10, 13:N])
-
-
-def test_the_network_is_what_its_docstring_says() -> None:
-    torch.manual_seed(0)
-    network = KeypointLiftingNetwork(hidden=8, blocks=1)
-    w = {name: value.numpy().astype(np.float64) for name, value in network.state_dict().items()}
-    x = np.random.default_rng(1).normal(size=(2, w["inward.weight"].shape[1]))
-    h = np.maximum(x @ w["inward.weight"].T + w["inward.bias"], 0)
-    inner = h @ w["u.0.weight"].T + w["u.0.bias"]
-    inner = (inner - inner.mean(axis=1, keepdims=True)) / np.sqrt(inner.var(axis=1, keepdims=True) + 1e-5)
-    h = h + np.maximum(inner, 0) @ w["v.0.weight"].T + w["v.0.bias"]
-    expected = h @ w["outward.weight"].T + w["outward.bias"]
-    with torch.inference_mode():
-        found = network(torch.from_numpy(x.astype(np.float32))).numpy()
-    assert found.reshape(2, -1) == pytest.approx(expected, rel=1e-4, abs=1e-5)

@@ -55,5 +55,5 @@ def test_a_gap_of_ten_years_and_equal_time_stamps_cost_no_more_than_their_frames
     time_s[:5] = 0.0
     found = lift(replace(frames, time_s=time_s), K)
     assert found.landmarks3d.shape == (40, 33, 3) and np.isfinite(found.landmarks3d).all()
-    assert len(list(lifting._pieces(np.zeros(2000), 5.0))) == 4
-    assert max(seen.stop - seen.start for _, seen in lifting._pieces(np.zeros(5000), 5.0)) == 2048
+    assert len(list(lifting.pieces(np.zeros(2000), 5.0))) == 4
+    assert max(seen.stop - seen.start for _, seen in lifting.pieces(np.zeros(5000), 5.0)) == 2048
