@@ -165,5 +165,7 @@ class WorldMotion:
     """Everything that spoke for a rotation between two shots, and whether it was believed."""
     path_scales: tuple[PathScale, ...] = ()
     """Of every shot whose camera travels and whose scale was not given."""
+    focal_factor: float = 1.0
+    """How many times as long as `intrinsics` has it the focal length in `K` is: the solve for positions knows more."""
     facings: tuple[Facing, ...] = ()
     """Of everybody in every shot."""

@@ -100,7 +100,8 @@ def run_record(  # noqa: PLR0913 (one a section of run.json)
         "store": store,
         "config": dict(config),
         "focal": {
-            "px": _figure(intrinsics.focal_px),
+            "px": _figure(intrinsics.focal_px * (motion.focal_factor if motion else 1.0)),
+            "estimated_px": _figure(intrinsics.focal_px),
             "source": intrinsics.source,
             "relative_uncertainty": _figure(intrinsics.relative_uncertainty),
         },
@@ -169,7 +170,7 @@ def _shots(
             "people": [appearance.person for appearance in shot.people],
             "facing": [_facing(one) for one in facings if one.shot == shot.index],
             "failed": shot.index in failed,
-            "camera": _camera(camera, scales.get(shot.index)),
+            "camera": _camera(camera, scales.get(shot.index), motion.focal_factor if motion else 1.0),
         }
         for shot, camera in zip(shots.shots, cameras, strict=True)
     ]
@@ -209,15 +210,15 @@ def _facing(facing: Facing) -> dict[str, Json]:
     }
 
 
-def _camera(camera: "ShotCamera | None", scale: PathScale | None) -> dict[str, Json] | None:
+def _camera(camera: "ShotCamera | None", scale: PathScale | None, factor: float) -> dict[str, Json] | None:
     """How the camera of a shot was found, what gave its path a scale, and how far another program's answer lies from
-    it; null where it failed."""
+    it; null where it failed. `factor`: of the focal lengths, from all that is known in the end."""
     if camera is None:
         return None
     check = camera.cross_check
     return {
         "source": camera.source,
-        "focal_px": [_figure(focal) for focal in camera.K[[0, -1], 0, 0]],
+        "focal_px": [_figure(factor * focal) for focal in camera.K[[0, -1], 0, 0]],
         "reprojection_px": _figure(camera.reprojection_px),
         "path_scale": None
         if scale is None

@@ -39,7 +39,7 @@ from humanmm.models.motion.rotations.walls import wall_edges, walls_of
 from humanmm.models.motion.world import doubts
 from humanmm.models.motion.world.people import Part, concatenated
 from humanmm.models.motion.world.problem import CameraEdge, SameCamera, ShotRig, ShotTrajectory
-from humanmm.models.motion.world.solver import Solution, solve
+from humanmm.models.motion.world.solver import Solution, seen_through, solve
 from humanmm.models.records.camera import SOURCES
 from humanmm.models.records.motion import (
     CutAlignment,
@@ -104,7 +104,8 @@ def align(
         from_shadows = light_edges(shot_lights(results, upright_together(results, rotations, verticals)))
         if from_shadows:
             rotations = solve_rotations(num_shots, [*spoken, *from_shadows], upright)
-    groups = _groups(results, rotations)
+    # The largest world decides on the focal length.
+    groups = sorted(_groups(results, rotations), key=lambda group: -_num_frames(results, group))
     F = len(results.time_s)
     world = _World(
         R=np.tile(np.eye(3), (F, 1, 1)),
@@ -113,9 +114,12 @@ def align(
         source=np.full(F, SOURCES.index("fallback"), np.uint8),
         people={},
     )
-    scales = [
-        scale for group in groups for scale in _solve_group(results, group, rotations, background, verticals, world)
-    ]
+    scales: list[PathScale] = []
+    focal = None
+    for group in groups:
+        own_scales, focal = _solve_group(results, group, rotations, background, verticals, world, focal)
+        scales.extend(own_scales)
+    scales.sort(key=lambda scale: scale.shot)
     facings = doubts.facings_of(results)
     _fill_cameras(results, world)
     cuts = _reported(results, edges, rotations, world)
@@ -126,7 +130,7 @@ def align(
         *doubts.of_facings(facings, results.shots.people),
         *doubts.of_sides(rotations),
         *doubts.of_lifted(results),
-        *doubts.of_groups(groups),
+        *doubts.of_groups(sorted(groups)),
     ]
     return WorldMotion(
         R_world_cam=world.R,
@@ -138,12 +142,18 @@ def align(
         warnings=tuple(warnings),
         evidence=_evidence(rotations),
         path_scales=tuple(scales),
+        focal_factor=1.0 if focal is None else focal,
         facings=tuple(facings),
     )
 
 
 LEAST_STD_DEG = 0.1
 """Standard deviation of a rotation between two shots: no less is believed."""
+
+FOCAL_TRUST, MOST_FOCAL_STD = 0.5, 0.1
+"""What feet and paths say of the focal length is held against its estimate, whose standard deviation counts by so much
+and no more: they shorten it where nothing else is known of it. On 98 development clips with an estimate it is off by
+6.9 % instead of 7.6 % (docs/accuracy.md)."""
 
 
 @dataclass(frozen=True)
@@ -166,6 +176,11 @@ def _groups(results: ShotResults, rotations: ShotRotations) -> list[list[int]]:
     return list(groups.values())
 
 
+def _num_frames(results: ShotResults, group: Sequence[int]) -> int:
+    shots = results.shots.shots
+    return sum(shots[shot].end - shots[shot].start for shot in group)
+
+
 def _solve_group(
     results: ShotResults,
     group: Sequence[int],
@@ -173,9 +188,13 @@ def _solve_group(
     background: BackgroundEdges,
     verticals: Mapping[int, ShotVertical],
     world: _World,
-) -> list[PathScale]:
-    """Level the shots of one group, solve for their positions, and write them into the world; returns how well the
-    scales of the cameras' paths are known."""
+    focal: float | None,
+) -> tuple[list[PathScale], float]:
+    """Level the shots of one group, solve for their positions, and write them into the world.
+
+    `focal`: how many times as long as estimated the focal length is; None where the solve is to find it. Returns how
+    well the scales of the cameras' paths are known, and that factor.
+    """
     R_first_shot = [rotations.R_group_shot[group[0]].T @ rotations.R_group_shot[shot] for shot in group]
     R_world_shot = {k: R for k, R in zip(group, levelled(results, group, R_first_shot, verticals), strict=True)}
     known_heights = {person.person for person in results.shots.people if person.height_known}
@@ -198,7 +217,12 @@ def _solve_group(
         for edge in background.same
         if (edge.shot_a, edge.shot_b) in trusted and edge.shot_a in index and edge.shot_b in index
     ]
-    solution = solve(trajectories, rigs, edges, same)
+    if focal is None:
+        focal_std = min(FOCAL_TRUST * results.intrinsics.relative_uncertainty, MOST_FOCAL_STD)
+        solution = solve(trajectories, rigs, edges, same, focal_std=focal_std)
+        focal = solution.focal
+    else:
+        solution = solve([seen_through(one, np.log(focal)) for one in trajectories], rigs, edges, same)
     solution = _at_origin(solution, trajectories, R_world_shot[group[0]])
     for k, shot in enumerate(group):
         camera = camera_of(results, shot)
@@ -206,18 +230,19 @@ def _solve_group(
         frames = slice(camera.start, camera.end)
         world.R[frames] = R_world @ camera.R_shot_cam
         world.t[frames] = solution.origin[k] + solution.scale[k] * camera.t_shot_cam @ R_world.T
-        world.K[frames] = camera.K
+        world.K[frames] = camera.K * np.array([[focal, 1, 1], [1, focal, 1], [1, 1, 1]])
         world.source[frames] = SOURCES.index(camera.source)
     for (_, motion), pelvis, contacts in zip(owners, solution.pelvis, solution.contacts, strict=True):
         R_root = world.R[motion.frame] @ motion.R_cam_root
         factor = 1.0 if motion.person in known_heights else solution.size[motion.person]
         sized = replace(motion, betas=resized(motion.betas, load_body(), factor))
         world.people.setdefault(motion.person, []).append(Part(sized, R_root, pelvis, contacts))
-    return [
+    scales = [
         _path_scale(shot, solution, k, seen=bool(motions_of(results, shot)))
         for k, (shot, rig) in enumerate(zip(group, rigs, strict=True))
         if not rig.scale_known
     ]
+    return scales, focal
 
 
 def _path_scale(shot: int, solution: Solution, index: int, *, seen: bool) -> PathScale:
@@ -246,6 +271,7 @@ def _trajectory(
         offset=np.einsum("nab,nb->na", R_world_cam, motion.pelvis_cam),
         feet=soles,
         weight=np.where(motion.observed, motion.confidence.astype(np.float64), 0.0),
+        ahead=R_world_cam[:, :, 2],
         size_known=size_known,
     )
 

@@ -21,8 +21,9 @@ CAMERA_UNKNOWNS = 7
 """Per shot: position (3), small rotation (3), scale (1)."""
 SCALE = 6
 """The last of them."""
-SHARED_UNKNOWNS = CAMERA_UNKNOWNS + 1
-"""What the positions of a segment share: their camera, and the logarithm of their person's size."""
+SHARED_UNKNOWNS = CAMERA_UNKNOWNS + 2
+"""What the positions of a segment share: their camera, and the logarithms of their person's size and of the focal
+length."""
 
 _REACH = 2
 """Frames that a position meets on either side."""
@@ -60,7 +61,7 @@ def segments_of(persons: Sequence[int], shots: Sequence[int], times: Sequence[Fl
 
 
 class WorldEquations:
-    """H δ = −g of N positions (3 numbers each), S cameras (7 each) and the sizes of P people (1 each)."""
+    """H δ = −g of N positions (3 numbers each), S cameras (7 each), P people's sizes (1 each) and the focal length."""
 
     def __init__(self, segments: Sequence[Segment], num_shots: int) -> None:
         self.segments = tuple(segments)
@@ -75,7 +76,7 @@ class WorldEquations:
         self.mixed = np.zeros((n, 3, SHARED_UNKNOWNS))
         """Blocks of each position and what its segment shares."""
         num_people = max((segment.person + 1 for segment in segments), default=0)
-        self.shared_gradient = np.zeros(CAMERA_UNKNOWNS * num_shots + num_people)
+        self.shared_gradient = np.zeros(CAMERA_UNKNOWNS * num_shots + num_people + 1)
         self._blocks: list[tuple[Array, Array, Array]] = []
         """Rows, columns and values of the matrix of all that is shared."""
         self._reduced: SuperLU | None = None
@@ -89,15 +90,21 @@ class WorldEquations:
         """Where a person's size stands among what is shared."""
         return np.array([CAMERA_UNKNOWNS * self.num_shots + person])
 
-    def _shared(self, segment: int) -> Int[Array, " 8"]:
-        return np.concatenate([self.camera(self.segments[segment].shot), self.size(self.segments[segment].person)])
+    @property
+    def focal(self) -> Int[Array, " 1"]:
+        """Where the focal length stands among what is shared."""
+        return np.array([len(self.shared_gradient) - 1])
+
+    def _shared(self, segment: int) -> Int[Array, " 9"]:
+        own = self.segments[segment]
+        return np.concatenate([self.camera(own.shot), self.size(own.person), self.focal])
 
     def add_positions(
         self,
         segment: int,
         residual: Float[Array, "n m"],
         by_position: Float[Array, "n m 3"],
-        by_shared: Float[Array, "n m 8"],
+        by_shared: Float[Array, "n m 9"],
     ) -> None:
         """Add Σ r² / 2 of residuals that depend on one position of a segment each, and on what it shares."""
         first = self.segments[segment].start
@@ -123,7 +130,7 @@ class WorldEquations:
         segment: int,
         whiten: Float[Array, "n k 3 3"],
         moved: Float[Array, "n k 3"],
-        by_shared: Float[Array, "n k 3 8"],
+        by_shared: Float[Array, "n k 3 9"],
     ) -> None:
         """Add Σ r² / 2 with r = whiten (position[i + 1] − position[i] + by_shared · what the segment shares).
 
@@ -192,7 +199,7 @@ class WorldEquations:
         unit[unknowns, np.arange(len(unknowns))] = 1.0
         return np.asarray(np.sqrt(np.diagonal(self._reduced.solve(unit)[unknowns])))
 
-    def _add_shared(self, segment: int, residual: Float[Array, " m"], by_shared: Float[Array, "n k 8"]) -> None:
+    def _add_shared(self, segment: int, residual: Float[Array, " m"], by_shared: Float[Array, "n k 9"]) -> None:
         rows, own = by_shared.reshape(-1, SHARED_UNKNOWNS), self._shared(segment)
         self.shared_gradient[own] += rows.T @ residual
         self._add_block(own, own, rows.T @ rows)

@@ -23,6 +23,8 @@ class ShotTrajectory:
     """Sole points (left heel, left toes, right heel, right toes) from the pelvis, metres, world axes."""
     weight: Float[Array, "n"]
     """Trust in the observation, 0..1."""
+    ahead: Float[Array, "n 3"]
+    """Where the camera looks, unit vectors, world axes."""
     size_known: bool = False
     """Whether the user gave the person's height."""
 

@@ -5,15 +5,17 @@ depth, and the path of a moving camera up to its scale. What ties them together:
 
 - the person is where the picture shows: tightly across the line of sight, loosely along it;
 - everybody has one size, which all his distances go by and which his picture hardly tells;
+- all distances go by one focal length: what moves away from the camera and what moves across it must fit;
 - a planted foot does not move, and one that bears the body is on the floor, z = 0; along the line of sight fitted legs
   swing too little, so that feet say less there the faster somebody comes or goes;
 - bodies have inertia, also across a cut: that ties the shots together;
 - the floor that a moving camera sees gives its path a scale (`scale`);
 - every shot is about as level as its people and its camera say, and rotated against the others as the cuts say.
 
-Unknown are the pelvis of every person in every frame, everybody's size, and for each shot the camera's position, a
-small rotation and the scale of its path. All of it is linear but for the small rotations and the robust weights: a few
-Gauss-Newton steps with iteratively reweighted residuals. Time and memory grow linearly with the video.
+Unknown are the pelvis of every person in every frame, everybody's size, the focal length as far as it is uncertain, and
+for each shot the camera's position, a small rotation and the scale of its path. All of it is linear but for the small
+rotations and the robust weights: a few Gauss-Newton steps with iteratively reweighted residuals. Time and memory grow
+linearly with the video.
 """
 
 from collections.abc import Mapping, Sequence
@@ -102,6 +104,8 @@ class Solution:
     """Whether the floor gave the scale."""
     size: Mapping[int, float]
     """By person: how many times as large he is as his shots have him."""
+    focal: float
+    """How many times as long the focal length is as it was thought to be."""
 
 
 def solve(
@@ -109,9 +113,14 @@ def solve(
     rigs: Sequence[ShotRig],
     edges: Sequence[CameraEdge],
     same: Sequence[SameCamera] = (),
+    *,
+    focal_std: float = 0.0,
 ) -> Solution:
     """Positions of people and cameras, the scale of each camera's path and small corrections of each shot's
-    rotation."""
+    rotation.
+
+    `focal_std`: standard deviation of the logarithm of the focal length by which the trajectories were made.
+    """
     options = SolveSettings()
     shots = len(rigs)
     of_shot: list[list[ShotTrajectory]] = [[] for _ in rigs]
@@ -128,13 +137,14 @@ def solve(
         np.zeros((shots, 3)),
         scale,
         np.zeros(len(_people(trajectories))),
+        0.0,
     )
     # The first steps join the shots by inertia alone; then feet that stand still count; then the floor.
     for iteration in range(options.iterations):
         if iteration == _FLOOR_FROM:
             state = _put_on_floor(trajectories, rigs, state, options)
         before = state
-        state, equations = _step(trajectories, rigs, floors, edges, same, state, options, iteration)
+        state, equations = _step(trajectories, rigs, floors, edges, same, state, options, iteration, focal_std)
         moved = max((float(np.abs(a - b).max()) for a, b in zip(state.pelvis, before.pelvis, strict=True)), default=0.0)
         if iteration > _FLOOR_FROM and moved < options.converged_m:
             break
@@ -153,10 +163,11 @@ def solve(
         ),
         from_floor=np.array([floor is not None for floor in floors]),
         size=dict(zip(_people(trajectories), np.exp(state.log_size).tolist(), strict=True)),
+        focal=float(np.exp(state.log_focal)),
     )
 
 
-_STILL_FROM, _FLOOR_FROM, _ROTATE_FROM = 1, 4, 4
+_STILL_FROM, _FLOOR_FROM, _ROTATE_FROM, _FOCAL_FROM = 1, 4, 4, 4
 _DAMPING = 1e-6
 
 
@@ -168,6 +179,8 @@ class _State:
     scale: Array
     log_size: Array
     """Per person, in order of their numbers: logarithm of how much larger he is than `ShotTrajectory` has him."""
+    log_focal: float
+    """Logarithm of how much longer the focal length is than that of `ShotTrajectory`."""
 
     def ordered(self, order: Sequence[int]) -> "_State":
         """The same with the trajectories in another order."""
@@ -188,6 +201,7 @@ def _step(
     state: _State,
     options: SolveSettings,
     iteration: int,
+    focal_std: float,
 ) -> tuple[_State, WorldEquations]:
     """The state after one Gauss-Newton step, and the equations that gave it."""
     order = sorted(range(len(trajectories)), key=lambda k: (trajectories[k].person, int(trajectories[k].frame[0])))
@@ -195,6 +209,8 @@ def _step(
     _levels(equations, rigs, edges, state, options)
     _scales(equations, floors, state, options)
     _same_cameras(equations, rigs, same, state)
+    if focal_std > 0:
+        equations.add_shared(np.array([state.log_focal / focal_std]), (equations.focal, np.array([[1 / focal_std]])))
 
     damping = np.full(len(equations.shared_gradient), _DAMPING)
     of_cameras = damping[: CAMERA_UNKNOWNS * len(rigs)].reshape(-1, CAMERA_UNKNOWNS)
@@ -204,6 +220,8 @@ def _step(
     of_cameras[0, 5] = 1e8  # nor does it turn
     if iteration < _ROTATE_FROM:
         of_cameras[:, 3:6] = 1e8
+    if iteration < _FOCAL_FROM or focal_std <= 0:
+        damping[equations.focal] = 1e8
     known = np.array([rig.scale_known or not np.any(rig.path) for rig in rigs])
     of_cameras[known, SCALE] = 1e8
     steps, shared = equations.step(_DAMPING, damping)
@@ -217,7 +235,8 @@ def _step(
         origin=state.origin + moved[:, :3],
         # A scale neither changes sign nor runs away in one step.
         scale=np.clip(state.scale + moved[:, SCALE], 0.3 * state.scale, 3.0 * state.scale),
-        log_size=state.log_size + shared[of_cameras.size :],
+        log_size=state.log_size + shared[of_cameras.size : -1],
+        log_focal=state.log_focal + float(shared[-1]),
     )
     return after, equations
 
@@ -235,7 +254,8 @@ def _of_people(
     segments = segments_of(of_person, [one.shot for one in trajectories], [one.time_s for one in trajectories])
     equations = WorldEquations(segments, len(rigs))
     for k, trajectory in enumerate(trajectories):
-        sized = replace(trajectory, offset=np.exp(state.log_size[of_person[k]]) * trajectory.offset)
+        sized = seen_through(trajectory, state.log_focal)
+        sized = replace(sized, offset=np.exp(state.log_size[of_person[k]]) * sized.offset)
         _observations(equations, sized, rigs[sized.shot], state, k, options, robust=iteration > 0)
         if iteration >= _STILL_FROM:
             _feet(equations, sized, rigs[sized.shot], state, k, options, floor=iteration >= _FLOOR_FROM)
@@ -246,6 +266,13 @@ def _of_people(
     known = {trajectory.person for trajectory in trajectories if trajectory.size_known}
     _sizes(equations, state, [person in known for person in people], options)
     return equations
+
+
+def seen_through(trajectory: ShotTrajectory, log_focal: float) -> ShotTrajectory:
+    """The trajectory of the same picture with another lens: with a longer one everybody is as far to the side, and
+    farther away. `log_focal`: logarithm of how many times as long it is."""
+    depth = np.sum(trajectory.offset * trajectory.ahead, axis=1, keepdims=True)
+    return replace(trajectory, offset=trajectory.offset + np.expm1(log_focal) * depth * trajectory.ahead)
 
 
 def _observations(
@@ -276,7 +303,9 @@ def _observations(
         size = np.linalg.norm(residual, axis=1) * np.sqrt(correlated)
         factor = np.sqrt(huber_weight(size, 2.0))[:, None]
         residual, whiten = residual * factor, whiten * factor[..., None]
-    by_shared = [-whiten, whiten @ skew(arm), -whiten @ path[..., None], -whiten @ offset[..., None]]
+    ahead = trajectory.ahead @ T.T
+    deeper = np.sum(offset * ahead, axis=1, keepdims=True) * ahead
+    by_shared = [-whiten, whiten @ skew(arm), *(-whiten @ one[..., None] for one in (path, offset, deeper))]
     equations.add_positions(index, residual, whiten, np.concatenate(by_shared, axis=-1))
 
 

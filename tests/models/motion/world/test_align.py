@@ -4,15 +4,16 @@ promised."""
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from scipy.spatial.transform import Rotation
 
-from humanmm.models.geometry.rotations import rotvec_to_rotmat
+from humanmm.models.geometry.rotations import rotvec_to_rotmat, unit
 from humanmm.models.motion.rotations import gravity as world_gravity
 from humanmm.models.motion.world.align import _at_origin
 from humanmm.models.motion.world.people import interpolate_rotmats, rows_before
 from humanmm.models.motion.world.problem import CameraEdge, SameCamera, ShotRig, ShotTrajectory
 from humanmm.models.motion.world.scale import scale_from_feet
-from humanmm.models.motion.world.solver import Solution, solve
+from humanmm.models.motion.world.solver import Solution, seen_through, solve
 
 FPS = 30.0
 EDGE = CameraEdge(0, 1, 8.0)
@@ -49,7 +50,9 @@ def scene(
         offset = pelvis[rows] - camera
         # Depth errs slowly, as a fit's does.
         offset = offset * (1 + noise * np.sin(rows / 9.0 + shot))[:, None] + rng.normal(0, 0.2 * noise, offset.shape)
-        trajectories.append(ShotTrajectory(0, shot, rows, rows / FPS, offset, feet[rows], np.ones(len(rows))))
+        trajectories.append(
+            ShotTrajectory(0, shot, rows, rows / FPS, offset, feet[rows], np.ones(len(rows)), unit(offset))
+        )
         rigs.append(ShotRig((camera - camera[0]) / scale, int(rows[0]), 1.0, scale_known=shot == 1))
     return trajectories, rigs, pelvis
 
@@ -120,11 +123,8 @@ def two_people(*, second: float, size_known: bool = False) -> tuple[list[ShotTra
     ):
         for person, (place, size) in enumerate((((0.0, 0.0, 0.0), 1.0), ((0.3, 1.2, 0.0), second))):
             offset = size * (pelvis[rows] + place - camera)
-            trajectories.append(
-                ShotTrajectory(
-                    person, shot, rows, rows / FPS, offset, feet[rows], np.ones(20), size_known and person == 1
-                )
-            )
+            seen = (person, shot, rows, rows / FPS, offset, feet[rows], np.ones(20), unit(offset))
+            trajectories.append(ShotTrajectory(*seen, size_known=size_known and person == 1))
         rigs.append(ShotRig(np.zeros((20, 3)), int(rows[0]), 1.0, scale_known=True))
     return trajectories, rigs
 
@@ -144,11 +144,28 @@ def test_whose_height_is_known_keeps_his_size() -> None:
     assert abs(size[0] - 0.85) < 0.03
 
 
+@pytest.mark.parametrize("factor", [0.85, 1.2])
+def test_who_walks_at_an_angle_tells_a_wrong_focal_length(factor: float) -> None:
+    pelvis, feet = stride(60)
+    trajectories, rigs = [], []
+    views = ((np.arange(30), np.array([3.0, -3.0, 1.4])), (np.arange(30, 60), np.array([-2.0, -2.5, 1.4])))
+    for shot, (rows, camera) in enumerate(views):
+        offset = pelvis[rows] - camera
+        ahead = np.tile(unit(offset.mean(axis=0)), (30, 1))
+        true = ShotTrajectory(0, shot, rows, rows / FPS, offset, feet[rows], np.ones(30), ahead)
+        trajectories.append(seen_through(true, -np.log(factor)))
+        rigs.append(ShotRig(np.zeros((30, 3)), int(rows[0]), 1.0, scale_known=True))
+    found = solve(trajectories, rigs, [EDGE], focal_std=0.3).focal
+    assert abs(np.log(found / factor)) < 0.5 * abs(np.log(factor))
+    assert solve(trajectories, rigs, [EDGE]).focal == pytest.approx(1.0, abs=1e-6)
+
+
 def test_legs_that_swing_too_little_do_not_hold_back_who_comes_toward_the_camera() -> None:
     pelvis, feet = stride(30)
     rows, camera = np.arange(30), np.array([4.0, 0.0, 1.4])
     swing_lost = feet * np.array([0.5, 1.0, 1.0])  # he walks along x, the line of sight
-    seen = ShotTrajectory(0, 0, rows, rows / FPS, pelvis - camera, swing_lost, np.ones(30))
+    offset = pelvis - camera
+    seen = ShotTrajectory(0, 0, rows, rows / FPS, offset, swing_lost, np.ones(30), unit(offset))
     found = solve([seen], [ShotRig(np.zeros((30, 3)), 0, 1.0, scale_known=True)], []).pelvis[0]
     # Feet that were believed along the line of sight as across it would leave 0.64 of the way.
     assert np.ptp(found[:, 0]) > 0.85 * np.ptp(pelvis[:, 0])

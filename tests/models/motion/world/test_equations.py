@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from humanmm.models.motion.world.equations import CAMERA_UNKNOWNS, SHARED_UNKNOWNS, WorldEquations, segments_of
+from humanmm.models.motion.world.equations import CAMERA_UNKNOWNS, SHARED_UNKNOWNS, Segment, WorldEquations, segments_of
 
 STRANDS = ((0, 0, 6), (0, 1, 1), (0, 2, 2), (0, 1, 5), (1, 0, 4), (1, 2, 3))
 """Person, shot, frames: strands shorter than the reach of an acceleration, and a shot seen twice."""
@@ -17,7 +17,8 @@ def test_the_step_is_the_one_that_a_dense_solve_finds() -> None:
     equations, places = WorldEquations(segments, SHOTS), sum(counts)
     rows, right = [], []
 
-    num_shared = CAMERA_UNKNOWNS * SHOTS + 2
+    num_shared = CAMERA_UNKNOWNS * SHOTS + 2 + 1
+    focal = 3 * places + num_shared - 1
 
     def note(residual: np.ndarray, blocks: dict[int, np.ndarray]) -> None:
         row = np.zeros((len(residual), 3 * places + num_shared))
@@ -29,22 +30,22 @@ def test_the_step_is_the_one_that_a_dense_solve_finds() -> None:
     def camera(shot: int) -> int:
         return 3 * places + CAMERA_UNKNOWNS * shot
 
+    def shared_by(segment: Segment, by_shared: np.ndarray) -> dict[int, np.ndarray]:
+        size = 3 * places + CAMERA_UNKNOWNS * SHOTS + segment.person
+        return {camera(segment.shot): by_shared[:, :-2], size: by_shared[:, -2:-1], focal: by_shared[:, -1:]}
+
     for number, segment in enumerate(segments):
         n = segment.stop - segment.start
-        size = 3 * places + CAMERA_UNKNOWNS * SHOTS + segment.person
         residual, by_position, by_shared = (rng.normal(size=(n, 2, *size)) for size in ((), (3,), (SHARED_UNKNOWNS,)))
         equations.add_positions(number, residual, by_position, by_shared)
         for k in range(n):
-            of_camera, of_size = by_shared[k, :, :-1], by_shared[k, :, -1:]
             at = 3 * (segment.start + k)
-            note(residual[k], {at: by_position[k], camera(segment.shot): of_camera, size: of_size})
+            note(residual[k], {at: by_position[k], **shared_by(segment, by_shared[k])})
         whiten, moved, by_shared = (rng.normal(size=(n - 1, 2, *s)) for s in ((3, 3), (3,), (3, SHARED_UNKNOWNS)))
         equations.add_still(number, whiten, moved, by_shared)
         for k, foot in np.ndindex(moved.shape[:2]):
             W, at = whiten[k, foot], 3 * (segment.start + k)
-            of_shared = W @ by_shared[k, foot]
-            of_camera, of_size = of_shared[:, :-1], of_shared[:, -1:]
-            note(W @ moved[k, foot], {at: -W, at + 3: W, camera(segment.shot): of_camera, size: of_size})
+            note(W @ moved[k, foot], {at: -W, at + 3: W, **shared_by(segment, W @ by_shared[k, foot])})
     for person in (0, 1):
         own = [segment for segment, owner in zip(segments, persons, strict=True) if owner == person]
         at = np.arange(own[0].start, own[-1].stop - 2)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from humanmm.models.geometry.rotations import unit
 from humanmm.models.motion.world.problem import ShotRig, ShotTrajectory
 from humanmm.models.motion.world.scale import scale_from_floor
 from humanmm.models.motion.world.solver import solve
@@ -37,7 +38,7 @@ def shot(
         scenery=points * (1 + rng.normal(0, 0.02, (len(points), 1))), relative_std=np.full(len(points), 0.02),
     )  # fmt: skip
     offset = (pelvis - centre - path) @ R.T
-    return rig, ShotTrajectory(0, 0, frame, frame / 30, offset, feet @ R.T, np.full(n, 0.9))
+    return rig, ShotTrajectory(0, 0, frame, frame / 30, offset, feet @ R.T, np.full(n, 0.9), unit(offset))
 
 
 @pytest.mark.parametrize("scale", [0.02, 1.0, 40.0])
