@@ -1,7 +1,7 @@
 """Results of the stages before `align` on a whole video, shot by shot, and what the alignment reads of them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -10,6 +10,7 @@ from humanmm.models.body.body24 import load_body
 from humanmm.models.body.kinematics import chunks, forward_kinematics
 from humanmm.models.body.landmarks import load_landmarks
 from humanmm.models.camera.background.keyframes import FrameFeatures
+from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat, swing
 from humanmm.models.records.camera import Intrinsics, ShotCamera
 from humanmm.models.records.motion import PersonShotMotion, ShotMotion
 from humanmm.models.records.shots import ShotList
@@ -55,6 +56,34 @@ def camera_of(results: ShotResults, shot: int) -> ShotCamera:
     if camera is None:
         raise ValueError(f"shot {shot} has no camera")
     return camera
+
+
+def refocused(results: ShotResults, factor: float) -> ShotResults:
+    """The same results if the focal length is `factor` times as long as they were made with.
+
+    What is seen with a longer lens is as far to the side, and farther away; it lies nearer to the axis, and a body in the
+    same picture is turned by so much; a pan by so many pixels is a smaller one.
+    """
+    farther = np.array([1.0, 1.0, factor])
+
+    def of_camera(camera: ShotCamera) -> ShotCamera:
+        K = camera.K.copy()
+        K[:, [0, 1], [0, 1]] *= factor
+        return replace(camera, K=K, R_shot_cam=rotvec_to_rotmat(rotmat_to_rotvec(camera.R_shot_cam) / factor))
+
+    def of_motion(motion: PersonShotMotion) -> PersonShotMotion:
+        pelvis = motion.pelvis_cam * farther
+        return replace(motion, pelvis_cam=pelvis, R_cam_root=swing(motion.pelvis_cam, pelvis) @ motion.R_cam_root)
+
+    return replace(
+        results,
+        intrinsics=replace(results.intrinsics, focal_px=factor * results.intrinsics.focal_px),
+        cameras=[None if camera is None else of_camera(camera) for camera in results.cameras],
+        motions=[
+            None if motion is None else replace(motion, people=tuple(map(of_motion, motion.people)))
+            for motion in results.motions
+        ],
+    )
 
 
 def posed(

@@ -33,7 +33,14 @@ from humanmm.models.motion.rotations.shot_graph import (
     cut_edge,
     people_edges,
 )
-from humanmm.models.motion.rotations.shot_results import ShotResults, camera_of, motions_of, posed, usable
+from humanmm.models.motion.rotations.shot_results import (
+    ShotResults,
+    camera_of,
+    motions_of,
+    posed,
+    refocused,
+    usable,
+)
 from humanmm.models.motion.rotations.shot_rotations import ShotRotations, solve_rotations
 from humanmm.models.motion.rotations.walls import wall_edges, walls_of
 from humanmm.models.motion.world import doubts
@@ -76,10 +83,28 @@ def align(
     joined by them. Of WITNESSES all but `witnesses` are not used; shots are one world all the same where they share
     somebody.
     """
+    world = _aligned(results, method, known_rotations or {}, witnesses, progress)
+    if abs(np.log(world.focal_factor)) < REFOCUSED:
+        return world
+    # With the focal length that the whole video says, what decided early may be decided otherwise.
+    sharper = refocused(results, world.focal_factor)
+    again = _aligned(sharper, method, known_rotations or {}, witnesses, progress, focal=1.0)
+    return replace(again, focal_factor=world.focal_factor)
+
+
+def _aligned(
+    results: ShotResults,
+    method: CutMethod,
+    known_rotations: Mapping[int, Float[Array, "3 3"]],
+    witnesses: Set[str],
+    progress: Progress,
+    focal: float | None = None,
+) -> WorldMotion:
+    """See `align`; `focal`: how many times as long as `results` have it the focal length is, None if it is open."""
     edges = []
     for later, shot in enumerate(results.shots.shots):
         if later > 0 and usable(results, later):
-            edges.append(cut_edge(results, later, method, known_rotations or {}))
+            edges.append(cut_edge(results, later, method, known_rotations))
             progress(shot.start, len(results.time_s))
     background = background_edges(results) if "background" in witnesses else BackgroundEdges((), ())
     num_shots = len(results.shots.shots)
@@ -115,7 +140,6 @@ def align(
         people={},
     )
     scales: list[PathScale] = []
-    focal = None
     for group in groups:
         own_scales, focal = _solve_group(results, group, rotations, background, verticals, world, focal)
         scales.extend(own_scales)
@@ -149,6 +173,9 @@ def align(
 
 LEAST_STD_DEG = 0.1
 """Standard deviation of a rotation between two shots: no less is believed."""
+
+REFOCUSED = 0.04
+"""From a focal length that is off by so much (of its logarithm) on everything is decided again with the right one."""
 
 FOCAL_TRUST, MOST_FOCAL_STD = 0.5, 0.1
 """What feet and paths say of the focal length is held against its estimate, whose standard deviation counts by so much
