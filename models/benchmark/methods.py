@@ -171,7 +171,8 @@ class _SharedStages:
     def with_true_cameras(self) -> Beginning:
         """The beginning with the true cameras."""
         cameras = true_cameras(self.video, self.start.shots)
-        focal = replace(self.start.intrinsics, focal_px=float(cameras[0].K[0, 0, 0]), source="given")
+        known = float(cameras[0].K[0, 0, 0])
+        focal = replace(self.start.intrinsics, focal_px=known, source="given", relative_uncertainty=0.0)
         return fitted_again(self.video, self.config, replace(self.start, cameras=cameras, intrinsics=focal))
 
     @functools.cached_property

@@ -136,12 +136,12 @@ class Lifter(Protocol):
 
 
 class KeypointLifter(Protocol):
-    """Finds 3D landmarks for a person of whom a detector gives COCO's 17 keypoints alone."""
+    """Finds a person in space of whom a detector gives COCO's 17 keypoints alone."""
 
     def __call__(
         self, keypoints: Float[np.ndarray, "n 17 3"], time_s: Float[np.ndarray, " n"], K: Float[np.ndarray, "3 3"]
-    ) -> Float[np.ndarray, "n 33 3"]:
-        """33 landmarks (`records.landmarks`) in metres about the mid-hip, camera axes, in each of n frames.
+    ) -> Lifted:
+        """Landmarks (`records.landmarks`) and, if it knows them, poses in each of n frames, in the axes of the camera.
 
         Keypoints (pixels and score 0..1) are one person's, in the order of their times, seconds; frames may be missing
         between them. K may be rough.

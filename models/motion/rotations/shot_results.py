@@ -61,8 +61,8 @@ def camera_of(results: ShotResults, shot: int) -> ShotCamera:
 def refocused(results: ShotResults, factor: float) -> ShotResults:
     """The same results if the focal length is `factor` times as long as they were made with.
 
-    What is seen with a longer lens is as far to the side, and farther away; it lies nearer to the axis, and a body in the
-    same picture is turned by so much; a pan by so many pixels is a smaller one.
+    What is seen with a longer lens is as far to the side, and farther away; it lies nearer to the axis, and a body in
+    the same picture is turned by so much; a pan by so many pixels is a smaller one.
     """
     farther = np.array([1.0, 1.0, factor])
 

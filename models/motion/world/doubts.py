@@ -10,6 +10,7 @@ from humanmm.models.cuts.hypotheses import SIDES_SWAPPED
 from humanmm.models.geometry.intervals import frame_intervals, in_intervals, merged
 from humanmm.models.motion.rotations.shot_results import ShotResults, motions_of
 from humanmm.models.motion.rotations.shot_rotations import ShotRotations
+from humanmm.models.records.landmarks import COCO_LANDMARKS, NUM_LANDMARKS
 from humanmm.models.records.motion import CutAlignment, Facing, PathScale
 from humanmm.models.records.shots import Person
 
@@ -131,6 +132,10 @@ def of_sides(rotations: ShotRotations) -> list[str]:
     ]
 
 
+_NOT_IN_COCO = np.setdiff1d(np.arange(NUM_LANDMARKS), COCO_LANDMARKS)
+"""Landmarks that a body which is given in space has, and a detector of COCO's keypoints has not."""
+
+
 def of_lifted(results: ShotResults) -> list[str]:
     """Who is known from 2D keypoints alone."""
     people = {
@@ -139,7 +144,7 @@ def of_lifted(results: ShotResults) -> list[str]:
         for appearance in shot.people
         if (scene := results.scenes[shot.scene]) is not None
         and (track := scene.tracks[appearance.track]).lifted
-        and track.pose is None
+        and not track.keypoints2d[:, _NOT_IN_COCO, 2].any()
     }
     return [
         f"person {person}: the detector gives 2D keypoints only; depth and orientation were lifted from them, rougher"

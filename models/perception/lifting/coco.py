@@ -10,6 +10,7 @@ from jaxtyping import Float, Int
 from humanmm.models.geometry.projection import project, ray_axes, start_position, viewing_rays
 from humanmm.models.perception.clothing import HISTOGRAM_BINS
 from humanmm.models.perception.interfaces import SEEN, KeypointLifter
+from humanmm.models.perception.lifting.lifted import with_root_rotated
 from humanmm.models.perception.silhouettes import silhouettes
 from humanmm.models.records.landmarks import COCO_LANDMARKS, LIMBS
 from humanmm.models.records.tracks import MASK_SIDE, PersonTrack
@@ -39,7 +40,8 @@ def coco_track(
     usable = (keypoints[..., 2] >= SEEN).sum(axis=1) >= FEWEST
     frame, keypoints, time_s = frame[usable], keypoints[usable].astype(np.float64), time_s[usable]
     seen = keypoints[..., 2] >= SEEN
-    landmarks_cam = lifter(keypoints, time_s, K)
+    found = lifter(keypoints, time_s, K)
+    landmarks_cam = found.landmarks3d.astype(np.float64)
     points = _all_points(landmarks_cam, keypoints, seen, K)
     masks, affine = silhouettes(points)
     centre = affine.astype(np.float64) @ np.array([MASK_SIDE / 2, MASK_SIDE / 2, 1.0])
@@ -55,6 +57,7 @@ def coco_track(
         color_frame=np.zeros(0, np.int32),
         color_histogram=np.zeros((0, HISTOGRAM_BINS), np.float32),
         lifted=True,
+        pose=None if found.pose is None else with_root_rotated(found.pose, np.swapaxes(R_cam_ray, -1, -2)),
     )
 
 

@@ -13,9 +13,10 @@ import torch
 from jaxtyping import Bool, Float
 from safetensors.torch import load
 
-from humanmm.models.perception.interfaces import SEEN
+from humanmm.models.perception.interfaces import SEEN, Lifted
 from humanmm.models.perception.lifting.features import points_in_view, view_axes
-from humanmm.models.perception.lifting.lift import pieces
+from humanmm.models.perception.lifting.lift import read_in_pieces
+from humanmm.models.perception.lifting.lifted import with_root_rotated
 from humanmm.models.perception.lifting.network import LifterInput, LifterNetwork
 from humanmm.models.records.landmarks import COCO_LANDMARKS, NUM_LANDMARKS, TORSO
 from humanmm.models.weights.shipped import read_weights
@@ -29,25 +30,20 @@ CROP = 5.0
 _TORSO = [COCO.index(landmark) for landmark in TORSO]
 
 
-def lift_keypoints(
-    keypoints: Float[Array, "n 17 3"], time_s: Float[Array, " n"], K: Float[Array, "3 3"]
-) -> Float[Array, "n 33 3"]:
-    """3D landmarks of one person's keypoints, by the shipped network (a `KeypointLifter`)."""
-    network = load_keypoint_lifter()
-    lifted = np.empty((len(keypoints), NUM_LANDMARKS, 3))
-    for own, seen in pieces(time_s, network.reach_s):
-        given, R_cam_view = keypoint_input(keypoints[seen], time_s[seen], K)
-        with torch.inference_mode():
-            found = network(given).landmarks[0].numpy().astype(np.float64)
-        in_camera = found @ np.swapaxes(R_cam_view, -1, -2)
-        lifted[own] = in_camera[own.start - seen.start : own.stop - seen.start]
-    return lifted
+def lift_keypoints(keypoints: Float[Array, "n 17 3"], time_s: Float[Array, " n"], K: Float[Array, "3 3"]) -> Lifted:
+    """One person's landmarks and joint rotations, by the shipped network (a `KeypointLifter`)."""
+    found = read_in_pieces(
+        load_keypoint_lifter(), time_s, lambda seen: keypoint_input(keypoints[seen], time_s[seen], K)
+    )
+    R_cam_view = view_axes(crop_of(keypoints[..., :2], keypoints[..., 2] >= SEEN)[0], K)
+    landmarks = found.landmarks3d.astype(np.float64) @ np.swapaxes(R_cam_view, -1, -2)
+    return Lifted(landmarks, None if found.pose is None else with_root_rotated(found.pose, R_cam_view))
 
 
 def keypoint_input(
     keypoints: Float[Array, "n 17 3"], time_s: Float[Array, " n"], K: Float[Array, "3 3"]
-) -> tuple[LifterInput, Float[Array, "n 3 3"]]:
-    """One person's keypoints as the network takes them (B = 1), and the axes of its output (R_cam_view)."""
+) -> LifterInput:
+    """One person's keypoints as the network takes them (B = 1): about the ray through the crop's centre."""
     seen = keypoints[..., 2] >= SEEN
     centre, side = crop_of(keypoints[..., :2], seen)
     R_cam_view, size = view_axes(centre, K), side / K[0, 0]
@@ -61,10 +57,9 @@ def keypoint_input(
 
     every = torch.ones(1, n, dtype=torch.bool)
     landmarks = torch.zeros(1, n, NUM_LANDMARKS, 3)
-    given = LifterInput(
+    return LifterInput(
         tensor(time_s - time_s[0]), every, tensor(points), tensor(visibility), landmarks, ~every, tensor(size)
     )
-    return given, R_cam_view
 
 
 def crop_of(

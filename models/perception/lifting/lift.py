@@ -5,7 +5,8 @@ in every frame. The lifter has seen what these networks say of rendered people w
 weights/lifter.md), and looks at a second before and after each frame.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -16,7 +17,7 @@ from safetensors.torch import load
 from humanmm.models.geometry.rotations import rotmat_to_rotvec
 from humanmm.models.perception.interfaces import Lifted, PersonFrames
 from humanmm.models.perception.lifting.features import lifter_input
-from humanmm.models.perception.lifting.network import LifterNetwork
+from humanmm.models.perception.lifting.network import LifterInput, LifterNetwork
 from humanmm.models.records.tracks import PoseEstimates
 from humanmm.models.weights.shipped import read_weights
 
@@ -34,19 +35,24 @@ MOST_BEYOND = 768
 
 def lift(frames: PersonFrames, K: Float[Array, "3 3"]) -> Lifted:
     """Landmarks and joint rotations of one person, by the shipped network (a `Lifter`)."""
-    network = load_lifter()
-    lifted = []
-    for own, seen in pieces(frames.time_s, network.reach_s):
+    found = read_in_pieces(load_lifter(), frames.time_s, lambda seen: lifter_input(frames.chosen(seen), K))
+    landmarks = frames.landmarks3d + CORRECTION * (found.landmarks3d - frames.landmarks3d)
+    return replace(found, landmarks3d=landmarks.astype(np.float32))
+
+
+def read_in_pieces(network: LifterNetwork, time_s: Float[Array, " n"], given: Callable[[slice], LifterInput]) -> Lifted:
+    """What a network says of a whole track; `given` has its input of some of the frames."""
+    read = []
+    for own, seen in pieces(time_s, network.reach_s):
         with torch.inference_mode():
-            found = network(lifter_input(frames.chosen(seen), K))
+            found = network(given(seen))
         inner = slice(own.start - seen.start, own.stop - seen.start)
-        lifted.append([
+        read.append([
             part[0, inner].numpy() for part in (found.landmarks, found.pose, found.pose_log_sigma, found.swapped)
         ])  # fmt: skip
-    landmarks, pose, log_sigma, swap_odds = (np.concatenate(parts) for parts in zip(*lifted, strict=True))
+    landmarks, pose, log_sigma, swap_odds = (np.concatenate(parts) for parts in zip(*read, strict=True))
     vectors = rotmat_to_rotvec(pose.astype(np.float64)).astype(np.float32)
-    landmarks = frames.landmarks3d + CORRECTION * (landmarks - frames.landmarks3d)
-    return Lifted(landmarks.astype(np.float32), PoseEstimates(vectors, np.exp(log_sigma), swap_odds))
+    return Lifted(landmarks, PoseEstimates(vectors, np.exp(log_sigma), swap_odds))
 
 
 def pieces(time_s: Float[Array, " n"], reach_s: float) -> Iterator[tuple[slice, slice]]:

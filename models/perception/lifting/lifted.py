@@ -6,8 +6,9 @@ import numpy as np
 from jaxtyping import Float
 
 from humanmm.models.geometry.intrinsics import K_from_focal, default_focal_px
+from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
 from humanmm.models.perception.interfaces import Lifted, Lifter, PersonFrames
-from humanmm.models.records.tracks import MASK_SIDE, PersonTrack, ScenePeople
+from humanmm.models.records.tracks import MASK_SIDE, PersonTrack, PoseEstimates, ScenePeople
 
 Array = np.ndarray
 
@@ -23,6 +24,13 @@ def lifted_people(
     """Everybody's tracks with the lifter's landmarks and poses; `size` is the picture's width and height."""
     K = K_from_focal(default_focal_px(*size), *size)
     return replace(people, tracks=tuple(_lifted(track, lifter, time_s, K) for track in people.tracks))
+
+
+def with_root_rotated(pose: PoseEstimates, R: Float[Array, "n 3 3"]) -> PoseEstimates:
+    """The same poses, their roots in other axes: R from those that they are in."""
+    vectors = pose.vectors.copy()
+    vectors[:, 0] = rotmat_to_rotvec(R @ rotvec_to_rotmat(pose.vectors[:, 0].astype(np.float64)))
+    return replace(pose, vectors=vectors)
 
 
 def _lifted(track: PersonTrack, lifter: Lifter, time_s: Float[Array, " F"], K: Float[Array, "3 3"]) -> PersonTrack:

@@ -81,7 +81,7 @@ def test_links_of_one_person_are_right_and_those_of_strangers_in_the_same_clothe
     assert none.made == ()
 
 
-def test_a_view_without_sightings_of_colours_has_no_links() -> None:
+def test_a_link_without_colours_is_made_and_not_claimed() -> None:
     (seen,) = views(seeds=(1, 2), num_frames=50)
     blank = tuple(Seen(replace(one.sighting, colours=np.zeros(HISTOGRAM_BINS)), one.who) for one in seen.people)
-    assert linked(CutPair(seen, replace(seen, people=blank))).made == ()
+    assert all(link.probability <= 0.8 for link in linked(CutPair(seen, replace(seen, people=blank))).made)
