@@ -27,6 +27,7 @@ FRAMES, STEPS_S = 32, (1 / 30, 1 / 30, 1 / 15, 1 / 10)
 FOCAL_PX = 1000.0
 """Of every camera: the network's input does not depend on it."""
 DISTANCE_M = (1.8, 12.0)
+"""Of cameras from people, evenly by its logarithm."""
 PITCH_RAD, STEEP_PITCH_RAD, STEEP = (0.1, 0.2), (0.25, 0.4), 0.25
 """Mean and standard deviation of a camera's pitch (down), of others, and the fraction of these."""
 ROLL_RAD, ANY_ROLL = 0.07, 0.07

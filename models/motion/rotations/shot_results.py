@@ -69,7 +69,12 @@ def refocused(results: ShotResults, factor: float) -> ShotResults:
     def of_camera(camera: ShotCamera) -> ShotCamera:
         K = camera.K.copy()
         K[:, [0, 1], [0, 1]] *= factor
-        return replace(camera, K=K, R_shot_cam=rotvec_to_rotmat(rotmat_to_rotvec(camera.R_shot_cam) / factor))
+        R = camera.R_shot_cam.copy()
+        # Step by step: a pan may be longer than half a turn.
+        steps = rotmat_to_rotvec(np.swapaxes(camera.R_shot_cam[:-1], -1, -2) @ camera.R_shot_cam[1:])
+        for k, step in enumerate(rotvec_to_rotmat(steps / factor)):
+            R[k + 1] = R[k] @ step
+        return replace(camera, K=K, R_shot_cam=R)
 
     def of_motion(motion: PersonShotMotion) -> PersonShotMotion:
         pelvis = motion.pelvis_cam * farther

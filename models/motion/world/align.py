@@ -47,7 +47,7 @@ from humanmm.models.motion.world import doubts
 from humanmm.models.motion.world.people import Part, concatenated
 from humanmm.models.motion.world.problem import CameraEdge, SameCamera, ShotRig, ShotTrajectory
 from humanmm.models.motion.world.solver import Solution, seen_through, solve
-from humanmm.models.records.camera import SOURCES
+from humanmm.models.records.camera import SOURCES, Intrinsics
 from humanmm.models.records.motion import (
     CutAlignment,
     PathScale,
@@ -179,8 +179,7 @@ REFOCUSED = 0.04
 
 FOCAL_TRUST, MOST_FOCAL_STD = 0.5, 0.1
 """What feet and paths say of the focal length is held against its estimate, whose standard deviation counts by so much
-and no more: they shorten it where nothing else is known of it. On 98 development clips with an estimate it is off by
-6.9 % instead of 7.6 % (docs/accuracy.md)."""
+and no more. Where there is no estimate they make it too short: an assumed focal length stays (docs/accuracy.md)."""
 
 
 @dataclass(frozen=True)
@@ -245,8 +244,7 @@ def _solve_group(
         if (edge.shot_a, edge.shot_b) in trusted and edge.shot_a in index and edge.shot_b in index
     ]
     if focal is None:
-        focal_std = min(FOCAL_TRUST * results.intrinsics.relative_uncertainty, MOST_FOCAL_STD)
-        solution = solve(trajectories, rigs, edges, same, focal_std=focal_std)
+        solution = solve(trajectories, rigs, edges, same, focal_std=_focal_std(results.intrinsics))
         focal = solution.focal
     else:
         solution = solve([seen_through(one, np.log(focal)) for one in trajectories], rigs, edges, same)
@@ -270,6 +268,13 @@ def _solve_group(
         if not rig.scale_known
     ]
     return scales, focal
+
+
+def _focal_std(intrinsics: Intrinsics) -> float:
+    """Standard deviation of the logarithm of the focal length, for the solve; 0 where that is not to change it."""
+    if intrinsics.source != "estimated":
+        return 0.0
+    return min(FOCAL_TRUST * intrinsics.relative_uncertainty, MOST_FOCAL_STD)
 
 
 def _path_scale(shot: int, solution: Solution, index: int, *, seen: bool) -> PathScale:
