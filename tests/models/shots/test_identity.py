@@ -1,5 +1,7 @@
 """Who is who across cuts."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from humanmm.models.perception.clothing import HISTOGRAM_BINS
@@ -75,6 +77,16 @@ def test_two_people_who_change_places_in_the_track_order_are_not_confused() -> N
 
 def test_somebody_in_other_clothes_after_the_cut_is_a_new_person() -> None:
     assert cast_of([track(0, 30, RED, size=120)], [track(30, 60, BLUE)]) == [[(0, 0)], [(1, 0)]]
+
+
+def test_without_colours_nobody_becomes_a_stranger_by_his_pose_alone() -> None:
+    """Keypoints without pictures: the poses on both sides of a cut may be lifted wrongly."""
+
+    def colourless(first: int, last: int, arm: float) -> PersonTrack:
+        nothing = np.zeros((0, HISTOGRAM_BINS), np.float32)
+        return replace(track(first, last, RED, arm=arm), color_frame=np.zeros(0, np.int32), color_histogram=nothing)
+
+    assert cast_of([colourless(0, 30, 0.0)], [colourless(30, 60, 3.1)]) == [[(0, 0)], [(0, 0)]]
 
 
 def test_a_person_who_was_away_for_a_shot_is_recognised() -> None:
