@@ -9,7 +9,7 @@ from humanmm.models.records.landmarks import INDEX, NUM_LANDMARKS, SWAP
 from humanmm.models.records.shots import Shot, Transition
 from humanmm.models.records.tracks import PersonTrack, ScenePeople, Silhouettes
 from humanmm.models.shots import identity
-from humanmm.models.shots.identity import Candidate, Cast, matched_people, pose_at, pose_residual_m
+from humanmm.models.shots.identity import SAME_POSE_M, Candidate, Cast, matched_people, pose_at, pose_residual_m
 
 TIME_S = np.arange(150) / 30
 RED, BLUE, GREEN = (np.eye(HISTOGRAM_BINS)[k] for k in (3, 17, 30))
@@ -82,11 +82,19 @@ def test_somebody_in_other_clothes_after_the_cut_is_a_new_person() -> None:
 def test_without_colours_nobody_becomes_a_stranger_by_his_pose_alone() -> None:
     """Keypoints without pictures: the poses on both sides of a cut may be lifted wrongly."""
 
-    def colourless(first: int, last: int, arm: float) -> PersonTrack:
-        nothing = np.zeros((0, HISTOGRAM_BINS), np.float32)
-        return replace(track(first, last, RED, arm=arm), color_frame=np.zeros(0, np.int32), color_histogram=nothing)
+    folded = standing()
+    for side in ("left", "right"):
+        folded[[INDEX[f"{side}_knee"], INDEX[f"{side}_ankle"]]] = folded[INDEX[f"{side}_hip"]] - [0, 0.1, 0.4]
+        folded[[INDEX[f"{side}_elbow"], INDEX[f"{side}_wrist"]]] = folded[INDEX[f"{side}_shoulder"]] - [0, 0.4, 0.1]
+    assert pose_residual_m(standing(), folded) > SAME_POSE_M
 
-    assert cast_of([colourless(0, 30, 0.0)], [colourless(30, 60, 3.1)]) == [[(0, 0)], [(0, 0)]]
+    def colourless(first: int, last: int, pose: np.ndarray) -> PersonTrack:
+        nothing = np.zeros((0, HISTOGRAM_BINS), np.float32)
+        poses = np.repeat(pose[None], last - first, axis=0).astype(np.float32)
+        seen = track(first, last, RED)
+        return replace(seen, landmarks3d=poses, color_frame=np.zeros(0, np.int32), color_histogram=nothing)
+
+    assert cast_of([colourless(0, 30, standing())], [colourless(30, 60, folded)]) == [[(0, 0)], [(0, 0)]]
 
 
 def test_a_person_who_was_away_for_a_shot_is_recognised() -> None:
