@@ -46,7 +46,7 @@ from humanmm.models.motion.rotations.walls import wall_edges, walls_of
 from humanmm.models.motion.world import doubts
 from humanmm.models.motion.world.people import Part, concatenated
 from humanmm.models.motion.world.problem import CameraEdge, SameCamera, ShotRig, ShotTrajectory
-from humanmm.models.motion.world.solver import Solution, seen_through, solve
+from humanmm.models.motion.world.solver import Solution, solve
 from humanmm.models.records.camera import SOURCES, Intrinsics
 from humanmm.models.records.motion import (
     CutAlignment,
@@ -247,7 +247,7 @@ def _solve_group(
         solution = solve(trajectories, rigs, edges, same, focal_std=_focal_std(results.intrinsics))
         focal = solution.focal
     else:
-        solution = solve([seen_through(one, np.log(focal)) for one in trajectories], rigs, edges, same)
+        solution = solve([one.seen_through(float(np.log(focal))) for one in trajectories], rigs, edges, same)
     solution = _at_origin(solution, trajectories, R_world_shot[group[0]])
     for k, shot in enumerate(group):
         camera = camera_of(results, shot)

@@ -1,7 +1,7 @@
 """What is known before the solve: people in front of cameras, the cameras' paths, what ties cameras to one another."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -27,6 +27,17 @@ class ShotTrajectory:
     """Where the camera looks, unit vectors, world axes."""
     size_known: bool = False
     """Whether the user gave the person's height."""
+
+    @property
+    def step_s(self) -> float:
+        """From frame to frame, seconds; 1 of a single one."""
+        return float(np.median(np.diff(self.time_s))) if len(self.time_s) > 1 else 1.0
+
+    def seen_through(self, log_focal: float) -> "ShotTrajectory":
+        """The trajectory of the same picture with another lens: with a longer one everybody is as far to the side, and
+        farther away. `log_focal`: logarithm of how many times as long it is."""
+        depth = np.sum(self.offset * self.ahead, axis=1, keepdims=True)
+        return replace(self, offset=self.offset + np.expm1(log_focal) * depth * self.ahead)
 
 
 @dataclass(frozen=True)

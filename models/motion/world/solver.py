@@ -254,7 +254,7 @@ def _of_people(
     segments = segments_of(of_person, [one.shot for one in trajectories], [one.time_s for one in trajectories])
     equations = WorldEquations(segments, len(rigs))
     for k, trajectory in enumerate(trajectories):
-        sized = seen_through(trajectory, state.log_focal)
+        sized = trajectory.seen_through(state.log_focal)
         sized = replace(sized, offset=np.exp(state.log_size[of_person[k]]) * sized.offset)
         _observations(equations, sized, rigs[sized.shot], state, k, options, robust=iteration > 0)
         if iteration >= _STILL_FROM:
@@ -266,13 +266,6 @@ def _of_people(
     known = {trajectory.person for trajectory in trajectories if trajectory.size_known}
     _sizes(equations, state, [person in known for person in people], options)
     return equations
-
-
-def seen_through(trajectory: ShotTrajectory, log_focal: float) -> ShotTrajectory:
-    """The trajectory of the same picture with another lens: with a longer one everybody is as far to the side, and
-    farther away. `log_focal`: logarithm of how many times as long it is."""
-    depth = np.sum(trajectory.offset * trajectory.ahead, axis=1, keepdims=True)
-    return replace(trajectory, offset=trajectory.offset + np.expm1(log_focal) * depth * trajectory.ahead)
 
 
 def _observations(
@@ -294,7 +287,7 @@ def _observations(
     distance = np.linalg.norm(offset, axis=1)
     sight = (offset / distance[:, None])[:, :, None]
     outer = sight @ sight.transpose(0, 2, 1)
-    correlated = max(1.0, options.correlation_s / _frame_step(trajectory.time_s))
+    correlated = max(1.0, options.correlation_s / trajectory.step_s)
     trust = np.sqrt(np.maximum(trajectory.weight, 0.05) / correlated)[:, None, None]
     along = options.depth_fraction * distance[:, None, None]
     whiten = trust * ((np.eye(3) - outer) / options.across_m + outer / along)
@@ -340,7 +333,7 @@ def _coming(trajectory: ShotTrajectory, rig: ShotRig, scale: float) -> Float[Arr
     that it is a mean over some frames."""
     seen = scale * rig.path[trajectory.frame - rig.start] + trajectory.offset
     velocity = np.diff(seen, axis=0) / np.diff(trajectory.time_s)[:, None]
-    frames = _COMING_S / _frame_step(trajectory.time_s)
+    frames = _COMING_S / trajectory.step_s
     return np.asarray(
         np.abs(np.sum(gaussian_filter1d(velocity, frames, axis=0) * unit(trajectory.offset[:-1]), axis=-1))
     )
@@ -365,7 +358,7 @@ def _feet(
     rotated = trajectory.feet @ state.rotation[trajectory.shot].T
     pair = rotated + state.pelvis[index][:, None]
     still, on_floor, whiten = _hold(trajectory, rig, state, index, options)
-    correlated = np.sqrt(max(1.0, options.correlation_s / _frame_step(trajectory.time_s)))
+    correlated = np.sqrt(max(1.0, options.correlation_s / trajectory.step_s))
     step = np.diff(trajectory.time_s)[:, None]
     weight = np.sqrt(still) / step / np.sqrt(correlated)
     moved, swing = np.diff(pair, axis=0), np.diff(rotated, axis=0)
@@ -503,7 +496,3 @@ def _put_on_floor(
         pelvis=[p - drop[trajectory.shot] for trajectory, p in zip(trajectories, state.pelvis, strict=True)],
         origin=state.origin - drop,
     )
-
-
-def _frame_step(time_s: Float[Array, "n"]) -> float:
-    return float(np.median(np.diff(time_s))) if len(time_s) > 1 else 1.0

@@ -6,20 +6,16 @@ mid-hip. It is rougher than networks that see the picture; `PersonTrack.lifted` 
 keypoints are seen, not their scores.
 """
 
-from functools import lru_cache
-
 import numpy as np
 import torch
 from jaxtyping import Bool, Float
-from safetensors.torch import load
 
 from humanmm.models.perception.interfaces import SEEN, Lifted
 from humanmm.models.perception.lifting.features import points_in_view, view_axes
-from humanmm.models.perception.lifting.lift import read_in_pieces
+from humanmm.models.perception.lifting.lift import load_lifter, read_in_pieces
 from humanmm.models.perception.lifting.lifted import with_root_rotated
-from humanmm.models.perception.lifting.network import LifterInput, LifterNetwork
+from humanmm.models.perception.lifting.network import LifterInput
 from humanmm.models.records.landmarks import COCO_LANDMARKS, NUM_LANDMARKS, TORSO
-from humanmm.models.weights.shipped import read_weights
 
 Array = np.ndarray
 
@@ -32,9 +28,8 @@ _TORSO = [COCO.index(landmark) for landmark in TORSO]
 
 def lift_keypoints(keypoints: Float[Array, "n 17 3"], time_s: Float[Array, " n"], K: Float[Array, "3 3"]) -> Lifted:
     """One person's landmarks and joint rotations, by the shipped network (a `KeypointLifter`)."""
-    found = read_in_pieces(
-        load_keypoint_lifter(), time_s, lambda seen: keypoint_input(keypoints[seen], time_s[seen], K)
-    )
+    network = load_lifter("keypoint_lifter.safetensors")
+    found = read_in_pieces(network, time_s, lambda seen: keypoint_input(keypoints[seen], time_s[seen], K))
     R_cam_view = view_axes(crop_of(keypoints[..., :2], keypoints[..., 2] >= SEEN)[0], K)
     landmarks = found.landmarks3d.astype(np.float64) @ np.swapaxes(R_cam_view, -1, -2)
     return Lifted(landmarks, None if found.pose is None else with_root_rotated(found.pose, R_cam_view))
@@ -74,12 +69,3 @@ def crop_of(
     squared = np.sum((pixels - centre[:, None]) ** 2, axis=-1) * seen
     spread = np.sqrt(squared.sum(axis=1) / np.maximum(seen.sum(axis=1), 1))
     return centre, CROP * np.maximum(spread, 1.0)
-
-
-@lru_cache(maxsize=1)
-def load_keypoint_lifter() -> LifterNetwork:
-    """The shipped network, checked against its sha256."""
-    network = LifterNetwork()
-    weights = load(read_weights("keypoint_lifter.safetensors"))
-    network.load_state_dict({name: value.float() for name, value in weights.items()})
-    return network.eval()

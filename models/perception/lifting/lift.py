@@ -66,9 +66,9 @@ def pieces(time_s: Float[Array, " n"], reach_s: float) -> Iterator[tuple[slice, 
         start = stop
 
 
-@lru_cache(maxsize=1)
-def load_lifter() -> LifterNetwork:
-    """The shipped network, checked against its sha256."""
+@lru_cache(maxsize=2)
+def load_lifter(file: str = "lifter.safetensors") -> LifterNetwork:
+    """A shipped network of this form, checked against its sha256."""
     network = LifterNetwork()
-    network.load_state_dict({name: value.float() for name, value in load(read_weights("lifter.safetensors")).items()})
+    network.load_state_dict({name: value.float() for name, value in load(read_weights(file)).items()})
     return network.eval()

@@ -13,7 +13,7 @@ from humanmm.models.motion.world.align import _at_origin
 from humanmm.models.motion.world.people import interpolate_rotmats, rows_before
 from humanmm.models.motion.world.problem import CameraEdge, SameCamera, ShotRig, ShotTrajectory
 from humanmm.models.motion.world.scale import scale_from_feet
-from humanmm.models.motion.world.solver import Solution, seen_through, solve
+from humanmm.models.motion.world.solver import Solution, solve
 
 FPS = 30.0
 EDGE = CameraEdge(0, 1, 8.0)
@@ -153,7 +153,7 @@ def test_who_walks_at_an_angle_tells_a_wrong_focal_length(factor: float) -> None
         offset = pelvis[rows] - camera
         ahead = np.tile(unit(offset.mean(axis=0)), (30, 1))
         true = ShotTrajectory(0, shot, rows, rows / FPS, offset, feet[rows], np.ones(30), ahead)
-        trajectories.append(seen_through(true, -np.log(factor)))
+        trajectories.append(true.seen_through(-np.log(factor)))
         rigs.append(ShotRig(np.zeros((30, 3)), int(rows[0]), 1.0, scale_known=True))
     found = solve(trajectories, rigs, [EDGE], focal_std=0.3).focal
     assert abs(np.log(found / factor)) < 0.5 * abs(np.log(factor))
