@@ -53,6 +53,8 @@ class CutError:
     frame: int = 0
     stated_deg: float | None = None
     """Below which the error was said to be with a probability of 68 %; None where nothing was said."""
+    stated_95_deg: float | None = None
+    """The same with a probability of 95 %."""
     probability: float | None = None
     """That the rotation was said to be the right one."""
 
@@ -155,7 +157,7 @@ def _as_stated(cut: CutError, motion: WorldMotion) -> CutError:
     if not near:
         return cut
     said = min(near, key=lambda one: abs(one.cut_frame - cut.frame))
-    return replace(cut, stated_deg=said.uncertainty_deg, probability=said.probability)
+    return replace(cut, stated_deg=said.uncertainty_deg, stated_95_deg=said.within_95_deg, probability=said.probability)
 
 
 def recording_of(video: BenchVideo, done: MethodMotion) -> Recording:

@@ -96,6 +96,8 @@ class CutAlignment:
     """All rotations that the people allow, likeliest first; empty if the method knows one only."""
     probability: float = 1.0
     """That the rotation is the right one of all that the evidence allows."""
+    within_95_deg: float = 180.0
+    """The rotation lies within this angle of the true one with a probability of 95 %."""
 
 
 @dataclass(frozen=True)

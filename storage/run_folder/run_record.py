@@ -184,6 +184,7 @@ def _join(cut: CutAlignment | None, evidence: Sequence[RotationEvidence]) -> dic
         "method": cut.method,
         "residual_px": _figure(cut.residual_px),
         "uncertainty_deg": _figure(cut.uncertainty_deg),
+        "within_95_deg": _figure(cut.within_95_deg),
         "gap_s": _figure(cut.gap_s),
         "probability": _figure(cut.probability),
         "background_points": cut.background_inliers,

@@ -86,6 +86,8 @@ class Certainty:
 
     sigma_deg: float
     """The true rotation lies within this angle with a probability of 68 %."""
+    within_95_deg: float
+    """The same with a probability of 95 %: far more than twice as large where another answer is likely."""
     probability: float
     """That the rotation is the right one of all that the evidence allows."""
 
@@ -328,7 +330,7 @@ class _Group:
         return {self.shots[k]: self._with_alternatives(R, k, float(sigma_deg[k - 1])) for k in range(1, len(R))}
 
     def _with_alternatives(self, R: Float[Array, "S 3 3"], k: int, sigma_deg: float) -> Certainty:
-        """The error that 68 % stay below: of the rotation chosen, and of the others by their probabilities."""
+        """The errors that 68 and 95 % stay below: of the rotation chosen, and of the others by their probabilities."""
 
         def at_cut(every: Float[Array, "n S 3 3"]) -> Float[Array, "n 3 3"]:
             return np.asarray(np.swapaxes(every[:, k - 1], -1, -2) @ every[:, k])
@@ -351,8 +353,8 @@ class _Group:
         inside = (nowhere * share + LEFT_OPEN) * (np.radians(grid) - np.sin(np.radians(grid))) / np.pi
         for angle, weight in zip(np.degrees(rotation_distance(chosen, np.stack(apart))), weights, strict=True):
             inside += weight * share * _normal_inside(grid - angle, sigma_deg, bool(angle))
-        reached = np.flatnonzero(inside >= 0.68)
-        return Certainty(float(grid[reached[0]]) if len(reached) else 180.0, share)
+        most, nearly_all = (float(grid[inside >= quantile].min(initial=180.0)) for quantile in (0.68, 0.95))
+        return Certainty(most, nearly_all, share)
 
     def _score_without(self, R: Float[Array, "S 3 3"], k: int) -> float:
         """The same score if none of the hypotheses of any edge across the cut were true."""

@@ -377,6 +377,7 @@ def _reported(
             cut,
             R_before_after=world.R[shot.start - 1].T @ world.R[shot.start],
             uncertainty_deg=certainty.sigma_deg if certainty is not None else 180.0,
+            within_95_deg=certainty.within_95_deg if certainty is not None else 180.0,
             probability=certainty.probability if certainty is not None else 0.0,
             linked=usable(results, index) and rotations.group[index] != index,
             background_inliers=max([0, *background]),

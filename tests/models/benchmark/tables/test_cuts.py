@@ -14,14 +14,15 @@ def video(name: str, cuts: list[CutError], *, failure: str = "") -> VideoFigures
 
 
 def cut(error: float | None, stated: float | None = None, probability: float | None = None) -> CutError:
-    return CutError(100.0, error, stated_deg=stated, probability=probability)
+    most = None if stated is None else 20 * stated
+    return CutError(100.0, error, stated_deg=stated, stated_95_deg=most, probability=probability)
 
 
 def test_wrong_cuts_are_counted_and_those_that_were_claimed() -> None:
     cuts = [cut(4.0, 5.0, 0.9), cut(9.0, 5.0, 0.9), cut(90.0, 3.0, 0.95), cut(170.0, 90.0, 0.4), cut(None)]
     table, published = cut_tables([video("a", cuts)], {})
     (line,) = table.rows
-    assert line[:6] == ("humanmm", "5", "49.5 / 68.2 / 146.0", "3 (60 %)", "1", "25 % / 75 %")
+    assert line[:6] == ("humanmm", "5", "49.5 / 68.2 / 146.0", "3 (60 %)", "1", "25 % / 75 % / 75 %")
     assert line[6:] == ("", "0.10 / 0.10", "", "0.50", "1.00", "0")
     assert len(published.rows) == len(PUBLISHED) and "other sequences" in published.head[0]
 

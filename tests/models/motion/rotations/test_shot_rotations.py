@@ -109,6 +109,7 @@ def test_two_rotations_that_are_as_likely_are_reported() -> None:
     torn = RotationEdge(0, 1, tuple(hypothesis(R[0].T @ R[1], 8.0, 0.45, off) for off in (0.0, 120.0)))
     certainty = solve_rotations(2, [torn]).certainty[1]
     assert certainty is not None and certainty.probability < 0.6 and certainty.sigma_deg > 60
+    assert certainty.within_95_deg > certainty.sigma_deg
 
 
 def test_one_good_witness_alone_is_believed_less_than_it_says() -> None:
