@@ -2,14 +2,19 @@
 
 from collections.abc import Sequence
 
-import cv2
 import numpy as np
-from jaxtyping import UInt8
 
 from humanmm.models.perception.interfaces import SEEN, Detection, Networks, PersonDetector, PoseNetwork
 from humanmm.models.perception.observation import Observation, observe, similarity
 from humanmm.models.perception.picture import Picture, whole
-from humanmm.models.perception.regions import HEIGHT_OF_SIDE, Region, warp
+from humanmm.models.perception.regions import HEIGHT_OF_SIDE, Region
+from humanmm.models.perception.tracking.painting import (
+    covered_fraction,
+    covered_limbs,
+    detected_keypoints,
+    paint_out,
+    without,
+)
 from humanmm.models.records import landmarks
 
 SETTLE_ROUNDS = 3
@@ -25,7 +30,6 @@ WIDE = 1.3
 SAME_REGION_SHIFT, SAME_REGION_RATIO = 0.25, 1.6
 MAX_COVERED = 0.4
 """A painted-out silhouette still looks like a person: whoever lies largely on paint is nobody new."""
-_PAINT = 127
 
 
 def detections(detect: PersonDetector, image: Picture) -> list[Detection]:
@@ -66,7 +70,7 @@ def find_people(
     while True:
         for detection in seen:
             if len(search.found) < limit:
-                search.take(detection)
+                search.take(detection, among_all=seen is detections)
         if not places or len(search.found) >= limit:
             return search.found
         seen = networks.detect(search.canvas, places.pop(0))
@@ -85,29 +89,32 @@ class _Search:
         for person in known:
             paint_out(self.canvas, person, self._painted)
 
-    def take(self, detection: Detection) -> None:
-        """Look at a detection; if it is somebody new, note and paint him out."""
-        if any(lies_on(other, detection) for other in [*self._known, *self.found]):
+    def take(self, detection: Detection, *, among_all: bool) -> None:
+        """Look at a detection; if it is somebody new, note and paint him out.
+
+        `among_all`: the detector saw him beside everybody else. Else he was found where these are painted out.
+        """
+        others = [*self._known, *self.found]
+        if any(lies_on(other, detection) for other in others):
             return
-        person = settle(self._networks.locate, self.canvas, detection)
-        if person is None or any(same_person(person, other) for other in [*self._known, *self.found]):
+        canvas, painted = self.canvas, self._painted
+        joints = detected_keypoints(detection) if among_all else None
+        if others and joints is not None:
+            canvas, painted = without(self._image, others, spared=joints)
+        person = settle(self._networks.locate, canvas, detection)
+        if person is None or any(same_person(person, other) for other in others):
             return
-        if self.found or self._known:
+        if others and joints is None:
             # A body put together from what the paint left over falls apart when it is looked at without the paint.
             bare = observe(self._networks.locate(self._image, person.region), self._image.size)
-            if bare is None or any(same_person(bare, other) for other in [*self._known, *self.found]):
+            if bare is None or any(same_person(bare, other) for other in others):
                 return
-            if max(covered_fraction(self._painted, person), covered_fraction(self._painted, bare)) > MAX_COVERED:
+            if max(covered_fraction(painted, one) for one in (bare, person)) > MAX_COVERED:
                 return
+        elif covered_limbs(painted, person) > MAX_COVERED:
+            return
         self.found.append(person)
         paint_out(self.canvas, person, self._painted)
-
-
-def covered_fraction(painted: UInt8[np.ndarray, "height width"], person: Observation) -> float:
-    """Fraction of the person's mask that lies on paint."""
-    size = (person.mask.shape[1], person.mask.shape[0])
-    paint = warp(painted, person.mask_to_source, size, nearest=True)
-    return float((paint * person.mask).sum() / max(int(person.mask.sum()), 1))
 
 
 def settle(locate: PoseNetwork, image: Picture, detection: Detection) -> Observation | None:
@@ -139,28 +146,6 @@ def lies_on(seen: Observation, detection: Detection) -> bool:
 def same_person(a: Observation, b: Observation) -> bool:
     """True where two observations of one frame show one body."""
     return similarity(a.keypoints, b.keypoints, min(a.region.side, b.region.side)) > DUPLICATE_SIMILARITY
-
-
-def paint_out(
-    canvas: Picture,
-    person: Observation,
-    painted: UInt8[np.ndarray, "height width"] | None = None,
-) -> None:
-    """Cover the person's mask with grey, in place, so that the networks see who else is there; note 1 in `painted`."""
-    region, size = person.region, person.mask.shape[0]
-    grown = cv2.dilate(person.mask, np.ones((5, 5), np.uint8))
-    low = np.floor([region.x - 0.75 * region.side, region.y - 0.75 * region.side]).astype(int)
-    high = np.ceil([region.x + 0.75 * region.side, region.y + 0.75 * region.side]).astype(int)
-    low, high = np.maximum(low - low % 2, 0), np.minimum(high + high % 2, canvas.size)
-    if (high - low).min() <= 0:
-        return
-    matrix = region.to_source(size)
-    matrix[:, 2] += matrix[:, :2] @ np.array([0.5, 0.5]) - 0.5 - low
-    covered = cv2.warpAffine(grown, matrix, (int(high[0] - low[0]), int(high[1] - low[1])), flags=cv2.INTER_NEAREST)
-    canvas.paint(int(low[0]), int(low[1]), covered, _PAINT)
-    if painted is not None:
-        marked = painted[low[1] : high[1], low[0] : high[0]]
-        np.maximum(marked, covered, out=marked)
 
 
 def tiles(image: Picture) -> list[Region]:

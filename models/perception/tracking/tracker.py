@@ -19,13 +19,12 @@ from humanmm.models.perception.observation import Observation, averaged, observe
 from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.regions import Region
 from humanmm.models.perception.tracking.linking import joined, untangled
+from humanmm.models.perception.tracking.painting import covered_limbs, detected_keypoints, without
 from humanmm.models.perception.tracking.search import (
     MAX_COVERED,
-    covered_fraction,
     detections,
     find_people,
     lies_on,
-    paint_out,
     same_person,
     settle,
 )
@@ -158,27 +157,37 @@ class SceneTracker:
         half = 0.35 * region.side
         box = np.array([region.x - half, region.y - half, region.x + half, region.y + half])
         hiding = [other for other in nearer if box_iou(box, other.bbox) > 0.1]
-        canvas, painted = image, np.zeros((image.height, image.width) if hiding else (1, 1), np.uint8)
-        if hiding:
-            canvas = image.copy()
-            for other in hiding:
-                paint_out(canvas, other, painted)
-        found = self._look(frame, canvas, region)
-        if hiding and found is not None and covered_fraction(painted, found[0]) > MAX_COVERED:
-            found = None
+        if not hiding:
+            found = self._look(frame, image, region)
+        else:
+            canvas, painted = without(image, hiding, spared=track.predicted_keypoints(frame))
+            found = self._look(frame, canvas, region)
+            if found is not None and covered_limbs(painted, found[0]) > MAX_COVERED:
+                found = None
         if track.lost_since is None:
             return found or (self._look(frame, image, region) if hiding else None)
         if found is None and self._local_search_due(track.lost_since, frame):
-            for detection in self._networks.detect(canvas, Region(region.x, region.y, 1.8 * region.side)):
-                person = settle(self._networks.locate, canvas, detection)
-                if person is not None and not person.region.outlier_of(region, shift=0.6, ratio=1.6):
-                    found = person, 0.0
-                    break
+            found = self._found_again(image, region, hiding)
         colours = track.mean_colours()
         if found is None or colours is None:
             return found
         clothes = colour_distance(clothing_histogram(image, found[0]), colours)
         return found if clothes <= OTHER_COLOURS else None
+
+    def _found_again(
+        self, image: Picture, region: Region, hiding: list[Observation]
+    ) -> tuple[Observation, float] | None:
+        """Who the detector sees near a region, and is none of those who may hide him."""
+        for detection in self._networks.detect(image, Region(region.x, region.y, 1.8 * region.side)):
+            if any(lies_on(other, detection) for other in hiding):
+                continue
+            canvas, painted = without(image, hiding, spared=detected_keypoints(detection)) if hiding else (image, None)
+            person = settle(self._networks.locate, canvas, detection)
+            if person is None or person.region.outlier_of(region, shift=0.6, ratio=1.6):
+                continue
+            if painted is None or covered_limbs(painted, person) <= MAX_COVERED:
+                return person, 0.0
+        return None
 
     def _local_search_due(self, lost_since: int, frame: int) -> bool:
         since = sampled_every(self._time_s[lost_since : frame + 2], LOCAL_SEARCH_S)

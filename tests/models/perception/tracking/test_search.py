@@ -8,15 +8,8 @@ from humanmm.models.perception.interfaces import Detection
 from humanmm.models.perception.observation import Observation
 from humanmm.models.perception.picture import Picture, whole
 from humanmm.models.perception.regions import Region
-from humanmm.models.perception.tracking.search import (
-    covered_fraction,
-    detections,
-    find_people,
-    lies_on,
-    paint_out,
-    same_person,
-    tiles,
-)
+from humanmm.models.perception.tracking.painting import covered_fraction, paint_out
+from humanmm.models.perception.tracking.search import detections, find_people, lies_on, same_person, tiles
 from humanmm.models.records import landmarks
 
 
