@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from jaxtyping import Float
 
 from humanmm.models.perception.interfaces import SEEN, Detection, Networks, PersonDetector, PoseNetwork
 from humanmm.models.perception.observation import Observation, observe, similarity
@@ -10,7 +11,6 @@ from humanmm.models.perception.picture import Picture, whole
 from humanmm.models.perception.regions import HEIGHT_OF_SIDE, Region
 from humanmm.models.perception.tracking.painting import (
     covered_fraction,
-    covered_limbs,
     detected_keypoints,
     paint_out,
     without,
@@ -21,6 +21,8 @@ SETTLE_ROUNDS = 3
 DUPLICATE_SIMILARITY = 0.5
 OTHER_BODY = 0.08
 """Median distance of the limbs, as a fraction of the height, from which a pose is not that of the person detected."""
+OTHER_SHOULDERS = 0.05
+"""Distance of the middles of the shoulders, as a fraction of the height, below which two detections are one body."""
 FEWEST_LIMBS = 3
 """Of the limbs that the detector sees, for their distances to say so."""
 FARTHER, LARGE = 1.7, 0.65
@@ -95,10 +97,12 @@ class _Search:
         `among_all`: the detector saw him beside everybody else. Else he was found where these are painted out.
         """
         others = [*self._known, *self.found]
+        joints = detected_keypoints(detection) if among_all else None
         if any(lies_on(other, detection) for other in others):
             return
+        if joints is not None and any(same_shoulders(other, joints) for other in others):
+            return
         canvas, painted = self.canvas, self._painted
-        joints = detected_keypoints(detection) if among_all else None
         if others and joints is not None:
             canvas, painted = without(self._image, others, spared=joints)
         person = settle(self._networks.locate, canvas, detection)
@@ -109,9 +113,9 @@ class _Search:
             bare = observe(self._networks.locate(self._image, person.region), self._image.size)
             if bare is None or any(same_person(bare, other) for other in others):
                 return
-            if max(covered_fraction(painted, one) for one in (bare, person)) > MAX_COVERED:
+            if covered_fraction(painted, bare) > MAX_COVERED:
                 return
-        elif covered_limbs(painted, person) > MAX_COVERED:
+        if others and covered_fraction(painted, person) > MAX_COVERED:
             return
         self.found.append(person)
         paint_out(self.canvas, person, self._painted)
@@ -141,6 +145,16 @@ def lies_on(seen: Observation, detection: Detection) -> bool:
         if len(distance) >= FEWEST_LIMBS:
             return bool(np.median(distance) < OTHER_BODY * HEIGHT_OF_SIDE * seen.region.side)
     return not seen.next_region.outlier_of(detection.region, shift=SAME_REGION_SHIFT, ratio=SAME_REGION_RATIO)
+
+
+def same_shoulders(seen: Observation, joints: Float[np.ndarray, "33 3"]) -> bool:
+    """True where somebody whose joints a detector sees has another's shoulders: one body, seen twice.
+
+    Two people in contact have theirs a twelfth of the height apart and more (16 rendered pairs).
+    """
+    both = list(landmarks.SHOULDERS)
+    apart = joints[both, :2].mean(axis=0) - seen.keypoints[both, :2].mean(axis=0)
+    return bool(np.linalg.norm(apart) < OTHER_SHOULDERS * HEIGHT_OF_SIDE * seen.region.side)
 
 
 def same_person(a: Observation, b: Observation) -> bool:
