@@ -32,6 +32,7 @@ from humanmm.models.motion.rotations.shot_graph import (
     background_edges,
     cut_edge,
     people_edges,
+    with_alike_walls,
 )
 from humanmm.models.motion.rotations.shot_results import (
     ShotResults,
@@ -121,8 +122,9 @@ def _aligned(
         from_people = [edge.silent() for edge in from_people]
     placed = (position_edge(results, edge.earlier, edge.later, verticals, identities) for edge in linked)
     from_positions = (edge for edge in placed if edge is not None and "positions" in witnesses)
-    spoken = [*from_people, *from_positions, *background.edges, *wall_edges(walls)]
     upright = [verticals[shot].upright if shot in verticals else None for shot in range(num_shots)]
+    from_background = with_alike_walls(background.edges, upright)
+    spoken = [*from_people, *from_positions, *from_background, *wall_edges(walls)]
     rotations = solve_rotations(num_shots, spoken, upright)
     if "shadows" in witnesses and results.ground:
         # Where up is decides where a shadow falls: the lights are sought once all shots have said where it is.

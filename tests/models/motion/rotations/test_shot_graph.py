@@ -14,8 +14,16 @@ from humanmm.models.camera.background.shot_edges import ShotEdge
 from humanmm.models.cuts.camera_rotation import CutCameras, CutPerson, align_by_bundle
 from humanmm.models.geometry.rotations import rotation_angle, rotvec_to_rotmat
 from humanmm.models.motion.rotations import shot_graph
-from humanmm.models.motion.rotations.shot_graph import CutEdge, background_edges, cut_edge, people_edges
+from humanmm.models.motion.rotations.rotation_mixtures import RotationEdge, RotationHypothesis, Upright
+from humanmm.models.motion.rotations.shot_graph import (
+    CutEdge,
+    background_edges,
+    cut_edge,
+    people_edges,
+    with_alike_walls,
+)
 from humanmm.models.motion.rotations.shot_results import ShotResults
+from humanmm.models.motion.rotations.shot_rotations import solve_rotations
 from humanmm.models.records.motion import CutAlignment, CutHypothesis
 
 
@@ -120,3 +128,44 @@ def test_hypotheses_that_agree_are_one_and_their_probabilities_never_exceed_that
     assert second.probability == pytest.approx(0.2 * share)
     assert edge.connects and edge.num_inliers == 150 and edge.source == "essential matrix and plane"
     assert background_edges(results()).same == ()
+
+
+# ---- walls that look alike
+
+UP = Upright(np.array([0.0, -1.0, 0.0]), 1.0)
+
+
+def background_off_by(angle_deg: float, *, source: str = "plane") -> RotationEdge:
+    """Two shots whose cameras are not rotated against each other, and a background that says otherwise."""
+    R = rotation(0, angle_deg, 0)
+    return RotationEdge(0, 1, (RotationHypothesis(R, 1.5, 0.9, source),), source, num_inliers=200)
+
+
+def witness(a: int, b: int) -> RotationEdge:
+    return RotationEdge(a, b, (RotationHypothesis(np.eye(3), 10.0, 0.7, "person 0"),), "person 0")
+
+
+@pytest.mark.parametrize("turn_deg", [90.0, -90.0, 180.0])
+def test_another_wall_that_looks_alike_does_not_overrule_a_person(turn_deg: float) -> None:
+    wrong, ups = [background_off_by(turn_deg)], [UP, UP]
+    believed = solve_rotations(2, [*wrong, witness(0, 1)], ups).R_group_shot[1]
+    assert abs(np.degrees(rotation_angle(believed)) - abs(turn_deg)) < 1
+    doubted = solve_rotations(2, [*with_alike_walls(wrong, ups), witness(0, 1)], ups)
+    assert np.degrees(rotation_angle(doubted.R_group_shot[1])) < 2
+    assert {one.hypothesis.source for one in doubted.believed} == {"plane, another wall", "person 0"}
+
+
+def test_a_background_alone_and_one_that_is_wrong_otherwise_are_as_they_were() -> None:
+    ups = [UP, UP]
+    alone = solve_rotations(2, with_alike_walls([background_off_by(40.0)], ups), ups)
+    assert abs(np.degrees(rotation_angle(alone.R_group_shot[1])) - 40) < 1
+    contradicted = solve_rotations(2, [*with_alike_walls([background_off_by(40.0)], ups), witness(0, 1)], ups)
+    assert abs(np.degrees(rotation_angle(contradicted.R_group_shot[1])) - 40) < 1
+
+
+def test_one_camera_that_returns_and_a_shot_without_a_vertical_have_no_other_walls() -> None:
+    returned, unknown = background_off_by(0.0, source="same camera"), background_off_by(0.0)
+    assert with_alike_walls([returned], [UP, UP]) == [returned]
+    assert with_alike_walls([unknown], [None, UP]) == [unknown]
+    (edge,) = with_alike_walls([unknown], [UP, UP])
+    assert sum(one.probability for one in edge.hypotheses) == pytest.approx(0.9)
