@@ -102,13 +102,3 @@ def covered_fraction(painted: UInt8[np.ndarray, "height width"], person: Observa
     size = (person.mask.shape[1], person.mask.shape[0])
     paint = warp(painted, person.mask_to_source, size, nearest=True)
     return float((paint * person.mask).sum() / max(int(person.mask.sum()), 1))
-
-
-def covered_limbs(painted: UInt8[np.ndarray, "height width"], person: Observation) -> float:
-    """Fraction of what is seen of the person's limb joints that lies on paint."""
-    limbs = person.keypoints[list(landmarks.LIMBS)]
-    height, width = painted.shape
-    x, y = np.floor(limbs[:, :2]).astype(int).T
-    inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
-    paint = painted[np.clip(y, 0, height - 1), np.clip(x, 0, width - 1)] * inside
-    return float(paint @ limbs[:, 2] / max(float(limbs[:, 2].sum()), 1e-6))

@@ -19,7 +19,7 @@ from humanmm.models.perception.observation import Observation, averaged, observe
 from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.regions import Region
 from humanmm.models.perception.tracking.linking import joined, untangled
-from humanmm.models.perception.tracking.painting import covered_limbs, detected_keypoints, without
+from humanmm.models.perception.tracking.painting import covered_fraction, without
 from humanmm.models.perception.tracking.search import (
     MAX_COVERED,
     detections,
@@ -162,7 +162,7 @@ class SceneTracker:
         else:
             canvas, painted = without(image, hiding, spared=track.predicted_keypoints(frame))
             found = self._look(frame, canvas, region)
-            if found is not None and covered_limbs(painted, found[0]) > MAX_COVERED:
+            if found is not None and covered_fraction(painted, found[0]) > MAX_COVERED:
                 found = None
         if track.lost_since is None:
             return found or (self._look(frame, image, region) if hiding else None)
@@ -177,15 +177,11 @@ class SceneTracker:
     def _found_again(
         self, image: Picture, region: Region, hiding: list[Observation]
     ) -> tuple[Observation, float] | None:
-        """Who the detector sees near a region, and is none of those who may hide him."""
-        for detection in self._networks.detect(image, Region(region.x, region.y, 1.8 * region.side)):
-            if any(lies_on(other, detection) for other in hiding):
-                continue
-            canvas, painted = without(image, hiding, spared=detected_keypoints(detection)) if hiding else (image, None)
+        """Who the detector sees near a region when all who may hide him are painted out."""
+        canvas = without(image, hiding, spared=None)[0] if hiding else image
+        for detection in self._networks.detect(canvas, Region(region.x, region.y, 1.8 * region.side)):
             person = settle(self._networks.locate, canvas, detection)
-            if person is None or person.region.outlier_of(region, shift=0.6, ratio=1.6):
-                continue
-            if painted is None or covered_limbs(painted, person) <= MAX_COVERED:
+            if person is not None and not person.region.outlier_of(region, shift=0.6, ratio=1.6):
                 return person, 0.0
         return None
 
