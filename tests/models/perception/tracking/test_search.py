@@ -1,5 +1,7 @@
 """Where people are looked for, and painting out who was found."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,8 +10,15 @@ from humanmm.models.perception.interfaces import Detection
 from humanmm.models.perception.observation import Observation
 from humanmm.models.perception.picture import Picture, whole
 from humanmm.models.perception.regions import Region
-from humanmm.models.perception.tracking.painting import covered_fraction, paint_out
-from humanmm.models.perception.tracking.search import detections, find_people, lies_on, same_person, tiles
+from humanmm.models.perception.tracking.painting import covered_fraction, detected_keypoints, paint_out, without
+from humanmm.models.perception.tracking.search import (
+    detections,
+    find_people,
+    lies_on,
+    same_person,
+    same_shoulders,
+    tiles,
+)
 from humanmm.models.records import landmarks
 
 
@@ -24,6 +33,19 @@ def person(x: float, y: float, side: float = 128.0) -> Observation:
     mask[32:96, 48:80] = 1
     keypoints = np.column_stack([x + np.linspace(-20, 20, 33), y + np.linspace(-40, 40, 33), np.ones(33)])
     return Observation(keypoints, np.zeros((33, 3)), np.array([x, y, x, y]), 0.9, mask, region, region)
+
+
+def standing(x: float) -> Observation:
+    """Somebody who stands upright, all joints on one vertical line."""
+    keypoints = np.column_stack([np.full(33, x), np.full(33, 150.0), np.ones(33)])
+    for joints, y in (
+        (range(11), 110.0),
+        (landmarks.SHOULDERS, 120.0),
+        (landmarks.HIPS, 150.0),
+        (landmarks.ANKLES, 180.0),
+    ):
+        keypoints[list(joints), 1] = y
+    return replace(person(120, 150), keypoints=keypoints)
 
 
 @pytest.mark.parametrize("size", [(640, 360), (360, 640), (1920, 1080), (320, 320)])
@@ -46,6 +68,27 @@ def test_who_is_painted_out_is_covered_and_who_stands_beside_is_not() -> None:
     assert half == pytest.approx(0.5, abs=0.06)  # the painted mask is widened by two of its 64 rows
     luma = canvas.planes[0]
     assert (luma[painted == 1] != 60).all() and (luma[painted == 0] == 60).all()
+
+
+def test_what_is_nearer_to_the_bones_of_somebody_else_is_not_painted() -> None:
+    """A silhouette that covers two: its right half lies nearer to the second, who stands 16 pixels beside the first."""
+    canvas, painted = gray(400, 300), np.zeros((300, 400), np.uint8)
+    first, second = standing(116), standing(132)
+    paint_out(canvas, first, painted, spared=second.keypoints)
+    left, right = painted[130:170, 106:123], painted[130:170, 126:140]
+    assert left.all() and not right.any()
+    whole_canvas, covered = without(gray(400, 300), [first], spared=None)
+    assert covered[130:170, 106:138].all() and (whole_canvas.planes[0][covered == 1] != 60).all()
+
+
+def test_a_body_that_the_detector_sees_twice_has_one_pair_of_shoulders() -> None:
+    seen = standing(120)
+    beside = Detection(0.5, seen.region, seen.bbox, standing(150).keypoints[list(landmarks.COCO_LANDMARKS)])
+    again = Detection(0.5, seen.region, seen.bbox, standing(123).keypoints[list(landmarks.COCO_LANDMARKS)])
+    joints = [detected_keypoints(one) for one in (beside, again)]
+    assert all(one is not None for one in joints)
+    assert [same_shoulders(seen, one) for one in joints if one is not None] == [False, True]
+    assert detected_keypoints(Detection(0.5, seen.region, seen.bbox)) is None
 
 
 def test_one_body_seen_twice_is_the_same_person() -> None:
