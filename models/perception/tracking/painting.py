@@ -14,7 +14,7 @@ from jaxtyping import Float, UInt8
 from humanmm.models.perception.interfaces import Detection
 from humanmm.models.perception.observation import Observation
 from humanmm.models.perception.picture import Picture
-from humanmm.models.perception.regions import invert, transform, warp
+from humanmm.models.perception.regions import Region, invert, transform, warp
 from humanmm.models.records import landmarks
 from humanmm.models.records.tracks import MASK_SIDE
 
@@ -49,7 +49,7 @@ def detected_keypoints(detection: Detection) -> Float[np.ndarray, "33 3"] | None
 def paint_out(
     canvas: Picture,
     person: Observation,
-    painted: UInt8[np.ndarray, "height width"] | None = None,
+    painted: UInt8[np.ndarray, "height width"],
     *,
     spared: Float[np.ndarray, "33 3"] | None = None,
 ) -> None:
@@ -58,8 +58,7 @@ def paint_out(
     region = person.region
     grown = cv2.dilate(person.mask, np.ones((5, 5), np.uint8))
     if spared is not None:
-        grown = np.where(_to_bones(person.keypoints, region_of=person) < _to_bones(spared, region_of=person), grown, 0)
-        grown = grown.astype(np.uint8)
+        grown[_to_bones(person.keypoints, region) >= _to_bones(spared, region)] = 0
     low = np.floor([region.x - 0.75 * region.side, region.y - 0.75 * region.side]).astype(int)
     high = np.ceil([region.x + 0.75 * region.side, region.y + 0.75 * region.side]).astype(int)
     low, high = np.maximum(low - low % 2, 0), np.minimum(high + high % 2, canvas.size)
@@ -69,25 +68,24 @@ def paint_out(
     matrix[:, 2] += matrix[:, :2] @ np.array([0.5, 0.5]) - 0.5 - low
     covered = cv2.warpAffine(grown, matrix, (int(high[0] - low[0]), int(high[1] - low[1])), flags=cv2.INTER_NEAREST)
     canvas.paint(int(low[0]), int(low[1]), covered, _PAINT)
-    if painted is not None:
-        marked = painted[low[1] : high[1], low[0] : high[0]]
-        np.maximum(marked, covered, out=marked)
+    marked = painted[low[1] : high[1], low[0] : high[0]]
+    np.maximum(marked, covered, out=marked)
 
 
 def without(
-    image: Picture, people: Sequence[Observation], *, spared: Float[np.ndarray, "33 3"] | None
+    image: Picture, people: Sequence[Observation], *, spared: Float[np.ndarray, "33 3"] | None = None
 ) -> tuple[Picture, UInt8[np.ndarray, "height width"]]:
-    """The picture with people painted out, and 1 where there is paint."""
+    """A copy of the picture with people painted out, as `paint_out` does, and 1 where there is paint."""
     canvas, painted = image.copy(), np.zeros((image.height, image.width), np.uint8)
     for person in people:
         paint_out(canvas, person, painted, spared=spared)
     return canvas, painted
 
 
-def _to_bones(keypoints: Float[np.ndarray, "33 3"], *, region_of: Observation) -> Float[np.ndarray, "mask mask"]:
-    """Distance of each pixel of a person's mask from somebody's nearest bone, mask pixels; far away without any."""
+def _to_bones(keypoints: Float[np.ndarray, "33 3"], region: Region) -> Float[np.ndarray, "mask mask"]:
+    """Distance of each pixel of a region's mask from somebody's nearest bone, mask pixels; infinite without any."""
     free = np.full((MASK_SIDE, MASK_SIDE), 255, np.uint8)
-    points = transform(invert(region_of.region.to_source(MASK_SIDE)), keypoints[:, :2]) - 0.5
+    points = transform(invert(region.to_source(MASK_SIDE)), keypoints[:, :2]) - 0.5
     ends = np.clip(np.rint(points), -4 * MASK_SIDE, 4 * MASK_SIDE).astype(int).tolist()
     for a, b in BONES:
         if min(keypoints[a, 2], keypoints[b, 2]) > DRAWN:

@@ -9,12 +9,7 @@ from humanmm.models.perception.interfaces import SEEN, Detection, Networks, Pers
 from humanmm.models.perception.observation import Observation, observe, similarity
 from humanmm.models.perception.picture import Picture, whole
 from humanmm.models.perception.regions import HEIGHT_OF_SIDE, Region
-from humanmm.models.perception.tracking.painting import (
-    covered_fraction,
-    detected_keypoints,
-    paint_out,
-    without,
-)
+from humanmm.models.perception.tracking.painting import covered_fraction, detected_keypoints, paint_out, without
 from humanmm.models.records import landmarks
 
 SETTLE_ROUNDS = 3
@@ -86,10 +81,7 @@ class _Search:
         self._known = known
         self._image = image
         self.found: list[Observation] = []
-        self.canvas = image.copy()
-        self._painted = np.zeros((image.height, image.width), np.uint8)
-        for person in known:
-            paint_out(self.canvas, person, self._painted)
+        self.canvas, self._painted = without(image, known)
 
     def take(self, detection: Detection, *, among_all: bool) -> None:
         """Look at a detection; if it is somebody new, note and paint him out.
@@ -150,7 +142,7 @@ def lies_on(seen: Observation, detection: Detection) -> bool:
 def same_shoulders(seen: Observation, joints: Float[np.ndarray, "33 3"]) -> bool:
     """True where somebody whose joints a detector sees has another's shoulders: one body, seen twice.
 
-    Two people in contact have theirs a twelfth of the height apart and more (16 rendered pairs).
+    Two people in contact have theirs 7 % of the height apart and more (16 rendered pairs).
     """
     both = list(landmarks.SHOULDERS)
     apart = joints[both, :2].mean(axis=0) - seen.keypoints[both, :2].mean(axis=0)

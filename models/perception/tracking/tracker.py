@@ -178,7 +178,7 @@ class SceneTracker:
         self, image: Picture, region: Region, hiding: list[Observation]
     ) -> tuple[Observation, float] | None:
         """Who the detector sees near a region when all who may hide him are painted out."""
-        canvas = without(image, hiding, spared=None)[0] if hiding else image
+        canvas = without(image, hiding)[0] if hiding else image
         for detection in self._networks.detect(canvas, Region(region.x, region.y, 1.8 * region.side)):
             person = settle(self._networks.locate, canvas, detection)
             if person is not None and not person.region.outlier_of(region, shift=0.6, ratio=1.6):

@@ -77,7 +77,7 @@ def test_what_is_nearer_to_the_bones_of_somebody_else_is_not_painted() -> None:
     paint_out(canvas, first, painted, spared=second.keypoints)
     left, right = painted[130:170, 106:123], painted[130:170, 126:140]
     assert left.all() and not right.any()
-    whole_canvas, covered = without(gray(400, 300), [first], spared=None)
+    whole_canvas, covered = without(gray(400, 300), [first])
     assert covered[130:170, 106:138].all() and (whole_canvas.planes[0][covered == 1] != 60).all()
 
 
