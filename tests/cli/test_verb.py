@@ -180,6 +180,18 @@ def test_a_reader_that_has_left_costs_no_error(verbs: str, tmp_path: Path) -> No
     assert "Traceback" not in done.stderr and "Broken" not in done.stderr
 
 
+def test_an_interrupted_command_does_not_wait_for_its_threads(tmp_path: Path) -> None:
+    """Ctrl-C that is pressed again while the first is being reported reaches `main` as Typer's status."""
+    (tmp_path / "pressed.py").write_text(
+        "import sys, threading, time\nfrom humanmm import cli\n"
+        "threading.Thread(target=time.sleep, args=(60,)).start()\n"
+        "cli._run = lambda arguments: 130\n"
+        "sys.exit(cli.main())"
+    )
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT / "src"), str(tmp_path)])}
+    assert subprocess.run([sys.executable, "-m", "pressed"], env=environment, timeout=30, check=False).returncode == 130
+
+
 def test_ctrl_c_inside_a_text_that_is_executed_ends_with_the_status_of_ctrl_c(tmp_path: Path) -> None:
     """As in an import that makes dataclasses: `python -m` would kill itself with SIGINT at its end."""
     (tmp_path / "pressed.py").write_text(

@@ -6,6 +6,7 @@ import importlib
 import os
 import signal
 import sys
+import threading
 from collections.abc import Sequence
 
 SUBJECTS = (
@@ -39,6 +40,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if status == INTERRUPTED and arguments is None:  # this process ends: pressed again, Ctrl-C changes nothing
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         _ended_by.append(status)
+        if any(not thread.daemon for thread in threading.enumerate() if thread is not threading.main_thread()):
+            _end_interrupted()  # they still compute and cannot be stopped: Python would wait for them
     return status
 
 

@@ -3,9 +3,7 @@
 import contextlib
 import inspect
 import logging
-import os
 import signal
-import sys
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import MISSING, Field, fields, is_dataclass
@@ -170,8 +168,6 @@ def reported(run: Callable[[], int | None], *, verbose: bool) -> int:
             log.exception("where it happened")
         words, status = _outcome(error)
         say(words)
-        if isinstance(error, KeyboardInterrupt):
-            _leave(status)
         return status
 
 
@@ -192,14 +188,6 @@ def _interrupted_by_signals() -> Iterator[None]:
     finally:
         for number in numbers:
             signal.signal(number, signal.SIG_DFL)
-
-
-def _leave(status: int) -> None:
-    """End this process now if threads still compute: they cannot be stopped, and Python would wait for them."""
-    if any(not thread.daemon for thread in threading.enumerate() if thread is not threading.main_thread()):
-        with contextlib.suppress(OSError):
-            sys.stdout.flush()
-        os._exit(status)
 
 
 def _outcome(error: BaseException) -> tuple[str, int]:
