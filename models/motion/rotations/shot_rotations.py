@@ -41,6 +41,7 @@ from humanmm.models.motion.rotations.rotation_mixtures import (
     log_graph_volume,
     log_volume,
 )
+from humanmm.models.motion.rotations.verticals import WRONG, Verticals, log_sinhc
 
 Array = np.ndarray
 
@@ -156,8 +157,7 @@ class _Group:
     def __init__(self, shots: Sequence[int], edges: Mixtures, upright: Sequence[Upright | None]) -> None:
         self.shots, self.edges = list(shots), edges
         self.ends = np.searchsorted(shots, np.array([(edge.a, edge.b) for edge in edges.edges]))
-        self.kappa = np.array([1 / math.radians(up.sigma_deg) ** 2 if up is not None else 0.0 for up in upright])
-        self.up = np.stack([up.direction if up is not None else np.zeros(3) for up in upright])
+        self.upright = Verticals.of(upright)
 
     def solve(self) -> Float[Array, "S 3 3"]:
         """The rotations of largest posterior probability, the first shot's the identity."""
@@ -200,23 +200,17 @@ class _Group:
         if len(R) > at_once:
             return np.concatenate([self._score(R[k : k + at_once]) for k in range(0, len(R), at_once)])
         shares = self._shares(R)
-        volume = self._log_volume(*self.edges.precision(shares))
-        return np.asarray(self._gravity(R) + self.edges.log_density(shares) + volume)
+        gravity, kappa = self.upright.log_density(R)
+        volume = self._log_volume(*self.edges.precision(shares), kappa)
+        return np.asarray(gravity + self.edges.log_density(shares) + volume)
 
-    def _log_volume(self, every: Float[Array, "*n E"], level: Float[Array, "*n E"]) -> Float[Array, "*n"]:
-        """Of what gravity and edges of these precisions leave open."""
+    def _log_volume(
+        self, every: Float[Array, "*n E"], level: Float[Array, "*n E"], kappa: Float[Array, "*n S"]
+    ) -> Float[Array, "*n"]:
+        """Of what edges of these precisions and verticals of these concentrations leave open."""
         num = len(self.shots)
         unknown = UNKNOWN_PRECISION * np.eye(num) + laplacian(self.ends, every, num)
-        return log_graph_volume(unknown, np.diag(self.kappa) + laplacian(self.ends, level, num))
-
-    def _gravity(self, R: Float[Array, "n S 3 3"]) -> Float[Array, " n"]:
-        """How well the shots' own verticals agree (von Mises-Fisher; the vertical itself is integrated out)."""
-        known = self.kappa > 0
-        if known.sum() < 2:
-            return np.zeros(len(R))
-        kappa = self.kappa[known]
-        mean = np.einsum("s,nsab,sb->na", kappa, R[:, known], self.up[known])
-        return np.asarray(_log_sinhc(np.linalg.norm(mean, axis=1)) - _log_sinhc(kappa).sum())
+        return log_graph_volume(unknown, kappa[..., None] * np.eye(num) + laplacian(self.ends, level, num))
 
     # ---- search
 
@@ -237,9 +231,11 @@ class _Group:
 
     def _beam(self) -> Float[Array, "n S 3 3"]:
         """The best joint hypotheses, best first."""
-        R = np.tile(np.eye(3), (1, len(self.shots), 1, 1))
-        score = np.zeros(1)
-        kappa_mean = self.kappa[0] * self.up[0][None]
+        up, kappas = self.upright.up, np.stack([self.upright.kappa, self.upright.kappa_if_wrong])
+        log_prior = np.log([1 - WRONG, WRONG])
+        R = np.tile(np.eye(3), (2, len(self.shots), 1, 1))  # the first shot's vertical may be right or wrong
+        score = log_prior
+        kappa_mean = kappas[:, :1] * up[0]
         order = self._order()
         for count, node in enumerate(order[1:], start=1):
             others = self.ends.sum(axis=1) - node
@@ -253,15 +249,17 @@ class _Group:
                 shares = edges.shares(np.where(is_later[:, None, None], relative, np.swapaxes(relative, -1, -2)))
                 gained[k] = edges.log_density(shares)
                 every[k], level[k] = (precision.sum(axis=-1) for precision in edges.precision(shares))
-            every, level = every + UNKNOWN_PRECISION, level + self.kappa[node]
-            mean = kappa_mean[:, None] + self.kappa[node] * candidates @ self.up[node]
-            if self.kappa[node] and np.any(kappa_mean):
-                length, before = np.linalg.norm(mean, axis=-1), np.linalg.norm(kappa_mean, axis=-1)[:, None]
-                own = _log_sinhc(np.array([self.kappa[node]]))[0]
-                gained += _log_sinhc(length) - _log_sinhc(before) - own
-            total = score[:, None] + gained + log_volume(np.log(every), np.log(every + level))
+            kappa = kappas[:, node, None, None, None]
+            mean = kappa_mean[:, None] + kappa * (candidates @ up[node])
+            before = log_sinhc(np.linalg.norm(kappa_mean, axis=-1))[:, None]
+            agree = log_sinhc(np.linalg.norm(mean, axis=-1)) - before - log_sinhc(kappa[..., 0])
+            every = every + UNKNOWN_PRECISION
+            volume = log_volume(np.log(every), np.log(every + level + kappa[..., 0]))
+            total = score[:, None] + gained + log_prior[:, None, None] + agree + volume
+            wrong, total = total.argmax(axis=0), total.max(axis=0)
             parent, child = _distinct(total, candidates)
-            R, score, kappa_mean = R[parent], total[parent, child], mean[parent, child]
+            kappa_mean = mean[wrong[parent, child], parent, child]
+            R, score = R[parent], total[parent, child]
             R[:, node] = candidates[parent, child]
         return R
 
@@ -362,8 +360,9 @@ class _Group:
         shares = self._shares(R)
         density = np.where(across, self.edges.log_none, shares.density)  # of those across: anywhere
         every, level = (np.where(across, 0.0, precision) for precision in self.edges.precision(shares))
-        gravity = float(self._gravity(R[None])[0]) if len(R) > 2 else 0.0
-        return gravity + float(density @ self.edges.weight + self._log_volume(every, level))
+        gravity, kappa = self.upright.log_density(R[None])
+        known = float(gravity[0]) if len(R) > 2 else 0.0
+        return known + float(density @ self.edges.weight + self._log_volume(every, level, kappa[0]))
 
     def sorted_out(self, R: Float[Array, "S 3 3"]) -> Iterator[tuple[RotationEdge, RotationHypothesis | float]]:
         """Each edge with its hypothesis that is likelier than none, or with how far its nearest one is off, degrees."""
@@ -384,12 +383,6 @@ def _normal_inside(angle: Float[Array, " n"], sigma_deg: float, distant: bool) -
     if distant:
         return np.asarray(0.5 * (1 + np.tanh(0.8 * z)))
     return np.asarray(erf(z / math.sqrt(2)) - math.sqrt(2 / math.pi) * z * np.exp(-(z**2) / 2))
-
-
-def _log_sinhc(x: Float[Array, "*n"]) -> Float[Array, "*n"]:
-    """log(sinh(x) / x)."""
-    x = np.maximum(x, 1e-6)
-    return np.asarray(x + np.log1p(-np.exp(-2 * x)) - np.log(2 * x))
 
 
 def _distinct(score: Float[Array, "n c"], R: Float[Array, "n c 3 3"]) -> tuple[list[int], list[int]]:
