@@ -53,7 +53,7 @@ INDEPENDENT_S = 0.5
 
 ODDS_TRUST = 16.0
 """Weight of the lifter's odds beside that: those of neighbouring frames count about as if they were independent. Of
-13,295 frames of spins, kicks, floor work and acrobatics in which the sides are beyond doubt (rendered places, 104 clips)
+13,295 frames of spins, kicks, floor work and acrobatics with sides beyond doubt (rendered places, 104 clips)
 523 have the wrong ones with a weight of 2 (and CHANGE 8), 438 with 8, 425 with 16, 401 with 24; of 8,646 frames of
 ordinary clips 45, and 18 with all others."""
 
