@@ -119,6 +119,9 @@ class PersonTrack:
     color_parts: np.ndarray | None = None
     """(S,9,3) float32: L*a*b* of the parts of the body in these frames (`perception.clothing.PARTS`) and of the ground
     about the feet, NaN where not seen; None where nobody looked."""
+    side_odds: np.ndarray | None = None
+    """(N,) float32: log-odds that left and right are named rightly, from other looks at the same frame (`perception.
+    fusion.side_odds`); 0 where there was none, None where nobody looked."""
     probability: float = 1.0
     """That this is a person at all, and not a bag, a poster or nothing (`perception.tracking.personhood`)."""
     evidence: tuple[float, ...] = ()
@@ -140,6 +143,7 @@ class PersonTrack:
             self,
             keypoints2d=with_sides_swapped(self.keypoints2d, is_swapped),
             landmarks3d=with_sides_swapped(self.landmarks3d, is_swapped),
+            side_odds=np.where(is_swapped, -self.side_odds, self.side_odds) if self.side_odds is not None else None,
             pose=self.pose.with_sides_swapped(is_swapped) if self.pose is not None else None,
             hands=self.hands.with_sides_swapped(is_swapped) if self.hands is not None else None,
         )
@@ -153,6 +157,7 @@ class PersonTrack:
             frame=self.frame[rows],
             keypoints2d=self.keypoints2d[rows],
             landmarks3d=self.landmarks3d[rows],
+            side_odds=self.side_odds[rows] if self.side_odds is not None else None,
             pose=self.pose.chosen(rows) if self.pose is not None else None,
             hands=self.hands.chosen(rows) if self.hands is not None else None,
             bbox=self.bbox[rows],
@@ -183,6 +188,9 @@ class PersonTrack:
             if self.color_parts is not None and later.color_parts is not None
             else None,
             probability=total / sum(counts) if sum(counts) else self.probability,
+            side_odds=np.concatenate([self.side_odds, later.side_odds])
+            if self.side_odds is not None and later.side_odds is not None
+            else None,
             lifted=self.lifted or later.lifted,
             pose=self.pose.then(later.pose) if self.pose is not None and later.pose is not None else None,
             hands=self._hands_then(later),

@@ -195,4 +195,5 @@ def _sighting(track: PersonTrack, shot: Shot, time_s: np.ndarray) -> Sighting:
     return Sighting(
         time_s[frame], shown_s(time_s, frame), frame, track.keypoints2d[inside], track.landmarks3d[inside],
         track.pose.swap_odds[inside] if track.pose is not None else None,
+        track.side_odds[inside] if track.side_odds is not None else None,
     )  # fmt: skip

@@ -56,6 +56,8 @@ ODDS_TRUST = 16.0
 13,295 frames of spins, kicks, floor work and acrobatics with sides beyond doubt (rendered places, 104 clips)
 523 have the wrong ones with a weight of 2 (and CHANGE 8), 438 with 8, 425 with 16, 401 with 24; of 8,646 frames of
 ordinary clips 45, and 18 with all others."""
+OTHERS_TRUST = 1.0
+"""Weight of what other networks say of a frame: of the 425 frames with the wrong sides 339 are left."""
 
 CUT_WINDOW_S = 0.5
 CUT_GAP_S = 0.1
@@ -83,13 +85,15 @@ class Sighting:
     landmarks3d: Float[Array, "n 33 3"]
     swap_odds: Float[Array, "n"] | None = None
     """The lifter's log-odds that left and right are swapped."""
+    side_odds: Float[Array, "n"] | None = None
+    """Other networks' log-odds that they are not."""
 
     def only(self, rows: Array) -> "Sighting":
         """Some of the observations."""
-        swap_odds = self.swap_odds[rows] if self.swap_odds is not None else None
+        swap_odds, side_odds = (None if odds is None else odds[rows] for odds in (self.swap_odds, self.side_odds))
         return Sighting(
             self.time_s[rows], self.shown_s[rows], self.frame[rows], self.keypoints2d[rows], self.landmarks3d[rows],
-            swap_odds,
+            swap_odds, side_odds,
         )  # fmt: skip
 
 
@@ -250,8 +254,8 @@ def step_energies(sighting: Sighting) -> Float[Array, "n-1 2"]:
 
 
 def _frame_evidence(sighting: Sighting) -> Float[Array, "n 2"]:
-    """Energy of each frame as labelled and swapped, from feet and knees that should lie forward of the body's
-    plane."""
+    """Energy of each frame as labelled and swapped, from feet and knees that should lie forward of the body's plane,
+    from the lifter, and from other networks' looks at the frame."""
     off = (forwardness(sighting.landmarks3d) - FORWARD_M) / FORWARD_SIGMA_M
     normal = np.exp(-0.5 * off**2) / (FORWARD_SIGMA_M * np.sqrt(2 * np.pi))
     right = -np.log((1 - FORWARD_OUTLIERS) * normal * FORWARD_RANGE_M + FORWARD_OUTLIERS)
@@ -260,7 +264,10 @@ def _frame_evidence(sighting: Sighting) -> Float[Array, "n 2"]:
     if sighting.swap_odds is not None:
         odds = np.stack([sighting.swap_odds, -sighting.swap_odds], axis=1).astype(np.float64)
         energies = energies + ODDS_TRUST * np.logaddexp(0.0, odds)
-    return np.asarray(weight[:, None] * energies)
+    energies = weight[:, None] * energies
+    if sighting.side_odds is not None:
+        energies[:, 1] += OTHERS_TRUST * sighting.side_odds
+    return np.asarray(energies)
 
 
 def forwardness(landmarks3d: Float[Array, "n 33 3"]) -> Float[Array, "n"]:

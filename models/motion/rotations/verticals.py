@@ -52,7 +52,7 @@ class Verticals:
     @property
     def kappa_if_wrong(self) -> Float[Array, " S"]:
         """Concentrations of verticals that are wrong."""
-        return np.minimum(self.kappa, _WRONG_KAPPA)
+        return np.asarray(np.minimum(self.kappa, _WRONG_KAPPA))
 
     def log_density(self, R: Float[Array, "n S 3 3"]) -> Agreement:
         """How well they agree under each of n sets of rotations, with those taken for wrong that do not fit the rest.

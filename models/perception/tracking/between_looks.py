@@ -60,6 +60,10 @@ def _in_frames(track: PersonTrack, looks: Int[Array, " L"], time_s: Float[Array,
         ]
         return np.concatenate(runs_of).astype(values.dtype)
 
+    rows, side_odds = np.searchsorted(frames, seen), None
+    if track.side_odds is not None:
+        side_odds = np.zeros(len(frames), np.float32)
+        side_odds[rows] = track.side_odds
     keypoints = between(track.keypoints2d)
     keypoints[..., 2] = np.clip(keypoints[..., 2], 0, 1)
     return replace(
@@ -71,7 +75,8 @@ def _in_frames(track: PersonTrack, looks: Int[Array, " L"], time_s: Float[Array,
         confidence=np.clip(between(track.confidence), 0, 1),
         masks=track.masks.chosen(nearest),
         mask_affine=between(track.mask_affine),
-        hands=None if track.hands is None else _spread(track.hands, np.searchsorted(frames, seen), len(frames)),
+        side_odds=side_odds,
+        hands=None if track.hands is None else _spread(track.hands, rows, len(frames)),
         **colours,
     )
 

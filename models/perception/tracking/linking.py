@@ -71,6 +71,7 @@ def joined(tracks: Sequence[TrackBuilder]) -> list[TrackBuilder]:
         second.colours.update(before.colours)
         second.parts.update(before.parts)
         second.detector_scores.update(before.detector_scores)
+        second.detector_sides.update(before.detector_sides)
         second.own_motions.update(before.own_motions)
         second.hands.update(before.hands)
         pool = [track for track in pool if track is not first]

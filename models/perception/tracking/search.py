@@ -1,6 +1,7 @@
 """Finding everybody in one frame: the detector, and the detector again with the found painted out."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
@@ -137,6 +138,13 @@ def lies_on(seen: Observation, detection: Detection) -> bool:
         if len(distance) >= FEWEST_LIMBS:
             return bool(np.median(distance) < OTHER_BODY * HEIGHT_OF_SIDE * seen.region.side)
     return not seen.next_region.outlier_of(detection.region, shift=SAME_REGION_SHIFT, ratio=SAME_REGION_RATIO)
+
+
+def lies_crossed_on(seen: Observation, detection: Detection) -> bool:
+    """The same if the detector or the pose network has exchanged left and right."""
+    if detection.keypoints is None:
+        return False
+    return lies_on(seen, replace(detection, keypoints=detection.keypoints[landmarks.COCO_SWAP]))
 
 
 def same_shoulders(seen: Observation, joints: Float[np.ndarray, "33 3"]) -> bool:

@@ -22,6 +22,8 @@ PAIR_LIMIT, STEP_LIMIT = 3.0, 10.0
 MAX_GAP_S = 0.4
 KEEP_ODDS = 0.02
 """Log-odds a frame for the network's own labels: whole runs are wrong together, so one frame is weak evidence."""
+OTHER_NETWORK = 0.17
+"""What another network's log-odds in a frame count for here, for the same reason."""
 VOTE_SPREAD, VOTE_LIMIT = 0.02, 2.0
 
 _LEFT = np.array(landmarks.LIMBS[0::2])

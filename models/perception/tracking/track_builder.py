@@ -1,20 +1,24 @@
 """A track being built, frame by frame, and the finished track at the end of the scene."""
 
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import islice
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from humanmm.models.perception import own_motion
 from humanmm.models.perception.clothing import clothing_histogram, mean_colours, part_colours
+from humanmm.models.perception.fusion import side_odds
 from humanmm.models.perception.hands.follow import Looks, hand_tracks, look_at_hands
+from humanmm.models.perception.interfaces import Detection
 from humanmm.models.perception.observation import Observation
 from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.regions import HEIGHT_OF_SIDE, Region
 from humanmm.models.perception.tracking.personhood import Evidence, mean_score, person_probability, pose_change
-from humanmm.models.perception.tracking.sides import left_right_swaps
+from humanmm.models.perception.tracking.sides import OTHER_NETWORK, left_right_swaps
 from humanmm.models.records import landmarks
 from humanmm.models.records.tracks import PersonTrack, Silhouettes, deflated_mask
 from humanmm.models.video.frame_times import elapsed_s, shown_s
@@ -38,6 +42,17 @@ STEADINESS_UNKNOWN = 0.8
 """Of a track without three frames in a row."""
 
 
+class Sides(NamedTuple):
+    """Log-odds for left and right as named in one frame; 0 where nobody looked."""
+
+    other_network: float = 0.0
+    second_look: float = 0.0
+    """Of the same network, at an upright crop."""
+
+
+UNKNOWN_SIDES = Sides()
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class Row:
     """One packed observation, less than 2 KB."""
@@ -49,15 +64,14 @@ class Row:
     mask: bytes
     """Deflated."""
     side: float
-    vote: float
-    """Log-odds for left and right as named, from a second look; 0 without one."""
+    sides: "Sides"
 
     @classmethod
-    def of(cls, seen: Observation, vote: float) -> "Row":
+    def of(cls, seen: Observation, sides: "Sides") -> "Row":
         """An observation, packed."""
         parts = (seen.keypoints, seen.landmarks3d, seen.bbox, seen.mask_to_source)
         numbers = np.concatenate([np.ravel(part) for part in parts]).astype(np.float32)
-        return cls(numbers, seen.confidence, deflated_mask(seen.mask), seen.region.side, vote)
+        return cls(numbers, seen.confidence, deflated_mask(seen.mask), seen.region.side, sides)
 
     @property
     def keypoints(self) -> Float[np.ndarray, "33 3"]:
@@ -97,6 +111,8 @@ class TrackBuilder:
     """Colours of the body's parts in the same frames."""
     detector_scores: dict[int, float] = field(default_factory=dict)
     """What the detector gave this person in the frames of a search, 0 where it did not see him."""
+    detector_sides: dict[int, float] = field(default_factory=dict)
+    """Log-odds for left and right as named, by the detector's keypoints in these frames."""
     own_motions: dict[int, float] = field(default_factory=dict)
     """How far he moved by himself up to a frame (`own_motion`), a few a second."""
     hands: dict[int, Looks] = field(default_factory=dict)
@@ -162,14 +178,20 @@ class TrackBuilder:
         if self._looks and self._looks[-1][0] == frame:
             self._looks.pop()
 
-    def add(self, frame: int, seen: Observation, vote: float = 0.0) -> None:
+    def add(self, frame: int, seen: Observation, sides: Sides = UNKNOWN_SIDES) -> None:
         """Take an observation in; frames may come in either direction."""
         if frame != self.last_frame:
             before, now = self.last.next_region, seen.next_region
             seconds = self.time_s[frame] - self.time_s[self.last_frame]
             self.velocity = np.array([now.x - before.x, now.y - before.y]) / seconds
         self.last, self.last_frame, self.lost_since, self.active = seen, frame, None, True
-        self.rows[frame] = Row.of(seen, vote)
+        self.rows[frame] = Row.of(seen, sides)
+
+    def note_detected_sides(self, frame: int, detected: Sequence[Detection]) -> None:
+        """What detections of this person, best first, say of his left and right in the track's last frame."""
+        limbs = next((one.keypoints[list(landmarks.COCO_LIMBS)] for one in detected if one.keypoints is not None), None)
+        if limbs is not None:
+            self.detector_sides[frame] = side_odds(self.last.keypoints, limbs, self.last.region.side)
 
     def look_at_hands(self, frame: int, image: Picture, due: Bool[Array, "F 2"] | None) -> None:
         """Look at the hands that are `due` in a frame of the track; nothing is if `due` is None."""
@@ -189,6 +211,8 @@ class TrackBuilder:
             halves[f >= frame].parts[f] = self.parts[f]
         for f, score in self.detector_scores.items():
             halves[f >= frame].detector_scores[f] = score
+        for f, odds in self.detector_sides.items():
+            halves[f >= frame].detector_sides[f] = odds
         for f, moved in self.own_motions.items():
             halves[f >= frame].own_motions[f] = moved
         for f, looks in self.hands.items():
@@ -204,15 +228,16 @@ class TrackBuilder:
         count, masks = len(frames), []
         keypoints, poses = np.empty((count, 33, 3), np.float32), np.empty((count, 33, 3), np.float32)
         bbox, mask_affine = np.empty((count, 4), np.float32), np.empty((count, 2, 3), np.float32)
-        votes, side, seen_confidence = np.empty(count), np.empty(count), np.empty(count)
+        sides, side, seen_confidence = np.empty((count, 2)), np.empty(count), np.empty(count)
         for k, frame in enumerate(frames.tolist()):
             row = self.rows.pop(frame)
             keypoints[k], poses[k], bbox[k], mask_affine[k] = row.keypoints, row.landmarks3d, row.bbox, row.mask_affine
-            votes[k], side[k], seen_confidence[k] = row.vote, row.side, row.confidence
+            sides[k], side[k], seen_confidence[k] = row.sides, row.side, row.confidence
+            sides[k, 0] += self.detector_sides.get(frame, 0.0)
             masks.append(row.mask)
         hands = hand_tracks([self.hands.get(frame) for frame in frames.tolist()]) if self.hands else None
         time_s = self.time_s[frames]
-        is_swapped = left_right_swaps(keypoints, poses, votes, time_s, side)
+        is_swapped = left_right_swaps(keypoints, poses, sides @ [OTHER_NETWORK, 1.0], time_s, side)
         keypoints = landmarks.with_sides_swapped(keypoints, is_swapped)
         steady = steadiness(keypoints, frames, side, time_s)
         evidence = Evidence(
@@ -235,6 +260,7 @@ class TrackBuilder:
             color_frame=np.array(sampled, np.int32),
             color_histogram=np.stack([self.colours[f] for f in sampled]).astype(np.float32),
             color_parts=np.stack([self.parts[f] for f in sampled]).astype(np.float32),
+            side_odds=np.where(is_swapped, -sides.sum(axis=1), sides.sum(axis=1)).astype(np.float32),
             probability=person_probability(evidence),
             evidence=tuple(evidence.features().tolist()),
             hands=hands.with_sides_swapped(is_swapped) if hands is not None else None,

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from humanmm.models.perception.fusion import fused, is_crossed
+from humanmm.models.perception.fusion import fused, is_crossed, side_odds
 from humanmm.models.perception.regions import HEIGHT_OF_SIDE
 from humanmm.models.records import landmarks
 
@@ -60,6 +60,15 @@ def test_left_and_right_are_named_as_the_network_with_the_depths_names_them() ->
     legs_alone[6:] = exchanged[6:]
     np.testing.assert_allclose(fused(own, legs_alone, SIDE)[0], own, atol=1e-9)
     assert is_crossed(own, exchanged, SIDE) and not is_crossed(own, thunder(own), SIDE)
+
+
+def test_odds_of_the_sides_follow_by_how_much_the_limbs_fit_better_one_way() -> None:
+    own = body()
+    exchanged = thunder(own).reshape(6, 2, 3)[:, ::-1].reshape(12, 3)
+    between = 0.5 * (thunder(own) + exchanged)
+    agreed, even, crossed = (side_odds(own, limbs, SIDE) for limbs in (thunder(own), between, exchanged))
+    assert agreed > 0 > even > crossed
+    assert crossed < -agreed, "swaps are rarely imagined, and often overlooked by both networks"
 
 
 def test_a_limb_is_the_less_visible_the_farther_apart_the_two_put_it() -> None:

@@ -27,6 +27,14 @@ def test_a_rightly_labelled_video_is_left_alone() -> None:
     assert left_right_swaps([sighting(person.before), sighting(person.after)], K) == ((), ())
 
 
+def test_other_networks_decide_what_the_motion_leaves_open() -> None:
+    person, _ = case(50.0)
+    s = sighting(person.before)
+    doubted = replace(s, side_odds=np.full(len(s.frame), -4.0))
+    assert left_right_swaps([doubted], K) == (((int(s.frame[0]), int(s.frame[-1]) + 1),),)
+    assert left_right_swaps([replace(s, side_odds=np.full(len(s.frame), 1.5))], K) == ((),)
+
+
 @pytest.mark.parametrize("angle_deg", [10.0, 90.0, 170.0])
 def test_a_whole_shot_with_left_and_right_swapped_is_found_by_the_cut(angle_deg: float) -> None:
     person, _ = case(angle_deg)

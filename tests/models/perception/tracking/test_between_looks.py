@@ -71,6 +71,16 @@ def test_a_jump_is_not_overshot() -> None:
     assert result.landmarks3d.min() >= -1e-6 and result.landmarks3d.max() <= 1 + 1e-6
 
 
+def test_what_was_said_of_the_sides_counts_in_looks_alone() -> None:
+    looks = looked_at(TIME_S, SPAN, max_rate_hz=30, every=1)
+    seen = np.arange(6)
+    one = replace(track(looks, seen, TIME_S), side_odds=np.full(6, 1.5, np.float32))
+    (result,) = in_frames(ScenePeople(0, len(looks), (one,)), looks, SPAN, TIME_S).tracks
+    assert result.side_odds is not None
+    assert result.frame[result.side_odds != 0].tolist() == looks[seen].tolist()
+    assert set(result.side_odds.tolist()) == {0.0, 1.5}
+
+
 def test_hands_are_known_in_looks_alone() -> None:
     looks = looked_at(TIME_S, SPAN, max_rate_hz=30, every=1)
     seen = np.arange(len(looks))

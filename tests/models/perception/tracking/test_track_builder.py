@@ -8,7 +8,7 @@ from humanmm.models.perception.hands.follow import NUMBERS
 from humanmm.models.perception.observation import Observation
 from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.regions import Region
-from humanmm.models.perception.tracking.track_builder import STEADINESS_UNKNOWN, TrackBuilder, steadiness
+from humanmm.models.perception.tracking.track_builder import STEADINESS_UNKNOWN, Sides, TrackBuilder, steadiness
 from humanmm.models.records.landmarks import SWAP
 from humanmm.models.records.tracks import PersonTrack
 
@@ -95,11 +95,14 @@ def test_a_finished_track_is_in_order_with_left_and_right_named_alike() -> None:
         if 33 <= frame < 37:
             seen = Observation(seen.keypoints[SWAP], seen.landmarks3d[SWAP], seen.bbox, 0.9, seen.mask, seen.region,
                                seen.next_region)  # fmt: skip
-        track.add(frame, seen)
+        track.add(frame, seen, Sides(other_network=1.0 if frame < 33 else -2.0))
+    track.detector_sides[21] = 0.5
     track.colours[30] = np.ones(HISTOGRAM_BINS)
     track.parts[30] = np.full((9, 3), np.nan)
     finished = track.finished()
     np.testing.assert_array_equal(finished.frame, np.arange(20, 40))
+    assert finished.side_odds is not None
+    np.testing.assert_array_equal(finished.side_odds, [1, 1.5, *[1] * 11, *[2] * 4, *[-2] * 3])
     np.testing.assert_allclose(finished.keypoints2d, np.tile(at(30).keypoints, (20, 1, 1)), rtol=1e-6)
     assert not track.rows
 
