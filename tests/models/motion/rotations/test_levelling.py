@@ -1,4 +1,4 @@
-"""Where up is in a shot: from who stands, never from who is upside down."""
+"""Where up is in a shot: from who stands, never from who lies or is upside down."""
 
 from dataclasses import replace
 
@@ -50,6 +50,22 @@ def test_a_handstand_does_not_turn_the_world_over() -> None:
     handstand = upside_down(slice(None))
     assert not standing_axes(handstand, 0)
     assert off_deg(handstand) < 30  # the picture's own vertical is left
+
+
+def lying(turn: np.ndarray) -> ShotResults:
+    """The first shot's person turned about the camera's axes in all frames."""
+    whole = results()
+    shot = whole.motions[0]
+    assert shot is not None
+    person = replace(shot.people[0], R_cam_root=rotvec_to_rotmat(np.radians(turn)) @ shot.people[0].R_cam_root)
+    return replace(whole, motions=[replace(shot, people=(person,)), *whole.motions[1:]])
+
+
+def test_who_lies_does_not_say_where_up_is() -> None:
+    for turn in ([0.0, 0.0, 90.0], [0.0, 0.0, -60.0], [90.0, 0.0, 0.0], [-90.0, 0.0, 0.0]):
+        assert not standing_axes(lying(np.array(turn)), 0), turn
+        assert off_deg(lying(np.array(turn))) < 30
+    assert standing_axes(lying(np.array([0.0, 0.0, 12.0])), 0), "a camera may be rolled a little"
 
 
 def test_who_turns_cartwheels_counts_while_he_stands() -> None:
