@@ -155,9 +155,16 @@ def test_averaging_takes_out_what_rounding_has_left_of_a_rotation() -> None:
 
 def test_a_vertical_that_is_wrong_however_sure_of_itself_does_not_turn_a_shot() -> None:
     R = rotations(4)
-    edges = [people(R, a, a + 1) for a in range(3)] + [background(R, 0, 2, 0.0), background(R, 1, 3, 0.0)]
+    tilted = rotvec_to_rotmat(np.array([1.2, 0.0, 0.0]))
+    as_tilted = [R[0], R[1], R[2] @ tilted.T, R[3]]  # the third shot as its wrong vertical would have it
+    edges = [
+        RotationEdge(
+            a, a + 1, tuple(hypothesis(of[a].T @ of[a + 1], 8.0, p) for of, p in ((R, 0.8), (as_tilted, 0.001)))
+        )
+        for a in range(3)
+    ]
     right = [Upright(R[k].T @ np.array([0.0, -1.0, 0.0]), 1.0) for k in range(4)]
-    wrong = [*right[:2], Upright(rotvec_to_rotmat(np.array([1.2, 0, 0])) @ right[2].direction, 1.0), right[3]]
+    wrong = [*right[:2], Upright(tilted @ right[2].direction, 1.0), right[3]]
     for upright in (right, wrong):
         found = solve_rotations(4, edges, upright)
         assert max(error_deg(found, R, shot) for shot in range(1, 4)) < 3
