@@ -77,7 +77,7 @@ def is_crossed(
 
 def side_odds(keypoints: Float[np.ndarray, "33 3"], limbs: Float[np.ndarray, "12 3"], side: float) -> float:
     """Log-odds that left and right of BlazePose's keypoints are right, by another network's limbs in the same frame;
-    `side` is the region's. Whole runs of frames are wrong together: those of neighbours do not add up."""
+    `side` is the region's."""
     return EVEN_ODDS - CLEAR_ODDS * float(np.clip(_crossing(keypoints, limbs, side) / CLEAR, -1, 1))
 
 

@@ -2,9 +2,10 @@
 
 The landmark network swaps left and right (and with them front and back) for whole runs of frames when the face is
 hidden or the body leans far over, with full visibility. Between neighbouring frames a left-right swap shows as limbs
-that jump across the body; a second look at an upright crop, in which the ground shows what is front and what is back,
-shows which of two stretches is right (in a crop rotated with a body that leans by 40°, a quarter of the frames came out
-swapped; in an upright one none). A chain of two states, kept and swapped, joins both kinds of evidence.
+that jump across the body. Which of two stretches is right show the other networks (`fusion.side_odds`), and a second
+look at an upright crop, in which the ground shows what is front and what is back (in a crop rotated with a body that
+leans by 40°, a quarter of the frames came out swapped; in an upright one none). A chain of two states, kept and
+swapped, joins all of it.
 """
 
 import numpy as np
@@ -22,8 +23,6 @@ PAIR_LIMIT, STEP_LIMIT = 3.0, 10.0
 MAX_GAP_S = 0.4
 KEEP_ODDS = 0.02
 """Log-odds a frame for the network's own labels: whole runs are wrong together, so one frame is weak evidence."""
-OTHER_NETWORK = 0.17
-"""What another network's log-odds in a frame count for here, for the same reason."""
 VOTE_SPREAD, VOTE_LIMIT = 0.02, 2.0
 
 _LEFT = np.array(landmarks.LIMBS[0::2])
@@ -48,7 +47,7 @@ def left_right_swaps(
 ) -> Bool[np.ndarray, " frames"]:
     """Frames in which the network has swapped left and right.
 
-    `votes` are log-odds for the labels as they are (0 where there was no second look), `side` the regions' sides in
+    `votes` are log-odds for the labels as they are (0 where there was no other look), `side` the regions' sides in
     pixels.
     """
     swapped = votes + KEEP_ODDS

@@ -4,7 +4,6 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import islice
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -18,7 +17,7 @@ from humanmm.models.perception.observation import Observation
 from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.regions import HEIGHT_OF_SIDE, Region
 from humanmm.models.perception.tracking.personhood import Evidence, mean_score, person_probability, pose_change
-from humanmm.models.perception.tracking.sides import OTHER_NETWORK, left_right_swaps
+from humanmm.models.perception.tracking.sides import left_right_swaps
 from humanmm.models.records import landmarks
 from humanmm.models.records.tracks import PersonTrack, Silhouettes, deflated_mask
 from humanmm.models.video.frame_times import elapsed_s, shown_s
@@ -42,17 +41,6 @@ STEADINESS_UNKNOWN = 0.8
 """Of a track without three frames in a row."""
 
 
-class Sides(NamedTuple):
-    """Log-odds for left and right as named in one frame; 0 where nobody looked."""
-
-    other_network: float = 0.0
-    second_look: float = 0.0
-    """Of the same network, at an upright crop."""
-
-
-UNKNOWN_SIDES = Sides()
-
-
 @dataclass(frozen=True, eq=False, slots=True)
 class Row:
     """One packed observation, less than 2 KB."""
@@ -64,14 +52,15 @@ class Row:
     mask: bytes
     """Deflated."""
     side: float
-    sides: "Sides"
+    side_odds: float
+    """Log-odds for left and right as named, from other looks; 0 without one."""
 
     @classmethod
-    def of(cls, seen: Observation, sides: "Sides") -> "Row":
+    def of(cls, seen: Observation, side_odds: float) -> "Row":
         """An observation, packed."""
         parts = (seen.keypoints, seen.landmarks3d, seen.bbox, seen.mask_to_source)
         numbers = np.concatenate([np.ravel(part) for part in parts]).astype(np.float32)
-        return cls(numbers, seen.confidence, deflated_mask(seen.mask), seen.region.side, sides)
+        return cls(numbers, seen.confidence, deflated_mask(seen.mask), seen.region.side, side_odds)
 
     @property
     def keypoints(self) -> Float[np.ndarray, "33 3"]:
@@ -178,14 +167,14 @@ class TrackBuilder:
         if self._looks and self._looks[-1][0] == frame:
             self._looks.pop()
 
-    def add(self, frame: int, seen: Observation, sides: Sides = UNKNOWN_SIDES) -> None:
+    def add(self, frame: int, seen: Observation, side_odds: float = 0.0) -> None:
         """Take an observation in; frames may come in either direction."""
         if frame != self.last_frame:
             before, now = self.last.next_region, seen.next_region
             seconds = self.time_s[frame] - self.time_s[self.last_frame]
             self.velocity = np.array([now.x - before.x, now.y - before.y]) / seconds
         self.last, self.last_frame, self.lost_since, self.active = seen, frame, None, True
-        self.rows[frame] = Row.of(seen, sides)
+        self.rows[frame] = Row.of(seen, side_odds)
 
     def note_detected_sides(self, frame: int, detected: Sequence[Detection]) -> None:
         """What detections of this person, best first, say of his left and right in the track's last frame."""
@@ -228,16 +217,16 @@ class TrackBuilder:
         count, masks = len(frames), []
         keypoints, poses = np.empty((count, 33, 3), np.float32), np.empty((count, 33, 3), np.float32)
         bbox, mask_affine = np.empty((count, 4), np.float32), np.empty((count, 2, 3), np.float32)
-        sides, side, seen_confidence = np.empty((count, 2)), np.empty(count), np.empty(count)
+        odds, side, seen_confidence = np.empty(count), np.empty(count), np.empty(count)
         for k, frame in enumerate(frames.tolist()):
             row = self.rows.pop(frame)
             keypoints[k], poses[k], bbox[k], mask_affine[k] = row.keypoints, row.landmarks3d, row.bbox, row.mask_affine
-            sides[k], side[k], seen_confidence[k] = row.sides, row.side, row.confidence
-            sides[k, 0] += self.detector_sides.get(frame, 0.0)
+            odds[k] = row.side_odds + self.detector_sides.get(frame, 0.0)
+            side[k], seen_confidence[k] = row.side, row.confidence
             masks.append(row.mask)
         hands = hand_tracks([self.hands.get(frame) for frame in frames.tolist()]) if self.hands else None
         time_s = self.time_s[frames]
-        is_swapped = left_right_swaps(keypoints, poses, sides @ [OTHER_NETWORK, 1.0], time_s, side)
+        is_swapped = left_right_swaps(keypoints, poses, odds, time_s, side)
         keypoints = landmarks.with_sides_swapped(keypoints, is_swapped)
         steady = steadiness(keypoints, frames, side, time_s)
         evidence = Evidence(
@@ -260,7 +249,7 @@ class TrackBuilder:
             color_frame=np.array(sampled, np.int32),
             color_histogram=np.stack([self.colours[f] for f in sampled]).astype(np.float32),
             color_parts=np.stack([self.parts[f] for f in sampled]).astype(np.float32),
-            side_odds=np.where(is_swapped, -sides.sum(axis=1), sides.sum(axis=1)).astype(np.float32),
+            side_odds=np.where(is_swapped, -odds, odds).astype(np.float32),
             probability=person_probability(evidence),
             evidence=tuple(evidence.features().tolist()),
             hands=hands.with_sides_swapped(is_swapped) if hands is not None else None,

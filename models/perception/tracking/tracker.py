@@ -30,7 +30,7 @@ from humanmm.models.perception.tracking.search import (
     settle,
 )
 from humanmm.models.perception.tracking.sides import side_vote
-from humanmm.models.perception.tracking.track_builder import UNKNOWN_SIDES, Sides, TrackBuilder
+from humanmm.models.perception.tracking.track_builder import TrackBuilder
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
 from humanmm.models.video.frame_times import ROUNDING_S, elapsed_s, nearest_frame, sampled_every, shown_s
 
@@ -152,8 +152,8 @@ class SceneTracker:
 
     def _look_behind(
         self, frame: int, image: Picture, track: TrackBuilder, nearer: list[Observation]
-    ) -> tuple[Observation, Sides] | None:
-        """The track's person and what is said of his sides; people nearer are painted out where they overlap."""
+    ) -> tuple[Observation, float] | None:
+        """The track's person and the odds of his sides; people nearer are painted out where they overlap."""
         region = track.predicted(frame)
         half = 0.35 * region.side
         box = np.array([region.x - half, region.y - half, region.x + half, region.y + half])
@@ -177,21 +177,21 @@ class SceneTracker:
 
     def _found_again(
         self, image: Picture, region: Region, hiding: list[Observation]
-    ) -> tuple[Observation, Sides] | None:
+    ) -> tuple[Observation, float] | None:
         """Who the detector sees near a region when all who may hide him are painted out."""
         canvas = without(image, hiding)[0] if hiding else image
         for detection in self._networks.detect(canvas, Region(region.x, region.y, 1.8 * region.side)):
             person = settle(self._networks.locate, canvas, detection)
             if person is not None and not person.region.outlier_of(region, shift=0.6, ratio=1.6):
-                return person, UNKNOWN_SIDES
+                return person, 0.0
         return None
 
     def _local_search_due(self, lost_since: int, frame: int) -> bool:
         since = sampled_every(self._time_s[lost_since : frame + 2], LOCAL_SEARCH_S)
         return frame > lost_since and bool(since[frame - lost_since])
 
-    def _look(self, frame: int, image: Picture, region: Region) -> tuple[Observation, Sides] | None:
-        """The person in a region and what is said of his sides; a crop that jumped or grew is looked at again."""
+    def _look(self, frame: int, image: Picture, region: Region) -> tuple[Observation, float] | None:
+        """The person in a region and the odds of his sides; a crop that jumped or grew is looked at again."""
         output = self._networks.locate(image, region)
         if output.next_region.outlier_of(region, shift=0.12, ratio=1.3):
             output = self._networks.locate(image, output.next_region)
@@ -203,11 +203,11 @@ class SceneTracker:
         seen = observe(output, image.size)
         if seen is None:
             return None
-        upright_odds = 0.0
+        odds = output.side_odds
         if LEANING_RAD < abs(seen.region.angle) < LYING_RAD and (careful or self._side_look_due[frame]):
             upright = self._networks.locate(image, replace(seen.region, angle=0.0))
-            upright_odds = side_vote(seen.keypoints, upright.keypoints, seen.region.side)
-        return seen, Sides(output.side_odds, upright_odds)
+            odds += side_vote(seen.keypoints, upright.keypoints, seen.region.side)
+        return seen, odds
 
     def _claim(self, frame: int, image: Picture, track: TrackBuilder, seen: Observation) -> float:
         """How well an observation in a frame continues a track, by place, pose and clothes."""

@@ -8,7 +8,7 @@ from humanmm.models.perception.hands.follow import NUMBERS
 from humanmm.models.perception.observation import Observation
 from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.regions import Region
-from humanmm.models.perception.tracking.track_builder import STEADINESS_UNKNOWN, Sides, TrackBuilder, steadiness
+from humanmm.models.perception.tracking.track_builder import STEADINESS_UNKNOWN, TrackBuilder, steadiness
 from humanmm.models.records.landmarks import SWAP
 from humanmm.models.records.tracks import PersonTrack
 
@@ -95,7 +95,7 @@ def test_a_finished_track_is_in_order_with_left_and_right_named_alike() -> None:
         if 33 <= frame < 37:
             seen = Observation(seen.keypoints[SWAP], seen.landmarks3d[SWAP], seen.bbox, 0.9, seen.mask, seen.region,
                                seen.next_region)  # fmt: skip
-        track.add(frame, seen, Sides(other_network=1.0 if frame < 33 else -2.0))
+        track.add(frame, seen, 1.0 if frame < 33 else -2.0)
     track.detector_sides[21] = 0.5
     track.colours[30] = np.ones(HISTOGRAM_BINS)
     track.parts[30] = np.full((9, 3), np.nan)
