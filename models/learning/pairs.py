@@ -16,7 +16,7 @@ from humanmm.models.body.body24 import load_body
 from humanmm.models.body.landmarks import load_landmarks
 from humanmm.models.geometry.projection import project, world_to_camera
 from humanmm.models.learning.crops import CropRenderer, Degradation
-from humanmm.models.perception.fusion import located_in
+from humanmm.models.perception.fusion import CROSSED_ODDS, located_in
 from humanmm.models.perception.observation import observe
 from humanmm.models.perception.regions import Region, body_region
 from humanmm.models.records import landmarks
@@ -182,7 +182,7 @@ def _observed(renderer: CropRenderer, fps: float, rng: np.random.Generator) -> P
         found = observe(output, renderer.size)
         seen.append({
             "keypoints": output.keypoints, "landmarks3d": output.landmarks3d, "presence": output.presence,
-            "region": (region.x, region.y, region.side, region.angle), "is_crossed": output.side_odds < 0,
+            "region": (region.x, region.y, region.side, region.angle), "is_crossed": output.side_odds < CROSSED_ODDS,
             "confidence": found.confidence if found else 0.0,
         })  # fmt: skip
         following = output.next_region

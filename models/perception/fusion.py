@@ -33,6 +33,8 @@ EVEN_ODDS, CLEAR_ODDS, CLEAR = -0.7, 2.3, 0.08
 added or taken away where they clearly do not, and by how much of the height they do so. Fitted to 1,019 frames (spins,
 kicks, floor work, acrobatics) in which BlazePose has swapped the sides and 1,783 in which it has not: Thunder fits
 better crossed in 59 and 4 % of them, MultiPose in 70 and 5 %."""
+CROSSED_ODDS = EVEN_ODDS - CLEAR_ODDS * CROSSED / CLEAR
+"""`side_odds` below which Thunder's limbs are crossed."""
 _LIMBS = np.array(landmarks.LIMBS)
 _EXCHANGED = np.arange(12).reshape(6, 2)[:, ::-1].ravel()
 _IS_WRIST = np.isin(_LIMBS, landmarks.WRISTS)

@@ -184,13 +184,9 @@ class PersonTrack:
             mask_affine=np.concatenate([self.mask_affine, later.mask_affine]),
             color_frame=np.concatenate([self.color_frame, later.color_frame]),
             color_histogram=np.concatenate([self.color_histogram, later.color_histogram]),
-            color_parts=np.concatenate([self.color_parts, later.color_parts])
-            if self.color_parts is not None and later.color_parts is not None
-            else None,
+            color_parts=_both(self.color_parts, later.color_parts),
             probability=total / sum(counts) if sum(counts) else self.probability,
-            side_odds=np.concatenate([self.side_odds, later.side_odds])
-            if self.side_odds is not None and later.side_odds is not None
-            else None,
+            side_odds=_both(self.side_odds, later.side_odds),
             lifted=self.lifted or later.lifted,
             pose=self.pose.then(later.pose) if self.pose is not None and later.pose is not None else None,
             hands=self._hands_then(later),
@@ -200,6 +196,11 @@ class PersonTrack:
         if self.hands is None and later.hands is None:
             return None
         return (self.hands or not_looked(len(self.frame))).then(later.hands or not_looked(len(later.frame)))
+
+
+def _both(first: np.ndarray | None, second: np.ndarray | None) -> np.ndarray | None:
+    """One after the other; None if either is not known."""
+    return None if first is None or second is None else np.concatenate([first, second])
 
 
 @dataclass(frozen=True)

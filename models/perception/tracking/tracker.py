@@ -6,6 +6,7 @@ Frames come once, in order; the last few are kept, so that a person found late i
 from collections import deque
 from collections.abc import Iterable
 from dataclasses import replace
+from itertools import compress
 
 import numpy as np
 from jaxtyping import Float
@@ -221,9 +222,10 @@ class SceneTracker:
         """Ask the detector for everybody: who is new is followed from here, who is known gets its testimony."""
         detected = detections(self._networks.detect, image)
         present = [track for track in self._tracks if frame in track.rows]
-        nobodys = [one for one in detected if not any(lies_on(track.last, one) for track in present)]
-        for known in present:
-            his = [one for one in detected if lies_on(known.last, one)]
+        of_each = [[lies_on(track.last, one) for one in detected] for track in present]
+        nobodys = [one for k, one in enumerate(detected) if not any(is_his[k] for is_his in of_each)]
+        for known, is_his in zip(present, of_each, strict=True):
+            his = list(compress(detected, is_his))
             known.detector_scores[frame] = max((one.score for one in his), default=0.0)
             known.note_detected_sides(frame, his or [one for one in nobodys if lies_crossed_on(known.last, one)])
         limit = self._max_people - len(seen)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from humanmm.models.perception.fusion import fused, is_crossed, side_odds
+from humanmm.models.perception.fusion import CROSSED_ODDS, fused, is_crossed, side_odds
 from humanmm.models.perception.regions import HEIGHT_OF_SIDE
 from humanmm.models.records import landmarks
 
@@ -60,6 +60,9 @@ def test_left_and_right_are_named_as_the_network_with_the_depths_names_them() ->
     legs_alone[6:] = exchanged[6:]
     np.testing.assert_allclose(fused(own, legs_alone, SIDE)[0], own, atol=1e-9)
     assert is_crossed(own, exchanged, SIDE) and not is_crossed(own, thunder(own), SIDE)
+    for share in np.linspace(0, 1, 41):
+        limbs = (1 - share) * thunder(own) + share * exchanged
+        assert (side_odds(own, limbs, SIDE) < CROSSED_ODDS) == is_crossed(own, limbs, SIDE)
 
 
 def test_odds_of_the_sides_follow_by_how_much_the_limbs_fit_better_one_way() -> None:
