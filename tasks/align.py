@@ -30,5 +30,6 @@ def align(inputs: StageInputs) -> WorldMotion:
         intrinsics=inputs.read("intrinsics", Intrinsics),
         key_frames=seen.of_shot,
         ground=seen.ground,
+        pictures=seen.pictures,
     )
     return align_shots(results, method=load("align.method", inputs.config.align.method), progress=inputs.progress)

@@ -170,6 +170,7 @@ def _make(video: Path, truth: Path, split: str, config: Config, store: Store) ->
         points=tuple(results_of(run, "points", PointTracks)),
         key_frames=tuple(one for shot in seen.of_shot for one in shot),
         ground=tuple(one for shot in seen.ground for one in shot),
+        pictures=tuple(one for shot in seen.pictures for one in shot),
         truth=read_sequence(truth),
     )
 

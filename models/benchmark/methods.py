@@ -70,6 +70,7 @@ _WITNESS_LEFT_OUT = {
     "humanmm without background links": "background",
     "humanmm without walls": "walls",
     "humanmm without shadows": "shadows",
+    "humanmm without floors": "floors",
 }
 """Evidence that is not used where the rotations at cuts are decided (`align.WITNESSES`)."""
 CUTS: tuple[str, ...] = ("humanmm", *_WITNESS_LEFT_OUT, "humanmm with eight-point", "oracle camera rotation")
@@ -258,7 +259,12 @@ def _recovered(method: str, stages: _SharedStages) -> WorldMotion:  # noqa: PLR0
         return stages.refine(stages.start, align(results, method=align_by_eight_point))
     if method in _WITNESS_LEFT_OUT:
         witness = _WITNESS_LEFT_OUT[method]
-        pictures = {"background": results.key_frames, "walls": results.key_frames, "shadows": results.ground}
+        pictures = {
+            "background": results.key_frames,
+            "walls": results.key_frames,
+            "shadows": results.ground,
+            "floors": results.pictures,
+        }
         if witness in pictures and not any(pictures[witness]):
             return stages.refined
         return stages.refine(stages.start, align(results, method=how, witnesses=WITNESSES - {witness}))
@@ -362,6 +368,7 @@ def shot_results_of(video: BenchVideo, start: Beginning) -> ShotResults:
         intrinsics=start.intrinsics,
         key_frames=_by_shot(video.key_frames, start.shots),
         ground=_by_shot(video.ground, start.shots) if video.ground else (),
+        pictures=_by_shot(video.pictures, start.shots) if video.pictures else (),
     )
 
 

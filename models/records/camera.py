@@ -154,6 +154,11 @@ class ShotCamera:
         """Its focal length changes."""
         return bool((self.K[1:] != self.K[:-1]).any())
 
+    @property
+    def stays(self) -> bool:
+        """Its picture shows the same of the background all the time."""
+        return not (self.travels or self.zooms or (self.R_shot_cam[1:] != self.R_shot_cam[:-1]).any())
+
 
 def through_lens(
     xy: Float[np.ndarray, "n *k 2"], K_seen: Float[np.ndarray, "n 3 3"], K: Float[np.ndarray, "3 3"]

@@ -1,4 +1,4 @@
-"""Pictures of the ground around people, on which their shadows fall: a few a shot, small and grey."""
+"""Pictures of the ground, a few a shot, small and grey: around people, where shadows fall, and in whole frames."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,7 +22,8 @@ LEAST_HEIGHT_PX = 24
 """Nobody whose box is lower casts a shadow that can be seen."""
 BESIDE, ABOVE, BELOW = 1.3, 1.1, 0.9
 """How far the ground is kept from the bottom of a person's box, in heights of the box."""
-MAX_SIDE_PX = 320
+MAX_SIDE_PX, WHOLE_SIDE_PX = 320, 640
+"""Largest side of a picture of the ground around people, and of a whole frame."""
 HIDDEN = 0
 """Grey level of pixels that show somebody and no ground."""
 GROWN = 3
@@ -66,7 +67,7 @@ def ground_around(
 
     `gray`: the whole frame; `scale`: source pixels that one of its pixels is wide.
     """
-    seen = [(track, int(row)) for track in people for row in np.flatnonzero(track.frame == frame)]
+    seen = _seen_in(frame, people)
     tall = [track.bbox[row] for track, row in seen if track.bbox[row, 3] - track.bbox[row, 1] >= LEAST_HEIGHT_PX]
     if not tall:
         return None
@@ -80,13 +81,36 @@ def ground_around(
     x1, y1 = np.clip(np.ceil(high), 0, size).astype(int)
     if min(x1 - x0, y1 - y0) < LEAST_HEIGHT_PX:
         return None
-    part = gray[y0:y1, x0:x1]
-    smaller = max(1.0, max(part.shape) / MAX_SIDE_PX)
+    corner = np.array([x0, y0], np.float32) * np.float32(scale)
+    return _without(seen, frame, gray[y0:y1, x0:x1], corner, scale, MAX_SIDE_PX)
+
+
+def whole_frame(
+    frame: int, gray: UInt8[Array, "height width"], people: Sequence[PersonTrack], scale: float
+) -> GroundPicture:
+    """A whole frame, see `ground_around`."""
+    return _without(_seen_in(frame, people), frame, gray, np.zeros(2, np.float32), scale, WHOLE_SIDE_PX)
+
+
+def _seen_in(frame: int, people: Sequence[PersonTrack]) -> list[tuple[PersonTrack, int]]:
+    """Who is seen in a frame, with the row of his track."""
+    return [(track, int(row)) for track in people for row in np.flatnonzero(track.frame == frame)]
+
+
+def _without(
+    seen: Sequence[tuple[PersonTrack, int]],
+    frame: int,
+    part: UInt8[Array, "height width"],
+    corner: Float[Array, "2"],
+    scale: float,
+    most_px: int,
+) -> GroundPicture:
+    """A part of a frame, no side of it longer than `most_px`, with the people in it left out."""
+    smaller = max(1.0, max(part.shape) / most_px)
     if smaller > 1:
         # one factor for both sides: what does not fill a last pixel is cut off
         h, w = (max(1, int(side / smaller)) for side in part.shape)
         part = cv2.resize(part[: round(h * smaller), : round(w * smaller)], (w, h), interpolation=cv2.INTER_AREA)
-    corner = np.array([x0, y0], np.float32) * np.float32(scale)
     picture = GroundPicture(frame, corner, float(scale * smaller), np.maximum(part, HIDDEN + 1))
     for track, row in seen:
         picture.gray[_silhouette(picture, track, row)] = HIDDEN

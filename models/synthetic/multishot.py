@@ -78,6 +78,8 @@ class BenchVideo:
     """Features of the shots' key frames, people left out; none where there are no pictures."""
     ground: tuple[GroundPicture, ...] = ()
     """The ground around people in some frames of the shots."""
+    pictures: tuple[GroundPicture, ...] = ()
+    """The shots' outer key frames."""
     static_cameras: bool = False
     """The user knows that all cameras are static."""
     cuts_known: bool = False

@@ -7,6 +7,7 @@ import numpy as np
 import three_shots
 from held_results import inputs_of
 
+from humanmm.models.camera.background.keyframes import KeyFrameFeatures
 from humanmm.models.records.shots import Scenes, Shot, ShotList, Transition
 from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.shadows.ground import HIDDEN
@@ -36,23 +37,28 @@ def test_features_lie_on_nobody_and_a_scene_that_failed_has_none(film: Any) -> N
     assert not any(on_him(one).any() for one in without_him) and all(len(one.xy) for one in without_him)
 
 
-def test_the_ground_is_kept_around_people_and_of_several_shots_alone(film: Any) -> None:
+def test_pictures_are_kept_without_people_and_of_several_shots_alone(film: Any) -> None:
     end = film.facts.num_frames
     (track,) = three_shots.shot_of(0)[1].tracks
     box = np.tile(np.float32([60, 20, 120, 100]), (film.CUT, 1))
     somebody = ScenePeople(0, film.CUT, (replace(track.within(0, film.CUT), bbox=box),))
 
-    def ground(shots: list[Shot], *people: ScenePeople) -> Any:
+    def described(shots: list[Shot], *people: ScenePeople) -> KeyFrameFeatures:
         listed = ShotList(end, tuple(shots), ())
         cuts = tuple(shot.transition for shot in shots if shot.transition is not None)
         results = {"decode": film.facts, "scenes": Scenes(end, cuts), "people": list(people), "shots": listed}
-        return keyframes(inputs_of("keyframes", results, video=film.video)).ground
+        return keyframes(inputs_of("keyframes", results, video=film.video))
 
     cut = Transition("cut", film.CUT, film.CUT, "scene")
     both = [Shot(0, 0, film.CUT, 0, None, ()), Shot(1, film.CUT, end, 1, cut, ())]
-    first, second = ground(both, somebody, ScenePeople(film.CUT, end, ()))
+    several = described(both, somebody, ScenePeople(film.CUT, end, ()))
+    first, second = several.ground
     frames = [picture.frame for picture in first]
     assert frames == sorted(frames) and frames[0] == 0 and frames[-1] == film.CUT - 1 and len(frames) > 3
     assert all((picture.gray == HIDDEN).any() and (picture.gray != HIDDEN).any() for picture in first)
     assert second == ()  # nobody is in it
-    assert ground([Shot(0, 0, end, 0, None, ())], somebody) == ()
+    whole, empty = several.pictures
+    assert [picture.frame for picture in whole] == [0, film.CUT - 1] and len(empty) == 2
+    assert [(picture.gray == HIDDEN).any() for picture in (*whole, *empty)] == [True, True, False, False]
+    alone = described([Shot(0, 0, end, 0, None, ())], somebody)
+    assert alone.ground == () and alone.pictures == ()

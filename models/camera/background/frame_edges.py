@@ -66,9 +66,9 @@ class FrameEdge:
 
 
 def match_features(
-    a: Float[np.ndarray, "m 128"], b: Float[np.ndarray, "n 128"]
+    a: Float[np.ndarray, "m 128"], b: Float[np.ndarray, "n 128"], *, ratio: float = RATIO
 ) -> tuple[Int[np.ndarray, " matches"], Int[np.ndarray, " matches"]]:
-    """Indices into a and b (`FrameFeatures.roots`) of mutual nearest neighbours that pass the ratio test."""
+    """Indices into a and b (`roots_of`) of mutual nearest neighbours that pass the ratio test."""
     nothing = np.zeros(0, np.int64)
     if len(a) < 2 or len(b) < 2:
         return nothing, nothing
@@ -79,7 +79,7 @@ def match_features(
     similarity[every, nearest] = -1.0  # less than any: the largest is now the second
     second = similarity.max(axis=1)
     similarity[every, nearest] = best
-    distinct = np.flatnonzero(np.sqrt(np.maximum(2 - 2 * best, 0)) < RATIO * np.sqrt(np.maximum(2 - 2 * second, 0)))
+    distinct = np.flatnonzero(np.sqrt(np.maximum(2 - 2 * best, 0)) < ratio * np.sqrt(np.maximum(2 - 2 * second, 0)))
     mutual = similarity[:, nearest[distinct]].argmax(axis=0) == distinct
     return distinct[mutual], nearest[distinct[mutual]]
 

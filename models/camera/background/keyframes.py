@@ -3,7 +3,8 @@
 By its features (SIFT, Lowe 2004) a place is recognised in another shot; its straight edges (`segments`) give the focal
 length, the vertical and the camera's heading; on the ground people's shadows fall (`models.shadows`). A shot is
 represented by its first, middle and last frame outside transitions: neighbouring shots meet in the outer ones, and a
-camera that moves shows most in all three. The ground is seen in a few more. Pixels have their centres at (0.5, 0.5).
+camera that moves shows most in all three. The outer ones are kept, small and grey, for their floor (`floor_views`); the
+ground around people is seen in a few more. Pixels have their centres at (0.5, 0.5).
 """
 
 import itertools
@@ -18,7 +19,7 @@ from jaxtyping import Float, UInt8
 from humanmm.models.camera.background.segments import detect_segments
 from humanmm.models.records.shots import Shot, ShotList
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
-from humanmm.models.shadows.ground import GroundPicture, ground_around, ground_frames
+from humanmm.models.shadows.ground import GroundPicture, ground_around, ground_frames, whole_frame
 from humanmm.models.video.frames import frames_at
 from humanmm.models.video.opened import Video
 from humanmm.models.video.prefetch import prefetched
@@ -44,10 +45,15 @@ class FrameFeatures:
 
     @cached_property
     def roots(self) -> Float[np.ndarray, "features 128"]:
-        """Square roots of the descriptors at sum 1, float32: their products are the Hellinger kernel (Arandjelović and
-        Zisserman 2012)."""
-        values = self.descriptors.astype(np.float32)
-        return np.asarray(np.sqrt(values / np.maximum(values.sum(axis=1, keepdims=True), 1e-9)))
+        """See `roots_of`."""
+        return roots_of(self.descriptors)
+
+
+def roots_of(descriptors: UInt8[np.ndarray, "features 128"]) -> Float[np.ndarray, "features 128"]:
+    """Square roots of descriptors at sum 1, float32: their products are the Hellinger kernel (Arandjelović and
+    Zisserman 2012)."""
+    values = descriptors.astype(np.float32)
+    return np.asarray(np.sqrt(values / np.maximum(values.sum(axis=1, keepdims=True), 1e-9)))
 
 
 @dataclass(frozen=True)
@@ -58,13 +64,15 @@ class KeyFrameFeatures:
     """By shot, in order of time; empty where a shot failed or shows nothing clearly."""
     ground: tuple[tuple[GroundPicture, ...], ...] = ()
     """By shot, the ground around its people, in order of time; none of the only shot of a video."""
+    pictures: tuple[tuple[GroundPicture, ...], ...] = ()
+    """By shot, its first and last key frame as they are, without their people; none of the only shot of a video."""
 
 
 def describe_key_frames(
     video: Video, shots: ShotList, people: Sequence[ScenePeople | None], *, progress: Progress = silent
 ) -> KeyFrameFeatures:
-    """Features and straight edges of the background in every shot's key frames, in source pixels, and the ground around
-    its people.
+    """Features and straight edges of the background in every shot's key frames, in source pixels, the outer
+    ones of these frames themselves, and the ground around the shot's people.
 
     Of the only shot of a video edges alone: there is nothing in which its features could be recognised. `people`: one
     a scene, None where it failed; their boxes are left out of the key frames.
@@ -74,21 +82,26 @@ def describe_key_frames(
     cv2.setNumThreads(1)
     wanted = [frame for part in parts for frame in part.frames]
     decoded = frames_at(video.stream, video.facts, wanted, pixels="gray", max_side_px=MAX_SIDE_PX)
-    features, grounds = [], []
+    features, grounds, wholes = [], [], []
     with prefetched(decoded) as pictures:
         for part in parts:
-            described, around = [], []
+            described, around, whole = [], [], []
             for picture in itertools.islice(pictures, len(part.frames)):
                 scale = video.facts.width / picture.image.shape[1]
                 if picture.index in part.key_frames:
                     found = describe_frame(picture.index, picture.image, features=several)
                     described.append(without_people(_in_source(found, scale), part.tracks))
+                if picture.index in part.outer_frames:
+                    whole.append(whole_frame(picture.index, picture.image, part.tracks, scale))
                 if picture.index in part.ground_frames:
                     around.append(ground_around(picture.index, picture.image, part.tracks, scale))
                 progress(picture.index + 1, video.facts.num_frames)
             features.append(tuple(described))
             grounds.append(tuple(picture for picture in around if picture is not None))
-    return KeyFrameFeatures(tuple(features), tuple(grounds) if several else ())
+            wholes.append(tuple(whole))
+    if not several:
+        return KeyFrameFeatures(tuple(features))
+    return KeyFrameFeatures(tuple(features), tuple(grounds), tuple(wholes))
 
 
 @dataclass(frozen=True)
@@ -105,6 +118,11 @@ class _ShotPart:
         if scene is None:
             return cls((), (), ())
         return cls(tuple(scene.tracks), key_frames(shot), ground_frames(shot) if several else ())
+
+    @property
+    def outer_frames(self) -> tuple[int, ...]:
+        """The key frames that are kept as they are."""
+        return (self.key_frames[0], self.key_frames[-1]) if self.key_frames and self.ground_frames else ()
 
     @property
     def frames(self) -> tuple[int, ...]:

@@ -11,14 +11,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.motion.rotations.levelling import level_axes
 from humanmm.models.motion.rotations.rotation_mixtures import RotationEdge, RotationHypothesis, Upright
-from humanmm.models.motion.rotations.shot_results import ShotResults, camera_of, motions_of, posed
-from humanmm.models.records.camera import ShotCamera
-from humanmm.models.records.landmarks import ANKLES, BEYOND
+from humanmm.models.motion.rotations.shot_results import ShotResults, camera_of, motions_of
+from humanmm.models.motion.rotations.standing import standing
 from humanmm.models.records.motion import PersonShotMotion
 from humanmm.models.shadows.floor import PosedOnFloor, seen_floor
 from humanmm.models.shadows.light import AZIMUTHS_DEG, ELEVATIONS_DEG, STEP_DEG, light_log_likelihood
@@ -41,10 +40,6 @@ NEIGHBOURS = 3
 """Each shot's light is compared with those of so many shots after it: in a long video the cost grows with the shots."""
 LEAST_PROBABILITY = 0.15
 """Headings that are less likely are not named."""
-FEET = (*ANKLES, *(end for ankle in ANKLES for end in BEYOND[ankle]))
-LEAST_VISIBILITY = 0.5
-FLOOR_S, FLOOR_QUANTILE = 0.5, 0.2
-"""The floor is as high as the lower soles in this quantile of the frames so near in time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,41 +101,19 @@ def _on_floor(
 ) -> PosedOnFloor | None:
     """A person in the pictures of a shot's ground in which he stands in view; None if there are none."""
     pictures = {picture.frame: picture for picture in results.ground[shot]}
-    in_view = motion.observed & np.isin(motion.frame, _feet_in_view(results, shot, motion.person))
-    rows = [row for row in np.flatnonzero(in_view) if int(motion.frame[row]) in pictures]
+    camera, person = camera_of(results, shot), standing(results, shot, motion, axes)
+    rows = [row for row in np.flatnonzero(person.feet_seen) if int(motion.frame[row]) in pictures]
     if not rows:
         return None
-    camera = camera_of(results, shot)
-    at = motion.frame - camera.start
-    R_level_cam = axes.T @ camera.R_shot_cam[at]
-    joints, soles = posed(motion, R_level_cam)
-    pelvis = np.einsum("nab,nb->na", R_level_cam, motion.pelvis_cam)
-    floor = _floor_height(soles[..., 2].min(axis=1) + pelvis[:, 2], results.time_s[motion.frame], camera)
-    of_rows = [pictures[int(motion.frame[row])] for row in rows]
+    of_rows = [(pictures[int(motion.frame[row])], camera.K[motion.frame[row] - camera.start]) for row in rows]
     return PosedOnFloor(
-        joints=joints[rows],
-        pelvis=pelvis[rows],
-        floor=floor[rows],
-        R_level_cam=R_level_cam[rows],
-        K=np.stack([one.in_picture(camera.K[at[row]]) for one, row in zip(of_rows, rows, strict=True)]),
-        pictures=[one.gray for one in of_rows],
+        joints=person.joints[rows],
+        pelvis=person.pelvis[rows],
+        floor=person.floor[rows],
+        R_level_cam=person.R_level_cam[rows],
+        K=np.stack([picture.in_picture(K) for picture, K in of_rows]),
+        pictures=[picture.gray for picture, _ in of_rows],
     )
-
-
-def _feet_in_view(results: ShotResults, shot: int, person: int) -> Int[Array, " n"]:
-    """Frames in which a foot is seen: where the floor is below an upper body is a guess."""
-    scene = results.scenes[results.shots.shots[shot].scene]
-    tracks = [scene.track_of(one) for one in results.shots.shots[shot].people if one.person == person and scene]
-    seen = [track.frame[(track.keypoints2d[:, FEET, 2] >= LEAST_VISIBILITY).any(axis=1)] for track in tracks]
-    return np.concatenate([np.zeros(0, np.int32), *seen])
-
-
-def _floor_height(lowest: Float[Array, " n"], time_s: Float[Array, " n"], camera: ShotCamera) -> Float[Array, " n"]:
-    """From the heights of the lower soles about the camera; a camera that stays has one floor."""
-    if not camera.travels:
-        return np.full(len(lowest), np.quantile(lowest, FLOOR_QUANTILE))
-    near = (lowest[np.abs(time_s - now) <= FLOOR_S] for now in time_s)
-    return np.array([np.quantile(some, FLOOR_QUANTILE) for some in near])
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,6 +17,7 @@ from humanmm.models.body.proportions import resized
 from humanmm.models.cuts.camera_rotation import CutMethod, align_by_bundle
 from humanmm.models.geometry.intrinsics import K_of
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
+from humanmm.models.motion.rotations.floors import floor_edges
 from humanmm.models.motion.rotations.levelling import (
     ShotVertical,
     levelled,
@@ -25,6 +26,7 @@ from humanmm.models.motion.rotations.levelling import (
     vertical_of,
 )
 from humanmm.models.motion.rotations.positions import position_edge
+from humanmm.models.motion.rotations.rotation_mixtures import RotationEdge
 from humanmm.models.motion.rotations.shadows import light_edges, shot_lights
 from humanmm.models.motion.rotations.shot_graph import (
     BackgroundEdges,
@@ -63,7 +65,7 @@ __all__ = ["WITNESSES", "ShotResults", "align"]
 
 Array = np.ndarray
 
-WITNESSES = frozenset({"people", "positions", "background", "walls", "shadows"})
+WITNESSES = frozenset({"people", "positions", "background", "walls", "shadows", "floors"})
 """What may speak for a camera's rotation between two shots: bodies seen on both sides, where people stand to one
 another, a background that both show, the straight edges of built places, the shadows that people cast."""
 
@@ -126,11 +128,15 @@ def _aligned(
     from_background = with_alike_walls(background.edges, upright)
     spoken = [*from_people, *from_positions, *from_background, *wall_edges(walls)]
     rotations = solve_rotations(num_shots, spoken, upright)
+    # Where up is decides where a shadow falls and how a floor looks from above: all shots have said first where it is.
+    together = upright_together(results, rotations, verticals)
+    on_ground: list[RotationEdge] = []
     if "shadows" in witnesses and results.ground:
-        # Where up is decides where a shadow falls: the lights are sought once all shots have said where it is.
-        from_shadows = light_edges(shot_lights(results, upright_together(results, rotations, verticals)))
-        if from_shadows:
-            rotations = solve_rotations(num_shots, [*spoken, *from_shadows], upright)
+        on_ground += light_edges(shot_lights(results, together))
+    if "floors" in witnesses and results.pictures:
+        on_ground += floor_edges(results, together)
+    if on_ground:
+        rotations = solve_rotations(num_shots, [*spoken, *on_ground], upright)
     # The largest world decides on the focal length.
     groups = sorted(_groups(results, rotations), key=lambda group: -_num_frames(results, group))
     F = len(results.time_s)

@@ -9,8 +9,9 @@ from three_shots import camera, results
 
 from humanmm.models.geometry.rotations import angle_between_deg
 from humanmm.models.motion.rotations.rotation_mixtures import RotationEdge, Upright
-from humanmm.models.motion.rotations.shadows import FEET, NEIGHBOURS, ShotLight, light_edges, shot_lights
+from humanmm.models.motion.rotations.shadows import NEIGHBOURS, ShotLight, light_edges, shot_lights
 from humanmm.models.motion.rotations.shot_results import ShotResults
+from humanmm.models.motion.rotations.standing import FEET
 from humanmm.models.records.shots import Person
 from humanmm.models.shadows.light import AZIMUTHS_DEG, ELEVATIONS_DEG
 

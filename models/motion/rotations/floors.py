@@ -1,0 +1,143 @@
+"""What floors say: two shots whose floors match, seen from above, differ by the heading that carries one to the other.
+
+A room has four walls that may look alike, and people may be seen wrongly on one side of a cut; it has one floor, and
+every camera sees it.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from humanmm.models.camera.background.floor_views import (
+    DISTINCT_DEG,
+    FloorFeatures,
+    FloorMotion,
+    floor_features,
+    floor_motions,
+    floor_rotation,
+)
+from humanmm.models.motion.rotations.levelling import level_axes
+from humanmm.models.motion.rotations.rotation_mixtures import (
+    QUANTILE_68,
+    RotationEdge,
+    RotationHypothesis,
+    Upright,
+)
+from humanmm.models.motion.rotations.shot_results import ShotResults, camera_of, motions_of
+from humanmm.models.motion.rotations.standing import standing
+
+EVIDENCE, ALIKE, EVEN = 2.75, 3.96, 5.12
+"""A motion on which n matches agree and whose floors correlate by c has the odds n^EVIDENCE · exp(ALIKE · c − EVEN)
+against none and against others."""
+MOST_INLIERS, ONE_FLOOR = 30, 0.975
+"""n counts up to MOST_INLIERS; ONE_FLOOR is the most that all motions of two floors have together. Fitted to 443 pairs
+of shots of rendered clips (docs/accuracy.md)."""
+LEAST_SIGMA_DEG = 1.5
+"""68 % of right rotations are off by no less: lenses, floors that are not even."""
+LEAST_TILT_DEG = 1.5
+"""No vertical is so certain that a floor may not correct it."""
+LEAST_PROBABILITY = 0.05
+"""Headings that are less likely are not named."""
+COMPARE_ALL, NEIGHBOURS = 8, 3
+"""Up to so many shots, any two are compared; in longer videos each with so many shots after it."""
+LOWEST_M = 0.2
+"""A camera that stands lower sees no floor."""
+
+
+def floor_edges(results: ShotResults, upright: Mapping[int, Upright]) -> list[RotationEdge]:
+    """The headings between shots whose floors match; `upright`: by shot, where up is."""
+    axes = {shot: level_axes(up.direction) for shot, up in upright.items()}
+    floors = {shot: found for shot, level in axes.items() if (found := _floors_of(results, shot, level))}
+    edges = []
+    for a, b in compared(sorted(floors)):
+        hypotheses = tuple(
+            _hypothesis(found, probability, (axes[a], axes[b]), (upright[a].sigma_deg, upright[b].sigma_deg))
+            for found, probability in _likely(_motions(floors[a], floors[b]))
+        )
+        if hypotheses:
+            edges.append(RotationEdge(a, b, hypotheses, "floors", connects=False, pooled=True))
+    return edges
+
+
+def compared(shots: Sequence[int]) -> list[tuple[int, int]]:
+    """The pairs of shots, given in order, whose floors are compared."""
+    reach = len(shots) if len(shots) <= COMPARE_ALL else NEIGHBOURS
+    return [(a, b) for k, a in enumerate(shots) for b in shots[k + 1 : k + 1 + reach]]
+
+
+def _hypothesis(
+    found: "_Moved", probability: float, axes: tuple[np.ndarray, np.ndarray], sigmas_deg: tuple[float, float]
+) -> RotationHypothesis:
+    """What a motion of the floor says of two shots, whose level axes and the errors of whose verticals these are."""
+    tilt_a, tilt_b = (math.radians(max(sigma, LEAST_TILT_DEG)) for sigma in sigmas_deg)
+    R_a_b, sigma_rad = floor_rotation(found.motion, (found.a.height, found.b.height), (tilt_a, tilt_b))
+    sigma_deg = math.hypot(LEAST_SIGMA_DEG, QUANTILE_68 * math.degrees(sigma_rad))
+    return RotationHypothesis(axes[0] @ R_a_b @ axes[1].T, sigma_deg, probability, "floor")
+
+
+@dataclass(frozen=True, eq=False)
+class _SeenFloor:
+    """The floor in one key frame."""
+
+    frame: int
+    height: float
+    """Of the camera above it, metres."""
+    features: FloorFeatures
+
+
+@dataclass(frozen=True, eq=False)
+class _Moved:
+    """How the floor of one key frame lies in that of another."""
+
+    a: _SeenFloor
+    b: _SeenFloor
+    motion: FloorMotion
+
+
+def _floors_of(results: ShotResults, shot: int, axes: np.ndarray) -> list[_SeenFloor]:
+    """The floor in a shot's outer key frames, in order of time; nothing where the camera's height is not known."""
+    certain = {person.person for person in results.shots.people if not person.doubtful}
+    people = [motion for motion in motions_of(results, shot).values() if motion.person in certain]
+    if not people:
+        return []
+    longest = max(people, key=lambda motion: int(motion.observed.sum()))
+    on_floor, camera = standing(results, shot, longest, axes), camera_of(results, shot)
+    frames, heights = longest.frame[on_floor.feet_seen], -on_floor.floor[on_floor.feet_seen]
+    if not len(frames):
+        return []
+    found = []
+    for picture in results.pictures[shot][: 1 if camera.stays else None]:  # all of a camera that stays show one floor
+        height, at = float(heights[np.abs(frames - picture.frame).argmin()]), picture.frame - camera.start
+        if height >= LOWEST_M:
+            R_level_cam = axes.T @ camera.R_shot_cam[at]
+            features = floor_features(picture.gray, picture.in_picture(camera.K[at]), R_level_cam, height)
+            found.extend([_SeenFloor(picture.frame, height, features)] if features is not None else [])
+    return found
+
+
+def _motions(a: Sequence[_SeenFloor], b: Sequence[_SeenFloor]) -> list[_Moved]:
+    """The motions between the key frames that are next to each other in time, and those farthest apart; of motions that
+    agree the one with most matches."""
+    found = [
+        _Moved(one, other, motion)
+        for one, other in {(len(a) - 1, 0): (a[-1], b[0]), (0, len(b) - 1): (a[0], b[-1])}.values()
+        for motion in floor_motions(one.features, other.features)
+    ]
+    distinct: list[_Moved] = []
+    for one in sorted(found, key=lambda moved: -moved.motion.num_inliers):
+        turned = [math.remainder(one.motion.heading - other.motion.heading, 2 * math.pi) for other in distinct]
+        if all(abs(turn) > math.radians(DISTINCT_DEG) for turn in turned):
+            distinct.append(one)
+    return distinct
+
+
+def _likely(found: Sequence[_Moved]) -> list[tuple[_Moved, float]]:
+    """The motions with their probabilities, as far as these are worth naming."""
+    odds = [
+        min(one.motion.num_inliers, MOST_INLIERS) ** EVIDENCE * math.exp(ALIKE * one.motion.correlation - EVEN)
+        for one in found
+    ]
+    likely = [(one, ONE_FLOOR * odd / (1 + sum(odds))) for one, odd in zip(found, odds, strict=True)]
+    return [(one, probability) for one, probability in likely if probability >= LEAST_PROBABILITY]
