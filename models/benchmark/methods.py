@@ -63,7 +63,7 @@ ABLATIONS: tuple[str, ...] = (
     "concat",
 )
 """Each module off, one at a time. Without orientation alignment the worlds of the baseline are refined as ours are;
-without background links only people connect shots; walls and positions still speak for rotations."""
+without background links only people connect shots; walls, positions, shadows and floors still speak for rotations."""
 _WITNESS_LEFT_OUT = {
     "humanmm without people at cuts": "people",
     "humanmm without positions": "positions",

@@ -79,7 +79,7 @@ class BenchVideo:
     ground: tuple[GroundPicture, ...] = ()
     """The ground around people in some frames of the shots."""
     pictures: tuple[GroundPicture, ...] = ()
-    """The shots' outer key frames."""
+    """The shots' key frames."""
     static_cameras: bool = False
     """The user knows that all cameras are static."""
     cuts_known: bool = False

@@ -47,7 +47,7 @@ TURN_RAD = 0.5
 """Error of a feature's own direction."""
 PLACE_M, PLACE_SHARE = 0.06, 0.03
 """How far a match may be off, metres, and in shares of its distance from the camera."""
-MOST_PAIRS, MOST_STARTS = 12_000, 1000
+MOST_PAIRS, MOST_STARTS = 30_000, 1000
 """Pairs of matches that are looked at, and motions by them that are counted for: spread evenly over all there are."""
 REFINED, ITERATIONS = 40, 4
 POINT_M, POINT_SHARE, SCALE_SIGMA = 0.03, 0.015, 0.1

@@ -3,8 +3,8 @@
 By its features (SIFT, Lowe 2004) a place is recognised in another shot; its straight edges (`segments`) give the focal
 length, the vertical and the camera's heading; on the ground people's shadows fall (`models.shadows`). A shot is
 represented by its first, middle and last frame outside transitions: neighbouring shots meet in the outer ones, and a
-camera that moves shows most in all three. The outer ones are kept, small and grey, for their floor (`floor_views`); the
-ground around people is seen in a few more. Pixels have their centres at (0.5, 0.5).
+camera that moves shows most in all three. They are kept, small and grey, for their floor (`floor_views`); the ground
+around people is seen in a few more. Pixels have their centres at (0.5, 0.5).
 """
 
 import itertools
@@ -65,14 +65,14 @@ class KeyFrameFeatures:
     ground: tuple[tuple[GroundPicture, ...], ...] = ()
     """By shot, the ground around its people, in order of time; none of the only shot of a video."""
     pictures: tuple[tuple[GroundPicture, ...], ...] = ()
-    """By shot, its first and last key frame as they are, without their people; none of the only shot of a video."""
+    """By shot, its key frames as they are, without their people; none of the only shot of a video."""
 
 
 def describe_key_frames(
     video: Video, shots: ShotList, people: Sequence[ScenePeople | None], *, progress: Progress = silent
 ) -> KeyFrameFeatures:
-    """Features and straight edges of the background in every shot's key frames, in source pixels, the outer
-    ones of these frames themselves, and the ground around the shot's people.
+    """Features and straight edges of the background in every shot's key frames, in source pixels, these frames
+    themselves, and the ground around the shot's people.
 
     Of the only shot of a video edges alone: there is nothing in which its features could be recognised. `people`: one
     a scene, None where it failed; their boxes are left out of the key frames.
@@ -91,8 +91,8 @@ def describe_key_frames(
                 if picture.index in part.key_frames:
                     found = describe_frame(picture.index, picture.image, features=several)
                     described.append(without_people(_in_source(found, scale), part.tracks))
-                if picture.index in part.outer_frames:
-                    whole.append(whole_frame(picture.index, picture.image, part.tracks, scale))
+                    if several:
+                        whole.append(whole_frame(picture.index, picture.image, part.tracks, scale))
                 if picture.index in part.ground_frames:
                     around.append(ground_around(picture.index, picture.image, part.tracks, scale))
                 progress(picture.index + 1, video.facts.num_frames)
@@ -118,11 +118,6 @@ class _ShotPart:
         if scene is None:
             return cls((), (), ())
         return cls(tuple(scene.tracks), key_frames(shot), ground_frames(shot) if several else ())
-
-    @property
-    def outer_frames(self) -> tuple[int, ...]:
-        """The key frames that are kept as they are."""
-        return (self.key_frames[0], self.key_frames[-1]) if self.key_frames and self.ground_frames else ()
 
     @property
     def frames(self) -> tuple[int, ...]:

@@ -97,7 +97,7 @@ class _Moved:
 
 
 def _floors_of(results: ShotResults, shot: int, axes: np.ndarray) -> list[_SeenFloor]:
-    """The floor in a shot's outer key frames, in order of time; nothing where the camera's height is not known."""
+    """The floor in a shot's key frames, in order of time; nothing where the camera's height is not known."""
     certain = {person.person for person in results.shots.people if not person.doubtful}
     people = [motion for motion in motions_of(results, shot).values() if motion.person in certain]
     if not people:
@@ -108,7 +108,8 @@ def _floors_of(results: ShotResults, shot: int, axes: np.ndarray) -> list[_SeenF
     if not len(frames):
         return []
     found = []
-    for picture in results.pictures[shot][: 1 if camera.stays else None]:  # all of a camera that stays show one floor
+    pictures = results.pictures[shot]
+    for picture in pictures[len(pictures) // 2 :][:1] if camera.stays else pictures:  # of that they all show one floor
         height, at = float(heights[np.abs(frames - picture.frame).argmin()]), picture.frame - camera.start
         if height >= LOWEST_M:
             R_level_cam = axes.T @ camera.R_shot_cam[at]
@@ -118,11 +119,12 @@ def _floors_of(results: ShotResults, shot: int, axes: np.ndarray) -> list[_SeenF
 
 
 def _motions(a: Sequence[_SeenFloor], b: Sequence[_SeenFloor]) -> list[_Moved]:
-    """The motions between the key frames that are next to each other in time, and those farthest apart; of motions that
-    agree the one with most matches."""
+    """The motions between three pairs of key frames: those next to each other in time, those farthest apart, and those
+    in the middle; of motions that agree the one with most matches."""
+    pairs = {(len(a) - 1, 0), (0, len(b) - 1), (len(a) // 2, len(b) // 2)}
     found = [
         _Moved(one, other, motion)
-        for one, other in {(len(a) - 1, 0): (a[-1], b[0]), (0, len(b) - 1): (a[0], b[-1])}.values()
+        for one, other in ((a[k], b[m]) for k, m in sorted(pairs))
         for motion in floor_motions(one.features, other.features)
     ]
     distinct: list[_Moved] = []

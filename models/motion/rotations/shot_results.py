@@ -38,7 +38,7 @@ class ShotResults:
     ground: Sequence[Sequence[GroundPicture]] = ()
     """Pictures of the ground around people, one entry a shot; none at all where there are no pictures."""
     pictures: Sequence[Sequence[GroundPicture]] = ()
-    """Every shot's outer key frames, people left out; none at all where there are no pictures."""
+    """Every shot's key frames, people left out; none at all where there are no pictures."""
 
 
 def usable(results: ShotResults, shot: int) -> bool:
