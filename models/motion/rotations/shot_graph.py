@@ -228,11 +228,14 @@ def _in_shot_axes(results: ShotResults, edge: ShotEdge, focal_uncertainty: float
     )
 
 
-def with_alike_walls(edges: Sequence[RotationEdge], upright: Sequence[Upright | None]) -> list[RotationEdge]:
-    """The edges of backgrounds, with what follows if two different walls that look alike were taken for one.
+def with_alike(
+    edges: Sequence[RotationEdge], upright: Sequence[Upright | None], probability: float, what: str
+) -> list[RotationEdge]:
+    """The edges of backgrounds or floors, with what follows if two that look alike were taken for one.
 
-    A room's walls stand at right angles: each hypothesis may be a quarter or half of a turn about the vertical off,
-    however many points agree on it. `upright`: one a shot; where a vertical is unknown an edge stays as it is.
+    A room's walls stand at right angles, and tiles lie along them: each hypothesis may be a quarter or half of a turn
+    about the vertical off, however many points agree on it. `upright`: one a shot; where a vertical is unknown an edge
+    stays as it is; `probability`: of all three turns; `what`: looks alike, for the record.
     """
     found = []
     for edge in edges:
@@ -245,13 +248,13 @@ def with_alike_walls(edges: Sequence[RotationEdge], upright: Sequence[Upright | 
                 one,
                 R_a_b=rotvec_to_rotmat(up.direction * turn) @ one.R_a_b,
                 sigma_deg=math.hypot(one.sigma_deg, up.sigma_deg, ALIKE_DEG),
-                probability=ALIKE_WALLS * share * one.probability,
-                source=f"{one.source}, another wall",
+                probability=probability * share * one.probability,
+                source=f"{one.source}, {what}",
             )
             for one in edge.hypotheses
             for turn, share in ((math.pi, 0.5), (math.pi / 2, 0.25), (-math.pi / 2, 0.25))
         ]
-        seen = [replace(one, probability=(1 - ALIKE_WALLS) * one.probability) for one in edge.hypotheses]
+        seen = [replace(one, probability=(1 - probability) * one.probability) for one in edge.hypotheses]
         found.append(replace(edge, hypotheses=(*seen, *turned)))
     return found
 

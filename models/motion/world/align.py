@@ -17,7 +17,7 @@ from humanmm.models.body.proportions import resized
 from humanmm.models.cuts.camera_rotation import CutMethod, align_by_bundle
 from humanmm.models.geometry.intrinsics import K_of
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
-from humanmm.models.motion.rotations.floors import floor_edges
+from humanmm.models.motion.rotations.floors import ALIKE_TILES, floor_edges
 from humanmm.models.motion.rotations.levelling import (
     ShotVertical,
     levelled,
@@ -29,12 +29,13 @@ from humanmm.models.motion.rotations.positions import position_edge
 from humanmm.models.motion.rotations.rotation_mixtures import RotationEdge
 from humanmm.models.motion.rotations.shadows import light_edges, shot_lights
 from humanmm.models.motion.rotations.shot_graph import (
+    ALIKE_WALLS,
     BackgroundEdges,
     CutEdge,
     background_edges,
     cut_edge,
     people_edges,
-    with_alike_walls,
+    with_alike,
 )
 from humanmm.models.motion.rotations.shot_results import (
     ShotResults,
@@ -125,7 +126,7 @@ def _aligned(
     placed = (position_edge(results, edge.earlier, edge.later, verticals, identities) for edge in linked)
     from_positions = (edge for edge in placed if edge is not None and "positions" in witnesses)
     upright = [verticals[shot].upright if shot in verticals else None for shot in range(num_shots)]
-    from_background = with_alike_walls(background.edges, upright)
+    from_background = with_alike(background.edges, upright, ALIKE_WALLS, "another wall")
     spoken = [*from_people, *from_positions, *from_background, *wall_edges(walls)]
     rotations = solve_rotations(num_shots, spoken, upright)
     # Where up is decides where a shadow falls and how a floor looks from above: all shots have said first where it is.
@@ -134,7 +135,7 @@ def _aligned(
     if "shadows" in witnesses and results.ground:
         on_ground += light_edges(shot_lights(results, together))
     if "floors" in witnesses and results.pictures:
-        on_ground += floor_edges(results, together)
+        on_ground += with_alike(floor_edges(results, together), upright, ALIKE_TILES, "other tiles")
     if on_ground:
         rotations = solve_rotations(num_shots, [*spoken, *on_ground], upright)
     # The largest world decides on the focal length.

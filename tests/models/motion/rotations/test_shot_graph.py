@@ -16,11 +16,12 @@ from humanmm.models.geometry.rotations import rotation_angle, rotvec_to_rotmat
 from humanmm.models.motion.rotations import shot_graph
 from humanmm.models.motion.rotations.rotation_mixtures import RotationEdge, RotationHypothesis, Upright
 from humanmm.models.motion.rotations.shot_graph import (
+    ALIKE_WALLS,
     CutEdge,
     background_edges,
     cut_edge,
     people_edges,
-    with_alike_walls,
+    with_alike,
 )
 from humanmm.models.motion.rotations.shot_results import ShotResults
 from humanmm.models.motion.rotations.shot_rotations import solve_rotations
@@ -150,22 +151,24 @@ def test_another_wall_that_looks_alike_does_not_overrule_a_person(turn_deg: floa
     wrong, ups = [background_off_by(turn_deg)], [UP, UP]
     believed = solve_rotations(2, [*wrong, witness(0, 1)], ups).R_group_shot[1]
     assert abs(np.degrees(rotation_angle(believed)) - abs(turn_deg)) < 1
-    doubted = solve_rotations(2, [*with_alike_walls(wrong, ups), witness(0, 1)], ups)
+    doubted = solve_rotations(2, [*with_alike(wrong, ups, ALIKE_WALLS, "another wall"), witness(0, 1)], ups)
     assert np.degrees(rotation_angle(doubted.R_group_shot[1])) < 2
     assert {one.hypothesis.source for one in doubted.believed} == {"plane, another wall", "person 0"}
 
 
 def test_a_background_alone_and_one_that_is_wrong_otherwise_are_as_they_were() -> None:
     ups = [UP, UP]
-    alone = solve_rotations(2, with_alike_walls([background_off_by(40.0)], ups), ups)
+    alone = solve_rotations(2, with_alike([background_off_by(40.0)], ups, ALIKE_WALLS, "another wall"), ups)
     assert abs(np.degrees(rotation_angle(alone.R_group_shot[1])) - 40) < 1
-    contradicted = solve_rotations(2, [*with_alike_walls([background_off_by(40.0)], ups), witness(0, 1)], ups)
+    contradicted = solve_rotations(
+        2, [*with_alike([background_off_by(40.0)], ups, ALIKE_WALLS, "another wall"), witness(0, 1)], ups
+    )
     assert abs(np.degrees(rotation_angle(contradicted.R_group_shot[1])) - 40) < 1
 
 
 def test_one_camera_that_returns_and_a_shot_without_a_vertical_have_no_other_walls() -> None:
     returned, unknown = background_off_by(0.0, source="same camera"), background_off_by(0.0)
-    assert with_alike_walls([returned], [UP, UP]) == [returned]
-    assert with_alike_walls([unknown], [None, UP]) == [unknown]
-    (edge,) = with_alike_walls([unknown], [UP, UP])
+    assert with_alike([returned], [UP, UP], ALIKE_WALLS, "another wall") == [returned]
+    assert with_alike([unknown], [None, UP], ALIKE_WALLS, "another wall") == [unknown]
+    (edge,) = with_alike([unknown], [UP, UP], ALIKE_WALLS, "another wall")
     assert sum(one.probability for one in edge.hypotheses) == pytest.approx(0.9)
