@@ -36,8 +36,8 @@ MOST_INLIERS, ONE_FLOOR = 30, 0.975
 of shots of rendered clips (docs/accuracy.md)."""
 ALIKE_TILES = 0.1
 """Probability that floors which seem to match are a quarter or half of a turn off: tiles lie along the walls, so that
-walls agree with them then. With 0, 0.05, 0.1 and 0.25 of it 67, 61, 61 and 63 rotations at 433 development cuts are wrong
-by more than 30°, and 10, 5, 4 and 3 of these have a probability above 0.8 (docs/accuracy.md)."""
+walls agree with them then. With 0, 0.05, 0.1 and 0.25 of it 67, 61, 61 and 63 rotations at 433 development cuts are
+wrong by more than 30°, and 10, 5, 4 and 3 of these have a probability above 0.8 (docs/accuracy.md)."""
 LEAST_SIGMA_DEG = 1.5
 """68 % of right rotations are off by no less: lenses, floors that are not even."""
 LEAST_TILT_DEG = 1.5
