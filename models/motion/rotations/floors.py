@@ -7,6 +7,7 @@ every camera sees it.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -53,12 +54,13 @@ LOWEST_M = 0.2
 def floor_edges(results: ShotResults, upright: Mapping[int, Upright]) -> list[RotationEdge]:
     """The headings between shots whose floors match; `upright`: by shot, where up is."""
     axes = {shot: level_axes(up.direction) for shot, up in upright.items()}
-    floors = {shot: found for shot, level in axes.items() if (found := _floors_of(results, shot, level))}
+    # The floors of a shot take some megabytes: of a long video only those are held that are still compared.
+    floors = lru_cache(maxsize=COMPARE_ALL)(lambda shot: _floors_of(results, shot, axes[shot]))
     edges = []
-    for a, b in compared(sorted(floors)):
+    for a, b in compared(sorted(axes)):
         hypotheses = tuple(
             _hypothesis(found, probability, (axes[a], axes[b]), (upright[a].sigma_deg, upright[b].sigma_deg))
-            for found, probability in _likely(_motions(floors[a], floors[b]))
+            for found, probability in _likely(_motions(floors(a), floors(b)))
         )
         if hypotheses:
             edges.append(RotationEdge(a, b, hypotheses, "floors", connects=False, pooled=True))
@@ -125,6 +127,8 @@ def _floors_of(results: ShotResults, shot: int, axes: np.ndarray) -> list[_SeenF
 def _motions(a: Sequence[_SeenFloor], b: Sequence[_SeenFloor]) -> list[_Moved]:
     """The motions between three pairs of key frames: those next to each other in time, those farthest apart, and those
     in the middle; of motions that agree the one with most matches."""
+    if not a or not b:
+        return []
     pairs = {(len(a) - 1, 0), (0, len(b) - 1), (len(a) // 2, len(b) // 2)}
     found = [
         _Moved(one, other, motion)

@@ -59,6 +59,12 @@ def test_without_somebody_certain_no_camera_has_a_height() -> None:
     assert not floor_edges(replace(whole, shots=doubtful), upright())
 
 
+def test_a_shot_without_a_picture_says_nothing_and_the_others_do() -> None:
+    whole = on(*[carpet()] * 3)
+    blind = replace(whole, pictures=[whole.pictures[0], (), whole.pictures[2]])
+    assert [(edge.a, edge.b) for edge in floor_edges(blind, upright())] == [(0, 2)]
+
+
 def test_in_long_videos_each_shot_is_compared_with_the_next_ones() -> None:
     assert len(compared(range(COMPARE_ALL))) == COMPARE_ALL * (COMPARE_ALL - 1) // 2
     many = compared([3 * shot for shot in range(30)])
