@@ -50,12 +50,13 @@ PLACE_M, PLACE_SHARE = 0.06, 0.03
 MOST_PAIRS, MOST_STARTS = 30_000, 1000
 """Pairs of matches that are looked at, and motions by them that are counted for: spread evenly over all there are."""
 REFINED, ITERATIONS = 40, 4
+"""Motions, those with most matches, that are settled over all their matches, in so many steps."""
 POINT_M, POINT_SHARE, SCALE_SIGMA = 0.03, 0.015, 0.1
 """Error of a right match, metres and in shares of its distance; of the logarithm of the shots' relative scale."""
 CELL_OF_INLIERS_M = 0.1
 """Matches that lie closer together are one: an edge of a tile has many."""
-DISTINCT_DEG = 10.0
-MOST_MOTIONS = 4
+DISTINCT_DEG, MOST_MOTIONS = 10.0, 4
+"""Motions whose headings are closer are one, and so many are told of."""
 PATTERN_M, NEIGHBOURHOOD_PX, NOISE = 0.05, 8.0, 2.0
 """Side of a pixel of the floor's pattern, the pixels against which its brightness is taken, and the grey levels that
 are the sensor's."""

@@ -51,6 +51,24 @@ LOWEST_M = 0.2
 """A camera that stands lower sees no floor."""
 
 
+@dataclass(frozen=True, eq=False)
+class _SeenFloor:
+    """The floor in one key frame."""
+
+    height: float
+    """Of the camera above it, metres."""
+    features: FloorFeatures
+
+
+@dataclass(frozen=True, eq=False)
+class _Moved:
+    """How the floor of one key frame lies in that of another."""
+
+    a: _SeenFloor
+    b: _SeenFloor
+    motion: FloorMotion
+
+
 def floor_edges(results: ShotResults, upright: Mapping[int, Upright]) -> list[RotationEdge]:
     """The headings between shots whose floors match; `upright`: by shot, where up is."""
     axes = {shot: level_axes(up.direction) for shot, up in upright.items()}
@@ -74,32 +92,13 @@ def compared(shots: Sequence[int]) -> list[tuple[int, int]]:
 
 
 def _hypothesis(
-    found: "_Moved", probability: float, axes: tuple[np.ndarray, np.ndarray], sigmas_deg: tuple[float, float]
+    found: _Moved, probability: float, axes: tuple[np.ndarray, np.ndarray], sigmas_deg: tuple[float, float]
 ) -> RotationHypothesis:
     """What a motion of the floor says of two shots, whose level axes and the errors of whose verticals these are."""
     tilt_a, tilt_b = (math.radians(max(sigma, LEAST_TILT_DEG)) for sigma in sigmas_deg)
     R_a_b, sigma_rad = floor_rotation(found.motion, (found.a.height, found.b.height), (tilt_a, tilt_b))
     sigma_deg = math.hypot(LEAST_SIGMA_DEG, QUANTILE_68 * math.degrees(sigma_rad))
     return RotationHypothesis(axes[0] @ R_a_b @ axes[1].T, sigma_deg, probability, "floor")
-
-
-@dataclass(frozen=True, eq=False)
-class _SeenFloor:
-    """The floor in one key frame."""
-
-    frame: int
-    height: float
-    """Of the camera above it, metres."""
-    features: FloorFeatures
-
-
-@dataclass(frozen=True, eq=False)
-class _Moved:
-    """How the floor of one key frame lies in that of another."""
-
-    a: _SeenFloor
-    b: _SeenFloor
-    motion: FloorMotion
 
 
 def _floors_of(results: ShotResults, shot: int, axes: np.ndarray) -> list[_SeenFloor]:
@@ -120,7 +119,7 @@ def _floors_of(results: ShotResults, shot: int, axes: np.ndarray) -> list[_SeenF
         if height >= LOWEST_M:
             R_level_cam = axes.T @ camera.R_shot_cam[at]
             features = floor_features(picture.gray, picture.in_picture(camera.K[at]), R_level_cam, height)
-            found.extend([_SeenFloor(picture.frame, height, features)] if features is not None else [])
+            found.extend([_SeenFloor(height, features)] if features is not None else [])
     return found
 
 

@@ -68,7 +68,7 @@ Array = np.ndarray
 
 WITNESSES = frozenset({"people", "positions", "background", "walls", "shadows", "floors"})
 """What may speak for a camera's rotation between two shots: bodies seen on both sides, where people stand to one
-another, a background that both show, the straight edges of built places, the shadows that people cast."""
+another, a background that both show, the straight edges of built places, the shadows that people cast, the floor."""
 
 
 @single_threaded
