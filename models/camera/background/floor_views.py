@@ -18,6 +18,7 @@ from scipy.optimize import least_squares
 from humanmm.models.camera.background.frame_edges import match_features
 from humanmm.models.camera.background.keyframes import roots_of
 from humanmm.models.geometry.projection import viewing_rays
+from humanmm.models.geometry.robust import cauchy_loss
 from humanmm.models.geometry.rotations import rotvec_to_rotmat, unit
 from humanmm.models.shadows.ground import HIDDEN
 
@@ -130,6 +131,11 @@ class FloorMotion:
     points: Float[Array, "2 k 2"] = field(default_factory=lambda: np.zeros((2, 0, 2)))
     """The matches that agree, in frame a and in frame b."""
 
+    def is_like(self, other: "FloorMotion") -> bool:
+        """Whether both have about the same heading."""
+        turned = math.remainder(self.heading - other.heading, 2 * math.pi)
+        return abs(turned) <= math.radians(DISTINCT_DEG)
+
 
 def floor_features(
     gray: UInt8[Array, "height width"], K: Float[Array, "3 3"], R_level_cam: Float[Array, "3 3"], height: float
@@ -186,9 +192,7 @@ def floor_motions(a: FloorFeatures, b: FloorFeatures) -> tuple[FloorMotion, ...]
     found: list[FloorMotion] = []
     for heading, scale, shift in matches.started():
         motion = matches.settled(heading, scale, shift)
-        if motion is not None and all(
-            abs(_wrapped(motion.heading - other.heading)) > math.radians(DISTINCT_DEG) for other in found
-        ):
+        if motion is not None and not any(motion.is_like(other) for other in found):
             found.append(replace(motion, correlation=_correlation(a.pattern, b.pattern, motion)))
         if len(found) == MOST_MOTIONS:
             break
@@ -228,7 +232,7 @@ def floor_rotation(
         )
         off = (on_a - on_b @ _turns(unknown[4], np.exp(unknown[5])).T - unknown[6:]) / sigma[:, None]
         away = np.linalg.norm(off, axis=1, keepdims=True)
-        robust = np.sqrt(np.log1p(away**2)) / np.maximum(away, 1e-9)  # Cauchy
+        robust = np.sqrt(cauchy_loss(away**2)) / np.maximum(away, 1e-9)
         tilts = unknown[:4].reshape(2, 2) / np.array(tilt_sigmas_rad)[:, None]
         return np.concatenate([(robust * off).ravel(), tilts.ravel(), unknown[5:6] / SCALE_SIGMA])
 
@@ -331,6 +335,6 @@ def _turns(heading: Float[Array, "*n"], scale: Float[Array, "*n"]) -> Float[Arra
     return np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=-2)
 
 
-def _wrapped(angle: Float[Array, "*n"] | float) -> Float[Array, "*n"]:
+def _wrapped(angle: Float[Array, "*n"]) -> Float[Array, "*n"]:
     """To ±π."""
-    return np.asarray((np.asarray(angle) + math.pi) % (2 * math.pi) - math.pi)
+    return np.asarray((angle + math.pi) % (2 * math.pi) - math.pi)

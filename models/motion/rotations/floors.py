@@ -12,7 +12,6 @@ from functools import lru_cache
 import numpy as np
 
 from humanmm.models.camera.background.floor_views import (
-    DISTINCT_DEG,
     FloorFeatures,
     FloorMotion,
     floor_features,
@@ -103,7 +102,7 @@ def _hypothesis(
 
 def _floors_of(results: ShotResults, shot: int, axes: np.ndarray) -> list[_SeenFloor]:
     """The floor in a shot's key frames, in order of time; nothing where the camera's height is not known."""
-    certain = {person.person for person in results.shots.people if not person.doubtful}
+    certain = results.certain
     people = [motion for motion in motions_of(results, shot).values() if motion.person in certain]
     if not people:
         return []
@@ -136,8 +135,7 @@ def _motions(a: Sequence[_SeenFloor], b: Sequence[_SeenFloor]) -> list[_Moved]:
     ]
     distinct: list[_Moved] = []
     for one in sorted(found, key=lambda moved: -moved.motion.num_inliers):
-        turned = [math.remainder(one.motion.heading - other.motion.heading, 2 * math.pi) for other in distinct]
-        if all(abs(turn) > math.radians(DISTINCT_DEG) for turn in turned):
+        if not any(one.motion.is_like(other.motion) for other in distinct):
             distinct.append(one)
     return distinct
 

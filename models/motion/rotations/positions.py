@@ -47,7 +47,7 @@ def position_edge(
     where fewer than two are seen near the cut, or they stand too close together.
     """
     before, after = motions_of(results, earlier), motions_of(results, later)
-    certain = {person.person for person in results.shots.people if not person.doubtful}
+    certain = results.certain
     places, right = [], RIGHT
     for person in sorted(before.keys() & after.keys() & certain):
         identity = identities.get((person, later), 1.0)

@@ -60,7 +60,7 @@ class ShotLight:
 
 def shot_lights(results: ShotResults, upright: Mapping[int, Upright]) -> dict[int, ShotLight]:
     """By shot, where the light comes from, as far as anybody's shadow says so; `upright`: by shot, where up is."""
-    certain = {person.person for person in results.shots.people if not person.doubtful}
+    certain = results.certain
     found = {}
     for shot, up in upright.items():
         axes = level_axes(up.direction)

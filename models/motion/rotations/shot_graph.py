@@ -74,7 +74,7 @@ def cut_edge(
     )
     before, after = results.cameras[earlier], results.cameras[later]
     shared = sorted(here.keys() & motions_of(results, earlier).keys())
-    certain = {person.person for person in results.shots.people if not person.doubtful}
+    certain = results.certain
     shared = [person for person in shared if person in certain] or shared
     people: list[tuple[int, CutPerson]] = []
     for person in shared:

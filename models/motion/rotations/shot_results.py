@@ -40,6 +40,11 @@ class ShotResults:
     pictures: Sequence[Sequence[GroundPicture]] = ()
     """Every shot's key frames, people left out; none at all where there are no pictures."""
 
+    @property
+    def certain(self) -> frozenset[int]:
+        """Numbers of the people who are not doubtful."""
+        return frozenset(person.person for person in self.shots.people if not person.doubtful)
+
 
 def usable(results: ShotResults, shot: int) -> bool:
     """Whether a shot has a camera and a motion."""

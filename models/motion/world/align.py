@@ -130,11 +130,12 @@ def _aligned(
     spoken = [*from_people, *from_positions, *from_background, *wall_edges(walls)]
     rotations = solve_rotations(num_shots, spoken, upright)
     # Where up is decides where a shadow falls and how a floor looks from above: all shots have said first where it is.
-    together = upright_together(results, rotations, verticals)
+    shadows, floors = "shadows" in witnesses and results.ground, "floors" in witnesses and results.pictures
+    together = upright_together(results, rotations, verticals) if shadows or floors else {}
     on_ground: list[RotationEdge] = []
-    if "shadows" in witnesses and results.ground:
+    if shadows:
         on_ground += light_edges(shot_lights(results, together))
-    if "floors" in witnesses and results.pictures:
+    if floors:
         on_ground += with_alike(floor_edges(results, together), upright, ALIKE_TILES, "other tiles")
     if on_ground:
         rotations = solve_rotations(num_shots, [*spoken, *on_ground], upright)
