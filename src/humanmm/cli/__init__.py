@@ -9,6 +9,8 @@ import sys
 import threading
 from collections.abc import Sequence
 
+from humanmm.errors import interruption
+
 SUBJECTS = (
     "recover",
     "camera",
@@ -34,7 +36,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         atexit.register(_end_interrupted)  # the first to be registered is the last to run
     try:
         status = _run(arguments)
-    except KeyboardInterrupt:  # before a verb has begun: nothing is computed yet
+    except BaseException as error:  # before a verb has begun: nothing is computed yet
+        if interruption(error) is None:
+            raise
         sys.stderr.write("\rhumanmm: interrupted; resumable with the same command\n")
         status = INTERRUPTED
     if status == INTERRUPTED and arguments is None:  # this process ends: pressed again, Ctrl-C changes nothing

@@ -15,10 +15,11 @@ import typer
 from typer import Argument, Option
 from typer.core import TyperCommand
 
+from humanmm.cli import INTERRUPTED
 from humanmm.cli.examples import epilog
 from humanmm.cli.settings import Settings
 from humanmm.cli.terminal import say
-from humanmm.errors import HumanMMError, UsageError
+from humanmm.errors import HumanMMError, UsageError, interruption
 from humanmm.logs import to_standard_error
 from humanmm.tasks import pipeline
 from humanmm.version import __version__
@@ -192,13 +193,13 @@ def _interrupted_by_signals() -> Iterator[None]:
 
 def _outcome(error: BaseException) -> tuple[str, int]:
     """The message for an error, and the exit status."""
+    if pressed := interruption(error):
+        stopped = str(pressed) or "interrupted"
+        return f"{stopped}; resumable with the same command, what was computed stays in the store", INTERRUPTED
     match error:
         case UsageError():
             return str(error), 2
         case HumanMMError():
             return str(error), 1
-        case KeyboardInterrupt():
-            stopped = str(error) or "interrupted"
-            return f"{stopped}; resumable with the same command, what was computed stays in the store", 130
         case _:
             return f"unexpected {type(error).__name__}: {error} (-v shows where)", 1
