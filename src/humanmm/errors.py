@@ -68,10 +68,3 @@ class ResourceError(HumanMMError):
 
 class WeightsError(HumanMMError):
     """A weight file does not match its manifest."""
-
-
-def interruption(error: BaseException | None) -> KeyboardInterrupt | None:
-    """The Ctrl-C that an error is, or that it came from: a compiled module pressed in its import makes ImportError."""
-    while error is not None and not isinstance(error, KeyboardInterrupt):
-        error = error.__cause__ or error.__context__
-    return error

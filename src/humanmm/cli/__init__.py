@@ -1,7 +1,6 @@
 """The command line: `verb.py` declares a verb, each other file holds the verbs of one subject."""
 
 import atexit
-import contextlib
 import importlib
 import os
 import signal
@@ -9,7 +8,7 @@ import sys
 import threading
 from collections.abc import Sequence
 
-from humanmm.errors import interruption
+from humanmm.cli.interrupts import INTERRUPTED, interruption, leave, noted
 
 SUBJECTS = (
     "recover",
@@ -26,44 +25,28 @@ SUBJECTS = (
     "doctor",
 )
 """Files of verbs, in the order of `humanmm --help`."""
-INTERRUPTED = 130
-"""Exit status of a process that SIGINT has ended, as shells count it."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns its exit status."""
+    ended: list[int] = []
     if arguments is None:
-        atexit.register(_end_interrupted)  # the first to be registered is the last to run
-    try:
-        status = _run(arguments)
-    except BaseException as error:  # before a verb has begun: nothing is computed yet
-        if interruption(error) is None:
-            raise
-        sys.stderr.write("\rhumanmm: interrupted; resumable with the same command\n")
-        status = INTERRUPTED
-    if status == INTERRUPTED and arguments is None:  # this process ends: pressed again, Ctrl-C changes nothing
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        _ended_by.append(status)
-        if any(not thread.daemon for thread in threading.enumerate() if thread is not threading.main_thread()):
-            _end_interrupted()  # they still compute and cannot be stopped: Python would wait for them
+        atexit.register(lambda: leave() if INTERRUPTED in ended else None)  # the first to be registered runs last
+    with noted():
+        try:
+            status = _run(arguments)
+        except BaseException as error:  # before a verb has begun: nothing is computed yet
+            stopped = interruption(error)
+            if stopped is None:
+                raise
+            sys.stderr.write(f"\rhumanmm: {stopped}; resumable with the same command\n")
+            status = INTERRUPTED
+        ended.append(status)
+        if status == INTERRUPTED and arguments is None:  # this process ends: pressed again, Ctrl-C changes nothing
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
+            if any(not thread.daemon for thread in threading.enumerate() if thread is not threading.main_thread()):
+                leave()  # they still compute and cannot be stopped: Python would wait for them
     return status
-
-
-_ended_by: list[int] = []
-"""The status of a command that was interrupted."""
-
-
-def _end_interrupted() -> None:
-    """Leave with the status of an interrupted command.
-
-    Python kills itself by SIGINT at its end if a KeyboardInterrupt ever went through `exec` of a text, as the standard
-    library's dataclasses use it: whoever presses Ctrl-C while libraries are imported would see a killed process.
-    """
-    if _ended_by:
-        for stream in (sys.stdout, sys.stderr):
-            with contextlib.suppress(OSError, ValueError):
-                stream.flush()
-        os._exit(_ended_by[0])
 
 
 def _run(arguments: Sequence[str] | None) -> int:

@@ -1,25 +1,21 @@
 """How a verb is declared: the application, the options that verbs share, and how errors are reported."""
 
-import contextlib
 import inspect
 import logging
-import signal
-import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import MISSING, Field, fields, is_dataclass
 from pathlib import Path
-from types import FrameType
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_type_hints
 
 import typer
 from typer import Argument, Option
 from typer.core import TyperCommand
 
-from humanmm.cli import INTERRUPTED
 from humanmm.cli.examples import epilog
+from humanmm.cli.interrupts import INTERRUPTED, interruption
 from humanmm.cli.settings import Settings
 from humanmm.cli.terminal import say
-from humanmm.errors import HumanMMError, UsageError, interruption
+from humanmm.errors import HumanMMError, UsageError
 from humanmm.logs import to_standard_error
 from humanmm.tasks import pipeline
 from humanmm.version import __version__
@@ -29,7 +25,6 @@ F = TypeVar("F", bound=Callable[..., int | None])
 STAGES = [stage.name for stage in pipeline.STAGES]
 RECOVERY, RESULTS, BATCHES, STORE, BENCHMARK = "One video", "Results", "Many videos", "Store and machine", "Benchmark"
 """Panels of `humanmm --help`."""
-STOP_SIGNALS = (signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGUSR1)
 
 # ---- options that several verbs have
 
@@ -160,8 +155,7 @@ def reported(run: Callable[[], int | None], *, verbose: bool) -> int:
     """The exit status; an error becomes one plain line on standard error, with -v its traceback before it."""
     to_standard_error(verbose=verbose)
     try:
-        with _interrupted_by_signals():
-            return run() or 0
+        return run() or 0
     except BrokenPipeError:  # Typer ends quietly when the reader of its own output has left
         raise
     except (Exception, KeyboardInterrupt) as error:
@@ -172,29 +166,9 @@ def reported(run: Callable[[], int | None], *, verbose: bool) -> int:
         return status
 
 
-@contextlib.contextmanager
-def _interrupted_by_signals() -> Iterator[None]:
-    """Have signals that would end the process without a word interrupt it as Ctrl-C does, and be named."""
-
-    def stop(number: int, frame: FrameType | None) -> None:
-        raise KeyboardInterrupt(f"stopped by {signal.Signals(number).name}")
-
-    numbers = [number for number in STOP_SIGNALS if signal.getsignal(number) is signal.SIG_DFL]
-    if threading.current_thread() is not threading.main_thread():
-        numbers = []  # only that one may set handlers
-    for number in numbers:
-        signal.signal(number, stop)
-    try:
-        yield
-    finally:
-        for number in numbers:
-            signal.signal(number, signal.SIG_DFL)
-
-
 def _outcome(error: BaseException) -> tuple[str, int]:
     """The message for an error, and the exit status."""
-    if pressed := interruption(error):
-        stopped = str(pressed) or "interrupted"
+    if stopped := interruption(error):
         return f"{stopped}; resumable with the same command, what was computed stays in the store", INTERRUPTED
     match error:
         case UsageError():

@@ -1,0 +1,78 @@
+"""Ctrl-C and the signals that stop a command: noted, because libraries make other errors of them, or none.
+
+A compiled module whose import is interrupted raises ImportError, pydantic's serialiser an error of its own; what is
+raised while Python takes an object away is lost.
+"""
+
+import _thread
+import contextlib
+import os
+import signal
+import sys
+import threading
+from collections.abc import Iterator
+from types import FrameType
+
+INTERRUPTED = 130
+"""Exit status of a process that SIGINT has ended, as shells count it."""
+STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGUSR1)
+AGAIN_S = 0.02
+"""After so long an interruption that was lost comes again."""
+_received: list[int] = []
+"""Since the command began."""
+
+
+@contextlib.contextmanager
+def noted() -> Iterator[None]:
+    """Have signals that would end the process without a word interrupt it as Ctrl-C does, and note them all."""
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        _received.append(number)
+        raise KeyboardInterrupt(_words(number))
+
+    def unraisable(lost: "sys.UnraisableHookArgs") -> None:
+        if isinstance(lost.exc_value, KeyboardInterrupt) and _received:
+            again = threading.Timer(AGAIN_S, _thread.interrupt_main, [_received[-1]])  # raised here it is lost too
+            again.daemon = True
+            again.start()
+        else:
+            told(lost)
+
+    _received.clear()
+    pythons_own = (signal.SIG_DFL, signal.default_int_handler)
+    before = {number: handler for number in STOP_SIGNALS if (handler := signal.getsignal(number)) in pythons_own}
+    if threading.current_thread() is not threading.main_thread():
+        before = {}  # only that one may set handlers
+    for number in before:
+        signal.signal(number, stop)
+    told, sys.unraisablehook = sys.unraisablehook, unraisable
+    try:
+        yield
+    finally:
+        sys.unraisablehook = told
+        for number, handler in before.items():
+            if signal.getsignal(number) is stop:
+                signal.signal(number, handler)
+
+
+def interruption(error: BaseException) -> str | None:
+    """What interrupted a command that ended with an error, in words; None where nothing did."""
+    if isinstance(error, KeyboardInterrupt):
+        return str(error) or _words(signal.SIGINT)
+    return _words(_received[0]) if _received else None
+
+
+def leave() -> None:
+    """End the process at once, with the status of an interrupted command.
+
+    Python kills itself by SIGINT at its end if a KeyboardInterrupt ever went through `exec` of a text, as the standard
+    library's dataclasses use it: whoever presses Ctrl-C while libraries are imported would see a killed process.
+    """
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError, ValueError):
+            stream.flush()
+    os._exit(INTERRUPTED)
+
+
+def _words(number: int) -> str:
+    return "interrupted" if number == signal.SIGINT else f"stopped by {signal.Signals(number).name}"
