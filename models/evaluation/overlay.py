@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float
 
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.kinematics import forward_kinematics
-from humanmm.models.body.landmarks import load_landmarks
+from humanmm.models.body.landmarks import load_keypoints
 from humanmm.models.geometry.projection import in_front, project, world_to_camera
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.records.landmarks import INDEX, NAMES
@@ -98,14 +98,14 @@ def _wrist_speed(
 
 
 def landmarks_in_world(person: RecordedPerson) -> Float[Array, "N 33 3"]:
-    """The body's landmarks, metres."""
+    """The body's landmarks, where the pose networks see them, metres."""
     joints, R = forward_kinematics(
         load_body().rest_joints(person.betas),
         rotvec_to_rotmat(person.root_orient.astype(np.float64)),
         person.body_pose.astype(np.float64),
         person.pelvis.astype(np.float64),
     )
-    return load_landmarks().place(person.betas, joints, R)
+    return load_keypoints().place(person.betas, joints, R)
 
 
 def in_picture(

@@ -10,7 +10,9 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from humanmm.models.body.body24 import load_body
 from humanmm.models.body.kinematics import chunks
+from humanmm.models.body.landmarks import LandmarkModel, load_keypoints, load_landmarks
 from humanmm.models.geometry.intervals import in_intervals
 from humanmm.models.geometry.projection import ray_axes, viewing_rays
 from humanmm.models.geometry.rotations import rotvec_to_rotmat, unit
@@ -48,6 +50,15 @@ BONES = (
 are not: an arm's error is carried on to its hand."""
 
 BONE_START, BONE_END = np.array([(bone.start, bone.end) for bone in BONES]).T
+
+
+def person_skeleton(betas: Float[Array, " 10"]) -> Skeleton:
+    """The person's rest joints with the 33 landmarks on them."""
+    return _skeleton(betas, load_landmarks())
+
+
+def _skeleton(betas: Float[Array, " 10"], model: LandmarkModel) -> Skeleton:
+    return Skeleton(load_body().rest_joints(betas), model.joint, model.offsets(betas))
 
 
 def bone_lengths(skeleton: Skeleton) -> Float[Array, " B"]:
@@ -176,6 +187,15 @@ class LongEvidence:
             at = sighting.frame - frame[0]
             seen[at[(at >= 0) & (at < len(frame))]] = True
         return cls(frame.astype(np.int32), time_s[frame], seen, sightings)
+
+    def keypoint_skeleton(self, betas: Float[Array, " 10"]) -> Skeleton:
+        """The person's rest joints with what was seen in the picture on them.
+
+        The shipped pose networks see landmarks elsewhere than the lifter has them; from keypoints of other programs
+        and bodies the tracks are made with the landmarks themselves.
+        """
+        of_networks = any(one.track.pose is not None and not one.track.lifted for one in self.sightings)
+        return _skeleton(betas, load_keypoints() if of_networks else load_landmarks())
 
     def believed(self, observed: Bool[Array, " N"]) -> "LongEvidence":
         """The evidence without the frames that an earlier stage did not believe."""

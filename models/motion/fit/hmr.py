@@ -7,17 +7,25 @@ solved in the shot's own axes, so that a rotating camera does not count as motio
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
 
 from humanmm.machine import single_threaded
-from humanmm.models.body.body24 import load_body
 from humanmm.models.body.kinematics import chunks
-from humanmm.models.body.landmarks import load_landmarks
 from humanmm.models.geometry.projection import inverse_pose, ray_axes, start_position, viewing_rays, world_to_camera
 from humanmm.models.motion.fit.equations import Term, frame_weights
-from humanmm.models.motion.fit.evidence import BONE_END, BONE_START, BONES, Evidence, LongEvidence, bone_lengths, gather
+from humanmm.models.motion.fit.evidence import (
+    BONE_END,
+    BONE_START,
+    BONES,
+    Evidence,
+    LongEvidence,
+    bone_lengths,
+    gather,
+    person_skeleton,
+)
 from humanmm.models.motion.fit.initial import InitialPose, interpolated, start_pose
 from humanmm.models.motion.fit.orientation_doubt import misoriented
 from humanmm.models.motion.fit.pose_prior import load_pose_statistics
@@ -137,24 +145,23 @@ def fit_person(
     progress: Progress = silent,
 ) -> PersonShotMotion:
     """θ, Γ and τ of every frame, in the axes of its camera."""
-    noise = noise or NoiseModel()
-    body, model = load_body(), load_landmarks()
-    skeleton = Skeleton(body.rest_joints(betas), model.joint, model.offsets(betas))
-    motion = _start(skeleton, evidence, camera, initial_pose)
-    depths = pelvis_depths(motion, camera)
-    terms = EvidenceTerms(evidence, bone_lengths(skeleton), camera, depths, noise, anchor=motion)
+    motion = _start(betas, evidence, camera, initial_pose)
+    terms = EvidenceTerms(evidence, betas, camera, pelvis_depths(motion, camera), noise or NoiseModel(), anchor=motion)
     motion = solve_windows(motion, terms, progress=progress)
     return _result(person, evidence, betas, camera, motion, terms)
 
 
-def _start(skeleton: Skeleton, evidence: LongEvidence, camera: CameraPath, initial_pose: InitialPose) -> LongMotion:
+def _start(
+    betas: Float[Array, " 10"], evidence: LongEvidence, camera: CameraPath, initial_pose: InitialPose
+) -> LongMotion:
     """The initial pose of the seen frames, placed on their rays; the others between them."""
     n = len(evidence.frame)
+    skeleton, of_keypoints = person_skeleton(betas), evidence.keypoint_skeleton(betas)
     start, depth = LongMotion.empty(skeleton, n), np.empty(n)
     for frames in chunks(n):
         R_cam_ref, e = camera.R_cam_ref[frames], evidence.frames(frames)
         R_local = initial_pose(skeleton, e.landmarks_cam @ R_cam_ref)
-        posed = Motion.of(skeleton, R_local, np.zeros((len(R_local), 3))).points @ np.swapaxes(R_cam_ref, -1, -2)
+        posed = Motion.of(of_keypoints, R_local, np.zeros((len(R_local), 3))).points @ np.swapaxes(R_cam_ref, -1, -2)
         rays = viewing_rays(e.keypoints.astype(np.float64), camera.K[frames])[..., :2]
         pelvis_cam = start_position(posed, rays, e.visibility**2 + 1e-3)
         pelvis_ref = world_to_camera(pelvis_cam[:, None], R_cam_ref, camera.t_cam_ref[frames])[:, 0]
@@ -176,19 +183,28 @@ class EvidenceTerms:
     """Builds the terms of a window of frames."""
 
     evidence: LongEvidence
-    bone_lengths: Float[Array, " B"]
-    """The body's own, to which the network's bones are brought."""
+    betas: Float[Array, " 10"]
     camera: CameraPath
     depth: Float[Array, " N"]
     noise: NoiseModel
     anchor: LongMotion | None = None
     """What unseen frames stay near, if anything."""
 
+    @cached_property
+    def bone_lengths(self) -> Float[Array, " B"]:
+        """The body's own, to which the network's bones are brought."""
+        return bone_lengths(person_skeleton(self.betas))
+
+    @cached_property
+    def keypoint_skeleton(self) -> Skeleton:
+        return self.evidence.keypoint_skeleton(self.betas)
+
     def reprojection(self, e: Evidence, frames: slice) -> Reprojection:
         camera = self.camera.frames(frames)
         px_per_m = camera.K[:, 0, 0] / self.depth[frames]
         weight = _trust(e.visibility) * frame_weights(self.evidence.time_s)[frames][:, None]
-        return Reprojection(camera, e.keypoints, px_per_m[:, None] * _KEYPOINT_SIGMA_M, weight)
+        sigma_px = px_per_m[:, None] * _KEYPOINT_SIGMA_M
+        return Reprojection(self.keypoint_skeleton, camera, e.keypoints, sigma_px, weight)
 
     def lifted(self, e: Evidence, frames: slice) -> Bones:
         camera = self.camera.frames(frames)

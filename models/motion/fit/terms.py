@@ -15,7 +15,7 @@ from jaxtyping import Float, Int
 
 from humanmm.models.geometry.rotations import rotmat_to_rotvec, skew
 from humanmm.models.motion.fit.equations import REFERENCE_HZ, NormalEquations, cauchy, memoised, portions
-from humanmm.models.motion.fit.state import BODY, NUM_PARAMETERS, PELVIS, ROOT, CameraPath, Motion
+from humanmm.models.motion.fit.state import BODY, NUM_PARAMETERS, PELVIS, ROOT, CameraPath, Motion, Skeleton
 
 Array = np.ndarray
 
@@ -27,6 +27,8 @@ NEAREST_DEPTH = 0.2
 class Reprojection:
     """Points seen at pixels: |π(K (R_cam_ref p + t)) − x| / σ, robust for each point."""
 
+    skeleton: Skeleton
+    """The body with these points on it."""
     camera: CameraPath
     pixels: Float[Array, "N K 2"]
     sigma_px: Float[Array, "N K"]
@@ -36,9 +38,13 @@ class Reprojection:
     """Scale of the Cauchy kernel, in standard deviations."""
 
     @memoised
+    def _seen(self, motion: Motion) -> Motion:
+        return motion.with_points(self.skeleton)
+
+    @memoised
     def _residual(self, motion: Motion) -> tuple[Array, Array, Array]:
         """Residuals (N, K, 2), weights (N, K), and x/z, y/z, z in the camera (N, K, 3)."""
-        p = self.camera.to_camera(motion.points)
+        p = self.camera.to_camera(self._seen(motion).points)
         weight = np.where(p[..., 2] > NEAREST_DEPTH, self.weight, 0.0)
         p[..., 2] = np.maximum(p[..., 2], NEAREST_DEPTH)
         p[..., :2] /= p[..., 2:]
@@ -57,8 +63,8 @@ class Reprojection:
         return float(np.sum(self._residual(motion)[1] * self._loss(motion)[0]))
 
     def add(self, motion: Motion, equations: NormalEquations) -> None:
-        residual, weight, seen = self._residual(motion)
-        x, y, z = np.moveaxis(seen, -1, 0)
+        residual, weight, in_camera = self._residual(motion)
+        x, y, z = np.moveaxis(in_camera, -1, 0)
         root = np.sqrt(weight * self._loss(motion)[1])
         K = self.camera.K[:, None]
         along = np.zeros((*weight.shape, 2, 3))  # ∂ residual / ∂ p_cam
@@ -70,7 +76,7 @@ class Reprojection:
         right = (root[..., None] * residual).reshape(len(z), -1).astype(np.float32)
         which = np.repeat(np.arange(weight.shape[1]), 2)
         for frames in portions(len(z)):
-            rows = motion.point_rows(frames, which, along[frames], dtype=np.float32)
+            rows = self._seen(motion).point_rows(frames, which, along[frames], dtype=np.float32)
             equations.add_rows(frames, rows, right[frames])
 
     def distances_px(self, motion: Motion) -> Float[Array, "N K"]:

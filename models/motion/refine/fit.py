@@ -13,8 +13,6 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.models.body.body24 import load_body
-from humanmm.models.body.landmarks import load_landmarks
 from humanmm.models.geometry.rotations import skew
 from humanmm.models.motion.fit.equations import (
     REFERENCE_HZ,
@@ -25,7 +23,7 @@ from humanmm.models.motion.fit.equations import (
     memoised,
     portions,
 )
-from humanmm.models.motion.fit.evidence import LongEvidence, Sighting, bone_lengths
+from humanmm.models.motion.fit.evidence import LongEvidence, Sighting
 from humanmm.models.motion.fit.hmr import EvidenceTerms, NoiseModel, pelvis_depths
 from humanmm.models.motion.fit.solver import SolverSettings, solve_windows
 from humanmm.models.motion.fit.state import PELVIS, ROOT, CameraPath, LongMotion, Motion, Skeleton
@@ -235,12 +233,6 @@ class RootVelocity:
         equations.gradient[1:, PELVIS] += gradient
 
 
-def person_skeleton(betas: Float[Array, " 10"]) -> Skeleton:
-    """The person's rest joints with the 33 landmarks on them."""
-    model = load_landmarks()
-    return Skeleton(load_body().rest_joints(betas), model.joint, model.offsets(betas))
-
-
 def gather_clip(
     person: int,
     frame: Array,
@@ -265,6 +257,7 @@ def gather_clip(
 
 def fit_world(
     start: LongMotion,
+    betas: Float[Array, " 10"],
     clip: LongEvidence,
     camera: CameraPath,
     contacts: Float[Array, "N 4"],
@@ -278,8 +271,7 @@ def fit_world(
 
     `standing_height`: of each joint of a foot that stands flat on the floor, metres above z = 0.
     """
-    depths = pelvis_depths(start, camera)
-    of_evidence = EvidenceTerms(clip, bone_lengths(start.skeleton), camera, depths, NOISE)
+    of_evidence = EvidenceTerms(clip, betas, camera, pelvis_depths(start, camera), NOISE)
     feet = Skeleton(start.skeleton.rest_joints, np.array(CONTACT_JOINTS), np.zeros((len(CONTACT_JOINTS), 3)))
 
     seen_weight = np.where(clip.seen, frame_weights(clip.time_s), 0.0)

@@ -19,12 +19,12 @@ from humanmm.models.body.body24 import NUM_JOINTS, Body, load_body
 from humanmm.models.body.kinematics import by_chunks
 from humanmm.models.geometry.projection import inverse_pose
 from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
-from humanmm.models.motion.fit.evidence import LongEvidence
+from humanmm.models.motion.fit.evidence import LongEvidence, person_skeleton
 from humanmm.models.motion.fit.state import CameraPath, LongMotion
 from humanmm.models.motion.networks.interfaces import MotionNetworks
 from humanmm.models.motion.refine.contacts import ContactModel, contact_probabilities
 from humanmm.models.motion.refine.discontinuities import close_discontinuities
-from humanmm.models.motion.refine.fit import fit_world, gather_clip, person_skeleton
+from humanmm.models.motion.refine.fit import fit_world, gather_clip
 from humanmm.models.motion.refine.footlock import LockSettings, contact_positions, lock_feet
 from humanmm.models.motion.refine.learned import Learned
 from humanmm.models.motion.refine.smoothing import smooth, smooth_rotations
@@ -201,7 +201,14 @@ class Draft:
         terms = partial(learned.terms, found)
         standing = self.sole_height + floor_m
         motion = fit_world(
-            self.motion, clip.believed(seen), camera, self.contacts, standing, learned=terms, progress=progress
+            self.motion,
+            self.person.betas,
+            clip.believed(seen),
+            camera,
+            self.contacts,
+            standing,
+            learned=terms,
+            progress=progress,
         )
         if not seen.all():
             vectors, pelvis = motion.vectors, motion.pelvis_ref

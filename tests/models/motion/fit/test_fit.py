@@ -7,9 +7,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from humanmm.models.body.body24 import load_body
-from humanmm.models.body.landmarks import load_landmarks
+from humanmm.models.body.landmarks import LandmarkModel, load_keypoints
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.motion.fit.equations import NormalEquations, Term, frame_weights
+from humanmm.models.motion.fit.evidence import person_skeleton
 from humanmm.models.motion.fit.solver import SolverSettings, minimise, solve_windows
 from humanmm.models.motion.fit.state import NUM_PARAMETERS, CameraPath, LongMotion, Motion, Skeleton
 from humanmm.models.motion.fit.terms import Anchor, Bones, PosePrior, Reprojection, Smoothness
@@ -19,8 +20,11 @@ K = np.array([[1000.0, 0, 500], [0, 1000, 300], [0, 0, 1]])
 
 
 def skeleton() -> Skeleton:
-    body, model = load_body(), load_landmarks()
-    return Skeleton(body.rest_joints(np.zeros(10)), model.joint, model.offsets(np.zeros(10)))
+    return person_skeleton(np.zeros(10))
+
+
+def _skeleton(model: LandmarkModel) -> Skeleton:
+    return Skeleton(load_body().rest_joints(np.zeros(10)), model.joint, model.offsets(np.zeros(10)))
 
 
 def slow_motion(num_frames: int, seed: int = 0) -> Motion:
@@ -45,7 +49,11 @@ def every_term(motion: Motion) -> dict[str, Term]:
     walls = np.full(57, 0.2)
     return {
         "reprojection": Reprojection(
-            camera, rng.normal(size=(n, 33, 2)) * 100 + 500, np.full((n, 33), 20.0), rng.uniform(size=(n, 33))
+            _skeleton(load_keypoints()),
+            camera,
+            rng.normal(size=(n, 33, 2)) * 100 + 500,
+            np.full((n, 33), 20.0),
+            rng.uniform(size=(n, 33)),
         ),
         "bones": Bones(
             start=np.array([11, 13, 23, 25, 12]),
@@ -130,7 +138,9 @@ def test_windows_give_what_one_solve_of_everything_gives() -> None:
 
     def terms_of(frames: slice) -> Sequence[Term]:
         weight = np.ones((len(time_s[frames]), 33))
-        seen = [Reprojection(path.frames(frames), px[frames], 4 * weight, weight, 100.0) for path, px in views]
+        seen = [
+            Reprojection(skeleton(), path.frames(frames), px[frames], 4 * weight, weight, 100.0) for path, px in views
+        ]
         return [*seen, Smoothness(time_s[frames], np.full(63, 10.0))]
 
     exact = {"max_iterations": 15, "relative_decrease": 1e-7}

@@ -7,7 +7,7 @@ import pytest
 
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.kinematics import forward_kinematics
-from humanmm.models.body.landmarks import load_landmarks
+from humanmm.models.body.landmarks import load_keypoints, load_landmarks
 from humanmm.models.geometry.rotations import rotvec_to_rotmat, swing
 from humanmm.models.motion.fit.evidence import gather
 from humanmm.models.motion.fit.hmr import fit_person, fit_shot
@@ -17,7 +17,7 @@ from humanmm.models.records.camera import ShotCamera
 from humanmm.models.records.landmarks import SWAP
 from humanmm.models.records.motion import PersonShotMotion
 from humanmm.models.records.shots import Appearance, Person, Shot, Transition
-from humanmm.models.records.tracks import PersonTrack, ScenePeople, Silhouettes
+from humanmm.models.records.tracks import UNKNOWN_RAD, PersonTrack, PoseEstimates, ScenePeople, Silhouettes
 
 F = 40
 K = np.array([[900.0, 0, 480], [0, 900, 270], [0, 0, 1]])
@@ -44,6 +44,7 @@ class Scene:
         self.R_root, self.pelvis = R_cam_shot @ R_shot_root, (R_cam_shot @ pelvis[..., None])[..., 0]
         self.joints, R = forward_kinematics(body.rest_joints(BETAS), self.R_root, pose, self.pelvis)
         points = model.place(BETAS, self.joints, R)
+        self.in_picture = load_keypoints().place(BETAS, self.joints, R)
         self.K = np.tile(K, (F, 1, 1))
         self.K[:, [0, 1], [0, 1]] *= np.geomspace(1.0, zoom, F)[:, None]
         self.xy = self.project(points)
@@ -104,6 +105,19 @@ def test_a_clean_view_gives_the_motion_back_also_under_a_turning_camera(turn_cam
     assert motion.observed.all()
     assert scene.error_m(motion).mean() < 0.03  # the pose prior pulls by about 2 cm
     assert np.nanmedian(motion.residual_px) < 2
+
+
+def test_keypoints_lie_where_the_networks_of_their_track_see_them() -> None:
+    """The lifter's landmarks and the pose networks' keypoints are different points of the body."""
+    scene = Scene()
+    unknown = PoseEstimates(np.zeros((F, 20, 3), np.float32), np.full((F, 20), UNKNOWN_RAD), np.zeros(F))
+    of_networks = replace(scene.track(np.arange(F)), pose=unknown)
+    of_networks.keypoints2d[..., :2] = scene.project(scene.in_picture)
+    motion = scene.fit(of_networks)
+    assert scene.error_m(motion).mean() < 0.03 and np.nanmedian(motion.residual_px) < 2
+    ankles = scene.error_m(motion)[:, 7:9].mean()
+    of_another_program = replace(of_networks, lifted=True)
+    assert scene.error_m(scene.fit(of_another_program))[:, 7:9].mean() > ankles + 0.005
 
 
 def test_left_and_right_swapped_on_known_frames_are_put_right() -> None:

@@ -5,9 +5,10 @@ from motion_sequences import aligned
 
 from humanmm.models.body.body24 import NUM_JOINTS, ROTATED_JOINTS
 from humanmm.models.geometry.rotations import rotation_angle, rotmat_to_rotvec, rotvec_to_rotmat
+from humanmm.models.motion.fit.evidence import person_skeleton
 from humanmm.models.motion.fit.state import LongMotion
 from humanmm.models.motion.networks.interfaces import AlignedMotion, Integrated, nothing
-from humanmm.models.motion.refine.fit import RootVelocity, person_skeleton
+from humanmm.models.motion.refine.fit import RootVelocity
 from humanmm.models.motion.refine.learned import MS_HMR_SHARE, Learned
 
 N = 12
