@@ -191,8 +191,8 @@ class LongEvidence:
     def keypoint_skeleton(self, betas: Float[Array, " 10"]) -> Skeleton:
         """The person's rest joints with what was seen in the picture on them.
 
-        The shipped pose networks see landmarks elsewhere than the lifter has them; from keypoints of other programs
-        and bodies the tracks are made with the landmarks themselves.
+        The shipped pose networks see landmarks elsewhere than the lifter has them. Keypoints of other programs, and
+        tracks that no lifter has seen (simulated ones are such), are of the landmarks themselves.
         """
         of_networks = any(one.track.pose is not None and not one.track.lifted for one in self.sightings)
         return _skeleton(betas, load_keypoints() if of_networks else load_landmarks())
