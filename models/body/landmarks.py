@@ -65,8 +65,9 @@ _KEYPOINT_SHIFT_MM: Shifts = {
 """Where BlazePose heavy and Thunder together (`perception.fusion`) put them: ankles and heels 18 and 25 mm lower than
 BlazePose full alone, shoulders and faces 10 mm higher.
 
-Measured in the same way on 6,218 tracked people of 120 rendered development clips (scripts/measure_keypoints). On 2,167 of other clips the median
-residual of ankles falls from 24 to 17 mm, of heels from 37 to 27, of shoulders from 35 to 29, of ears from 23 to 20.
+Measured in the same way on 6,218 tracked people of 120 rendered development clips (scripts/measure_keypoints). On
+2,167 of other clips the median residual of ankles falls from 24 to 17 mm, of heels from 37 to 27, of shoulders from 35
+to 29, of ears from 23 to 20.
 """
 
 
