@@ -59,7 +59,7 @@ least squares of the 2D residuals, left and right averaged).
 """
 _KEYPOINT_SHIFT_MM: Shifts = {
     0: (0, 20, -14), 1: (-3, 14, -10), 2: (-4, 9, -22), 3: (-8, 13, -9), 7: (-18, 12, 10), 9: (-7, 17, -13),
-    11: (-24, 12, 3), 13: (3, 5, 13), 15: (13, -6, 4), 17: (-18, 10, 18), 19: (-18, -2, -22), 21: (-16, -2, -55),
+    11: (-24, 12, 3), 13: (3, 5, 13), 15: (18, 0, 9), 17: (-12, 9, 22), 19: (-8, 2, -21), 21: (-5, 5, -53),
     23: (-5, -28, 20), 25: (6, -11, -5), 27: (2, 10, 4), 29: (-9, -10, 11), 31: (6, 6, -29),
 }  # fmt: skip
 """Where BlazePose heavy and Thunder together (`perception.fusion`) put them: ankles and heels 18 and 25 mm lower than
