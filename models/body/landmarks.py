@@ -8,7 +8,6 @@ template named here by its anatomy, so that it moves with the shape. Shoulders, 
 are body24's own joints.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -43,7 +42,7 @@ _SKIN = {
 Middle and left side; the right side is the mirror picture (x → −x).
 """
 
-Shifts = Mapping[int, tuple[int, int, int]]
+Shifts = dict[int, tuple[int, int, int]]
 """Of the landmarks of the middle and the left side, less where anatomy has them, in the joint's axes, mm."""
 
 _LANDMARK_SHIFT_MM: Shifts = {
@@ -57,10 +56,10 @@ joint centres, ankles higher, thumbs and toes shorter.
 Measured on renderings of body24 (130 random shapes, clothes, views and training sequences of motion capture; robust
 least squares of the 2D residuals, left and right averaged).
 """
-_KEYPOINT_SHIFT_MM: Shifts = {
+_KEYPOINT_SHIFT_MM: Shifts = _LANDMARK_SHIFT_MM | {
     0: (0, 20, -14), 1: (-3, 14, -10), 2: (-4, 9, -22), 3: (-8, 13, -9), 7: (-18, 12, 10), 9: (-7, 17, -13),
-    11: (-24, 12, 3), 13: (3, 5, 13), 15: (18, 0, 9), 17: (-12, 9, 22), 19: (-8, 2, -21), 21: (-5, 5, -53),
-    23: (-5, -28, 20), 25: (6, -11, -5), 27: (2, 10, 4), 29: (-9, -10, 11), 31: (6, 6, -29),
+    11: (-24, 12, 3), 13: (3, 5, 13), 23: (-5, -28, 20), 25: (6, -11, -5), 27: (2, 10, 4), 29: (-9, -10, 11),
+    31: (6, 6, -29),
 }  # fmt: skip
 """Where BlazePose heavy and Thunder together (`perception.fusion`) put them: ankles and heels 18 and 25 mm lower than
 BlazePose full alone, shoulders and faces 10 mm higher. Wrists and hands are those above: on real people these fit.
