@@ -22,7 +22,7 @@ from humanmm.models.records.shots import Shot
 from humanmm.models.records.tracks import ScenePeople
 
 ROOT = Path(__file__).resolve().parent.parent
-PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
+PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
@@ -86,7 +86,8 @@ def test_commands_of_a_page_are_read_by_the_command_line(page: Path) -> None:
 
 def test_every_page_is_in_the_sites_contents() -> None:
     contents = (ROOT / "mkdocs.yml").read_text()
-    assert [page.name for page in (ROOT / "docs").glob("*.md") if f": {page.name}\n" not in contents] == []
+    pages = [page.relative_to(ROOT / "docs").as_posix() for page in (ROOT / "docs").rglob("*.md")]
+    assert [page for page in pages if f": {page}\n" not in contents] == []
 
 
 def test_the_page_of_settings_is_that_of_the_configuration(tmp_path: Path) -> None:
