@@ -3,7 +3,7 @@
 They are the answers of the bundle adjustments, with left and right as found and swapped, and the rotation that carries
 the fitted body over the cut; and each of these again after the time that may be missing between the two shots, during
 which a spinning body rotates on. The constants are those under which the true rotations of 108 people at 85 cuts of
-rendered clips are the most likely; docs/accuracy.md has what they give on others.
+rendered clips are the most likely; docs/measurements/cuts.md has what they give on others.
 """
 
 from collections.abc import Iterator, Sequence

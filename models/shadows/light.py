@@ -30,7 +30,7 @@ TRUNK = np.array(
 _WIDE_TRUNK, _WIDE_LIMB = (max(1, round(2 * radius / CELL_M)) for radius in (TRUNK_M, LIMB_M))
 EVIDENCE = 1 / 12
 """Log likelihood of a unit of gain: cells beside one another, and pictures one after the other, are no independent
-witnesses. Chosen with the error of a shadow (docs/accuracy.md, "Shadows")."""
+witnesses. Chosen with the error of a shadow (docs/measurements/cuts.md, "Shadows")."""
 DARKEST_SHADOW = 1.2
 """Largest log ratio of brightness that a shadow has."""
 NOISE, PATTERN = 0.01, 0.05

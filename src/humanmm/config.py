@@ -113,7 +113,8 @@ class ScenesConfig(Section):
 
 
 BEST_HZ, FAST_HZ = 30.0, 15.0
-"""What `people.max_rate_hz` is unless it is given. Bodies at 60, 30 and 15 Hz are about as good (docs/accuracy.md)."""
+"""What `people.max_rate_hz` is unless it is given. Bodies at 60, 30 and 15 Hz are about as good
+(docs/measurements/perception.md)."""
 
 
 class PeopleConfig(Section):

@@ -33,11 +33,11 @@ EVIDENCE, ALIKE, EVEN = 2.75, 3.96, 5.12
 against none and against others."""
 MOST_INLIERS, ONE_FLOOR = 30, 0.975
 """n counts up to MOST_INLIERS; ONE_FLOOR is the most that all motions of two floors have together. Fitted to 443 pairs
-of shots of rendered clips (docs/accuracy.md)."""
+of shots of rendered clips (docs/measurements/cuts.md)."""
 ALIKE_TILES = 0.1
 """Probability that floors which seem to match are a quarter or half of a turn off: tiles lie along the walls, so that
 walls agree with them then. With 0, 0.05, 0.1 and 0.25 of it 67, 61, 61 and 63 rotations at 433 development cuts are
-wrong by more than 30°, and 10, 5, 4 and 3 of these have a probability above 0.8 (docs/accuracy.md)."""
+wrong by more than 30°, and 10, 5, 4 and 3 of these have a probability above 0.8 (docs/measurements/cuts.md)."""
 LEAST_SIGMA_DEG = 1.5
 """68 % of right rotations are off by no less: lenses, floors that are not even."""
 LEAST_TILT_DEG = 1.5

@@ -30,7 +30,7 @@ DEPENDENCE = 0.5
 ALIKE_WALLS, ALIKE_DEG = 0.25, 2.0
 """Probability that two shots which seem to show one wall show two that look alike, and how far from right angles such
 walls stand. With 0, 0.1 and 0.25, 62, 56 and 57 of the rotations at 322 development cuts are wrong by more than 30°,
-and 6, 3 and 3 of these have a probability above 0.8 (docs/accuracy.md)."""
+and 6, 3 and 3 of these have a probability above 0.8 (docs/measurements/cuts.md)."""
 CONNECTING = 0.6
 """Probability from which a background alone shows that two shots belong to one world."""
 

@@ -59,7 +59,8 @@ MOVES = 20
 EVIDENCE_COUNTS, LEFT_OPEN, SPREAD = 0.5, 0.03, 1.4
 """How far evidence says how certain it is. Witnesses of one video share their errors (a pose network's bias, walls that
 are alike), so that logarithms of odds count by half; a rotation may be wrong in a way that no witness shows; errors
-about a right rotation are larger than the witnesses' own. Measured on 192 cuts of 116 clips (docs/accuracy.md)."""
+about a right rotation are larger than the witnesses' own. Measured on 192 cuts of 116 clips
+(docs/measurements/cuts.md)."""
 SHARED_DEG = 1.5
 """Error that all witnesses of a rotation have in common, however many there are: focal length, lens, verticals. With it
 95 % of 168 development rotations of `standard` clips lie within two stated deviations, 92 without."""

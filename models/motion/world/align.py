@@ -189,7 +189,8 @@ REFOCUSED = 0.04
 
 FOCAL_TRUST, MOST_FOCAL_STD = 0.5, 0.1
 """What feet and paths say of the focal length is held against its estimate, whose standard deviation counts by so much
-and no more. Where there is no estimate they make it too short: an assumed focal length stays (docs/accuracy.md)."""
+and no more. Where there is no estimate they make it too short: an assumed focal length stays
+(docs/measurements/world.md)."""
 
 
 @dataclass(frozen=True)

@@ -79,7 +79,7 @@ class SolveSettings:
     """Standard deviations from which the scale that the floor gives counts less (the scale of a Cauchy kernel)."""
     log_scale_std: float = 0.15
     """Error of the logarithm of a path's scale besides what the solve knows of: paths have errors of their own shape
-    (see docs/accuracy.md)."""
+    (see docs/measurements/world.md)."""
     iterations: int = 12
     converged_m: float = 3e-4
     """Nobody moves further in the last step, metres: what is left to go is below a millimetre."""

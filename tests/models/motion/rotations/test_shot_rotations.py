@@ -113,7 +113,7 @@ def test_two_rotations_that_are_as_likely_are_reported() -> None:
 
 
 def test_one_good_witness_alone_is_believed_less_than_it_says() -> None:
-    """People say 0.9 of themselves, and are right less often where nobody else speaks (docs/accuracy.md)."""
+    """People say 0.9 of themselves, and are right less often where nobody else speaks (docs/measurements/cuts.md)."""
     R = rotations(2)
     certainty = solve_rotations(2, [people(R, 0, 1, sigma_deg=9.0)]).certainty[1]
     assert certainty is not None and 12.0 < certainty.sigma_deg < 25.0 and 0.6 < certainty.probability < 0.8
