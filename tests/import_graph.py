@@ -20,7 +20,9 @@ def modules() -> Mapping[str, Path]:
     return found
 
 
-BASE = frozenset({"config", "config_reading", "corrections", "errors", "logs", "machine", "parts", "version"})
+BASE = frozenset(
+    {"config", "config_reading", "corrections", "errors", "logs", "machine", "parts", "signals", "version"}
+)
 """Files of `src/humanmm` that every layer may import; the other files there are the Python API, above all layers."""
 
 

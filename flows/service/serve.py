@@ -39,6 +39,7 @@ from humanmm.flows.service.video_processes import MARK
 from humanmm.flows.service.worker import STOP_LIMIT_S as VIDEOS_LIMIT_S
 from humanmm.flows.service.worker import stop_videos
 from humanmm.machine import num_processors
+from humanmm.signals import STOP_SIGNALS
 from humanmm.storage.batches.batch_table import open_batches
 from humanmm.tasks.units.faults import in_words, is_infrastructure_fault
 
@@ -48,7 +49,6 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 LOOK_EVERY_S = 10.0
-STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGUSR1)
 ROOM_BYTES = 32 << 20
 START_LIMIT_S = 240.0
 READY = "serving"

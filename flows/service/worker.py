@@ -21,10 +21,10 @@ from typing import Any
 from humanmm.flows.server.local_server import hold_port_of_server
 from humanmm.flows.service.fork_server import launch
 from humanmm.flows.service.video_processes import MARK, videos_of
+from humanmm.signals import STOP_SIGNALS
 
 SETTINGS = {"PREFECT_WORKER_QUERY_SECONDS": "2"}
 """Of the worker and its videos, in place of Prefect's."""
-STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGUSR1)
 STOP_LIMIT_S = 20.0
 """Seconds between SIGTERM and SIGKILL for a video."""
 END_LIMIT_S = 10.0

@@ -13,9 +13,10 @@ import threading
 from collections.abc import Iterator
 from types import FrameType
 
+from humanmm.signals import STOP_SIGNALS
+
 INTERRUPTED = 130
 """Exit status of a process that SIGINT has ended, as shells count it."""
-STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGUSR1)
 AGAIN_S = 0.02
 """After so long an interruption that was lost comes again."""
 _received: list[int] = []
