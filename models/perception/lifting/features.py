@@ -41,15 +41,16 @@ def lifter_input(frames: PersonFrames, K: Float[Array, "*n 3 3"]) -> LifterInput
     R_cam_view, size = view_axes(frames.centre, K), frames.side / K[..., 0, 0]
     visibility = np.clip(frames.keypoints[..., 2], LEAST_VISIBILITY, 1)
     return LifterInput(
-        time_s=_tensor(frames.time_s - frames.time_s[0]),
+        time_s=batch_of_one(frames.time_s - frames.time_s[0]),
         exists=torch.ones(1, len(size), dtype=torch.bool),
-        points=_tensor(points_in_view(frames.keypoints[..., :2].astype(np.float64), R_cam_view, size, K)),
-        visibility=_tensor(visibility),
-        landmarks=_tensor(frames.landmarks3d),
+        points=batch_of_one(points_in_view(frames.keypoints[..., :2].astype(np.float64), R_cam_view, size, K)),
+        visibility=batch_of_one(visibility),
+        landmarks=batch_of_one(frames.landmarks3d),
         has_landmarks=torch.ones(1, len(size), dtype=torch.bool),
-        size=_tensor(size),
+        size=batch_of_one(size),
     )
 
 
-def _tensor(array: Array) -> torch.Tensor:
+def batch_of_one(array: Float[Array, "*n"]) -> Float[torch.Tensor, "1 *n"]:
+    """The array as a float32 tensor with a first axis for people."""
     return torch.from_numpy(np.ascontiguousarray(array, dtype=np.float32))[None]

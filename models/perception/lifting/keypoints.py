@@ -11,7 +11,7 @@ import torch
 from jaxtyping import Bool, Float
 
 from humanmm.models.perception.interfaces import SEEN, Lifted
-from humanmm.models.perception.lifting.features import points_in_view, view_axes
+from humanmm.models.perception.lifting.features import batch_of_one, points_in_view, view_axes
 from humanmm.models.perception.lifting.lift import load_lifter, read_in_pieces
 from humanmm.models.perception.lifting.lifted import with_root_rotated
 from humanmm.models.perception.lifting.network import LifterInput
@@ -29,31 +29,45 @@ _TORSO = [COCO.index(landmark) for landmark in TORSO]
 def lift_keypoints(keypoints: Float[Array, "n 17 3"], time_s: Float[Array, " n"], K: Float[Array, "3 3"]) -> Lifted:
     """One person's landmarks and joint rotations, by the shipped network (a `KeypointLifter`)."""
     network = load_lifter("keypoint_lifter.safetensors")
-    found = read_in_pieces(network, time_s, lambda seen: keypoint_input(keypoints[seen], time_s[seen], K))
-    R_cam_view = view_axes(crop_of(keypoints[..., :2], keypoints[..., 2] >= SEEN)[0], K)
+    R_cam_view, size = views_of(keypoints, K)
+
+    def given(frames: slice) -> LifterInput:
+        return keypoint_input(keypoints[frames], time_s[frames], K, R_cam_view[frames], size[frames])
+
+    found = read_in_pieces(network, time_s, given)
     landmarks = found.landmarks3d.astype(np.float64) @ np.swapaxes(R_cam_view, -1, -2)
     return Lifted(landmarks, None if found.pose is None else with_root_rotated(found.pose, R_cam_view))
 
 
+def views_of(
+    keypoints: Float[Array, "n 17 3"], K: Float[Array, "3 3"]
+) -> tuple[Float[Array, "n 3 3"], Float[Array, " n"]]:
+    """Of each frame: R_cam_view, z along the ray through the crop's centre; the crop's side over the focal length."""
+    centre, side = crop_of(keypoints[..., :2], keypoints[..., 2] >= SEEN)
+    return view_axes(centre, K), side / K[0, 0]
+
+
 def keypoint_input(
-    keypoints: Float[Array, "n 17 3"], time_s: Float[Array, " n"], K: Float[Array, "3 3"]
+    keypoints: Float[Array, "n 17 3"],
+    time_s: Float[Array, " n"],
+    K: Float[Array, "3 3"],
+    R_cam_view: Float[Array, "n 3 3"],
+    size: Float[Array, " n"],
 ) -> LifterInput:
-    """One person's keypoints as the network takes them (B = 1): about the ray through the crop's centre."""
-    seen = keypoints[..., 2] >= SEEN
-    centre, side = crop_of(keypoints[..., :2], seen)
-    R_cam_view, size = view_axes(centre, K), side / K[0, 0]
+    """One person's keypoints as the network takes them (B = 1); `R_cam_view` and `size` are those of `views_of`."""
     n = len(keypoints)
     points, visibility = np.zeros((n, NUM_LANDMARKS, 2)), np.zeros((n, NUM_LANDMARKS))
     points[:, COCO] = points_in_view(keypoints[..., :2].astype(np.float64), R_cam_view, size, K)
-    visibility[:, COCO] = seen
-
-    def tensor(array: Array) -> torch.Tensor:
-        return torch.from_numpy(np.ascontiguousarray(array, dtype=np.float32))[None]
-
+    visibility[:, COCO] = keypoints[..., 2] >= SEEN
     every = torch.ones(1, n, dtype=torch.bool)
-    landmarks = torch.zeros(1, n, NUM_LANDMARKS, 3)
     return LifterInput(
-        tensor(time_s - time_s[0]), every, tensor(points), tensor(visibility), landmarks, ~every, tensor(size)
+        time_s=batch_of_one(time_s - time_s[0]),
+        exists=every,
+        points=batch_of_one(points),
+        visibility=batch_of_one(visibility),
+        landmarks=torch.zeros(1, n, NUM_LANDMARKS, 3),
+        has_landmarks=~every,
+        size=batch_of_one(size),
     )
 
 

@@ -8,7 +8,7 @@ import pytest
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.perception.lifting import lift
 from humanmm.models.perception.lifting.coco import coco_track
-from humanmm.models.perception.lifting.keypoints import keypoint_input, lift_keypoints
+from humanmm.models.perception.lifting.keypoints import keypoint_input, lift_keypoints, views_of
 from humanmm.models.records.landmarks import COCO_LANDMARKS, SWAP
 from humanmm.models.records.tracks import PersonTrack
 from humanmm.storage.readers.aist import read_aist_sequence
@@ -36,10 +36,10 @@ def test_lifted_poses_are_near_the_true_ones() -> None:
 
 
 def test_lifting_depends_neither_on_place_in_the_picture_nor_on_size() -> None:
-    given = keypoint_input(SEQUENCE.keypoints[0, :N], TIME_S, K)
+    given = keypoint_input(SEQUENCE.keypoints[0, :N], TIME_S, K, *views_of(SEQUENCE.keypoints[0, :N], K))
     smaller = SEQUENCE.keypoints[0, :N].copy()
     smaller[..., :2] = 0.5 * (smaller[..., :2] - K[:2, 2]) + K[:2, 2]
-    far = keypoint_input(smaller, TIME_S, K)
+    far = keypoint_input(smaller, TIME_S, K, *views_of(smaller, K))
     # The turn to the torso's ray bends a picture by what the body's angle is: small for a small body.
     assert (given.points - far.points).abs().max() < 0.05
     assert (far.size / given.size - 0.5).abs().max() < 0.03
