@@ -167,7 +167,8 @@ def solve(
     )
 
 
-_STILL_FROM, _FLOOR_FROM, _ROTATE_FROM, _FOCAL_FROM = 1, 4, 4, 4
+_STILL_FROM, _FLOOR_FROM, _FREE_FROM = 1, 4, 4
+"""Steps from which feet that stand still count, the floor counts, and shots may turn and the focal length change."""
 _DAMPING = 1e-6
 
 
@@ -218,9 +219,9 @@ def _step(
     if iteration < _FLOOR_FROM:
         of_cameras[0, 2] = 1e6
     of_cameras[0, 5] = 1e8  # nor does it turn
-    if iteration < _ROTATE_FROM:
+    if iteration < _FREE_FROM:
         of_cameras[:, 3:6] = 1e8
-    if iteration < _FOCAL_FROM or focal_std <= 0:
+    if iteration < _FREE_FROM or focal_std <= 0:
         damping[equations.focal] = 1e8
     known = np.array([rig.scale_known or not np.any(rig.path) for rig in rigs])
     of_cameras[known, SCALE] = 1e8
