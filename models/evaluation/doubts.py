@@ -18,7 +18,12 @@ from humanmm.models.evaluation.pairs import Pair, pairs_of
 from humanmm.models.geometry.intervals import runs_of_true
 from humanmm.models.geometry.rotations import angle_between_deg, rotation_distance
 from humanmm.models.motion.fit.orientation_doubt import MISORIENTED_DEG
-from humanmm.models.motion.world.doubts import DOUBTFUL_DEG, DOUBTFUL_PROBABILITY, is_doubtful_facing, is_doubtful_path
+from humanmm.models.motion.world.doubts import (
+    DOUBTFUL_DEG,
+    is_doubtful_cut,
+    is_doubtful_facing,
+    is_doubtful_path,
+)
 from humanmm.models.records.sequence import CameraSequence, MotionSequence
 
 Array = np.ndarray
@@ -98,7 +103,7 @@ def _cuts(record: Mapping[str, Any], both: Cameras, true_cuts: Sequence[int]) ->
         cut, join = shot["start"], shot["join"]
         if shot["linked"] and join is not None and cut in true_cuts:
             across = [cameras.R_world_cam[cut - 1].T @ cameras.R_world_cam[cut] for cameras in both]
-            warned = join["uncertainty_deg"] > DOUBTFUL_DEG or join["probability"] < DOUBTFUL_PROBABILITY
+            warned = is_doubtful_cut(join["uncertainty_deg"], join["probability"])
             yield Judgement("cut", angle_between_deg(*across) > DOUBTFUL_DEG, warned)
 
 

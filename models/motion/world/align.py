@@ -161,7 +161,7 @@ def _aligned(
     warnings = [
         *doubts.of_paths(scales, paths),
         *(warning for cut in cuts for warning in cut.warnings),
-        *doubts.of_facings(facings, results.shots.people),
+        *doubts.of_facings(facings, results.certain),
         *doubts.of_sides(rotations),
         *doubts.of_lifted(results),
         *doubts.of_groups(sorted(groups)),

@@ -1,6 +1,6 @@
 """What in a finished world is doubtful, in sentences for its user: nothing doubtful is left without one."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -12,7 +12,6 @@ from humanmm.models.motion.rotations.shot_results import ShotResults, motions_of
 from humanmm.models.motion.rotations.shot_rotations import ShotRotations
 from humanmm.models.records.landmarks import COCO_LANDMARKS, NUM_LANDMARKS
 from humanmm.models.records.motion import CutAlignment, Facing, PathScale
-from humanmm.models.records.shots import Person
 
 Array = np.ndarray
 
@@ -50,9 +49,9 @@ def facings_of(results: ShotResults) -> list[Facing]:
     return facings
 
 
-def of_facings(facings: Sequence[Facing], people: Sequence[Person]) -> list[str]:
-    """Whose body may be turned the wrong way in part of a shot; who may be no person at all has his own warning."""
-    certain = {person.person for person in people if not person.doubtful}
+def of_facings(facings: Sequence[Facing], certain: Collection[int]) -> list[str]:
+    """Whose body may be turned the wrong way in part of a shot. `certain`: numbers of the people who are not doubtful
+    (`ShotResults.certain`); who may be no person at all has his own warning."""
     return [
         _of_facing(one) for one in facings if one.person in certain and is_doubtful_facing(one.probability, one.worst_s)
     ]
@@ -109,10 +108,10 @@ def _of_path(scale: PathScale, length_m: float) -> str:
 def of_cut(cut: CutAlignment) -> tuple[str, ...]:
     """Whether the rotation at a cut is hardly known; else what its method has to say, unless walls or a background
     determine the rotation: then errors of the people there do not matter."""
-    certain = cut.probability >= DOUBTFUL_PROBABILITY
-    if cut.linked and cut.uncertainty_deg <= KNOWN_DEG and certain:
+    doubtful = is_doubtful_cut(cut.uncertainty_deg, cut.probability)
+    if cut.linked and cut.uncertainty_deg <= KNOWN_DEG and not doubtful:
         return ()
-    if not cut.linked or (cut.uncertainty_deg <= DOUBTFUL_DEG and certain):
+    if not cut.linked or not doubtful:
         return cut.warnings
     unseen = f" after {cut.gap_s:.2f} s without anyone seen" if cut.gap_s > GAP_WARNING_S else ""
     return (
@@ -120,6 +119,11 @@ def of_cut(cut: CutAlignment) -> tuple[str, ...]:
         f"{cut.probability:.2f}, 68 % within {cut.uncertainty_deg:.0f}°): the shots on both sides may be rotated "
         "against each other",
     )
+
+
+def is_doubtful_cut(uncertainty_deg: float, probability: float) -> bool:
+    """Whether a rotation of which a `CutAlignment` says so is hardly known."""
+    return uncertainty_deg > DOUBTFUL_DEG or probability < DOUBTFUL_PROBABILITY
 
 
 def of_sides(rotations: ShotRotations) -> list[str]:

@@ -31,17 +31,20 @@ def test_a_body_that_may_be_turned_the_wrong_way_is_named_with_its_frames() -> N
 
 
 def test_who_may_be_no_person_at_all_has_no_second_warning() -> None:
-    facing = Facing(3, 0, 0.5, ((4, 5),), 0.02)
-    bag, woman = (Person(3, BETAS, 1.0, probability) for probability in (0.3, 0.9))
-    assert doubts.of_facings([facing], [bag]) == []
-    (said,) = doubts.of_facings([facing], [woman])
+    three, facing = results(), Facing(3, 0, 0.5, ((4, 5),), 0.02)
+    bag, woman = (
+        replace(three, shots=replace(three.shots, people=(Person(3, BETAS, 1.0, probability),)))
+        for probability in (0.3, 0.9)
+    )
+    assert doubts.of_facings([facing], bag.certain) == []
+    (said,) = doubts.of_facings([facing], woman.certain)
     assert "frames 4:" in said and "one frame in 2 " in said
 
 
 def test_a_doubtful_moment_of_a_long_shot_is_named_though_the_mean_is_high() -> None:
-    (said,) = doubts.of_facings([Facing(0, 1, 0.99, ((300, 315),), 0.3)], [Person(0, BETAS, 1.0)])
+    (said,) = doubts.of_facings([Facing(0, 1, 0.99, ((300, 315),), 0.3)], {0})
     assert "frames 300-314" in said
-    assert doubts.of_facings([Facing(0, 1, 0.99, ((300, 303),), 0.04)], [Person(0, BETAS, 1.0)]) == []
+    assert doubts.of_facings([Facing(0, 1, 0.99, ((300, 303),), 0.04)], {0}) == []
 
 
 def test_a_path_of_unknown_scale_is_doubtful_only_where_it_is_long_enough_to_matter() -> None:
