@@ -8,9 +8,9 @@ import numpy as np
 
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.kinematics import forward_kinematics, skinning_transforms
+from humanmm.models.camera.background.ground import HIDDEN, GroundPicture
 from humanmm.models.geometry.intrinsics import K_of
 from humanmm.models.motion.rotations.shot_results import ShotResults
-from humanmm.models.shadows.ground import HIDDEN, GroundPicture
 
 LIT, DARKER = 150, 0.6
 SCALE = 2.0

@@ -23,9 +23,9 @@ TOWER = (
     "perception.tracking",
     "cuts",
     "shots",
-    "shadows",
     "camera.odometry",
     "camera.background",
+    "shadows",
     "camera",
     "motion.fit",
     "motion.networks",
@@ -48,6 +48,7 @@ TOWER = (
 SIZES = {
     "models.evaluation": "one file for each kind of metric",
     "models.benchmark.tables": "one file for each kind of table, and what they share",
+    "models.shadows": "two steps of one estimate: the floor around a person, and the light on it",
     "cli": "one file for each subject of verbs, and what they share",
     "models.weights": "holds the files of weights; one module reads them",
     "tasks": "one file for each of the 12 stages, and what they share",

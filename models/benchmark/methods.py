@@ -14,6 +14,7 @@ import numpy as np
 from humanmm.config import Config
 from humanmm.errors import HumanMMError
 from humanmm.models.benchmark.oracles import true_cameras, true_rotations, with_true_cuts, yaw_rotations
+from humanmm.models.camera.background.ground import GroundPicture
 from humanmm.models.camera.background.keyframes import FrameFeatures
 from humanmm.models.camera.intrinsics import ShotPoints, given_intrinsics, intrinsics_from_background, middle_frames
 from humanmm.models.camera.masking import without_transitions
@@ -24,7 +25,6 @@ from humanmm.models.motion.world.align import WITNESSES, ShotResults, align
 from humanmm.models.records.camera import Intrinsics, PointTracks, ShotCamera
 from humanmm.models.records.motion import PersonMotion, ShotMotion, WorldMotion
 from humanmm.models.records.shots import Shot, ShotList
-from humanmm.models.shadows.ground import GroundPicture
 from humanmm.models.shots.assemble import detect_shots
 from humanmm.models.shots.people_cuts import Parts
 from humanmm.models.synthetic.multishot import BenchVideo

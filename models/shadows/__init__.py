@@ -1,1 +1,1 @@
-"""Cast shadows: the ground around people, and the directions of the light that explain what is dark on it."""
+"""Cast shadows: the floor around people from above, and the directions of the light that explain what is dark on it."""

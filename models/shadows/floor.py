@@ -12,8 +12,8 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
 from humanmm.models.body.body24 import PARENTS
+from humanmm.models.camera.background.ground import HIDDEN
 from humanmm.models.geometry.projection import project
-from humanmm.models.shadows.ground import HIDDEN
 
 Array = np.ndarray
 

@@ -12,6 +12,7 @@ from jaxtyping import Float
 
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.landmarks import load_landmarks
+from humanmm.models.camera.background.ground import GroundPicture
 from humanmm.models.camera.background.keyframes import FrameFeatures
 from humanmm.models.evaluation.people import projected_boxes
 from humanmm.models.evaluation.skeleton import SMPL_NAMES
@@ -24,7 +25,6 @@ from humanmm.models.records.sequence import BodyParameters, CameraSequence, Moti
 from humanmm.models.records.shots import Scenes, Transition
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
 from humanmm.models.records.video import VideoFacts
-from humanmm.models.shadows.ground import GroundPicture
 from humanmm.models.synthetic.backgrounds import build_room, track, within
 from humanmm.models.synthetic.detector_noise import Detections, DetectorNoise, detect, fitted_noise, pitch_and_roll
 from humanmm.models.synthetic.mocap import Actor, MocapSequence, leg_length, pose_actor

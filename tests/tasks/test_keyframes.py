@@ -7,10 +7,10 @@ import numpy as np
 import three_shots
 from held_results import inputs_of
 
+from humanmm.models.camera.background.ground import HIDDEN
 from humanmm.models.camera.background.keyframes import KeyFrameFeatures
 from humanmm.models.records.shots import Scenes, Shot, ShotList, Transition
 from humanmm.models.records.tracks import ScenePeople
-from humanmm.models.shadows.ground import HIDDEN
 from humanmm.tasks.keyframes import keyframes
 
 

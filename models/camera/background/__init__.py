@@ -1,1 +1,2 @@
-"""Key frames of the background: edges between the cameras of shots of one place, and directions of its walls."""
+"""Key frames of the background: edges between the cameras of shots of one place, directions of its walls, and pictures
+of the ground."""

@@ -16,11 +16,11 @@ from jaxtyping import Bool, Float, Int, UInt8
 from scipy.optimize import least_squares
 
 from humanmm.models.camera.background.frame_edges import match_features
+from humanmm.models.camera.background.ground import HIDDEN
 from humanmm.models.camera.background.keyframes import roots_of
 from humanmm.models.geometry.projection import viewing_rays
 from humanmm.models.geometry.robust import cauchy_loss
 from humanmm.models.geometry.rotations import rotvec_to_rotmat, unit
-from humanmm.models.shadows.ground import HIDDEN
 
 Array = np.ndarray
 

@@ -16,10 +16,10 @@ import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
 
+from humanmm.models.camera.background.ground import GroundPicture, ground_around, ground_frames, whole_frame
 from humanmm.models.camera.background.segments import detect_segments
 from humanmm.models.records.shots import Shot, ShotList
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
-from humanmm.models.shadows.ground import GroundPicture, ground_around, ground_frames, whole_frame
 from humanmm.models.video.frames import frames_at
 from humanmm.models.video.opened import Video
 from humanmm.models.video.prefetch import prefetched

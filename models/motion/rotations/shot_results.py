@@ -9,13 +9,13 @@ from jaxtyping import Float
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.kinematics import chunks, forward_kinematics
 from humanmm.models.body.landmarks import load_landmarks
+from humanmm.models.camera.background.ground import GroundPicture
 from humanmm.models.camera.background.keyframes import FrameFeatures
 from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat, swing
 from humanmm.models.records.camera import Intrinsics, ShotCamera
 from humanmm.models.records.motion import PersonShotMotion, ShotMotion
 from humanmm.models.records.shots import ShotList
 from humanmm.models.records.tracks import ScenePeople
-from humanmm.models.shadows.ground import GroundPicture
 
 Array = np.ndarray
 

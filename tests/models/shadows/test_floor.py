@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from humanmm.models.body.body24 import load_body
+from humanmm.models.camera.background.ground import HIDDEN
 from humanmm.models.shadows.floor import CELL_M, REACH_M, SIDE, PosedOnFloor, seen_floor
-from humanmm.models.shadows.ground import HIDDEN
 
 FOCAL_PX, HEIGHT_M = 300.0, 2.0
 R_LEVEL_CAM = np.array([[1.0, 0, 0], [0, -np.sin(0.5), np.cos(0.5)], [0, -np.cos(0.5), -np.sin(0.5)]])

@@ -15,8 +15,8 @@ from humanmm.models.camera.background.floor_views import (
     floor_motions,
     floor_rotation,
 )
+from humanmm.models.camera.background.ground import HIDDEN
 from humanmm.models.geometry.rotations import rotation_angle, rotvec_to_rotmat
-from humanmm.models.shadows.ground import HIDDEN
 
 K = np.array([[420.0, 0, 320], [0, 420, 180], [0, 0, 1]])
 

@@ -6,13 +6,13 @@ import numpy as np
 from drawn_floor import carpet, picture
 from three_shots import INTRINSICS, LENGTH, camera, results
 
+from humanmm.models.camera.background.ground import GroundPicture
 from humanmm.models.geometry.intrinsics import K_of
 from humanmm.models.geometry.rotations import angle_between_deg
 from humanmm.models.motion.rotations.floors import COMPARE_ALL, NEIGHBOURS, compared, floor_edges
 from humanmm.models.motion.rotations.rotation_mixtures import RotationEdge, Upright
 from humanmm.models.motion.rotations.shot_results import ShotResults
 from humanmm.models.records.shots import Person
-from humanmm.models.shadows.ground import GroundPicture
 
 CAMERAS = [camera(k) for k in range(3)]
 SCALE = 3.0

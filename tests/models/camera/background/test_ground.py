@@ -5,9 +5,7 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from humanmm.models.records.shots import Shot, Transition
-from humanmm.models.records.tracks import PersonTrack, Silhouettes
-from humanmm.models.shadows.ground import (
+from humanmm.models.camera.background.ground import (
     FRAMES,
     HIDDEN,
     MAX_SIDE_PX,
@@ -15,6 +13,8 @@ from humanmm.models.shadows.ground import (
     ground_around,
     ground_frames,
 )
+from humanmm.models.records.shots import Shot, Transition
+from humanmm.models.records.tracks import PersonTrack, Silhouettes
 
 
 def person(box: tuple[float, float, float, float], *, silhouette: bool = True) -> PersonTrack:
