@@ -123,18 +123,28 @@ def _residuals(
 def true_landmarks(
     person: PersonSequence, cameras: CameraSequence, rows: Int[Array, " n"]
 ) -> tuple[Float[Array, "n 33 3"], Bool[Array, " n"], float]:
-    """Landmarks in camera axes, whether the camera sees the back, and the stature."""
-    body = load_body()
-    if person.body is None:
-        raise ValueError("the truth has no body model: noise can be fitted to rendered clips only")
-    rest = body.rest_joints(person.body.betas)
-    R_root = rotvec_to_rotmat(person.body.root_orient[rows])
-    joints, R = forward_kinematics(rest, R_root, person.body.body_pose[rows], person.joints[rows, 0])
-    points = load_landmarks().place(person.body.betas, joints, R)
+    """Landmarks in camera axes, metres, whether the camera sees the back, and the stature."""
+    betas, joints, R_world_joint = posed_truth(person, rows)
+    points = load_landmarks().place(betas, joints, R_world_joint)
     R_world_cam, t_world_cam = cameras.R_world_cam[person.frame[rows]], cameras.t_world_cam[person.frame[rows]]
     in_camera = world_to_camera(points, R_world_cam, t_world_cam)
-    behind = (R_root[..., 2] * (t_world_cam - joints[:, 0])).sum(axis=1) < 0
-    return in_camera, behind, leg_length(rest) / leg_length(body.J_template)
+    behind = (R_world_joint[:, 0, :, 2] * (t_world_cam - joints[:, 0])).sum(axis=1) < 0
+    body = load_body()
+    return in_camera, behind, leg_length(body.rest_joints(betas)) / leg_length(body.J_template)
+
+
+def posed_truth(
+    person: PersonSequence, rows: Int[Array, " n"]
+) -> tuple[Float[Array, "10"], Float[Array, "n 24 3"], Float[Array, "n 24 3 3"]]:
+    """Betas of somebody of a truth, his joints (world, metres) and their rotations to the world, by his body's pose.
+
+    ValueError if the truth has no body model.
+    """
+    if person.body is None:
+        raise ValueError("the truth has no body model; give clips that dataset build ms-render made")
+    betas, R_root = person.body.betas, rotvec_to_rotmat(person.body.root_orient[rows])
+    rest = load_body().rest_joints(betas)
+    return betas, *forward_kinematics(rest, R_root, person.body.body_pose[rows], person.joints[rows, 0])
 
 
 def limb_mask(limbs: Bool[Array, "limbs n"]) -> Bool[Array, "n 33"]:
