@@ -7,6 +7,7 @@ from humanmm.models.body.body24 import load_body
 from humanmm.models.body.kinematics import forward_kinematics
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.motion.assemble import continuous_rotvec
+from humanmm.models.records.camera import Scenery, ShotCamera
 from humanmm.models.records.recording import RecordedPerson, Recording
 
 CUT = 25
@@ -33,6 +34,17 @@ def recording(*, num_frames: int = 40, fps: float = 29.97, time_s: np.ndarray | 
             _person(1, np.arange(5, num_frames - 5), times, unseen=slice(8, 12)),
         ),
     )
+
+
+def travelling_camera(points: np.ndarray, relative_std: np.ndarray, *, unit_m: float = 1.0) -> ShotCamera:
+    """The first camera of `recording` as it was tracked, in a unit of its own; `points` of its background (world)."""
+    taken = recording()
+    R, t = (array[:CUT].astype(np.float64) for array in (taken.R_world_cam, taken.t_world_cam))
+    positions, path = ((places - t[0]) @ R[0] / unit_m for places in (points, t))
+    return ShotCamera(
+        0, CUT, R[0].T @ R, path, taken.K[:CUT].astype(np.float64), "tracked", metric=False, reprojection_px=0.5,
+        scenery=Scenery(positions.astype(np.float32), relative_std.astype(np.float32)),
+    )  # fmt: skip
 
 
 def _person(number: int, frame: np.ndarray, times: np.ndarray, *, unseen: slice) -> RecordedPerson:

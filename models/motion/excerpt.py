@@ -6,8 +6,8 @@ cameras do not: between the last frame of one shot and the first of the next the
 """
 
 import dataclasses
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any, Literal, get_args
 
@@ -28,6 +28,8 @@ from humanmm.models.geometry.rotations import (
 from humanmm.models.motion.assemble import continuous_rotvec
 from humanmm.models.records.recording import RecordedPerson, Recording
 
+WorldScenery = Mapping[int, Float[np.ndarray, "p 3"]]
+"""By shot, points of its background; world (z up), metres (`motion.scenery`)."""
 Up = Literal["y", "z"]
 Unit = Literal["m", "cm", "mm"]
 UNITS_PER_METRE: dict[Unit, float] = {"m": 1.0, "cm": 100.0, "mm": 1000.0}
@@ -72,6 +74,8 @@ class Excerpt:
     """World axes (z up) to those of the file. With y up: x stays, z becomes y, y becomes −z."""
     R_file_body: Float[np.ndarray, "3 3"]
     """Axes of the body at rest (y up) to those of the file, so that the rest pose stands upright there."""
+    scenery: WorldScenery = field(default_factory=dict)
+    """For files that have a place for it."""
 
     @property
     def scale(self) -> float:

@@ -181,6 +181,7 @@ class Run:
         """
         from humanmm.models.motion.excerpt import Wishes
         from humanmm.storage.run_folder import exporters
+        from humanmm.storage.run_folder.kept_scenery import kept_scenery
         from humanmm.storage.run_folder.motion_zarr import EXPORT, MOTION, read_motion
 
         people = () if person is None else (person,) if isinstance(person, int) else tuple(person)
@@ -188,7 +189,10 @@ class Run:
         folder = self.folder / EXPORT if out is None else Path(out)
         with self._unchanging() if out is None else nullcontext():
             recording = read_motion(self.folder / MOTION)  # afresh: what was read before may have been replaced
-            return exporters.export(recording, folder, format_name, wishes=wishes, force=force)
+            return exporters.export(
+                recording, folder, format_name, wishes=wishes, force=force,
+                scenery=lambda: kept_scenery(self.folder, recording),
+            )  # fmt: skip
 
     def _unchanging(self) -> AbstractContextManager[None]:
         """While nobody else writes the folder."""

@@ -2,12 +2,12 @@
 
 import tempfile
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
 from humanmm.errors import InputError
-from humanmm.models.motion.excerpt import Excerpt, Unit, Up, Wishes, excerpt, is_steady
+from humanmm.models.motion.excerpt import Excerpt, Unit, Up, Wishes, WorldScenery, excerpt, is_steady
 from humanmm.models.records.recording import RecordedPerson, Recording
 from humanmm.storage.run_folder.exporters.amass import reader_rate, write_amass
 from humanmm.storage.run_folder.exporters.bvh import write_bvh
@@ -51,6 +51,8 @@ class Format:
     """The rate to which frames are brought if the user names none; None keeps them."""
     of_frames: bool = False
     """Whether every entry belongs to a frame of the video, so that there is no other rate."""
+    has_scenery: bool = False
+    """Whether there is a place for points of the background."""
 
 
 def _of_each_person(
@@ -91,7 +93,10 @@ FORMATS: dict[str, Format] = {
         "GVHMR's hmr4d_results.pt", _of_each_person(".pt", write_gvhmr), "y", "m", "GVHMR's world is y up, in metres"
     ),
     "tum": Format("camera trajectories, a file a shot (evo)", tum_files, "z", "m"),
-    "colmap": Format("cameras as a COLMAP model in text", colmap_files, "z", "m", of_frames=True),
+    "colmap": Format(
+        "cameras and points of the background as a COLMAP model in text", colmap_files, "z", "m", of_frames=True,
+        has_scenery=True,
+    ),
     "blender": Format(
         "a script that makes the cameras in Blender", _of_all("cameras_blender.py", write_blender_script), "z", "m",
         "Blender is z up and in metres", _constant,
@@ -104,13 +109,24 @@ ALWAYS_PATTERN = "person_[0-9][0-9].npz"
 
 
 def export(
-    recording: Recording, folder: Path, format_name: str, *, wishes: Wishes | None = None, force: bool = False
+    recording: Recording,
+    folder: Path,
+    format_name: str,
+    *,
+    wishes: Wishes | None = None,
+    scenery: Callable[[], WorldScenery] = dict,
+    force: bool = False,
 ) -> tuple[Path, ...]:
-    """Write what is wished of a recording into `folder`; the paths written. Existing files need `force`."""
+    """Write what is wished of a recording into `folder`; the paths written. Existing files need `force`.
+
+    `scenery` has the background of the recording, and is called for a format that has a place for it.
+    """
     if format_name not in FORMATS:
         raise InputError(f"there is no format {format_name!r}; choose one of {', '.join(FORMATS)}")
     chosen = FORMATS[format_name]
     part = _excerpt(recording, format_name, wishes or Wishes())
+    if chosen.has_scenery:
+        part = replace(part, scenery=scenery())
     files = chosen.files(part)
     if not files:
         raise InputError("nobody is in these frames: nothing was written")
