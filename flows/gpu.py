@@ -1,7 +1,6 @@
 """One slot per accelerator, shared by all processes and machines of one Prefect server."""
 
 import contextlib
-import logging
 from collections.abc import Iterator
 
 from prefect.client.orchestration import PrefectClient
@@ -10,8 +9,6 @@ from prefect.concurrency.sync import concurrency
 from prefect.exceptions import ObjectAlreadyExists
 
 from humanmm.machine import nvidia_devices
-
-log = logging.getLogger(__name__)
 
 LIMIT = "gpu"
 LEASE_S = 60.0

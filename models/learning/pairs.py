@@ -106,7 +106,7 @@ class PairSource:
         actors = [_placed(first.actor, rng)]
         if rng.random() < OTHERS:
             other = self._performance(MOTIONS[int(rng.integers(len(MOTIONS)))], seconds, fps, rng)
-            actors.append(_beside(other.actor, actors[0], rng))
+            actors.append(_beside(other.actor, rng))
         lens, shot = _filmed(actors, fps, rng)
         place = tuple(PLACES)[int(rng.integers(len(PLACES)))]
         scene = build_place(place, _ground(actors, shot.t_world_cam, rng), rng)
@@ -132,8 +132,8 @@ def _placed(actor: Actor, rng: np.random.Generator) -> Actor:
     return rotated(actor, rng.uniform(0, 2 * np.pi), np.zeros(2))
 
 
-def _beside(actor: Actor, first: Actor, rng: np.random.Generator) -> Actor:
-    """Somebody half a metre to two metres away from the first."""
+def _beside(actor: Actor, rng: np.random.Generator) -> Actor:
+    """Somebody half a metre to two metres away from the first, whose path is about the origin."""
     angle, away = rng.uniform(0, 2 * np.pi), rng.uniform(0.5, 2.2)
     return rotated(actor, rng.uniform(0, 2 * np.pi), away * np.array([np.cos(angle), np.sin(angle)]))
 

@@ -6,8 +6,6 @@ import numpy as np
 
 from humanmm.models.synthetic.detector_errors import PersonErrors
 
-Array = np.ndarray
-
 _JOINTS = ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
 
 

@@ -10,8 +10,6 @@ from matplotlib.figure import Figure
 from humanmm.models.synthetic.noise_fit import NoiseFit, rates_of_change
 from humanmm.models.synthetic.noise_series import Series, simulate
 
-Array = np.ndarray
-
 _JOINTS = {
     "shoulders": (11, 12),
     "elbows": (13, 14),

@@ -4,7 +4,6 @@ The stages `scenes` and `shots` define the units of the stages after them: until
 a stage per scene or per shot are unknown.
 """
 
-import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeVar, cast
@@ -16,7 +15,6 @@ from humanmm.storage.store.store import Store
 from humanmm.tasks.pipeline import Stage, UnitKind
 from humanmm.tasks.units.unit import Unit, UnitId, read_by, units_of
 
-log = logging.getLogger(__name__)
 T = TypeVar("T")
 State = Literal["cached", "computed", "failed", "skipped"]
 

@@ -167,7 +167,7 @@ def _part(
     actors = [chosen_frames(one.actor, rows) for one in cast]
     shots, kinds = _film_all(actors, lengths, cuts, place, lens, number, rng)
     passing = _passers_by(library, shots, actors, lens, rng)
-    scene, near = _place(library, place, actors, passing, shots, lens, rng)
+    scene, near = _place(library, place, actors, passing, shots, rng)
     starts = np.cumsum([0, *lengths])
     clip = Clip(
         plan, lens.width, lens.height, lens.fps, (*actors, *passing), tuple(shots),
@@ -312,7 +312,6 @@ def _place(
     actors: Sequence[Actor],
     passing: Sequence[Actor],
     shots: Sequence[Shot],
-    lens: Lens,
     rng: np.random.Generator,
 ) -> tuple[BackgroundScene, int]:
     """The place around them, and how many things stand beside the cameras' tracks."""

@@ -39,8 +39,6 @@ from humanmm.models.rendering.places.furnishing import (
 )
 from humanmm.models.rendering.textures import Texture
 
-Array = np.ndarray
-
 OPEN_AIR = ("stadium", "street", "night street", "park")
 HIGH = (*OPEN_AIR, "sports hall", "tiled hall")
 """Places in which a camera may fly."""

@@ -11,8 +11,6 @@ from humanmm.tasks.engine.runners.worker import perform
 from humanmm.tasks.units.execute import Result
 from humanmm.tasks.units.faults import in_words
 
-log = logging.getLogger(__name__)
-
 TOPIC = "humanmm"
 """Topic of the workers' messages, which the scheduler forwards in order; one for all runs, for it keeps topics."""
 
