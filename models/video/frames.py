@@ -1,6 +1,7 @@
 """Frames on demand: decoded again whenever a stage needs them, never stored.
 
-`frames(stream, facts, start, stop)` delivers exactly the announced frames of [start, stop), upright, one at a time;
+`frames(stream, facts, start, stop)` delivers exactly the announced frames of [start, stop), upright and in square
+pixels (`square_pixels`), one at a time;
 `planar_frames` the same as the decoder has them, luma and chroma apart, without converting or copying; `frames_at`
 chosen ones, and jumps from keyframe to keyframe over what lies between. Decoding enters at the last
 keyframe before a frame; should the decoder not deliver the frame from there (a container that seeks past it, references
@@ -201,11 +202,13 @@ class _Conversion:
         self._size = size[::-1] if facts.rotation_deg in (90, 270) else size
         self._rotation = _ROTATIONS.get(facts.rotation_deg)
         self._mirrored = facts.mirrored
+        self._has_square_pixels = facts.sample_aspect_ratio == (1, 1)
         self._reformatter = VideoReformatter()
 
     def image(self, picture: VideoFrame, pixels: Pixels) -> np.ndarray:
         """As `Frame.image`."""
-        if pixels == "gray" and picture.format.name in _LUMA_FORMATS + _FULL_RANGE_FORMATS:
+        luma_is_gray = picture.format.name in _LUMA_FORMATS + _FULL_RANGE_FORMATS
+        if pixels == "gray" and luma_is_gray and self._has_square_pixels:
             image = _luma(picture)
             if (picture.width, picture.height) != self._size:
                 image = cv2.resize(image, self._size, interpolation=cv2.INTER_AREA)
@@ -238,6 +241,7 @@ class _Conversion:
 
     def _converted(self, picture: VideoFrame, pixel_format: str, color_range: ColorRange | None = None) -> VideoFrame:
         width, height = self._size
+        # a side that grows while the other one shrinks is interpolated linearly by swscale's AREA
         shrinks = width < picture.width or height < picture.height
         return self._reformatter.reformat(
             picture,

@@ -9,6 +9,7 @@ import gc
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from fractions import Fraction
 from itertools import pairwise
 from typing import BinaryIO
 
@@ -32,6 +33,7 @@ from humanmm.models.video.container import (
 )
 from humanmm.models.video.declared_size import count_movies
 from humanmm.models.video.frame_times import LONG_GAP_S, check_times, longest_gap_s
+from humanmm.models.video.square_pixels import shape_of_pixels, square_size
 
 MISSING_S = 0.5
 """Pictures that end this much before the container says that they do are missing: a declared end is off by a picture or
@@ -46,6 +48,8 @@ class _Pictures:
     size: tuple[int, int] = (0, 0)
     """Width and height of the first, as it is stored."""
     orientation: tuple[int, bool] = (0, False)
+    aspects: list[Fraction | None] = field(default_factory=list)
+    """Sample aspect ratios that the stream has said, each once."""
     pts: list[int | None] = field(default_factory=list)
     intra: set[int | None] = field(default_factory=set)
     resized: int = 0
@@ -68,8 +72,12 @@ def read_facts(stream: BinaryIO, *, max_side_px: int = 8192, max_memory_mb: floa
         kept = _counted_pts(pts, pictures.log) if counted else _increasing_pts(pts)
         time_s = np.array([float(p * time_base) for p in kept])
         check_times(time_s, num_pictures=len(pts))
+        aspect, doubts = shape_of_pixels(video.sample_aspect_ratio, pictures.aspects, pictures.size)
+        size = square_size(pictures.size, aspect)
+        refuse_absurd_size(max(size), max_side_px)
         warnings = [
             *_warnings(pictures, container, video, time_s),
+            *doubts,
             *_other_videos(stream, container, pictures, is_timed=not counted),
         ]
         if counted:
@@ -82,7 +90,7 @@ def read_facts(stream: BinaryIO, *, max_side_px: int = 8192, max_memory_mb: floa
         keyframe[:] = False
     keyframe[0] = True
     rotation_deg, mirrored = pictures.orientation
-    width, height = pictures.size[::-1] if rotation_deg in (90, 270) else pictures.size
+    width, height = size[::-1] if rotation_deg in (90, 270) else size
     gc.collect()  # PyAV ties a picture and its side data in a circle, which would keep the decoder's pictures
     return VideoFacts(
         width=width,
@@ -95,6 +103,8 @@ def read_facts(stream: BinaryIO, *, max_side_px: int = 8192, max_memory_mb: floa
         warnings=tuple(warnings),
         mirrored=mirrored,
         counted=counted,
+        coded_size=pictures.size,
+        sample_aspect_ratio=(aspect.numerator, aspect.denominator),
     )
 
 
@@ -107,6 +117,9 @@ def _decode_all(container: InputContainer, video: VideoStream, memory: DecoderMe
         if not found.pts:
             found.size, found.orientation = size, _orientation(picture)
         refuse_absurd_size(max(size), max_side_px)
+        aspect = video.codec_context.sample_aspect_ratio
+        if aspect not in found.aspects:
+            found.aspects.append(aspect)
         found.resized += size != found.size
         found.damaged += picture.is_corrupt
         found.pts.append(picture.pts)
@@ -154,9 +167,6 @@ def _warnings(
     if pictures.resized:
         size = f"{pictures.size[0]} x {pictures.size[1]} px"
         yield f"the picture size changes inside the video: {pictures.resized} frames are scaled to {size}"
-    sar = video.sample_aspect_ratio
-    if sar and sar != 1:
-        yield f"pixels are not square (aspect {sar}): bodies look too wide or narrow: convert the video"
 
 
 def _other_videos(stream: BinaryIO, container: InputContainer, pictures: _Pictures, *, is_timed: bool) -> Iterator[str]:

@@ -15,6 +15,7 @@ from humanmm.models.records.camera import Intrinsics, ShotCamera
 from humanmm.models.records.shots import ShotList
 from humanmm.models.records.video import VideoFacts
 from humanmm.storage.run_folder.exporters.cameras.tum import focal_lengths, write_trajectory
+from humanmm.storage.run_folder.run_record import coded_picture
 
 FACTS = "cameras.json"
 OURS = r"cameras\.json|shot_\d+\.tum"
@@ -68,7 +69,7 @@ def _file(number: int) -> str:
 
 def _facts(facts: VideoFacts, shots: ShotList, intrinsics: Intrinsics, cameras: Sequence[ShotCamera]) -> dict[str, Any]:
     return {
-        "width": facts.width, "height": facts.height, "num_frames": facts.num_frames,
+        "width": facts.width, "height": facts.height, **coded_picture(facts), "num_frames": facts.num_frames,
         "focal": {
             "px": intrinsics.focal_px, "source": intrinsics.source,
             "relative_uncertainty": intrinsics.relative_uncertainty,

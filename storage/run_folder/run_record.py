@@ -95,6 +95,7 @@ def run_record(  # noqa: PLR0913 (one a section of run.json)
             "fps": facts.fps,
             "width": facts.width,
             "height": facts.height,
+            **coded_picture(facts),
             "num_frames": facts.num_frames,
         },
         "store": store,
@@ -125,6 +126,17 @@ def run_record(  # noqa: PLR0913 (one a section of run.json)
         ],
         "stages": [_stage(record) for record in stages],
         "versions": dict(versions),
+    }
+
+
+def coded_picture(facts: VideoFacts) -> dict[str, Json]:
+    """What the file stores: the size of its pictures before their rotation, the shape of its pixels, the rotation."""
+    width, height = facts.coded_size or (facts.width, facts.height)
+    return {
+        "coded_width": width,
+        "coded_height": height,
+        "sample_aspect_ratio": "{}:{}".format(*facts.sample_aspect_ratio),
+        "rotation_deg": facts.rotation_deg,
     }
 
 

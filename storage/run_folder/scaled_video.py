@@ -16,7 +16,7 @@ _PRESET = {"preset": "veryfast", "crf": "23"}
 
 def write_scaled(source: Path, target: Path, *, height: int, seconds: float) -> None:
     """The pictures of `source`, forwards and backwards in alternation until they last at least so long, as H.264 in a
-    .mkv of `height` pixels. As many as are needed are in memory once, in their own size."""
+    .mkv of `height` square pixels. As many as are needed are in memory once, in their own size."""
     with av.open(str(source)) as opened:
         if not opened.streams.video:
             raise VideoError(f"{source} holds no video stream")
@@ -24,7 +24,8 @@ def write_scaled(source: Path, target: Path, *, height: int, seconds: float) -> 
         rate = Fraction(stream.average_rate or 25)
         first = itertools.islice(opened.decode(stream), math.ceil(seconds * rate / 2))
         pictures = [frame.reformat(format="yuv420p") for frame in first]
-    width = 2 * round(height * pictures[0].width / pictures[0].height / 2)
+        aspect = stream.sample_aspect_ratio or 1
+    width = 2 * round(height * pictures[0].width * aspect / pictures[0].height / 2)
     with tempfile.TemporaryDirectory(prefix="humanmm-scaled-") as folder:
         once = Path(folder) / "once.mp4"  # which keeps the times of decoding
         with av.open(str(once), "w") as container:

@@ -39,6 +39,7 @@ def encode(
     pix_fmt: str = "yuv420p",
     options: dict[str, str] | None = None,
     rotation_deg: int | None = None,
+    sample_aspect_ratio: Fraction | None = None,
     pictures: Sequence[np.ndarray] | None = None,
     full_range: bool = False,
     container_options: dict[str, str] | None = None,
@@ -60,6 +61,8 @@ def encode(
         stream.codec_context.time_base = time_base if container != "avi" else Fraction(1, 25)
         if full_range:
             stream.codec_context.color_range = av.video.reformatter.ColorRange.JPEG
+        if sample_aspect_ratio is not None:
+            stream.codec_context.sample_aspect_ratio = sample_aspect_ratio
         if rotation_deg is not None:
             stream.set_display_rotation(rotation_deg)
         for time, picture in zip(times, pictures, strict=True):
