@@ -18,7 +18,7 @@ def people(inputs: StageInputs) -> ScenePeople:
     """The tracks of all people in the scene's frames; what the user brought along takes the place of what finds it."""
     settings = inputs.config.people
     facts = inputs.read("decode", VideoFacts)
-    video = facts.num_frames, (facts.width, facts.height)
+    video = facts.num_frames, facts.sizes
     if settings.keypoints_from is not None:
         keypoints = read_keypoints(settings.keypoints_from, *video)
         lift_keypoints = load("lifting.keypoints", inputs.config.lifting.keypoints)

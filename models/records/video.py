@@ -12,8 +12,8 @@ Size = tuple[int, int]
 class PictureSizes:
     """Sizes of a video's upright pictures: as they are delivered, and as they are stored.
 
-    Programs that read with OpenCV, and the png files of ffmpeg, have the pixels that are stored, turned upright. The two
-    sizes differ where those pixels are not square.
+    Programs that read with OpenCV, and the png files of ffmpeg, have the pixels that are stored, turned upright. The
+    two sizes differ where those pixels are not square.
     """
 
     square: Size

@@ -7,10 +7,11 @@ it as well; as in FFmpeg's `av_guess_sample_aspect_ratio`, the container has the
 
 from collections.abc import Sequence
 from fractions import Fraction
+from itertools import pairwise
 
 WIDEST = 4
-"""Pixels more than so many times as wide as high, or as high as wide, are a broken header: H.264's table ends at 160:99,
-anamorphic lenses double, and what declares 1:1000 shows ordinary pictures."""
+"""Pixels more than so many times as wide as high, or as high as wide, are a broken header: H.264's table ends at
+160:99, anamorphic lenses double, and what declares 1:1000 shows ordinary pictures."""
 NEARLY_SQUARE = Fraction(1, 200)
 """Beyond 1 by less than this is rounding of a writer (1279:1280): what resampling blurs would weigh more than 5 mm in a
 metre."""
@@ -19,9 +20,7 @@ Aspect = Fraction | None
 """None: nothing is said."""
 
 
-def shape_of_pixels(
-    declared: Aspect, coded: Sequence[Aspect], size: tuple[int, int]
-) -> tuple[Fraction, list[str]]:
+def shape_of_pixels(declared: Aspect, coded: Sequence[Aspect], size: tuple[int, int]) -> tuple[Fraction, list[str]]:
     """The sample aspect ratio by which pictures are resampled, 1 if they are not; and what is doubtful about it.
 
     `declared`: by the container, or else by the stream's header; `coded`: by the stream at its pictures, each once, in
@@ -30,7 +29,7 @@ def shape_of_pixels(
     said = [aspect for aspect in coded if aspect is not None]
     aspect = declared or (said[0] if said else Fraction(1))
     warnings = []
-    if any(not _alike(one, other) for one, other in zip(said, said[1:], strict=False)):
+    if any(not _alike(one, other) for one, other in pairwise(said)):
         warnings.append(
             f"the shape of pixels changes inside the video ({', '.join(map(_colon, said))}): {_colon(aspect)} is used "
             "for all; bodies look too wide or narrow where it is wrong"

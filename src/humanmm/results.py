@@ -276,9 +276,9 @@ def evaluate(run: "Run | str | os.PathLike[str]", truth: "Run | str | os.PathLik
     """
     from humanmm.models.evaluation.evaluate import evaluate as figures_of
     from humanmm.storage.readers.same_video import check_same_video
-    from humanmm.storage.readers.truth import read_sequence
+    from humanmm.storage.readers.truth import read_sequence, read_truth
 
     folder, other = (side.folder if isinstance(side, Run) else Path(side) for side in (run, truth))
-    prediction, reference = read_sequence(folder), read_sequence(other)
+    prediction, reference = read_sequence(folder), read_truth(other, folder)
     check_same_video(folder, other, prediction, reference)
     return figures_of(prediction, reference)

@@ -5,6 +5,7 @@ Files come from strangers (see `humanmm.storage.readers.archives`): whatever is 
 
 import json
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +13,11 @@ import numpy as np
 
 from humanmm.errors import InputError, TruthError
 from humanmm.models.evaluation.truth import contract_sequence, pose2sim_sequence
-from humanmm.models.records.foreign_arrays import shown
+from humanmm.models.records.foreign_arrays import shown, whole_numbers
 from humanmm.models.records.sequence import MotionSequence
+from humanmm.models.records.video import PictureSizes
 from humanmm.storage.readers.archives import NpzArrays, ZarrArrays, damage
+from humanmm.storage.run_folder.run_record import read_run_record
 
 MAX_JSON_BYTES = 64 * 2**20
 
@@ -28,6 +31,47 @@ def read_sequence(path: Path) -> MotionSequence:
         raise TruthError(f"{path}: {error}") from error
     except OSError as error:
         raise TruthError(f"{path}: cannot be read as a run folder or truth ({error.strerror or 'damaged'})") from error
+
+
+def read_truth(path: Path, run: Path) -> MotionSequence:
+    """The truth of a run, its cameras and boxes in the run's square pixels. Raises TruthError.
+
+    An npz truth that gives the size of the stored pictures as its own was made in pixels that are not square.
+    """
+    truth, sizes = read_sequence(path), _sizes_of(run)
+    if path.is_dir() or sizes is None or sizes.coded == sizes.square or _size_in(path) != sizes.coded:
+        return truth
+    cameras, factor = truth.cameras, np.tile(sizes.to_square, 2)
+    if cameras is not None:
+        cameras = replace(cameras, K=sizes.squared(cameras.K, sizes.coded))
+    people = tuple(
+        one if one.bbox_xyxy is None else replace(one, bbox_xyxy=one.bbox_xyxy * factor) for one in truth.people
+    )
+    return replace(truth, cameras=cameras, people=people)
+
+
+def _sizes_of(run: Path) -> PictureSizes | None:
+    """Of the pictures of a run's video, as run.json has them; None where it does not say."""
+    try:
+        video = read_run_record(run)["video"]
+        square, coded = ((int(video[width]), int(video[height])) for width, height in _SIDES)
+        turned = int(video["rotation_deg"]) in (90, 270)
+    except (InputError, KeyError, TypeError, ValueError):
+        return None
+    return PictureSizes(square, coded[::-1] if turned else coded)
+
+
+_SIDES = (("width", "height"), ("coded_width", "coded_height"))
+
+
+def _size_in(path: Path) -> tuple[int, int] | None:
+    """Width and height that an npz truth gives; None where it gives none."""
+    try:
+        with damage("cannot be read as a truth: it is damaged"):
+            width, height = (int(whole_numbers(NpzArrays(path), name, ())) for name in _SIDES[0])
+    except InputError:
+        return None
+    return width, height
 
 
 def read_boxes(path: Path, num_frames: int) -> dict[str, np.ndarray] | None:

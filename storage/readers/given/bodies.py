@@ -16,9 +16,10 @@ gives for its result (docs/bring.md has the lines). Of MHR's and SOMA's rotation
 others than SMPL's.
 
 `transl` moves the body's origin; the pelvis lies SMPL's rest pelvis beside it. WHAM's camera is the one that it assumes
-without a calibration: the picture's diagonal for its focal length. A file is of the whole video, or of a clip of it:
-its name then ends in @ and the clip's first frame (`walk@000120.pt`). Written from what the projects publish; no file
-that one of them wrote was at hand: experimental.
+without a calibration: the picture's diagonal for its focal length. All see the pixels that OpenCV reads, those that are
+stored, and take them for square; where they are not, K is brought into square pixels, so that a body lies where it lay.
+A file is of the whole video, or of a clip of it: its name then ends in @ and the clip's first frame
+(`walk@000120.pt`). Written from what the projects publish; no file that one of them wrote was at hand: experimental.
 """
 
 import io
@@ -39,12 +40,12 @@ from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
 from humanmm.models.perception.tracking.given_bodies import GivenBody, smpl_body
 from humanmm.models.records.foreign_arrays import frame_numbers, numbers, rotations, shown, whole_numbers
 from humanmm.models.records.landmarks import INDEX, NUM_LANDMARKS
+from humanmm.models.records.video import PictureSizes
 from humanmm.storage.readers.archives import NpzArrays, damage
 from humanmm.storage.readers.restricted_pickle import load_pickle
 from humanmm.storage.readers.torch_tensors import read_tensors
 
 Array = np.ndarray
-Size = tuple[int, int]
 Tree = Mapping[str, Any]
 
 MAX_EXTRA_FRAMES = 2
@@ -79,8 +80,8 @@ SHANK_M = (0.15, 0.75)
 
 
 @lru_cache(maxsize=1)
-def read_bodies(given: GivenFile, num_frames: int, size: Size) -> tuple[GivenBody, ...]:
-    """Everybody in a video of so many frames with pictures of `size` (width, height).
+def read_bodies(given: GivenFile, num_frames: int, sizes: PictureSizes) -> tuple[GivenBody, ...]:
+    """Everybody in a video of so many frames with pictures of such sizes.
 
     InputError says in one sentence what is wrong.
     """
@@ -90,7 +91,7 @@ def read_bodies(given: GivenFile, num_frames: int, size: Size) -> tuple[GivenBod
             first, is_clip = _first_frame(name)
             try:
                 with damage("it cannot be read as another system's result"):
-                    bodies = _read(name, content, size, whole=None if is_clip else num_frames)
+                    bodies = _read(name, content, sizes, whole=None if is_clip else num_frames)
                     found += [_within(body, first, num_frames) for body in bodies]
             except InputError as error:
                 raise InputError(str(error) if name in str(error) else f"{name}: {error}") from error
@@ -133,21 +134,21 @@ def _within(body: GivenBody, first: int, num_frames: int) -> GivenBody:
     return GivenBody(frame[kept], body.landmarks_cam[kept], body.known, body.K[kept], R_local)
 
 
-def _read(name: str, content: bytes, size: Size, *, whole: int | None) -> Iterator[GivenBody]:
+def _read(name: str, content: bytes, sizes: PictureSizes, *, whole: int | None) -> Iterator[GivenBody]:
     """`whole`: frames of the video, None for a clip."""
     if name.endswith(".pt"):
-        yield _of_tensors(content, size, whole)
+        yield _of_tensors(content, sizes, whole)
     elif name.endswith(".pkl"):
-        yield from _of_pickle(load_pickle(io.BytesIO(content), name), size)
+        yield from _of_pickle(load_pickle(io.BytesIO(content), name), sizes)
     elif name.endswith(".npz"):
         arrays = NpzArrays(io.BytesIO(content), name)
-        known: dict[str, Callable[[Tree, Size], Iterator[GivenBody]]] = {
+        known: dict[str, Callable[[Tree, PictureSizes], Iterator[GivenBody]]] = {
             "pred_rotmat": _tram, "pose_body": partial(_slahmr, whole=whole), "pred_keypoints_3d": _sam_3d_body,
             "soma_joints": partial(_gem_x, whole=whole),
         }  # fmt: skip
         for key, reader in known.items():
             if key in arrays:
-                yield from reader(arrays, size)
+                yield from reader(arrays, sizes)
                 return
         raise InputError(
             f"holds {', '.join(map(shown, sorted(arrays)[:6])) or 'nothing'}; expected one of {', '.join(known)}"
@@ -156,7 +157,7 @@ def _read(name: str, content: bytes, size: Size, *, whole: int | None) -> Iterat
         raise InputError("is no .pt, .pkl or .npz")
 
 
-def _of_tensors(content: bytes, size: Size, whole: int | None) -> GivenBody:
+def _of_tensors(content: bytes, sizes: PictureSizes, whole: int | None) -> GivenBody:
     """GVHMR's and GEM's file, and our own `export --format gvhmr`, which adds frames and body24's shape."""
     tree = read_tensors(
         io.BytesIO(content), "smpl_params_incam", "body_params_incam", "K_fullimg", "frame", "betas_body24", "observed"
@@ -172,7 +173,7 @@ def _of_tensors(content: bytes, size: Size, whole: int | None) -> GivenBody:
         )
     count = len(pose)
     frame = frame_numbers(tree, "frame", count) if "frame" in tree else _from_the_first(count, whole)
-    K = _in_video(numbers(tree, "K_fullimg", (count, 3, 3), finite=True), size, "K_fullimg")
+    K = _in_video(numbers(tree, "K_fullimg", (count, 3, 3), finite=True), sizes, "K_fullimg")
     betas = numbers(tree, "betas_body24", (10,), finite=True) if "betas_body24" in tree else None
     seen = np.asarray(tree["observed"], bool) if "observed" in tree else np.ones(count, bool)
     if seen.shape != (count,):
@@ -187,9 +188,9 @@ def _of_tensors(content: bytes, size: Size, whole: int | None) -> GivenBody:
     )
 
 
-def _of_pickle(tree: Any, size: Size) -> Iterator[GivenBody]:
+def _of_pickle(tree: Any, sizes: PictureSizes) -> Iterator[GivenBody]:
     if isinstance(tree, dict) and isinstance(tree.get("people"), dict):
-        yield from _prompthmr(tree, size)
+        yield from _prompthmr(tree, sizes)
         return
     tracks = [one for one in tree.values() if isinstance(one, dict) and "pose" in one] if isinstance(tree, dict) else []
     if not tracks:
@@ -198,11 +199,12 @@ def _of_pickle(tree: Any, size: Size) -> Iterator[GivenBody]:
         pose = numbers(track, "pose", (None, 72), finite=True).reshape(-1, 24, 3)
         trans = numbers(track, "trans", (len(pose), 3), finite=True)
         frame = frame_numbers(track, "frame_ids", len(pose))
-        K = np.tile(K_from_focal(float(np.hypot(*size)), *size), (len(pose), 1, 1))
+        K_seen = K_from_focal(float(np.hypot(*sizes.coded)), *sizes.coded)
+        K = sizes.squared(np.tile(K_seen, (len(pose), 1, 1)), sizes.coded)
         yield smpl_body(frame, rotvec_to_rotmat(pose[:, 0]), pose[:, 1:], trans + SMPL_REST_PELVIS, K)
 
 
-def _prompthmr(tree: Tree, size: Size) -> Iterator[GivenBody]:
+def _prompthmr(tree: Tree, sizes: PictureSizes) -> Iterator[GivenBody]:
     camera = tree.get("camera")
     if not isinstance(camera, dict):
         raise InputError("it lacks camera, which has PromptHMR's focal length")
@@ -217,18 +219,18 @@ def _prompthmr(tree: Tree, size: Size) -> Iterator[GivenBody]:
         frame = frame_numbers(person, "frames", count)
         pelvis = numbers(parameters, "trans", (count, 3), finite=True) + SMPLX_REST_PELVIS
         R_root, body = rotvec_to_rotmat(pose[:, :3]), pose[:, 3:66].reshape(count, 21, 3)
-        yield smpl_body(frame, R_root, body, pelvis, _focal_and_centre(camera, size, count))
+        yield smpl_body(frame, R_root, body, pelvis, _focal_and_centre(camera, sizes, count))
 
 
-def _tram(arrays: Tree, size: Size) -> Iterator[GivenBody]:
+def _tram(arrays: Tree, sizes: PictureSizes) -> Iterator[GivenBody]:
     R = rotations(arrays, "pred_rotmat", (None, 24, 3, 3), finite=True)
     trans = numbers(arrays, "pred_trans", (len(R), 3), finite=True)
     frame = frame_numbers(arrays, "frame", len(R))
-    K = _focal_and_centre(arrays, size, len(R))
+    K = _focal_and_centre(arrays, sizes, len(R))
     yield smpl_body(frame, R[:, 0], rotmat_to_rotvec(R[:, 1:]), trans + SMPL_REST_PELVIS, K)
 
 
-def _slahmr(arrays: Tree, size: Size, *, whole: int | None) -> Iterator[GivenBody]:
+def _slahmr(arrays: Tree, sizes: PictureSizes, *, whole: int | None) -> Iterator[GivenBody]:
     orient = numbers(arrays, "root_orient", (None, None, 3), finite=True)
     tracks, count = orient.shape[:2]
     frame = _from_the_first(count, whole)
@@ -237,14 +239,14 @@ def _slahmr(arrays: Tree, size: Size, *, whole: int | None) -> Iterator[GivenBod
     R_cam = rotations(arrays, "cam_R", (None, count, 3, 3), finite=True)
     t_cam = numbers(arrays, "cam_t", (len(R_cam), count, 3), finite=True)
     fx, fy, cx, cy = numbers(arrays, "intrins", (4,), finite=True)
-    K = np.tile(_in_video(np.array([[[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]]]), size, "intrins"), (count, 1, 1))
+    K = np.tile(_in_video(np.array([[[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]]]), sizes, "intrins"), (count, 1, 1))
     for track in range(tracks):
         R, t = R_cam[min(track, len(R_cam) - 1)], t_cam[min(track, len(R_cam) - 1)]
         pelvis = (R @ (trans[track] + SMPL_REST_PELVIS)[..., None])[..., 0] + t
         yield smpl_body(frame, R @ rotvec_to_rotmat(orient[track]), pose[track], pelvis, K)
 
 
-def _sam_3d_body(arrays: Tree, size: Size) -> Iterator[GivenBody]:
+def _sam_3d_body(arrays: Tree, sizes: PictureSizes) -> Iterator[GivenBody]:
     """Places of keypoints alone; rows of one person are those with the same number in `person`."""
     points = numbers(arrays, "pred_keypoints_3d", (None, 70, 3), finite=True)
     count = len(points)
@@ -252,9 +254,10 @@ def _sam_3d_body(arrays: Tree, size: Size) -> Iterator[GivenBody]:
     focal_px = numbers(arrays, "focal_length", (count,), finite=True)
     frame = whole_numbers(arrays, "frame", (count,))
     person = whole_numbers(arrays, "person", (count,)) if "person" in arrays else np.zeros(count, np.int64)
-    K = np.stack([K_from_focal(max(one, 1.0), *size) for one in focal_px]) if count else np.zeros((0, 3, 3))
+    K = np.stack([K_from_focal(max(one, 1.0), *sizes.coded) for one in focal_px]) if count else np.zeros((0, 3, 3))
     if "pred_keypoints_2d" in arrays:
-        _check_projection(points, K, numbers(arrays, "pred_keypoints_2d", (count, 70, 2), finite=True), size)
+        _check_projection(points, K, numbers(arrays, "pred_keypoints_2d", (count, 70, 2), finite=True), sizes)
+    K = sizes.squared(K, sizes.coded)
     landmarks, known = _landmarks(points, MHR70)
     for number in np.unique(person):
         rows = np.flatnonzero(person == number)
@@ -263,7 +266,7 @@ def _sam_3d_body(arrays: Tree, size: Size) -> Iterator[GivenBody]:
         yield GivenBody(frame[rows], landmarks[rows], known, K[rows])
 
 
-def _gem_x(arrays: Tree, size: Size, *, whole: int | None) -> Iterator[GivenBody]:
+def _gem_x(arrays: Tree, sizes: PictureSizes, *, whole: int | None) -> Iterator[GivenBody]:
     """Places of joints alone, of one person."""
     points = numbers(arrays, "soma_joints", (None, None, 3), finite=True)
     if points.shape[1] not in (77, 78):
@@ -276,7 +279,7 @@ def _gem_x(arrays: Tree, size: Size, *, whole: int | None) -> Iterator[GivenBody
             "joints in SOMA's order"
         )
     frame = frame_numbers(arrays, "frame", count) if "frame" in arrays else _from_the_first(count, whole)
-    K = _in_video(numbers(arrays, "K_fullimg", (count, 3, 3), finite=True), size, "K_fullimg")
+    K = _in_video(numbers(arrays, "K_fullimg", (count, 3, 3), finite=True), sizes, "K_fullimg")
     yield GivenBody(frame, *_landmarks(points, SOMA77), K)
 
 
@@ -289,29 +292,32 @@ def _landmarks(points: Float[Array, "n j 3"], number_of: Mapping[str, int]) -> t
     return landmarks, known
 
 
-def _check_projection(points: Array, K: Array, pixels: Array, size: Size) -> None:
+def _check_projection(points: Array, K: Array, pixels: Array, sizes: PictureSizes) -> None:
     off = np.linalg.norm(project(points, K, near_m=0.1) - pixels, axis=-1)
-    if len(off) and np.median(off) > MAX_OFF_PX * max(size):
+    if len(off) and np.median(off) > MAX_OFF_PX * max(sizes.coded):
         raise InputError(
             f"pred_keypoints_3d + pred_cam_t are projected {np.median(off):.0f} pixels beside pred_keypoints_2d: "
             "is it of a video of another size?"
         )
 
 
-def _focal_and_centre(tree: Tree, size: Size, count: int) -> Float[Array, "n 3 3"]:
+def _focal_and_centre(tree: Tree, sizes: PictureSizes, count: int) -> Float[Array, "n 3 3"]:
     focal_px = float(numbers(tree, "img_focal", (), finite=True))
     cx, cy = numbers(tree, "img_center", (2,), finite=True)
     K = np.array([[[focal_px, 0, cx], [0, focal_px, cy], [0, 0, 1.0]]])
-    return np.tile(_in_video(K, size, "img_center"), (count, 1, 1))
+    return np.tile(_in_video(K, sizes, "img_center"), (count, 1, 1))
 
 
-def _in_video(K: Float[Array, "n 3 3"], size: Size, key: str) -> Float[Array, "n 3 3"]:
-    """K in pixels of the video, the principal point in its middle: systems work on pictures of their own size."""
-    width, height = np.array(size, np.float64)
+def _in_video(K: Float[Array, "n 3 3"], sizes: PictureSizes, key: str) -> Float[Array, "n 3 3"]:
+    """K in square pixels of the video, the principal point in its middle: systems work on pictures of their own size,
+    of which the middle tells the proportion."""
     cx, cy, fx, fy = K[:, 0, 2], K[:, 1, 2], K[:, 0, 0], K[:, 1, 1]
     if not (np.minimum(np.minimum(cx, cy), np.minimum(fx, fy)) > 0).all():
         raise InputError(f"{key} holds a focal length or a principal point that is not above zero")
-    if np.abs(cx / cy * height / width - 1).max(initial=0) > OTHER_SHAPE:
+    found = {sizes.like(x, y, within=OTHER_SHAPE) for x, y in zip(cx, cy, strict=True)}
+    size = found.pop() if len(found) == 1 else sizes.coded if not found else None
+    width, height = np.array(size or sizes.coded, np.float64)
+    if size is None:
         raise InputError(
             f"{key} has the middle of the picture at ({cx[0]:.0f}, {cy[0]:.0f}), the video at ({width / 2:.0f}, "
             f"{height / 2:.0f}): is it of another video?"
@@ -320,4 +326,4 @@ def _in_video(K: Float[Array, "n 3 3"], size: Size, key: str) -> Float[Array, "n
     scaled = np.zeros_like(K)
     scaled[:, 0, 0], scaled[:, 1, 1], scaled[:, 2, 2] = fx * scale, fy * scale, 1.0
     scaled[:, 0, 2], scaled[:, 1, 2] = width / 2, height / 2
-    return scaled
+    return sizes.squared(scaled, size)

@@ -5,7 +5,8 @@
 | TUM trajectories, one or a folder | `time tx ty tz qx qy qz qw` a line, camera to world | nearest time (*) |
 | COLMAP's cameras and images, .txt or .bin | focal length, world to camera | last number of the image's name |
 
-(*) in seconds of the video; whole numbers that go beyond its end are frames. Lenses are taken for pinholes with the
+(*) in seconds of the video; whole numbers that go beyond its end are frames. COLMAP's pictures are of square pixels, or
+of those that are stored: their proportion tells. Lenses are taken for pinholes with the
 principal point in the middle; what that leaves out is said in a warning.
 """
 
@@ -118,18 +119,25 @@ def _colmap(model: ColmapModel, facts: VideoFacts) -> GivenCameras:
 def _lens(camera: ColmapCamera, facts: VideoFacts) -> tuple[float, list[str]]:
     """Its focal length in pixels of the video, and what a pinhole leaves out."""
     width, height, parameters, count = camera.width, camera.height, camera.parameters, camera.num_focals
-    if abs(width / height * facts.height / facts.width - 1) > OTHER_SHAPE:
+    size = facts.sizes.like(width, height, within=OTHER_SHAPE)
+    if size is None:
         raise InputError(
             f"camera {camera.number} of COLMAP's model has pictures of {width:.0f}×{height:.0f}, the video of "
-            f"{facts.width}×{facts.height}: is it of another video?"
+            f"{facts.sizes.text}: is it of another video?"
         )
     said = []
+    if size != facts.sizes.square and count == 1:
+        said.append(
+            "the given camera has one focal length for pixels that are not square: its path is bent; give COLMAP "
+            f"pictures of {facts.width}×{facts.height}, or a PINHOLE camera"
+        )
     centre = np.array(parameters[count : count + 2]) - np.array([width, height]) / 2
     if np.abs(centre).max() > OFF_CENTRE * width:
         said.append("the given principal point is not in the middle of the picture; it is taken to be there")
     if np.abs(parameters[count + 2 :]).max(initial=0) > 0:
         said.append("the given lens distorts; it is taken for one that does not")
-    return float(np.mean(parameters[:count])) * facts.width / width, said
+    focal_px = np.array(parameters[:count]) * size[0] / width  # of x and y, or of both
+    return float(np.mean(np.array(facts.sizes.square) / size * focal_px)), said
 
 
 def _from_zero(frame: Int[Array, " n"], num_frames: int) -> Int[Array, " n"]:

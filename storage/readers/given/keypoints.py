@@ -9,7 +9,8 @@
 
 The number of keypoints determines the set: 17, 26 (Halpe), 133 (whole body) and 136 (Halpe whole body) begin with
 COCO's 17; 18 are OpenPose's COCO model; 25 are BODY_25, or BODY_25B where the middle of neck and hips lies elsewhere.
-Frames count from 0; where the first is 1 and the last one the number of frames, from 1.
+Frames count from 0; where the first is 1 and the last one the number of frames, from 1. Pixels are those that OpenCV
+reads: stored ones, upright. Where they are not square, keypoints are brought into the square ones of all stages.
 """
 
 import json
@@ -26,6 +27,7 @@ from humanmm.errors import InputError
 from humanmm.models.perception.interfaces import SEEN
 from humanmm.models.perception.tracking.keypoint_tracks import PictureKeypoints
 from humanmm.models.records.foreign_arrays import numbers, shown
+from humanmm.models.records.video import PictureSizes
 
 Array = np.ndarray
 
@@ -46,8 +48,8 @@ OUTSIDE, MARGIN = 0.2, 0.1
 
 
 @lru_cache(maxsize=1)
-def read_keypoints(given: GivenFile, num_frames: int, size: tuple[int, int]) -> PictureKeypoints:
-    """Everybody in every frame of a video with pictures of `size` (width, height).
+def read_keypoints(given: GivenFile, num_frames: int, sizes: PictureSizes) -> PictureKeypoints:
+    """Everybody in every frame of a video with pictures of such sizes.
 
     InputError says in one sentence what is wrong.
     """
@@ -57,10 +59,11 @@ def read_keypoints(given: GivenFile, num_frames: int, size: tuple[int, int]) -> 
         people = [points for _, points in rows]
         keypoints = _as_coco([points for points in people if points is not None])
         frame = np.array([f for f, points in zip(frames, people, strict=True) if points is not None], np.int64)
-        _check_pixels(keypoints, size)
+        _check_pixels(keypoints, sizes)
     except InputError as error:
         words = str(error)
         raise InputError(words if given.path in words else f"{given.path}: {words}") from None
+    keypoints[..., :2] *= sizes.to_square
     order = np.argsort(frame, kind="stable")
     order = order[frame[order] < num_frames]
     return PictureKeypoints(frame[order], keypoints[order])
@@ -203,7 +206,8 @@ def _box_sides(points: Float[Array, "M K 3"]) -> Float[Array, " M"]:
     return np.asarray((high - low).max(axis=1))
 
 
-def _check_pixels(keypoints: Float[Array, "M 17 3"], size: tuple[int, int]) -> None:
+def _check_pixels(keypoints: Float[Array, "M 17 3"], sizes: PictureSizes) -> None:
+    size = sizes.coded
     xy = keypoints[keypoints[..., 2] >= SEEN, :2]
     if not len(xy):
         raise InputError(f"no keypoint has a score of {SEEN} or more")
@@ -212,6 +216,6 @@ def _check_pixels(keypoints: Float[Array, "M 17 3"], size: tuple[int, int]) -> N
     outside = ((xy < -MARGIN * np.array(size)) | (xy > (1 + MARGIN) * np.array(size))).any(axis=1).mean()
     if outside > OUTSIDE:
         raise InputError(
-            f"{100 * outside:.0f} % of its keypoints lie outside of the video's pictures ({size[0]}×{size[1]}): "
+            f"{100 * outside:.0f} % of its keypoints lie outside of the video's pictures ({sizes.text}): "
             "are they of another video, or of one of another size?"
         )

@@ -6,7 +6,8 @@
 | detectors (COCO results) | json: [].image_id, bbox, score, category_id, track_id | image_id, or its last number |
 | SAM 2, Cutie, XMem, DAVIS | a png a frame, a pixel's value is the person's number or 0 | last number of its name |
 
-Boxes are left, top, width, height. Pixels are those of the upright video; masks may be smaller.
+Boxes are left, top, width, height, in the pixels that OpenCV reads: stored ones, upright. Where they are not square,
+boxes are brought into the square ones of all stages. Masks may be of either, and smaller.
 """
 
 import io
@@ -23,9 +24,9 @@ from PIL import Image, UnidentifiedImageError
 from humanmm.config import GivenFile
 from humanmm.errors import InputError
 from humanmm.models.perception.tracking.given_regions import GivenRegions
+from humanmm.models.records.video import PictureSizes
 
 Array = np.ndarray
-Size = tuple[int, int]
 
 PERSON = 1
 """COCO's category of people."""
@@ -38,18 +39,18 @@ OUTSIDE = 0.2
 
 
 @lru_cache(maxsize=1)
-def read_detections(given: GivenFile, num_frames: int, size: Size) -> GivenRegions:
-    """People's boxes in a video of so many frames with pictures of `size` (width, height).
+def read_detections(given: GivenFile, num_frames: int, sizes: PictureSizes) -> GivenRegions:
+    """People's boxes in a video of so many frames with pictures of such sizes.
 
     InputError says in one sentence what is wrong.
     """
-    return _with_name(given, lambda: _detections(given, num_frames, size))
+    return _with_name(given, lambda: _detections(given, num_frames, sizes))
 
 
 @lru_cache(maxsize=1)
-def read_masks(given: GivenFile, num_frames: int, size: Size) -> GivenRegions:
+def read_masks(given: GivenFile, num_frames: int, sizes: PictureSizes) -> GivenRegions:
     """People's masks, and boxes about them, in the same."""
-    return _with_name(given, lambda: _masks(given, num_frames, size))
+    return _with_name(given, lambda: _masks(given, num_frames, sizes))
 
 
 def _with_name(given: GivenFile, read: Callable[[], GivenRegions]) -> GivenRegions:
@@ -60,7 +61,7 @@ def _with_name(given: GivenFile, read: Callable[[], GivenRegions]) -> GivenRegio
         raise InputError(words if given.path in words else f"{given.path}: {words}") from None
 
 
-def _detections(given: GivenFile, num_frames: int, size: Size) -> GivenRegions:
+def _detections(given: GivenFile, num_frames: int, sizes: PictureSizes) -> GivenRegions:
     contents = given.read()
     if len(contents) != 1:
         raise InputError(f"it is a folder of {len(contents)} files; expected one, MOT text or COCO results json")
@@ -80,14 +81,15 @@ def _detections(given: GivenFile, num_frames: int, size: Size) -> GivenRegions:
     if (rows[:, 4:6] <= 0).any():
         raise InputError(f"box {rows[(rows[:, 4:6] <= 0).any(axis=1)][0, 2:6].tolist()} has no width or height")
     middle = (box[:, :2] + box[:, 2:]) / 2
-    outside = ((middle < 0) | (middle > np.array(size))).any(axis=1).mean()
+    outside = ((middle < 0) | (middle > np.array(sizes.coded))).any(axis=1).mean()
     if outside > OUTSIDE or box.max() <= 2.0:
         raise InputError(
-            f"its boxes are not in pixels of the video's pictures ({size[0]}×{size[1]}): are they fractions, or of a "
+            f"its boxes are not in pixels of the video's pictures ({sizes.text}): are they fractions, or of a "
             "video of another size?"
         )
     person = rows[:, 1].astype(np.int64)
     _check_once(rows[:, 0].astype(np.int64), person)
+    box *= np.tile(sizes.to_square, 2)
     return GivenRegions(rows[:, 0].astype(np.int64), person, box, np.clip(rows[:, 6], 0, 1))
 
 
@@ -130,7 +132,7 @@ def _coco_row(one: Any) -> list[float]:
     return row
 
 
-def _masks(given: GivenFile, num_frames: int, size: Size) -> GivenRegions:
+def _masks(given: GivenFile, num_frames: int, sizes: PictureSizes) -> GivenRegions:
     contents = given.read()
     others = [name for name in contents if not name.endswith(".png")]
     if others:
@@ -143,8 +145,8 @@ def _masks(given: GivenFile, num_frames: int, size: Size) -> GivenRegions:
     _check_frames(np.array(list(name_of)), num_frames)
     rows: list[list[float]] = []
     for frame in sorted(frame for frame in name_of if frame < num_frames):
-        labels = _labels(name_of[frame], contents[name_of[frame]], size)
-        to_video = np.array(size) / (labels.shape[1], labels.shape[0])
+        labels = _labels(name_of[frame], contents[name_of[frame]], sizes)
+        to_video = np.array(sizes.square) / (labels.shape[1], labels.shape[0])
         people = np.unique(labels[labels > 0])
         if len(people) > MAX_PEOPLE:
             raise InputError(f"{name_of[frame]} holds {len(people):,} people; expected at most {MAX_PEOPLE}")
@@ -162,16 +164,17 @@ def _masks(given: GivenFile, num_frames: int, size: Size) -> GivenRegions:
         table[:, 1].astype(np.int64),
         table[:, 2:6],
         np.ones(len(table)),
-        labels=lru_cache(maxsize=4)(lambda frame: _labels(name_of[frame], contents[name_of[frame]], size)),
+        labels=lru_cache(maxsize=4)(lambda frame: _labels(name_of[frame], contents[name_of[frame]], sizes)),
     )
 
 
-def _labels(name: str, content: bytes, size: Size) -> Array:
+def _labels(name: str, content: bytes, sizes: PictureSizes) -> Array:
     """(height, width), a pixel's number; the numbers themselves where the file has a palette."""
     try:
         with Image.open(io.BytesIO(content), formats=["PNG"]) as picture:
-            sides = f"{picture.width}×{picture.height} pixels, the video {size[0]}×{size[1]}"
-            if abs(picture.width / picture.height * size[1] / size[0] - 1) > OTHER_SHAPE:
+            sides = f"{picture.width}×{picture.height} pixels, the video {sizes.text}"
+            size = sizes.like(picture.width, picture.height, within=OTHER_SHAPE)
+            if size is None:
                 raise InputError(f"{name} has {sides}: is it of another video?")
             if picture.width > size[0]:
                 raise InputError(f"{name} has {sides}; expected as many or fewer")

@@ -161,5 +161,5 @@ def test_one_side_grows_and_none_shrinks(coded: tuple[int, int], aspect: Fractio
 def test_a_side_that_grows_beyond_the_limit_is_refused(clip: Clip) -> None:
     file = clip(num_frames=4, sample_aspect_ratio=Fraction(2))
     assert read_facts(file, max_side_px=256).width == 256
-    with pytest.raises(VideoError, match="256 px, more than decode.max_side_px = 200"):
+    with pytest.raises(VideoError, match=r"256 px, more than decode\.max_side_px = 200"):
         read_facts(file, max_side_px=200)

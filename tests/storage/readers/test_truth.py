@@ -13,7 +13,7 @@ from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.records import foreign_arrays
 from humanmm.models.records.recording import Recording
 from humanmm.models.records.sequence import MotionSequence
-from humanmm.storage.readers.truth import read_boxes, read_sequence
+from humanmm.storage.readers.truth import read_boxes, read_sequence, read_truth
 from humanmm.storage.run_folder.motion_zarr import write_motion
 
 CLIP_A = Path(__file__).parents[3] / "examples" / "pose2sim_multishot" / "pose2sim_A_01-02-01_gt.npz"
@@ -48,6 +48,34 @@ def same(one: MotionSequence, other: MotionSequence) -> bool:
         for a, b in zip(one.people, other.people, strict=True)
         for name in ("frame", "observed", "joints", "contacts")
     )
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_truth_in_stored_pixels_is_brought_into_the_runs_square_ones(
+    turned: bool, tmp_path: Path, recording: Recording, npz: dict[str, np.ndarray]
+) -> None:
+    width, height = recording.width, recording.height
+    coded = width // 2, height
+    stored = coded[::-1] if turned else coded
+    video = {
+        "width": width, "height": height, "coded_width": stored[0], "coded_height": stored[1],
+        "rotation_deg": 270 if turned else 0,
+    }  # fmt: skip
+    run = tmp_path / "run"
+    run.mkdir()
+    (run / "run.json").write_text(json.dumps({"schema": "humanmm.run/1", "video": video}))
+    half = np.array([0.5, 1.0, 1.0])
+    npz["cameras/K"] = npz["cameras/K"] * half[:, None]
+    for name in [name for name in npz if name.endswith("/bbox")]:
+        npz[name] = npz[name] * half[[0, 1, 0, 1]]
+    in_stored = save(tmp_path / "stored.npz", npz | {"width": np.array(coded[0]), "height": np.array(coded[1])})
+    found = read_truth(in_stored, run)
+    assert found.cameras is not None
+    np.testing.assert_allclose(found.cameras.K, recording.K, rtol=1e-6)
+    for one, person in zip(found.people, recording.people, strict=True):
+        np.testing.assert_allclose(one.bbox_xyxy, person.bbox, rtol=1e-6)
+    as_it_is = read_truth(save(tmp_path / "unsaid.npz", npz), run)
+    assert as_it_is.cameras is not None and np.array_equal(as_it_is.cameras.K, npz["cameras/K"])
 
 
 def test_a_run_folder_and_an_npz_of_the_same_arrays_are_the_same_sequence(

@@ -11,9 +11,11 @@ import torch
 from humanmm.config import GivenFile
 from humanmm.errors import InputError
 from humanmm.models.body.smpl_joints import SMPL_REST_PELVIS, SMPLX_REST_PELVIS
+from humanmm.models.geometry.projection import project
 from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
 from humanmm.models.perception.tracking.given_bodies import GivenBody, smpl_body
 from humanmm.models.records.landmarks import INDEX
+from humanmm.models.records.video import PictureSizes
 from humanmm.storage.readers.given.bodies import MHR70, SOMA77, read_bodies
 
 Dump = Callable[[object, Path], None]
@@ -83,7 +85,7 @@ def _prompthmr(path: Path, dump: Dump) -> None:
 
 
 def _read(path: Path, num_frames: int = N) -> tuple[GivenBody, ...]:
-    return read_bodies(GivenFile.model_validate(path), num_frames, SIZE)
+    return read_bodies(GivenFile.model_validate(path), num_frames, PictureSizes(SIZE, SIZE))
 
 
 @pytest.mark.parametrize("name", [*WRITERS, "wham.pkl", "prompthmr.pkl"])
@@ -98,6 +100,34 @@ def test_every_system_gives_the_same_body(tmp_path: Path, name: str, dump_like_j
     np.testing.assert_allclose(body.R_local, BODY.R_local, atol=1e-5)
     focal = float(np.hypot(*SIZE)) if name == "wham.pkl" else FOCAL
     np.testing.assert_allclose(body.K[:, 0, 0], focal)
+
+
+WIDE = PictureSizes((1920, 720), SIZE)
+"""Of a video whose stored pixels are half as wide again as high."""
+
+
+@pytest.mark.parametrize("name", [*WRITERS, "wham.pkl", "prompthmr.pkl", "mhr.npz"])
+def test_what_a_system_saw_in_stored_pixels_lies_there_in_square_ones(
+    tmp_path: Path, name: str, dump_like_joblib: Dump
+) -> None:
+    if name in WRITERS:
+        WRITERS[name](tmp_path / name)
+    elif name == "mhr.npz":
+        _sam_3d_body(tmp_path / name)
+    else:
+        {"wham.pkl": _wham, "prompthmr.pkl": _prompthmr}[name](tmp_path / name, dump_like_joblib)
+    seen = _read(tmp_path / name)[0]
+    body = read_bodies(GivenFile.model_validate(tmp_path / name), N, WIDE)[0]
+    np.testing.assert_allclose(body.landmarks_cam, seen.landmarks_cam)
+    pixels, expected = (project(one.landmarks_cam, one.K, near_m=0.1) for one in (body, seen))
+    np.testing.assert_allclose(pixels, expected * [1.5, 1.0])
+
+
+def test_a_camera_of_square_pixels_is_known_by_the_middle_of_its_picture(tmp_path: Path) -> None:
+    _gvhmr(tmp_path / "gvhmr.pt")
+    given = GivenFile.model_validate(tmp_path / "gvhmr.pt")
+    (body,) = read_bodies(given, N, PictureSizes(SIZE, (880, 720)))
+    np.testing.assert_allclose(body.K, K, rtol=1e-6)
 
 
 def _sam_3d_body(path: Path, **other: Any) -> None:

@@ -1,5 +1,6 @@
 """Cameras in TUM's and COLMAP's layouts, as pycolmap, evo and our own exports write them."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -87,6 +88,41 @@ def test_a_colmap_model_that_pycolmap_wrote(tmp_path: Path, first: int, binary: 
     _check(found, list(range(N)))
     np.testing.assert_allclose(found.focal_px, 900.0)
     assert not found.warnings
+
+
+WIDE = replace(FACTS, width=1280, coded_size=(880, 720), sample_aspect_ratio=(16, 11))
+
+
+def test_pictures_of_stored_pixels_are_known_by_their_proportion(tmp_path: Path) -> None:
+    folder = _colmap(tmp_path / "sparse")
+    square = _read(folder, WIDE)
+    np.testing.assert_allclose(square.focal_px, 900.0)
+    lens = (folder / "cameras.txt").read_text()
+    (folder / "cameras.txt").write_text(lens.replace("640 360 450 450 320 180", "880 720 618.75 900 440 360"))
+    stored = _read(folder, WIDE)
+    _check(stored, list(range(N)))
+    np.testing.assert_allclose(stored.focal_px, 900.0)
+    assert not square.warnings and not stored.warnings
+
+
+def test_one_focal_length_for_pixels_that_are_not_square_is_a_warning(tmp_path: Path) -> None:
+    folder = _colmap(tmp_path / "sparse", model="SIMPLE_RADIAL")
+    lens = (folder / "cameras.txt").read_text()
+    (folder / "cameras.txt").write_text(lens.replace("640 360 450 320 180", "880 720 700 440 360"))
+    assert "one focal length for pixels that are not square" in _read(folder, WIDE).warnings[0]
+
+
+def test_our_own_cameras_come_back_for_a_video_whose_pixels_are_not_square(tmp_path: Path) -> None:
+    own = recording()
+    coded = own.width * 11 // 16, own.height
+    facts = VideoFacts(
+        own.width, own.height, own.time_s, np.ones(40, bool), 0, "h264", "mp4", coded_size=coded,
+        sample_aspect_ratio=(16, 11),
+    )  # fmt: skip
+    for name, write in colmap_files(excerpt(own, Wishes(), up="z", unit="m")).items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        write(tmp_path / name)
+    np.testing.assert_allclose(_read(tmp_path / "colmap", facts).focal_px, own.K[:, 0, 0], rtol=1e-6)
 
 
 def test_a_lens_that_distorts_is_reported_and_frames_may_be_missing(tmp_path: Path) -> None:

@@ -10,9 +10,13 @@ import pytest
 
 from humanmm.config import GivenFile
 from humanmm.errors import InputError
+from humanmm.models.records.video import PictureSizes
 from humanmm.storage.readers.given.keypoints import BODY_25, OPENPOSE_COCO, read_keypoints
 
 N, SIZE = 5, (1280, 720)
+SIZES = PictureSizes(SIZE, SIZE)
+WIDE = PictureSizes((1920, 720), SIZE)
+"""Of a video whose stored pixels are half as wide again as high."""
 CLIP = Path(__file__).parents[4] / "examples/pose2sim_multishot"
 
 
@@ -121,7 +125,7 @@ WRITERS: dict[str, Callable[[Path], Path]] = {
 
 
 def _read(path: Path, num_frames: int = N) -> Any:
-    return read_keypoints(GivenFile.model_validate(path), num_frames, SIZE)
+    return read_keypoints(GivenFile.model_validate(path), num_frames, SIZES)
 
 
 @pytest.mark.parametrize("name", WRITERS)
@@ -132,13 +136,27 @@ def test_every_layout_gives_the_same_people(tmp_path: Path, name: str) -> None:
     assert (found.keypoints[..., 2] >= 0.9).all()
 
 
+@pytest.mark.parametrize("name", WRITERS)
+def test_pixels_that_other_programs_see_become_square(tmp_path: Path, name: str) -> None:
+    given = GivenFile.model_validate(WRITERS[name](tmp_path / "given.json"))
+    found = read_keypoints(given, N, WIDE)
+    expected = PEOPLE.reshape(-1, 17, 3)[..., :2] * [1.5, 1.0]
+    np.testing.assert_allclose(found.keypoints[..., :2], expected, atol=1e-9)
+
+
+def test_a_message_says_which_pixels_are_expected(tmp_path: Path) -> None:
+    small = PictureSizes((200, 100), (100, 100))
+    with pytest.raises(InputError, match="100×100 as stored, in pixels that are not square"):
+        read_keypoints(GivenFile.model_validate(_alphapose(tmp_path / "given.json")), N, small)
+
+
 def test_real_openpose_keypoints_of_body_25b_are_known_by_where_neck_and_hips_are(tmp_path: Path) -> None:
     truth = np.load(CLIP / "pose2sim_A_01-02-01_gt.npz")
     assert truth["joint_names"][:3].tolist() == ["Nose", "LEye", "REye"]
     for f, points in enumerate(truth["openpose2d"]):
         people = [{"person_id": [-1], "pose_keypoints_2d": np.nan_to_num(points).ravel().tolist()}]
         (tmp_path / f"cam01_{f:012d}_keypoints.json").write_text(json.dumps({"version": 1.3, "people": people}))
-    found = read_keypoints(GivenFile.model_validate(tmp_path), 100, (720, 1280))
+    found = read_keypoints(GivenFile.model_validate(tmp_path), 100, PictureSizes((720, 1280), (720, 1280)))
     assert found.keypoints.shape == (100, 17, 3)
     np.testing.assert_allclose(found.keypoints[:, 16], np.nan_to_num(truth["openpose2d"][:, 16]), rtol=1e-6)
 
@@ -194,4 +212,4 @@ def test_a_file_that_changed_after_its_content_was_noted_is_not_read(tmp_path: P
     given = GivenFile.model_validate(_mmpose_inferencer(tmp_path / "given.json"))
     (tmp_path / "given.json").write_text("[]")
     with pytest.raises(InputError, match="has changed since its content was noted"):
-        read_keypoints(given, N, SIZE)
+        read_keypoints(given, N, SIZES)

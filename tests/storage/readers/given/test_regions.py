@@ -1,6 +1,7 @@
 """Boxes and masks in the layouts that trackers, detectors and segmenters write."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +11,10 @@ from PIL import Image
 from humanmm.config import GivenFile
 from humanmm.errors import InputError
 from humanmm.models.perception.tracking.given_regions import GivenRegions
+from humanmm.models.records.video import PictureSizes
 from humanmm.storage.readers.given.regions import read_detections, read_masks
 
-N, SIZE = 4, (640, 360)
+N, SIZES = 4, PictureSizes((640, 360), (640, 360))
 LEFT = np.array([[20.0 + 5 * f, 30, 80, 200] for f in range(N)])  # left, top, width, height
 RIGHT = np.array([[400.0, 60, 60, 180] for _ in range(N)])
 
@@ -35,7 +37,7 @@ def _coco(path: Path, **changed: object) -> Path:
 
 
 def _boxes(path: Path) -> GivenRegions:
-    return read_detections(GivenFile.model_validate(path), N, SIZE)
+    return read_detections(GivenFile.model_validate(path), N, SIZES)
 
 
 def test_a_trackers_text_counts_from_one_and_keeps_its_numbers(tmp_path: Path) -> None:
@@ -51,6 +53,24 @@ def test_a_detectors_json_holds_nobodys_number_and_other_things(tmp_path: Path) 
     np.testing.assert_allclose(found.box[1::2], np.c_[RIGHT[:, :2], RIGHT[:, :2] + RIGHT[:, 2:]])
 
 
+@pytest.mark.parametrize("write", [_mot, _coco])
+def test_boxes_in_stored_pixels_become_those_of_square_ones(tmp_path: Path, write: Callable[[Path], Path]) -> None:
+    given = GivenFile.model_validate(write(tmp_path / ("boxes.json" if write is _coco else "mot.txt")))
+    found = read_detections(given, N, PictureSizes((960, 360), (640, 360)))
+    np.testing.assert_allclose(found.box[::2], np.c_[LEFT[:, :2], LEFT[:, :2] + LEFT[:, 2:]] * [1.5, 1, 1.5, 1])
+
+
+@pytest.mark.parametrize("stored", [True, False])
+def test_masks_of_stored_and_of_square_pixels_give_the_same_boxes(tmp_path: Path, stored: bool) -> None:
+    sizes = PictureSizes((960, 360), (640, 360))
+    labels = np.zeros((360, 640) if stored else (360, 960), np.uint8)
+    labels[30:230, slice(20, 100) if stored else slice(30, 150)] = 1
+    (tmp_path / "masks").mkdir()
+    Image.fromarray(labels).save(tmp_path / "masks/00002.png")
+    found = read_masks(GivenFile.model_validate(tmp_path / "masks"), N, sizes)
+    assert found.box.tolist() == [[30, 30, 150, 230]]
+
+
 @pytest.mark.parametrize("palette", [False, True])
 @pytest.mark.parametrize("scale", [1, 2])
 def test_masks_give_boxes_and_the_pixels_of_everybody(tmp_path: Path, palette: bool, scale: int) -> None:
@@ -64,7 +84,7 @@ def test_masks_give_boxes_and_the_pixels_of_everybody(tmp_path: Path, palette: b
         if palette:
             picture.putpalette([0, 0, 0, 200, 10, 10, 10, 200, 10])
         picture.save(folder / f"{f:05d}.png")
-    found = read_masks(GivenFile.model_validate(folder), N, SIZE)
+    found = read_masks(GivenFile.model_validate(folder), N, SIZES)
     assert found.person.tolist() == [1, 2] * N and found.labels is not None
     np.testing.assert_allclose(found.box[1::2], np.c_[RIGHT[:, :2], RIGHT[:, :2] + RIGHT[:, 2:]])
     assert set(np.unique(found.labels(2))) == {0, 1, 2} and found.labels(0).shape == (360 // scale, 640 // scale)
@@ -97,7 +117,7 @@ def test_what_is_wrong_with_masks_is_told(tmp_path: Path) -> None:
         folder.mkdir()
         Image.fromarray(labels).save(folder / name)
         with pytest.raises(InputError) as caught:
-            read_masks(GivenFile.model_validate(folder), N, SIZE)
+            read_masks(GivenFile.model_validate(folder), N, SIZES)
         return str(caught.value)
 
     assert "has colours (RGB); expected one number a pixel" in told(np.zeros((360, 640, 3), np.uint8))
@@ -111,4 +131,4 @@ def test_what_is_wrong_with_masks_is_told(tmp_path: Path) -> None:
     (tmp_path / "x").mkdir()
     (tmp_path / "x" / "00000.png").write_bytes(b"no picture")
     with pytest.raises(InputError, match=r"00000\.png is no png, or it is damaged"):
-        read_masks(GivenFile.model_validate(tmp_path / "x"), N, SIZE)
+        read_masks(GivenFile.model_validate(tmp_path / "x"), N, SIZES)
