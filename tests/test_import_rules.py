@@ -69,6 +69,7 @@ CROSS_CUTTING = {
     "models/benchmark/test_variable_rate.py": "a benchmark whose truth has a variable frame rate",
     "models/camera/test_rendered.py": "the whole camera room on rendered clips",
     "flows/test_variable_rate.py": "the whole flow on a variable frame rate",
+    "flows/test_square_pixels.py": "the whole flow on pixels that are not square",
     "models/motion/fit/test_fit.py": "equations, terms and solver of the fit together",
     "models/motion/world/test_world_assembly.py": "the whole room on shots with known cameras",
     "models/evaluation/test_golden.py": "parity with the functions that WHAM and GVHMR publish",

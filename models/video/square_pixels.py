@@ -26,7 +26,7 @@ def shape_of_pixels(declared: Aspect, coded: Sequence[Aspect], size: tuple[int, 
     `declared`: by the container, or else by the stream's header; `coded`: by the stream at its pictures, each once, in
     order. `size`: of the stored pictures.
     """
-    said = [aspect for aspect in coded if aspect is not None]
+    said = [aspect for aspect in coded if aspect is not None and aspect > 0]
     aspect = declared or (said[0] if said else Fraction(1))
     warnings = []
     if any(not _alike(one, other) for one, other in pairwise(said)):

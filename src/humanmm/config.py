@@ -217,7 +217,7 @@ class IntrinsicsConfig(Section):
     """One focal length for all shots (the paper's assumption)."""
 
     focal_px: Annotated[float, Field(gt=0)] | None = None
-    """Focal length in pixels of the source resolution; given values are never re-estimated."""
+    """Focal length in pixels of the source resolution, square ones; given values are never re-estimated."""
 
     fov_deg: Annotated[float, Field(gt=1, lt=179)] | None = None
     """Horizontal field of view in degrees, used when focal_px is not given."""
