@@ -41,6 +41,8 @@ class Scenes:
     transitions: tuple[Transition, ...]
     corrections: tuple[CorrectionNote, ...] = ()
     """What became of the corrections of cuts; a cut to be removed that is not here may be one that people show."""
+    suspected: tuple[int, ...] = ()
+    """Frames that may begin a shot: time may have been left out before them."""
 
     @property
     def spans(self) -> tuple[tuple[int, int], ...]:

@@ -12,7 +12,7 @@ from humanmm.models.geometry.intrinsics import K_from_focal, default_focal_px
 from humanmm.models.records.shots import Appearance, CorrectionNote, Scenes, Shot, ShotList, Transition
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
 from humanmm.models.records.video import VideoFacts
-from humanmm.models.shots.corrected_cuts import removed
+from humanmm.models.shots.corrected_cuts import NEAR_FRAMES, removed
 from humanmm.models.shots.corrected_people import corrected_people
 from humanmm.models.shots.identity import Cast, cast_of, matched_people
 from humanmm.models.shots.left_right_swaps import Sighting, left_right_swaps
@@ -59,7 +59,7 @@ def detect_shots(
         replace(shot, people=tuple(_marked(a, faults.get((shot.index, a.person))) for a in appearances))
         for shot, appearances in zip(shots, cast.appearances, strict=True)
     )
-    warnings = (*_doubts(cast), *_partly_seen(cast, inhabited, people))
+    warnings = (*_suspected_cuts(scenes, inhabited), *_doubts(cast), *_partly_seen(cast, inhabited, people))
     return ShotList(scenes.num_frames, inhabited, cast.people, warnings, (*notes, *of_people), cast.left_out)
 
 
@@ -83,6 +83,17 @@ def _nobody(cast: Cast, min_confidence: float) -> str:
     return (
         f"no usable person: the likeliest of {len(cast.left_out)} is one with a probability of {likeliest:.2f}, "
         f"less than {min_confidence:g}; --min-confidence {0.9 * likeliest:.2g} admits him"
+    )
+
+
+def _suspected_cuts(scenes: Scenes, shots: Sequence[Shot]) -> tuple[str, ...]:
+    """A warning for every frame that may begin a shot and begins none."""
+    starts = [shot.start for shot in shots]
+    return tuple(
+        f"frame {frame} may be a jump cut: what moves jumps there; `humanmm correct RUN add-cut {frame}` makes it one, "
+        f"remove-cut {frame} says that it is none"
+        for frame in scenes.suspected
+        if all(abs(frame - start) > NEAR_FRAMES for start in starts)
     )
 
 

@@ -12,7 +12,8 @@ FOUND_BY_USER = "user"
 
 
 def corrected_scenes(scenes: Scenes, corrections: Corrections) -> Scenes:
-    """The scenes without the cuts to be removed, and with those to be added; notes say which corrections fit.
+    """The scenes without the cuts to be removed, and with those to be added; notes say which corrections fit. What the
+    user says of a suspected cut settles it.
 
     A cut that is added takes the place of one that was found within NEAR_FRAMES, and of a gradual transition around it.
     """
@@ -31,7 +32,28 @@ def corrected_scenes(scenes: Scenes, corrections: Corrections) -> Scenes:
         kept = [t for t in kept if not _overlap(t, added)]
         kept.append(added)
         notes.append(CorrectionNote(correction.identity, True))
-    return replace(scenes, transitions=tuple(sorted(kept, key=lambda t: t.start)), corrections=tuple(notes))
+    settled = _of_suspects(scenes, corrections)
+    return Scenes(
+        scenes.num_frames,
+        tuple(sorted(kept, key=lambda t: t.start)),
+        tuple(replace(note, applied=True, reason="") if note.identity in settled else note for note in notes),
+        tuple(frame for frame in scenes.suspected if not _is_settled(frame, corrections)),
+    )
+
+
+def _of_suspects(scenes: Scenes, corrections: Corrections) -> set[str]:
+    """Identities of the corrections by which a suspected cut is none."""
+    return {
+        one.identity
+        for one in corrections.of(RemoveCut)
+        if any(abs(one.frame - frame) <= NEAR_FRAMES for frame in scenes.suspected)
+    }
+
+
+def _is_settled(frame: int, corrections: Corrections) -> bool:
+    """Whether the user says what a suspected frame is."""
+    said = [one.frame for one in corrections.of(AddCut)] + [one.frame for one in corrections.of(RemoveCut)]
+    return any(abs(other - frame) <= NEAR_FRAMES for other in said)
 
 
 def removed(

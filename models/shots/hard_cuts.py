@@ -68,9 +68,8 @@ def _is_cut(window: PictureWindow, frame: int, start: int, end: int) -> bool:
     jump = motion.flow if displacement is None else displacement
     if jump < _JUMP or _jump_outstanding(window, frame) < _JUMP_STANDS_OUT:
         return False
-    unseen_s = window.elapsed_s(frame - 1 - _frozen_before(window, frame), frame)
     speed = window.usual_speed(frame, REACH // 2)
-    return jump >= _JUMP_TIMES * speed * unseen_s and not _is_flash(window, frame, speed)
+    return jump >= _JUMP_TIMES * speed * window.unseen_s(frame) and not _is_flash(window, frame, speed)
 
 
 def _is_new_place(window: PictureWindow, frame: int, start: int, end: int) -> bool:
@@ -147,11 +146,3 @@ def _neighbours(window: PictureWindow, frame: int, count: int) -> list[int]:
 def _jump_outstanding(window: PictureWindow, frame: int) -> float:
     """The change at a frame over the larger of those next to it: a jump is calm on both sides, a whip pan on one."""
     return window.change[frame] / max([1.0, *(window.change[t] for t in _neighbours(window, frame, 1))])
-
-
-def _frozen_before(window: PictureWindow, frame: int) -> int:
-    """How many repeated frames stand right before this one: so long had the camera time to move on unseen."""
-    count = 0
-    while frame - 1 - count > window.first and window.frozen(frame - 1 - count):
-        count += 1
-    return count

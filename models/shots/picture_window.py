@@ -121,6 +121,14 @@ class PictureWindow:
             self._landmarks[frame] = self._places.landmarks(self.gray[frame - self.first])
         return self._landmarks[frame]
 
+    def unseen_s(self, frame: int) -> float:
+        """Seconds between a frame and the last one before it that showed something new: while a picture is repeated,
+        time goes on."""
+        last = frame - 1
+        while last > self.first and self.frozen(last):
+            last -= 1
+        return self.elapsed_s(last, frame)
+
     def elapsed_s(self, before: int, after: int) -> float:
         """Seconds from one frame to another."""
         return float(self.time_s[after] - self.time_s[before])

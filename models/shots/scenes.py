@@ -2,7 +2,8 @@
 
 Cuts are proposed by the rules of PySceneDetect's adaptive and content detectors (as the paper proposes them, with
 thresholds low enough for dark and similar scenes and without their minimum scene length, which hides quick cuts) and
-verified by `hard_cuts`; dissolves and fades come from `gradual`.
+verified by `hard_cuts`; `jump_cuts` finds those of a camera that stays where it is; dissolves and fades come from
+`gradual`.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -22,6 +23,7 @@ from humanmm.models.shots.gradual import (
     uniform_runs,
 )
 from humanmm.models.shots.hard_cuts import REACH, hard_cuts
+from humanmm.models.shots.jump_cuts import jumps
 from humanmm.models.shots.picture_window import SIDE_PX, PictureWindow
 from humanmm.models.video.frame_times import elapsed_s
 from humanmm.models.video.frames import Frame, frames
@@ -53,6 +55,7 @@ class SceneDetector:
         self._margin = max(REACH, self._longest) + 8
         self._proposals: list[int] = []
         self._cuts: list[int] = []
+        self._suspected: list[int] = []
         self._dissolves: list[Interval] = []
         self._flickers: list[Interval] = []
         self._decided = 0
@@ -76,7 +79,9 @@ class SceneDetector:
         ]
         blends, dim = meeting_blends(contrast, self._dissolves)
         # fades that touch are one: black, a flicker of grey, black
-        return Scenes(self._window.end, _without_overlap(self._cuts, blends, merged([*fades, *dim])))
+        transitions = _without_overlap(self._cuts, blends, merged([*fades, *dim]))
+        suspected = tuple(f for f in self._suspected if not any(t.start <= f <= t.end for t in transitions))
+        return Scenes(self._window.end, transitions, suspected=suspected)
 
     def _decide(self, until: int) -> None:
         """Settle everything in [decided, until); needs the pictures of `margin` frames on both sides."""
@@ -87,6 +92,8 @@ class SceneDetector:
         self._proposals = [p for p in self._proposals if p >= until]
         changes = [*self._cuts, *(s.end for s in self._dissolves if s.end <= begin)]
         self._cuts += hard_cuts(window, here, max(changes, default=0))
+        for frame, certain in jumps(window, begin, until, set(self._cuts)):
+            (self._cuts if certain else self._suspected).append(frame)
         for run in uniform_runs(window.uniform):
             is_short = elapsed_s(window.time_s, run.start, run.end) <= _FLICKER_S
             if begin <= run.end < until and is_short and self._same_place(run):

@@ -12,6 +12,8 @@ _WINDOW_PX = 9
 """Side of the window in which pictures are correlated."""
 _NOISE = 16.0
 """Grey levels squared; variance that coding noise leaves in a flat window, so that flat windows count as alike."""
+_UNMATCHED, _TEXTURE = 0.3, 14.0
+"""Below this correlation a window is not found again; grey levels of contrast from which it has texture."""
 _SAME_PLACE_INLIERS = 10
 """Matches that agree on one similarity transform. Unrelated pictures reach 7, the same place 12 and more (measured);
 tiles, bricks and windows, which repeat, reach 14."""
@@ -27,6 +29,8 @@ class Motion:
     """-1..1, mean local correlation once the motion is undone: about 0.8 for neighbours, below 0.2 across a cut."""
     flow: float
     """Mean displacement as a fraction of the picture's width."""
+    unmatched: float
+    """Fraction of the picture, 0..1, whose texture is not found again once the motion is undone."""
 
 
 class MotionMeter:
@@ -39,7 +43,8 @@ class MotionMeter:
     def __call__(self, before: np.ndarray, after: np.ndarray, where: np.ndarray | None = None) -> Motion:
         """Motion from one (H,W) uint8 picture to the next; `where` (H,W) bool: the part of them that is compared."""
         if before.shape[0] < 16 or before.shape[1] < 16:
-            return Motion(correlation(before, after, where), 0.0)
+            match, unmatched = _compared(before, after, where)
+            return Motion(match, 0.0, unmatched)
         flow = np.zeros((*before.shape, 2), np.float32)
         self._dense.calc(before, after, flow)
         if self._grid.shape[:2] != before.shape:
@@ -48,7 +53,8 @@ class MotionMeter:
         target = self._grid + flow
         undone = cv2.remap(after, target[..., 0], target[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         length = float(np.sqrt((flow * flow).sum(axis=-1)).mean())
-        return Motion(correlation(before, undone, where), length / before.shape[1])
+        match, unmatched = _compared(before, undone, where)
+        return Motion(match, length / before.shape[1], unmatched)
 
 
 def correlation(first: np.ndarray, second: np.ndarray, where: np.ndarray | None = None) -> float:
@@ -56,16 +62,24 @@ def correlation(first: np.ndarray, second: np.ndarray, where: np.ndarray | None 
 
     `where` (H,W) bool: the part that counts, by default all.
     """
+    return _compared(first, second, where)[0]
+
+
+def _compared(first: np.ndarray, second: np.ndarray, where: np.ndarray | None) -> tuple[float, float]:
+    """`correlation`, and the fraction of the picture that has texture and does not correlate."""
     a, b = first.astype(np.float32), second.astype(np.float32)
     size = (_WINDOW_PX, _WINDOW_PX)
     mean_a, mean_b = cv2.blur(a, size), cv2.blur(b, size)
     var_a = np.maximum(cv2.blur(a * a, size) - mean_a * mean_a, 0)
     var_b = np.maximum(cv2.blur(b * b, size) - mean_b * mean_b, 0)
     cov = cv2.blur(a * b, size) - mean_a * mean_b
-    weight = np.sqrt(np.maximum(var_a, var_b)) + 1
+    contrast = np.sqrt(np.maximum(var_a, var_b))
+    local = cov / (np.sqrt(var_a * var_b) + _NOISE)
+    weight = contrast + 1
+    unmatched = (local < _UNMATCHED) & (contrast > _TEXTURE)
     if where is not None:
-        weight = weight * where
-    return float((weight * cov / (np.sqrt(var_a * var_b) + _NOISE)).sum() / max(weight.sum(), 1e-6))
+        weight, unmatched = weight * where, unmatched & where
+    return float((weight * local).sum() / max(weight.sum(), 1e-6)), float(unmatched.mean())
 
 
 @dataclass(frozen=True, eq=False)

@@ -60,6 +60,13 @@ def test_who_is_left_out_is_recorded_with_his_probability_and_shots() -> None:
     assert out.probability == pytest.approx(0.1) and out.shots == (1,)
 
 
+def test_a_suspected_cut_is_a_warning_unless_a_shot_begins_there() -> None:
+    likely = replace(somebody(), probability=0.9)
+    people = [ScenePeople(0, 30, (likely,)), ScenePeople(30, 60, ())]
+    (warning,) = detect_shots(FACTS, replace(SCENES, suspected=(12, 31)), people).warnings
+    assert "frame 12 may be a jump cut" in warning and "add-cut 12" in warning
+
+
 def later(track: PersonTrack) -> PersonTrack:
     """The same in the second scene."""
     return replace(track, frame=track.frame + 30, color_frame=track.color_frame + 30)

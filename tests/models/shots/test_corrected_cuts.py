@@ -1,5 +1,7 @@
 """Cuts that the user adds and removes."""
 
+from dataclasses import replace
+
 from humanmm.corrections import AddCut, Corrections, RemoveCut
 from humanmm.models.records.shots import Scenes, Transition
 from humanmm.models.shots.corrected_cuts import corrected_scenes
@@ -41,3 +43,11 @@ def test_a_cut_that_is_not_there_or_beyond_the_end_does_not_fit() -> None:
     first, second = (note.reason for note in scenes.corrections)
     assert first == "no cut is found there; the nearest is at frame 95"
     assert second == "the video ends with frame 199"
+
+
+def test_what_the_user_says_of_a_suspected_cut_settles_it() -> None:
+    doubtful = replace(FOUND, suspected=(20, 120, 180))
+    settled = corrected_scenes(doubtful, Corrections(correction=(RemoveCut(frame=121), AddCut(frame=180))))
+    assert settled.suspected == (20,)
+    assert [note.applied for note in settled.corrections] == [True, True]
+    assert [start for start, _ in settled.spans] == [0, 50, 95, 150, 180]

@@ -1,0 +1,73 @@
+"""Jump cuts: what moves jumps, and the place stays. Moving blobs of texture before a static textured wall."""
+
+from collections.abc import Callable
+
+import numpy as np
+from places import HEIGHT, WIDTH, marbled
+
+from humanmm.models.shots.scenes import find_scenes
+
+FRAMES = 60
+BLOB_PX = 36
+RNG = np.random.default_rng(5)
+BLOB = np.kron(RNG.integers(0, 255, (BLOB_PX // 4, BLOB_PX // 4, 3)), np.ones((4, 4, 1))).astype(np.uint8)
+
+
+def film(left_px: Callable[[int], float], *, light: Callable[[int], int] = lambda _: 0) -> list[np.ndarray]:
+    """A blob whose left edge is at `left_px` of each frame; `light` grey levels are added to the picture."""
+    pictures = []
+    for frame in range(FRAMES):
+        picture = marbled(0.0).astype(np.int16)
+        left = round(left_px(frame)) % (WIDTH - BLOB_PX)
+        top = (HEIGHT - BLOB_PX) // 2
+        picture[top : top + BLOB_PX, left : left + BLOB_PX] = BLOB
+        pictures.append(np.clip(picture + light(frame), 0, 255).astype(np.uint8))
+    return pictures
+
+
+def cuts(pictures: list[np.ndarray], time_s: np.ndarray | None = None) -> list[int]:
+    times = np.arange(FRAMES) / 30 if time_s is None else time_s
+    return [transition.start for transition in find_scenes(pictures, times).transitions]
+
+
+def after(frame: int, jump: float) -> Callable[[int], float]:
+    """A slow walk that is a jump ahead from a frame on."""
+    return lambda t: 20.0 + t + jump * (t >= frame)
+
+
+def test_time_left_out_before_a_static_camera_is_a_cut() -> None:
+    assert cuts(film(after(30, 60.0))) == [30]
+
+
+def test_a_walk_without_a_jump_is_none() -> None:
+    assert cuts(film(after(30, 0.0))) == []
+
+
+def test_a_jump_among_jumps_is_none() -> None:
+    """Somebody so fast is torn from place to place in every frame."""
+    assert cuts(film(lambda t: 37.0 * t)) == []
+
+
+def test_light_that_changes_where_somebody_walks_is_none() -> None:
+    assert cuts(film(after(30, 0.0), light=lambda t: 40 * (t >= 30))) == []
+
+
+def test_a_jump_while_the_recorder_repeats_a_picture_or_stalls_is_none() -> None:
+    still = film(after(30, 60.0))
+    still[24:30] = [still[24]] * 6
+    assert cuts(still) == []
+    time_s = (np.arange(FRAMES) + 40 * (np.arange(FRAMES) >= 30)) / 30
+    assert cuts(film(after(30, 60.0)), time_s) == []
+
+
+def test_a_jump_is_found_beside_another_cut() -> None:
+    """The frames on the other side of that cut do not count as its surroundings."""
+    pictures = film(after(33, 60.0))
+    pictures[:30] = [picture[:, ::-1] for picture in film(after(0, 0.0))[:30]]
+    assert cuts(pictures) == [30, 33]
+
+
+def test_a_smaller_jump_is_suspected_and_a_certain_cut_is_not_suspected_besides() -> None:
+    small = find_scenes(film(lambda t: 10.0 + 1.5 * t + 4.0 * (t >= 30)), np.arange(FRAMES) / 30)
+    assert (small.transitions, small.suspected) == ((), (30,))
+    assert find_scenes(film(after(30, 60.0)), np.arange(FRAMES) / 30).suspected == ()
