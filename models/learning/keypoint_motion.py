@@ -4,18 +4,18 @@ Nothing is rendered. Any take is seen by a random camera, and its keypoints have
 annotators put them, offsets that last, others that drift or tremble, limbs that are lost for a while.
 """
 
+import functools
 from collections.abc import Sequence
 
 import numpy as np
 import torch
 from jaxtyping import Bool, Float
-from torch import Tensor
 
 from humanmm.models.geometry.projection import project
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.learning.other_motion import Take
 from humanmm.models.learning.pairs import NEAREST_M, TEMPO
-from humanmm.models.learning.windows import Windows
+from humanmm.models.learning.windows import Windows, by_window
 from humanmm.models.perception.lifting.features import points_in_view, view_axes
 from humanmm.models.perception.lifting.keypoints import COCO, crop_of
 from humanmm.models.records.landmarks import NUM_LANDMARKS, TORSO
@@ -75,11 +75,7 @@ class KeypointMotion:
         truth = (flat - flat[:, [23, 24]].mean(axis=1, keepdims=True)) @ R_cam_view
         poses = rotations.reshape(len(flat), -1, 3, 3)
         poses[:, 0] = np.swapaxes(R_cam_view, -1, -2) @ poses[:, 0]
-
-        def tensor(array: Array) -> Tensor:
-            shaped = np.ascontiguousarray(array, dtype=np.float32).reshape(count, FRAMES, *array.shape[1:])
-            return torch.from_numpy(shaped)
-
+        tensor = functools.partial(by_window, num_windows=count)
         nothing = torch.zeros(count, FRAMES, dtype=torch.bool)
         return Windows(
             time_s=torch.from_numpy(time_s.astype(np.float32)), exists=~nothing, points=tensor(points),

@@ -4,20 +4,20 @@ A pose network's errors of one window are laid on another motion. That is not wh
 on the pose; but a take costs nothing this way, and how people move is learnt from all of them.
 """
 
+import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import torch
 from jaxtyping import Float
-from torch import Tensor
 
 from humanmm.models.body.kinematics import seen_rotations
 from humanmm.models.body.landmarks import load_landmarks
 from humanmm.models.geometry.projection import project, world_to_camera
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.learning.pairs import NEAREST_M, TEMPO
-from humanmm.models.learning.windows import PairErrors, Windows
+from humanmm.models.learning.windows import PairErrors, Windows, by_window
 from humanmm.models.perception.lifting.features import points_in_view, view_axes
 from humanmm.models.perception.regions import BODY_MARGIN
 from humanmm.models.rendering.places.recombination import with_arms_of
@@ -93,10 +93,7 @@ class OtherMotion:
         truth = (landmarks - landmarks[:, [23, 24]].mean(axis=1, keepdims=True)) @ R_cam_view
         rotations = rotations.reshape(B * n, -1, 3, 3)
         rotations[:, 0] = np.swapaxes(R_cam_view, -1, -2) @ rotations[:, 0]
-
-        def tensor(array: Array) -> Tensor:
-            return torch.from_numpy(np.ascontiguousarray(array, dtype=np.float32).reshape(B, n, *array.shape[1:]))
-
+        tensor = functools.partial(by_window, num_windows=B)
         smallest, mean, largest = ERROR_SCALE
         scale = np.clip(rng.normal(mean, 0.25, (B, 1, 1, 1)), smallest, largest).astype(np.float32)
         index, nothing = torch.from_numpy(which), torch.zeros(B, n, dtype=torch.bool)

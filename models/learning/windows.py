@@ -1,5 +1,6 @@
 """Windows of pairs as the lifter's training takes them: inputs, truth, and how both are varied."""
 
+import functools
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 
@@ -98,10 +99,7 @@ def windows_of(arrays: Mapping[str, Array]) -> tuple[Windows, PairErrors]:
     root = np.swapaxes(R_cam_view, -1, -2) @ flat["R_cam_root"]
     pose = seen_rotations(root, flat["body_pose"])
     landmarks = flat["landmarks3d"]
-
-    def tensor(array: Array) -> Tensor:
-        return torch.from_numpy(np.ascontiguousarray(array, dtype=np.float32).reshape(W, n, *array.shape[1:]))
-
+    tensor = functools.partial(by_window, num_windows=W)
     windows = Windows(
         time_s=torch.from_numpy(arrays["time_s"].astype(np.float32)),
         exists=tensor(flat["confidence"]) >= MIN_CONFIDENCE,
@@ -117,6 +115,12 @@ def windows_of(arrays: Mapping[str, Array]) -> tuple[Windows, PairErrors]:
     )
     errors = PairErrors(tensor(np.clip(points - true_points, -0.3, 0.3)), tensor(landmarks - truth))
     return windows, errors
+
+
+def by_window(rows: Float[Array, "N *shape"], num_windows: int) -> Float[Tensor, "W n *shape"]:
+    """Numbers of all frames of W windows, one window after the other, as a float32 tensor of windows."""
+    shaped = np.ascontiguousarray(rows, dtype=np.float32).reshape(num_windows, -1, *rows.shape[1:])
+    return torch.from_numpy(shaped)
 
 
 def _sides(

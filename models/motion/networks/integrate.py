@@ -8,13 +8,14 @@ import numpy as np
 import torch
 from jaxtyping import Float, Int
 from safetensors.torch import load
-from torch import Tensor, nn
+from torch import nn
 
 from humanmm.models.geometry.rotations import interpolate_rotations
 from humanmm.models.motion.networks.interfaces import AlignedMotion, Integrated
 from humanmm.models.motion.networks.ms_hmr import MsHmr
 from humanmm.models.motion.networks.sequence import RATE_HZ, MotionSequence, product
 from humanmm.models.motion.networks.trajectory import TrajectoryPredictor, TrajectoryRefiner
+from humanmm.models.perception.lifting.features import batch_of_one
 from humanmm.models.weights.shipped import read_weights
 
 Array = np.ndarray
@@ -71,8 +72,8 @@ def _at(moments: Float[Array, " n"], motion: AlignedMotion) -> MotionSequence:
     pelvis = np.stack([np.interp(moments, time_s, column) for column in motion.pelvis[frames].T], axis=1)
     rows = nearest_rows(moments, time_s)
     return MotionSequence(
-        _tensor(rotations), _tensor(pelvis), _tensor(motion.rest_joints),
-        torch.from_numpy(motion.known[frames][rows])[None], _tensor(motion.confidence[frames][rows]),
+        batch_of_one(rotations), batch_of_one(pelvis), batch_of_one(motion.rest_joints),
+        torch.from_numpy(motion.known[frames][rows])[None], batch_of_one(motion.confidence[frames][rows]),
         torch.from_numpy(motion.shot[frames][rows].astype(np.int64))[None],
     )  # fmt: skip
 
@@ -83,10 +84,6 @@ def nearest_rows(at: Float[Array, " n"], time_s: Float[Array, " N"]) -> Int[Arra
     before = after - 1
     after = np.minimum(after, len(time_s) - 1)
     return np.asarray(np.where(at - time_s[before] <= time_s[after] - at, before, after))
-
-
-def _tensor(values: Array) -> Tensor:
-    return torch.from_numpy(np.ascontiguousarray(values, dtype=np.float32))[None]
 
 
 def _chunks(count: int) -> Iterator[tuple[slice, slice]]:
