@@ -5,7 +5,7 @@ projecting those (visibility 0: no evidence), a mask drawn about the bones. Colo
 """
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from humanmm.models.geometry.projection import project, ray_axes, start_position, viewing_rays
 from humanmm.models.perception.clothing import HISTOGRAM_BINS
@@ -50,7 +50,7 @@ def coco_track(
         frame=frame.astype(np.int32),
         keypoints2d=points.astype(np.float32),
         landmarks3d=(landmarks_cam @ R_cam_ray).astype(np.float32),
-        bbox=_boxes(keypoints[..., :2], seen, size).astype(np.float32),
+        bbox=boxes_about(keypoints[..., :2], seen, size).astype(np.float32),
         confidence=np.clip(points[:, list(LIMBS), 2].mean(axis=1), 0, 1).astype(np.float32),
         masks=masks,
         mask_affine=affine,
@@ -75,7 +75,8 @@ def _all_points(
     return points
 
 
-def _boxes(pixels: Float[Array, "n 17 2"], seen: Array, size: tuple[int, int]) -> Float[Array, "n 4"]:
+def boxes_about(pixels: Float[Array, "n k 2"], seen: Bool[Array, "n k"], size: tuple[int, int]) -> Float[Array, "n 4"]:
+    """Boxes (xyxy) about the points seen in each frame and the flesh about them, inside a picture of this size."""
     low = np.where(seen[..., None], pixels, np.inf).min(axis=1)
     high = np.where(seen[..., None], pixels, -np.inf).max(axis=1)
     margin = FLESH * (high - low)

@@ -17,7 +17,7 @@ from humanmm.models.body.landmarks import load_landmarks
 from humanmm.models.geometry.projection import in_front, project, ray_axes, viewing_rays
 from humanmm.models.geometry.rotations import rotmat_to_rotvec
 from humanmm.models.perception.clothing import HISTOGRAM_BINS
-from humanmm.models.perception.lifting.coco import FEWEST, FLESH, NEAREST_M
+from humanmm.models.perception.lifting.coco import FEWEST, NEAREST_M, boxes_about
 from humanmm.models.perception.silhouettes import silhouettes
 from humanmm.models.perception.tracking.tracker import MIN_TRACK_S
 from humanmm.models.records.landmarks import HIPS, LIMBS, NUM_LANDMARKS
@@ -99,7 +99,7 @@ def _track(body: GivenBody, rows: slice, size: tuple[int, int]) -> PersonTrack:
         frame=body.frame[chosen].astype(np.int32),
         keypoints2d=points.astype(np.float32),
         landmarks3d=(about_hips @ R_cam_ray).astype(np.float32),
-        bbox=_boxes(pixels, seen, size).astype(np.float32),
+        bbox=boxes_about(pixels, seen, size).astype(np.float32),
         confidence=seen[:, list(LIMBS)].mean(axis=1, dtype=np.float32),
         masks=masks,
         mask_affine=affine,
@@ -119,10 +119,3 @@ def _pose(R_local: Float[Array, "n 24 3 3"] | None, R_cam_ray: Float[Array, "n 3
         vectors[:, 1:] = rotmat_to_rotvec(R_local[:, list(FREE_JOINTS)])
     sigma = np.full(vectors.shape[:2], UNKNOWN_RAD if R_local is None else GIVEN_RAD, np.float32)
     return PoseEstimates(vectors.astype(np.float32), sigma, np.zeros(count, np.float32))
-
-
-def _boxes(pixels: Float[Array, "n 33 2"], seen: Bool[Array, "n 33"], size: tuple[int, int]) -> Float[Array, "n 4"]:
-    low = np.where(seen[..., None], pixels, np.inf).min(axis=1)
-    high = np.where(seen[..., None], pixels, -np.inf).max(axis=1)
-    margin = FLESH * (high - low)
-    return np.concatenate([np.clip(low - margin, 0, size), np.clip(high + margin, 0, size)], axis=1)
