@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from humanmm.models.body.body24 import JOINT_NAMES, PARENTS
+from humanmm.models.geometry.robust import STD_PER_MEDIAN
 from humanmm.models.shadows.floor import CELL_M, REACH_M, SIDE, PosedOnFloor, SeenFloor
 
 Array = np.ndarray
@@ -88,6 +89,6 @@ def cast_shadows(person: PosedOnFloor, azimuth: float, elevation: float) -> UInt
 
 
 def _clipped(floor: SeenFloor) -> Float[Array, "F side side"]:
-    spread = 1.4826 * float(np.median(np.abs(floor.log_brightness[floor.seen])))
+    spread = STD_PER_MEDIAN * float(np.median(np.abs(floor.log_brightness[floor.seen])))
     limit = LARGEST_SIGMAS * max(spread, LEAST_SPREAD)
     return np.asarray(np.clip(floor.log_brightness, -limit, limit))
