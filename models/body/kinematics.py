@@ -18,10 +18,10 @@ CHUNK_FRAMES = 512
 """Frames whose intermediate numbers, many times as large as the result, are in memory at the same time."""
 
 
-def chunks(num_frames: int) -> Iterator[slice]:
-    """Runs of frames, CHUNK_FRAMES or fewer, that together are all."""
-    for start in range(0, num_frames, CHUNK_FRAMES):
-        yield slice(start, min(start + CHUNK_FRAMES, num_frames))
+def chunks(num_frames: int, most: int = CHUNK_FRAMES) -> Iterator[slice]:
+    """Runs of frames, `most` or fewer, that together are all."""
+    for start in range(0, num_frames, most):
+        yield slice(start, min(start + most, num_frames))
 
 
 def by_chunks(function: Callable[[Array], Array], values: Array) -> Array:

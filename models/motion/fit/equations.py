@@ -5,7 +5,7 @@ step costs the same for every frame.
 """
 
 import functools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import cached_property
 from typing import Protocol, TypeVar, cast
 
@@ -131,12 +131,6 @@ def memoised(method: Callable[[T, Motion], V]) -> Callable[[T, Motion], V]:
         return cast(V, motion.cache[key])
 
     return kept
-
-
-def portions(num_frames: int) -> Iterator[slice]:
-    """Runs of frames, FRAMES_AT_ONCE or fewer, that together are all."""
-    for start in range(0, num_frames, FRAMES_AT_ONCE):
-        yield slice(start, min(start + FRAMES_AT_ONCE, num_frames))
 
 
 def frame_weights(time_s: Float[Array, " N"]) -> Float[Array, " N"]:

@@ -13,8 +13,9 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Int
 
+from humanmm.models.body.kinematics import chunks
 from humanmm.models.geometry.rotations import rotmat_to_rotvec, skew
-from humanmm.models.motion.fit.equations import REFERENCE_HZ, NormalEquations, cauchy, memoised, portions
+from humanmm.models.motion.fit.equations import FRAMES_AT_ONCE, REFERENCE_HZ, NormalEquations, cauchy, memoised
 from humanmm.models.motion.fit.state import BODY, NUM_PARAMETERS, PELVIS, ROOT, CameraPath, Motion, Skeleton
 
 Array = np.ndarray
@@ -75,7 +76,7 @@ class Reprojection:
         along = along.reshape(len(z), -1, 3) @ self.camera.R_cam_ref
         right = (root[..., None] * residual).reshape(len(z), -1).astype(np.float32)
         which = np.repeat(np.arange(weight.shape[1]), 2)
-        for frames in portions(len(z)):
+        for frames in chunks(len(z), FRAMES_AT_ONCE):
             rows = self._seen(motion).point_rows(frames, which, along[frames], dtype=np.float32)
             equations.add_rows(frames, rows, right[frames])
 
@@ -145,7 +146,7 @@ class Bones:
         along = along.reshape(len(root), -1, 3)
         right = (root * residual).reshape(len(root), -1).astype(np.float32)
         start, end = np.repeat(self.start, 3), np.repeat(self.end, 3)
-        for frames in portions(len(root)):
+        for frames in chunks(len(root), FRAMES_AT_ONCE):
             rows = motion.point_rows(frames, end, along[frames], dtype=np.float32)
             rows -= motion.point_rows(frames, start, along[frames], dtype=np.float32)
             equations.add_rows(frames, rows, right[frames])

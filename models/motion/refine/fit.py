@@ -13,15 +13,16 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
+from humanmm.models.body.kinematics import chunks
 from humanmm.models.geometry.rotations import skew
 from humanmm.models.motion.fit.equations import (
+    FRAMES_AT_ONCE,
     REFERENCE_HZ,
     NormalEquations,
     Term,
     cauchy,
     frame_weights,
     memoised,
-    portions,
 )
 from humanmm.models.motion.fit.evidence import LongEvidence, Sighting
 from humanmm.models.motion.fit.hmr import EvidenceTerms, NoiseModel, pelvis_depths
@@ -103,7 +104,7 @@ class PlantedFeet:
         axes, which = np.tile(np.eye(3), (root.shape[1], 1)), np.repeat(np.arange(root.shape[1]), 3)
         legs = np.flatnonzero(self.feet.moves_point.any(axis=0))  # nothing else moves a foot
         block = legs[:, None], legs
-        for steps in portions(len(root)):
+        for steps in chunks(len(root), FRAMES_AT_ONCE):
             if not root[steps].any():
                 continue
             first, last = slice(steps.start, steps.stop), slice(steps.start + 1, steps.stop + 1)
@@ -150,7 +151,7 @@ class FeetOnFloor:
         _, trust = cauchy(residual**2, self.robust_scale)
         root = np.sqrt(self.weight * trust)
         which = np.arange(residual.shape[1])
-        for frames in portions(len(root)):
+        for frames in chunks(len(root), FRAMES_AT_ONCE):
             if not root[frames].any():
                 continue
             up = np.broadcast_to([0.0, 0.0, 1.0], (*root[frames].shape, 3)) * (root[frames] / self.sigma_m)[..., None]
