@@ -10,8 +10,6 @@ of those that are stored: their proportion tells. Lenses are taken for pinholes 
 principal point in the middle; what that leaves out is said in a warning.
 """
 
-import re
-
 import numpy as np
 from jaxtyping import Float, Int
 from scipy.spatial.transform import Rotation
@@ -22,6 +20,7 @@ from humanmm.models.geometry.projection import inverse_pose
 from humanmm.models.records.camera import GivenCameras
 from humanmm.models.records.video import VideoFacts
 from humanmm.storage.readers.given.colmap import FILES, ColmapCamera, ColmapModel, colmap_model
+from humanmm.storage.readers.given.frame_names import frame_number
 
 Array = np.ndarray
 
@@ -105,7 +104,7 @@ def _colmap(model: ColmapModel, facts: VideoFacts) -> GivenCameras:
     for image in model.images:
         if image.camera not in focal_of:
             raise InputError(f"image {image.name!r} is of camera {image.camera}, which the model does not hold")
-        rows[_number_in(image.name)] = [*image.quat_wxyz, *image.t_cam_world, focal_of[image.camera]]
+        rows[frame_number(image.name)] = [*image.quat_wxyz, *image.t_cam_world, focal_of[image.camera]]
     if not rows:
         raise InputError("the model holds no image")
     frame = _from_zero(np.array(sorted(rows)), facts.num_frames)
@@ -149,13 +148,6 @@ def _from_zero(frame: Int[Array, " n"], num_frames: int) -> Int[Array, " n"]:
             "images are named by their frame"
         )
     return frame
-
-
-def _number_in(name: str) -> int:
-    found = re.findall(r"\d+", name.rsplit("/", 1)[-1].rsplit(".", 1)[0])
-    if not found:
-        raise InputError(f"no number in the name {name!r} says which frame it is")
-    return int(found[-1])
 
 
 def _floats(words: list[str], count: int, what: str) -> list[float]:

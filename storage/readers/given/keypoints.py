@@ -14,7 +14,6 @@ reads: stored ones, upright. Where they are not square, keypoints are brought in
 """
 
 import json
-import re
 from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any
@@ -28,6 +27,7 @@ from humanmm.models.perception.interfaces import SEEN
 from humanmm.models.perception.tracking.keypoint_tracks import PictureKeypoints
 from humanmm.models.records.foreign_arrays import numbers, shown
 from humanmm.models.records.video import PictureSizes
+from humanmm.storage.readers.given.frame_names import frame_number
 
 Array = np.ndarray
 
@@ -95,7 +95,7 @@ def _rows(name: str, content: bytes) -> list[Row]:
 def _rows_of(tree: Any, name: str) -> list[Row]:
     match tree:
         case {"people": list(people)}:
-            return _openpose(people, _number_in(name))
+            return _openpose(people, frame_number(name))
         case {"instance_info": list(frames)}:
             return _mmpose(frames)
         case [{"instances": _}, *_]:
@@ -105,7 +105,7 @@ def _rows_of(tree: Any, name: str) -> list[Row]:
         case [{"image_id": _}, *_]:
             return [(_frame_of(one["image_id"]), _triples(one["keypoints"])) for one in tree]
         case [{"keypoints": _, "keypoint_scores": _}, *_] | []:  # MMPose, of one picture
-            return [(_number_in(name), None), *((_number_in(name), _scored(one)) for one in tree)]
+            return [(frame_number(name), None), *((frame_number(name), _scored(one)) for one in tree)]
     raise InputError("it is laid out like no known program's keypoints (OpenPose, MMPose, AlphaPose, COCO)")
 
 
@@ -121,21 +121,14 @@ def _mmpose(frames: list[Any]) -> list[Row]:
 
 def _annotations(annotations: list[Any], images: list[Any]) -> list[Row]:
     """Visibility 2 is seen, 1 hidden: scores 1 and 0.5."""
-    number = {image["id"]: _number_in(image["file_name"]) for image in images}
+    number = {image["id"]: frame_number(image["file_name"]) for image in images}
     people = [one for one in annotations if any(one.get("keypoints", ()))]
     seen: list[Row] = [(frame, None) for frame in number.values()]
     return seen + [(number[one["image_id"]], _triples(one["keypoints"]) * [1.0, 1.0, 0.5]) for one in people]
 
 
 def _frame_of(image: Any) -> int:
-    return image if isinstance(image, int) else _number_in(image)
-
-
-def _number_in(name: str) -> int:
-    found = re.findall(r"\d+", re.sub(r"_keypoints$", "", name.rsplit("/", 1)[-1].rsplit(".", 1)[0]))
-    if not found:
-        raise InputError(f"no number in the name {name!r} says which frame it is")
-    return int(found[-1])
+    return image if isinstance(image, int) else frame_number(image)
 
 
 def _triples(values: Any) -> Float[Array, "K 3"]:

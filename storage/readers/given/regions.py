@@ -12,7 +12,6 @@ boxes are brought into the square ones of all stages. Masks may be of either, an
 
 import io
 import json
-import re
 from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
@@ -25,6 +24,7 @@ from humanmm.config import GivenFile
 from humanmm.errors import InputError
 from humanmm.models.perception.tracking.given_regions import GivenRegions
 from humanmm.models.records.video import PictureSizes
+from humanmm.storage.readers.given.frame_names import frame_number
 
 Array = np.ndarray
 
@@ -125,7 +125,7 @@ def _coco_rows(content: bytes) -> Float[Array, "M 7"]:
 def _coco_row(one: Any) -> list[float]:
     image = one["image_id"]
     left, top, width, height = (float(value) for value in one["bbox"])
-    frame = image if isinstance(image, int) else _number_in(str(image))
+    frame = image if isinstance(image, int) else frame_number(str(image))
     row = [float(frame), float(one.get("track_id", -1)), left, top, width, height, float(one.get("score", 1.0))]
     if not np.isfinite(row).all():
         raise InputError(f"a box reads {one!r}; expected finite numbers")
@@ -137,7 +137,7 @@ def _masks(given: GivenFile, num_frames: int, sizes: PictureSizes) -> GivenRegio
     others = [name for name in contents if not name.endswith(".png")]
     if others:
         raise InputError(f"{others[0]} is no .png; expected a folder of one png a frame")
-    by_number = {_number_in(name): name for name in contents}
+    by_number = {frame_number(name): name for name in contents}
     if len(by_number) < len(contents):
         raise InputError("two of its pictures are of one frame; expected one png a frame")
     first = 1 if min(by_number) == 1 and max(by_number) == num_frames else 0
@@ -206,10 +206,3 @@ def _check_once(frame: Array, person: Array) -> None:
     if (count > 1).any():
         at, who = pairs[count > 1][0]
         raise InputError(f"person {who} has {count.max()} boxes in frame {at}; expected one")
-
-
-def _number_in(name: str) -> int:
-    found = re.findall(r"\d+", name.rsplit("/", 1)[-1].rsplit(".", 1)[0])
-    if not found:
-        raise InputError(f"no number in the name {name!r} says which frame it is")
-    return int(found[-1])
