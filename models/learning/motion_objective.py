@@ -8,6 +8,7 @@ import torch
 from torch import Tensor, nn
 
 from humanmm.models.learning.motion_clips import MotionClips
+from humanmm.models.learning.objective import mean_of_joints, median_and_mean, weighted_mean
 from humanmm.models.motion.networks.ms_hmr import MsHmr, PoseCorrection
 from humanmm.models.motion.networks.sequence import (
     RATE_HZ,
@@ -27,7 +28,6 @@ from humanmm.models.motion.networks.trajectory import (
 Array = np.ndarray
 
 LIMB_JOINTS = (1, 2, 4, 5, 7, 8, 16, 17, 18, 19, 20, 21)
-ROOT_IMPORTANCE = 3.0
 HORIZON = 30
 """Steps over which a predicted path is compared as a whole: one second."""
 
@@ -41,16 +41,10 @@ def pose_loss(found: PoseCorrection, clips: MotionClips) -> Tensor:
     step = gap.diff(dim=1).norm(dim=-1).mean(dim=-1)
     angle = ((found.rotations - true.rotations) ** 2).sum(dim=(-1, -2)).div(2).add(1e-8).sqrt()
     unlikely = angle.detach() * torch.exp(-found.log_sigma) + found.log_sigma
-    importance = torch.ones(angle.shape[-1], device=angle.device)
-    importance[0] = ROOT_IMPORTANCE
     exists = clips.exists.float()
-
-    def mean_joint(of_joint: Tensor) -> Tensor:
-        return _mean((of_joint * importance).sum(dim=-1) / importance.sum(), exists)
-
     total: Tensor = (
-        10 * _mean(gap.norm(dim=-1).mean(dim=-1), exists) + 10 * _mean(step, steady)
-        + 2 * mean_joint(angle) + 0.2 * mean_joint(unlikely)
+        10 * weighted_mean(gap.norm(dim=-1).mean(dim=-1), exists) + 10 * weighted_mean(step, steady)
+        + 2 * weighted_mean(mean_of_joints(angle), exists) + 0.2 * weighted_mean(mean_of_joints(unlikely), exists)
     )  # fmt: skip
     return total
 
@@ -65,11 +59,13 @@ def trajectory_loss(found: Trajectory, clips: MotionClips) -> Tensor:
     world = rotated(clips.true.rotations[:, :-1, 0], gap) / RATE_HZ
     total = nn.functional.avg_pool1d(world.transpose(1, 2), HORIZON, 5) * HORIZON
     loss: Tensor = (
-        _mean(contacts.mean(dim=-1), exists) + _mean(unlikely.mean(dim=-1), steady) + 3 * total.norm(dim=1).mean()
+        weighted_mean(contacts.mean(dim=-1), exists)
+        + weighted_mean(unlikely.mean(dim=-1), steady)
+        + 3 * total.norm(dim=1).mean()
     )
     if isinstance(found, RefinedTrajectory):
         wanted = _turn(clips)
-        loss = loss + 2 * _mean((found.turn - wanted).norm(dim=-1), exists)
+        loss = loss + 2 * weighted_mean((found.turn - wanted).norm(dim=-1), exists)
     return loss
 
 
@@ -92,10 +88,6 @@ def _steps(clips: MotionClips, *, within_shots: bool) -> Tensor:
 
 def _about_pelvis(motion: MotionSequence) -> Tensor:
     return joints_of(motion) - motion.pelvis[:, :, None]
-
-
-def _mean(values: Tensor, weight: Tensor) -> Tensor:
-    return (values * weight).sum() / weight.sum().clamp_min(1.0)
 
 
 @dataclass(frozen=True)
@@ -123,7 +115,7 @@ class TrajectoryScore:
 def pose_score(network: MsHmr | None, clips: Sequence[MotionClips]) -> PoseScore:
     """How good poses are; None: as the fit gives them."""
     rows = [np.concatenate(part) for part in zip(*(_pose_rows(network, one) for one in clips), strict=True)]
-    mpjpe, root, acceleration = (_both(row) for row in rows)
+    mpjpe, root, acceleration = (median_and_mean(row) for row in rows)
     return PoseScore(mpjpe, root, acceleration)
 
 
@@ -165,8 +157,6 @@ def trajectory_score(
         counts += [(stands & said).sum().item(), (stands & ~said).sum().item(), (~stands & said).sum().item()]
     hit, missed, false = counts
     f1 = 2 * hit / max(2 * hit + missed + false, 1)
-    return TrajectoryScore(float(f1), _both(np.concatenate(velocities)), _both(np.concatenate(seconds)))
-
-
-def _both(values: Array) -> tuple[float, float]:
-    return (float(np.median(values)), float(values.mean())) if len(values) else (float("nan"), float("nan"))
+    return TrajectoryScore(
+        float(f1), median_and_mean(np.concatenate(velocities)), median_and_mean(np.concatenate(seconds))
+    )

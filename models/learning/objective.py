@@ -11,7 +11,7 @@ from humanmm.models.geometry.alignment import umeyama_alignment
 from humanmm.models.geometry.rotations import rotation_angle
 from humanmm.models.learning.windows import Windows, coco_visibility
 from humanmm.models.motion.fit.evidence import BONE_END, BONE_START
-from humanmm.models.perception.lifting.network import JOINTS, LifterInput, LifterNetwork, LifterOutput
+from humanmm.models.perception.lifting.network import LifterInput, LifterNetwork, LifterOutput
 from humanmm.models.records.landmarks import LIMBS, TORSO
 
 Array = np.ndarray
@@ -19,15 +19,13 @@ Array = np.ndarray
 IMPORTANCE = torch.tensor([0.15] * 11 + [1.0] * 6 + [0.25] * 6 + [1.0] * 6 + [0.5] * 4)
 """Of each landmark: face, arms, hands, legs, feet."""
 ROOT_IMPORTANCE = 3.0
+"""Of the rotation of the root, against that of any other joint."""
 
 
 def loss(found: LifterOutput, wanted: Windows) -> Tensor:
     """Distances of landmarks, bones and their steps in time, angles of joints with their likelihood under the stated
     errors (Laplace), sides, contacts."""
     exists = wanted.exists.float()
-
-    def mean(of_frame: Tensor, weight: Tensor = exists) -> Tensor:
-        return (of_frame * weight).sum() / weight.sum().clamp_min(1.0)
 
     gap = found.landmarks - wanted.truth
     of_landmark = IMPORTANCE.to(gap.device)
@@ -38,22 +36,29 @@ def loss(found: LifterOutput, wanted: Windows) -> Tensor:
 
     # nobody's joints are those of a body with left and right swapped
     known = exists * ~wanted.swapped
-    importance = torch.ones(JOINTS, device=gap.device)
-    importance[0] = ROOT_IMPORTANCE
     angle = ((found.pose - wanted.pose) ** 2).sum(dim=(-1, -2)).div(2).add(1e-8).sqrt()
     log_sigma = found.pose_log_sigma
     unlikely = angle.detach() * torch.exp(-log_sigma) + log_sigma
-
-    def mean_joint(of_joint: Tensor) -> Tensor:
-        return mean((of_joint * importance).sum(dim=-1) / importance.sum(), known)
-
     binary = nn.functional.binary_cross_entropy_with_logits
     sides = binary(found.swapped, wanted.swapped.float(), reduction="none")
     contacts = binary(found.contacts, wanted.contacts, reduction="none").mean(dim=-1)
     return (
-        10 * mean(distance) + 5 * mean(bones) + 2 * mean(step, steady) + 2 * mean_joint(angle)
-        + 0.2 * mean_joint(unlikely) + 0.3 * mean(sides, exists * wanted.clear) + 0.1 * mean(contacts)
+        10 * weighted_mean(distance, exists) + 5 * weighted_mean(bones, exists) + 2 * weighted_mean(step, steady)
+        + 2 * weighted_mean(mean_of_joints(angle), known) + 0.2 * weighted_mean(mean_of_joints(unlikely), known)
+        + 0.3 * weighted_mean(sides, exists * wanted.clear) + 0.1 * weighted_mean(contacts, exists)
     )  # fmt: skip
+
+
+def weighted_mean(of_frame: Tensor, weight: Tensor) -> Tensor:
+    """Mean over frames (B,n) by their weights; 0 where nothing has any."""
+    return (of_frame * weight).sum() / weight.sum().clamp_min(1.0)
+
+
+def mean_of_joints(of_joint: Tensor) -> Tensor:
+    """(…,J) to (…): mean over the root, which counts ROOT_IMPORTANCE times, and the other joints."""
+    importance = torch.ones(of_joint.shape[-1], device=of_joint.device)
+    importance[0] = ROOT_IMPORTANCE
+    return (of_joint * importance).sum(dim=-1) / importance.sum()
 
 
 @dataclass(frozen=True)
@@ -79,14 +84,16 @@ def score(network: LifterNetwork | None, windows: Windows, *, coco: bool = False
         rows.append(_rows(network, part, _given(part, coco=coco)))
     mpjpe, pa, torso, root, seen, swapped, clear = np.concatenate(rows).T
 
-    def both(values: Array) -> tuple[float, float]:
-        return (float(np.median(values)), float(values.mean())) if len(values) else (float("nan"), float("nan"))
-
     wrong, right = (swapped > 0) & (clear > 0), (swapped == 0) & (clear > 0)
     return LifterScore(
-        both(mpjpe), both(pa), both(torso), both(root[swapped == 0]),
+        median_and_mean(mpjpe), median_and_mean(pa), median_and_mean(torso), median_and_mean(root[swapped == 0]),
         float(seen[wrong].mean()) if wrong.any() else float("nan"), float(seen[right].mean()) if right.any() else 0.0,
     )  # fmt: skip
+
+
+def median_and_mean(values: Float[Array, " n"]) -> tuple[float, float]:
+    """Both; nan without any value."""
+    return (float(np.median(values)), float(values.mean())) if len(values) else (float("nan"), float("nan"))
 
 
 def _given(windows: Windows, *, coco: bool) -> LifterInput:
