@@ -19,6 +19,7 @@ from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
 from humanmm.models.learning.pairs import TEMPO
 from humanmm.models.learning.windows import CONTACT_SWAP, JOINT_SWAP, MIRROR
 from humanmm.models.motion.networks.sequence import RATE_HZ, MotionSequence
+from humanmm.models.perception.lifting.network import Tensors
 from humanmm.models.rendering.actors import with_contacts
 from humanmm.models.rendering.places.takes import random_body, shape
 from humanmm.models.synthetic.choreography import KINDS, choreography
@@ -123,7 +124,7 @@ def _between(values: Float[Array, "N *rest"], row: Float[Array, " m"]) -> Float[
 
 
 @dataclass(frozen=True, eq=False)
-class MotionClips:
+class MotionClips(Tensors):
     """B clips."""
 
     given: MotionSequence
@@ -133,12 +134,6 @@ class MotionClips:
     """(B,n,4), 0 or 1."""
     exists: Tensor
     """(B,n) bool: the clip is not over."""
-
-    def to(self, device: str) -> "MotionClips":
-        """The same on another device."""
-        return MotionClips(
-            self.given.to(device), self.true.to(device), self.contacts.to(device), self.exists.to(device)
-        )
 
 
 class ClipSource:

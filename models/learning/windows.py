@@ -14,7 +14,7 @@ from humanmm.models.body.kinematics import seen_rotations
 from humanmm.models.geometry.projection import project
 from humanmm.models.learning.pairs import NEAREST_M
 from humanmm.models.perception.lifting.features import points_in_view, view_axes
-from humanmm.models.perception.lifting.network import JOINTS, LifterInput
+from humanmm.models.perception.lifting.network import JOINTS, LifterInput, Tensors
 from humanmm.models.perception.observation import MIN_CONFIDENCE
 from humanmm.models.records.landmarks import COCO_LANDMARKS, LIMBS, NUM_LANDMARKS, SWAP
 
@@ -31,7 +31,7 @@ CONTACT_SWAP = [2, 3, 0, 1]
 
 
 @dataclass(frozen=True, eq=False)
-class Windows:
+class Windows(Tensors):
     """W windows of n frames. Truth has left and right named as the input has them."""
 
     time_s: Tensor
@@ -56,10 +56,6 @@ class Windows:
     def chosen(self, index: Tensor) -> "Windows":
         """Some windows, copied."""
         return Windows(*(getattr(self, field.name)[index].clone() for field in fields(self)))
-
-    def to(self, device: str) -> "Windows":
-        """The same on another device."""
-        return Windows(*(value.to(device) for value in vars(self).values()))
 
     def given(self, has_landmarks: Tensor | None = None) -> LifterInput:
         """What the network is given; `has_landmarks` (W,) bool, all by default."""

@@ -4,12 +4,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from humanmm.models.records.frame_arrays import FrameArrays
+
 NUM_POINTS = 21
 """Wrist, then four of each finger from its base to its tip: thumb, index, middle, ring and little finger."""
 
 
 @dataclass(frozen=True)
-class HandTracks:
+class HandTracks(FrameArrays):
     """Left (0) and right (1) hand in the N frames of a track."""
 
     confidence: np.ndarray
@@ -20,15 +22,6 @@ class HandTracks:
     points3d: np.ndarray
     """(N,2,21,3) float32, metres about the middle of the hand, in the axes of the viewing ray through it (x right, y
     down, z away); zero where confidence is 0 or nan."""
-
-    def chosen(self, rows: "slice | np.ndarray") -> "HandTracks":
-        """Those of some rows."""
-        return HandTracks(self.confidence[rows], self.points[rows], self.points3d[rows])
-
-    def then(self, other: "HandTracks") -> "HandTracks":
-        """These, and others after them."""
-        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
-        return HandTracks(*(np.concatenate(pair) for pair in pairs))
 
     def scaled(self, scale: np.ndarray) -> "HandTracks":
         """In pixels of a picture whose width and height are `scale` (2,) times as large."""

@@ -7,6 +7,7 @@ from functools import cached_property, reduce
 
 import numpy as np
 
+from humanmm.models.records.frame_arrays import FrameArrays
 from humanmm.models.records.hands import HandTracks, not_looked
 from humanmm.models.records.landmarks import with_sides_swapped
 from humanmm.models.records.shots import Appearance, TrackPart
@@ -61,7 +62,7 @@ def deflated_mask(mask: np.ndarray) -> bytes:
 
 
 @dataclass(frozen=True)
-class PoseEstimates:
+class PoseEstimates(FrameArrays):
     """Joint rotations of one person in N frames, as the lifter estimates them."""
 
     vectors: np.ndarray
@@ -71,15 +72,6 @@ class PoseEstimates:
     """(N,20) float32: expected errors, radians; UNKNOWN_RAD where nothing is known."""
     swap_odds: np.ndarray
     """(N,) float32: log-odds that left and right of the keypoints are swapped."""
-
-    def chosen(self, rows: "slice | np.ndarray") -> "PoseEstimates":
-        """Those of some rows."""
-        return PoseEstimates(self.vectors[rows], self.sigma[rows], self.swap_odds[rows])
-
-    def then(self, other: "PoseEstimates") -> "PoseEstimates":
-        """These, and others after them."""
-        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
-        return PoseEstimates(*(np.concatenate(pair) for pair in pairs))
 
     def with_sides_swapped(self, is_swapped: np.ndarray) -> "PoseEstimates":
         """Estimates of frames whose left and right turn out to be swapped are of a body that is not there."""

@@ -2,12 +2,13 @@
 person is or where he faces, for neither changes how people move.
 """
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
 
 from humanmm.models.body.body24 import FREE_JOINTS, NUM_JOINTS, PARENTS, ROTATED_JOINTS
+from humanmm.models.perception.lifting.network import Tensors
 from humanmm.models.records.recording import CONTACT_JOINTS
 
 RATE_HZ = 30.0
@@ -18,7 +19,7 @@ FASTEST_TURN, FASTEST_MS, FASTEST_FOOT_MS = 20.0, 8.0, 12.0
 
 
 @dataclass(frozen=True, eq=False)
-class MotionSequence:
+class MotionSequence(Tensors):
     """B people or windows of n frames, RATE_HZ frames a second; world z up, metres."""
 
     rotations: Tensor
@@ -33,10 +34,6 @@ class MotionSequence:
     """(B,n), 0..1."""
     shot: Tensor
     """(B,n) int: the shot's index."""
-
-    def to(self, device: str) -> "MotionSequence":
-        """The same on another device."""
-        return MotionSequence(*(getattr(self, field.name).to(device) for field in fields(self)))
 
     def rotated_to(self, rotations: Tensor) -> "MotionSequence":
         """The same with other rotations."""

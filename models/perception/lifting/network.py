@@ -6,7 +6,8 @@ residuals to the 3D landmarks that it is given; without any (COCO keypoints alon
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import torch
 from torch import Tensor, nn
@@ -23,8 +24,17 @@ FASTEST_S, SLOWEST_S = 0.03, 8.0
 """Shortest and longest wavelength of the rotary embedding, about."""
 
 
+@dataclass(frozen=True, eq=False)
+class Tensors:
+    """Fields that are all tensors, or records of tensors."""
+
+    def to(self, device: str) -> Self:
+        """The same on another device."""
+        return replace(self, **{name: value.to(device) for name, value in vars(self).items()})
+
+
 @dataclass(frozen=True)
-class LifterInput:
+class LifterInput(Tensors):
     """One person's frames, B people or windows of n frames; axes of each frame's viewing ray (x right, y down, z away).
 
     Numbers of what is not there are zero.
@@ -44,10 +54,6 @@ class LifterInput:
     """(B,n) bool."""
     size: Tensor
     """(B,n): the crop's side, seen from the camera (side over focal length)."""
-
-    def to(self, device: str) -> "LifterInput":
-        """The same on another device."""
-        return LifterInput(*(value.to(device) for value in vars(self).values()))
 
     def features(self) -> Tensor:
         """(B,n,c): what the network reads."""

@@ -25,12 +25,6 @@ def test_sides_are_exchanged_in_the_marked_frames_alone_and_twice_is_nothing() -
         np.testing.assert_array_equal(again, one)
 
 
-def test_parts_put_together_are_the_whole() -> None:
-    whole = hands().chosen(slice(0, 1)).then(hands().chosen(np.array([1, 2, 3])))
-    for one, other in zip(vars(whole).values(), vars(hands()).values(), strict=True):
-        np.testing.assert_array_equal(one, other)
-
-
 def test_only_pixels_are_scaled() -> None:
     larger = hands().scaled(np.array([2.0, 3.0]))
     np.testing.assert_allclose(larger.points, hands().points * [2, 3])
