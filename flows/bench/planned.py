@@ -3,9 +3,10 @@
 import functools
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -29,6 +30,8 @@ from humanmm.storage.readers.aist import read_aist
 from humanmm.storage.readers.mocap_pack import read_pack
 from humanmm.storage.store.store import Store
 
+Performed = TypeVar("Performed", bound=Performance)
+
 SEED = 2025
 SIZES = {
     "tiny": (1, (2, 3), 72),
@@ -40,20 +43,18 @@ SIZES = {
 
 def mocap_set(pack: Path, size: str) -> tuple[list[Job], SetStatistics]:
     """The videos of ms-Mocap in one of its sizes, and the set in numbers."""
-    sequences = read_pack(pack)
-    plans, facts = _planned(pack, sequences, size)
-    return [_mocap_job(plan, sequences[plan.sequence]) for plan in plans], facts
+    return _planned_set(pack, read_pack(pack), size, _mocap_job)
 
 
 def aist_set(folder: Path, size: str) -> tuple[list[Job], SetStatistics]:
     """The videos of ms-AIST in one of its sizes, and the set in numbers."""
-    sequences = read_aist(folder)
-    plans, facts = _planned(folder, sequences, size)
-    return [_aist_job(plan, sequences[plan.sequence]) for plan in plans], facts
+    return _planned_set(folder, read_aist(folder), size, _aist_job)
 
 
-def _planned(source: Path, sequences: Sequence[Performance], size: str) -> tuple[tuple[VideoPlan, ...], SetStatistics]:
-    """How the videos of a set in one of its sizes are cut from the sequences of `source`, and the set in numbers."""
+def _planned_set(
+    source: Path, sequences: Sequence[Performed], size: str, job_of: Callable[[VideoPlan, Performed], Job]
+) -> tuple[list[Job], SetStatistics]:
+    """The videos of a set in one of its sizes, cut from the sequences of `source`, and the set in numbers."""
     count, transitions, longest = SIZES[size]
     try:
         plans = plan_videos(sequences, count, seed=SEED, transitions=transitions, same=size == "ms20", longest=longest)
@@ -61,7 +62,8 @@ def _planned(source: Path, sequences: Sequence[Performance], size: str) -> tuple
         raise InputError(f"{source}: {error}") from None
     used = [sequences[plan.sequence] for plan in plans]
     lengths = [min(sequence.num_frames, plan.longest) for sequence, plan in zip(used, plans, strict=True)]
-    return plans, statistics_of(lengths, [sequence.fps for sequence in used], [plan.num_transitions for plan in plans])
+    facts = statistics_of(lengths, [sequence.fps for sequence in used], [plan.num_transitions for plan in plans])
+    return [job_of(plan, sequence) for plan, sequence in zip(plans, used, strict=True)], facts
 
 
 def _mocap_job(plan: VideoPlan, sequence: MocapSequence) -> Job:
