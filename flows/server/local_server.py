@@ -21,7 +21,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -332,22 +332,19 @@ def _slow_server(files: ServerFiles) -> str | None:
 
 
 def _start_process(files: ServerFiles) -> int:
-    """Start a server that is nobody's child and outlives this run, through a shell that ends at once; its process."""
     command = [sys.executable, "-m", "humanmm.flows.server.server_process", str(files.home)]
-    with files.log.open("ab") as log_file:
+    return start_alone(command, files.log, Path("/"))
+
+
+def start_alone(command: Sequence[str], log_file: Path, folder: Path) -> int:
+    """Start a command that is nobody's child and outlives this process, through a shell that ends at once.
+
+    It runs in `folder`; what it prints is appended to `log_file`. Returns the number of its process.
+    """
+    with log_file.open("ab") as output:
         begun = subprocess.run(
             ["/bin/sh", "-c", '"$@" >&2 & echo $!', "sh", *command],
-            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=log_file,
-            start_new_session=True, check=True, cwd="/",
+            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=output,
+            start_new_session=True, check=True, cwd=folder,
         )  # fmt: skip
     return int(begun.stdout)
-
-
-def replace_file(path: Path, text: str) -> None:
-    """Write a small file at once: on a full disk the one before stays."""
-    fresh = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        fresh.write_text(text)
-        fresh.replace(path)
-    finally:
-        fresh.unlink(missing_ok=True)

@@ -27,8 +27,8 @@ from humanmm.flows.server.local_server import (
     last_port,
     private_environment,
     quiet_environment,
-    replace_file,
 )
+from humanmm.storage.store.files import replace_text
 from humanmm.tasks.units.process import release_memory, share_heaps
 
 log = logging.getLogger(__name__)
@@ -75,7 +75,7 @@ def serve(files: ServerFiles) -> None:
     listener.listen()
     port = listener.getsockname()[1]
     if port != last_port(files):
-        replace_file(files.port, str(port))
+        replace_text(files.port, str(port))
     quiet_environment()
     private_environment(files)
     os.environ.update(
@@ -102,7 +102,7 @@ def serve(files: ServerFiles) -> None:
     config = uvicorn.Config(app, http=http_protocol, log_level="warning", timeout_graceful_shutdown=5)
     server = uvicorn.Server(config)
     state = {"url": f"http://{HOST}:{port}/api", "port": port, "pid": os.getpid(), "private": is_private}
-    replace_file(files.state, json.dumps(state))
+    replace_text(files.state, json.dumps(state))
     threading.Thread(target=_stop_when_idle, args=(server, files, port, idle_s), daemon=True).start()
     server.run(sockets=[listener])
 

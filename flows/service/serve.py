@@ -32,12 +32,12 @@ from humanmm.flows.server.local_server import (
     ensure_server,
     prefect_server,
     server_files,
+    start_alone,
     stop_unused_server,
 )
 from humanmm.flows.service.lost_runs import crash_lost_runs, resume_lost_videos
 from humanmm.flows.service.video_processes import MARK
-from humanmm.flows.service.worker import STOP_LIMIT_S as VIDEOS_LIMIT_S
-from humanmm.flows.service.worker import stop_videos
+from humanmm.flows.service.worker import VIDEOS_LIMIT_S, stop_videos
 from humanmm.machine import num_processors
 from humanmm.signals import STOP_SIGNALS
 from humanmm.storage.batches.batch_table import open_batches
@@ -53,8 +53,10 @@ ROOM_BYTES = 32 << 20
 START_LIMIT_S = 240.0
 READY = "serving"
 """A file that exists while `humanmm serve` runs flow runs."""
-STOP_LIMIT_S = 15.0
+WORKER_LIMIT_S = 15.0
 """How long the worker may take to stop, once its videos have, before it is killed: longer than its own limit."""
+QUEUES = ("high", "default", "low")
+"""Queues of the work pool, the most urgent first."""
 
 
 def is_serving(files: ServerFiles) -> bool:
@@ -80,12 +82,7 @@ def bring_up(*, limit: int | None, idle_s: float) -> None:
             check_settings()  # else nothing would say why it is never ready
             log.info("starting humanmm serve in the background")
             command = [sys.executable, "-m", "humanmm.flows.service.serve", str(limit or default_limit()), str(idle_s)]
-            with (files.home / "serve.log").open("ab") as output:
-                # through a shell that leaves at once: it is nobody's child and outlives this command
-                subprocess.run(
-                    ["/bin/sh", "-c", '"$@" &', "sh", *command],
-                    stdin=subprocess.DEVNULL, stdout=output, stderr=output, start_new_session=True, check=True,
-                )  # fmt: skip
+            start_alone(command, files.home / "serve.log", Path.cwd())
             time.sleep(0.5)
         if time.monotonic() > deadline:
             raise StoreError(f"humanmm serve could not be started; {files.home / 'serve.log'} says why")
@@ -207,7 +204,7 @@ class Worker:
             return
         self._close()  # at the end of its input it stops its videos and itself
         try:
-            self._process.wait(VIDEOS_LIMIT_S + STOP_LIMIT_S)
+            self._process.wait(VIDEOS_LIMIT_S + WORKER_LIMIT_S)
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
@@ -237,10 +234,10 @@ async def _deploy(limit: int, folder: Path) -> None:
             await client.create_work_pool(WorkPoolCreate(name=POOL, type="process", base_job_template=template))
         await client.update_work_pool(POOL, WorkPoolUpdate(concurrency_limit=limit, base_job_template=template))
         await declare_gpus(client)
-        for queue, priority in (("high", 1), ("default", 2), ("low", 3)):
+        # The most urgent first: a queue that gets a priority moves only those with the same or a less urgent one.
+        for priority, queue in enumerate(QUEUES, start=1):
             with contextlib.suppress(ObjectAlreadyExists):
                 await client.create_work_queue(name=queue, work_pool_name=POOL, priority=priority)
-        for queue, priority in (("high", 1), ("default", 2), ("low", 3)):
             found = await client.read_work_queue_by_name(queue, work_pool_name=POOL)
             if found.priority != priority:
                 await client.update_work_queue(found.id, priority=priority)

@@ -10,8 +10,8 @@ import sys
 import tempfile
 from pathlib import Path
 
-from humanmm.flows.server.local_server import replace_file
 from humanmm.machine import PROC, started
+from humanmm.storage.store.files import replace_text
 from humanmm.tasks.units.process import name_process
 
 VIDEO = "humanmm-video"
@@ -30,7 +30,7 @@ def begin_video() -> None:
     for file in folder.iterdir():
         if not file.name.startswith(".") and not _is_that_of_its_file(file):  # of one that was killed
             file.unlink(missing_ok=True)
-    replace_file(folder / f"{os.environ.get(MARK, '')}.{os.getpid()}", str(started(os.getpid())))
+    replace_text(folder / f"{os.environ.get(MARK, '')}.{os.getpid()}", str(started(os.getpid())))
 
 
 def videos_of(mark: str) -> list[int]:

@@ -25,7 +25,7 @@ from humanmm.signals import STOP_SIGNALS
 
 SETTINGS = {"PREFECT_WORKER_QUERY_SECONDS": "2"}
 """Of the worker and its videos, in place of Prefect's."""
-STOP_LIMIT_S = 20.0
+VIDEOS_LIMIT_S = 20.0
 """Seconds between SIGTERM and SIGKILL for a video."""
 END_LIMIT_S = 10.0
 """Seconds that Prefect's worker may take to end, once its videos have. At the exit of Python, Prefect waits without a
@@ -71,7 +71,7 @@ async def _until_stopped(work: Coroutine[Any, Any, None]) -> None:
 def stop_videos(mark: str) -> None:
     """Stop the videos of the workers with a mark, also of one that is gone."""
     videos = videos_of(mark)
-    for number, limit_s in ((signal.SIGTERM, STOP_LIMIT_S), (signal.SIGKILL, 1.0)):
+    for number, limit_s in ((signal.SIGTERM, VIDEOS_LIMIT_S), (signal.SIGKILL, 1.0)):
         for video in videos:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(video, number)

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from humanmm.flows.service.video_processes import MARK, VIDEO
-from humanmm.flows.service.worker import END_LIMIT_S, STOP_LIMIT_S, stop_videos
+from humanmm.flows.service.worker import END_LIMIT_S, VIDEOS_LIMIT_S, stop_videos
 
 ROOT = Path(__file__).resolve().parents[3]
 NAMED = """
@@ -68,7 +68,7 @@ def test_a_worker_whose_server_does_not_respond_ends_after_sigterm_with_its_vide
         began = time.monotonic()
         os.kill(worker, signal.SIGTERM)
         place.until(lambda: not Path(f"/proc/{worker}/exe").exists(), 120)
-        assert time.monotonic() - began < STOP_LIMIT_S + END_LIMIT_S + 5
+        assert time.monotonic() - began < VIDEOS_LIMIT_S + END_LIMIT_S + 5
         assert not Path(f"/proc/{video}/exe").exists()
     finally:
         with contextlib.suppress(ProcessLookupError):  # `humanmm serve` kills it after a while
