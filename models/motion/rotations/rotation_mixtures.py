@@ -73,6 +73,23 @@ class RotationEdge:
 
 
 @dataclass(frozen=True)
+class Believed:
+    """An edge, and the hypothesis of it that was chosen."""
+
+    edge: RotationEdge
+    hypothesis: RotationHypothesis
+
+
+@dataclass(frozen=True)
+class Refused:
+    """An edge of which no hypothesis agrees with all the rest."""
+
+    edge: RotationEdge
+    off_deg: float
+    """How far its nearest hypothesis is from the rotation that was chosen; nan where nothing else was known."""
+
+
+@dataclass(frozen=True)
 class Upright:
     """Where up is in a shot's own axes."""
 

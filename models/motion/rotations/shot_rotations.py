@@ -32,7 +32,9 @@ from humanmm.models.motion.rotations.rotation_mixtures import (
     DEGREES_OF_FREEDOM,
     QUANTILE_68,
     UNKNOWN_PRECISION,
+    Believed,
     Mixtures,
+    Refused,
     RotationEdge,
     RotationHypothesis,
     Shares,
@@ -66,23 +68,6 @@ SHARED_DEG = 1.5
 95 % of 168 development rotations of `standard` clips lie within two stated deviations, 92 without."""
 AT_ONCE = 200_000
 """Hypotheses that are weighed together: so many rotation matrices take 14 MB."""
-
-
-@dataclass(frozen=True)
-class Believed:
-    """An edge, and the hypothesis of it that was chosen."""
-
-    edge: RotationEdge
-    hypothesis: RotationHypothesis
-
-
-@dataclass(frozen=True)
-class Refused:
-    """An edge of which no hypothesis agrees with all the rest."""
-
-    edge: RotationEdge
-    off_deg: float
-    """How far its nearest hypothesis is from the rotation that was chosen; nan where nothing else was known."""
 
 
 @dataclass(frozen=True)
