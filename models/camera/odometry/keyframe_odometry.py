@@ -27,25 +27,10 @@ MAX_GLOBAL_KEYFRAMES = 100
 number."""
 EXACT_FRACTION = 0.0003
 """A camera that fits within this fraction of the diagonal (standard deviation) needs no other explanation."""
-MOVING_GAIN = 0.6
-"""A moving camera must bring the residuals below this fraction of the rotating camera's: it has one more unknown per
-point."""
-ZOOM_GAIN = 0.75
-"""The same for a zooming camera against one that does not zoom."""
-MIN_ZOOM = 0.03
-"""Changes of focal length below this fraction are not called a zoom."""
 MAX_ERROR_FRACTION = 0.002
 """Error of a sighting, as a fraction of the diagonal, that the two-view pose at the start tolerates."""
 LASTING, MIN_LASTING = 4, 100
 """Keyframes that see a point that counts in comparing models, and sightings of such points needed."""
-MIN_MOVING_ZOOM, MIN_ZOOM_POINTS = 0.08, 30
-"""The least change of a moving camera's focal length that is a zoom, and the fewest lasting points that show one. In
-rendered clips 19 of 20 zooms had 0.16 to 0.53, 25 of 27 constant lenses 0.06 and less: of the others one had larger
-residuals, one 17 points."""
-BETTER, AS_GOOD, FLAT = 0.9, 1.1, 0.4
-"""A zoom is believed if its residuals are below this fraction of a constant lens'; or if they are as good, and the
-constant lens makes a wall of the background: travel towards a plane looks like a zoom, and in rendered clips those
-whose inverse depths spread by less than this fraction were zooms (0.10 to 0.37; true travel has 0.31 to 12)."""
 OUTLIER_SIGMA = 4.0
 """Sightings off by more standard deviations than this after an adjustment are dropped (LEAP-VO: above 5 px)."""
 IMAGES_AT_ONCE = 200
@@ -78,6 +63,12 @@ class Track:
         residual_px = residuals(self.views, self.points, self.all_sightings)
         lasting = np.bincount(self.all_sightings.point)[self.all_sightings.point] >= LASTING
         return float(np.median(residual_px[lasting] if lasting.sum() >= MIN_LASTING else residual_px))
+
+    @property
+    def lasting(self) -> Bool[np.ndarray, " p"]:
+        """Points of the map that count in comparing models."""
+        seen = np.bincount(self.all_sightings.point, minlength=len(self.known))
+        return np.asarray(self.known & (seen >= LASTING))
 
 
 def empty_points(num_points: int) -> Points:
@@ -280,11 +271,6 @@ def _from_first_view(result: Adjusted) -> Adjusted:
     return replace(result, views=views, points=points)
 
 
-def zooms_in(zooming: Track, constant: Track) -> bool:
-    """Whether a change of focal length explains the shot clearly better than the same camera with a constant one."""
-    return float(np.ptp(zooming.views.log_zoom)) > MIN_ZOOM and zooming.error_px < ZOOM_GAIN * constant.error_px
-
-
 def moving_and_zooming(
     shot: TrackedShot,
     keyframes: Int[np.ndarray, " k"],
@@ -316,35 +302,6 @@ def moving_and_zooming(
     result, used = _adjust_twice(views, moved.points, used, len(keyframes), freedom)
     known = moved.known & (np.bincount(used.point, minlength=len(moved.known)) >= 2)
     return Track(keyframes, result.views, result.points, known, result, used, _seen_twice(seen))
-
-
-def zooms_as_it_moves(zooming: Track, moved: Track) -> bool:
-    """Whether a moving camera also zooms: `zooming` from `moving_and_zooming`, `moved` with a constant lens.
-
-    A camera that moves along its axis may have zoomed instead, whatever it sees: without other evidence it did not.
-    """
-    if np.ptp(zooming.views.log_zoom) <= MIN_MOVING_ZOOM or np.count_nonzero(_lasting(zooming)) < MIN_ZOOM_POINTS:
-        return False
-    better_by = zooming.error_px / max(moved.error_px, 1e-9)
-    return better_by < BETTER or (better_by < AS_GOOD and _depth_spread(moved) < FLAT)
-
-
-def _lasting(track: Track) -> Bool[np.ndarray, " p"]:
-    """Points of the map that count in comparing models."""
-    seen = np.bincount(track.all_sightings.point, minlength=len(track.known))
-    return np.asarray(track.known & (seen >= LASTING))
-
-
-def _depth_spread(track: Track) -> float:
-    """How much the inverse depths of lasting points differ: from 10th to 90th percentile, over the median."""
-    points = track.points
-    rho = np.maximum(points.rho, 1e-6)[:, None]
-    depth = (points.anchor + points.direction / rho)[_lasting(track), 2]
-    inverse = 1 / depth[depth > 0]
-    if not len(inverse):
-        return float("inf")
-    low, middle, high = np.percentile(inverse, [10, 50, 90])
-    return float((high - low) / middle)
 
 
 def _static(num_images: int, focal_px: float) -> Views:
