@@ -30,7 +30,7 @@ from humanmm.models.shots.people_cuts import Parts
 from humanmm.models.synthetic.multishot import BenchVideo
 from humanmm.parts import load
 
-Picture = TypeVar("Picture", FrameFeatures, GroundPicture)
+OfFrame = TypeVar("OfFrame", FrameFeatures, GroundPicture)
 
 Array = np.ndarray
 
@@ -372,7 +372,7 @@ def shot_results_of(video: BenchVideo, start: Beginning) -> ShotResults:
     )
 
 
-def _by_shot(pictures: Sequence[Picture], shots: ShotList) -> list[list[Picture]]:
+def _by_shot(pictures: Sequence[OfFrame], shots: ShotList) -> list[list[OfFrame]]:
     return [[one for one in pictures if shot.start <= one.frame < shot.end] for shot in shots.shots]
 
 
