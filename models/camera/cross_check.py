@@ -17,7 +17,7 @@ from humanmm.models.camera.odometry.bundle import Observations, Views
 from humanmm.models.camera.odometry.colmap import pycolmap
 from humanmm.models.camera.odometry.keyframe_odometry import Track
 from humanmm.models.camera.odometry.tracked_shot import TrackedShot
-from humanmm.models.camera.odometry.two_view import relative_pose
+from humanmm.models.camera.odometry.two_view import five_point_pose
 from humanmm.models.geometry import rotations
 from humanmm.models.geometry.alignment import umeyama_alignment
 from humanmm.models.records.camera import CrossCheck
@@ -76,7 +76,7 @@ def _two_view_deg(shot: TrackedShot, track: Track, *, translating: bool) -> floa
         _, xy_a, xy_b = shot.shared(int(track.keyframes[a]), int(track.keyframes[b]))
         if translating:
             focal_a, focal_b = track.views.focals_px[[a, b]]
-            pose = relative_pose(xy_a, xy_b * (focal_a / focal_b), focal_a, max_error_px=tolerance)
+            pose = five_point_pose(xy_a, xy_b * (focal_a / focal_b), focal_a, max_error_px=tolerance)
             theirs = None if pose is None else pose[0]
         else:
             theirs = _turn_from_homography(xy_a, xy_b, track.views, a, b, tolerance)

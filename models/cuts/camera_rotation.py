@@ -264,7 +264,7 @@ def _eight_point(
     first = np.concatenate([item.before.rays[-1][seen] for item, seen in zip(prepared, visible, strict=True)])
     second = np.concatenate([item.after.rays[0][seen] for item, seen in zip(prepared, visible, strict=True)])
     sigma = float(np.mean([view.sigma_ray for item in prepared for view in (item.before, item.after)]))
-    view = epipolar.relative_pose(first, second, threshold=1.5 * sigma)
+    view = epipolar.eight_point_pose(first, second, threshold=1.5 * sigma)
     focal = 0.5 * (cameras.K_before[0, 0] + cameras.K_after[0, 0])
     if view is None:
         message = f"cut at frame {cut_frame}: {len(first)} keypoints are seen on both sides, eight are needed"

@@ -55,7 +55,7 @@ def decompose(E: Float[Array, "3 3"]) -> list[tuple[Float[Array, "3 3"], Float[A
     return [(U @ M @ Vt, sign * U[:, 2]) for M in (W, W.T) for sign in (1.0, -1.0)]
 
 
-def in_front(
+def in_front_of_both(
     R: Float[Array, "3 3"], t: Float[Array, "3"], x_before: Float[Array, "n 2"], x_after: Float[Array, "n 2"]
 ) -> Bool[Array, "n"]:
     """Matches whose triangulated point lies before both cameras (cheirality)."""
@@ -69,7 +69,7 @@ def in_front(
     return np.asarray((depth_a > 0) & (depth_b > 0))
 
 
-def relative_pose(
+def eight_point_pose(
     x_before: Float[Array, "n 2"],
     x_after: Float[Array, "n 2"],
     *,
@@ -96,7 +96,9 @@ def relative_pose(
             best, best_score = distance < threshold, score
     chosen = best if best.sum() >= MIN_MATCHES else np.ones(n, dtype=bool)
     E = essential_eight_point(x_before[chosen], x_after[chosen])
-    R, t = max(decompose(E), key=lambda pose: int(in_front(pose[0], pose[1], x_before[chosen], x_after[chosen]).sum()))
+    R, t = max(
+        decompose(E), key=lambda pose: int(in_front_of_both(pose[0], pose[1], x_before[chosen], x_after[chosen]).sum())
+    )
     return TwoView(R, t, chosen, float(np.median(sampson(E, x_before[chosen], x_after[chosen]))))
 
 

@@ -65,9 +65,9 @@ def project(
 ) -> Triangles:
     """Light, clip at the near plane, project, and keep the triangles that face the camera."""
     light = _light(normals, up_cam)
-    in_front = vertices[:, 2] > NEAR_M
-    if not in_front.all():
-        vertices, light, faces = _clip(vertices, light, faces, in_front)
+    is_before_plane = vertices[:, 2] > NEAR_M
+    if not is_before_plane.all():
+        vertices, light, faces = _clip(vertices, light, faces, is_before_plane)
     focal = np.array([K[0, 0], K[1, 1]], np.float32)
     center = np.array([K[0, 2], K[1, 2]], np.float32)
     pixels = vertices[:, :2] / vertices[:, 2:] * focal + center
@@ -97,10 +97,10 @@ def _light(normals: np.ndarray, up_cam: np.ndarray) -> np.ndarray:
 
 
 def _clip(
-    vertices: np.ndarray, light: np.ndarray, faces: np.ndarray, in_front: np.ndarray
+    vertices: np.ndarray, light: np.ndarray, faces: np.ndarray, is_before_plane: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Cut triangles at the near plane: corners behind it are replaced by where their edges cross it."""
-    count = in_front[faces].sum(1)
+    count = is_before_plane[faces].sum(1)
     corners, kept = [np.concatenate([vertices, light[:, None]], axis=1)], [faces[count == 3]]
     first = len(vertices)
     for face in faces[(count == 1) | (count == 2)]:

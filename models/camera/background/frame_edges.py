@@ -155,13 +155,13 @@ def _of_planes(
         num_inliers = int(inlier.sum())
         rays = np.concatenate([xy_a[left][inlier], np.ones((num_inliers, 1))], axis=1) @ np.linalg.inv(K).T
         _, rotations, _, normals = cv2.decomposeHomographyMat(H, K)
-        in_front = [
+        possible = [
             np.asarray(R).T
             for R, normal in zip(rotations, normals, strict=True)
             if len(rotations) == 1 or (rays @ np.asarray(normal).ravel() > 0).mean() > 0.9  # one: a pure rotation
         ]
-        for R_a_b in in_front:
-            share = plane_probability(num_inliers) / len(in_front)
+        for R_a_b in possible:
+            share = plane_probability(num_inliers) / len(possible)
             found.append(ViewHypothesis(nearest_rotation(R_a_b), num_inliers, share, "plane"))
         left = left[~inlier]
     return tuple(found)

@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float, Int
 from humanmm.models.camera.odometry.bundle import Adjusted, Freedom, Observations, Points, Views, adjust, residuals
 from humanmm.models.camera.odometry.resection import resect
 from humanmm.models.camera.odometry.tracked_shot import TrackedShot
-from humanmm.models.camera.odometry.two_view import Pair, rays, relative_pose, starting_pairs, wahba_rotation
+from humanmm.models.camera.odometry.two_view import Pair, rays, five_point_pose, starting_pairs, wahba_rotation
 from humanmm.models.geometry import rotations
 from humanmm.models.video.progress import Progress, silent
 
@@ -156,7 +156,7 @@ class _MovingRun:
         point_a, xy_a = self.seen(pair.first)
         point_b, xy_b = self.seen(pair.second)
         _, in_a, in_b = np.intersect1d(point_a, point_b, assume_unique=True, return_indices=True)
-        pose = relative_pose(xy_a[in_a], xy_b[in_b], self.views.focal_px, max_error_px=max_error_px)
+        pose = five_point_pose(xy_a[in_a], xy_b[in_b], self.views.focal_px, max_error_px=max_error_px)
         if pose is None:
             return False
         self.views.R_shot_cam[pair.second], self.views.t_shot_cam[pair.second] = pose

@@ -80,7 +80,7 @@ def starting_pairs(shot: TrackedShot, keyframes: Int[np.ndarray, " k"], focal_px
     return [pair for _, pair in sorted(found, key=lambda one: -one[0])]
 
 
-def relative_pose(
+def five_point_pose(
     xy_a: Float[np.ndarray, "n 2"], xy_b: Float[np.ndarray, "n 2"], focal_px: float, *, max_error_px: float
 ) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, " 3"]] | None:
     """R_a_b and the unit position of b in a's axes, by pycolmap's five-point RANSAC; None if it finds none."""

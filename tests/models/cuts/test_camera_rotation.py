@@ -120,7 +120,7 @@ def matches(seed: int, num: int = 30) -> tuple[np.ndarray, np.ndarray, np.ndarra
 
 def test_eight_exact_matches_give_the_relative_pose_exactly() -> None:
     first, second, R, t = matches(3)
-    view = epipolar.relative_pose(first, second, threshold=1e-3)
+    view = epipolar.eight_point_pose(first, second, threshold=1e-3)
     assert view is not None
     np.testing.assert_allclose(view.R_before_after, R, atol=1e-6)
     np.testing.assert_allclose(view.t_before_after, t, atol=1e-5)
@@ -131,7 +131,7 @@ def test_the_eight_point_step_survives_wrong_matches_like_opencv() -> None:
     rng = np.random.default_rng(1)
     first, second = (x + rng.normal(0, 3e-4, x.shape) for x in (first, second))
     second[:12] = rng.uniform(-0.4, 0.4, (12, 2))
-    view = epipolar.relative_pose(first, second, threshold=2e-3, iterations=500)
+    view = epipolar.eight_point_pose(first, second, threshold=2e-3, iterations=500)
     assert view is not None
     E, _ = cv2.findEssentialMat(first, second, np.eye(3), method=cv2.RANSAC, threshold=2e-3)
     _, R_after_before, _, _ = cv2.recoverPose(E, first, second, np.eye(3))

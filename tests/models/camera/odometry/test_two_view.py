@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from humanmm.models.camera.odometry.tracked_shot import arrange, choose_keyframes
-from humanmm.models.camera.odometry.two_view import parallax_px, rays, relative_pose, starting_pairs, wahba_rotation
+from humanmm.models.camera.odometry.two_view import five_point_pose, parallax_px, rays, starting_pairs, wahba_rotation
 from humanmm.models.geometry.rotations import rotation_angle, rotvec_to_rotmat, unit
 
 FOCAL = 900.0
@@ -40,14 +40,14 @@ def test_a_camera_that_only_rotates_has_no_parallax() -> None:
 
 
 def test_the_pose_of_the_second_view_is_found_up_to_scale() -> None:
-    pose = relative_pose(pixels(POINTS), pixels((POINTS - T_A_B) @ R_A_B), FOCAL, max_error_px=1.0)
+    pose = five_point_pose(pixels(POINTS), pixels((POINTS - T_A_B) @ R_A_B), FOCAL, max_error_px=1.0)
     assert pose is not None
     assert np.degrees(rotation_angle(pose[0].T @ R_A_B)) < 0.01
     np.testing.assert_allclose(pose[1], unit(T_A_B), atol=1e-4)
 
 
 def test_too_few_points_give_no_pose() -> None:
-    assert relative_pose(pixels(POINTS[:3]), pixels(POINTS[:3]), FOCAL, max_error_px=1.0) is None
+    assert five_point_pose(pixels(POINTS[:3]), pixels(POINTS[:3]), FOCAL, max_error_px=1.0) is None
 
 
 @pytest.mark.parametrize(("kind", "least_px"), [("sideways", 5.0), ("dolly", 5.0)])
