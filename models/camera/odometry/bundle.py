@@ -24,30 +24,42 @@ MIN_DEPTH = 1e-3
 """q_z of a unit direction below which a point counts as behind the camera."""
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class Views:
-    """Camera poses of K images (shot frame) with one focal length; `log_zoom` multiplies it per image by its
-    exponential."""
+    """Camera poses of K images in the shot frame, with one focal length.
+
+    The odometry places one image after the other and changes the arrays in place; an adjustment makes new ones.
+    """
 
     R_shot_cam: Float[np.ndarray, "k 3 3"]
     t_shot_cam: Float[np.ndarray, "k 3"]
+    """Camera centres, in the unit of the shot's path (metres are not known yet)."""
     log_zoom: Float[np.ndarray, " k"]
+    """Logarithm of each image's focal length over `focal_px`."""
     focal_px: float
 
     @property
     def focals_px(self) -> Float[np.ndarray, " k"]:
+        """Each image's focal length."""
         return np.asarray(self.focal_px * np.exp(self.log_zoom))
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class Points:
-    """P points of the background in inverse-depth form."""
+    """P points of the background in inverse-depth form, shot frame: X = anchor + direction / ρ.
+
+    The odometry changes the arrays in place as it places points; an adjustment makes new ones.
+    """
 
     direction: Float[np.ndarray, "p 3"]
+    """Unit vectors from the anchors."""
     rho: Float[np.ndarray, " p"]
+    """ρ, one over the distance from the anchor, in one over that unit; 0 of points at infinity."""
     anchor: Float[np.ndarray, "p 3"]
+    """Centre of the camera that saw the point first."""
 
     def select(self, keep: np.ndarray) -> "Points":
+        """Some of them, by number or mask; copied."""
         return Points(self.direction[keep], self.rho[keep], self.anchor[keep])
 
     def positions(self) -> Float[np.ndarray, "p 3"]:
@@ -57,13 +69,18 @@ class Points:
 
 @dataclass(frozen=True)
 class Observations:
-    """M sightings: image and point numbers, pixels relative to the principal point."""
+    """M sightings of points in images."""
 
     image: Int[np.ndarray, " m"]
+    """Number of the image among the `Views` that these sightings are held against: recorded images, keyframes or those
+    of a window. `TrackedShot.of_images` has them in order."""
     point: Int[np.ndarray, " m"]
+    """Number of the point among the `Points`."""
     xy: Float[np.ndarray, "m 2"]
+    """Pixels relative to the principal point."""
 
     def select(self, keep: np.ndarray) -> "Observations":
+        """Some of them, by number or mask."""
         return Observations(self.image[keep], self.point[keep], self.xy[keep])
 
 
@@ -88,6 +105,8 @@ class Adjusted:
     cost: float
     """Sum of the robust loss, in units of the noise."""
     noise_px: float
+    """Robust standard deviation of the residuals, one axis, no less than the floor given to `adjust`: the scale of the
+    robust loss."""
 
 
 def project(

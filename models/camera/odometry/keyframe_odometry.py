@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float, Int
 from humanmm.models.camera.odometry.bundle import Adjusted, Freedom, Observations, Points, Views, adjust, residuals
 from humanmm.models.camera.odometry.resection import resect
 from humanmm.models.camera.odometry.tracked_shot import TrackedShot
-from humanmm.models.camera.odometry.two_view import Pair, rays, five_point_pose, starting_pairs, wahba_rotation
+from humanmm.models.camera.odometry.two_view import Pair, five_point_pose, rays, starting_pairs, wahba_rotation
 from humanmm.models.geometry import rotations
 from humanmm.models.video.progress import Progress, silent
 
@@ -97,7 +97,7 @@ def rotating(shot: TrackedShot, keyframes: Int[np.ndarray, " k"], focal_px: floa
         points.direction[point[~old]] = rays(xy[~old], views.focals_px[k]) @ views.R_shot_cam[k].T
         known[point] = True
         if k + 1 < num_keyframes and k >= WINDOW_STEP and k % WINDOW_STEP == 0:
-            views, points = _adjust_window(views, points, observations, begins, k + 1, freedom)
+            _adjust_window(views, points, observations, begins, k + 1, freedom)
     final = _adjust_all(views, points, observations, num_keyframes, freedom)
     return Track(keyframes, final.views, final.points, known, final, observations, _seen_twice(observations))
 
@@ -231,7 +231,7 @@ class _MovingRun:
         result = adjust(window, self.points.select(used), local, fixed=fixed, freedom=self.freedom, iterations=6)
         self.views.R_shot_cam[images] = result.views.R_shot_cam
         self.views.t_shot_cam[images] = result.views.t_shot_cam
-        self.points = _put(self.points, used, result.points)
+        _put(self.points, used, result.points)
 
     def finish(self) -> Track:
         """Adjust everything, the second time without outliers, and make the first keyframe the frame of the shot."""
@@ -310,8 +310,9 @@ def _static(num_images: int, focal_px: float) -> Views:
 
 def _adjust_window(
     views: Views, points: Points, observations: Observations, begins: np.ndarray, stop: int, freedom: Freedom
-) -> tuple[Views, Points]:
-    """Adjust the keyframes [stop − WINDOW, stop); those before the window's last third of overlap stay fixed."""
+) -> None:
+    """Adjust the keyframes [stop − WINDOW, stop) and what they see, in place; those before the window's last
+    third of overlap stay fixed."""
     first = max(0, stop - WINDOW)
     part = slice(begins[first], begins[stop])
     used, point = np.unique(observations.point[part], return_inverse=True)
@@ -323,16 +324,16 @@ def _adjust_window(
     views.R_shot_cam[first:stop] = result.views.R_shot_cam
     views.t_shot_cam[first:stop] = result.views.t_shot_cam
     views.log_zoom[first:stop] = result.views.log_zoom
-    return views, _put(points, used, result.points)
+    _put(points, used, result.points)
 
 
 def _views_of(views: Views, images: np.ndarray) -> Views:
     return Views(views.R_shot_cam[images], views.t_shot_cam[images], views.log_zoom[images], views.focal_px)
 
 
-def _put(points: Points, index: np.ndarray, values: Points) -> Points:
+def _put(points: Points, index: np.ndarray, values: Points) -> None:
+    """Write the values into some of the points."""
     points.direction[index], points.rho[index], points.anchor[index] = values.direction, values.rho, values.anchor
-    return points
 
 
 def _adjust_all(
