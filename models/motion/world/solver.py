@@ -121,7 +121,7 @@ def solve(
 
     `focal_std`: standard deviation of the logarithm of the focal length by which the trajectories were made.
     """
-    options = SolveSettings()
+    settings = SolveSettings()
     shots = len(rigs)
     of_shot: list[list[ShotTrajectory]] = [[] for _ in rigs]
     for trajectory in trajectories:
@@ -140,16 +140,16 @@ def solve(
         0.0,
     )
     # The first steps join the shots by inertia alone; then feet that stand still count; then the floor.
-    for iteration in range(options.iterations):
+    for iteration in range(settings.iterations):
         if iteration == _FLOOR_FROM:
-            state = _put_on_floor(trajectories, rigs, state, options)
+            state = _put_on_floor(trajectories, rigs, state, settings)
         before = state
-        state, equations = _step(trajectories, rigs, floors, edges, same, state, options, iteration, focal_std)
+        state, equations = _step(trajectories, rigs, floors, edges, same, state, settings, iteration, focal_std)
         moved = max((float(np.abs(a - b).max()) for a, b in zip(state.pelvis, before.pelvis, strict=True)), default=0.0)
-        if iteration > _FLOOR_FROM and moved < options.converged_m:
+        if iteration > _FLOOR_FROM and moved < settings.converged_m:
             break
     contacts = tuple(
-        _hold(trajectory, rigs[trajectory.shot], state, k, options)[1] for k, trajectory in enumerate(trajectories)
+        _hold(trajectory, rigs[trajectory.shot], state, k, settings)[1] for k, trajectory in enumerate(trajectories)
     )
     return Solution(
         pelvis=tuple(state.pelvis),
@@ -159,7 +159,7 @@ def solve(
         scale=state.scale,
         log_scale_std=np.hypot(
             equations.std(np.array([equations.camera(shot)[SCALE] for shot in range(shots)])) / state.scale,
-            options.log_scale_std,
+            settings.log_scale_std,
         ),
         from_floor=np.array([floor is not None for floor in floors]),
         size=dict(zip(_people(trajectories), np.exp(state.log_size).tolist(), strict=True)),
@@ -200,15 +200,15 @@ def _step(
     edges: Sequence[CameraEdge],
     same: Sequence[SameCamera],
     state: _State,
-    options: SolveSettings,
+    settings: SolveSettings,
     iteration: int,
     focal_std: float,
 ) -> tuple[_State, WorldEquations]:
     """The state after one Gauss-Newton step, and the equations that gave it."""
     order = sorted(range(len(trajectories)), key=lambda k: (trajectories[k].person, int(trajectories[k].frame[0])))
-    equations = _of_people([trajectories[k] for k in order], rigs, state.ordered(order), options, iteration)
-    _levels(equations, rigs, edges, state, options)
-    _scales(equations, floors, state, options)
+    equations = _of_people([trajectories[k] for k in order], rigs, state.ordered(order), settings, iteration)
+    _levels(equations, rigs, edges, state, settings)
+    _scales(equations, floors, state, settings)
     _same_cameras(equations, rigs, same, state)
     if focal_std > 0:
         equations.add_shared(np.array([state.log_focal / focal_std]), (equations.focal, np.array([[1 / focal_std]])))
@@ -246,7 +246,7 @@ def _of_people(
     trajectories: Sequence[ShotTrajectory],
     rigs: Sequence[ShotRig],
     state: _State,
-    options: SolveSettings,
+    settings: SolveSettings,
     iteration: int,
 ) -> WorldEquations:
     """The equations with all that is known of people. `trajectories`: by person, then by time."""
@@ -257,15 +257,15 @@ def _of_people(
     for k, trajectory in enumerate(trajectories):
         sized = trajectory.seen_through(state.log_focal)
         sized = replace(sized, offset=np.exp(state.log_size[of_person[k]]) * sized.offset)
-        _observations(equations, sized, rigs[sized.shot], state, k, options, robust=iteration > 0)
+        _observations(equations, sized, rigs[sized.shot], state, k, settings, robust=iteration > 0)
         if iteration >= _STILL_FROM:
-            _feet(equations, sized, rigs[sized.shot], state, k, options, floor=iteration >= _FLOOR_FROM)
+            _feet(equations, sized, rigs[sized.shot], state, k, settings, floor=iteration >= _FLOOR_FROM)
     for person in range(len(people)):
         own = [k for k, owner in enumerate(of_person) if owner == person]
         time_s = np.concatenate([trajectories[k].time_s for k in own])
-        _inertia(equations, np.concatenate([state.pelvis[k] for k in own]), time_s, segments[own[0]].start, options)
+        _inertia(equations, np.concatenate([state.pelvis[k] for k in own]), time_s, segments[own[0]].start, settings)
     known = {trajectory.person for trajectory in trajectories if trajectory.size_known}
-    _sizes(equations, state, [person in known for person in people], options)
+    _sizes(equations, state, [person in known for person in people], settings)
     return equations
 
 
@@ -275,7 +275,7 @@ def _observations(
     rig: ShotRig,
     state: _State,
     index: int,
-    options: SolveSettings,
+    settings: SolveSettings,
     *,
     robust: bool,
 ) -> None:
@@ -288,10 +288,10 @@ def _observations(
     distance = np.linalg.norm(offset, axis=1)
     sight = (offset / distance[:, None])[:, :, None]
     outer = sight @ sight.transpose(0, 2, 1)
-    correlated = max(1.0, options.correlation_s / trajectory.step_s)
+    correlated = max(1.0, settings.correlation_s / trajectory.step_s)
     trust = np.sqrt(np.maximum(trajectory.weight, 0.05) / correlated)[:, None, None]
-    along = options.depth_fraction * distance[:, None, None]
-    whiten = trust * ((np.eye(3) - outer) / options.across_m + outer / along)
+    along = settings.depth_fraction * distance[:, None, None]
+    whiten = trust * ((np.eye(3) - outer) / settings.across_m + outer / along)
     residual = np.einsum("nab,nb->na", whiten, error)
     if robust:
         size = np.linalg.norm(residual, axis=1) * np.sqrt(correlated)
@@ -304,7 +304,7 @@ def _observations(
 
 
 def _hold(
-    trajectory: ShotTrajectory, rig: ShotRig, state: _State, index: int, options: SolveSettings
+    trajectory: ShotTrajectory, rig: ShotRig, state: _State, index: int, settings: SolveSettings
 ) -> tuple[Float[Array, "n-1 4"], Float[Array, "n 4"], Float[Array, "n-1 3 3"]]:
     """How surely each sole point stands still between frames, how surely it stands on the floor in each frame, and
     what whitens the velocity of one that stands still."""
@@ -312,17 +312,17 @@ def _hold(
     step = np.diff(trajectory.time_s)[:, None]
     sight = unit(trajectory.offset[:-1] @ state.rotation[trajectory.shot].T)
     coming = _coming(trajectory, rig, float(state.scale[trajectory.shot]))
-    along_ms = np.hypot(options.still_along_ms, options.swing_fraction * coming)[:, None, None]
+    along_ms = np.hypot(settings.still_along_ms, settings.swing_fraction * coming)[:, None, None]
     along = sight[:, :, None] @ sight[:, None]
-    whiten = (np.eye(3) - along) / options.still_ms + along / along_ms
+    whiten = (np.eye(3) - along) / settings.still_ms + along / along_ms
     speed = np.linalg.norm(np.einsum("nab,nkb->nka", whiten, np.diff(feet, axis=0)), axis=-1) / step
     # Over a hole in the track nothing is held.
-    still = 1 / (1 + (speed / options.moving) ** 2) ** 2 * (step < _HOLE_S)
+    still = 1 / (1 + (speed / settings.moving) ** 2) ** 2 * (step < _HOLE_S)
     in_frame = np.zeros((len(feet), 4))
     if len(feet) > 1:
         in_frame[:-1] = still
         in_frame[1:] = np.maximum(in_frame[1:], still)
-    on_floor = in_frame / (1 + (feet[..., 2] / options.floor_m) ** 2) ** 2
+    on_floor = in_frame / (1 + (feet[..., 2] / settings.floor_m) ** 2) ** 2
     return still, on_floor, whiten
 
 
@@ -349,7 +349,7 @@ def _feet(
     rig: ShotRig,
     state: _State,
     index: int,
-    options: SolveSettings,
+    settings: SolveSettings,
     *,
     floor: bool,
 ) -> None:
@@ -358,8 +358,8 @@ def _feet(
         return
     rotated = trajectory.feet @ state.rotation[trajectory.shot].T
     pair = rotated + state.pelvis[index][:, None]
-    still, on_floor, whiten = _hold(trajectory, rig, state, index, options)
-    correlated = np.sqrt(max(1.0, options.correlation_s / trajectory.step_s))
+    still, on_floor, whiten = _hold(trajectory, rig, state, index, settings)
+    correlated = np.sqrt(max(1.0, settings.correlation_s / trajectory.step_s))
     step = np.diff(trajectory.time_s)[:, None]
     weight = np.sqrt(still) / step / np.sqrt(correlated)
     moved, swing = np.diff(pair, axis=0), np.diff(rotated, axis=0)
@@ -369,24 +369,24 @@ def _feet(
     if not floor:
         return
     below = pair[..., 2] < 0
-    bearing = np.sqrt(np.where(below, np.maximum(on_floor, 0.5), on_floor)) / options.floor_m / correlated
+    bearing = np.sqrt(np.where(below, np.maximum(on_floor, 0.5), on_floor)) / settings.floor_m / correlated
     by_position, by_shared = np.zeros((*bearing.shape, 3)), np.zeros((*bearing.shape, SHARED_UNKNOWNS))
     by_position[..., 2] = bearing
     by_shared[..., 3:6] = bearing[..., None] * -skew(rotated)[..., 2, :]
     equations.add_positions(index, bearing * pair[..., 2], by_position, by_shared)
 
 
-def _sizes(equations: WorldEquations, state: _State, known: Sequence[bool], options: SolveSettings) -> None:
+def _sizes(equations: WorldEquations, state: _State, known: Sequence[bool], settings: SolveSettings) -> None:
     """People differ in size, but by what factor all of them do no picture says, unless somebody's height is known."""
     if not known:
         return
     size = state.log_size
-    sigma = np.where(known, options.known_size_std, np.where(size > 0, options.taller_std, options.smaller_std))
+    sigma = np.where(known, settings.known_size_std, np.where(size > 0, settings.taller_std, settings.smaller_std))
     # Evidence that asks for more than twice that is rather wrong: the cost grows with the sixth power.
     steep = (size / (2 * sigma)) ** 2
     residual, rows = size / sigma * (1 + steep), np.diag((1 + 3 * steep) / sigma)
     if not any(known):
-        mean = np.full(len(known), 1 / (len(known) * options.known_size_std))
+        mean = np.full(len(known), 1 / (len(known) * settings.known_size_std))
         residual, rows = np.append(residual, mean @ size), np.vstack([rows, mean])
     people = np.concatenate([equations.size(person) for person in range(len(known))])
     equations.add_shared(residual, (people, rows))
@@ -397,7 +397,7 @@ def _inertia(
     pelvis: Float[Array, "n 3"],
     time_s: Float[Array, "n"],
     first: int,
-    options: SolveSettings,
+    settings: SolveSettings,
 ) -> None:
     """Velocity changes slowly, across cuts as well; over a hole it may have changed more."""
     if len(pelvis) < 2:
@@ -411,7 +411,7 @@ def _inertia(
     if len(pelvis) < 3:
         return
     middle = 0.5 * (step[1:] + step[:-1])
-    sigma = options.acceleration_ms2 * middle / np.sqrt(1 + middle / _ACCELERATION_S)
+    sigma = settings.acceleration_ms2 * middle / np.sqrt(1 + middle / _ACCELERATION_S)
     after, before = 1 / (step[1:] * sigma), 1 / (step[:-1] * sigma)
     coefficients = np.stack([before, -(after + before), after], axis=1)
     equations.add_chain(first + np.arange(len(coefficients)), coefficients, np.diff(velocity, axis=0) / sigma[:, None])
@@ -427,22 +427,22 @@ def _levels(
     rigs: Sequence[ShotRig],
     edges: Sequence[CameraEdge],
     state: _State,
-    options: SolveSettings,
+    settings: SolveSettings,
 ) -> None:
     """Every shot stays about as level as it came, neighbouring shots rotated against each other as their edge says."""
     of_rotation, rotated = np.eye(CAMERA_UNKNOWNS)[3:6], rotmat_to_rotvec(state.rotation)
     for shot, rig in enumerate(rigs):
-        tilt_deg = min(rig.level_deg, options.level_deg)
-        w_axes = 1 / np.deg2rad([tilt_deg, tilt_deg, options.level_deg / options.heading_trust])
+        tilt_deg = min(rig.level_deg, settings.level_deg)
+        w_axes = 1 / np.deg2rad([tilt_deg, tilt_deg, settings.level_deg / settings.heading_trust])
         equations.add_shared(w_axes * rotated[shot], (equations.camera(shot), w_axes[:, None] * of_rotation))
     for edge in edges:
-        w_axes = np.array([1.0, 1.0, options.heading_trust]) / np.deg2rad(edge.sigma_deg)
+        w_axes = np.array([1.0, 1.0, settings.heading_trust]) / np.deg2rad(edge.sigma_deg)
         difference, by_b = rotated[edge.b] - rotated[edge.a], w_axes[:, None] * of_rotation
         equations.add_shared(w_axes * difference, (equations.camera(edge.b), by_b), (equations.camera(edge.a), -by_b))
 
 
 def _scales(
-    equations: WorldEquations, floors: Sequence[LogScale | None], state: _State, options: SolveSettings
+    equations: WorldEquations, floors: Sequence[LogScale | None], state: _State, settings: SolveSettings
 ) -> None:
     """The scale of a camera's path is about what the floor says."""
     of_scale = np.eye(CAMERA_UNKNOWNS)[SCALE:]
@@ -450,7 +450,7 @@ def _scales(
         if floor is None:
             continue
         off = (np.log(state.scale[shot]) - floor.mean) / floor.sigma
-        w = np.sqrt(cauchy_weight(np.square(off / options.floor_scale_reach)))
+        w = np.sqrt(cauchy_weight(np.square(off / settings.floor_scale_reach)))
         by_scale = w / (floor.sigma * state.scale[shot]) * of_scale
         equations.add_shared(np.array([w * off]), (equations.camera(shot), by_scale))
 
@@ -474,7 +474,7 @@ _SAME_CAMERA_M = 0.02
 
 
 def _put_on_floor(
-    trajectories: Sequence[ShotTrajectory], rigs: Sequence[ShotRig], state: _State, options: SolveSettings
+    trajectories: Sequence[ShotTrajectory], rigs: Sequence[ShotRig], state: _State, settings: SolveSettings
 ) -> _State:
     """Every shot raised or lowered so that its lowest standing feet are at z = 0."""
     shift = np.zeros(len(state.origin))
@@ -484,7 +484,7 @@ def _put_on_floor(
             if trajectory.shot == shot:
                 feet = trajectory.feet @ state.rotation[shot].T + state.pelvis[k][:, None]
                 lowest = feet[..., 2].min(axis=1)
-                still = _hold(trajectory, rigs[trajectory.shot], state, k, options)[0].max(axis=1, initial=0.0)
+                still = _hold(trajectory, rigs[trajectory.shot], state, k, settings)[0].max(axis=1, initial=0.0)
                 heights.append(lowest)
                 weights.append(np.concatenate([still, still[-1:]]) if len(still) else np.ones(1))
         if heights:
