@@ -1,0 +1,135 @@
+"""What is known of people, as equations: where pictures show them, their sizes, their inertia, their feet."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float
+
+from humanmm.models.geometry.robust import huber_weight
+from humanmm.models.geometry.rotations import skew
+from humanmm.models.motion.world.equations import WorldEquations, segments_of
+from humanmm.models.motion.world.feet import HOLE_S, add_feet
+from humanmm.models.motion.world.problem import ShotRig, ShotTrajectory
+from humanmm.models.motion.world.state import SolveSettings, WorldState, people_of
+
+Array = np.ndarray
+
+PERSON_SPEED_MS = 3.0
+"""Standard deviation of a person's speed where acceleration says nothing: over a hole, and of two frames alone."""
+ACCELERATION_S = 0.3
+"""A push lasts about so long: over longer times velocity changes like a random walk."""
+LEAST_WEIGHT = 0.05
+"""No frame counts for less, however little was seen of somebody in it (of 0..1)."""
+HUBER = 2.0
+"""In standard deviations: beyond it an observation counts linearly."""
+
+
+def equations_of_people(
+    trajectories: Sequence[ShotTrajectory],
+    rigs: Sequence[ShotRig],
+    state: WorldState,
+    settings: SolveSettings,
+    *,
+    robust: bool,
+    still: bool,
+    floor: bool,
+) -> WorldEquations:
+    """The equations with all that is known of people. `trajectories`: by person, then by time.
+
+    `robust`: observations far off count less; `still`: feet that stand keep their position; `floor`: those that bear
+    the body are on the floor.
+    """
+    people = people_of(trajectories)
+    of_person = [people.index(trajectory.person) for trajectory in trajectories]
+    segments = segments_of(of_person, [one.shot for one in trajectories], [one.time_s for one in trajectories])
+    equations = WorldEquations(segments, len(rigs))
+    for k, trajectory in enumerate(trajectories):
+        sized = trajectory.seen_through(state.log_focal)
+        sized = replace(sized, offset=np.exp(state.log_size[of_person[k]]) * sized.offset)
+        _add_observations(equations, sized, rigs[sized.shot], state, k, settings, robust=robust)
+        if still:
+            add_feet(equations, sized, rigs[sized.shot], state, k, settings, floor=floor)
+    for person in range(len(people)):
+        own = [k for k, owner in enumerate(of_person) if owner == person]
+        time_s = np.concatenate([trajectories[k].time_s for k in own])
+        pelvis = np.concatenate([state.pelvis[k] for k in own])
+        _add_inertia(equations, pelvis, time_s, segments[own[0]].start, settings)
+    known = {trajectory.person for trajectory in trajectories if trajectory.size_known}
+    _add_sizes(equations, state, [person in known for person in people], settings)
+    return equations
+
+
+def _add_observations(
+    equations: WorldEquations,
+    trajectory: ShotTrajectory,
+    rig: ShotRig,
+    state: WorldState,
+    index: int,
+    settings: SolveSettings,
+    *,
+    robust: bool,
+) -> None:
+    """The person is where the picture shows, loosely along the line of sight."""
+    T = state.rotation[trajectory.shot]
+    path = rig.path[trajectory.frame - rig.start] @ T.T
+    offset = trajectory.offset @ T.T
+    arm = state.scale[trajectory.shot] * path + offset
+    error = state.pelvis[index] - state.origin[trajectory.shot] - arm
+    distance = np.linalg.norm(offset, axis=1)
+    sight = (offset / distance[:, None])[:, :, None]
+    outer = sight @ sight.transpose(0, 2, 1)
+    correlated = max(1.0, settings.correlation_s / trajectory.step_s)
+    trust = np.sqrt(np.maximum(trajectory.weight, LEAST_WEIGHT) / correlated)[:, None, None]
+    along = settings.depth_fraction * distance[:, None, None]
+    whiten = trust * ((np.eye(3) - outer) / settings.across_m + outer / along)
+    residual = np.einsum("nab,nb->na", whiten, error)
+    if robust:
+        size = np.linalg.norm(residual, axis=1) * np.sqrt(correlated)
+        factor = np.sqrt(huber_weight(size, HUBER))[:, None]
+        residual, whiten = residual * factor, whiten * factor[..., None]
+    ahead = trajectory.ahead @ T.T
+    deeper = np.sum(offset * ahead, axis=1, keepdims=True) * ahead
+    by_shared = [-whiten, whiten @ skew(arm), *(-whiten @ one[..., None] for one in (path, offset, deeper))]
+    equations.add_positions(index, residual, whiten, np.concatenate(by_shared, axis=-1))
+
+
+def _add_sizes(equations: WorldEquations, state: WorldState, known: Sequence[bool], settings: SolveSettings) -> None:
+    """People differ in size, but by what factor all of them do no picture says, unless somebody's height is known."""
+    if not known:
+        return
+    size = state.log_size
+    sigma = np.where(known, settings.known_size_std, np.where(size > 0, settings.taller_std, settings.smaller_std))
+    # Evidence that asks for more than twice that is rather wrong: the cost grows with the sixth power.
+    steep = (size / (2 * sigma)) ** 2
+    residual, rows = size / sigma * (1 + steep), np.diag((1 + 3 * steep) / sigma)
+    if not any(known):
+        mean = np.full(len(known), 1 / (len(known) * settings.known_size_std))
+        residual, rows = np.append(residual, mean @ size), np.vstack([rows, mean])
+    people = np.concatenate([equations.size(person) for person in range(len(known))])
+    equations.add_shared(residual, (people, rows))
+
+
+def _add_inertia(
+    equations: WorldEquations,
+    pelvis: Float[Array, "n 3"],
+    time_s: Float[Array, "n"],
+    first: int,
+    settings: SolveSettings,
+) -> None:
+    """Velocity changes slowly, across cuts as well; over a hole it may have changed more."""
+    if len(pelvis) < 2:
+        return
+    step = np.diff(time_s)
+    velocity = np.diff(pelvis, axis=0) / step[:, None]
+    # Where acceleration says nothing (two frames, a long hole) the speed is at least one that a person can have.
+    loose = np.flatnonzero(step > HOLE_S) if len(pelvis) > 2 else np.arange(len(step))
+    slope = 1 / (PERSON_SPEED_MS * step[loose])
+    equations.add_chain(first + loose, np.stack([-slope, slope], axis=1), velocity[loose] / PERSON_SPEED_MS)
+    if len(pelvis) < 3:
+        return
+    middle = 0.5 * (step[1:] + step[:-1])
+    sigma = settings.acceleration_ms2 * middle / np.sqrt(1 + middle / ACCELERATION_S)
+    after, before = 1 / (step[1:] * sigma), 1 / (step[:-1] * sigma)
+    coefficients = np.stack([before, -(after + before), after], axis=1)
+    equations.add_chain(first + np.arange(len(coefficients)), coefficients, np.diff(velocity, axis=0) / sigma[:, None])

@@ -1,0 +1,56 @@
+"""What people say of their sizes and of the focal length."""
+
+import numpy as np
+import pytest
+from walker import EDGE, FPS, stride
+
+from humanmm.models.geometry.rotations import unit
+from humanmm.models.motion.world.problem import ShotRig, ShotTrajectory
+from humanmm.models.motion.world.solver import solve
+
+
+def two_people(*, second: float, size_known: bool = False) -> tuple[list[ShotTrajectory], list[ShotRig]]:
+    """Two who walk abreast, each with one foot standing, filmed from in front and from behind by static cameras; the
+    second is taken for `second` times as large as he is, and so for as far away."""
+    pelvis, feet = stride(40)
+    trajectories, rigs = [], []
+    for shot, (rows, camera) in enumerate(
+        ((np.arange(20), np.array([5.0, 0.5, 1.5])), (np.arange(20, 40), np.array([-4.0, 1.0, 1.3])))
+    ):
+        for person, (place, size) in enumerate((((0.0, 0.0, 0.0), 1.0), ((0.3, 1.2, 0.0), second))):
+            offset = size * (pelvis[rows] + place - camera)
+            seen = (person, shot, rows, rows / FPS, offset, feet[rows], np.ones(20), unit(offset))
+            trajectories.append(ShotTrajectory(*seen, size_known=size_known and person == 1))
+        rigs.append(ShotRig(np.zeros((20, 3)), int(rows[0]), 1.0, scale_known=True))
+    return trajectories, rigs
+
+
+def test_two_people_in_one_world_tell_how_much_larger_the_one_is() -> None:
+    trajectories, rigs = two_people(second=0.85)
+    size = solve(trajectories, rigs, [EDGE]).size
+    assert abs(size[1] / size[0] - 1 / 0.85) < 0.03
+    # By what factor both are off, nobody can know.
+    assert abs(np.log(size[0] * size[1])) < 0.02
+
+
+def test_whose_height_is_known_keeps_his_size() -> None:
+    trajectories, rigs = two_people(second=0.85, size_known=True)
+    size = solve(trajectories, rigs, [EDGE]).size
+    assert abs(size[1] - 1) < 0.02
+    assert abs(size[0] - 0.85) < 0.03
+
+
+@pytest.mark.parametrize("factor", [0.85, 1.2])
+def test_who_walks_at_an_angle_tells_a_wrong_focal_length(factor: float) -> None:
+    pelvis, feet = stride(60)
+    trajectories, rigs = [], []
+    views = ((np.arange(30), np.array([3.0, -3.0, 1.4])), (np.arange(30, 60), np.array([-2.0, -2.5, 1.4])))
+    for shot, (rows, camera) in enumerate(views):
+        offset = pelvis[rows] - camera
+        ahead = np.tile(unit(offset.mean(axis=0)), (30, 1))
+        true = ShotTrajectory(0, shot, rows, rows / FPS, offset, feet[rows], np.ones(30), ahead)
+        trajectories.append(true.seen_through(-np.log(factor)))
+        rigs.append(ShotRig(np.zeros((30, 3)), int(rows[0]), 1.0, scale_known=True))
+    found = solve(trajectories, rigs, [EDGE], focal_std=0.3).focal
+    assert abs(np.log(found / factor)) < 0.5 * abs(np.log(factor))
+    assert solve(trajectories, rigs, [EDGE]).focal == pytest.approx(1.0, abs=1e-6)

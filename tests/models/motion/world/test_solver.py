@@ -1,0 +1,49 @@
+"""The solve: exact evidence, any unit of a path, noise of depth, one floor."""
+
+from dataclasses import replace
+
+import numpy as np
+from walker import EDGE, scene
+
+from humanmm.models.motion.world.scale import scale_from_feet
+from humanmm.models.motion.world.solver import Solution, solve
+
+
+def placed(solution: Solution, pelvis: np.ndarray) -> np.ndarray:
+    """Errors of the solved pelvis after the free horizontal shift of the world."""
+    found = np.concatenate(solution.pelvis)
+    return found - pelvis - np.array([1.0, 1.0, 0.0]) * (found - pelvis)[0]
+
+
+def test_exact_evidence_gives_the_exact_world() -> None:
+    trajectories, rigs, pelvis = scene(scale=0.3)
+    solution = solve(trajectories, rigs, [EDGE])
+    assert abs(solution.scale[0] - 0.3) < 0.01
+    # Inertia's sigma rounds the walker's sway by millimetres.
+    assert np.abs(placed(solution, pelvis)).max() < 0.03
+
+
+def test_standing_feet_determine_the_scale_of_a_cameras_path_whatever_its_unit() -> None:
+    for scale in (0.01, 1.0, 50.0):
+        trajectories, rigs, _ = scene(scale=scale, noise=0.02)
+        assert abs(scale_from_feet(rigs[0], trajectories[:1]) / scale - 1) < 0.25
+        found = solve(trajectories, rigs, [EDGE]).scale[0]
+        assert abs(found / scale - 1) < 0.15
+
+
+def test_depth_noise_neither_lets_the_person_jump_at_the_cut_nor_sink() -> None:
+    trajectories, rigs, pelvis = scene(noise=0.03)
+    found = np.concatenate(solve(trajectories, rigs, [EDGE]).pelvis)
+    jump = np.linalg.norm(np.diff(found, axis=0)[29] - np.diff(pelvis, axis=0)[29])
+    assert jump < 0.02
+    assert abs(np.median(found[:, 2]) - 0.95) < 0.03
+
+
+def test_all_shots_share_one_floor_even_if_they_come_at_different_heights() -> None:
+    trajectories, rigs, _ = scene()
+    low = np.array([0.0, 0.0, -0.4])
+    solution = solve([trajectories[0], replace(trajectories[1], offset=trajectories[1].offset + low)], rigs, [EDGE])
+    soles = np.concatenate([p[:, None] + s.feet for p, s in zip(solution.pelvis, trajectories, strict=True)])
+    lowest = soles[..., 2].min(axis=1)
+    assert np.abs(lowest[:30].mean() - lowest[30:].mean()) < 0.03
+    assert np.abs(lowest).max() < 0.06
