@@ -7,10 +7,10 @@ from humanmm.models.body.kinematics import forward_kinematics
 from humanmm.models.body.landmarks import load_landmarks
 from humanmm.models.cuts.camera_rotation import viewing_axes
 from humanmm.models.geometry.intrinsics import K_of
-from humanmm.models.geometry.rotations import rotvec_to_rotmat
+from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
 from humanmm.models.motion.rotations.shot_results import ShotResults
 from humanmm.models.records.camera import Intrinsics, ShotCamera
-from humanmm.models.records.motion import PersonShotMotion, ShotMotion
+from humanmm.models.records.motion import PersonShotMotion, ShotMotion, WorldMotion
 from humanmm.models.records.shots import Appearance, Person, Shot, ShotList, Transition
 from humanmm.models.records.tracks import PersonTrack, ScenePeople, Silhouettes
 
@@ -98,3 +98,10 @@ def results(people: tuple[int, ...] = (0, 0, 0)) -> ShotResults:
     cast = tuple(Person(k, BETAS, 1.0) for k in sorted(set(people)))
     listed = ShotList(3 * LENGTH, shots, cast)
     return ShotResults(listed, scenes, cameras, motions, np.arange(3 * LENGTH) / FPS, INTRINSICS, [()] * 3)
+
+
+def rotation_error_deg(world: WorldMotion, frame_a: int, frame_b: int) -> float:
+    """How far the rotation between two frames' cameras is from the true one."""
+    found = world.R_world_cam[frame_a].T @ world.R_world_cam[frame_b]
+    true = camera(frame_a // LENGTH)[0].T @ camera(frame_b // LENGTH)[0]
+    return float(np.degrees(np.linalg.norm(rotmat_to_rotvec(found.T @ true))))

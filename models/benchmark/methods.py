@@ -21,7 +21,8 @@ from humanmm.models.camera.masking import without_transitions
 from humanmm.models.cuts.camera_rotation import align_by_eight_point
 from humanmm.models.motion.fit.hmr import NoiseModel, fit_shot
 from humanmm.models.motion.refine.refine import Observations, RefineSettings, refine_world
-from humanmm.models.motion.world.align import WITNESSES, ShotResults, align
+from humanmm.models.motion.world.align import ShotResults, align
+from humanmm.models.motion.world.witnesses import WITNESSES
 from humanmm.models.records.camera import Intrinsics, PointTracks, ShotCamera
 from humanmm.models.records.motion import PersonMotion, ShotMotion, WorldMotion
 from humanmm.models.records.shots import Shot, ShotList

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, UInt8
 
 from humanmm.machine import single_threaded
 from humanmm.models.body.body24 import load_body
@@ -17,26 +17,7 @@ from humanmm.models.body.proportions import resized
 from humanmm.models.cuts.camera_rotation import CutMethod, align_by_bundle
 from humanmm.models.geometry.intrinsics import K_of
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
-from humanmm.models.motion.rotations.floors import ALIKE_TILES, floor_edges
-from humanmm.models.motion.rotations.levelling import (
-    ShotVertical,
-    levelled,
-    standing_axes,
-    upright_together,
-    vertical_of,
-)
-from humanmm.models.motion.rotations.positions import position_edge
-from humanmm.models.motion.rotations.rotation_mixtures import RotationEdge
-from humanmm.models.motion.rotations.shadows import light_edges, shot_lights
-from humanmm.models.motion.rotations.shot_graph import (
-    ALIKE_WALLS,
-    BackgroundEdges,
-    CutEdge,
-    background_edges,
-    cut_edge,
-    people_edges,
-    with_alike,
-)
+from humanmm.models.motion.rotations.levelling import levelled
 from humanmm.models.motion.rotations.shot_results import (
     ShotResults,
     camera_of,
@@ -45,12 +26,12 @@ from humanmm.models.motion.rotations.shot_results import (
     refocused,
     usable,
 )
-from humanmm.models.motion.rotations.shot_rotations import ShotRotations, solve_rotations
-from humanmm.models.motion.rotations.walls import wall_edges, walls_of
+from humanmm.models.motion.rotations.shot_rotations import ShotRotations
 from humanmm.models.motion.world import doubts
 from humanmm.models.motion.world.people import Part, concatenated
 from humanmm.models.motion.world.problem import CameraEdge, SameCamera, ShotRig, ShotTrajectory
 from humanmm.models.motion.world.solver import Solution, solve
+from humanmm.models.motion.world.witnesses import WITNESSES, FoundRotations, find_rotations
 from humanmm.models.records.camera import SOURCES, Intrinsics
 from humanmm.models.records.motion import (
     CutAlignment,
@@ -59,16 +40,11 @@ from humanmm.models.records.motion import (
     RotationEvidence,
     WorldMotion,
 )
-from humanmm.models.shots.identity import identity_probabilities
 from humanmm.models.video.progress import Progress, silent
 
-__all__ = ["WITNESSES", "ShotResults", "align"]
+__all__ = ["ShotResults", "align"]
 
 Array = np.ndarray
-
-WITNESSES = frozenset({"people", "positions", "background", "walls", "shadows", "floors"})
-"""What may speak for a camera's rotation between two shots: bodies seen on both sides, where people stand to one
-another, a background that both show, the straight edges of built places, the shadows that people cast, the floor."""
 
 
 @single_threaded
@@ -105,64 +81,24 @@ def _aligned(
     focal: float | None = None,
 ) -> WorldMotion:
     """See `align`; `focal`: how many times as long as `results` have it the focal length is, None if it is open."""
-    edges = []
-    for later, shot in enumerate(results.shots.shots):
-        if later > 0 and usable(results, later):
-            edges.append(cut_edge(results, later, method, known_rotations))
-            progress(shot.start, len(results.time_s))
-    background = background_edges(results) if "background" in witnesses else BackgroundEdges((), ())
-    num_shots = len(results.shots.shots)
-    standing = {shot: standing_axes(results, shot) for shot in range(num_shots) if usable(results, shot)}
-    walls = walls_of(results, standing) if "walls" in witnesses else {}
-    verticals = {
-        shot: vertical_of(camera_of(results, shot), axes, walls[shot].up if shot in walls else None)
-        for shot, axes in standing.items()
-    }
-    linked = [edge for edge in edges if edge.cut.linked]
-    identities = identity_probabilities(results.shots.shots, results.scenes, results.time_s)
-    from_people = [one for edge in linked for one in people_edges(results, edge, identities)]
-    if "people" not in witnesses:
-        from_people = [edge.silent() for edge in from_people]
-    placed = (position_edge(results, edge.earlier, edge.later, verticals, identities) for edge in linked)
-    from_positions = (edge for edge in placed if edge is not None and "positions" in witnesses)
-    upright = [verticals[shot].upright if shot in verticals else None for shot in range(num_shots)]
-    from_background = with_alike(background.edges, upright, ALIKE_WALLS, "another wall")
-    spoken = [*from_people, *from_positions, *from_background, *wall_edges(walls)]
-    rotations = solve_rotations(num_shots, spoken, upright)
-    # Where up is decides where a shadow falls and how a floor looks from above: all shots have said first where it is.
-    shadows, floors = "shadows" in witnesses and results.ground, "floors" in witnesses and results.pictures
-    together = upright_together(results, rotations, verticals) if shadows or floors else {}
-    on_ground: list[RotationEdge] = []
-    if shadows:
-        on_ground += light_edges(shot_lights(results, together))
-    if floors:
-        on_ground += with_alike(floor_edges(results, together), upright, ALIKE_TILES, "other tiles")
-    if on_ground:
-        rotations = solve_rotations(num_shots, [*spoken, *on_ground], upright)
+    found = find_rotations(results, method, known_rotations, witnesses, progress)
     # The largest world decides on the focal length.
-    groups = sorted(_groups(results, rotations), key=lambda group: -_num_frames(results, group))
-    F = len(results.time_s)
-    world = _World(
-        R=np.tile(np.eye(3), (F, 1, 1)),
-        t=np.zeros((F, 3)),
-        K=np.tile(K_of(results.intrinsics), (F, 1, 1)),
-        source=np.full(F, SOURCES.index("fallback"), np.uint8),
-        people={},
-    )
+    groups = sorted(_groups(results, found.rotations), key=lambda group: -_num_frames(results, group))
+    world = _World.empty(results)
     scales: list[PathScale] = []
     for group in groups:
-        own_scales, focal = _solve_group(results, group, rotations, background, verticals, world, focal)
+        own_scales, focal = _solve_group(results, group, found, world, focal)
         scales.extend(own_scales)
     scales.sort(key=lambda scale: scale.shot)
     facings = doubts.facings_of(results)
     _fill_cameras(results, world)
-    cuts = _reported(results, edges, rotations, world)
+    cuts = _reported(results, found, world)
     paths = [world.t[shot.start : shot.end] for shot in results.shots.shots]
     warnings = [
         *doubts.of_paths(scales, paths),
         *(warning for cut in cuts for warning in cut.warnings),
         *doubts.of_facings(facings, results.certain),
-        *doubts.of_sides(rotations),
+        *doubts.of_sides(found.rotations),
         *doubts.of_lifted(results),
         *doubts.of_groups(sorted(groups)),
     ]
@@ -174,7 +110,7 @@ def _aligned(
         people=tuple(concatenated(person, parts) for person, parts in sorted(world.people.items())),
         cuts=tuple(cuts),
         warnings=tuple(warnings),
-        evidence=_evidence(rotations),
+        evidence=_evidence(found.rotations),
         path_scales=tuple(scales),
         focal_factor=1.0 if focal is None else focal,
         facings=tuple(facings),
@@ -193,15 +129,31 @@ and no more. Where there is no estimate they make it too short: an assumed focal
 (docs/measurements/world.md)."""
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class _World:
-    """The world as it fills up, frame by frame."""
+    """The world of F frames as it fills up, one group of shots after the other: written in place."""
 
-    R: Array
-    t: Array
-    K: Array
-    source: Array
+    R: Float[Array, "F 3 3"]
+    """R_world_cam."""
+    t: Float[Array, "F 3"]
+    """t_world_cam, metres."""
+    K: Float[Array, "F 3 3"]
+    source: UInt8[Array, " F"]
+    """Where the camera comes from, numbers of `SOURCES`."""
     people: dict[int, list[Part]]
+    """By person, the shots in which he is."""
+
+    @classmethod
+    def empty(cls, results: ShotResults) -> "_World":
+        """No camera known, nobody there."""
+        F = len(results.time_s)
+        return cls(
+            R=np.tile(np.eye(3), (F, 1, 1)),
+            t=np.zeros((F, 3)),
+            K=np.tile(K_of(results.intrinsics), (F, 1, 1)),
+            source=np.full(F, SOURCES.index("fallback"), np.uint8),
+            people={},
+        )
 
 
 def _groups(results: ShotResults, rotations: ShotRotations) -> list[list[int]]:
@@ -219,21 +171,16 @@ def _num_frames(results: ShotResults, group: Sequence[int]) -> int:
 
 
 def _solve_group(
-    results: ShotResults,
-    group: Sequence[int],
-    rotations: ShotRotations,
-    background: BackgroundEdges,
-    verticals: Mapping[int, ShotVertical],
-    world: _World,
-    focal: float | None,
+    results: ShotResults, group: Sequence[int], found: FoundRotations, world: _World, focal: float | None
 ) -> tuple[list[PathScale], float]:
     """Level the shots of one group, solve for their positions, and write them into the world.
 
     `focal`: how many times as long as estimated the focal length is; None where the solve is to find it. Returns how
     well the scales of the cameras' paths are known, and that factor.
     """
-    R_first_shot = [rotations.R_group_shot[group[0]].T @ rotations.R_group_shot[shot] for shot in group]
-    R_world_shot = {k: R for k, R in zip(group, levelled(results, group, R_first_shot, verticals), strict=True)}
+    R_group_shot = found.rotations.R_group_shot
+    R_first_shot = [R_group_shot[group[0]].T @ R_group_shot[shot] for shot in group]
+    R_world_shot = {k: R for k, R in zip(group, levelled(results, group, R_first_shot, found.verticals), strict=True)}
     known_heights = {person.person for person in results.shots.people if person.height_known}
     trajectories, owners = [], []
     for k, shot in enumerate(group):
@@ -241,19 +188,8 @@ def _solve_group(
             known = motion.person in known_heights
             trajectories.append(_trajectory(results, k, shot, motion, R_world_shot[shot], size_known=known))
             owners.append((shot, motion))
-    rigs = [_rig(results, shot, R_world_shot[shot], verticals[shot].upright.sigma_deg) for shot in group]
-    index = {shot: k for k, shot in enumerate(group)}
-    edges = [
-        CameraEdge(index[one.edge.a], index[one.edge.b], max(one.hypothesis.sigma_deg, LEAST_STD_DEG))
-        for one in rotations.believed
-        if one.edge.a in index and one.edge.b in index
-    ]
-    trusted = {(one.edge.a, one.edge.b) for one in rotations.believed if one.edge.source == "same camera"}
-    same = [
-        SameCamera(index[edge.shot_a], edge.frames[0].frame_a, index[edge.shot_b], edge.frames[0].frame_b)
-        for edge in background.same
-        if (edge.shot_a, edge.shot_b) in trusted and edge.shot_a in index and edge.shot_b in index
-    ]
+    rigs = [_rig(results, shot, R_world_shot[shot], found.verticals[shot].upright.sigma_deg) for shot in group]
+    edges, same = _ties(group, found)
     if focal is None:
         solution = solve(trajectories, rigs, edges, same, focal_std=_focal_std(results.intrinsics))
         focal = solution.focal
@@ -279,6 +215,23 @@ def _solve_group(
         if not rig.scale_known
     ]
     return scales, focal
+
+
+def _ties(group: Sequence[int], found: FoundRotations) -> tuple[list[CameraEdge], list[SameCamera]]:
+    """What ties the cameras of a group to one another: rotations, and frames that one static camera took."""
+    index = {shot: k for k, shot in enumerate(group)}
+    edges = [
+        CameraEdge(index[one.edge.a], index[one.edge.b], max(one.hypothesis.sigma_deg, LEAST_STD_DEG))
+        for one in found.rotations.believed
+        if one.edge.a in index and one.edge.b in index
+    ]
+    trusted = {(one.edge.a, one.edge.b) for one in found.rotations.believed if one.edge.source == "same camera"}
+    same = [
+        SameCamera(index[edge.shot_a], edge.frames[0].frame_a, index[edge.shot_b], edge.frames[0].frame_b)
+        for edge in found.background.same
+        if (edge.shot_a, edge.shot_b) in trusted and edge.shot_a in index and edge.shot_b in index
+    ]
+    return edges, same
 
 
 def _focal_std(intrinsics: Intrinsics) -> float:
@@ -368,15 +321,13 @@ def _fill_cameras(results: ShotResults, world: _World) -> None:
         world.R[frame], world.t[frame], world.K[frame] = world.R[nearest], world.t[nearest], world.K[nearest]
 
 
-def _reported(
-    results: ShotResults, edges: Sequence[CutEdge], rotations: ShotRotations, world: _World
-) -> list[CutAlignment]:
+def _reported(results: ShotResults, found: FoundRotations, world: _World) -> list[CutAlignment]:
     """The cuts with the relative rotation that the finished world has."""
-    found = {edge.later: edge for edge in edges}
+    edge_before, rotations = {edge.later: edge for edge in found.cuts}, found.rotations
     cuts = []
     for index, shot in enumerate(results.shots.shots[1:], start=1):
         failed = CutAlignment(shot.start, "none", np.eye(3), float("nan"), 180.0, float("nan"), False)
-        edge = found.get(index)
+        edge = edge_before.get(index)
         cut = edge.cut if edge is not None else failed
         background = [
             one.edge.num_inliers
