@@ -24,7 +24,9 @@ from humanmm.models.motion.world.doubts import (
     is_doubtful_facing,
     is_doubtful_path,
 )
+from humanmm.models.records.camera import is_doubtful_focal
 from humanmm.models.records.sequence import CameraSequence, MotionSequence
+from humanmm.models.records.shots import DOUBTFUL
 
 Array = np.ndarray
 Cameras = tuple[CameraSequence, CameraSequence]
@@ -76,6 +78,8 @@ def judged(record: Mapping[str, Any], prediction: MotionSequence, truth: MotionS
 
 
 def _facings(record: Mapping[str, Any], pairs: Sequence[Pair], both: Cameras, fps: float) -> Iterator[Judgement]:
+    # Of somebody who may be no person at all the pipeline says that, and nothing of which way he faces.
+    certain = {one["person"] for one in record["people"] if one["probability"] >= DOUBTFUL}
     for pair in pairs:
         off_deg = _in_camera_deg(pair, both)
         for shot in record["shots"]:
@@ -83,10 +87,11 @@ def _facings(record: Mapping[str, Any], pairs: Sequence[Pair], both: Cameras, fp
             inside = (pair.frame >= shot["start"]) & (pair.frame < shot["end"])
             inside &= pair.predicted.observed[pair.rows_predicted]
             if said is not None and inside.sum() >= LEAST_FRAMES:
+                doubtful = said["person"] in certain and is_doubtful_facing(said["probability"], said["worst_s"])
                 turned = off_deg[inside] > MISORIENTED_DEG
                 longest = max((run.end - run.start for run in runs_of_true(turned)), default=0)
                 wrong = bool(turned.mean() > TURNED_SHARE) or longest >= TURNED_S * fps
-                yield Judgement("facing", wrong, is_doubtful_facing(said["probability"], said["worst_s"]))
+                yield Judgement("facing", wrong, doubtful)
 
 
 def _in_camera_deg(pair: Pair, both: Cameras) -> Float[Array, " n"]:
@@ -108,8 +113,9 @@ def _cuts(record: Mapping[str, Any], both: Cameras, true_cuts: Sequence[int]) ->
 
 
 def _lenses_and_paths(record: Mapping[str, Any], both: Cameras, true_starts: Sequence[int]) -> Iterator[Judgement]:
-    """Of each shot that no true cut divides."""
-    assumed = any(text.startswith("intrinsics:") for text in record["warnings"])
+    """Of each shot that no true cut divides. That a camera zooms, or might, run.json says in warnings alone."""
+    focal = record["focal"]
+    doubtful_focal = is_doubtful_focal(focal["source"], focal["relative_uncertainty"])
     for index, shot in enumerate(record["shots"]):
         if shot["camera"] is None or any(shot["start"] < start < shot["end"] for start in true_starts):
             continue
@@ -117,7 +123,7 @@ def _lenses_and_paths(record: Mapping[str, Any], both: Cameras, true_starts: Seq
         said = [text for text in record["warnings"] if text.startswith((f"camera, shot {index}:", f"shot {index}:"))]
         log_focal = [np.log(cameras.K[frames, 0, 0]) for cameras in both]
         off = float(np.median(np.abs(log_focal[0] - log_focal[1])))
-        yield Judgement("focal", off > np.log1p(WRONG_FOCAL), assumed or any("zoom" in text for text in said))
+        yield Judgement("focal", off > np.log1p(WRONG_FOCAL), doubtful_focal or any("zoom" in text for text in said))
         scale = shot["camera"]["path_scale"]
         if scale is not None:
             path_m, true_m = (_extent_m(cameras.t_world_cam[frames]) for cameras in both)

@@ -75,6 +75,15 @@ class EdgeEvidence:
         return np.asarray(np.interp(log_focal, self.log_focal, self.values))
 
 
+DOUBTFUL_FOCAL = 0.2
+"""Relative uncertainty of an estimated focal length above which it gets a warning."""
+
+
+def is_doubtful_focal(source: str, relative_uncertainty: float) -> bool:
+    """Whether a focal length from such a source (`Intrinsics.source`) gets a warning: an assumed one does."""
+    return source == "default" or (source == "estimated" and relative_uncertainty > DOUBTFUL_FOCAL)
+
+
 @dataclass(frozen=True)
 class Intrinsics:
     """One pinhole camera for all shots, its principal point in the middle (`geometry.intrinsics.K_of`)."""

@@ -318,7 +318,6 @@ def _scale(people: Sequence[Mapping[str, Any]]) -> dict[str, Json]:
     return {"source": "bones" if min(shares) > 0 else "given", "relative_uncertainty": _figure(min(shares))}
 
 
-DOUBTFUL_FOCAL = 0.2
 DOUBTFUL_FLOOR_M = 0.1
 DOUBTFUL_IDENTITY = 0.7
 """What is less certain than these is a warning: nothing doubtful is left without one."""
@@ -328,7 +327,10 @@ def _doubts(
     intrinsics: "Intrinsics", guesses: "Guesses | None", corrections: Sequence[CorrectionRecord]
 ) -> Iterator[str]:
     """A warning for each guess that is doubtful, unless the user gave it."""
-    if intrinsics.source == "estimated" and intrinsics.relative_uncertainty > DOUBTFUL_FOCAL:
+    from humanmm.models.records.camera import is_doubtful_focal
+
+    doubtful = is_doubtful_focal(intrinsics.source, intrinsics.relative_uncertainty)
+    if doubtful and intrinsics.source != "default":  # the stage has its own sentence for one that is assumed
         yield (
             f"intrinsics: the focal length is uncertain by {100 * intrinsics.relative_uncertainty:.0f} %: "
             "--focal-px or --fov-deg sets it"

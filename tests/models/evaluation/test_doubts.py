@@ -12,7 +12,13 @@ from humanmm.models.records.sequence import MotionSequence
 
 
 def record_of(
-    sequence: MotionSequence, *, facing: float = 0.99, worst_s: float = 0.0, probability: float = 0.95
+    sequence: MotionSequence,
+    *,
+    facing: float = 0.99,
+    worst_s: float = 0.0,
+    probability: float = 0.95,
+    is_person: float = 0.9,
+    focal: tuple[str, float] = ("estimated", 0.05),
 ) -> dict[str, Any]:
     """run.json of a run with one person, a travelling camera and no doubt but these."""
     cut = sequence.cut_frames[0]
@@ -27,7 +33,12 @@ def record_of(
         }
         for start, end in ((0, cut), (cut, sequence.num_frames))
     ]
-    return {"shots": shots, "warnings": []}
+    return {
+        "focal": {"source": focal[0], "relative_uncertainty": focal[1]},
+        "people": [{"person": 0, "probability": is_person}],
+        "shots": shots,
+        "warnings": [],
+    }
 
 
 def wrong(found: list[Judgement]) -> set[str]:
@@ -54,6 +65,23 @@ def test_a_body_turned_round_is_wrong_whether_it_was_doubted_or_not(sequence: Mo
     first, second = (one for one in found if one.kind == "facing")
     assert first == Judgement("facing", False, facing < 0.925)
     assert second == Judgement("facing", True, facing < 0.925)
+
+
+def test_of_somebody_who_may_be_no_person_nobody_says_which_way_he_faces(sequence: MotionSequence) -> None:
+    for is_person, warned in ((0.9, True), (0.4, False)):
+        found = judged(record_of(sequence, facing=0.7, is_person=is_person), sequence, sequence)
+        assert [one.warned for one in found if one.kind == "facing"] == [warned, warned]
+
+
+@pytest.mark.parametrize(
+    ("source", "uncertainty", "warned"),
+    [("given", 0.0, False), ("estimated", 0.1, False), ("estimated", 0.3, True), ("default", 0.4, True)],
+)
+def test_a_focal_length_is_doubted_where_it_is_assumed_or_hardly_known(
+    sequence: MotionSequence, source: str, uncertainty: float, warned: bool
+) -> None:
+    found = judged(record_of(sequence, focal=(source, uncertainty)), sequence, sequence)
+    assert [one.warned for one in found if one.kind == "focal"] == [warned, warned]
 
 
 def test_a_body_turned_round_for_a_moment_of_a_long_shot_is_wrong_too(sequence: MotionSequence) -> None:
@@ -95,11 +123,11 @@ def test_a_warning_is_counted_where_it_belongs(sequence: MotionSequence) -> None
     record = record_of(sequence)
     record["warnings"] = [
         "camera, shot 1: pycolmap's two-view rotations differ",
-        "intrinsics: the focal length is assumed",
+        "camera, shot 0: the camera zooms: its focal length changes by 30 %",
     ]
     found = judged(record, sequence, sequence)
-    assert [one.warned for one in found if one.kind == "path"] == [False, True]
-    assert [one.warned for one in found if one.kind == "focal"] == [True, True]
+    assert [one.warned for one in found if one.kind == "path"] == [True, True]
+    assert [one.warned for one in found if one.kind == "focal"] == [True, False]
     assert [one.warned for one in found if one.kind == CLIP] == [True]
     record["shots"][0]["camera"]["path_scale"] = {"source": "assumed", "relative_uncertainty": None}
     assert [one.warned for one in judged(record, sequence, sequence) if one.kind == "path"] == [True, True]
