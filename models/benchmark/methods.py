@@ -16,11 +16,11 @@ from humanmm.errors import HumanMMError
 from humanmm.models.benchmark.oracles import true_cameras, true_rotations, with_true_cuts, yaw_rotations
 from humanmm.models.camera.background.ground import GroundPicture
 from humanmm.models.camera.background.keyframes import FrameFeatures
-from humanmm.models.camera.intrinsics import ShotPoints, given_intrinsics, intrinsics_from_background, middle_frames
+from humanmm.models.camera.intrinsics import ShotPoints, intrinsics_of_shots
 from humanmm.models.camera.masking import without_transitions
 from humanmm.models.cuts.camera_rotation import align_by_eight_point
 from humanmm.models.motion.fit.hmr import NoiseModel, fit_shot
-from humanmm.models.motion.refine.refine import Observations, RefineSettings, refine_world
+from humanmm.models.motion.refine.refine import RefineSettings, refine
 from humanmm.models.motion.world.align import ShotResults, align
 from humanmm.models.motion.world.witnesses import WITNESSES
 from humanmm.models.records.camera import Intrinsics, PointTracks, ShotCamera
@@ -198,20 +198,13 @@ class _SharedStages:
         return self.refine(self.start, self.world)
 
     def refine(self, start: Beginning, world: WorldMotion, **otherwise: bool | str) -> WorldMotion:
-        """The stage `refine` with the user's settings, some of them `otherwise`."""
-        settings = self.config.refine.model_copy(update=otherwise)
-        return refine_world(
+        """The stage `refine` with the user's settings, some of them `otherwise`; nobody corrects the floor here."""
+        return refine(
             world,
-            Observations(start.shots, self.video.people),
+            start.shots,
+            self.video.people,
             time_s=self.video.facts.time_s,
-            cut_frames=tuple(shot.start for shot in start.shots.shots[1:]),
-            settings=RefineSettings(
-                cutoff_hz=settings.cutoff_hz,
-                networks=load("refine.networks", settings.networks),
-                remove_discontinuities=settings.remove_discontinuities,
-                refit=settings.refit,
-                foot_lock=settings.foot_lock,
-            ),
+            settings=RefineSettings.chosen(self.config.refine.model_copy(update=otherwise)),
         )
 
 
@@ -342,15 +335,10 @@ def _any_left_right_swap(shots: ShotList) -> bool:
 
 
 def _focal_length(video: BenchVideo, config: Config, shots: ShotList, tracks: Sequence[PointTracks]) -> Intrinsics:
-    facts, settings = video.facts, config.intrinsics
-    given = given_intrinsics(facts.width, facts.height, focal_px=settings.focal_px, fov_deg=settings.fov_deg)
-    if given is not None:
-        return given
-    usable = [
-        ShotPoints(points, video.people[shot.scene].tracks) for shot, points in zip(shots.shots, tracks, strict=True)
-    ]
-    pictures = middle_frames(_by_shot(video.key_frames, shots))
-    return intrinsics_from_background(usable, facts.width, facts.height, pictures)
+    settings, pairs = config.intrinsics, zip(shots.shots, tracks, strict=True)
+    usable = (ShotPoints(points, video.people[shot.scene].tracks) for shot, points in pairs)
+    key_frames = _by_shot(video.key_frames, shots)
+    return intrinsics_of_shots(video.facts, usable, key_frames, focal_px=settings.focal_px, fov_deg=settings.fov_deg)
 
 
 def _as_labelled(shot: Shot) -> Shot:

@@ -10,7 +10,7 @@ that was misread, does not drag the rest away.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -82,20 +82,36 @@ def estimate_intrinsics(
 
     `people` and `points`: one a scene, None where it failed. `cameras` are passed on to the shots.
     """
+    usable = (
+        ShotPoints(points_of_shot(tracks, shot), scene.tracks)
+        for shot in shots.shots
+        if (tracks := points[shot.scene]) is not None and (scene := people[shot.scene]) is not None
+    )
+    return intrinsics_of_shots(
+        facts, usable, key_frames.of_shot, focal_px=focal_px, fov_deg=fov_deg, cameras=cameras, progress=progress
+    )
+
+
+def intrinsics_of_shots(
+    facts: VideoFacts,
+    shots: Iterable[ShotPoints],
+    key_frames: Sequence[Sequence[FrameFeatures]],
+    *,
+    focal_px: float | None = None,
+    fov_deg: float | None = None,
+    cameras: GivenCameras | None = None,
+    progress: Progress = silent,
+) -> Intrinsics:
+    """The same from the points of each shot, which are asked for only where nothing is given; `key_frames`: of each
+    shot."""
     given = given_intrinsics(facts.width, facts.height, focal_px=focal_px, fov_deg=fov_deg)
     if given is None and cameras is not None and np.isfinite(cameras.focal_px).any():
         given = Intrinsics(float(np.nanmedian(cameras.focal_px)), facts.width, facts.height, "given", 0.0)
     if given is not None:
         return replace(given, cameras=cameras)
-    usable = [
-        ShotPoints(points_of_shot(tracks, shot), scene.tracks)
-        for shot in shots.shots
-        if (tracks := points[shot.scene]) is not None and (scene := people[shot.scene]) is not None
-    ]
     (by_shots,) = parts_of(progress, facts.num_frames, (1,))
-    found = intrinsics_from_background(
-        usable, facts.width, facts.height, middle_frames(key_frames.of_shot), progress=by_shots
-    )
+    pictures = middle_frames(key_frames)
+    found = intrinsics_from_background(list(shots), facts.width, facts.height, pictures, progress=by_shots)
     return replace(found, cameras=cameras)
 
 

@@ -14,6 +14,7 @@ from functools import partial
 import numpy as np
 from jaxtyping import Float
 
+from humanmm.config import RefineConfig
 from humanmm.machine import single_threaded
 from humanmm.models.body.body24 import NUM_JOINTS, Body, load_body
 from humanmm.models.body.kinematics import by_chunks
@@ -33,6 +34,7 @@ from humanmm.models.records.recording import CONTACT_JOINTS
 from humanmm.models.records.shots import ShotList
 from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.video.progress import Progress, parts_of, silent
+from humanmm.parts import load
 
 Array = np.ndarray
 
@@ -61,6 +63,18 @@ class RefineSettings:
     shipped networks of the trajectory."""
     contacts: ContactModel = field(default_factory=ContactModel)
     lock: LockSettings = field(default_factory=LockSettings)
+
+    @classmethod
+    def chosen(cls, config: RefineConfig, *, floor_m: float = 0.0) -> "RefineSettings":
+        """Those of the user's configuration; `floor_m` comes from his corrections, and is 0 without any."""
+        return cls(
+            cutoff_hz=config.cutoff_hz,
+            remove_discontinuities=config.remove_discontinuities,
+            refit=config.refit,
+            foot_lock=config.foot_lock,
+            networks=load("refine.networks", config.networks),
+            floor_m=floor_m,
+        )
 
 
 @dataclass(frozen=True)
