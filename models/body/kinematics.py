@@ -74,7 +74,7 @@ def forward_kinematics(
     pelvis: Float[Array, "frames 3"],
     parents: tuple[int, ...] = PARENTS,
 ) -> tuple[Float[Array, "frames J 3"], Float[Array, "frames J 3 3"]]:
-    """Joint positions (metres) and joint rotations from the pose parameters of `models.motion.results`.
+    """Joint positions (metres) and joint rotations from pose parameters, as `records.motion.PersonMotion` has them.
 
     `rest_joints` is `body.rest_joints(betas)`; only differences of it are used, so `pelvis` is the pelvis joint itself.
     J is 24, or 52 with fingers; `parents` are the body's.
