@@ -87,6 +87,8 @@ class PersonState:
     motion: Float[Array, "S 3 J 3"]
     """Position, velocity and acceleration of each point at the cut, in the axes of the camera before it."""
     correction: Float[Array, "S 2 3 3"]
+    """What the pose estimator's orientation is off by, before and after the cut: rotates points about the mid-hip from
+    the axes of the side's camera to where the estimator has them."""
 
     def moved(self, step: Float[Array, "S own"]) -> "PersonState":
         of_motion, of_correction = step[:, :-6], step[:, -6:]
@@ -254,6 +256,8 @@ class CutProblem:
         return rotated + camera.shift[:, None, None], rotated
 
     def _scales(self, view: SideView) -> tuple[Float[Array, "n J 1"], Float[Array, "n J 1"]]:
+        """What residuals are times, so that they are in standard deviations: of the image points (x/z) and of the 3D
+        points (1/m). Points that are not visible have no image residual, but half of one in space."""
         # Errors of neighbouring frames are nearly the same error: n frames together weigh like one.
         root = np.sqrt(view.weight / len(view.time_s))[..., None]
         return root / view.sigma_ray, np.sqrt(0.25 + 0.75 * view.weight)[..., None] / (
@@ -263,6 +267,8 @@ class CutProblem:
     def _side_residuals(
         self, view: SideView, side: int, state: PersonState, camera: CameraState
     ) -> tuple[Float[Array, "S n J 2"], Float[Array, "S n J 3"]]:
+        """Whitened residuals of one side: of the image points, not yet robust, and of the 3D points about the mid-hip.
+        `side`: 0 before the cut, 1 after."""
         Y, rotated = self._camera_points(view, side, state, camera)
         ray_scale, point_scale = self._scales(view)
         image = (Y[..., :2] / np.maximum(Y[..., 2:], 0.1) - view.rays) * ray_scale

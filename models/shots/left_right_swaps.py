@@ -42,7 +42,8 @@ MAX_STEP_S = 0.5
 
 NEIGHBOUR_S = 0.14
 SETTLE_RATIO = 0.9
-"""A frame changes its state if that brings it closer to its neighbours' median by this factor."""
+"""A frame changes its state if its distance from the median of its neighbours (those within NEIGHBOUR_S) then is below
+this fraction of what it was: a tie changes nothing."""
 
 FORWARD_M, FORWARD_SIGMA_M = 0.08, 0.035
 """Feet and knees of a rightly labelled body lie this far forward of heels and legs (4,600 frames, rendered)."""
@@ -67,6 +68,8 @@ DOUBTFUL_COST = 25.0
 MAX_CUT_GAP_S = 1.0
 """Longer gaps between shots carry no pose across."""
 HELD = 50.0
+"""Energy of a frame next to a cut that leaves its state relative to its neighbour's: more than single frames say, so
+that whoever judges the cut changes them together or not at all."""
 KEEP_PRIOR = 2.0
 """Energy of half a second swapped: the tracks come with sides put right, and 97 % of their frames are."""
 CHANGE = 4.0

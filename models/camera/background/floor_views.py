@@ -264,9 +264,11 @@ class _Matches:
     """Matches of two floors, one of which is to be moved onto the other."""
 
     a: Float[Array, "n 2"]
+    """Places on the first floor, metres from the point below its camera."""
     b: Float[Array, "n 2"]
+    """The places that they match on the second, in the same way; these are moved."""
     turn: Float[Array, " n"]
-    """By how much each feature's own direction has turned from b to a."""
+    """By how much each feature's own direction has turned from b to a, radians."""
 
     @property
     def tolerance(self) -> Float[Array, " n"]:
