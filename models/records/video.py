@@ -1,11 +1,14 @@
 """What is known of a video once every frame has been found to decode."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 Size = tuple[int, int]
 """Width and height."""
+Field = Literal["top", "bottom"]
+"""Rows of an interlaced picture: the even ones, the first included, or the odd ones."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +72,8 @@ class VideoFacts:
     """Width and height of the picture as it is stored, before its rotation; None: those of the delivered picture."""
     sample_aspect_ratio: tuple[int, int] = (1, 1)
     """Width to height of a stored pixel, before the rotation; what the decoder makes square."""
+    first_field: Field | None = None
+    """Of an interlaced video, the field that comes first: each picture is delivered as that one shows it."""
 
     @property
     def sizes(self) -> PictureSizes:
@@ -77,6 +82,11 @@ class VideoFacts:
         if self.coded_size is None:
             return PictureSizes(delivered, delivered)
         return PictureSizes(delivered, self.coded_size[::-1] if self.rotation_deg in (90, 270) else self.coded_size)
+
+    @property
+    def interlaced(self) -> bool:
+        """Whether the stored pictures are woven from two moments."""
+        return self.first_field is not None
 
     @property
     def num_frames(self) -> int:

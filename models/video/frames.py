@@ -1,7 +1,7 @@
 """Frames on demand: decoded again whenever a stage needs them, never stored.
 
-`frames(stream, facts, start, stop)` delivers exactly the announced frames of [start, stop), upright and in square
-pixels (`square_pixels`), one at a time;
+`frames(stream, facts, start, stop)` delivers exactly the announced frames of [start, stop), upright, in square pixels
+(`square_pixels`) and of one moment each (`fields`), one at a time;
 `planar_frames` the same as the decoder has them, luma and chroma apart, without converting or copying; `frames_at`
 chosen ones, and jumps from keyframe to keyframe over what lies between. Decoding enters at the last
 keyframe before a frame; should the decoder not deliver the frame from there (a container that seeks past it, references
@@ -26,6 +26,7 @@ from humanmm.errors import VideoError
 from humanmm.models.records.video import VideoFacts
 from humanmm.models.video.colors import Colors, colors_of
 from humanmm.models.video.container import PacketLog, decoded, open_video
+from humanmm.models.video.fields import one_field, rows_of, whole
 
 T = TypeVar("T")
 
@@ -202,11 +203,13 @@ class _Conversion:
         self._size = size[::-1] if facts.rotation_deg in (90, 270) else size
         self._rotation = _ROTATIONS.get(facts.rotation_deg)
         self._mirrored = facts.mirrored
+        self._first_field = facts.first_field
         self._has_square_pixels = facts.sample_aspect_ratio == (1, 1)
         self._reformatter = VideoReformatter()
 
     def image(self, picture: VideoFrame, pixels: Pixels) -> np.ndarray:
         """As `Frame.image`."""
+        picture = self._of_one_moment(picture)
         luma_is_gray = picture.format.name in _LUMA_FORMATS + _FULL_RANGE_FORMATS
         if pixels == "gray" and luma_is_gray and self._has_square_pixels:
             image = _luma(picture)
@@ -215,6 +218,9 @@ class _Conversion:
         else:
             image = self._reformatted(picture, pixels)
         return self._upright(image)
+
+    def _of_one_moment(self, picture: VideoFrame) -> VideoFrame:
+        return picture if self._first_field is None else one_field(picture, self._first_field)
 
     def _upright(self, image: np.ndarray) -> np.ndarray:
         if self._mirrored:
@@ -225,6 +231,7 @@ class _Conversion:
 
     def planes(self, picture: VideoFrame) -> Planes:
         """As they were decoded, or converted if the video is stored differently."""
+        picture = self._of_one_moment(picture)
         width, height = self._size
         full_range = picture.format.name in _FULL_RANGE_FORMATS or picture.color_range == ColorRange.JPEG
         if picture.format.name != "yuv420p" or (picture.width, picture.height) != self._size or full_range:
@@ -244,7 +251,7 @@ class _Conversion:
         # a side that grows while the other one shrinks is interpolated linearly by swscale's AREA
         shrinks = width < picture.width or height < picture.height
         return self._reformatter.reformat(
-            picture,
+            whole(picture) if picture.interlaced_frame else picture,
             width=width,
             height=height,
             format=pixel_format,
@@ -262,5 +269,4 @@ def _luma(picture: VideoFrame) -> np.ndarray:
 
 def _rows(plane: VideoPlane, row_bytes: int, height: int) -> np.ndarray:
     """A plane as (height, row_bytes) uint8, sharing the picture's memory, without the padding of rows."""
-    flat: np.ndarray = np.frombuffer(plane, np.uint8)  # type: ignore[call-overload]
-    return flat.reshape(-1, plane.line_size)[:height, :row_bytes]
+    return rows_of(plane)[:height, :row_bytes]

@@ -32,6 +32,7 @@ from humanmm.models.video.container import (
     refuse_absurd_size,
 )
 from humanmm.models.video.declared_size import count_movies
+from humanmm.models.video.fields import FieldSearch
 from humanmm.models.video.frame_times import LONG_GAP_S, check_times, longest_gap_s
 from humanmm.models.video.square_pixels import shape_of_pixels, square_size
 
@@ -50,6 +51,7 @@ class _Pictures:
     orientation: tuple[int, bool] = (0, False)
     aspects: list[Fraction | None] = field(default_factory=list)
     """Sample aspect ratios that the stream has said, each once."""
+    fields: FieldSearch = field(default_factory=FieldSearch)
     pts: list[int | None] = field(default_factory=list)
     intra: set[int | None] = field(default_factory=set)
     resized: int = 0
@@ -75,9 +77,11 @@ def read_facts(stream: BinaryIO, *, max_side_px: int = 8192, max_memory_mb: floa
         aspect, doubts = shape_of_pixels(video.sample_aspect_ratio, pictures.aspects, pictures.size)
         size = square_size(pictures.size, aspect)
         refuse_absurd_size(max(size), max_side_px)
+        first_field, uncertain = pictures.fields.found()
         warnings = [
             *_warnings(pictures, container, video, time_s),
             *doubts,
+            *uncertain,
             *_other_videos(stream, container, pictures, is_timed=not counted),
         ]
         if counted:
@@ -105,6 +109,7 @@ def read_facts(stream: BinaryIO, *, max_side_px: int = 8192, max_memory_mb: floa
         counted=counted,
         coded_size=pictures.size,
         sample_aspect_ratio=(aspect.numerator, aspect.denominator),
+        first_field=first_field,
     )
 
 
@@ -120,6 +125,7 @@ def _decode_all(container: InputContainer, video: VideoStream, memory: DecoderMe
         aspect = video.codec_context.sample_aspect_ratio
         if aspect not in found.aspects:
             found.aspects.append(aspect)
+        found.fields.look(picture)
         found.resized += size != found.size
         found.damaged += picture.is_corrupt
         found.pts.append(picture.pts)

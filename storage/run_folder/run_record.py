@@ -130,13 +130,15 @@ def run_record(  # noqa: PLR0913 (one a section of run.json)
 
 
 def coded_picture(facts: VideoFacts) -> dict[str, Json]:
-    """What the file stores: the size of its pictures before their rotation, the shape of its pixels, the rotation."""
+    """What the file stores: the size of its pictures before their rotation, the shape of its pixels, the rotation, and
+    whether pictures are woven from two fields."""
     width, height = facts.coded_size or (facts.width, facts.height)
     return {
         "coded_width": width,
         "coded_height": height,
         "sample_aspect_ratio": "{}:{}".format(*facts.sample_aspect_ratio),
         "rotation_deg": facts.rotation_deg,
+        "interlaced": facts.interlaced,
     }
 
 

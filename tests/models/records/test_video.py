@@ -8,7 +8,7 @@ from humanmm.storage.store.codec import decode, encode
 
 FACTS = VideoFacts(
     1024, 576, np.arange(3) / 25, np.ones(3, bool), 0, "dvvideo", "avi", coded_size=(720, 576),
-    sample_aspect_ratio=(64, 45),
+    sample_aspect_ratio=(64, 45), first_field="bottom",
 )  # fmt: skip
 
 
@@ -40,3 +40,4 @@ def test_a_proportion_tells_which_pixels_a_picture_has() -> None:
 def test_the_store_keeps_them() -> None:
     again = decode(encode(FACTS, VideoFacts), VideoFacts)
     assert again.sizes == FACTS.sizes and again.sample_aspect_ratio == (64, 45)
+    assert (again.first_field, again.interlaced) == ("bottom", True)

@@ -36,6 +36,7 @@ def test_every_shot_has_a_trajectory_and_its_facts(tmp_path: Path) -> None:
     rows = np.loadtxt(tmp_path / "cameras/shot_001.tum")
     np.testing.assert_allclose(rows, [[0.16, 0, 0, 0, 0, 0, 0, 1], [0.2, 0.1, 0, 0, 0, 0, 0, 1]])
     tree = json.loads((tmp_path / "cameras/cameras.json").read_text())
+    assert tree["interlaced"] is False
     first, second = tree["shots"]
     assert (first["start"], first["end"], first["source"], first["metric"]) == (0, 4, "tracked", False)
     assert first["K"][0] == [500.0, 0.0, 320.0] and first["focal_px"] == 500.0
