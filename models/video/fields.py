@@ -163,7 +163,10 @@ def rows_of(plane: VideoPlane) -> UInt8[Array, "H bytes"]:
 
 
 def _copied(picture: VideoFrame, keep: Callable[[Array, Array], None]) -> VideoFrame:
-    """A new picture of the same colours; `keep` fills each of its planes from the one of the old."""
+    """A new picture of the same colours; `keep` fills each of its planes from the one of the old.
+
+    PyAV cannot tell it where chroma lies: scaled, colours are off by up to half of their own pixel's width.
+    """
     if picture.format.has_palette:
         return picture
     new = VideoFrame(picture.width, picture.height, picture.format.name)
