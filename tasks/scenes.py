@@ -2,7 +2,7 @@
 
 from humanmm.models.records.shots import Scenes
 from humanmm.models.records.video import VideoFacts
-from humanmm.models.shots.scenes import detect_scenes
+from humanmm.models.shot_detection.scenes import detect_scenes
 from humanmm.models.video.opened import Video
 from humanmm.tasks.inputs import StageInputs
 

@@ -5,7 +5,7 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from humanmm.models.shots.picture_window import SIDE_PX
+from humanmm.models.shot_detection.picture_window import SIDE_PX
 
 WIDTH, HEIGHT = SIDE_PX, SIDE_PX * 9 // 16
 

@@ -22,6 +22,7 @@ TOWER = (
     "perception.lifting",
     "perception.tracking",
     "cuts",
+    "shot_detection",
     "shots",
     "camera.odometry",
     "camera.background",

@@ -17,8 +17,8 @@ from humanmm.models.motion.rotations.shot_results import ShotResults
 from humanmm.models.records.camera import Intrinsics, PointTracks, ShotCamera
 from humanmm.models.records.motion import ShotMotion
 from humanmm.models.records.shots import Shot, ShotList
+from humanmm.models.shot_detection.people_cuts import Parts
 from humanmm.models.shots.assemble import detect_shots
-from humanmm.models.shots.people_cuts import Parts
 from humanmm.models.synthetic.multishot import BenchVideo
 from humanmm.parts import load
 

@@ -1,1 +1,1 @@
-"""Splits a video into scenes and shots, identifies people across cuts, and finds left-right swaps (section 3.1)."""
+"""Shots of a video with everybody in them: people identified across cuts, and left-right swaps found (section 3.1)."""

@@ -12,11 +12,11 @@ from humanmm.models.geometry.intrinsics import K_from_focal, default_focal_px
 from humanmm.models.records.shots import Appearance, CorrectionNote, Scenes, Shot, ShotList, Transition
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
 from humanmm.models.records.video import VideoFacts
-from humanmm.models.shots.corrected_cuts import NEAR_FRAMES, removed
+from humanmm.models.shot_detection.corrected_cuts import NEAR_FRAMES, removed
+from humanmm.models.shot_detection.people_cuts import Parts, split_scenes
 from humanmm.models.shots.corrected_people import corrected_people
 from humanmm.models.shots.identity import Cast, cast_of, matched_people
 from humanmm.models.shots.left_right_swaps import Sighting, left_right_swaps
-from humanmm.models.shots.people_cuts import Parts, split_scenes
 from humanmm.models.shots.tracking_failures import failed_frames
 from humanmm.models.video.frame_times import shown_s
 

@@ -21,8 +21,8 @@ from humanmm.models.motion.fit.hmr import fit_shot
 from humanmm.models.motion.refine.refine import refine
 from humanmm.models.motion.world.align import ShotResults, align
 from humanmm.models.perception.tracking.people import track_people
+from humanmm.models.shot_detection.scenes import detect_scenes
 from humanmm.models.shots.assemble import detect_shots
-from humanmm.models.shots.scenes import detect_scenes
 from humanmm.models.video.opened import Video
 from humanmm.models.video.reading import read_facts
 

@@ -4,7 +4,7 @@ import json
 
 from humanmm.models.records.shots import Scenes, Transition
 from humanmm.models.records.video import VideoFacts
-from humanmm.models.shots.corrected_cuts import corrected_scenes
+from humanmm.models.shot_detection.corrected_cuts import corrected_scenes
 from humanmm.tasks.inputs import StageInputs
 from toyline.behaviour import act
 

@@ -10,7 +10,7 @@ from humanmm.models.benchmark.tables.rows import RESAMPLES, Metric, Row, summari
 from humanmm.models.evaluation.cuts import score_cuts
 from humanmm.models.records.shots import Scenes
 from humanmm.models.records.tracks import ScenePeople
-from humanmm.models.shots.people_cuts import Parts, split_scenes
+from humanmm.models.shot_detection.people_cuts import Parts, split_scenes
 
 DETECTORS: Mapping[str, Parts] = {
     "humanmm without boxes and keypoints": "scenes",

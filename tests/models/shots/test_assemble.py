@@ -11,8 +11,8 @@ from humanmm.models.perception.clothing import HISTOGRAM_BINS
 from humanmm.models.records.shots import CorrectionNote, Scenes, Shot, Transition
 from humanmm.models.records.tracks import PersonTrack, ScenePeople, Silhouettes
 from humanmm.models.records.video import VideoFacts
+from humanmm.models.shot_detection.corrected_cuts import corrected_scenes
 from humanmm.models.shots.assemble import _corrected, detect_shots
-from humanmm.models.shots.corrected_cuts import corrected_scenes
 
 SCENES = Scenes(60, (Transition("cut", 30, 30, "scene"),))
 FACTS = VideoFacts(960, 540, np.arange(60) / 30, np.arange(60) == 0, 0, "h264", "mp4")

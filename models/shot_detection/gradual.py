@@ -10,8 +10,8 @@ from itertools import pairwise
 import numpy as np
 
 from humanmm.models.geometry.intervals import Interval, merged, runs_of_true
-from humanmm.models.shots.picture_window import THUMB, PictureWindow
-from humanmm.models.shots.similarity import mean_shift
+from humanmm.models.shot_detection.picture_window import THUMB, PictureWindow
+from humanmm.models.shot_detection.similarity import mean_shift
 from humanmm.models.video.frame_times import ROUNDING_S
 
 _MIN_LENGTH = 3

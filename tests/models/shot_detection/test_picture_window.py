@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from places import HEIGHT, WIDTH, Place
 
-from humanmm.models.shots.picture_window import PictureWindow
+from humanmm.models.shot_detection.picture_window import PictureWindow
 
 STEPS_S = np.random.default_rng(2).choice([0.02, 0.04, 0.1], 30)
 TIME_S = np.cumsum(STEPS_S)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 
-from humanmm.models.shots.similarity import (
+from humanmm.models.shot_detection.similarity import (
     Landmarks,
     Motion,
     MotionMeter,

@@ -10,7 +10,7 @@ from collections.abc import Collection, Iterator
 
 import numpy as np
 
-from humanmm.models.shots.picture_window import PictureWindow
+from humanmm.models.shot_detection.picture_window import PictureWindow
 
 STANDS_OUT = 2.0
 """Geometric mean of how many times both numbers are as large as the largest on either side. In nine real clips and 52

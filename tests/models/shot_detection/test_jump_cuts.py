@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from places import HEIGHT, WIDTH, marbled
 
-from humanmm.models.shots.scenes import find_scenes
+from humanmm.models.shot_detection.scenes import find_scenes
 
 FRAMES = 60
 BLOB_PX = 36

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from humanmm.corrections import AddCut, Corrections, RemoveCut
 from humanmm.models.records.shots import Scenes, Transition
-from humanmm.models.shots.corrected_cuts import corrected_scenes
+from humanmm.models.shot_detection.corrected_cuts import corrected_scenes
 
 CUTS = Transition("cut", 50, 50, "scene"), Transition("cut", 150, 150, "scene")
 FOUND = Scenes(200, (CUTS[0], Transition("dissolve", 90, 100, "scene"), CUTS[1]))

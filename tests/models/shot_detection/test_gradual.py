@@ -6,7 +6,7 @@ import pytest
 from places import HEIGHT, WIDTH, Place
 
 from humanmm.models.geometry.intervals import Interval
-from humanmm.models.shots.gradual import (
+from humanmm.models.shot_detection.gradual import (
     fade_around,
     is_carried_along,
     is_pan,
@@ -14,8 +14,8 @@ from humanmm.models.shots.gradual import (
     most_frames,
     uniform_runs,
 )
-from humanmm.models.shots.picture_window import PictureWindow
-from humanmm.models.shots.scenes import find_scenes
+from humanmm.models.shot_detection.picture_window import PictureWindow
+from humanmm.models.shot_detection.scenes import find_scenes
 
 STEPS_S = np.random.default_rng(1).choice([0.02, 0.03, 0.08], 110)
 TIME_S = np.cumsum(STEPS_S)

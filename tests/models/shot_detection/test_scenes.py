@@ -12,9 +12,9 @@ from scenedetect import FrameTimecode
 from scenedetect.detectors import AdaptiveDetector, ContentDetector
 
 from humanmm.models.records.shots import Scenes
-from humanmm.models.shots import scenes
-from humanmm.models.shots.picture_window import SIDE_PX, PictureWindow
-from humanmm.models.shots.scenes import find_scenes, proposals
+from humanmm.models.shot_detection import scenes
+from humanmm.models.shot_detection.picture_window import SIDE_PX, PictureWindow
+from humanmm.models.shot_detection.scenes import find_scenes, proposals
 from humanmm.models.video.frames import frames
 from humanmm.models.video.reading import read_facts
 

@@ -8,7 +8,7 @@ import pytest
 from humanmm.models.records.landmarks import SWAP
 from humanmm.models.records.shots import Scenes, Transition
 from humanmm.models.records.tracks import PersonTrack, ScenePeople, Silhouettes
-from humanmm.models.shots.people_cuts import Parts, cuts_in_scene, split_scenes
+from humanmm.models.shot_detection.people_cuts import Parts, cuts_in_scene, split_scenes
 
 TIME_S = np.arange(90) / 30
 BODY = np.column_stack(

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from places import HEIGHT, WIDTH, Place, marbled
 
-from humanmm.models.shots.similarity import (
+from humanmm.models.shot_detection.similarity import (
     MotionMeter,
     PlaceRecogniser,
     color_histogram,

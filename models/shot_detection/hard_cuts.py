@@ -15,7 +15,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from humanmm.models.shots.picture_window import PictureWindow
+from humanmm.models.shot_detection.picture_window import PictureWindow
 
 MATCHED = 0.35
 """Pictures that correlate better than this once motion is undone show the same things; across cuts < 0.2 (measured)."""

@@ -13,8 +13,8 @@ import numpy as np
 from humanmm.corrections import NONE, Corrections
 from humanmm.models.geometry.intervals import Interval, merged
 from humanmm.models.records.shots import Scenes, Transition
-from humanmm.models.shots.corrected_cuts import corrected_scenes
-from humanmm.models.shots.gradual import (
+from humanmm.models.shot_detection.corrected_cuts import corrected_scenes
+from humanmm.models.shot_detection.gradual import (
     DISSOLVE_S,
     dissolves,
     fade_around,
@@ -22,9 +22,9 @@ from humanmm.models.shots.gradual import (
     most_frames,
     uniform_runs,
 )
-from humanmm.models.shots.hard_cuts import REACH, hard_cuts
-from humanmm.models.shots.jump_cuts import jumps
-from humanmm.models.shots.picture_window import SIDE_PX, PictureWindow
+from humanmm.models.shot_detection.hard_cuts import REACH, hard_cuts
+from humanmm.models.shot_detection.jump_cuts import jumps
+from humanmm.models.shot_detection.picture_window import SIDE_PX, PictureWindow
 from humanmm.models.video.frame_times import elapsed_s
 from humanmm.models.video.frames import Frame, frames
 from humanmm.models.video.opened import Video

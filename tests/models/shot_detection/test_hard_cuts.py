@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 from places import Place, marbled
 
-from humanmm.models.shots.scenes import find_scenes
+from humanmm.models.shot_detection.scenes import find_scenes
 
 STEPS_S = np.full(60, 0.03)
 STEPS_S[[20, 38]] = 1.0  # a recorder that stalls
