@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from humanmm.models.camera.given import given_camera
-from humanmm.models.camera.intrinsics import estimate_intrinsics
+from humanmm.models.camera.intrinsics import intrinsics_of_shots
 from humanmm.models.camera.shot_camera import estimate_camera
 from humanmm.models.records.camera import GivenCameras, Intrinsics
 from humanmm.models.records.shots import Shot
@@ -62,10 +62,9 @@ def test_a_given_focal_length_is_every_shots_unless_the_user_says_another(scene_
     scene = scene_of("pan", num_frames=N)
     cameras = replace(_cameras(scene), focal_px=np.linspace(1000, 1200, N))
     facts: Any = type("Facts", (), {"width": 960, "height": 540})
-    nothing: Any = None
 
     def found(**more: float) -> Intrinsics:
-        return estimate_intrinsics(facts, nothing, [], [], nothing, cameras=cameras, **more)
+        return intrinsics_of_shots(facts, [], [], cameras=cameras, **more)
 
     assert found().focal_px == 1100 and found().source == "given" and found().cameras is cameras
     zooming = given_camera(SHOT, found())
