@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -91,44 +90,17 @@ def _tracks(scenes: Sequence[ScenePeople], start: int, end: int) -> tuple[Person
         if scene.end <= start or scene.start >= end:
             continue
         earlier = list(range(len(tracks)))
-        for piece in (_between(track, start, end) for track in scene.tracks):
+        for piece in (track.within(start, end) for track in scene.tracks):
             if not len(piece.frame):
                 continue
             overlaps = [(float(box_iou(tracks[k].bbox[-1], piece.bbox[0])), k) for k in earlier]
             best, k = max(overlaps, default=(0.0, -1))
             if best >= SAME_IOU:
-                tracks[k] = _continued(tracks[k], piece)
+                tracks[k] = tracks[k].then(piece)
                 earlier.remove(k)
             else:
                 tracks.append(piece)
     return tuple(tracks)
-
-
-def _between(track: PersonTrack, start: int, end: int) -> PersonTrack:
-    rows = (track.frame >= start) & (track.frame < end)
-    samples = (track.color_frame >= start) & (track.color_frame < end)
-    chosen = {"color_frame": samples, "color_histogram": samples, "color_parts": samples}
-    cut: dict[str, Any] = {
-        field.name: getattr(track, field.name)[chosen.get(field.name, rows)]
-        for field in fields(track)
-        if len(_array(track, field.name))
-    }
-    return replace(track, masks=track.masks.chosen(np.flatnonzero(rows)), **cut)
-
-
-def _continued(first: PersonTrack, second: PersonTrack) -> PersonTrack:
-    joined: dict[str, Any] = {
-        field.name: np.concatenate([getattr(first, field.name), getattr(second, field.name)])
-        for field in fields(first)
-        if len(_array(first, field.name)) and len(_array(second, field.name))
-    }
-    return replace(first, masks=first.masks.then(second.masks), **joined)
-
-
-def _array(track: PersonTrack, name: str) -> Array:
-    """A field, nothing where it is no array."""
-    value = getattr(track, name)
-    return value if isinstance(value, np.ndarray) else np.zeros(0)
 
 
 def _points(scenes: Sequence[PointTracks], start: int, end: int) -> PointTracks:

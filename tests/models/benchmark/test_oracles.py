@@ -11,6 +11,7 @@ from humanmm.models.benchmark.methods import MethodMotion, run_methods
 from humanmm.models.benchmark.oracles import true_cameras, true_rotations, with_true_cuts, yaw_rotations
 from humanmm.models.benchmark.scores import score
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
+from humanmm.models.records.tracks import PersonTrack, PoseEstimates
 from humanmm.models.synthetic.multishot import BenchVideo, hard_cuts
 
 
@@ -35,6 +36,20 @@ def test_a_wrong_cut_is_undone_to_the_last_observation(video: BenchVideo) -> Non
         assert np.array_equal(track.color_histogram, true.color_histogram)
     for points, of_scene in zip(right.points, video.points, strict=True):
         assert np.array_equal(points.xy, of_scene.xy)
+
+
+def test_what_the_lifter_says_of_a_frame_stays_with_it(video: BenchVideo) -> None:
+    def lifted(track: PersonTrack) -> PersonTrack:
+        n = len(track.frame)
+        named = track.frame.astype(np.float32)
+        return replace(track, pose=PoseEstimates(np.zeros((n, 20, 3), np.float32), np.ones((n, 20), np.float32), named))
+
+    scenes = tuple(replace(scene, tracks=tuple(map(lifted, scene.tracks))) for scene in video.people)
+    first, last = video.truth.cut_frames
+    right = with_true_cuts(_wrongly_cut(replace(video, people=scenes), (first, first + 6, last)))
+    for scene in right.people:
+        pose = scene.tracks[0].pose
+        assert pose is not None and np.array_equal(pose.swap_odds, scene.tracks[0].frame)
 
 
 def test_oracle_cuts_recover_what_wrong_cuts_cost(video: BenchVideo) -> None:
