@@ -6,6 +6,7 @@ alone. Two numbers stand out there against the frames on both sides: the part of
 its motion is undone, and the change of the picture itself. Somebody fast leaves much unmatched in every frame.
 """
 
+import itertools
 from collections.abc import Collection, Iterator
 
 import numpy as np
@@ -45,13 +46,16 @@ def jumps(window: PictureWindow, begin: int, until: int, known: Collection[int])
 def _outstanding(window: PictureWindow, frame: int, known: Collection[int]) -> float:
     """How many times as large as around it both numbers are (geometric mean); 0 where it is below SUSPECTED, or where
     place or light explain it."""
-    before = _side(window, range(frame - 1, max(window.first, frame - 1 - AROUND), -1), known)
-    after = _side(window, range(frame + 1, min(window.end, frame + 1 + AROUND)), known)
+    before = _side(range(frame - 1, max(window.first, frame - 1 - AROUND), -1), known)
+    after = _side(range(frame + 1, min(window.end, frame + 1 + AROUND)), known)
     if min(len(before), len(after)) < FEWEST:
         return 0.0
     around = [*before, *after]
     usual_s = float(np.median([window.elapsed_s(t - 1, t) for t in around]))
-    times_as_late = max(1.0, window.unseen_s(frame) / usual_s)
+    # a picture that is repeated hides time, unless what follows stands still as well
+    is_still = all(window.frozen(t) for t in after)
+    unseen_s = window.elapsed_s(frame - 1, frame) if is_still else window.unseen_s(frame)
+    times_as_late = max(1.0, unseen_s / usual_s)
     larger = window.change[frame] / max(LEAST_CHANGE, *(window.change[t] for t in around)) / times_as_late
     if larger < LEAST_JUMP:
         return 0.0
@@ -67,15 +71,9 @@ def _outstanding(window: PictureWindow, frame: int, known: Collection[int]) -> f
     return found if found >= SUSPECTED and not _light_changes(window, frame) else 0.0
 
 
-def _side(window: PictureWindow, frames: range, known: Collection[int]) -> list[int]:
-    """The frames up to the next cut that do not repeat their predecessor, nearest first."""
-    found = []
-    for t in frames:
-        if t in known:
-            break
-        if not window.frozen(t):
-            found.append(t)
-    return found
+def _side(frames: range, known: Collection[int]) -> list[int]:
+    """The frames up to the next cut, nearest first."""
+    return list(itertools.takewhile(lambda t: t not in known, frames))
 
 
 def _light_changes(window: PictureWindow, frame: int) -> bool:

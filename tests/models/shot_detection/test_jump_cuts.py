@@ -60,6 +60,11 @@ def test_a_jump_while_the_recorder_repeats_a_picture_or_stalls_is_none() -> None
     assert cuts(film(after(30, 60.0)), time_s) == []
 
 
+def test_somebody_else_in_the_place_of_somebody_who_stands_still_is_a_cut() -> None:
+    """Pictures on both sides repeat because nothing moves, not because a recorder stalls."""
+    assert cuts(film(lambda t: 20.0 + 60.0 * (t >= 30))) == [30]
+
+
 def test_a_jump_is_found_beside_another_cut() -> None:
     """The frames on the other side of that cut do not count as its surroundings."""
     pictures = film(after(33, 60.0))
