@@ -25,6 +25,8 @@ LEAST_UNMATCHED, LEAST_CHANGE = 0.01, 1.0
 """Smaller numbers on both sides are noise: a fraction of the picture, and a content value of PySceneDetect."""
 LEAST_JUMP = 0.9
 """Fraction of the change on either side below which a frame is no candidate: saves the motion of most frames."""
+LONGEST_STALL = 10.0
+"""A recorder that stalls repeats a picture for no longer than so many frames; who stands still does for longer."""
 SAME_PLACE = 0.35
 """Mean correlation (`Motion.match`) below which the picture shows another place, or damage: `hard_cuts` decides."""
 LIGHT_STEP, LIT = 8.0, 0.25
@@ -52,11 +54,9 @@ def _outstanding(window: PictureWindow, frame: int, known: Collection[int]) -> f
         return 0.0
     around = [*before, *after]
     usual_s = float(np.median([window.elapsed_s(t - 1, t) for t in around]))
-    # a picture that is repeated hides time, unless what follows stands still as well
-    is_still = all(window.frozen(t) for t in after)
-    unseen_s = window.elapsed_s(frame - 1, frame) if is_still else window.unseen_s(frame)
-    times_as_late = max(1.0, unseen_s / usual_s)
-    larger = window.change[frame] / max(LEAST_CHANGE, *(window.change[t] for t in around)) / times_as_late
+    repeated_s = min(window.unseen_s(frame), LONGEST_STALL * usual_s)
+    late = max(1.0, window.elapsed_s(frame - 1, frame) / usual_s, repeated_s / usual_s)
+    larger = window.change[frame] / max(LEAST_CHANGE, late * max(window.change[t] for t in around))
     if larger < LEAST_JUMP:
         return 0.0
     motion = window.motion(frame - 1, frame)
@@ -64,10 +64,10 @@ def _outstanding(window: PictureWindow, frame: int, known: Collection[int]) -> f
         return 0.0
     usual, enough = LEAST_UNMATCHED, motion.unmatched * larger / SUSPECTED**2
     for t in around:
-        if usual * times_as_late > enough:  # most frames need the motion of few others
+        if usual > enough:  # most frames need the motion of few others
             return 0.0
-        usual = max(usual, window.motion(t - 1, t).unmatched)
-    found = float(np.sqrt(larger * motion.unmatched / (usual * times_as_late)))
+        usual = max(usual, late * window.motion(t - 1, t).unmatched)
+    found = float(np.sqrt(larger * motion.unmatched / usual))
     return found if found >= SUSPECTED and not _light_changes(window, frame) else 0.0
 
 
