@@ -16,8 +16,8 @@ from humanmm.models.shot_detection.picture_window import PictureWindow
 STANDS_OUT = 2.0
 """Geometric mean of how many times both numbers are as large as the largest on either side. In nine real clips and 52
 rendered ones (7,000 frames without a cut) one frame reaches it, at which the sun goes behind somebody."""
-SUSPECTED = 1.6
-"""The same from which a cut is suspected: three more of those frames reach it."""
+SUSPECTED = 1.8
+"""The same from which a cut is suspected: one more of those frames reaches it; two reach 1.6."""
 AROUND = 5
 """Frames on either side that are compared; FEWEST of them must be known."""
 FEWEST = 2
