@@ -27,6 +27,8 @@ _UNIFORM = 4.0
 """Contrast (grey levels) below which a picture is uniform: a black or white frame after coding."""
 _FEATURELESS = 5
 """It has fewer features than this: black frames have none, a street at night of the same contrast 17 to 48."""
+_FINE_PX, _COARSE_PX = 1.0, 4.0
+"""Standard deviations of the two blurs whose difference is a picture's detail."""
 _FROZEN = 0.3
 """A mean change (of 255) below which a frame repeats the one before it."""
 
@@ -53,6 +55,7 @@ class PictureWindow:
     _last: tuple[np.ndarray, np.ndarray] | None = None
     _motion: dict[tuple[int, int], Motion] = field(default_factory=dict)
     _landmarks: dict[int, Landmarks] = field(default_factory=dict)
+    _detail_variance: dict[int, float] = field(default_factory=dict)
     _meter: MotionMeter = field(default_factory=MotionMeter)
     _places: PlaceRecogniser = field(default_factory=PlaceRecogniser)
 
@@ -85,6 +88,7 @@ class PictureWindow:
         self.first += drop
         self._motion = {pair: motion for pair, motion in self._motion.items() if pair[0] >= self.first}
         self._landmarks = {t: landmarks for t, landmarks in self._landmarks.items() if t >= self.first}
+        self._detail_variance = {t: detail for t, detail in self._detail_variance.items() if t >= self.first}
 
     def luma(self, frame: int) -> np.ndarray:
         """(THUMB_H · THUMB_W,) float32 grey levels of a thumbnail."""
@@ -105,16 +109,19 @@ class PictureWindow:
 
     def displacement(self, before: int, after: int) -> float | None:
         """Mean shift of the picture as a fraction of its width if both frames show one place, else None."""
-        similarity = self.similarity(before, after)
+        similarity = self._places.similarity(self._features(before), self._features(after))
         return None if similarity is None else mean_shift(similarity, self.gray[0].shape)
 
-    def similarity(self, before: int, after: int, *, alike: bool = True) -> np.ndarray | None:
-        """(2,3): takes pixels of a frame to those of another if both show one place (`PlaceRecogniser.similarity`)."""
-        return self._places.similarity(self._features(before), self._features(after), alike=alike)
+    def detail(self, frame: int) -> np.ndarray:
+        """(h,w) float32 grey levels: what is finer than `_COARSE_PX` and coarser than coding noise."""
+        gray = self.gray[frame - self.first].astype(np.float32)
+        return cv2.GaussianBlur(gray, (0, 0), _FINE_PX) - cv2.GaussianBlur(gray, (0, 0), _COARSE_PX)
 
-    def agreeing(self, before: int, after: int, similarity: np.ndarray, within: float) -> tuple[int, int]:
-        """How many features of two frames agree on a transform, of how many (`PlaceRecogniser.agreeing`)."""
-        return self._places.agreeing(self._features(before), self._features(after), similarity, within)
+    def detail_variance(self, frame: int) -> float:
+        """Variance of a picture's detail, grey levels squared; computed once."""
+        if frame not in self._detail_variance:
+            self._detail_variance[frame] = float(np.square(self.detail(frame)).mean())
+        return self._detail_variance[frame]
 
     def _features(self, frame: int) -> Landmarks:
         if frame not in self._landmarks:

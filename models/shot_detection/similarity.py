@@ -110,11 +110,8 @@ class PlaceRecogniser:
             return Landmarks(gray, np.zeros((0, 2), np.float32), np.zeros((0, 128), np.float32))
         return Landmarks(gray, np.array([point.pt for point in points], np.float32), features)
 
-    def similarity(self, first: Landmarks, second: Landmarks, *, alike: bool = True) -> np.ndarray | None:
-        """(2,3): takes pixels of the first picture to those of the second; None if they do not show one place.
-
-        Without `alike`, features that agree are enough.
-        """
+    def similarity(self, first: Landmarks, second: Landmarks) -> np.ndarray | None:
+        """(2,3): takes pixels of the first picture to those of the second; None if they do not show one place."""
         a, b = self._matches(first, second)
         if len(a) < _SAME_PLACE_INLIERS:
             return None
@@ -122,13 +119,7 @@ class PlaceRecogniser:
         found, inliers = cv2.estimateAffinePartial2D(a, b, ransacReprojThreshold=3.0, maxIters=500)
         if found is None or int(inliers.sum()) < _SAME_PLACE_INLIERS:
             return None
-        return None if alike and self._match(first, second, found) < _SAME_PLACE_MATCH else found
-
-    def agreeing(self, first: Landmarks, second: Landmarks, similarity: np.ndarray, within: float) -> tuple[int, int]:
-        """How many features that look alike are where a transform takes them, to a fraction of the width; and all."""
-        a, b = self._matches(first, second)
-        off = np.linalg.norm(a @ similarity[:, :2].T + similarity[:, 2] - b, axis=1)
-        return int((off < within * first.gray.shape[1]).sum()), len(a)
+        return None if self._match(first, second, found) < _SAME_PLACE_MATCH else found
 
     def _matches(self, first: Landmarks, second: Landmarks) -> tuple[np.ndarray, np.ndarray]:
         """(M,2) pixels of features of the first picture, and of those of the second that look most like them."""

@@ -7,9 +7,9 @@ from places import HEIGHT, WIDTH, Place
 
 from humanmm.models.geometry.intervals import Interval
 from humanmm.models.shot_detection.gradual import (
+    explained_detail,
     fade_around,
-    is_carried_along,
-    is_pan,
+    lost_detail,
     meeting_blends,
     most_frames,
     uniform_runs,
@@ -81,20 +81,29 @@ def test_a_uniform_picture_for_a_moment_between_two_views_of_one_place_is_no_fad
     assert [kind for kind, _, _ in changes(pictures, np.arange(40) / 5)] == ["fade"]
 
 
-def test_a_long_pan_is_no_dissolve_however_little_its_ends_have_in_common() -> None:
+def test_a_pan_keeps_its_detail_however_little_its_ends_have_in_common() -> None:
     place = Place(3)
     window = PictureWindow(np.arange(60) / 30)
     for frame in range(60):
         window.append(place.picture(0, offset=(0.7 * WIDTH * frame / 59, 0)))
-    assert is_pan(window, 0, 59)
-    assert not is_pan(window, 0, 4)  # hardly moves
-    assert is_carried_along(window, 0, 12)
+    assert lost_detail(window, 0, 59) < 0.15
+    assert lost_detail(window, 0, 12) < 0.15
 
 
-def test_a_dissolve_between_two_places_is_no_pan() -> None:
+@pytest.mark.parametrize("frames", [3, 20])
+def test_a_dissolve_between_two_places_loses_detail(frames: int) -> None:
     one, two = Place(1), Place(2)
-    window = PictureWindow(np.arange(20) / 30)
-    for frame in range(20):
-        window.append(blended(one.picture(frame), two.picture(frame), frame / 19))
-    assert not is_pan(window, 0, 19)
-    assert not is_carried_along(window, 0, 19)
+    window = PictureWindow(np.arange(frames) / 30)
+    for frame in range(frames):
+        window.append(blended(one.picture(frame), two.picture(frame), frame / (frames - 1)))
+    assert lost_detail(window, 0, frames - 1) == pytest.approx(1, abs=0.25)
+    assert explained_detail(window, 0, frames - 1) > 0.9
+
+
+def test_the_middle_of_a_sweep_is_no_blend_of_its_ends() -> None:
+    place, window = Place(3), PictureWindow(np.arange(5) / 30)
+    for frame in range(5):
+        blur = (1 + 20 * (frame in (1, 2, 3)), 1)
+        window.append(cv2.blur(place.picture(0, offset=(10.0 * frame, 0)), blur))
+    assert lost_detail(window, 0, 4) > 0.3
+    assert explained_detail(window, 0, 4) < 0.4

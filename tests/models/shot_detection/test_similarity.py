@@ -56,12 +56,7 @@ def test_one_poster_in_two_places_does_not_make_them_one() -> None:
     here[5:95, 20:75] = there[5:95, 30:85] = elsewhere[5:95, 20:75]
     recogniser = PlaceRecogniser()
     first, second = recogniser.landmarks(here), recogniser.landmarks(there)
-    poster = recogniser.similarity(first, second, alike=False)
-    assert poster is not None  # its features agree
-    np.testing.assert_allclose(poster, [[1, 0, 10], [0, 1, 0]], atol=1.5)
-    assert recogniser.similarity(first, second) is None
-    agreeing, matched = recogniser.agreeing(first, second, poster, 0.02)
-    assert 10 <= agreeing <= matched
+    assert recogniser.similarity(first, second) is None  # although its features agree
 
 
 def test_a_colour_histogram_counts_pixels() -> None:
