@@ -53,10 +53,8 @@ def begin(video: BenchVideo, config: Config) -> Beginning:
 
 
 def points_of_shots(video: BenchVideo, shots: ShotList) -> list[PointTracks]:
-    """Tracked points of every shot outside gradual transitions."""
-    return [
-        without_transitions(video.points_of(shot.start, shot.end), shot.outside_transitions) for shot in shots.shots
-    ]
+    """Tracked points of the clear frames of every shot."""
+    return [without_transitions(video.points_of(shot.start, shot.end), shot.clear) for shot in shots.shots]
 
 
 def without_swap_correction(video: BenchVideo, config: Config, start: Beginning) -> Beginning:

@@ -27,7 +27,7 @@ class CameraEstimator(Protocol):
     ) -> ShotCamera:
         """Camera of every frame of [points.start, points.end), in the axes of the shot's first camera.
 
-        `points`: of this shot alone, outside transitions, on people too; `people`: tracks of its scene; `static`: the
+        `points`: of this shot's clear frames alone, on people too; `people`: tracks of its scene; `static`: the
         user says that the camera is static.
         """
         ...

@@ -13,7 +13,7 @@ from humanmm.models.records.shots import Shot
 
 def points_of_shot(points: PointTracks, shot: Shot) -> PointTracks:
     """The tracks of a scene within one of its shots, without what was seen during gradual transitions."""
-    return without_transitions(within(points, shot.start, shot.end), shot.outside_transitions)
+    return without_transitions(within(points, shot.start, shot.end), shot.clear)
 
 
 def within(points: PointTracks, start: int, end: int) -> PointTracks:

@@ -21,6 +21,27 @@ class Transition:
         """First frame of the new shot: (start + end) // 2."""
         return (self.start + self.end) // 2
 
+    @property
+    def clear_until(self) -> int:
+        """End of the frames that show the shot before well."""
+        return self.start + self._faint_frames
+
+    @property
+    def clear_from(self) -> int:
+        """First of the frames that show the shot after well."""
+        return self.end - self._faint_frames
+
+    @property
+    def _faint_frames(self) -> int:
+        """Frames at either end of a dissolve in which the other picture has FAINT of the light at most."""
+        return int(FAINT * (self.end - self.start + 1)) if self.type == "dissolve" else 0
+
+
+FAINT = 0.3
+"""Keypoints of people over whom another picture lies with 0.1 to 0.3 of the light are off by 2.1 % of their height in the
+median (2.0 % without it), with 0.3 to 0.4 by 2.5 % and by 10 % in the mean (125 people and frames of development
+clips)."""
+
 
 @dataclass(frozen=True)
 class CorrectionNote:
@@ -90,10 +111,18 @@ class Shot:
 
     @property
     def outside_transitions(self) -> tuple[int, int]:
-        """Its frames [start, end) outside gradual transitions; inside, two pictures mix, and nothing is an
-        observation. start == end where transitions leave nothing of the shot."""
+        """Its frames [start, end) outside gradual transitions; inside, two pictures mix, and nobody counts as observed.
+        start == end where transitions leave nothing of the shot."""
         start = self.start if self.transition is None else max(self.start, self.transition.end)
         end = self.end if self.ending is None else min(self.end, self.ending.start)
+        return start, max(start, end)
+
+    @property
+    def clear(self) -> tuple[int, int]:
+        """The same with those frames of a dissolve in which the other picture is faint: evidence of people and points,
+        though not of colours and features."""
+        start = self.start if self.transition is None else max(self.start, self.transition.clear_from)
+        end = self.end if self.ending is None else min(self.end, self.ending.clear_until)
         return start, max(start, end)
 
 

@@ -200,8 +200,8 @@ def _track(scene: ScenePeople | None, shot: Sequence[Appearance], person: int) -
 
 
 def _sighting(track: PersonTrack, shot: Shot, time_s: np.ndarray) -> Sighting:
-    """The rows of a track in a shot, outside transitions."""
-    inside = in_intervals(track.frame, [shot.outside_transitions])
+    """The rows of a track in the clear frames of a shot."""
+    inside = in_intervals(track.frame, [shot.clear])
     frame = track.frame[inside]
     return Sighting(
         time_s[frame], shown_s(time_s, frame), frame, track.keypoints2d[inside], track.landmarks3d[inside],

@@ -116,7 +116,7 @@ def fit_shot(
     motions = []
     parts = parts_of(progress, shot.end - shot.start, [1.0] * len(shot.people))
     for appearance, part in zip(shot.people, parts, strict=True):
-        first, last = span = shot.outside_transitions
+        first, last = span = shot.clear
         K = camera.K[first - camera.start : last - camera.start]
         evidence = gather(scene.track_of(appearance), span, time_s, K, tracking_failures=appearance.tracking_failures)
         if evidence is not None:

@@ -249,7 +249,7 @@ def gather_clip(
         Sighting(scene.track_of(appearance), span, appearance.tracking_failures, K[slice(*span)])
         for shot in shots.shots
         if (scene := scenes[shot.scene]) is not None
-        for span in (shot.outside_transitions,)
+        for span in (shot.clear,)
         for appearance in shot.people
         if appearance.person == person
     )

@@ -111,7 +111,7 @@ def _side(results: ShotResults, shot_index: int, person: int, *, last: bool) -> 
     if scene is None or camera is None or appearance is None:
         return None
     track = scene.track_of(appearance)
-    inside = in_intervals(track.frame, [shot.outside_transitions])
+    inside = in_intervals(track.frame, [shot.clear])
     rows = np.flatnonzero(inside & ~in_intervals(track.frame, appearance.tracking_failures))
     if not len(rows):
         return None

@@ -91,11 +91,13 @@ def test_frames_that_a_dissolve_mixes_are_outside_transitions_in_neither_shot() 
     second = Shot(1, 30, 60, 1, dissolve, (), ending=Transition("cut", 60, 60, "scene"))
     assert first.outside_transitions == (0, 25)
     assert second.outside_transitions == (36, 60)
+    assert (first.clear, second.clear) == ((0, 28), (33, 60))  # the other picture has a quarter of the light at 27, 33
 
 
 def test_a_shot_between_two_long_dissolves_may_have_no_frame_outside_transitions() -> None:
     shot = Shot(1, 30, 40, 1, Transition("dissolve", 22, 38, "scene"), (), Transition("fade", 36, 44, "scene"))
     assert shot.outside_transitions == (38, 38)
+    assert shot.clear == (33, 36)
 
 
 def test_a_cut_that_people_show_and_the_user_removes_is_gone_and_one_that_nobody_shows_does_not_fit() -> None:

@@ -90,14 +90,12 @@ def within(motion: ShotMotion, clear: tuple[int, int]) -> ShotMotion:
     return replace(motion, people=(replace(person, **kept),))
 
 
-def test_frames_of_a_dissolve_are_not_observed_on_either_side() -> None:
+def test_the_middle_of_a_dissolve_is_not_observed_on_either_side() -> None:
     whole = results()
-    dissolve = Transition("dissolve", 17, 23, "scene")
+    dissolve = Transition("dissolve", 14, 26, "scene")
     first, second = replace(whole.shots.shots[0], ending=dissolve), replace(whole.shots.shots[1], transition=dissolve)
     shots = replace(whole.shots, shots=(first, second, whole.shots.shots[2]))
-    motions = [
-        within(m, shot.outside_transitions) for m, shot in zip(whole.motions, shots.shots, strict=True) if m is not None
-    ]
+    motions = [within(m, shot.clear) for m, shot in zip(whole.motions, shots.shots, strict=True) if m is not None]
     world = align(replace(whole, shots=shots, motions=motions))
     hidden = np.flatnonzero(~world.people[0].observed)
     np.testing.assert_array_equal(hidden, np.arange(17, 23))
