@@ -38,8 +38,8 @@ class Transition:
 
 
 FAINT = 0.3
-"""Keypoints of people over whom another picture lies with 0.1 to 0.3 of the light are off by 2.1 % of their height in the
-median (2.0 % without it), with 0.3 to 0.4 by 2.5 % and by 10 % in the mean (125 people and frames of development
+"""Keypoints of people over whom another picture lies with 0.1 to 0.3 of the light are off by 2.1 % of their height in
+the median (2.0 % without it), with 0.3 to 0.4 by 2.5 % and by 10 % in the mean (125 people and frames of development
 clips)."""
 
 
