@@ -12,7 +12,7 @@ from humanmm.models.records.shots import Shot
 
 
 def points_of_shot(points: PointTracks, shot: Shot) -> PointTracks:
-    """The tracks of a scene within one of its shots, without what was seen during gradual transitions."""
+    """The tracks of a scene within one of its shots, in the clear frames."""
     return without_transitions(within(points, shot.start, shot.end), shot.clear)
 
 

@@ -113,17 +113,24 @@ class Shot:
     def outside_transitions(self) -> tuple[int, int]:
         """Its frames [start, end) outside gradual transitions; inside, two pictures mix, and nobody counts as observed.
         start == end where transitions leave nothing of the shot."""
-        start = self.start if self.transition is None else max(self.start, self.transition.end)
-        end = self.end if self.ending is None else min(self.end, self.ending.start)
-        return start, max(start, end)
+        return self._within(
+            self.start if self.transition is None else self.transition.end,
+            self.end if self.ending is None else self.ending.start,
+        )
 
     @property
     def clear(self) -> tuple[int, int]:
         """The same with those frames of a dissolve in which the other picture is faint: evidence of people and points,
         though not of colours and features."""
-        start = self.start if self.transition is None else max(self.start, self.transition.clear_from)
-        end = self.end if self.ending is None else min(self.end, self.ending.clear_until)
-        return start, max(start, end)
+        return self._within(
+            self.start if self.transition is None else self.transition.clear_from,
+            self.end if self.ending is None else self.ending.clear_until,
+        )
+
+    def _within(self, first: int, last: int) -> tuple[int, int]:
+        """What of [first, last) lies in the shot."""
+        start = max(self.start, first)
+        return start, max(start, min(self.end, last))
 
 
 DOUBTFUL = 0.5
