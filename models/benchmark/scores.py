@@ -9,13 +9,13 @@ from humanmm.models.benchmark.methods import MethodMotion, VideoMotions
 from humanmm.models.benchmark.oracles import with_true_cuts
 from humanmm.models.body.body24 import JOINT_NAMES, load_body
 from humanmm.models.evaluation.after_cuts import anchor_mpjpe_mm, root_errors_after_cuts_m
-from humanmm.models.evaluation.cameras import errors_inside_shots_m, known
+from humanmm.models.evaluation.cameras import errors_inside_shots_m, known, rotation_across
 from humanmm.models.evaluation.contacts import contact_f1
 from humanmm.models.evaluation.cuts import GRADUAL_TOLERANCE_FRAMES
 from humanmm.models.evaluation.evaluate import evaluate
 from humanmm.models.evaluation.people import identity_f1
 from humanmm.models.evaluation.report import Report
-from humanmm.models.geometry.rotations import rotmat_to_rotvec
+from humanmm.models.geometry.rotations import rotation_angle
 from humanmm.models.motion.assemble import assemble, world_joints
 from humanmm.models.records.motion import WorldMotion
 from humanmm.models.records.recording import Recording
@@ -129,7 +129,7 @@ def _inside_shots(predicted: MotionSequence, truth: MotionSequence) -> list[Figu
         return []
     usable = known(sides[0]) & known(sides[1])
     try:
-        ate_m, rpe_m = errors_inside_shots_m(sides[0], sides[1], shots=truth.shots, usable=usable)
+        ate_m, rpe_m = errors_inside_shots_m(sides[0], sides[1], shots=truth.shots_outside_transitions, usable=usable)
     except UndefinedFigureError:
         return []
     return [Figure("cam_shot_ate_m", ate_m), Figure("cam_shot_rpe_trans_m", rpe_m)]
@@ -139,9 +139,7 @@ def cut_angles_deg(truth: MotionSequence) -> list[float]:
     """True angle between the cameras on both sides of every cut, degrees."""
     if truth.cameras is None:
         return []
-    R = truth.cameras.R_world_cam
-    rotations = [R[cut - 1].T @ R[cut] for cut in truth.cut_frames]
-    return [float(np.rad2deg(np.linalg.norm(rotmat_to_rotvec(one)))) for one in rotations]
+    return [float(np.rad2deg(rotation_angle(rotation_across(truth.cameras, one)))) for one in truth.transitions]
 
 
 def _score(video: BenchVideo, done: MethodMotion) -> MethodFigures:

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from humanmm.models.geometry.alignment import umeyama_alignment
-from humanmm.models.geometry.rotations import rotation_angle
+from humanmm.models.geometry.rotations import angle_between_deg, rotation_angle
 from humanmm.models.records.sequence import CameraSequence, UndefinedFigureError
 
 SAME_PLACE_M = 1e-6
@@ -78,22 +78,38 @@ def relative_pose_errors(
     return float(np.mean(rotation_deg)), float(np.mean(translation_m))
 
 
+def frames_beside(transition: tuple[int, int], num_frames: int) -> tuple[int, int]:
+    """The last frame before a transition [start, end) and the first after it, or the video's own ends.
+
+    In which frame of a dissolve one camera follows the other is nobody's error of rotation.
+    """
+    start, end = transition
+    return max(start - 1, 0), min(end, num_frames - 1)
+
+
+def rotation_across(cameras: CameraSequence, transition: tuple[int, int]) -> Float[np.ndarray, "3 3"]:
+    """R_before_after of the cameras on both sides of a transition."""
+    before, after = frames_beside(transition, len(cameras.R_world_cam))
+    return np.asarray(cameras.R_world_cam[before].T @ cameras.R_world_cam[after])
+
+
 def cut_rotation_errors_deg(
     predicted: CameraSequence,
     truth: CameraSequence,
     *,
-    cut_frames: Sequence[int],
+    transitions: Sequence[tuple[int, int]],
     usable: Bool[np.ndarray, "frames"],
 ) -> list[float | None]:
-    """Error of the relative camera rotation across each of the truth's cuts, degrees; None where it is not known."""
+    """Error of `rotation_across` at each of the truth's transitions, degrees; None where it is not known, or where
+    `usable` ends before the transition does."""
     errors: list[float | None] = []
-    for cut in cut_frames:
-        if not (0 < cut < len(usable) and usable[cut - 1] and usable[cut]):
+    for transition in transitions:
+        before, after = frames_beside(transition, len(usable))
+        if before < after and usable[before] and usable[after]:
+            across = [rotation_across(cameras, transition) for cameras in (predicted, truth)]
+            errors.append(angle_between_deg(*across))
+        else:
             errors.append(None)
-            continue
-        R_predicted = predicted.R_world_cam[cut - 1].T @ predicted.R_world_cam[cut]
-        R_truth = truth.R_world_cam[cut - 1].T @ truth.R_world_cam[cut]
-        errors.append(float(np.degrees(rotation_angle(R_truth.T @ R_predicted))))
     return errors
 
 

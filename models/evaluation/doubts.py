@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
+from humanmm.models.evaluation.cameras import rotation_across
 from humanmm.models.evaluation.cuts import score_cuts
 from humanmm.models.evaluation.pairs import Pair, pairs_of
 from humanmm.models.geometry.intervals import runs_of_true
@@ -71,7 +72,7 @@ def judged(record: Mapping[str, Any], prediction: MotionSequence, truth: MotionS
     if cameras[0] is not None and cameras[1] is not None:
         both = cameras[0], cameras[1]
         found += _facings(record, pairs, both, truth.fps)
-        found += _cuts(record, both, [cut for cut in truth.cut_frames if cut not in truth.unlinked_cuts])
+        found += _cuts(record, both, truth)
         found += _lenses_and_paths(record, both, starts)
     wrong = any(one.wrong for one in found)
     return [*found, Judgement(CLIP, wrong, bool(record["warnings"]))]
@@ -103,13 +104,17 @@ def _in_camera_deg(pair: Pair, both: Cameras) -> Float[Array, " n"]:
     return np.asarray(np.degrees(rotation_distance(*seen)))
 
 
-def _cuts(record: Mapping[str, Any], both: Cameras, true_cuts: Sequence[int]) -> Iterator[Judgement]:
+def _cuts(record: Mapping[str, Any], both: Cameras, truth: MotionSequence) -> Iterator[Judgement]:
+    """Of each shot whose beginning is a true cut, or lies within a true transition."""
     for shot in record["shots"]:
         cut, join = shot["start"], shot["join"]
-        if shot["linked"] and join is not None and cut in true_cuts:
-            across = [cameras.R_world_cam[cut - 1].T @ cameras.R_world_cam[cut] for cameras in both]
-            warned = is_doubtful_cut(join["uncertainty_deg"], join["probability"])
-            yield Judgement("cut", angle_between_deg(*across) > DOUBTFUL_DEG, warned)
+        if not shot["linked"] or join is None:
+            continue
+        for (start, end), middle in zip(truth.transitions, truth.cut_frames, strict=True):
+            if start <= cut <= end and middle not in truth.unlinked_cuts:
+                across = [rotation_across(cameras, (start, end)) for cameras in both]
+                warned = is_doubtful_cut(join["uncertainty_deg"], join["probability"])
+                yield Judgement("cut", angle_between_deg(*across) > DOUBTFUL_DEG, warned)
 
 
 def _lenses_and_paths(record: Mapping[str, Any], both: Cameras, true_starts: Sequence[int]) -> Iterator[Judgement]:

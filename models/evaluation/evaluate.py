@@ -262,12 +262,12 @@ def _cameras(prediction: MotionSequence, truth: MotionSequence, problems: Proble
         problems.note(
             f"{int((~usable).sum())} of {common} frames are in no camera error: one side's camera is not known."
         )
-    shots = [(start, min(end, common)) for start, end in truth.shots if start < common]
+    shots = [(start, min(end, common)) for start, end in truth.shots_outside_transitions if start < common]
     steps = problems.figure(
         "cam_rpe_rot_deg, cam_rpe_trans_m",
         lambda: cameras.relative_pose_errors(predicted, true, shots=shots, usable=usable),
     )
-    at_cuts = cameras.cut_rotation_errors_deg(predicted, true, cut_frames=truth.cut_frames, usable=usable)
+    at_cuts = cameras.cut_rotation_errors_deg(predicted, true, transitions=truth.transitions, usable=usable)
     if truth.unlinked_cuts:
         problems.note(
             "The shots lie in worlds that nothing joins: cam_ate_m is missing, cam_cut_rot_deg null between them."

@@ -78,3 +78,9 @@ class MotionSequence:
         """[start, end) of every shot."""
         starts = [0, *self.cut_frames]
         return tuple(zip(starts, [*starts[1:], self.num_frames], strict=True))
+
+    @property
+    def shots_outside_transitions(self) -> tuple[tuple[int, int], ...]:
+        """[start, end) of every shot without the frames that show another one too."""
+        starts = [0, *(end for _, end in self.transitions)]
+        return tuple(zip(starts, [*(start for start, _ in self.transitions), self.num_frames], strict=True))

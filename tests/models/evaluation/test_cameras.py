@@ -70,8 +70,27 @@ def test_a_wrong_rotation_at_the_cut_is_found_whatever_the_world(truth: CameraSe
     R[60:] = R[60:] @ rotvec_to_rotmat([0.0, np.radians(25), 0.0])
     wrong = dataclasses.replace(truth, R_world_cam=R)
     usable = np.ones(130, bool)
-    assert cameras.cut_rotation_errors_deg(wrong, truth, cut_frames=(60,), usable=usable) == pytest.approx([25.0])
+    assert cameras.cut_rotation_errors_deg(wrong, truth, transitions=((60, 60),), usable=usable) == pytest.approx(
+        [25.0]
+    )
     drift = cameras.shot_drift_deg(wrong, truth, shots=((0, 60), (60, 130)), usable=usable)
+    assert drift == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_dissolve_is_judged_by_the_cameras_before_and_after_it(truth: CameraSequence) -> None:
+    """The middle of a dissolve that was found two frames late is no error of the rotation, nor inside a shot."""
+    R = truth.R_world_cam.copy()
+    R[60:] = R[60:] @ rotvec_to_rotmat([0.0, 1.2, 0.0])
+    late = R.copy()
+    late[60:62] = R[59]
+    sides, usable = [dataclasses.replace(truth, R_world_cam=one) for one in (late, R)], np.ones(130, bool)
+    as_a_cut = cameras.cut_rotation_errors_deg(*sides, transitions=((60, 60),), usable=usable)
+    assert as_a_cut[0] is not None and as_a_cut[0] > 30
+    found = cameras.cut_rotation_errors_deg(*sides, transitions=((54, 66),), usable=usable)
+    assert found == pytest.approx([0.0], abs=1e-6)
+    sequence = MotionSequence(130, 30.0, (), (), ((54, 66),))
+    assert sequence.shots_outside_transitions == ((0, 54), (66, 130))
+    drift = cameras.shot_drift_deg(*sides, shots=sequence.shots_outside_transitions, usable=usable)
     assert drift == pytest.approx(0.0, abs=1e-6)
 
 
@@ -87,7 +106,7 @@ def test_frames_without_a_camera_are_left_out(truth: CameraSequence) -> None:
     t[10:60] = np.nan
     usable = cameras.known(dataclasses.replace(truth, t_world_cam=t))
     assert usable.sum() == 80
-    errors = cameras.cut_rotation_errors_deg(truth, truth, cut_frames=(60, 100), usable=usable)
+    errors = cameras.cut_rotation_errors_deg(truth, truth, transitions=((60, 60), (100, 100)), usable=usable)
     assert errors == [None, pytest.approx(0.0, abs=1e-6)]
 
 
