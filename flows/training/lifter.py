@@ -22,6 +22,8 @@ from humanmm.storage.training.pair_set import read_pairs
 from humanmm.tasks.units.process import prepare_process
 
 SHIPPED, SHIPPED_KEYPOINTS = "lifter.safetensors", "keypoint_lifter.safetensors"
+NOBODY = "nobody"
+"""Whose motion a routine is (`rendering.places.takes.Performance`)."""
 MEASURED = 256
 """Windows of other subjects that the keypoint lifter is measured on."""
 
@@ -36,11 +38,14 @@ def train_lifter(
     """
     prepare_process()
     recipe = recipe or LifterRecipe()
-    arrays, _ = read_pairs(pairs, "train")
+    arrays, facts = read_pairs(pairs, "train")
     windows, errors = windows_of(arrays)
     dev, _ = windows_of(read_pairs(pairs, "dev")[0])
     takes = _takes(packs, "train", recipe.seed)
-    training = lifter_training(recipe, windows, OtherMotion(takes, arrays, windows, errors), device=device)
+    training = lifter_training(
+        recipe, windows, OtherMotion(takes, arrays, windows, errors, routines=recipe.routines),
+        is_routine=np.array([shown.get("subject") == NOBODY for shown in facts]), device=device,
+    )  # fmt: skip
 
     def measured(network: LifterNetwork) -> Mapping[str, float]:
         found = score(network, dev)

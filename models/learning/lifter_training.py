@@ -5,31 +5,45 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
+from jaxtyping import Bool
 from torch import Tensor
 
 from humanmm.models.learning.keypoint_motion import KeypointMotion
 from humanmm.models.learning.objective import loss
-from humanmm.models.learning.other_motion import OtherMotion
+from humanmm.models.learning.other_motion import OtherMotion, with_routines
 from humanmm.models.learning.training import Recipe, Training
 from humanmm.models.learning.windows import Variation, Windows, varied
 from humanmm.models.perception.lifting.network import LifterNetwork
+
+Array = np.ndarray
 
 
 @dataclass(frozen=True)
 class LifterRecipe(Recipe):
     """See `Recipe`."""
 
-    steps: int = 12_000
+    steps: int = 30_000
+    patience: int = 20
     other_motion: float = 0.5
     """Fraction of the batches that show other motion than was rendered."""
     coco: tuple[float, float] = (0.15, 0.5)
     """Windows with COCO's keypoints alone: of rendered and of other motion."""
+    routines: float = 0.3
+    """Fraction of either that shows a routine: there are few among the takes, and nobody captures what they show."""
 
 
 def lifter_training(
-    recipe: LifterRecipe, windows: Windows, other: OtherMotion, *, device: str = "cpu"
+    recipe: LifterRecipe,
+    windows: Windows,
+    other: OtherMotion,
+    *,
+    is_routine: Bool[Array, " W"] | None = None,
+    device: str = "cpu",
 ) -> Training[LifterNetwork]:
-    """A training at its first step."""
+    """A training at its first step; `is_routine` says which windows show a routine."""
+    nothing = np.zeros(len(windows), dtype=bool)
+    probability = with_routines(np.ones(len(windows)), nothing if is_routine is None else is_routine, recipe.routines)
+    weights = torch.from_numpy(probability)
 
     def build() -> LifterNetwork:
         network = LifterNetwork()
@@ -41,7 +55,7 @@ def lifter_training(
         if rng.random() < recipe.other_motion:
             drawn, coco = other.draw(recipe.batch, rng), recipe.coco[1]
         else:
-            index = torch.randint(len(windows), (recipe.batch,), generator=generator)
+            index = torch.multinomial(weights, recipe.batch, replacement=True, generator=generator)
             drawn, coco = windows.chosen(index), recipe.coco[0]
         wanted, given = varied(drawn, Variation(coco=coco), generator)
         return loss(network(given.to(device)), wanted.to(device))

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from humanmm.models.body.kinematics import seen_rotations
 from humanmm.models.body.landmarks import load_landmarks
@@ -43,15 +43,19 @@ class Take:
     landmarks: Float[Array, "N 33 3"]
     rotations: Float[Array, "N 20 3 3"]
     contacts: Float[Array, "N 4"]
+    is_routine: bool = False
+    """Of `models.synthetic.choreography`, nobody's."""
 
 
 def takes_on_bodies(sequences: Sequence[MocapSequence], rng: np.random.Generator) -> list[Take]:
     """Every sequence on a few random bodies, also with arms of others, and routines."""
-    model, takes = load_landmarks(), []
+    model = load_landmarks()
+    takes: list[Take] = []
     routines = [choreography(KINDS[k % len(KINDS)], "routine", ROUTINE_S, rng) for k in range(ROUTINES)]
     again = [take for take in sequences for _ in range(BODIES_A_TAKE)]
     mixed = [with_arms_of(take, sequences[int(rng.integers(len(sequences)))], rng) for take in again]
-    for sequence in [*again, *(take for take in mixed if take is not None), *routines]:
+    captured = [*again, *(take for take in mixed if take is not None)]
+    for sequence in [*captured, *routines]:
         actor = pose_actor(sequence, rng, betas=shape(random_body(rng), rng))
         takes.append(
             Take(
@@ -59,20 +63,31 @@ def takes_on_bodies(sequences: Sequence[MocapSequence], rng: np.random.Generator
                 model.place(actor.betas, actor.joints, actor.R_world_joint).astype(np.float32),
                 seen_rotations(actor.R_world_joint[:, 0], actor.body_pose).astype(np.float32),
                 actor.contacts.astype(np.float32),
+                len(takes) >= len(captured),
             )
         )
     return [take for take in takes if len(take.landmarks) > 8]
 
 
+def with_routines(weight: Float[Array, " n"], is_routine: Bool[Array, " n"], fraction: float) -> Float[Array, " n"]:
+    """Probabilities by weight, with a fraction of all for routines, if there are any beside other motion."""
+    probability = weight / weight.sum()
+    own = probability[is_routine].sum()
+    if 0 < own < 1:
+        probability = probability * np.where(is_routine, fraction / own, (1 - fraction) / (1 - own))
+    return np.asarray(probability)
+
+
 class OtherMotion:
-    """Draws windows; `arrays` are those of the rendered ones."""
+    """Draws windows; `arrays` are those of the rendered ones, a fraction `routines` of them shows a routine."""
 
     def __init__(
-        self, takes: Sequence[Take], arrays: Mapping[str, Array], windows: Windows, errors: PairErrors
-    ) -> None:
+        self, takes: Sequence[Take], arrays: Mapping[str, Array], windows: Windows, errors: PairErrors,
+        *, routines: float,
+    ) -> None:  # fmt: skip
         self._takes, self._arrays, self._windows, self._errors = takes, arrays, windows, errors
         seconds = np.array([len(take.landmarks) / take.fps for take in takes])
-        self._probability = seconds / seconds.sum()
+        self._probability = with_routines(seconds, np.array([take.is_routine for take in takes]), routines)
         self._usable = np.flatnonzero(windows.exists.float().mean(dim=1).numpy() > MOSTLY_SEEN)
 
     def draw(self, count: int, rng: np.random.Generator) -> Windows:

@@ -16,7 +16,7 @@ RECIPE = LifterRecipe(steps=6, batch=2, warm_up=2)
 
 def training() -> Training[LifterNetwork]:
     windows, errors = windows_of(pair_arrays())
-    return lifter_training(RECIPE, windows, OtherMotion([walk()], pair_arrays(), windows, errors))
+    return lifter_training(RECIPE, windows, OtherMotion([walk()], pair_arrays(), windows, errors, routines=0.3))
 
 
 def test_a_restored_training_gives_the_same_weights() -> None:
