@@ -29,6 +29,7 @@ from humanmm.models.video.reading import read_facts
 from humanmm.parts import load
 from humanmm.storage.run_folder.looped_video import write_looped
 from humanmm.storage.run_folder.run_record import read_run_record
+from humanmm.tasks.pictures import stage_times
 
 _WARM_UP_FRAMES = 3
 
@@ -167,10 +168,7 @@ def measure_floor(video: Path, facts: VideoFacts, config: Config) -> Floor:
 
 def stage_milliseconds(record: Mapping[str, Any], num_frames: int) -> dict[str, float]:
     """Milliseconds a frame of every stage in run.json, its units added up."""
-    totals: dict[str, float] = {}
-    for entry in record["stages"]:
-        totals[entry["stage"]] = totals.get(entry["stage"], 0.0) + 1000 * float(entry["seconds"]) / num_frames
-    return totals
+    return {row.stage: 1000 * row.seconds / num_frames for row in stage_times(record)}
 
 
 def stages_wall_s(record: Mapping[str, Any]) -> float:

@@ -202,6 +202,7 @@ class ScenePeople:
     start: int
     end: int
     tracks: tuple[PersonTrack, ...]
+    warnings: tuple[str, ...] = ()
 
     def track_of(self, appearance: Appearance) -> PersonTrack:
         """The track of a person in a shot, with left and right as they are, not as the detector swapped them.

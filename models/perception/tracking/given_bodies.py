@@ -29,6 +29,8 @@ Array = np.ndarray
 
 GIVEN_RAD = 0.03
 """Expected error of a given joint rotation: less than any network's, so that the fit keeps to it."""
+SQUEEZED = 0.02
+"""By how much a system may take people for narrower or wider than they are before a warning says so."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +81,21 @@ def people_of_bodies(
     found = [_track(body, slice(*np.searchsorted(body.frame, span)), (facts.width, facts.height)) for body in bodies]
     tracks = [one for one in found if float(shown_s(facts.time_s, one.frame).sum()) >= shortest_s]
     tracks.sort(key=lambda one: -float((one.bbox[:, 2:] - one.bbox[:, :2]).prod(axis=1).sum()))
-    return ScenePeople(start, end, tuple(tracks[:max_people]))
+    return ScenePeople(start, end, tuple(tracks[:max_people]), _squeezed(bodies))
+
+
+def _squeezed(bodies: Sequence[GivenBody]) -> tuple[str, ...]:
+    """A warning if the system saw pixels that are not square, which it takes for square: fx and fy tell, brought into
+    square pixels."""
+    ratio = np.concatenate([body.K[:, 0, 0] / body.K[:, 1, 1] for body in bodies])
+    worst = max(ratio.tolist(), key=lambda one: abs(np.log(one)), default=1.0)
+    if abs(np.log(worst)) < SQUEEZED:
+        return ()
+    seen = f"{worst:.2f} times narrower" if worst > 1 else f"{1 / worst:.2f} times wider"
+    return (
+        f"the given bodies were found in pixels that are not square, in which people look {seen}: their limbs are as "
+        "wrong; give that system, and this program, the video in square pixels",
+    )
 
 
 def _track(body: GivenBody, rows: slice, size: tuple[int, int]) -> PersonTrack:

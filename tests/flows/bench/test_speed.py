@@ -7,10 +7,10 @@ from humanmm.flows.bench.speed import Floor, Speed, stage_milliseconds, stages_w
 
 RECORD = {
     "stages": [
-        {"stage": "decode", "began": 100.0, "seconds": 1.0},
-        {"stage": "people", "began": 101.0, "seconds": 4.0},
-        {"stage": "people", "began": 101.5, "seconds": 5.0},
-        {"stage": "shots", "began": None, "seconds": 0.0},
+        {"stage": "decode", "began": 100.0, "seconds": 1.0, "state": "computed"},
+        {"stage": "people", "began": 101.0, "seconds": 4.0, "state": "computed"},
+        {"stage": "people", "began": 101.5, "seconds": 5.0, "state": "computed"},
+        {"stage": "shots", "began": None, "seconds": 0.0, "state": "computed"},
     ]
 }
 
@@ -25,7 +25,7 @@ def test_the_wall_runs_from_the_first_start_to_the_last_end() -> None:
 
 def test_a_run_that_computed_nothing_has_no_speed() -> None:
     with pytest.raises(StageError):
-        stages_wall_s({"stages": [{"stage": "decode", "began": None, "seconds": 0.0}]})
+        stages_wall_s({"stages": [{"stage": "decode", "began": None, "seconds": 0.0, "state": "computed"}]})
 
 
 def test_the_ratio_to_the_floor_is_wall_a_frame_over_the_least_a_frame() -> None:

@@ -1,5 +1,7 @@
 """Bodies of another system become tracks that say the same: landmarks, rotations, where they are in the picture."""
 
+from dataclasses import replace
+
 import numpy as np
 from two_people import recording
 
@@ -53,6 +55,14 @@ def test_places_alone_say_nothing_of_rotations() -> None:
     (track,) = people_of_bodies([places], FACTS, (0, 25), max_people=6).tracks
     assert track.pose is not None and (track.pose.sigma == UNKNOWN_RAD).all()
     assert (track.keypoints2d[:, ~known, 2] == 0).all()
+
+
+def test_a_system_that_saw_pixels_which_are_not_square_is_not_believed_silently() -> None:
+    body = bodies()[0]
+    for factor, words in ((1.0, ""), (16 / 11, "1.45 times narrower"), (2 / 3, "1.50 times wider")):
+        given = replace(body, K=body.K * np.array([factor, 1.0, 1.0])[:, None])
+        warnings = people_of_bodies([given], FACTS, (0, 25), max_people=6).warnings
+        assert len(warnings) == bool(words) and all(words in warning for warning in warnings)
 
 
 def test_whoever_is_behind_the_camera_or_out_of_the_picture_is_not_seen() -> None:
