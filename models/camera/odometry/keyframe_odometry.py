@@ -224,14 +224,9 @@ class _MovingRun:
         index = np.concatenate(parts)
         number = np.repeat(np.arange(len(images)), [len(part) for part in parts])
         keep = self.known[self.observations.point[index]]
-        used, point = np.unique(self.observations.point[index[keep]], return_inverse=True)
-        local = Observations(number[keep], point, self.observations.xy[index[keep]])
+        seen = Observations(number[keep], self.observations.point[index[keep]], self.observations.xy[index[keep]])
         fixed = np.arange(len(images)) < num_fixed
-        window = _views_of(self.views, images)
-        result = adjust(window, self.points.select(used), local, fixed=fixed, freedom=self.freedom, iterations=6)
-        self.views.R_shot_cam[images] = result.views.R_shot_cam
-        self.views.t_shot_cam[images] = result.views.t_shot_cam
-        _put(self.points, used, result.points)
+        _adjust_part(self.views, self.points, images, seen, fixed, freedom=self.freedom, iterations=6)
 
     def finish(self) -> Track:
         """Adjust everything, the second time without outliers, and make the first keyframe the frame of the shot."""
@@ -315,15 +310,29 @@ def _adjust_window(
     third of overlap stay fixed."""
     first = max(0, stop - WINDOW)
     part = slice(begins[first], begins[stop])
-    used, point = np.unique(observations.point[part], return_inverse=True)
-    local = Observations(observations.image[part] - first, point, observations.xy[part])
-    fixed = np.zeros(stop - first, bool)
-    fixed[: 1 if first == 0 else WINDOW // 3] = True
-    window = _views_of(views, np.arange(first, stop))
-    result = adjust(window, points.select(used), local, fixed=fixed, freedom=freedom, iterations=5)
-    views.R_shot_cam[first:stop] = result.views.R_shot_cam
-    views.t_shot_cam[first:stop] = result.views.t_shot_cam
-    views.log_zoom[first:stop] = result.views.log_zoom
+    seen = Observations(observations.image[part] - first, observations.point[part], observations.xy[part])
+    fixed = np.arange(first, stop) < first + (1 if first == 0 else WINDOW // 3)
+    _adjust_part(views, points, np.arange(first, stop), seen, fixed, freedom=freedom, iterations=5)
+
+
+def _adjust_part(
+    views: Views,
+    points: Points,
+    images: np.ndarray,
+    seen: Observations,
+    fixed: np.ndarray,
+    *,
+    freedom: Freedom,
+    iterations: int,
+) -> None:
+    """Adjust some keyframes and the points that they see, in place; `seen` counts the images from the first of them."""
+    used, point = np.unique(seen.point, return_inverse=True)
+    local = Observations(seen.image, point, seen.xy)
+    window = _views_of(views, images)
+    result = adjust(window, points.select(used), local, fixed=fixed, freedom=freedom, iterations=iterations)
+    views.R_shot_cam[images] = result.views.R_shot_cam
+    views.t_shot_cam[images] = result.views.t_shot_cam
+    views.log_zoom[images] = result.views.log_zoom
     _put(points, used, result.points)
 
 
