@@ -22,8 +22,10 @@ Array = np.ndarray
 class LifterRecipe(Recipe):
     """See `Recipe`."""
 
-    steps: int = 30_000
+    steps: int = 9_500
     patience: int = 20
+    dropout: float = 0.0
+    """In every block. A network that errs on its own windows as on others has nothing to forget."""
     other_motion: float = 0.5
     """Fraction of the batches that show other motion than was rendered."""
     coco: tuple[float, float] = (0.15, 0.5)
@@ -46,7 +48,7 @@ def lifter_training(
     weights = torch.from_numpy(probability)
 
     def build() -> LifterNetwork:
-        network = LifterNetwork()
+        network = LifterNetwork(dropout=recipe.dropout)
         with torch.no_grad():
             network.mean.copy_(windows.truth[windows.exists].mean(dim=0))
         return network
@@ -68,6 +70,7 @@ class KeypointRecipe(Recipe):
     """See `Recipe`."""
 
     steps: int = 16_000
+    dropout: float = 0.1
 
 
 def keypoint_training(
@@ -79,7 +82,7 @@ def keypoint_training(
     )
 
     def build() -> LifterNetwork:
-        network = LifterNetwork()
+        network = LifterNetwork(dropout=recipe.dropout)
         with torch.no_grad():
             network.mean.copy_(motion.draw(256, np.random.default_rng(recipe.seed)).truth.mean(dim=(0, 1)))
         return network

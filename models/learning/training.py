@@ -44,7 +44,7 @@ class Training(Generic[Net]):
         self.recipe, self._build, self._loss, self._device = recipe, build, loss, device
         self.network = build().to(device)
         self.optimiser = torch.optim.AdamW(
-            self.network.parameters(), recipe.rate, weight_decay=recipe.weight_decay, betas=(0.9, 0.98)
+            self.network.parameters(), recipe.rate, weight_decay=recipe.weight_decay, betas=(0.9, 0.98), fused=True
         )
         self.averaged = {name: value.clone() for name, value in self.network.state_dict().items()}
         self.generator = torch.Generator().manual_seed(recipe.seed + 1)

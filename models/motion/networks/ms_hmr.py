@@ -23,6 +23,8 @@ from humanmm.models.perception.lifting.network import Block, rotary, rotations_o
 
 REACH_S = 1.01
 """Frames farther apart do not see each other in one layer."""
+DROPOUT = 0.1
+"""In training."""
 SHOT_PERIODS = 64
 """Longest period of the encoding of a shot's index."""
 
@@ -44,7 +46,7 @@ class MsHmr(nn.Module):
         super().__init__()
         features = POSE_FEATURES + PATH_FEATURES
         self.inward = nn.Sequential(nn.Linear(features, 2 * width), nn.GELU(), nn.Linear(2 * width, width))
-        self.blocks = nn.ModuleList(Block(width, heads) for _ in range(depth))
+        self.blocks = nn.ModuleList(Block(width, heads, DROPOUT) for _ in range(depth))
         self.norm = nn.LayerNorm(width)
         self.outward = nn.Linear(width, JOINTS * 7)
         nn.init.zeros_(self.outward.weight)

@@ -94,10 +94,10 @@ _PARTS = (NUM_LANDMARKS * 3, JOINTS * 6, JOINTS, 1, 4)
 class LifterNetwork(nn.Module):
     """See the module."""
 
-    def __init__(self, width: int = 192, depth: int = 5, heads: int = 6) -> None:
+    def __init__(self, width: int = 192, depth: int = 5, heads: int = 6, *, dropout: float = 0.0) -> None:
         super().__init__()
         self.inward = nn.Sequential(nn.Linear(FEATURES, 2 * width), nn.GELU(), nn.Linear(2 * width, width))
-        self.blocks = nn.ModuleList(Block(width, heads) for _ in range(depth))
+        self.blocks = nn.ModuleList(Block(width, heads, dropout) for _ in range(depth))
         self.norm = nn.LayerNorm(width)
         self.outward = nn.Linear(width, sum(_PARTS))
         nn.init.zeros_(self.outward.weight)
@@ -142,13 +142,13 @@ def rotations_of(six: Tensor) -> Tensor:
 class Block(nn.Module):
     """Attention and a perceptron, normalised before (Xiong et al. 2020), over frames with rotary positions."""
 
-    def __init__(self, width: int, heads: int) -> None:
+    def __init__(self, width: int, heads: int, dropout: float) -> None:
         super().__init__()
         self.heads = heads
         self.norm1, self.norm2 = nn.LayerNorm(width), nn.LayerNorm(width)
         self.qkv, self.out = nn.Linear(width, 3 * width), nn.Linear(width, width)
         self.mlp = nn.Sequential(nn.Linear(width, 3 * width), nn.GELU(), nn.Linear(3 * width, width))
-        self.dropout = nn.Dropout(0.1)
+        self.dropout = nn.Dropout(dropout)
 
     def forward(self, h: Tensor, positions: tuple[Tensor, Tensor], mask: Tensor) -> Tensor:
         """(B,n,width) to the same; `positions` by `rotary`, `mask` true where a frame sees another."""
