@@ -169,5 +169,7 @@ class WorldMotion:
     """Of every shot whose camera travels and whose scale was not given."""
     focal_factor: float = 1.0
     """How many times as long as `intrinsics` has it the focal length in `K` is: the solve for positions knows more."""
+    focal_dispute: float = 0.0
+    """By how much the solve would change the logarithm of the focal length, where that is too much to believe."""
     facings: tuple[Facing, ...] = ()
     """Of everybody in every shot."""

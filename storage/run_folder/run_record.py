@@ -4,7 +4,7 @@ import json
 import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -84,6 +84,7 @@ def run_record(  # noqa: PLR0913 (one a section of run.json)
 ) -> dict[str, Any]:
     """The tree of run.json."""
     people, fallbacks = _people(shots, motion, guesses, corrections), _fallbacks(shots, motion)
+    intrinsics = _disputed(intrinsics, motion)
     return {
         "schema": SCHEMA,
         "state": state,
@@ -255,6 +256,14 @@ def _transition(transition: Transition | None) -> dict[str, Json] | None:
     if transition is None:
         return None
     return {"type": transition.type, "start": transition.start, "end": transition.end, "evidence": transition.evidence}
+
+
+def _disputed(intrinsics: "Intrinsics", motion: WorldMotion | None) -> "Intrinsics":
+    """No more certain than the people's feet and paths, which contradict it, leave it."""
+    if motion is None:
+        return intrinsics
+    uncertainty = max(intrinsics.relative_uncertainty, motion.focal_dispute)
+    return replace(intrinsics, relative_uncertainty=uncertainty)
 
 
 def _people(

@@ -64,8 +64,12 @@ def align(
     somebody.
     """
     world = _aligned(results, method, known_rotations or {}, witnesses, progress)
-    if abs(np.log(world.focal_factor)) < REFOCUSED:
+    change = abs(float(np.log(world.focal_factor)))
+    if change < REFOCUSED:
         return world
+    if change > DISPUTED * results.intrinsics.relative_uncertainty:
+        estimated = _aligned(results, method, known_rotations or {}, witnesses, progress, focal=1.0)
+        return replace(estimated, focal_dispute=change)
     # With the focal length that the whole video says, what decided early may be decided otherwise.
     sharper = refocused(results, world.focal_factor)
     again = _aligned(sharper, method, known_rotations or {}, witnesses, progress, focal=1.0)
@@ -122,6 +126,11 @@ LEAST_STD_DEG = 0.1
 
 REFOCUSED = 0.04
 """From a focal length that is off by so much (of its logarithm) on everything is decided again with the right one."""
+
+DISPUTED = 2.0
+"""What feet and paths say of the focal length is not believed if it lies farther from the estimate than so many of the
+estimate's standard deviations: of 57 rendered development clips 55 stay within 0.8, and the two others, at 3.4, had
+their focal length, known to 10 %, made wrong by 33 and 44 %."""
 
 FOCAL_TRUST, MOST_FOCAL_STD = 0.5, 0.1
 """What feet and paths say of the focal length is held against its estimate, whose standard deviation counts by so much

@@ -1,12 +1,15 @@
 """What run.json says of guesses, and which of them are warnings."""
 
 import math
+from dataclasses import replace
 
 import pytest
+from three_shots import results
 
+from humanmm.models.motion.world.align import align
 from humanmm.models.records.camera import Intrinsics
 from humanmm.models.records.recording import Guesses, IdentityGuess
-from humanmm.storage.run_folder.run_record import CorrectionRecord, _doubts, _floor, _scale
+from humanmm.storage.run_folder.run_record import CorrectionRecord, _disputed, _doubts, _floor, _scale
 
 SURE = Guesses(0.02, 300, (IdentityGuess(0, 1, 0.97),))
 
@@ -36,6 +39,14 @@ def test_what_is_sure_has_no_warning() -> None:
 def test_what_is_doubtful_is_a_warning(uncertainty: float, guesses: Guesses, message: str) -> None:
     (warning,) = _doubts(_intrinsics(uncertainty), guesses, ())
     assert message in warning
+
+
+def test_a_focal_length_that_feet_and_paths_contradict_is_uncertain() -> None:
+    motion = replace(align(results()), focal_dispute=0.34)
+    assert _disputed(_intrinsics(0.1), None).relative_uncertainty == 0.1
+    assert list(_doubts(_disputed(_intrinsics(0.1), replace(motion, focal_dispute=0.0)), SURE, ())) == []
+    (warning,) = _doubts(_disputed(_intrinsics(0.1), motion), SURE, ())
+    assert "the focal length is uncertain by 34 %" in warning
 
 
 def test_a_correction_takes_its_warning_away_if_it_fits() -> None:
