@@ -198,25 +198,29 @@ def focal_evidence(shot: TrackedShot, choice: ModelChoice) -> FocalEvidence | No
     """Focal length of a shot from its model; None where the camera is static or fits badly.
 
     Of a shot that zooms the answer is the middle of its range, as uncertain as the zoom is large; if it moves as well,
-    that of a camera which only rotates and zooms. A rotation that fits roughly counts as much less certain.
+    that of a camera which only rotates and zooms. What fits roughly counts as less certain: a rotation in proportion, a
+    path by the square, whose points may be rigid with a wrong focal length as well.
     """
     if choice.rotating is None:
         return None
     if choice.model == "moving" and choice.moving is not None and math.isfinite(choice.moving.log_focal_sigma):
-        return _evidence(choice.moving)
+        return _evidence(choice.moving, _misfit(shot, choice.moving) ** 2)
     if choice.zooming is not None and math.isfinite(choice.zooming.log_focal_sigma):
         return _evidence(choice.zooming)
-    noise_fraction = choice.rotating.track.adjusted.noise_px / shot.diagonal_px
-    if noise_fraction >= HINT_FRACTION:
-        return None
-    found = _evidence(choice.rotating)
-    return replace(found, log_sigma=found.log_sigma * max(1.0, noise_fraction / EXACT_FRACTION))
+    misfit = _misfit(shot, choice.rotating)
+    return _evidence(choice.rotating, misfit) if misfit < HINT_FRACTION / EXACT_FRACTION else None
 
 
-def _evidence(calibrated: FocalTrack) -> FocalEvidence:
+def _misfit(shot: TrackedShot, calibrated: FocalTrack) -> float:
+    """How many times as far as it should a track's points lie from where it puts them; 1 where it fits."""
+    return max(1.0, calibrated.track.adjusted.noise_px / (EXACT_FRACTION * shot.diagonal_px))
+
+
+def _evidence(calibrated: FocalTrack, factor: float = 1.0) -> FocalEvidence:
+    """The middle of a track's focal lengths, `factor` times as uncertain as its points say."""
     views = calibrated.track.views
     middle_px = views.focal_px * float(np.exp(views.log_zoom.mean()))
-    return FocalEvidence(middle_px, float(np.hypot(calibrated.log_focal_sigma, np.ptp(views.log_zoom))))
+    return FocalEvidence(middle_px, factor * float(np.hypot(calibrated.log_focal_sigma, np.ptp(views.log_zoom))))
 
 
 def combine(evidence: Sequence[FocalEvidence | EdgeEvidence], default_px: float, width: int, height: int) -> Intrinsics:

@@ -16,6 +16,7 @@ from humanmm.models.camera.intrinsics import (
     intrinsics_from_background,
     middle_frames,
 )
+from humanmm.models.camera.odometry.keyframe_odometry import EXACT_FRACTION
 from humanmm.models.geometry.intrinsics import K_from_focal, default_focal_px
 
 
@@ -59,6 +60,18 @@ def test_a_zoom_makes_the_focal_length_uncertain_not_wrong(scene_of: Callable[..
     found = intrinsics_from_background([ShotPoints(points, ())], scene.intrinsics.width, scene.intrinsics.height)
     assert 0.1 < found.relative_uncertainty < 0.3
     assert found.focal_px == pytest.approx(scene.intrinsics.focal_px, rel=0.15)
+
+
+def test_a_path_that_fits_its_points_badly_says_less_than_their_number_promises(scene_of: Callable[..., Any]) -> None:
+    scene, noise = scene_of("orbit"), np.random.default_rng(0)
+    width, height = scene.intrinsics.width, scene.intrinsics.height
+    fits, rough = 0.2, 5 * EXACT_FRACTION * np.hypot(width, height)
+    stated = []
+    for sigma_px in (fits, rough):
+        xy = scene.points.xy + noise.normal(0, sigma_px, scene.points.xy.shape)
+        points = replace(scene.points, xy=xy.astype(np.float32))
+        stated.append(intrinsics_from_background([ShotPoints(points, ())], width, height).relative_uncertainty)
+    assert stated[0] < 0.06 and stated[1] > 0.2  # by its number of points alone the second would be known to 0.06
 
 
 def wall_pictures(focal_px: float, headings_deg: Sequence[float]) -> list[FrameFeatures]:
