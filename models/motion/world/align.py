@@ -67,13 +67,12 @@ def align(
     change = abs(float(np.log(world.focal_factor)))
     if change < REFOCUSED:
         return world
-    if change > DISPUTED * results.intrinsics.relative_uncertainty:
-        estimated = _aligned(results, method, known_rotations or {}, witnesses, progress, focal=1.0)
-        return replace(estimated, focal_dispute=change)
-    # With the focal length that the whole video says, what decided early may be decided otherwise.
-    sharper = refocused(results, world.focal_factor)
-    again = _aligned(sharper, method, known_rotations or {}, witnesses, progress, focal=1.0)
-    return replace(again, focal_factor=world.focal_factor)
+    disputed = change > DISPUTED * results.intrinsics.relative_uncertainty
+    # With the focal length that the whole video says, or with the estimate where that is not believed, what decided
+    # early may be decided otherwise.
+    settled = results if disputed else refocused(results, world.focal_factor)
+    again = _aligned(settled, method, known_rotations or {}, witnesses, progress, focal=1.0)
+    return replace(again, focal_dispute=change) if disputed else replace(again, focal_factor=world.focal_factor)
 
 
 def _aligned(
