@@ -41,6 +41,7 @@ TOWER = (
     "rendering",
     "rendering.places",
     "learning",
+    "learning.training",
     "benchmark",
     "benchmark.tables",
 )

@@ -7,9 +7,9 @@ from pathlib import Path
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from humanmm.models.learning.motion_objective import PoseScore, TrajectoryScore
-from humanmm.models.learning.objective import LifterScore
-from humanmm.models.learning.training import Recipe
+from humanmm.models.learning.training.lifter_objective import LifterScore
+from humanmm.models.learning.training.loop import Recipe
+from humanmm.models.learning.training.motion_objective import PoseScore, TrajectoryScore
 from humanmm.storage.store.files import replace_file
 
 

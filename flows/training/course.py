@@ -12,7 +12,7 @@ from torch import Tensor, nn
 
 from humanmm.errors import InputError
 from humanmm.flows.training.card import Validation, draw_curve
-from humanmm.models.learning.training import Training
+from humanmm.models.learning.training.loop import Training
 from humanmm.storage.training.checkpoints import read_checkpoint, write_checkpoint
 
 log = logging.getLogger(__name__)

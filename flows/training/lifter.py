@@ -10,9 +10,9 @@ from humanmm.flows.bench.render_set import Split, shipped_packs, takes_of
 from humanmm.flows.training.card import keypoint_card, lifter_card
 from humanmm.flows.training.course import train_to_end
 from humanmm.models.learning.keypoint_motion import KeypointMotion
-from humanmm.models.learning.lifter_training import KeypointRecipe, LifterRecipe, keypoint_training, lifter_training
-from humanmm.models.learning.objective import score
 from humanmm.models.learning.other_motion import OtherMotion, Take, takes_on_bodies
+from humanmm.models.learning.training.lifter import KeypointRecipe, LifterRecipe, keypoint_training, lifter_training
+from humanmm.models.learning.training.lifter_objective import score
 from humanmm.models.learning.windows import windows_of
 from humanmm.models.perception.lifting.network import LifterNetwork
 from humanmm.storage.readers.mocap_pack import read_pack

@@ -13,14 +13,14 @@ from humanmm.flows.training.card import pose_card, trajectory_card
 from humanmm.flows.training.course import train_to_end
 from humanmm.flows.training.fits import fitted_pairs
 from humanmm.models.learning.motion_clips import ROUTINES, ClipSource, MotionClips, error_windows, motion_takes
-from humanmm.models.learning.motion_objective import pose_score, trajectory_score
-from humanmm.models.learning.motion_training import (
+from humanmm.models.learning.training.motion import (
     MotionRecipe,
     corrected,
     ms_hmr_training,
     predictor_training,
     refiner_training,
 )
+from humanmm.models.learning.training.motion_objective import pose_score, trajectory_score
 from humanmm.models.motion.networks.integrate import load_predictor
 from humanmm.models.motion.networks.ms_hmr import MsHmr
 from humanmm.models.motion.networks.trajectory import TrajectoryPredictor, TrajectoryRefiner

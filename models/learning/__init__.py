@@ -1,1 +1,1 @@
-"""Training of the shipped networks: pairs of what the pose networks see of rendered people and what is true."""
+"""What the shipped networks are trained on: pairs of what the pose networks see of rendered people and what is true."""

@@ -9,8 +9,8 @@ import pytest
 
 from humanmm.cli import main
 from humanmm.flows.training.motion import Material
-from humanmm.models.learning.lifter_training import KeypointRecipe, LifterRecipe
-from humanmm.models.learning.motion_training import MotionRecipe
+from humanmm.models.learning.training.lifter import KeypointRecipe, LifterRecipe
+from humanmm.models.learning.training.motion import MotionRecipe
 
 Typed = Callable[..., tuple[Any, ...]]
 

@@ -110,6 +110,10 @@ class LifterNetwork(nn.Module):
         """How far from a frame lies what it depends on."""
         return len(self.blocks) * REACH_S
 
+    def hidden_matrices(self) -> list[nn.Parameter]:
+        """Weights from features to features, without those of the last layer."""
+        return [weight for part in (self.inward, self.blocks) for weight in part.parameters() if weight.ndim == 2]
+
     def forward(self, given: LifterInput) -> LifterOutput:
         """What is there in every frame."""
         h = self.inward(given.features())

@@ -11,7 +11,7 @@ from humanmm.cli.terminal import write
 from humanmm.cli.verb import BENCHMARK, app, group, verb
 
 if TYPE_CHECKING:
-    from humanmm.models.learning.training import Recipe
+    from humanmm.models.learning.training.loop import Recipe
 
 Made = TypeVar("Made", bound="Recipe")
 Packs = Annotated[list[Path], Option(metavar="FILE…", help="motion capture (default: data/mocap's packs)")]
@@ -66,7 +66,7 @@ PredictorFile = Annotated[
 def lifter(*, pairs: Pairs, training: Training) -> None:
     """Train the network that lifts people from the pictures into space; goes on from its last checkpoint."""
     from humanmm.flows.training.lifter import train_lifter
-    from humanmm.models.learning.lifter_training import LifterRecipe
+    from humanmm.models.learning.training.lifter import LifterRecipe
 
     recipe = training.recipe(LifterRecipe)
     write(train_lifter.fn(pairs, training.out, recipe, tuple(training.mocap), training.device))
@@ -76,7 +76,7 @@ def lifter(*, pairs: Pairs, training: Training) -> None:
 def keypoints(*, training: Training) -> None:
     """Train the network that lifts people from COCO's keypoints alone; goes on from its last checkpoint."""
     from humanmm.flows.training.lifter import train_keypoints
-    from humanmm.models.learning.lifter_training import KeypointRecipe
+    from humanmm.models.learning.training.lifter import KeypointRecipe
 
     recipe = training.recipe(KeypointRecipe)
     write(train_keypoints.fn(training.out, recipe, tuple(training.mocap), training.device))
@@ -86,7 +86,7 @@ def keypoints(*, training: Training) -> None:
 def ms_hmr(*, pairs: Pairs, training: Training) -> None:
     """Train the encoder that corrects poses over all shots; goes on from its last checkpoint."""
     from humanmm.flows.training.motion import Material, train_ms_hmr
-    from humanmm.models.learning.motion_training import MotionRecipe
+    from humanmm.models.learning.training.motion import MotionRecipe
 
     material = Material(pairs, tuple(training.mocap))
     write(train_ms_hmr.fn(material, training.out, training.recipe(MotionRecipe), training.device))
@@ -96,7 +96,7 @@ def ms_hmr(*, pairs: Pairs, training: Training) -> None:
 def trajectory(*, pairs: Pairs, training: Training, ms_hmr: MsHmrFile = None) -> None:
     """Train the network that says from limbs how people go and which feet stand; goes on from its last checkpoint."""
     from humanmm.flows.training.motion import Material, train_trajectory
-    from humanmm.models.learning.motion_training import MotionRecipe
+    from humanmm.models.learning.training.motion import MotionRecipe
 
     material = Material(pairs, tuple(training.mocap))
     write(train_trajectory.fn(material, training.out, ms_hmr, training.recipe(MotionRecipe), training.device))
@@ -106,7 +106,7 @@ def trajectory(*, pairs: Pairs, training: Training, ms_hmr: MsHmrFile = None) ->
 def refiner(*, pairs: Pairs, training: Training, ms_hmr: MsHmrFile = None, predictor: PredictorFile = None) -> None:
     """Train the network that weighs that against what the cameras show; goes on from its last checkpoint."""
     from humanmm.flows.training.motion import Material, train_refiner
-    from humanmm.models.learning.motion_training import MotionRecipe
+    from humanmm.models.learning.training.motion import MotionRecipe
 
     material = Material(pairs, tuple(training.mocap))
     write(train_refiner.fn(material, training.out, ms_hmr, predictor, training.recipe(MotionRecipe), training.device))

@@ -1,9 +1,9 @@
 """What a training says of itself."""
 
 from humanmm.flows.training.card import lifter_card, pose_card, trajectory_card
-from humanmm.models.learning.motion_objective import PoseScore, TrajectoryScore
-from humanmm.models.learning.objective import LifterScore
-from humanmm.models.learning.training import Recipe
+from humanmm.models.learning.training.lifter_objective import LifterScore
+from humanmm.models.learning.training.loop import Recipe
+from humanmm.models.learning.training.motion_objective import PoseScore, TrajectoryScore
 
 SCORE = LifterScore((100.0, 120.4), (50.0, 60.0), (8.0, 9.0), (10.0, 11.0), 0.5, 0.01)
 

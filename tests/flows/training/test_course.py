@@ -11,7 +11,7 @@ from torch import Tensor, nn
 from humanmm.errors import InputError
 from humanmm.flows.training import course
 from humanmm.flows.training.course import train_to_end
-from humanmm.models.learning.training import Recipe, Training
+from humanmm.models.learning.training.loop import Recipe, Training
 
 
 def line(steps: int, *, patience: int = 8) -> Training[nn.Linear]:

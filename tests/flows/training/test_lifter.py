@@ -11,7 +11,7 @@ from safetensors.torch import load_file
 from humanmm.errors import InputError
 from humanmm.flows.training import course, lifter
 from humanmm.flows.training.lifter import train_keypoints, train_lifter
-from humanmm.models.learning.lifter_training import KeypointRecipe, LifterRecipe
+from humanmm.models.learning.training.lifter import KeypointRecipe, LifterRecipe
 from humanmm.models.perception.lifting.network import LifterNetwork
 from humanmm.storage.training.pair_set import PairSet
 

@@ -7,7 +7,7 @@ from pair_windows import pair_arrays
 
 from humanmm.flows.training import motion
 from humanmm.flows.training.motion import Material, train_ms_hmr, train_refiner, train_trajectory
-from humanmm.models.learning.motion_training import MotionRecipe
+from humanmm.models.learning.training.motion import MotionRecipe
 from humanmm.models.motion.networks.ms_hmr import MsHmr
 from humanmm.models.motion.networks.trajectory import TrajectoryRefiner
 from humanmm.storage.training.networks import read_network

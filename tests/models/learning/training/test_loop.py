@@ -5,9 +5,9 @@ import io
 import torch
 from pair_windows import pair_arrays, walk
 
-from humanmm.models.learning.lifter_training import LifterRecipe, lifter_training
 from humanmm.models.learning.other_motion import OtherMotion
-from humanmm.models.learning.training import Training
+from humanmm.models.learning.training.lifter import LifterRecipe, lifter_training
+from humanmm.models.learning.training.loop import Training
 from humanmm.models.learning.windows import windows_of
 from humanmm.models.perception.lifting.network import LifterNetwork
 

@@ -7,8 +7,8 @@ import torch
 from torch import Tensor
 
 from humanmm.models.learning.motion_clips import ClipSource, MotionClips
-from humanmm.models.learning.motion_objective import pose_loss, trajectory_loss
-from humanmm.models.learning.training import Recipe, Training
+from humanmm.models.learning.training.loop import Recipe, Training
+from humanmm.models.learning.training.motion_objective import pose_loss, trajectory_loss
 from humanmm.models.motion.networks.ms_hmr import MsHmr
 from humanmm.models.motion.networks.trajectory import TrajectoryPredictor, TrajectoryRefiner
 

@@ -4,7 +4,7 @@ import numpy as np
 import torch
 from pair_windows import pair_arrays
 
-from humanmm.models.learning.objective import loss, score
+from humanmm.models.learning.training.lifter_objective import loss, score
 from humanmm.models.learning.windows import windows_of
 from humanmm.models.perception.lifting.network import LifterOutput
 

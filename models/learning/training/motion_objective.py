@@ -8,7 +8,7 @@ import torch
 from torch import Tensor, nn
 
 from humanmm.models.learning.motion_clips import MotionClips
-from humanmm.models.learning.objective import mean_of_joints, median_and_mean, weighted_mean
+from humanmm.models.learning.training.lifter_objective import mean_of_joints, median_and_mean, weighted_mean
 from humanmm.models.motion.networks.ms_hmr import MsHmr, PoseCorrection
 from humanmm.models.motion.networks.sequence import (
     RATE_HZ,

@@ -9,9 +9,9 @@ from jaxtyping import Bool
 from torch import Tensor
 
 from humanmm.models.learning.keypoint_motion import KeypointMotion
-from humanmm.models.learning.objective import loss
 from humanmm.models.learning.other_motion import OtherMotion, with_routines
-from humanmm.models.learning.training import Recipe, Training
+from humanmm.models.learning.training.lifter_objective import loss
+from humanmm.models.learning.training.loop import Recipe, Training
 from humanmm.models.learning.windows import Variation, Windows, varied
 from humanmm.models.perception.lifting.network import LifterNetwork
 
@@ -62,7 +62,7 @@ def lifter_training(
         wanted, given = varied(drawn, Variation(coco=coco), generator)
         return loss(network(given.to(device)), wanted.to(device))
 
-    return Training(recipe, build, batch_loss, device=device)
+    return Training(recipe, build, batch_loss, hidden=LifterNetwork.hidden_matrices, device=device)
 
 
 @dataclass(frozen=True)
@@ -92,4 +92,4 @@ def keypoint_training(
         given = replace(given, landmarks=torch.zeros_like(given.landmarks))
         return loss(network(given.to(device)), wanted.to(device))
 
-    return Training(recipe, build, batch_loss, device=device)
+    return Training(recipe, build, batch_loss, hidden=LifterNetwork.hidden_matrices, device=device)

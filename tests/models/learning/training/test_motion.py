@@ -4,7 +4,7 @@ import numpy as np
 import torch
 from motion_clips_of_pairs import source
 
-from humanmm.models.learning.motion_training import (
+from humanmm.models.learning.training.motion import (
     MotionRecipe,
     corrected,
     ms_hmr_training,

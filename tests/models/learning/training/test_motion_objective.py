@@ -7,7 +7,7 @@ import torch
 from motion_clips_of_pairs import OFF_RAD, source
 
 from humanmm.models.geometry.rotations import rotmat_to_rotvec
-from humanmm.models.learning.motion_objective import (
+from humanmm.models.learning.training.motion_objective import (
     pose_loss,
     pose_score,
     trajectory_loss,
