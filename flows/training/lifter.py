@@ -1,25 +1,30 @@
 """The trainings of the lifters as flows: a network, its curve and its card."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from jaxtyping import Bool
 from prefect import flow
 
 from humanmm.flows.bench.render_set import Split, shipped_packs, takes_of
 from humanmm.flows.training.card import keypoint_card, lifter_card
 from humanmm.flows.training.course import train_to_end
 from humanmm.models.learning.keypoint_motion import KeypointMotion
-from humanmm.models.learning.other_motion import OtherMotion, Take, takes_on_bodies
+from humanmm.models.learning.other_motion import OtherMotion, takes_on_bodies, takes_to_learn_from
 from humanmm.models.learning.training.lifter import KeypointRecipe, LifterRecipe, keypoint_training, lifter_training
 from humanmm.models.learning.training.lifter_objective import score
-from humanmm.models.learning.windows import windows_of
+from humanmm.models.learning.windows import Windows, windows_of
 from humanmm.models.perception.lifting.network import LifterNetwork
+from humanmm.models.synthetic.mocap import MocapSequence
 from humanmm.storage.readers.mocap_pack import read_pack
 from humanmm.storage.store.files import replace_text
 from humanmm.storage.training.networks import write_network
 from humanmm.storage.training.pair_set import read_pairs
 from humanmm.tasks.units.process import prepare_process
+
+Array = np.ndarray
 
 SHIPPED, SHIPPED_KEYPOINTS = "lifter.safetensors", "keypoint_lifter.safetensors"
 NOBODY = "nobody"
@@ -32,7 +37,8 @@ MEASURED = 256
 def train_lifter(
     pairs: Path, out: Path, recipe: LifterRecipe | None = None, packs: tuple[Path, ...] = (), device: str = "cpu"
 ) -> Path:
-    """Train on the pairs of the split train, measure on those of dev; returns the network's file.
+    """Train on the pairs of the split train, measure on those of dev that show captured motion; returns the network's
+    file.
 
     A training that was stopped goes on from its last checkpoint in `out`.
     """
@@ -40,11 +46,11 @@ def train_lifter(
     recipe = recipe or LifterRecipe()
     arrays, facts = read_pairs(pairs, "train")
     windows, errors = windows_of(arrays)
-    dev, _ = windows_of(read_pairs(pairs, "dev")[0])
-    takes = _takes(packs, "train", recipe.seed)
+    dev = _captured(*read_pairs(pairs, "dev"))
+    takes = takes_to_learn_from(_sequences(packs, "train"), np.random.default_rng(recipe.seed))
     training = lifter_training(
         recipe, windows, OtherMotion(takes, arrays, windows, errors, routines=recipe.routines),
-        is_routine=np.array([shown.get("subject") == NOBODY for shown in facts]), device=device,
+        is_routine=_are_routines(facts), device=device,
     )  # fmt: skip
 
     def measured(network: LifterNetwork) -> Mapping[str, float]:
@@ -72,8 +78,10 @@ def train_keypoints(
     """
     prepare_process()
     recipe = recipe or KeypointRecipe()
-    dev = KeypointMotion(_takes(packs, "dev", recipe.seed + 1)).draw(MEASURED, np.random.default_rng(recipe.seed))
-    training = keypoint_training(recipe, KeypointMotion(_takes(packs, "train", recipe.seed)), device=device)
+    shown = takes_on_bodies(_sequences(packs, "dev"), np.random.default_rng(recipe.seed + 1))
+    dev = KeypointMotion(shown).draw(MEASURED, np.random.default_rng(recipe.seed))
+    takes = takes_to_learn_from(_sequences(packs, "train"), np.random.default_rng(recipe.seed))
+    training = keypoint_training(recipe, KeypointMotion(takes), device=device)
 
     def measured(network: LifterNetwork) -> Mapping[str, float]:
         found = score(network, dev, coco=True)
@@ -85,9 +93,20 @@ def train_keypoints(
     return out / SHIPPED_KEYPOINTS
 
 
-def _takes(packs: tuple[Path, ...], split: Split, seed: int) -> list[Take]:
-    """All takes of a split on random bodies."""
-    sequences = [
+def _captured(arrays: Mapping[str, Array], facts: Sequence[Mapping[str, Any]]) -> Windows:
+    """The windows that show captured motion; all of them if none does. Routines are always of the kind that a training
+    has seen: they say little of how it does on people."""
+    kept = ~_are_routines(facts)
+    kept |= ~kept.any()
+    return windows_of({name: array[kept] for name, array in arrays.items()})[0]
+
+
+def _are_routines(facts: Sequence[Mapping[str, Any]]) -> Bool[Array, " W"]:
+    return np.array([shown.get("subject") == NOBODY for shown in facts], dtype=bool)
+
+
+def _sequences(packs: tuple[Path, ...], split: Split) -> list[MocapSequence]:
+    """All takes of a split."""
+    return [
         sequence for pack in packs or shipped_packs("places", split) for sequence in takes_of(read_pack(pack), split)
     ]
-    return takes_on_bodies(sequences, np.random.default_rng(seed))

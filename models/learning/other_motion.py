@@ -6,7 +6,7 @@ on the pose; but a take costs nothing this way, and how people move is learnt fr
 
 import functools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -20,19 +20,22 @@ from humanmm.models.learning.pairs import NEAREST_M, TEMPO
 from humanmm.models.learning.windows import PairErrors, Windows, by_window
 from humanmm.models.perception.lifting.features import points_in_view, view_axes
 from humanmm.models.perception.regions import BODY_MARGIN
-from humanmm.models.rendering.places.recombination import with_arms_of
+from humanmm.models.rendering.places.recombination import loosened, with_arms_of
 from humanmm.models.rendering.places.takes import random_body, shape
 from humanmm.models.synthetic.choreography import KINDS, choreography
 from humanmm.models.synthetic.mocap import MocapSequence, pose_actor
 
 Array = np.ndarray
 
-BODIES_A_TAKE = 2
-"""So often each take is shown as it is, and so often with the arms of another."""
+BODIES_A_TAKE, LOOSENED_A_TAKE = 2, 6
+"""So often each take is shown as it is, so often with the arms of another, and so often loosened
+(`recombination.loosened`)."""
 ROUTINES, ROUTINE_S = 120, 12.0
 ERROR_SCALE = (0.3, 1.0, 1.6)
 """Errors of 3D landmarks are laid on with a factor: smallest, mean, largest."""
 MOSTLY_SEEN = 0.5
+SHORTEST = 8
+"""Takes of no more frames are left out."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,25 +51,31 @@ class Take:
 
 
 def takes_on_bodies(sequences: Sequence[MocapSequence], rng: np.random.Generator) -> list[Take]:
-    """Every sequence on a few random bodies, also with arms of others, and routines."""
-    model = load_landmarks()
-    takes: list[Take] = []
-    routines = [choreography(KINDS[k % len(KINDS)], "routine", ROUTINE_S, rng) for k in range(ROUTINES)]
+    """Every sequence on a few random bodies."""
+    takes = [_on_a_body(sequence, rng) for sequence in sequences for _ in range(BODIES_A_TAKE)]
+    return [take for take in takes if len(take.landmarks) > SHORTEST]
+
+
+def takes_to_learn_from(sequences: Sequence[MocapSequence], rng: np.random.Generator) -> list[Take]:
+    """Every sequence on a few random bodies, as it is and with limbs of others; and routines."""
     again = [take for take in sequences for _ in range(BODIES_A_TAKE)]
     mixed = [with_arms_of(take, sequences[int(rng.integers(len(sequences)))], rng) for take in again]
-    captured = [*again, *(take for take in mixed if take is not None)]
-    for sequence in [*captured, *routines]:
-        actor = pose_actor(sequence, rng, betas=shape(random_body(rng), rng))
-        takes.append(
-            Take(
-                float(sequence.fps),
-                model.place(actor.betas, actor.joints, actor.R_world_joint).astype(np.float32),
-                seen_rotations(actor.R_world_joint[:, 0], actor.body_pose).astype(np.float32),
-                actor.contacts.astype(np.float32),
-                len(takes) >= len(captured),
-            )
-        )
-    return [take for take in takes if len(take.landmarks) > 8]
+    loose = [loosened(take, sequences, rng) for take in sequences for _ in range(LOOSENED_A_TAKE)]
+    takes = [_on_a_body(take, rng) for take in (*again, *mixed, *loose) if take is not None]
+    routines = [choreography(KINDS[k % len(KINDS)], "routine", ROUTINE_S, rng) for k in range(ROUTINES)]
+    takes += [replace(_on_a_body(routine, rng), is_routine=True) for routine in routines]
+    return [take for take in takes if len(take.landmarks) > SHORTEST]
+
+
+def _on_a_body(sequence: MocapSequence, rng: np.random.Generator) -> Take:
+    """A sequence on a random body."""
+    actor = pose_actor(sequence, rng, betas=shape(random_body(rng), rng))
+    return Take(
+        float(sequence.fps),
+        load_landmarks().place(actor.betas, actor.joints, actor.R_world_joint).astype(np.float32),
+        seen_rotations(actor.R_world_joint[:, 0], actor.body_pose).astype(np.float32),
+        actor.contacts.astype(np.float32),
+    )
 
 
 def with_routines(weight: Float[Array, " n"], is_routine: Bool[Array, " n"], fraction: float) -> Float[Array, " n"]:

@@ -22,7 +22,7 @@ Array = np.ndarray
 class LifterRecipe(Recipe):
     """See `Recipe`."""
 
-    steps: int = 9_500
+    steps: int = 3_000
     patience: int = 20
     dropout: float = 0.0
     """In every block. A network that errs on its own windows as on others has nothing to forget."""
@@ -69,8 +69,8 @@ def lifter_training(
 class KeypointRecipe(Recipe):
     """See `Recipe`."""
 
-    steps: int = 16_000
-    dropout: float = 0.1
+    steps: int = 6_000
+    dropout: float = 0.0
 
 
 def keypoint_training(
