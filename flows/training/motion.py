@@ -12,7 +12,8 @@ from humanmm.flows.bench.render_set import Split, shipped_packs, takes_of
 from humanmm.flows.training.card import pose_card, trajectory_card
 from humanmm.flows.training.course import train_to_end
 from humanmm.flows.training.fits import fitted_pairs
-from humanmm.models.learning.motion_clips import ROUTINES, ClipSource, MotionClips, error_windows, motion_takes
+from humanmm.models.learning.motion_clips import ClipSource, MotionClips, error_windows, motion_takes
+from humanmm.models.learning.other_motion import ROUTINES
 from humanmm.models.learning.training.motion import (
     MotionRecipe,
     corrected,

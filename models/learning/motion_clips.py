@@ -16,13 +16,13 @@ from torch import Tensor
 from humanmm.models.body.body24 import OTHER_SIDE, load_body
 from humanmm.models.body.kinematics import seen_rotations
 from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
+from humanmm.models.learning.other_motion import choreographed
 from humanmm.models.learning.pairs import TEMPO
 from humanmm.models.learning.windows import CONTACT_SWAP, JOINT_SWAP, MIRROR
 from humanmm.models.motion.networks.sequence import RATE_HZ, MotionSequence
 from humanmm.models.perception.lifting.network import Tensors
 from humanmm.models.rendering.actors import with_contacts
 from humanmm.models.rendering.places.takes import random_body, shape
-from humanmm.models.synthetic.choreography import KINDS, choreography
 from humanmm.models.synthetic.mocap import MocapSequence, pose_actor
 
 Array = np.ndarray
@@ -33,7 +33,6 @@ MOST_SHOTS, SHORTEST = 4, 14
 """Shots of a clip, and frames of the shortest."""
 CANDIDATES = 24
 """Of so many random windows the one whose pose is nearest gives its errors."""
-ROUTINES, ROUTINE_S = 120, 12.0
 STRENGTH = (0.4, 1.5)
 """Errors are laid on with a factor between these, another one for each clip: real people are fitted better."""
 HABIT_RAD = 0.06
@@ -57,9 +56,8 @@ class Take:
 
 def motion_takes(sequences: Sequence[MocapSequence], rng: np.random.Generator, *, routines: int) -> list[Take]:
     """Every sequence on a random body, and routines: kicks, spins, floor work."""
-    made = [choreography(KINDS[k % len(KINDS)], "routine", ROUTINE_S, rng) for k in range(routines)]
     takes = []
-    for sequence in [*sequences, *made]:
+    for sequence in [*sequences, *choreographed(routines, rng)]:
         actor = with_contacts(pose_actor(sequence, rng, betas=shape(random_body(rng), rng)), sequence.fps)
         rotations = seen_rotations(actor.R_world_root, actor.body_pose).astype(np.float32)
         rest = load_body().rest_joints(actor.betas).astype(np.float32)

@@ -5,8 +5,8 @@ on the pose; but a take costs nothing this way, and how people move is learnt fr
 """
 
 import functools
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -29,7 +29,7 @@ Array = np.ndarray
 
 BODIES_A_TAKE, LOOSENED_A_TAKE = 2, 6
 """So often each take is shown as it is, so often with the arms of another, and so often loosened
-(`recombination.loosened`)."""
+(`recombination.loosened`), each time on another body."""
 ROUTINES, ROUTINE_S = 120, 12.0
 ERROR_SCALE = (0.3, 1.0, 1.6)
 """Errors of 3D landmarks are laid on with a factor: smallest, mean, largest."""
@@ -50,32 +50,38 @@ class Take:
     """Of `models.synthetic.choreography`, nobody's."""
 
 
-def takes_on_bodies(sequences: Sequence[MocapSequence], rng: np.random.Generator) -> list[Take]:
-    """Every sequence on a few random bodies."""
-    takes = [_on_a_body(sequence, rng) for sequence in sequences for _ in range(BODIES_A_TAKE)]
-    return [take for take in takes if len(take.landmarks) > SHORTEST]
+def takes_on_bodies(
+    sequences: Iterable[MocapSequence], rng: np.random.Generator, *, are_routines: bool = False
+) -> list[Take]:
+    """Every sequence on a random body."""
+    takes = []
+    for sequence in sequences:
+        actor = pose_actor(sequence, rng, betas=shape(random_body(rng), rng))
+        if len(actor.joints) > SHORTEST:
+            takes.append(
+                Take(
+                    float(sequence.fps),
+                    load_landmarks().place(actor.betas, actor.joints, actor.R_world_joint).astype(np.float32),
+                    seen_rotations(actor.R_world_joint[:, 0], actor.body_pose).astype(np.float32),
+                    actor.contacts.astype(np.float32),
+                    are_routines,
+                )
+            )
+    return takes
 
 
 def takes_to_learn_from(sequences: Sequence[MocapSequence], rng: np.random.Generator) -> list[Take]:
-    """Every sequence on a few random bodies, as it is and with limbs of others; and routines."""
+    """Every sequence on random bodies, as it is and with limbs of others; and routines."""
     again = [take for take in sequences for _ in range(BODIES_A_TAKE)]
     mixed = [with_arms_of(take, sequences[int(rng.integers(len(sequences)))], rng) for take in again]
     loose = [loosened(take, sequences, rng) for take in sequences for _ in range(LOOSENED_A_TAKE)]
-    takes = [_on_a_body(take, rng) for take in (*again, *mixed, *loose) if take is not None]
-    routines = [choreography(KINDS[k % len(KINDS)], "routine", ROUTINE_S, rng) for k in range(ROUTINES)]
-    takes += [replace(_on_a_body(routine, rng), is_routine=True) for routine in routines]
-    return [take for take in takes if len(take.landmarks) > SHORTEST]
+    takes = takes_on_bodies((take for take in (*again, *mixed, *loose) if take is not None), rng)
+    return takes + takes_on_bodies(choreographed(ROUTINES, rng), rng, are_routines=True)
 
 
-def _on_a_body(sequence: MocapSequence, rng: np.random.Generator) -> Take:
-    """A sequence on a random body."""
-    actor = pose_actor(sequence, rng, betas=shape(random_body(rng), rng))
-    return Take(
-        float(sequence.fps),
-        load_landmarks().place(actor.betas, actor.joints, actor.R_world_joint).astype(np.float32),
-        seen_rotations(actor.R_world_joint[:, 0], actor.body_pose).astype(np.float32),
-        actor.contacts.astype(np.float32),
-    )
+def choreographed(count: int, rng: np.random.Generator) -> list[MocapSequence]:
+    """Kicks, spins, floor work and acrobatics that nobody performed."""
+    return [choreography(KINDS[k % len(KINDS)], "routine", ROUTINE_S, rng) for k in range(count)]
 
 
 def with_routines(weight: Float[Array, " n"], is_routine: Bool[Array, " n"], fraction: float) -> Float[Array, " n"]:

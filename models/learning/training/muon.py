@@ -33,7 +33,10 @@ class Muon(torch.optim.Optimizer):
         for group in self.param_groups:
             lr, keep = group["lr"], group["momentum"]
             for matrix in group["params"]:
-                momentum = self.state[matrix].setdefault("momentum", torch.zeros_like(matrix))
+                state = self.state[matrix]
+                if not state:
+                    state["momentum"] = torch.zeros_like(matrix)
+                momentum = state["momentum"]
                 momentum.lerp_(matrix.grad, 1 - keep)
                 direction = orthogonal(matrix.grad.lerp(momentum, keep))
                 matrix.mul_(1 - lr * group["weight_decay"])
