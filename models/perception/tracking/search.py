@@ -1,7 +1,6 @@
 """Finding everybody in one frame: the detector, and the detector again with the found painted out."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
@@ -16,11 +15,12 @@ from humanmm.models.records import landmarks
 SETTLE_ROUNDS = 3
 DUPLICATE_SIMILARITY = 0.5
 OTHER_BODY = 0.08
-"""Median distance of the limbs, as a fraction of the height, from which a pose is not that of the person detected."""
+"""Median distance of the keypoints, as a fraction of the height, from which a pose is not that of the person
+detected."""
 OTHER_SHOULDERS = 0.05
 """Distance of the middles of the shoulders, as a fraction of the height, below which two detections are one body."""
-FEWEST_LIMBS = 3
-"""Of the limbs that the detector sees, for their distances to say so."""
+FEWEST_POINTS = 5
+"""Of the keypoints that the detector sees, for their distances to say so."""
 FARTHER, LARGE = 1.7, 0.65
 """How much smaller the frame is shown a second time for people larger than LARGE of its longer side."""
 WIDE = 1.3
@@ -116,35 +116,36 @@ class _Search:
 
 def settle(locate: PoseNetwork, image: Picture, detection: Detection) -> Observation | None:
     """The detected person, looked at until the crop follows from its own output, but not beyond where it slides away
-    to somebody else than the detector saw."""
+    to somebody else than the detector saw. Of a close-up the detector guesses the region: the pose may lie on him only
+    when its own crop is looked at."""
     seen, region = None, detection.region
     for _ in range(SETTLE_ROUNDS):
         output = locate(image, region)
         now = observe(output, image.size)
         if now is None:
             return None
-        if not lies_on(now, detection):
+        if lies_on(now, detection):
+            seen = now
+        elif seen is not None:
             break
-        seen, region = now, output.next_region
+        region = output.next_region
     return seen
 
 
 def lies_on(seen: Observation, detection: Detection) -> bool:
-    """True where a pose is that of the person detected, as far as the limbs say that the detector sees (or else its
-    region)."""
-    if detection.keypoints is not None:
-        limbs = detection.keypoints[list(landmarks.COCO_LIMBS)]
-        distance = np.linalg.norm(seen.keypoints[list(landmarks.LIMBS), :2] - limbs[:, :2], axis=1)[limbs[:, 2] > SEEN]
-        if len(distance) >= FEWEST_LIMBS:
-            return bool(np.median(distance) < OTHER_BODY * HEIGHT_OF_SIDE * seen.region.side)
+    """True where a pose is that of the person detected, as far as the keypoints say that the detector sees (or else its
+    region). Either may have exchanged left and right."""
+    points = detection.keypoints
+    if points is not None and np.count_nonzero(points[:, 2] > SEEN) >= FEWEST_POINTS:
+        apart = min(_apart(seen, points), _apart(seen, points[landmarks.COCO_SWAP]))
+        return apart < OTHER_BODY * HEIGHT_OF_SIDE * seen.region.side
     return not seen.next_region.outlier_of(detection.region, shift=SAME_REGION_SHIFT, ratio=SAME_REGION_RATIO)
 
 
-def lies_crossed_on(seen: Observation, detection: Detection) -> bool:
-    """The same if the detector or the pose network has exchanged left and right."""
-    if detection.keypoints is None:
-        return False
-    return lies_on(seen, replace(detection, keypoints=detection.keypoints[landmarks.COCO_SWAP]))
+def _apart(seen: Observation, points: Float[np.ndarray, "17 3"]) -> float:
+    """Median distance of a pose from the keypoints that a detector sees, pixels."""
+    distance = np.linalg.norm(seen.keypoints[list(landmarks.COCO_LANDMARKS), :2] - points[:, :2], axis=1)
+    return float(np.median(distance[points[:, 2] > SEEN]))
 
 
 def same_shoulders(seen: Observation, joints: Float[np.ndarray, "33 3"]) -> bool:

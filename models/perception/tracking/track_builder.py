@@ -190,6 +190,16 @@ class TrackBuilder:
         before = [(self.rows[f].keypoints, self.hands[f]) for f in islice(near, 2)]
         self.hands[frame] = look_at_hands(image, self.rows[frame].keypoints, due[frame], before)
 
+    def take_over(self, other: "TrackBuilder") -> None:
+        """Go on with what another track has of the same person; where both have a frame, this one's counts."""
+        self.rows = other.rows | self.rows
+        self.colours = other.colours | self.colours
+        self.parts = other.parts | self.parts
+        self.detector_scores = other.detector_scores | self.detector_scores
+        self.detector_sides = other.detector_sides | self.detector_sides
+        self.own_motions = other.own_motions | self.own_motions
+        self.hands = other.hands | self.hands
+
     def split(self, frame: int) -> tuple["TrackBuilder", "TrackBuilder"]:
         """The track before a frame, and from that frame on."""
         halves = tuple(TrackBuilder(self.time_s, self.last, self.last_frame) for _ in range(2))

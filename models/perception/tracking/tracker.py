@@ -25,7 +25,6 @@ from humanmm.models.perception.tracking.search import (
     MAX_COVERED,
     detections,
     find_people,
-    lies_crossed_on,
     lies_on,
     same_person,
     settle,
@@ -223,11 +222,10 @@ class SceneTracker:
         detected = detections(self._networks.detect, image)
         present = [track for track in self._tracks if frame in track.rows]
         of_each = [[lies_on(track.last, one) for one in detected] for track in present]
-        nobodys = [one for k, one in enumerate(detected) if not any(is_his[k] for is_his in of_each)]
         for known, is_his in zip(present, of_each, strict=True):
             his = list(compress(detected, is_his))
             known.detector_scores[frame] = max((one.score for one in his), default=0.0)
-            known.note_detected_sides(frame, his or [one for one in nobodys if lies_crossed_on(known.last, one)])
+            known.note_detected_sides(frame, his)
         limit = self._max_people - len(seen)
         if limit <= 0:
             return

@@ -64,6 +64,19 @@ def test_whoever_enters_long_after_another_left_is_a_new_person() -> None:
     assert len(joined([track(range(0, 30), 300, RED), track(range(400, 430), 300, RED)])) == 2
 
 
+def test_tracks_that_take_turns_on_one_body_are_one() -> None:
+    def by_turns(other_x: float, colours: np.ndarray) -> list[TrackBuilder]:
+        first, second = track(range(0, 60), 300, RED), track(range(20, 60), other_x, colours)
+        for frame in range(20, 60):
+            del (first if frame % 8 < 4 else second).rows[frame]
+        return joined([first, second])
+
+    (one,) = by_turns(304, RED)
+    assert sorted(one.rows) == list(range(60)) and one.rows[24].bbox[0] == 264
+    assert len(by_turns(330, RED)) == 2  # beside him
+    assert len(by_turns(304, BLUE)) == 2  # in other clothes: behind him
+
+
 def test_a_track_that_moved_on_to_somebody_else_is_cut_where_the_clothes_change() -> None:
     mixed = track(range(0, 60), 300, RED)
     for frame in range(30, 60, 5):

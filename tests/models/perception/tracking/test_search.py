@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from humanmm.models.perception.fusion import BEST
-from humanmm.models.perception.interfaces import Detection
+from humanmm.models.perception.interfaces import Detection, Landmarks
 from humanmm.models.perception.observation import Observation
 from humanmm.models.perception.picture import Picture, whole
 from humanmm.models.perception.regions import Region
@@ -17,9 +17,12 @@ from humanmm.models.perception.tracking.search import (
     lies_on,
     same_person,
     same_shoulders,
+    settle,
     tiles,
 )
 from humanmm.models.records import landmarks
+
+ELBOWS = [landmarks.INDEX[f"{side}_elbow"] for side in ("left", "right")]
 
 
 def gray(width: int, height: int, value: int = 60) -> Picture:
@@ -101,25 +104,61 @@ def test_nobody_is_found_in_an_empty_picture() -> None:
     assert find_people(BEST, image, [], [], behind=True, closer=True, limit=3) == []
 
 
+def coco_of(seen: Observation, beside: float = 3.0) -> np.ndarray:
+    """Keypoints of a detector that lie beside a pose by so many pixels."""
+    return seen.keypoints[list(landmarks.COCO_LANDMARKS)] + [beside, 0.0, 0.0]
+
+
 def test_a_pose_lies_on_a_detection_by_its_keypoints_or_else_by_its_region() -> None:
     seen = person(100, 100)
-    keypoints = np.ones((17, 3))
-    keypoints[5:, :2] = seen.keypoints[list(landmarks.LIMBS), :2] + 3.0
-    beside = np.add(keypoints, [60.0, 0.0, 0.0])
-    assert lies_on(seen, Detection(0.5, Region(300, 300, 10), seen.bbox, keypoints))
-    assert not lies_on(seen, Detection(0.5, seen.region, seen.bbox, beside))
+    assert lies_on(seen, Detection(0.5, Region(300, 300, 10), seen.bbox, coco_of(seen)))
+    assert not lies_on(seen, Detection(0.5, seen.region, seen.bbox, coco_of(seen, beside=60.0)))
     assert lies_on(seen, Detection(0.5, Region(110, 100, 150), seen.bbox))
     assert not lies_on(seen, Detection(0.5, Region(180, 100, 128), seen.bbox))
 
 
-def test_limbs_that_the_detector_does_not_see_do_not_say_whose_pose_it_is() -> None:
+def test_a_pose_lies_on_a_detection_that_names_left_and_right_the_other_way() -> None:
     seen = person(100, 100)
-    keypoints = np.ones((17, 3))
-    keypoints[5:, :2] = seen.keypoints[list(landmarks.LIMBS), :2] + 3.0
+    wide = seen.keypoints.copy()
+    wide[list(landmarks.SHOULDERS), 0] = [60.0, 140.0]
+    wide[list(ELBOWS), 0] = [50.0, 150.0]
+    wide[list(landmarks.WRISTS), 0] = [40.0, 160.0]
+    close_up = replace(seen, keypoints=wide)
+    keypoints = coco_of(close_up)
+    keypoints[:5, 2], keypoints[11:, 2] = 0.0, 0.0  # of the arms alone
+    assert lies_on(close_up, Detection(0.5, Region(300, 300, 10), seen.bbox, keypoints[landmarks.COCO_SWAP]))
+
+
+def test_keypoints_that_the_detector_does_not_see_do_not_say_whose_pose_it_is() -> None:
+    seen = person(100, 100)
+    keypoints = coco_of(seen)
     keypoints[9:] = [400.0, 400.0, 0.05]  # of a close-up the legs are a guess
     assert lies_on(seen, Detection(0.5, Region(300, 300, 10), seen.bbox, keypoints))
-    keypoints[6:, 2] = 0.0  # one limb says nothing; the region is far away
+    keypoints[4:, 2] = 0.0  # four keypoints say nothing; the region is far away
     assert not lies_on(seen, Detection(0.5, Region(300, 300, 10), seen.bbox, keypoints))
+
+
+def test_a_guessed_crop_is_looked_at_again_until_the_pose_lies_on_the_person_detected() -> None:
+    """Of a close-up the detector guesses where the hips are; a pose that slides away again does not count."""
+    there, elsewhere = person(100, 100), person(300, 100)
+    detection = Detection(0.5, Region(140, 140, 128), there.bbox, coco_of(there))
+
+    def settled(*poses: Observation) -> Observation | None:
+        looks = iter(poses)
+        return settle(lambda *_, **__: landmarks_of(next(looks)), gray(400, 300), detection)
+
+    far = settled(elsewhere, there, there)
+    assert far is not None and np.allclose(far.keypoints[:, :2], there.keypoints[:, :2])
+    near = settled(there, elsewhere, elsewhere)
+    assert near is not None and np.allclose(near.keypoints[:, :2], there.keypoints[:, :2])
+    assert settled(elsewhere, elsewhere, elsewhere) is None
+
+
+def landmarks_of(seen: Observation) -> Landmarks:
+    """The network's output that is observed so."""
+    return Landmarks(
+        seen.keypoints, seen.landmarks3d, 1.0, np.full((128, 128), 255, np.uint8), seen.region, seen.next_region
+    )
 
 
 def test_who_fills_the_picture_is_looked_at_from_farther_away() -> None:
