@@ -196,6 +196,21 @@ def _both(first: np.ndarray | None, second: np.ndarray | None) -> np.ndarray | N
 
 
 @dataclass(frozen=True)
+class Unfollowed:
+    """Somebody whom the detector sees again and again, and whom no track follows."""
+
+    first: int
+    last: int
+    """Frames of the video in which he was seen first and last."""
+    box: tuple[float, float, float, float]
+    """xyxy, source pixels, where he was seen best."""
+    score: float
+    """The detector's, mean."""
+    crowded: bool = False
+    """Whether as many people as wanted were followed meanwhile."""
+
+
+@dataclass(frozen=True)
 class ScenePeople:
     """All person tracks of one scene [start, end)."""
 
@@ -203,6 +218,7 @@ class ScenePeople:
     end: int
     tracks: tuple[PersonTrack, ...]
     warnings: tuple[str, ...] = ()
+    unfollowed: tuple[Unfollowed, ...] = ()
 
     def track_of(self, appearance: Appearance) -> PersonTrack:
         """The track of a person in a shot, with left and right as they are, not as the detector swapped them.

@@ -1,6 +1,6 @@
 """The final shots: the scenes, cut further where people show it, with the people and the detector's errors in them."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,7 +10,7 @@ from humanmm.errors import NoUsablePersonError
 from humanmm.models.geometry.intervals import Interval, frame_intervals, in_intervals
 from humanmm.models.geometry.intrinsics import K_from_focal, default_focal_px
 from humanmm.models.records.shots import Appearance, CorrectionNote, Scenes, Shot, ShotList, Transition
-from humanmm.models.records.tracks import PersonTrack, ScenePeople
+from humanmm.models.records.tracks import PersonTrack, ScenePeople, Unfollowed
 from humanmm.models.records.video import VideoFacts
 from humanmm.models.shot_detection.corrected_cuts import NEAR_FRAMES, removed
 from humanmm.models.shot_detection.people_cuts import Parts, split_scenes
@@ -23,6 +23,8 @@ from humanmm.models.video.frame_times import shown_s
 WHOLE = 0.45
 """Confidence, in the median over time, of somebody who is in view as a whole: 0.5 to 0.98 in real clips; of upper
 bodies and of people behind desks 0.2 to 0.43."""
+NAMED = 3
+"""So many of the people who are overlooked are named in a warning."""
 
 
 def detect_shots(
@@ -59,7 +61,10 @@ def detect_shots(
         replace(shot, people=tuple(_marked(a, faults.get((shot.index, a.person))) for a in appearances))
         for shot, appearances in zip(shots, cast.appearances, strict=True)
     )
-    warnings = (*_suspected_cuts(scenes, inhabited), *_doubts(cast), *_partly_seen(cast, inhabited, people))
+    warnings = (
+        *_suspected_cuts(scenes, inhabited), *_doubts(cast), *_partly_seen(cast, inhabited, people),
+        *_overlooked(people, (facts.width, facts.height)),
+    )  # fmt: skip
     return ShotList(scenes.num_frames, inhabited, cast.people, warnings, (*notes, *of_people), cast.left_out)
 
 
@@ -125,6 +130,25 @@ def _partly_seen(cast: Cast, shots: Sequence[Shot], people: Sequence[ScenePeople
         for one in cast.people
         if not one.doubtful and median.get(one.person, 1.0) < WHOLE
     )
+
+
+def _overlooked(people: Sequence[ScenePeople | None], size: tuple[int, int]) -> Iterator[str]:
+    """A warning for every scene in which people are seen whom nothing follows."""
+    for scene in people:
+        unfollowed = sorted(scene.unfollowed, key=lambda one: -one.score) if scene is not None else []
+        for crowded in (False, True):
+            alike = [one for one in unfollowed if one.crowded is crowded]
+            if not alike:
+                continue
+            places = ", ".join(_place(one, size) for one in alike[:NAMED])
+            more = f" (and {len(alike) - NAMED} more)" if len(alike) > NAMED else ""
+            why = "more people than --max-people are seen" if crowded else "somebody is seen who is not recovered"
+            yield f"{why}: {places} of the picture{more}"
+
+
+def _place(one: Unfollowed, size: tuple[int, int]) -> str:
+    x0, y0, x1, y1 = np.clip(np.array(one.box) / [*size, *size], 0, 1)
+    return f"in frames {one.first}-{one.last} at {x0:.2f} {y0:.2f} {x1:.2f} {y1:.2f}"
 
 
 def _empty_shots(scenes: Scenes, transitions: Sequence[Transition]) -> list[Shot]:

@@ -1,8 +1,8 @@
-"""pycolmap without its handler of SIGTERM: `from humanmm.models.camera.odometry.colmap import pycolmap`.
+"""pycolmap without its handler of SIGTERM, and quiet: `from humanmm.models.camera.odometry.colmap import pycolmap`.
 
 Its logging takes that signal while it is imported, and from then on ends the process with a stack trace: nothing else
 could note any more that a run received it. Python neither knows of such a handler nor sets one outside its main
-thread, hence C's own way.
+thread, hence C's own way. Ceres warns of every step that it takes back; whether a solve ended well is in its result.
 """
 
 import ctypes
@@ -20,5 +20,7 @@ import pycolmap  # noqa: E402
 
 if _sigaction is not None:
     _sigaction(signal.SIGTERM, _before, None)
+
+pycolmap.logging.minloglevel = int(pycolmap.logging.ERROR)
 
 __all__ = ["pycolmap"]

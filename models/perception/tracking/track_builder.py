@@ -218,6 +218,20 @@ class TrackBuilder:
             halves[f >= frame].hands[f] = looks
         return halves[0], halves[1]
 
+    def where_detected(self) -> "TrackBuilder | None":
+        """The part between searches before and after which the detector never sees the person: a track may go on over
+        a car when he has left. None where that is the whole track, or nothing of it."""
+        seen = [frame for frame, score in self.detector_scores.items() if score > 0]
+        if not seen:
+            return None
+        unseen = [frame for frame, score in self.detector_scores.items() if score <= 0]
+        end = min((frame for frame in unseen if frame > max(seen)), default=None)
+        start = max((frame for frame in unseen if frame < min(seen)), default=None)
+        if start is None and end is None:
+            return None
+        part = self if end is None else self.split(end)[0]
+        return part if start is None else part.split(start + 1)[1]
+
     def finished(self) -> PersonTrack:
         """The track, with left and right named alike in all frames and confidence lowered where it is unsteady.
 

@@ -15,11 +15,12 @@ from humanmm.models.geometry.boxes import box_iou
 from humanmm.models.perception.clothing import clothing_histogram, colour_distance
 from humanmm.models.perception.fusion import BEST
 from humanmm.models.perception.hands.follow import due_frames
-from humanmm.models.perception.interfaces import Landmarks, Networks, PoseNetwork
+from humanmm.models.perception.interfaces import Detection, Landmarks, Networks, PoseNetwork
 from humanmm.models.perception.observation import Observation, averaged, observe, similarity
 from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.regions import Region
 from humanmm.models.perception.tracking.linking import joined, untangled
+from humanmm.models.perception.tracking.overlooked import Overlooked
 from humanmm.models.perception.tracking.painting import covered_fraction, without
 from humanmm.models.perception.tracking.search import (
     MAX_COVERED,
@@ -31,7 +32,8 @@ from humanmm.models.perception.tracking.search import (
 )
 from humanmm.models.perception.tracking.sides import side_vote
 from humanmm.models.perception.tracking.track_builder import TrackBuilder
-from humanmm.models.records.tracks import PersonTrack, ScenePeople
+from humanmm.models.records.shots import DOUBTFUL
+from humanmm.models.records.tracks import PersonTrack, ScenePeople, Unfollowed
 from humanmm.models.video.frame_times import ROUNDING_S, elapsed_s, nearest_frame, sampled_every, shown_s
 
 Array = np.ndarray
@@ -89,6 +91,7 @@ class SceneTracker:
         self._side_look_due = sampled_every(time_s[:end], SIDE_LOOK_S)
         self._hands_due = due_frames(time_s[:end]) if hands else None
         self._searches = 0
+        self._overlooked = Overlooked(time_s, max_people)
 
     def step(self, frame: int, image: Picture) -> None:
         """Look at one frame."""
@@ -102,9 +105,9 @@ class SceneTracker:
         scene_s = float(shown_s(self._time_s, np.arange(self._start, self._end)).sum())
         shortest_s = min(MIN_TRACK_S, 0.5 * scene_s) - ROUNDING_S
         people = joined(untangled(self._tracks))
-        tracks = [track.finished() for track in people if track.seen_s >= shortest_s]
+        tracks = [finished(track) for track in people if track.seen_s >= shortest_s]
         tracks.sort(key=lambda t: -float((t.bbox[:, 2:] - t.bbox[:, :2]).prod(axis=1).sum()))
-        return ScenePeople(self._start, self._end, tuple(tracks))
+        return ScenePeople(self._start, self._end, tuple(tracks), unfollowed=self._overlooked.finished())
 
     def _keep(self, frame: int, image: Picture) -> None:
         """Keep a frame's picture, and forget those too old to follow anybody back to."""
@@ -226,6 +229,12 @@ class SceneTracker:
             his = list(compress(detected, is_his))
             known.detector_scores[frame] = max((one.score for one in his), default=0.0)
             known.note_detected_sides(frame, his)
+        self._find_new(frame, image, seen, detected)
+        followed = [track.last for track in self._tracks if frame in track.rows]
+        self._overlooked.note(frame, detected, followed)
+
+    def _find_new(self, frame: int, image: Picture, seen: list[Observation], detected: list[Detection]) -> None:
+        """Follow whoever is in the picture and known by no track."""
         limit = self._max_people - len(seen)
         if limit <= 0:
             return
@@ -282,6 +291,16 @@ class SceneTracker:
         track.last, track.last_frame = found, frame
 
 
+def finished(track: TrackBuilder) -> PersonTrack:
+    """The finished track, or only where the detector sees somebody, if he is credible there and not as a whole."""
+    part = track.where_detected()
+    whole = track.finished()
+    if part is None or part.seen_s < MIN_TRACK_S or not part.colours or whole.probability >= DOUBTFUL:
+        return whole
+    detected = part.finished()
+    return detected if detected.probability >= DOUBTFUL else whole
+
+
 def _second_look(locate: PoseNetwork, image: Picture, output: Landmarks) -> Landmarks:
     """The mean of an output and of the mirrored crop's, where the two agree on left and right."""
     other = locate(image, output.region, mirrored=True)
@@ -327,4 +346,12 @@ def in_source_pixels(people: ScenePeople, scale: np.ndarray) -> ScenePeople:
             hands=track.hands.scaled(scale) if track.hands is not None else None,
         )
 
-    return replace(people, tracks=tuple(scaled(track) for track in people.tracks))
+    def enlarged(one: Unfollowed) -> Unfollowed:
+        x0, y0, x1, y1 = (np.array(one.box) * [*scale, *scale]).tolist()
+        return replace(one, box=(x0, y0, x1, y1))
+
+    return replace(
+        people,
+        tracks=tuple(scaled(track) for track in people.tracks),
+        unfollowed=tuple(enlarged(one) for one in people.unfollowed),
+    )

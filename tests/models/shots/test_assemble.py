@@ -9,7 +9,7 @@ from humanmm.corrections import Corrections, RemoveCut
 from humanmm.errors import NoUsablePersonError
 from humanmm.models.perception.clothing import HISTOGRAM_BINS
 from humanmm.models.records.shots import CorrectionNote, Scenes, Shot, Transition
-from humanmm.models.records.tracks import PersonTrack, ScenePeople, Silhouettes
+from humanmm.models.records.tracks import PersonTrack, ScenePeople, Silhouettes, Unfollowed
 from humanmm.models.records.video import VideoFacts
 from humanmm.models.shot_detection.corrected_cuts import corrected_scenes
 from humanmm.models.shots.assemble import _corrected, detect_shots
@@ -58,6 +58,18 @@ def test_who_is_left_out_is_recorded_with_his_probability_and_shots() -> None:
     assert len(listed.people) == 1 and not listed.warnings
     (out,) = listed.left_out
     assert out.probability == pytest.approx(0.1) and out.shots == (1,)
+
+
+def test_who_is_seen_and_not_followed_is_a_warning_with_his_place() -> None:
+    likely = replace(somebody(), probability=0.9)
+    boy = Unfollowed(3, 27, (0.0, 54.0, 480.0, 545.0), 0.4)
+    crowd = tuple(Unfollowed(30, 59, (96.0 * k, 0.0, 96.0 * k + 96, 54.0), 0.9 - 0.1 * k, True) for k in range(5))
+    people = [ScenePeople(0, 30, (likely,), unfollowed=(boy,)), ScenePeople(30, 60, (), unfollowed=crowd)]
+    assert detect_shots(FACTS, SCENES, people).warnings == (
+        "somebody is seen who is not recovered: in frames 3-27 at 0.00 0.10 0.50 1.00 of the picture",
+        "more people than --max-people are seen: in frames 30-59 at 0.00 0.00 0.10 0.10, in frames 30-59 at 0.10 0.00 "
+        "0.20 0.10, in frames 30-59 at 0.20 0.00 0.30 0.10 of the picture (and 2 more)",
+    )
 
 
 def test_a_suspected_cut_is_a_warning_unless_a_shot_begins_there() -> None:

@@ -164,3 +164,14 @@ def built_without_hands() -> PersonTrack:
         track.note_colours(frame, BLACK)
         track.look_at_hands(frame, BLACK, None)
     return track.finished()
+
+
+def test_the_part_in_which_the_detector_sees_somebody_ends_with_the_first_search_that_does_not() -> None:
+    track = built(range(10, 70))
+    assert track.where_detected() is None  # it never looked
+    track.detector_scores = {12: 0.0, 20: 0.5, 30: 0.0, 40: 0.6, 50: 0.0, 60: 0.0}
+    part = track.where_detected()
+    assert part is not None and (min(part.rows), max(part.rows)) == (13, 49)
+    assert len(track.rows) == 60
+    track.detector_scores = {20: 0.5, 40: 0.6}
+    assert track.where_detected() is None  # all of it

@@ -38,7 +38,11 @@ def times_of(looks: Int[Array, " L"], end: int, time_s: Float[Array, " F"]) -> F
 def in_frames(people: ScenePeople, looks: Int[Array, " L"], span: tuple[int, int], time_s: Array) -> ScenePeople:
     """What was seen in looks 0, 1, … in the frames of the video: those looked at, and those between two successive
     looks at a person."""
-    return ScenePeople(*span, tuple(_in_frames(track, looks, time_s) for track in people.tracks))
+    unfollowed = tuple(
+        replace(one, first=int(looks[one.first]), last=int(looks[one.last])) for one in people.unfollowed
+    )
+    tracks = tuple(_in_frames(track, looks, time_s) for track in people.tracks)
+    return ScenePeople(*span, tracks, people.warnings, tuple(unfollowed))
 
 
 def _in_frames(track: PersonTrack, looks: Int[Array, " L"], time_s: Float[Array, " F"]) -> PersonTrack:

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from humanmm.models.perception.tracking.between_looks import in_frames, looked_at, times_of
+from humanmm.models.perception.between_looks import in_frames, looked_at, times_of
 from humanmm.models.records.hands import not_looked
 from humanmm.models.records.tracks import PersonTrack, ScenePeople, Silhouettes
 
