@@ -20,8 +20,8 @@ from humanmm.config import Config
 from humanmm.errors import StageError
 from humanmm.machine import peak_memory_mb
 from humanmm.models.benchmark.tables.rows import Row, summarise
-from humanmm.models.perception.picture import Picture, whole
 from humanmm.models.perception.between_looks import looked_at
+from humanmm.models.perception.picture import Picture, whole
 from humanmm.models.perception.tracking.tracker import CAREFUL_FRAMES
 from humanmm.models.records.video import VideoFacts
 from humanmm.models.video.frames import planar_frames

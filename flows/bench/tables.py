@@ -8,10 +8,10 @@ from humanmm.config import Config
 from humanmm.errors import InputError, UsageError
 from humanmm.flows.bench.clips import clip_set, judged_clips, labels_of_jobs
 from humanmm.flows.bench.golden import checked_clips, overlays
-from humanmm.flows.bench.identity import identity_views
 from humanmm.flows.bench.imported import parse_system, with_imported
 from humanmm.flows.bench.motion import Job, figures_of
 from humanmm.flows.bench.page import report_page
+from humanmm.flows.bench.perception import identity_views, lifted_landmarks
 from humanmm.flows.bench.planned import aist_set, mocap_set
 from humanmm.flows.bench.render_set import own_set
 from humanmm.flows.bench.shots import shot_rows
@@ -26,6 +26,7 @@ from humanmm.models.benchmark.tables.doubts import doubts_table, rows_of_doubts
 from humanmm.models.benchmark.tables.golden import all_verdicts, golden_tables, rows_of_golden
 from humanmm.models.benchmark.tables.groups import spread_tables
 from humanmm.models.benchmark.tables.layout import MAIN, OF_ABLATION, OF_CAMERAS, OF_JOINTS, plain_table, tables_of
+from humanmm.models.benchmark.tables.lifting import lifting_rows, lifting_table
 from humanmm.models.benchmark.tables.overlay import overlay_rows, overlay_tables
 from humanmm.models.benchmark.tables.rows import Row, rows_of, summarise
 from humanmm.models.benchmark.tables.statistics import SetStatistics
@@ -40,7 +41,7 @@ SAMPLE = Path("examples/aist")
 MODULES = {"ablation": (ABLATIONS, OF_ABLATION), "camera": (CAMERAS, OF_CAMERAS), "cuts": (CUTS, OF_JOINTS)}
 """Tables of parts of the pipeline: their methods and figures."""
 CLIPS = ("ms-render", "ms-real")
-WITHOUT_SIZE = ("golden", "overlay", "identity", "doubts")
+WITHOUT_SIZE = ("golden", "overlay", "identity", "lifting", "doubts")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,7 +87,10 @@ def measure(request: TableRequest, config: Config, *, announce: Callable[[str], 
     data = request.data or own_data(request, config)
     if request.table == "speed":
         return _speed(request, data, config)
-    makers = {"shots": _shots, "golden": _golden, "overlay": _overlay, "identity": _identity, "doubts": _doubts}
+    makers = {
+        "shots": _shots, "golden": _golden, "overlay": _overlay, "identity": _identity, "lifting": _lifting,
+        "doubts": _doubts,
+    }  # fmt: skip
     return makers.get(request.table, _motion)(request, data, config, announce)
 
 
@@ -168,6 +172,14 @@ def _identity(request: TableRequest, data: Path, config: Config, announce: Calla
     tables = identity_tables(figures)
     page = Page("identity", command, "", tables)
     return Measured(identity_rows(figures), tables, command, failures=failed, page=lambda: page)
+
+
+def _lifting(request: TableRequest, data: Path, config: Config, announce: Callable[[str], None]) -> Measured:
+    lifters, failed = lifted_landmarks(data, config, open_store(request.store))
+    command = " ".join(["humanmm", "bench", "lifting", *request.settings])
+    rows, tables = lifting_rows(lifters, failed=len(failed)), [lifting_table(lifters)]
+    page = Page("lifting", command, "", tables)
+    return Measured(rows, tables, command, failures=failed, page=lambda: page)
 
 
 def _doubts(request: TableRequest, data: Path, config: Config, announce: Callable[[str], None]) -> Measured:

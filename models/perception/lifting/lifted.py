@@ -26,6 +26,18 @@ def lifted_people(
     return replace(people, tracks=tuple(_lifted(track, lifter, time_s, K) for track in people.tracks))
 
 
+def person_frames(track: PersonTrack, time_s: Float[Array, " F"]) -> PersonFrames:
+    """A track as lifters take it."""
+    affine = track.mask_affine.astype(np.float64)
+    return PersonFrames(
+        time_s=time_s[track.frame],
+        keypoints=track.keypoints2d.astype(np.float64),
+        landmarks3d=track.landmarks3d.astype(np.float64),
+        centre=affine @ np.array([MASK_SIDE / 2, MASK_SIDE / 2, 1.0]),
+        side=np.linalg.norm(affine[:, :, 0], axis=1) * MASK_SIDE,
+    )
+
+
 def with_root_rotated(pose: PoseEstimates, R: Float[Array, "n 3 3"]) -> PoseEstimates:
     """The same poses, their roots in other axes: R from those that they are in."""
     vectors = pose.vectors.copy()
@@ -34,13 +46,5 @@ def with_root_rotated(pose: PoseEstimates, R: Float[Array, "n 3 3"]) -> PoseEsti
 
 
 def _lifted(track: PersonTrack, lifter: Lifter, time_s: Float[Array, " F"], K: Float[Array, "3 3"]) -> PersonTrack:
-    affine = track.mask_affine.astype(np.float64)
-    frames = PersonFrames(
-        time_s=time_s[track.frame],
-        keypoints=track.keypoints2d.astype(np.float64),
-        landmarks3d=track.landmarks3d.astype(np.float64),
-        centre=affine @ np.array([MASK_SIDE / 2, MASK_SIDE / 2, 1.0]),
-        side=np.linalg.norm(affine[:, :, 0], axis=1) * MASK_SIDE,
-    )
-    found = lifter(frames, K)
+    found = lifter(person_frames(track, time_s), K)
     return replace(track, landmarks3d=found.landmarks3d, pose=found.pose)

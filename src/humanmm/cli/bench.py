@@ -26,6 +26,7 @@ TABLES = {
     "overlay": "how far bodies lie from people in the picture, without truths",
     "doubts": "what is wrong in recovered clips with truths, and whether a warning said so",
     "identity": "who is who across cuts, on clips whose people are known",
+    "lifting": "where the lifters have landmarks in space, on clips with truths",
     "speed": "milliseconds a frame of every stage",
 }
 if TYPE_CHECKING:
@@ -34,10 +35,10 @@ else:
     Table = Literal[tuple(TABLES)]
 _TABLES = "; ".join(f"{name}: {about}" for name, about in TABLES.items())
 _DATA = """ms-mocap: a pack (.npz); ms-aist: a folder of AIST++ sequences (.npz; default: the sample in examples/aist);
-ms-render, ms-real, doubts: a folder of <name>.mp4 beside <name>_gt.npz (ms-render renders its own without one);
-ablation, camera, cuts: a pack or such a folder; shots: a folder of videos beside <name>.json or <name>_gt.npz, or BBC
-Planet Earth; golden, overlay: a folder of videos; identity: a folder of <name>.mp4 beside <name>_gt.npz, of videos of
-the golden set, or both; speed: a video"""
+ms-render, ms-real, doubts, lifting: a folder of <name>.mp4 beside <name>_gt.npz (ms-render renders its own without
+one); ablation, camera, cuts: a pack or such a folder; shots: a folder of videos beside <name>.json or <name>_gt.npz, or
+BBC Planet Earth; golden, overlay: a folder of videos; identity: a folder of <name>.mp4 beside <name>_gt.npz, of videos
+of the golden set, or both; speed: a video"""
 _SIZE = """ms-mocap, ms-aist: tiny, standard (60 videos each with 2, 3 and 4 transitions; default), ms20 (20 sequences,
 each with 2, 3 and 4); ms-render without --data: tiny (one clip of 2 s), standard (60 clips), places (96 clips)"""
 _IMPORTED = """tables of motion: a row of another system, whose result for each video lies in DIR: <video>.pt (GVHMR),

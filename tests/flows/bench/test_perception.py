@@ -1,5 +1,6 @@
-"""`humanmm bench identity`: which clips of a folder have known people; what the stages find is made by arithmetic."""
+"""`humanmm bench identity | lifting`: which clips have known people; what the stages find is made by arithmetic."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -8,8 +9,9 @@ import pytest
 from humanmm.cli import main
 from humanmm.config import Config
 from humanmm.errors import InputError
-from humanmm.flows.bench import identity
-from humanmm.flows.bench.identity import known_clips
+from humanmm.flows.bench import perception
+from humanmm.flows.bench.perception import known_clips
+from humanmm.models.evaluation.landmarks import LandmarkErrors
 from humanmm.storage.store.store import Store
 
 LIST = """
@@ -58,7 +60,7 @@ def test_a_clip_that_fails_is_reported(
     def failing(video: Path, names: tuple[str, ...], config: Config, store: Store) -> None:
         raise InputError(f"{video.name} is empty")
 
-    monkeypatch.setattr(identity, "run_stages", failing)
+    monkeypatch.setattr(perception, "run_stages", failing)
     assert main(["bench", "identity", "--data", str(folder), "--store", str(folder / "store")]) == 0
     assert "rendered.mp4 is empty" in capsys.readouterr().err
 
@@ -66,4 +68,26 @@ def test_a_clip_that_fails_is_reported(
 def test_a_folder_without_known_people_is_reported(tmp_path: Path) -> None:
     (tmp_path / "golden.toml").write_text(LIST)
     with pytest.raises(InputError, match="none of the golden set's"):
-        identity.identity_views(tmp_path, Config(), Store(tmp_path / "store"))
+        perception.identity_views(tmp_path, Config(), Store(tmp_path / "store"))
+
+
+def test_lifters_are_measured_on_clips_with_truths_and_those_that_fail_are_reported(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / "joints_only.mp4").unlink()
+    errors = LandmarkErrors(*(np.full(4, mm) for mm in (50.0, 70.0, 30.0, 35.0)))
+
+    def measured(truth: Path, config: Config, store: Store) -> Iterator[tuple[str, LandmarkErrors]]:
+        if truth.name.startswith("bad"):
+            raise InputError("it is empty")
+        yield "lifter", errors
+
+    (folder / "bad.mp4").touch()
+    (folder / "bad_gt.npz").touch()
+    monkeypatch.setattr(perception, "_errors_in", measured)
+    assert main(["bench", "lifting", "--data", str(folder), "--store", str(folder / "store")]) == 0
+    said = capsys.readouterr()
+    assert "| lifter | 1 | 4 | 50.0, 50.0 | 70.0, 70.0 | 30.0, 30.0 | 35.0, 35.0 |" in said.out
+    assert "bad.mp4: it is empty" in said.out + said.err
+    with pytest.raises(InputError, match="holds no video beside"):
+        perception.lifted_landmarks(folder / "street", Config(), Store(folder / "store"))
