@@ -116,17 +116,17 @@ STAGES: tuple[Stage, ...] = (
     ),
     Stage(
         "hmr", "shot", ("decode", "people", "shots", "camera"), ("hmr",), "humanmm.models.records.motion:ShotMotion",
-        resources=_memory(35, 0, 10),
+        schema_version=2, resources=_memory(35, 0, 10),
     ),
     Stage(
         "align", "video", ("decode", "people", "shots", "keyframes", "intrinsics", "camera", "hmr"), ("align",),
         "humanmm.models.records.motion:WorldMotion",
-        schema_version=3, resources=_memory(15, 0, 10),
+        schema_version=4, resources=_memory(15, 0, 10),
     ),
     Stage(
         "refine", "video", ("decode", "people", "shots", "align"), ("refine",),
         "humanmm.models.records.motion:WorldMotion",
-        corrections=("floor",), schema_version=3, resources=_memory(35, 0, 12),
+        corrections=("floor",), schema_version=4, resources=_memory(35, 0, 12),
     ),
     Stage(
         "deliver", "video", ("decode", "people", "shots", "align", "refine"), ("deliver",),

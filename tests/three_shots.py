@@ -77,6 +77,7 @@ def shot_of(index: int, person: int = 0) -> tuple[Shot, ScenePeople, ShotCamera,
         np.ones(LENGTH, np.float32),
         np.ones(LENGTH, np.float32),
         np.zeros(LENGTH, np.float32),
+        np.full(LENGTH, 0.05, np.float32),
     )
     start, end = int(frames[0]), int(frames[-1]) + 1
     still = ShotCamera(

@@ -1,9 +1,9 @@
 """Whether what is wrong in a finished run was doubted in it: run.json beside a truth.
 
 A run that is `done` without a warning says that nothing in it is doubtful. Here that is held against the truth, in the
-terms in which run.json states its doubts: which way bodies face, the cameras' rotations at cuts, focal lengths, the
-paths of travelling cameras; and in those of which it knows no doubt: cuts that are missed or invented, people who are
-not found.
+terms in which run.json states its doubts: which way bodies face, their poses, the cameras' rotations at cuts, focal
+lengths, the paths of travelling cameras; and in those of which it knows no doubt: cuts that are missed or invented,
+people who are not found.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,6 +16,7 @@ from jaxtyping import Bool, Float
 from humanmm.models.evaluation.cameras import rotation_across
 from humanmm.models.evaluation.cuts import score_cuts
 from humanmm.models.evaluation.pairs import Pair, pairs_of
+from humanmm.models.evaluation.pose import pa_mpjpe_mm
 from humanmm.models.geometry.intervals import runs_of_true
 from humanmm.models.geometry.rotations import angle_between_deg, rotation_distance
 from humanmm.models.motion.fit.orientation_doubt import MISORIENTED_DEG
@@ -24,6 +25,7 @@ from humanmm.models.motion.world.doubts import (
     is_doubtful_cut,
     is_doubtful_facing,
     is_doubtful_path,
+    is_doubtful_pose,
 )
 from humanmm.models.records.camera import is_doubtful_focal
 from humanmm.models.records.sequence import CameraSequence, MotionSequence
@@ -38,12 +40,15 @@ TURNED_SHARE, TURNED_S = 0.2, 0.3
 WRONG_FOCAL = 0.2
 WRONG_SCALE, WRONG_PATH_M = 0.3, 0.1
 """A path is wrong if it is longer or shorter than the true one by so much, as a fraction and in metres."""
+WRONG_POSE_MM = 100.0
+"""PA-MPJPE of a person in a shot."""
 LEAST_FRAMES = 5
 CLIP = "clip"
 
 KINDS: Mapping[str, str] = {
     "facing": f"a body in a shot: more than {MISORIENTED_DEG:.0f}° off in {100 * TURNED_SHARE:.0f} % of its frames, "
     f"or for {TURNED_S} s",
+    "pose": f"a body in a shot: joints more than {WRONG_POSE_MM:.0f} mm off (PA-MPJPE)",
     "cut": f"the camera's rotation at a cut that was found: more than {DOUBTFUL_DEG:.0f}° off",
     "focal": f"the focal length of a shot: more than {100 * WRONG_FOCAL:.0f} % off",
     "path": f"the path of a travelling camera: {100 * WRONG_SCALE:.0f} % and {WRONG_PATH_M} m too long or too short",
@@ -68,7 +73,7 @@ def judged(record: Mapping[str, Any], prediction: MotionSequence, truth: MotionS
     pairs, cameras = pairs_of(prediction, truth), (prediction.cameras, truth.cameras)
     starts = [start for start, _ in truth.transitions]
     cuts_f1 = score_cuts([start for start, _ in prediction.transitions], truth.transitions).f1
-    found = [Judgement("shots", cuts_f1 < 1, False), *_people(pairs, truth)]
+    found = [Judgement("shots", cuts_f1 < 1, False), *_people(pairs, truth), *_poses(record, pairs)]
     if cameras[0] is not None and cameras[1] is not None:
         both = cameras[0], cameras[1]
         found += _facings(record, pairs, both, truth.fps)
@@ -79,20 +84,36 @@ def judged(record: Mapping[str, Any], prediction: MotionSequence, truth: MotionS
 
 
 def _facings(record: Mapping[str, Any], pairs: Sequence[Pair], both: Cameras, fps: float) -> Iterator[Judgement]:
-    # Of somebody who may be no person at all the pipeline says that, and nothing of which way he faces.
-    certain = {one["person"] for one in record["people"] if one["probability"] >= DOUBTFUL}
     for pair in pairs:
         off_deg = _in_camera_deg(pair, both)
-        for shot in record["shots"]:
-            said = next((one for one in shot["facing"] if one["person"] == pair.predicted.person), None)
-            inside = (pair.frame >= shot["start"]) & (pair.frame < shot["end"])
-            inside &= pair.predicted.observed[pair.rows_predicted]
-            if said is not None and inside.sum() >= LEAST_FRAMES:
-                doubtful = said["person"] in certain and is_doubtful_facing(said["probability"], said["worst_s"])
-                turned = off_deg[inside] > MISORIENTED_DEG
-                longest = max((run.end - run.start for run in runs_of_true(turned)), default=0)
-                wrong = bool(turned.mean() > TURNED_SHARE) or longest >= TURNED_S * fps
-                yield Judgement("facing", wrong, doubtful)
+        for said, inside, certain in _in_shots(record, pair, "facing"):
+            turned = off_deg[inside] > MISORIENTED_DEG
+            longest = max((run.end - run.start for run in runs_of_true(turned)), default=0)
+            wrong = bool(turned.mean() > TURNED_SHARE) or longest >= TURNED_S * fps
+            yield Judgement("facing", wrong, certain and is_doubtful_facing(said["probability"], said["worst_s"]))
+
+
+def _poses(record: Mapping[str, Any], pairs: Sequence[Pair]) -> Iterator[Judgement]:
+    for pair in pairs:
+        for said, inside, certain in _in_shots(record, pair, "pose"):
+            error_mm = pa_mpjpe_mm(pair.joints_predicted[inside], pair.joints_truth[inside])
+            expected_mm = said["error_mm"]
+            doubtful = certain and expected_mm is not None and is_doubtful_pose(expected_mm / 1000)
+            yield Judgement("pose", error_mm > WRONG_POSE_MM, doubtful)
+
+
+def _in_shots(
+    record: Mapping[str, Any], pair: Pair, what: str
+) -> Iterator[tuple[Mapping[str, Any], Bool[Array, " n"], bool]]:
+    """What run.json says of a person in each shot in which he is seen, the rows of these frames, and whether he is
+    surely a person: of somebody who may be none the pipeline says that, and nothing else."""
+    certain = {one["person"] for one in record["people"] if one["probability"] >= DOUBTFUL}
+    for shot in record["shots"]:
+        said = next((one for one in shot[what] if one["person"] == pair.predicted.person), None)
+        inside = (pair.frame >= shot["start"]) & (pair.frame < shot["end"])
+        inside &= pair.predicted.observed[pair.rows_predicted]
+        if said is not None and inside.sum() >= LEAST_FRAMES:
+            yield said, inside, said["person"] in certain
 
 
 def _in_camera_deg(pair: Pair, both: Cameras) -> Float[Array, " n"]:

@@ -32,6 +32,8 @@ class PersonShotMotion:
     """(N,) float32, 0..1: how much of what was visible the fit explains, times 1 - misoriented."""
     misoriented: np.ndarray
     """(N,) float32: probability that R_cam_root is off by more than 45°."""
+    pose_error_m: np.ndarray
+    """(N,) float32, metres: expected PA-MPJPE of the joints; NaN where nothing foretells it."""
 
 
 @dataclass(frozen=True)
@@ -126,6 +128,19 @@ class Facing:
 
 
 @dataclass(frozen=True)
+class PoseError:
+    """How far one person's pose is expected to be off in one shot."""
+
+    person: int
+    shot: int
+    error_m: float
+    """Expected PA-MPJPE of the joints, mean over the frames in which he is seen, metres; NaN where nothing foretells
+    it."""
+    doubtful: tuple[tuple[int, int], ...]
+    """Frames [start, end) in which it is far larger than usual."""
+
+
+@dataclass(frozen=True)
 class PersonMotion:
     """One person over the whole video, in the world. N frames without holes between first and last."""
 
@@ -172,4 +187,6 @@ class WorldMotion:
     focal_dispute: float = 0.0
     """By how much the solve would change the logarithm of the focal length, where that is too much to believe."""
     facings: tuple[Facing, ...] = ()
+    """Of everybody in every shot."""
+    pose_errors: tuple[PoseError, ...] = ()
     """Of everybody in every shot."""

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from humanmm.errors import InputError
-from humanmm.models.records.motion import CutAlignment, Facing, PathScale, RotationEvidence, WorldMotion
+from humanmm.models.records.motion import CutAlignment, Facing, PathScale, PoseError, RotationEvidence, WorldMotion
 from humanmm.models.records.shots import ShotList, Transition
 from humanmm.models.records.video import VideoFacts
 from humanmm.storage.store.codec import Json
@@ -174,6 +174,7 @@ def _shots(
     evidence = motion.evidence if motion else ()
     scales = {one.shot: one for one in motion.path_scales} if motion else {}
     facings = motion.facings if motion else ()
+    pose_errors = motion.pose_errors if motion else ()
     failed = {record.shot for record in stages if record.state in ("failed", "skipped")}
     return [
         {
@@ -184,6 +185,7 @@ def _shots(
             "join": _join(joins.get(shot.start), [one for one in evidence if one.shot_b == shot.index]),
             "people": [appearance.person for appearance in shot.people],
             "facing": [_facing(one) for one in facings if one.shot == shot.index],
+            "pose": [_pose(one) for one in pose_errors if one.shot == shot.index],
             "failed": shot.index in failed,
             "camera": _camera(camera, scales.get(shot.index), motion.focal_factor if motion else 1.0),
         }
@@ -223,6 +225,15 @@ def _facing(facing: Facing) -> dict[str, Json]:
         "probability": _figure(facing.probability),
         "doubtful": [list(frames) for frames in facing.doubtful],
         "worst_s": _figure(facing.worst_s),
+    }
+
+
+def _pose(one: PoseError) -> dict[str, Json]:
+    """How far somebody's pose is expected to be off in a shot, and where that is doubtful."""
+    return {
+        "person": one.person,
+        "error_mm": _figure(1000 * one.error_m),
+        "doubtful": [list(frames) for frames in one.doubtful],
     }
 
 

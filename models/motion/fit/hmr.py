@@ -28,6 +28,7 @@ from humanmm.models.motion.fit.evidence import (
 )
 from humanmm.models.motion.fit.initial import InitialPose, interpolated, start_pose
 from humanmm.models.motion.fit.orientation_doubt import misoriented
+from humanmm.models.motion.fit.pose_error import expected_error_m
 from humanmm.models.motion.fit.pose_prior import load_pose_statistics
 from humanmm.models.motion.fit.solver import solve_windows
 from humanmm.models.motion.fit.state import NUM_PARAMETERS, PELVIS, CameraPath, LongMotion, Motion, Skeleton
@@ -261,7 +262,7 @@ def _result(
 ) -> PersonShotMotion:
     n = len(evidence.frame)
     residual, confidence = np.full(n, np.nan, np.float32), np.empty(n, np.float32)
-    doubt = np.empty(n, np.float32)
+    doubt, pose_error = np.empty(n, np.float32), np.full(n, np.nan, np.float32)
     R_cam_root = np.empty((n, 3, 3))
     for frames in chunks(n):
         e = evidence.frames(frames)
@@ -276,6 +277,8 @@ def _result(
         enough = np.isfinite(distances).any(axis=1)
         residual[frames][enough] = np.nanmedian(distances[enough], axis=1)
         doubt[frames] = misoriented(R_cam_root[frames], e.rotations_cam[:, 0], e.rotation_sigma[:, 0])
+        lifted = e.seen & (e.rotation_sigma < UNKNOWN_RAD).any(axis=1)
+        pose_error[frames][lifted] = expected_error_m(posed.points[lifted], e.landmarks_cam[lifted])
     return PersonShotMotion(
         person=person,
         frame=evidence.frame,
@@ -287,4 +290,5 @@ def _result(
         residual_px=residual,
         confidence=confidence * (1 - doubt),
         misoriented=doubt,
+        pose_error_m=pose_error,
     )

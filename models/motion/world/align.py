@@ -93,7 +93,7 @@ def _aligned(
         own_scales, focal = _solve_group(results, group, found, world, focal)
         scales.extend(own_scales)
     scales.sort(key=lambda scale: scale.shot)
-    facings = doubts.facings_of(results)
+    facings, pose_errors = doubts.facings_of(results), doubts.pose_errors_of(results)
     _fill_cameras(results, world)
     cuts = _reported(results, found, world)
     paths = [world.t[shot.start : shot.end] for shot in results.shots.shots]
@@ -101,6 +101,7 @@ def _aligned(
         *doubts.of_paths(scales, paths),
         *(warning for cut in cuts for warning in cut.warnings),
         *doubts.of_facings(facings, results.certain),
+        *doubts.of_pose_errors(pose_errors, results.certain),
         *doubts.of_sides(found.rotations),
         *doubts.of_lifted(results),
         *doubts.of_groups(sorted(groups)),
@@ -117,6 +118,7 @@ def _aligned(
         path_scales=tuple(scales),
         focal_factor=1.0 if focal is None else focal,
         facings=tuple(facings),
+        pose_errors=tuple(pose_errors),
     )
 
 

@@ -16,6 +16,7 @@ def record_of(
     *,
     facing: float = 0.99,
     worst_s: float = 0.0,
+    pose_mm: float | None = 50.0,
     probability: float = 0.95,
     is_person: float = 0.9,
     focal: tuple[str, float] = ("estimated", 0.05),
@@ -29,6 +30,7 @@ def record_of(
             "linked": True,
             "join": {"uncertainty_deg": 3.0, "probability": probability} if start else None,
             "facing": [{"person": 0, "probability": facing, "worst_s": worst_s}],
+            "pose": [{"person": 0, "error_mm": pose_mm}],
             "camera": {"path_scale": {"source": "floor", "relative_uncertainty": 0.2}},
         }
         for start, end in ((0, cut), (cut, sequence.num_frames))
@@ -49,7 +51,7 @@ def test_a_perfect_run_is_wrong_in_nothing(sequence: MotionSequence) -> None:
     found = judged(record_of(sequence), sequence, sequence)
     kinds = [one.kind for one in found]
     assert {kind: kinds.count(kind) for kind in kinds} == {
-        "facing": 2, "cut": 1, "focal": 2, "path": 2, "shots": 1, "people": 1, CLIP: 1,
+        "facing": 2, "pose": 2, "cut": 1, "focal": 2, "path": 2, "shots": 1, "people": 1, CLIP: 1,
     }  # fmt: skip
     assert not any(one.wrong or one.warned for one in found)
 
@@ -65,6 +67,19 @@ def test_a_body_turned_round_is_wrong_whether_it_was_doubted_or_not(sequence: Mo
     first, second = (one for one in found if one.kind == "facing")
     assert first == Judgement("facing", False, facing < 0.925)
     assert second == Judgement("facing", True, facing < 0.925)
+
+
+@pytest.mark.parametrize(("pose_mm", "warned"), [(50.0, False), (120.0, True), (None, False)])
+def test_a_pose_that_is_far_off_in_a_shot_is_wrong(
+    sequence: MotionSequence, pose_mm: float | None, warned: bool
+) -> None:
+    cut, person = sequence.cut_frames[0], sequence.people[0]
+    joints = person.joints.copy()
+    joints[cut:] += np.random.default_rng(0).normal(0, 0.15, joints[cut:].shape)
+    prediction = replace(sequence, people=(replace(person, joints=joints),))
+    found = judged(record_of(sequence, pose_mm=pose_mm), prediction, sequence)
+    first, second = (one for one in found if one.kind == "pose")
+    assert (first, second) == (Judgement("pose", False, warned), Judgement("pose", True, warned))
 
 
 def test_of_somebody_who_may_be_no_person_nobody_says_which_way_he_faces(sequence: MotionSequence) -> None:

@@ -41,7 +41,9 @@ def results(
             eye, none = np.tile(np.eye(3), (LENGTH, 1, 1)), np.zeros((LENGTH, 23, 3))
             cam = np.tile((place - centre) @ R, (LENGTH, 1))
             sure = np.ones(LENGTH, np.float32)
-            own.append(PersonShotMotion(person, frame, sure > 0, eye, none, np.zeros(10), cam, sure, sure, 0 * sure))
+            own.append(
+                PersonShotMotion(person, frame, sure > 0, eye, none, np.zeros(10), cam, sure, sure, 0 * sure, 0 * sure)
+            )
         start, end = int(frame[0]), int(frame[-1]) + 1
         eye = np.tile(np.eye(3), (LENGTH, 1, 1))
         still, K = np.zeros((LENGTH, 3)), np.tile(K_of(INTRINSICS), (LENGTH, 1, 1))

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from three_shots import BETAS, LENGTH, results
 
 from humanmm.models.motion.world import doubts
@@ -28,6 +29,27 @@ def test_a_body_that_may_be_turned_the_wrong_way_is_named_with_its_frames() -> N
     (said,) = (sentence for sentence in world.warnings if "faces" in sentence)
     assert "shot 1: which way person 0 faces" in said
     assert f"frames {LENGTH + 2}-{LENGTH + 8}" in said
+
+
+def test_a_pose_that_is_expected_to_be_far_off_is_named_with_its_frames() -> None:
+    three = results()
+    first, second, third = three.motions
+    assert second is not None and third is not None
+    error = np.full(LENGTH, 0.06, np.float32)
+    error[3:] = 0.2
+    guessed, silent = (
+        replace(shot, people=(replace(shot.people[0], pose_error_m=values),))
+        for shot, values in ((second, error), (third, np.full(LENGTH, np.nan, np.float32)))
+    )
+    world = align(replace(three, motions=(first, guessed, silent)))
+    usual, doubtful, unknown = world.pose_errors
+    assert usual.error_m == pytest.approx(0.05) and usual.doubtful == ()
+    assert doubtful.doubtful == ((LENGTH + 3, 2 * LENGTH),)
+    assert np.isnan(unknown.error_m) and unknown.doubtful == ()
+    (said,) = (sentence for sentence in world.warnings if "pose of person" in sentence)
+    assert f"shot 1: the pose of person 0 is doubtful, above all in frames {LENGTH + 3}-{2 * LENGTH - 1}: " in said
+    assert f"off by {1000 * error.mean():.0f} mm" in said
+    assert doubts.of_pose_errors(world.pose_errors, certain=set()) == []
 
 
 def test_who_may_be_no_person_at_all_has_no_second_warning() -> None:
