@@ -83,9 +83,9 @@ def train_keypoints(
     recipe = recipe or KeypointRecipe()
     held_out = [take for take in _sequences(packs, "dev") for _ in range(BODIES_A_TAKE)]
     shown = takes_on_bodies(held_out, np.random.default_rng(recipe.seed + 1))
-    dev = KeypointMotion(shown, routines=0.0).draw(MEASURED, np.random.default_rng(recipe.seed))
+    dev = KeypointMotion(shown).draw(MEASURED, np.random.default_rng(recipe.seed))
     takes = takes_to_learn_from(_sequences(packs, "train"), np.random.default_rng(recipe.seed))
-    training = keypoint_training(recipe, KeypointMotion(takes, routines=recipe.routines), device=device)
+    training = keypoint_training(recipe, KeypointMotion(takes), device=device)
 
     def measured(network: LifterNetwork) -> Mapping[str, float]:
         found = score(network, dev, coco=True)

@@ -73,7 +73,7 @@ def judged(record: Mapping[str, Any], prediction: MotionSequence, truth: MotionS
     pairs, cameras = pairs_of(prediction, truth), (prediction.cameras, truth.cameras)
     starts = [start for start, _ in truth.transitions]
     cuts_f1 = score_cuts([start for start, _ in prediction.transitions], truth.transitions).f1
-    found = [Judgement("shots", cuts_f1 < 1, False), *_people(pairs, truth), *_poses(record, pairs)]
+    found = [Judgement("shots", cuts_f1 < 1, False), *_people(record, pairs, truth), *_poses(record, pairs)]
     if cameras[0] is not None and cameras[1] is not None:
         both = cameras[0], cameras[1]
         found += _facings(record, pairs, both, truth.fps)
@@ -163,13 +163,16 @@ def _extent_m(path: Float[Array, "n 3"]) -> float:
     return 2 * float(np.linalg.norm(path - path.mean(axis=0), axis=1).max())
 
 
-def _people(pairs: Sequence[Pair], truth: MotionSequence) -> Iterator[Judgement]:
+def _people(record: Mapping[str, Any], pairs: Sequence[Pair], truth: MotionSequence) -> Iterator[Judgement]:
     found = {pair.truth.person: pair for pair in pairs}
     for person in truth.people:
         seen = person.frame[person.observed]
         if len(seen) >= LEAST_FRAMES:
             pair = found.get(person.person)
-            yield Judgement("people", pair is None or _covered(pair, seen).mean() < 0.5, False)
+            missing = seen if pair is None else seen[~_covered(pair, seen)]
+            spans = [(one["start"], one["end"]) for one in record["unfollowed"]]
+            warned = any(((missing >= start) & (missing < end)).any() for start, end in spans)
+            yield Judgement("people", len(missing) > 0.5 * len(seen), warned)
 
 
 def _covered(pair: Pair, frame: Array) -> Bool[Array, " n"]:

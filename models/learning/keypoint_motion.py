@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float
 
 from humanmm.models.geometry.projection import project
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
-from humanmm.models.learning.other_motion import Take, with_routines
+from humanmm.models.learning.other_motion import Take
 from humanmm.models.learning.pairs import NEAREST_M, TEMPO
 from humanmm.models.learning.windows import Windows, by_window
 from humanmm.models.perception.lifting.features import points_in_view, view_axes
@@ -50,12 +50,12 @@ LOST_ERROR, SAID = 3.0, 0.28
 
 
 class KeypointMotion:
-    """Draws windows of takes, a fraction `routines` of them of routines; the same generator draws the same ones."""
+    """Draws windows of takes; the same generator draws the same ones."""
 
-    def __init__(self, takes: Sequence[Take], *, routines: float) -> None:
+    def __init__(self, takes: Sequence[Take]) -> None:
         self._takes = takes
         seconds = np.array([len(take.landmarks) / take.fps for take in takes])
-        self._probability = with_routines(seconds, np.array([take.is_routine for take in takes]), routines)
+        self._probability = seconds / seconds.sum()
 
     def draw(self, count: int, rng: np.random.Generator) -> Windows:
         """So many windows, of COCO's keypoints alone; left and right are as they are."""

@@ -168,6 +168,21 @@ class LeftOut:
 
 
 @dataclass(frozen=True)
+class Unfollowed:
+    """Somebody whom the detector sees again and again, and whom no track follows."""
+
+    first: int
+    last: int
+    """Frames of the video in which he was seen first and last."""
+    box: tuple[float, float, float, float]
+    """xyxy, source pixels, where he was seen best."""
+    score: float
+    """The detector's, mean."""
+    crowded: bool = False
+    """Whether as many people as wanted were followed meanwhile."""
+
+
+@dataclass(frozen=True)
 class ShotList:
     """Final shots and the people in them."""
 
@@ -178,4 +193,5 @@ class ShotList:
     corrections: tuple[CorrectionNote, ...] = ()
     """What became of the corrections of cuts and people."""
     left_out: tuple[LeftOut, ...] = ()
+    unfollowed: tuple[Unfollowed, ...] = ()
     """Likeliest first."""

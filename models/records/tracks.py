@@ -10,7 +10,7 @@ import numpy as np
 from humanmm.models.records.frame_arrays import FrameArrays
 from humanmm.models.records.hands import HandTracks, not_looked
 from humanmm.models.records.landmarks import with_sides_swapped
-from humanmm.models.records.shots import Appearance, TrackPart
+from humanmm.models.records.shots import Appearance, TrackPart, Unfollowed
 
 Intervals = tuple[tuple[int, int], ...]
 
@@ -193,21 +193,6 @@ class PersonTrack:
 def _both(first: np.ndarray | None, second: np.ndarray | None) -> np.ndarray | None:
     """One after the other; None if either is not known."""
     return None if first is None or second is None else np.concatenate([first, second])
-
-
-@dataclass(frozen=True)
-class Unfollowed:
-    """Somebody whom the detector sees again and again, and whom no track follows."""
-
-    first: int
-    last: int
-    """Frames of the video in which he was seen first and last."""
-    box: tuple[float, float, float, float]
-    """xyxy, source pixels, where he was seen best."""
-    score: float
-    """The detector's, mean."""
-    crowded: bool = False
-    """Whether as many people as wanted were followed meanwhile."""
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ from humanmm.corrections import NONE, Corrections, RemoveCut
 from humanmm.errors import NoUsablePersonError
 from humanmm.models.geometry.intervals import Interval, frame_intervals, in_intervals
 from humanmm.models.geometry.intrinsics import K_from_focal, default_focal_px
-from humanmm.models.records.shots import Appearance, CorrectionNote, Scenes, Shot, ShotList, Transition
-from humanmm.models.records.tracks import PersonTrack, ScenePeople, Unfollowed
+from humanmm.models.records.shots import Appearance, CorrectionNote, Scenes, Shot, ShotList, Transition, Unfollowed
+from humanmm.models.records.tracks import PersonTrack, ScenePeople
 from humanmm.models.records.video import VideoFacts
 from humanmm.models.shot_detection.corrected_cuts import NEAR_FRAMES, removed
 from humanmm.models.shot_detection.people_cuts import Parts, split_scenes
@@ -65,7 +65,10 @@ def detect_shots(
         *_suspected_cuts(scenes, inhabited), *_doubts(cast), *_partly_seen(cast, inhabited, people),
         *_overlooked(people, (facts.width, facts.height)),
     )  # fmt: skip
-    return ShotList(scenes.num_frames, inhabited, cast.people, warnings, (*notes, *of_people), cast.left_out)
+    unfollowed = tuple(one for scene in people if scene is not None for one in scene.unfollowed)
+    return ShotList(
+        scenes.num_frames, inhabited, cast.people, warnings, (*notes, *of_people), cast.left_out, unfollowed
+    )
 
 
 def _corrected(

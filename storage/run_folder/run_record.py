@@ -112,6 +112,16 @@ def run_record(  # noqa: PLR0913 (one a section of run.json)
         "shots": _shots(shots, cameras, motion, stages),
         "people": people,
         "left_out": [{"probability": _figure(one.probability), "shots": list(one.shots)} for one in shots.left_out],
+        "unfollowed": [
+            {
+                "start": one.first,
+                "end": one.last + 1,
+                "box": [_figure(side) for side in one.box],
+                "score": _figure(one.score),
+                "crowded": one.crowded,
+            }
+            for one in shots.unfollowed
+        ],
         "corrections": [dict(one.__dict__) for one in corrections],
         "warnings": [
             *_misfits(corrections),

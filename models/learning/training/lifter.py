@@ -71,8 +71,6 @@ class KeypointRecipe(Recipe):
 
     steps: int = 6_000
     dropout: float = 0.0
-    routines: float = 0.2
-    """Fraction of the windows that show a routine; by their length it would be 6 %."""
 
 
 def keypoint_training(

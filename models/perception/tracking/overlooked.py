@@ -14,7 +14,7 @@ from humanmm.models.geometry.boxes import box_iou
 from humanmm.models.perception.interfaces import Detection
 from humanmm.models.perception.observation import Observation
 from humanmm.models.perception.tracking.search import lies_on
-from humanmm.models.records.tracks import Unfollowed
+from humanmm.models.records.shots import Unfollowed
 from humanmm.models.video.frame_times import elapsed_s
 
 LEAST_SCORE = 0.2

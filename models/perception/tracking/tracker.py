@@ -32,8 +32,8 @@ from humanmm.models.perception.tracking.search import (
 )
 from humanmm.models.perception.tracking.sides import side_vote
 from humanmm.models.perception.tracking.track_builder import TrackBuilder
-from humanmm.models.records.shots import DOUBTFUL
-from humanmm.models.records.tracks import PersonTrack, ScenePeople, Unfollowed
+from humanmm.models.records.shots import DOUBTFUL, Unfollowed
+from humanmm.models.records.tracks import PersonTrack, ScenePeople
 from humanmm.models.video.frame_times import ROUNDING_S, elapsed_s, nearest_frame, sampled_every, shown_s
 
 Array = np.ndarray

@@ -39,6 +39,7 @@ def record_of(
         "focal": {"source": focal[0], "relative_uncertainty": focal[1]},
         "people": [{"person": 0, "probability": is_person}],
         "shots": shots,
+        "unfollowed": [],
         "warnings": [],
     }
 
@@ -128,6 +129,8 @@ def test_lenses_paths_cuts_and_people_are_held_against_the_truth(sequence: Motio
     assert wrong(judged(record_of(sequence), long, sequence)) == {"path", CLIP}
     assert wrong(judged(record_of(sequence), replace(sequence, transitions=()), sequence)) == {"shots", CLIP}
     assert wrong(judged(record_of(sequence), replace(sequence, people=()), sequence)) == {"people", CLIP}
+    seen = record_of(sequence) | {"unfollowed": [{"start": 3, "end": 40}]}
+    assert Judgement("people", True, True) in judged(seen, replace(sequence, people=()), sequence)
     divided = [
         one.kind for one in judged(record_of(sequence), sequence, replace(sequence, transitions=((cut + 9,) * 2,)))
     ]

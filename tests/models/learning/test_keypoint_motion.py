@@ -13,7 +13,7 @@ from humanmm.models.records.landmarks import NUM_LANDMARKS
 def test_without_errors_keypoints_lie_where_the_truth_projects_to(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("JOINT_M", "SHOULDER_M", "HIP_M", "LASTING", "TREMBLING", "DRIFTING"):
         monkeypatch.setattr(keypoint_motion, name, 0.0)
-    drawn = KeypointMotion([walk()], routines=0.0).draw(6, np.random.default_rng(0))
+    drawn = KeypointMotion([walk()]).draw(6, np.random.default_rng(0))
     truth, points = drawn.truth.double().numpy()[:, :, COCO], drawn.points.double().numpy()[:, :, COCO]
     size = drawn.size.double().numpy()[..., None]
     # Unknown is only where the mid-hip is: three numbers of a frame, linear in what its 17 points say.
@@ -29,7 +29,7 @@ def test_without_errors_keypoints_lie_where_the_truth_projects_to(monkeypatch: p
 
 
 def test_poses_turn_with_the_landmarks_and_only_cocos_keypoints_are_seen() -> None:
-    drawn = KeypointMotion([walk()], routines=0.0).draw(8, np.random.default_rng(0))
+    drawn = KeypointMotion([walk()]).draw(8, np.random.default_rng(0))
     left = drawn.truth[:, :, 23] - drawn.truth[:, :, 24]
     left = left / left.norm(dim=-1, keepdim=True)
     assert ((drawn.pose[:, :, 0, :, 0] * left).sum(dim=-1) > 0.9).all()
@@ -39,6 +39,6 @@ def test_poses_turn_with_the_landmarks_and_only_cocos_keypoints_are_seen() -> No
 
 
 def test_the_seed_decides_what_is_drawn() -> None:
-    motion = KeypointMotion([walk()], routines=0.0)
+    motion = KeypointMotion([walk()])
     a, b, c = (motion.draw(3, np.random.default_rng(seed)).points for seed in (1, 1, 2))
     assert np.array_equal(a, b) and not np.array_equal(a, c)

@@ -8,8 +8,8 @@ import pytest
 from humanmm.corrections import Corrections, RemoveCut
 from humanmm.errors import NoUsablePersonError
 from humanmm.models.perception.clothing import HISTOGRAM_BINS
-from humanmm.models.records.shots import CorrectionNote, Scenes, Shot, Transition
-from humanmm.models.records.tracks import PersonTrack, ScenePeople, Silhouettes, Unfollowed
+from humanmm.models.records.shots import CorrectionNote, Scenes, Shot, Transition, Unfollowed
+from humanmm.models.records.tracks import PersonTrack, ScenePeople, Silhouettes
 from humanmm.models.records.video import VideoFacts
 from humanmm.models.shot_detection.corrected_cuts import corrected_scenes
 from humanmm.models.shots.assemble import _corrected, detect_shots
