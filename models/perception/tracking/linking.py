@@ -120,11 +120,13 @@ def _trunk(track: TrackBuilder, frames: Int[Array, " n"]) -> tuple[Float[Array, 
 
 
 def _still_there(track: TrackBuilder, frame: int) -> bool:
-    """Whether a track has its person in or after a frame, and not only lingers where he was."""
+    """Whether a track has its person in or after a frame, and not only lingers where he was: as the detector said when
+    it looked after that frame, or else when it looked last."""
     last = max(track.rows)
     if last < frame:
         return False
-    scores = [score for f, score in track.detector_scores.items() if f >= frame]
+    looks = sorted(track.detector_scores)
+    scores = [track.detector_scores[f] for f in ([f for f in looks if f >= frame] or looks[-1:])]
     return not scores or max(scores) > 0 or elapsed_s(track.time_s, frame, last) > LINGER_S
 
 

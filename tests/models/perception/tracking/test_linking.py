@@ -55,6 +55,9 @@ def test_a_track_that_lingers_where_its_person_was_ends_where_he_is_found_again(
     (one,) = joined([lingering, found_again])
     assert spans([one]) == [(0, 69)]
     assert one.rows[35].bbox[0] == 380  # where he is, not where the first track lingers
+    found_again = track(range(36, 70), 420, RED)
+    lingering.detector_scores = {0: 0.8, 10: 0.7, 30: 0.0}  # nobody looked since the other began
+    assert spans(joined([lingering, found_again])) == [(0, 69)]
     seen_still, other = track(range(0, 40), 300, RED), track(range(32, 70), 420, RED)
     seen_still.detector_scores = {0: 0.8, 33: 0.5}
     assert len(joined([seen_still, other])) == 2
