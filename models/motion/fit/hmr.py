@@ -6,7 +6,7 @@ whole video. Bone lengths give the metric depth. It starts from closed-form inve
 solved in the shot's own axes, so that a rotating camera does not count as motion of the person.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -119,12 +119,15 @@ def fit_shot(
     for appearance, part in zip(shot.people, parts, strict=True):
         first, last = span = shot.clear
         K = camera.K[first - camera.start : last - camera.start]
-        evidence = gather(scene.track_of(appearance), span, time_s, K, tracking_failures=appearance.tracking_failures)
+        track = scene.track_of(appearance)
+        evidence = gather(track, span, time_s, K, tracking_failures=appearance.tracking_failures)
         if evidence is not None:
             path = camera_path(camera, evidence.frame)
             person, shape = appearance.person, betas[appearance.person]
             fitted = fit_person(person, evidence, shape, path, noise=noise, initial_pose=initial_pose, progress=part)
-            motions.append(fitted)
+            # What foretells errors was measured of people in pictures, not of other programs' keypoints and bodies.
+            unknown = np.full_like(fitted.pose_error_m, np.nan)
+            motions.append(replace(fitted, pose_error_m=unknown) if track.lifted else fitted)
     return ShotMotion(shot.start, shot.end, tuple(motions))
 
 

@@ -120,6 +120,16 @@ def test_keypoints_lie_where_the_networks_of_their_track_see_them() -> None:
     assert scene.error_m(scene.fit(of_another_program))[:, 7:9].mean() > ankles + 0.005
 
 
+def test_a_pose_error_is_expected_where_the_lifter_says_something_of_people_in_pictures() -> None:
+    scene = Scene()
+    known = PoseEstimates(np.zeros((F, 20, 3), np.float32), np.full((F, 20), 0.9), np.zeros(F))
+    known.sigma[:10] = UNKNOWN_RAD
+    lifted = replace(scene.track(np.arange(F)), pose=known)
+    error_m = scene.fit(lifted).pose_error_m
+    assert np.isnan(error_m[:10]).all() and (error_m[10:] < 0.08).all()
+    assert np.isnan(scene.fit(replace(lifted, lifted=True)).pose_error_m).all()
+
+
 def test_left_and_right_swapped_on_known_frames_are_put_right() -> None:
     scene = Scene()
     track = scene.track(np.arange(F))
