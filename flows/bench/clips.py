@@ -88,7 +88,7 @@ def clip_set(folder: Path, store: Store) -> tuple[list[Job], SetStatistics]:
         raise InputError(f"{folder} is not a folder; give one that holds <name>.mp4 beside <name>_gt.npz")
     truths: dict[Path, MotionSequence] = {}
     for path in sorted(folder.glob("*_gt.npz")) or sorted(folder.glob("*/*_gt.npz")):
-        video = _video_of(path)
+        video = video_beside(path)
         if not video.is_file():
             log.warning("%s has no video %s beside it and is left out", path.name, video.name)
             continue
@@ -136,7 +136,7 @@ def labels_of_jobs(jobs: Sequence[Job]) -> dict[str, ClipLabels]:
 
 
 def _job(path: Path, truth: MotionSequence, store: Store) -> Job:
-    video = _video_of(path)
+    video = video_beside(path)
     split = split_name(len(truth.transitions))
     of_pixels = [section for stage in STAGES if stage.name in OF_PIXELS for section in stage.settings]
     digests = identify(video, store).sha256, hashlib.sha256(path.read_bytes()).hexdigest()
@@ -153,7 +153,8 @@ def _job(path: Path, truth: MotionSequence, store: Store) -> Job:
     )
 
 
-def _video_of(truth: Path) -> Path:
+def video_beside(truth: Path) -> Path:
+    """The clip of a truth <name>_gt.npz, whether it is there or not."""
     return truth.with_name(f"{truth.name.removesuffix('_gt.npz')}.mp4")
 
 

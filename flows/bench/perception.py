@@ -15,6 +15,7 @@ import numpy as np
 
 from humanmm.config import Config
 from humanmm.errors import HumanMMError, InputError
+from humanmm.flows.bench.clips import video_beside
 from humanmm.flows.bench.golden import golden_list
 from humanmm.models.benchmark.expectations import GoldenClip
 from humanmm.models.benchmark.identity import Boxes, View, views_of
@@ -76,7 +77,7 @@ def lifted_landmarks(folder: Path, config: Config, store: Store) -> tuple[dict[s
     """The errors of every track in the folder's clips whose truth has bodies, by what says where its landmarks are: the
     pose network, or a lifter of the configuration; and a sentence for each clip that failed."""
     prepare_process()
-    truths = sorted(path for path in folder.rglob("*_gt.npz") if _video_of(path).is_file())
+    truths = sorted(path for path in folder.rglob("*_gt.npz") if video_beside(path).is_file())
     if not truths:
         raise InputError(f"{folder} holds no video beside a <name>_gt.npz")
     found: dict[str, list[LandmarkErrors]] = {}
@@ -86,8 +87,8 @@ def lifted_landmarks(folder: Path, config: Config, store: Store) -> tuple[dict[s
             for name, errors in _errors_in(truth, config, store):
                 found.setdefault(name, []).append(errors)
         except HumanMMError as error:
-            failed.append(f"{_video_of(truth).relative_to(folder)}: {error}")
-        log.info("%s: %d of %d videos", _video_of(truth).stem, number, len(truths))
+            failed.append(f"{video_beside(truth).relative_to(folder)}: {error}")
+        log.info("%s: %d of %d videos", video_beside(truth).stem, number, len(truths))
     return found, failed
 
 
@@ -96,7 +97,7 @@ def _errors_in(truth: Path, config: Config, store: Store) -> Iterator[tuple[str,
     lifter = load("lifting.method", config.lifting.method)
     keypoint_lifter = load("lifting.keypoints", config.lifting.keypoints)
     unlifted = config.model_copy(update={"lifting": config.lifting.model_copy(update={"method": "none"})})
-    run = run_stages(_video_of(truth), STAGES[:3], unlifted, store)
+    run = run_stages(video_beside(truth), STAGES[:3], unlifted, store)
     (facts,), bodies = results_of(run, "decode", VideoFacts), true_bodies(read_sequence(truth))
     K = K_from_focal(default_focal_px(facts.width, facts.height), facts.width, facts.height)
     for track in (track for scene in results_of(run, "people", ScenePeople) for track in scene.tracks):
@@ -113,14 +114,10 @@ def _errors_in(truth: Path, config: Config, store: Store) -> Iterator[tuple[str,
             yield name, landmark_errors(landmarks[shown.rows], shown.landmarks)
 
 
-def _video_of(truth: Path) -> Path:
-    return truth.with_name(f"{truth.name.removesuffix('_gt.npz')}.mp4")
-
-
 def known_clips(folder: Path) -> Iterator[KnownClip]:
     """Clips of a folder whose people are known, by name."""
     for truth in sorted(folder.rglob("*_gt.npz")):
-        video = _video_of(truth)
+        video = video_beside(truth)
         if video.is_file() and read_boxes(truth, 0) is not None:
             yield KnownClip(video, str(video.relative_to(folder).with_suffix("")), truth)
     for clip in golden_list(folder):
