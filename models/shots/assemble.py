@@ -145,7 +145,9 @@ def _overlooked(people: Sequence[ScenePeople | None], size: tuple[int, int]) -> 
                 continue
             places = ", ".join(_place(one, size) for one in alike[:NAMED])
             more = f" (and {len(alike) - NAMED} more)" if len(alike) > NAMED else ""
-            why = "more people than --max-people are seen" if crowded else "somebody is seen who is not recovered"
+            why = (
+                "more people than --people.max-people are seen" if crowded else "somebody is seen who is not recovered"
+            )
             yield f"{why}: {places} of the picture{more}"
 
 

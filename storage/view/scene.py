@@ -79,7 +79,7 @@ def places_of(shots: Sequence[Mapping[str, Any]]) -> list[int]:
 
 def frame_of(warning: str, shots: Sequence[Mapping[str, Any]]) -> int | None:
     """The frame that a warning speaks of: one that it names, or the first of the shot that it names."""
-    named = re.search(r"\bframe (\d+)", warning)
+    named = re.search(r"\bframes? (\d+)", warning)
     num_frames = int(shots[-1]["end"]) if shots else 0
     if named and int(named[1]) < num_frames:
         return int(named[1])

@@ -67,8 +67,8 @@ def test_who_is_seen_and_not_followed_is_a_warning_with_his_place() -> None:
     people = [ScenePeople(0, 30, (likely,), unfollowed=(boy,)), ScenePeople(30, 60, (), unfollowed=crowd)]
     assert detect_shots(FACTS, SCENES, people).warnings == (
         "somebody is seen who is not recovered: in frames 3-27 at 0.00 0.10 0.50 1.00 of the picture",
-        "more people than --max-people are seen: in frames 30-59 at 0.00 0.00 0.10 0.10, in frames 30-59 at 0.10 0.00 "
-        "0.20 0.10, in frames 30-59 at 0.20 0.00 0.30 0.10 of the picture (and 2 more)",
+        "more people than --people.max-people are seen: in frames 30-59 at 0.00 0.00 0.10 0.10, in frames 30-59 at "
+        "0.10 0.00 0.20 0.10, in frames 30-59 at 0.20 0.00 0.30 0.10 of the picture (and 2 more)",
     )
 
 

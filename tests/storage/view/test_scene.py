@@ -76,6 +76,9 @@ def test_places_stand_beside_each_other_and_everybody_in_his_own(recording: Reco
 def test_a_warning_knows_the_frame_that_it_names_or_the_first_of_its_shot() -> None:
     shots = [{"start": 0, "end": 20}, {"start": 20, "end": 50}]
     assert frame_of("align: cut at frame 33: the rotation is uncertain", shots) == 33
+    assert (
+        frame_of("align: shot 0: the pose of person 1 is doubtful, above all in frames 24-38, 50: 90 mm", shots) == 24
+    )
     assert frame_of("camera, shot 1: taken as static", shots) == 20
     assert frame_of("no shot 7, no frame 99", shots) is None and frame_of("nothing", shots) is None
 
