@@ -21,11 +21,12 @@ Train = Callable[[Path], Path]
 
 @pytest.fixture(autouse=True)
 def _short(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A checkpoint every two steps, one take, one routine."""
+    """A checkpoint every two steps, one take, loosened once, one routine."""
     monkeypatch.setattr(course, "CHECKPOINT_STEPS", 2)
     monkeypatch.setattr(course, "VALIDATION_STEPS", 2)
     monkeypatch.setattr(lifter, "MEASURED", 4)
     monkeypatch.setattr("humanmm.models.learning.other_motion.ROUTINES", 1)
+    monkeypatch.setattr("humanmm.models.learning.other_motion.LOOSENED_A_TAKE", 1)
     sequences = lifter.takes_of(lifter.read_pack(lifter.shipped_packs("places", "train")[1]), "train")[:1]
     monkeypatch.setattr(lifter, "takes_of", lambda *_: sequences)
 
