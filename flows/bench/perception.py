@@ -101,10 +101,10 @@ def _errors_in(truth: Path, config: Config, store: Store) -> Iterator[tuple[str,
     (facts,), bodies = results_of(run, "decode", VideoFacts), true_bodies(read_sequence(truth))
     K = K_from_focal(default_focal_px(facts.width, facts.height), facts.width, facts.height)
     for track in (track for scene in results_of(run, "people", ScenePeople) for track in scene.tracks):
-        shown = shown_by(track, bodies)
+        frames = person_frames(track, facts.time_s)
+        shown = shown_by(track, frames, bodies)
         if shown is None:
             continue
-        frames = person_frames(track, facts.time_s)
         in_camera = keypoint_lifter(frames.keypoints[:, list(COCO_LANDMARKS)], frames.time_s, K).landmarks3d
         for name, landmarks in (
             ("pose network", frames.landmarks3d),

@@ -17,10 +17,11 @@ from humanmm.models.evaluation.pose import METRES_TO_MM
 from humanmm.models.geometry.alignment import umeyama_alignment
 from humanmm.models.geometry.projection import project, world_to_camera
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
+from humanmm.models.perception.interfaces import PersonFrames
 from humanmm.models.perception.lifting.features import view_axes
 from humanmm.models.records.landmarks import HIPS, LIMBS
 from humanmm.models.records.sequence import MotionSequence
-from humanmm.models.records.tracks import MASK_SIDE, PersonTrack
+from humanmm.models.records.tracks import PersonTrack
 
 Array = np.ndarray
 
@@ -88,21 +89,18 @@ def true_bodies(truth: MotionSequence) -> list[TrueBody]:
     return found
 
 
-def shown_by(track: PersonTrack, bodies: Sequence[TrueBody]) -> ShownBody | None:
-    """The body whose hips a track follows; None where it follows nobody's."""
-    affine = track.mask_affine.astype(np.float64)
-    centre = affine @ np.array([MASK_SIDE / 2, MASK_SIDE / 2, 1.0])
-    side = np.linalg.norm(affine[:, :, 0], axis=1) * MASK_SIDE
-    hips = track.keypoints2d[:, list(HIPS), :2].mean(axis=1)
+def shown_by(track: PersonTrack, seen: PersonFrames, bodies: Sequence[TrueBody]) -> ShownBody | None:
+    """The body whose hips a track follows (`seen`: the track as lifters take it); None where it follows nobody's."""
+    hips = seen.keypoints[:, list(HIPS), :2].mean(axis=1)
     best, nearest = None, FARTHEST
     for body in bodies:
         _, rows, own = np.intersect1d(track.frame, body.frame, return_indices=True)
         if len(rows) < FEWEST_FRAMES:
             continue
-        away = float(np.median(np.linalg.norm(hips[rows] - body.hips[own], axis=1) / side[rows]))
+        away = float(np.median(np.linalg.norm(hips[rows] - body.hips[own], axis=1) / seen.side[rows]))
         if away < nearest:
             about = body.landmarks[own] - body.landmarks[own][:, list(HIPS)].mean(axis=1, keepdims=True)
-            best, nearest = ShownBody(rows, about @ view_axes(centre[rows], body.K[own])), away
+            best, nearest = ShownBody(rows, about @ view_axes(seen.centre[rows], body.K[own])), away
     return best
 
 

@@ -42,7 +42,7 @@ def in_frames(people: ScenePeople, looks: Int[Array, " L"], span: tuple[int, int
         replace(one, first=int(looks[one.first]), last=int(looks[one.last])) for one in people.unfollowed
     )
     tracks = tuple(_in_frames(track, looks, time_s) for track in people.tracks)
-    return ScenePeople(*span, tracks, people.warnings, tuple(unfollowed))
+    return ScenePeople(*span, tracks, people.warnings, unfollowed)
 
 
 def _in_frames(track: PersonTrack, looks: Int[Array, " L"], time_s: Float[Array, " F"]) -> PersonTrack:

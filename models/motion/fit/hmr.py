@@ -125,9 +125,9 @@ def fit_shot(
             path = camera_path(camera, evidence.frame)
             person, shape = appearance.person, betas[appearance.person]
             fitted = fit_person(person, evidence, shape, path, noise=noise, initial_pose=initial_pose, progress=part)
-            # What foretells errors was measured of people in pictures, not of other programs' keypoints and bodies.
-            unknown = np.full_like(fitted.pose_error_m, np.nan)
-            motions.append(replace(fitted, pose_error_m=unknown) if track.lifted else fitted)
+            if track.lifted:  # what foretells errors was measured of people in pictures, not of other programs' results
+                fitted = replace(fitted, pose_error_m=np.full_like(fitted.pose_error_m, np.nan))
+            motions.append(fitted)
     return ShotMotion(shot.start, shot.end, tuple(motions))
 
 

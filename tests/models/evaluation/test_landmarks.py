@@ -7,11 +7,13 @@ import numpy as np
 from humanmm.models.evaluation.landmarks import landmark_errors, shown_by, true_bodies
 from humanmm.models.geometry.projection import project
 from humanmm.models.perception.lifting.features import view_axes
+from humanmm.models.perception.lifting.lifted import person_frames
 from humanmm.models.records.landmarks import HIPS
 from humanmm.models.records.sequence import MotionSequence
 from humanmm.models.records.tracks import MASK_SIDE, PersonTrack, Silhouettes
 
 SIDE = 400.0
+TIME_S = np.arange(130) / 30
 
 
 def seen(truth: MotionSequence) -> PersonTrack:
@@ -40,7 +42,7 @@ def seen(truth: MotionSequence) -> PersonTrack:
 
 def test_a_faultless_track_has_no_errors_about_the_mid_hip_and_after_a_similarity(sequence: MotionSequence) -> None:
     track = seen(sequence)
-    shown = shown_by(track, true_bodies(sequence))
+    shown = shown_by(track, person_frames(track, TIME_S), true_bodies(sequence))
     assert shown is not None and len(shown.rows) == 30
     errors = landmark_errors(track.landmarks3d[shown.rows], shown.landmarks)
     assert errors.mpjpe_mm.max() < 0.1 and errors.pa_mpjpe_mm.max() < 0.1
@@ -50,7 +52,7 @@ def test_a_faultless_track_has_no_errors_about_the_mid_hip_and_after_a_similarit
 
 def test_errors_of_depth_are_along_the_ray(sequence: MotionSequence) -> None:
     track = seen(sequence)
-    shown = shown_by(track, true_bodies(sequence))
+    shown = shown_by(track, person_frames(track, TIME_S), true_bodies(sequence))
     assert shown is not None
     guessed = track.landmarks3d.astype(np.float64)
     guessed[..., 2] += np.random.default_rng(0).normal(0, 0.1, guessed.shape[:2])
@@ -65,6 +67,6 @@ def test_errors_of_depth_are_along_the_ray(sequence: MotionSequence) -> None:
 def test_a_track_of_nobody_in_the_truth_and_a_truth_without_bodies_are_left_out(sequence: MotionSequence) -> None:
     track = seen(sequence)
     beside = replace(track, keypoints2d=track.keypoints2d + np.float32([100.0, 0.0, 0.0]))
-    assert shown_by(beside, true_bodies(sequence)) is None
+    assert shown_by(beside, person_frames(beside, TIME_S), true_bodies(sequence)) is None
     assert true_bodies(replace(sequence, people=(replace(sequence.people[0], body=None),))) == []
     assert true_bodies(replace(sequence, cameras=None)) == []
