@@ -4,6 +4,7 @@ World z up, metres, pixel centres at .5; lens distortion is not modelled.
 """
 
 from dataclasses import dataclass
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,8 @@ Array = np.ndarray
 
 RATE_HZ = 30.0
 """Performances at about a multiple of this are thinned out to it, as the paper's videos are."""
+SHORTEST_TURN_S = 0.5
+"""Of a shot of `cut_in_turns`."""
 
 
 @dataclass(frozen=True)
@@ -54,8 +57,8 @@ class MultiviewSequence:
     name: str
     fps: float
     joint_names: tuple[str, ...]
-    joints: Float[Array, "F J 3"]
-    """NaN where a joint is not known."""
+    people: tuple[Float[Array, "F J 3"], ...]
+    """The joints of each; NaN where one is not known."""
     K: Float[Array, "C 3 3"]
     R_world_cam: Float[Array, "C 3 3"]
     t_world_cam: Float[Array, "C 3"]
@@ -64,12 +67,12 @@ class MultiviewSequence:
 
     @property
     def num_frames(self) -> int:
-        return len(self.joints)
+        return len(self.people[0])
 
 
 @dataclass(frozen=True)
 class MultishotCut:
-    """A multi-shot video of a performance: every shot is one camera's, cut at random (paper section 4)."""
+    """A multi-shot video of a performance: every shot is one camera's (paper section 4)."""
 
     sequence: MultiviewSequence
     fps: float
@@ -86,14 +89,16 @@ class MultishotCut:
         """Arrays of the video with motion.zarr's names; `size`: width and height of its pictures."""
         sequence, cuts = self.sequence, [start for _, start, _ in self.shots[1:]]
         camera: Int[Array, " F"] = np.repeat(*np.array([(camera, end - start) for camera, start, end in self.shots]).T)
-        joints = sequence.joints[: self.num_frames * self.step : self.step]
-        return {
-            **header_arrays("humanmm.truth/1", sequence.joint_names, len(joints), cuts, self.fps, size),
+        arrays = {
+            **header_arrays("humanmm.truth/1", sequence.joint_names, self.num_frames, cuts, self.fps, size),
             "cameras/K": sequence.K[camera],
             "cameras/R_world_cam": sequence.R_world_cam[camera],
             "cameras/t_world_cam": sequence.t_world_cam[camera],
-            **_person(0, joints, np.isfinite(joints).all(axis=(1, 2))),
         }
+        for number, person in enumerate(sequence.people):
+            joints = person[: self.num_frames * self.step : self.step]
+            arrays |= _person(number, joints, np.isfinite(joints).all(axis=(1, 2)))
+        return arrays
 
 
 def cut_performance(sequence: MultiviewSequence, num_frames: int, num_cuts: int, *, seed: int) -> MultishotCut:
@@ -101,10 +106,9 @@ def cut_performance(sequence: MultiviewSequence, num_frames: int, num_cuts: int,
 
     `num_frames`: how many frames joints and videos have. InputError if they are too few.
     """
-    step = max(1, round(sequence.fps / RATE_HZ))
-    fps, count = sequence.fps / step, -(-num_frames // step)
+    step, fps, count = _thinned(sequence, num_frames)
     if count < (num_cuts + 1) * SHORTEST_CLIP_S * fps:
-        raise InputError(f"{sequence.name} is too short for {num_cuts} cuts: {count} frames at {fps:g} a second")
+        raise _too_short(sequence, f"{num_cuts} cuts", count, fps)
     rng = np.random.default_rng([seed, num_cuts, *sequence.name.encode()])
     cuts = cut_times(count, num_cuts, fps, rng)
     camera, shots = -1, []
@@ -112,6 +116,31 @@ def cut_performance(sequence: MultiviewSequence, num_frames: int, num_cuts: int,
         camera = another_camera(camera, len(sequence.videos), rng)
         shots.append((camera, start, end))
     return MultishotCut(sequence, fps, step, tuple(shots))
+
+
+def cut_in_turns(sequence: MultiviewSequence, num_frames: int) -> list[MultishotCut]:
+    """A video for every two cameras: a third of it each is the one's, the other's, and the one's again.
+
+    InputError if a third is shorter than half a second.
+    """
+    step, fps, count = _thinned(sequence, num_frames)
+    ends = [round(count * third / 3) for third in range(4)]
+    if count < 3 * SHORTEST_TURN_S * fps:
+        raise _too_short(sequence, "two cuts", count, fps)
+    return [
+        MultishotCut(sequence, fps, step, tuple(zip((one, other, one), ends[:-1], ends[1:], strict=True)))
+        for one, other in combinations(range(len(sequence.videos)), 2)
+    ]
+
+
+def _thinned(sequence: MultiviewSequence, num_frames: int) -> tuple[int, float, int]:
+    """Every which frame is used, and how many a second and in all these are."""
+    step = max(1, round(sequence.fps / RATE_HZ))
+    return step, sequence.fps / step, -(-num_frames // step)
+
+
+def _too_short(sequence: MultiviewSequence, what: str, count: int, fps: float) -> InputError:
+    return InputError(f"{sequence.name} is too short for {what}: {count} frames at {fps:g} a second")
 
 
 def _person(number: int, joints: Float[Array, "F J 3"], observed: Bool[Array, "F"]) -> dict[str, Array]:

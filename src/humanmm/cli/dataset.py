@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
 from typer import Option
 
 from humanmm.cli.terminal import write
-from humanmm.cli.verb import BENCHMARK, Force, app, group, verb
+from humanmm.cli.verb import BENCHMARK, Force, Store, app, group, verb
 from humanmm.errors import InputError, UsageError
 
 if TYPE_CHECKING:
@@ -58,12 +58,11 @@ def ms_render(
 
 
 @dataclass(frozen=True, kw_only=True)
-class Source:
-    """Where a data set of the user's lies, and where its clips go."""
+class Folders:
+    """Where data of the user's lie, and where their clips go."""
 
     root: Annotated[Path, Option(metavar="DIR", help="the data set's own folder", show_default=False)]
     out: Out
-    count: Annotated[int | None, Option(metavar="N", min=1, help="only the first N sequences (rich: views)")] = None
     force: Force = False
 
     def check(self) -> None:
@@ -72,6 +71,13 @@ class Source:
             raise InputError(f"{self.root} is not a folder; --root must be the data set's own folder")
         if self.out.exists() and any(self.out.iterdir()) and not self.force:
             raise InputError(f"{self.out} is not empty; give --force to replace what is there")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Source(Folders):
+    """A data set of many sequences."""
+
+    count: Annotated[int | None, Option(metavar="N", min=1, help="only the first N sequences (rich: views)")] = None
 
     def first(self, names: Sequence[T]) -> Sequence[T]:
         """Those of all sequences that are wanted."""
@@ -112,6 +118,24 @@ def ms_h36m(source: Source) -> None:
     names = source.first(human36m.sequence_names(source.root))
     _cut((human36m.read_multiview(source.root, name) for name in names), source.out)
     write(source.out)
+
+
+@verb(build, "pose2sim")
+def pose2sim(source: Folders, *, store: Store = None) -> None:
+    """Clips between any two cameras of a calibrated rig, and where all of its cameras see the people's joints.
+
+    --root holds videos/, one for each of three or more synchronised cameras, and calibration/ (a project of Pose2Sim).
+    """
+    from humanmm.config import Config
+    from humanmm.flows.bench.dataset_builder import build_rig_set
+    from humanmm.storage.readers.datasets.pose2sim import read_rig
+    from humanmm.storage.store.open import open_store
+    from humanmm.tasks.units.process import prepare_process
+
+    source.check()
+    prepare_process()
+    sentences = build_rig_set(read_rig(source.root), source.out, Config(), open_store(store))
+    write(*sentences, f"measure with: humanmm bench ms-real --data {source.out}", source.out)
 
 
 @verb(build, "3dpw")

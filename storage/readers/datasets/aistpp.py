@@ -62,7 +62,7 @@ def read_multiview(root: Path, videos: Path, name: str) -> MultiviewSequence:
         name=name,
         fps=FPS,
         joint_names=COCO_NAMES,
-        joints=joints.astype(np.float64) * _CM @ R_ZUP_YUP.T,
+        people=(joints.astype(np.float64) * _CM @ R_ZUP_YUP.T,),
         K=centred_pixels(cameras["cam_K"]),
         R_world_cam=R_world_cam,
         t_world_cam=t_world_cam,

@@ -58,7 +58,7 @@ def read_multiview(root: Path, name: str) -> MultiviewSequence:
         name=name.replace("/", "_").replace(" ", "_"),
         fps=FPS,
         joint_names=tuple(_JOINTS),
-        joints=_positions(root / subject / "MyPoseFeatures" / "D3_Positions" / f"{action}.cdf"),
+        people=(_positions(root / subject / "MyPoseFeatures" / "D3_Positions" / f"{action}.cdf"),),
         K=K,
         R_world_cam=R_world_cam,
         t_world_cam=t_world_cam,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from humanmm.errors import InputError
-from humanmm.models.benchmark.recordings import ImageRecording, MultiviewSequence, cut_performance
+from humanmm.models.benchmark.recordings import ImageRecording, MultiviewSequence, cut_in_turns, cut_performance
 from humanmm.models.evaluation.truth import contract_sequence
 
 F, C = 240, 4
@@ -16,7 +16,7 @@ SEQUENCE = MultiviewSequence(
     name="dance",
     fps=60.0,
     joint_names=("a", "b"),
-    joints=np.arange(F)[:, None, None] + np.zeros((F, 2, 3)),
+    people=(np.arange(F)[:, None, None] + np.zeros((F, 2, 3)),),
     K=np.tile(np.diag([500.0, 500, 1]), (C, 1, 1)),
     R_world_cam=np.tile(np.eye(3), (C, 1, 1)),
     t_world_cam=np.arange(C)[:, None] * np.array([1.0, 0, 0]),
@@ -61,3 +61,12 @@ def test_a_person_is_visible_by_the_joints_that_are_known() -> None:
     assert arrays["people/00/observed"].tolist() == [True, True, False]
     two = replace(recording, people=(joints, joints), observed=(np.ones(3, bool),) * 2).truth((64, 48))
     assert "people/01/joints" in two
+
+
+def test_every_two_cameras_have_a_video_of_their_turns() -> None:
+    cuts = cut_in_turns(replace(SEQUENCE, people=SEQUENCE.people * 2), F)
+    assert [[shot[0] for shot in cut.shots] for cut in cuts][:2] == [[0, 1, 0], [0, 2, 0]] and len(cuts) == 6
+    assert all(cut.shots == tuple((cut.shots[k][0], 40 * k, 40 * k + 40) for k in range(3)) for cut in cuts)
+    assert len(contract_sequence(cuts[0].truth((640, 480))).people) == 2
+    with pytest.raises(InputError, match="dance is too short for two cuts: 40 frames at 30 a second"):
+        cut_in_turns(SEQUENCE, 80)

@@ -47,7 +47,7 @@ def test_cameras_and_joints_are_in_metres(root: Path) -> None:
     assert human36m.sequence_names(root) == ["S1/Walking 1"]
     sequence = human36m.read_multiview(root, "S1/Walking 1")
     assert np.allclose(sequence.t_world_cam[2], (CENTRE_MM + 2) / 1000, atol=1e-4)
-    assert np.allclose(sequence.joints[:, sequence.joint_names.index("L_Hip")], [0.13, 0.0, 0.9])
+    assert np.allclose(sequence.people[0][:, sequence.joint_names.index("L_Hip")], [0.13, 0.0, 0.9])
     assert np.allclose(sequence.K[1], [[1145.0, 0, 512.5], [0, 1143.8, 515.5], [0, 0, 1]])
     a, b, c = 0.2, -0.2, 0.3  # of the third camera
     X = np.array([[1, 0, 0], [0, np.cos(a), -np.sin(a)], [0, np.sin(a), np.cos(a)]])
