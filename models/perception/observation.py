@@ -16,6 +16,7 @@ MIN_SHOULDER_VISIBILITY = 0.6
 MIN_TORSO = 0.05
 """Least distance from mid-shoulder to mid-hip as a fraction of the region's side; a standing person has 0.23."""
 MIN_CONFIDENCE = 0.15
+"""Of the most that somebody could have who is out of the frame where this one is: head and shoulders have 0.2."""
 VISIBLE = 0.5
 _MASK_ON = 128
 _MASK_REACH = 3
@@ -48,7 +49,7 @@ def observe(output: Landmarks, frame_size: tuple[int, int]) -> Observation | Non
     """
     mask = (output.mask >= _MASK_ON).astype(np.uint8)
     confidence = _confidence(output, mask, frame_size)
-    if confidence < MIN_CONFIDENCE:
+    if confidence == 0 or confidence < MIN_CONFIDENCE * _trust(inside(output.keypoints[:, :2], frame_size)):
         return None
     bbox = _visible_box(output.keypoints, mask, output.region, frame_size)
     if bbox is None:
@@ -91,7 +92,6 @@ def _confidence(output: Landmarks, mask: UInt8[np.ndarray, "mask mask"], frame_s
     """How far the pose can be trusted, 0..1: torso seen × legs seen × limbs on the mask; 0 for an unusable person."""
     keypoints = output.keypoints
     seen = keypoints[:, 2] * inside(keypoints[:, :2], frame_size)
-    torso = float(seen[list(landmarks.TORSO)].mean())
     hips, shoulders = keypoints[list(landmarks.HIPS), :2], keypoints[list(landmarks.SHOULDERS), :2]
     trunk = float(np.linalg.norm(shoulders.mean(axis=0) - hips.mean(axis=0)))
     if (
@@ -100,10 +100,16 @@ def _confidence(output: Landmarks, mask: UInt8[np.ndarray, "mask mask"], frame_s
         or trunk < MIN_TORSO * output.region.side
     ):
         return 0.0
-    legs = float(seen[[*landmarks.KNEES, *landmarks.ANKLES]].mean())
     limbs = list(landmarks.LIMBS)
     agreement = on_mask(keypoints[limbs, :2], mask, output.region) @ seen[limbs] / max(float(seen[limbs].sum()), 1e-6)
-    return float(torso * (0.4 + 0.6 * legs) * agreement**2)
+    return float(_trust(seen) * agreement**2)
+
+
+def _trust(seen: Float[np.ndarray, " 33"] | Bool[np.ndarray, " 33"]) -> float:
+    """How far a body can be trusted of which so much is seen, 0..1: torso seen × legs seen."""
+    torso = float(seen[list(landmarks.TORSO)].mean())
+    legs = float(seen[[*landmarks.KNEES, *landmarks.ANKLES]].mean())
+    return torso * (0.4 + 0.6 * legs)
 
 
 def _visible_box(

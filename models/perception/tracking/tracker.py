@@ -16,9 +16,9 @@ from humanmm.models.perception.clothing import clothing_histogram, colour_distan
 from humanmm.models.perception.fusion import BEST
 from humanmm.models.perception.hands.follow import due_frames
 from humanmm.models.perception.interfaces import Detection, Landmarks, Networks, PoseNetwork
-from humanmm.models.perception.observation import Observation, averaged, observe, similarity
+from humanmm.models.perception.observation import VISIBLE, Observation, averaged, inside, observe, similarity
 from humanmm.models.perception.picture import Picture
-from humanmm.models.perception.regions import Region
+from humanmm.models.perception.regions import HEIGHT_OF_SIDE, Region
 from humanmm.models.perception.tracking.linking import joined, untangled
 from humanmm.models.perception.tracking.overlooked import Overlooked
 from humanmm.models.perception.tracking.painting import covered_fraction, without
@@ -32,6 +32,7 @@ from humanmm.models.perception.tracking.search import (
 )
 from humanmm.models.perception.tracking.sides import side_vote
 from humanmm.models.perception.tracking.track_builder import TrackBuilder
+from humanmm.models.records import landmarks
 from humanmm.models.records.shots import DOUBTFUL, Unfollowed
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
 from humanmm.models.video.frame_times import ROUNDING_S, elapsed_s, nearest_frame, sampled_every, shown_s
@@ -63,6 +64,8 @@ TENURE_BONUS = 0.3
 """For a track that has followed the person for TENURE_S or more."""
 TENURE_S = 1.0
 MIN_TRACK_S = 0.25
+STEP_PER_S, LONGEST_STEP = 3.0, 0.3
+"""How far an upper body gets between two frames from where it is expected, of the height."""
 
 
 class SceneTracker:
@@ -162,14 +165,14 @@ class SceneTracker:
         box = np.array([region.x - half, region.y - half, region.x + half, region.y + half])
         hiding = [other for other in nearer if box_iou(box, other.bbox) > 0.1]
         if not hiding:
-            found = self._look(frame, image, region)
+            found = self._look(frame, image, region, track)
         else:
             canvas, painted = without(image, hiding, spared=track.predicted_keypoints(frame))
-            found = self._look(frame, canvas, region)
+            found = self._look(frame, canvas, region, track)
             if found is not None and covered_fraction(painted, found[0]) > MAX_COVERED:
                 found = None
         if track.lost_since is None:
-            return found or (self._look(frame, image, region) if hiding else None)
+            return found or (self._look(frame, image, region, track) if hiding else None)
         if found is None and self._local_search_due(track.lost_since, frame):
             found = self._found_again(image, region, hiding)
         colours = track.mean_colours()
@@ -193,8 +196,14 @@ class SceneTracker:
         since = sampled_every(self._time_s[lost_since : frame + 2], LOCAL_SEARCH_S)
         return frame > lost_since and bool(since[frame - lost_since])
 
-    def _look(self, frame: int, image: Picture, region: Region) -> tuple[Observation, float] | None:
-        """The person in a region and the odds of his sides; a crop that jumped or grew is looked at again."""
+    def _look(
+        self, frame: int, image: Picture, region: Region, track: TrackBuilder
+    ) -> tuple[Observation, float] | None:
+        """The track's person in a region and the odds of his sides; a crop that jumped or grew is looked at again.
+
+        Whose legs are out of the frame must be where he was: the crop of an upper body hangs on hips that are guessed,
+        and slides to whoever stands beside.
+        """
         output = self._networks.locate(image, region)
         if output.next_region.outlier_of(region, shift=0.12, ratio=1.3):
             output = self._networks.locate(image, output.next_region)
@@ -205,6 +214,8 @@ class SceneTracker:
             output = _second_look(self._networks.locate, image, output)
         seen = observe(output, image.size)
         if seen is None:
+            return None
+        if any(_is_cut_above_knees(one, image) for one in (seen, track.last)) and not _goes_on(track, frame, seen):
             return None
         odds = output.side_odds
         if LEANING_RAD < abs(seen.region.angle) < LYING_RAD and (careful or self._side_look_due[frame]):
@@ -280,7 +291,7 @@ class SceneTracker:
             if earlier in track.rows:
                 break
             others = [t.rows[earlier] for t in self._tracks if t is not track and earlier in t.rows]
-            looked = self._look(earlier, image, track.predicted(earlier))
+            looked = self._look(earlier, image, track.predicted(earlier), track)
             if looked is None or any(
                 similarity(row.keypoints, looked[0].keypoints, min(row.side, looked[0].region.side)) > 0.5
                 for row in others
@@ -299,6 +310,21 @@ def finished(track: TrackBuilder) -> PersonTrack:
         return whole
     detected = part.finished()
     return detected if detected.probability >= DOUBTFUL else whole
+
+
+def _is_cut_above_knees(seen: Observation, image: Picture) -> bool:
+    """True where the frame ends above somebody's knees."""
+    legs = [*landmarks.KNEES, *landmarks.ANKLES]
+    return not inside(seen.keypoints[legs, :2], image.size).any()
+
+
+def _goes_on(track: TrackBuilder, frame: int, seen: Observation) -> bool:
+    """True where what is seen of somebody lies where his track has it."""
+    reach = min(STEP_PER_S * abs(elapsed_s(track.time_s, track.last_frame, frame)), LONGEST_STEP)
+    expected = track.predicted_keypoints(frame)
+    both = (expected[:, 2] > VISIBLE) & (seen.keypoints[:, 2] > VISIBLE)
+    apart = np.linalg.norm(expected[both, :2] - seen.keypoints[both, :2], axis=1)
+    return bool(both.any() and np.median(apart) < reach * HEIGHT_OF_SIDE * seen.region.side)
 
 
 def _second_look(locate: PoseNetwork, image: Picture, output: Landmarks) -> Landmarks:

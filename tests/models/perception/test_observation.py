@@ -58,6 +58,19 @@ def test_an_upper_body_is_an_observation_that_is_trusted_less() -> None:
     assert without_hips is not None and without_hips.confidence == pytest.approx(0.2)
 
 
+def test_less_is_enough_of_a_body_that_the_frame_cuts_off() -> None:
+    whole, bust = standing(), standing()
+    for output in (whole, bust):
+        output.keypoints[list(landmarks.WRISTS), 0] += 150  # two of the limbs that are seen are not on the mask
+    whole.keypoints[23:29, 2] = 0.0
+    bust.keypoints[23:29, 1] += 300
+    seen = observe(bust, SIZE)
+    assert seen is not None and seen.confidence == pytest.approx(0.2 * (4 / 6) ** 2)
+    assert observe(whole, SIZE) is None  # its hips and legs ought to be seen
+    bust.keypoints[13:15, 0] += 150
+    assert observe(bust, SIZE) is None
+
+
 def test_similarity_falls_like_a_gaussian_of_the_distance() -> None:
     pose = standing().keypoints
     assert similarity(pose, pose, 256.0) == pytest.approx(1.0)

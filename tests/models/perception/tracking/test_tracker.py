@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 from quick_networks import QUICK
 
+from humanmm.models.perception.interfaces import Detection, Landmarks, Networks
 from humanmm.models.perception.picture import Picture
+from humanmm.models.perception.regions import Region
 from humanmm.models.perception.tracking.tracker import track_pictures
 from humanmm.models.records import landmarks
 from humanmm.models.records.tracks import ScenePeople
@@ -119,3 +121,43 @@ def test_a_close_up_without_hips_is_nobody() -> None:
         track_pictures(face, start=36, end=39, time_s=TIME_S, size=(180, 120), max_people=4, networks=QUICK).tracks
         == ()
     )
+
+
+def body(x: float, *, hips: float) -> np.ndarray:
+    """(33, 3) keypoints of somebody upright whose head is 40 px below the upper edge."""
+    keypoints = np.column_stack([np.full(33, x), np.full(33, 40.0), np.ones(33)])
+    for name, y, width in (
+        ("shoulder", 70.0, 20), ("elbow", 95.0, 22), ("wrist", 110.0, 20), ("hip", hips, 12), ("knee", hips + 45, 12),
+        ("ankle", hips + 90, 12),
+    ):  # fmt: skip
+        for side, sign in (("left", 1), ("right", -1)):
+            keypoints[landmarks.INDEX[f"{side}_{name}"], :2] = x + sign * width, y
+    return keypoints
+
+
+@pytest.mark.parametrize(("hips", "frames"), [(130.0, 3), (110.0, 6)], ids=["head and shoulders", "whole"])
+def test_a_crop_of_head_and_shoulders_that_slides_to_somebody_else_is_not_followed(hips: float, frames: int) -> None:
+    """The crop of a whole person may: it hangs on what is seen, and a new search says who is there."""
+    left, right, height = body(100, hips=hips), body(170, hips=hips), 120 if hips > 120 else 240
+    chroma = np.full((height // 2, 160), 128, np.uint8)
+    picture = Picture((np.full((height, 320), 60, np.uint8), chroma, chroma.copy()))
+    looked = 0
+
+    def locate(_: Picture, region: Region, *, mirrored: bool = False) -> Landmarks:
+        nonlocal looked
+        looked += not mirrored
+        shown = right if looked > 5 else left
+        there = Region(float(shown[0, 0]), hips, 200.0)
+        in_space = (shown - [shown[0, 0], hips, 1.0]) / 110
+        return Landmarks(shown, in_space, 1.0, np.full((128, 128), 255, np.uint8), region, there)
+
+    coco = left[list(landmarks.COCO_LANDMARKS)]
+    seen = Detection(0.6, Region(100, hips, 200.0), np.array([70.0, 20, 130, height]), coco)
+    people = track_pictures(
+        ((k, picture) for k in range(6)), start=0, end=6, time_s=np.arange(6) / 30, size=(320, height), max_people=1,
+        networks=Networks(lambda *_: [seen], locate),
+    )  # fmt: skip
+    (track,) = people.tracks
+    assert len(track.frame) == frames
+    x = track.keypoints2d[:, 0, 0]
+    assert (np.ptp(x) == 0) == (hips > 120)
