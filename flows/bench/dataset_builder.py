@@ -74,16 +74,18 @@ def build_set(sequences: Iterable[MultiviewSequence], folder: Path) -> SetStatis
 
 def build_clip(sequence: MultiviewSequence, num_cuts: int, folder: Path, *, seed: int) -> tuple[Path, int, float]:
     """Write `<name>-<cuts>.mp4` beside its `_gt.npz`; the video's path, frames and rate. Same seed, same cuts."""
-    cut = cut_performance(sequence, _shared_frames(sequence), num_cuts, seed=seed)
+    facts = _facts_of(sequence.videos)
+    num_frames = min(sequence.num_frames, *(one.num_frames for one in facts))
+    cut = cut_performance(sequence, num_frames, num_cuts, seed=seed)
     path = folder / f"{sequence.name}-{num_cuts}.mp4"
-    _write_cut(path, cut)
+    _write_cut(path, cut, facts)
     return path, cut.num_frames, cut.fps
 
 
 def build_rig_set(rig: Rig, folder: Path, config: Config, store: Store) -> list[str]:
     """A clip for every two cameras, from the one to the other and back, beside what they all see of everybody; what
     there is to say of the set."""
-    facts = [_facts(video) for video in rig.videos]
+    facts = _facts_of(rig.videos)
     fps, num_frames = facts[0].fps, min(one.num_frames for one in facts)
     if any(abs(one.fps / fps - 1) > SAME_RATE for one in facts):
         rates = ", ".join(f"{one.fps:g}" for one in facts)
@@ -104,7 +106,7 @@ def build_rig_set(rig: Rig, folder: Path, config: Config, store: Store) -> list[
     cuts = cut_in_turns(sequence, num_frames)
     for cut in cuts:
         names = "-".join(rig.videos[camera].stem for camera, _, _ in cut.shots)
-        _write_cut(folder / f"{rig.name}-{names}.mp4", cut)
+        _write_cut(folder / f"{rig.name}-{names}.mp4", cut, facts)
     facts_of_set = statistics_of(*zip(*((cut.num_frames, cut.fps, len(cut.shots) - 1) for cut in cuts), strict=True))
     return [
         *(_sentence(number, person) for number, person in enumerate(people)),
@@ -167,9 +169,9 @@ def _write(
     replace_file(path.with_name(f"{path.stem}_gt.npz"), functools.partial(write_arrays, arrays=truth))
 
 
-def _write_cut(path: Path, cut: MultishotCut) -> None:
-    """The video and its truth, as wide and high as the smallest camera's."""
-    sizes = [planar_size(_facts(cut.sequence.videos[camera]), None) for camera, _, _ in cut.shots]
+def _write_cut(path: Path, cut: MultishotCut, facts: Sequence[VideoFacts]) -> None:
+    """The video and its truth, as wide and high as the smallest camera's; `facts`: of each camera's video."""
+    sizes = [planar_size(facts[camera], None) for camera, _, _ in cut.shots]
     size = min(width for width, _ in sizes), min(height for _, height in sizes)
     if max(np.subtract(one, size).max() for one in sizes) > ROOM_PX:
         raise InputError(
@@ -177,26 +179,26 @@ def _write_cut(path: Path, cut: MultishotCut) -> None:
         )
     with cut.sequence.videos[cut.shots[0][0]].open("rb") as stream:
         colors = read_colors(stream)
-    _write(path, _cut_pictures(cut, size), cut.fps, size, colors, cut.truth(size))
+    _write(path, _cut_pictures(cut, facts, size), cut.fps, size, colors, cut.truth(size))
 
 
-def _shared_frames(sequence: MultiviewSequence) -> int:
-    """How many frames the joints and all videos have."""
-    return min(sequence.num_frames, *(_facts(video).num_frames for video in sequence.videos))
+def _facts_of(videos: Sequence[Path]) -> list[VideoFacts]:
+    """Of every camera's video; each is decoded once for them."""
+    facts = []
+    for video in videos:
+        with video.open("rb") as stream:
+            facts.append(read_facts(stream))
+    return facts
 
 
-def _facts(video: Path) -> VideoFacts:
-    with video.open("rb") as stream:
-        return read_facts(stream)
-
-
-def _cut_pictures(cut: MultishotCut, size: tuple[int, int]) -> Iterator[tuple[float, np.ndarray]]:
+def _cut_pictures(
+    cut: MultishotCut, facts: Sequence[VideoFacts], size: tuple[int, int]
+) -> Iterator[tuple[float, np.ndarray]]:
     """Time and planes of every frame of the cut video; what is too wide or high is cut off at the right and below."""
     width, height = size
     for camera, start, end in cut.shots:
-        video = cut.sequence.videos[camera]
-        with video.open("rb") as stream:
-            for frame in planar_frames(stream, read_facts(stream), start * cut.step, (end - 1) * cut.step + 1):
+        with cut.sequence.videos[camera].open("rb") as stream:
+            for frame in planar_frames(stream, facts[camera], start * cut.step, (end - 1) * cut.step + 1):
                 if frame.index % cut.step == 0:
                     luma, *chroma = frame.planes
                     blue, red = (plane[: height // 2, : width // 2] for plane in chroma)

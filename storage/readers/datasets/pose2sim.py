@@ -25,6 +25,11 @@ VIDEOS = frozenset({".mp4", ".mov", ".avi", ".mkv", ".mpg", ".mpeg", ".m4v", ".w
 _MM = 0.001
 _SUBPIXELS = 64.0
 """Qualisys counts 64 to a pixel."""
+_LENS = (
+    "focalLengthU", "focalLengthV", "centerPointU", "centerPointV", "radialDistortion1", "radialDistortion2",
+    "tangentalDistortion1", "tangentalDistortion2", "radialDistortion3",
+)  # fmt: skip
+"""Qualisys' names of fx, fy, cx, cy and OpenCV's k1, k2, p1, p2, k3."""
 _LARGEST = 4_000_000
 """Bytes of a calibration."""
 
@@ -89,25 +94,9 @@ def _qualisys(path: Path) -> dict[str, Array]:
         inner, pose, view = (camera.find(tag) for tag in ("intrinsic", "transform", "fov_video"))
         if inner is None or pose is None or view is None:
             raise ValueError("a camera lacks intrinsic, transform or fov_video")
-        lens = {
-            key: float(value) / _SUBPIXELS
-            for key, value in inner.attrib.items()
-            if key.startswith(("focalLength", "center"))
-        }
-        matrix = [
-            [lens["focalLengthU"], 0, lens["centerPointU"]],
-            [0, lens["focalLengthV"], lens["centerPointV"]],
-            [0, 0, 1],
-        ]
-        found["K"].append(matrix)
-        names = (
-            "radialDistortion1",
-            "radialDistortion2",
-            "tangentalDistortion1",
-            "tangentalDistortion2",
-            "radialDistortion3",
-        )
-        found["distortion"].append([float(inner.attrib[name]) / _SUBPIXELS for name in names])
+        fx, fy, cx, cy, *distortion = (float(inner.attrib[name]) / _SUBPIXELS for name in _LENS)
+        found["K"].append([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+        found["distortion"].append(distortion)
         found["size"].append(
             [float(view.attrib[b]) - float(view.attrib[a]) + 1 for a, b in (("left", "right"), ("top", "bottom"))]
         )

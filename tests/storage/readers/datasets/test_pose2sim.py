@@ -112,11 +112,14 @@ def test_what_is_missing_is_named(tmp_path: Path, project_folder: Path) -> None:
         read_rig(project_folder)
 
 
+def _build(root: Path, out: Path, folder: Path) -> list[str]:
+    return ["dataset", "build", "pose2sim", "--root", str(root), "--out", str(out), "--store", str(folder / "store")]
+
+
 def seen_by(rig: Rig, camera: int, *_: Any) -> Iterator[RigTrack]:
     """Somebody who moves a metre along x."""
-    joints = np.random.default_rng(0).normal(scale=[0.2, 0.2, 0.4], size=(12, 3)) + np.linspace(-0.5, 0.5, FRAMES)[
-        :, None, None
-    ] * [1, 0, 0]
+    body = np.random.default_rng(0).normal(scale=[0.2, 0.2, 0.4], size=(12, 3))
+    joints = body + np.linspace([-0.5, 0, 0], [0.5, 0, 0], FRAMES)[:, None]
     in_camera = world_to_camera(joints, rig.R_world_cam[[camera]], rig.t_world_cam[[camera]])
     xy = project(in_camera, np.eye(3), near_m=0.1)
     yield RigTrack(camera, np.arange(FRAMES), xy, np.ones((FRAMES, 12)), np.full(FRAMES, 0.5))
@@ -127,17 +130,7 @@ def test_a_clip_shows_one_camera_another_and_the_one_again_beside_the_truth(
 ) -> None:
     monkeypatch.setattr(dataset_builder, "_seen_by", seen_by)
     out = tmp_path / "clips"
-    command = [
-        "dataset",
-        "build",
-        "pose2sim",
-        "--root",
-        str(project_folder),
-        "--out",
-        str(out),
-        "--store",
-        str(tmp_path / "s"),
-    ]
+    command = _build(project_folder, out, tmp_path)
     assert main(command) == 0
     said = capsys.readouterr().out
     assert "person 0: 3 cameras see joints within 0.0 % of the height (median), 100 % of the frames are known" in said
@@ -160,17 +153,7 @@ def test_videos_that_do_not_belong_together_are_refused(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setattr(dataset_builder, "_seen_by", lambda *_: iter(()))
-    command = [
-        "dataset",
-        "build",
-        "pose2sim",
-        "--root",
-        str(project_folder),
-        "--out",
-        str(tmp_path / "clips"),
-        "--store",
-        str(tmp_path / "s"),
-    ]
+    command = _build(project_folder, tmp_path / "clips", tmp_path)
     assert main(command) == 1 and "no 3 of its cameras see the same person" in capsys.readouterr().err
     film(project_folder / "videos" / "cam1.mp4", FRAMES, 25.0, 60)
     assert main(command) == 1 and "have 60, 25, 60 frames a second" in capsys.readouterr().err
