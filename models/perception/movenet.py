@@ -10,7 +10,7 @@ from humanmm.models.perception.interfaces import Detection
 from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.regions import Region, transform
 from humanmm.models.perception.runtime.networks import network
-from humanmm.models.records.landmarks import COCO_SWAP
+from humanmm.models.records.landmarks import COCO_HIPS, COCO_SHOULDERS, COCO_SWAP
 
 LONG_SIDE = 384
 """Of MultiPose's input: people 80 to 250 pixels tall are found best (recall 0.93 at 384, 0.87 at 256)."""
@@ -22,8 +22,6 @@ the body with arms stretched out."""
 CREDIBLE = 0.2
 """Score of a keypoint that counts for the region."""
 THUNDER_SIDE = 256
-
-_SHOULDERS, _HIPS = (5, 6), (11, 12)
 
 
 def detect(image: Picture, within: Region) -> list[Detection]:
@@ -58,7 +56,7 @@ def detect(image: Picture, within: Region) -> list[Detection]:
 
 def region_of(points: Float[np.ndarray, "17 3"]) -> Region | None:
     """Where to look for the landmarks of somebody: about his hips, upright along his trunk, as wide as he reaches."""
-    hips, shoulders = (points[list(pair), :2].mean(axis=0) for pair in (_HIPS, _SHOULDERS))
+    hips, shoulders = (points[list(pair), :2].mean(axis=0) for pair in (COCO_HIPS, COCO_SHOULDERS))
     credible = points[points[:, 2] >= CREDIBLE, :2]
     if len(credible) < 4:
         return None

@@ -48,6 +48,7 @@ BEYOND: dict[int, tuple[int, ...]] = {
 
 COCO_LANDMARKS = (0, 2, 5, 7, 8, 11, 12, 13, 14, 15, 16, 23, 24, 25, 26, 27, 28)
 """Of COCO's 17 keypoints, in their order, the landmark with the same name."""
+COCO_SHOULDERS, COCO_HIPS = (5, 6), (11, 12)
 COCO_NAMES = tuple(NAMES[k] for k in COCO_LANDMARKS)
 COCO_SWAP = np.array([COCO_LANDMARKS.index(SWAP[k]) for k in COCO_LANDMARKS])
 """As SWAP, of COCO's keypoints."""

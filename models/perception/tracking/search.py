@@ -21,6 +21,8 @@ OTHER_SHOULDERS = 0.05
 """Distance of the middles of the shoulders, as a fraction of the height, below which two detections are one body."""
 FEWEST_POINTS = 5
 """Of the keypoints that the detector sees, for their distances to say so."""
+CLOSE_UP = 2.0
+"""How much larger than the detector's guess the region is of somebody whose hips it does not see."""
 FARTHER, LARGE = 1.7, 0.65
 """How much smaller the frame is shown a second time for people larger than LARGE of its longer side."""
 WIDE = 1.3
@@ -115,10 +117,18 @@ class _Search:
 
 
 def settle(locate: PoseNetwork, image: Picture, detection: Detection) -> Observation | None:
+    """The detected person, looked at in his region, and if he is not seen there as that of a close-up."""
+    seen = _settled(locate, image, detection, detection.region)
+    if seen is None and _is_close_up(detection):
+        return _settled(locate, image, detection, detection.region.scaled(CLOSE_UP))
+    return seen
+
+
+def _settled(locate: PoseNetwork, image: Picture, detection: Detection, region: Region) -> Observation | None:
     """The detected person, looked at until the crop follows from its own output, but not beyond where it slides away
     to somebody else than the detector saw. Of a close-up the detector guesses the region: the pose may lie on him only
     when its own crop is looked at."""
-    seen, region = None, detection.region
+    seen = None
     for _ in range(SETTLE_ROUNDS):
         output = locate(image, region)
         now = observe(output, image.size)
@@ -130,6 +140,14 @@ def settle(locate: PoseNetwork, image: Picture, detection: Detection) -> Observa
             break
         region = output.next_region
     return seen
+
+
+def _is_close_up(detection: Detection) -> bool:
+    """True where the detector sees shoulders and no hips, and guesses these into the picture."""
+    if detection.keypoints is None:
+        return False
+    score = detection.keypoints[:, 2]
+    return bool(score[list(landmarks.COCO_SHOULDERS)].min() > SEEN > score[list(landmarks.COCO_HIPS)].max())
 
 
 def lies_on(seen: Observation, detection: Detection) -> bool:

@@ -12,6 +12,7 @@ from humanmm.models.perception.picture import Picture, whole
 from humanmm.models.perception.regions import Region
 from humanmm.models.perception.tracking.painting import covered_fraction, detected_keypoints, paint_out, without
 from humanmm.models.perception.tracking.search import (
+    CLOSE_UP,
     detections,
     find_people,
     lies_on,
@@ -152,6 +153,19 @@ def test_a_guessed_crop_is_looked_at_again_until_the_pose_lies_on_the_person_det
     near = settled(there, elsewhere, elsewhere)
     assert near is not None and np.allclose(near.keypoints[:, :2], there.keypoints[:, :2])
     assert settled(elsewhere, elsewhere, elsewhere) is None
+
+
+@pytest.mark.parametrize(("hips", "found"), [(0.0, True), (0.9, False)])
+def test_a_close_up_is_looked_at_in_a_larger_region_than_the_detector_guesses(hips: float, found: bool) -> None:
+    there, elsewhere = person(100, 100), person(300, 100, side=64)
+    keypoints = coco_of(there)
+    keypoints[11:13, 2] = hips
+    detection = Detection(0.5, Region(100, 100, 64), there.bbox, keypoints)
+
+    def locate(image: Picture, region: Region, **_: object) -> Landmarks:
+        return landmarks_of(there if region.side >= CLOSE_UP * 64 else elsewhere)
+
+    assert (settle(locate, gray(400, 300), detection) is not None) is found
 
 
 def landmarks_of(seen: Observation) -> Landmarks:
