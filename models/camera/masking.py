@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from humanmm.models.records.camera import PointTracks
+from humanmm.models.records.shots import Box
 from humanmm.models.records.tracks import MASK_SIDE, PersonTrack
 from humanmm.models.video.progress import Progress, silent
 
@@ -47,6 +48,15 @@ def without_transitions(points: PointTracks, clear: tuple[int, int]) -> PointTra
     nothing would be left."""
     blended = (points.frame < clear[0]) | (points.frame >= clear[1])
     return points if blended.all() else _without(points, blended, mostly=1.0)
+
+
+def without_burned_in(points: PointTracks, boxes: Sequence[Box]) -> PointTracks:
+    """The observations outside boxes in which something is drawn over the film: whatever moves there, it is not the
+    camera."""
+    masked, margin = np.zeros(len(points.frame), bool), points.window_px / 2
+    for box in boxes:
+        masked |= ((points.xy > np.array(box[:2]) - margin) & (points.xy < np.array(box[2:]) + margin)).all(axis=1)
+    return _without(points, masked, mostly=1.0)
 
 
 def _on_person(

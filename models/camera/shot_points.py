@@ -6,14 +6,14 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Int
 
-from humanmm.models.camera.masking import without_transitions
+from humanmm.models.camera.masking import without_burned_in, without_transitions
 from humanmm.models.records.camera import PointTracks
 from humanmm.models.records.shots import Shot
 
 
 def points_of_shot(points: PointTracks, shot: Shot) -> PointTracks:
-    """The tracks of a scene within one of its shots, in the clear frames."""
-    return without_transitions(within(points, shot.start, shot.end), shot.clear)
+    """The tracks of a scene within one of its shots, in the clear frames and on nothing that is burned in."""
+    return without_burned_in(without_transitions(within(points, shot.start, shot.end), shot.clear), shot.burned_in)
 
 
 def within(points: PointTracks, start: int, end: int) -> PointTracks:

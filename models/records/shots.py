@@ -54,6 +54,10 @@ class CorrectionNote:
     """Why it does not fit, or what is to be known although it does."""
 
 
+Box = tuple[float, float, float, float]
+"""x0, y0, x1, y1 in source pixels."""
+
+
 @dataclass(frozen=True)
 class Scenes:
     """Colour-based boundaries of a video of num_frames; scene k runs [starts[k], starts[k+1])."""
@@ -64,6 +68,8 @@ class Scenes:
     """What became of the corrections of cuts; a cut to be removed that is not here may be one that people show."""
     suspected: tuple[int, ...] = ()
     """Frames that may begin a shot: time may have been left out before them."""
+    burned_in: tuple[tuple[Box, ...], ...] = ()
+    """By scene, where something was drawn over the film (captions, logos, black bars)."""
 
     @property
     def spans(self) -> tuple[tuple[int, int], ...]:
@@ -108,6 +114,8 @@ class Shot:
     people: tuple[Appearance, ...]
     ending: Transition | None = None
     """How this shot ends, the next one's `transition`; None for the last."""
+    burned_in: tuple[Box, ...] = ()
+    """Where something was drawn over its pictures, which is no part of the place."""
 
     @property
     def outside_transitions(self) -> tuple[int, int]:
@@ -174,7 +182,7 @@ class Unfollowed:
     first: int
     last: int
     """Frames of the video in which he was seen first and last."""
-    box: tuple[float, float, float, float]
+    box: Box
     """xyxy, source pixels, where he was seen best."""
     score: float
     """The detector's, mean."""

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 
+from humanmm.models.shot_detection.burned_in import burned_in
 from humanmm.models.shot_detection.similarity import (
     Landmarks,
     Motion,
@@ -29,6 +30,8 @@ _FEATURELESS = 5
 """It has fewer features than this: black frames have none, a street at night of the same contrast 17 to 48."""
 _FINE_PX, _COARSE_PX = 1.0, 4.0
 """Standard deviations of the two blurs whose difference is a picture's detail."""
+_ALIKE = 0.7
+"""Correlation, motion undone, from which two frames show the same things whatever is burned in; neighbours have 0.8."""
 _FROZEN = 0.3
 """A mean change (of 255) below which a frame repeats the one before it."""
 
@@ -99,17 +102,22 @@ class PictureWindow:
         return self.change[frame] < _FROZEN
 
     def motion(self, before: int, after: int) -> Motion:
-        """Motion from one frame to another, the better of both directions; computed once."""
+        """Motion from one frame to another, the better of both directions, but for what is burned in; computed once."""
         if (before, after) not in self._motion:
             a, b = self.gray[before - self.first], self.gray[after - self.first]
-            forth = self._meter(a, b)
+            filmed, forth = None, self._meter(a, b)
+            if forth.match < _ALIKE and (drawn := self._burned_in(before, after)).any():
+                filmed = ~drawn
+                forth = self._meter(a, b, filmed)
             poor = forth.match < 0.5
-            self._motion[before, after] = max(forth, self._meter(b, a), key=lambda m: m.match) if poor else forth
+            back = self._meter(b, a, filmed) if poor else forth
+            self._motion[before, after] = max(forth, back, key=lambda m: m.match)
         return self._motion[before, after]
 
     def displacement(self, before: int, after: int) -> float | None:
         """Mean shift of the picture as a fraction of its width if both frames show one place, else None."""
-        similarity = self._places.similarity(self._features(before), self._features(after))
+        burned_in = self._burned_in(before, after)
+        similarity = self._places.similarity(self._features(before), self._features(after), burned_in)
         return None if similarity is None else mean_shift(similarity, self.gray[0].shape)
 
     def detail(self, frame: int) -> np.ndarray:
@@ -122,6 +130,9 @@ class PictureWindow:
         if frame not in self._detail_variance:
             self._detail_variance[frame] = float(np.square(self.detail(frame)).mean())
         return self._detail_variance[frame]
+
+    def _burned_in(self, before: int, after: int) -> np.ndarray:
+        return burned_in(self.gray[before - self.first], self.gray[after - self.first])
 
     def _features(self, frame: int) -> Landmarks:
         if frame not in self._landmarks:

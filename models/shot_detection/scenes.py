@@ -7,12 +7,14 @@ verified by `hard_cuts`; `jump_cuts` finds those of a camera that stays where it
 """
 
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from humanmm.corrections import NONE, Corrections
 from humanmm.models.geometry.intervals import Interval, merged
-from humanmm.models.records.shots import Scenes, Transition
+from humanmm.models.records.shots import Box, Scenes, Transition
+from humanmm.models.shot_detection.burned_in import burned_into
 from humanmm.models.shot_detection.corrected_cuts import corrected_scenes
 from humanmm.models.shot_detection.gradual import (
     DISSOLVE_S,
@@ -25,8 +27,8 @@ from humanmm.models.shot_detection.gradual import (
 from humanmm.models.shot_detection.hard_cuts import REACH, hard_cuts
 from humanmm.models.shot_detection.jump_cuts import jumps
 from humanmm.models.shot_detection.picture_window import SIDE_PX, PictureWindow
-from humanmm.models.video.frame_times import elapsed_s
-from humanmm.models.video.frames import Frame, frames
+from humanmm.models.video.frame_times import elapsed_s, sampled_every
+from humanmm.models.video.frames import frames
 from humanmm.models.video.opened import Video
 from humanmm.models.video.prefetch import prefetched
 from humanmm.models.video.progress import Progress, silent
@@ -39,6 +41,8 @@ _ADAPTIVE_RATIO, _ADAPTIVE_WINDOW = 3.0, 2
 """A change so many times as large as the mean of so many on either side is one that stands out (its defaults)."""
 _BLOCK = 256
 """Frames that are decided at once."""
+_SAMPLE_S, _MOST_SAMPLES = 0.25, 1200
+"""Time between the pictures that are compared for what is burned in, and how many are kept at most."""
 _FLICKER_S = 0.25
 """Uniform pictures for a shorter time between two views of one place are a flash or a flicker, not a fade."""
 
@@ -59,10 +63,20 @@ class SceneDetector:
         self._dissolves: list[Interval] = []
         self._flickers: list[Interval] = []
         self._decided = 0
+        self._sampled = sampled_every(time_s, max(_SAMPLE_S, float(time_s[-1] - time_s[0]) / _MOST_SAMPLES))
+        self.samples: dict[int, np.ndarray] = {}
+        """Some of the pictures, (h,w) uint8 each, by frame."""
+
+    @property
+    def width_px(self) -> int:
+        """Width of the pictures."""
+        return int(self._window.gray[-1].shape[1])
 
     def add(self, bgr: np.ndarray) -> None:
         """The next frame, (h,w,3) uint8, largest side `SIDE_PX`."""
         self._window.append(bgr)
+        if self._sampled[self._window.end - 1]:
+            self.samples[self._window.end - 1] = self._window.gray[-1]
         self._proposals += proposals(self._window.change)
         if self._window.end - self._decided >= _BLOCK + self._margin:
             self._decide(self._decided + _BLOCK)
@@ -125,16 +139,15 @@ def proposals(change: Sequence[float]) -> Iterator[int]:
 
 def detect_scenes(video: Video, *, corrections: Corrections = NONE, progress: Progress = silent) -> Scenes:
     """Scenes of the whole video by colour, from pictures of SIDE_PX, with the cuts that the user adds and without
-    those that he removes."""
+    those that he removes; and what is burned into them."""
     facts = video.facts
-
-    def pictures(decoded: Iterator[Frame]) -> Iterator[np.ndarray]:
-        for frame in decoded:
-            yield frame.image
-            progress(frame.index + 1, facts.num_frames)
-
+    detector = SceneDetector(facts.time_s)
     with prefetched(frames(video.stream, facts, pixels="bgr", max_side_px=SIDE_PX)) as decoded:
-        return corrected_scenes(find_scenes(pictures(decoded), facts.time_s), corrections)
+        for frame in decoded:
+            detector.add(frame.image)
+            progress(frame.index + 1, facts.num_frames)
+    scenes = corrected_scenes(detector.finish(), corrections)
+    return replace(scenes, burned_in=_in_source(burned_into(detector.samples, scenes), facts.width / detector.width_px))
 
 
 def find_scenes(pictures: Iterable[np.ndarray], time_s: np.ndarray) -> Scenes:
@@ -143,6 +156,13 @@ def find_scenes(pictures: Iterable[np.ndarray], time_s: np.ndarray) -> Scenes:
     for bgr in pictures:
         detector.add(bgr)
     return detector.finish()
+
+
+def _in_source(of_scene: tuple[tuple[Box, ...], ...], scale: float) -> tuple[tuple[Box, ...], ...]:
+    """Boxes in pixels of the video, of which one of a small picture is `scale` wide."""
+    return tuple(
+        tuple((x0 * scale, y0 * scale, x1 * scale, y1 * scale) for x0, y0, x1, y1 in boxes) for boxes in of_scene
+    )
 
 
 def _without_overlap(cuts: list[int], dissolves: list[Interval], fades: list[Interval]) -> tuple[Transition, ...]:

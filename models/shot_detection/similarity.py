@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-_WINDOW_PX = 9
+WINDOW_PX = 9
 """Side of the window in which pictures are correlated."""
 _NOISE = 16.0
 """Grey levels squared; variance that coding noise leaves in a flat window, so that flat windows count as alike."""
-_UNMATCHED, _TEXTURE = 0.3, 14.0
+_UNMATCHED, TEXTURE = 0.3, 14.0
 """Below this correlation a window is not found again; grey levels of contrast from which it has texture."""
 _SAME_PLACE_INLIERS = 10
 """Matches that agree on one similarity transform. Unrelated pictures reach 7, the same place 12 and more (measured);
@@ -65,18 +65,24 @@ def correlation(first: np.ndarray, second: np.ndarray, where: np.ndarray | None 
     return _compared(first, second, where)[0]
 
 
-def _compared(first: np.ndarray, second: np.ndarray, where: np.ndarray | None) -> tuple[float, float]:
-    """`correlation`, and the fraction of the picture that has texture and does not correlate."""
+def local_correlation(first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of the window around every pixel of two (H,W) pictures: the correlation -1..1, and the contrast in grey levels of
+    the picture that has less of it there, and of the other."""
     a, b = first.astype(np.float32), second.astype(np.float32)
-    size = (_WINDOW_PX, _WINDOW_PX)
+    size = (WINDOW_PX, WINDOW_PX)
     mean_a, mean_b = cv2.blur(a, size), cv2.blur(b, size)
     var_a = np.maximum(cv2.blur(a * a, size) - mean_a * mean_a, 0)
     var_b = np.maximum(cv2.blur(b * b, size) - mean_b * mean_b, 0)
     cov = cv2.blur(a * b, size) - mean_a * mean_b
-    contrast = np.sqrt(np.maximum(var_a, var_b))
     local = cov / (np.sqrt(var_a * var_b) + _NOISE)
+    return local, np.sqrt(np.minimum(var_a, var_b)), np.sqrt(np.maximum(var_a, var_b))
+
+
+def _compared(first: np.ndarray, second: np.ndarray, where: np.ndarray | None) -> tuple[float, float]:
+    """`correlation`, and the fraction of the picture that has texture and does not correlate."""
+    local, _, contrast = local_correlation(first, second)
     weight = contrast + 1
-    unmatched = (local < _UNMATCHED) & (contrast > _TEXTURE)
+    unmatched = (local < _UNMATCHED) & (contrast > TEXTURE)
     if where is not None:
         weight, unmatched = weight * where, unmatched & where
     return float((weight * local).sum() / max(weight.sum(), 1e-6)), float(unmatched.mean())
@@ -110,16 +116,22 @@ class PlaceRecogniser:
             return Landmarks(gray, np.zeros((0, 2), np.float32), np.zeros((0, 128), np.float32))
         return Landmarks(gray, np.array([point.pt for point in points], np.float32), features)
 
-    def similarity(self, first: Landmarks, second: Landmarks) -> np.ndarray | None:
-        """(2,3): takes pixels of the first picture to those of the second; None if they do not show one place."""
+    def similarity(self, first: Landmarks, second: Landmarks, left_out: np.ndarray | None = None) -> np.ndarray | None:
+        """(2,3): takes pixels of the first picture to those of the second; None if they do not show one place.
+
+        `left_out` (H,W) bool: the part of both that says nothing.
+        """
+        left_out = np.zeros(first.gray.shape, bool) if left_out is None else left_out
         a, b = self._matches(first, second)
+        filmed = ~(lies_in(left_out, a) & lies_in(left_out, b))
+        a, b = a[filmed], b[filmed]
         if len(a) < _SAME_PLACE_INLIERS:
             return None
         cv2.setRNGSeed(0)
         found, inliers = cv2.estimateAffinePartial2D(a, b, ransacReprojThreshold=3.0, maxIters=500)
         if found is None or int(inliers.sum()) < _SAME_PLACE_INLIERS:
             return None
-        return None if self._match(first, second, found) < _SAME_PLACE_MATCH else found
+        return None if self._match(first, second, found, left_out) < _SAME_PLACE_MATCH else found
 
     def _matches(self, first: Landmarks, second: Landmarks) -> tuple[np.ndarray, np.ndarray]:
         """(M,2) pixels of features of the first picture, and of those of the second that look most like them."""
@@ -132,13 +144,20 @@ class PlaceRecogniser:
         ], int).reshape(-1, 2)  # fmt: skip
         return first.xy[pairs[:, 0]], second.xy[pairs[:, 1]]
 
-    def _match(self, first: Landmarks, second: Landmarks, similarity: np.ndarray) -> float:
+    def _match(self, first: Landmarks, second: Landmarks, similarity: np.ndarray, left_out: np.ndarray) -> float:
         """-1..1: how alike two pictures are where they overlap, once a transform of one to the other is undone, and the
         motion that it leaves."""
         size, back = second.gray.shape[::-1], cv2.WARP_INVERSE_MAP | cv2.INTER_LINEAR
         moved = cv2.warpAffine(second.gray, similarity, size, flags=back)
-        shown = cv2.warpAffine(np.full_like(second.gray, 255), similarity, size, flags=back) == 255
+        filmed = np.where(left_out, 0, 255).astype(np.uint8)
+        shown = (cv2.warpAffine(filmed, similarity, size, flags=back) == 255) & ~left_out
         return self._meter(first.gray, np.where(shown, moved, first.gray), shown).match
+
+
+def lies_in(part: np.ndarray, xy: np.ndarray) -> np.ndarray:
+    """(N,) bool: which of (N,2) pixels (centres at whole numbers) lie in a part (H,W) of a picture."""
+    column, row = np.clip(xy.round().astype(int), 0, np.array(part.shape[::-1]) - 1).T
+    return np.asarray(part[row, column])
 
 
 def mean_shift(similarity: np.ndarray, shape: tuple[int, ...]) -> float:

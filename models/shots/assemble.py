@@ -160,15 +160,17 @@ def _empty_shots(scenes: Scenes, transitions: Sequence[Transition]) -> list[Shot
     """Frames, scene, beginning and end of every shot, with nobody in them yet."""
     starts = [0, *(t.cut_frame for t in transitions)]
     scene_starts = np.array([start for start, _ in scenes.spans])
+    scene_of = (np.searchsorted(scene_starts, starts, side="right") - 1).tolist()
     return [
         Shot(
             index=index,
             start=start,
             end=end,
-            scene=int(np.searchsorted(scene_starts, start, side="right")) - 1,
+            scene=scene_of[index],
             transition=transitions[index - 1] if index else None,
             people=(),
             ending=transitions[index] if index < len(transitions) else None,
+            burned_in=scenes.burned_in[scene_of[index]] if scenes.burned_in else (),
         )
         for index, (start, end) in enumerate(zip(starts, [*starts[1:], scenes.num_frames], strict=True))
     ]

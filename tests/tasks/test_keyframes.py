@@ -62,3 +62,18 @@ def test_pictures_are_kept_without_people_and_of_several_shots_alone(film: Any) 
     assert [(picture.gray == HIDDEN).any() for picture in (*whole, *empty)] == [True] * 3 + [False] * 3
     alone = described([Shot(0, 0, end, 0, None, ())], somebody)
     assert alone.ground == () and alone.pictures == ()
+
+
+def test_what_is_burned_in_is_no_background(film: Any) -> None:
+    end, boxes = film.facts.num_frames, ((0.0, 0.0, 400.0, 40.0),)
+    cut = Transition("cut", film.CUT, film.CUT, "scene")
+    shots = (Shot(0, 0, film.CUT, 0, None, (), burned_in=boxes), Shot(1, film.CUT, end, 1, cut, ()))
+    people = [ScenePeople(0, film.CUT, ()), ScenePeople(film.CUT, end, ())]
+    results = {
+        "decode": film.facts, "scenes": Scenes(end, (cut,)), "people": people, "shots": ShotList(end, shots, ()),
+    }  # fmt: skip
+    found = keyframes(inputs_of("keyframes", results, video=film.video))
+    assert all((one.xy[:, 1] >= 40).all() for one in found.of_shot[0])
+    assert any((one.xy[:, 1] < 40).any() for one in found.of_shot[1])
+    assert all((one.gray == HIDDEN).any() for one in found.pictures[0])
+    assert not any((one.gray == HIDDEN).any() for one in found.pictures[1])

@@ -1,7 +1,7 @@
 """Pictures of the ground, a few a shot, small and grey: around people, where shadows fall, and in whole frames."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float, UInt8
 
 from humanmm.models.geometry.boxes import box_area
 from humanmm.models.perception.regions import invert, warp
-from humanmm.models.records.shots import Shot
+from humanmm.models.records.shots import Box, Shot
 from humanmm.models.records.tracks import PersonTrack
 
 Array = np.ndarray
@@ -25,7 +25,7 @@ BESIDE, ABOVE, BELOW = 1.3, 1.1, 0.9
 MAX_SIDE_PX, WHOLE_SIDE_PX = 320, 640
 """Largest side of a picture of the ground around people, and of a whole frame."""
 HIDDEN = 0
-"""Grey level of pixels that show somebody and no ground."""
+"""Grey level of pixels that show somebody or something burned in, and no ground."""
 GROWN = 3
 """Silhouettes are grown by half of so many pixels of 128: their error."""
 
@@ -40,7 +40,7 @@ class GroundPicture:
     scale: float
     """Source pixels that one of its pixels is wide and high."""
     gray: UInt8[Array, "height width"]
-    """HIDDEN where somebody is."""
+    """HIDDEN where somebody is, or something burned in."""
 
     def in_picture(self, K: Float[Array, "3 3"]) -> Float[Array, "3 3"]:
         """Intrinsics of the frame as those of this part of it."""
@@ -92,6 +92,22 @@ def whole_frame(
     return _without(_seen_in(frame, people), frame, gray, np.zeros(2, np.float32), scale, WHOLE_SIDE_PX)
 
 
+def hidden(picture: GroundPicture, boxes: Sequence[Box]) -> GroundPicture:
+    """A picture without parts of its frame."""
+    if not boxes:
+        return picture
+    gray = picture.gray.copy()
+    for box in boxes:
+        _inside(gray, picture.pixels(np.array(box)))[:] = HIDDEN
+    return replace(picture, gray=gray)
+
+
+def _inside(gray: np.ndarray, box: Float[Array, "4"]) -> np.ndarray:
+    """The part of a picture that lies in a box of its pixels."""
+    x0, y0, x1, y1 = np.maximum(np.round(box), 0).astype(int)
+    return gray[y0:y1, x0:x1]
+
+
 def _seen_in(frame: int, people: Sequence[PersonTrack]) -> list[tuple[PersonTrack, int]]:
     """Who is seen in a frame, with the row of his track."""
     return [(track, int(row)) for track in people for row in np.flatnonzero(track.frame == frame)]
@@ -122,8 +138,7 @@ def _silhouette(picture: GroundPicture, track: PersonTrack, row: int) -> Bool[Ar
     mask = track.masks.mask(row)
     if not mask.any():
         inside = np.zeros(picture.gray.shape, bool)
-        x0, y0, x1, y1 = np.maximum(np.round(picture.pixels(track.bbox[row])), 0).astype(int)
-        inside[y0:y1, x0:x1] = True
+        _inside(inside, picture.pixels(track.bbox[row]))[:] = True
         return inside
     to_mask = invert(track.mask_affine[row].astype(np.float64))
     to_mask[:, 2] += to_mask[:, :2] @ picture.corner

@@ -8,7 +8,7 @@ around people is seen in a few more. Pixels have their centres at (0.5, 0.5).
 """
 
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -16,9 +16,9 @@ import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from humanmm.models.camera.background.ground import GroundPicture, ground_around, ground_frames, whole_frame
+from humanmm.models.camera.background.ground import GroundPicture, ground_around, ground_frames, hidden, whole_frame
 from humanmm.models.camera.background.segments import detect_segments
-from humanmm.models.records.shots import Shot, ShotList
+from humanmm.models.records.shots import Box, Shot, ShotList
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
 from humanmm.models.video.frames import frames_at
 from humanmm.models.video.opened import Video
@@ -72,7 +72,7 @@ def describe_key_frames(
     video: Video, shots: ShotList, people: Sequence[ScenePeople | None], *, progress: Progress = silent
 ) -> KeyFrameFeatures:
     """Features and straight edges of the background in every shot's key frames, in source pixels, these frames
-    themselves, and the ground around the shot's people.
+    themselves, and the ground around the shot's people; all without what is burned in.
 
     Of the only shot of a video edges alone: there is nothing in which its features could be recognised. `people`: one
     a scene, None where it failed; their boxes are left out of the key frames.
@@ -90,14 +90,17 @@ def describe_key_frames(
                 scale = video.facts.width / picture.image.shape[1]
                 if picture.index in part.key_frames:
                     found = describe_frame(picture.index, picture.image, features=several)
-                    described.append(without_people(_in_source(found, scale), part.tracks))
+                    described.append(only_background(_in_source(found, scale), part.tracks, part.burned_in))
                     if several:
-                        whole.append(whole_frame(picture.index, picture.image, part.tracks, scale))
+                        seen = whole_frame(picture.index, picture.image, part.tracks, scale)
+                        whole.append(hidden(seen, part.burned_in))
                 if picture.index in part.ground_frames:
-                    around.append(ground_around(picture.index, picture.image, part.tracks, scale))
+                    ground = ground_around(picture.index, picture.image, part.tracks, scale)
+                    if ground is not None:
+                        around.append(hidden(ground, part.burned_in))
                 progress(picture.index + 1, video.facts.num_frames)
             features.append(tuple(described))
-            grounds.append(tuple(picture for picture in around if picture is not None))
+            grounds.append(tuple(around))
             wholes.append(tuple(whole))
     if not several:
         return KeyFrameFeatures(tuple(features))
@@ -111,13 +114,15 @@ class _ShotPart:
     tracks: tuple[PersonTrack, ...]
     key_frames: tuple[int, ...]
     ground_frames: tuple[int, ...]
+    burned_in: tuple[Box, ...] = ()
 
     @classmethod
     def of(cls, shot: Shot, scene: ScenePeople | None, *, several: bool) -> "_ShotPart":
         """Nothing of a scene that failed; no ground of the only shot of a video, whose light compares with nothing."""
         if scene is None:
             return cls((), (), ())
-        return cls(tuple(scene.tracks), key_frames(shot), ground_frames(shot) if several else ())
+        ground = ground_frames(shot) if several else ()
+        return cls(tuple(scene.tracks), key_frames(shot), ground, shot.burned_in)
 
     @property
     def frames(self) -> tuple[int, ...]:
@@ -151,20 +156,25 @@ def key_frames(shot: Shot) -> tuple[int, ...]:
     return tuple(sorted({first, (first + end) // 2, end - 1})) if first < end else ()
 
 
-def without_people(features: FrameFeatures, tracks: Iterable[PersonTrack]) -> FrameFeatures:
-    """The features and edges that lie on nobody: outside each person's box of the nearest observed frame, widened by a
-    tenth; an edge by its middle."""
+def only_background(
+    features: FrameFeatures, tracks: Iterable[PersonTrack], burned_in: Iterable[Box] = ()
+) -> FrameFeatures:
+    """The features and edges that lie on nobody and on nothing burned in; an edge by its middle."""
     shown, clear = np.ones(len(features.xy), bool), np.ones(len(features.segments), bool)
     middle = 0.5 * (features.segments[:, :2] + features.segments[:, 2:])
-    for track in tracks:
-        nearest = int(np.argmin(np.abs(track.frame - features.frame)))
-        if abs(int(track.frame[nearest]) - features.frame) > MAX_BOX_AGE:
-            continue
-        margin = 0.1 * (track.bbox[nearest, 2:] - track.bbox[nearest, :2])
-        least, most = track.bbox[nearest, :2] - margin, track.bbox[nearest, 2:] + margin
-        shown &= ~((features.xy > least) & (features.xy < most)).all(axis=1)
-        clear &= ~((middle > least) & (middle < most)).all(axis=1)
+    for box in (*_boxes(tracks, features.frame), *(np.array(box) for box in burned_in)):
+        shown &= ~((features.xy > box[:2]) & (features.xy < box[2:])).all(axis=1)
+        clear &= ~((middle > box[:2]) & (middle < box[2:])).all(axis=1)
     return replace(
         features,
         xy=features.xy[shown], descriptors=features.descriptors[shown], segments=features.segments[clear],
     )  # fmt: skip
+
+
+def _boxes(tracks: Iterable[PersonTrack], frame: int) -> Iterator[Float[np.ndarray, " 4"]]:
+    """Each person's box, xyxy in source pixels, of the observed frame nearest to a frame, widened by a tenth."""
+    for track in tracks:
+        nearest = int(np.argmin(np.abs(track.frame - frame)))
+        if abs(int(track.frame[nearest]) - frame) <= MAX_BOX_AGE:
+            margin = 0.1 * (track.bbox[nearest, 2:] - track.bbox[nearest, :2])
+            yield np.concatenate([track.bbox[nearest, :2] - margin, track.bbox[nearest, 2:] + margin])

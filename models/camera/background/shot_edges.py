@@ -44,7 +44,7 @@ class ShotEdge:
 def find_shot_edges(
     key_frames: Sequence[Sequence[FrameFeatures]], *, K: Float[np.ndarray, "3 3"]
 ) -> tuple[ShotEdge, ...]:
-    """Edges between the shots whose key frames (people left out, see `without_people`) show the same background.
+    """Edges between the shots whose key frames (people left out, see `only_background`) show the same background.
 
     `key_frames[k]` are the features of shot k, empty where the shot failed.
     """

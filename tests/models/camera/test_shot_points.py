@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from humanmm.models.camera.estimate import camera_from_points
-from humanmm.models.camera.shot_points import within
+from humanmm.models.camera.shot_points import points_of_shot, within
 from humanmm.models.records.camera import Intrinsics, PointTracks
+from humanmm.models.records.shots import Shot
 
 
 def tracks(recorded: list[int], end: int, num_points: int = 60) -> PointTracks:
@@ -37,3 +38,11 @@ def test_the_parts_of_a_densely_recorded_scene_make_up_the_scene() -> None:
 
 def test_a_scene_without_points_has_parts_without_points() -> None:
     assert len(within(tracks([], 40), 10, 20).frame) == 0
+
+
+def test_points_on_what_is_burned_in_are_none_of_the_shots() -> None:
+    scene = tracks(list(range(10)), 10)
+    kept = points_of_shot(scene, Shot(0, 0, 10, 0, None, (), burned_in=((0.0, 300.0, 640.0, 400.0),)))
+    outside = (scene.xy[:, 1] < 292.5) | (scene.xy[:, 1] > 407.5)  # half a window beside it
+    np.testing.assert_array_equal(kept.xy, scene.xy[outside])
+    assert 0 < len(kept.frame) < len(scene.frame)

@@ -12,6 +12,8 @@ from humanmm.models.camera.background.ground import (
     GroundPicture,
     ground_around,
     ground_frames,
+    hidden,
+    whole_frame,
 )
 from humanmm.models.records.shots import Shot, Transition
 from humanmm.models.records.tracks import PersonTrack, Silhouettes
@@ -78,3 +80,15 @@ def test_without_anybody_there_is_no_ground() -> None:
     assert ground_around(4, picture(), [person((500, 200, 560, 320))], 1.0) is None
     assert ground_around(3, picture(), [person((500, 200, 505, 210))], 1.0) is None
     assert ground_around(3, picture(), [person((900, 200, 960, 320))], 1.0) is None
+
+
+def test_what_is_burned_in_is_hidden() -> None:
+    burned_in = (80.0, 180.0, 200.0, 240.0)
+    around = ground_around(3, picture(), [person((100.0, 100.0, 160.0, 240.0))], 1.0)
+    assert around is not None
+    for one in (whole_frame(3, picture(), [], 1.0), around):
+        left_out = hidden(one, [burned_in])
+        x0, y0, x1, y1 = one.pixels(np.array(burned_in)).round().astype(int)
+        assert (left_out.gray[y0:y1, x0:x1] == HIDDEN).all()
+        left_out.gray[y0:y1, x0:x1] = one.gray[y0:y1, x0:x1]
+        np.testing.assert_array_equal(left_out.gray, one.gray)

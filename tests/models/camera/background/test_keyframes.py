@@ -5,7 +5,7 @@ from dataclasses import fields
 import numpy as np
 
 from humanmm.models.camera.background.frame_edges import match_features
-from humanmm.models.camera.background.keyframes import FrameFeatures, key_frames, without_people
+from humanmm.models.camera.background.keyframes import FrameFeatures, key_frames, only_background
 from humanmm.models.records.shots import Shot, Transition
 from humanmm.models.records.tracks import PersonTrack
 
@@ -29,7 +29,7 @@ def person(frame: int) -> PersonTrack:
 
 def test_features_on_people_take_no_part() -> None:
     everything = features(5)
-    kept = without_people(everything, [person(9)])
+    kept = only_background(everything, [person(9)])
     x0, y0, x1, y1 = BOX
     low, high = np.array([x0 - 10, y0 - 20]), np.array([x1 + 10, y1 + 20])  # widened by a tenth
     outside = ((everything.xy <= low) | (everything.xy >= high)).any(axis=1)
@@ -40,8 +40,16 @@ def test_features_on_people_take_no_part() -> None:
     np.testing.assert_array_equal(kept.segments, everything.segments[1:])
 
 
+def test_features_on_what_is_burned_in_take_no_part() -> None:
+    everything = features(5)
+    kept = only_background(everything, [], [(0.0, 0.0, 640.0, 100.0), BOX])
+    inside = ((everything.xy > BOX[:2]) & (everything.xy < BOX[2:])).all(axis=1)
+    np.testing.assert_array_equal(kept.xy, everything.xy[~inside & (everything.xy[:, 1] >= 100)])
+    np.testing.assert_array_equal(kept.segments, everything.segments[1:])
+
+
 def test_a_box_of_long_ago_hides_nothing() -> None:
-    assert len(without_people(features(50), [person(9)]).xy) == 500
+    assert len(only_background(features(50), [person(9)]).xy) == 500
 
 
 def test_first_middle_and_last_clear_frame_stand_for_a_shot() -> None:

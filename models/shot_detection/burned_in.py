@@ -1,0 +1,136 @@
+"""What is drawn over a film and was not filmed: logos, captions, clocks, the bars beside another format.
+
+It stays where it is while everything filmed changes. Left in, it would say of any two shots that one camera took them
+from one place.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, UInt8
+
+from humanmm.models.records.shots import Box, Scenes
+from humanmm.models.shot_detection.similarity import TEXTURE, WINDOW_PX, local_correlation
+
+SAME = 0.85
+"""Local correlation from which a place of two pictures shows the same thing, unmoved."""
+UNCHANGED = 6.0
+"""Grey levels by which the mean of a window may differ of a thing that is the same."""
+ONE_VIEW = 0.7
+"""Part of the picture that is unchanged in two pictures of one view: more than 0.9 across jump cuts. Of what two
+cameras film 0.06 to 0.3 is, at night 0.5."""
+AROUND_PX = 8
+"""So far around what is burned in, another thing was filmed;"""
+AROUND = 0.5
+"""around what stays in one view because nobody passes, more than this part of the picture stays as well."""
+LARGEST = 0.4
+"""More of the picture than this is never drawn over: a large part that stays is one view, with much going on in it."""
+GAIN = (0.5, 2.0)
+"""Of the light, from one picture of a view to another."""
+FAINT, FOUND_AGAIN = 7.0, 0.5
+"""Grey levels of contrast from which a place has something that could change, and the correlation if it does not."""
+NEIGHBOURS = 2
+"""Scenes on either side with which a scene is compared."""
+WITHIN, FEWEST_WITHIN, OFTEN = 6, 3, 0.7
+"""Pictures of a scene that are compared with its first one, how many of these must show another view, and the part of
+them in which something stays that is burned in."""
+BLACK, EDGE_PX = 32, 2
+"""Grey levels that no pixel of a bar reaches, and how far its edge is seen in a small picture."""
+
+
+def burned_into(
+    samples: Mapping[int, UInt8[np.ndarray, "height width"]], scenes: Scenes
+) -> tuple[tuple[Box, ...], ...]:
+    """By scene, boxes (x0, y0, x1, y1 in the samples' pixels) in which something is burned into its pictures.
+
+    `samples`: small grey pictures by frame. A scene is compared with its neighbours, and within itself, where a camera
+    that moves shows it.
+    """
+    of_scene = [[samples[frame] for frame in sorted(samples) if first <= frame < end] for first, end in _clear(scenes)]
+    return tuple(_boxes(_of_scene(k, of_scene)) for k in range(len(of_scene)))
+
+
+def _clear(scenes: Scenes) -> list[tuple[int, int]]:
+    """Frames [first, end) of each scene outside transitions."""
+    begins = [0, *(t.end for t in scenes.transitions)]
+    ends = [*(t.start for t in scenes.transitions), scenes.num_frames]
+    return list(zip(begins, ends, strict=True))
+
+
+def _of_scene(scene: int, of_scene: Sequence[Sequence[np.ndarray]]) -> Bool[np.ndarray, "height width"] | None:
+    """Where something is burned into a scene's pictures; None if it has none. `of_scene`: samples of every scene."""
+    own = of_scene[scene]
+    if not own:
+        return None
+    before, after = of_scene[max(0, scene - NEIGHBOURS) : scene], of_scene[scene + 1 : scene + 1 + NEIGHBOURS]
+    found = [burned_in(own[0], other[-1]) for other in before if other]
+    found += [burned_in(own[-1], other[0]) for other in after if other]
+    found.append(_bars(np.max(own, axis=0)))
+    steps = np.unique(np.linspace(0, len(own) - 1, WITHIN + 1).round().astype(int))[1:]
+    within = [drawn for k in steps if (drawn := burned_in(own[0], own[k])).any()]
+    if len(within) >= FEWEST_WITHIN:
+        found.append(np.mean(within, axis=0) >= OFTEN)
+    return np.asarray(np.any(found, axis=0))
+
+
+def _boxes(part: Bool[np.ndarray, "height width"] | None) -> tuple[Box, ...]:
+    """One around every piece of a part of the picture."""
+    if part is None:
+        return ()
+    stats = cv2.connectedComponentsWithStats(part.astype(np.uint8))[2][1:]
+    return tuple((float(x), float(y), float(x + width), float(y + height)) for x, y, width, height, _ in stats)
+
+
+def burned_in(
+    first: UInt8[np.ndarray, "height width"], second: UInt8[np.ndarray, "height width"]
+) -> Bool[np.ndarray, "height width"]:
+    """Where two small grey pictures (about 200 pixels wide) show the same thing though what was filmed differs; nowhere
+    if they show one view, or nothing."""
+    bars = _bars(np.maximum(first, second))
+    local, fainter, stronger = local_correlation(first, second)
+    clearly = (local > SAME) & (fainter > TEXTURE) & ~bars
+    unlit = _change(first, second, clearly) < UNCHANGED
+    unchanged, stays = unlit & ((local > SAME) | (stronger < TEXTURE)), unlit & (local > FOUND_AGAIN)
+    same = _grown(clearly, WINDOW_PX // 2)
+    if bars.all() or unchanged[~bars].mean() >= ONE_VIEW or same[~bars].mean() >= LARGEST:
+        return np.zeros(first.shape, bool)
+    around = ~bars & ~same & (stronger > FAINT)  # two walls in the dark are alike
+    found = bars.copy()
+    number, parts, stats, _ = cv2.connectedComponentsWithStats(same.astype(np.uint8))
+    for k in range(1, number):
+        x, y, width, height = (int(value) for value in stats[k, :4])
+        near = np.s_[max(0, y - AROUND_PX) : y + height + AROUND_PX, max(0, x - AROUND_PX) : x + width + AROUND_PX]
+        one = parts[near] == k
+        ring = _grown(one, AROUND_PX) & around[near]
+        if stays[near][ring].sum() < AROUND * max(1, ring.sum()):
+            found[near] |= one
+    return found
+
+
+def _change(first: np.ndarray, second: np.ndarray, same: Bool[np.ndarray, "height width"]) -> np.ndarray:
+    """(H,W) grey levels by which the mean of the window around every pixel differs, but for a change of the light that
+    makes the one picture the other where they show the same thing."""
+    before, after = (cv2.blur(one.astype(np.float32), (WINDOW_PX, WINDOW_PX)) for one in (first, second))
+    if same.any():
+        a, b = before[same], after[same]
+        gain = float(np.clip(np.cov(a, b)[0, 1] / max(float(a.var()), 1.0), *GAIN)) if len(a) > 1 else 1.0
+        before = gain * (before - a.mean()) + b.mean()
+    return np.asarray(np.abs(after - before))
+
+
+def _bars(brighter: UInt8[np.ndarray, "height width"]) -> Bool[np.ndarray, "height width"]:
+    """The black rows and columns at the picture's borders, with their edges; nothing of a picture that is black."""
+    bars = np.zeros(brighter.shape, bool)
+    for across, picture in ((bars, brighter), (bars.T, brighter.T)):
+        lit = np.flatnonzero(picture.max(axis=1) >= BLACK)
+        if len(lit) and lit[0]:
+            across[: lit[0] + EDGE_PX] = True
+        if len(lit) and lit[-1] + 1 < len(picture):
+            across[lit[-1] + 1 - EDGE_PX :] = True
+    return bars
+
+
+def _grown(part: Bool[np.ndarray, "height width"], by_px: int) -> Bool[np.ndarray, "height width"]:
+    side = 2 * by_px + 1
+    return np.asarray(cv2.dilate(part.astype(np.uint8), np.ones((side, side), np.uint8)) > 0)
