@@ -92,17 +92,19 @@ def lost_detail(window: PictureWindow, before: int, after: int) -> float:
     if not middle.any():
         middle = np.abs(weight - 0.5) == np.abs(weight - 0.5).min()
     frames, weight = frames[middle], weight[middle]
-    first, last = window.detail_variance(before), window.detail_variance(after)
+    filmed = window.filmed(before, after)
+    first, last = window.detail_variance(before, filmed), window.detail_variance(after, filmed)
     moved = (1 - weight) * first + weight * last
     mixed = (1 - weight) ** 2 * first + weight**2 * last
-    seen = np.array([window.detail_variance(frame) for frame in frames.tolist()])
+    seen = np.array([window.detail_variance(frame, filmed) for frame in frames.tolist()])
     return float(np.median((moved - seen) / np.maximum(moved - mixed, 1e-6)))
 
 
 def explained_detail(window: PictureWindow, before: int, after: int) -> float:
     """The part, 0..1, of the detail midway between two frames that a blend of theirs explains."""
-    ends = np.stack([window.detail(frame).ravel() for frame in (before, after)], axis=1)
-    middle = window.detail((before + after) // 2).ravel()
+    filmed = window.filmed(before, after)
+    ends = np.stack([window.detail(frame)[filmed] for frame in (before, after)], axis=1)
+    middle = window.detail((before + after) // 2)[filmed]
     weights = np.linalg.lstsq(ends.T @ ends, ends.T @ middle, rcond=None)[0]
     left = middle - ends @ weights
     return float(1 - left @ left / max(float(middle @ middle), 1e-6))

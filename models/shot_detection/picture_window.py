@@ -106,9 +106,8 @@ class PictureWindow:
         if (before, after) not in self._motion:
             a, b = self.gray[before - self.first], self.gray[after - self.first]
             filmed, forth = None, self._meter(a, b)
-            if forth.match < _ALIKE and (drawn := self._burned_in(before, after)).any():
-                filmed = ~drawn
-                forth = self._meter(a, b, filmed)
+            if forth.match < _ALIKE and not (part := self.filmed(before, after)).all():
+                filmed, forth = part, self._meter(a, b, part)
             poor = forth.match < 0.5
             back = self._meter(b, a, filmed) if poor else forth
             self._motion[before, after] = max(forth, back, key=lambda m: m.match)
@@ -116,8 +115,8 @@ class PictureWindow:
 
     def displacement(self, before: int, after: int) -> float | None:
         """Mean shift of the picture as a fraction of its width if both frames show one place, else None."""
-        burned_in = self._burned_in(before, after)
-        similarity = self._places.similarity(self._features(before), self._features(after), burned_in)
+        left_out = ~self.filmed(before, after)
+        similarity = self._places.similarity(self._features(before), self._features(after), left_out)
         return None if similarity is None else mean_shift(similarity, self.gray[0].shape)
 
     def detail(self, frame: int) -> np.ndarray:
@@ -125,14 +124,17 @@ class PictureWindow:
         gray = self.gray[frame - self.first].astype(np.float32)
         return cv2.GaussianBlur(gray, (0, 0), _FINE_PX) - cv2.GaussianBlur(gray, (0, 0), _COARSE_PX)
 
-    def detail_variance(self, frame: int) -> float:
-        """Variance of a picture's detail, grey levels squared; computed once."""
+    def detail_variance(self, frame: int, where: np.ndarray) -> float:
+        """Variance of a picture's detail in a part (h,w) of it, grey levels squared; of the whole computed once."""
+        if not where.all():
+            return float(np.square(self.detail(frame)[where]).mean())
         if frame not in self._detail_variance:
             self._detail_variance[frame] = float(np.square(self.detail(frame)).mean())
         return self._detail_variance[frame]
 
-    def _burned_in(self, before: int, after: int) -> np.ndarray:
-        return burned_in(self.gray[before - self.first], self.gray[after - self.first])
+    def filmed(self, before: int, after: int) -> np.ndarray:
+        """(h,w) bool: the part of two frames in which nothing is burned in."""
+        return ~burned_in(self.gray[before - self.first], self.gray[after - self.first])
 
     def _features(self, frame: int) -> Landmarks:
         if frame not in self._landmarks:
