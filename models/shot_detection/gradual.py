@@ -92,7 +92,7 @@ def lost_detail(window: PictureWindow, before: int, after: int) -> float:
     if not middle.any():
         middle = np.abs(weight - 0.5) == np.abs(weight - 0.5).min()
     frames, weight = frames[middle], weight[middle]
-    filmed = window.filmed(before, after)
+    filmed = _filmed(window, before, after)
     first, last = window.detail_variance(before, filmed), window.detail_variance(after, filmed)
     moved = (1 - weight) * first + weight * last
     mixed = (1 - weight) ** 2 * first + weight**2 * last
@@ -100,9 +100,14 @@ def lost_detail(window: PictureWindow, before: int, after: int) -> float:
     return float(np.median((moved - seen) / np.maximum(moved - mixed, 1e-6)))
 
 
+def _filmed(window: PictureWindow, before: int, after: int) -> np.ndarray:
+    """(h,w) bool: where nothing is burned into all of a span; of a pan's ends some part may be alike by chance."""
+    return window.filmed(before, after) | window.filmed(before, (before + after) // 2)
+
+
 def explained_detail(window: PictureWindow, before: int, after: int) -> float:
     """The part, 0..1, of the detail midway between two frames that a blend of theirs explains."""
-    filmed = window.filmed(before, after)
+    filmed = _filmed(window, before, after)
     ends = np.stack([window.detail(frame)[filmed] for frame in (before, after)], axis=1)
     middle = window.detail((before + after) // 2)[filmed]
     weights = np.linalg.lstsq(ends.T @ ends, ends.T @ middle, rcond=None)[0]
