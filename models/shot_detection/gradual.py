@@ -102,7 +102,7 @@ def lost_detail(window: PictureWindow, before: int, after: int) -> float:
 
 def _filmed(window: PictureWindow, before: int, after: int) -> np.ndarray:
     """(h,w) bool: where nothing is burned into all of a span; of a pan's ends some part may be alike by chance."""
-    return window.filmed(before, after) | window.filmed(before, (before + after) // 2)
+    return np.asarray(window.filmed(before, after) | window.filmed(before, (before + after) // 2))
 
 
 def explained_detail(window: PictureWindow, before: int, after: int) -> float:
