@@ -40,15 +40,15 @@ BLACK, EDGE_PX = 32, 2
 
 
 def burned_into(
-    samples: Mapping[int, UInt8[np.ndarray, "height width"]], scenes: Scenes
+    samples: Mapping[int, UInt8[np.ndarray, "height width"]], scenes: Scenes, width_px: int
 ) -> tuple[tuple[Box, ...], ...]:
-    """By scene, boxes (x0, y0, x1, y1 in the samples' pixels) in which something is burned into its pictures.
+    """By scene, boxes (x0, y0, x1, y1 in pixels of the video) in which something is burned into its pictures.
 
-    `samples`: small grey pictures by frame. A scene is compared with its neighbours, and within itself, where a camera
-    that moves shows it.
+    `samples`: small grey pictures by frame, in order; `width_px`: of the video. A scene is compared with its
+    neighbours, and within itself, where a camera that moves shows it.
     """
-    of_scene = [[samples[frame] for frame in sorted(samples) if first <= frame < end] for first, end in _clear(scenes)]
-    return tuple(_boxes(_of_scene(k, of_scene)) for k in range(len(of_scene)))
+    of_scene = [[small for frame, small in samples.items() if first <= frame < end] for first, end in _clear(scenes)]
+    return tuple(_boxes(_of_scene(k, of_scene), width_px) for k in range(len(of_scene)))
 
 
 def _clear(scenes: Scenes) -> list[tuple[int, int]]:
@@ -74,12 +74,13 @@ def _of_scene(scene: int, of_scene: Sequence[Sequence[np.ndarray]]) -> Bool[np.n
     return np.asarray(np.any(found, axis=0))
 
 
-def _boxes(part: Bool[np.ndarray, "height width"] | None) -> tuple[Box, ...]:
-    """One around every piece of a part of the picture."""
+def _boxes(part: Bool[np.ndarray, "height width"] | None, width_px: int) -> tuple[Box, ...]:
+    """One around every piece of a part of a small picture, in pixels of the video, which is `width_px` wide."""
     if part is None:
         return ()
-    stats = cv2.connectedComponentsWithStats(part.astype(np.uint8))[2][1:]
-    return tuple((float(x), float(y), float(x + width), float(y + height)) for x, y, width, height, _ in stats)
+    x, y, width, height = cv2.connectedComponentsWithStats(part.astype(np.uint8))[2][1:, :4].T
+    boxes = np.stack([x, y, x + width, y + height], axis=-1) * (width_px / part.shape[1])
+    return tuple((float(x0), float(y0), float(x1), float(y1)) for x0, y0, x1, y1 in boxes)
 
 
 def burned_in(

@@ -13,7 +13,7 @@ import numpy as np
 
 from humanmm.corrections import NONE, Corrections
 from humanmm.models.geometry.intervals import Interval, merged
-from humanmm.models.records.shots import Box, Scenes, Transition
+from humanmm.models.records.shots import Scenes, Transition
 from humanmm.models.shot_detection.burned_in import burned_into
 from humanmm.models.shot_detection.corrected_cuts import corrected_scenes
 from humanmm.models.shot_detection.gradual import (
@@ -66,11 +66,6 @@ class SceneDetector:
         self._sampled = sampled_every(time_s, max(_SAMPLE_S, float(time_s[-1] - time_s[0]) / _MOST_SAMPLES))
         self.samples: dict[int, np.ndarray] = {}
         """Some of the pictures, (h,w) uint8 each, by frame."""
-
-    @property
-    def width_px(self) -> int:
-        """Width of the pictures."""
-        return int(self._window.gray[-1].shape[1])
 
     def add(self, bgr: np.ndarray) -> None:
         """The next frame, (h,w,3) uint8, largest side `SIDE_PX`."""
@@ -147,7 +142,7 @@ def detect_scenes(video: Video, *, corrections: Corrections = NONE, progress: Pr
             detector.add(frame.image)
             progress(frame.index + 1, facts.num_frames)
     scenes = corrected_scenes(detector.finish(), corrections)
-    return replace(scenes, burned_in=_in_source(burned_into(detector.samples, scenes), facts.width / detector.width_px))
+    return replace(scenes, burned_in=burned_into(detector.samples, scenes, facts.width))
 
 
 def find_scenes(pictures: Iterable[np.ndarray], time_s: np.ndarray) -> Scenes:
@@ -156,13 +151,6 @@ def find_scenes(pictures: Iterable[np.ndarray], time_s: np.ndarray) -> Scenes:
     for bgr in pictures:
         detector.add(bgr)
     return detector.finish()
-
-
-def _in_source(of_scene: tuple[tuple[Box, ...], ...], scale: float) -> tuple[tuple[Box, ...], ...]:
-    """Boxes in pixels of the video, of which one of a small picture is `scale` wide."""
-    return tuple(
-        tuple((x0 * scale, y0 * scale, x1 * scale, y1 * scale) for x0, y0, x1, y1 in boxes) for boxes in of_scene
-    )
 
 
 def _without_overlap(cuts: list[int], dissolves: list[Interval], fades: list[Interval]) -> tuple[Transition, ...]:

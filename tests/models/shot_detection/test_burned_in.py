@@ -61,16 +61,17 @@ def test_every_scene_has_the_boxes_of_what_it_shares_with_its_neighbours() -> No
     cut, dissolve = Transition("cut", 10, 10, "scene"), Transition("dissolve", 18, 22, "scene")
     place = [Place(1), Place(2), Place(2)]
     samples = {f: gray(captioned(place[k].picture(f))) for k, f in enumerate([5, 12, 20])}  # one in the dissolve
-    first, second, third = burned_into(samples, Scenes(40, (cut, dissolve)))
+    first, second, third = burned_into(samples, Scenes(40, (cut, dissolve)), WIDTH)
     assert first == second and third == ()
     assert part_of(first)[CAPTION].all() and part_of(first).mean() < 0.3
-    assert burned_into({f: gray(Place(1).picture(f)) for f in (5, 25)}, Scenes(40, (cut,))) == ((), ())
+    assert burned_into({f: gray(Place(1).picture(f)) for f in (5, 25)}, Scenes(40, (cut,)), WIDTH) == ((), ())
 
 
 def test_a_camera_that_moves_shows_what_is_burned_into_its_scene() -> None:
     samples = {10 * k: gray(captioned(Place(1).picture(0, (30.0 * k, 0.0)))) for k in range(5)}
-    (boxes,) = burned_into(samples, Scenes(50, ()))
+    (boxes,) = burned_into(samples, Scenes(50, ()), WIDTH)
     assert part_of(boxes)[CAPTION].mean() > 0.9 and part_of(boxes).mean() < 0.3
+    assert burned_into(samples, Scenes(50, ()), 2 * WIDTH) == (tuple(tuple(2 * x for x in box) for box in boxes),)
 
 
 def test_a_cut_is_found_though_a_caption_stays() -> None:
