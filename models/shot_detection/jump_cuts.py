@@ -3,7 +3,8 @@
 Colours hardly change at such a cut, and the place is the same, so that the rules of `hard_cuts` see nothing. What shows
 it is that the dense motion between two frames cannot carry the one onto the other where somebody moves, in one step
 alone. Two numbers stand out there against the frames on both sides: the part of the picture that stays unmatched once
-its motion is undone, and the change of the picture itself. Somebody fast leaves much unmatched in every frame.
+its motion is undone, and the change of the picture itself. Somebody fast leaves much unmatched in every frame. Where
+nothing moves on either side, a subtitle has changed: nobody is so still.
 """
 
 import itertools
@@ -67,7 +68,8 @@ def _outstanding(window: PictureWindow, frame: int, known: Collection[int]) -> f
         if usual > enough:  # most frames need the motion of few others
             return 0.0
         usual = max(usual, late * window.motion(t - 1, t).unmatched)
-    found = float(np.sqrt(larger * motion.unmatched / usual))
+    unmatched = min(motion.unmatched, window.unmatched(frame, window.moving(around)))
+    found = float(np.sqrt(larger * unmatched / usual))
     return found if found >= SUSPECTED and not _light_changes(window, frame) else 0.0
 
 

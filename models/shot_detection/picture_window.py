@@ -4,6 +4,7 @@ The detectors of cuts, dissolves and fades look at pictures `SIDE_PX` wide throu
 with the video but for a few numbers a frame.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import cv2
@@ -11,6 +12,7 @@ import numpy as np
 
 from humanmm.models.shot_detection.burned_in import burned_in
 from humanmm.models.shot_detection.similarity import (
+    WINDOW_PX,
     Landmarks,
     Motion,
     MotionMeter,
@@ -32,6 +34,8 @@ _FINE_PX, _COARSE_PX = 1.0, 4.0
 """Standard deviations of the two blurs whose difference is a picture's detail."""
 _ALIKE = 0.7
 """Correlation, motion undone, from which two frames show the same things whatever is burned in; neighbours have 0.8."""
+_NOISE = 2
+"""Grey levels by which coding alone changes the mean of a window from one frame to the next."""
 _FROZEN = 0.3
 """A mean change (of 255) below which a frame repeats the one before it."""
 
@@ -112,6 +116,15 @@ class PictureWindow:
             back = self._meter(b, a, filmed) if poor else forth
             self._motion[before, after] = max(forth, back, key=lambda m: m.match)
         return self._motion[before, after]
+
+    def unmatched(self, frame: int, where: np.ndarray) -> float:
+        """Fraction 0..1 of the picture whose texture changed, motion undone, and that lies in a part (h,w) of it."""
+        return self._meter(self.gray[frame - 1 - self.first], self.gray[frame - self.first], where).unmatched
+
+    def moving(self, frames: Iterable[int]) -> np.ndarray:
+        """(h,w) bool: where one of these frames differs from the one before it."""
+        of_steps = (cv2.absdiff(self.gray[t - 1 - self.first], self.gray[t - self.first]) for t in frames)
+        return np.any([cv2.blur(step, (WINDOW_PX, WINDOW_PX)) > _NOISE for step in of_steps], axis=0)
 
     def displacement(self, before: int, after: int) -> float | None:
         """Mean shift of the picture as a fraction of its width if both frames show one place, else None."""

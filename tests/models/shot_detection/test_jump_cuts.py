@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+import cv2
 import numpy as np
 from places import HEIGHT, WIDTH, marbled
 
@@ -60,9 +61,19 @@ def test_a_walk_while_the_recorder_repeats_a_picture_or_stalls_is_none() -> None
     assert cuts(film(after(30, 40.0)), time_s) == []
 
 
-def test_somebody_else_in_the_place_of_somebody_who_stands_still_is_a_cut() -> None:
+def test_somebody_else_in_the_place_of_somebody_who_hardly_moves_is_a_cut() -> None:
     """Pictures on both sides repeat because nothing moves, not because a recorder stalls."""
-    assert cuts(film(lambda t: 20.0 + 60.0 * (t >= 30))) == [30]
+    assert cuts(film(lambda t: 20.0 + 60.0 * (t >= 30) + (t == 27) + (t == 33))) == [30]
+
+
+def test_a_subtitle_that_changes_is_none() -> None:
+    """What is replaced where nothing moves before or after was drawn."""
+    pictures = film(after(30, 0.0))
+    for frame, picture in enumerate(pictures):
+        words = "And did he?" if frame < 30 else "No, he never does."
+        cv2.putText(picture, words, (20, HEIGHT - 8), cv2.FONT_HERSHEY_SIMPLEX, 0.4, (255, 255, 255), 1, cv2.LINE_AA)
+    subtitled = find_scenes(pictures, np.arange(FRAMES) / 30)
+    assert (subtitled.transitions, subtitled.suspected) == ((), ())
 
 
 def test_a_jump_is_found_beside_another_cut() -> None:
