@@ -88,8 +88,9 @@ def estimate_intrinsics(
         if (tracks := points[shot.scene]) is not None and (scene := people[shot.scene]) is not None
     )
     return intrinsics_of_shots(
-        facts, usable, key_frames.of_shot, focal_px=focal_px, fov_deg=fov_deg, cameras=cameras, progress=progress
-    )
+        facts, usable, key_frames.of_shot, filmed=shots.filmed_size(facts.width, facts.height), focal_px=focal_px,
+        fov_deg=fov_deg, cameras=cameras, progress=progress,
+    )  # fmt: skip
 
 
 def intrinsics_of_shots(
@@ -97,13 +98,14 @@ def intrinsics_of_shots(
     shots: Iterable[ShotPoints],
     key_frames: Sequence[Sequence[FrameFeatures]],
     *,
+    filmed: tuple[float, float] | None = None,
     focal_px: float | None = None,
     fov_deg: float | None = None,
     cameras: GivenCameras | None = None,
     progress: Progress = silent,
 ) -> Intrinsics:
     """The same from the points of each shot, which are asked for only where nothing is given; `key_frames`: of each
-    shot."""
+    shot; `filmed`: width and height without the bars beside the film, of which the prior is."""
     given = given_intrinsics(facts.width, facts.height, focal_px=focal_px, fov_deg=fov_deg)
     if given is None and cameras is not None and np.isfinite(cameras.focal_px).any():
         given = Intrinsics(float(np.nanmedian(cameras.focal_px)), facts.width, facts.height, "given", 0.0)
@@ -111,7 +113,9 @@ def intrinsics_of_shots(
         return replace(given, cameras=cameras)
     (by_shots,) = parts_of(progress, facts.num_frames, (1,))
     pictures = middle_frames(key_frames)
-    found = intrinsics_from_background(list(shots), facts.width, facts.height, pictures, progress=by_shots)
+    found = intrinsics_from_background(
+        list(shots), facts.width, facts.height, pictures, filmed=filmed, progress=by_shots
+    )
     return replace(found, cameras=cameras)
 
 
@@ -128,13 +132,14 @@ def intrinsics_from_background(
     height: int,
     pictures: Sequence[FrameFeatures] = (),
     *,
+    filmed: tuple[float, float] | None = None,
     progress: Progress = silent,
 ) -> Intrinsics:
     """The focal length that prior and background agree on; source "default" where the background says too little.
 
-    `pictures`: key frames whose straight edges are used.
+    `pictures`: key frames whose straight edges are used; `filmed`: as in `intrinsics_of_shots`.
     """
-    default = default_focal_px(width, height)
+    default = default_focal_px(*(filmed or (width, height)))
     log_focal = math.log(default) + LOG_SCALES
     edges = tuple(
         EdgeEvidence(picture.frame, log_focal, likelihood)

@@ -1,5 +1,6 @@
 """Where one shot ends and the next begins, and who is who across the cut."""
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -56,6 +57,10 @@ class CorrectionNote:
 
 Box = tuple[float, float, float, float]
 """x0, y0, x1, y1 in source pixels."""
+
+
+SPANNED = 0.99
+"""A box over more of the picture's width or height is a bar beside what was filmed."""
 
 
 @dataclass(frozen=True)
@@ -116,6 +121,12 @@ class Shot:
     """How this shot ends, the next one's `transition`; None for the last."""
     burned_in: tuple[Box, ...] = ()
     """Where something was drawn over its pictures, which is no part of the place."""
+
+    def filmed_size(self, width: int, height: int) -> tuple[float, float]:
+        """Width and height of what was filmed of pictures of this size: without the bars beside it."""
+        across = [y1 - y0 for x0, y0, x1, y1 in self.burned_in if x1 - x0 > SPANNED * width]
+        upright = [x1 - x0 for x0, y0, x1, y1 in self.burned_in if y1 - y0 > SPANNED * height]
+        return width - sum(upright), height - sum(across)
 
     @property
     def outside_transitions(self) -> tuple[int, int]:
@@ -203,3 +214,7 @@ class ShotList:
     left_out: tuple[LeftOut, ...] = ()
     unfollowed: tuple[Unfollowed, ...] = ()
     """Likeliest first."""
+
+    def filmed_size(self, width: int, height: int) -> tuple[float, float]:
+        """The largest of all shots."""
+        return max((shot.filmed_size(width, height) for shot in self.shots), key=math.prod, default=(width, height))

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Bool, UInt8
 
 from humanmm.models.records.shots import Box, Scenes
+from humanmm.models.shot_detection.borders import black_bars, border
 from humanmm.models.shot_detection.similarity import TEXTURE, WINDOW_PX, local_correlation
 
 SAME = 0.85
@@ -35,8 +36,6 @@ NEIGHBOURS = 2
 WITHIN, FEWEST_WITHIN, OFTEN = 6, 3, 0.7
 """Pictures of a scene that are compared with its first one, how many of these must show another view, and the part of
 them in which something stays that is burned in."""
-BLACK, EDGE_PX = 32, 2
-"""Grey levels that no pixel of a bar reaches, and how far its edge is seen in a small picture."""
 
 
 def burned_into(
@@ -48,7 +47,7 @@ def burned_into(
     neighbours, and within itself, where a camera that moves shows it.
     """
     of_scene = [[small for frame, small in samples.items() if first <= frame < end] for first, end in _clear(scenes)]
-    return tuple(_boxes(_of_scene(k, of_scene), width_px) for k in range(len(of_scene)))
+    return tuple(_boxes(k, of_scene, width_px) for k in range(len(of_scene)))
 
 
 def _clear(scenes: Scenes) -> list[tuple[int, int]]:
@@ -58,15 +57,37 @@ def _clear(scenes: Scenes) -> list[tuple[int, int]]:
     return list(zip(begins, ends, strict=True))
 
 
-def _of_scene(scene: int, of_scene: Sequence[Sequence[np.ndarray]]) -> Bool[np.ndarray, "height width"] | None:
-    """Where something is burned into a scene's pictures; None if it has none. `of_scene`: samples of every scene."""
+def _boxes(scene: int, of_scene: Sequence[Sequence[np.ndarray]], width_px: int) -> tuple[Box, ...]:
+    """One for each side that was not filmed of a scene, and one around every piece that is drawn over it, in pixels of
+    the video, which is `width_px` wide. `of_scene`: samples of every scene."""
     own = of_scene[scene]
     if not own:
-        return None
+        return ()
+    beside = border(own)
+    drawn = _drawn_over(scene, of_scene) & ~beside
+    x, y, width, height = cv2.connectedComponentsWithStats(drawn.astype(np.uint8))[2][1:, :4].T
+    boxes = np.concatenate([_sides(beside), np.stack([x, y, x + width, y + height], axis=-1)])
+    return tuple((float(x0), float(y0), float(x1), float(y1)) for x0, y0, x1, y1 in boxes * width_px / beside.shape[1])
+
+
+def _sides(beside: Bool[np.ndarray, "height width"]) -> np.ndarray:
+    """(n,4) boxes of whole rows and columns."""
+    height, width = beside.shape
+    rows, columns = np.flatnonzero(~beside.all(axis=1)), np.flatnonzero(~beside.all(axis=0))
+    sides = np.array([
+        (0, 0, width, rows[0]), (0, rows[-1] + 1, width, height),
+        (0, 0, columns[0], height), (columns[-1] + 1, 0, width, height),
+    ])  # fmt: skip
+    return sides[(sides[:, 2] > sides[:, 0]) & (sides[:, 3] > sides[:, 1])]
+
+
+def _drawn_over(scene: int, of_scene: Sequence[Sequence[np.ndarray]]) -> Bool[np.ndarray, "height width"]:
+    """Where something is drawn over the pictures of a scene that has some."""
+    own = of_scene[scene]
     before, after = of_scene[max(0, scene - NEIGHBOURS) : scene], of_scene[scene + 1 : scene + 1 + NEIGHBOURS]
-    found = [burned_in(own[0], other[-1]) for other in before if other]
+    found = [np.zeros(own[0].shape, bool)]
+    found += [burned_in(own[0], other[-1]) for other in before if other]
     found += [burned_in(own[-1], other[0]) for other in after if other]
-    found.append(_bars(np.max(own, axis=0)))
     steps = np.unique(np.linspace(0, len(own) - 1, WITHIN + 1).round().astype(int))[1:]
     within = [drawn for k in steps if (drawn := burned_in(own[0], own[k])).any()]
     if len(within) >= FEWEST_WITHIN:
@@ -74,21 +95,12 @@ def _of_scene(scene: int, of_scene: Sequence[Sequence[np.ndarray]]) -> Bool[np.n
     return np.asarray(np.any(found, axis=0))
 
 
-def _boxes(part: Bool[np.ndarray, "height width"] | None, width_px: int) -> tuple[Box, ...]:
-    """One around every piece of a part of a small picture, in pixels of the video, which is `width_px` wide."""
-    if part is None:
-        return ()
-    x, y, width, height = cv2.connectedComponentsWithStats(part.astype(np.uint8))[2][1:, :4].T
-    boxes = np.stack([x, y, x + width, y + height], axis=-1) * (width_px / part.shape[1])
-    return tuple((float(x0), float(y0), float(x1), float(y1)) for x0, y0, x1, y1 in boxes)
-
-
 def burned_in(
     first: UInt8[np.ndarray, "height width"], second: UInt8[np.ndarray, "height width"]
 ) -> Bool[np.ndarray, "height width"]:
     """Where two small grey pictures (about 200 pixels wide) show the same thing though what was filmed differs; nowhere
     if they show one view, or nothing."""
-    bars = _bars(np.maximum(first, second))
+    bars = black_bars(np.maximum(first, second))
     local, fainter, stronger = local_correlation(first, second)
     clearly = (local > SAME) & (fainter > TEXTURE) & ~bars
     unlit = _change(first, second, clearly) < UNCHANGED
@@ -118,18 +130,6 @@ def _change(first: np.ndarray, second: np.ndarray, same: Bool[np.ndarray, "heigh
         gain = float(np.clip(np.cov(a, b)[0, 1] / max(float(a.var()), 1.0), *GAIN)) if len(a) > 1 else 1.0
         before = gain * (before - a.mean()) + b.mean()
     return np.asarray(np.abs(after - before))
-
-
-def _bars(brighter: UInt8[np.ndarray, "height width"]) -> Bool[np.ndarray, "height width"]:
-    """The black rows and columns at the picture's borders, with their edges; nothing of a picture that is black."""
-    bars = np.zeros(brighter.shape, bool)
-    for across, picture in ((bars, brighter), (bars.T, brighter.T)):
-        lit = np.flatnonzero(picture.max(axis=1) >= BLACK)
-        if len(lit) and lit[0]:
-            across[: lit[0] + EDGE_PX] = True
-        if len(lit) and lit[-1] + 1 < len(picture):
-            across[lit[-1] + 1 - EDGE_PX :] = True
-    return bars
 
 
 def _grown(part: Bool[np.ndarray, "height width"], by_px: int) -> Bool[np.ndarray, "height width"]:

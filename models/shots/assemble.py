@@ -46,7 +46,6 @@ def detect_shots(
     of them fit. Raises NoUsablePersonError when nobody, or not the wanted person, is in the video.
     """
     time_s = facts.time_s
-    K = K_from_focal(default_focal_px(facts.width, facts.height), facts.width, facts.height)
     transitions, notes = _corrected(scenes, split_scenes(scenes, people, time_s=time_s, parts=parts), corrections)
     shots = _empty_shots(scenes, transitions)
     groups = matched_people(shots, people, time_s=time_s)
@@ -56,6 +55,8 @@ def detect_shots(
         raise NoUsablePersonError(_nobody(cast, min_confidence))
     if only_person is not None:
         cast = _only(cast, only_person)
+    filmed = ShotList(scenes.num_frames, shots, ()).filmed_size(facts.width, facts.height)
+    K = K_from_focal(default_focal_px(*filmed), facts.width, facts.height)
     faults = _detector_faults(shots, people, cast, time_s, K)
     inhabited = tuple(
         replace(shot, people=tuple(_marked(a, faults.get((shot.index, a.person))) for a in appearances))

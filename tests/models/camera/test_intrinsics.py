@@ -45,6 +45,11 @@ def test_a_camera_that_shows_nothing_of_its_lens_leaves_the_default(scene_of: Ca
     assert "--focal-px" in found.warnings[0]
 
 
+def test_bars_beside_the_film_say_nothing_of_the_lens() -> None:
+    found = intrinsics_from_background([], 640, 1138, filmed=(640.0, 360.0))
+    assert found.source == "default" and found.focal_px == default_focal_px(640, 360)
+
+
 def test_shots_agree_on_one_focal_length(scene_of: Callable[..., Any]) -> None:
     shots = [scene_of(kind, seed=seed) for seed, kind in enumerate(["static", "hand-held", "pan"])]
     found = intrinsics_from_background([ShotPoints(shot.points, ()) for shot in shots], 960, 540)

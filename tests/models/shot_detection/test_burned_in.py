@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from places import HEIGHT, WIDTH, Place
 
-from humanmm.models.records.shots import Box, Scenes, Transition
+from humanmm.models.records.shots import Box, Scenes, Shot, Transition
 from humanmm.models.shot_detection.burned_in import burned_in, burned_into
 from humanmm.models.shot_detection.scenes import find_scenes
 
@@ -65,6 +65,15 @@ def test_every_scene_has_the_boxes_of_what_it_shares_with_its_neighbours() -> No
     assert first == second and third == ()
     assert part_of(first)[CAPTION].all() and part_of(first).mean() < 0.3
     assert burned_into({f: gray(Place(1).picture(f)) for f in (5, 25)}, Scenes(40, (cut,)), WIDTH) == ((), ())
+
+
+def test_bars_on_four_sides_are_a_box_each_and_leave_what_was_filmed() -> None:
+    picture = gray(Place(1).picture(0))
+    picture[:12] = picture[-12:] = 16
+    picture[:, :20] = picture[:, -20:] = 16
+    (boxes,) = burned_into({0: picture, 10: picture}, Scenes(20, ()), 2 * WIDTH)
+    width, height = Shot(0, 0, 20, 0, None, (), burned_in=boxes).filmed_size(2 * WIDTH, 2 * HEIGHT)
+    assert len(boxes) == 4 and width == 2 * (WIDTH - 44) and height == 2 * (HEIGHT - 28)
 
 
 def test_a_camera_that_moves_shows_what_is_burned_into_its_scene() -> None:
