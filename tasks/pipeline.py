@@ -79,7 +79,7 @@ def _memory(least_mb: int, per_mpx: int = 0, per_kframe: int = 0) -> Resources:
 STAGES: tuple[Stage, ...] = (
     Stage(
         "decode", "video", (), ("decode",), "humanmm.models.records.video:VideoFacts",
-        schema_version=3, reads_video=True, resources=_memory(10, 20, 1),
+        schema_version=4, reads_video=True, resources=_memory(10, 20, 1),
     ),
     Stage(
         "scenes", "video", ("decode",), ("scenes",), "humanmm.models.records.shots:Scenes",

@@ -10,6 +10,7 @@ from jaxtyping import UInt8
 from humanmm.models.camera.klt import NUM_POINTS, klt_tracks
 from humanmm.models.records.camera import PointTracks
 from humanmm.models.video.frames import frames
+from humanmm.models.video.light import brightened, gain_of
 from humanmm.models.video.opened import Video
 from humanmm.models.video.prefetch import prefetched
 from humanmm.models.video.progress import Progress, silent
@@ -45,14 +46,15 @@ def track_points(
 ) -> PointTracks:
     """Points tracked through the frames [start, end) of one scene, in source pixels.
 
-    `max_side_px` is the longest side of the grey pictures in which the tracker works.
+    `max_side_px` is the longest side of the grey pictures in which the tracker works; dark ones are brightened.
     """
     start, end = span
     cv2.setNumThreads(1)
+    gain = gain_of(video.facts, start, end)
 
     def pictures() -> Iterator[UInt8[np.ndarray, "h w"]]:
         for frame in frames(video.stream, video.facts, start, end, pixels="gray", max_side_px=max_side_px):
-            yield frame.image
+            yield brightened(frame.image, gain)
             progress(frame.index + 1 - start, end - start)
 
     with prefetched(pictures()) as small:

@@ -74,6 +74,8 @@ class VideoFacts:
     """Width to height of a stored pixel, before the rotation; what the decoder makes square."""
     first_field: Field | None = None
     """Of an interlaced video, the field that comes first: each picture is delivered as that one shows it."""
+    light: np.ndarray | None = None
+    """(F,) uint8, the grey level below which nearly all of a frame lies (`models.video.light`); None: not known."""
 
     @property
     def sizes(self) -> PictureSizes:

@@ -35,7 +35,7 @@ Gray = UInt8[np.ndarray, "height width"]
 
 def border(pictures: Sequence[Gray]) -> Mask:
     """What was not filmed of a scene, from small grey pictures of it."""
-    return black_bars(np.max(pictures, axis=0)) | _blurred_copy(pictures)
+    return np.asarray(black_bars(np.max(pictures, axis=0)) | _blurred_copy(pictures))
 
 
 def black_bars(brightest: Gray) -> Mask:

@@ -124,7 +124,7 @@ class PictureWindow:
     def moving(self, frames: Iterable[int]) -> np.ndarray:
         """(h,w) bool: where one of these frames differs from the one before it."""
         of_steps = (cv2.absdiff(self.gray[t - 1 - self.first], self.gray[t - self.first]) for t in frames)
-        return np.any([cv2.blur(step, (WINDOW_PX, WINDOW_PX)) > _NOISE for step in of_steps], axis=0)
+        return np.asarray(np.any([cv2.blur(step, (WINDOW_PX, WINDOW_PX)) > _NOISE for step in of_steps], axis=0))
 
     def displacement(self, before: int, after: int) -> float | None:
         """Mean shift of the picture as a fraction of its width if both frames show one place, else None."""

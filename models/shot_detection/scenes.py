@@ -29,6 +29,7 @@ from humanmm.models.shot_detection.jump_cuts import jumps
 from humanmm.models.shot_detection.picture_window import SIDE_PX, PictureWindow
 from humanmm.models.video.frame_times import elapsed_s, sampled_every
 from humanmm.models.video.frames import frames
+from humanmm.models.video.light import brightened, gain_of
 from humanmm.models.video.opened import Video
 from humanmm.models.video.prefetch import prefetched
 from humanmm.models.video.progress import Progress, silent
@@ -137,9 +138,10 @@ def detect_scenes(video: Video, *, corrections: Corrections = NONE, progress: Pr
     those that he removes; and what is burned into them."""
     facts = video.facts
     detector = SceneDetector(facts.time_s)
+    gain = gain_of(facts, 0, facts.num_frames, shown=1.0)
     with prefetched(frames(video.stream, facts, pixels="bgr", max_side_px=SIDE_PX)) as decoded:
         for frame in decoded:
-            detector.add(frame.image)
+            detector.add(brightened(frame.image, gain))
             progress(frame.index + 1, facts.num_frames)
     scenes = corrected_scenes(detector.finish(), corrections)
     return replace(scenes, burned_in=burned_into(detector.samples, scenes, facts.width))

@@ -55,7 +55,7 @@ def detect_shots(
         raise NoUsablePersonError(_nobody(cast, min_confidence))
     if only_person is not None:
         cast = _only(cast, only_person)
-    filmed = ShotList(scenes.num_frames, shots, ()).filmed_size(facts.width, facts.height)
+    filmed = ShotList(scenes.num_frames, tuple(shots), ()).filmed_size(facts.width, facts.height)
     K = K_from_focal(default_focal_px(*filmed), facts.width, facts.height)
     faults = _detector_faults(shots, people, cast, time_s, K)
     inhabited = tuple(

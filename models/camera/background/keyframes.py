@@ -20,7 +20,9 @@ from humanmm.models.camera.background.ground import GroundPicture, ground_around
 from humanmm.models.camera.background.segments import detect_segments
 from humanmm.models.records.shots import Box, Shot, ShotList
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
+from humanmm.models.records.video import VideoFacts
 from humanmm.models.video.frames import frames_at
+from humanmm.models.video.light import brightened, gain_of
 from humanmm.models.video.opened import Video
 from humanmm.models.video.prefetch import prefetched
 from humanmm.models.video.progress import Progress, silent
@@ -78,7 +80,7 @@ def describe_key_frames(
     a scene, None where it failed; their boxes are left out of the key frames.
     """
     several = len(shots.shots) > 1
-    parts = [_ShotPart.of(shot, people[shot.scene], several=several) for shot in shots.shots]
+    parts = [_ShotPart.of(shot, people[shot.scene], video.facts, several=several) for shot in shots.shots]
     cv2.setNumThreads(1)
     wanted = [frame for part in parts for frame in part.frames]
     decoded = frames_at(video.stream, video.facts, wanted, pixels="gray", max_side_px=MAX_SIDE_PX)
@@ -87,15 +89,16 @@ def describe_key_frames(
         for part in parts:
             described, around, whole = [], [], []
             for picture in itertools.islice(pictures, len(part.frames)):
-                scale = video.facts.width / picture.image.shape[1]
+                image = brightened(picture.image, part.gain)
+                scale = video.facts.width / image.shape[1]
                 if picture.index in part.key_frames:
-                    found = describe_frame(picture.index, picture.image, features=several)
+                    found = describe_frame(picture.index, image, features=several)
                     described.append(only_background(_in_source(found, scale), part.tracks, part.burned_in))
                     if several:
-                        seen = whole_frame(picture.index, picture.image, part.tracks, scale)
+                        seen = whole_frame(picture.index, image, part.tracks, scale)
                         whole.append(hidden(seen, part.burned_in))
                 if picture.index in part.ground_frames:
-                    ground = ground_around(picture.index, picture.image, part.tracks, scale)
+                    ground = ground_around(picture.index, image, part.tracks, scale)
                     if ground is not None:
                         around.append(hidden(ground, part.burned_in))
                 progress(picture.index + 1, video.facts.num_frames)
@@ -115,14 +118,17 @@ class _ShotPart:
     key_frames: tuple[int, ...]
     ground_frames: tuple[int, ...]
     burned_in: tuple[Box, ...] = ()
+    gain: float = 1.0
+    """What makes its pictures light enough."""
 
     @classmethod
-    def of(cls, shot: Shot, scene: ScenePeople | None, *, several: bool) -> "_ShotPart":
+    def of(cls, shot: Shot, scene: ScenePeople | None, facts: VideoFacts, *, several: bool) -> "_ShotPart":
         """Nothing of a scene that failed; no ground of the only shot of a video, whose light compares with nothing."""
         if scene is None:
             return cls((), (), ())
         ground = ground_frames(shot) if several else ()
-        return cls(tuple(scene.tracks), key_frames(shot), ground, shot.burned_in)
+        gain = gain_of(facts, shot.start, shot.end)
+        return cls(tuple(scene.tracks), key_frames(shot), ground, shot.burned_in, gain)
 
     @property
     def frames(self) -> tuple[int, ...]:

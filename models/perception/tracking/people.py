@@ -15,6 +15,7 @@ from humanmm.models.perception.tracking.given_regions import GivenRegions, track
 from humanmm.models.perception.tracking.tracker import CAREFUL_FRAMES, track_pictures
 from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.video.frames import PlanarFrame, planar_frames
+from humanmm.models.video.light import brightened_planes, gain_of
 from humanmm.models.video.opened import Video
 from humanmm.models.video.prefetch import prefetched
 from humanmm.models.video.progress import Progress, silent
@@ -35,20 +36,21 @@ def track_people(
 ) -> ScenePeople:
     """Boxes, keypoints, 3D landmarks, masks and clothing colours of everybody in the frames [start, end) of one scene.
 
-    `max_side_px` is the largest side of the pictures that the networks work on; results are in source pixels. Of a
-    second no more than about `max_rate_hz` frames are looked at, what lies between is interpolated. The lifter is by
-    default the shipped one. People are looked for where they are `given` alone, if they are. With `hands` their hands
-    are looked at as well.
+    `max_side_px` is the largest side of the pictures that the networks work on, which are brightened where they are
+    dark; results are in source pixels. Of a second no more than about `max_rate_hz` frames are looked at, what lies
+    between is interpolated. The lifter is by default the shipped one. People are looked for where they are `given`
+    alone, if they are. With `hands` their hands are looked at as well.
     """
     start, end = span
     time_s = video.facts.time_s
+    gain = gain_of(video.facts, start, end)
     looks = looked_at(time_s, span, max_rate_hz=max_rate_hz, every=CAREFUL_FRAMES)
 
     def pictures(decoded: Iterator[PlanarFrame]) -> Iterator[tuple[int, Picture]]:
         look = 0
         for frame in decoded:
             if look < len(looks) and frame.index == looks[look]:
-                yield look, Picture(frame.planes, frame.colors)
+                yield look, Picture(brightened_planes(frame.planes, gain), frame.colors)
                 look += 1
             progress(frame.index + 1 - start, end - start)
 
