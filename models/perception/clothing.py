@@ -42,7 +42,7 @@ _FEWEST_PIXELS = 12
 
 def clothing_histogram(image: Picture, seen: Observation) -> Float[np.ndarray, " bins"]:
     """Colours on the mask above and below the hips, each half summing to 0.5 (0 where nothing of it is seen)."""
-    picture = cv2.cvtColor(image.crop(seen.region, _SIDE), cv2.COLOR_RGB2HSV).astype(np.int64)
+    picture = cv2.cvtColor(image.as_filmed.crop(seen.region, _SIDE), cv2.COLOR_RGB2HSV).astype(np.int64)
     mask = cv2.resize(cv2.erode(seen.mask, np.ones((3, 3), np.uint8)), (_SIDE, _SIDE), interpolation=cv2.INTER_NEAREST)
     torso = transform(invert(seen.region.to_source(_SIDE)), seen.keypoints[list(landmarks.TORSO), :2])
     shoulders, hips = torso[:2].mean(axis=0), torso[2:].mean(axis=0)
@@ -65,7 +65,7 @@ def part_colours(image: Picture, seen: Observation) -> Float[np.ndarray, "9 3"]:
 
     NaN where too little of a part is seen, and for the ground if the feet are not in the picture.
     """
-    crop = image.crop(seen.region, MASK_SIDE)
+    crop = image.as_filmed.crop(seen.region, MASK_SIDE)
     mask = cv2.erode(seen.mask, np.ones((3, 3), np.uint8)) > 0
     points = transform(invert(seen.mask_to_source), seen.keypoints[:, :2])
     where = _parts_of_crop(points, seen.keypoints[:, 2], _standing_px(points, seen.landmarks3d))

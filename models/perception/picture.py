@@ -10,6 +10,7 @@ from jaxtyping import Float, UInt8
 from humanmm.models.perception.regions import Region, warp
 from humanmm.models.video.colors import BT601, Colors
 from humanmm.models.video.frames import Planes
+from humanmm.models.video.light import brightened
 
 _BLACK, _NO_COLOR = 16, 128
 
@@ -17,9 +18,11 @@ _BLACK, _NO_COLOR = 16, 128
 class Picture:
     """One 4:2:0 picture of even sides. Positions are pixels of the whole picture, centres at .5."""
 
-    def __init__(self, planes: Planes, colors: Colors = BT601) -> None:
+    def __init__(self, planes: Planes, colors: Colors = BT601, gain: float = 1.0) -> None:
         self.planes = planes
         self.colors = colors
+        self.gain = gain
+        """What `crop`, `warped` and `reduced` multiply the light by, for networks that see badly in the dark."""
         self.height, self.width = planes[0].shape
 
     @property
@@ -27,10 +30,15 @@ class Picture:
         """Width and height."""
         return self.width, self.height
 
+    @property
+    def as_filmed(self) -> "Picture":
+        """The same in its own light, for colours that are compared with those of other scenes."""
+        return Picture(self.planes, self.colors)
+
     def copy(self) -> "Picture":
         """A picture of its own, that may be painted on."""
         y, cb, cr = self.planes
-        return Picture((y.copy(), cb.copy(), cr.copy()), self.colors)
+        return Picture((y.copy(), cb.copy(), cr.copy()), self.colors, self.gain)
 
     def part(self, low: Float[np.ndarray, " 2"], high: Float[np.ndarray, " 2"]) -> "tuple[Picture, np.ndarray]":
         """The pixels from corner low to corner high, rounded to even ones, not copied, and where they begin."""
@@ -41,7 +49,7 @@ class Picture:
             cb[top:bottom, left:right],
             cr[top:bottom, left:right],
         )
-        return Picture(planes, self.colors), np.array([2.0 * left, 2.0 * top])
+        return Picture(planes, self.colors, self.gain), np.array([2.0 * left, 2.0 * top])
 
     def warped(
         self, target_to_source: Float[np.ndarray, "2 3"], size: tuple[int, int]
@@ -76,7 +84,7 @@ class Picture:
             cv2.copyTo(np.full(part.shape, value, np.uint8), mask, part)
 
     def _rgb(self, samples: "list[np.ndarray] | Planes") -> UInt8[np.ndarray, "height width 3"]:
-        return np.asarray(cv2.transform(cv2.merge(list(samples)), self.colors.to_rgb()))
+        return brightened(np.asarray(cv2.transform(cv2.merge(list(samples)), self.colors.to_rgb())), self.gain)
 
 
 def whole(picture: Picture) -> Region:

@@ -13,7 +13,6 @@ from jaxtyping import UInt8
 
 from humanmm.models.records.video import VideoFacts
 from humanmm.models.video.fields import rows_of
-from humanmm.models.video.frames import Planes
 
 DARKER = 0.98
 """The part of a picture's pixels that are darker than what is called its light."""
@@ -28,8 +27,8 @@ _STEP = 8
 _LIMITED, _FULL = ("yuv420p", "yuv422p", "yuv444p", "nv12"), ("yuvj420p", "yuvj422p", "yuvj444p", "gray")
 _SMALL = 160
 """Width of a picture of another format when it is looked at."""
-_BLACK, _NEUTRAL = 16, 128
-"""Of limited range: luma of black, chroma of grey."""
+_BLACK = 16
+"""Luma of black, of limited range."""
 
 
 def light_of(picture: VideoFrame) -> int:
@@ -60,18 +59,4 @@ def gain_of(facts: VideoFacts, start: int, end: int, *, shown: float = SHOWN) ->
 
 def brightened(image: UInt8[np.ndarray, "*shape"], gain: float) -> UInt8[np.ndarray, "*shape"]:
     """A picture of grey levels or colours, as light as that."""
-    return image if gain == 1.0 else np.asarray(cv2.LUT(image, _table(0, gain)))
-
-
-def brightened_planes(planes: Planes, gain: float) -> Planes:
-    """The same of Y, Cb and Cr of limited range."""
-    if gain == 1.0:
-        return planes
-    luma, chroma = _table(_BLACK, gain), _table(_NEUTRAL, gain)
-    y, cb, cr = (np.asarray(cv2.LUT(one, table)) for one, table in zip(planes, (luma, chroma, chroma), strict=True))
-    return y, cb, cr
-
-
-def _table(zero: int, gain: float) -> UInt8[np.ndarray, "256"]:
-    """What each level becomes whose distance from `zero` is multiplied."""
-    return np.clip(np.round((np.arange(256) - zero) * gain + zero), 0, 255).astype(np.uint8)
+    return image if gain == 1.0 else np.asarray(cv2.convertScaleAbs(image, alpha=gain))

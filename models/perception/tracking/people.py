@@ -15,7 +15,7 @@ from humanmm.models.perception.tracking.given_regions import GivenRegions, track
 from humanmm.models.perception.tracking.tracker import CAREFUL_FRAMES, track_pictures
 from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.video.frames import PlanarFrame, planar_frames
-from humanmm.models.video.light import brightened_planes, gain_of
+from humanmm.models.video.light import gain_of
 from humanmm.models.video.opened import Video
 from humanmm.models.video.prefetch import prefetched
 from humanmm.models.video.progress import Progress, silent
@@ -50,7 +50,7 @@ def track_people(
         look = 0
         for frame in decoded:
             if look < len(looks) and frame.index == looks[look]:
-                yield look, Picture(brightened_planes(frame.planes, gain), frame.colors)
+                yield look, Picture(frame.planes, frame.colors, gain)
                 look += 1
             progress(frame.index + 1 - start, end - start)
 

@@ -56,3 +56,14 @@ def test_a_reduced_picture_has_the_means_of_its_pixels() -> None:
     small = _of_rgb(image, Colors()).reduced(0.5).astype(int)
     assert small.shape == (20, 30, 3)
     assert np.abs(small - image.reshape(20, 2, 30, 2, 3).mean(axis=(1, 3))).max() <= 3
+
+
+def test_networks_see_a_dark_picture_in_more_light_and_colours_are_those_that_were_filmed() -> None:
+    dark = np.full((32, 48, 3), (60, 24, 12), np.uint8)
+    filmed = _of_rgb(dark, Colors())
+    image = Picture(filmed.planes, filmed.colors, gain=3.0)
+    region = Region(24.0, 16.0, 16.0)
+    np.testing.assert_allclose(image.crop(region, 16)[8, 8], (180, 72, 36), atol=9)
+    part = image.part(np.zeros(2), np.array([32.0, 32.0]))[0].copy()
+    np.testing.assert_allclose(part.reduced(1.0)[8, 8], (180, 72, 36), atol=9)
+    np.testing.assert_allclose(image.as_filmed.crop(region, 16)[8, 8], (60, 24, 12), atol=3)
