@@ -74,9 +74,10 @@ class Picture:
         return self._rgb([cv2.resize(plane, size, interpolation=cv2.INTER_AREA) for plane in self.planes])
 
     def paint(self, x: int, y: int, covered: UInt8[np.ndarray, "h w"], gray: int) -> None:
-        """Fill what `covered` does not leave zero with a grey (0..255), its corner at (x, y); all four are even."""
+        """Fill what `covered` does not leave zero with what networks see as a grey (0..255), its corner at (x, y); all
+        four are even."""
         half = cv2.resize(covered, (covered.shape[1] // 2, covered.shape[0] // 2), interpolation=cv2.INTER_NEAREST)
-        luma = int(self.colors.samples(np.full(3, gray, np.uint8))[0])
+        luma = int(self.colors.samples(np.full(3, gray / self.gain, np.uint8))[0])
         for plane, mask, fine, value in zip(
             self.planes, (covered, half, half), (1, 2, 2), (luma, _NO_COLOR, _NO_COLOR), strict=True
         ):

@@ -34,8 +34,9 @@ Gray = UInt8[np.ndarray, "height width"]
 
 
 def border(pictures: Sequence[Gray]) -> Mask:
-    """What was not filmed of a scene, from small grey pictures of it."""
-    return np.asarray(black_bars(np.max(pictures, axis=0)) | _blurred_copy(pictures))
+    """What was not filmed of a scene, from small grey pictures of it; nothing where nothing else would be left."""
+    found = np.asarray(black_bars(np.max(pictures, axis=0)) | _blurred_copy(pictures))
+    return np.zeros_like(found) if found.all() else found
 
 
 def black_bars(brightest: Gray) -> Mask:

@@ -58,12 +58,22 @@ def test_a_reduced_picture_has_the_means_of_its_pixels() -> None:
     assert np.abs(small - image.reshape(20, 2, 30, 2, 3).mean(axis=(1, 3))).max() <= 3
 
 
-def test_networks_see_a_dark_picture_in_more_light_and_colours_are_those_that_were_filmed() -> None:
-    dark = np.full((32, 48, 3), (60, 24, 12), np.uint8)
-    filmed = _of_rgb(dark, Colors())
-    image = Picture(filmed.planes, filmed.colors, gain=3.0)
-    region = Region(24.0, 16.0, 16.0)
-    np.testing.assert_allclose(image.crop(region, 16)[8, 8], (180, 72, 36), atol=9)
+REGION = Region(24.0, 16.0, 16.0)
+
+
+def _dark() -> Picture:
+    filmed = _of_rgb(np.full((32, 48, 3), (60, 24, 12), np.uint8), Colors())
+    return Picture(filmed.planes, filmed.colors, gain=3.0)
+
+
+def test_networks_see_a_dark_picture_in_more_light() -> None:
+    image = _dark()
+    np.testing.assert_allclose(image.crop(REGION, 16)[8, 8], (180, 72, 36), atol=9)
     part = image.part(np.zeros(2), np.array([32.0, 32.0]))[0].copy()
     np.testing.assert_allclose(part.reduced(1.0)[8, 8], (180, 72, 36), atol=9)
-    np.testing.assert_allclose(image.as_filmed.crop(region, 16)[8, 8], (60, 24, 12), atol=3)
+    part.paint(0, 0, np.full((16, 16), 255, np.uint8), 120)
+    np.testing.assert_allclose(part.reduced(1.0)[8, 8], (120, 120, 120), atol=9)
+
+
+def test_colours_of_clothes_are_those_that_were_filmed() -> None:
+    np.testing.assert_allclose(_dark().as_filmed.crop(REGION, 16)[8, 8], (60, 24, 12), atol=3)

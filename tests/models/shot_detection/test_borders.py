@@ -53,3 +53,9 @@ def test_black_bars_are_beside_the_film_on_all_sides_and_nothing_of_a_black_pict
     picture[:, :20] = picture[:, -20:] = 16
     assert not black_bars(picture)[14:-14, 24:-24].any() and black_bars(picture)[:, :20].all()
     assert not black_bars(np.full((HEIGHT, WIDTH), 16, np.uint8)).any()
+
+
+def test_a_line_in_the_dark_is_not_between_bars() -> None:
+    line = np.full((HEIGHT, WIDTH), 16, np.uint8)
+    line[50:53] = 200
+    assert not border([line]).any()
