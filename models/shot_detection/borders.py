@@ -66,9 +66,11 @@ def _blurred_copy(pictures: Sequence[Gray]) -> Mask:
 def _rows_of_film(pictures: Float[np.ndarray, "n height width"]) -> tuple[int, int]:
     """Rows [first, end) between two edges that cross the whole of all pictures; all rows where there are none."""
     height = pictures.shape[1]
-    crossed = np.mean(np.abs(np.diff(pictures, axis=1)) > STEP, axis=(0, 2))
-    reach = int(FILM_FROM * height)
-    first, last = int(np.argmax(crossed[:reach])), height - 2 - int(np.argmax(crossed[::-1][:reach]))
+    steps = np.abs(np.diff(pictures, axis=1))
+    around = np.pad(steps, ((0, 0), (2, 2), (0, 0)))
+    outstanding = np.mean(steps - np.maximum(around[:, :-4], around[:, 4:]), axis=(0, 2))  # what is blurred has slopes
+    reach, crossed = int(FILM_FROM * height), np.mean(steps > STEP, axis=(0, 2))
+    first, last = int(np.argmax(outstanding[:reach])), height - 2 - int(np.argmax(outstanding[::-1][:reach]))
     return (first + 1, last + 1) if min(crossed[first], crossed[last]) >= STEPS else (0, height)
 
 
