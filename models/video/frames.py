@@ -210,9 +210,8 @@ class _Conversion:
     def image(self, picture: VideoFrame, pixels: Pixels) -> np.ndarray:
         """As `Frame.image`."""
         picture = self._of_one_moment(picture)
-        luma_is_gray = picture.format.name in _LUMA_FORMATS + _FULL_RANGE_FORMATS
-        if pixels == "gray" and luma_is_gray and self._has_square_pixels:
-            image = _luma(picture)
+        if pixels == "gray" and luma_is_gray(picture) and self._has_square_pixels:
+            image = luma(picture)
             if (picture.width, picture.height) != self._size:
                 image = cv2.resize(image, self._size, interpolation=cv2.INTER_AREA)
         else:
@@ -260,9 +259,15 @@ class _Conversion:
         )
 
 
-def _luma(picture: VideoFrame) -> np.ndarray:
-    """The luma plane as gray values 0..255, without a conversion of colours."""
+def luma_is_gray(picture: VideoFrame) -> bool:
+    """Whether a decoded picture has a plane of luma, one byte a pixel."""
+    return picture.format.name in _LUMA_FORMATS + _FULL_RANGE_FORMATS
+
+
+def luma(picture: VideoFrame, *, step: int = 1) -> np.ndarray:
+    """The luma plane (every step-th row and column of it) as gray values 0..255, without a conversion of colours."""
     rows = _rows(picture.planes[0], picture.width, picture.height)
+    rows = rows if step == 1 else np.ascontiguousarray(rows[::step, ::step])
     full_range = picture.format.name in (*_FULL_RANGE_FORMATS, "gray") or picture.color_range == ColorRange.JPEG
     return rows if full_range else np.asarray(cv2.LUT(rows, _LUMA_TO_GRAY))
 

@@ -8,11 +8,10 @@ of a scene gives that back (docs/measurements/perception.md).
 import cv2
 import numpy as np
 from av.video.frame import VideoFrame
-from av.video.reformatter import ColorRange
 from jaxtyping import UInt8
 
 from humanmm.models.records.video import VideoFacts
-from humanmm.models.video.fields import rows_of
+from humanmm.models.video.frames import luma, luma_is_gray
 
 DARKER = 0.98
 """The part of a picture's pixels that are darker than what is called its light."""
@@ -24,25 +23,17 @@ LEAST, MOST = 1.25, 8.0
 """A smaller gain changes nothing worth its time, and a larger one shows the coder's blocks."""
 _STEP = 8
 """One of so many rows and columns is looked at."""
-_LIMITED, _FULL = ("yuv420p", "yuv422p", "yuv444p", "nv12"), ("yuvj420p", "yuvj422p", "yuvj444p", "gray")
 _SMALL = 160
 """Width of a picture of another format when it is looked at."""
-_BLACK = 16
-"""Luma of black, of limited range."""
 
 
 def light_of(picture: VideoFrame) -> int:
     """The grey level 0..255 below which DARKER of a decoded picture's pixels lie."""
-    name = picture.format.name
-    if name not in _LIMITED + _FULL:
+    if not luma_is_gray(picture):
         height = max(1, round(_SMALL * picture.height / picture.width))
         picture = picture.reformat(width=_SMALL, height=height, format="gray")
-    some = rows_of(picture.planes[0])[: picture.height : _STEP, : picture.width : _STEP]
-    counts = np.cumsum(np.bincount(some.ravel(), minlength=256))
-    level = int(np.searchsorted(counts, DARKER * counts[-1]))
-    if name in _LIMITED and picture.color_range != ColorRange.JPEG:
-        level = round((level - _BLACK) * 255 / 219)
-    return min(max(level, 0), 255)
+    counts = np.cumsum(np.bincount(luma(picture, step=_STEP).ravel(), minlength=256))
+    return int(np.searchsorted(counts, DARKER * counts[-1]))
 
 
 def gain_of(facts: VideoFacts, start: int, end: int, *, shown: float = SHOWN) -> float:
