@@ -61,6 +61,7 @@ class PictureWindow:
     """Whether there is nothing to be seen: hardly any contrast, and no features (a street at night has some)."""
     _last: tuple[np.ndarray, np.ndarray] | None = None
     _motion: dict[tuple[int, int], Motion] = field(default_factory=dict)
+    _filmed: dict[tuple[int, int], np.ndarray] = field(default_factory=dict)
     _landmarks: dict[int, Landmarks] = field(default_factory=dict)
     _detail_variance: dict[int, float] = field(default_factory=dict)
     _meter: MotionMeter = field(default_factory=MotionMeter)
@@ -94,6 +95,7 @@ class PictureWindow:
         del self.gray[:drop], self.thumbs[:drop]
         self.first += drop
         self._motion = {pair: motion for pair, motion in self._motion.items() if pair[0] >= self.first}
+        self._filmed = {pair: part for pair, part in self._filmed.items() if pair[0] >= self.first}
         self._landmarks = {t: landmarks for t, landmarks in self._landmarks.items() if t >= self.first}
         self._detail_variance = {t: detail for t, detail in self._detail_variance.items() if t >= self.first}
 
@@ -146,8 +148,11 @@ class PictureWindow:
         return self._detail_variance[frame]
 
     def filmed(self, before: int, after: int) -> np.ndarray:
-        """(h,w) bool: the part of two frames in which nothing is burned in."""
-        return ~burned_in(self.gray[before - self.first], self.gray[after - self.first])
+        """(h,w) bool: the part of two frames in which nothing is burned in; computed once."""
+        if (before, after) not in self._filmed:
+            found = burned_in(self.gray[before - self.first], self.gray[after - self.first])
+            self._filmed[before, after] = ~found
+        return self._filmed[before, after]
 
     def _features(self, frame: int) -> Landmarks:
         if frame not in self._landmarks:
