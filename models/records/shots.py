@@ -1,6 +1,7 @@
 """Where one shot ends and the next begins, and who is who across the cut."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -124,9 +125,10 @@ class Shot:
 
     def filmed_size(self, width: int, height: int) -> tuple[float, float]:
         """Width and height of what was filmed of pictures of this size: without the bars beside it."""
-        across = [y1 - y0 for x0, y0, x1, y1 in self.burned_in if x1 - x0 > SPANNED * width]
-        upright = [x1 - x0 for x0, y0, x1, y1 in self.burned_in if y1 - y0 > SPANNED * height]
-        return width - sum(upright), height - sum(across)
+        across = [(y0, y1) for x0, y0, x1, y1 in self.burned_in if x1 - x0 > SPANNED * width]
+        upright = [(x0, x1) for x0, y0, x1, y1 in self.burned_in if y1 - y0 > SPANNED * height]
+        filmed = _between(upright, width), _between(across, height)
+        return filmed if min(filmed) > 0 else (width, height)
 
     @property
     def outside_transitions(self) -> tuple[int, int]:
@@ -175,6 +177,12 @@ class Person:
     def doubtful(self) -> bool:
         """Whether this may well be nobody."""
         return self.probability < DOUBTFUL
+
+
+def _between(bars: Sequence[tuple[float, float]], length: float) -> float:
+    """What bars from either end leave of a length; 0 and less where one covers all of it."""
+    first = max((end for start, end in bars if start <= 0), default=0.0)
+    return min((start for start, end in bars if end > SPANNED * length), default=length) - first
 
 
 @dataclass(frozen=True)

@@ -73,6 +73,8 @@ def test_bars_on_four_sides_are_a_box_each_and_leave_what_was_filmed() -> None:
     picture[:, :20] = picture[:, -20:] = 16
     (boxes,) = burned_into({0: picture, 10: picture}, Scenes(20, ()), 2 * WIDTH)
     width, height = Shot(0, 0, 20, 0, None, (), burned_in=boxes).filmed_size(2 * WIDTH, 2 * HEIGHT)
+    framed = Shot(0, 0, 20, 0, None, (), burned_in=((0.0, 0.0, 640.0, 360.0), (0.0, 100.0, 640.0, 150.0)))
+    assert framed.filmed_size(640, 360) == (640, 360)  # one piece all around what is seen, and one across it
     assert len(boxes) == 4 and width == 2 * (WIDTH - 44) and height == 2 * (HEIGHT - 28)
 
 
