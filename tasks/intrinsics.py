@@ -2,7 +2,7 @@
 
 from humanmm.corrections import Focal
 from humanmm.models.camera.background.keyframes import KeyFrameFeatures
-from humanmm.models.camera.intrinsics import estimate_intrinsics
+from humanmm.models.camera.focal_length.intrinsics import estimate_intrinsics
 from humanmm.models.records.camera import Intrinsics, PointTracks
 from humanmm.models.records.shots import ShotList
 from humanmm.models.records.tracks import ScenePeople

@@ -107,7 +107,7 @@ STAGES: tuple[Stage, ...] = (
     Stage(
         "intrinsics", "video", ("decode", "people", "shots", "points", "keyframes"), ("intrinsics",),
         "humanmm.models.records.camera:Intrinsics",
-        schema_version=3, corrections=("focal",), sees_people_of_shots=False, resources=_memory(10, 0, 6),
+        schema_version=4, corrections=("focal",), sees_people_of_shots=False, resources=_memory(10, 0, 6),
     ),
     Stage(
         "camera", "shot", ("people", "shots", "points", "intrinsics"), ("camera",),

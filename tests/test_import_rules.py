@@ -28,6 +28,7 @@ TOWER = (
     "camera.background",
     "shadows",
     "camera",
+    "camera.focal_length",
     "motion.fit",
     "motion.networks",
     "motion.rotations",

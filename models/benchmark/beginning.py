@@ -10,7 +10,7 @@ from typing import TypeVar
 from humanmm.config import Config
 from humanmm.models.camera.background.ground import GroundPicture
 from humanmm.models.camera.background.keyframes import FrameFeatures
-from humanmm.models.camera.intrinsics import ShotPoints, intrinsics_of_shots
+from humanmm.models.camera.focal_length.intrinsics import ShotPoints, intrinsics_of_shots
 from humanmm.models.camera.masking import without_transitions
 from humanmm.models.motion.fit.hmr import NoiseModel, fit_shot
 from humanmm.models.motion.rotations.shot_results import ShotResults
@@ -45,7 +45,7 @@ def begin(video: BenchVideo, config: Config) -> Beginning:
     static = config.camera.static or video.static_cameras
     estimator = load("camera.estimator", config.camera.estimator)
     cameras = tuple(
-        estimator(points, video.people[shot.scene].tracks, intrinsics, static=static)
+        estimator(points, video.people[shot.scene].tracks, intrinsics.of_shot(shot.start, shot.end), static=static)
         for shot, points in zip(shots.shots, tracks, strict=True)
     )
     motions = tuple(_fit(video, config, shots, shot, camera) for shot, camera in zip(shots.shots, cameras, strict=True))

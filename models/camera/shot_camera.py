@@ -47,6 +47,7 @@ def estimate_camera(
 
     `static`: the user says that the camera is static. Where he gives the cameras themselves, nothing is estimated.
     """
+    intrinsics = intrinsics.of_shot(shot.start, shot.end)
     given = given_camera(shot, intrinsics)
     if given is not None and not static:
         return given

@@ -1,6 +1,7 @@
 """Point tracks, intrinsics and camera trajectories, as they travel between stages."""
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -10,6 +11,8 @@ SOURCES = ("static", "tracked", "rotation_only", "given", "fallback")
 """Index = code in motion.zarr's cameras/source."""
 
 CameraSource = Literal["static", "tracked", "rotation_only", "given", "fallback"]
+
+FocalSource = Literal["given", "metadata", "estimated", "default"]
 
 CameraModel = Literal["static", "rotation only", "rotation and zoom", "moving"]
 
@@ -74,6 +77,10 @@ class EdgeEvidence:
         """(m,) at other focal lengths; beyond the ends as there."""
         return np.asarray(np.interp(log_focal, self.log_focal, self.values))
 
+    def enlarged(self, factor: float) -> "EdgeEvidence":
+        """The same of a lens that is `factor` times as long."""
+        return replace(self, log_focal=self.log_focal + math.log(factor))
+
 
 DOUBTFUL_FOCAL = 0.2
 """Relative uncertainty of an estimated focal length above which it gets a warning."""
@@ -85,13 +92,25 @@ def is_doubtful_focal(source: str, relative_uncertainty: float) -> bool:
 
 
 @dataclass(frozen=True)
+class OwnLens:
+    """The focal length of one shot [start, end) that does not have the video's."""
+
+    start: int
+    end: int
+    focal_px: float
+    source: FocalSource
+    relative_uncertainty: float
+
+
+@dataclass(frozen=True)
 class Intrinsics:
-    """One pinhole camera for all shots, its principal point in the middle (`geometry.intrinsics.K_of`)."""
+    """One pinhole camera for all shots but those with a lens of their own, its principal point in the middle
+    (`geometry.intrinsics.K_of`)."""
 
     focal_px: float
     width: int
     height: int
-    source: Literal["given", "metadata", "estimated", "default"]
+    source: FocalSource
     relative_uncertainty: float
     """Standard deviation of the focal length, as a fraction of it."""
     warnings: tuple[str, ...] = ()
@@ -101,6 +120,17 @@ class Intrinsics:
     """Of the shots whose model was settled in estimating the focal length."""
     edges: tuple[EdgeEvidence, ...] = ()
     """Of a key frame of some shots: one that zooms has a focal length of its own there."""
+    lenses: tuple[OwnLens, ...] = ()
+    """Of the shots that have a lens of their own."""
+
+    def of_shot(self, start: int, end: int) -> "Intrinsics":
+        """Those of the shot [start, end)."""
+        own = next((one for one in self.lenses if (one.start, one.end) == (start, end)), None)
+        if own is None:
+            return self
+        return replace(
+            self, focal_px=own.focal_px, source=own.source, relative_uncertainty=own.relative_uncertainty, lenses=()
+        )
 
     def model_of(self, start: int, end: int) -> CameraModel | None:
         """The model of the shot [start, end) if it is settled."""

@@ -214,7 +214,7 @@ class PointsConfig(Section):
 
 
 class IntrinsicsConfig(Section):
-    """One focal length for all shots (the paper's assumption)."""
+    """One focal length for all shots (the paper's assumption) but those that clearly have a lens of their own."""
 
     focal_px: Annotated[float, Field(gt=0)] | None = None
     """Focal length in pixels of the source resolution, square ones; given values are never re-estimated."""

@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from humanmm.models.camera.background.keyframes import describe_key_frames
-from humanmm.models.camera.intrinsics import estimate_intrinsics
+from humanmm.models.camera.focal_length.intrinsics import estimate_intrinsics
 from humanmm.models.camera.points import track_points
 from humanmm.models.camera.shot_camera import estimate_camera
 from humanmm.models.motion.assemble import record_motion

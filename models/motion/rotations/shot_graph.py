@@ -260,6 +260,9 @@ def with_alike(
 
 
 def _with_lens(features: FrameFeatures, camera: ShotCamera, K: Float[Array, "3 3"]) -> FrameFeatures:
-    """The features as if its camera had not zoomed."""
-    xy = through_lens(features.xy[None], camera.K[[features.frame - camera.start]], K)[0]
-    return replace(features, xy=xy.astype(np.float32)) if camera.zooms else features
+    """The features as a camera with the lens K sees them: they may come of a zoom, or of a lens of the shot's own."""
+    K_seen = camera.K[features.frame - camera.start]
+    if np.array_equal(K_seen, K):
+        return features
+    xy = through_lens(features.xy[None], K_seen[None], K)[0]
+    return replace(features, xy=xy.astype(np.float32))

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from humanmm.models.camera.focal_length.intrinsics import intrinsics_of_shots
 from humanmm.models.camera.given import given_camera
-from humanmm.models.camera.intrinsics import intrinsics_of_shots
 from humanmm.models.camera.shot_camera import estimate_camera
 from humanmm.models.records.camera import GivenCameras, Intrinsics
 from humanmm.models.records.shots import Shot

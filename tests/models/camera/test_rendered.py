@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from humanmm.models.camera.estimate import camera_from_points
-from humanmm.models.camera.intrinsics import ShotPoints, intrinsics_from_background
+from humanmm.models.camera.focal_length.intrinsics import ShotPoints, intrinsics_from_background
 from humanmm.models.camera.klt import klt_tracks
 from humanmm.models.geometry import rotations
 from humanmm.models.records.tracks import PersonTrack, Silhouettes

@@ -10,14 +10,15 @@ import pytest
 from room_edges import camera_towards, edges_of_a_room, seen_by
 
 from humanmm.models.camera.background.keyframes import FrameFeatures
-from humanmm.models.camera.intrinsics import (
+from humanmm.models.camera.focal_length.intrinsics import (
+    MAX_PICTURES,
     ShotPoints,
     given_intrinsics,
     intrinsics_from_background,
-    middle_frames,
 )
 from humanmm.models.camera.odometry.keyframe_odometry import EXACT_FRACTION
 from humanmm.models.geometry.intrinsics import K_from_focal, default_focal_px
+from humanmm.models.records.camera import PointTracks
 
 
 def test_a_field_of_view_is_horizontal() -> None:
@@ -57,6 +58,51 @@ def test_shots_agree_on_one_focal_length(scene_of: Callable[..., Any]) -> None:
     assert {one.model for one in found.models} <= {"moving", "rotation only"} and found.models
 
 
+def with_lens(points: PointTracks, ratio: float) -> PointTracks:
+    """The same seen with a lens that is so many times as long."""
+    middle = np.array([480.0, 270.0])
+    return replace(points, xy=(middle + ratio * (points.xy - middle)).astype(np.float32))
+
+
+def moved(points: PointTracks, start: int) -> PointTracks:
+    """The same, later in the video."""
+    return replace(
+        points, start=points.start + start, end=points.end + start, frame=(points.frame + start).astype(np.int32)
+    )
+
+
+def test_a_shot_with_a_lens_of_its_own_gets_it(scene_of: Callable[..., Any]) -> None:
+    first, second, third = (scene_of(kind, seed=seed) for seed, kind in enumerate(["hand-held", "pan", "pan"]))
+    points = [first.points, moved(with_lens(second.points, 1.5), 60), moved(third.points, 120)]
+    found = intrinsics_from_background([ShotPoints(one, ()) for one in points], 960, 540)
+    true_px = first.intrinsics.focal_px
+    assert found.focal_px == pytest.approx(true_px, rel=0.03)
+    assert [(lens.start, lens.end) for lens in found.lenses] == [(60, 120)]
+    own = found.of_shot(60, 120)
+    assert own.focal_px == pytest.approx(1.5 * true_px, rel=0.03) and own.source == "estimated"
+    assert found.of_shot(0, 60) is found
+
+
+def test_an_editors_closer_cut_is_the_same_camera_with_a_longer_lens() -> None:
+    true_px = 1.25 * default_focal_px(960, 540)
+    (wide, other) = wall_pictures(true_px, [30.0, 75.0])
+    noise = np.random.default_rng(0)
+    xy = noise.uniform([300, 170], [660, 370], (80, 2)).astype(np.float32)
+    descriptors = noise.integers(0, 256, (80, 128)).astype(np.uint8)
+    middle = np.array([480.0, 270.0], np.float32)
+    wide = replace(wide, xy=xy, descriptors=descriptors)
+    closer = replace(
+        wide,
+        frame=1,
+        xy=middle + 1.4 * (xy - middle),
+        segments=np.tile(middle, 2) + 1.4 * (wide.segments - np.tile(middle, 2)),
+    )
+    other = replace(other, frame=2)
+    found = intrinsics_from_background([], 960, 540, [[wide], [closer], [other]])
+    assert found.of_shot(1, 2).focal_px == pytest.approx(1.4 * found.focal_px, rel=0.005)
+    assert found.of_shot(0, 1) is found and found.of_shot(2, 3) is found
+
+
 def test_a_zoom_makes_the_focal_length_uncertain_not_wrong(scene_of: Callable[..., Any]) -> None:
     scene = scene_of("pan")
     factor = np.linspace(1.0, 1.2, 60)[scene.points.frame][:, None]
@@ -92,7 +138,7 @@ def wall_pictures(focal_px: float, headings_deg: Sequence[float]) -> list[FrameF
 
 def test_walls_determine_the_focal_length_of_cameras_that_never_move() -> None:
     true_px = 1.25 * default_focal_px(960, 540)
-    found = intrinsics_from_background([], 960, 540, wall_pictures(true_px, [30.0, 75.0, 140.0]))
+    found = intrinsics_from_background([], 960, 540, [[one] for one in wall_pictures(true_px, [30.0, 75.0, 140.0])])
     assert found.source == "estimated"
     assert abs(np.log(found.focal_px / true_px)) < 2 * found.relative_uncertainty < 0.25
 
@@ -100,12 +146,12 @@ def test_walls_determine_the_focal_length_of_cameras_that_never_move() -> None:
 def test_a_picture_of_another_lens_does_not_drag_the_rest_away() -> None:
     true_px = default_focal_px(960, 540)
     pictures = [*wall_pictures(true_px, [30.0, 75.0, 140.0]), *wall_pictures(1.6 * true_px, [50.0])]
-    found = intrinsics_from_background([], 960, 540, pictures)
+    found = intrinsics_from_background([], 960, 540, [[one] for one in pictures])
     assert abs(np.log(found.focal_px / true_px)) < 0.1
 
 
-def test_of_each_shot_the_middle_key_frame_is_used_those_with_the_longest_edges_first() -> None:
-    few, many, none = (picture for picture in wall_pictures(800.0, [10.0, 20.0, 30.0]))
-    few = replace(few, segments=few.segments[:3])
-    of_shot = ((many, few, many), (none, many), ())
-    assert [picture.frame for picture in middle_frames(of_shot)] == [many.frame, few.frame]
+def test_of_many_shots_those_with_the_longest_edges_are_used() -> None:
+    pictures = [replace(one, frame=k) for k, one in enumerate(wall_pictures(800.0, [10.0 * k for k in range(8)]))]
+    pictures[2] = replace(pictures[2], segments=0.5 * pictures[2].segments)
+    found = intrinsics_from_background([], 960, 540, [[one] for one in pictures])
+    assert len(found.edges) <= MAX_PICTURES and 2 not in {one.frame for one in found.edges}
