@@ -108,6 +108,19 @@ def test_a_camera_that_returns_is_recognised_and_a_failed_shot_has_no_edge() -> 
     assert failed.edges == () and failed.same == ()
 
 
+def test_a_shot_with_a_longer_lens_is_compared_as_if_it_had_the_others() -> None:
+    whole = results()
+    wide = features(0, 1)
+    K = np.array(whole.cameras[1].K)
+    middle = np.float32(K[0, :2, 2])
+    closer = replace(wide, frame=LENGTH, xy=middle + np.float32(1.5) * (wide.xy - middle))
+    K[:, [0, 1], [0, 1]] *= 1.5
+    cameras = [whole.cameras[0], replace(whole.cameras[1], K=K), whole.cameras[2]]
+    seen = replace(whole, key_frames=[(wide,), (closer,), ()])
+    assert background_edges(replace(seen, cameras=cameras)).edges[0].source == "same camera"
+    assert background_edges(seen).same == ()
+
+
 def test_hypotheses_that_agree_are_one_and_their_probabilities_never_exceed_that_of_the_edge(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
