@@ -27,6 +27,8 @@ AROUND = 0.5
 """around what stays in one view because nobody passes, more than this part of the picture stays as well."""
 LARGEST = 0.4
 """More of the picture than this is never drawn over: a large part that stays is one view, with much going on in it."""
+FILLED, LEAST_BOX_PX = 0.6, 8
+"""Part of a box that what is drawn fills, and how long a box is that is not cut any more."""
 GAIN = (0.5, 2.0)
 """Of the light, from one picture of a view to another."""
 FAINT, FOUND_AGAIN = 7.0, 0.5
@@ -58,15 +60,16 @@ def _clear(scenes: Scenes) -> list[tuple[int, int]]:
 
 
 def _boxes(scene: int, of_scene: Sequence[Sequence[np.ndarray]], width_px: int) -> tuple[Box, ...]:
-    """One for each side that was not filmed of a scene, and one around every piece that is drawn over it, in pixels of
-    the video, which is `width_px` wide. `of_scene`: samples of every scene."""
+    """One for each side that was not filmed of a scene, and those that cover every piece that is drawn over it, in
+    pixels of the video, which is `width_px` wide. `of_scene`: samples of every scene."""
     own = of_scene[scene]
     if not own:
         return ()
     beside = border(own)
     drawn = _drawn_over(scene, of_scene) & ~beside
-    x, y, width, height = cv2.connectedComponentsWithStats(drawn.astype(np.uint8))[2][1:, :4].T
-    boxes = np.concatenate([_sides(beside), np.stack([x, y, x + width, y + height], axis=-1)])
+    number, pieces = cv2.connectedComponents(drawn.astype(np.uint8))
+    covers = [cover(pieces == piece) for piece in range(1, number)]
+    boxes = np.concatenate([_sides(beside), *covers])
     return tuple((float(x0), float(y0), float(x1), float(y1)) for x0, y0, x1, y1 in boxes * width_px / beside.shape[1])
 
 
@@ -79,6 +82,37 @@ def _sides(beside: Bool[np.ndarray, "height width"]) -> np.ndarray:
         (0, 0, columns[0], height), (columns[-1] + 1, 0, width, height),
     ])  # fmt: skip
     return sides[(sides[:, 2] > sides[:, 0]) & (sides[:, 3] > sides[:, 1])]
+
+
+def cover(piece: Bool[np.ndarray, "height width"]) -> np.ndarray:
+    """(n,4) boxes x0 y0 x1 y1 that cover a piece and not much else: what a frame or an angle surrounds was filmed.
+
+    The box around it is cut where the boxes around both parts are smallest, and the parts are filled most differently,
+    and so are these, until FILLED of a box belongs to the piece, or it is LEAST_BOX_PX long.
+    """
+    x0, y0, x1, y1 = around = _around(piece)
+    inside = piece[y0:y1, x0:x1]
+    if inside.mean() >= FILLED or max(inside.shape) <= LEAST_BOX_PX:
+        return around[None]
+    cuts = [(axis, at) for axis in (0, 1) for at in range(1, inside.shape[axis])]
+    parts = [np.split(inside, [at], axis) for axis, at in cuts]
+    area = [sum(_area(_around(part)) for part in both) for both in parts]
+    alike = [-abs(both[0].mean() - both[1].mean()) for both in parts]
+    best = int(np.lexsort(np.array([alike, area]))[0])
+    (axis, at), both = cuts[best], parts[best]
+    moved = np.array([x0, y0, x0, y0])
+    beyond = moved + np.array([0, at, 0, at] if axis == 0 else [at, 0, at, 0])
+    return np.concatenate([cover(both[0]) + moved, cover(both[1]) + beyond])
+
+
+def _around(piece: Bool[np.ndarray, "height width"]) -> np.ndarray:
+    """(4,) the box around a piece; around nothing one without area."""
+    rows, columns = np.flatnonzero(piece.any(axis=1)), np.flatnonzero(piece.any(axis=0))
+    return np.array([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1]) if len(rows) else np.zeros(4, int)
+
+
+def _area(box: np.ndarray) -> int:
+    return int((box[2] - box[0]) * (box[3] - box[1]))
 
 
 def _drawn_over(scene: int, of_scene: Sequence[Sequence[np.ndarray]]) -> Bool[np.ndarray, "height width"]:

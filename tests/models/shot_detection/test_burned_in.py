@@ -6,7 +6,7 @@ import pytest
 from places import HEIGHT, WIDTH, Place
 
 from humanmm.models.records.shots import Box, Scenes, Shot, Transition
-from humanmm.models.shot_detection.burned_in import burned_in, burned_into
+from humanmm.models.shot_detection.burned_in import burned_in, burned_into, cover
 from humanmm.models.shot_detection.scenes import find_scenes
 
 CAPTION = np.s_[86:102, 14:130]
@@ -55,6 +55,26 @@ def part_of(boxes: tuple[Box, ...]) -> np.ndarray:
     for x0, y0, x1, y1 in boxes:
         found[int(y0) : int(y1), int(x0) : int(x1)] = True
     return found
+
+
+@pytest.mark.parametrize("shape", ["angle", "frame", "bar", "dots"])
+def test_boxes_cover_a_piece_and_little_of_what_it_surrounds(shape: str) -> None:
+    piece = np.zeros((HEIGHT, WIDTH), bool)
+    if shape in ("angle", "frame"):
+        piece[:, 5:25] = piece[90:105, 5:] = True
+    if shape == "frame":
+        piece[:15] = piece[:, -20:] = True
+    if shape == "bar":
+        piece[20:40, 30:90] = True
+    if shape == "dots":
+        piece[::3, ::3] = True
+    boxes = [tuple(map(float, box)) for box in cover(piece)]
+    covered = part_of(tuple(boxes))
+    assert covered[piece].all()
+    if shape != "dots":
+        assert covered.sum() == piece.sum()
+    if shape == "bar":
+        assert boxes == [(30, 20, 90, 40)]
 
 
 def test_every_scene_has_the_boxes_of_what_it_shares_with_its_neighbours() -> None:
