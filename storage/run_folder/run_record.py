@@ -109,7 +109,7 @@ def run_record(  # noqa: PLR0913 (one a section of run.json)
         },
         "floor": _floor(guesses, corrections),
         "scale": _scale(people),
-        "shots": _shots(shots, cameras, motion, stages),
+        "shots": _shots(facts, shots, cameras, motion, stages),
         "people": people,
         "left_out": [{"probability": _figure(one.probability), "shots": list(one.shots)} for one in shots.left_out],
         "unfollowed": [
@@ -178,8 +178,17 @@ def _write(path: Path, text: str) -> None:
 
 
 def _shots(
-    shots: ShotList, cameras: Sequence["ShotCamera | None"], motion: WorldMotion | None, stages: Sequence[StageRecord]
+    facts: VideoFacts,
+    shots: ShotList,
+    cameras: Sequence["ShotCamera | None"],
+    motion: WorldMotion | None,
+    stages: Sequence[StageRecord],
 ) -> list[dict[str, Any]]:
+    from humanmm.models.video.light import gain_of
+
+    scenes: dict[int, tuple[int, int]] = {}
+    for shot in shots.shots:
+        scenes[shot.scene] = scenes.get(shot.scene, (shot.start, shot.end))[0], shot.end
     joins = {cut.cut_frame: cut for cut in motion.cuts} if motion else {}
     evidence = motion.evidence if motion else ()
     scales = {one.shot: one for one in motion.path_scales} if motion else {}
@@ -197,6 +206,8 @@ def _shots(
             "facing": [_facing(one) for one in facings if one.shot == shot.index],
             "pose": [_pose(one) for one in pose_errors if one.shot == shot.index],
             "failed": shot.index in failed,
+            "gain": _figure(gain_of(facts, *scenes[shot.scene])),
+            "burned_in": [[_figure(side) for side in box] for box in shot.burned_in],
             "camera": _camera(camera, scales.get(shot.index), motion.focal_factor if motion else 1.0),
         }
         for shot, camera in zip(shots.shots, cameras, strict=True)

@@ -3,13 +3,15 @@
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from three_shots import results
 
 from humanmm.models.motion.world.align import align
 from humanmm.models.records.camera import Intrinsics
 from humanmm.models.records.recording import Guesses, IdentityGuess
-from humanmm.storage.run_folder.run_record import CorrectionRecord, _disputed, _doubts, _floor, _scale
+from humanmm.models.records.video import VideoFacts
+from humanmm.storage.run_folder.run_record import CorrectionRecord, _disputed, _doubts, _floor, _scale, _shots
 
 SURE = Guesses(0.02, 300, (IdentityGuess(0, 1, 0.97),))
 
@@ -63,3 +65,16 @@ def test_one_known_height_tells_the_scale() -> None:
     assert _scale([bones]) == {"source": "bones", "relative_uncertainty": 0.08}
     assert _scale([bones, {**bones, "height_uncertainty_m": 0.0}]) == {"source": "given", "relative_uncertainty": 0.0}
     assert _scale([{"person": 0}])["source"] == "assumed"
+
+
+def test_every_shot_says_how_dark_its_scene_was_and_what_is_drawn_over_it() -> None:
+    whole = results()
+    F = len(whole.time_s)
+    light = np.full(F, 200, np.uint8)
+    light[: F // 3] = 60
+    facts = VideoFacts(640, 360, whole.time_s, whole.time_s == 0, 0, "h264", "mp4", light=light)
+    first, *others = whole.shots.shots
+    shots = replace(whole.shots, shots=(replace(first, burned_in=((0.0, 0.0, 64.0, 36.5),)), *others))
+    told = _shots(facts, shots, whole.cameras, None, ())
+    assert [one["gain"] for one in told] == [3.0, 1.0, 1.0]
+    assert [one["burned_in"] for one in told] == [[[0.0, 0.0, 64.0, 36.5]], [], []]
