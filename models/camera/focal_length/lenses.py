@@ -13,8 +13,10 @@ from dataclasses import dataclass
 
 from humanmm.models.camera.focal_length.evidence import Evidence, Weighed
 
-OWN_LENS_PROBABILITY = 0.1
-"""That a shot has a lens of its own, before anything is known of it."""
+OWN_LENS_PROBABILITY = 0.2
+"""That a shot has a lens of its own, before anything is known of it. With 0.02, 0.1, 0.2, 0.3 and 0.4 the focal lengths
+of 33 shots whose neighbours have another lens are off by 20.0, 17.8, 14.6, 13.6 and 12.7 % in the mean, those of 98 of
+one lens by 7.1, 7.6, 7.9, 8.4 and 8.4 % (development)."""
 
 
 @dataclass(frozen=True)
