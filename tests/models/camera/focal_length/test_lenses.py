@@ -35,8 +35,8 @@ def test_of_many_lenses_the_commonest_is_the_videos() -> None:
 
 def test_enlarged_shots_have_one_unknown_lens() -> None:
     evidence = [[FocalEvidence(600.0, 0.01)], [FocalEvidence(840.0, 0.01)], [], [FocalEvidence(600.0, 0.01)]]
-    groups = groups_of(evidence, {1: 1.4, 2: 1 / 1.4}, [50] * 4)
-    assert [group.ratios for group in groups] == [{0: 1.0, 1: pytest.approx(1.4), 2: pytest.approx(1.0)}, {3: 1.0}]
+    groups = groups_of(evidence, {1: 1.4, 2: 1 / 1.395}, [50] * 4)
+    assert [group.ratios for group in groups] == [{0: 1.0, 1: pytest.approx(1.4), 2: 1.0}, {3: 1.0}]
     assert [one.focal_px for one in groups[0].evidence if isinstance(one, FocalEvidence)] == pytest.approx([600, 600])
     assert with_own_lens(groups, 500.0) == []
 
