@@ -3,19 +3,10 @@
 import cv2
 import numpy as np
 import pytest
+from textured_wall import textured_wall
 
 from humanmm.models.camera.background.enlarged import enlargement
 from humanmm.models.camera.background.keyframes import FrameFeatures, describe_frame
-
-
-def blobs(seed: int, side: int = 900) -> np.ndarray:
-    """Something to recognise at every scale."""
-    random = np.random.default_rng(seed)
-    picture = np.full((side, side), 128, np.uint8)
-    for _ in range(1500):
-        centre = tuple(int(v) for v in random.integers(0, side, 2))
-        cv2.circle(picture, centre, int(random.integers(3, 30)), int(random.integers(0, 256)), -1)
-    return cv2.GaussianBlur(picture, (0, 0), 1.0)
 
 
 def seen(picture: np.ndarray, scale: float, shift: tuple[float, float] = (0, 0), turn_deg: float = 0) -> FrameFeatures:
@@ -26,22 +17,22 @@ def seen(picture: np.ndarray, scale: float, shift: tuple[float, float] = (0, 0),
 
 @pytest.mark.parametrize(("scale", "shift"), [(1.4, (0, 0)), (1.5, (40, -20)), (1 / 1.3, (0, 0))])
 def test_an_enlarged_picture_gives_the_ratio_of_the_lenses(scale: float, shift: tuple[float, float]) -> None:
-    wall = blobs(0)
+    wall = textured_wall(0)
     ratio = enlargement([seen(wall, 1.0)], [seen(wall, scale, shift)], 640)
     assert ratio == pytest.approx(scale, rel=0.01)
 
 
 def test_the_same_picture_another_place_and_a_rolled_camera_are_no_enlargement() -> None:
-    wall = blobs(1)
+    wall = textured_wall(1)
     whole = [seen(wall, 1.0)]
     assert enlargement(whole, [seen(wall, 1.0)], 640) is None
-    assert enlargement(whole, [seen(blobs(2), 1.4)], 640) is None
+    assert enlargement(whole, [seen(textured_wall(2), 1.4)], 640) is None
     assert enlargement(whole, [seen(wall, 1.4, turn_deg=5)], 640) is None
     assert enlargement(whole, [], 640) is None and enlargement([], whole, 640) is None
 
 
 def test_a_camera_that_goes_closer_is_no_enlargement() -> None:
-    before = blobs(3)
+    before = textured_wall(3)
     after = before.copy()
     bands = slice(130, 350), slice(350, 550), slice(550, 770)
     for band, scale in zip(bands, (1.1, 1.35, 1.6), strict=True):  # what is near grows more

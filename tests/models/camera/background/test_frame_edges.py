@@ -3,21 +3,12 @@
 import cv2
 import numpy as np
 import pytest
+from textured_wall import textured_wall
 
 from humanmm.models.camera.background.frame_edges import essential_probability, find_frame_edge, plane_probability
 from humanmm.models.camera.background.keyframes import describe_frame
 
 K = np.array([[700.0, 0, 320], [0, 700.0, 240], [0, 0, 1]])
-
-
-def textured_wall(seed: int, side: int = 900) -> np.ndarray:
-    """Blobs of many sizes and greys: something to recognise at every scale."""
-    random = np.random.default_rng(seed)
-    picture = np.full((side, side), 128, np.uint8)
-    for _ in range(1500):
-        centre = tuple(int(v) for v in random.integers(0, side, 2))
-        cv2.circle(picture, centre, int(random.integers(3, 30)), int(random.integers(0, 256)), -1)
-    return cv2.GaussianBlur(picture, (0, 0), 1.0)
 
 
 def seen_by(wall: np.ndarray, R_cam_wall: np.ndarray) -> np.ndarray:

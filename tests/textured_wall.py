@@ -1,0 +1,14 @@
+"""A wall with blobs of many sizes and greys."""
+
+import cv2
+import numpy as np
+
+
+def textured_wall(seed: int, side: int = 900) -> np.ndarray:
+    """Blobs of many sizes and greys: something to recognise at every scale."""
+    random = np.random.default_rng(seed)
+    picture = np.full((side, side), 128, np.uint8)
+    for _ in range(1500):
+        centre = tuple(int(v) for v in random.integers(0, side, 2))
+        cv2.circle(picture, centre, int(random.integers(3, 30)), int(random.integers(0, 256)), -1)
+    return cv2.GaussianBlur(picture, (0, 0), 1.0)
