@@ -3,8 +3,8 @@
 Colours hardly change at such a cut, and the place is the same, so that the rules of `hard_cuts` see nothing. What shows
 it is that the dense motion between two frames cannot carry the one onto the other where somebody moves, in one step
 alone. Two numbers stand out there against the frames on both sides: the part of the picture that stays unmatched once
-its motion is undone, and the change of the picture itself. Somebody fast leaves much unmatched in every frame. Where
-nothing moves on either side, a subtitle has changed: nobody is so still.
+its motion is undone, and the change of the picture itself. Somebody fast leaves much unmatched in every frame. What is
+no higher than letters and changes where nothing moves on either side is a subtitle.
 """
 
 import itertools
@@ -30,6 +30,8 @@ LONGEST_STALL = 10.0
 """A recorder that stalls repeats a picture for no longer than so many frames; who stands still does for longer."""
 SAME_PLACE = 0.35
 """Mean correlation (`Motion.match`) below which the picture shows another place, or damage: `hard_cuts` decides."""
+LETTERS = 0.25
+"""Of the picture's height: subtitles are lower. Somebody who sits still and gives way to somebody else is higher."""
 LIGHT_STEP, LIT = 8.0, 0.25
 """Grey levels, and fraction of the picture's cells: when more of them become darker alone (or brighter), the light has
 changed, not the time."""
@@ -68,7 +70,9 @@ def _outstanding(window: PictureWindow, frame: int, known: Collection[int]) -> f
         if usual > enough:  # most frames need the motion of few others
             return 0.0
         usual = max(usual, late * window.motion(t - 1, t).unmatched)
-    unmatched = min(motion.unmatched, window.unmatched(frame, window.moving(around)))
+    moving = window.moving(around)
+    filmed = moving | window.replaced(frame, ~moving, LETTERS)
+    unmatched = min(motion.unmatched, window.unmatched(frame, filmed))
     found = float(np.sqrt(larger * unmatched / usual))
     return found if found >= SUSPECTED and not _light_changes(window, frame) else 0.0
 

@@ -34,8 +34,9 @@ _FINE_PX, _COARSE_PX = 1.0, 4.0
 """Standard deviations of the two blurs whose difference is a picture's detail."""
 _ALIKE = 0.7
 """Correlation, motion undone, from which two frames show the same things whatever is burned in; neighbours have 0.8."""
-_NOISE = 2
-"""Grey levels by which coding alone changes the mean of a window from one frame to the next."""
+_NOISE, _REPLACED = 2, 6
+"""Grey levels by which coding alone changes the mean of a window from one frame to the next, and from which something
+else is there."""
 _FROZEN = 0.3
 """A mean change (of 255) below which a frame repeats the one before it."""
 
@@ -127,6 +128,16 @@ class PictureWindow:
         """(h,w) bool: where one of these frames differs from the one before it."""
         of_steps = (cv2.absdiff(self.gray[t - 1 - self.first], self.gray[t - self.first]) for t in frames)
         return np.asarray(np.any([cv2.blur(step, (WINDOW_PX, WINDOW_PX)) > _NOISE for step in of_steps], axis=0))
+
+    def replaced(self, frame: int, where: np.ndarray, least_height: float) -> np.ndarray:
+        """(h,w) bool: the pieces of a part (h,w) in which a frame differs from the one before it, of those that are at
+        least so high (fraction of the picture's height)."""
+        step = cv2.absdiff(self.gray[frame - 1 - self.first], self.gray[frame - self.first])
+        changed = where & (cv2.blur(step, (WINDOW_PX, WINDOW_PX)) > _REPLACED)
+        _, pieces, stats, _ = cv2.connectedComponentsWithStats(changed.astype(np.uint8))
+        high = stats[:, cv2.CC_STAT_HEIGHT] >= least_height * len(step)
+        high[0] = False  # what has not changed
+        return np.asarray(high[pieces])
 
     def displacement(self, before: int, after: int) -> float | None:
         """Mean shift of the picture as a fraction of its width if both frames show one place, else None."""

@@ -66,6 +66,11 @@ def test_somebody_else_in_the_place_of_somebody_who_hardly_moves_is_a_cut() -> N
     assert cuts(film(lambda t: 20.0 + 60.0 * (t >= 30) + (t == 27) + (t == 33))) == [30]
 
 
+def test_somebody_else_in_the_place_of_somebody_who_does_not_move_at_all_is_a_cut() -> None:
+    """Nothing moves on either side, but what is replaced is higher than letters."""
+    assert cuts(film(lambda t: 20.0 + 60.0 * (t >= 30))) == [30]
+
+
 def test_a_subtitle_that_changes_is_none() -> None:
     """What is replaced where nothing moves before or after was drawn."""
     pictures = film(after(30, 0.0))
