@@ -139,7 +139,8 @@ def _cuts(record: Mapping[str, Any], both: Cameras, truth: MotionSequence) -> It
 
 
 def _lenses_and_paths(record: Mapping[str, Any], both: Cameras, true_starts: Sequence[int]) -> Iterator[Judgement]:
-    """Of each shot that no true cut divides. That a camera zooms, or might, run.json says in warnings alone."""
+    """Of each shot that no true cut divides. That a camera zooms, or might, and that a shot's own lens is
+    uncertain, run.json says in warnings alone."""
     focal = record["focal"]
     doubtful_focal = is_doubtful_focal(focal["source"], focal["relative_uncertainty"])
     for index, shot in enumerate(record["shots"]):
@@ -149,7 +150,10 @@ def _lenses_and_paths(record: Mapping[str, Any], both: Cameras, true_starts: Seq
         said = [text for text in record["warnings"] if text.startswith((f"camera, shot {index}:", f"shot {index}:"))]
         log_focal = [np.log(cameras.K[frames, 0, 0]) for cameras in both]
         off = float(np.median(np.abs(log_focal[0] - log_focal[1])))
-        yield Judgement("focal", off > np.log1p(WRONG_FOCAL), doubtful_focal or any("zoom" in text for text in said))
+        doubtful_lens = any("zoom" in text for text in said) or any(
+            text.startswith(f"intrinsics: frames {frames.start} to {frames.stop - 1} ") for text in record["warnings"]
+        )
+        yield Judgement("focal", off > np.log1p(WRONG_FOCAL), doubtful_focal or doubtful_lens)
         scale = shot["camera"]["path_scale"]
         if scale is not None:
             path_m, true_m = (_extent_m(cameras.t_world_cam[frames]) for cameras in both)

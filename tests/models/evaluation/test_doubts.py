@@ -149,3 +149,6 @@ def test_a_warning_is_counted_where_it_belongs(sequence: MotionSequence) -> None
     assert [one.warned for one in found if one.kind == CLIP] == [True]
     record["shots"][0]["camera"]["path_scale"] = {"source": "assumed", "relative_uncertainty": None}
     assert [one.warned for one in judged(record, sequence, sequence) if one.kind == "path"] == [True, True]
+    start, end = record["shots"][1]["start"], record["shots"][1]["end"]
+    record["warnings"] = [f"intrinsics: frames {start} to {end - 1} seem to be seen with a lens of their own"]
+    assert [one.warned for one in judged(record, sequence, sequence) if one.kind == "focal"] == [False, True]
