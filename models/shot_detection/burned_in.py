@@ -106,9 +106,9 @@ def cover(piece: Bool[np.ndarray, "height width"]) -> np.ndarray:
 
 
 def _around(piece: Bool[np.ndarray, "height width"]) -> np.ndarray:
-    """(4,) the box around a piece; around nothing one without area."""
+    """(4,) the box around a piece."""
     rows, columns = np.flatnonzero(piece.any(axis=1)), np.flatnonzero(piece.any(axis=0))
-    return np.array([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1]) if len(rows) else np.zeros(4, int)
+    return np.array([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1])
 
 
 def _area(box: np.ndarray) -> int:

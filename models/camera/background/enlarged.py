@@ -6,9 +6,9 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from humanmm.models.camera.background.frame_edges import MIN_MATCHES, SAME_CAMERA_FRACTION, match_features
+from humanmm.models.camera.background.frame_edges import SAME_CAMERA_FRACTION, match_features
 from humanmm.models.camera.background.keyframes import FrameFeatures
-from humanmm.models.camera.background.shot_edges import QUICK_FEATURES
+from humanmm.models.camera.background.shot_edges import may_share_a_background
 
 LEAST = 0.03
 """Logarithm of the least enlargement."""
@@ -25,11 +25,9 @@ def enlargement(before: Sequence[FrameFeatures], after: Sequence[FrameFeatures],
     Such a camera's two pictures differ by a scale and a shift: all of the background, whatever its distance, which no
     camera that has moved would show.
     """
-    if not before or not after:
+    if not may_share_a_background(before, after):
         return None
     a, b = before[-1], after[0]
-    if len(match_features(a.roots[:QUICK_FEATURES], b.roots[:QUICK_FEATURES])[0]) < MIN_MATCHES:
-        return None
     index_a, index_b = match_features(a.roots, b.roots)
     if len(index_a) < MIN_INLIERS:
         return None

@@ -52,7 +52,7 @@ def find_shot_edges(
     for b in range(1, len(key_frames)):
         for a in range(max(0, b - REACH), b):
             first, second = key_frames[a], key_frames[b]
-            if b - a > 1 and len(key_frames) > COMPARE_ALL and not _may_share_a_background(first, second):
+            if b - a > 1 and len(key_frames) > COMPARE_ALL and not may_share_a_background(first, second):
                 continue
             frames = _compared(first, second, K)
             if frames:
@@ -95,5 +95,6 @@ def _num_alike(a: FrameFeatures, b: FrameFeatures) -> int:
     return len(match_features(a.roots[:QUICK_FEATURES], b.roots[:QUICK_FEATURES])[0])
 
 
-def _may_share_a_background(a: Sequence[FrameFeatures], b: Sequence[FrameFeatures]) -> bool:
+def may_share_a_background(a: Sequence[FrameFeatures], b: Sequence[FrameFeatures]) -> bool:
+    """A quick look at the last key frame of one shot and the first of another; not if either has none."""
     return bool(a and b) and _num_alike(a[-1], b[0]) >= MIN_MATCHES

@@ -25,6 +25,7 @@ TAIL_DEGREES = 3.0
 """Degrees of freedom of Student's t for the evidence of a shot."""
 LOG_RATIOS = np.linspace(-2.0, 2.0, 8001)
 """Focal lengths that are weighed: logarithm of their ratio to the default."""
+LOG_PRIOR = -0.5 * (LOG_RATIOS / DEFAULT_RELATIVE_SIGMA) ** 2
 
 
 @dataclass(frozen=True)
@@ -78,26 +79,27 @@ def _evidence(calibrated: FocalTrack, factor: float = 1.0) -> FocalEvidence:
     return FocalEvidence(middle_px, factor * float(np.hypot(calibrated.log_focal_sigma, np.ptp(views.log_zoom))))
 
 
+def log_likelihood(evidence: Iterable[Evidence], default_px: float) -> Float[np.ndarray, " ratios"]:
+    """Of all evidence together, at LOG_RATIOS to the default."""
+    log_focal = math.log(default_px) + LOG_RATIOS
+    return np.asarray(sum((one.log_likelihood(log_focal) for one in evidence), np.zeros(len(LOG_RATIOS))))
+
+
 @dataclass(frozen=True, eq=False)
 class Weighed:
     """Prior times evidence over LOG_RATIOS."""
 
-    log_density: Float[np.ndarray, " ratios"]
-    """Not normalised."""
+    log_likelihood: Float[np.ndarray, " ratios"]
 
-    @classmethod
-    def of(cls, evidence: Iterable[Evidence], default_px: float) -> "Weighed":
-        """The prior, whose middle is `default_px`, and each piece of evidence."""
-        log_density = -0.5 * (LOG_RATIOS / DEFAULT_RELATIVE_SIGMA) ** 2
-        for one in evidence:
-            log_density = log_density + one.log_likelihood(math.log(default_px) + LOG_RATIOS)
-        return cls(log_density)
+    @property
+    def log_density(self) -> Float[np.ndarray, " ratios"]:
+        """Not normalised."""
+        return np.asarray(LOG_PRIOR + self.log_likelihood)
 
     @property
     def log_evidence(self) -> float:
         """Logarithm of the probability of the evidence, up to a constant of each of its pieces."""
-        prior = -0.5 * (LOG_RATIOS / DEFAULT_RELATIVE_SIGMA) ** 2
-        return float(np.logaddexp.reduce(self.log_density) - np.logaddexp.reduce(prior))
+        return float(np.logaddexp.reduce(self.log_density) - np.logaddexp.reduce(LOG_PRIOR))
 
     @property
     def log_ratio(self) -> tuple[float, float]:

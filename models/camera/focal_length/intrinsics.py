@@ -19,7 +19,13 @@ import numpy as np
 from humanmm.models.camera.background.enlarged import enlargement
 from humanmm.models.camera.background.keyframes import FrameFeatures, KeyFrameFeatures
 from humanmm.models.camera.background.walls_focal import LOG_SCALES, focal_log_likelihood
-from humanmm.models.camera.focal_length.evidence import DEFAULT_RELATIVE_SIGMA, Evidence, Weighed, focal_evidence
+from humanmm.models.camera.focal_length.evidence import (
+    DEFAULT_RELATIVE_SIGMA,
+    Evidence,
+    Weighed,
+    focal_evidence,
+    log_likelihood,
+)
 from humanmm.models.camera.focal_length.lenses import groups_of, with_own_lens
 from humanmm.models.camera.masking import background_points
 from humanmm.models.camera.model_choice import ModelChoice, choose_model, settled_model
@@ -216,7 +222,7 @@ def _with_lenses(
     shared = combine([one for group in groups if group not in own for one in group.evidence], default, width, height)
     lenses, warnings = [], list(shared.warnings)
     for group in groups:
-        lens = _estimated(Weighed.of(group.evidence, default), default, width, height) if group in own else shared
+        lens = _estimated(group.evidence, default, width, height) if group in own else shared
         for k, ratio in group.ratios.items():
             if group not in own and ratio == 1:
                 continue
@@ -244,7 +250,7 @@ def _beginning(points: PointTracks) -> PointTracks:
 
 def combine(evidence: Sequence[Evidence], default_px: float, width: int, height: int) -> Intrinsics:
     """Mean and spread of prior times evidence over ln(focal); the default where that is hardly narrower."""
-    found = _estimated(Weighed.of(evidence, default_px), default_px, width, height)
+    found = _estimated(evidence, default_px, width, height)
     if found.relative_uncertainty < NARROWED * DEFAULT_RELATIVE_SIGMA:
         return found
     warning = (
@@ -254,6 +260,6 @@ def combine(evidence: Sequence[Evidence], default_px: float, width: int, height:
     return Intrinsics(default_px, width, height, "default", DEFAULT_RELATIVE_SIGMA, (warning,))
 
 
-def _estimated(weighed: Weighed, default_px: float, width: int, height: int) -> Intrinsics:
-    mean, std = weighed.log_ratio
+def _estimated(evidence: Sequence[Evidence], default_px: float, width: int, height: int) -> Intrinsics:
+    mean, std = Weighed(log_likelihood(evidence, default_px)).log_ratio
     return Intrinsics(default_px * math.exp(mean), width, height, "estimated", max(std, LEAST_RELATIVE_SIGMA))

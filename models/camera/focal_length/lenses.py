@@ -8,10 +8,12 @@ their own rare (Bayesian comparison of models: a lens of its own pays with its p
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from humanmm.models.camera.focal_length.evidence import Evidence, Weighed
+import numpy as np
+
+from humanmm.models.camera.focal_length.evidence import Evidence, Weighed, log_likelihood
 
 OWN_LENS_PROBABILITY = 0.2
 """That a shot has a lens of its own, before anything is known of it. With 0.02, 0.1, 0.2, 0.3 and 0.4 the focal lengths
@@ -55,21 +57,21 @@ def groups_of(
 def with_own_lens(groups: Sequence[LensGroup], default_px: float) -> list[LensGroup]:
     """The groups that do not share the video's lens; never all of those of which anything is known."""
     log_odds = math.log(OWN_LENS_PROBABILITY / (1 - OWN_LENS_PROBABILITY))
-    shared = [group for group in groups if group.evidence]
-    own: list[LensGroup] = []
+    said = [log_likelihood(group.evidence, default_px) for group in groups]
+    shared, own = [k for k, group in enumerate(groups) if group.evidence], []
 
-    def log_evidence(chosen: Sequence[LensGroup]) -> float:
-        return Weighed.of([one for group in chosen for one in group.evidence], default_px).log_evidence
+    def log_evidence(chosen: Iterable[int]) -> float:
+        return Weighed(np.sum([said[k] for k in chosen], axis=0)).log_evidence
 
     while len(shared) > 1:
         together = log_evidence(shared)
-        gains = []
-        for group in shared:
-            others = [one for one in shared if one is not group]
-            gains.append(log_evidence(others) + log_evidence([group]) - together + log_odds)
+        gains = {
+            k: log_evidence(one for one in shared if one != k) + log_evidence([k]) - together + log_odds for k in shared
+        }
         # Of two groups that contradict one another either may leave: the shorter one does.
-        best = max(range(len(shared)), key=lambda k: (round(gains[k], 6), -shared[k].num_frames))
+        best = max(shared, key=lambda k: (round(gains[k], 6), -groups[k].num_frames))
         if gains[best] <= 0:
             break
-        own.append(shared.pop(best))
+        shared.remove(best)
+        own.append(groups[best])
     return own
