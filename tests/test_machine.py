@@ -20,18 +20,28 @@ def way(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
 
 @pytest.mark.usefixtures("way")
 def test_a_living_process_is_told_from_one_that_has_ended_also_before_it_is_waited_for() -> None:
-    child = subprocess.Popen(["sleep", "60"])
-    began = machine.started(child.pid)
-    assert began is not None and machine.is_alive(child.pid) and machine.started(child.pid) == began
-    assert b"sleep" in machine.command_line(child.pid)
-    child.kill()
-    deadline = time.monotonic() + 10
-    while machine.is_alive(child.pid):
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
-    child.wait()
+    with subprocess.Popen(["cat"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0) as child:
+        try:
+            _wait_for_its_answer(child)
+            began = machine.started(child.pid)
+            assert began is not None and machine.is_alive(child.pid)
+            assert machine.started(child.pid) == began
+            assert b"cat" in machine.command_line(child.pid)
+        finally:
+            child.kill()
+        deadline = time.monotonic() + 10
+        while machine.is_alive(child.pid):
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
     assert machine.started(child.pid) is None and machine.age_s(child.pid) is None
     assert machine.command_line(child.pid) == b""
+
+
+def _wait_for_its_answer(child: subprocess.Popen[bytes]) -> None:
+    """A process has no command line for a moment after it was started; one that answers has."""
+    assert child.stdin is not None and child.stdout is not None
+    child.stdin.write(b"are you there\n")
+    assert child.stdout.readline() == b"are you there\n"
 
 
 def test_the_age_of_a_process_grows_with_time(way: str) -> None:
