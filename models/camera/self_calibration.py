@@ -49,10 +49,10 @@ def with_own_focal(track: Track, freedom: Freedom) -> FocalTrack:
         if abs(step) < CONVERGED:
             break
     refined = replace(track, views=solution.views, points=solution.points, adjusted=solution)
-    return FocalTrack(refined, sigma * _correlation(observations))
+    return FocalTrack(refined, sigma * correlation(observations))
 
 
-def _correlation(observations: Observations) -> float:
+def correlation(observations: Observations) -> float:
     """Factor on the standard deviation: a tracker's error stays with the point, so a track is one observation."""
     lengths = np.bincount(observations.point)
     lengths = lengths[lengths > 0]

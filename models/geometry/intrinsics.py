@@ -1,4 +1,5 @@
-"""The matrix K of a pinhole camera with square pixels and its principal point in the middle of the picture."""
+"""The matrix K of a pinhole camera with square pixels and its principal point in the middle of the picture, and the
+picture of a lens that bends straight lines, made that of a pinhole camera."""
 
 import math
 
@@ -21,6 +22,22 @@ def K_from_focal(focal_px: float, width: float, height: float) -> Float[np.ndarr
 def K_of(intrinsics: Intrinsics) -> Float[np.ndarray, "3 3"]:  # noqa: N802
     """(3,3) float64 of the camera that all shots share."""
     return K_from_focal(intrinsics.focal_px, intrinsics.width, intrinsics.height)
+
+
+def straightened(
+    xy: Float[np.ndarray, "*n 2"], distortion: float, width: float, height: float
+) -> Float[np.ndarray, "*n 2"]:
+    """Where a pinhole camera would see what a lens with this radial distortion shows at these pixels.
+
+    The division model (Fitzgibbon, CVPR 2001): a pixel at the fraction ρ of half the diagonal from the middle belongs
+    1 / (1 + distortion · ρ²) times as far from it. Barrel distortion is negative; 0 is a pinhole camera.
+    """
+    if not distortion:
+        return xy
+    middle = np.array([width, height], xy.dtype) / 2
+    off = xy - middle
+    rho_squared = (off**2).sum(axis=-1, keepdims=True) / (middle @ middle)
+    return np.asarray(middle + off / (1 + xy.dtype.type(distortion) * rho_squared))
 
 
 def default_focal_px(width: float, height: float) -> float:

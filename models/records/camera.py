@@ -100,11 +100,13 @@ class OwnLens:
     focal_px: float
     source: FocalSource
     relative_uncertainty: float
+    distortion: float = 0.0
+    """See `Intrinsics`."""
 
 
 @dataclass(frozen=True)
 class Intrinsics:
-    """One pinhole camera for all shots but those with a lens of their own, its principal point in the middle
+    """One camera for all shots but those with a lens of their own, its principal point in the middle
     (`geometry.intrinsics.K_of`)."""
 
     focal_px: float
@@ -122,6 +124,11 @@ class Intrinsics:
     """Of a key frame of some shots: one that zooms has a focal length of its own there."""
     lenses: tuple[OwnLens, ...] = ()
     """Of the shots that have a lens of their own."""
+    distortion: float = 0.0
+    """How the lens bends straight lines (`geometry.intrinsics.straightened`); 0 of a pinhole camera, which a lens is
+    taken for unless its points clearly say otherwise. `focal_px` is that of the middle of the picture."""
+    distortion_std: float = 0.0
+    """Standard deviation of it, where it is not 0."""
 
     def of_shot(self, start: int, end: int) -> "Intrinsics":
         """Those of the shot [start, end)."""
@@ -129,8 +136,9 @@ class Intrinsics:
         if own is None:
             return self
         return replace(
-            self, focal_px=own.focal_px, source=own.source, relative_uncertainty=own.relative_uncertainty, lenses=()
-        )
+            self, focal_px=own.focal_px, source=own.source, relative_uncertainty=own.relative_uncertainty,
+            distortion=own.distortion, lenses=(),
+        )  # fmt: skip
 
     def model_of(self, start: int, end: int) -> CameraModel | None:
         """The model of the shot [start, end) if it is settled."""

@@ -72,7 +72,7 @@ def _facts(facts: VideoFacts, shots: ShotList, intrinsics: Intrinsics, cameras: 
         "width": facts.width, "height": facts.height, **coded_picture(facts), "num_frames": facts.num_frames,
         "focal": {
             "px": intrinsics.focal_px, "source": intrinsics.source,
-            "relative_uncertainty": intrinsics.relative_uncertainty,
+            "relative_uncertainty": intrinsics.relative_uncertainty, "distortion": intrinsics.distortion,
         },
         "shots": [_of_shot(number, camera) for number, camera in enumerate(cameras)],
         "warnings": [*facts.warnings, *shots.warnings, *intrinsics.warnings],

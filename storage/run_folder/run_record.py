@@ -106,6 +106,7 @@ def run_record(  # noqa: PLR0913 (one a section of run.json)
             "estimated_px": _figure(intrinsics.focal_px),
             "source": intrinsics.source,
             "relative_uncertainty": _figure(intrinsics.relative_uncertainty),
+            "distortion": _figure(intrinsics.distortion),
         },
         "floor": _floor(guesses, corrections),
         "scale": _scale(people),

@@ -18,6 +18,7 @@ from jaxtyping import Float, UInt8
 
 from humanmm.models.camera.background.ground import GroundPicture, ground_around, ground_frames, hidden, whole_frame
 from humanmm.models.camera.background.segments import detect_segments
+from humanmm.models.geometry.intrinsics import straightened
 from humanmm.models.records.shots import Box, Shot, ShotList
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
 from humanmm.models.records.video import VideoFacts
@@ -44,6 +45,14 @@ class FrameFeatures:
     descriptors: UInt8[np.ndarray, "features 128"]
     segments: Float[np.ndarray, "segments 4"]
     """float32, x0 y0 x1 y1, source pixels, longest first."""
+
+    def straightened(self, distortion: float, width: int, height: int) -> "FrameFeatures":
+        """As a pinhole camera would see them (`geometry.intrinsics.straightened`)."""
+        if not distortion:
+            return self
+        xy = straightened(self.xy, distortion, width, height)
+        ends = straightened(self.segments.reshape(-1, 2), distortion, width, height)
+        return replace(self, xy=xy, segments=ends.reshape(-1, 4))
 
     @cached_property
     def roots(self) -> Float[np.ndarray, "features 128"]:

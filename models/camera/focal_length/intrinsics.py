@@ -1,5 +1,6 @@
 """The focal length that the shots of a video share (the paper's assumption): given, estimated from the background, or a
-prior; and those of shots that clearly have a lens of their own (`lenses`).
+prior; those of shots that clearly have a lens of their own (`lenses`); and how the lens bends straight lines
+(`distortion`).
 
 The prior. `geometry.intrinsics` says where its centre comes from; one standard deviation spans 25 to 55 mm full-frame
 equivalent.
@@ -19,9 +20,18 @@ import numpy as np
 from humanmm.models.camera.background.enlarged import enlargement
 from humanmm.models.camera.background.keyframes import FrameFeatures, KeyFrameFeatures
 from humanmm.models.camera.background.walls_focal import LOG_SCALES, focal_log_likelihood
+from humanmm.models.camera.focal_length.distortion import (
+    CLEAR,
+    LEAST,
+    MOST,
+    DistortionEvidence,
+    distortion_evidence,
+    together,
+)
 from humanmm.models.camera.focal_length.evidence import (
     DEFAULT_RELATIVE_SIGMA,
     Evidence,
+    FocalEvidence,
     Weighed,
     focal_evidence,
     log_likelihood,
@@ -55,6 +65,8 @@ MAX_PICTURES = 6
 """Shots whose straight edges are used, those with the longest first."""
 LEAST_RELATIVE_SIGMA = 0.02
 """No result claims to be surer, since all evidence shares the model's error."""
+DISTORTION_ROUNDS, SETTLED = 3, 0.003
+"""So often everything is looked at again with the distortion that was found, until it changes by less than this."""
 NARROWED = 0.5
 """The result is called estimated if its standard deviation is below this fraction of the prior's."""
 
@@ -137,38 +149,85 @@ def intrinsics_from_background(
     filmed: tuple[float, float] | None = None,
     progress: Progress = silent,
 ) -> Intrinsics:
-    """The focal length that prior and background agree on, source "default" where the background says too little, and
-    those of shots that have a lens of their own.
+    """The focal length that prior and background agree on, source "default" where the background says too little, those
+    of shots that have a lens of their own, and the distortion of the lens.
 
     `key_frames` and `filmed`: as in `intrinsics_of_shots`.
     """
     default = default_focal_px(*(filmed or (width, height)))
     seen = _seen_shots(shots, key_frames)
-    edges = _edges_of(seen, default, width, height)
+    pinhole = found = _of_lens(seen, default, width, height, distortion=0.0, progress=progress)
+    left, std = together(found.left)
+    if left + CLEAR * std > 0:
+        return pinhole.intrinsics
+    distortion = 0.0
+    for _ in range(DISTORTION_ROUNDS):
+        distortion = max(distortion + left, MOST)
+        found = _of_lens(seen, default, width, height, distortion=distortion, progress=progress)
+        left, std = together(found.left)
+        if abs(left) < SETTLED:
+            break
+    if distortion > LEAST:
+        return pinhole.intrinsics
+    corner_px = -distortion * math.hypot(width, height) / 2
+    warning = (
+        f"the lens bends straight lines (barrel distortion {distortion:.3f} ± {std:.3f}: {corner_px:.0f} px at the "
+        "corners): cameras allow for it, people are placed as if it did not; remove it from the video for more"
+    )
+    result = found.intrinsics
+    return replace(result, distortion_std=std, warnings=(*result.warnings, warning))
+
+
+@dataclass(frozen=True)
+class _OfLens:
+    """What the background says of a lens whose distortion is taken for known."""
+
+    intrinsics: Intrinsics
+    left: Sequence[DistortionEvidence]
+    """Of the shots' points, once it is taken out of them."""
+
+
+def _of_lens(
+    seen: Sequence["_SeenShot"],
+    default: float,
+    width: int,
+    height: int,
+    *,
+    distortion: float,
+    progress: Progress,
+) -> _OfLens:
+    """The focal lengths of all shots if the video's lens has this distortion."""
+    edges = _edges_of(seen, default, width, height, distortion)
     evidence: list[list[Evidence]] = [[one for one in edges if shot.start <= one.frame < shot.end] for shot in seen]
     chosen: list[tuple[TrackedShot, ModelChoice]] = []
+    from_points: list[tuple[int, FocalEvidence | None, DistortionEvidence | None]] = []
     tracked = [(k, shot.points) for k, shot in enumerate(seen) if shot.points is not None]
     longest = sorted(tracked, key=lambda shot: -len(shot[1].points.frame))[:MAX_SHOTS]
     for done, (k, points) in enumerate(longest):
         progress(done, len(longest))
         beginning = _beginning(points.points)
-        background = arrange(background_points(beginning, points.people), width, height)
+        background = arrange(background_points(beginning, points.people), width, height, distortion=distortion)
         if background.num_images < 3 or float(np.median(np.diff(background.begins))) < MIN_POINTS:
             continue
-        guess = combine([one for of_shot in evidence for one in of_shot], default, width, height)
+        known = [found for _, found, _ in from_points if found is not None]
+        guess = combine([*(one for of_shot in evidence for one in of_shot), *known], default, width, height)
         choice = choose_model(background, guess, calibrate=True)
         if beginning is points.points:
             chosen.append((background, choice))
-        found = focal_evidence(background, choice)
+        from_points.append((k, focal_evidence(background, choice), distortion_evidence(background, choice)))
+    left = [bent for _, _, bent in from_points if bent is not None]
+    _, std = together(left)
+    for k, found, bent in from_points:
         if found is not None:
-            evidence[k].append(found)
-    result = _with_lenses(seen, evidence, default, width, height)
+            of_lens = bent.log_focal_std(std) if bent is not None else 0.0
+            evidence[k].append(replace(found, log_sigma=math.hypot(found.log_sigma, of_lens)))
+    result = _with_lenses(seen, evidence, default, width, height, distortion)
     models = tuple(
         ChosenModel(shot.start, shot.end, model)
         for shot, choice in chosen
         if (model := settled_model(choice, shot, result.of_shot(shot.start, shot.end))) is not None
     )
-    return replace(result, models=models, edges=edges)
+    return _OfLens(replace(result, models=models, edges=edges), left)
 
 
 @dataclass(frozen=True)
@@ -196,9 +255,15 @@ def _seen_shots(shots: Sequence[ShotPoints], key_frames: Sequence[Sequence[Frame
     return sorted(seen, key=lambda shot: shot.start)
 
 
-def _edges_of(seen: Sequence[_SeenShot], default: float, width: int, height: int) -> tuple[EdgeEvidence, ...]:
+def _edges_of(
+    seen: Sequence[_SeenShot], default: float, width: int, height: int, distortion: float
+) -> tuple[EdgeEvidence, ...]:
     """What straight edges say in the middle key frames of the shots that show the longest."""
-    middle = [shot.key_frames[len(shot.key_frames) // 2] for shot in seen if shot.key_frames]
+    middle = [
+        shot.key_frames[len(shot.key_frames) // 2].straightened(distortion, width, height)
+        for shot in seen
+        if shot.key_frames
+    ]
     length = [float(np.linalg.norm(f.segments[:, 2:] - f.segments[:, :2], axis=1).sum()) for f in middle]
     log_focal = math.log(default) + LOG_SCALES
     return tuple(
@@ -209,7 +274,12 @@ def _edges_of(seen: Sequence[_SeenShot], default: float, width: int, height: int
 
 
 def _with_lenses(
-    seen: Sequence[_SeenShot], evidence: Sequence[Sequence[Evidence]], default: float, width: int, height: int
+    seen: Sequence[_SeenShot],
+    evidence: Sequence[Sequence[Evidence]],
+    default: float,
+    width: int,
+    height: int,
+    distortion: float,
 ) -> Intrinsics:
     """The focal length that most shots share, and the lenses of those that do not."""
     enlarged = {
@@ -226,14 +296,17 @@ def _with_lenses(
         for k, ratio in group.ratios.items():
             if group not in own and ratio == 1:
                 continue
-            one = OwnLens(seen[k].start, seen[k].end, ratio * lens.focal_px, lens.source, lens.relative_uncertainty)
+            one = OwnLens(
+                seen[k].start, seen[k].end, ratio * lens.focal_px, lens.source, lens.relative_uncertainty,
+                distortion / ratio**2,
+            )  # fmt: skip
             lenses.append(one)
             if group in own and is_doubtful_focal(one.source, one.relative_uncertainty):
                 warnings.append(
                     f"frames {one.start} to {one.end - 1} seem to be seen with a lens of their own, whose focal length "
                     f"is uncertain ({one.focal_px:.0f} px, known to {one.relative_uncertainty:.0%})"
                 )
-    return replace(shared, lenses=tuple(lenses), warnings=tuple(warnings))
+    return replace(shared, lenses=tuple(lenses), warnings=tuple(warnings), distortion=distortion)
 
 
 def _beginning(points: PointTracks) -> PointTracks:

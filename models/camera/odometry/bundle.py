@@ -191,11 +191,27 @@ def focal_step(
     creeps. Eliminating the rest (variable projection) leaves a scalar problem that is close to quadratic; the caller
     takes the step, carries the solution over (`with_focal`) and adjusts again.
     """
+    step, covariance = lens_step(solution, observations, fixed=fixed, freedom=freedom)
+    return float(step[0]), float(np.sqrt(covariance[0, 0]))
+
+
+def lens_step(
+    solution: Adjusted,
+    observations: Observations,
+    *,
+    fixed: Bool[np.ndarray, " k"],
+    freedom: Freedom,
+    beside: Float[np.ndarray, "m 2 e"] | None = None,
+) -> tuple[Float[np.ndarray, " 1+e"], Float[np.ndarray, "1+e 1+e"]]:
+    """The same Newton step of ln(focal) together with e more parameters of the lens, and its covariance.
+
+    `beside`: how the pixel that is expected of each sighting changes with each of them.
+    """
     layout = _Layout(observations, len(fixed), len(solution.points.rho))
-    noise = solution.noise_px
+    more = np.zeros((len(observations.image), 2, 0)) if beside is None else beside
     return _System(
-        solution.views, solution.points, observations, layout, fixed, freedom, noise, focal=True
-    ).focal_step()
+        solution.views, solution.points, observations, layout, fixed, freedom, solution.noise_px, beside=more
+    ).lens_step()
 
 
 class _Layout:
@@ -228,8 +244,9 @@ class _System:
         fixed: np.ndarray,
         freedom: Freedom,
         noise_px: float,
-        focal: bool = False,
+        beside: Float[np.ndarray, "m 2 e"] | None = None,
     ) -> None:
+        """`beside`: as in `lens_step`; None where no parameter of the lens is asked for."""
         self.freedom, self.fixed, self.t_shot_cam = freedom, fixed, views.t_shot_cam
         self.num_images, self.num_points = len(fixed), len(points.rho)
         q, xy = project(views, points, observations)
@@ -255,11 +272,13 @@ class _System:
             (coupling[layout.order], layout.column, layout.indptr),
             shape=(self.num_images * width, self.num_points * depth),
         )
-        if focal:
-            self.focal_curvature = float((weight[:, None] * J_focal**2).sum())
-            self.g_focal = float((weight[:, None] * J_focal * error).sum())
-            self.focal_image = _sum_by(layout.by_image, np.einsum("mir,mr->mi", weighted_image, J_focal))
-            self.focal_point = _sum_by(layout.by_point, np.einsum("mir,mr->mi", weighted_point, J_focal))
+        if beside is not None:
+            J_lens = np.concatenate([J_focal[..., None], beside], axis=-1)
+            weighted_lens = J_lens * weight[:, None, None]
+            self.lens_curvature = np.einsum("mrl,mrk->lk", weighted_lens, J_lens)
+            self.g_lens = np.einsum("mrl,mr->l", weighted_lens, error)
+            self.lens_image = _sum_by(layout.by_image, weighted_image @ J_lens)
+            self.lens_point = _sum_by(layout.by_point, weighted_point @ J_lens)
 
     def _jacobians(
         self, views: Views, points: Points, observations: Observations, q: np.ndarray, front: np.ndarray
@@ -329,19 +348,19 @@ class _System:
         rho = points.rho + delta[:, 2] if self.freedom.translation else points.rho
         return Points(direction / length[:, None], rho / length, points.anchor)
 
-    def focal_step(self) -> tuple[float, float]:
-        """Undamped step of ln(focal) and its standard deviation, after views and points are eliminated."""
+    def lens_step(self) -> tuple[np.ndarray, np.ndarray]:
+        """Undamped step of the lens' parameters and its covariance, after views and points are eliminated."""
         S, right, V_inverse, Y = self._reduced(0.0)
-        free = self._free()
-        side = (self.focal_image.reshape(-1) - Y @ self.focal_point.reshape(-1))[free]
-        curvature = self.focal_curvature - np.einsum("pi,pij,pj->", self.focal_point, V_inverse, self.focal_point)
-        gradient = self.g_focal - np.einsum("pi,pij,pj->", self.focal_point, V_inverse, self.g_point)
-        inner = S[np.ix_(free, free)]
-        followed = _solve(inner, np.stack([side, right[free]], 1))
-        curvature -= float(side @ followed[:, 0])
-        gradient -= float(side @ followed[:, 1])
-        curvature = max(curvature, 1e-9)
-        return float(gradient / curvature), float(1.0 / np.sqrt(curvature))
+        free, num = self._free(), len(self.g_lens)
+        side = (self.lens_image.reshape(-1, num) - Y @ self.lens_point.reshape(-1, num))[free]
+        of_points = np.einsum("pil,pij->plj", self.lens_point, V_inverse)
+        curvature = self.lens_curvature - np.einsum("plj,pjk->lk", of_points, self.lens_point)
+        gradient = self.g_lens - np.einsum("plj,pj->l", of_points, self.g_point)
+        followed = _solve(S[np.ix_(free, free)], np.column_stack([side, right[free]]))
+        curvature -= side.T @ followed[:, :num]
+        gradient -= side.T @ followed[:, num]
+        covariance = np.linalg.inv(curvature + 1e-9 * np.eye(num))
+        return covariance @ gradient, covariance
 
 
 def _solve(S: np.ndarray, right: np.ndarray) -> np.ndarray:

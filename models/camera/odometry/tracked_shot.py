@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from humanmm.models.camera.odometry.bundle import Observations
+from humanmm.models.geometry.intrinsics import straightened
 from humanmm.models.records.camera import PointTracks
 
 KEYFRAME_MOVE_FRACTION = 0.03
@@ -62,8 +63,8 @@ class TrackedShot:
         return Observations(number, point.astype(int), xy.astype(float))
 
 
-def arrange(points: PointTracks, width: int, height: int) -> TrackedShot:
-    """Sort the observations and drop points seen only once."""
+def arrange(points: PointTracks, width: int, height: int, *, distortion: float = 0.0) -> TrackedShot:
+    """Sort the observations, as a pinhole camera would see them (`straightened`), and drop points seen only once."""
     lifetimes = np.bincount(points.track) if len(points.track) else np.zeros(0, int)
     keep = lifetimes[points.track] >= 2 if len(points.track) else np.zeros(0, bool)
     track, frame, xy = points.track[keep], points.frame[keep], points.xy[keep]
@@ -72,7 +73,7 @@ def arrange(points: PointTracks, width: int, height: int) -> TrackedShot:
     numbers = np.cumsum(np.bincount(track) > 0) - 1 if len(track) else np.zeros(0, int)
     point = numbers[track[order]].astype(np.int32)
     image = np.repeat(np.arange(len(frames), dtype=np.int32), np.diff([*begins, len(order)]))
-    centred = xy[order] - np.array([width / 2, height / 2], np.float32)
+    centred = straightened(xy[order], distortion, width, height) - np.array([width / 2, height / 2], np.float32)
     num_points = int(point.max()) + 1 if len(point) else 0
     return TrackedShot(
         points.start, points.end, width, height, frames.astype(int), np.append(begins, len(order)).astype(int),

@@ -174,8 +174,10 @@ def background_edges(results: ShotResults) -> BackgroundEdges:
     """Edges between the axes of all shots whose backgrounds match."""
     intrinsics, K = results.intrinsics, K_of(results.intrinsics)
     key_frames = [
-        [_with_lens(frame, camera_of(results, k), K) for frame in frames] if usable(results, k) else []
-        for k, frames in enumerate(results.key_frames)
+        [_with_lens(frame, camera_of(results, k), K) for frame in results.key_frames_of(k)]
+        if usable(results, k)
+        else []
+        for k in range(len(results.key_frames))
     ]
     shot_edges = find_shot_edges(key_frames, K=K)
     edges = tuple(_in_shot_axes(results, edge, intrinsics.relative_uncertainty) for edge in shot_edges)

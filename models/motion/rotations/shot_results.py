@@ -40,6 +40,12 @@ class ShotResults:
     pictures: Sequence[Sequence[GroundPicture]] = ()
     """Every shot's key frames, people left out; none at all where there are no pictures."""
 
+    def key_frames_of(self, shot: int) -> Sequence[FrameFeatures]:
+        """Features and edges of a shot's key frames as a pinhole camera would see them."""
+        span, one = self.shots.shots[shot], self.intrinsics
+        distortion = one.of_shot(span.start, span.end).distortion
+        return [frame.straightened(distortion, one.width, one.height) for frame in self.key_frames[shot]]
+
     @property
     def certain(self) -> frozenset[int]:
         """Numbers of the people who are not doubtful."""

@@ -50,7 +50,7 @@ def walls_of(results: ShotResults, standing: Mapping[int, list[UpDirection]]) ->
     """By shot, the frames that are likely enough; `standing`: the shots that have a motion, with people's axes."""
     found = {}
     for shot, axes in standing.items():
-        camera, key_frames = camera_of(results, shot), results.key_frames[shot]
+        camera, key_frames = camera_of(results, shot), results.key_frames_of(shot)
         rows = [frame.frame - camera.start for frame in key_frames]
         if not rows:
             continue
