@@ -84,7 +84,7 @@ STAGES: tuple[Stage, ...] = (
     Stage(
         "scenes", "video", ("decode",), ("scenes",), "humanmm.models.records.shots:Scenes",
         corrections=("add-cut", "remove-cut"),
-        schema_version=4, reads_video=True, defines="scene", resources=_memory(20, 20, 15),
+        schema_version=5, reads_video=True, defines="scene", resources=_memory(20, 20, 15),
     ),
     Stage(
         "people", "scene", ("decode", "scenes"), ("people", "lifting"), "humanmm.models.records.tracks:ScenePeople",
@@ -97,7 +97,7 @@ STAGES: tuple[Stage, ...] = (
     Stage(
         "shots", "video", ("decode", "scenes", "people"), ("shots",), "humanmm.models.records.shots:ShotList",
         corrections=("remove-cut", "same-person", "nobody", "swap", "sides", "height", "exclude", "main"),
-        schema_version=7, defines="shot", resources=_memory(10, 0, 8),
+        schema_version=8, defines="shot", resources=_memory(10, 0, 8),
     ),
     Stage(
         "keyframes", "video", ("decode", "people", "shots"), (),
@@ -107,7 +107,7 @@ STAGES: tuple[Stage, ...] = (
     Stage(
         "intrinsics", "video", ("decode", "people", "shots", "points", "keyframes"), ("intrinsics",),
         "humanmm.models.records.camera:Intrinsics",
-        schema_version=4, corrections=("focal",), sees_people_of_shots=False, resources=_memory(10, 0, 6),
+        schema_version=5, corrections=("focal",), sees_people_of_shots=False, resources=_memory(10, 0, 6),
     ),
     Stage(
         "camera", "shot", ("people", "shots", "points", "intrinsics"), ("camera",),

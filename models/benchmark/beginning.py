@@ -11,7 +11,7 @@ from humanmm.config import Config
 from humanmm.models.camera.background.ground import GroundPicture
 from humanmm.models.camera.background.keyframes import FrameFeatures
 from humanmm.models.camera.focal_length.intrinsics import ShotPoints, intrinsics_of_shots
-from humanmm.models.camera.masking import without_transitions
+from humanmm.models.camera.shot_points import without_transitions
 from humanmm.models.motion.fit.hmr import NoiseModel, fit_shot
 from humanmm.models.motion.rotations.shot_results import ShotResults
 from humanmm.models.records.camera import Intrinsics, PointTracks, ShotCamera

@@ -44,6 +44,10 @@ ALIKE = 2.5
 than so many times as large; from 1 / MOVING_GAIN down it is preferred."""
 
 
+CARRIED_ON, SPEED_OVER = 12, 6
+"""Frames for which a camera is taken to move on as it did over so many frames."""
+
+
 @dataclass(frozen=True)
 class _Estimate:
     source: CameraSource
@@ -69,7 +73,7 @@ def camera_from_points(
         return _static(points, intrinsics, "given")
     masking, odometry = parts_of(progress, num_frames, (1, 3))
     background = background_points(points, people, progress=masking)
-    shot = arrange(background, intrinsics.width, intrinsics.height)
+    shot = arrange(background, intrinsics.width, intrinsics.height, distortion=intrinsics.distortion)
     seen = np.diff(shot.begins)
     if num_frames == 1:
         return _static(points, intrinsics, "static")
@@ -164,18 +168,39 @@ def _breaks(shot: TrackedShot, track: Track) -> list[int]:
     return [int(shot.frame[b]) for a, b in pairs if len(shot.shared(a, b)[0]) < MIN_POINTS]
 
 
+def _carried_on(
+    shot: TrackedShot, views: Views, first: int, last: int
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n 3 3"], Float[np.ndarray, "n 3"]]:
+    """Frames, rotations and centres of the recorded images, and one more where they begin after `first` or end before
+    `last`: in the dark part of a fade, and where two pictures mix, a camera goes on as it moved, for a while."""
+    frames, R, t = shot.frame.astype(float), views.R_shot_cam, views.t_shot_cam
+    for end, limit in ((0, first), (-1, last)):
+        missing = float(np.clip(limit - frames[end], -CARRIED_ON, CARRIED_ON))
+        other = int(np.abs(np.abs(frames - frames[end]) - SPEED_OVER).argmin())
+        if not missing or frames[other] == frames[end]:
+            continue
+        times = missing / (frames[end] - frames[other])
+        turned = rotations.rotmat_to_rotvec(R[other].T @ R[end])
+        R_new = R[end] @ rotations.rotvec_to_rotmat(times * turned)
+        at = 0 if end == 0 else len(frames)
+        t = np.insert(t, at, t[end] + times * (t[end] - t[other]), axis=0)
+        frames, R = np.insert(frames, at, frames[end] + missing), np.insert(R, at, R_new, axis=0)
+    return frames, R, t
+
+
 def _result(points: PointTracks, shot: TrackedShot, intrinsics: Intrinsics, estimate: _Estimate) -> ShotCamera:
     moves = estimate.source == "tracked"
-    at, known_at = np.arange(points.start, points.end, dtype=float), shot.frame.astype(float)
-    R_shot_cam = rotations.interpolate_rotations(at, known_at, estimate.views.R_shot_cam)
+    at = np.arange(points.start, points.end, dtype=float)
+    known_at, R_map_cam, t_known = _carried_on(shot, estimate.views, points.start, points.end - 1)
+    R_shot_cam = rotations.interpolate_rotations(at, known_at, R_map_cam)
     R_first = R_shot_cam[0].T
     t_shot_cam, scenery = np.zeros((len(at), 3)), None
     if moves:
-        t_map_cam = np.stack([np.interp(at, known_at, estimate.views.t_shot_cam[:, axis]) for axis in range(3)], 1)
+        t_map_cam = np.stack([np.interp(at, known_at, t_known[:, axis]) for axis in range(3)], 1)
         t_shot_cam = (t_map_cam - t_map_cam[0]) @ R_first.T
         scenery = scenery_of(estimate.track, t_map_cam[0], R_first)
     K = np.tile(K_of(intrinsics), (len(at), 1, 1))
-    K[:, [0, 1], [0, 1]] = np.interp(at, known_at, estimate.views.focals_px)[:, None]
+    K[:, [0, 1], [0, 1]] = np.interp(at, shot.frame.astype(float), estimate.views.focals_px)[:, None]
     check = cross_check(shot, estimate.track, translating=moves)
     return ShotCamera(
         points.start, points.end, R_first @ R_shot_cam, t_shot_cam, K, estimate.source, metric=not moves,

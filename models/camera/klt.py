@@ -6,6 +6,7 @@ costs a few milliseconds a frame. It knows nothing of people; `masking` removes 
 """
 
 from collections.abc import Iterable
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -78,12 +79,21 @@ def _empty_columns() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     return np.zeros(0, np.int32), np.zeros(0, np.int32), np.zeros((0, 2), np.float32), np.zeros(0, np.float32)
 
 
-def even_exposure(picture: UInt8[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w"]:
-    """The picture without its slow brightness changes and with a fixed contrast."""
-    brightness = cv2.blur(picture, (31, 31))
-    deviation = cv2.norm(picture, brightness, cv2.NORM_L2) / picture.size**0.5
-    gain = min(CONTRAST / max(deviation, 1e-6), MAX_GAIN)
-    return np.asarray(cv2.addWeighted(picture, gain, brightness, -gain, 128.0), np.uint8)
+class _Evened(NamedTuple):
+    """A picture without its slow brightness changes and with a fixed contrast."""
+
+    picture: UInt8[np.ndarray, "h w"]
+    frame: int
+    faint: bool
+    """It has less contrast still, as in the dark part of a fade."""
+
+    @classmethod
+    def of(cls, picture: UInt8[np.ndarray, "h w"], frame: int) -> "_Evened":
+        brightness = cv2.blur(picture, (31, 31))
+        deviation = cv2.norm(picture, brightness, cv2.NORM_L2) / picture.size**0.5
+        gain = min(CONTRAST / max(deviation, 1e-6), MAX_GAIN)
+        even = np.asarray(cv2.addWeighted(picture, gain, brightness, -gain, 128.0), np.uint8)
+        return cls(even, frame, gain == MAX_GAIN)
 
 
 class _Tracker:
@@ -100,34 +110,37 @@ class _Tracker:
         self.recorded_xy = np.zeros((0, 2), np.float32)
         self.next_track = 0
         self.frame = self.recorded_frame = self.seeded_frame = -1
-        self.seeded_count = 0
-        self.passed: list[tuple[np.ndarray, int]] = []
+        self.seeded_count, self.seeded_faint = 0, False
+        self.passed: list[_Evened] = []
         self.kept: list[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]] = []
 
     def advance(self, picture: np.ndarray, frame: int) -> None:
         """Carry the points on to the next frame, look for new ones where they are missing, record if anything moved."""
-        self._advance(even_exposure(picture), frame)
+        self._advance(_Evened.of(picture, frame))
 
-    def _advance(self, picture: np.ndarray, frame: int) -> None:
-        if self._follow(picture):
+    def _advance(self, new: _Evened) -> None:
+        if self._follow(new.picture):
             self.passed = []
-            self._arrive(picture, frame)
+            self._arrive(new)
             return
-        self.passed.append((picture, frame))
+        self.passed.append(new)
         if len(self.passed) > MAX_PASSED:
             self.record(always=True)
-            (picture, frame), *rest = self.passed
+            first, *rest = self.passed
             self.passed = []
-            self._follow(picture, at_any_loss=True)
-            self._arrive(picture, frame, always=True)
-            for picture, frame in rest:
-                self._advance(picture, frame)
+            self._follow(first.picture, at_any_loss=True)
+            self._arrive(first, always=True)
+            for later in rest:
+                self._advance(later)
 
-    def _arrive(self, picture: np.ndarray, frame: int, *, always: bool = False) -> None:
-        self.picture, self.frame = picture, frame
-        due = frame - self.seeded_frame >= RESEED_INTERVAL and len(self.xy) < 0.9 * self.seeded_count
-        if self.seeded_frame < 0 or due or len(self.xy) < 0.7 * self.seeded_count or frame - self.seeded_frame >= 60:
+    def _arrive(self, new: _Evened, *, always: bool = False) -> None:
+        self.picture, self.frame = new.picture, new.frame
+        since = new.frame - self.seeded_frame
+        due = since >= RESEED_INTERVAL and len(self.xy) < 0.9 * self.seeded_count
+        first_to_show = self.seeded_faint and not new.faint
+        if self.seeded_frame < 0 or first_to_show or due or len(self.xy) < 0.7 * self.seeded_count or since >= 60:
             self._seed()
+            self.seeded_faint = new.faint
         self.record(always=always)
 
     def _follow(self, picture: np.ndarray, *, at_any_loss: bool = False) -> bool:

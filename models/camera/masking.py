@@ -43,13 +43,6 @@ def background_points(
     return _without(points, masked, mostly=MAX_MASKED_FRACTION)
 
 
-def without_transitions(points: PointTracks, clear: tuple[int, int]) -> PointTracks:
-    """The observations in the clear frames [start, end) of a shot, beside which two places are seen at once; all if
-    nothing would be left."""
-    blended = (points.frame < clear[0]) | (points.frame >= clear[1])
-    return points if blended.all() else _without(points, blended, mostly=1.0)
-
-
 def without_burned_in(points: PointTracks, boxes: Sequence[Box]) -> PointTracks:
     """The observations outside boxes in which something is drawn over the film: whatever moves there, it is not the
     camera."""

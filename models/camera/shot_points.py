@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Int
 
-from humanmm.models.camera.masking import without_burned_in, without_transitions
+from humanmm.models.camera.masking import without_burned_in
 from humanmm.models.records.camera import PointTracks
 from humanmm.models.records.shots import Shot
 
@@ -14,6 +14,14 @@ from humanmm.models.records.shots import Shot
 def points_of_shot(points: PointTracks, shot: Shot) -> PointTracks:
     """The tracks of a scene within one of its shots, in the clear frames and on nothing that is burned in."""
     return without_burned_in(without_transitions(within(points, shot.start, shot.end), shot.clear), shot.burned_in)
+
+
+def without_transitions(points: PointTracks, clear: tuple[int, int]) -> PointTracks:
+    """The observations in the clear frames [start, end) of a shot, the first and the last of which have some; beside
+    them two places are seen at once, or nothing. All observations if none would be left."""
+    if not ((points.frame >= clear[0]) & (points.frame < clear[1])).any():
+        return points
+    return replace(within(points, *clear), start=points.start, end=points.end)
 
 
 def within(points: PointTracks, start: int, end: int) -> PointTracks:

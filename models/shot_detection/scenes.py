@@ -13,7 +13,7 @@ import numpy as np
 
 from humanmm.corrections import NONE, Corrections
 from humanmm.models.geometry.intervals import Interval, merged
-from humanmm.models.records.shots import Scenes, Transition
+from humanmm.models.records.shots import BRIGHT, Scenes, Transition
 from humanmm.models.shot_detection.burned_in import burned_into
 from humanmm.models.shot_detection.corrected_cuts import corrected_scenes
 from humanmm.models.shot_detection.gradual import (
@@ -89,7 +89,7 @@ class SceneDetector:
         ]
         blends, dim = meeting_blends(contrast, self._dissolves)
         # fades that touch are one: black, a flicker of grey, black
-        transitions = _without_overlap(self._cuts, blends, merged([*fades, *dim]))
+        transitions = _without_overlap(self._cuts, blends, [self._fade(whole) for whole in merged([*fades, *dim])])
         suspected = tuple(f for f in self._suspected if not any(t.start <= f <= t.end for t in transitions))
         return Scenes(self._window.end, transitions, suspected=suspected)
 
@@ -110,6 +110,15 @@ class SceneDetector:
                 self._flickers.append(run)
         self._decided = until
         window.forget_before(until - self._margin)
+
+    def _fade(self, whole: Interval) -> Transition:
+        """A fade, with the frames between the first and the last that are dim."""
+        contrast = np.array(self._window.contrast)
+        inside, beside = contrast[whole.start : whole.end], (max(whole.start - 1, 0), min(whole.end, len(contrast) - 1))
+        out, into = (inside < BRIGHT * contrast[frame] for frame in beside)
+        first, last = (np.flatnonzero(dim) if dim.any() else [inside.argmin()] for dim in (out, into))
+        dim = whole.start + int(first[0]), whole.start + int(last[-1]) + 1
+        return Transition("fade", whole.start, whole.end, "scene", dim)
 
     def _same_place(self, run: Interval) -> bool:
         """Whether the pictures around a short uniform run show one place."""
@@ -155,9 +164,9 @@ def find_scenes(pictures: Iterable[np.ndarray], time_s: np.ndarray) -> Scenes:
     return detector.finish()
 
 
-def _without_overlap(cuts: list[int], dissolves: list[Interval], fades: list[Interval]) -> tuple[Transition, ...]:
+def _without_overlap(cuts: list[int], dissolves: list[Interval], fades: list[Transition]) -> tuple[Transition, ...]:
     """One transition for one change: a fade swallows what lies inside it, then a dissolve does."""
-    kept = [Transition("fade", s.start, s.end, "scene") for s in fades]
+    kept = list(fades)
     for span in dissolves:
         if not any(span.start <= t.end and t.start <= span.end for t in kept):
             kept.append(Transition("dissolve", span.start, span.end, "scene"))

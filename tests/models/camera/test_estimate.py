@@ -9,6 +9,7 @@ import pytest
 
 from humanmm.models.camera.estimate import camera_from_points
 from humanmm.models.camera.model_choice import ZOOM_SPREAD
+from humanmm.models.camera.shot_points import without_transitions
 from humanmm.models.geometry import rotations
 from humanmm.models.geometry.alignment import umeyama_alignment
 from humanmm.models.records.camera import EdgeEvidence, PointTracks, ShotCamera
@@ -38,6 +39,28 @@ def test_a_pan_is_in_the_rotation_alone(scene_of: Callable[..., Any]) -> None:
     assert (camera.t_shot_cam == 0).all()
     assert rotation_errors_deg(camera, scene.R_shot_cam).max() < 0.1
     assert camera.cross_check.two_view_deg < 0.3
+
+
+@pytest.mark.parametrize("kind", ["pan", "orbit"])
+def test_a_camera_goes_on_as_it_moved_where_a_fade_hides_what_it_sees(scene_of: Callable[..., Any], kind: str) -> None:
+    scene = scene_of(kind)
+    F = scene.points.end
+    camera = camera_from_points(without_transitions(scene.points, (6, F - 6)), (), scene.intrinsics)
+    hidden_by_deg = rotations.rotation_angle(scene.R_shot_cam[0].T @ scene.R_shot_cam[6]) * 180 / np.pi
+    assert hidden_by_deg > 2
+    assert rotation_errors_deg(camera, scene.R_shot_cam)[[-6, -1]].max() < 0.3 * hidden_by_deg
+    if kind == "orbit":
+        assert position_error(camera, scene.t_shot_cam) < 0.1
+
+
+def test_a_camera_that_had_stopped_before_a_fade_stays(scene_of: Callable[..., Any]) -> None:
+    scene = scene_of("pan")
+    stopped = scene.points.frame < 40  # the picture stands still then, and nothing is recorded until the last frame
+    part = replace(scene.points, **{
+        name: getattr(scene.points, name)[stopped] for name in ("track", "frame", "xy", "confidence")
+    })  # fmt: skip
+    camera = camera_from_points(without_transitions(part, (0, 50)), (), scene.intrinsics)
+    assert np.abs(camera.R_shot_cam[-1] - camera.R_shot_cam[39]).max() < 1e-3
 
 
 @pytest.mark.parametrize("kind", ["dolly", "orbit", "forward", "hand-held"])

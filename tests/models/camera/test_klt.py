@@ -106,3 +106,14 @@ def _turned(place: np.ndarray, angle: float, focal_px: float) -> np.ndarray:
     return np.asarray(
         cv2.warpPerspective(place, to_place, (WIDTH, HEIGHT), flags=cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP)
     )
+
+
+def test_points_are_looked_for_as_soon_as_a_fade_from_black_shows_something() -> None:
+    wide, pictures = texture(2), []
+    for k, light in enumerate(np.clip(np.arange(30) / 10, 0, 1)):
+        picture = cv2.convertScaleAbs(window(wide, 2.0 * k, 0), alpha=light)
+        picture[20:30, 20:30] = 60  # all that there is to be seen at first
+        pictures.append(picture)
+    points = klt_tracks(pictures, start=0, source_size=(WIDTH, HEIGHT))
+    lasting = np.intersect1d(points.track[points.frame == 8], points.track[points.frame == 29])
+    assert len(lasting) > 60, "not only once those few are lost"

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from humanmm.models.camera.masking import _near, background_points, without_transitions
+from humanmm.models.camera.masking import _near, background_points
 from humanmm.models.records.camera import PointTracks
 from humanmm.models.records.tracks import MASK_SIDE, PersonTrack, Silhouettes
 
@@ -63,17 +63,6 @@ def test_a_track_goes_on_under_a_new_number_after_a_person_passed() -> None:
 def test_an_empty_mask_stands_for_the_whole_box() -> None:
     someone = replace(person(list(range(5)), 200.0), masks=Silhouettes.pack(np.zeros((5, 128, 128))))
     assert len(background_points(points_at([(280.0, 140.0)], 5), [someone]).frame) == 0
-
-
-def test_frames_of_a_dissolve_carry_no_points() -> None:
-    points = points_at([(300.0, 200.0), (500.0, 100.0)], 20)
-    kept = without_transitions(points, (2, 15))
-    assert kept.frame.max() == 14 and kept.frame.min() == 2
-
-
-def test_a_shot_that_is_all_dissolve_keeps_its_points() -> None:
-    points = points_at([(300.0, 200.0)], 20)
-    assert without_transitions(points, (9, 9)) is points
 
 
 @pytest.mark.parametrize("radius", [1, 4, 17, 60])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from humanmm.models.camera.estimate import camera_from_points
-from humanmm.models.camera.shot_points import points_of_shot, within
+from humanmm.models.camera.shot_points import points_of_shot, within, without_transitions
 from humanmm.models.records.camera import Intrinsics, PointTracks
 from humanmm.models.records.shots import Shot
 
@@ -46,3 +46,15 @@ def test_points_on_what_is_burned_in_are_none_of_the_shots() -> None:
     outside = (scene.xy[:, 1] < 292.5) | (scene.xy[:, 1] > 407.5)  # half a window beside it
     np.testing.assert_array_equal(kept.xy, scene.xy[outside])
     assert 0 < len(kept.frame) < len(scene.frame)
+
+
+def test_frames_of_a_transition_carry_no_points_and_the_clear_ones_beside_them_do() -> None:
+    scene = tracks([0, 1, 5, 12, 19], 20)  # the picture stood still before 5, 12 and 19
+    kept = without_transitions(scene, (2, 15))
+    assert (kept.start, kept.end) == (0, 20)
+    assert sorted(set(kept.frame.tolist())) == [2, 5, 12, 14]
+
+
+def test_a_shot_that_is_all_transition_keeps_its_points() -> None:
+    scene = tracks(list(range(20)), 20)
+    assert without_transitions(scene, (9, 9)) is scene

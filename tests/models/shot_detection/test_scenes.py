@@ -69,10 +69,11 @@ def test_a_dissolve_is_one_transition_with_its_first_and_last_frame(length: int)
 def test_a_fade_through_black_or_white_is_one_transition(level: int) -> None:
     plain = [np.full((HEIGHT, WIDTH, 3), level, np.uint8)] * 30
     film = dissolved(dissolved(Place(1).still(50), plain[:24], 10), Place(2).still(50), 10)
-    ((kind, start, end),) = changes(find_scenes(film, at_25_hz(film)))
-    assert kind == "fade"
-    assert abs(start - 40) <= 2
-    assert abs(end - 64) <= 2
+    (fade,) = find_scenes(film, at_25_hz(film)).transitions
+    assert fade.type == "fade"
+    assert abs(fade.start - 40) <= 2
+    assert abs(fade.end - 64) <= 2
+    assert abs(fade.clear_until - 45) <= 1 and abs(fade.clear_from - 59) <= 1, "as long as half the light is left"
 
 
 def test_a_shaking_camera_makes_no_cut() -> None:

@@ -112,6 +112,14 @@ def test_a_shot_between_two_long_dissolves_may_have_no_frame_outside_transitions
     assert shot.clear == (33, 36)
 
 
+def test_of_a_fade_the_frames_with_half_their_light_are_evidence() -> None:
+    fade = Transition("fade", 20, 34, "scene", dim=(23, 32))  # ever darker from 20, black from 26 to 29
+    first = Shot(0, 0, 27, 0, None, (), fade)
+    second = Shot(1, 27, 60, 1, fade, ())
+    assert (first.outside_transitions, second.outside_transitions) == ((0, 20), (34, 60))
+    assert (first.clear, second.clear) == ((0, 23), (32, 60))
+
+
 def test_a_cut_that_people_show_and_the_user_removes_is_gone_and_one_that_nobody_shows_does_not_fit() -> None:
     colours = Transition("cut", 30, 30, "scene")
     people = Transition("cut", 45, 45, "bbox")
