@@ -44,6 +44,9 @@ _DIM = 0.35
 """Two blends that meet in a picture of less than this fraction of the contrast around them are one fade."""
 _MEETING = 2
 """Frames that may lie between two blends that belong together."""
+_DIP, _DIP_S, _LEAST_RAMP = 0.25, 1.0, 3
+"""A dip is a fade if it leaves less than this part of the contrast that there is within so many seconds on either side,
+over so many frames at least."""
 _FADE_S = 2.0
 """Longest fade-out or fade-in, seconds."""
 DISSOLVE_S = 2.0
@@ -207,6 +210,31 @@ def uniform_runs(uniform: Sequence[bool]) -> list[Interval]:
     """Runs of uniform pictures that touch neither end of the video."""
     runs = runs_of_true(np.asarray(uniform, bool))
     return [run for run in runs if run.start > 0 and run.end < len(uniform)]
+
+
+def dips(contrast: Sequence[float], time_s: np.ndarray) -> list[Interval]:
+    """Fades in which no picture is uniform, as short ones may be: the contrast falls evenly for some frames, to next to
+    nothing, and rises again."""
+    values = np.asarray(contrast)
+    found = []
+    for run in runs_of_true(_is_dim(values, time_s)):
+        if run.start == 0 or run.end == len(values):
+            continue
+        whole = fade_around(contrast, run, time_s)
+        sides = values[whole.start : run.start][::-1], values[run.end : whole.end]
+        if all(len(side) >= _LEAST_RAMP and (np.diff(side) > 0).all() for side in sides):
+            found.append(whole)
+    return found
+
+
+def _is_dim(contrast: np.ndarray, time_s: np.ndarray) -> np.ndarray:
+    """(F,) bool: less than _DIP of what the contrast reaches within _DIP_S before, and within as much after."""
+    before, after = (np.searchsorted(time_s, time_s + by_s) for by_s in (-_DIP_S, _DIP_S))
+    reached = [
+        min(contrast[first : k + 1].max(), contrast[k:last].max(initial=0.0))
+        for k, (first, last) in enumerate(zip(before, after, strict=True))
+    ]
+    return np.asarray(contrast < _DIP * np.array(reached))
 
 
 def fade_around(contrast: Sequence[float], run: Interval, time_s: np.ndarray) -> Interval:

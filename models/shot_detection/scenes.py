@@ -18,6 +18,7 @@ from humanmm.models.shot_detection.burned_in import burned_into
 from humanmm.models.shot_detection.corrected_cuts import corrected_scenes
 from humanmm.models.shot_detection.gradual import (
     DISSOLVE_S,
+    dips,
     dissolves,
     fade_around,
     meeting_blends,
@@ -63,6 +64,7 @@ class SceneDetector:
         self._suspected: list[int] = []
         self._dissolves: list[Interval] = []
         self._flickers: list[Interval] = []
+        self._dips: list[Interval] = []
         self._decided = 0
         self._sampled = sampled_every(time_s, max(_SAMPLE_S, float(time_s[-1] - time_s[0]) / _MOST_SAMPLES))
         self.samples: dict[int, np.ndarray] = {}
@@ -89,7 +91,9 @@ class SceneDetector:
         ]
         blends, dim = meeting_blends(contrast, self._dissolves)
         # fades that touch are one: black, a flicker of grey, black
-        transitions = _without_overlap(self._cuts, blends, [self._fade(whole) for whole in merged([*fades, *dim])])
+        transitions = _without_overlap(
+            self._cuts, blends, [self._fade(whole) for whole in merged([*fades, *self._dips, *dim])]
+        )
         suspected = tuple(f for f in self._suspected if not any(t.start <= f <= t.end for t in transitions))
         return Scenes(self._window.end, transitions, suspected=suspected)
 
@@ -108,6 +112,12 @@ class SceneDetector:
             is_short = elapsed_s(window.time_s, run.start, run.end) <= _FLICKER_S
             if begin <= run.end < until and is_short and self._same_place(run):
                 self._flickers.append(run)
+        first = window.first
+        for dip in dips(window.contrast[first:], window.time_s[first : window.end]):
+            fade = Interval(first + dip.start, first + dip.end)
+            is_here = begin <= (fade.start + fade.end) // 2 < until
+            if is_here and not any(window.uniform[fade.start : fade.end]) and not self._same_place(fade):
+                self._dips.append(fade)
         self._decided = until
         window.forget_before(until - self._margin)
 

@@ -7,6 +7,7 @@ from places import HEIGHT, WIDTH, Place
 
 from humanmm.models.geometry.intervals import Interval
 from humanmm.models.shot_detection.gradual import (
+    dips,
     explained_detail,
     fade_around,
     lost_detail,
@@ -107,3 +108,25 @@ def test_the_middle_of_a_sweep_is_no_blend_of_its_ends() -> None:
         window.append(cv2.blur(place.picture(0, offset=(10.0 * frame, 0)), blur))
     assert lost_detail(window, 0, 4) > 0.3
     assert explained_detail(window, 0, 4) < 0.4
+
+
+def dipped(pictures: list[np.ndarray], middle: int, num_frames: int) -> list[np.ndarray]:
+    """Darkened towards two frames in the middle, which keep a little of their light."""
+    light = [np.clip(0.1 + 0.9 * abs(k + 0.5 - middle) / num_frames, 0, 1) for k in range(len(pictures))]
+    return [(picture * one).astype(np.uint8) for picture, one in zip(pictures, light, strict=True)]
+
+
+def test_a_fade_of_a_camera_that_turns_may_be_too_short_for_a_black_frame() -> None:
+    places = [Place(1)] * 40 + [Place(2)] * 40
+    film = dipped([place.picture(k, (8.0 * k, 0)) for k, place in enumerate(places)], 40, 6)
+    ((kind, start, end),) = changes(film, np.arange(80) / 30)
+    assert kind == "fade" and abs(start - 34) <= 2 and abs(end - 46) <= 2
+
+
+def test_the_contrast_that_falls_at_once_is_no_fade() -> None:
+    contrast = np.full(60, 50.0)
+    contrast[30:33] = 5.0
+    assert dips(contrast.tolist(), np.arange(60) / 30) == []
+    contrast[24:30], contrast[33:39] = np.linspace(45, 10, 6), np.linspace(10, 45, 6)
+    ((start, end),) = dips(contrast.tolist(), np.arange(60) / 30)
+    assert start <= 25 and end >= 38
