@@ -127,8 +127,6 @@ class Intrinsics:
     distortion: float = 0.0
     """How the lens bends straight lines (`geometry.intrinsics.straightened`); 0 of a pinhole camera, which a lens is
     taken for unless its points clearly say otherwise. `focal_px` is that of the middle of the picture."""
-    distortion_std: float = 0.0
-    """Standard deviation of it, where it is not 0."""
 
     def of_shot(self, start: int, end: int) -> "Intrinsics":
         """Those of the shot [start, end)."""

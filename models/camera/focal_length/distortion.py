@@ -18,8 +18,8 @@ from humanmm.models.camera.self_calibration import correlation
 
 UNTOLD, LEAST_STD = 3.0, 0.004
 """What points say of their own error is so many times too little, and never below LEAST_STD. Of 37 shots of development
-clips without distortion half are off by 2.1 of the deviations that their points state, nine of ten by 5.5, nearly all
-of them upwards: trackers creep."""
+clips without distortion half are off by more than 2.1 of the deviations that their points state, one of ten by more
+than 5.5, nearly all of them upwards."""
 CLEAR = 2.3
 """Barrel distortion is believed from so many standard deviations on; the opposite, which lenses of video seldom have,
 never."""

@@ -163,7 +163,7 @@ def intrinsics_from_background(
     distortion = 0.0
     for _ in range(DISTORTION_ROUNDS):
         distortion = max(distortion + left, MOST)
-        found = _of_lens(seen, default, width, height, distortion=distortion, progress=progress)
+        found = _of_lens(seen, default, width, height, distortion=distortion)
         left, std = together(found.left)
         if abs(left) < SETTLED:
             break
@@ -172,10 +172,10 @@ def intrinsics_from_background(
     corner_px = -distortion * math.hypot(width, height) / 2
     warning = (
         f"the lens bends straight lines (barrel distortion {distortion:.3f} ± {std:.3f}: {corner_px:.0f} px at the "
-        "corners): cameras allow for it, people are placed as if it did not; remove it from the video for more"
+        "corners): cameras allow for it, people are placed as if it did not (docs/wrong.md: how to straighten a video)"
     )
     result = found.intrinsics
-    return replace(result, distortion_std=std, warnings=(*result.warnings, warning))
+    return replace(result, warnings=(*result.warnings, warning))
 
 
 @dataclass(frozen=True)
@@ -194,7 +194,7 @@ def _of_lens(
     height: int,
     *,
     distortion: float,
-    progress: Progress,
+    progress: Progress = silent,
 ) -> _OfLens:
     """The focal lengths of all shots if the video's lens has this distortion."""
     edges = _edges_of(seen, default, width, height, distortion)

