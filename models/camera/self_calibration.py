@@ -33,9 +33,7 @@ class FocalTrack:
 def with_own_focal(track: Track, freedom: Freedom) -> FocalTrack:
     """The track with the focal length that fits its points best: Newton steps on the focal, all else adjusted after
     each."""
-    fixed = np.zeros(len(track.keyframes), bool)
-    fixed[0] = True
-    solution, observations = track.adjusted, track.observations
+    solution, observations, fixed = track.adjusted, track.observations, track.held
     sigma = float("inf")
     reach = MAX_STEP
     for _ in range(MAX_STEPS):

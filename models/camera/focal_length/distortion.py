@@ -9,8 +9,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from humanmm.models.camera.model_choice import MOVING, ROTATING, ZOOMING, ModelChoice
 from humanmm.models.camera.odometry.bundle import lens_step
 from humanmm.models.camera.odometry.tracked_shot import TrackedShot
@@ -52,13 +50,11 @@ def distortion_evidence(shot: TrackedShot, choice: ModelChoice) -> DistortionEvi
     if calibrated is None or not math.isfinite(calibrated.log_focal_sigma):
         return None
     track = calibrated.track
-    fixed = np.zeros(len(track.keyframes), bool)
-    fixed[0] = True
     xy = track.observations.xy
     # Of x_d = x (1 + distortion ρ²), what a lens shows of a direction that it is not bent at yet.
     bent = xy * ((xy**2).sum(axis=1, keepdims=True) / (0.5 * shot.diagonal_px) ** 2)
     step, covariance = lens_step(
-        track.adjusted, track.observations, fixed=fixed, freedom=freedom, beside=bent[..., None]
+        track.adjusted, track.observations, fixed=track.held, freedom=freedom, beside=bent[..., None]
     )
     std = math.hypot(UNTOLD * math.sqrt(covariance[1, 1]) * correlation(track.observations), LEAST_STD)
     return DistortionEvidence(float(step[1]), std, float(covariance[0, 1] / covariance[1, 1]))

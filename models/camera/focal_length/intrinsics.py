@@ -12,7 +12,7 @@ the rest away.
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -154,16 +154,15 @@ def intrinsics_from_background(
 
     `key_frames` and `filmed`: as in `intrinsics_of_shots`.
     """
-    default = default_focal_px(*(filmed or (width, height)))
-    seen = _seen_shots(shots, key_frames)
-    pinhole = found = _of_lens(seen, default, width, height, distortion=0.0, progress=progress)
-    left, std = together(found.left)
+    video = _Seen.of(shots, key_frames, default_focal_px(*(filmed or (width, height))), width, height)
+    pinhole = found = _of_lens(video, 0.0, progress=progress)
+    left, std = together(pinhole.left)
     if left + CLEAR * std > 0:
         return pinhole.intrinsics
     distortion = 0.0
     for _ in range(DISTORTION_ROUNDS):
         distortion = max(distortion + left, MOST)
-        found = _of_lens(seen, default, width, height, distortion=distortion)
+        found = _of_lens(video, distortion)
         left, std = together(found.left)
         if abs(left) < SETTLED:
             break
@@ -187,32 +186,24 @@ class _OfLens:
     """Of the shots' points, once it is taken out of them."""
 
 
-def _of_lens(
-    seen: Sequence["_SeenShot"],
-    default: float,
-    width: int,
-    height: int,
-    *,
-    distortion: float,
-    progress: Progress = silent,
-) -> _OfLens:
+def _of_lens(video: "_Seen", distortion: float, *, progress: Progress = silent) -> _OfLens:
     """The focal lengths of all shots if the video's lens has this distortion."""
-    edges = _edges_of(seen, default, width, height, distortion)
-    evidence: list[list[Evidence]] = [[one for one in edges if shot.start <= one.frame < shot.end] for shot in seen]
+    default, width, height = video.default_px, video.width, video.height
+    edges = _edges_of(video, distortion)
+    evidence: list[list[Evidence]] = [
+        [one for one in edges if shot.start <= one.frame < shot.end] for shot in video.shots
+    ]
     chosen: list[tuple[TrackedShot, ModelChoice]] = []
     from_points: list[tuple[int, FocalEvidence | None, DistortionEvidence | None]] = []
-    tracked = [(k, shot.points) for k, shot in enumerate(seen) if shot.points is not None]
-    longest = sorted(tracked, key=lambda shot: -len(shot[1].points.frame))[:MAX_SHOTS]
-    for done, (k, points) in enumerate(longest):
-        progress(done, len(longest))
-        beginning = _beginning(points.points)
-        background = arrange(background_points(beginning, points.people), width, height, distortion=distortion)
+    for done, (k, points, whole) in enumerate(video.tracked):
+        progress(done, len(video.tracked))
+        background = arrange(points, width, height, distortion=distortion)
         if background.num_images < 3 or float(np.median(np.diff(background.begins))) < MIN_POINTS:
             continue
         known = [found for _, found, _ in from_points if found is not None]
         guess = combine([*(one for of_shot in evidence for one in of_shot), *known], default, width, height)
         choice = choose_model(background, guess, calibrate=True)
-        if beginning is points.points:
+        if whole:
             chosen.append((background, choice))
         from_points.append((k, focal_evidence(background, choice), distortion_evidence(background, choice)))
     left = [bent for _, _, bent in from_points if bent is not None]
@@ -221,7 +212,7 @@ def _of_lens(
         if found is not None:
             of_lens = bent.log_focal_std(std) if bent is not None else 0.0
             evidence[k].append(replace(found, log_sigma=math.hypot(found.log_sigma, of_lens)))
-    result = _with_lenses(seen, evidence, default, width, height, distortion)
+    result = _with_lenses(video, evidence, distortion)
     models = tuple(
         ChosenModel(shot.start, shot.end, model)
         for shot, choice in chosen
@@ -240,6 +231,41 @@ class _SeenShot:
     key_frames: Sequence[FrameFeatures]
 
 
+@dataclass(frozen=True)
+class _Seen:
+    """What is seen of the background of a video, whatever its lens."""
+
+    shots: Sequence[_SeenShot]
+    tracked: Sequence[tuple[int, PointTracks, bool]]
+    """Of the shots with most points their number, the points on nobody in their beginning, and whether that is all."""
+    enlarged: Mapping[int, float]
+    """By shot, how many times as long as that of the shot before its focal length is."""
+    default_px: float
+    width: int
+    height: int
+
+    @classmethod
+    def of(
+        cls,
+        shots: Sequence[ShotPoints],
+        key_frames: Sequence[Sequence[FrameFeatures]],
+        default_px: float,
+        width: int,
+        height: int,
+    ) -> "_Seen":
+        seen, tracked = _seen_shots(shots, key_frames), []
+        with_points = [(k, shot.points) for k, shot in enumerate(seen) if shot.points is not None]
+        for k, shot in sorted(with_points, key=lambda shot: -len(shot[1].points.frame))[:MAX_SHOTS]:
+            beginning = _beginning(shot.points)
+            tracked.append((k, background_points(beginning, shot.people), beginning is shot.points))
+        enlarged = {
+            k: ratio
+            for k in range(1, len(seen))
+            if (ratio := enlargement(seen[k - 1].key_frames, seen[k].key_frames, max(width, height))) is not None
+        }
+        return cls(seen, tracked, enlarged, default_px, width, height)
+
+
 def _seen_shots(shots: Sequence[ShotPoints], key_frames: Sequence[Sequence[FrameFeatures]]) -> list[_SeenShot]:
     """In order of time; a shot without points reaches from its first to its last key frame."""
     seen = [_SeenShot(shot.points.start, shot.points.end, shot, ()) for shot in shots]
@@ -255,13 +281,12 @@ def _seen_shots(shots: Sequence[ShotPoints], key_frames: Sequence[Sequence[Frame
     return sorted(seen, key=lambda shot: shot.start)
 
 
-def _edges_of(
-    seen: Sequence[_SeenShot], default: float, width: int, height: int, distortion: float
-) -> tuple[EdgeEvidence, ...]:
+def _edges_of(video: _Seen, distortion: float) -> tuple[EdgeEvidence, ...]:
     """What straight edges say in the middle key frames of the shots that show the longest."""
+    default, width, height = video.default_px, video.width, video.height
     middle = [
         shot.key_frames[len(shot.key_frames) // 2].straightened(distortion, width, height)
-        for shot in seen
+        for shot in video.shots
         if shot.key_frames
     ]
     length = [float(np.linalg.norm(f.segments[:, 2:] - f.segments[:, :2], axis=1).sum()) for f in middle]
@@ -273,21 +298,10 @@ def _edges_of(
     )
 
 
-def _with_lenses(
-    seen: Sequence[_SeenShot],
-    evidence: Sequence[Sequence[Evidence]],
-    default: float,
-    width: int,
-    height: int,
-    distortion: float,
-) -> Intrinsics:
+def _with_lenses(video: _Seen, evidence: Sequence[Sequence[Evidence]], distortion: float) -> Intrinsics:
     """The focal length that most shots share, and the lenses of those that do not."""
-    enlarged = {
-        k: ratio
-        for k in range(1, len(seen))
-        if (ratio := enlargement(seen[k - 1].key_frames, seen[k].key_frames, max(width, height))) is not None
-    }
-    groups = groups_of(evidence, enlarged, [shot.end - shot.start for shot in seen])
+    seen, default, width, height = video.shots, video.default_px, video.width, video.height
+    groups = groups_of(evidence, video.enlarged, [shot.end - shot.start for shot in seen])
     own = with_own_lens(groups, default)
     shared = combine([one for group in groups if group not in own for one in group.evidence], default, width, height)
     lenses, warnings = [], list(shared.warnings)

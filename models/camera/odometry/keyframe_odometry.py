@@ -54,6 +54,11 @@ class Track:
     """All keyframe sightings of points seen from two keyframes, outliers included."""
 
     @property
+    def held(self) -> Bool[np.ndarray, " k"]:
+        """The first keyframe, whose pose and zoom an adjustment of the track keeps."""
+        return np.asarray(np.arange(len(self.keyframes)) == 0)
+
+    @property
     def error_px(self) -> float:
         """Median reprojection error over all lasting points (if there are any), whether the map was fitted to them or
         not.

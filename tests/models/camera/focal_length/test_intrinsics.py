@@ -10,6 +10,7 @@ import pytest
 from room_edges import camera_towards, edges_of_a_room, seen_by
 
 from humanmm.models.camera.background.keyframes import FrameFeatures
+from humanmm.models.camera.focal_length import distortion
 from humanmm.models.camera.focal_length.intrinsics import (
     MAX_PICTURES,
     ShotPoints,
@@ -113,7 +114,10 @@ def test_a_zoom_makes_the_focal_length_uncertain_not_wrong(scene_of: Callable[..
     assert found.focal_px == pytest.approx(scene.intrinsics.focal_px, rel=0.15)
 
 
-def test_a_path_that_fits_its_points_badly_says_less_than_their_number_promises(scene_of: Callable[..., Any]) -> None:
+def test_a_path_that_fits_its_points_badly_says_less_than_their_number_promises(
+    scene_of: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(distortion, "USUAL_STD", 1e-9)  # of the points alone: what lenses may bend comes to it
     scene, noise = scene_of("orbit"), np.random.default_rng(0)
     width, height = scene.intrinsics.width, scene.intrinsics.height
     fits, rough = 0.2, 5 * EXACT_FRACTION * np.hypot(width, height)
@@ -122,7 +126,7 @@ def test_a_path_that_fits_its_points_badly_says_less_than_their_number_promises(
         xy = scene.points.xy + noise.normal(0, sigma_px, scene.points.xy.shape)
         points = replace(scene.points, xy=xy.astype(np.float32))
         stated.append(intrinsics_from_background([ShotPoints(points, ())], width, height).relative_uncertainty)
-    assert stated[0] < 0.08 and stated[1] > 0.2  # by its number of points alone the second would be known to 0.06
+    assert stated[0] < 0.06 and stated[1] > 0.2  # by its number of points alone the second would be known to 0.06
 
 
 def wall_pictures(focal_px: float, headings_deg: Sequence[float]) -> list[FrameFeatures]:
