@@ -5,6 +5,9 @@ from jaxtyping import Float
 
 Array = np.ndarray
 
+_GRID = 10
+"""Points along a side of a box."""
+
 
 def box_iou(a: Float[Array, "*#n 4"], b: Float[Array, "*#n 4"]) -> Float[Array, "*n"]:
     """Intersection over union of boxes xyxy, 0 to 1; 0 where neither holds anything.
@@ -15,6 +18,15 @@ def box_iou(a: Float[Array, "*#n 4"], b: Float[Array, "*#n 4"]) -> Float[Array, 
     shared = box_area(np.concatenate([np.maximum(a[..., :2], b[..., :2]), np.minimum(a[..., 2:], b[..., 2:])], axis=-1))
     union = box_area(a) + box_area(b) - shared
     return np.asarray(shared / np.maximum(union, np.finfo(float).tiny))
+
+
+def covered(boxes: Float[Array, "n 4"], others: Float[Array, "m 4"]) -> Float[Array, " n"]:
+    """The part 0 to 1 of each box that lies in any of the others, from a grid of points in it."""
+    across = (np.arange(_GRID) + 0.5) / _GRID
+    at = np.stack(np.meshgrid(across, across), axis=-1).reshape(-1, 1, 2)
+    points = boxes[:, :2] + at * (boxes[:, 2:] - boxes[:, :2])  # (points, n, 2)
+    within = (points[:, :, None] >= others[:, :2]) & (points[:, :, None] <= others[:, 2:])
+    return np.asarray(within.all(axis=-1).any(axis=-1).mean(axis=0))
 
 
 def box_area(xyxy: Float[Array, "*n 4"]) -> Float[Array, "*n"]:

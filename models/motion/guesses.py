@@ -4,7 +4,7 @@ The uncertainty of the focal length is that of its estimate (`camera.intrinsics`
 (`HEIGHT_ERROR`).
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -12,7 +12,7 @@ from jaxtyping import Float
 from humanmm.models.body.body24 import load_body
 from humanmm.models.motion.assemble import world_joints
 from humanmm.models.motion.refine.refine import FEWEST_STANDING, sole_heights
-from humanmm.models.records.motion import WorldMotion
+from humanmm.models.records.motion import PersonMotion, WorldMotion
 from humanmm.models.records.recording import CONTACT_JOINTS, Guesses, IdentityGuess
 from humanmm.models.records.shots import ShotList
 from humanmm.models.records.tracks import ScenePeople
@@ -32,7 +32,8 @@ def guesses_of(
 
     `scenes`: what the detector saw, one a scene, None where it failed.
     """
-    soles = standing_soles(aligned)
+    witnesses = shot_list.witnesses(person.person for person in aligned.people)
+    soles = standing_soles([person for person in aligned.people if person.person in witnesses])
     low, high = np.percentile(soles, (16, 84)) if len(soles) >= FEWEST_STANDING else (np.nan, np.nan)
     return Guesses(
         floor_m=float(high - low) / 2,
@@ -41,10 +42,10 @@ def guesses_of(
     )
 
 
-def standing_soles(world: WorldMotion) -> Float[Array, " n"]:
+def standing_soles(people: Iterable[PersonMotion]) -> Float[Array, " n"]:
     """Heights above z = 0 of all observed soles that stand near the floor, metres."""
     body, found = load_body(), [np.zeros(0)]
-    for person in world.people:
+    for person in people:
         joints = world_joints(person, body.rest_joints(person.betas))
         heights = joints[:, list(CONTACT_JOINTS), 2] - sole_heights(body, person.betas)
         found.append(heights[(person.contacts >= STANDING) & person.observed[:, None]])

@@ -1,7 +1,7 @@
 """Where one shot ends and the next begins, and who is who across the cut."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -178,6 +178,8 @@ class Person:
 
     height_known: bool = False
     """Whether the user gave his height."""
+    inset: bool = False
+    """Whether he is seen in a picture within the picture alone: what is shown there was filmed somewhere else."""
 
     @property
     def doubtful(self) -> bool:
@@ -228,6 +230,13 @@ class ShotList:
     left_out: tuple[LeftOut, ...] = ()
     unfollowed: tuple[Unfollowed, ...] = ()
     """Likeliest first."""
+
+    def witnesses(self, people: Iterable[int]) -> frozenset[int]:
+        """Of these people (numbers) those by whom cameras and floor are judged: who is certainly a person; where nobody
+        is, who was filmed by the video's camera; else all."""
+        numbers = frozenset(people)
+        doubtful = {person.person for person in self.people if person.doubtful}
+        return numbers - doubtful or numbers - {person.person for person in self.people if person.inset} or numbers
 
     def filmed_size(self, width: int, height: int) -> tuple[float, float]:
         """The largest of all shots."""

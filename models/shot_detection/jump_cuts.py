@@ -8,11 +8,15 @@ no higher than letters and changes where nothing moves on either side is a subti
 """
 
 import itertools
+import math
 from collections.abc import Collection, Iterator
+from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Bool, UInt8
 
 from humanmm.models.shot_detection.picture_window import PictureWindow
+from humanmm.models.shot_detection.similarity import MotionMeter
 
 STANDS_OUT = 2.0
 """Geometric mean of how many times both numbers are as large as the largest on either side. In nine real clips and 52
@@ -37,44 +41,69 @@ LIGHT_STEP, LIT = 8.0, 0.25
 changed, not the time."""
 
 
-def jumps(window: PictureWindow, begin: int, until: int, known: Collection[int]) -> Iterator[tuple[int, bool]]:
-    """Frames of [begin, until) at which time may have been left out, and whether that is certain (a jump cut).
+@dataclass(frozen=True, eq=False)
+class Jump:
+    """A frame before which time may have been left out."""
+
+    frame: int
+    outstanding: float
+    """How many times as large as around it both numbers are (geometric mean)."""
+    unmatched: float
+    """Part of the picture that stays unmatched, 0..1."""
+    pictures: tuple[UInt8[np.ndarray, "height width"], UInt8[np.ndarray, "height width"]]
+    """The frame before, and this one, small and grey."""
+
+    @property
+    def certain(self) -> bool:
+        """Whether it is a jump cut."""
+        return self.outstanding >= STANDS_OUT
+
+    def is_within(self, drawn: Bool[np.ndarray, "height width"]) -> bool:
+        """Whether it is seen in what is drawn over the film alone: a cut of another video that is shown there."""
+        outside = MotionMeter()(*self.pictures, ~drawn).unmatched
+        return self.outstanding * math.sqrt(min(1.0, outside / self.unmatched)) < SUSPECTED
+
+
+def jumps(window: PictureWindow, begin: int, until: int, known: Collection[int]) -> Iterator[Jump]:
+    """Frames of [begin, until) at which time may have been left out.
 
     `known`: frames that begin a shot otherwise. The pictures of AROUND frames on both sides must be in the window (as
     far as the video has them).
     """
     for frame in range(max(begin, 1), until):
-        if frame not in known and (outstanding := _outstanding(window, frame, known)) >= SUSPECTED:
-            yield frame, outstanding >= STANDS_OUT
+        if frame not in known and (jump := _jump(window, frame, known)) is not None:
+            yield jump
 
 
-def _outstanding(window: PictureWindow, frame: int, known: Collection[int]) -> float:
-    """How many times as large as around it both numbers are (geometric mean); 0 where it is below SUSPECTED, or where
-    place or light explain it."""
+def _jump(window: PictureWindow, frame: int, known: Collection[int]) -> Jump | None:
+    """None where what stands out is less than SUSPECTED times as large as around it, or where place or light explain
+    it."""
     before = _side(range(frame - 1, max(window.first, frame - 1 - AROUND), -1), known)
     after = _side(range(frame + 1, min(window.end, frame + 1 + AROUND)), known)
     if min(len(before), len(after)) < FEWEST:
-        return 0.0
+        return None
     around = [*before, *after]
     usual_s = float(np.median([window.elapsed_s(t - 1, t) for t in around]))
     repeated_s = min(window.unseen_s(frame), LONGEST_STALL * usual_s)
     late = max(1.0, window.elapsed_s(frame - 1, frame) / usual_s, repeated_s / usual_s)
     larger = window.change[frame] / max(LEAST_CHANGE, late * max(window.change[t] for t in around))
     if larger < LEAST_JUMP:
-        return 0.0
+        return None
     motion = window.motion(frame - 1, frame)
     if motion.match < SAME_PLACE:
-        return 0.0
+        return None
     usual, enough = LEAST_UNMATCHED, motion.unmatched * larger / SUSPECTED**2
     for t in around:
         if usual > enough:  # most frames need the motion of few others
-            return 0.0
+            return None
         usual = max(usual, late * window.motion(t - 1, t).unmatched)
     moving = window.moving(around)
     filmed = moving | window.replaced(frame, ~moving, LETTERS)
     unmatched = min(motion.unmatched, window.unmatched(frame, filmed))
-    found = float(np.sqrt(larger * unmatched / usual))
-    return found if found >= SUSPECTED and not _light_changes(window, frame) else 0.0
+    outstanding = math.sqrt(larger * unmatched / usual)
+    if outstanding < SUSPECTED or _light_changes(window, frame):
+        return None
+    return Jump(frame, outstanding, unmatched, window.pair(frame))
 
 
 def _side(frames: range, known: Collection[int]) -> list[int]:

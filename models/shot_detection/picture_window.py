@@ -104,6 +104,10 @@ class PictureWindow:
         """(THUMB_H · THUMB_W,) float32 grey levels of a thumbnail."""
         return self.thumbs[frame - self.first].reshape(-1, 3) @ _BGR_TO_LUMA
 
+    def pair(self, frame: int) -> tuple[np.ndarray, np.ndarray]:
+        """(h,w) uint8 grey pictures of the frame before one, and of it."""
+        return self.gray[frame - 1 - self.first], self.gray[frame - self.first]
+
     def frozen(self, frame: int) -> bool:
         """Whether a frame repeats the one before it."""
         return self.change[frame] < _FROZEN
@@ -122,17 +126,17 @@ class PictureWindow:
 
     def unmatched(self, frame: int, where: np.ndarray) -> float:
         """Fraction 0..1 of the picture whose texture changed, motion undone, and that lies in a part (h,w) of it."""
-        return self._meter(self.gray[frame - 1 - self.first], self.gray[frame - self.first], where).unmatched
+        return self._meter(*self.pair(frame), where).unmatched
 
     def moving(self, frames: Iterable[int]) -> np.ndarray:
         """(h,w) bool: where one of these frames differs from the one before it."""
-        of_steps = (cv2.absdiff(self.gray[t - 1 - self.first], self.gray[t - self.first]) for t in frames)
+        of_steps = (cv2.absdiff(*self.pair(t)) for t in frames)
         return np.asarray(np.any([cv2.blur(step, (WINDOW_PX, WINDOW_PX)) > _NOISE for step in of_steps], axis=0))
 
     def replaced(self, frame: int, where: np.ndarray, least_height: float) -> np.ndarray:
         """(h,w) bool: the pieces of a part (h,w) in which a frame differs from the one before it, of those that are at
         least so high (fraction of the picture's height)."""
-        step = cv2.absdiff(self.gray[frame - 1 - self.first], self.gray[frame - self.first])
+        step = cv2.absdiff(*self.pair(frame))
         changed = where & (cv2.blur(step, (WINDOW_PX, WINDOW_PX)) > _REPLACED)
         _, pieces, stats, _ = cv2.connectedComponentsWithStats(changed.astype(np.uint8))
         high = stats[:, cv2.CC_STAT_HEIGHT] >= least_height * len(step)

@@ -6,6 +6,7 @@ verified by `hard_cuts`; `jump_cuts` finds those of a camera that stays where it
 `gradual`.
 """
 
+import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
@@ -13,7 +14,7 @@ import numpy as np
 
 from humanmm.corrections import NONE, Corrections
 from humanmm.models.geometry.intervals import Interval, merged
-from humanmm.models.records.shots import BRIGHT, Scenes, Transition
+from humanmm.models.records.shots import BRIGHT, Box, Scenes, Transition
 from humanmm.models.shot_detection.burned_in import burned_into
 from humanmm.models.shot_detection.corrected_cuts import corrected_scenes
 from humanmm.models.shot_detection.gradual import (
@@ -26,7 +27,7 @@ from humanmm.models.shot_detection.gradual import (
     uniform_runs,
 )
 from humanmm.models.shot_detection.hard_cuts import REACH, hard_cuts
-from humanmm.models.shot_detection.jump_cuts import jumps
+from humanmm.models.shot_detection.jump_cuts import Jump, jumps
 from humanmm.models.shot_detection.picture_window import SIDE_PX, PictureWindow
 from humanmm.models.video.frame_times import elapsed_s, sampled_every
 from humanmm.models.video.frames import frames
@@ -61,11 +62,12 @@ class SceneDetector:
         self._margin = max(REACH, self._longest) + 8
         self._proposals: list[int] = []
         self._cuts: list[int] = []
-        self._suspected: list[int] = []
+        self._jumps: dict[int, Jump] = {}
         self._dissolves: list[Interval] = []
         self._flickers: list[Interval] = []
         self._dips: list[Interval] = []
         self._decided = 0
+        self._shape = (0, 0)
         self._sampled = sampled_every(time_s, max(_SAMPLE_S, float(time_s[-1] - time_s[0]) / _MOST_SAMPLES))
         self.samples: dict[int, np.ndarray] = {}
         """Some of the pictures, (h,w) uint8 each, by frame."""
@@ -73,6 +75,7 @@ class SceneDetector:
     def add(self, bgr: np.ndarray) -> None:
         """The next frame, (h,w,3) uint8, largest side `SIDE_PX`."""
         self._window.append(bgr)
+        self._shape = bgr.shape[:2]
         if self._sampled[self._window.end - 1]:
             self.samples[self._window.end - 1] = self._window.gray[-1]
         self._proposals += proposals(self._window.change)
@@ -94,8 +97,34 @@ class SceneDetector:
         transitions = _without_overlap(
             self._cuts, blends, [self._fade(whole) for whole in merged([*fades, *self._dips, *dim])]
         )
-        suspected = tuple(f for f in self._suspected if not any(t.start <= f <= t.end for t in transitions))
+        suspected = tuple(
+            jump.frame
+            for jump in self._jumps.values()
+            if not jump.certain and not any(t.start <= jump.frame <= t.end for t in transitions)
+        )
         return Scenes(self._window.end, transitions, suspected=suspected)
+
+    def filmed(self, width_px: int) -> Scenes:
+        """The same with what is drawn over every scene, in pixels of the video (`width_px` wide), and without the jump
+        cuts, and suspected ones, that are seen there alone."""
+        scenes = self.finish()
+        drawn = burned_into(self.samples, scenes, width_px)
+        within = self._jumps_in(itertools.chain(*drawn), width_px)
+        kept = tuple(one for one in scenes.transitions if one.start < one.end or one.start not in within)
+        if len(kept) < len(scenes.transitions):
+            drawn = burned_into(self.samples, replace(scenes, transitions=kept), width_px)
+        suspected = tuple(frame for frame in scenes.suspected if frame not in within)
+        return replace(scenes, transitions=kept, suspected=suspected, burned_in=drawn)
+
+    def _jumps_in(self, boxes: Iterable[Box], width_px: int) -> set[int]:
+        """The jump cuts that are seen in these boxes alone."""
+        if not self._jumps:
+            return set()
+        part = np.zeros(self._shape, bool)
+        for box in boxes:
+            x0, y0, x1, y1 = (round(value * part.shape[1] / width_px) for value in box)
+            part[y0:y1, x0:x1] = True
+        return {frame for frame, jump in self._jumps.items() if jump.is_within(part)}
 
     def _decide(self, until: int) -> None:
         """Settle everything in [decided, until); needs the pictures of `margin` frames on both sides."""
@@ -106,8 +135,9 @@ class SceneDetector:
         self._proposals = [p for p in self._proposals if p >= until]
         changes = [*self._cuts, *(s.end for s in self._dissolves if s.end <= begin)]
         self._cuts += hard_cuts(window, here, max(changes, default=0))
-        for frame, certain in jumps(window, begin, until, set(self._cuts)):
-            (self._cuts if certain else self._suspected).append(frame)
+        found_jumps = list(jumps(window, begin, until, set(self._cuts)))
+        self._jumps |= {jump.frame: jump for jump in found_jumps}
+        self._cuts += [jump.frame for jump in found_jumps if jump.certain]
         for run in uniform_runs(window.uniform):
             is_short = elapsed_s(window.time_s, run.start, run.end) <= _FLICKER_S
             if begin <= run.end < until and is_short and self._same_place(run):
@@ -162,8 +192,10 @@ def detect_scenes(video: Video, *, corrections: Corrections = NONE, progress: Pr
         for frame in decoded:
             detector.add(brightened(frame.image, gain))
             progress(frame.index + 1, facts.num_frames)
-    scenes = corrected_scenes(detector.finish(), corrections)
-    return replace(scenes, burned_in=burned_into(detector.samples, scenes, facts.width))
+    filmed = detector.filmed(facts.width)
+    scenes = corrected_scenes(filmed, corrections)
+    same = scenes.transitions == filmed.transitions
+    return replace(scenes, burned_in=filmed.burned_in if same else burned_into(detector.samples, scenes, facts.width))
 
 
 def find_scenes(pictures: Iterable[np.ndarray], time_s: np.ndarray) -> Scenes:

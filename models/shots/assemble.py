@@ -16,6 +16,7 @@ from humanmm.models.shot_detection.corrected_cuts import NEAR_FRAMES, removed
 from humanmm.models.shot_detection.people_cuts import Parts, split_scenes
 from humanmm.models.shots.corrected_people import corrected_people
 from humanmm.models.shots.identity import Cast, cast_of, matched_people
+from humanmm.models.shots.insets import without_insets
 from humanmm.models.shots.left_right_swaps import Sighting, left_right_swaps
 from humanmm.models.shots.tracking_failures import failed_frames
 from humanmm.models.video.frame_times import shown_s
@@ -46,7 +47,8 @@ def detect_shots(
     of them fit. Raises NoUsablePersonError when nobody, or not the wanted person, is in the video.
     """
     time_s = facts.time_s
-    transitions, notes = _corrected(scenes, split_scenes(scenes, people, time_s=time_s, parts=parts), corrections)
+    cuts = split_scenes(scenes, without_insets(people, scenes), time_s=time_s, parts=parts)
+    transitions, notes = _corrected(scenes, cuts, corrections)
     shots = _empty_shots(scenes, transitions)
     groups = matched_people(shots, people, time_s=time_s)
     candidates, of_people = corrected_people(groups, shots, people, corrections, time_s=time_s)
@@ -107,9 +109,12 @@ def _suspected_cuts(scenes: Scenes, shots: Sequence[Shot]) -> tuple[str, ...]:
 
 
 def _doubts(cast: Cast) -> tuple[str, ...]:
-    """A warning for everybody who may be nobody."""
+    """A warning for everybody who may be nobody, or was filmed somewhere else."""
     return tuple(
-        f"person {person.person} may be no person: the probability is {person.probability:.2f}"
+        f"person {person.person} is seen in a picture within the picture, which does not change at cuts: doubtful, "
+        f"he joins no shots; if he belongs to the film, `humanmm correct RUN main` says so"
+        if person.inset
+        else f"person {person.person} may be no person: the probability is {person.probability:.2f}"
         for person in cast.people
         if person.doubtful
     )

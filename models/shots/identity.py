@@ -24,12 +24,15 @@ from humanmm.models.perception.clothing import mean_colours
 from humanmm.models.records import landmarks
 from humanmm.models.records.shots import DOUBTFUL, Appearance, LeftOut, Person, Shot, TrackPart
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
+from humanmm.models.shots import insets
 from humanmm.models.shots.left_right_swaps import KnownSides
 from humanmm.models.video.frame_times import ROUNDING_S, shown_s
 
 SAME_POSE_M, POSE_SPREAD_M, POSE_LIMIT = 0.17, 0.22, 1.0
 NO_COLOURS = 1.5
 """Log-odds of one person where nobody's colours are known (keypoints without pictures): the pose alone parts nobody."""
+NEVER = -20.0
+"""Log-odds."""
 CUT_GAP_FRAMES = 3
 """A pose this many frames from a cut still counts as the pose at the cut."""
 POSE_FRAMES = 5
@@ -85,7 +88,9 @@ class Sighting:
     seen_s: float
     """How long those frames are shown."""
     log_odds: float
-    """Of being a person."""
+    """Of being a person who was filmed."""
+    inset: bool
+    """Seen in a picture within the picture."""
     bones: Float[np.ndarray, "frames 7"]
     """Lengths of confident frames, metres, as the pose network measures them."""
     parts: tuple[TrackPart, ...] = ()
@@ -137,6 +142,7 @@ def cast_of(people: Sequence[Candidate], num_shots: int, *, min_confidence: floa
             area,
             likelihood,
             height_known=p.given.height_m is not None,
+            inset=not p.given.main and all(s.inset for s in p.sightings),
         )
         for number, (likelihood, area, p) in enumerate(kept)
     )
@@ -160,6 +166,7 @@ def sighting(
     confident = inside[confidence >= np.median(confidence)]
     bones = bone_lengths(track.landmarks3d[confident].astype(np.float64))
     boxes = track.bbox[inside].astype(np.float64)
+    inset = insets.in_inset(boxes, shot.burned_in)
     return Sighting(
         shot=index,
         track=number,
@@ -170,7 +177,8 @@ def sighting(
         area=float((boxes[:, 2:] - boxes[:, :2]).prod(axis=1).sum()),
         num_frames=len(inside),
         seen_s=float(shown_s(time_s, track.frame[inside]).sum()),
-        log_odds=float(logit(np.clip(track.probability, 1e-4, 1 - 1e-4))),
+        log_odds=float(logit(np.clip(track.probability, 1e-4, insets.PROBABILITY if inset else 1 - 1e-4))),
+        inset=inset,
         bones=in_detector_convention(bones, lifted=track.lifted),
     )
 
@@ -215,7 +223,10 @@ def match(people: Sequence[Sequence[Sighting]], sightings: Sequence[Sighting]) -
 
 
 def same_person_odds(person: Sequence[Sighting], new: Sighting) -> float:
-    """Log-odds that a sighting shows a known person: best colours of any of the person's shots, pose at the cut."""
+    """Log-odds that a sighting shows a known person: best colours of any of the person's shots, pose at the cut.
+    Nobody leaves a picture within the picture."""
+    if new.inset != person[-1].inset:
+        return NEVER
     looks = [old.look for old in person if old.colours.any()]
     known = looks and new.colours.any()
     odds = max(same_look_odds(*look, *new.look) for look in looks) if known else NO_COLOURS

@@ -7,7 +7,7 @@ found again and locked by inverse kinematics. Cameras keep their rotations; thei
 origin alone.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -124,7 +124,7 @@ def refine_world(
         for person in world.people
         if person.observed.any()
     }
-    rise = floor_height(list(drafts.values())) + settings.floor_m
+    rise = floor_height(_on_floor(drafts, observations)) + settings.floor_m
     people = []
     parts = parts_of(progress, len(time_s), [len(person.frame) for person in world.people])
     for person, part in zip(world.people, parts, strict=True):
@@ -148,6 +148,12 @@ def refine_world(
                 one = one.with_contacts(settings.contacts)
         people.append(finish(one, settings=settings))
     return at_origin(replace(world, people=tuple(people), t_world_cam=world.t_world_cam - [0.0, 0.0, rise]))
+
+
+def _on_floor(drafts: Mapping[int, "Draft"], observations: Observations | None) -> list["Draft"]:
+    """Those by whose feet the floor is found."""
+    witnesses = drafts.keys() if observations is None else observations.shots.witnesses(drafts)
+    return [one for person, one in drafts.items() if person in witnesses]
 
 
 def _shipped_networks() -> MotionNetworks:

@@ -17,7 +17,7 @@ from humanmm.models.motion.rotations.gravity import (
     up_direction,
 )
 from humanmm.models.motion.rotations.rotation_mixtures import Upright
-from humanmm.models.motion.rotations.shot_results import ShotResults, camera_of, motions_of, posed
+from humanmm.models.motion.rotations.shot_results import ShotResults, camera_of, posed, witnesses_of
 from humanmm.models.motion.rotations.shot_rotations import ShotRotations
 from humanmm.models.records.camera import ShotCamera
 
@@ -147,7 +147,7 @@ def standing_axes(results: ShotResults, shot: int) -> list[UpDirection]:
     """Mean standing axis of each person of a shot whose axis can be vertical in some of it."""
     camera = camera_of(results, shot)
     found = []
-    for motion in motions_of(results, shot).values():
+    for motion in witnesses_of(results, shot).values():
         seen = motion.observed
         if not seen.any():
             continue

@@ -67,13 +67,12 @@ def cut_edge(
     known_rotations: Mapping[int, Float[Array, "3 3"]],
 ) -> CutEdge:
     """The edge to a shot from the latest earlier one in which one of its people is seen."""
-    here = motions_of(results, later)
+    here = motions_of(results, later).keys() - results.insets
     earlier = next(
-        (k for k in range(later - 1, -1, -1) if usable(results, k) and here.keys() & motions_of(results, k).keys()),
-        later - 1,
+        (k for k in range(later - 1, -1, -1) if usable(results, k) and here & motions_of(results, k).keys()), later - 1
     )
     before, after = results.cameras[earlier], results.cameras[later]
-    shared = sorted(here.keys() & motions_of(results, earlier).keys())
+    shared = sorted(here & motions_of(results, earlier).keys())
     certain = results.certain
     shared = [person for person in shared if person in certain] or shared
     people: list[tuple[int, CutPerson]] = []

@@ -51,6 +51,11 @@ class ShotResults:
         """Numbers of the people who are not doubtful."""
         return frozenset(person.person for person in self.shots.people if not person.doubtful)
 
+    @property
+    def insets(self) -> frozenset[int]:
+        """Numbers of the people in a picture within the picture, before which another camera stood."""
+        return frozenset(person.person for person in self.shots.people if person.inset)
+
 
 def usable(results: ShotResults, shot: int) -> bool:
     """Whether a shot has a camera and a motion."""
@@ -61,6 +66,12 @@ def motions_of(results: ShotResults, shot: int) -> dict[int, PersonShotMotion]:
     """The motions in a shot by person; none where it failed."""
     motion = results.motions[shot]
     return {person.person: person for person in motion.people} if motion is not None else {}
+
+
+def witnesses_of(results: ShotResults, shot: int) -> dict[int, PersonShotMotion]:
+    """The motions in a shot of those by whom its camera is judged, by person (`ShotList.witnesses`)."""
+    motions = motions_of(results, shot)
+    return {person: motions[person] for person in sorted(results.shots.witnesses(motions))}
 
 
 def camera_of(results: ShotResults, shot: int) -> ShotCamera:

@@ -25,12 +25,13 @@ from humanmm.models.motion.rotations.shot_results import (
     posed,
     refocused,
     usable,
+    witnesses_of,
 )
 from humanmm.models.motion.rotations.shot_rotations import ShotRotations
 from humanmm.models.motion.world import doubts
 from humanmm.models.motion.world.people import Part, concatenated
 from humanmm.models.motion.world.problem import CameraEdge, SameCamera, ShotRig, ShotTrajectory
-from humanmm.models.motion.world.solver import Solution, solve
+from humanmm.models.motion.world.solver import Solution, solve, with_riders
 from humanmm.models.motion.world.witnesses import WITNESSES, FoundRotations, find_rotations
 from humanmm.models.records.camera import SOURCES, Intrinsics
 from humanmm.models.records.motion import (
@@ -192,12 +193,15 @@ def _solve_group(
     R_first_shot = [R_group_shot[group[0]].T @ R_group_shot[shot] for shot in group]
     R_world_shot = {k: R for k, R in zip(group, levelled(results, group, R_first_shot, found.verticals), strict=True)}
     known_heights = {person.person for person in results.shots.people if person.height_known}
-    trajectories, owners = [], []
+    witnesses: list[tuple[ShotTrajectory, PersonShotMotion]] = []
+    riders: list[tuple[ShotTrajectory, PersonShotMotion]] = []
     for k, shot in enumerate(group):
+        judged_by = witnesses_of(results, shot)
         for motion in motions_of(results, shot).values():
             known = motion.person in known_heights
-            trajectories.append(_trajectory(results, k, shot, motion, R_world_shot[shot], size_known=known))
-            owners.append((shot, motion))
+            trajectory = _trajectory(results, k, shot, motion, R_world_shot[shot], size_known=known)
+            (witnesses if motion.person in judged_by else riders).append((trajectory, motion))
+    trajectories = [trajectory for trajectory, _ in witnesses]
     rigs = [_rig(results, shot, R_world_shot[shot], found.verticals[shot].upright.sigma_deg) for shot in group]
     edges, same = _ties(group, found)
     if focal is None:
@@ -205,7 +209,9 @@ def _solve_group(
         focal = solution.focal
     else:
         solution = solve([one.seen_through(float(np.log(focal))) for one in trajectories], rigs, edges, same)
-    solution = _at_origin(solution, trajectories, R_world_shot[group[0]])
+    solution = with_riders(solution, [one.seen_through(float(np.log(focal))) for one, _ in riders], rigs)
+    everybody = [*witnesses, *riders]
+    solution = _at_origin(solution, [trajectory for trajectory, _ in everybody], R_world_shot[group[0]])
     for k, shot in enumerate(group):
         camera = camera_of(results, shot)
         R_world = solution.rotation[k] @ R_world_shot[shot]
@@ -214,7 +220,7 @@ def _solve_group(
         world.t[frames] = solution.origin[k] + solution.scale[k] * camera.t_shot_cam @ R_world.T
         world.K[frames] = camera.K * np.array([[focal, 1, 1], [1, focal, 1], [1, 1, 1]])
         world.source[frames] = SOURCES.index(camera.source)
-    for (_, motion), pelvis, contacts in zip(owners, solution.pelvis, solution.contacts, strict=True):
+    for (_, motion), pelvis, contacts in zip(everybody, solution.pelvis, solution.contacts, strict=True):
         R_root = world.R[motion.frame] @ motion.R_cam_root
         factor = 1.0 if motion.person in known_heights else solution.size[motion.person]
         sized = replace(motion, betas=resized(motion.betas, load_body(), factor))

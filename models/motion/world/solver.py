@@ -19,7 +19,7 @@ linearly with the video.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -40,6 +40,8 @@ STILL_FROM, FLOOR_FROM, FREE_FROM = 1, 4, 4
 DAMPING = 1e-6
 """Added to the diagonal for every unknown, so that the matrix is not singular where nothing is known: as if every step
 were zero but for a kilometre, a thousand radians, a factor of e¹⁰⁰⁰."""
+HELD = 1e12
+"""The same for all unknowns of cameras that are known."""
 KEPT, KEPT_DIMENSIONLESS = 1e6, 1e8
 """Added for positions (1/m²), and for rotations, scales and the focal length (1), that are not to change yet or at all:
 as if a step were zero but for a millimetre, and but for 1e-4 of a radian or of the logarithm."""
@@ -106,15 +108,11 @@ def solve(
             state = put_on_floor(trajectories, rigs, state, settings)
         before = state
         state, equations = _step(trajectories, rigs, floors, edges, same, state, settings, iteration, focal_std)
-        moved = max((float(np.abs(a - b).max()) for a, b in zip(state.pelvis, before.pelvis, strict=True)), default=0.0)
-        if iteration > FLOOR_FROM and moved < settings.converged_m:
+        if iteration > FLOOR_FROM and _moved(before, state) < settings.converged_m:
             break
-    contacts = tuple(
-        hold(trajectory, rigs[trajectory.shot], state, k, settings)[1] for k, trajectory in enumerate(trajectories)
-    )
     return Solution(
         pelvis=tuple(state.pelvis),
-        contacts=contacts,
+        contacts=_contacts(trajectories, rigs, state, settings),
         rotation=state.rotation,
         origin=state.origin,
         scale=state.scale,
@@ -128,6 +126,44 @@ def solve(
     )
 
 
+def with_riders(world: Solution, trajectories: Sequence[ShotTrajectory], rigs: Sequence[ShotRig]) -> Solution:
+    """The world with the trajectories of people who say nothing of its cameras, behind those that it was solved from:
+    they are placed before the cameras as these are. Their trajectories have the world's focal length."""
+    if not trajectories:
+        return world
+    settings, people = SolveSettings(), people_of(trajectories)
+    seen = [
+        world.origin[one.shot]
+        + (world.scale[one.shot] * rigs[one.shot].path[one.frame - rigs[one.shot].start] + one.offset)
+        @ world.rotation[one.shot].T
+        for one in trajectories
+    ]
+    state = WorldState(seen, world.rotation, world.origin, world.scale, np.zeros(len(people)), 0.0)
+    for iteration in range(FREE_FROM, settings.iterations):
+        before = state
+        state, _ = _step(trajectories, rigs, [None] * len(rigs), (), (), state, settings, iteration, 0.0, held=True)
+        if _moved(before, state) < settings.converged_m:
+            break
+    return replace(
+        world,
+        pelvis=(*world.pelvis, *state.pelvis),
+        contacts=(*world.contacts, *_contacts(trajectories, rigs, state, settings)),
+        size={**dict(zip(people, np.exp(state.log_size).tolist(), strict=True)), **world.size},
+    )
+
+
+def _moved(before: WorldState, after: WorldState) -> float:
+    """How far anybody has moved at most, along one axis, metres."""
+    return max((float(np.abs(a - b).max()) for a, b in zip(after.pelvis, before.pelvis, strict=True)), default=0.0)
+
+
+def _contacts(
+    trajectories: Sequence[ShotTrajectory], rigs: Sequence[ShotRig], state: WorldState, settings: SolveSettings
+) -> tuple[Float[Array, "N_k 4"], ...]:
+    """How surely each sole point stands still on the floor."""
+    return tuple(hold(one, rigs[one.shot], state, k, settings)[1] for k, one in enumerate(trajectories))
+
+
 def _step(
     trajectories: Sequence[ShotTrajectory],
     rigs: Sequence[ShotRig],
@@ -138,8 +174,10 @@ def _step(
     settings: SolveSettings,
     iteration: int,
     focal_std: float,
+    *,
+    held: bool = False,
 ) -> tuple[WorldState, WorldEquations]:
-    """The state after one Gauss-Newton step, and the equations that gave it."""
+    """The state after one Gauss-Newton step, and the equations that gave it. `held`: the cameras are known."""
     order = sorted(range(len(trajectories)), key=lambda k: (trajectories[k].person, int(trajectories[k].frame[0])))
     equations = equations_of_people(
         [trajectories[k] for k in order],
@@ -168,6 +206,8 @@ def _step(
         damping[equations.focal] = KEPT_DIMENSIONLESS
     known = np.array([rig.scale_known or not np.any(rig.path) for rig in rigs])
     of_cameras[known, SCALE] = KEPT_DIMENSIONLESS
+    if held:
+        of_cameras[:], damping[equations.focal] = HELD, HELD
     steps, shared = equations.step(DAMPING, damping)
     moved = shared[: of_cameras.size].reshape(-1, CAMERA_UNKNOWNS)
     pelvis = list(state.pelvis)

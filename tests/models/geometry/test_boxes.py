@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from humanmm.models.geometry.boxes import box_area, box_iou
+from humanmm.models.geometry.boxes import box_area, box_iou, covered
 
 corners = st.tuples(*[st.integers(0, 12)] * 4)
 
@@ -36,3 +36,9 @@ def test_shapes_broadcast_to_every_pair() -> None:
     boxes = np.concatenate([low, low + rng.uniform(0, 5, (7, 2))], axis=1)
     every = box_iou(boxes[:3, None], boxes[None])
     np.testing.assert_array_equal(every, [[box_iou(a, b) for b in boxes] for a in boxes[:3]])
+
+
+def test_of_a_box_that_is_covered_which_lies_in_any_of_the_others_once() -> None:
+    boxes = np.array([[0.0, 0, 10, 10], [20, 0, 30, 10], [40, 0, 50, 10]])
+    others = np.array([[0.0, 0, 5, 10], [2, 0, 5, 10], [15, -5, 35, 15]])
+    np.testing.assert_allclose(covered(boxes, others), [0.5, 1.0, 0.0])

@@ -58,7 +58,7 @@ def test_the_floor_is_as_sure_as_standing_soles_agree() -> None:
 
 
 def test_feet_that_hang_or_stand_on_a_table_say_nothing_about_the_floor() -> None:
-    assert len(standing_soles(_world(_standing(0, contact=0.2), _standing(1, rise_m=0.8)))) == 0
+    assert len(standing_soles(_world(_standing(0, contact=0.2), _standing(1, rise_m=0.8)).people)) == 0
     nothing = guesses_of(ShotList(NUM_FRAMES, (), ()), [], _world(_standing(0, contact=0.2)), time_s=TIME_S)
     assert np.isnan(nothing.floor_m) and nothing.standing_soles == 0
 

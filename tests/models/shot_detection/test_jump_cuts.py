@@ -4,9 +4,10 @@ from collections.abc import Callable
 
 import cv2
 import numpy as np
-from places import HEIGHT, WIDTH, marbled
+import pytest
+from places import HEIGHT, WIDTH, Place, marbled
 
-from humanmm.models.shot_detection.scenes import find_scenes
+from humanmm.models.shot_detection.scenes import SceneDetector, find_scenes
 
 FRAMES = 60
 BLOB_PX = 36
@@ -92,3 +93,22 @@ def test_a_smaller_jump_is_suspected_and_a_certain_cut_is_not_suspected_besides(
     small = find_scenes(film(lambda t: 10.0 + 1.5 * t + 4.0 * (t >= 30)), np.arange(FRAMES) / 30)
     assert (small.transitions, small.suspected) == ((), (30,))
     assert find_scenes(film(after(30, 60.0)), np.arange(FRAMES) / 30).suspected == ()
+
+
+@pytest.mark.parametrize("jump_px", [40.0, 0.0])
+def test_a_jump_in_a_picture_within_the_picture_is_none(jump_px: float) -> None:
+    """A video in the corner jumps (or somebody beside it, where that one goes on) after a cut of the film."""
+    detector = SceneDetector(np.arange(FRAMES) / 30)
+    size = WIDTH // 2, HEIGHT // 2
+    inset = film(after(45, jump_px))
+    for frame in range(FRAMES):
+        picture = Place(1 if frame < 30 else 2).picture(0).copy()
+        left = round(after(45, 40.0 - jump_px)(frame))
+        picture[HEIGHT - BLOB_PX :, left : left + BLOB_PX] = BLOB
+        picture[: size[1], -size[0] :] = cv2.resize(inset[frame], size, interpolation=cv2.INTER_AREA)
+        detector.add(picture)
+    assert [one.start for one in detector.finish().transitions] == [30, 45]
+    scenes = detector.filmed(2 * WIDTH)
+    assert [one.start for one in scenes.transitions] == ([30] if jump_px else [30, 45])
+    assert scenes.suspected == ()
+    assert all(scenes.burned_in)

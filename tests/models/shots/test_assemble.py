@@ -51,6 +51,20 @@ def test_if_all_are_hardly_people_the_error_says_which_setting_admits_the_likeli
     assert listed.warnings == ("person 0 may be no person: the probability is 0.10",)
 
 
+def test_who_is_seen_in_a_picture_within_the_picture_is_somebody_else_and_doubtful() -> None:
+    seen = replace(somebody(), probability=0.95)
+    inset = replace(seen, bbox=np.tile(np.float32([700, 20, 750, 120]), (30, 1)))
+    people = [ScenePeople(0, 30, (seen, inset)), ScenePeople(30, 60, (later(inset),))]
+    listed = detect_shots(FACTS, replace(SCENES, burned_in=(((680.0, 0.0, 960.0, 140.0),),) * 2), people)
+    assert [(one.inset, one.probability) for one in listed.people] == [
+        (False, pytest.approx(0.95)), (True, pytest.approx(0.3)),
+    ]  # fmt: skip
+    assert [[(one.person, one.track) for one in shot.people] for shot in listed.shots] == [[(0, 0), (1, 1)], [(1, 0)]]
+    assert [warning for warning in listed.warnings if "person 1 is seen in a picture within the picture" in warning]
+    filmed = detect_shots(FACTS, SCENES, people)
+    assert [one.inset for one in filmed.people] == [False, False] and not filmed.warnings
+
+
 def test_who_is_left_out_is_recorded_with_his_probability_and_shots() -> None:
     likely = replace(somebody(), probability=0.9, bbox=np.tile(np.float32([600, 100, 800, 300]), (30, 1)))
     people = [ScenePeople(0, 30, ()), ScenePeople(30, 60, (later(likely), later(somebody())))]

@@ -6,12 +6,14 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from three_shots import results
+from three_shots import BETAS, results
 from walker import EDGE, scene
 
 from humanmm.models.motion.world import align as module
 from humanmm.models.motion.world.align import _at_origin, align
 from humanmm.models.motion.world.solver import solve
+from humanmm.models.records.motion import ShotMotion
+from humanmm.models.records.shots import Appearance, Person
 
 
 def test_the_world_begins_above_the_origin_and_looks_along_y() -> None:
@@ -44,3 +46,30 @@ def test_a_change_of_the_focal_length_far_from_its_estimate_is_told_and_not_beli
     world = align(given)
     assert world.focal_factor == pytest.approx(factor) and world.focal_dispute == pytest.approx(dispute)
     assert used == pytest.approx(longer)
+
+
+@pytest.mark.parametrize("inset", [False, True])
+def test_who_is_doubtful_is_delivered_and_moves_no_camera(inset: bool) -> None:
+    """Somebody who hangs in the air, as the pictures of three static cameras have him."""
+    alone = results()
+    doubtful = Person(1, BETAS, 1.0, 0.3, inset=inset)
+
+    def with_him(motion: ShotMotion | None) -> ShotMotion:
+        assert motion is not None
+        above = replace(
+            motion.people[0], person=1, pelvis_cam=motion.people[0].pelvis_cam + np.array([0.3, -0.8, -1.0])
+        )
+        return replace(motion, people=(*motion.people, above))
+
+    listed = replace(
+        alone.shots,
+        people=(*alone.shots.people, doubtful),
+        shots=tuple(replace(shot, people=(*shot.people, Appearance(1, 0))) for shot in alone.shots.shots),
+    )
+    both = align(replace(alone, shots=listed, motions=[with_him(motion) for motion in alone.motions]))
+    world = align(alone)
+    np.testing.assert_allclose(both.R_world_cam, world.R_world_cam, atol=1e-9)
+    np.testing.assert_allclose(both.t_world_cam, world.t_world_cam, atol=1e-9)
+    np.testing.assert_allclose(both.people[0].pelvis_world, world.people[0].pelvis_world, atol=1e-9)
+    assert [one.person for one in both.people] == [0, 1]
+    assert both.people[1].pelvis_world[:, 2].min() > world.people[0].pelvis_world[:, 2].max() + 0.3

@@ -6,7 +6,7 @@ import numpy as np
 from walker import EDGE, scene
 
 from humanmm.models.motion.world.scale import scale_from_feet
-from humanmm.models.motion.world.solver import Solution, solve
+from humanmm.models.motion.world.solver import Solution, solve, with_riders
 
 
 def placed(solution: Solution, pelvis: np.ndarray) -> np.ndarray:
@@ -37,6 +37,21 @@ def test_depth_noise_neither_lets_the_person_jump_at_the_cut_nor_sink() -> None:
     jump = np.linalg.norm(np.diff(found, axis=0)[29] - np.diff(pelvis, axis=0)[29])
     assert jump < 0.02
     assert abs(np.median(found[:, 2]) - 0.95) < 0.03
+
+
+def test_who_rides_along_is_placed_and_changes_nothing() -> None:
+    trajectories, rigs, _ = scene(scale=0.3)
+    above = np.array([0.5, 1.0, 0.8])
+    riders = [replace(one, person=1, offset=one.offset + above) for one in trajectories]
+    alone = solve(trajectories, rigs, [EDGE])
+    both = with_riders(alone, riders, rigs)
+    assert (both.rotation is alone.rotation) and (both.origin is alone.origin) and (both.scale is alone.scale)
+    np.testing.assert_array_equal(np.concatenate(both.pelvis[:2]), np.concatenate(alone.pelvis))
+    apart = np.concatenate(both.pelvis[2:]) - np.concatenate(alone.pelvis)
+    assert np.abs(apart - above).max() < 0.1
+    assert [one.shape for one in both.contacts[2:]] == [(30, 4), (30, 4)]
+    assert set(both.size) == {0, 1} and both.size[0] == alone.size[0]
+    assert with_riders(alone, [], rigs) is alone
 
 
 def test_all_shots_share_one_floor_even_if_they_come_at_different_heights() -> None:
