@@ -5,7 +5,7 @@ from jaxtyping import Float
 
 Array = np.ndarray
 
-_GRID = 10
+_GRID = 8
 """Points along a side of a box."""
 
 
@@ -25,8 +25,10 @@ def covered(boxes: Float[Array, "n 4"], others: Float[Array, "m 4"]) -> Float[Ar
     across = (np.arange(_GRID) + 0.5) / _GRID
     at = np.stack(np.meshgrid(across, across), axis=-1).reshape(-1, 1, 2)
     points = boxes[:, :2] + at * (boxes[:, 2:] - boxes[:, :2])  # (points, n, 2)
-    within = (points[:, :, None] >= others[:, :2]) & (points[:, :, None] <= others[:, 2:])
-    return np.asarray(within.all(axis=-1).any(axis=-1).mean(axis=0))
+    within = np.zeros(points.shape[:2], bool)
+    for other in others:  # there may be hundreds
+        within |= ((points >= other[:2]) & (points <= other[2:])).all(axis=-1)
+    return np.asarray(within.mean(axis=0))
 
 
 def box_area(xyxy: Float[Array, "*n 4"]) -> Float[Array, "*n"]:
