@@ -11,6 +11,7 @@ from prefect import flow
 from humanmm.flows.bench.render_set import Split, shipped_packs, takes_of
 from humanmm.models.learning.pairs import PairSource
 from humanmm.models.perception.blazepose import HEAVY
+from humanmm.models.rendering.places.crouching import CROUCHED
 from humanmm.models.rendering.places.takes import Library
 from humanmm.models.synthetic.mocap import MocapSequence
 from humanmm.models.weights.shipped import manifest
@@ -37,6 +38,11 @@ class PairPlan:
     """Windows of 32 frames."""
     packs: tuple[Path, ...]
 
+    @property
+    def crouched(self) -> float:
+        """How often people bend their knees more than those who were captured; never where networks are measured."""
+        return CROUCHED if self.split == "train" else 0.0
+
     def identity(self) -> str:
         """Digest of the code, networks, motions and seed that decide a window."""
         return identity_of(
@@ -45,6 +51,7 @@ class PairPlan:
                 "networks": [manifest()[name].sha256 for name in NETWORKS],
                 "packs": [hashlib.sha256(pack.read_bytes()).hexdigest() for pack in self.packs],
                 "seed": SEEDS[self.split],
+                "crouched": self.crouched,
             }
         )
 
@@ -72,7 +79,7 @@ def make_group(plan: PairPlan, pair_set: PairSet, name: str, numbers: range) -> 
     """Render and look at the windows of one group; returns its name. Runs in a process of its own."""
     prepare_process()
     sequences: list[MocapSequence] = [sequence for pack in plan.packs for sequence in read_pack(pack)]
-    source = PairSource(Library(takes_of(sequences, plan.split)), SEEDS[plan.split])
+    source = PairSource(Library(takes_of(sequences, plan.split)), SEEDS[plan.split], plan.crouched)
     windows, facts = zip(*(source.window(number) for number in numbers), strict=True)
     packed = [window.packed() for window in windows]
     pair_set.write(name, {key: np.stack([one[key] for one in packed]) for key in packed[0]}, list(facts))

@@ -20,6 +20,7 @@ from humanmm.models.learning.pairs import NEAREST_M, TEMPO
 from humanmm.models.learning.windows import PairErrors, Windows, by_window
 from humanmm.models.perception.lifting.features import points_in_view, view_axes
 from humanmm.models.perception.regions import BODY_MARGIN
+from humanmm.models.rendering.places.crouching import CROUCHED, crouched
 from humanmm.models.rendering.places.recombination import loosened, with_arms_of
 from humanmm.models.rendering.places.takes import random_body, shape
 from humanmm.models.synthetic.choreography import KINDS, choreography
@@ -75,7 +76,8 @@ def takes_to_learn_from(sequences: Sequence[MocapSequence], rng: np.random.Gener
     again = [take for take in sequences for _ in range(BODIES_A_TAKE)]
     mixed = [with_arms_of(take, sequences[int(rng.integers(len(sequences)))], rng) for take in again]
     loose = [loosened(take, sequences, rng) for take in sequences for _ in range(LOOSENED_A_TAKE)]
-    takes = takes_on_bodies((take for take in (*again, *mixed, *loose) if take is not None), rng)
+    made = [take for take in (*again, *mixed, *loose) if take is not None]
+    takes = takes_on_bodies([crouched(take, rng) if rng.random() < CROUCHED else take for take in made], rng)
     return takes + takes_on_bodies(choreographed(ROUTINES, rng), rng, are_routines=True)
 
 
@@ -126,12 +128,15 @@ class OtherMotion:
         tensor = functools.partial(by_window, num_windows=B)
         smallest, mean, largest = ERROR_SCALE
         scale = np.clip(rng.normal(mean, 0.25, (B, 1, 1, 1)), smallest, largest).astype(np.float32)
+        true = tensor(truth)
+        own = true.flatten(-2) @ self._errors.systematic
         index, nothing = torch.from_numpy(which), torch.zeros(B, n, dtype=torch.bool)
         return Windows(
             time_s=self._windows.time_s[index], exists=self._windows.exists[index],
             points=tensor(points) + self._errors.points[index], visibility=self._windows.visibility[index],
-            landmarks=tensor(truth) + torch.from_numpy(scale) * self._errors.landmarks[index], size=tensor(size),
-            truth=tensor(truth), pose=tensor(rotations), swapped=nothing, clear=nothing,
+            landmarks=true + torch.from_numpy(scale) * (own.reshape(true.shape) + self._errors.landmarks[index]),
+            size=tensor(size),
+            truth=true, pose=tensor(rotations), swapped=nothing, clear=nothing,
             contacts=torch.from_numpy(contacts),
         )  # fmt: skip
 

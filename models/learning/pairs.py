@@ -21,6 +21,7 @@ from humanmm.models.perception.observation import observe
 from humanmm.models.perception.regions import Region, body_region
 from humanmm.models.records import landmarks
 from humanmm.models.rendering.places.cameras import CAMERA_KINDS, PROBABILITIES, Lens, film_shot
+from humanmm.models.rendering.places.crouching import crouched
 from humanmm.models.rendering.places.furnishing import Ground
 from humanmm.models.rendering.places.sites import PLACES, build_place
 from humanmm.models.rendering.places.takes import MOTIONS, Library, Performance, choose_take, perform, rotated
@@ -94,6 +95,8 @@ class PairSource:
 
     takes: Library
     seed: int
+    crouched: float = 0.0
+    """How often a take is performed with bent knees (`rendering.places.crouching`)."""
 
     def window(self, number: int) -> tuple[PairWindow, Mapping[str, Any]]:
         """One window, and what it shows."""
@@ -125,6 +128,8 @@ class PairSource:
         """A part of a take at another tempo."""
         tempo = rng.uniform(*TEMPO)
         take = choose_take(self.takes, motion, rng, shortest_s=0.7)
+        if rng.random() < self.crouched:
+            take = crouched(take, rng)
         return perform(replace(take, fps=take.fps * tempo), seconds, fps, rng)
 
 

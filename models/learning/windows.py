@@ -23,6 +23,8 @@ Array = np.ndarray
 SWAPPED, CLEAR = 0.004, 0.01
 """Sides of the crop by which the keypoints fit the truth better with left and right swapped: to count as swapped, and
 to be sure of it."""
+RIDGE_M2 = 0.02**2
+"""What is added to the variance of every true coordinate before errors are regressed on them."""
 MIRROR = torch.tensor([-1.0, 1.0, 1.0])
 
 
@@ -75,7 +77,10 @@ class PairErrors:
     points: Tensor
     """(W,n,33,2): keypoints less true ones, sides of the crop."""
     landmarks: Tensor
-    """(W,n,33,3): 3D landmarks less true ones, metres."""
+    """(W,n,33,3): 3D landmarks less true ones and less `systematic` of these, metres."""
+    systematic: Tensor
+    """(99,99): error of 3D landmarks for true ones, rows in any order that their columns have: legs that are seen
+    hardly half as deep as they reach, trunks that lean. The error of a motion, with the rest of another's."""
 
 
 def windows_of(arrays: Mapping[str, Array]) -> tuple[Windows, PairErrors]:
@@ -94,11 +99,12 @@ def windows_of(arrays: Mapping[str, Array]) -> tuple[Windows, PairErrors]:
     points, true_points = (points_in_view(one, R_cam_view, size, K) for one in (keypoints[..., :2], pixels))
     root = np.swapaxes(R_cam_view, -1, -2) @ flat["R_cam_root"]
     pose = seen_rotations(root, flat["body_pose"])
-    landmarks = flat["landmarks3d"]
+    landmarks = flat["landmarks3d"].astype(np.float64)
+    seen = flat["confidence"] >= MIN_CONFIDENCE
     tensor = functools.partial(by_window, num_windows=W)
     windows = Windows(
         time_s=torch.from_numpy(arrays["time_s"].astype(np.float32)),
-        exists=tensor(flat["confidence"]) >= MIN_CONFIDENCE,
+        exists=tensor(seen) > 0,
         points=tensor(points),
         visibility=tensor(np.clip(keypoints[..., 2], 1e-3, 1)),
         landmarks=tensor(landmarks),
@@ -109,8 +115,22 @@ def windows_of(arrays: Mapping[str, Array]) -> tuple[Windows, PairErrors]:
         clear=tensor(clear) > 0,
         contacts=tensor(flat["contacts"]),
     )
-    errors = PairErrors(tensor(np.clip(points - true_points, -0.3, 0.3)), tensor(landmarks - truth))
+    off = landmarks - truth
+    systematic = systematic_errors(truth[seen], off[seen])
+    residual = off - (truth.reshape(len(truth), -1) @ systematic).reshape(off.shape)
+    errors = PairErrors(
+        tensor(np.clip(points - true_points, -0.3, 0.3)), tensor(residual),
+        torch.from_numpy(systematic.astype(np.float32)),
+    )  # fmt: skip
     return windows, errors
+
+
+def systematic_errors(truth: Float[Array, "N 33 3"], off: Float[Array, "N 33 3"]) -> Float[Array, "99 99"]:
+    """The matrix S for which the errors of landmarks are best foretold as `truth @ S` (ridge regression), the same for
+    people and their mirror images."""
+    mirror = MIRROR.numpy()
+    x, y = (np.concatenate([v, (v * mirror)[:, SWAP]]).reshape(-1, 3 * NUM_LANDMARKS) for v in (truth, off))
+    return np.asarray(np.linalg.solve(x.T @ x + RIDGE_M2 * max(len(x), 1) * np.eye(x.shape[1]), x.T @ y))
 
 
 def by_window(rows: Float[Array, "N *shape"], num_windows: int) -> Float[Tensor, "W n *shape"]:

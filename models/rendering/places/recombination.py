@@ -58,12 +58,12 @@ def loosened(take: MocapSequence, others: Sequence[MocapSequence], rng: np.rando
     made = _with_limbs_of(take, strangers, rng)
     pose = made.body_pose.copy()
     bent = [joint - 1 for joint in HINGES]
-    pose[:, bent] *= np.exp(_unsteady(made, (len(bent), 1), BEND, BENDING, rng))
+    pose[:, bent] *= np.exp(unsteady(made, (len(bent), 1), BEND, BENDING, rng))
     turned = [joint - 1 for joint in BALLS]
-    turn = _unsteady(made, (len(turned), 3), TURN_RAD, TURNING_RAD, rng)
+    turn = unsteady(made, (len(turned), 3), TURN_RAD, TURNING_RAD, rng)
     turn[:, [BALLS.index(joint) for joint in TRUNK]] /= 2
     pose[:, turned] = rotmat_to_rotvec(rotvec_to_rotmat(turn) @ rotvec_to_rotmat(pose[:, turned]))
-    R_root = rotvec_to_rotmat(_unsteady(made, (3,), LEAN_RAD, LEANING_RAD, rng)) @ made.R_world_root
+    R_root = rotvec_to_rotmat(unsteady(made, (3,), LEAN_RAD, LEANING_RAD, rng)) @ made.R_world_root
     made = replace(made, body_pose=pose, R_world_root=R_root)
     return _longest(made, clearance_m(made, load_body()) > TOUCHING_M, SHORTEST_LOOSE_S)
 
@@ -84,7 +84,7 @@ def _with_limbs_of(
     return replace(made, body_pose=pose)
 
 
-def _unsteady(
+def unsteady(
     take: MocapSequence, shape: tuple[int, ...], lasting: float, passing: float, rng: np.random.Generator
 ) -> Float[Array, "N *shape"]:
     """Random numbers of every frame, part of which stays, and part of which is another after a MOMENT_S: standard

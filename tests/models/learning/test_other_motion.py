@@ -10,7 +10,7 @@ from humanmm.models.learning.windows import PairErrors, windows_of
 
 def test_without_errors_the_input_is_the_truth_and_bones_keep_their_lengths() -> None:
     windows, errors = windows_of(pair_arrays())
-    nothing = PairErrors(torch.zeros_like(errors.points), torch.zeros_like(errors.landmarks))
+    nothing = PairErrors(*(torch.zeros_like(part) for part in (errors.points, errors.landmarks, errors.systematic)))
     other = OtherMotion([walk()], pair_arrays(), windows, nothing, routines=0.3)
     drawn = other.draw(6, np.random.default_rng(0))
     assert torch.equal(drawn.landmarks, drawn.truth) and not drawn.swapped.any()

@@ -6,7 +6,15 @@ import numpy as np
 import torch
 from pair_windows import pair_arrays
 
-from humanmm.models.learning.windows import Variation, Windows, _mirrored, _rolled, varied, windows_of
+from humanmm.models.learning.windows import (
+    Variation,
+    Windows,
+    _mirrored,
+    _rolled,
+    systematic_errors,
+    varied,
+    windows_of,
+)
 from humanmm.models.records.landmarks import COCO_LANDMARKS
 
 PLAIN = Variation(0.0, (0.0, 0.0), (0.0, 0.0), 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -17,6 +25,22 @@ def test_truth_is_named_as_the_input_and_swaps_are_known() -> None:
     assert windows.swapped.float().mean(dim=1).tolist() == [0, 0, 0, 1] and windows.clear.all()
     assert (windows.landmarks - windows.truth).norm(dim=-1).max() < 0.25
     assert errors.landmarks.std() < 0.06 and errors.points.abs().max() < 0.05
+
+
+def test_legs_that_are_seen_too_flat_are_a_systematic_error() -> None:
+    rng = np.random.default_rng(0)
+    truth = rng.normal(0, 0.3, (3000, 33, 3))
+    flat = truth * [0.0, 0.0, -0.4]
+    S = systematic_errors(truth, flat + rng.normal(0, 0.1, truth.shape))
+    other = rng.normal(0, 0.3, (50, 33, 3))
+    foretold = (other.reshape(50, -1) @ S).reshape(other.shape)
+    assert np.abs(foretold - other * [0.0, 0.0, -0.4]).std() < 0.02
+
+
+def test_errors_are_systematic_ones_and_the_rest() -> None:
+    windows, errors = windows_of(pair_arrays())
+    systematic = (windows.truth.flatten(-2) @ errors.systematic).reshape(windows.truth.shape)
+    assert torch.allclose(windows.truth + systematic + errors.landmarks, windows.landmarks, atol=1e-5)
 
 
 def test_the_root_rotates_the_body_that_the_landmarks_show() -> None:
