@@ -13,7 +13,7 @@ from humanmm.models.body.body24 import load_body
 from humanmm.models.body.kinematics import forward_kinematics
 from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat, swing, unit
 from humanmm.models.rendering.places.recombination import unsteady
-from humanmm.models.synthetic.mocap import MocapSequence
+from humanmm.models.synthetic.mocap import MocapSequence, leg_length
 
 Array = np.ndarray
 
@@ -21,7 +21,7 @@ CROUCHED = 0.4
 """How often a take is shown crouched to a network that learns."""
 LEGS = ((1, 4, 7), (2, 5, 8))
 """Hip, knee, ankle: left, right."""
-DEEPEST, UNSTEADY = 0.24, 0.03
+DEEPEST, UNSTEADY = 0.3, 0.03
 """The pelvis is lowered by at most so much of the legs' length, and how much that changes from moment to moment
 (standard deviation)."""
 UPRIGHT = (0.6, 0.85)
@@ -29,9 +29,12 @@ UPRIGHT = (0.6, 0.85)
 who is higher than the second fully."""
 LEAN_RAD = 0.4
 BACK = 0.7
-WIDER, LONGER = 0.2, 0.25
-"""At most, where the pelvis is lowest: how far the trunk leans forwards, how far the pelvis moves back, in parts of how
-far it is lowered, and how far each foot is put to its side, and forwards or back, in lengths of a leg."""
+"""At most, where the pelvis is lowest: how far the trunk leans forwards, and how far the pelvis moves back, in parts of
+how far it is lowered."""
+WIDER, LONGER = 0.35, 0.5
+REACHED = 0.95
+"""How far each foot is put to its side, and forwards or back, at most, in lengths of a leg; as far as legs reach in so
+many frames."""
 OUTWARDS_RAD = (-0.15, 0.5)
 """How far the legs turn about the lines from hips to ankles, knees outwards, where the pelvis is lowest."""
 STRAIGHTEST, MOST_BENT = 0.998, 0.35
@@ -53,12 +56,12 @@ def crouched(take: MocapSequence, rng: np.random.Generator) -> MocapSequence:
     """To the left."""
     R_root = rotvec_to_rotmat((share * rng.uniform(0, LEAN_RAD))[:, None] * aside) @ take.R_world_root
     pelvis = take.pelvis - lowered[:, None] * ([0.0, 0.0, 1.0] + rng.uniform(0, BACK) * forwards)
-    apart = take.leg_m * share[:, None] * (rng.uniform(0, WIDER) * aside + rng.uniform(-LONGER, LONGER) * forwards)
+    apart = take.leg_m * can_be[:, None] * (rng.uniform(0, WIDER) * aside + rng.uniform(-LONGER, LONGER) * forwards)
+    reaches = _reaches(joints[:, [7, 8]], apart, pelvis[:, None] + (rest[[1, 2]] - rest[0]) @ np.swapaxes(R_root, 1, 2))
     outwards = share * rng.uniform(*OUTWARDS_RAD)
     pose = take.body_pose.copy()
-    for (hip, knee, ankle), sign in zip(LEGS, (1.0, -1.0), strict=True):
+    for (hip, knee, ankle), sign, reach in zip(LEGS, (1.0, -1.0), np.moveaxis(reaches, 1, 0), strict=True):
         thigh, shank = rest[knee] - rest[hip], rest[ankle] - rest[knee]
-        reach = joints[:, ankle] + sign * apart - pelvis - R_root @ (rest[hip] - rest[0])
         R_knee = _bent_knee(rotvec_to_rotmat(pose[:, knee - 1]), thigh, shank, np.linalg.norm(reach, axis=-1))
         turned = rotvec_to_rotmat((-sign * outwards)[:, None] * unit(reach))
         leg = np.einsum("nij,nj->ni", R_world_joint[:, hip], thigh + R_knee @ shank)
@@ -73,6 +76,18 @@ def _forwards(R_world_root: Float[Array, "N 3 3"]) -> Float[Array, "N 3"]:
     """Where the pelvis faces along the floor; who bends over or lies still faces somewhere."""
     ahead = R_world_root[..., 2] * [1, 1, 0] + 1e-6
     return unit(ahead * [1, 1, 0])
+
+
+def _reaches(
+    ankles: Float[Array, "N 2 3"], apart: Float[Array, "N 3"], hips: Float[Array, "N 2 3"]
+) -> Float[Array, "N 2 3"]:
+    """From hips to ankles, the left put aside by `apart` and the right by its opposite, or by a part of it."""
+    longest = leg_length(load_body().rest_joints(np.zeros(load_body().num_betas)))
+    for part in np.linspace(1, 0, 11):
+        reaches = ankles + part * np.stack([apart, -apart], axis=1) - hips
+        if (np.linalg.norm(reaches, axis=-1).max(axis=1) < longest).mean() >= REACHED:
+            break
+    return np.asarray(reaches)
 
 
 def _bent_knee(
