@@ -1,7 +1,8 @@
 """Takes performed with bent knees: how deep people stand is what tells fighters and dancers from walkers.
 
-In the packs that the networks are trained on knees are bent by 30 degrees in the median; people who fight, do tai chi
-or play ball have them at 60 all the time. A crouched take keeps its arms and where its feet are, or puts them apart.
+In the packs that the networks are trained on knees are bent by 30 degrees in the median and ankles 0.46 leg's lengths
+apart; people who fight or do tai chi have them at 60 degrees, and a whole leg's length apart. A crouched take keeps its
+arms, and its feet on the floor: where they were, or farther apart.
 """
 
 from dataclasses import replace
@@ -27,10 +28,12 @@ DEEPEST, UNSTEADY = 0.3, 0.03
 UPRIGHT = (0.6, 0.85)
 """Height of the pelvis over the lower ankle, in lengths of a leg: who is as low as the first is not lowered any more,
 who is higher than the second fully."""
-LEAN_RAD = 0.4
+LEAN_RAD = (-0.15, 0.25)
+"""How far the trunk leans forwards where the pelvis is lowest. Those who are always bent forwards there (0 to 0.4)
+teach a network that everybody is who has his knees bent: a tai chi master in three shots then leans 10, 10 and 5
+degrees too far (5, 1 and 4 before)."""
 BACK = 0.7
-"""At most, where the pelvis is lowest: how far the trunk leans forwards, and how far the pelvis moves back, in parts of
-how far it is lowered."""
+"""How far the pelvis moves back, in parts of how far it is lowered, at most."""
 WIDER, LONGER = 0.35, 0.5
 REACHED = 0.95
 """How far each foot is put to its side, and forwards or back, at most, in lengths of a leg; as far as legs reach in so
@@ -42,7 +45,7 @@ STRAIGHTEST, MOST_BENT = 0.998, 0.35
 
 
 def crouched(take: MocapSequence, rng: np.random.Generator) -> MocapSequence:
-    """The take with its pelvis lower, the trunk leaning forwards and the feet apart, all by chance."""
+    """The take with its pelvis lower, its trunk leaning and its feet apart, all by chance."""
     body = load_body()
     rest = body.rest_joints(np.zeros(body.num_betas))
     joints, R_world_joint = forward_kinematics(rest, take.R_world_root, take.body_pose, take.pelvis)
@@ -54,7 +57,7 @@ def crouched(take: MocapSequence, rng: np.random.Generator) -> MocapSequence:
     forwards = _forwards(take.R_world_root)
     aside = np.cross([0.0, 0.0, 1.0], forwards)
     """To the left."""
-    R_root = rotvec_to_rotmat((share * rng.uniform(0, LEAN_RAD))[:, None] * aside) @ take.R_world_root
+    R_root = rotvec_to_rotmat((share * rng.uniform(*LEAN_RAD))[:, None] * aside) @ take.R_world_root
     pelvis = take.pelvis - lowered[:, None] * ([0.0, 0.0, 1.0] + rng.uniform(0, BACK) * forwards)
     apart = take.leg_m * can_be[:, None] * (rng.uniform(0, WIDER) * aside + rng.uniform(-LONGER, LONGER) * forwards)
     reaches = _reaches(joints[:, [7, 8]], apart, pelvis[:, None] + (rest[[1, 2]] - rest[0]) @ np.swapaxes(R_root, 1, 2))
