@@ -79,8 +79,8 @@ class PairErrors:
     landmarks: Tensor
     """(W,n,33,3): 3D landmarks less true ones and less `systematic` of these, metres."""
     systematic: Tensor
-    """(99,99): error of 3D landmarks for true ones, rows in any order that their columns have: legs that are seen
-    hardly half as deep as they reach, trunks that lean. The error of a motion, with the rest of another's."""
+    """(99,99): true landmarks (flattened) times this are the part of their errors that the pose decides: legs are seen
+    hardly half as deep as they reach, trunks lean. It is of any motion; the rest is of these windows."""
 
 
 def windows_of(arrays: Mapping[str, Array]) -> tuple[Windows, PairErrors]:
