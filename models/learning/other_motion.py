@@ -129,14 +129,13 @@ class OtherMotion:
         smallest, mean, largest = ERROR_SCALE
         scale = np.clip(rng.normal(mean, 0.25, (B, 1, 1, 1)), smallest, largest).astype(np.float32)
         true = tensor(truth)
-        own = true.flatten(-2) @ self._errors.systematic
+        systematic = (true.flatten(-2) @ self._errors.systematic).reshape(true.shape)
         index, nothing = torch.from_numpy(which), torch.zeros(B, n, dtype=torch.bool)
         return Windows(
             time_s=self._windows.time_s[index], exists=self._windows.exists[index],
             points=tensor(points) + self._errors.points[index], visibility=self._windows.visibility[index],
-            landmarks=true + torch.from_numpy(scale) * (own.reshape(true.shape) + self._errors.landmarks[index]),
-            size=tensor(size),
-            truth=true, pose=tensor(rotations), swapped=nothing, clear=nothing,
+            landmarks=true + torch.from_numpy(scale) * (systematic + self._errors.landmarks[index]),
+            size=tensor(size), truth=true, pose=tensor(rotations), swapped=nothing, clear=nothing,
             contacts=torch.from_numpy(contacts),
         )  # fmt: skip
 

@@ -80,7 +80,7 @@ class PairErrors:
     """(W,n,33,3): 3D landmarks less true ones and less `systematic` of these, metres."""
     systematic: Tensor
     """(99,99): true landmarks (flattened) times this are the part of their errors that the pose decides: legs are seen
-    hardly half as deep as they reach, trunks lean. It is of any motion; the rest is of these windows."""
+    0.6 times as deep as they reach, trunks lean. It is of any motion; the rest is of these windows."""
 
 
 def windows_of(arrays: Mapping[str, Array]) -> tuple[Windows, PairErrors]:

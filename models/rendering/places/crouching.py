@@ -20,8 +20,8 @@ Array = np.ndarray
 
 CROUCHED = 0.4
 """How often a take is shown crouched to a network that learns."""
-LEGS = ((1, 4, 7), (2, 5, 8))
-"""Hip, knee, ankle: left, right."""
+HIPS, KNEES, ANKLES = (1, 2), (4, 5), (7, 8)
+"""Left, right."""
 DEEPEST, UNSTEADY = 0.3, 0.03
 """The pelvis is lowered by at most so much of the legs' length, and how much that changes from moment to moment
 (standard deviation)."""
@@ -50,7 +50,7 @@ def crouched(take: MocapSequence, rng: np.random.Generator) -> MocapSequence:
     rest = body.rest_joints(np.zeros(body.num_betas))
     joints, R_world_joint = forward_kinematics(rest, take.R_world_root, take.body_pose, take.pelvis)
     low, high = UPRIGHT
-    height = (take.pelvis[:, 2] - joints[:, [7, 8], 2].min(axis=1)) / take.leg_m
+    height = (take.pelvis[:, 2] - joints[:, ANKLES, 2].min(axis=1)) / take.leg_m
     can_be = np.clip((height - low) / (high - low), 0, 1)
     share = can_be * np.clip(rng.uniform() + unsteady(take, (), 0.0, UNSTEADY / DEEPEST, rng), 0, 1)
     lowered = DEEPEST * take.leg_m * share
@@ -60,10 +60,11 @@ def crouched(take: MocapSequence, rng: np.random.Generator) -> MocapSequence:
     R_root = rotvec_to_rotmat((share * rng.uniform(*LEAN_RAD))[:, None] * aside) @ take.R_world_root
     pelvis = take.pelvis - lowered[:, None] * ([0.0, 0.0, 1.0] + rng.uniform(0, BACK) * forwards)
     apart = take.leg_m * can_be[:, None] * (rng.uniform(0, WIDER) * aside + rng.uniform(-LONGER, LONGER) * forwards)
-    reaches = _reaches(joints[:, [7, 8]], apart, pelvis[:, None] + (rest[[1, 2]] - rest[0]) @ np.swapaxes(R_root, 1, 2))
+    hips = pelvis[:, None] + (rest[list(HIPS)] - rest[0]) @ np.swapaxes(R_root, 1, 2)
+    reaches = np.moveaxis(_reaches(joints[:, ANKLES], apart, hips, leg_length(rest)), 1, 0)
     outwards = share * rng.uniform(*OUTWARDS_RAD)
     pose = take.body_pose.copy()
-    for (hip, knee, ankle), sign, reach in zip(LEGS, (1.0, -1.0), np.moveaxis(reaches, 1, 0), strict=True):
+    for hip, knee, ankle, sign, reach in zip(HIPS, KNEES, ANKLES, (1.0, -1.0), reaches, strict=True):
         thigh, shank = rest[knee] - rest[hip], rest[ankle] - rest[knee]
         R_knee = _bent_knee(rotvec_to_rotmat(pose[:, knee - 1]), thigh, shank, np.linalg.norm(reach, axis=-1))
         turned = rotvec_to_rotmat((-sign * outwards)[:, None] * unit(reach))
@@ -82,13 +83,12 @@ def _forwards(R_world_root: Float[Array, "N 3 3"]) -> Float[Array, "N 3"]:
 
 
 def _reaches(
-    ankles: Float[Array, "N 2 3"], apart: Float[Array, "N 3"], hips: Float[Array, "N 2 3"]
+    ankles: Float[Array, "N 2 3"], apart: Float[Array, "N 3"], hips: Float[Array, "N 2 3"], leg_m: float
 ) -> Float[Array, "N 2 3"]:
     """From hips to ankles, the left put aside by `apart` and the right by its opposite, or by a part of it."""
-    longest = leg_length(load_body().rest_joints(np.zeros(load_body().num_betas)))
     for part in np.linspace(1, 0, 11):
         reaches = ankles + part * np.stack([apart, -apart], axis=1) - hips
-        if (np.linalg.norm(reaches, axis=-1).max(axis=1) < longest).mean() >= REACHED:
+        if (np.linalg.norm(reaches, axis=-1).max(axis=1) < leg_m).mean() >= REACHED:
             break
     return np.asarray(reaches)
 
