@@ -22,8 +22,8 @@ from humanmm.models.records.landmarks import NUM_LANDMARKS, TORSO
 
 Array = np.ndarray
 
-FRAMES, STEPS_S = 32, (1 / 30, 1 / 30, 1 / 15, 1 / 10)
-"""Length of a window, and what lies between its frames, seconds."""
+FRAMES, STEPS_S = 32, (1 / 30, 1 / 15, 1 / 10, 1 / 7.5, 1 / 5)
+"""Length of a window, and what may lie between its frames, seconds."""
 FOCAL_PX = 1000.0
 """Of every camera: the network's input does not depend on it."""
 DISTANCE_M = (1.8, 12.0)
@@ -57,10 +57,10 @@ class KeypointMotion:
         seconds = np.array([len(take.landmarks) / take.fps for take in takes])
         self._probability = seconds / seconds.sum()
 
-    def draw(self, count: int, rng: np.random.Generator) -> Windows:
-        """So many windows, of COCO's keypoints alone; left and right are as they are."""
+    def draw(self, count: int, rng: np.random.Generator, frames: int = FRAMES) -> Windows:
+        """So many windows of so many frames, of COCO's keypoints alone; left and right are as they are."""
         chosen = rng.choice(len(self._takes), size=count, p=self._probability)
-        parts = [_part(self._takes[int(k)], rng) for k in chosen]
+        parts = [_part(self._takes[int(k)], frames, rng) for k in chosen]
         time_s, world, rotations, contacts = (np.stack(part) for part in zip(*parts, strict=True))
         R_cam_world, landmarks = _before_camera(time_s, world, rng)
         rotations[:, :, 0] = R_cam_world @ rotations[:, :, 0]
@@ -76,18 +76,18 @@ class KeypointMotion:
         poses = rotations.reshape(len(flat), -1, 3, 3)
         poses[:, 0] = np.swapaxes(R_cam_view, -1, -2) @ poses[:, 0]
         tensor = functools.partial(by_window, num_windows=count)
-        nothing = torch.zeros(count, FRAMES, dtype=torch.bool)
+        nothing = torch.zeros(count, frames, dtype=torch.bool)
         return Windows(
             time_s=torch.from_numpy(time_s.astype(np.float32)), exists=~nothing, points=tensor(points),
-            visibility=tensor(visibility), landmarks=torch.zeros(count, FRAMES, NUM_LANDMARKS, 3), size=tensor(size),
-            truth=tensor(truth), pose=tensor(poses), swapped=nothing, clear=nothing.clone(),
+            visibility=tensor(visibility), landmarks=torch.zeros(count, frames, NUM_LANDMARKS, 3), size=tensor(size),
+            truth=tensor(truth), pose=tensor(poses), swapped=nothing, clear=~nothing,
             contacts=torch.from_numpy(contacts.astype(np.float32)),
         )  # fmt: skip
 
 
-def _part(take: Take, rng: np.random.Generator) -> tuple[Array, Array, Array, Array]:
+def _part(take: Take, frames: int, rng: np.random.Generator) -> tuple[Array, Array, Array, Array]:
     """Times, landmarks, rotations and contacts of a part of a take, at some tempo."""
-    time_s = np.arange(FRAMES) * rng.choice(STEPS_S)
+    time_s = np.arange(frames) * rng.choice(STEPS_S)
     at, last = time_s * rng.uniform(*TEMPO) * take.fps, len(take.landmarks) - 1
     room = last - at[-1]
     at = np.clip(at + (rng.uniform(0, room) if room > 0 else 0.0), 0, last - 1e-3)

@@ -59,6 +59,15 @@ class Windows(Tensors):
         """Some windows, copied."""
         return Windows(*(getattr(self, field.name)[index].clone() for field in fields(self)))
 
+    def part(self, length: int, rng: np.random.Generator) -> "Windows":
+        """So many frames of every window (all, where it has no more), beside each other or with others left out."""
+        n = self.time_s.shape[1]
+        length = min(length, n)
+        stride = int(rng.integers(1, (n - 1) // (length - 1) + 1))
+        span = (length - 1) * stride + 1
+        first = int(rng.integers(0, n - span + 1))
+        return Windows(*(getattr(self, field.name)[:, first : first + span : stride] for field in fields(self)))
+
     def given(self, has_landmarks: Tensor | None = None) -> LifterInput:
         """What the network is given; `has_landmarks` (W,) bool, all by default."""
         exists = self.exists

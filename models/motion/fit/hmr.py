@@ -81,6 +81,8 @@ class NoiseModel:
     """Trust in the network's 3D landmarks, against what was measured."""
     prior: float = 1.0
     """Weight of the pose prior against one frame's evidence."""
+    prior_lifted: float = LIFTED_PRIOR
+    """Its part where landmarks are a lifter's."""
     prior_unseen: float = 0.01
     """The same in frames without any evidence, where the neighbours should decide."""
     anchor_m: float = 0.3
@@ -231,7 +233,7 @@ class EvidenceTerms:
         e, noise, statistics = self.evidence.frames(frames), self.noise, load_pose_statistics()
         time_s = self.evidence.time_s
         time = frame_weights(time_s)[frames]
-        fraction = np.where(e.lifted, LIFTED_PRIOR, 1.0)
+        fraction = np.where(e.lifted, noise.prior_lifted, 1.0)
         prior = PosePrior(
             means=statistics.means,
             precisions=statistics.precisions,

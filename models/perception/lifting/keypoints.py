@@ -12,10 +12,10 @@ from jaxtyping import Bool, Float
 
 from humanmm.models.perception.interfaces import SEEN, Lifted
 from humanmm.models.perception.lifting.features import batch_of_one, points_in_view, view_axes
-from humanmm.models.perception.lifting.lift import load_lifter, read_in_pieces
 from humanmm.models.perception.lifting.lifted import with_root_rotated
-from humanmm.models.perception.lifting.network import LifterInput
-from humanmm.models.records.landmarks import COCO_LANDMARKS, NUM_LANDMARKS, TORSO
+from humanmm.models.perception.lifting.network import LifterInput, LifterNetwork
+from humanmm.models.perception.lifting.reading import Reading, load_lifter, read_in_pieces
+from humanmm.models.records.landmarks import COCO_LANDMARKS, COCO_SWAP, NUM_LANDMARKS, TORSO, with_sides_swapped
 
 Array = np.ndarray
 
@@ -28,7 +28,27 @@ _TORSO = [COCO.index(landmark) for landmark in TORSO]
 
 def lift_keypoints(keypoints: Float[Array, "n 17 3"], time_s: Float[Array, " n"], K: Float[Array, "3 3"]) -> Lifted:
     """One person's landmarks and joint rotations, by the shipped network (a `KeypointLifter`)."""
-    network = load_lifter("keypoint_lifter.safetensors")
+    return Lifted(*read_keypoints(keypoints, time_s, K))
+
+
+def read_keypoints(keypoints: Float[Array, "n 17 3"], time_s: Float[Array, " n"], K: Float[Array, "3 3"]) -> Reading:
+    """What the shipped network says, camera axes.
+
+    Where it holds left and right for swapped it looks again with them put right: a body whose sides are swapped is one
+    that turns its back, for a few frames. What is returned is named as it was given.
+    """
+    found = _seen_by(load_lifter("keypoint_lifter.safetensors"), keypoints, time_s, K)
+    are_swapped = found.pose.swap_odds > 0
+    if not are_swapped.any():
+        return found
+    put_right = np.where(are_swapped[:, None, None], keypoints[:, COCO_SWAP], keypoints)
+    again = _seen_by(load_lifter("keypoint_lifter.safetensors"), put_right, time_s, K)
+    return found._replace(landmarks3d=with_sides_swapped(again.landmarks3d, are_swapped))
+
+
+def _seen_by(
+    network: LifterNetwork, keypoints: Float[Array, "n 17 3"], time_s: Float[Array, " n"], K: Float[Array, "3 3"]
+) -> Reading:
     R_cam_view, size = views_of(keypoints, K)
 
     def given(frames: slice) -> LifterInput:
@@ -36,7 +56,7 @@ def lift_keypoints(keypoints: Float[Array, "n 17 3"], time_s: Float[Array, " n"]
 
     found = read_in_pieces(network, time_s, given)
     landmarks = found.landmarks3d.astype(np.float64) @ np.swapaxes(R_cam_view, -1, -2)
-    return Lifted(landmarks, None if found.pose is None else with_root_rotated(found.pose, R_cam_view))
+    return Reading(landmarks, with_root_rotated(found.pose, R_cam_view))
 
 
 def views_of(

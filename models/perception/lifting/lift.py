@@ -1,75 +1,72 @@
-"""The shipped lifter: landmarks in space and joint rotations of everybody, from what the pose networks saw.
+"""The shipped lifters: landmarks in space and joint rotations of everybody, from what the pose networks saw.
 
 A pose network looks at one picture: it misses half of a camera's pitch, leans bodies towards it and guesses limbs anew
 in every frame. The lifter has seen what these networks say of rendered people whose pose is known (model card
-weights/lifter.md), and looks at a second before and after each frame.
+weights/lifter.md), and looks at a second before and after each frame. What the keypoint lifter (`keypoints`) says has
+other errors: it has seen far more motion, and no pose network's landmarks.
 """
 
-from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import lru_cache
 
 import numpy as np
-import torch
-from jaxtyping import Float
-from safetensors.torch import load
+from jaxtyping import Bool, Float
 
-from humanmm.models.geometry.rotations import rotmat_to_rotvec
 from humanmm.models.perception.interfaces import Lifted, PersonFrames
-from humanmm.models.perception.lifting.features import lifter_input
-from humanmm.models.perception.lifting.network import LifterInput, LifterNetwork
-from humanmm.models.records.tracks import PoseEstimates
-from humanmm.models.weights.shipped import read_weights
+from humanmm.models.perception.lifting.features import lifter_input, view_axes
+from humanmm.models.perception.lifting.keypoints import COCO, read_keypoints
+from humanmm.models.perception.lifting.lifted import with_root_rotated
+from humanmm.models.perception.lifting.reading import Reading, load_lifter, read_in_pieces
+from humanmm.models.records.landmarks import BEYOND, COCO_LANDMARKS, HIPS, NUM_LANDMARKS, with_sides_swapped
+from humanmm.models.records.tracks import UNKNOWN_RAD
 
 Array = np.ndarray
 
-CORRECTION = 0.7
-"""How much of the network's correction of landmarks is made. It has learnt from rendered people, whom the pose networks
-see worse than real ones: with 0.6, 0.7, 0.8 and 1.0 the real clip A has a PA-MPJPE of 46.5, 45.1, 46.4 and 52.3 mm (a
-W-MPJPE of 74, 76, 80 and 85 mm), four rendered development clips have 50.4, 49.3, 48.3 and 48.0 mm (125, 125, 124 and
-114 mm)."""
-CHUNK_S, CHUNK_FRAMES = 8.0, 512
-"""A long track is lifted in pieces no longer than this; each sees as far beyond its ends as the network can."""
-MOST_BEYOND = 768
-"""Frames beyond either end at most: rates up to 150 Hz see all."""
+POSE_NETWORK, LIFTER, KEYPOINT_LIFTER = 0.2, 0.4, 0.4
+"""Shares of the landmarks (measured: docs/measurements/networks.md). On rendered people the pose network has nothing to
+say that the lifters do not know better, on real ones it has."""
 
 
 def lift(frames: PersonFrames, K: Float[Array, "3 3"]) -> Lifted:
-    """Landmarks and joint rotations of one person, by the shipped network (a `Lifter`)."""
-    found = read_in_pieces(load_lifter(), frames.time_s, lambda seen: lifter_input(frames.chosen(seen), K))
-    landmarks = frames.landmarks3d + CORRECTION * (found.landmarks3d - frames.landmarks3d)
-    return replace(found, landmarks3d=landmarks.astype(np.float32))
+    """Landmarks and joint rotations of one person, by the shipped networks (a `Lifter`).
+
+    Landmarks are a mean of what all three say; of fingers, toes and face, which the keypoint lifter does not see, they
+    move as its wrists, ankles and nose do. Rotations are the keypoint lifter's: bodies posed by them are nearly as near
+    to the truth as its landmarks, those of the lifter are not.
+    """
+    lifter = load_lifter("lifter.safetensors")
+    found = read_in_pieces(lifter, frames.time_s, lambda seen: lifter_input(frames.chosen(seen), K))
+    from_keypoints = _from_keypoints(frames, found.pose.swap_odds > 0, K)
+    seen, lifted = _about_hips(frames.landmarks3d), _about_hips(found.landmarks3d)
+    both = (POSE_NETWORK * seen + LIFTER * lifted) / (POSE_NETWORK + LIFTER)
+    moved = KEYPOINT_LIFTER * (from_keypoints.landmarks3d - both)[:, COCO]
+    pose = replace(from_keypoints.pose, swap_odds=found.pose.swap_odds)
+    return Lifted((both + moved[:, _MOVED_WITH]).astype(np.float32), pose)
 
 
-def read_in_pieces(network: LifterNetwork, time_s: Float[Array, " n"], given: Callable[[slice], LifterInput]) -> Lifted:
-    """What a network says of a whole track; `given` has its input of some of the frames."""
-    read = []
-    for own, seen in pieces(time_s, network.reach_s):
-        with torch.inference_mode():
-            found = network(given(seen))
-        inner = slice(own.start - seen.start, own.stop - seen.start)
-        read.append([
-            part[0, inner].numpy() for part in (found.landmarks, found.pose, found.pose_log_sigma, found.swapped)
-        ])  # fmt: skip
-    landmarks, pose, log_sigma, swap_odds = (np.concatenate(parts) for parts in zip(*read, strict=True))
-    vectors = rotmat_to_rotvec(pose.astype(np.float64)).astype(np.float32)
-    return Lifted(landmarks, PoseEstimates(vectors, np.exp(log_sigma), swap_odds))
+def _from_keypoints(frames: PersonFrames, are_swapped: Bool[Array, " n"], K: Float[Array, "3 3"]) -> Reading:
+    """What the keypoint lifter makes of the keypoints, about the hips, view axes, sides named as they are given.
+
+    Keypoints whose sides the lifter holds for swapped are put right for it: keypoints alone, with left and right
+    swapped, are those of a body that turns its back, and it would be turned round. Of such frames it knows no
+    rotations: they would be those of a body that is not there.
+    """
+    R_cam_view = view_axes(frames.centre, K)
+    found = read_keypoints(with_sides_swapped(frames.keypoints, are_swapped)[:, COCO], frames.time_s, K)
+    landmarks = with_sides_swapped(found.landmarks3d @ R_cam_view, are_swapped)
+    pose = with_root_rotated(found.pose, np.swapaxes(R_cam_view, -1, -2))
+    sigma = np.where(are_swapped[:, None], np.float32(UNKNOWN_RAD), pose.sigma)
+    return Reading(_about_hips(landmarks), replace(pose, sigma=sigma))
 
 
-def pieces(time_s: Float[Array, " n"], reach_s: float) -> Iterator[tuple[slice, slice]]:
-    """Frames to be lifted together, and the frames that these depend on."""
-    start = 0
-    while start < len(time_s):
-        stop = int(np.searchsorted(time_s, time_s[start] + CHUNK_S))
-        stop = min(max(stop, start + 1), start + CHUNK_FRAMES)
-        first, last = np.searchsorted(time_s, [time_s[start] - reach_s, time_s[stop - 1] + reach_s]).tolist()
-        yield slice(start, stop), slice(max(first, start - MOST_BEYOND), min(max(last, stop), stop + MOST_BEYOND))
-        start = stop
+def _about_hips(landmarks: Float[Array, "n 33 3"]) -> Float[Array, "n 33 3"]:
+    return np.asarray(landmarks - landmarks[:, list(HIPS)].mean(axis=1, keepdims=True))
 
 
-@lru_cache(maxsize=2)
-def load_lifter(file: str = "lifter.safetensors") -> LifterNetwork:
-    """A shipped network of this form, checked against its sha256."""
-    network = LifterNetwork()
-    network.load_state_dict({name: value.float() for name, value in load(read_weights(file)).items()})
-    return network.eval()
+def _joints_moved_with() -> list[int]:
+    """Of every landmark, which of COCO's keypoints it moves with: itself, else the wrist, the ankle or the nose."""
+    of_end = {end: joint for joint, ends in BEYOND.items() for end in ends}
+    named = [k if k in COCO_LANDMARKS else of_end.get(k, COCO_LANDMARKS[0]) for k in range(NUM_LANDMARKS)]
+    return [COCO_LANDMARKS.index(k) for k in named]
+
+
+_MOVED_WITH = _joints_moved_with()

@@ -42,3 +42,14 @@ def test_the_seed_decides_what_is_drawn() -> None:
     motion = KeypointMotion([walk()])
     a, b, c = (motion.draw(3, np.random.default_rng(seed)).points for seed in (1, 1, 2))
     assert np.array_equal(a, b) and not np.array_equal(a, c)
+
+
+def test_windows_are_as_long_as_they_are_asked_for() -> None:
+    drawn = KeypointMotion([walk()]).draw(2, np.random.default_rng(0), 10)
+    assert drawn.truth.shape == (2, 10, NUM_LANDMARKS, 3) and drawn.time_s.shape == (2, 10)
+
+
+def test_whose_sides_are_swapped_is_known_beyond_doubt() -> None:
+    """Else a training learns nothing of it."""
+    drawn = KeypointMotion([walk()]).draw(2, np.random.default_rng(0))
+    assert drawn.clear.all() and not drawn.swapped.any()

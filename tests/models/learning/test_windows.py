@@ -51,6 +51,21 @@ def test_the_root_rotates_the_body_that_the_landmarks_show() -> None:
     assert ((windows.pose[:3, :, 0, :, 0] * left).sum(dim=-1) > 0.95).all()
 
 
+def test_a_part_of_windows_has_frames_at_equal_steps() -> None:
+    windows, _ = windows_of(pair_arrays())
+    n = windows.time_s.shape[1]
+    seen = set()
+    for seed in range(20):
+        part = windows.part(3, np.random.default_rng(seed))
+        steps = part.time_s.diff(dim=1)
+        assert part.truth.shape == (len(windows), 3, 33, 3) and torch.allclose(steps[:, :1], steps[:, 1:])
+        at = (windows.time_s[0] == part.time_s[0, 0]).nonzero().item()
+        assert torch.equal(windows.points[:, at], part.points[:, 0])
+        seen.add((at, round(float(steps[0, 0]), 4)))
+    assert len(seen) > 5
+    assert windows.part(n + 5, np.random.default_rng(0)).time_s.shape[1] == n
+
+
 def test_a_mirror_image_of_a_mirror_image_is_the_window() -> None:
     windows, _ = windows_of(pair_arrays())
     everything = torch.ones(len(windows), dtype=torch.bool)

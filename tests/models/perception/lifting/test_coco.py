@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
-from humanmm.models.perception.lifting import lift
+from humanmm.models.perception.lifting import keypoints as lifting
+from humanmm.models.perception.lifting import reading
 from humanmm.models.perception.lifting.coco import coco_track
 from humanmm.models.perception.lifting.keypoints import keypoint_input, lift_keypoints, views_of
+from humanmm.models.perception.lifting.reading import Reading
 from humanmm.models.records.landmarks import COCO_LANDMARKS, SWAP
-from humanmm.models.records.tracks import PersonTrack
+from humanmm.models.records.tracks import PersonTrack, PoseEstimates
 from humanmm.storage.readers.aist import read_aist_sequence
 
 SEQUENCE = read_aist_sequence(Path(__file__).parents[4] / "examples" / "aist" / "gBR_sBM_cAll_d06_mBR2_ch06.npz")
@@ -48,8 +50,28 @@ def test_lifting_depends_neither_on_place_in_the_picture_nor_on_size() -> None:
 def test_a_long_track_is_lifted_in_pieces_as_if_it_were_whole(monkeypatch: pytest.MonkeyPatch) -> None:
     keypoints, time_s = np.tile(SEQUENCE.keypoints[0, :240], (2, 1, 1)), np.arange(480) / 30
     parts = lift_keypoints(keypoints, time_s, K).landmarks3d
-    monkeypatch.setattr(lift, "CHUNK_S", 1000.0)
+    monkeypatch.setattr(reading, "CHUNK_S", 1000.0)
     assert np.abs(parts - lift_keypoints(keypoints, time_s, K).landmarks3d).max() < 1e-5
+
+
+def test_swapped_sides_are_put_right_for_a_second_look_and_named_as_given(monkeypatch: pytest.MonkeyPatch) -> None:
+    keypoints, are_swapped = SEQUENCE.keypoints[0, :N], np.arange(N) >= 20
+    shown: list[np.ndarray] = []
+
+    def see(_: object, given: np.ndarray, *__: object) -> Reading:
+        shown.append(given)
+        pose = PoseEstimates(np.zeros((N, 20, 3)), np.ones((N, 20)), np.where(are_swapped, 2.0, -2.0))
+        return Reading(np.tile(np.arange(33.0)[:, None], (N, 1, 3)) + len(shown), pose)
+
+    monkeypatch.setattr(lifting, "_seen_by", see)
+    found = lift_keypoints(keypoints, TIME_S, K)
+    first, second = shown
+    np.testing.assert_array_equal(first, keypoints)
+    np.testing.assert_array_equal(second[:20], keypoints[:20])
+    np.testing.assert_array_equal(second[20:], keypoints[20:, COCO_MIRROR])
+    np.testing.assert_array_equal(found.landmarks3d[:20, :, 0], np.tile(np.arange(33) + 2, (20, 1)))
+    np.testing.assert_array_equal(found.landmarks3d[20:, :, 0], np.tile(SWAP + 2, (10, 1)))
+    assert found.pose is not None and (found.pose.swap_odds[20:] == 2.0).all()
 
 
 def test_a_mirrored_picture_gives_nearly_the_mirrored_pose() -> None:

@@ -7,8 +7,12 @@ import pytest
 
 from humanmm.models.perception.interfaces import PersonFrames
 from humanmm.models.perception.lifting import lift as lifting
-from humanmm.models.perception.lifting.lift import lift
-from humanmm.models.records.landmarks import SWAP
+from humanmm.models.perception.lifting import reading
+from humanmm.models.perception.lifting.keypoints import COCO, read_keypoints
+from humanmm.models.perception.lifting.lift import KEYPOINT_LIFTER, lift
+from humanmm.models.perception.lifting.reading import Reading
+from humanmm.models.records.landmarks import INDEX, SWAP
+from humanmm.models.records.tracks import UNKNOWN_RAD
 
 K = np.array([[600.0, 0, 320], [0, 600, 180], [0, 0, 1]])
 
@@ -31,8 +35,8 @@ def somebody(n: int) -> PersonFrames:
 def test_a_long_track_is_lifted_in_pieces_as_if_it_were_whole(monkeypatch: pytest.MonkeyPatch) -> None:
     frames = somebody(480)
     pieces = lift(frames, K)
-    monkeypatch.setattr(lifting, "CHUNK_S", 1000.0)
-    monkeypatch.setattr(lifting, "CHUNK_FRAMES", 1000)
+    monkeypatch.setattr(reading, "CHUNK_S", 1000.0)
+    monkeypatch.setattr(reading, "CHUNK_FRAMES", 1000)
     whole = lift(frames, K)
     assert np.abs(pieces.landmarks3d - whole.landmarks3d).max() < 1e-5
     assert pieces.pose is not None and whole.pose is not None
@@ -48,6 +52,41 @@ def test_landmarks_stay_named_as_they_are_given() -> None:
     assert same < crossed
 
 
+def test_hands_and_feet_go_where_the_keypoint_lifter_has_wrists_and_ankles(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It sees nothing of fingers and toes itself."""
+    frames, ankle = somebody(20), INDEX["left_ankle"]
+    say = read_keypoints(frames.keypoints[:, COCO], frames.time_s, K)
+
+    def with_ankle_moved(by: float) -> np.ndarray:
+        moved = say.landmarks3d.copy()
+        moved[:, ankle, 2] += by
+        monkeypatch.setattr(lifting, "_from_keypoints", lambda *_: say._replace(landmarks3d=moved))
+        return lift(frames, K).landmarks3d
+
+    shift = with_ankle_moved(0.4) - with_ankle_moved(0.0)
+    foot = [ankle, INDEX["left_heel"], INDEX["left_foot_index"]]
+    np.testing.assert_allclose(shift[:, foot], np.broadcast_to([0, 0, 0.4 * KEYPOINT_LIFTER], (20, 3, 3)), atol=0.02)
+    assert np.abs(np.delete(shift, foot, axis=1)).max() < 1e-6
+
+
+def test_the_keypoint_lifter_is_shown_sides_put_right(monkeypatch: pytest.MonkeyPatch) -> None:
+    frames, are_swapped = somebody(20), np.arange(20) >= 8
+    shown: list[np.ndarray] = []
+    pose = read_keypoints(frames.keypoints[:, COCO], frames.time_s, K).pose
+
+    def say(keypoints: np.ndarray, *_: object) -> Reading:
+        shown.append(keypoints)
+        return Reading(np.tile(np.arange(33.0)[:, None], (20, 1, 3)), pose)
+
+    monkeypatch.setattr(lifting, "read_keypoints", say)
+    found, rotations = lifting._from_keypoints(frames, are_swapped, K)
+    np.testing.assert_array_equal(shown[0][:8], frames.keypoints[:8, COCO])
+    np.testing.assert_array_equal(shown[0][8:], frames.keypoints[8:, SWAP][:, COCO])
+    np.testing.assert_allclose(found[8:], found[:1, SWAP].repeat(12, axis=0), atol=1e-6)
+    np.testing.assert_array_equal(rotations.sigma[:8], pose.sigma[:8])
+    assert (rotations.sigma[8:] == UNKNOWN_RAD).all()
+
+
 def test_a_gap_of_ten_years_and_equal_time_stamps_cost_no_more_than_their_frames() -> None:
     frames = somebody(40)
     time_s = frames.time_s.copy()
@@ -55,5 +94,5 @@ def test_a_gap_of_ten_years_and_equal_time_stamps_cost_no_more_than_their_frames
     time_s[:5] = 0.0
     found = lift(replace(frames, time_s=time_s), K)
     assert found.landmarks3d.shape == (40, 33, 3) and np.isfinite(found.landmarks3d).all()
-    assert len(list(lifting.pieces(np.zeros(2000), 5.0))) == 4
-    assert max(seen.stop - seen.start for _, seen in lifting.pieces(np.zeros(5000), 5.0)) == 2048
+    assert len(list(reading.pieces(np.zeros(2000), 5.0))) == 4
+    assert max(seen.stop - seen.start for _, seen in reading.pieces(np.zeros(5000), 5.0)) == 2048
