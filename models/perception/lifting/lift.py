@@ -14,10 +14,9 @@ from jaxtyping import Bool, Float
 from humanmm.models.perception.interfaces import Lifted, PersonFrames
 from humanmm.models.perception.lifting.features import lifter_input, view_axes
 from humanmm.models.perception.lifting.keypoints import COCO, read_keypoints
-from humanmm.models.perception.lifting.lifted import with_root_rotated
 from humanmm.models.perception.lifting.reading import Reading, load_lifter, read_in_pieces
 from humanmm.models.records.landmarks import BEYOND, COCO_LANDMARKS, HIPS, NUM_LANDMARKS, with_sides_swapped
-from humanmm.models.records.tracks import UNKNOWN_RAD
+from humanmm.models.records.tracks import UNKNOWN_RAD, PoseEstimates
 
 Array = np.ndarray
 
@@ -30,32 +29,35 @@ def lift(frames: PersonFrames, K: Float[Array, "3 3"]) -> Lifted:
     """Landmarks and joint rotations of one person, by the shipped networks (a `Lifter`).
 
     Landmarks are a mean of what all three say; of fingers, toes and face, which the keypoint lifter does not see, they
-    move as its wrists, ankles and nose do. Rotations are the keypoint lifter's: bodies posed by them are nearly as near
-    to the truth as its landmarks, those of the lifter are not.
+    move as its wrists, ankles and nose do. Rotations of joints are the keypoint lifter's: bodies posed by them are
+    nearly as near to the truth as its landmarks, those of the lifter are not. The root's, with its expected error, is
+    the lifter's, whom the picture tells front from back.
     """
     lifter = load_lifter("lifter.safetensors")
     found = read_in_pieces(lifter, frames.time_s, lambda seen: lifter_input(frames.chosen(seen), K))
-    from_keypoints = _from_keypoints(frames, found.pose.swap_odds > 0, K)
+    from_keypoints, joints = _from_keypoints(frames, found.pose.swap_odds > 0, K)
     seen, lifted = _about_hips(frames.landmarks3d), _about_hips(found.landmarks3d)
     both = (POSE_NETWORK * seen + LIFTER * lifted) / (POSE_NETWORK + LIFTER)
-    moved = KEYPOINT_LIFTER * (from_keypoints.landmarks3d - both)[:, COCO]
-    pose = replace(from_keypoints.pose, swap_odds=found.pose.swap_odds)
+    moved = KEYPOINT_LIFTER * (from_keypoints - both)[:, COCO]
+    pose = PoseEstimates(
+        np.concatenate([found.pose.vectors[:, :1], joints.vectors[:, 1:]], axis=1),
+        np.concatenate([found.pose.sigma[:, :1], joints.sigma[:, 1:]], axis=1),
+        found.pose.swap_odds,
+    )
     return Lifted((both + moved[:, _MOVED_WITH]).astype(np.float32), pose)
 
 
 def _from_keypoints(frames: PersonFrames, are_swapped: Bool[Array, " n"], K: Float[Array, "3 3"]) -> Reading:
-    """What the keypoint lifter makes of the keypoints, about the hips, view axes, sides named as they are given.
+    """Landmarks about the hips (view axes) and joints by the keypoint lifter, sides named as they are given.
 
     Keypoints whose sides the lifter holds for swapped are put right for it: keypoints alone, with left and right
     swapped, are those of a body that turns its back, and it would be turned round. Of such frames it knows no
     rotations: they would be those of a body that is not there.
     """
-    R_cam_view = view_axes(frames.centre, K)
     found = read_keypoints(with_sides_swapped(frames.keypoints, are_swapped)[:, COCO], frames.time_s, K)
-    landmarks = with_sides_swapped(found.landmarks3d @ R_cam_view, are_swapped)
-    pose = with_root_rotated(found.pose, np.swapaxes(R_cam_view, -1, -2))
-    sigma = np.where(are_swapped[:, None], np.float32(UNKNOWN_RAD), pose.sigma)
-    return Reading(_about_hips(landmarks), replace(pose, sigma=sigma))
+    landmarks = with_sides_swapped(found.landmarks3d @ view_axes(frames.centre, K), are_swapped)
+    sigma = np.where(are_swapped[:, None], np.float32(UNKNOWN_RAD), found.pose.sigma)
+    return Reading(_about_hips(landmarks), replace(found.pose, sigma=sigma))
 
 
 def _about_hips(landmarks: Float[Array, "n 33 3"]) -> Float[Array, "n 33 3"]:
