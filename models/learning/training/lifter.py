@@ -17,7 +17,6 @@ from humanmm.models.perception.lifting.network import LifterNetwork
 
 Array = np.ndarray
 
-
 LENGTHS = (10, 10, 10, 32)
 """Of windows, frames: a batch shows one of them, and as many windows as have together the frames of a recipe's `batch`
 windows of the largest. Frames beside each other say nearly the same: a network learns much faster from many short

@@ -52,7 +52,7 @@ NOISE = NoiseModel(smoothness=1.15, prior_lifted=0.1, rotations=0.2)
 16 development clips; other errors change by 1 %).
 
 Of lifted people less of the pose prior, which draws rare poses towards common ones, and more of the rotations. In `hmr`
-the same has poses nearer by 1 to 3 %, but cameras at hard cuts worse (docs/measurements/networks.md)."""
+the same has poses nearer by up to 3 %, but cameras at hard cuts worse (docs/measurements/networks.md)."""
 
 SETTINGS = SolverSettings(max_iterations=6, relative_decrease=3e-3, first_damping=1e-6)
 """The start is a fit already: a few steps settle it, on 27 development clips as well as to 1e-3 of the cost. Damping

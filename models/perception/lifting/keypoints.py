@@ -37,12 +37,12 @@ def read_keypoints(keypoints: Float[Array, "n 17 3"], time_s: Float[Array, " n"]
     Where it holds left and right for swapped it looks again with them put right: a body whose sides are swapped is one
     that turns its back, for a few frames. What is returned is named as it was given.
     """
-    found = _seen_by(load_lifter("keypoint_lifter.safetensors"), keypoints, time_s, K)
+    network = load_lifter("keypoint_lifter.safetensors")
+    found = _seen_by(network, keypoints, time_s, K)
     are_swapped = found.pose.swap_odds > 0
     if not are_swapped.any():
         return found
-    put_right = np.where(are_swapped[:, None, None], keypoints[:, COCO_SWAP], keypoints)
-    again = _seen_by(load_lifter("keypoint_lifter.safetensors"), put_right, time_s, K)
+    again = _seen_by(network, with_sides_swapped(keypoints, are_swapped, COCO_SWAP), time_s, K)
     return found._replace(landmarks3d=with_sides_swapped(again.landmarks3d, are_swapped))
 
 
