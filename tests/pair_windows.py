@@ -45,6 +45,7 @@ def pair_arrays() -> dict[str, np.ndarray]:
         values = {
             "time_s": time_s, "K": np.tile(K, (FRAMES, 1, 1)), "R_world_cam": np.tile(R_WORLD_CAM, (FRAMES, 1, 1)),
             "t_world_cam": np.tile(eye, (FRAMES, 1)), "keypoints": keypoints, "landmarks3d": landmarks,
+            "keypoint_sigma": np.ones((FRAMES, 33)),
             "region": np.column_stack([centre, side, np.zeros(FRAMES)]), "confidence": np.full(FRAMES, 0.9),
             "betas": betas, "body_pose": pose, "R_cam_root": R_WORLD_CAM.T @ R[:, 0], "truth_cam": truth,
             "contacts": np.zeros((FRAMES, 4)), "size": np.array([640.0, 360.0]),

@@ -58,8 +58,8 @@ least squares of the 2D residuals, left and right averaged).
 """
 _KEYPOINT_SHIFT_MM: Shifts = _LANDMARK_SHIFT_MM | {
     0: (0, 20, -14), 1: (-3, 14, -10), 2: (-4, 9, -22), 3: (-8, 13, -9), 7: (-18, 12, 10), 9: (-7, 17, -13),
-    11: (-24, 12, 3), 13: (3, 5, 13), 23: (-5, -28, 20), 25: (6, -11, -5), 27: (2, 10, 4), 29: (-9, -10, 11),
-    31: (6, 6, -29),
+    11: (-24, 12, 3), 13: (-1, 10, 14), 23: (-5, -28, 20), 25: (5, 3, -6), 27: (7, 21, 4), 29: (1, 5, 10),
+    31: (-11, 9, -14),
 }  # fmt: skip
 """Where BlazePose heavy and Thunder together (`perception.fusion`) put them: ankles and heels 18 and 25 mm lower than
 BlazePose full alone, shoulders and faces 10 mm higher. Wrists and hands are those above: on real people these fit.

@@ -82,4 +82,5 @@ def _track(window: Mapping[str, Array], seen: Array) -> PersonTrack:
         mask_affine=affine,
         color_frame=np.zeros(0, np.int32),
         color_histogram=np.zeros((0, 1), np.float32),
+        keypoint_sigma=window["keypoint_sigma"][seen].astype(np.float32),
     )

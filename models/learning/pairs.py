@@ -71,6 +71,8 @@ class PairWindow(WindowArrays):
     t_world_cam: Float[Array, "n 3"]
     keypoints: Float[Array, "n 33 3"]
     """The networks': x, y in pixels of the picture, visibility."""
+    keypoint_sigma: Float[Array, "n 33"]
+    """Their expected errors, pixels."""
     landmarks3d: Float[Array, "n 33 3"]
     """The network's, metres about the mid-hip, axes of the picture."""
     region: Float[Array, "n 4"]
@@ -186,7 +188,8 @@ def _observed(renderer: CropRenderer, fps: float, rng: np.random.Generator) -> P
         output = located_in(crop, region)
         found = observe(output, renderer.size)
         seen.append({
-            "keypoints": output.keypoints, "landmarks3d": output.landmarks3d, "presence": output.presence,
+            "keypoints": output.keypoints, "keypoint_sigma": output.keypoint_sigma,
+            "landmarks3d": output.landmarks3d, "presence": output.presence,
             "region": (region.x, region.y, region.side, region.angle), "is_crossed": output.side_odds < CROSSED_ODDS,
             "confidence": found.confidence if found else 0.0,
         })  # fmt: skip

@@ -70,10 +70,12 @@ def _in_frames(track: PersonTrack, looks: Int[Array, " L"], time_s: Float[Array,
         side_odds[rows] = track.side_odds
     keypoints = between(track.keypoints2d)
     keypoints[..., 2] = np.clip(keypoints[..., 2], 0, 1)
+    sigma = track.keypoint_sigma
     return replace(
         track,
         frame=frames.astype(np.int32),
         keypoints2d=keypoints,
+        keypoint_sigma=None if sigma is None else np.maximum(between(sigma), sigma.min()),
         landmarks3d=between(track.landmarks3d),
         bbox=between(track.bbox),
         confidence=np.clip(between(track.confidence), 0, 1),

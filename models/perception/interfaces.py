@@ -57,6 +57,8 @@ class Landmarks:
     """Where the network sees the body: the crop for the next frame."""
     side_odds: float = 0.0
     """Log-odds that left and right are named rightly, from another network's look at the crop; 0 if there was none."""
+    keypoint_sigma: Float[np.ndarray, " 33"] | None = None
+    """Expected errors of the keypoints, each axis, source pixels; None if the network does not say."""
     agreement: Float[np.ndarray, " 33"] | None = None
     """Factor of each visibility, for what another network says of the place; None if there was none. Whether somebody
     is there at all does not depend on it."""

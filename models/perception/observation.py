@@ -34,6 +34,8 @@ class Observation:
     """1 where the person is."""
     region: Region
     next_region: Region
+    keypoint_sigma: Float[np.ndarray, " 33"] | None = None
+    """Expected errors of the keypoints, each axis, pixels; None if unknown."""
 
     @property
     def mask_to_source(self) -> Float[np.ndarray, "2 3"]:
@@ -57,7 +59,9 @@ def observe(output: Landmarks, frame_size: tuple[int, int]) -> Observation | Non
     keypoints = output.keypoints
     if output.agreement is not None:
         keypoints = keypoints * np.column_stack([np.ones((len(keypoints), 2)), output.agreement])
-    return Observation(keypoints, output.landmarks3d, bbox, confidence, mask, output.region, output.next_region)
+    return Observation(
+        keypoints, output.landmarks3d, bbox, confidence, mask, output.region, output.next_region, output.keypoint_sigma
+    )
 
 
 def averaged(a: Landmarks, b: Landmarks) -> Landmarks:
@@ -67,8 +71,13 @@ def averaged(a: Landmarks, b: Landmarks) -> Landmarks:
         keypoints=(a.keypoints + b.keypoints) / 2,
         landmarks3d=(a.landmarks3d + b.landmarks3d) / 2,
         mask=((a.mask.astype(np.uint16) + b.mask) // 2).astype(np.uint8),
-        agreement=None if a.agreement is None or b.agreement is None else (a.agreement + b.agreement) / 2,
+        keypoint_sigma=_mean(a.keypoint_sigma, b.keypoint_sigma),
+        agreement=_mean(a.agreement, b.agreement),
     )
+
+
+def _mean(a: Float[np.ndarray, " 33"] | None, b: Float[np.ndarray, " 33"] | None) -> Float[np.ndarray, " 33"] | None:
+    return None if a is None or b is None else (a + b) / 2
 
 
 def inside(points: Float[np.ndarray, "n 2"], frame_size: tuple[int, int]) -> Bool[np.ndarray, " n"]:

@@ -57,9 +57,9 @@ COCO_LIMBS = tuple(COCO_LANDMARKS.index(k) for k in LIMBS)
 
 
 def with_sides_swapped(points: np.ndarray, is_swapped: np.ndarray, swap: np.ndarray = SWAP) -> np.ndarray:
-    """Keypoints or landmarks (n,33,c) with the names of left and right swapped in the marked frames (n,) bool; COCO's
-    keypoints (n,17,c) with `swap` COCO_SWAP.
+    """Keypoints or landmarks (n,33,c), or a number of each (n,33), with the names of left and right swapped in the
+    marked frames (n,) bool; COCO's keypoints (n,17,c) with `swap` COCO_SWAP.
 
     The points stay where they are: mirroring the depths as well was measured to be worse.
     """
-    return np.where(is_swapped[:, None, None], points[:, swap], points)
+    return np.where(is_swapped.reshape(-1, *[1] * (points.ndim - 1)), points[:, swap], points)

@@ -1,7 +1,7 @@
 """One person's observations over one scene, frame by frame."""
 
 import zlib
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property, reduce
 
@@ -108,6 +108,8 @@ class PersonTrack:
     """(S,) int32: frames at which the clothing colours were taken, a few a second."""
     color_histogram: np.ndarray
     """(S,B) float32: clothing colours, upper and lower body; rows sum to about 1."""
+    keypoint_sigma: np.ndarray | None = None
+    """(N,33) float32: expected errors of the keypoints, each axis, source pixels; None where no network says."""
     color_parts: np.ndarray | None = None
     """(S,9,3) float32: L*a*b* of the parts of the body in these frames (`perception.clothing.PARTS`) and of the ground
     about the feet, NaN where not seen; None where nobody looked."""
@@ -135,7 +137,8 @@ class PersonTrack:
             self,
             keypoints2d=with_sides_swapped(self.keypoints2d, is_swapped),
             landmarks3d=with_sides_swapped(self.landmarks3d, is_swapped),
-            side_odds=np.where(is_swapped, -self.side_odds, self.side_odds) if self.side_odds is not None else None,
+            keypoint_sigma=_if_known(self.keypoint_sigma, lambda sigma: with_sides_swapped(sigma, is_swapped)),
+            side_odds=_if_known(self.side_odds, lambda odds: np.where(is_swapped, -odds, odds)),
             pose=self.pose.with_sides_swapped(is_swapped) if self.pose is not None else None,
             hands=self.hands.with_sides_swapped(is_swapped) if self.hands is not None else None,
         )
@@ -149,7 +152,8 @@ class PersonTrack:
             frame=self.frame[rows],
             keypoints2d=self.keypoints2d[rows],
             landmarks3d=self.landmarks3d[rows],
-            side_odds=self.side_odds[rows] if self.side_odds is not None else None,
+            keypoint_sigma=_if_known(self.keypoint_sigma, lambda sigma: sigma[rows]),
+            side_odds=_if_known(self.side_odds, lambda odds: odds[rows]),
             pose=self.pose.chosen(rows) if self.pose is not None else None,
             hands=self.hands.chosen(rows) if self.hands is not None else None,
             bbox=self.bbox[rows],
@@ -158,7 +162,7 @@ class PersonTrack:
             mask_affine=self.mask_affine[rows],
             color_frame=self.color_frame[colours],
             color_histogram=self.color_histogram[colours],
-            color_parts=self.color_parts[colours] if self.color_parts is not None else None,
+            color_parts=_if_known(self.color_parts, lambda parts: parts[colours]),
         )
 
     def then(self, later: "PersonTrack") -> "PersonTrack":
@@ -176,6 +180,7 @@ class PersonTrack:
             mask_affine=np.concatenate([self.mask_affine, later.mask_affine]),
             color_frame=np.concatenate([self.color_frame, later.color_frame]),
             color_histogram=np.concatenate([self.color_histogram, later.color_histogram]),
+            keypoint_sigma=_both(self.keypoint_sigma, later.keypoint_sigma),
             color_parts=_both(self.color_parts, later.color_parts),
             probability=total / sum(counts) if sum(counts) else self.probability,
             side_odds=_both(self.side_odds, later.side_odds),
@@ -188,6 +193,10 @@ class PersonTrack:
         if self.hands is None and later.hands is None:
             return None
         return (self.hands or not_looked(len(self.frame))).then(later.hands or not_looked(len(later.frame)))
+
+
+def _if_known(values: np.ndarray | None, change: Callable[[np.ndarray], np.ndarray]) -> np.ndarray | None:
+    return None if values is None else change(values)
 
 
 def _both(first: np.ndarray | None, second: np.ndarray | None) -> np.ndarray | None:

@@ -117,6 +117,9 @@ class Sighting:
         evidence.keypoints[at] = keypoints[..., :2]
         trust = np.where(in_intervals(frame, self.tracking_failures), FAILURE_TRUST, 1.0)
         evidence.visibility[at] = np.clip(keypoints[..., 2], 0, 1) * trust[:, None]
+        if self.track.keypoint_sigma is not None:
+            evidence.keypoint_sigma_px[at] = self.track.keypoint_sigma[rows]
+        evidence.trust[at] = trust
         evidence.landmarks_cam[at] = landmarks_cam
         evidence.bones[at] = (landmarks_cam[:, BONE_END] - landmarks_cam[:, BONE_START]) / self.bone_lengths[:, None]
         evidence.ray[at] = ray
@@ -139,6 +142,10 @@ class Evidence:
     seen: Bool[Array, " N"]
     keypoints: Float[Array, "N 33 2"]
     visibility: Float[Array, "N 33"]
+    keypoint_sigma_px: Float[Array, "N 33"]
+    """Expected errors of the keypoints, each axis; NaN where no network says."""
+    trust: Float[Array, " N"]
+    """1; 0 where nothing was seen, little where tracking failed."""
     landmarks_cam: Float[Array, "N 33 3"]
     """Metres, camera axes (rotated by the viewing ray), as large as the network says."""
     bones: Float[Array, "N B 3"]
@@ -160,6 +167,8 @@ class Evidence:
             seen=np.zeros(n, bool),
             keypoints=np.zeros((n, NUM_LANDMARKS, 2), np.float32),
             visibility=np.zeros((n, NUM_LANDMARKS), np.float32),
+            keypoint_sigma_px=np.full((n, NUM_LANDMARKS), np.nan, np.float32),
+            trust=np.zeros(n),
             landmarks_cam=np.zeros((n, NUM_LANDMARKS, 3), np.float32),
             bones=np.zeros((n, len(BONES), 3), np.float32),
             ray=np.tile([0.0, 0.0, 1.0], (n, 1)),
@@ -208,7 +217,7 @@ class LongEvidence:
         for sighting in self.sightings:
             sighting.enter(evidence, int(self.frame[chosen][0]))
         evidence.seen[~seen] = False
-        evidence.visibility[~seen] = 0
+        evidence.visibility[~seen] = evidence.trust[~seen] = 0
         evidence.rotation_sigma[~seen] = UNKNOWN_RAD
         return evidence
 

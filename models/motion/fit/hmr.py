@@ -58,6 +58,8 @@ _KEYPOINT_SIGMA_M = np.array(
 
 _HIDDEN = 2.2
 """How much larger that error is for keypoints of visibility 0.5 or less (measured in the same way)."""
+_BODY_SIGMA_M = 0.008
+"""How far a body's own keypoints lie from where a network sees them at best."""
 
 
 LIFTED_TRUST, LIFTED_PRIOR = 2.0, 0.3
@@ -208,16 +210,19 @@ class EvidenceTerms:
     def reprojection(self, e: Evidence, frames: slice) -> Reprojection:
         camera = self.camera.frames(frames)
         px_per_m = camera.K[:, 0, 0] / self.depth[frames]
-        weight = _trust(e.visibility) * frame_weights(self.evidence.time_s)[frames][:, None]
-        sigma_px = px_per_m[:, None] * _KEYPOINT_SIGMA_M
+        is_known = np.isfinite(e.keypoint_sigma_px)
+        trust = np.where(is_known, e.trust[:, None], _trust(e.visibility))
+        weight = trust * frame_weights(self.evidence.time_s)[frames][:, None]
+        at_best = px_per_m[:, None] * np.where(is_known, _BODY_SIGMA_M, _KEYPOINT_SIGMA_M)
+        sigma_px = np.hypot(at_best, np.nan_to_num(e.keypoint_sigma_px))
         return Reprojection(self.keypoint_skeleton, camera, e.keypoints, sigma_px, weight)
 
     def lifted(self, e: Evidence, frames: slice) -> Bones:
         camera = self.camera.frames(frames)
         R_cam_view = ray_axes(e.ray)
         trust, time = _trust(e.visibility), frame_weights(self.evidence.time_s)[frames]
-        time_and_trust = time * np.where(e.lifted, LIFTED_TRUST, 1.0)
-        weight = np.minimum(trust[:, BONE_START], trust[:, BONE_END]) * time_and_trust[:, None]
+        of_ends = np.minimum(trust[:, BONE_START], trust[:, BONE_END])
+        weight = time[:, None] * np.where(e.lifted[:, None], LIFTED_TRUST * e.trust[:, None], of_ends)
         return Bones(
             start=BONE_START,
             end=BONE_END,

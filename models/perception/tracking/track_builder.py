@@ -43,11 +43,11 @@ STEADINESS_UNKNOWN = 0.8
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Row:
-    """One packed observation, less than 2 KB."""
+    """One packed observation, about 2 KB."""
 
-    numbers: Float[np.ndarray, " 208"]
-    """Single precision: keypoints, 3D landmarks, box and the mask's affine map one after the other (an array of its own
-    for each would take half as much again)."""
+    numbers: Float[np.ndarray, " 241"]
+    """Single precision: keypoints, 3D landmarks, box, the mask's affine map and the keypoints' errors (NaN if unknown)
+    one after the other (an array of its own for each would take half as much again)."""
     confidence: float
     mask: bytes
     """Deflated."""
@@ -58,7 +58,8 @@ class Row:
     @classmethod
     def of(cls, seen: Observation, side_odds: float) -> "Row":
         """An observation, packed."""
-        parts = (seen.keypoints, seen.landmarks3d, seen.bbox, seen.mask_to_source)
+        sigma = np.full(landmarks.NUM_LANDMARKS, np.nan) if seen.keypoint_sigma is None else seen.keypoint_sigma
+        parts = (seen.keypoints, seen.landmarks3d, seen.bbox, seen.mask_to_source, sigma)
         numbers = np.concatenate([np.ravel(part) for part in parts]).astype(np.float32)
         return cls(numbers, seen.confidence, deflated_mask(seen.mask), seen.region.side, side_odds)
 
@@ -80,7 +81,12 @@ class Row:
     @property
     def mask_affine(self) -> Float[np.ndarray, "2 3"]:
         """From pixels of the mask to the picture's."""
-        return self.numbers[202:].reshape(2, 3)
+        return self.numbers[202:208].reshape(2, 3)
+
+    @property
+    def keypoint_sigma(self) -> Float[np.ndarray, " 33"]:
+        """Pixels; NaN if unknown."""
+        return self.numbers[208:]
 
 
 @dataclass(eq=False)
@@ -241,10 +247,12 @@ class TrackBuilder:
         count, masks = len(frames), []
         keypoints, poses = np.empty((count, 33, 3), np.float32), np.empty((count, 33, 3), np.float32)
         bbox, mask_affine = np.empty((count, 4), np.float32), np.empty((count, 2, 3), np.float32)
+        sigma = np.empty((count, 33), np.float32)
         odds, side, seen_confidence = np.empty(count), np.empty(count), np.empty(count)
         for k, frame in enumerate(frames.tolist()):
             row = self.rows.pop(frame)
             keypoints[k], poses[k], bbox[k], mask_affine[k] = row.keypoints, row.landmarks3d, row.bbox, row.mask_affine
+            sigma[k] = row.keypoint_sigma
             odds[k] = row.side_odds + self.detector_sides.get(frame, 0.0)
             side[k], seen_confidence[k] = row.side, row.confidence
             masks.append(row.mask)
@@ -252,6 +260,7 @@ class TrackBuilder:
         time_s = self.time_s[frames]
         is_swapped = left_right_swaps(keypoints, poses, odds, time_s, side)
         keypoints = landmarks.with_sides_swapped(keypoints, is_swapped)
+        sigma = landmarks.with_sides_swapped(sigma, is_swapped)
         steady = steadiness(keypoints, frames, side, time_s)
         evidence = Evidence(
             detector=mean_score(self.detector_scores.values()),
@@ -270,6 +279,7 @@ class TrackBuilder:
             confidence=(seen_confidence * steady).astype(np.float32),
             masks=Silhouettes.of(masks),
             mask_affine=mask_affine,
+            keypoint_sigma=None if np.isnan(sigma).any() else sigma,
             color_frame=np.array(sampled, np.int32),
             color_histogram=np.stack([self.colours[f] for f in sampled]).astype(np.float32),
             color_parts=np.stack([self.parts[f] for f in sampled]).astype(np.float32),

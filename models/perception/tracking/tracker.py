@@ -367,6 +367,7 @@ def in_source_pixels(people: ScenePeople, scale: np.ndarray) -> ScenePeople:
         return replace(
             track,
             keypoints2d=(track.keypoints2d * [*scale, 1]).astype(np.float32),
+            keypoint_sigma=None if track.keypoint_sigma is None else track.keypoint_sigma * np.float32(scale.mean()),
             bbox=(track.bbox * [*scale, *scale]).astype(np.float32),
             mask_affine=(track.mask_affine * scale[:, None]).astype(np.float32),
             hands=track.hands.scaled(scale) if track.hands is not None else None,

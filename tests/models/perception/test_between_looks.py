@@ -52,9 +52,12 @@ def test_what_lies_between_two_looks_is_interpolated_and_what_lies_between_two_s
     looks = looked_at(TIME_S, SPAN, max_rate_hz=15, every=1)  # 20, 24, …, 76, 79
     place = 0.5 + 0.4 * np.sin(2 * np.pi * 1.0 * TIME_S)
     seen = np.array([0, 1, 2, 3, 6, 7, 8, 9, 10, 15])  # unseen in the looks at 36, 40 and 64 to 76
-    (result,) = in_frames(ScenePeople(0, len(looks), (track(looks, seen, place),)), looks, SPAN, TIME_S).tracks
+    given = track(looks, seen, place)
+    given = replace(given, keypoint_sigma=given.keypoints2d[..., 0])
+    (result,) = in_frames(ScenePeople(0, len(looks), (given,)), looks, SPAN, TIME_S).tracks
     assert result.frame.tolist() == [*range(20, 33), *range(44, 61), 79]
-    for values in (result.keypoints2d, result.landmarks3d, result.bbox, result.mask_affine):
+    assert result.keypoint_sigma is not None
+    for values in (result.keypoint_sigma, result.keypoints2d, result.landmarks3d, result.bbox, result.mask_affine):
         assert values.dtype == np.float32
         assert np.abs(values.reshape(len(values), -1) - place[result.frame, None]).max() < 0.02
     assert result.color_frame.tolist() == [20, 24]

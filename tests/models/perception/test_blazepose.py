@@ -11,11 +11,20 @@ from humanmm.models.perception.regions import Region
 from humanmm.models.records import landmarks
 from humanmm.models.records.tracks import MASK_SIDE
 
-LEFT_WRIST, RIGHT_WRIST = 15, 16
+NOSE, LEFT_WRIST, RIGHT_WRIST, LEFT_ANKLE, RIGHT_ANKLE = 0, 15, 16, 27, 28
 
 
 class Network:
-    """All points in the middle of the crop but the right wrist; hip centre in the middle, the circle 100 px around."""
+    """All points in the middle of the crop but the right wrist; hip centre in the middle, the circle 100 px around.
+
+    Heat maps are cold but for those of both ankles and the nose.
+    """
+
+    def __init__(self) -> None:
+        self.heat = np.full((1, 64, 64, 39), -50, np.float32)
+        self.heat[0, 33, 30:33, RIGHT_ANKLE] = 0, 50, 0  # in cells 30 to 32 of row 33: 0.5, 1 and 0.5
+        self.heat[0, 40, 40, LEFT_ANKLE] = 50  # not near
+        self.heat[0, 31, 31, NOSE] = -1  # hardly warm
 
     def run(self, crop: np.ndarray, names: tuple[str, ...]) -> list[np.ndarray]:
         assert crop.shape == (1, LANDMARK_SIDE, LANDMARK_SIDE, 3) and crop.dtype == np.float32 and crop.max() <= 1
@@ -27,7 +36,11 @@ class Network:
         world[RIGHT_WRIST] = -0.5, 0, 0.1
         mask = np.full((1, 256, 256, 1), -50, np.float32)
         mask[:, :, :128] = 50  # the left half of what the network sees
-        return [points.reshape(1, -1), np.array([[0.75]], np.float32), mask, world.reshape(1, -1)]
+        outputs = {
+            "Identity": points.reshape(1, -1), "Identity_1": np.array([[0.75]], np.float32), "Identity_2": mask,
+            "Identity_3": self.heat, "Identity_4": world.reshape(1, -1),
+        }  # fmt: skip
+        return [outputs[name] for name in names]
 
 
 @pytest.fixture(autouse=True)
@@ -63,6 +76,28 @@ def test_a_mirrored_crop_names_left_and_right_as_the_picture_shows_them() -> Non
     np.testing.assert_allclose(found.landmarks3d[LEFT_WRIST], [0.5, 0, 0.1], atol=1e-6)
     assert (found.mask[:, : MASK_SIDE // 2] == 0).all() and (found.mask[:, MASK_SIDE // 2 :] == 255).all()
     assert found.keypoints.shape == (landmarks.NUM_LANDMARKS, 3)
+
+
+def test_a_landmark_is_in_the_middle_of_what_its_heat_map_shows_near_it_and_as_sure_as_that_is_warm() -> None:
+    found = located(Region(128.0, 128.0, 256.0))
+    np.testing.assert_allclose(found.keypoints[RIGHT_ANKLE, :2], [4 * 31, 4 * 33], atol=1e-6)
+    np.testing.assert_allclose(found.keypoints[[NOSE, LEFT_ANKLE], :2], 128)
+    sigma = found.keypoint_sigma
+    assert sigma is not None and 0.25 < sigma[RIGHT_ANKLE] < 1
+    assert sigma[RIGHT_ANKLE] < sigma[NOSE] < sigma[LEFT_ANKLE] == sigma[RIGHT_WRIST]
+    mirrored = located(Region(128.0, 128.0, 256.0), mirrored=True)
+    np.testing.assert_allclose(mirrored.keypoints[LEFT_ANKLE, :2], [256 - 4 * 31, 4 * 33], atol=1e-6)
+    assert mirrored.keypoint_sigma is not None and mirrored.keypoint_sigma[LEFT_ANKLE] == sigma[RIGHT_ANKLE]
+
+
+@pytest.mark.parametrize("corner", [-9.0, 0.0, 255.9, 300.0])
+def test_a_landmark_beside_the_crop_stays_where_it_is(corner: float) -> None:
+    heat = np.zeros((64, 64, 39), np.float32)
+    points, peaks = blazepose._refined(np.full((33, 2), corner), heat)
+    inside = 0 <= corner < 256
+    assert (peaks > 0.4).all() == inside
+    np.testing.assert_allclose(points, points[0, 0])
+    assert abs(points[0, 0] - corner) < 10 if inside else points[0, 0] == corner
 
 
 def test_a_mirrored_crop_is_the_crop_from_right_to_left() -> None:

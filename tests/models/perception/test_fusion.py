@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from humanmm.models.perception.fusion import CROSSED_ODDS, fused, is_crossed, side_odds
+from humanmm.models.perception.fusion import CROSSED_ODDS, THUNDER, fused, is_crossed, side_odds
 from humanmm.models.perception.regions import HEIGHT_OF_SIDE
 from humanmm.models.records import landmarks
 
@@ -23,7 +23,7 @@ def test_limbs_lie_between_both_hands_and_feet_move_along_and_the_face_is_blazep
     own = body()
     limbs = np.add(thunder(own), [2.0, 0.0, 0.0])
     both, _ = fused(own, limbs, SIDE)
-    np.testing.assert_allclose(both[11:, :2] - own[11:, :2], np.tile([1.0, 0.0], (22, 1)))
+    np.testing.assert_allclose(both[11:, :2] - own[11:, :2], np.tile([2.0 * THUNDER, 0.0], (22, 1)))
     np.testing.assert_array_equal(both[:11], own[:11])
     np.testing.assert_array_equal(both[:, 2], own[:, 2])
 

@@ -120,6 +120,19 @@ def test_keypoints_lie_where_the_networks_of_their_track_see_them() -> None:
     assert scene.error_m(scene.fit(of_another_program))[:, 7:9].mean() > ankles + 0.005
 
 
+def test_a_keypoint_counts_as_much_as_the_network_is_sure_of_it_and_not_as_it_is_visible() -> None:
+    scene = Scene()
+    hidden = scene.track(np.arange(F), visibility=0.3)
+    wrong = replace(hidden, keypoints2d=hidden.keypoints2d.copy(), landmarks3d=hidden.landmarks3d.copy())
+    wrong.keypoints2d[:, 13, 0] += 25  # the left elbow, 12 cm beside where it is
+    sure, unsure = np.full((2, F, 33), 1.0, np.float32)
+    unsure[:, 13] = 100.0
+    believed, not_believed, unknown = (
+        scene.error_m(scene.fit(replace(wrong, keypoint_sigma=sigma)))[:, 18].mean() for sigma in (sure, unsure, None)
+    )
+    assert not_believed < 0.05 < unknown < 0.1 < believed
+
+
 def test_a_pose_error_is_expected_where_the_lifter_says_something_of_people_in_pictures() -> None:
     scene = Scene()
     known = PoseEstimates(np.zeros((F, 20, 3), np.float32), np.full((F, 20), 0.9), np.zeros(F))

@@ -1,5 +1,7 @@
 """A track being built from frames at irregular times."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -89,12 +91,12 @@ def test_steadiness_is_the_second_difference_where_frames_are_evenly_apart() -> 
 
 
 def test_a_finished_track_is_in_order_with_left_and_right_named_alike() -> None:
-    track = TrackBuilder(np.arange(80) / 30, at(30), 30)
+    track, sigma = TrackBuilder(np.arange(80) / 30, at(30), 30), np.arange(33.0)
     for frame in [*range(30, 40), *range(29, 19, -1)]:
-        seen = at(30)
+        seen = replace(at(30), keypoint_sigma=sigma)
         if 33 <= frame < 37:
             seen = Observation(seen.keypoints[SWAP], seen.landmarks3d[SWAP], seen.bbox, 0.9, seen.mask, seen.region,
-                               seen.next_region)  # fmt: skip
+                               seen.next_region, sigma[SWAP])  # fmt: skip
         track.add(frame, seen, 1.0 if frame < 33 else -2.0)
     track.detector_sides[21] = 0.5
     track.colours[30] = np.ones(HISTOGRAM_BINS)
@@ -104,7 +106,18 @@ def test_a_finished_track_is_in_order_with_left_and_right_named_alike() -> None:
     assert finished.side_odds is not None
     np.testing.assert_array_equal(finished.side_odds, [1, 1.5, *[1] * 11, *[2] * 4, *[-2] * 3])
     np.testing.assert_allclose(finished.keypoints2d, np.tile(at(30).keypoints, (20, 1, 1)), rtol=1e-6)
+    assert finished.keypoint_sigma is not None
+    np.testing.assert_array_equal(finished.keypoint_sigma, np.tile(sigma, (20, 1)))
     assert not track.rows
+
+
+def test_a_track_has_no_errors_of_keypoints_where_one_look_has_none() -> None:
+    track = TrackBuilder(np.arange(80) / 30, at(30), 30)
+    track.add(30, replace(at(30), keypoint_sigma=np.ones(33)))
+    track.add(31, at(31))
+    track.colours[30] = np.ones(HISTOGRAM_BINS)
+    track.parts[30] = np.full((9, 3), np.nan)
+    assert track.finished().keypoint_sigma is None
 
 
 def test_hands_that_were_looked_at_are_in_the_track_and_change_sides_with_the_body(
