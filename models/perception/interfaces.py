@@ -7,7 +7,7 @@ defaults are in `networks` and `lifting`.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -112,10 +112,12 @@ class PersonFrames:
     """Of the crop that the network saw, source pixels."""
     side: Float[np.ndarray, " n"]
     """Of the crop, source pixels."""
+    keypoint_sigma: Float[np.ndarray, "n 33"] | None = None
+    """Expected errors of the keypoints, each axis, source pixels; None where no network says."""
 
     def chosen(self, rows: slice) -> "PersonFrames":
         """A run of frames."""
-        return PersonFrames(*(array[rows] for array in vars(self).values()))
+        return replace(self, **{name: array[rows] for name, array in vars(self).items() if array is not None})
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,6 +15,7 @@ from humanmm.models.perception.interfaces import Lifted, PersonFrames
 from humanmm.models.perception.lifting.features import lifter_input, view_axes
 from humanmm.models.perception.lifting.keypoints import COCO, read_keypoints
 from humanmm.models.perception.lifting.reading import Reading, load_lifter, read_in_pieces
+from humanmm.models.perception.regions import HEIGHT_OF_SIDE
 from humanmm.models.records.landmarks import BEYOND, COCO_LANDMARKS, HIPS, NUM_LANDMARKS, with_sides_swapped
 from humanmm.models.records.tracks import UNKNOWN_RAD, PoseEstimates
 
@@ -23,6 +24,10 @@ Array = np.ndarray
 POSE_NETWORK, LIFTER, KEYPOINT_LIFTER = 0.2, 0.4, 0.4
 """Shares of the landmarks (measured: docs/measurements/networks.md). On rendered people the pose network has nothing to
 say that the lifters do not know better, on real ones it has."""
+
+
+PLACED = 0.04
+"""Expected error, as a fraction of the height, up to which a keypoint counts as seen for the keypoint lifter."""
 
 
 def lift(frames: PersonFrames, K: Float[Array, "3 3"]) -> Lifted:
@@ -54,7 +59,11 @@ def _from_keypoints(frames: PersonFrames, are_swapped: Bool[Array, " n"], K: Flo
     swapped, are those of a body that turns its back, and it would be turned round. Of such frames it knows no
     rotations: they would be those of a body that is not there.
     """
-    found = read_keypoints(with_sides_swapped(frames.keypoints, are_swapped)[:, COCO], frames.time_s, K)
+    keypoints = frames.keypoints
+    if frames.keypoint_sigma is not None:
+        is_placed = frames.keypoint_sigma < PLACED * HEIGHT_OF_SIDE * frames.side[:, None]
+        keypoints = np.concatenate([keypoints[..., :2], is_placed[..., None]], axis=-1)
+    found = read_keypoints(with_sides_swapped(keypoints, are_swapped)[:, COCO], frames.time_s, K)
     landmarks = with_sides_swapped(found.landmarks3d @ view_axes(frames.centre, K), are_swapped)
     sigma = np.where(are_swapped[:, None], np.float32(UNKNOWN_RAD), found.pose.sigma)
     return Reading(_about_hips(landmarks), replace(found.pose, sigma=sigma))

@@ -35,6 +35,7 @@ def person_frames(track: PersonTrack, time_s: Float[Array, " F"]) -> PersonFrame
         landmarks3d=track.landmarks3d.astype(np.float64),
         centre=affine @ np.array([MASK_SIDE / 2, MASK_SIDE / 2, 1.0]),
         side=np.linalg.norm(affine[:, :, 0], axis=1) * MASK_SIDE,
+        keypoint_sigma=track.keypoint_sigma,
     )
 
 

@@ -52,6 +52,25 @@ def test_landmarks_stay_named_as_they_are_given() -> None:
     assert same < crossed
 
 
+def test_the_keypoint_lifter_sees_what_is_placed_and_not_what_is_visible(monkeypatch: pytest.MonkeyPatch) -> None:
+    given: list[np.ndarray] = []
+
+    def read(keypoints: np.ndarray, time_s: np.ndarray, K: np.ndarray) -> Reading:
+        given.append(keypoints[..., 2])
+        return read_keypoints(keypoints, time_s, K)
+
+    monkeypatch.setattr(lifting, "read_keypoints", read)
+    frames, nose = somebody(4), INDEX["nose"]
+    sigma = np.full((4, 33), 0.01 * 300)
+    sigma[:, nose] = 0.1 * 300
+    for errors in (sigma, None):
+        lift(replace(frames, keypoint_sigma=errors), K)
+    expected = np.ones((4, 17))
+    expected[:, COCO.index(nose)] = 0
+    np.testing.assert_array_equal(given[0], expected)
+    np.testing.assert_array_equal(given[1], frames.keypoints[:, COCO, 2])
+
+
 def test_hands_and_feet_go_where_the_keypoint_lifter_has_wrists_and_ankles(monkeypatch: pytest.MonkeyPatch) -> None:
     """It sees nothing of fingers and toes itself."""
     frames, ankle = somebody(20), INDEX["left_ankle"]
