@@ -21,7 +21,7 @@ from humanmm.models.records.tracks import UNKNOWN_RAD, PoseEstimates
 
 Array = np.ndarray
 
-POSE_NETWORK, LIFTER, KEYPOINT_LIFTER = 0.15, 0.25, 0.6
+POSE_NETWORK, LIFTER, KEYPOINT_LIFTER = 0.2, 0.4, 0.4
 """Shares of the landmarks (measured: docs/measurements/networks.md). On rendered people the pose network has nothing to
 say that the lifters do not know better, on real ones it has."""
 
