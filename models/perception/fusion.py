@@ -1,8 +1,8 @@
 """BlazePose and Thunder on one crop: each names what the other misses.
 
-Errors of the 12 limb keypoints on real frames, median and p90 in % of the person's height: BlazePose heavy 2.3 and
-4.9, Thunder 1.7 and 3.2, fused 1.7 and 3.1. BlazePose alone has depth, feet, hands, face, mask and the region to look
-at next.
+Errors of the 12 limb keypoints, median and p90 in % of the person's height, of the real clip A: BlazePose heavy 1.8 and
+3.8, Thunder 1.9 and 3.6, fused 1.7 and 3.5; of four rendered clips 1.5 and 3.7, 2.0 and 5.0, 1.5 and 3.7
+(docs/measurements/perception.md). BlazePose alone has depth, feet, hands, face, mask and the region to look at next.
 """
 
 from dataclasses import replace
