@@ -66,7 +66,7 @@ higher than BlazePose full alone. Wrists and hands are those above: on real peop
 
 Faces, shoulders and hips were measured in the same way on 6,218 tracked people of 120 rendered development clips
 before heat maps were read, elbows, knees, ankles and feet on 1,093 of 23 since (scripts/measure_keypoints;
-docs/measurements/perception.md). The others hardly moved, and bodies were not better with new ones.
+docs/measurements/perception.md). The others moved by up to 12 mm; bodies were not better with new ones.
 """
 
 

@@ -59,7 +59,8 @@ _KEYPOINT_SIGMA_M = np.array(
 _HIDDEN = 2.2
 """How much larger that error is for keypoints of visibility 0.5 or less (measured in the same way)."""
 _BODY_SIGMA_M = 0.008
-"""How far a body's own keypoints lie from where a network sees them at best."""
+"""How far a body's own keypoints lie from where a network sees them at best. With 4, 12 and 20 mm poses of eleven
+development clips are within 2 %, those of clip A 46.6, 47.7 and 49.0 mm off (PA-MPJPE; with 8 47.0)."""
 
 
 LIFTED_TRUST, LIFTED_PRIOR = 2.0, 0.3

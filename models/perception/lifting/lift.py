@@ -25,9 +25,9 @@ POSE_NETWORK, LIFTER, KEYPOINT_LIFTER = 0.2, 0.4, 0.4
 """Shares of the landmarks (measured: docs/measurements/networks.md). On rendered people the pose network has nothing to
 say that the lifters do not know better, on real ones it has."""
 
-
 PLACED = 0.04
-"""Expected error, as a fraction of the height, up to which a keypoint counts as seen for the keypoint lifter."""
+"""Expected error, as a fraction of the height, up to which a keypoint counts as seen for the keypoint lifter; 0.06 and
+0.1 are as good, visibility is worse by 3 to 6 % (docs/measurements/perception.md)."""
 
 
 def lift(frames: PersonFrames, K: Float[Array, "3 3"]) -> Lifted:
