@@ -69,14 +69,16 @@ class StageTasks:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.run.close()
-        if kind is not None and not issubclass(kind, Exception):
+        if kind is not None:
             self._abandon()
         self._runner.__exit__(kind, error, trace)
         self._board.end()
 
     def _abandon(self) -> None:
-        """On SIGTERM or Ctrl-C do not wait for the threads that compute: they cannot be stopped, and end with the
-        process."""
+        """Do not wait for the threads that compute: they cannot be stopped, and end with their unit or the process.
+
+        On whatever error: where SIGTERM or Ctrl-C meets pydantic's serialiser, it raises an Exception of its own.
+        """
         executor = self._runner._executor  # Prefect's runner waits, and has no option against it
         if executor is not None:
             executor.shutdown(wait=False, cancel_futures=True)

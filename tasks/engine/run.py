@@ -90,6 +90,7 @@ class VideoRun(UnitExecutor):
                 self.imports.prepare(unit.stage)
             gpu = self.gpu() if needed.gpu else contextlib.nullcontext()
             with self._budget.taken(needed, alone=outcome.short_of_memory), gpu:
+                self._check_open(unit)
                 started = time.monotonic()
                 outcome.began = outcome.began or time.time()
                 self.on_begin(unit)
@@ -110,16 +111,19 @@ class VideoRun(UnitExecutor):
         return outcome
 
     def close(self) -> None:
-        """End the processes that compute for this run; the units under way there fail."""
+        """End the processes that compute for this run; the units under way there fail, and no unit begins any more."""
         with self._workers_lock:
             self._is_closed = True
             self._workers.close()
 
     def _open_workers(self, unit: Unit) -> None:
         with self._workers_lock:
-            if self._is_closed:
-                raise ResourceError(f"{unit.label}: the run has ended")
+            self._check_open(unit)
             self._workers.open()
+
+    def _check_open(self, unit: Unit) -> None:
+        if self._is_closed:
+            raise ResourceError(f"{unit.label}: the run has ended")
 
     def _compute_away(self, unit: Unit, limit_s: float | None) -> Result:
         for needed in self.dependencies(unit):

@@ -4,11 +4,16 @@ import json
 import os
 import signal
 import sqlite3
+import threading
 import time
 from pathlib import Path
 from typing import Any
 
 import pytest
+
+from humanmm.flows import stage_tasks
+from humanmm.tasks.engine.run import VideoRun
+from humanmm.tasks.units.unit import Unit
 
 pytestmark = pytest.mark.usefixtures("server_cache")
 
@@ -158,6 +163,29 @@ def test_an_error_of_a_stage_for_the_whole_video_ends_the_run_and_leaves_no_fold
     toy.executed()
     assert toy.main("recover", "film.mp4")[0] == 0
     assert toy.executed() == ["align", "deliver", "refine"], "everything computed before stays in the store"
+
+
+def test_an_error_beside_a_unit_that_computes_waits_for_none_and_lets_none_begin(
+    toy: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made, raised, before = stage_tasks._task_of, [], set(threading.enumerate())
+
+    def interrupted(run: VideoRun, unit: Unit) -> Any:
+        if unit.stage.name != "points":
+            return made(run, unit)
+        while "people" not in toy.log.read_text():
+            time.sleep(0.01)
+        raised.append(time.monotonic())
+        raise ValueError("Error calling function: KeyboardInterrupt")  # as pydantic's serialiser makes of Ctrl-C
+
+    monkeypatch.setattr(stage_tasks, "_task_of", interrupted)
+    done = toy.main("recover", "film.mp4", "--run.threads", "1", TOY_SLEEP="people=4")
+    assert time.monotonic() - raised[0] < 3.0
+    assert done[0] == 1 and "KeyboardInterrupt" in done[2]
+    for thread in set(threading.enumerate()) - before:
+        if not thread.daemon:
+            thread.join(20.0)
+    assert [name for name in toy.executed() if name.startswith("people")] in (["people:0"], ["people:20"])
 
 
 def test_bad_input_in_one_shot_is_no_partial_result(toy: Any) -> None:
