@@ -85,7 +85,6 @@ CROSS_CUTTING = {
 """Tests of a room without a module of their name, and what they test."""
 
 UNTESTED = {
-    "flows.stage_tasks": "the tasks of the flow recover alone: test_recover has every way in which they end",
     "flows.bench.page": "the page of a report: test_bench_render opens it with its overlays",
     "flows.bench.shots": "one table: tests/cli/test_bench.py makes it from videos",
     "cli.maintain": "tests/cli/test_inspect.py and test_bucket_store.py type its verbs",

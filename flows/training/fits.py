@@ -41,5 +41,6 @@ def fit_group(pairs: Path, fits: PairSet, name: str) -> str:
 
 
 def _identity() -> str:
-    """Of the code and the lifter that decide a fit."""
-    return identity_of({"code": code_digest(MODULE).modules, "lifter": manifest()["lifter.safetensors"].sha256})
+    """Of the code and the lifters that decide a fit."""
+    lifters = {name: file.sha256 for name, file in manifest().items() if name.endswith("lifter.safetensors")}
+    return identity_of({"code": code_digest(MODULE).modules, "lifters": lifters})

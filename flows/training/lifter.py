@@ -18,10 +18,11 @@ from humanmm.models.learning.training.lifter import KeypointRecipe, LifterRecipe
 from humanmm.models.learning.training.lifter_objective import score
 from humanmm.models.learning.windows import Windows, windows_of
 from humanmm.models.perception.lifting.network import LifterNetwork
+from humanmm.models.perception.lifting.reading import load_lifter
 from humanmm.models.synthetic.mocap import MocapSequence
 from humanmm.storage.readers.mocap_pack import read_pack
 from humanmm.storage.store.files import replace_text
-from humanmm.storage.training.networks import write_network
+from humanmm.storage.training.networks import read_network, write_network
 from humanmm.storage.training.pair_set import read_pairs
 from humanmm.tasks.units.process import prepare_process
 
@@ -29,7 +30,8 @@ log = logging.getLogger(__name__)
 
 Array = np.ndarray
 
-SHIPPED, SHIPPED_KEYPOINTS = "lifter.safetensors", "keypoint_lifter.safetensors"
+SHIPPED, SHIPPED_WHOLE = "lifter.safetensors", "whole_lifter.safetensors"
+SHIPPED_KEYPOINTS = "keypoint_lifter.safetensors"
 NOBODY = "nobody"
 """Whose motion a routine is (`rendering.places.takes.Performance`)."""
 MEASURED = 256
@@ -38,11 +40,18 @@ MEASURED = 256
 
 @flow(name="train-lifter", persist_result=False)
 def train_lifter(
-    pairs: Path, out: Path, recipe: LifterRecipe | None = None, packs: tuple[Path, ...] = (), device: str = "cpu"
+    pairs: Path,
+    out: Path,
+    recipe: LifterRecipe | None = None,
+    packs: tuple[Path, ...] = (),
+    device: str = "cpu",
+    begin_with: Path | None = None,
 ) -> Path:
     """Train on the pairs of the split train, measure on those of dev that show captured motion; returns the network's
     file.
 
+    A network that predicts landmarks whole begins with the weights of a keypoint lifter: those of the file
+    `begin_with`, or the shipped one's.
     A training that was stopped goes on from its last checkpoint in `out`.
     """
     prepare_process()
@@ -53,6 +62,7 @@ def train_lifter(
     takes = takes_to_learn_from(_sequences(packs, "train"), np.random.default_rng(recipe.seed))
     training = lifter_training(
         recipe, windows, OtherMotion(takes, arrays, windows, errors, routines=recipe.routines),
+        begin_with=_beginning(begin_with) if recipe.whole else None,
         is_routine=_are_routines(facts), device=device,
     )  # fmt: skip
 
@@ -61,13 +71,14 @@ def train_lifter(
         return {"PA-MPJPE, mm": found.pa_mpjpe_mm[0], "MPJPE, mm": found.mpjpe_mm[0]}
 
     network = train_to_end(training, out, measured)
-    write_network(out / SHIPPED, network)
+    file = out / (SHIPPED_WHOLE if recipe.whole else SHIPPED)
+    write_network(file, network)
     card = lifter_card(
         recipe, len(windows), len(dev), own=score(None, dev), lifted=score(network, dev),
         coco=score(network, dev, coco=True),
     )  # fmt: skip
-    replace_text(out / "lifter.md", card)
-    return out / SHIPPED
+    replace_text(file.with_suffix(".md"), card)
+    return file
 
 
 @flow(name="train-keypoints", persist_result=False)
@@ -95,6 +106,10 @@ def train_keypoints(
     write_network(out / SHIPPED_KEYPOINTS, network)
     replace_text(out / "keypoint_lifter.md", keypoint_card(recipe, len(dev), score(network, dev, coco=True)))
     return out / SHIPPED_KEYPOINTS
+
+
+def _beginning(file: Path | None) -> LifterNetwork:
+    return load_lifter(SHIPPED_KEYPOINTS) if file is None else read_network(file, LifterNetwork())
 
 
 def _captured(arrays: Mapping[str, Array], facts: Sequence[Mapping[str, Any]]) -> Windows:

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from humanmm.models.body.body24 import load_body
-from humanmm.models.body.proportions import bone_lengths, shape_from_bones
+from humanmm.models.body.proportions import bone_lengths, in_detector_convention, shape_from_bones
 from humanmm.models.geometry.projection import inverse_pose
 from humanmm.models.learning.pairs import WindowArrays
 from humanmm.models.motion.fit.evidence import gather
@@ -53,7 +53,8 @@ def fit_window(window: Mapping[str, Array], lifter: Lifter) -> FittedWindow:
     size = (int(arrays["size"][0]), int(arrays["size"][1]))
     people = ScenePeople(0, n, (_track(arrays, seen),))
     track = lifted_people(people, lifter, arrays["time_s"], size).tracks[0]
-    betas = shape_from_bones(bone_lengths(track.landmarks3d.astype(np.float64)), load_body()).astype(np.float64)
+    bones = in_detector_convention(bone_lengths(track.landmarks3d.astype(np.float64)), lifted=track.pose is not None)
+    betas = shape_from_bones(bones, load_body()).astype(np.float64)
     evidence = gather(track, (0, n), arrays["time_s"], arrays["K"])
     if evidence is None:
         return empty

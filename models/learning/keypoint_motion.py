@@ -9,15 +9,16 @@ from collections.abc import Sequence
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from humanmm.models.geometry.projection import project
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.learning.other_motion import Take
 from humanmm.models.learning.pairs import NEAREST_M, TEMPO
 from humanmm.models.learning.windows import Windows, by_window
-from humanmm.models.perception.lifting.features import points_in_view, view_axes
-from humanmm.models.perception.lifting.keypoints import COCO, crop_of
+from humanmm.models.perception.lifting.features import certainty_of, points_in_view, view_axes
+from humanmm.models.perception.lifting.keypoints import COCO, PLACED, crop_of
+from humanmm.models.perception.regions import HEIGHT_OF_SIDE
 from humanmm.models.records.landmarks import NUM_LANDMARKS, TORSO
 
 Array = np.ndarray
@@ -47,6 +48,15 @@ LOST_POINT, LOST_MOMENT = 0.06, 0.02
 """Fractions of keypoints that are lost for a window, and for a frame."""
 LOST_ERROR, SAID = 3.0, 0.28
 """How many times as large errors of lost keypoints are, and how many of these are left out by the detector."""
+TOLD = 0.6
+"""Fraction of the windows that come with expected errors, as those of BlazePose's heat maps."""
+EXPECTED, OF_WINDOW, OF_POINT, OF_FRAME = 0.0088, 0.5, 0.35, 0.4
+"""Median of these, as a fraction of a person's height, and standard deviations of their logarithm: the window's, each
+keypoint's, each frame's (measured on rendered windows)."""
+REAL = 1.65
+"""Errors over those expected."""
+EXPECTED_LOST = (0.4, 1.8)
+"""By how much the logarithm of expected errors grows where a keypoint is lost: less than its errors do, or more."""
 
 
 class KeypointMotion:
@@ -64,14 +74,14 @@ class KeypointMotion:
         time_s, world, rotations, contacts = (np.stack(part) for part in zip(*parts, strict=True))
         R_cam_world, landmarks = _before_camera(time_s, world, rng)
         rotations[:, :, 0] = R_cam_world @ rotations[:, :, 0]
-        pixels, seen = _detected(landmarks, rng)
+        pixels, sure = _detected(landmarks, rng)
 
         flat, K = landmarks.reshape(-1, NUM_LANDMARKS, 3), np.diag([FOCAL_PX, FOCAL_PX, 1.0])
-        centre, side = crop_of(pixels.reshape(-1, len(COCO), 2), seen.reshape(-1, len(COCO)))
+        centre, side = crop_of(pixels.reshape(-1, len(COCO), 2), sure.reshape(-1, len(COCO)) >= PLACED)
         R_cam_view, size = view_axes(centre, K), side / FOCAL_PX
-        points, visibility = np.zeros((*flat.shape[:2], 2)), np.zeros(flat.shape[:2])
+        points, certainty = np.zeros((*flat.shape[:2], 2)), np.zeros(flat.shape[:2])
         points[:, COCO] = points_in_view(pixels.reshape(-1, len(COCO), 2), R_cam_view, size, K)
-        visibility[:, COCO] = seen.reshape(-1, len(COCO))
+        certainty[:, COCO] = sure.reshape(-1, len(COCO))
         truth = (flat - flat[:, [23, 24]].mean(axis=1, keepdims=True)) @ R_cam_view
         poses = rotations.reshape(len(flat), -1, 3, 3)
         poses[:, 0] = np.swapaxes(R_cam_view, -1, -2) @ poses[:, 0]
@@ -79,7 +89,7 @@ class KeypointMotion:
         nothing = torch.zeros(count, frames, dtype=torch.bool)
         return Windows(
             time_s=torch.from_numpy(time_s.astype(np.float32)), exists=~nothing, points=tensor(points),
-            visibility=tensor(visibility), landmarks=torch.zeros(count, frames, NUM_LANDMARKS, 3), size=tensor(size),
+            certainty=tensor(certainty), landmarks=torch.zeros(count, frames, NUM_LANDMARKS, 3), size=tensor(size),
             truth=tensor(truth), pose=tensor(poses), swapped=nothing, clear=~nothing,
             contacts=torch.from_numpy(contacts.astype(np.float32)),
         )  # fmt: skip
@@ -127,15 +137,18 @@ def _before_camera(
 
 def _detected(
     landmarks: Float[Array, "B n 33 3"], rng: np.random.Generator
-) -> tuple[Float[Array, "B n 17 2"], Bool[Array, "B n 17"]]:
-    """COCO's keypoints as a detector has them, pixels, and which of them it names."""
+) -> tuple[Float[Array, "B n 17 2"], Float[Array, "B n 17"]]:
+    """COCO's keypoints as a detector has them, pixels, and how sure they are; 1 or 0 where it only names them."""
     B, n, k = (*landmarks.shape[:2], len(COCO))
     spread = np.full(k, JOINT_M)
     spread[[5, 6]], spread[[11, 12]] = SHOULDER_M, HIP_M
     joints = landmarks[:, :, COCO] + rng.normal(size=(B, 1, k, 3)) * spread[:, None]
     pixels = project(joints.reshape(-1, k, 3), np.diag([FOCAL_PX, FOCAL_PX, 1.0]), near_m=NEAREST_M)
     height = HEIGHT_M * FOCAL_PX / landmarks[..., 2].mean(axis=(1, 2))
-    sigma = height * np.exp(rng.normal(np.log(ERROR), ERROR_SPREAD, B))
+    is_told = rng.random((B, 1, 1)) < TOLD
+    unsaid = np.exp(rng.normal(np.log(ERROR), ERROR_SPREAD, (B, 1, 1)))
+    spread = OF_WINDOW * rng.normal(size=(B, 1, 1)) + OF_POINT * rng.normal(size=(B, 1, k))
+    expected = EXPECTED * np.exp(spread + OF_FRAME * rng.normal(size=(B, n, k)))
     walk = np.cumsum(rng.normal(size=(B, n, k, 2)), axis=1) / np.sqrt(n / 3)
     error = LASTING * rng.normal(size=(B, 1, k, 2)) + TREMBLING * rng.normal(size=(B, n, k, 2)) + DRIFTING * walk
     lost = (rng.random((B, 1, k)) < LOST_POINT) | (rng.random((B, n, k)) < LOST_MOMENT)
@@ -144,5 +157,9 @@ def _detected(
         first, length = rng.integers(0, n, (B, 1)), rng.integers(3, n, (B, 1))
         run = (rng.random((B, 1)) < fraction) & (frame >= first) & (frame < first + length)
         lost[..., limb] |= run[..., None]
-    error *= sigma[:, None, None, None] * np.where(lost, LOST_ERROR, 1.0)[..., None]
-    return pixels.reshape(B, n, k, 2) + error, ~(lost & (rng.random((B, n, k)) < SAID))
+    scale = np.where(is_told, REAL * expected, unsaid) * np.where(lost, LOST_ERROR, 1.0)
+    error *= height[:, None, None, None] * scale[..., None]
+    expected = expected * np.exp(np.where(lost, rng.uniform(*EXPECTED_LOST, (B, 1, k)), 0.0))
+    sure = certainty_of(HEIGHT_OF_SIDE * expected)
+    named = ~(lost & (rng.random((B, n, k)) < SAID))
+    return pixels.reshape(B, n, k, 2) + error, np.where(is_told, sure, named)

@@ -133,7 +133,7 @@ class OtherMotion:
         index, nothing = torch.from_numpy(which), torch.zeros(B, n, dtype=torch.bool)
         return Windows(
             time_s=self._windows.time_s[index], exists=self._windows.exists[index],
-            points=tensor(points) + self._errors.points[index], visibility=self._windows.visibility[index],
+            points=tensor(points) + self._errors.points[index], certainty=self._windows.certainty[index],
             landmarks=true + torch.from_numpy(scale) * (systematic + self._errors.landmarks[index]),
             size=tensor(size), truth=true, pose=tensor(rotations), swapped=nothing, clear=nothing,
             contacts=torch.from_numpy(contacts),

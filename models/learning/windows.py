@@ -13,7 +13,7 @@ from humanmm.models.body.body24 import OTHER_SIDE, ROTATED_JOINTS
 from humanmm.models.body.kinematics import seen_rotations
 from humanmm.models.geometry.projection import project
 from humanmm.models.learning.pairs import NEAREST_M
-from humanmm.models.perception.lifting.features import points_in_view, view_axes
+from humanmm.models.perception.lifting.features import certainty_of, points_in_view, view_axes
 from humanmm.models.perception.lifting.network import JOINTS, LifterInput, Tensors
 from humanmm.models.perception.observation import MIN_CONFIDENCE
 from humanmm.models.records.landmarks import COCO_LANDMARKS, LIMBS, NUM_LANDMARKS, SWAP
@@ -39,7 +39,7 @@ class Windows(Tensors):
     time_s: Tensor
     exists: Tensor
     points: Tensor
-    visibility: Tensor
+    certainty: Tensor
     landmarks: Tensor
     size: Tensor
     truth: Tensor
@@ -74,7 +74,7 @@ class Windows(Tensors):
         has = exists if has_landmarks is None else exists & has_landmarks[:, None]
         seen = exists[..., None].float()
         return LifterInput(
-            self.time_s, exists, self.points * seen[..., None], self.visibility * seen,
+            self.time_s, exists, self.points * seen[..., None], self.certainty * seen,
             self.landmarks * seen[..., None], has, self.size,
         )  # fmt: skip
 
@@ -115,7 +115,7 @@ def windows_of(arrays: Mapping[str, Array]) -> tuple[Windows, PairErrors]:
         time_s=torch.from_numpy(arrays["time_s"].astype(np.float32)),
         exists=tensor(seen) > 0,
         points=tensor(points),
-        visibility=tensor(np.clip(keypoints[..., 2], 1e-3, 1)),
+        certainty=tensor(certainty_of(flat["keypoint_sigma"] / region[:, 2:3])),
         landmarks=tensor(landmarks),
         size=tensor(size),
         truth=tensor(truth),
@@ -167,7 +167,7 @@ class Variation:
     """How a batch is varied: standard deviations and probabilities."""
 
     roll_rad: float = 0.15
-    points: tuple[float, float] = (0.004, 0.006)
+    points: tuple[float, float] = (0.002, 0.006)
     """Noise of keypoints, each frame's and the window's, sides of the crop: real people's joints are not quite where a
     rendered body has them."""
     landmarks_m: tuple[float, float] = (0.01, 0.02)
@@ -209,18 +209,18 @@ def varied(windows: Windows, variation: Variation, generator: torch.Generator) -
         runs[window, start : start + length + 1] = True
     windows = _renamed(windows, runs)
     has_landmarks = chance(B) >= variation.coco
-    visibility = torch.where(has_landmarks[:, None, None], windows.visibility, coco_visibility(windows.visibility))
-    visibility = visibility * (chance(B, 1, k) >= variation.hidden)
+    certainty = torch.where(has_landmarks[:, None, None], windows.certainty, certainty_of_coco(windows.certainty))
+    certainty = certainty * (chance(B, 1, k) >= variation.hidden)
     holes = chance(B, n) < 0.2 * chance(B, 1)
-    windows = replace(windows, visibility=visibility, exists=windows.exists & ~holes)
+    windows = replace(windows, certainty=certainty, exists=windows.exists & ~holes)
     return windows, windows.given(has_landmarks)
 
 
-def coco_visibility(visibility: Tensor) -> Tensor:
-    """The visibility (…,33) where COCO's keypoints are given alone, whose scores say nothing."""
+def certainty_of_coco(certainty: Tensor) -> Tensor:
+    """How sure keypoints (…,33) are where COCO's are given alone."""
     named = torch.zeros(NUM_LANDMARKS)
     named[list(COCO_LANDMARKS)] = 1.0
-    return (visibility > 0) * named
+    return certainty * named
 
 
 def _mirrored(windows: Windows, which: Tensor) -> Windows:
@@ -233,7 +233,7 @@ def _mirrored(windows: Windows, which: Tensor) -> Windows:
     return replace(
         windows,
         points=pick((windows.points * MIRROR[:2])[:, :, SWAP], windows.points),
-        visibility=pick(windows.visibility[:, :, SWAP], windows.visibility),
+        certainty=pick(windows.certainty[:, :, SWAP], windows.certainty),
         landmarks=pick((windows.landmarks * MIRROR)[:, :, SWAP], windows.landmarks),
         truth=pick((windows.truth * MIRROR)[:, :, SWAP], windows.truth),
         pose=pick(pose, windows.pose),
@@ -266,7 +266,7 @@ def _renamed(windows: Windows, which: Tensor) -> Windows:
     return replace(
         windows,
         points=pick(windows.points),
-        visibility=pick(windows.visibility),
+        certainty=pick(windows.certainty),
         landmarks=pick(windows.landmarks),
         truth=pick(windows.truth),
         swapped=windows.swapped ^ which,

@@ -38,6 +38,18 @@ class LifterRecipe(Recipe):
     """Windows with COCO's keypoints alone: of rendered and of other motion."""
     routines: float = 0.3
     """Fraction of either that shows a routine: there are few among the takes, and nobody captures what they show."""
+    whole: bool = False
+    """Landmarks are predicted whole, in place of corrections to the pose network's."""
+
+
+@dataclass(frozen=True)
+class WholeLifterRecipe(LifterRecipe):
+    """The recipe of a network that goes on from a keypoint lifter."""
+
+    steps: int = 2_400
+    rate: float = 1.5e-3
+    warm_up: int = 100
+    whole: bool = True
 
 
 def lifter_training(
@@ -45,18 +57,24 @@ def lifter_training(
     windows: Windows,
     other: OtherMotion,
     *,
+    begin_with: LifterNetwork | None = None,
     is_routine: Bool[Array, " W"] | None = None,
     device: str = "cpu",
 ) -> Training[LifterNetwork]:
-    """A training at its first step; `is_routine` says which windows show a routine."""
+    """A training at its first step; `begin_with`: a keypoint lifter, with whose weights it begins; `is_routine` says
+    which windows show a routine."""
     nothing = np.zeros(len(windows), dtype=bool)
     probability = with_routines(np.ones(len(windows)), nothing if is_routine is None else is_routine, recipe.routines)
     weights = torch.from_numpy(probability)
 
     def build() -> LifterNetwork:
-        network = LifterNetwork(dropout=recipe.dropout)
-        with torch.no_grad():
-            network.mean.copy_(windows.truth[windows.exists].mean(dim=0))
+        network = LifterNetwork(whole=recipe.whole, dropout=recipe.dropout)
+        if begin_with is None:
+            with torch.no_grad():
+                network.mean.copy_(windows.truth[windows.exists].mean(dim=0))
+        else:
+            network.load_state_dict(begin_with.state_dict())
+            network.forget_landmarks()
         return network
 
     def batch_loss(network: LifterNetwork, rng: np.random.Generator, generator: torch.Generator) -> Tensor:

@@ -9,7 +9,7 @@ from torch import Tensor, nn
 
 from humanmm.models.geometry.alignment import umeyama_alignment
 from humanmm.models.geometry.rotations import rotation_angle
-from humanmm.models.learning.windows import Windows, coco_visibility
+from humanmm.models.learning.windows import Windows, certainty_of_coco
 from humanmm.models.motion.fit.evidence import BONE_END, BONE_START
 from humanmm.models.perception.lifting.network import LifterInput, LifterNetwork, LifterOutput
 from humanmm.models.records.landmarks import LIMBS, TORSO
@@ -100,7 +100,7 @@ def _given(windows: Windows, *, coco: bool) -> LifterInput:
     if not coco:
         return windows.given()
     given = windows.given(torch.zeros(len(windows), dtype=torch.bool))
-    return replace(given, visibility=coco_visibility(given.visibility))
+    return replace(given, certainty=certainty_of_coco(given.certainty))
 
 
 def _rows(network: LifterNetwork | None, windows: Windows, given: LifterInput) -> Float[Array, "n 7"]:

@@ -29,9 +29,9 @@ DOUBTFUL_FRAME = 0.2
 WORST_S = 0.15
 """One run of doubtful frames in which a body is expected to be turned the wrong way for so long is a warning by itself:
 in a long shot it hardly changes the mean."""
-DOUBTFUL_POSE_M = 0.07
-"""A body whose pose is expected to be off by more gets a warning: on 26 development clips 12 of 103 bodies in a shot
-have one, four of the five that are off by more than 100 mm among them."""
+DOUBTFUL_POSE_M = 0.06
+"""A body whose pose is expected to be off by more gets a warning: on 28 development clips 22 of 115 bodies in a shot
+have one, five of the six that are off by more than 100 mm among them."""
 APART_FRAMES = 5
 """Doubtful frames closer together are named as one run,"""
 NAMED_RUNS = 3

@@ -21,6 +21,9 @@ Array = np.ndarray
 
 COCO = list(COCO_LANDMARKS)
 """The landmarks that COCO names, in its order."""
+PLACED = 0.48
+"""Certainty (`features.certainty_of`) from which a keypoint has a say in where the crop lies: an expected error of 0.04
+of the person's height; 0.06 and 0.1 are as good (docs/measurements/perception.md)."""
 CROP = 5.0
 """Side of the crop, in root mean square distances of the keypoints from its centre."""
 _TORSO = [COCO.index(landmark) for landmark in TORSO]
@@ -28,11 +31,12 @@ _TORSO = [COCO.index(landmark) for landmark in TORSO]
 
 def lift_keypoints(keypoints: Float[Array, "n 17 3"], time_s: Float[Array, " n"], K: Float[Array, "3 3"]) -> Lifted:
     """One person's landmarks and joint rotations, by the shipped network (a `KeypointLifter`)."""
-    return Lifted(*read_keypoints(keypoints, time_s, K))
+    seen = keypoints[..., 2:] >= SEEN
+    return Lifted(*read_keypoints(np.concatenate([keypoints[..., :2], seen], axis=-1), time_s, K))
 
 
 def read_keypoints(keypoints: Float[Array, "n 17 3"], time_s: Float[Array, " n"], K: Float[Array, "3 3"]) -> Reading:
-    """What the shipped network says, camera axes.
+    """What the shipped network says, camera axes; of every keypoint x, y and how sure it is: 1 or 0 for seen or not.
 
     Where it holds left and right for swapped it looks again with them put right: a body whose sides are swapped is one
     that turns its back, for a few frames. What is returned is named as it was given.
@@ -63,7 +67,7 @@ def views_of(
     keypoints: Float[Array, "n 17 3"], K: Float[Array, "3 3"]
 ) -> tuple[Float[Array, "n 3 3"], Float[Array, " n"]]:
     """Of each frame: R_cam_view, z along the ray through the crop's centre; the crop's side over the focal length."""
-    centre, side = crop_of(keypoints[..., :2], keypoints[..., 2] >= SEEN)
+    centre, side = crop_of(keypoints[..., :2], keypoints[..., 2] >= PLACED)
     return view_axes(centre, K), side / K[0, 0]
 
 
@@ -76,15 +80,15 @@ def keypoint_input(
 ) -> LifterInput:
     """One person's keypoints as the network takes them (B = 1); `R_cam_view` and `size` are those of `views_of`."""
     n = len(keypoints)
-    points, visibility = np.zeros((n, NUM_LANDMARKS, 2)), np.zeros((n, NUM_LANDMARKS))
+    points, certainty = np.zeros((n, NUM_LANDMARKS, 2)), np.zeros((n, NUM_LANDMARKS))
     points[:, COCO] = points_in_view(keypoints[..., :2].astype(np.float64), R_cam_view, size, K)
-    visibility[:, COCO] = keypoints[..., 2] >= SEEN
+    certainty[:, COCO] = keypoints[..., 2]
     every = torch.ones(1, n, dtype=torch.bool)
     return LifterInput(
         time_s=batch_of_one(time_s - time_s[0]),
         exists=every,
         points=batch_of_one(points),
-        visibility=batch_of_one(visibility),
+        certainty=batch_of_one(certainty),
         landmarks=torch.zeros(1, n, NUM_LANDMARKS, 3),
         has_landmarks=~every,
         size=batch_of_one(size),

@@ -3,7 +3,7 @@
 A pose network looks at one picture: it misses half of a camera's pitch, leans bodies towards it and guesses limbs anew
 in every frame. The lifter has seen what these networks say of rendered people whose pose is known (model card
 weights/lifter.md), and looks at a second before and after each frame. What the keypoint lifter (`keypoints`) says has
-other errors: it has seen far more motion, and no pose network's landmarks.
+other errors: it has seen no pose network.
 """
 
 from dataclasses import replace
@@ -11,45 +11,59 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Bool, Float
 
-from humanmm.models.perception.interfaces import Lifted, PersonFrames
-from humanmm.models.perception.lifting.features import lifter_input, view_axes
-from humanmm.models.perception.lifting.keypoints import COCO, read_keypoints
+from humanmm.models.geometry.rotations import nearest_rotation, rotmat_to_rotvec, rotvec_to_rotmat
+from humanmm.models.perception.interfaces import SEEN, Lifted, PersonFrames
+from humanmm.models.perception.lifting.features import certainty_of, lifter_input, view_axes
+from humanmm.models.perception.lifting.keypoints import COCO, PLACED, read_keypoints
+from humanmm.models.perception.lifting.network import LifterNetwork
 from humanmm.models.perception.lifting.reading import Reading, load_lifter, read_in_pieces
-from humanmm.models.perception.regions import HEIGHT_OF_SIDE
 from humanmm.models.records.landmarks import BEYOND, COCO_LANDMARKS, HIPS, NUM_LANDMARKS, with_sides_swapped
 from humanmm.models.records.tracks import UNKNOWN_RAD, PoseEstimates
 
 Array = np.ndarray
 
-POSE_NETWORK, LIFTER, KEYPOINT_LIFTER = 0.2, 0.4, 0.4
+POSE_NETWORK, LIFTER, WHOLE_LIFTER, KEYPOINT_LIFTER = 0.1, 0.3, 0.3, 0.3
 """Shares of the landmarks (measured: docs/measurements/networks.md). On rendered people the pose network has nothing to
 say that the lifters do not know better, on real ones it has."""
-
-PLACED = 0.04
-"""Expected error, as a fraction of the height, up to which a keypoint counts as seen for the keypoint lifter; 0.06 and
-0.1 are as good, visibility is worse by 3 to 6 % (docs/measurements/perception.md)."""
 
 
 def lift(frames: PersonFrames, K: Float[Array, "3 3"]) -> Lifted:
     """Landmarks and joint rotations of one person, by the shipped networks (a `Lifter`).
 
-    Landmarks are a mean of what all three say; of fingers, toes and face, which the keypoint lifter does not see, they
-    move as its wrists, ankles and nose do. Rotations of joints are the keypoint lifter's: bodies posed by them are
-    nearly as near to the truth as its landmarks, those of the lifter are not. The root's, with its expected error, is
-    the lifter's, whom the picture tells front from back.
+    Landmarks are a mean of what all four say; of fingers, toes and face, which the keypoint lifter does not see, they
+    move as its wrists, ankles and nose do. Rotations of joints are halfway between the whole lifter's and the keypoint
+    lifter's: bodies posed by them are nearly as near to the truth as these networks' landmarks, those of the lifter are
+    not. The root's is halfway between the lifter's and the whole lifter's.
     """
-    lifter = load_lifter("lifter.safetensors")
-    found = read_in_pieces(lifter, frames.time_s, lambda seen: lifter_input(frames.chosen(seen), K))
-    from_keypoints, joints = _from_keypoints(frames, found.pose.swap_odds > 0, K)
-    seen, lifted = _about_hips(frames.landmarks3d), _about_hips(found.landmarks3d)
-    both = (POSE_NETWORK * seen + LIFTER * lifted) / (POSE_NETWORK + LIFTER)
-    moved = KEYPOINT_LIFTER * (from_keypoints - both)[:, COCO]
+
+    def read_by(network: LifterNetwork) -> Reading:
+        return read_in_pieces(network, frames.time_s, lambda seen: lifter_input(frames.chosen(seen), K))
+
+    found = read_by(load_lifter("lifter.safetensors"))
+    whole = read_by(load_lifter("whole_lifter.safetensors", whole=True))
+    keypoints = _from_keypoints(frames, found.pose.swap_odds > 0, K)
+    shares = (POSE_NETWORK, LIFTER, WHOLE_LIFTER)
+    with_pictures = (frames.landmarks3d, found.landmarks3d, whole.landmarks3d)
+    seen = sum(share * _about_hips(one) for share, one in zip(shares, with_pictures, strict=True)) / sum(shares)
+    moved = KEYPOINT_LIFTER * (keypoints.landmarks3d - seen)[:, COCO]
     pose = PoseEstimates(
-        np.concatenate([found.pose.vectors[:, :1], joints.vectors[:, 1:]], axis=1),
-        np.concatenate([found.pose.sigma[:, :1], joints.sigma[:, 1:]], axis=1),
+        np.concatenate([
+            _halfway(found.pose.vectors[:, :1], whole.pose.vectors[:, :1]),
+            _halfway(whole.pose.vectors[:, 1:], keypoints.pose.vectors[:, 1:]),
+        ], axis=1),
+        np.concatenate([
+            (found.pose.sigma + whole.pose.sigma)[:, :1] / 2,
+            np.maximum(whole.pose.sigma, keypoints.pose.sigma)[:, 1:],
+        ], axis=1),
         found.pose.swap_odds,
-    )
-    return Lifted((both + moved[:, _MOVED_WITH]).astype(np.float32), pose)
+    )  # fmt: skip
+    return Lifted((seen + moved[:, _MOVED_WITH]).astype(np.float32), pose)
+
+
+def _halfway(a: Float[Array, "*n 3"], b: Float[Array, "*n 3"]) -> Float[Array, "*n 3"]:
+    """The rotations between two, as vectors."""
+    R_a, R_b = rotvec_to_rotmat(a.astype(np.float64)), rotvec_to_rotmat(b.astype(np.float64))
+    return np.asarray(rotmat_to_rotvec(nearest_rotation(R_a + R_b)), np.float32)
 
 
 def _from_keypoints(frames: PersonFrames, are_swapped: Bool[Array, " n"], K: Float[Array, "3 3"]) -> Reading:
@@ -59,10 +73,11 @@ def _from_keypoints(frames: PersonFrames, are_swapped: Bool[Array, " n"], K: Flo
     swapped, are those of a body that turns its back, and it would be turned round. Of such frames it knows no
     rotations: they would be those of a body that is not there.
     """
-    keypoints = frames.keypoints
-    if frames.keypoint_sigma is not None:
-        is_placed = frames.keypoint_sigma < PLACED * HEIGHT_OF_SIDE * frames.side[:, None]
-        keypoints = np.concatenate([keypoints[..., :2], is_placed[..., None]], axis=-1)
+    if frames.keypoint_sigma is None:
+        is_seen = frames.keypoints[..., 2] >= SEEN
+    else:
+        is_seen = certainty_of(frames.keypoint_sigma / frames.side[:, None]) >= PLACED
+    keypoints = np.concatenate([frames.keypoints[..., :2], is_seen[..., None]], axis=-1)
     found = read_keypoints(with_sides_swapped(keypoints, are_swapped)[:, COCO], frames.time_s, K)
     landmarks = with_sides_swapped(found.landmarks3d @ view_axes(frames.centre, K), are_swapped)
     sigma = np.where(are_swapped[:, None], np.float32(UNKNOWN_RAD), found.pose.sigma)

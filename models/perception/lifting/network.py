@@ -2,7 +2,7 @@
 
 A temporal transformer over the frames of one person in one shot. Its positions are the frames' times (rotary embedding:
 Su et al. 2021); its attention reaches a second, so that the cost grows linearly with a video's length. It predicts
-residuals to the 3D landmarks that it is given; without any (COCO keypoints alone) it predicts them whole.
+residuals to the 3D landmarks that it is given, or landmarks whole: always so where it is given COCO keypoints alone.
 """
 
 import math
@@ -46,8 +46,8 @@ class LifterInput(Tensors):
     """(B,n) bool: frames in which the person was seen."""
     points: Tensor
     """(B,n,33,2): keypoints about the ray, in units of the crop's side."""
-    visibility: Tensor
-    """(B,n,33): 0..1; 0 for keypoints that nobody gave."""
+    certainty: Tensor
+    """(B,n,33): 0..1, how sure keypoints are (`features.certainty_of`); 0 for those that nobody gave."""
     landmarks: Tensor
     """(B,n,33,3): the pose network's, metres about the mid-hip."""
     has_landmarks: Tensor
@@ -57,11 +57,11 @@ class LifterInput(Tensors):
 
     def features(self) -> Tensor:
         """(B,n,c): what the network reads."""
-        seen = (self.visibility > 0).to(self.points.dtype)
+        seen = (self.certainty > 0).to(self.points.dtype)
         has = self.has_landmarks[..., None].to(self.points.dtype)
         parts = [
             (self.points * seen[..., None]).flatten(2),
-            self.visibility,
+            self.certainty,
             (self.landmarks * has[..., None]).flatten(2),
             has,
             torch.log(self.size.clamp_min(1e-3))[..., None] + 1.0,
@@ -94,8 +94,12 @@ _PARTS = (NUM_LANDMARKS * 3, JOINTS * 6, JOINTS, 1, 4)
 class LifterNetwork(nn.Module):
     """See the module."""
 
-    def __init__(self, width: int = 192, depth: int = 5, heads: int = 6, *, dropout: float = 0.0) -> None:
+    def __init__(
+        self, width: int = 192, depth: int = 5, heads: int = 6, *, whole: bool = False, dropout: float = 0.0
+    ) -> None:
+        """`whole`: landmarks are predicted whole, in place of residuals."""
         super().__init__()
+        self.whole = whole
         self.inward = nn.Sequential(nn.Linear(FEATURES, 2 * width), nn.GELU(), nn.Linear(2 * width, width))
         self.blocks = nn.ModuleList(Block(width, heads, dropout) for _ in range(depth))
         self.norm = nn.LayerNorm(width)
@@ -104,6 +108,12 @@ class LifterNetwork(nn.Module):
         nn.init.zeros_(self.outward.bias)
         self.mean = nn.Parameter(torch.zeros(NUM_LANDMARKS, 3))
         self.mean_pose = nn.Parameter(torch.tensor([1.0, 0, 0, 0, 1, 0]).repeat(JOINTS, 1))
+
+    def forget_landmarks(self) -> None:
+        """Give 3D landmarks no say: to a network that has never seen any they say nothing."""
+        first_of_landmarks = 3 * NUM_LANDMARKS
+        with torch.no_grad():
+            next(self.inward.parameters())[:, first_of_landmarks : FEATURES - 1] = 0.0
 
     @property
     def reach_s(self) -> float:
@@ -124,7 +134,7 @@ class LifterNetwork(nn.Module):
             h = block(h, turning, mask[:, None])
         raw = self.outward(self.norm(h))
         delta, pose, pose_log_sigma, swapped, contacts = raw.split(_PARTS, dim=-1)
-        has = given.has_landmarks[..., None, None].to(h.dtype)
+        has = given.has_landmarks[..., None, None].to(h.dtype) * (not self.whole)
         start = has * given.landmarks + (1 - has) * self.mean
         return LifterOutput(
             start + delta.unflatten(-1, (NUM_LANDMARKS, 3)),

@@ -60,9 +60,9 @@ def pieces(time_s: Float[Array, " n"], reach_s: float) -> Iterator[tuple[slice, 
         start = stop
 
 
-@lru_cache(maxsize=2)
-def load_lifter(file: str) -> LifterNetwork:
+@lru_cache(maxsize=3)
+def load_lifter(file: str, *, whole: bool = False) -> LifterNetwork:
     """A shipped network of this form, checked against its sha256."""
-    network = LifterNetwork()
+    network = LifterNetwork(whole=whole)
     network.load_state_dict({name: value.float() for name, value in load(read_weights(file)).items()})
     return network.eval()

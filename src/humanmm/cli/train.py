@@ -62,14 +62,31 @@ PredictorFile = Annotated[
 ]
 
 
+KeypointLifterFile = Annotated[
+    Path | None,
+    Option("--begin-with", metavar="FILE", help="what train keypoints made (default: the shipped keypoint lifter)"),
+]
+
+
 @verb(train, "lifter")
 def lifter(*, pairs: Pairs, training: Training) -> None:
-    """Train the network that lifts people from the pictures into space; goes on from its last checkpoint."""
+    """Train the network that corrects the pose network's landmarks; goes on from its last checkpoint."""
     from humanmm.flows.training.lifter import train_lifter
     from humanmm.models.learning.training.lifter import LifterRecipe
 
     recipe = training.recipe(LifterRecipe)
     write(train_lifter.fn(pairs, training.out, recipe, tuple(training.mocap), training.device))
+
+
+@verb(train, "whole-lifter")
+def whole_lifter(*, pairs: Pairs, training: Training, begin_with: KeypointLifterFile = None) -> None:
+    """Train the network that lifts people whole, from keypoints with their expected errors; goes on from its last
+    checkpoint."""
+    from humanmm.flows.training.lifter import train_lifter
+    from humanmm.models.learning.training.lifter import WholeLifterRecipe
+
+    recipe = training.recipe(WholeLifterRecipe)
+    write(train_lifter.fn(pairs, training.out, recipe, tuple(training.mocap), training.device, begin_with))
 
 
 @verb(train, "keypoints")

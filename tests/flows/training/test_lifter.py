@@ -11,8 +11,9 @@ from safetensors.torch import load_file
 from humanmm.errors import InputError
 from humanmm.flows.training import course, lifter
 from humanmm.flows.training.lifter import train_keypoints, train_lifter
-from humanmm.models.learning.training.lifter import KeypointRecipe, LifterRecipe
+from humanmm.models.learning.training.lifter import KeypointRecipe, LifterRecipe, WholeLifterRecipe
 from humanmm.models.perception.lifting.network import LifterNetwork
+from humanmm.storage.training.networks import write_network
 from humanmm.storage.training.pair_set import PairSet
 
 RECIPE = LifterRecipe(steps=4, batch=2, warm_up=2)
@@ -65,6 +66,21 @@ def test_a_training_delivers_a_network_its_curve_and_its_card_and_resumes(
     assert same_weights(whole, again)
     with pytest.raises(InputError, match="another recipe"):
         train_lifter.fn(tmp_path, tmp_path / "b", LifterRecipe(steps=6, batch=2, warm_up=2))
+
+
+def test_a_whole_lifter_begins_with_a_keypoint_lifter(tmp_path: Path) -> None:
+    for split in ("train", "dev"):
+        PairSet(tmp_path, "a").write(f"{split}-00000", pair_arrays(), [{}] * 4)
+    recipe = WholeLifterRecipe(steps=1, batch=2, warm_up=1, rate=1e-9)
+    shipped = train_lifter.fn(tmp_path, tmp_path / "a", recipe)
+    assert shipped.name == "whole_lifter.safetensors" and shipped.with_suffix(".md").exists()
+    other = tmp_path / "other.safetensors"
+    write_network(other, LifterNetwork())
+    found = load_file(train_lifter.fn(tmp_path, tmp_path / "b", recipe, begin_with=other))
+    begun, given = load_file(other), slice(99, 199)
+    first = "inward.0.weight"
+    assert torch.allclose(found[first][:, :99].float(), begun[first][:, :99].float(), atol=1e-3)
+    assert found[first][:, given].abs().max() < 1e-3 < begun[first][:, given].abs().max()
 
 
 def test_keypoints_are_learnt_from_motion_capture_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from humanmm.models.body.body24 import load_body
-from humanmm.models.body.proportions import bone_lengths, resized, shape_from_bones
+from humanmm.models.body.landmarks import load_landmarks
+from humanmm.models.body.proportions import bone_lengths, in_detector_convention, resized, shape_from_bones
 from humanmm.models.records.landmarks import INDEX, NUM_LANDMARKS
 
 
@@ -24,6 +25,15 @@ def test_longer_bones_give_a_shape_with_longer_bones_but_less_than_measured() ->
     lengths = [body.rest_joints(shape_from_bones(usual * scale, body)) for scale in (1.0, 1.15)]
     height = [float(joints[:, 1].max() - joints[:, 1].min()) for joints in lengths]
     assert 1.03 < height[1] / height[0] < 1.15
+
+
+def test_lifted_landmarks_give_the_shape_of_the_body_that_they_lie_on() -> None:
+    body, model = load_body(), load_landmarks()
+    usual = np.zeros(body.num_betas)
+    bones = bone_lengths((body.rest_joints(usual)[model.joint] + model.offsets(usual))[None])
+    assert np.abs(shape_from_bones(in_detector_convention(bones, lifted=True), body)).max() < 1e-3
+    taken_for_a_detectors = shape_from_bones(in_detector_convention(bones, lifted=False), body)
+    assert body.standing_height(taken_for_a_detectors) > 1.02 * body.standing_height(usual)
 
 
 @pytest.mark.parametrize("height_m", [1.05, 1.60, 1.82, 2.05])

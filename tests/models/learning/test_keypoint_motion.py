@@ -34,8 +34,20 @@ def test_poses_turn_with_the_landmarks_and_only_cocos_keypoints_are_seen() -> No
     left = left / left.norm(dim=-1, keepdim=True)
     assert ((drawn.pose[:, :, 0, :, 0] * left).sum(dim=-1) > 0.9).all()
     named = np.isin(np.arange(NUM_LANDMARKS), COCO)
-    seen = drawn.visibility.numpy() > 0
+    seen = drawn.certainty.numpy() > 0
     assert not seen[..., ~named].any() and 0.9 < seen[..., named].mean() < 1
+
+
+def test_keypoints_that_are_said_to_be_unsure_are_farther_off() -> None:
+    """Three fifths of the windows come with expected errors; in the others a keypoint is named or not."""
+    drawn = KeypointMotion([walk()]).draw(64, np.random.default_rng(0))
+    sure = drawn.certainty.numpy()[..., COCO]
+    is_told = ((sure > 0) & (sure < 1)).any(axis=(1, 2))
+    assert 0.4 < is_told.mean() < 0.8 and set(np.unique(sure[~is_told])) == {0.0, 1.0}
+    steps = np.linalg.norm(np.diff(drawn.points.numpy()[is_told][..., COCO, :], axis=1), axis=-1)
+    by_certainty = np.argsort(sure[is_told][:, 1:].ravel())
+    surest, unsurest = by_certainty[-len(by_certainty) // 4 :], by_certainty[: len(by_certainty) // 4]
+    assert np.median(steps.ravel()[unsurest]) > 1.5 * np.median(steps.ravel()[surest])
 
 
 def test_the_seed_decides_what_is_drawn() -> None:

@@ -99,5 +99,6 @@ def test_coco_windows_have_its_keypoints_and_no_landmarks() -> None:
     _, given = varied(windows, Variation(coco=1.0, hidden=0.0), torch.Generator().manual_seed(0))
     assert not given.has_landmarks.any()
     others = np.setdiff1d(np.arange(33), COCO_LANDMARKS)
-    assert (given.visibility[..., others] == 0).all()
-    assert set(given.visibility[..., list(COCO_LANDMARKS)].unique().tolist()) <= {0.0, 1.0}
+    assert (given.certainty[..., others] == 0).all()
+    known = set(windows.certainty.unique().tolist())
+    assert set() < set(given.certainty[..., list(COCO_LANDMARKS)].unique().tolist()) - {0.0} <= known

@@ -7,7 +7,7 @@ import numpy as np
 from humanmm.models.perception.clothing import HISTOGRAM_BINS
 from humanmm.models.records.landmarks import INDEX, NUM_LANDMARKS, SWAP
 from humanmm.models.records.shots import Shot, Transition
-from humanmm.models.records.tracks import PersonTrack, ScenePeople, Silhouettes
+from humanmm.models.records.tracks import PersonTrack, PoseEstimates, ScenePeople, Silhouettes
 from humanmm.models.shots import identity
 from humanmm.models.shots.identity import SAME_POSE_M, Candidate, Cast, matched_people, pose_at, pose_residual_m
 
@@ -63,6 +63,18 @@ def cast_of(*scenes: list[PersonTrack] | None, length: int = 30) -> list[list[tu
     ]
     cast = identify(spans, people, time_s=TIME_S)
     return [[(a.person, a.track) for a in sorted(shot, key=lambda a: a.person)] for shot in cast.appearances]
+
+
+def test_bones_of_whom_a_lifter_lifted_are_those_between_landmarks_of_the_body() -> None:
+    of_pictures, shot = track(0, 30, RED), Shot(0, 0, 30, 0, None, ())
+    pose = PoseEstimates(np.zeros((30, 20, 3)), np.ones((30, 20)), np.zeros(30))
+    found = [
+        identity.sighting(0, shot, 0, one, TIME_S)
+        for one in (of_pictures, replace(of_pictures, pose=pose), replace(of_pictures, lifted=True))
+    ]
+    seen, lifted, of_keypoints = (one.bones.mean(axis=0) for one in found if one is not None)
+    np.testing.assert_array_equal(lifted, of_keypoints)
+    assert np.log(lifted / seen).mean() < -0.03, "a pose network sees bones shorter than landmarks are apart"
 
 
 def test_one_person_keeps_the_number_across_cuts() -> None:

@@ -55,7 +55,8 @@ def test_a_long_track_is_lifted_in_pieces_as_if_it_were_whole(monkeypatch: pytes
 
 
 def test_swapped_sides_are_put_right_for_a_second_look_and_named_as_given(monkeypatch: pytest.MonkeyPatch) -> None:
-    keypoints, are_swapped = SEQUENCE.keypoints[0, :N], np.arange(N) >= 20
+    keypoints, are_swapped = SEQUENCE.keypoints[0, :N].copy(), np.arange(N) >= 20
+    keypoints[..., 2] = 1.0
     shown: list[np.ndarray] = []
 
     def see(_: object, given: np.ndarray, *__: object) -> Reading:

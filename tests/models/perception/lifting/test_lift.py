@@ -8,7 +8,8 @@ import pytest
 from humanmm.models.perception.interfaces import PersonFrames
 from humanmm.models.perception.lifting import lift as lifting
 from humanmm.models.perception.lifting import reading
-from humanmm.models.perception.lifting.keypoints import COCO, read_keypoints
+from humanmm.models.perception.lifting.features import certainty_of
+from humanmm.models.perception.lifting.keypoints import COCO, PLACED, read_keypoints
 from humanmm.models.perception.lifting.lift import KEYPOINT_LIFTER, lift
 from humanmm.models.perception.lifting.reading import Reading
 from humanmm.models.records.landmarks import INDEX, SWAP
@@ -30,6 +31,17 @@ def somebody(n: int) -> PersonFrames:
     pixels = np.array([320.0, 180.0]) + 120 * landmarks[..., :2]
     keypoints = np.concatenate([pixels, np.full((n, 33, 1), 0.9)], axis=-1)
     return PersonFrames(time_s, keypoints, landmarks, np.tile([320.0, 180.0], (n, 1)), np.full(n, 300.0))
+
+
+def named(frames: PersonFrames) -> np.ndarray:
+    """COCO's keypoints, all of them seen."""
+    return np.concatenate([frames.keypoints[:, COCO, :2], np.ones((len(frames.time_s), len(COCO), 1))], axis=-1)
+
+
+def test_certainty_falls_with_the_logarithm_of_the_expected_error() -> None:
+    found = certainty_of(np.array([1e-4, 0.0026, 0.02, 0.025, 0.2, 3.0]))
+    assert found[0] == found[1] == 1.0 and found[4] == found[5] == 1e-3
+    assert found[2] > PLACED > certainty_of(np.array(0.03)), "0.04 of the height is 0.025 of the crop's side"
 
 
 def test_a_long_track_is_lifted_in_pieces_as_if_it_were_whole(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -68,13 +80,13 @@ def test_the_keypoint_lifter_sees_what_is_placed_and_not_what_is_visible(monkeyp
     expected = np.ones((4, 17))
     expected[:, COCO.index(nose)] = 0
     np.testing.assert_array_equal(given[0], expected)
-    np.testing.assert_array_equal(given[1], frames.keypoints[:, COCO, 2])
+    np.testing.assert_array_equal(given[1], np.ones((4, 17)))
 
 
 def test_hands_and_feet_go_where_the_keypoint_lifter_has_wrists_and_ankles(monkeypatch: pytest.MonkeyPatch) -> None:
     """It sees nothing of fingers and toes itself."""
     frames, ankle = somebody(20), INDEX["left_ankle"]
-    say = read_keypoints(frames.keypoints[:, COCO], frames.time_s, K)
+    say = read_keypoints(named(frames), frames.time_s, K)
 
     def with_ankle_moved(by: float) -> np.ndarray:
         moved = say.landmarks3d.copy()
@@ -91,7 +103,7 @@ def test_hands_and_feet_go_where_the_keypoint_lifter_has_wrists_and_ankles(monke
 def test_the_keypoint_lifter_is_shown_sides_put_right(monkeypatch: pytest.MonkeyPatch) -> None:
     frames, are_swapped = somebody(20), np.arange(20) >= 8
     shown: list[np.ndarray] = []
-    pose = read_keypoints(frames.keypoints[:, COCO], frames.time_s, K).pose
+    pose = read_keypoints(named(frames), frames.time_s, K).pose
 
     def say(keypoints: np.ndarray, *_: object) -> Reading:
         shown.append(keypoints)
@@ -99,8 +111,9 @@ def test_the_keypoint_lifter_is_shown_sides_put_right(monkeypatch: pytest.Monkey
 
     monkeypatch.setattr(lifting, "read_keypoints", say)
     found, rotations = lifting._from_keypoints(frames, are_swapped, K)
-    np.testing.assert_array_equal(shown[0][:8], frames.keypoints[:8, COCO])
-    np.testing.assert_array_equal(shown[0][8:], frames.keypoints[8:, SWAP][:, COCO])
+    swapped = replace(frames, keypoints=frames.keypoints[:, SWAP])
+    np.testing.assert_array_equal(shown[0][:8], named(frames)[:8])
+    np.testing.assert_array_equal(shown[0][8:], named(swapped)[8:])
     np.testing.assert_allclose(found[8:], found[:1, SWAP].repeat(12, axis=0), atol=1e-6)
     np.testing.assert_array_equal(rotations.sigma[:8], pose.sigma[:8])
     assert (rotations.sigma[8:] == UNKNOWN_RAD).all()

@@ -34,6 +34,21 @@ def test_untrained_it_returns_the_landmarks_that_it_is_given() -> None:
     assert torch.equal(LifterNetwork().eval()(one).landmarks, one.landmarks)
 
 
+def test_a_whole_lifter_predicts_landmarks_whole_and_can_be_told_to_forget_them() -> None:
+    one = given(5)
+    assert torch.equal(LifterNetwork(whole=True).eval()(one).landmarks, torch.zeros(1, 5, 33, 3))
+    torch.manual_seed(0)
+    net = LifterNetwork(width=24, depth=2, heads=2, whole=True).eval()
+    torch.nn.init.normal_(net.outward.weight, std=0.1)
+    other = dataclasses.replace(one, landmarks=one.landmarks + 1.0)
+    with torch.inference_mode():
+        assert not torch.equal(net(one).landmarks, net(other).landmarks)
+        net.forget_landmarks()
+        assert torch.equal(net(one).landmarks, net(other).landmarks)
+        elsewhere = dataclasses.replace(one, points=one.points + 1.0)
+        assert not torch.equal(net(one).landmarks, net(elsewhere).landmarks)
+
+
 def test_a_frame_depends_on_nothing_beyond_the_reach() -> None:
     net, one = network(), given(60)
     assert net.reach_s == 2 * REACH_S
