@@ -50,8 +50,8 @@ def train_lifter(
     """Train on the pairs of the split train, measure on those of dev that show captured motion; returns the network's
     file.
 
-    A network that predicts landmarks whole begins with the weights of a keypoint lifter: those of the file
-    `begin_with`, or the shipped one's.
+    It begins with the weights of the file `begin_with`. Without it a network that predicts landmarks whole begins with
+    those of the shipped keypoint lifter, one that corrects them with random ones.
     A training that was stopped goes on from its last checkpoint in `out`.
     """
     prepare_process()
@@ -62,7 +62,7 @@ def train_lifter(
     takes = takes_to_learn_from(_sequences(packs, "train"), np.random.default_rng(recipe.seed))
     training = lifter_training(
         recipe, windows, OtherMotion(takes, arrays, windows, errors, routines=recipe.routines),
-        begin_with=_beginning(begin_with) if recipe.whole else None,
+        begin_with=_beginning(begin_with, whole=recipe.whole),
         is_routine=_are_routines(facts), device=device,
     )  # fmt: skip
 
@@ -108,8 +108,10 @@ def train_keypoints(
     return out / SHIPPED_KEYPOINTS
 
 
-def _beginning(file: Path | None) -> LifterNetwork:
-    return load_lifter(SHIPPED_KEYPOINTS) if file is None else read_network(file, LifterNetwork())
+def _beginning(file: Path | None, *, whole: bool) -> LifterNetwork | None:
+    if file is not None:
+        return read_network(file, LifterNetwork())
+    return load_lifter(SHIPPED_KEYPOINTS) if whole else None
 
 
 def _captured(arrays: Mapping[str, Array], facts: Sequence[Mapping[str, Any]]) -> Windows:

@@ -9,7 +9,7 @@ import pytest
 
 from humanmm.cli import main
 from humanmm.flows.training.motion import Material
-from humanmm.models.learning.training.lifter import KeypointRecipe, LifterRecipe
+from humanmm.models.learning.training.lifter import KeypointRecipe, LifterRecipe, WholeLifterRecipe
 from humanmm.models.learning.training.motion import MotionRecipe
 
 Typed = Callable[..., tuple[Any, ...]]
@@ -37,9 +37,12 @@ def given(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -
 
 def test_a_network_is_trained_by_the_recipe_unless_steps_or_seed_are_given(given: Typed) -> None:
     where = ["--pairs", "pairs", "--out", "out"]
-    assert given("lifter.train_lifter", "lifter", *where) == (Path("pairs"), Path("out"), LifterRecipe(), (), "cpu")
+    plain = given("lifter.train_lifter", "lifter", *where)
+    assert plain == (Path("pairs"), Path("out"), LifterRecipe(), (), "cpu", None)
     changed = given("lifter.train_lifter", "lifter", *where, "--steps", "5", "--seed", "7", "--device", "cuda")
-    assert changed[2:] == (LifterRecipe(steps=5, seed=7), (), "cuda")
+    assert changed[2:] == (LifterRecipe(steps=5, seed=7), (), "cuda", None)
+    whole = given("lifter.train_lifter", "whole-lifter", *where, "--steps", "5", "--begin-with", "k")
+    assert whole[2:] == (WholeLifterRecipe(steps=5), (), "cpu", Path("k"))
     lifted = given("lifter.train_keypoints", "keypoints", "--out", "out", "--steps", "5", "--mocap", "a")
     assert lifted == (Path("out"), KeypointRecipe(steps=5), (Path("a"),), "cpu")
     found = given("motion.train_ms_hmr", "ms-hmr", *where, "--steps", "5", "--seed", "7", "--mocap", "a", "b")

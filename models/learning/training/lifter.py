@@ -61,8 +61,8 @@ def lifter_training(
     is_routine: Bool[Array, " W"] | None = None,
     device: str = "cpu",
 ) -> Training[LifterNetwork]:
-    """A training at its first step; `begin_with`: a keypoint lifter, with whose weights it begins; `is_routine` says
-    which windows show a routine."""
+    """A training at its first step; `begin_with`: a network with whose weights it begins, for one that predicts
+    landmarks whole a keypoint lifter; `is_routine` says which windows show a routine."""
     nothing = np.zeros(len(windows), dtype=bool)
     probability = with_routines(np.ones(len(windows)), nothing if is_routine is None else is_routine, recipe.routines)
     weights = torch.from_numpy(probability)
@@ -74,7 +74,8 @@ def lifter_training(
                 network.mean.copy_(windows.truth[windows.exists].mean(dim=0))
         else:
             network.load_state_dict(begin_with.state_dict())
-            network.forget_landmarks()
+            if recipe.whole:
+                network.forget_landmarks()
         return network
 
     def batch_loss(network: LifterNetwork, rng: np.random.Generator, generator: torch.Generator) -> Tensor:

@@ -62,6 +62,9 @@ PredictorFile = Annotated[
 ]
 
 
+LifterFile = Annotated[
+    Path | None, Option("--begin-with", metavar="FILE", help="what train lifter made (default: random weights)")
+]
 KeypointLifterFile = Annotated[
     Path | None,
     Option("--begin-with", metavar="FILE", help="what train keypoints made (default: the shipped keypoint lifter)"),
@@ -69,13 +72,13 @@ KeypointLifterFile = Annotated[
 
 
 @verb(train, "lifter")
-def lifter(*, pairs: Pairs, training: Training) -> None:
+def lifter(*, pairs: Pairs, training: Training, begin_with: LifterFile = None) -> None:
     """Train the network that corrects the pose network's landmarks; goes on from its last checkpoint."""
     from humanmm.flows.training.lifter import train_lifter
     from humanmm.models.learning.training.lifter import LifterRecipe
 
     recipe = training.recipe(LifterRecipe)
-    write(train_lifter.fn(pairs, training.out, recipe, tuple(training.mocap), training.device))
+    write(train_lifter.fn(pairs, training.out, recipe, tuple(training.mocap), training.device, begin_with))
 
 
 @verb(train, "whole-lifter")

@@ -68,6 +68,18 @@ def test_a_training_delivers_a_network_its_curve_and_its_card_and_resumes(
         train_lifter.fn(tmp_path, tmp_path / "b", LifterRecipe(steps=6, batch=2, warm_up=2))
 
 
+def test_a_lifter_can_go_on_from_another(tmp_path: Path) -> None:
+    for split in ("train", "dev"):
+        PairSet(tmp_path, "a").write(f"{split}-00000", pair_arrays(), [{}] * 4)
+    other = tmp_path / "other.safetensors"
+    write_network(other, LifterNetwork())
+    recipe = LifterRecipe(steps=1, batch=2, warm_up=1, rate=1e-9)
+    found, begun = load_file(train_lifter.fn(tmp_path, tmp_path / "a", recipe, begin_with=other)), load_file(other)
+    assert all(torch.allclose(value.float(), begun[name].float(), atol=1e-3) for name, value in found.items())
+    with pytest.raises(InputError, match="no LifterNetwork"):
+        train_lifter.fn(tmp_path, tmp_path / "b", recipe, begin_with=tmp_path / "nothing.safetensors")
+
+
 def test_a_whole_lifter_begins_with_a_keypoint_lifter(tmp_path: Path) -> None:
     for split in ("train", "dev"):
         PairSet(tmp_path, "a").write(f"{split}-00000", pair_arrays(), [{}] * 4)
