@@ -128,6 +128,11 @@ class PersonTrack:
     hands: HandTracks | None = None
     """Both hands; None where nobody asked for them."""
 
+    @property
+    def is_in_space(self) -> bool:
+        """`landmarks3d` are a lifter's or another system's body's: they lie where `body.landmarks` has them."""
+        return self.lifted or self.pose is not None
+
     def with_sides_swapped(self, intervals: Intervals) -> "PersonTrack":
         """The track with left and right of keypoints and landmarks swapped in the frames of some intervals."""
         is_swapped = np.zeros(len(self.frame), bool)

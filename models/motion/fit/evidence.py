@@ -123,7 +123,7 @@ class Sighting:
         evidence.landmarks_cam[at] = landmarks_cam
         evidence.bones[at] = (landmarks_cam[:, BONE_END] - landmarks_cam[:, BONE_START]) / self.bone_lengths[:, None]
         evidence.ray[at] = ray
-        evidence.lifted[at] = self.track.lifted or self.track.pose is not None
+        evidence.lifted[at] = self.track.is_in_space
         if self.track.pose is not None:
             pose = self.track.pose.chosen(rows)
             rotations = rotvec_to_rotmat(pose.vectors.astype(np.float64))

@@ -47,6 +47,12 @@ def killed_and_resumed(train: Train, folder: Path, monkeypatch: pytest.MonkeyPat
     return train(folder)
 
 
+def write_pairs(folder: Path) -> None:
+    """A group of each split."""
+    for split in ("train", "dev"):
+        PairSet(folder, "a").write(f"{split}-00000", pair_arrays(), [{}] * 4)
+
+
 def same_weights(a: Path, b: Path) -> bool:
     other = load_file(b)
     return all(torch.equal(value, other[name]) for name, value in load_file(a).items())
@@ -55,8 +61,7 @@ def same_weights(a: Path, b: Path) -> bool:
 def test_a_training_delivers_a_network_its_curve_and_its_card_and_resumes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for split in ("train", "dev"):
-        PairSet(tmp_path, "a").write(f"{split}-00000", pair_arrays(), [{}] * 4)
+    write_pairs(tmp_path)
     whole = train_lifter.fn(tmp_path, tmp_path / "a", RECIPE)
     network = LifterNetwork()
     network.load_state_dict({name: value.float() for name, value in load_file(whole).items()})
@@ -69,8 +74,7 @@ def test_a_training_delivers_a_network_its_curve_and_its_card_and_resumes(
 
 
 def test_a_lifter_can_go_on_from_another(tmp_path: Path) -> None:
-    for split in ("train", "dev"):
-        PairSet(tmp_path, "a").write(f"{split}-00000", pair_arrays(), [{}] * 4)
+    write_pairs(tmp_path)
     other = tmp_path / "other.safetensors"
     write_network(other, LifterNetwork())
     recipe = LifterRecipe(steps=1, batch=2, warm_up=1, rate=1e-9)
@@ -81,8 +85,7 @@ def test_a_lifter_can_go_on_from_another(tmp_path: Path) -> None:
 
 
 def test_a_whole_lifter_begins_with_a_keypoint_lifter(tmp_path: Path) -> None:
-    for split in ("train", "dev"):
-        PairSet(tmp_path, "a").write(f"{split}-00000", pair_arrays(), [{}] * 4)
+    write_pairs(tmp_path)
     recipe = WholeLifterRecipe(steps=1, batch=2, warm_up=1, rate=1e-9)
     shipped = train_lifter.fn(tmp_path, tmp_path / "a", recipe)
     assert shipped.name == "whole_lifter.safetensors" and shipped.with_suffix(".md").exists()
