@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Bool
 from prefect import flow
 
+from humanmm.errors import InputError
 from humanmm.flows.bench.render_set import Split, shipped_packs, takes_of
 from humanmm.flows.training.card import keypoint_card, lifter_card
 from humanmm.flows.training.course import train_to_end
@@ -83,12 +84,17 @@ def train_lifter(
 
 @flow(name="train-keypoints", persist_result=False)
 def train_keypoints(
-    out: Path, recipe: KeypointRecipe | None = None, packs: tuple[Path, ...] = (), device: str = "cpu"
+    out: Path,
+    recipe: KeypointRecipe | None = None,
+    packs: tuple[Path, ...] = (),
+    device: str = "cpu",
+    begin_with: Path | None = None,
 ) -> Path:
     """Train the lifter of COCO's keypoints on the takes of the split train, measure on those of dev; returns the
     network's file.
 
-    A training that was stopped goes on from its last checkpoint in `out`.
+    It begins with the weights of the file `begin_with`, else with random ones. A training that was stopped goes on from
+    its last checkpoint in `out`.
     """
     prepare_process()
     recipe = recipe or KeypointRecipe()
@@ -96,7 +102,8 @@ def train_keypoints(
     shown = takes_on_bodies(held_out, np.random.default_rng(recipe.seed + 1))
     dev = KeypointMotion(shown).draw(MEASURED, np.random.default_rng(recipe.seed))
     takes = takes_to_learn_from(_sequences(packs, "train"), np.random.default_rng(recipe.seed))
-    training = keypoint_training(recipe, KeypointMotion(takes), device=device)
+    beginning = _beginning(begin_with, whole=True) if begin_with else None
+    training = keypoint_training(recipe, KeypointMotion(takes), begin_with=beginning, device=device)
 
     def measured(network: LifterNetwork) -> Mapping[str, float]:
         found = score(network, dev, coco=True)
@@ -109,9 +116,13 @@ def train_keypoints(
 
 
 def _beginning(file: Path | None, *, whole: bool) -> LifterNetwork | None:
-    if file is not None:
-        return read_network(file, LifterNetwork())
-    return load_lifter(SHIPPED_KEYPOINTS) if whole else None
+    if file is None:
+        return load_lifter(SHIPPED_KEYPOINTS) if whole else None
+    network = read_network(file, LifterNetwork.shaped_as)
+    if bool(network.whole) != whole:
+        kinds = ("corrects landmarks", "predicts them whole")
+        raise InputError(f"{file} {kinds[not whole]}; name a network that {kinds[whole]}")
+    return network
 
 
 def _captured(arrays: Mapping[str, Array], facts: Sequence[Mapping[str, Any]]) -> Windows:

@@ -101,7 +101,7 @@ def train_refiner(
     recipe = recipe or MotionRecipe()
     source, dev = _sources(material, recipe)
     corrector = _ms_hmr(ms_hmr)
-    before = read_network(predictor, TrajectoryPredictor()) if predictor else load_predictor()
+    before = read_network(predictor, lambda _: TrajectoryPredictor()) if predictor else load_predictor()
     dev = [corrected(clips, corrector) for clips in dev]
 
     def measured(network: TrajectoryRefiner) -> Mapping[str, float]:
@@ -117,7 +117,7 @@ def train_refiner(
 
 
 def _ms_hmr(path: Path | None) -> MsHmr | None:
-    return read_network(path, MsHmr()) if path else None
+    return read_network(path, lambda _: MsHmr()) if path else None
 
 
 def _figures(velocity_ms: float) -> Mapping[str, float]:

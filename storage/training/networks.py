@@ -1,5 +1,6 @@
 """Networks that trainings deliver."""
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TypeVar
 
@@ -19,10 +20,16 @@ def write_network(path: Path, network: torch.nn.Module) -> None:
     replace_file(path, lambda fresh: save_file(numbers, fresh))
 
 
-def read_network(path: Path, network: Net) -> Net:
-    """The network with the numbers of a file that `write_network` wrote; InputError where they do not fit."""
+def read_network(path: Path, shaped_as: Callable[[Mapping[str, torch.Tensor]], Net]) -> Net:
+    """The network with the numbers of a file that `write_network` wrote; `shaped_as` makes an untrained one for them.
+    InputError where they do not fit."""
     try:
-        network.load_state_dict({name: value.float() for name, value in load_file(path).items()})
-    except (OSError, SafetensorError, RuntimeError) as error:
+        numbers = {name: value.float() for name, value in load_file(path).items()}
+    except (OSError, SafetensorError) as error:
+        raise InputError(f"{path} holds no network: {error}") from None
+    network = shaped_as(numbers)
+    try:
+        network.load_state_dict(numbers)
+    except RuntimeError as error:
         raise InputError(f"{path} is no {type(network).__name__}: {error}") from None
     return network.eval()

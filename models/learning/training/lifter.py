@@ -62,20 +62,19 @@ def lifter_training(
     device: str = "cpu",
 ) -> Training[LifterNetwork]:
     """A training at its first step; `begin_with`: a network with whose weights it begins, for one that predicts
-    landmarks whole a keypoint lifter; `is_routine` says which windows show a routine."""
+    landmarks whole a keypoint lifter, say; `is_routine` says which windows show a routine."""
     nothing = np.zeros(len(windows), dtype=bool)
     probability = with_routines(np.ones(len(windows)), nothing if is_routine is None else is_routine, recipe.routines)
     weights = torch.from_numpy(probability)
 
     def build() -> LifterNetwork:
-        network = LifterNetwork(whole=recipe.whole, dropout=recipe.dropout)
-        if begin_with is None:
-            with torch.no_grad():
-                network.mean.copy_(windows.truth[windows.exists].mean(dim=0))
-        else:
+        if begin_with is not None:
+            network = LifterNetwork(depth=len(begin_with.blocks), dropout=recipe.dropout)
             network.load_state_dict(begin_with.state_dict())
-            if recipe.whole:
-                network.forget_landmarks()
+            return network
+        network = LifterNetwork(whole=recipe.whole, dropout=recipe.dropout)
+        with torch.no_grad():
+            network.mean.copy_(windows.truth[windows.exists].mean(dim=0))
         return network
 
     def batch_loss(network: LifterNetwork, rng: np.random.Generator, generator: torch.Generator) -> Tensor:
@@ -98,18 +97,24 @@ class KeypointRecipe(Recipe):
     steps: int = 12_000
     rate: float = 3e-3
     dropout: float = 0.0
+    depth: int = 10
+    """Blocks of the network."""
 
 
 def keypoint_training(
-    recipe: KeypointRecipe, motion: KeypointMotion, *, device: str = "cpu"
+    recipe: KeypointRecipe, motion: KeypointMotion, *, begin_with: LifterNetwork | None = None, device: str = "cpu"
 ) -> Training[LifterNetwork]:
-    """A training at its first step."""
+    """A training at its first step; `begin_with`: a keypoint lifter with whose weights it begins, made as deep as the
+    recipe says if it is not."""
     variation = Variation(
         roll_rad=0.0, points=(0.0, 0.0), landmarks_m=(0.0, 0.0), size=0.3, tempo=0.0, swapped=0.2, hidden=0.0, coco=1.0
     )
 
     def build() -> LifterNetwork:
-        network = LifterNetwork(dropout=recipe.dropout)
+        if begin_with is not None:
+            return begin_with.deepened(max(recipe.depth, len(begin_with.blocks)))
+        network = LifterNetwork(depth=recipe.depth, whole=True, dropout=recipe.dropout)
+        network.forget_landmarks()
         with torch.no_grad():
             network.mean.copy_(motion.draw(256, np.random.default_rng(recipe.seed)).truth.mean(dim=(0, 1)))
         return network

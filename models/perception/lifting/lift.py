@@ -40,7 +40,7 @@ def lift(frames: PersonFrames, K: Float[Array, "3 3"]) -> Lifted:
         return read_in_pieces(network, frames.time_s, lambda seen: lifter_input(frames.chosen(seen), K))
 
     found = read_by(load_lifter("lifter.safetensors"))
-    whole = read_by(load_lifter("whole_lifter.safetensors", whole=True))
+    whole = read_by(load_lifter("whole_lifter.safetensors"))
     keypoints = _from_keypoints(frames, found.pose.swap_odds > 0, K)
     shares = (POSE_NETWORK, LIFTER, WHOLE_LIFTER)
     with_pictures = (frames.landmarks3d, found.landmarks3d, whole.landmarks3d)

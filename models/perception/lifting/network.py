@@ -5,7 +5,10 @@ Su et al. 2021); its attention reaches a second, so that the cost grows linearly
 residuals to the 3D landmarks that it is given, or landmarks whole: always so where it is given COCO keypoints alone.
 """
 
+import functools
 import math
+from collections.abc import Mapping
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -94,20 +97,36 @@ _PARTS = (NUM_LANDMARKS * 3, JOINTS * 6, JOINTS, 1, 4)
 class LifterNetwork(nn.Module):
     """See the module."""
 
+    whole: Tensor
+    """One if landmarks are predicted whole, in place of residuals."""
+
     def __init__(
         self, width: int = 192, depth: int = 5, heads: int = 6, *, whole: bool = False, dropout: float = 0.0
     ) -> None:
-        """`whole`: landmarks are predicted whole, in place of residuals."""
         super().__init__()
-        self.whole = whole
+        self._block = functools.partial(Block, width, heads, dropout)
+        self.heads = heads
+        self.register_buffer("whole", torch.tensor(float(whole)))
         self.inward = nn.Sequential(nn.Linear(FEATURES, 2 * width), nn.GELU(), nn.Linear(2 * width, width))
-        self.blocks = nn.ModuleList(Block(width, heads, dropout) for _ in range(depth))
+        self.blocks = nn.ModuleList(self._block() for _ in range(depth))
         self.norm = nn.LayerNorm(width)
         self.outward = nn.Linear(width, sum(_PARTS))
         nn.init.zeros_(self.outward.weight)
         nn.init.zeros_(self.outward.bias)
         self.mean = nn.Parameter(torch.zeros(NUM_LANDMARKS, 3))
         self.mean_pose = nn.Parameter(torch.tensor([1.0, 0, 0, 0, 1, 0]).repeat(JOINTS, 1))
+
+    @classmethod
+    def shaped_as(cls, numbers: Mapping[str, Tensor]) -> Self:
+        """An untrained network as deep as the one with these numbers."""
+        return cls(depth=len({name.split(".")[1] for name in numbers if name.startswith("blocks.")}))
+
+    def deepened(self, depth: int) -> Self:
+        """A network of so many blocks that says what this one says: new ones, each before an old one, begin silent."""
+        deeper, old = deepcopy(self), len(self.blocks)
+        places = {(k + 1) * depth // old - 1: block for k, block in enumerate(deeper.blocks)}
+        deeper.blocks = nn.ModuleList(places[k] if k in places else self._block().silent() for k in range(depth))
+        return deeper
 
     def forget_landmarks(self) -> None:
         """Give 3D landmarks no say: to a network that has never seen any they say nothing."""
@@ -127,14 +146,14 @@ class LifterNetwork(nn.Module):
     def forward(self, given: LifterInput) -> LifterOutput:
         """What is there in every frame."""
         h = self.inward(given.features())
-        turning = rotary(given.time_s, h.shape[-1] // self.blocks[0].heads)
+        turning = rotary(given.time_s, h.shape[-1] // self.heads)
         near = (given.time_s[:, :, None] - given.time_s[:, None]).abs() <= REACH_S
         mask = (near & given.exists[:, None]) | torch.eye(near.shape[1], dtype=torch.bool, device=near.device)
         for block in self.blocks:
             h = block(h, turning, mask[:, None])
         raw = self.outward(self.norm(h))
         delta, pose, pose_log_sigma, swapped, contacts = raw.split(_PARTS, dim=-1)
-        has = given.has_landmarks[..., None, None].to(h.dtype) * (not self.whole)
+        has = given.has_landmarks[..., None, None].to(h.dtype) * (1 - self.whole)
         start = has * given.landmarks + (1 - has) * self.mean
         return LifterOutput(
             start + delta.unflatten(-1, (NUM_LANDMARKS, 3)),
@@ -163,6 +182,13 @@ class Block(nn.Module):
         self.qkv, self.out = nn.Linear(width, 3 * width), nn.Linear(width, width)
         self.mlp = nn.Sequential(nn.Linear(width, 3 * width), nn.GELU(), nn.Linear(3 * width, width))
         self.dropout = nn.Dropout(dropout)
+
+    def silent(self) -> Self:
+        """Itself, with last weights that let it return what it is given."""
+        for last in (self.out, self.mlp[-1]):
+            for numbers in last.parameters():
+                nn.init.zeros_(numbers)
+        return self
 
     def forward(self, h: Tensor, positions: tuple[Tensor, Tensor], mask: Tensor) -> Tensor:
         """(B,n,width) to the same; `positions` by `rotary`, `mask` true where a frame sees another."""

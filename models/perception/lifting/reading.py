@@ -61,8 +61,9 @@ def pieces(time_s: Float[Array, " n"], reach_s: float) -> Iterator[tuple[slice, 
 
 
 @lru_cache(maxsize=3)
-def load_lifter(file: str, *, whole: bool = False) -> LifterNetwork:
+def load_lifter(file: str) -> LifterNetwork:
     """A shipped network of this form, checked against its sha256."""
-    network = LifterNetwork(whole=whole)
-    network.load_state_dict({name: value.float() for name, value in load(read_weights(file)).items()})
+    numbers = {name: value.float() for name, value in load(read_weights(file)).items()}
+    network = LifterNetwork.shaped_as(numbers)
+    network.load_state_dict(numbers)
     return network.eval()

@@ -63,11 +63,13 @@ PredictorFile = Annotated[
 
 
 LifterFile = Annotated[
-    Path | None, Option("--begin-with", metavar="FILE", help="what train lifter made (default: random weights)")
+    Path | None, Option("--begin-with", metavar="FILE", help="what this command made (default: random weights)")
 ]
 KeypointLifterFile = Annotated[
     Path | None,
-    Option("--begin-with", metavar="FILE", help="what train keypoints made (default: the shipped keypoint lifter)"),
+    Option(
+        "--begin-with", metavar="FILE", help="what it or train keypoints made (default: the shipped keypoint lifter)"
+    ),
 ]
 
 
@@ -93,13 +95,13 @@ def whole_lifter(*, pairs: Pairs, training: Training, begin_with: KeypointLifter
 
 
 @verb(train, "keypoints")
-def keypoints(*, training: Training) -> None:
+def keypoints(*, training: Training, begin_with: LifterFile = None) -> None:
     """Train the network that lifts people from COCO's keypoints alone; goes on from its last checkpoint."""
     from humanmm.flows.training.lifter import train_keypoints
     from humanmm.models.learning.training.lifter import KeypointRecipe
 
     recipe = training.recipe(KeypointRecipe)
-    write(train_keypoints.fn(training.out, recipe, tuple(training.mocap), training.device))
+    write(train_keypoints.fn(training.out, recipe, tuple(training.mocap), training.device, begin_with))
 
 
 @verb(train, "ms-hmr")

@@ -13,7 +13,7 @@ from humanmm.flows.training import course, lifter
 from humanmm.flows.training.lifter import train_keypoints, train_lifter
 from humanmm.models.learning.training.lifter import KeypointRecipe, LifterRecipe, WholeLifterRecipe
 from humanmm.models.perception.lifting.network import LifterNetwork
-from humanmm.storage.training.networks import write_network
+from humanmm.storage.training.networks import read_network, write_network
 from humanmm.storage.training.pair_set import PairSet
 
 RECIPE = LifterRecipe(steps=4, batch=2, warm_up=2)
@@ -80,7 +80,7 @@ def test_a_lifter_can_go_on_from_another(tmp_path: Path) -> None:
     recipe = LifterRecipe(steps=1, batch=2, warm_up=1, rate=1e-9)
     found, begun = load_file(train_lifter.fn(tmp_path, tmp_path / "a", recipe, begin_with=other)), load_file(other)
     assert all(torch.allclose(value.float(), begun[name].float(), atol=1e-3) for name, value in found.items())
-    with pytest.raises(InputError, match="no LifterNetwork"):
+    with pytest.raises(InputError, match="holds no network"):
         train_lifter.fn(tmp_path, tmp_path / "b", recipe, begin_with=tmp_path / "nothing.safetensors")
 
 
@@ -90,18 +90,29 @@ def test_a_whole_lifter_begins_with_a_keypoint_lifter(tmp_path: Path) -> None:
     shipped = train_lifter.fn(tmp_path, tmp_path / "a", recipe)
     assert shipped.name == "whole_lifter.safetensors" and shipped.with_suffix(".md").exists()
     other = tmp_path / "other.safetensors"
+    write_network(other, LifterNetwork(depth=6, whole=True))
+    found, begun = load_file(train_lifter.fn(tmp_path, tmp_path / "b", recipe, begin_with=other)), load_file(other)
+    assert found.keys() == begun.keys()
+    assert all(torch.allclose(value.float(), begun[name].float(), atol=1e-3) for name, value in found.items())
     write_network(other, LifterNetwork())
-    found = load_file(train_lifter.fn(tmp_path, tmp_path / "b", recipe, begin_with=other))
-    begun, given = load_file(other), slice(99, 199)
-    first = "inward.0.weight"
-    assert torch.allclose(found[first][:, :99].float(), begun[first][:, :99].float(), atol=1e-3)
-    assert found[first][:, given].abs().max() < 1e-3 < begun[first][:, given].abs().max()
+    with pytest.raises(InputError, match=r"corrects landmarks; name a network that predicts them whole"):
+        train_lifter.fn(tmp_path, tmp_path / "c", recipe, begin_with=other)
 
 
 def test_keypoints_are_learnt_from_motion_capture_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    recipe = KeypointRecipe(steps=4, batch=2, warm_up=2)
+    recipe = KeypointRecipe(steps=4, batch=2, warm_up=2, depth=2)
     whole = train_keypoints.fn(tmp_path / "a", recipe)
     assert "| lifted from COCO keypoints |" in (tmp_path / "a" / "keypoint_lifter.md").read_text()
     assert same_weights(
         whole, killed_and_resumed(lambda out: train_keypoints.fn(out, recipe), tmp_path / "b", monkeypatch)
     )
+    first = "inward.0.weight"
+    assert load_file(whole)[first][:, 99:199].abs().max() == 0 < load_file(whole)[first][:, :99].abs().min()
+
+
+def test_a_keypoint_lifter_goes_on_from_another_with_more_blocks(tmp_path: Path) -> None:
+    write_network(tmp_path / "other.safetensors", LifterNetwork(depth=2, whole=True))
+    recipe = KeypointRecipe(steps=1, batch=2, warm_up=1, rate=1e-9, depth=3)
+    found = train_keypoints.fn(tmp_path / "a", recipe, begin_with=tmp_path / "other.safetensors")
+    network = read_network(found, LifterNetwork.shaped_as)
+    assert len(network.blocks) == 3 and network.whole

@@ -29,7 +29,7 @@ def test_each_training_delivers_its_network_its_curve_and_its_card(
     predictor = train_trajectory.fn(material, tmp_path / "t", ms_hmr, RECIPE)
     refiner = train_refiner.fn(material, tmp_path / "r", ms_hmr, predictor, RECIPE)
     assert (tmp_path / "fits" / "train-00000.zarr").is_dir()
-    read_network(ms_hmr, MsHmr()), read_network(refiner, TrajectoryRefiner())
+    read_network(ms_hmr, lambda _: MsHmr()), read_network(refiner, lambda _: TrajectoryRefiner())
     assert "| ms-HMR |" in (tmp_path / "m" / "ms_hmr.md").read_text()
     card = (tmp_path / "r" / "trajectory_refiner.md").read_text()
     assert "| as the fits have it | none given |" in card and "| refiner |" in card

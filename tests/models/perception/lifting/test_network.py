@@ -49,6 +49,15 @@ def test_a_whole_lifter_predicts_landmarks_whole_and_can_be_told_to_forget_them(
         assert not torch.equal(net(one).landmarks, net(elsewhere).landmarks)
 
 
+def test_a_deeper_network_says_what_it_said() -> None:
+    net, one = network(), given(12)
+    deeper = net.deepened(5)
+    assert len(LifterNetwork.shaped_as(deeper.state_dict()).blocks) == len(deeper.blocks) == 5
+    with torch.inference_mode():
+        assert torch.allclose(deeper(one).landmarks, net(one).landmarks, atol=1e-6)
+    assert len(net.blocks) == 2
+
+
 def test_a_frame_depends_on_nothing_beyond_the_reach() -> None:
     net, one = network(), given(60)
     assert net.reach_s == 2 * REACH_S
