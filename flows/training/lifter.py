@@ -9,7 +9,6 @@ import numpy as np
 from jaxtyping import Bool
 from prefect import flow
 
-from humanmm.errors import InputError
 from humanmm.flows.bench.render_set import Split, shipped_packs, takes_of
 from humanmm.flows.training.card import keypoint_card, lifter_card
 from humanmm.flows.training.course import train_to_end
@@ -31,8 +30,7 @@ log = logging.getLogger(__name__)
 
 Array = np.ndarray
 
-SHIPPED, SHIPPED_WHOLE = "lifter.safetensors", "whole_lifter.safetensors"
-SHIPPED_KEYPOINTS = "keypoint_lifter.safetensors"
+SHIPPED, SHIPPED_KEYPOINTS = "lifter.safetensors", "keypoint_lifter.safetensors"
 NOBODY = "nobody"
 """Whose motion a routine is (`rendering.places.takes.Performance`)."""
 MEASURED = 256
@@ -51,9 +49,8 @@ def train_lifter(
     """Train on the pairs of the split train, measure on those of dev that show captured motion; returns the network's
     file.
 
-    It begins with the weights of the file `begin_with`. Without it a network that predicts landmarks whole begins with
-    those of the shipped keypoint lifter, one that corrects them with random ones.
-    A training that was stopped goes on from its last checkpoint in `out`.
+    It begins with the weights of the file `begin_with`, else with those of the shipped keypoint lifter. A training that
+    was stopped goes on from its last checkpoint in `out`.
     """
     prepare_process()
     recipe = recipe or LifterRecipe()
@@ -63,7 +60,7 @@ def train_lifter(
     takes = takes_to_learn_from(_sequences(packs, "train"), np.random.default_rng(recipe.seed))
     training = lifter_training(
         recipe, windows, OtherMotion(takes, arrays, windows, errors, routines=recipe.routines),
-        begin_with=_beginning(begin_with, whole=recipe.whole),
+        begin_with=_read(begin_with) if begin_with else load_lifter(SHIPPED_KEYPOINTS),
         is_routine=_are_routines(facts), device=device,
     )  # fmt: skip
 
@@ -72,7 +69,7 @@ def train_lifter(
         return {"PA-MPJPE, mm": found.pa_mpjpe_mm[0], "MPJPE, mm": found.mpjpe_mm[0]}
 
     network = train_to_end(training, out, measured)
-    file = out / (SHIPPED_WHOLE if recipe.whole else SHIPPED)
+    file = out / SHIPPED
     write_network(file, network)
     card = lifter_card(
         recipe, len(windows), len(dev), own=score(None, dev), lifted=score(network, dev),
@@ -102,7 +99,7 @@ def train_keypoints(
     shown = takes_on_bodies(held_out, np.random.default_rng(recipe.seed + 1))
     dev = KeypointMotion(shown).draw(MEASURED, np.random.default_rng(recipe.seed))
     takes = takes_to_learn_from(_sequences(packs, "train"), np.random.default_rng(recipe.seed))
-    beginning = _beginning(begin_with, whole=True) if begin_with else None
+    beginning = _read(begin_with) if begin_with else None
     training = keypoint_training(recipe, KeypointMotion(takes), begin_with=beginning, device=device)
 
     def measured(network: LifterNetwork) -> Mapping[str, float]:
@@ -115,14 +112,8 @@ def train_keypoints(
     return out / SHIPPED_KEYPOINTS
 
 
-def _beginning(file: Path | None, *, whole: bool) -> LifterNetwork | None:
-    if file is None:
-        return load_lifter(SHIPPED_KEYPOINTS) if whole else None
-    network = read_network(file, LifterNetwork.shaped_as)
-    if bool(network.whole) != whole:
-        kinds = ("corrects landmarks", "predicts them whole")
-        raise InputError(f"{file} {kinds[not whole]}; name a network that {kinds[whole]}")
-    return network
+def _read(file: Path) -> LifterNetwork:
+    return read_network(file, LifterNetwork.shaped_as)
 
 
 def _captured(arrays: Mapping[str, Array], facts: Sequence[Mapping[str, Any]]) -> Windows:

@@ -11,11 +11,12 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Bool, Float, UInt8
 
 from humanmm.models.geometry.boxes import box_iou
 from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.regions import Region
+from humanmm.models.records.landmarks import with_sides_swapped
 from humanmm.models.records.tracks import PoseEstimates
 
 SAME_BOX = 0.6
@@ -118,6 +119,16 @@ class PersonFrames:
     def chosen(self, rows: slice) -> "PersonFrames":
         """A run of frames."""
         return replace(self, **{name: array[rows] for name, array in vars(self).items() if array is not None})
+
+    def with_sides_swapped(self, is_swapped: Bool[np.ndarray, " n"]) -> "PersonFrames":
+        """The same with left and right of some frames named the other way."""
+        sigma = self.keypoint_sigma
+        return replace(
+            self,
+            keypoints=with_sides_swapped(self.keypoints, is_swapped),
+            landmarks3d=with_sides_swapped(self.landmarks3d, is_swapped),
+            keypoint_sigma=None if sigma is None else with_sides_swapped(sigma, is_swapped),
+        )
 
 
 @dataclass(frozen=True, eq=False)

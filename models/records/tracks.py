@@ -63,7 +63,8 @@ def deflated_mask(mask: np.ndarray) -> bytes:
 
 @dataclass(frozen=True)
 class PoseEstimates(FrameArrays):
-    """Joint rotations of one person in N frames, as the lifter estimates them."""
+    """Joint rotations of one person in N frames, as the lifter estimates them: of a body whose left and right are those
+    of the keypoints, or the others where these are held for swapped."""
 
     vectors: np.ndarray
     """(N,20,3) float32, rotation vectors: the root's in the axes of the viewing ray through the crop's centre, and
@@ -74,9 +75,13 @@ class PoseEstimates(FrameArrays):
     """(N,) float32: log-odds that left and right of the keypoints are swapped."""
 
     def with_sides_swapped(self, is_swapped: np.ndarray) -> "PoseEstimates":
-        """Estimates of frames whose left and right turn out to be swapped are of a body that is not there."""
-        sigma = np.where(is_swapped[:, None], np.float32(UNKNOWN_RAD), self.sigma)
-        return PoseEstimates(self.vectors, sigma, np.where(is_swapped, -self.swap_odds, self.swap_odds))
+        """The same estimates beside keypoints of some frames that are named the other way."""
+        return replace(self, swap_odds=np.where(is_swapped, -self.swap_odds, self.swap_odds))
+
+    @property
+    def sigma_as_named(self) -> np.ndarray:
+        """(N,20): expected errors where left and right are held for what the keypoints name, else UNKNOWN_RAD."""
+        return np.where(self.swap_odds[:, None] > 0, np.float32(UNKNOWN_RAD), self.sigma)
 
 
 UNKNOWN_RAD = 10.0

@@ -9,7 +9,7 @@ import pytest
 
 from humanmm.cli import main
 from humanmm.flows.training.motion import Material
-from humanmm.models.learning.training.lifter import KeypointRecipe, LifterRecipe, WholeLifterRecipe
+from humanmm.models.learning.training.lifter import KeypointRecipe, LifterRecipe
 from humanmm.models.learning.training.motion import MotionRecipe
 
 Typed = Callable[..., tuple[Any, ...]]
@@ -41,10 +41,10 @@ def test_a_network_is_trained_by_the_recipe_unless_steps_or_seed_are_given(given
     assert plain == (Path("pairs"), Path("out"), LifterRecipe(), (), "cpu", None)
     changed = given("lifter.train_lifter", "lifter", *where, "--steps", "5", "--seed", "7", "--device", "cuda")
     assert changed[2:] == (LifterRecipe(steps=5, seed=7), (), "cuda", None)
-    whole = given("lifter.train_lifter", "whole-lifter", *where, "--steps", "5", "--begin-with", "k")
-    assert whole[2:] == (WholeLifterRecipe(steps=5), (), "cpu", Path("k"))
+    begun = given("lifter.train_lifter", "lifter", *where, "--steps", "5", "--begin-with", "k")
+    assert begun[2:] == (LifterRecipe(steps=5), (), "cpu", Path("k"))
     lifted = given("lifter.train_keypoints", "keypoints", "--out", "out", "--steps", "5", "--mocap", "a")
-    assert lifted == (Path("out"), KeypointRecipe(steps=5), (Path("a"),), "cpu")
+    assert lifted == (Path("out"), KeypointRecipe(steps=5), (Path("a"),), "cpu", None)
     found = given("motion.train_ms_hmr", "ms-hmr", *where, "--steps", "5", "--seed", "7", "--mocap", "a", "b")
     assert found == (Material(Path("pairs"), (Path("a"), Path("b"))), Path("out"), MotionRecipe(steps=5, seed=7), "cpu")
 

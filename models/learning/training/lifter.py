@@ -27,8 +27,9 @@ windows than from few long ones."""
 class LifterRecipe(Recipe):
     """See `Recipe`."""
 
-    steps: int = 2_500
-    rate: float = 3e-3
+    steps: int = 1_500
+    rate: float = 1.5e-3
+    warm_up: int = 100
     patience: int = 20
     dropout: float = 0.1
     """In every block."""
@@ -38,18 +39,6 @@ class LifterRecipe(Recipe):
     """Windows with COCO's keypoints alone: of rendered and of other motion."""
     routines: float = 0.3
     """Fraction of either that shows a routine: there are few among the takes, and nobody captures what they show."""
-    whole: bool = False
-    """Landmarks are predicted whole, in place of corrections to the pose network's."""
-
-
-@dataclass(frozen=True)
-class WholeLifterRecipe(LifterRecipe):
-    """The recipe of a network that goes on from a keypoint lifter."""
-
-    steps: int = 2_400
-    rate: float = 1.5e-3
-    warm_up: int = 100
-    whole: bool = True
 
 
 def lifter_training(
@@ -57,24 +46,19 @@ def lifter_training(
     windows: Windows,
     other: OtherMotion,
     *,
-    begin_with: LifterNetwork | None = None,
+    begin_with: LifterNetwork,
     is_routine: Bool[Array, " W"] | None = None,
     device: str = "cpu",
 ) -> Training[LifterNetwork]:
-    """A training at its first step; `begin_with`: a network with whose weights it begins, for one that predicts
-    landmarks whole a keypoint lifter, say; `is_routine` says which windows show a routine."""
+    """A training at its first step; `begin_with`: a keypoint lifter, say, with whose weights it begins; `is_routine`
+    says which windows show a routine."""
     nothing = np.zeros(len(windows), dtype=bool)
     probability = with_routines(np.ones(len(windows)), nothing if is_routine is None else is_routine, recipe.routines)
     weights = torch.from_numpy(probability)
 
     def build() -> LifterNetwork:
-        if begin_with is not None:
-            network = LifterNetwork(depth=len(begin_with.blocks), dropout=recipe.dropout)
-            network.load_state_dict(begin_with.state_dict())
-            return network
-        network = LifterNetwork(whole=recipe.whole, dropout=recipe.dropout)
-        with torch.no_grad():
-            network.mean.copy_(windows.truth[windows.exists].mean(dim=0))
+        network = LifterNetwork(depth=len(begin_with.blocks), dropout=recipe.dropout)
+        network.load_state_dict(begin_with.state_dict())
         return network
 
     def batch_loss(network: LifterNetwork, rng: np.random.Generator, generator: torch.Generator) -> Tensor:
@@ -113,7 +97,7 @@ def keypoint_training(
     def build() -> LifterNetwork:
         if begin_with is not None:
             return begin_with.deepened(max(recipe.depth, len(begin_with.blocks)))
-        network = LifterNetwork(depth=recipe.depth, whole=True, dropout=recipe.dropout)
+        network = LifterNetwork(depth=recipe.depth, dropout=recipe.dropout)
         network.forget_landmarks()
         with torch.no_grad():
             network.mean.copy_(motion.draw(256, np.random.default_rng(recipe.seed)).truth.mean(dim=(0, 1)))

@@ -129,7 +129,7 @@ class Sighting:
             rotations = rotvec_to_rotmat(pose.vectors.astype(np.float64))
             rotations[:, 0] = ray_axes(ray) @ rotations[:, 0]
             evidence.rotations_cam[at] = rotations
-            evidence.rotation_sigma[at] = pose.sigma / np.sqrt(trust)[:, None]
+            evidence.rotation_sigma[at] = pose.sigma_as_named / np.sqrt(trust)[:, None]
 
 
 @dataclass(frozen=True, eq=False)

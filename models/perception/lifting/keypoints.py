@@ -14,7 +14,7 @@ from humanmm.models.perception.interfaces import SEEN, Lifted
 from humanmm.models.perception.lifting.features import batch_of_one, points_in_view, view_axes
 from humanmm.models.perception.lifting.lifted import with_root_rotated
 from humanmm.models.perception.lifting.network import LifterInput, LifterNetwork
-from humanmm.models.perception.lifting.reading import Reading, load_lifter, read_in_pieces
+from humanmm.models.perception.lifting.reading import Reading, load_lifter, read_in_pieces, with_sides_put_right
 from humanmm.models.records.landmarks import COCO_LANDMARKS, COCO_SWAP, NUM_LANDMARKS, TORSO, with_sides_swapped
 
 Array = np.ndarray
@@ -38,16 +38,14 @@ def lift_keypoints(keypoints: Float[Array, "n 17 3"], time_s: Float[Array, " n"]
 def read_keypoints(keypoints: Float[Array, "n 17 3"], time_s: Float[Array, " n"], K: Float[Array, "3 3"]) -> Reading:
     """What the shipped network says, camera axes; of every keypoint x, y and how sure it is: 1 or 0 for seen or not.
 
-    Where it holds left and right for swapped it looks again with them put right: a body whose sides are swapped is one
-    that turns its back, for a few frames. What is returned is named as it was given.
+    Where it holds left and right for swapped it looks again with them put right.
     """
     network = load_lifter("keypoint_lifter.safetensors")
-    found = _seen_by(network, keypoints, time_s, K)
-    are_swapped = found.pose.swap_odds > 0
-    if not are_swapped.any():
-        return found
-    again = _seen_by(network, with_sides_swapped(keypoints, are_swapped, COCO_SWAP), time_s, K)
-    return found._replace(landmarks3d=with_sides_swapped(again.landmarks3d, are_swapped))
+
+    def read(are_swapped: Bool[Array, " n"]) -> Reading:
+        return _seen_by(network, with_sides_swapped(keypoints, are_swapped, COCO_SWAP), time_s, K)
+
+    return with_sides_put_right(read, len(keypoints))
 
 
 def _seen_by(

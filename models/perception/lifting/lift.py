@@ -15,14 +15,13 @@ from humanmm.models.geometry.rotations import nearest_rotation, rotmat_to_rotvec
 from humanmm.models.perception.interfaces import SEEN, Lifted, PersonFrames
 from humanmm.models.perception.lifting.features import certainty_of, lifter_input, view_axes
 from humanmm.models.perception.lifting.keypoints import COCO, PLACED, read_keypoints
-from humanmm.models.perception.lifting.network import LifterNetwork
-from humanmm.models.perception.lifting.reading import Reading, load_lifter, read_in_pieces
+from humanmm.models.perception.lifting.reading import Reading, load_lifter, read_in_pieces, with_sides_put_right
 from humanmm.models.records.landmarks import BEYOND, COCO_LANDMARKS, HIPS, NUM_LANDMARKS, with_sides_swapped
-from humanmm.models.records.tracks import UNKNOWN_RAD, PoseEstimates
+from humanmm.models.records.tracks import PoseEstimates
 
 Array = np.ndarray
 
-POSE_NETWORK, LIFTER, WHOLE_LIFTER, KEYPOINT_LIFTER = 0.1, 0.3, 0.3, 0.3
+POSE_NETWORK, LIFTER, KEYPOINT_LIFTER = 0.15, 0.45, 0.4
 """Shares of the landmarks (measured: docs/measurements/networks.md). On rendered people the pose network has nothing to
 say that the lifters do not know better, on real ones it has."""
 
@@ -30,33 +29,29 @@ say that the lifters do not know better, on real ones it has."""
 def lift(frames: PersonFrames, K: Float[Array, "3 3"]) -> Lifted:
     """Landmarks and joint rotations of one person, by the shipped networks (a `Lifter`).
 
-    Landmarks are a mean of what all four say; of fingers, toes and face, which the keypoint lifter does not see, they
-    move as its wrists, ankles and nose do. Rotations of joints are halfway between the whole lifter's and the keypoint
-    lifter's: bodies posed by them are nearly as near to the truth as these networks' landmarks, those of the lifter are
-    not. The root's is halfway between the lifter's and the whole lifter's.
+    Landmarks are a mean of what all three say; of fingers, toes and face, which the keypoint lifter does not see, they
+    move as its wrists, ankles and nose do. Rotations of joints are halfway between the lifters', the root's is the
+    lifter's.
     """
+    network = load_lifter("lifter.safetensors")
 
-    def read_by(network: LifterNetwork) -> Reading:
-        return read_in_pieces(network, frames.time_s, lambda seen: lifter_input(frames.chosen(seen), K))
+    def read(are_swapped: Bool[Array, " n"]) -> Reading:
+        named = frames.with_sides_swapped(are_swapped)
+        return read_in_pieces(network, frames.time_s, lambda rows: lifter_input(named.chosen(rows), K))
 
-    found = read_by(load_lifter("lifter.safetensors"))
-    whole = read_by(load_lifter("whole_lifter.safetensors"))
+    found = with_sides_put_right(read, len(frames.time_s))
     keypoints = _from_keypoints(frames, found.pose.swap_odds > 0, K)
-    shares = (POSE_NETWORK, LIFTER, WHOLE_LIFTER)
-    with_pictures = (frames.landmarks3d, found.landmarks3d, whole.landmarks3d)
-    seen = sum(share * _about_hips(one) for share, one in zip(shares, with_pictures, strict=True)) / sum(shares)
+    share = POSE_NETWORK / (POSE_NETWORK + LIFTER)
+    seen = share * _about_hips(frames.landmarks3d) + (1 - share) * _about_hips(found.landmarks3d)
     moved = KEYPOINT_LIFTER * (keypoints.landmarks3d - seen)[:, COCO]
+    of_root, of_joints = slice(0, 1), slice(1, None)
+    vectors = _halfway(found.pose.vectors[:, of_joints], keypoints.pose.vectors[:, of_joints])
+    sigma = np.maximum(found.pose.sigma, keypoints.pose.sigma)[:, of_joints]
     pose = PoseEstimates(
-        np.concatenate([
-            _halfway(found.pose.vectors[:, :1], whole.pose.vectors[:, :1]),
-            _halfway(whole.pose.vectors[:, 1:], keypoints.pose.vectors[:, 1:]),
-        ], axis=1),
-        np.concatenate([
-            (found.pose.sigma + whole.pose.sigma)[:, :1] / 2,
-            np.maximum(whole.pose.sigma, keypoints.pose.sigma)[:, 1:],
-        ], axis=1),
+        np.concatenate([found.pose.vectors[:, of_root], vectors], axis=1),
+        np.concatenate([found.pose.sigma[:, of_root], sigma], axis=1),
         found.pose.swap_odds,
-    )  # fmt: skip
+    )
     return Lifted((seen + moved[:, _MOVED_WITH]).astype(np.float32), pose)
 
 
@@ -69,9 +64,8 @@ def _halfway(a: Float[Array, "*n 3"], b: Float[Array, "*n 3"]) -> Float[Array, "
 def _from_keypoints(frames: PersonFrames, are_swapped: Bool[Array, " n"], K: Float[Array, "3 3"]) -> Reading:
     """Landmarks about the hips (view axes) and joints by the keypoint lifter, sides named as they are given.
 
-    Keypoints whose sides the lifter holds for swapped are put right for it: keypoints alone, with left and right
-    swapped, are those of a body that turns its back, and it would be turned round. Of such frames it knows no
-    rotations: they would be those of a body that is not there.
+    Sides that the lifter holds for swapped are put right for it; where it then holds them for swapped itself, it says
+    nothing of the lifter's body.
     """
     if frames.keypoint_sigma is None:
         is_seen = frames.keypoints[..., 2] >= SEEN
@@ -80,8 +74,7 @@ def _from_keypoints(frames: PersonFrames, are_swapped: Bool[Array, " n"], K: Flo
     keypoints = np.concatenate([frames.keypoints[..., :2], is_seen[..., None]], axis=-1)
     found = read_keypoints(with_sides_swapped(keypoints, are_swapped)[:, COCO], frames.time_s, K)
     landmarks = with_sides_swapped(found.landmarks3d @ view_axes(frames.centre, K), are_swapped)
-    sigma = np.where(are_swapped[:, None], np.float32(UNKNOWN_RAD), found.pose.sigma)
-    return Reading(_about_hips(landmarks), replace(found.pose, sigma=sigma))
+    return Reading(_about_hips(landmarks), replace(found.pose, sigma=found.pose.sigma_as_named))
 
 
 def _about_hips(landmarks: Float[Array, "n 33 3"]) -> Float[Array, "n 33 3"]:

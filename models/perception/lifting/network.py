@@ -1,8 +1,8 @@
 """The lifter's network.
 
 A temporal transformer over the frames of one person in one shot. Its positions are the frames' times (rotary embedding:
-Su et al. 2021); its attention reaches a second, so that the cost grows linearly with a video's length. It predicts
-residuals to the 3D landmarks that it is given, or landmarks whole: always so where it is given COCO keypoints alone.
+Su et al. 2021); its attention reaches a second, so that the cost grows linearly with a video's length. What
+a pose network says of landmarks in space is an input like the others: it may be missing.
 """
 
 import functools
@@ -97,16 +97,10 @@ _PARTS = (NUM_LANDMARKS * 3, JOINTS * 6, JOINTS, 1, 4)
 class LifterNetwork(nn.Module):
     """See the module."""
 
-    whole: Tensor
-    """One if landmarks are predicted whole, in place of residuals."""
-
-    def __init__(
-        self, width: int = 192, depth: int = 5, heads: int = 6, *, whole: bool = False, dropout: float = 0.0
-    ) -> None:
+    def __init__(self, width: int = 192, depth: int = 10, heads: int = 6, *, dropout: float = 0.0) -> None:
         super().__init__()
         self._block = functools.partial(Block, width, heads, dropout)
         self.heads = heads
-        self.register_buffer("whole", torch.tensor(float(whole)))
         self.inward = nn.Sequential(nn.Linear(FEATURES, 2 * width), nn.GELU(), nn.Linear(2 * width, width))
         self.blocks = nn.ModuleList(self._block() for _ in range(depth))
         self.norm = nn.LayerNorm(width)
@@ -152,11 +146,9 @@ class LifterNetwork(nn.Module):
         for block in self.blocks:
             h = block(h, turning, mask[:, None])
         raw = self.outward(self.norm(h))
-        delta, pose, pose_log_sigma, swapped, contacts = raw.split(_PARTS, dim=-1)
-        has = given.has_landmarks[..., None, None].to(h.dtype) * (1 - self.whole)
-        start = has * given.landmarks + (1 - has) * self.mean
+        landmarks, pose, pose_log_sigma, swapped, contacts = raw.split(_PARTS, dim=-1)
         return LifterOutput(
-            start + delta.unflatten(-1, (NUM_LANDMARKS, 3)),
+            self.mean + landmarks.unflatten(-1, (NUM_LANDMARKS, 3)),
             rotations_of(pose.unflatten(-1, (JOINTS, 6)) + self.mean_pose),
             pose_log_sigma - 1.5,
             swapped[..., 0] - 3.0,

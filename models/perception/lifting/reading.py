@@ -4,16 +4,18 @@ A long track is read in pieces, each with what its frames depend on.
 """
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from safetensors.torch import load
 
 from humanmm.models.geometry.rotations import rotmat_to_rotvec
 from humanmm.models.perception.lifting.network import LifterInput, LifterNetwork
+from humanmm.models.records.landmarks import with_sides_swapped
 from humanmm.models.records.tracks import PoseEstimates
 from humanmm.models.weights.shipped import read_weights
 
@@ -47,6 +49,22 @@ def read_in_pieces(
     landmarks, pose, log_sigma, swap_odds = (np.concatenate(parts) for parts in zip(*read, strict=True))
     vectors = rotmat_to_rotvec(pose.astype(np.float64)).astype(np.float32)
     return Reading(landmarks, PoseEstimates(vectors, np.exp(log_sigma), swap_odds))
+
+
+def with_sides_put_right(read: Callable[[Bool[Array, " n"]], Reading], num_frames: int) -> Reading:
+    """What a network says of a track when it looks again with left and right put right where it holds them for swapped:
+    a body whose sides are swapped is one that turns its back, for a few frames.
+
+    `read` says what it says of the track with the sides of some frames swapped. Landmarks are named as they are given,
+    rotations are those of the body put right (`PoseEstimates`).
+    """
+    found = read(np.zeros(num_frames, dtype=bool))
+    are_swapped = found.pose.swap_odds > 0
+    if not are_swapped.any():
+        return found
+    again = read(are_swapped)
+    pose = replace(again.pose, swap_odds=found.pose.swap_odds)
+    return Reading(with_sides_swapped(again.landmarks3d, are_swapped), pose)
 
 
 def pieces(time_s: Float[Array, " n"], reach_s: float) -> Iterator[tuple[slice, slice]]:

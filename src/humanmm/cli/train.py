@@ -63,19 +63,19 @@ PredictorFile = Annotated[
 
 
 LifterFile = Annotated[
-    Path | None, Option("--begin-with", metavar="FILE", help="what this command made (default: random weights)")
-]
-KeypointLifterFile = Annotated[
     Path | None,
     Option(
         "--begin-with", metavar="FILE", help="what it or train keypoints made (default: the shipped keypoint lifter)"
     ),
 ]
+KeypointLifterFile = Annotated[
+    Path | None, Option("--begin-with", metavar="FILE", help="what this command made (default: random weights)")
+]
 
 
 @verb(train, "lifter")
 def lifter(*, pairs: Pairs, training: Training, begin_with: LifterFile = None) -> None:
-    """Train the network that corrects the pose network's landmarks; goes on from its last checkpoint."""
+    """Train the network that lifts people from what the pose networks see; goes on from its last checkpoint."""
     from humanmm.flows.training.lifter import train_lifter
     from humanmm.models.learning.training.lifter import LifterRecipe
 
@@ -83,19 +83,8 @@ def lifter(*, pairs: Pairs, training: Training, begin_with: LifterFile = None) -
     write(train_lifter.fn(pairs, training.out, recipe, tuple(training.mocap), training.device, begin_with))
 
 
-@verb(train, "whole-lifter")
-def whole_lifter(*, pairs: Pairs, training: Training, begin_with: KeypointLifterFile = None) -> None:
-    """Train the network that lifts people whole, from keypoints with their expected errors; goes on from its last
-    checkpoint."""
-    from humanmm.flows.training.lifter import train_lifter
-    from humanmm.models.learning.training.lifter import WholeLifterRecipe
-
-    recipe = training.recipe(WholeLifterRecipe)
-    write(train_lifter.fn(pairs, training.out, recipe, tuple(training.mocap), training.device, begin_with))
-
-
 @verb(train, "keypoints")
-def keypoints(*, training: Training, begin_with: LifterFile = None) -> None:
+def keypoints(*, training: Training, begin_with: KeypointLifterFile = None) -> None:
     """Train the network that lifts people from COCO's keypoints alone; goes on from its last checkpoint."""
     from humanmm.flows.training.lifter import train_keypoints
     from humanmm.models.learning.training.lifter import KeypointRecipe

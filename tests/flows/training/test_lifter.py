@@ -11,7 +11,7 @@ from safetensors.torch import load_file
 from humanmm.errors import InputError
 from humanmm.flows.training import course, lifter
 from humanmm.flows.training.lifter import train_keypoints, train_lifter
-from humanmm.models.learning.training.lifter import KeypointRecipe, LifterRecipe, WholeLifterRecipe
+from humanmm.models.learning.training.lifter import KeypointRecipe, LifterRecipe
 from humanmm.models.perception.lifting.network import LifterNetwork
 from humanmm.storage.training.networks import read_network, write_network
 from humanmm.storage.training.pair_set import PairSet
@@ -63,8 +63,7 @@ def test_a_training_delivers_a_network_its_curve_and_its_card_and_resumes(
 ) -> None:
     write_pairs(tmp_path)
     whole = train_lifter.fn(tmp_path, tmp_path / "a", RECIPE)
-    network = LifterNetwork()
-    network.load_state_dict({name: value.float() for name, value in load_file(whole).items()})
+    read_network(whole, LifterNetwork.shaped_as)
     assert (tmp_path / "a" / "curve.png").stat().st_size > 5000
     assert "| lifted |" in (tmp_path / "a" / "lifter.md").read_text()
     again = killed_and_resumed(lambda out: train_lifter.fn(tmp_path, out, RECIPE), tmp_path / "b", monkeypatch)
@@ -73,30 +72,16 @@ def test_a_training_delivers_a_network_its_curve_and_its_card_and_resumes(
         train_lifter.fn(tmp_path, tmp_path / "b", LifterRecipe(steps=6, batch=2, warm_up=2))
 
 
-def test_a_lifter_can_go_on_from_another(tmp_path: Path) -> None:
+def test_a_lifter_begins_with_a_keypoint_lifter_of_any_depth(tmp_path: Path) -> None:
     write_pairs(tmp_path)
-    other = tmp_path / "other.safetensors"
-    write_network(other, LifterNetwork())
     recipe = LifterRecipe(steps=1, batch=2, warm_up=1, rate=1e-9)
+    other = tmp_path / "other.safetensors"
+    write_network(other, LifterNetwork(depth=6))
     found, begun = load_file(train_lifter.fn(tmp_path, tmp_path / "a", recipe, begin_with=other)), load_file(other)
+    assert found.keys() == begun.keys()
     assert all(torch.allclose(value.float(), begun[name].float(), atol=1e-3) for name, value in found.items())
     with pytest.raises(InputError, match="holds no network"):
         train_lifter.fn(tmp_path, tmp_path / "b", recipe, begin_with=tmp_path / "nothing.safetensors")
-
-
-def test_a_whole_lifter_begins_with_a_keypoint_lifter(tmp_path: Path) -> None:
-    write_pairs(tmp_path)
-    recipe = WholeLifterRecipe(steps=1, batch=2, warm_up=1, rate=1e-9)
-    shipped = train_lifter.fn(tmp_path, tmp_path / "a", recipe)
-    assert shipped.name == "whole_lifter.safetensors" and shipped.with_suffix(".md").exists()
-    other = tmp_path / "other.safetensors"
-    write_network(other, LifterNetwork(depth=6, whole=True))
-    found, begun = load_file(train_lifter.fn(tmp_path, tmp_path / "b", recipe, begin_with=other)), load_file(other)
-    assert found.keys() == begun.keys()
-    assert all(torch.allclose(value.float(), begun[name].float(), atol=1e-3) for name, value in found.items())
-    write_network(other, LifterNetwork())
-    with pytest.raises(InputError, match=r"corrects landmarks; name a network that predicts them whole"):
-        train_lifter.fn(tmp_path, tmp_path / "c", recipe, begin_with=other)
 
 
 def test_keypoints_are_learnt_from_motion_capture_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -111,8 +96,8 @@ def test_keypoints_are_learnt_from_motion_capture_alone(tmp_path: Path, monkeypa
 
 
 def test_a_keypoint_lifter_goes_on_from_another_with_more_blocks(tmp_path: Path) -> None:
-    write_network(tmp_path / "other.safetensors", LifterNetwork(depth=2, whole=True))
+    write_network(tmp_path / "other.safetensors", LifterNetwork(depth=2))
     recipe = KeypointRecipe(steps=1, batch=2, warm_up=1, rate=1e-9, depth=3)
     found = train_keypoints.fn(tmp_path / "a", recipe, begin_with=tmp_path / "other.safetensors")
     network = read_network(found, LifterNetwork.shaped_as)
-    assert len(network.blocks) == 3 and network.whole
+    assert len(network.blocks) == 3

@@ -11,9 +11,9 @@ from humanmm.models.perception.lifting import reading
 from humanmm.models.perception.lifting.features import certainty_of
 from humanmm.models.perception.lifting.keypoints import COCO, PLACED, read_keypoints
 from humanmm.models.perception.lifting.lift import KEYPOINT_LIFTER, lift
-from humanmm.models.perception.lifting.reading import Reading
+from humanmm.models.perception.lifting.reading import Reading, with_sides_put_right
 from humanmm.models.records.landmarks import INDEX, SWAP
-from humanmm.models.records.tracks import UNKNOWN_RAD
+from humanmm.models.records.tracks import UNKNOWN_RAD, PoseEstimates
 
 K = np.array([[600.0, 0, 320], [0, 600, 180], [0, 0, 1]])
 
@@ -115,8 +115,23 @@ def test_the_keypoint_lifter_is_shown_sides_put_right(monkeypatch: pytest.Monkey
     np.testing.assert_array_equal(shown[0][:8], named(frames)[:8])
     np.testing.assert_array_equal(shown[0][8:], named(swapped)[8:])
     np.testing.assert_allclose(found[8:], found[:1, SWAP].repeat(12, axis=0), atol=1e-6)
-    np.testing.assert_array_equal(rotations.sigma[:8], pose.sigma[:8])
-    assert (rotations.sigma[8:] == UNKNOWN_RAD).all()
+    np.testing.assert_array_equal(rotations.sigma, pose.sigma)
+
+
+def test_where_sides_are_held_for_swapped_a_lifter_looks_again_with_them_put_right() -> None:
+    odds, shown = np.array([-2.0, 3.0, -1.0]), []
+
+    def read(are_swapped: np.ndarray) -> Reading:
+        shown.append(are_swapped.tolist())
+        landmarks = np.tile(np.arange(33.0)[:, None] + 100 * len(shown), (3, 1, 3))
+        return Reading(landmarks, PoseEstimates(np.full((3, 20, 3), len(shown)), np.ones((3, 20)), odds / len(shown)))
+
+    found = with_sides_put_right(read, 3)
+    assert shown == [[False] * 3, [False, True, False]]
+    np.testing.assert_array_equal(found.landmarks3d[0], 200 + np.arange(33.0)[:, None].repeat(3, axis=1))
+    np.testing.assert_array_equal(found.landmarks3d[1], found.landmarks3d[0][SWAP])
+    np.testing.assert_array_equal(found.pose.swap_odds, odds)
+    assert (found.pose.vectors == 2).all() and (found.pose.sigma_as_named[1] == UNKNOWN_RAD).all()
 
 
 def test_a_gap_of_ten_years_and_equal_time_stamps_cost_no_more_than_their_frames() -> None:

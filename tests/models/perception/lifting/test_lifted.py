@@ -43,8 +43,9 @@ def test_without_a_lifter_landmarks_are_kept() -> None:
     assert (track.landmarks3d == 1).all() and track.pose is None
 
 
-def test_a_frame_whose_sides_are_swapped_has_no_known_pose() -> None:
-    pose = PoseEstimates(np.zeros((N, 20, 3)), np.full((N, 20), 0.2), np.full(N, -3.0))
+def test_a_pose_is_known_where_left_and_right_are_named_as_the_lifter_holds_them() -> None:
+    pose = PoseEstimates(np.zeros((N, 20, 3)), np.full((N, 20), 0.2), np.array([-3.0, -3.0, 3.0, 3.0]))
+    assert (pose.sigma_as_named.max(axis=1) > 3).tolist() == [False, False, True, True]
     swapped = pose.with_sides_swapped(np.array([True, False, False, True]))
-    assert (swapped.sigma[[0, 3]] > 3).all() and (swapped.sigma[1:3] == 0.2).all()
-    assert swapped.swap_odds.tolist() == [3.0, -3.0, -3.0, 3.0]
+    assert (swapped.sigma_as_named.max(axis=1) > 3).tolist() == [True, False, True, False]
+    assert swapped.swap_odds.tolist() == [3.0, -3.0, 3.0, -3.0]
