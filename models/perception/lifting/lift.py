@@ -31,7 +31,7 @@ def lift(frames: PersonFrames, K: Float[Array, "3 3"]) -> Lifted:
 
     Landmarks are a mean of what all three say; of fingers, toes and face, which the keypoint lifter does not see, they
     move as its wrists, ankles and nose do. Rotations of joints are halfway between the lifters', the root's is the
-    lifter's.
+    lifter's. Where the lifter holds left and right for swapped both look at them put right.
     """
     network = load_lifter("lifter.safetensors")
 
