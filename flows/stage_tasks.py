@@ -68,9 +68,11 @@ class StageTasks:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.run.close()
-        if kind is not None:
-            self._abandon()
+        try:
+            self.run.close()
+        finally:  # another Ctrl-C meets `close` as well
+            if kind is not None:
+                self._abandon()
         self._runner.__exit__(kind, error, trace)
         self._board.end()
 
