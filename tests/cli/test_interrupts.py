@@ -60,3 +60,21 @@ def test_an_error_after_an_interrupted_command_is_an_error(
     monkeypatch.setattr("humanmm.load", lambda *arguments: 1 / 0)
     assert main(["view", "."]) == 1
     assert "ZeroDivisionError" in capsys.readouterr().err
+
+
+def test_keys_pressed_at_once_are_one_interruption(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    taken_down = []
+
+    def interrupted(*arguments: Any) -> None:
+        try:
+            signal.raise_signal(signal.SIGINT)
+        finally:
+            signal.raise_signal(signal.SIGINT)
+            taken_down.append(True)
+
+    monkeypatch.setattr("humanmm.load", interrupted)
+    assert main(["view", "."]) == 130
+    assert taken_down
+    assert len(capsys.readouterr().err.strip().splitlines()) == 1

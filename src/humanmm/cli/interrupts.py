@@ -6,10 +6,12 @@ raised while Python takes an object away is lost.
 
 import _thread
 import contextlib
+import math
 import os
 import signal
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from types import FrameType
 
@@ -19,6 +21,9 @@ INTERRUPTED = 130
 """Exit status of a process that SIGINT has ended, as shells count it."""
 AGAIN_S = 0.02
 """After so long an interruption that was lost comes again."""
+TOGETHER_S = 1.0
+"""Signals within so long of the one that interrupted are the same interruption: whoever presses Ctrl-C thrice wants one
+end, and a second error, raised while the first one takes everything down, would leave threads to be waited for."""
 _received: list[int] = []
 """Since the command began."""
 
@@ -27,12 +32,19 @@ _received: list[int] = []
 def noted() -> Iterator[None]:
     """Have signals that would end the process without a word interrupt it as Ctrl-C does, and note them all."""
 
+    raised_s = -math.inf
+
     def stop(number: int, frame: FrameType | None) -> None:
+        nonlocal raised_s
         _received.append(number)
-        raise KeyboardInterrupt(_words(number))
+        if time.monotonic() - raised_s >= TOGETHER_S:
+            raised_s = time.monotonic()
+            raise KeyboardInterrupt(_words(number))
 
     def unraisable(lost: "sys.UnraisableHookArgs") -> None:
+        nonlocal raised_s
         if isinstance(lost.exc_value, KeyboardInterrupt) and _received:
+            raised_s = -math.inf
             again = threading.Timer(AGAIN_S, _thread.interrupt_main, [_received[-1]])  # raised here it is lost too
             again.daemon = True
             again.start()
