@@ -16,7 +16,7 @@ from uuid import UUID
 from prefect import Task, allow_failure, task
 from prefect.cache_policies import NO_CACHE
 from prefect.client.schemas.objects import State, TaskRun
-from prefect.futures import PrefectFuture
+from prefect.futures import PrefectConcurrentFuture
 from prefect.runtime import flow_run, task_run
 from prefect.states import Completed, Failed
 from prefect.task_runners import ThreadPoolTaskRunner
@@ -26,6 +26,7 @@ from humanmm.flows.server.dashboard import ProgressBoard, show_failure, show_vid
 from humanmm.flows.server.liveness import write_process_id
 from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.records.video import VideoFacts
+from humanmm.signals import held
 from humanmm.tasks.engine.finish import (
     default_run_dir,
     failures,
@@ -47,6 +48,9 @@ log = logging.getLogger(__name__)
 MAX_WAITING = 32
 """Tasks that may wait for their inputs at the same time, at least; how many compute is `run.threads`."""
 
+ASLEEP_S = 0.25
+"""Seconds between two looks for signals while tasks compute."""
+
 
 class StageTasks:
     """Submits the tasks of one stage after another, and ends the flow run."""
@@ -56,7 +60,7 @@ class StageTasks:
         write_process_id()
         self._board = ProgressBoard(UUID(str(flow_run.id)))
         run.listen(self._board.report)
-        self._futures: dict[UnitId, PrefectFuture[Any]] = {}
+        self._futures: dict[UnitId, PrefectConcurrentFuture[Any]] = {}
         self._stopped = False
         self._runner: ThreadPoolTaskRunner[Any] = ThreadPoolTaskRunner(max(MAX_WAITING, run.config.run.threads))
 
@@ -98,12 +102,13 @@ class StageTasks:
         for unit in units or ():
             parameters = {"run": self.run, "stage": name, "index": unit.index, "board": self._board}
             inputs: list[Any] = [allow_failure(future) for future in self._inputs(unit)]
-            self._futures[unit.id] = self._runner.submit(_task_of(self.run, unit), parameters, wait_for=inputs)
+            with held():
+                self._futures[unit.id] = self._runner.submit(_task_of(self.run, unit), parameters, wait_for=inputs)
 
     def finish(self, out: Path | None, begun: float) -> Any:
         """Wait for everything; write the run folder; the flow's final state."""
         for future in self._futures.values():
-            future.wait()
+            _wait_for(future)
         error = fatal_error(self.run)
         if error is not None:
             with contextlib.suppress(StoreError):  # the fatal error is the one to raise
@@ -136,7 +141,7 @@ class StageTasks:
             return error
         return NoUsablePersonError(f"{error}; {path} shows who was seen")
 
-    def _inputs(self, unit: Unit) -> list[PrefectFuture[Any]]:
+    def _inputs(self, unit: Unit) -> list[PrefectConcurrentFuture[Any]]:
         sources = [self.run.stage(name) for name in unit.stage.inputs]
         needed = [needed.id for source in sources for needed in self.run.inputs_of(unit, source)]
         return [self._futures[at] for at in needed if at in self._futures]
@@ -153,7 +158,7 @@ class StageTasks:
     def _wait(self, name: str) -> None:
         for (stage, _), future in self._futures.items():
             if stage == name:
-                future.wait()
+                _wait_for(future)
 
 
 @dataclass
@@ -187,6 +192,16 @@ def stage_task(run: VideoRun, stage: str, index: int, board: ProgressBoard) -> A
     if outcome.state == "cached":
         return Completed(name="Cached", data=outcome.manifest.ref)
     return Completed(message=outcome.reason, data=outcome.manifest.ref)
+
+
+def _wait_for(future: PrefectConcurrentFuture[Any]) -> None:
+    """Wait until a task has ended, and be stopped meanwhile.
+
+    A signal that comes after Python has looked for one and before it sleeps does not wake it: the sleeps are short.
+    """
+    while not future.wrapped_future.done():
+        future.wait(timeout=ASLEEP_S)
+    future.wait()
 
 
 def _task_of(run: VideoRun, unit: Unit) -> Task[..., Any]:

@@ -31,7 +31,6 @@ _received: list[int] = []
 @contextlib.contextmanager
 def noted() -> Iterator[None]:
     """Have signals that would end the process without a word interrupt it as Ctrl-C does, and note them all."""
-
     raised_s = -math.inf
 
     def stop(number: int, frame: FrameType | None) -> None:
