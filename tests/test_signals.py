@@ -1,0 +1,21 @@
+"""Interruptions that wait until a library is done."""
+
+import signal
+
+import pytest
+
+from humanmm.signals import held
+
+
+def test_an_interruption_comes_at_the_end_of_the_block() -> None:
+    handler, done = signal.getsignal(signal.SIGINT), []
+    with pytest.raises(KeyboardInterrupt), held():
+        signal.raise_signal(signal.SIGINT)
+        done.append(True)
+    assert done
+    assert signal.getsignal(signal.SIGINT) is handler
+
+
+def test_nothing_comes_where_nothing_came() -> None:
+    with held():
+        pass
