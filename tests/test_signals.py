@@ -9,9 +9,14 @@ from humanmm.signals import held
 
 def test_an_interruption_comes_at_the_end_of_the_block() -> None:
     handler, done = signal.getsignal(signal.SIGINT), []
-    with pytest.raises(KeyboardInterrupt), held():
-        signal.raise_signal(signal.SIGINT)
-        done.append(True)
+
+    def interrupted() -> None:
+        with held():
+            signal.raise_signal(signal.SIGINT)
+            done.append(True)
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
     assert done
     assert signal.getsignal(signal.SIGINT) is handler
 
