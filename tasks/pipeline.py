@@ -121,12 +121,12 @@ STAGES: tuple[Stage, ...] = (
     Stage(
         "align", "video", ("decode", "people", "shots", "keyframes", "intrinsics", "camera", "hmr"), ("align",),
         "humanmm.models.records.motion:WorldMotion",
-        schema_version=4, resources=_memory(15, 0, 10),
+        schema_version=5, resources=_memory(15, 0, 10),
     ),
     Stage(
         "refine", "video", ("decode", "people", "shots", "align"), ("refine",),
         "humanmm.models.records.motion:WorldMotion",
-        corrections=("floor",), schema_version=4, resources=_memory(35, 0, 12),
+        corrections=("floor",), schema_version=5, resources=_memory(35, 0, 12),
     ),
     Stage(
         "deliver", "video", ("decode", "people", "shots", "align", "refine"), ("deliver",),

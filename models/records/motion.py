@@ -74,6 +74,17 @@ class RotationEvidence:
 
 
 @dataclass(frozen=True)
+class PoseJump:
+    """How far the limbs of somebody are, right after a cut, from where they were going before it."""
+
+    person: int
+    jump_m: float
+    """Root mean square over knees, ankles, head, elbows and wrists, about the pelvis and in its axes."""
+    expected_m: float
+    """How far the poses of both sides together are expected to be off."""
+
+
+@dataclass(frozen=True)
 class CutAlignment:
     """How two neighbouring shots were joined."""
 
@@ -100,6 +111,8 @@ class CutAlignment:
     """That the rotation is the right one of all that the evidence allows."""
     within_95_deg: float = 180.0
     """The rotation lies within this angle of the true one with a probability of 95 %."""
+    pose_jumps: tuple[PoseJump, ...] = ()
+    """Of those who are seen right before and right after the cut."""
 
 
 @dataclass(frozen=True)

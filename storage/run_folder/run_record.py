@@ -227,6 +227,10 @@ def _join(cut: CutAlignment | None, evidence: Sequence[RotationEvidence]) -> dic
         "gap_s": _figure(cut.gap_s),
         "probability": _figure(cut.probability),
         "background_points": cut.background_inliers,
+        "pose_jumps": [
+            {"person": one.person, "jump_m": _figure(one.jump_m), "expected_m": _figure(one.expected_m)}
+            for one in cut.pose_jumps
+        ],
         "evidence": [
             {
                 "shot": one.shot_a,

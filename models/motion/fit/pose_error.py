@@ -12,10 +12,10 @@ from humanmm.models.records.landmarks import LIMBS
 
 Array = np.ndarray
 
-FACTOR, POWER = 0.54, 0.65
+FACTOR, POWER = 0.48, 0.60
 """Expected error and distance in metres: a power law through the logarithms of both, made as large as errors are in the
-mean, on 5,085 frames of 26 development clips: those of 40 to 50, 60 to 70 and 100 to 130 mm expected have errors of 44,
-66 and 103 mm in the mean (docs/measurements/world.md)."""
+mean, on 5,674 frames of 28 development clips: those of 40 to 50, 60 to 70 and 100 to 130 mm expected have errors of 45,
+63 and 101 mm in the mean (docs/measurements/world.md)."""
 
 
 def expected_error_m(fitted: Float[Array, "n 33 3"], lifted: Float[Array, "n 33 3"]) -> Float[Array, " n"]:

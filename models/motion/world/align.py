@@ -15,6 +15,7 @@ from humanmm.machine import single_threaded
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.proportions import resized
 from humanmm.models.cuts.camera_rotation import CutMethod, align_by_bundle
+from humanmm.models.cuts.continuity import pose_jumps
 from humanmm.models.geometry.intrinsics import K_of
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.motion.rotations.levelling import levelled
@@ -101,6 +102,7 @@ def _aligned(
     warnings = [
         *doubts.of_paths(scales, paths),
         *(warning for cut in cuts for warning in cut.warnings),
+        *doubts.of_jumps(cuts, results.certain),
         *doubts.of_facings(facings, results.certain),
         *doubts.of_pose_errors(pose_errors, results.certain),
         *doubts.of_sides(found.rotations),
@@ -359,6 +361,7 @@ def _reported(results: ShotResults, found: FoundRotations, world: _World) -> lis
             probability=certainty.probability if certainty is not None else 0.0,
             linked=usable(results, index) and rotations.group[index] != index,
             background_inliers=max([0, *background]),
+            pose_jumps=pose_jumps(motions_of(results, index - 1), motions_of(results, index), results.time_s),
         )
         cuts.append(replace(cut, warnings=doubts.of_cut(cut)))
     return cuts

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from humanmm.models.cuts.camera_rotation import GAP_WARNING_S
+from humanmm.models.cuts.continuity import goes_on
 from humanmm.models.cuts.hypotheses import SIDES_SWAPPED
 from humanmm.models.geometry.intervals import frame_intervals, in_intervals, merged
 from humanmm.models.motion.rotations.shot_results import ShotResults, motions_of
@@ -30,8 +31,8 @@ WORST_S = 0.15
 """One run of doubtful frames in which a body is expected to be turned the wrong way for so long is a warning by itself:
 in a long shot it hardly changes the mean."""
 DOUBTFUL_POSE_M = 0.06
-"""A body whose pose is expected to be off by more gets a warning: on 28 development clips 22 of 115 bodies in a shot
-have one, five of the six that are off by more than 100 mm among them."""
+"""A body whose pose is expected to be off by more gets a warning: on 28 development clips 29 of 117 bodies in a shot
+have one, four of the six that are off by more than 100 mm among them."""
 APART_FRAMES = 5
 """Doubtful frames closer together are named as one run,"""
 NAMED_RUNS = 3
@@ -159,6 +160,19 @@ def of_cut(cut: CutAlignment) -> tuple[str, ...]:
 def is_doubtful_cut(uncertainty_deg: float, probability: float) -> bool:
     """Whether a rotation of which a `CutAlignment` says so is hardly known."""
     return uncertainty_deg > DOUBTFUL_DEG or probability < DOUBTFUL_PROBABILITY
+
+
+def of_jumps(cuts: Sequence[CutAlignment], certain: Collection[int]) -> list[str]:
+    """At which cuts somebody does not go on as he did: his path is not known across them. `certain` as in
+    `of_facings`."""
+    return [
+        f"cut at frame {cut.cut_frame}: person {one.person} does not go on as before (limbs are {one.jump_m:.2f} m "
+        "from where they were going): time is lost there, or the pose is wrong on one side; how far the person went "
+        "meanwhile is uncertain"
+        for cut in cuts
+        for one in cut.pose_jumps
+        if one.person in certain and not goes_on(one.jump_m, one.expected_m)
+    ]
 
 
 def of_sides(rotations: ShotRotations) -> list[str]:

@@ -8,7 +8,7 @@ from three_shots import BETAS, LENGTH, results
 
 from humanmm.models.motion.world import doubts
 from humanmm.models.motion.world.align import align
-from humanmm.models.records.motion import Facing, PathScale, PersonShotMotion
+from humanmm.models.records.motion import Facing, PathScale, PersonShotMotion, PoseJump
 from humanmm.models.records.shots import Person
 
 
@@ -78,3 +78,10 @@ def test_a_path_of_unknown_scale_is_doubtful_only_where_it_is_long_enough_to_mat
     assert doubts.of_paths([sure], [far]) == []
     (assumed,) = doubts.of_paths([PathScale(0, "assumed", np.nan)], [near])
     assert "taken for a metre" in assumed
+
+
+def test_who_does_not_go_on_across_a_cut_is_named() -> None:
+    (cut, _) = align(results()).cuts
+    leap = replace(cut, pose_jumps=(PoseJump(0, 0.4, 0.08), PoseJump(1, 0.1, 0.08), PoseJump(2, 0.5, 0.08)))
+    (said,) = doubts.of_jumps([leap], certain={0, 1})
+    assert f"cut at frame {cut.cut_frame}: person 0 does not go on" in said and "0.40 m" in said
