@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool
 from prefect import flow
 
-from humanmm.flows.bench.render_set import Split, shipped_packs, takes_of
+from humanmm.flows.training.captured import captured
 from humanmm.flows.training.card import keypoint_card, lifter_card
 from humanmm.flows.training.course import train_to_end
 from humanmm.models.learning.keypoint_motion import KeypointMotion
@@ -19,8 +19,6 @@ from humanmm.models.learning.training.lifter_objective import score
 from humanmm.models.learning.windows import Windows, windows_of
 from humanmm.models.perception.lifting.network import LifterNetwork
 from humanmm.models.perception.lifting.reading import load_lifter
-from humanmm.models.synthetic.mocap import MocapSequence
-from humanmm.storage.readers.mocap_pack import read_pack
 from humanmm.storage.store.files import replace_text
 from humanmm.storage.training.networks import read_network, write_network
 from humanmm.storage.training.pair_set import read_pairs
@@ -57,7 +55,7 @@ def train_lifter(
     arrays, facts = read_pairs(pairs, "train")
     windows, errors = windows_of(arrays)
     dev = _captured(*read_pairs(pairs, "dev"))
-    takes = takes_to_learn_from(_sequences(packs, "train"), np.random.default_rng(recipe.seed))
+    takes = takes_to_learn_from(captured(packs, "train"), np.random.default_rng(recipe.seed))
     training = lifter_training(
         recipe, windows, OtherMotion(takes, arrays, windows, errors, routines=recipe.routines),
         begin_with=_read(begin_with) if begin_with else load_lifter(SHIPPED_KEYPOINTS),
@@ -95,10 +93,10 @@ def train_keypoints(
     """
     prepare_process()
     recipe = recipe or KeypointRecipe()
-    held_out = [take for take in _sequences(packs, "dev") for _ in range(BODIES_A_TAKE)]
+    held_out = [take for take in captured(packs, "dev") for _ in range(BODIES_A_TAKE)]
     shown = takes_on_bodies(held_out, np.random.default_rng(recipe.seed + 1))
     dev = KeypointMotion(shown).draw(MEASURED, np.random.default_rng(recipe.seed))
-    takes = takes_to_learn_from(_sequences(packs, "train"), np.random.default_rng(recipe.seed))
+    takes = takes_to_learn_from(captured(packs, "train"), np.random.default_rng(recipe.seed))
     beginning = _read(begin_with) if begin_with else None
     training = keypoint_training(recipe, KeypointMotion(takes), begin_with=beginning, device=device)
 
@@ -128,10 +126,3 @@ def _captured(arrays: Mapping[str, Array], facts: Sequence[Mapping[str, Any]]) -
 
 def _are_routines(facts: Sequence[Mapping[str, Any]]) -> Bool[Array, " W"]:
     return np.array([shown.get("subject") == NOBODY for shown in facts], dtype=bool)
-
-
-def _sequences(packs: tuple[Path, ...], split: Split) -> list[MocapSequence]:
-    """All takes of a split."""
-    return [
-        sequence for pack in packs or shipped_packs("places", split) for sequence in takes_of(read_pack(pack), split)
-    ]

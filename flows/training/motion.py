@@ -8,7 +8,8 @@ import numpy as np
 from prefect import flow
 from torch import nn
 
-from humanmm.flows.bench.render_set import Split, shipped_packs, takes_of
+from humanmm.flows.bench.render_set import Split
+from humanmm.flows.training.captured import captured
 from humanmm.flows.training.card import pose_card, trajectory_card
 from humanmm.flows.training.course import train_to_end
 from humanmm.flows.training.fits import fitted_pairs
@@ -25,7 +26,6 @@ from humanmm.models.learning.training.motion_objective import pose_score, trajec
 from humanmm.models.motion.networks.integrate import load_predictor
 from humanmm.models.motion.networks.ms_hmr import MsHmr
 from humanmm.models.motion.networks.trajectory import TrajectoryPredictor, TrajectoryRefiner
-from humanmm.storage.readers.mocap_pack import read_pack
 from humanmm.storage.store.files import replace_text
 from humanmm.storage.training.networks import read_network, write_network
 from humanmm.tasks.units.process import prepare_process
@@ -128,8 +128,7 @@ def _sources(material: Material, recipe: MotionRecipe) -> tuple[ClipSource, list
     """Where clips of the split train come from, and clips of dev."""
 
     def source(split: Split) -> ClipSource:
-        files = material.packs if material.packs and split == "train" else shipped_packs("places", split)
-        sequences = [sequence for pack in files for sequence in takes_of(read_pack(pack), split)]
+        sequences = captured(material.packs, split)
         takes = motion_takes(sequences, np.random.default_rng((recipe.seed, len(split))), routines=ROUTINES)
         windows = error_windows(fitted_pairs(material.pairs, split, material.threads))
         return ClipSource(takes, windows, whole=WHOLE_WINDOWS, varied=split == "train")

@@ -9,7 +9,9 @@ from pair_windows import pair_arrays
 from safetensors.torch import load_file
 
 from humanmm.errors import InputError
+from humanmm.flows.bench.render_set import shipped_packs
 from humanmm.flows.training import course, lifter
+from humanmm.flows.training.captured import captured
 from humanmm.flows.training.lifter import train_keypoints, train_lifter
 from humanmm.models.learning.training.lifter import KeypointRecipe, LifterRecipe
 from humanmm.models.perception.lifting.network import LifterNetwork
@@ -28,8 +30,8 @@ def _short(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(lifter, "MEASURED", 4)
     monkeypatch.setattr("humanmm.models.learning.other_motion.ROUTINES", 1)
     monkeypatch.setattr("humanmm.models.learning.other_motion.LOOSENED_A_TAKE", 1)
-    sequences = lifter.takes_of(lifter.read_pack(lifter.shipped_packs("places", "train")[1]), "train")[:1]
-    monkeypatch.setattr(lifter, "takes_of", lambda *_: sequences)
+    sequences = captured((shipped_packs("places", "train")[1],), "train")[:1]
+    monkeypatch.setattr(lifter, "captured", lambda *_: sequences)
 
 
 def killed_and_resumed(train: Train, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
