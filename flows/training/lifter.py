@@ -9,9 +9,9 @@ import numpy as np
 from jaxtyping import Bool
 from prefect import flow
 
-from humanmm.flows.training.captured import captured
 from humanmm.flows.training.card import keypoint_card, lifter_card
 from humanmm.flows.training.course import train_to_end
+from humanmm.flows.training.sequences import sequences_of
 from humanmm.models.learning.keypoint_motion import KeypointMotion
 from humanmm.models.learning.other_motion import BODIES_A_TAKE, OtherMotion, takes_on_bodies, takes_to_learn_from
 from humanmm.models.learning.training.lifter import KeypointRecipe, LifterRecipe, keypoint_training, lifter_training
@@ -55,7 +55,7 @@ def train_lifter(
     arrays, facts = read_pairs(pairs, "train")
     windows, errors = windows_of(arrays)
     dev = _captured(*read_pairs(pairs, "dev"))
-    takes = takes_to_learn_from(captured(packs, "train"), np.random.default_rng(recipe.seed))
+    takes = takes_to_learn_from(sequences_of(packs, "train"), np.random.default_rng(recipe.seed))
     training = lifter_training(
         recipe, windows, OtherMotion(takes, arrays, windows, errors, routines=recipe.routines),
         begin_with=_read(begin_with) if begin_with else load_lifter(SHIPPED_KEYPOINTS),
@@ -93,10 +93,10 @@ def train_keypoints(
     """
     prepare_process()
     recipe = recipe or KeypointRecipe()
-    held_out = [take for take in captured(packs, "dev") for _ in range(BODIES_A_TAKE)]
+    held_out = [take for take in sequences_of(packs, "dev") for _ in range(BODIES_A_TAKE)]
     shown = takes_on_bodies(held_out, np.random.default_rng(recipe.seed + 1))
     dev = KeypointMotion(shown).draw(MEASURED, np.random.default_rng(recipe.seed))
-    takes = takes_to_learn_from(captured(packs, "train"), np.random.default_rng(recipe.seed))
+    takes = takes_to_learn_from(sequences_of(packs, "train"), np.random.default_rng(recipe.seed))
     beginning = _read(begin_with) if begin_with else None
     training = keypoint_training(recipe, KeypointMotion(takes), begin_with=beginning, device=device)
 

@@ -9,10 +9,10 @@ from prefect import flow
 from torch import nn
 
 from humanmm.flows.bench.render_set import Split
-from humanmm.flows.training.captured import captured
 from humanmm.flows.training.card import pose_card, trajectory_card
 from humanmm.flows.training.course import train_to_end
 from humanmm.flows.training.fits import fitted_pairs
+from humanmm.flows.training.sequences import sequences_of
 from humanmm.models.learning.motion_clips import ClipSource, MotionClips, error_windows, motion_takes
 from humanmm.models.learning.other_motion import ROUTINES
 from humanmm.models.learning.training.motion import (
@@ -128,7 +128,7 @@ def _sources(material: Material, recipe: MotionRecipe) -> tuple[ClipSource, list
     """Where clips of the split train come from, and clips of dev."""
 
     def source(split: Split) -> ClipSource:
-        sequences = captured(material.packs, split)
+        sequences = sequences_of(material.packs, split)
         takes = motion_takes(sequences, np.random.default_rng((recipe.seed, len(split))), routines=ROUTINES)
         windows = error_windows(fitted_pairs(material.pairs, split, material.threads))
         return ClipSource(takes, windows, whole=WHOLE_WINDOWS, varied=split == "train")

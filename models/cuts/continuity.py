@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from humanmm.models.body.body24 import JOINT_NAMES, load_body
 from humanmm.models.body.kinematics import forward_kinematics
+from humanmm.models.geometry.lines import line_through
 from humanmm.models.records.motion import PersonShotMotion, PoseJump
 
 Array = np.ndarray
@@ -76,8 +77,7 @@ def _side(motion: PersonShotMotion, time_s: Float[Array, " F"], *, last: bool) -
     upright, nowhere = np.tile(np.eye(3), (len(rows), 1, 1)), np.zeros((len(rows), 3))
     rest = load_body().rest_joints(motion.betas)
     limbs = forward_kinematics(rest, upright, motion.body_pose[rows], nowhere)[0][:, LIMBS]
-    line = np.stack([np.ones(len(rows)), since], axis=1)
-    at_end, velocity = np.linalg.lstsq(line, limbs.reshape(len(rows), -1), rcond=None)[0]
+    at_end, velocity = line_through(since, limbs)
     errors = motion.pose_error_m[rows]
     error_m = float(errors[np.isfinite(errors)].mean()) if np.isfinite(errors).any() else USUAL_M
-    return _Side(float(end), at_end.reshape(-1, 3), velocity.reshape(-1, 3), error_m)
+    return _Side(float(end), at_end, velocity, error_m)

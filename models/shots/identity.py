@@ -19,6 +19,7 @@ from humanmm.models.body.body24 import load_body
 from humanmm.models.body.proportions import bone_lengths, in_detector_convention, shape_from_bones
 from humanmm.models.geometry.alignment import umeyama_alignment
 from humanmm.models.geometry.intervals import in_intervals
+from humanmm.models.geometry.lines import line_through
 from humanmm.models.perception.appearance import median_parts, same_look_odds
 from humanmm.models.perception.clothing import mean_colours
 from humanmm.models.records import landmarks
@@ -208,8 +209,7 @@ def pose_at(
     if len(rows) < 3:
         return np.asarray(poses.mean(axis=0))
     offsets = time_s[track.frame[rows]] - time_s[frame]
-    line = np.linalg.lstsq(np.column_stack([np.ones(len(rows)), offsets]), poses.reshape(len(rows), -1), rcond=None)[0]
-    return np.asarray(line[0].reshape(-1, 3))
+    return line_through(offsets, poses)[0]
 
 
 def match(people: Sequence[Sequence[Sighting]], sightings: Sequence[Sighting]) -> dict[int, int]:

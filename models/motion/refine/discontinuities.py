@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from humanmm.models.geometry.lines import line_through
 from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
 from humanmm.models.motion.refine.smoothing import fade
 
@@ -77,7 +78,5 @@ def _carried(vectors: Array, rows: Array, time_s: Array, when: float) -> Float[A
     if len(near) < 3:
         return np.asarray(base)
     rotations = rotmat_to_rotvec(np.swapaxes(base, -1, -2) @ R)
-    at = time_s[near] - when
-    design = np.stack([np.ones(len(near)), at], axis=1)
-    line = np.linalg.lstsq(design, rotations.reshape(len(near), -1), rcond=None)[0]
-    return np.asarray(base @ rotvec_to_rotmat(line[0].reshape(-1, 3)))
+    carried, _ = line_through(time_s[near] - when, rotations)
+    return np.asarray(base @ rotvec_to_rotmat(carried))

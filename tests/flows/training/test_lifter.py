@@ -11,8 +11,8 @@ from safetensors.torch import load_file
 from humanmm.errors import InputError
 from humanmm.flows.bench.render_set import shipped_packs
 from humanmm.flows.training import course, lifter
-from humanmm.flows.training.captured import captured
 from humanmm.flows.training.lifter import train_keypoints, train_lifter
+from humanmm.flows.training.sequences import sequences_of
 from humanmm.models.learning.training.lifter import KeypointRecipe, LifterRecipe
 from humanmm.models.perception.lifting.network import LifterNetwork
 from humanmm.storage.training.networks import read_network, write_network
@@ -30,8 +30,8 @@ def _short(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(lifter, "MEASURED", 4)
     monkeypatch.setattr("humanmm.models.learning.other_motion.ROUTINES", 1)
     monkeypatch.setattr("humanmm.models.learning.other_motion.LOOSENED_A_TAKE", 1)
-    sequences = captured((shipped_packs("places", "train")[1],), "train")[:1]
-    monkeypatch.setattr(lifter, "captured", lambda *_: sequences)
+    sequences = sequences_of((shipped_packs("places", "train")[1],), "train")[:1]
+    monkeypatch.setattr(lifter, "sequences_of", lambda *_: sequences)
 
 
 def killed_and_resumed(train: Train, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:

@@ -21,7 +21,7 @@ def test_each_training_delivers_its_network_its_curve_and_its_card(
 ) -> None:
     monkeypatch.setattr(motion, "DEV_CLIPS", 32)
     monkeypatch.setattr(motion, "ROUTINES", 1)
-    monkeypatch.setattr(motion, "captured", lambda *_: [])
+    monkeypatch.setattr(motion, "sequences_of", lambda *_: [])
     for split in ("train", "dev"):
         PairSet(tmp_path, "a").write(f"{split}-00000", pair_arrays(), [{}] * 4)
     material = Material(tmp_path, threads=1)

@@ -8,7 +8,7 @@ from humanmm.models.synthetic.mocap import MocapSequence
 from humanmm.storage.readers.mocap_pack import read_pack
 
 
-def captured(packs: tuple[Path, ...], split: Split) -> list[MocapSequence]:
+def sequences_of(packs: tuple[Path, ...], split: Split) -> list[MocapSequence]:
     """All takes of a split; of `packs` where they are named, but for what is measured on, which stays the same.
 
     Raises InputError where named packs show nobody of the split train.
