@@ -286,6 +286,14 @@ def test_frames_left_out_by_an_edit_list_are_not_announced(clip: Clip, number_of
     assert [number_of(f.image) for f in frames(file, facts, 30, 32)] == [45, 46]
 
 
+def black(width: int, height: int, pixels: str = "yuv420p") -> av.VideoFrame:
+    """A picture that is told: a new one holds what was in memory, which may look interlaced."""
+    picture = av.VideoFrame(width, height, pixels)
+    for plane in picture.planes:
+        plane.update(bytes(plane.buffer_size))
+    return picture
+
+
 def muxed(times: list[int], sizes: list[tuple[int, int]], container: str = "matroska") -> io.BytesIO:
     """A file with one stream of pictures for each size; `times` of its packets are ms, whatever an encoder says."""
     file = io.BytesIO()
@@ -297,7 +305,7 @@ def muxed(times: list[int], sizes: list[tuple[int, int]], container: str = "matr
             streams.append(stream)
         for number, time in enumerate(times):
             for stream in streams:
-                picture = av.VideoFrame(stream.width, stream.height, "yuv420p")
+                picture = black(stream.width, stream.height)
                 picture.pts, picture.time_base = number, Fraction(1, 25)
                 for packet in stream.encode(picture):
                     packet.pts = packet.dts = time
@@ -375,7 +383,7 @@ def picture_file() -> bytes:
     with av.open(file, "w", format="mjpeg") as out:
         stream = out.add_stream("mjpeg", rate=1)
         (stream.width, stream.height), stream.pix_fmt = JPEG_PX, "yuvj420p"
-        out.mux(stream.encode(av.VideoFrame(*JPEG_PX, "yuvj420p")))
+        out.mux(stream.encode(black(*JPEG_PX, "yuvj420p")))
         out.mux(stream.encode(None))
     return file.getvalue()
 
@@ -405,7 +413,7 @@ def test_a_cover_picture_beside_a_video_is_not_taken_for_it(container: str, is_f
             out.mux(packet)
         if with_video:
             for _ in range(20):
-                out.mux(video.encode(av.VideoFrame(128, 96, "yuv420p")))
+                out.mux(video.encode(black(128, 96)))
             out.mux(video.encode(None))
         else:
             for number in range(3):
