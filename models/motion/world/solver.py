@@ -41,7 +41,7 @@ DAMPING = 1e-6
 """Added to the diagonal for every unknown, so that the matrix is not singular where nothing is known: as if every step
 were zero but for a kilometre, a thousand radians, a factor of e¹⁰⁰⁰."""
 HELD = 1e12
-"""The same for all unknowns of cameras that are known."""
+"""The same for all unknowns of cameras that are known, and for a focal length that is."""
 KEPT, KEPT_DIMENSIONLESS = 1e6, 1e8
 """Added for positions (1/m²), and for rotations, scales and the focal length (1), that are not to change yet or at all:
 as if a step were zero but for a millimetre, and but for 1e-4 of a radian or of the logarithm."""
@@ -202,12 +202,14 @@ def _step(
     of_cameras[0, 5] = KEPT_DIMENSIONLESS  # nor does it turn
     if iteration < FREE_FROM:
         of_cameras[:, 3:6] = KEPT_DIMENSIONLESS
-    if iteration < FREE_FROM or focal_std <= 0:
+    if iteration < FREE_FROM:
         damping[equations.focal] = KEPT_DIMENSIONLESS
     known = np.array([rig.scale_known or not np.any(rig.path) for rig in rigs])
     of_cameras[known, SCALE] = KEPT_DIMENSIONLESS
     if held:
-        of_cameras[:], damping[equations.focal] = HELD, HELD
+        of_cameras[:] = HELD
+    if held or focal_std <= 0:
+        damping[equations.focal] = HELD
     steps, shared = equations.step(DAMPING, damping)
     moved = shared[: of_cameras.size].reshape(-1, CAMERA_UNKNOWNS)
     pelvis = list(state.pelvis)
