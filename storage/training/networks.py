@@ -9,23 +9,23 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 
 from humanmm.errors import InputError
+from humanmm.models.weights.eight_bits import packed, unpacked
 from humanmm.storage.store.files import replace_file
 
 Net = TypeVar("Net", bound=torch.nn.Module)
 
 
 def write_network(path: Path, network: torch.nn.Module) -> None:
-    """Its numbers in half precision, as safetensors."""
-    numbers = {name: value.half().contiguous() for name, value in network.state_dict().items()}
-    replace_file(path, lambda fresh: save_file(numbers, fresh))
+    """Its numbers as safetensors, matrices in eight bits (`weights.eight_bits`)."""
+    replace_file(path, lambda fresh: save_file(packed(network.state_dict()), fresh))
 
 
 def read_network(path: Path, shaped_as: Callable[[Mapping[str, torch.Tensor]], Net]) -> Net:
     """The network with the numbers of a file that `write_network` wrote; `shaped_as` makes an untrained one for them.
     InputError where they do not fit."""
     try:
-        numbers = {name: value.float() for name, value in load_file(path).items()}
-    except (OSError, SafetensorError) as error:
+        numbers = unpacked(load_file(path))
+    except (OSError, RuntimeError, SafetensorError) as error:
         raise InputError(f"{path} holds no network: {error}") from None
     network = shaped_as(numbers)
     try:

@@ -16,6 +16,7 @@ from humanmm.models.motion.networks.ms_hmr import MsHmr
 from humanmm.models.motion.networks.sequence import RATE_HZ, MotionSequence, product
 from humanmm.models.motion.networks.trajectory import TrajectoryPredictor, TrajectoryRefiner
 from humanmm.models.perception.lifting.features import batch_of_one
+from humanmm.models.weights.eight_bits import unpacked
 from humanmm.models.weights.shipped import read_weights
 
 Array = np.ndarray
@@ -112,5 +113,5 @@ def load_ms_hmr() -> MsHmr:
 
 
 def _filled(network: Net, file: bytes) -> Net:
-    network.load_state_dict({name: value.float() for name, value in load(file).items()})
+    network.load_state_dict(unpacked(load(file)))
     return network.eval()
