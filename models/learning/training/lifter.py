@@ -10,6 +10,7 @@ from torch import Tensor
 
 from humanmm.models.learning.keypoint_motion import KeypointMotion
 from humanmm.models.learning.other_motion import OtherMotion, with_routines
+from humanmm.models.learning.training.half import half_precision
 from humanmm.models.learning.training.lifter_objective import loss
 from humanmm.models.learning.training.loop import Recipe, Training
 from humanmm.models.learning.windows import Variation, Windows, varied
@@ -69,7 +70,9 @@ def lifter_training(
             index = torch.multinomial(weights, count, replacement=True, generator=generator)
             drawn, coco = windows.chosen(index), recipe.coco[0]
         wanted, given = varied(drawn.part(length, rng), Variation(coco=coco), generator)
-        return loss(network(given.to(device)), wanted.to(device))
+        with half_precision(device):
+            found = network(given.to(device))
+        return loss(found, wanted.to(device))
 
     return Training(recipe, build, batch_loss, hidden=LifterNetwork.hidden_matrices, device=device)
 
@@ -107,7 +110,9 @@ def keypoint_training(
         length, count = _drawn(recipe, rng)
         wanted, given = varied(motion.draw(count, rng, length), variation, generator)
         given = replace(given, landmarks=torch.zeros_like(given.landmarks))
-        return loss(network(given.to(device)), wanted.to(device))
+        with half_precision(device):
+            found = network(given.to(device))
+        return loss(found, wanted.to(device))
 
     return Training(recipe, build, batch_loss, hidden=LifterNetwork.hidden_matrices, device=device)
 

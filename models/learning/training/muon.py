@@ -1,8 +1,8 @@
 """Muon, an optimiser for the matrices of hidden layers: each step is the orthogonal matrix nearest to the momentum.
 
 Jordan et al. 2024, "Muon: an optimizer for hidden layers in neural networks"; the size of a step is that of Liu et al.
-2025, "Muon is scalable for LLM training", by which it takes AdamW's rates. `torch.optim.Muon` is the same, but
-multiplies in bfloat16, which takes 18 times as long on a processor that has to emulate it.
+2025, "Muon is scalable for LLM training", by which it takes AdamW's rates. `torch.optim.Muon` is the same, but always
+multiplies in bfloat16, also on a processor that has to emulate it.
 """
 
 from collections.abc import Iterable
@@ -10,6 +10,8 @@ from collections.abc import Iterable
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
+
+from humanmm.models.learning.training.half import is_quick_in_half
 
 NEWTON_SCHULZ = (3.4445, -4.7750, 2.0315)
 """Coefficients of the quintic that drives singular values towards 1 (Jordan et al.),"""
@@ -38,7 +40,8 @@ class Muon(torch.optim.Optimizer):
                     state["momentum"] = torch.zeros_like(matrix)
                 momentum = state["momentum"]
                 momentum.lerp_(matrix.grad, 1 - keep)
-                direction = orthogonal(matrix.grad.lerp(momentum, keep))
+                wanted = matrix.grad.lerp(momentum, keep)
+                direction = orthogonal(wanted.bfloat16() if is_quick_in_half(str(wanted.device)) else wanted)
                 matrix.mul_(1 - lr * group["weight_decay"])
                 matrix.add_(direction, alpha=-lr * RMS * max(matrix.shape) ** 0.5)
 

@@ -139,13 +139,17 @@ class LifterNetwork(nn.Module):
 
     def forward(self, given: LifterInput) -> LifterOutput:
         """What is there in every frame."""
-        h = self.inward(given.features())
+        features = given.features()
+        whole = functools.partial(torch.autocast, features.device.type, enabled=False)
+        with whole():  # a training may multiply in bfloat16: features and metres have more digits than that
+            h = self.inward(features)
         turning = rotary(given.time_s, h.shape[-1] // self.heads)
         near = (given.time_s[:, :, None] - given.time_s[:, None]).abs() <= REACH_S
         mask = (near & given.exists[:, None]) | torch.eye(near.shape[1], dtype=torch.bool, device=near.device)
         for block in self.blocks:
             h = block(h, turning, mask[:, None])
-        raw = self.outward(self.norm(h))
+        with whole():
+            raw = self.outward(self.norm(h))
         landmarks, pose, pose_log_sigma, swapped, contacts = raw.split(_PARTS, dim=-1)
         return LifterOutput(
             self.mean + landmarks.unflatten(-1, (NUM_LANDMARKS, 3)),
