@@ -4,17 +4,17 @@ Weights, sums over blocks, first and last layers and all of the loss stay in flo
 """
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 
 import torch
 from torch.nn.attention import SDPBackend, sdpa_kernel
 
 
 def is_quick_in_half(device: str) -> bool:
-    """Whether a device ("cpu", "cuda", "cuda:1") multiplies in bfloat16; a processor that has to emulate it takes 18
-    times as long as for float32."""
+    """Whether a device ("cpu", "cuda", "cuda:1") multiplies in bfloat16 itself; a processor that has to emulate it
+    takes 18 times as long as for float32."""
     if torch.device(device).type != "cpu":
-        return True
+        return bool(torch.cuda.is_bf16_supported(including_emulation=False))
     able = torch.cpu.get_capabilities()
     return bool(able.get("avx512_bf16") or able.get("amx_bf16"))
 
@@ -26,7 +26,7 @@ def half_precision(device: str) -> Iterator[None]:
         yield
         return
     kind = torch.device(device).type
-    # the fused attention of a processor is slow on windows of few frames in bfloat16
-    attention = [SDPBackend.MATH] if kind == "cpu" else [SDPBackend.EFFICIENT_ATTENTION, SDPBackend.MATH]
-    with torch.autocast(kind, torch.bfloat16), sdpa_kernel(attention):
+    # a processor's fused attention is slow on windows of few frames in bfloat16
+    attention = sdpa_kernel(SDPBackend.MATH) if kind == "cpu" else nullcontext()
+    with torch.autocast(kind, torch.bfloat16), attention:
         yield

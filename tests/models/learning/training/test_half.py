@@ -9,8 +9,10 @@ from humanmm.models.perception.lifting.network import LifterInput, LifterNetwork
 from humanmm.models.records.landmarks import NUM_LANDMARKS
 
 
-def test_a_gpu_is_quick_and_a_processor_where_it_has_the_instructions(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert is_quick_in_half("cuda:0")
+def test_a_device_is_quick_where_it_has_the_instructions(monkeypatch: pytest.MonkeyPatch) -> None:
+    for has in (True, False):
+        monkeypatch.setattr(torch.cuda, "is_bf16_supported", lambda has=has, **_: has)
+        assert is_quick_in_half("cuda:0") == has
     for able in ({}, {"avx512_bf16": False}, {"avx512_bf16": True}, {"amx_bf16": True}):
         monkeypatch.setattr(torch.cpu, "get_capabilities", able.copy)
         assert is_quick_in_half("cpu") == any(able.values())
