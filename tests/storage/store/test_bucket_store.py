@@ -1,5 +1,6 @@
 """A store in an S3 bucket: conditional puts commit, leases lock, and what one host damages no other sees."""
 
+import io
 import pickle
 import re
 import subprocess
@@ -296,7 +297,8 @@ def test_du_verify_and_gc_tell_and_do_what_they_do_on_a_disk(toy: Any, bucket: s
     assert re.search(rf"^total +18 .* {bucket}$", message, re.MULTILINE), message
 
     content = bytearray((objects.read(pack.name) or (b"",))[0])
-    content[content.index(b"result.json") + 600] ^= 1
+    with tarfile.open(fileobj=io.BytesIO(content)) as archive:
+        content[archive.getmember("./result.json").offset_data + 80] ^= 1
     objects.write(pack.name, bytes(content))
     status, message, _ = toy.main("verify", **elsewhere)
     assert status == 1 and message.startswith(f"damaged: {run.manifest('refine').ref.uri}: result.json"), message
