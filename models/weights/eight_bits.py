@@ -1,7 +1,8 @@
 """The numbers of our own networks as files hold them: matrices in eight bits, the rest in half precision.
 
-Thirty-two numbers of a row share a scale. That is half the size, and moves what the lifter says of limbs by 1.5 mm
-where it errs by 77 (docs/measurements/networks.md); with one scale for a whole row it would be 21 mm.
+Thirty-two numbers of a row share a scale. That is half the size, and moves what the lifter says of landmarks by 1.6 mm
+where it errs by 77; with one scale for a whole row, and the first layer too, it would be 21 mm
+(docs/measurements/networks.md).
 """
 
 from collections.abc import Mapping
