@@ -14,7 +14,7 @@ from humanmm.models.learning.training.half import half_precision
 from humanmm.models.learning.training.lifter_objective import loss
 from humanmm.models.learning.training.loop import Recipe, Training
 from humanmm.models.learning.windows import Variation, Windows, varied
-from humanmm.models.perception.lifting.network import LifterNetwork
+from humanmm.models.perception.lifting.network import LifterInput, LifterNetwork
 
 Array = np.ndarray
 
@@ -70,9 +70,7 @@ def lifter_training(
             index = torch.multinomial(weights, count, replacement=True, generator=generator)
             drawn, coco = windows.chosen(index), recipe.coco[0]
         wanted, given = varied(drawn.part(length, rng), Variation(coco=coco), generator)
-        with half_precision(device):
-            found = network(given.to(device))
-        return loss(found, wanted.to(device))
+        return _loss_on(network, given, wanted, device)
 
     return Training(recipe, build, batch_loss, hidden=LifterNetwork.hidden_matrices, device=device)
 
@@ -110,11 +108,15 @@ def keypoint_training(
         length, count = _drawn(recipe, rng)
         wanted, given = varied(motion.draw(count, rng, length), variation, generator)
         given = replace(given, landmarks=torch.zeros_like(given.landmarks))
-        with half_precision(device):
-            found = network(given.to(device))
-        return loss(found, wanted.to(device))
+        return _loss_on(network, given, wanted, device)
 
     return Training(recipe, build, batch_loss, hidden=LifterNetwork.hidden_matrices, device=device)
+
+
+def _loss_on(network: LifterNetwork, given: LifterInput, wanted: Windows, device: str) -> Tensor:
+    with half_precision(device):
+        found = network(given.to(device))
+    return loss(found, wanted.to(device))
 
 
 def _drawn(recipe: Recipe, rng: np.random.Generator) -> tuple[int, int]:

@@ -34,6 +34,7 @@ class Muon(torch.optim.Optimizer):
         """One step down the last gradients, with Nesterov's momentum."""
         for group in self.param_groups:
             lr, keep = group["lr"], group["momentum"]
+            in_half = is_quick_in_half(str(group["params"][0].device))
             for matrix in group["params"]:
                 state = self.state[matrix]
                 if not state:
@@ -41,7 +42,7 @@ class Muon(torch.optim.Optimizer):
                 momentum = state["momentum"]
                 momentum.lerp_(matrix.grad, 1 - keep)
                 wanted = matrix.grad.lerp(momentum, keep)
-                direction = orthogonal(wanted.bfloat16() if is_quick_in_half(str(wanted.device)) else wanted)
+                direction = orthogonal(wanted.bfloat16() if in_half else wanted)
                 matrix.mul_(1 - lr * group["weight_decay"])
                 matrix.add_(direction, alpha=-lr * RMS * max(matrix.shape) ** 0.5)
 
