@@ -18,6 +18,7 @@ TOWER = (
     "body",
     "perception.runtime",
     "perception",
+    "perception.keypoints",
     "perception.hands",
     "perception.lifting",
     "perception.tracking",

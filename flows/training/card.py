@@ -7,6 +7,7 @@ from pathlib import Path
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from humanmm.models.learning.training.keypoint_refiner import RefinerScore
 from humanmm.models.learning.training.lifter_objective import LifterScore
 from humanmm.models.learning.training.loop import Recipe
 from humanmm.models.learning.training.motion_objective import PoseScore, TrajectoryScore
@@ -66,6 +67,19 @@ def keypoint_card(recipe: Recipe, dev: int, lifted: LifterScore) -> str:
 def _errors(one: LifterScore) -> str:
     errors = (one.pa_mpjpe_mm, one.mpjpe_mm, one.torso_deg, one.root_deg)
     return " | ".join(f"{median:.0f}, {mean:.0f}" for median, mean in errors)
+
+
+def keypoint_refiner_card(recipe: Recipe, train: int, dev: int, rows: Mapping[str, RefinerScore]) -> str:
+    """The figures of the keypoint refiner's model card (Markdown)."""
+    lines = [
+        *_made_with(recipe, f"{train} looks, measured on {dev} looks at other subjects"),
+        "| error, % of the crop's side: median, mean (at most 8) | limbs | feet | hands |",
+        "|---|---:|---:|---:|",
+    ]
+    for name, one in rows.items():
+        cells = [f"{median:.2f}, {mean:.2f}" for median, mean in (one.limbs, one.feet, one.hands)]
+        lines.append(f"| {name} | {' | '.join(cells)} |")
+    return "\n".join(lines) + "\n"
 
 
 def pose_card(recipe: Recipe, data: str, rows: Mapping[str, PoseScore]) -> str:

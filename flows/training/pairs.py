@@ -1,16 +1,20 @@
-"""A set of pairs for the lifter: rendered people, and what the shipped pose networks see of them; resumes."""
+"""Sets of pairs for the lifter and of looks for the keypoint refiner: rendered people, and what the shipped pose
+networks see of them; resumes."""
 
 import hashlib
 import logging
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from prefect import flow
 
 from humanmm.flows.bench.render_set import Split, shipped_packs, takes_of
+from humanmm.models.learning.landmark_looks import LookSource
 from humanmm.models.learning.pairs import PairSource
 from humanmm.models.perception.blazepose import HEAVY
+from humanmm.models.perception.keypoints.surroundings import WEIGHTS as REFINER
 from humanmm.models.rendering.places.crouching import CROUCHED
 from humanmm.models.rendering.places.takes import Library
 from humanmm.models.synthetic.mocap import MocapSequence
@@ -25,18 +29,24 @@ log = logging.getLogger(__name__)
 GROUP = 16
 """Windows of a group: a minute or two of work, which is lost if the process is killed."""
 SEEDS: dict[Split, int] = {"train": 7, "dev": 8, "test": 9}
-MODULE = "humanmm.models.learning.pairs"
-NETWORKS = (HEAVY, "movenet-thunder.tflite")
+Kind = Literal["pairs", "looks"]
+MODULES: dict[Kind, str] = {
+    "pairs": "humanmm.models.learning.pairs",
+    "looks": "humanmm.models.learning.landmark_looks",
+}
+LOOKED = (HEAVY, "movenet-thunder.tflite")
+NETWORKS: dict[Kind, tuple[str, ...]] = {"pairs": (*LOOKED, REFINER), "looks": LOOKED}
 
 
 @dataclass(frozen=True)
 class PairPlan:
-    """Which pairs."""
+    """Which pairs, or which looks."""
 
     split: Split
     count: int
-    """Windows of 32 frames."""
+    """Windows of 32 frames; of looks, shots of as many."""
     packs: tuple[Path, ...]
+    kind: Kind = "pairs"
 
     @property
     def crouched(self) -> float:
@@ -47,8 +57,8 @@ class PairPlan:
         """Digest of the code, networks, motions and seed that decide a window."""
         return identity_of(
             {
-                "code": code_digest(MODULE).modules,
-                "networks": [manifest()[name].sha256 for name in NETWORKS],
+                "code": code_digest(MODULES[self.kind]).modules,
+                "networks": [manifest()[name].sha256 for name in NETWORKS[self.kind]],
                 "packs": [hashlib.sha256(pack.read_bytes()).hexdigest() for pack in self.packs],
                 "seed": SEEDS[self.split],
                 "crouched": self.crouched,
@@ -62,9 +72,11 @@ class PairPlan:
 
 
 @flow(name="build-pairs", persist_result=False)
-def build_pairs(split: Split, count: int, out: Path, packs: tuple[Path, ...] = (), threads: int = 2) -> Path:
+def build_pairs(
+    split: Split, count: int, out: Path, packs: tuple[Path, ...] = (), threads: int = 2, kind: Kind = "pairs"
+) -> Path:
     """Make all windows that the folder lacks; returns the folder."""
-    plan = PairPlan(split, count, packs or shipped_packs("places", split))
+    plan = PairPlan(split, count, packs or shipped_packs("places", split), kind)
     pair_set = PairSet(out, plan.identity())
     out.mkdir(parents=True, exist_ok=True)
     missing = [(name, numbers) for name, numbers in plan.groups() if not pair_set.has(name)]
@@ -80,7 +92,8 @@ def make_group(plan: PairPlan, pair_set: PairSet, name: str, numbers: range) -> 
     prepare_process()
     sequences: list[MocapSequence] = [sequence for pack in plan.packs for sequence in read_pack(pack)]
     source = PairSource(Library(takes_of(sequences, plan.split)), SEEDS[plan.split], plan.crouched)
-    windows, facts = zip(*(source.window(number) for number in numbers), strict=True)
+    draw = source.window if plan.kind == "pairs" else LookSource(source).looks
+    windows, facts = zip(*(draw(number) for number in numbers), strict=True)
     packed = [window.packed() for window in windows]
     pair_set.write(name, {key: np.stack([one[key] for one in packed]) for key in packed[0]}, list(facts))
     return name

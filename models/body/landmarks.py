@@ -61,8 +61,8 @@ _KEYPOINT_SHIFT_MM: Shifts = _LANDMARK_SHIFT_MM | {
     11: (-24, 12, 3), 13: (-1, 10, 14), 23: (-5, -28, 20), 25: (5, 3, -6), 27: (7, 21, 4), 29: (1, 5, 10),
     31: (-11, 9, -14),
 }  # fmt: skip
-"""Where BlazePose heavy's heat maps and Thunder together (`perception.fusion`) put them: shoulders and faces 10 mm
-higher than BlazePose full alone. Wrists and hands are those above: on real people these fit.
+"""Where BlazePose heavy's heat maps and Thunder together (`perception.keypoints.fusion`) put them: shoulders and faces
+10 mm higher than BlazePose full alone. Wrists and hands are those above: on real people these fit.
 
 Faces, shoulders and hips were measured in the same way on 6,218 tracked people of 120 rendered development clips
 before heat maps were read, elbows, knees, ankles and feet on 1,093 of 23 since (scripts/measure_keypoints;

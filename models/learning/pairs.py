@@ -13,10 +13,10 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from humanmm.models.body.body24 import load_body
-from humanmm.models.body.landmarks import load_landmarks
+from humanmm.models.body.landmarks import load_keypoints, load_landmarks
 from humanmm.models.geometry.projection import project, world_to_camera
 from humanmm.models.learning.crops import CropRenderer, Degradation
-from humanmm.models.perception.fusion import CROSSED_ODDS, located_in
+from humanmm.models.perception.keypoints.fusion import CROSSED_ODDS, located_in
 from humanmm.models.perception.observation import observe
 from humanmm.models.perception.regions import Region, body_region
 from humanmm.models.records import landmarks
@@ -102,6 +102,11 @@ class PairSource:
 
     def window(self, number: int) -> tuple[PairWindow, Mapping[str, Any]]:
         """One window, and what it shows."""
+        renderer, fps, rng, facts = self.filmed(number)
+        return _observed(renderer, fps, rng), facts
+
+    def filmed(self, number: int) -> tuple[CropRenderer, float, np.random.Generator, Mapping[str, Any]]:
+        """FRAMES frames of somebody to be looked at, their rate, what chance goes on with, and what is shown."""
         rng = np.random.default_rng((self.seed, number))
         stride = int(rng.choice(STRIDES, p=STRIDE_PROBABILITIES))
         fps = 30.0 / stride
@@ -119,12 +124,11 @@ class PairSource:
             actors=tuple(actors), body=load_body(), shot=shot, scene=scene, size=(lens.width, lens.height),
             degradation=Degradation.random(rng), seed=(self.seed, number),
         )  # fmt: skip
-        window = _observed(renderer, fps, rng)
         facts = {
             "number": number, "motion": first.motion, "take": first.take, "subject": first.subject, "body": first.body,
             "stride": stride, "camera": shot.kind, "place": place, "people": len(actors),
         }  # fmt: skip
-        return window, facts
+        return renderer, fps, rng, facts
 
     def _performance(self, motion: str, seconds: float, fps: float, rng: np.random.Generator) -> Performance:
         """A part of a take at another tempo."""
@@ -169,21 +173,14 @@ def _observed(renderer: CropRenderer, fps: float, rng: np.random.Generator) -> P
     """Every frame rendered and looked at."""
     actor, shot = renderer.actors[0], renderer.shot
     rows = slice(0, FRAMES)
-    K = np.stack([renderer.intrinsics(frame) for frame in range(FRAMES)])
-    joints = world_to_camera(actor.joints[rows], shot.R_world_cam, shot.t_world_cam)
-    R_cam_joint = np.swapaxes(shot.R_world_cam, -1, -2)[:, None] @ actor.R_world_joint[rows]
-    truth = load_landmarks().place(actor.betas, joints, R_cam_joint)
-    pixels = project(truth, K, near_m=NEAREST_M)
+    true = true_body(renderer)
+    K, pixels = true.K, true.pixels
     seen: list[dict[str, Any]] = []
     region: Region | None = None
     for frame in range(FRAMES):
-        own = _true_region(pixels[frame])
+        own = true_region(pixels[frame])
         if region is None or region.outlier_of(own, shift=LOST, ratio=1.6):
-            side = own.side
-            region = Region(
-                own.x + side * rng.normal(0, JITTER), own.y + side * rng.normal(0, JITTER),
-                side * float(np.exp(rng.normal(0, 0.05))), own.angle + rng.normal(0, 0.08),
-            )  # fmt: skip
+            region = jittered(own, rng)
         crop = renderer.crop(frame, region, rng)
         output = located_in(crop, region)
         found = observe(output, renderer.size)
@@ -195,17 +192,53 @@ def _observed(renderer: CropRenderer, fps: float, rng: np.random.Generator) -> P
         })  # fmt: skip
         following = output.next_region
         if frame + 1 < FRAMES:
-            step = _true_region(pixels[frame + 1])
+            step = true_region(pixels[frame + 1])
             region = following.moved(step.x - own.x, step.y - own.y)
     columns = {name: np.array([row[name] for row in seen]) for name in seen[0]}
     return PairWindow(
         time_s=np.arange(FRAMES) / fps, K=K, size=np.array(renderer.size, float), R_world_cam=shot.R_world_cam,
         t_world_cam=shot.t_world_cam, betas=actor.betas, body_pose=actor.body_pose[rows],
-        R_cam_root=R_cam_joint[:, 0], joints_cam=joints, truth_cam=truth, contacts=actor.contacts[rows], **columns,
+        R_cam_root=true.R_cam_root, joints_cam=true.joints, truth_cam=true.landmarks, contacts=actor.contacts[rows],
+        **columns,
     )  # fmt: skip
 
 
-def _true_region(pixels: Float[Array, "33 2"]) -> Region:
+@dataclass(frozen=True, eq=False)
+class TrueBody:
+    """The first actor of n frames, camera axes, metres."""
+
+    K: Float[Array, "n 3 3"]
+    joints: Float[Array, "n 24 3"]
+    R_cam_root: Float[Array, "n 3 3"]
+    landmarks: Float[Array, "n 33 3"]
+    pixels: Float[Array, "n 33 2"]
+    """Of the landmarks, in the whole picture."""
+    keypoints: Float[Array, "n 33 2"]
+    """Where people, and networks that people taught, see the landmarks there (`body.landmarks.load_keypoints`)."""
+
+
+def true_body(renderer: CropRenderer) -> TrueBody:
+    """Whom crops of FRAMES frames show."""
+    actor, shot, rows = renderer.actors[0], renderer.shot, slice(0, FRAMES)
+    K = np.stack([renderer.intrinsics(frame) for frame in range(FRAMES)])
+    joints = world_to_camera(actor.joints[rows], shot.R_world_cam, shot.t_world_cam)
+    R_cam_joint = np.swapaxes(shot.R_world_cam, -1, -2)[:, None] @ actor.R_world_joint[rows]
+    truth = load_landmarks().place(actor.betas, joints, R_cam_joint)
+    seen = load_keypoints().place(actor.betas, joints, R_cam_joint)
+    pixels, keypoints = (project(points, K, near_m=NEAREST_M) for points in (truth, seen))
+    return TrueBody(K, joints, R_cam_joint[:, 0], truth, pixels, keypoints)
+
+
+def jittered(region: Region, rng: np.random.Generator) -> Region:
+    """As far off as where a tracker begins to look."""
+    side = region.side
+    return Region(
+        region.x + side * rng.normal(0, JITTER), region.y + side * rng.normal(0, JITTER),
+        side * float(np.exp(rng.normal(0, 0.05))), region.angle + rng.normal(0, 0.08),
+    )  # fmt: skip
+
+
+def true_region(pixels: Float[Array, "33 2"]) -> Region:
     """Where BlazePose would look: a circle about the hips that holds the body, upright along the trunk."""
     hips, shoulders = (pixels[list(pair)].mean(axis=0) for pair in (landmarks.HIPS, landmarks.SHOULDERS))
     radius = float(np.linalg.norm(pixels - hips, axis=1).max())

@@ -4,6 +4,8 @@ Outputs are decoded to source pixels (centres at (0.5, 0.5)). A landmark's coord
 moved to the middle of what its heat map shows about them, as MediaPipe does, for which the networks were made.
 """
 
+from typing import NamedTuple
+
 import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
@@ -29,6 +31,16 @@ _SHARPEST, _BLUNTER = 0.0026, 4.4
 (scripts/measure_keypoints)."""
 _AUXILIARY = slice(33, 35)
 """Landmarks 33 and 34 are no body parts: hip centre and a point on the circle that holds the body."""
+
+
+class Inside(NamedTuple):
+    """What the largest network's inner layers show of a crop, channels last; left and right as the crop shows them."""
+
+    fine: Float[np.ndarray, "64 64 48"]
+    """Features from which the heat maps are made."""
+    coarse: Float[np.ndarray, "32 32 96"]
+    """Features beneath the landmarks."""
+    heat_logits: Float[np.ndarray, "64 64 39"]
 
 
 def _sigmoid(x: np.ndarray) -> np.ndarray:
@@ -57,10 +69,24 @@ def decode(model: str, crop: UInt8[np.ndarray, "256 256 3"], region: Region, *, 
 
     Landmarks of a mirrored crop are given in the unmirrored picture, with left and right named as seen there.
     """
-    image_points, presence, mask_logits, heat_logits, world_points = network(model).run(
+    return _decoded(_run(model, crop), region, mirrored=mirrored)
+
+
+def decode_heavy(crop: UInt8[np.ndarray, "256 256 3"], region: Region, *, mirrored: bool) -> tuple[Landmarks, Inside]:
+    """The same by the largest network, and what it knows besides."""
+    *outputs, fine, coarse = _run(HEAVY, crop, ("fine", "coarse"))
+    return _decoded(outputs, region, mirrored=mirrored), Inside(fine[0], coarse[0], outputs[3][0])
+
+
+def _run(model: str, crop: UInt8[np.ndarray, "256 256 3"], further: tuple[str, ...] = ()) -> list[np.ndarray]:
+    return network(model).run(
         np.divide(crop[None], np.float32(255), dtype=np.float32),
-        ("Identity", "Identity_1", "Identity_2", "Identity_3", "Identity_4"),
+        ("Identity", "Identity_1", "Identity_2", "Identity_3", "Identity_4", *further),
     )
+
+
+def _decoded(outputs: list[np.ndarray], region: Region, *, mirrored: bool) -> Landmarks:
+    image_points, presence, mask_logits, heat_logits, world_points = outputs
     raw = image_points.reshape(-1, _VALUES_PER_LANDMARK)
     world = world_points.reshape(-1, 3)[: landmarks.NUM_LANDMARKS].astype(np.float64)
     logits = mask_logits[0, :, :, 0]

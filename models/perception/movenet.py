@@ -3,6 +3,8 @@
 Both give 17 COCO keypoints. Outputs are decoded to source pixels (centres at (0.5, 0.5)).
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from jaxtyping import Float, UInt8
 
@@ -22,6 +24,13 @@ the body with arms stretched out."""
 CREDIBLE = 0.2
 """Score of a keypoint that counts for the region."""
 THUNDER_SIDE = 256
+
+
+class Inside(NamedTuple):
+    """What Thunder's inner layers show of a crop, channels last; left and right as the crop shows them."""
+
+    features: Float[np.ndarray, "64 64 24"]
+    heat_logits: Float[np.ndarray, "64 64 17"]
 
 
 def detect(image: Picture, within: Region) -> list[Detection]:
@@ -67,16 +76,17 @@ def region_of(points: Float[np.ndarray, "17 3"]) -> Region | None:
 
 def coco_keypoints(
     crop: UInt8[np.ndarray, "side side 3"], region: Region, *, mirrored: bool = False
-) -> Float[np.ndarray, "17 3"]:
-    """Thunder's keypoints (x, y in source pixels, score) of the person whose region the crop shows.
+) -> tuple[Float[np.ndarray, "17 3"], Inside]:
+    """Thunder's keypoints (x, y in source pixels, score) of the person whose region the crop shows, and what it knows
+    besides.
 
     A `mirrored` crop is the mirror image of the region; its keypoints are given as in `PoseNetwork`.
     """
-    (rows,) = network("movenet-thunder.tflite").run(crop[None].astype(np.int32))
+    rows, *inside = network("movenet-thunder.tflite").run(crop[None].astype(np.int32), ("Identity", "features", "heat"))
     points = rows.reshape(17, 3)[:, [1, 0, 2]].astype(np.float64)
     points[:, :2] *= THUNDER_SIDE
     if mirrored:
         points[:, 0] = THUNDER_SIDE - points[:, 0]
         points = points[COCO_SWAP]
     points[:, :2] = transform(region.to_source(THUNDER_SIDE), points[:, :2])
-    return points
+    return points, Inside(*(tensor[0] for tensor in inside))

@@ -124,8 +124,8 @@ class PeopleConfig(Section):
     """Network that finds people in a picture, by name."""
 
     pose: Annotated[str, _part("people.pose")] = "best"
-    """Networks that find a person's landmarks and mask, by name: `best` (BlazePose heavy and MoveNet Thunder), `fast`
-    (the same, half as often), or BlazePose alone (`blazepose-heavy`, `blazepose-full`)."""
+    """Networks that find a person's landmarks and mask, by name: `best` (BlazePose heavy and MoveNet Thunder, refined),
+    `fast` (the same, half as often), or BlazePose alone (`blazepose-heavy`, `blazepose-full`)."""
 
     max_people: Annotated[int, Field(ge=1, le=32)] = 6
     """Largest number of people tracked at the same time."""

@@ -17,8 +17,8 @@ from humanmm.errors import ConfigError
 BUILT_IN: Mapping[str, Mapping[str, str]] = {
     "people.detector": {"movenet-multipose": "humanmm.models.perception.movenet:detect"},
     "people.pose": {
-        "best": "humanmm.models.perception.fusion:locate_best",
-        "fast": "humanmm.models.perception.fusion:locate_best",
+        "best": "humanmm.models.perception.keypoints.fusion:locate_best",
+        "fast": "humanmm.models.perception.keypoints.fusion:locate_best",
         "blazepose-heavy": "humanmm.models.perception.blazepose:locate_heavy",
         "blazepose-full": "humanmm.models.perception.blazepose:locate_full",
     },

@@ -47,11 +47,11 @@ class PairSet:
         return self.folder / f"{name}.zarr"
 
 
-def read_pairs(folder: Path, split: str) -> tuple[dict[str, Array], list[dict[str, Any]]]:
+def read_pairs(folder: Path, split: str, kind: str = "pairs") -> tuple[dict[str, Array], list[dict[str, Any]]]:
     """All windows of a split: arrays (W, …), and what each window shows. InputError where there are none."""
     paths = sorted(folder.glob(f"{split}-*.zarr"))
     if not paths:
-        raise InputError(f"{folder} holds no pairs of the split {split}; make them with humanmm train pairs")
+        raise InputError(f"{folder} holds no {kind} of the split {split}; make them with humanmm train {kind}")
     columns: dict[str, list[Array]] = {}
     facts: list[dict[str, Any]] = []
     for path in paths:

@@ -9,6 +9,7 @@ import pytest
 
 from humanmm.cli import main
 from humanmm.flows.training.motion import Material
+from humanmm.models.learning.training.keypoint_refiner import RefinerRecipe
 from humanmm.models.learning.training.lifter import KeypointRecipe, LifterRecipe
 from humanmm.models.learning.training.motion import MotionRecipe
 
@@ -43,6 +44,9 @@ def test_a_network_is_trained_by_the_recipe_unless_steps_or_seed_are_given(given
     assert changed[2:] == (LifterRecipe(steps=5, seed=7), (), "cuda", None)
     begun = given("lifter.train_lifter", "lifter", *where, "--steps", "5", "--begin-with", "k")
     assert begun[2:] == (LifterRecipe(steps=5), (), "cpu", Path("k"))
+    where_looks = ["--looks", "looks", "--out", "out"]
+    refined = given("keypoint_refiner.train_keypoint_refiner", "keypoint-refiner", *where_looks, "--seed", "3")
+    assert refined == (Path("looks"), Path("out"), RefinerRecipe(seed=3), "cpu")
     lifted = given("lifter.train_keypoints", "keypoints", "--out", "out", "--steps", "5", "--mocap", "a")
     assert lifted == (Path("out"), KeypointRecipe(steps=5), (Path("a"),), "cpu", None)
     found = given("motion.train_ms_hmr", "ms-hmr", *where, "--steps", "5", "--seed", "7", "--mocap", "a", "b")
@@ -63,6 +67,7 @@ def test_a_network_is_trained_on_those_before_it(given: Typed) -> None:
 def test_pairs_are_made_of_the_split_that_is_asked_for(given: Typed) -> None:
     plain = given("pairs.build_pairs", "pairs", "--out", "out")
     assert plain == ("train", 640, Path("out"), (), 2)
+    assert given("pairs.build_pairs", "looks", "--out", "out") == ("train", 2048, Path("out"), (), 2, "looks")
     words = ["--out", "out", "--split", "dev", "--count", "32", "--mocap", "a", "--threads", "1"]
     assert given("pairs.build_pairs", "pairs", *words) == ("dev", 32, Path("out"), (Path("a"),), 1)
 

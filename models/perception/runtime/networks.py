@@ -9,6 +9,7 @@ are compared with the processor's, because no result may depend on where it was 
 
 import logging
 import os
+from collections.abc import Mapping
 from functools import cache, lru_cache
 from threading import Lock
 from typing import Protocol
@@ -17,6 +18,7 @@ import numpy as np
 
 from humanmm.errors import StageError
 from humanmm.machine import num_processors, nvidia_devices
+from humanmm.models.perception.runtime.inner import showing
 from humanmm.models.perception.runtime.litert import InterpreterPool
 from humanmm.models.weights.shipped import read_weights
 
@@ -25,6 +27,13 @@ log = logging.getLogger(__name__)
 TOLERANCE = 1e-3
 """Largest difference between device and processor, as a fraction of an output's largest value: a quarter of a
 pixel of a crop, 1 mm of a body. Two ways of computing in float32 differ by 1e-5 to 3e-4 (mask)."""
+INNER: Mapping[str, Mapping[str, int]] = {
+    "pose_landmark_heavy.tflite": {"fine": 545, "coarse": 587},
+    "movenet-thunder.tflite": {"features": 399, "heat": 417},
+}
+"""Tensors inside a network that it gives out as well, by the names that they have as outputs: BlazePose's features from
+which its heat maps are made (64 × 64 cells of a crop) and those of 32 × 32 cells beneath its landmarks, Thunder's
+features and the logits of its heat maps (64 × 64)."""
 _LOADING = Lock()
 
 
@@ -84,4 +93,4 @@ def assert_equal(name: str, on_device: Network, on_processor: InterpreterPool) -
 @lru_cache(maxsize=8)
 def _weights(name: str) -> bytes:
     """Read and checked once, however many shapes its input takes."""
-    return read_weights(name)
+    return showing(read_weights(name), INNER.get(name, {}))

@@ -7,8 +7,8 @@ import numpy as np
 from jaxtyping import Int
 
 from humanmm.models.perception.between_looks import in_frames, looked_at, times_of
-from humanmm.models.perception.fusion import BEST
 from humanmm.models.perception.interfaces import Lifter, Networks
+from humanmm.models.perception.keypoints.fusion import BEST
 from humanmm.models.perception.lifting.lifted import lifted_people
 from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.tracking.given_regions import GivenRegions, track_regions

@@ -13,9 +13,9 @@ from jaxtyping import Float
 
 from humanmm.models.geometry.boxes import box_iou
 from humanmm.models.perception.clothing import clothing_histogram, colour_distance
-from humanmm.models.perception.fusion import BEST
 from humanmm.models.perception.hands.follow import due_frames
 from humanmm.models.perception.interfaces import Detection, Landmarks, Networks, PoseNetwork
+from humanmm.models.perception.keypoints.fusion import BEST
 from humanmm.models.perception.observation import VISIBLE, Observation, averaged, inside, observe, similarity
 from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.regions import HEIGHT_OF_SIDE, Region

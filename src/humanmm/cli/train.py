@@ -37,6 +37,23 @@ def pairs(
     write(build_pairs.fn(split, count, out, tuple(mocap), threads))
 
 
+@verb(train, "looks")
+def looks(
+    *,
+    out: Annotated[Path, Option(metavar="DIR", help="where the looks are written", show_default=False)],
+    split: Annotated[Literal["train", "dev", "test"], Option(help="whose motion is shown")] = "train",
+    count: Annotated[
+        int, Option(metavar="N", min=1, help="shots, eight looks each, about a second of work each")
+    ] = 2048,
+    mocap: Packs = [],  # noqa: B006
+    threads: Annotated[int, Option(metavar="N", min=1, help="groups made at a time")] = 2,
+) -> None:
+    """Render people, and keep what pose networks' layers show about their landmarks; goes on where it was stopped."""
+    from humanmm.flows.training.pairs import build_pairs
+
+    write(build_pairs.fn(split, count, out, tuple(mocap), threads, "looks"))
+
+
 @dataclass(frozen=True, kw_only=True)
 class Training:
     """The options of every training."""
@@ -71,6 +88,19 @@ LifterFile = Annotated[
 KeypointLifterFile = Annotated[
     Path | None, Option("--begin-with", metavar="FILE", help="what this command made (default: random weights)")
 ]
+
+
+@verb(train, "keypoint-refiner")
+def keypoint_refiner(
+    *,
+    looks: Annotated[Path, Option(metavar="DIR", help="looks of the splits train and dev", show_default=False)],
+    training: Training,
+) -> None:
+    """Train the network that moves keypoints to where landmarks are; goes on from its last checkpoint."""
+    from humanmm.flows.training.keypoint_refiner import train_keypoint_refiner
+    from humanmm.models.learning.training.keypoint_refiner import RefinerRecipe
+
+    write(train_keypoint_refiner.fn(looks, training.out, training.recipe(RefinerRecipe), training.device))
 
 
 @verb(train, "lifter")

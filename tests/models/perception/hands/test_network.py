@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from humanmm.models.perception.fusion import locate_best
 from humanmm.models.perception.hands.crops import of_body, of_points
 from humanmm.models.perception.hands.network import Hand, look
+from humanmm.models.perception.keypoints.fusion import locate_best
 from humanmm.models.perception.movenet import detect
 from humanmm.models.perception.picture import Picture, whole
 from humanmm.models.perception.regions import Region

@@ -7,9 +7,10 @@ import pytest
 
 from humanmm.errors import StageError
 from humanmm.models.perception import blazepose, movenet
-from humanmm.models.perception.fusion import locate_best
+from humanmm.models.perception.keypoints.fusion import locate_best
 from humanmm.models.perception.picture import Picture, whole
 from humanmm.models.perception.runtime import device, networks
+from humanmm.models.perception.runtime.inner import showing
 from humanmm.models.perception.runtime.litert import InterpreterPool
 from humanmm.models.weights.shipped import read_weights
 
@@ -43,7 +44,7 @@ def test_who_is_seen_on_a_real_frame_is_the_same_on_a_device(
 
     def on_device(name: str) -> device.DeviceNetwork:
         asked.append(name)
-        return device.DeviceNetwork(read_weights(name), "cpu")
+        return device.DeviceNetwork(showing(read_weights(name), networks.INNER.get(name, {})), "cpu")
 
     for module in (blazepose, movenet):
         monkeypatch.setattr(module, "network", on_device)

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from humanmm.models.perception.fusion import BEST
 from humanmm.models.perception.interfaces import Detection, Landmarks
+from humanmm.models.perception.keypoints.fusion import BEST
 from humanmm.models.perception.observation import Observation
 from humanmm.models.perception.picture import Picture, whole
 from humanmm.models.perception.regions import Region

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from humanmm.models.perception.fusion import CROSSED_ODDS, THUNDER, fused, is_crossed, side_odds
+from humanmm.models.perception.keypoints.fusion import CROSSED_ODDS, THUNDER, fused, is_crossed, side_odds
 from humanmm.models.perception.regions import HEIGHT_OF_SIDE
 from humanmm.models.records import landmarks
 

@@ -11,8 +11,9 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from humanmm.models.perception import movenet
-from humanmm.models.perception.blazepose import HEAVY, crop_of, decode
+from humanmm.models.perception.blazepose import crop_of, decode_heavy
 from humanmm.models.perception.interfaces import Landmarks, Networks
+from humanmm.models.perception.keypoints.refine import Look, with_refined
 from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.regions import HEIGHT_OF_SIDE, Region
 from humanmm.models.records import landmarks
@@ -59,16 +60,30 @@ def located_in(
     mirrored: bool = False,
 ) -> Landmarks:
     """The same of the region's crop."""
-    output = decode(HEAVY, crop, region, mirrored=mirrored)
-    limbs = movenet.coco_keypoints(crop, region, mirrored=mirrored)[list(landmarks.COCO_LIMBS)]
-    return joined(output, limbs)
+    joined, look = joined_of(crop, region, mirrored=mirrored)
+    return with_refined(joined, look, mirrored=mirrored)
 
 
-def joined(output: Landmarks, limbs: Float[np.ndarray, "12 3"]) -> Landmarks:
-    """BlazePose's output with what Thunder says of the limbs."""
-    side = output.region.side
-    keypoints, agreement = fused(output.keypoints, limbs, side)
-    return replace(output, keypoints=keypoints, agreement=agreement, side_odds=side_odds(output.keypoints, limbs, side))
+def joined_of(
+    crop: UInt8[np.ndarray, "256 256 3"],
+    region: Region,
+    *,
+    mirrored: bool = False,
+) -> tuple[Landmarks, Look]:
+    """The same before keypoints are refined, and what the refiner goes by."""
+    output, blazepose_inside = decode_heavy(crop, region, mirrored=mirrored)
+    points, thunder_inside = movenet.coco_keypoints(crop, region, mirrored=mirrored)
+    limbs = points[list(landmarks.COCO_LIMBS)]
+    keypoints, agreement = fused(output.keypoints, limbs, region.side)
+    joined = replace(
+        output,
+        keypoints=keypoints,
+        agreement=agreement,
+        side_odds=side_odds(output.keypoints, limbs, region.side),
+    )
+    named = named_as(output.keypoints, limbs, region.side)
+    is_exchanged = (named[:, :2] != limbs[:, :2]).any(axis=1)
+    return joined, Look(output, named, is_exchanged, blazepose_inside, thunder_inside)
 
 
 def is_crossed(

@@ -1,0 +1,27 @@
+"""The shipped refiner reads one look."""
+
+import numpy as np
+
+from humanmm.models.perception.blazepose import crop_of
+from humanmm.models.perception.keypoints.fusion import joined_of
+from humanmm.models.perception.keypoints.reading import load_refiner, refined
+from humanmm.models.perception.keypoints.refine import seen_in_crop
+from humanmm.models.perception.keypoints.surroundings import COUNT
+from humanmm.models.perception.movenet import detect
+from humanmm.models.perception.picture import Picture, whole
+
+
+def test_shifts_are_small_and_a_landmark_in_front_of_nothing_is_less_certain(clip_picture: Picture) -> None:
+    region = detect(clip_picture, whole(clip_picture))[0].region
+    crop = crop_of(clip_picture, region, mirrored=False)
+    shift, sigma = refined(seen_in_crop(*joined_of(crop, region), mirrored=False))
+    assert shift.shape == (COUNT, 2) and sigma.shape == (COUNT,)
+    assert np.abs(shift).max() < 30 and 0 < sigma.min() < sigma.max() < 60
+    covered = crop.copy()
+    covered[128:] = 127  # his legs
+    _, without = refined(seen_in_crop(*joined_of(covered, region), mirrored=False))
+    assert np.median(without[6:16] / sigma[6:16]) > 1.5
+
+
+def test_the_network_is_loaded_once() -> None:
+    assert load_refiner() is load_refiner() and not load_refiner().training
