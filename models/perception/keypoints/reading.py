@@ -14,16 +14,14 @@ from humanmm.models.weights.shipped import read_weights
 
 Array = np.ndarray
 
-AXIS = 0.8
-"""Of an expected distance, that of each axis: of a normal distribution."""
 
-
-def refined(seen: Seen) -> tuple[Float[Array, "22 2"], Float[Array, " 22"]]:
-    """Shifts of REFINED's landmarks, pixels of the crop, and their expected errors after it, each axis."""
+def refined(seen: Seen) -> Float[Array, "22 2"]:
+    """Shifts of REFINED's landmarks, pixels of the crop. The errors that the network foretells are not used: of real
+    people they are much too large (docs/measurements/perception.md)."""
     parts = (seen.windows(), seen.coarse(), seen.numbers())
     with torch.inference_mode():
-        shift, sigma = load_refiner()(RefinerInput(*(torch.from_numpy(part)[None] for part in parts)))
-    return shift[0].numpy().astype(np.float64), AXIS * sigma[0].numpy().astype(np.float64)
+        shift, _ = load_refiner()(RefinerInput(*(torch.from_numpy(part)[None] for part in parts)))
+    return np.asarray(shift[0].numpy(), np.float64)
 
 
 @lru_cache(maxsize=1)

@@ -38,19 +38,17 @@ class Look:
 
 
 def with_refined(joined: Landmarks, look: Look, *, mirrored: bool) -> Landmarks:
-    """What was joined of both networks, with refined keypoints and their expected errors."""
+    """What was joined of both networks, with refined keypoints; their expected errors stay the heat maps'."""
     from humanmm.models.perception.keypoints.reading import refined  # imports torch, which nothing needs before
 
     rows = _rows(mirrored=mirrored)
-    shift, sigma = refined(seen_in_crop(joined, look, mirrored=mirrored))
+    shift = refined(seen_in_crop(joined, look, mirrored=mirrored))
     if mirrored:
         shift = shift * [-1, 1]
     to_picture = joined.region.to_source(LANDMARK_SIDE)
-    keypoints, errors = joined.keypoints.copy(), np.array(joined.keypoint_sigma)
+    keypoints = joined.keypoints.copy()
     keypoints[rows, :2] += SHARE * shift @ to_picture[:, :2].T
-    # heat maps think too well of hard limbs, the refiner too badly of real people
-    errors[rows] = np.sqrt(errors[rows] * sigma * joined.region.side / LANDMARK_SIDE)
-    return replace(joined, keypoints=keypoints, keypoint_sigma=errors)
+    return replace(joined, keypoints=keypoints)
 
 
 def seen_in_crop(joined: Landmarks, look: Look, *, mirrored: bool) -> Seen:

@@ -11,16 +11,15 @@ from humanmm.models.perception.movenet import detect
 from humanmm.models.perception.picture import Picture, whole
 
 
-def test_shifts_are_small_and_a_landmark_in_front_of_nothing_is_less_certain(clip_picture: Picture) -> None:
+def test_shifts_are_small_and_depend_on_what_is_seen(clip_picture: Picture) -> None:
     region = detect(clip_picture, whole(clip_picture))[0].region
     crop = crop_of(clip_picture, region, mirrored=False)
-    shift, sigma = refined(seen_in_crop(*joined_of(crop, region), mirrored=False))
-    assert shift.shape == (COUNT, 2) and sigma.shape == (COUNT,)
-    assert np.abs(shift).max() < 30 and 0 < sigma.min() < sigma.max() < 60
+    shift = refined(seen_in_crop(*joined_of(crop, region), mirrored=False))
+    assert shift.shape == (COUNT, 2) and 0 < np.abs(shift).max() < 30
     covered = crop.copy()
     covered[128:] = 127  # his legs
-    _, without = refined(seen_in_crop(*joined_of(covered, region), mirrored=False))
-    assert np.median(without[6:16] / sigma[6:16]) > 1.5
+    without = refined(seen_in_crop(*joined_of(covered, region), mirrored=False))
+    assert np.abs(without - shift)[6:16].max() > 0.5
 
 
 def test_the_network_is_loaded_once() -> None:
