@@ -7,6 +7,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from humanmm.errors import InputError
 from humanmm.models.learning.training.half import half_precision
 from humanmm.models.learning.training.loop import Recipe, Training
 from humanmm.models.perception.blazepose import LANDMARK_SIDE
@@ -44,7 +45,10 @@ class Looks:
 
     @classmethod
     def of(cls, arrays: Mapping[str, Array]) -> "Looks":
-        """From a set's arrays, (shots, looks, …)."""
+        """From a set's arrays, (shots, looks, …). InputError where they are others, of pairs say."""
+        missing = [name for name in cls.__annotations__ if name not in arrays]
+        if missing:
+            raise InputError(f"the set holds no looks ({', '.join(missing)} missing); humanmm train looks makes them")
         return cls(**{name: arrays[name].reshape(-1, *arrays[name].shape[2:]) for name in cls.__annotations__})
 
     def __len__(self) -> int:

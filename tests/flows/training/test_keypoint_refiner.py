@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from pair_windows import pair_arrays
 from refiner_looks import look_arrays
 
 from humanmm.errors import InputError
@@ -24,6 +25,13 @@ def test_a_training_delivers_a_network_its_curve_and_its_card(tmp_path: Path, mo
     assert (tmp_path / "out" / "curve.png").stat().st_size > 5000
     card = file.with_suffix(".md").read_text()
     assert "32 looks" in card and "| refined |" in card
+
+
+def test_pairs_are_no_looks(tmp_path: Path) -> None:
+    for split in ("train", "dev"):
+        PairSet(tmp_path, "a").write(f"{split}-00000", pair_arrays(), [{}] * 4)
+    with pytest.raises(InputError, match=r"holds no looks \(windows, .*humanmm train looks makes them"):
+        train_keypoint_refiner.fn(tmp_path, tmp_path / "out")
 
 
 def test_without_looks_it_says_how_to_make_them(tmp_path: Path) -> None:
