@@ -43,7 +43,8 @@ class Inside(NamedTuple):
     heat_logits: Float[np.ndarray, "64 64 39"]
 
 
-def _sigmoid(x: np.ndarray) -> np.ndarray:
+def sigmoid(x: np.ndarray) -> np.ndarray:
+    """Of logits of any size."""
     result: np.ndarray = 1 / (1 + np.exp(-np.clip(x, -80, 80)))
     return result
 
@@ -90,7 +91,7 @@ def _decoded(outputs: list[np.ndarray], region: Region, *, mirrored: bool) -> La
     raw = image_points.reshape(-1, _VALUES_PER_LANDMARK)
     world = world_points.reshape(-1, 3)[: landmarks.NUM_LANDMARKS].astype(np.float64)
     logits = mask_logits[0, :, :, 0]
-    points, visibility = raw[:35, :2].astype(np.float64), _sigmoid(raw[: landmarks.NUM_LANDMARKS, 3])
+    points, visibility = raw[:35, :2].astype(np.float64), sigmoid(raw[: landmarks.NUM_LANDMARKS, 3])
     points[: landmarks.NUM_LANDMARKS], peaks = _refined(points[: landmarks.NUM_LANDMARKS], heat_logits[0])
     if mirrored:
         points = np.column_stack([LANDMARK_SIDE - points[:, 0], points[:, 1]])
@@ -105,7 +106,7 @@ def _decoded(outputs: list[np.ndarray], region: Region, *, mirrored: bool) -> La
         keypoints=np.column_stack([in_source[: landmarks.NUM_LANDMARKS], visibility]),
         landmarks3d=rotated,
         presence=float(presence.item()),
-        mask=(255 * _sigmoid(mask)).astype(np.uint8),
+        mask=(255 * sigmoid(mask)).astype(np.uint8),
         region=region,
         next_region=body_region(*in_source[_AUXILIARY]),
         keypoint_sigma=region.side * _SHARPEST * np.exp(_BLUNTER * (1 - peaks)),
@@ -119,7 +120,7 @@ def _refined(
     cell, last = np.floor(points / _CELL).astype(int), np.array(heat_logits.shape[1::-1]) - 1
     around = cell[:, :, None] + _AROUND
     columns, rows = np.minimum(np.maximum(around, 0), last[:, None]).transpose(1, 0, 2)
-    heat = _sigmoid(heat_logits[rows[:, :, None], columns[:, None], np.arange(len(points))[:, None, None]])
+    heat = sigmoid(heat_logits[rows[:, :, None], columns[:, None], np.arange(len(points))[:, None, None]])
     is_inside = np.asarray(((cell >= 0) & (cell <= last)).all(axis=1))
     heat *= is_inside[:, None, None] & (columns == around[:, 0])[:, None] & (rows == around[:, 1])[:, :, None]
     weight = np.maximum(heat.sum(axis=(1, 2)), 1e-9)

@@ -5,10 +5,16 @@ where it errs by 77; with one scale for a whole row, and the first layer too, it
 (docs/measurements/networks.md).
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import TypeVar
 
 import torch
-from torch import Tensor
+from safetensors.torch import load
+from torch import Tensor, nn
+
+from humanmm.models.weights.shipped import read_weights
+
+Net = TypeVar("Net", bound=nn.Module)
 
 GROUP, LARGEST = 32, 127
 SCALE = ".scale"
@@ -41,3 +47,12 @@ def unpacked(stored: Mapping[str, Tensor]) -> dict[str, Tensor]:
         elif not name.endswith(SCALE):
             numbers[name] = value.float()
     return numbers
+
+
+def shipped_network(name: str, shaped_as: Callable[[Mapping[str, Tensor]], Net]) -> Net:
+    """The network with the numbers of a shipped file, checked against its sha256; `shaped_as` makes an untrained one
+    for them."""
+    numbers = unpacked(load(read_weights(name)))
+    network = shaped_as(numbers)
+    network.load_state_dict(numbers)
+    return network.eval()

@@ -2,13 +2,10 @@
 
 from collections.abc import Iterator
 from functools import lru_cache
-from typing import TypeVar
 
 import numpy as np
 import torch
 from jaxtyping import Float, Int
-from safetensors.torch import load
-from torch import nn
 
 from humanmm.models.geometry.rotations import interpolate_rotations
 from humanmm.models.motion.networks.interfaces import AlignedMotion, Integrated
@@ -16,11 +13,9 @@ from humanmm.models.motion.networks.ms_hmr import MsHmr
 from humanmm.models.motion.networks.sequence import RATE_HZ, MotionSequence, product
 from humanmm.models.motion.networks.trajectory import TrajectoryPredictor, TrajectoryRefiner
 from humanmm.models.perception.lifting.features import batch_of_one
-from humanmm.models.weights.eight_bits import unpacked
-from humanmm.models.weights.shipped import read_weights
+from humanmm.models.weights.eight_bits import shipped_network
 
 Array = np.ndarray
-Net = TypeVar("Net", bound=nn.Module)
 
 CHUNK, BEYOND = 600, 150
 """Frames read together, and frames that are read beyond either end: five seconds, past which nothing counts."""
@@ -97,21 +92,16 @@ def _chunks(count: int) -> Iterator[tuple[slice, slice]]:
 @lru_cache(maxsize=1)
 def load_predictor() -> TrajectoryPredictor:
     """The shipped network, checked against its sha256."""
-    return _filled(TrajectoryPredictor(), read_weights("trajectory_predictor.safetensors"))
+    return shipped_network("trajectory_predictor.safetensors", lambda _: TrajectoryPredictor())
 
 
 @lru_cache(maxsize=1)
 def load_refiner() -> TrajectoryRefiner:
     """The shipped network, checked against its sha256."""
-    return _filled(TrajectoryRefiner(), read_weights("trajectory_refiner.safetensors"))
+    return shipped_network("trajectory_refiner.safetensors", lambda _: TrajectoryRefiner())
 
 
 @lru_cache(maxsize=1)
 def load_ms_hmr() -> MsHmr:
     """The shipped network, checked against its sha256."""
-    return _filled(MsHmr(), read_weights("ms_hmr.safetensors"))
-
-
-def _filled(network: Net, file: bytes) -> Net:
-    network.load_state_dict(unpacked(load(file)))
-    return network.eval()
+    return shipped_network("ms_hmr.safetensors", lambda _: MsHmr())

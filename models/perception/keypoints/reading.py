@@ -5,12 +5,10 @@ from functools import lru_cache
 import numpy as np
 import torch
 from jaxtyping import Float
-from safetensors.torch import load
 
 from humanmm.models.perception.keypoints.network import KeypointRefiner, RefinerInput
 from humanmm.models.perception.keypoints.surroundings import WEIGHTS, Seen
-from humanmm.models.weights.eight_bits import unpacked
-from humanmm.models.weights.shipped import read_weights
+from humanmm.models.weights.eight_bits import shipped_network
 
 Array = np.ndarray
 
@@ -27,7 +25,4 @@ def refined(seen: Seen) -> Float[Array, "22 2"]:
 @lru_cache(maxsize=1)
 def load_refiner() -> KeypointRefiner:
     """The shipped one, checked against its sha256."""
-    numbers = unpacked(load(read_weights(WEIGHTS)))
-    network = KeypointRefiner.shaped_as(numbers)
-    network.load_state_dict(numbers)
-    return network.eval()
+    return shipped_network(WEIGHTS, KeypointRefiner.shaped_as)

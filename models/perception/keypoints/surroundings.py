@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from humanmm.models.perception.blazepose import Inside as BlazePoseInside
+from humanmm.models.perception.blazepose import sigmoid
 from humanmm.models.perception.movenet import Inside as ThunderInside
 from humanmm.models.records.landmarks import COCO_LANDMARKS, INDEX, LIMBS, NUM_LANDMARKS, SWAP
 
@@ -60,9 +61,9 @@ class Seen:
         cells = 64
         is_inside = ((columns >= 0) & (columns < cells))[:, None, :] & ((rows >= 0) & (rows < cells))[:, :, None]
         rows, columns = np.clip(rows, 0, cells - 1)[:, :, None], np.clip(columns, 0, cells - 1)[:, None, :]
-        heat = _sigmoid(self.blazepose_inside.heat_logits[rows, columns, _REFINED[:, None, None]])
+        heat = sigmoid(self.blazepose_inside.heat_logits[rows, columns, _REFINED[:, None, None]])
         channel = np.where(self.is_crossed, _OF_THUNDER[_OPPOSITE], _OF_THUNDER)
-        other = _sigmoid(self.thunder_inside.heat_logits[rows, columns, channel[:, None, None]])
+        other = sigmoid(self.thunder_inside.heat_logits[rows, columns, channel[:, None, None]])
         other = other * (_OF_THUNDER >= 0)[:, None, None]
         shown = np.concatenate(
             [
@@ -89,8 +90,3 @@ class Seen:
             self.visibility, self.score, np.log(self.sigma + 1e-4) / 2 + 2.5,
             np.linalg.norm(apart, axis=1) / 8, np.linalg.norm(from_middle, axis=1),
         ]).astype(np.float32)  # fmt: skip
-
-
-def _sigmoid(x: Array) -> Array:
-    result: Array = 1 / (1 + np.exp(-np.clip(x, -80, 80)))
-    return result

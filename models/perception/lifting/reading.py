@@ -11,14 +11,12 @@ from typing import NamedTuple
 import numpy as np
 import torch
 from jaxtyping import Bool, Float
-from safetensors.torch import load
 
 from humanmm.models.geometry.rotations import rotmat_to_rotvec
 from humanmm.models.perception.lifting.network import LifterInput, LifterNetwork
 from humanmm.models.records.landmarks import with_sides_swapped
 from humanmm.models.records.tracks import PoseEstimates
-from humanmm.models.weights.eight_bits import unpacked
-from humanmm.models.weights.shipped import read_weights
+from humanmm.models.weights.eight_bits import shipped_network
 
 Array = np.ndarray
 
@@ -82,7 +80,4 @@ def pieces(time_s: Float[Array, " n"], reach_s: float) -> Iterator[tuple[slice, 
 @lru_cache(maxsize=3)
 def load_lifter(file: str) -> LifterNetwork:
     """A shipped network of this form, checked against its sha256."""
-    numbers = unpacked(load(read_weights(file)))
-    network = LifterNetwork.shaped_as(numbers)
-    network.load_state_dict(numbers)
-    return network.eval()
+    return shipped_network(file, LifterNetwork.shaped_as)
