@@ -66,10 +66,10 @@ def test_a_network_is_trained_on_those_before_it(given: Typed) -> None:
 
 def test_pairs_are_made_of_the_split_that_is_asked_for(given: Typed) -> None:
     plain = given("pairs.build_pairs", "pairs", "--out", "out")
-    assert plain == ("train", 640, Path("out"), (), 2)
+    assert plain == ("train", 640, Path("out"), (), 2, "pairs")
     assert given("pairs.build_pairs", "looks", "--out", "out") == ("train", 2048, Path("out"), (), 2, "looks")
     words = ["--out", "out", "--split", "dev", "--count", "32", "--mocap", "a", "--threads", "1"]
-    assert given("pairs.build_pairs", "pairs", *words) == ("dev", 32, Path("out"), (Path("a"),), 1)
+    assert given("pairs.build_pairs", "pairs", *words) == ("dev", 32, Path("out"), (Path("a"),), 1, "pairs")
 
 
 def test_what_training_needs_has_no_default(capsys: pytest.CaptureFixture[str]) -> None:

@@ -11,6 +11,7 @@ from humanmm.cli.terminal import write
 from humanmm.cli.verb import BENCHMARK, app, group, verb
 
 if TYPE_CHECKING:
+    from humanmm.flows.training.pairs import Kind
     from humanmm.models.learning.training.loop import Recipe
 
 Made = TypeVar("Made", bound="Recipe")
@@ -20,38 +21,45 @@ train = group("Train the shipped networks.")
 app.add_typer(train, name="train", rich_help_panel=BENCHMARK)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Rendered:
+    """The options of every set of rendered people."""
+
+    out: Annotated[Path, Option(metavar="DIR", help="where the set is written", show_default=False)]
+    split: Annotated[Literal["train", "dev", "test"], Option(help="whose motion is shown")] = "train"
+    mocap: Packs = field(default_factory=list)
+    threads: Annotated[int, Option(metavar="N", min=1, help="groups made at a time")] = 2
+
+    def build(self, kind: "Kind", count: int) -> Path:
+        """Make what is missing of it."""
+        from humanmm.flows.training.pairs import build_pairs
+
+        made: Path = build_pairs.fn(self.split, count, self.out, tuple(self.mocap), self.threads, kind)
+        return made
+
+
 @verb(train, "pairs")
 def pairs(
     *,
-    out: Annotated[Path, Option(metavar="DIR", help="where the pairs are written", show_default=False)],
-    split: Annotated[Literal["train", "dev", "test"], Option(help="whose motion is shown")] = "train",
+    rendered: Rendered,
     count: Annotated[
         int, Option(metavar="N", min=1, help="windows of 32 frames, about four seconds of work each")
     ] = 640,
-    mocap: Packs = [],  # noqa: B006
-    threads: Annotated[int, Option(metavar="N", min=1, help="groups made at a time")] = 2,
 ) -> None:
     """Render people, and keep what the pose networks see of them; goes on where it was stopped."""
-    from humanmm.flows.training.pairs import build_pairs
-
-    write(build_pairs.fn(split, count, out, tuple(mocap), threads))
+    write(rendered.build("pairs", count))
 
 
 @verb(train, "looks")
 def looks(
     *,
-    out: Annotated[Path, Option(metavar="DIR", help="where the looks are written", show_default=False)],
-    split: Annotated[Literal["train", "dev", "test"], Option(help="whose motion is shown")] = "train",
+    rendered: Rendered,
     count: Annotated[
         int, Option(metavar="N", min=1, help="shots, eight looks each, about a second of work each")
     ] = 2048,
-    mocap: Packs = [],  # noqa: B006
-    threads: Annotated[int, Option(metavar="N", min=1, help="groups made at a time")] = 2,
 ) -> None:
     """Render people, and keep what pose networks' layers show about their landmarks; goes on where it was stopped."""
-    from humanmm.flows.training.pairs import build_pairs
-
-    write(build_pairs.fn(split, count, out, tuple(mocap), threads, "looks"))
+    write(rendered.build("looks", count))
 
 
 @dataclass(frozen=True, kw_only=True)
