@@ -74,14 +74,14 @@ def joined_of(
     output, blazepose_inside = decode_heavy(crop, region, mirrored=mirrored)
     points, thunder_inside = movenet.coco_keypoints(crop, region, mirrored=mirrored)
     limbs = points[list(landmarks.COCO_LIMBS)]
-    keypoints, agreement = fused(output.keypoints, limbs, region.side)
+    named = named_as(output.keypoints, limbs, region.side)
+    keypoints, agreement = fused(output.keypoints, named, region.side)
     joined = replace(
         output,
         keypoints=keypoints,
         agreement=agreement,
         side_odds=side_odds(output.keypoints, limbs, region.side),
     )
-    named = named_as(output.keypoints, limbs, region.side)
     is_exchanged = (named[:, :2] != limbs[:, :2]).any(axis=1)
     return joined, Look(output, named, is_exchanged, blazepose_inside, thunder_inside)
 
@@ -114,7 +114,8 @@ def _crossing(
 def named_as(
     keypoints: Float[np.ndarray, "33 3"], limbs: Float[np.ndarray, "12 3"], side: float
 ) -> Float[np.ndarray, "12 3"]:
-    """Thunder's limbs with left and right as BlazePose names them; `side` is the region's."""
+    """Thunder's limbs with left and right as BlazePose names them, because the 3D landmarks are named so; `side` is the
+    region's."""
     limbs = limbs.copy()
     for pairs in (_ARMS, _LEGS):  # the networks disagree about the legs alone about as often as about the whole body
         if is_crossed(keypoints, limbs, side, pairs):
@@ -125,14 +126,13 @@ def named_as(
 def fused(
     keypoints: Float[np.ndarray, "33 3"], limbs: Float[np.ndarray, "12 3"], side: float
 ) -> tuple[Float[np.ndarray, "33 3"], Float[np.ndarray, " 33"]]:
-    """BlazePose's keypoints with the limbs in the middle between them and Thunder's, and factors of their visibility.
+    """BlazePose's keypoints with the limbs between them and Thunder's (`named_as` BlazePose's), and factors of their
+    visibility.
 
     `side` is the region's. Where Thunder's score is low BlazePose's stays, where the two are far apart one is taken;
-    the farther apart, the lower the factor. Hands and feet move with their wrists and ankles. Left and right are named
-    as BlazePose does, because the 3D landmarks are.
+    the farther apart, the lower the factor. Hands and feet move with their wrists and ankles.
     """
     own = keypoints[_LIMBS, :2]
-    limbs = named_as(keypoints, limbs, side)
     apart = np.linalg.norm(limbs[:, :2] - own, axis=1)
     height = HEIGHT_OF_SIDE * side
     share = np.where(apart > APART * height, ~_IS_WRIST, THUNDER) * (limbs[:, 2] > CREDIBLE)
