@@ -28,8 +28,12 @@ log = logging.getLogger(__name__)
 
 GROUP = 16
 """Windows of a group: a minute or two of work, which is lost if the process is killed."""
-SEEDS: dict[Split, int] = {"train": 7, "dev": 8, "test": 9}
 Kind = Literal["pairs", "looks"]
+SEEDS: dict[Kind, dict[Split, int]] = {
+    "pairs": {"train": 7, "dev": 8, "test": 9},
+    "looks": {"train": 17, "dev": 18, "test": 19},
+}
+"""Pairs show what a refiner does with people whom it has not learnt by heart."""
 MODULES: dict[Kind, str] = {
     "pairs": "humanmm.models.learning.pairs",
     "looks": "humanmm.models.learning.landmark_looks",
@@ -60,7 +64,7 @@ class PairPlan:
                 "code": code_digest(MODULES[self.kind]).modules,
                 "networks": [manifest()[name].sha256 for name in NETWORKS[self.kind]],
                 "packs": [hashlib.sha256(pack.read_bytes()).hexdigest() for pack in self.packs],
-                "seed": SEEDS[self.split],
+                "seed": SEEDS[self.kind][self.split],
                 "crouched": self.crouched,
             }
         )
@@ -91,7 +95,7 @@ def make_group(plan: PairPlan, pair_set: PairSet, name: str, numbers: range) -> 
     """Render and look at the windows of one group; returns its name. Runs in a process of its own."""
     prepare_process()
     sequences: list[MocapSequence] = [sequence for pack in plan.packs for sequence in read_pack(pack)]
-    source = PairSource(Library(takes_of(sequences, plan.split)), SEEDS[plan.split], plan.crouched)
+    source = PairSource(Library(takes_of(sequences, plan.split)), SEEDS[plan.kind][plan.split], plan.crouched)
     draw = source.window if plan.kind == "pairs" else LookSource(source).looks
     windows, facts = zip(*(draw(number) for number in numbers), strict=True)
     packed = [window.packed() for window in windows]

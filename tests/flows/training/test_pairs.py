@@ -21,6 +21,11 @@ def test_a_larger_set_begins_with_the_smaller_one() -> None:
     assert small.identity() == large.identity()
 
 
+def test_no_seed_serves_twice() -> None:
+    seeds = [seed for splits in pairs.SEEDS.values() for seed in splits.values()]
+    assert len(set(seeds)) == len(seeds)
+
+
 def test_only_what_lacks_is_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[str] = []
 
