@@ -43,72 +43,74 @@ def lifter_card(
 ) -> str:
     """The figures of the lifter's model card (Markdown)."""
     rows = {"the pose network's landmarks": own, "lifted": lifted, "lifted from COCO keypoints alone": coco}
-    lines = [
-        *_made_with(recipe, f"{train} windows of 32 frames, measured on {dev} windows of other subjects"),
-        "| median, mean | PA-MPJPE, mm | MPJPE, mm | torso, ° | root, ° | swaps found, false |",
-        "|---|---:|---:|---:|---:|---:|",
-    ]
-    for name, one in rows.items():
-        lines.append(f"| {name} | {_errors(one)} | {one.swaps_found:.2f}, {one.swaps_false:.2f} |")
-    return "\n".join(lines) + "\n"
+    return _card(
+        recipe,
+        f"{train} windows of 32 frames, measured on {dev} windows of other subjects",
+        ("median, mean", "PA-MPJPE, mm", "MPJPE, mm", "torso, °", "root, °", "swaps found, false"),
+        {name: [*_errors(one), f"{one.swaps_found:.2f}, {one.swaps_false:.2f}"] for name, one in rows.items()},
+    )
 
 
 def keypoint_card(recipe: Recipe, dev: int, lifted: LifterScore) -> str:
     """The figures of the keypoint lifter's model card (Markdown)."""
-    lines = [
-        *_made_with(recipe, f"motion capture, measured on {dev} windows of 32 frames of other subjects"),
-        "| median, mean | PA-MPJPE, mm | MPJPE, mm | torso, ° | root, ° |",
-        "|---|---:|---:|---:|---:|",
-        f"| lifted from COCO keypoints | {_errors(lifted)} |",
-    ]
-    return "\n".join(lines) + "\n"
+    return _card(
+        recipe,
+        f"motion capture, measured on {dev} windows of 32 frames of other subjects",
+        ("median, mean", "PA-MPJPE, mm", "MPJPE, mm", "torso, °", "root, °"),
+        {"lifted from COCO keypoints": _errors(lifted)},
+    )
 
 
-def _errors(one: LifterScore) -> str:
-    errors = (one.pa_mpjpe_mm, one.mpjpe_mm, one.torso_deg, one.root_deg)
-    return " | ".join(f"{median:.0f}, {mean:.0f}" for median, mean in errors)
+def _errors(one: LifterScore) -> list[str]:
+    return _pairs(0, one.pa_mpjpe_mm, one.mpjpe_mm, one.torso_deg, one.root_deg)
 
 
 def keypoint_refiner_card(recipe: Recipe, train: int, dev: int, rows: Mapping[str, RefinerScore]) -> str:
     """The figures of the keypoint refiner's model card (Markdown)."""
-    lines = [
-        *_made_with(recipe, f"{train} looks, measured on {dev} looks at other subjects"),
-        "| error, % of the crop's side: median, mean (at most 8) | limbs | feet | hands |",
-        "|---|---:|---:|---:|",
-    ]
-    for name, one in rows.items():
-        cells = [f"{median:.2f}, {mean:.2f}" for median, mean in (one.limbs, one.feet, one.hands)]
-        lines.append(f"| {name} | {' | '.join(cells)} |")
-    return "\n".join(lines) + "\n"
+    return _card(
+        recipe,
+        f"{train} looks, measured on {dev} looks at other subjects",
+        ("error, % of the crop's side: median, mean (at most 8)", "limbs", "feet", "hands"),
+        {name: _pairs(2, one.limbs, one.feet, one.hands) for name, one in rows.items()},
+    )
 
 
 def pose_card(recipe: Recipe, data: str, rows: Mapping[str, PoseScore]) -> str:
     """The figures of ms-HMR's card (Markdown)."""
-    lines = [
-        *_made_with(recipe, data),
-        "| median, mean | MPJPE about the pelvis, mm | root, ° | acceleration, m/s² |",
-        "|---|---:|---:|---:|",
-    ]
-    for name, one in rows.items():
-        cells = [f"{median:.1f}, {mean:.1f}" for median, mean in (one.mpjpe_mm, one.root_deg, one.acceleration)]
-        lines.append(f"| {name} | {' | '.join(cells)} |")
-    return "\n".join(lines) + "\n"
+    return _card(
+        recipe,
+        data,
+        ("median, mean", "MPJPE about the pelvis, mm", "root, °", "acceleration, m/s²"),
+        {name: _pairs(1, one.mpjpe_mm, one.root_deg, one.acceleration) for name, one in rows.items()},
+    )
 
 
 def trajectory_card(recipe: Recipe, data: str, rows: Mapping[str, TrajectoryScore]) -> str:
     """The figures of the trajectory networks' cards (Markdown)."""
-    lines = [
-        *_made_with(recipe, data),
-        "| median, mean | contact F1 | velocity of the root, m/s | path of a second, m |",
-        "|---|---:|---:|---:|",
-    ]
-    for name, one in rows.items():
-        cells = [f"{median:.3f}, {mean:.3f}" for median, mean in (one.velocity_ms, one.second_m)]
-        f1 = f"{one.contact_f1:.2f}" if one.contact_f1 else "none given"
-        lines.append(f"| {name} | {f1} | {' | '.join(cells)} |")
-    return "\n".join(lines) + "\n"
+    return _card(
+        recipe,
+        data,
+        ("median, mean", "contact F1", "velocity of the root, m/s", "path of a second, m"),
+        {
+            name: [
+                f"{one.contact_f1:.2f}" if one.contact_f1 else "none given",
+                *_pairs(3, one.velocity_ms, one.second_m),
+            ]
+            for name, one in rows.items()
+        },
+    )
 
 
-def _made_with(recipe: Recipe, data: str) -> list[str]:
+def _pairs(digits: int, *errors: tuple[float, float]) -> list[str]:
+    return [f"{median:.{digits}f}, {mean:.{digits}f}" for median, mean in errors]
+
+
+def _card(recipe: Recipe, data: str, head: Sequence[str], rows: Mapping[str, Sequence[str]]) -> str:
+    """What a network was trained on and how, and a table of its errors."""
     parts = ", ".join(f"{name} {value}" for name, value in asdict(recipe).items())
-    return [f"Trained on {data}; recipe:", f"`{parts}`.", ""]
+    lines = [
+        f"Trained on {data}; recipe:", f"`{parts}`.", "",
+        f"| {' | '.join(head)} |", f"|---|{'---:|' * (len(head) - 1)}",
+        *(f"| {' | '.join([name, *cells])} |" for name, cells in rows.items()),
+    ]  # fmt: skip
+    return "\n".join(lines) + "\n"

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from humanmm.models.learning.crops import CropRenderer
-from humanmm.models.learning.pairs import FRAMES, PairSource, jittered, true_body, true_region
+from humanmm.models.learning.pairs import FRAMES, PairSource, WindowArrays, jittered, true_body, true_region
 from humanmm.models.perception.blazepose import LANDMARK_SIDE
 from humanmm.models.perception.keypoints.fusion import joined_of
 from humanmm.models.perception.keypoints.refine import seen_in_crop
@@ -31,8 +31,10 @@ FARTHEST = 150.0
 
 
 @dataclass(frozen=True, eq=False)
-class LandmarkLooks:
+class LandmarkLooks(WindowArrays):
     """n looks at somebody; see `surroundings.Seen`."""
+
+    precision = np.float16
 
     windows: Float[Array, "n 22 7 7 74"]
     coarse: Float[Array, "n 22 96"]
@@ -41,10 +43,6 @@ class LandmarkLooks:
     """From the fused keypoints to where the landmarks are seen, pixels of the crop."""
     is_known: Bool[Array, "n 22"]
     """Landmarks in the picture, and not far outside the crop."""
-
-    def packed(self) -> dict[str, Array]:
-        """Its arrays, numbers in half precision."""
-        return {name: array if array.dtype == bool else array.astype(np.float16) for name, array in vars(self).items()}
 
 
 @dataclass(frozen=True)

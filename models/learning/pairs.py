@@ -6,8 +6,8 @@ return is kept as it is, with every lean, left-right swap and lost limb.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -27,9 +27,6 @@ from humanmm.models.rendering.places.sites import PLACES, build_place
 from humanmm.models.rendering.places.takes import MOTIONS, Library, Performance, choose_take, perform, rotated
 from humanmm.models.rendering.textures import poster
 from humanmm.models.synthetic.mocap import Actor
-
-if TYPE_CHECKING:
-    from _typeshed import DataclassInstance
 
 Array = np.ndarray
 
@@ -53,10 +50,12 @@ CUT_OFF = 0.15
 class WindowArrays:
     """A dataclass of arrays, one a field."""
 
-    def packed(self: "DataclassInstance") -> dict[str, Array]:
-        """Its arrays, in single precision."""
-        arrays = {field.name: np.asarray(getattr(self, field.name)) for field in fields(self)}
-        return {k: v if v.dtype == bool else v.astype(np.float32) for k, v in arrays.items()}
+    precision: ClassVar[type[np.floating[Any]]] = np.float32
+
+    def packed(self) -> dict[str, Array]:
+        """Its arrays, numbers in this precision."""
+        arrays = {name: np.asarray(value) for name, value in vars(self).items()}
+        return {k: v if v.dtype == bool else v.astype(self.precision) for k, v in arrays.items()}
 
 
 @dataclass(frozen=True, eq=False)

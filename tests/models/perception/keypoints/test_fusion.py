@@ -56,9 +56,11 @@ def test_left_and_right_are_named_as_the_network_with_the_depths_names_them() ->
     own = body()
     exchanged = thunder(own).reshape(6, 2, 3)[:, ::-1].reshape(12, 3)
     np.testing.assert_allclose(named_as(own, exchanged, SIDE), thunder(own))
+    np.testing.assert_allclose(fused(own, named_as(own, exchanged, SIDE), SIDE)[0], own, atol=1e-9)
     legs_alone = thunder(own)
     legs_alone[6:] = exchanged[6:]
     np.testing.assert_allclose(named_as(own, legs_alone, SIDE), thunder(own))
+    np.testing.assert_allclose(fused(own, named_as(own, legs_alone, SIDE), SIDE)[0], own, atol=1e-9)
     assert is_crossed(own, exchanged, SIDE) and not is_crossed(own, thunder(own), SIDE)
     for share in np.linspace(0, 1, 41):
         limbs = (1 - share) * thunder(own) + share * exchanged
