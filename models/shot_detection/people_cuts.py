@@ -11,7 +11,8 @@ neighbouring frames in which people are seen, each person before is compared wit
 
 A cut needs every person to jump (whoever carries on smoothly proves that the camera does too), by far more than these
 people usually move in the time between the two frames, calmly before and after, and not back again within `_RETURN_S`
-(the detector's own errors).
+(the detector's own errors). Of those before and those after somebody must be a person: what the detector takes for one
+now and then jumps by itself.
 """
 
 from collections.abc import Iterator, Sequence
@@ -51,6 +52,8 @@ _RETURN_S = 0.255
 """A jump that is undone within this time (8 frames at 30 Hz) is an error of the detector."""
 _VISIBLE = 0.5
 """Visibility from which on a landmark is compared."""
+_PEOPLE = 0.5
+"""Least probability that somebody on either side is a person, the two taken as independent."""
 _MIN_CONFIDENCE = 0.3
 """Sightings of lower confidence are left out."""
 _MIN_LANDMARKS = 8
@@ -117,11 +120,14 @@ def _evidence(tracks: Sequence["_Sightings"], before: int, after: int, time_s: F
     if not (boxes_jump or keypoints_jump):
         return None
     jump = min(s.distance for s in known)
-    usual = [t.usual_speed(before, -_USUAL_S) for t in leaving] + [t.usual_speed(after, _USUAL_S) for t in arriving]
     # both sides need somebody who was, and is, seen to move calmly
-    if all(u is None for u in usual[: len(leaving)]) or all(u is None for u in usual[len(leaving) :]):
+    usual = [
+        [(t.probability, speed) for t in side if (speed := t.usual_speed(at, within_s)) is not None]
+        for side, at, within_s in ((leaving, before, -_USUAL_S), (arriving, after, _USUAL_S))
+    ]
+    if not all(usual) or np.prod([max(side)[0] for side in usual]) < _PEOPLE:
         return None
-    moved = elapsed_s(time_s, before, after) * max(u for u in usual if u is not None)
+    moved = elapsed_s(time_s, before, after) * max(speed for side in usual for _, speed in side)
     if jump < _TIMES_USUAL * max(_STILL * (after - before), moved):
         return None
     if _returns(tracks, before, after, time_s):
@@ -193,6 +199,7 @@ class _Sightings:
     def __init__(self, track: PersonTrack, time_s: Float[Array, " F"]) -> None:
         self._time_s = time_s
         self._frame_s = float(np.median(np.diff(time_s)))
+        self.probability = track.probability
         self.row = {int(f): i for i, f in enumerate(track.frame) if track.confidence[i] >= _MIN_CONFIDENCE}
         self.first, self.last = min(self.row, default=-1), max(self.row, default=-1)
         self.keypoints = track.keypoints2d.astype(np.float64)

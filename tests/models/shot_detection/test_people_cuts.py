@@ -159,3 +159,9 @@ def test_a_gap_is_measured_in_seconds() -> None:
     slow = TIME_S[:60] + np.where(np.arange(60) >= 31, 0.2, 0.0)  # nobody is seen for 0.3 s
     assert cuts(*tracks) == [(30, "bbox")]
     assert cuts_in_scene(ScenePeople(0, 60, tracks), time_s=slow) == []
+
+
+@pytest.mark.parametrize(("probability", "found"), [(0.9, [(30, "bbox")]), (0.6, [])])
+def test_what_may_be_nobody_shows_no_cut(probability: float, found: list[tuple[int, str]]) -> None:
+    tracker_carried_on = joined(walker(0, 30, (200, 250)), walker(30, 60, (600, 250), seed=1))
+    assert cuts(dataclasses.replace(tracker_carried_on, probability=probability)) == found
