@@ -36,6 +36,8 @@ class Observation:
     next_region: Region
     keypoint_sigma: Float[np.ndarray, " 33"] | None = None
     """Expected errors of the keypoints, each axis, pixels; None if unknown."""
+    side_odds: float = 0.0
+    """Log-odds that left and right are named rightly, by another network; 0 without one."""
 
     @property
     def mask_to_source(self) -> Float[np.ndarray, "2 3"]:
@@ -60,8 +62,9 @@ def observe(output: Landmarks, frame_size: tuple[int, int]) -> Observation | Non
     if output.agreement is not None:
         keypoints = keypoints * np.column_stack([np.ones((len(keypoints), 2)), output.agreement])
     return Observation(
-        keypoints, output.landmarks3d, bbox, confidence, mask, output.region, output.next_region, output.keypoint_sigma
-    )
+        keypoints, output.landmarks3d, bbox, confidence, mask, output.region, output.next_region, output.keypoint_sigma,
+        output.side_odds,
+    )  # fmt: skip
 
 
 def averaged(a: Landmarks, b: Landmarks) -> Landmarks:

@@ -16,19 +16,22 @@ import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
 
+from humanmm.machine import num_processors
 from humanmm.models.camera.background.ground import GroundPicture, ground_around, ground_frames, hidden, whole_frame
 from humanmm.models.camera.background.segments import detect_segments
 from humanmm.models.geometry.intrinsics import straightened
 from humanmm.models.records.shots import Box, Shot, ShotList
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
 from humanmm.models.records.video import VideoFacts
-from humanmm.models.video.frames import frames_at
+from humanmm.models.video.frames import Frame, frames_at
 from humanmm.models.video.light import brightened, gain_of
 from humanmm.models.video.opened import Video
 from humanmm.models.video.prefetch import prefetched
 from humanmm.models.video.progress import Progress, silent
 
 MAX_FEATURES = 2500
+_THREADS = 2
+"""Of OpenCV: SIFT takes 0.6 times as long as with one."""
 MAX_SIDE_PX = 1280
 """Reduce larger pictures before features are taken: detail beyond this does not repeat between cameras."""
 MAX_BOX_AGE = 10
@@ -90,18 +93,18 @@ def describe_key_frames(
     """
     several = len(shots.shots) > 1
     parts = [_ShotPart.of(shot, people[shot.scene], video.facts, several=several) for shot in shots.shots]
-    cv2.setNumThreads(1)
+    cv2.setNumThreads(min(_THREADS, num_processors()))
     wanted = [frame for part in parts for frame in part.frames]
     decoded = frames_at(video.stream, video.facts, wanted, pixels="gray", max_side_px=MAX_SIDE_PX)
-    features, grounds, wholes = [], [], []
-    with prefetched(decoded) as pictures:
+    background, grounds, wholes = [], [], []
+    with prefetched(decoded) as pictures, prefetched(_with_edges(pictures, parts)) as shown:
         for part in parts:
             described, around, whole = [], [], []
-            for picture in itertools.islice(pictures, len(part.frames)):
-                image = brightened(picture.image, part.gain)
+            for picture, image, segments in itertools.islice(shown, len(part.frames)):
                 scale = video.facts.width / image.shape[1]
-                if picture.index in part.key_frames:
-                    found = describe_frame(picture.index, image, features=several)
+                if segments is not None:
+                    features = features_of(image) if several else NO_FEATURES
+                    found = FrameFeatures(picture.index, *features, segments)
                     described.append(only_background(_in_source(found, scale), part.tracks, part.burned_in))
                     if several:
                         seen = whole_frame(picture.index, image, part.tracks, scale)
@@ -111,12 +114,12 @@ def describe_key_frames(
                     if ground is not None:
                         around.append(hidden(ground, part.burned_in))
                 progress(picture.index + 1, video.facts.num_frames)
-            features.append(tuple(described))
+            background.append(tuple(described))
             grounds.append(tuple(around))
             wholes.append(tuple(whole))
     if not several:
-        return KeyFrameFeatures(tuple(features))
-    return KeyFrameFeatures(tuple(features), tuple(grounds), tuple(wholes))
+        return KeyFrameFeatures(tuple(background))
+    return KeyFrameFeatures(tuple(background), tuple(grounds), tuple(wholes))
 
 
 @dataclass(frozen=True)
@@ -145,24 +148,35 @@ class _ShotPart:
         return tuple(sorted({*self.key_frames, *self.ground_frames}))
 
 
+def _with_edges(
+    pictures: Iterator[Frame], parts: Iterable[_ShotPart]
+) -> Iterator[tuple[Frame, UInt8[np.ndarray, "height width"], Float[np.ndarray, "segments 4"] | None]]:
+    """Every picture, as light as it should be, and the edges of key frames."""
+    for part in parts:
+        for picture in itertools.islice(pictures, len(part.frames)):
+            image = brightened(picture.image, part.gain)
+            yield picture, image, detect_segments(image) if picture.index in part.key_frames else None
+
+
 def _in_source(features: FrameFeatures, scale: float) -> FrameFeatures:
     """The same in source pixels, of which one of the picture's is `scale` wide."""
     return replace(features, xy=features.xy * np.float32(scale), segments=features.segments * np.float32(scale))
 
 
-def describe_frame(frame: int, gray: UInt8[np.ndarray, "height width"], *, features: bool = True) -> FrameFeatures:
-    """Straight edges and, if wanted, at most MAX_FEATURES SIFT features of a grey picture, in its own pixels."""
-    segments = detect_segments(gray)
-    none = FrameFeatures(frame, np.zeros((0, 2), np.float32), np.zeros((0, 128), np.uint8), segments)
-    if not features:
-        return none
+Features = tuple[Float[np.ndarray, "features 2"], UInt8[np.ndarray, "features 128"]]
+"""Where they are, strongest first, and what they look like."""
+NO_FEATURES: Features = (np.zeros((0, 2), np.float32), np.zeros((0, 128), np.uint8))
+
+
+def features_of(gray: UInt8[np.ndarray, "height width"]) -> Features:
+    """At most MAX_FEATURES SIFT features of a grey picture, in its own pixels."""
     # A contrast threshold of half the default keeps features on the plain walls that film sets are made of.
     keypoints, descriptors = cv2.SIFT.create(MAX_FEATURES, contrastThreshold=0.02).detectAndCompute(gray, None)
     if descriptors is None:
-        return none
+        return NO_FEATURES
     order = np.argsort([-k.response for k in keypoints], kind="stable")[:MAX_FEATURES]
     xy = np.array([keypoints[i].pt for i in order], np.float32) + 0.5
-    return FrameFeatures(frame, xy, descriptors[order].astype(np.uint8), segments)
+    return xy, descriptors[order].astype(np.uint8)
 
 
 def key_frames(shot: Shot) -> tuple[int, ...]:

@@ -53,15 +53,15 @@ class Row:
     """Deflated."""
     side: float
     side_odds: float
-    """Log-odds for left and right as named, from other looks; 0 without one."""
+    """Log-odds for left and right as named, by another network; 0 without one."""
 
     @classmethod
-    def of(cls, seen: Observation, side_odds: float) -> "Row":
+    def of(cls, seen: Observation) -> "Row":
         """An observation, packed."""
         sigma = np.full(landmarks.NUM_LANDMARKS, np.nan) if seen.keypoint_sigma is None else seen.keypoint_sigma
         parts = (seen.keypoints, seen.landmarks3d, seen.bbox, seen.mask_to_source, sigma)
         numbers = np.concatenate([np.ravel(part) for part in parts]).astype(np.float32)
-        return cls(numbers, seen.confidence, deflated_mask(seen.mask), seen.region.side, side_odds)
+        return cls(numbers, seen.confidence, deflated_mask(seen.mask), seen.region.side, seen.side_odds)
 
     @property
     def keypoints(self) -> Float[np.ndarray, "33 3"]:
@@ -173,14 +173,14 @@ class TrackBuilder:
         if self._looks and self._looks[-1][0] == frame:
             self._looks.pop()
 
-    def add(self, frame: int, seen: Observation, side_odds: float = 0.0) -> None:
+    def add(self, frame: int, seen: Observation) -> None:
         """Take an observation in; frames may come in either direction."""
         if frame != self.last_frame:
             before, now = self.last.next_region, seen.next_region
             seconds = self.time_s[frame] - self.time_s[self.last_frame]
             self.velocity = np.array([now.x - before.x, now.y - before.y]) / seconds
         self.last, self.last_frame, self.lost_since, self.active = seen, frame, None, True
-        self.rows[frame] = Row.of(seen, side_odds)
+        self.rows[frame] = Row.of(seen)
 
     def note_detected_sides(self, frame: int, detected: Sequence[Detection]) -> None:
         """What detections of this person, best first, say of his left and right in the track's last frame."""

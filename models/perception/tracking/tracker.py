@@ -53,9 +53,6 @@ RESUMED_S = 1.0
 LOCAL_SEARCH_S = 0.1
 CAREFUL_FRAMES = 5
 """At both ends of a scene every crop is looked at twice: joining shots rests on these frames."""
-SIDE_LOOK_S = 0.1
-LEANING_RAD, LYING_RAD = 0.17, 1.05
-"""A crop rotated by an angle between these gets a second, upright look now and then, to decide left and right."""
 OTHER_COLOURS = 0.6
 """Hellinger distance at which whoever is found in a lost person's place is somebody else."""
 MISSING_HANDICAP = 0.3
@@ -91,7 +88,6 @@ class SceneTracker:
         self._tracks: list[TrackBuilder] = []
         self._recent: deque[tuple[int, Picture]] = deque()
         self._search_due = sampled_every(time_s[start:end], SEARCH_PERIOD_S)
-        self._side_look_due = sampled_every(time_s[:end], SIDE_LOOK_S)
         self._hands_due = due_frames(time_s[:end]) if hands else None
         self._searches = 0
         self._overlooked = Overlooked(time_s, max_people)
@@ -128,9 +124,9 @@ class SceneTracker:
         for k in order:
             track = self._tracks[k]
             found = self._look_behind(frame, image, track, list(seen.values()))
-            rival = next((r for r in seen if found is not None and same_person(found[0], seen[r])), None)
+            rival = next((r for r in seen if found is not None and same_person(found, seen[r])), None)
             if rival is not None and found is not None:
-                claims = [self._claim(frame, image, one, found[0]) for one in (track, self._tracks[rival])]
+                claims = [self._claim(frame, image, one, found) for one in (track, self._tracks[rival])]
                 if claims[0] <= claims[1]:
                     found = None
                 else:
@@ -141,11 +137,11 @@ class SceneTracker:
                     track.lost_since = frame
                 track.active = elapsed_s(self._time_s, track.lost_since - 1, frame) <= PATIENCE_S
                 continue
-            track.add(frame, *found)
+            track.add(frame, found)
             track.note_colours(frame, image)
             track.note_own_motion(frame, image)
             track.look_at_hands(frame, image, self._hands_due)
-            seen[k] = found[0]
+            seen[k] = found
         return list(seen.values())
 
     def _forget(self, number: int, frame: int) -> None:
@@ -158,8 +154,8 @@ class SceneTracker:
 
     def _look_behind(
         self, frame: int, image: Picture, track: TrackBuilder, nearer: list[Observation]
-    ) -> tuple[Observation, float] | None:
-        """The track's person and the odds of his sides; people nearer are painted out where they overlap."""
+    ) -> Observation | None:
+        """The track's person; people nearer are painted out where they overlap."""
         region = track.predicted(frame)
         half = 0.35 * region.side
         box = np.array([region.x - half, region.y - half, region.x + half, region.y + half])
@@ -169,7 +165,7 @@ class SceneTracker:
         else:
             canvas, painted = without(image, hiding, spared=track.predicted_keypoints(frame))
             found = self._look(frame, canvas, region, track)
-            if found is not None and covered_fraction(painted, found[0]) > MAX_COVERED:
+            if found is not None and covered_fraction(painted, found) > MAX_COVERED:
                 found = None
         if track.lost_since is None:
             return found or (self._look(frame, image, region, track) if hiding else None)
@@ -178,28 +174,24 @@ class SceneTracker:
         colours = track.mean_colours()
         if found is None or colours is None:
             return found
-        clothes = colour_distance(clothing_histogram(image, found[0]), colours)
+        clothes = colour_distance(clothing_histogram(image, found), colours)
         return found if clothes <= OTHER_COLOURS else None
 
-    def _found_again(
-        self, image: Picture, region: Region, hiding: list[Observation]
-    ) -> tuple[Observation, float] | None:
+    def _found_again(self, image: Picture, region: Region, hiding: list[Observation]) -> Observation | None:
         """Who the detector sees near a region when all who may hide him are painted out."""
         canvas = without(image, hiding)[0] if hiding else image
         for detection in self._networks.detect(canvas, Region(region.x, region.y, 1.8 * region.side)):
             person = settle(self._networks.locate, canvas, detection)
             if person is not None and not person.region.outlier_of(region, shift=0.6, ratio=1.6):
-                return person, 0.0
+                return person
         return None
 
     def _local_search_due(self, lost_since: int, frame: int) -> bool:
         since = sampled_every(self._time_s[lost_since : frame + 2], LOCAL_SEARCH_S)
         return frame > lost_since and bool(since[frame - lost_since])
 
-    def _look(
-        self, frame: int, image: Picture, region: Region, track: TrackBuilder
-    ) -> tuple[Observation, float] | None:
-        """The track's person in a region and the odds of his sides; a crop that jumped or grew is looked at again.
+    def _look(self, frame: int, image: Picture, region: Region, track: TrackBuilder) -> Observation | None:
+        """The track's person in a region; a crop that jumped or grew is looked at again.
 
         Whose legs are out of the frame must be where he was: the crop of an upper body hangs on hips that are guessed,
         and slides to whoever stands beside.
@@ -217,11 +209,7 @@ class SceneTracker:
             return None
         if any(_is_cut_above_knees(one, image) for one in (seen, track.last)) and not _goes_on(track, frame, seen):
             return None
-        odds = output.side_odds
-        if LEANING_RAD < abs(seen.region.angle) < LYING_RAD and (careful or self._side_look_due[frame]):
-            upright = self._networks.locate(image, replace(seen.region, angle=0.0))
-            odds += side_vote(seen.keypoints, upright.keypoints, seen.region.side)
-        return seen, odds
+        return seen
 
     def _claim(self, frame: int, image: Picture, track: TrackBuilder, seen: Observation) -> float:
         """How well an observation in a frame continues a track, by place, pose and clothes."""
@@ -293,11 +281,10 @@ class SceneTracker:
             others = [t.rows[earlier] for t in self._tracks if t is not track and earlier in t.rows]
             looked = self._look(earlier, image, track.predicted(earlier), track)
             if looked is None or any(
-                similarity(row.keypoints, looked[0].keypoints, min(row.side, looked[0].region.side)) > 0.5
-                for row in others
+                similarity(row.keypoints, looked.keypoints, min(row.side, looked.region.side)) > 0.5 for row in others
             ):
                 break
-            track.add(earlier, *looked)
+            track.add(earlier, looked)
             track.look_at_hands(earlier, image, self._hands_due)
         track.last, track.last_frame = found, frame
 

@@ -3,16 +3,16 @@
 import cv2
 import numpy as np
 import pytest
-from textured_wall import textured_wall
+from textured_wall import described, textured_wall
 
 from humanmm.models.camera.background.enlarged import enlargement
-from humanmm.models.camera.background.keyframes import FrameFeatures, describe_frame
+from humanmm.models.camera.background.keyframes import FrameFeatures
 
 
 def seen(picture: np.ndarray, scale: float, shift: tuple[float, float] = (0, 0), turn_deg: float = 0) -> FrameFeatures:
     motion = cv2.getRotationMatrix2D((450, 450), turn_deg, scale)
     motion[:, 2] += np.array([320 - 450, 240 - 450]) + shift
-    return describe_frame(0, cv2.warpAffine(picture, motion, (640, 480)))
+    return described(0, cv2.warpAffine(picture, motion, (640, 480)))
 
 
 @pytest.mark.parametrize(("scale", "shift"), [(1.4, (0, 0)), (1.5, (40, -20)), (1 / 1.3, (0, 0))])

@@ -93,11 +93,11 @@ def test_steadiness_is_the_second_difference_where_frames_are_evenly_apart() -> 
 def test_a_finished_track_is_in_order_with_left_and_right_named_alike() -> None:
     track, sigma = TrackBuilder(np.arange(80) / 30, at(30), 30), np.arange(33.0)
     for frame in [*range(30, 40), *range(29, 19, -1)]:
-        seen = replace(at(30), keypoint_sigma=sigma)
+        seen = replace(at(30), keypoint_sigma=sigma, side_odds=1.0 if frame < 33 else -2.0)
         if 33 <= frame < 37:
             seen = Observation(seen.keypoints[SWAP], seen.landmarks3d[SWAP], seen.bbox, 0.9, seen.mask, seen.region,
-                               seen.next_region, sigma[SWAP])  # fmt: skip
-        track.add(frame, seen, 1.0 if frame < 33 else -2.0)
+                               seen.next_region, sigma[SWAP], seen.side_odds)  # fmt: skip
+        track.add(frame, seen)
     track.detector_sides[21] = 0.5
     track.colours[30] = np.ones(HISTOGRAM_BINS)
     track.parts[30] = np.full((9, 3), np.nan)
