@@ -2,7 +2,8 @@
 their landmarks really are.
 
 That is where people see them (`body.landmarks.load_keypoints`): landmarks of the body may lie elsewhere, and what reads
-keypoints knows by how much.
+keypoints knows by how much. Left and right are as BlazePose names them: a refiner that may exchange them cannot be
+believed half of the way.
 """
 
 from collections.abc import Mapping
@@ -16,6 +17,7 @@ from humanmm.models.learning.crops import CropRenderer
 from humanmm.models.learning.pairs import FRAMES, PairSource, WindowArrays, jittered, true_body, true_region
 from humanmm.models.perception.blazepose import LANDMARK_SIDE
 from humanmm.models.perception.keypoints.fusion import joined_of
+from humanmm.models.perception.keypoints.naming import body_named_as
 from humanmm.models.perception.keypoints.refine import seen_in_crop
 from humanmm.models.perception.keypoints.surroundings import REFINED
 from humanmm.models.perception.regions import Region, invert, transform
@@ -68,7 +70,7 @@ def _look(
     """The parts of `LandmarkLooks` of one frame."""
     joined, look = joined_of(renderer.crop(frame, region, rng), region)
     seen = seen_in_crop(joined, look, mirrored=False)
-    own = keypoints[list(REFINED)]
+    own = body_named_as(joined.keypoints, keypoints, region.side)[list(REFINED)]
     true = transform(invert(region.to_source(LANDMARK_SIDE)), own)
     in_picture = ((own >= 0) & (own < renderer.size)).all(axis=1)
     is_known = in_picture & (np.abs(true - LANDMARK_SIDE / 2).max(axis=1) < FARTHEST)

@@ -16,7 +16,8 @@ from humanmm.models.body.body24 import load_body
 from humanmm.models.body.landmarks import load_keypoints, load_landmarks
 from humanmm.models.geometry.projection import project, world_to_camera
 from humanmm.models.learning.crops import CropRenderer, Degradation
-from humanmm.models.perception.keypoints.fusion import CROSSED_ODDS, located_in
+from humanmm.models.perception.keypoints.fusion import located_in
+from humanmm.models.perception.keypoints.naming import CROSSED_ODDS
 from humanmm.models.perception.observation import observe
 from humanmm.models.perception.regions import Region, body_region
 from humanmm.models.records import landmarks

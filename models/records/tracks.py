@@ -120,7 +120,7 @@ class PersonTrack:
     about the feet, NaN where not seen; None where nobody looked."""
     side_odds: np.ndarray | None = None
     """(N,) float32: log-odds that left and right are named rightly, from other looks at the same frame (`perception.
-    fusion.side_odds`); 0 where there was none, None where nobody looked."""
+    keypoints.naming.side_odds`); 0 where there was none, None where nobody looked."""
     probability: float = 1.0
     """That this is a person at all, and not a bag, a poster or nothing (`perception.tracking.personhood`)."""
     evidence: tuple[float, ...] = ()

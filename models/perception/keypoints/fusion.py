@@ -13,6 +13,7 @@ from jaxtyping import Float, UInt8
 from humanmm.models.perception import movenet
 from humanmm.models.perception.blazepose import crop_of, decode_heavy
 from humanmm.models.perception.interfaces import Landmarks, Networks
+from humanmm.models.perception.keypoints.naming import named_as, side_odds
 from humanmm.models.perception.keypoints.refine import Look, with_refined
 from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.regions import HEIGHT_OF_SIDE, Region
@@ -29,23 +30,12 @@ AGREED, DOUBT, LEAST_TRUST = 0.06, 25.0, 0.3
 """Up to AGREED (a fraction of the height) apart a limb is as sure as BlazePose calls it; its visibility falls by DOUBT
 for a height more, to LEAST_TRUST of it. Of 10,170 visible limbs of three rendered clips the fused ones are off by 3 to
 4 % of the height (root mean square) up to 6 % apart, by 6 % up to 8 %, by 11 % up to 12 %, by 18 % above."""
-CROSSED = 0.02
-"""Fraction of the height by which Thunder's limbs must fit better with left and right exchanged."""
-EVEN_ODDS, CLEAR_ODDS, CLEAR = -0.7, 2.3, 0.08
-"""What another network's limbs say of BlazePose's left and right in one frame: log-odds if they fit either way, what is
-added or taken away where they clearly do not, and by how much of the height they do so. Fitted to 1,019 frames (spins,
-kicks, floor work, acrobatics) in which BlazePose has swapped the sides and 1,783 in which it has not: Thunder fits
-better crossed in 59 and 4 % of them, MultiPose in 70 and 5 %."""
-CROSSED_ODDS = EVEN_ODDS - CLEAR_ODDS * CROSSED / CLEAR
-"""`side_odds` below which Thunder's limbs are crossed."""
 _LIMBS = np.array(landmarks.LIMBS)
-_EXCHANGED = np.arange(12).reshape(6, 2)[:, ::-1].ravel()
 _IS_WRIST = np.isin(_LIMBS, landmarks.WRISTS)
 _ENDS = [(end, landmarks.LIMBS.index(limb)) for limb, ends in landmarks.BEYOND.items() for end in ends]
 _MOVED = np.array([*landmarks.LIMBS, *(end for end, _ in _ENDS)])
 _MOVED_WITH = np.array([*range(len(_LIMBS)), *(limb for _, limb in _ENDS)])
 """Landmarks that Thunder moves (limbs, hands, feet), and the limb of LIMBS that each moves with."""
-_ARMS, _LEGS = slice(0, 6), slice(6, 12)
 
 
 def locate_best(image: Picture, region: Region, *, mirrored: bool = False) -> Landmarks:
@@ -84,43 +74,6 @@ def joined_of(
     )
     is_exchanged = (named[:, :2] != limbs[:, :2]).any(axis=1)
     return joined, Look(output, named, is_exchanged, blazepose_inside, thunder_inside)
-
-
-def is_crossed(
-    keypoints: Float[np.ndarray, "33 3"], limbs: Float[np.ndarray, "12 3"], side: float, among: slice = slice(12)
-) -> bool:
-    """Whether Thunder's limbs (all, or those `among` them) fit BlazePose's better with left and right exchanged; `side`
-    is the region's."""
-    return _crossing(keypoints, limbs, side, among) > CROSSED
-
-
-def side_odds(keypoints: Float[np.ndarray, "33 3"], limbs: Float[np.ndarray, "12 3"], side: float) -> float:
-    """Log-odds that left and right of BlazePose's keypoints are right, by another network's limbs in the same frame;
-    `side` is the region's."""
-    return EVEN_ODDS - CLEAR_ODDS * float(np.clip(_crossing(keypoints, limbs, side) / CLEAR, -1, 1))
-
-
-def _crossing(
-    keypoints: Float[np.ndarray, "33 3"], limbs: Float[np.ndarray, "12 3"], side: float, among: slice = slice(12)
-) -> float:
-    """By how much of the height another network's limbs fit better with left and right exchanged."""
-    own = keypoints[_LIMBS, :2][among]
-    kept, crossed = (
-        float(np.median(np.linalg.norm(limbs[order[among], :2] - own, axis=1))) for order in (np.arange(12), _EXCHANGED)
-    )
-    return (kept - crossed) / (HEIGHT_OF_SIDE * side)
-
-
-def named_as(
-    keypoints: Float[np.ndarray, "33 3"], limbs: Float[np.ndarray, "12 3"], side: float
-) -> Float[np.ndarray, "12 3"]:
-    """Thunder's limbs with left and right as BlazePose names them, because the 3D landmarks are named so; `side` is the
-    region's."""
-    limbs = limbs.copy()
-    for pairs in (_ARMS, _LEGS):  # the networks disagree about the legs alone about as often as about the whole body
-        if is_crossed(keypoints, limbs, side, pairs):
-            limbs[pairs] = limbs[_EXCHANGED[pairs]]
-    return limbs
 
 
 def fused(

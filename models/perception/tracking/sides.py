@@ -2,8 +2,8 @@
 
 The landmark network swaps left and right (and with them front and back) for whole runs of frames when the face is
 hidden or the body leans far over, with full visibility. Between neighbouring frames a left-right swap shows as limbs
-that jump across the body. Which of two stretches is right show the other networks (`fusion.side_odds`). A chain of two
-states, kept and swapped, joins all of it.
+that jump across the body. Which of two stretches is right show the other networks (`keypoints.naming.side_odds`). A
+chain of two states, kept and swapped, joins all of it.
 """
 
 import numpy as np

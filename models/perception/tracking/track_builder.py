@@ -12,7 +12,7 @@ from humanmm.models.perception import own_motion
 from humanmm.models.perception.clothing import clothing_histogram, mean_colours, part_colours
 from humanmm.models.perception.hands.follow import Looks, hand_tracks, look_at_hands
 from humanmm.models.perception.interfaces import Detection
-from humanmm.models.perception.keypoints.fusion import side_odds
+from humanmm.models.perception.keypoints.naming import side_odds
 from humanmm.models.perception.observation import Observation
 from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.regions import HEIGHT_OF_SIDE, Region

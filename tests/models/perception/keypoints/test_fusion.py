@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from humanmm.models.perception.keypoints.fusion import CROSSED_ODDS, THUNDER, fused, is_crossed, named_as, side_odds
+from humanmm.models.perception.keypoints.fusion import THUNDER, fused
 from humanmm.models.perception.regions import HEIGHT_OF_SIDE
 from humanmm.models.records import landmarks
 
@@ -50,30 +50,6 @@ def test_far_apart_wrists_are_blazeposes_and_a_foot_goes_where_its_ankle_goes() 
     doubtful = [*moved, wrist, *landmarks.BEYOND[wrist]]
     np.testing.assert_allclose(agreement[doubtful], 0.3)
     np.testing.assert_allclose(np.delete(agreement, doubtful), 1.0)
-
-
-def test_left_and_right_are_named_as_the_network_with_the_depths_names_them() -> None:
-    own = body()
-    exchanged = thunder(own).reshape(6, 2, 3)[:, ::-1].reshape(12, 3)
-    np.testing.assert_allclose(named_as(own, exchanged, SIDE), thunder(own))
-    np.testing.assert_allclose(fused(own, named_as(own, exchanged, SIDE), SIDE)[0], own, atol=1e-9)
-    legs_alone = thunder(own)
-    legs_alone[6:] = exchanged[6:]
-    np.testing.assert_allclose(named_as(own, legs_alone, SIDE), thunder(own))
-    np.testing.assert_allclose(fused(own, named_as(own, legs_alone, SIDE), SIDE)[0], own, atol=1e-9)
-    assert is_crossed(own, exchanged, SIDE) and not is_crossed(own, thunder(own), SIDE)
-    for share in np.linspace(0, 1, 41):
-        limbs = (1 - share) * thunder(own) + share * exchanged
-        assert (side_odds(own, limbs, SIDE) < CROSSED_ODDS) == is_crossed(own, limbs, SIDE)
-
-
-def test_odds_of_the_sides_follow_by_how_much_the_limbs_fit_better_one_way() -> None:
-    own = body()
-    exchanged = thunder(own).reshape(6, 2, 3)[:, ::-1].reshape(12, 3)
-    between = 0.5 * (thunder(own) + exchanged)
-    agreed, even, crossed = (side_odds(own, limbs, SIDE) for limbs in (thunder(own), between, exchanged))
-    assert agreed > 0 > even > crossed
-    assert crossed < -agreed, "swaps are rarely imagined, and often overlooked by both networks"
 
 
 def test_a_limb_is_the_less_visible_the_farther_apart_the_two_put_it() -> None:
