@@ -14,8 +14,8 @@ Array = np.ndarray
 
 
 def refined(seen: Seen) -> Float[Array, "22 2"]:
-    """Shifts of REFINED's landmarks, pixels of the crop. The errors that the network foretells are not used: of real
-    people they are much too large (docs/measurements/perception.md)."""
+    """Shifts of REFINED's landmarks, pixels of the crop. The errors that the network foretells are not used: they are
+    twice the heat maps', with which lifters and fits were made (docs/measurements/perception.md)."""
     parts = (seen.windows(), seen.coarse(), seen.numbers())
     with torch.inference_mode():
         shift, _ = load_refiner()(RefinerInput(*(torch.from_numpy(part)[None] for part in parts)))
