@@ -1,22 +1,10 @@
 """How the limbs of two networks become one."""
 
 import numpy as np
+from seen_by_two import LIMBS, SIDE, body, thunder
 
 from humanmm.models.perception.keypoints.fusion import THUNDER, fused
-from humanmm.models.perception.regions import HEIGHT_OF_SIDE
 from humanmm.models.records import landmarks
-
-SIDE = 100 / HEIGHT_OF_SIDE  # of the region of a person 100 pixels tall
-LIMBS = list(landmarks.LIMBS)
-
-
-def body() -> np.ndarray:
-    rng = np.random.default_rng(0)
-    return np.column_stack([rng.uniform(0, 40, 33), rng.uniform(0, 100, 33), np.full(33, 0.9)])
-
-
-def thunder(keypoints: np.ndarray) -> np.ndarray:
-    return np.column_stack([keypoints[LIMBS, :2], np.full(12, 0.8)])
 
 
 def test_limbs_lie_between_both_hands_and_feet_move_along_and_the_face_is_blazeposes() -> None:
