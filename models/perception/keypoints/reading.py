@@ -13,13 +13,12 @@ from humanmm.models.weights.eight_bits import shipped_network
 Array = np.ndarray
 
 
-def refined(seen: Seen) -> Float[Array, "22 2"]:
-    """Shifts of REFINED's landmarks, pixels of the crop. The errors that the network foretells are not used: they are
-    twice the heat maps', with which lifters and fits were made (docs/measurements/perception.md)."""
+def refined(seen: Seen) -> tuple[Float[Array, "22 2"], Float[Array, " 22"]]:
+    """Shifts of REFINED's landmarks, and the errors to expect after these, pixels of the crop."""
     parts = (seen.windows(), seen.coarse(), seen.numbers())
     with torch.inference_mode():
-        shift, _ = load_refiner()(RefinerInput(*(torch.from_numpy(part)[None] for part in parts)))
-    return np.asarray(shift[0].numpy(), np.float64)
+        shift, sigma = load_refiner()(RefinerInput(*(torch.from_numpy(part)[None] for part in parts)))
+    return np.asarray(shift[0].numpy(), np.float64), np.asarray(sigma[0].numpy(), np.float64)
 
 
 @lru_cache(maxsize=1)

@@ -22,6 +22,11 @@ SHARE = 0.5
 """Of the way to where the refiner sees a landmark: it knows rendered people, and real ones are not quite like them
 (docs/measurements/perception.md)."""
 
+EXPECTED = 0.585
+"""Of the refiner's expected errors: lifters and fits were made with those of the heat maps, which are smaller. Limbs
+are off by 1.20 times the refiner's, and by 2.05 times the heat maps' (eight rendered clips; most likely factors of
+Laplace's distribution)."""
+
 
 @dataclass(frozen=True, eq=False)
 class Look:
@@ -38,17 +43,19 @@ class Look:
 
 
 def with_refined(joined: Landmarks, look: Look, *, mirrored: bool) -> Landmarks:
-    """What was joined of both networks, with refined keypoints; their expected errors stay the heat maps'."""
+    """What was joined of both networks, with refined keypoints and the refiner's expected errors."""
     from humanmm.models.perception.keypoints.reading import refined  # imports torch, which nothing needs before
 
     rows = _rows(mirrored=mirrored)
-    shift = refined(seen_in_crop(joined, look, mirrored=mirrored))
+    shift, expected = refined(seen_in_crop(joined, look, mirrored=mirrored))
     if mirrored:
         shift = shift * [-1, 1]
     to_picture = joined.region.to_source(LANDMARK_SIDE)
     keypoints = joined.keypoints.copy()
     keypoints[rows, :2] += SHARE * shift @ to_picture[:, :2].T
-    return replace(joined, keypoints=keypoints)
+    sigma = np.array(joined.keypoint_sigma)
+    sigma[rows] = EXPECTED * joined.region.side / LANDMARK_SIDE * expected
+    return replace(joined, keypoints=keypoints, keypoint_sigma=sigma)
 
 
 def seen_in_crop(joined: Landmarks, look: Look, *, mirrored: bool) -> Seen:

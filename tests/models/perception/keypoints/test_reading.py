@@ -14,12 +14,14 @@ from humanmm.models.perception.picture import Picture, whole
 def test_shifts_are_small_and_depend_on_what_is_seen(clip_picture: Picture) -> None:
     region = detect(clip_picture, whole(clip_picture))[0].region
     crop = crop_of(clip_picture, region, mirrored=False)
-    shift = refined(seen_in_crop(*joined_of(crop, region), mirrored=False))
+    shift, sigma = refined(seen_in_crop(*joined_of(crop, region), mirrored=False))
     assert shift.shape == (COUNT, 2) and 0 < np.abs(shift).max() < 30
+    assert sigma.shape == (COUNT,) and sigma.min() > 0.2 and sigma.max() < 30
     covered = crop.copy()
     covered[128:] = 127  # his legs
-    without = refined(seen_in_crop(*joined_of(covered, region), mirrored=False))
+    without, doubtful = refined(seen_in_crop(*joined_of(covered, region), mirrored=False))
     assert np.abs(without - shift)[6:16].max() > 0.5
+    assert np.median((doubtful / sigma)[6:16]) > 1.5, "who is hidden is not where anybody says"
 
 
 def test_the_network_is_loaded_once() -> None:
