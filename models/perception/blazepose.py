@@ -28,7 +28,8 @@ _WARM = 0.5
 """Largest value there, the peak, from which a heat map is believed."""
 _SHARPEST, _BLUNTER = 0.0026, 4.4
 """Expected error of a landmark at a peak of 1, sides of the crop, and how fast its logarithm grows as the peak falls
-(scripts/measure_keypoints)."""
+(docs/measurements/perception.md). Where keypoints are refined, the refiner foretells the errors of limbs, feet and
+hands."""
 _AUXILIARY = slice(33, 35)
 """Landmarks 33 and 34 are no body parts: hip centre and a point on the circle that holds the body."""
 

@@ -15,6 +15,7 @@ people usually move in the time between the two frames, calmly before and after,
 now and then jumps by itself.
 """
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -125,7 +126,7 @@ def _evidence(tracks: Sequence["_Sightings"], before: int, after: int, time_s: F
         [(t.probability, speed) for t in side if (speed := t.usual_speed(at, within_s)) is not None]
         for side, at, within_s in ((leaving, before, -_USUAL_S), (arriving, after, _USUAL_S))
     ]
-    if not all(usual) or np.prod([max(side)[0] for side in usual]) < _PEOPLE:
+    if not all(usual) or math.prod(max(probability for probability, _ in side) for side in usual) < _PEOPLE:
         return None
     moved = elapsed_s(time_s, before, after) * max(speed for side in usual for _, speed in side)
     if jump < _TIMES_USUAL * max(_STILL * (after - before), moved):

@@ -2,7 +2,7 @@
 more than what its last ones say.
 
 The file is a FlatBuffer: a field of a table holds the distance to what it refers to. New names and the longer list of
-outputs are appended, and these distances changed, which takes a fifth of the time of parsing and writing the whole.
+outputs are appended, and the distances to them changed: a fifth of the time that parsing and writing the whole takes.
 """
 
 from collections.abc import Mapping
@@ -22,7 +22,8 @@ def showing(model: bytes, tensors: Mapping[str, int]) -> bytes:
     longer = bytearray(model)
     graph = schema.Model.GetRootAsModel(model, 0).Subgraphs(0)
     for name, number in tensors.items():
-        _refer(longer, graph.Tensors(number), _NAME_OF_TENSOR, name.encode() + b"\0", count=len(name.encode()))
+        text = name.encode()
+        _refer(longer, graph.Tensors(number), _NAME_OF_TENSOR, text + b"\0", count=len(text))
     outputs = [*map(int, graph.OutputsAsNumpy()), *tensors.values()]
     _refer(longer, graph, _OUTPUTS_OF_GRAPH, pack(f"<{len(outputs)}i", *outputs), count=len(outputs))
     return bytes(longer)

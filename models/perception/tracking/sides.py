@@ -21,7 +21,7 @@ PAIR_LIMIT, STEP_LIMIT = 3.0, 10.0
 MAX_GAP_S = 0.4
 KEEP_ODDS = 0.02
 """Log-odds a frame for the network's own labels: whole runs are wrong together, so one frame is weak evidence."""
-VOTE_SPREAD, VOTE_LIMIT = 0.02, 2.0
+VOTE_SPREAD = 0.02
 
 _LEFT = np.array(landmarks.LIMBS[0::2])
 _RIGHT = np.array(landmarks.LIMBS[1::2])
@@ -33,7 +33,7 @@ def side_vote(own: Float[np.ndarray, "33 3"], other: Float[np.ndarray, "33 3"], 
     kept = kept + np.linalg.norm(own[_RIGHT, :2] - other[_RIGHT, :2], axis=1)
     crossed = np.linalg.norm(own[_LEFT, :2] - other[_RIGHT, :2], axis=1)
     crossed = crossed + np.linalg.norm(own[_RIGHT, :2] - other[_LEFT, :2], axis=1)
-    return float(np.clip(np.median(crossed - kept) / (VOTE_SPREAD * side), -VOTE_LIMIT, VOTE_LIMIT))
+    return float(np.median(crossed - kept) / (VOTE_SPREAD * side))
 
 
 def left_right_swaps(
