@@ -37,6 +37,11 @@ class ContactModel:
     """A contact begins only where the probability reaches this, and lasts while it is above one half."""
     shortest_s: float = 0.1
     """Shorter contacts, and shorter interruptions of one, are noise."""
+    longest_gap_s: float = 1.0
+    """A foot that stands at one place before and after a shorter time without anybody seen stood there meanwhile."""
+    same_place_m: float = 0.25
+    """So far apart one place may be on both sides: the poses of two shots differ, and a step is longer. Of 51 joints
+    that stand on both sides of a dissolve or fade this near, 48 have moved by less than 0.1 m, of nine others six."""
 
 
 def contact_probabilities(
@@ -51,7 +56,8 @@ def contact_probabilities(
     """Probability that each joint of `feet` (world, metres) stands still on something.
 
     `sole_height`: height of each joint above the ground when the foot is flat on it. `ray`: unit viewing ray. Above one
-    half exactly in the intervals that hysteresis and shortest duration leave; 0 where nobody was seen.
+    half exactly in the intervals that hysteresis and shortest duration leave. Where nobody was seen 0, but for feet
+    that stood before and after at one place.
     """
     model = model or ContactModel()
     velocity = velocities(feet, time_s, model.baseline_s)
@@ -62,7 +68,12 @@ def contact_probabilities(
     probability = _logistic((model.speed_ms - speed) / model.speed_softness_ms)
     probability *= _logistic((model.height_m - clear) / model.height_softness_m)
     probability[~observed] = 0.0
-    return np.asarray(np.stack([_settled(p, time_s, model) for p in probability.T], axis=1))
+    settled = np.stack([_settled(p, time_s, model) for p in probability.T], axis=1)
+    for start, end in runs_of_true(~observed):
+        inside = start > 0 and end < len(observed)
+        if inside and time_s[end] - time_s[start - 1] < model.longest_gap_s:
+            settled[start:end] = _through_gap(settled[[start - 1, end]], feet[[start - 1, end]], model)
+    return settled
 
 
 def velocities(points: Float[Array, "N K 3"], time_s: Float[Array, " N"], baseline_s: float) -> Float[Array, "N K 3"]:
@@ -82,6 +93,15 @@ def support_height(lowest: Float[Array, " N"], time_s: Float[Array, " N"], windo
     frame_s = (time_s[-1] - time_s[0]) / max(n - 1, 1)
     reach = max(1, round(window_s / frame_s)) if frame_s > 0 else 1
     return np.asarray(minimum_filter1d(lowest, 2 * min(reach, n) + 1, mode="nearest"))
+
+
+def _through_gap(
+    probability: Float[Array, "2 4"], feet: Float[Array, "2 4 3"], model: ContactModel
+) -> Float[Array, " 4"]:
+    """The probability of each contact in a gap, by those right before and right after it."""
+    least = probability.min(axis=0)
+    stood = (least >= 0.5) & (np.linalg.norm(feet[1] - feet[0], axis=-1) < model.same_place_m)
+    return np.where(stood, least, 0.0)
 
 
 def _settled(probability: Float[Array, " N"], time_s: Float[Array, " N"], model: ContactModel) -> Float[Array, " N"]:

@@ -72,6 +72,18 @@ def test_where_nobody_is_seen_nobody_stands() -> None:
     assert probability[seen].max() <= 1.0
 
 
+@pytest.mark.parametrize(("moved_m", "gap_s", "stands"), [(0.15, 0.5, True), (0.4, 0.5, False), (0.15, 1.5, False)])
+def test_a_foot_that_stands_where_it_stood_has_stood_in_a_short_gap(moved_m: float, gap_s: float, stands: bool) -> None:
+    time = np.arange(120) / 30
+    feet = np.tile(SOLE[:, None] * [0.0, 0.0, 1.0], (120, 1, 1))
+    seen = np.abs(time - 2.0) > gap_s / 2
+    feet[:, :2, 0] += moved_m * np.clip((time - 2.0) / gap_s + 0.5, 0, 1)[:, None]  # the left foot, as it is filled in
+    contacts = contact_probabilities(feet, SOLE, time_s=time, ray=np.tile(FORWARD, (120, 1)), observed=seen) >= 0.5
+    assert contacts[seen].mean() > 0.95
+    assert contacts[~seen][:, :2].all() == stands
+    assert contacts[~seen][:, 2:].all() == (gap_s < 1)
+
+
 def test_trembling_along_the_viewing_ray_is_forgiven() -> None:
     time = np.arange(90) / 30
     feet = np.tile(SOLE[:, None] * [0.0, 0.0, 1.0], (90, 1, 1))
