@@ -20,7 +20,7 @@ from humanmm.models.rendering.script import ClipPlan, plan_clip
 from humanmm.models.synthetic.mocap import MocapSequence
 from humanmm.storage.readers.archives import NpzArrays
 from humanmm.storage.readers.mocap_pack import read_pack
-from humanmm.storage.run_folder.clip_files import write_clip
+from humanmm.storage.run_folder.clip_files import erase_clips, write_clip
 from humanmm.storage.store.store import cache_folder
 from humanmm.tasks.units.digest import code_digest
 from humanmm.tasks.units.process import in_processes, prepare_process
@@ -141,8 +141,7 @@ def build_set(plan: SetPlan, folder: Path, *, threads: int = 2, force: bool = Fa
     elif folder.is_dir() and any(folder.iterdir()) and not force:
         raise InputError(f"{folder} is not empty; choose another --out or give --force")
     if force:
-        for path in folder.glob("*_gt.npz"):
-            path.unlink()
+        erase_clips(folder)
     folder.mkdir(parents=True, exist_ok=True)
     record.write_text(json.dumps(identity, indent=1) + "\n", encoding="utf-8")
     (folder / "README.md").write_text(_README, encoding="utf-8")

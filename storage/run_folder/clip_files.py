@@ -27,6 +27,15 @@ def write_clip(rendered: RenderedClip, folder: Path) -> Path:
     return video
 
 
+def erase_clips(folder: Path) -> None:
+    """Delete the clips that `write_clip` wrote into a folder, whatever their names; other files stay."""
+    for truth in folder.glob("*_gt.npz"):
+        name = truth.name.removesuffix("_gt.npz")
+        truth.unlink()  # first: without it the rest is no clip
+        for rest in (f"{name}.mp4", f"{name}_masks.npz"):
+            (folder / rest).unlink(missing_ok=True)
+
+
 def write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
     """A compressed npz; its bytes depend on the arrays alone."""
     with path.open("wb") as file:

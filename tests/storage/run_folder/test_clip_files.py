@@ -1,5 +1,7 @@
 """Rendered clips as files: the same bytes every time, and a truth that the evaluation reads."""
 
+import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import av
@@ -57,3 +59,14 @@ def test_boxes_are_those_of_the_masks(folder: Path) -> None:
 def test_a_folder_with_another_set_is_left_alone(folder: Path) -> None:
     with pytest.raises(InputError, match="another set"):
         build_set(SetPlan((PACK,), "tiny", seed=6), folder)
+
+
+def test_a_set_that_takes_the_place_of_another_leaves_none_of_its_clips(folder: Path, tmp_path: Path) -> None:
+    other = tmp_path / "set"
+    shutil.copytree(folder, other)
+    (other / "notes.mp4").write_bytes(b"the user's own")
+    build_set(replace(PLAN, seed=6), other, force=True)
+    names = {path.name for path in other.iterdir()}
+    assert "notes.mp4" in names
+    assert not names & {path.name for path in folder.glob("*.[mn]p[4z]")}
+    assert len(list(other.glob("*_gt.npz"))) == len(list(other.glob("*_masks.npz"))) == 1
