@@ -52,23 +52,34 @@ def read_pairs(folder: Path, split: str, kind: str = "pairs") -> tuple[dict[str,
     paths = sorted(folder.glob(f"{split}-*.zarr"))
     if not paths:
         raise InputError(f"{folder} holds no {kind} of the split {split}; make them with humanmm train {kind}")
-    columns: dict[str, list[Array]] = {}
-    facts: list[dict[str, Any]] = []
-    for path in paths:
-        arrays, own = read_group(path)
-        for key, array in arrays.items():
-            columns.setdefault(key, []).append(array)
-        facts += own
-    return {key: np.concatenate(parts) for key, parts in columns.items()}, facts
+    groups = [_opened(path) for path in paths]
+    stored = [dict(group.arrays()) for group in groups]
+    arrays: dict[str, Array] = {}
+    for key, first in stored[0].items():  # in place: looks fill gigabytes, joined at last they would for a while twice
+        ends = np.cumsum([parts[key].shape[0] for parts in stored])
+        arrays[key] = np.empty((ends[-1], *first.shape[1:]), first.dtype)
+        for parts, end in zip(stored, ends, strict=True):
+            arrays[key][end - parts[key].shape[0] : end] = parts[key][:]
+    return arrays, [one for group in groups for one in _facts(group)]
 
 
 def read_group(path: Path) -> tuple[dict[str, Array], list[dict[str, Any]]]:
     """The windows of one group. InputError where it is something else."""
+    group = _opened(path)
+    return {key: np.asarray(array[:]) for key, array in group.arrays()}, _facts(group)
+
+
+def _opened(path: Path) -> zarr.Group:
     group = zarr.open_group(path, mode="r")
     if group.attrs.get("schema") != SCHEMA:
         found = group.attrs.get("schema")
         raise InputError(f"{path} is no group of pairs: its schema is {found!r}, not {SCHEMA!r}")
-    return {key: np.asarray(array[:]) for key, array in group.arrays()}, json.loads(str(group.attrs[FACTS]))
+    return group
+
+
+def _facts(group: zarr.Group) -> list[dict[str, Any]]:
+    facts: list[dict[str, Any]] = json.loads(str(group.attrs[FACTS]))
+    return facts
 
 
 def identity_of(parts: Mapping[str, Any]) -> str:
