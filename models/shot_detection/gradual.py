@@ -10,6 +10,7 @@ a picture on the way from one to the other has as much.
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from humanmm.models.geometry.intervals import Interval, merged, runs_of_true
 from humanmm.models.shot_detection.picture_window import THUMB, PictureWindow
@@ -47,6 +48,8 @@ _MEETING = 2
 _DIP, _DIP_S, _LEAST_RAMP = 0.25, 1.0, 3
 """A dip is a fade if it leaves less than this part of the contrast that there is within so many seconds on either side,
 over so many frames at least."""
+_FLICKER_REACH, _LEAST_FLICKER = 3, 0.02
+"""Frames on either side whose median light a flickering picture gets, and the median deviation that is a flicker."""
 _FADE_S = 2.0
 """Longest fade-out or fade-in, seconds."""
 DISSOLVE_S = 2.0
@@ -58,7 +61,7 @@ def dissolves(window: PictureWindow, begin: int, end: int, longest: int) -> list
 
     They last at most DISSOLVE_S, in which the video shows at most `longest` frames.
     """
-    thumbs = np.stack(window.thumbs)
+    thumbs = _without_flicker(np.stack(window.thumbs))
     time_s = window.time_s[window.first : window.end]
     coarse = _halved(thumbs)
     candidates: list[tuple[float, int, int]] = []
@@ -84,6 +87,19 @@ def dissolves(window: PictureWindow, begin: int, end: int, longest: int) -> list
             continue
         found.append(Interval(start, stop))
     return sorted(found)
+
+
+def _without_flicker(thumbs: np.ndarray) -> np.ndarray:
+    """Pictures (n,h,w,…) whose light flickers, each as light as those around it; others as they are.
+
+    Lamps that flicker, and exposures that hunt, bend the ramp of a blend; a fade changes the light for longer.
+    """
+    light = thumbs.reshape(len(thumbs), -1).mean(axis=1)
+    even = median_filter(light, size=2 * _FLICKER_REACH + 1, mode="nearest")
+    flicker = np.maximum(light, 1.0) / np.maximum(even, 1.0)
+    if np.median(np.abs(flicker - 1)) < _LEAST_FLICKER:
+        return thumbs
+    return np.asarray(thumbs / flicker.reshape(-1, *[1] * (thumbs.ndim - 1)), thumbs.dtype)
 
 
 def lost_detail(window: PictureWindow, before: int, after: int) -> float:

@@ -44,6 +44,19 @@ def test_a_dissolve_is_linear_in_time_not_in_frames() -> None:
     assert wrong != [(kind, start, end)]
 
 
+def test_lamps_that_flicker_hide_no_dissolve() -> None:
+    one, two = Place(1).picture(0), Place(2).picture(0)
+    time_s = np.arange(110) / 30
+    weights = np.clip((np.arange(110) - 39) / 20, 0, 1)
+    light = 1 + 0.18 * np.sin(2 * np.pi * 0.31 * np.arange(110))
+    pictures = [
+        np.clip(blended(one, two, w) * by, 0, 255).astype(np.uint8) for w, by in zip(weights, light, strict=True)
+    ]
+    ((kind, start, end),) = changes(pictures, time_s)
+    assert kind == "dissolve"
+    assert abs(start - 40) <= 2 and abs(end - 59) <= 2
+
+
 @pytest.mark.parametrize("seconds", [0.6, 1.5])
 def test_a_fade_reaches_as_far_as_its_light_changes_linearly_in_time(seconds: float) -> None:
     out_s, in_s = TIME_S[50], TIME_S[70]
