@@ -27,7 +27,7 @@ MEASURED_AT_ONCE = 256
 class RefinerRecipe(Recipe):
     """See `Recipe`."""
 
-    steps: int = 6_000
+    steps: int = 9_000
     batch: int = 64
     rate: float = 2e-3
     dropout: float = 0.05
