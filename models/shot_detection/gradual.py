@@ -90,16 +90,16 @@ def dissolves(window: PictureWindow, begin: int, end: int, longest: int) -> list
 
 
 def _without_flicker(thumbs: np.ndarray) -> np.ndarray:
-    """Pictures (n,h,w,…) whose light flickers, each as light as those around it; others as they are.
+    """n small pictures (n,m), a row each, whose light flickers, each as light as those around it; others as they are.
 
     Lamps that flicker, and exposures that hunt, bend the ramp of a blend; a fade changes the light for longer.
     """
-    light = thumbs.reshape(len(thumbs), -1).mean(axis=1)
+    light = thumbs.mean(axis=1)
     even = median_filter(light, size=2 * _FLICKER_REACH + 1, mode="nearest")
     flicker = np.maximum(light, 1.0) / np.maximum(even, 1.0)
     if np.median(np.abs(flicker - 1)) < _LEAST_FLICKER:
         return thumbs
-    return np.asarray(thumbs / flicker.reshape(-1, *[1] * (thumbs.ndim - 1)), thumbs.dtype)
+    return np.asarray(thumbs / flicker[:, None], thumbs.dtype)
 
 
 def lost_detail(window: PictureWindow, before: int, after: int) -> float:

@@ -54,6 +54,8 @@ def read_pairs(folder: Path, split: str, kind: str = "pairs") -> tuple[dict[str,
         raise InputError(f"{folder} holds no {kind} of the split {split}; make them with humanmm train {kind}")
     groups = [_opened(path) for path in paths]
     stored = [dict(group.arrays()) for group in groups]
+    if any(parts.keys() != stored[0].keys() for parts in stored):
+        raise InputError(f"{folder} holds groups of {split} that were made by different programs; make them anew")
     arrays: dict[str, Array] = {}
     for key, first in stored[0].items():  # in place: looks fill gigabytes, joined at last they would for a while twice
         ends = np.cumsum([parts[key].shape[0] for parts in stored])

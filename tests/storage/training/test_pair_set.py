@@ -32,3 +32,10 @@ def test_an_empty_or_foreign_folder_is_reported(tmp_path: Path) -> None:
     zarr.open_group(tmp_path / "train-00000.zarr", mode="w")
     with pytest.raises(InputError, match="no group of pairs"):
         read_pairs(tmp_path, "train")
+
+
+def test_groups_that_hold_different_things_are_no_set(tmp_path: Path) -> None:
+    PairSet(tmp_path, "a").write("dev-00000", {"x": np.zeros((1, 1))}, [{}])
+    PairSet(tmp_path, "b").write("dev-00001", {"x": np.zeros((1, 1)), "y": np.zeros((1, 1))}, [{}])
+    with pytest.raises(InputError, match="made by different programs"):
+        read_pairs(tmp_path, "dev")
