@@ -10,7 +10,7 @@ a picture on the way from one to the other has as much.
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.ndimage import median_filter
+from numpy.lib.stride_tricks import sliding_window_view
 
 from humanmm.models.geometry.intervals import Interval, merged, runs_of_true
 from humanmm.models.shot_detection.picture_window import THUMB, PictureWindow
@@ -95,7 +95,8 @@ def _without_flicker(thumbs: np.ndarray) -> np.ndarray:
     Lamps that flicker, and exposures that hunt, bend the ramp of a blend; a fade changes the light for longer.
     """
     light = thumbs.mean(axis=1)
-    even = median_filter(light, size=2 * _FLICKER_REACH + 1, mode="nearest")
+    around = sliding_window_view(np.pad(light, _FLICKER_REACH, mode="edge"), 2 * _FLICKER_REACH + 1)
+    even = np.median(around, axis=-1)
     flicker = np.maximum(light, 1.0) / np.maximum(even, 1.0)
     if np.median(np.abs(flicker - 1)) < _LEAST_FLICKER:
         return thumbs
