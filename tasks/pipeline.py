@@ -84,7 +84,7 @@ STAGES: tuple[Stage, ...] = (
     Stage(
         "scenes", "video", ("decode",), ("scenes",), "humanmm.models.records.shots:Scenes",
         corrections=("add-cut", "remove-cut"),
-        schema_version=5, reads_video=True, defines="scene", resources=_memory(20, 20, 15),
+        schema_version=6, reads_video=True, defines="scene", resources=_memory(20, 20, 15),
     ),
     Stage(
         "people", "scene", ("decode", "scenes"), ("people", "lifting"), "humanmm.models.records.tracks:ScenePeople",

@@ -71,6 +71,17 @@ SPANNED = 0.99
 
 
 @dataclass(frozen=True)
+class Change:
+    """A frame that differs more from the one before it than any frame around it does."""
+
+    frame: int
+    outstanding: float
+    """How many times as much as the largest of those."""
+    step: tuple[float, float]
+    """x, y in pixels: how far the place moves besides its motion before and after."""
+
+
+@dataclass(frozen=True)
 class Scenes:
     """Colour-based boundaries of a video of num_frames; scene k runs [starts[k], starts[k+1])."""
 
@@ -80,6 +91,8 @@ class Scenes:
     """What became of the corrections of cuts; a cut to be removed that is not here may be one that people show."""
     suspected: tuple[int, ...] = ()
     """Frames that may begin a shot: time may have been left out before them."""
+    changes: tuple[Change, ...] = ()
+    """Those inside the scenes at which the picture changes most: jump cuts, if people leap there."""
     burned_in: tuple[tuple[Box, ...], ...] = ()
     """By scene, where something was drawn over the film (captions, logos, black bars)."""
 

@@ -32,28 +32,24 @@ def corrected_scenes(scenes: Scenes, corrections: Corrections) -> Scenes:
         kept = [t for t in kept if not _overlap(t, added)]
         kept.append(added)
         notes.append(CorrectionNote(correction.identity, True))
-    settled = _of_suspects(scenes, corrections)
+    suspected, notes = settled(scenes.suspected, notes, corrections)
     return Scenes(
-        scenes.num_frames,
-        tuple(sorted(kept, key=lambda t: t.start)),
-        tuple(replace(note, applied=True, reason="") if note.identity in settled else note for note in notes),
-        tuple(frame for frame in scenes.suspected if not _is_settled(frame, corrections)),
+        scenes.num_frames, tuple(sorted(kept, key=lambda t: t.start)), tuple(notes), suspected, scenes.changes
     )
 
 
-def _of_suspects(scenes: Scenes, corrections: Corrections) -> set[str]:
-    """Identities of the corrections by which a suspected cut is none."""
-    return {
-        one.identity
-        for one in corrections.of(RemoveCut)
-        if any(abs(one.frame - frame) <= NEAR_FRAMES for frame in scenes.suspected)
-    }
-
-
-def _is_settled(frame: int, corrections: Corrections) -> bool:
-    """Whether the user says what a suspected frame is."""
-    said = [one.frame for one in corrections.of(AddCut)] + [one.frame for one in corrections.of(RemoveCut)]
-    return any(abs(other - frame) <= NEAR_FRAMES for other in said)
+def settled(
+    suspected: Sequence[int], notes: Sequence[CorrectionNote], corrections: Corrections
+) -> tuple[tuple[int, ...], list[CorrectionNote]]:
+    """The suspected cuts of which the user says nothing, and the notes, in which a correction fits that says of a
+    suspected cut that it is none."""
+    refused = corrections.of(RemoveCut)
+    said = [one.frame for one in corrections.of(AddCut)] + [one.frame for one in refused]
+    useful = {one.identity for one in refused if any(abs(one.frame - frame) <= NEAR_FRAMES for frame in suspected)}
+    return (
+        tuple(frame for frame in suspected if all(abs(frame - other) > NEAR_FRAMES for other in said)),
+        [replace(note, applied=True, reason="") if note.identity in useful else note for note in notes],
+    )
 
 
 def removed(

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, UInt8
 
+from humanmm.models.records.shots import Change
 from humanmm.models.shot_detection.picture_window import PictureWindow
 from humanmm.models.shot_detection.similarity import MotionMeter
 
@@ -30,6 +31,9 @@ LEAST_UNMATCHED, LEAST_CHANGE = 0.01, 1.0
 """Smaller numbers on both sides are noise: a fraction of the picture, and a content value of PySceneDetect."""
 LEAST_JUMP = 0.9
 """Fraction of the change on either side below which a frame is no candidate: saves the motion of most frames."""
+OUTSTANDING = 1.05
+"""How many times as large as any around it a change must be for what people do at that frame to count: 6 % of the
+frames of real clips in which nothing is left out have it, 2 % of rendered ones."""
 LONGEST_STALL = 10.0
 """A recorder that stalls repeats a picture for no longer than so many frames; who stands still does for longer."""
 SAME_PLACE = 0.35
@@ -75,20 +79,53 @@ def jumps(window: PictureWindow, begin: int, until: int, known: Collection[int])
             yield jump
 
 
-def _jump(window: PictureWindow, frame: int, known: Collection[int]) -> Jump | None:
-    """None where what stands out is less than SUSPECTED times as large as around it, or where place or light explain
-    it."""
+def changes(window: PictureWindow, begin: int, until: int, known: Collection[int]) -> Iterator[Change]:
+    """Frames of [begin, until) at which the picture changes more than at any around them, as far as their shot goes.
+
+    `known`: frames that begin a shot. The pictures around must be in the window, as for `jumps`. After a picture that
+    is repeated whatever moves has moved on, so that such frames are left out.
+    """
+    for frame in range(max(begin, 2), min(until, window.end - 1)):
+        if frame in known or window.frozen(frame - 1) or (step := _step(window, frame, known)) is None:
+            continue
+        if step.larger >= OUTSTANDING:
+            before, here, after = (np.array(window.motion(t - 1, t).shift) for t in (frame - 1, frame, frame + 1))
+            right, down = here - (before + after) / 2
+            yield Change(frame, step.larger, (float(right), float(down)))
+
+
+@dataclass(frozen=True)
+class _Step:
+    """How a picture changes from one frame to the next, and how those around it do."""
+
+    around: tuple[int, ...]
+    late: float
+    """How many times the usual time has gone by."""
+    larger: float
+    """How many times as large the change is as the largest around it, in the same time."""
+
+
+def _step(window: PictureWindow, frame: int, known: Collection[int]) -> _Step | None:
+    """None where too few frames around it are known."""
     before = _side(range(frame - 1, max(window.first, frame - 1 - AROUND), -1), known)
     after = _side(range(frame + 1, min(window.end, frame + 1 + AROUND)), known)
     if min(len(before), len(after)) < FEWEST:
         return None
-    around = [*before, *after]
+    around = (*before, *after)
     usual_s = float(np.median([window.elapsed_s(t - 1, t) for t in around]))
     repeated_s = min(window.unseen_s(frame), LONGEST_STALL * usual_s)
     late = max(1.0, window.elapsed_s(frame - 1, frame) / usual_s, repeated_s / usual_s)
     larger = window.change[frame] / max(LEAST_CHANGE, late * max(window.change[t] for t in around))
-    if larger < LEAST_JUMP:
+    return _Step(around, late, larger)
+
+
+def _jump(window: PictureWindow, frame: int, known: Collection[int]) -> Jump | None:
+    """None where what stands out is less than SUSPECTED times as large as around it, or where place or light explain
+    it."""
+    step = _step(window, frame, known)
+    if step is None or step.larger < LEAST_JUMP:
         return None
+    around, late, larger = step.around, step.late, step.larger
     motion = window.motion(frame - 1, frame)
     if motion.match < SAME_PLACE:
         return None

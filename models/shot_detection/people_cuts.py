@@ -4,7 +4,7 @@ Two views of one room may look alike as a whole, but nobody jumps from one frame
 neighbouring frames in which people are seen, each person before is compared with each person after:
 
 * box IoU, as in the paper;
-* keypoint IoU: squares of side `_SQUARE` × body size about each landmark that is visible in both frames, their
+* keypoint IoU: squares of side `sightings.SQUARE` × body size about each landmark that is visible in both frames, their
   intersection over union averaged over the landmarks. Body size is the square root of the box's area. It is 1 for equal
   poses and 0 once most landmarks have moved by a fifth of the body. Each left-right pair may be swapped: a detector
   that mistakes left for right makes no cut.
@@ -16,18 +16,18 @@ now and then jumps by itself.
 """
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from itertools import pairwise
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.models.geometry.boxes import box_area, box_iou
-from humanmm.models.records.landmarks import HIPS, SHOULDERS, SWAP
 from humanmm.models.records.shots import Scenes, Transition
-from humanmm.models.records.tracks import PersonTrack, ScenePeople
+from humanmm.models.records.tracks import ScenePeople
+from humanmm.models.shot_detection.corrected_cuts import NEAR_FRAMES
+from humanmm.models.shot_detection.leaps import leaps
+from humanmm.models.shot_detection.sightings import USUAL_S, Sightings, Step, step
 from humanmm.models.video.frame_times import elapsed_s, nearest_frame
 
 Array = np.ndarray
@@ -39,60 +39,54 @@ _BOX_IOU = 0.3
 """Boxes of one person in neighbouring frames overlap by more, even running across the picture (0.4, measured)."""
 _KEYPOINT_IOU = 0.3
 """Keypoints of one person overlap by more unless the detector errs; across cuts 0 to 0.3."""
-_SQUARE = 0.2
-"""Side of a keypoint's square as a fraction of the body's size: a few times the detector's jitter (0.02)."""
 _TIMES_USUAL = 6.0
 """A jump is so many times larger than the person's usual movement nearby, in the same time."""
-_USUAL_S = 0.4
-"""How far on either side the usual movement is taken from."""
-_CALM_STEPS = 3
-"""Steps that must be known on either side."""
 _GAP_S = 0.15
 """Longest time for which a tracker may lose everybody at a cut."""
 _RETURN_S = 0.255
 """A jump that is undone within this time (8 frames at 30 Hz) is an error of the detector."""
-_VISIBLE = 0.5
-"""Visibility from which on a landmark is compared."""
 _PEOPLE = 0.5
 """Least probability that somebody on either side is a person, the two taken as independent."""
-_MIN_CONFIDENCE = 0.3
-"""Sightings of lower confidence are left out."""
-_MIN_LANDMARKS = 8
-"""Landmarks that must be visible in both frames."""
 _STILL = 0.02
 """Least usual movement a frame, fraction of the body's size: the detector's jitter."""
 
 
-@dataclass(frozen=True)
-class Step:
-    """How two sightings of a person differ."""
+class Split(NamedTuple):
+    """Where the shots of a video change."""
 
-    box_iou: float
-    keypoint_iou: float
-    distance: float
-    """Median movement of the visible landmarks (of the better labelling), fraction of the body's size."""
+    transitions: tuple[Transition, ...]
+    """In order: those of the colours, and those that people show inside the scenes."""
+    suspected: tuple[int, ...]
+    """Frames besides that may begin a shot."""
 
 
 def split_scenes(
     scenes: Scenes, people: Sequence[ScenePeople | None], *, time_s: Float[Array, " F"], parts: Parts = "keypoints"
-) -> tuple[Transition, ...]:
-    """All transitions of the video: those of the colours, then those that people show inside the scenes.
-
-    `time_s` holds the presentation times of all frames.
-    """
+) -> Split:
+    """All transitions of the video. `time_s` holds the presentation times of all frames."""
     if parts == "scenes":
-        return scenes.transitions
+        return Split(scenes.transitions, scenes.suspected)
     with_keypoints = parts == "keypoints"
     seen = [scene for scene in people if scene is not None]
     found = [cut for scene in seen for cut in cuts_in_scene(scene, time_s=time_s, with_keypoints=with_keypoints)]
-    free = [cut for cut in found if not any(t.start <= cut.start <= t.end for t in scenes.transitions)]
-    return tuple(sorted([*scenes.transitions, *free], key=lambda t: t.start))
+    transitions = [
+        *scenes.transitions,
+        *(cut for cut in found if not any(t.start <= cut.start <= t.end for t in scenes.transitions)),
+    ]
+    leaping = [
+        leap
+        for leap in (leaps(scenes, seen, time_s=time_s) if with_keypoints else ())
+        if not any(t.start - NEAR_FRAMES <= leap.frame <= t.end + NEAR_FRAMES for t in transitions)
+    ]
+    transitions += [Transition("cut", leap.frame, leap.frame, "keypoints") for leap in leaping if leap.certain]
+    suspected = {*scenes.suspected, *(leap.frame for leap in leaping if not leap.certain)}
+    return Split(tuple(sorted(transitions, key=lambda t: t.start)), tuple(sorted(suspected)))
 
 
 def cuts_in_scene(scene: ScenePeople, *, time_s: Float[Array, " F"], with_keypoints: bool = True) -> list[Transition]:
     """Cuts inside one scene, in order. Without keypoints only boxes that jump make a cut; what speaks against a jump
     (movement that is usual, a jump that is undone) is looked for all the same."""
-    tracks = [_Sightings(track, time_s) for track in scene.tracks]
+    tracks = [Sightings(track, time_s) for track in scene.tracks]
     frames = sorted({frame for track in tracks for frame in track.row})
     cuts: list[Transition] = []
     for before, after in pairwise(frames):
@@ -105,7 +99,7 @@ def cuts_in_scene(scene: ScenePeople, *, time_s: Float[Array, " F"], with_keypoi
     return cuts
 
 
-def _evidence(tracks: Sequence["_Sightings"], before: int, after: int, time_s: Float[Array, " F"]) -> str | None:
+def _evidence(tracks: Sequence[Sightings], before: int, after: int, time_s: Float[Array, " F"]) -> str | None:
     """Which comparison, box or keypoints, shows that a cut lies between two frames; None if there is no cut."""
     # who is lost for a while, or found again, is no evidence: only who goes on, ends or begins here
     leaving = [t for t in tracks if before in t.row and (after in t.row or t.last == before)]
@@ -124,7 +118,7 @@ def _evidence(tracks: Sequence["_Sightings"], before: int, after: int, time_s: F
     # both sides need somebody who was, and is, seen to move calmly
     usual = [
         [(t.probability, speed) for t in side if (speed := t.usual_speed(at, within_s)) is not None]
-        for side, at, within_s in ((leaving, before, -_USUAL_S), (arriving, after, _USUAL_S))
+        for side, at, within_s in ((leaving, before, -USUAL_S), (arriving, after, USUAL_S))
     ]
     if not all(usual) or math.prod(max(probability for probability, _ in side) for side in usual) < _PEOPLE:
         return None
@@ -136,7 +130,7 @@ def _evidence(tracks: Sequence["_Sightings"], before: int, after: int, time_s: F
     return "bbox" if boxes_jump else "keypoints"
 
 
-def _returns(tracks: Sequence["_Sightings"], before: int, after: int, time_s: Float[Array, " F"]) -> bool:
+def _returns(tracks: Sequence[Sightings], before: int, after: int, time_s: Float[Array, " F"]) -> bool:
     """Whether somebody is soon back where they were, or comes back from a jump shortly before."""
     there = [(before, later) for later in range(after, nearest_frame(time_s, time_s[after] + _RETURN_S) + 1)]
     back = [(earlier, after) for earlier in range(nearest_frame(time_s, time_s[before] - _RETURN_S), before)]
@@ -152,86 +146,3 @@ def _returns(tracks: Sequence["_Sightings"], before: int, after: int, time_s: Fl
 
 def _carries_on(change: Step | None) -> bool:
     return change is not None and change.keypoint_iou > _KEYPOINT_IOU and change.box_iou > _BOX_IOU
-
-
-def step(a: "_Sightings", frame_a: int, b: "_Sightings", frame_b: int) -> Step | None:
-    """Difference between a sighting in one frame and one in another.
-
-    None if too few landmarks are visible in both, or if the body is upside down in one: no camera does that at a cut,
-    but detectors do.
-    """
-    i, j = a.row[frame_a], b.row[frame_b]
-    size = float(np.sqrt(a.size[i] * b.size[j]))
-    first, second = a.keypoints[i], b.keypoints[j]
-    seen = (first[:, 2] > _VISIBLE) & (second[:, 2] > _VISIBLE)
-    if seen.sum() < _MIN_LANDMARKS or _trunk(first) @ _trunk(second) < 0:
-        return None
-    squares, squares_labelled, squares_swapped = (
-        _squares(points, _SQUARE * size) for points in (first, second, second[SWAP])
-    )
-    as_labelled, swapped = box_iou(squares, squares_labelled), box_iou(squares, squares_swapped)
-    # a pair of landmarks is swapped as a whole
-    better_swapped = swapped + swapped[SWAP] > as_labelled + as_labelled[SWAP]
-    overlap = np.where(better_swapped, swapped, as_labelled)
-    moved = np.linalg.norm(second[:, :2] - first[:, :2], axis=1)
-    moved_swapped = np.linalg.norm(second[SWAP, :2] - first[:, :2], axis=1)
-    shorter = moved_swapped + moved_swapped[SWAP] < moved + moved[SWAP]
-    distance = np.where(shorter, moved_swapped, moved)
-    return Step(
-        box_iou=float(box_iou(a.boxes[i], b.boxes[j])),
-        keypoint_iou=float(overlap[seen].mean()),
-        distance=float(np.median(distance[seen])) / size,
-    )
-
-
-def _trunk(keypoints: np.ndarray) -> np.ndarray:
-    """(2,) from the hips to the shoulders."""
-    return np.asarray(keypoints[list(SHOULDERS), :2].mean(axis=0) - keypoints[list(HIPS), :2].mean(axis=0))
-
-
-def _squares(keypoints: Float[Array, "33 3"], side: float) -> Float[Array, "33 4"]:
-    """xyxy of squares of one side about keypoints."""
-    return np.concatenate([keypoints[:, :2] - side / 2, keypoints[:, :2] + side / 2], axis=1)
-
-
-class _Sightings:
-    """The trustworthy part of a track, looked up by frame."""
-
-    def __init__(self, track: PersonTrack, time_s: Float[Array, " F"]) -> None:
-        self._time_s = time_s
-        self._frame_s = float(np.median(np.diff(time_s)))
-        self.probability = track.probability
-        self.row = {int(f): i for i, f in enumerate(track.frame) if track.confidence[i] >= _MIN_CONFIDENCE}
-        self.first, self.last = min(self.row, default=-1), max(self.row, default=-1)
-        self.keypoints = track.keypoints2d.astype(np.float64)
-        self.boxes = track.bbox.astype(np.float64)
-        self.size = np.sqrt(np.maximum(box_area(self.boxes), 1.0))
-        self._frames = np.array(sorted(self.row), dtype=np.int64)
-
-    def usual_speed(self, frame: int, within_s: float) -> float | None:
-        """Upper quartile of the movement a second within some seconds before (negative) or after a frame.
-
-        The steps next to the frame count in full: a jump among jumps is a detector that errs. None where too few steps
-        are known.
-        """
-        other = nearest_frame(self._time_s, self._time_s[frame] + within_s)
-        other = min(other, frame - _CALM_STEPS) if within_s < 0 else max(other, frame + _CALM_STEPS)
-        speeds = list(self._speeds(frame, other))
-        if len(speeds) < _CALM_STEPS:
-            return None
-        return max(float(np.quantile(speeds, 0.75)), 0.5 * max(speeds[:2]))
-
-    def _speeds(self, frame: int, other: int) -> Iterator[float]:
-        """Movement a second between two frames, the steps nearest to `frame` first.
-
-        A body rotated upside down moves by its whole size a frame. Steps shorter than the video's usual ones show the
-        detector's jitter rather than motion, and count as long as those.
-        """
-        inside = self._frames[(self._frames >= min(frame, other)) & (self._frames <= max(frame, other))]
-        pairs = list(zip(inside[:-1].tolist(), inside[1:].tolist(), strict=True))
-        for one, next_one in pairs if other > frame else reversed(pairs):
-            change = step(self, one, self, next_one)
-            if change is None:
-                yield 1.0 / self._frame_s
-            else:
-                yield change.distance / max(elapsed_s(self._time_s, one, next_one), self._frame_s)

@@ -14,7 +14,7 @@ import numpy as np
 
 from humanmm.corrections import NONE, Corrections
 from humanmm.models.geometry.intervals import Interval, merged
-from humanmm.models.records.shots import BRIGHT, Box, Scenes, Transition
+from humanmm.models.records.shots import BRIGHT, Box, Change, Scenes, Transition
 from humanmm.models.shot_detection.burned_in import burned_into
 from humanmm.models.shot_detection.corrected_cuts import corrected_scenes
 from humanmm.models.shot_detection.gradual import (
@@ -27,7 +27,7 @@ from humanmm.models.shot_detection.gradual import (
     uniform_runs,
 )
 from humanmm.models.shot_detection.hard_cuts import REACH, hard_cuts
-from humanmm.models.shot_detection.jump_cuts import Jump, jumps
+from humanmm.models.shot_detection.jump_cuts import Jump, changes, jumps
 from humanmm.models.shot_detection.picture_window import SIDE_PX, PictureWindow
 from humanmm.models.video.frame_times import elapsed_s, sampled_every
 from humanmm.models.video.frames import frames
@@ -63,6 +63,7 @@ class SceneDetector:
         self._proposals: list[int] = []
         self._cuts: list[int] = []
         self._jumps: dict[int, Jump] = {}
+        self._changes: list[Change] = []
         self._dissolves: list[Interval] = []
         self._flickers: list[Interval] = []
         self._dips: list[Interval] = []
@@ -102,11 +103,12 @@ class SceneDetector:
             for jump in self._jumps.values()
             if not jump.certain and not any(t.start <= jump.frame <= t.end for t in transitions)
         )
-        return Scenes(self._window.end, transitions, suspected=suspected)
+        inside = (one for one in self._changes if not any(t.start <= one.frame <= t.end for t in transitions))
+        return Scenes(self._window.end, transitions, suspected=suspected, changes=tuple(inside))
 
     def filmed(self, width_px: int) -> Scenes:
-        """The same with what is drawn over every scene, in pixels of the video (`width_px` wide), and without the jump
-        cuts, and suspected ones, that are seen there alone."""
+        """The same with what is drawn over every scene, and how far places move, in pixels of the video (`width_px`
+        wide), and without the jump cuts, and suspected ones, that are seen there alone."""
         scenes = self.finish()
         drawn = burned_into(self.samples, scenes, width_px)
         within = self._jumps_in(itertools.chain(*drawn), width_px)
@@ -114,7 +116,9 @@ class SceneDetector:
         if len(kept) < len(scenes.transitions):
             drawn = burned_into(self.samples, replace(scenes, transitions=kept), width_px)
         suspected = tuple(frame for frame in scenes.suspected if frame not in within)
-        return replace(scenes, transitions=kept, suspected=suspected, burned_in=drawn)
+        scale = width_px / self._shape[1]
+        in_video = tuple(replace(one, step=(one.step[0] * scale, one.step[1] * scale)) for one in scenes.changes)
+        return replace(scenes, transitions=kept, suspected=suspected, changes=in_video, burned_in=drawn)
 
     def _jumps_in(self, boxes: Iterable[Box], width_px: int) -> set[int]:
         """The jump cuts that are seen in these boxes alone."""
@@ -133,11 +137,12 @@ class SceneDetector:
         self._dissolves += found
         here = sorted({p for p in self._proposals if begin <= p < until and p > 0})
         self._proposals = [p for p in self._proposals if p >= until]
-        changes = [*self._cuts, *(s.end for s in self._dissolves if s.end <= begin)]
-        self._cuts += hard_cuts(window, here, max(changes, default=0))
+        shots = [*self._cuts, *(s.end for s in self._dissolves if s.end <= begin)]
+        self._cuts += hard_cuts(window, here, max(shots, default=0))
         found_jumps = list(jumps(window, begin, until, set(self._cuts)))
         self._jumps |= {jump.frame: jump for jump in found_jumps}
         self._cuts += [jump.frame for jump in found_jumps if jump.certain]
+        self._changes += changes(window, begin, until, set(self._cuts))
         for run in uniform_runs(window.uniform):
             is_short = elapsed_s(window.time_s, run.start, run.end) <= _FLICKER_S
             if begin <= run.end < until and is_short and self._same_place(run):

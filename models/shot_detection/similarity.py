@@ -12,6 +12,8 @@ WINDOW_PX = 9
 """Side of the window in which pictures are correlated."""
 _NOISE = 16.0
 """Grey levels squared; variance that coding noise leaves in a flat window, so that flat windows count as alike."""
+SPARSE = 4
+"""One of so many rows and columns says how far the whole picture is shifted."""
 _UNMATCHED, TEXTURE = 0.3, 14.0
 """Below this correlation a window is not found again; grey levels of contrast from which it has texture."""
 _SAME_PLACE_INLIERS = 10
@@ -31,6 +33,8 @@ class Motion:
     """Mean displacement as a fraction of the picture's width."""
     unmatched: float
     """Fraction of the picture, 0..1, whose texture is not found again once the motion is undone."""
+    shift: tuple[float, float] = (0.0, 0.0)
+    """Median displacement, pixels: x to the right, y down."""
 
 
 class MotionMeter:
@@ -54,7 +58,8 @@ class MotionMeter:
         undone = cv2.remap(after, target[..., 0], target[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         length = float(np.sqrt((flow * flow).sum(axis=-1)).mean())
         match, unmatched = _compared(before, undone, where)
-        return Motion(match, length / before.shape[1], unmatched)
+        right, down = np.median(flow[::SPARSE, ::SPARSE].reshape(-1, 2), axis=0)
+        return Motion(match, length / before.shape[1], unmatched, (float(right), float(down)))
 
 
 def correlation(first: np.ndarray, second: np.ndarray, where: np.ndarray | None = None) -> float:

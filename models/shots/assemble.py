@@ -12,8 +12,8 @@ from humanmm.models.geometry.intrinsics import K_from_focal, default_focal_px
 from humanmm.models.records.shots import Appearance, CorrectionNote, Scenes, Shot, ShotList, Transition, Unfollowed
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
 from humanmm.models.records.video import VideoFacts
-from humanmm.models.shot_detection.corrected_cuts import NEAR_FRAMES, removed
-from humanmm.models.shot_detection.people_cuts import Parts, split_scenes
+from humanmm.models.shot_detection.corrected_cuts import NEAR_FRAMES, removed, settled
+from humanmm.models.shot_detection.people_cuts import Parts, Split, split_scenes
 from humanmm.models.shots.corrected_people import corrected_people
 from humanmm.models.shots.identity import Cast, cast_of, matched_people
 from humanmm.models.shots.insets import without_insets
@@ -47,8 +47,8 @@ def detect_shots(
     of them fit. Raises NoUsablePersonError when nobody, or not the wanted person, is in the video.
     """
     time_s = facts.time_s
-    cuts = split_scenes(scenes, without_insets(people, scenes), time_s=time_s, parts=parts)
-    transitions, notes = _corrected(scenes, cuts, corrections)
+    split = split_scenes(scenes, without_insets(people, scenes), time_s=time_s, parts=parts)
+    (transitions, suspected), notes = _corrected(scenes, split, corrections)
     shots = _empty_shots(scenes, transitions)
     groups = matched_people(shots, people, time_s=time_s)
     candidates, of_people = corrected_people(groups, shots, people, corrections, time_s=time_s)
@@ -65,7 +65,7 @@ def detect_shots(
         for shot, appearances in zip(shots, cast.appearances, strict=True)
     )
     warnings = (
-        *_suspected_cuts(scenes, inhabited), *_doubts(cast), *_partly_seen(cast, inhabited, people),
+        *_suspected_cuts(suspected, inhabited), *_doubts(cast), *_partly_seen(cast, inhabited, people),
         *_overlooked(people, (facts.width, facts.height)),
     )  # fmt: skip
     unfollowed = tuple(one for scene in people if scene is not None for one in scene.unfollowed)
@@ -74,15 +74,14 @@ def detect_shots(
     )
 
 
-def _corrected(
-    scenes: Scenes, transitions: Sequence[Transition], corrections: Corrections
-) -> tuple[Sequence[Transition], list[CorrectionNote]]:
-    """The transitions without those of people that the user removes, and what became of all corrections of cuts."""
-    kept, notes = removed(transitions, corrections.of(RemoveCut), fixed=scenes.transitions)
+def _corrected(scenes: Scenes, split: Split, corrections: Corrections) -> tuple[Split, list[CorrectionNote]]:
+    """The cuts without those of people that the user removes, and what became of all corrections of cuts."""
+    kept, notes = removed(split.transitions, corrections.of(RemoveCut), fixed=scenes.transitions)
+    suspected, notes = settled(split.suspected, notes, corrections)
     # what colours and people show is removed in two places, and a correction fits if it does in one of them
     done = {note.identity: note for note in (*scenes.corrections, *notes) if note.applied}
     misfits = {note.identity: note for note in (*scenes.corrections, *notes) if note.identity not in done}
-    return kept, [*done.values(), *misfits.values()]
+    return Split(tuple(kept), suspected), [*done.values(), *misfits.values()]
 
 
 def _nobody(cast: Cast, min_confidence: float) -> str:
@@ -97,13 +96,13 @@ def _nobody(cast: Cast, min_confidence: float) -> str:
     )
 
 
-def _suspected_cuts(scenes: Scenes, shots: Sequence[Shot]) -> tuple[str, ...]:
+def _suspected_cuts(suspected: Sequence[int], shots: Sequence[Shot]) -> tuple[str, ...]:
     """A warning for every frame that may begin a shot and begins none."""
     starts = [shot.start for shot in shots]
     return tuple(
         f"frame {frame} may be a jump cut: what moves jumps there; `humanmm correct RUN add-cut {frame}` makes it one, "
         f"remove-cut {frame} says that it is none"
-        for frame in scenes.suspected
+        for frame in suspected
         if all(abs(frame - start) > NEAR_FRAMES for start in starts)
     )
 

@@ -51,7 +51,8 @@ def count_cuts(
     """Every detector on one video, by method."""
     counts = {}
     for method, parts in DETECTORS.items():
-        found = [transition.cut_frame for transition in split_scenes(scenes, people, time_s=time_s, parts=parts)]
+        split = split_scenes(scenes, people, time_s=time_s, parts=parts)
+        found = [transition.cut_frame for transition in split.transitions]
         matched = round(score_cuts(found, truth).precision * len(found))
         counts[method] = CutCounts(len(truth), len(found), matched)
     return counts

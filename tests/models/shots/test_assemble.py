@@ -12,6 +12,7 @@ from humanmm.models.records.shots import CorrectionNote, Scenes, Shot, Transitio
 from humanmm.models.records.tracks import PersonTrack, ScenePeople, Silhouettes
 from humanmm.models.records.video import VideoFacts
 from humanmm.models.shot_detection.corrected_cuts import corrected_scenes
+from humanmm.models.shot_detection.people_cuts import Split
 from humanmm.models.shots.assemble import _corrected, detect_shots
 
 SCENES = Scenes(60, (Transition("cut", 30, 30, "scene"),))
@@ -139,15 +140,22 @@ def test_a_cut_that_people_show_and_the_user_removes_is_gone_and_one_that_nobody
     people = Transition("cut", 45, 45, "bbox")
     one_scene = corrected_scenes(Scenes(60, (colours,)), gone := Corrections(correction=(RemoveCut(frame=30),)))
     again = Transition("cut", 30, 30, "bbox")  # once the colours' cut is removed, people show it all the same
-    assert _corrected(one_scene, [again, people], gone) == (
-        [people],
+    assert _corrected(one_scene, Split((again, people), ()), gone) == (
+        Split((people,), ()),
         [CorrectionNote(gone.correction[0].identity, True)],
     )
     misfit = Corrections(correction=(RemoveCut(frame=50), RemoveCut(frame=44)))
     scenes = corrected_scenes(Scenes(60, (colours,)), misfit)
-    kept, notes = _corrected(scenes, [colours, people], misfit)
-    assert kept == [colours]
+    kept, notes = _corrected(scenes, Split((colours, people), ()), misfit)
+    assert kept.transitions == (colours,)
     assert [(note.applied, note.reason) for note in notes] == [
         (True, ""),
         (False, "no cut is found there; the nearest is at frame 45"),
     ]
+
+
+def test_what_the_user_says_of_a_cut_that_people_make_suspect_settles_it() -> None:
+    said = Corrections(correction=(RemoveCut(frame=45),))
+    scenes = corrected_scenes(Scenes(60, ()), said)
+    kept, (note,) = _corrected(scenes, Split((), (20, 46)), said)
+    assert kept == Split((), (20,)) and (note.applied, note.reason) == (True, "")

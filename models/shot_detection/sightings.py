@@ -1,0 +1,122 @@
+"""Sightings of a person in neighbouring frames, and how they differ."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from humanmm.models.geometry.boxes import box_area, box_iou
+from humanmm.models.records.landmarks import HIPS, SHOULDERS, SWAP
+from humanmm.models.records.tracks import PersonTrack
+from humanmm.models.video.frame_times import elapsed_s, nearest_frame
+
+Array = np.ndarray
+
+SQUARE = 0.2
+"""Side of a keypoint's square as a fraction of the body's size: a few times the detector's jitter (0.02)."""
+USUAL_S = 0.4
+"""How far on either side the usual movement is taken from."""
+_CALM_STEPS = 3
+"""Steps that must be known on either side."""
+VISIBLE = 0.5
+"""Visibility from which on a landmark is compared."""
+_MIN_CONFIDENCE = 0.3
+"""Sightings of lower confidence are left out."""
+_MIN_LANDMARKS = 8
+"""Landmarks that must be visible in both frames."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """How two sightings of a person differ."""
+
+    box_iou: float
+    keypoint_iou: float
+    distance: float
+    """Median movement of the visible landmarks (of the better labelling), fraction of the body's size."""
+
+
+class Sightings:
+    """The trustworthy part of a track, looked up by frame."""
+
+    def __init__(self, track: PersonTrack, time_s: Float[Array, " F"]) -> None:
+        self._time_s = time_s
+        self.frame_s = float(np.median(np.diff(time_s)))
+        """Seconds from one frame of the video to the next."""
+        self.probability = track.probability
+        self.row = {int(f): i for i, f in enumerate(track.frame) if track.confidence[i] >= _MIN_CONFIDENCE}
+        self.first, self.last = min(self.row, default=-1), max(self.row, default=-1)
+        self.keypoints = track.keypoints2d.astype(np.float64)
+        self.boxes = track.bbox.astype(np.float64)
+        self.size = np.sqrt(np.maximum(box_area(self.boxes), 1.0))
+        self.frames = np.array(sorted(self.row), dtype=np.int64)
+        """(N,) the frames in which he is seen well, in order; `row` says where each stands in the arrays."""
+
+    def usual_speed(self, frame: int, within_s: float) -> float | None:
+        """Upper quartile of the movement a second within some seconds before (negative) or after a frame.
+
+        The steps next to the frame count in full: a jump among jumps is a detector that errs. None where too few steps
+        are known.
+        """
+        other = nearest_frame(self._time_s, self._time_s[frame] + within_s)
+        other = min(other, frame - _CALM_STEPS) if within_s < 0 else max(other, frame + _CALM_STEPS)
+        speeds = list(self._speeds(frame, other))
+        if len(speeds) < _CALM_STEPS:
+            return None
+        return max(float(np.quantile(speeds, 0.75)), 0.5 * max(speeds[:2]))
+
+    def _speeds(self, frame: int, other: int) -> Iterator[float]:
+        """Movement a second between two frames, the steps nearest to `frame` first.
+
+        A body rotated upside down moves by its whole size a frame. Steps shorter than the video's usual ones show the
+        detector's jitter rather than motion, and count as long as those.
+        """
+        inside = self.frames[(self.frames >= min(frame, other)) & (self.frames <= max(frame, other))]
+        pairs = list(zip(inside[:-1].tolist(), inside[1:].tolist(), strict=True))
+        for one, next_one in pairs if other > frame else reversed(pairs):
+            change = step(self, one, self, next_one)
+            if change is None:
+                yield 1.0 / self.frame_s
+            else:
+                yield change.distance / max(elapsed_s(self._time_s, one, next_one), self.frame_s)
+
+
+def step(a: "Sightings", frame_a: int, b: "Sightings", frame_b: int) -> Step | None:
+    """Difference between a sighting in one frame and one in another.
+
+    None if too few landmarks are visible in both, or if the body is upside down in one: no camera does that at a cut,
+    but detectors do.
+    """
+    i, j = a.row[frame_a], b.row[frame_b]
+    size = float(np.sqrt(a.size[i] * b.size[j]))
+    first, second = a.keypoints[i], b.keypoints[j]
+    seen = (first[:, 2] > VISIBLE) & (second[:, 2] > VISIBLE)
+    if seen.sum() < _MIN_LANDMARKS or _trunk(first) @ _trunk(second) < 0:
+        return None
+    squares, squares_labelled, squares_swapped = (
+        _squares(points, SQUARE * size) for points in (first, second, second[SWAP])
+    )
+    as_labelled, swapped = box_iou(squares, squares_labelled), box_iou(squares, squares_swapped)
+    # a pair of landmarks is swapped as a whole
+    better_swapped = swapped + swapped[SWAP] > as_labelled + as_labelled[SWAP]
+    overlap = np.where(better_swapped, swapped, as_labelled)
+    moved = np.linalg.norm(second[:, :2] - first[:, :2], axis=1)
+    moved_swapped = np.linalg.norm(second[SWAP, :2] - first[:, :2], axis=1)
+    shorter = moved_swapped + moved_swapped[SWAP] < moved + moved[SWAP]
+    distance = np.where(shorter, moved_swapped, moved)
+    return Step(
+        box_iou=float(box_iou(a.boxes[i], b.boxes[j])),
+        keypoint_iou=float(overlap[seen].mean()),
+        distance=float(np.median(distance[seen])) / size,
+    )
+
+
+def _trunk(keypoints: np.ndarray) -> np.ndarray:
+    """(2,) from the hips to the shoulders."""
+    return np.asarray(keypoints[list(SHOULDERS), :2].mean(axis=0) - keypoints[list(HIPS), :2].mean(axis=0))
+
+
+def _squares(keypoints: Float[Array, "33 3"], side: float) -> Float[Array, "33 4"]:
+    """xyxy of squares of one side about keypoints."""
+    return np.concatenate([keypoints[:, :2] - side / 2, keypoints[:, :2] + side / 2], axis=1)
