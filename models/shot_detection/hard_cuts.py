@@ -21,6 +21,9 @@ MATCHED = 0.35
 """Pictures that correlate better than this once motion is undone show the same things; across cuts < 0.2 (measured)."""
 _STANDS_OUT = 2.0
 """A change so many times larger than the quieter of those around it stands out; those of a whip pan vary by 1.5."""
+_SAME_VIEW = 0.5
+"""Pictures some frames apart without features in common show the same view from this correlation on. Of pairs eight
+frames apart in one shot nine in ten have 0.45 or more, of those across cuts one in ten 0.32 or more (development)."""
 _NEW_COLORS = 0.35
 """Fraction of the colour histogram that must change at once where the size of the change is no evidence (shaking)."""
 _OTHER_COLORS = 0.6
@@ -128,7 +131,7 @@ def _same_view(window: PictureWindow, before: int, after: int, speed: float) -> 
     if motion.match < MATCHED or motion.flow >= farthest:
         return False
     displacement = window.displacement(before, after)
-    return displacement is None or displacement < farthest
+    return motion.match >= _SAME_VIEW if displacement is None else displacement < farthest
 
 
 def _farthest(window: PictureWindow, before: int, after: int, speed: float) -> float:

@@ -38,8 +38,8 @@ from humanmm.models.video.progress import Progress, silent
 
 _CONTENT_THRESHOLD = 20.0
 """PySceneDetect's default is 27; proposals are verified, so that a lower one costs only time."""
-_ADAPTIVE_MIN_CONTENT = 6.0
-"""PySceneDetect's default is 15, which misses cuts between dark pictures."""
+_ADAPTIVE_MIN_CONTENT = 3.0
+"""PySceneDetect's default is 15, which misses cuts between dark pictures; with 6 one of a night still was."""
 _ADAPTIVE_RATIO, _ADAPTIVE_WINDOW = 3.0, 2
 """A change so many times as large as the mean of so many on either side is one that stands out (its defaults)."""
 _BLOCK = 256

@@ -38,7 +38,7 @@ def test_the_less_of_either_the_weaker_until_it_is_suspected_and_then_nothing() 
     (strong,), (weak,) = found(leaper(40), outstanding=2.0), found(leaper(40), outstanding=1.0)
     assert strong.strength == pytest.approx(2 * weak.strength)
     factor = SUSPECTED / weak.strength
-    (suspected,) = found(leaper(40), outstanding=1.2 * factor)
+    (suspected,) = found(leaper(40), outstanding=1.1 * factor)
     assert SUSPECTED < suspected.strength < CERTAIN and not suspected.certain
     assert found(leaper(40), outstanding=0.9 * factor) == []
     assert found(leaper(0), outstanding=1.5) == [] and found(leaper(4), outstanding=9.0) == []
@@ -83,6 +83,20 @@ def test_people_are_compared_by_their_own_sightings() -> None:
     track = leaper(40)
     track.confidence[1::2] = 0.0
     assert len(found(track)) == 1
+
+
+def test_where_the_pictures_say_nothing_everybody_must_leap_and_somebody_who_is_surely_a_person_far() -> None:
+    def alone(*tracks: PersonTrack) -> list[Leap]:
+        return list(leaps(Scenes(60, ()), [ScenePeople(0, 60, tracks)], time_s=TIME_S))
+
+    (leap,) = alone(leaper(80))
+    assert leap.frame == 30 and leap.certain
+    assert alone(leaper(25)) == []
+    assert alone(dataclasses.replace(leaper(80), probability=0.8)) == []
+    standing = walker(0, 60, (500, 200), seed=1)
+    standing.keypoints2d[:] = standing.keypoints2d[0]
+    assert len(alone(leaper(80), leaper(80, seed=1))) == 1
+    assert alone(leaper(80), standing) == []  # a tracker that goes from somebody to somebody else, maybe
 
 
 def test_who_is_lost_for_long_tells_nothing() -> None:
