@@ -104,7 +104,7 @@ def test_cuts_are_proposed_where_pyscenedetect_proposes_them() -> None:
     generator = np.random.default_rng(3)
     levels = np.cumsum(generator.choice([0, 0, 1, 3, 9, 40, 80], 300) * generator.choice([-1, 1], 300)) % 255
     pictures = [np.full((18, 32, 3), level, np.uint8) for level in levels]
-    adaptive = AdaptiveDetector(min_scene_len=1, min_content_val=6.0)
+    adaptive = AdaptiveDetector(min_scene_len=1, min_content_val=3.0)
     content = ContentDetector(threshold=20.0, min_scene_len=1)
     window = PictureWindow(at_25_hz(pictures))
     proposed: set[int] = set()
