@@ -85,20 +85,6 @@ def test_people_are_compared_by_their_own_sightings() -> None:
     assert len(found(track)) == 1
 
 
-def test_where_the_pictures_say_nothing_everybody_must_leap_and_somebody_who_is_surely_a_person_far() -> None:
-    def alone(*tracks: PersonTrack) -> list[Leap]:
-        return list(leaps(Scenes(60, ()), [ScenePeople(0, 60, tracks)], time_s=TIME_S))
-
-    (leap,) = alone(leaper(80))
-    assert leap.frame == 30 and leap.certain
-    assert alone(leaper(25)) == []
-    assert alone(dataclasses.replace(leaper(80), probability=0.8)) == []
-    standing = walker(0, 60, (500, 200), seed=1)
-    standing.keypoints2d[:] = standing.keypoints2d[0]
-    assert len(alone(leaper(80), leaper(80, seed=1))) == 1
-    assert alone(leaper(80), standing) == []  # a tracker that goes from somebody to somebody else, maybe
-
-
 def test_who_is_lost_for_long_tells_nothing() -> None:
     assert found(joined(walker(0, 26, (100, 200)), walker(32, 60, (204, 200)))) == []
     assert found(leaper(40, start=29)) == [] and found(leaper(40, end=31)) == []
