@@ -4,7 +4,7 @@ import functools
 import hashlib
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TypeVar
 
@@ -15,6 +15,7 @@ from humanmm.errors import InputError
 from humanmm.flows.bench.motion import SETTINGS, Job
 from humanmm.models.benchmark.aist import AistSequence, build_aist
 from humanmm.models.benchmark.tables.statistics import SetStatistics, statistics_of
+from humanmm.models.perception.lifting.lifted import lifted_people
 from humanmm.models.synthetic.mocap import MocapSequence
 from humanmm.models.synthetic.multishot import (
     LONGEST_FRAMES,
@@ -78,6 +79,8 @@ def _mocap_job(plan: VideoPlan, sequence: MocapSequence) -> Job:
         parameters={**values, "seed": list(plan.seed), "noise": noise},
         inputs={"sequence": digest.hexdigest()},
         make=functools.partial(_make_mocap, sequence, plan),
+        modules=("humanmm.models.perception.lifting.lift",),
+        settings=("lifting", *SETTINGS),
     )
 
 
@@ -95,7 +98,11 @@ def _aist_job(plan: VideoPlan, sequence: AistSequence) -> Job:
 
 
 def _make_mocap(sequence: MocapSequence, plan: VideoPlan, config: Config, store: Store) -> BenchVideo:
-    return build_video(sequence, plan)
+    """The video of a plan, its people lifted as the stage `people` lifts them."""
+    video = build_video(sequence, plan)
+    lifter, size = load("lifting.method", config.lifting.method), (video.facts.width, video.facts.height)
+    people = (lifted_people(scene, lifter, video.facts.time_s, size) for scene in video.people)
+    return replace(video, people=tuple(people))
 
 
 def _make_aist(sequence: AistSequence, plan: VideoPlan, config: Config, store: Store) -> BenchVideo:
