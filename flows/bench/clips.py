@@ -15,7 +15,7 @@ from pathlib import Path
 
 from humanmm.config import Config
 from humanmm.errors import HumanMMError, InputError
-from humanmm.flows.bench.motion import SETTINGS, Job
+from humanmm.flows.bench.motion import SETTINGS, Job, lifted, without_lifter
 from humanmm.models.benchmark.golden import SeenClip
 from humanmm.models.benchmark.methods import run_methods
 from humanmm.models.benchmark.scores import score
@@ -177,12 +177,12 @@ def _make(video: Path, truth: Path, split: str, config: Config, store: Store) ->
 
 
 def measured_clips(folder: Path, config: Config, store: Store) -> list[MeasuredClip]:
-    """All clips of a folder; what the store has is not computed again."""
+    """All clips of a folder as the pose network sees them; what the store has is not computed again."""
     jobs, _ = clip_set(folder, store)
     clips = []
     for job in jobs:
         assert job.video is not None and job.truth is not None
-        run = run_stages(job.video, OF_PEOPLE, config, store)
+        run = run_stages(job.video, OF_PEOPLE, without_lifter(config), store)
         sequence = read_sequence(job.truth)
         clips.append(MeasuredClip(sequence, person_errors(sequence, results_of(run, "people", ScenePeople), job.name)))
     return clips
@@ -198,7 +198,7 @@ def compared_clips(folder: Path, config: Config, store: Store) -> Iterator[tuple
             continue
         video = job.make(config, store)
         seen = _figures(video, config)
-        simulated = _figures(resimulated(video, fitted_noise(), _SEED), config)
+        simulated = _figures(lifted(resimulated(video, fitted_noise(), _SEED), config), config)
         if seen and simulated:
             yield seen, simulated
         else:

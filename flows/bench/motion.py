@@ -9,7 +9,7 @@ import functools
 import logging
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -18,8 +18,9 @@ from humanmm.errors import HumanMMError, StoreError
 from humanmm.models.benchmark.methods import METHODS, VideoMotions, run_methods
 from humanmm.models.benchmark.scores import MethodFigures, VideoFigures, score, sequence_of
 from humanmm.models.benchmark.traces import VideoTraces, trace_video
+from humanmm.models.perception.lifting.lifted import lifted_people
 from humanmm.models.synthetic.multishot import BenchVideo
-from humanmm.parts import Part, chosen
+from humanmm.parts import Part, chosen, load
 from humanmm.storage.store.open import open_store
 from humanmm.storage.store.recipe import Recipe
 from humanmm.storage.store.store import Store
@@ -68,6 +69,18 @@ class VideoRecipes:
     motions: Recipe
     figures: Recipe
     traces: Recipe
+
+
+def lifted(video: BenchVideo, config: Config) -> BenchVideo:
+    """A video whose people are made up, lifted as the stage `people` lifts those that it sees."""
+    lifter, size = load("lifting.method", config.lifting.method), (video.facts.width, video.facts.height)
+    people = (lifted_people(scene, lifter, video.facts.time_s, size) for scene in video.people)
+    return replace(video, people=tuple(people))
+
+
+def without_lifter(config: Config) -> Config:
+    """A configuration in which people keep the pose network's own landmarks."""
+    return config.model_copy(update={"lifting": config.lifting.model_copy(update={"method": "none"})})
 
 
 def figures_of(

@@ -17,6 +17,7 @@ from humanmm.config import Config
 from humanmm.errors import HumanMMError, InputError
 from humanmm.flows.bench.clips import video_beside
 from humanmm.flows.bench.golden import golden_list
+from humanmm.flows.bench.motion import without_lifter
 from humanmm.models.benchmark.expectations import GoldenClip
 from humanmm.models.benchmark.identity import Boxes, View, views_of
 from humanmm.models.evaluation.landmarks import LandmarkErrors, landmark_errors, shown_by, true_bodies
@@ -96,8 +97,7 @@ def _errors_in(truth: Path, config: Config, store: Store) -> Iterator[tuple[str,
     """The same of one clip, track by track."""
     lifter = load("lifting.method", config.lifting.method)
     keypoint_lifter = load("lifting.keypoints", config.lifting.keypoints)
-    unlifted = config.model_copy(update={"lifting": config.lifting.model_copy(update={"method": "none"})})
-    run = run_stages(video_beside(truth), STAGES[:3], unlifted, store)
+    run = run_stages(video_beside(truth), STAGES[:3], without_lifter(config), store)
     (facts,), bodies = results_of(run, "decode", VideoFacts), true_bodies(read_sequence(truth))
     K = K_from_focal(default_focal_px(facts.width, facts.height), facts.width, facts.height)
     for track in (track for scene in results_of(run, "people", ScenePeople) for track in scene.tracks):

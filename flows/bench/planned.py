@@ -4,7 +4,7 @@ import functools
 import hashlib
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import TypeVar
 
@@ -12,10 +12,9 @@ import numpy as np
 
 from humanmm.config import Config
 from humanmm.errors import InputError
-from humanmm.flows.bench.motion import SETTINGS, Job
+from humanmm.flows.bench.motion import SETTINGS, Job, lifted
 from humanmm.models.benchmark.aist import AistSequence, build_aist
 from humanmm.models.benchmark.tables.statistics import SetStatistics, statistics_of
-from humanmm.models.perception.lifting.lifted import lifted_people
 from humanmm.models.synthetic.mocap import MocapSequence
 from humanmm.models.synthetic.multishot import (
     LONGEST_FRAMES,
@@ -98,11 +97,7 @@ def _aist_job(plan: VideoPlan, sequence: AistSequence) -> Job:
 
 
 def _make_mocap(sequence: MocapSequence, plan: VideoPlan, config: Config, store: Store) -> BenchVideo:
-    """The video of a plan, its people lifted as the stage `people` lifts them."""
-    video = build_video(sequence, plan)
-    lifter, size = load("lifting.method", config.lifting.method), (video.facts.width, video.facts.height)
-    people = (lifted_people(scene, lifter, video.facts.time_s, size) for scene in video.people)
-    return replace(video, people=tuple(people))
+    return lifted(build_video(sequence, plan), config)
 
 
 def _make_aist(sequence: AistSequence, plan: VideoPlan, config: Config, store: Store) -> BenchVideo:
