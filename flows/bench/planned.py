@@ -78,7 +78,6 @@ def _mocap_job(plan: VideoPlan, sequence: MocapSequence) -> Job:
         parameters={**values, "seed": list(plan.seed), "noise": noise},
         inputs={"sequence": digest.hexdigest()},
         make=functools.partial(_make_mocap, sequence, plan),
-        modules=("humanmm.models.perception.lifting.lift",),
         settings=("lifting", *SETTINGS),
     )
 

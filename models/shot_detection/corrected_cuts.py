@@ -58,20 +58,20 @@ def removed(
     """The transitions that stay, and a note for each correction; those that are `fixed` stay anyway."""
     kept, notes = list(transitions), []
     for correction in corrections:
-        near = [t for t in kept if t not in fixed and _distance(t, correction.frame) <= NEAR_FRAMES]
+        near = [t for t in kept if t not in fixed and distance(t, correction.frame) <= NEAR_FRAMES]
         if near:
-            nearest = min(near, key=lambda t: _distance(t, correction.frame))
+            nearest = min(near, key=lambda t: distance(t, correction.frame))
             kept.remove(nearest)
             notes.append(CorrectionNote(correction.identity, True))
         else:
-            others = sorted(kept, key=lambda t: _distance(t, correction.frame))
+            others = sorted(kept, key=lambda t: distance(t, correction.frame))
             nearest_one = f"; the nearest is at frame {others[0].cut_frame}" if others else ""
             notes.append(CorrectionNote(correction.identity, False, f"no cut is found there{nearest_one}"))
     return kept, notes
 
 
-def _distance(transition: Transition, frame: int) -> int:
-    """Frames from a frame to a transition; 0 inside a gradual one."""
+def distance(transition: Transition, frame: int) -> int:
+    """Frames from a frame to a transition; 0 at a cut and inside a gradual one."""
     return max(transition.start - frame, frame - transition.end, 0)
 
 

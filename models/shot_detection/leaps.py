@@ -90,15 +90,21 @@ def _testimony(person: Sightings, change: Change, time_s: Float[Array, " F"]) ->
     """None where too little of him is seen."""
     row = int(np.searchsorted(person.frames, change.frame))
     here = _leap(person, row, time_s, np.array(change.step))
+    if here is None:
+        return None
     around = [_leap(person, other, time_s) for k in range(2, AROUND + 1) for other in (row - k, row + k)]
     usual = [one for one in around if one is not None]
-    if here is None or len(usual) < FEWEST:
+    if len(usual) < FEWEST:
         return None
-    sides = (int(person.frames[row - 1]), -USUAL_S), (int(person.frames[row]), USUAL_S)
-    speed = max((speed for frame, within_s in sides if (speed := person.usual_speed(frame, within_s))), default=0.0)
-    return _Testimony(
-        here / max(NOISE, *usual), speed >= MOVING and here < GOES_ON * max(NOISE, float(np.median(usual)))
-    )
+    as_usual = here < GOES_ON * max(NOISE, float(np.median(usual)))
+    return _Testimony(here / max(NOISE, *usual), as_usual and _moves(person, row))
+
+
+def _moves(person: Sightings, row: int) -> bool:
+    """Whether somebody moves before a row of his sightings, or from it on."""
+    sides = (row - 1, -USUAL_S), (row, USUAL_S)
+    speeds = [person.usual_speed(int(person.frames[at]), within_s) for at, within_s in sides]
+    return any(speed is not None and speed >= MOVING for speed in speeds)
 
 
 def _leap(

@@ -25,7 +25,7 @@ from jaxtyping import Float
 
 from humanmm.models.records.shots import Scenes, Transition
 from humanmm.models.records.tracks import ScenePeople
-from humanmm.models.shot_detection.corrected_cuts import NEAR_FRAMES
+from humanmm.models.shot_detection.corrected_cuts import NEAR_FRAMES, distance
 from humanmm.models.shot_detection.leaps import leaps
 from humanmm.models.shot_detection.sightings import USUAL_S, Sightings, Step, step
 from humanmm.models.video.frame_times import elapsed_s, nearest_frame
@@ -71,12 +71,12 @@ def split_scenes(
     found = [cut for scene in seen for cut in cuts_in_scene(scene, time_s=time_s, with_keypoints=with_keypoints)]
     transitions = [
         *scenes.transitions,
-        *(cut for cut in found if not any(t.start <= cut.start <= t.end for t in scenes.transitions)),
+        *(cut for cut in found if all(distance(t, cut.start) > 0 for t in scenes.transitions)),
     ]
     leaping = [
         leap
         for leap in (leaps(scenes, seen, time_s=time_s) if with_keypoints else ())
-        if not any(t.start - NEAR_FRAMES <= leap.frame <= t.end + NEAR_FRAMES for t in transitions)
+        if all(distance(t, leap.frame) > NEAR_FRAMES for t in transitions)
     ]
     transitions += [Transition("cut", leap.frame, leap.frame, "keypoints") for leap in leaping if leap.certain]
     suspected = {*scenes.suspected, *(leap.frame for leap in leaping if not leap.certain)}
