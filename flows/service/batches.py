@@ -60,18 +60,22 @@ def _timezone() -> str:
 
 
 def watch(request: BatchRequest, table: BatchTable, *, limit: int | None) -> Iterator[Submission]:
-    """Submit again whenever a video has come or changed, and stopped growing; each submission. Never ends by itself."""
+    """Submit again whenever a video has come or changed, and stopped growing; each submission. Never ends by itself.
+
+    A video that changes while it is running is submitted when that has ended.
+    """
     if not request.source.is_dir():
         raise UsageError(f"--watch: {request.source} is no folder")
     settled, taken = Settled(request.settle_s), dict[Path, str]()
     while True:
         found = videos_in(request.source, pattern=request.pattern)
         quiet = settled.look(found, time.monotonic())
-        if not quiet.items() <= taken.items():
+        changed = {str(video) for video, facts in quiet.items() if taken.get(video) != facts}
+        if changed and changed - {row.video for row in table.rows(request.batch, "running")}:
             submission = request.submit(table, [entry for entry in found if entry.video in quiet])
             yield submission
             schedule(table, submission.to_schedule, limit=limit)
-            taken = quiet
+            taken = {video: facts for video, facts in quiet.items() if str(video) not in submission.outdated}
         time.sleep(min(max(request.settle_s / 5, 0.2), 5.0))
 
 

@@ -45,13 +45,16 @@ class Submission:
     """Videos that need nothing."""
     failed: int
     """Videos that failed before, in the same way as they would now: `retry-failed` runs them again."""
+    outdated: tuple[str, ...] = ()
+    """Videos that are running with another file, other settings or code than wanted: they are left alone."""
 
     @property
     def sentence(self) -> str:
         """Its figures in words."""
         counted = f"{len(self.to_schedule)} to do, {self.finished} finished"
         again = f", {self.failed} failed or cancelled before (`humanmm batch retry-failed` tries them again)"
-        return counted + (again if self.failed else "")
+        left = f", {len(self.outdated)} running as asked for before: submit again when they have ended"
+        return counted + (again if self.failed else "") + (left if self.outdated else "")
 
 
 def batch_name(source: Path) -> str:
@@ -61,21 +64,24 @@ def batch_name(source: Path) -> str:
 
 
 def submit(table: BatchTable, name: str, entries: Sequence[Entry], config: Config, out: Path) -> Submission:
-    """Write the rows of a batch. A row that wants the same work already stays as it is, whatever its state.
+    """Write the rows of a batch. A row that wants the same work already stays as it is, whatever its state, and so does
+    one that is running, whatever it wants.
 
-    InputError if a video is running with other settings, or was submitted with others by somebody else just now.
+    InputError if a video was submitted with other settings by somebody else just now.
     """
     before = {row.video: row for row in table.rows(name)}
     wanted = _rows(name, entries, config, out.absolute(), table.store, before)
     finished = table.finished()
     fresh: list[VideoRow] = []
+    outdated: list[str] = []
     for row in wanted:
         known = before.get(row.video)
         is_missing = known is not None and known.state == "done" and _is_gone(known.run_dir, known.host)
         if known is not None and known.same_work(row) and not is_missing:
             continue
-        if known is not None and known.state == "running" and known.is_owned:
-            raise InputError(f"{row.video} is running with other settings; wait for it or `humanmm batch cancel` first")
+        if known is not None and _is_running(known):
+            outdated.append(row.video)
+            continue
         host = _finished_on(row, finished, table.store)
         state = "scheduled" if host is None else "done"
         fresh.append(replace(row, attempt=known.attempt + 1 if known else 1, state=state, host=host or ""))
@@ -90,7 +96,15 @@ def submit(table: BatchTable, name: str, entries: Sequence[Entry], config: Confi
         to_schedule=tuple(row for row in rows if row.state == "scheduled"),
         finished=states.count("done"),
         failed=sum(states.count(state) for state in ("failed", "partial", "cancelled")),
+        outdated=tuple(outdated),
     )
+
+
+def _is_running(known: VideoRow) -> bool:
+    return known.state == "running" and known.is_owned
+
+
+_CHANGED = "code, settings or corrections have changed"
 
 
 @dataclass(frozen=True)
@@ -133,11 +147,13 @@ def _planned(
             return Planned(row, words.get(known.state, known.state), known.reason)
         if not _is_gone(known.run_dir, known.host):
             return Planned(row, "finished", "")
+    changed = "the file has changed" if known and known.facts != row.facts else _CHANGED
+    if known is not None and _is_running(known):
+        return Planned(row, "running", f"as asked for before; {changed}: submit again when it has ended")
     if _finished_on(row, finished, store, write=False) is not None:
         return Planned(row, "finished", "the store has everything")
     if known is None:
         return Planned(row, "to do", "it is new")
-    changed = "the file has changed" if known.facts != row.facts else "code, settings or corrections have changed"
     return Planned(row, "to do", changed if known.run_dir == row.run_dir else "its run folder has changed")
 
 

@@ -1,8 +1,8 @@
 """The code that a stage's result depends on, found without importing any of it.
 
 Starting at the stage's module, its imports are followed by reading the syntax trees. Of our own package the folder
-models/, the files tasks/*.py, the readers of files and the module that writes pictures count; the rest decides when a
-result is computed, never what it is, or stands in the key by its values (config). A module's digest (`module_facts`)
+models/, the files tasks/*.py, the readers of files and the modules that write pictures and videos count; the rest
+decides when a result is computed, never what it is, or stands in the key by its values (config). A module's digest (`module_facts`)
 leaves out comments, docstrings and line numbers, so that a reworded text recomputes nothing. Weight files count when a
 visited module names them; numerical libraries count by version when a visited module imports them.
 
@@ -25,8 +25,8 @@ from humanmm.tasks.units.module_facts import known_modules
 PACKAGE = "humanmm"
 _READERS = Path("storage/readers")
 """Read what users give along with a video."""
-_WRITES_ARTIFACTS = Path("storage/run_folder/picture_files.py")
-"""Writes pictures that are part of an artifact."""
+_WRITES_ARTIFACTS = (Path("storage/run_folder/picture_files.py"), Path("storage/view/embedded_video.py"))
+"""Write pictures and videos that are part of an artifact."""
 
 _DISTRIBUTIONS = {
     "numpy": ("numpy",),
@@ -98,7 +98,8 @@ def _decides_results(path: Path, package: Path) -> bool:
     if not path.is_relative_to(package):  # a stage of another package
         return True
     inner = path.relative_to(package)
-    return inner.parts[0] == "models" or inner.parent in (Path("tasks"), _READERS) or inner == _WRITES_ARTIFACTS
+    science = inner.parts[0] == "models" or inner.parent == Path("tasks")
+    return science or inner.is_relative_to(_READERS) or inner in _WRITES_ARTIFACTS
 
 
 def _source_of(name: str) -> Path | None:

@@ -13,6 +13,7 @@ from humanmm.config import Config
 from humanmm.errors import ConfigError, InputError, StoreError
 from humanmm.storage.batches.batch_table import BatchTable, open_batches
 from humanmm.storage.batches.manifest import read_batch
+from humanmm.storage.batches.owner import Owner
 from humanmm.storage.batches.video_row import VideoRow, counts
 from humanmm.storage.pages.batch_report import write_report
 from humanmm.tasks.batches import batch as batches
@@ -235,6 +236,25 @@ def test_of_two_who_submit_at_once_the_first_counts_and_the_second_is_reported(
     monkeypatch.setattr(table, "put", other)
     with pytest.raises(InputError, match="was submitted with other settings by somebody else just now"):
         _submit(toy, table, films)
+
+
+def test_a_video_that_changes_while_it_runs_is_left_alone_and_the_others_are_submitted(
+    toy: Any, table: BatchTable
+) -> None:
+    films = _films(toy, "a.mp4")
+    (row,) = _submit(toy, table, films).to_schedule
+    assert table.change(row, state="running", owner=str(Owner.this_process()))
+    (films / "a.mp4").write_text(json.dumps({"num_frames": 90, "cuts": [20]}))
+    films = _films(toy, "b.mp4")
+    (plan, _) = batches.forecast_submission(table, "test", read_batch(films), Config(), toy.folder / "runs")
+    assert plan.state == "running" and "the file has changed" in plan.reason
+    submission = _submit(toy, table, films)
+    assert [Path(one.video).name for one in submission.to_schedule] == ["b.mp4"]
+    assert submission.outdated == (row.video,) and "1 running as asked for before" in submission.sentence
+    assert table.row("test", row.video) is not None and counts(table.rows("test")) == {"running": 1, "scheduled": 1}
+    table.change(row, state="done")
+    assert _submit(toy, table, films).outdated == ()
+    assert table.rows("test")[0].attempt == 2
 
 
 def test_a_video_that_is_lost_again_and_again_fails(toy: Any, table: BatchTable) -> None:

@@ -103,6 +103,28 @@ def test_every_real_stage_has_a_digest_that_leaves_out_what_is_no_science() -> N
         assert not [name for name in names if name.startswith(left_out)]
 
 
+@pytest.mark.parametrize(
+    ("stage", "modules"),
+    [
+        ("people", {"bodies", "keypoints", "regions"}),
+        ("intrinsics", {"cameras", "colmap"}),
+    ],
+)
+def test_the_readers_of_what_is_given_count(stage: str, modules: set[str]) -> None:
+    names = set(code_digest(f"humanmm.tasks.{stage}").modules)
+    assert {f"humanmm.storage.readers.given.{name}" for name in modules} <= names
+
+
+def test_whatever_reaches_for_files_of_others_counts() -> None:
+    names = set(code_digest("humanmm.tasks.people").modules)
+    assert {"humanmm.storage.readers.archives", "humanmm.storage.readers.restricted_pickle"} <= names
+
+
+def test_what_writes_pictures_and_videos_counts() -> None:
+    names = set(code_digest("humanmm.tasks.deliver").modules)
+    assert {"humanmm.storage.run_folder.picture_files", "humanmm.storage.view.embedded_video"} <= names
+
+
 def test_another_checkout_has_the_same_digests(tmp_path: Path) -> None:
     root = Path(__file__).resolve().parents[3]
     for name in ("src", "flows", "tasks", "models", "storage"):

@@ -1,0 +1,43 @@
+"""When a watched folder is submitted again, without a server."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from humanmm.config import Config
+from humanmm.flows.service import batches
+from humanmm.storage.batches.batch_table import open_batches
+from humanmm.storage.batches.owner import Owner
+from humanmm.tasks.batches.request import BatchRequest
+
+
+def test_a_video_that_changes_while_it_runs_is_submitted_when_that_has_ended(
+    toy: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    films = Path(toy.folder / "films")
+    films.mkdir()
+    (films / "a.mp4").write_text('{"num_frames": 60, "cuts": [20]}')
+    table = open_batches(toy.store)
+    request = BatchRequest(source=films, out=toy.folder / "runs", config=Config(), name="inbox", settle_s=0.0)
+    looks: list[float] = []
+
+    def sleep(seconds: float) -> None:
+        looks.append(seconds)
+        assert len(looks) < 20
+        if len(looks) == 5:
+            (row,) = table.rows("inbox", "running")
+            assert table.change(row, state="done", owner="")
+
+    monkeypatch.setattr(batches, "schedule", lambda *_, **__: None)
+    monkeypatch.setattr("time.sleep", sleep)
+    watched = batches.watch(request, table, limit=None)
+    (row,) = next(watched).to_schedule
+    assert table.change(row, state="running", owner=str(Owner.this_process()))
+    (films / "a.mp4").write_text('{"num_frames": 90, "cuts": [20]}')
+    (films / "b.mp4").write_text('{"num_frames": 61, "cuts": [20]}')
+    second = next(watched)
+    assert [Path(one.video).name for one in second.to_schedule] == ["b.mp4"] and second.outdated == (row.video,)
+    third = next(watched)
+    assert len(looks) >= 5, "it waits until the first has ended"
+    assert [(one.video, one.attempt) for one in third.to_schedule if one.video == row.video] == [(row.video, 2)]
