@@ -97,7 +97,7 @@ STAGES: tuple[Stage, ...] = (
     Stage(
         "shots", "video", ("decode", "scenes", "people"), ("shots",), "humanmm.models.records.shots:ShotList",
         corrections=("remove-cut", "same-person", "nobody", "swap", "sides", "height", "exclude", "main"),
-        schema_version=9, defines="shot", resources=_memory(10, 0, 8),
+        schema_version=10, defines="shot", resources=_memory(10, 0, 8),
     ),
     Stage(
         "keyframes", "video", ("decode", "people", "shots"), (),

@@ -85,6 +85,13 @@ def test_the_main_person_gets_the_number_of_whoever_is_there(corrector: Correcto
         corrector.main(2000.0, 150.0, frame)
 
 
+def test_a_suspected_cut_is_removed_as_its_warning_says(corrector: Corrector) -> None:
+    record = {**corrector.record, "suspected_cuts": [14]}
+    assert Corrector(corrector.recording, record).remove_cut(14).frame == 14
+    with pytest.raises(InputError, match="the run has no cut at frame 14"):
+        corrector.remove_cut(14)
+
+
 def test_a_floor_is_relative_to_the_world_that_was_delivered(corrector: Corrector) -> None:
     before: dict[str, Any] = {"corrections": {"correction": [{"kind": "floor", "metres": -0.5}]}}
     assert Corrector(corrector.recording, {"shots": SHOTS, "config": before}).floor(0.2) == Floor(metres=-0.3)

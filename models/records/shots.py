@@ -243,6 +243,8 @@ class ShotList:
     left_out: tuple[LeftOut, ...] = ()
     unfollowed: tuple[Unfollowed, ...] = ()
     """Likeliest first."""
+    suspected: tuple[int, ...] = ()
+    """Frames that may begin a shot, and begin none here."""
 
     def witnesses(self, people: Iterable[int]) -> frozenset[int]:
         """Of these people (numbers) those by whom cameras and floor are judged: who is certainly a person; where nobody

@@ -64,13 +64,15 @@ def detect_shots(
         replace(shot, people=tuple(_marked(a, faults.get((shot.index, a.person))) for a in appearances))
         for shot, appearances in zip(shots, cast.appearances, strict=True)
     )
+    starts = [shot.start for shot in shots]
+    suspected = tuple(frame for frame in suspected if all(abs(frame - start) > NEAR_FRAMES for start in starts))
     warnings = (
-        *_suspected_cuts(suspected, inhabited), *_doubts(cast), *_partly_seen(cast, inhabited, people),
+        *_suspected_cuts(suspected), *_doubts(cast), *_partly_seen(cast, inhabited, people),
         *_overlooked(people, (facts.width, facts.height)),
     )  # fmt: skip
     unfollowed = tuple(one for scene in people if scene is not None for one in scene.unfollowed)
     return ShotList(
-        scenes.num_frames, inhabited, cast.people, warnings, (*notes, *of_people), cast.left_out, unfollowed
+        scenes.num_frames, inhabited, cast.people, warnings, (*notes, *of_people), cast.left_out, unfollowed, suspected
     )
 
 
@@ -96,14 +98,12 @@ def _nobody(cast: Cast, min_confidence: float) -> str:
     )
 
 
-def _suspected_cuts(suspected: Sequence[int], shots: Sequence[Shot]) -> tuple[str, ...]:
+def _suspected_cuts(suspected: Sequence[int]) -> tuple[str, ...]:
     """A warning for every frame that may begin a shot and begins none."""
-    starts = [shot.start for shot in shots]
     return tuple(
         f"frame {frame} may be a jump cut: what moves jumps there; `humanmm correct RUN add-cut {frame}` makes it one, "
         f"remove-cut {frame} says that it is none"
         for frame in suspected
-        if all(abs(frame - start) > NEAR_FRAMES for start in starts)
     )
 
 

@@ -63,9 +63,11 @@ class Corrector:
         return AddCut(frame=frame, end=end)
 
     def remove_cut(self, frame: int) -> RemoveCut:
-        """One of the run's cuts, or a frame of one of its gradual transitions."""
+        """One of the run's cuts, a frame of one of its gradual transitions, or a suspected cut."""
         found = [shot["transition"] for shot in self.record["shots"] if shot["transition"]]
-        if not any(one["start"] - NEAR_FRAMES <= frame <= one["end"] + NEAR_FRAMES for one in found):
+        spans = [(one["start"], one["end"]) for one in found]
+        spans += [(suspected, suspected) for suspected in self.record.get("suspected_cuts", [])]
+        if not any(start - NEAR_FRAMES <= frame <= end + NEAR_FRAMES for start, end in spans):
             cuts = ", ".join(str(shot["start"]) for shot in self.record["shots"][1:]) or "none"
             raise InputError(f"the run has no cut at frame {frame}; its cuts are at {cuts}")
         return RemoveCut(frame=frame)

@@ -123,6 +123,7 @@ def run_record(  # noqa: PLR0913 (one a section of run.json)
             }
             for one in shots.unfollowed
         ],
+        "suspected_cuts": list(shots.suspected),
         "corrections": [dict(one.__dict__) for one in corrections],
         "warnings": [
             *_misfits(corrections),

@@ -90,8 +90,10 @@ def test_who_is_seen_and_not_followed_is_a_warning_with_his_place() -> None:
 def test_a_suspected_cut_is_a_warning_unless_a_shot_begins_there() -> None:
     likely = replace(somebody(), probability=0.9)
     people = [ScenePeople(0, 30, (likely,)), ScenePeople(30, 60, ())]
-    (warning,) = detect_shots(FACTS, replace(SCENES, suspected=(12, 31)), people).warnings
+    found = detect_shots(FACTS, replace(SCENES, suspected=(12, 31)), people)
+    (warning,) = found.warnings
     assert "frame 12 may be a jump cut" in warning and "add-cut 12" in warning
+    assert found.suspected == (12,)
 
 
 def later(track: PersonTrack) -> PersonTrack:
