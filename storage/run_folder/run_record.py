@@ -83,7 +83,7 @@ def run_record(  # noqa: PLR0913 (one a section of run.json)
     versions: Mapping[str, str],
 ) -> dict[str, Any]:
     """The tree of run.json."""
-    people, fallbacks = _people(shots, motion, guesses, corrections), _fallbacks(shots, motion)
+    people, fallbacks = _people(shots, motion, guesses), _fallbacks(shots, motion)
     intrinsics = _disputed(intrinsics, motion)
     return {
         "schema": SCHEMA,
@@ -304,15 +304,12 @@ def _disputed(intrinsics: "Intrinsics", motion: WorldMotion | None) -> "Intrinsi
     return replace(intrinsics, relative_uncertainty=uncertainty)
 
 
-def _people(
-    shots: ShotList, motion: WorldMotion | None, guesses: "Guesses | None", corrections: Sequence[CorrectionRecord]
-) -> list[dict[str, Any]]:
+def _people(shots: ShotList, motion: WorldMotion | None, guesses: "Guesses | None") -> list[dict[str, Any]]:
     from humanmm.models.body.body24 import load_body
     from humanmm.models.records.recording import HEIGHT_ERROR
 
     moved = {person.person: person for person in motion.people} if motion else {}
     identities = guesses.identities if guesses is not None else ()
-    given = [float(str(one.correction["metres"])) for one in _applied(corrections, "height")]
     people = []
     for person in shots.people:
         entry: dict[str, Any] = {
@@ -325,9 +322,8 @@ def _people(
             entry["start"], entry["end"] = int(recovered.frame[0]), int(recovered.frame[-1]) + 1
             entry["observed_frames"] = int(recovered.observed.sum())
             height_m = load_body().standing_height(recovered.betas)
-            known = any(abs(height_m - wanted) < SAME_HEIGHT_M for wanted in given)
             entry["height_m"] = round(height_m, 3)
-            entry["height_uncertainty_m"] = 0.0 if known else round(height_m * HEIGHT_ERROR, 3)
+            entry["height_uncertainty_m"] = 0.0 if person.height_known else round(height_m * HEIGHT_ERROR, 3)
         entry["identity"] = [
             {"shot": one.shot, "probability": round(one.probability, 4)}
             for one in identities
@@ -338,9 +334,6 @@ def _people(
         entry["lapses"] = [list(span) for appearance in own for span in appearance.tracking_failures]
         people.append(entry)
     return people
-
-
-SAME_HEIGHT_M = 0.005
 
 
 def _applied(corrections: Sequence[CorrectionRecord], *kinds: str) -> list[CorrectionRecord]:

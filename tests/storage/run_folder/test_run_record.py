@@ -11,7 +11,7 @@ from humanmm.models.motion.world.align import align
 from humanmm.models.records.camera import Intrinsics
 from humanmm.models.records.recording import Guesses, IdentityGuess
 from humanmm.models.records.video import VideoFacts
-from humanmm.storage.run_folder.run_record import CorrectionRecord, _disputed, _doubts, _floor, _scale, _shots
+from humanmm.storage.run_folder.run_record import CorrectionRecord, _disputed, _doubts, _floor, _people, _scale, _shots
 
 SURE = Guesses(0.02, 300, (IdentityGuess(0, 1, 0.97),))
 
@@ -65,6 +65,16 @@ def test_one_known_height_tells_the_scale() -> None:
     assert _scale([bones]) == {"source": "bones", "relative_uncertainty": 0.08}
     assert _scale([bones, {**bones, "height_uncertainty_m": 0.0}]) == {"source": "given", "relative_uncertainty": 0.0}
     assert _scale([{"person": 0}])["source"] == "assumed"
+
+
+def test_a_given_height_is_that_of_the_person_it_was_given_for_alone() -> None:
+    whole = results()
+    (only,) = whole.shots.people
+    motion = align(whole)
+    assert _people(whole.shots, motion, None)[0]["height_uncertainty_m"] > 0
+    known = replace(whole.shots, people=(replace(only, height_known=True),))
+    assert _people(known, motion, None)[0]["height_uncertainty_m"] == 0.0
+    assert _people(known, motion, None)[0]["height_m"] == _people(whole.shots, motion, None)[0]["height_m"]
 
 
 def test_every_shot_says_how_dark_its_scene_was_and_what_is_drawn_over_it() -> None:
