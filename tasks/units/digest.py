@@ -2,9 +2,9 @@
 
 Starting at the stage's module, its imports are followed by reading the syntax trees. Of our own package the folder
 models/, the files tasks/*.py, the readers of files and the modules that write pictures and videos count; the rest
-decides when a result is computed, never what it is, or stands in the key by its values (config). A module's digest (`module_facts`)
-leaves out comments, docstrings and line numbers, so that a reworded text recomputes nothing. Weight files count when a
-visited module names them; numerical libraries count by version when a visited module imports them.
+decides when a result is computed, never what it is, or stands in the key by its values (config). A module's digest
+(`module_facts`) leaves out comments, docstrings and line numbers, so that a reworded text recomputes nothing. Weight
+files count when a visited module names them; numerical libraries count by version when a visited module imports them.
 
 Replaceable parts (`humanmm.parts`) are loaded by name, which no import shows: those that the configuration names are
 visited too, and an external one counts by its distribution's version and the files beside its code as well.

@@ -19,11 +19,12 @@ from humanmm.models.geometry.rotations import rotmat_to_rotvec
 from humanmm.models.perception.clothing import HISTOGRAM_BINS
 from humanmm.models.perception.lifting.coco import FEWEST, NEAREST_M, boxes_about
 from humanmm.models.perception.silhouettes import silhouettes
-from humanmm.models.perception.tracking.tracker import MIN_TRACK_S
+from humanmm.models.perception.tracking.overlooked import followed, left_out
+from humanmm.models.perception.tracking.track_builder import largest_first, shortest_track_s
 from humanmm.models.records.landmarks import HIPS, LIMBS, NUM_LANDMARKS
 from humanmm.models.records.tracks import MASK_SIDE, UNKNOWN_RAD, PersonTrack, PoseEstimates, ScenePeople
 from humanmm.models.records.video import VideoFacts
-from humanmm.models.video.frame_times import ROUNDING_S, shown_s
+from humanmm.models.video.frame_times import shown_s
 
 Array = np.ndarray
 
@@ -71,17 +72,16 @@ def smpl_body(
 def people_of_bodies(
     bodies: Sequence[GivenBody], facts: VideoFacts, span: tuple[int, int], *, max_people: int
 ) -> ScenePeople:
-    """The tracks of one scene's frames [start, end), largest first.
+    """The tracks of one scene's frames [start, end), largest first; of more than `max_people` at a time the largest.
 
     Masks are drawn about the bones; colours are unknown.
     """
-    start, end = span
-    scene_s = float(shown_s(facts.time_s, np.arange(start, end)).sum())
-    shortest_s = min(MIN_TRACK_S, 0.5 * scene_s) - ROUNDING_S
+    shortest_s = shortest_track_s(facts.time_s, span)
     found = [_track(body, slice(*np.searchsorted(body.frame, span)), (facts.width, facts.height)) for body in bodies]
-    tracks = [one for one in found if float(shown_s(facts.time_s, one.frame).sum()) >= shortest_s]
-    tracks.sort(key=lambda one: -float((one.bbox[:, 2:] - one.bbox[:, :2]).prod(axis=1).sum()))
-    return ScenePeople(start, end, tuple(tracks[:max_people]), _squeezed(bodies))
+    tracks = largest_first(one for one in found if float(shown_s(facts.time_s, one.frame).sum()) >= shortest_s)
+    kept = followed([one.frame for one in tracks], np.arange(len(tracks), 0, -1).tolist(), max_people)
+    others = tuple(left_out(one.frame, one.bbox, 1.0) for k, one in enumerate(tracks) if k not in kept)
+    return ScenePeople(*span, tuple(tracks[k] for k in kept), _squeezed(bodies), others)
 
 
 def _squeezed(bodies: Sequence[GivenBody]) -> tuple[str, ...]:

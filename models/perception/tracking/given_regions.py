@@ -17,10 +17,11 @@ from humanmm.models.perception.interfaces import Landmarks, Networks
 from humanmm.models.perception.observation import Observation, observe
 from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.regions import HEIGHT_OF_SIDE, Region, warp
-from humanmm.models.perception.tracking.track_builder import TrackBuilder
-from humanmm.models.perception.tracking.tracker import MIN_TRACK_S, in_source_pixels
+from humanmm.models.perception.tracking.overlooked import followed, left_out
+from humanmm.models.perception.tracking.track_builder import TrackBuilder, largest_first, shortest_track_s
+from humanmm.models.perception.tracking.tracker import in_source_pixels
 from humanmm.models.records.tracks import MASK_SIDE, ScenePeople
-from humanmm.models.video.frame_times import ROUNDING_S, elapsed_s, shown_s
+from humanmm.models.video.frame_times import elapsed_s, shown_s
 
 Array = np.ndarray
 
@@ -59,7 +60,7 @@ def track_regions(
     networks: Networks,
     hands: bool = False,
 ) -> ScenePeople:
-    """The tracks of one scene's frames, largest first; of more people than `max_people` those in the largest boxes.
+    """The tracks of one scene's frames, largest first; of more than `max_people` at a time those in the largest boxes.
 
     `time_s` holds the presentation times of all frames of the video; pictures may be smaller than `size`. With `hands`
     the people's hands are looked at as well.
@@ -69,7 +70,8 @@ def track_regions(
     owner = _owners(given, rows, time_s)
     areas = (given.box[rows, 2:] - given.box[rows, :2]).prod(axis=1)
     total = np.bincount(owner, weights=areas) if len(rows) else np.zeros(0)
-    kept = set(np.argsort(-total, kind="stable")[:max_people].tolist())
+    rows_of = [rows[owner == person] for person in range(len(total))]
+    kept = followed([given.frame[own] for own in rows_of], total.tolist(), max_people)
     builders: dict[int, TrackBuilder] = {}
     hands_due = due_frames(time_s[:end]) if hands else None
     scale = np.ones(2)
@@ -81,11 +83,14 @@ def track_regions(
                 _look(builders, person, frame, image, given, int(row), networks, scale, time_s)
                 if person in builders and frame in builders[person].rows:
                     builders[person].look_at_hands(frame, image, hands_due)
-    scene_s = float(shown_s(time_s, np.arange(start, end)).sum())
-    shortest_s = min(MIN_TRACK_S, 0.5 * scene_s) - ROUNDING_S
-    tracks = [one.finished() for one in builders.values() if one.seen_s >= shortest_s]
-    tracks.sort(key=lambda t: -float((t.bbox[:, 2:] - t.bbox[:, :2]).prod(axis=1).sum()))
-    return in_source_pixels(ScenePeople(start, end, tuple(tracks)), scale)
+    shortest_s = shortest_track_s(time_s, span)
+    tracks = largest_first(one.finished() for one in builders.values() if one.seen_s >= shortest_s)
+    others = tuple(
+        left_out(given.frame[own], given.box[own] / np.tile(scale, 2), float(given.score[own].mean()))
+        for person, own in enumerate(rows_of)
+        if person not in kept and float(shown_s(time_s, given.frame[own]).sum()) >= shortest_s
+    )
+    return in_source_pixels(ScenePeople(start, end, tracks, unfollowed=others), scale)
 
 
 def _look(

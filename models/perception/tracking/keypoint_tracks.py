@@ -8,11 +8,12 @@ from scipy.optimize import linear_sum_assignment
 
 from humanmm.models.geometry.intrinsics import K_from_focal, default_focal_px
 from humanmm.models.perception.interfaces import SEEN, KeypointLifter
-from humanmm.models.perception.lifting.coco import FEWEST, coco_track
-from humanmm.models.perception.tracking.tracker import MIN_TRACK_S
+from humanmm.models.perception.lifting.coco import FEWEST, boxes_about, coco_track
+from humanmm.models.perception.tracking.overlooked import followed, left_out
+from humanmm.models.perception.tracking.track_builder import largest_first, shortest_track_s
 from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.records.video import VideoFacts
-from humanmm.models.video.frame_times import ROUNDING_S, elapsed_s, shown_s
+from humanmm.models.video.frame_times import elapsed_s, shown_s
 
 Array = np.ndarray
 
@@ -37,38 +38,42 @@ def people_of_keypoints(
     found: PictureKeypoints, facts: VideoFacts, span: tuple[int, int], *, max_people: int, lifter: KeypointLifter
 ) -> ScenePeople:
     """The tracks of one scene's frames [start, end), largest first: people who lie near each other in successive
-    pictures are one.
+    pictures are one; of more than `max_people` at a time those with the best scores.
 
     Colours are unknown, masks are drawn about the bones, 3D landmarks are the lifter's.
     """
-    start, end = span
-    rows = slice(*np.searchsorted(found.frame, (start, end)))
+    rows = slice(*np.searchsorted(found.frame, span))
     time_s, size = facts.time_s, (facts.width, facts.height)
     K = K_from_focal(default_focal_px(*size), *size)
-    scene_s = float(shown_s(time_s, np.arange(start, end)).sum())
-    shortest_s = min(MIN_TRACK_S, 0.5 * scene_s) - ROUNDING_S
-    tracks = []
-    for linked in link(found.frame[rows], found.keypoints[rows], time_s, max_people=max_people):
-        frame, keypoints = found.frame[rows][linked], found.keypoints[rows][linked]
-        if float(shown_s(time_s, frame).sum()) >= shortest_s:
-            tracks.append(coco_track(frame, keypoints, time_s=time_s[frame], K=K, size=size, lifter=lifter))
-    tracks.sort(key=lambda t: -float((t.bbox[:, 2:] - t.bbox[:, :2]).prod(axis=1).sum()))
-    return ScenePeople(start, end, tuple(tracks))
+    shortest_s = shortest_track_s(time_s, span)
+    frame, keypoints = found.frame[rows], found.keypoints[rows]
+    people = [own for own in link(frame, keypoints, time_s) if float(shown_s(time_s, frame[own]).sum()) >= shortest_s]
+    score = [float(keypoints[own, :, 2].sum()) for own in people]
+    kept = followed([frame[own] for own in people], score, max_people)
+    tracks = largest_first(
+        coco_track(frame[own], keypoints[own], time_s=time_s[frame[own]], K=K, size=size, lifter=lifter)
+        for own in (people[k] for k in kept)
+    )
+    others = tuple(
+        left_out(
+            frame[own],
+            boxes_about(keypoints[own, :, :2], keypoints[own, :, 2] >= SEEN, size),
+            score[k] / keypoints[own, :, 2].size,
+        )
+        for k, own in enumerate(people)
+        if k not in kept
+    )
+    return ScenePeople(*span, tracks, unfollowed=others)
 
 
 def link(
-    frame: Int[Array, " M"], keypoints: Float[Array, "M 17 3"], time_s: Float[Array, " F"], *, max_people: int
+    frame: Int[Array, " M"], keypoints: Float[Array, "M 17 3"], time_s: Float[Array, " F"]
 ) -> list[Int[Array, " n"]]:
-    """Of every person the rows that are his, at most one a frame; rows of hardly a keypoint are nobody's.
-
-    In each picture the `max_people` with the best scores are taken.
-    """
+    """Of every person the rows that are his, at most one a frame; rows of hardly a keypoint are nobody's."""
     usable = (keypoints[..., 2] >= SEEN).sum(axis=1) >= FEWEST
-    score = np.where(usable, keypoints[..., 2].sum(axis=1), 0.0)
     people: list[list[int]] = []
     for f in np.unique(frame):
         rows = np.flatnonzero((frame == f) & usable)
-        rows = np.sort(rows[np.argsort(-score[rows], kind="stable")[:max_people]])
         near = [person for person in people if elapsed_s(time_s, int(frame[person[-1]]), int(f)) <= LOST_S]
         cost = np.full((len(near), len(rows)), FAR)
         for i, person in enumerate(near):

@@ -1,14 +1,15 @@
 """Who is overlooked: people whom the detector sees again and again, and whom no track follows.
 
-Close-ups of which the shoulders are hardly seen, people far away, more people than are to be followed. Nothing is
-recovered of them, but that they are there is known, and said.
+Close-ups of which the shoulders are hardly seen, people far away, more people than are to be followed, also of those
+that another program found. Nothing is recovered of them, but that they are there is known, and said.
 """
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from humanmm.models.geometry.boxes import box_iou
 from humanmm.models.perception.interfaces import Detection
@@ -27,6 +28,27 @@ GONE_S = 0.8
 """So long nobody is seen there before he counts as gone: two searches."""
 LEAST_S, LEAST_SEARCHES = 1.0, 3
 """So long, and so often, somebody is seen before he is said to be overlooked."""
+
+
+def followed(frames: Sequence[Int[np.ndarray, "_"]], weight: Sequence[float], max_people: int) -> list[int]:
+    """Who of those that another program found is followed, `max_people` at a time: heaviest first.
+
+    `frames` holds for each of them those in which he is seen.
+    """
+    crowd: Counter[int] = Counter()
+    kept = []
+    for number in np.argsort(-np.array(weight), kind="stable").tolist():
+        own = frames[number].tolist()
+        if all(crowd[frame] < max_people for frame in own):
+            crowd.update(own)
+            kept.append(number)
+    return kept
+
+
+def left_out(frame: Int[np.ndarray, " n"], box: Float[np.ndarray, "n 4"], score: float) -> Unfollowed:
+    """Somebody whom another program found, beside as many as may be followed."""
+    x0, y0, x1, y1 = box[(box[:, 2:] - box[:, :2]).prod(axis=1).argmax()].tolist()
+    return Unfollowed(int(frame[0]), int(frame[-1]), (x0, y0, x1, y1), score, crowded=True)
 
 
 @dataclass

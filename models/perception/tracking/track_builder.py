@@ -1,7 +1,7 @@
 """A track being built, frame by frame, and the finished track at the end of the scene."""
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
 
@@ -20,10 +20,12 @@ from humanmm.models.perception.tracking.personhood import Evidence, mean_score, 
 from humanmm.models.perception.tracking.sides import left_right_swaps
 from humanmm.models.records import landmarks
 from humanmm.models.records.tracks import PersonTrack, Silhouettes, deflated_mask
-from humanmm.models.video.frame_times import elapsed_s, shown_s
+from humanmm.models.video.frame_times import ROUNDING_S, elapsed_s, shown_s
 
 Array = np.ndarray
 
+MIN_TRACK_S = 0.25
+"""Whoever is seen for less in a scene has no track there."""
 COLOUR_PERIOD_S = 0.2
 """Colours are taken no more often than this."""
 MAX_STEP = 0.1
@@ -39,6 +41,17 @@ _HAND_REACH = 13
 """Frames from which a hand is no longer looked for where it was."""
 STEADINESS_UNKNOWN = 0.8
 """Of a track without three frames in a row."""
+
+
+def shortest_track_s(time_s: Float[np.ndarray, " F"], span: tuple[int, int]) -> float:
+    """How long somebody must be seen in the scene [start, end): MIN_TRACK_S, in a short one half of it."""
+    scene_s = float(shown_s(time_s, np.arange(*span)).sum())
+    return min(MIN_TRACK_S, 0.5 * scene_s) - ROUNDING_S
+
+
+def largest_first(tracks: Iterable[PersonTrack]) -> tuple[PersonTrack, ...]:
+    """Tracks by the areas of their boxes, summed over frames."""
+    return tuple(sorted(tracks, key=lambda t: -float((t.bbox[:, 2:] - t.bbox[:, :2]).prod(axis=1).sum())))
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -31,11 +31,16 @@ from humanmm.models.perception.tracking.search import (
     settle,
 )
 from humanmm.models.perception.tracking.sides import side_vote
-from humanmm.models.perception.tracking.track_builder import TrackBuilder
+from humanmm.models.perception.tracking.track_builder import (
+    MIN_TRACK_S,
+    TrackBuilder,
+    largest_first,
+    shortest_track_s,
+)
 from humanmm.models.records import landmarks
 from humanmm.models.records.shots import DOUBTFUL, Unfollowed
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
-from humanmm.models.video.frame_times import ROUNDING_S, elapsed_s, nearest_frame, sampled_every, shown_s
+from humanmm.models.video.frame_times import elapsed_s, nearest_frame, sampled_every
 
 Array = np.ndarray
 
@@ -60,7 +65,6 @@ MISSING_HANDICAP = 0.3
 TENURE_BONUS = 0.3
 """For a track that has followed the person for TENURE_S or more."""
 TENURE_S = 1.0
-MIN_TRACK_S = 0.25
 STEP_PER_S, LONGEST_STEP = 3.0, 0.3
 """How far an upper body gets between two frames from where it is expected, of the height."""
 
@@ -101,12 +105,10 @@ class SceneTracker:
 
     def finish(self) -> ScenePeople:
         """All tracks of the scene, largest first."""
-        scene_s = float(shown_s(self._time_s, np.arange(self._start, self._end)).sum())
-        shortest_s = min(MIN_TRACK_S, 0.5 * scene_s) - ROUNDING_S
+        shortest_s = shortest_track_s(self._time_s, (self._start, self._end))
         people = joined(untangled(self._tracks))
-        tracks = [finished(track) for track in people if track.seen_s >= shortest_s]
-        tracks.sort(key=lambda t: -float((t.bbox[:, 2:] - t.bbox[:, :2]).prod(axis=1).sum()))
-        return ScenePeople(self._start, self._end, tuple(tracks), unfollowed=self._overlooked.finished())
+        tracks = largest_first(finished(track) for track in people if track.seen_s >= shortest_s)
+        return ScenePeople(self._start, self._end, tracks, unfollowed=self._overlooked.finished())
 
     def _keep(self, frame: int, image: Picture) -> None:
         """Keep a frame's picture, and forget those too old to follow anybody back to."""

@@ -69,4 +69,12 @@ def test_whoever_is_behind_the_camera_or_out_of_the_picture_is_not_seen() -> Non
     body = bodies()[0]
     behind = GivenBody(body.frame, body.landmarks_cam * [1, 1, -1], body.known, body.K, body.R_local)
     assert people_of_bodies([behind], FACTS, (0, 25), max_people=6).tracks == ()
-    assert [len(people_of_bodies(bodies(), FACTS, (0, 25), max_people=k).tracks) for k in (1, 2)] == [1, 2]
+
+
+def test_of_more_bodies_than_wanted_the_smaller_are_left_out_and_reported() -> None:
+    scenes = [people_of_bodies(bodies(), FACTS, (0, 25), max_people=k) for k in (1, 2)]
+    assert [len(scene.tracks) for scene in scenes] == [1, 2]
+    assert [[one.crowded for one in scene.unfollowed] for scene in scenes] == [[True], []]
+    (left,) = scenes[0].unfollowed
+    smaller = scenes[1].tracks[1]
+    assert (left.first, left.last) == (smaller.frame[0], smaller.frame[-1])

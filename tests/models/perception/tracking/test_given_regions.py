@@ -65,6 +65,16 @@ def test_whoever_fills_a_box_is_followed_and_nobody_is_found_in_an_empty_one() -
         assert len(track.color_frame) > 0 and track.probability > 0.5
 
 
+def test_of_more_people_than_wanted_at_a_time_the_smaller_are_left_out_and_reported() -> None:
+    scene = track_regions(
+        pictures(), given(), span=SPAN, time_s=TIME_S, size=SIZE, max_people=1, networks=replace(QUICK)
+    )
+    assert len(scene.tracks) == 1
+    (left,) = scene.unfollowed
+    assert left.crowded and (left.first, left.last) == (SPAN[0], SPAN[1] - 1)
+    np.testing.assert_allclose(left.box, (20, 700, 90, 800), atol=1e-6)
+
+
 def test_a_given_mask_takes_the_place_of_the_networks_own() -> None:
     half = 2  # masks of half the size
 

@@ -29,21 +29,26 @@ def _two() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def test_everybody_is_followed_through_gaps_whatever_the_order_in_the_file() -> None:
     frame, keypoints, owner = _two()
-    people = link(frame, keypoints, TIME_S, max_people=6)
+    people = link(frame, keypoints, TIME_S)
     assert sorted(len(rows) for rows in people) == [30, 40]
     assert all(len(set(owner[rows])) == 1 for rows in people)
 
 
 def test_who_is_away_for_long_comes_back_as_somebody_else() -> None:
     frame, keypoints, _ = _two()
-    assert len(link(frame, keypoints, 4 * TIME_S, max_people=6)) == 3
+    assert len(link(frame, keypoints, 4 * TIME_S)) == 3
 
 
 def test_of_a_limited_number_of_people_the_best_are_taken() -> None:
     frame, keypoints, owner = _two()
     keypoints[owner == 1, :, 2] *= 0.5
-    (rows,) = link(frame, keypoints, TIME_S, max_people=1)
-    assert (owner[rows] == 0).all() and len(rows) == N
+    facts = VideoFacts(*SEQUENCE.size, TIME_S, np.ones(N, bool), 0, "h264", "mp4")
+    scene = people_of_keypoints(PictureKeypoints(frame, keypoints), facts, (0, N), max_people=1, lifter=lift_keypoints)
+    (track,) = scene.tracks
+    best = keypoints[owner == 0, :, :2]
+    assert len(track.frame) == N and np.abs(track.bbox[:, :2] - best.min(axis=1)).max() < np.ptp(best, axis=1).max()
+    (other,) = scene.unfollowed
+    assert other.crowded and (other.first, other.last) == (int(frame[owner == 1].min()), int(frame[owner == 1].max()))
 
 
 def test_tracks_of_one_scene_begin_and_end_with_it() -> None:

@@ -6,7 +6,7 @@ import pytest
 from humanmm.models.perception.interfaces import Detection
 from humanmm.models.perception.observation import Observation
 from humanmm.models.perception.regions import Region
-from humanmm.models.perception.tracking.overlooked import Overlooked
+from humanmm.models.perception.tracking.overlooked import Overlooked, followed
 
 TIME_S = np.arange(200) / 30
 BOX = np.array([0.0, 20.0, 200.0, 240.0])
@@ -45,3 +45,10 @@ def test_who_is_followed_is_not_overlooked_and_in_a_crowd_it_is_said() -> None:
     others = [observation(BOX + 300), observation(BOX + 600)]
     (one,) = overlooked(stays, others).finished()
     assert one.crowded
+
+
+def test_so_many_are_followed_at_a_time_and_not_in_all() -> None:
+    early, late, long = np.arange(5), np.arange(5, 9), np.arange(9)
+    assert followed([early, late, long], [3.0, 2.0, 1.0], 1) == [0, 1], "one after the other"
+    assert followed([early, late, long], [3.0, 2.0, 9.0], 1) == [2]
+    assert followed([early, late, long], [3.0, 2.0, 9.0], 2) == [2, 0, 1]
