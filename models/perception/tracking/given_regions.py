@@ -150,13 +150,14 @@ def _with_mask(output: Landmarks, labels: Array, person: int, image: Picture) ->
 
 
 def _owners(given: GivenRegions, rows: Int[Array, " n"], time_s: Float[Array, " F"]) -> Int[Array, " n"]:
-    """Number of the track that each row belongs to, from 0 on."""
-    if (given.person[rows] >= 0).all():
-        return np.unique(given.person[rows], return_inverse=True)[1]
+    """Number of the track that each row belongs to, from 0 on: those of given numbers, then of boxes without one, which
+    go on in one another."""
     owner = np.full(len(rows), -1)
+    numbered = given.person[rows] >= 0
+    numbers, owner[numbered] = np.unique(given.person[rows][numbered], return_inverse=True)
     last: list[int] = []
-    for frame in np.unique(given.frame[rows]):
-        here = np.flatnonzero(given.frame[rows] == frame)
+    for frame in np.unique(given.frame[rows][~numbered]):
+        here = np.flatnonzero((given.frame[rows] == frame) & ~numbered)
         near = [k for k, row in enumerate(last) if elapsed_s(time_s, int(given.frame[row]), int(frame)) <= LOST_S]
         overlap = box_iou(given.box[[last[k] for k in near]][:, None], given.box[rows[here]][None])
         for k, column in zip(*linear_sum_assignment(-overlap), strict=True):
@@ -168,4 +169,4 @@ def _owners(given: GivenRegions, rows: Int[Array, " n"], time_s: Float[Array, " 
                 last.append(int(rows[at]))
             else:
                 last[owner[at]] = int(rows[at])
-    return owner
+    return np.where(numbered, owner, len(numbers) + owner)

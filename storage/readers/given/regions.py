@@ -198,11 +198,8 @@ def _check_frames(frame: Array, num_frames: int) -> None:
 
 
 def _check_once(frame: Array, person: Array) -> None:
-    """Nobody is in two boxes of one frame; with some numbered and some not, none is."""
-    if (person < 0).any():
-        person[:] = -1
-        return
-    pairs, count = np.unique(np.stack([frame, person], axis=1), axis=0, return_counts=True)
+    """Nobody who has a number is in two boxes of one frame."""
+    pairs, count = np.unique(np.stack([frame, person], axis=1)[person >= 0], axis=0, return_counts=True)
     if (count > 1).any():
         at, who = pairs[count > 1][0]
         raise InputError(f"person {who} has {count.max()} boxes in frame {at}; expected one")

@@ -65,6 +65,17 @@ def test_whoever_fills_a_box_is_followed_and_nobody_is_found_in_an_empty_one() -
         assert len(track.color_frame) > 0 and track.probability > 0.5
 
 
+def test_whoever_has_a_number_keeps_it_beside_boxes_without_one() -> None:
+    regions = given()
+    (numbered,) = _tracked(regions).tracks
+    mixed = np.where(regions.person == 7, 7, -1)
+    (track,) = _tracked(replace(regions, person=mixed)).tracks
+    np.testing.assert_array_equal(track.bbox, numbered.bbox)
+    swapped = np.where(regions.person == 7, -1, 7)
+    (track,) = _tracked(replace(regions, person=swapped)).tracks
+    np.testing.assert_array_equal(track.frame, np.arange(*SPAN))
+
+
 def test_of_more_people_than_wanted_at_a_time_the_smaller_are_left_out_and_reported() -> None:
     scene = track_regions(
         pictures(), given(), span=SPAN, time_s=TIME_S, size=SIZE, max_people=1, networks=replace(QUICK)

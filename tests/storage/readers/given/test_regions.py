@@ -47,6 +47,12 @@ def test_a_trackers_text_counts_from_one_and_keeps_its_numbers(tmp_path: Path) -
     np.testing.assert_allclose(found.score, 0.9)
 
 
+def test_a_box_without_a_number_takes_nobody_elses_away(tmp_path: Path) -> None:
+    path = _mot(tmp_path / "mot.txt")
+    path.write_text(path.read_text() + "1,-1,5,5,20,40,0.5\n1,-1,6,5,20,40,0.5\n")
+    assert _boxes(path).person.tolist() == [7, 3, -1, -1, *([7, 3] * (N - 1))]
+
+
 def test_a_detectors_json_holds_nobodys_number_and_other_things(tmp_path: Path) -> None:
     found = _boxes(_coco(tmp_path / "boxes.json"))
     assert found.frame.tolist() == [0, 0, 1, 1, 2, 2, 3, 3] and (found.person == -1).all()
