@@ -49,7 +49,7 @@ def test_a_trackers_text_counts_from_one_and_keeps_its_numbers(tmp_path: Path) -
 
 def test_a_box_without_a_number_takes_nobody_elses_away(tmp_path: Path) -> None:
     path = _mot(tmp_path / "mot.txt")
-    path.write_text(path.read_text() + "1,-1,5,5,20,40,0.5\n1,-1,6,5,20,40,0.5\n")
+    path.write_text(path.read_text() + "\n1,-1,5,5,20,40,0.5\n1,-1,6,5,20,40,0.5")
     assert _boxes(path).person.tolist() == [7, 3, -1, -1, *([7, 3] * (N - 1))]
 
 
