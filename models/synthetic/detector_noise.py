@@ -83,6 +83,12 @@ class DetectorNoise:
     """How often an arm and a leg are hidden, times per path length."""
     hidden_s: tuple[float, float]
     hidden_factor: float
+    """How many times as large the errors of a hidden limb are in the picture."""
+    hidden_spread: float
+    """Standard deviation of the logarithm of that factor, which is another whenever a limb is hidden: some hidden hands
+    are nearly right, others are guessed."""
+    hidden_landmark_factor: float
+    """The same of the 3D landmarks, always the same."""
     lost_rate: tuple[float, float]
     """How often an arm and a leg jump, times per path length."""
     lost_s: tuple[float, float]
@@ -145,12 +151,15 @@ def detect(
     pairs = list(zip(of_limbs, (0, 0, 1, 1), strict=True))
     hidden = np.stack([_runs(rng, path, noise.hidden_rate[k], noise.hidden_s[k], fps) for path, k in pairs])
     lost = np.stack([_runs(rng, path, noise.lost_rate[k], noise.lost_s[k], fps) for path, k in pairs])
-    factor, jump = np.ones((n, NUM_LANDMARKS, 1)), np.zeros((n, NUM_LANDMARKS, 2))
+    factor, factor_3d = np.ones((2, n, NUM_LANDMARKS, 1))
+    jump = np.zeros((n, NUM_LANDMARKS, 2))
     visibility = 0.97 - 0.04 * np.abs(rng.normal(size=(n, NUM_LANDMARKS)))
     visibility[behind, :11] -= 0.25
     factor[behind, :11] = noise.hidden_factor
+    factor_3d[behind, :11] = noise.hidden_landmark_factor
     for limb, gone, wild in zip(LIMBS, hidden, lost, strict=True):
-        factor[np.ix_(gone, limb)] = noise.hidden_factor
+        factor[:, limb] = _hidden_factors(rng, gone, noise)[:, None, None]
+        factor_3d[np.ix_(gone, limb)] = noise.hidden_landmark_factor
         visibility[np.ix_(gone, limb)] = rng.uniform(0.2, 0.5)
         jump[np.ix_(wild, limb)] = noise.lost_fraction * unit(rng.normal(size=2))
     wrong = _landmark_errors(rng, steps, noise)
@@ -166,7 +175,7 @@ def detect(
     rotation[:, 2] += noise.lean_per_roll * roll
     solid = np.einsum("nba,njb->nja", R_cam_ray, about_hips) @ np.swapaxes(rotvec_to_rotmat(rotation), -1, -2)
     solid *= noise.landmark_scale / stature
-    solid += factor * np.array(noise.landmark_deviation_m) * wrong[..., 2:]
+    solid += factor_3d * np.array(noise.landmark_deviation_m) * wrong[..., 2:]
     solid -= solid[:, 23:25].mean(axis=1, keepdims=True)
 
     front, back = (_runs(rng, of_body, rate, noise.swap_s, fps) for rate in noise.swap_rate)
@@ -242,6 +251,14 @@ def _remembering(rng: np.random.Generator, steps: Float[Array, " n"], count: int
     for row in range(1, len(error)):
         error[row] = keep[row] * error[row - 1] + drive[row] * error[row]
     return error
+
+
+def _hidden_factors(rng: np.random.Generator, gone: Bool[Array, " n"], noise: DetectorNoise) -> Float[Array, " n"]:
+    """By how much a limb's errors in the picture are larger: one factor for each run of frames in which it is hidden,
+    1 elsewhere."""
+    run = np.cumsum(np.diff(gone, prepend=False) & gone)
+    of_run = noise.hidden_factor * np.exp(noise.hidden_spread * rng.normal(size=int(run.max(initial=0)) + 1))
+    return np.where(gone, of_run[run], 1.0)
 
 
 def _runs(

@@ -49,6 +49,7 @@ def fit_noise(clips: Sequence[MeasuredClip]) -> NoiseFit:
     fraction, deviation_m, patterns = _patterns(series)
     memory = _memory(series)
     hidden = np.concatenate([one.picture[limb_mask(one.hidden)] for one in series])
+    hidden_size, hidden_spread = _size_and_spread(hidden) if len(hidden) else (fraction, 0.0)
     lost = np.concatenate([one.picture[limb_mask(one.lost)] for one in series])
     rotation = np.concatenate([_straight(one, a, b)[one.found] for one in series])
     rest = memory.rest_speed
@@ -72,7 +73,9 @@ def fit_noise(clips: Sequence[MeasuredClip]) -> NoiseFit:
         rest_speed=rest,
         hidden_rate=(hidden_limbs[0][0], hidden_limbs[1][0]),
         hidden_s=(hidden_limbs[0][1], hidden_limbs[1][1]),
-        hidden_factor=_spread(hidden) / fraction if len(hidden) else 1.0,
+        hidden_factor=hidden_size / fraction,
+        hidden_spread=hidden_spread,
+        hidden_landmark_factor=_hidden_landmarks(series),
         lost_rate=(lost_limbs[0][0], lost_limbs[1][0]),
         lost_s=(lost_limbs[0][1], lost_limbs[1][1]),
         lost_fraction=float(np.median(np.linalg.norm(lost, axis=-1))) if len(lost) else 0.0,
@@ -82,6 +85,21 @@ def fit_noise(clips: Sequence[MeasuredClip]) -> NoiseFit:
         miss_s=miss_s,
     )
     return NoiseFit(noise, tuple(series), sum(int(one.found.sum()) for one in series))
+
+
+def _size_and_spread(values: Float[Array, "m k"]) -> tuple[float, float]:
+    """Of normal errors whose standard deviation is itself log-normal: its median, and the standard deviation of its
+    logarithm. By mean and variance of log |e|, which are −(γ + ln 2) / 2 and π² / 8 for a normal error of size 1."""
+    log = np.log(np.abs(values[np.isfinite(values) & (values != 0)]))
+    size = np.exp(log.mean() + 0.5 * (np.euler_gamma + np.log(2.0)))
+    return float(size), float(np.sqrt(max(log.var() - np.pi**2 / 8, 0.0)))
+
+
+def _hidden_landmarks(series: Sequence[Series]) -> float:
+    """How many times as far 3D landmarks of hidden limbs are off as others, by medians."""
+    hidden = np.concatenate([one.solid[limb_mask(one.hidden) & one.found[:, None]] for one in series])
+    others = np.concatenate([one.solid[one.usable] for one in series])
+    return _spread(hidden) / _spread(others) if len(hidden) else 1.0
 
 
 def _spread(values: Float[Array, "m k"]) -> float:

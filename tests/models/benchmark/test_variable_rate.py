@@ -52,10 +52,10 @@ def with_frames(video: BenchVideo, kept: np.ndarray) -> BenchVideo:
     )
 
 
-def test_a_walk_has_its_true_speed_in_the_world_where_frames_are_dense_and_where_they_are_sparse(
-    sequences: tuple[MocapSequence, ...],
-) -> None:
-    video = build_video(sequences[0], plan_videos(sequences[:1], 1, seed=6, transitions=(1,), longest=60)[0])
+def speed_ratios(sequence: MocapSequence, seed: int) -> tuple[float, float, float, float]:
+    """Found over true speed where frames are dense and where they are sparse, then the same as if frames were evenly
+    apart."""
+    video = build_video(sequence, plan_videos((sequence,), 1, seed=seed, transitions=(1,), longest=60)[0])
     true_path = video.truth.people[0].joints[:, 0, :2]
     true_speed = np.linalg.norm(np.diff(true_path, axis=0), axis=1).mean() * 30
     dense = np.arange(60) < 24
@@ -67,13 +67,21 @@ def test_a_walk_has_its_true_speed_in_the_world_where_frames_are_dense_and_where
     time_s = video.facts.time_s[kept][person.frame]
     is_dense = dense[kept][person.frame][1:]
 
-    def speed_ratio(steps: np.ndarray, at_s: np.ndarray) -> float:
+    def ratio(steps: np.ndarray, at_s: np.ndarray) -> float:
         return float(moved[steps].sum() / np.diff(at_s)[steps].sum() / true_speed)
 
-    # one camera and three quarters of a second tell a walker's speed within a quarter
-    assert 0.7 < speed_ratio(is_dense, time_s) < 1.3
-    assert 0.7 < speed_ratio(~is_dense, time_s) < 1.3
-    # as if frames were evenly apart, the body would speed up where they are sparse
     evenly_s = np.linspace(time_s[0], time_s[-1], len(time_s))
-    assert speed_ratio(is_dense, evenly_s) < 0.6
-    assert speed_ratio(~is_dense, evenly_s) > 1.5
+    return ratio(is_dense, time_s), ratio(~is_dense, time_s), ratio(is_dense, evenly_s), ratio(~is_dense, evenly_s)
+
+
+def test_a_walk_has_its_true_speed_in_the_world_where_frames_are_dense_and_where_they_are_sparse(
+    sequences: tuple[MocapSequence, ...],
+) -> None:
+    # one camera and three quarters of a second tell a walker's speed within a third: hence the middle of nine
+    middle = np.median([speed_ratios(sequences[0], seed) for seed in range(9)], axis=0)
+    dense, sparse, dense_evenly, sparse_evenly = middle.tolist()
+    assert 0.85 < dense < 1.15
+    assert 0.85 < sparse < 1.15
+    # as if frames were evenly apart, the body would speed up where they are sparse
+    assert sparse_evenly > 1.5
+    assert sparse_evenly > 2.5 * dense_evenly

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from humanmm.models.synthetic.detector_noise import LIMBS, PARTS, Detections, detect, fitted_noise, speeds
+from humanmm.models.synthetic.detector_noise import AXES, LIMBS, PARTS, TRUNK, Detections, detect, fitted_noise, speeds
 
 FPS, SIZE = 30.0, (10_000, 10_000)
 K = np.array([[1000.0, 0, 5000], [0, 1000, 5000], [0, 0, 1]])
@@ -27,6 +27,14 @@ def seen(points: np.ndarray, **changes: object) -> Detections:
     return detect(points, K, SIZE, behind, 1.0, FPS, noise, np.random.default_rng(1), pitch=zero, roll=zero)
 
 
+def own_sizes() -> np.ndarray:
+    """How far every landmark errs in the picture, of all that are fitted one on average (33, 2)."""
+    patterns, sizes = fitted_noise().patterns, np.ones((33, 2))
+    for part, covariance in ((TRUNK, patterns.trunk), *zip(LIMBS, (patterns.arm,) * 2 + (patterns.leg,) * 2)):
+        sizes[list(part)] = np.sqrt(np.diagonal(covariance).reshape(-1, AXES)[:, :2])
+    return sizes
+
+
 def test_what_stands_keeps_its_error_and_what_moves_does_not() -> None:
     points = waving(600)
     found = seen(points, **NO_EVENTS, shot_fraction=0.0, new_fraction=0.0)
@@ -39,7 +47,7 @@ def test_an_error_is_as_large_on_what_moves_as_on_what_stands() -> None:
     points = waving(3000)
     found = seen(points, **NO_EVENTS, shot_fraction=0.0)
     error = found.keypoints[..., :2] - (points @ K.T)[..., :2] / points[..., 2:]
-    assert 0.8 < error[:, WAVING].std() / error[:, STANDING].std() < 1.25
+    assert 0.8 < (error / own_sizes())[:, WAVING].std() / (error / own_sizes())[:, STANDING].std() < 1.25
 
 
 def test_what_is_new_in_every_frame_is_so_whatever_moves() -> None:
@@ -76,3 +84,16 @@ def test_a_hand_and_its_fingers_err_together_and_both_arms_alike_in_the_mirror()
     side = np.tile([-1.0, 1.0], len(LIMBS[0]))
     assert np.corrcoef(error[:, 15, 0], error[:, 19, 0])[0, 1] > 0.6
     assert np.abs(left - right * np.outer(side, side)).max() < 0.3 * np.abs(left).max()
+
+
+def test_some_hidden_limbs_are_nearly_right_and_others_far_off() -> None:
+    points = waving(9000)
+    found = seen(points, lost_rate=(0, 0), swap_rate=(0, 0), miss_rate=0.0, hidden_rate=(3.0, 3.0))
+    error = np.abs(found.keypoints[..., :2] - (points @ K.T)[..., :2] / points[..., 2:])
+    arm = list(LIMBS[0])
+    hidden = found.keypoints[:, arm, 2].mean(axis=1) < 0.6
+    assert 0.05 < hidden.mean() < 0.95
+    sizes = {name: error[rows][:, arm] for name, rows in (("hidden", hidden), ("seen", ~hidden))}
+    tails = {name: np.quantile(size, 0.95) / np.median(size) for name, size in sizes.items()}
+    assert np.median(sizes["hidden"]) > 1.3 * np.median(sizes["seen"])
+    assert tails["hidden"] > 1.5 * tails["seen"]

@@ -13,7 +13,7 @@ from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
 from humanmm.models.records.sequence import BodyParameters, CameraSequence, MotionSequence, PersonSequence
 from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.synthetic.detector_errors import MeasuredClip, person_errors
-from humanmm.models.synthetic.detector_noise import detect, fitted_noise, pitch_and_roll
+from humanmm.models.synthetic.detector_noise import DetectorNoise, detect, fitted_noise, pitch_and_roll
 from humanmm.models.synthetic.mocap import MocapSequence, leg_length, pose_actor
 from humanmm.models.synthetic.multishot import person_track
 from humanmm.models.synthetic.noise_fit import NoiseFit, fit_noise
@@ -30,7 +30,7 @@ KNOWN = replace(
 )  # fmt: skip
 
 
-def measured(sequence: MocapSequence, number: int) -> MeasuredClip:
+def measured(sequence: MocapSequence, number: int, noise: DetectorNoise = KNOWN) -> MeasuredClip:
     """A static camera at a random height and roll, and the detector of the known noise."""
     rng = np.random.default_rng(number)
     actor = pose_actor(sequence, rng)
@@ -45,7 +45,7 @@ def measured(sequence: MocapSequence, number: int) -> MeasuredClip:
     behind = (actor.R_world_root[:, :, 2] * (eye - actor.joints[:, 0])).sum(axis=1) < 0
     stature = leg_length(load_body().rest_joints(actor.betas)) / leg_length(load_body().J_template)
     pitch, roll = pitch_and_roll(R_all, in_camera[:, 23:25].mean(axis=1))
-    seen = detect(in_camera, K, SIZE, behind, stature, fps, KNOWN, rng, pitch=pitch, roll=roll)
+    seen = detect(in_camera, K, SIZE, behind, stature, fps, noise, rng, pitch=pitch, roll=roll)
     track = person_track(seen, 0, fps, np.full(64, 1 / 64), rng)
     body = BodyParameters(
         "body24", rotmat_to_rotvec(actor.R_world_root), actor.body_pose, actor.betas, actor.joints[:, 0]
@@ -56,12 +56,17 @@ def measured(sequence: MocapSequence, number: int) -> MeasuredClip:
     return MeasuredClip(truth, person_errors(truth, [ScenePeople(0, n, (track,))], f"clip{number}"))
 
 
-@pytest.fixture(scope="module")
-def fit() -> NoiseFit:
+def clips(count: int, noise: DetectorNoise) -> list[MeasuredClip]:
+    """Two seconds each, of real motion."""
     from humanmm.storage.readers.mocap_pack import read_pack
 
     sequences = read_pack(Path(__file__).parents[3] / "data" / "mocap" / "cmu_val.npz")
-    return fit_noise([measured(sequences[k % len(sequences)].cropped(0, 60), k) for k in range(60)])
+    return [measured(sequences[k % len(sequences)].cropped(0, 60), k, noise) for k in range(count)]
+
+
+@pytest.fixture(scope="module")
+def fit() -> NoiseFit:
+    return fit_noise(clips(240, KNOWN))
 
 
 def test_errors_of_places_and_rotations_are_found(fit: NoiseFit) -> None:
@@ -74,7 +79,7 @@ def test_errors_of_places_and_rotations_are_found(fit: NoiseFit) -> None:
 def test_tilt_follows_pitch_and_lean_follows_roll(fit: NoiseFit) -> None:
     pitch = np.degrees(np.mean([one.errors.pitch.mean() for one in fit.series]))  # at 0 the line is an extrapolation
     tilts = [noise.tilt_deg + noise.tilt_per_pitch * pitch for noise in (fit.noise, KNOWN)]
-    assert tilts[0] == pytest.approx(tilts[1], abs=1.5)  # 60 shots that are off by 4° each
+    assert tilts[0] == pytest.approx(tilts[1], abs=1.5)  # 240 shots that are off by 4° each
     assert fit.noise.tilt_per_pitch == pytest.approx(KNOWN.tilt_per_pitch, abs=0.12)
     assert fit.noise.lean_per_roll == pytest.approx(KNOWN.lean_per_roll, abs=0.12)
 
@@ -96,6 +101,17 @@ def test_exchanged_sides_and_missed_frames_are_found(fit: NoiseFit) -> None:
     missed = fit.noise.miss_rate * way_a_second * fit.noise.miss_s
     gone = np.concatenate([~one.found for one in fit.series])  # two dozen runs of random length, and empty edges
     assert missed == pytest.approx(gone.mean(), rel=0.05)
+
+
+def test_how_far_hidden_limbs_are_off_and_how_much_that_varies_is_found() -> None:
+    noise = replace(
+        KNOWN, hidden_rate=(2.0, 2.0), hidden_s=(0.2, 0.2), hidden_factor=3.0, hidden_spread=0.8,
+        hidden_landmark_factor=2.0,
+    )  # fmt: skip
+    found = fit_noise(clips(20, noise)).noise
+    assert found.hidden_factor == pytest.approx(3.0, rel=0.25)
+    assert found.hidden_spread == pytest.approx(0.8, abs=0.2)
+    assert found.hidden_landmark_factor == pytest.approx(2.0, rel=0.25)
 
 
 def test_the_fit_can_be_drawn(fit: NoiseFit, tmp_path: Path) -> None:
