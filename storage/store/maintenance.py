@@ -17,6 +17,8 @@ class Finding:
     uri: str
     problem: str
     """Empty if it is sound."""
+    damaged: bool = False
+    """Whether it was set aside; one that merely cannot be read stays where it is."""
 
 
 @dataclass(frozen=True)
@@ -32,24 +34,41 @@ def verify(store: Store, *, outputs: Mapping[tuple[str, int], str], deep: bool) 
     """Check size and sha256 of every file; `deep` also decodes each result and compares its content digest.
 
     `outputs` maps a stage and its schema version to the `module:class` of its result; of an artifact with an older
-    schema only the files are checked. Damaged artifacts are set aside.
+    schema only the files are checked. Damaged artifacts are set aside; what another process writes or removes meanwhile
+    is passed over.
     """
     for entry in store.entries():
         if entry.kind != "artifact":
             continue
         try:
-            with store.opened(entry.stage, entry.key) as folder:
-                manifest = read_manifest(folder)
-                if manifest.recipe.key != entry.key:
-                    raise DamageError("its recipe does not give its key")
-                check_files(folder, manifest)
-                output = outputs.get((entry.stage, manifest.recipe.schema_version))
-                if deep and output is not None:
-                    _check_content(folder, manifest, output)
-            yield Finding(entry.name, "")
-        except (DamageError, ValueError, TypeError, KeyError, OSError) as error:
-            store.set_aside(entry.stage, entry.key, str(error))
-            yield Finding(entry.name, str(error))
+            if not _damage(store, entry, outputs, deep=deep):
+                yield Finding(entry.name, "")
+                continue
+            with store.try_lock(entry.stage, entry.key) as held:
+                if not held or store.idle_s(entry) is None:
+                    continue
+                problem = _damage(store, entry, outputs, deep=deep)  # again: it may have been replaced
+                if problem:
+                    store.set_aside(entry.stage, entry.key, problem)
+            yield Finding(entry.name, problem, damaged=bool(problem))
+        except OSError as error:
+            yield Finding(entry.name, f"it cannot be read: {error}")
+
+
+def _damage(store: Store, entry: Entry, outputs: Mapping[tuple[str, int], str], *, deep: bool) -> str:
+    """What is wrong with an artifact; empty if nothing is. OSError if it cannot be read now."""
+    try:
+        with store.opened(entry.stage, entry.key) as folder:
+            manifest = read_manifest(folder)
+            if manifest.recipe.key != entry.key:
+                raise DamageError("its recipe does not give its key")
+            check_files(folder, manifest)
+            output = outputs.get((entry.stage, manifest.recipe.schema_version))
+            if deep and output is not None:
+                _check_content(folder, manifest, output)
+    except (DamageError, ValueError, TypeError, KeyError) as error:
+        return str(error) or type(error).__name__
+    return ""
 
 
 def usage(store: Store) -> dict[str, tuple[int, int]]:

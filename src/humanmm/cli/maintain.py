@@ -20,20 +20,21 @@ def verify(
 ) -> int:
     """Check every artifact of the store.
 
-    Exit status 1 if anything was damaged: it is set aside, and the next run computes it again.
+    Exit status 1 if anything was damaged (it is set aside, and the next run computes it again) or cannot be read.
     """
     from humanmm.storage.store import maintenance
     from humanmm.storage.store.open import open_store
 
-    sound, damaged = 0, 0
+    sound = damaged = unreadable = 0
     for finding in maintenance.verify(open_store(store), outputs=pipeline.outputs(), deep=deep):
+        sound += not finding.problem
+        damaged += finding.damaged
+        unreadable += bool(finding.problem) and not finding.damaged
         if finding.problem:
-            damaged += 1
-            write(f"damaged: {finding.uri}: {finding.problem}")
-        else:
-            sound += 1
-    write(f"{sound} artifacts are sound, {damaged} damaged" + (" (set aside)" if damaged else ""))
-    return 1 if damaged else 0
+            write(f"{'damaged' if finding.damaged else 'unreadable'}: {finding.uri}: {finding.problem}")
+    of_damaged = f"{damaged} damaged{' (set aside)' if damaged else ''}"
+    write(f"{sound} artifacts are sound, {of_damaged}" + (f", {unreadable} cannot be read" if unreadable else ""))
+    return 1 if damaged or unreadable else 0
 
 
 @verb(app, "gc", panel=STORE)

@@ -16,7 +16,7 @@ import pytest
 
 from humanmm.errors import StoreError
 from humanmm.storage.store import maintenance
-from humanmm.storage.store.artifact import Manifest
+from humanmm.storage.store.artifact import DamageError, Manifest
 from humanmm.storage.store.open import open_store
 from humanmm.storage.store.recipe import Recipe
 from humanmm.storage.store.store import Store
@@ -275,6 +275,41 @@ def test_verify_finds_every_damage_and_deep_also_a_wrong_digest(store: Store) ->
     (folder / "files" / "picture.png").write_bytes(b"pictura")
     assert ["picture.png" in f.problem for f in maintenance.verify(store, outputs=outputs, deep=False)] == [True]
     assert list(maintenance.verify(store, outputs={}, deep=False)) == []
+
+
+def test_what_cannot_be_read_now_is_reported_and_stays(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    ref = _put(store).ref
+
+    def unreadable(folder: Path) -> None:
+        raise OSError(5, "Input/output error")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(maintenance, "read_manifest", unreadable)
+        (finding,) = maintenance.verify(store, outputs={}, deep=False)
+        assert "Input/output error" in finding.problem and not finding.damaged
+    assert store.find("toy", ref.key) is not None
+
+
+def test_what_is_replaced_or_written_while_it_is_verified_is_not_set_aside(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ref = _put(store).ref
+    looks: list[Path] = []
+    check = maintenance.check_files
+
+    def torn_at_first(folder: Path, manifest: Manifest) -> None:
+        looks.append(folder)
+        if len(looks) == 1:
+            raise DamageError("COMMIT is missing")
+        check(folder, manifest)
+
+    monkeypatch.setattr(maintenance, "check_files", torn_at_first)
+    assert [f.problem for f in maintenance.verify(store, outputs={}, deep=False)] == [""]
+    assert len(looks) == 2
+    looks.clear()
+    with Store(store.root).lock("toy", ref.key):
+        assert list(maintenance.verify(store, outputs={}, deep=False)) == []
+    assert store.find("toy", ref.key) is not None
 
 
 def test_gc_lists_first_and_removes_only_what_is_unused(store: Store) -> None:
