@@ -59,7 +59,7 @@ def detect_shots(
         cast = _only(cast, only_person)
     filmed = ShotList(scenes.num_frames, tuple(shots), ()).filmed_size(facts.width, facts.height)
     K = K_from_focal(default_focal_px(*filmed), facts.width, facts.height)
-    faults = _detector_faults(shots, people, cast, time_s, K)
+    faults, unanswered = _detector_faults(shots, people, cast, time_s, K)
     inhabited = tuple(
         replace(shot, people=tuple(_marked(a, faults.get((shot.index, a.person))) for a in appearances))
         for shot, appearances in zip(shots, cast.appearances, strict=True)
@@ -68,7 +68,7 @@ def detect_shots(
     suspected = tuple(frame for frame in suspected if all(abs(frame - start) > NEAR_FRAMES for start in starts))
     warnings = (
         *_suspected_cuts(suspected), *_doubts(cast), *_partly_seen(cast, inhabited, people),
-        *_overlooked(people, (facts.width, facts.height)),
+        *_overlooked(people, (facts.width, facts.height)), *unanswered,
     )  # fmt: skip
     unfollowed = tuple(one for scene in people if scene is not None for one in scene.unfollowed)
     return ShotList(
@@ -206,9 +206,11 @@ def _detector_faults(
     cast: Cast,
     time_s: np.ndarray,
     K: np.ndarray,
-) -> dict[tuple[int, int], _Faults]:
-    """By (shot, person). Left-right swaps are solved over the whole video, without the tracking failures."""
+) -> tuple[dict[tuple[int, int], _Faults], list[str]]:
+    """By (shot, person). Left-right swaps are solved over the whole video, without the tracking failures. A warning for
+    what the user says of sides where nothing is left to be compared with it."""
     faults: dict[tuple[int, int], _Faults] = {}
+    unanswered: list[str] = []
     for person, given in zip(cast.people, cast.given, strict=True):
         seen: list[tuple[int, Sighting]] = []
         for shot, appearances in zip(shots, cast.appearances, strict=True):
@@ -218,9 +220,15 @@ def _detector_faults(
         failed = [failed_frames(sighting) for _, sighting in seen]
         trusted = [sighting.only(~lost) for (_, sighting), lost in zip(seen, failed, strict=True)]
         swaps = left_right_swaps(trusted, K, given.sides)
+        unanswered += [
+            f"the correction of person {person.person}'s left and right in frame {one.frame} is left out: he is not seen "
+            "well enough near it; name a frame in which he is"
+            for one in given.sides
+            if not one.is_answered(trusted)
+        ]
         for (index, sighting), lost, swapped in zip(seen, failed, swaps, strict=True):
             faults[index, person.person] = _Faults(swapped, frame_intervals(sighting.frame, lost))
-    return faults
+    return faults, unanswered
 
 
 def _marked(appearance: Appearance, faults: _Faults | None) -> Appearance:

@@ -26,10 +26,8 @@ from humanmm.models.records.landmarks import INDEX
 from humanmm.models.records.shots import Appearance, CorrectionNote, Shot, TrackPart
 from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.shots.identity import Candidate, GivenFacts, Sighting, sighting
-from humanmm.models.shots.left_right_swaps import KnownSides
+from humanmm.models.shots.left_right_swaps import NEAR_FRAMES, KnownSides
 
-NEAR_FRAMES = 3
-"""A person need not be seen in the very frame that the user names."""
 ON_BOX = 0.65
 """Farthest place that counts as on a person: from the middle of his box, in its widths and heights (0.5: its edge)."""
 

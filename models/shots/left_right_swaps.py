@@ -100,6 +100,10 @@ class Sighting:
         )  # fmt: skip
 
 
+NEAR_FRAMES = 3
+"""A person need not be seen in the very frame that the user names."""
+
+
 @dataclass(frozen=True)
 class KnownSides:
     """What the user says of one person's left and right in frames [start, end)."""
@@ -113,14 +117,21 @@ class KnownSides:
     places: Float[Array, "2 2"] | None = None
     """Where these two truly are in that frame, source pixels."""
 
-    def is_wrong(self, sighting: Sighting, state: Bool[Array, "n"]) -> bool | None:
-        """Whether these states of a shot contradict the user; None if the shot does not hold the frame."""
+    def is_answered(self, sightings: Sequence[Sighting]) -> bool:
+        """Whether what the user says can be compared with what was found."""
+        return self.is_wrong(sightings, [np.zeros(len(one.frame), bool) for one in sightings]) is not None
+
+    def is_wrong(self, sightings: Sequence[Sighting], states: Sequence[Bool[Array, "n"]]) -> bool | None:
+        """Whether these states of all shots contradict the user; None if the person is seen nowhere near the frame."""
         if self.pair is None or self.places is None:
             return True
-        row = int(np.searchsorted(sighting.frame, self.frame))
-        if row == len(sighting.frame) or sighting.frame[row] != self.frame:
+        apart = [np.abs(one.frame - self.frame) for one in sightings]
+        nearest = min(range(len(apart)), key=lambda k: apart[k].min(initial=NEAR_FRAMES + 1), default=None)
+        if nearest is None or apart[nearest].min(initial=NEAR_FRAMES + 1) > NEAR_FRAMES:
             return None
-        labelled = with_sides_swapped(sighting.keypoints2d[[row]], state[[row]])[0][list(self.pair), :2]
+        row = [int(apart[nearest].argmin())]
+        keypoints = with_sides_swapped(sightings[nearest].keypoints2d[row], states[nearest][row])[0]
+        labelled = keypoints[list(self.pair), :2]
         kept, crossed = (np.linalg.norm(labelled - places, axis=1).sum() for places in (self.places, self.places[::-1]))
         return bool(crossed < kept)
 
@@ -151,8 +162,9 @@ def _fixed_states(
     """The state of each frame by what the user knows, or FREE: as `found`, or the other one where that is wrong."""
     fixed = [np.full(len(sighting.frame), FREE) for sighting in sightings]
     for one in known:
-        answers = [one.is_wrong(sighting, state) for sighting, state in zip(sightings, found, strict=True)]
-        wrong = next((answer for answer in answers if answer is not None), True)
+        wrong = one.is_wrong(sightings, found)
+        if wrong is None:
+            continue
         for sighting, state, own in zip(sightings, found, fixed, strict=True):
             inside = in_intervals(sighting.frame, [(one.start, one.end)])
             own[inside] = state[inside] ^ wrong

@@ -63,6 +63,23 @@ def test_sides_that_are_found_as_the_user_says_stay_as_they_are() -> None:
     assert left_right_swaps([s], K, [_reported(s, 1, wrong=False)]) == left_right_swaps([s], K)
 
 
+def test_a_place_in_a_frame_that_is_not_seen_is_taken_to_be_that_of_the_nearest() -> None:
+    person, _ = case(50.0)
+    whole = sighting(person.before)
+    seen = whole.only(np.arange(len(whole.frame)) != 1)
+    every = (((int(whole.frame[0]), int(whole.frame[-1]) + 1),),)
+    assert left_right_swaps([seen], K, [_reported(whole, 1, wrong=True)]) == every
+    assert left_right_swaps([seen], K, [_reported(whole, 1, wrong=False)]) == ((),)
+
+
+def test_a_place_near_which_nothing_is_seen_changes_nothing() -> None:
+    person, _ = case(50.0)
+    s = sighting(person.before)
+    for wrong in (True, False):
+        said = replace(_reported(s, 1, wrong=wrong), frame=int(s.frame[-1]) + 9)
+        assert not said.is_answered([s]) and left_right_swaps([s], K, [said]) == ((),)
+
+
 def test_without_a_place_what_is_found_is_swapped_in_all_those_frames() -> None:
     person, _ = case(130.0)
     first, second = sighting(person.before), sighting(person.after)
