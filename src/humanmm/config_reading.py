@@ -39,7 +39,17 @@ def with_values(tree: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str,
     changed = dict(tree)
     for name, value in values.items():
         section, _, field = name.partition(".")
-        changed[section] = {**changed.get(section, {}), field: value}
+        changed = with_sections(changed, {section: {field: value}})
+    return changed
+
+
+def with_sections(tree: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Any]:
+    """A tree with the values of another in place of its own. A section that is none stays, for `validate` to refuse."""
+    changed = dict(tree)
+    for section, values in other.items():
+        own = changed.get(section, {})
+        if isinstance(own, Mapping):
+            changed[section] = {**own, **values} if isinstance(values, Mapping) else values
     return changed
 
 

@@ -132,6 +132,8 @@ def _entry(columns: Mapping[str, Any], tags: tuple[str, ...], settings: Mapping[
     video, priority = columns.get("video") or "", columns.get("priority") or ""
     if not isinstance(video, str) or not video:
         raise InputError(f"{origin}: `video` is missing")
+    if not isinstance(columns.get("out") or "", str) or "\0" in video + (columns.get("out") or ""):
+        raise InputError(f"{origin}: `video` and `out` are paths")
     if priority and priority not in PRIORITIES:
         raise InputError(f"{origin}: priority {priority!r} is none of {', '.join(PRIORITIES)}")
     return Entry(Path(video), priority, tags, columns.get("out") or None, settings, origin)

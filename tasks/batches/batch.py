@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from humanmm.config import Config
-from humanmm.config_reading import validate
+from humanmm.config_reading import validate, with_sections
 from humanmm.errors import InputError, VideoError
 from humanmm.parts import Part, chosen
 from humanmm.storage.batches.batch_table import BatchTable
@@ -183,9 +183,7 @@ def _rows(
         video = _as_text(entry.video)
         overrides = json.dumps(entry.settings, sort_keys=True)
         if overrides not in resolved:
-            tree = {k: {**v, **entry.settings.get(k, {})} for k, v in base.items()} if entry.settings else base
-            unknown = {k: v for k, v in entry.settings.items() if k not in tree}
-            settings = validate({**tree, **unknown}, origin=entry.origin)
+            settings = validate(with_sections(base, entry.settings), origin=entry.origin)
             parts = chosen(settings, base)
             if parts not in code_of_parts:
                 code_of_parts[parts] = finish.code_of(pipeline.STAGES, partial(_code_of_stage, settings))

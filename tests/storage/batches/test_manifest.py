@@ -66,6 +66,8 @@ def test_a_json_lines_manifest_means_the_same(videos: Path) -> None:
         ("m.jsonl", '{"video": "a.mp4"\n', "m.jsonl, line 1: "),
         ("m.jsonl", '{"video": "a.mp4", "speed": 3}\n', "unknown key 'speed'"),
         ("m.jsonl", '{"video": "*.mp4", "tags": "gym"}\n', "`tags` is a list"),
+        ("m.jsonl", '{"video": "a.mp4", "out": 5}\n', "line 1: `video` and `out` are paths"),
+        ("m.jsonl", '{"video": "a\\u0000.mp4"}\n', "line 1: `video` and `out` are paths"),
         ("m.txt", "a.mp4\n", "neither a folder nor a .csv or .jsonl"),
     ],
 )

@@ -238,6 +238,13 @@ def test_of_two_who_submit_at_once_the_first_counts_and_the_second_is_reported(
         _submit(toy, table, films)
 
 
+def test_a_section_of_settings_that_is_none_is_refused_with_its_line(toy: Any, table: BatchTable) -> None:
+    films = _films(toy, "a.mp4")
+    (films / "m.jsonl").write_text('{"video": "a.mp4", "settings": {"camera": true}}\n')
+    with pytest.raises(ConfigError, match=r"m\.jsonl, line 1: setting camera: "):
+        _submit(toy, table, films / "m.jsonl")
+
+
 def test_a_video_that_changes_while_it_runs_is_left_alone_and_the_others_are_submitted(
     toy: Any, table: BatchTable
 ) -> None:

@@ -1,0 +1,23 @@
+"""Settings from what people write."""
+
+import pytest
+
+from humanmm.config import Config
+from humanmm.config_reading import resolve, with_sections, with_values
+from humanmm.errors import ConfigError
+
+
+def test_single_values_replace_those_of_a_tree() -> None:
+    assert with_values({"shots": {"person": 1, "min_confidence": 0.3}}, {"shots.person": 0, "hmr.method": "fit"}) == {
+        "shots": {"person": 0, "min_confidence": 0.3}, "hmr": {"method": "fit"},
+    }  # fmt: skip
+    assert with_sections({"shots": {"person": 1}}, {"shots": {}, "new": 3}) == {"shots": {"person": 1}, "new": 3}
+    assert resolve(None, {"person": 0}).shots.person == 0
+    assert resolve(Config(), {"person": 0}).shots.person == 0
+
+
+@pytest.mark.parametrize("tree", [{"shots": 5}, {"shots": None}, {"shots": [1]}])
+def test_a_section_that_is_none_is_refused_in_one_sentence(tree: dict[str, object]) -> None:
+    for values in ({}, {"person": 0}):
+        with pytest.raises(ConfigError, match="setting shots: "):
+            resolve(tree, values)
