@@ -221,8 +221,8 @@ def _detector_faults(
         trusted = [sighting.only(~lost) for (_, sighting), lost in zip(seen, failed, strict=True)]
         swaps = left_right_swaps(trusted, K, given.sides)
         unanswered += [
-            f"the correction of person {person.person}'s left and right in frame {one.frame} is left out: he is not seen "
-            "well enough near it; name a frame in which he is"
+            f"the correction of person {person.person}'s left and right in frame {one.frame} is left out: he is not "
+            "seen well enough near it; name a frame in which he is"
             for one in given.sides
             if not one.is_answered(trusted)
         ]

@@ -5,6 +5,7 @@ kind = "remove-cut"
 frame = 84
 """
 
+import json
 import re
 import tomllib
 from collections.abc import Mapping
@@ -23,7 +24,7 @@ _TITLE = """\
 # `humanmm correct RUN_DIR` writes them; docs/correct.md shows every kind. Frames count from 0, end is the first frame
 # after a span, pixels are those of the upright video.
 """
-_HEAD = re.compile(r"^\[\[\s*correction\s*\]\]")
+_HEAD = re.compile(r"^\s*\[\[\s*correction\s*\]\]")
 
 
 def read_file(path: Path) -> Corrections:
@@ -57,7 +58,7 @@ def corrected(config: Config, run_dir: Path) -> Config:
 
 def append(path: Path, correction: Correction, *, video: str, remark: str = "") -> None:
     """Add a correction at the end of a file, which is made if there is none; `remark`: a comment above it."""
-    text = path.read_text(encoding="utf-8") if path.is_file() else f'{_TITLE}video = "{video}"\n'
+    text = path.read_text(encoding="utf-8") if path.is_file() else f"{_TITLE}video = {_toml(video)}\n"
     comment = f"# {' '.join(remark.split())}\n" if remark else ""
     values = correction.model_dump(mode="json", exclude_none=True)
     lines = "".join(f"{name} = {_toml(value)}\n" for name, value in values.items())
@@ -70,13 +71,15 @@ def remove(path: Path, number: int) -> None:
     begins = [_begin(lines, k) for k, line in enumerate(lines) if _HEAD.match(line)]
     if not 1 <= number <= len(begins):
         raise ConfigError(f"{path} has {len(begins)} tables [[correction]]; there is no number {number} to take out")
+    if len(begins) != len(read_file(path).correction):
+        raise ConfigError(f"where the corrections of {path} begin is not clear; take number {number} out by hand")
     end = begins[number] if number < len(begins) else len(lines)
     _replace(path, "".join(lines[: begins[number - 1]] + lines[end:]).rstrip() + "\n")
 
 
 def _begin(lines: list[str], head: int) -> int:
     """The first line of a correction: the comments right above its table belong to it."""
-    while head and lines[head - 1].startswith("#"):
+    while head and lines[head - 1].lstrip().startswith("#"):
         head -= 1
     return head
 
@@ -96,5 +99,5 @@ def _toml(value: Any) -> str:
     if isinstance(value, list | tuple):
         return "[" + ", ".join(map(_toml, value)) + "]"
     if isinstance(value, str):
-        return f'"{value}"'
+        return json.dumps(value, ensure_ascii=False)
     return repr(round(value, 4) if isinstance(value, float) else value)

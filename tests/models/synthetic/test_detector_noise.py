@@ -30,7 +30,10 @@ def seen(points: np.ndarray, **changes: object) -> Detections:
 def own_sizes() -> np.ndarray:
     """How far every landmark errs in the picture, of all that are fitted one on average (33, 2)."""
     patterns, sizes = fitted_noise().patterns, np.ones((33, 2))
-    for part, covariance in ((TRUNK, patterns.trunk), *zip(LIMBS, (patterns.arm,) * 2 + (patterns.leg,) * 2)):
+    for part, covariance in (
+        (TRUNK, patterns.trunk),
+        *zip(LIMBS, (patterns.arm,) * 2 + (patterns.leg,) * 2, strict=True),
+    ):
         sizes[list(part)] = np.sqrt(np.diagonal(covariance).reshape(-1, AXES)[:, :2])
     return sizes
 

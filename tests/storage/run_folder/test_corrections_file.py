@@ -46,6 +46,22 @@ def test_a_file_that_cannot_be_changed_line_by_line_is_left_alone(tmp_path: Path
     assert path.read_text() == before
 
 
+def test_the_one_that_is_named_is_taken_out_however_the_tables_are_laid_out(tmp_path: Path) -> None:
+    path = tmp_path / FILE
+    second = '[["correction"]]\nkind = "floor"\nmetres = 0.5\n'
+    path.write_text('  # why\n  [[ correction ]]\n  kind = "add-cut"\n  frame = 7\n' + second)
+    with pytest.raises(ConfigError, match="not clear; take number 1 out by hand"):
+        remove(path, 1)
+    path.write_text(path.read_text().replace('"correction"', "correction"))
+    remove(path, 1)
+    assert [one.kind for one in read_file(path).correction] == ["floor"] and "why" not in path.read_text()
+
+
+def test_the_name_of_a_video_may_hold_anything(tmp_path: Path) -> None:
+    append(tmp_path / FILE, AddCut(frame=1), video='a "b" \\ c')
+    assert read_file(tmp_path / FILE).video == 'a "b" \\ c'
+
+
 def test_the_folder_s_file_counts_unless_corrections_are_given(tmp_path: Path) -> None:
     assert decided(Config(), tmp_path).corrections.origin == "none"
     append(tmp_path / FILE, Floor(metres=0.5), video="")
