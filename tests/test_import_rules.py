@@ -65,6 +65,7 @@ CROSS_CUTTING = {
     "flows/server/test_retention.py": "settings of the server that Prefect applies",
     "flows/service/test_chaos.py": "all of it under random faults",
     "flows/service/test_schedule.py": "schedules through server and worker",
+    "flows/service/test_watching.py": "what of batches needs no server: watched folders, the clock of a schedule",
     "flows/service/test_team_server.py": "the services of deploy/compose.yaml",
     "flows/test_brought_along.py": "the whole flow with results of other programs, on a real clip",
     "flows/test_corrections.py": "the whole flow with corrections, on a real clip",

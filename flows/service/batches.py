@@ -4,12 +4,14 @@ Prefect is imported when its server is up: it reads the server's address as it i
 """
 
 import contextlib
+import logging
 import os
 import signal
 import time
 from collections.abc import Iterator, Sequence
 from datetime import datetime
 from pathlib import Path
+from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 from humanmm.errors import UsageError
 from humanmm.flows.server.local_server import prefect_server, running_server, server_files
@@ -26,6 +28,9 @@ IDLE_S = 120.0
 POLL_S = 1.0
 LOOK_AFTER_S = 10.0
 CANCEL_LIMIT_S = 10.0
+LOCALTIME = Path("/etc/localtime")
+
+log = logging.getLogger(__name__)
 
 
 def schedule(table: BatchTable, rows: Sequence[VideoRow], *, limit: int | None) -> None:
@@ -54,9 +59,17 @@ def set_schedule(request: BatchRequest, store: str, cron: str | None, *, limit: 
 
 
 def _timezone() -> str:
-    """The machine's time zone by its name."""
-    named = os.environ.get("TZ") or str(Path("/etc/localtime").resolve()).partition("zoneinfo/")[2]
-    return named if named.lstrip(":") and (Path("/usr/share/zoneinfo") / named).is_file() else "UTC"
+    """The machine's time zone by its name; UTC, with a warning, where it has none that is known."""
+    asked = os.environ.get("TZ", "").lstrip(":")
+    named = asked or str(LOCALTIME.resolve())
+    name = named.rpartition("zoneinfo/")[2]
+    try:
+        return ZoneInfo(name).key
+    except (ValueError, OSError, ZoneInfoNotFoundError):
+        if asked or LOCALTIME.exists():
+            said = f"TZ = {asked!r} is" if asked else f"{named} is"
+            log.warning("%s no named time zone such as Europe/Berlin: the schedule's times are UTC", said)
+        return "UTC"
 
 
 def watch(request: BatchRequest, table: BatchTable, *, limit: int | None) -> Iterator[Submission]:

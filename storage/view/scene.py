@@ -91,7 +91,7 @@ def frame_of(warning: str, shots: Sequence[Mapping[str, Any]]) -> int | None:
 
 def _doubts(record: Mapping[str, Any]) -> list[str]:
     failures = [f"{one['stage']}, {one['unit']}: {one['reason']}" for one in record["failures"]]
-    return [*failures, *record.get("fallbacks", ()), *record["warnings"]]
+    return [*failures, *record["warnings"]]
 
 
 def _shot(recording: Recording, shot: Mapping[str, Any], index: int, place: int) -> dict[str, Any]:

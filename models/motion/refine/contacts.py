@@ -9,10 +9,10 @@ well, and in a jump both feet are above the ground that they left.
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
-from scipy.ndimage import minimum_filter1d
+from jaxtyping import Bool, Float, Int
 
 from humanmm.models.geometry.intervals import runs_of_true
+from humanmm.models.video.frame_times import ROUNDING_S
 
 Array = np.ndarray
 
@@ -78,21 +78,28 @@ def contact_probabilities(
 
 def velocities(points: Float[Array, "N K 3"], time_s: Float[Array, " N"], baseline_s: float) -> Float[Array, "N K 3"]:
     """Central differences over about `baseline_s` (one frame to either side at least), metres per second."""
-    n = len(time_s)
-    if n < 2:
+    if len(time_s) < 2:
         return np.zeros_like(points)
-    frame_s = (time_s[-1] - time_s[0]) / (n - 1)
-    reach = max(1, round(baseline_s / 2 / frame_s))
-    later, earlier = np.minimum(np.arange(n) + reach, n - 1), np.maximum(np.arange(n) - reach, 0)
+    earlier, later = _frames_about(time_s, baseline_s / 2)
     return np.asarray((points[later] - points[earlier]) / (time_s[later] - time_s[earlier])[:, None, None])
 
 
 def support_height(lowest: Float[Array, " N"], time_s: Float[Array, " N"], window_s: float) -> Float[Array, " N"]:
-    """Height of the lowest sole within the window around each frame."""
-    n = len(time_s)
-    frame_s = (time_s[-1] - time_s[0]) / max(n - 1, 1)
-    reach = max(1, round(window_s / frame_s)) if frame_s > 0 else 1
-    return np.asarray(minimum_filter1d(lowest, 2 * min(reach, n) + 1, mode="nearest"))
+    """Height of the lowest sole within the window around each frame (one frame to either side at least)."""
+    if len(time_s) < 2:
+        return lowest
+    first, last = _frames_about(time_s, window_s)
+    bounds = np.stack([first, last + 1], axis=1).ravel()
+    return np.asarray(np.minimum.reduceat(np.append(lowest, np.inf), bounds)[::2])
+
+
+def _frames_about(time_s: Float[Array, " N"], reach_s: float) -> tuple[Int[Array, " N"], Int[Array, " N"]]:
+    """First and last frame that lie within `reach_s` of each, to half a frame; its neighbours at least."""
+    frame = np.arange(len(time_s))
+    margin_s = reach_s + 0.5 * float(np.median(np.diff(time_s))) - ROUNDING_S
+    first = np.searchsorted(time_s, time_s - margin_s)
+    last = np.searchsorted(time_s, time_s + margin_s, side="right") - 1
+    return np.minimum(first, np.maximum(frame - 1, 0)), np.maximum(last, np.minimum(frame + 1, len(frame) - 1))
 
 
 def _through_gap(

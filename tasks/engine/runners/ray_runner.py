@@ -68,6 +68,8 @@ class _Instance:
 
     _lock = threading.Lock()
     _users = 0
+    _is_ours = False
+    """Whether we connected; a program that has Ray already keeps its own."""
     _folder: str | None = None
 
     @classmethod
@@ -84,6 +86,7 @@ class _Instance:
                 except Exception as error:  # Ray has no class for what can happen here
                     place = "on this machine" if address is None else f"at run.cluster = {address}"
                     raise ResourceError(f"no Ray {place}: {in_words(error)}") from error
+                cls._is_ours = True
             cls._users += 1
 
     @classmethod
@@ -114,7 +117,8 @@ class _Instance:
 
         with cls._lock:
             cls._users -= 1
-            if cls._users == 0:
+            if cls._users == 0 and cls._is_ours:
+                cls._is_ours = False
                 ray.shutdown()
                 if cls._folder is not None:
                     shutil.rmtree(cls._folder, ignore_errors=True)

@@ -30,6 +30,15 @@ def test_a_variable_that_prefect_refuses_is_named_before_any_server_starts(tmp_p
     assert not list(tmp_path.glob("*/server.json"))
 
 
+def test_loopback_is_kept_from_proxies_beside_what_the_user_keeps_and_named_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(os, "environ", {"NO_PROXY": "intranet,localhost"})
+    for _ in range(3):
+        local_server.quiet_environment()
+    assert os.environ["NO_PROXY"] == "intranet,localhost,127.0.0.1" and os.environ["no_proxy"] == "127.0.0.1,localhost"
+
+
 def test_the_folder_of_the_server_can_be_opened_by_its_user_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

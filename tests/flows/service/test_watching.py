@@ -1,4 +1,4 @@
-"""When a watched folder is submitted again, without a server."""
+"""When a watched folder is submitted again, and by which clock a schedule goes; without a server."""
 
 from pathlib import Path
 from typing import Any
@@ -41,3 +41,28 @@ def test_a_video_that_changes_while_it_runs_is_submitted_when_that_has_ended(
     third = next(watched)
     assert len(looks) >= 5, "it waits until the first has ended"
     assert [(one.video, one.attempt) for one in third.to_schedule if one.video == row.video] == [(row.video, 2)]
+
+
+@pytest.mark.parametrize("named", ["Europe/Berlin", ":Europe/Berlin", "/usr/share/zoneinfo/Europe/Berlin"])
+def test_a_schedule_goes_by_the_machines_clock(named: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TZ", named)
+    assert batches._timezone() == "Europe/Berlin"
+
+
+@pytest.mark.parametrize("named", ["CET-1CEST", "Nowhere/At_all", "../../etc/passwd"])
+def test_a_clock_without_a_name_is_told(
+    named: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setenv("TZ", named)
+    assert batches._timezone() == "UTC"
+    assert "the schedule's times are UTC" in caplog.text
+
+
+def test_a_machine_without_a_clock_of_its_own_goes_by_utc(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.delenv("TZ", raising=False)
+    monkeypatch.setattr(batches, "LOCALTIME", tmp_path / "localtime")
+    assert batches._timezone() == "UTC" and caplog.text == ""
+    (tmp_path / "localtime").symlink_to("/usr/share/zoneinfo/Asia/Tokyo")
+    assert batches._timezone() == "Asia/Tokyo"

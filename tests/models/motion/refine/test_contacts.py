@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from humanmm.models.geometry.intervals import runs_of_true
-from humanmm.models.motion.refine.contacts import ContactModel, contact_probabilities, velocities
+from humanmm.models.motion.refine.contacts import ContactModel, contact_probabilities, support_height, velocities
 
 SOLE = np.array([0.08, 0.03, 0.08, 0.03])
 FORWARD = np.array([0.0, 1.0, 0.0])
@@ -108,6 +108,18 @@ def test_velocities_are_those_of_a_steady_walk_at_uneven_times() -> None:
     time = np.cumsum(np.random.default_rng(1).uniform(0.02, 0.05, 40))
     points = time[:, None, None] * np.array([[1.0, -2.0, 0.5]])
     np.testing.assert_allclose(velocities(points, time, 0.1), np.tile([1.0, -2.0, 0.5], (40, 1, 1)))
+
+
+def test_the_support_is_looked_for_over_a_time_also_where_frames_are_missing() -> None:
+    time = np.arange(90) / 30
+    time[45:] += 60.0
+    lowest = np.full(90, 1.0)
+    lowest[20] = 0.0
+    found = support_height(lowest, time, 0.5)
+    assert np.flatnonzero(found == 0).tolist() == list(range(5, 36))
+    lowest[44] = -1.0
+    assert (support_height(lowest, time, 0.5)[46:] == 1).all(), "what was a minute ago carries nobody"
+    assert support_height(np.ones(1), np.zeros(1), 0.5).tolist() == [1.0]
 
 
 def test_one_frame_has_no_speed() -> None:
