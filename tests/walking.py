@@ -9,7 +9,7 @@ from humanmm.models.body.landmarks import load_landmarks
 from humanmm.models.cuts import camera_rotation as cuts
 from humanmm.models.cuts.sides import CutPerson, SideTrack
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
-from humanmm.models.shots.left_right_swaps import Sighting
+from humanmm.models.shots.left_right_swaps import SidesSeen
 
 FPS = 30.0
 K = np.array([[900.0, 0, 480], [0, 900, 270], [0, 0, 1]])
@@ -77,7 +77,7 @@ def case(angle_deg: float, *, tilt_deg: float = 0.0, seed: int = 0) -> tuple[Cut
     return CutPerson(before, after), R1.T @ R2
 
 
-def sighting(track: SideTrack) -> Sighting:
+def sighting(track: SideTrack) -> SidesSeen:
     """The same observations, as the stage `shots` takes them."""
     frame = np.round(track.time_s * FPS).astype(np.int32)
-    return Sighting(track.time_s, np.full(len(frame), 1 / FPS), frame, track.keypoints2d, track.landmarks3d)
+    return SidesSeen(track.time_s, np.full(len(frame), 1 / FPS), frame, track.keypoints2d, track.landmarks3d)

@@ -187,7 +187,7 @@ class WorldMotion:
     K: np.ndarray
     """(F,3,3) float64."""
     camera_source: np.ndarray
-    """(F,) uint8, index into camera.observations.SOURCES."""
+    """(F,) uint8, index into records.camera.SOURCES."""
     people: tuple[PersonMotion, ...]
     cuts: tuple[CutAlignment, ...]
     warnings: tuple[str, ...] = ()

@@ -95,7 +95,7 @@ class Recording:
     K: np.ndarray
     """(F,3,3) float32, source pixels with centres at .5."""
     camera_source: np.ndarray
-    """(F,) uint8, index into camera.observations.SOURCES."""
+    """(F,) uint8, index into records.camera.SOURCES."""
     people: tuple[RecordedPerson, ...]
     body_model: str = "body24"
     keypoint_names: tuple[str, ...] = landmarks.NAMES

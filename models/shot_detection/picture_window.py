@@ -13,9 +13,9 @@ import numpy as np
 from humanmm.models.shot_detection.burned_in import burned_in
 from humanmm.models.shot_detection.similarity import (
     WINDOW_PX,
-    Landmarks,
     Motion,
     MotionMeter,
+    PlaceFeatures,
     PlaceRecogniser,
     color_histogram,
     mean_shift,
@@ -63,7 +63,7 @@ class PictureWindow:
     _last: tuple[np.ndarray, np.ndarray] | None = None
     _motion: dict[tuple[int, int], Motion] = field(default_factory=dict)
     _filmed: dict[tuple[int, int], np.ndarray] = field(default_factory=dict)
-    _landmarks: dict[int, Landmarks] = field(default_factory=dict)
+    _place_features: dict[int, PlaceFeatures] = field(default_factory=dict)
     _detail_variance: dict[int, float] = field(default_factory=dict)
     _meter: MotionMeter = field(default_factory=MotionMeter)
     _places: PlaceRecogniser = field(default_factory=PlaceRecogniser)
@@ -97,7 +97,7 @@ class PictureWindow:
         self.first += drop
         self._motion = {pair: motion for pair, motion in self._motion.items() if pair[0] >= self.first}
         self._filmed = {pair: part for pair, part in self._filmed.items() if pair[0] >= self.first}
-        self._landmarks = {t: landmarks for t, landmarks in self._landmarks.items() if t >= self.first}
+        self._place_features = {t: seen for t, seen in self._place_features.items() if t >= self.first}
         self._detail_variance = {t: detail for t, detail in self._detail_variance.items() if t >= self.first}
 
     def luma(self, frame: int) -> np.ndarray:
@@ -169,10 +169,10 @@ class PictureWindow:
             self._filmed[before, after] = ~found
         return self._filmed[before, after]
 
-    def _features(self, frame: int) -> Landmarks:
-        if frame not in self._landmarks:
-            self._landmarks[frame] = self._places.landmarks(self.gray[frame - self.first])
-        return self._landmarks[frame]
+    def _features(self, frame: int) -> PlaceFeatures:
+        if frame not in self._place_features:
+            self._place_features[frame] = self._places.features(self.gray[frame - self.first])
+        return self._place_features[frame]
 
     def unseen_s(self, frame: int) -> float:
         """Seconds between a frame and the last one before it that showed something new: while a picture is repeated,

@@ -62,14 +62,6 @@ class MotionMeter:
         return Motion(match, length / before.shape[1], unmatched, (float(right), float(down)))
 
 
-def correlation(first: np.ndarray, second: np.ndarray, where: np.ndarray | None = None) -> float:
-    """Local zero-mean correlation of two (H,W) pictures, averaged with the local contrast as weight; -1..1.
-
-    `where` (H,W) bool: the part that counts, by default all.
-    """
-    return _compared(first, second, where)[0]
-
-
 def local_correlation(first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Of the window around every pixel of two (H,W) pictures: the correlation -1..1, and the contrast in grey levels of
     the picture that has less of it there, and of the other."""
@@ -84,7 +76,8 @@ def local_correlation(first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray
 
 
 def _compared(first: np.ndarray, second: np.ndarray, where: np.ndarray | None) -> tuple[float, float]:
-    """`correlation`, and the fraction of the picture that has texture and does not correlate."""
+    """Local zero-mean correlation of two (H,W) pictures, averaged with the local contrast as weight, -1..1; and the
+    fraction of the picture that has texture and does not correlate. `where` (H,W) bool: the part that counts."""
     local, _, contrast = local_correlation(first, second)
     weight = contrast + 1
     unmatched = (local < _UNMATCHED) & (contrast > TEXTURE)
@@ -94,7 +87,7 @@ def _compared(first: np.ndarray, second: np.ndarray, where: np.ndarray | None) -
 
 
 @dataclass(frozen=True, eq=False)
-class Landmarks:
+class PlaceFeatures:
     """Features of one picture by which its place is recognised."""
 
     gray: np.ndarray
@@ -114,14 +107,16 @@ class PlaceRecogniser:
         self._matcher = cv2.BFMatcher()
         self._meter = MotionMeter()
 
-    def landmarks(self, gray: np.ndarray) -> Landmarks:
+    def features(self, gray: np.ndarray) -> PlaceFeatures:
         """The features of a (H,W) uint8 picture."""
         points, features = self._sift.detectAndCompute(gray, None)
         if not points:
-            return Landmarks(gray, np.zeros((0, 2), np.float32), np.zeros((0, 128), np.float32))
-        return Landmarks(gray, np.array([point.pt for point in points], np.float32), features)
+            return PlaceFeatures(gray, np.zeros((0, 2), np.float32), np.zeros((0, 128), np.float32))
+        return PlaceFeatures(gray, np.array([point.pt for point in points], np.float32), features)
 
-    def similarity(self, first: Landmarks, second: Landmarks, left_out: np.ndarray | None = None) -> np.ndarray | None:
+    def similarity(
+        self, first: PlaceFeatures, second: PlaceFeatures, left_out: np.ndarray | None = None
+    ) -> np.ndarray | None:
         """(2,3): takes pixels of the first picture to those of the second; None if they do not show one place.
 
         `left_out` (H,W) bool: the part of both that says nothing.
@@ -138,7 +133,7 @@ class PlaceRecogniser:
             return None
         return None if self._match(first, second, found, left_out) < _SAME_PLACE_MATCH else found
 
-    def _matches(self, first: Landmarks, second: Landmarks) -> tuple[np.ndarray, np.ndarray]:
+    def _matches(self, first: PlaceFeatures, second: PlaceFeatures) -> tuple[np.ndarray, np.ndarray]:
         """(M,2) pixels of features of the first picture, and of those of the second that look most like them."""
         if min(len(first.xy), len(second.xy)) < _SAME_PLACE_INLIERS:
             return np.zeros((0, 2), np.float32), np.zeros((0, 2), np.float32)
@@ -149,7 +144,9 @@ class PlaceRecogniser:
         ], int).reshape(-1, 2)  # fmt: skip
         return first.xy[pairs[:, 0]], second.xy[pairs[:, 1]]
 
-    def _match(self, first: Landmarks, second: Landmarks, similarity: np.ndarray, left_out: np.ndarray) -> float:
+    def _match(
+        self, first: PlaceFeatures, second: PlaceFeatures, similarity: np.ndarray, left_out: np.ndarray
+    ) -> float:
         """-1..1: how alike two pictures are where they overlap, once a transform of one to the other is undone, and the
         motion that it leaves."""
         size, back = second.gray.shape[::-1], cv2.WARP_INVERSE_MAP | cv2.INTER_LINEAR

@@ -17,7 +17,7 @@ from humanmm.models.shot_detection.people_cuts import Parts, Split, split_scenes
 from humanmm.models.shots.corrected_people import corrected_people
 from humanmm.models.shots.identity import Cast, cast_of, matched_people
 from humanmm.models.shots.insets import without_insets
-from humanmm.models.shots.left_right_swaps import Sighting, left_right_swaps
+from humanmm.models.shots.left_right_swaps import SidesSeen, left_right_swaps
 from humanmm.models.shots.tracking_failures import failed_frames
 from humanmm.models.video.frame_times import shown_s
 
@@ -212,7 +212,7 @@ def _detector_faults(
     faults: dict[tuple[int, int], _Faults] = {}
     unanswered: list[str] = []
     for person, given in zip(cast.people, cast.given, strict=True):
-        seen: list[tuple[int, Sighting]] = []
+        seen: list[tuple[int, SidesSeen]] = []
         for shot, appearances in zip(shots, cast.appearances, strict=True):
             track = _track(people[shot.scene], appearances, person.person)
             if track is not None:
@@ -243,11 +243,11 @@ def _track(scene: ScenePeople | None, shot: Sequence[Appearance], person: int) -
     return None if scene is None or own is None else scene.track_of(own)
 
 
-def _sighting(track: PersonTrack, shot: Shot, time_s: np.ndarray) -> Sighting:
+def _sighting(track: PersonTrack, shot: Shot, time_s: np.ndarray) -> SidesSeen:
     """The rows of a track in the clear frames of a shot."""
     inside = in_intervals(track.frame, [shot.clear])
     frame = track.frame[inside]
-    return Sighting(
+    return SidesSeen(
         time_s[frame], shown_s(time_s, frame), frame, track.keypoints2d[inside], track.landmarks3d[inside],
         track.pose.swap_odds[inside] if track.pose is not None else None,
         track.side_odds[inside] if track.side_odds is not None else None,

@@ -77,7 +77,7 @@ CHANGE = 4.0
 
 
 @dataclass(frozen=True)
-class Sighting:
+class SidesSeen:
     """One person's observations in one shot, frames in order (holes allowed)."""
 
     time_s: Float[Array, "n"]
@@ -91,10 +91,10 @@ class Sighting:
     side_odds: Float[Array, "n"] | None = None
     """Other networks' log-odds that they are not."""
 
-    def only(self, rows: Array) -> "Sighting":
+    def only(self, rows: Array) -> "SidesSeen":
         """Some of the observations."""
         swap_odds, side_odds = (None if odds is None else odds[rows] for odds in (self.swap_odds, self.side_odds))
-        return Sighting(
+        return SidesSeen(
             self.time_s[rows], self.shown_s[rows], self.frame[rows], self.keypoints2d[rows], self.landmarks3d[rows],
             swap_odds, side_odds,
         )  # fmt: skip
@@ -117,11 +117,11 @@ class KnownSides:
     places: Float[Array, "2 2"] | None = None
     """Where these two truly are in that frame, source pixels."""
 
-    def is_answered(self, sightings: Sequence[Sighting]) -> bool:
+    def is_answered(self, sightings: Sequence[SidesSeen]) -> bool:
         """Whether what the user says can be compared with what was found."""
         return self.is_wrong(sightings, [np.zeros(len(one.frame), bool) for one in sightings]) is not None
 
-    def is_wrong(self, sightings: Sequence[Sighting], states: Sequence[Bool[Array, "n"]]) -> bool | None:
+    def is_wrong(self, sightings: Sequence[SidesSeen], states: Sequence[Bool[Array, "n"]]) -> bool | None:
         """Whether these states of all shots contradict the user; None if the person is seen nowhere near the frame."""
         if self.pair is None or self.places is None:
             return True
@@ -137,7 +137,7 @@ class KnownSides:
 
 
 def left_right_swaps(
-    sightings: Sequence[Sighting], K: Float[Array, "3 3"], known: Sequence[KnownSides] = ()
+    sightings: Sequence[SidesSeen], K: Float[Array, "3 3"], known: Sequence[KnownSides] = ()
 ) -> tuple[tuple[Interval, ...], ...]:
     """For each shot of one person, in time order: the frames [start, end) with left and right swapped.
 
@@ -157,7 +157,7 @@ KNOWN = 1e6
 
 
 def _fixed_states(
-    sightings: Sequence[Sighting], found: Sequence[Bool[Array, "n"]], known: Sequence[KnownSides]
+    sightings: Sequence[SidesSeen], found: Sequence[Bool[Array, "n"]], known: Sequence[KnownSides]
 ) -> list[Int[Array, "n"]]:
     """The state of each frame by what the user knows, or FREE: as `found`, or the other one where that is wrong."""
     fixed = [np.full(len(sighting.frame), FREE) for sighting in sightings]
@@ -172,7 +172,7 @@ def _fixed_states(
 
 
 def _swapped_frames(
-    sightings: Sequence[Sighting], K: Float[Array, "3 3"], fixed: Sequence[Int[Array, "n"]]
+    sightings: Sequence[SidesSeen], K: Float[Array, "3 3"], fixed: Sequence[Int[Array, "n"]]
 ) -> list[Bool[Array, "n"]]:
     """For each shot of one person, which frames have left and right swapped; `fixed` has those that are known."""
     held = [states for sighting, states in zip(sightings, fixed, strict=True) if len(sighting.frame)]
@@ -199,14 +199,14 @@ def _given(fixed: Int[Array, "n"]) -> Float[Array, "n 2"]:
     return np.asarray(KNOWN * np.stack([fixed == 1, fixed == 0], axis=1))
 
 
-def _within_shot(sighting: Sighting, fixed: Int[Array, "n"]) -> Bool[Array, "n"]:
+def _within_shot(sighting: SidesSeen, fixed: Int[Array, "n"]) -> Bool[Array, "n"]:
     """States of the frames of one shot, from the motion between them and each frame's own evidence."""
     if len(sighting.frame) < 2:
         return np.asarray(fixed == 1)
     return two_state_chain(_frame_evidence(sighting) + _given(fixed), step_energies(sighting))
 
 
-def _settled(sighting: Sighting, state: Bool[Array, "n"], fixed: Int[Array, "n"]) -> Bool[Array, "n"]:
+def _settled(sighting: SidesSeen, state: Bool[Array, "n"], fixed: Int[Array, "n"]) -> Bool[Array, "n"]:
     """The states with single frames put right by the median of their neighbours.
 
     A picture in which the network mixes both sides looks wrong next to either neighbour, so the chain may pass it in
@@ -249,7 +249,7 @@ def _normalised(keypoints2d: Float[Array, "n 33 3"]) -> tuple[Float[Array, "n 33
     return image / height[:, None, None], height
 
 
-def step_energies(sighting: Sighting) -> Float[Array, "n-1 2"]:
+def step_energies(sighting: SidesSeen) -> Float[Array, "n-1 2"]:
     """Energy of each neighbouring pair of frames with the same and with different labels: how far the limbs moved
     against what is usual in the time between."""
     step = np.diff(sighting.time_s)[:, None]
@@ -268,7 +268,7 @@ def step_energies(sighting: Sighting) -> Float[Array, "n-1 2"]:
     return np.asarray(np.stack(energies, axis=1) * near[:, None] + np.array([0.0, CHANGE]))
 
 
-def _frame_evidence(sighting: Sighting) -> Float[Array, "n 2"]:
+def _frame_evidence(sighting: SidesSeen) -> Float[Array, "n 2"]:
     """Energy of each frame as labelled and swapped, from feet and knees that should lie forward of the body's plane,
     from the lifter, and from other networks' looks at the frame."""
     off = (forwardness(sighting.landmarks3d) - FORWARD_M) / FORWARD_SIGMA_M
@@ -297,7 +297,7 @@ def forwardness(landmarks3d: Float[Array, "n 33 3"]) -> Float[Array, "n"]:
     return np.asarray(0.5 * ((toes + knees) * forward).sum(axis=1))
 
 
-def _held_at_cuts(sighting: Sighting, state: Bool[Array, "n"], *, first: bool, last: bool) -> Float[Array, "n-1 2"]:
+def _held_at_cuts(sighting: SidesSeen, state: Bool[Array, "n"], *, first: bool, last: bool) -> Float[Array, "n-1 2"]:
     """Energy that keeps frames next to a cut in their states relative to one another: the cut judges them together."""
     held = np.zeros((max(len(state) - 1, 0), 2))
     time_s = sighting.time_s
@@ -313,9 +313,9 @@ def _held_at_cuts(sighting: Sighting, state: Bool[Array, "n"], *, first: bool, l
 
 
 def _across_cut(
-    before: Sighting,
+    before: SidesSeen,
     state_before: Bool[Array, "n"],
-    after: Sighting,
+    after: SidesSeen,
     state_after: Bool[Array, "m"],
     K: Float[Array, "3 3"],
 ) -> tuple[float, float]:
@@ -334,7 +334,7 @@ def _across_cut(
     return trust * costs[0], trust * costs[1]
 
 
-def _near_cut(sighting: Sighting, state: Bool[Array, "n"], near: Bool[Array, "n"]) -> SideTrack:
+def _near_cut(sighting: SidesSeen, state: Bool[Array, "n"], near: Bool[Array, "n"]) -> SideTrack:
     return SideTrack(
         time_s=sighting.time_s[near],
         keypoints2d=with_sides_swapped(sighting.keypoints2d[near], state[near]),

@@ -9,7 +9,7 @@ of 130 to 260 mm, all others about 85 mm (measured against the truth of four cli
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from humanmm.models.shots.left_right_swaps import Sighting, step_energies
+from humanmm.models.shots.left_right_swaps import SidesSeen, step_energies
 
 Array = np.ndarray
 
@@ -24,7 +24,7 @@ AT_END_S = 0.12
 MAX_STEP_S = 0.2
 
 
-def failed_frames(sighting: Sighting) -> Bool[Array, " n"]:
+def failed_frames(sighting: SidesSeen) -> Bool[Array, " n"]:
     """The frames of one person in one shot whose pose is not to be trusted."""
     n, time_s = len(sighting.frame), sighting.time_s
     lost = np.zeros(n, dtype=bool)
@@ -48,7 +48,7 @@ def failed_frames(sighting: Sighting) -> Bool[Array, " n"]:
     return lost
 
 
-def _agree(sighting: Sighting, row: int, other: int) -> bool:
+def _agree(sighting: SidesSeen, row: int, other: int) -> bool:
     return bool(step_energies(sighting.only(np.array([row, other]))).min() < AGREEMENT)
 
 

@@ -2,8 +2,8 @@
 
 The whole shot is one problem: reprojection of the visible keypoints, the network's 3D landmarks (rotated by the viewing
 ray, for they are orthographic about the crop's centre), how people hold and move their joints, and one shape for the
-whole video. Bone lengths give the metric depth. It starts from closed-form inverse kinematics (`fit_start`) and is
-solved in the shot's own axes, so that a rotating camera does not count as motion of the person.
+whole video. Bone lengths give the metric depth. It starts from closed-form inverse kinematics (`initial.start_pose`)
+and is solved in the shot's own axes, so that a rotating camera does not count as motion of the person.
 """
 
 from dataclasses import dataclass, replace

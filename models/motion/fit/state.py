@@ -93,7 +93,7 @@ class Motion:
 
     @cached_property
     def cache(self) -> dict[Hashable, Any]:
-        """What terms found out about this motion (`fit_equations.memoised`)."""
+        """What terms found out about this motion (`equations.memoised`)."""
         return {}
 
     @cached_property

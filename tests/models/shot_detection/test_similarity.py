@@ -9,7 +9,6 @@ from humanmm.models.shot_detection.similarity import (
     MotionMeter,
     PlaceRecogniser,
     color_histogram,
-    correlation,
     mean_shift,
 )
 
@@ -18,13 +17,13 @@ def gray(seed: int, offset: tuple[float, float] = (0, 0)) -> np.ndarray:
     return cv2.cvtColor(Place(seed).picture(0, offset), cv2.COLOR_BGR2GRAY)
 
 
-def test_correlation_ignores_light_and_knows_strangers() -> None:
-    picture = gray(1)
+def test_a_match_ignores_light_and_knows_strangers() -> None:
+    picture, meter = gray(1), MotionMeter()
     darker = (0.6 * picture + 20).astype(np.uint8)
-    same = correlation(picture, picture)  # below 1 where the picture is flat
+    same = meter(picture, picture).match  # below 1 where the picture is flat
     assert same > 0.6
-    assert correlation(picture, darker) > 0.85 * same
-    assert abs(correlation(picture, gray(2))) < 0.2
+    assert meter(picture, darker).match > 0.85 * same
+    assert abs(meter(picture, gray(2)).match) < 0.2
 
 
 @pytest.mark.parametrize("shift_px", [2.0, 5.0])
@@ -38,14 +37,14 @@ def test_motion_between_neighbours_is_the_cameras_shift(shift_px: float) -> None
 @pytest.mark.parametrize("offset", [(0.0, 0.0), (25.0, -6.0), (40.0, 8.0)])
 def test_a_place_is_recognised_with_its_displacement(offset: tuple[float, float]) -> None:
     recogniser, (first, second) = PlaceRecogniser(), (gray(4), gray(4, offset))
-    found = recogniser.similarity(recogniser.landmarks(first), recogniser.landmarks(second))
+    found = recogniser.similarity(recogniser.features(first), recogniser.features(second))
     assert found is not None
     assert mean_shift(found, first.shape) * WIDTH == pytest.approx(np.hypot(*offset), abs=1.5)
 
 
 def test_another_place_and_an_empty_picture_are_not_recognised() -> None:
     recogniser = PlaceRecogniser()
-    here, there, nothing = (recogniser.landmarks(g) for g in (gray(5), gray(6), np.full((HEIGHT, WIDTH), 90, np.uint8)))
+    here, there, nothing = (recogniser.features(g) for g in (gray(5), gray(6), np.full((HEIGHT, WIDTH), 90, np.uint8)))
     assert recogniser.similarity(here, there) is None
     assert recogniser.similarity(here, nothing) is None
 
@@ -55,7 +54,7 @@ def test_one_poster_in_two_places_does_not_make_them_one() -> None:
     here, there, elsewhere = (cv2.GaussianBlur(one, (0, 0), 1.5) for one in noise)
     here[5:95, 20:75] = there[5:95, 30:85] = elsewhere[5:95, 20:75]
     recogniser = PlaceRecogniser()
-    first, second = recogniser.landmarks(here), recogniser.landmarks(there)
+    first, second = recogniser.features(here), recogniser.features(there)
     here_px, there_px = recogniser._matches(first, second)
     agreeing = np.linalg.norm(there_px - here_px - [10, 0], axis=1) < 0.02 * WIDTH
     assert 10 <= agreeing.sum() <= len(agreeing)  # its features agree

@@ -7,10 +7,10 @@ import pytest
 from walking import K, case, sighting
 
 from humanmm.models.records.landmarks import INDEX, SWAP
-from humanmm.models.shots.left_right_swaps import KnownSides, Sighting, left_right_swaps
+from humanmm.models.shots.left_right_swaps import KnownSides, SidesSeen, left_right_swaps
 
 
-def swapped(s: Sighting, frames: slice) -> Sighting:
+def swapped(s: SidesSeen, frames: slice) -> SidesSeen:
     keypoints, landmarks = s.keypoints2d.copy(), s.landmarks3d.copy()
     keypoints[frames], landmarks[frames] = (x[frames][:, SWAP] for x in (keypoints, landmarks))
     return replace(s, keypoints2d=keypoints, landmarks3d=landmarks)
@@ -43,7 +43,7 @@ def test_a_whole_shot_with_left_and_right_swapped_is_found_by_the_cut(angle_deg:
     assert spans == ((), ((int(second.frame[0]), int(second.frame[-1]) + 1),))
 
 
-def _reported(s: Sighting, row: int, *, wrong: bool) -> KnownSides:
+def _reported(s: SidesSeen, row: int, *, wrong: bool) -> KnownSides:
     """What a user says who sees in one row where left and right are, of a track whose labels are right or wrong."""
     pair = INDEX["left_hip"], INDEX["right_hip"]
     places = s.keypoints2d[row, list(pair), :2].astype(float)

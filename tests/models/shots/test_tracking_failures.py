@@ -7,18 +7,18 @@ import pytest
 from walking import camera, observed, sighting, walker
 
 from humanmm.models.records.landmarks import SWAP
-from humanmm.models.shots.left_right_swaps import Sighting
+from humanmm.models.shots.left_right_swaps import SidesSeen
 from humanmm.models.shots.tracking_failures import failed_frames
 
 NUM_WALK = 60
 
 
-def walk() -> Sighting:
+def walk() -> SidesSeen:
     points = walker(NUM_WALK)
     return sighting(observed(points, *camera(20.0, points[NUM_WALK // 2, 23]), np.arange(NUM_WALK)))
 
 
-def mixed(s: Sighting, frames: slice) -> Sighting:
+def mixed(s: SidesSeen, frames: slice) -> SidesSeen:
     """The body turned by 70° with the legs' labels swapped: no choice of sides makes it fit."""
     keypoints, landmarks = s.keypoints2d.copy(), s.landmarks3d.copy()
     legs = np.arange(23, 33)
