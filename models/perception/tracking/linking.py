@@ -1,5 +1,6 @@
 """Tracks of one scene put right at its end: split where the clothes change, joined where one person went on."""
 
+from bisect import bisect_left
 from collections.abc import Sequence
 
 import numpy as np
@@ -66,19 +67,21 @@ def colour_change(track: TrackBuilder) -> int | None:
 def joined(tracks: Sequence[TrackBuilder]) -> list[TrackBuilder]:
     """Tracks that take turns on one body, joined; and those that do not overlap in time and look like one person's,
     best pair first."""
-    pool = without_doubles(tracks)
-    while True:
-        best, pair = 0.0, None
-        for a in pool:
-            for b in pool:
-                if a is not b and (odds := continuation_odds(a, b)) > best:
-                    best, pair = odds, (a, b)
-        if pair is None:
-            return pool
-        first, second = pair
-        before, _ = first.split(min(second.rows))
-        second.take_over(before)
-        pool = [track for track in pool if track is not first]
+    pool = dict(enumerate(map(_Looks, without_doubles(tracks))))
+    odds = {(i, j): _continuation_odds(pool[i], pool[j]) for i in pool for j in pool if i != j}
+    while odds:
+        first, second = max(odds, key=lambda pair: odds[pair])
+        if odds[first, second] <= 0:
+            break
+        track = pool[second].track
+        before, _ = pool.pop(first).track.split(pool[second].frames[0])
+        track.take_over(before)
+        pool[second] = _Looks(track)
+        odds = {pair: value for pair, value in odds.items() if first not in pair}
+        for i, j in odds:
+            if second in (i, j):
+                odds[i, j] = _continuation_odds(pool[i], pool[j])
+    return [one.track for one in pool.values()]
 
 
 def without_doubles(tracks: Sequence[TrackBuilder]) -> list[TrackBuilder]:
@@ -119,32 +122,42 @@ def _trunk(track: TrackBuilder, frames: Int[Array, " n"]) -> tuple[Float[Array, 
     return there[:, :-1].reshape(len(frames), -1, 2), there[:, -1]
 
 
-def _still_there(track: TrackBuilder, frame: int) -> bool:
-    """Whether a track has its person in or after a frame, and not only lingers where he was: as the detector said when
-    it looked after that frame, or else when it looked last."""
-    last = max(track.rows)
-    if last < frame:
-        return False
-    looks = sorted(track.detector_scores)
-    scores = [track.detector_scores[f] for f in ([f for f in looks if f >= frame] or looks[-1:])]
-    return not scores or max(scores) > 0 or elapsed_s(track.time_s, frame, last) > LINGER_S
+class _Looks:
+    """What a track shows as a whole: taken once, for all whom it may be."""
+
+    def __init__(self, track: TrackBuilder) -> None:
+        self.track = track
+        self.frames = sorted(track.rows)
+        self.colours = mean_colours(np.stack(list(track.colours.values())))
+        self.parts = median_parts(list(track.parts.values()))
+        self._looked = sorted(track.detector_scores)
+        scores = [track.detector_scores[frame] for frame in self._looked]
+        self._best_from = np.maximum.accumulate(scores[::-1])[::-1].tolist()
+
+    def still_there(self, frame: int) -> bool:
+        """Whether the track has its person in or after a frame, and not only lingers where he was: as the detector said
+        when it looked after that frame, or else when it looked last."""
+        last = self.frames[-1]
+        if last < frame:
+            return False
+        if not self._looked:
+            return True
+        look = min(bisect_left(self._looked, frame), len(self._looked) - 1)
+        return bool(self._best_from[look] > 0) or elapsed_s(self.track.time_s, frame, last) > LINGER_S
 
 
-def continuation_odds(a: TrackBuilder, b: TrackBuilder) -> float:
+def _continuation_odds(a: _Looks, b: _Looks) -> float:
     """Log-odds that b goes on where a ended; −∞ where b comes first, or a is still seen when b is."""
-    start = min(b.rows)
-    end = max((frame for frame in a.rows if frame < start), default=None)
-    if end is None or _still_there(a, start):
+    start = b.frames[0]
+    earlier = bisect_left(a.frames, start)
+    if earlier == 0 or a.still_there(start):
         return -np.inf
-    looks = [
-        (mean_colours(np.stack(list(track.colours.values()))), median_parts(list(track.parts.values())))
-        for track in (a, b)
-    ]
-    odds = same_look_odds(*looks[0], *looks[1])
-    gap_s = elapsed_s(a.time_s, end, start)
+    end = a.frames[earlier - 1]
+    odds = same_look_odds(a.colours, a.parts, b.colours, b.parts)
+    gap_s = elapsed_s(a.track.time_s, end, start)
     if gap_s > SHORT_GAP_S:
         return odds + RETURN_ODDS + RETURN_ODDS_PER_S * (gap_s - SHORT_GAP_S)
-    before, after = a.rows[end], b.rows[start]
+    before, after = a.track.rows[end], b.track.rows[start]
     middle_before, middle_after = before.mask_affine @ [64, 64, 1], after.mask_affine @ [64, 64, 1]
     travelled = float(np.linalg.norm(middle_after - middle_before)) / before.side
     reach = REACH_SIDES + REACH_SIDES_PER_S * gap_s
