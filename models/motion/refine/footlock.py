@@ -33,6 +33,8 @@ class LockSettings:
     """Time in which a correction fades out before and after a contact."""
     farthest_m: float = 0.12
     """A contact that would move the ankle further than this is not believed."""
+    most_rotated: float = 0.6
+    """A foot that rotates by more than this (radians) does not stand flat."""
     floor_reach_m: float = 0.03
     """A sole within this height of the floor stands on the floor; a higher one on something else."""
     longest_reach: float = 0.999
@@ -143,6 +145,7 @@ def ankle_targets(
             continue
         offset[start:end], certain[start:end] = correction, True
         previous = (end, correction[-1])
+    certain = _apart(offset, certain, time_s, settings.farthest_m / settings.fade_s)
     return leg.ankle + _faded(offset, certain, time_s, settings.fade_s), R_foot
 
 
@@ -172,9 +175,26 @@ def _flat_feet(leg: Leg, holds: Bool[Array, "N 2"], time_s: Array, settings: Loc
         spread = rotmat_to_rotvec(middle.T @ leg.R_ankle[start:end])
         mean = middle @ rotvec_to_rotmat(np.median(spread, axis=0))
         to_mean = rotmat_to_rotvec(np.swapaxes(leg.R_ankle[start:end], -1, -2) @ mean)
-        if np.linalg.norm(to_mean, axis=-1).max() < 0.6:  # a foot that rotates by more than 35° does not stand flat
+        if np.linalg.norm(to_mean, axis=-1).max() < settings.most_rotated:
             correction_rotvec[start:end], certain[start:end] = to_mean, True
+    certain = _apart(correction_rotvec, certain, time_s, settings.most_rotated / settings.fade_s)
     return np.asarray(leg.R_ankle @ rotvec_to_rotmat(_faded(correction_rotvec, certain, time_s, settings.fade_s)))
+
+
+def _apart(
+    offset: Float[Array, "N C"], certain: Bool[Array, " N"], time_s: Float[Array, " N"], most_per_s: float
+) -> Bool[Array, " N"]:
+    """Where corrections are certain, without the ends of contacts that follow one another so closely that the foot would
+    have to get from one correction to the next faster than `most_per_s`."""
+    kept = certain.copy()
+    for start, end in runs_of_true(~certain):
+        before, after = start - 1, end
+        while before >= 0 and after < len(kept) and kept[before] and kept[after]:
+            if np.linalg.norm(offset[after] - offset[before]) <= most_per_s * (time_s[after] - time_s[before]):
+                break
+            kept[before] = kept[after] = False
+            before, after = before - 1, after + 1
+    return kept
 
 
 def _faded(

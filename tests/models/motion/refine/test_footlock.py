@@ -7,7 +7,7 @@ import pytest
 
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.kinematics import compose
-from humanmm.models.geometry.rotations import rotvec_to_rotmat
+from humanmm.models.geometry.rotations import angle_between_deg, rotmat_to_rotvec, rotvec_to_rotmat
 from humanmm.models.motion.fit.state import LongMotion, Skeleton
 from humanmm.models.motion.refine.footlock import LEGS, Leg, LockSettings, ankle_targets, bend_leg, contact_positions
 from humanmm.models.records.recording import CONTACT_JOINTS
@@ -86,6 +86,20 @@ def test_two_contacts_close_together_hand_over_smoothly() -> None:
     contacts[30:32] = 0.0
     after = locked(sliding_leg(), contacts)
     assert np.linalg.norm(np.diff(after.ankle, axis=0), axis=1).max() < 0.03
+
+
+def test_a_foot_that_turns_between_two_contacts_has_time_to() -> None:
+    leg = sliding_leg()
+    yaw = 0.8 * np.clip((TIME - 0.9) / 0.2, 0, 1)  # 45° in a fifth of a second, in the middle of which nothing holds
+    R_foot = rotvec_to_rotmat(yaw[:, None] * [0.0, 0.0, 1.0])
+    leg = replace(leg, R_ankle=R_foot, toe=leg.ankle + R_foot @ np.array([0.0, 0.15, -0.05]))
+    contacts = np.ones((N, 2))
+    contacts[29:31] = 0.0
+    _, found = ankle_targets(leg, contacts, SOLE, time_s=TIME)
+    step = np.degrees(np.linalg.norm(rotmat_to_rotvec(np.swapaxes(found[:-1], -1, -2) @ found[1:]), axis=-1))
+    assert step.max() < 20, "it would be 30 if both contacts held to their last frame"
+    assert step[:20].max() < 1e-3 and step[40:].max() < 1e-3
+    assert angle_between_deg(found[0], found[-1]) == pytest.approx(np.degrees(0.8), abs=1)
 
 
 def test_a_sole_near_the_floor_is_put_on_it_and_one_on_a_step_is_not() -> None:
