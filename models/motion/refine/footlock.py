@@ -184,7 +184,7 @@ def _flat_feet(leg: Leg, holds: Bool[Array, "N 2"], time_s: Array, settings: Loc
 def _apart(
     offset: Float[Array, "N C"], certain: Bool[Array, " N"], time_s: Float[Array, " N"], most_per_s: float
 ) -> Bool[Array, " N"]:
-    """Where corrections are certain, without the ends of contacts that follow one another so closely that the foot would
+    """Where corrections are certain, without the ends of contacts that follow each other so closely that the foot would
     have to get from one correction to the next faster than `most_per_s`."""
     kept = certain.copy()
     for start, end in runs_of_true(~certain):

@@ -90,16 +90,16 @@ def test_two_contacts_close_together_hand_over_smoothly() -> None:
 
 def test_a_foot_that_turns_between_two_contacts_has_time_to() -> None:
     leg = sliding_leg()
-    yaw = 0.8 * np.clip((TIME - 0.9) / 0.2, 0, 1)  # 45° in a fifth of a second, in the middle of which nothing holds
+    yaw = np.clip((TIME - 0.9) / 0.2, 0, 1)  # 57° in a fifth of a second, in the middle of which one frame is free
     R_foot = rotvec_to_rotmat(yaw[:, None] * [0.0, 0.0, 1.0])
     leg = replace(leg, R_ankle=R_foot, toe=leg.ankle + R_foot @ np.array([0.0, 0.15, -0.05]))
     contacts = np.ones((N, 2))
-    contacts[29:31] = 0.0
+    contacts[30] = 0.0
     _, found = ankle_targets(leg, contacts, SOLE, time_s=TIME)
     step = np.degrees(np.linalg.norm(rotmat_to_rotvec(np.swapaxes(found[:-1], -1, -2) @ found[1:]), axis=-1))
-    assert step.max() < 20, "it would be 30 if both contacts held to their last frame"
+    assert step.max() < 20, "it would be 29 if both contacts held to their last frame"
     assert step[:20].max() < 1e-3 and step[40:].max() < 1e-3
-    assert angle_between_deg(found[0], found[-1]) == pytest.approx(np.degrees(0.8), abs=1)
+    assert angle_between_deg(found[0], found[-1]) == pytest.approx(np.degrees(1.0), abs=1)
 
 
 def test_a_sole_near_the_floor_is_put_on_it_and_one_on_a_step_is_not() -> None:
