@@ -34,5 +34,5 @@ def deliver(inputs: StageInputs) -> Delivery:
             embedded=inputs.blob_dir / EMBEDDED if has_page else None,
         )
     write_png(inputs.blob_dir / TOP_VIEW, top_view(recording))
-    guesses = guesses_of(shot_list, scenes, inputs.read("align", WorldMotion), time_s=facts.time_s)
+    guesses = guesses_of(shot_list, scenes, inputs.read("align", WorldMotion), recording, time_s=facts.time_s)
     return Delivery(recording, (OVERLAY, TOP_VIEW), guesses)

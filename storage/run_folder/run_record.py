@@ -387,6 +387,13 @@ def _doubts(
                 f"deliver: standing feet differ in height by ± {guesses.floor_m:.2f} m: people stand on something, or "
                 "the floor is wrong"
             )
+    for off in guesses.off_floor:
+        side = "above" if off.height_m > 0 else "below"
+        yield (
+            f"deliver: person {off.person} stands {abs(off.height_m):.2f} m {side} the floor, frames {off.start} to "
+            f"{off.end - 1}: on something, or the height or distance is wrong; if the height is known, "
+            f"`humanmm correct RUN height {off.person} METRES` says it"
+        )
     if not _applied(corrections, "same-person", "swap"):
         for one in guesses.identities:
             if one.probability < DOUBTFUL_IDENTITY:

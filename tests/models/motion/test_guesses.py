@@ -1,13 +1,15 @@
 """How sure the floor is, and who is who."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from standing_person import NUM_FRAMES, standing_person
+from standing_person import NUM_FRAMES, recording_of, standing_person
 
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
-from humanmm.models.motion.guesses import guesses_of, identity_guesses, standing_soles
+from humanmm.models.motion.guesses import guesses_of, identity_guesses
 from humanmm.models.records.motion import PersonMotion, WorldMotion
-from humanmm.models.records.recording import IdentityGuess
+from humanmm.models.records.recording import Guesses, IdentityGuess, Recording
 from humanmm.models.records.shots import Appearance, Shot, ShotList
 from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.shots import identity
@@ -32,6 +34,23 @@ def _standing(number: int, *, rise_m: float = 0.0, contact: float = 1.0) -> Pers
     )
 
 
+def _recorded(*people: PersonMotion, visibility: float = 1.0) -> Recording:
+    """What was seen of these people: every landmark, so well; `standing_person` stands on the floor."""
+    rise = {one.person: one.pelvis_world[0, 2] - standing_person().pelvis[0, 2] for one in people}
+    found = []
+    for one in people:
+        person = standing_person(one.person)
+        joints = person.joints + np.array([0, 0, rise[one.person]], np.float32)
+        keypoints = np.full((NUM_FRAMES, 33, 3), visibility, np.float32)
+        found.append(replace(person, joints=joints, keypoints2d=keypoints, contacts=one.contacts))
+    return recording_of(*found)
+
+
+def _guesses(*people: PersonMotion, visibility: float = 1.0) -> Guesses:
+    recording = _recorded(*people, visibility=visibility)
+    return guesses_of(ShotList(NUM_FRAMES, (), ()), [], _world(*people), recording, time_s=TIME_S)
+
+
 def _world(*people: PersonMotion) -> WorldMotion:
     R, t, K = np.tile(np.eye(3), (NUM_FRAMES, 1, 1)), np.zeros((NUM_FRAMES, 3)), np.tile(np.eye(3), (NUM_FRAMES, 1, 1))
     return WorldMotion(R, t, K, np.zeros(NUM_FRAMES, np.uint8), people, ())
@@ -50,17 +69,30 @@ def _shots(*people: tuple[int, ...]) -> ShotList:
 
 
 def test_the_floor_is_as_sure_as_standing_soles_agree() -> None:
-    nobody = ShotList(NUM_FRAMES, (), ())
-    level = guesses_of(nobody, [], _world(_standing(0), _standing(1)), time_s=TIME_S)
+    level = _guesses(_standing(0), _standing(1))
     assert level.floor_m == pytest.approx(0.0, abs=1e-6) and level.standing_soles == 2 * 4 * NUM_FRAMES
-    stairs = guesses_of(nobody, [], _world(_standing(0, rise_m=-0.1), _standing(1, rise_m=0.1)), time_s=TIME_S)
+    stairs = _guesses(_standing(0, rise_m=-0.1), _standing(1, rise_m=0.1))
     assert stairs.floor_m == pytest.approx(0.1, abs=0.01)
 
 
 def test_feet_that_hang_or_stand_on_a_table_say_nothing_about_the_floor() -> None:
-    assert len(standing_soles(_world(_standing(0, contact=0.2), _standing(1, rise_m=0.8)).people)) == 0
-    nothing = guesses_of(ShotList(NUM_FRAMES, (), ()), [], _world(_standing(0, contact=0.2)), time_s=TIME_S)
+    assert _guesses(_standing(0, contact=0.2), _standing(1, rise_m=0.8)).standing_soles == 0
+    nothing = _guesses(_standing(0, contact=0.2))
     assert np.isnan(nothing.floor_m) and nothing.standing_soles == 0
+
+
+def test_feet_that_nobody_sees_say_nothing_about_the_floor() -> None:
+    unseen = _guesses(_standing(0), visibility=0.1)
+    assert np.isnan(unseen.floor_m) and unseen.standing_soles == 0 and unseen.off_floor == ()
+
+
+@pytest.mark.parametrize(("rise_m", "told"), [(0.0, False), (0.1, False), (0.25, True), (-0.2, True), (0.8, False)])
+def test_who_stands_and_not_on_the_floor_is_told(rise_m: float, told: bool) -> None:
+    found = _guesses(_standing(0), _standing(1, rise_m=rise_m)).off_floor
+    assert [one.person for one in found] == ([1] if told else [])
+    assert all((one.start, one.end) == (0, NUM_FRAMES) for one in found)
+    assert all(one.height_m == pytest.approx(rise_m, abs=0.01) for one in found)
+    assert _guesses(_standing(0, contact=0.2, rise_m=rise_m)).off_floor == ()
 
 
 @pytest.mark.parametrize(

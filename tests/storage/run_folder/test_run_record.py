@@ -9,7 +9,7 @@ from three_shots import results
 
 from humanmm.models.motion.world.align import align
 from humanmm.models.records.camera import Intrinsics
-from humanmm.models.records.recording import Guesses, IdentityGuess
+from humanmm.models.records.recording import Guesses, IdentityGuess, OffFloor
 from humanmm.models.records.video import VideoFacts
 from humanmm.storage.run_folder.run_record import CorrectionRecord, _disputed, _doubts, _floor, _people, _scale, _shots
 
@@ -35,6 +35,11 @@ def test_what_is_sure_has_no_warning() -> None:
         (0.31, SURE, "the focal length is uncertain by 31 %"),
         (0.05, Guesses(math.nan, 3), "hardly anybody is seen standing"),
         (0.05, Guesses(0.14, 300), r"standing feet differ in height by ± 0.14 m"),
+        (
+            0.05,
+            Guesses(0.02, 300, off_floor=(OffFloor(1, 5, 30, 0.22),)),
+            "person 1 stands 0.22 m above the floor, frames 5",
+        ),
         (0.05, Guesses(0.02, 300, (IdentityGuess(1, 2, 0.55),)), "person 1 in shot 2 may be somebody else"),
     ],
 )
