@@ -19,6 +19,7 @@ from humanmm.models.shots.identity import Cast, cast_of, matched_people
 from humanmm.models.shots.insets import without_insets
 from humanmm.models.shots.left_right_swaps import SidesSeen, left_right_swaps
 from humanmm.models.shots.tracking_failures import failed_frames
+from humanmm.models.shots.turned_picture import turned_picture
 from humanmm.models.video.frame_times import shown_s
 
 WHOLE = 0.45
@@ -69,6 +70,7 @@ def detect_shots(
     warnings = (
         *_suspected_cuts(suspected), *_doubts(cast), *_partly_seen(cast, inhabited, people),
         *_overlooked(people, (facts.width, facts.height)), *unanswered,
+        *turned_picture(_seen_for_certain(cast, inhabited, people, time_s)),
     )  # fmt: skip
     unfollowed = tuple(one for scene in people if scene is not None for one in scene.unfollowed)
     return ShotList(
@@ -138,6 +140,21 @@ def _partly_seen(cast: Cast, shots: Sequence[Shot], people: Sequence[ScenePeople
         for one in cast.people
         if not one.doubtful and median.get(one.person, 1.0) < WHOLE
     )
+
+
+def _seen_for_certain(
+    cast: Cast, shots: Sequence[Shot], people: Sequence[ScenePeople | None], time_s: np.ndarray
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Of all who are certainly people: keypoints, and the seconds for which each frame is shown."""
+    certain = {person.person for person in cast.people if not person.doubtful}
+    for shot in shots:
+        scene = people[shot.scene]
+        for one in shot.people if scene is not None else ():
+            if one.person in certain:
+                assert scene is not None
+                track = scene.tracks[one.track]
+                here = (track.frame >= shot.start) & (track.frame < shot.end)
+                yield track.keypoints2d[here], shown_s(time_s, track.frame[here])
 
 
 def _overlooked(people: Sequence[ScenePeople | None], size: tuple[int, int]) -> Iterator[str]:

@@ -8,6 +8,7 @@ import pytest
 from humanmm.corrections import Corrections, RemoveCut
 from humanmm.errors import NoUsablePersonError
 from humanmm.models.perception.clothing import HISTOGRAM_BINS
+from humanmm.models.records.landmarks import HIPS, SHOULDERS
 from humanmm.models.records.shots import CorrectionNote, Scenes, Shot, Transition, Unfollowed
 from humanmm.models.records.tracks import PersonTrack, ScenePeople, Silhouettes
 from humanmm.models.records.video import VideoFacts
@@ -27,9 +28,11 @@ def test_a_video_in_which_nobody_is_seen_is_an_error_in_plain_words(people: list
 
 def somebody() -> PersonTrack:
     rng = np.random.default_rng(0)
+    keypoints = rng.uniform(100, 300, (33, 3))
+    keypoints[list(SHOULDERS), :2], keypoints[list(HIPS), :2] = (200, 130), (200, 230)  # upright
     return PersonTrack(
         frame=np.arange(30, dtype=np.int32),
-        keypoints2d=np.tile(rng.uniform(100, 300, (33, 3)), (30, 1, 1)).astype(np.float32),
+        keypoints2d=np.tile(keypoints, (30, 1, 1)).astype(np.float32),
         landmarks3d=np.tile(rng.normal(size=(33, 3)), (30, 1, 1)).astype(np.float32),
         bbox=np.tile(np.float32([100, 100, 300, 300]), (30, 1)),
         confidence=np.full(30, 0.9, np.float32),
@@ -85,6 +88,15 @@ def test_who_is_seen_and_not_followed_is_a_warning_with_his_place() -> None:
         "more people than --people.max-people are seen: in frames 30-59 at 0.00 0.00 0.10 0.10, in frames 30-59 at "
         "0.10 0.00 0.20 0.10, in frames 30-59 at 0.20 0.00 0.30 0.10 of the picture (and 2 more)",
     )
+
+
+def test_a_picture_that_lies_on_its_side_has_a_warning() -> None:
+    likely = replace(somebody(), probability=0.9)
+    lying = replace(likely, keypoints2d=likely.keypoints2d[..., [1, 0, 2]])
+    found = [
+        detect_shots(FACTS, SCENES, [ScenePeople(0, 30, (one,)), ScenePeople(30, 60, ())]) for one in (likely, lying)
+    ]
+    assert [len(one.warnings) for one in found] == [0, 1] and "transpose=1" in found[1].warnings[0]
 
 
 def test_a_suspected_cut_is_a_warning_unless_a_shot_begins_there() -> None:
