@@ -27,6 +27,7 @@ from humanmm.models.motion.refine.contacts import ContactModel, contact_probabil
 from humanmm.models.motion.refine.discontinuities import close_discontinuities
 from humanmm.models.motion.refine.fit import fit_world, gather_clip
 from humanmm.models.motion.refine.footlock import LockSettings, contact_positions, lock_feet
+from humanmm.models.motion.refine.gaps import landed, landings
 from humanmm.models.motion.refine.learned import Learned
 from humanmm.models.motion.refine.smoothing import smooth, smooth_rotations
 from humanmm.models.records.motion import PersonMotion, WorldMotion
@@ -231,9 +232,10 @@ class Draft:
             progress=progress,
         )
         if not seen.all():
-            vectors, pelvis = motion.vectors, motion.pelvis_ref
-            vectors[~seen] = smooth_rotations(vectors, seen * 1.0, self.time_s, cutoff_hz=FILL_HZ)[~seen]
-            pelvis[~seen] = smooth(pelvis, seen * 1.0, self.time_s, cutoff_hz=FILL_HZ)[~seen]
+            on_feet = landings(seen, self.contacts, self.time_s)
+            vectors, pelvis, weight = landed(motion.vectors, motion.pelvis_ref, seen * 1.0, on_feet)
+            motion.vectors[~seen] = smooth_rotations(vectors, weight, self.time_s, cutoff_hz=FILL_HZ)[~seen]
+            motion.pelvis_ref[~seen] = smooth(pelvis, weight, self.time_s, cutoff_hz=FILL_HZ)[~seen]
         if found is not None and found.rotations is not None:
             motion = learned.corrected(motion)
         return replace(self, motion=motion, feet=contact_positions(motion))
@@ -261,7 +263,7 @@ def draft(
         smooth(person.pelvis_world, weight, time_s, cutoff_hz=settings.cutoff_hz),
     )
     frames = slice(int(person.frame[0]), int(person.frame[-1]) + 1)
-    return Draft(
+    one = Draft(
         person=person,
         time_s=time_s,
         camera_centre=world.t_world_cam[frames],
@@ -272,6 +274,16 @@ def draft(
         feet=contact_positions(motion),
         contacts=np.zeros((len(time_s), 4)),
     ).with_contacts(settings.contacts)
+    found = landings(person.observed, one.contacts, time_s)
+    if not found:
+        return one
+    vectors, pelvis, weight = landed(vectors, person.pelvis_world, weight, found)
+    motion = LongMotion(
+        motion.skeleton,
+        smooth_rotations(vectors, weight, time_s, cutoff_hz=settings.cutoff_hz),
+        smooth(pelvis, weight, time_s, cutoff_hz=settings.cutoff_hz),
+    )
+    return replace(one, motion=motion, feet=contact_positions(motion)).with_contacts(settings.contacts)
 
 
 def finish(one: Draft, *, settings: RefineSettings) -> PersonMotion:
