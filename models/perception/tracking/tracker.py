@@ -147,7 +147,10 @@ class SceneTracker:
         return list(seen.values())
 
     def _forget(self, number: int, frame: int) -> None:
-        """Take back a frame's observation from a track that lost it to a better claim."""
+        """Take back a frame's observation from a track that lost it to a better claim.
+
+        It goes on from the other's place: put back to its own, people fell into more tracks (docs/accuracy.md).
+        """
         track = self._tracks[number]
         track.rows.pop(frame, None)
         track.forget_appearance(frame)
