@@ -4,17 +4,21 @@
     clips/one.mp4,high,gym;night,,true              "out": "one", "settings": {"camera": {"static": true}}}
 
 `video` may be a pattern. Relative paths count from the manifest's own folder; `out` from the batch's output folder.
+What lies in a run folder or store is humanmm's own: neither a folder nor a pattern finds it, the name of a file does.
 """
 
 import csv
 import json
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
 from humanmm.config_reading import value_of, with_values
 from humanmm.errors import InputError
+from humanmm.storage.batches.own_folders import OwnFolderSearch, foreign, is_run
 
 SUFFIXES = frozenset(
     {
@@ -55,7 +59,8 @@ def read_batch(source: Path, *, pattern: str | None = None) -> list[Entry]:
     else:
         if pattern is not None:
             raise InputError("--glob goes with a folder; a manifest has its patterns in `video`")
-        entries = [entry for listed in _read_manifest(source) for entry in _expanded(listed, source)]
+        own = OwnFolderSearch()
+        entries = [entry for listed in _read_manifest(source) for entry in _expanded(listed, source, own)]
         hint = f"{source} lists no video"
     if not entries:
         raise InputError(f"{hint}; videos end in {', '.join(sorted(SUFFIXES))}")
@@ -66,9 +71,31 @@ def read_batch(source: Path, *, pattern: str | None = None) -> list[Entry]:
 
 
 def videos_in(folder: Path, *, pattern: str | None = None) -> list[Entry]:
-    """Every video of a folder, at any depth, in order; there may be none."""
-    found = sorted(path for path in folder.absolute().rglob(pattern or "*") if path.is_file() and _is_video(path))
+    """Every video of a folder, at any depth, in order; there may be none. Run folders and a store in it are left
+    out. InputError if it lies in one."""
+    own = OwnFolderSearch().around(folder)
+    if own is not None:
+        raise InputError(f"{folder} is in a run folder or store ({own}) with humanmm's own films; name a video's file")
+    found = sorted(path for path in _videos_below(folder.absolute(), pattern) if path.is_file())
     return [Entry(path, origin=str(folder)) for path in found]
+
+
+def _videos_below(top: Path, pattern: str | None) -> Iterator[Path]:
+    wanted = ("**", *Path(pattern or "*").parts)
+    for place, folders, names in os.walk(top):
+        here, inside = [*names, *folders], Path(place)
+        folders[:] = foreign(here, folders)
+        found = [] if is_run(here) else [path for path in map(inside.joinpath, names) if _is_video(path)]
+        yield from (path for path in found if pattern is None or _matches(path.relative_to(top).parts, wanted))
+
+
+def _matches(parts: Sequence[str], pattern: Sequence[str]) -> bool:
+    """Whether a relative path fits a pattern as `Path.glob` reads it."""
+    if not parts or not pattern:
+        return not parts and not pattern
+    if pattern[0] == "**":
+        return any(_matches(parts[start:], pattern[1:]) for start in range(len(parts)))
+    return fnmatchcase(parts[0], pattern[0]) and _matches(parts[1:], pattern[1:])
 
 
 def _is_video(path: Path) -> bool:
@@ -139,14 +166,16 @@ def _entry(columns: Mapping[str, Any], tags: tuple[str, ...], settings: Mapping[
     return Entry(Path(video), priority, tags, columns.get("out") or None, settings, origin)
 
 
-def _expanded(listed: Entry, source: Path) -> Iterator[Entry]:
-    """An entry per file that its pattern names; a file that is not there stays, and fails with its reason."""
+def _expanded(listed: Entry, source: Path, own: OwnFolderSearch) -> Iterator[Entry]:
+    """An entry per file that its pattern finds outside humanmm's folders; a file that is named and not there stays, and
+    fails with its reason."""
     folder = source.absolute().parent
     path = folder / listed.video.expanduser()
     found = [path]
     if not path.exists() and any(c in str(listed.video) for c in "*?["):
         anchor = Path(path.anchor)
-        found = sorted(match for match in anchor.glob(str(path.relative_to(anchor))) if match.is_file())
+        matches = anchor.glob(str(path.relative_to(anchor)))
+        found = sorted(match for match in matches if match.is_file() and own.around(match.parent) is None)
         if listed.out is not None and len(found) > 1:
             raise InputError(f"{listed.origin}: `out` names one run folder, {listed.video} {len(found)} videos")
     for match in found:

@@ -332,3 +332,10 @@ def test_help_names_every_setting_with_its_sentence_and_no_verb_that_is_missing(
         assert verb in out
     for later in ("camera VIDEO",):
         assert later not in out
+
+
+def test_a_folder_does_not_give_the_films_of_runs_in_it(toy: Any) -> None:
+    toy.run()
+    for _ in range(2):
+        assert toy.main("recover", ".")[:2] == (0, "runs/film\n")
+    assert (toy.folder / "runs/film/view/overlay.mp4").is_file()

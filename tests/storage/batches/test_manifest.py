@@ -90,3 +90,48 @@ def test_a_missing_manifest_and_an_empty_folder_are_reported(tmp_path: Path) -> 
         read_batch(tmp_path / "none.csv")
     with pytest.raises(InputError, match="holds no video"):
         read_batch(tmp_path)
+
+
+@pytest.fixture
+def with_runs(videos: Path) -> Path:
+    """The folder with two run folders in it, one of them of a name of its own."""
+    for run in ("runs/a", "deep/mine"):
+        (videos / run / "motion.zarr").mkdir(parents=True)
+        (videos / run / "run.json").write_text("{}")
+        (videos / run / "view").mkdir()
+        (videos / run / "view" / "overlay.mp4").touch()
+    return videos
+
+
+def test_run_folders_in_a_folder_are_left_out_whatever_their_name(with_runs: Path) -> None:
+    assert _names(with_runs) == ["a.mp4", "b.MKV", "c.mov"]
+    assert _names(with_runs, pattern="*.mp4") == ["a.mp4"]
+    (with_runs / "runs/a/run.json").unlink()
+    assert _names(with_runs) == ["a.mp4", "b.MKV", "c.mov", "overlay.mp4"], "without it, it is a folder like any other"
+
+
+@pytest.mark.parametrize("inside", ["runs/a", "runs/a/view"])
+def test_a_folder_that_lies_in_a_run_folder_is_refused(with_runs: Path, inside: str) -> None:
+    with pytest.raises(InputError, match=r"is in a run folder or store \(.*runs/a\) .*; name a video's file"):
+        read_batch(with_runs / inside)
+
+
+def test_a_pattern_of_a_manifest_finds_nothing_in_run_folders_and_a_name_does(with_runs: Path) -> None:
+    manifest = with_runs / "batch.csv"
+    manifest.write_text("video\n**/[!.]*.mp4\nruns/a/view/*.mp4\n")
+    assert _names(manifest) == ["a.mp4"]
+    manifest.write_text("video\nruns/a/view/overlay.mp4\n")
+    assert _names(manifest) == ["overlay.mp4"]
+
+
+def test_a_pattern_may_name_folders(videos: Path) -> None:
+    assert _names(videos, pattern="deep/*.mov") == ["c.mov"]
+    assert _names(videos, pattern="deep/**/*.mov") == ["c.mov"]
+    assert _names(videos, pattern="**/*.m*") == ["a.mp4", "c.mov"]
+
+
+def test_the_films_of_a_store_are_left_out_and_those_beside_it_found(videos: Path) -> None:
+    for name in ("artifacts/deliver/files", "locks", "tmp", "videos"):
+        (videos / "deep" / name).mkdir(parents=True)
+    (videos / "deep/artifacts/deliver/files/overlay.mp4").touch()
+    assert _names(videos) == ["a.mp4", "b.MKV", "c.mov"]
