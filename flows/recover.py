@@ -25,6 +25,7 @@ from humanmm.storage.store.identity import identify
 from humanmm.storage.store.open import open_store
 from humanmm.tasks.engine.finish import default_run_dir
 from humanmm.tasks.engine.run import VideoRun
+from humanmm.tasks.engine.run_folders import run_dir_of
 from humanmm.tasks.engine.runners.runner import check_runner
 from humanmm.tasks.units.process import passed_on, prepare_process
 from humanmm.tasks.units.selection import Selection
@@ -61,10 +62,10 @@ def recover(
 
 def recover_stages(video: Path, out: Path | None, config: Config, store: Path | None, selection: Selection) -> Any:
     """The stages of `recover` in a flow run that has begun; returns its final state."""
-    begun, run_dir = time.time(), out or default_run_dir(video)
+    begun = time.time()
     with (
-        showing_failure(video, run_dir) as failed,
-        StageTasks(_open(video, config, run_dir, store, selection)) as stage,
+        showing_failure(video, out or default_run_dir(video)) as failed,
+        StageTasks(*_open(video, out, config, store, selection)) as stage,
     ):
         failed.run = stage.run
         stage("decode")  # container facts, exact frame times
@@ -80,19 +81,24 @@ def recover_stages(video: Path, out: Path | None, config: Config, store: Path | 
         stage("refine")  # section 3.4: smooth motion, feet without sliding
         stage("deliver")  # pictures and the recording
 
-        return stage.finish(out, begun)
+        return stage.finish(begun)
 
 
-def _open(video: Path, config: Config, run_dir: Path, store: Path | None, selection: Selection) -> VideoRun:
+def _open(
+    video: Path, out: Path | None, config: Config, store: Path | None, selection: Selection
+) -> tuple[VideoRun, Path]:
+    """The run, and its folder."""
     prepare_process()
-    config = decided(config, run_dir)
     check_runner(config.run)
     artifacts = open_store(store)
     artifacts.sweep()
-    run = VideoRun(identify(video, artifacts), config, artifacts, selection=selection)
+    identity = identify(video, artifacts)
+    run_dir = run_dir_of(identity, out, artifacts)
+    config = decided(config, run_dir, sha256=identity.sha256)
+    run = VideoRun(identity, config, artifacts, selection=selection)
     run.gpu = gpu_slot
     selection.check(run.stages)
     listener = opened.get()
     if listener is not None:
         listener(run)
-    return run
+    return run, run_dir

@@ -28,7 +28,6 @@ from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.records.video import VideoFacts
 from humanmm.signals import held
 from humanmm.tasks.engine.finish import (
-    default_run_dir,
     failures,
     fatal_error,
     has_result,
@@ -55,8 +54,9 @@ ASLEEP_S = 0.25
 class StageTasks:
     """Submits the tasks of one stage after another, and ends the flow run."""
 
-    def __init__(self, run: VideoRun) -> None:
+    def __init__(self, run: VideoRun, run_dir: Path) -> None:
         self.run = run
+        self._run_dir = run_dir
         write_process_id()
         self._board = ProgressBoard(UUID(str(flow_run.id)))
         run.listen(self._board.report)
@@ -105,7 +105,7 @@ class StageTasks:
             with held():
                 self._futures[unit.id] = self._runner.submit(_task_of(self.run, unit), parameters, wait_for=inputs)
 
-    def finish(self, out: Path | None, begun: float) -> Any:
+    def finish(self, begun: float) -> Any:
         """Wait for everything; write the run folder; the flow's final state."""
         for future in self._futures.values():
             _wait_for(future)
@@ -114,11 +114,11 @@ class StageTasks:
             with contextlib.suppress(StoreError):  # the fatal error is the one to raise
                 remember(self.run, "failed", run_dir=None, reason=str(error))
             if isinstance(error, NoUsablePersonError):
-                error = self._with_picture(error, out or default_run_dir(self.run.video.path))
+                error = self._with_picture(error, self._run_dir)
             raise error
         if not has_result(self.run):  # `--only` left the result as it was
             return Completed(message="nothing that depends on it has changed")
-        run_dir = out or default_run_dir(self.run.video.path)
+        run_dir = self._run_dir
         state = write_results(self.run, run_dir, started=begun, log_text=self.run.log_text())
         show_video(run_dir.absolute(), UUID(str(flow_run.id)))
         if state == "partial":

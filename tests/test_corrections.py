@@ -72,3 +72,11 @@ def test_a_stage_gets_its_kinds_alone_and_a_shot_its_own() -> None:
     assert (
         found.chosen(("static-shot",), (40, 60)).correction and not found.chosen(("static-shot",), (60, 90)).correction
     )
+
+
+def test_corrections_are_left_aside_as_a_whole_for_another_video() -> None:
+    found = read_corrections({"video": "ab12", "correction": [{"kind": "floor", "metres": 1.0}]})
+    assert found.for_video("ab12") is found and found.for_video(None) is found
+    other = found.for_video("cd34")
+    assert other.correction == () and other.left_aside == found.correction and other.facts == {}
+    assert read_corrections({"correction": []}).for_video("cd34").left_aside == ()

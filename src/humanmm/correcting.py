@@ -253,7 +253,10 @@ class Entered:
 def enter(run_dir: Path, correction: Correction) -> Entered:
     """Write a correction into the file of a run; one that takes an earlier one back, or may be there once, replaces
     it."""
-    path, before = run_dir / FILE, of_folder(run_dir).correction
+    path, held = run_dir / FILE, of_folder(run_dir)
+    video, before = str(read_run_record(run_dir)["video"]["sha256"]), held.correction
+    if held.for_video(video).left_aside:
+        raise InputError(f"{path} was written for another video than that of the run; move it away first")
     number = contrary(correction, before)
     if number is not None:
         remove(path, number)
@@ -263,7 +266,6 @@ def enter(run_dir: Path, correction: Correction) -> Entered:
     replaced = [n for n, one in enumerate(before, start=1) if correction.kind in ONCE and one.kind == correction.kind]
     for number in reversed(replaced):
         remove(path, number)
-    video = str(read_run_record(run_dir)["video"]["sha256"])
     append(path, correction, video=video, remark=str(correction))
     return Entered(tuple(before[n - 1] for n in reversed(replaced)), len(before) - len(replaced) + 1)
 

@@ -252,6 +252,8 @@ class Corrections(_Entry):
     video: str | None = None
     """sha256 of the video that they were written for."""
     correction: tuple[AnyCorrection, ...] = ()
+    left_aside: tuple[AnyCorrection, ...] = ()
+    """Those of the run folder's file if that was written for another video than the run's: none is applied."""
 
     @model_validator(mode="after")
     def _once(self) -> "Corrections":
@@ -264,6 +266,12 @@ class Corrections(_Entry):
     def of(self, kind: type[C]) -> tuple[C, ...]:
         """Those of one kind."""
         return tuple(one for one in self.correction if isinstance(one, kind))
+
+    def for_video(self, sha256: str | None) -> "Corrections":
+        """These, or all of them left aside if they were written for another video; None: of which it is is unknown."""
+        if not self.video or sha256 in (None, self.video):
+            return self
+        return self.model_copy(update={"correction": (), "left_aside": self.correction})
 
     def chosen(self, kinds: Iterable[str], span: tuple[int, int] | None = None) -> "Corrections":
         """Those of some kinds; with the span of a shot, of those about one shot only its own."""

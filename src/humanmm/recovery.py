@@ -58,7 +58,7 @@ def recover(  # noqa: PLR0913 (the flags of the command, as keywords)
 
     Args:
         video: the video file.
-        out: the run folder (default: runs/<name of the video>).
+        out: the run folder (default: runs/<name of the video>, with 8 digits of its content if another video has that).
         config: settings, as a Config, a tree such as {"camera": {"static": True}}, or the path of a TOML file.
         person: keep this person alone, 0 is the main one (default: all, or as `config` says).
         focal_px: focal length in pixels of the source video; it is then not estimated.
@@ -106,8 +106,7 @@ def _recover(
 ) -> Run:
     began = time.time()
     watch.step("reading the video")
-    folder = _run_dir(video, out)
-    run = _open(video, _settings(config, shorthands, corrections, folder), selection, store)
+    folder, run = _open(video, out, _settings(config, shorthands, corrections), selection, store)
     watch.step("looking into the store")
     from humanmm.tasks.engine import finish
     from humanmm.tasks.engine.plan import check_upstream, forecast, is_complete
@@ -160,18 +159,8 @@ def forecast(  # noqa: PLR0913 (as `recover`)
         "masks_from": masks_from, "cameras_from": cameras_from,
     }  # fmt: skip
     selection = _selection(force=force, start=start, only=only, shot=shot)
-    settings = _settings(config, shorthands, corrections, _run_dir(video, out))
-    return forecast_run(_open(video, settings, selection, store, read_only=True))
-
-
-def _run_dir(video: "str | os.PathLike[str]", out: "str | os.PathLike[str] | None") -> Path:
-    """The run folder."""
-    from humanmm.tasks.units.process import prepare_process
-
-    prepare_process()  # before numpy is loaded
-    from humanmm.tasks.engine.finish import default_run_dir
-
-    return Path(out) if out is not None else default_run_dir(Path(video))
+    settings = _settings(config, shorthands, corrections)
+    return forecast_run(_open(video, out, settings, selection, store, read_only=True)[1])
 
 
 def check_writable(folder: Path) -> None:
@@ -189,21 +178,17 @@ def _settings(
     config: "Config | Mapping[str, Any] | str | os.PathLike[str] | None",
     shorthands: Mapping[str, Any],
     corrections: "Corrections | Mapping[str, Any] | str | os.PathLike[str] | None",
-    folder: Path,
 ) -> "Config":
-    """The configuration with the corrections: those that are given, in place of those that the run folder holds."""
+    """The configuration with the corrections that are given."""
+    from humanmm.tasks.units.process import prepare_process
+
+    prepare_process()  # before numpy is loaded
     from humanmm.config_reading import resolve
-    from humanmm.storage.run_folder.corrections_file import decided
 
     settings = resolve(config, {name: value for name, value in shorthands.items() if value is not None})
-    if corrections is not None:
-        settings = settings.model_copy(update={"corrections": _corrections(corrections)})
-    settings = decided(settings, folder)
-    found = settings.corrections
-    if found.correction:
-        number = len(found.correction)
-        log.warning("%d correction%s of %s", number, "s" if number > 1 else "", found.origin or "the caller")
-    return settings
+    if corrections is None:
+        return settings
+    return settings.model_copy(update={"corrections": _corrections(corrections)})
 
 
 def _corrections(given: "Corrections | Mapping[str, Any] | str | os.PathLike[str]") -> "Corrections":
@@ -231,21 +216,30 @@ def _selection(**wanted: Any) -> "Selection":
 
 def _open(
     video: "str | os.PathLike[str]",
+    out: "str | os.PathLike[str] | None",
     config: "Config",
     selection: "Selection",
     store: "str | os.PathLike[str] | None",
     *,
     read_only: bool = False,
-) -> "VideoRun":
-    from humanmm.tasks.units.process import prepare_process
-
-    prepare_process()  # before numpy is loaded
+) -> "tuple[Path, VideoRun]":
+    """The run folder, and the run with the corrections that the folder holds unless the configuration names some."""
+    from humanmm.storage.run_folder.corrections_file import decided
     from humanmm.storage.store.identity import identify
     from humanmm.storage.store.open import open_store
     from humanmm.tasks.engine.run import VideoRun
+    from humanmm.tasks.engine.run_folders import check_replaceable, run_dir_of
 
     artifacts = open_store(None if store is None else Path(store), read_only=read_only)
-    return VideoRun(identify(Path(video), artifacts), config, artifacts, selection=selection)
+    identity = identify(Path(video), artifacts)
+    folder = run_dir_of(identity, None if out is None else Path(out), artifacts)
+    check_replaceable(folder, identity.sha256)
+    config = decided(config, folder, sha256=identity.sha256)
+    found = config.corrections
+    if found.correction:
+        number = len(found.correction)
+        log.warning("%d correction%s of %s", number, "s" if number > 1 else "", found.origin or "the caller")
+    return folder, VideoRun(identity, config, artifacts, selection=selection)
 
 
 def _run_flow(run: "VideoRun", folder: Path, watch: "Watch") -> None:

@@ -40,18 +40,21 @@ def of_folder(run_dir: Path) -> Corrections:
     return read_file(path) if path.is_file() else NONE
 
 
-def decided(config: Config, run_dir: Path) -> Config:
-    """The configuration with the corrections that it names, or else those that the run folder holds, or none."""
+def decided(config: Config, run_dir: Path, *, sha256: str | None = None) -> Config:
+    """The configuration with the corrections that it names, or else those that the run folder holds, or none.
+
+    `sha256` is that of the run's video: corrections in the folder that were written for another are left aside.
+    """
     if config.corrections.is_decided:
         return config
-    return config.model_copy(update={"corrections": of_folder(run_dir)})
+    return config.model_copy(update={"corrections": of_folder(run_dir).for_video(sha256)})
 
 
-def corrected(config: Config, run_dir: Path) -> Config:
+def corrected(config: Config, run_dir: Path, *, sha256: str | None = None) -> Config:
     """The configuration of a run with the corrections that its folder holds now, if it holds any."""
     path = run_dir / FILE
     if path.is_file():
-        return config.model_copy(update={"corrections": read_file(path)})
+        return config.model_copy(update={"corrections": read_file(path).for_video(sha256)})
     came_from_there = config.corrections.origin == str(path)
     return config.model_copy(update={"corrections": NONE}) if came_from_there else config
 

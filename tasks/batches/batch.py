@@ -17,7 +17,7 @@ from typing import Any
 
 from humanmm.config import Config
 from humanmm.config_reading import validate, with_sections
-from humanmm.errors import InputError, VideoError
+from humanmm.errors import InputError
 from humanmm.parts import Part, chosen
 from humanmm.storage.batches.batch_table import BatchTable
 from humanmm.storage.batches.manifest import Entry
@@ -30,6 +30,7 @@ from humanmm.tasks import pipeline
 from humanmm.tasks.engine import finish
 from humanmm.tasks.engine.plan import forecast, is_complete
 from humanmm.tasks.engine.run import VideoRun
+from humanmm.tasks.engine.run_folders import RunFolders
 from humanmm.tasks.pipeline import Stage
 from humanmm.tasks.units.digest import CodeDigest, code_digest
 
@@ -193,7 +194,7 @@ def _rows(
         settings, settings_json, code, recipe = resolved[overrides]
         run_dir = folders.folder(entry)
         if (Path(run_dir) / CORRECTIONS).is_file():
-            recipe = finish.recipe_of(code, _corrected(settings, run_dir))
+            recipe = finish.recipe_of(code, _corrected(settings, run_dir, entry.video, store))
         rows.append(
             VideoRow(
                 batch=name, video=video, position=position, run_dir=run_dir, config=settings_json,
@@ -204,10 +205,10 @@ def _rows(
     return rows
 
 
-def _corrected(settings: Config, run_dir: str) -> Config:
+def _corrected(settings: Config, run_dir: str, video: Path, store: Store) -> Config:
     """The settings with the corrections in the run folder; a mistake there is an error when the video is computed."""
     try:
-        return decided(settings, Path(run_dir))
+        return decided(settings, Path(run_dir), sha256=identify(video, store).sha256)
     except InputError:
         return settings
 
@@ -217,36 +218,20 @@ def _code_of_stage(settings: Config, stage: Stage) -> CodeDigest:
 
 
 class _RunFolders:
-    """A run folder per video: its stem; with eight digits of its content if another video has that stem."""
+    """The run folder of each video of a batch: the one that it names, the one that it had, or one by its name."""
 
     def __init__(self, out: Path, store: Store, before: Mapping[str, VideoRow]) -> None:
-        self._out, self._store = out, store
+        self._out = out
         self._before = {video: row.run_dir for video, row in before.items() if Path(row.run_dir).parent == out}
-        self._taken = set(self._before.values())
+        self._folders = RunFolders(out, store, map(Path, self._before.values()))
 
     def folder(self, entry: Entry) -> str:
         video = str(entry.video)
-        if entry.out is not None:
-            path = os.path.normpath(self._out / entry.out)
-            if path in self._taken and self._before.get(video) != path:
-                raise InputError(f"{entry.origin}: the run folder {path} is another video's")
-        elif video in self._before:
-            return self._before[video]
-        else:
-            plain = str(self._out / finish.default_run_dir(entry.video).name)
-            path = self._free(plain, entry.video) if plain in self._taken else plain
-        self._taken.add(path)
-        return path
-
-    def _free(self, plain: str, video: Path) -> str:
-        try:
-            digest = identify(video, self._store).sha256
-        except VideoError:  # it will fail with its reason, and write no folder
-            digest = hashlib.sha256(os.fsencode(video)).hexdigest()
-        path, count = f"{plain}-{digest[:8]}", 1
-        while path in self._taken:  # the same video twice under one name
-            count += 1
-            path = f"{plain}-{digest[:8]}-{count}"
+        if entry.out is None:
+            return self._before.get(video) or str(self._folders.of(entry.video))
+        path = os.path.normpath(self._out / entry.out)
+        if self._before.get(video) != path and not self._folders.take(Path(path)):
+            raise InputError(f"{entry.origin}: the run folder {path} is another video's")
         return path
 
 
@@ -272,7 +257,7 @@ def _finished_on(
     if wanted == made and not _is_gone(row.run_dir, last.host):
         return last.host
     began = time.time()
-    config = _corrected(Config.model_validate_json(row.config), row.run_dir)
+    config = _corrected(Config.model_validate_json(row.config), row.run_dir, Path(row.video), store)
     run = VideoRun(identify(Path(row.video), store), config, store)
     if not is_complete(forecast(run)):
         return None

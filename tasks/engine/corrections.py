@@ -11,11 +11,17 @@ def outcomes(config: Config, shots: ShotList, *, video: str) -> list[CorrectionR
     notes = {note.identity: (note.applied, note.reason) for note in shots.corrections}
     wanted = config.corrections
     other = "" if wanted.video in (None, video) else OTHER_VIDEO
-    return [
-        CorrectionRecord(one.model_dump(mode="json", exclude_none=True), str(one), applied, reason or other)
+    found = [
+        _recorded(one, applied, reason or other)
         for one in wanted.correction
         for applied, reason in [notes.get(one.identity) or _judged(one, config, shots)]
     ]
+    reason = f"{OTHER_VIDEO} (`--corrections {wanted.origin}` applies it all the same)"
+    return [*found, *(_recorded(one, False, reason) for one in wanted.left_aside)]
+
+
+def _recorded(one: Correction, applied: bool, reason: str) -> CorrectionRecord:
+    return CorrectionRecord(one.model_dump(mode="json", exclude_none=True), str(one), applied, reason)
 
 
 def _judged(correction: Correction, config: Config, shots: ShotList) -> tuple[bool, str]:

@@ -156,7 +156,7 @@ def fingerprint(run: VideoRun) -> str:
 def _settings(run: VideoRun) -> dict[str, Any]:
     """The configuration; without corrections, it does not say where they were looked for."""
     config = run.config
-    if not config.corrections.correction:
+    if not config.corrections.correction and not config.corrections.left_aside:
         config = config.model_copy(update={"corrections": Corrections()})
     return config.model_dump(mode="json")
 

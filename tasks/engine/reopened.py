@@ -20,10 +20,9 @@ def reopen(run_dir: Path, store: Path | None = None) -> tuple[dict[str, Any], Vi
     the folder holds now. Writes nothing."""
     record = read_run_record(run_dir)
     try:
-        config = corrected(validate(record["config"], origin=str(run_dir / "run.json")), run_dir)
+        video, sha256 = Path(record["video"]["path"]), str(record["video"]["sha256"])
+        config = corrected(validate(record["config"], origin=str(run_dir / "run.json")), run_dir, sha256=sha256)
         artifacts = open_store(store or Path(record["store"]), read_only=True)
-        video = Path(record["video"]["path"])
-        sha256 = str(record["video"]["sha256"])
     except (KeyError, TypeError) as error:
         raise InputError(f"{run_dir / 'run.json'} lacks {error}; `humanmm recover` writes it anew") from None
     try:

@@ -339,3 +339,38 @@ def test_a_folder_does_not_give_the_films_of_runs_in_it(toy: Any) -> None:
     for _ in range(2):
         assert toy.main("recover", ".")[:2] == (0, "runs/film\n")
     assert (toy.folder / "runs/film/view/overlay.mp4").is_file()
+
+
+def test_another_video_of_the_same_name_gets_its_own_folder_and_no_corrections_of_the_first(toy: Any) -> None:
+    toy.run()
+    toy.main("recover", "film.mp4")
+    assert toy.main("correct", "runs/film", "floor", "--lower", "0.4")[0] == 0
+    (toy.folder / "b").mkdir()
+    toy.video = toy.video.rename(toy.folder / "first.mp4")
+    other = toy.folder / "b" / "film.mp4"
+    other.write_text(json.dumps({"num_frames": 61, "cuts": [20, 40]}))
+    toy.video = other
+    toy.run()
+    digits = sha256(other.read_bytes()).hexdigest()[:8]
+    for _ in range(2):
+        status, out, _ = toy.main("recover", "b/film.mp4")
+        assert (status, out) == (0, f"runs/film-{digits}\n")
+    assert json.loads((toy.folder / out.strip() / "run.json").read_text())["corrections"] == []
+    line = _reported(toy.main("recover", "b/film.mp4", "--out", "runs/film"), 1)
+    assert "runs/film holds the run of another video with corrections; name another folder" in line
+    assert toy.main("recover", "b/film.mp4", "--out", "runs/film", "--dry-run")[0] == 1
+    (toy.folder / "first.mp4").rename(toy.folder / "b" / "film.mp4")
+    assert "refine" in toy.main("recover", "b/film.mp4", "--dry-run")[1]
+    assert "1 correction of runs/film/corrections.toml" in toy.main("recover", "b/film.mp4", "--dry-run")[2]
+
+
+def test_corrections_of_another_video_are_left_aside_and_said_and_no_more_are_added(toy: Any) -> None:
+    toy.run()
+    toy.main("recover", "film.mp4")
+    path = toy.folder / "runs/film/corrections.toml"
+    path.write_text('video = "ab12"\n[[correction]]\nkind = "floor"\nmetres = 0.5\n')
+    status, _, message = toy.main("recover", "film.mp4")
+    assert status == 0 and "warning: correction 1 does not fit " in message and "written for another video" in message
+    assert "[does not fit: it was written for another" in toy.main("correct", "runs/film")[1]
+    line = _reported(toy.main("correct", "runs/film", "add-cut", "50"), 1)
+    assert "was written for another video than that of the run; move it away first" in line

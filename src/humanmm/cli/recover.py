@@ -1,6 +1,5 @@
 """`humanmm recover VIDEO …`: one video, or several one after the other, end to end."""
 
-import hashlib
 import os
 import sys
 from collections.abc import Callable, Sequence
@@ -73,7 +72,7 @@ def recover(  # noqa: PLR0913 (one a flag)
     config = settings.config(**_shorthands(person, **given))
     wanted: dict[str, Any] = {"store": store, "force": force, "start": start, "only": only, "shot": shot}
     wanted["corrections"] = corrections
-    jobs = _jobs(videos, out)
+    jobs = _jobs(videos, out, store, read_only=dry_run)
     if dry_run:
         plans = [humanmm.forecast(video, folder, config=config, **wanted) for video, folder in jobs]
         return _write_plans([video for video, _ in jobs], plans, as_json=json)
@@ -84,10 +83,11 @@ def recover(  # noqa: PLR0913 (one a flag)
     return _recover_each(jobs, lambda video, folder: humanmm.recover(video, folder, config=config, **wanted))
 
 
-def _jobs(videos: Sequence[Path], out: Path | None) -> list[tuple[Path, Path | None]]:
+def _jobs(
+    videos: Sequence[Path], out: Path | None, store: Path | None, *, read_only: bool
+) -> list[tuple[Path, Path | None]]:
     """Each video once, folders opened, with its run folder; None: the default one. InputError names an empty folder."""
     from humanmm.storage.batches.manifest import SUFFIXES, videos_in
-    from humanmm.tasks.engine.finish import default_run_dir
 
     found: dict[Path, Path] = {}
     for path in videos:
@@ -98,12 +98,14 @@ def _jobs(videos: Sequence[Path], out: Path | None) -> list[tuple[Path, Path | N
             found.setdefault(video.absolute(), video)
     if len(found) == 1 and not videos[0].is_dir():
         return [(video, out) for video in found.values()]
-    folders: dict[Path, Path] = {}
-    for video in found.values():
-        plain = (out or Path("runs")) / default_run_dir(video).name
-        digits = hashlib.sha256(os.fsencode(video.absolute())).hexdigest()[:8]
-        folders[plain.with_name(f"{plain.name}-{digits}") if plain in folders else plain] = video
-    return [(video, folder) for folder, video in folders.items()]
+    from humanmm.tasks.units.process import prepare_process
+
+    prepare_process()  # before numpy is loaded
+    from humanmm.storage.store.open import open_store
+    from humanmm.tasks.engine.run_folders import RunFolders
+
+    folders = RunFolders(out or Path("runs"), open_store(store, read_only=read_only))
+    return [(video, folders.of(video)) for video in found.values()]
 
 
 def _write_plans(videos: Sequence[Path], plans: "Sequence[Sequence[Forecast]]", *, as_json: bool) -> int:

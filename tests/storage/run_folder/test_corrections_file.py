@@ -84,3 +84,12 @@ def test_a_finished_run_has_the_corrections_that_its_folder_holds_now(tmp_path: 
     assert corrected(elsewhere, tmp_path) == elsewhere
     append(tmp_path / FILE, Floor(metres=1.0), video="")
     assert corrected(elsewhere, tmp_path).corrections.correction == (Floor(metres=1.0),)
+
+
+def test_corrections_of_another_video_are_left_aside_unless_they_are_given(tmp_path: Path) -> None:
+    append(tmp_path / FILE, Floor(metres=0.5), video="ab12")
+    for found in (decided(Config(), tmp_path, sha256="cd34"), corrected(Config(), tmp_path, sha256="cd34")):
+        assert found.corrections.correction == () and found.corrections.left_aside == (Floor(metres=0.5),)
+    assert decided(Config(), tmp_path, sha256="ab12").corrections.correction == (Floor(metres=0.5),)
+    given = Config(corrections=read_file(tmp_path / FILE))
+    assert decided(given, tmp_path, sha256="cd34") == given

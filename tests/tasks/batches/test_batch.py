@@ -320,3 +320,15 @@ def test_the_report_has_a_row_a_video_with_links_and_survives_strange_names(toy:
     first, second = table.read_text().splitlines()[1:]
     assert ",done," in first and ",60,3,1,1.25," in first
     assert second.split(",")[1:4] == ["failed", "people · scene 0", "it has <no> people"]
+
+
+def test_a_batch_leaves_the_run_folder_of_another_video_of_that_name_alone(toy: Any, table: BatchTable) -> None:
+    films = _films(toy, "x/take.mp4", "y/take.mp4")
+    (first,) = batches.submit(table, "x", read_batch(films / "x"), Config(), toy.folder / "runs").to_schedule
+    _end(table, first, "done")
+    content = hashlib.sha256((films / "x/take.mp4").read_bytes()).hexdigest()
+    record = {"schema": "humanmm.run/1", "video": {"sha256": content}}
+    Path(first.run_dir, "run.json").write_text(json.dumps(record))
+    (second,) = batches.submit(table, "y", read_batch(films / "y"), Config(), toy.folder / "runs").to_schedule
+    digits = hashlib.sha256((films / "y/take.mp4").read_bytes()).hexdigest()[:8]
+    assert Path(second.run_dir).name == f"take-{digits}"

@@ -5,6 +5,8 @@ from pathlib import Path
 from typing import Any
 
 import humanmm
+from humanmm.config import Config
+from humanmm.storage.run_folder.corrections_file import decided
 from humanmm.tasks import pipeline
 from humanmm.tasks.engine.finish import write_results
 
@@ -96,3 +98,19 @@ def test_corrections_of_another_video_are_applied_with_a_warning(toy: Any) -> No
         "correction 1 (the floor is 0.5 m above the one that is found): it was written for another video"
         in record["warnings"]
     )
+
+
+def test_corrections_of_the_folder_that_were_written_for_another_video_are_left_aside_with_a_warning(toy: Any) -> None:
+    toy.run()
+    out = toy.folder / "runs" / "film"
+    out.mkdir(parents=True)
+    (out / "corrections.toml").write_text('video = "ab12"\n[[correction]]\nkind = "floor"\nmetres = 0.5\n')
+    config = decided(Config(), out, sha256=toy.open().video.sha256)
+    toy.executed()
+    run = toy.run(corrections=config.corrections)
+    assert toy.executed() == [], "nothing is computed with them"
+    write_results(run, out, started=0.0)
+    done = humanmm.load(out)
+    (one,) = done.corrections
+    assert not one.applied and one.reason.startswith("it was written for another video (`--corrections ")
+    assert any("does not fit" in warning for warning in done.warnings)
