@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from jaxtyping import Float
 
 from humanmm.corrections import NONE, Corrections, RemoveCut
 from humanmm.errors import NoUsablePersonError
@@ -15,12 +16,12 @@ from humanmm.models.records.video import VideoFacts
 from humanmm.models.shot_detection.corrected_cuts import NEAR_FRAMES, removed, settled
 from humanmm.models.shot_detection.people_cuts import Parts, Split, split_scenes
 from humanmm.models.shots.corrected_people import corrected_people
-from humanmm.models.shots.identity import Cast, cast_of, matched_people
+from humanmm.models.shots.identity import MIN_SEEN_S, Cast, cast_of, matched_people
 from humanmm.models.shots.insets import without_insets
 from humanmm.models.shots.left_right_swaps import SidesSeen, left_right_swaps
 from humanmm.models.shots.tracking_failures import failed_frames
 from humanmm.models.shots.turned_picture import turned_picture
-from humanmm.models.video.frame_times import shown_s
+from humanmm.models.video.frame_times import ROUNDING_S, shown_s
 
 WHOLE = 0.45
 """Confidence, in the median over time, of somebody who is in view as a whole: 0.5 to 0.98 in real clips; of upper
@@ -55,7 +56,7 @@ def detect_shots(
     candidates, of_people = corrected_people(groups, shots, people, corrections, time_s=time_s)
     cast = cast_of(candidates, len(shots), min_confidence=min_confidence)
     if not cast.people and need_people:
-        raise NoUsablePersonError(_nobody(cast, min_confidence))
+        raise NoUsablePersonError(_nobody(cast, min_confidence, time_s))
     if only_person is not None:
         cast = _only(cast, only_person)
     filmed = ShotList(scenes.num_frames, tuple(shots), ()).filmed_size(facts.width, facts.height)
@@ -88,7 +89,13 @@ def _corrected(scenes: Scenes, split: Split, corrections: Corrections) -> tuple[
     return Split(tuple(kept), suspected), [*done.values(), *misfits.values()]
 
 
-def _nobody(cast: Cast, min_confidence: float) -> str:
+def _nobody(cast: Cast, min_confidence: float, time_s: Float[np.ndarray, " F"]) -> str:
+    length_s = float(shown_s(time_s, np.arange(len(time_s))).sum())
+    if length_s < MIN_SEEN_S - ROUNDING_S:
+        return (
+            f"no usable person: the video is too short, {len(time_s)} frames in {length_s:.2g} s; somebody must be "
+            f"seen for {MIN_SEEN_S:g} s: give a longer one"
+        )
     if not cast.left_out:
         return (
             "no usable person: nobody is seen for long enough; give a video in which somebody's shoulders are visible"

@@ -26,6 +26,15 @@ def test_a_video_in_which_nobody_is_seen_is_an_error_in_plain_words(people: list
         detect_shots(FACTS, SCENES, people)
 
 
+def test_a_video_that_is_too_short_for_anybody_is_told_so_and_how_much_is_needed() -> None:
+    six = replace(FACTS, time_s=np.arange(6) / 24, keyframe=np.arange(6) == 0)
+    with pytest.raises(NoUsablePersonError, match=r"too short, 6 frames in 0.25 s; somebody must be seen for 0.3 s"):
+        detect_shots(six, Scenes(6, ()), [ScenePeople(0, 6, ())])
+    eight = replace(FACTS, time_s=np.arange(8) / 24, keyframe=np.arange(8) == 0)
+    with pytest.raises(NoUsablePersonError, match="nobody is seen for long enough"):
+        detect_shots(eight, Scenes(8, ()), [ScenePeople(0, 8, ())])
+
+
 def somebody() -> PersonTrack:
     rng = np.random.default_rng(0)
     keypoints = rng.uniform(100, 300, (33, 3))
