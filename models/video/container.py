@@ -20,7 +20,7 @@ from av.video.stream import VideoStream
 
 from humanmm.errors import VideoError
 from humanmm.machine import resident_mb
-from humanmm.models.video.declared_size import declared_sides_px
+from humanmm.models.video.declared_size import declared_sides_px, lacks_index
 
 DEMUXERS = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpegts,flv"
 """Containers of pictures; no playlists, no text, no image sequences, no devices."""
@@ -43,6 +43,8 @@ _LEAST_PICTURES = 3
 _SIDE_BYTES = {"h264": 0.5, "hevc": 0.75, "vvc": 2.0, "vp9": 0.2, "av1": 0.1, "jpeg2000": 8.0}
 """Bytes beside each pixel of a picture, as measured: motion vectors (HEVC: 12 bytes for 4 x 4 pixels), coefficients."""
 
+_CUT_OFF = "the file is cut off (its index is missing); copy or download it again"
+
 _SUPPORTED = "mp4, mov, mkv, webm or avi"
 
 
@@ -60,6 +62,8 @@ def open_video(stream: BinaryIO, *, max_side_px: int = 16384) -> Iterator[tuple[
     except av.error.EOFError as error:
         raise VideoError(f"the file is empty or ends inside its header; give a complete {_SUPPORTED} file") from error
     except (av.error.InvalidDataError, av.error.ArgumentError) as error:
+        if lacks_index(stream):
+            raise VideoError(_CUT_OFF) from error
         stream.seek(0, 2)
         what = "the file is empty" if stream.tell() == 0 else "this is not a video, or its header is missing"
         raise VideoError(f"{what}: no {_SUPPORTED} data was recognised; give such a file") from error
@@ -68,7 +72,8 @@ def open_video(stream: BinaryIO, *, max_side_px: int = 16384) -> Iterator[tuple[
     with container:
         video = container.streams.best("video")
         if not isinstance(video, VideoStream) or not moving_pictures(container):
-            raise VideoError("the file holds no moving pictures (sound or a cover picture only); give a video")
+            nothing = "the file holds no moving pictures (sound or a cover picture only); give a video"
+            raise VideoError(_CUT_OFF if lacks_index(stream) else nothing)
         if video.frames == 1:  # a cover that does not say that it is one
             video = max(moving_pictures(container), key=lambda stream: stream.frames)
         if video.codec_context is None:

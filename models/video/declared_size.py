@@ -5,6 +5,7 @@ A decoder takes the size from the coded pictures and silently corrects the heade
 bytes on the way to the declared size are read; anything unexpected means "no size declared", never an error.
 """
 
+import contextlib
 import struct
 from collections.abc import Iterator
 from typing import BinaryIO
@@ -12,6 +13,7 @@ from typing import BinaryIO
 _MP4_FOLDERS = (b"moov", b"trak", b"mdia", b"minf", b"stbl")
 _EBML_SEGMENT, _EBML_TRACKS, _EBML_ENTRY, _EBML_VIDEO = 0x18538067, 0x1654AE6B, 0xAE, 0xE0
 _EBML_WIDTH, _EBML_HEIGHT = 0xB0, 0xBA
+_MP4_BEGINS = (b"ftyp", b"moov", b"mdat", b"free", b"skip", b"wide")
 _MAX_BOXES = 10_000
 """No sane header has more; a crafted one must not keep us busy."""
 _MAX_TAGS = 1_000_000
@@ -32,7 +34,7 @@ def declared_sides_px(stream: BinaryIO) -> tuple[int, ...]:
             return tuple(_matroska_sides(stream, size))
         if magic[:4] == b"RIFF" and magic[8:12] == b"AVI ":
             return _avi_sides(stream)
-        if magic[4:8] in (b"ftyp", b"moov", b"mdat", b"free", b"skip", b"wide"):
+        if magic[4:8] in _MP4_BEGINS:
             return tuple(_mp4_sides(stream, 0, size, [_MAX_BOXES]))
         return ()
     except (struct.error, IndexError, OverflowError):
@@ -44,22 +46,35 @@ def declared_sides_px(stream: BinaryIO) -> tuple[int, ...]:
 def count_movies(stream: BinaryIO) -> int:
     """How many whole mp4, mov or flv files lie one after the other in one file, of which only the first is read; 0 or 1
     for other containers and for files in fragments. The stream's position is left at the start."""
-    size, at, kinds = stream.seek(0, 2), 0, list[bytes]()
     stream.seek(0)
     if stream.read(3) == b"FLV":
         return _count_flv(stream)
-    try:
-        while at + 8 <= size and len(kinds) < _MAX_BOXES:
+    kinds = [kind for kind, _ in _top_boxes(stream)]
+    return 1 if b"moof" in kinds else kinds.count(b"moov")
+
+
+def lacks_index(stream: BinaryIO) -> bool:
+    """Whether a file begins as mp4 or mov, and ends before its index (`moov`) or inside it. The stream's position is
+    left at the start."""
+    size, ends = stream.seek(0, 2), dict(_top_boxes(stream))
+    begins = next(iter(ends), b"") in _MP4_BEGINS
+    return begins and ends.get(b"moov", size + 1) > size
+
+
+def _top_boxes(stream: BinaryIO) -> Iterator[tuple[bytes, int]]:
+    """Kind of each outermost box of an mp4 or mov file, and the position at which it says that it ends."""
+    size, at = stream.seek(0, 2), 0
+    with contextlib.suppress(struct.error):
+        for _ in range(_MAX_BOXES):
+            if at + 8 > size:
+                break
             stream.seek(at)
             length, kind = struct.unpack(">I4s", stream.read(8))
             if length == 1:
                 (length,) = struct.unpack(">Q", stream.read(8))
-            kinds.append(kind)
-            at += length if length >= 8 else size
-    except struct.error:
-        pass
+            at = at + length if length >= 8 else size
+            yield kind, at
     stream.seek(0)
-    return 1 if b"moof" in kinds else kinds.count(b"moov")
 
 
 def _count_flv(stream: BinaryIO) -> int:

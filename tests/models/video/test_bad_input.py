@@ -68,9 +68,11 @@ def test_one_picture_is_no_motion(clip: Clip) -> None:
     assert "one picture only" in refusal(clip(num_frames=1))
 
 
-def test_a_video_without_its_index_is_refused(clip: Clip) -> None:
+def test_a_video_that_ends_before_its_index_or_in_it_is_said_to_be_cut_off(clip: Clip) -> None:
     whole = clip().getvalue()
-    assert "not a video, or its header is missing" in refusal(io.BytesIO(whole[: len(whole) // 2]))
+    for length in (len(whole) // 2, whole.index(b"moov") - 4, whole.index(b"moov") + 40):
+        assert "the file is cut off (its index is missing); copy or" in refusal(io.BytesIO(whole[:length])), length
+    assert "not a video, or its header is missing" in refusal(io.BytesIO(bytes(4) + whole[: len(whole) // 2]))
 
 
 def index_first(whole: bytes) -> bytes:
