@@ -9,7 +9,7 @@ from two_people import CUT, recording
 
 from humanmm.correcting import Corrector, contrary
 from humanmm.corrections import AddCut, Floor, RemoveCut, Sides, Who
-from humanmm.errors import InputError
+from humanmm.errors import ConfigError, InputError
 from humanmm.models.records.landmarks import INDEX
 from humanmm.models.records.recording import Recording
 
@@ -105,3 +105,19 @@ def test_adding_and_removing_a_cut_are_contraries() -> None:
     sides = Sides(who=Who(frame=1, x=1, y=1), start=0, end=5)
     assert contrary(AddCut(frame=9), [sides, RemoveCut(frame=8), RemoveCut(frame=9)]) == 3
     assert contrary(RemoveCut(frame=8), [sides, RemoveCut(frame=8)]) is None and contrary(sides, [sides]) is None
+
+
+@pytest.mark.parametrize("metres", [18.0, 0.1, float("nan")])
+def test_a_height_beyond_the_limits_is_refused_with_them(corrector: Corrector, metres: float) -> None:
+    with pytest.raises(ConfigError, match=rf"height: metres must be at least 0.5 and at most 2.6, not {metres:g}"):
+        corrector.height(0, metres)
+
+
+def test_a_focal_length_that_no_lens_has_is_refused_with_the_limits(corrector: Corrector) -> None:
+    width = corrector.recording.width
+    assert corrector.focal(float(width)).px == width
+    for px in (0.004 * width, 60.0 * width):
+        with pytest.raises(InputError, match=rf"focal: px must be between .* a picture {width} pixels wide"):
+            corrector.focal(px)
+    with pytest.raises(ConfigError, match="must be more than 0 and at most 1,000,000, not -3"):
+        corrector.focal(-3.0)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from humanmm.corrections import NAMES, Corrections, read_corrections
+from humanmm.corrections import NAMES, AddCut, Corrections, Floor, make, read_corrections
 from humanmm.errors import ConfigError
 
 WHO = {"frame": 5, "x": 100.0, "y": 50.0}
@@ -80,3 +80,11 @@ def test_corrections_are_left_aside_as_a_whole_for_another_video() -> None:
     other = found.for_video("cd34")
     assert other.correction == () and other.left_aside == found.correction and other.facts == {}
     assert read_corrections({"correction": []}).for_video("cd34").left_aside == ()
+
+
+def test_a_value_beyond_its_limits_is_one_sentence_with_them() -> None:
+    assert make(Floor, metres=1.0) == Floor(metres=1.0)
+    with pytest.raises(ConfigError, match=r"^floor: metres must be at least -10 and at most 10, not 500$"):
+        make(Floor, metres=500.0)
+    with pytest.raises(ConfigError, match=r"^add-cut: end = 3 is not after frame = 9; leave it out for a hard cut$"):
+        make(AddCut, frame=9, end=3)

@@ -216,7 +216,7 @@ class PointsConfig(Section):
 class IntrinsicsConfig(Section):
     """One focal length for all shots (the paper's assumption) but those that clearly have a lens of their own."""
 
-    focal_px: Annotated[float, Field(gt=0)] | None = None
+    focal_px: Annotated[float, Field(gt=0, le=1_000_000)] | None = None
     """Focal length in pixels of the source resolution, square ones; given values are never re-estimated."""
 
     fov_deg: Annotated[float, Field(gt=1, lt=179)] | None = None

@@ -4,6 +4,7 @@ runs, in which people may have other numbers.
 A correction is checked against the run first: a person, shot, cut or frame that it does not have is an error.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +18,7 @@ from humanmm.corrections import (
     Correction,
     Exclude,
     Floor,
+    Focal,
     Height,
     Main,
     Nobody,
@@ -26,6 +28,7 @@ from humanmm.corrections import (
     StaticShot,
     Swap,
     Who,
+    make,
 )
 from humanmm.errors import InputError
 from humanmm.models.body.body24 import load_body
@@ -41,6 +44,8 @@ SIDES: tuple[Literal["shoulder", "wrist", "hip", "knee", "ankle"], ...] = ("shou
 ALONE = 1.5
 """Somebody this many times his own size away from all others cannot be taken for one of them."""
 NEAR_FRAMES = 2
+MIN_FOV_DEG, MAX_FOV_DEG = 1.0, 179.0
+"""As in the setting intrinsics.fov_deg."""
 
 
 @dataclass(frozen=True)
@@ -128,7 +133,7 @@ class Corrector:
 
     def height(self, number: int, metres: float) -> Height:
         """How tall one of the run's people is."""
-        return Height(who=self.place(number), metres=metres)
+        return make(Height, who=self.place(number), metres=metres)
 
     def height_of(self, number: int) -> float:
         """How tall one of the run's people stands, metres."""
@@ -162,7 +167,19 @@ class Corrector:
         """The floor so much higher than z = 0 of the run: the sum of what was corrected before and this."""
         given = self.record["config"].get("corrections", {}).get("correction", ())
         before = sum(one["metres"] for one in given if one["kind"] == "floor")
-        return Floor(metres=round(before + rise_m, 4))
+        return make(Floor, metres=round(before + rise_m, 4))
+
+    def focal(self, px: float) -> Focal:
+        """The focal length of the video, pixels: of a horizontal field of view between the limits of the settings."""
+        correction, width = make(Focal, px=px), self.recording.width
+        fov_deg = math.degrees(2 * math.atan(width / (2 * px)))
+        if not MIN_FOV_DEG < fov_deg < MAX_FOV_DEG:
+            least, most = (width / (2 * math.tan(math.radians(fov) / 2)) for fov in (MAX_FOV_DEG, MIN_FOV_DEG))
+            raise InputError(
+                f"focal: px must be between {least:.0f} and {most:.0f} for a picture {width} pixels wide (a field of "
+                f"view of {MIN_FOV_DEG:g} to {MAX_FOV_DEG:g} degrees), not {px:g}"
+            )
+        return correction
 
     # ---- where and when
 

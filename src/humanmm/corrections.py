@@ -180,7 +180,7 @@ class Focal(Correction):
     """The focal length of the video."""
 
     kind: Literal["focal"] = "focal"
-    px: Annotated[float, Field(gt=0)]
+    px: Annotated[float, Field(gt=0, le=1_000_000)]
     """Pixels of the video."""
 
     def __str__(self) -> str:
@@ -305,6 +305,29 @@ def read_corrections(tree: Mapping[str, Any], *, origin: str = "") -> Correction
         return Corrections.model_validate({**tree, "origin": origin or tree.get("origin", "")})
     except ValidationError as error:
         raise ConfigError(f"{place}{_first(error, tree)}") from None
+
+
+def make(kind: type[C], **facts: Any) -> C:
+    """A correction of a kind; ConfigError names the limits of a value that is beyond them."""
+    try:
+        return kind(**facts)
+    except ValidationError as error:
+        first = error.errors()[0]
+        name = str(kind.model_fields["kind"].default)
+        if not first["loc"]:
+            raise ConfigError(f"{name}: {first['msg'].removeprefix('Value error, ')}") from None
+        key, value = str(first["loc"][0]), first["input"]
+        shown = f"{value:g}" if isinstance(value, float) else repr(value)
+        raise ConfigError(f"{name}: {key} must be {_limits(kind, key) or first['msg']}, not {shown}") from None
+
+
+_LIMITS = {"gt": "more than", "ge": "at least", "lt": "less than", "le": "at most"}
+
+
+def _limits(kind: type[Correction], key: str) -> str:
+    marks = kind.model_fields[key].metadata
+    known = [(words, getattr(one, limit)) for one in marks for limit, words in _LIMITS.items() if hasattr(one, limit)]
+    return " and ".join(f"{words} {limit:,}" for words, limit in known)
 
 
 def _first(error: ValidationError, tree: Mapping[str, Any]) -> str:

@@ -101,6 +101,10 @@ WRONG = (
     (["runs/film", "floor"], 2, "give --raise M or --lower M, one of them"),
     (["runs/film", "flor", "--raise", "1"], 2, "Did you mean 'floor'?"),
     (["runs/film", "exclude", "9"], 2, "Missing argument 'TO'"),
+    (["runs/film", "floor", "--lower", "500"], 1, "floor: metres must be at least -10 and at most 10, not -500"),
+    (["runs/film", "floor", "--raise", "nan"], 1, "floor: metres must be at least -10 and at most 10, not nan"),
+    (["runs/film", "focal", "0"], 1, "focal: px must be more than 0 and at most 1,000,000, not 0"),
+    (["runs/film", "focal", "inf"], 1, "focal: px must be more than 0 and at most 1,000,000, not inf"),
     (["nowhere"], 1, "nowhere is no run folder"),
     ([], 2, "Missing argument 'RUN_DIR'"),
 )

@@ -164,9 +164,7 @@ def focal(
     px: Annotated[float, Argument(metavar="PX", help="pixels of the video", show_default=False)], then: Then
 ) -> int:
     """The focal length is PX."""
-    from humanmm.corrections import Focal
-
-    return _write([Focal(px=px)], then)
+    return _write([_corrector().focal(px)], then)
 
 
 @verb(correct, "floor")
