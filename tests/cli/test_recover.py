@@ -282,6 +282,20 @@ def test_a_dry_run_of_several_videos_names_them(toy: Any) -> None:
     assert sorted(toy.folder.rglob("*")) == before
 
 
+def test_a_dry_run_of_several_videos_marks_broken_ones_and_lists_the_others(toy: Any) -> None:
+    (toy.folder / "clips").mkdir()
+    (toy.folder / "clips" / "empty.mp4").touch()
+    (toy.folder / "clips" / "film.mp4").write_bytes(toy.video.read_bytes())
+    toy.run()
+    status, out, _ = toy.main("recover", "clips", "--dry-run")
+    empty = f"{toy.folder / 'clips/empty.mp4'} is empty (0 bytes)"
+    assert status == 1 and f"clips/empty.mp4:\nerror: {empty}\nclips/film.mp4:\ndecode" in out
+    status, out, _ = toy.main("recover", "clips", "--dry-run", "--json")
+    first, second = json.loads(out)["videos"]
+    assert status == 1 and first == {"video": "clips/empty.mp4", "error": empty} and len(second["stages"]) == 18
+    assert "is empty" in _reported(toy.main("recover", "clips/empty.mp4", "--dry-run"), 1)
+
+
 def test_a_pipe_gets_the_path_alone_and_a_line_of_what_to_look_at(toy: Any) -> None:
     toy.run()
     (toy.folder / "runs").mkdir()

@@ -74,7 +74,7 @@ def recover(  # noqa: PLR0913 (one a flag)
     wanted["corrections"] = corrections
     jobs = _jobs(videos, out, store, read_only=dry_run)
     if dry_run:
-        plans = [humanmm.forecast(video, folder, config=config, **wanted) for video, folder in jobs]
+        plans = _forecast_each(jobs, lambda video, folder: humanmm.forecast(video, folder, config=config, **wanted))
         return _write_plans([video for video, _ in jobs], plans, as_json=json)
     take_back_start()
     if len(jobs) == 1:
@@ -108,18 +108,46 @@ def _jobs(
     return [(video, folders.of(video)) for video in found.values()]
 
 
-def _write_plans(videos: Sequence[Path], plans: "Sequence[Sequence[Forecast]]", *, as_json: bool) -> int:
-    """What would run; the videos are named where there are several."""
+def _forecast_each(
+    jobs: Sequence[tuple[Path, Path | None]], forecast: "Callable[[Path, Path | None], list[Forecast]]"
+) -> "list[list[Forecast] | HumanMMError]":
+    """What would run; of several videos one that has an error has that in place of its plan."""
+    if len(jobs) == 1:
+        return [forecast(*jobs[0])]
+    plans: list[list[Forecast] | HumanMMError] = []
+    for video, folder in jobs:
+        try:
+            plans.append(forecast(video, folder))
+        except HumanMMError as error:
+            plans.append(error)
+    return plans
+
+
+def _write_plans(videos: Sequence[Path], plans: "Sequence[list[Forecast] | HumanMMError]", *, as_json: bool) -> int:
+    """Write what would run; the videos are named where there are several. Exit status 1 if one of them has an error."""
+    status = 1 if any(isinstance(plan, HumanMMError) for plan in plans) else 0
     if as_json:
-        trees = [{"stages": [entry.to_json() for entry in plan]} for plan in plans]
+        trees = [_tree(plan) for plan in plans]
         named = [{"video": str(video), **tree} for video, tree in zip(videos, trees, strict=True)]
         write_json(trees[0] if len(trees) == 1 else {"videos": named})
-        return 0
+        return status
     for video, plan in zip(videos, plans, strict=True):
-        width = max(len(entry.stage) for entry in plan)
         title = [f"{video}:"] if len(plans) > 1 else []
-        write(*title, *(f"{entry.stage:<{width}}  {entry.unit:<11}  {entry.sentence}" for entry in plan))
-    return 0
+        write(*title, *_lines(plan))
+    return status
+
+
+def _tree(plan: "list[Forecast] | HumanMMError") -> dict[str, Any]:
+    if isinstance(plan, HumanMMError):
+        return {"error": str(plan)}
+    return {"stages": [entry.to_json() for entry in plan]}
+
+
+def _lines(plan: "list[Forecast] | HumanMMError") -> list[str]:
+    if isinstance(plan, HumanMMError):
+        return [f"error: {plan}"]
+    width = max(len(entry.stage) for entry in plan)
+    return [f"{entry.stage:<{width}}  {entry.unit:<11}  {entry.sentence}" for entry in plan]
 
 
 def _recover_each(jobs: Sequence[tuple[Path, Path | None]], recovered: "Callable[[Path, Path | None], Run]") -> int:
