@@ -94,6 +94,7 @@ def _bucket(location: str) -> Check:
 def _store(store: Path) -> Iterator[Check]:
     from humanmm.storage.batches.batch_table import open_batches
     from humanmm.storage.store.bucket import is_bucket
+    from humanmm.storage.store.files import refusal_to_write
     from humanmm.storage.store.store import cache_folder
 
     location = str(store)
@@ -103,9 +104,9 @@ def _store(store: Path) -> Iterator[Check]:
     existing = store.expanduser().absolute()
     while not existing.exists():
         existing = existing.parent
-    writable = os.access(existing, os.W_OK)
-    found = f"{store}: {'writable' if writable else 'not writable'}"
-    yield Check("store", writable, found, "name a folder that you may write with --store or $HUMANMM_STORE")
+    refusal = refusal_to_write(existing)
+    found = f"{store}: {f'not writable ({refusal})' if refusal else 'writable'}"
+    yield Check("store", not refusal, found, "name a folder that you may write with --store or $HUMANMM_STORE")
     free = shutil.disk_usage(existing).free
     cure = "`humanmm gc --yes` removes what no run needs (`--with-runs`: more); or name another store"
     yield Check("free disk space", free > MIN_FREE_BYTES, in_bytes(free), cure)

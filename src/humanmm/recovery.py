@@ -165,13 +165,18 @@ def forecast(  # noqa: PLR0913 (as `recover`)
 
 def check_writable(folder: Path) -> None:
     """Raise InputError, before anything is computed, if an output folder cannot be written."""
+    from humanmm.storage.store.files import refusal_to_write
+
     existing = folder.absolute()
     while not existing.exists() and existing != existing.parent:
         existing = existing.parent
     if not existing.is_dir():
         raise InputError(f"the output folder {folder} cannot be made: {existing} is a file")
-    if not os.access(existing, os.W_OK | os.X_OK):
-        raise InputError(f"the output folder {folder} is not writable: permission denied for {existing}")
+    refusal = refusal_to_write(existing)
+    if refusal:
+        raise InputError(
+            f"the output folder {folder} is not writable: {refusal} in {existing}; name another with --out"
+        )
 
 
 def _settings(

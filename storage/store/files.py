@@ -5,6 +5,7 @@ import errno
 import hashlib
 import os
 import shutil
+import tempfile
 import uuid
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -88,14 +89,25 @@ def copy_file(source: Path, target: Path) -> None:
     replace_file(target, fill)
 
 
+def refusal_to_write(folder: Path) -> str:
+    """Why a file cannot be written in a folder that there is; empty if one was written, and removed again. Rights alone
+    do not tell: root has all of them in /proc, and on a disk that is read-only."""
+    try:
+        with tempfile.NamedTemporaryFile(dir=folder, prefix=".humanmm-") as file:
+            file.write(b"here")
+    except OSError as error:
+        return (error.strerror or str(error)).lower()
+    return ""
+
+
 @contextlib.contextmanager
-def store_errors(what: str) -> Iterator[None]:
-    """Raise file-system faults of the block as StoreError; FileNotFoundError stays as it is."""
+def store_errors(what: str, *, missing: bool = False) -> Iterator[None]:
+    """Raise file-system faults of the block as StoreError; FileNotFoundError stays as it is unless `missing`."""
     try:
         yield
-    except FileNotFoundError:
-        raise
     except OSError as error:
+        if isinstance(error, FileNotFoundError) and not missing:
+            raise
         raise StoreError(explain_os_error(error, what)) from error
 
 
@@ -108,6 +120,7 @@ def explain_os_error(error: OSError, what: str) -> str:
         errno.EACCES: "permission denied; name a folder that you may write with --store",
         errno.EPERM: "permission denied; name a folder that you may write with --store",
         errno.EROFS: "the disk is read-only; name another store with --store",
+        errno.ENOENT: "there is no such folder, and none can be made there; name another folder",
         errno.ENOTDIR: "a part of the path is a file; name another folder",
         errno.EEXIST: "a file of that name is in the way; name another folder",
     }

@@ -236,7 +236,7 @@ class Store(VideoRecords):
         """Replace a small file of this host at once; nothing happens in a read-only store."""
         if self.read_only:
             return
-        with self._writing(f"write {path.name}"):
+        with self._writing(f"write {path.name}", missing=True):
             replace_file(path, lambda fresh: _write(fresh, text))
 
     # ---- maintenance
@@ -319,8 +319,8 @@ class Store(VideoRecords):
             target.parent.mkdir(parents=True, exist_ok=True)
             (self.root / artifact_uri(stage, key)).rename(target)
 
-    def _writing(self, what: str) -> AbstractContextManager[None]:
-        return store_errors(f"cannot {what} in the store {self.root}")
+    def _writing(self, what: str, *, missing: bool = False) -> AbstractContextManager[None]:
+        return store_errors(f"cannot {what} in the store {self.root}", missing=missing)
 
 
 def _write(path: Path, text: str) -> None:

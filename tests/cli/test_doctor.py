@@ -46,6 +46,14 @@ def test_a_batch_table_that_is_no_database_is_reported(toy: Any) -> None:
     assert status == 1 and not checks["batches"]["ok"] and "submit the batches again" in checks["batches"]["cure"]
 
 
+def test_a_store_is_writable_if_a_file_can_be_written_and_nothing_of_that_stays(toy: Any) -> None:
+    status, checks = _checks(toy)
+    assert status == 0 and checks["store"]["found"].endswith(": writable")
+    assert not list(toy.folder.glob(".humanmm-*"))
+    _, checks = _checks(toy, HUMANMM_STORE="/proc/nope")  # where root has all rights and can make nothing
+    assert not checks["store"]["ok"] and checks["store"]["found"].startswith("/proc/nope: not writable (")
+
+
 def test_every_variable_that_the_code_reads_is_known_to_doctor() -> None:
     import re
 

@@ -337,6 +337,14 @@ def test_a_store_that_cannot_be_made_is_reported(toy: Any) -> None:
     assert "a part of the path is a file" in _reported(toy.main("recover", "film.mp4", "--store", "file/store"), 1)
 
 
+def test_a_store_and_a_folder_where_nobody_can_make_one_are_reported(toy: Any) -> None:
+    line = _reported(toy.main("recover", "film.mp4", "--store", "/proc/nope"), 1)
+    assert "in the store /proc/nope: " in line and "; name a" in line
+    line = _reported(toy.main("recover", "film.mp4", "--out", "/proc/nope"), 1)
+    assert "the output folder /proc/nope is not writable: " in line and "name another with --out" in line
+    assert toy.executed() == []
+
+
 def test_help_names_every_setting_with_its_sentence_and_no_verb_that_is_missing(toy: Any) -> None:
     status, out, _ = toy.main("recover", "--help")
     assert status == 0
