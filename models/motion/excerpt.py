@@ -1,8 +1,9 @@
 """A part of a recording for other tools: some of its people, a span of time, another frame rate, other axes and units.
 
 Without another rate every number stays as it is. At another rate rotations are interpolated on the sphere (slerp), the
-pelvis and the camera's centre on straight lines, joints follow by forward kinematics. People move on through a cut;
-cameras do not: between the last frame of one shot and the first of the next the camera stays where it was.
+pelvis and the camera's centre on straight lines, joints follow by forward kinematics. A new frame shows the nearest one
+of the video, and is of its shot. People move on through a cut; cameras do not: between the last frame of one shot and
+the first of the next they stand where the nearer of the two has them.
 """
 
 import dataclasses
@@ -64,7 +65,7 @@ class Excerpt:
 
     recording: Recording
     source_frame: Int[np.ndarray, " F"]
-    """Frame of the video that is shown at each time."""
+    """Frame of the video that is nearest to each time."""
     resampled: bool
     fps: float
     """Rate of the frames for files that state only one; the mean where it varies."""
@@ -140,8 +141,8 @@ def excerpt(recording: Recording, wishes: Wishes, *, up: Up, unit: Unit, fps: fl
     )
     if resampled:
         assert rate is not None
-        part, before = resample(part, rate)
-        source_frame = source_frame[before]
+        part, nearest = resample(part, rate)
+        source_frame = source_frame[nearest]
     up, unit = wishes.up or up, wishes.unit or unit
     if up not in get_args(Up) or unit not in UNITS_PER_METRE:
         raise InputError(f"{up!r} cannot be up, or {unit!r} is no unit; expected y or z, and m, cm or mm")
@@ -158,17 +159,17 @@ def is_steady(recording: Recording) -> bool:
 
 
 def resample(recording: Recording, fps: float) -> tuple[Recording, Int[np.ndarray, " n"]]:
-    """The recording at a constant rate, from its first frame on, and the frame that is shown at each new one.
+    """The recording at a constant rate, from its first frame on, and the old frame that is nearest to each new one.
 
     Contacts are interpolated too; what is neither a position nor a rotation comes from the nearest frame.
     """
     known_s = recording.time_s
     count = int((known_s[-1] - known_s[0]) * fps + _SAME_TIME_S * fps) + 1
     at_s = np.minimum(known_s[0] + np.arange(count) / fps, known_s[-1])
-    before = np.clip(np.searchsorted(known_s, at_s + _SAME_TIME_S, side="right") - 1, 0, len(known_s) - 1)
-    shot_index = recording.shot_index[before]
+    nearest = _nearest(at_s, known_s)
+    shot_index = recording.shot_index[nearest]
     R, t, K = (
-        np.array(array[before], np.float64) for array in (recording.R_world_cam, recording.t_world_cam, recording.K)
+        np.array(array[nearest], np.float64) for array in (recording.R_world_cam, recording.t_world_cam, recording.K)
     )
     for shot in np.unique(shot_index):
         new, old = shot_index == shot, recording.shot_index == shot
@@ -183,10 +184,10 @@ def resample(recording: Recording, fps: float) -> tuple[Recording, Int[np.ndarra
         R_world_cam=R.astype(np.float32),
         t_world_cam=t.astype(np.float32),
         K=K.astype(np.float32),
-        camera_source=recording.camera_source[before],
+        camera_source=recording.camera_source[nearest],
         people=tuple(_resampled_person(person, at_s, known_s) for person in recording.people),
     )
-    return resampled, before
+    return resampled, nearest
 
 
 def continuous_quaternions(R: Float[np.ndarray, "n *joints 3 3"]) -> Float[np.ndarray, "n *joints 4"]:
@@ -211,7 +212,7 @@ def _resampled_person(person: RecordedPerson, at_s: np.ndarray, known_s: np.ndar
     joints = np.empty((len(frame), NUM_JOINTS, 3), np.float32)
     for rows in chunks(len(frame)):
         joints[rows] = forward_kinematics(rest, R_root[rows], pose[rows], pelvis[rows])[0]
-    nearest = np.searchsorted((own_s[:-1] + own_s[1:]) / 2, new_s)
+    nearest = _nearest(new_s, own_s)
     return dataclasses.replace(
         person,
         frame=frame.astype(np.int32),
@@ -242,6 +243,11 @@ def _resampled_hands(person: RecordedPerson, new_s: np.ndarray, own_s: np.ndarra
         "hand_pose": _resampled_rotations(person.hand_pose, new_s, own_s).astype(np.float32),
         "hand_confidence": _linear(new_s, own_s, person.hand_confidence).astype(np.float32),
     }
+
+
+def _nearest(at_s: np.ndarray, known_s: np.ndarray) -> Int[np.ndarray, " n"]:
+    """The index of the known time that is nearest to each other time; of two as near, the earlier."""
+    return np.searchsorted((known_s[:-1] + known_s[1:]) / 2, at_s - _SAME_TIME_S)
 
 
 def _linear(at: np.ndarray, known_at: np.ndarray, values: np.ndarray) -> np.ndarray:

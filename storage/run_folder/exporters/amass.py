@@ -36,7 +36,7 @@ def reader_rate(recording: Recording) -> float:
 def write_amass(excerpt: Excerpt, person: RecordedPerson, path: Path) -> None:
     """One person as npz. `betas` are zero unless the body is SMPL; ours stand beside them, in their own basis.
 
-    `frame` is the frame of the video that each row shows, `start_frame` the first of them.
+    `frame` is the frame of the video that is nearest to each row, `start_frame` the first of them.
     The same as np.savez writes, but a window of frames at a time: in float64 the poses alone take 1.3 kB a frame.
     """
     frame = excerpt.source_frame[person.frame]

@@ -76,10 +76,37 @@ def test_cameras_do_not_move_through_a_cut_and_people_do() -> None:
     new, before, after = fine.recording, two_people.CUT - 1, two_people.CUT
     at_cut = (new.time_s > RECORDING.time_s[before] + 1e-6) & (new.time_s < RECORDING.time_s[after] - 1e-6)
     assert at_cut.sum() == 4
-    np.testing.assert_allclose(new.t_world_cam[at_cut], RECORDING.t_world_cam[[before] * 4], atol=1e-6)
-    np.testing.assert_allclose(new.K[at_cut], RECORDING.K[[before] * 4], atol=1e-3)
-    assert new.cut_frames == (5 * two_people.CUT,)
+    nearer = [before, before, after, after]
+    np.testing.assert_allclose(new.t_world_cam[at_cut], RECORDING.t_world_cam[nearer], atol=1e-6)
+    np.testing.assert_allclose(new.K[at_cut], RECORDING.K[nearer], atol=1e-3)
+    np.testing.assert_array_equal(fine.source_frame[at_cut], nearer)
+    assert new.cut_frames == (5 * two_people.CUT - 2,)
     assert (np.diff(new.people[0].pelvis[at_cut, 0]) > 1e-4).all()
+
+
+def test_the_frames_of_ntsc_video_at_30_hz_are_counted_one_by_one_and_its_cut_stays() -> None:
+    ntsc = two_people.recording(num_frames=300, fps=30000 / 1001)
+    even = part(ntsc, fps=30.0)
+    assert even.source_frame.tolist() == list(range(300))
+    assert even.recording.cut_frames == ntsc.cut_frames
+    late, given = even.recording.people[1], ntsc.people[1]
+    np.testing.assert_array_equal(late.observed, given.observed[late.frame - given.frame[0]])
+
+
+@pytest.mark.parametrize("rate", [10.0, 24.0, 30.0, 59.94, 100.0])
+def test_a_new_frame_shows_the_nearest_one_of_the_video_and_is_of_its_shot(rate: float) -> None:
+    times = np.cumsum(np.random.default_rng(1).uniform(0.02, 0.05, 40))
+    recording = two_people.recording(time_s=times)
+    new = part(recording, fps=rate)
+    distance = np.abs(new.recording.time_s[:, None] - times)
+    shown = distance[np.arange(len(distance)), new.source_frame]
+    np.testing.assert_allclose(shown, distance.min(axis=1), atol=2e-6)
+    np.testing.assert_array_equal(new.recording.shot_index, recording.shot_index[new.source_frame])
+    np.testing.assert_array_equal(new.recording.camera_source, recording.camera_source[new.source_frame])
+
+
+def test_of_two_frames_that_are_as_near_the_earlier_is_shown() -> None:
+    assert part(two_people.recording(fps=30.0), fps=60.0).source_frame[:6].tolist() == [0, 0, 1, 1, 2, 2]
 
 
 def test_who_comes_late_and_is_unseen_does_so_at_another_rate_too() -> None:

@@ -72,6 +72,13 @@ def test_the_add_on_accepts_every_rate_and_keeps_time(tmp_path: Path, fps: float
         np.testing.assert_allclose(file["trans"][shown] + SMPLX_REST_PELVIS, expected_xyz, atol=1e-5)
 
 
+def test_rows_of_ntsc_video_show_one_frame_after_another(tmp_path: Path) -> None:
+    recording = two_people.recording(fps=30000 / 1001)
+    with np.load(export(recording, tmp_path, "amass")[0]) as file:
+        assert file["mocap_frame_rate"].item() == 30.0
+        np.testing.assert_array_equal(file["frame"], np.arange(40))
+
+
 def test_the_user_may_ask_for_the_rate_of_the_video(tmp_path: Path) -> None:
     recording = two_people.recording(fps=25.0)
     with np.load(export(recording, tmp_path, "amass", wishes=Wishes(fps=25.0))[0]) as file:
