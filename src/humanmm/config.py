@@ -40,7 +40,7 @@ class Section(BaseModel):
 
 
 MAX_GIVEN_BYTES = 2**31
-GIVEN_SUFFIXES = (".json", ".txt", ".bin", ".png", ".pt", ".pkl", ".npz")
+GIVEN_SUFFIXES = (".json", ".txt", ".tum", ".bin", ".png", ".pt", ".pkl", ".npz")
 """Of a folder, files with other endings are left alone."""
 
 

@@ -11,7 +11,7 @@ from humanmm.cli.verb import RECOVERY, Force, Store, app, verb
 from humanmm.errors import UsageError
 
 _OUT = "the folder that is written (default: runs/<name of the video>-camera)"
-_CAMERAS = "cameras of another program: TUM trajectories, a folder with COLMAP's model, text or binary"
+_CAMERAS = "cameras that are known: a TUM trajectory, a folder of them (.tum, .txt), COLMAP's model, text or binary"
 
 
 @verb(app, "camera", panel=RECOVERY)

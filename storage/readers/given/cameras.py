@@ -2,7 +2,7 @@
 
 | file | what is read | frame |
 |---|---|---|
-| TUM trajectories, one or a folder | `time tx ty tz qx qy qz qw` a line, camera to world | nearest time (*) |
+| TUM trajectories: one, or a folder's .tum, else .txt | `time t quat_xyzw`, camera to world | nearest time (*) |
 | COLMAP's cameras and images, .txt or .bin | focal length, world to camera | last number of the image's name |
 
 (*) in seconds of the video; whole numbers that go beyond its end are frames. COLMAP's pictures are of square pixels, or
@@ -10,11 +10,13 @@ of those that are stored: their proportion tells. Lenses are taken for pinholes 
 principal point in the middle; what that leaves out is said in a warning.
 """
 
+from collections.abc import Mapping
+
 import numpy as np
 from jaxtyping import Float, Int
 from scipy.spatial.transform import Rotation
 
-from humanmm.config import GivenFile
+from humanmm.config import GIVEN_SUFFIXES, GivenFile
 from humanmm.errors import InputError
 from humanmm.models.geometry.projection import inverse_pose
 from humanmm.models.records.camera import GivenCameras
@@ -37,10 +39,23 @@ def read_cameras(given: GivenFile, facts: VideoFacts) -> GivenCameras:
         contents = given.read()
         if any(all(name in contents for name in names) for names in FILES):
             return _colmap(colmap_model(contents), facts)
-        return _tum([_text(name, content) for name, content in contents.items()], facts)
+        return _tum([_text(name, contents[name]) for name in _trajectories(contents)], facts)
     except InputError as error:
         words = str(error)
         raise InputError(words if given.path in words else f"{given.path}: {words}") from None
+
+
+def _trajectories(contents: Mapping[str, bytes]) -> list[str]:
+    """Names of the files that are trajectories."""
+    tum, txt = ([name for name in contents if name.endswith(suffix)] for suffix in (".tum", ".txt"))
+    named = tum or txt or [name for name in contents if not name.endswith(GIVEN_SUFFIXES)]
+    if not named:
+        raise InputError(
+            f"no TUM trajectory and no COLMAP model in {', '.join(sorted(contents)[:3])}; give a .tum or .txt file, "
+            "a folder of them (`humanmm camera` and `humanmm export --format tum` write one), or a folder that holds "
+            "COLMAP's cameras and images"
+        )
+    return named
 
 
 def _text(name: str, content: bytes) -> str:

@@ -1,6 +1,7 @@
 """Cameras in TUM's and COLMAP's layouts, as pycolmap, evo and our own exports write them."""
 
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +13,12 @@ from two_people import recording
 from humanmm.config import GivenFile
 from humanmm.errors import InputError
 from humanmm.models.motion.excerpt import Wishes, excerpt
-from humanmm.models.records.camera import GivenCameras
+from humanmm.models.records.camera import GivenCameras, Intrinsics, ShotCamera
+from humanmm.models.records.shots import ShotList
 from humanmm.models.records.video import VideoFacts
 from humanmm.storage.readers.given.cameras import read_cameras
+from humanmm.storage.run_folder.camera_folder import write_camera_folder
+from humanmm.storage.run_folder.exporters import export
 from humanmm.storage.run_folder.exporters.cameras.colmap import colmap_files
 from humanmm.storage.run_folder.exporters.cameras.tum import tum_files
 
@@ -145,6 +149,44 @@ def test_our_own_exports_come_back(tmp_path: Path) -> None:
     first = _read(tmp_path / "shot_000.tum", facts)
     assert first.frame.tolist() == list(range(25))
     np.testing.assert_allclose(first.t_given_cam, own.t_world_cam[:25], atol=1e-5)
+
+
+def test_the_folder_of_our_own_trajectories_comes_back_whatever_else_lies_in_it(tmp_path: Path) -> None:
+    own = recording()
+    facts = VideoFacts(own.width, own.height, own.time_s, np.ones(40, bool), 0, "h264", "mp4")
+    export(own, tmp_path, "tum")
+    export(own, tmp_path, "amass")
+    (tmp_path / "notes.txt").write_text("the cameras of the film\n")
+    found = _read(tmp_path, facts)
+    np.testing.assert_allclose(found.R_given_cam, own.R_world_cam, atol=1e-5)
+    np.testing.assert_allclose(found.t_given_cam, own.t_world_cam, atol=1e-5)
+
+
+def test_the_folder_of_humanmm_camera_comes_back(tmp_path: Path) -> None:
+    own = recording()
+    facts = VideoFacts(own.width, own.height, own.time_s, np.ones(40, bool), 0, "h264", "mp4")
+    cameras = [
+        ShotCamera(
+            start, end, own.R_world_cam[start:end], own.t_world_cam[start:end], own.K[start:end], "tracked",
+            metric=False, reprojection_px=0.5,
+        )
+        for start, end in pairwise([0, *own.cut_frames, own.num_frames])
+    ]  # fmt: skip
+    lens = Intrinsics(1100.0, own.width, own.height, "estimated", 0.1)
+    write_camera_folder(tmp_path / "cams", facts, ShotList(40, (), ()), lens, cameras, force=False)
+    found = _read(tmp_path / "cams", facts)
+    assert found.frame.tolist() == list(range(40))
+    np.testing.assert_allclose(found.t_given_cam, own.t_world_cam, atol=1e-5)
+
+
+@pytest.mark.parametrize("name", ["cameras.json", "person_00.npz", "model.bin"])
+def test_a_file_that_is_no_camera_is_reported_with_what_to_give(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_text("{}")
+    for path in (tmp_path, tmp_path / name):
+        with pytest.raises(InputError) as caught:
+            _read(path)
+        words = str(caught.value)
+        assert name in words and "give a .tum or .txt file" in words and "\n" not in words
 
 
 @pytest.mark.parametrize(
