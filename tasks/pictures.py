@@ -29,6 +29,7 @@ from humanmm.storage.run_folder.run_record import read_run_record
 from humanmm.storage.store.files import replace_file
 from humanmm.storage.view.embedded_video import EmbeddedVideo, write_embedded
 from humanmm.storage.view.page import write_page
+from humanmm.storage.view.scene import with_worlds
 
 OVERLAY, TOP_VIEW, TIMELINE, SCENE = "overlay.mp4", "top.png", "timeline.png", "scene.html"
 EMBEDDED = "embedded.mp4"
@@ -124,7 +125,7 @@ def draw_again(
 ) -> tuple[Path, ...]:
     """Draw those pictures of a finished run that are missing (all of them with `force`); paths of all pictures."""
     record = read_run_record(run_dir)
-    recording = read_motion(run_dir / MOTION)
+    recording = with_worlds(read_motion(run_dir / MOTION), record)
     view = run_dir / "view"
 
     def is_wanted(name: str) -> bool:

@@ -1,8 +1,15 @@
 """The scene from above: everybody's path on the floor in metres, the cameras of every shot, and where the cuts fall."""
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import pairwise
+from math import ceil, sqrt
+
 import numpy as np
 from jaxtyping import Float, UInt8
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 from matplotlib.ticker import MultipleLocator
@@ -10,11 +17,15 @@ from scipy.spatial.transform import Rotation
 
 from humanmm.models.drawing import palette
 from humanmm.models.drawing.figure import GRID, SOFT, TEXT, axes_at, hex_color, new_figure, picture, quiet_axes
+from humanmm.models.motion.worlds import title_of_shots, world_of_person
 from humanmm.models.records.recording import RecordedPerson, Recording
 
 SIZE_PX = 1000
 _LABELS_PX, _TITLE_PX, _MARGIN_PX = 72, 28, 8
 """Room on the left, above, and on the right; below there is what makes the axes square."""
+_HEADING_PX, _TICKS_PX, _FOOTNOTE_PX, _LEGEND_COLUMNS = 30, 36, 22, 6
+"""Of a picture of several worlds."""
+_MOST_WORLDS = 16
 _TICK_SPACING_S = 0.5
 _TICK_LENGTH = 0.03
 """Length of heading ticks, as a fraction of the picture's side."""
@@ -23,14 +34,14 @@ _MOST_POINTS = 4000
 
 
 def top_view(recording: Recording) -> UInt8[np.ndarray, "H W 3"]:
-    """The picture, RGB."""
+    """The picture, RGB. Each world (`motion.worlds`) in which people are seen has axes of its own."""
     figure = new_figure(SIZE_PX, SIZE_PX)
+    worlds = _worlds(recording)
+    if len(worlds) > 1:
+        _draw_worlds(figure, recording, worlds)
+        return picture(figure)
     axes = axes_at(figure, _LABELS_PX, _TITLE_PX, _MARGIN_PX, SIZE_PX - _LABELS_PX - _MARGIN_PX)
-    quiet_axes(axes)
-    side = _frame_axes(axes, recording)
-    _draw_cameras(axes, recording, side)
-    for person in reversed(recording.people):
-        _draw_person(axes, recording, person, side)
+    _draw_world(axes, recording, worlds[0])
     axes.set_xlabel("x, metres", color=TEXT, fontsize=9)
     axes.set_ylabel("y, metres (the first camera looks this way)", color=TEXT, fontsize=9)
     axes.set_title(_title(recording), color=TEXT, fontsize=11, loc="left")
@@ -38,22 +49,87 @@ def top_view(recording: Recording) -> UInt8[np.ndarray, "H W 3"]:
     return picture(figure)
 
 
+@dataclass(frozen=True, eq=False)
+class _World:
+    people: tuple[RecordedPerson, ...]
+    shots: tuple[tuple[int, int, int], ...]
+    """Number, first frame and end of each."""
+
+    @property
+    def title(self) -> str:
+        return title_of_shots([shot for shot, _, _ in self.shots])
+
+
+def _worlds(recording: Recording) -> list[_World]:
+    """All worlds; of several those with people, the longest ones if they are too many for a picture."""
+    found = []
+    edges = pairwise([0, *recording.cut_frames, recording.num_frames])
+    shots = [(shot, start, end) for shot, (start, end) in enumerate(edges)]
+    for world in range(max(recording.worlds, default=0) + 1):
+        inside = tuple(one for one in shots if recording.world_of_shot(one[0]) == world)
+        people = tuple(person for person in recording.people if world_of_person(recording, person) == world)
+        found.append(_World(people, inside))
+    with_people = [world for world in found if any(len(person.frame) for person in world.people)]
+    longest = sorted(with_people, key=lambda one: -sum(end - start for _, start, end in one.shots))[:_MOST_WORLDS]
+    return [world for world in with_people if world in longest] or found[:1]
+
+
+def _draw_worlds(figure: Figure, recording: Recording, worlds: Sequence[_World]) -> None:
+    """The worlds side by side, and one legend below."""
+    handles = _legend(recording)
+    below = 14 + 20 * ceil(len(handles) / _LEGEND_COLUMNS)
+    columns = ceil(sqrt(len(worlds)))
+    rows = ceil(len(worlds) / columns)
+    width, height = SIZE_PX / columns, (SIZE_PX - _HEADING_PX - _FOOTNOTE_PX - below) / rows
+    for index, world in enumerate(worlds):
+        left, top = width * (index % columns) + _TICKS_PX, _HEADING_PX + height * (index // columns) + _TITLE_PX
+        right = SIZE_PX - left - (width - _TICKS_PX - 2 * _MARGIN_PX)
+        axes = axes_at(figure, left, top, right, height - _TITLE_PX - _TICKS_PX)
+        _draw_world(axes, recording, world)
+        axes.set_title(world.title, color=TEXT, fontsize=10, loc="left")
+    say = partial(figure.text, color=TEXT, va="center")
+    drawn, known = len(worlds), max(recording.worlds) + 1
+    others = f", {drawn} of them with people drawn" if drawn < known else ""
+    heading = f"{_title(recording)}, {known} worlds that nothing joins{others}"
+    say(_TICKS_PX / SIZE_PX, 1 - _HEADING_PX / 2 / SIZE_PX, heading, fontsize=11)
+    footnote = "metres; each world has an origin of its own, and its first camera looks along y"
+    say(_TICKS_PX / SIZE_PX, (below + _FOOTNOTE_PX / 2) / SIZE_PX, footnote, fontsize=9)
+    figure.legend(
+        handles=handles, fontsize=8, frameon=False, loc="lower left", ncols=_LEGEND_COLUMNS,
+        bbox_to_anchor=(_TICKS_PX / SIZE_PX, 0), borderaxespad=0.3,
+    )  # fmt: skip
+
+
+def _draw_world(axes: Axes, recording: Recording, world: _World) -> None:
+    quiet_axes(axes)
+    side = _frame_axes(axes, recording, world)
+    _draw_cameras(axes, recording, world, side)
+    for person in reversed(world.people):
+        _draw_person(axes, recording, person, side)
+
+
 def _title(recording: Recording) -> str:
     seconds = float(recording.time_s[-1] - recording.time_s[0])
     return f"From above   {recording.cast}, {seconds:.1f} s"
 
 
-def _frame_axes(axes: Axes, recording: Recording) -> float:
-    """Set square limits that hold all paths and cameras; returns the side in metres."""
-    points = [p.pelvis[:, :2] for p in recording.people if len(p.frame)] + [recording.t_world_cam[:, :2]]
+def _frame_axes(axes: Axes, recording: Recording, world: _World) -> float:
+    """Set limits, as wide to high as the axes, that hold all paths and cameras; returns their shorter side, metres."""
+    points = [p.pelvis[:, :2] for p in world.people if len(p.frame)]
+    points += [recording.t_world_cam[start:end, :2] for _, start, end in world.shots]
     low = np.min([p.min(0) for p in points], axis=0)
     high = np.max([p.max(0) for p in points], axis=0)
-    side = max(float((high - low).max()), 1.0) * 1.2
+    box = np.array(axes.get_position().size)
+    shape = box / box.min()
+    side = max(float(((high - low) / shape).max()), 1.0) * 1.2
     middle = (low + high) / 2
-    axes.set_xlim(middle[0] - side / 2, middle[0] + side / 2)
-    axes.set_ylim(middle[1] - side / 2, middle[1] + side / 2)
+    (left, bottom), (right, top) = middle - side * shape / 2, middle + side * shape / 2
+    axes.set_xlim(left, right)
+    axes.set_ylim(bottom, top)
     axes.set_aspect("equal")
-    step = next(s for s in (0.5, 1, 2, 5, 10, 20, 50, 100, 1000) if side / s <= 14 or s == 1000)
+    most = 14 * float(box.max())
+    longest = float((side * shape).max())
+    step = next(s for s in (0.5, 1, 2, 5, 10, 20, 50, 100, 1000) if longest / s <= most or s == 1000)
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(MultipleLocator(step))
     axes.grid(color=GRID, linewidth=0.8)
@@ -88,10 +164,9 @@ def _draw_person(axes: Axes, recording: Recording, person: RecordedPerson, side:
             axes.plot(*path[row], "X", markersize=8, color=hex_color(palette.CUT), markeredgecolor="white", zorder=7)
 
 
-def _draw_cameras(axes: Axes, recording: Recording, side: float) -> None:
+def _draw_cameras(axes: Axes, recording: Recording, world: _World, side: float) -> None:
     """Each shot's camera: its path, and its field of view at the shot's first frame."""
-    starts = [0, *recording.cut_frames]
-    for shot, (start, end) in enumerate(zip(starts, [*starts[1:], recording.num_frames], strict=True)):
+    for shot, start, end in world.shots:
         color = hex_color(palette.shot_color(shot))
         thin = slice(start, end, max(1, (end - start) // _MOST_POINTS))
         path = recording.t_world_cam[thin, :2]

@@ -11,6 +11,7 @@ from humanmm.models.body.body24 import load_body
 from humanmm.models.body.kinematics import forward_kinematics
 from humanmm.models.geometry.projection import in_front, project, world_to_camera
 from humanmm.models.motion.hands.recorded import RecordedHands, recorded_hands
+from humanmm.models.motion.worlds import worlds_of_motion
 from humanmm.models.records import landmarks
 from humanmm.models.records.motion import PersonMotion, WorldMotion
 from humanmm.models.records.recording import RecordedPerson, Recording
@@ -92,6 +93,7 @@ def assemble(
         K=motion.K.astype(np.float32),
         camera_source=motion.camera_source.astype(np.uint8),
         people=tuple(people),
+        worlds=worlds_of_motion(shot_list, motion),
     )
 
 

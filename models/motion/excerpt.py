@@ -118,6 +118,10 @@ class Excerpt:
         edges = [0, *self.recording.cut_frames, self.recording.num_frames]
         return [slice(a, b) for a, b in pairwise(edges)]
 
+    def shot_of(self, frames: slice) -> int:
+        """The number of one of `shots` in the video."""
+        return int(self.recording.shot_index[frames.start])
+
     def _expect_body24(self) -> None:
         if self.recording.body_model != "body24":
             raise InputError(

@@ -99,6 +99,9 @@ class Recording:
     people: tuple[RecordedPerson, ...]
     body_model: str = "body24"
     keypoint_names: tuple[str, ...] = landmarks.NAMES
+    worlds: tuple[int, ...] = ()
+    """The world of each shot of the video, from 0: positions in two worlds cannot be compared (`motion.worlds`). Empty
+    where all are one."""
 
     def __post_init__(self) -> None:
         num_frames = len(self.time_s)
@@ -118,6 +121,10 @@ class Recording:
     def fps(self) -> float:
         """Mean frame rate, Hz; 0 for a single frame."""
         return mean_rate_hz(self.time_s)
+
+    def world_of_shot(self, shot: int) -> int:
+        """The world of a shot of the video."""
+        return self.worlds[shot] if self.worlds else 0
 
     @property
     def cast(self) -> str:

@@ -183,12 +183,15 @@ class Run:
         from humanmm.storage.run_folder import exporters
         from humanmm.storage.run_folder.kept_scenery import kept_scenery
         from humanmm.storage.run_folder.motion_zarr import EXPORT, MOTION, read_motion
+        from humanmm.storage.view.scene import with_worlds
 
         people = () if person is None else (person,) if isinstance(person, int) else tuple(person)
         wishes = Wishes(fps=fps, people=people, start_s=start, end_s=end, up=up, unit=unit)
         folder = self.folder / EXPORT if out is None else Path(out)
         with self._unchanging() if out is None else nullcontext():
             recording = read_motion(self.folder / MOTION)  # afresh: what was read before may have been replaced
+            if not recording.worlds and (self.folder / "run.json").is_file():
+                recording = with_worlds(recording, self.record)
             return exporters.export(
                 recording, folder, format_name, wishes=wishes, force=force,
                 scenery=lambda: kept_scenery(self.folder, recording),

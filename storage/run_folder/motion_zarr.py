@@ -4,8 +4,9 @@ A zarr v3 group with crc32c on every array. It is written beside its final place
 sees the old recording or the new one, never a half-written one.
 """
 
-from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import zarr
@@ -14,6 +15,7 @@ from zarr.codecs import BytesCodec, Crc32cCodec, ZstdCodec
 from humanmm.errors import InputError
 from humanmm.models.body.body24 import JOINT_NAMES, PARENTS
 from humanmm.models.body.fingers import FINGER_NAMES
+from humanmm.models.motion.worlds import world_of_person
 from humanmm.models.records.recording import Delivery, RecordedPerson, Recording
 from humanmm.storage.run_folder.exporters import ALWAYS_PATTERN, export
 from humanmm.storage.run_folder.exporters.index import motion_digest, remove_stale
@@ -89,6 +91,7 @@ def write_motion(path: Path, recording: Recording) -> None:
                     _put(group, f"{name}/{field}", getattr(person, field), dtype)
                 group[f"{name}/hand_pose"].attrs["joint_names"] = list(FINGER_NAMES)
             group[name].attrs["probability"] = person.probability
+            group[name].attrs["world"] = world_of_person(recording, person)
             array = group[f"{name}/keypoints2d"]
             array.attrs["keypoint_names"] = list(recording.keypoint_names)
 
@@ -124,13 +127,20 @@ def read_motion(path: Path) -> Recording:
             people=people,
             body_model=str(attributes["body_model"]),
             keypoint_names=tuple(str(name) for name in names),  # type: ignore[union-attr]
+            worlds=_worlds(attributes.get("shots", ())),
             **fields,
         )
     except (KeyError, ValueError) as error:
         raise InputError(f"{path} is damaged: {error}; `humanmm recover` writes it anew from the store") from error
 
 
-def _attributes(recording: Recording) -> dict[str, float | int | str | Sequence[str] | Sequence[int]]:
+def _worlds(shots: Any) -> tuple[int, ...]:
+    """The world of each shot; empty where all are one, or no shot names its own."""
+    worlds = tuple(int(shot["world"]) for shot in shots)
+    return worlds if any(worlds) else ()
+
+
+def _attributes(recording: Recording) -> dict[str, Any]:
     return {
         "schema": SCHEMA,
         "fps": recording.fps,
@@ -142,6 +152,10 @@ def _attributes(recording: Recording) -> dict[str, float | int | str | Sequence[
         "joint_names": list(JOINT_NAMES),
         "parents": list(PARENTS),
         "cut_frames": list(recording.cut_frames),
+        "shots": [
+            {"start": start, "end": end, "world": recording.world_of_shot(shot)}
+            for shot, (start, end) in enumerate(pairwise([0, *recording.cut_frames, recording.num_frames]))
+        ],
     }
 
 

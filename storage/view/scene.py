@@ -5,8 +5,8 @@ body's vertices 16 bits (0.1 mm). All that is drawn comes from here; storage/vie
 """
 
 import base64
+import dataclasses
 import re
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import PurePath
 from typing import Any
@@ -20,13 +20,10 @@ from humanmm.models.body.body24 import Body, load_body
 from humanmm.models.body.fingers import body_of
 from humanmm.models.body.kinematics import chunks
 from humanmm.models.drawing.palette import RGB, person_color, shot_color
+from humanmm.models.motion.worlds import JoinedShot, WorldPlace, world_of_person, world_places, worlds_of
 from humanmm.models.records.camera import SOURCES
 from humanmm.models.records.recording import CONTACT_JOINTS, RecordedPerson, Recording
 
-_APART_M = 3.0
-"""Room between places that nothing links."""
-_NEAR_M = 12.0
-"""A camera farther from its people than this makes no more room for its place."""
 _LARGEST = 32767
 
 
@@ -35,6 +32,7 @@ def scene_tree(recording: Recording, record: Mapping[str, Any]) -> dict[str, Any
     if recording.body_model != "body24":
         raise InputError(f"the run has the body model {recording.body_model!r}; only body24 can be shown")
     place_of = places_of(record["shots"])
+    recording = dataclasses.replace(recording, worlds=tuple(place_of))
     body = body_of(recording.people[0]) if recording.people else load_body()
     joint, weight = _top_weights(body)
     return {
@@ -52,8 +50,8 @@ def scene_tree(recording: Recording, record: Mapping[str, Any]) -> dict[str, Any
             "K": _packed(recording.K, "float32"),
         },
         "shots": [_shot(recording, shot, index, place_of[index]) for index, shot in enumerate(record["shots"])],
-        "people": [_person(recording, person, place_of) for person in recording.people if len(person.frame)],
-        "places": _places(recording, place_of),
+        "people": [_person(recording, person) for person in recording.people if len(person.frame)],
+        "places": [_place(place) for place in world_places(recording, place_of)],
         "warnings": [{"text": text, "frame": frame_of(text, record["shots"])} for text in _doubts(record)],
     }
 
@@ -61,20 +59,20 @@ def scene_tree(recording: Recording, record: Mapping[str, Any]) -> dict[str, Any
 def places_of(shots: Sequence[Mapping[str, Any]]) -> list[int]:
     """The place of every shot, counted from 0; shots that people or backgrounds link are in one place.
 
-    `shots` is that of run.json: a shot whose `linked` is false begins a place; one that is linked is where the earlier
-    shot is that its evidence names, or people that it shares.
+    `shots` is that of run.json. A place of the page is a world (`motion.worlds`).
     """
-    places: list[int] = []
+    joined = []
     for index, shot in enumerate(shots):
-        if index == 0 or not shot["linked"]:
-            places.append(max(places, default=-1) + 1)
-            continue
-        join = shot.get("join") or {}
-        earlier = [one["shot"] for one in join.get("evidence", ()) if one["used"] and one["shot"] < index]
-        people = set(shot["people"])
-        earlier += [other for other in reversed(range(index)) if people & set(shots[other]["people"])]
-        places.append(places[earlier[0] if earlier else index - 1])
-    return places
+        evidence = (shot.get("join") or {}).get("evidence", ())
+        earlier = tuple(int(one["shot"]) for one in evidence if one["used"] and one["shot"] < index)
+        joined.append(JoinedShot(bool(shot["linked"]), earlier, frozenset(shot["people"])))
+    return list(worlds_of(joined))
+
+
+def with_worlds(recording: Recording, record: Mapping[str, Any]) -> Recording:
+    """The recording; its worlds are those of run.json where its motion.zarr, of an earlier version, names none."""
+    places = () if recording.worlds else places_of(record.get("shots", ()))
+    return dataclasses.replace(recording, worlds=tuple(places)) if any(places) else recording
 
 
 def frame_of(warning: str, shots: Sequence[Mapping[str, Any]]) -> int | None:
@@ -115,13 +113,13 @@ def _shot(recording: Recording, shot: Mapping[str, Any], index: int, place: int)
     }
 
 
-def _person(recording: Recording, person: RecordedPerson, place_of: Sequence[int]) -> dict[str, Any]:
+def _person(recording: Recording, person: RecordedPerson) -> dict[str, Any]:
     body = body_of(person)
     return {
         "person": person.person,
         "color": _hex(person_color(person)),
         "probability": float(person.probability),
-        "place": _place_of(recording, person, place_of),
+        "place": world_of_person(recording, person),
         "first": int(person.frame[0]),
         "restJoints": body.rest_joints(person.betas).round(6).tolist(),
         "vertices": _scaled(body.rest_vertices(person.betas)),
@@ -132,38 +130,12 @@ def _person(recording: Recording, person: RecordedPerson, place_of: Sequence[int
     }
 
 
-def _place_of(recording: Recording, person: RecordedPerson, place_of: Sequence[int]) -> int:
-    """The place in which he was observed most."""
-    seen = person.frame[person.observed] if person.observed.any() else person.frame
-    places: Counter[int] = Counter(place_of[shot] for shot in recording.shot_index[seen].tolist())
-    return max(places, key=lambda place: places[place])
-
-
-def _places(recording: Recording, place_of: Sequence[int]) -> list[dict[str, Any]]:
-    """Each place with its shots, its middle, and the offset along x by which it stands beside those before it."""
-    places: list[dict[str, Any]] = []
-    edge = 0.0
-    for place in range(max(place_of) + 1):
-        shots = [shot for shot, other in enumerate(place_of) if other == place]
-        frames = np.flatnonzero(np.isin(recording.shot_index, shots))
-        points = _points(recording, frames)
-        low, high = points.min(axis=0), points.max(axis=0)
-        offset = 0.0 if place == 0 else edge + _APART_M - float(low[0])
-        edge = float(high[0]) + offset
-        title = f"shot{'s' * (len(shots) > 1)} {', '.join(map(str, shots))}"
-        center = ((low + high) / 2).round(3).tolist()
-        places.append({"offset": [round(offset, 3), 0.0, 0.0], "center": center, "shots": shots, "title": title})
-    return places
-
-
-def _points(recording: Recording, frames: np.ndarray) -> Float[np.ndarray, "n 2"]:
-    """Where people and cameras are on the floor in some frames."""
-    inside = [person.pelvis[np.isin(person.frame, frames) & person.observed, :2] for person in recording.people]
-    people = np.concatenate([*inside, np.zeros((0, 2))])
-    cameras = recording.t_world_cam[frames, :2]
-    middle = people.mean(axis=0) if len(people) else cameras.mean(axis=0)
-    cameras = cameras[np.linalg.norm(cameras - middle, axis=1) < _NEAR_M]
-    return np.concatenate([people, cameras, middle[None]]).astype(np.float64)
+def _place(place: WorldPlace) -> dict[str, Any]:
+    """Its shots, its middle, and the offset along x by which it stands beside those before it."""
+    offset = [round(place.offset_m, 3), 0.0, 0.0]
+    return {
+        "offset": offset, "center": place.center.round(3).tolist(), "shots": list(place.shots), "title": place.title
+    }  # fmt: skip
 
 
 def _quaternions_xyzw(person: RecordedPerson) -> Float[np.ndarray, "N J 4"]:

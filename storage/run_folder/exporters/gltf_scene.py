@@ -20,6 +20,7 @@ from humanmm.models.drawing.palette import person_color
 from humanmm.models.drawing.surface import vertex_normals
 from humanmm.models.geometry.intervals import runs_of_true
 from humanmm.models.motion.excerpt import Excerpt, continuous_quaternions
+from humanmm.models.motion.worlds import world_of_person
 from humanmm.models.records.camera import SOURCES
 from humanmm.models.records.recording import RecordedPerson
 from humanmm.storage.run_folder.exporters.glb import INDICES, VERTICES, Arrays
@@ -61,6 +62,14 @@ class _Scene:
             "first_video_frame": int(self.excerpt.source_frame[0]),
             "start_s": float(recording.time_s[0]),
             "cut_s": [float(self.excerpt.seconds[cut]) for cut in recording.cut_frames],
+            "shots": [
+                {
+                    "shot": self.excerpt.shot_of(frames),
+                    "frames": [frames.start, frames.stop],
+                    "world": recording.world_of_shot(self.excerpt.shot_of(frames)),
+                }
+                for frames in self.excerpt.shots()
+            ],
         }
         tree = {
             "asset": {"version": "2.0", "generator": f"humanmm {__version__}"},
@@ -106,7 +115,12 @@ class _Scene:
     def facts(self, person: RecordedPerson) -> dict[str, Any]:
         """What a skeleton cannot show."""
         seen = [[int(person.frame[a]), int(person.frame[b - 1]) + 1] for a, b in runs_of_true(person.observed)]
-        return {"first_frame": int(person.frame[0]), "observed_frames": seen, "probability": float(person.probability)}
+        return {
+            "first_frame": int(person.frame[0]),
+            "observed_frames": seen,
+            "probability": float(person.probability),
+            "world": world_of_person(self.excerpt.recording, person),
+        }
 
     def rotations(self, person: RecordedPerson) -> np.ndarray:
         """(N,J,4) float32 quaternions (x, y, z, w) of the joints, without changes of sign over time."""
@@ -165,7 +179,7 @@ class _Scene:
             "znear": NEAR_M,
             "zfar": FAR_M,
         }
-        shot = int(recording.shot_index[frames.start])
+        shot = self.excerpt.shot_of(frames)
         name = f"camera_shot_{shot:03d}"
         self.tree["cameras"].append({"name": name, "type": "perspective", "perspective": view})
         R, t = self.excerpt.cameras(frames)
@@ -175,6 +189,7 @@ class _Scene:
             "seconds": self.excerpt.seconds[[frames.start, frames.stop - 1]].tolist(),
             "source": SOURCES[int(recording.camera_source[frames.start])],
             "size_px": [recording.width, recording.height],
+            "world": recording.world_of_shot(shot),
         }
         node = self.add_node(
             {

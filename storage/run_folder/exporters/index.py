@@ -16,6 +16,7 @@ import numpy as np
 
 from humanmm.models.geometry.intervals import runs_of_true
 from humanmm.models.motion.excerpt import Excerpt
+from humanmm.models.motion.worlds import world_of_person
 from humanmm.models.records.recording import RecordedPerson, Recording
 from humanmm.storage.store.files import replace_text
 
@@ -44,7 +45,18 @@ def facts_of(excerpt: Excerpt, recording: Recording, format_name: str) -> dict[s
         "up": excerpt.up,
         "unit": excerpt.unit,
         "cut_frames": list(part.cut_frames),
+        "shots": [_shot(excerpt, frames) for frames in excerpt.shots()],
         "people": [_person(excerpt, person) for person in part.people],
+    }
+
+
+def _shot(excerpt: Excerpt, frames: slice) -> dict[str, Any]:
+    shown = excerpt.source_frame[frames]
+    return {
+        "shot": excerpt.shot_of(frames),
+        "frames": [frames.start, frames.stop],
+        "video_frames": [int(shown[0]), int(shown[-1]) + 1],
+        "world": excerpt.recording.world_of_shot(excerpt.shot_of(frames)),
     }
 
 
@@ -52,6 +64,7 @@ def _person(excerpt: Excerpt, person: RecordedPerson) -> dict[str, Any]:
     frame = person.frame
     return {
         "person": person.person,
+        "world": world_of_person(excerpt.recording, person),
         "first_frame": int(frame[0]),
         "num_frames": len(frame),
         "first_video_frame": int(excerpt.source_frame[frame[0]]),
@@ -94,10 +107,10 @@ def read_index(folder: Path) -> dict[str, dict[str, Any]]:
 
 
 def motion_digest(recording: Recording) -> str:
-    """sha256 of every number of a recording, at the precision of motion.zarr."""
+    """sha256 of every number of a recording, at the precision of motion.zarr; which worlds they are of is no number."""
     total = hashlib.sha256()
     for field in dataclasses.fields(recording):
-        if field.name != "people":
+        if field.name not in ("people", "worlds"):
             _add(total, field.name, getattr(recording, field.name))
     for person in recording.people:
         for field in dataclasses.fields(person):

@@ -15,6 +15,7 @@ from humanmm.models.drawing.palette import person_color
 from humanmm.models.drawing.surface import vertex_normals
 from humanmm.models.geometry.rotations import rotmat_to_unitquat_wxyz
 from humanmm.models.motion.excerpt import Excerpt
+from humanmm.models.motion.worlds import world_of_person
 from humanmm.models.records.recording import RecordedPerson
 from humanmm.storage.run_folder.exporters.gltf_scene import FAR_M, NEAR_M
 
@@ -97,6 +98,8 @@ def _add_person(stage: Any, excerpt: Excerpt, person: RecordedPerson) -> None:
     bound.CreateGeomBindTransformAttr(Gf.Matrix4d(1))
     observed = Vt.IntArray.FromNumpy(person.observed.astype(np.int32))
     root.GetPrim().CreateAttribute("humanmm:observed", Sdf.ValueTypeNames.IntArray).Set(observed)
+    world = world_of_person(excerpt.recording, person)
+    root.GetPrim().CreateAttribute("humanmm:world", Sdf.ValueTypeNames.Int).Set(world)
 
 
 def _show(root: Any, excerpt: Excerpt, person: RecordedPerson) -> None:
@@ -115,10 +118,12 @@ def _show(root: Any, excerpt: Excerpt, person: RecordedPerson) -> None:
 
 
 def _add_camera(stage: Any, excerpt: Excerpt, frames: slice) -> None:
-    from pxr import Gf, UsdGeom
+    from pxr import Gf, Sdf, UsdGeom
 
     recording = excerpt.recording
-    camera = UsdGeom.Camera.Define(stage, f"/humanmm/camera_shot_{int(recording.shot_index[frames.start]):03d}")
+    shot = excerpt.shot_of(frames)
+    camera = UsdGeom.Camera.Define(stage, f"/humanmm/camera_shot_{shot:03d}")
+    camera.GetPrim().CreateAttribute("humanmm:world", Sdf.ValueTypeNames.Int).Set(recording.world_of_shot(shot))
     K = recording.K[frames].astype(np.float64)
     fx, fy = np.median(K[:, 0, 0]), np.median(K[:, 1, 1])
     aperture = _APERTURE * excerpt.scale

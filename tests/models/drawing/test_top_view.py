@@ -38,6 +38,26 @@ def test_the_top_view_takes_a_person_without_frames_and_a_camera_that_looks_down
     assert len(differing) < 0.01 * image[..., 0].size, "who has no frames is in the legend alone"
 
 
+def test_worlds_that_nothing_joins_have_axes_of_their_own(standing: Recording) -> None:
+    first = standing.people[0]
+    green = dataclasses.replace(first, person=2, observed=first.frame >= standing.cut_frames[0])
+    blue = dataclasses.replace(first, observed=first.frame < standing.cut_frames[0])
+    image = top_view(dataclasses.replace(standing, people=(blue, green), worlds=(0, 1)))
+    assert image.shape == (1000, 1000, 3)
+    panels = image[30:900, :500], image[30:900, 500:]
+    for person, own, other in ((blue, *panels), (green, *reversed(panels))):
+        color = palette.person_color(person)
+        assert _fraction(own, color) > 1e-4 and _fraction(other, color) == 0
+
+
+def test_a_world_without_people_takes_no_room(standing: Recording) -> None:
+    alone = dataclasses.replace(standing, worlds=(0, 1))
+    first = alone.people[0]
+    seen = dataclasses.replace(first, observed=first.frame < standing.cut_frames[0])
+    image = top_view(dataclasses.replace(alone, people=(seen,)))
+    assert _fraction(image, palette.person_color(seen)) > 1e-4
+
+
 def test_charts_drawn_by_four_threads_at_once_equal_those_drawn_alone(standing: Recording) -> None:
     alone = top_view(standing), timeline(standing, [], [], [])
     with ThreadPoolExecutor(4) as pool:

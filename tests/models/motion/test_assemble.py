@@ -11,7 +11,7 @@ from humanmm.models.body.kinematics import forward_kinematics
 from humanmm.models.motion.assemble import assemble, continuous_rotvec, record_motion, world_joints
 from humanmm.models.records.hands import not_looked
 from humanmm.models.records.landmarks import INDEX
-from humanmm.models.records.motion import PersonMotion, WorldMotion
+from humanmm.models.records.motion import CutAlignment, PersonMotion, WorldMotion
 from humanmm.models.records.recording import Recording
 from humanmm.models.records.shots import Appearance, Person, Shot, ShotList, Transition
 from humanmm.models.records.tracks import PersonTrack, ScenePeople, Silhouettes
@@ -139,3 +139,10 @@ def test_hands_that_were_looked_at_in_one_shot_are_in_the_whole_recording() -> N
     assert person.hand_pose is not None and person.hand_pose.shape == (F, 30, 3)
     assert person.hand_confidence is not None and not person.hand_confidence.any()
     np.testing.assert_allclose(person.body_pose, motion.people[0].body_pose, atol=1e-6)
+
+
+def test_a_shot_that_nothing_joins_is_a_world_of_its_own() -> None:
+    facts, shots, scenes, motion = seen_twice()
+    assert record_motion(facts, shots, scenes, motion).worlds == ()
+    apart = CutAlignment(shots.shots[1].start, "none", np.eye(3), np.nan, 180.0, np.nan, linked=False)
+    assert record_motion(facts, shots, scenes, replace(motion, cuts=(apart,))).worlds == (0, 1)

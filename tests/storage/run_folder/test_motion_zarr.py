@@ -55,6 +55,14 @@ def test_every_attribute_of_the_contract_is_there(tmp_path: Path, recording: Rec
     assert attributes["cut_frames"] == [6]
 
 
+def test_the_world_of_every_shot_and_person_is_written_and_read(tmp_path: Path, recording: Recording) -> None:
+    write_motion(tmp_path / "motion.zarr", dataclasses.replace(recording, worlds=(0, 1)))
+    group = zarr.open_group(tmp_path / "motion.zarr", mode="r")
+    assert group.attrs["shots"] == [{"start": 0, "end": 6, "world": 0}, {"start": 6, "end": 12, "world": 1}]
+    assert group["people/00"].attrs["world"] == 0
+    assert read_motion(tmp_path / "motion.zarr").worlds == (0, 1)
+
+
 def test_reading_gives_back_what_was_written(tmp_path: Path, recording: Recording) -> None:
     write_motion(tmp_path / "motion.zarr", recording)
     again = read_motion(tmp_path / "motion.zarr")

@@ -15,7 +15,7 @@ from humanmm.models.body.body24 import load_body
 from humanmm.models.body.fingers import JOINT_NAMES_52, PARENTS_52
 from humanmm.models.body.kinematics import compose
 from humanmm.models.records.recording import Recording
-from humanmm.storage.view.scene import frame_of, places_of, scene_tree
+from humanmm.storage.view.scene import frame_of, places_of, scene_tree, with_worlds
 
 
 def _unpacked(packed: dict[str, Any]) -> np.ndarray:
@@ -71,6 +71,14 @@ def test_places_stand_beside_each_other_and_everybody_in_his_own(recording: Reco
     first, second = tree["places"]
     assert first["offset"] == [0, 0, 0] and second["offset"][0] > 3 and second["title"] == "shot 1"
     assert [person["place"] for person in tree["people"]] == [0, 0], "where he was seen most"
+
+
+def test_an_earlier_motion_has_the_worlds_of_its_run_json(recording: Recording, record: dict[str, Any]) -> None:
+    first_shot, second_shot = record["shots"]
+    apart = record | {"shots": [first_shot, second_shot | {"linked": False}]}
+    assert with_worlds(recording, apart).worlds == (0, 1) and with_worlds(recording, record).worlds == ()
+    named = dataclasses.replace(recording, worlds=(0, 1))
+    assert with_worlds(named, record) is named
 
 
 def test_a_warning_knows_the_frame_that_it_names_or_the_first_of_its_shot() -> None:

@@ -1,5 +1,6 @@
 """The glTF scene, read again as the specification says, and by the Khronos validator."""
 
+import dataclasses
 import json
 import os
 import struct
@@ -138,6 +139,16 @@ def test_somebody_is_hidden_before_he_comes_and_after_he_leaves(scene: Scene) ->
     assert height[0] == height[3] == 0 and min(height[1:3]) > 0.5
     assert not any(channel["target"]["path"] == "scale" for channel in scene.tree["animations"][1]["channels"])
     assert scene.nodes[scene.node("person_01")]["extras"]["observed_frames"] == [[5, 13], [17, 35]]
+
+
+def test_the_extras_say_which_world_each_shot_person_and_camera_is_of(tmp_path: Path) -> None:
+    apart = dataclasses.replace(RECORDING, worlds=(0, 1))
+    scene = Scene(export(apart, tmp_path, "glb")[0])
+    shots = scene.tree["scenes"][0]["extras"]["shots"]
+    cut = two_people.CUT
+    assert shots == [{"shot": 0, "frames": [0, cut], "world": 0}, {"shot": 1, "frames": [cut, 40], "world": 1}]
+    worlds = {node["name"]: node["extras"]["world"] for node in scene.nodes if "extras" in node}
+    assert worlds == {"person_00": 0, "person_01": 0, "camera_shot_000": 0, "camera_shot_001": 1}
 
 
 def test_the_skin_is_that_of_the_posed_body(scene: Scene) -> None:

@@ -30,6 +30,25 @@ def test_it_says_where_each_file_begins_in_the_video(tmp_path: Path) -> None:
     assert files["scene.glb"]["fps"] == 60.0 and files["scene.glb"]["resampled"]
 
 
+def test_it_says_which_world_each_shot_and_person_is_of(tmp_path: Path) -> None:
+    apart = dataclasses.replace(RECORDING, worlds=(0, 1))
+    export(apart, tmp_path, "bvh", wishes=Wishes(start_s=float(RECORDING.time_s[3])))
+    facts = read_index(tmp_path)["person_00.bvh"]
+    assert facts["shots"] == [
+        {"shot": 0, "frames": [0, two_people.CUT - 3], "video_frames": [3, two_people.CUT], "world": 0},
+        {"shot": 1, "frames": [two_people.CUT - 3, 37], "video_frames": [two_people.CUT, 40], "world": 1},
+    ]
+    assert [person["world"] for person in facts["people"]] == [0, 0]
+    later = Wishes(start_s=float(RECORDING.time_s[two_people.CUT]))
+    export(apart, tmp_path, "bvh", wishes=later, force=True)
+    facts = read_index(tmp_path)["person_00.bvh"]
+    assert [shot["world"] for shot in facts["shots"]] == [1] and [one["world"] for one in facts["people"]] == [1, 1]
+
+
+def test_naming_worlds_makes_no_other_motion() -> None:
+    assert motion_digest(dataclasses.replace(RECORDING, worlds=(0, 1))) == motion_digest(RECORDING)
+
+
 def test_a_motion_has_one_digest_before_and_after_it_was_written(tmp_path: Path) -> None:
     write_motion(tmp_path / "motion.zarr", RECORDING)
     assert motion_digest(read_motion(tmp_path / "motion.zarr")) == motion_digest(RECORDING)
