@@ -13,13 +13,14 @@ from itertools import pairwise
 from typing import Any, Literal, get_args
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from humanmm.errors import InputError
 from humanmm.models.body.body24 import NUM_JOINTS, load_body
 from humanmm.models.body.fingers import body_of
 from humanmm.models.body.kinematics import chunks, forward_kinematics, local_rotations
 from humanmm.models.geometry.axes import R_ZUP_YUP
+from humanmm.models.geometry.intervals import runs_of_true
 from humanmm.models.geometry.rotations import (
     interpolate_rotations,
     rotmat_to_rotvec,
@@ -35,6 +36,8 @@ Up = Literal["y", "z"]
 Unit = Literal["m", "cm", "mm"]
 UNITS_PER_METRE: dict[Unit, float] = {"m": 1.0, "cm": 100.0, "mm": 1000.0}
 MAX_FPS = 1000.0
+UNSEEN_S = 2.0
+"""Motion that is filled in for longer than this is no more than a guess."""
 
 _SAME_TIME_S = 1e-6
 _SAME_RATE = 1e-5
@@ -57,6 +60,8 @@ class Wishes:
     """Frames with start ≤ time < end are kept; seconds of the video (`time_s`)."""
     up: Up | None = None
     unit: Unit | None = None
+    keep_unseen: bool = False
+    """Show people in scenes also where they were not observed for more than `UNSEEN_S`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +80,8 @@ class Excerpt:
     """World axes (z up) to those of the file. With y up: x stays, z becomes y, y becomes −z."""
     R_file_body: Float[np.ndarray, "3 3"]
     """Axes of the body at rest (y up) to those of the file, so that the rest pose stands upright there."""
+    hidden: Mapping[int, Bool[np.ndarray, " F"]] = field(default_factory=dict)
+    """By person, the frames in which scenes hide him although his motion is filled in."""
     scenery: WorldScenery = field(default_factory=dict)
     """For files that have a place for it."""
 
@@ -112,6 +119,12 @@ class Excerpt:
         """Rotation and centre of cameras in the file. Camera axes are those of glTF, USD and Blender: y up, z back."""
         R_world_cam = self.recording.R_world_cam[frames].astype(np.float64)
         return self.R_file_world @ R_world_cam @ _R_CV_SCENE, self.points(self.recording.t_world_cam[frames])
+
+    def shown(self, person: RecordedPerson) -> Bool[np.ndarray, " F"]:
+        """The frames in which a scene shows a person: from his first to his last, but for the `hidden` ones."""
+        there = np.zeros(self.recording.num_frames, bool)
+        there[person.frame] = True
+        return there & ~self.hidden[person.person] if person.person in self.hidden else there
 
     def shots(self) -> list[slice]:
         """Frames of each shot."""
@@ -152,7 +165,19 @@ def excerpt(recording: Recording, wishes: Wishes, *, up: Up, unit: Unit, fps: fl
         raise InputError(f"{up!r} cannot be up, or {unit!r} is no unit; expected y or z, and m, cm or mm")
     R_file_world, R_file_body = (np.eye(3), R_ZUP_YUP) if up == "z" else (R_ZUP_YUP.T, np.eye(3))
     shown_hz = rate or part.fps or _SINGLE_FRAME_HZ
-    return Excerpt(part, source_frame, resampled, shown_hz, up, unit, R_file_world, R_file_body)
+    unseen = {} if wishes.keep_unseen else {one.person: unseen_for_long(recording, one) for one in recording.people}
+    hidden = {one.person: unseen[one.person][source_frame] for one in part.people if one.person in unseen}
+    return Excerpt(part, source_frame, resampled, shown_hz, up, unit, R_file_world, R_file_body, hidden)
+
+
+def unseen_for_long(recording: Recording, person: RecordedPerson) -> Bool[np.ndarray, " F"]:
+    """The frames of spans in which a person is not observed for more than `UNSEEN_S`."""
+    unseen = np.zeros(recording.num_frames, bool)
+    for start, end in runs_of_true(~person.observed):
+        before, after = person.frame[max(start - 1, 0)], person.frame[min(end, len(person.frame) - 1)]
+        if recording.time_s[after] - recording.time_s[before] > UNSEEN_S:
+            unseen[person.frame[start:end]] = True
+    return unseen
 
 
 def is_steady(recording: Recording) -> bool:

@@ -170,14 +170,16 @@ class Run:
         fps: float | None = None,
         up: Literal["y", "z"] | None = None,
         unit: Literal["m", "cm", "mm"] | None = None,
+        keep_unseen: bool = False,
         out: "str | os.PathLike[str] | None" = None,
         force: bool = False,
     ) -> tuple[Path, ...]:
         """Write the run for another tool (docs/export.md lists the formats); paths of the files.
 
         `person` and the frames with `start` ≤ time < `end` (seconds) alone, at `fps` frames per second (rotations by
-        slerp), with `up` up and in `unit`; what is None is the run's or the format's own. `out` is a folder instead of
-        the run's `export`. InputError if a file exists already and `force` is not given.
+        slerp), with `up` up and in `unit`; what is None is the run's or the format's own. `glb`, `fbx` and `usd` hide
+        people where they are not seen for more than 2 s, unless `keep_unseen`. `out` is a folder instead of the run's
+        `export`. InputError if a file exists already and `force` is not given.
         """
         from humanmm.models.motion.excerpt import Wishes
         from humanmm.storage.run_folder import exporters
@@ -186,7 +188,7 @@ class Run:
         from humanmm.storage.view.scene import with_worlds
 
         people = () if person is None else (person,) if isinstance(person, int) else tuple(person)
-        wishes = Wishes(fps=fps, people=people, start_s=start, end_s=end, up=up, unit=unit)
+        wishes = Wishes(fps=fps, people=people, start_s=start, end_s=end, up=up, unit=unit, keep_unseen=keep_unseen)
         folder = self.folder / EXPORT if out is None else Path(out)
         with self._unchanging() if out is None else nullcontext():
             recording = read_motion(self.folder / MOTION)  # afresh: what was read before may have been replaced

@@ -1,7 +1,7 @@
 """`humanmm eval`, `export` and `view`: metrics, files and pictures of a finished run folder."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from typer import Argument, Option
 
@@ -38,7 +38,7 @@ def evaluate(
 
 
 @verb(app, "export", panel=RESULTS)
-def export(
+def export(  # noqa: PLR0913 (one a flag)
     run_dir: RunDir,
     *,
     format_name: Annotated[FormatName, Option("--format", metavar="NAME", help=", ".join(FORMATS), show_default=False)],
@@ -48,6 +48,9 @@ def export(
     fps: Annotated[float | None, Option(metavar="HZ", help="frames per second, by interpolation")] = None,
     up: Annotated[Literal["y", "z"] | None, Option(metavar="y|z", help="axis that points up")] = None,
     unit: Annotated[Literal["m", "cm", "mm"] | None, Option(metavar="m|cm|mm", help="unit of length")] = None,
+    keep_unseen: Annotated[
+        bool, Option("--keep-unseen", help="glb, fbx, usd: show people also where they are unseen for more than 2 s")
+    ] = False,
     out: Annotated[Path | None, Option(metavar="DIR", help="folder (default: RUN_DIR/export)")] = None,
     force: Force = False,
 ) -> None:
@@ -56,9 +59,8 @@ def export(
     What is left out of --fps, --up and --unit is the format's own.
     """
     run = humanmm.load(run_dir)
-    write(
-        *run.export(format_name, person=person, start=start, end=end, fps=fps, up=up, unit=unit, out=out, force=force)
-    )
+    wishes: dict[str, Any] = {"person": person, "start": start, "end": end, "fps": fps, "up": up, "unit": unit}
+    write(*run.export(format_name, **wishes, keep_unseen=keep_unseen, out=out, force=force))
 
 
 @verb(app, "view", panel=RESULTS)

@@ -51,6 +51,8 @@ class Format:
     """The rate to which frames are brought if the user names none; None keeps them."""
     of_frames: bool = False
     """Whether every entry belongs to a frame of the video, so that there is no other rate."""
+    is_scene: bool = False
+    """Whether people are hidden in it where they are not seen for long."""
     has_scenery: bool = False
     """Whether there is a place for points of the background."""
 
@@ -77,13 +79,13 @@ FORMATS: dict[str, Format] = {
     "bvh": Format("each person's skeleton and rotations", _of_each_person(".bvh", write_bvh), "y", "cm", "", _constant),
     "glb": Format(
         "glTF: skinned people and cameras in one scene", _of_all("scene.glb", write_glb), "y", "m",
-        "glTF is y up and in metres",
+        "glTF is y up and in metres", is_scene=True,
     ),
     "fbx": Format(
         "the same scene through Blender", _of_all("scene.fbx", write_fbx), "y", "m",
-        "Blender writes the axes and the unit into the file, and programs convert them", _constant,
+        "Blender writes the axes and the unit into the file, and programs convert them", _constant, is_scene=True,
     ),
-    "usd": Format("the same scene (extra `usd`)", _of_all("scene.usdc", write_usd), "z", "m"),
+    "usd": Format("the same scene (extra `usd`)", _of_all("scene.usdc", write_usd), "z", "m", is_scene=True),
     "csv": Format("joints, one row a frame and joint", _of_each_person(".csv", write_csv), "z", "m"),
     "trc": Format("joints as markers (OpenSim, Pose2Sim)", _of_each_person(".trc", write_trc), "y", "m"),
     "c3d": Format(
@@ -149,6 +151,9 @@ def _excerpt(recording: Recording, format_name: str, wishes: Wishes) -> Excerpt:
         raise InputError(f"{chosen.convention}: leave --up and --unit out for {format_name}")
     if chosen.of_frames and wishes.fps is not None:
         raise InputError(f"{format_name} has an entry for each frame of the video: leave --fps out")
+    if wishes.keep_unseen and not chosen.is_scene:
+        scenes = ", ".join(name for name, one in FORMATS.items() if one.is_scene)
+        raise InputError(f"{format_name} hides nobody: leave --keep-unseen out (it is for {scenes})")
     return excerpt(recording, wishes, up=chosen.up, unit=chosen.unit, fps=chosen.rate(recording))
 
 

@@ -1,10 +1,10 @@
 """One glTF scene of everybody and every camera: skinned bodies, an animation of all, y up, metres, exact frame times.
 
-A person is there from his first frame to his last: before and after, the scale of his skeleton is zero, glTF's way to
-hide a node (section 3.5.3). A camera has the name of its shot and moves in it alone. Core glTF has no animated field of
-view: a camera that zooms has the shot's median one, and its zoom by the extension KHR_animation_pointer, which Blender
-reads and others leave out. The animation `scene` moves everybody in step; with several people each has one by himself
-as well.
+A person is there from his first frame to his last: before and after, and where he is not seen for long
+(`Excerpt.hidden`), the scale of his skeleton is zero, glTF's way to hide a node (section 3.5.3). A camera has the name
+of its shot and moves in it alone. Core glTF has no animated field of view: a camera that zooms has the shot's median
+one, and its zoom by the extension KHR_animation_pointer, which Blender reads and others leave out. The animation
+`scene` moves everybody in step; with several people each has one by himself as well.
 """
 
 from collections.abc import Sequence
@@ -118,6 +118,7 @@ class _Scene:
         return {
             "first_frame": int(person.frame[0]),
             "observed_frames": seen,
+            "shown_frames": [list(span) for span in runs_of_true(self.excerpt.shown(person))],
             "probability": float(person.probability),
             "world": world_of_person(self.excerpt.recording, person),
         }
@@ -154,14 +155,11 @@ class _Scene:
         self.add_node({"name": f"{_name(person)}_body", "mesh": mesh, "skin": skin}, root=True)
 
     def hidden(self, person: RecordedPerson, skeleton: int) -> Animation:
-        """Scale 0 before a person's first frame and after his last; nothing if he is there all the time."""
-        seconds, first, last = self.excerpt.seconds, int(person.frame[0]), int(person.frame[-1])
-        keys = [(seconds[first], 1.0)]
-        if first > 0:
-            keys.insert(0, (0.0, 0.0))
-        if last + 1 < len(seconds):
-            keys.append((seconds[last + 1], 0.0))
-        if len(keys) == 1:
+        """Scale 0 where a person is not shown; nothing if he is there all the time."""
+        shown = self.excerpt.shown(person)
+        changes = np.flatnonzero(np.diff(shown)) + 1
+        keys = [(self.excerpt.seconds[frame], float(shown[frame])) for frame in (0, *changes)]
+        if shown.all():
             return []
         times = self.add_times(np.array([time for time, _ in keys]))
         scale = self.arrays.add(np.repeat(np.array([[value] for _, value in keys], np.float32), 3, axis=1))

@@ -1,7 +1,7 @@
 """Universal Scene Description, through usd-core (Pixar's own package): skinned people and cameras in one scene.
 
 z up, metres by default. Time codes are frames at the mean rate; times stay exact. A person is invisible
-before his first frame and after his last; a camera has its focal length in every frame.
+before his first frame, after his last, and where he is not seen for long; a camera has its focal length in every frame.
 """
 
 from pathlib import Path
@@ -103,18 +103,14 @@ def _add_person(stage: Any, excerpt: Excerpt, person: RecordedPerson) -> None:
 
 
 def _show(root: Any, excerpt: Excerpt, person: RecordedPerson) -> None:
-    """Visible from the person's first frame to his last."""
+    """Visible where the person is shown."""
     from pxr import UsdGeom
 
-    first, last = int(person.frame[0]), int(person.frame[-1])
+    shown, codes = excerpt.shown(person), _codes(excerpt, slice(None))
     visible = UsdGeom.Imageable(root).CreateVisibilityAttr()
-    codes = _codes(excerpt, slice(None))
-    if first > 0:
-        visible.Set("invisible", codes[0])
-    if first > 0 or last + 1 < len(codes):
-        visible.Set("inherited", codes[first])
-    if last + 1 < len(codes):
-        visible.Set("invisible", codes[last + 1])
+    if not shown.all():
+        for frame in (0, *np.flatnonzero(np.diff(shown)) + 1):
+            visible.Set("inherited" if shown[frame] else "invisible", codes[frame])
 
 
 def _add_camera(stage: Any, excerpt: Excerpt, frames: slice) -> None:

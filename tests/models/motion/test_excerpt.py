@@ -122,6 +122,34 @@ def test_who_is_there_for_a_moment_is_not_lost_at_a_low_rate() -> None:
     assert [len(person.frame) for person in brief.people] == [1, 1]
 
 
+def _long_unseen(fps: float = 10.0) -> Recording:
+    """Person 0 is seen in frames 0-9, 15-39 and 65-79 of 10 Hz: unseen for 0.5 and for 2.5 s."""
+    recording = two_people.recording(num_frames=80, fps=fps)
+    seen = np.ones(80, bool)
+    seen[10:15] = seen[40:65] = False
+    return dataclasses.replace(recording, people=(dataclasses.replace(recording.people[0], observed=seen),))
+
+
+def test_who_is_not_seen_for_more_than_two_seconds_is_not_shown_unless_that_is_wished() -> None:
+    recording = _long_unseen()
+    expected = np.ones(80, bool)
+    expected[40:65] = False
+    shown = part(recording)
+    np.testing.assert_array_equal(shown.shown(shown.recording.people[0]), expected)
+    kept = part(recording, keep_unseen=True)
+    assert kept.shown(kept.recording.people[0]).all()
+    quick = part(_long_unseen(fps=20.0))
+    assert quick.shown(quick.recording.people[0]).all(), "the same frames are 1.25 s"
+
+
+def test_a_part_and_another_rate_hide_the_same_moments() -> None:
+    recording = _long_unseen()
+    piece = part(recording, start_s=5.0, fps=20.0)
+    shown = piece.shown(piece.recording.people[0])
+    hidden_s = piece.recording.time_s[~shown]
+    assert hidden_s[0] == 5.0 and 6.4 <= hidden_s[-1] < 6.5 and shown[-1]
+
+
 def test_a_variable_rate_is_no_constant_one() -> None:
     rng = np.random.default_rng(0)
     times = np.cumsum(rng.uniform(0.02, 0.05, 40))

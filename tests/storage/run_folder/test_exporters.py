@@ -54,6 +54,7 @@ def test_an_unknown_format_names_those_that_exist(tmp_path: Path, recording: Rec
         ("glb", Wishes(up="z"), "glTF is y up and in metres"),
         ("amass", Wishes(unit="cm"), "expect z up and metres"),
         ("colmap", Wishes(fps=30.0), "leave --fps out"),
+        ("csv", Wishes(keep_unseen=True), r"csv hides nobody: leave --keep-unseen out \(it is for glb, fbx, usd\)"),
         ("bvh", Wishes(start_s=0.0, end_s=0.1, people=(1,)), "nobody is in these frames"),
     ],
 )

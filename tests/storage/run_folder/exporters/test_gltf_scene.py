@@ -141,6 +141,24 @@ def test_somebody_is_hidden_before_he_comes_and_after_he_leaves(scene: Scene) ->
     assert scene.nodes[scene.node("person_01")]["extras"]["observed_frames"] == [[5, 13], [17, 35]]
 
 
+def test_who_is_not_seen_for_long_is_hidden_and_his_motion_stays(tmp_path: Path) -> None:
+    recording = two_people.recording(num_frames=60, fps=10.0)
+    seen = np.ones(60, bool)
+    seen[20:50] = False
+    recording = dataclasses.replace(recording, people=(dataclasses.replace(recording.people[0], observed=seen),))
+    moments = recording.time_s[[19, 20, 49, 50]] + 1e-4
+    scene = Scene(export(recording, tmp_path / "hidden", "glb")[0])
+    height = [float(np.ptp(scene.joints(0, seconds)[:, 1])) for seconds in moments]
+    assert height[1] == height[2] == 0 and min(height[0], height[3]) > 0.5
+    extras = scene.nodes[scene.node("person_00")]["extras"]
+    assert extras["shown_frames"] == extras["observed_frames"] == [[0, 20], [50, 60]]
+    kept = Scene(export(recording, tmp_path / "kept", "glb", wishes=Wishes(keep_unseen=True))[0])
+    for row in (19, 20, 49, 50):
+        found = kept.joints(0, recording.time_s[row] + 1e-4)
+        assert np.abs(found - recording.people[0].joints[row] @ YUP.T).max() < 1e-2
+    assert kept.nodes[kept.node("person_00")]["extras"]["shown_frames"] == [[0, 60]]
+
+
 def test_the_extras_say_which_world_each_shot_person_and_camera_is_of(tmp_path: Path) -> None:
     apart = dataclasses.replace(RECORDING, worlds=(0, 1))
     scene = Scene(export(apart, tmp_path, "glb")[0])

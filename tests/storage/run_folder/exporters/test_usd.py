@@ -1,5 +1,6 @@
 """USD scenes, read again by Pixar's library."""
 
+import dataclasses
 import sys
 from pathlib import Path
 
@@ -42,6 +43,27 @@ def test_usd_skel_finds_the_joints_of_the_run(tmp_path: Path, wishes: Wishes) ->
             assert UsdGeom.Imageable(root).ComputeVisibility(code) == "inherited"
     hidden = UsdGeom.Imageable(UsdSkel.Root.Get(stage, "/humanmm/person_01"))
     assert [hidden.ComputeVisibility(code) for code in (0.0, 4.0, 35.0, 39.0)] == ["invisible"] * 4
+
+
+def test_who_is_not_seen_for_long_is_invisible(tmp_path: Path) -> None:
+    pytest.importorskip("pxr", reason="pip install 'humanmm[usd]'")
+    from pxr import Usd, UsdGeom, UsdSkel
+
+    recording = two_people.recording(num_frames=60, fps=10.0)
+    seen = np.ones(60, bool)
+    seen[20:50] = False
+    recording = dataclasses.replace(
+        recording, people=(dataclasses.replace(recording.people[0], observed=seen),), worlds=(0, 3)
+    )
+    for keep, expected in ((False, "invisible"), (True, "inherited")):
+        wishes = Wishes(keep_unseen=keep)
+        stage = Usd.Stage.Open(str(export(recording, tmp_path / expected, "usd", wishes=wishes)[0]))
+        root = UsdSkel.Root.Get(stage, "/humanmm/person_00")
+        found = [UsdGeom.Imageable(root).ComputeVisibility(code) for code in (0.0, 19.0, 20.0, 49.0, 50.0)]
+        assert found == ["inherited", "inherited", expected, expected, "inherited"]
+        assert root.GetPrim().GetAttribute("humanmm:world").Get() == 0
+        camera = stage.GetPrimAtPath("/humanmm/camera_shot_001")
+        assert camera.GetAttribute("humanmm:world").Get() == 3
 
 
 def test_the_camera_sees_a_joint_at_its_pixel_zoom_included(tmp_path: Path) -> None:
