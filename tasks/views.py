@@ -9,7 +9,7 @@ from humanmm.config import DeliverConfig
 from humanmm.errors import InputError
 from humanmm.storage.run_folder.motion_zarr import MOTION, read_motion
 from humanmm.storage.run_folder.run_record import read_run_record
-from humanmm.storage.store.files import replace_file
+from humanmm.storage.store.files import check_writable, replace_file
 from humanmm.storage.view.rerun_file import write_rrd
 from humanmm.storage.view.scene import places_of
 from humanmm.tasks.films import write_side_by_side, write_world
@@ -35,8 +35,11 @@ def write_view(
     `opacity` (0..1) of the bodies on the video instead of the run's own. InputError if the file exists already and
     `force` is not given.
     """
+    if path.is_dir():
+        raise InputError(f"{path} is a folder; name a file with --out")
     if path.exists() and not force:
         raise InputError(f"{path} exists already; --force replaces it")
+    check_writable(path.parent)
     record, recording = read_run_record(run_dir), read_motion(run_dir / MOTION)
     settings = DeliverConfig.model_validate(record["config"]["deliver"])
     if opacity is not None:

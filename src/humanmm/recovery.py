@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from humanmm.errors import InputError, ResourceError, StoreError
+from humanmm.errors import ResourceError, StoreError
 from humanmm.results import Run
 
 if TYPE_CHECKING:
@@ -108,6 +108,7 @@ def _recover(
     watch.step("reading the video")
     folder, run = _open(video, out, _settings(config, shorthands, corrections), selection, store)
     watch.step("looking into the store")
+    from humanmm.storage.store.files import check_writable
     from humanmm.tasks.engine import finish
     from humanmm.tasks.engine.plan import check_upstream, forecast, is_complete
 
@@ -161,22 +162,6 @@ def forecast(  # noqa: PLR0913 (as `recover`)
     selection = _selection(force=force, start=start, only=only, shot=shot)
     settings = _settings(config, shorthands, corrections)
     return forecast_run(_open(video, out, settings, selection, store, read_only=True)[1])
-
-
-def check_writable(folder: Path) -> None:
-    """Raise InputError, before anything is computed, if an output folder cannot be written."""
-    from humanmm.storage.store.files import refusal_to_write
-
-    existing = folder.absolute()
-    while not existing.exists() and existing != existing.parent:
-        existing = existing.parent
-    if not existing.is_dir():
-        raise InputError(f"the output folder {folder} cannot be made: {existing} is a file")
-    refusal = refusal_to_write(existing)
-    if refusal:
-        raise InputError(
-            f"the output folder {folder} is not writable: {refusal} in {existing}; name another with --out"
-        )
 
 
 def _settings(

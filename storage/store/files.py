@@ -10,7 +10,7 @@ import uuid
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from humanmm.errors import StoreError
+from humanmm.errors import InputError, StoreError
 
 _WRITING = ".writing-"
 """Prefix of the names of unfinished files and folders; the writer's process id follows."""
@@ -98,6 +98,20 @@ def refusal_to_write(folder: Path) -> str:
     except OSError as error:
         return (error.strerror or str(error)).lower()
     return ""
+
+
+def check_writable(folder: Path) -> None:
+    """Raise InputError, before anything is computed, if an output folder cannot be written."""
+    existing = folder.absolute()
+    while not existing.exists() and existing != existing.parent:
+        existing = existing.parent
+    if not existing.is_dir():
+        raise InputError(f"the output folder {folder} cannot be made: {existing} is a file; name another with --out")
+    refusal = refusal_to_write(existing)
+    if refusal:
+        raise InputError(
+            f"the output folder {folder} is not writable: {refusal} in {existing}; name another with --out"
+        )
 
 
 @contextlib.contextmanager

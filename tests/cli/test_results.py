@@ -73,6 +73,18 @@ def test_export_refuses_to_overwrite_in_one_plain_line(run_dir: Path, capsys: py
     assert main(["export", str(run_dir), "--format", "trc", "--force"]) == 0
 
 
+def test_a_file_in_the_place_of_the_folder_is_reported_in_one_plain_line(
+    run_dir: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "file"
+    file.write_text("mine")
+    for out in (file, file / "deeper"):
+        assert main(["export", str(run_dir), "--format", "csv", "--out", str(out), "--force"]) == 1
+        sentence = f"the output folder {out} cannot be made: {file} is a file; name another with --out"
+        assert capsys.readouterr().err == f"humanmm: {sentence}\n"
+    assert file.read_text() == "mine"
+
+
 def test_a_format_that_does_not_exist_is_a_usage_error(run_dir: Path) -> None:
     assert main(["export", str(run_dir), "--format", "blend"]) == 2
 

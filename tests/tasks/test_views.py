@@ -115,6 +115,15 @@ def test_a_film_that_is_there_is_replaced_only_when_asked(run_dir: Path) -> None
     assert run.view("world", force=True) == run_dir / "view" / "world.mp4"
 
 
+def test_a_view_goes_neither_over_a_folder_nor_below_a_file(run_dir: Path, tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    run = humanmm.load(run_dir)
+    with pytest.raises(InputError, match=r"is a folder; name a file with --out"):
+        run.view(out=tmp_path, force=True)
+    with pytest.raises(InputError, match=r"cannot be made: .*file is a file; name another with --out"):
+        run.view(out=tmp_path / "file" / "page.html")
+
+
 def test_films_of_a_motion_that_is_replaced_go_away(run_dir: Path, recording: Recording, tmp_path: Path) -> None:
     assert set(ASKED_VIEWS) == set(FILES.values()) - {"scene.html"}
     film = run_dir / "view" / "world.mp4"

@@ -66,8 +66,8 @@ class Submission:
 @verb(batch, "submit")
 def submit(options: Submission) -> int:
     """Schedule every video that is not finished; with --wait, wait until all have ended."""
-    from humanmm.recovery import check_writable
     from humanmm.storage.batches.batch_table import open_batches
+    from humanmm.storage.store.files import check_writable
 
     if options.watch and options.schedule is not None:
         raise UsageError("--watch and --schedule exclude each other")

@@ -22,7 +22,7 @@ from humanmm.storage.run_folder.exporters.index import facts_of, note
 from humanmm.storage.run_folder.exporters.joints_csv import write_csv
 from humanmm.storage.run_folder.exporters.trc import write_trc
 from humanmm.storage.run_folder.exporters.usd import write_usd
-from humanmm.storage.store.files import no_empty_folder_left, replace_file
+from humanmm.storage.store.files import check_writable, no_empty_folder_left, replace_file
 
 Writer = Callable[[Path], None]
 
@@ -137,6 +137,7 @@ def export(
         if format_name == ALWAYS_WRITTEN and all(_is_current(write, folder / name) for name, write in files.items()):
             return tuple(folder / name for name in files)
         raise InputError(f"{existing[0]} exists already; give --force to replace it")
+    check_writable(folder)
     with no_empty_folder_left(folder):
         for name, write in files.items():
             replace_file(folder / name, write)
