@@ -27,7 +27,7 @@ def _ok(toy: Any, *words: str) -> list[str]:
 def test_a_correction_is_written_and_what_it_changes_is_said(finished: Any) -> None:
     lines = _ok(finished, "correct", "runs/film", "floor", "--lower", "0.4")
     assert lines[0] == "correction 1: the floor is 0.4 m below the one that is found"
-    assert lines[1] == "computed: refine" and lines[2] == "then, as far as their inputs change: deliver"
+    assert lines[1] == "will be computed: refine" and lines[2] == "then, as far as their inputs change: deliver"
     assert lines[3].startswith("kept: decode, scenes, people, ") and lines[-1] == FILE
     assert 'kind = "floor"\nmetres = -0.4\n' in (finished.folder / FILE).read_text()
     stale = json.loads(_ok_text(finished, "status", "runs/film", "--json"))

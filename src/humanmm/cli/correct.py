@@ -264,7 +264,7 @@ def _plan(entries: "Sequence[Forecast]") -> list[str]:
         known += units
     lines = []
     for state, title in (
-        ("will run", "computed"),
+        ("will run", "will be computed"),
         ("depends", "then, as far as their inputs change"),
         ("cached", "kept"),
     ):
