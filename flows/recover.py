@@ -67,7 +67,7 @@ def recover_stages(video: Path, out: Path | None, config: Config, store: Path | 
         showing_failure(video, out or default_run_dir(video)) as failed,
         StageTasks(*_open(video, out, config, store, selection)) as stage,
     ):
-        failed.run = stage.run
+        failed.run, failed.run_dir = stage.run, stage.run_dir
         stage("decode")  # container facts, exact frame times
         stage("scenes")  # section 3.1: colour-based cuts and gradual transitions
         stage("people")  # per scene: boxes, 2D keypoints, 3D landmarks, masks, tracks

@@ -56,7 +56,7 @@ class StageTasks:
 
     def __init__(self, run: VideoRun, run_dir: Path) -> None:
         self.run = run
-        self._run_dir = run_dir
+        self.run_dir = run_dir
         write_process_id()
         self._board = ProgressBoard(UUID(str(flow_run.id)))
         run.listen(self._board.report)
@@ -114,21 +114,20 @@ class StageTasks:
             with contextlib.suppress(StoreError):  # the fatal error is the one to raise
                 remember(self.run, "failed", run_dir=None, reason=str(error))
             if isinstance(error, NoUsablePersonError):
-                error = self._with_picture(error, self._run_dir)
+                error = self._with_picture(error)
             raise error
         if not has_result(self.run):  # `--only` left the result as it was
             return Completed(message="nothing that depends on it has changed")
-        run_dir = self._run_dir
-        state = write_results(self.run, run_dir, started=begun, log_text=self.run.log_text())
-        show_video(run_dir.absolute(), UUID(str(flow_run.id)))
+        state = write_results(self.run, self.run_dir, started=begun, log_text=self.run.log_text())
+        show_video(self.run_dir.absolute(), UUID(str(flow_run.id)))
         if state == "partial":
             lost = "; ".join(f"{outcome.unit.label}: {outcome.reason}" for outcome in failures(self.run))
             return Failed(name="Partial", message=lost)
-        return Completed(message=os.fspath(run_dir))
+        return Completed(message=os.fspath(self.run_dir))
 
-    def _with_picture(self, error: NoUsablePersonError, run_dir: Path) -> NoUsablePersonError:
+    def _with_picture(self, error: NoUsablePersonError) -> NoUsablePersonError:
         """The error, with a picture of those who were seen and are not usable, if one can be written."""
-        path = run_dir.with_name(f"{run_dir.name}.seen.png")
+        path = self.run_dir.with_name(f"{self.run_dir.name}.seen.png")
         read = self.run.read
         try:
             (decoded,) = self.run.units(self.run.stage("decode")) or ()
@@ -163,22 +162,23 @@ class StageTasks:
 
 @dataclass
 class Failing:
-    """The run of a video that may fail; None until it was opened."""
+    """What a video that may fail has: its run folder, and its run; None until it was opened."""
 
+    run_dir: Path
     run: VideoRun | None = None
 
 
 @contextlib.contextmanager
 def showing_failure(video: Path, run_dir: Path) -> Iterator[Failing]:
     """Put a page on the dashboard if the video ends with an error, as a finished one has."""
-    failing = Failing()
+    failing = Failing(run_dir)
     try:
         yield failing
     except Exception as error:
         run = failing.run
         stages = [] if run is None else [asdict(stage_record(outcome)) for outcome in run.outcomes.values()]
         sha256 = None if run is None else run.video.sha256
-        show_failure(video, in_words(error), stages, run_dir.absolute(), UUID(str(flow_run.id)), sha256=sha256)
+        show_failure(video, in_words(error), stages, failing.run_dir.absolute(), UUID(str(flow_run.id)), sha256=sha256)
         raise
 
 

@@ -98,8 +98,7 @@ def _draw_video(axes: Axes, recording: Recording, marks: Sequence[Mark], people:
 
 
 def _draw_shots(axes: Axes, recording: Recording, marks: Sequence[Mark], edges: np.ndarray) -> None:
-    starts = [0, *recording.cut_frames]
-    for shot, (start, end) in enumerate(zip(starts, [*starts[1:], recording.num_frames], strict=True)):
+    for shot, (start, end) in enumerate(recording.shot_spans):
         left, width = edges[start], edges[end] - edges[start]
         axes.broken_barh([(left, width)], (-0.22, 0.44), color=hex_color(palette.shot_color(shot)))
         source = SOURCES[int(np.bincount(recording.camera_source[start:end]).argmax())].replace("_", " ")

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import pairwise
 from math import ceil, sqrt
 
 import numpy as np
@@ -63,8 +62,7 @@ class _World:
 def _worlds(recording: Recording) -> list[_World]:
     """All worlds; of several those with people, the longest ones if they are too many for a picture."""
     found = []
-    edges = pairwise([0, *recording.cut_frames, recording.num_frames])
-    shots = [(shot, start, end) for shot, (start, end) in enumerate(edges)]
+    shots = [(shot, start, end) for shot, (start, end) in enumerate(recording.shot_spans)]
     for world in range(max(recording.worlds, default=0) + 1):
         inside = tuple(one for one in shots if recording.world_of_shot(one[0]) == world)
         people = tuple(person for person in recording.people if world_of_person(recording, person) == world)

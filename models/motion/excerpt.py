@@ -9,7 +9,6 @@ the first of the next they stand where the nearer of the two has them.
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -128,8 +127,7 @@ class Excerpt:
 
     def shots(self) -> list[slice]:
         """Frames of each shot."""
-        edges = [0, *self.recording.cut_frames, self.recording.num_frames]
-        return [slice(a, b) for a, b in pairwise(edges)]
+        return [slice(*span) for span in self.recording.shot_spans]
 
     def shot_of(self, frames: slice) -> int:
         """The number of one of `shots` in the video."""

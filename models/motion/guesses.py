@@ -11,8 +11,9 @@ from jaxtyping import Bool, Float
 
 from humanmm.models.body.body24 import load_body
 from humanmm.models.motion.assemble import world_joints
+from humanmm.models.motion.refine.contacts import STANDS
 from humanmm.models.motion.refine.refine import FEWEST_STANDING, sole_heights
-from humanmm.models.records.landmarks import INDEX
+from humanmm.models.records.landmarks import INDEX, VISIBLE
 from humanmm.models.records.motion import PersonMotion, WorldMotion
 from humanmm.models.records.recording import CONTACT_JOINTS, Guesses, IdentityGuess, OffFloor, RecordedPerson, Recording
 from humanmm.models.records.shots import ShotList
@@ -21,8 +22,6 @@ from humanmm.models.shots.identity import identity_probabilities
 from humanmm.models.video.frame_times import shown_s
 
 Array = np.ndarray
-STANDING = 0.5
-"""Probability from which a sole stands on something."""
 FURNITURE_M = 0.5
 """Soles farther from the floor stand on something else."""
 OFF_FLOOR_M, OFF_FLOOR_S = 0.12, 0.25
@@ -30,7 +29,6 @@ OFF_FLOOR_M, OFF_FLOOR_S = 0.12, 0.25
 clips (`standard` 2811, 3611, 3711, `places` 2812, 3712) 16 do; of these one truly stands on something."""
 FOOT_LANDMARKS = tuple(INDEX[f"{side}_{name}"] for side in ("left", "right") for name in ("ankle", "foot_index"))
 """Where each of `CONTACT_JOINTS` is seen."""
-VISIBLE = 0.5
 
 
 def guesses_of(
@@ -62,11 +60,15 @@ def standing_soles(people: Sequence[PersonMotion], recorded: Mapping[int, Record
     their numbers."""
     body, found = load_body(), [np.zeros(0)]
     for person in people:
-        joints = world_joints(person, body.rest_joints(person.betas))
-        heights = joints[:, list(CONTACT_JOINTS), 2] - sole_heights(body, person.betas)
-        found.append(heights[(person.contacts >= STANDING) & seen_soles(recorded[person.person])])
+        heights = _soles_m(world_joints(person, body.rest_joints(person.betas)), person.betas)
+        found.append(heights[(person.contacts >= STANDS) & seen_soles(recorded[person.person])])
     soles = np.concatenate(found)
     return np.asarray(soles[np.abs(soles) < FURNITURE_M])
+
+
+def _soles_m(joints: Float[Array, "N 24 3"], betas: Float[Array, " 10"]) -> Float[Array, "N 4"]:
+    """Heights of the four soles above z = 0, metres."""
+    return np.asarray(joints[:, list(CONTACT_JOINTS), 2] - sole_heights(load_body(), betas))
 
 
 def seen_soles(person: RecordedPerson) -> Bool[Array, "N 4"]:
@@ -76,8 +78,8 @@ def seen_soles(person: RecordedPerson) -> Bool[Array, "N 4"]:
 
 def off_floor(person: RecordedPerson, time_s: Float[Array, " F"]) -> OffFloor | None:
     """Where somebody's soles are seen to stand, and not on the floor."""
-    heights = person.joints[:, list(CONTACT_JOINTS), 2] - sole_heights(load_body(), person.betas)
-    stands = (person.contacts >= STANDING) & seen_soles(person)
+    heights = _soles_m(person.joints, person.betas)
+    stands = (person.contacts >= STANDS) & seen_soles(person)
     off = stands & (np.abs(heights) > OFF_FLOOR_M) & (np.abs(heights) < FURNITURE_M)
     frames = person.frame[off.any(axis=1)]
     if not len(frames) or shown_s(time_s, frames).sum() < OFF_FLOOR_S:

@@ -1,7 +1,7 @@
 """Worlds of a video: the groups of shots that people or backgrounds join. Positions in two worlds cannot be compared.
 
 Every world has its own first person above its own origin, so that all lie on top of one another in the numbers of a
-recording; pictures set them apart along x.
+recording; the page sets them apart along x, and the picture from above gives each axes of its own.
 """
 
 from collections.abc import Iterable, Sequence

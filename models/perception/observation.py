@@ -17,7 +17,6 @@ MIN_TORSO = 0.05
 """Least distance from mid-shoulder to mid-hip as a fraction of the region's side; a standing person has 0.23."""
 MIN_CONFIDENCE = 0.15
 """Of the most that somebody could have who is out of the frame where this one is: head and shoulders have 0.2."""
-VISIBLE = 0.5
 _MASK_ON = 128
 _MASK_REACH = 3
 
@@ -131,7 +130,7 @@ def _visible_box(
     frame_size: tuple[int, int],
 ) -> Float[np.ndarray, " 4"] | None:
     """xyxy of the mask near the visible keypoints, inside the frame; None when nothing is left."""
-    visible = keypoints[keypoints[:, 2] > VISIBLE, :2]
+    visible = keypoints[keypoints[:, 2] > landmarks.VISIBLE, :2]
     if len(visible) < 4:
         return None
     low, high = visible.min(axis=0), visible.max(axis=0)

@@ -25,6 +25,8 @@ def _counterpart(name: str) -> str:
 SWAP = np.array([INDEX[_counterpart(name)] for name in NAMES])
 """SWAP[k] is landmark k's counterpart on the other side: `keypoints[SWAP]` swaps left and right."""
 
+VISIBLE = 0.5
+"""Visibility from which on a landmark counts as seen."""
 SHOULDERS = (INDEX["left_shoulder"], INDEX["right_shoulder"])
 WRISTS = (INDEX["left_wrist"], INDEX["right_wrist"])
 HIPS = (INDEX["left_hip"], INDEX["right_hip"])

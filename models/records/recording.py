@@ -4,6 +4,7 @@ The writer of the run folder, the exporters and the pictures all start from it.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -121,6 +122,11 @@ class Recording:
     def fps(self) -> float:
         """Mean frame rate, Hz; 0 for a single frame."""
         return mean_rate_hz(self.time_s)
+
+    @property
+    def shot_spans(self) -> tuple[tuple[int, int], ...]:
+        """Frames [start, end) of each shot."""
+        return tuple(pairwise((0, *self.cut_frames, self.num_frames)))
 
     def world_of_shot(self, shot: int) -> int:
         """The world of a shot of the video."""

@@ -17,10 +17,10 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.models.records.landmarks import INDEX, LIMBS, SWAP
+from humanmm.models.records.landmarks import INDEX, LIMBS, SWAP, VISIBLE
 from humanmm.models.records.shots import Change, Scenes
 from humanmm.models.records.tracks import ScenePeople
-from humanmm.models.shot_detection.sightings import USUAL_S, VISIBLE, Sightings
+from humanmm.models.shot_detection.sightings import USUAL_S, Sightings
 
 Array = np.ndarray
 

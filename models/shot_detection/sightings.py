@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from humanmm.models.geometry.boxes import box_area, box_iou
-from humanmm.models.records.landmarks import HIPS, SHOULDERS, SWAP
+from humanmm.models.records.landmarks import HIPS, SHOULDERS, SWAP, VISIBLE
 from humanmm.models.records.tracks import PersonTrack
 from humanmm.models.video.frame_times import elapsed_s, nearest_frame
 
@@ -19,8 +19,6 @@ USUAL_S = 0.4
 """How far on either side the usual movement is taken from."""
 _CALM_STEPS = 3
 """Steps that must be known on either side."""
-VISIBLE = 0.5
-"""Visibility from which on a landmark is compared."""
 _MIN_CONFIDENCE = 0.3
 """Sightings of lower confidence are left out."""
 _MIN_LANDMARKS = 8

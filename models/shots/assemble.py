@@ -131,15 +131,9 @@ def _doubts(cast: Cast) -> tuple[str, ...]:
 def _partly_seen(cast: Cast, shots: Sequence[Shot], people: Sequence[ScenePeople | None]) -> tuple[str, ...]:
     """A warning for everybody of whom much is out of view or covered most of the time: the rest of him is a guess."""
     trust: dict[int, list[float]] = {}
-    for shot in shots:
-        scene = people[shot.scene]
-        if scene is None:
-            continue
-        for one in shot.people:
-            track = scene.tracks[one.track]
-            if not track.lifted:
-                here = (track.frame >= shot.start) & (track.frame < shot.end)
-                trust.setdefault(one.person, []).extend(track.confidence[here].tolist())
+    for person, track, here in _seen(shots, people):
+        if not track.lifted:
+            trust.setdefault(person, []).extend(track.confidence[here].tolist())
     median = {person: float(np.median(values)) for person, values in trust.items() if values}
     return tuple(
         f"person {one.person} is seen in part (confidence {median[one.person]:.2f}): what is out of view or covered is "
@@ -154,14 +148,19 @@ def _seen_for_certain(
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Of all who are certainly people: keypoints, and the seconds for which each frame is shown."""
     certain = {person.person for person in cast.people if not person.doubtful}
+    for person, track, here in _seen(shots, people):
+        if person in certain:
+            yield track.keypoints2d[here], shown_s(time_s, track.frame[here])
+
+
+def _seen(shots: Sequence[Shot], people: Sequence[ScenePeople | None]) -> Iterator[tuple[int, PersonTrack, np.ndarray]]:
+    """Everybody in every shot: number, track, and which of its rows are of the shot."""
     for shot in shots:
         scene = people[shot.scene]
-        for one in shot.people if scene is not None else ():
-            if one.person in certain:
-                assert scene is not None
+        if scene is not None:
+            for one in shot.people:
                 track = scene.tracks[one.track]
-                here = (track.frame >= shot.start) & (track.frame < shot.end)
-                yield track.keypoints2d[here], shown_s(time_s, track.frame[here])
+                yield one.person, track, (track.frame >= shot.start) & (track.frame < shot.end)
 
 
 def _overlooked(people: Sequence[ScenePeople | None], size: tuple[int, int]) -> Iterator[str]:

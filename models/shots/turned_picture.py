@@ -5,11 +5,10 @@ from collections.abc import Iterable
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.models.records.landmarks import HIPS, SHOULDERS, TORSO
+from humanmm.models.records.landmarks import HIPS, SHOULDERS, TORSO, VISIBLE
 
 Array = np.ndarray
 
-VISIBLE = 0.5
 TURNS = {-90: "transpose=1", 90: "transpose=2", 180: "hflip,vflip"}
 """Where heads point in the picture, degrees clockwise from up → the filter of ffmpeg that puts it right."""
 WITHIN_DEG = 45.0

@@ -13,7 +13,7 @@ from pydantic import AfterValidator, AliasChoices, BaseModel, ConfigDict, Field,
 from pydantic_core import PydanticCustomError
 
 from humanmm import parts
-from humanmm.corrections import Corrections
+from humanmm.corrections import MAX_FOCAL_PX, Corrections
 from humanmm.errors import ConfigError, InputError
 
 
@@ -213,13 +213,16 @@ class PointsConfig(Section):
     """Cells of the grid over the picture that are each kept supplied with a point."""
 
 
+MIN_FOV_DEG, MAX_FOV_DEG = 1, 179
+
+
 class IntrinsicsConfig(Section):
     """One focal length for all shots (the paper's assumption) but those that clearly have a lens of their own."""
 
-    focal_px: Annotated[float, Field(gt=0, le=1_000_000)] | None = None
+    focal_px: Annotated[float, Field(gt=0, le=MAX_FOCAL_PX)] | None = None
     """Focal length in pixels of the source resolution, square ones; given values are never re-estimated."""
 
-    fov_deg: Annotated[float, Field(gt=1, lt=179)] | None = None
+    fov_deg: Annotated[float, Field(gt=MIN_FOV_DEG, lt=MAX_FOV_DEG)] | None = None
     """Horizontal field of view in degrees, used when focal_px is not given."""
 
     cameras_from: GivenFile | None = None

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from humanmm.config import MAX_FOV_DEG, MIN_FOV_DEG
 from humanmm.corrections import (
     ONCE,
     AddCut,
@@ -44,8 +45,6 @@ SIDES: tuple[Literal["shoulder", "wrist", "hip", "knee", "ankle"], ...] = ("shou
 ALONE = 1.5
 """Somebody this many times his own size away from all others cannot be taken for one of them."""
 NEAR_FRAMES = 2
-MIN_FOV_DEG, MAX_FOV_DEG = 1.0, 179.0
-"""As in the setting intrinsics.fov_deg."""
 
 
 @dataclass(frozen=True)

@@ -176,11 +176,15 @@ class StaticShot(Correction):
         return f"the camera is static in the shot of frame {self.frame}"
 
 
+MAX_FOCAL_PX = 1_000_000
+"""Of the longest lens of the largest picture a few times as much as there is."""
+
+
 class Focal(Correction):
     """The focal length of the video."""
 
     kind: Literal["focal"] = "focal"
-    px: Annotated[float, Field(gt=0, le=1_000_000)]
+    px: Annotated[float, Field(gt=0, le=MAX_FOCAL_PX)]
     """Pixels of the video."""
 
     def __str__(self) -> str:

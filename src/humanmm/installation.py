@@ -94,16 +94,14 @@ def _bucket(location: str) -> Check:
 def _store(store: Path) -> Iterator[Check]:
     from humanmm.storage.batches.batch_table import open_batches
     from humanmm.storage.store.bucket import is_bucket
-    from humanmm.storage.store.files import refusal_to_write
+    from humanmm.storage.store.files import existing_part, refusal_to_write
     from humanmm.storage.store.store import cache_folder
 
     location = str(store)
     if is_bucket(location):
         yield _bucket(location)
         store = cache_folder() / "buckets"
-    existing = store.expanduser().absolute()
-    while not existing.exists():
-        existing = existing.parent
+    existing = existing_part(store.expanduser())
     refusal = refusal_to_write(existing)
     found = f"{store}: {f'not writable ({refusal})' if refusal else 'writable'}"
     yield Check("store", not refusal, found, "name a folder that you may write with --store or $HUMANMM_STORE")

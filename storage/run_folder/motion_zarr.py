@@ -4,7 +4,6 @@ A zarr v3 group with crc32c on every array. It is written beside its final place
 sees the old recording or the new one, never a half-written one.
 """
 
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -154,7 +153,7 @@ def _attributes(recording: Recording) -> dict[str, Any]:
         "cut_frames": list(recording.cut_frames),
         "shots": [
             {"start": start, "end": end, "world": recording.world_of_shot(shot)}
-            for shot, (start, end) in enumerate(pairwise([0, *recording.cut_frames, recording.num_frames]))
+            for shot, (start, end) in enumerate(recording.shot_spans)
         ],
     }
 

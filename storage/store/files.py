@@ -100,11 +100,17 @@ def refusal_to_write(folder: Path) -> str:
     return ""
 
 
-def check_writable(folder: Path) -> None:
-    """Raise InputError, before anything is computed, if an output folder cannot be written."""
-    existing = folder.absolute()
+def existing_part(path: Path) -> Path:
+    """As much of a path as there is."""
+    existing = path.absolute()
     while not existing.exists() and existing != existing.parent:
         existing = existing.parent
+    return existing
+
+
+def check_writable(folder: Path) -> None:
+    """Raise InputError, before anything is computed, if an output folder cannot be written."""
+    existing = existing_part(folder)
     if not existing.is_dir():
         raise InputError(f"the output folder {folder} cannot be made: {existing} is a file; name another with --out")
     refusal = refusal_to_write(existing)

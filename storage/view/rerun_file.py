@@ -5,7 +5,6 @@ z up, metres. A person is /world/person_00 with `body` (triangles), `joints`, `b
 """
 
 from collections.abc import Mapping
-from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -82,8 +81,7 @@ def _log_cameras(stream: "RecordingStream", recording: Recording, overlay: Path 
 
     if overlay is not None:
         stream.log("video", rr.AssetVideo(path=overlay), static=True)
-    edges = [0, *recording.cut_frames, recording.num_frames]
-    for shot, (start, end) in enumerate(pairwise(edges)):
+    for shot, (start, end) in enumerate(recording.shot_spans):
         name = f"world/camera_{shot}"
         for frame in range(start, end):
             _set_time(stream, recording, frame)

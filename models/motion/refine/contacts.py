@@ -15,6 +15,8 @@ from humanmm.models.geometry.intervals import runs_of_true
 from humanmm.models.video.frame_times import ROUNDING_S
 
 Array = np.ndarray
+STANDS = 0.5
+"""Probability from which a joint stands: hysteresis and shortest duration leave it above this where a contact holds."""
 
 
 @dataclass(frozen=True)
@@ -107,13 +109,13 @@ def _through_gap(
 ) -> Float[Array, " 4"]:
     """The probability of each contact in a gap, by those right before and right after it."""
     least = probability.min(axis=0)
-    stood = (least >= 0.5) & (np.linalg.norm(feet[1] - feet[0], axis=-1) < model.same_place_m)
+    stood = (least >= STANDS) & (np.linalg.norm(feet[1] - feet[0], axis=-1) < model.same_place_m)
     return np.where(stood, least, 0.0)
 
 
 def _settled(probability: Float[Array, " N"], time_s: Float[Array, " N"], model: ContactModel) -> Float[Array, " N"]:
     """The probability, moved to the other side of one half where hysteresis or the shortest duration say so."""
-    holds = probability >= 0.5
+    holds = probability >= STANDS
     duration = np.gradient(time_s) if len(time_s) > 1 else np.zeros(len(time_s))
     for start, end in runs_of_true(~holds):  # short interruptions of a contact
         inside = start > 0 and end < len(holds)

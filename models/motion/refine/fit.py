@@ -28,6 +28,7 @@ from humanmm.models.motion.fit.evidence import LongEvidence, Sighting
 from humanmm.models.motion.fit.hmr import EvidenceTerms, NoiseModel, pelvis_depths
 from humanmm.models.motion.fit.solver import SolverSettings, solve_windows
 from humanmm.models.motion.fit.state import PELVIS, ROOT, CameraPath, LongMotion, Motion, Skeleton
+from humanmm.models.motion.refine.contacts import STANDS
 from humanmm.models.records.recording import CONTACT_JOINTS
 from humanmm.models.records.shots import ShotList
 from humanmm.models.records.tracks import ScenePeople
@@ -78,7 +79,7 @@ class PlantedFeet:
 
     @cached_property
     def _weight(self) -> Float[Array, "M 4"]:
-        stands = self.contacts * (self.contacts >= 0.5)
+        stands = self.contacts * (self.contacts >= STANDS)
         return np.asarray(stands[1:] * stands[:-1] * (self._span * REFERENCE_HZ)[:, None])
 
     @memoised
@@ -283,7 +284,7 @@ def fit_world(
 
     def terms(frames: slice) -> list[Term]:
         planted = PlantedFeet(feet, clip.time_s[frames], contacts[frames])
-        standing = contacts[frames] * (contacts[frames] >= 0.5) * seen_weight[frames, None]
+        standing = contacts[frames] * (contacts[frames] >= STANDS) * seen_weight[frames, None]
         on_floor = FeetOnFloor(feet, standing_height, standing)
         return [*of_evidence(frames), planted, on_floor, Uprightness(seen_weight[frames]), *learned(frames)]
 

@@ -16,6 +16,7 @@ from humanmm.models.body.kinematics import chunks
 from humanmm.models.geometry.intervals import runs_of_true
 from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat, swing
 from humanmm.models.motion.fit.state import LongMotion
+from humanmm.models.motion.refine.contacts import STANDS
 from humanmm.models.motion.refine.smoothing import fade
 from humanmm.models.records.recording import CONTACT_JOINTS
 
@@ -121,7 +122,7 @@ def ankle_targets(
     `contacts` and `sole_height` are those of ankle and toe base.
     """
     settings = settings or LockSettings()
-    holds = contacts >= 0.5
+    holds = contacts >= STANDS
     R_foot = _flat_feet(leg, holds, time_s, settings)
     ball = np.einsum("nab,nb->na", np.swapaxes(leg.R_ankle, -1, -2), leg.toe - leg.ankle)
     toe = leg.ankle + np.einsum("nab,nb->na", R_foot, ball)

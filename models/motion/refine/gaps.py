@@ -11,13 +11,12 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from humanmm.models.geometry.intervals import runs_of_true
+from humanmm.models.motion.refine.contacts import STANDS
 
 LONG_S = 2.0
 LANDED_S, HELD_S = 0.8, 0.2
 """So long after he was seen he stands, and for so long that counts as evidence; between both ends the path is straight
 again."""
-STANDS = 0.5
-"""Probability from which a foot stands."""
 TRUST = 0.3
 """Weight of that evidence: frames in which somebody is seen have up to 1."""
 

@@ -23,7 +23,7 @@ from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
 from humanmm.models.motion.fit.evidence import LongEvidence, person_skeleton
 from humanmm.models.motion.fit.state import CameraPath, LongMotion
 from humanmm.models.motion.networks.interfaces import MotionNetworks
-from humanmm.models.motion.refine.contacts import ContactModel, contact_probabilities
+from humanmm.models.motion.refine.contacts import STANDS, ContactModel, contact_probabilities
 from humanmm.models.motion.refine.discontinuities import close_discontinuities
 from humanmm.models.motion.refine.fit import fit_world, gather_clip
 from humanmm.models.motion.refine.footlock import LockSettings, contact_positions, lock_feet
@@ -302,7 +302,7 @@ def finish(one: Draft, *, settings: RefineSettings) -> PersonMotion:
 
 def floor_height(drafts: Sequence[Draft]) -> float:
     """Height of the floor under the standing feet, metres: the median of the soles that stand near z = 0."""
-    soles = np.concatenate([one.soles[one.contacts >= 0.5] for one in drafts] or [np.zeros(0)])
+    soles = np.concatenate([one.soles[one.contacts >= STANDS] for one in drafts] or [np.zeros(0)])
     floor = 0.0
     for _ in range(2):
         near = soles[np.abs(soles - floor) < FLOOR_NEAR_M]

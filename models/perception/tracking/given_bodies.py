@@ -19,7 +19,7 @@ from humanmm.models.geometry.rotations import rotmat_to_rotvec
 from humanmm.models.perception.clothing import HISTOGRAM_BINS
 from humanmm.models.perception.lifting.coco import FEWEST, NEAREST_M, boxes_about
 from humanmm.models.perception.silhouettes import silhouettes
-from humanmm.models.perception.tracking.overlooked import followed, left_out
+from humanmm.models.perception.tracking.overlooked import crowded_out, followed
 from humanmm.models.perception.tracking.track_builder import largest_first, shortest_track_s
 from humanmm.models.records.landmarks import HIPS, LIMBS, NUM_LANDMARKS
 from humanmm.models.records.tracks import MASK_SIDE, UNKNOWN_RAD, PersonTrack, PoseEstimates, ScenePeople
@@ -80,7 +80,7 @@ def people_of_bodies(
     found = [_track(body, slice(*np.searchsorted(body.frame, span)), (facts.width, facts.height)) for body in bodies]
     tracks = largest_first(one for one in found if float(shown_s(facts.time_s, one.frame).sum()) >= shortest_s)
     kept = followed([one.frame for one in tracks], np.arange(len(tracks), 0, -1).tolist(), max_people)
-    others = tuple(left_out(one.frame, one.bbox, 1.0) for k, one in enumerate(tracks) if k not in kept)
+    others = tuple(crowded_out(one.frame, one.bbox, 1.0) for k, one in enumerate(tracks) if k not in kept)
     return ScenePeople(*span, tuple(tracks[k] for k in kept), _squeezed(bodies), others)
 
 

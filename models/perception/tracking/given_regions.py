@@ -17,7 +17,7 @@ from humanmm.models.perception.interfaces import Landmarks, Networks
 from humanmm.models.perception.observation import Observation, observe
 from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.regions import HEIGHT_OF_SIDE, Region, warp
-from humanmm.models.perception.tracking.overlooked import followed, left_out
+from humanmm.models.perception.tracking.overlooked import crowded_out, followed
 from humanmm.models.perception.tracking.track_builder import TrackBuilder, largest_first, shortest_track_s
 from humanmm.models.perception.tracking.tracker import in_source_pixels
 from humanmm.models.records.tracks import MASK_SIDE, ScenePeople
@@ -86,7 +86,7 @@ def track_regions(
     shortest_s = shortest_track_s(time_s, span)
     tracks = largest_first(one.finished() for one in builders.values() if one.seen_s >= shortest_s)
     others = tuple(
-        left_out(given.frame[own], given.box[own] / np.tile(scale, 2), float(given.score[own].mean()))
+        crowded_out(given.frame[own], given.box[own] / np.tile(scale, 2), float(given.score[own].mean()))
         for person, own in enumerate(rows_of)
         if person not in kept and float(shown_s(time_s, given.frame[own]).sum()) >= shortest_s
     )

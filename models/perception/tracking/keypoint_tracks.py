@@ -9,7 +9,7 @@ from scipy.optimize import linear_sum_assignment
 from humanmm.models.geometry.intrinsics import K_from_focal, default_focal_px
 from humanmm.models.perception.interfaces import SEEN, KeypointLifter
 from humanmm.models.perception.lifting.coco import FEWEST, boxes_about, coco_track
-from humanmm.models.perception.tracking.overlooked import followed, left_out
+from humanmm.models.perception.tracking.overlooked import crowded_out, followed
 from humanmm.models.perception.tracking.track_builder import largest_first, shortest_track_s
 from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.records.video import VideoFacts
@@ -55,7 +55,7 @@ def people_of_keypoints(
         for own in (people[k] for k in kept)
     )
     others = tuple(
-        left_out(
+        crowded_out(
             frame[own],
             boxes_about(keypoints[own, :, :2], keypoints[own, :, 2] >= SEEN, size),
             score[k] / keypoints[own, :, 2].size,

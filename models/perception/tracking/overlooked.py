@@ -45,7 +45,7 @@ def followed(frames: Sequence[Int[np.ndarray, "_"]], weight: Sequence[float], ma
     return kept
 
 
-def left_out(frame: Int[np.ndarray, " n"], box: Float[np.ndarray, "n 4"], score: float) -> Unfollowed:
+def crowded_out(frame: Int[np.ndarray, " n"], box: Float[np.ndarray, "n 4"], score: float) -> Unfollowed:
     """Somebody whom another program found, beside as many as may be followed."""
     x0, y0, x1, y1 = box[(box[:, 2:] - box[:, :2]).prod(axis=1).argmax()].tolist()
     return Unfollowed(int(frame[0]), int(frame[-1]), (x0, y0, x1, y1), score, crowded=True)

@@ -16,7 +16,7 @@ from humanmm.models.perception.clothing import clothing_histogram, colour_distan
 from humanmm.models.perception.hands.follow import due_frames
 from humanmm.models.perception.interfaces import Detection, Landmarks, Networks, PoseNetwork
 from humanmm.models.perception.keypoints.fusion import BEST
-from humanmm.models.perception.observation import VISIBLE, Observation, averaged, inside, observe, similarity
+from humanmm.models.perception.observation import Observation, averaged, inside, observe, similarity
 from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.regions import HEIGHT_OF_SIDE, Region
 from humanmm.models.perception.tracking.linking import joined, untangled
@@ -314,7 +314,7 @@ def _goes_on(track: TrackBuilder, frame: int, seen: Observation) -> bool:
     """True where what is seen of somebody lies where his track has it."""
     reach = min(STEP_PER_S * abs(elapsed_s(track.time_s, track.last_frame, frame)), LONGEST_STEP)
     expected = track.predicted_keypoints(frame)
-    both = (expected[:, 2] > VISIBLE) & (seen.keypoints[:, 2] > VISIBLE)
+    both = (expected[:, 2] > landmarks.VISIBLE) & (seen.keypoints[:, 2] > landmarks.VISIBLE)
     apart = np.linalg.norm(expected[both, :2] - seen.keypoints[both, :2], axis=1)
     return bool(both.any() and np.median(apart) < reach * HEIGHT_OF_SIDE * seen.region.side)
 
