@@ -4,10 +4,13 @@ Dissolve over [s, e): thumbnail T_t = (1 − a_t) T_before + a_t T_after with a_
 pan or a walking person makes no such blend: in its middle it shows what neither end shows. A slow flight may: its
 thumbnails hardly differ. But a blend of two pictures that have nothing in common has less detail than either (of the
 variance, (1 − a)² and a² of theirs; Alattar 1993, "Detecting and compressing dissolve regions in video sequences"), and
-a picture on the way from one to the other has as much.
+a picture on the way from one to the other has as much. A camera that sweeps loses detail as well, but not by this
+parabola; nor do two dissolves one after the other, taken for one.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -31,12 +34,10 @@ _MAX_LEAP, _LEAP_TIMES = 0.4, 4.0
 is even for its time: that would be a hard cut."""
 _LOST_DETAIL = 0.3
 """Least part of the detail that a blend loses which is lost: 0.39 to 1.3 in dissolves; in spans that look like one and
-are none 0.25 at most, but for those in which a shaken camera blurs what both ends show."""
-_UNRELATED = 0.28
-"""The ends of most dissolves correlate less once motion is undone (0.02 to 0.25). Ends that are more alike may be of a
-camera that sweeps, whose blur loses detail too."""
-_BLENDED = 0.6
-"""Such ends must explain this part of the detail between them: 0.71 in three dissolves; 0 to 0.48 in sweeps."""
+are none 0.25 at most, but for those in which a camera that sweeps or shakes blurs what both ends show."""
+_MAX_DETAIL_ERROR = 0.15
+"""Root-mean-square deviation of the detail, as a part of what its ends have, from the parabola of a blend: 0.01 to 0.14
+in dissolves (0.03 in the median); 0.19 or more in sweeps, and where two dissolves half a second apart look like one."""
 _FAIR_STEP = 0.5
 """Each frame of a dissolve makes at least this fraction of the change that is even for its time."""
 _RAMP_RANGE = (0.15, 0.85)
@@ -61,7 +62,9 @@ def dissolves(window: PictureWindow, begin: int, end: int, longest: int) -> list
 
     They last at most DISSOLVE_S, in which the video shows at most `longest` frames.
     """
-    thumbs = _without_flicker(np.stack(window.thumbs))
+    thumbs = np.stack(window.thumbs)
+    flicker = _flicker(thumbs)
+    thumbs = np.asarray(thumbs / flicker[:, None], thumbs.dtype)
     time_s = window.time_s[window.first : window.end]
     coarse = _halved(thumbs)
     candidates: list[tuple[float, int, int]] = []
@@ -81,16 +84,16 @@ def dissolves(window: PictureWindow, begin: int, end: int, longest: int) -> list
         if any(start < s.end and s.start < stop for s in found):
             continue
         ends = start - 1, stop
-        if lost_detail(window, *ends) < _LOST_DETAIL or window.displacement(*ends) is not None:
-            continue
-        if window.motion(*ends).match > _UNRELATED and explained_detail(window, *ends) < _BLENDED:
+        detail = BlendDetail.of(window, *ends, flicker)
+        if detail.lost < _LOST_DETAIL or detail.error > _MAX_DETAIL_ERROR or window.displacement(*ends) is not None:
             continue
         found.append(Interval(start, stop))
     return sorted(found)
 
 
-def _without_flicker(thumbs: np.ndarray) -> np.ndarray:
-    """n small pictures (n,m), a row each, whose light flickers, each as light as those around it; others as they are.
+def _flicker(thumbs: np.ndarray) -> np.ndarray:
+    """(n,) by how much lighter each of n small pictures (n,m), a row each, is than those around it, if their light
+    flickers; else ones.
 
     Lamps that flicker, and exposures that hunt, bend the ramp of a blend; a fade changes the light for longer.
     """
@@ -98,41 +101,37 @@ def _without_flicker(thumbs: np.ndarray) -> np.ndarray:
     around = sliding_window_view(np.pad(light, _FLICKER_REACH, mode="edge"), 2 * _FLICKER_REACH + 1)
     even = np.median(around, axis=-1)
     flicker = np.maximum(light, 1.0) / np.maximum(even, 1.0)
-    if np.median(np.abs(flicker - 1)) < _LEAST_FLICKER:
-        return thumbs
-    return np.asarray(thumbs / flicker[:, None], thumbs.dtype)
+    return flicker if np.median(np.abs(flicker - 1)) >= _LEAST_FLICKER else np.ones(len(thumbs))
 
 
-def lost_detail(window: PictureWindow, before: int, after: int) -> float:
-    """How much less detail the middle of a span has than pictures between its ends would have: 1 in a dissolve of two
-    pictures that have nothing in common, 0 in a pan from one to the other."""
-    frames = np.arange(before + 1, after)
-    weight = (window.time_s[frames] - window.time_s[before]) / (window.time_s[after] - window.time_s[before])
-    middle = np.abs(weight - 0.5) < 0.25
-    if not middle.any():
-        middle = np.abs(weight - 0.5) == np.abs(weight - 0.5).min()
-    frames, weight = frames[middle], weight[middle]
-    filmed = _filmed(window, before, after)
-    first, last = window.detail_variance(before, filmed), window.detail_variance(after, filmed)
-    moved = (1 - weight) * first + weight * last
-    mixed = (1 - weight) ** 2 * first + weight**2 * last
-    seen = np.array([window.detail_variance(frame, filmed) for frame in frames.tolist()])
-    return float(np.median((moved - seen) / np.maximum(moved - mixed, 1e-6)))
+@dataclass(frozen=True)
+class BlendDetail:
+    """What the pictures between two frames have of the detail that a blend of these would have."""
 
+    lost: float
+    """How much less detail the middle has than pictures on the way from one to the other would have: 1 in a blend of
+    two pictures that have nothing in common, 0 in a pan."""
+    error: float
+    """Root-mean-square deviation from a blend's detail, as a part of that of pictures on the way."""
 
-def _filmed(window: PictureWindow, before: int, after: int) -> np.ndarray:
-    """(h,w) bool: where nothing is burned into all of a span; of a pan's ends some part may be alike by chance."""
-    return np.asarray(window.filmed(before, after) | window.filmed(before, (before + after) // 2))
-
-
-def explained_detail(window: PictureWindow, before: int, after: int) -> float:
-    """The part, 0..1, of the detail midway between two frames that a blend of theirs explains."""
-    filmed = _filmed(window, before, after)
-    ends = np.stack([window.detail(frame)[filmed] for frame in (before, after)], axis=1)
-    middle = window.detail((before + after) // 2)[filmed]
-    weights = np.linalg.lstsq(ends.T @ ends, ends.T @ middle, rcond=None)[0]
-    left = middle - ends @ weights
-    return float(1 - left @ left / max(float(middle @ middle), 1e-6))
+    @classmethod
+    def of(cls, window: PictureWindow, before: int, after: int, flicker: np.ndarray) -> Self:
+        """Of the frames between two, where nothing is burned into all of them; `flicker`: of the window's frames."""
+        frames = np.arange(before + 1, after)
+        weight = (window.time_s[frames] - window.time_s[before]) / (window.time_s[after] - window.time_s[before])
+        # of a pan's ends some part may be alike by chance
+        filmed = window.filmed(before, after) | window.filmed(before, (before + after) // 2)
+        light = flicker[before - window.first : after + 1 - window.first]
+        seen = np.array([window.detail_variance(frame, filmed) for frame in range(before, after + 1)]) / light**2
+        common = float(np.mean(window.detail(before)[filmed] * window.detail(after)[filmed])) / (light[0] * light[-1])
+        moved = np.maximum((1 - weight) * seen[0] + weight * seen[-1], 1e-6)
+        unrelated = (1 - weight) ** 2 * seen[0] + weight**2 * seen[-1]
+        mixed = unrelated + 2 * weight * (1 - weight) * common
+        middle = np.abs(weight - 0.5) < 0.25
+        if not middle.any():
+            middle = np.abs(weight - 0.5) == np.abs(weight - 0.5).min()
+        lost = (moved - seen[1:-1]) / np.maximum(moved - unrelated, 1e-6)
+        return cls(float(np.median(lost[middle])), float(np.sqrt(np.mean(((seen[1:-1] - mixed) / moved) ** 2))))
 
 
 def _blends(thumbs: np.ndarray, time_s: np.ndarray, length: int) -> list[tuple[float, int, int]]:

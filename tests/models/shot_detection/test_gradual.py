@@ -7,10 +7,10 @@ from places import HEIGHT, WIDTH, Place
 
 from humanmm.models.geometry.intervals import Interval
 from humanmm.models.shot_detection.gradual import (
+    BlendDetail,
     dips,
-    explained_detail,
+    dissolves,
     fade_around,
-    lost_detail,
     meeting_blends,
     most_frames,
     uniform_runs,
@@ -25,6 +25,10 @@ MEAN_RATE_TIME_S = np.arange(110) * STEPS_S.mean()
 
 def blended(before: np.ndarray, after: np.ndarray, weight: float) -> np.ndarray:
     return cv2.addWeighted(before, 1 - weight, after, weight, 0)
+
+
+def detail_of(window: PictureWindow, before: int, after: int) -> BlendDetail:
+    return BlendDetail.of(window, before, after, np.ones(window.end))
 
 
 def changes(pictures: list[np.ndarray], time_s: np.ndarray) -> list[tuple[str, int, int]]:
@@ -100,8 +104,8 @@ def test_a_pan_keeps_its_detail_however_little_its_ends_have_in_common() -> None
     window = PictureWindow(np.arange(60) / 30)
     for frame in range(60):
         window.append(place.picture(0, offset=(0.7 * WIDTH * frame / 59, 0)))
-    assert lost_detail(window, 0, 59) < 0.15
-    assert lost_detail(window, 0, 12) < 0.15
+    assert detail_of(window, 0, 59).lost < 0.15
+    assert detail_of(window, 0, 12).lost < 0.15
 
 
 @pytest.mark.parametrize("frames", [3, 20])
@@ -110,17 +114,32 @@ def test_a_dissolve_between_two_places_loses_detail(frames: int) -> None:
     window = PictureWindow(np.arange(frames) / 30)
     for frame in range(frames):
         window.append(blended(one.picture(frame), two.picture(frame), frame / (frames - 1)))
-    assert lost_detail(window, 0, frames - 1) == pytest.approx(1, abs=0.25)
-    assert explained_detail(window, 0, frames - 1) > 0.9
+    detail = detail_of(window, 0, frames - 1)
+    assert detail.lost == pytest.approx(1, abs=0.25)
+    assert detail.error < 0.1
 
 
-def test_the_middle_of_a_sweep_is_no_blend_of_its_ends() -> None:
+@pytest.mark.parametrize("step_px", [10.0, 40.0])
+def test_a_sweep_loses_detail_otherwise_than_a_blend_of_its_ends(step_px: float) -> None:
     place, window = Place(3), PictureWindow(np.arange(5) / 30)
     for frame in range(5):
         blur = (1 + 20 * (frame in (1, 2, 3)), 1)
-        window.append(cv2.blur(place.picture(0, offset=(10.0 * frame, 0)), blur))
-    assert lost_detail(window, 0, 4) > 0.3
-    assert explained_detail(window, 0, 4) < 0.4
+        window.append(cv2.blur(place.picture(0, offset=(step_px * frame, 0)), blur))
+    detail = detail_of(window, 0, 4)
+    assert detail.lost > 0.3
+    assert detail.error > 0.19
+
+
+def test_two_dissolves_half_a_second_apart_are_not_one() -> None:
+    one, two, three = Place(1), Place(2), Place(4)
+    weights = np.clip((np.arange(90)[:, None] - (19, 47)) / (14, 20), 0, 1)
+    window = PictureWindow(np.arange(90) / 30)
+    for frame, (second, third) in enumerate(weights):
+        earlier = blended(one.picture(frame), two.picture(frame), second)
+        window.append(blended(earlier, three.picture(frame), third))
+    assert detail_of(window, 15, 70).error > 0.19
+    spans = [(found.start, found.end) for found in dissolves(window, 0, 90, 60)]
+    assert np.allclose(spans, [(20, 33), (48, 67)], atol=2)
 
 
 def dipped(pictures: list[np.ndarray], middle: int, num_frames: int) -> list[np.ndarray]:
