@@ -6,6 +6,7 @@ difference, fading out into its shot. Quick detail of the motion on both sides s
 """
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -34,40 +35,30 @@ def close_discontinuities(
     time_s: Float[Array, " N"],
     cut_frames: Sequence[int],
 ) -> Float[Array, "N J 3"]:
-    """The rotation vectors (radians) with the jump at every cut divided between both shots."""
+    """The rotation vectors (radians) with the jump at every cut divided between both shots.
+
+    `frame` and `cut_frames` increase. Cuts around a shot in which the person is not seen are one.
+    """
     if not cut_frames:
         return vectors
     closed = vectors.copy()
     known = np.flatnonzero(observed)
-    for cut in cut_frames:
-        before, after = known[frame[known] < cut], known[frame[known] >= cut]
-        if len(before) == 0 or len(after) == 0 or time_s[after[0]] - time_s[before[-1]] > LONGEST_STEP_S:
+    shots = [rows for rows in np.split(known, np.searchsorted(frame[known], cut_frames)) if len(rows)]
+    for before, after in pairwise(shots):  # a shot in which nobody is seen has no side
+        if time_s[after[0]] - time_s[before[-1]] > LONGEST_STEP_S:
             continue
         middle = (time_s[before[-1]] + time_s[after[0]]) / 2
         end = _carried(vectors, before[::-1], time_s, middle)
         start = _carried(vectors, after, time_s, middle)
         jump = rotmat_to_rotvec(np.swapaxes(end, -1, -2) @ start)  # in the joint's own axes at the cut
         # A fade never reaches past the middle of a shot, so that two cuts' corrections do not meet.
-        for rows, sign in (
-            (_same_side(before, cut, cut_frames, frame), 0.5),
-            (_same_side(after, cut, cut_frames, frame), -0.5),
-        ):
-            reach = min(FADE_S, abs(time_s[rows[-1]] - time_s[rows[0]]) / 2 + 1e-9)
+        for rows, sign in ((before, 0.5), (after, -0.5)):
+            reach = min(FADE_S, (time_s[rows[-1]] - time_s[rows[0]]) / 2 + 1e-9)
             away = np.abs(time_s[rows] - middle) / reach
             rows, fraction = rows[away < 1], fade(away[away < 1])
             correction = rotvec_to_rotmat(sign * fraction[:, None, None] * jump)
             closed[rows] = rotmat_to_rotvec(rotvec_to_rotmat(closed[rows]) @ correction)
     return closed
-
-
-def _same_side(rows: Array, cut: int, cut_frames: Sequence[int], frame: Array) -> Array:
-    """The rows of the shot that ends or begins at `cut`."""
-    bounds = [c for c in cut_frames if c != cut]
-    if len(rows) and frame[rows[0]] < cut:
-        low = max((c for c in bounds if c < cut), default=-1)
-        return np.asarray(rows[frame[rows] >= low])
-    high = min((c for c in bounds if c > cut), default=np.iinfo(np.int64).max)
-    return np.asarray(rows[frame[rows] < high])
 
 
 def _carried(vectors: Array, rows: Array, time_s: Array, when: float) -> Float[Array, "J 3 3"]:

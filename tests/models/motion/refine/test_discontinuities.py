@@ -46,5 +46,20 @@ def test_a_gap_at_the_cut_is_left_to_be_filled_in() -> None:
     np.testing.assert_array_equal(closed(poses(), observed), poses())
 
 
+def test_cuts_around_a_short_shot_without_the_person_are_closed_once() -> None:
+    observed = np.ones(N, bool)
+    observed[CUT - 3 : CUT] = False
+    twice = closed(poses(), observed, cuts=(CUT - 3, CUT))
+    np.testing.assert_array_equal(twice, closed(poses(), observed))
+    step = np.linalg.norm(twice[CUT] - twice[CUT - 4], axis=-1)
+    assert step.max() < 0.05 * np.linalg.norm(JUMP) + 0.04  # four frames' own motion is left
+
+
+def test_a_side_is_carried_on_from_its_own_shot_alone() -> None:
+    late = poses() + np.where(FRAME >= CUT + 2, 1.0, 0.0)[:, None, None] * 10 * JUMP
+    moved = closed(late, cuts=(CUT, CUT + 2)) - late
+    np.testing.assert_allclose(np.linalg.norm(moved[CUT - 1], axis=-1), np.linalg.norm(JUMP) / 2, rtol=0.1)
+
+
 def test_without_a_cut_there_is_nothing_to_close() -> None:
     np.testing.assert_array_equal(closed(poses(), cuts=()), poses())
