@@ -15,8 +15,6 @@ from humanmm.models.motion.world.state import SolveSettings, WorldState
 
 Array = np.ndarray
 
-HOLE_S = 0.1
-"""Frames of a track further apart than this have a hole between them: what somebody did meanwhile nobody saw."""
 COMING_S = 0.15
 """Standard deviation of the Gaussian over which the speed along the line of sight is a mean."""
 FEWEST_STANDING = 3
@@ -71,7 +69,7 @@ def hold(
     whiten = (np.eye(3) - along) / settings.still_ms + along / along_ms
     speed = np.linalg.norm(np.einsum("nab,nkb->nka", whiten, np.diff(feet, axis=0)), axis=-1) / step
     # Over a hole in the track nothing is held.
-    still = 1 / (1 + (speed / settings.moving) ** 2) ** 2 * (step < HOLE_S)
+    still = 1 / (1 + (speed / settings.moving) ** 2) ** 2 * (step < trajectory.hole_s)
     in_frame = np.zeros((len(feet), 4))
     if len(feet) > 1:
         in_frame[:-1] = still

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from humanmm.models.geometry.robust import huber_weight
 from humanmm.models.geometry.rotations import skew
 from humanmm.models.motion.world.equations import WorldEquations, segments_of
-from humanmm.models.motion.world.feet import HOLE_S, add_feet
+from humanmm.models.motion.world.feet import add_feet
 from humanmm.models.motion.world.problem import ShotRig, ShotTrajectory
 from humanmm.models.motion.world.state import SolveSettings, WorldState, people_of
 
@@ -54,7 +54,8 @@ def equations_of_people(
         own = [k for k, owner in enumerate(of_person) if owner == person]
         time_s = np.concatenate([trajectories[k].time_s for k in own])
         pelvis = np.concatenate([state.pelvis[k] for k in own])
-        _add_inertia(equations, pelvis, time_s, segments[own[0]].start, settings)
+        hole_s = max(trajectories[k].hole_s for k in own)
+        _add_inertia(equations, pelvis, time_s, segments[own[0]].start, settings, hole_s=hole_s)
     known = {trajectory.person for trajectory in trajectories if trajectory.size_known}
     _add_sizes(equations, state, [person in known for person in people], settings)
     return equations
@@ -116,6 +117,8 @@ def _add_inertia(
     time_s: Float[Array, "n"],
     first: int,
     settings: SolveSettings,
+    *,
+    hole_s: float,
 ) -> None:
     """Velocity changes slowly, across cuts as well; over a hole it may have changed more."""
     if len(pelvis) < 2:
@@ -123,7 +126,7 @@ def _add_inertia(
     step = np.diff(time_s)
     velocity = np.diff(pelvis, axis=0) / step[:, None]
     # Where acceleration says nothing (two frames, a long hole) the speed is at least one that a person can have.
-    loose = np.flatnonzero(step > HOLE_S) if len(pelvis) > 2 else np.arange(len(step))
+    loose = np.flatnonzero(step > hole_s) if len(pelvis) > 2 else np.arange(len(step))
     slope = 1 / (PERSON_SPEED_MS * step[loose])
     equations.add_chain(first + loose, np.stack([-slope, slope], axis=1), velocity[loose] / PERSON_SPEED_MS)
     if len(pelvis) < 3:

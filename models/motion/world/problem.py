@@ -8,6 +8,10 @@ from jaxtyping import Float, Int
 
 Array = np.ndarray
 
+HOLE_S = 0.1
+"""Frames of a track further apart than this have a hole between them, unless frames of the video are as far apart:
+what somebody did meanwhile nobody saw."""
+
 
 @dataclass(frozen=True)
 class ShotTrajectory:
@@ -32,6 +36,14 @@ class ShotTrajectory:
     def step_s(self) -> float:
         """From frame to frame, seconds; 1 of a single one."""
         return float(np.median(np.diff(self.time_s))) if len(self.time_s) > 1 else 1.0
+
+    @property
+    def hole_s(self) -> float:
+        """Over a longer time between two of its frames nobody saw what the person did, seconds."""
+        if len(self.time_s) < 2:
+            return HOLE_S
+        frame_s = float(np.median(np.diff(self.time_s) / np.diff(self.frame)))
+        return max(HOLE_S, 1.5 * frame_s)
 
     def seen_through(self, log_focal: float) -> "ShotTrajectory":
         """The trajectory of the same picture with another lens: with a longer one everybody is as far to the side, and

@@ -3,10 +3,11 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from walker import EDGE, FPS, scene, stride
 
 from humanmm.models.geometry.rotations import unit
-from humanmm.models.motion.world.feet import put_on_floor
+from humanmm.models.motion.world.feet import hold, put_on_floor
 from humanmm.models.motion.world.problem import ShotRig, ShotTrajectory
 from humanmm.models.motion.world.solver import solve
 from humanmm.models.motion.world.state import SolveSettings, WorldState
@@ -19,6 +20,28 @@ def test_contacts_are_where_the_feet_stand() -> None:
     standing, swinging = (part > 0.1) & (part < 0.4), (part > 0.65) & (part < 0.85)
     assert contacts[standing, 0].min() > 0.6
     assert contacts[swinging, 0].max() < 0.3
+
+
+@pytest.mark.parametrize("hz", [5.0, 8.0, 10.0, 12.0, 30.0])
+def test_who_stands_still_stands_at_every_frame_rate_but_not_over_a_hole(hz: float) -> None:
+    frame = np.concatenate([np.arange(20), 24 + np.arange(20)])
+    n, pelvis = len(frame), np.array([0.0, 5.0, -0.5])
+    feet = np.array([[x, y, -0.9] for x in (0.1, -0.1) for y in (-0.05, 0.15)])
+    stands = ShotTrajectory(
+        0,
+        0,
+        frame,
+        frame / hz,
+        np.tile(pelvis, (n, 1)),
+        np.tile(feet, (n, 1, 1)),
+        np.ones(n),
+        np.tile(unit(pelvis), (n, 1)),
+    )
+    rig = ShotRig(np.zeros((44, 3)), 0, 1.0, scale_known=True)
+    state = WorldState([stands.offset], np.eye(3)[None], np.zeros((1, 3)), np.ones(1), np.zeros(1), 0.0)
+    still, _, _ = hold(stands, rig, state, 0, SolveSettings())
+    np.testing.assert_allclose(np.delete(still, 19, axis=0), 1.0)
+    np.testing.assert_array_equal(still[19], 0.0)
 
 
 def test_legs_that_swing_too_little_do_not_hold_back_who_comes_toward_the_camera() -> None:

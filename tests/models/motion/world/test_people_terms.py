@@ -5,8 +5,10 @@ import pytest
 from walker import EDGE, FPS, stride
 
 from humanmm.models.geometry.rotations import unit
+from humanmm.models.motion.world.people_terms import equations_of_people
 from humanmm.models.motion.world.problem import ShotRig, ShotTrajectory
 from humanmm.models.motion.world.solver import solve
+from humanmm.models.motion.world.state import SolveSettings, WorldState
 
 
 def two_people(*, second: float, size_known: bool = False) -> tuple[list[ShotTrajectory], list[ShotRig]]:
@@ -54,3 +56,18 @@ def test_who_walks_at_an_angle_tells_a_wrong_focal_length(factor: float) -> None
     found = solve(trajectories, rigs, [EDGE], focal_std=0.3).focal
     assert abs(np.log(found / factor)) < 0.5 * abs(np.log(factor))
     assert solve(trajectories, rigs, [EDGE]).focal == pytest.approx(1.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("hz", [5.0, 10.0, 30.0])
+def test_at_no_frame_rate_is_every_step_a_hole(hz: float) -> None:
+    n = 40
+    runs, at = 12.0 * np.arange(n)[:, None] / hz * [1.0, 0.0, 0.0], np.array([0.0, 5.0, -0.5])  # carried by a car
+    offset, feet = np.tile(at, (n, 1)) + runs, np.tile([0.0, 0.0, -0.9], (n, 4, 1))
+    seen = ShotTrajectory(
+        0, 0, np.arange(n), np.arange(n) / hz, offset, feet, np.full(n, 0.9), np.tile(unit(at), (n, 1))
+    )
+    rig = ShotRig(np.zeros((n, 3)), 0, 1.0, scale_known=True)
+    state = WorldState([offset], np.eye(3)[None], np.zeros((1, 3)), np.ones(1), np.zeros(1), 0.0)
+    settings = SolveSettings()
+    equations = equations_of_people([seen], [rig], state, settings, robust=False, still=False, floor=False)
+    np.testing.assert_allclose(equations.gradient, 0.0, atol=1e-9)
