@@ -117,12 +117,13 @@ def _settled(probability: Float[Array, " N"], time_s: Float[Array, " N"], model:
     """The probability, moved to the other side of one half where hysteresis or the shortest duration say so."""
     holds = probability >= STANDS
     duration = np.gradient(time_s) if len(time_s) > 1 else np.zeros(len(time_s))
+    shortest_contact_s, shortest_gap_s = model.shortest_s - ROUNDING_S, model.shortest_s / 2 - ROUNDING_S
     for start, end in runs_of_true(~holds):  # short interruptions of a contact
         inside = start > 0 and end < len(holds)
-        if inside and duration[start:end].sum() < model.shortest_s / 2 and probability[start:end].max() > 0.1:
+        if inside and duration[start:end].sum() < shortest_gap_s and probability[start:end].max() > 0.1:
             holds[start:end] = True
     for start, end in runs_of_true(holds):
-        if duration[start:end].sum() < model.shortest_s or probability[start:end].max() < model.begin:
+        if duration[start:end].sum() < shortest_contact_s or probability[start:end].max() < model.begin:
             holds[start:end] = False
     return np.asarray(np.where(holds, np.maximum(probability, 0.501), np.minimum(probability, 0.499)))
 

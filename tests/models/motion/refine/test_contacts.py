@@ -124,3 +124,14 @@ def test_the_support_is_looked_for_over_a_time_also_where_frames_are_missing() -
 
 def test_one_frame_has_no_speed() -> None:
     assert (velocities(np.ones((1, 4, 3)), np.zeros(1), 0.1) == 0).all()
+
+
+@pytest.mark.parametrize(("fps", "frames"), [(10.0, 1), (20.0, 2), (30.0, 3), (60.0, 6)])
+def test_a_contact_of_the_shortest_duration_counts_wherever_it_is(fps: float, frames: int) -> None:
+    time = np.arange(3000) / fps
+    for start in range(50, 2900, 37):
+        standing = np.isin(np.arange(3000), start + np.arange(frames))
+        feet = np.tile(SOLE[:, None] * [0.0, 0.0, 1.0], (3000, 1, 1))
+        feet[~standing, 2:, 2] += 0.3
+        contacts = found(time, feet, baseline_s=0.0, speed_ms=100.0)
+        np.testing.assert_array_equal(contacts[:, 2], standing)
