@@ -102,7 +102,8 @@ def _people(prediction: MotionSequence, truth: MotionSequence, problems: Problem
         missing = len(person.frame) - len(pair.frame)
         if missing:
             problems.note(
-                f"{missing} of {len(person.frame)} frames of the truth's {label} are in no error: a side lacks joints."
+                f"{missing} of {len(person.frame)} frames of the truth's {label} are in no error: a side lacks joints, "
+                "or has all of them on one line."
             )
         figures.append(_person(pair, covered, suffix, prediction=prediction, truth=truth, problems=problems))
     return figures

@@ -10,6 +10,9 @@ from humanmm.models.evaluation.people import match_people
 from humanmm.models.evaluation.skeleton import is_full, mid_hip, pick, shared_names
 from humanmm.models.records.sequence import MotionSequence, PersonSequence, UndefinedFigureError
 
+FLAT_M = 1e-6
+"""Joints whose second singular value about their mean is smaller lie on one line, or in one position."""
+
 
 @dataclass(frozen=True)
 class Pair:
@@ -61,8 +64,11 @@ class Pair:
 
 
 def known_rows(person: PersonSequence, joint_names: tuple[str, ...], wanted: tuple[str, ...]) -> np.ndarray:
-    """Rows in which all wanted joints are finite."""
-    return np.flatnonzero(np.isfinite(pick(person.joints, joint_names, wanted)).all(axis=(1, 2)))
+    """Rows in which all wanted joints are finite, and span a plane: others have no best similarity."""
+    joints = pick(person.joints, joint_names, wanted).astype(np.float64)
+    finite = np.flatnonzero(np.isfinite(joints).all(axis=(1, 2)))
+    about_mean = joints[finite] - joints[finite].mean(axis=1, keepdims=True)
+    return finite[np.linalg.svd(about_mean, compute_uv=False)[:, 1] > FLAT_M]
 
 
 def make_pair(

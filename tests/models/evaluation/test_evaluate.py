@@ -167,6 +167,17 @@ def test_frames_with_unknown_true_joints_are_reported(sequence: MotionSequence) 
     assert any("4 of 130 frames" in sentence for sentence in report.problems)
 
 
+@pytest.mark.parametrize("side", ["prediction", "truth"])
+def test_frames_whose_joints_lie_on_one_line_are_in_no_error_and_reported(sequence: MotionSequence, side: str) -> None:
+    joints = sequence.people[0].joints.copy()
+    joints[5:7] = 0.0
+    joints[7:9] = np.arange(joints.shape[1])[:, None] * [0.1, -0.2, 0.3] + [100.0, 50.0, 0.1]
+    flat = with_person(sequence, joints=joints)
+    report = evaluate(flat, sequence) if side == "prediction" else evaluate(sequence, flat)
+    assert report.pa_mpjpe_mm == pytest.approx(0.0, abs=1e-6)
+    assert any("4 of 130 frames" in sentence and "on one line" in sentence for sentence in report.problems)
+
+
 def test_without_cameras_the_camera_figures_are_null_and_named(sequence: MotionSequence) -> None:
     report = evaluate(dataclasses.replace(sequence, cameras=None), sequence)
     assert report.cam_cut_rot_deg is None
