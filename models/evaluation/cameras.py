@@ -63,7 +63,7 @@ def relative_pose_errors(
     """RPE over 1-frame steps inside shots, (degrees, metres): rmse of each shot, mean over shots; no scale fitted."""
     rotation_deg, translation_m = [], []
     for start, end in shots:
-        steps = np.flatnonzero(usable[start : end - 1] & usable[start + 1 : end]) + start
+        steps = start + np.flatnonzero(usable[start:end][:-1] & usable[start:end][1:])
         if len(steps) == 0:
             continue
         R_predicted, t_predicted = _steps(predicted, steps)

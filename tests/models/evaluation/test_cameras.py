@@ -59,6 +59,13 @@ def test_step_errors_are_evos_shot_by_shot(truth: CameraSequence, noisy: CameraS
     assert ours == pytest.approx((rotation, translation), rel=1e-6)
 
 
+def test_a_video_that_begins_with_a_transition_has_no_steps_before_it(truth: CameraSequence) -> None:
+    usable = np.ones(len(truth.t_world_cam), bool)
+    whole, first = ((5, len(usable)),), ((0, 0), (5, len(usable)))
+    expected = cameras.relative_pose_errors(truth, truth, shots=whole, usable=usable)
+    assert cameras.relative_pose_errors(truth, truth, shots=first, usable=usable) == expected
+
+
 def test_a_camera_that_never_moves_has_no_absolute_error() -> None:
     still = np.tile([1.0, 2.0, 3.0], (10, 1))
     with pytest.raises(UndefinedFigureError, match="never moves"):
