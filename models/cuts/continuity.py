@@ -12,6 +12,7 @@ from humanmm.models.body.body24 import JOINT_NAMES, load_body
 from humanmm.models.body.kinematics import forward_kinematics
 from humanmm.models.geometry.lines import line_through
 from humanmm.models.records.motion import PersonShotMotion, PoseJump
+from humanmm.models.video.frame_times import ROUNDING_S
 
 Array = np.ndarray
 
@@ -19,8 +20,9 @@ LIMBS = tuple(
     JOINT_NAMES.index(name)
     for name in ("L_Knee", "R_Knee", "L_Ankle", "R_Ankle", "Head", "L_Elbow", "R_Elbow", "L_Wrist", "R_Wrist")
 )
-SPAN_S = 0.1
-"""Span over which the velocity of limbs is measured on each side."""
+SPAN_S, LONGEST_SPAN_S = 0.1, 0.25
+"""Span over which the velocity of limbs is measured on each side: in slow videos as long as it takes for FEWEST_FRAMES,
+up to the longest."""
 LONGEST_GAP_S = 0.2
 """Over a longer time without an observation limbs may be anywhere."""
 FEWEST_FRAMES = 3
@@ -70,7 +72,8 @@ def _side(motion: PersonShotMotion, time_s: Float[Array, " F"], *, last: bool) -
         return None
     seconds = time_s[motion.frame[rows]]
     end = seconds[-1] if last else seconds[0]
-    near = np.abs(seconds - end) <= SPAN_S
+    fewest_s = (FEWEST_FRAMES - 1) * float(np.median(np.diff(time_s)))
+    near = np.abs(seconds - end) <= min(max(SPAN_S, fewest_s), LONGEST_SPAN_S) + ROUNDING_S
     rows, since = rows[near], seconds[near] - end
     if len(rows) < FEWEST_FRAMES:
         return None

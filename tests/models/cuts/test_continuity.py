@@ -12,10 +12,10 @@ FPS, CUT, FRAMES = 30.0, 15, 30
 TIME_S = np.arange(FRAMES) / FPS
 
 
-def walking(frames: slice, lost_s: float = 0.0) -> dict[int, PersonShotMotion]:
+def walking(frames: slice, lost_s: float = 0.0, fps: float = FPS) -> dict[int, PersonShotMotion]:
     """Legs and arms that swing once a second, as they are `lost_s` later than the time stamps say."""
     frame = np.arange(FRAMES, dtype=np.int32)[frames]
-    phase = 2 * np.pi * (frame / FPS + lost_s)
+    phase = 2 * np.pi * (frame / fps + lost_s)
     pose = np.zeros((len(frame), 23, 3), np.float32)
     pose[:, [0, 16], 0] = 0.6 * np.sin(phase)[:, None]
     pose[:, [1, 15], 0] = -0.6 * np.sin(phase)[:, None]
@@ -41,6 +41,26 @@ def test_half_a_step_that_was_left_out_is_seen() -> None:
     (jump,) = pose_jumps(walking(BEFORE), walking(AFTER, lost_s=0.4), TIME_S)
     assert jump.jump_m > 0.2
     assert not goes_on(jump.jump_m, jump.expected_m)
+
+
+@pytest.mark.parametrize("fps", [10.0, 12.5, 15.0, 20.0, 24.0, 25.0, 50.0])
+def test_lost_time_is_seen_at_every_frame_rate(fps: float) -> None:
+    for first in (0.0, 3.7, 1234.567):
+        time_s = first + np.arange(FRAMES) / fps
+        jumps = [
+            pose_jumps(walking(BEFORE, fps=fps), walking(AFTER, lost_s=lost_s, fps=fps), time_s)
+            for lost_s in (0.25, 0.5)  # a quarter and half of a swing: one of them shows whatever the phase is
+        ]
+        assert not all(goes_on(one.jump_m, one.expected_m) for (one,) in jumps)
+
+
+@pytest.mark.parametrize(("fps", "said"), [(24.0, 0), (10.0, 1)])
+def test_the_span_is_longer_only_where_frames_are_far_apart(fps: float, said: int) -> None:
+    """Where a frame of a faster video is missing, too few are left."""
+    time_s = np.arange(FRAMES) / fps
+    ending = walking(BEFORE, fps=fps)[0]
+    gap = replace(ending, observed=ending.frame != CUT - 2) if fps > 20 else ending
+    assert len(pose_jumps({0: gap}, walking(AFTER, fps=fps), time_s)) == said
 
 
 def test_where_somebody_was_not_seen_at_the_cut_nothing_is_said() -> None:
