@@ -86,9 +86,9 @@ def refocused(results: ShotResults, factor: float) -> ShotResults:
     """The same results if the focal length is `factor` times as long as they were made with.
 
     What is seen with a longer lens is as far to the side, and farther away; it lies nearer to the axis, and a body in
-    the same picture is turned by so much; a pan by so many pixels is a smaller one.
+    the same picture is turned by so much; a pan or tilt by so many pixels is a smaller one, a roll is the same.
     """
-    farther = np.array([1.0, 1.0, factor])
+    farther, smaller = np.array([1.0, 1.0, factor]), np.array([1 / factor, 1 / factor, 1.0])
 
     def of_camera(camera: ShotCamera) -> ShotCamera:
         K = camera.K.copy()
@@ -96,7 +96,7 @@ def refocused(results: ShotResults, factor: float) -> ShotResults:
         R = camera.R_shot_cam.copy()
         # Step by step: a pan may be longer than half a turn.
         steps = rotmat_to_rotvec(np.swapaxes(camera.R_shot_cam[:-1], -1, -2) @ camera.R_shot_cam[1:])
-        for k, step in enumerate(rotvec_to_rotmat(steps / factor)):
+        for k, step in enumerate(rotvec_to_rotmat(steps * smaller)):
             R[k + 1] = R[k] @ step
         return replace(camera, K=K, R_shot_cam=R)
 

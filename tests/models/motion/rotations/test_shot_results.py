@@ -55,3 +55,11 @@ def test_with_another_lens_everybody_is_where_the_picture_shows_and_a_long_pan_i
     R = camera_of(after, 0).R_shot_cam
     steps = rotation_angle(np.swapaxes(R[:-1], -1, -2) @ R[1:])
     assert np.allclose(steps.sum(), 2 * np.pi * turns / 1.2) and np.ptp(steps) < 1e-9
+
+
+def test_with_another_lens_a_camera_rolls_as_the_picture_shows() -> None:
+    before = results()
+    camera = camera_of(before, 0)
+    roll = rotvec_to_rotmat(np.outer(np.linspace(0, np.radians(20), camera.end - camera.start), [0.0, 0.0, 1.0]))
+    before = replace(before, cameras=[replace(camera, R_shot_cam=roll), *before.cameras[1:]])
+    np.testing.assert_allclose(camera_of(refocused(before, 1.2), 0).R_shot_cam, roll, atol=1e-12)
