@@ -9,6 +9,7 @@ from humanmm.models.motion.rotations.shot_results import ShotResults, camera_of,
 from humanmm.models.records.camera import ShotCamera
 from humanmm.models.records.landmarks import ANKLES, BEYOND
 from humanmm.models.records.motion import PersonShotMotion
+from humanmm.models.video.frame_times import ROUNDING_S
 
 Array = np.ndarray
 
@@ -53,8 +54,10 @@ def _feet_in_view(results: ShotResults, shot: int, person: int) -> Int[Array, " 
 
 
 def _floor_height(lowest: Float[Array, " n"], time_s: Float[Array, " n"], camera: ShotCamera) -> Float[Array, " n"]:
-    """From the heights of the lower soles about the camera; a camera that stays has one floor."""
+    """From the heights of the lower soles about the camera, in order of time; a camera that stays has one floor."""
     if not camera.travels:
         return np.full(len(lowest), np.quantile(lowest, FLOOR_QUANTILE))
-    near = (lowest[np.abs(time_s - now) <= FLOOR_S] for now in time_s)
+    first, end = (np.searchsorted(time_s, time_s + side * (FLOOR_S + ROUNDING_S)) for side in (-1, 1))
+    about = [slice(*bounds) for bounds in zip(first, end, strict=True)]
+    near = (lowest[at][np.abs(time_s[at] - now) <= FLOOR_S] for at, now in zip(about, time_s, strict=True))
     return np.array([np.quantile(some, FLOOR_QUANTILE) for some in near])
