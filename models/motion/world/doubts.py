@@ -34,20 +34,20 @@ in a long shot it hardly changes the mean."""
 DOUBTFUL_POSE_M = 0.06
 """A body whose pose is expected to be off by more gets a warning: on 28 development clips 29 of 117 bodies in a shot
 have one, four of the six that are off by more than 100 mm among them."""
-APART_FRAMES = 5
-"""Doubtful frames closer together are named as one run,"""
+APART_S = 5 / 30
+"""Doubtful frames no further apart are named as one run,"""
 NAMED_RUNS = 3
 """and so many runs, the longest ones."""
 
 
 def pose_errors_of(results: ShotResults) -> list[PoseError]:
     """How far everybody's pose is expected to be off in every shot."""
-    errors = []
+    errors, gap = [], _frames_apart(results)
     for shot in range(len(results.shots.shots)):
         for person, motion in motions_of(results, shot).items():
             known = motion.observed & np.isfinite(motion.pose_error_m)
             frame, error = motion.frame[known], motion.pose_error_m[known]
-            runs = merged(frame_intervals(frame, error > DOUBTFUL_POSE_M), gap=APART_FRAMES)
+            runs = merged(frame_intervals(frame, error > DOUBTFUL_POSE_M), gap=gap)
             mean = float(error.mean()) if len(error) else float("nan")
             errors.append(PoseError(person, shot, mean, tuple(runs)))
     return errors
@@ -70,16 +70,26 @@ def is_doubtful_pose(error_m: float) -> bool:
 
 def facings_of(results: ShotResults) -> list[Facing]:
     """Whether everybody in every shot is turned the right way."""
-    facings = []
+    facings, frame_s, gap = [], _frame_s(results), _frames_apart(results)
     for shot in range(len(results.shots.shots)):
         for person, motion in motions_of(results, shot).items():
             frame, doubt = motion.frame[motion.observed], motion.misoriented[motion.observed]
-            runs = merged(frame_intervals(frame, doubt > DOUBTFUL_FRAME), gap=APART_FRAMES)
+            runs = merged(frame_intervals(frame, doubt > DOUBTFUL_FRAME), gap=gap)
             probability = 1 - float(doubt.mean()) if len(doubt) else 1.0
-            frame_s = float(np.median(np.diff(results.time_s))) if len(results.time_s) > 1 else 0.0
             worst_s = max((frame_s * float(doubt[in_intervals(frame, [run])].sum()) for run in runs), default=0.0)
             facings.append(Facing(person, shot, probability, tuple(runs), worst_s))
     return facings
+
+
+def _frame_s(results: ShotResults) -> float:
+    """From one frame of the video to the next, seconds; 0 of a single one."""
+    return float(np.median(np.diff(results.time_s))) if len(results.time_s) > 1 else 0.0
+
+
+def _frames_apart(results: ShotResults) -> int:
+    """APART_S in frames."""
+    frame_s = _frame_s(results)
+    return round(APART_S / frame_s) if frame_s > 0 else 0
 
 
 def of_facings(facings: Sequence[Facing], certain: Collection[int]) -> list[str]:

@@ -69,6 +69,30 @@ def test_a_doubtful_moment_of_a_long_shot_is_named_though_the_mean_is_high() -> 
     assert doubts.of_facings([Facing(0, 1, 0.99, ((300, 303),), 0.04)], {0}) == []
 
 
+@pytest.mark.parametrize("hz", [15, 30, 120])
+def test_doubtful_moments_near_in_time_are_one_run_at_every_frame_rate(hz: int) -> None:
+    """Both last a fifteenth of a second, a fifteenth or third of one apart."""
+    three, part, wide = results(), hz // 15, 5 * hz // 15
+    first, second, third = three.motions
+    assert second is not None
+    n = 4 * part + wide
+    one = replace(second.people[0], **{
+        name: np.resize(values, (n, *values.shape[1:]))
+        for name, values in vars(second.people[0]).items()
+        if isinstance(values, np.ndarray) and len(values) == LENGTH
+    })  # fmt: skip
+    one = replace(one, frame=LENGTH + np.arange(n, dtype=np.int32), observed=np.ones(n, bool))
+    doubt = np.zeros(n, np.float32)
+    starts = (0, 2 * part, 3 * part + wide)
+    for start in starts:
+        doubt[start : start + part] = 0.8
+    turned = replace(second, people=(replace(one, misoriented=doubt, pose_error_m=doubt),))
+    video = replace(three, motions=(first, turned, third), time_s=np.arange(200) / hz)
+    runs = ((LENGTH, LENGTH + 3 * part), (LENGTH + starts[2], LENGTH + n))
+    assert [facing.doubtful for facing in doubts.facings_of(video) if facing.shot == 1] == [runs]
+    assert [error.doubtful for error in doubts.pose_errors_of(video) if error.shot == 1] == [runs]
+
+
 def test_a_path_of_unknown_scale_is_doubtful_only_where_it_is_long_enough_to_matter() -> None:
     unsure, sure = PathScale(0, "floor", 0.5), PathScale(0, "feet", 0.2)
     far, near = np.array([[0.0, 0, 0], [2.0, 0, 0]]), np.array([[0.0, 0, 0], [0.1, 0, 0]])
