@@ -20,10 +20,12 @@ from humanmm.models.camera.background.floor_views import (
 )
 from humanmm.models.motion.rotations.levelling import level_axes
 from humanmm.models.motion.rotations.rotation_mixtures import (
+    COMPARE_ALL,
     QUANTILE_68,
     RotationEdge,
     RotationHypothesis,
     Upright,
+    compared,
 )
 from humanmm.models.motion.rotations.shot_results import ShotResults, camera_of, motions_of
 from humanmm.models.motion.rotations.standing import standing
@@ -44,8 +46,6 @@ LEAST_TILT_DEG = 1.5
 """No vertical is so certain that a floor may not correct it."""
 LEAST_PROBABILITY = 0.05
 """Headings that are less likely are not named."""
-COMPARE_ALL, NEIGHBOURS = 8, 3
-"""Up to so many shots, any two are compared; in longer videos each with so many shots after it."""
 LOWEST_M = 0.2
 """A camera that stands lower sees no floor."""
 
@@ -82,12 +82,6 @@ def floor_edges(results: ShotResults, upright: Mapping[int, Upright]) -> list[Ro
         if hypotheses:
             edges.append(RotationEdge(a, b, hypotheses, "floors", connects=False, pooled=True))
     return edges
-
-
-def compared(shots: Sequence[int]) -> list[tuple[int, int]]:
-    """The pairs of shots, given in order, whose floors are compared."""
-    reach = len(shots) if len(shots) <= COMPARE_ALL else NEIGHBOURS
-    return [(a, b) for k, a in enumerate(shots) for b in shots[k + 1 : k + 1 + reach]]
 
 
 def _hypothesis(

@@ -32,6 +32,9 @@ LOG_VOLUME = math.log(8 * math.pi**2)
 """Of all rotations, in the measure in which small rotation vectors have their own volume."""
 UNKNOWN_PRECISION = 2 * math.pi / (8 * math.pi**2) ** (2 / 3)
 """That of a normal distribution as wide as all rotations, radians⁻²."""
+COMPARE_ALL, NEIGHBOURS = 8, 3
+"""Of up to so many shots that show something, any two are compared; of more each with so many after it: the time of a
+solve grows with the square of the edges at least."""
 _LOG_T_PEAK = (
     math.lgamma((DEGREES_OF_FREEDOM + 3) / 2)
     - math.lgamma(DEGREES_OF_FREEDOM / 2)
@@ -196,6 +199,12 @@ class Mixtures:
         level = np.where(self.up[0].any(axis=-1), WRONG_UPRIGHT / math.radians(WRONG_TILT_DEG) ** 2, 0.0)
         every = np.add.reduceat(fraction / self.sigma**2, self.first, axis=-1)
         return every, level * np.exp(shares.none - shares.density)
+
+
+def compared(shots: Sequence[int]) -> list[tuple[int, int]]:
+    """The pairs of shots, given in order, which what each of them shows makes edges of."""
+    reach = len(shots) if len(shots) <= COMPARE_ALL else NEIGHBOURS
+    return [(a, b) for k, a in enumerate(shots) for b in shots[k + 1 : k + 1 + reach]]
 
 
 def _both_up(a: Upright | None, b: Upright | None) -> Float[Array, "2 3"]:

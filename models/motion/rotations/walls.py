@@ -7,14 +7,18 @@ rotation between them, each precise to a degree or two, between which people cho
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 
 from humanmm.models.camera.background.manhattan import QUARTER_TURNS, ManhattanFrame, find_manhattan_frame
 from humanmm.models.camera.background.segments import Segments
 from humanmm.models.motion.rotations.levelling import UpDirection, vertical_of
-from humanmm.models.motion.rotations.rotation_mixtures import QUANTILE_68, RotationEdge, RotationHypothesis
+from humanmm.models.motion.rotations.rotation_mixtures import (
+    QUANTILE_68,
+    RotationEdge,
+    RotationHypothesis,
+    compared,
+)
 from humanmm.models.motion.rotations.shot_results import ShotResults, camera_of
 
 SURE, MARGIN_HALF = 0.93, 9.0
@@ -73,9 +77,10 @@ def frame_probability(margin: float) -> float:
 
 
 def wall_edges(walls: Mapping[int, ShotWalls]) -> list[RotationEdge]:
-    """Four hypotheses of the rotation between any two shots that have frames."""
+    """Four hypotheses of the rotation between any two shots that have frames; of many shots between those near in
+    time."""
     edges = []
-    for a, b in combinations(sorted(walls), 2):
+    for a, b in compared(sorted(walls)):
         first, second = walls[a], walls[b]
         probability = ONE_PLACE * first.probability * second.probability
         sigma_deg = QUANTILE_68 * float(np.hypot(first.sigma_deg, second.sigma_deg))

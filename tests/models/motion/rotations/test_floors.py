@@ -9,7 +9,7 @@ from three_shots import INTRINSICS, LENGTH, camera, results
 from humanmm.models.camera.background.ground import GroundPicture
 from humanmm.models.geometry.intrinsics import K_of
 from humanmm.models.geometry.rotations import angle_between_deg
-from humanmm.models.motion.rotations.floors import COMPARE_ALL, NEIGHBOURS, compared, floor_edges
+from humanmm.models.motion.rotations.floors import floor_edges
 from humanmm.models.motion.rotations.rotation_mixtures import RotationEdge, Upright
 from humanmm.models.motion.rotations.shot_results import ShotResults
 from humanmm.models.records.shots import Person
@@ -63,9 +63,3 @@ def test_a_shot_without_a_picture_says_nothing_and_the_others_do() -> None:
     whole = on(*[carpet()] * 3)
     blind = replace(whole, pictures=[whole.pictures[0], (), whole.pictures[2]])
     assert [(edge.a, edge.b) for edge in floor_edges(blind, upright())] == [(0, 2)]
-
-
-def test_in_long_videos_each_shot_is_compared_with_the_next_ones() -> None:
-    assert len(compared(range(COMPARE_ALL))) == COMPARE_ALL * (COMPARE_ALL - 1) // 2
-    many = compared([3 * shot for shot in range(30)])
-    assert len(many) == 29 + 28 + 27 and max(b - a for a, b in many) == 3 * NEIGHBOURS

@@ -6,11 +6,14 @@ import torch
 
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.motion.rotations.rotation_mixtures import (
+    COMPARE_ALL,
     LOG_VOLUME,
+    NEIGHBOURS,
     Mixtures,
     RotationEdge,
     RotationHypothesis,
     Upright,
+    compared,
     laplacian,
     log_graph_volume,
 )
@@ -76,3 +79,9 @@ def test_the_volume_of_a_chain_is_that_of_its_steps() -> None:
     every = laplacian(np.array([[0, 1], [1, 2]]), np.array([[100.0, 100.0]]), 3)
     step = 1.5 * np.log(2 * np.pi * 0.01) - LOG_VOLUME
     np.testing.assert_allclose(log_graph_volume(every, np.zeros_like(every)), [2 * step])
+
+
+def test_in_long_videos_each_shot_is_compared_with_the_next_ones() -> None:
+    assert len(compared(range(COMPARE_ALL))) == COMPARE_ALL * (COMPARE_ALL - 1) // 2
+    many = compared([3 * shot for shot in range(30)])
+    assert len(many) == 29 + 28 + 27 and max(b - a for a, b in many) == 3 * NEIGHBOURS

@@ -7,7 +7,13 @@ from room_edges import camera_towards
 from humanmm.models.camera.background.manhattan import ManhattanFrame
 from humanmm.models.geometry.rotations import rotation_angle, rotvec_to_rotmat
 from humanmm.models.motion.rotations.levelling import UpDirection, vertical_of
-from humanmm.models.motion.rotations.rotation_mixtures import Mixtures, RotationEdge, RotationHypothesis
+from humanmm.models.motion.rotations.rotation_mixtures import (
+    COMPARE_ALL,
+    Mixtures,
+    RotationEdge,
+    RotationHypothesis,
+    compared,
+)
 from humanmm.models.motion.rotations.shot_rotations import solve_rotations
 from humanmm.models.motion.rotations.walls import ONE_PLACE, ShotWalls, wall_edges
 from humanmm.models.records.camera import ShotCamera
@@ -57,6 +63,21 @@ def test_scenes_that_are_not_connected_take_nothing_from_the_walls_of_one() -> N
     alone = solve_rotations(2, [people(0, 1, 18.0), *wall_edges(both)])
     among = solve_rotations(10, [people(0, 1, 18.0), *wall_edges(both | elsewhere)])
     assert among.certainty[1] == alone.certainty[1]
+
+
+def test_the_walls_of_many_shots_are_compared_with_those_near_in_time_and_still_exact() -> None:
+    some = walls()
+    edges = wall_edges({shot: some[shot % 3] for shot in range(20)})
+    assert [(edge.a, edge.b) for edge in edges] == compared(range(20)) and len(edges) < 3 * 20
+    assert len(wall_edges({shot: some[shot % 3] for shot in range(COMPARE_ALL)})) == COMPARE_ALL * (COMPARE_ALL - 1) / 2
+    cuts = []
+    for shot in range(19):
+        off = rotvec_to_rotmat(np.radians([0.0, 15.0 * (-1) ** shot, 0.0]))
+        seen = CAMERAS[shot % 3].T @ CAMERAS[(shot + 1) % 3] @ off
+        cuts.append(RotationEdge(shot, shot + 1, (RotationHypothesis(seen, 15.0, 0.9, "people"),)))
+    found = solve_rotations(20, [*cuts, *edges])
+    for shot, R in enumerate(found.R_group_shot):
+        assert np.degrees(rotation_angle(R.T @ truth(0, shot % 3))) < 0.5
 
 
 def test_people_choose_the_heading_and_walls_make_it_exact() -> None:
