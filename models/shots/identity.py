@@ -34,8 +34,8 @@ NO_COLOURS = 1.5
 """Log-odds of one person where nobody's colours are known (keypoints without pictures): the pose alone parts nobody."""
 NEVER = -20.0
 """Log-odds."""
-CUT_GAP_FRAMES = 3
-"""A pose this many frames from a cut still counts as the pose at the cut."""
+CUT_GAP_FRAMES, CUT_GAP_S = 3, 0.1
+"""A pose this many frames from a cut, or this long, still counts as the pose at the cut."""
 POSE_FRAMES = 5
 
 MIN_SEEN_S = 0.3
@@ -203,12 +203,13 @@ def pose_at(
     track: PersonTrack, rows: np.ndarray, frame: int, time_s: Float[np.ndarray, " F"]
 ) -> Float[np.ndarray, "33 3"] | None:
     """The 3D landmarks of some rows carried linearly to a frame; None when the nearest row is too far from it."""
-    if np.abs(track.frame[rows] - frame).min() > CUT_GAP_FRAMES:
+    offsets = time_s[track.frame[rows]] - time_s[frame]
+    gap, gap_s = np.abs(track.frame[rows] - frame).min(), np.abs(offsets).min()
+    if gap > CUT_GAP_FRAMES and gap_s > CUT_GAP_S + ROUNDING_S:
         return None
     poses = track.landmarks3d[rows].astype(np.float64)
     if len(rows) < 3:
         return np.asarray(poses.mean(axis=0))
-    offsets = time_s[track.frame[rows]] - time_s[frame]
     return line_through(offsets, poses)[0]
 
 

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from humanmm.models.perception.clothing import HISTOGRAM_BINS
 from humanmm.models.records.landmarks import INDEX, NUM_LANDMARKS, SWAP
@@ -174,3 +175,10 @@ def test_a_pose_is_carried_to_the_cut_in_time() -> None:
     seen.landmarks3d[:] = standing() + velocity * time_s[:18, None, None]
     carried = pose_at(seen, np.arange(13, 18), 19, time_s)
     np.testing.assert_allclose(carried, standing() + velocity * time_s[19], atol=1e-5)
+
+
+@pytest.mark.parametrize(("hz", "farthest"), [(10, 3), (24, 3), (30, 3), (50, 5), (60, 6), (120, 12)])
+def test_a_pose_a_tenth_of_a_second_from_the_cut_is_that_at_the_cut(hz: int, farthest: int) -> None:
+    seen, time_s = track(0, 18, RED), 100 + np.arange(40) / hz
+    assert pose_at(seen, np.arange(13, 18), 17 + farthest, time_s) is not None
+    assert pose_at(seen, np.arange(13, 18), 18 + farthest, time_s) is None
