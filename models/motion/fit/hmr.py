@@ -30,7 +30,7 @@ from humanmm.models.motion.fit.initial import InitialPose, interpolated, start_p
 from humanmm.models.motion.fit.orientation_doubt import misoriented
 from humanmm.models.motion.fit.pose_error import expected_error_m
 from humanmm.models.motion.fit.pose_prior import load_pose_statistics
-from humanmm.models.motion.fit.solver import solve_windows
+from humanmm.models.motion.fit.solver import SolverSettings, solve_windows
 from humanmm.models.motion.fit.state import NUM_PARAMETERS, PELVIS, CameraPath, LongMotion, Motion, Skeleton
 from humanmm.models.motion.fit.terms import (
     Anchor,
@@ -156,7 +156,7 @@ def fit_person(
     """θ, Γ and τ of every frame, in the axes of its camera."""
     motion = _start(betas, evidence, camera, initial_pose)
     terms = EvidenceTerms(evidence, betas, camera, pelvis_depths(motion, camera), noise or NoiseModel(), anchor=motion)
-    motion = solve_windows(motion, terms, progress=progress)
+    motion = solve_windows(motion, terms, SolverSettings().lasting(evidence.time_s), progress=progress)
     return _result(person, evidence, betas, camera, motion, terms)
 
 

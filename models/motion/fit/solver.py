@@ -6,17 +6,20 @@ of the one before, which are final and held still, and looks some frames past th
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 
 from humanmm.models.geometry.levenberg_marquardt import Schedule, levenberg_marquardt
-from humanmm.models.motion.fit.equations import NormalEquations, Term
+from humanmm.models.motion.fit.equations import REFERENCE_HZ, NormalEquations, Term
 from humanmm.models.motion.fit.state import LongMotion, Motion
 from humanmm.models.video.progress import Progress, silent
 
 Array = np.ndarray
+
+LONGEST = 8.0
+"""How many times as many frames a window has at most."""
 
 
 @dataclass(frozen=True)
@@ -28,9 +31,16 @@ class SolverSettings:
     """A step that lowers the cost by less than this fraction is the last one."""
     first_damping: float = 1e-3
     window: int = 120
-    """Frames that a window settles."""
+    """Frames that a window settles, of a video of REFERENCE_HZ or fewer."""
     lookahead: int = 24
     """Frames past those, solved along and thrown away, so that what is settled knows what comes."""
+
+    def lasting(self, time_s: Float[Array, " N"]) -> "SolverSettings":
+        """The same with windows that last as long for frames at these times if there are more than REFERENCE_HZ of
+        them a second; LONGEST times as many frames at most, which bounds the memory."""
+        frame_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 1.0
+        times = min(max(1.0, 1 / (REFERENCE_HZ * frame_s)), LONGEST)
+        return replace(self, window=round(times * self.window), lookahead=round(times * self.lookahead))
 
 
 def solve_windows(

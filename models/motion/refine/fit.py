@@ -288,4 +288,4 @@ def fit_world(
         on_floor = FeetOnFloor(feet, standing_height, standing)
         return [*of_evidence(frames), planted, on_floor, Uprightness(seen_weight[frames]), *learned(frames)]
 
-    return solve_windows(start, terms, SETTINGS, progress=progress)
+    return solve_windows(start, terms, SETTINGS.lasting(clip.time_s), progress=progress)

@@ -160,6 +160,16 @@ def test_windows_give_what_one_solve_of_everything_gives() -> None:
     assert told == [(60, 60), (20, 60), (40, 60), (60, 60)]
 
 
+@pytest.mark.parametrize(
+    ("hz", "window", "lookahead"),
+    [(10, 120, 24), (24, 120, 24), (29.97, 120, 24), (30, 120, 24), (60, 240, 48), (120, 480, 96), (1000, 960, 192)],
+)
+def test_windows_last_as_long_where_there_are_more_frames_a_second(hz: float, window: int, lookahead: int) -> None:
+    lasting = SolverSettings(max_iterations=6).lasting(100.0 + np.arange(200) / hz)
+    assert lasting == SolverSettings(max_iterations=6, window=window, lookahead=lookahead)
+    assert SolverSettings().lasting(np.zeros(1)) == SolverSettings()
+
+
 def test_a_long_motion_gives_back_what_was_put_in() -> None:
     motion = slow_motion(10)
     kept = LongMotion.empty(motion.skeleton, 30)
