@@ -35,6 +35,21 @@ def test_two_people_in_one_world_tell_how_much_larger_the_one_is() -> None:
     assert abs(np.log(size[0] * size[1])) < 0.02
 
 
+@pytest.mark.parametrize("hz", [5.0, 10.0, 30.0])
+def test_at_no_frame_rate_is_every_step_a_hole(hz: float) -> None:
+    n = 40
+    runs, at = 12.0 * np.arange(n)[:, None] / hz * [1.0, 0.0, 0.0], np.array([0.0, 5.0, -0.5])  # carried by a car
+    offset, feet = np.tile(at, (n, 1)) + runs, np.tile([0.0, 0.0, -0.9], (n, 4, 1))
+    seen = ShotTrajectory(
+        0, 0, np.arange(n), np.arange(n) / hz, offset, feet, np.full(n, 0.9), np.tile(unit(at), (n, 1))
+    )
+    rig = ShotRig(np.zeros((n, 3)), 0, 1.0, scale_known=True)
+    state = WorldState([offset], np.eye(3)[None], np.zeros((1, 3)), np.ones(1), np.zeros(1), 0.0)
+    settings = SolveSettings()
+    equations = equations_of_people([seen], [rig], state, settings, robust=False, still=False, floor=False)
+    np.testing.assert_allclose(equations.gradient, 0.0, atol=1e-9)
+
+
 def test_whose_height_is_known_keeps_his_size() -> None:
     trajectories, rigs = two_people(second=0.85, size_known=True)
     size = solve(trajectories, rigs, [EDGE]).size
@@ -56,18 +71,3 @@ def test_who_walks_at_an_angle_tells_a_wrong_focal_length(factor: float) -> None
     found = solve(trajectories, rigs, [EDGE], focal_std=0.3).focal
     assert abs(np.log(found / factor)) < 0.5 * abs(np.log(factor))
     assert solve(trajectories, rigs, [EDGE]).focal == pytest.approx(1.0, abs=1e-6)
-
-
-@pytest.mark.parametrize("hz", [5.0, 10.0, 30.0])
-def test_at_no_frame_rate_is_every_step_a_hole(hz: float) -> None:
-    n = 40
-    runs, at = 12.0 * np.arange(n)[:, None] / hz * [1.0, 0.0, 0.0], np.array([0.0, 5.0, -0.5])  # carried by a car
-    offset, feet = np.tile(at, (n, 1)) + runs, np.tile([0.0, 0.0, -0.9], (n, 4, 1))
-    seen = ShotTrajectory(
-        0, 0, np.arange(n), np.arange(n) / hz, offset, feet, np.full(n, 0.9), np.tile(unit(at), (n, 1))
-    )
-    rig = ShotRig(np.zeros((n, 3)), 0, 1.0, scale_known=True)
-    state = WorldState([offset], np.eye(3)[None], np.zeros((1, 3)), np.ones(1), np.zeros(1), 0.0)
-    settings = SolveSettings()
-    equations = equations_of_people([seen], [rig], state, settings, robust=False, still=False, floor=False)
-    np.testing.assert_allclose(equations.gradient, 0.0, atol=1e-9)
