@@ -4,7 +4,8 @@ import dataclasses
 
 import numpy as np
 
-from humanmm.models.records.tracks import PersonTrack, Silhouettes
+from humanmm.models.perception.between_looks import in_frames
+from humanmm.models.records.tracks import PersonTrack, ScenePeople, Silhouettes
 
 BODY = np.column_stack(
     [
@@ -45,8 +46,16 @@ def joined(first: PersonTrack, second: PersonTrack) -> PersonTrack:
     """One track that the tracker carried on."""
     return dataclasses.replace(
         first,
+        masks=first.masks.then(second.masks),
         **{
             name: np.concatenate([getattr(first, name), getattr(second, name)])
             for name in ("frame", "keypoints2d", "landmarks3d", "bbox", "confidence", "mask_affine")
         },
     )
+
+
+def looked_at_seldom(*tracks: PersonTrack, looks: np.ndarray, time_s: np.ndarray) -> ScenePeople:
+    """All of a video in some frames of which alone, `looks`, people are looked at, as stage `people` has them; tracks
+    count these."""
+    people = ScenePeople(0, len(looks), tracks)
+    return in_frames(people, looks, (0, len(time_s)), time_s)

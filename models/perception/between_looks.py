@@ -1,20 +1,26 @@
 """Looking at some frames of a scene and knowing all: people do not need every frame of a video at 60 Hz.
 
 Tracking counts looks, from 0 on; here they become frames again, and what lies between two looks at somebody is
-interpolated.
+interpolated, unless he jumps: whether he was in the one place or in the other nobody saw.
 """
 
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from scipy.interpolate import Akima1DInterpolator
 
+from humanmm.models.geometry.boxes import box_area
 from humanmm.models.records.hands import HandTracks, not_looked
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
 from humanmm.models.video.frame_times import sampled_every, shown_s
 
 Array = np.ndarray
+
+JUMP, TIMES_AROUND = 0.2, 3.0
+"""Whose landmarks move (median) by such a fraction of the body's size from one look to the next, and by so many times
+as much as in the steps before and after, jumps: a picture is cut there, or a detector errs. No body starts and stops
+within three looks like that."""
 
 
 def looked_at(time_s: Float[Array, " F"], span: tuple[int, int], *, max_rate_hz: float, every: int) -> Int[Array, " L"]:
@@ -42,12 +48,13 @@ def in_frames(people: ScenePeople, looks: Int[Array, " L"], span: tuple[int, int
         replace(one, first=int(looks[one.first]), last=int(looks[one.last])) for one in people.unfollowed
     )
     tracks = tuple(_in_frames(track, looks, time_s) for track in people.tracks)
-    return ScenePeople(*span, tracks, people.warnings, unfollowed)
+    every = span[1] - span[0] == len(looks)
+    return ScenePeople(*span, tracks, people.warnings, unfollowed, None if every else looks.astype(np.int32))
 
 
 def _in_frames(track: PersonTrack, looks: Int[Array, " L"], time_s: Float[Array, " F"]) -> PersonTrack:
     seen = looks[track.frame]
-    runs = np.split(np.arange(len(seen)), np.flatnonzero(np.diff(track.frame) > 1) + 1)
+    runs = np.split(np.arange(len(seen)), np.flatnonzero((np.diff(track.frame) > 1) | _jumps(track)) + 1)
     frames = np.concatenate([np.arange(seen[run[0]], seen[run[-1]] + 1) for run in runs])
     colours = {"color_frame": looks[track.color_frame].astype(np.int32)}
     if len(frames) == len(seen):
@@ -85,6 +92,17 @@ def _in_frames(track: PersonTrack, looks: Int[Array, " L"], time_s: Float[Array,
         hands=None if track.hands is None else _spread(track.hands, rows, len(frames)),
         **colours,
     )
+
+
+def _jumps(track: PersonTrack) -> Bool[Array, " N-1"]:
+    """Whether somebody jumps between his sightings n and n + 1, in successive looks."""
+    moved = np.linalg.norm(np.diff(track.keypoints2d[..., :2].astype(np.float64), axis=0), axis=-1)
+    size = np.sqrt(np.maximum(box_area(track.bbox.astype(np.float64)), 1.0))
+    step = np.median(moved, axis=-1) / np.sqrt(size[1:] * size[:-1])
+    step[np.diff(track.frame) > 1] = np.nan  # not known
+    before, after = np.append(np.nan, step[:-1]), np.append(step[1:], np.nan)
+    around = np.fmax(before, after)
+    return np.asarray((step >= JUMP) & (step >= TIMES_AROUND * around))
 
 
 def _interpolated(known_s: Float[Array, " k"], values: Float[Array, "k ..."], time_s: Float[Array, " n"]) -> Array:

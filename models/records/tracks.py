@@ -223,6 +223,9 @@ class ScenePeople:
     tracks: tuple[PersonTrack, ...]
     warnings: tuple[str, ...] = ()
     unfollowed: tuple[Unfollowed, ...] = ()
+    looks: np.ndarray | None = None
+    """(L,) int32: the frames that were looked at, in order; None where all were. What tracks have in others is
+    interpolated."""
 
     def track_of(self, appearance: Appearance) -> PersonTrack:
         """The track of a person in a shot, with left and right as they are, not as the detector swapped them.

@@ -18,9 +18,9 @@ import numpy as np
 from jaxtyping import Float
 
 from humanmm.models.records.landmarks import INDEX, LIMBS, SWAP, VISIBLE
-from humanmm.models.records.shots import Change, Scenes
+from humanmm.models.records.shots import Scenes
 from humanmm.models.records.tracks import ScenePeople
-from humanmm.models.shot_detection.sightings import USUAL_S, Sightings
+from humanmm.models.shot_detection.sightings import USUAL_S, Sightings, looks_at
 
 Array = np.ndarray
 
@@ -39,7 +39,7 @@ NOISE = 0.01
 AROUND, FEWEST = 11, 4
 """Steps on either side that tell what is usual; at least so many of both sides together must be known."""
 GAP_S = 0.15
-"""Longest time between two sightings that are neighbours, unless frames are as far apart."""
+"""Longest time between two sightings that are neighbours, unless looks are as far apart."""
 FEWEST_JOINTS = 5
 JOINTS = (INDEX["nose"], *LIMBS)
 """The joints that are compared."""
@@ -67,10 +67,13 @@ def leaps(scenes: Scenes, people: Sequence[ScenePeople | None], *, time_s: Float
     for scene in people:
         if scene is None:
             continue
-        seen = [Sightings(track, time_s) for track in scene.tracks if track.probability >= PERSON]
+        looks = looks_at(scene, len(time_s))
+        look_s = time_s[looks]
+        seen = [Sightings(track, looks, look_s) for track in scene.tracks if track.probability >= PERSON]
         for change in scenes.changes:
             if scene.start < change.frame < scene.end:
-                said = [one for person in seen if (one := _testimony(person, change, time_s)) is not None]
+                look, step_px = int(np.searchsorted(looks, change.frame)), np.array(change.step)
+                said = [one for person in seen if (one := _testimony(person, look, step_px, look_s)) is not None]
                 farthest = max((one.times_largest for one in said), default=0.0)
                 strength = farthest * change.outstanding
                 if farthest >= LEAST and strength >= SUSPECTED and not any(one.goes_on for one in said):
@@ -78,7 +81,7 @@ def leaps(scenes: Scenes, people: Sequence[ScenePeople | None], *, time_s: Float
 
 
 class _Testimony(NamedTuple):
-    """What one person says of a frame."""
+    """What one person says of a look."""
 
     times_largest: float
     """How far he is from where he was going: compared with the farthest that he is around it."""
@@ -86,13 +89,15 @@ class _Testimony(NamedTuple):
     """Whether he moves, and goes on doing so."""
 
 
-def _testimony(person: Sightings, change: Change, time_s: Float[Array, " F"]) -> _Testimony | None:
-    """None where too little of him is seen."""
-    row = int(np.searchsorted(person.frames, change.frame))
-    here = _leap(person, row, time_s, np.array(change.step))
+def _testimony(
+    person: Sightings, look: int, step_px: Float[Array, "2"], look_s: Float[Array, " L"]
+) -> _Testimony | None:
+    """Of the step before a look, in which the place moves by `step_px`. None where too little of him is seen."""
+    row = int(np.searchsorted(person.looks, look))
+    here = _leap(person, row, look_s, step_px)
     if here is None:
         return None
-    around = [_leap(person, other, time_s) for k in range(2, AROUND + 1) for other in (row - k, row + k)]
+    around = [_leap(person, other, look_s) for k in range(2, AROUND + 1) for other in (row - k, row + k)]
     usual = [one for one in around if one is not None]
     if len(usual) < FEWEST:
         return None
@@ -103,26 +108,26 @@ def _testimony(person: Sightings, change: Change, time_s: Float[Array, " F"]) ->
 def _moves(person: Sightings, row: int) -> bool:
     """Whether somebody moves before a row of his sightings, or from it on."""
     sides = (row - 1, -USUAL_S), (row, USUAL_S)
-    speeds = [person.usual_speed(int(person.frames[at]), within_s) for at, within_s in sides]
+    speeds = [person.usual_speed(int(person.looks[at]), within_s) for at, within_s in sides]
     return any(speed is not None and speed >= MOVING for speed in speeds)
 
 
 def _leap(
-    person: Sightings, row: int, time_s: Float[Array, " F"], step_px: Float[Array, "2"] | None = None
+    person: Sightings, row: int, look_s: Float[Array, " L"], step_px: Float[Array, "2"] | None = None
 ) -> float | None:
     """How far somebody leaps before a row of his sightings, fraction of the body's size; None where too little of him
     is seen, or too seldom. `step_px`: that of the place, or the picture's frame where nothing of it is known."""
-    if not 2 <= row <= len(person.frames) - 2:
+    if not 2 <= row <= len(person.looks) - 2:
         return None
-    frames = person.frames[row - 2 : row + 2]
-    if np.diff(time_s[frames]).max() > max(GAP_S, 1.5 * person.frame_s):
+    looks = person.looks[row - 2 : row + 2]
+    if np.diff(look_s[looks]).max() > max(GAP_S, 1.5 * person.step_s):
         return None
-    rows = [person.row[int(frame)] for frame in frames]
+    rows = [person.row[int(look)] for look in looks]
     points = person.keypoints[rows]
     # a detector that mistakes left for right from here on makes nobody leap
     swapped = np.concatenate([points[:2], points[2:, SWAP]])
     steps = [np.zeros(2)] if step_px is None else [np.zeros(2), step_px]
-    found = [_mean_step(one[:, JOINTS], time_s[frames], step) for one in (points, swapped) for step in steps]
+    found = [_mean_step(one[:, JOINTS], look_s[looks], step) for one in (points, swapped) for step in steps]
     distances = [distance for distance in found if distance is not None]
     return min(distances) / float(person.size[rows].mean()) if distances else None
 

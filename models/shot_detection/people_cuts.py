@@ -1,18 +1,20 @@
 """Cuts that the colours do not show, from the people in a scene (paper section 3.1, parts 2 and 3).
 
 Two views of one room may look alike as a whole, but nobody jumps from one frame to the next. For every pair of
-neighbouring frames in which people are seen, each person before is compared with each person after:
+successive looks in which people are seen, each person before is compared with each person after:
 
 * box IoU, as in the paper;
-* keypoint IoU: squares of side `sightings.SQUARE` × body size about each landmark that is visible in both frames, their
+* keypoint IoU: squares of side `sightings.SQUARE` × body size about each landmark that is visible in both looks, their
   intersection over union averaged over the landmarks. Body size is the square root of the box's area. It is 1 for equal
   poses and 0 once most landmarks have moved by a fifth of the body. Each left-right pair may be swapped: a detector
   that mistakes left for right makes no cut.
 
 A cut needs every person to jump (whoever carries on smoothly proves that the camera does too), by far more than these
-people usually move in the time between the two frames, calmly before and after, and not back again within `_RETURN_S`
+people usually move in the time between the two looks, calmly before and after, and not back again within `_RETURN_S`
 (the detector's own errors). Of those before and those after somebody must be a person: what the detector takes for one
 now and then jumps by itself.
+
+Where frames lie between the two looks, the cut is at the one at which the picture changes most, if it does at any.
 """
 
 import math
@@ -23,11 +25,11 @@ from typing import Literal, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.models.records.shots import Scenes, Transition
+from humanmm.models.records.shots import Change, Scenes, Transition
 from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.shot_detection.corrected_cuts import NEAR_FRAMES, distance
 from humanmm.models.shot_detection.leaps import leaps
-from humanmm.models.shot_detection.sightings import USUAL_S, Sightings, Step, step
+from humanmm.models.shot_detection.sightings import USUAL_S, Sightings, Step, looks_at, step
 from humanmm.models.video.frame_times import elapsed_s, nearest_frame
 
 Array = np.ndarray
@@ -36,7 +38,7 @@ Parts = Literal["scenes", "boxes", "keypoints"]
 """How much of the three-part detector is used."""
 
 _BOX_IOU = 0.3
-"""Boxes of one person in neighbouring frames overlap by more, even running across the picture (0.4, measured)."""
+"""Boxes of one person in successive looks overlap by more, even running across the picture (0.4, measured)."""
 _KEYPOINT_IOU = 0.3
 """Keypoints of one person overlap by more unless the detector errs; across cuts 0 to 0.3."""
 _TIMES_USUAL = 6.0
@@ -48,7 +50,7 @@ _RETURN_S = 0.255
 _PEOPLE = 0.5
 """Least probability that somebody on either side is a person, the two taken as independent."""
 _STILL = 0.02
-"""Least usual movement a frame, fraction of the body's size: the detector's jitter."""
+"""Least usual movement a look, fraction of the body's size: the detector's jitter."""
 
 
 class Split(NamedTuple):
@@ -68,7 +70,11 @@ def split_scenes(
         return Split(scenes.transitions, scenes.suspected)
     with_keypoints = parts == "keypoints"
     seen = [scene for scene in people if scene is not None]
-    found = [cut for scene in seen for cut in cuts_in_scene(scene, time_s=time_s, with_keypoints=with_keypoints)]
+    found = [
+        cut
+        for scene in seen
+        for cut in cuts_in_scene(scene, time_s=time_s, changes=scenes.changes, with_keypoints=with_keypoints)
+    ]
     transitions = [
         *scenes.transitions,
         *(cut for cut in found if all(distance(t, cut.start) > 0 for t in scenes.transitions)),
@@ -83,24 +89,37 @@ def split_scenes(
     return Split(tuple(sorted(transitions, key=lambda t: t.start)), tuple(sorted(suspected)))
 
 
-def cuts_in_scene(scene: ScenePeople, *, time_s: Float[Array, " F"], with_keypoints: bool = True) -> list[Transition]:
-    """Cuts inside one scene, in order. Without keypoints only boxes that jump make a cut; what speaks against a jump
-    (movement that is usual, a jump that is undone) is looked for all the same."""
-    tracks = [Sightings(track, time_s) for track in scene.tracks]
-    frames = sorted({frame for track in tracks for frame in track.row})
+def cuts_in_scene(
+    scene: ScenePeople, *, time_s: Float[Array, " F"], changes: Sequence[Change] = (), with_keypoints: bool = True
+) -> list[Transition]:
+    """Cuts inside one scene, in order; `changes`: where the picture changes most. Without keypoints only boxes that
+    jump make a cut; what speaks against a jump (movement that is usual, a jump that is undone) is looked for all the
+    same."""
+    looks = looks_at(scene, len(time_s))
+    look_s = time_s[looks]
+    tracks = [Sightings(track, looks, look_s) for track in scene.tracks]
     cuts: list[Transition] = []
-    for before, after in pairwise(frames):
-        if after - before > 1 and elapsed_s(time_s, before, after) > _GAP_S:
+    for before, after in pairwise(sorted({look for track in tracks for look in track.row})):
+        if after - before > 1 and elapsed_s(look_s, before, after) > _GAP_S:
             continue
-        evidence = _evidence(tracks, before, after, time_s)
+        evidence = _evidence(tracks, before, after, look_s)
         if evidence == "bbox" or (evidence == "keypoints" and with_keypoints):
-            # a tracker loses everybody at the cut and finds them again some frames later
-            cuts.append(Transition("cut", before + 1, before + 1, evidence))
+            # a tracker loses everybody at the cut and finds them again some looks later
+            frame = _first_after(int(looks[before]), int(looks[before + 1]), changes)
+            cuts.append(Transition("cut", frame, frame, evidence))
     return cuts
 
 
-def _evidence(tracks: Sequence[Sightings], before: int, after: int, time_s: Float[Array, " F"]) -> str | None:
-    """Which comparison, box or keypoints, shows that a cut lies between two frames; None if there is no cut."""
+def _first_after(before: int, after: int, changes: Sequence[Change]) -> int:
+    """The first frame after a cut between two frames: where the picture changes most, or else in the middle."""
+    between = [change for change in changes if before < change.frame <= after]
+    if between:
+        return max(between, key=lambda change: change.outstanding).frame
+    return before + (after - before) // 2 + 1
+
+
+def _evidence(tracks: Sequence[Sightings], before: int, after: int, look_s: Float[Array, " L"]) -> str | None:
+    """Which comparison, box or keypoints, shows that a cut lies between two looks; None if there is no cut."""
     # who is lost for a while, or found again, is no evidence: only who goes on, ends or begins here
     leaving = [t for t in tracks if before in t.row and (after in t.row or t.last == before)]
     arriving = [t for t in tracks if after in t.row and (before in t.row or t.first == after)]
@@ -122,18 +141,18 @@ def _evidence(tracks: Sequence[Sightings], before: int, after: int, time_s: Floa
     ]
     if not all(usual) or math.prod(max(probability for probability, _ in side) for side in usual) < _PEOPLE:
         return None
-    moved = elapsed_s(time_s, before, after) * max(speed for side in usual for _, speed in side)
+    moved = elapsed_s(look_s, before, after) * max(speed for side in usual for _, speed in side)
     if jump < _TIMES_USUAL * max(_STILL * (after - before), moved):
         return None
-    if _returns(tracks, before, after, time_s):
+    if _returns(tracks, before, after, look_s):
         return None
     return "bbox" if boxes_jump else "keypoints"
 
 
-def _returns(tracks: Sequence[Sightings], before: int, after: int, time_s: Float[Array, " F"]) -> bool:
+def _returns(tracks: Sequence[Sightings], before: int, after: int, look_s: Float[Array, " L"]) -> bool:
     """Whether somebody is soon back where they were, or comes back from a jump shortly before."""
-    there = [(before, later) for later in range(after, nearest_frame(time_s, time_s[after] + _RETURN_S) + 1)]
-    back = [(earlier, after) for earlier in range(nearest_frame(time_s, time_s[before] - _RETURN_S), before)]
+    there = [(before, later) for later in range(after, nearest_frame(look_s, look_s[after] + _RETURN_S) + 1)]
+    back = [(earlier, after) for earlier in range(nearest_frame(look_s, look_s[before] - _RETURN_S), before)]
     return any(
         _carries_on(step(old, first, new, second))
         for first, second in there + back

@@ -74,6 +74,29 @@ def test_a_jump_is_not_overshot() -> None:
     assert result.landmarks3d.min() >= -1e-6 and result.landmarks3d.max() <= 1 + 1e-6
 
 
+def test_between_two_looks_from_one_of_which_to_the_other_somebody_jumps_nothing_is_known() -> None:
+    looks = looked_at(TIME_S, SPAN, max_rate_hz=15, every=1)
+    seen = np.arange(len(looks))
+    jump = np.where(TIME_S < 50 / RATE_HZ, 0.0, 30.0) + TIME_S
+    error = np.where((TIME_S > 38 / RATE_HZ) & (TIME_S < 46 / RATE_HZ), 30.0, 0.0) + TIME_S  # in the looks at 40 and 44
+    start = 20 * np.maximum(TIME_S - 50 / RATE_HZ, 0.0)  # from rest, and fast from then on
+    frames = [
+        in_frames(ScenePeople(0, len(looks), (track(looks, seen, place),)), looks, SPAN, TIME_S).tracks[0].frame
+        for place in (jump, error, start)
+    ]
+    assert sorted({*range(20, 80)} - {*frames[0].tolist()}) == [49, 50, 51]
+    assert sorted({*range(20, 80)} - {*frames[1].tolist()}) == [37, 38, 39, 45, 46, 47]
+    assert frames[2].tolist() == list(range(20, 80))
+
+
+def test_the_record_tells_looks_from_what_is_interpolated() -> None:
+    for max_rate_hz, told in ((15, True), (RATE_HZ, False)):
+        looks = looked_at(TIME_S, SPAN, max_rate_hz=max_rate_hz, every=1)
+        people = in_frames(ScenePeople(0, len(looks), ()), looks, SPAN, TIME_S)
+        assert (people.looks is not None) is told
+        assert people.looks is None or people.looks.tolist() == looks.tolist()
+
+
 def test_what_was_said_of_the_sides_counts_in_looks_alone() -> None:
     looks = looked_at(TIME_S, SPAN, max_rate_hz=30, every=1)
     seen = np.arange(6)

@@ -4,8 +4,9 @@ import dataclasses
 
 import numpy as np
 import pytest
-from walkers import joined, walker
+from walkers import joined, looked_at_seldom, walker
 
+from humanmm.models.perception.between_looks import looked_at
 from humanmm.models.records.landmarks import SWAP
 from humanmm.models.records.shots import Change, Scenes
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
@@ -83,6 +84,25 @@ def test_people_are_compared_by_their_own_sightings() -> None:
     track = leaper(40)
     track.confidence[1::2] = 0.0
     assert len(found(track)) == 1
+
+
+@pytest.mark.parametrize(("rate_hz", "looks_hz"), [(50, 30), (60, 30), (120, 30), (30, 15)])
+def test_a_leap_between_two_looks_is_found_where_the_picture_changes(rate_hz: int, looks_hz: int) -> None:
+    time_s = np.arange(60 * rate_hz // looks_hz) / rate_hz
+    looks = looked_at(time_s, (0, len(time_s)), max_rate_hz=looks_hz, every=5)
+
+    def where(leap_px: float, change: int) -> list[int]:
+        track = walker(0, len(looks), (100, 200))
+        ahead = np.where(looks >= looks[30], leap_px, 0.0)
+        track.keypoints2d[..., 0] += ahead[:, None]
+        track.bbox[:, [0, 2]] += ahead[:, None]
+        scenes = Scenes(len(time_s), (), changes=(Change(change, 1.2, (0.0, 0.0)),))
+        people = looked_at_seldom(track, looks=looks, time_s=time_s)
+        return [leap.frame for leap in leaps(scenes, [people], time_s=time_s) if leap.certain]
+
+    for change in range(int(looks[29]) + 1, int(looks[30]) + 1):
+        assert where(40, change) == where(120, change) == [change]
+        assert where(0, change) == []
 
 
 def test_who_is_lost_for_long_tells_nothing() -> None:

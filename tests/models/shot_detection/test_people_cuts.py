@@ -4,10 +4,11 @@ import dataclasses
 
 import numpy as np
 import pytest
-from walkers import joined, walker
+from walkers import joined, looked_at_seldom, walker
 
+from humanmm.models.perception.between_looks import looked_at
 from humanmm.models.records.landmarks import SWAP
-from humanmm.models.records.shots import Scenes, Transition
+from humanmm.models.records.shots import Change, Scenes, Transition
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
 from humanmm.models.shot_detection.people_cuts import Parts, cuts_in_scene, split_scenes
 
@@ -122,3 +123,35 @@ def test_a_gap_is_measured_in_seconds() -> None:
 def test_what_may_be_nobody_shows_no_cut(probability: float, found: list[tuple[int, str]]) -> None:
     tracker_carried_on = joined(walker(0, 30, (200, 250)), walker(30, 60, (600, 250), seed=1))
     assert cuts(dataclasses.replace(tracker_carried_on, probability=probability)) == found
+
+
+@pytest.mark.parametrize("same_track", [True, False])
+@pytest.mark.parametrize(("rate_hz", "looks_hz"), [(24, 30), (30, 30), (50, 30), (60, 30), (120, 30), (30, 15)])
+def test_a_cut_between_two_looks_is_in_the_middle_or_where_the_picture_changes(
+    rate_hz: int, looks_hz: int, same_track: bool
+) -> None:
+    time_s = np.arange(2 * rate_hz) / rate_hz
+    looks = looked_at(time_s, (0, len(time_s)), max_rate_hz=looks_hz, every=5)
+    L, k = len(looks), len(looks) // 2
+    between = range(int(looks[k - 1]) + 1, int(looks[k]) + 1)
+    for place, evidence in (((500.0, 230.0), "bbox"), ((100.0, 255.0), "keypoints")):
+        tracks = [walker(0, k, (100, 200), speed_px=0), walker(k, L, place, speed_px=0, seed=1)]
+        people = looked_at_seldom(*([joined(*tracks)] if same_track else tracks), looks=looks, time_s=time_s)
+        (cut,) = cuts_in_scene(people, time_s=time_s)
+        assert cut.evidence == evidence and cut.start in between
+        assert abs(cut.start - (between[0] + between[-1]) / 2) <= 0.5
+        for frame in between:
+            changes = (Change(frame, 1.2, (0.0, 0.0)), Change(between[-1] + 1, 3.0, (0.0, 0.0)))
+            (transition,) = split_scenes(Scenes(len(time_s), (), changes=changes), [people], time_s=time_s).transitions
+            assert transition == Transition("cut", frame, frame, evidence)
+
+
+@pytest.mark.parametrize("rate_hz", [30, 60])
+def test_who_moves_fast_between_two_looks_makes_no_cut(rate_hz: int) -> None:
+    time_s = np.arange(2 * rate_hz) / rate_hz
+    looks = looked_at(time_s, (0, len(time_s)), max_rate_hz=rate_hz / 2, every=5)
+    track = walker(0, len(looks), (100, 200), speed_px=0)
+    run = 1600 * time_s[looks]  # the body's height in an eighth of a second
+    track.keypoints2d[..., 0] += run[:, None]
+    track.bbox[:, [0, 2]] += run[:, None]
+    assert cuts_in_scene(looked_at_seldom(track, looks=looks, time_s=time_s), time_s=time_s) == []
