@@ -11,7 +11,7 @@ from humanmm.models.geometry.rotations import skew, unit
 from humanmm.models.motion.world.equations import SHARED_UNKNOWNS, WorldEquations
 from humanmm.models.motion.world.problem import ShotRig, ShotTrajectory
 from humanmm.models.motion.world.scale import LOWEST_PERCENT
-from humanmm.models.motion.world.state import SolveSettings, WorldState
+from humanmm.models.motion.world.state import DENSE_S, SolveSettings, WorldState
 
 Array = np.ndarray
 
@@ -41,6 +41,8 @@ def add_feet(
     correlated = np.sqrt(max(1.0, settings.correlation_s / trajectory.step_s))
     step = np.diff(trajectory.time_s)[:, None]
     weight = np.sqrt(still) / step / np.sqrt(correlated)
+    # Squared it goes by the root of time so far; over dense frames, whose sum is an integral, it goes by time.
+    weight *= min(1.0, trajectory.step_s / DENSE_S) ** 0.25
     moved, swing = np.diff(pair, axis=0), np.diff(rotated, axis=0)
     by_shared = np.zeros((*swing.shape, SHARED_UNKNOWNS))
     by_shared[..., 3:6] = -skew(swing)

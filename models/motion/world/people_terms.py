@@ -11,7 +11,7 @@ from humanmm.models.geometry.rotations import skew
 from humanmm.models.motion.world.equations import WorldEquations, segments_of
 from humanmm.models.motion.world.feet import add_feet
 from humanmm.models.motion.world.problem import ShotRig, ShotTrajectory
-from humanmm.models.motion.world.state import SolveSettings, WorldState, people_of
+from humanmm.models.motion.world.state import DENSE_S, SolveSettings, WorldState, people_of
 
 Array = np.ndarray
 
@@ -132,7 +132,9 @@ def _add_inertia(
     if len(pelvis) < 3:
         return
     middle = 0.5 * (step[1:] + step[:-1])
-    sigma = settings.acceleration_ms2 * middle / np.sqrt(1 + middle / ACCELERATION_S)
+    # The sum over dense frames is an integral of the squared acceleration: its terms count by time, σ² goes by time.
+    counted = np.maximum(middle, DENSE_S)
+    sigma = settings.acceleration_ms2 * np.sqrt(middle * counted) / np.sqrt(1 + counted / ACCELERATION_S)
     after, before = 1 / (step[1:] * sigma), 1 / (step[:-1] * sigma)
     coefficients = np.stack([before, -(after + before), after], axis=1)
     equations.add_chain(first + np.arange(len(coefficients)), coefficients, np.diff(velocity, axis=0) / sigma[:, None])

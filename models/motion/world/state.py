@@ -11,6 +11,10 @@ from humanmm.models.motion.world.problem import ShotTrajectory
 Array = np.ndarray
 
 
+DENSE_S = 1 / 30
+"""Frames nearer to one another say no more of motion together than frames so far apart do: they count by time."""
+
+
 @dataclass(frozen=True)
 class SolveSettings:
     """Standard deviations of what ties the world together, as measured on fits to rendered people."""
