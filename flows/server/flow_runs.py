@@ -33,8 +33,9 @@ BATCH_DEPLOYMENT = "recover-batch/recover-batch"
 def schedule(table: BatchTable, rows: Sequence[VideoRow]) -> None:
     """Create a flow run per video, unless Prefect has one of the same batch, video and attempt.
 
-    A video whose process was lost waits a little, the longer the more often it was lost. Rows that a busy server
-    refuses stay without a flow run, and `humanmm serve` sends them again at its next look.
+    When the row was scheduled is part of that: a batch whose table was deleted counts its attempts from 1 again. A
+    video whose process was lost waits a little, the longer the more often it was lost. Rows that a busy server refuses
+    stay without a flow run, and `humanmm serve` sends them again at its next look.
     """
     note_store(server_files(), table.store.location)
     refused: list[str] = []
@@ -49,7 +50,7 @@ def schedule(table: BatchTable, rows: Sequence[VideoRow]) -> None:
                     parameters=_parameters(row, table),
                     name=Path(row.video).name[:100],
                     tags=[f"batch:{row.batch}", *json.loads(row.tags)],
-                    idempotency_key=f"{table.store.location}:{row.key}:{row.attempt}",
+                    idempotency_key=f"{table.store.location}:{row.key}:{row.attempt}:{row.changed}",
                     work_queue_name=queue_of(row.priority),
                     state=Scheduled(scheduled_time=datetime.now(UTC) + timedelta(seconds=_pause_s(row))),
                 )

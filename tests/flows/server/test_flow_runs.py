@@ -19,6 +19,7 @@ class _BusyServer:
     def __init__(self, taken: set[str]) -> None:
         self._taken = taken
         self.asked: list[str] = []
+        self.keys: list[str] = []
 
     def __enter__(self) -> "_BusyServer":
         return self
@@ -29,8 +30,11 @@ class _BusyServer:
     def read_deployment_by_name(self, name: str) -> Any:
         return SimpleNamespace(id=name)
 
-    def create_flow_run_from_deployment(self, deployment: str, *, name: str, **asked: Any) -> Any:
+    def create_flow_run_from_deployment(
+        self, deployment: str, *, name: str, idempotency_key: str, **asked: Any
+    ) -> Any:
         self.asked.append(name)
+        self.keys.append(idempotency_key)
         if name in self._taken:
             return SimpleNamespace(id=f"run of {name}")
         request = httpx.Request("POST", "http://127.0.0.1/api")
@@ -52,3 +56,22 @@ def test_videos_that_a_busy_server_does_not_take_wait_in_the_table(
     monkeypatch.setattr(flow_runs, "get_client", lambda **kind: server)
     flow_runs.schedule(table, rows)
     assert server.asked == ["b.mp4"], "nobody asks for what somebody has asked for meanwhile"
+
+
+def test_a_batch_that_is_new_again_does_not_get_the_flow_runs_of_its_former_life(
+    toy: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HUMANMM_CACHE", str(tmp_path / "cache"))
+    server = _BusyServer({"a.mp4"})
+    monkeypatch.setattr(flow_runs, "get_client", lambda **kind: server)
+    table = open_batches(toy.store)
+    row = VideoRow("b", "a.mp4", 0, "/runs/a", "{}", "normal", "[]", "", "")
+    for _ in range(2):
+        standing = table.put([row])
+        flow_runs.schedule(table, standing)
+        table.change(standing[0], flow_run=None)
+        flow_runs.schedule(table, standing)  # by somebody who does not know that it was created
+        assert table.path is not None
+        table.path.unlink()
+    first, again, second, _ = server.keys
+    assert first == again != second
