@@ -21,3 +21,10 @@ def test_a_section_that_is_none_is_refused_in_one_sentence(tree: dict[str, objec
     for values in ({}, {"person": 0}):
         with pytest.raises(ConfigError, match="setting shots: "):
             resolve(tree, values)
+
+
+@pytest.mark.parametrize("setting", ["deliver.scene_max_s", "run.limit_s"])
+@pytest.mark.parametrize("value", ["inf", float("inf"), "nan"])
+def test_a_number_that_is_not_finite_is_refused_before_anything_is_computed(setting: str, value: object) -> None:
+    with pytest.raises(ConfigError, match=f"setting {setting}: input should be a finite number, not "):
+        resolve(None, {setting: value})

@@ -41,6 +41,7 @@ def test_every_kind_can_be_read_and_says_what_it_means() -> None:
         ([{"kind": "exclude", "start": 52, "end": 40}], "end = 40 is not after start = 52; end is the first frame"),
         ([{"kind": "focal", "px": 9}, {"kind": "focal", "px": 8}], "there are 2 corrections of kind focal; keep one"),
         ([{"kind": "sides", "who": WHO, "start": 0, "end": 9, "joint": "hip"}], "joint, left and right go together"),
+        ([{"kind": "main", "who": {**WHO, "x": float("nan")}}], "(main): who.x: input should be a finite number"),
         ([{"kind": "add-cut", "frame": "soon"}], "(add-cut): frame: input should be a valid integer"),
     ],
 )  # fmt: skip

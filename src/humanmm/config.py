@@ -36,7 +36,7 @@ SECTIONS_OF_NO_STAGE = {"lifting", "run", "corrections"}
 class Section(BaseModel):
     """Base of all sections: frozen, unknown keys are errors."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True, allow_inf_nan=False)
 
 
 MAX_GIVEN_BYTES = 2**31

@@ -22,7 +22,7 @@ Json = dict[str, Any]
 class _Entry(BaseModel):
     """Base of what a file says: frozen, unknown keys are errors."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True, allow_inf_nan=False)
 
 
 class Who(_Entry):
