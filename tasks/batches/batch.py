@@ -4,14 +4,15 @@ A submitted batch is compared with the batch table and the store before anything
 the same file was finished with the same code, weights, libraries and settings and its run folder is still there.
 """
 
+import functools
 import hashlib
 import json
+import logging
 import os
 import socket
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,8 @@ from humanmm.tasks.engine.run import VideoRun
 from humanmm.tasks.engine.run_folders import RunFolders
 from humanmm.tasks.pipeline import Stage
 from humanmm.tasks.units.digest import CodeDigest, code_digest
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -180,14 +183,13 @@ def _rows(
     base = config.model_dump(mode="json")
     folders = _RunFolders(out, store, before)
     rows = []
-    for position, entry in enumerate(entries):
-        video = _as_text(entry.video)
+    for position, entry in enumerate(entry for entry in entries if _has_text_name(entry.video)):
         overrides = json.dumps(entry.settings, sort_keys=True)
         if overrides not in resolved:
             settings = validate(with_sections(base, entry.settings), origin=entry.origin)
             parts = chosen(settings, base)
             if parts not in code_of_parts:
-                code_of_parts[parts] = finish.code_of(pipeline.STAGES, partial(_code_of_stage, settings))
+                code_of_parts[parts] = finish.code_of(pipeline.STAGES, functools.partial(_code_of_stage, settings))
             code = code_of_parts[parts]
             as_json, recipe = json.dumps(settings.model_dump(mode="json")), finish.recipe_of(code, settings)
             resolved[overrides] = settings, as_json, code, recipe
@@ -197,7 +199,7 @@ def _rows(
             recipe = finish.recipe_of(code, _corrected(settings, run_dir, entry.video, store))
         rows.append(
             VideoRow(
-                batch=name, video=video, position=position, run_dir=run_dir, config=settings_json,
+                batch=name, video=str(entry.video), position=position, run_dir=run_dir, config=settings_json,
                 priority=entry.priority or "normal", tags=json.dumps(entry.tags), facts=facts_of(entry.video),
                 recipe=recipe,
             )
@@ -274,9 +276,12 @@ def _known_content(row: VideoRow, store: Store) -> str | None:
     return str(known["sha256"]) if same else None
 
 
-def _as_text(video: Path) -> str:
+@functools.cache
+def _has_text_name(video: Path) -> bool:
+    """Whether the batch table can hold its name. A watched folder is looked at again and again: it is told once."""
     try:
         str(video).encode()
     except UnicodeEncodeError:
-        raise InputError(f"the name {str(video)!a} is no text; rename the file to use it in a batch") from None
-    return str(video)
+        log.warning("the name %a is no text: the video is left out; rename the file to use it in a batch", str(video))
+        return False
+    return True

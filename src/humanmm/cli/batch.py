@@ -156,7 +156,7 @@ def _write_plan(request: "BatchRequest", table: "BatchTable", *, as_json: bool) 
     if as_json:
         write_json({"batch": request.batch, "videos": [one.to_json() for one in plan]})
         return 0
-    width = max(len(one.row.video) for one in plan)
+    width = max((len(one.row.video) for one in plan), default=0)
     write(*(f"{one.row.video:<{width}}  {one.sentence}" for one in plan))
     to_do = sum(one.state == "to do" for one in plan)
     say(f"batch {request.batch}: {to_do} of {len(plan)} videos would be scheduled; nothing was written")

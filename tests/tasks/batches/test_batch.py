@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import os
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -332,3 +333,14 @@ def test_a_batch_leaves_the_run_folder_of_another_video_of_that_name_alone(toy: 
     (second,) = batches.submit(table, "y", read_batch(films / "y"), Config(), toy.folder / "runs").to_schedule
     digits = hashlib.sha256((films / "y/take.mp4").read_bytes()).hexdigest()[:8]
     assert Path(second.run_dir).name == f"take-{digits}"
+
+
+def test_a_name_that_is_no_text_is_left_out_with_one_warning_and_the_others_are_scheduled(
+    toy: Any, table: BatchTable, caplog: pytest.LogCaptureFixture
+) -> None:
+    films = _films(toy, "a.mp4", "z.mp4", os.fsdecode(b"caf\xe9.mp4"))
+    for _ in range(2):
+        assert [Path(row.video).name for row in _submit(toy, table, films).to_schedule] == ["a.mp4", "z.mp4"]
+    assert [record.getMessage() for record in caplog.records if "no text" in record.getMessage()] == [
+        f"the name '{films}/caf\\udce9.mp4' is no text: the video is left out; rename the file to use it in a batch"
+    ]
