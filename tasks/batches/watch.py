@@ -9,9 +9,10 @@ from humanmm.storage.batches.video_row import facts_of
 
 
 def is_quiet(path: Path, settle_s: float) -> bool:
-    """True if a file was not written to for so many seconds; the run of one that cannot be read says so."""
+    """True if a file was not written to for so many seconds, or is dated so far in the future, as by a camera with a
+    wrong clock; the run of one that cannot be read says so."""
     try:
-        return time.time() - path.stat().st_mtime >= settle_s
+        return abs(time.time() - path.stat().st_mtime) >= settle_s
     except OSError:
         return True
 

@@ -37,6 +37,9 @@ def test_a_schedule_leaves_fresh_files_for_the_next_time(tmp_path: Path) -> None
     an_hour_ago = time.time() - 3600
     os.utime(film, (an_hour_ago, an_hour_ago))
     assert is_quiet(film, 30)
+    in_a_year = time.time() + 365 * 86400
+    os.utime(film, (in_a_year, in_a_year))
+    assert is_quiet(film, 30), "a camera's clock was wrong: it would wait for a year"
     assert is_quiet(tmp_path / "gone.mp4", 30), "its own run tells why"
 
 
