@@ -71,7 +71,7 @@ def _is_unscheduled(row: VideoRow, table: BatchTable) -> bool:
 def set_schedule(name: str, cron: str | None, timezone: str, parameters: Mapping[str, Any]) -> datetime | None:
     """Have `recover_batch` run at the times of a cron line, in place of what `name` had before; None ends it.
 
-    Returns when it is next. InputError for a line that is none.
+    Returns when it is next. InputError, and nothing is changed, for a line that is none or whose time never comes.
     """
     from prefect.server.schemas import schedules as server_schedules  # slow to import, and seldom needed
 
@@ -82,17 +82,23 @@ def set_schedule(name: str, cron: str | None, timezone: str, parameters: Mapping
         except ValueError:
             raise InputError(f"--schedule {cron!r} is no cron line such as '0 2 * * *' (in {timezone})") from None
 
+    async def next_date(cron: str) -> datetime:
+        try:
+            return (await server_schedules.CronSchedule(cron=cron, timezone=timezone).get_dates(1))[0]
+        except ValueError:
+            raise InputError(f"--schedule {cron!r} never comes: no year has such a day") from None
+
     async def set_it() -> datetime | None:
+        following = None if cron is None else await next_date(cron)
         async with get_client() as client:
             deployment = await client.read_deployment_by_name(BATCH_DEPLOYMENT)
             for old in deployment.schedules:
                 if old.slug == name:
                     await client.delete_deployment_schedule(deployment.id, old.id)
-            if schedule is None:
-                return None
-            timed = DeploymentScheduleCreate(schedule=schedule, parameters={**parameters, "name": name}, slug=name)
-            await client.create_deployment_schedules(deployment.id, [timed])
-        return (await server_schedules.CronSchedule(cron=schedule.cron, timezone=timezone).get_dates(1))[0]
+            if schedule is not None:
+                timed = DeploymentScheduleCreate(schedule=schedule, parameters={**parameters, "name": name}, slug=name)
+                await client.create_deployment_schedules(deployment.id, [timed])
+        return following
 
     return asyncio.run(set_it())
 

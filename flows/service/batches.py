@@ -45,7 +45,12 @@ def schedule(table: BatchTable, rows: Sequence[VideoRow], *, limit: int | None) 
 
 
 def set_schedule(request: BatchRequest, store: str, cron: str | None, *, limit: int | None) -> datetime | None:
-    """Submit the batch at the times of a cron line, in this machine's time zone; None ends that. Returns the next."""
+    """Submit the batch at the times of a cron line, in this machine's time zone; None ends that. Returns the next.
+
+    InputError for a source that is not there; that a folder holds no video yet is none.
+    """
+    if cron is not None and not request.source.is_dir():
+        request.videos()
     parameters = {
         "source": str(request.source.absolute()), "out": str(request.out.absolute()), "store": store,
         "config": request.config.model_dump(mode="json"), "pattern": request.pattern, "priority": request.priority,

@@ -8,6 +8,7 @@ import httpx
 import pytest
 from prefect.exceptions import PrefectHTTPStatusError
 
+from humanmm.errors import InputError
 from humanmm.flows.server import flow_runs
 from humanmm.storage.batches.batch_table import open_batches
 from humanmm.storage.batches.video_row import VideoRow
@@ -30,9 +31,7 @@ class _BusyServer:
     def read_deployment_by_name(self, name: str) -> Any:
         return SimpleNamespace(id=name)
 
-    def create_flow_run_from_deployment(
-        self, deployment: str, *, name: str, idempotency_key: str, **asked: Any
-    ) -> Any:
+    def create_flow_run_from_deployment(self, deployment: str, *, name: str, idempotency_key: str, **asked: Any) -> Any:
         self.asked.append(name)
         self.keys.append(idempotency_key)
         if name in self._taken:
@@ -75,3 +74,15 @@ def test_a_batch_that_is_new_again_does_not_get_the_flow_runs_of_its_former_life
         table.path.unlink()
     first, again, second, _ = server.keys
     assert first == again != second
+
+
+@pytest.mark.parametrize(
+    ("cron", "message"),
+    [("at night", "is no cron line such as"), ("0 0 30 2 *", "never comes: no year has such a day")],
+)
+def test_a_schedule_that_never_comes_is_refused_before_the_one_that_there_is_is_touched(
+    monkeypatch: pytest.MonkeyPatch, cron: str, message: str
+) -> None:
+    monkeypatch.setattr(flow_runs, "get_client", lambda: pytest.fail("nothing was to be changed"))
+    with pytest.raises(InputError, match=message):
+        flow_runs.set_schedule("nightly", cron, "UTC", {})

@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 
 from humanmm.config import Config
+from humanmm.errors import InputError
 from humanmm.flows.service import batches
 from humanmm.storage.batches.batch_table import open_batches
 from humanmm.storage.batches.owner import Owner
@@ -66,3 +67,15 @@ def test_a_machine_without_a_clock_of_its_own_goes_by_utc(
     assert batches._timezone() == "UTC" and caplog.text == ""
     (tmp_path / "localtime").symlink_to("/usr/share/zoneinfo/Asia/Tokyo")
     assert batches._timezone() == "Asia/Tokyo"
+
+
+def test_a_schedule_of_a_source_that_is_not_there_is_refused_before_anything_starts(
+    toy: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def bring_up(**how: Any) -> None:
+        raise AssertionError("a service was started")
+
+    monkeypatch.setattr(batches, "bring_up", bring_up)
+    request = BatchRequest(source=toy.folder / "typo", out=toy.folder / "runs", config=Config())
+    with pytest.raises(InputError, match="cannot read .*typo: No such file or directory; give a folder"):
+        batches.set_schedule(request, str(toy.store), "0 2 * * *", limit=None)
