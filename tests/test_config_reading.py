@@ -1,5 +1,7 @@
 """Settings from what people write."""
 
+from pathlib import Path
+
 import pytest
 
 from humanmm.config import Config
@@ -28,3 +30,9 @@ def test_a_section_that_is_none_is_refused_in_one_sentence(tree: dict[str, objec
 def test_a_number_that_is_not_finite_is_refused_before_anything_is_computed(setting: str, value: object) -> None:
     with pytest.raises(ConfigError, match=f"setting {setting}: input should be a finite number, not "):
         resolve(None, {setting: value})
+
+
+def test_a_file_of_settings_may_begin_with_a_byte_order_mark(tmp_path: Path) -> None:
+    path = tmp_path / "settings.toml"
+    path.write_text("\ufeff[camera]\nstatic = true\n", encoding="utf-8")
+    assert resolve(path).camera.static

@@ -14,9 +14,11 @@ import numpy as np
 
 from humanmm.config import MAX_FOV_DEG, MIN_FOV_DEG
 from humanmm.corrections import (
+    NONE,
     ONCE,
     AddCut,
     Correction,
+    Corrections,
     Exclude,
     Floor,
     Focal,
@@ -30,11 +32,12 @@ from humanmm.corrections import (
     Swap,
     Who,
     make,
+    read_corrections,
 )
 from humanmm.errors import InputError
 from humanmm.models.body.body24 import load_body
 from humanmm.models.records.landmarks import INDEX
-from humanmm.storage.run_folder.corrections_file import FILE, append, of_folder, remove
+from humanmm.storage.run_folder.corrections_file import FILE, append, begin, of_folder, remove, standing
 from humanmm.storage.run_folder.run_record import read_run_record
 
 if TYPE_CHECKING:
@@ -266,11 +269,22 @@ class Entered:
     """Its own number, from 1; None if it is not there: taking out was enough, or the file had it already."""
 
 
+def take_over(run_dir: Path) -> Corrections:
+    """Write the corrections that a run was given from elsewhere into its folder, which has no file yet: what is written
+    there takes their place. Returns them; none if there was nothing to take over."""
+    given = standing(_given(run_dir), run_dir)
+    if (run_dir / FILE).is_file() or not given.correction:
+        return NONE
+    begin(run_dir / FILE, given.correction, video=_video(run_dir))
+    return given
+
+
 def enter(run_dir: Path, correction: Correction) -> Entered:
     """Write a correction into the file of a run; one that takes an earlier one back, or may be there once, replaces
-    it."""
+    it. What the run was given from elsewhere is written there first (`take_over`)."""
+    take_over(run_dir)
     path, held = run_dir / FILE, of_folder(run_dir)
-    video, before = str(read_run_record(run_dir)["video"]["sha256"]), held.correction
+    video, before = _video(run_dir), held.correction
     if held.for_video(video).left_aside:
         raise InputError(f"{path} was written for another video than that of the run; move it away first")
     number = contrary(correction, before)
@@ -287,7 +301,8 @@ def enter(run_dir: Path, correction: Correction) -> Entered:
 
 
 def take_out(run_dir: Path, number: int | None = None) -> Correction:
-    """Take a correction, counted from 1, or the last one out of the file of a run."""
+    """Take a correction, counted from 1 as in `states`, or the last one out of the file of a run."""
+    take_over(run_dir)
     entries = of_folder(run_dir).correction
     if not entries:
         raise InputError(f"{run_dir / FILE} holds no correction")
@@ -299,7 +314,8 @@ def take_out(run_dir: Path, number: int | None = None) -> Correction:
 
 
 def states(run_dir: Path) -> list[tuple[Correction, str]]:
-    """The corrections in the file of a run, each with what the last run made of it."""
+    """The corrections of a run, in its folder's file or given from elsewhere, each with what the last run made of
+    it."""
     done = {str(one["correction"]): one for one in read_run_record(run_dir).get("corrections", ())}
 
     def state(one: Correction) -> str:
@@ -309,4 +325,13 @@ def states(run_dir: Path) -> list[tuple[Correction, str]]:
         remark = f": {found['reason']}" if found["reason"] else ""
         return f"{'applied' if found['applied'] else 'does not fit'}{remark}"
 
-    return [(one, state(one)) for one in of_folder(run_dir).correction]
+    return [(one, state(one)) for one in standing(_given(run_dir), run_dir).correction]
+
+
+def _given(run_dir: Path) -> Corrections:
+    """The corrections that the run was computed with."""
+    return read_corrections(read_run_record(run_dir)["config"].get("corrections", {}))
+
+
+def _video(run_dir: Path) -> str:
+    return str(read_run_record(run_dir)["video"]["sha256"])

@@ -8,7 +8,7 @@ frame = 84
 import json
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -52,25 +52,43 @@ def decided(config: Config, run_dir: Path, *, sha256: str | None = None) -> Conf
 
 def corrected(config: Config, run_dir: Path, *, sha256: str | None = None) -> Config:
     """The configuration of a run with the corrections that its folder holds now, if it holds any."""
+    return config.model_copy(update={"corrections": standing(config.corrections, run_dir, sha256=sha256)})
+
+
+def standing(given: Corrections, run_dir: Path, *, sha256: str | None = None) -> Corrections:
+    """The corrections of a finished run, `given` those that it was computed with: what its folder's file holds now;
+    without one, those that came from elsewhere."""
     path = run_dir / FILE
     if path.is_file():
-        return config.model_copy(update={"corrections": read_file(path).for_video(sha256)})
-    came_from_there = config.corrections.origin == str(path)
-    return config.model_copy(update={"corrections": NONE}) if came_from_there else config
+        return read_file(path).for_video(sha256)
+    came_from_there = Path(given.origin).absolute() == path.absolute()
+    return NONE if came_from_there else given
+
+
+def begin(path: Path, corrections: Iterable[Correction], *, video: str) -> None:
+    """Write a new file with corrections, a comment above each."""
+    _replace(path, "\n".join([_head(video), *(_table(one, str(one)) for one in corrections)]))
 
 
 def append(path: Path, correction: Correction, *, video: str, remark: str = "") -> None:
     """Add a correction at the end of a file, which is made if there is none; `remark`: a comment above it."""
-    text = path.read_text(encoding="utf-8") if path.is_file() else f"{_TITLE}video = {_toml(video)}\n"
+    text = _read(path) if path.is_file() else _head(video)
+    _replace(path, f"{text.rstrip()}\n\n{_table(correction, remark)}")
+
+
+def _head(video: str) -> str:
+    return f"{_TITLE}video = {_toml(video)}\n"
+
+
+def _table(correction: Correction, remark: str) -> str:
     comment = f"# {' '.join(remark.split())}\n" if remark else ""
     values = correction.model_dump(mode="json", exclude_none=True)
-    lines = "".join(f"{name} = {_toml(value)}\n" for name, value in values.items())
-    _replace(path, f"{text.rstrip()}\n\n{comment}[[correction]]\n{lines}")
+    return f"{comment}[[correction]]\n" + "".join(f"{name} = {_toml(value)}\n" for name, value in values.items())
 
 
 def remove(path: Path, number: int) -> None:
     """Take a correction, counted from 1, out of a file, with the comments right above it; all else stays."""
-    lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
+    lines = _read(path).splitlines(keepends=True)
     begins = [_begin(lines, k) for k, line in enumerate(lines) if _HEAD.match(line)]
     if not 1 <= number <= len(begins):
         raise ConfigError(f"{path} has {len(begins)} tables [[correction]]; there is no number {number} to take out")
@@ -78,6 +96,10 @@ def remove(path: Path, number: int) -> None:
         raise ConfigError(f"where the corrections of {path} begin is not clear; take number {number} out by hand")
     end = begins[number] if number < len(begins) else len(lines)
     _replace(path, "".join(lines[: begins[number - 1]] + lines[end:]).rstrip() + "\n")
+
+
+def _read(path: Path) -> str:
+    return path.read_text(encoding="utf-8-sig")  # some editors write a byte order mark
 
 
 def _begin(lines: list[str], head: int) -> int:

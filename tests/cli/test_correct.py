@@ -1,6 +1,7 @@
 """`humanmm correct`: what it writes, what it says will be computed, and what `recover` then makes of it."""
 
 import json
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -127,3 +128,20 @@ def test_a_mistake_in_the_file_ends_recover_with_a_sentence_and_none_leaves_it_a
     out = _ok(finished, "recover", "film.mp4", "--corrections", "mine.toml", "--dry-run")
     assert any(line.startswith("refine") and "will run: setting changed: corrections.1" in line for line in out)
     assert "there is no file gone.toml; " in finished.main("recover", "film.mp4", "--corrections", "gone.toml")[2]
+
+
+def test_corrections_that_a_run_was_given_from_elsewhere_stay_when_another_one_is_written(toy: Any) -> None:
+    mine = toy.folder / "mine.toml"
+    mine.write_text('[[correction]]\nkind = "focal"\npx = 900.0\n\n[[correction]]\nkind = "remove-cut"\nframe = 3\n')
+    toy.run(corrections={"origin": "mine.toml", **tomllib.loads(mine.read_text())})
+    assert toy.main("recover", "film.mp4", "--corrections", "mine.toml")[0] == 0
+    listed = _ok(toy, "correct", "runs/film")
+    assert [line.split("  ")[1] for line in listed] == ["the focal length is 900 px", "no cut at frame 3"]
+    status, out, message = toy.main("correct", "runs/film", "floor", "--lower", "0.4")
+    assert status == 0 and out.startswith("correction 3: the floor is 0.4 m below"), message
+    assert "the 2 corrections of mine.toml are in runs/film/corrections.toml now: leave --corrections out" in message
+    assert [line[:3] for line in _ok(toy, "correct", "runs/film")] == ["1  ", "2  ", "3  "]
+    assert "will be computed: refine" in out, "nothing that the others concern"
+    (toy.folder / FILE).unlink()
+    assert toy.main("correct", "runs/film", "undo", "1")[0] == 0
+    assert [line.split("  ")[1] for line in _ok(toy, "correct", "runs/film")] == ["no cut at frame 3"]

@@ -194,6 +194,7 @@ def undo(
     """Take a correction out again."""
     from humanmm.correcting import take_out
 
+    _take_over()
     write(f"taken out: {take_out(_folder.get(), number)}")
     return _then(then)
 
@@ -225,6 +226,7 @@ def _corrector() -> "Corrector":
 def _write(corrections: "Sequence[Correction]", then: Then) -> int:
     from humanmm.correcting import enter
 
+    _take_over()
     for correction in corrections:
         entered = enter(_folder.get(), correction)
         for one in entered.removed:
@@ -234,6 +236,16 @@ def _write(corrections: "Sequence[Correction]", then: Then) -> int:
         elif not entered.removed:
             say(f"{_path()} says so already: {correction}")
     return _then(then)
+
+
+def _take_over() -> None:
+    """Have corrections that the run was given with `--corrections` stand in its folder, and say so."""
+    from humanmm.correcting import take_over
+
+    given = take_over(_folder.get())
+    if given.correction:
+        number = f"{len(given.correction)} correction{'s' if len(given.correction) > 1 else ''}"
+        say(f"the {number} of {given.origin or 'the caller'} are in {_path()} now: leave --corrections out from here on")
 
 
 def _then(then: Then) -> int:

@@ -7,7 +7,7 @@ import pytest
 from humanmm.config import Config
 from humanmm.corrections import AddCut, Floor, Main, RemoveCut, Sides, Who
 from humanmm.errors import ConfigError
-from humanmm.storage.run_folder.corrections_file import FILE, append, corrected, decided, read_file, remove
+from humanmm.storage.run_folder.corrections_file import FILE, append, begin, corrected, decided, read_file, remove
 
 WHO = Who(frame=31, x=411.0, y=233.46, number=2)
 SIDES = Sides(who=WHO, start=30, end=40, joint="hip", left=(1.5, 2.0), right=(3.0, 4.0))
@@ -93,3 +93,21 @@ def test_corrections_of_another_video_are_left_aside_unless_they_are_given(tmp_p
     assert decided(Config(), tmp_path, sha256="ab12").corrections.correction == (Floor(metres=0.5),)
     given = Config(corrections=read_file(tmp_path / FILE))
     assert decided(given, tmp_path, sha256="cd34") == given
+
+
+def test_corrections_from_elsewhere_are_written_at_once(tmp_path: Path) -> None:
+    path = tmp_path / FILE
+    written = (AddCut(frame=120), SIDES)
+    begin(path, written, video="ab12")
+    append(path, Floor(metres=0.5), video="", remark="third")
+    assert read_file(path).correction == (*written, Floor(metres=0.5)) and read_file(path).video == "ab12"
+    assert path.read_text().count(f"# {SIDES}") == 1
+
+
+def test_a_file_with_a_byte_order_mark_is_read_and_changed(tmp_path: Path) -> None:
+    path = tmp_path / FILE
+    for first in ('video = "ab12"\n', ""):
+        path.write_text(f'\ufeff{first}[[correction]]\nkind = "floor"\nmetres = 0.5\n', encoding="utf-8")
+        append(path, RemoveCut(frame=9), video="ab12")
+        remove(path, 1)
+        assert read_file(path).correction == (RemoveCut(frame=9),)
