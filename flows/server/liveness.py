@@ -34,6 +34,7 @@ from prefect.exceptions import PrefectException
 from prefect.states import Completed, Crashed, Failed
 
 from humanmm import machine
+from humanmm.errors import HumanMMError
 from humanmm.storage.batches.batch_table import BatchTable, open_batches
 from humanmm.storage.batches.video_row import VideoRow
 
@@ -139,11 +140,15 @@ def _final_state(run: FlowRun, after_s: float, *, is_our_server: bool) -> State[
         after_s *= START_FACTOR
     if is_alive or age_s < after_s:
         return None
-    table, row = row_of(run)
-    if row is None:
-        is_lost = (is_alive is False or run.state.is_pending()) if is_our_server else table is not None
-        return Crashed(message=LOST) if is_lost else None
-    return None if row.is_owned or table is None else _state_by_row(run, table)
+    table = None
+    try:
+        table, row = row_of(run)
+        if table is not None and row is not None:
+            return None if row.is_owned else _state_by_row(run, table)
+    except HumanMMError as error:  # its row does not count: other flow runs do not wait for it
+        log.info("the batches of the flow run %s could not be read: %s", run.name, error)
+    is_lost = (is_alive is False or run.state.is_pending()) if is_our_server else table is not None
+    return Crashed(message=LOST) if is_lost else None
 
 
 def _has_living_process(run: FlowRun, age_s: float) -> bool | None:

@@ -3,7 +3,7 @@
 import logging
 from typing import TYPE_CHECKING
 
-from humanmm.errors import StoreError
+from humanmm.errors import HumanMMError
 from humanmm.flows.server.known_stores import known_stores
 from humanmm.flows.server.local_server import ServerFiles, is_ours, server_files
 
@@ -34,8 +34,11 @@ def crash_lost_runs(
     at_work = end_lost_flow_runs(client, pool=pool, after_s=LOST_AFTER_S if is_starting else 0.0)
     ended = [StateType.CRASHED, StateType.CANCELLED, StateType.FAILED]
     for run in flow_runs_in(client, ended, pool=POOL, newest=PAGE):
-        if run.id not in settled and fail_unstarted(run):
-            settled.add(run.id)
+        try:
+            if run.id not in settled and fail_unstarted(run):
+                settled.add(run.id)
+        except HumanMMError as error:  # the next look will do; other flow runs do not wait for it
+            log.info("the batches of the flow run %s could not be read: %s", run.name, error)
     return at_work or bool(flow_runs_in(client, [StateType.SCHEDULED], pool=POOL, newest=1))
 
 
@@ -71,10 +74,9 @@ def resume_lost_videos(files: ServerFiles) -> int:
             for batch in table.running_batches():
                 table.find_lost(batch)
             rows = table.unscheduled()
-        except StoreError as error:  # the next look will do; other stores do not wait for it
+            if rows:
+                schedule(table, rows)
+            count += len(rows)
+        except HumanMMError as error:  # the next look will do; other stores do not wait for it
             log.info("the batches of a store could not be read: %s", error)
-            continue
-        if rows:
-            schedule(table, rows)
-        count += len(rows)
     return count

@@ -24,7 +24,7 @@ from uuid import UUID
 
 import httpx
 
-from humanmm.errors import InputError, StoreError
+from humanmm.errors import HumanMMError, InputError, StoreError
 from humanmm.flows.server.known_stores import known_stores
 from humanmm.flows.server.local_server import (
     ServerFiles,
@@ -36,7 +36,7 @@ from humanmm.flows.server.local_server import (
     stop_unused_server,
 )
 from humanmm.flows.service.lost_runs import crash_lost_runs, resume_lost_videos
-from humanmm.flows.service.video_processes import MARK
+from humanmm.flows.service.video_processes import MARK, videos_of
 from humanmm.flows.service.worker import VIDEOS_LIMIT_S, stop_videos
 from humanmm.machine import num_processors
 from humanmm.signals import STOP_SIGNALS
@@ -198,6 +198,11 @@ class Worker:
             self._close()
             self.start()
 
+    @property
+    def has_videos(self) -> bool:
+        """Whether it computes any."""
+        return bool(videos_of(self._mark))
+
     def stop(self) -> None:
         """End the worker and all videos."""
         if self._process is None:
@@ -265,15 +270,15 @@ def _look_after(files: ServerFiles, worker: Worker, leave: threading.Event, idle
         tables, settled = BatchTables(client), set[UUID]()
         while not leave.wait(LOOK_EVERY_S):
             worker.keep_up()
+            waiting = worker.has_videos  # which go on when a look is cut short
             if not os.environ.get("PREFECT_API_URL") or not ensure_server(files):
                 log.warning("the Prefect server is gone and cannot be started; %s says why", files.log)
-                continue
-            try:
-                waiting = bool(resume_lost_videos(files)) | crash_lost_runs(client, settled)
-                tables.update(files)
-            except Exception as error:  # the server may be busy or restarting, the disk full: the next look retries
-                log.warning("a look after lost videos was cut short: %s", error)
-                continue
+            else:
+                try:
+                    waiting |= bool(resume_lost_videos(files)) | crash_lost_runs(client, settled)
+                    tables.update(files)
+                except Exception as error:  # the server may be busy or restarting, the disk full: the next look retries
+                    log.warning("a look after lost videos was cut short: %s", error)
             if waiting:
                 last_busy = time.monotonic()
             elif idle_s is not None and time.monotonic() - last_busy > idle_s:
@@ -292,11 +297,14 @@ class BatchTables:
         from humanmm.flows.server.dashboard import show_batch
 
         for place in known_stores(files):
-            table = open_batches(place)
-            for name, changed in table.last_changes().items():
-                if self._shown.get((place, name)) != changed:
-                    show_batch(self._client, name, table.rows(name))
-                    self._shown[place, name] = changed
+            try:
+                table = open_batches(place)
+                for name, changed in table.last_changes().items():
+                    if self._shown.get((place, name)) != changed:
+                        show_batch(self._client, name, table.rows(name))
+                        self._shown[place, name] = changed
+            except HumanMMError as error:  # the next look will do; other stores do not wait for it
+                log.info("the batches of a store could not be read: %s", error)
 
 
 @contextlib.contextmanager

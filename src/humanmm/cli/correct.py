@@ -245,7 +245,9 @@ def _take_over() -> None:
     given = take_over(_folder.get())
     if given.correction:
         number = f"{len(given.correction)} correction{'s' if len(given.correction) > 1 else ''}"
-        say(f"the {number} of {given.origin or 'the caller'} are in {_path()} now: leave --corrections out from here on")
+        say(
+            f"the {number} of {given.origin or 'the caller'} are in {_path()} now: leave --corrections out from here on"
+        )
 
 
 def _then(then: Then) -> int:

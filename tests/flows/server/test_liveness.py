@@ -120,3 +120,12 @@ def test_on_a_server_of_the_user_the_table_alone_says_whether_a_video_is_compute
     assert _ended(_run(Running(), LOST_AFTER_S + 1, **given), pool="humanmm") is not None
     assert _ended(_run(Pending(), START_FACTOR * LOST_AFTER_S - 10, **given), pool="humanmm") is None
     assert _ended(_run(Running(), 600.0, pid=dead, store="/nowhere"), pool="humanmm") is None, "a `maintain` elsewhere"
+
+
+def test_the_process_alone_counts_where_the_batches_cannot_be_read(tmp_path: Path, dead: int) -> None:
+    (tmp_path / "batches.sqlite").write_bytes(b"garbage" * 100)
+    given = {"batch": "b", "video": "v.mp4", "store": str(tmp_path)}
+    crashed = _ended(_run(Running(), 60.0, pid=dead, **given))
+    assert crashed is not None and crashed.type == StateType.CRASHED
+    assert _ended(_run(Running(), 60.0, pid=os.getpid(), **given)) is None
+    assert _ended(_run(Running(), 600.0, pid=dead, **given), pool="humanmm") is None, "its process has another id there"

@@ -2,8 +2,10 @@
 
 import signal
 import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 from uuid import UUID, uuid4
@@ -11,7 +13,9 @@ from uuid import UUID, uuid4
 import pytest
 from prefect.states import Cancelled, Crashed, Failed
 
-from humanmm.flows.service.lost_runs import crash_lost_runs, fail_unstarted
+from humanmm.flows.server import flow_runs
+from humanmm.flows.server.local_server import ServerFiles
+from humanmm.flows.service.lost_runs import crash_lost_runs, fail_unstarted, resume_lost_videos
 from humanmm.storage.batches.batch_table import BatchTable, open_batches
 from humanmm.storage.batches.video_row import VideoRow
 
@@ -51,6 +55,33 @@ def test_a_video_whose_flow_run_failed_before_it_could_write_its_row_is_tried_ag
     assert not crash_lost_runs(cast(Any, client))
     (again,) = table.unscheduled()
     assert again.attempt == 2 and "disk is full" in again.reason
+
+
+def test_a_store_whose_batches_cannot_be_read_does_not_hold_up_the_others(
+    toy: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    damaged, table = tmp_path / "damaged", open_batches(toy.store)
+    damaged.mkdir()
+    (damaged / "batches.sqlite").write_bytes(b"garbage" * 100)
+    failed = _run(_waiting(table), table, Failed(message="it did not start"))
+    unknown = SimpleNamespace(
+        id=uuid4(), name="v", state=failed.state, parameters={**failed.parameters, "store": str(damaged)}
+    )
+
+    def read_flow_runs(*, flow_run_filter: Any, **more: Any) -> list[Any]:
+        return [unknown, failed] if "FAILED" in flow_run_filter.state.type.any_ else []
+
+    client, settled = SimpleNamespace(read_flow_runs=read_flow_runs, api_url="http://127.0.0.1:1/api"), set[UUID]()
+    crash_lost_runs(cast(Any, client), settled)
+    assert settled == {failed.id} and len(table.unscheduled()) == 1, "the other one is looked at again"
+    sent: list[str] = []
+    monkeypatch.setattr(flow_runs, "schedule", lambda table, rows: sent.append(table.store.location))
+    monkeypatch.setitem(sys.modules, "obstore", None)
+    monkeypatch.setitem(sys.modules, "obstore.store", None)
+    files = ServerFiles(tmp_path / "home")
+    files.home.mkdir()
+    files.stores.write_text(f"{damaged}\ns3://nowhere/store\n{toy.store}\n")
+    assert resume_lost_videos(files) == 1 and sent == [str(toy.store)]
 
 
 MAINTAIN = """

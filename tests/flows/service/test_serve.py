@@ -12,13 +12,15 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import httpx
 import pytest
 
 from humanmm.flows.server.local_server import ServerFiles
 from humanmm.flows.service import serve
+from humanmm.storage.batches.batch_table import open_batches
+from humanmm.storage.batches.video_row import VideoRow
 
 
 def test_it_waits_for_room_on_a_full_disk_and_then_starts(
@@ -58,6 +60,44 @@ def test_a_disk_that_fills_up_or_a_server_that_dies_while_it_starts_does_not_end
     monkeypatch.setattr(serve, "_serve_until_told", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         serve.serve(limit=1)
+
+
+def test_a_store_whose_batches_cannot_be_read_is_not_shown_and_the_others_are(
+    toy: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    damaged, table = tmp_path / "damaged", open_batches(toy.store)
+    damaged.mkdir()
+    (damaged / "batches.sqlite").write_bytes(b"garbage" * 100)
+    table.put([VideoRow("b", "v.mp4", 0, "/runs/v", "{}", "normal", "[]", "", "")])
+    shown: list[str] = []
+    monkeypatch.setattr("humanmm.flows.server.dashboard.show_batch", lambda client, name, rows: shown.append(name))
+    files = ServerFiles(tmp_path)
+    files.stores.write_text(f"{damaged}\n{toy.store}\n")
+    serve.BatchTables(cast(Any, None)).update(files)
+    assert shown == ["b"]
+
+
+@pytest.mark.parametrize("has_videos", [False, True])
+def test_it_leaves_when_nothing_runs_also_if_every_look_fails(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, has_videos: bool
+) -> None:
+    looks: list[float] = []
+
+    def fail(files: ServerFiles) -> int:
+        looks.append(time.monotonic())
+        if len(looks) == 20:
+            leave.set()
+        raise httpx.ConnectError("no server")
+
+    leave = threading.Event()
+    monkeypatch.setattr(serve, "LOOK_EVERY_S", 0.01)
+    monkeypatch.setattr(serve, "ensure_server", lambda files: True)
+    monkeypatch.setattr(serve, "resume_lost_videos", fail)
+    monkeypatch.setenv("PREFECT_API_URL", "http://127.0.0.1:1/api")
+    monkeypatch.setattr("prefect.get_client", lambda **kind: contextlib.nullcontext())
+    worker: Any = SimpleNamespace(keep_up=lambda: None, has_videos=has_videos)
+    serve._look_after(ServerFiles(tmp_path), worker, leave, idle_s=0.03)
+    assert leave.is_set() == has_videos, "its videos go on"
 
 
 @pytest.mark.parametrize("number", ["SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGUSR1"])
