@@ -9,6 +9,7 @@ from humanmm.errors import StageError
 from humanmm.storage.store.identity import identify
 from humanmm.storage.store.store import Store
 from humanmm.tasks.engine.run import VideoRun
+from humanmm.tasks.engine.runners.runner import check_runner
 
 T = TypeVar("T")
 
@@ -21,14 +22,19 @@ def run_stages(
     *,
     follow: Callable[[VideoRun], None] = lambda run: None,
 ) -> VideoRun:
-    """The run of a video after these stages; StageError if one fails on a part of it. `follow` gets the run before."""
+    """The run of a video after these stages, closed; StageError if one fails on a part of it. `follow` gets the run
+    before."""
+    check_runner(config.run)
     run = VideoRun(identify(video, store), config, store)
     follow(run)
-    for name in names:
-        for unit in run.units(run.stage(name)) or ():
-            outcome = run.execute(unit)
-            if outcome.manifest is None:
-                raise StageError(f"{video.stem}: {outcome.unit.label} failed: {outcome.reason}")
+    try:
+        for name in names:
+            for unit in run.units(run.stage(name)) or ():
+                outcome = run.execute(unit)
+                if outcome.manifest is None:
+                    raise StageError(f"{video.stem}: {outcome.unit.label} failed: {outcome.reason}")
+    finally:
+        run.close()
     return run
 
 

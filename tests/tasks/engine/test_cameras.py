@@ -1,5 +1,6 @@
 """The stages up to the cameras, of a video with nobody in it."""
 
+import contextlib
 from pathlib import Path
 
 import cv2
@@ -8,7 +9,7 @@ import pytest
 
 from humanmm.config import Config
 from humanmm.config_reading import resolve
-from humanmm.errors import NoUsablePersonError
+from humanmm.errors import ConfigError, HumanMMError, NoUsablePersonError
 from humanmm.models.video.colors import Colors
 from humanmm.storage.run_folder.picture_files import write_video
 from humanmm.storage.store.store import Store
@@ -57,3 +58,23 @@ def test_a_recovery_of_it_says_what_to_do(empty_room: Path, tmp_path: Path) -> N
     names = ("decode", "scenes", "people", "points", "shots", "keyframes", "intrinsics", "camera", "hmr", "align")
     with pytest.raises(NoUsablePersonError, match="humanmm camera"):
         run_stages(empty_room, names, NOBODY, store)
+
+
+@pytest.mark.parametrize("names", [("decode",), ("decode", "deliver")])
+def test_what_computes_for_it_has_ended_afterwards(
+    empty_room: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, names: tuple[str, ...]
+) -> None:
+    closed: list[VideoRun] = []
+    monkeypatch.setattr(VideoRun, "close", lambda run: closed.append(run))
+    runs: list[VideoRun] = []
+    with contextlib.suppress(HumanMMError):  # no recording without people
+        run_stages(empty_room, names, NOBODY, Store(tmp_path / "store"), follow=runs.append)
+    assert closed == runs and len(runs) == 1
+
+
+def test_a_runner_that_is_not_installed_is_reported_before_anything_is_computed(
+    empty_room: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(ConfigError, match=r"run.runner = ray needs a library .* pip install 'humanmm\[ray\]'"):
+        run_stages(empty_room, ("decode",), resolve(None, {"run.runner": "ray"}), Store(tmp_path / "store"))
