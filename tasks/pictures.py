@@ -8,7 +8,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from humanmm.config import DeliverConfig
+from humanmm.config import DecodeConfig, DeliverConfig
 from humanmm.errors import InputError
 from humanmm.models.drawing.candidates import candidates, draw_candidate, side_by_side
 from humanmm.models.drawing.canvas import Canvas
@@ -172,13 +172,14 @@ def stage_times(record: Mapping[str, Any]) -> list[StageTime]:
 @contextmanager
 def source_video(recording: Recording, record: Mapping[str, Any]) -> Iterator[tuple[BinaryIO, VideoFacts]]:
     """The video of a run, open, and what is known of it. InputError if it is gone, or another one now."""
+    settings = DecodeConfig.model_validate(record["config"]["decode"])
     video = Path(record["video"]["path"])
     try:
         stream = video.open("rb")
     except OSError as error:
         raise InputError(f"the overlay needs the video {video}, which cannot be read ({error.strerror})") from None
     with stream:
-        facts = read_facts(stream)
+        facts = read_facts(stream, max_side_px=settings.max_side_px, max_memory_mb=settings.max_memory_mb)
         if not np.array_equal(facts.time_s, recording.time_s):
             raise InputError(f"{video} is not the video of this run any more; recover it again")
         yield stream, facts

@@ -15,11 +15,13 @@ from humanmm.config import Config
 from humanmm.errors import InputError
 from humanmm.models.records.motion import PersonMotion, WorldMotion
 from humanmm.models.records.shots import Appearance, Person, Shot, ShotList, Transition
+from humanmm.models.records.video import VideoFacts
 from humanmm.models.video.colors import BT601
 from humanmm.models.video.reading import read_facts
 from humanmm.storage.run_folder.motion_zarr import read_motion, write_run_folder
 from humanmm.storage.run_folder.picture_files import write_video
 from humanmm.storage.run_folder.run_record import read_run_record, write_run_record
+from humanmm.tasks import pictures
 from humanmm.tasks.deliver import deliver
 from humanmm.tasks.pictures import EMBEDDED, draw_again, write_scene, write_timeline
 
@@ -185,6 +187,24 @@ def test_pictures_that_are_there_are_left_alone_unless_forced(run_dir: Path) -> 
     assert top.read_bytes() == b"mine"
     draw_again(run_dir, force=True)
     assert top.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(("limit", "value"), [("max_side_px", 64), ("max_memory_mb", 16)])
+def test_the_video_is_read_again_within_the_limits_of_the_run(
+    run_dir: Path, monkeypatch: pytest.MonkeyPatch, limit: str, value: int
+) -> None:
+    record = read_run_record(run_dir)
+    record["config"]["decode"][limit] = value
+    write_run_record(run_dir, record)
+    found: dict[str, object] = {}
+
+    def read(stream: BinaryIO, **limits: object) -> VideoFacts:
+        found.update(limits)
+        return read_facts(stream)
+
+    monkeypatch.setattr(pictures, "read_facts", read)
+    draw_again(run_dir, force=True)
+    assert found[limit] == value and set(found) == {"max_side_px", "max_memory_mb"}
 
 
 @pytest.mark.parametrize("change", [lambda video: video.unlink(), lambda video: video.write_bytes(_other_video(video))])
