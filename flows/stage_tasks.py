@@ -127,7 +127,8 @@ class StageTasks:
 
     def _with_picture(self, error: NoUsablePersonError) -> NoUsablePersonError:
         """The error, with a picture of those who were seen and are not usable, if one can be written."""
-        path = self.run_dir.with_name(f"{self.run_dir.name}.seen.png")
+        folder = self.run_dir if self.run_dir.name.strip(".") else self.run_dir.resolve()  # `.` has no name
+        path = folder.with_name(f"{folder.name}.seen.png")
         read = self.run.read
         try:
             (decoded,) = self.run.units(self.run.stage("decode")) or ()

@@ -64,3 +64,7 @@ def test_a_video_without_people_is_refused_with_a_picture_of_what_was_seen(
     assert "no usable person: nobody is seen for long enough" in message
     assert "runs/empty.seen.png shows who was seen" in message
     assert [path.name for path in (tmp_path / "runs").iterdir()] == ["empty.seen.png"]
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    assert main(["recover", "../empty.mp4", "--out", "."]) == 1
+    assert f"{tmp_path}/here.seen.png shows who was seen" in capsys.readouterr().err
