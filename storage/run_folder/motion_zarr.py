@@ -16,7 +16,7 @@ from humanmm.models.body.body24 import JOINT_NAMES, PARENTS
 from humanmm.models.body.fingers import FINGER_NAMES
 from humanmm.models.motion.worlds import world_of_person
 from humanmm.models.records.recording import Delivery, RecordedPerson, Recording
-from humanmm.storage.run_folder.exporters import ALWAYS_PATTERN, export
+from humanmm.storage.run_folder.exporters import always_written, export
 from humanmm.storage.run_folder.exporters.index import motion_digest, remove_stale
 from humanmm.storage.store.files import copy_file, replace_folder, sweep
 
@@ -59,7 +59,7 @@ def write_run_folder(run_dir: Path, delivery: Delivery, blob_dir: Path) -> None:
     export_dir, recording = run_dir / EXPORT, delivery.recording
     anybody = any(len(person.frame) for person in recording.people)
     written = export(recording, export_dir, "amass", force=True) if anybody else ()
-    for stale in set(export_dir.glob(ALWAYS_PATTERN)) - set(written):
+    for stale in set(always_written(export_dir)) - set(written):
         stale.unlink()
     remove_stale(export_dir, recording)
     write_motion(run_dir / MOTION, delivery.recording)

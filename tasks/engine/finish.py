@@ -187,10 +187,10 @@ def _write_folder(run: VideoRun, run_dir: Path) -> "tuple[Delivery, Path]":
 
 def _sizes(run_dir: Path) -> dict[str, int]:
     """Path → size of every file of the delivery in the folder; other exports and films are the user's."""
-    from humanmm.storage.run_folder.exporters import ALWAYS_PATTERN
+    from humanmm.storage.run_folder.exporters import always_written
     from humanmm.storage.run_folder.motion_zarr import ASKED_VIEWS, EXPORT
 
-    parts = [*(run_dir / EXPORT).glob(ALWAYS_PATTERN)]
+    parts = always_written(run_dir / EXPORT)
     parts += [path for name in ("motion.zarr", "view") for path in (run_dir / name).rglob("*")]
     return {
         str(path.relative_to(run_dir)): path.stat().st_size

@@ -139,7 +139,7 @@ def test_corrections_that_a_run_was_given_from_elsewhere_stay_when_another_one_i
     assert [line.split("  ")[1] for line in listed] == ["the focal length is 900 px", "no cut at frame 3"]
     status, out, message = toy.main("correct", "runs/film", "floor", "--lower", "0.4")
     assert status == 0 and out.startswith("correction 3: the floor is 0.4 m below"), message
-    assert "the 2 corrections of mine.toml are in runs/film/corrections.toml now: leave --corrections out" in message
+    assert "2 corrections of mine.toml written into runs/film/corrections.toml, which counts" in message
     assert [line[:3] for line in _ok(toy, "correct", "runs/film")] == ["1  ", "2  ", "3  "]
     assert "will be computed: refine" in out, "nothing that the others concern"
     (toy.folder / FILE).unlink()

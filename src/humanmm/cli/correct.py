@@ -241,6 +241,7 @@ def _write(corrections: "Sequence[Correction]", then: Then) -> int:
 def _take_over() -> None:
     """Have corrections that the run was given with `--corrections` stand in its folder, and say so."""
     from humanmm.correcting import take_over
+    from humanmm.storage.run_folder.summary import counted
 
     given = take_over(_folder.get())
     if given.correction:

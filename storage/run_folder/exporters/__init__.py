@@ -1,5 +1,6 @@
 """One module a format; each writes a part of a finished recording for other people's tools."""
 
+import re
 import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -107,7 +108,7 @@ FORMATS: dict[str, Format] = {
 
 ALWAYS_WRITTEN = "amass"
 """Every run folder holds it from the start: exporting it again overwrites nothing."""
-ALWAYS_PATTERN = "person_[0-9][0-9].npz"
+_ALWAYS = re.compile(r"person_[0-9]{2,}\.npz")
 
 
 def export(
@@ -144,6 +145,11 @@ def export(
     if format_name != ALWAYS_WRITTEN:
         note(folder, files, facts_of(part, recording, format_name))
     return tuple(folder / name for name in files)
+
+
+def always_written(folder: Path) -> list[Path]:
+    """The files of the format that every run folder holds, also those of people who are no longer in its recording."""
+    return [path for path in folder.glob("person_*") if _ALWAYS.fullmatch(path.name)]
 
 
 def _excerpt(recording: Recording, format_name: str, wishes: Wishes) -> Excerpt:

@@ -11,7 +11,7 @@ from humanmm.cli.results import FORMATS as OFFERED
 from humanmm.errors import InputError
 from humanmm.models.motion.excerpt import Wishes
 from humanmm.models.records.recording import Delivery, Recording
-from humanmm.storage.run_folder.exporters import FORMATS, export
+from humanmm.storage.run_folder.exporters import FORMATS, always_written, export
 from humanmm.storage.run_folder.motion_zarr import write_run_folder
 
 
@@ -95,3 +95,15 @@ def test_exports_of_a_motion_that_was_replaced_go_away_and_other_files_stay(
         write_run_folder(run_dir, Delivery(moved, ()), blobs)
     assert sorted(path.name for path in folder.iterdir()) == ["person_00.npz", "person_01.npz", "person_07.bvh"]
     assert "scene.glb" in caplog.text
+
+
+def test_files_of_people_who_are_gone_go_away_whatever_their_number(tmp_path: Path, recording: Recording) -> None:
+    one, other = recording.people
+    many = dataclasses.replace(recording, people=(one, dataclasses.replace(other, person=100)))
+    write_run_folder(tmp_path, Delivery(many, ()), tmp_path / "blobs")
+    (tmp_path / "export" / "person_left.npz").write_text("somebody's own")
+    assert [path.name for path in sorted(always_written(tmp_path / "export"))] == ["person_00.npz", "person_100.npz"]
+    write_run_folder(tmp_path, Delivery(recording, ()), tmp_path / "blobs")
+    assert sorted(path.name for path in (tmp_path / "export").iterdir()) == [
+        "person_00.npz", "person_01.npz", "person_left.npz",
+    ]  # fmt: skip
