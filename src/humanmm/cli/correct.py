@@ -245,10 +245,8 @@ def _take_over() -> None:
 
     given = take_over(_folder.get())
     if given.correction:
-        number = f"{len(given.correction)} correction{'s' if len(given.correction) > 1 else ''}"
-        say(
-            f"the {number} of {given.origin or 'the caller'} are in {_path()} now: leave --corrections out from here on"
-        )
+        found = f"{counted(len(given.correction), 'correction', 'corrections')} of {given.origin or 'the caller'}"
+        say(f"{found} written into {_path()}, which counts from now on: leave --corrections out")
 
 
 def _then(then: Then) -> int:

@@ -77,5 +77,5 @@ def test_a_schedule_of_a_source_that_is_not_there_is_refused_before_anything_sta
 
     monkeypatch.setattr(batches, "bring_up", bring_up)
     request = BatchRequest(source=toy.folder / "typo", out=toy.folder / "runs", config=Config())
-    with pytest.raises(InputError, match="cannot read .*typo: No such file or directory; give a folder"):
+    with pytest.raises(InputError, match=r"cannot read .*typo: No such file or directory; give a folder"):
         batches.set_schedule(request, str(toy.store), "0 2 * * *", limit=None)
