@@ -38,6 +38,13 @@ class Section(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True, allow_inf_nan=False)
 
+    @property
+    def facts(self) -> dict[str, Any]:
+        """Its values as json, as they decide results: of a file that was brought along its name and content, wherever
+        it lies."""
+        given = {name: {"path"} for name, value in self if isinstance(value, GivenFile)}
+        return self.model_dump(mode="json", exclude=given)
+
 
 MAX_GIVEN_BYTES = 2**31
 GIVEN_SUFFIXES = (".json", ".txt", ".tum", ".bin", ".png", ".pt", ".pkl", ".npz")
@@ -50,6 +57,9 @@ class GivenFile(Section):
     path: str
     """Where it is."""
 
+    name: str = ""
+    """Of a file its name, which may say the first frame; of a folder empty, wherever it lies."""
+
     sha256: str
     """Of its content: of every file's name and bytes if it is a folder. A run stops if it is no longer this content."""
 
@@ -57,18 +67,21 @@ class GivenFile(Section):
     @classmethod
     def _of_path(cls, given: Any) -> Any:
         tree = {"path": str(given)} if isinstance(given, str | Path) else given
-        if not isinstance(tree, Mapping) or "path" not in tree or "sha256" in tree:
+        if not isinstance(tree, Mapping) or "path" not in tree:
             return tree
         path = Path(str(tree["path"])).expanduser().absolute()
+        name = "" if path.is_dir() else path.name
+        if "sha256" in tree:
+            return {"name": name, **tree}  # earlier records do not say it
         try:
-            return {"path": str(path), "sha256": _digest(_contents(path))}
+            return {"path": str(path), "name": name, "sha256": _digest(path, _contents(path))}
         except InputError as error:
             raise PydanticCustomError("stated", "{reason}", {"reason": str(error)}) from None
 
     def read(self) -> dict[str, bytes]:
         """Name → bytes of each file; InputError if the content is no longer that of `sha256`."""
         contents = _contents(Path(self.path))
-        if _digest(contents) != self.sha256:
+        if _digest(Path(self.path), contents) != self.sha256:
             raise InputError(
                 f"{self.path} has changed since its content was noted; run again with the file as it is now"
             )
@@ -88,10 +101,10 @@ def _contents(path: Path) -> dict[str, bytes]:
     return contents
 
 
-def _digest(contents: Mapping[str, bytes]) -> str:
-    """A single file's sha256 is that of its bytes, whatever its name."""
-    if len(contents) == 1:
-        return hashlib.sha256(next(iter(contents.values()))).hexdigest()
+def _digest(path: Path, contents: Mapping[str, bytes]) -> str:
+    """A file's sha256 is that of its bytes, whatever its name; in a folder names count, since they say the frame."""
+    if path.is_file():
+        return hashlib.sha256(contents[path.name]).hexdigest()
     total = hashlib.sha256()
     for name, content in contents.items():
         total.update(f"{name}\0{hashlib.sha256(content).hexdigest()}\n".encode())
@@ -159,6 +172,10 @@ class PeopleConfig(Section):
     def looks_hz(self) -> float:
         """Frames a second that are looked at, at most."""
         return self.max_rate_hz or (FAST_HZ if self.pose == "fast" else BEST_HZ)
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        return {**super().facts, "max_rate_hz": self.looks_hz}  # no code of a stage states the rates above
 
     @model_validator(mode="after")
     def _one_source(self) -> "PeopleConfig":

@@ -129,7 +129,7 @@ def code_of(stages: Sequence[Stage], code: Callable[[Stage], CodeDigest]) -> str
 
 def recipe_of(code: str, config: Config) -> str:
     """Digest of everything beside the video that decides its results: with an equal one they need no new run."""
-    kept = {s: values for s, values in config.model_dump(mode="json").items() if s not in ("run", "corrections")}
+    kept = {name: section.facts for name, section in config if name not in ("run", "corrections")}
     if config.corrections.correction:
         kept["corrections"] = config.corrections.facts
     return hashlib.sha256(f"{code}{canonical_json(kept)}".encode()).hexdigest()

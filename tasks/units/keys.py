@@ -58,7 +58,7 @@ class Keys:
 
     def _settings(self, unit: Unit) -> dict[str, dict[str, Json]]:
         """Section → its values; the corrections that concern the unit are one, if there are any."""
-        found = {name: getattr(self._config, name).model_dump(mode="json") for name in unit.stage.settings}
+        found = {name: getattr(self._config, name).facts for name in unit.stage.settings}
         corrections = corrections_of(self._config, unit).facts
         return found | ({"corrections": corrections} if corrections else {})
 

@@ -1,9 +1,11 @@
 """Keys: equal for equal code, settings and inputs, and for nothing else."""
 
+from pathlib import Path
 from typing import Any
 
 import pytest
 
+from humanmm import config
 from humanmm.errors import MissingInputError
 
 
@@ -45,3 +47,39 @@ def test_without_its_inputs_a_unit_has_no_key(toy: Any) -> None:
     del run.outcomes[("points", 1)]
     with pytest.raises(MissingInputError, match="the artifact of points · scene 1 is not in the store"):
         run.keys.recipe(unit)
+
+
+@pytest.mark.parametrize("alone", [True, False], ids=["a file", "a folder of one file"])
+def test_what_is_brought_along_counts_by_its_content_and_the_names_of_files_wherever_it_lies(
+    toy: Any, alone: bool
+) -> None:
+    def given(folder: str, name: str, content: bytes = b"bodies") -> str:
+        path = toy.folder / folder / name
+        path.parent.mkdir()
+        path.write_bytes(content)
+        run = toy.run(people={"hmr_from": str(path if alone else path.parent)})
+        assert run.config.people.hmr_from.read() == {name: content}
+        return _key(run, "people")
+
+    first = given("a", "walk@000000.pt")
+    assert first == given("b", "walk@000000.pt"), "at another place"
+    assert first != given("c", "walk@000120.pt"), "of another clip"
+    assert first != given("d", "walk@000000.pt", b"others")
+
+
+def test_an_older_record_of_what_was_brought_along_says_which_clip_it_is(tmp_path: Path) -> None:
+    for name in ("walk@000000.pt", "walk@000120.pt"):
+        (tmp_path / name).write_bytes(b"bodies")
+        path = tmp_path / name
+        given = config.GivenFile.model_validate(path)
+        older = config.GivenFile.model_validate({"path": str(path), "sha256": given.sha256})
+        assert older == given and older.name == name
+
+
+def test_the_rate_at_which_people_are_looked_at_is_in_the_key_also_where_it_is_not_given(
+    toy: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plain = _key(toy.run(), "people")
+    assert plain == _key(toy.run(people={"max_rate_hz": 30.0}), "people")
+    monkeypatch.setattr(config, "BEST_HZ", 25.0)
+    assert plain != _key(toy.run(), "people")
