@@ -152,6 +152,13 @@ class Store(VideoRecords):
             self.set_aside(ref.stage, ref.key, str(error))
             raise StoreError(f"the artifact of {ref.stage} ({ref.unit}) is damaged: {error}; run again") from error
 
+    def is_current(self, ref: Ref) -> bool:
+        """Whether what is now under a reference's key is the content that it names: another process that was told to
+        compute it again may have put another one there."""
+        with contextlib.suppress(*_UNREADABLE):
+            return read_manifest(self.root / ref.uri).digest == ref.digest
+        return False
+
     def files_of(self, ref: Ref) -> Path:
         """The folder of the files that the stage wrote itself."""
         return self.root / ref.uri / "files"

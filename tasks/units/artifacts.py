@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeVar, cast
 
-from humanmm.errors import MissingInputError
+from humanmm.errors import MissingInputError, StoreError
 from humanmm.models.records.shots import Scenes, ShotList
 from humanmm.storage.store.artifact import Manifest, Ref
 from humanmm.storage.store.store import Store
@@ -101,11 +101,14 @@ class Artifacts:
         return outcome.manifest if outcome else None
 
     def read(self, unit: Unit, output: type[T]) -> T:
-        """The decoded artifact of one unit."""
+        """The decoded artifact of one unit, of the content that this run found: keys of what reads it name that."""
         manifest = self.manifest(*unit.id)
         if manifest is None:
             raise MissingInputError(f"the artifact of {unit.label} is not in the store")
-        return self.store.read(manifest.ref, output)
+        found = self.store.read(manifest.ref, output)
+        if not self.store.is_current(manifest.ref):
+            raise StoreError(f"another process has replaced {unit.label} by a result of another content; run again")
+        return found
 
     def read_once(self, unit: Unit, output: type[T]) -> T | None:
         """The same, kept in memory; None if this run does not have it."""

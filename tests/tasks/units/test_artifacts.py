@@ -1,11 +1,13 @@
 """What one run has of a video: units as soon as they are defined, artifacts once they are there, also elsewhere."""
 
+import dataclasses
 from typing import Any
 
 import pytest
 
-from humanmm.errors import MissingInputError
+from humanmm.errors import MissingInputError, StoreError
 from humanmm.models.records.shots import Scenes, ShotList
+from humanmm.models.records.video import VideoFacts
 from humanmm.storage.store.open import open_store
 from humanmm.tasks.units.artifacts import Artifacts
 
@@ -59,3 +61,21 @@ def test_another_process_adopts_what_a_unit_reads_and_nothing_more(toy: Any, fin
     assert listed is not None and adopted is not None and [s.start for s in adopted.shots] == [0, 20, 40]
     assert (other.outcomes[("people", 1)].state, other.outcomes[("shots", 0)].state) == ("failed", "cached")
     assert not any(outcome.changed for outcome in other.outcomes.values())
+
+
+def test_a_result_that_another_process_replaced_by_another_content_is_not_taken_for_that_of_the_run(
+    any_toy: Any,
+) -> None:
+    run = any_toy.run()
+    unit = run.unit("decode")
+    facts, recipe, other = run.read(unit, VideoFacts), run.keys.recipe(unit), open_store(any_toy.store)
+    for warnings, is_same in ((facts.warnings, True), (("another",), False)):
+        with other.lock("decode", recipe.key), other.new_folder() as folder:
+            value = dataclasses.replace(facts, warnings=warnings)
+            other.commit(folder, value, VideoFacts, recipe, unit="video", seconds=1.0, version="0")
+        if is_same:
+            assert run.read(unit, VideoFacts).warnings == warnings
+        else:
+            with pytest.raises(StoreError, match="replaced decode by a result of another content; run again"):
+                run.read(unit, VideoFacts)
+    assert any_toy.open().look_up(unit) is not None, "the next run takes it"
