@@ -85,6 +85,14 @@ def test_the_main_person_gets_the_number_of_whoever_is_there(corrector: Correcto
         corrector.main(2000.0, 150.0, frame)
 
 
+def test_times_count_from_the_first_frame_as_on_the_page(corrector: Corrector) -> None:
+    late = replace(corrector.recording, time_s=corrector.recording.time_s + 1.4)
+    times = corrector.recording.time_s
+    assert Corrector(late, corrector.record).frame_at(float(times[7])) == 7
+    with pytest.raises(InputError, match=f"lasts from 0.00 to {times[-1]:.2f} s"):
+        Corrector(late, corrector.record).frame_at(float(times[-1]) + 1.2)
+
+
 def test_a_suspected_cut_is_removed_as_its_warning_says(corrector: Corrector) -> None:
     record = {**corrector.record, "suspected_cuts": [14]}
     assert Corrector(corrector.recording, record).remove_cut(14).frame == 14

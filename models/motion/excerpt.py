@@ -56,7 +56,7 @@ class Wishes:
     people: tuple[int, ...] = ()
     start_s: float | None = None
     end_s: float | None = None
-    """Frames with start ≤ time < end are kept; seconds of the video (`time_s`)."""
+    """Frames with start ≤ time < end are kept; seconds from the first frame on, as the page of the run shows them."""
     up: Up | None = None
     unit: Unit | None = None
     keep_unseen: bool = False
@@ -148,7 +148,7 @@ def excerpt(recording: Recording, wishes: Wishes, *, up: Up, unit: Unit, fps: fl
     rate = wishes.fps if wishes.fps is not None else fps
     if rate is not None and not 0 < rate <= MAX_FPS:
         raise InputError(f"{rate:g} frames per second cannot be written; expected more than 0, at most {MAX_FPS:g}")
-    frames = _frames_between(recording.time_s, wishes.start_s, wishes.end_s)
+    frames = _frames_between(recording.time_s - recording.time_s[0], wishes.start_s, wishes.end_s)
     part = _slice(_with_people(recording, wishes.people), frames)
     source_frame = np.arange(frames.start, frames.stop)
     resampled = (

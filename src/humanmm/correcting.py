@@ -186,10 +186,10 @@ class Corrector:
     # ---- where and when
 
     def frame_at(self, time_s: float) -> int:
-        """The frame that is shown at a time of the video, seconds."""
-        times = self.recording.time_s
-        if not times[0] - 1e-6 <= time_s <= times[-1] + 1.0:
-            raise InputError(f"the video lasts from {times[0]:.2f} to {times[-1]:.2f} s; {time_s:g} s is outside")
+        """The frame that is shown at a time, seconds from the first frame on, as the page of the run shows it."""
+        times = self.recording.time_s - self.recording.time_s[0]
+        if not -1e-6 <= time_s <= times[-1] + 1.0:
+            raise InputError(f"the video lasts from 0.00 to {times[-1]:.2f} s; {time_s:g} s is outside")
         return int(np.searchsorted(times, time_s + 1e-6, side="right")) - 1
 
     def place(self, number: int) -> Who:

@@ -142,7 +142,7 @@ def main(
     y: Annotated[float, Argument(metavar="Y", show_default=False)],
     then: Then,
     *,
-    time: Annotated[float | None, Option(metavar="S", help="when, in seconds of the video")] = None,
+    time: Annotated[float | None, Option(metavar="S", help="when, in seconds from the first frame on")] = None,
     frame: Annotated[int | None, Option(metavar="FRAME", help="or in which frame")] = None,
 ) -> int:
     """The main person, number 0, is at X, Y."""

@@ -48,6 +48,15 @@ def test_a_span_keeps_its_frames_and_says_which_they_were() -> None:
     assert piece.seconds[0] == 0
 
 
+def test_a_span_counts_from_the_first_frame_as_on_the_page() -> None:
+    times = RECORDING.time_s
+    late = two_people.recording(time_s=times + 1.4)
+    piece = part(late, start_s=times[20], end_s=times[30])
+    assert piece.source_frame.tolist() == list(range(20, 30)) and piece.recording.time_s[0] == late.time_s[20]
+    with pytest.raises(InputError, match=f"no frame from 9 s to .* the video runs from 0.00 s to {times[-1]:.2f} s"):
+        part(late, start_s=9.0)
+
+
 def test_people_who_are_not_in_a_span_are_left_out() -> None:
     assert [person.person for person in part(end_s=RECORDING.time_s[4]).recording.people] == [0]
     assert [person.person for person in part(people=(1,)).recording.people] == [1]
