@@ -1,6 +1,7 @@
 """What the dashboard shows beside flow runs and tasks: progress of long stages, a page a video, a table a batch."""
 
 import contextlib
+import hashlib
 import json
 import logging
 import re
@@ -153,5 +154,7 @@ def show_batch(client: SyncPrefectClient, name: str, rows: Sequence[VideoRow]) -
 
 
 def _key(name: str) -> str:
-    """Letters, digits and dashes, as the keys of artifacts are."""
-    return re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-") or "unnamed"
+    """Letters, digits and dashes, as the keys of artifacts are, and digits of a name that has others."""
+    plain = re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-")
+    digits = "" if plain == name else hashlib.sha256(name.encode(errors="surrogateescape")).hexdigest()[:8]
+    return "-".join(filter(None, (plain, digits)))

@@ -1,5 +1,6 @@
 """Progress on the dashboard: of long stages only, now and then, and in the end as it was in the end."""
 
+import re
 import sqlite3
 import time
 from collections.abc import Callable, Iterator
@@ -82,3 +83,10 @@ def test_a_long_stage_is_shown_now_and_then_and_its_end_at_once(shown: Callable[
     assert 1 <= len(seen) <= lasted / 0.5 + 1
     assert seen == sorted(seen)
     assert shown(flow_run) == [100.0]
+
+
+def test_batches_of_different_names_have_tables_of_their_own() -> None:
+    names = ["films-2024", "Films 2024", "試験", "練習", "-", "caf\udce9"]
+    keys = [dashboard._key(name) for name in names]
+    assert keys[0] == "films-2024" and len(set(keys)) == len(names)
+    assert all(re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", key) for key in keys)
