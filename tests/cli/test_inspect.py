@@ -83,6 +83,11 @@ def test_verify_ends_with_status_1_and_the_next_run_repairs(finished: Any) -> No
     assert len(finished.executed()) == 1
 
 
+def test_a_store_that_is_not_there_is_not_sound(finished: Any) -> None:
+    status, out, message = finished.main("verify", "--store", "typo")
+    assert (status, out) == (1, "") and f"there is no store {finished.folder / 'typo'}; name one" in message
+
+
 def test_gc_removes_nothing_before_it_is_reported_to(finished: Any) -> None:
     status, out, _ = finished.main("gc", "--unused-days", "0", "--with-runs")
     assert status == 0 and "18 items could go; nothing was removed" in out

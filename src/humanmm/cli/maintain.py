@@ -6,6 +6,7 @@ from typer import Option
 
 from humanmm.cli.terminal import write
 from humanmm.cli.verb import STAGES, STORE, Store, app, group, verb
+from humanmm.errors import InputError
 from humanmm.tasks import pipeline
 
 stores = group("Sizes of the store.")
@@ -23,10 +24,14 @@ def verify(
     Exit status 1 if anything was damaged (it is set aside, and the next run computes it again) or cannot be read.
     """
     from humanmm.storage.store import maintenance
+    from humanmm.storage.store.bucket import is_bucket
     from humanmm.storage.store.open import open_store
 
+    artifacts = open_store(store)
+    if not is_bucket(artifacts.location) and not artifacts.root.is_dir():
+        raise InputError(f"there is no store {artifacts.location}; name one with --store")
     sound = damaged = unreadable = 0
-    for finding in maintenance.verify(open_store(store), outputs=pipeline.outputs(), deep=deep):
+    for finding in maintenance.verify(artifacts, outputs=pipeline.outputs(), deep=deep):
         sound += not finding.problem
         damaged += finding.damaged
         unreadable += bool(finding.problem) and not finding.damaged
