@@ -66,3 +66,8 @@ def test_the_machine_has_one_name_for_all_its_processes() -> None:
         capture_output=True, text=True, check=True,
     )  # fmt: skip
     assert other.stdout.strip() == machine.machine_name()
+
+
+def test_a_name_that_begins_with_a_tilde_and_is_no_users_is_that_name() -> None:
+    assert machine.expanded(Path("~/film.mp4")) == Path.home() / "film.mp4"
+    assert machine.expanded(Path("~nobody-here.mp4")) == Path("~nobody-here.mp4")

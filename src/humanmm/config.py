@@ -15,6 +15,7 @@ from pydantic_core import PydanticCustomError
 from humanmm import parts
 from humanmm.corrections import MAX_FOCAL_PX, Corrections
 from humanmm.errors import ConfigError, InputError
+from humanmm.machine import expanded
 
 
 def _part(setting: str) -> AfterValidator:
@@ -69,7 +70,7 @@ class GivenFile(Section):
         tree = {"path": str(given)} if isinstance(given, str | Path) else given
         if not isinstance(tree, Mapping) or "path" not in tree:
             return tree
-        path = Path(str(tree["path"])).expanduser().absolute()
+        path = expanded(Path(str(tree["path"]))).absolute()
         name = "" if path.is_dir() else path.name
         if "sha256" in tree:
             return {"name": name, **tree}  # earlier records do not say it

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from humanmm import parts
 from humanmm.errors import ConfigError, HumanMMError, WeightsError
-from humanmm.machine import available_bytes, num_processors, nvidia_devices
+from humanmm.machine import available_bytes, expanded, num_processors, nvidia_devices
 from humanmm.storage.store.maintenance import in_bytes
 
 MIN_FREE_BYTES = 1 << 30
@@ -101,7 +101,7 @@ def _store(store: Path) -> Iterator[Check]:
     if is_bucket(location):
         yield _bucket(location)
         store = cache_folder() / "buckets"
-    existing = existing_part(store.expanduser())
+    existing = existing_part(expanded(store))
     refusal = refusal_to_write(existing)
     found = f"{store}: {f'not writable ({refusal})' if refusal else 'writable'}"
     yield Check("store", not refusal, found, "name a folder that you may write with --store or $HUMANMM_STORE")

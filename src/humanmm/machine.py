@@ -61,6 +61,14 @@ def started(pid: int) -> int | None:
     return int(time.mktime(time.strptime(" ".join(words[1:]), "%a %b %d %H:%M:%S %Y")))
 
 
+def expanded(path: Path) -> Path:
+    """The path with the home of a user in place of `~` or `~user`; another name that begins with ~ is that name."""
+    try:
+        return path.expanduser()
+    except RuntimeError:  # there is no such user
+        return path
+
+
 def single_threaded(function: Callable[P, T]) -> Callable[P, T]:
     """The function, while which the libraries of linear algebra use one thread each.
 

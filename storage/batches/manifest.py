@@ -18,6 +18,7 @@ from typing import Any
 
 from humanmm.config_reading import value_of, with_values
 from humanmm.errors import InputError
+from humanmm.machine import expanded
 from humanmm.storage.batches.own_folders import OwnFolderSearch, foreign, is_run
 
 SUFFIXES = frozenset(
@@ -170,11 +171,14 @@ def _expanded(listed: Entry, source: Path, own: OwnFolderSearch) -> Iterator[Ent
     """An entry per file that its pattern finds outside humanmm's folders; a file that is named and not there stays, and
     fails with its reason."""
     folder = source.absolute().parent
-    path = folder / listed.video.expanduser()
+    path = folder / expanded(listed.video)
     found = [path]
     if not path.exists() and any(c in str(listed.video) for c in "*?["):
         anchor = Path(path.anchor)
-        matches = anchor.glob(str(path.relative_to(anchor)))
+        try:
+            matches = list(anchor.glob(str(path.relative_to(anchor))))
+        except ValueError as error:
+            raise InputError(f"{listed.origin}: the pattern {listed.video} cannot be read: {error}") from None
         found = sorted(match for match in matches if match.is_file() and own.around(match.parent) is None)
         if listed.out is not None and len(found) > 1:
             raise InputError(f"{listed.origin}: `out` names one run folder, {listed.video} {len(found)} videos")

@@ -4,6 +4,7 @@ import contextlib
 import errno
 import hashlib
 import os
+import re
 import shutil
 import tempfile
 import uuid
@@ -14,6 +15,7 @@ from humanmm.errors import InputError, StoreError
 
 _WRITING = ".writing-"
 """Prefix of the names of unfinished files and folders; the writer's process id follows."""
+_LEFTOVER = re.compile(rf"{re.escape(_WRITING)}(\d{{1,9}})-")
 
 
 def replace_folder(path: Path, fill: Callable[[Path], None]) -> None:
@@ -150,7 +152,8 @@ def explain_os_error(error: OSError, what: str) -> str:
 def sweep(folder: Path) -> None:
     """Remove unfinished files of killed writers from a folder and its subfolders."""
     for leftover in folder.rglob(f"{_WRITING}*"):
-        if not _is_running(int(leftover.name.removeprefix(_WRITING).split("-")[0])):
+        writer = _LEFTOVER.match(leftover.name)
+        if writer and not _is_running(int(writer[1])):
             shutil.rmtree(leftover) if leftover.is_dir() else leftover.unlink(missing_ok=True)
 
 

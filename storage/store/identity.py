@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, cast
 
 from humanmm.errors import VideoError
+from humanmm.machine import expanded
 from humanmm.storage.store.store import Store
 
 _SAMPLES, _SAMPLE_BYTES = 16, 4096
@@ -65,7 +66,7 @@ class VideoIdentity:
 
 def identify(path: Path, store: Store) -> VideoIdentity:
     """The content hash of a video. VideoError unless it is a readable, non-empty file that does not change."""
-    path = path.expanduser().absolute()
+    path = expanded(path).absolute()
     with open_video_file(path) as file:
         state = _state_of(file)
         known = known_content(path, store)

@@ -25,6 +25,7 @@ from pathlib import Path
 from typing import Literal, TypeVar
 
 from humanmm.errors import StoreError
+from humanmm.machine import expanded
 from humanmm.storage.store.artifact import (
     DamageError,
     Manifest,
@@ -88,7 +89,7 @@ class Store(VideoRecords):
     def __init__(self, root: Path, *, read_only: bool = False) -> None:
         if ":/" in str(root):
             raise StoreError(f"{root} is not a folder on a local disk")
-        self.root = root.expanduser().absolute()
+        self.root = expanded(root).absolute()
         self.read_only = read_only
         self._checked: dict[tuple[str, str], Manifest] = {}
         self._damage: dict[tuple[str, str], str] = {}

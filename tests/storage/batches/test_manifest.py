@@ -135,3 +135,12 @@ def test_the_films_of_a_store_are_left_out_and_those_beside_it_found(videos: Pat
         (videos / "deep" / name).mkdir(parents=True)
     (videos / "deep/artifacts/deliver/files/overlay.mp4").touch()
     assert _names(videos) == ["a.mp4", "b.MKV", "c.mov"]
+
+
+def test_a_name_with_a_tilde_is_a_name_and_a_pattern_that_cannot_be_read_is_reported(videos: Path) -> None:
+    manifest = videos / "batch.csv"
+    manifest.write_text("video\n~nobody-here.mp4\n")
+    assert [entry.video for entry in read_batch(manifest)] == [videos / "~nobody-here.mp4"]
+    manifest.write_text("video\n**a.mp4\n")
+    with pytest.raises(InputError, match=r"batch.csv, line 2: the pattern \*\*a.mp4 cannot be read: "):
+        read_batch(manifest)

@@ -126,8 +126,10 @@ def test_what_a_killed_writer_left_is_swept_and_a_running_one_is_spared(tmp_path
     dead.mkdir()
     alive = tmp_path / f".writing-{os.getpid()}-0-motion.zarr"
     alive.mkdir()
+    own = tmp_path / ".writing-notes.txt"
+    own.write_text("the user's own")
     sweep(tmp_path)
-    assert [p.name for p in tmp_path.iterdir()] == [alive.name]
+    assert sorted(p.name for p in tmp_path.iterdir()) == sorted([alive.name, own.name])
 
 
 def _unused_pid() -> int:

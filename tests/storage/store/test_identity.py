@@ -102,3 +102,9 @@ def test_a_file_that_may_not_be_read_is_reported(tmp_path: Path) -> None:
     path.chmod(0)
     with pytest.raises(VideoError, match="Permission denied"):
         identify(path, Store(tmp_path / "store"))
+
+
+def test_a_video_may_be_named_with_a_tilde(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("~film.mp4").write_bytes(b"film")
+    assert identify(Path("~film.mp4"), Store(tmp_path / "store")).path == tmp_path / "~film.mp4"
