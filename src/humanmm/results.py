@@ -177,9 +177,9 @@ class Run:
         """Write the run for another tool (docs/export.md lists the formats); paths of the files.
 
         `person` and the frames with `start` ≤ time < `end` (seconds from the first frame on) alone, at `fps` frames per
-        second (rotations by slerp), with `up` up and in `unit`; what is None is the run's or the format's own. `glb`, `fbx` and `usd` hide
-        people where they are not seen for more than 2 s, unless `keep_unseen`. `out` is a folder instead of the run's
-        `export`. InputError if a file exists already and `force` is not given.
+        second (rotations by slerp), with `up` up and in `unit`; what is None is the run's or the format's own. `glb`,
+        `fbx` and `usd` hide people where they are not seen for more than 2 s, unless `keep_unseen`. `out` is a folder
+        instead of the run's `export`. InputError if a file exists already and `force` is not given.
         """
         from humanmm.models.motion.excerpt import Wishes
         from humanmm.storage.run_folder import exporters
