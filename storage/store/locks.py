@@ -37,7 +37,7 @@ _FREE = b"free"
 
 
 class FileLock:
-    """A flock on one file, which all processes of this host share."""
+    """A flock on one file, which all processes of this host share. Its holder may remove the file as its last act."""
 
     def __init__(self, path: Path, *, waiting: str, level: int = logging.INFO) -> None:
         self._path = path
@@ -47,19 +47,32 @@ class FileLock:
     @contextlib.contextmanager
     def held(self) -> Iterator[None]:
         """Wait for the lock, and hold it while the block runs."""
-        with self._opened() as descriptor:
-            try:
-                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                log.log(self._level, self._waiting)
-                fcntl.flock(descriptor, fcntl.LOCK_EX)
-            yield
+        while True:
+            with self._opened() as descriptor:
+                if not _try_flock(descriptor):
+                    log.log(self._level, self._waiting)
+                    fcntl.flock(descriptor, fcntl.LOCK_EX)
+                if self._is_in_place(descriptor):
+                    yield
+                    return
 
     @contextlib.contextmanager
     def tried(self) -> Iterator[bool]:
         """As `held`, but yields False at once when another process holds the lock."""
-        with self._opened() as descriptor:
-            yield _try_flock(descriptor)
+        while True:
+            with self._opened() as descriptor:
+                taken = _try_flock(descriptor)
+                if not taken or self._is_in_place(descriptor):
+                    yield taken
+                    return
+
+    def _is_in_place(self, descriptor: int) -> bool:
+        """Whether the file that is locked is the one that others lock: its holder may have removed it (`gc`) between
+        the opening and the lock."""
+        try:
+            return os.path.samestat(os.fstat(descriptor), self._path.stat())
+        except FileNotFoundError:
+            return False
 
     @contextlib.contextmanager
     def _opened(self) -> Iterator[int]:

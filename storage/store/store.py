@@ -176,7 +176,10 @@ class Store(VideoRecords):
 
     def _lock_of(self, stage: str, key: str) -> FileLock | Lease:
         waiting = f"{stage} is being computed by another process; waiting for it"
-        return FileLock(self.root / "locks" / f"{stage}-{key}", waiting=waiting)
+        return FileLock(self._lock_file(stage, key), waiting=waiting)
+
+    def _lock_file(self, stage: str, key: str) -> Path:
+        return self.root / "locks" / f"{stage}-{key}"
 
     @contextlib.contextmanager
     def new_folder(self) -> Iterator[Path]:
@@ -293,6 +296,8 @@ class Store(VideoRecords):
             path.rename(trash)  # at once: no reader sees half an artifact
             path = trash
         shutil.rmtree(path, ignore_errors=True)
+        if entry.key:
+            self._lock_file(entry.stage, entry.key).unlink(missing_ok=True)  # last: then another process may hold it
 
     # ---- faults
 

@@ -8,6 +8,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -266,6 +267,46 @@ def test_when_the_holder_of_a_lock_is_killed_the_waiter_proceeds_within_two_seco
     assert taken and taken[0] - killed < 2
 
 
+def test_who_waits_for_a_lock_whose_file_its_holder_removes_holds_the_one_that_others_lock(store: Store) -> None:
+    script = (
+        "import sys\nfrom pathlib import Path\nfrom humanmm.storage.store.store import Store\n"
+        "print('waits', flush=True)\n"
+        "with Store(Path(sys.argv[1])).lock('toy', 'key'):\n    print('held', flush=True)\n    sys.stdin.readline()\n"
+    )
+    command = [sys.executable, "-c", script, str(store.root)]
+    with ExitStack() as stack:
+        with store.lock("toy", "key"):
+            waiter = stack.enter_context(
+                subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+            )
+            stack.callback(waiter.kill)
+            assert waiter.stdout is not None and waiter.stdout.readline() == "waits\n"
+            time.sleep(0.5)
+            (store.root / "locks" / "toy-key").unlink()
+        assert waiter.stdout.readline() == "held\n"
+        with _fresh(store).try_lock("toy", "key") as held:
+            assert not held
+        waiter.communicate("\n", timeout=10)
+        with _fresh(store).try_lock("toy", "key") as held:
+            assert held
+
+
+def test_no_two_processes_hold_a_lock_whose_file_every_holder_removes(store: Store) -> None:
+    script = (
+        "import os, sys\nfrom pathlib import Path\nfrom humanmm.storage.store.store import Store\n"
+        "store = Store(Path(sys.argv[1]))\n"
+        "for _ in range(300):\n"
+        "    with store.lock('toy', 'key'):\n"
+        "        os.close(os.open(sys.argv[2], os.O_CREAT | os.O_EXCL))\n"
+        "        os.unlink(sys.argv[2])\n"
+        "        (store.root / 'locks' / 'toy-key').unlink()\n"
+    )
+    command = [sys.executable, "-c", script, str(store.root), str(store.root / "alone")]
+    store.root.mkdir()
+    running = [subprocess.Popen(command, stderr=subprocess.PIPE, text=True) for _ in range(3)]
+    assert [process.communicate(timeout=60)[1] for process in running] == ["", "", ""]
+
+
 def test_verify_finds_every_damage_and_deep_also_a_wrong_digest(store: Store) -> None:
     folder = store.root / _put(store).ref.uri
     outputs = {("toy", 1): f"{__name__}:Result"}
@@ -321,6 +362,7 @@ def test_gc_lists_first_and_removes_only_what_is_unused(store: Store) -> None:
     assert maintenance.remove(store, items) > 0
     assert _fresh(store).find("toy", kept.ref.key) is not None
     assert _fresh(store).find("toy", old.ref.key) is None
+    assert [path.name for path in (store.root / "locks").iterdir()] == [f"toy-{kept.ref.key}"]
 
 
 def test_gc_leaves_an_artifact_that_is_being_written(store: Store) -> None:
