@@ -43,8 +43,8 @@ class Section(BaseModel):
     def facts(self) -> dict[str, Any]:
         """Its values as json, as they decide results: of a file that was brought along its name and content, wherever
         it lies."""
-        given = {name: {"path"} for name, value in self if isinstance(value, GivenFile)}
-        return self.model_dump(mode="json", exclude=given)
+        given = {field: value.facts for field, value in self if isinstance(value, GivenFile)}
+        return {**self.model_dump(mode="json"), **given}
 
 
 MAX_GIVEN_BYTES = 2**31
@@ -58,9 +58,6 @@ class GivenFile(Section):
     path: str
     """Where it is."""
 
-    name: str = ""
-    """Of a file its name, which may say the first frame; of a folder empty, wherever it lies."""
-
     sha256: str
     """Of its content: of every file's name and bytes if it is a folder. A run stops if it is no longer this content."""
 
@@ -68,16 +65,19 @@ class GivenFile(Section):
     @classmethod
     def _of_path(cls, given: Any) -> Any:
         tree = {"path": str(given)} if isinstance(given, str | Path) else given
-        if not isinstance(tree, Mapping) or "path" not in tree:
+        if not isinstance(tree, Mapping) or "path" not in tree or "sha256" in tree:
             return tree
         path = expanded(Path(str(tree["path"]))).absolute()
-        name = "" if path.is_dir() else path.name
-        if "sha256" in tree:
-            return {"name": name, **tree}  # earlier records do not say it
         try:
-            return {"path": str(path), "name": name, "sha256": _digest(path, _contents(path))}
+            return {"path": str(path), "sha256": _digest(path, _contents(path))}
         except InputError as error:
             raise PydanticCustomError("stated", "{reason}", {"reason": str(error)}) from None
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """Its content, and of a file its name, which may say the frame; those of a folder are in its digest."""
+        path = Path(self.path)
+        return {"name": "" if path.is_dir() else path.name, "sha256": self.sha256}
 
     def read(self) -> dict[str, bytes]:
         """Name → bytes of each file; InputError if the content is no longer that of `sha256`."""

@@ -1,6 +1,5 @@
 """Keys: equal for equal code, settings and inputs, and for nothing else."""
 
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -65,15 +64,6 @@ def test_what_is_brought_along_counts_by_its_content_and_the_names_of_files_wher
     assert first == given("b", "walk@000000.pt"), "at another place"
     assert first != given("c", "walk@000120.pt"), "of another clip"
     assert first != given("d", "walk@000000.pt", b"others")
-
-
-def test_an_older_record_of_what_was_brought_along_says_which_clip_it_is(tmp_path: Path) -> None:
-    for name in ("walk@000000.pt", "walk@000120.pt"):
-        (tmp_path / name).write_bytes(b"bodies")
-        path = tmp_path / name
-        given = config.GivenFile.model_validate(path)
-        older = config.GivenFile.model_validate({"path": str(path), "sha256": given.sha256})
-        assert older == given and older.name == name
 
 
 def test_the_rate_at_which_people_are_looked_at_is_in_the_key_also_where_it_is_not_given(
