@@ -9,7 +9,15 @@ from humanmm.models.body.body24 import load_body
 from humanmm.models.body.kinematics import compose
 from humanmm.models.geometry.rotations import angle_between_deg, rotmat_to_rotvec, rotvec_to_rotmat
 from humanmm.models.motion.fit.state import LongMotion, Skeleton
-from humanmm.models.motion.refine.footlock import LEGS, Leg, LockSettings, ankle_targets, bend_leg, contact_positions
+from humanmm.models.motion.refine.footlock import (
+    LEGS,
+    Leg,
+    LockSettings,
+    ankle_targets,
+    bend_leg,
+    contact_positions,
+    lowered,
+)
 from humanmm.models.records.recording import CONTACT_JOINTS
 
 SOLE = np.array([0.08, 0.03])
@@ -55,7 +63,9 @@ def posed(leg: Leg, target: np.ndarray, R_foot: np.ndarray) -> Leg:
 
 def locked(leg: Leg, contacts: np.ndarray) -> Leg:
     target, R_foot = ankle_targets(leg, contacts, SOLE, time_s=TIME)
-    return posed(leg, target, R_foot)
+    down = np.zeros((N, 3))
+    down[:, 2] = -lowered([leg], [target], TIME, LockSettings())
+    return posed(leg.moved(down), target, R_foot)
 
 
 def test_a_planted_foot_does_not_slide_at_all() -> None:
@@ -170,6 +180,25 @@ def test_a_straight_leg_moves_its_knee_steadily() -> None:
     leg = replace(leg, knee=leg.knee + 0.0005 * rng.normal(size=(N, 3)))
     after = posed(leg, leg.ankle + np.array([0.0, 0.0, 0.03]), leg.R_ankle)
     assert np.linalg.norm(np.diff(after.knee, axis=0), axis=1).max() < 0.02
+
+
+def test_a_leg_that_does_not_reach_its_anchor_has_no_sudden_stop() -> None:
+    hip = np.stack([0 * TIME, 0.25 * TIME, np.full(N, 0.79)], axis=1)
+    leg = make_leg(hip, np.full(N, 0.2))
+    after = posed(leg, np.broadcast_to([0.0, 0.0, 0.0], (N, 3)), leg.R_ankle)
+    bend = np.arcsin(np.linalg.norm(np.cross(after.knee - leg.hip, after.ankle - after.knee), axis=1) / (0.42 * 0.40))
+    assert np.linalg.norm(after.ankle - leg.hip, axis=1).max() <= max(0.995, np.cos(0.2) + 0.002) * 0.82
+    assert np.abs(np.diff(bend, 2)).max() < 0.01
+
+
+def test_the_pelvis_comes_down_slowly_for_a_foot_out_of_reach_and_for_no_other() -> None:
+    hip = np.stack([0 * TIME, 0 * TIME, np.full(N, 0.80)], axis=1)
+    leg = make_leg(hip, np.full(N, 0.25))
+    deeper = leg.ankle - np.array([0.0, 0.0, 0.012]) * ((TIME > 0.9) & (TIME < 1.1))[:, None]
+    down = lowered([leg], [deeper], TIME, LockSettings())
+    assert down.max() == pytest.approx(0.012, abs=0.003)
+    assert np.abs(np.diff(down)).max() < 0.003 and not down[:10].any()
+    assert not lowered([leg], [leg.ankle + [0.0, 0.0, 0.02]], TIME, LockSettings()).any()
 
 
 def test_legs_of_a_motion_are_those_of_the_whole_body() -> None:
