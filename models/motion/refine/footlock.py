@@ -146,7 +146,9 @@ def lowered(
     needed = np.zeros(len(time_s))
     for leg, target in zip(legs, targets, strict=True):
         length = leg.length
-        free = np.maximum(settings.soft_reach * length, np.minimum(np.linalg.norm(leg.ankle - leg.hip, axis=-1), length))
+        free = np.maximum(
+            settings.soft_reach * length, np.minimum(np.linalg.norm(leg.ankle - leg.hip, axis=-1), length)
+        )
         beside = np.linalg.norm((target - leg.hip)[:, :2], axis=-1)
         below = leg.hip[:, 2] - target[:, 2]
         needed = np.maximum(needed, below - np.sqrt(np.maximum(free**2 - beside**2, 0.0)))

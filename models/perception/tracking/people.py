@@ -9,6 +9,7 @@ from jaxtyping import Int
 from humanmm.models.perception.between_looks import in_frames, looked_at, times_of
 from humanmm.models.perception.interfaces import Lifter, Networks
 from humanmm.models.perception.keypoints.fusion import BEST
+from humanmm.models.perception.lent_joints import without_lent_joints
 from humanmm.models.perception.lifting.lifted import lifted_people
 from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.tracking.given_regions import GivenRegions, track_regions
@@ -64,7 +65,8 @@ def track_people(
             seen = track_regions(
                 pictures(decoded), _of_looks(given, looks), span=(0, len(looks)), networks=networks, **scene
             )
-    people = in_frames(seen, looks, span, time_s)
+    own = without_lent_joints(seen, time_s[looks])
+    people = in_frames(own, looks, span, time_s)
     if lifter is None:  # only now: torch takes two seconds to import
         from humanmm.models.perception.lifting.lift import lift
 

@@ -198,7 +198,7 @@ def test_the_pelvis_comes_down_slowly_for_a_foot_out_of_reach_and_for_no_other()
     down = lowered([leg], [deeper], TIME, LockSettings())
     assert down.max() == pytest.approx(0.012, abs=0.003)
     assert np.abs(np.diff(down)).max() < 0.003 and not down[:10].any()
-    assert not lowered([leg], [leg.ankle + [0.0, 0.0, 0.02]], TIME, LockSettings()).any()
+    assert not lowered([leg], [leg.ankle + np.array([0.0, 0.0, 0.02])], TIME, LockSettings()).any()
 
 
 def test_legs_of_a_motion_are_those_of_the_whole_body() -> None:
