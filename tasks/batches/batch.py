@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from humanmm.config import Config
-from humanmm.config_reading import validate, with_sections
+from humanmm.config_reading import resolve, validate, with_sections
 from humanmm.errors import InputError
 from humanmm.parts import Part, chosen
 from humanmm.storage.batches.batch_table import BatchTable
@@ -68,8 +68,8 @@ def batch_name(source: Path) -> str:
 
 
 def submit(table: BatchTable, name: str, entries: Sequence[Entry], config: Config, out: Path) -> Submission:
-    """Write the rows of a batch. A row that wants the same work already stays as it is, whatever its state, and so does
-    one that is running, whatever it wants.
+    """Write the rows of a batch. A row that wants the same work already stays as it is, whatever its state, unless it
+    has no whole result and its stages are to be run in another way now (`run.*`: limits). One that is running stays.
 
     InputError if a video was submitted with other settings by somebody else just now.
     """
@@ -81,7 +81,7 @@ def submit(table: BatchTable, name: str, entries: Sequence[Entry], config: Confi
     for row in wanted:
         known = before.get(row.video)
         is_missing = known is not None and known.state == "done" and _is_gone(known.run_dir, known.host)
-        if known is not None and known.same_work(row) and not is_missing:
+        if known is not None and known.same_work(row) and not is_missing and not _is_run_otherwise(known, row):
             continue
         if known is not None and _is_running(known):
             outdated.append(row.video)
@@ -106,6 +106,14 @@ def submit(table: BatchTable, name: str, entries: Sequence[Entry], config: Confi
 
 def _is_running(known: VideoRow) -> bool:
     return known.state == "running" and known.is_owned
+
+
+def _is_run_otherwise(known: VideoRow, row: VideoRow) -> bool:
+    """Whether it has no whole result, and its stages are to be run with other `run.*` than they were."""
+    if known.state in ("done", "running"):
+        return False
+    before, now = (json.loads(one.config).get("run") for one in (known, row))
+    return bool(before != now)
 
 
 _CHANGED = "code, settings or corrections have changed"
@@ -146,30 +154,40 @@ def _planned(
     if not row.facts:
         return Planned(row, "to do", "there is no such file: it will fail")
     if known is not None and known.same_work(row):
+        if _is_run_otherwise(known, row):
+            return Planned(row, "to do", f"{known.state} before, with other settings of `run`")
         if known.state != "done":
             words = {"scheduled": "to do", "failed": "failed before", "partial": "partial before"}
             return Planned(row, words.get(known.state, known.state), known.reason)
         if not _is_gone(known.run_dir, known.host):
             return Planned(row, "finished", "")
-    changed = "the file has changed" if known and known.facts != row.facts else _CHANGED
     if known is not None and _is_running(known):
+        changed = _what_changed(known, row, store)
         return Planned(row, "running", f"as asked for before; {changed}: submit again when it has ended")
     if _finished_on(row, finished, store, write=False) is not None:
         return Planned(row, "finished", "the store has everything")
-    if known is None:
-        return Planned(row, "to do", "it is new")
-    return Planned(row, "to do", changed if known.run_dir == row.run_dir else "its run folder has changed")
+    return Planned(row, "to do", "it is new" if known is None else _what_changed(known, row, store))
 
 
-def retry(table: BatchTable, name: str, *, stage: str | None = None) -> list[VideoRow]:
-    """Schedule again what failed, is partial or was cancelled; with `stage`, only what failed there."""
+def retry(
+    table: BatchTable, name: str, *, stage: str | None = None, values: Mapping[str, Any] | None = None
+) -> list[VideoRow]:
+    """Schedule again what failed, is partial or was cancelled; with `stage`, only what failed there.
+
+    `values` are settings `run.FIELD` in place of those that the videos were submitted with.
+    """
     fresh: dict[str, Any] = {"state": "scheduled", "stage": None, "reason": "", "seconds": None, "flow_run": None}
     again = [
-        replace(row, attempt=row.attempt + 1, losses=0, **fresh)
+        replace(row, attempt=row.attempt + 1, losses=0, config=_with(row.config, values or {}), **fresh)
         for row in table.rows(name, "failed", "partial", "cancelled")
         if stage is None or (row.stage or "").split(" · ")[0] == stage
     ]
     return [row for row in table.put(again) if row.state == "scheduled"]
+
+
+def _with(config: str, values: Mapping[str, Any]) -> str:
+    """A configuration as json, with some values replaced."""
+    return json.dumps(resolve(json.loads(config), values).model_dump(mode="json")) if values else config
 
 
 # ---- the rows that a batch wants
@@ -259,14 +277,30 @@ def _finished_on(
     if wanted == made and not _is_gone(row.run_dir, last.host):
         return last.host
     began = time.time()
-    config = _corrected(Config.model_validate_json(row.config), row.run_dir, Path(row.video), store)
-    run = VideoRun(identify(Path(row.video), store), config, store)
+    run = _run_of(row, store)
     if not is_complete(forecast(run)):
         return None
     folder = Path(row.run_dir)
     if write and not finish.is_up_to_date(run, folder):
         finish.write_results(run, folder, started=began, log_text="written from the store alone\n")
     return socket.gethostname()
+
+
+def _run_of(row: VideoRow, store: Store) -> VideoRun:
+    video = Path(row.video)
+    config = _corrected(Config.model_validate_json(row.config), row.run_dir, video, store)
+    return VideoRun(identify(video, store), config, store)
+
+
+def _what_changed(known: VideoRow, row: VideoRow, store: Store) -> str:
+    """Why a video is computed again: of its stages the first that would run says it."""
+    if known.facts != row.facts:
+        return "the file has changed"
+    if known.run_dir != row.run_dir:
+        return "its run folder has changed"
+    plan = forecast(_run_of(row, store)) if _known_content(row, store) is not None else []
+    reasons = (f"{entry.stage}: {entry.reason}" for entry in plan if entry.state == "will run")
+    return next(reasons, _CHANGED)
 
 
 def _known_content(row: VideoRow, store: Store) -> str | None:

@@ -54,17 +54,17 @@ class RunningVideo:
             reporter.join()
             retried(lambda: self.table.release(self.row, seconds=_since(begun)))
 
-    def end(self, state: str, reason: str) -> None:
-        """Record how it ended, unless somebody has cancelled it meanwhile."""
-        stage = self._failed_stage() if state in ("failed", "partial") else None
+    def end(self, state: str, reason: str, error: Exception | None = None) -> None:
+        """Record how it ended, and of which error, unless somebody has cancelled it meanwhile."""
+        stage = self._failed_stage(error) if state in ("failed", "partial") else None
         retried(lambda: self.table.change(self.row, only_from=("running",), state=state, reason=reason, stage=stage))
 
     def fail(self, error: Exception) -> None:
         """Record the error that ended it; after a fault of the disk, the store or the machine it is scheduled again."""
         if is_infrastructure_fault(error):
-            self._lose("failed", in_words(error))
+            self._lose("failed", in_words(error), error)
         else:
-            self.end("failed", in_words(error))
+            self.end("failed", in_words(error), error)
 
     def end_partial(self, reason: str) -> None:
         """Record that shots are missing; if nothing but such faults took them, it is scheduled again."""
@@ -78,8 +78,8 @@ class RunningVideo:
         """Have it wait for another attempt: its process received SIGTERM."""
         retried(lambda: self.table.try_again(self.row, reason))
 
-    def _lose(self, state: str, reason: str) -> None:
-        retried(lambda: self.table.lose(self.row, reason, state=state, stage=self._failed_stage()))
+    def _lose(self, state: str, reason: str, error: Exception | None = None) -> None:
+        retried(lambda: self.table.lose(self.row, reason, state=state, stage=self._failed_stage(error)))
 
     def _report(self, begun: float) -> None:
         renewed = time.monotonic()
@@ -113,9 +113,11 @@ class RunningVideo:
         at_work = [o.unit.label for o in outcomes if o.began and o.manifest is None and o.error is None]
         return at_work[0] if at_work else self._stage
 
-    def _failed_stage(self) -> str | None:
+    def _failed_stage(self, error: Exception | None = None) -> str | None:
+        """The unit that raised an error, else the first that failed, else the one that is at work."""
         failed = finish.failures(self.run) if self.run else []
-        return failed[0].unit.label if failed else self._stage
+        labels = [outcome.unit.label for outcome in failed if error is None or outcome.error is error]
+        return next(iter(labels), failed[0].unit.label if failed else self._stage)
 
 
 def retried(operation: Callable[[], T]) -> T:

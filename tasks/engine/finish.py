@@ -52,7 +52,7 @@ def fatal_error(run: VideoRun) -> Exception | None:
 
     If an infrastructure fault left the inputs of the failed stage incomplete, that fault is the error.
     """
-    failed = [outcome for outcome in run.outcomes.values() if outcome.state == "failed" and outcome.error]
+    failed = [outcome for outcome in failures(run) if outcome.error]
     hopeless = any(outcome.manifest is None for outcome in run.outcomes.values() if outcome.unit.stage.per == "video")
     for outcome in failed:
         if outcome.unit.stage.per == "video" or ends_run(outcome.error or Exception()):

@@ -117,6 +117,14 @@ def test_only_what_failed_is_tried_again(
     assert f"{len(again)} videos are tried again" in message
 
 
+def test_failed_videos_are_tried_again_with_other_limits(submitted: Any, scheduled: list[Any]) -> None:
+    assert submitted.main("batch", "retry-failed", "--run.limit_s", "60")[0] == 0
+    configs = [json.loads(row.config)["run"]["limit_s"] for row in open_batches(submitted.store).rows("films")]
+    assert configs == [None, 60, 60] and len(scheduled) == 1
+    wrong = submitted.main("batch", "retry-failed", "--run.limit_s", "soon")
+    assert wrong[0] == 2 and "run.limit_s" in wrong[2]
+
+
 def test_a_report_is_written_once_and_replaced_only_when_asked(submitted: Any) -> None:
     status, out, _ = submitted.main("batch", "report", "--out", "there")
     assert status == 0 and [Path(line).name for line in out.splitlines()] == ["report.html", "report.csv"]

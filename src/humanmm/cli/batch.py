@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from typer import Argument, Option
 
-from humanmm.cli.settings import Settings
+from humanmm.cli.settings import RunSettings, Settings
 from humanmm.cli.terminal import say, write, write_all, write_json
 from humanmm.cli.verb import BATCHES, Force, Json, Limit, StageName, Store, app, group, verb
 from humanmm.errors import InputError, UsageError
@@ -105,16 +105,20 @@ def status(name: BatchName = None, *, store: Store = None, json: Json = False) -
 def retry_failed(
     name: BatchName = None,
     *,
+    settings: RunSettings,
     store: Store = None,
     stage: Annotated[StageName | None, Option(metavar="STAGE", help="only videos that failed in STAGE")] = None,
     wait: Wait = False,
     limit: Limit = None,
 ) -> int:
-    """Schedule again what failed, is partial or was cancelled. What the store has is not computed again."""
+    """Schedule again what failed, is partial or was cancelled. What the store has is not computed again.
+
+    Limits given here, such as --run.limit_s, take the place of those that the videos had.
+    """
     from humanmm.tasks.batches.batch import retry
 
     table, name, _ = _open(name, store)
-    rows = retry(table, name, stage=stage)
+    rows = retry(table, name, stage=stage, values=settings.values())
     say(f"batch {name}: {len(rows)} videos are tried again")
     return _run(table, name, rows, wait=wait, limit=limit)
 

@@ -47,27 +47,44 @@ class Settings:
         """`--config`, and a flag for each field; the field's sentence is its help, a section is a panel."""
         text = "settings, e.g. a section \\[camera] with static = true; flags win over it"
         yield _option("config", Path, Option("--config", metavar="FILE.toml", help=text))
-        for section, info in Config.model_fields.items():
-            if section == "corrections":  # they come from a file of their own
-                continue
-            model = info.annotation
-            assert isinstance(model, type) and issubclass(model, BaseModel)
-            panel = f"{section}: {_short(model.__doc__ or '')}"
-            for name, field in model.model_fields.items():
-                values = Values.of(f"{section}.{name}", field)
-                default = "" if field.default is None else f" (default: {_as_typed(field.default)})"
-                text = f"{field.description}{values.note}{default}".replace("[", "\\[")  # rich would take it for markup
-                flag = Option(
-                    f"--{section}.{name}", metavar=values.metavar, help=text, rich_help_panel=panel,
-                    autocompletion=values.complete,
-                )  # fmt: skip
-                yield _option(f"{section}__{name}", str, flag)
+        for section in Config.model_fields:
+            if section != "corrections":  # they come from a file of their own
+                yield from _flags(section)
 
     @classmethod
     def given(cls, arguments: Mapping[str, Any]) -> "Settings":
         """What the user gave, from the values of `declared`."""
         flags = {name.replace("__", ".", 1): text for name, text in arguments.items() if "__" in name and text}
-        return cls(arguments["config"], flags)
+        return cls(arguments.get("config"), flags)
+
+
+class RunSettings(Settings):
+    """The settings of the section `run` alone."""
+
+    def values(self) -> dict[str, Any]:
+        """What the flags say, by `run.FIELD`; UsageError for one that makes no sense."""
+        self.config()
+        return {name: value_of(name, text) for name, text in self.flags.items()}
+
+    @classmethod
+    def declared(cls) -> Iterator[inspect.Parameter]:
+        """A flag for each field."""
+        return _flags("run")
+
+
+def _flags(section: str) -> Iterator[inspect.Parameter]:
+    model = Config.model_fields[section].annotation
+    assert isinstance(model, type) and issubclass(model, BaseModel)
+    panel = f"{section}: {_short(model.__doc__ or '')}"
+    for name, field in model.model_fields.items():
+        values = Values.of(f"{section}.{name}", field)
+        default = "" if field.default is None else f" (default: {_as_typed(field.default)})"
+        text = f"{field.description}{values.note}{default}".replace("[", "\\[")  # rich would take it for markup
+        flag = Option(
+            f"--{section}.{name}", metavar=values.metavar, help=text, rich_help_panel=panel,
+            autocompletion=values.complete,
+        )  # fmt: skip
+        yield _option(f"{section}__{name}", str, flag)
 
 
 @dataclass(frozen=True)

@@ -96,7 +96,8 @@ class _Command(TyperCommand):
 def verb(parent: typer.Typer, name: str, *, panel: str | None = None) -> Callable[[F], F]:
     """Declare a function as a verb: its parameters are arguments and options, its docstring the help.
 
-    A parameter whose type is a dataclass stands for the dataclass's fields, one of type Settings for all settings.
+    A parameter whose type is a dataclass stands for the dataclass's fields, one of type Settings for all settings,
+    one of type RunSettings for those of the section `run`.
     The function returns the exit status; None is 0.
     """
 
@@ -127,8 +128,8 @@ def _named(parent: typer.Typer, name: str) -> str:
 
 
 def _declared(name: str, kind: Any, default: Any) -> list[inspect.Parameter]:
-    if kind is Settings:
-        return list(Settings.declared())
+    if isinstance(kind, type) and issubclass(kind, Settings):
+        return list(kind.declared())
     if isinstance(kind, type) and is_dataclass(kind):
         kinds = get_type_hints(kind, include_extras=True)
         return [one for f in fields(kind) for one in _declared(f.name, kinds[f.name], _default_of(f))]
@@ -143,8 +144,8 @@ def _default_of(field: "Field[Any]") -> Any:
 
 def _built(name: str, kind: Any, given: dict[str, Any]) -> Any:
     """The value of a parameter of a verb, from what Typer read."""
-    if kind is Settings:
-        return Settings.given(given)
+    if isinstance(kind, type) and issubclass(kind, Settings):
+        return kind.given(given)
     if isinstance(kind, type) and is_dataclass(kind):
         kinds = get_type_hints(kind, include_extras=True)
         return kind(**{field.name: _built(field.name, kinds[field.name], given) for field in fields(kind)})

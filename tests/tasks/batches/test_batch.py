@@ -200,6 +200,31 @@ def test_only_what_failed_in_a_stage_is_tried_again(toy: Any, table: BatchTable)
     assert table.row("test", d.video) == table.rows("test")[3]
 
 
+def test_a_video_that_failed_is_run_again_with_the_limits_that_are_given_now(toy: Any, table: BatchTable) -> None:
+    films = _films(toy, "a.mp4", "b.mp4")
+    first = _submit(toy, table, films, run={"limit_s": 0.2}).to_schedule
+    _end(table, first[0], "failed", "camera took longer than its limit of 0.2 s", "camera · shot 0")
+    _end(table, first[1], "done")
+    assert not _submit(toy, table, films, run={"limit_s": 0.2}).to_schedule
+    plan = batches.forecast_submission(table, "test", read_batch(films), Config(), toy.folder / "runs")
+    assert [one.sentence for one in plan] == ["to do: failed before, with other settings of `run`", "finished"]
+    (again,) = _submit(toy, table, films).to_schedule
+    assert (again.video, again.attempt) == (first[0].video, 2) and json.loads(again.config)["run"]["limit_s"] is None
+    _end(table, again, "failed", "it is dark", "camera · shot 0")
+    (again,) = batches.retry(table, "test", values={"run.limit_s": 60})
+    assert (again.attempt, json.loads(again.config)["run"]["limit_s"]) == (3, 60)
+
+
+def test_a_dry_run_says_which_setting_has_changed(toy: Any, table: BatchTable) -> None:
+    films = _films(toy, "film.mp4")
+    (row,) = _submit(toy, table, films).to_schedule
+    assert toy.main("recover", row.video, "--out", row.run_dir)[0] == 0
+    table.change(row, state="done")
+    config = Config.model_validate({"camera": {"static": True}})
+    (plan,) = batches.forecast_submission(table, "test", read_batch(films), config, toy.folder / "runs")
+    assert plan.sentence == "to do: camera: setting changed: camera.static False → True"
+
+
 def test_a_video_that_another_machine_has_finished_is_finished_here(toy: Any, table: BatchTable) -> None:
     films = _films(toy, "a.mp4")
     (row,) = _submit(toy, table, films).to_schedule

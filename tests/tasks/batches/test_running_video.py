@@ -151,6 +151,21 @@ def test_a_video_is_tried_again_if_nothing_but_faults_of_the_machine_took_its_sh
     assert (row.state, row.stage) == (ended, "camera · shot 1")
 
 
+def test_the_stage_that_is_named_is_the_one_whose_error_is_told(
+    toy: Any, table: BatchTable, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (row,) = _submit(toy, table, "a.mp4")
+    monkeypatch.setenv("TOY_FAIL", "camera:0=stage;camera:20=stage;camera:40=stage")
+    running = RunningVideo(table, row)
+    with running.owned(None):
+        running.run = toy.run(expect_failure=True)
+        error = running.run.outcomes["camera", 1].error
+        assert error is not None
+        running.fail(error)
+    (row,) = table.rows("test")
+    assert (row.stage, row.reason) == ("camera · shot 1", "camera:20 cannot be done")
+
+
 def test_a_cancelled_video_does_not_start_and_stays_cancelled(toy: Any, table: BatchTable) -> None:
     a, b = _submit(toy, table, "a.mp4", "b.mp4")
     table.change(a, state="cancelled")
