@@ -65,6 +65,13 @@ def test_export_takes_people_span_rate_axes_unit_and_folder(
     assert main(["export", str(run_dir), "--format", "csv", "--up", "x"]) == 2
 
 
+def test_export_writes_every_format_that_is_named(run_dir: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["export", str(run_dir), "--format", "bvh", "--format", "csv", "--format", "bvh"]) == 0
+    written = [Path(line).name for line in capsys.readouterr().out.splitlines()]
+    assert written == ["person_00.bvh", "person_00.csv"]
+    assert all((run_dir / "export" / name).is_file() for name in written)
+
+
 def test_export_refuses_to_overwrite_in_one_plain_line(run_dir: Path, capsys: pytest.CaptureFixture[str]) -> None:
     main(["export", str(run_dir), "--format", "trc"])
     capsys.readouterr()
