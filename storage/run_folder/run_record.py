@@ -129,6 +129,7 @@ def run_record(  # noqa: PLR0913 (one a section of run.json)
             *_misfits(corrections),
             *_warnings(stages),
             *_doubts(intrinsics, guesses, corrections),
+            *_unlikely_heights(people),
             *fallbacks,
         ],
         "fallbacks": fallbacks,
@@ -358,6 +359,22 @@ def _scale(people: Sequence[Mapping[str, Any]]) -> dict[str, Json]:
     if not shares:
         return {"source": "assumed", "relative_uncertainty": None}
     return {"source": "bones" if min(shares) > 0 else "given", "relative_uncertainty": _figure(min(shares))}
+
+
+LIKELY_HEIGHTS_M = 1.45, 2.05
+"""Hardly any adult is shorter or taller."""
+
+
+def _unlikely_heights(people: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """A warning for each height that an adult hardly has, unless the user gave it."""
+    least, most = LIKELY_HEIGHTS_M
+    for one in people:
+        if one.get("height_uncertainty_m") and not least <= one["height_m"] <= most:
+            what = "a child, or too little of the body is seen" if one["height_m"] < least else "it may be too much"
+            yield (
+                f"deliver: person {one['person']} is taken to be {one['height_m']:.2f} m tall: {what}; if it is "
+                f"known, `humanmm correct RUN height {one['person']} METRES` says it"
+            )
 
 
 DOUBTFUL_FLOOR_M = 0.1

@@ -11,7 +11,16 @@ from humanmm.models.motion.world.align import align
 from humanmm.models.records.camera import Intrinsics
 from humanmm.models.records.recording import Guesses, IdentityGuess, OffFloor
 from humanmm.models.records.video import VideoFacts
-from humanmm.storage.run_folder.run_record import CorrectionRecord, _disputed, _doubts, _floor, _people, _scale, _shots
+from humanmm.storage.run_folder.run_record import (
+    CorrectionRecord,
+    _disputed,
+    _doubts,
+    _floor,
+    _people,
+    _scale,
+    _shots,
+    _unlikely_heights,
+)
 
 SURE = Guesses(0.02, 300, (IdentityGuess(0, 1, 0.97),))
 
@@ -63,6 +72,19 @@ def test_a_correction_takes_its_warning_away_if_it_fits() -> None:
     assert len(list(_doubts(_intrinsics(0.05), doubtful, [_correction("floor", applied=False)]))) == 2
     assert _floor(doubtful, [_correction("floor")])["source"] == "given"
     assert _floor(doubtful, ())["source"] == "assumed"
+
+
+def test_a_height_that_hardly_any_adult_has_is_a_warning_unless_it_was_given() -> None:
+    people = [
+        {"person": 0, "height_m": 1.207, "height_uncertainty_m": 0.097},
+        {"person": 1, "height_m": 1.75, "height_uncertainty_m": 0.14},
+        {"person": 2, "height_m": 1.1, "height_uncertainty_m": 0.0},
+        {"person": 3, "height_m": 2.2, "height_uncertainty_m": 0.176},
+        {"person": 4},
+    ]
+    small, tall = _unlikely_heights(people)
+    assert "person 0 is taken to be 1.21 m tall" in small and "humanmm correct RUN height 0 METRES" in small
+    assert "person 3 is taken to be 2.20 m tall" in tall
 
 
 def test_one_known_height_tells_the_scale() -> None:
