@@ -18,7 +18,7 @@ from prefect.states import Cancelled, Completed, Failed
 from humanmm.config import Config
 from humanmm.errors import HumanMMError
 from humanmm.flows.recover import DEFAULTS, EVERYTHING, opened, recover, recover_stages, video_name
-from humanmm.flows.server.flow_runs import schedule
+from humanmm.flows.server.flow_runs import cancel_late, schedule
 from humanmm.logs import keeping_text, to_standard_error, wants_json
 from humanmm.storage.batches.batch_table import open_batches
 from humanmm.tasks.batches.request import BatchRequest
@@ -104,7 +104,12 @@ def _end_stopped(running: RunningVideo) -> None:
         running.resume_later("it was stopped, and resumes when `humanmm serve` runs")
 
 
-@flow(name="recover-batch", flow_run_name="{source}", persist_result=False)
+def batch_title() -> str:
+    """What the flow run is called: as its batch, or its source where that has no name of its own."""
+    return str(flow_run.parameters.get("name") or flow_run.parameters.get("source", "batch"))[:100]
+
+
+@flow(name="recover-batch", flow_run_name=batch_title, persist_result=False)
 def recover_batch(
     source: Path,
     out: Path = Path("runs"),
@@ -120,6 +125,8 @@ def recover_batch(
 
     Files that were written to less than `settle_s` seconds ago wait for the next time: they may still be growing.
     """
+    if name is not None:
+        cancel_late(name)
     table = open_batches(store)
     request = BatchRequest(
         source=source, out=out, config=config, name=name, pattern=pattern, priority=priority, tags=tags,

@@ -4,6 +4,7 @@ import asyncio
 import json
 import logging
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,15 @@ from uuid import UUID
 import httpx
 from prefect import get_client
 from prefect.client.schemas.actions import DeploymentScheduleCreate
+from prefect.client.schemas.filters import (
+    FlowFilter,
+    FlowFilterName,
+    FlowRunFilter,
+    FlowRunFilterNextScheduledStartTime,
+    FlowRunFilterState,
+    FlowRunFilterStateType,
+)
+from prefect.client.schemas.objects import StateType
 from prefect.client.schemas.schedules import CronSchedule
 from prefect.exceptions import ObjectNotFound
 from prefect.states import Cancelled, Scheduled
@@ -101,6 +111,57 @@ def set_schedule(name: str, cron: str | None, timezone: str, parameters: Mapping
         return following
 
     return asyncio.run(set_it())
+
+
+@dataclass(frozen=True)
+class Timed:
+    """A batch that is submitted at the times of a cron line."""
+
+    batch: str
+    cron: str
+    timezone: str
+    following: datetime | None
+    """When it is next; None while it is paused on the dashboard."""
+
+    @property
+    def sentence(self) -> str:
+        following = f"next at {self.following:%Y-%m-%d %H:%M %Z}" if self.following else "paused"
+        return f"schedule of batch {self.batch}: '{self.cron}' ({self.timezone}), {following}"
+
+    def to_json(self) -> dict[str, Any]:
+        return {**asdict(self), "following": self.following.isoformat() if self.following else None}
+
+
+def schedules(store: str) -> list[Timed]:
+    """The schedules of a store's batches."""
+    with get_client(sync_client=True) as client:
+        try:
+            found = client.read_deployment_by_name(BATCH_DEPLOYMENT).schedules
+        except ObjectNotFound:
+            return []
+    ours = [one for one in found if isinstance(one.schedule, CronSchedule) and one.parameters.get("store") == store]
+    return [_timed(str(one.slug), one.schedule, is_active=one.active) for one in ours]
+
+
+def _timed(batch: str, schedule: Any, *, is_active: bool) -> Timed:
+    from prefect.server.schemas import schedules as server_schedules  # slow to import, and seldom needed
+
+    times = server_schedules.CronSchedule(cron=schedule.cron, timezone=schedule.timezone)
+    following = asyncio.run(times.get_dates(1))[0] if is_active else None
+    return Timed(batch, schedule.cron, schedule.timezone or "UTC", following)
+
+
+def cancel_late(batch: str) -> None:
+    """Cancel the submissions of a batch whose time has passed: the one that runs now does what they would do."""
+    late = FlowRunFilter(
+        state=FlowRunFilterState(type=FlowRunFilterStateType(any_=[StateType.SCHEDULED])),
+        next_scheduled_start_time=FlowRunFilterNextScheduledStartTime(before_=datetime.now(UTC)),
+    )
+    with get_client(sync_client=True) as client:
+        submissions = FlowFilter(name=FlowFilterName(any_=[BATCH_DEPLOYMENT.split("/")[0]]))
+        for run in client.read_flow_runs(flow_run_filter=late, flow_filter=submissions):
+            if run.parameters.get("name") == batch:
+                client.set_flow_run_state(run.id, Cancelled(message="a later one has submitted the batch"))
 
 
 def cancel(rows: Sequence[VideoRow]) -> None:

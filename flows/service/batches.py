@@ -11,7 +11,10 @@ import time
 from collections.abc import Iterator, Sequence
 from datetime import datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
+
+import httpx
 
 from humanmm.errors import UsageError
 from humanmm.flows.server.local_server import prefect_server, running_server, server_files
@@ -22,6 +25,9 @@ from humanmm.storage.batches.video_row import VideoRow
 from humanmm.tasks.batches.batch import Submission
 from humanmm.tasks.batches.request import BatchRequest
 from humanmm.tasks.batches.watch import Settled
+
+if TYPE_CHECKING:
+    from humanmm.flows.server.flow_runs import Timed
 
 IDLE_S = 120.0
 """A `humanmm serve` that a batch brought up ends after so many seconds without work."""
@@ -61,6 +67,29 @@ def set_schedule(request: BatchRequest, store: str, cron: str | None, *, limit: 
         from humanmm.flows.server import flow_runs
 
         return flow_runs.set_schedule(request.batch, cron, _timezone(), parameters)
+
+
+def schedules(store: str) -> "list[Timed]":
+    """The schedules of a store's batches, as a server that is up knows them: none fires while it is down."""
+    if not _has_server():
+        return []
+    with prefect_server():
+        from humanmm.flows.server import flow_runs
+
+        try:
+            return flow_runs.schedules(store)
+        except httpx.HTTPError as error:
+            log.info("the Prefect server did not respond: %s", error)
+            return []
+
+
+def is_served() -> bool:
+    """Whether somebody computes what waits: `humanmm serve` here, or perhaps workers of the user's own server."""
+    return bool(os.environ.get("PREFECT_API_URL")) or is_serving(server_files())
+
+
+def _has_server() -> bool:
+    return bool(os.environ.get("PREFECT_API_URL") or running_server(server_files()))
 
 
 def _timezone() -> str:
@@ -135,7 +164,7 @@ def cancel(table: BatchTable, name: str) -> list[VideoRow]:
         deadline = time.monotonic() + CANCEL_LIMIT_S
         while time.monotonic() < deadline and any(row.pid for row in running):
             time.sleep(0.1)
-    if cancelled and (os.environ.get("PREFECT_API_URL") or running_server(server_files())):
+    if cancelled and _has_server():
         with prefect_server():
             from humanmm.flows.server import flow_runs
 

@@ -55,8 +55,9 @@ READY = "serving"
 """A file that exists while `humanmm serve` runs flow runs."""
 WORKER_LIMIT_S = 15.0
 """How long the worker may take to stop, once its videos have, before it is killed: longer than its own limit."""
-QUEUES = ("high", "default", "low")
-"""Queues of the work pool, the most urgent first."""
+SUBMISSIONS = "submit"
+QUEUES = (SUBMISSIONS, "high", "default", "low")
+"""Queues of the work pool, the most urgent first: submitting a batch takes seconds, and waits for one video at most."""
 
 
 def is_serving(files: ServerFiles) -> bool:
@@ -250,6 +251,7 @@ async def _deploy(limit: int, folder: Path) -> None:
             deployment: Any = await cast(Any, target).ato_deployment(
                 name=target.name,
                 work_pool_name=POOL,
+                work_queue_name=SUBMISSIONS if target is recover_batch else None,
                 entrypoint_type=EntrypointType.MODULE_PATH,
                 # the server takes nearly twice as long for a flow run whose parameters it checks; the flow does
                 enforce_parameter_schema=target is not recover_video,

@@ -1,23 +1,63 @@
 """How far a batch is, in lines for people: counts, speed, and the stages at which videos are or have failed."""
 
 from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
 
-from humanmm.storage.batches.video_row import VideoRow, counts_in_words
+from humanmm.errors import InputError
+from humanmm.storage.batches.video_row import VideoRow, counts
+from humanmm.storage.run_folder.run_record import read_run_record
+from humanmm.storage.run_folder.summary import one_line
 from humanmm.tasks.pipeline import STAGES
 
 SHOWN_FAILURES = 10
 _RECENT = 10
+MOST_READ = 2000
+"""Of a larger batch the warnings are not counted here: reading so many run.json would take seconds."""
 
 
 def status_lines(name: str, rows: Sequence[VideoRow]) -> Iterator[str]:
     """What `humanmm batch status` prints."""
-    yield f"batch {name}: {len(rows)} videos, {counts_in_words(rows)}"
+    yield f"batch {name}: {len(rows)} videos, {_counts(rows)}"
     yield from _speed(rows)
     yield from _by_stage(rows)
     bad = sorted((row for row in rows if row.state in ("failed", "partial")), key=lambda row: -row.changed)
     yield from (f"  {row.state}: {row.video} ({row.stage or 'no stage'}): {row.reason}" for row in bad[:SHOWN_FAILURES])
     if len(bad) > SHOWN_FAILURES:
         yield f"  and {len(bad) - SHOWN_FAILURES} more"
+
+
+def video_lines(rows: Sequence[VideoRow]) -> Iterator[str]:
+    """One line a video: `done: 2 people, 3 shots, 1 warning`, or where it is, or why it failed."""
+    width = max((len(row.video) for row in rows), default=0)
+    yield from (f"{row.video:<{width}}  {_sentence(row)}" for row in rows)
+
+
+def warnings_of(row: VideoRow) -> list[str]:
+    """The warnings of a video with a result; none where its run folder cannot be read from here."""
+    return [str(warning) for warning in (_record(row) or {}).get("warnings", ())]
+
+
+def _record(row: VideoRow) -> dict[str, Any] | None:
+    if row.state not in ("done", "partial"):
+        return None
+    try:
+        return read_run_record(Path(row.run_dir))
+    except InputError:
+        return None
+
+
+def _sentence(row: VideoRow) -> str:
+    record = _record(row)
+    parts = [one_line(record) if record else row.state, *([] if row.state == "done" else [row.stage, row.reason])]
+    return ": ".join(part for part in parts if part)
+
+
+def _counts(rows: Sequence[VideoRow]) -> str:
+    """Such as `30 done (23 with warnings), 3 failed`."""
+    doubtful = sum(row.state == "done" and bool(warnings_of(row)) for row in rows) if len(rows) <= MOST_READ else 0
+    noted = {"done": f" ({doubtful} with warnings)"} if doubtful else {}
+    return ", ".join(f"{number} {state}{noted.get(state, '')}" for state, number in counts(rows).items()) or "no video"
 
 
 def _speed(rows: Sequence[VideoRow]) -> Iterator[str]:

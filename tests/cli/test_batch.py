@@ -108,6 +108,40 @@ def test_the_status_tells_counts_and_failures_of_the_newest_batch_or_of_that_whi
     assert unknown[0] != 0 and "films" in unknown[2]
 
 
+def test_the_status_says_that_nobody_works_only_where_videos_wait(
+    films: Any, scheduled: list[Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    films.main("batch", "submit", "films", "--name", "films")
+    assert "no worker is running: start `humanmm serve`" in films.main("batch", "status")[1]
+    monkeypatch.setattr(batches, "is_served", lambda: True)
+    assert "no worker" not in films.main("batch", "status")[1]
+    for name in "abc":
+        _end(films, name, "cancelled")
+    monkeypatch.setattr(batches, "is_served", lambda: False)
+    assert "no worker" not in films.main("batch", "status")[1]
+
+
+def test_a_schedule_stands_in_the_status_before_its_first_time(films: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    from datetime import UTC, datetime
+
+    from humanmm.flows.server.flow_runs import Timed
+
+    timed = [
+        Timed("nightly", "0 2 * * *", "UTC", datetime(2030, 1, 2, 2, tzinfo=UTC)),
+        Timed("paused", "0 3 * * *", "UTC", None),
+    ]
+    monkeypatch.setattr(batches, "schedules", lambda store: timed)
+    assert films.main("batch", "status", "nightly")[:2] == (
+        0,
+        "batch nightly: 0 videos, no video\n"
+        "schedule of batch nightly: '0 2 * * *' (UTC), next at 2030-01-02 02:00 UTC\n",
+    )
+    assert "schedule of batch paused: '0 3 * * *' (UTC), paused" in films.main("batch", "status")[1]
+    tree = json.loads(films.main("batch", "status", "--json")[1])
+    assert [one["following"] for one in tree["schedules"]] == ["2030-01-02T02:00:00+00:00", None]
+    assert films.main("batch", "status", "other")[0] == 1
+
+
 @pytest.mark.parametrize(("flags", "again"), [((), ["b.mp4", "c.mp4"]), (("--stage", "camera"), ["b.mp4"])])
 def test_only_what_failed_is_tried_again(
     submitted: Any, scheduled: list[Any], flags: tuple[str, ...], again: list[str]

@@ -90,15 +90,35 @@ def submit(options: Submission) -> int:
 
 
 @verb(batch, "status")
-def status(name: BatchName = None, *, store: Store = None, json: Json = False) -> None:
-    """Say how far a batch is: counts, speed, and the newest failures."""
+def status(
+    name: BatchName = None,
+    *,
+    store: Store = None,
+    one_by_one: Annotated[bool, Option("--list", help="a line a video: state, people, shots, warnings")] = False,
+    json: Json = False,
+) -> None:
+    """Say how far a batch is: counts, speed, the newest failures, and the schedules that are set."""
+    from humanmm.flows.service import batches
+    from humanmm.storage.batches.batch_table import open_batches
     from humanmm.storage.batches.video_row import counts
-    from humanmm.tasks.batches.status import status_lines
+    from humanmm.tasks.batches.status import status_lines, video_lines, warnings_of
 
-    _, name, rows = _open(name, store)
+    table = open_batches(store)
+    known = table.names()
+    timed = [one for one in batches.schedules(table.store.location) if name in (None, one.batch)]
+    if timed and not (name in known if name else known):
+        name, rows = timed[0].batch, []
+    else:
+        _, name, rows = _open(name, store)
     if json:
-        return write_json({"batch": name, "counts": counts(rows), "videos": [row.to_json() for row in rows]})
-    return write_all(status_lines(name, rows))
+        videos = [{**row.to_json(), "warnings": len(warnings_of(row))} for row in rows]
+        schedules = [one.to_json() for one in timed]
+        return write_json({"batch": name, "counts": counts(rows), "videos": videos, "schedules": schedules})
+    write_all(video_lines(rows) if one_by_one else status_lines(name, rows))
+    write_all(one.sentence for one in timed)
+    if any(row.state == "scheduled" for row in rows) and not batches.is_served():
+        write("no worker is running: start `humanmm serve`")
+    return None
 
 
 @verb(batch, "retry-failed")

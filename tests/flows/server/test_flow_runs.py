@@ -40,6 +40,22 @@ class _BusyServer:
         raise PrefectHTTPStatusError("503", request=request, response=httpx.Response(503, request=request))
 
 
+def test_late_submissions_of_the_same_batch_are_cancelled(monkeypatch: pytest.MonkeyPatch) -> None:
+    server = _BusyServer(set())
+    late = [SimpleNamespace(id=number, parameters={"name": name}) for number, name in enumerate(("a", "b", "a", None))]
+    asked: list[Any] = []
+    ended: list[tuple[int, str]] = []
+    monkeypatch.setattr(server, "read_flow_runs", lambda **filters: asked.append(filters) or late, raising=False)
+    monkeypatch.setattr(
+        server, "set_flow_run_state", lambda run, state: ended.append((run, state.type.value)), raising=False
+    )
+    monkeypatch.setattr(flow_runs, "get_client", lambda **kind: server)
+    flow_runs.cancel_late("a")
+    assert ended == [(0, "CANCELLED"), (2, "CANCELLED")]
+    assert asked[0]["flow_run_filter"].next_scheduled_start_time.before_ is not None
+    assert asked[0]["flow_filter"].name.any_ == ["recover-batch"]
+
+
 def test_videos_that_a_busy_server_does_not_take_wait_in_the_table(
     toy: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

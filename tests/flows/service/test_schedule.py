@@ -22,6 +22,8 @@ def test_a_schedule_fires_and_survives_a_restart_and_ends_by_signal(farm: Any, p
         "batch", "submit", "films", "--name", "nightly", "--schedule", "* * * * *", "--settle", "0", "--tag", "gym"
     )
     assert (done.returncode, done.stdout) == (0, "nightly\n") and "next at" in done.stderr, done.stderr
+    timed = farm.command("batch", "status", "nightly")
+    assert "schedule of batch nightly: '* * * * *' (" in timed.stdout and "), next at 2" in timed.stdout, timed.stdout
     place.end("humanmm.flows.service.serve", signal.SIGTERM)
     serving = subprocess.Popen(
         farm.command_line("serve", "--limit", "1"), env=farm.environment(), cwd=farm.folder, stdout=subprocess.DEVNULL
@@ -35,6 +37,11 @@ def test_a_schedule_fires_and_survives_a_restart_and_ends_by_signal(farm: Any, p
         "where flow.name = 'recover-batch' and flow_run.state_type = 'COMPLETED'"
     )
     place.until(lambda: place.ask(fired)[0][0] >= 2, 150)
+    begun = (
+        "select distinct flow_run.name, work_queue_name from flow_run join flow on flow.id = flow_run.flow_id "
+        "where flow.name = 'recover-batch' and flow_run.state_type = 'COMPLETED'"
+    )
+    assert place.ask(begun) == [("nightly", "submit")]
     assert len([name for name, _ in place.flow_runs() if name.endswith(".mp4")]) == 3, "nothing is scheduled twice"
     ended = farm.command("batch", "submit", "films", "--name", "nightly", "--schedule", "none")
     assert "not on a schedule any more" in ended.stderr

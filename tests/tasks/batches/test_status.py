@@ -1,7 +1,11 @@
 """How far a batch is, in words."""
 
+import json
+from dataclasses import replace
+from pathlib import Path
+
 from humanmm.storage.batches.video_row import VideoRow
-from humanmm.tasks.batches.status import status_lines
+from humanmm.tasks.batches.status import status_lines, video_lines
 
 
 def _row(number: int, state: str, **more: object) -> VideoRow:
@@ -28,3 +32,20 @@ def test_of_many_failures_the_newest_ten_are_named() -> None:
     lines = list(status_lines("night", [_row(k, "failed", changed=float(k)) for k in range(12)]))
     assert "/v/11.mp4" in lines[2] and lines[-1] == "  and 2 more" and len(lines) == 13
     assert list(status_lines("empty", [])) == ["batch empty: 0 videos, no video"]
+
+
+def test_who_is_done_with_warnings_is_counted_and_each_video_has_a_line(tmp_path: Path) -> None:
+    for number, warnings in ((0, ["it is dark"]), (1, []), (2, ["it is dark", "it shakes"])):
+        record = {"schema": "humanmm.run/1", "state": "done", "people": [{}], "shots": [{}, {}], "warnings": warnings}
+        (tmp_path / str(number)).mkdir()
+        (tmp_path / str(number) / "run.json").write_text(json.dumps(record))
+    rows = [replace(_row(number, "done"), run_dir=str(tmp_path / str(number))) for number in range(4)]
+    rows.append(_row(4, "failed", stage="people", reason="nobody is in it"))
+    assert next(status_lines("night", rows)) == "batch night: 5 videos, 4 done (2 with warnings), 1 failed"
+    assert list(video_lines(rows)) == [
+        "/v/0.mp4  done: 1 person, 2 shots, 1 warning",
+        "/v/1.mp4  done: 1 person, 2 shots, nothing doubtful",
+        "/v/2.mp4  done: 1 person, 2 shots, 2 warnings",
+        "/v/3.mp4  done",
+        "/v/4.mp4  failed: people: nobody is in it",
+    ]
