@@ -153,9 +153,10 @@ def _timed(batch: str, schedule: Any, *, is_active: bool) -> Timed:
 
 def cancel_late(batch: str) -> None:
     """Cancel the submissions of a batch whose time has passed: the one that runs now does what they would do."""
+    now: Any = datetime.now(UTC)
     late = FlowRunFilter(
         state=FlowRunFilterState(type=FlowRunFilterStateType(any_=[StateType.SCHEDULED])),
-        next_scheduled_start_time=FlowRunFilterNextScheduledStartTime(before_=datetime.now(UTC)),
+        next_scheduled_start_time=FlowRunFilterNextScheduledStartTime(before_=now),
     )
     with get_client(sync_client=True) as client:
         submissions = FlowFilter(name=FlowFilterName(any_=[BATCH_DEPLOYMENT.split("/")[0]]))

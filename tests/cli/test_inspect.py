@@ -46,6 +46,18 @@ def test_status_without_a_folder_lists_the_videos_of_the_store(finished: Any) ->
     assert tree["videos"][0]["run_dir"] == str(finished.folder / "runs/film")
 
 
+def test_the_list_of_the_store_has_time_name_and_outcome_and_can_be_of_failures_alone(finished: Any) -> None:
+    head, line = finished.main("status")[1].splitlines()
+    assert head.endswith(": 1 videos") and "  film.mp4  done: " in line and "3 shots" in line
+    assert line.lstrip().startswith("20") and line.endswith("runs/film")
+    assert finished.main("status", "--failed")[1].splitlines() == [
+        f"store {finished.store}: 0 videos failed or partial"
+    ]
+    (finished.folder / "runs/film/run.json").unlink()
+    assert "  done  " in finished.main("status")[1], "as the store noted it"
+    assert finished.main("status", "runs/film", "--failed")[0] == 2
+
+
 def test_a_folder_that_is_no_run_is_reported(toy: Any) -> None:
     status, out, message = toy.main("status", ".")
     assert (status, out) == (1, "") and "is no run folder" in message

@@ -106,8 +106,9 @@ def status(
     table = open_batches(store)
     known = table.names()
     timed = [one for one in batches.schedules(table.store.location) if name in (None, one.batch)]
+    rows: Sequence[VideoRow] = ()
     if timed and not (name in known if name else known):
-        name, rows = timed[0].batch, []
+        name = timed[0].batch
     else:
         _, name, rows = _open(name, store)
     if json:

@@ -1,8 +1,9 @@
 """`humanmm status` says which results are stale and why, `humanmm explain` what a result was computed from."""
 
+import contextlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
@@ -10,17 +11,23 @@ from humanmm.cli.terminal import write_all, write_json
 from humanmm.cli.verb import RESULTS, Json, RunDir, StageName, Store, app, verb
 from humanmm.errors import InputError, UsageError
 
+if TYPE_CHECKING:
+    from humanmm.storage.store.video_records import RunNote
+
 
 @verb(app, "status", panel=RESULTS)
 def status(
     run_dir: Annotated[Path | None, Argument(metavar="RUN_DIR", help="a run folder")] = None,
     *,
     store: Store = None,
+    failed: Annotated[bool, Option("--failed", help="without RUN_DIR: only videos that failed or are partial")] = False,
     json: Json = False,
 ) -> None:
-    """Say what of a run is stale, and why; without RUN_DIR, list all videos of the store."""
+    """Say what of a run is stale, and why; without RUN_DIR, list all videos of the store, the newest first."""
     if run_dir is None:
-        return _store_status(store, as_json=json)
+        return _store_status(store, only_failed=failed, as_json=json)
+    if failed:
+        raise UsageError("--failed goes without RUN_DIR")
     from humanmm.tasks.engine.finish import is_up_to_date
     from humanmm.tasks.engine.plan import forecast
     from humanmm.tasks.engine.reopened import reopen
@@ -85,14 +92,30 @@ def _lines(entry: Mapping[str, Any]) -> Iterator[str]:
 _DIGESTS = ("inputs", "weights", "modules")
 
 
-def _store_status(location: Path | None, *, as_json: bool) -> None:
+def _store_status(location: Path | None, *, only_failed: bool, as_json: bool) -> None:
     from humanmm.storage.store.open import open_store
 
     store = open_store(location, read_only=True)
-    runs = store.known_runs()
+    runs = [run for run in store.known_runs() if not only_failed or run.state != "done"]
     if as_json:
-        names = ("video", "state", "run_dir", "reason", "finished")
+        names = ("video", "path", "state", "run_dir", "reason", "finished")
         videos = [{name: getattr(run, name) for name in names} for run in runs]
         return write_json({"store": store.location, "videos": videos})
-    lines = (f"  {run.video[:12]}  {run.state:<8} {run.run_dir or '-'}  {run.reason}".rstrip() for run in runs)
-    return write_all([f"store {store.location}: {len(runs)} videos", *lines])
+    width = max((len(Path(run.path).name) for run in runs), default=0)
+    lines = (f"  {run.finished[:16]}  {Path(run.path).name:<{width}}  {_ended(run)}" for run in runs)
+    return write_all(
+        [f"store {store.location}: {len(runs)} videos{' failed or partial' if only_failed else ''}", *lines]
+    )
+
+
+def _ended(run: "RunNote") -> str:
+    """How the last run on a video ended, in one line: of its run folder if that is still the one, else as noted."""
+    from humanmm.storage.run_folder.run_record import read_run_record
+    from humanmm.storage.run_folder.summary import one_line
+
+    with contextlib.suppress(InputError):
+        record = read_run_record(Path(run.run_dir)) if run.run_dir else {}
+        if record and (record["video"]["sha256"], record["state"]) == (run.video, run.state):
+            reason = f": {run.reason}" if run.reason else ""
+            return f"{one_line(record)}{reason}  {run.run_dir}"
+    return "  ".join(part for part in (run.state, run.reason, run.run_dir) if part)

@@ -6,7 +6,7 @@ import numpy as np
 
 from humanmm.models.drawing import palette
 from humanmm.models.drawing.overlay import Mark
-from humanmm.models.drawing.timeline import StageTime, timeline
+from humanmm.models.drawing.timeline import StageTime, stages_title, timeline
 from humanmm.models.records.recording import Recording
 from humanmm.tasks.pictures import stage_times
 from humanmm.tasks.pipeline import STAGES as STAGE_TABLE
@@ -38,6 +38,10 @@ def test_units_of_a_stage_are_added_up() -> None:
         ]
     }
     assert stage_times(record) == [StageTime("hmr", 3.5, 2, 1, 1), StageTime("align", 0.5, 1, 0, 0)]
+
+
+def test_the_sum_of_stages_is_not_called_the_time_of_the_run() -> None:
+    assert stages_title(STAGES).startswith("seconds in each stage, added up 3.4; stages may run beside others")
 
 
 def test_no_name_of_a_stage_is_cut_off(standing: Recording) -> None:
