@@ -5,9 +5,10 @@ The page has a picture and the warnings of every video, and sorts and filters it
 
 import base64
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 from urllib.parse import quote
 
 from humanmm.errors import InputError
@@ -19,7 +20,7 @@ from humanmm.storage.store.files import replace_text
 
 COLUMNS = (
     "video", "state", "stage", "reason", "frames", "shots", "people", "seconds", "warnings", "attempt", "run_dir",
-    "overlay",
+    "overlay", "fps", "heights_m", "worst_pose_error_mm", "doubtful_s", "least_join_probability", "motion",
 )  # fmt: skip
 
 
@@ -33,6 +34,9 @@ class _Result:
     frames: int | str = ""
     shots: int | str = ""
     people: int | str = ""
+    figures: tuple[object, ...] = ("",) * 5
+    """The columns `fps` to `least_join_probability`."""
+    motion: str = ""
     warnings: tuple[str, ...] = ()
     overlay: str = ""
     overlay_link: str = ""
@@ -59,6 +63,7 @@ def write_report(folder: Path, name: str, rows: Sequence[VideoRow]) -> list[Path
         (
             row.video, row.state, row.stage or "", row.reason, result.frames, result.shots, result.people,
             "" if row.seconds is None else row.seconds, len(result.warnings), row.attempt, row.run_dir, result.overlay,
+            *result.figures, result.motion,
         )
         for row, result in videos
     ]  # fmt: skip
@@ -82,12 +87,15 @@ def _result(row: VideoRow, folder: Path, *, pictured: bool) -> _Result:
         overlay = Path(row.run_dir) / "view" / "overlay.mp4"
         has_overlay = overlay.is_file()
         scene = Path(row.run_dir) / "view" / "scene.html"
+        motion = Path(row.run_dir) / "motion.zarr"
         return _Result(
             name=name,
             link=link,
             frames=int(record["video"]["num_frames"]),
             shots=len(record["shots"]),
             people=len(record["people"]),
+            figures=_figures(record),
+            motion=str(motion) if motion.is_dir() else "",
             warnings=tuple(str(warning) for warning in record["warnings"]),
             overlay=str(overlay) if has_overlay else "",
             overlay_link=_link(str(overlay), folder) if has_overlay else "",
@@ -99,6 +107,25 @@ def _result(row: VideoRow, folder: Path, *, pictured: bool) -> _Result:
         return _Result(name, link, warnings=(reason,))
     except (KeyError, TypeError, ValueError) as error:
         return _Result(name, link, warnings=(f"its run folder cannot be read: {error}",))
+
+
+def _figures(record: Mapping[str, Any]) -> tuple[object, ...]:
+    """Frame rate; heights (`0: 1.75; 1: 1.62`); the largest expected error of a pose; seconds of frames in which
+    somebody's pose or direction is doubtful; the least probability of a join."""
+    fps, shots = record["video"].get("fps"), record["shots"]
+    heights = "; ".join(f"{one['person']}: {one['height_m']}" for one in record["people"] if "height_m" in one)
+    errors = [one["error_mm"] for shot in shots for one in shot.get("pose", ()) if one["error_mm"] is not None]
+    spans = [
+        range(*span)
+        for shot in shots
+        for kind in ("pose", "facing")
+        for one in shot.get(kind, ())
+        for span in one["doubtful"]
+    ]
+    doubtful_s = round(len(set().union(*spans)) / fps, 2) if fps else ""
+    joins = [shot["join"]["probability"] for shot in shots if shot.get("join") and shot["linked"]]
+    likely = [probability for probability in joins if probability is not None]
+    return (fps or "", heights, max(errors, default=""), doubtful_s, min(likely, default=""))
 
 
 def _thumbnail(overlay: Path) -> str:

@@ -33,6 +33,31 @@ def test_names_and_reasons_are_text_in_html_and_in_csv(tmp_path: Path) -> None:
     assert second[8] == "1", "the run folder cannot be read"
 
 
+def test_the_table_has_what_a_hand_off_asks_for(tmp_path: Path) -> None:
+    run_dir = tmp_path / "run"
+    (run_dir / "motion.zarr").mkdir(parents=True)
+    pose = [{"person": 0, "error_mm": 52.5, "doubtful": [[10, 20]]}, {"person": 1, "error_mm": 61.25, "doubtful": []}]
+    facing = [{"person": 0, "doubtful": [[15, 25]]}]
+    record = {
+        "schema": "humanmm.run/1",
+        "video": {"num_frames": 60, "fps": 25.0},
+        "people": [{"person": 0, "height_m": 1.75}, {"person": 1, "height_m": 1.62}, {"person": 2}],
+        "shots": [
+            {"join": None, "linked": True, "pose": pose, "facing": facing},
+            {"join": {"probability": 0.97}, "linked": True, "pose": [], "facing": []},
+            {"join": {"probability": 0.3}, "linked": False, "pose": [], "facing": []},
+        ],
+        "warnings": [],
+    }
+    (run_dir / "run.json").write_text(json.dumps(record))
+    _, table = write_report(tmp_path / "report", "b", [replace(ROW, run_dir=str(run_dir)), _row("c.mp4", "failed")])
+    first, second = csv.DictReader(io.StringIO(table.read_text()))
+    assert [first[name] for name in COLUMNS[-6:]] == [
+        "25.0", "0: 1.75; 1: 1.62", "61.25", "0.6", "0.97", str(run_dir / "motion.zarr")
+    ]  # fmt: skip
+    assert [second[name] for name in COLUMNS[-6:]] == [""] * 6
+
+
 def test_links_are_relative_and_quoted_and_only_of_finished_videos(tmp_path: Path) -> None:
     page, _ = write_report(tmp_path / "runs" / "report", "b", [_row("a#?.mp4", "done"), _row("c.mp4", "running")])
     text = page.read_text()
