@@ -166,7 +166,10 @@ def _planned(
         return Planned(row, "running", f"as asked for before; {changed}: submit again when it has ended")
     if _finished_on(row, finished, store, write=False) is not None:
         return Planned(row, "finished", "the store has everything")
-    return Planned(row, "to do", "it is new" if known is None else _what_changed(known, row, store))
+    if known is not None:
+        return Planned(row, "to do", _what_changed(known, row, store))
+    is_empty = json.loads(row.facts)[0] == 0
+    return Planned(row, "to do", "it is empty: it will fail" if is_empty else "it is new")
 
 
 def retry(

@@ -215,6 +215,13 @@ def test_a_video_that_failed_is_run_again_with_the_limits_that_are_given_now(toy
     assert (again.attempt, json.loads(again.config)["run"]["limit_s"]) == (3, 60)
 
 
+def test_a_dry_run_says_that_an_empty_file_will_fail(toy: Any, table: BatchTable) -> None:
+    films = _films(toy, "a.mp4")
+    (films / "empty.mp4").touch()
+    plan = batches.forecast_submission(table, "test", read_batch(films), Config(), toy.folder / "runs")
+    assert [one.sentence for one in plan] == ["to do: it is new", "to do: it is empty: it will fail"]
+
+
 def test_a_dry_run_says_which_setting_has_changed(toy: Any, table: BatchTable) -> None:
     films = _films(toy, "film.mp4")
     (row,) = _submit(toy, table, films).to_schedule
