@@ -39,8 +39,12 @@ class LockSettings:
     """A contact that would move the ankle further than this is not believed."""
     most_rotated: float = 0.6
     """A foot that rotates by more than this (radians) does not stand flat."""
+    most_raised: float = 0.8
+    """Toes are raised out of the floor by at most so much, radians."""
     floor_reach_m: float = 0.03
     """A sole within this height of the floor stands on the floor; a higher one on something else."""
+    floor_below_m: float = 0.1
+    """So does one that is less below it; a lower one stands a step down."""
     longest_reach: float = 0.995
     """Largest distance from hip to ankle, as a fraction of the leg's length, to which a lock straightens it."""
     soft_reach: float = 0.97
@@ -128,7 +132,8 @@ def lock_feet(
     down = np.zeros_like(motion.pelvis_ref)
     down[:, 2] = -lowered(legs, [target for target, _ in aims], time_s, settings)
     vectors = motion.vectors.copy()
-    for (hip, knee, ankle, _), leg, (target, R_foot) in zip(LEGS, legs, aims, strict=True):
+    for (hip, knee, ankle, _), leg, feet, (target, R_foot) in zip(LEGS, legs, own, aims, strict=True):
+        R_foot = _above_floor(leg, target, R_foot, sole_height[feet], settings)
         for frames in chunks(motion.num_frames):
             bent = bend_leg(leg.frames(frames).moved(down[frames]), target[frames], R_foot[frames], settings=settings)
             for joint, R in zip((hip, knee, ankle), bent, strict=True):
@@ -213,7 +218,7 @@ def _phases(holds: Bool[Array, "N 2"]) -> list[tuple[int, int, bool]]:
 def _anchor(path: Float[Array, "M 3"], sole_height: float, settings: LockSettings) -> Float[Array, " 3"]:
     """The position that a contact holds: the middle of its path, on the floor if that is near."""
     anchor = np.asarray(np.median(path, axis=0))
-    if abs(anchor[2] - sole_height) < settings.floor_reach_m:
+    if -settings.floor_below_m < anchor[2] - sole_height < settings.floor_reach_m:
         anchor[2] = sole_height
     return anchor
 
@@ -230,6 +235,24 @@ def _flat_feet(leg: Leg, holds: Bool[Array, "N 2"], time_s: Array, settings: Loc
             correction_rotvec[start:end], certain[start:end] = to_mean, True
     certain = _apart(correction_rotvec, certain, time_s, settings.most_rotated / settings.fade_s)
     return np.asarray(leg.R_ankle @ rotvec_to_rotmat(_faded(correction_rotvec, certain, time_s, settings.fade_s)))
+
+
+def _above_floor(
+    leg: Leg,
+    ankle: Float[Array, "N 3"],
+    R_foot: Float[Array, "N 3 3"],
+    sole_height: Float[Array, " 2"],
+    settings: LockSettings,
+) -> Float[Array, "N 3 3"]:
+    """The feet's rotations, toes raised so far that the toe base is not below the floor, nor below an ankle that is."""
+    ball = np.einsum("nab,nb->na", R_foot @ np.swapaxes(leg.R_ankle, -1, -2), leg.toe - leg.ankle)
+    length = np.linalg.norm(ball, axis=-1)
+    least = sole_height[1] + np.minimum(0.0, ankle[:, 2] - sole_height[0]) - ankle[:, 2]
+    now, wanted = (np.arcsin(np.clip(height / length, -1, 1)) for height in (ball[:, 2], least))
+    axis = np.cross(ball, [0.0, 0.0, 1.0])
+    axis /= np.maximum(np.linalg.norm(axis, axis=-1, keepdims=True), 1e-9)
+    raised = np.clip(wanted - now, 0.0, settings.most_raised)
+    return np.asarray(rotvec_to_rotmat(raised[:, None] * axis) @ R_foot)
 
 
 def _apart(

@@ -30,6 +30,7 @@ from humanmm.models.motion.refine.footlock import LockSettings, contact_position
 from humanmm.models.motion.refine.gaps import landed, landings
 from humanmm.models.motion.refine.learned import Learned
 from humanmm.models.motion.refine.smoothing import smooth, smooth_rotations
+from humanmm.models.motion.refine.toes import bent_toes, toe_length
 from humanmm.models.records.motion import PersonMotion, WorldMotion
 from humanmm.models.records.recording import CONTACT_JOINTS
 from humanmm.models.records.shots import ShotList
@@ -287,10 +288,11 @@ def draft(
 
 
 def finish(one: Draft, *, settings: RefineSettings) -> PersonMotion:
-    """Feet locked."""
+    """Feet locked, and their toes on the floor."""
     motion = one.motion
     if settings.foot_lock:
         motion = lock_feet(motion, one.contacts, one.sole_height, time_s=one.time_s, settings=settings.lock)
+        motion = bent_toes(motion, one.sole_height, toe_length(load_body(), one.person.betas), one.time_s)
     return replace(
         one.person,
         R_world_root=by_chunks(rotvec_to_rotmat, motion.vectors[:, 0]),

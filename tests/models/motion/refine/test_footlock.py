@@ -16,6 +16,7 @@ from humanmm.models.motion.refine.footlock import (
     ankle_targets,
     bend_leg,
     contact_positions,
+    lock_feet,
     lowered,
 )
 from humanmm.models.records.recording import CONTACT_JOINTS
@@ -199,6 +200,22 @@ def test_the_pelvis_comes_down_slowly_for_a_foot_out_of_reach_and_for_no_other()
     assert down.max() == pytest.approx(0.012, abs=0.003)
     assert np.abs(np.diff(down)).max() < 0.003 and not down[:10].any()
     assert not lowered([leg], [leg.ankle + np.array([0.0, 0.0, 0.02])], TIME, LockSettings()).any()
+
+
+@pytest.mark.parametrize("below_m", [0.0, 0.05])
+def test_a_standing_foot_that_points_down_does_not_go_through_the_floor(below_m: float) -> None:
+    rest, num_frames = load_body().rest_joints(np.zeros(10)), 30
+    vectors = np.zeros((num_frames, 24, 3), np.float32)
+    vectors[:, 0, 0] = np.pi / 2  # the rest pose's y is up
+    vectors[:, [1, 2], 0], vectors[:, [4, 5], 0] = -0.4, 0.8
+    vectors[:, [7, 8], 0] = 0.0  # thighs and shins cancel: this is how far a foot points down
+    motion = LongMotion(Skeleton(rest, np.zeros(0, int), np.zeros((0, 3))), vectors, np.zeros((num_frames, 3)))
+    ground = np.array([0.08, 0.03, 0.08, 0.03])
+    up = ground[0] - below_m - contact_positions(motion)[0, 0, 2]
+    motion = replace(motion, pelvis_ref=motion.pelvis_ref + np.array([0.0, 0.0, up]))
+    assert (contact_positions(motion)[:, 1, 2] < ground[1] - 0.03).all()
+    after = contact_positions(lock_feet(motion, np.ones((num_frames, 4)), ground, time_s=np.arange(num_frames) / 30))
+    assert np.allclose(after[..., 2], ground, atol=0.005)
 
 
 def test_legs_of_a_motion_are_those_of_the_whole_body() -> None:
