@@ -37,7 +37,14 @@ _LOST_DETAIL = 0.3
 are none 0.25 at most, but for those in which a camera that sweeps or shakes blurs what both ends show."""
 _MAX_DETAIL_ERROR = 0.15
 """Root-mean-square deviation of the detail, as a part of what its ends have, from the parabola of a blend: 0.01 to 0.14
-in dissolves (0.03 in the median); 0.19 or more in sweeps, and where two dissolves half a second apart look like one."""
+in dissolves (0.03 in the median); 0.19 or more in long sweeps, and where two dissolves half a second apart look like
+one."""
+_UNRELATED = 0.28
+"""The ends of most dissolves correlate less once motion is undone (0.02 to 0.25). Ends that are more alike may be of a
+camera that sweeps for some frames, whose blur loses detail too."""
+_BLENDED, _CLEAR_FRAMES, _CLEAR_ERROR = 0.6, 8, 0.05
+"""Such ends must explain this part of the detail midway (0.71 in three dissolves; 0 to 0.48 in sweeps), or so many
+frames go by the parabola with this error at most: three frames of a hand that sweeps do by chance (0.07)."""
 _FAIR_STEP = 0.5
 """Each frame of a dissolve makes at least this fraction of the change that is even for its time."""
 _RAMP_RANGE = (0.15, 0.85)
@@ -87,6 +94,9 @@ def dissolves(window: PictureWindow, begin: int, end: int, longest: int) -> list
         detail = BlendDetail.of(window, *ends, flicker)
         if detail.lost < _LOST_DETAIL or detail.error > _MAX_DETAIL_ERROR or window.displacement(*ends) is not None:
             continue
+        is_clear = stop - start >= _CLEAR_FRAMES and detail.error <= _CLEAR_ERROR
+        if window.motion(*ends).match > _UNRELATED and not is_clear and explained_detail(window, *ends) < _BLENDED:
+            continue
         found.append(Interval(start, stop))
     return sorted(found)
 
@@ -119,8 +129,7 @@ class BlendDetail:
         """Of the frames between two, where nothing is burned into all of them; `flicker`: of the window's frames."""
         frames = np.arange(before + 1, after)
         weight = (window.time_s[frames] - window.time_s[before]) / (window.time_s[after] - window.time_s[before])
-        # of a pan's ends some part may be alike by chance
-        filmed = window.filmed(before, after) | window.filmed(before, (before + after) // 2)
+        filmed = _filmed(window, before, after)
         light = flicker[before - window.first : after + 1 - window.first]
         seen = np.array([window.detail_variance(frame, filmed) for frame in range(before, after + 1)]) / light**2
         common = float(np.mean(window.detail(before)[filmed] * window.detail(after)[filmed])) / (light[0] * light[-1])
@@ -132,6 +141,21 @@ class BlendDetail:
             middle = np.abs(weight - 0.5) == np.abs(weight - 0.5).min()
         lost = (moved - seen[1:-1]) / np.maximum(moved - unrelated, 1e-6)
         return cls(float(np.median(lost[middle])), float(np.sqrt(np.mean(((seen[1:-1] - mixed) / moved) ** 2))))
+
+
+def explained_detail(window: PictureWindow, before: int, after: int) -> float:
+    """The part, 0..1, of the detail midway between two frames that a blend of theirs explains."""
+    filmed = _filmed(window, before, after)
+    ends = np.stack([window.detail(frame)[filmed] for frame in (before, after)], axis=1)
+    middle = window.detail((before + after) // 2)[filmed]
+    weights = np.linalg.lstsq(ends.T @ ends, ends.T @ middle, rcond=None)[0]
+    left = middle - ends @ weights
+    return float(1 - left @ left / max(float(middle @ middle), 1e-6))
+
+
+def _filmed(window: PictureWindow, before: int, after: int) -> np.ndarray:
+    """(h,w) bool: where nothing is burned into all of a span; of a pan's ends some part may be alike by chance."""
+    return np.asarray(window.filmed(before, after) | window.filmed(before, (before + after) // 2))
 
 
 def _blends(thumbs: np.ndarray, time_s: np.ndarray, length: int) -> list[tuple[float, int, int]]:

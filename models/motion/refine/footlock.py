@@ -5,15 +5,13 @@ A contact holds the ankle, the toe base or both. Each joint gets the anchor that
 displacement to it is a correction that is exact inside the contact and fades out on both sides. A planted toe base with
 a lifting heel holds the foot through the ankle: the foot rotates about its ball. Hip and knee then follow by two-bone
 inverse kinematics about the knee's own axis, and the foot keeps its orientation in the world. A leg that is too short
-to reach its anchor brings the pelvis down a little, and is then stretched less than it would have to be.
+to reach its anchor is stretched less than it would have to be.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from humanmm.models.body.kinematics import chunks
 from humanmm.models.geometry.intervals import runs_of_true
@@ -51,9 +49,6 @@ class LockSettings:
     """From this fraction on the ankle gets the less near to an anchor the straighter the leg would have to be: where
     anchors stopped legs at 0.999 at once, knees moved at 45 m/s² (99 % of the frames; 31 in truth, 28 now) and stood
     straight in 12 % of them (never in truth)."""
-    most_lowered_m: float = 0.02
-    """By so much the pelvis may come down for a leg that does not reach its anchor. With 0, 0.02 and 0.04 standing feet
-    of nine development clips slide by 2.4, 1.9 and 1.8 mm a frame, and knees are off by 6.9, 6.8 and 7.6 degrees."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,17 +83,6 @@ class Leg:
         R_hip, R_knee, R_ankle, _ = rotations
         return cls(hip, knee, ankle, toe, R_pelvis, R_hip, R_knee, R_ankle)
 
-    @property
-    def length(self) -> Float[Array, " N"]:
-        """Of thigh and shin together, metres."""
-        return np.asarray(
-            np.linalg.norm(self.knee - self.hip, axis=-1) + np.linalg.norm(self.ankle - self.knee, axis=-1)
-        )
-
-    def moved(self, by: Float[Array, "N 3"]) -> "Leg":
-        """The same leg elsewhere."""
-        return replace(self, hip=self.hip + by, knee=self.knee + by, ankle=self.ankle + by, toe=self.toe + by)
-
     def frames(self, chosen: slice) -> "Leg":
         """A run of frames."""
         return Leg(*(getattr(self, field.name)[chosen] for field in fields(self)))
@@ -123,45 +107,17 @@ def lock_feet(
 ) -> LongMotion:
     """The motion with its planted feet held; contacts and sole heights are those of `CONTACT_JOINTS`."""
     settings = settings or LockSettings()
-    legs = [Leg.of(motion, side, slice(None)) for side in range(len(LEGS))]
-    own = [slice(2 * side, 2 * side + 2) for side in range(len(LEGS))]
-    aims = [
-        ankle_targets(leg, contacts[:, feet], sole_height[feet], time_s=time_s, settings=settings)
-        for leg, feet in zip(legs, own, strict=True)
-    ]
-    down = np.zeros_like(motion.pelvis_ref)
-    down[:, 2] = -lowered(legs, [target for target, _ in aims], time_s, settings)
     vectors = motion.vectors.copy()
-    for (hip, knee, ankle, _), leg, feet, (target, R_foot) in zip(LEGS, legs, own, aims, strict=True):
-        R_foot = _above_floor(leg, target, R_foot, sole_height[feet], settings)
+    for side, (hip, knee, ankle, _) in enumerate(LEGS):
+        leg = Leg.of(motion, side, slice(None))
+        own = slice(2 * side, 2 * side + 2)
+        target, R_foot = ankle_targets(leg, contacts[:, own], sole_height[own], time_s=time_s, settings=settings)
+        R_foot = _above_floor(leg, target, R_foot, sole_height[own], settings)
         for frames in chunks(motion.num_frames):
-            bent = bend_leg(leg.frames(frames).moved(down[frames]), target[frames], R_foot[frames], settings=settings)
+            bent = bend_leg(leg.frames(frames), target[frames], R_foot[frames], settings=settings)
             for joint, R in zip((hip, knee, ankle), bent, strict=True):
                 vectors[frames, joint] = rotmat_to_rotvec(R)
-    return replace(motion, vectors=vectors, pelvis_ref=motion.pelvis_ref + down)
-
-
-def lowered(
-    legs: Sequence[Leg], targets: Sequence[Float[Array, "N 3"]], time_s: Float[Array, " N"], settings: LockSettings
-) -> Float[Array, " N"]:
-    """By how much the pelvis comes down so that legs reach their anchors without being stretched, metres.
-
-    Slowly: as much as the most within the time of a fade asks for, averaged over that time.
-    """
-    needed = np.zeros(len(time_s))
-    for leg, target in zip(legs, targets, strict=True):
-        length = leg.length
-        free = np.maximum(
-            settings.soft_reach * length, np.minimum(np.linalg.norm(leg.ankle - leg.hip, axis=-1), length)
-        )
-        beside = np.linalg.norm((target - leg.hip)[:, :2], axis=-1)
-        below = leg.hip[:, 2] - target[:, 2]
-        needed = np.maximum(needed, below - np.sqrt(np.maximum(free**2 - beside**2, 0.0)))
-    needed = np.minimum(needed, settings.most_lowered_m)
-    if len(time_s) < 2:
-        return needed
-    size = 2 * round(settings.fade_s / float(np.median(np.diff(time_s)))) + 1
-    return np.asarray(uniform_filter1d(maximum_filter1d(needed, size, mode="nearest"), size, mode="nearest"))
+    return replace(motion, vectors=vectors)
 
 
 def ankle_targets(

@@ -10,6 +10,7 @@ from humanmm.models.shot_detection.gradual import (
     BlendDetail,
     dips,
     dissolves,
+    explained_detail,
     fade_around,
     meeting_blends,
     most_frames,
@@ -117,6 +118,7 @@ def test_a_dissolve_between_two_places_loses_detail(frames: int) -> None:
     detail = detail_of(window, 0, frames - 1)
     assert detail.lost == pytest.approx(1, abs=0.25)
     assert detail.error < 0.1
+    assert explained_detail(window, 0, frames - 1) > 0.9
 
 
 @pytest.mark.parametrize("step_px", [10.0, 40.0])
@@ -128,6 +130,7 @@ def test_a_sweep_loses_detail_otherwise_than_a_blend_of_its_ends(step_px: float)
     detail = detail_of(window, 0, 4)
     assert detail.lost > 0.3
     assert detail.error > 0.19
+    assert explained_detail(window, 0, 4) < 0.4
 
 
 def test_two_dissolves_half_a_second_apart_are_not_one() -> None:
