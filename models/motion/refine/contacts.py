@@ -23,12 +23,11 @@ STANDS = 0.5
 class ContactModel:
     """Where a standing foot becomes a moving one."""
 
-    speed_ms: float = 0.35
-    """Speed at which both are equally likely, m/s. At 0.6 of the frames in which a foot of nine development clips was
-    said to stand 77 % were right and 98 % of all that stand were found; at 0.4, 0.35 and 0.3 it is 82, 84 and 86, 97,
-    96 and 95 %."""
-    speed_softness_ms: float = 0.06
-    height_m: float = 0.12
+    speed_ms: float = 0.45
+    """Speed at which both are equally likely, m/s. With 0.6 feet are held for too long; with 0.35 those of hard clips
+    are held too seldom, and slide (docs/measurements/world.md)."""
+    speed_softness_ms: float = 0.07
+    height_m: float = 0.14
     """The same for the height of the sole above the support, metres."""
     height_softness_m: float = 0.03
     baseline_s: float = 0.08
