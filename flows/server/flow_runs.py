@@ -4,7 +4,7 @@ import asyncio
 import json
 import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -127,9 +127,6 @@ class Timed:
     def sentence(self) -> str:
         following = f"next at {self.following:%Y-%m-%d %H:%M %Z}" if self.following else "paused"
         return f"schedule of batch {self.batch}: '{self.cron}' ({self.timezone}), {following}"
-
-    def to_json(self) -> dict[str, Any]:
-        return {**asdict(self), "following": self.following.isoformat() if self.following else None}
 
 
 def schedules(store: str) -> list[Timed]:

@@ -101,7 +101,7 @@ def status(
     from humanmm.flows.service import batches
     from humanmm.storage.batches.batch_table import open_batches
     from humanmm.storage.batches.video_row import counts
-    from humanmm.tasks.batches.status import MOST_READ, status_lines, video_lines, warnings_of
+    from humanmm.tasks.batches.status import status_lines, video_lines
 
     table = open_batches(store)
     known = table.names()
@@ -112,10 +112,7 @@ def status(
     else:
         _, name, rows = _open(name, store)
     if json:
-        is_read = len(rows) <= MOST_READ
-        videos = [{**row.to_json(), "warnings": len(warnings_of(row)) if is_read else None} for row in rows]
-        schedules = [one.to_json() for one in timed]
-        return write_json({"batch": name, "counts": counts(rows), "videos": videos, "schedules": schedules})
+        return write_json({"batch": name, "counts": counts(rows), "videos": [row.to_json() for row in rows]})
     write_all(video_lines(rows) if one_by_one else status_lines(name, rows))
     write_all(one.sentence for one in timed)
     if any(row.state == "scheduled" for row in rows) and not batches.is_served():
