@@ -34,3 +34,8 @@ def covered(boxes: Float[Array, "n 4"], others: Float[Array, "m 4"]) -> Float[Ar
 def box_area(xyxy: Float[Array, "*n 4"]) -> Float[Array, "*n"]:
     """Square pixels; 0 where the corners are the wrong way round."""
     return np.asarray(np.clip(xyxy[..., 2:] - xyxy[..., :2], 0, None).prod(axis=-1))
+
+
+def box_size(xyxy: Float[Array, "*n 4"]) -> Float[Array, "*n"]:
+    """The root of a box's area, pixels, 1 at least: the size of a body, of which movements are fractions."""
+    return np.asarray(np.sqrt(np.maximum(box_area(xyxy), 1.0)))

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.interpolate import Akima1DInterpolator
 
-from humanmm.models.geometry.boxes import box_area
+from humanmm.models.geometry.boxes import box_size
 from humanmm.models.records.hands import HandTracks, not_looked
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
 from humanmm.models.video.frame_times import sampled_every, shown_s
@@ -97,7 +97,7 @@ def _in_frames(track: PersonTrack, looks: Int[Array, " L"], time_s: Float[Array,
 def _jumps(track: PersonTrack) -> Bool[Array, " N-1"]:
     """Whether somebody jumps between his sightings n and n + 1, in successive looks."""
     moved = np.linalg.norm(np.diff(track.keypoints2d[..., :2].astype(np.float64), axis=0), axis=-1)
-    size = np.sqrt(np.maximum(box_area(track.bbox.astype(np.float64)), 1.0))
+    size = box_size(track.bbox.astype(np.float64))
     step = np.median(moved, axis=-1) / np.sqrt(size[1:] * size[:-1])
     step[np.diff(track.frame) > 1] = np.nan  # not known
     before, after = np.append(np.nan, step[:-1]), np.append(step[1:], np.nan)

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from humanmm.models.geometry.boxes import box_area
+from humanmm.models.geometry.boxes import box_size
 from humanmm.models.geometry.intervals import runs_of_true
 from humanmm.models.records.landmarks import BEYOND, SWAP
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
@@ -45,7 +45,7 @@ def _lent(one: PersonTrack, other: PersonTrack, time_s: Float[Array, " L"]) -> B
     _, rows, of_other = np.intersect1d(one.frame, other.frame, assume_unique=True, return_indices=True)
     if not len(rows):
         return lent
-    size = _size_px(one)
+    size = box_size(one.bbox.astype(np.float64))
     for joint in JOINTS:
         path = one.keypoints2d[:, joint, :2].astype(np.float64)
         near = np.zeros(len(one.frame), bool)
@@ -83,10 +83,6 @@ def _excursions(
             yield start, end
 
 
-def _size_px(track: PersonTrack) -> Float[Array, " N"]:
-    return np.asarray(np.sqrt(np.maximum(box_area(track.bbox.astype(np.float64)), 1.0)))
-
-
 def _unseen(track: PersonTrack, where: Bool[Array, "N 33"]) -> PersonTrack:
     """The track with some keypoints unseen: visibility 0, and as uncertain as the body is large."""
     if not where.any():
@@ -94,5 +90,6 @@ def _unseen(track: PersonTrack, where: Bool[Array, "N 33"]) -> PersonTrack:
     keypoints, sigma = track.keypoints2d.copy(), track.keypoint_sigma
     keypoints[where, 2] = 0.0
     if sigma is not None:
-        sigma = np.where(where, np.maximum(sigma, _size_px(track)[:, None]), sigma).astype(np.float32)
+        size = box_size(track.bbox.astype(np.float64))
+        sigma = np.where(where, np.maximum(sigma, size[:, None]), sigma).astype(np.float32)
     return replace(track, keypoints2d=keypoints, keypoint_sigma=sigma)

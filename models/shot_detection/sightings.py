@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from humanmm.models.geometry.boxes import box_area, box_iou
+from humanmm.models.geometry.boxes import box_iou, box_size
 from humanmm.models.records.landmarks import HIPS, SHOULDERS, SWAP, VISIBLE
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
 from humanmm.models.video.frame_times import elapsed_s, nearest_frame
@@ -54,7 +54,7 @@ class Sightings:
         self.first, self.last = min(self.row, default=-1), max(self.row, default=-1)
         self.keypoints = track.keypoints2d.astype(np.float64)
         self.boxes = track.bbox.astype(np.float64)
-        self.size = np.sqrt(np.maximum(box_area(self.boxes), 1.0))
+        self.size = box_size(self.boxes)
         self.looks = np.array(sorted(self.row), dtype=np.int64)
         """(N,) the looks in which he is seen well, in order; `row` says where each stands in the arrays."""
 

@@ -33,12 +33,8 @@ def video_lines(rows: Sequence[VideoRow]) -> Iterator[str]:
     yield from (f"{row.video:<{width}}  {_sentence(row)}" for row in rows)
 
 
-def warnings_of(row: VideoRow) -> list[str]:
-    """The warnings of a video with a result; none where its run folder cannot be read from here."""
-    return [str(warning) for warning in (_record(row) or {}).get("warnings", ())]
-
-
 def _record(row: VideoRow) -> dict[str, Any] | None:
+    """The run record of a video with a result; None where its run folder cannot be read from here."""
     if row.state not in ("done", "partial"):
         return None
     try:
@@ -55,7 +51,8 @@ def _sentence(row: VideoRow) -> str:
 
 def _counts(rows: Sequence[VideoRow]) -> str:
     """Such as `30 done (23 with warnings), 3 failed`."""
-    doubtful = sum(row.state == "done" and bool(warnings_of(row)) for row in rows) if len(rows) <= MOST_READ else 0
+    done = [row for row in rows if row.state == "done"] if len(rows) <= MOST_READ else []
+    doubtful = sum(bool((_record(row) or {}).get("warnings")) for row in done)
     noted = {"done": f" ({doubtful} with warnings)"} if doubtful else {}
     return ", ".join(f"{number} {state}{noted.get(state, '')}" for state, number in counts(rows).items()) or "no video"
 
