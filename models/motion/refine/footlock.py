@@ -47,7 +47,7 @@ class LockSettings:
     """Largest distance from hip to ankle, as a fraction of the leg's length, to which a lock straightens it."""
     soft_reach: float = 0.97
     """From this fraction on the ankle gets the less near to an anchor the straighter the leg would have to be: where
-    anchors stopped legs at 0.999 at once, knees moved at 45 m/s² (99 % of the frames; 31 in truth, 28 now) and stood
+    anchors stopped legs at 0.999 at once, knees moved at 45 m/s² (99 % of the frames; 31 in truth, 29 now) and stood
     straight in 12 % of them (never in truth)."""
 
 
