@@ -42,6 +42,8 @@ POOR_FRACTION = 0.004
 ALIKE = 2.5
 """A camera that zooms where it stands explains points nearly as well as one that travels if their residuals are no more
 than so many times as large; from 1 / MOVING_GAIN down it is preferred."""
+CLEAR_POINTS = 4 * MIN_POINTS
+"""Where so many points are seen before and after, and fewer than MIN_POINTS are the same, all were lost at once."""
 
 
 CARRIED_ON, SPEED_OVER = 12, 6
@@ -51,6 +53,8 @@ CARRIED_ON, SPEED_OVER = 12, 6
 @dataclass(frozen=True)
 class _Estimate:
     source: CameraSource
+    travels: bool
+    """Whether its path is measured, whatever the source."""
     track: Track
     views: Views
     """Of every recorded image."""
@@ -87,7 +91,7 @@ def camera_from_points(
     tracked = None if settled is None else track_model(shot, intrinsics, settled, progress=odometry)
     choice = choose_model(shot, intrinsics, progress=odometry) if tracked is None else tracked
     if choice.rotating is None:
-        return replace(_static(points, intrinsics, "static"), warnings=warnings)
+        return _standing(points, shot, intrinsics, warnings)
     estimate = _chosen(shot, choice, choice.rotating.track, intrinsics)
     return _result(points, shot, intrinsics, replace(estimate, warnings=warnings + estimate.warnings))
 
@@ -99,6 +103,17 @@ def _static(points: PointTracks, intrinsics: Intrinsics, source: CameraSource, *
         np.tile(K_of(intrinsics), (num_frames, 1, 1)), source, metric=True,
         reprojection_px=float("nan"), cross_check=CrossCheck(), warnings=warnings,
     )  # fmt: skip
+
+
+def _standing(points: PointTracks, shot: TrackedShot, intrinsics: Intrinsics, warnings: tuple[str, ...]) -> ShotCamera:
+    """A static camera; whether it also stood where nearly all points were lost at once, nobody knows."""
+    seen = np.diff(shot.begins)
+    clear = [b for b in range(1, shot.num_images) if seen[b - 1 : b + 1].min() >= CLEAR_POINTS]
+    breaks = [int(shot.frame[b]) for b in clear if len(shot.shared(b - 1, b)[0]) < MIN_POINTS]
+    if not breaks:
+        return _static(points, intrinsics, "static", *warnings)
+    said = f"hardly any point survives frame {_listed(breaks)}: the camera is taken to stand there, too"
+    return _static(points, intrinsics, "fallback", *warnings, said)
 
 
 def _chosen(shot: TrackedShot, choice: ModelChoice, rotating_track: Track, intrinsics: Intrinsics) -> _Estimate:
@@ -148,24 +163,31 @@ def _range(zooming: Track, log_sigma: float) -> str:
 
 def _estimate(shot: TrackedShot, track: Track, freedom: Freedom, source: CameraSource, *warnings: str) -> _Estimate:
     views, residual = all_images(shot, track, freedom=freedom)
+    travels = source == "tracked"
     breaks = _breaks(shot, track)
     if breaks:
-        said = ", ".join(str(frame) for frame in breaks[:5]) + (", …" if len(breaks) > 5 else "")
+        source = "fallback"
         warnings += (
-            f"hardly any point survives frame {said}: the camera's motion there is assumed to go on as before",
+            f"hardly any point survives frame {_listed(breaks)}: how the camera moved there is not known, and all "
+            "after it is a guess",
         )
     error = float(np.median(residual)) if len(residual) else float("inf")
     if error > POOR_FRACTION * shot.diagonal_px:
-        source = "fallback"
+        source, travels = "fallback", False
         said = f"the background fits no camera well (median error {error:.1f} px): rotation is a rough estimate"
         warnings = (*warnings, said)
-    return _Estimate(source, track, views, residual, warnings)
+    return _Estimate(source, travels, track, views, residual, warnings)
 
 
 def _breaks(shot: TrackedShot, track: Track) -> list[int]:
     """Frames of keyframes that share too few points with the keyframe before to carry a pose across."""
     pairs = pairwise(int(image) for image in track.keyframes)
     return [int(shot.frame[b]) for a, b in pairs if len(shot.shared(a, b)[0]) < MIN_POINTS]
+
+
+def _listed(frames: list[int]) -> str:
+    """The first few, in words."""
+    return ", ".join(str(frame) for frame in frames[:5]) + (", …" if len(frames) > 5 else "")
 
 
 def _carried_on(
@@ -189,21 +211,20 @@ def _carried_on(
 
 
 def _result(points: PointTracks, shot: TrackedShot, intrinsics: Intrinsics, estimate: _Estimate) -> ShotCamera:
-    moves = estimate.source == "tracked"
     at = np.arange(points.start, points.end, dtype=float)
     known_at, R_map_cam, t_known = _carried_on(shot, estimate.views, points.start, points.end - 1)
     R_shot_cam = rotations.interpolate_rotations(at, known_at, R_map_cam)
     R_first = R_shot_cam[0].T
     t_shot_cam, scenery = np.zeros((len(at), 3)), None
-    if moves:
+    if estimate.travels:
         t_map_cam = np.stack([np.interp(at, known_at, t_known[:, axis]) for axis in range(3)], 1)
         t_shot_cam = (t_map_cam - t_map_cam[0]) @ R_first.T
         scenery = scenery_of(estimate.track, t_map_cam[0], R_first)
     K = np.tile(K_of(intrinsics), (len(at), 1, 1))
     K[:, [0, 1], [0, 1]] = np.interp(at, shot.frame.astype(float), estimate.views.focals_px)[:, None]
-    check = cross_check(shot, estimate.track, translating=moves)
+    check = cross_check(shot, estimate.track, translating=estimate.travels)
     return ShotCamera(
-        points.start, points.end, R_first @ R_shot_cam, t_shot_cam, K, estimate.source, metric=not moves,
+        points.start, points.end, R_first @ R_shot_cam, t_shot_cam, K, estimate.source, metric=not estimate.travels,
         reprojection_px=float(np.median(estimate.residual_px)), cross_check=check,
         warnings=estimate.warnings + warnings_of(check), scenery=scenery,
     )  # fmt: skip

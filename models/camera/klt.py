@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, UInt8
+from jaxtyping import Bool, Float, UInt8
 
 from humanmm.models.records.camera import PointTracks
 
@@ -33,7 +33,9 @@ corner."""
 SUDDEN_LOSS, MAX_PASSED = 0.25, 2
 """If fewer than this fraction of the points survive a frame it is passed over: a flash or a damaged frame would
 otherwise end every track. If the next ones are no better, so many at most, it was a change that stays (a cut that
-colours do not show, a violent shake): tracking goes on from the first of them, with what survives there."""
+colours do not show, a quick turn): every track ends, because what survives are mostly chance matches, and tracking
+begins anew with the first of them."""
+NO_SHIFT = np.zeros(2, np.float32)
 MAX_POINTS_PER_CELL = 2
 BORDER_PX = 4.0
 
@@ -128,7 +130,7 @@ class _Tracker:
             self.record(always=True)
             first, *rest = self.passed
             self.passed = []
-            self._follow(first.picture, at_any_loss=True)
+            self._select(np.zeros(0, int))
             self._arrive(first, always=True)
             for later in rest:
                 self._advance(later)
@@ -143,21 +145,34 @@ class _Tracker:
             self.seeded_faint = new.faint
         self.record(always=always)
 
-    def _follow(self, picture: np.ndarray, *, at_any_loss: bool = False) -> bool:
-        """Move the points on; False if nearly all are lost at once and the next frame may bring them back (a flash)."""
+    def _follow(self, picture: np.ndarray) -> bool:
+        """Move the points on; False if nearly all are lost at once and the next frame may bring them back (a flash).
+
+        Where they are lost they may have moved farther than they are looked for (a quick turn): they are looked for
+        again from where the whole picture went.
+        """
         if not len(self.xy):
             return True
-        there, found = _flow(self.picture, picture, self.xy, FORWARD_LEVELS)
-        back, found_back = _flow(picture, self.picture, there, BACKWARD_LEVELS)
-        error = np.linalg.norm(back - self.xy, axis=1)
-        inside = (there > BORDER_PX).all(1) & (there < (self.width - 1 - BORDER_PX, self.height - 1 - BORDER_PX)).all(1)
-        alive = found & found_back & (error < MAX_BACKWARD_ERROR_PX) & inside
-        if alive.sum() < SUDDEN_LOSS * len(alive) and not at_any_loss:
+        there, error, alive = self._found(picture)
+        if alive.sum() < SUDDEN_LOSS * len(alive):
+            there, error, alive = self._found(picture, _picture_shift(self.picture, picture))
+        if alive.sum() < SUDDEN_LOSS * len(alive):
             return False
         self.xy = there[alive]
         self.confidence = np.exp(-np.square(error[alive] / CONFIDENCE_SCALE_PX)).astype(np.float32)
         self.track, self.recorded_xy = self.track[alive], self.recorded_xy[alive]
         return True
+
+    def _found(
+        self, picture: np.ndarray, shift: np.ndarray = NO_SHIFT
+    ) -> tuple[np.ndarray, np.ndarray, Bool[np.ndarray, " points"]]:
+        """Where the points are now, how far the way back misses them, and which are found; `shift`: the motion from
+        which they are looked for."""
+        there, found = _flow(self.picture, picture, self.xy, FORWARD_LEVELS, shift)
+        back, found_back = _flow(picture, self.picture, there, BACKWARD_LEVELS, -shift)
+        error = np.linalg.norm(back - self.xy, axis=1)
+        inside = (there > BORDER_PX).all(1) & (there < (self.width - 1 - BORDER_PX, self.height - 1 - BORDER_PX)).all(1)
+        return there, error, found & found_back & (error < MAX_BACKWARD_ERROR_PX) & inside
 
     def _cell(self, xy: np.ndarray) -> np.ndarray:
         column_row = (xy / self.cell_px).astype(int)
@@ -217,13 +232,24 @@ class _Tracker:
         return PointTracks(start, end, track, frame, (xy + 0.5) * scale, confidence, window_px)
 
 
-def _flow(before: np.ndarray, after: np.ndarray, xy: np.ndarray, levels: int) -> tuple[np.ndarray, np.ndarray]:
-    """Where the points of one picture are in the other, and whether they were found."""
-    guess = np.empty_like(xy[:, None])
+def _flow(
+    before: np.ndarray, after: np.ndarray, xy: np.ndarray, levels: int, shift: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Where the points of one picture are in the other, looked for from `shift` off, and whether they were found."""
     there, found, _ = cv2.calcOpticalFlowPyrLK(
-        before, after, xy[:, None], guess, winSize=(WINDOW, WINDOW), maxLevel=levels, criteria=STOP
-    )
+        before, after, xy[:, None], (xy + shift).reshape(-1, 1, 2), winSize=(WINDOW, WINDOW), maxLevel=levels,
+        criteria=STOP, flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
+    )  # fmt: skip
     return np.asarray(there)[:, 0], np.asarray(found)[:, 0] > 0
+
+
+def _picture_shift(before: np.ndarray, after: np.ndarray) -> Float[np.ndarray, "2"]:
+    """By how many pixels one picture as a whole lies beside the other, by phase correlation (Kuglin and Hines, "The
+    phase correlation image alignment method", 1975); float32."""
+    height, width = before.shape
+    a, b = (picture.astype(np.float32) for picture in (before, after))
+    shift, _ = cv2.phaseCorrelate(a, b, cv2.createHanningWindow((width, height), cv2.CV_32F))
+    return np.array(shift, np.float32)
 
 
 def _oldest_per_cell(cell: np.ndarray, most: int) -> Bool[np.ndarray, "points"]:

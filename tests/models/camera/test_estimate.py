@@ -93,6 +93,19 @@ def test_without_background_the_camera_is_a_declared_fallback(scene_of: Callable
     assert "background points" in camera.warnings[0]
 
 
+@pytest.mark.parametrize(("kind", "said"), [("static", "taken to stand"), ("pan", "a guess"), ("orbit", "a guess")])
+def test_a_camera_is_a_declared_fallback_where_no_point_survives_a_frame(
+    scene_of: Callable[..., Any], kind: str, said: str
+) -> None:
+    scene = scene_of(kind)
+    after = scene.points.frame >= 30
+    points = replace(scene.points, track=scene.points.track + after * np.int32(scene.points.track.max() + 1))
+    camera = camera_from_points(points, (), scene.intrinsics)
+    assert camera.source == "fallback" and camera.travels == (kind == "orbit")
+    assert "hardly any point survives frame 30" in camera.warnings[0] and said in camera.warnings[0]
+    assert rotation_errors_deg(camera, scene.R_shot_cam)[:30].max() < 0.3
+
+
 @pytest.mark.parametrize("num_frames", [1, 2, 3, 5])
 def test_a_shot_of_a_few_frames_works(scene_of: Callable[..., Any], num_frames: int) -> None:
     scene = scene_of("pan", num_frames=num_frames)
