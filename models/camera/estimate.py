@@ -123,10 +123,10 @@ def _chosen(shot: TrackedShot, choice: ModelChoice, rotating_track: Track, intri
     if choice.zooming is None:
         return _estimate(shot, rotating_track, ROTATING, "rotation_only")
     zooming = choice.zooming.track
-    if not np.isfinite(choice.zooming.log_focal_sigma):
+    if not np.isfinite(choice.zooming.log_focal_sigma) and intrinsics.source != "given":
         first_px, _ = first_focal_px(zooming, shot, intrinsics)
         zooming = rotating(shot, zooming.keyframes, first_px, freedom=ZOOMING)
-    said = f"the camera zooms: {_range(zooming, _zoom_sigma(shot, choice, intrinsics))}"
+    said = f"the camera zooms: {_range(zooming, _known(shot, choice, intrinsics))}"
     if choice.moving is not None and choice.moving.track.error_px < choice.zooming.track.error_px:
         said += "; a camera that travels would explain the points about as well"
     return _estimate(shot, zooming, ZOOMING, "rotation_only", said)
@@ -141,23 +141,26 @@ def _moving(shot: TrackedShot, choice: ModelChoice, moved: Track, intrinsics: In
         off = f"{zooming.error_px:.1f} px off instead of {moved.error_px:.1f}"
         said = f"the camera travels, or zooms where it stands: that would explain the points nearly as well ({off})"
         return _estimate(shot, moved, MOVING, "tracked", said)
-    said = f"the camera zooms as it travels: {_range(moved, _zoom_sigma(shot, choice, intrinsics))}"
+    said = f"the camera zooms as it travels: {_range(moved, _known(shot, choice, intrinsics))}"
     return _estimate(shot, moved, MOVING_ZOOMING, "tracked", said)
 
 
-def _zoom_sigma(shot: TrackedShot, choice: ModelChoice, intrinsics: Intrinsics) -> float:
-    """How well it is known where a zoom lies: standard deviation of ln(focal)."""
-    if choice.zooming is None or intrinsics.source == "given":
-        return intrinsics.relative_uncertainty
-    if np.isfinite(choice.zooming.log_focal_sigma):
-        return choice.zooming.log_focal_sigma
-    return first_focal_px(choice.zooming.track, shot, intrinsics)[1]
+def _known(shot: TrackedShot, choice: ModelChoice, intrinsics: Intrinsics) -> str:
+    """How well it is known where a zoom lies, in words: a given focal length is taken as that of the first frame."""
+    if intrinsics.source == "given":
+        return "if the given one is that of its first frame"
+    if choice.zooming is None:
+        log_sigma = intrinsics.relative_uncertainty
+    elif np.isfinite(choice.zooming.log_focal_sigma):
+        log_sigma = choice.zooming.log_focal_sigma
+    else:
+        log_sigma = first_focal_px(choice.zooming.track, shot, intrinsics)[1]
+    return f"both known to {100 * max(log_sigma, 0.01):.0f} %"
 
 
-def _range(zooming: Track, log_sigma: float) -> str:
-    """The focal lengths of a zoom, in words; `log_sigma` is the standard deviation of their logarithm."""
+def _range(zooming: Track, known: str) -> str:
+    """The focal lengths of a zoom, in words."""
     least, most = zooming.views.focals_px.min(), zooming.views.focals_px.max()
-    known = f"both known to {100 * max(log_sigma, 0.01):.0f} %"
     return f"its focal length changes by {100 * (most / least - 1):.0f} % ({least:.0f} to {most:.0f} px, {known})"
 
 

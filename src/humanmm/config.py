@@ -238,7 +238,8 @@ class IntrinsicsConfig(Section):
     """One focal length for all shots (the paper's assumption) but those that clearly have a lens of their own."""
 
     focal_px: Annotated[float, Field(gt=0, le=MAX_FOCAL_PX)] | None = None
-    """Focal length in pixels of the source resolution, square ones; given values are never re-estimated."""
+    """Focal length in pixels of the source resolution, square ones; given values are never re-estimated, and are
+    those of the first frame of a shot that zooms."""
 
     fov_deg: Annotated[float, Field(gt=MIN_FOV_DEG, lt=MAX_FOV_DEG)] | None = None
     """Horizontal field of view in degrees, used when focal_px is not given."""

@@ -174,6 +174,14 @@ def test_straight_edges_tell_where_in_its_range_a_zoom_begins(scene_of: Callable
         np.testing.assert_allclose(camera.K[:, 0, 0] / camera.K[0, 0, 0], ZOOM, rtol=0.005)
 
 
+@pytest.mark.parametrize("kind", ["static", "pan", "hand-held"])
+def test_a_given_focal_length_is_that_of_the_first_frame_of_a_zoom(scene_of: Callable[..., Any], kind: str) -> None:
+    scene = scene_of(kind)
+    camera = camera_from_points(zoomed(scene), (), replace(scene.intrinsics, source="given", relative_uncertainty=0.0))
+    np.testing.assert_allclose(camera.K[:, 0, 0], scene.intrinsics.focal_px * ZOOM, rtol=0.02)
+    assert "px, if the given one is that of its first frame)" in camera.warnings[0]
+
+
 def test_a_zoom_in_the_hand_is_reported_from_the_hands_motion(scene_of: Callable[..., Any]) -> None:
     scene = scene_of("hand-held")
     camera = camera_from_points(zoomed(scene), (), scene.intrinsics)
