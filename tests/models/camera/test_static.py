@@ -37,3 +37,17 @@ def test_a_slow_drift_of_everything_is_the_camera(scene_of: Callable[..., Any], 
 def test_a_camera_that_stops_has_moved(scene_of: Callable[..., Any]) -> None:
     stop = np.minimum(np.arange(60), 20)[:, None] * [1.0, 0.0]
     assert not is_static(moved(scene_of("static"), stop, 1.0))
+
+
+@pytest.mark.parametrize("log_zoom_and_roll", [(0.05, 0.0), (0.0, 0.05), (0.0, 0.0)])
+def test_a_zoom_or_a_roll_too_slow_for_a_window_is_the_camera(
+    scene_of: Callable[..., Any], log_zoom_and_roll: tuple[float, float]
+) -> None:
+    """The middle of the picture stays where it is."""
+    scene = scene_of("static", num_frames=200)
+    middle = np.array([scene.intrinsics.width, scene.intrinsics.height]) / 2
+    log_zoom, roll = np.array(log_zoom_and_roll)[:, None] * scene.points.frame / 199
+    turned = np.exp(log_zoom + 1j * roll) * ((scene.points.xy - middle) @ [1, 1j])
+    xy = (np.stack([turned.real, turned.imag], 1) + middle).astype(np.float32)
+    shot = arrange(replace(scene.points, xy=xy), scene.intrinsics.width, scene.intrinsics.height)
+    assert is_static(shot) == (not any(log_zoom_and_roll))
