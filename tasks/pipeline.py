@@ -92,7 +92,7 @@ STAGES: tuple[Stage, ...] = (
     ),
     Stage(
         "points", "scene", ("decode", "scenes"), ("points",), "humanmm.models.records.camera:PointTracks",
-        schema_version=2, reads_video=True, resources=_memory(20, 20, 5),
+        schema_version=3, reads_video=True, resources=_memory(20, 20, 5),
     ),
     Stage(
         "shots", "video", ("decode", "scenes", "people"), ("shots",), "humanmm.models.records.shots:ShotList",

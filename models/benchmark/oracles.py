@@ -115,5 +115,5 @@ def _points(scenes: Sequence[PointTracks], start: int, end: int) -> PointTracks:
     numbers = [points.track[rows] + offset for points, rows, offset in zip(parts, inside, offsets, strict=False)]
     return PointTracks(
         start, end, np.concatenate(numbers).astype(np.int32), joined("frame"), joined("xy"), joined("confidence"),
-        window_px=max(points.window_px for points in parts),
+        window_px=max(points.window_px for points in parts), rate_hz=parts[0].rate_hz,
     )  # fmt: skip

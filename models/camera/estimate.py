@@ -46,8 +46,8 @@ CLEAR_POINTS = 4 * MIN_POINTS
 """Where so many points are seen before and after, and fewer than MIN_POINTS are the same, all were lost at once."""
 
 
-CARRIED_ON, SPEED_OVER = 12, 6
-"""Frames for which a camera is taken to move on as it did over so many frames."""
+CARRIED_ON_S, SPEED_OVER_S = 0.4, 0.2
+"""Seconds for which a camera is taken to move on as it did over so many seconds."""
 
 
 @dataclass(frozen=True)
@@ -194,14 +194,16 @@ def _listed(frames: list[int]) -> str:
 
 
 def _carried_on(
-    shot: TrackedShot, views: Views, first: int, last: int
+    shot: TrackedShot, views: Views, points: PointTracks
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n 3 3"], Float[np.ndarray, "n 3"]]:
-    """Frames, rotations and centres of the recorded images, and one more where they begin after `first` or end before
-    `last`: in the dark part of a fade, and where two pictures mix, a camera goes on as it moved, for a while."""
+    """Frames, rotations and centres of the recorded images, and one more where they begin after the first frame of
+    `points` or end before the last: in the dark part of a fade, and where two pictures mix, a camera goes on as it
+    moved, for a while."""
+    longest, speed_over = (max(1, round(seconds * points.rate_hz)) for seconds in (CARRIED_ON_S, SPEED_OVER_S))
     frames, R, t = shot.frame.astype(float), views.R_shot_cam, views.t_shot_cam
-    for end, limit in ((0, first), (-1, last)):
-        missing = float(np.clip(limit - frames[end], -CARRIED_ON, CARRIED_ON))
-        other = int(np.abs(np.abs(frames - frames[end]) - SPEED_OVER).argmin())
+    for end, limit in ((0, points.start), (-1, points.end - 1)):
+        missing = float(np.clip(limit - frames[end], -longest, longest))
+        other = int(np.abs(np.abs(frames - frames[end]) - speed_over).argmin())
         if not missing or frames[other] == frames[end]:
             continue
         times = missing / (frames[end] - frames[other])
@@ -215,7 +217,7 @@ def _carried_on(
 
 def _result(points: PointTracks, shot: TrackedShot, intrinsics: Intrinsics, estimate: _Estimate) -> ShotCamera:
     at = np.arange(points.start, points.end, dtype=float)
-    known_at, R_map_cam, t_known = _carried_on(shot, estimate.views, points.start, points.end - 1)
+    known_at, R_map_cam, t_known = _carried_on(shot, estimate.views, points)
     R_shot_cam = rotations.interpolate_rotations(at, known_at, R_map_cam)
     R_first = R_shot_cam[0].T
     t_shot_cam, scenery = np.zeros((len(at), 3)), None

@@ -1,6 +1,7 @@
 """Long point tracks of one scene: what a point tracker takes and returns, and its run over a video."""
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from typing import Protocol
 
 import cv2
@@ -58,4 +59,5 @@ def track_points(
             progress(frame.index + 1 - start, end - start)
 
     with prefetched(pictures()) as small:
-        return tracker(small, start=start, source_size=video.size, num_points=num_points)
+        tracks = tracker(small, start=start, source_size=video.size, num_points=num_points)
+    return replace(tracks, rate_hz=video.facts.fps)

@@ -37,6 +37,8 @@ class PointTracks:
     """(M,) float32, 0..1 (from the forward-backward error)."""
     window_px: float
     """Side of the tracker's window in source pixels: what a point feels of its surroundings."""
+    rate_hz: float = 30.0
+    """Mean frame rate of the video; a tracker need not know it (`models.camera.points`)."""
 
 
 @dataclass(frozen=True)

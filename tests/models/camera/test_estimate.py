@@ -53,6 +53,16 @@ def test_a_camera_goes_on_as_it_moved_where_a_fade_hides_what_it_sees(scene_of: 
         assert position_error(camera, scene.t_shot_cam) < 0.1
 
 
+@pytest.mark.parametrize("rate_hz", [10.0, 30.0])
+def test_how_long_a_camera_goes_on_unseen_is_a_time(scene_of: Callable[..., Any], rate_hz: float) -> None:
+    scene = scene_of("pan")
+    points = replace(scene.points, rate_hz=rate_hz)
+    camera = camera_from_points(without_transitions(points, (0, 40)), (), scene.intrinsics)
+    stops = 39 + round(0.4 * rate_hz)
+    assert np.abs(camera.R_shot_cam[stops] - camera.R_shot_cam[stops - 1]).max() > 1e-4
+    assert np.abs(camera.R_shot_cam[-1] - camera.R_shot_cam[stops]).max() < 1e-9
+
+
 def test_a_camera_that_had_stopped_before_a_fade_stays(scene_of: Callable[..., Any]) -> None:
     scene = scene_of("pan")
     stopped = scene.points.frame < 40  # the picture stands still then, and nothing is recorded until the last frame

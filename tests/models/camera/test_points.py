@@ -32,3 +32,4 @@ def test_another_tracker_gets_the_pictures_of_the_span_and_the_size_of_the_sourc
     assert seen == [(320, 180)] * 4
     assert (tracks.start, tracks.end) == (10, 14) and done == [(k, 4) for k in (1, 2, 3, 4)]
     assert tracks.xy[:, 1].max() > 640, "in source pixels"
+    assert tracks.rate_hz == video.facts.fps
