@@ -18,7 +18,7 @@ from jaxtyping import Float, UInt8
 
 from humanmm.machine import num_processors
 from humanmm.models.camera.background.ground import GroundPicture, ground_around, ground_frames, hidden, whole_frame
-from humanmm.models.camera.background.segments import detect_segments
+from humanmm.models.camera.background.segments import SEEN_SIDE_PX, detect_segments
 from humanmm.models.geometry.intrinsics import straightened
 from humanmm.models.records.shots import Box, Shot, ShotList
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
@@ -32,8 +32,6 @@ from humanmm.models.video.progress import Progress, silent
 MAX_FEATURES = 2500
 _THREADS = 2
 """Of OpenCV: SIFT takes 0.6 times as long as with one."""
-MAX_SIDE_PX = 1280
-"""Reduce larger pictures before features are taken: detail beyond this does not repeat between cameras."""
 MAX_BOX_AGE = 10
 """A box seen this many frames before or after a key frame still hides what lies in it."""
 
@@ -95,7 +93,7 @@ def describe_key_frames(
     parts = [_ShotPart.of(shot, people[shot.scene], video.facts, several=several) for shot in shots.shots]
     cv2.setNumThreads(min(_THREADS, num_processors()))
     wanted = [frame for part in parts for frame in part.frames]
-    decoded = frames_at(video.stream, video.facts, wanted, pixels="gray", max_side_px=MAX_SIDE_PX)
+    decoded = frames_at(video.stream, video.facts, wanted, pixels="gray", max_side_px=SEEN_SIDE_PX)
     background, grounds, wholes = [], [], []
     with prefetched(decoded) as pictures, prefetched(_with_edges(pictures, parts)) as shown:
         for part in parts:

@@ -21,8 +21,11 @@ MAX_SEGMENTS = 120
 """The longest of a picture. On development clips frames found from 100, 150 and 300 are right equally often."""
 LEAST_LENGTH = 0.02
 """Shortest segment, of the picture's longer side."""
+SEEN_SIDE_PX = 1280
+"""Longer side of the pictures in which segments are found; larger ones are reduced to it. Detail beyond does
+not repeat between cameras."""
 ENDPOINT_PX = 0.6
-"""Error of a segment's ends across it, pixels."""
+"""Error of a segment's ends across it, pixels of the picture in which it was found."""
 MODEL_DEG = 0.7
 """Error of directions that length does not explain: walls not quite at right angles, lenses, rolling shutters."""
 NEAREST_SINE = 0.01
@@ -60,13 +63,15 @@ class Segments:
         K: Sequence[Float[Array, "3 3"]],
         R_axes_cam: Sequence[Float[Array, "3 3"]],
     ) -> "Segments":
-        """The segments of one picture or several, with the camera of each."""
+        """The segments of one picture or several, source pixels, with the camera of each."""
         parts = []
         for xyxy, K_frame, R in zip(ends, K, R_axes_cam, strict=True):
             xyxy = np.asarray(xyxy, np.float64)
             rays = unit(viewing_rays(xyxy.reshape(-1, 2), K_frame)).reshape(-1, 2, 3)
             length = np.linalg.norm(xyxy[:, 2:] - xyxy[:, :2], axis=1)
-            sigma = np.hypot(math.radians(MODEL_DEG), math.sqrt(2) * ENDPOINT_PX / np.maximum(length, 1.0))
+            reduced = max(1.0, 2 * float(K_frame[:2, 2].max()) / SEEN_SIDE_PX)  # the principal point is in the middle
+            across = math.sqrt(2) * ENDPOINT_PX * reduced / np.maximum(length, 1.0)
+            sigma = np.hypot(math.radians(MODEL_DEG), across)
             normal = unit(np.cross(rays[:, 0], rays[:, 1])) @ R.T
             parts.append((normal, unit(rays.sum(axis=1)) @ R.T, sigma, np.full(len(xyxy), 1 / len(ends))))
         return cls(*(np.concatenate(column) for column in zip(*parts, strict=True)))

@@ -41,3 +41,13 @@ def test_several_pictures_of_a_shot_are_together_as_much_of_a_witness_as_one() -
     ends = seen_by(edges_of_a_room(np.random.default_rng(2)), camera_towards(0.0, 10.0), K)
     one, three = (Segments.of([ends] * n, [K] * n, [np.eye(3)] * n) for n in (1, 3))
     np.testing.assert_allclose(three.weight.sum(), one.weight.sum())
+
+
+def test_edges_of_a_large_picture_are_as_exact_as_those_of_the_reduced_one_in_which_they_were_found() -> None:
+    ends = seen_by(edges_of_a_room(np.random.default_rng(2)), camera_towards(0.0, 10.0), K)
+    of_size = {}
+    for width in (640, 1280, 3840):
+        scale = width / (2 * K[0, 2])
+        of_size[width] = Segments.of([ends * scale], [np.diag([scale, scale, 1.0]) @ K], [np.eye(3)]).sigma
+    np.testing.assert_allclose(of_size[3840], of_size[1280])
+    assert (of_size[640] > of_size[1280]).all()
