@@ -9,7 +9,7 @@ from humanmm.config import Config
 from humanmm.errors import HumanMMError, InputError
 from humanmm.flows.bench.motion import FIGURE_CODE, Job, code_of, kept, recipe, settings_of
 from humanmm.models.benchmark.methods import ABLATIONS, METHODS
-from humanmm.models.benchmark.scores import MethodFigures, VideoFigures, score_sequence
+from humanmm.models.benchmark.scores import CutError, MethodFigures, VideoFigures, failed, score_sequence
 from humanmm.parts import chosen
 from humanmm.storage.readers.systems import READER_VERSION, find_result, read_result
 from humanmm.storage.store.store import Store
@@ -42,15 +42,16 @@ def with_imported(
 ) -> list[VideoFigures]:
     """The figures with those of other systems; a video without a result of theirs is a failure of theirs."""
     return [
-        replace(video, methods=(*video.methods, *(_figures(job, system, config, store) for system in systems)))
+        replace(video, methods=(*video.methods, *(_figures(job, system, video, config, store) for system in systems)))
         for job, video in zip(jobs, done, strict=True)
     ]
 
 
-def _figures(job: Job, system: System, config: Config, store: Store) -> MethodFigures:
+def _figures(job: Job, system: System, ours: VideoFigures, config: Config, store: Store) -> MethodFigures:
     path = find_result(system.folder, job.name)
     if path is None:
-        return MethodFigures(system.name, (), (), f"{system.folder.name} holds no single result for {job.name}")
+        lost = tuple(CutError(cut.angle_deg, None, frame=cut.frame) for cut in ours.methods[0].cuts)
+        return MethodFigures(system.name, (), lost, f"{system.folder.name} holds no single result for {job.name}")
     decided_by = recipe(
         "bench-imported",
         code_of(CONVERSION_CODE, FIGURE_CODE, *job.modules, parts=chosen(config, job.settings)),
@@ -63,9 +64,12 @@ def _figures(job: Job, system: System, config: Config, store: Store) -> MethodFi
     def compute() -> MethodFigures:
         try:
             truth = job.make(config, store).truth
-            taken = read_result(path, num_frames=truth.num_frames, fps=truth.fps)
         except HumanMMError as error:
             return MethodFigures(system.name, (), (), str(error))
+        try:
+            taken = read_result(path, num_frames=truth.num_frames, fps=truth.fps)
+        except HumanMMError as error:
+            return failed(system.name, truth, str(error))
         return score_sequence(system.name, taken, truth)
 
     return kept(store, decided_by, job.name, MethodFigures, compute)

@@ -61,7 +61,7 @@ class CutError:
 
 @dataclass(frozen=True)
 class MethodFigures:
-    """One method on one video; no figures where it failed."""
+    """One method on one video; no figures where it failed, and its cuts as `failed` has them."""
 
     method: str
     figures: tuple[Figure, ...]
@@ -99,7 +99,7 @@ def score_sequence(method: str, predicted: MotionSequence, truth: MotionSequence
     """The figures of one sequence against its truth."""
     report = evaluate(predicted, truth)
     if report.wa_mpjpe100_mm is None:
-        return MethodFigures(method, (), (), "; ".join(report.problems) or "nobody of the truth was found")
+        return failed(method, truth, "; ".join(report.problems) or "nobody of the truth was found")
     values = [(name, getattr(report, name)) for name in FIGURES]
     figures = [Figure(name, float(value)) for name, value in values if value is not None]
     errors = report.cam_cut_rot_deg or []
@@ -120,6 +120,16 @@ def score_sequence(method: str, predicted: MotionSequence, truth: MotionSequence
         if cut not in truth.unlinked_cuts
     ]
     return MethodFigures(method, tuple(figures), tuple(cuts))
+
+
+def failed(method: str, truth: MotionSequence, reason: str) -> MethodFigures:
+    """No figures, and every true cut inside a place without a rotation, so that failing hides no wrong cut."""
+    cuts = tuple(
+        CutError(angle, None, frame=cut)
+        for angle, cut in zip(cut_angles_deg(truth), truth.cut_frames, strict=False)
+        if cut not in truth.unlinked_cuts
+    )
+    return MethodFigures(method, (), cuts, reason)
 
 
 def _inside_shots(predicted: MotionSequence, truth: MotionSequence) -> list[Figure]:
@@ -144,7 +154,7 @@ def cut_angles_deg(truth: MotionSequence) -> list[float]:
 
 def _score(video: BenchVideo, done: MethodMotion) -> MethodFigures:
     if done.motion is None:
-        return MethodFigures(done.method, (), (), done.reason)
+        return failed(done.method, video.truth, done.reason)
     found = score_sequence(done.method, sequence_of(video, done), video.truth)
     return replace(found, cuts=tuple(_as_stated(cut, done.motion) for cut in found.cuts))
 

@@ -28,6 +28,8 @@ def test_every_method_is_scored_and_the_baseline_is_bad_as_in_the_paper(
     assert _value(scored["oracle yaw"], "cam_cut_rot_deg") < _value(ours, "cam_cut_rot_deg")
     assert scored["oracle cuts"].figures == ours.figures  # the cuts of such a video are given
     assert len(ours.cuts) == 2
+    lost = [(cut.frame, cut.angle_deg, cut.error_deg) for cut in unknown.cuts]
+    assert lost == [(cut.frame, cut.angle_deg, None) for cut in ours.cuts], "failing hides no cut"
 
 
 def test_an_unknown_method_is_a_failure_of_its_own(motion_of: dict[str, MethodMotion]) -> None:
