@@ -7,7 +7,7 @@ from pathlib import Path
 
 from humanmm.config import Config
 from humanmm.errors import HumanMMError, InputError
-from humanmm.flows.bench.motion import FIGURE_CODE, Job, code_of, kept, recipe, settings_of
+from humanmm.flows.bench.motion import FIGURE_CODE, Job, code_of, failed_job, kept, recipe, settings_of
 from humanmm.models.benchmark.methods import ABLATIONS, METHODS
 from humanmm.models.benchmark.scores import CutError, MethodFigures, VideoFigures, failed, score_sequence
 from humanmm.parts import chosen
@@ -65,7 +65,7 @@ def _figures(job: Job, system: System, ours: VideoFigures, config: Config, store
         try:
             truth = job.make(config, store).truth
         except HumanMMError as error:
-            return MethodFigures(system.name, (), (), str(error))
+            return failed_job(job, system.name, str(error))
         try:
             taken = read_result(path, num_frames=truth.num_frames, fps=truth.fps)
         except HumanMMError as error:

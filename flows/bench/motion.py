@@ -16,11 +16,12 @@ from typing import Any, TypeVar
 from humanmm.config import Config
 from humanmm.errors import HumanMMError, StoreError
 from humanmm.models.benchmark.methods import METHODS, VideoMotions, run_methods
-from humanmm.models.benchmark.scores import MethodFigures, VideoFigures, score, sequence_of
+from humanmm.models.benchmark.scores import MethodFigures, VideoFigures, failed, score, sequence_of
 from humanmm.models.benchmark.traces import VideoTraces, trace_video
 from humanmm.models.perception.lifting.lifted import lifted_people
 from humanmm.models.synthetic.multishot import BenchVideo
 from humanmm.parts import Part, chosen, load
+from humanmm.storage.readers.truth import read_sequence
 from humanmm.storage.store.open import open_store
 from humanmm.storage.store.recipe import Recipe
 from humanmm.storage.store.store import Store
@@ -139,8 +140,7 @@ def compute(job: Job, recipes: VideoRecipes, config: Config, place: str, methods
     try:
         video = job.make(config, store)
     except HumanMMError as error:
-        failed = tuple(MethodFigures(method, (), (), str(error)) for method in methods)
-        return VideoFigures(job.name, job.split, failed)
+        return VideoFigures(job.name, job.split, tuple(failed_job(job, method, str(error)) for method in methods))
 
     found = kept(store, recipes.motions, job.name, VideoMotions, lambda: run_methods(video, config, methods))
 
@@ -150,6 +150,13 @@ def compute(job: Job, recipes: VideoRecipes, config: Config, place: str, methods
 
     kept(store, recipes.traces, job.name, VideoTraces, traces)
     return kept(store, recipes.figures, job.name, VideoFigures, lambda: score(video, found))
+
+
+def failed_job(job: Job, method: str, reason: str) -> MethodFigures:
+    """A method's failure on a video that cannot be had; its true cuts are known only where its truth is a file."""
+    if job.truth is None:
+        return MethodFigures(method, (), (), reason)
+    return failed(method, read_sequence(job.truth), reason)
 
 
 def kept(store: Store, recipe: Recipe, unit: str, output: type[T], make: Any) -> T:

@@ -10,6 +10,7 @@ from humanmm.errors import HumanMMError, InputError
 from humanmm.flows.bench.clips import clip_set
 from humanmm.flows.bench.motion import figures_of
 from humanmm.models.benchmark.methods import METHODS
+from humanmm.storage.readers.truth import read_sequence
 from humanmm.storage.store.store import Store
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "pose2sim_multishot"
@@ -40,3 +41,8 @@ def test_a_clip_that_cannot_be_read_is_a_failure_of_every_method_and_no_crash(tm
     (figures,) = figures_of(jobs, Config(), store)
     assert [one.method for one in figures.methods] == list(METHODS)
     assert all(one.failure for one in figures.methods)
+    true_cuts = read_sequence(tmp_path / f"{NAME}_gt.npz").cut_frames
+    assert true_cuts
+    assert all(
+        [(cut.frame, cut.error_deg) for cut in one.cuts] == [(k, None) for k in true_cuts] for one in figures.methods
+    )
