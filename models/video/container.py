@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import BinaryIO
 
 import av
+import numpy as np
 from av.container import InputContainer
 from av.packet import Packet
 from av.stream import Disposition
@@ -42,6 +43,15 @@ _LEAST_PICTURES = 3
 
 _SIDE_BYTES = {"h264": 0.5, "hevc": 0.75, "vvc": 2.0, "vp9": 0.2, "av1": 0.1, "jpeg2000": 8.0}
 """Bytes beside each pixel of a picture, as measured: motion vectors (HEVC: 12 bytes for 4 x 4 pixels), coefficients."""
+
+_REJECTED = (
+    av.error.InvalidDataError,
+    av.error.PatchWelcomeError,
+    av.error.BugError,
+    av.error.ExternalError,
+    av.error.ArgumentError,
+)
+"""What decoders say of a damaged packet: zlib's (PNG) that an external library failed, raw video's that it is short."""
 
 _CUT_OFF = "the file is cut off (its index is missing); copy or download it again"
 
@@ -163,6 +173,18 @@ class PacketLog:
     """The container's bytes stopped making sense before its end."""
 
 
+def declared_pictures(container: InputContainer, video: VideoStream, log: PacketLog) -> int:
+    """How many pictures the file says that it holds; 0 where it does not say.
+
+    AVI counts moments of its rate, and leaves those without a new picture empty: between two packets, and after the
+    last one for no longer than between others.
+    """
+    if container.format.name != "avi" or len(log.dts) < 2:
+        return video.frames
+    steps = np.diff(np.sort(log.dts))
+    return video.frames - int((steps - 1).clip(0).sum() + max(steps.max() - 1, 0))
+
+
 def declared_end_s(container: InputContainer, video: VideoStream) -> float | None:
     """When the pictures end by the header of a Matroska file, seconds; None for other containers, and where the header
     says it of several streams together."""
@@ -205,7 +227,7 @@ def decoded(
             yield from video.decode(packet)
         except av.error.EOFError:
             return
-        except (av.error.InvalidDataError, av.error.PatchWelcomeError, av.error.BugError):
+        except _REJECTED:
             log.broken += 1
         if memory is not None:
             memory.check()

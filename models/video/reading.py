@@ -26,6 +26,7 @@ from humanmm.models.video.container import (
     DecoderMemory,
     PacketLog,
     declared_end_s,
+    declared_pictures,
     decoded,
     moving_pictures,
     open_video,
@@ -160,8 +161,9 @@ def _warnings(
         yield f"the file is damaged: {log.broken} packets could not be decoded, and what they held is missing"
     if pictures.damaged:
         yield f"the file is damaged: {pictures.damaged} pictures decode with errors, and people may look torn in them"
-    if log.ended_early or video.frames > num_pictures + log.broken:
-        of_declared = f"of {video.frames} declared frames " if video.frames else ""
+    declared = declared_pictures(container, video, log)
+    if log.ended_early or declared > num_pictures + log.broken:
+        of_declared = f"of {declared} declared frames " if declared else ""
         yield f"the file is incomplete: {of_declared}{num_pictures} decode, the last at {time_s[-1]:.2f} s"
     else:
         declared_s, end_s = declared_end_s(container, video), float(log.end * (video.time_base or 0))

@@ -114,6 +114,30 @@ def test_a_last_picture_that_stays_is_not_missing(clip: Clip) -> None:
     assert not any("incomplete" in warning for warning in read_facts(io.BytesIO(whole)).warnings)
 
 
+def test_an_intact_avi_of_variable_rate_is_complete_and_a_shortened_one_is_not(clip: Clip) -> None:
+    times = [*range(0, 800, 40), *range(800, 3200, 120)]
+    whole = clip("avi", "mjpeg", pix_fmt="yuvj420p", times=times).getvalue()
+    facts = read_facts(io.BytesIO(whole))
+    assert (facts.num_frames, facts.warnings) == (40, ())
+    media = whole.index(b"movi")
+    shortened = read_facts(io.BytesIO(whole[: media + (len(whole) - media) * 6 // 10]))
+    assert any("the file is incomplete" in warning for warning in shortened.warnings)
+
+
+@pytest.mark.parametrize(("codec", "pix_fmt"), [("png", "rgb24"), ("rawvideo", "bgra")])
+def test_a_packet_that_no_decoder_takes_is_stepped_over(codec: str, pix_fmt: str, clip: Clip) -> None:
+    if codec == "png":
+        whole = bytearray(clip("mov", codec, pix_fmt=pix_fmt, num_frames=20).getvalue())
+        whole[len(whole) // 2] ^= 0x10
+    else:
+        whole = clip("avi", codec, pix_fmt=pix_fmt, num_frames=20).getvalue()
+        whole = whole[: len(whole) * 6 // 10]
+    file = io.BytesIO(bytes(whole))
+    facts = read_facts(file)
+    assert len(list(frames(file, facts))) == facts.num_frames
+    assert any("1 packets could not be decoded" in warning for warning in facts.warnings)
+
+
 @pytest.mark.parametrize("codec", ["libx264", "mpeg4", "libx265"])
 def test_damage_in_the_middle_leaves_announced_and_delivered_frames_equal(codec: str, clip: Clip) -> None:
     options = {
