@@ -165,8 +165,9 @@ def _one_pass(
                         return
         if entry == 0:
             raise VideoError(
-                f"frame {wanted[done]} was decoded when the video was first read, but not now; "
-                "if the file was changed meanwhile, run again"
+                f"frame {wanted[done]} was decoded when the video was first read, but not now: the file is damaged, so "
+                "that each pass gives other pictures, or it was changed meanwhile; give an intact copy, or one that is "
+                "encoded anew (`ffmpeg -i FILE -c:v libx264 -crf 16 NEW.mp4`)"
             )
         entry = int(np.flatnonzero(facts.keyframe[:entry])[-1])
 

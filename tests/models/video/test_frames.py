@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
+from humanmm.errors import VideoError
 from humanmm.models.video.colors import Colors
 from humanmm.models.video.frames import frames, frames_at, joined, planar_frames, planar_size, scaled_size
 from humanmm.models.video.reading import read_facts
@@ -178,3 +179,10 @@ def test_fine_time_bases_do_not_lose_frames(clip: Clip, number_of: NumberOf) -> 
     )
     facts = read_facts(file)
     assert [number_of(f.image) for f in frames(file, facts, 17, 20)] == [17, 18, 19]
+
+
+def test_a_picture_that_does_not_decode_again_is_told_with_both_causes_and_what_to_do(clip: Clip) -> None:
+    """As of damaged AV1, of which each pass gives other pictures, or of a file that was changed meanwhile."""
+    facts = read_facts(clip())
+    with pytest.raises(VideoError, match=r"frame 50 .* damaged, .* changed meanwhile; give an intact copy, .*ffmpeg"):
+        list(frames(clip(num_frames=50), facts))
