@@ -19,6 +19,9 @@ ROUNDING_S = 1e-6
 
 
 LONG_GAP_S, MAX_GAP_S, MAX_RATE_HZ = 5.0, 3600.0, 2000.0
+STEADY, STEADY_SHARE = 1.5, 0.9
+"""A video is of steady rate if this share of its pictures is shown for at most so many times the median."""
+_GAP_S, _GAP_PICTURES = 1.0, 10
 _RESTAMP = (
     "and motion needs true times: write new ones, for instance with `ffmpeg -i FILE -vf setpts=N/25/TB -an NEW.mp4`"
 )
@@ -41,6 +44,18 @@ def longest_gap_s(time_s: Float[Array, " F"]) -> tuple[float, float]:
     gaps_s = np.diff(time_s)
     longest = int(np.argmax(gaps_s))
     return float(time_s[longest]), float(gaps_s[longest])
+
+
+def long_gap_s(time_s: Float[Array, " F"]) -> float:
+    """A longer gap between two frames is out of the ordinary, seconds: LONG_GAP_S, less in a video of steady rate.
+
+    Where the rate varies, as in the film of a screen, a picture that stays is ordinary.
+    """
+    steps_s = np.diff(time_s)
+    usual_s = float(np.median(steps_s))
+    if np.quantile(steps_s, STEADY_SHARE) > STEADY * usual_s:
+        return LONG_GAP_S
+    return min(LONG_GAP_S, max(_GAP_S, _GAP_PICTURES * usual_s))
 
 
 def elapsed_s(time_s: Float[Array, " F"], first: int, last: int) -> float:

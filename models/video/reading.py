@@ -34,7 +34,7 @@ from humanmm.models.video.container import (
 )
 from humanmm.models.video.declared_size import count_movies
 from humanmm.models.video.fields import FieldSearch
-from humanmm.models.video.frame_times import LONG_GAP_S, check_times, longest_gap_s
+from humanmm.models.video.frame_times import check_times, long_gap_s, longest_gap_s
 from humanmm.models.video.light import light_of
 from humanmm.models.video.square_pixels import shape_of_pixels, square_size
 
@@ -176,8 +176,11 @@ def _warnings(
         if backwards:
             yield f"{backwards} pictures have an earlier time stamp than the one before and are left out"
     before, gap_s = longest_gap_s(time_s)
-    if gap_s > LONG_GAP_S:
-        yield f"after {before:.2f} s no picture comes for {gap_s:.1f} s"
+    if gap_s > long_gap_s(time_s):
+        yield (
+            f"after {before:.2f} s no picture comes for {gap_s:.1f} s: the recording stood still, or pictures are "
+            "missing; motion in between is a guess"
+        )
     if pictures.resized:
         size = f"{pictures.size[0]} x {pictures.size[1]} px"
         yield f"the picture size changes inside the video: {pictures.resized} frames are scaled to {size}"

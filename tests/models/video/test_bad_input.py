@@ -378,7 +378,17 @@ def test_equal_time_stamps_are_reported_from_such_that_run_backwards() -> None:
 def test_a_long_gap_is_a_warning() -> None:
     facts = read_facts(muxed([40 * i + 60_000 * (i >= 10) for i in range(20)], [(64, 48)]))
     assert facts.num_frames == 20
-    assert "after 0.36 s no picture comes for 60.0 s" in facts.warnings
+    (warning,) = facts.warnings
+    assert warning.startswith("after 0.36 s no picture comes for 60.0 s: the recording stood still, or pictures are ")
+
+
+def test_a_hole_is_a_warning_in_a_video_of_steady_rate_and_ordinary_where_pictures_stand_still() -> None:
+    hole = [40 * i + 4370 * (i >= 10) for i in range(20)]
+    assert any("no picture comes for 4.4 s" in warning for warning in read_facts(muxed(hole, [(64, 48)])).warnings)
+    of_a_screen = [0, 40, 80, 400, 440, 1500, 1540, 1580, 1620, 5900, 5940, 5980, 7000, 7040, 7080, 7120]
+    assert not read_facts(muxed(of_a_screen, [(64, 48)])).warnings
+    halved = [80 * i + 900 * (i >= 10) for i in range(20)]
+    assert not read_facts(muxed(halved, [(64, 48)])).warnings, "a second is what a pause between two pictures may be"
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from humanmm.models.video.frame_times import elapsed_s, nearest_frame, sampled_every, shown_s
+from humanmm.models.video.frame_times import LONG_GAP_S, elapsed_s, long_gap_s, nearest_frame, sampled_every, shown_s
 
 irregular = st.lists(st.floats(0.002, 0.3), min_size=1, max_size=40).map(lambda steps: np.cumsum([1.5, *steps]))
 
@@ -46,3 +46,10 @@ def test_frames_are_shown_until_the_next(time_s: np.ndarray) -> None:
 def test_thirty_frames_at_30_hz_are_exactly_a_second() -> None:
     time_s = np.arange(3000) / 30 + 1 / 7
     assert {elapsed_s(time_s, k, k + 30) for k in range(2900)} == {1.0}
+
+
+def test_a_gap_is_long_by_the_rate_of_the_video_and_never_beyond_the_limit_for_all() -> None:
+    assert long_gap_s(np.arange(50) / 30) == 1.0
+    assert long_gap_s(np.arange(50) / 5) == pytest.approx(2.0)
+    assert long_gap_s(np.arange(50) * 2.0) == LONG_GAP_S
+    assert long_gap_s(np.cumsum([0.04, 0.04, 0.4] * 10)) == LONG_GAP_S, "the rate varies"
