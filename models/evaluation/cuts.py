@@ -31,9 +31,18 @@ def score_cuts(predicted: Sequence[int], truth: Sequence[tuple[int, int]]) -> Cu
         return CutScores(1.0, 1.0)
     if not predicted or not truth:
         return CutScores(0.0, 0.0)
-    allowed = np.array([[_explains(frame, *transition) for transition in truth] for frame in predicted])
-    matched = int((maximum_bipartite_matching(csr_array(allowed), perm_type="column") >= 0).sum())
+    matched = len(match_cuts(predicted, truth))
     return CutScores(precision=matched / len(predicted), recall=matched / len(truth))
+
+
+def match_cuts(predicted: Sequence[int], truth: Sequence[tuple[int, int]]) -> dict[int, int]:
+    """Index of the truth's transition for each index of a predicted cut frame that found one: one to one, as many pairs
+    as possible."""
+    if not predicted or not truth:
+        return {}
+    allowed = np.array([[_explains(frame, *transition) for transition in truth] for frame in predicted])
+    found = maximum_bipartite_matching(csr_array(allowed), perm_type="column")
+    return {index: int(transition) for index, transition in enumerate(found) if transition >= 0}
 
 
 def _explains(frame: int, start: int, end: int) -> bool:

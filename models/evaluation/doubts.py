@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from humanmm.models.evaluation.cameras import rotation_across
-from humanmm.models.evaluation.cuts import score_cuts
+from humanmm.models.evaluation.cuts import match_cuts, score_cuts
 from humanmm.models.evaluation.pairs import Pair, pairs_of
 from humanmm.models.evaluation.pose import pa_mpjpe_mm
 from humanmm.models.geometry.intervals import runs_of_true
@@ -126,16 +126,15 @@ def _in_camera_deg(pair: Pair, both: Cameras) -> Float[Array, " n"]:
 
 
 def _cuts(record: Mapping[str, Any], both: Cameras, truth: MotionSequence) -> Iterator[Judgement]:
-    """Of each shot whose beginning is a true cut, or lies within a true transition."""
-    for shot in record["shots"]:
-        cut, join = shot["start"], shot["join"]
-        if not shot["linked"] or join is None:
-            continue
-        for (start, end), middle in zip(truth.transitions, truth.cut_frames, strict=True):
-            if start <= cut <= end and middle not in truth.unlinked_cuts:
-                across = [rotation_across(cameras, (start, end)) for cameras in both]
-                warned = is_doubtful_cut(join["uncertainty_deg"], join["probability"])
-                yield Judgement("cut", angle_between_deg(*across) > DOUBTFUL_DEG, warned)
+    """Of each shot whose beginning `match_cuts` gives to a true cut; rotations from before both to after both."""
+    shots = record["shots"][1:]
+    for index, true in match_cuts([shot["start"] for shot in shots], truth.transitions).items():
+        shot, (start, end) = shots[index], truth.transitions[true]
+        if shot["join"] is not None and shot["linked"] and truth.cut_frames[true] not in truth.unlinked_cuts:
+            span = min(start, shot["start"]), max(end, shot["start"])
+            across = [rotation_across(cameras, span) for cameras in both]
+            warned = is_doubtful_cut(shot["join"]["uncertainty_deg"], shot["join"]["probability"])
+            yield Judgement("cut", angle_between_deg(*across) > DOUBTFUL_DEG, warned)
 
 
 def _lenses_and_paths(record: Mapping[str, Any], both: Cameras, true_starts: Sequence[int]) -> Iterator[Judgement]:

@@ -152,3 +152,16 @@ def test_a_warning_is_counted_where_it_belongs(sequence: MotionSequence) -> None
     start, end = record["shots"][1]["start"], record["shots"][1]["end"]
     record["warnings"] = [f"intrinsics: frames {start} to {end - 1} seem to be seen with a lens of their own"]
     assert [one.warned for one in judged(record, sequence, sequence) if one.kind == "focal"] == [False, True]
+
+
+@pytest.mark.parametrize("late", [-2, -1, 1, 2])
+def test_a_cut_that_is_found_a_little_early_or_late_is_judged_too(sequence: MotionSequence, late: int) -> None:
+    true, cameras = sequence.cut_frames[0], sequence.cameras
+    assert cameras is not None
+    cut, frame = true + late, np.arange(sequence.num_frames)
+    R = cameras.R_world_cam[np.where(frame < cut, np.minimum(frame, true - 1), np.maximum(frame, true))]
+    for turned_rad, is_wrong in ((0.0, False), (2.0, True)):
+        R_turned = np.where((frame < cut)[:, None, None], R, yaw_to_rotmat(turned_rad) @ R)
+        prediction = replace(sequence, transitions=((cut, cut),), cameras=replace(cameras, R_world_cam=R_turned))
+        found = judged(record_of(prediction), prediction, sequence)
+        assert [one for one in found if one.kind == "cut"] == [Judgement("cut", is_wrong, False)]
