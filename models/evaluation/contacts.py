@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from humanmm.models.evaluation.people import match_people
+from humanmm.models.evaluation.people import match_sequences
 from humanmm.models.evaluation.pose import METRES_TO_MM
 from humanmm.models.evaluation.smoothness import consecutive
 from humanmm.models.records.sequence import MotionSequence, UndefinedFigureError
@@ -38,20 +38,27 @@ def foot_sliding_mm(feet: Float[np.ndarray, "frames feet 3"], standing: Bool[np.
 
 def contact_f1(prediction: MotionSequence, truth: MotionSequence) -> float:
     """F1 of the contacts of ankles and toe bases, 0..1: over the frames in which a person is in both sequences and is
-    observed in the prediction, all people together.
+    observed in the prediction, all people together. Of a person who is not found at all, every contact in the frames in
+    which the truth observes him is missed; people who are in the prediction alone count nowhere.
 
-    UndefinedFigureError where the truth has no contacts, or no foot that stands in either.
+    UndefinedFigureError where the truth or the prediction has no contacts, or no foot stands in either.
     """
+    match = match_sequences(prediction, truth)
     both = either = 0
-    for index, matched in match_people(prediction.people, truth.people).items():
-        one, true = prediction.people[matched], truth.people[index]
-        if one.contacts is None or true.contacts is None:
+    for index, true in enumerate(truth.people):
+        if true.contacts is None:
+            continue
+        stands = true.contacts >= CONTACT_PROBABILITY
+        if index not in match:
+            either += int(stands[true.observed].sum())
+            continue
+        one = prediction.people[match[index]]
+        if one.contacts is None:
             continue
         _, i, j = np.intersect1d(one.frame[one.observed], true.frame, assume_unique=True, return_indices=True)
         said = one.contacts[one.observed][i] >= CONTACT_PROBABILITY
-        stands = true.contacts[j] >= CONTACT_PROBABILITY
-        both += int((said & stands).sum())
-        either += int(said.sum() + stands.sum())
-    if not either:
+        both += int((said & stands[j]).sum())
+        either += int(said.sum() + stands[j].sum())
+    if not either or all(person.contacts is None for person in prediction.people):
         raise UndefinedFigureError("no contacts are known")
     return 2 * both / either

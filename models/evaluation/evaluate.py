@@ -14,7 +14,7 @@ import numpy as np
 from humanmm.models.evaluation import cameras, contacts, orientation, pose, smoothness, trajectory
 from humanmm.models.evaluation.cuts import score_cuts
 from humanmm.models.evaluation.pairs import Pair, known_rows, make_pair
-from humanmm.models.evaluation.people import match_people
+from humanmm.models.evaluation.people import alone_without_boxes, match_sequences
 from humanmm.models.evaluation.report import CameraFigures, PersonFigures, Report
 from humanmm.models.evaluation.skeleton import FOOT_NAMES, indices, pick, shared_names
 from humanmm.models.evaluation.vertices import pve_mm
@@ -74,10 +74,9 @@ def _people(prediction: MotionSequence, truth: MotionSequence, problems: Problem
     if not truth.people:
         problems.note("The truth has no people, so every figure of a person is missing.")
         return []
-    match = match_people(prediction.people, truth.people)
-    if not match and len(truth.people) == len(prediction.people) == 1 and _lacks_boxes(prediction, truth):
+    match = match_sequences(prediction, truth)
+    if alone_without_boxes(prediction, truth):
         problems.note("One side has no boxes; its only person is taken for the other's only person.")
-        match = {0: 0}
     figures = []
     for index, person in enumerate(truth.people):
         label = f"person {person.person:02d}"
@@ -107,10 +106,6 @@ def _people(prediction: MotionSequence, truth: MotionSequence, problems: Problem
             )
         figures.append(_person(pair, covered, suffix, prediction=prediction, truth=truth, problems=problems))
     return figures
-
-
-def _lacks_boxes(prediction: MotionSequence, truth: MotionSequence) -> bool:
-    return any(sequence.people[0].bbox_xyxy is None for sequence in (prediction, truth))
 
 
 def _coverage(

@@ -8,7 +8,7 @@ from scipy.optimize import linear_sum_assignment
 
 from humanmm.models.geometry.boxes import box_iou
 from humanmm.models.geometry.projection import in_front, project, world_to_camera
-from humanmm.models.records.sequence import CameraSequence, PersonSequence
+from humanmm.models.records.sequence import CameraSequence, MotionSequence, PersonSequence
 
 NEAR_M = 0.1
 """Joints nearer to the camera's plane than this are not seen."""
@@ -32,6 +32,17 @@ def match_people(predicted: Sequence[PersonSequence], truth: Sequence[PersonSequ
                 total[row, column], mean[row, column] = overlaps.sum(), overlaps.mean()
     rows, columns = linear_sum_assignment(total, maximize=True)
     return {int(r): int(c) for r, c in zip(rows, columns, strict=True) if mean[r, c] >= LEAST_MEAN_IOU}
+
+
+def match_sequences(prediction: MotionSequence, truth: MotionSequence) -> dict[int, int]:
+    """As `match_people`; where a side has no boxes, its only person is the other's only person."""
+    return {0: 0} if alone_without_boxes(prediction, truth) else match_people(prediction.people, truth.people)
+
+
+def alone_without_boxes(prediction: MotionSequence, truth: MotionSequence) -> bool:
+    """Whether there is one person on both sides, and nothing to match them by."""
+    sides = (prediction, truth)
+    return all(len(side.people) == 1 for side in sides) and any(side.people[0].bbox_xyxy is None for side in sides)
 
 
 def identity_f1(predicted: Sequence[PersonSequence], truth: Sequence[PersonSequence]) -> float:

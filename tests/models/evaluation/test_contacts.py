@@ -51,3 +51,20 @@ def test_without_contacts_in_the_truth_there_is_no_f1(sequence: MotionSequence) 
     nothing = replace(sequence, people=(replace(sequence.people[0], contacts=None),))
     with pytest.raises(UndefinedFigureError, match="no contacts"):
         contact_f1(sequence, nothing)
+
+
+def test_the_contacts_of_somebody_who_is_not_found_are_missed(sequence: MotionSequence) -> None:
+    person = sequence.people[0]
+    assert person.contacts is not None and person.bbox_xyxy is not None
+    aside = replace(person, person=1, bbox_xyxy=person.bbox_xyxy + np.array([900.0, 0.0, 900.0, 0.0]))
+    truth = replace(sequence, people=(person, aside))
+    assert contact_f1(sequence, truth) == pytest.approx(2 / 3), "all precise, half of them found"
+    assert contact_f1(truth, truth) == 1.0
+    silent = replace(sequence, people=(replace(person, contacts=None),))
+    with pytest.raises(UndefinedFigureError, match="no contacts"):
+        contact_f1(silent, truth)
+
+
+def test_without_boxes_the_only_person_is_the_only_person(sequence: MotionSequence) -> None:
+    bare = replace(sequence, people=(replace(sequence.people[0], bbox_xyxy=None),))
+    assert contact_f1(bare, sequence) == 1.0
