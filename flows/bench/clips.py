@@ -22,6 +22,7 @@ from humanmm.models.benchmark.scores import score
 from humanmm.models.benchmark.tables.groups import ClipLabels, labels_of
 from humanmm.models.benchmark.tables.statistics import SetStatistics, statistics_of
 from humanmm.models.camera.background.keyframes import KeyFrameFeatures
+from humanmm.models.evaluation.cameras import known, stands_in_two_places
 from humanmm.models.evaluation.doubts import Judgement, judged
 from humanmm.models.motion.assemble import record_motion
 from humanmm.models.records.camera import PointTracks, ShotCamera
@@ -120,6 +121,13 @@ def judged_clips(folder: Path, config: Config, store: Store) -> tuple[list[Judge
             failed.append(f"{job.name}: {error}")
         log.info("%s: %d of %d videos", job.name, number, len(jobs))
     return found, failed
+
+
+def in_two_places(jobs: Sequence[Job]) -> int:
+    """Of how many clips the true cameras stand in two places, so that `cam_ate_m` says nothing."""
+    truths = [read_sequence(job.truth).cameras for job in jobs if job.truth is not None]
+    centres = [cameras.t_world_cam[known(cameras)] for cameras in truths if cameras is not None]
+    return sum(stands_in_two_places(one) for one in centres)
 
 
 def labels_of_jobs(jobs: Sequence[Job]) -> dict[str, ClipLabels]:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from humanmm.config import Config
 from humanmm.errors import InputError, UsageError
-from humanmm.flows.bench.clips import clip_set, judged_clips, labels_of_jobs
+from humanmm.flows.bench.clips import clip_set, in_two_places, judged_clips, labels_of_jobs
 from humanmm.flows.bench.golden import checked_clips, overlays
 from humanmm.flows.bench.imported import parse_system, with_imported
 from humanmm.flows.bench.motion import Job, figures_of
@@ -25,7 +25,15 @@ from humanmm.models.benchmark.tables.cuts import cut_tables, identity_rows, iden
 from humanmm.models.benchmark.tables.doubts import doubts_table, rows_of_doubts
 from humanmm.models.benchmark.tables.golden import all_verdicts, golden_tables, rows_of_golden
 from humanmm.models.benchmark.tables.groups import spread_tables
-from humanmm.models.benchmark.tables.layout import MAIN, OF_ABLATION, OF_CAMERAS, OF_JOINTS, plain_table, tables_of
+from humanmm.models.benchmark.tables.layout import (
+    MAIN,
+    OF_ABLATION,
+    OF_CAMERAS,
+    OF_JOINTS,
+    note_on_ate,
+    plain_table,
+    tables_of,
+)
 from humanmm.models.benchmark.tables.lifting import lifting_rows, lifting_table
 from humanmm.models.benchmark.tables.overlay import overlay_rows, overlay_tables
 from humanmm.models.benchmark.tables.rows import Row, rows_of, summarise
@@ -209,6 +217,7 @@ def _motion(request: TableRequest, data: Path, config: Config, announce: Callabl
         tables = [*cut_tables(figures_shown, labels_of_jobs(jobs)), *tables]
     if request.table in CLIPS:
         tables += spread_tables(figures_shown, labels_of_jobs(jobs))
+    tables += note_on_ate(in_two_places(jobs), len(jobs))
     named = [word for system in systems for word in ("--imported", system.name)]
     command = " ".join(["humanmm", "bench", request.table, *size, *named, *request.settings])
 

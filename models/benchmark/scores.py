@@ -1,7 +1,7 @@
 """One method's motion of one video against the truth."""
 
 from contextlib import suppress
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from humanmm.models.evaluation.contacts import contact_f1
 from humanmm.models.evaluation.cuts import GRADUAL_TOLERANCE_FRAMES
 from humanmm.models.evaluation.evaluate import evaluate
 from humanmm.models.evaluation.people import identity_f1
-from humanmm.models.evaluation.report import Report
+from humanmm.models.evaluation.report import MEANINGS
 from humanmm.models.geometry.rotations import rotation_angle
 from humanmm.models.motion.assemble import assemble, world_joints
 from humanmm.models.records.motion import WorldMotion
@@ -28,7 +28,7 @@ from humanmm.models.records.sequence import (
 )
 from humanmm.models.synthetic.multishot import BenchVideo
 
-FIGURES = tuple(field.name for field in fields(Report) if field.name not in ("problems", "cam_cut_rot_deg"))
+FIGURES = tuple(name for name in MEANINGS if name != "cam_cut_rot_deg")
 """Figures of a video that are single numbers."""
 
 

@@ -18,6 +18,13 @@ def known(cameras: CameraSequence) -> Bool[np.ndarray, "frames"]:
     return np.asarray(np.isfinite(cameras.R_world_cam).all(axis=(1, 2)) & np.isfinite(cameras.t_world_cam).all(axis=1))
 
 
+def stands_in_two_places(centres: Float[np.ndarray, "frames 3"]) -> bool:
+    """Whether camera centres are two positions: a similarity takes any two to these, so that the ATE says nothing of
+    where the cameras stand."""
+    elsewhere = centres[np.abs(centres - centres[:1]).max(axis=-1) >= SAME_PLACE_M]
+    return len(elsewhere) > 0 and bool(np.abs(elsewhere - elsewhere[0]).max() < SAME_PLACE_M)
+
+
 def absolute_trajectory_error_m(
     predicted: Float[np.ndarray, "frames 3"], truth: Float[np.ndarray, "frames 3"]
 ) -> float:

@@ -4,8 +4,8 @@ Errors are over the frames that both have; people are matched by their boxes; a 
 people.
 """
 
-from collections.abc import Callable
-from dataclasses import asdict, fields
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, fields, replace
 from functools import partial
 from typing import TypeVar
 
@@ -15,15 +15,24 @@ from humanmm.models.evaluation import cameras, contacts, orientation, pose, smoo
 from humanmm.models.evaluation.cuts import score_cuts
 from humanmm.models.evaluation.pairs import Pair, known_rows, make_pair
 from humanmm.models.evaluation.people import alone_without_boxes, match_sequences
-from humanmm.models.evaluation.report import CameraFigures, PersonFigures, Report
+from humanmm.models.evaluation.report import CameraFigures, PersonFigures, PersonReport, Report, ShotReport, mean_of
 from humanmm.models.evaluation.skeleton import FOOT_NAMES, indices, pick, shared_names
 from humanmm.models.evaluation.vertices import pve_mm
-from humanmm.models.records.sequence import CameraSequence, MotionSequence, PersonSequence, UndefinedFigureError
+from humanmm.models.records.sequence import (
+    CameraSequence,
+    MotionSequence,
+    PersonSequence,
+    UndefinedFigureError,
+    part_of,
+)
 
 T = TypeVar("T")
 
 FPS_TOLERANCE = 0.01
 """Frame rates that differ by more than this fraction belong to different videos."""
+
+LARGEST_BODY_M = 20.0
+"""Nobody's joints are further apart than this in one frame."""
 
 
 class Problems:
@@ -52,6 +61,8 @@ def evaluate(prediction: MotionSequence, truth: MotionSequence) -> Report:
     for sequence, side in ((truth, "truth"), (prediction, "prediction")):
         for note in sequence.notes:
             problems.note(f"{side}: {note}")
+        for person in sequence.people:
+            _note_size(person, side, problems)
     if prediction.num_frames != truth.num_frames:
         problems.note(
             f"The prediction has {prediction.num_frames} frames and the truth {truth.num_frames}; "
@@ -60,31 +71,70 @@ def evaluate(prediction: MotionSequence, truth: MotionSequence) -> Report:
     if abs(prediction.fps / truth.fps - 1.0) > FPS_TOLERANCE:
         problems.note(f"The prediction runs at {prediction.fps:.3f} fps, the truth at {truth.fps:.3f}, which is used.")
     cuts = score_cuts(prediction.cut_frames, truth.transitions)
+    people = _people(prediction, truth, match_sequences(prediction, truth), problems)
     return Report(
         cut_precision=cuts.precision,
         cut_recall=cuts.recall,
         cut_f1=cuts.f1,
-        **asdict(_mean(_people(prediction, truth, problems))),
+        **asdict(_mean(people)),
         **asdict(_cameras(prediction, truth, problems)),
         problems=tuple(problems.sentences),
+        people=tuple(people),
     )
 
 
-def _people(prediction: MotionSequence, truth: MotionSequence, problems: Problems) -> list[PersonFigures]:
+def _note_size(person: PersonSequence, side: str, problems: Problems) -> None:
+    """A word on joints that cannot be in metres."""
+    known = person.joints[np.isfinite(person.joints).all(axis=(1, 2))]
+    size_m = float(np.ptp(known, axis=1).max(initial=0.0))
+    if size_m > LARGEST_BODY_M:
+        problems.note(
+            f"{side}: the joints of person {person.person:02d} are up to {size_m:.0f} m apart in one frame; expected "
+            "metres: are they in millimetres?"
+        )
+
+
+def shot_reports(prediction: MotionSequence, truth: MotionSequence) -> tuple[ShotReport, ...]:
+    """The figures of each of the truth's shots, as if the video were that shot; people are who they are in the whole
+    video."""
+    match = match_sequences(prediction, truth)
+    common = min(prediction.num_frames, truth.num_frames)
+    reports = []
+    for number, (start, end) in enumerate(truth.shots_outside_transitions):
+        if start < min(end, common):
+            figures, camera = _shot(prediction, truth, match, start, min(end, common))
+            reports.append(ShotReport(number, start, min(end, common), figures, camera))
+    return tuple(reports)
+
+
+def _shot(
+    prediction: MotionSequence, truth: MotionSequence, match: Mapping[int, int], start: int, end: int
+) -> tuple[PersonFigures, CameraFigures]:
+    predicted, true = (part_of(sequence, start, end) for sequence in (prediction, truth))
+    seen = [index for index, person in enumerate(true.people) if person.observed.any()]
+    of_seen = {row: match[index] for row, index in enumerate(seen) if index in match}
+    true = replace(true, people=tuple(true.people[index] for index in seen))
+    problems = Problems()  # what a shot lacks is null, and the whole video's problems say why
+    return _mean(_people(predicted, true, of_seen, problems)), _cameras(predicted, true, problems)
+
+
+def _people(
+    prediction: MotionSequence, truth: MotionSequence, match: Mapping[int, int], problems: Problems
+) -> list[PersonReport]:
+    """A report of each of the truth's people; `match`: index in the prediction of those who are found."""
     if not truth.people:
         problems.note("The truth has no people, so every figure of a person is missing.")
         return []
-    match = match_sequences(prediction, truth)
     if alone_without_boxes(prediction, truth):
         problems.note("One side has no boxes; its only person is taken for the other's only person.")
-    figures = []
+    reports = []
     for index, person in enumerate(truth.people):
         label = f"person {person.person:02d}"
         if index not in match:
             problems.note(
                 f"No predicted person overlaps the truth's {label}: coverage 0, and no part in the mean errors."
             )
-            figures.append(PersonFigures(coverage=0.0))
+            reports.append(PersonReport(person.person, None, 0, 0.0, PersonFigures(coverage=0.0)))
             continue
         matched = prediction.people[match[index]]
         suffix = f" of {label}" if len(truth.people) > 1 else ""
@@ -95,8 +145,10 @@ def _people(prediction: MotionSequence, truth: MotionSequence, problems: Problem
         covered = problems.figure(
             f"coverage{suffix}", partial(_coverage, matched, person, prediction=prediction, truth=truth)
         )
+        with_observed = covered or (None, None)
         if pair is None:
-            figures.append(PersonFigures(coverage=covered))
+            alone = PersonFigures(coverage=with_observed[0])
+            reports.append(PersonReport(person.person, matched.person, 0, with_observed[1], alone))
             continue
         missing = len(person.frame) - len(pair.frame)
         if missing:
@@ -104,22 +156,24 @@ def _people(prediction: MotionSequence, truth: MotionSequence, problems: Problem
                 f"{missing} of {len(person.frame)} frames of the truth's {label} are in no error: a side lacks joints, "
                 "or has all of them on one line."
             )
-        figures.append(_person(pair, covered, suffix, prediction=prediction, truth=truth, problems=problems))
-    return figures
+        figures = _person(pair, with_observed[0], suffix, prediction=prediction, truth=truth, problems=problems)
+        reports.append(PersonReport(person.person, matched.person, len(pair.frame), with_observed[1], figures))
+    return reports
 
 
 def _coverage(
     predicted: PersonSequence, person: PersonSequence, *, prediction: MotionSequence, truth: MotionSequence
-) -> float:
-    """Predicted ∧ truth-observed frames / truth-observed frames."""
+) -> tuple[float, float]:
+    """Predicted ∧ truth-observed frames / truth-observed frames; and the same of predicted frames that are observed."""
     names = shared_names(prediction.joint_names, truth.joint_names)
     if names is None:
         raise UndefinedFigureError("truth and prediction share no skeleton")
-    has_prediction = predicted.frame[known_rows(predicted, prediction.joint_names, names)]
+    rows = known_rows(predicted, prediction.joint_names, names)
+    of_all, of_observed = predicted.frame[rows], predicted.frame[rows[predicted.observed[rows]]]
     wanted = person.frame[person.observed]
     if len(wanted) == 0:
         raise UndefinedFigureError("the truth observes the person in no frame")
-    return float(np.isin(wanted, has_prediction).mean())
+    return float(np.isin(wanted, of_all).mean()), float(np.isin(wanted, of_observed).mean())
 
 
 def _person(
@@ -276,10 +330,7 @@ def _cameras(prediction: MotionSequence, truth: MotionSequence, problems: Proble
     return CameraFigures(
         cam_ate_m=None
         if truth.unlinked_cuts
-        else problems.figure(
-            "cam_ate_m",
-            lambda: cameras.absolute_trajectory_error_m(predicted.t_world_cam[usable], true.t_world_cam[usable]),
-        ),
+        else _trajectory_error_m(predicted.t_world_cam[usable], true.t_world_cam[usable], problems),
         cam_rpe_rot_deg=steps[0] if steps else None,
         cam_rpe_trans_m=steps[1] if steps else None,
         cam_cut_rot_deg=at_cuts,
@@ -290,14 +341,21 @@ def _cameras(prediction: MotionSequence, truth: MotionSequence, problems: Proble
     )
 
 
+def _trajectory_error_m(predicted: np.ndarray, true: np.ndarray, problems: Problems) -> float | None:
+    error_m = problems.figure("cam_ate_m", lambda: cameras.absolute_trajectory_error_m(predicted, true))
+    if error_m is not None and cameras.stands_in_two_places(true):
+        problems.note(
+            "cam_ate_m says nothing of where the cameras stand: the true ones stand in two places, and a similarity "
+            "takes any two to these."
+        )
+    return error_m
+
+
 def _first(camera: CameraSequence, num_frames: int) -> CameraSequence:
     return CameraSequence(camera.R_world_cam[:num_frames], camera.t_world_cam[:num_frames], camera.K[:num_frames])
 
 
-def _mean(people: list[PersonFigures]) -> PersonFigures:
+def _mean(people: Sequence[PersonReport]) -> PersonFigures:
     """Mean over the people who have the figure; None where none has it."""
-    means = {}
-    for field in fields(PersonFigures):
-        values = [value for person in people if (value := getattr(person, field.name)) is not None]
-        means[field.name] = float(np.mean(values)) if values else None
-    return PersonFigures(**means)
+    names = [field.name for field in fields(PersonFigures)]
+    return PersonFigures(**{name: mean_of([getattr(one.figures, name) for one in people]) for name in names})

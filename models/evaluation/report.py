@@ -1,7 +1,9 @@
 """The flat object that `humanmm eval --json` prints, and its table for the terminal."""
 
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
 
+import numpy as np
 from rich.table import Table
 from rich.text import Text
 
@@ -54,6 +56,48 @@ class CameraFigures:
 
 
 @dataclass(frozen=True)
+class PersonReport:
+    """One of the truth's people, over the whole video."""
+
+    person: int
+    """Number in the truth."""
+    predicted: int | None
+    """Number in the prediction; None: nobody overlaps him."""
+    frames: int
+    """That both have."""
+    coverage_observed: float | None
+    """As `coverage`, without frames in which the prediction was filled in."""
+    figures: PersonFigures
+
+    def to_json(self) -> dict[str, object]:
+        """Flat, as `eval --per person --json` prints it."""
+        return {name: value for name, value in asdict(self).items() if name != "figures"} | asdict(self.figures)
+
+
+@dataclass(frozen=True)
+class ShotReport:
+    """One of the truth's shots, as if the video were that shot; people are who they are in the whole video."""
+
+    shot: int
+    start: int
+    end: int
+    """Frames [start, end), without those of a dissolve."""
+    figures: PersonFigures
+    """Mean over the people whom the truth observes in the shot."""
+    cameras: CameraFigures
+
+    def to_json(self) -> dict[str, object]:
+        """Flat, as `eval --per shot --json` prints it."""
+        head = {"shot": self.shot, "start": self.start, "end": self.end}
+        flat = head | asdict(self.figures) | asdict(self.cameras)
+        return {name: value for name, value in flat.items() if name not in OF_CUTS}
+
+
+OF_CUTS = ("cut_jump_m", "cut_jump_deg", "cam_cut_rot_deg")
+"""Figures of cuts, which no shot has."""
+
+
+@dataclass(frozen=True)
 class Report(CameraFigures, PersonFigures, CutFigures):  # fields are in the order of the bases from the last on
     """Every figure of one prediction against its truth; None where it cannot be had, with the reason in `problems`.
 
@@ -61,10 +105,26 @@ class Report(CameraFigures, PersonFigures, CutFigures):  # fields are in the ord
     """
 
     problems: tuple[str, ...] = ()
+    people: tuple[PersonReport, ...] = ()
+    """Each of the truth's people."""
+    shots: tuple[ShotReport, ...] = ()
+    """Each of the truth's shots."""
+
+    @property
+    def coverage_observed(self) -> float | None:
+        """As `coverage`, without frames in which the prediction was filled in."""
+        return mean_of([one.coverage_observed for one in self.people])
 
     def to_json(self) -> dict[str, object]:
-        """The object as it is printed, keys in their public order."""
-        return asdict(self)
+        """The flat object as `eval --json` prints it, keys in their public order: without people and shots."""
+        flat = asdict(replace(self, people=(), shots=()))
+        return {name: value for name, value in flat.items() if name not in ("people", "shots")}
+
+
+def mean_of(values: Sequence[float | None]) -> float | None:
+    """Mean of those that are known; None where none is."""
+    known = [value for value in values if value is not None]
+    return float(np.mean(known)) if known else None
 
 
 MEANINGS = {
@@ -107,10 +167,47 @@ def report_table(report: Report, *, title: str) -> Table:
     table.add_column("figure")
     table.add_column("value", justify="right")
     table.add_column("what")
-    for field in fields(report):
-        if field.name != "problems":
-            table.add_row(field.name, _shown(getattr(report, field.name)), MEANINGS[field.name])
+    for name in MEANINGS:
+        table.add_row(name, _shown(getattr(report, name)), MEANINGS[name] + _remark(report, name))
     return table
+
+
+def _remark(report: Report, name: str) -> str:
+    observed = report.coverage_observed
+    if name != "coverage" or observed is None:
+        return ""
+    return (
+        " (observed in all of them)"
+        if observed == report.coverage
+        else f" ({_shown(observed)} observed, the others filled in)"
+    )
+
+
+def tables_per(parts: Sequence[PersonReport] | Sequence[ShotReport], *, title: str) -> list[Table]:
+    """A line a figure, a column a person or shot, so many columns a table."""
+    tables = []
+    for begin in range(0, len(parts), COLUMNS):
+        table = Table(title=Text(printable(title)), title_justify="left")
+        chosen = parts[begin : begin + COLUMNS]
+        table.add_column("figure")
+        for part in chosen:
+            table.add_column(_name(part), justify="right")
+        columns = [part.to_json() for part in chosen]
+        names = [name for name in columns[0] if name in (*MEANINGS, "coverage_observed")]
+        for name in names:
+            table.add_row(name, *(_shown(column[name]) for column in columns))  # type: ignore[arg-type]
+        tables.append(table)
+    return tables
+
+
+COLUMNS = 6
+
+
+def _name(part: PersonReport | ShotReport) -> str:
+    if isinstance(part, ShotReport):
+        return f"shot {part.shot}: {part.start}-{part.end - 1}"
+    found = "not found" if part.predicted is None else f"found as {part.predicted}"
+    return f"person {part.person}, {found}"
 
 
 def _shown(value: float | list[float | None] | None) -> str:

@@ -3,7 +3,7 @@
 World: z up, metres. Camera: x right, y down, z forward. Names R_a_b map b to a.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -84,3 +84,31 @@ class MotionSequence:
         """[start, end) of every shot without the frames that show another one too."""
         starts = [0, *(end for _, end in self.transitions)]
         return tuple(zip(starts, [*(start for start, _ in self.transitions), self.num_frames], strict=True))
+
+
+def part_of(sequence: MotionSequence, start: int, end: int) -> MotionSequence:
+    """Frames [start, end) of a sequence, which lie within one shot, as a sequence of its own; everybody stays in it."""
+    people = tuple(_rows_of(person, start, end) for person in sequence.people)
+    cameras = sequence.cameras
+    if cameras is not None:
+        cameras = CameraSequence(*(of[start:end] for of in (cameras.R_world_cam, cameras.t_world_cam, cameras.K)))
+    return MotionSequence(end - start, sequence.fps, sequence.joint_names, people, (), cameras)
+
+
+def _rows_of(person: PersonSequence, start: int, end: int) -> PersonSequence:
+    rows = slice(*np.searchsorted(person.frame, [start, end]))
+    R, contacts, bbox, body = person.R_world_root, person.contacts, person.bbox_xyxy, person.body
+    return replace(
+        person,
+        frame=person.frame[rows] - start,
+        observed=person.observed[rows],
+        joints=person.joints[rows],
+        R_world_root=None if R is None else R[rows],
+        contacts=None if contacts is None else contacts[rows],
+        bbox_xyxy=None if bbox is None else bbox[rows],
+        body=None
+        if body is None
+        else replace(
+            body, root_orient=body.root_orient[rows], body_pose=body.body_pose[rows], transl=body.transl[rows]
+        ),
+    )

@@ -6,7 +6,7 @@ Everything is read at its first use, so that `load` costs nothing and loads no l
 import os
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -275,15 +275,17 @@ def load(folder: "str | os.PathLike[str]") -> Run:
 
 
 def evaluate(run: "Run | str | os.PathLike[str]", truth: "Run | str | os.PathLike[str]") -> "Report":
-    """Every metric of a run against its truth (docs/metrics.md), a run folder or an `.npz` file.
+    """Every metric of a run against its truth (docs/metrics.md), a run folder or an `.npz` file; also of each person
+    (`report.people`) and of each shot (`report.shots`).
 
     Raises TruthError, also if the truth is that of another video.
     """
     from humanmm.models.evaluation.evaluate import evaluate as figures_of
+    from humanmm.models.evaluation.evaluate import shot_reports
     from humanmm.storage.readers.same_video import check_same_video
     from humanmm.storage.readers.truth import read_sequence, read_truth
 
     folder, other = (side.folder if isinstance(side, Run) else Path(side) for side in (run, truth))
     prediction, reference = read_sequence(folder), read_truth(other, folder)
     check_same_video(folder, other, prediction, reference)
-    return figures_of(prediction, reference)
+    return replace(figures_of(prediction, reference), shots=shot_reports(prediction, reference))

@@ -126,10 +126,22 @@ def test_du_counts_every_stage(finished: Any) -> None:
     assert lines[-1].split()[:2] == ["total", "18"]
 
 
+@pytest.mark.parametrize("per", ["person", "shot"])
+def test_eval_prints_the_figures_of_each_person_and_shot(finished: Any, per: str) -> None:
+    status, out, _ = finished.main("eval", "runs/film", "runs/film", "--per", per, "--json")
+    tree = json.loads(out)
+    assert status == 0 and set(tree) == {f"per_{per}", "problems"}
+    assert [one[per] for one in tree[f"per_{per}"]] == list(range(len(tree[f"per_{per}"]))) != []
+    assert all("pa_mpjpe_mm" in one for one in tree[f"per_{per}"])
+    status, out, _ = finished.main("eval", "runs/film", "runs/film", "--per", per)
+    assert status == 0 and f"{per} 0" in out
+
+
 def test_eval_prints_one_flat_object(finished: Any) -> None:
     status, out, _ = finished.main("eval", "runs/film", "runs/film", "--json")
     tree = json.loads(out)
     assert status == 0
     assert tree["cut_f1"] == 1.0 and isinstance(tree["problems"], list)
+    assert not {"people", "shots"} & set(tree)
     status, out, message = finished.main("eval", "runs/film", "film.mp4", "--json")
     assert (status, out) == (1, "") and "film.mp4" in message

@@ -55,6 +55,15 @@ def tables_of(
     return tables
 
 
+def note_on_ate(in_two_places: int, num_videos: int) -> list[Table]:
+    """A word below the tables where the true cameras of some videos leave no error to the trajectory."""
+    if not in_two_places:
+        return []
+    why = "their true cameras stand in two places, and a similarity takes any two to these"
+    text = f"of {in_two_places} of {num_videos} videos it says nothing of where the cameras stand: {why}"
+    return [Table(("", "note"), ((Code("cam_ate_m"), text),))]
+
+
 def plain_table(rows: Sequence[Row]) -> Table:
     """A line a figure, a column a row of the benchmark; the interval where there is one."""
     keys = dict.fromkeys(key for row in rows for key in row.metrics)

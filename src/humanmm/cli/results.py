@@ -25,17 +25,26 @@ def evaluate(
     run_dir: RunDir,
     truth: Annotated[Path, Argument(metavar="TRUTH", help="a run folder or an .npz truth", show_default=False)],
     *,
+    per: Annotated[
+        Literal["person", "shot"] | None,
+        Option(metavar="person|shot", help="figures of each of the truth's people or shots, not of all together"),
+    ] = None,
     json: Json = False,
 ) -> None:
-    """All metrics of one run against its truth."""
+    """All metrics of one run against its truth; docs/metrics.md defines them, and what a truth is made of."""
     report = humanmm.evaluate(run_dir, truth)
+    parts = report.people if per == "person" else report.shots
+    if json and per is not None:
+        return write_json({f"per_{per}": [part.to_json() for part in parts], "problems": report.problems}, indent=None)
     if json:
         return write_json(report.to_json(), indent=None)
     from rich.console import Console
 
-    from humanmm.models.evaluation.report import report_table
+    from humanmm.models.evaluation.report import report_table, tables_per
 
-    Console(soft_wrap=True).print(report_table(report, title=f"{run_dir} against {truth}"))
+    title = f"{run_dir} against {truth}"
+    for table in tables_per(parts, title=title) if per is not None else [report_table(report, title=title)]:
+        Console(soft_wrap=True).print(table)
     return None
 
 

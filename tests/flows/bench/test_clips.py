@@ -1,14 +1,16 @@
 """A folder of clips with truths: what belongs to the set, and what is told when nothing does."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from humanmm.config import Config
 from humanmm.errors import HumanMMError, InputError
-from humanmm.flows.bench.clips import clip_set
-from humanmm.flows.bench.motion import figures_of
+from humanmm.flows.bench.clips import clip_set, in_two_places
+from humanmm.flows.bench.motion import Job, figures_of
 from humanmm.models.benchmark.methods import METHODS
 from humanmm.storage.readers.truth import read_sequence
 from humanmm.storage.store.store import Store
@@ -46,3 +48,15 @@ def test_a_clip_that_cannot_be_read_is_a_failure_of_every_method_and_no_crash(tm
     assert all(
         [(cut.frame, cut.error_deg) for cut in one.cuts] == [(k, None) for k in true_cuts] for one in figures.methods
     )
+
+
+def test_a_rig_of_two_cameras_stands_in_two_places(tmp_path: Path) -> None:
+    truth = tmp_path / "rig_gt.npz"
+    shutil.copy(EXAMPLE / f"{NAME}_gt.npz", truth)
+    job = Job("rig", "all", {}, {}, make=lambda config, store: pytest.fail("not made"), truth=truth)
+    assert in_two_places([job, replace(job, truth=None)]) == 1
+    with np.load(truth) as arrays:
+        moving = {name: array for name, array in arrays.items()}
+    moving["t_world2cam"] = moving["t_world2cam"] + np.linspace(0, 1, len(moving["t_world2cam"]))[:, None]
+    np.savez(truth, **moving)
+    assert in_two_places([job]) == 0

@@ -148,3 +148,11 @@ def test_every_shot_has_a_similarity_of_its_own_and_standing_ones_do_not_count(t
     standing = dataclasses.replace(truth, t_world_cam=np.zeros((n, 3)))
     with pytest.raises(UndefinedFigureError, match="moves in no shot"):
         cameras.errors_inside_shots_m(other, standing, shots=[(0, n)], usable=usable)
+
+
+def test_two_places_are_neither_one_nor_three() -> None:
+    places = np.array([[0.0, 0.0, 1.0], [3.0, 0.0, 1.0], [0.0, 3.0, 1.0]])
+    visited = {1: [0, 0, 0], 2: [0, 1, 1, 0], 3: [0, 1, 2, 0]}
+    assert {count: cameras.stands_in_two_places(places[rows]) for count, rows in visited.items()} == {
+        1: False, 2: True, 3: False,
+    }  # fmt: skip

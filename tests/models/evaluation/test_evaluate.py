@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.kinematics import forward_kinematics
-from humanmm.models.evaluation.evaluate import evaluate
+from humanmm.models.evaluation.evaluate import evaluate, shot_reports
 from humanmm.models.evaluation.people import match_people
-from humanmm.models.evaluation.report import MEANINGS, Report, report_table
+from humanmm.models.evaluation.report import MEANINGS, Report, report_table, tables_per
 from humanmm.models.evaluation.skeleton import LIMB_NAMES, pick
 from humanmm.models.geometry.alignment import yaw_to_rotmat
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
@@ -223,3 +223,92 @@ def test_the_report_is_plain_json_with_every_figure_explained(sequence: MotionSe
     assert [str(table.title), str(table.caption)] == [r"[/x] \x1b]0;title\x07", r"[/] \x1b[31m"], (
         "no markup, no commands"
     )
+
+
+def test_frames_that_were_filled_in_are_told_beside_the_coverage_and_not_in_the_flat_object(
+    sequence: MotionSequence,
+) -> None:
+    seen = np.arange(sequence.num_frames) < 39
+    report = evaluate(with_person(sequence, observed=seen), sequence)
+    assert (report.coverage, report.coverage_observed) == (1.0, 0.3)
+    assert set(report.to_json()) == {*MEANINGS, "problems"}
+    column = list(report_table(report, title="").columns[2].cells)
+    assert any("(0.300 observed, the others filled in)" in str(cell) for cell in column)
+
+
+def two_people(sequence: MotionSequence) -> MotionSequence:
+    """The person, and another one aside who is in the first shot alone."""
+    person = sequence.people[0]
+    first = kept(sequence, np.arange(60)).people[0]
+    assert first.bbox_xyxy is not None
+    aside = dataclasses.replace(first, person=1, bbox_xyxy=first.bbox_xyxy + np.array([900.0, 0.0, 900.0, 0.0]))
+    return dataclasses.replace(sequence, people=(person, aside))
+
+
+def test_every_person_has_figures_of_his_own_and_their_mean_is_the_report(sequence: MotionSequence) -> None:
+    truth = two_people(sequence)
+    joints = truth.people[1].joints.copy()
+    joints[:, 15] += [0.1, 0.0, 0.0]
+    larger = dataclasses.replace(truth.people[1], person=7, joints=joints)
+    report = evaluate(dataclasses.replace(truth, people=(truth.people[0], larger)), truth)
+    one, other = report.people
+    assert [(who.person, who.predicted, who.frames) for who in report.people] == [(0, 0, 130), (1, 7, 60)]
+    assert one.figures.pa_mpjpe_mm == pytest.approx(0.0, abs=1e-6)
+    assert other.figures.pa_mpjpe_mm is not None and other.figures.pa_mpjpe_mm > 1.0
+    assert report.pa_mpjpe_mm == pytest.approx(other.figures.pa_mpjpe_mm / 2)
+    lost = evaluate(dataclasses.replace(truth, people=truth.people[:1]), truth).people[1]
+    assert (lost.predicted, lost.figures.coverage, lost.figures.pa_mpjpe_mm) == (None, 0.0, None)
+    assert json.loads(json.dumps(other.to_json(), allow_nan=False))["predicted"] == 7
+    (table,) = tables_per(report.people, title="")
+    assert [str(column.header) for column in table.columns] == [
+        "figure", "person 0, found as 0", "person 1, found as 7"
+    ]  # fmt: skip
+
+
+def test_every_shot_has_figures_as_if_it_were_the_video(sequence: MotionSequence) -> None:
+    truth = two_people(sequence)
+    joints = truth.people[0].joints.copy()
+    joints[60:] += [0.3, -0.4, 0.0]  # a jump at the cut, and a head that is off after it
+    joints[60:, 15] += [0.1, 0.0, 0.0]
+    jumping = dataclasses.replace(truth.people[0], joints=joints)
+    first, second = shot_reports(dataclasses.replace(truth, people=(jumping,)), truth)
+    assert [(shot.shot, shot.start, shot.end) for shot in (first, second)] == [(0, 0, 60), (1, 60, 130)]
+    assert first.figures.rte_m == pytest.approx(0.0, abs=1e-9)
+    assert second.figures.rte_m == pytest.approx(0.0, abs=1e-9)
+    assert first.figures.pa_mpjpe_mm == pytest.approx(0.0, abs=1e-6)
+    assert second.figures.pa_mpjpe_mm is not None and second.figures.pa_mpjpe_mm > 1.0
+    assert (first.figures.coverage, second.figures.coverage) == (0.5, 1.0), "the other one is in the first alone"
+    assert second.cameras.cam_shot_drift_deg == pytest.approx(0.0, abs=1e-6)
+    assert "cut_jump_m" not in json.loads(json.dumps(second.to_json(), allow_nan=False))
+    assert len(tables_per([second] * 8, title="")) == 2
+
+
+def test_shots_of_a_frame_or_of_nobody_have_null_figures(sequence: MotionSequence) -> None:
+    short = dataclasses.replace(sequence, transitions=((60, 60), (61, 61)))
+    reports = shot_reports(short, short)
+    assert [(one.start, one.end) for one in reports] == [(0, 60), (60, 61), (61, 130)]
+    assert reports[1].figures.pa_mpjpe_mm == pytest.approx(0.0, abs=1e-6)
+    assert reports[1].figures.accel_ms2 is None
+    empty = dataclasses.replace(sequence, people=())
+    assert [one.figures.coverage for one in shot_reports(empty, empty)] == [None, None]
+
+
+def test_that_two_camera_places_leave_no_trajectory_error_is_told(sequence: MotionSequence) -> None:
+    cameras = sequence.cameras
+    assert cameras is not None
+
+    def standing(first: list[float], second: list[float]) -> MotionSequence:
+        centres = np.where((np.arange(sequence.num_frames) < 60)[:, None], first, second)
+        return dataclasses.replace(sequence, cameras=dataclasses.replace(cameras, t_world_cam=centres))
+
+    truth = standing([5.0, 0.0, 1.0], [0.0, 5.0, 1.0])
+    report = evaluate(standing([-9.0, 3.0, 1.0], [-9.0, 3.5, 7.0]), truth)
+    assert report.cam_ate_m == pytest.approx(0.0, abs=1e-9)
+    assert any(sentence.startswith("cam_ate_m says nothing") for sentence in report.problems)
+    assert not any("says nothing" in sentence for sentence in evaluate(sequence, sequence).problems)
+
+
+def test_joints_in_millimetres_are_suspected(sequence: MotionSequence) -> None:
+    truth = with_person(sequence, joints=1000 * sequence.people[0].joints)
+    (sentence,) = (one for one in evaluate(sequence, truth).problems if "millimetres" in one)
+    assert sentence.startswith("truth: the joints of person 00 are up to 1")

@@ -1,6 +1,7 @@
 """Truth files and run folders, ours and others', whole and broken."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -269,3 +270,15 @@ def test_boxes_are_those_of_people_and_passers_by_and_unknown_where_nobody_set_o
     np.testing.assert_array_equal(found["people/00"], [[np.nan] * 4, box[0], [np.nan] * 4])
     np.savez(tmp_path / "b_gt.npz", joints=np.zeros(3))
     assert read_boxes(tmp_path / "b_gt.npz", 3) is None
+
+
+def test_the_smallest_truth_of_the_docs_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = (Path(__file__).parents[3] / "docs" / "metrics.md").read_text(encoding="utf-8")
+    (script,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    monkeypatch.chdir(tmp_path)
+    exec(script, {})
+    smallest = read_sequence(tmp_path / "truth.npz")
+    assert (smallest.num_frames, smallest.fps, smallest.cut_frames, smallest.cameras) == (120, 30.0, (60,), None)
+    report = evaluate(smallest, smallest)
+    assert (report.coverage, report.cut_f1) == (1.0, 1.0)
+    assert report.wa_mpjpe100_mm == pytest.approx(0.0, abs=1e-6)

@@ -7,7 +7,7 @@ import pytest
 
 from humanmm.errors import InputError
 from humanmm.models.benchmark.scores import CutError, Figure, MethodFigures, VideoFigures
-from humanmm.models.benchmark.tables.layout import tables_of
+from humanmm.models.benchmark.tables.layout import note_on_ate, tables_of
 from humanmm.models.benchmark.tables.regression import regressions
 from humanmm.models.benchmark.tables.rows import ALL, Row, rows_of, summarise
 from humanmm.storage.pages.bench_report import as_json
@@ -91,3 +91,9 @@ def test_a_bootstrap_interval_holds_the_mean() -> None:
     metric = summarise([1.0, 2.0, 3.0, 10.0])
     assert metric.ci95[0] < metric.mean < metric.ci95[1]
     assert math.isclose(metric.median, 2.5)
+
+
+def test_videos_whose_cameras_stand_in_two_places_have_a_note() -> None:
+    (table,) = note_on_ate(2, 5)
+    assert table.rows[0][0] == "cam_ate_m" and table.rows[0][1].startswith("of 2 of 5 videos it says nothing")
+    assert note_on_ate(0, 5) == []
