@@ -240,7 +240,11 @@ def _pnp(points: Float[Array, "J 3"], view: SideView, frame: int) -> Float[Array
     seen = view.weight[frame] > 0.2
     if seen.sum() < 6:
         return None
-    ok, rotvec, _ = cv2.solvePnP(points[seen], view.rays[frame][seen], np.eye(3), np.zeros(4), flags=cv2.SOLVEPNP_SQPNP)
+    rays = view.rays[frame][seen]
+    try:
+        ok, rotvec, _ = cv2.solvePnP(points[seen], rays, np.eye(3), np.zeros(4), flags=cv2.SOLVEPNP_SQPNP)
+    except cv2.error:  # rays, or points, without extent
+        return None
     return rotvec_to_rotmat(np.asarray(rotvec).ravel()).T if ok else None
 
 

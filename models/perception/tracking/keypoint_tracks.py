@@ -32,6 +32,8 @@ class PictureKeypoints:
     frame: Int[Array, " M"]
     """Not decreasing."""
     keypoints: Float[Array, "M 17 3"]
+    warnings: tuple[str, ...] = ()
+    """What is odd about them, one sentence each."""
 
 
 def people_of_keypoints(
@@ -63,7 +65,7 @@ def people_of_keypoints(
         for k, own in enumerate(people)
         if k not in kept
     )
-    return ScenePeople(*span, tracks, unfollowed=others)
+    return ScenePeople(*span, tracks, found.warnings, others)
 
 
 def link(

@@ -39,7 +39,7 @@ from humanmm.models.geometry.projection import project
 from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
 from humanmm.models.perception.tracking.given_bodies import GivenBody, smpl_body
 from humanmm.models.records.foreign_arrays import frame_numbers, numbers, rotations, shown, whole_numbers
-from humanmm.models.records.landmarks import INDEX, NUM_LANDMARKS
+from humanmm.models.records.landmarks import HIPS, INDEX, NUM_LANDMARKS
 from humanmm.models.records.video import PictureSizes
 from humanmm.storage.readers.archives import NpzArrays, damage
 from humanmm.storage.readers.restricted_pickle import load_pickle
@@ -75,6 +75,8 @@ SOMA_ADVICE = (
     "it is GEM-X's SOMA body, whose rotations are of other joints; give the places of its joints as an npz instead, "
     "docs/bring.md has the lines that write it"
 )
+FARTHEST_M = 200.0
+"""Whoever is farther away, median of the frames, was given in other units: a pixel shows 20 cm of him."""
 SHANK_M = (0.15, 0.75)
 """Lengths that a shank can have: joints in other units or in another order have others."""
 
@@ -129,6 +131,9 @@ def _within(body: GivenBody, first: int, num_frames: int) -> GivenBody:
             f"it holds frames {frame[0]} to {frame[-1]}, the video has {num_frames} (0 to {num_frames - 1}): is it of "
             "another video, or was the video brought to another rate?"
         )
+    away_m = float(np.median(np.linalg.norm(body.landmarks_cam[:, list(HIPS)].mean(axis=1), axis=-1)))
+    if away_m > FARTHEST_M:
+        raise InputError(f"it holds a person {away_m:,.0f} m from the camera; metres expected")
     kept = frame < num_frames
     R_local = None if body.R_local is None else body.R_local[kept]
     return GivenBody(frame[kept], body.landmarks_cam[kept], body.known, body.K[kept], R_local)

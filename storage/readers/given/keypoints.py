@@ -19,7 +19,7 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from humanmm.config import GivenFile
 from humanmm.errors import InputError
@@ -41,6 +41,8 @@ BODY_25_MIDDLES = ((1, 2, 5), (8, 9, 12))
 """Neck and mid-hip, each with the two keypoints that it lies between."""
 BESIDE = 0.08
 """Fraction of a person's box by which they may lie beside the middle, median."""
+LEAST_PX = 2.0
+"""Larger side of a person's box below which his keypoints are one place, and show nobody."""
 MAX_EXTRA_FRAMES = 2
 """Decoders disagree about the last frames of a video."""
 OUTSIDE, MARGIN = 0.2, 0.1
@@ -60,13 +62,26 @@ def read_keypoints(given: GivenFile, num_frames: int, sizes: PictureSizes) -> Pi
         keypoints = _as_coco([points for points in people if points is not None])
         frame = np.array([f for f, points in zip(frames, people, strict=True) if points is not None], np.int64)
         _check_pixels(keypoints, sizes)
+        is_place = ((keypoints[..., 2] >= SEEN).sum(axis=1) > 1) & (_box_sides(keypoints) < LEAST_PX)
+        if is_place.all():
+            raise InputError(f"everybody's keypoints lie within {LEAST_PX:g} pixels: they show nobody")
     except InputError as error:
         words = str(error)
         raise InputError(words if given.path in words else f"{given.path}: {words}") from None
     keypoints[..., :2] *= sizes.to_square
     order = np.argsort(frame, kind="stable")
-    order = order[frame[order] < num_frames]
-    return PictureKeypoints(frame[order], keypoints[order])
+    order = order[(frame < num_frames)[order] & ~is_place[order]]
+    return PictureKeypoints(frame[order], keypoints[order], _places_left_out(frame[is_place]))
+
+
+def _places_left_out(frame: Int[Array, " n"]) -> tuple[str, ...]:
+    """A warning if somebody has no extent in some frames."""
+    if not len(frame):
+        return ()
+    return (
+        f"given keypoints of a person lie all within {LEAST_PX:g} pixels, in {len(np.unique(frame))} frames from "
+        f"frame {frame.min()} on: he is left out there",
+    )
 
 
 Row = tuple[int, Float[Array, "K 3"] | None]

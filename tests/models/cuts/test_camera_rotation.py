@@ -146,3 +146,12 @@ def test_the_papers_way_needs_eight_keypoints_seen_on_both_sides() -> None:
     hidden[:, 13:, 2] = 0.0
     found = align(CutPerson(person.before, replace(person.after, keypoints2d=hidden)), cuts.align_by_eight_point)
     assert found.method == "none" and "eight are needed" in found.warnings[-1]
+
+
+def test_a_person_whose_keypoints_are_one_place_ends_no_run() -> None:
+    person, _ = case(60.0)
+    place = person.after.keypoints2d.copy()
+    place[..., :2] = 300.0
+    collapsed = replace(person.after, keypoints2d=place)
+    item = cuts._prepare(CutPerson(person.before, collapsed), CAMERAS, 19.5 / FPS)
+    assert cuts._pnp(cuts._at_cut(item.before), item.after, 0) is None

@@ -66,3 +66,11 @@ def test_a_scene_without_people_is_empty() -> None:
     facts = VideoFacts(*SEQUENCE.size, TIME_S, np.ones(N, bool), 0, "h264", "mp4")
     nobody = PictureKeypoints(np.zeros(0, np.int64), np.zeros((0, 17, 3)))
     assert people_of_keypoints(nobody, facts, (0, N), max_people=6, lifter=lift_keypoints).tracks == ()
+
+
+def test_what_is_odd_about_keypoints_is_told_by_every_scene() -> None:
+    frame, keypoints, _ = _two()
+    facts = VideoFacts(*SEQUENCE.size, TIME_S, np.ones(N, bool), 0, "h264", "mp4")
+    found = PictureKeypoints(frame, keypoints, ("odd",))
+    scene = people_of_keypoints(found, facts, (0, N), max_people=6, lifter=lift_keypoints)
+    assert scene.warnings == ("odd",)

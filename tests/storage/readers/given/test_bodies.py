@@ -215,6 +215,9 @@ def test_what_is_wrong_is_told_with_key_and_shape(tmp_path: Path, dump_like_jobl
     assert "pixels beside pred_keypoints_2d" in told(tmp_path / "h.npz")
     _gem_x(tmp_path / "k.npz", unit=100.0)
     assert "expected metres, and the joints in SOMA's order" in told(tmp_path / "k.npz")
+    millimetres = {**_parameters(), "transl": torch.from_numpy(1000 * (PELVIS - SMPLX_REST_PELVIS))}
+    torch.save({"smpl_params_incam": millimetres, "K_fullimg": torch.from_numpy(K)}, tmp_path / "m.pt")
+    assert "person 5,039 m from the camera; metres expected" in told(tmp_path / "m.pt")
     _gem_x(tmp_path / "l.npz", joints=70)
     assert "soma_joints has 70 joints; expected SOMA's 77" in told(tmp_path / "l.npz")
     (tmp_path / "i.pt").write_bytes(b"nothing of torch")

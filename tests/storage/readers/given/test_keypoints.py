@@ -213,3 +213,17 @@ def test_a_file_that_changed_after_its_content_was_noted_is_not_read(tmp_path: P
     (tmp_path / "given.json").write_text("[]")
     with pytest.raises(InputError, match="has changed since its content was noted"):
         read_keypoints(given, N, SIZES)
+
+
+def test_whoever_has_no_extent_is_left_out_with_a_word(tmp_path: Path) -> None:
+    path = _alphapose(tmp_path / "given.json")
+    place = {"image_id": "3.jpg", "category_id": 1, "keypoints": [300.0, 300.0, 0.9] * 26, "score": 2.9}
+    path.write_text(json.dumps([*json.loads(path.read_text()), place]))
+    found = _read(path)
+    assert len(found.frame) == 2 * N
+    assert found.warnings == (
+        "given keypoints of a person lie all within 2 pixels, in 1 frames from frame 3 on: he is left out there",
+    )
+    path.write_text(json.dumps([place]))
+    with pytest.raises(InputError, match="everybody's keypoints lie within 2 pixels: they show nobody"):
+        _read(path)
