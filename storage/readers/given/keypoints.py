@@ -56,7 +56,7 @@ def read_keypoints(given: GivenFile, num_frames: int, sizes: PictureSizes) -> Pi
     InputError says in one sentence what is wrong.
     """
     try:
-        rows = [row for name, content in given.read().items() for row in _rows(name, content)]
+        rows = [row for name, content in given.read().items() for row in _rows(name, content, sizes)]
         frames = _frames([frame for frame, _ in rows], num_frames)
         people = [points for _, points in rows]
         keypoints = _as_coco([points for points in people if points is not None])
@@ -88,7 +88,7 @@ Row = tuple[int, Float[Array, "K 3"] | None]
 """Frame as the file numbers it, and a person's keypoints; None for a frame, whoever is in it."""
 
 
-def _rows(name: str, content: bytes) -> list[Row]:
+def _rows(name: str, content: bytes, sizes: PictureSizes) -> list[Row]:
     if not name.endswith(".json"):
         raise InputError(f"{name} is no .json file")
     try:
@@ -96,7 +96,7 @@ def _rows(name: str, content: bytes) -> list[Row]:
     except (ValueError, RecursionError):
         raise InputError(f"{name} is not json, or holds lists in lists without end") from None
     try:
-        return _rows_of(tree, name)
+        return _rows_of(tree, name, sizes)
     except InputError as error:
         raise InputError(f"{name}: {error}") from None
     except KeyError as error:
@@ -107,7 +107,7 @@ def _rows(name: str, content: bytes) -> list[Row]:
         raise InputError(f"{name} is laid out like no known program's keypoints: {what}") from None
 
 
-def _rows_of(tree: Any, name: str) -> list[Row]:
+def _rows_of(tree: Any, name: str, sizes: PictureSizes) -> list[Row]:
     match tree:
         case {"people": list(people)}:
             return _openpose(people, frame_number(name))
@@ -116,6 +116,7 @@ def _rows_of(tree: Any, name: str) -> list[Row]:
         case [{"instances": _}, *_]:
             return _mmpose(tree)
         case {"annotations": list(annotations), "images": list(images)}:
+            _check_declared(images, sizes)
             return _annotations(annotations, images)
         case [{"image_id": _}, *_]:
             return [(_frame_of(one["image_id"]), _triples(one["keypoints"])) for one in tree]
@@ -140,6 +141,14 @@ def _annotations(annotations: list[Any], images: list[Any]) -> list[Row]:
     people = [one for one in annotations if any(one.get("keypoints", ()))]
     seen: list[Row] = [(frame, None) for frame in number.values()]
     return seen + [(number[one["image_id"]], _triples(one["keypoints"]) * [1.0, 1.0, 0.5]) for one in people]
+
+
+def _check_declared(images: list[Any], sizes: PictureSizes) -> None:
+    declared = {(image["width"], image["height"]) for image in images if image.get("width") and image.get("height")}
+    others = sorted(declared - {sizes.coded})
+    if others:
+        width, height = others[0]
+        raise InputError(f"its pictures are {width}×{height} pixels, the video {sizes.text}; expected the same size")
 
 
 def _frame_of(image: Any) -> int:

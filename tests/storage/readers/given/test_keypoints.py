@@ -227,3 +227,16 @@ def test_whoever_has_no_extent_is_left_out_with_a_word(tmp_path: Path) -> None:
     path.write_text(json.dumps([place]))
     with pytest.raises(InputError, match="everybody's keypoints lie within 2 pixels: they show nobody"):
         _read(path)
+
+
+def test_coco_pictures_of_another_size_are_refused(tmp_path: Path) -> None:
+    path = _coco_annotations(tmp_path / "given.json")
+    tree = json.loads(path.read_text())
+    for image in tree["images"]:
+        image["width"], image["height"] = SIZE
+    path.write_text(json.dumps(tree))
+    assert len(_read(path).frame) == 2 * N
+    tree["images"][2]["width"], tree["images"][2]["height"] = 640, 360
+    path.write_text(json.dumps(tree))
+    with pytest.raises(InputError, match="its pictures are 640×360 pixels, the video 1280×720; expected the same size"):
+        _read(path)
