@@ -47,6 +47,8 @@ class GivenRegions:
     """0..1."""
     labels: Callable[[int], Array] | None = None
     """The picture of a frame's masks (height, width), a pixel's value is `person`; may be smaller than the video's."""
+    warnings: tuple[str, ...] = ()
+    """What is odd about them, one sentence each."""
 
 
 def track_regions(
@@ -90,7 +92,7 @@ def track_regions(
         for person, own in enumerate(rows_of)
         if person not in kept and float(shown_s(time_s, given.frame[own]).sum()) >= shortest_s
     )
-    return in_source_pixels(ScenePeople(start, end, tracks, unfollowed=others), scale)
+    return in_source_pixels(ScenePeople(start, end, tracks, given.warnings, others), scale)
 
 
 def _look(

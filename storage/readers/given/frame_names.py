@@ -1,8 +1,13 @@
-"""Which frame of a video a file shows, by the file's name."""
+"""Which frame of a video a file shows, by the file's name, and whether its numbers fit the video."""
 
 import re
 
 from humanmm.errors import InputError
+
+MAX_EXTRA_FRAMES = 2
+"""Decoders disagree about the last frames of a video."""
+EARLY = 0.97
+"""Part of the video before whose end files of another frame rate end: of 24 Hz in 25 at 0.96."""
 
 
 def frame_number(name: str) -> int:
@@ -11,3 +16,20 @@ def frame_number(name: str) -> int:
     if not found:
         raise InputError(f"no number in the name {name!r} says which frame it is")
     return int(found[-1])
+
+
+def doubts(what: str, first: int, last: int, num_frames: int, *, sure_of_first: bool = False) -> tuple[str, ...]:
+    """Warnings if a file that goes from frame `first` to `last`, counted from 0, may count otherwise than the video, of
+    `num_frames`; `sure_of_first`: the file's layout says from where it counts."""
+    found = []
+    if last + 1 + MAX_EXTRA_FRAMES < EARLY * num_frames:
+        found.append(
+            f"given {what} end at frame {last}, the video at {num_frames - 1}: were they found in it at another frame "
+            "rate? Nobody is followed after that"
+        )
+    if first == 1 and not sure_of_first:
+        found.append(
+            f"given {what} begin at frame 1, and are taken as counted from 0: if their first picture has number 1, "
+            "subtract 1 from every frame number in the file"
+        )
+    return tuple(found)

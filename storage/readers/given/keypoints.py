@@ -27,7 +27,7 @@ from humanmm.models.perception.interfaces import SEEN
 from humanmm.models.perception.tracking.keypoint_tracks import PictureKeypoints
 from humanmm.models.records.foreign_arrays import numbers, shown
 from humanmm.models.records.video import PictureSizes
-from humanmm.storage.readers.given.frame_names import frame_number
+from humanmm.storage.readers.given.frame_names import MAX_EXTRA_FRAMES, doubts, frame_number
 
 Array = np.ndarray
 
@@ -43,8 +43,6 @@ BESIDE = 0.08
 """Fraction of a person's box by which they may lie beside the middle, median."""
 LEAST_PX = 2.0
 """Larger side of a person's box below which his keypoints are one place, and show nobody."""
-MAX_EXTRA_FRAMES = 2
-"""Decoders disagree about the last frames of a video."""
 OUTSIDE, MARGIN = 0.2, 0.1
 """Share of keypoints that may lie further outside the picture than this fraction of its sides."""
 
@@ -71,7 +69,8 @@ def read_keypoints(given: GivenFile, num_frames: int, sizes: PictureSizes) -> Pi
     keypoints[..., :2] *= sizes.to_square
     order = np.argsort(frame, kind="stable")
     order = order[(frame < num_frames)[order] & ~is_place[order]]
-    return PictureKeypoints(frame[order], keypoints[order], _places_left_out(frame[is_place]))
+    warnings = (*doubts("keypoints", min(frames), max(frames), num_frames), *_places_left_out(frame[is_place]))
+    return PictureKeypoints(frame[order], keypoints[order], warnings)
 
 
 def _places_left_out(frame: Int[Array, " n"]) -> tuple[str, ...]:

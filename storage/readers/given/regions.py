@@ -24,13 +24,12 @@ from humanmm.config import GivenFile
 from humanmm.errors import InputError
 from humanmm.models.perception.tracking.given_regions import GivenRegions
 from humanmm.models.records.video import PictureSizes
-from humanmm.storage.readers.given.frame_names import frame_number
+from humanmm.storage.readers.given.frame_names import MAX_EXTRA_FRAMES, doubts, frame_number
 
 Array = np.ndarray
 
 PERSON = 1
 """COCO's category of people."""
-MAX_EXTRA_FRAMES = 2
 MAX_PEOPLE = 255
 """In one picture of masks; one of 16 bits could number 65,535."""
 OTHER_SHAPE = 0.01
@@ -74,7 +73,7 @@ def _detections(given: GivenFile, num_frames: int, sizes: PictureSizes) -> Given
     if not len(rows):
         raise InputError("it holds nobody")
     rows[:, 0] -= first
-    _check_frames(rows[:, 0], num_frames)
+    warnings = _frame_doubts("boxes", rows[:, 0], num_frames, sure_of_first=not name.endswith(".json"))
     rows = rows[rows[:, 0] < num_frames]
     rows = rows[np.argsort(rows[:, 0], kind="stable")]
     box = np.concatenate([rows[:, 2:4], rows[:, 2:4] + rows[:, 4:6]], axis=1)
@@ -90,7 +89,7 @@ def _detections(given: GivenFile, num_frames: int, sizes: PictureSizes) -> Given
     person = rows[:, 1].astype(np.int64)
     _check_once(rows[:, 0].astype(np.int64), person)
     box *= np.tile(sizes.to_square, 2)
-    return GivenRegions(rows[:, 0].astype(np.int64), person, box, np.clip(rows[:, 6], 0, 1))
+    return GivenRegions(rows[:, 0].astype(np.int64), person, box, np.clip(rows[:, 6], 0, 1), warnings=warnings)
 
 
 def _mot_rows(content: bytes) -> Float[Array, "M 7"]:
@@ -142,7 +141,7 @@ def _masks(given: GivenFile, num_frames: int, sizes: PictureSizes) -> GivenRegio
         raise InputError("two of its pictures are of one frame; expected one png a frame")
     first = 1 if min(by_number) == 1 and max(by_number) == num_frames else 0
     name_of = {number - first: name for number, name in by_number.items()}
-    _check_frames(np.array(list(name_of)), num_frames)
+    warnings = _frame_doubts("masks", np.array(list(name_of)), num_frames)
     rows: list[list[float]] = []
     for frame in sorted(frame for frame in name_of if frame < num_frames):
         labels = _labels(name_of[frame], contents[name_of[frame]], sizes)
@@ -165,6 +164,7 @@ def _masks(given: GivenFile, num_frames: int, sizes: PictureSizes) -> GivenRegio
         table[:, 2:6],
         np.ones(len(table)),
         labels=lru_cache(maxsize=4)(lambda frame: _labels(name_of[frame], contents[name_of[frame]], sizes)),
+        warnings=warnings,
     )
 
 
@@ -188,13 +188,14 @@ def _labels(name: str, content: bytes, sizes: PictureSizes) -> Array:
     return labels
 
 
-def _check_frames(frame: Array, num_frames: int) -> None:
+def _frame_doubts(what: str, frame: Array, num_frames: int, *, sure_of_first: bool = False) -> tuple[str, ...]:
     low, high = int(frame.min()), int(frame.max())
     if low < 0 or high >= num_frames + MAX_EXTRA_FRAMES:
         raise InputError(
             f"it holds frames {low} to {high}, counted from 0, the video has {num_frames} (0 to {num_frames - 1}): is "
             "it of another video, or was the video brought to another rate?"
         )
+    return doubts(what, low, high, num_frames, sure_of_first=sure_of_first)
 
 
 def _check_once(frame: Array, person: Array) -> None:

@@ -86,6 +86,10 @@ def test_of_more_people_than_wanted_at_a_time_the_smaller_are_left_out_and_repor
     np.testing.assert_allclose(left.box, (20, 700, 90, 800), atol=1e-6)
 
 
+def test_what_is_odd_about_regions_is_told() -> None:
+    assert _tracked(replace(given(), warnings=("odd",))).warnings == ("odd",)
+
+
 def test_a_given_mask_takes_the_place_of_the_networks_own() -> None:
     half = 2  # masks of half the size
 

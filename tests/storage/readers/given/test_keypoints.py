@@ -240,3 +240,14 @@ def test_coco_pictures_of_another_size_are_refused(tmp_path: Path) -> None:
     path.write_text(json.dumps(tree))
     with pytest.raises(InputError, match="its pictures are 640×360 pixels, the video 1280×720; expected the same size"):
         _read(path)
+
+
+def test_frames_that_may_be_counted_otherwise_are_told(tmp_path: Path) -> None:
+    path = _alphapose(tmp_path / "given.json")
+    rows = json.loads(path.read_text())
+    assert _read(path).warnings == ()
+    (early,) = _read(path, 20).warnings
+    assert "keypoints end at frame 4, the video at 19: were they found in it at another frame rate?" in early
+    path.write_text(json.dumps([{**row, "image_id": f"{int(row['image_id'][:-4]) + 1}.jpg"} for row in rows[:-2]]))
+    (from_one,) = _read(path).warnings
+    assert "keypoints begin at frame 1, and are taken as counted from 0" in from_one

@@ -138,3 +138,18 @@ def test_what_is_wrong_with_masks_is_told(tmp_path: Path) -> None:
     (tmp_path / "x" / "00000.png").write_bytes(b"no picture")
     with pytest.raises(InputError, match=r"00000\.png is no png, or it is damaged"):
         read_masks(GivenFile.model_validate(tmp_path / "x"), N, SIZES)
+
+
+def test_frames_that_may_be_counted_otherwise_are_told(tmp_path: Path) -> None:
+    boxes = GivenFile.model_validate(_mot(tmp_path / "mot.txt"))
+    assert read_detections(boxes, N, SIZES).warnings == ()
+    (early,) = read_detections(boxes, 20, SIZES).warnings
+    assert "boxes end at frame 3, the video at 19" in early
+    rows = [{"image_id": 1, "category_id": 1, "bbox": RIGHT[0].tolist(), "score": 0.9}]
+    (tmp_path / "boxes.json").write_text(json.dumps(rows))
+    (from_one,) = _boxes(tmp_path / "boxes.json").warnings
+    assert "boxes begin at frame 1" in from_one
+    (tmp_path / "masks").mkdir()
+    Image.fromarray(np.ones((360, 640), np.uint8)).save(tmp_path / "masks/00003.png")
+    (early,) = read_masks(GivenFile.model_validate(tmp_path / "masks"), 20, SIZES).warnings
+    assert "masks end at frame 3" in early
