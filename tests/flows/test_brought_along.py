@@ -78,7 +78,7 @@ def _openpose(own: Own, folder: Path) -> list[str]:
     order = (0, 15, 14, 17, 16, 5, 2, 6, 3, 7, 4, 11, 8, 12, 9, 13, 10)
     for frame, pixels in zip(own.frame, own.pixels[:, list(COCO_LANDMARKS)], strict=True):
         points = np.zeros((18, 3))
-        points[list(order)] = np.c_[pixels, np.full(17, 0.9)]
+        points[list(order)] = np.c_[pixels - 0.5, np.full(17, 0.9)]  # as OpenCV numbers them
         tree = {"version": 1.3, "people": [{"person_id": [-1], "pose_keypoints_2d": points.ravel().tolist()}]}
         (folder / "openpose" / f"film_{frame:012d}_keypoints.json").write_text(json.dumps(tree))
     return ["--keypoints-from", "openpose"]

@@ -10,7 +10,8 @@
 The number of keypoints determines the set: 17, 26 (Halpe), 133 (whole body) and 136 (Halpe whole body) begin with
 COCO's 17; 18 are OpenPose's COCO model; 25 are BODY_25, or BODY_25B where the middle of neck and hips lies elsewhere.
 Frames count from 0; where the first is 1 and the last one the number of frames, from 1. Pixels are those that OpenCV
-reads: stored ones, upright. Where they are not square, keypoints are brought into the square ones of all stages.
+reads: stored ones, upright, the first with its centre at (0, 0), and half a pixel is added to be in ours. Where they are
+not square, keypoints are brought into the square ones of all stages.
 """
 
 import json
@@ -43,6 +44,9 @@ BESIDE = 0.08
 """Fraction of a person's box by which they may lie beside the middle, median."""
 LEAST_PX = 2.0
 """Larger side of a person's box below which his keypoints are one place, and show nobody."""
+OPENCV_CENTRE = 0.5
+"""Pixels from OpenCV's coordinates to ours, which have the centre of the first pixel at (0.5, 0.5): pose networks of
+COCO's kind number pixels. OpenPose adds so much itself, and other writers of its layout do not: half a pixel is open."""
 OUTSIDE, MARGIN = 0.2, 0.1
 """Share of keypoints that may lie further outside the picture than this fraction of its sides."""
 
@@ -66,7 +70,7 @@ def read_keypoints(given: GivenFile, num_frames: int, sizes: PictureSizes) -> Pi
     except InputError as error:
         words = str(error)
         raise InputError(words if given.path in words else f"{given.path}: {words}") from None
-    keypoints[..., :2] *= sizes.to_square
+    keypoints[..., :2] = (keypoints[..., :2] + OPENCV_CENTRE) * sizes.to_square
     order = np.argsort(frame, kind="stable")
     order = order[(frame < num_frames)[order] & ~is_place[order]]
     warnings = (*doubts("keypoints", min(frames), max(frames), num_frames), *_places_left_out(frame[is_place]))

@@ -129,10 +129,10 @@ def _read(path: Path, num_frames: int = N) -> Any:
 
 
 @pytest.mark.parametrize("name", WRITERS)
-def test_every_layout_gives_the_same_people(tmp_path: Path, name: str) -> None:
+def test_every_layout_gives_the_same_people_in_our_pixels(tmp_path: Path, name: str) -> None:
     found = _read(WRITERS[name](tmp_path / "given.json"))
     assert found.frame.tolist() == np.repeat(np.arange(N), 2).tolist()
-    np.testing.assert_allclose(found.keypoints[..., :2], PEOPLE.reshape(-1, 17, 3)[..., :2], atol=1e-9)
+    np.testing.assert_allclose(found.keypoints[..., :2], PEOPLE.reshape(-1, 17, 3)[..., :2] + 0.5, atol=1e-9)
     assert (found.keypoints[..., 2] >= 0.9).all()
 
 
@@ -140,7 +140,7 @@ def test_every_layout_gives_the_same_people(tmp_path: Path, name: str) -> None:
 def test_pixels_that_other_programs_see_become_square(tmp_path: Path, name: str) -> None:
     given = GivenFile.model_validate(WRITERS[name](tmp_path / "given.json"))
     found = read_keypoints(given, N, WIDE)
-    expected = PEOPLE.reshape(-1, 17, 3)[..., :2] * [1.5, 1.0]
+    expected = (PEOPLE.reshape(-1, 17, 3)[..., :2] + 0.5) * [1.5, 1.0]
     np.testing.assert_allclose(found.keypoints[..., :2], expected, atol=1e-9)
 
 
@@ -158,7 +158,8 @@ def test_real_openpose_keypoints_of_body_25b_are_known_by_where_neck_and_hips_ar
         (tmp_path / f"cam01_{f:012d}_keypoints.json").write_text(json.dumps({"version": 1.3, "people": people}))
     found = read_keypoints(GivenFile.model_validate(tmp_path), 100, PictureSizes((720, 1280), (720, 1280)))
     assert found.keypoints.shape == (100, 17, 3)
-    np.testing.assert_allclose(found.keypoints[:, 16], np.nan_to_num(truth["openpose2d"][:, 16]), rtol=1e-6)
+    expected = np.nan_to_num(truth["openpose2d"][:, 16]) + [0.5, 0.5, 0.0]
+    np.testing.assert_allclose(found.keypoints[:, 16], expected, rtol=1e-6)
 
 
 def test_a_frame_without_people_counts_as_seen(tmp_path: Path) -> None:
