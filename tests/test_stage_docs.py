@@ -26,4 +26,8 @@ def test_the_stages_chain_without_store_or_server(tmp_path: Path, monkeypatch: p
     person = recording.people[0]
     assert person.joints.shape == (10, 24, 3) and np.isfinite(person.joints).all()
     assert names["world"].cuts[0].linked
+    results, seen = names["results"], names["key_frames"]
+    given = {"key_frames": results.key_frames, "ground": results.ground, "pictures": results.pictures}
+    assert given == {"key_frames": seen.of_shot, "ground": seen.ground, "pictures": seen.pictures}, "as tasks/align.py"
+    assert all(results.pictures)
     assert list(tmp_path.iterdir()) == [tmp_path / "film.mp4"], "nothing is written"
