@@ -36,3 +36,9 @@ def test_a_file_of_settings_may_begin_with_a_byte_order_mark(tmp_path: Path) -> 
     path = tmp_path / "settings.toml"
     path.write_text("\ufeff[camera]\nstatic = true\n", encoding="utf-8")
     assert resolve(path).camera.static
+
+
+def test_two_focal_lengths_exclude_each_other_wherever_they_come_from() -> None:
+    for config in (None, {"intrinsics": {"focal_px": 1000}}):
+        with pytest.raises(ConfigError, match="focal_px and fov_deg exclude each other"):
+            resolve(config, {"focal_px": 1000, "fov_deg": 50} if config is None else {"fov_deg": 50})

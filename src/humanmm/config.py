@@ -242,11 +242,17 @@ class IntrinsicsConfig(Section):
     those of the first frame of a shot that zooms."""
 
     fov_deg: Annotated[float, Field(gt=MIN_FOV_DEG, lt=MAX_FOV_DEG)] | None = None
-    """Horizontal field of view in degrees, used when focal_px is not given."""
+    """Horizontal field of view in degrees, in place of focal_px."""
 
     cameras_from: GivenFile | None = None
     """Cameras that another program found, in place of our estimate: a TUM trajectory (or a folder of one a shot), or a
     folder with COLMAP's model, text or binary, whose focal length is used as well."""
+
+    @model_validator(mode="after")
+    def _one_focal_length(self) -> "IntrinsicsConfig":
+        if self.focal_px is not None and self.fov_deg is not None:
+            raise PydanticCustomError("stated", "{reason}", {"reason": "focal_px and fov_deg exclude each other"})
+        return self
 
 
 class CameraConfig(Section):

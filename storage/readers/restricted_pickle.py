@@ -6,6 +6,7 @@ the stream: these bytes are taken here too (layout of joblib 0.10 to 1.5, uncomp
 """
 
 import collections
+import io
 import math
 import pickle
 from pathlib import Path
@@ -17,6 +18,8 @@ from humanmm.errors import InputError
 
 MAX_BYTES = 2**31
 """Files and single arrays beyond this are refused."""
+COMPRESSED = (b"x", b"\x1f\x8b", b"BZ", b"\xfd7zXZ", b"]\x00", b"\x04\x22\x4d\x18")
+"""How joblib's compressed dumps begin (zlib, gzip, bz2, xz, lzma, lz4), and no pickle does."""
 
 
 def read_pickle(path: Path) -> Any:
@@ -33,6 +36,10 @@ def read_pickle(path: Path) -> Any:
 def load_pickle(stream: BinaryIO, name: str) -> Any:
     """The same from a stream that errors call by a name."""
     try:
+        head = stream.read(8)
+        if head.startswith(COMPRESSED):
+            raise InputError("it is compressed; dump it without compress")
+        stream.seek(-len(head), io.SEEK_CUR)
         return _Reader(stream).load()
     except InputError as error:
         raise InputError(f"{name} cannot be read as a pickle of plain arrays: {error}") from error

@@ -34,7 +34,7 @@ def _found(corrections: tuple[dict[str, Any], ...] = (), **settings: Any) -> Int
 def test_a_correction_counts_before_the_setting_and_the_setting_before_the_pictures() -> None:
     correction = ({"kind": "focal", "px": 700.0},)
     assert _found(correction, focal_px=500.0).focal_px == 700.0
-    assert _found(focal_px=500.0, fov_deg=90.0).focal_px == 500.0
+    assert _found(focal_px=500.0).focal_px == 500.0
     assert _found(fov_deg=90.0).focal_px == pytest.approx(WIDTH / 2)
     seen = _found()
     assert seen.source == "estimated" and seen.focal_px == pytest.approx(FOCAL, rel=0.05)

@@ -37,6 +37,7 @@ from humanmm.models.camera.focal_length.evidence import (
     log_likelihood,
 )
 from humanmm.models.camera.focal_length.lenses import groups_of, with_own_lens
+from humanmm.errors import ConfigError
 from humanmm.models.camera.masking import background_points
 from humanmm.models.camera.model_choice import ModelChoice, choose_model, settled_model
 from humanmm.models.camera.odometry.keyframe_odometry import MIN_POINTS
@@ -83,6 +84,8 @@ def given_intrinsics(width: int, height: int, *, focal_px: float | None, fov_deg
     """The user's own focal length, in pixels or as a horizontal field of view in degrees; None if neither is given."""
     if focal_px is None and fov_deg is None:
         return None
+    if focal_px is not None and fov_deg is not None:
+        raise ConfigError("focal_px and fov_deg exclude each other")
     focal = focal_px if focal_px is not None else width / 2 / math.tan(math.radians(fov_deg or 0.0) / 2)
     return Intrinsics(focal, width, height, "given", 0.0)
 

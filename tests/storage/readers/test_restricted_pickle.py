@@ -1,6 +1,10 @@
 """Pickles of strangers: plain arrays are read, everything else is refused before it runs."""
 
+import bz2
+import gzip
+import lzma
 import pickle
+import zlib
 from collections import defaultdict
 from collections.abc import Callable
 from pathlib import Path
@@ -94,3 +98,10 @@ def test_arrays_of_objects_and_absurd_sizes_are_refused(tmp_path: Path) -> None:
     (tmp_path / "huge.pkl").write_bytes(b"\x80\x03cjoblib.numpy_pickle\nNumpyArrayWrapper\n)\x81" + note + b"b.")
     with pytest.raises(InputError, match="claims"):
         read_pickle(tmp_path / "huge.pkl")
+
+
+@pytest.mark.parametrize("compress", [zlib.compress, gzip.compress, bz2.compress, lzma.compress])
+def test_a_compressed_dump_is_called_one(tmp_path: Path, compress: Callable[[bytes], bytes]) -> None:
+    (tmp_path / "file.pkl").write_bytes(compress(pickle.dumps(ARRAYS)))
+    with pytest.raises(InputError, match="it is compressed; dump it without compress"):
+        read_pickle(tmp_path / "file.pkl")

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from room_edges import camera_towards, edges_of_a_room, seen_by
 
+from humanmm.errors import ConfigError
 from humanmm.models.camera.background.keyframes import FrameFeatures
 from humanmm.models.camera.focal_length import distortion
 from humanmm.models.camera.focal_length.intrinsics import (
@@ -26,6 +27,11 @@ def test_a_field_of_view_is_horizontal() -> None:
     given = given_intrinsics(1920, 1080, focal_px=None, fov_deg=90.0)
     assert given is not None and given.source == "given"
     assert given.focal_px == pytest.approx(960.0)
+
+
+def test_two_focal_lengths_exclude_each_other() -> None:
+    with pytest.raises(ConfigError, match="focal_px and fov_deg exclude each other"):
+        given_intrinsics(1920, 1080, focal_px=1000.0, fov_deg=50.0)
 
 
 @pytest.mark.parametrize("kind", ["pan", "hand-held", "orbit", "dolly"])
