@@ -1,6 +1,11 @@
 """Stage `people`: keypoints, 3D landmarks, masks and tracks of everybody in one scene."""
 
-from humanmm.models.perception.interfaces import Networks
+from functools import lru_cache, partial
+from typing import TYPE_CHECKING
+
+from humanmm.config import GivenFile, LiftingConfig
+from humanmm.errors import InputError
+from humanmm.models.perception.interfaces import Lifter, Networks
 from humanmm.models.perception.tracking.given_bodies import people_of_bodies
 from humanmm.models.perception.tracking.keypoint_tracks import people_of_keypoints
 from humanmm.models.perception.tracking.people import track_people
@@ -12,6 +17,9 @@ from humanmm.storage.readers.given.bodies import read_bodies
 from humanmm.storage.readers.given.keypoints import read_keypoints
 from humanmm.storage.readers.given.regions import read_detections, read_masks
 from humanmm.tasks.inputs import StageInputs
+
+if TYPE_CHECKING:
+    from humanmm.models.perception.lifting.network import LifterNetwork
 
 
 def people(inputs: StageInputs) -> ScenePeople:
@@ -40,8 +48,25 @@ def people(inputs: StageInputs) -> ScenePeople:
             max_side_px=settings.max_side_px,
             max_rate_hz=settings.looks_hz,
             networks=networks,
-            lifter=load("lifting.method", inputs.config.lifting.method),
+            lifter=lifter_of(inputs.config.lifting),
             given=given,
             hands=settings.hands,
             progress=inputs.progress,
         )
+
+
+def lifter_of(settings: LiftingConfig) -> Lifter:
+    """The lifter that the settings name, with the network that they give."""
+    lifter: Lifter = load("lifting.method", settings.method)
+    return lifter if settings.weights is None else partial(lifter, network=_network_in(settings.weights))
+
+
+@lru_cache(maxsize=1)
+def _network_in(given: GivenFile) -> "LifterNetwork":
+    from humanmm.models.perception.lifting.network import LifterNetwork  # only now: torch takes two seconds to import
+    from humanmm.storage.training.networks import network_of
+
+    contents = list(given.read().values())
+    if len(contents) != 1:
+        raise InputError(f"{given.path} is a folder; expected the file that `humanmm train lifter` wrote")
+    return network_of(contents[0], given.path, LifterNetwork.shaped_as)

@@ -20,11 +20,12 @@ from humanmm.models.benchmark.scores import MethodFigures, VideoFigures, failed,
 from humanmm.models.benchmark.traces import VideoTraces, trace_video
 from humanmm.models.perception.lifting.lifted import lifted_people
 from humanmm.models.synthetic.multishot import BenchVideo
-from humanmm.parts import Part, chosen, load
+from humanmm.parts import Part, chosen
 from humanmm.storage.readers.truth import read_sequence
 from humanmm.storage.store.open import open_store
 from humanmm.storage.store.recipe import Recipe
 from humanmm.storage.store.store import Store
+from humanmm.tasks.people import lifter_of
 from humanmm.tasks.units.digest import CodeDigest, code_digest
 from humanmm.tasks.units.process import in_processes, prepare_process
 from humanmm.version import __version__
@@ -74,14 +75,14 @@ class VideoRecipes:
 
 def lifted(video: BenchVideo, config: Config) -> BenchVideo:
     """A video whose people are made up, lifted as the stage `people` lifts those that it sees."""
-    lifter, size = load("lifting.method", config.lifting.method), (video.facts.width, video.facts.height)
+    lifter, size = lifter_of(config.lifting), (video.facts.width, video.facts.height)
     people = (lifted_people(scene, lifter, video.facts.time_s, size) for scene in video.people)
     return replace(video, people=tuple(people))
 
 
 def without_lifter(config: Config) -> Config:
     """A configuration in which people keep the pose network's own landmarks."""
-    return config.model_copy(update={"lifting": config.lifting.model_copy(update={"method": "none"})})
+    return config.model_copy(update={"lifting": config.lifting.model_copy(update={"method": "none", "weights": None})})
 
 
 def figures_of(

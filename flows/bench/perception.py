@@ -32,6 +32,7 @@ from humanmm.parts import load
 from humanmm.storage.readers.truth import read_boxes, read_sequence
 from humanmm.storage.store.store import Store
 from humanmm.tasks.engine.some_stages import results_of, run_stages
+from humanmm.tasks.people import lifter_of
 from humanmm.tasks.units.process import prepare_process
 
 log = logging.getLogger(__name__)
@@ -95,7 +96,7 @@ def lifted_landmarks(folder: Path, config: Config, store: Store) -> tuple[dict[s
 
 def _errors_in(truth: Path, config: Config, store: Store) -> Iterator[tuple[str, LandmarkErrors]]:
     """The same of one clip, track by track."""
-    lifter = load("lifting.method", config.lifting.method)
+    lifter = lifter_of(config.lifting)
     keypoint_lifter = load("lifting.keypoints", config.lifting.keypoints)
     run = run_stages(video_beside(truth), STAGES[:3], without_lifter(config), store)
     (facts,), bodies = results_of(run, "decode", VideoFacts), true_bodies(read_sequence(truth))

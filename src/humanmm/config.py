@@ -196,8 +196,18 @@ class LiftingConfig(Section):
     method: Annotated[str, _part("lifting.method")] = "transformer"
     """What lifts people, by name; `none` keeps the pose network's own landmarks."""
 
+    weights: GivenFile | None = None
+    """Network of the method `transformer` in place of the shipped one: a file that `humanmm train lifter` wrote."""
+
     keypoints: Annotated[str, _part("lifting.keypoints")] = "transformer"
     """What finds 3D landmarks of 2D keypoints alone (people.keypoints_from, benchmark ms-aist), by name."""
+
+    @model_validator(mode="after")
+    def _of_its_method(self) -> "LiftingConfig":
+        if self.weights is not None and self.method != "transformer":
+            reason = f"weights are of the method transformer: leave them out with {self.method}"
+            raise PydanticCustomError("stated", "{reason}", {"reason": reason})
+        return self
 
 
 class ShotsConfig(Section):

@@ -6,7 +6,7 @@ from typing import TypeVar
 
 import torch
 from safetensors import SafetensorError
-from safetensors.torch import load_file, save_file
+from safetensors.torch import load, save_file
 
 from humanmm.errors import InputError
 from humanmm.models.weights.eight_bits import packed, unpacked
@@ -24,12 +24,21 @@ def read_network(path: Path, shaped_as: Callable[[Mapping[str, torch.Tensor]], N
     """The network with the numbers of a file that `write_network` wrote; `shaped_as` makes an untrained one for them.
     InputError where they do not fit."""
     try:
-        numbers = unpacked(load_file(path))
-    except (OSError, RuntimeError, SafetensorError) as error:
+        content = path.read_bytes()
+    except OSError as error:
         raise InputError(f"{path} holds no network: {error}") from None
+    return network_of(content, str(path), shaped_as)
+
+
+def network_of(content: bytes, name: str, shaped_as: Callable[[Mapping[str, torch.Tensor]], Net]) -> Net:
+    """The same of a file's content; errors call it by a name."""
+    try:
+        numbers = unpacked(load(content))
+    except (RuntimeError, SafetensorError) as error:
+        raise InputError(f"{name} holds no network: {error}") from None
     network = shaped_as(numbers)
     try:
         network.load_state_dict(numbers)
     except RuntimeError as error:
-        raise InputError(f"{path} is no {type(network).__name__}: {error}") from None
+        raise InputError(f"{name} is no {type(network).__name__}: {error}") from None
     return network.eval()

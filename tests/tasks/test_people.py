@@ -1,6 +1,8 @@
 """Stage `people`: what the user brings along takes the place of what would look for it."""
 
 import json
+from copy import deepcopy
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,15 +13,21 @@ import torch
 from held_results import identity_of, inputs_of
 from short_clip import write_short_clip
 
+from humanmm.config import LiftingConfig
+from humanmm.errors import InputError
 from humanmm.models.body.smpl_joints import SMPLX_REST_PELVIS
 from humanmm.models.geometry.boxes import box_iou
 from humanmm.models.geometry.rotations import rotmat_to_rotvec
-from humanmm.models.records.landmarks import COCO_LANDMARKS
+from humanmm.models.perception.lifting.lift import lift
+from humanmm.models.perception.lifting.lifted import person_frames
+from humanmm.models.perception.lifting.reading import load_lifter
+from humanmm.models.records.landmarks import COCO_LANDMARKS, HIPS
 from humanmm.models.records.shots import Scenes
 from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.records.video import VideoFacts
 from humanmm.models.video.reading import read_facts
-from humanmm.tasks.people import people
+from humanmm.storage.training.networks import write_network
+from humanmm.tasks.people import lifter_of, people
 
 N = three_shots.LENGTH
 _, SEEN, _, FITTED = three_shots.shot_of(0)
@@ -44,7 +52,7 @@ def test_keypoints_of_another_program_are_the_people_and_no_more_of_them_than_th
     both = _unopened(keypoints_from=str(tmp_path / "keypoints.json"))
     assert len(both.tracks) == 2 and all(track.lifted for track in both.tracks)
     (track,) = (t for t in both.tracks if abs(t.keypoints2d[0, 0, 0] - him[0, 0, 0]) < 1)
-    np.testing.assert_allclose(track.keypoints2d[:, list(COCO_LANDMARKS), :2], him[..., :2], atol=0.01)
+    np.testing.assert_allclose(track.keypoints2d[:, list(COCO_LANDMARKS), :2], him[..., :2] + 0.5, atol=0.01)
     assert len(_unopened(keypoints_from=str(tmp_path / "keypoints.json"), max_people=1).tracks) == 1
 
 
@@ -94,3 +102,27 @@ def test_boxes_of_another_program_say_where_people_are_looked_for(clip: Path, tm
     assert (box_iou(found.bbox, np.tile(box, (3, 1))) > 0.5).all()
     away = 0.0 if x0 > facts.width / 2 else facts.width - (x1 - x0)
     assert looked(detections_from=given("nobody.txt", away)).tracks == (), "nobody else is looked for"
+
+
+def test_a_trained_lifter_takes_the_place_of_the_shipped_one(tmp_path: Path) -> None:
+    K = np.array([[900.0, 0, 480], [0, 900, 270], [0, 0, 1.0]])
+    seen = person_frames(TRUTH, np.arange(N) / three_shots.FPS)
+    frames = replace(seen, centre=seen.keypoints[:, list(HIPS), :2].mean(axis=1), side=np.full(N, 300.0))
+    network = deepcopy(load_lifter("lifter.safetensors"))
+    write_network(tmp_path / "same.safetensors", network)
+    with torch.no_grad():
+        for value in network.parameters():
+            value.mul_(0.5)
+    write_network(tmp_path / "other.safetensors", network)
+    same, other = (
+        lifter_of(LiftingConfig.model_validate({"weights": str(tmp_path / f"{name}.safetensors")}))
+        for name in ("same", "other")
+    )
+    shipped = lift(frames, K).landmarks3d
+    assert np.abs(same(frames, K).landmarks3d - shipped).max() < 1e-3
+    assert np.abs(other(frames, K).landmarks3d - shipped).max() > 0.01
+    (tmp_path / "none.safetensors").write_bytes(b"no network")
+    with pytest.raises(InputError, match=r"none\.safetensors holds no network"):
+        lifter_of(LiftingConfig.model_validate({"weights": str(tmp_path / "none.safetensors")}))
+    with pytest.raises(ValueError, match="weights are of the method transformer: leave them out with none"):
+        LiftingConfig.model_validate({"weights": str(tmp_path / "same.safetensors"), "method": "none"})

@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from humanmm.errors import ConfigError
 from humanmm.models.camera.background.enlarged import enlargement
 from humanmm.models.camera.background.keyframes import FrameFeatures, KeyFrameFeatures
 from humanmm.models.camera.background.walls_focal import LOG_SCALES, focal_log_likelihood
@@ -37,7 +38,6 @@ from humanmm.models.camera.focal_length.evidence import (
     log_likelihood,
 )
 from humanmm.models.camera.focal_length.lenses import groups_of, with_own_lens
-from humanmm.errors import ConfigError
 from humanmm.models.camera.masking import background_points
 from humanmm.models.camera.model_choice import ModelChoice, choose_model, settled_model
 from humanmm.models.camera.odometry.keyframe_odometry import MIN_POINTS

@@ -15,6 +15,7 @@ from humanmm.models.geometry.rotations import nearest_rotation, rotmat_to_rotvec
 from humanmm.models.perception.interfaces import SEEN, Lifted, PersonFrames
 from humanmm.models.perception.lifting.features import certainty_of, lifter_input, view_axes
 from humanmm.models.perception.lifting.keypoints import COCO, PLACED, read_keypoints
+from humanmm.models.perception.lifting.network import LifterNetwork
 from humanmm.models.perception.lifting.reading import Reading, load_lifter, read_in_pieces, with_sides_put_right
 from humanmm.models.records.landmarks import BEYOND, COCO_LANDMARKS, HIPS, NUM_LANDMARKS, with_sides_swapped
 from humanmm.models.records.tracks import PoseEstimates
@@ -26,18 +27,18 @@ POSE_NETWORK, LIFTER, KEYPOINT_LIFTER = 0.15, 0.45, 0.4
 say that the lifters do not know better, on real ones it has."""
 
 
-def lift(frames: PersonFrames, K: Float[Array, "3 3"]) -> Lifted:
-    """Landmarks and joint rotations of one person, by the shipped networks (a `Lifter`).
+def lift(frames: PersonFrames, K: Float[Array, "3 3"], *, network: LifterNetwork | None = None) -> Lifted:
+    """Landmarks and joint rotations of one person, by the shipped networks, or another lifter's (a `Lifter`).
 
     Landmarks are a mean of what all three say; of fingers, toes and face, which the keypoint lifter does not see, they
     move as its wrists, ankles and nose do. Rotations of joints are halfway between the lifters', the root's is the
     lifter's. Where the lifter holds left and right for swapped both look at them put right.
     """
-    network = load_lifter("lifter.safetensors")
+    lifter = network or load_lifter("lifter.safetensors")
 
     def read(are_swapped: Bool[Array, " n"]) -> Reading:
         named = frames.with_sides_swapped(are_swapped)
-        return read_in_pieces(network, frames.time_s, lambda rows: lifter_input(named.chosen(rows), K))
+        return read_in_pieces(lifter, frames.time_s, lambda rows: lifter_input(named.chosen(rows), K))
 
     found = with_sides_put_right(read, len(frames.time_s))
     keypoints = _from_keypoints(frames, found.pose.swap_odds > 0, K)

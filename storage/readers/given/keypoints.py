@@ -10,7 +10,7 @@
 The number of keypoints determines the set: 17, 26 (Halpe), 133 (whole body) and 136 (Halpe whole body) begin with
 COCO's 17; 18 are OpenPose's COCO model; 25 are BODY_25, or BODY_25B where the middle of neck and hips lies elsewhere.
 Frames count from 0; where the first is 1 and the last one the number of frames, from 1. Pixels are those that OpenCV
-reads: stored ones, upright, the first with its centre at (0, 0), and half a pixel is added to be in ours. Where they are
+reads: stored ones, upright, the first with its centre at (0, 0); half a pixel is added to be in ours. Where they are
 not square, keypoints are brought into the square ones of all stages.
 """
 
@@ -46,7 +46,7 @@ LEAST_PX = 2.0
 """Larger side of a person's box below which his keypoints are one place, and show nobody."""
 OPENCV_CENTRE = 0.5
 """Pixels from OpenCV's coordinates to ours, which have the centre of the first pixel at (0.5, 0.5): pose networks of
-COCO's kind number pixels. OpenPose adds so much itself, and other writers of its layout do not: half a pixel is open."""
+COCO's kind number pixels. OpenPose adds so much itself, other writers of its layout do not: half a pixel is open."""
 OUTSIDE, MARGIN = 0.2, 0.1
 """Share of keypoints that may lie further outside the picture than this fraction of its sides."""
 

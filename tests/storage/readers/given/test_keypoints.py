@@ -158,7 +158,7 @@ def test_real_openpose_keypoints_of_body_25b_are_known_by_where_neck_and_hips_ar
         (tmp_path / f"cam01_{f:012d}_keypoints.json").write_text(json.dumps({"version": 1.3, "people": people}))
     found = read_keypoints(GivenFile.model_validate(tmp_path), 100, PictureSizes((720, 1280), (720, 1280)))
     assert found.keypoints.shape == (100, 17, 3)
-    expected = np.nan_to_num(truth["openpose2d"][:, 16]) + [0.5, 0.5, 0.0]
+    expected = np.nan_to_num(truth["openpose2d"][:, 16]) + np.array([0.5, 0.5, 0.0])
     np.testing.assert_allclose(found.keypoints[:, 16], expected, rtol=1e-6)
 
 
