@@ -1,7 +1,6 @@
 """Stage `people`: keypoints, 3D landmarks, masks and tracks of everybody in one scene."""
 
 from functools import lru_cache, partial
-from typing import TYPE_CHECKING
 
 from humanmm.config import GivenFile, LiftingConfig
 from humanmm.errors import InputError
@@ -17,9 +16,6 @@ from humanmm.storage.readers.given.bodies import read_bodies
 from humanmm.storage.readers.given.keypoints import read_keypoints
 from humanmm.storage.readers.given.regions import read_detections, read_masks
 from humanmm.tasks.inputs import StageInputs
-
-if TYPE_CHECKING:
-    from humanmm.models.perception.lifting.network import LifterNetwork
 
 
 def people(inputs: StageInputs) -> ScenePeople:
@@ -57,16 +53,19 @@ def people(inputs: StageInputs) -> ScenePeople:
 
 def lifter_of(settings: LiftingConfig) -> Lifter:
     """The lifter that the settings name, with the network that they give."""
+    if settings.weights is not None:
+        return _transformer_with(settings.weights)
     lifter: Lifter = load("lifting.method", settings.method)
-    return lifter if settings.weights is None else partial(lifter, network=_network_in(settings.weights))
+    return lifter
 
 
 @lru_cache(maxsize=1)
-def _network_in(given: GivenFile) -> "LifterNetwork":
-    from humanmm.models.perception.lifting.network import LifterNetwork  # only now: torch takes two seconds to import
+def _transformer_with(weights: GivenFile) -> Lifter:
+    from humanmm.models.perception.lifting.lift import lift  # only now: torch takes two seconds to import
+    from humanmm.models.perception.lifting.network import LifterNetwork
     from humanmm.storage.training.networks import network_of
 
-    contents = list(given.read().values())
+    contents = list(weights.read().values())
     if len(contents) != 1:
-        raise InputError(f"{given.path} is a folder; expected the file that `humanmm train lifter` wrote")
-    return network_of(contents[0], given.path, LifterNetwork.shaped_as)
+        raise InputError(f"{weights.path} is a folder; expected the file that `humanmm train lifter` wrote")
+    return partial(lift, network=network_of(contents[0], weights.path, LifterNetwork.shaped_as))

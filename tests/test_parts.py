@@ -83,7 +83,7 @@ def test_the_lifter_is_part_of_the_key_where_there_are_2d_keypoints_alone() -> N
     sample = PLUGIN.parent / "aist"
     (of_keypoints, *_), _ = aist_set(sample, "tiny")
     recipe = recipes_of(of_keypoints, Config(), ("humanmm",)).motions
-    assert recipe.settings["lifting"] == {"method": "transformer", "keypoints": "transformer"}
+    assert recipe.settings["lifting"] == {"method": "transformer", "weights": None, "keypoints": "transformer"}
     assert (
         "humanmm.models.perception.lifting.keypoints" in recipe.modules
         and "keypoint_lifter.safetensors" in recipe.weights
