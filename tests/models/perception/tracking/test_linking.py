@@ -102,3 +102,15 @@ def test_who_comes_in_after_somebody_in_the_same_colours_but_other_parts_is_anot
     stranger = in_parts(track(range(85, 110), 300, RED), other)
     assert spans(joined([first, second])) == [(0, 109)]  # behind something for two seconds
     assert len(joined([in_parts(track(range(0, 30), 300, RED), one), stranger])) == 2
+
+
+def test_whoever_is_found_anew_takes_back_what_a_track_showed_of_him_before_it_went_on_to_another() -> None:
+    alike = 0.6 * RED + 0.4 * BLUE  # no change of clothes by itself
+    went_on = track(range(0, 90), 300, RED)
+    for frame in range(30, 90, 5):
+        went_on.colours[frame] = alike
+    assert spans(untangled([went_on])) == [(0, 89)]  # there is nobody else
+    assert spans(untangled([went_on, track(range(40, 90), 600, RED)])) == [(0, 89), (40, 89)]  # not beside him
+    assert spans(joined(untangled([went_on, track(range(40, 90), 330, RED)]))) == [(0, 89), (30, 89)]
+    both_red = [track(range(0, 90), 300, RED), track(range(40, 90), 330, RED)]
+    assert spans(joined(untangled(both_red))) == [(0, 89), (40, 89)]
