@@ -125,7 +125,7 @@ class WorldEquations:
         if coefficients.shape[1] == _REACH + 1:
             self.next_two[at] += coefficients[:, 0] * coefficients[:, 2]
 
-    def add_still(
+    def add_moves(
         self,
         segment: int,
         whiten: Float[Array, "n k 3 3"],

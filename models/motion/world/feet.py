@@ -46,7 +46,7 @@ def add_feet(
     moved, swing = np.diff(pair, axis=0), np.diff(rotated, axis=0)
     by_shared = np.zeros((*swing.shape, SHARED_UNKNOWNS))
     by_shared[..., 3:6] = -skew(swing)
-    equations.add_still(index, weight[..., None, None] * whiten[:, None], moved, by_shared)
+    equations.add_moves(index, weight[..., None, None] * whiten[:, None], moved, by_shared)
     if not floor:
         return
     below = pair[..., 2] < 0

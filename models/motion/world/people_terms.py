@@ -55,7 +55,7 @@ def equations_of_people(
         time_s = np.concatenate([trajectories[k].time_s for k in own])
         pelvis = np.concatenate([state.pelvis[k] for k in own])
         hole_s = max(trajectories[k].hole_s for k in own)
-        _add_inertia(equations, pelvis, time_s, segments[own[0]].start, settings, hole_s=hole_s)
+        _add_inertia(equations, pelvis, time_s, segments[own[0]].start, settings, hole_s=hole_s, robust=robust)
     known = {trajectory.person for trajectory in trajectories if trajectory.size_known}
     _add_sizes(equations, state, [person in known for person in people], settings)
     return equations
@@ -71,7 +71,8 @@ def _add_observations(
     *,
     robust: bool,
 ) -> None:
-    """The person is where the picture shows, loosely along the line of sight."""
+    """The person is where the picture shows, loosely along the line of sight; from frame to frame he goes across it as
+    the picture shows, which errors that change slowly leave nearly exact."""
     T = state.rotation[trajectory.shot]
     path = rig.path[trajectory.frame - rig.start] @ T.T
     offset = trajectory.offset @ T.T
@@ -79,20 +80,30 @@ def _add_observations(
     error = state.pelvis[index] - state.origin[trajectory.shot] - arm
     distance = np.linalg.norm(offset, axis=1)
     sight = (offset / distance[:, None])[:, :, None]
-    outer = sight @ sight.transpose(0, 2, 1)
+    along = sight @ sight.transpose(0, 2, 1)
+    across = np.eye(3) - along
     correlated = max(1.0, settings.correlation_s / trajectory.step_s)
-    trust = np.sqrt(np.maximum(trajectory.weight, LEAST_WEIGHT) / correlated)[:, None, None]
-    along = settings.depth_fraction * distance[:, None, None]
-    whiten = trust * ((np.eye(3) - outer) / settings.across_m + outer / along)
-    residual = np.einsum("nab,nb->na", whiten, error)
-    if robust:
-        size = np.linalg.norm(residual, axis=1) * np.sqrt(correlated)
-        factor = np.sqrt(huber_weight(size, HUBER))[:, None]
-        residual, whiten = residual * factor, whiten * factor[..., None]
+    weight = np.maximum(trajectory.weight, LEAST_WEIGHT)
+    along_m = settings.depth_fraction * distance[:, None, None]
+    whiten = np.sqrt(weight / correlated)[:, None, None] * (across / settings.across_m + along / along_m)
     ahead = trajectory.ahead @ T.T
     deeper = np.sum(offset * ahead, axis=1, keepdims=True) * ahead
-    by_shared = [-whiten, whiten @ skew(arm), *(-whiten @ one[..., None] for one in (path, offset, deeper))]
-    equations.add_positions(index, residual, whiten, np.concatenate(by_shared, axis=-1))
+    identity = np.broadcast_to(np.eye(3), along.shape)
+    by_shared = np.concatenate([-identity, skew(arm), *(-one[..., None] for one in (path, offset, deeper))], axis=-1)
+    if robust:
+        size = np.linalg.norm(np.einsum("nab,nb->na", whiten, error), axis=1) * np.sqrt(correlated)
+        whiten = whiten * _huber_root(size)[:, None, None]
+    equations.add_positions(index, np.einsum("nab,nb->na", whiten, error), whiten, whiten @ by_shared)
+
+    if len(error) < 2:
+        return
+    step_s, moved = np.diff(trajectory.time_s), np.diff(error, axis=0)
+    seen = np.sqrt(np.minimum(weight[1:], weight[:-1])) * (step_s < trajectory.hole_s)
+    whiten = (seen / (settings.across_step_m * np.sqrt(step_s / DENSE_S)))[:, None, None] * across[:-1]
+    if robust:
+        size = np.linalg.norm(np.einsum("nab,nb->na", whiten, moved), axis=1) * np.sqrt(np.maximum(1, DENSE_S / step_s))
+        whiten = whiten * _huber_root(size)[:, None, None]
+    equations.add_moves(index, whiten[:, None], moved[:, None], np.diff(by_shared, axis=0)[:, None])
 
 
 def _add_sizes(equations: WorldEquations, state: WorldState, known: Sequence[bool], settings: SolveSettings) -> None:
@@ -119,8 +130,9 @@ def _add_inertia(
     settings: SolveSettings,
     *,
     hole_s: float,
+    robust: bool,
 ) -> None:
-    """Velocity changes slowly, across cuts as well; over a hole it may have changed more."""
+    """Velocity changes slowly, across cuts as well; over a hole, and where somebody jumps, it may have changed more."""
     if len(pelvis) < 2:
         return
     step = np.diff(time_s)
@@ -137,4 +149,13 @@ def _add_inertia(
     sigma = settings.acceleration_ms2 * np.sqrt(middle * counted) / np.sqrt(1 + counted / ACCELERATION_S)
     after, before = 1 / (step[1:] * sigma), 1 / (step[:-1] * sigma)
     coefficients = np.stack([before, -(after + before), after], axis=1)
-    equations.add_chain(first + np.arange(len(coefficients)), coefficients, np.diff(velocity, axis=0) / sigma[:, None])
+    residual = np.diff(velocity, axis=0) / sigma[:, None]
+    if robust:
+        trust = _huber_root(np.linalg.norm(residual, axis=1) * np.sqrt(counted / middle))[:, None]
+        residual, coefficients = residual * trust, coefficients * trust
+    equations.add_chain(first + np.arange(len(coefficients)), coefficients, residual)
+
+
+def _huber_root(size: Float[Array, " n"]) -> Float[Array, " n"]:
+    """What residuals of this size, in standard deviations, are multiplied by so that large ones count linearly."""
+    return np.asarray(np.sqrt(huber_weight(size, HUBER)))

@@ -42,7 +42,7 @@ def test_the_step_is_the_one_that_a_dense_solve_finds() -> None:
             at = 3 * (segment.start + k)
             note(residual[k], {at: by_position[k], **shared_by(segment, by_shared[k])})
         whiten, moved, by_shared = (rng.normal(size=(n - 1, 2, *s)) for s in ((3, 3), (3,), (3, SHARED_UNKNOWNS)))
-        equations.add_still(number, whiten, moved, by_shared)
+        equations.add_moves(number, whiten, moved, by_shared)
         for k, foot in np.ndindex(moved.shape[:2]):
             W, at = whiten[k, foot], 3 * (segment.start + k)
             note(W @ moved[k, foot], {at: -W, at + 3: W, **shared_by(segment, W @ by_shared[k, foot])})

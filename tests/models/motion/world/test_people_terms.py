@@ -73,11 +73,11 @@ def test_who_walks_at_an_angle_tells_a_wrong_focal_length(factor: float) -> None
     assert solve(trajectories, rigs, [EDGE]).focal == pytest.approx(1.0, abs=1e-6)
 
 
-def jumps_aside(rate_hz: int) -> tuple[np.ndarray, ShotTrajectory]:
-    """Somebody who jumps 0.35 m high and 0.8 m aside every 1.5 s with stiff legs, and what a static camera sees."""
+def jumps(rate_hz: int, *, aside_m: float) -> tuple[np.ndarray, ShotTrajectory]:
+    """Somebody who jumps 0.35 m high and so far aside every 1.5 s with stiff legs, and what a static camera sees."""
     time_s = np.arange(6 * rate_hz) / rate_hz
     flight = np.clip((time_s % 1.5 - 0.5) / (2 * np.sqrt(2 * 0.35 / 9.81)), 0, 1)
-    aside, height = 0.8 * (time_s // 1.5 + flight), 4 * 0.35 * flight * (1 - flight)
+    aside, height = aside_m * (time_s // 1.5 + flight), 4 * 0.35 * flight * (1 - flight)
     pelvis = np.stack([aside, np.full_like(time_s, 5.0), 0.92 + height], axis=1)
     soles = np.array([(x, y, -0.92) for x in (0.1, -0.1) for y in (-0.05, 0.15)])
     n, camera = len(time_s), np.array([0.0, 0.0, 1.5])
@@ -88,7 +88,7 @@ def jumps_aside(rate_hz: int) -> tuple[np.ndarray, ShotTrajectory]:
 def test_the_same_motion_has_the_same_path_however_many_frames_show_it() -> None:
     at_s, paths = np.arange(0.3, 5.7, 0.1), []
     for rate_hz in (30, 50, 60, 120):
-        time_s, trajectory = jumps_aside(rate_hz)
+        time_s, trajectory = jumps(rate_hz, aside_m=0.8)
         rig = ShotRig(np.zeros((len(time_s), 3)), 0, 1.0, scale_known=True, level_deg=1.0)
         found = solve([trajectory], [rig], []).pelvis[0]
         paths.append(np.stack([np.interp(at_s, time_s, axis) for axis in found.T], axis=1))
@@ -96,3 +96,11 @@ def test_the_same_motion_has_the_same_path_however_many_frames_show_it() -> None
         assert np.abs(np.ptp(path, axis=0) / np.ptp(paths[0], axis=0) - 1)[[0, 2]].max() < 0.03
         moved = path - paths[0]
         assert np.linalg.norm(moved - moved.mean(axis=0), axis=1).max() < 0.005
+
+
+@pytest.mark.parametrize("aside_m", [0.0, 0.8])
+def test_who_jumps_rises_as_high_as_the_pictures_show(aside_m: float) -> None:
+    time_s, trajectory = jumps(30, aside_m=aside_m)
+    rig = ShotRig(np.zeros((len(time_s), 3)), 0, 1.0, scale_known=True, level_deg=1.0)
+    found = solve([trajectory], [rig], []).pelvis[0]
+    assert np.ptp(found[:, 2] - trajectory.offset[:, 2]) < 0.05
