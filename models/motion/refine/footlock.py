@@ -35,6 +35,9 @@ class LockSettings:
     """Time in which a correction fades out before and after a contact."""
     farthest_m: float = 0.12
     """A contact that would move the ankle further than this is not believed."""
+    rolled_m: float = 0.05
+    """A foot that is held so far from where it is at the end of a phase has left for another place meanwhile: it does
+    not roll on."""
     most_rotated: float = 0.6
     """A foot that rotates by more than this (radians) does not stand flat."""
     most_raised: float = 0.8
@@ -139,12 +142,15 @@ def ankle_targets(
     toe = leg.ankle + np.einsum("nab,nb->na", R_foot, ball)
     offset, certain = np.zeros_like(leg.ankle), np.zeros(len(leg.ankle), bool)
     previous: tuple[int, Array] | None = None
+    moved_on: list[int] = []
     for start, end, by_ankle in _phases(holds):
         position = leg.ankle if by_ankle else toe
         height = sole_height[0 if by_ankle else 1]
         anchor = _anchor(position[start:end], height, settings)
         handed_over = np.zeros(3)
-        if previous is not None and previous[0] == start:
+        if previous is not None and previous[0] == start and np.linalg.norm(previous[1][:2]) > settings.rolled_m:
+            moved_on.append(start)
+        elif previous is not None and previous[0] == start:
             # The foot rolls from heel to ball (or back) within one contact: the new pivot is where the old one left it,
             # and comes to its own height in the time of a fade.
             carried = position[start] + previous[1]
@@ -157,6 +163,7 @@ def ankle_targets(
             continue
         offset[start:end], certain[start:end] = correction, True
         previous = (end, correction[-1])
+    certain[moved_on] = False
     certain = _apart(offset, certain, time_s, settings.farthest_m / settings.fade_s)
     return leg.ankle + _faded(offset, certain, time_s, settings.fade_s), R_foot
 

@@ -146,6 +146,18 @@ def test_a_heel_that_was_held_too_long_does_not_snap_up_when_the_ball_takes_over
     assert np.linalg.norm(np.diff(target, axis=0), axis=1).max() < 0.015
 
 
+def test_a_foot_that_left_for_another_place_within_a_contact_stands_there() -> None:
+    leg = make_leg(np.stack([0 * TIME, 0 * TIME, np.full(N, 0.87)], axis=1), np.full(N, 0.25))
+    step = 0.09 * np.clip((TIME - 0.8) / 0.2, 0, 1)[:, None] * [1.0, 0.0, 0.0]  # while the contact goes on
+    leg = replace(leg, hip=leg.hip + step, knee=leg.knee + step, ankle=leg.ankle + step, toe=leg.toe + step)
+    contacts = np.ones((N, 2))
+    contacts[29:31, 0] = 0.0
+    target, _ = ankle_targets(leg, contacts, SOLE, time_s=TIME)
+    assert np.abs(target[:20, 0] - leg.ankle[0, 0]).max() < 0.005
+    assert np.abs(target[40:, 0] - leg.ankle[-1, 0]).max() < 0.01
+    assert np.linalg.norm(np.diff(target, axis=0), axis=1).max() < 0.05
+
+
 def test_a_contact_that_is_far_off_is_not_believed() -> None:
     leg = make_leg(np.stack([1.0 * TIME, 0 * TIME, np.full(N, 0.87)], axis=1), np.full(N, 0.25))
     after = locked(leg, np.ones((N, 2)))
