@@ -3,7 +3,8 @@
 The rotations are known up to a few degrees (from the cuts), each person's position in front of the camera up to its
 depth, and the path of a moving camera up to its scale. What ties them together:
 
-- the person is where the picture shows: tightly across the line of sight, loosely along it;
+- the person is where the picture shows: tightly across the line of sight, above all from frame to frame, loosely along
+  it;
 - everybody has one size, which all his distances go by and which his picture hardly tells;
 - all distances go by one focal length: what moves away from the camera and what moves across it must fit;
 - a planted foot does not move, and one that bears the body is on the floor, z = 0; along the line of sight fitted legs
