@@ -1,14 +1,16 @@
 """Everybody in one scene where another program found him: our pose network looks at the people in given boxes or masks.
 
 Nobody else is looked for. Whoever has a number keeps it; boxes without numbers are one person's where they overlap from
-picture to picture. A given mask takes the place of the pose network's own.
+picture to picture. Whoever is in front of somebody is painted out, for two in one crop look like one body: the given
+masks say where he is, else what was seen of him. A given mask takes the place of the pose network's own.
 """
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, UInt8
 from scipy.optimize import linear_sum_assignment
 
 from humanmm.models.geometry.boxes import box_iou
@@ -18,6 +20,8 @@ from humanmm.models.perception.observation import Observation, observe
 from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.regions import HEIGHT_OF_SIDE, Region, warp
 from humanmm.models.perception.tracking.overlooked import crowded_out, followed
+from humanmm.models.perception.tracking.painting import GRAY, covered_fraction, without
+from humanmm.models.perception.tracking.search import MAX_COVERED, same_person
 from humanmm.models.perception.tracking.track_builder import TrackBuilder, largest_first, shortest_track_s
 from humanmm.models.perception.tracking.tracker import in_source_pixels
 from humanmm.models.records.tracks import MASK_SIDE, ScenePeople
@@ -31,6 +35,8 @@ SAME_BOX = 0.3
 """Overlap of boxes from which they are one person's in successive pictures."""
 SAME_BODY = 0.2
 """Overlap with the given box below which the pose network looked at somebody else."""
+IN_THE_WAY = 0.1
+"""Overlap of boxes from which one person may hide another."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,12 +85,14 @@ def track_regions(
     scale = np.ones(2)
     for frame, image in pictures:
         scale = np.array(size) / image.size
-        for row in rows[given.frame[rows] == frame]:
+        here = _Frame(frame, image, given, rows[given.frame[rows] == frame], scale)
+        for row in here.nearest_first():
             person = int(owner[row - rows[0]])
-            if person in kept:
-                _look(builders, person, frame, image, given, int(row), networks, scale, time_s)
-                if person in builders and frame in builders[person].rows:
-                    builders[person].look_at_hands(frame, image, hands_due)
+            seen = _look(here, row, builders.get(person), networks) if person in kept else None
+            if seen is not None:
+                _add(builders, person, frame, image, seen, time_s)
+                builders[person].detector_scores[frame] = float(given.score[row])
+                builders[person].look_at_hands(frame, image, hands_due)
     shortest_s = shortest_track_s(time_s, span)
     tracks = largest_first(one.finished() for one in builders.values() if one.seen_s >= shortest_s)
     others = tuple(
@@ -95,32 +103,61 @@ def track_regions(
     return in_source_pixels(ScenePeople(start, end, tracks, given.warnings, others), scale)
 
 
-def _look(
-    builders: dict[int, TrackBuilder],
-    person: int,
-    frame: int,
-    image: Picture,
-    given: GivenRegions,
-    row: int,
-    networks: Networks,
-    scale: Float[Array, " 2"],
-    time_s: Float[Array, " F"],
-) -> None:
-    """See the person in one box, where the pose network sees one there, and add him to his track."""
-    box = given.box[row] / np.concatenate([scale, scale])
-    known = builders.get(person)
-    regions = [_region(box)] if known is None else [known.predicted(frame), _region(box)]
-    for region in regions:
-        output = networks.locate(image, region)
-        if output.next_region.outlier_of(region, shift=0.12, ratio=1.3):
-            output = networks.locate(image, output.next_region)
-        if given.labels is not None:
-            output = _with_mask(output, given.labels(frame), int(given.person[row]), image)
-        seen = observe(output, image.size)
-        if seen is not None and box_iou(seen.bbox, box) >= SAME_BODY:
-            _add(builders, person, frame, image, seen, time_s)
-            builders[person].detector_scores[frame] = float(given.score[row])
-            return
+class _Frame:
+    """One picture, the boxes given in it, and who was seen in them so far."""
+
+    def __init__(
+        self, frame: int, image: Picture, given: GivenRegions, rows: Int[Array, " n"], scale: Float[Array, " 2"]
+    ) -> None:
+        self.frame, self.image = frame, image
+        self.boxes = dict(zip(rows.tolist(), given.box[rows] / np.tile(scale, 2), strict=True))
+        self.labels = None if given.labels is None or not len(rows) else given.labels(frame)
+        self.number = dict(zip(rows.tolist(), given.person[rows].tolist(), strict=True))
+        self.seen: list[Observation] = []
+
+    def nearest_first(self) -> list[int]:
+        """The rows: lowest in the picture first, the others may be hidden behind them."""
+        return sorted(self.boxes, key=lambda row: -float(self.boxes[row][3]))
+
+    def without_others(self, row: int, known: TrackBuilder | None) -> tuple[Picture, UInt8[Array, "h w"]] | None:
+        """A picture without those who may hide somebody, and 1 where it is painted; None where nobody does."""
+        if self.labels is not None:
+            others = ((self.labels > 0) & (self.labels != self.number[row])).astype(np.uint8)
+            if not others.any():
+                return None
+            canvas, painted = self.image.copy(), cv2.resize(others, self.image.size, interpolation=cv2.INTER_NEAREST)
+            canvas.paint(0, 0, painted, GRAY)
+            return canvas, painted
+        hiding = [other for other in self.seen if box_iou(self.boxes[row], other.bbox) > IN_THE_WAY]
+        spared = None if known is None else known.predicted_keypoints(self.frame)
+        return without(self.image, hiding, spared=spared) if hiding else None
+
+    def is_of(self, row: int, seen: Observation) -> bool:
+        """True where somebody seen is whoever a given box is about: no other box fits better, and he is nobody who was
+        seen in one."""
+        overlap = {other: float(box_iou(seen.bbox, box)) for other, box in self.boxes.items()}
+        best = overlap[row] >= max(SAME_BODY, *overlap.values())
+        return best and not any(same_person(seen, other) for other in self.seen)
+
+
+def _look(here: _Frame, row: int, known: TrackBuilder | None, networks: Networks) -> Observation | None:
+    """Who is in one box, if the pose network sees him there: where his track has him, or all over the box."""
+    regions = [_region(here.boxes[row])] if known is None else [known.predicted(here.frame), _region(here.boxes[row])]
+    clear = here.without_others(row, known)
+    for image, painted in ([] if clear is None else [clear]) + [(here.image, None)]:
+        for region in regions:
+            output = networks.locate(image, region)
+            if output.next_region.outlier_of(region, shift=0.12, ratio=1.3):
+                output = networks.locate(image, output.next_region)
+            if here.labels is not None:
+                output = _with_mask(output, here.labels, here.number[row], image)
+            seen = observe(output, image.size)
+            if seen is None or not here.is_of(row, seen):
+                continue
+            if painted is None or covered_fraction(painted, seen) <= MAX_COVERED:
+                here.seen.append(seen)
+                return seen
+    return None
 
 
 def _add(

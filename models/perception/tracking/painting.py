@@ -34,7 +34,8 @@ BONES = (
 """Of the landmarks that COCO names as well."""
 DRAWN = 0.1
 """Visibility, or score, of both ends from which a bone counts."""
-_PAINT = 127
+GRAY = 127
+"""Of the paint, as networks see it."""
 
 
 def detected_keypoints(detection: Detection) -> Float[np.ndarray, "33 3"] | None:
@@ -67,7 +68,7 @@ def paint_out(
     matrix = region.to_source(MASK_SIDE)
     matrix[:, 2] += matrix[:, :2] @ np.array([0.5, 0.5]) - 0.5 - low
     covered = cv2.warpAffine(grown, matrix, (int(high[0] - low[0]), int(high[1] - low[1])), flags=cv2.INTER_NEAREST)
-    canvas.paint(int(low[0]), int(low[1]), covered, _PAINT)
+    canvas.paint(int(low[0]), int(low[1]), covered, GRAY)
     marked = painted[low[1] : high[1], low[0] : high[0]]
     np.maximum(marked, covered, out=marked)
 

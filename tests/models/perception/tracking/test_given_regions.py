@@ -6,10 +6,13 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
+import pytest
 from quick_networks import QUICK
 
 from humanmm.models.geometry.boxes import box_iou
+from humanmm.models.perception.interfaces import Landmarks, Networks, PoseNetwork
 from humanmm.models.perception.picture import Picture
+from humanmm.models.perception.regions import Region
 from humanmm.models.perception.tracking.given_regions import GivenRegions, _owners, track_regions
 from humanmm.models.records import landmarks
 from humanmm.models.records.tracks import ScenePeople
@@ -105,6 +108,64 @@ def test_a_given_mask_takes_the_place_of_the_networks_own() -> None:
     pixels = pixels @ track.mask_affine[3, :, :2].T + track.mask_affine[3, :, 2]
     found = np.concatenate([pixels.min(axis=0), pixels.max(axis=0)])
     assert box_iou(found, boxes()[3]) > 0.9, "the whole box is the mask"
+
+
+BOTH = np.array([[40.0, 30, 110, 190], [82.0, 20, 152, 180]])
+"""Boxes of two people; the first stands before the second."""
+
+
+def _standing(box: np.ndarray) -> np.ndarray:
+    """(33, 3) keypoints of somebody upright who fills a box, all seen."""
+    middle, height = box[[0, 2]].mean(), box[3] - box[1]
+    keypoints = np.column_stack([np.full(33, middle), np.full(33, box[1] + 0.1 * height), np.ones(33)])
+    for name, y, width in (
+        ("shoulder", 0.2, 15), ("elbow", 0.35, 35), ("wrist", 0.5, 35), ("hip", 0.5, 12), ("knee", 0.75, 12),
+        ("ankle", 1.0, 12),
+    ):  # fmt: skip
+        for side, sign in (("left", 1), ("right", -1)):
+            keypoints[landmarks.INDEX[f"{side}_{name}"], :2] = middle + sign * width, box[1] + y * height
+    return keypoints
+
+
+def _sees_the_front_one(image: Picture, region: Region, *, mirrored: bool = False) -> Landmarks:
+    """Of the two, the first as long as he is not painted out in the middle of his chest."""
+    box = BOTH[int(image.planes[0][80, 60] > 20)]
+    there = Region(float(box[[0, 2]].mean()), float(box[[1, 3]].mean()), 250.0)
+    columns, rows = np.meshgrid(*[(np.arange(128) + 0.5) / 128 * there.side - there.side / 2] * 2)
+    own = (abs(columns) < 0.42 * (box[2] - box[0])) & (abs(rows) < (box[3] - box[1]) / 2)
+    points = _standing(box)
+    in_space = np.column_stack([points[:, :2] - (there.x, there.y), np.zeros(33)]) / 100
+    return Landmarks(points, in_space, 1.0, own.astype(np.uint8) * 255, there, there)
+
+
+@pytest.mark.parametrize("masks", [False, True])
+def test_whoever_is_in_front_is_not_taken_for_the_one_behind_him(masks: bool) -> None:
+    def black() -> list[tuple[int, Picture]]:
+        chroma = np.full((100, 100), 128, np.uint8)
+        return [(k, Picture((np.full((200, 200), 16, np.uint8), chroma, chroma))) for k in range(3)]
+
+    def labels(frame: int) -> np.ndarray:
+        picture = np.zeros((200, 200), np.int32)
+        picture[20:180, 82:152] = 2
+        picture[30:190, 40:110] = 1
+        return picture
+
+    given = GivenRegions(
+        np.repeat(np.arange(3), 2), np.tile([2, 1], 3), np.tile(BOTH[::-1], (3, 1)), np.ones(6),
+        labels if masks else None,
+    )  # fmt: skip
+
+    def middles(locate: PoseNetwork) -> list[list[float]]:
+        """Of the people found, frame by frame."""
+        found = track_regions(
+            black(), given, span=(0, 3), time_s=np.arange(3) / 10, size=(200, 200), max_people=3,
+            networks=Networks(QUICK.detect, locate),
+        )  # fmt: skip
+        return sorted(one.keypoints2d[:, landmarks.INDEX["nose"], 0].tolist() for one in found.tracks)
+
+    assert middles(_sees_the_front_one) == [[75.0] * 3, [117.0] * 3]
+    deceived = middles(lambda image, region, mirrored=False: _sees_the_front_one(black()[0][1], region))
+    assert deceived == [[75.0] * 3]
 
 
 def test_boxes_without_numbers_are_linked_by_overlap_until_a_second_has_passed() -> None:
