@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import Protocol
 
 from humanmm.models.camera.estimate import camera_from_points
-from humanmm.models.camera.given import given_camera
+from humanmm.models.camera.given import checked, given_camera
 from humanmm.models.camera.shot_points import points_of_shot
 from humanmm.models.records.camera import Intrinsics, PointTracks, ShotCamera
 from humanmm.models.records.shots import Shot
@@ -45,12 +45,13 @@ def estimate_camera(
 ) -> ShotCamera:
     """Camera of every frame of a shot, in the axes of its first camera, from the points and people of its scene.
 
-    `static`: the user says that the camera is static. Where he gives the cameras themselves, nothing is estimated.
+    `static`: the user says that the camera is static. Where he gives the cameras themselves, nothing is estimated,
+    but they are held against the points.
     """
     intrinsics = intrinsics.of_shot(shot.start, shot.end)
     given = given_camera(shot, intrinsics)
     if given is not None and not static:
-        return given
+        return checked(given, shot, intrinsics, points_of_shot(points, shot), people.tracks)
     camera = estimator(points_of_shot(points, shot), people.tracks, intrinsics, static=static, progress=progress)
     if intrinsics.cameras is None or static:
         return camera

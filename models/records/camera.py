@@ -185,7 +185,8 @@ class ShotCamera:
     source: CameraSource
     metric: bool
     reprojection_px: float
-    """Median reprojection error of the background points, pixels; nan if there are none."""
+    """Median reprojection error of the background points, pixels; of given cameras how far the points lie beside where
+    these have them from one key frame to the next. nan if there are none."""
     cross_check: CrossCheck = CrossCheck()
     warnings: tuple[str, ...] = ()
     scenery: Scenery | None = None

@@ -136,6 +136,10 @@ DISPUTED = 2.0
 estimate's standard deviations: of 57 rendered development clips 55 stay within 0.8, and the two others, at 3.4, had
 their focal length, known to 10 %, made wrong by 33 and 44 %."""
 
+UNKNOWN_SCALE = 3.0
+"""Standard deviation of the logarithm of a path's scale from which it is not known at all (a factor of 20): the solve
+is linear in scales, and of one that it makes nearly 0 it gives any number."""
+
 FOCAL_TRUST, MOST_FOCAL_STD = 0.5, 0.1
 """What feet and paths say of the focal length is held against its estimate, whose standard deviation counts by so much
 and no more. Where there is no estimate they make it too short: an assumed focal length stays
@@ -262,7 +266,8 @@ def _focal_std(intrinsics: Intrinsics) -> float:
 def _path_scale(shot: int, solution: Solution, index: int, *, seen: bool) -> PathScale:
     if not seen:
         return PathScale(shot, "assumed", float("nan"))
-    return PathScale(shot, "floor" if solution.from_floor[index] else "feet", float(solution.log_scale_std[index]))
+    uncertainty = min(float(solution.log_scale_std[index]), UNKNOWN_SCALE)
+    return PathScale(shot, "floor" if solution.from_floor[index] else "feet", uncertainty)
 
 
 def _trajectory(

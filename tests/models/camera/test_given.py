@@ -72,3 +72,25 @@ def test_a_given_focal_length_is_every_shots_unless_the_user_says_another(scene_
     np.testing.assert_allclose(zooming.K[:, 1, 1], cameras.focal_px[20:50])
     fixed = given_camera(SHOT, found(focal_px=800.0))
     assert fixed is not None and not fixed.zooms and fixed.K[0, 0, 0] == 800
+
+
+def test_given_cameras_that_do_not_fit_the_background_are_not_believed_silently(scene_of: Callable[..., Any]) -> None:
+    for kind in ("orbit", "pan"):
+        scene = scene_of(kind, num_frames=N)
+        given = _cameras(scene)
+        inverse = GivenCameras(
+            given.frame, given.R_given_cam.transpose(0, 2, 1),
+            -np.einsum("nba,nb->na", given.R_given_cam, given.t_given_cam), given.focal_px,
+        )  # fmt: skip
+        stills = replace(given, R_given_cam=np.tile(WORLD, (N, 1, 1)), t_given_cam=np.zeros((N, 3)))
+        right, inverted, still = (
+            estimate_camera(
+                Shot(0, 0, N, 0, None, ()), scene.points, ScenePeople(0, N, ()), replace(scene.intrinsics, cameras=one)
+            )
+            for one in (given, inverse, stills)
+        )
+        assert right.source == "given" and right.warnings == () and right.reprojection_px < 1.0
+        (said,) = inverted.warnings
+        assert "their inverse 0." in said and "camera to world is expected" in said
+        (said,) = still.warnings
+        assert "are they of this video" in said and still.reprojection_px > 5 * right.reprojection_px

@@ -10,7 +10,7 @@ from three_shots import BETAS, results
 from walker import EDGE, scene
 
 from humanmm.models.motion.world import align as module
-from humanmm.models.motion.world.align import _at_origin, align
+from humanmm.models.motion.world.align import UNKNOWN_SCALE, _at_origin, _path_scale, align
 from humanmm.models.motion.world.solver import solve
 from humanmm.models.records.motion import ShotMotion
 from humanmm.models.records.shots import Appearance, Person
@@ -29,6 +29,14 @@ def test_the_world_begins_above_the_origin_and_looks_along_y() -> None:
     ("wanted", "factor", "dispute", "longer"),
     [(1.02, 1.02, 0.0, [1.0]), (1.15, 1.15, 0.0, [1.0, 1.15]), (1.4, 1.0, np.log(1.4), [1.0, 1.0])],
 )
+def test_the_scale_of_a_path_is_no_less_certain_than_unknown() -> None:
+    trajectories, rigs, _ = scene()
+    solution = solve(trajectories, rigs)
+    for std, said in ((0.2, 0.2), (2e6, UNKNOWN_SCALE), (np.inf, UNKNOWN_SCALE)):
+        unsure = replace(solution, log_scale_std=np.full(len(rigs), std))
+        assert _path_scale(0, unsure, 0, seen=True).relative_uncertainty == said
+
+
 def test_a_change_of_the_focal_length_far_from_its_estimate_is_told_and_not_believed(
     monkeypatch: pytest.MonkeyPatch, wanted: float, factor: float, dispute: float, longer: list[float]
 ) -> None:
