@@ -2,7 +2,9 @@
 
 Its rotations are put on body24 and shown to the later stages as if our networks had seen them: landmarks in the picture
 by its own camera, landmarks in space, joint rotations. So identities, joining and refinement work as always. SMPL's
-shape basis is not here: bodies are of average build, unless body24's own shape is given.
+shape basis is not here: bodies are of average build, unless their height or body24's own shape is given. How large they
+are in the picture is what the fit has of their distance: a body of another height than the system's own at the same
+place is later found nearer or farther.
 """
 
 from collections.abc import Sequence
@@ -14,6 +16,7 @@ from jaxtyping import Bool, Float, Int
 from humanmm.models.body.body24 import FREE_JOINTS, NUM_JOINTS, ROTATED_JOINTS, load_body
 from humanmm.models.body.kinematics import compose, local_rotations
 from humanmm.models.body.landmarks import load_landmarks
+from humanmm.models.body.proportions import resized
 from humanmm.models.geometry.projection import in_front, project, ray_axes, viewing_rays
 from humanmm.models.geometry.rotations import rotmat_to_rotvec
 from humanmm.models.perception.clothing import HISTOGRAM_BINS
@@ -57,10 +60,14 @@ def smpl_body(
     K: Float[Array, "n 3 3"],
     *,
     betas: Float[Array, " 10"] | None = None,
+    height_m: float | None = None,
 ) -> GivenBody:
-    """SMPL's rotations (axis-angle, the first j of its 23 joints) on body24; `betas` are body24's, if known."""
+    """SMPL's rotations (axis-angle, the first j of its 23 joints) on body24; `betas` are body24's, if known, else
+    `height_m` that of the system's own body as it stands in its rest pose."""
     body, model = load_body(), load_landmarks()
     shape = np.zeros(body.num_betas) if betas is None else betas
+    if betas is None and height_m is not None:
+        shape = resized(shape, body, height_m / body.standing_height(shape))
     pose = np.zeros((len(frame), NUM_JOINTS - 1, 3))
     given = body_pose[:, : NUM_JOINTS - 1]
     pose[:, : given.shape[1]] = given

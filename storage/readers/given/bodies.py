@@ -15,6 +15,9 @@
 gives for its result (docs/bring.md has the lines). Of MHR's and SOMA's rotations none are read: their joints are
 others than SMPL's.
 
+Betas are not read: SMPL's shape basis is not here. `height_m` beside the rest (in a pickle in each person or track, of
+SLAHMR one for each) is how tall the system's own body stands, which its own environment knows (docs/bring.md).
+
 `transl` moves the body's origin; the pelvis lies SMPL's rest pelvis beside it. WHAM's camera is the one that it assumes
 without a calibration: the picture's diagonal for its focal length. All see the pixels that OpenCV reads, those that are
 stored, and take them for square; where they are not, K is brought into square pixels, so that a body lies where it lay.
@@ -77,6 +80,8 @@ SOMA_ADVICE = (
 )
 FARTHEST_M = 200.0
 """Whoever is farther away, median of the frames, was given in other units: a pixel shows 20 cm of him."""
+HEIGHT_M = (0.5, 2.5)
+"""Of a person's body."""
 SHANK_M = (0.15, 0.75)
 """Lengths that a shank can have: joints in other units or in another order have others."""
 
@@ -165,7 +170,14 @@ def _read(name: str, content: bytes, sizes: PictureSizes, *, whole: int | None) 
 def _of_tensors(content: bytes, sizes: PictureSizes, whole: int | None) -> GivenBody:
     """GVHMR's and GEM's file, and our own `export --format gvhmr`, which adds frames and body24's shape."""
     tree = read_tensors(
-        io.BytesIO(content), "smpl_params_incam", "body_params_incam", "K_fullimg", "frame", "betas_body24", "observed"
+        io.BytesIO(content),
+        "smpl_params_incam",
+        "body_params_incam",
+        "K_fullimg",
+        "frame",
+        "betas_body24",
+        "observed",
+        "height_m",
     )
     parameters = tree.get("smpl_params_incam", tree.get("body_params_incam"))
     if not isinstance(parameters, dict):
@@ -190,7 +202,18 @@ def _of_tensors(content: bytes, sizes: PictureSizes, whole: int | None) -> Given
         (numbers(parameters, "transl", (count, 3), finite=True) + SMPLX_REST_PELVIS)[seen],
         K[seen],
         betas=betas,
+        height_m=_height_m(tree),
     )
+
+
+def _height_m(tree: Tree) -> float | None:
+    """How tall the system's body stands, if somebody wrote it beside its result."""
+    if "height_m" not in tree:
+        return None
+    height_m = float(numbers(tree, "height_m", (), finite=True))
+    if not HEIGHT_M[0] <= height_m <= HEIGHT_M[1]:
+        raise InputError(f"height_m is {height_m:g}; expected metres, {HEIGHT_M[0]:g} to {HEIGHT_M[1]:g}")
+    return height_m
 
 
 def _of_pickle(tree: Any, sizes: PictureSizes) -> Iterator[GivenBody]:
@@ -206,7 +229,8 @@ def _of_pickle(tree: Any, sizes: PictureSizes) -> Iterator[GivenBody]:
         frame = frame_numbers(track, "frame_ids", len(pose))
         K_seen = K_from_focal(float(np.hypot(*sizes.coded)), *sizes.coded)
         K = sizes.squared(np.tile(K_seen, (len(pose), 1, 1)), sizes.coded)
-        yield smpl_body(frame, rotvec_to_rotmat(pose[:, 0]), pose[:, 1:], trans + SMPL_REST_PELVIS, K)
+        R_root, pelvis = rotvec_to_rotmat(pose[:, 0]), trans + SMPL_REST_PELVIS
+        yield smpl_body(frame, R_root, pose[:, 1:], pelvis, K, height_m=_height_m(track))
 
 
 def _prompthmr(tree: Tree, sizes: PictureSizes) -> Iterator[GivenBody]:
@@ -224,7 +248,8 @@ def _prompthmr(tree: Tree, sizes: PictureSizes) -> Iterator[GivenBody]:
         frame = frame_numbers(person, "frames", count)
         pelvis = numbers(parameters, "trans", (count, 3), finite=True) + SMPLX_REST_PELVIS
         R_root, body = rotvec_to_rotmat(pose[:, :3]), pose[:, 3:66].reshape(count, 21, 3)
-        yield smpl_body(frame, R_root, body, pelvis, _focal_and_centre(camera, sizes, count))
+        K = _focal_and_centre(camera, sizes, count)
+        yield smpl_body(frame, R_root, body, pelvis, K, height_m=_height_m(person))
 
 
 def _tram(arrays: Tree, sizes: PictureSizes) -> Iterator[GivenBody]:
@@ -232,7 +257,8 @@ def _tram(arrays: Tree, sizes: PictureSizes) -> Iterator[GivenBody]:
     trans = numbers(arrays, "pred_trans", (len(R), 3), finite=True)
     frame = frame_numbers(arrays, "frame", len(R))
     K = _focal_and_centre(arrays, sizes, len(R))
-    yield smpl_body(frame, R[:, 0], rotmat_to_rotvec(R[:, 1:]), trans + SMPL_REST_PELVIS, K)
+    pose, pelvis = rotmat_to_rotvec(R[:, 1:]), trans + SMPL_REST_PELVIS
+    yield smpl_body(frame, R[:, 0], pose, pelvis, K, height_m=_height_m(arrays))
 
 
 def _slahmr(arrays: Tree, sizes: PictureSizes, *, whole: int | None) -> Iterator[GivenBody]:
@@ -245,10 +271,12 @@ def _slahmr(arrays: Tree, sizes: PictureSizes, *, whole: int | None) -> Iterator
     t_cam = numbers(arrays, "cam_t", (len(R_cam), count, 3), finite=True)
     fx, fy, cx, cy = numbers(arrays, "intrins", (4,), finite=True)
     K = np.tile(_in_video(np.array([[[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]]]), sizes, "intrins"), (count, 1, 1))
+    heights = numbers(arrays, "height_m", (tracks,), finite=True) if "height_m" in arrays else None
     for track in range(tracks):
         R, t = R_cam[min(track, len(R_cam) - 1)], t_cam[min(track, len(R_cam) - 1)]
         pelvis = (R @ (trans[track] + SMPL_REST_PELVIS)[..., None])[..., 0] + t
-        yield smpl_body(frame, R @ rotvec_to_rotmat(orient[track]), pose[track], pelvis, K)
+        own = {"height_m": heights[track]} if heights is not None else {}
+        yield smpl_body(frame, R @ rotvec_to_rotmat(orient[track]), pose[track], pelvis, K, height_m=_height_m(own))
 
 
 def _sam_3d_body(arrays: Tree, sizes: PictureSizes) -> Iterator[GivenBody]:

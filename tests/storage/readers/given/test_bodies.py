@@ -10,6 +10,7 @@ import torch
 
 from humanmm.config import GivenFile
 from humanmm.errors import InputError
+from humanmm.models.body.body24 import load_body
 from humanmm.models.body.smpl_joints import SMPL_REST_PELVIS, SMPLX_REST_PELVIS
 from humanmm.models.geometry.projection import project
 from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
@@ -224,3 +225,33 @@ def test_what_is_wrong_is_told_with_key_and_shape(tmp_path: Path, dump_like_jobl
     assert "cannot be read" in told(tmp_path / "i.pt")
     (tmp_path / "j.json").write_text("[]")
     assert "is no .pt, .pkl or .npz" in told(tmp_path / "j.json")
+
+
+def _with_height(path: Path, height_m: float, dump: Dump) -> None:
+    """Write a height into a file of one body."""
+    if path.suffix == ".pt":
+        torch.save({**torch.load(path), "height_m": torch.tensor(height_m)}, path)
+    elif path.suffix == ".npz":
+        arrays = {name: value for name, value in np.load(path).items() if name != "height_m"}
+        many = "pose_body" in arrays
+        np.savez(path, **arrays, height_m=np.full(1, height_m) if many else np.float64(height_m))
+    else:
+        pose = np.concatenate([rotmat_to_rotvec(ROOT), POSE.reshape(N, 69)], axis=1)
+        dump({0: {"pose": pose, "trans": PELVIS, "frame_ids": np.arange(N), "height_m": height_m}}, path)
+
+
+@pytest.mark.parametrize("name", ["gvhmr.pt", "tram.npz", "slahmr.npz", "wham.pkl"])
+def test_a_body_is_as_large_as_the_height_beside_it_says(tmp_path: Path, name: str, dump_like_joblib: Dump) -> None:
+    def size(body: GivenBody) -> float:
+        return float(np.linalg.norm(body.landmarks_cam[0] - body.landmarks_cam[0].mean(axis=0)))
+
+    path = tmp_path / name
+    if name in WRITERS:
+        WRITERS[name](path)
+    _with_height(path, 1.9, dump_like_joblib)
+    (body,) = _read(path)
+    average_m = load_body().standing_height(np.zeros(10))
+    assert size(body) / size(BODY) == pytest.approx(1.9 / average_m, rel=0.02)
+    _with_height(path, 190.0, dump_like_joblib)
+    with pytest.raises(InputError, match=r"height_m is 190; expected metres, 0\.5 to 2\.5"):
+        _read(path)
