@@ -1,5 +1,6 @@
 """Stage `people`: keypoints, 3D landmarks, masks and tracks of everybody in one scene."""
 
+from dataclasses import replace
 from functools import lru_cache, partial
 
 from humanmm.config import GivenFile, LiftingConfig
@@ -35,6 +36,8 @@ def people(inputs: StageInputs) -> ScenePeople:
         given = read_detections(settings.detections_from, *video)
     elif settings.masks_from is not None:
         given = read_masks(settings.masks_from, *video)
+    if given is not None and settings.trust_numbers:
+        given = replace(given, lasting=True)
     networks = Networks(load("people.detector", settings.detector), load("people.pose", settings.pose))
     with inputs.open_video() as stream:
         return track_people(

@@ -88,7 +88,7 @@ STAGES: tuple[Stage, ...] = (
     ),
     Stage(
         "people", "scene", ("decode", "scenes"), ("people", "lifting"), "humanmm.models.records.tracks:ScenePeople",
-        schema_version=8, reads_video=True, resources=_memory(620, 40, 5),
+        schema_version=9, reads_video=True, resources=_memory(620, 40, 5),
     ),
     Stage(
         "points", "scene", ("decode", "scenes"), ("points",), "humanmm.models.records.camera:PointTracks",

@@ -132,6 +132,8 @@ class PersonTrack:
     """Joint rotations, by the lifter or another system; None without either."""
     hands: HandTracks | None = None
     """Both hands; None where nobody asked for them."""
+    number: int = -1
+    """By which the user's own tracker names this person through the whole video; −1 without one."""
 
     @property
     def is_in_space(self) -> bool:

@@ -4,7 +4,8 @@ Every shot × track is a sighting. Shots are taken in order, and each shot's sig
 people known so far (Hungarian); a sighting that fits nobody better than chance starts a new person. The score is a sum
 of log-odds, positive for "the same". The colours of the body's parts carry most, as far as they are not of one colour
 themselves; then the clothes' histograms and the ground; the 3D pose on both sides of a cut, compared up to any rotation
-because the camera's is not known yet, adds a little. Bone lengths say nothing (`body.proportions`).
+because the camera's is not known yet, adds a little. Bone lengths say nothing (`body.proportions`). Where the user
+trusts the numbers of his own tracker, these decide.
 """
 
 from collections.abc import Mapping, Sequence
@@ -32,7 +33,7 @@ from humanmm.models.video.frame_times import ROUNDING_S, shown_s
 SAME_POSE_M, POSE_SPREAD_M, POSE_LIMIT = 0.17, 0.22, 1.0
 NO_COLOURS = 1.5
 """Log-odds of one person where nobody's colours are known (keypoints without pictures): the pose alone parts nobody."""
-NEVER = -20.0
+NEVER, SURELY = -20.0, 20.0
 """Log-odds."""
 CUT_GAP_FRAMES, CUT_GAP_S = 3, 0.1
 """A pose this many frames from a cut, or this long, still counts as the pose at the cut."""
@@ -96,6 +97,8 @@ class Sighting:
     """Lengths of confident frames, metres, as the pose network measures them."""
     parts: tuple[TrackPart, ...] = ()
     """As in `Appearance`."""
+    number: int = -1
+    """As in `PersonTrack`."""
 
     @property
     def look(self) -> tuple[Float[np.ndarray, " bins"], Float[np.ndarray, "9 3"]]:
@@ -181,6 +184,7 @@ def sighting(
         log_odds=float(logit(np.clip(track.probability, 1e-4, insets.PROBABILITY if inset else 1 - 1e-4))),
         inset=inset,
         bones=in_detector_convention(bones, lifted=track.is_in_space),
+        number=track.number,
     )
 
 
@@ -225,7 +229,10 @@ def match(people: Sequence[Sequence[Sighting]], sightings: Sequence[Sighting]) -
 
 def same_person_odds(person: Sequence[Sighting], new: Sighting) -> float:
     """Log-odds that a sighting shows a known person: best colours of any of the person's shots, pose at the cut.
-    Nobody leaves a picture within the picture."""
+    Nobody leaves a picture within the picture. Numbers that the user trusts say all."""
+    numbers = {old.number for old in person} - {-1}
+    if numbers and new.number >= 0:
+        return SURELY if new.number in numbers else NEVER
     if new.inset != person[-1].inset:
         return NEVER
     looks = [old.look for old in person if old.colours.any()]

@@ -169,6 +169,10 @@ class PeopleConfig(Section):
     """Folder of pictures of people's masks, one a frame, in place of the detector: a pixel's value is the person's
     number, 0 is nobody."""
 
+    trust_numbers: bool = False
+    """The numbers of people in detections_from or masks_from are theirs through the whole video: who is who across cuts
+    is as given, not found."""
+
     @property
     def looks_hz(self) -> float:
         """Frames a second that are looked at, at most."""
@@ -184,6 +188,9 @@ class PeopleConfig(Section):
         given = [name for name in names if getattr(self, name) is not None]
         if len(given) > 1:
             raise PydanticCustomError("stated", "{reason}", {"reason": f"{' and '.join(given)} exclude each other"})
+        if self.trust_numbers and (self.detections_from or self.masks_from) is None:
+            reason = "trust_numbers is about the numbers of people in detections_from or masks_from: give one of these"
+            raise PydanticCustomError("stated", "{reason}", {"reason": reason})
         if self.hands and given and given[0] in ("keypoints_from", "hmr_from"):
             reason = f"hands are looked for beside our own pose network: leave hands out with {given[0]}"
             raise PydanticCustomError("stated", "{reason}", {"reason": reason})

@@ -158,6 +158,14 @@ def test_what_finds_people_elsewhere_is_part_of_the_key_and_comes_alone(toy: Any
     assert f"keypoints_from and {flag}_from exclude each other" in _reported(both, 2)
 
 
+def test_numbers_of_people_are_trusted_only_where_some_are_given(toy: Any) -> None:
+    told = toy.main("recover", "film.mp4", "--people.trust-numbers", "true")
+    assert "trust_numbers is about the numbers of people in detections_from or masks_from" in _reported(told, 2)
+    (toy.folder / "given.txt").write_text("1,1,10,10,20,40,1\n")
+    trusted = ("--detections-from", "given.txt", "--people.trust-numbers", "true", "--out", "out")
+    assert toy.main("recover", "film.mp4", *trusted)[0] == 0
+
+
 def test_hands_are_part_of_the_key_and_need_our_own_pose_network(toy: Any) -> None:
     toy.run()
     toy.executed()

@@ -55,6 +55,8 @@ class GivenRegions:
     """The picture of a frame's masks (height, width), a pixel's value is `person`; may be smaller than the video's."""
     warnings: tuple[str, ...] = ()
     """What is odd about them, one sentence each."""
+    lasting: bool = False
+    """`person` is the same one's through the whole video, not only within a scene."""
 
 
 def track_regions(
@@ -94,7 +96,10 @@ def track_regions(
                 builders[person].detector_scores[frame] = float(given.score[row])
                 builders[person].look_at_hands(frame, image, hands_due)
     shortest_s = shortest_track_s(time_s, span)
-    tracks = largest_first(one.finished() for one in builders.values() if one.seen_s >= shortest_s)
+    lasting = [int(given.person[own[0]]) if given.lasting else -1 for own in rows_of]
+    tracks = largest_first(
+        replace(one.finished(), number=lasting[person]) for person, one in builders.items() if one.seen_s >= shortest_s
+    )
     others = tuple(
         crowded_out(given.frame[own], given.box[own] / np.tile(scale, 2), float(given.score[own].mean()))
         for person, own in enumerate(rows_of)

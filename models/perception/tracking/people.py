@@ -85,4 +85,5 @@ def _of_looks(given: GivenRegions, looks: Int[np.ndarray, " L"]) -> GivenRegions
         given.score[rows],
         None if labels is None else lambda look: labels(int(looks[look])),
         given.warnings,
+        given.lasting,
     )

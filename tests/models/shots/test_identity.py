@@ -7,7 +7,7 @@ import pytest
 
 from humanmm.models.perception.clothing import HISTOGRAM_BINS
 from humanmm.models.records.landmarks import INDEX, NUM_LANDMARKS, SWAP
-from humanmm.models.records.shots import Shot, Transition
+from humanmm.models.records.shots import Appearance, Shot, Transition
 from humanmm.models.records.tracks import PersonTrack, PoseEstimates, ScenePeople, Silhouettes
 from humanmm.models.shots import identity
 from humanmm.models.shots.identity import SAME_POSE_M, Candidate, Cast, matched_people, pose_at, pose_residual_m
@@ -80,6 +80,21 @@ def test_bones_of_whom_a_lifter_lifted_are_those_between_landmarks_of_the_body()
 
 def test_one_person_keeps_the_number_across_cuts() -> None:
     assert cast_of([track(0, 30, RED)], [track(30, 60, RED)], [track(60, 90, RED)]) == [[(0, 0)]] * 3
+
+
+def test_numbers_that_the_user_trusts_decide_who_is_who() -> None:
+    first = [replace(track(0, 30, RED), number=4), replace(track(0, 30, BLUE), number=7)]
+    second = [replace(track(30, 60, RED), number=7), replace(track(30, 60, BLUE), number=4)]
+    assert cast_of(first, second) == [[(0, 0), (1, 1)], [(0, 1), (1, 0)]], "against all colours"
+    new = [replace(track(30, 60, RED), number=9)]
+    assert cast_of(first, new) == [[(0, 0), (1, 1)], [(2, 0)]]
+    people = [ScenePeople(30 * k, 30 * (k + 1), tuple(one)) for k, one in enumerate((first, second))]
+    shots = [
+        Shot(k, 30 * k, 30 * (k + 1), k, None, tuple(Appearance(person, track) for person, track in here))
+        for k, here in enumerate(([(0, 0), (1, 1)], [(0, 1), (1, 0)]))
+    ]
+    found = identity.identity_probabilities(shots, people, TIME_S)
+    assert found == {(0, 1): pytest.approx(1.0, abs=1e-6), (1, 1): pytest.approx(1.0, abs=1e-6)}
 
 
 def test_two_people_who_change_places_in_the_track_order_are_not_confused() -> None:

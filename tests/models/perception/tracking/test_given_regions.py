@@ -79,6 +79,12 @@ def test_whoever_has_a_number_keeps_it_beside_boxes_without_one() -> None:
     np.testing.assert_array_equal(track.frame, np.arange(*SPAN))
 
 
+def test_only_numbers_that_name_people_through_the_whole_video_leave_the_scene() -> None:
+    for regions, number in ((given(), -1), (replace(given(), lasting=True), 7), (replace(given(-1), lasting=True), -1)):
+        (track,) = _tracked(regions).tracks
+        assert track.number == number
+
+
 def test_of_more_people_than_wanted_at_a_time_the_smaller_are_left_out_and_reported() -> None:
     scene = track_regions(
         pictures(), given(), span=SPAN, time_s=TIME_S, size=SIZE, max_people=1, networks=replace(QUICK)
