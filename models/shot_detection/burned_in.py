@@ -5,7 +5,6 @@ from one place.
 """
 
 from collections.abc import Mapping, Sequence
-from itertools import combinations
 
 import cv2
 import numpy as np
@@ -36,12 +35,9 @@ FAINT, FOUND_AGAIN = 7.0, 0.5
 """Grey levels of contrast from which a place has something that could change, and the correlation if it does not."""
 NEIGHBOURS = 2
 """Scenes on either side with which a scene is compared."""
-WITHIN, FEWEST_WITHIN, OFTEN = 7, 3, 0.7
-"""Pictures of a scene that are compared with each other, how many pairs of these must show two views, and the part of
-them, and of the PAIRS of two scenes, in which something stays that is burned in."""
-PAIRS = 4
-"""Pairs of pictures in which two scenes are compared, the nearest in time: of one pair some tiles and windows are alike
-by chance, and are no more when the camera has turned a little."""
+WITHIN, FEWEST_WITHIN, OFTEN = 6, 3, 0.7
+"""Pictures of a scene that are compared with its first one, how many of these must show another view, and the part of
+them in which something stays that is burned in."""
 
 
 def burned_into(
@@ -124,19 +120,13 @@ def _drawn_over(scene: int, of_scene: Sequence[Sequence[np.ndarray]]) -> Bool[np
     own = of_scene[scene]
     before, after = of_scene[max(0, scene - NEIGHBOURS) : scene], of_scene[scene + 1 : scene + 1 + NEIGHBOURS]
     found = [np.zeros(own[0].shape, bool)]
-    found += [_between(other, own) for other in before if other]
-    found += [_between(own, other) for other in after if other]
-    some = [own[k] for k in np.unique(np.linspace(0, len(own) - 1, WITHIN).round().astype(int))]
-    within = [drawn for pair in combinations(some, 2) if (drawn := burned_in(*pair)).any()]
+    found += [burned_in(own[0], other[-1]) for other in before if other]
+    found += [burned_in(own[-1], other[0]) for other in after if other]
+    steps = np.unique(np.linspace(0, len(own) - 1, WITHIN + 1).round().astype(int))[1:]
+    within = [drawn for k in steps if (drawn := burned_in(own[0], own[k])).any()]
     if len(within) >= FEWEST_WITHIN:
         found.append(np.mean(within, axis=0) >= OFTEN)
     return np.asarray(np.any(found, axis=0))
-
-
-def _between(earlier: Sequence[np.ndarray], later: Sequence[np.ndarray]) -> Bool[np.ndarray, "height width"]:
-    """Where the last pictures of a scene and the first ones of a later scene show the same thing again and again."""
-    pairs = list(zip(earlier[::-1], later, strict=False))[:PAIRS]
-    return np.asarray(np.mean([burned_in(*pair) for pair in pairs], axis=0) >= OFTEN)
 
 
 def burned_in(

@@ -105,19 +105,6 @@ def test_a_camera_that_moves_shows_what_is_burned_into_its_scene() -> None:
     assert burned_into(samples, Scenes(50, ()), 2 * WIDTH) == (tuple(tuple(2 * x for x in box) for box in boxes),)
 
 
-def test_what_is_alike_for_a_moment_was_filmed() -> None:
-    samples = {}
-    for k in range(8):  # the same tile on two floors, at one place in the pictures on both sides of the cut alone
-        picture = gray(Place(1 if k < 4 else 2).picture(0, (30.0 * k, 0.0)))
-        tile = gray(captioned(np.zeros((HEIGHT, WIDTH, 3), np.uint8)))[CAPTION][:, :40]
-        x = 60 + (30 * (3 - k) if k < 4 else 30 * (k - 4))
-        picture[60:76, x : x + 40] = tile[:, : WIDTH - x]
-        samples[10 * k] = picture
-    scenes = Scenes(80, (Transition("cut", 40, 40, "scene"),))
-    assert burned_in(samples[30], samples[40])[60:76, 60:100].mean() > 0.5
-    assert burned_into(samples, scenes, WIDTH) == ((), ())
-
-
 def test_a_cut_is_found_though_a_caption_stays() -> None:
     film = [captioned(picture) for picture in Place(1).still(20) + Place(2).still(20)]
     assert [(t.type, t.start) for t in find_scenes(film, np.arange(40) / 25).transitions] == [("cut", 20)]
