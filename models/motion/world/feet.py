@@ -43,9 +43,10 @@ def add_feet(
     weight = np.sqrt(still) / step / np.sqrt(correlated)
     # Squared it goes by the root of time so far; over dense frames, whose sum is an integral, it goes by time.
     weight *= min(1.0, trajectory.step_s / DENSE_S) ** 0.25
-    moved, swing = np.diff(pair, axis=0), np.diff(rotated, axis=0)
-    by_shared = np.zeros((*swing.shape, SHARED_UNKNOWNS))
-    by_shared[..., 3:6] = -skew(swing)
+    moved = np.diff(pair, axis=0)
+    by_shared = np.zeros((*moved.shape, SHARED_UNKNOWNS))
+    # The line of sight turns with the shot as the legs do: seen from it, all that turns is how the pelvis went.
+    by_shared[..., 3:6] = skew(np.diff(state.pelvis[index], axis=0))[:, None]
     equations.add_moves(index, weight[..., None, None] * whiten[:, None], moved, by_shared)
     if not floor:
         return

@@ -89,7 +89,9 @@ def _add_observations(
     ahead = trajectory.ahead @ T.T
     deeper = np.sum(offset * ahead, axis=1, keepdims=True) * ahead
     identity = np.broadcast_to(np.eye(3), along.shape)
-    by_shared = np.concatenate([-identity, skew(arm), *(-one[..., None] for one in (path, offset, deeper))], axis=-1)
+    # Along and across turn with the shot: seen from it, all that turns is where the person is from its origin.
+    turned = skew(state.pelvis[index] - state.origin[trajectory.shot])
+    by_shared = np.concatenate([-identity, turned, *(-one[..., None] for one in (path, offset, deeper))], axis=-1)
     if robust:
         size = np.linalg.norm(np.einsum("nab,nb->na", whiten, error), axis=1) * np.sqrt(correlated)
         whiten = whiten * _huber_root(size)[:, None, None]

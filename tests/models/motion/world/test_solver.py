@@ -6,6 +6,7 @@ import numpy as np
 from walker import EDGE, scene
 
 from humanmm.models.motion.world.scale import scale_from_feet
+from humanmm.models.motion.world.problem import ShotRig, ShotTrajectory
 from humanmm.models.motion.world.solver import Solution, solve, with_riders
 
 
@@ -62,3 +63,16 @@ def test_all_shots_share_one_floor_even_if_they_come_at_different_heights() -> N
     lowest = soles[..., 2].min(axis=1)
     assert np.abs(lowest[:30].mean() - lowest[30:].mean()) < 0.03
     assert np.abs(lowest).max() < 0.06
+
+
+def test_distances_that_err_as_somebody_squats_and_rises_do_not_tilt_the_camera() -> None:
+    rows = np.arange(90)
+    bob = np.cos(2 * np.pi * rows / 36)
+    offset = np.stack([0 * bob, 3.4 + 0.1 * bob, -0.1 + 0.1 * bob], axis=1)  # farther the higher: an error of 3 %
+    sole = np.array([[x, y, -0.8] for x in (0.15, -0.15) for y in (-0.1, 0.1)])
+    feet = sole - np.array([0.0, 0.0, 0.1]) * bob[:, None, None]
+    ahead = np.tile([0.0, 1.0, 0.0], (90, 1))
+    squats = ShotTrajectory(0, 0, rows, rows / 30, offset, feet, np.ones(90), ahead)
+    solution = solve([squats], [ShotRig(np.zeros((90, 3)), 0, 1.0, scale_known=True)], [])
+    # He stands on one floor all the time: nothing speaks against the camera's vertical.
+    assert np.rad2deg(np.arccos(solution.rotation[0, 2, 2])) < 1.0
