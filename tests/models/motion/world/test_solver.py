@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 from walker import EDGE, scene
 
-from humanmm.models.motion.world.scale import scale_from_feet
 from humanmm.models.motion.world.problem import ShotRig, ShotTrajectory
+from humanmm.models.motion.world.scale import scale_from_feet
 from humanmm.models.motion.world.solver import Solution, solve, with_riders
 
 
