@@ -40,12 +40,14 @@ def track_people(
     `max_side_px` is the largest side of the pictures that the networks work on, which are brightened where they are
     dark; results are in source pixels. Of a second no more than about `max_rate_hz` frames are looked at, what lies
     between is interpolated. The lifter is by default the shipped one. People are looked for where they are `given`
-    alone, if they are. With `hands` their hands are looked at as well.
+    alone, if they are, and in every frame for which somebody is. With `hands` their hands are looked at as well.
     """
     start, end = span
     time_s = video.facts.time_s
     gain = gain_of(video.facts, start, end)
     looks = looked_at(time_s, span, max_rate_hz=max_rate_hz, every=CAREFUL_FRAMES)
+    if given is not None:
+        looks = np.union1d(looks, given.frame[(given.frame >= start) & (given.frame < end)])
 
     def pictures(decoded: Iterator[PlanarFrame]) -> Iterator[tuple[int, Picture]]:
         look = 0
