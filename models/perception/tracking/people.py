@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Float, Int
 
 from humanmm.models.perception.between_looks import in_frames, looked_at, times_of
 from humanmm.models.perception.interfaces import Lifter, Networks
@@ -12,7 +12,7 @@ from humanmm.models.perception.keypoints.fusion import BEST
 from humanmm.models.perception.lent_joints import without_lent_joints
 from humanmm.models.perception.lifting.lifted import lifted_people
 from humanmm.models.perception.picture import Picture
-from humanmm.models.perception.tracking.given_regions import GivenRegions, track_regions
+from humanmm.models.perception.tracking.given_regions import GivenRegions, sparse, track_regions
 from humanmm.models.perception.tracking.tracker import CAREFUL_FRAMES, track_pictures
 from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.video.frames import PlanarFrame, planar_frames
@@ -65,7 +65,7 @@ def track_people(
             seen = track_pictures(pictures(decoded), start=0, end=len(looks), networks=networks, **scene)
         else:
             seen = track_regions(
-                pictures(decoded), _of_looks(given, looks), span=(0, len(looks)), networks=networks, **scene
+                pictures(decoded), _of_looks(given, looks, time_s), span=(0, len(looks)), networks=networks, **scene
             )
     own = without_lent_joints(seen, time_s[looks])
     people = in_frames(own, looks, span, time_s)
@@ -76,8 +76,8 @@ def track_people(
     return lifted_people(people, lifter, time_s, video.size)
 
 
-def _of_looks(given: GivenRegions, looks: Int[np.ndarray, " L"]) -> GivenRegions:
-    """The regions in the frames that are looked at, which are numbered from 0 on."""
+def _of_looks(given: GivenRegions, looks: Int[np.ndarray, " L"], time_s: Float[np.ndarray, " F"]) -> GivenRegions:
+    """The regions in the frames that are looked at, which are numbered from 0 on, and a warning if they are few."""
     rows = np.isin(given.frame, looks)
     labels = given.labels
     return GivenRegions(
@@ -86,6 +86,6 @@ def _of_looks(given: GivenRegions, looks: Int[np.ndarray, " L"]) -> GivenRegions
         given.box[rows],
         given.score[rows],
         None if labels is None else lambda look: labels(int(looks[look])),
-        given.warnings,
+        (*given.warnings, *sparse(given.frame[rows], time_s)),
         given.lasting,
     )
