@@ -133,7 +133,7 @@ class Facing:
     person: int
     shot: int
     probability: float
-    """Mean over the frames in which he is seen: that his orientation is off by no more than 45°."""
+    """Mean over the time in which he is seen: that his orientation is off by no more than 45°."""
     doubtful: tuple[tuple[int, int], ...]
     """Frames [start, end) in which that is hardly known."""
     worst_s: float = 0.0
@@ -147,7 +147,7 @@ class PoseError:
     person: int
     shot: int
     error_m: float
-    """Expected PA-MPJPE of the joints, mean over the frames in which he is seen, metres; NaN where nothing foretells
+    """Expected PA-MPJPE of the joints, mean over the time in which he is seen, metres; NaN where nothing foretells
     it."""
     doubtful: tuple[tuple[int, int], ...]
     """Frames [start, end) in which it is far larger than usual."""

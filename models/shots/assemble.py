@@ -16,7 +16,16 @@ from humanmm.models.records.video import VideoFacts
 from humanmm.models.shot_detection.corrected_cuts import NEAR_FRAMES, removed, settled
 from humanmm.models.shot_detection.people_cuts import Parts, Split, split_scenes
 from humanmm.models.shots.corrected_people import corrected_people
-from humanmm.models.shots.identity import MIN_SEEN_S, Cast, cast_of, matched_people
+from humanmm.models.shots.identity import (
+    MIN_SEEN_FRAMES,
+    MIN_SEEN_S,
+    Candidate,
+    Cast,
+    cast_of,
+    is_long_seen,
+    matched_people,
+    probability,
+)
 from humanmm.models.shots.insets import without_insets
 from humanmm.models.shots.left_right_swaps import SidesSeen, left_right_swaps
 from humanmm.models.shots.tracking_failures import failed_frames
@@ -69,7 +78,8 @@ def detect_shots(
     starts = [shot.start for shot in shots]
     suspected = tuple(frame for frame in suspected if all(abs(frame - start) > NEAR_FRAMES for start in starts))
     warnings = (
-        *_suspected_cuts(suspected), *_doubts(cast), *_partly_seen(cast, inhabited, people),
+        *_suspected_cuts(suspected), *_doubts(cast), *_briefly_seen(candidates, min_confidence),
+        *_partly_seen(cast, inhabited, people),
         *_overlooked(people, (facts.width, facts.height)), *unanswered,
         *turned_picture(_seen_for_certain(cast, inhabited, people, time_s)),
     )  # fmt: skip
@@ -125,6 +135,17 @@ def _doubts(cast: Cast) -> tuple[str, ...]:
         else f"person {person.person} may be no person: the probability is {person.probability:.2f}"
         for person in cast.people
         if person.doubtful
+    )
+
+
+def _briefly_seen(candidates: Sequence[Candidate], min_confidence: float) -> tuple[str, ...]:
+    """A warning for everybody who would be in the results if he were seen for longer."""
+    return tuple(
+        f"somebody is seen for {sum(s.seen_s for s in one.sightings):.2f} s only (shots "
+        f"{', '.join(str(s.shot) for s in one.sightings)}) and is left out: {MIN_SEEN_S:g} s and {MIN_SEEN_FRAMES} "
+        "frames are needed"
+        for one in candidates
+        if not is_long_seen(one.sightings) and (one.given.main or probability(one.sightings) >= min_confidence)
     )
 
 

@@ -39,7 +39,8 @@ CUT_GAP_FRAMES, CUT_GAP_S = 3, 0.1
 """A pose this many frames from a cut, or this long, still counts as the pose at the cut."""
 POSE_FRAMES = 5
 
-MIN_SEEN_S = 0.3
+MIN_SEEN_S, MIN_SEEN_FRAMES = 0.3, 2
+"""Whoever is seen for less in the whole video is nobody of it."""
 
 
 @dataclass(frozen=True)
@@ -134,7 +135,7 @@ def cast_of(people: Sequence[Candidate], num_shots: int, *, min_confidence: floa
     candidates = [
         (1.0 if p.given.main else probability(p.sightings), sum(s.area for s in p.sightings), p)
         for p in people
-        if _is_long_seen(p.sightings)
+        if is_long_seen(p.sightings)
     ]
     kept = [candidate for candidate in candidates if candidate[0] >= min_confidence]
     kept.sort(key=lambda candidate: (not candidate[2].given.main, candidate[0] < DOUBTFUL, -candidate[1]))
@@ -311,8 +312,10 @@ def _after_rotation(a: Float[np.ndarray, "n 3"], b: Float[np.ndarray, "n 3"]) ->
     return float(np.sqrt(np.square(aligned - b).sum() / len(a)))
 
 
-def _is_long_seen(person: Sequence[Sighting]) -> bool:
-    return sum(s.num_frames for s in person) >= 2 and sum(s.seen_s for s in person) >= MIN_SEEN_S - ROUNDING_S
+def is_long_seen(person: Sequence[Sighting]) -> bool:
+    """Whether somebody is seen for so long that he is a person of the video."""
+    frames, seconds = sum(s.num_frames for s in person), sum(s.seen_s for s in person)
+    return frames >= MIN_SEEN_FRAMES and seconds >= MIN_SEEN_S - ROUNDING_S
 
 
 def probability(person: Sequence[Sighting]) -> float:

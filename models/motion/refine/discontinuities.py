@@ -24,7 +24,10 @@ CARRY_S = 0.1
 """Length of the runs of frames from which each side is carried on to the cut."""
 
 LONGEST_STEP_S = 0.2
-"""Sides further apart in time than this have a gap between them, which is filled in instead."""
+"""Sides further apart in time than this have a gap between them, which is filled in instead,"""
+
+LONGEST_STEP_FRAMES = 1.5
+"""unless the whole video's frames are further apart: one interval between frames is no gap, two are."""
 
 
 def close_discontinuities(
@@ -39,13 +42,14 @@ def close_discontinuities(
 
     `frame` and `cut_frames` increase. Cuts around a shot in which the person is not seen are one.
     """
-    if not cut_frames:
+    if not cut_frames or len(frame) < 2:
         return vectors
     closed = vectors.copy()
+    longest_step_s = max(LONGEST_STEP_S, LONGEST_STEP_FRAMES * float(np.median(np.diff(time_s))))
     known = np.flatnonzero(observed)
     shots = [rows for rows in np.split(known, np.searchsorted(frame[known], cut_frames)) if len(rows)]
     for before, after in pairwise(shots):  # a shot in which nobody is seen has no side
-        if time_s[after[0]] - time_s[before[-1]] > LONGEST_STEP_S:
+        if time_s[after[0]] - time_s[before[-1]] > longest_step_s:
             continue
         middle = (time_s[before[-1]] + time_s[after[0]]) / 2
         end = _carried(vectors, before[::-1], time_s, middle)

@@ -13,6 +13,7 @@ from humanmm.models.motion.rotations.shot_results import ShotResults, motions_of
 from humanmm.models.motion.rotations.shot_rotations import ShotRotations
 from humanmm.models.records.landmarks import COCO_LANDMARKS, NUM_LANDMARKS
 from humanmm.models.records.motion import CutAlignment, Facing, PathScale, PoseError
+from humanmm.models.video.frame_times import shown_s
 
 Array = np.ndarray
 
@@ -48,7 +49,8 @@ def pose_errors_of(results: ShotResults) -> list[PoseError]:
             known = motion.observed & np.isfinite(motion.pose_error_m)
             frame, error = motion.frame[known], motion.pose_error_m[known]
             runs = merged(frame_intervals(frame, error > DOUBTFUL_POSE_M), gap=gap)
-            mean = float(error.mean()) if len(error) else float("nan")
+            shown = shown_s(results.time_s, frame)
+            mean = float(np.average(error, weights=shown)) if len(error) else float("nan")
             errors.append(PoseError(person, shot, mean, tuple(runs)))
     return errors
 
@@ -70,26 +72,21 @@ def is_doubtful_pose(error_m: float) -> bool:
 
 def facings_of(results: ShotResults) -> list[Facing]:
     """Whether everybody in every shot is turned the right way."""
-    facings, frame_s, gap = [], _frame_s(results), _frames_apart(results)
+    facings, gap = [], _frames_apart(results)
     for shot in range(len(results.shots.shots)):
         for person, motion in motions_of(results, shot).items():
             frame, doubt = motion.frame[motion.observed], motion.misoriented[motion.observed]
             runs = merged(frame_intervals(frame, doubt > DOUBTFUL_FRAME), gap=gap)
-            probability = 1 - float(doubt.mean()) if len(doubt) else 1.0
-            worst_s = max((frame_s * float(doubt[in_intervals(frame, [run])].sum()) for run in runs), default=0.0)
+            shown = shown_s(results.time_s, frame)
+            probability = 1 - float(np.average(doubt, weights=shown)) if len(doubt) else 1.0
+            worst_s = max((float((shown * doubt)[in_intervals(frame, [run])].sum()) for run in runs), default=0.0)
             facings.append(Facing(person, shot, probability, tuple(runs), worst_s))
     return facings
 
 
-def _frame_s(results: ShotResults) -> float:
-    """From one frame of the video to the next, seconds; 0 of a single one."""
-    return float(np.median(np.diff(results.time_s))) if len(results.time_s) > 1 else 0.0
-
-
 def _frames_apart(results: ShotResults) -> int:
     """APART_S in frames."""
-    frame_s = _frame_s(results)
-    return round(APART_S / frame_s) if frame_s > 0 else 0
+    return round(APART_S / float(np.median(np.diff(results.time_s))))
 
 
 def of_facings(facings: Sequence[Facing], certain: Collection[int]) -> list[str]:

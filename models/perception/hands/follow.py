@@ -15,14 +15,14 @@ from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.regions import Region
 from humanmm.models.records.hands import NUM_POINTS, HandTracks, not_looked
 from humanmm.models.records.landmarks import WRISTS
-from humanmm.models.video.frame_times import sampled_every
+from humanmm.models.video.frame_times import ROUNDING_S, sampled_every, shown_s
 
 Array = np.ndarray
 NUMBERS = 1 + 5 * NUM_POINTS
 """Of one look at a hand: its confidence, points and points in space, one after the other."""
 
 LOOK_S = 1 / 15
-"""A hand is looked at so often, left and right in turn."""
+"""A hand is looked at so often, left and right in turn; where frames are further apart, both in each."""
 MIN_CONFIDENCE = 0.4
 """Presence times probability of the side. Looked at in 12 frames of two clips: hands that the points fit have 0.6 to 1,
 balls, sleeves, the other hand, and palms that are taken for backs less than 0.3."""
@@ -39,8 +39,10 @@ Looks = Float[np.ndarray, "2 numbers"]
 def due_frames(time_s: Float[Array, " F"]) -> Bool[Array, "F 2"]:
     """In which of a scene's frames the left and the right hand are looked at."""
     half = np.flatnonzero(sampled_every(time_s, LOOK_S / 2))
+    apart_s = shown_s(time_s[half], np.arange(len(half))) if len(half) > 1 else np.array([np.inf])
     due = np.zeros((len(time_s), 2), bool)
     due[half[0::2], 0] = due[half[1::2], 1] = True
+    due[half[apart_s > LOOK_S + ROUNDING_S]] = True
     return due
 
 

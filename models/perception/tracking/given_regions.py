@@ -1,7 +1,8 @@
 """Everybody in one scene where another program found him: our pose network looks at the people in given boxes or masks.
 
 Nobody else is looked for. Whoever has a number keeps it; boxes without numbers are one person's where they overlap from
-picture to picture. Whoever is in front of somebody is painted out, for two in one crop look like one body: the given
+picture to picture. Between two boxes of one person that are not far apart in time he is looked for on a straight line
+from one to the other. Whoever is in front of somebody is painted out, for two in one crop look like one body: the given
 masks say where he is, else what was seen of him. A given mask takes the place of the pose network's own.
 """
 
@@ -25,12 +26,17 @@ from humanmm.models.perception.tracking.search import MAX_COVERED, same_person
 from humanmm.models.perception.tracking.track_builder import TrackBuilder, largest_first, shortest_track_s
 from humanmm.models.perception.tracking.tracker import in_source_pixels
 from humanmm.models.records.tracks import MASK_SIDE, ScenePeople
-from humanmm.models.video.frame_times import elapsed_s, shown_s
+from humanmm.models.video.frame_times import ROUNDING_S, elapsed_s, shown_s
 
 Array = np.ndarray
 
 LOST_S = 1.0
 """A box without a number goes on in a track that ended no longer ago."""
+FILLED_S = 0.5
+"""Between boxes of one person that are no further apart he is looked for: half of LOST_S, for a straight line must lead
+to where he was, and the pose network must see him there."""
+SPARSE_S = 0.1
+"""People whose boxes are further apart (median) have a warning: the quickest setting of our own looks every 1/15 s."""
 SAME_BOX = 0.3
 """Overlap of boxes from which they are one person's in successive pictures."""
 SAME_BODY = 0.2
@@ -51,8 +57,9 @@ class GivenRegions:
     """xyxy, pixels of the video."""
     score: Float[Array, " M"]
     """0..1."""
-    labels: Callable[[int], Array] | None = None
-    """The picture of a frame's masks (height, width), a pixel's value is `person`; may be smaller than the video's."""
+    labels: Callable[[int], Array | None] | None = None
+    """The picture of a frame's masks (height, width), a pixel's value is `person`; may be smaller than the video's.
+    None where no masks are given for a frame."""
     warnings: tuple[str, ...] = ()
     """What is odd about them, one sentence each."""
     lasting: bool = False
@@ -77,7 +84,8 @@ def track_regions(
     """
     start, end = span
     rows = np.arange(*np.searchsorted(given.frame, span))
-    owner = _owners(given, rows, time_s)
+    given, owner = _filled(given, rows, _owners(given, rows, time_s), time_s)
+    rows = np.arange(len(owner))
     areas = (given.box[rows, 2:] - given.box[rows, :2]).prod(axis=1)
     total = np.bincount(owner, weights=areas) if len(rows) else np.zeros(0)
     rows_of = [rows[owner == person] for person in range(len(total))]
@@ -89,7 +97,7 @@ def track_regions(
         scale = np.array(size) / image.size
         here = _Frame(frame, image, given, rows[given.frame[rows] == frame], scale)
         for row in here.nearest_first():
-            person = int(owner[row - rows[0]])
+            person = int(owner[row])
             seen = _look(here, row, builders.get(person), networks) if person in kept else None
             if seen is not None:
                 _add(builders, person, frame, image, seen, time_s)
@@ -191,6 +199,44 @@ def _with_mask(output: Landmarks, labels: Array, person: int, image: Picture) ->
     to_labels = output.region.to_source(MASK_SIDE) * scale[:, None]
     mask = warp((labels == person).astype(np.uint8), to_labels, (MASK_SIDE, MASK_SIDE), nearest=True)
     return replace(output, mask=mask * np.uint8(255))
+
+
+def sparse(frame: Int[Array, " M"], time_s: Float[Array, " F"]) -> tuple[str, ...]:
+    """A warning if the frames in which people are given are few; `time_s` holds the times of all frames."""
+    given = np.unique(frame)
+    if len(given) < 2 or (apart_s := float(np.median(np.diff(time_s[given])))) <= SPARSE_S + ROUNDING_S:
+        return ()
+    between = (
+        "between them people are looked for on a straight line from box to box"
+        if apart_s <= FILLED_S
+        else "nobody is looked for between them"
+    )
+    return (
+        f"given boxes or masks are on one frame in {np.median(np.diff(given)):.0f} ({apart_s:.2f} s apart): {between}; "
+        "give them on more frames",
+    )
+
+
+def _filled(
+    given: GivenRegions, rows: Int[Array, " n"], owner: Int[Array, " n"], time_s: Float[Array, " F"]
+) -> tuple[GivenRegions, Int[Array, " m"]]:
+    """Some rows of the regions, and between two boxes of one owner, up to FILLED_S apart, boxes on a straight line in
+    time; and the owner of each."""
+    frame, numbers = given.frame[rows], np.column_stack([given.box[rows], given.score[rows]])
+    parts = [(frame, given.person[rows], numbers, owner)]
+    for one in np.unique(owner):
+        own = np.flatnonzero(owner == one)
+        known = frame[own]
+        between = np.setdiff1d(np.arange(known[0], known[-1]), known)
+        after = np.searchsorted(known, between)
+        between = between[time_s[known[after]] - time_s[known[after - 1]] <= FILLED_S + ROUNDING_S]
+        line = [np.interp(time_s[between], time_s[known], values) for values in numbers[own].T]
+        person = given.person[rows[own[0]]]
+        parts.append((between, np.full(len(between), person), np.column_stack(line), np.full(len(between), one)))
+    frame, who, numbers, owner = (np.concatenate(part) for part in zip(*parts, strict=True))
+    order = np.argsort(frame, kind="stable")
+    boxes, score = numbers[order, :4], numbers[order, 4]
+    return replace(given, frame=frame[order], person=who[order], box=boxes, score=score), owner[order]
 
 
 def _owners(given: GivenRegions, rows: Int[Array, " n"], time_s: Float[Array, " F"]) -> Int[Array, " n"]:

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Float, Int
 
 from humanmm.models.perception.between_looks import in_frames, looked_at, times_of
 from humanmm.models.perception.interfaces import Lifter, Networks
@@ -12,7 +12,7 @@ from humanmm.models.perception.keypoints.fusion import BEST
 from humanmm.models.perception.lent_joints import without_lent_joints
 from humanmm.models.perception.lifting.lifted import lifted_people
 from humanmm.models.perception.picture import Picture
-from humanmm.models.perception.tracking.given_regions import GivenRegions, track_regions
+from humanmm.models.perception.tracking.given_regions import GivenRegions, sparse, track_regions
 from humanmm.models.perception.tracking.tracker import CAREFUL_FRAMES, track_pictures
 from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.video.frames import PlanarFrame, planar_frames
@@ -40,12 +40,14 @@ def track_people(
     `max_side_px` is the largest side of the pictures that the networks work on, which are brightened where they are
     dark; results are in source pixels. Of a second no more than about `max_rate_hz` frames are looked at, what lies
     between is interpolated. The lifter is by default the shipped one. People are looked for where they are `given`
-    alone, if they are. With `hands` their hands are looked at as well.
+    alone, if they are, and in every frame for which somebody is. With `hands` their hands are looked at as well.
     """
     start, end = span
     time_s = video.facts.time_s
     gain = gain_of(video.facts, start, end)
     looks = looked_at(time_s, span, max_rate_hz=max_rate_hz, every=CAREFUL_FRAMES)
+    if given is not None:
+        looks = np.union1d(looks, given.frame[(given.frame >= start) & (given.frame < end)])
 
     def pictures(decoded: Iterator[PlanarFrame]) -> Iterator[tuple[int, Picture]]:
         look = 0
@@ -63,7 +65,7 @@ def track_people(
             seen = track_pictures(pictures(decoded), start=0, end=len(looks), networks=networks, **scene)
         else:
             seen = track_regions(
-                pictures(decoded), _of_looks(given, looks), span=(0, len(looks)), networks=networks, **scene
+                pictures(decoded), _of_looks(given, looks, time_s), span=(0, len(looks)), networks=networks, **scene
             )
     own = without_lent_joints(seen, time_s[looks])
     people = in_frames(own, looks, span, time_s)
@@ -74,8 +76,8 @@ def track_people(
     return lifted_people(people, lifter, time_s, video.size)
 
 
-def _of_looks(given: GivenRegions, looks: Int[np.ndarray, " L"]) -> GivenRegions:
-    """The regions in the frames that are looked at, which are numbered from 0 on."""
+def _of_looks(given: GivenRegions, looks: Int[np.ndarray, " L"], time_s: Float[np.ndarray, " F"]) -> GivenRegions:
+    """The regions in the frames that are looked at, which are numbered from 0 on, and a warning if they are few."""
     rows = np.isin(given.frame, looks)
     labels = given.labels
     return GivenRegions(
@@ -84,6 +86,6 @@ def _of_looks(given: GivenRegions, looks: Int[np.ndarray, " L"]) -> GivenRegions
         given.box[rows],
         given.score[rows],
         None if labels is None else lambda look: labels(int(looks[look])),
-        given.warnings,
+        (*given.warnings, *sparse(given.frame[rows], time_s)),
         given.lasting,
     )

@@ -238,7 +238,8 @@ class SceneTracker:
         self._overlooked.note(frame, detected, followed)
 
     def _find_new(self, frame: int, image: Picture, seen: list[Observation], detected: list[Detection]) -> None:
-        """Follow whoever is in the picture and known by no track."""
+        """Follow whoever is in the picture and known by no track. Who is hidden for a moment counts as one of those who
+        are followed; he alone may be found anew when they are as many as may be."""
         limit = self._max_people - len(seen)
         if limit <= 0:
             return
@@ -251,6 +252,9 @@ class SceneTracker:
         )  # fmt: skip
         for person in people:
             track = self._resumed(frame, image, person)
+            followed = sum(one.active for one in self._tracks)
+            if followed >= self._max_people and (track is None or not track.active):
+                continue
             if track is None:
                 track = TrackBuilder(self._time_s, person, frame)
                 self._tracks.append(track)

@@ -163,7 +163,9 @@ def _masks(given: GivenFile, num_frames: int, sizes: PictureSizes) -> GivenRegio
         table[:, 1].astype(np.int64),
         table[:, 2:6],
         np.ones(len(table)),
-        labels=lru_cache(maxsize=4)(lambda frame: _labels(name_of[frame], contents[name_of[frame]], sizes)),
+        labels=lru_cache(maxsize=4)(
+            lambda frame: _labels(name_of[frame], contents[name_of[frame]], sizes) if frame in name_of else None
+        ),
         warnings=warnings,
     )
 

@@ -87,6 +87,23 @@ def test_who_is_left_out_is_recorded_with_his_probability_and_shots() -> None:
     assert out.probability == pytest.approx(0.1) and out.shots == (1,)
 
 
+@pytest.mark.parametrize(("frames", "probability", "said"), [(8, 0.9, True), (9, 0.9, False), (8, 0.1, False)])
+def test_who_is_left_out_because_he_is_seen_for_a_moment_has_a_warning(
+    frames: int, probability: float, said: bool
+) -> None:
+    likely = replace(somebody(), probability=0.9)
+    other = np.zeros(HISTOGRAM_BINS, np.float32)
+    other[3] = 1  # dressed otherwise
+    brief = later(replace(somebody(), probability=probability, color_histogram=other[None]))
+    brief = replace(
+        brief, **{name: getattr(brief, name)[:frames] for name in ("frame", "keypoints2d", "landmarks3d", "bbox",
+                                                                   "confidence", "mask_affine")},
+    )  # fmt: skip
+    listed = detect_shots(FACTS, SCENES, [ScenePeople(0, 30, (likely,)), ScenePeople(30, 60, (brief,))])
+    expected = "somebody is seen for 0.27 s only (shots 1) and is left out: 0.3 s and 2 frames are needed"
+    assert list(listed.warnings) == ([expected] if said else [])
+
+
 def test_who_is_seen_and_not_followed_is_a_warning_with_his_place() -> None:
     likely = replace(somebody(), probability=0.9)
     boy = Unfollowed(3, 27, (0.0, 54.0, 480.0, 545.0), 0.4)

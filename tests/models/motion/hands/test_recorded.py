@@ -99,6 +99,17 @@ def test_a_palm_far_from_where_the_body_has_it_does_not_break_the_wrist() -> Non
     np.testing.assert_allclose(found.body_pose, person.body_pose, atol=1e-6)
 
 
+def test_one_palm_that_is_not_believed_leaves_the_wrist_as_the_looks_about_it_have_it() -> None:
+    person, motion, track, R_world_palm = scene()
+    assert track.hands is not None
+    track.hands.points3d[6, 0] *= (-1, -1, 1)
+    found = recorded_hands(person, motion, TIME_S, [(SHOT, track)])
+    rest = load_body().rest_joints(person.betas)
+    _, R = forward_kinematics(rest, person.R_world_root, found.body_pose, person.pelvis_world)
+    assert np.rad2deg(rotation_angle(np.swapaxes(R[4:9, 20], -1, -2) @ R_world_palm)).max() < 0.1
+    np.testing.assert_allclose(found.confidence[6], [0.9, 0], atol=1e-6)
+
+
 def test_the_hands_of_who_was_not_looked_at_are_at_ease() -> None:
     person, motion, track, _ = scene()
     for sightings in ([(SHOT, replace(track, hands=None))], []):

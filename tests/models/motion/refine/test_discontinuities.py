@@ -1,6 +1,7 @@
 """Discontinuities at cuts: closed where they are, and nothing else is touched."""
 
 import numpy as np
+import pytest
 
 from humanmm.models.motion.refine.discontinuities import FADE_S, LONGEST_STEP_S, close_discontinuities
 
@@ -44,6 +45,23 @@ def test_a_gap_at_the_cut_is_left_to_be_filled_in() -> None:
     observed = np.ones(N, bool)
     observed[CUT : CUT + int(LONGEST_STEP_S * FPS) + 1] = False
     np.testing.assert_array_equal(closed(poses(), observed), poses())
+
+
+@pytest.mark.parametrize("rate_hz", [30.0, 5.0, 4.0, 3.0])
+def test_a_cut_is_closed_however_far_apart_frames_are_and_a_frame_that_is_missing_there_is_a_gap(
+    rate_hz: float,
+) -> None:
+    vectors = np.where(FRAME >= CUT, 1.0, 0.0)[:, None, None] * np.tile(JUMP, (N, 2, 1))
+    step = {}
+    for missing in (0, int(max(LONGEST_STEP_S * rate_hz, 1))):
+        observed = np.ones(N, bool)
+        observed[CUT : CUT + missing] = False
+        after = close_discontinuities(
+            vectors, frame=FRAME, observed=observed, time_s=FRAME / rate_hz, cut_frames=(CUT,)
+        )
+        step[missing > 0] = np.linalg.norm(after[CUT + missing] - after[CUT - 1], axis=-1).max() / np.linalg.norm(JUMP)
+    assert step[False] < 0.5  # the frames next to the cut are some way into the fade at 3 Hz
+    assert step[True] == pytest.approx(1.0)
 
 
 def test_cuts_around_a_short_shot_without_the_person_are_closed_once() -> None:

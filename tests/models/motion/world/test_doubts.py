@@ -93,6 +93,24 @@ def test_doubtful_moments_near_in_time_are_one_run_at_every_frame_rate(hz: int) 
     assert [error.doubtful for error in doubts.pose_errors_of(video) if error.shot == 1] == [runs]
 
 
+def test_a_picture_that_stays_counts_for_as_long_as_it_is_shown() -> None:
+    three, stays_s = results(), 0.6
+    first, second, third = three.motions
+    assert second is not None
+    doubt = np.zeros(LENGTH, np.float32)
+    doubt[2] = 0.9
+    turned = replace(second, people=(replace(second.people[0], misoriented=doubt, pose_error_m=doubt),))
+    interval_s = np.full(3 * LENGTH, 1 / 60)
+    interval_s[LENGTH + 2] = stays_s
+    video = replace(three, motions=(first, turned, third), time_s=np.cumsum(interval_s) - interval_s)
+    share = stays_s / interval_s[LENGTH : 2 * LENGTH].sum()
+    facing = next(one for one in doubts.facings_of(video) if one.shot == 1)
+    assert facing.worst_s == pytest.approx(0.9 * stays_s)
+    assert facing.probability == pytest.approx(1 - 0.9 * share)
+    error = next(one for one in doubts.pose_errors_of(video) if one.shot == 1)
+    assert error.error_m == pytest.approx(0.9 * share)
+
+
 def test_a_path_of_unknown_scale_is_doubtful_only_where_it_is_long_enough_to_matter() -> None:
     unsure, sure = PathScale(0, "floor", 0.5), PathScale(0, "feet", 0.2)
     far, near = np.array([[0.0, 0, 0], [2.0, 0, 0]]), np.array([[0.0, 0, 0], [0.1, 0, 0]])

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from humanmm.models.motion.hands.over_time import over_time
 from humanmm.models.perception.hands import follow
 from humanmm.models.perception.hands.crops import of_body, of_points
 from humanmm.models.perception.hands.follow import NUMBERS, due_frames, hand_tracks, look_at_hands
@@ -46,6 +47,27 @@ def test_one_hand_a_frame_at_most_each_fifteen_times_a_second(rate_hz: float, lo
     assert due.sum(axis=1).max() == 1
     assert due.sum() / len(due) == pytest.approx(looks_per_frame, rel=0.05)
     assert abs(int(due[:, 0].sum()) - int(due[:, 1].sum())) <= 1
+
+
+@pytest.mark.parametrize("rate_hz", [12.5, 8, 3])
+def test_both_hands_are_looked_at_in_frames_that_are_further_apart_than_looks(rate_hz: float) -> None:
+    assert due_frames(np.arange(12) / rate_hz).all()
+
+
+def test_both_hands_are_looked_at_in_a_picture_that_stays_and_in_one_that_is_alone() -> None:
+    interval_s = np.full(40, 1 / 30)
+    interval_s[20] = 0.5
+    due = due_frames(np.cumsum(interval_s) - interval_s)
+    assert np.flatnonzero(due.all(axis=1)).tolist() == [20]
+    assert due_frames(np.array([2.0])).all()
+
+
+def test_a_fist_stays_one_at_any_frame_rate() -> None:
+    for rate_hz in (2, 5, 8, 15, 30):
+        time_s = np.arange(12) / rate_hz
+        seen = np.where(due_frames(time_s)[:, 0], 0.9, np.nan)
+        fist, certain = over_time(time_s, time_s, np.ones((12, 1)), seen, np.zeros(1))
+        assert (fist == pytest.approx(1)) and (certain == pytest.approx(0.9))
 
 
 def test_a_new_hand_is_looked_at_where_the_body_has_it(seen: Seen) -> None:

@@ -13,7 +13,7 @@ from humanmm.models.geometry.boxes import box_iou
 from humanmm.models.perception.interfaces import Landmarks, Networks, PoseNetwork
 from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.regions import Region
-from humanmm.models.perception.tracking.given_regions import GivenRegions, _owners, track_regions
+from humanmm.models.perception.tracking.given_regions import GivenRegions, _filled, _owners, sparse, track_regions
 from humanmm.models.records import landmarks
 from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.video.frames import planar_frames
@@ -68,6 +68,47 @@ def test_whoever_fills_a_box_is_followed_and_nobody_is_found_in_an_empty_one() -
         assert len(track.color_frame) > 0 and track.probability > 0.5
 
 
+@pytest.mark.parametrize("masks", [False, True])
+def test_between_boxes_of_one_person_he_is_looked_for_on_a_straight_line(masks: bool) -> None:
+    whole = given()
+    rows = np.isin(whole.frame, (SPAN[0], SPAN[1] - 1))  # the first frame and the last
+    few = replace(
+        whole, frame=whole.frame[rows], person=whole.person[rows], box=whole.box[rows], score=whole.score[rows],
+        labels=(lambda frame: _box_as_mask(frame) if frame in (SPAN[0], SPAN[1] - 1) else None) if masks else None,
+    )  # fmt: skip
+    (track,) = _tracked(few).tracks
+    np.testing.assert_array_equal(track.frame, np.arange(*SPAN))
+    assert (box_iou(track.bbox, boxes()) > 0.6).all()
+
+
+def test_boxes_are_filled_in_for_half_a_second_and_each_owner_has_his_own() -> None:
+    frame = np.array([0, 2, 4, 40])  # one of number 5 in frames 0, 4 and 40, one of 9 in frame 2
+    box = np.array([[0.0, 0, 10, 20], [50, 0, 60, 20], [8, 4, 18, 24], [8, 4, 18, 24]])
+    found = GivenRegions(frame, np.array([5, 9, 5, 5]), box, np.ones(4))
+    filled, owner = _filled(found, np.arange(4), np.array([0, 1, 0, 0]), TIME_S)
+    assert filled.frame.tolist() == [0, 1, 2, 2, 3, 4, 40], "frame 40 is 0.6 s later"
+    assert owner.tolist() == [0, 0, 1, 0, 0, 0, 0] and filled.person.tolist() == [5, 5, 9, 5, 5, 5, 5]
+    np.testing.assert_allclose(filled.box[[1, 3, 4]], [[2, 1, 12, 21], [4, 2, 14, 22], [6, 3, 16, 23]])
+    assert len(_filled(found, np.arange(0), np.zeros(0, int), TIME_S)[1]) == 0
+
+
+def test_boxes_on_few_frames_have_a_warning() -> None:
+    time_s = np.arange(300) / 30
+    assert sparse(np.arange(0, 300, 3), time_s) == sparse(np.array([7, 7]), time_s) == ()
+    (said,) = sparse(np.repeat(np.arange(0, 300, 5), 2), time_s)
+    assert "on one frame in 5 (0.17 s apart)" in said and "straight line" in said
+    (said,) = sparse(np.arange(0, 300, 30), time_s)
+    assert "on one frame in 30 (1.00 s apart): nobody is looked for between" in said
+
+
+def _box_as_mask(frame: int) -> np.ndarray:
+    """The man's box as a mask of half the video's size."""
+    picture = np.zeros((SIZE[1] // 2, SIZE[0] // 2), np.int32)
+    x0, y0, x1, y1 = (boxes()[frame - SPAN[0]] / 2).astype(int)
+    picture[y0:y1, x0:x1] = 7
+    return picture
+
+
 def test_whoever_has_a_number_keeps_it_beside_boxes_without_one() -> None:
     regions = given()
     (numbered,) = _tracked(regions).tracks
@@ -100,15 +141,7 @@ def test_what_is_odd_about_regions_is_told() -> None:
 
 
 def test_a_given_mask_takes_the_place_of_the_networks_own() -> None:
-    half = 2  # masks of half the size
-
-    def labels(frame: int) -> np.ndarray:
-        picture = np.zeros((SIZE[1] // half, SIZE[0] // half), np.int32)
-        x0, y0, x1, y1 = (boxes()[frame - SPAN[0]] / half).astype(int)
-        picture[y0:y1, x0:x1] = 7
-        return picture
-
-    (track,) = _tracked(replace(given(), labels=labels)).tracks
+    (track,) = _tracked(replace(given(), labels=_box_as_mask)).tracks
     rows, columns = np.nonzero(track.masks.mask(3))
     pixels = np.column_stack([columns, rows]) + 0.5
     pixels = pixels @ track.mask_affine[3, :, :2].T + track.mask_affine[3, :, 2]

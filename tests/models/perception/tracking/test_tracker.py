@@ -161,3 +161,42 @@ def test_a_crop_of_head_and_shoulders_that_slides_to_somebody_else_is_not_follow
     assert len(track.frame) == frames
     x = track.keypoints2d[:, 0, 0]
     assert (np.ptp(x) == 0) == (hips > 120)
+
+
+@pytest.mark.parametrize(("back", "people"), [(12, 1), (60, 2)], ids=["hidden for a moment", "gone"])
+def test_nobody_takes_the_place_of_who_is_hidden_for_a_moment(back: int, people: int) -> None:
+    """One person may be followed: he is not seen from frame 8 on, and somebody else stands there when people are looked
+    for in frame 10 and later."""
+    one, other, coco = body(70, hips=110), body(500, hips=110), list(landmarks.COCO_LANDMARKS)
+    chroma = np.full((120, 320), 128, np.uint8)
+    picture, frame = Picture((np.full((240, 640), 60, np.uint8), chroma, chroma.copy())), -1
+
+    def pictures() -> Iterator[tuple[int, Picture]]:
+        nonlocal frame
+        for frame in range(40):
+            yield frame, picture
+
+    def shown() -> list[np.ndarray]:
+        return [other] if 8 <= frame < back else [one, other] if frame >= back else [one]
+
+    def locate(_: Picture, region: Region, *, mirrored: bool = False) -> Landmarks:
+        there = min(shown(), key=lambda keypoints: abs(keypoints[0, 0] - region.x))
+        presence = float(abs(there[0, 0] - region.x) < 60)
+        own = Region(float(there[0, 0]), 110.0, 200.0)
+        in_space = (there - [there[0, 0], 110.0, 1.0]) / 110
+        mask = np.full((128, 128), round(255 * presence), np.uint8)
+        return Landmarks(there, in_space, presence, mask, region, own)
+
+    def detect(*_: object) -> list[Detection]:
+        return [
+            Detection(0.6, Region(x, 110, 200.0), np.array([x - 30, 20, x + 30, 210]), who[coco])
+            for who in shown()
+            for x in (float(who[0, 0]),)
+        ]
+
+    tracks = track_pictures(
+        pictures(), start=0, end=40, time_s=np.arange(40) / 30, size=(640, 240), max_people=1,
+        networks=Networks(detect, locate),
+    ).tracks  # fmt: skip
+    assert len(tracks) == people
+    assert not any(set(a.frame.tolist()) & set(b.frame.tolist()) for a in tracks for b in tracks if a is not b)
