@@ -46,14 +46,23 @@ class Entry:
     """A tree of settings that differ from the batch's."""
     origin: str = ""
     """The file and line that names it, for error messages."""
+    is_named: bool = True
+    """Whether it is named itself; False if a pattern has found it."""
 
     def with_defaults(self, *, priority: str, tags: Sequence[str]) -> "Entry":
         """The same with what it does not name itself."""
         return replace(self, priority=self.priority or priority, tags=tuple(dict.fromkeys((*self.tags, *tags))))
 
+    def same_wish(self, other: "Entry") -> bool:
+        """True if both ask for the same, whichever line asks."""
+        return replace(self, origin="", is_named=True) == replace(other, origin="", is_named=True)
+
 
 def read_batch(source: Path, *, pattern: str | None = None) -> list[Entry]:
-    """Every video of a folder (at any depth) or of a manifest, each once, in order. InputError names what is wrong."""
+    """Every video of a folder (at any depth) or of a manifest, each once, in order. InputError names what is wrong.
+
+    A line that names a video counts more than one whose pattern finds it; two of a kind must ask for the same.
+    """
     if source.is_dir():
         entries = videos_in(source, pattern=pattern)
         hint = f"{source} holds no video" + (f" named {pattern}" if pattern else "")
@@ -66,9 +75,12 @@ def read_batch(source: Path, *, pattern: str | None = None) -> list[Entry]:
     if not entries:
         raise InputError(f"{hint}; videos end in {', '.join(sorted(SUFFIXES))}")
     by_path: dict[Path, Entry] = {}
-    for entry in entries:
-        by_path.setdefault(entry.video, entry)  # the first mention counts
-    return list(by_path.values())
+    for entry in sorted(entries, key=lambda entry: not entry.is_named):
+        known = by_path.setdefault(entry.video, entry)
+        if known.is_named == entry.is_named and not known.same_wish(entry):
+            other = entry.origin.removeprefix(f"{source}, ")
+            raise InputError(f"{known.origin}, and {other} want different things of {entry.video}; keep one of them")
+    return [by_path[video] for video in dict.fromkeys(entry.video for entry in entries)]
 
 
 def videos_in(folder: Path, *, pattern: str | None = None) -> list[Entry]:
@@ -172,9 +184,9 @@ def _expanded(listed: Entry, source: Path, own: OwnFolderSearch) -> Iterator[Ent
     fails with its reason."""
     folder = source.absolute().parent
     path = folder / expanded(listed.video)
-    found = [path]
+    found, is_named = [path], True
     if not path.exists() and any(c in str(listed.video) for c in "*?["):
-        anchor = Path(path.anchor)
+        anchor, is_named = Path(path.anchor), False
         try:
             matches = list(anchor.glob(str(path.relative_to(anchor))))
         except ValueError as error:
@@ -183,4 +195,4 @@ def _expanded(listed: Entry, source: Path, own: OwnFolderSearch) -> Iterator[Ent
         if listed.out is not None and len(found) > 1:
             raise InputError(f"{listed.origin}: `out` names one run folder, {listed.video} {len(found)} videos")
     for match in found:
-        yield Entry(match, listed.priority, listed.tags, listed.out, listed.settings, listed.origin)
+        yield replace(listed, video=match, is_named=is_named)

@@ -32,7 +32,7 @@ def test_a_csv_manifest_gives_settings_tags_and_patterns(videos: Path) -> None:
         "video,priority,tags,out,camera.static,people.max_people\n"
         "a.mp4,high,gym; night,first,true,3\n"
         "deep/*.mov,,,,,\n"
-        "a.mp4,low,,,,\n"
+        "a*.mp4,low,,,,\n"
         "missing.mp4,,,,,\n"
     )
     first, second, third = read_batch(manifest)
@@ -40,6 +40,19 @@ def test_a_csv_manifest_gives_settings_tags_and_patterns(videos: Path) -> None:
     assert first.settings == {"camera": {"static": "true"}, "people": {"max_people": "3"}}
     assert (second.video, second.priority, second.settings) == (videos / "deep/c.mov", "", {})
     assert third.video == videos / "missing.mp4", "it fails later, with its reason, and the others run"
+
+
+def test_the_line_that_names_a_video_counts_more_than_a_pattern_wherever_it_stands(videos: Path) -> None:
+    for lines in ("a.mp4,high\na*.m*,low\n", "a*.m*,low\n*a.mp4,\na.mp4,high\na.mp4,high\n"):
+        (videos / "m.csv").write_text("video,priority\n" + lines)
+        assert {entry.video.name: entry.priority for entry in read_batch(videos / "m.csv")} == {"a.mp4": "high"}
+
+
+@pytest.mark.parametrize("lines", ["a.mp4,high\na.mp4,low\n", "*a.mp4,high\na*.mp4,low\n"])
+def test_two_lines_that_want_different_things_of_a_video_are_refused(videos: Path, lines: str) -> None:
+    (videos / "m.csv").write_text("video,priority\n" + lines)
+    with pytest.raises(InputError, match=r"m.csv, line 2, and line 3 want different things of .*a.mp4"):
+        read_batch(videos / "m.csv")
 
 
 def test_none_in_a_column_clears_what_need_not_be_given_and_is_a_name_elsewhere(videos: Path) -> None:
