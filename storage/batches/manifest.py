@@ -8,6 +8,7 @@ What lies in a run folder or store is humanmm's own: neither a folder nor a patt
 """
 
 import csv
+import io
 import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
@@ -117,7 +118,7 @@ def _is_video(path: Path) -> bool:
 
 def _read_manifest(source: Path) -> Iterator[Entry]:
     try:
-        text = source.read_text(encoding="utf-8-sig")
+        text = source.read_bytes().decode("utf-8-sig")  # names keep their kind of newline
     except OSError as error:
         raise InputError(f"cannot read {source}: {error.strerror}; give a folder, a .csv or a .jsonl file") from None
     except UnicodeDecodeError:
@@ -131,7 +132,7 @@ def _read_manifest(source: Path) -> Iterator[Entry]:
 
 
 def _read_csv(text: str, source: Path) -> Iterator[Entry]:
-    reader = csv.DictReader(text.splitlines(), strict=True)
+    reader = csv.DictReader(io.StringIO(text, newline=""), strict=True)
     try:
         for row in reader:
             origin = f"{source}, line {reader.line_num}"
@@ -149,7 +150,7 @@ def _read_csv(text: str, source: Path) -> Iterator[Entry]:
 
 
 def _read_json_lines(text: str, source: Path) -> Iterator[Entry]:
-    for number, line in enumerate(text.splitlines(), start=1):
+    for number, line in enumerate(text.split("\n"), start=1):
         if not line.strip():
             continue
         origin = f"{source}, line {number}"

@@ -1,5 +1,6 @@
 """Which videos a folder or a manifest asks for, and what is said of a bad one."""
 
+import json
 from pathlib import Path
 
 import pytest
@@ -53,6 +54,15 @@ def test_two_lines_that_want_different_things_of_a_video_are_refused(videos: Pat
     (videos / "m.csv").write_text("video,priority\n" + lines)
     with pytest.raises(InputError, match=r"m.csv, line 2, and line 3 want different things of .*a.mp4"):
         read_batch(videos / "m.csv")
+
+
+@pytest.mark.parametrize("name", ["two\nlines.mp4", "two\r\nlines.mp4", "a\u2028b.mp4", "a\x0cb.mp4"])
+@pytest.mark.parametrize("newline", ["\n", "\r\n"])
+def test_names_may_hold_what_ends_a_line_elsewhere(videos: Path, name: str, newline: str) -> None:
+    (videos / "m.csv").write_bytes(f'video,priority{newline}"{name}",low{newline}a.mp4,high{newline}'.encode())
+    lines = [json.dumps({"video": video}, ensure_ascii=False) for video in (name, "a.mp4")]
+    (videos / "m.jsonl").write_bytes(newline.join(lines).encode())
+    assert _names(videos / "m.csv") == _names(videos / "m.jsonl") == [name, "a.mp4"]
 
 
 def test_none_in_a_column_clears_what_need_not_be_given_and_is_a_name_elsewhere(videos: Path) -> None:
