@@ -90,7 +90,7 @@ def videos_in(folder: Path, *, pattern: str | None = None) -> list[Entry]:
     own = OwnFolderSearch().around(folder)
     if own is not None:
         raise InputError(f"{folder} is in a run folder or store ({own}) with humanmm's own films; name a video's file")
-    found = sorted(path for path in _videos_below(folder.absolute(), pattern) if path.is_file())
+    found = sorted(path for path in _videos_below(folder.absolute(), pattern) if _is_file_or_link(path))
     return [Entry(path, origin=str(folder)) for path in found]
 
 
@@ -114,6 +114,11 @@ def _matches(parts: Sequence[str], pattern: Sequence[str]) -> bool:
 
 def _is_video(path: Path) -> bool:
     return path.suffix.lower() in SUFFIXES and not path.name.startswith(".")
+
+
+def _is_file_or_link(path: Path) -> bool:
+    """Whether it is a file, or a link to nothing: that one is kept, and fails with its reason."""
+    return path.is_file() or (path.is_symlink() and not path.exists())
 
 
 def _read_manifest(source: Path) -> Iterator[Entry]:
@@ -192,7 +197,7 @@ def _expanded(listed: Entry, source: Path, own: OwnFolderSearch) -> Iterator[Ent
             matches = list(anchor.glob(str(path.relative_to(anchor))))
         except ValueError as error:
             raise InputError(f"{listed.origin}: the pattern {listed.video} cannot be read: {error}") from None
-        found = sorted(match for match in matches if match.is_file() and own.around(match.parent) is None)
+        found = sorted(match for match in matches if _is_file_or_link(match) and own.around(match.parent) is None)
         if listed.out is not None and len(found) > 1:
             raise InputError(f"{listed.origin}: `out` names one run folder, {listed.video} {len(found)} videos")
     for match in found:

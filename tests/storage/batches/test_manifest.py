@@ -27,6 +27,14 @@ def test_a_folder_gives_every_video_in_it_at_any_depth(videos: Path) -> None:
     assert _names(videos, pattern="*.mov") == ["c.mov"]
 
 
+def test_a_link_to_nothing_is_kept_to_fail_with_its_reason(videos: Path) -> None:
+    (videos / "lost.mp4").symlink_to(videos / "gone.mp4")
+    (videos / "deep/folder.mp4").mkdir()
+    assert _names(videos) == ["a.mp4", "b.MKV", "c.mov", "lost.mp4"]
+    (videos / "m.csv").write_text("video\nl*.mp4\ndeep/*.mp4\n")
+    assert _names(videos / "m.csv") == ["lost.mp4"]
+
+
 def test_a_csv_manifest_gives_settings_tags_and_patterns(videos: Path) -> None:
     manifest = videos / "batch.csv"
     manifest.write_text(
