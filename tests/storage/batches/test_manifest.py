@@ -89,10 +89,11 @@ def test_a_json_lines_manifest_means_the_same(videos: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "text", "message"),
     [
-        ("m.csv", "video,prio\na.mp4,high\n", "line 2: unknown column 'prio'"),
+        ("m.csv", "video,prio\na.mp4,high\n", "line 1: unknown column 'prio'"),
         ("m.csv", "video,priority\na.mp4,urgent\n", "priority 'urgent' is none of"),
         ("m.csv", "video,tags\na.mp4\n", "not as many columns"),
         ("m.csv", "priority\nhigh\n", "`video` is missing"),
+        ("m.csv", "video;priority\na.mp4;high\n", "line 1: columns are separated by commas"),
         ("m.csv", "video\n", "lists no video"),
         ("m.jsonl", '{"video": "a.mp4"\n', "m.jsonl, line 1: "),
         ("m.jsonl", '{"video": "a.mp4", "speed": 3}\n', "unknown key 'speed'"),
@@ -107,6 +108,18 @@ def test_a_bad_manifest_is_reported_with_its_line(videos: Path, name: str, text:
     with pytest.raises(InputError) as caught:
         read_batch(videos / name)
     assert message in str(caught.value)
+
+
+@pytest.mark.parametrize("wrong", [2, 25])
+def test_every_line_that_is_wrong_is_named_and_of_many_their_number(videos: Path, wrong: int) -> None:
+    (videos / "m.csv").write_text("video,priority\na.mp4,high\n" + "a.mp4,urgent\n" * wrong)
+    with pytest.raises(InputError) as caught:
+        read_batch(videos / "m.csv")
+    lines = str(caught.value).splitlines()
+    assert [line.split(": ")[0].rpartition("/")[2] for line in lines[:20]] == [
+        f"m.csv, line {number}" for number in range(3, 3 + min(wrong, 20))
+    ]
+    assert lines[20:] == ([] if wrong < 20 else ["and 5 more mistakes"])
 
 
 def test_a_pattern_with_one_run_folder_for_many_videos_is_refused(videos: Path) -> None:
