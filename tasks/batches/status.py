@@ -19,7 +19,7 @@ MOST_READ = 2000
 
 def status_lines(name: str, rows: Sequence[VideoRow]) -> Iterator[str]:
     """What `humanmm batch status` prints."""
-    yield f"batch {name}: {len(rows)} videos, {_counts(rows)}"
+    yield f"batch {name}: " + (f"{len(rows)} videos, {_counts(rows)}" if rows else "nothing submitted yet")
     yield from _speed(rows)
     yield from _by_stage(rows)
     bad = sorted((row for row in rows if row.state in ("failed", "partial")), key=lambda row: -row.changed)
@@ -58,7 +58,7 @@ def _counts(rows: Sequence[VideoRow]) -> str:
     done = [row for row in rows if row.state == "done"] if len(rows) <= MOST_READ else []
     doubtful = sum(bool((_record(row) or {}).get("warnings")) for row in done)
     noted = {"done": f" ({doubtful} with warnings)"} if doubtful else {}
-    return ", ".join(f"{number} {state}{noted.get(state, '')}" for state, number in counts(rows).items()) or "no video"
+    return ", ".join(f"{number} {state}{noted.get(state, '')}" for state, number in counts(rows).items())
 
 
 def _speed(rows: Sequence[VideoRow]) -> Iterator[str]:
