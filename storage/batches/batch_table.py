@@ -30,6 +30,7 @@ from humanmm.errors import ConfigError, InputError, StoreError
 from humanmm.storage.batches.owner import Owner
 from humanmm.storage.batches.video_row import STATES, VideoRow
 from humanmm.storage.store.bucket import is_bucket
+from humanmm.storage.store.files import explain_os_error, store_errors, try_to_write
 from humanmm.storage.store.open import open_store
 from humanmm.storage.store.store import Store
 
@@ -294,13 +295,19 @@ class BatchTable:
 
     @contextlib.contextmanager
     def _transaction(self, purpose: str) -> Iterator[sa.Connection]:
+        what = f"cannot {purpose} the batches of the store, {self.where}"
         try:
             if self.path is not None:
                 self.path.parent.mkdir(parents=True, exist_ok=True)
             with _engine(self._url).begin() as connection:
                 yield connection
-        except (sa.exc.SQLAlchemyError, sqlite3.Error, OSError) as error:
-            raise StoreError(f"cannot {purpose} the batches of the store, {self.where}: {_in_words(error)}") from error
+        except OSError as error:
+            raise StoreError(explain_os_error(error, what)) from error
+        except (sa.exc.SQLAlchemyError, sqlite3.Error) as error:
+            if purpose == "write" and self.path is not None:
+                with store_errors(what, missing=True):  # of a disk SQLite says only that its file cannot be opened
+                    try_to_write(self.path.parent)
+            raise StoreError(f"{what}: {_in_words(error)}") from error
 
 
 def _another_attempt(row: VideoRow) -> dict[str, Any]:

@@ -1,5 +1,6 @@
 """The batch table in SQLite and in Postgres: nothing that was written is lost, and one process owns a video."""
 
+import errno
 import multiprocessing
 import os
 import signal
@@ -333,3 +334,15 @@ def _age_lease(table: BatchTable, row: VideoRow, seconds: float) -> None:
     from humanmm.storage.batches.batch_table import VIDEOS
 
     assert table._update(row, renewed=VIDEOS.c.renewed - seconds)
+
+
+def test_of_a_store_on_a_read_only_disk_it_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    table = open_batches(tmp_path / "store")
+    (tmp_path / "store" / "batches.sqlite").mkdir(parents=True)  # SQLite cannot open it, as on such a disk
+
+    def refuse(**options: object) -> None:
+        raise OSError(errno.EROFS, "Read-only file system")
+
+    monkeypatch.setattr("tempfile.NamedTemporaryFile", refuse)
+    with pytest.raises(StoreError, match=r"batches.sqlite: the disk is read-only; name another store with --store"):
+        table.put([VideoRow("b", "/v/a.mp4", 0, "/r/a", "{}", "normal", "[]", "", "")])
