@@ -3,7 +3,7 @@
 import asyncio
 import json
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -40,18 +40,22 @@ DEPLOYMENT = "recover-video/recover-video"
 BATCH_DEPLOYMENT = "recover-batch/recover-batch"
 
 
-def schedule(table: BatchTable, rows: Sequence[VideoRow]) -> None:
+def schedule(
+    table: BatchTable, rows: Sequence[VideoRow], *, progress: Callable[[int, int], None] = lambda done, total: None
+) -> None:
     """Create a flow run per video, unless Prefect has one of the same batch, video and attempt.
 
     When the row was scheduled is part of that: a batch whose table was deleted counts its attempts from 1 again. A
     video whose process was lost waits a little, the longer the more often it was lost. Rows that a busy server refuses
-    stay without a flow run, and `humanmm serve` sends them again at its next look.
+    stay without a flow run, and `humanmm serve` sends them again at its next look. `progress` is called with the videos
+    done and all videos.
     """
     note_store(server_files(), table.store.location)
     refused: list[str] = []
     with get_client(sync_client=True) as client:
         deployment = client.read_deployment_by_name(DEPLOYMENT)
-        for row in rows:
+        for number, row in enumerate(rows):
+            progress(number, len(rows))
             if not _is_unscheduled(row, table):
                 continue
             try:

@@ -19,6 +19,7 @@ import httpx
 from humanmm.errors import UsageError
 from humanmm.flows.server.local_server import prefect_server, running_server, server_files
 from humanmm.flows.service.serve import bring_up, is_serving
+from humanmm.progress import counted
 from humanmm.storage.batches.batch_table import BatchTable
 from humanmm.storage.batches.manifest import videos_in
 from humanmm.storage.batches.video_row import VideoRow
@@ -47,7 +48,8 @@ def schedule(table: BatchTable, rows: Sequence[VideoRow], *, limit: int | None) 
     with prefect_server():
         from humanmm.flows.server import flow_runs
 
-        flow_runs.schedule(table, rows)
+        with counted(f"scheduling {len(rows):,} videos") as progress:
+            flow_runs.schedule(table, rows, progress=progress)
 
 
 def set_schedule(request: BatchRequest, store: str, cron: str | None, *, limit: int | None) -> datetime | None:

@@ -18,7 +18,7 @@ import socket
 import sqlite3
 import threading
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -30,6 +30,7 @@ from humanmm.errors import ConfigError, InputError, StoreError
 from humanmm.storage.batches.owner import Owner
 from humanmm.storage.batches.video_row import STATES, VideoRow
 from humanmm.storage.store.bucket import is_bucket
+from humanmm.storage.store.files import explain_os_error, store_errors, try_to_write
 from humanmm.storage.store.open import open_store
 from humanmm.storage.store.store import Store
 
@@ -62,6 +63,14 @@ VIDEOS = sa.Table(
     sa.Column("renewed", sa.Double),  # the owner's lease, seconds since 1970 by the clock of the database
     sa.Column("created", sa.Double),
 )
+_LATER = VIDEOS.alias("later")
+_OTHER_RESULT = (
+    _LATER.c.store == VIDEOS.c.store,
+    _LATER.c.run_dir == VIDEOS.c.run_dir,
+    _LATER.c.batch != VIDEOS.c.batch,
+    sa.or_(*(_LATER.c[name] != VIDEOS.c[name] for name in ("video", "facts", "recipe"))),
+)
+"""Two rows of different batches, of which each wants a result of its own in the same run folder."""
 _OPENING = threading.Lock()
 _BY_STATE = sa.Index("humanmm_videos_by_state", VIDEOS.c.store, VIDEOS.c.state, VIDEOS.c.batch)
 _FIELDS = {field.name: field.default for field in fields(VideoRow) if field.name != "unrenewed_s"}
@@ -155,11 +164,29 @@ class BatchTable:
         found = self._rows(VIDEOS.c.batch == batch, VIDEOS.c.video == video, limit=1)
         return found[0] if found else None
 
-    def finished(self) -> dict[tuple[str, str, str], tuple[str, str]]:
-        """Video, facts and recipe → run folder and its host of everything that any batch has finished."""
+    def finished(self, rewritten: Mapping[tuple[str, str], str]) -> dict[tuple[str, str, str], tuple[str, str]]:
+        """Video, facts and recipe → run folder and its host of everything that any batch has finished, but for what
+        was `rewritten`."""
         c = VIDEOS.c
-        query = sa.select(c.video, c.facts, c.recipe, c.run_dir, c.host).where(self._of_store, c.state == "done")
-        return {(video, facts, recipe): (run_dir, host) for video, facts, recipe, run_dir, host in self._select(query)}
+        columns = (c.batch, c.video, c.facts, c.recipe, c.run_dir, c.host)
+        found = self._select(sa.select(*columns).where(self._of_store, c.state == "done"))
+        kept = (values for batch, *values in found if (batch, values[0]) not in rewritten)
+        return {(video, facts, recipe): (run_dir, host) for video, facts, recipe, run_dir, host in kept}
+
+    def rewritten(self) -> dict[tuple[str, str], str]:
+        """Batch and video of what is done → the batch that has written another result to its run folder since."""
+        mine, later = VIDEOS.c, _LATER.c
+        written = (mine.state == "done", later.state.in_(("done", "partial")), later.changed > mine.changed)
+        query = sa.select(mine.batch, mine.video, later.batch).where(self._of_store, *_OTHER_RESULT, *written)
+        found = self._select(query.order_by(later.changed))
+        return {(batch, video): by for batch, video, by in found}
+
+    def displaced(self, batch: str) -> dict[str, str]:
+        """Videos of a batch → the other batch whose finished result, a different one, has the same run folder."""
+        mine, other = VIDEOS.c, _LATER.c
+        ours = (self._of_store, mine.batch == batch, other.state == "done")
+        found = self._select(sa.select(mine.video, other.batch).where(*ours, *_OTHER_RESULT).order_by(other.changed))
+        return {video: other_batch for video, other_batch in found}
 
     def unscheduled(self) -> list[VideoRow]:
         """Videos that wait without a flow run, of all batches; UNSCHEDULED_LIMIT of them at a time."""
@@ -268,13 +295,19 @@ class BatchTable:
 
     @contextlib.contextmanager
     def _transaction(self, purpose: str) -> Iterator[sa.Connection]:
+        what = f"cannot {purpose} the batches of the store, {self.where}"
         try:
             if self.path is not None:
                 self.path.parent.mkdir(parents=True, exist_ok=True)
             with _engine(self._url).begin() as connection:
                 yield connection
-        except (sa.exc.SQLAlchemyError, sqlite3.Error, OSError) as error:
-            raise StoreError(f"cannot {purpose} the batches of the store, {self.where}: {_in_words(error)}") from error
+        except OSError as error:
+            raise StoreError(explain_os_error(error, what)) from error
+        except (sa.exc.SQLAlchemyError, sqlite3.Error) as error:
+            if purpose == "write" and self.path is not None:
+                with store_errors(what, missing=True):  # of a disk SQLite says only that its file cannot be opened
+                    try_to_write(self.path.parent)
+            raise StoreError(f"{what}: {_in_words(error)}") from error
 
 
 def _another_attempt(row: VideoRow) -> dict[str, Any]:

@@ -8,11 +8,13 @@ What lies in a run folder or store is humanmm's own: neither a folder nor a patt
 """
 
 import csv
+import io
 import json
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +30,8 @@ SUFFIXES = frozenset(
     }
 )  # fmt: skip
 PRIORITIES = ("high", "normal", "low")
+SHOWN_MISTAKES = 20
+"""Of a manifest; so many fit on a terminal, and the same mistake in every line is seen."""
 _COLUMNS = ("video", "priority", "tags", "out")
 
 
@@ -46,29 +50,42 @@ class Entry:
     """A tree of settings that differ from the batch's."""
     origin: str = ""
     """The file and line that names it, for error messages."""
+    is_named: bool = True
+    """Whether it is named itself; False if a pattern has found it."""
 
     def with_defaults(self, *, priority: str, tags: Sequence[str]) -> "Entry":
         """The same with what it does not name itself."""
         return replace(self, priority=self.priority or priority, tags=tuple(dict.fromkeys((*self.tags, *tags))))
 
+    def same_wish(self, other: "Entry") -> bool:
+        """True if both ask for the same, whichever line asks."""
+        return replace(self, origin="", is_named=True) == replace(other, origin="", is_named=True)
+
 
 def read_batch(source: Path, *, pattern: str | None = None) -> list[Entry]:
-    """Every video of a folder (at any depth) or of a manifest, each once, in order. InputError names what is wrong."""
+    """Every video of a folder (at any depth) or of a manifest, each once, in order. InputError names what is wrong.
+
+    A line that names a video counts more than one whose pattern finds it; two of a kind must ask for the same.
+    """
     if source.is_dir():
         entries = videos_in(source, pattern=pattern)
         hint = f"{source} holds no video" + (f" named {pattern}" if pattern else "")
     else:
         if pattern is not None:
             raise InputError("--glob goes with a folder; a manifest has its patterns in `video`")
-        own = OwnFolderSearch()
-        entries = [entry for listed in _read_manifest(source) for entry in _expanded(listed, source, own)]
+        entries = _listed_in(source)
         hint = f"{source} lists no video"
     if not entries:
         raise InputError(f"{hint}; videos end in {', '.join(sorted(SUFFIXES))}")
     by_path: dict[Path, Entry] = {}
-    for entry in entries:
-        by_path.setdefault(entry.video, entry)  # the first mention counts
-    return list(by_path.values())
+    mistakes = []
+    for entry in sorted(entries, key=lambda entry: not entry.is_named):
+        known = by_path.setdefault(entry.video, entry)
+        if known.is_named == entry.is_named and not known.same_wish(entry):
+            other = entry.origin.removeprefix(f"{source}, ")
+            mistakes.append(f"{known.origin}, and {other} want different things of {entry.video}; keep one of them")
+    _raise(mistakes)
+    return [by_path[video] for video in dict.fromkeys(entry.video for entry in entries)]
 
 
 def videos_in(folder: Path, *, pattern: str | None = None) -> list[Entry]:
@@ -77,7 +94,7 @@ def videos_in(folder: Path, *, pattern: str | None = None) -> list[Entry]:
     own = OwnFolderSearch().around(folder)
     if own is not None:
         raise InputError(f"{folder} is in a run folder or store ({own}) with humanmm's own films; name a video's file")
-    found = sorted(path for path in _videos_below(folder.absolute(), pattern) if path.is_file())
+    found = sorted(path for path in _videos_below(folder.absolute(), pattern) if _is_file_or_link(path))
     return [Entry(path, origin=str(folder)) for path in found]
 
 
@@ -103,9 +120,34 @@ def _is_video(path: Path) -> bool:
     return path.suffix.lower() in SUFFIXES and not path.name.startswith(".")
 
 
-def _read_manifest(source: Path) -> Iterator[Entry]:
+def _is_file_or_link(path: Path) -> bool:
+    """Whether it is a file, or a link to nothing: that one is kept, and fails with its reason."""
+    return path.is_file() or (path.is_symlink() and not path.exists())
+
+
+def _listed_in(source: Path) -> list[Entry]:
+    """The videos of all lines of a manifest; InputError names every line that is wrong."""
+    own, entries, mistakes = OwnFolderSearch(), list[Entry](), list[str]()
+    for read in _read_manifest(source):
+        try:
+            entries += _expanded(read(), source, own)
+        except InputError as error:
+            mistakes.append(str(error))
+    _raise(mistakes)
+    return entries
+
+
+def _raise(mistakes: Sequence[str]) -> None:
+    """InputError with the first SHOWN_MISTAKES of them, if there is one."""
+    if mistakes:
+        more = [f"and {len(mistakes) - SHOWN_MISTAKES} more mistakes"] if len(mistakes) > SHOWN_MISTAKES else []
+        raise InputError("\n".join([*mistakes[:SHOWN_MISTAKES], *more]))
+
+
+def _read_manifest(source: Path) -> Iterator[Callable[[], Entry]]:
+    """For each line a function that returns its entry, or raises what is wrong with it."""
     try:
-        text = source.read_text(encoding="utf-8-sig")
+        text = source.read_bytes().decode("utf-8-sig")  # names keep their kind of newline
     except OSError as error:
         raise InputError(f"cannot read {source}: {error.strerror}; give a folder, a .csv or a .jsonl file") from None
     except UnicodeDecodeError:
@@ -118,42 +160,56 @@ def _read_manifest(source: Path) -> Iterator[Entry]:
         raise InputError(f"{source} is neither a folder nor a .csv or .jsonl manifest")
 
 
-def _read_csv(text: str, source: Path) -> Iterator[Entry]:
-    reader = csv.DictReader(text.splitlines(), strict=True)
+def _read_csv(text: str, source: Path) -> Iterator[Callable[[], Entry]]:
+    reader = csv.DictReader(io.StringIO(text, newline=""), strict=True)
     try:
+        _check_header(reader.fieldnames or (), f"{source}, line 1")
         for row in reader:
-            origin = f"{source}, line {reader.line_num}"
-            if None in row or None in row.values():
-                raise InputError(f"{origin}: it has not as many columns as the first line")
-            columns = {name.strip(): value.strip() for name, value in row.items()}
-            unknown = [name for name in columns if name not in _COLUMNS and "." not in name]
-            if unknown:
-                raise InputError(f"{origin}: unknown column {unknown[0]!r}; known: {', '.join(_COLUMNS)}, STAGE.FIELD")
-            values = {name: value_of(name, value) for name, value in columns.items() if "." in name and value}
-            tags = tuple(filter(None, (tag.strip() for tag in columns.get("tags", "").split(";"))))
-            yield _entry(columns, tags, with_values({}, values), origin)
+            yield partial(_csv_entry, row, f"{source}, line {reader.line_num}")
     except csv.Error as error:
         raise InputError(f"{source}, line {reader.line_num}: {error}") from None
 
 
-def _read_json_lines(text: str, source: Path) -> Iterator[Entry]:
-    for number, line in enumerate(text.splitlines(), start=1):
-        if not line.strip():
-            continue
-        origin = f"{source}, line {number}"
-        try:
-            tree = json.loads(line)
-        except (ValueError, RecursionError) as error:
-            raise InputError(f"{origin}: {error}") from None
-        if not isinstance(tree, dict):
-            raise InputError(f"{origin}: a line is one object with `video`")
-        unknown = set(tree) - {*_COLUMNS, "settings"}
-        if unknown:
-            raise InputError(f"{origin}: unknown key {min(unknown)!r}; known: {', '.join(_COLUMNS)}, settings")
-        tags, settings = tree.get("tags", []), tree.get("settings", {})
-        if not isinstance(tags, list) or not isinstance(settings, dict):
-            raise InputError(f"{origin}: `tags` is a list and `settings` an object")
-        yield _entry(tree, tuple(str(tag) for tag in tags), settings, origin)
+def _check_header(header: Sequence[str], origin: str) -> None:
+    if any(";" in name for name in header):
+        raise InputError(f"{origin}: columns are separated by commas, not by semicolons")
+    names = [name.strip() for name in header]
+    unknown = [name for name in names if name not in _COLUMNS and "." not in name]
+    if unknown:
+        raise InputError(f"{origin}: unknown column {unknown[0]!r}; known: {', '.join(_COLUMNS)}, STAGE.FIELD")
+    if names and "video" not in names:
+        raise InputError(f"{origin}: the column `video` is missing")
+
+
+def _csv_entry(row: Mapping[str | None, Any], origin: str) -> Entry:
+    if None in row or None in row.values():
+        raise InputError(f"{origin}: it has not as many columns as the first line")
+    columns = {str(name).strip(): value.strip() for name, value in row.items()}
+    values = {name: value_of(name, value) for name, value in columns.items() if "." in name and value}
+    tags = tuple(filter(None, (tag.strip() for tag in columns.get("tags", "").split(";"))))
+    return _entry(columns, tags, with_values({}, values), origin)
+
+
+def _read_json_lines(text: str, source: Path) -> Iterator[Callable[[], Entry]]:
+    for number, line in enumerate(text.split("\n"), start=1):
+        if line.strip():
+            yield partial(_json_entry, line, f"{source}, line {number}")
+
+
+def _json_entry(line: str, origin: str) -> Entry:
+    try:
+        tree = json.loads(line)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{origin}: {error}") from None
+    if not isinstance(tree, dict):
+        raise InputError(f"{origin}: a line is one object with `video`")
+    unknown = set(tree) - {*_COLUMNS, "settings"}
+    if unknown:
+        raise InputError(f"{origin}: unknown key {min(unknown)!r}; known: {', '.join(_COLUMNS)}, settings")
+    tags, settings = tree.get("tags", []), tree.get("settings", {})
+    if not isinstance(tags, list) or not isinstance(settings, dict):
+        raise InputError(f"{origin}: `tags` is a list and `settings` an object")
+    return _entry(tree, tuple(str(tag) for tag in tags), settings, origin)
 
 
 def _entry(columns: Mapping[str, Any], tags: tuple[str, ...], settings: Mapping[str, Any], origin: str) -> Entry:
@@ -172,15 +228,15 @@ def _expanded(listed: Entry, source: Path, own: OwnFolderSearch) -> Iterator[Ent
     fails with its reason."""
     folder = source.absolute().parent
     path = folder / expanded(listed.video)
-    found = [path]
+    found, is_named = [path], True
     if not path.exists() and any(c in str(listed.video) for c in "*?["):
-        anchor = Path(path.anchor)
+        anchor, is_named = Path(path.anchor), False
         try:
             matches = list(anchor.glob(str(path.relative_to(anchor))))
         except ValueError as error:
             raise InputError(f"{listed.origin}: the pattern {listed.video} cannot be read: {error}") from None
-        found = sorted(match for match in matches if match.is_file() and own.around(match.parent) is None)
+        found = sorted(match for match in matches if _is_file_or_link(match) and own.around(match.parent) is None)
         if listed.out is not None and len(found) > 1:
             raise InputError(f"{listed.origin}: `out` names one run folder, {listed.video} {len(found)} videos")
     for match in found:
-        yield Entry(match, listed.priority, listed.tags, listed.out, listed.settings, listed.origin)
+        yield replace(listed, video=match, is_named=is_named)

@@ -95,11 +95,16 @@ def refusal_to_write(folder: Path) -> str:
     """Why a file cannot be written in a folder that there is; empty if one was written, and removed again. Rights alone
     do not tell: root has all of them in /proc, and on a disk that is read-only."""
     try:
-        with tempfile.NamedTemporaryFile(dir=folder, prefix=".humanmm-") as file:
-            file.write(b"here")
+        try_to_write(folder)
     except OSError as error:
         return (error.strerror or str(error)).lower()
     return ""
+
+
+def try_to_write(folder: Path) -> None:
+    """Write a file in a folder and remove it again; OSError if that cannot be done."""
+    with tempfile.NamedTemporaryFile(dir=folder, prefix=".humanmm-") as file:
+        file.write(b"here")
 
 
 def existing_part(path: Path) -> Path:

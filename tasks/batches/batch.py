@@ -12,7 +12,7 @@ import os
 import socket
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -51,6 +51,8 @@ class Submission:
     """Videos that failed before, in the same way as they would now: `retry-failed` runs them again."""
     outdated: tuple[str, ...] = ()
     """Videos that are running with another file, other settings or code than wanted: they are left alone."""
+    displaced: Mapping[str, str] = field(default_factory=dict)
+    """Videos whose run folder holds a different result of another batch, which is written over → that batch."""
 
     @property
     def sentence(self) -> str:
@@ -58,7 +60,12 @@ class Submission:
         counted = f"{len(self.to_schedule)} to do, {self.finished} finished"
         again = f", {self.failed} failed or cancelled before (`humanmm batch retry-failed` tries them again)"
         left = f", {len(self.outdated)} running as asked for before: submit again when they have ended"
-        return counted + (again if self.failed else "") + (left if self.outdated else "")
+        others = ", ".join(sorted(set(self.displaced.values())))
+        over = (
+            f"; {len(self.displaced)} write over run folders of batch {others}, with another result: --out keeps both"
+        )
+        parts = (again if self.failed else "", left if self.outdated else "", over if self.displaced else "")
+        return counted + "".join(parts)
 
 
 def batch_name(source: Path) -> str:
@@ -75,12 +82,14 @@ def submit(table: BatchTable, name: str, entries: Sequence[Entry], config: Confi
     """
     before = {row.video: row for row in table.rows(name)}
     wanted = _rows(name, entries, config, out.absolute(), table.store, before)
-    finished = table.finished()
+    rewritten = table.rewritten()
+    finished = table.finished(rewritten)
     fresh: list[VideoRow] = []
     outdated: list[str] = []
     for row in wanted:
         known = before.get(row.video)
         is_missing = known is not None and known.state == "done" and _is_gone(known.run_dir, known.host)
+        is_missing |= (name, row.video) in rewritten
         if known is not None and known.same_work(row) and not is_missing and not _is_run_otherwise(known, row):
             continue
         if known is not None and _is_running(known):
@@ -93,6 +102,7 @@ def submit(table: BatchTable, name: str, entries: Sequence[Entry], config: Confi
     for row in fresh:
         if not row.same_work(standing[row.video]):
             raise InputError(f"{row.video} was submitted with other settings by somebody else just now")
+    displaced = table.displaced(name) if fresh else {}
     rows = [standing.get(row.video) or before[row.video] for row in wanted]
     states = [row.state for row in rows]
     return Submission(
@@ -101,6 +111,7 @@ def submit(table: BatchTable, name: str, entries: Sequence[Entry], config: Confi
         finished=states.count("done"),
         failed=sum(states.count(state) for state in ("failed", "partial", "cancelled")),
         outdated=tuple(outdated),
+        displaced={video: other for video, other in displaced.items() if video in standing},
     )
 
 
@@ -116,6 +127,7 @@ def _is_run_otherwise(known: VideoRow, row: VideoRow) -> bool:
     return bool(before != now)
 
 
+_REWRITTEN = "its run folder was rewritten by batch {}"
 _CHANGED = "code, settings or corrections have changed"
 
 
@@ -141,15 +153,20 @@ def forecast_submission(
 ) -> list[Planned]:
     """What `submit` would do with each video. Writes nothing, if the store of the table is opened to read only."""
     before = {row.video: row for row in table.rows(name)}
-    finished = table.finished()
+    rewritten = table.rewritten()
+    finished = table.finished(rewritten)
     return [
-        _planned(row, before.get(row.video), finished, table.store)
+        _planned(row, before.get(row.video), finished, table.store, rewritten.get((name, row.video)))
         for row in _rows(name, entries, config, out.absolute(), table.store, before)
     ]
 
 
 def _planned(
-    row: VideoRow, known: VideoRow | None, finished: Mapping[tuple[str, str, str], tuple[str, str]], store: Store
+    row: VideoRow,
+    known: VideoRow | None,
+    finished: Mapping[tuple[str, str, str], tuple[str, str]],
+    store: Store,
+    rewritten_by: str | None,
 ) -> Planned:
     if not row.facts:
         return Planned(row, "to do", "there is no such file: it will fail")
@@ -159,7 +176,7 @@ def _planned(
         if known.state != "done":
             words = {"scheduled": "to do", "failed": "failed before", "partial": "partial before"}
             return Planned(row, words.get(known.state, known.state), known.reason)
-        if not _is_gone(known.run_dir, known.host):
+        if rewritten_by is None and not _is_gone(known.run_dir, known.host):
             return Planned(row, "finished", "")
     if known is not None and _is_running(known):
         changed = _what_changed(known, row, store)
@@ -167,9 +184,17 @@ def _planned(
     if _finished_on(row, finished, store, write=False) is not None:
         return Planned(row, "finished", "the store has everything")
     if known is not None:
-        return Planned(row, "to do", _what_changed(known, row, store))
+        rewritten = _REWRITTEN.format(rewritten_by) if rewritten_by and known.same_work(row) else ""
+        return Planned(row, "to do", rewritten or _what_changed(known, row, store))
     is_empty = json.loads(row.facts)[0] == 0
     return Planned(row, "to do", "it is empty: it will fail" if is_empty else "it is new")
+
+
+def with_notes(table: BatchTable, rows: Sequence[VideoRow]) -> list[VideoRow]:
+    """Rows of a batch; those that are done and whose run folder holds another batch's result by now say so."""
+    by = table.rewritten()
+    reasons = {key: _REWRITTEN.format(name) for key, name in by.items()}
+    return [replace(row, reason=reasons.get((row.batch, row.video), row.reason)) for row in rows]
 
 
 def retry(

@@ -8,12 +8,13 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from pathlib import Path
 from typing import TypeVar
 
 from humanmm.errors import StoreError
 from humanmm.storage.batches.batch_table import BatchTable
 from humanmm.storage.batches.owner import RENEW_S
-from humanmm.storage.batches.video_row import VideoRow
+from humanmm.storage.batches.video_row import VideoRow, facts_of
 from humanmm.tasks.engine import finish
 from humanmm.tasks.engine.run import VideoRun
 from humanmm.tasks.units.faults import in_words, is_infrastructure_fault
@@ -23,6 +24,7 @@ T = TypeVar("T")
 LOOK_EVERY_S = 1.0
 WAITS_S = (1.0, 4.0, 15.0, 30.0)
 """Between retries of a write: a disk that is full for half a minute costs a video no attempt."""
+REPLACED = "the file was replaced after it was submitted"
 
 
 class RunningVideo:
@@ -34,6 +36,8 @@ class RunningVideo:
         """Set by the flow when the video is open."""
         self.flow_run: str | None = None
         """Prefect's id of the flow run that computes it."""
+        self._facts = row.facts
+        """Of the file as it is when the video begins."""
         self._over = threading.Event()
         self._stage: str | None = None
 
@@ -42,6 +46,9 @@ class RunningVideo:
         """Own the video and report its stage while the body runs; False if it is not to be computed here."""
         self.flow_run = flow_run
         begun = time.time()
+        self._facts = facts_of(Path(self.row.video)) or self.row.facts
+        if self._is_replaced:
+            log.warning("%s: %s", self.row.video, REPLACED)
         if not retried(lambda: self.table.claim(self.row, flow_run=flow_run)):
             yield False
             return
@@ -55,9 +62,14 @@ class RunningVideo:
             retried(lambda: self.table.release(self.row, seconds=_since(begun)))
 
     def end(self, state: str, reason: str, error: Exception | None = None) -> None:
-        """Record how it ended, and of which error, unless somebody has cancelled it meanwhile."""
-        stage = self._failed_stage(error) if state in ("failed", "partial") else None
-        retried(lambda: self.table.change(self.row, only_from=("running",), state=state, reason=reason, stage=stage))
+        """Record how it ended, of which file, and of which error, unless somebody has cancelled it meanwhile."""
+        values = {
+            "state": state,
+            "reason": "; ".join(filter(None, (reason, REPLACED if self._is_replaced else ""))),
+            "stage": self._failed_stage(error) if state in ("failed", "partial") else None,
+            "facts": self._facts,
+        }
+        retried(lambda: self.table.change(self.row, only_from=("running",), **values))
 
     def fail(self, error: Exception) -> None:
         """Record the error that ended it; after a fault of the disk, the store or the machine it is scheduled again."""
@@ -77,6 +89,11 @@ class RunningVideo:
     def resume_later(self, reason: str) -> None:
         """Have it wait for another attempt: its process received SIGTERM."""
         retried(lambda: self.table.try_again(self.row, reason))
+
+    @property
+    def _is_replaced(self) -> bool:
+        """Whether it was another file when it was submitted."""
+        return self.row.facts not in ("", self._facts)
 
     def _lose(self, state: str, reason: str, error: Exception | None = None) -> None:
         retried(lambda: self.table.lose(self.row, reason, state=state, stage=self._failed_stage(error)))

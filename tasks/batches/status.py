@@ -1,5 +1,6 @@
 """How far a batch is, in lines for people: counts, speed, and the stages at which videos are or have failed."""
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -18,13 +19,15 @@ MOST_READ = 2000
 
 def status_lines(name: str, rows: Sequence[VideoRow]) -> Iterator[str]:
     """What `humanmm batch status` prints."""
-    yield f"batch {name}: {len(rows)} videos, {_counts(rows)}"
+    yield f"batch {name}: " + (f"{len(rows)} videos, {_counts(rows)}" if rows else "nothing submitted yet")
     yield from _speed(rows)
     yield from _by_stage(rows)
     bad = sorted((row for row in rows if row.state in ("failed", "partial")), key=lambda row: -row.changed)
     yield from (f"  {row.state}: {row.video} ({row.stage or 'no stage'}): {row.reason}" for row in bad[:SHOWN_FAILURES])
     if len(bad) > SHOWN_FAILURES:
         yield f"  and {len(bad) - SHOWN_FAILURES} more"
+    noted = Counter(row.reason for row in rows if row.state == "done" and row.reason)
+    yield from (f"  {number} done: {reason}" for reason, number in noted.items())
 
 
 def video_lines(rows: Sequence[VideoRow]) -> Iterator[str]:
@@ -45,7 +48,8 @@ def _record(row: VideoRow) -> dict[str, Any] | None:
 
 def _sentence(row: VideoRow) -> str:
     record = _record(row)
-    parts = [one_line(record) if record else row.state, *([] if row.state == "done" else [row.stage, row.reason])]
+    stage = None if row.state == "done" else row.stage
+    parts = [one_line(record) if record else row.state, stage, row.reason]
     return ": ".join(part for part in parts if part)
 
 
@@ -54,7 +58,7 @@ def _counts(rows: Sequence[VideoRow]) -> str:
     done = [row for row in rows if row.state == "done"] if len(rows) <= MOST_READ else []
     doubtful = sum(bool((_record(row) or {}).get("warnings")) for row in done)
     noted = {"done": f" ({doubtful} with warnings)"} if doubtful else {}
-    return ", ".join(f"{number} {state}{noted.get(state, '')}" for state, number in counts(rows).items()) or "no video"
+    return ", ".join(f"{number} {state}{noted.get(state, '')}" for state, number in counts(rows).items())
 
 
 def _speed(rows: Sequence[VideoRow]) -> Iterator[str]:

@@ -133,7 +133,7 @@ def test_a_schedule_stands_in_the_status_before_its_first_time(films: Any, monke
     monkeypatch.setattr(batches, "schedules", lambda store: timed)
     assert films.main("batch", "status", "nightly")[:2] == (
         0,
-        "batch nightly: 0 videos, no video\n"
+        "batch nightly: nothing submitted yet\n"
         "schedule of batch nightly: '0 2 * * *' (UTC), next at 2030-01-02 02:00 UTC\n",
     )
     assert "schedule of batch paused: '0 3 * * *' (UTC), paused" in films.main("batch", "status")[1]

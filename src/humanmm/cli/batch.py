@@ -230,8 +230,9 @@ def _run(table: "BatchTable", name: str, rows: "Sequence[VideoRow]", *, wait: bo
 def _open(name: str | None, store: Path | None) -> "tuple[BatchTable, str, list[VideoRow]]":
     """A batch by its name, and its videos; those whose process was lost are found first."""
     from humanmm.storage.batches.batch_table import open_batches
+    from humanmm.tasks.batches.batch import with_notes
 
     table = open_batches(store)
     name = table.check(name) if name else table.newest()
     table.find_lost(name)
-    return table, name, list(table.rows(name))
+    return table, name, with_notes(table, table.rows(name))

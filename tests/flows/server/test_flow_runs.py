@@ -65,7 +65,9 @@ def test_videos_that_a_busy_server_does_not_take_wait_in_the_table(
     table.put(rows)
     server = _BusyServer({"a.mp4"})
     monkeypatch.setattr(flow_runs, "get_client", lambda **kind: server)
-    flow_runs.schedule(table, rows)
+    told: list[tuple[int, int]] = []
+    flow_runs.schedule(table, rows, progress=lambda done, total: told.append((done, total)))
+    assert told == [(number, len(rows)) for number in range(len(rows))]
     assert [row.video for row in table.unscheduled()] == ["b.mp4"], "`humanmm serve` schedules it at its next look"
     server = _BusyServer({"a.mp4", "b.mp4"})
     monkeypatch.setattr(flow_runs, "get_client", lambda **kind: server)

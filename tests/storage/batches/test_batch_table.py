@@ -1,5 +1,6 @@
 """The batch table in SQLite and in Postgres: nothing that was written is lost, and one process owns a video."""
 
+import errno
 import multiprocessing
 import os
 import signal
@@ -206,7 +207,7 @@ def test_queries_over_all_batches(process: Process) -> None:
     table.change(rows[1], state="running")
     table.change(rows[2], flow_run="one")
     assert table.running_batches() == ["b"] and [row.video for row in table.unscheduled()] == ["/v/00003.mp4"]
-    assert table.finished() == {("/v/00000.mp4", "", ""): ("/r/0", "here")}
+    assert table.finished({}) == {("/v/00000.mp4", "", ""): ("/r/0", "here")}
     assert list(table.last_changes()) == ["b"]
     assert counts(table.rows("b")) == {"scheduled": 2, "running": 1, "done": 1}
     assert [row.position for row in table.rows("b", "done", "running")] == [0, 1]
@@ -291,7 +292,7 @@ def test_the_file_of_an_earlier_version_is_converted_and_nothing_is_lost(tmp_pat
     assert (failed.state, failed.stage, failed.reason) == ("failed", "people", "no people")
     table = open_batches(tmp_path / "store")
     assert table.names() == ["new", "old"] and [row.batch for row in table.unscheduled()] == ["new"]
-    assert table.finished() == {("/v/a.mp4", "[1]", "abc"): ("/r/a", "")}
+    assert table.finished({}) == {("/v/a.mp4", "[1]", "abc"): ("/r/a", "")}
 
 
 def test_a_writer_that_is_killed_leaves_all_or_nothing(tmp_path: Path) -> None:
@@ -333,3 +334,15 @@ def _age_lease(table: BatchTable, row: VideoRow, seconds: float) -> None:
     from humanmm.storage.batches.batch_table import VIDEOS
 
     assert table._update(row, renewed=VIDEOS.c.renewed - seconds)
+
+
+def test_of_a_store_on_a_read_only_disk_it_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    table = open_batches(tmp_path / "store")
+    (tmp_path / "store" / "batches.sqlite").mkdir(parents=True)  # SQLite cannot open it, as on such a disk
+
+    def refuse(**options: object) -> None:
+        raise OSError(errno.EROFS, "Read-only file system")
+
+    monkeypatch.setattr("tempfile.NamedTemporaryFile", refuse)
+    with pytest.raises(StoreError, match=r"batches.sqlite: the disk is read-only; name another store with --store"):
+        table.put([VideoRow("b", "/v/a.mp4", 0, "/r/a", "{}", "normal", "[]", "", "")])

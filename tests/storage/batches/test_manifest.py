@@ -1,5 +1,6 @@
 """Which videos a folder or a manifest asks for, and what is said of a bad one."""
 
+import json
 from pathlib import Path
 
 import pytest
@@ -26,13 +27,21 @@ def test_a_folder_gives_every_video_in_it_at_any_depth(videos: Path) -> None:
     assert _names(videos, pattern="*.mov") == ["c.mov"]
 
 
+def test_a_link_to_nothing_is_kept_to_fail_with_its_reason(videos: Path) -> None:
+    (videos / "lost.mp4").symlink_to(videos / "gone.mp4")
+    (videos / "deep/folder.mp4").mkdir()
+    assert _names(videos) == ["a.mp4", "b.MKV", "c.mov", "lost.mp4"]
+    (videos / "m.csv").write_text("video\nl*.mp4\ndeep/*.mp4\n")
+    assert _names(videos / "m.csv") == ["lost.mp4"]
+
+
 def test_a_csv_manifest_gives_settings_tags_and_patterns(videos: Path) -> None:
     manifest = videos / "batch.csv"
     manifest.write_text(
         "video,priority,tags,out,camera.static,people.max_people\n"
         "a.mp4,high,gym; night,first,true,3\n"
         "deep/*.mov,,,,,\n"
-        "a.mp4,low,,,,\n"
+        "a*.mp4,low,,,,\n"
         "missing.mp4,,,,,\n"
     )
     first, second, third = read_batch(manifest)
@@ -40,6 +49,28 @@ def test_a_csv_manifest_gives_settings_tags_and_patterns(videos: Path) -> None:
     assert first.settings == {"camera": {"static": "true"}, "people": {"max_people": "3"}}
     assert (second.video, second.priority, second.settings) == (videos / "deep/c.mov", "", {})
     assert third.video == videos / "missing.mp4", "it fails later, with its reason, and the others run"
+
+
+def test_the_line_that_names_a_video_counts_more_than_a_pattern_wherever_it_stands(videos: Path) -> None:
+    for lines in ("a.mp4,high\na*.m*,low\n", "a*.m*,low\n*a.mp4,\na.mp4,high\na.mp4,high\n"):
+        (videos / "m.csv").write_text("video,priority\n" + lines)
+        assert {entry.video.name: entry.priority for entry in read_batch(videos / "m.csv")} == {"a.mp4": "high"}
+
+
+@pytest.mark.parametrize("lines", ["a.mp4,high\na.mp4,low\n", "*a.mp4,high\na*.mp4,low\n"])
+def test_two_lines_that_want_different_things_of_a_video_are_refused(videos: Path, lines: str) -> None:
+    (videos / "m.csv").write_text("video,priority\n" + lines)
+    with pytest.raises(InputError, match=r"m.csv, line 2, and line 3 want different things of .*a.mp4"):
+        read_batch(videos / "m.csv")
+
+
+@pytest.mark.parametrize("name", ["two\nlines.mp4", "two\r\nlines.mp4", "a\u2028b.mp4", "a\x0cb.mp4"])
+@pytest.mark.parametrize("newline", ["\n", "\r\n"])
+def test_names_may_hold_what_ends_a_line_elsewhere(videos: Path, name: str, newline: str) -> None:
+    (videos / "m.csv").write_bytes(f'video,priority{newline}"{name}",low{newline}a.mp4,high{newline}'.encode())
+    lines = [json.dumps({"video": video}, ensure_ascii=False) for video in (name, "a.mp4")]
+    (videos / "m.jsonl").write_bytes(newline.join(lines).encode())
+    assert _names(videos / "m.csv") == _names(videos / "m.jsonl") == [name, "a.mp4"]
 
 
 def test_none_in_a_column_clears_what_need_not_be_given_and_is_a_name_elsewhere(videos: Path) -> None:
@@ -58,10 +89,11 @@ def test_a_json_lines_manifest_means_the_same(videos: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "text", "message"),
     [
-        ("m.csv", "video,prio\na.mp4,high\n", "line 2: unknown column 'prio'"),
+        ("m.csv", "video,prio\na.mp4,high\n", "line 1: unknown column 'prio'"),
         ("m.csv", "video,priority\na.mp4,urgent\n", "priority 'urgent' is none of"),
         ("m.csv", "video,tags\na.mp4\n", "not as many columns"),
         ("m.csv", "priority\nhigh\n", "`video` is missing"),
+        ("m.csv", "video;priority\na.mp4;high\n", "line 1: columns are separated by commas"),
         ("m.csv", "video\n", "lists no video"),
         ("m.jsonl", '{"video": "a.mp4"\n', "m.jsonl, line 1: "),
         ("m.jsonl", '{"video": "a.mp4", "speed": 3}\n', "unknown key 'speed'"),
@@ -76,6 +108,18 @@ def test_a_bad_manifest_is_reported_with_its_line(videos: Path, name: str, text:
     with pytest.raises(InputError) as caught:
         read_batch(videos / name)
     assert message in str(caught.value)
+
+
+@pytest.mark.parametrize("wrong", [2, 25])
+def test_every_line_that_is_wrong_is_named_and_of_many_their_number(videos: Path, wrong: int) -> None:
+    (videos / "m.csv").write_text("video,priority\na.mp4,high\n" + "a.mp4,urgent\n" * wrong)
+    with pytest.raises(InputError) as caught:
+        read_batch(videos / "m.csv")
+    lines = str(caught.value).splitlines()
+    assert [line.split(": ")[0].rpartition("/")[2] for line in lines[:20]] == [
+        f"m.csv, line {number}" for number in range(3, 3 + min(wrong, 20))
+    ]
+    assert lines[20:] == ([] if wrong < 20 else ["and 5 more mistakes"])
 
 
 def test_a_pattern_with_one_run_folder_for_many_videos_is_refused(videos: Path) -> None:

@@ -105,6 +105,26 @@ def test_a_new_video_a_changed_one_and_changed_settings_are_scheduled(toy: Any, 
     assert _submit(toy, table, films, camera={"static": True}, run={"threads": 1}).finished == 3, "same result"
 
 
+def test_a_video_whose_run_folder_another_batch_rewrote_is_not_finished(toy: Any, table: BatchTable) -> None:
+    films, out = _films(toy, "a.mp4"), toy.folder / "runs"
+    (row,) = _submit(toy, table, films).to_schedule
+    _end(table, row, "done")
+    static = Config.model_validate({"camera": {"static": True}})
+    second = batches.submit(table, "second", read_batch(films), static, out)
+    assert "1 write over run folders of batch test, with another result" in second.sentence
+    assert _submit(toy, table, films).finished == 1, "nothing was written yet"
+    table.change(second.to_schedule[0], state="done")
+    (noted,) = batches.with_notes(table, table.rows("test"))
+    assert (noted.state, noted.reason) == ("done", "its run folder was rewritten by batch second")
+    (plan,) = batches.forecast_submission(table, "test", read_batch(films), Config(), out)
+    assert plan.sentence == "to do: its run folder was rewritten by batch second"
+    (again,) = _submit(toy, table, films).to_schedule
+    table.change(again, state="done")
+    assert _submit(toy, table, films).finished == 1
+    (plan,) = batches.forecast_submission(table, "second", read_batch(films), static, out)
+    assert plan.sentence == "to do: its run folder was rewritten by batch test"
+
+
 def test_corrections_in_a_run_folder_make_its_video_be_computed_once_more(toy: Any, table: BatchTable) -> None:
     films = _films(toy, "a.mp4", "b.mp4")
     for row in _submit(toy, table, films).to_schedule:

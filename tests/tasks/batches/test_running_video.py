@@ -19,10 +19,11 @@ from humanmm.errors import StageError, StoreError
 from humanmm.storage.batches import owner as owners
 from humanmm.storage.batches.batch_table import BatchTable, open_batches
 from humanmm.storage.batches.manifest import read_batch
-from humanmm.storage.batches.video_row import VideoRow, counts
+from humanmm.storage.batches.video_row import VideoRow, counts, facts_of
 from humanmm.tasks.batches import batch as batches
 from humanmm.tasks.batches import running_video
 from humanmm.tasks.batches.running_video import RunningVideo
+from humanmm.tasks.batches.status import status_lines
 
 
 @pytest.fixture
@@ -72,6 +73,18 @@ def test_a_running_video_whose_process_was_killed_is_found_lost(toy: Any, table:
     assert time.monotonic() - began < 1
     (again,) = table.unscheduled()
     assert (again.state, again.attempt, again.losses) == ("scheduled", 2, 1) and "its process was lost" in again.reason
+
+
+def test_a_video_whose_file_was_replaced_after_it_was_submitted_says_so(toy: Any, table: BatchTable) -> None:
+    kept, other = _submit(toy, table, "a.mp4", "b.mp4")
+    Path(other.video).write_text(json.dumps({"num_frames": 61, "cuts": []}))
+    for row in (kept, other):
+        running = RunningVideo(table, row)
+        with running.owned("run"):
+            running.end("done", "")
+    assert [row.reason for row in table.rows("test")] == ["", "the file was replaced after it was submitted"]
+    assert [row.facts for row in table.rows("test")] == [facts_of(Path(row.video)) for row in (kept, other)]
+    assert "  1 done: the file was replaced after it was submitted" in status_lines("test", table.rows("test"))
 
 
 def test_a_process_ends_whose_video_was_cancelled_from_another_machine(

@@ -31,7 +31,7 @@ def test_the_speed_is_that_of_the_videos_that_ended_and_stages_come_in_their_ord
 def test_of_many_failures_the_newest_ten_are_named() -> None:
     lines = list(status_lines("night", [_row(k, "failed", changed=float(k)) for k in range(12)]))
     assert "/v/11.mp4" in lines[2] and lines[-1] == "  and 2 more" and len(lines) == 13
-    assert list(status_lines("empty", [])) == ["batch empty: 0 videos, no video"]
+    assert list(status_lines("empty", [])) == ["batch empty: nothing submitted yet"]
 
 
 def test_who_is_done_with_warnings_is_counted_and_each_video_has_a_line(tmp_path: Path) -> None:
