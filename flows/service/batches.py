@@ -8,7 +8,7 @@ import logging
 import os
 import signal
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,7 +19,6 @@ import httpx
 from humanmm.errors import UsageError
 from humanmm.flows.server.local_server import prefect_server, running_server, server_files
 from humanmm.flows.service.serve import bring_up, is_serving
-from humanmm.progress import counted
 from humanmm.storage.batches.batch_table import BatchTable
 from humanmm.storage.batches.manifest import videos_in
 from humanmm.storage.batches.video_row import VideoRow
@@ -40,16 +39,24 @@ LOCALTIME = Path("/etc/localtime")
 log = logging.getLogger(__name__)
 
 
-def schedule(table: BatchTable, rows: Sequence[VideoRow], *, limit: int | None) -> None:
-    """Create the flow runs of these videos; start `humanmm serve` if none runs, with `limit` videos at a time."""
+def schedule(
+    table: BatchTable,
+    rows: Sequence[VideoRow],
+    *,
+    limit: int | None,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> None:
+    """Create the flow runs of these videos; start `humanmm serve` if none runs, with `limit` videos at a time.
+
+    `progress` is called with the videos done and all videos.
+    """
     if not rows:
         return
     bring_up(limit=limit, idle_s=IDLE_S)
     with prefect_server():
         from humanmm.flows.server import flow_runs
 
-        with counted(f"scheduling {len(rows):,} videos") as progress:
-            flow_runs.schedule(table, rows, progress=progress)
+        flow_runs.schedule(table, rows, progress=progress)
 
 
 def set_schedule(request: BatchRequest, store: str, cron: str | None, *, limit: int | None) -> datetime | None:

@@ -18,7 +18,7 @@ def scheduled(monkeypatch: pytest.MonkeyPatch) -> list[tuple[list[str], int | No
     """Names of the videos that each call would have scheduled, and how many of them at a time."""
     calls: list[tuple[list[str], int | None]] = []
 
-    def schedule(table: BatchTable, rows: Sequence[VideoRow], *, limit: int | None) -> None:
+    def schedule(table: BatchTable, rows: Sequence[VideoRow], *, limit: int | None, progress: object) -> None:
         calls.append(([Path(row.video).name for row in rows], limit))
 
     monkeypatch.setattr(batches, "schedule", schedule)

@@ -213,9 +213,11 @@ def _set_schedule(table: "BatchTable", request: "BatchRequest", cron: str, limit
 def _run(table: "BatchTable", name: str, rows: "Sequence[VideoRow]", *, wait: bool, limit: int | None) -> int:
     """Schedule these videos; with `wait`, say what became of the batch when it has ended."""
     from humanmm.flows.service import batches
+    from humanmm.progress import counted
     from humanmm.storage.batches.video_row import counts_in_words
 
-    batches.schedule(table, rows, limit=limit)
+    with counted(f"scheduling {len(rows):,} videos") as progress:
+        batches.schedule(table, rows, limit=limit, progress=progress)
     ended = batches.wait(table, name, limit=limit) if wait else []
     write(name)
     if not wait:
