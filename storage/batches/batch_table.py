@@ -73,6 +73,7 @@ _OTHER_RESULT = (
 """Two rows of different batches, of which each wants a result of its own in the same run folder."""
 _OPENING = threading.Lock()
 _BY_STATE = sa.Index("humanmm_videos_by_state", VIDEOS.c.store, VIDEOS.c.state, VIDEOS.c.batch)
+_BY_RUN_DIR = sa.Index("humanmm_videos_by_run_dir", VIDEOS.c.store, VIDEOS.c.run_dir)
 _FIELDS = {field.name: field.default for field in fields(VideoRow) if field.name != "unrenewed_s"}
 _REPLACED = [name for name in _FIELDS if name not in ("batch", "video", "owner")]
 """What another attempt changes: whoever owns the video still has to release it."""
@@ -363,12 +364,15 @@ def _opened(url: sa.URL) -> sa.Engine:
 def _prepare_file(connection: sqlite3.Connection, record: object) -> None:
     """Make the table in a new file, and move into it what earlier versions kept in two tables."""
     if VIDEOS.name in _tables(connection):
+        with contextlib.suppress(sqlite3.OperationalError):  # an older file that cannot be written is read without it
+            connection.execute(str(CreateIndex(_BY_RUN_DIR, if_not_exists=True)))
         return
     connection.execute("begin immediate")
     before = _tables(connection)
     if VIDEOS.name not in before:
         connection.execute(str(CreateTable(VIDEOS)))
         connection.execute(str(CreateIndex(_BY_STATE)))
+        connection.execute(str(CreateIndex(_BY_RUN_DIR)))
     if {"video", "batch"} <= before:
         columns = {name for _, name, *_ in connection.execute("pragma table_info(video)")}
         taken = [name for name in _FIELDS if name in columns]

@@ -346,3 +346,14 @@ def test_of_a_store_on_a_read_only_disk_it_says_so(tmp_path: Path, monkeypatch: 
     monkeypatch.setattr("tempfile.NamedTemporaryFile", refuse)
     with pytest.raises(StoreError, match=r"batches.sqlite: the disk is read-only; name another store with --store"):
         table.put([VideoRow("b", "/v/a.mp4", 0, "/r/a", "{}", "normal", "[]", "", "")])
+
+
+def test_run_folders_have_an_index_in_files_of_earlier_versions_too(tmp_path: Path) -> None:
+    index = "select count(*) from sqlite_master where name = 'humanmm_videos_by_run_dir'"
+    open_batches(tmp_path).put(_rows(1))
+    with sqlite3.connect(tmp_path / FILE) as earlier:
+        assert earlier.execute(index).fetchone() == (1,)
+        earlier.execute("drop index humanmm_videos_by_run_dir")
+    assert open_batches(tmp_path).rewritten() == {}
+    with sqlite3.connect(tmp_path / FILE) as later:
+        assert later.execute(index).fetchone() == (1,)
