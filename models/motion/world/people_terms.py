@@ -57,7 +57,8 @@ def equations_of_people(
         hole_s = max(trajectories[k].hole_s for k in own)
         _add_inertia(equations, pelvis, time_s, segments[own[0]].start, settings, hole_s=hole_s, robust=robust)
     known = {trajectory.person for trajectory in trajectories if trajectory.size_known}
-    _add_sizes(equations, state, [person in known for person in people], settings)
+    seen = [sum(np.maximum(one.weight, LEAST_WEIGHT).sum() for one in trajectories if one.person == p) for p in people]
+    _add_sizes(equations, state, [person in known for person in people], np.array(seen), settings)
     return equations
 
 
@@ -108,8 +109,17 @@ def _add_observations(
     equations.add_moves(index, whiten[:, None], moved[:, None], np.diff(by_shared, axis=0)[:, None])
 
 
-def _add_sizes(equations: WorldEquations, state: WorldState, known: Sequence[bool], settings: SolveSettings) -> None:
-    """People differ in size, but by what factor all of them do no picture says, unless somebody's height is known."""
+def _add_sizes(
+    equations: WorldEquations,
+    state: WorldState,
+    known: Sequence[bool],
+    seen: Float[np.ndarray, " P"],
+    settings: SolveSettings,
+) -> None:
+    """People differ in size, but by what factor all of them do no picture says, unless somebody's height is known.
+
+    `seen`: frames of each, by their trust. Who is seen for longer has more of a say in the size of all.
+    """
     if not known:
         return
     size = state.log_size
@@ -118,7 +128,7 @@ def _add_sizes(equations: WorldEquations, state: WorldState, known: Sequence[boo
     steep = (size / (2 * sigma)) ** 2
     residual, rows = size / sigma * (1 + steep), np.diag((1 + 3 * steep) / sigma)
     if not any(known):
-        mean = np.full(len(known), 1 / (len(known) * settings.known_size_std))
+        mean = seen / (seen.sum() * settings.known_size_std)
         residual, rows = np.append(residual, mean @ size), np.vstack([rows, mean])
     people = np.concatenate([equations.size(person) for person in range(len(known))])
     equations.add_shared(residual, (people, rows))

@@ -31,8 +31,8 @@ class SolveSettings:
     """Of the logarithm of a person's size, which all his distances go by: the bones that a pose network sees say little
     about it. Somebody may be a child."""
     known_size_std: float = 0.01
-    """The same of somebody whose height is known. If nobody's is, the mean of all is taken for known: speeds and
-    accelerations are least in a world that is shrunk, and would shrink everybody."""
+    """The same of somebody whose height is known. If nobody's is, the mean of all by how long they are seen is taken
+    for known: speeds and accelerations are least in a world that is shrunk, and would shrink everybody."""
     correlation_s: float = 0.4
     """Errors of observations change this slowly."""
     still_ms: float = 0.15

@@ -55,6 +55,17 @@ def test_who_rides_along_is_placed_and_changes_nothing() -> None:
     assert with_riders(alone, [], rigs) is alone
 
 
+def test_who_passes_for_a_moment_has_little_say_in_the_size_of_somebody_seen_for_long() -> None:
+    trajectories, rigs, _ = scene()
+    static = trajectories[1]
+    seen = {name: values[:10] for name, values in vars(static).items() if isinstance(values, np.ndarray)}
+    # All that a smaller shape does to a trajectory: who is smaller is nearer, with shorter legs.
+    small = replace(static, **seen | {name: 0.9 * seen[name] for name in ("offset", "feet")}, person=1)
+    size = solve([*trajectories, small], rigs, [EDGE]).size
+    assert size[1] > 1.001
+    assert abs(np.log(size[0])) < np.log(size[1]) / 3
+
+
 def test_all_shots_share_one_floor_even_if_they_come_at_different_heights() -> None:
     trajectories, rigs, _ = scene()
     low = np.array([0.0, 0.0, -0.4])
