@@ -24,7 +24,7 @@ class SolveSettings:
     across_step_m: float = 0.006
     """By how much that error changes in 1/30 s, in t seconds by the root of 30 t: 0.004 m (root mean square, an axis)
     in 1/30 s, 0.011 in 4/30 s, 0.024 in half a second on 21 people of twelve development clips."""
-    depth_fraction: float = 0.016
+    depth_fraction: float = 0.02
     """Error of the pelvis along the line of sight that changes within a shot, as a fraction of the distance."""
     taller_std: float = 0.07
     smaller_std: float = 0.12
@@ -37,17 +37,17 @@ class SolveSettings:
     """Errors of observations change this slowly."""
     still_ms: float = 0.15
     """Speed of a foot that stands still across the line of sight, with the noise of the fitted leg."""
-    still_along_ms: float = 0.4
+    still_along_ms: float = 0.5
     """The same along the line of sight."""
     swing_fraction: float = 1.0
     """The same, as a fraction of the speed with which somebody comes or goes: fitted legs swing in depth by 0.4 to 0.7
     of what they should (median), all points of both feet alike."""
     moving: float = 2.0
     """A foot certainly moves that is so many times as fast."""
-    floor_m: float = 0.1
+    floor_m: float = 0.06
     """Height of a sole point that bears the body; the four points of a body err together."""
     acceleration_ms2: float = 6.0
-    level_deg: float = 4.0
+    level_deg: float = 8.0
     """Error of a shot's vertical before the solve, where its own evidence claims no less."""
     heading_trust: float = 2.0
     """How many times as certain of its heading a shot is held to be: feet and paths of people who spin or roll on the

@@ -5,7 +5,13 @@ import pytest
 
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.landmarks import load_landmarks
-from humanmm.models.body.proportions import bone_lengths, in_detector_convention, resized, shape_from_bones
+from humanmm.models.body.proportions import (
+    LIFTED_BIAS,
+    bone_lengths,
+    in_detector_convention,
+    resized,
+    shape_from_bones,
+)
 from humanmm.models.records.landmarks import INDEX, NUM_LANDMARKS
 
 
@@ -31,9 +37,22 @@ def test_lifted_landmarks_give_the_shape_of_the_body_that_they_lie_on() -> None:
     body, model = load_body(), load_landmarks()
     usual = np.zeros(body.num_betas)
     bones = bone_lengths((body.rest_joints(usual)[model.joint] + model.offsets(usual))[None])
-    assert np.abs(shape_from_bones(in_detector_convention(bones, lifted=True), body)).max() < 1e-3
-    taken_for_a_detectors = shape_from_bones(in_detector_convention(bones, lifted=False), body)
+    for of_network, seen in ((False, bones), (True, bones * np.exp(LIFTED_BIAS))):
+        found = shape_from_bones(in_detector_convention(seen, lifted=True, of_network=of_network), body)
+        assert np.abs(found).max() < 1e-3
+    taken_for_a_detectors = shape_from_bones(in_detector_convention(bones, lifted=False, of_network=True), body)
     assert body.standing_height(taken_for_a_detectors) > 1.02 * body.standing_height(usual)
+
+
+def test_arms_say_less_about_a_body_than_legs_and_trunk() -> None:
+    body = load_body()
+    usual = bone_lengths(standing()[None])
+    arms, rest = np.repeat([[True, False]], [2, 5]), np.repeat([[False, True]], [2, 5])
+    of_arms, of_rest = (
+        body.standing_height(shape_from_bones(usual * np.where(which, 1.1, 1.0), body)) for which in (arms, rest)
+    )
+    as_usual = body.standing_height(shape_from_bones(usual, body))
+    assert as_usual < of_arms < as_usual + 0.3 * (of_rest - as_usual)
 
 
 @pytest.mark.parametrize("height_m", [1.05, 1.60, 1.82, 2.05])
