@@ -94,3 +94,14 @@ def test_who_stands_alone_or_close_or_is_doubtful_or_unseen_says_nothing() -> No
     late = tuple(replace(one, observed=np.arange(LENGTH) == LENGTH - 1) for one in unseen.people)
     late_results = replace(found, motions=[found.motions[0], replace(unseen, people=late)], time_s=2 * long_ago)
     assert position_edge(late_results, 0, 1, verticals, {}) is None
+
+
+def test_the_longer_nobody_films_the_less_places_say() -> None:
+    found, verticals, _ = results(people=3)
+
+    def after(hole_s: float) -> ShotResults:
+        return replace(found, time_s=found.time_s + np.where(np.arange(2 * LENGTH) < LENGTH, 0.0, hole_s))
+
+    at_once, soon = (edge_of(after(hole_s), verticals).hypotheses[0].sigma_deg for hole_s in (0.0, 1.0))
+    assert soon > 1.3 * at_once
+    assert position_edge(after(5.0), 0, 1, verticals, {}) is None
