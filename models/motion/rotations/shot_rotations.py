@@ -27,6 +27,8 @@ from humanmm.models.geometry.rotations import (
     rotation_distance,
     rotmat_to_rotvec,
     rotvec_to_rotmat,
+    swing,
+    unit,
 )
 from humanmm.models.motion.rotations.rotation_mixtures import (
     DEGREES_OF_FREEDOM,
@@ -43,7 +45,7 @@ from humanmm.models.motion.rotations.rotation_mixtures import (
     log_graph_volume,
     log_volume,
 )
-from humanmm.models.motion.rotations.verticals import WRONG, Verticals, log_sinhc
+from humanmm.models.motion.rotations.verticals import WRONG, Verticals, curvature, log_sinhc
 
 Array = np.ndarray
 
@@ -58,6 +60,8 @@ REFINED, REFINING = 12, 4
 """So many alternatives at a cut, the likeliest, are averaged for so many iterations before they are weighed."""
 MOVES = 20
 """Largest number of single changes after the beam search."""
+LEAST_GAIN = 1e-6
+"""Of a change, in the logarithm of the posterior probability."""
 EVIDENCE_COUNTS, LEFT_OPEN, SPREAD = 0.5, 0.03, 1.4
 """How far evidence says how certain it is. Witnesses of one video share their errors (a pose network's bias, walls that
 are alike), so that logarithms of odds count by half; a rotation may be wrong in a way that no witness shows; errors
@@ -150,14 +154,27 @@ class _Group:
 
     def solve(self) -> Float[Array, "S 3 3"]:
         """The rotations of largest posterior probability, the first shot's the identity."""
-        best = self._averaged(self._best(self._averaged(self._beam()[:4], REFINING))[None])[0]
+        best = self._averaged(self._best(self._averaged(self._with_level(self._beam()[:4]), REFINING))[None])[0]
         for _ in range(MOVES):
             moved = (self._alternatives(best, k) for k in range(1, len(self.shots)))
-            better = self._best(np.stack([self._best(np.concatenate([best[None], other])) for other in moved]))
-            if np.array_equal(better, best):
+            found = np.stack([self._best(np.concatenate([best[None], other])) for other in moved])
+            level = self._averaged(self._with_level(np.concatenate([best[None], found])), REFINING)
+            better = self._best(np.concatenate([best[None], found, level]))
+            if self._score(better[None])[0] < self._score(best[None])[0] + LEAST_GAIN:
                 break
             best = self._averaged(better[None])[0]
         return np.asarray(best)
+
+    def _with_level(self, R: Float[Array, "n S 3 3"]) -> Float[Array, "2n S 3 3"]:
+        """These, and the same with every shot's own vertical turned onto the mean of all."""
+        up, mean = self._ups(R)
+        return np.concatenate([R, swing(up, np.broadcast_to(mean, up.shape)) @ R])
+
+    def _ups(self, R: Float[Array, "n S 3 3"]) -> tuple[Float[Array, "n S 3"], Float[Array, "n 1 3"]]:
+        """The verticals of all shots in the axes of the group, and their mean by their concentrations, not of unit
+        length."""
+        up = np.einsum("nsab,sb->nsa", R, self.upright.up)
+        return up, (self.upright.kappa[:, None] * up).sum(axis=1, keepdims=True)
 
     def _best(self, R: Float[Array, "n S 3 3"]) -> Float[Array, "S 3 3"]:
         """The likeliest of these in which evidence that is believed joins all shots; without any, the likeliest.
@@ -273,11 +290,22 @@ class _Group:
     # ---- rotation averaging
 
     def _averaged(self, R: Float[Array, "n S 3 3"], iterations: int = ITERATIONS) -> Float[Array, "n S 3 3"]:
-        """The nearest maxima of the posterior: Gauss-Newton on the hypotheses in their present shares."""
+        """The nearest maxima of the posterior: Gauss-Newton on the hypotheses in their present shares, and on gravity.
+
+        Verticals d of concentrations κ have the density |Σ κ d| (see `Verticals`): with their mean m its gradient is
+        κ m × d about level axes, its curvature diag κ − κ κᵀ / Σ κ.
+        """
+        fixed = 1e-6 * np.eye(R.shape[1] - 1)
         for _ in range(iterations):
             H, g = self._normal(R)
+            up, _ = self._ups(R)
+            _, kappa = self.upright.log_density(R)
+            mean = unit((kappa[..., None] * up).sum(axis=1, keepdims=True))
+            g = g - kappa[..., None] * np.cross(up, mean)
+            about_up = np.sum(g * mean, axis=-1, keepdims=True) * mean
             step = np.zeros((*R.shape[:2], 3))
-            step[:, 1:] = -np.linalg.solve(H[:, 1:, 1:] + 1e-6 * np.eye(R.shape[1] - 1), g[:, 1:])
+            step[:, 1:] = -np.linalg.solve(H[:, 1:, 1:] + fixed, about_up[:, 1:])
+            step[:, 1:] -= np.linalg.solve((H + curvature(kappa))[:, 1:, 1:] + fixed, (g - about_up)[:, 1:])
             length = np.linalg.norm(step, axis=-1, keepdims=True)
             step *= np.minimum(1.0, 0.3 / np.maximum(length, 1e-12))
             R = rotvec_to_rotmat(step) @ R

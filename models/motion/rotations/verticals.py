@@ -77,6 +77,13 @@ class Verticals:
         return Agreement(log_prior + log_sinhc(mean) - log_sinhc(chosen).sum(axis=1), kappa)
 
 
+def curvature(kappa: Float[Array, "*n S"]) -> Float[Array, "*n S S"]:
+    """Of minus the logarithm of how well verticals of these concentrations agree, by rotations of their shots about one
+    level axis, where they do: diag κ − κ κᵀ / Σ κ. Rotations of all shots alike change nothing."""
+    total = np.maximum(kappa.sum(axis=-1), 1e-9)[..., None, None]
+    return np.asarray(kappa[..., None] * np.eye(kappa.shape[-1]) - kappa[..., :, None] * kappa[..., None, :] / total)
+
+
 def log_sinhc(x: Float[Array, "*n"]) -> Float[Array, "*n"]:
     """log(sinh(x) / x)."""
     x = np.maximum(x, 1e-6)

@@ -19,6 +19,7 @@ from humanmm.models.cuts.continuity import pose_jumps
 from humanmm.models.geometry.intrinsics import K_of
 from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.motion.rotations.levelling import levelled
+from humanmm.models.motion.rotations.rotation_mixtures import Upright
 from humanmm.models.motion.rotations.shot_results import (
     ShotResults,
     camera_of,
@@ -208,7 +209,7 @@ def _solve_group(
             trajectory = _trajectory(results, k, shot, motion, R_world_shot[shot], size_known=known)
             (witnesses if motion.person in judged_by else riders).append((trajectory, motion))
     trajectories = [trajectory for trajectory, _ in witnesses]
-    rigs = [_rig(results, shot, R_world_shot[shot], found.verticals[shot].upright.sigma_deg) for shot in group]
+    rigs = [_rig(results, shot, R_world_shot[shot], found.verticals[shot].upright) for shot in group]
     edges, same = _ties(group, found)
     if focal is None:
         solution = solve(trajectories, rigs, edges, same, focal_std=_focal_std(results.intrinsics))
@@ -295,14 +296,15 @@ def _trajectory(
     )
 
 
-def _rig(results: ShotResults, shot: int, R_world_shot: Float[Array, "3 3"], level_deg: float) -> ShotRig:
+def _rig(results: ShotResults, shot: int, R_world_shot: Float[Array, "3 3"], upright: Upright) -> ShotRig:
     camera = camera_of(results, shot)
     rig = ShotRig(
         path=camera.t_shot_cam @ R_world_shot.T,
         start=camera.start,
         scale=1.0,
         scale_known=camera.metric or not camera.travels,
-        level_deg=level_deg,
+        level_deg=upright.sigma_deg,
+        up=R_world_shot @ upright.direction,
     )
     if camera.scenery is None:
         return rig

@@ -5,12 +5,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from humanmm.models.geometry.robust import cauchy_weight
-from humanmm.models.geometry.rotations import rotmat_to_rotvec, skew
+from humanmm.models.geometry.rotations import rotmat_to_rotvec, skew, swing
 from humanmm.models.motion.world.equations import CAMERA_UNKNOWNS, SCALE, WorldEquations
 from humanmm.models.motion.world.problem import CameraEdge, SameCamera, ShotRig
 from humanmm.models.motion.world.scale import LogScale
 from humanmm.models.motion.world.state import SolveSettings, WorldState
 
+UP = np.array([0.0, 0.0, 1.0])
 SAME_CAMERA_M = 0.02
 """Standard deviation of where a static camera stands when it is shown again, each axis."""
 
@@ -22,12 +23,15 @@ def add_levels(
     state: WorldState,
     settings: SolveSettings,
 ) -> None:
-    """Every shot stays about as level as it came, neighbouring shots rotated against each other as their edge says."""
+    """Every shot is about as level as its own evidence has it, and heads where it did; neighbouring shots are rotated
+    against each other as their edge says."""
     of_rotation, rotated = np.eye(CAMERA_UNKNOWNS)[3:6], rotmat_to_rotvec(state.rotation)
     for shot, rig in enumerate(rigs):
         tilt_deg = min(rig.level_deg, settings.level_deg)
         w_axes = 1 / np.deg2rad([tilt_deg, tilt_deg, settings.level_deg / settings.heading_trust])
-        equations.add_shared(w_axes * rotated[shot], (equations.camera(shot), w_axes[:, None] * of_rotation))
+        tilt = rotmat_to_rotvec(swing(UP, state.rotation[shot] @ rig.up))
+        off = np.array([tilt[0], tilt[1], rotated[shot, 2]])
+        equations.add_shared(w_axes * off, (equations.camera(shot), w_axes[:, None] * of_rotation))
     for edge in edges:
         w_axes = np.array([1.0, 1.0, settings.heading_trust]) / np.deg2rad(edge.sigma_deg)
         difference, by_b = rotated[edge.b] - rotated[edge.a], w_axes[:, None] * of_rotation

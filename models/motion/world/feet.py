@@ -47,6 +47,7 @@ def add_feet(
     by_shared = np.zeros((*moved.shape, SHARED_UNKNOWNS))
     # The line of sight turns with the shot as the legs do: seen from it, all that turns is how the pelvis went.
     by_shared[..., 3:6] = skew(np.diff(state.pelvis[index], axis=0))[:, None]
+    by_shared[..., 7] = np.diff(rotated, axis=0)  # who is larger has longer legs
     equations.add_moves(index, weight[..., None, None] * whiten[:, None], moved, by_shared)
     if not floor:
         return
@@ -55,6 +56,7 @@ def add_feet(
     by_position, by_shared = np.zeros((*bearing.shape, 3)), np.zeros((*bearing.shape, SHARED_UNKNOWNS))
     by_position[..., 2] = bearing
     by_shared[..., 3:6] = bearing[..., None] * -skew(rotated)[..., 2, :]
+    by_shared[..., 7] = bearing * rotated[..., 2]
     equations.add_positions(index, bearing * pair[..., 2], by_position, by_shared)
 
 

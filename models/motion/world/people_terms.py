@@ -1,7 +1,6 @@
 """What is known of people, as equations: where pictures show them, their sizes, their inertia, their feet."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
@@ -11,7 +10,7 @@ from humanmm.models.geometry.rotations import skew
 from humanmm.models.motion.world.equations import WorldEquations, segments_of
 from humanmm.models.motion.world.feet import add_feet
 from humanmm.models.motion.world.problem import ShotRig, ShotTrajectory
-from humanmm.models.motion.world.state import DENSE_S, SolveSettings, WorldState, people_of
+from humanmm.models.motion.world.state import DENSE_S, SolveSettings, WorldState, as_solved, people_of
 
 Array = np.ndarray
 
@@ -34,9 +33,11 @@ def equations_of_people(
     robust: bool,
     still: bool,
     floor: bool,
+    held: bool = False,
 ) -> WorldEquations:
     """The equations with all that is known of people. `trajectories`: by person, then by time.
 
+    `held`: the cameras are known, and with them how large everybody is before them.
     `robust`: observations far off count less; `still`: feet that stand keep their position; `floor`: those that bear
     the body are on the floor.
     """
@@ -44,9 +45,7 @@ def equations_of_people(
     of_person = [people.index(trajectory.person) for trajectory in trajectories]
     segments = segments_of(of_person, [one.shot for one in trajectories], [one.time_s for one in trajectories])
     equations = WorldEquations(segments, len(rigs))
-    for k, trajectory in enumerate(trajectories):
-        sized = trajectory.seen_through(state.log_focal)
-        sized = replace(sized, offset=np.exp(state.log_size[of_person[k]]) * sized.offset)
+    for k, sized in enumerate(as_solved(trajectories, state)):
         _add_observations(equations, sized, rigs[sized.shot], state, k, settings, robust=robust)
         if still:
             add_feet(equations, sized, rigs[sized.shot], state, k, settings, floor=floor)
@@ -58,7 +57,7 @@ def equations_of_people(
         _add_inertia(equations, pelvis, time_s, segments[own[0]].start, settings, hole_s=hole_s, robust=robust)
     known = {trajectory.person for trajectory in trajectories if trajectory.size_known}
     seen = [sum(np.maximum(one.weight, LEAST_WEIGHT).sum() for one in trajectories if one.person == p) for p in people]
-    _add_sizes(equations, state, [person in known for person in people], np.array(seen), settings)
+    _add_sizes(equations, state, [person in known for person in people], None if held else np.array(seen), settings)
     return equations
 
 
@@ -113,12 +112,13 @@ def _add_sizes(
     equations: WorldEquations,
     state: WorldState,
     known: Sequence[bool],
-    seen: Float[np.ndarray, " P"],
+    seen: Float[np.ndarray, " P"] | None,
     settings: SolveSettings,
 ) -> None:
     """People differ in size, but by what factor all of them do no picture says, unless somebody's height is known.
 
-    `seen`: frames of each, by their trust. Who is seen for longer has more of a say in the size of all.
+    `seen`: frames of each, by their trust: who is seen for longer has more of a say in the size of all. None where
+    cameras say how large all are.
     """
     if not known:
         return
@@ -127,8 +127,8 @@ def _add_sizes(
     # Evidence that asks for more than twice that is rather wrong: the cost grows with the sixth power.
     steep = (size / (2 * sigma)) ** 2
     residual, rows = size / sigma * (1 + steep), np.diag((1 + 3 * steep) / sigma)
-    if not any(known):
-        mean = seen / (seen.sum() * settings.known_size_std)
+    if seen is not None and not any(known):
+        mean = seen / (seen.sum() * settings.mean_size_std)
         residual, rows = np.append(residual, mean @ size), np.vstack([rows, mean])
     people = np.concatenate([equations.size(person) for person in range(len(known))])
     equations.add_shared(residual, (people, rows))

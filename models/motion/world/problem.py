@@ -45,6 +45,10 @@ class ShotTrajectory:
         frame_s = float(np.median(np.diff(self.time_s) / np.diff(self.frame)))
         return max(HOLE_S, 1.5 * frame_s)
 
+    def grown(self, factor: float) -> "ShotTrajectory":
+        """The trajectory of the same picture if the person is so many times as large: as many times as far away."""
+        return replace(self, offset=factor * self.offset, feet=factor * self.feet)
+
     def seen_through(self, log_focal: float) -> "ShotTrajectory":
         """The trajectory of the same picture with another lens: with a longer one everybody is as far to the side, and
         farther away. `log_focal`: logarithm of how many times as long it is."""
@@ -64,6 +68,8 @@ class ShotRig:
     scale_known: bool
     level_deg: float = math.inf
     """Standard deviation of its vertical by its own evidence."""
+    up: Float[Array, "3"] = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+    """Where its own evidence has the vertical: a unit vector, world axes."""
     scenery: Float[Array, "p 3"] = field(default_factory=lambda: np.zeros((0, 3)))
     """Points of the background, in the axes and the unit of `path`."""
     relative_std: Float[Array, " p"] = field(default_factory=lambda: np.zeros(0))

@@ -32,7 +32,7 @@ from humanmm.models.motion.world.feet import hold, put_on_floor
 from humanmm.models.motion.world.people_terms import equations_of_people
 from humanmm.models.motion.world.problem import CameraEdge, SameCamera, ShotRig, ShotTrajectory
 from humanmm.models.motion.world.scale import LogScale, scale_from_feet, scale_from_floor
-from humanmm.models.motion.world.state import SolveSettings, WorldState, people_of
+from humanmm.models.motion.world.state import SolveSettings, WorldState, as_solved, people_of
 
 Array = np.ndarray
 
@@ -106,7 +106,7 @@ def solve(
     # The first steps join the shots by inertia alone; then feet that stand still count; then the floor.
     for iteration in range(settings.iterations):
         if iteration == FLOOR_FROM:
-            state = put_on_floor(trajectories, rigs, state, settings)
+            state = put_on_floor(as_solved(trajectories, state), rigs, state, settings)
         before = state
         state, equations = _step(trajectories, rigs, floors, edges, same, state, settings, iteration, focal_std)
         if iteration > FLOOR_FROM and _moved(before, state) < settings.converged_m:
@@ -133,6 +133,11 @@ def with_riders(world: Solution, trajectories: Sequence[ShotTrajectory], rigs: S
     if not trajectories:
         return world
     settings, people = SolveSettings(), people_of(trajectories)
+    # Who is a witness in another shot is as large here as there.
+    trajectories = [
+        replace(one.grown(world.size[one.person]), size_known=True) if one.person in world.size else one
+        for one in trajectories
+    ]
     seen = [
         world.origin[one.shot]
         + (world.scale[one.shot] * rigs[one.shot].path[one.frame - rigs[one.shot].start] + one.offset)
@@ -162,7 +167,8 @@ def _contacts(
     trajectories: Sequence[ShotTrajectory], rigs: Sequence[ShotRig], state: WorldState, settings: SolveSettings
 ) -> tuple[Float[Array, "N_k 4"], ...]:
     """How surely each sole point stands still on the floor."""
-    return tuple(hold(one, rigs[one.shot], state, k, settings)[1] for k, one in enumerate(trajectories))
+    solved = as_solved(trajectories, state)
+    return tuple(hold(one, rigs[one.shot], state, k, settings)[1] for k, one in enumerate(solved))
 
 
 def _step(
@@ -188,6 +194,7 @@ def _step(
         robust=iteration > 0,
         still=iteration >= STILL_FROM,
         floor=iteration >= FLOOR_FROM,
+        held=held,
     )
     add_levels(equations, rigs, edges, state, settings)
     add_scales(equations, floors, state, settings)

@@ -135,14 +135,26 @@ def test_a_long_video_is_solved_shot_by_shot() -> None:
 
 
 def test_what_is_doubtful_is_still_the_answer_rather_than_no_hypothesis_at_all() -> None:
-    """Bodies that tilt differently on the two sides make it likelier that nobody is right; the doubt is told."""
+    """Bodies that tilt differently on the two sides make it likelier that nobody is right; the doubt is told. Of the
+    hypothesis the answer has the heading; its tilt is nearer to that of the verticals, which are more certain of it."""
     R, tilt = about_y(50.0), np.radians(30.0)
     upright = [Upright(np.array([0.0, -1.0, 0.0]), 5.0), Upright(np.array([np.sin(tilt), -np.cos(tilt), 0.0]), 8.0)]
     level = about_y(170.0) @ rotvec_to_rotmat(np.array([0.0, 0.0, -tilt]))
     edge = RotationEdge(0, 1, (RotationHypothesis(R, 25.0, 0.3), RotationHypothesis(level, 25.0, 1e-4)))
     found = solve_rotations(2, [edge], upright)
-    assert error_deg(found, np.stack([np.eye(3), R]), 1) < 1.0
+    with_level = R @ rotvec_to_rotmat(np.array([0.0, 0.0, -tilt]))
+    off, off_level = (error_deg(found, np.stack([np.eye(3), one]), 1) for one in (R, with_level))
+    assert off_level < 8.0 and abs(off + off_level - 30.0) < 0.1
     assert found.certainty[1] is not None and found.certainty[1].probability < 0.6
+
+
+def test_people_who_lean_at_a_cut_do_not_tilt_what_verticals_know() -> None:
+    """A hypothesis of 12 degrees that is off by 10 about a level axis, verticals of 1.5 degrees that are right."""
+    R = np.stack([np.eye(3), about_y(50.0)])
+    leaning = R[1] @ rotvec_to_rotmat(np.array([np.radians(10.0), 0.0, 0.0]))
+    upright = [Upright(np.array([0.0, -1.0, 0.0]), 1.5)] * 2
+    found = solve_rotations(2, [RotationEdge(0, 1, (RotationHypothesis(leaning, 12.0, 0.8),))], upright)
+    assert error_deg(found, R, 1) < 1.5
 
 
 def test_averaging_takes_out_what_rounding_has_left_of_a_rotation() -> None:
