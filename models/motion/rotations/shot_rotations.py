@@ -216,7 +216,7 @@ class _Group:
         """Of what edges of these precisions and verticals of these concentrations leave open."""
         num = len(self.shots)
         unknown = UNKNOWN_PRECISION * np.eye(num) + laplacian(self.ends, every, num)
-        return log_graph_volume(unknown, kappa[..., None] * np.eye(num) + laplacian(self.ends, level, num))
+        return log_graph_volume(unknown, curvature(kappa) + laplacian(self.ends, level, num))
 
     # ---- search
 
@@ -376,10 +376,16 @@ class _Group:
         across = (self.ends < k).sum(axis=1) == 1
         shares = self._shares(R)
         density = np.where(across, self.edges.log_none, shares.density)  # of those across: anywhere
-        every, level = (np.where(across, 0.0, precision) for precision in self.edges.precision(shares))
-        gravity, kappa = self.upright.log_density(R[None])
-        known = float(gravity[0]) if len(R) > 2 else 0.0
-        return known + float(density @ self.edges.weight + self._log_volume(every, level, kappa[0]))
+        score = float(density @ self.edges.weight)
+        every, level = (
+            laplacian(self.ends, np.where(across, 0.0, precision), len(R)) for precision in self.edges.precision(shares)
+        )
+        # Either side by itself: how they are rotated against each other nobody knows.
+        for side in (slice(None, k), slice(k, None)):
+            gravity, kappa = Verticals(self.upright.up[side], self.upright.kappa[side]).log_density(R[None, side])
+            unknown = UNKNOWN_PRECISION * np.eye(len(R[side])) + every[side, side]
+            score += float(gravity[0] + log_graph_volume(unknown, curvature(kappa[0]) + level[side, side]))
+        return score
 
     def sorted_out(self, R: Float[Array, "S 3 3"]) -> Iterator[tuple[RotationEdge, RotationHypothesis | float]]:
         """Each edge with its hypothesis that is likelier than none, or with how far its nearest one is off, degrees."""

@@ -180,3 +180,14 @@ def test_a_vertical_that_is_wrong_however_sure_of_itself_does_not_turn_a_shot() 
     for upright in (right, wrong):
         found = solve_rotations(4, edges, upright)
         assert max(error_deg(found, R, shot) for shot in range(1, 4)) < 3
+
+
+def test_a_cut_is_as_certain_however_many_shots_come_before_and_after() -> None:
+    R = rotations(10)
+    for upright in ([], [Upright(R[k].T @ np.array([0.0, 0.0, 1.0]), 6.0) for k in range(10)]):
+        sure = []
+        for num in (2, 5, 10):
+            edges = [RotationEdge(k, k + 1, (hypothesis(R[k].T @ R[k + 1], 10.0, 0.6),)) for k in range(num - 1)]
+            certainty = solve_rotations(num, edges, upright[:num]).certainty
+            sure += [one.probability for one in (certainty[1], certainty[num - 1]) if one is not None]
+        assert len(sure) == 6 and np.ptp(sure) < 0.02

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 from walker import EDGE, scene
 
+from humanmm.models.geometry.rotations import rotvec_to_rotmat
 from humanmm.models.motion.world.problem import ShotRig, ShotTrajectory
 from humanmm.models.motion.world.scale import scale_from_feet
 from humanmm.models.motion.world.solver import Solution, solve, with_riders
@@ -64,6 +65,44 @@ def test_who_passes_for_a_moment_has_little_say_in_the_size_of_somebody_seen_for
     size = solve([*trajectories, small], rigs, [EDGE]).size
     assert size[1] > 1.001
     assert abs(np.log(size[0])) < np.log(size[1]) / 3
+
+
+def test_people_of_different_sizes_all_stand_on_the_floor() -> None:
+    trajectories, rigs, pelvis = scene()
+    static = trajectories[1]
+    beside = static.offset + np.array([-1.0, 0.5, 0.0])
+    # He was fitted as large as the other, and is a tenth smaller: farther away in the fit than he is.
+    other = replace(static, person=1, offset=beside, feet=static.feet).grown(1 / 0.9)
+    found = solve([*trajectories, other], rigs, [EDGE])
+    assert abs(found.size[1] / found.size[0] - 0.9) < 0.02
+    for one, at in zip([*trajectories, other], found.pelvis, strict=True):
+        soles = at[:, None] + found.size[one.person] * one.feet
+        assert abs(soles[..., 2].min(axis=1)).mean() < 0.02
+
+
+def test_a_rider_is_as_large_as_the_known_cameras_have_him() -> None:
+    trajectories, rigs, _ = scene()
+    alone = solve(trajectories, rigs, [EDGE])
+    rider = replace(trajectories[1], person=1).grown(1 / 0.9)
+    found = with_riders(alone, [rider], rigs)
+    assert abs(found.size[1] - 0.9) < 0.02
+    soles = found.pelvis[2][:, None] + found.size[1] * rider.feet
+    assert abs(soles[..., 2].min(axis=1)).mean() < 0.02
+    # Who is a witness in another shot is as large here as there.
+    again = with_riders(alone, [trajectories[1].grown(1 / 0.9)], rigs)
+    assert again.size == alone.size
+
+
+def test_a_shot_is_as_level_as_its_own_evidence_has_it() -> None:
+    trajectories, rigs, _ = scene()
+    tilted = rotvec_to_rotmat(np.array([0.1, 0.05, 0.0]))
+    turned = [
+        replace(one, offset=one.offset @ tilted.T, feet=one.feet @ tilted.T, ahead=one.ahead @ tilted.T)
+        for one in trajectories
+    ]
+    sure = [replace(rig, path=rig.path @ tilted.T, level_deg=1.0, up=tilted[:, 2]) for rig in rigs]
+    for rotation in solve(turned, sure, [EDGE]).rotation:
+        assert np.degrees(np.arccos((rotation @ tilted)[2, 2])) < 0.5
 
 
 def test_all_shots_share_one_floor_even_if_they_come_at_different_heights() -> None:
