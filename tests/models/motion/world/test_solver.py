@@ -68,7 +68,7 @@ def test_who_passes_for_a_moment_has_little_say_in_the_size_of_somebody_seen_for
 
 
 def test_people_of_different_sizes_all_stand_on_the_floor() -> None:
-    trajectories, rigs, pelvis = scene()
+    trajectories, rigs, _ = scene()
     static = trajectories[1]
     beside = static.offset + np.array([-1.0, 0.5, 0.0])
     # He was fitted as large as the other, and is a tenth smaller: farther away in the fit than he is.
