@@ -217,10 +217,10 @@ def _path() -> Path:
 
 def _corrector() -> "Corrector":
     import humanmm
-    from humanmm.correcting import Corrector
+    from humanmm.correcting import Corrector, pending_of
 
     run = humanmm.load(_folder.get())
-    return Corrector(run.recording, run.record)
+    return Corrector(run.recording, run.record, pending_of(run.folder))
 
 
 def _write(corrections: "Sequence[Correction]", then: Then) -> int:
