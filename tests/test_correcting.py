@@ -84,7 +84,8 @@ def test_corrections_are_pending_from_when_they_are_written_or_taken_out_until_t
 
     def computed_with(*given: Correction) -> None:
         entries = [one.model_dump(mode="json") for one in given]
-        record = {"schema": SCHEMA, "config": {"corrections": {"origin": str(tmp_path / FILE), "correction": entries}}}
+        corrections = {"of_run_folder": True, "correction": entries}
+        record = {"schema": SCHEMA, "config": {"corrections": corrections}}
         (tmp_path / "run.json").write_text(json.dumps(record))
 
     computed_with()
