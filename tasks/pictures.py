@@ -1,5 +1,6 @@
 """Pictures and page of a run folder: made by stage `deliver`, at the end of every run, again by `humanmm view`."""
 
+import hashlib
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
@@ -179,7 +180,10 @@ def source_video(recording: Recording, record: Mapping[str, Any]) -> Iterator[tu
     except OSError as error:
         raise InputError(f"the overlay needs the video {video}, which cannot be read ({error.strerror})") from None
     with stream:
+        if hashlib.file_digest(stream, "sha256").hexdigest() != record["video"]["sha256"]:
+            raise InputError(f"{video} is not the video of this run any more; recover it again")
+        stream.seek(0)
         facts = read_facts(stream, max_side_px=settings.max_side_px, max_memory_mb=settings.max_memory_mb)
         if not np.array_equal(facts.time_s, recording.time_s):
-            raise InputError(f"{video} is not the video of this run any more; recover it again")
+            raise InputError(f"{video} has other frame times than motion.zarr; recover it again")
         yield stream, facts

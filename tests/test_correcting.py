@@ -1,17 +1,21 @@
 """Numbers of people become places in pictures."""
 
+import json
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from two_people import CUT, recording
 
-from humanmm.correcting import Corrector, contrary
-from humanmm.corrections import AddCut, Floor, RemoveCut, Sides, Who
+from humanmm.correcting import Corrector, contrary, pending_of
+from humanmm.corrections import AddCut, Correction, Exclude, Floor, RemoveCut, Sides, Swap, Who
 from humanmm.errors import ConfigError, InputError
 from humanmm.models.records.landmarks import INDEX
 from humanmm.models.records.recording import Recording
+from humanmm.storage.run_folder.corrections_file import FILE, begin, remove
+from humanmm.storage.run_folder.run_record import SCHEMA
 
 SHOTS = [
     {"start": 0, "end": CUT, "transition": None},
@@ -58,6 +62,39 @@ def test_it_is_not_chosen_where_people_changed_places_by_hand(corrector: Correct
     swap = {"kind": "swap", "start": who.frame - 3, "end": who.frame + 3}
     record = {"shots": SHOTS, "config": {"corrections": {"correction": [swap]}}}
     assert not who.frame - 3 <= Corrector(corrector.recording, record).place(1).frame < who.frame + 3
+
+
+def test_nor_where_a_correction_that_is_not_computed_yet_makes_somebody_else_of_whoever_is_there(
+    corrector: Corrector,
+) -> None:
+    plain = corrector.place(1)
+    span = {"start": plain.frame - 3, "end": plain.frame + 3}
+    swap = Swap(who=corrector.place(0), other=plain, **span)
+    for one in (swap, Exclude(who=plain, **span), Exclude(**span)):
+        assert not one.start <= replace(corrector, pending=(one,)).place(1).frame < one.end
+    assert replace(corrector, pending=(Exclude(who=corrector.place(0), **span),)).place(1) == plain, "not about him"
+    with pytest.raises(InputError, match=r"person 1 is seen in no frame outside the swaps .* compute them first"):
+        replace(corrector, pending=(swap.model_copy(update={"start": 0, "end": 40}),)).place(1)
+
+
+def test_corrections_are_pending_from_when_they_are_written_or_taken_out_until_the_run_is_computed_with_them(
+    tmp_path: Path,
+) -> None:
+    floor, cut = Floor(metres=0.1), AddCut(frame=9)
+
+    def computed_with(*given: Correction) -> None:
+        entries = [one.model_dump(mode="json") for one in given]
+        corrections = {"of_run_folder": True, "correction": entries}
+        record = {"schema": SCHEMA, "config": {"corrections": corrections}}
+        (tmp_path / "run.json").write_text(json.dumps(record))
+
+    computed_with()
+    begin(tmp_path / FILE, [floor, cut], video="0")
+    assert pending_of(tmp_path) == (floor, cut)
+    computed_with(floor, cut)
+    assert pending_of(tmp_path) == ()
+    remove(tmp_path / FILE, 1)
+    assert pending_of(tmp_path) == (floor,)
 
 
 def test_wrong_sides_are_reported_in_each_shot_by_where_the_farthest_joint_truly_is(

@@ -84,6 +84,12 @@ def test_commands_of_a_page_are_read_by_the_command_line(page: Path) -> None:
             pytest.fail(f"{page.name}: `{line}`: {error.format_message()}")
 
 
+def test_people_and_cameras_of_the_blender_recipe_have_one_frame_rate() -> None:
+    exports = re.findall(r"^    humanmm export .*", (ROOT / "docs/blender.md").read_text(), re.MULTILINE)
+    rates = [re.search(r"--fps (\S+)", line) for line in exports]
+    assert len(exports) == 2 and len({rate[1] if rate else None for rate in rates}) == 1, exports
+
+
 def test_every_page_is_in_the_sites_contents() -> None:
     contents = (ROOT / "mkdocs.yml").read_text()
     pages = [page.relative_to(ROOT / "docs").as_posix() for page in (ROOT / "docs").rglob("*.md")]

@@ -11,7 +11,7 @@ from humanmm.models.body.body24 import load_body
 from humanmm.models.body.kinematics import forward_kinematics
 from humanmm.models.geometry.projection import in_front, project, world_to_camera
 from humanmm.models.motion.hands.recorded import RecordedHands, recorded_hands
-from humanmm.models.motion.worlds import worlds_of_motion
+from humanmm.models.motion.refine.worlds import worlds_of_motion
 from humanmm.models.records import landmarks
 from humanmm.models.records.motion import PersonMotion, WorldMotion
 from humanmm.models.records.recording import RecordedPerson, Recording

@@ -1,34 +1,22 @@
-"""Worlds of a video: the groups of shots that people or backgrounds join. Positions in two worlds cannot be compared.
+"""The worlds of a recording (`motion.refine.worlds`): whom each holds, and where it stands in a picture.
 
 Every world has its own first person above its own origin, so that all lie on top of one another in the numbers of a
 recording; the page sets them apart along x, and the picture from above gives each axes of its own.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
-from humanmm.models.records.motion import WorldMotion
+from humanmm.models.motion.refine.worlds import most_seen
 from humanmm.models.records.recording import RecordedPerson, Recording
-from humanmm.models.records.shots import ShotList
 
 _APART_M = 3.0
 """Room between worlds in a picture."""
 _NEAR_M = 12.0
 """A camera farther from its people than this makes no more room for its world."""
-
-
-@dataclass(frozen=True)
-class JoinedShot:
-    """What a shot's world follows from."""
-
-    linked: bool
-    """Whether anything joins it to the other shots."""
-    earlier: tuple[int, ...]
-    """Earlier shots that evidence in use joins it to."""
-    people: frozenset[int]
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,42 +39,9 @@ def title_of_shots(shots: Sequence[int]) -> str:
     return f"shot{'s' * (len(shots) > 1)} {', '.join(map(str, shots))}"
 
 
-def worlds_of(shots: Iterable[JoinedShot]) -> tuple[int, ...]:
-    """The world of every shot, counted from 0.
-
-    A shot that nothing links begins a world; one that is linked is in that of the earlier shot that its evidence names,
-    else of the last one with which it shares people, else of the one before it.
-    """
-    worlds: list[int] = []
-    seen: list[frozenset[int]] = []
-    for index, shot in enumerate(shots):
-        if index == 0 or not shot.linked:
-            worlds.append(max(worlds, default=-1) + 1)
-        else:
-            earlier = [*shot.earlier, *(other for other in reversed(range(index)) if shot.people & seen[other])]
-            worlds.append(worlds[earlier[0] if earlier else index - 1])
-        seen.append(shot.people)
-    return tuple(worlds)
-
-
-def worlds_of_motion(shot_list: ShotList, motion: WorldMotion) -> tuple[int, ...]:
-    """The world of every shot of an aligned video; empty where all are one."""
-    linked = {cut.cut_frame: cut.linked for cut in motion.cuts}
-    worlds = worlds_of(
-        JoinedShot(
-            linked=linked.get(shot.start, True),
-            earlier=tuple(one.shot_a for one in motion.evidence if one.used and one.shot_a < one.shot_b == shot.index),
-            people=frozenset(appearance.person for appearance in shot.people),
-        )
-        for shot in shot_list.shots
-    )
-    return worlds if any(worlds) else ()
-
-
 def world_of_person(recording: Recording, person: RecordedPerson) -> int:
     """The world in which he was observed most."""
-    seen = person.frame[person.observed] if person.observed.any() else person.frame
-    return int(np.bincount(world_of_each_frame(recording)[seen], minlength=1).argmax())
+    return most_seen(world_of_each_frame(recording), person.frame, person.observed)
 
 
 def world_of_each_frame(recording: Recording) -> np.ndarray:

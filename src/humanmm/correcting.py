@@ -57,6 +57,8 @@ class Corrector:
     recording: "Recording"
     record: Mapping[str, Any]
     """Its run.json."""
+    pending: tuple[Correction, ...] = ()
+    """Corrections of its folder that it was not computed with, and those that were taken out since: `pending_of`."""
 
     # ---- cuts and shots
 
@@ -150,18 +152,11 @@ class Corrector:
     def main(self, x: float, y: float, frame: int) -> Main:
         """Whoever is at a place."""
         self._check_frame(frame)
-        number = None
-        for person in self.recording.people:
-            row = frame - int(person.frame[0])
-            if 0 <= row < len(person.frame):
-                x0, y0, x1, y1 = person.bbox[row]
-                if x0 <= x <= x1 and y0 <= y <= y1:
-                    number = person.person
-                    break
         width, height = self.recording.width, self.recording.height
         if not (0 <= x <= width and 0 <= y <= height):
             raise InputError(f"{x:g}, {y:g} is not in the picture, which is {width} x {height} pixels")
-        return Main(who=Who(frame=frame, x=x, y=y, number=number))
+        who = Who(frame=frame, x=x, y=y)
+        return Main(who=who.model_copy(update={"number": self._number_at(who)}))
 
     # ---- the world
 
@@ -193,11 +188,20 @@ class Corrector:
         return int(np.searchsorted(times, time_s + 1e-6, side="right")) - 1
 
     def place(self, number: int) -> Who:
-        """Where one of the run's people can be distinguished from all others: seen, and far from them."""
+        """Where one of the run's people can be distinguished from all others: seen, and far from them; not in frames
+        in which the pending corrections make somebody else of whoever is there, or nobody."""
         person = self._person(number)
         rows = np.flatnonzero(_seen(person))
         if not len(rows):
             raise InputError(f"person {number} was nowhere seen")
+        for one in self.pending:
+            if isinstance(one, Swap | Exclude) and self._concerns(one, number):
+                rows = rows[(person.frame[rows] < one.start) | (person.frame[rows] >= one.end)]
+        if not len(rows):
+            raise InputError(
+                f"person {number} is seen in no frame outside the swaps and excluded frames that are not computed yet; "
+                "compute them first with `humanmm recover`: then he can be named by his number in the new run"
+            )
         # not where people were distinguished by hand: there it depends on the order of corrections who is who
         given = self.record["config"].get("corrections", {}).get("correction", ())
         swapped = np.zeros(len(rows), bool)
@@ -208,6 +212,21 @@ class Corrector:
         alone = np.minimum(np.array([self._distance(person, int(row)) for row in rows]), ALONE)
         middle = np.abs(rows - rows[len(rows) // 2]) / max(len(person.frame), 1)
         return self._at(person, int(rows[int((alone - 0.1 * middle).argmax())]))
+
+    def _concerns(self, correction: Swap | Exclude, number: int) -> bool:
+        """Whether it is about one of the run's people."""
+        named = (correction.who, correction.other if isinstance(correction, Swap) else None)
+        return correction.who is None or number in [self._number_at(who) for who in named if who is not None]
+
+    def _number_at(self, who: Who) -> int | None:
+        """The number of whoever is at a place, None if nobody is."""
+        for person in self.recording.people:
+            row = who.frame - int(person.frame[0])
+            if 0 <= row < len(person.frame):
+                x0, y0, x1, y1 = person.bbox[row]
+                if x0 <= who.x <= x1 and y0 <= who.y <= y1:
+                    return person.person
+        return None
 
     def _at(self, person: "RecordedPerson", row: int) -> Who:
         x0, y0, x1, y1 = person.bbox[row].astype(float)
@@ -326,6 +345,17 @@ def states(run_dir: Path) -> list[tuple[Correction, str]]:
         return f"{'applied' if found['applied'] else 'does not fit'}{remark}"
 
     return [(one, state(one)) for one in standing(_given(run_dir), run_dir).correction]
+
+
+def pending_of(run_dir: Path) -> tuple[Correction, ...]:
+    """The corrections of a run that it was not computed with, and those that it was and that were taken out since."""
+    given, now = _given(run_dir), standing(_given(run_dir), run_dir)
+    return tuple(
+        one
+        for some, others in ((now, given), (given, now))
+        for one in some.correction
+        if one.identity not in {other.identity for other in others.correction}
+    )
 
 
 def _given(run_dir: Path) -> Corrections:

@@ -253,6 +253,8 @@ class Corrections(_Entry):
     origin: str = ""
     """The file that they come from, or `none` where none are wanted; where it is empty, `corrections.toml` of the run
     folder is looked for."""
+    of_run_folder: bool = False
+    """Whether that is the run folder's own file: wherever the folder is by now, they are gone when it is."""
     video: str | None = None
     """sha256 of the video that they were written for."""
     correction: tuple[AnyCorrection, ...] = ()

@@ -37,7 +37,7 @@ def read_file(path: Path) -> Corrections:
 def of_folder(run_dir: Path) -> Corrections:
     """The corrections that a run folder holds; none without a file."""
     path = run_dir / FILE
-    return read_file(path) if path.is_file() else NONE
+    return read_file(path).model_copy(update={"of_run_folder": True}) if path.is_file() else NONE
 
 
 def decided(config: Config, run_dir: Path, *, sha256: str | None = None) -> Config:
@@ -45,9 +45,12 @@ def decided(config: Config, run_dir: Path, *, sha256: str | None = None) -> Conf
 
     `sha256` is that of the run's video: corrections in the folder that were written for another are left aside.
     """
-    if config.corrections.is_decided:
-        return config
-    return config.model_copy(update={"corrections": of_folder(run_dir).for_video(sha256)})
+    found = config.corrections
+    if not found.is_decided:
+        found = of_folder(run_dir).for_video(sha256)
+    elif Path(found.origin).absolute() == (run_dir / FILE).absolute():
+        found = found.model_copy(update={"of_run_folder": True})
+    return config.model_copy(update={"corrections": found})
 
 
 def corrected(config: Config, run_dir: Path, *, sha256: str | None = None) -> Config:
@@ -58,11 +61,9 @@ def corrected(config: Config, run_dir: Path, *, sha256: str | None = None) -> Co
 def standing(given: Corrections, run_dir: Path, *, sha256: str | None = None) -> Corrections:
     """The corrections of a finished run, `given` those that it was computed with: what its folder's file holds now;
     without one, those that came from elsewhere."""
-    path = run_dir / FILE
-    if path.is_file():
-        return read_file(path).for_video(sha256)
-    came_from_there = Path(given.origin).absolute() == path.absolute()
-    return NONE if came_from_there else given
+    if (run_dir / FILE).is_file():
+        return of_folder(run_dir).for_video(sha256)
+    return NONE if given.of_run_folder else given
 
 
 def begin(path: Path, corrections: Iterable[Correction], *, video: str) -> None:

@@ -20,7 +20,8 @@ from humanmm.models.body.body24 import Body, load_body
 from humanmm.models.body.fingers import body_of
 from humanmm.models.body.kinematics import chunks
 from humanmm.models.drawing.palette import RGB, person_color, shot_color
-from humanmm.models.motion.worlds import JoinedShot, WorldPlace, world_of_person, world_places, worlds_of
+from humanmm.models.motion.refine.worlds import JoinedShot, worlds_of
+from humanmm.models.motion.worlds import WorldPlace, world_of_person, world_places
 from humanmm.models.records.camera import SOURCES
 from humanmm.models.records.recording import CONTACT_JOINTS, RecordedPerson, Recording
 

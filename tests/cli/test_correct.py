@@ -119,6 +119,16 @@ def test_what_the_run_does_not_have_is_reported_in_one_line_and_nothing_is_writt
     assert not (finished.folder / FILE).exists()
 
 
+def test_a_run_whose_video_was_replaced_is_not_corrected(finished: Any) -> None:
+    _ok(finished, "correct", "runs/film", "floor", "--lower", "0.4")
+    before = (finished.folder / FILE).read_text()
+    finished.video.write_bytes(finished.video.read_bytes() + b" ")
+    for words in (["add-cut", "50"], ["undo"]):
+        status, out, message = finished.main("correct", "runs/film", *words)
+        assert (status, out) == (1, "") and "film.mp4 is not the video of this run any more" in message
+    assert (finished.folder / FILE).read_text() == before
+
+
 def test_a_mistake_in_the_file_ends_recover_with_a_sentence_and_none_leaves_it_aside(finished: Any) -> None:
     Path(finished.folder / FILE).write_text('[[correction]]\nkind = "flor"\nmetres = 1.0\n')
     status, _, message = finished.main("recover", "film.mp4")

@@ -2,6 +2,7 @@
 
 import base64
 import dataclasses
+import hashlib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -130,7 +131,7 @@ def run_dir(given: Given, tmp_path: Path) -> Path:
     shots = given.results["shots"].shots
     record = {
         "schema": "humanmm.run/1",
-        "video": {"path": str(given.video)},
+        "video": {"path": str(given.video), "sha256": hashlib.sha256(given.video.read_bytes()).hexdigest()},
         "config": given.config.model_dump(mode="json"),
         "shots": [
             {
@@ -207,7 +208,15 @@ def test_the_video_is_read_again_within_the_limits_of_the_run(
     assert found[limit] == value and set(found) == {"max_side_px", "max_memory_mb"}
 
 
-@pytest.mark.parametrize("change", [lambda video: video.unlink(), lambda video: video.write_bytes(_other_video(video))])
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda video: video.unlink(),
+        lambda video: video.write_bytes(_other_video(video, np.arange(5) / 10)),
+        lambda video: video.write_bytes(_other_video(video, _times(video))),
+    ],
+    ids=["gone", "other times", "other pictures at the same times"],
+)
 def test_an_overlay_is_not_drawn_on_another_video(
     run_dir: Path, given: Given, change: Callable[[Path], object]
 ) -> None:
@@ -218,9 +227,14 @@ def test_an_overlay_is_not_drawn_on_another_video(
     assert not (run_dir / "view" / "overlay.mp4").exists()
 
 
-def _other_video(beside: Path) -> bytes:
+def _times(video: Path) -> np.ndarray:
+    with video.open("rb") as stream:
+        return read_facts(stream).time_s
+
+
+def _other_video(beside: Path, times: np.ndarray) -> bytes:
     other = beside.with_name("other.mp4")
-    write_video(other, ((i / 10, _gray(16)) for i in range(5)), width=322, height=180, fps=10, colors=BT601)
+    write_video(other, ((time, _gray(16)) for time in times), width=322, height=180, fps=30, colors=BT601)
     return other.read_bytes()
 
 

@@ -1,5 +1,6 @@
 """What `humanmm view` writes: films with the frames and times of the video, and nothing over a file unasked."""
 
+import hashlib
 import shutil
 from pathlib import Path
 from typing import Any
@@ -51,7 +52,8 @@ def viewed(recording: Recording, video: Path, tmp_path_factory: pytest.TempPathF
         {"start": 25, "end": 40, "transition": None, "linked": True, "join": None, "people": [0, 1], "failed": False},
     ]
     record: dict[str, Any] = {
-        "schema": SCHEMA, "video": {"path": str(video), "sha256": "0"}, "shots": shots, "warnings": [], "failures": [],
+        "schema": SCHEMA, "shots": shots, "warnings": [], "failures": [],
+        "video": {"path": str(video), "sha256": hashlib.sha256(video.read_bytes()).hexdigest()},
         "config": Config().model_dump(mode="json"),
     }  # fmt: skip
     write_run_record(run_dir, record)

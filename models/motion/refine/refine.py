@@ -31,6 +31,7 @@ from humanmm.models.motion.refine.gaps import landed, landings
 from humanmm.models.motion.refine.learned import Learned
 from humanmm.models.motion.refine.smoothing import smooth, smooth_rotations
 from humanmm.models.motion.refine.toes import bent_toes, toe_length
+from humanmm.models.motion.refine.worlds import WorldMembers, members_of
 from humanmm.models.records.motion import PersonMotion, WorldMotion
 from humanmm.models.records.recording import CONTACT_JOINTS
 from humanmm.models.records.shots import ShotList
@@ -116,17 +117,23 @@ def refine_world(
     settings: RefineSettings | None = None,
     progress: Progress = silent,
 ) -> WorldMotion:
-    """All people refined; floor at z = 0, first person's first pelvis above the origin.
+    """All people refined; in every world the floor at z = 0, its first person's first pelvis above the origin.
 
-    Without observations the motion is not fitted again.
+    Without observations the motion is not fitted again, and all is taken for one world.
     """
+    if not world.people:
+        return world
     settings = settings or RefineSettings()
+    members = members_of(world, observations.shots if observations is not None else None)
     drafts = {
         person.person: draft(person, world, time_s[person.frame], cut_frames=cut_frames, settings=settings)
         for person in world.people
         if person.observed.any()
     }
-    rise = floor_height(_on_floor(drafts, observations)) + settings.floor_m
+    rise = {}
+    for number in set(members.of_person.values()):
+        own = {person: one for person, one in drafts.items() if members.of_person[person] == number}
+        rise[number] = floor_height(_on_floor(own, observations)) + settings.floor_m
     people = []
     parts = parts_of(progress, len(time_s), [len(person.frame) for person in world.people])
     for person, part in zip(world.people, parts, strict=True):
@@ -134,7 +141,7 @@ def refine_world(
         if one is None:
             people.append(person)
             continue
-        one = one.raised(-rise)
+        one = one.raised(-rise[members.of_person[person.person]])
         if observations is not None and settings.refit:
             clip = gather_clip(
                 person.person,
@@ -149,7 +156,8 @@ def refine_world(
                 one = one.fitted(clip, learned, floor_m=-settings.floor_m, progress=part)
                 one = one.with_contacts(settings.contacts)
         people.append(finish(one, settings=settings))
-    return at_origin(replace(world, people=tuple(people), t_world_cam=world.t_world_cam - [0.0, 0.0, rise]))
+    sunk = members.each_frame({number: np.array([0.0, 0.0, by]) for number, by in rise.items()})
+    return at_origin(replace(world, people=tuple(people), t_world_cam=world.t_world_cam - sunk), members)
 
 
 def _on_floor(drafts: Mapping[int, "Draft"], observations: Observations | None) -> list["Draft"]:
@@ -320,10 +328,13 @@ def sole_heights(body: Body, betas: Float[Array, " 10"]) -> Float[Array, " 4"]:
     return np.asarray(body.rest_joints(betas)[list(CONTACT_JOINTS), 1] - ground)
 
 
-def at_origin(world: WorldMotion) -> WorldMotion:
-    """The same world, its origin under the first person's first pelvis."""
-    if not world.people:
-        return world
-    shift = world.people[0].pelvis_world[0] * [1.0, 1.0, 0.0]
-    people = tuple(replace(person, pelvis_world=person.pelvis_world - shift) for person in world.people)
-    return replace(world, people=people, t_world_cam=world.t_world_cam - shift)
+def at_origin(world: WorldMotion, members: WorldMembers) -> WorldMotion:
+    """The same, the origin of each world under its first person's first pelvis."""
+    shift: dict[int, Array] = {}
+    for person in world.people:
+        shift.setdefault(members.of_person[person.person], person.pelvis_world[0] * [1.0, 1.0, 0.0])
+    people = tuple(
+        replace(person, pelvis_world=person.pelvis_world - shift[members.of_person[person.person]])
+        for person in world.people
+    )
+    return replace(world, people=people, t_world_cam=world.t_world_cam - members.each_frame(shift))

@@ -194,6 +194,7 @@ def undo(
     """Take a correction out again."""
     from humanmm.correcting import take_out
 
+    _check_video(then)
     _take_over()
     write(f"taken out: {take_out(_folder.get(), number)}")
     return _then(then)
@@ -217,15 +218,16 @@ def _path() -> Path:
 
 def _corrector() -> "Corrector":
     import humanmm
-    from humanmm.correcting import Corrector
+    from humanmm.correcting import Corrector, pending_of
 
     run = humanmm.load(_folder.get())
-    return Corrector(run.recording, run.record)
+    return Corrector(run.recording, run.record, pending_of(run.folder))
 
 
 def _write(corrections: "Sequence[Correction]", then: Then) -> int:
     from humanmm.correcting import enter
 
+    _check_video(then)
     _take_over()
     for correction in corrections:
         entered = enter(_folder.get(), correction)
@@ -236,6 +238,20 @@ def _write(corrections: "Sequence[Correction]", then: Then) -> int:
         elif not entered.removed:
             say(f"{_path()} says so already: {correction}")
     return _then(then)
+
+
+def _check_video(then: Then) -> None:
+    """InputError if another video has taken the place of the run's: corrections would be of one, and computed of the
+    other."""
+    from humanmm.errors import InputError
+    from humanmm.tasks.engine.reopened import reopen
+
+    record, run = reopen(_folder.get(), then.store)
+    if run.video.sha256 != record["video"]["sha256"]:
+        raise InputError(
+            f"{run.video.path} is not the video of this run any more, and nothing was written; put the video back, or "
+            "recover the new one into another folder with --out"
+        )
 
 
 def _take_over() -> None:

@@ -86,6 +86,10 @@ SHANK_M = (0.15, 0.75)
 """Lengths that a shank can have: joints in other units or in another order have others."""
 
 
+SUFFIXES = (".pt", ".pkl", ".npz")
+"""Of a folder, files with other endings are left alone: our own exports lie beside an exports.json."""
+
+
 @lru_cache(maxsize=1)
 def read_bodies(given: GivenFile, num_frames: int, sizes: PictureSizes) -> tuple[GivenBody, ...]:
     """Everybody in a video of so many frames with pictures of such sizes.
@@ -94,7 +98,10 @@ def read_bodies(given: GivenFile, num_frames: int, sizes: PictureSizes) -> tuple
     """
     try:
         found: list[GivenBody] = []
-        for name, content in given.read().items():
+        contents = {name: content for name, content in given.read().items() if name.endswith(SUFFIXES)}
+        if not contents:
+            raise InputError("it is no .pt, .pkl or .npz, and no folder of some")
+        for name, content in contents.items():
             first, is_clip = _first_frame(name)
             try:
                 with damage("it cannot be read as another system's result"):
@@ -150,7 +157,7 @@ def _read(name: str, content: bytes, sizes: PictureSizes, *, whole: int | None) 
         yield _of_tensors(content, sizes, whole)
     elif name.endswith(".pkl"):
         yield from _of_pickle(load_pickle(io.BytesIO(content), name), sizes)
-    elif name.endswith(".npz"):
+    else:
         arrays = NpzArrays(io.BytesIO(content), name)
         known: dict[str, Callable[[Tree, PictureSizes], Iterator[GivenBody]]] = {
             "pred_rotmat": _tram, "pose_body": partial(_slahmr, whole=whole), "pred_keypoints_3d": _sam_3d_body,
@@ -163,8 +170,6 @@ def _read(name: str, content: bytes, sizes: PictureSizes, *, whole: int | None) 
         raise InputError(
             f"holds {', '.join(map(shown, sorted(arrays)[:6])) or 'nothing'}; expected one of {', '.join(known)}"
         )
-    else:
-        raise InputError("is no .pt, .pkl or .npz")
 
 
 def _of_tensors(content: bytes, sizes: PictureSizes, whole: int | None) -> GivenBody:

@@ -22,7 +22,7 @@ from humanmm.models.geometry.projection import inverse_pose
 from humanmm.models.records.camera import GivenCameras
 from humanmm.models.records.video import VideoFacts
 from humanmm.storage.readers.given.colmap import FILES, ColmapCamera, ColmapModel, colmap_model
-from humanmm.storage.readers.given.frame_names import frame_number
+from humanmm.storage.readers.given.frame_names import doubt_of_first, frame_number
 
 Array = np.ndarray
 
@@ -123,6 +123,7 @@ def _colmap(model: ColmapModel, facts: VideoFacts) -> GivenCameras:
     if not rows:
         raise InputError("the model holds no image")
     frame = _from_zero(np.array(sorted(rows)), facts.num_frames)
+    warnings += doubt_of_first("cameras", int(frame[0]))
     values = np.array([rows[number] for number in sorted(rows)])[frame < facts.num_frames]
     R_cam_given = _rotations(values[:, [1, 2, 3, 0]])
     R, t = inverse_pose(R_cam_given, values[:, 4:7])

@@ -27,9 +27,14 @@ def doubts(what: str, first: int, last: int, num_frames: int, *, sure_of_first: 
             f"given {what} end at frame {last}, the video at {num_frames - 1}: were they found in it at another frame "
             "rate? Nobody is followed after that"
         )
-    if first == 1 and not sure_of_first:
-        found.append(
-            f"given {what} begin at frame 1, and are taken as counted from 0: if their first picture has number 1, "
-            "subtract 1 from every frame number in the file"
-        )
-    return tuple(found)
+    return (*found, *(() if sure_of_first else doubt_of_first(what, first)))
+
+
+def doubt_of_first(what: str, first: int) -> tuple[str, ...]:
+    """A warning if frames, counted from 0, begin at 1: the program may have counted from 1."""
+    if first != 1:
+        return ()
+    return (
+        f"given {what} begin at frame 1, and are taken as counted from 0: if their first picture has number 1, "
+        "subtract 1 from every frame number in the file",
+    )

@@ -6,6 +6,8 @@ format's own word for "not seen"; motion that was filled in has the residual 0, 
 Cuts are events.
 """
 
+import shutil
+import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -51,4 +53,7 @@ def write_c3d(excerpt: Excerpt, person: RecordedPerson, path: Path) -> None:
         file.add_event([0.0, float(cut / excerpt.fps)], "General", "cut")
     file["data"]["points"] = points
     file["data"]["meta_points"]["residuals"] = residuals
-    file.write(str(path))
+    with tempfile.TemporaryDirectory() as folder:  # ezc3d takes no path that is not UTF-8
+        written = Path(folder) / "person.c3d"
+        file.write(str(written))
+        shutil.copyfile(written, path)

@@ -1,7 +1,7 @@
 """exports.json: what `humanmm export` wrote into a folder, of which motion, and where each file begins in the video.
 
 Formats such as BVH have no place for that. And when another result takes the place of a motion, the exports of the
-earlier one can be found and removed; files that somebody else laid there are not touched.
+earlier one can be found and removed; files that somebody else laid there, or changed since, are not touched.
 """
 
 import dataclasses
@@ -25,9 +25,9 @@ FILE = "exports.json"
 
 
 def note(folder: Path, names: Iterable[str], facts: dict[str, Any]) -> None:
-    """Add files of a folder to its exports.json, all with the same facts."""
+    """Add files of a folder to its exports.json, all with the same facts, each with the hash of its content."""
     known = read_index(folder)
-    known.update({name: facts for name in names})
+    known.update({name: {**facts, "sha256": _sha256(folder / name)} for name in names})
     _write(folder, known)
 
 
@@ -74,20 +74,35 @@ def _person(excerpt: Excerpt, person: RecordedPerson) -> dict[str, Any]:
 
 
 def remove_stale(folder: Path, recording: Recording) -> None:
-    """Remove the exports of another motion than this one."""
+    """Remove the exports of another motion than this one; those that were changed since stay, and are forgotten."""
     known = read_index(folder)
     if not known:
         return
     digest = motion_digest(recording)
     stale = [name for name, facts in known.items() if facts.get("motion") != digest]
-    for name in stale:
+    changed = [name for name in stale if (folder / name).exists() and not _is_as_written(folder / name, known[name])]
+    removed = [name for name in stale if name not in changed]
+    for name in removed:
         (folder / name).unlink(missing_ok=True)
         parent = (folder / name).parent
         if parent != folder and parent.is_dir() and not any(parent.iterdir()):
             parent.rmdir()
+    if removed:
+        log.warning("removed the exports of an earlier result from %s: %s", folder, ", ".join(sorted(removed)))
+    if changed:
+        names = ", ".join(sorted(changed))
+        log.warning("left exports of an earlier result in %s, as they were changed by somebody: %s", folder, names)
     if stale:
-        log.warning("removed the exports of an earlier result from %s: %s", folder, ", ".join(sorted(stale)))
         _write(folder, {name: facts for name, facts in known.items() if name not in stale})
+
+
+def _is_as_written(path: Path, facts: dict[str, Any]) -> bool:
+    return path.is_file() and _sha256(path) == facts.get("sha256")
+
+
+def _sha256(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def read_index(folder: Path) -> dict[str, dict[str, Any]]:

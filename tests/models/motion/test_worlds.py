@@ -1,29 +1,14 @@
-"""Worlds: which shots are in one, where each stands in a picture, and to which a person belongs."""
+"""Worlds of a recording: where each stands in a picture, and to which a person belongs."""
 
 import dataclasses
 
 import numpy as np
 import two_people
 
-from humanmm.models.motion.worlds import (
-    JoinedShot,
-    world_of_each_frame,
-    world_of_person,
-    world_places,
-    worlds_of,
-)
+from humanmm.models.motion.worlds import world_of_each_frame, world_of_person, world_places
 
 RECORDING = two_people.recording()
 APART = dataclasses.replace(RECORDING, worlds=(0, 1))
-
-
-def _shot(linked: bool, people: set[int], *earlier: int) -> JoinedShot:
-    return JoinedShot(linked, earlier, frozenset(people))
-
-
-def test_an_unlinked_shot_begins_a_world_and_a_linked_one_is_in_that_of_its_evidence_or_people() -> None:
-    shots = [_shot(True, {0}), _shot(False, {1}), _shot(True, {0}), _shot(True, {2}, 1), _shot(False, set())]
-    assert worlds_of([*shots, _shot(True, set())]) == (0, 1, 0, 1, 2, 2)
 
 
 def test_a_recording_that_names_no_worlds_is_of_one() -> None:

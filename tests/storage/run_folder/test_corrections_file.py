@@ -75,9 +75,12 @@ def test_the_folder_s_file_counts_unless_corrections_are_given(tmp_path: Path) -
 
 def test_a_finished_run_has_the_corrections_that_its_folder_holds_now(tmp_path: Path) -> None:
     append(tmp_path / FILE, Floor(metres=0.5), video="")
-    run = decided(Config(), tmp_path)
+    runs = [decided(given, tmp_path) for given in (Config(), Config(corrections=read_file(tmp_path / FILE)))]
     (tmp_path / FILE).unlink()
-    assert corrected(run, tmp_path).corrections.correction == ()
+    for run in runs:
+        again = Config.model_validate(run.model_dump(mode="json"))  # as run.json keeps it
+        for folder in (tmp_path, tmp_path / "moved"):
+            assert again.corrections.correction and corrected(again, folder).corrections.correction == ()
     elsewhere = Config.model_validate(
         {"corrections": {"origin": "mine.toml", "correction": [{"kind": "focal", "px": 9}]}}
     )
@@ -92,7 +95,8 @@ def test_corrections_of_another_video_are_left_aside_unless_they_are_given(tmp_p
         assert found.corrections.correction == () and found.corrections.left_aside == (Floor(metres=0.5),)
     assert decided(Config(), tmp_path, sha256="ab12").corrections.correction == (Floor(metres=0.5),)
     given = Config(corrections=read_file(tmp_path / FILE))
-    assert decided(given, tmp_path, sha256="cd34") == given
+    found = decided(given, tmp_path, sha256="cd34")
+    assert found.corrections.correction == given.corrections.correction and not found.corrections.left_aside
 
 
 def test_corrections_from_elsewhere_are_written_at_once(tmp_path: Path) -> None:

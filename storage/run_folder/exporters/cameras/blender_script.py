@@ -20,7 +20,7 @@ import json
 
 import bpy
 
-VIDEO = ""  # path of the video, for a background picture in every camera
+VIDEO = ""  # for a background picture in every camera, the path of {film}
 SCENE = json.loads(r"""{scene}""")
 
 scene = bpy.context.scene
@@ -43,6 +43,7 @@ for shot in SCENE["shots"]:
                 owner.keyframe_insert(name, frame=frame)
     if VIDEO:
         film = bpy.data.movieclips.load(VIDEO)
+        film.frame_start = SCENE["film_start"]
         picture = lens.background_images.new()
         picture.source, picture.clip = "MOVIE_CLIP", film
         lens.show_background_images = True
@@ -52,8 +53,13 @@ for shot in SCENE["shots"]:
 
 
 def write_blender_script(excerpt: Excerpt, path: Path) -> None:
-    """The script, with the numbers in it: z up, metres."""
-    recording = excerpt.recording
+    """The script, with the numbers in it: z up, metres.
+
+    Blender plays a film frame by frame: behind frames at another rate it needs a copy that has these frames.
+    """
+    recording, first = excerpt.recording, int(excerpt.source_frame[0])
+    copied = f"trim=start_frame={first},setpts=PTS-STARTPTS,fps={excerpt.fps:.8g}"
+    film = f"a copy with these frames: ffmpeg -i VIDEO -vf {copied} COPY" if excerpt.resampled else "the video"
     fx, fy = (float(np.median(recording.K[:, axis, axis])) for axis in (0, 1))
     scene: dict[str, Any] = {
         "fps": excerpt.fps,
@@ -61,9 +67,10 @@ def write_blender_script(excerpt: Excerpt, path: Path) -> None:
         "size_px": [recording.width, recording.height],
         "pixel_aspect": [max(1.0, fy / fx), max(1.0, fx / fy)],
         "sensor_mm": _SENSOR_MM,
+        "film_start": 1 if excerpt.resampled else 1 - first,
         "shots": [_shot(excerpt, frames) for frames in excerpt.shots()],
     }
-    path.write_text(_SCRIPT.replace("{scene}", json.dumps(scene)), encoding="utf-8")
+    path.write_text(_SCRIPT.replace("{film}", film).replace("{scene}", json.dumps(scene)), encoding="utf-8")
 
 
 def _shot(excerpt: Excerpt, frames: slice) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from humanmm.models.body.kinematics import forward_kinematics
 from humanmm.models.body.landmarks import load_landmarks
 from humanmm.models.geometry.rotations import rotation_angle, rotvec_to_rotmat
 from humanmm.models.motion.refine.refine import Observations, RefineSettings, refine_world, sole_heights
-from humanmm.models.records.motion import PersonMotion, WorldMotion
+from humanmm.models.records.motion import CutAlignment, PersonMotion, WorldMotion
 from humanmm.models.records.recording import CONTACT_JOINTS
 from humanmm.models.records.shots import Appearance, Person, Shot, ShotList
 from humanmm.models.records.tracks import MASK_SIDE, PersonTrack, ScenePeople, Silhouettes
@@ -144,6 +144,30 @@ def test_a_person_whose_scene_failed_is_refined_without_it() -> None:
     np.testing.assert_allclose(
         joints(refine_world(world, failed, time_s=time, cut_frames=())), joints(world), atol=0.004
     )
+
+
+def test_each_world_has_its_own_floor_and_its_first_person_above_its_origin() -> None:
+    world, time = standing()
+    sides = np.array([[0.3, 0.2, -0.02], [5.0, 3.0, 0.05]])  # where the two worlds of align lie beside theirs
+    one = world.people[0]
+    people = tuple(
+        replace(
+            one, person=number, **{name: getattr(one, name)[rows] for name in (
+                "frame", "observed", "R_world_root", "body_pose", "contacts", "confidence")},
+            pelvis_world=one.pelvis_world[rows] + sides[number],
+        )
+        for number, rows in enumerate((slice(0, CUT), slice(CUT, N)))
+    )  # fmt: skip
+    cut = CutAlignment(CUT, "none", np.eye(3), float("nan"), 180.0, float("nan"), linked=False)
+    centre = world.t_world_cam + np.repeat(sides, [CUT, N - CUT], axis=0)
+    apart = replace(world, people=people, t_world_cam=centre, cuts=(cut,))
+    shots = (Shot(0, 0, CUT, 0, None, (Appearance(0, 0, ()),)), Shot(1, CUT, N, 1, None, (Appearance(1, 0, ()),)))
+    observations = Observations(ShotList(N, shots, (Person(0, BETAS, 1.0), Person(1, BETAS, 1.0))), (None, None))
+    after = refine_world(apart, observations, time_s=time, cut_frames=(CUT,))
+    for person, start in zip(after.people, (0, CUT), strict=True):
+        np.testing.assert_allclose(person.pelvis_world[0], [0.0, 0.0, one.pelvis_world[0, 2]], atol=0.004)
+        in_camera = person.pelvis_world[0] - after.t_world_cam[start]
+        np.testing.assert_allclose(in_camera, one.pelvis_world[0] - CAMERA, atol=0.004)
 
 
 def test_soles_come_to_stand_on_the_floor() -> None:

@@ -182,6 +182,15 @@ def test_clips_begin_at_the_frame_in_their_names(tmp_path: Path) -> None:
     np.testing.assert_allclose(second.landmarks_cam, BODY.landmarks_cam[7:], atol=1e-5)
 
 
+def test_of_a_folder_other_files_are_left_alone(tmp_path: Path) -> None:
+    _gvhmr(tmp_path / "person_00.pt")
+    (tmp_path / "exports.json").write_text("{}")
+    assert len(_read(tmp_path)) == 1
+    (tmp_path / "person_00.pt").unlink()
+    with pytest.raises(InputError, match=r"no folder of some"):
+        _read(tmp_path)
+
+
 def test_frames_a_little_beyond_the_end_are_cut_off(tmp_path: Path) -> None:
     _gvhmr(tmp_path / "a.pt")
     (body,) = _read(tmp_path / "a.pt", N - 1)
@@ -224,7 +233,7 @@ def test_what_is_wrong_is_told_with_key_and_shape(tmp_path: Path, dump_like_jobl
     (tmp_path / "i.pt").write_bytes(b"nothing of torch")
     assert "cannot be read" in told(tmp_path / "i.pt")
     (tmp_path / "j.json").write_text("[]")
-    assert "is no .pt, .pkl or .npz" in told(tmp_path / "j.json")
+    assert "it is no .pt, .pkl or .npz, and no folder of some" in told(tmp_path / "j.json")
 
 
 def _with_height(path: Path, height_m: float, dump: Dump) -> None:

@@ -94,6 +94,17 @@ def test_a_colmap_model_that_pycolmap_wrote(tmp_path: Path, first: int, binary: 
     assert not found.warnings
 
 
+def test_a_colmap_model_that_begins_at_1_and_lacks_the_last_picture_may_count_from_1(tmp_path: Path) -> None:
+    folder = _colmap(tmp_path / "sparse", first=1)
+    lines = (folder / "images.txt").read_text().splitlines()
+    last = next(k for k, line in enumerate(lines) if line.endswith(f"frames/{N:05d}.png"))
+    (folder / "images.txt").write_text("\n".join(lines[:last] + lines[last + 2 :]) + "\n")
+    found = _read(folder)
+    assert found.frame.tolist() == list(range(1, N))
+    (warning,) = found.warnings
+    assert "given cameras begin at frame 1, and are taken as counted from 0" in warning
+
+
 WIDE = replace(FACTS, width=1280, coded_size=(880, 720), sample_aspect_ratio=(16, 11))
 
 

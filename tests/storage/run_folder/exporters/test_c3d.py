@@ -1,5 +1,6 @@
 """C3D files, read again by ezc3d."""
 
+import os
 import sys
 from pathlib import Path
 
@@ -31,6 +32,12 @@ def test_ezc3d_reads_the_joints_and_the_frames_without_the_person(tmp_path: Path
     events = file["parameters"]["EVENT"]
     assert events["LABELS"]["value"] == ["cut"]
     assert np.ravel(events["TIMES"]["value"])[1] == pytest.approx(two_people.CUT / 29.97)
+
+
+def test_a_folder_may_have_a_name_that_is_not_utf_8(tmp_path: Path) -> None:
+    pytest.importorskip("ezc3d", reason="pip install 'humanmm[c3d]'")
+    for path in export(RECORDING, tmp_path / os.fsdecode(b"\xff"), "c3d"):
+        assert path.stat().st_size > 0
 
 
 def test_axes_and_unit_are_as_requested(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pytest
 import two_people
 
 from humanmm.models.motion.excerpt import Wishes
@@ -54,6 +55,20 @@ def test_a_motion_has_one_digest_before_and_after_it_was_written(tmp_path: Path)
     assert motion_digest(read_motion(tmp_path / "motion.zarr")) == motion_digest(RECORDING)
     person = dataclasses.replace(RECORDING.people[0], joints=np.nextafter(RECORDING.people[0].joints, np.float32(9)))
     assert motion_digest(dataclasses.replace(RECORDING, people=(person,))) != motion_digest(RECORDING)
+
+
+def test_exports_of_another_motion_are_removed_but_not_those_that_somebody_changed(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    export(RECORDING, tmp_path, "bvh")
+    export(RECORDING, tmp_path, "colmap")
+    edited = tmp_path / "person_00.bvh"
+    edited.write_text(edited.read_text() + "0 0 0\n")
+    remove_stale(tmp_path, RECORDING)
+    assert len(read_index(tmp_path)) > 2 and not caplog.messages, "they are of this motion"
+    remove_stale(tmp_path, dataclasses.replace(RECORDING, people=RECORDING.people[:1]))
+    assert list(tmp_path.iterdir()) == [edited], "no index: the file belongs to whoever changed it"
+    assert "left exports of an earlier result" in caplog.text and "changed by somebody: person_00.bvh" in caplog.text
 
 
 def test_an_index_that_is_no_index_or_names_files_elsewhere_removes_nothing(tmp_path: Path) -> None:

@@ -30,3 +30,17 @@ def test_a_variable_rate_becomes_the_mean_one(tmp_path: Path) -> None:
     times = np.cumsum(np.random.default_rng(3).uniform(0.02, 0.05, 40))
     text = export(two_people.recording(time_s=times), tmp_path, "blender", wishes=Wishes(start_s=0.1))[0].read_text()
     assert '"num_frames": ' in text
+
+
+def test_the_film_behind_the_cameras_shows_the_frames_of_the_excerpt(tmp_path: Path) -> None:
+    def script(folder: str, wishes: Wishes) -> str:
+        return export(RECORDING, tmp_path / folder, "blender", wishes=wishes)[0].read_text()
+
+    start_s = float(RECORDING.time_s[9])
+    assert '"film_start": 1,' in script("whole", Wishes())
+    part = script("part", Wishes(start_s=start_s))
+    assert '"film_start": -8,' in part, "the video's tenth frame is shown in frame 1"
+    assert "the path of the video\n" in part and "ffmpeg" not in part
+    faster = script("faster", Wishes(start_s=start_s, fps=60.0))
+    assert "ffmpeg -i VIDEO -vf trim=start_frame=9,setpts=PTS-STARTPTS,fps=60 COPY\n" in faster
+    assert '"film_start": 1,' in faster
