@@ -10,6 +10,7 @@ from three_shots import BETAS, results
 from walker import EDGE, scene
 
 from humanmm.models.motion.world import align as module
+from humanmm.models.motion.world import witnesses
 from humanmm.models.motion.world.align import UNKNOWN_SCALE, _at_origin, _path_scale, align
 from humanmm.models.motion.world.solver import solve
 from humanmm.models.records.motion import ShotMotion
@@ -57,8 +58,10 @@ def test_a_change_of_the_focal_length_far_from_its_estimate_is_told_and_not_beli
 
 
 @pytest.mark.parametrize("inset", [False, True])
-def test_who_is_doubtful_is_delivered_and_moves_no_camera(inset: bool) -> None:
-    """Somebody who hangs in the air, as the pictures of three static cameras have him."""
+def test_who_is_doubtful_is_delivered_and_moves_no_camera(inset: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Somebody who hangs in the air, as the pictures of three static cameras have him. He looks like the other, who
+    could therefore be he: how likely that is would weigh the other's evidence."""
+    monkeypatch.setattr(witnesses, "identity_probabilities", lambda *_: {})
     alone = results()
     doubtful = Person(1, BETAS, 1.0, 0.3, inset=inset)
 

@@ -21,7 +21,7 @@ def two_people(*, second: float, size_known: bool = False) -> tuple[list[ShotTra
     ):
         for person, (place, size) in enumerate((((0.0, 0.0, 0.0), 1.0), ((0.3, 1.2, 0.0), second))):
             offset = size * (pelvis[rows] + place - camera)
-            seen = (person, shot, rows, rows / FPS, offset, feet[rows], np.ones(20), unit(offset))
+            seen = (person, shot, rows, rows / FPS, offset, size * feet[rows], np.ones(20), unit(offset))
             trajectories.append(ShotTrajectory(*seen, size_known=size_known and person == 1))
         rigs.append(ShotRig(np.zeros((20, 3)), int(rows[0]), 1.0, scale_known=True))
     return trajectories, rigs
