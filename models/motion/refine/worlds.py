@@ -59,8 +59,9 @@ def worlds_of_motion(shot_list: ShotList, motion: WorldMotion) -> tuple[int, ...
 
 
 def most_seen(world_of_frame: Int[Array, " F"], frame: Int[Array, " N"], observed: Bool[Array, " N"]) -> int:
-    """The world in which a person was observed most; if nowhere, in which most of his frames are."""
-    return int(np.bincount(world_of_frame[frame[observed] if observed.any() else frame]).argmax())
+    """The world in which a person was observed most; if nowhere, in which most of his frames are; 0 without any."""
+    seen = world_of_frame[frame[observed] if observed.any() else frame]
+    return int(np.bincount(seen, minlength=1).argmax())
 
 
 @dataclass(frozen=True, eq=False)
