@@ -117,6 +117,7 @@ def test_times_are_as_people_read_them(seconds: float, message: str) -> None:
 LONGEST_S = 2.0
 
 
+@pytest.mark.server
 def test_the_terminal_is_never_blank_not_even_while_a_server_starts(toy: Any, new_cache: Path) -> None:
     environment = toy.environment(HUMANMM_CACHE=str(new_cache), HUMANMM_SERVER_IDLE_S="1")
     session = on_terminal(toy.command_line("recover", "film.mp4"), cwd=toy.folder, env=environment)

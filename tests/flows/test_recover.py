@@ -212,6 +212,7 @@ def test_only_one_stage_runs_and_what_its_change_affects(toy: Any, server_cache:
     assert missing[2].startswith("humanmm: --only hmr needs the artifact of camera (shot 0)")
 
 
+@pytest.mark.server
 def test_no_socket_but_loopback_from_start_to_end_and_the_server_leaves_by_itself(toy: Any, new_cache: Path) -> None:
     audit = toy.folder / "sockets"
     (toy.folder / "sitecustomize.py").write_text(

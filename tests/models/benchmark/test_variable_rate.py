@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from humanmm.config import Config
 from humanmm.models.benchmark.methods import run_methods
@@ -74,6 +75,7 @@ def speed_ratios(sequence: MocapSequence, seed: int) -> tuple[float, float, floa
     return ratio(is_dense, time_s), ratio(~is_dense, time_s), ratio(is_dense, evenly_s), ratio(~is_dense, evenly_s)
 
 
+@pytest.mark.slow
 def test_a_walk_has_its_true_speed_in_the_world_where_frames_are_dense_and_where_they_are_sparse(
     sequences: tuple[MocapSequence, ...],
 ) -> None:
