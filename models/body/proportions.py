@@ -26,19 +26,9 @@ BONE_BIAS = np.array([-0.08, -0.08, -0.07, -0.16, -0.09, -0.03, 0.01])
 lie elsewhere than the joints (measured on renderings of 300 random bodies; real clips agree)."""
 
 
-LIFTED_BIAS = np.array([-0.075, -0.075, -0.035, 0.0, 0.025, 0.02, -0.005])
-"""Logarithm of a bone between landmarks of a pose network that were lifted, over that of the same person (the mean of
-those people)."""
-
-
-def in_detector_convention(
-    bones: Float[np.ndarray, "frames 7"], *, lifted: bool, of_network: bool
-) -> Float[np.ndarray, "frames 7"]:
-    """Lifted landmarks lie where `body.landmarks` has them: their bones differ from body24's by that, and those of a
-    pose network (`of_network`, not of another system's body) by its own error."""
-    if not lifted:
-        return bones
-    return np.asarray(bones * np.exp(BONE_BIAS - _lifted_bias() - (LIFTED_BIAS if of_network else 0.0)))
+def in_detector_convention(bones: Float[np.ndarray, "frames 7"], *, lifted: bool) -> Float[np.ndarray, "frames 7"]:
+    """Lifted landmarks lie where `body.landmarks` has them: their bones differ from body24's by that alone."""
+    return np.asarray(bones * np.exp(BONE_BIAS - _lifted_bias())) if lifted else bones
 
 
 @lru_cache(maxsize=1)

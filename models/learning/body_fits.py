@@ -53,9 +53,7 @@ def fit_window(window: Mapping[str, Array], lifter: Lifter) -> FittedWindow:
     size = (int(arrays["size"][0]), int(arrays["size"][1]))
     people = ScenePeople(0, n, (_track(arrays, seen),))
     track = lifted_people(people, lifter, arrays["time_s"], size).tracks[0]
-    bones = in_detector_convention(
-        bone_lengths(track.landmarks3d.astype(np.float64)), lifted=track.is_in_space, of_network=not track.lifted
-    )
+    bones = in_detector_convention(bone_lengths(track.landmarks3d.astype(np.float64)), lifted=track.is_in_space)
     betas = shape_from_bones(bones, load_body()).astype(np.float64)
     evidence = gather(track, (0, n), arrays["time_s"], arrays["K"])
     if evidence is None:

@@ -184,7 +184,7 @@ def sighting(
         seen_s=float(shown_s(time_s, track.frame[inside]).sum()),
         log_odds=float(logit(np.clip(track.probability, 1e-4, insets.PROBABILITY if inset else 1 - 1e-4))),
         inset=inset,
-        bones=in_detector_convention(bones, lifted=track.is_in_space, of_network=not track.lifted),
+        bones=in_detector_convention(bones, lifted=track.is_in_space),
         number=track.number,
     )
 
