@@ -1,12 +1,12 @@
 """Whether a truth belongs to the video of a run: figures against the truth of another video mean nothing."""
 
-import hashlib
 from pathlib import Path
 
 from humanmm.errors import InputError, TruthError
 from humanmm.models.records.sequence import MotionSequence
 from humanmm.storage.batches.manifest import SUFFIXES
 from humanmm.storage.run_folder.run_record import read_run_record
+from humanmm.storage.store.files import file_sha256
 
 FRAMES_SHARE, FRAMES = 0.02, 3
 """Decoders may lose frames at the ends of a video: so many more or fewer, or this share of them, are the same video."""
@@ -44,5 +44,4 @@ def _digest_of_truth(truth: Path) -> str | None:
     found = next((path for suffix in sorted(SUFFIXES) if (path := truth.with_name(name + suffix)).is_file()), None)
     if found is None or name == truth.stem:
         return None
-    with found.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+    return file_sha256(found)

@@ -167,14 +167,15 @@ class _Group:
 
     def _with_level(self, R: Float[Array, "n S 3 3"]) -> Float[Array, "2n S 3 3"]:
         """These, and the same with every shot's own vertical turned onto the mean of all."""
-        up, mean = self._ups(R)
+        up, mean = self._verticals(R, self.upright.kappa)
         return np.concatenate([R, swing(up, np.broadcast_to(mean, up.shape)) @ R])
 
-    def _ups(self, R: Float[Array, "n S 3 3"]) -> tuple[Float[Array, "n S 3"], Float[Array, "n 1 3"]]:
-        """The verticals of all shots in the axes of the group, and their mean by their concentrations, not of unit
-        length."""
+    def _verticals(
+        self, R: Float[Array, "n S 3 3"], kappa: Float[Array, "*n S"]
+    ) -> tuple[Float[Array, "n S 3"], Float[Array, "n 1 3"]]:
+        """The verticals of all shots in the axes of the group, and their mean by these concentrations."""
         up = np.einsum("nsab,sb->nsa", R, self.upright.up)
-        return up, (self.upright.kappa[:, None] * up).sum(axis=1, keepdims=True)
+        return up, unit((kappa[..., None] * up).sum(axis=1, keepdims=True))
 
     def _best(self, R: Float[Array, "n S 3 3"]) -> Float[Array, "S 3 3"]:
         """The likeliest of these in which evidence that is believed joins all shots; without any, the likeliest.
@@ -298,9 +299,8 @@ class _Group:
         fixed = 1e-6 * np.eye(R.shape[1] - 1)
         for _ in range(iterations):
             H, g = self._normal(R)
-            up, _ = self._ups(R)
-            _, kappa = self.upright.log_density(R)
-            mean = unit((kappa[..., None] * up).sum(axis=1, keepdims=True))
+            kappa = self.upright.log_density(R).kappa
+            up, mean = self._verticals(R, kappa)
             g = g - kappa[..., None] * np.cross(up, mean)
             about_up = np.sum(g * mean, axis=-1, keepdims=True) * mean
             step = np.zeros((*R.shape[:2], 3))

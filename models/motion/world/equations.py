@@ -24,6 +24,8 @@ SCALE = 6
 SHARED_UNKNOWNS = CAMERA_UNKNOWNS + 2
 """What the positions of a segment share: their camera, and the logarithms of their person's size and of the focal
 length."""
+SIZE = CAMERA_UNKNOWNS
+"""The size among them."""
 
 _REACH = 2
 """Frames that a position meets on either side."""

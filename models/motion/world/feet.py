@@ -8,7 +8,7 @@ from jaxtyping import Float
 from scipy.ndimage import gaussian_filter1d
 
 from humanmm.models.geometry.rotations import skew, unit
-from humanmm.models.motion.world.equations import SHARED_UNKNOWNS, WorldEquations
+from humanmm.models.motion.world.equations import SHARED_UNKNOWNS, SIZE, WorldEquations
 from humanmm.models.motion.world.problem import ShotRig, ShotTrajectory
 from humanmm.models.motion.world.scale import LOWEST_PERCENT
 from humanmm.models.motion.world.state import DENSE_S, SolveSettings, WorldState
@@ -47,7 +47,7 @@ def add_feet(
     by_shared = np.zeros((*moved.shape, SHARED_UNKNOWNS))
     # The line of sight turns with the shot as the legs do: seen from it, all that turns is how the pelvis went.
     by_shared[..., 3:6] = skew(np.diff(state.pelvis[index], axis=0))[:, None]
-    by_shared[..., 7] = np.diff(rotated, axis=0)  # who is larger has longer legs
+    by_shared[..., SIZE] = np.diff(rotated, axis=0)  # who is larger has longer legs
     equations.add_moves(index, weight[..., None, None] * whiten[:, None], moved, by_shared)
     if not floor:
         return
@@ -56,7 +56,7 @@ def add_feet(
     by_position, by_shared = np.zeros((*bearing.shape, 3)), np.zeros((*bearing.shape, SHARED_UNKNOWNS))
     by_position[..., 2] = bearing
     by_shared[..., 3:6] = bearing[..., None] * -skew(rotated)[..., 2, :]
-    by_shared[..., 7] = bearing * rotated[..., 2]
+    by_shared[..., SIZE] = bearing * rotated[..., 2]
     equations.add_positions(index, bearing * pair[..., 2], by_position, by_shared)
 
 

@@ -18,7 +18,7 @@ from humanmm.models.geometry.intervals import runs_of_true
 from humanmm.models.motion.excerpt import Excerpt
 from humanmm.models.motion.worlds import world_of_person
 from humanmm.models.records.recording import RecordedPerson, Recording
-from humanmm.storage.store.files import replace_text
+from humanmm.storage.store.files import file_sha256, replace_text
 
 log = logging.getLogger(__name__)
 FILE = "exports.json"
@@ -27,7 +27,7 @@ FILE = "exports.json"
 def note(folder: Path, names: Iterable[str], facts: dict[str, Any]) -> None:
     """Add files of a folder to its exports.json, all with the same facts, each with the hash of its content."""
     known = read_index(folder)
-    known.update({name: {**facts, "sha256": _sha256(folder / name)} for name in names})
+    known.update({name: {**facts, "sha256": file_sha256(folder / name)} for name in names})
     _write(folder, known)
 
 
@@ -97,12 +97,7 @@ def remove_stale(folder: Path, recording: Recording) -> None:
 
 
 def _is_as_written(path: Path, facts: dict[str, Any]) -> bool:
-    return path.is_file() and _sha256(path) == facts.get("sha256")
-
-
-def _sha256(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+    return path.is_file() and file_sha256(path) == facts.get("sha256")
 
 
 def read_index(folder: Path) -> dict[str, dict[str, Any]]:
