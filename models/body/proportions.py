@@ -14,9 +14,9 @@ from humanmm.models.body.body24 import JOINT_NAMES, Body, load_body
 from humanmm.models.body.landmarks import load_landmarks
 from humanmm.models.records import landmarks
 
-BONE_NOISE = np.array([0.13, 0.15, 0.11, 0.06, 0.06, 0.1, 0.06])
-"""Standard deviation of a bone's logarithmic length in 3D landmarks, mostly the same in all frames (root mean square on
-42 people of 27 rendered clips): arms are often seen end on."""
+BONE_NOISE = 0.1
+"""Standard deviation of a bone's logarithmic length in 3D landmarks, mostly the same in all frames. Rendered people have
+0.06 (shanks, trunk) to 0.15 (arms), which makes real ones too tall (docs/measurements/world.md)."""
 SCALE_NOISE = 0.3
 """Standard deviation of the common factor (its logarithm) of all bones of somebody whose height the user gave."""
 RESIZED_RIDGE_M2 = 1e-3
@@ -68,9 +68,9 @@ def shape_from_bones(
             for unit in np.eye(body.num_betas)
         ]
     )
-    trust: np.ndarray = np.diag(BONE_NOISE**-2)
+    trust: np.ndarray = np.eye(len(wanted)) / BONE_NOISE**2
     if height_m is not None:
-        trust = np.linalg.inv(np.diag(BONE_NOISE**2) + SCALE_NOISE**2)
+        trust = np.linalg.inv(BONE_NOISE**2 * np.eye(len(wanted)) + SCALE_NOISE**2)
     normal = jacobian.T @ trust @ jacobian + np.eye(body.num_betas)
     betas = np.linalg.solve(normal, jacobian.T @ trust @ wanted)
     return np.asarray(betas if height_m is None else _as_tall(betas, normal, body, height_m), np.float32)

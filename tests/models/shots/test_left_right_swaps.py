@@ -35,6 +35,14 @@ def test_other_networks_decide_what_the_motion_leaves_open() -> None:
     assert left_right_swaps([replace(s, side_odds=np.full(len(s.frame), 1.5))], K) == ((),)
 
 
+def test_a_lifter_that_is_sure_in_every_frame_does_not_outvote_two_networks_that_see_him() -> None:
+    person, _ = case(50.0)
+    s = sighting(person.before)
+    s = replace(s, swap_odds=np.full(len(s.frame), 8.0))
+    assert left_right_swaps([s], K) != ((),)
+    assert left_right_swaps([replace(s, side_odds=np.full(len(s.frame), 1.6))], K) == ((),)
+
+
 @pytest.mark.parametrize("angle_deg", [10.0, 90.0, 170.0])
 def test_a_whole_shot_with_left_and_right_swapped_is_found_by_the_cut(angle_deg: float) -> None:
     person, _ = case(angle_deg)
