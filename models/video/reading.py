@@ -162,7 +162,8 @@ def _warnings(
     if pictures.damaged:
         yield f"the file is damaged: {pictures.damaged} pictures decode with errors, and people may look torn in them"
     declared = declared_pictures(container, video, log)
-    if log.ended_early or declared > num_pictures + log.broken:
+    # DivX files hold packets that show no picture of their own: nothing is missing there
+    if log.ended_early or declared > max(num_pictures + log.broken, log.num_packets):
         of_declared = f"of {declared} declared frames " if declared else ""
         yield f"the file is incomplete: {of_declared}{num_pictures} decode, the last at {time_s[-1]:.2f} s"
     else:

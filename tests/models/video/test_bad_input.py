@@ -124,6 +124,23 @@ def test_an_intact_avi_of_variable_rate_is_complete_and_a_shortened_one_is_not(c
     assert any("the file is incomplete" in warning for warning in shortened.warnings)
 
 
+def test_a_packet_that_holds_no_picture_as_divx_has_them_is_not_a_missing_one(clip: Clip) -> None:
+    file = io.BytesIO()
+    with av.open(clip("avi", "mpeg4", num_frames=20)) as source, av.open(file, "w", format="avi") as out:
+        stream = out.add_stream_from_template(source.streams.video[0])
+        contents = [bytes(packet) for packet in source.demux(source.streams.video[0]) if packet.size]
+        first_picture = contents[0].index(b"\x00\x00\x01\xb6")
+        contents[0] = contents[0][:first_picture] + b"\x00\x00\x01\xb2DivX503b1393p" + contents[0][first_picture:]
+        for i, content in enumerate([contents[0], b"\x7f", *contents[1:]]):
+            packet = av.Packet(content)
+            packet.stream, packet.dts, packet.pts, packet.time_base = stream, i, i, Fraction(1, 25)
+            packet.is_keyframe = i == 0
+            out.mux(packet)
+    facts = read_facts(io.BytesIO(file.getvalue()))
+    assert facts.num_frames == 20
+    assert not any("incomplete" in warning or "damaged" in warning for warning in facts.warnings)
+
+
 @pytest.mark.parametrize(("codec", "pix_fmt"), [("png", "rgb24"), ("rawvideo", "bgra")])
 def test_a_packet_that_no_decoder_takes_is_stepped_over(codec: str, pix_fmt: str, clip: Clip) -> None:
     if codec == "png":
