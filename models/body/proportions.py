@@ -15,8 +15,8 @@ from humanmm.models.body.landmarks import load_landmarks
 from humanmm.models.records import landmarks
 
 BONE_NOISE = 0.1
-"""Standard deviation of a bone's logarithmic length in 3D landmarks, mostly the same in all frames. Rendered people have
-0.06 (shanks, trunk) to 0.15 (arms), which makes real ones too tall (docs/measurements/world.md)."""
+"""Standard deviation of a bone's logarithmic length in 3D landmarks, mostly the same in all frames. Rendered people
+have 0.06 (shanks, trunk) to 0.15 (arms), which makes real ones too tall (docs/measurements/world.md)."""
 SCALE_NOISE = 0.3
 """Standard deviation of the common factor (its logarithm) of all bones of somebody whose height the user gave."""
 RESIZED_RIDGE_M2 = 1e-3

@@ -1,5 +1,8 @@
 """Tracks put right at the end of a scene."""
 
+from collections.abc import Callable
+from dataclasses import replace
+
 import numpy as np
 
 from humanmm.models.perception.clothing import HISTOGRAM_BINS
@@ -7,6 +10,7 @@ from humanmm.models.perception.observation import Observation
 from humanmm.models.perception.regions import Region
 from humanmm.models.perception.tracking.linking import joined, untangled
 from humanmm.models.perception.tracking.track_builder import TrackBuilder
+from humanmm.models.records.landmarks import HIPS
 
 TIME_S = np.arange(500) / 30
 UNSEEN = np.full((9, 3), np.nan)
@@ -28,6 +32,13 @@ def track(frames: range, x: float, colours: np.ndarray, time_s: np.ndarray = TIM
             result.colours[frame] = colours
             result.parts[frame] = UNSEEN
     return result
+
+
+def upright_at(x: float) -> Observation:
+    seen = seen_at(x)
+    keypoints = seen.keypoints.copy()
+    keypoints[list(HIPS), 1] += 60  # the trunk is 60 pixels long
+    return replace(seen, keypoints=keypoints)
 
 
 def in_parts(track: TrackBuilder, parts: np.ndarray) -> TrackBuilder:
@@ -86,6 +97,21 @@ def test_a_track_that_moved_on_to_somebody_else_is_cut_where_the_clothes_change(
         mixed.colours[frame] = BLUE
         mixed.parts[frame] = UNSEEN
     assert spans(untangled([mixed])) == [(0, 29), (30, 59)]
+
+
+def test_a_track_that_leaps_to_somebody_else_is_cut_there_and_one_that_runs_is_not() -> None:
+    def moving(x: Callable[[int], float]) -> TrackBuilder:
+        result = TrackBuilder(TIME_S, upright_at(x(0)), 0)
+        for frame in range(40):
+            result.add(frame, upright_at(x(frame)))
+            if frame % 5 == 0:
+                result.colours[frame], result.parts[frame] = RED, UNSEEN
+        return result
+
+    leaps, runs = (lambda f: 300.0 + 90 * (f >= 15)), (lambda f: 300.0 + 20 * f)
+    assert spans(untangled([moving(leaps)])) == [(0, 14), (15, 39)]
+    assert spans(untangled([moving(runs)])) == [(0, 39)]
+    assert spans(untangled([moving(lambda f: runs(f) + 30 * (f >= 15))])) == [(0, 39)]  # a frame that is shown late
 
 
 def test_how_long_somebody_was_away_is_measured_in_seconds() -> None:
