@@ -22,6 +22,8 @@ if TYPE_CHECKING:  # importing it loads the numerical libraries, which `status` 
 SCHEMA = "humanmm.run/1"
 OTHER_VIDEO = "it was written for another video"
 FILE = "run.json"
+UNFINISHED = "unfinished"
+"""The `state` in a run.json whose folder is being written."""
 
 
 @dataclass(frozen=True)
@@ -162,8 +164,14 @@ def write_run_record(run_dir: Path, record: Mapping[str, Any]) -> None:
     replace_file(run_dir / FILE, lambda fresh: _write(fresh, text))
 
 
+def begin_run_record(run_dir: Path) -> None:
+    """Say in run.json that the folder is being written: until `write_run_record` it holds the old and the new."""
+    text = json.dumps({"schema": SCHEMA, "state": UNFINISHED})
+    replace_file(run_dir / FILE, lambda path: _write(path, text))
+
+
 def read_run_record(run_dir: Path) -> dict[str, Any]:
-    """The tree of run.json; InputError if the folder is no run folder."""
+    """The tree of run.json; InputError if the folder is no run folder, or none that was written to its end."""
     path = run_dir / FILE
     try:
         record = json.loads(path.read_text(encoding="utf-8", errors="surrogateescape"))  # as it is written
@@ -173,6 +181,8 @@ def read_run_record(run_dir: Path) -> dict[str, Any]:
         raise InputError(f"{path} is not json; `humanmm recover` writes it anew") from None
     if not isinstance(record, dict) or record.get("schema") != SCHEMA:
         raise InputError(f"{path} has another schema than {SCHEMA!r}; `humanmm recover` writes it anew")
+    if record.get("state") == UNFINISHED:
+        raise InputError(f"{run_dir} is being written, or its writing broke off; `humanmm recover` writes it anew")
     return record
 
 
