@@ -133,13 +133,17 @@ def retry_failed(
 ) -> int:
     """Schedule again what failed, is partial or was cancelled. What the store has is not computed again.
 
+    A video that is damaged, or that has nobody in it, is left out until its file is another.
+
     Limits given here, such as --run.limit_s, take the place of those that the videos had.
     """
     from humanmm.tasks.batches.batch import retry
 
-    table, name, _ = _open(name, store)
+    table, name, before = _open(name, store)
+    hopeless = sum(row.fails_again for row in before)
+    left = f"; {hopeless} are left out: their files are to blame, and are as they were" if hopeless else ""
     rows = retry(table, name, stage=stage, values=settings.values())
-    say(f"batch {name}: {len(rows)} videos are tried again")
+    say(f"batch {name}: {len(rows)} videos are tried again{left}")
     return _run(table, name, rows, wait=wait, limit=limit, as_json=json)
 
 
