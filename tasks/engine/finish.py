@@ -18,6 +18,7 @@ from humanmm.models.records.motion import WorldMotion
 from humanmm.models.records.shots import ShotList
 from humanmm.models.records.video import VideoFacts
 from humanmm.storage.run_folder.run_record import (
+    LOCK,
     StageRecord,
     begin_run_record,
     read_run_record,
@@ -43,8 +44,6 @@ if TYPE_CHECKING:  # importing it loads scipy, which an unchanged rerun does not
 
 log = logging.getLogger(__name__)
 RUN_LOG = "run.log"
-LOCK = ".lock"
-"""An empty file of the run folder, locked by the run that writes there."""
 
 
 def default_run_dir(video: Path) -> Path:

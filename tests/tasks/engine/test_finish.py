@@ -47,6 +47,25 @@ def test_a_run_whose_folder_is_being_written_waits_and_says_so(toy: Any, caplog:
     assert f"another run is writing {folder}; waiting for it" in caplog.text
 
 
+def test_who_reads_a_folder_while_it_is_written_waits_for_its_end(toy: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of two runs of one video at once the first read its summary while the second wrote."""
+    run, folder = toy.run(), Path(toy.folder / "out")
+    finish.write_results(run, folder, started=time.time())
+    begun, write = threading.Event(), finish.write_run_record
+
+    def slowly(*given: Any) -> None:
+        begun.set()
+        time.sleep(0.5)
+        write(*given)
+
+    monkeypatch.setattr(finish, "write_run_record", slowly)
+    writing = threading.Thread(target=finish.write_results, args=(run, folder), kwargs={"started": time.time()})
+    writing.start()
+    assert begun.wait(60)
+    assert read_run_record(folder)["state"] == "done"
+    writing.join()
+
+
 def test_a_folder_whose_writing_breaks_off_is_not_read_with_its_old_record(
     toy: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
