@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from humanmm.errors import NoUsablePersonError, StoreError, VideoError
 from humanmm.storage.batches.batch_table import BatchTable
@@ -63,7 +63,7 @@ class RunningVideo:
 
     def end(self, state: str, reason: str, error: Exception | None = None) -> None:
         """Record how it ended, of which file, and of which error, unless somebody has cancelled it meanwhile."""
-        values = {
+        values: dict[str, Any] = {
             "state": state,
             "reason": "; ".join(filter(None, (reason, REPLACED if self._is_replaced else ""))),
             "stage": self._failed_stage(error) if state in ("failed", "partial") else None,

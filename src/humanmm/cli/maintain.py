@@ -31,7 +31,9 @@ def verify(
     artifacts = open_store(store)
     if not is_bucket(artifacts.location) and not artifacts.root.is_dir():
         raise InputError(f"there is no store {artifacts.location}; name one with --store")
-    sound, damaged, unreadable = 0, [], []
+    sound = 0
+    damaged: list[dict[str, str]] = []
+    unreadable: list[dict[str, str]] = []
     for finding in maintenance.verify(artifacts, outputs=pipeline.outputs(), deep=deep):
         if not finding.problem:
             sound += 1
