@@ -200,10 +200,12 @@ class Run:
             )  # fmt: skip
 
     def _unchanging(self) -> AbstractContextManager[None]:
-        """While nobody else writes the folder."""
+        """While nobody else writes the folder. InputError if the writing of it broke off."""
+        from humanmm.storage.run_folder.run_record import FILE, LOCK, read_run_record
         from humanmm.storage.store.locks import FileLock
-        from humanmm.tasks.engine.finish import LOCK
 
+        if (self.folder / FILE).is_file():
+            read_run_record(self.folder)
         waiting = f"another run is writing {self.folder}; waiting for it"
         return FileLock(self.folder / LOCK, waiting=waiting).held()
 

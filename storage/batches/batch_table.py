@@ -62,7 +62,10 @@ VIDEOS = sa.Table(
     *(sa.Column(name, sa.Text) for name in ("host", "owner")),
     sa.Column("renewed", sa.Double),  # the owner's lease, seconds since 1970 by the clock of the database
     sa.Column("created", sa.Double),
+    sa.Column("hopeless", sa.Boolean, server_default=sa.false()),
 )
+_ADD_HOPELESS = f"alter table {VIDEOS.name} add column hopeless boolean default false"
+"""For a table of an earlier version."""
 _LATER = VIDEOS.alias("later")
 _OTHER_RESULT = (
     _LATER.c.store == VIDEOS.c.store,
@@ -229,7 +232,7 @@ class BatchTable:
         mine = {"owner": str(Owner.this_process()), "renewed": self._now(), "host": socket.gethostname()}
         claimable = set(STATES) - {"cancelled"}  # the dashboard's own Retry runs a failed attempt again
         return found is not None and self.change(
-            row, only_from=claimable, if_owner=found.owner, state="running", reason="", **mine, **values
+            row, only_from=claimable, if_owner=found.owner, state="running", reason="", hopeless=False, **mine, **values
         )
 
     def renew(self, row: VideoRow) -> bool:
@@ -355,6 +358,8 @@ def _opened(url: sa.URL) -> sa.Engine:
         with engine.begin() as connection:
             connection.execute(sa.text("select pg_advisory_xact_lock(hashtext('humanmm_videos'))"))  # one host makes it
             VIDEOS.metadata.create_all(connection)
+            if all(column["name"] != "hopeless" for column in sa.inspect(connection).get_columns(VIDEOS.name)):
+                connection.execute(sa.text(_ADD_HOPELESS))
     except BaseException:
         engine.dispose()
         raise
@@ -364,6 +369,9 @@ def _opened(url: sa.URL) -> sa.Engine:
 def _prepare_file(connection: sqlite3.Connection, record: object) -> None:
     """Make the table in a new file, and move into it what earlier versions kept in two tables."""
     if VIDEOS.name in _tables(connection):
+        if "hopeless" not in _columns(connection, VIDEOS.name):
+            with contextlib.suppress(sqlite3.OperationalError):  # another process was faster, or reading will fail
+                connection.execute(_ADD_HOPELESS)
         with contextlib.suppress(sqlite3.OperationalError):  # an older file that cannot be written is read without it
             connection.execute(str(CreateIndex(_BY_RUN_DIR, if_not_exists=True)))
         return
@@ -374,7 +382,7 @@ def _prepare_file(connection: sqlite3.Connection, record: object) -> None:
         connection.execute(str(CreateIndex(_BY_STATE)))
         connection.execute(str(CreateIndex(_BY_RUN_DIR)))
     if {"video", "batch"} <= before:
-        columns = {name for _, name, *_ in connection.execute("pragma table_info(video)")}
+        columns = _columns(connection, "video")
         taken = [name for name in _FIELDS if name in columns]
         added = {name: default for name, default in _FIELDS.items() if name not in columns}
         added |= {"store": "", "renewed": 0.0}
@@ -387,6 +395,10 @@ def _prepare_file(connection: sqlite3.Connection, record: object) -> None:
         connection.execute("drop table video")
         connection.execute("drop table batch")
     connection.commit()
+
+
+def _columns(connection: sqlite3.Connection, table: str) -> set[str]:
+    return {str(name) for _, name, *_ in connection.execute(f"pragma table_info({table})")}
 
 
 def _tables(connection: sqlite3.Connection) -> set[str]:

@@ -46,6 +46,8 @@ class VideoRow:
     """Where it was computed last: its run folder is there."""
     owner: str = ""
     """The process that computes it (`Owner`); empty if none does."""
+    hopeless: bool = False
+    """Whether its last attempt failed because of what the file holds: it is damaged, or nobody is in it."""
     unrenewed_s: float = field(default=0.0, compare=False)
     """Seconds from the last renewal of its owner's lease until this row was read."""
 
@@ -70,6 +72,11 @@ class VideoRow:
     def is_elsewhere(self) -> bool:
         """Whether another machine than this one has computed it."""
         return self.host not in ("", socket.gethostname())
+
+    @property
+    def fails_again(self) -> bool:
+        """Whether another attempt would fail as the last one: the file is to blame, and is as it was then."""
+        return self.state == "failed" and self.hopeless and self.facts == facts_of(Path(self.video))
 
     def same_work(self, other: "VideoRow") -> bool:
         """True if both want the same file recovered in the same way into the same folder."""

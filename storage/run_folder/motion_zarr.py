@@ -101,14 +101,17 @@ def read_motion(path: Path) -> Recording:
     """The recording in motion.zarr. Errors name the file and what is wrong with it."""
     if not (path / "zarr.json").is_file():
         raise InputError(f"{path} is no motion.zarr: it has no zarr.json; name a folder that `humanmm recover` wrote")
-    group = zarr.open_group(path, mode="r")
+    try:
+        group = zarr.open_group(path, mode="r")
+    except ValueError as error:
+        raise _damaged(path, error) from error
     schema = group.attrs.get("schema")
     if schema != SCHEMA:
         raise InputError(f"{path} has schema {schema!r}, this version reads {SCHEMA!r}")
     attributes = dict(group.attrs)
     try:
+        numbers = _numbers(group)
         fields = {field: _get(group, key) for key, (field, _) in _VIDEO_ARRAYS.items()}
-        numbers = sorted(int(name) for name in group["people"].group_keys()) if "people" in group else []  # type: ignore[union-attr]
         people = tuple(
             RecordedPerson(
                 person=n,
@@ -130,7 +133,19 @@ def read_motion(path: Path) -> Recording:
             **fields,
         )
     except (KeyError, ValueError) as error:
-        raise InputError(f"{path} is damaged: {error}; `humanmm recover` writes it anew from the store") from error
+        raise _damaged(path, error) from error
+
+
+def _damaged(path: Path, error: Exception) -> InputError:
+    return InputError(f"{path} is damaged: {error}; `humanmm recover` writes it anew from the store")
+
+
+def _numbers(group: zarr.Group) -> list[int]:
+    """Of all people. An earlier version did not name them: there, those that are found."""
+    named = group.attrs.get("people")
+    if named is not None:
+        return [int(number) for number in named]  # type: ignore[union-attr, arg-type]
+    return sorted(int(name) for name in group["people"].group_keys()) if "people" in group else []  # type: ignore[union-attr]
 
 
 def _worlds(shots: Any) -> tuple[int, ...]:
@@ -148,6 +163,7 @@ def _attributes(recording: Recording) -> dict[str, Any]:
         "num_frames": recording.num_frames,
         "world": WORLD,
         "body_model": recording.body_model,
+        "people": sorted(person.person for person in recording.people),
         "joint_names": list(JOINT_NAMES),
         "parents": list(PARENTS),
         "cut_frames": list(recording.cut_frames),
@@ -166,6 +182,7 @@ def _put(group: zarr.Group, key: str, values: np.ndarray, dtype: str) -> None:
         chunks=tuple(max(1, side) for side in array.shape),
         serializer=BytesCodec(endian="little" if array.dtype.itemsize > 1 else None),
         compressors=[ZstdCodec(level=3), Crc32cCodec()],
+        config={"write_empty_chunks": True},  # so that a file that is missing is no array of zeros
     )
 
 
@@ -174,7 +191,13 @@ def _has(group: zarr.Group, person: int, field: str) -> bool:
 
 
 def _get(group: zarr.Group, key: str) -> np.ndarray:
+    """One array. ValueError if files of it are missing, as after a copy that broke off: zarr reads zeros for them.
+
+    An earlier version, which did not name the people, wrote no files for zeros: there it cannot be told.
+    """
     array = group[key]
     if not isinstance(array, zarr.Array):
         raise ValueError(f"{key} is not an array")
+    if "people" in group.attrs and array.nchunks_initialized != array.nchunks:
+        raise ValueError(f"files of {key} are missing")
     return np.asarray(array[...])

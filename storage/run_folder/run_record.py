@@ -3,6 +3,7 @@
 import json
 import math
 import os
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,6 +15,7 @@ from humanmm.models.records.shots import ShotList, Transition
 from humanmm.models.records.video import VideoFacts
 from humanmm.storage.store.codec import Json
 from humanmm.storage.store.files import replace_file
+from humanmm.storage.store.locks import FileLock
 
 if TYPE_CHECKING:  # importing it loads the numerical libraries, which `status` does not need
     from humanmm.models.records.camera import Intrinsics, ShotCamera
@@ -22,6 +24,12 @@ if TYPE_CHECKING:  # importing it loads the numerical libraries, which `status` 
 SCHEMA = "humanmm.run/1"
 OTHER_VIDEO = "it was written for another video"
 FILE = "run.json"
+UNFINISHED = "unfinished"
+"""The `state` in a run.json whose folder is being written."""
+LOCK = ".lock"
+"""An empty file of the run folder, locked by the run that writes there."""
+WRITING_S = 60.0
+"""How long a reader waits for a run that writes the folder: it takes a second or two, more on a slow disk."""
 
 
 @dataclass(frozen=True)
@@ -162,8 +170,30 @@ def write_run_record(run_dir: Path, record: Mapping[str, Any]) -> None:
     replace_file(run_dir / FILE, lambda fresh: _write(fresh, text))
 
 
+def begin_run_record(run_dir: Path) -> None:
+    """Say in run.json that the folder is being written: until `write_run_record` it holds the old and the new."""
+    text = json.dumps({"schema": SCHEMA, "state": UNFINISHED})
+    replace_file(run_dir / FILE, lambda path: _write(path, text))
+
+
 def read_run_record(run_dir: Path) -> dict[str, Any]:
-    """The tree of run.json; InputError if the folder is no run folder."""
+    """The tree of run.json; InputError if the folder is no run folder, or none that was written to its end.
+
+    While a run writes the folder it waits for it, and so must not be called by who holds the folder's lock then.
+    """
+    record = _read(run_dir)
+    deadline = time.monotonic() + WRITING_S
+    while record.get("state") == UNFINISHED:
+        with FileLock(run_dir / LOCK, waiting="").tried() as is_free:
+            record = _read(run_dir)  # again: it may have been written to its end before the lock was free
+        if record.get("state") == UNFINISHED and (is_free or time.monotonic() > deadline):
+            raise InputError(f"{run_dir} is being written, or its writing broke off; `humanmm recover` writes it anew")
+        if not is_free:
+            time.sleep(0.1)
+    return record
+
+
+def _read(run_dir: Path) -> dict[str, Any]:
     path = run_dir / FILE
     try:
         record = json.loads(path.read_text(encoding="utf-8", errors="surrogateescape"))  # as it is written

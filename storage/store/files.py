@@ -138,15 +138,15 @@ def store_errors(what: str, *, missing: bool = False) -> Iterator[None]:
         raise StoreError(explain_os_error(error, what)) from error
 
 
-def explain_os_error(error: OSError, what: str) -> str:
-    """One sentence for a file-system fault: what failed, why, what to do."""
+def explain_os_error(error: OSError, what: str, *, other: str = "another store with --store") -> str:
+    """One sentence for a file-system fault: what failed, why, what to do; `other`: what may be named in its place."""
     advice = {
-        errno.ENOSPC: "the disk is full; free some space or name another store with --store",
-        errno.EDQUOT: "the disk quota is used up; free some space or name another store with --store",
+        errno.ENOSPC: f"the disk is full; free some space or name {other}",
+        errno.EDQUOT: f"the disk quota is used up; free some space or name {other}",
         errno.EFBIG: "the file would grow past this process's limit (ulimit -f)",
-        errno.EACCES: "permission denied; name a folder that you may write with --store",
-        errno.EPERM: "permission denied; name a folder that you may write with --store",
-        errno.EROFS: "the disk is read-only; name another store with --store",
+        errno.EACCES: f"permission denied; name {other}, one that you may write",
+        errno.EPERM: f"permission denied; name {other}, one that you may write",
+        errno.EROFS: f"the disk is read-only; name {other}",
         errno.ENOENT: "there is no such folder, and none can be made there; name another folder",
         errno.ENOTDIR: "a part of the path is a file; name another folder",
         errno.EEXIST: "a file of that name is in the way; name another folder",

@@ -200,15 +200,18 @@ def with_notes(table: BatchTable, rows: Sequence[VideoRow]) -> list[VideoRow]:
 def retry(
     table: BatchTable, name: str, *, stage: str | None = None, values: Mapping[str, Any] | None = None
 ) -> list[VideoRow]:
-    """Schedule again what failed, is partial or was cancelled; with `stage`, only what failed there.
+    """Schedule again what failed, is partial or was cancelled, unless it would fail again, since its file is to blame;
+    with `stage`, only what failed there.
 
     `values` are settings `run.FIELD` in place of those that the videos were submitted with.
     """
-    fresh: dict[str, Any] = {"state": "scheduled", "stage": None, "reason": "", "seconds": None, "flow_run": None}
+    fresh: dict[str, Any] = {
+        "state": "scheduled", "stage": None, "reason": "", "seconds": None, "flow_run": None, "hopeless": False
+    }  # fmt: skip
     again = [
         replace(row, attempt=row.attempt + 1, losses=0, config=_with(row.config, values or {}), **fresh)
         for row in table.rows(name, "failed", "partial", "cancelled")
-        if stage is None or (row.stage or "").split(" · ")[0] == stage
+        if (stage is None or (row.stage or "").split(" · ")[0] == stage) and not row.fails_again
     ]
     return [row for row in table.put(again) if row.state == "scheduled"]
 

@@ -9,9 +9,9 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
-from humanmm.errors import StoreError
+from humanmm.errors import NoUsablePersonError, StoreError, VideoError
 from humanmm.storage.batches.batch_table import BatchTable
 from humanmm.storage.batches.owner import RENEW_S
 from humanmm.storage.batches.video_row import VideoRow, facts_of
@@ -63,11 +63,13 @@ class RunningVideo:
 
     def end(self, state: str, reason: str, error: Exception | None = None) -> None:
         """Record how it ended, of which file, and of which error, unless somebody has cancelled it meanwhile."""
-        values = {
+        values: dict[str, Any] = {
             "state": state,
             "reason": "; ".join(filter(None, (reason, REPLACED if self._is_replaced else ""))),
             "stage": self._failed_stage(error) if state in ("failed", "partial") else None,
             "facts": self._facts,
+            # one that could not be opened may have been away, or locked, for a while
+            "hopeless": self.run is not None and isinstance(error, VideoError | NoUsablePersonError),
         }
         retried(lambda: self.table.change(self.row, only_from=("running",), **values))
 

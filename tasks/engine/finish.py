@@ -17,7 +17,14 @@ from humanmm.errors import HumanMMError, StageError, StoreError
 from humanmm.models.records.motion import WorldMotion
 from humanmm.models.records.shots import ShotList
 from humanmm.models.records.video import VideoFacts
-from humanmm.storage.run_folder.run_record import StageRecord, read_run_record, run_record, write_run_record
+from humanmm.storage.run_folder.run_record import (
+    LOCK,
+    StageRecord,
+    begin_run_record,
+    read_run_record,
+    run_record,
+    write_run_record,
+)
 from humanmm.storage.store.codec import canonical_json
 from humanmm.storage.store.files import explain_os_error, replace_file
 from humanmm.storage.store.locks import FileLock
@@ -37,8 +44,6 @@ if TYPE_CHECKING:  # importing it loads scipy, which an unchanged rerun does not
 
 log = logging.getLogger(__name__)
 RUN_LOG = "run.log"
-LOCK = ".lock"
-"""An empty file of the run folder, locked by the run that writes there."""
 
 
 def default_run_dir(video: Path) -> Path:
@@ -77,7 +82,8 @@ def has_result(run: VideoRun) -> bool:
 def write_results(run: VideoRun, run_dir: Path, *, started: float, log_text: str = "") -> str:
     """Bring the run folder up to date; returns the state of the video, `done` or `partial`.
 
-    Of two runs that write one folder the later waits for the other, and says so.
+    Of two runs that write one folder the later waits for the other, and says so. While it is written its
+    run.json says that: where the writing breaks off, nobody takes the old record for that of the new motion.
     """
     state = "partial" if any(outcome.manifest is None for outcome in run.outcomes.values()) else "done"
     from humanmm.tasks.pictures import EMBEDDED, write_scene, write_timeline
@@ -85,6 +91,7 @@ def write_results(run: VideoRun, run_dir: Path, *, started: float, log_text: str
     waiting = f"another run is writing {run_dir}; waiting for it"
     try:
         with FileLock(run_dir / LOCK, waiting=waiting, level=logging.WARNING).held():
+            begin_run_record(run_dir)
             delivery, blob_dir = _write_folder(run, run_dir)
             recording = delivery.recording
             if log_text:
@@ -96,7 +103,8 @@ def write_results(run: VideoRun, run_dir: Path, *, started: float, log_text: str
             record["files"] = _sizes(run_dir)
             write_run_record(run_dir, record)
     except OSError as error:
-        raise StoreError(explain_os_error(error, f"cannot write the run folder {run_dir}")) from error
+        what = f"cannot write the run folder {run_dir}"
+        raise StoreError(explain_os_error(error, what, other="another folder with --out")) from error
     reasons = "; ".join(f"{outcome.unit.label}: {outcome.reason}" for outcome in failures(run))
     remember(run, state, run_dir=run_dir, reason=reasons)
     log.info("%s: %s", run_dir, state)

@@ -94,9 +94,21 @@ def test_with_wait_the_exit_status_says_whether_everything_was_recovered(
 def test_flags_that_exclude_each_other_are_refused(films: Any, scheduled: list[Any]) -> None:
     both = films.main("batch", "submit", "films", "--watch", "--schedule", "0 2 * * *")
     assert both[0] == 2 and "--watch and --schedule exclude each other" in both[2]
-    alone = films.main("batch", "submit", "films", "--json")
-    assert alone[0] == 2 and "--json goes with --dry-run" in alone[2]
+    for endless in (("--watch",), ("--schedule", "0 2 * * *")):
+        refused = films.main("batch", "submit", "films", "--json", *endless)
+        assert refused[0] == 2 and "--json goes with neither --watch nor --schedule" in refused[2]
     assert scheduled == []
+
+
+def test_what_is_scheduled_can_be_read_by_a_program(films: Any, scheduled: list[Any]) -> None:
+    tree = json.loads(films.main("batch", "submit", "films", "--name", "films", "--json")[1])
+    assert (tree["batch"], tree["counts"]) == ("films", {"scheduled": 3})
+    assert tree["scheduled"] == [video["video"] for video in tree["videos"]]
+    _end(films, "a", "done")
+    _end(films, "b", "failed", reason="no points")
+    tree = json.loads(films.main("batch", "retry-failed", "--json")[1])
+    assert [Path(video).name for video in tree["scheduled"]] == ["b.mp4"]
+    assert tree["counts"] == {"done": 1, "scheduled": 2} and len(scheduled) == 2
 
 
 def test_the_status_tells_counts_and_failures_of_the_newest_batch_or_of_that_which_is_named(submitted: Any) -> None:

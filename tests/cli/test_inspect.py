@@ -90,9 +90,20 @@ def test_verify_ends_with_status_1_and_the_next_run_repairs(finished: Any) -> No
     status, out, _ = finished.main("verify")
     assert status == 1
     assert "result.json has" in out and "1 damaged (set aside)" in out
+    assert json.loads(finished.main("verify", "--json")[1]) == {"sound": 17, "damaged": [], "unreadable": []}
     finished.executed()
     finished.run()
     assert len(finished.executed()) == 1
+
+
+def test_a_program_reads_what_verify_found(finished: Any) -> None:
+    victim = next(finished.store.glob("artifacts/camera/*/*/result.json"))
+    victim.write_text("")
+    status, out, _ = finished.main("verify", "--json")
+    tree = json.loads(out)
+    (damaged,) = tree["damaged"]
+    assert (status, tree["sound"], tree["unreadable"]) == (1, 17, [])
+    assert damaged["artifact"].startswith("artifacts/camera/") and "has 0 bytes" in damaged["problem"]
 
 
 def test_a_store_that_is_not_there_is_not_sound(finished: Any) -> None:

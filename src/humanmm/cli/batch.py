@@ -5,7 +5,7 @@ import signal
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from typer import Argument, Option
 
@@ -49,7 +49,7 @@ class Submission:
     settle: Annotated[float, Option(metavar="S", help=_SETTLE)] = 30.0
     wait: Wait = False
     dry_run: Annotated[bool, Option("--dry-run", help="list what would be scheduled and why; write nothing")] = False
-    json: Annotated[bool, Option("--json", help="with --dry-run: one json object on standard output")] = False
+    json: Json = False
     limit: Limit = None
     store: Store = None
 
@@ -71,8 +71,8 @@ def submit(options: Submission) -> int:
 
     if options.watch and options.schedule is not None:
         raise UsageError("--watch and --schedule exclude each other")
-    if options.json and not options.dry_run:
-        raise UsageError("--json goes with --dry-run")
+    if options.json and (options.watch or options.schedule is not None):
+        raise UsageError("--json goes with neither --watch nor --schedule")
     request, table = options.request(), open_batches(options.store, read_only=options.dry_run)
     if options.dry_run:
         return _write_plan(request, table, as_json=options.json)
@@ -86,7 +86,8 @@ def submit(options: Submission) -> int:
         return _watch(table, request, options.limit)
     submission = request.submit(table, request.videos())
     say(f"batch {submission.name}: {submission.sentence}")
-    return _run(table, submission.name, submission.to_schedule, wait=options.wait, limit=options.limit)
+    to_do = submission.to_schedule
+    return _run(table, submission.name, to_do, wait=options.wait, limit=options.limit, as_json=options.json)
 
 
 @verb(batch, "status")
@@ -100,7 +101,6 @@ def status(
     """Say how far a batch is: counts, speed, the newest failures, and the schedules that are set."""
     from humanmm.flows.service import batches
     from humanmm.storage.batches.batch_table import open_batches
-    from humanmm.storage.batches.video_row import counts
     from humanmm.tasks.batches.status import status_lines, video_lines
 
     table = open_batches(store)
@@ -112,7 +112,7 @@ def status(
     else:
         _, name, rows = _open(name, store)
     if json:
-        return write_json({"batch": name, "counts": counts(rows), "videos": [row.to_json() for row in rows]})
+        return write_json(_as_tree(name, rows))
     write_all(video_lines(rows) if one_by_one else status_lines(name, rows))
     write_all(one.sentence for one in timed)
     if any(row.state == "scheduled" for row in rows) and not batches.is_served():
@@ -129,17 +129,22 @@ def retry_failed(
     stage: Annotated[StageName | None, Option(metavar="STAGE", help="only videos that failed in STAGE")] = None,
     wait: Wait = False,
     limit: Limit = None,
+    json: Json = False,
 ) -> int:
     """Schedule again what failed, is partial or was cancelled. What the store has is not computed again.
+
+    A video that is damaged, or that has nobody in it, is left out until its file is another.
 
     Limits given here, such as --run.limit_s, take the place of those that the videos had.
     """
     from humanmm.tasks.batches.batch import retry
 
-    table, name, _ = _open(name, store)
+    table, name, before = _open(name, store)
+    hopeless = sum(row.fails_again for row in before)
+    left = f"; {hopeless} are left out: their files are to blame, and are as they were" if hopeless else ""
     rows = retry(table, name, stage=stage, values=settings.values())
-    say(f"batch {name}: {len(rows)} videos are tried again")
-    return _run(table, name, rows, wait=wait, limit=limit)
+    say(f"batch {name}: {len(rows)} videos are tried again{left}")
+    return _run(table, name, rows, wait=wait, limit=limit, as_json=json)
 
 
 @verb(batch, "cancel")
@@ -210,7 +215,9 @@ def _set_schedule(table: "BatchTable", request: "BatchRequest", cron: str, limit
     return 0
 
 
-def _run(table: "BatchTable", name: str, rows: "Sequence[VideoRow]", *, wait: bool, limit: int | None) -> int:
+def _run(
+    table: "BatchTable", name: str, rows: "Sequence[VideoRow]", *, wait: bool, limit: int | None, as_json: bool
+) -> int:
     """Schedule these videos; with `wait`, say what became of the batch when it has ended."""
     from humanmm.flows.service import batches
     from humanmm.progress import counted
@@ -219,7 +226,10 @@ def _run(table: "BatchTable", name: str, rows: "Sequence[VideoRow]", *, wait: bo
     with counted(f"scheduling {len(rows):,} videos") as progress:
         batches.schedule(table, rows, limit=limit, progress=progress)
     ended = batches.wait(table, name, limit=limit) if wait else []
-    write(name)
+    if as_json:
+        write_json(_as_tree(name, ended or table.rows(name)) | {"scheduled": [row.video for row in rows]})
+    else:
+        write(name)
     if not wait:
         return 0
     say(f"batch {name}: {counts_in_words(ended)}")
@@ -227,6 +237,13 @@ def _run(table: "BatchTable", name: str, rows: "Sequence[VideoRow]", *, wait: bo
     for row in unfinished:
         say(f"{row.video}: {row.state}: {row.reason}")
     return PARTIAL if unfinished else 0
+
+
+def _as_tree(name: str, rows: "Sequence[VideoRow]") -> dict[str, Any]:
+    """A batch as `--json` prints it."""
+    from humanmm.storage.batches.video_row import counts
+
+    return {"batch": name, "counts": counts(rows), "videos": [row.to_json() for row in rows]}
 
 
 def _open(name: str | None, store: Path | None) -> "tuple[BatchTable, str, list[VideoRow]]":

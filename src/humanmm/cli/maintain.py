@@ -4,8 +4,8 @@ from typing import Annotated
 
 from typer import Option
 
-from humanmm.cli.terminal import write
-from humanmm.cli.verb import STAGES, STORE, Store, app, group, verb
+from humanmm.cli.terminal import write, write_json
+from humanmm.cli.verb import STAGES, STORE, Json, Store, app, group, verb
 from humanmm.errors import InputError
 from humanmm.tasks import pipeline
 
@@ -17,6 +17,7 @@ app.add_typer(stores, name="store", rich_help_panel=STORE)
 def verify(
     *,
     deep: Annotated[bool, Option("--deep", help="also decode every result, compare its content digest")] = False,
+    json: Json = False,
     store: Store = None,
 ) -> int:
     """Check every artifact of the store.
@@ -30,15 +31,22 @@ def verify(
     artifacts = open_store(store)
     if not is_bucket(artifacts.location) and not artifacts.root.is_dir():
         raise InputError(f"there is no store {artifacts.location}; name one with --store")
-    sound = damaged = unreadable = 0
+    sound = 0
+    damaged: list[dict[str, str]] = []
+    unreadable: list[dict[str, str]] = []
     for finding in maintenance.verify(artifacts, outputs=pipeline.outputs(), deep=deep):
-        sound += not finding.problem
-        damaged += finding.damaged
-        unreadable += bool(finding.problem) and not finding.damaged
-        if finding.problem:
+        if not finding.problem:
+            sound += 1
+            continue
+        (damaged if finding.damaged else unreadable).append({"artifact": finding.uri, "problem": finding.problem})
+        if not json:
             write(f"{'damaged' if finding.damaged else 'unreadable'}: {finding.uri}: {finding.problem}")
-    of_damaged = f"{damaged} damaged{' (set aside)' if damaged else ''}"
-    write(f"{sound} artifacts are sound, {of_damaged}" + (f", {unreadable} cannot be read" if unreadable else ""))
+    if json:
+        write_json({"sound": sound, "damaged": damaged, "unreadable": unreadable})
+    else:
+        of_damaged = f"{len(damaged)} damaged{' (set aside)' if damaged else ''}"
+        of_unreadable = f", {len(unreadable)} cannot be read" if unreadable else ""
+        write(f"{sound} artifacts are sound, {of_damaged}{of_unreadable}")
     return 1 if damaged or unreadable else 0
 
 

@@ -200,6 +200,18 @@ def test_a_new_attempt_waits_for_the_owner_of_the_one_before(process: Process) -
     assert table.claim(again)
 
 
+def test_a_table_of_an_earlier_version_gets_the_column_it_lacks(process: Process) -> None:
+    table = process()
+    table.put(_rows(2))
+    with batch_table._engine(table._url).begin() as connection:
+        connection.execute(batch_table.sa.text(f"alter table {batch_table.VIDEOS.name} drop column hopeless"))
+    batch_table._engine(table._url).dispose()
+    batch_table._opened.cache_clear()
+    row, _ = process().rows("b")
+    assert row.hopeless is False
+    assert process().change(row, hopeless=True) and process().rows("b")[0].hopeless is True
+
+
 def test_queries_over_all_batches(process: Process) -> None:
     table = process()
     rows = table.put(_rows(4))

@@ -2,6 +2,7 @@
 
 import dataclasses
 import os
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -82,6 +83,34 @@ def test_a_changed_byte_is_an_error_not_another_motion(tmp_path: Path, recording
     chunk.write_bytes(bytes(damaged))
     with pytest.raises(InputError, match="damaged"):
         read_motion(tmp_path / "motion.zarr")
+
+
+@pytest.mark.parametrize(
+    "gone", ["people/00/joints/c", "people/00/joints", "people/00/zarr.json", "people/00", "people", "shot_index/c"]
+)
+def test_what_is_missing_is_an_error_and_no_zeros(tmp_path: Path, recording: Recording, gone: str) -> None:
+    """Zarr itself reads zeros for a chunk that is not there: a copy that broke off gave bodies in their rest pose."""
+    write_motion(tmp_path / "motion.zarr", recording)
+    path = tmp_path / "motion.zarr" / gone
+    path.unlink() if path.is_file() else shutil.rmtree(path)
+    with pytest.raises(InputError, match="damaged"):
+        read_motion(tmp_path / "motion.zarr")
+
+
+def test_an_empty_file_in_place_of_the_root_is_damage(tmp_path: Path, recording: Recording) -> None:
+    write_motion(tmp_path / "motion.zarr", recording)
+    (tmp_path / "motion.zarr/zarr.json").write_text("")
+    with pytest.raises(InputError, match="damaged"):
+        read_motion(tmp_path / "motion.zarr")
+
+
+def test_a_recording_of_an_earlier_version_without_files_for_zeros_is_read(
+    tmp_path: Path, recording: Recording
+) -> None:
+    write_motion(tmp_path / "motion.zarr", recording)
+    del zarr.open_group(tmp_path / "motion.zarr", mode="r+").attrs["people"]
+    shutil.rmtree(tmp_path / "motion.zarr/shot_index/c")
+    assert not read_motion(tmp_path / "motion.zarr").shot_index.any()
 
 
 def test_a_folder_of_another_schema_is_refused(tmp_path: Path, recording: Recording) -> None:

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from humanmm.config import Config
-from humanmm.errors import StageError, StoreError
+from humanmm.errors import NoUsablePersonError, StageError, StoreError, VideoError
 from humanmm.storage.batches import owner as owners
 from humanmm.storage.batches.batch_table import BatchTable, open_batches
 from humanmm.storage.batches.manifest import read_batch
@@ -146,6 +146,26 @@ def test_a_fault_of_the_store_has_a_video_tried_again_and_one_of_the_video_does_
         running.fail(StageError("nobody is in it"))
     (row,) = table.rows("test")
     assert (row.state, row.attempt, row.reason) == ("failed", 4, "nobody is in it")
+
+
+def test_a_video_that_its_own_file_failed_is_tried_again_when_the_file_is_another(toy: Any, table: BatchTable) -> None:
+    for error, opened, again in (
+        (NoUsablePersonError("nobody is in it"), True, False),
+        (VideoError("it ends inside its header"), True, False),
+        (VideoError("cannot read it: permission denied"), False, True),
+        (StageError("the solve has no solution"), True, True),
+    ):
+        (row,) = batches.retry(table, "test") if table.rows("test") else _submit(toy, table, "a.mp4")
+        running = RunningVideo(table, row)
+        with running.owned(None):
+            running.run = toy.run() if opened else None
+            running.fail(error)
+        (row,) = table.rows("test")
+        assert (row.state, row.fails_again) == ("failed", not again)
+        if not again:
+            assert not batches.retry(table, "test")
+            Path(row.video).write_bytes(Path(row.video).read_bytes() + b" ")
+            assert not table.rows("test")[0].fails_again
 
 
 @pytest.mark.parametrize(

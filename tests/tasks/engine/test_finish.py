@@ -1,5 +1,6 @@
 """The run folder at the end of a run: written by one run at a time."""
 
+import errno
 import logging
 import threading
 import time
@@ -9,7 +10,9 @@ from typing import Any
 
 import pytest
 
+from humanmm.errors import InputError, StoreError
 from humanmm.storage.run_folder.motion_zarr import read_motion
+from humanmm.storage.run_folder.run_record import read_run_record
 from humanmm.storage.store.locks import FileLock
 from humanmm.tasks.engine import finish
 
@@ -42,3 +45,43 @@ def test_a_run_whose_folder_is_being_written_waits_and_says_so(toy: Any, caplog:
     writing.join()
     assert (folder / "run.json").exists()
     assert f"another run is writing {folder}; waiting for it" in caplog.text
+
+
+def test_who_reads_a_folder_while_it_is_written_waits_for_its_end(toy: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of two runs of one video at once the first read its summary while the second wrote."""
+    run, folder = toy.run(), Path(toy.folder / "out")
+    finish.write_results(run, folder, started=time.time())
+    begun, write = threading.Event(), finish.write_run_record
+
+    def slowly(*given: Any) -> None:
+        begun.set()
+        time.sleep(0.5)
+        write(*given)
+
+    monkeypatch.setattr(finish, "write_run_record", slowly)
+    writing = threading.Thread(target=finish.write_results, args=(run, folder), kwargs={"started": time.time()})
+    writing.start()
+    assert begun.wait(60)
+    assert read_run_record(folder)["state"] == "done"
+    writing.join()
+
+
+def test_a_folder_whose_writing_breaks_off_is_not_read_with_its_old_record(
+    toy: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The new motion lay beside the run.json of the old one: its settings, warnings and focal length."""
+    run = toy.run()
+    assert finish.write_results(run, toy.folder / "out", started=time.time()) == "done"
+
+    def fail(*given: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(finish, "write_run_record", fail)
+        with pytest.raises(StoreError, match="the disk is full; free some space or name another folder with --out"):
+            finish.write_results(run, toy.folder / "out", started=time.time())
+    with pytest.raises(InputError, match=r"is being written, or its writing broke off; `humanmm recover` writes it"):
+        read_run_record(toy.folder / "out")
+    assert not finish.is_up_to_date(run, toy.folder / "out")
+    finish.write_results(run, toy.folder / "out", started=time.time())
+    assert read_run_record(toy.folder / "out")["state"] == "done" and finish.is_up_to_date(run, toy.folder / "out")
