@@ -5,12 +5,7 @@ import pytest
 
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.landmarks import load_landmarks
-from humanmm.models.body.proportions import (
-    bone_lengths,
-    in_detector_convention,
-    resized,
-    shape_from_bones,
-)
+from humanmm.models.body.proportions import bone_lengths, in_detector_convention, resized, shape_from_bones
 from humanmm.models.records.landmarks import INDEX, NUM_LANDMARKS
 
 
