@@ -28,7 +28,7 @@ from humanmm.storage.run_folder.run_record import (
 from humanmm.storage.store.codec import canonical_json
 from humanmm.storage.store.files import explain_os_error, replace_file
 from humanmm.storage.store.locks import FileLock
-from humanmm.storage.store.video_records import RunNote
+from humanmm.storage.store.video_records import TIME, RunNote
 from humanmm.tasks.engine.corrections import outcomes
 from humanmm.tasks.engine.run import VideoRun
 from humanmm.tasks.pipeline import Stage
@@ -122,7 +122,7 @@ def remember(run: VideoRun, state: str, *, run_dir: Path | None, reason: str) ->
         reason=reason,
         recipe=recipe_of(code_of(run.stages, run.keys.code), run.config) if state == "done" else "",
         artifacts=tuple(outcome.manifest.ref.uri for outcome in _in_order(run) if outcome.manifest),
-        finished=time.strftime("%Y-%m-%dT%H:%M:%S%z"),
+        finished=time.strftime(TIME),
     )
     run.store.note_run(note)
 
