@@ -128,10 +128,15 @@ def remember(run: VideoRun, state: str, *, run_dir: Path | None, reason: str) ->
 
 
 def code_of(stages: Sequence[Stage], code: Callable[[Stage], CodeDigest]) -> str:
-    """Digest of the code, weights and libraries of all stages."""
+    """Digest of the code, weights and libraries of all stages, and of the code that writes run folders."""
     found = [code(stage) for stage in stages]
     names = [[stage.name, stage.schema_version] for stage in stages]
-    facts = [names, [[dict(one.modules), dict(one.weights), dict(one.libraries)] for one in found]]
+    facts = [
+        __version__,
+        _writer_digest(),
+        names,
+        [[dict(one.modules), dict(one.weights), dict(one.libraries)] for one in found],
+    ]
     return hashlib.sha256(canonical_json([repr(fact) for fact in facts]).encode()).hexdigest()
 
 
