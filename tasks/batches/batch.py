@@ -166,7 +166,7 @@ def forecast_submission(
 def _planned(
     row: VideoRow,
     known: VideoRow | None,
-    finished: Mapping[tuple[str, str, str], tuple[str, str]],
+    finished: Mapping[tuple[str, str, str], tuple[str, str, float]],
     store: Store,
     rewritten_by: str | None,
 ) -> Planned:
