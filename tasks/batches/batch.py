@@ -128,7 +128,7 @@ def _is_run_otherwise(known: VideoRow, row: VideoRow) -> bool:
 
 
 _REWRITTEN = "its run folder was rewritten by batch {}"
-_OTHER = "its run folder is gone, or was written again since"
+_GONE, _AGAIN = "its run folder is gone", "its run folder was written again since"
 _CHANGED = "code, settings or corrections have changed"
 _TO_WRITE = "the store has everything, only its run folder is to be written"
 
@@ -186,16 +186,18 @@ def _planned(
     if _finished_on(row, finished, store) is not None:
         return Planned(row, "finished", "the run folder is as it would be")
     if known is not None:
-        other = _REWRITTEN.format(rewritten_by) if rewritten_by else _OTHER
+        again = _GONE if recorded_at(known.run_dir) is None else _AGAIN
+        other = _REWRITTEN.format(rewritten_by) if rewritten_by else again
         return Planned(row, "to do", other if known.same_work(row) else _what_changed(known, row, store))
     is_empty = json.loads(row.facts)[0] == 0
     return Planned(row, "to do", "it is empty: it will fail" if is_empty else "it is new")
 
 
 def with_notes(table: BatchTable, rows: Sequence[VideoRow]) -> list[VideoRow]:
-    """Rows of a batch; those that are done and whose run folder is no longer the one that they had written say so."""
+    """Rows of a batch; those that are done and whose run folder was written again since say so."""
     by = table.rewritten()
-    reasons = {(row.batch, row.video): _OTHER for row in rows if _is_other(row)}
+    again = [row for row in rows if _is_other(row) and recorded_at(row.run_dir) is not None]
+    reasons = {(row.batch, row.video): _AGAIN for row in again}
     reasons |= {key: _REWRITTEN.format(name) for key, name in by.items()}
     return [replace(row, reason=reasons.get((row.batch, row.video), row.reason)) for row in rows]
 

@@ -160,8 +160,8 @@ def test_a_run_folder_that_recover_wrote_with_other_settings_is_not_finished(toy
     (noted,) = batches.with_notes(table, table.rows("test"))
     (plan,) = batches.forecast_submission(table, "test", read_batch(films), Config(), toy.folder / "runs")
     (again,) = _submit(toy, table, films).to_schedule
-    assert (noted.state, noted.reason) == ("done", "its run folder is gone, or was written again since")
-    assert plan.sentence == "to do: its run folder is gone, or was written again since"
+    assert (noted.state, noted.reason) == ("done", "its run folder was written again since")
+    assert plan.sentence == "to do: its run folder was written again since"
     assert toy.main("recover", row.video, "--out", row.run_dir)[0] == 0
     table.change(again, state="done")
     assert _submit(toy, table, films).finished == 1
